@@ -1,0 +1,5 @@
+"""`python -m estim` is `estim`."""
+
+from estim.cli import main
+
+main()

@@ -1,0 +1,274 @@
+"""The campaign file: TOML to checked tables, with the line of every key for messages.
+
+`docs/campaign.md` explains the format to its users.  Here it is only read and checked; `estim.campaign` gives it meaning.
+"""
+
+from __future__ import annotations
+
+import difflib
+import math
+import re
+import tomllib
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal, TypeVar
+
+import msgspec
+
+from estim.errors import InputError
+from estim.priors import HalfNormal, LogNormal, Normal, Prior, TruncatedNormal, Uniform
+from estim.quantity import Quantity, read_quantity
+from estim.run import read_text
+
+Kind = Literal["synthetic", "measured", "published"]
+
+
+class PriorTable(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
+    """`{prior = "...", ...}`: the keys that each prior needs are checked by `read_prior`."""
+
+    prior: Literal["normal", "uniform", "half-normal", "log-normal", "truncated-normal"]
+    mean: float | None = None
+    sd: float | None = None
+    low: float | None = None
+    high: float | None = None
+    scale: float | None = None
+    median: float | None = None
+    log_sd: float | None = None
+
+
+Value = float | str | PriorTable
+
+
+class NoiseTable(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
+    model: Literal["independent", "differentiated"] | None = None
+    sigma_x_m: Value | None = None
+    sigma_theta_rad: Value | None = None
+    sigma_v_m_s: Value | None = None
+    sigma_omega_rad_s: Value | None = None
+    encoder_step_rad: float | None = None
+    derivative: Literal["central", "five-point", "spill2"] | None = None
+    scatter: Value | None = None
+
+
+class WindowTable(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
+    t_min_s: float | None = None
+    t_max_s: float | None = None
+    x_min_m: float | None = None
+    x_max_m: float | None = None
+    theta_min_rad: float | None = None
+    theta_max_rad: float | None = None
+
+
+class LevelTable(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
+    """What may stand at every level: [shared], [bodies.NAME], [[runs]]."""
+
+    radius_m: Value | None = None
+    gamma: Value | None = None
+    kappa: Value | None = None
+    rho: Value | None = None
+    trailing_fraction: Value | None = None
+    particle_gyration: Value | None = None
+    mass_disk_kg: Value | None = None
+    mass_particle_kg: Value | None = None
+    mass_trailing_kg: Value | None = None
+    phi_deg: Value | None = None
+    phi_rad: Value | None = None
+    theta0_deg: Value | None = None
+    theta0_rad: Value | None = None
+    rolling_resistance: Value | None = None
+    g: Value | None = None
+    noise: NoiseTable | None = None
+    window: WindowTable | None = None
+
+
+class RunTable(LevelTable, forbid_unknown_fields=True, frozen=True, kw_only=True):
+    name: str
+    body: str
+    file: str
+
+
+class LineTable(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_only=True):
+    file: str
+    body: str
+    u_phi_deg: float | None = None
+    u_theta_min_deg: float | None = None
+
+
+class _TopTable(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_only=True):
+    title: str
+    kind: Kind
+    shared: dict[str, Any] = {}
+    bodies: dict[str, dict[str, Any]] = {}
+    runs: list[dict[str, Any]] = []
+    line: dict[str, Any] | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Places:
+    """Where each key of a TOML text stands: path of keys -> line."""
+
+    file: str
+    lines: Mapping[tuple[str | int, ...], int]
+
+    def error(self, rule: str, path: Sequence[str | int], *, field: str | None = None, value: object = None) -> InputError:
+        """An InputError at the line of `path`, or of the closest table above it."""
+        key = tuple(path)
+        while key and key not in self.lines:
+            key = key[:-1]
+        name = field if field is not None else next((part for part in reversed(path) if isinstance(part, str)), None)
+        return InputError(rule, field=name, value=value, file=self.file, line=self.lines.get(key))
+
+
+@dataclass(frozen=True, eq=False)
+class CampaignFile:
+    """A campaign file as read, structure checked, numbers not yet interpreted."""
+
+    path: Path
+    sha256: str
+    places: Places
+    title: str
+    kind: Kind
+    shared: LevelTable
+    bodies: Mapping[str, LevelTable]
+    runs: tuple[RunTable, ...]
+    line: LineTable | None
+
+
+def read_campaign_file(path: Path) -> CampaignFile:
+    """The campaign file at `path`.  Raises InputError with file, line, key, rule and value."""
+    text, digest = read_text(path, shown_as=str(path))
+    tree = parse_toml(text, str(path))
+    places = Places(str(path), locate_keys(text))
+    top = checked(tree, _TopTable, places, ())
+    bodies = {name: checked(table, LevelTable, places, ("bodies", name)) for name, table in top.bodies.items()}
+    runs = tuple(checked(table, RunTable, places, ("runs", i)) for i, table in enumerate(top.runs))
+    line = None if top.line is None else checked(top.line, LineTable, places, ("line",))
+    shared = checked(top.shared, LevelTable, places, ("shared",))
+    if not runs and line is None:
+        raise places.error("must hold at least one [[runs]] table or a [line] table", (), field="campaign")
+    seen: set[str] = set()
+    for i, run in enumerate(runs):
+        if not re.fullmatch(r"[\w.+-]+", run.name):
+            raise places.error("must be made of letters, digits and . _ + -", ("runs", i, "name"), value=run.name)
+        if run.name in seen:
+            raise places.error("must be unique", ("runs", i, "name"), value=run.name)
+        seen.add(run.name)
+        if run.body not in bodies:
+            raise places.error(f"must name one of the bodies ({', '.join(bodies) or 'none defined'})", ("runs", i, "body"), value=run.body)
+    if line is not None and line.body not in bodies:
+        raise places.error(f"must name one of the bodies ({', '.join(bodies) or 'none defined'})", ("line", "body"), value=line.body)
+    return CampaignFile(path, digest, places, top.title, top.kind, shared, bodies, runs, line)
+
+
+def parse_toml(text: str, file: str) -> dict[str, Any]:
+    """The tree of a TOML text; a syntax error becomes an InputError with its line."""
+    try:
+        return tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        found = re.search(r"\(at line (\d+), column \d+\)", str(error))
+        message = re.sub(r"\s*\(at .*\)$", "", str(error))
+        raise InputError(f"is not valid TOML: {message}", file=file, field="campaign", line=int(found[1]) if found else None) from None
+    except RecursionError:
+        raise InputError("is nested too deeply", file=file, field="campaign") from None
+
+
+def locate_keys(text: str) -> dict[tuple[str | int, ...], int]:
+    """Line of each table and each `key = value` of a TOML text, by path; keys inside inline tables are not listed."""
+    lines: dict[tuple[str | int, ...], int] = {}
+    table: tuple[str | int, ...] = ()
+    counts: dict[str, int] = {}
+    for number, line in enumerate(text.splitlines(), start=1):
+        stripped = line.strip()
+        if found := re.match(r"\[\[\s*([^\]]+?)\s*\]\]", stripped):
+            counts[found[1]] = counts.get(found[1], -1) + 1
+            table = (*_keys(found[1]), counts[found[1]])
+            lines[table] = number
+        elif found := re.match(r"\[\s*([^\]]+?)\s*\]", stripped):
+            table = _keys(found[1])
+            if table and table[0] in counts:
+                table = (table[0], counts[str(table[0])], *table[1:])
+            lines[table] = number
+        elif found := re.match(r"([\w.\"' -]+?)\s*=", stripped):
+            keys = _keys(found[1])
+            for depth in range(1, len(keys) + 1):
+                lines.setdefault((*table, *keys[:depth]), number)
+    return lines
+
+
+def _keys(dotted: str) -> tuple[str | int, ...]:
+    return tuple(part.strip(" \"'") for part in re.findall(r"\"[^\"]*\"|'[^']*'|[^.]+", dotted))
+
+
+T = TypeVar("T")
+
+
+def checked(tree: object, kind: type[T], places: Places, path: tuple[str | int, ...]) -> T:
+    """`tree` as a record of type `kind`; a mismatch becomes an InputError at its line."""
+    try:
+        return msgspec.convert(tree, kind)
+    except msgspec.ValidationError as error:
+        message, _, where = str(error).partition(" - at `$")
+        inner = [part for part in re.findall(r"[^.\[\]`]+", where) if part != "..."]
+        full = (*path, *(int(part) if part.isdigit() else part for part in inner))
+        if found := re.search(r"unknown field `(.*)`", message):
+            close = difflib.get_close_matches(found[1], _known_keys(kind, inner), n=1)
+            hint = f" (did you mean '{close[0]}'?)" if close else ""
+            raise places.error(f"is not a known key here{hint}", (*full, found[1])) from None
+        if found := re.search(r"missing required field `(.*)`", message):
+            raise places.error("is missing", (*full, found[1])) from None
+        raise places.error(message[0].lower() + message[1:].replace("`", ""), full, field=None if full else "campaign") from None
+
+
+def _known_keys(kind: type, inner: list[str]) -> list[str]:
+    for part in inner:
+        kind = {"noise": NoiseTable, "window": WindowTable}.get(part, PriorTable)
+    return list(getattr(kind, "__struct_fields__", ()))
+
+
+_PRIOR_KEYS: Mapping[str, tuple[str, ...]] = {
+    "normal": ("mean", "sd"),
+    "uniform": ("low", "high"),
+    "half-normal": ("scale",),
+    "log-normal": ("median", "log_sd"),
+    "truncated-normal": ("mean", "sd", "low", "high"),
+}
+
+
+def read_value(value: Value, *, factor: float, field: str) -> Quantity | Prior:
+    """A number, a measured quantity or a prior, in SI units (`factor` times the unit of the key).
+
+    Raises InputError naming `field`.
+    """
+    if isinstance(value, PriorTable):
+        return _read_prior(value, factor, field)
+    return read_quantity(value, field=field).scaled(factor)
+
+
+def _read_prior(table: PriorTable, factor: float, field: str) -> Prior:
+    wanted = _PRIOR_KEYS[table.prior]
+    given = {key: number for key in PriorTable.__struct_fields__[1:] if (number := getattr(table, key)) is not None}
+    optional = ("low", "high") if table.prior == "truncated-normal" else ()
+    for key in wanted:
+        if key not in given and key not in optional:
+            raise InputError(f"needs '{key}' for a {table.prior} prior", field=field)
+    for key, number in given.items():
+        if key not in wanted:
+            raise InputError(f"takes no '{key}' with a {table.prior} prior", field=field)
+        if not math.isfinite(number):
+            raise InputError(f"needs a finite '{key}'", field=field, value=number)
+    scaled = {key: number * (1.0 if key == "log_sd" else factor) for key, number in given.items()}
+    try:
+        match table.prior:
+            case "normal":
+                return Normal(scaled["mean"], scaled["sd"])
+            case "uniform":
+                return Uniform(scaled["low"], scaled["high"])
+            case "half-normal":
+                return HalfNormal(scaled["scale"])
+            case "log-normal":
+                return LogNormal(scaled["median"], scaled["log_sd"])
+            case "truncated-normal":
+                return TruncatedNormal(scaled["mean"], scaled["sd"], scaled.get("low", -math.inf), scaled.get("high", math.inf))
+    except InputError as error:
+        raise InputError(f"has a prior whose '{error.field}' {error.rule}", field=field, value=error.value) from None

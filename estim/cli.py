@@ -1,0 +1,141 @@
+"""The command line: the only file that prints or writes.  Heavy imports are local to the commands.
+
+Exit codes: 0 the result is ok; 2 the input is wrong (one line on stderr); 3 a result is not ok (the report is written all
+the same); 130 interrupted.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+import tempfile
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from estim.errors import EstimError
+
+if TYPE_CHECKING:
+    from estim.sampling import Progress
+
+BAD_INPUT, NOT_OK, INTERRUPTED = 2, 3, 130
+
+_OUT = click.option("--out", type=click.Path(path_type=Path, file_okay=False), help="Folder for the report (made if it is not there).")
+_SEED = click.option("--seed", type=click.IntRange(min=0), default=1, show_default=True, help="Seed of every random number.")
+
+
+@click.group(context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100})
+@click.version_option(package_name="estim")
+def cli() -> None:
+    """Uncertainties and Bayesian parameter estimation for lab experiments.
+
+    Start with `estim fit CAMPAIGN`: a campaign is one TOML file that says what was measured (docs/campaign.md).
+    """
+
+
+@cli.command()
+@click.argument("campaign", type=click.Path(path_type=Path))
+@click.option("--run", "runs", multiple=True, metavar="NAME", help="Fit this run only; may be given several times.  [default: every run]")
+@click.option("--joint", is_flag=True, help="Fit the runs together: what they share is one unknown.")
+@click.option("--max-steps", type=click.IntRange(min=400), default=20_000, show_default=True, help="Hard cap on the sampler's steps.")
+@_OUT
+@_SEED
+def fit(campaign: Path, runs: tuple[str, ...], joint: bool, max_steps: int, out: Path | None, seed: int) -> None:
+    """Fit runs of CAMPAIGN and write a report.
+
+    Each run is fit by itself unless --joint is given.  Exit code 3 means that a result is not to be trusted; the
+    report says why.
+    """
+    from estim.campaign import load_campaign
+    from estim.pipeline import analyse
+    from estim.report import analysis_report, index_report
+    from estim.result import result_of
+    from estim.sampling import Target
+
+    loaded = load_campaign(campaign)
+    names = tuple(dict.fromkeys(runs)) or loaded.run_names
+    folder = out or Path("reports") / campaign.resolve().parent.name
+    groups = [names] if joint or len(names) == 1 else [(name,) for name in names]
+    results = {}
+    for group in groups:
+        with _progress(", ".join(group), max_steps) as progress:
+            analysis = analyse(loaded, group, seed=seed, target=Target(max_step=max_steps), progress=progress)
+        place = folder if len(groups) == 1 else folder / group[0]
+        _write(place, analysis_report(loaded, analysis))
+        results[group[0]] = result_of(loaded, analysis)
+        click.echo(f"{', '.join(group)}: {analysis.diagnosis.status}")
+        for reason in analysis.diagnosis.reasons:
+            click.echo(f"  {reason}")
+    if len(groups) > 1:
+        _write(folder, index_report(loaded, results))
+    click.echo(f"report: {folder / 'report.md'}")
+    if any(result.status != "ok" for result in results.values()):
+        sys.exit(NOT_OK)
+
+
+@cli.command()
+@click.argument("design", type=click.Path(path_type=Path))
+@click.option("--out", required=True, type=click.Path(path_type=Path, file_okay=False), help="Folder for the campaign.")
+def simulate(design: Path, out: Path) -> None:
+    """Make a SYNTHETIC campaign from DESIGN (a TOML file): runs, theta_min series, campaign.toml and the truth."""
+    from estim.design import load_design, simulate_campaign
+
+    files = simulate_campaign(load_design(design))
+    _write(out, {name: text.encode() for name, text in files.items()})
+    click.echo(f"synthetic campaign: {out / 'campaign.toml'} ({len(files)} files)")
+
+
+@contextmanager
+def _progress(what: str, max_steps: int) -> Iterator[Progress]:
+    """A progress bar on stderr that says what sampling still lacks."""
+    from tqdm import tqdm
+
+    with tqdm(total=max_steps, desc=what, unit="step", leave=False, disable=None, dynamic_ncols=True) as bar:
+
+        def show(step: int, message: str) -> None:
+            bar.n = step
+            bar.set_postfix_str(message[:60], refresh=True)
+
+        yield show
+
+
+def _write(folder: Path, files: Mapping[str, bytes]) -> None:
+    """Write every file whole: to a temporary name beside it, then renamed into place."""
+    for name, data in files.items():
+        path = folder / name
+        try:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
+            try:
+                with os.fdopen(handle, "wb") as stream:
+                    stream.write(data)
+                os.chmod(temporary, 0o644)
+                os.replace(temporary, path)
+            except BaseException:
+                os.unlink(temporary)
+                raise
+        except OSError as error:
+            raise EstimError(f"{path}: cannot be written ({(error.strerror or str(error)).lower()})") from None
+
+
+def main() -> None:
+    """Entry point: one line on stderr and an exit code in place of a traceback."""
+    try:
+        status = cli.main(standalone_mode=False)
+    except click.exceptions.Abort:
+        click.echo("interrupted", err=True)
+        sys.exit(INTERRUPTED)
+    except click.ClickException as error:
+        click.echo(f"error: {error.format_message()}".replace("\n", " "), err=True)
+        sys.exit(BAD_INPUT)
+    except EstimError as error:
+        click.echo(f"error: {error}", err=True)
+        sys.exit(BAD_INPUT)
+    sys.exit(status if isinstance(status, int) else 0)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,133 @@
+"""The status of a result: one place decides whether a number may be trusted, and says why not and what to do.
+
+Statuses, first that applies: `not-converged`, `at-bound`, `poor-fit`, `ok`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from estim.fitting import Fit
+from estim.goodness import REJECT_BELOW, SCATTER_LIMIT, Goodness
+from estim.priors import TruncatedNormal, Uniform
+from estim.sampling import Chain, effective_size, mcse_mean, r_hat
+
+FloatArray = NDArray[np.float64]
+
+STATUSES = ("ok", "not-converged", "at-bound", "not-identified", "multimodal", "poor-fit", "methods-disagree")
+
+
+@dataclass(frozen=True)
+class Finding:
+    """Something wrong: the status it leads to, the reason in words, and what to do about it."""
+
+    status: str
+    reason: str
+    advice: str
+
+
+@dataclass(frozen=True, eq=False)
+class Diagnosis:
+    """What is known about the trustworthiness of a result.
+
+    status : one of STATUSES.  findings : everything wrong, gravest first.  notes : worth knowing, not wrong.
+    rhat, ess_bulk, ess_tail, mcse : (n_par,) of each parameter.
+    """
+
+    status: str
+    findings: tuple[Finding, ...]
+    notes: tuple[str, ...]
+    rhat: FloatArray
+    ess_bulk: FloatArray
+    ess_tail: FloatArray
+    mcse: FloatArray
+
+    @property
+    def ok(self) -> bool:
+        return self.status == "ok"
+
+    @property
+    def reasons(self) -> tuple[str, ...]:
+        return tuple(finding.reason for finding in self.findings)
+
+
+def diagnose(fit: Fit, chain: Chain, goodness: Sequence[Goodness]) -> Diagnosis:
+    """The status of a sampled fit."""
+    findings = [*_convergence(fit, chain), *_bounds(fit), *_goodness(goodness)]
+    findings.sort(key=lambda finding: ("not-converged", "at-bound", "poor-fit").index(finding.status))
+    return Diagnosis(
+        status=findings[0].status if findings else "ok", findings=tuple(findings), notes=tuple(_notes(fit, goodness)),
+        rhat=r_hat(chain.draws), ess_bulk=effective_size(chain.draws, "bulk"), ess_tail=effective_size(chain.draws, "tail"),
+        mcse=mcse_mean(chain.draws),
+    )
+
+
+def _convergence(fit: Fit, chain: Chain) -> list[Finding]:
+    findings = []
+    if not fit.success:
+        findings.append(Finding("not-converged", f"the least-squares fit {fit.message}", "check the starting values and the priors"))
+    if not chain.convergence.met:
+        findings.append(
+            Finding(
+                "not-converged", f"sampling stopped after {chain.convergence.n_step} steps although {chain.convergence.message}",
+                "raise --max-steps; if that does not help, look at the traces: a parameter that wanders needs a tighter prior or more data",
+            )
+        )
+    if chain.stuck:
+        findings.append(Finding("not-converged", f"{chain.stuck} walkers never moved", "start again with another --seed, and look at the traces"))
+    return findings
+
+
+def _bounds(fit: Fit) -> list[Finding]:
+    findings = []
+    for parameter, value in zip(fit.problem.parameters, fit.values, strict=True):
+        hard = isinstance(parameter.prior, Uniform | TruncatedNormal) and parameter.name not in fit.problem.noise_names
+        if hard and parameter.name in fit.at_bound:
+            findings.append(
+                Finding(
+                    "at-bound", f"{parameter.name} lies at the edge of its prior ({value:.4g} {parameter.unit})",
+                    "if values beyond the edge are possible, widen the prior; if not, quote the limit and not a value",
+                )
+            )
+    return findings
+
+
+def _goodness(goodness: Sequence[Goodness]) -> list[Finding]:
+    findings = []
+    for run in goodness:
+        for name in run.failed:
+            check = run.checks[name]
+            findings.append(
+                Finding(
+                    "poor-fit", f"run {run.run}: {check.meaning} (test '{name}', p = {check.p_value:.1g})",
+                    "look at the residuals: a bad frame, a wrong window, or physics that the curve lacks; the uncertainties assume random errors",
+                )
+            )
+        if run.scatter_ratio > SCATTER_LIMIT:
+            findings.append(
+                Finding(
+                    "poor-fit", f"run {run.run}: the inferred scatter is {run.scatter_ratio:.0f} times what the instrument explains",
+                    "the curve does not describe this motion, or the stated resolution of the instrument is far too good",
+                )
+            )
+    return findings
+
+
+def _notes(fit: Fit, goodness: Sequence[Goodness]) -> list[str]:
+    notes = []
+    if fit.n_same < fit.n_start:
+        notes.append(f"{fit.n_start - fit.n_same} of {fit.n_start} starts of the fit ended at a worse optimum than the best")
+    for run in goodness:
+        chi2 = run.checks.get("chi2")
+        if chi2 is not None and chi2.p_value > 1.0 - REJECT_BELOW:
+            p = f"p = {1.0 - chi2.p_value:.1g}"
+            notes.append(f"run {run.run}: the residuals are smaller than the stated noise ({p}): the sigmas may be overstated")
+        if run.scatter_ratio > 3.0:
+            notes.append(f"run {run.run}: the inferred scatter is {run.scatter_ratio:.1f} times what the instrument explains")
+    for name in fit.at_bound:
+        notes.append(f"{name}: the most probable value is the edge of its range; read its interval as a limit")
+    return notes

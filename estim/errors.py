@@ -1,0 +1,47 @@
+"""One class a kind of mistake.
+
+Raise ``InputError`` for anything a person wrote (a file, an argument): it names the place, the field, the rule and the
+value, and the command line turns it into one line and exit code 2.  A numerical failure is not an exception: it is a
+sentence in the record of the stage that met it (``Fit.message``, ``Diagnosis.reasons``).
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+
+class EstimError(Exception):
+    """Base of every error that estim raises on purpose; its text is one line for a person."""
+
+
+class InputError(EstimError, ValueError):
+    """A value breaks a rule.  Reads ``FILE:LINE: 'field' rule: value``; each part that is unknown is left out."""
+
+    def __init__(
+        self,
+        rule: str,
+        *,
+        field: str | None = None,
+        value: object = None,
+        file: str | Path | None = None,
+        line: int | None = None,
+    ) -> None:
+        self.rule, self.field, self.value, self.file, self.line = rule, field, value, file, line
+        place = "" if file is None else f"{file}: " if line is None else f"{file}:{line}: "
+        subject = "" if field is None else f"'{field}' "
+        shown = "" if value is None else f": {shorten(value)}"
+        super().__init__(f"{place}{subject}{rule}{shown}".replace("\n", " "))
+
+    def at(self, file: str | Path, line: int | None = None) -> InputError:
+        """The same mistake with its place, for a reader that learns the place later than the rule."""
+        return InputError(self.rule, field=self.field, value=self.value, file=file, line=line)
+
+
+class MissingPackageError(EstimError):
+    """An optional package is needed for what was asked; the text says which extra installs it."""
+
+
+def shorten(value: object, limit: int = 60) -> str:
+    """``value`` as text of at most ``limit`` characters."""
+    text = value if isinstance(value, str) else repr(value)
+    return text if len(text) <= limit else text[: limit - 3] + "..."

@@ -1,0 +1,160 @@
+"""Figures of an analysis, by matplotlib's object interface (no pyplot state).
+
+White background and dark ink: legible on a light and on a dark page.  Colours are those of Okabe and Ito, which readers
+with any colour vision can tell apart.
+"""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Sequence
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from estim.bands import Bands
+from estim.goodness import Goodness
+from estim.labels import label
+from estim.pipeline import Analysis
+from estim.problem import Observations
+
+FloatArray = NDArray[np.float64]
+
+BLUE, ORANGE, GREEN, PURPLE, GREY, INK = "#0072B2", "#E69F00", "#009E73", "#CC79A7", "#8A8A8A", "#222222"
+_WIDTH = 7.2
+_MAX_CORNER = 7
+
+
+def png(figure: Figure) -> bytes:
+    """The figure as PNG, without a date in it: the same figure gives the same bytes."""
+    buffer = io.BytesIO()
+    figure.savefig(buffer, format="png", dpi=150, metadata={"Software": None})
+    return buffer.getvalue()
+
+
+def new_figure(height: float, width: float = _WIDTH) -> Figure:
+    return Figure(figsize=(width, height), layout="constrained", facecolor="white")
+
+
+def grid(n: int, *, height: float) -> tuple[Figure, list[Axes]]:
+    """A figure with `n` panels, in two columns if there are more than two."""
+    columns = 1 if n <= 2 else 2
+    rows = -(-n // columns)
+    figure = new_figure(height * rows if n > 1 else 1.25 * height)
+    axes = np.atleast_1d(figure.subplots(rows, columns, squeeze=False)).ravel()
+    for extra in axes[n:]:
+        extra.set_visible(False)
+    return figure, list(axes[:n])
+
+
+def phase_figure(analysis: Analysis, *, synthetic: bool) -> Figure:
+    """Speed against position: data, median curve, credible and predictive bands, turning point."""
+    figure, axes = grid(len(analysis.problem.runs), height=3.4)
+    trusted = analysis.diagnosis.ok
+    for ax, run, bands in zip(axes, analysis.problem.runs, analysis.bands, strict=True):
+        _draw_bands(ax, bands)
+        _draw_points(ax, run)
+        stops = bands.end[np.isfinite(bands.end)]
+        if stops.size > 0.5 * bands.end.size and np.median(stops) < 1.25 * run.x.max():
+            low, high = np.quantile(stops, [0.025, 0.975])
+            ax.plot([low, high], [0.0, 0.0], color=ORANGE, lw=5, solid_capstyle="butt", label="turning point, 95 %", zorder=4)
+        ax.set(xlabel=run.x_label, ylabel=run.y_label)
+        ax.set_title(run.name + (" (SYNTHETIC data)" if synthetic else "") + ("" if trusted else f" — {analysis.diagnosis.status}"), fontsize=10)
+        ax.set_xlim(left=min(0.0, float(run.x.min())))
+        ax.set_ylim(bottom=min(0.0, 1.1 * float(run.y.min())))
+    axes[0].legend(fontsize=7.5, frameon=False, loc="best")
+    return figure
+
+
+def _draw_bands(ax: Axes, bands: Bands) -> None:
+    probabilities = sorted(bands.credible, reverse=True)
+    widest = probabilities[0]
+    ax.fill_between(bands.x, *bands.predictive[widest], color=GREY, alpha=0.22, lw=0, label=f"a new speed, {widest:.0%}")
+    for probability, alpha in zip(probabilities, (0.30, 0.55), strict=True):
+        ax.fill_between(bands.x, *bands.credible[probability], color=BLUE, alpha=alpha, lw=0, label=f"the curve, {probability:.0%}")
+    ax.plot(bands.x, bands.median, color=BLUE, lw=1.2, label="posterior median")
+
+
+def _draw_points(ax: Axes, run: Observations) -> None:
+    ax.plot(run.x, run.y, "o", color=INK, ms=3, label="data used", zorder=5)
+    if run.excluded_points.size:
+        left = run.excluded_points
+        near = (left[:, 0] >= 0.0) & (left[:, 0] <= 1.1 * run.x.max())
+        if np.any(near):
+            ax.plot(left[near, 0], left[near, 1], "x", color=GREY, ms=4, label="data left out", zorder=3)
+
+
+def residual_figure(runs: Sequence[Observations], goodness: Sequence[Goodness], *, synthetic: bool) -> Figure:
+    """Whitened residuals along each run, and how they are distributed."""
+    figure = new_figure(2.5 * len(runs))
+    axes = figure.subplots(len(runs), 2, squeeze=False, width_ratios=(3, 1), sharey="row")
+    for (left, right), run, good in zip(axes, runs, goodness, strict=True):
+        for sigma, shade in ((1.0, 0.20), (2.0, 0.10)):
+            left.axhspan(-sigma, sigma, color=GREY, alpha=shade, lw=0)
+        left.axhline(0.0, color=GREY, lw=0.8)
+        left.plot(run.x, good.whitened, "-", color=BLUE, lw=0.6, alpha=0.6)
+        left.plot(run.x, good.whitened, "o", color=INK, ms=3)
+        reach = max(3.3, 1.1 * float(np.max(np.abs(good.whitened))))
+        edges = np.linspace(-reach, reach, 15)
+        right.hist(good.whitened, bins=edges, orientation="horizontal", color=BLUE, alpha=0.55)
+        z = np.linspace(-reach, reach, 200)
+        right.plot(run.n_obs * (edges[1] - edges[0]) * np.exp(-0.5 * z**2) / np.sqrt(2 * np.pi), z, color=INK, lw=1)
+        left.set_ylim(-reach, reach)
+        left.set(xlabel=run.x_label, ylabel="whitened residual")
+        left.set_title(run.name + (" (SYNTHETIC data)" if synthetic else ""), fontsize=10)
+        right.set(xlabel="frames")
+        right.set_title("line: expected", fontsize=8)
+    return figure
+
+
+def corner_figure(analysis: Analysis) -> Figure:
+    """Marginal and joint posteriors of the first few parameters, with the prior (orange) beside each marginal."""
+    import corner
+
+    parameters = analysis.problem.parameters[:_MAX_CORNER]
+    single = len(analysis.problem.runs) == 1
+    labels = [label(p.name, p.unit, with_level=not single) for p in parameters]
+    draws = analysis.chain.thinned(20_000)[:, : len(parameters)] * [shown.factor for shown in labels]
+    size = max(_WIDTH, 1.35 * len(parameters))
+    figure = Figure(figsize=(size, size), facecolor="white")
+    corner.corner(
+        draws, fig=figure, labels=[shown.axis for shown in labels], levels=(0.68, 0.95), color=BLUE, plot_datapoints=False,
+        fill_contours=True, smooth=0.8, bins=30, max_n_ticks=3, label_kwargs={"fontsize": 10}, labelpad=0.12, hist_kwargs={"density": True},
+    )
+    axes = np.array(figure.axes).reshape(len(parameters), len(parameters))
+    for i, (parameter, shown) in enumerate(zip(parameters, labels, strict=True)):
+        low, high = axes[i, i].get_xlim()
+        grid_points = np.linspace(low, high, 200)
+        density = np.exp(parameter.prior.log_density(grid_points / shown.factor)) / shown.factor
+        axes[i, i].plot(grid_points, density, color=ORANGE, lw=1.4)
+        for ax in axes[i]:
+            ax.tick_params(labelsize=7)
+    figure.subplots_adjust(left=0.11, right=0.98, bottom=0.11, top=0.98)
+    return figure
+
+
+def trace_figure(analysis: Analysis) -> Figure:
+    """The mean of each ensemble's walkers, and a few single walkers behind, against the step."""
+    parameters, draws = analysis.problem.parameters, analysis.chain.draws
+    columns = 1 if len(parameters) <= 8 else 2
+    rows = -(-len(parameters) // columns)
+    figure = new_figure(0.95 * rows + 0.5)
+    axes = figure.subplots(rows, columns, squeeze=False, sharex=True)
+    steps = np.arange(draws.shape[1]) + analysis.chain.n_burn
+    every = max(1, draws.shape[1] // 1000)
+    for i, parameter in enumerate(parameters):
+        ax = axes.ravel(order="F")[i]
+        shown = label(parameter.name, parameter.unit)
+        for ensemble, colour in zip(draws[..., i] * shown.factor, (BLUE, ORANGE, GREEN, PURPLE) * 8, strict=False):
+            ax.plot(steps[::every], ensemble[::every, 0], color=colour, lw=0.4, alpha=0.35)
+            ax.plot(steps[::every], ensemble.mean(axis=1)[::every], color=colour, lw=1.0)
+        ax.set_ylabel(shown.axis, fontsize=8, rotation=0, ha="right", va="center")
+        ax.tick_params(labelsize=7)
+    for extra in axes.ravel(order="F")[len(parameters) :]:
+        extra.set_visible(False)
+    for ax in axes[-1]:
+        ax.set_xlabel("step")
+    figure.suptitle("bold: mean of an ensemble; faint: one of its walkers", fontsize=8)
+    return figure

@@ -1,0 +1,204 @@
+"""The posterior mode by least squares.  The only file that knows lmfit.
+
+Priors enter as residuals, sigmas are absolute (`scale_covar=False`), the Jacobian is analytic, and the search starts
+from several points.  The covariance of the noise depends weakly on the curve, so the fit is repeated with it taken at
+the last result until nothing moves (iteratively reweighted least squares); inferred noise parameters are updated in
+turn by maximising the same posterior.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from estim.problem import Posterior, Problem, informative
+
+FloatArray = NDArray[np.float64]
+
+_MAX_ROUNDS = 60
+_SETTLED = 1e-4  # of a standard deviation, between two rounds
+_SAME_OPTIMUM = 0.5  # in minus log density
+
+
+@dataclass(frozen=True, eq=False)
+class Fit:
+    """The posterior mode and the Gaussian approximation around it.
+
+    names : (n_par,).  values : (n_par,) the mode.
+    cov : (n_par, n_par) inverse of the information (curvature) there, priors included.
+    sds : (n_par,) square roots of its diagonal; nan for a parameter within one sd of a bound, where a symmetric standard
+        deviation would be wrong.
+    at_bound : names of parameters whose mode lies on a bound of their prior.
+    posterior : the density with covariances at the mode, as the sampler uses it.
+    chi2 : whitened squares of the data and of the informative priors.  dof : their number minus the fitted parameters
+        of the curve.  p_value : P(chi2 or more); nan where the size of the noise was inferred (then it proves nothing).
+    n_start, n_same : starts tried, and how many of them led to the best optimum.
+    success, message : whether the search settled, in words.
+    """
+
+    names: tuple[str, ...]
+    values: FloatArray
+    cov: FloatArray
+    sds: FloatArray
+    at_bound: tuple[str, ...]
+    posterior: Posterior
+    chi2: float
+    dof: int
+    p_value: float
+    n_start: int
+    n_same: int
+    success: bool
+    message: str
+
+    @property
+    def problem(self) -> Problem:
+        return self.posterior.problem
+
+
+def fit_least_squares(problem: Problem, *, rng: np.random.Generator, n_start: int = 8) -> Fit:
+    """The posterior mode of `problem`, from the best of `n_start` starts (prior centre first, then draws of the prior)."""
+    starts = np.vstack([problem.start(), *(_prior_draw(problem, rng) for _ in range(n_start - 1))])
+    rough = [_settle(problem, start, max_rounds=4) for start in starts]
+    objective = np.array([-_log_density(posterior, values) for values, posterior, _ in rough])
+    best = int(np.nanargmin(objective))
+    values, posterior, moved = _settle(problem, rough[best][0], max_rounds=_MAX_ROUNDS)
+    n_same = int(np.sum(objective <= objective[best] + _SAME_OPTIMUM))
+    return _describe(problem, posterior, values, moved, n_start=n_start, n_same=n_same)
+
+
+def _prior_draw(problem: Problem, rng: np.random.Generator) -> FloatArray:
+    return np.array([float(p.prior.draw(rng, 1)[0]) for p in problem.parameters])
+
+
+def _log_density(posterior: Posterior, values: FloatArray) -> float:
+    return float(posterior.log_density(values[None, :])[0])
+
+
+def _settle(problem: Problem, start: FloatArray, *, max_rounds: int) -> tuple[FloatArray, Posterior, float]:
+    """Rounds of (covariance at the values; curve; noise) until they settle: values, posterior, last move in sds."""
+    values = start.copy()
+    posterior = problem.linearised(values)
+    moved = math.inf
+    for _ in range(max_rounds):
+        before = values
+        values = _fit_noise(posterior, _fit_curve(posterior, values))
+        posterior = problem.linearised(values)
+        scale = np.sqrt(np.diag(np.linalg.pinv(information(posterior, values), hermitian=True)))
+        moved = float(np.max(np.abs(values - before) / np.where(scale > 0.0, scale, np.inf), initial=0.0))
+        if moved < _SETTLED:
+            break
+    return values, posterior, moved
+
+
+def _fit_curve(posterior: Posterior, values: FloatArray) -> FloatArray:
+    """The parameters of the curve that minimise the squared residuals, noise parameters held."""
+    import lmfit
+
+    problem = posterior.problem
+    free = [i for i, p in enumerate(problem.parameters) if p.name not in problem.noise_names]
+    if not free:
+        return values
+    table = lmfit.Parameters()
+    for i in free:
+        prior = problem.parameters[i].prior
+        table.add(f"p{i}", value=_inside(float(values[i]), prior.low, prior.high), min=prior.low, max=prior.high)
+
+    def filled(parameters: lmfit.Parameters) -> FloatArray:
+        full = values.copy()
+        full[free] = [parameters[f"p{i}"].value for i in free]
+        return full
+
+    residual: Callable[[lmfit.Parameters], FloatArray] = lambda parameters: posterior.residuals(filled(parameters))  # noqa: E731
+    jacobian: Callable[[lmfit.Parameters], FloatArray] = lambda parameters: posterior.jacobian(filled(parameters))[:, free]  # noqa: E731
+    result = lmfit.minimize(
+        residual, table, method="least_squares", scale_covar=False, calc_covar=False, jac=jacobian, x_scale="jac",
+        ftol=1e-12, xtol=1e-12, gtol=1e-12, max_nfev=400,
+    )
+    return filled(result.params)
+
+
+def _inside(value: float, low: float, high: float) -> float:
+    """`value` moved strictly between the bounds: a search that starts on a bound may stay there."""
+    span = high - low if math.isfinite(high - low) else max(abs(value), 1e-6)
+    return min(max(value, low + 1e-6 * span), high - 1e-6 * span)
+
+
+def _fit_noise(posterior: Posterior, values: FloatArray) -> FloatArray:
+    """The noise parameters that maximise the posterior, those of the curve held."""
+    from scipy.optimize import minimize
+
+    problem = posterior.problem
+    free = [i for i, p in enumerate(problem.parameters) if p.name in problem.noise_names]
+    if not free:
+        return values
+    priors = [problem.parameters[i].prior for i in free]
+    scale = np.array([prior.sd for prior in priors])
+
+    def filled(scaled: FloatArray) -> FloatArray:
+        full = values.copy()
+        full[free] = scaled * scale
+        return full
+
+    def objective(scaled: FloatArray) -> tuple[float, FloatArray]:
+        full = filled(scaled)
+        pull = [prior.residual(v) * prior.residual_slope(v) for prior, v in zip(priors, full[free], strict=True)]
+        minus = -float(posterior.log_likelihood(full[None, :])[0]) + 0.5 * sum(
+            prior.residual(v) ** 2 for prior, v in zip(priors, full[free], strict=True)
+        )
+        return minus, (np.array(pull) - posterior.log_density_noise_gradient(full)[free]) * scale
+
+    bounds = [(max(prior.low, 1e-6 * prior.sd) / s, prior.high / s) for prior, s in zip(priors, scale, strict=True)]
+    start = np.clip(values[free] / scale, [low for low, _ in bounds], [high for _, high in bounds])
+    result = minimize(objective, start, jac=True, method="L-BFGS-B", bounds=bounds, options={"ftol": 1e-14, "gtol": 1e-9, "maxiter": 500})
+    return filled(result.x)
+
+
+def information(posterior: Posterior, values: FloatArray) -> FloatArray:
+    """(n_par, n_par) Fisher information at `values`, priors included; its inverse is the Gaussian covariance."""
+    problem = posterior.problem
+    noise = np.array([name in problem.noise_names for name in problem.names])
+    jacobian = posterior.jacobian(values)
+    jacobian[: problem.n_obs, noise] = 0.0
+    return np.asarray(jacobian.T @ jacobian + posterior.noise_information(values))
+
+
+def _describe(problem: Problem, posterior: Posterior, values: FloatArray, moved: float, *, n_start: int, n_same: int) -> Fit:
+    matrix = information(posterior, values)
+    spread = np.sqrt(np.maximum(np.diag(matrix), 1e-300))
+    scaled = matrix / np.outer(spread, spread)
+    singular = float(np.linalg.cond(scaled)) > 1e12
+    cov = np.linalg.pinv(scaled, hermitian=True) / np.outer(spread, spread)
+    curvature = np.sqrt(np.diag(cov))
+    sds = np.full(problem.n_par, np.nan) if singular else curvature.copy()
+    at_bound = []
+    for i, parameter in enumerate(problem.parameters):
+        distance = min(values[i] - parameter.prior.low, parameter.prior.high - values[i])
+        if distance < curvature[i]:
+            sds[i] = np.nan
+        if distance < 1e-2 * curvature[i]:
+            at_bound.append(parameter.name)
+    curve = [i for i, p in enumerate(problem.parameters) if p.name not in problem.noise_names]
+    pulls = [i for i in curve if informative(problem.parameters[i].prior)]
+    residuals = posterior.residuals(values)
+    chi2 = float(np.sum(residuals[: problem.n_obs] ** 2) + np.sum(residuals[problem.n_obs :][pulls] ** 2))
+    dof = problem.n_obs + len(pulls) - len(curve)
+    message = f"settled; {n_same} of {n_start} starts led to this optimum"
+    if moved >= _SETTLED:
+        message = f"did not settle: the last of {_MAX_ROUNDS} rounds still moved a parameter by {moved:.2g} standard deviations"
+    elif singular:
+        message = "settled, but a combination of parameters is not determined at all: no standard deviations"
+    return Fit(
+        names=problem.names, values=values, cov=cov, sds=sds, at_bound=tuple(at_bound), posterior=posterior, chi2=chi2, dof=dof,
+        p_value=_chi2_p(chi2, dof) if not problem.noise_names and dof > 0 else math.nan,
+        n_start=n_start, n_same=n_same, success=moved < _SETTLED, message=message,
+    )
+
+
+def _chi2_p(chi2: float, dof: int) -> float:
+    from scipy.stats import chi2 as distribution
+
+    return float(distribution.sf(chi2, dof))

@@ -1,0 +1,133 @@
+"""Does the curve explain the data?  Tests on whitened residuals, for each run.
+
+A residual vector with covariance C = L L^T is whitened in the order of the observations, z = L^-1 (y - f): if model and
+noise are right, z is nearly unit white noise.  Nearly, because the fit has pulled the residuals towards zero; the null
+distribution of each statistic is therefore simulated with that projection in it:
+
+    z = e - J (J^T J + J_p^T J_p)^-1 (J^T e + J_p^T e_p)        J, J_p: whitened Jacobians of data and priors
+
+What each test sees: `chi2` the size of the residuals (only where the size of the noise was stated); `runs` too few
+changes of sign; `autocorrelation` neighbours alike; `trend` a slow drift along the run; `largest` a single outlier.
+An inferred scatter swallows chi2, so the scatter itself is compared with what the instrument explains.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from estim.fitting import Fit
+from estim.noise import covariance, reading_sd
+from estim.problem import Observations
+
+FloatArray = NDArray[np.float64]
+
+REJECT_BELOW = 1e-3
+SCATTER_LIMIT = 10.0
+_N_SIMULATED = 20_000
+
+
+@dataclass(frozen=True)
+class Check:
+    """One test: its statistic, the probability of a value at least as extreme under the model, and what failing it means."""
+
+    statistic: float
+    p_value: float
+    meaning: str
+
+
+@dataclass(frozen=True, eq=False)
+class Goodness:
+    """How well one run is explained.
+
+    whitened : (n_obs,) residuals with unit covariance, in order.  raw : (n_obs,) residuals in units of the speed.
+    sd : (n_obs,) their standard deviations.
+    checks : name -> Check.  scatter_ratio : inferred scatter / instrument's share of the noise; nan where not inferred.
+    """
+
+    run: str
+    whitened: FloatArray
+    raw: FloatArray
+    sd: FloatArray
+    checks: Mapping[str, Check]
+    scatter_ratio: float
+
+    @property
+    def failed(self) -> tuple[str, ...]:
+        """Names of the tests that the run fails."""
+        return tuple(name for name, check in self.checks.items() if check.p_value < REJECT_BELOW)
+
+
+def check_goodness(fit: Fit, *, rng: np.random.Generator) -> tuple[Goodness, ...]:
+    """One `Goodness` for each run of a fit; `rng` draws the simulated null distributions."""
+    problem, posterior = fit.problem, fit.posterior
+    named = problem.named(fit.values)
+    noise = np.array([name in problem.noise_names for name in problem.names])
+    factors, jacobians, raws = [], [], []
+    for run, whitening in zip(problem.runs, posterior.whitenings, strict=True):
+        factors.append(np.asarray(np.linalg.cholesky(covariance(run.noise, whitening, named))))
+        jacobians.append(np.linalg.solve(factors[-1], np.where(noise, 0.0, posterior.curve_jacobian(run, fit.values))))
+        curve = np.broadcast_to(run.curve.value(run.x, run.bind(named)), (1, run.n_obs))[0]
+        raws.append(run.y - whitening.offset - curve)
+    pulls = posterior.jacobian(fit.values)[problem.n_obs :]
+    pulls[noise] = 0.0
+    design = np.vstack([*jacobians, pulls])
+    response = np.linalg.pinv(design.T @ design, hermitian=True) @ design.T
+    errors = rng.standard_normal((design.shape[0], min(_N_SIMULATED, int(4e7 / design.shape[0]))))
+    shifts = response @ errors
+    checked, first = [], 0
+    for run, factor, jacobian, raw in zip(problem.runs, factors, jacobians, raws, strict=True):
+        simulated = (errors[first : first + run.n_obs] - jacobian @ shifts).T
+        first += run.n_obs
+        whitened = np.linalg.solve(factor, raw)
+        stated = run.noise.sigma.parameter is None and run.noise.scatter.parameter is None
+        sd = np.sqrt(np.sum(factor**2, axis=1))
+        checked.append(Goodness(run.name, whitened, raw, sd, _checks(whitened, simulated, stated=stated), _scatter_ratio(run, named)))
+    return tuple(checked)
+
+
+def _scatter_ratio(run: Observations, named: Mapping[str, FloatArray]) -> float:
+    instrument = float(np.sqrt(np.mean(np.square(reading_sd(run.noise, named)))))
+    if run.noise.scatter.parameter is None or run.noise.sigma.parameter is not None or instrument == 0.0:
+        return float("nan")
+    return float(named[run.noise.scatter.parameter]) / instrument
+
+
+def _checks(z: FloatArray, simulated: FloatArray, *, stated: bool) -> dict[str, Check]:
+    """Statistics of z (n_obs,) against simulated ones (n_sim, n_obs); every statistic is large when the model is wrong."""
+    observed, null = _statistics(z[None, :]), _statistics(simulated)
+    checks = {}
+    for name, meaning in _MEANINGS.items():
+        if name == "chi2" and not stated:
+            continue
+        statistic = float(observed[name][0])
+        p = (1.0 + float(np.sum(null[name] >= statistic - 1e-12))) / (1.0 + null[name].size)
+        checks[name] = Check(statistic, p, meaning)
+    return checks
+
+
+_MEANINGS = {
+    "chi2": "the residuals are larger than the stated noise",
+    "runs": "the residuals change sign too seldom",
+    "autocorrelation": "neighbouring residuals are alike",
+    "trend": "the residuals drift along the run",
+    "largest": "one residual is far larger than the others",
+}
+
+
+def _statistics(z: FloatArray) -> dict[str, FloatArray]:
+    """Name -> (n,) statistic of each row of z (n, n_obs)."""
+    n = z.shape[1]
+    square = np.sum(z**2, axis=1)
+    place = np.linspace(-1.0, 1.0, n)
+    shapes, _ = np.linalg.qr(np.vander(place, 4, increasing=True))
+    return {
+        "chi2": square,
+        "runs": -np.sum(np.signbit(z[:, 1:]) != np.signbit(z[:, :-1]), axis=1).astype(float),
+        "autocorrelation": np.sum(z[:, 1:] * z[:, :-1], axis=1) / square,
+        "trend": np.max(np.abs(z @ shapes), axis=1) / np.sqrt(square / n),
+        "largest": np.max(np.abs(z), axis=1) / np.sqrt(square / n),
+    }

@@ -1,0 +1,86 @@
+"""Reading and rounding "value +/- uncertainty".
+
+A quantity is written as the `uncertainties` package writes it: ``"4.0 +/- 0.4"``, ``"0.1500(5)"``, ``"4.0±0.4"``.
+A plain number, also inside a string, is exact.  The uncertainty is a standard uncertainty (GUM 2.3.1).
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from estim.errors import InputError
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """A measured value and its standard uncertainty in the same unit; u = 0 means exact."""
+
+    value: float
+    u: float = 0.0
+
+    def scaled(self, factor: float) -> Quantity:
+        """The same quantity in another unit, `factor` new units per old one."""
+        return Quantity(self.value * factor, self.u * abs(factor))
+
+    @property
+    def exact(self) -> bool:
+        return self.u == 0.0
+
+
+def read_quantity(source: str | float, *, field: str) -> Quantity:
+    """The quantity written in `source`.
+
+    Raises InputError naming `field` where the text is no number, is not finite, or has an uncertainty of zero or less.
+    """
+    if isinstance(source, bool) or not isinstance(source, (str, int, float)):
+        raise InputError('must be a number or "value +/- uncertainty"', field=field, value=source)
+    if isinstance(source, (int, float)):
+        quantity = Quantity(float(source))
+    else:
+        quantity = _read_text(source.strip(), field)
+    if not (math.isfinite(quantity.value) and math.isfinite(quantity.u)):
+        raise InputError("must be finite", field=field, value=source)
+    return quantity
+
+
+def _read_text(text: str, field: str) -> Quantity:
+    try:
+        return Quantity(float(text))
+    except ValueError:
+        pass
+    from uncertainties import ufloat_fromstr
+
+    try:
+        number = ufloat_fromstr(text)
+    except ValueError:
+        raise InputError('must read like "4.0 +/- 0.4" or "4.0(4)"', field=field, value=text) from None
+    if not number.std_dev > 0.0:
+        raise InputError("must have an uncertainty > 0 (write a plain number for an exact value)", field=field, value=text)
+    return Quantity(float(number.nominal_value), float(number.std_dev))
+
+
+def format_quantity(value: float, u: float | None = None, *, plus_minus: bool = True) -> str:
+    """`value` rounded by its uncertainty `u` (Particle Data Group rule: 355, 949 -> one or two digits).
+
+    "0.187 ± 0.010", or "0.187(10)" without `plus_minus`; without a usable u, `value` to six significant digits.
+    """
+    if value is None or not math.isfinite(value):
+        return "n/a"
+    if u is None or not math.isfinite(u) or u <= 0.0:
+        return f"{value:.6g}"
+    from uncertainties import ufloat
+
+    if plus_minus:
+        return f"{ufloat(value, u):P}".replace("±", " ± ")
+    return f"{ufloat(value, u):S}"
+
+
+def format_rounded(value: float, u: float) -> str:
+    """`value` alone, with the digits that its uncertainty `u` leaves it (one more than `format_quantity` would keep)."""
+    if not math.isfinite(value):
+        return "n/a"
+    if not (math.isfinite(u) and u > 0.0):
+        return f"{value:.4g}"
+    decimals = max(0, 1 - math.floor(math.log10(u)))
+    return f"{value:.{decimals}f}"

@@ -1,0 +1,189 @@
+"""Reports: Markdown, figures and JSON of an analysis, as a mapping from relative path to bytes.
+
+The text stands in `templates/`; every number in it comes from `result.Result`, rounded by its uncertainty here.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from estim import figures
+from estim.campaign import Campaign
+from estim.goodness import REJECT_BELOW
+from estim.labels import Label, label
+from estim.pipeline import Analysis
+from estim.quantity import format_quantity, format_rounded
+from estim.result import ParameterSummary, Result, Summary, result_of, to_json
+
+KINDS = {
+    "synthetic": "**SYNTHETIC data**: made by a program, not measured.",
+    "measured": "Measured data.",
+    "published": "Data taken from a publication.",
+}
+STATUS_WORDS = {
+    "ok": "the result can be used as it stands",
+    "not-converged": "the computation did not finish: no number below is a result",
+    "at-bound": "the data push a parameter against its limit: quote limits, not values",
+    "poor-fit": "the curve does not explain the data: no number below is a result",
+}
+_PRIOR_DOMINATED = 0.8
+
+
+@dataclass(frozen=True)
+class Row:
+    """One line of a table of parameters, every cell as text."""
+
+    symbol: str
+    name: str
+    unit: str
+    meaning: str
+    prior: str
+    fit: str
+    posterior: str
+    interval: str
+    narrowing: str
+    rhat: str
+    ess: str
+
+
+def analysis_report(campaign: Campaign, analysis: Analysis) -> dict[str, bytes]:
+    """`report.md`, `result.json` and `figures/*.png` of one analysis."""
+    result = result_of(campaign, analysis)
+    synthetic = campaign.kind == "synthetic"
+    drawn = {
+        "figures/phase.png": figures.phase_figure(analysis, synthetic=synthetic),
+        "figures/residuals.png": figures.residual_figure(analysis.problem.runs, analysis.goodness, synthetic=synthetic),
+        "figures/corner.png": figures.corner_figure(analysis),
+        "figures/traces.png": figures.trace_figure(analysis),
+    }
+    files = {name: figures.png(figure) for name, figure in drawn.items()}
+    files["report.md"] = analysis_text(result).encode()
+    files["result.json"] = to_json(result)
+    return files
+
+
+def analysis_text(result: Result) -> str:
+    """The Markdown report of one analysis."""
+    rows = [parameter_row(name, p, result) for name, p in result.parameters.items()]
+    return render(
+        "analysis.md.j2",
+        result=result, kind=KINDS[result.kind], status_words=STATUS_WORDS[result.status], rows=rows,
+        correlation=_correlation_table(result), derived=_derived_rows(result), limits=_what_limits(result),
+        reject_below=REJECT_BELOW, ends=_turning_rows(result),
+    )
+
+
+def index_report(campaign: Campaign, results: Mapping[str, Result]) -> dict[str, bytes]:
+    """`report.md` that leads to the reports of runs fit one by one, each in a folder of its name."""
+    names = list(dict.fromkeys(_base(name) for result in results.values() for name in result.parameters))
+    table = []
+    for run, result in results.items():
+        cells = {_base(name): _value(p, label(name, p.unit), lopsided=result.fit.sds[name] is None) for name, p in result.parameters.items()}
+        table.append((run, result.status, [cells.get(name, "") if result.status == "ok" else "—" for name in names]))
+    units = [next(label(n, p.unit) for r in results.values() for n, p in r.parameters.items() if _base(n) == name) for name in names]
+    heads = [label(name, "1").symbol + ("" if shown.unit == "1" else f" ({shown.unit})") for name, shown in zip(names, units, strict=True)]
+    text = render("index.md.j2", title=campaign.title, kind=KINDS[campaign.kind], heads=heads, table=table)
+    return {"report.md": text.encode()}
+
+
+def render(template: str, **values: object) -> str:
+    """A template of `templates/` filled in."""
+    import jinja2
+
+    environment = jinja2.Environment(
+        loader=jinja2.PackageLoader("estim"), undefined=jinja2.StrictUndefined, trim_blocks=True, lstrip_blocks=True,
+        keep_trailing_newline=True, autoescape=False,
+    )
+    environment.filters["number"] = lambda v, digits=3: "n/a" if v is None else f"{v:.{digits}g}"
+    environment.filters["cell"] = lambda text: str(text).replace("|", "\\|")
+    return environment.get_template(template).render(**values)
+
+
+def _base(name: str) -> str:
+    return name.partition("[")[0]
+
+
+def parameter_row(name: str, p: ParameterSummary, result: Result) -> Row:
+    """The cells of one parameter."""
+    shown = label(name, p.unit)
+    value, sd = result.fit.values[name], result.fit.sds[name]
+    fit = format_quantity(value * shown.factor, None if sd is None else sd * shown.factor)
+    return Row(
+        symbol=shown.symbol, name=name, unit="" if shown.unit == "1" else shown.unit, meaning=p.meaning, prior=_prior(p, shown),
+        fit=fit if sd is not None else f"{format_rounded(value * shown.factor, (p.sd or 0.0) * shown.factor)} (no symmetric sd)",
+        posterior=_value(p, shown, lopsided=sd is None), interval=_interval(p, shown),
+        narrowing="" if not p.prior_sd or p.sd is None else f"{p.sd / p.prior_sd:.2f}",
+        rhat="n/a" if p.rhat is None else f"{p.rhat:.4f}", ess=f"{p.ess_bulk or 0:.0f} / {p.ess_tail or 0:.0f}",
+    )
+
+
+def _prior(p: ParameterSummary, shown: Label) -> str:
+    if p.prior == "normal" and p.prior_mean is not None and p.prior_sd is not None:
+        return f"{format_quantity(p.prior_mean * shown.factor, p.prior_sd * shown.factor)} (normal)"
+    return p.prior + (f" {p.unit}" if p.unit != "1" and shown.factor != 1.0 else "")
+
+
+def _value(p: Summary, shown: Label, *, lopsided: bool = False) -> str:
+    """mean ± sd, or median +up/-down where the posterior is lopsided or leans on a bound."""
+    if p.mean is None or p.sd is None or p.median is None or p.q16 is None or p.q84 is None:
+        return "n/a"
+    up, down = (p.q84 - p.median) * shown.factor, (p.median - p.q16) * shown.factor
+    if lopsided or abs(up - down) > 0.25 * (up + down):
+        centre = format_rounded(p.median * shown.factor, min(up, down))
+        return f"{centre} +{format_rounded(up, min(up, down))} −{format_rounded(down, min(up, down))}"
+    return format_quantity(p.mean * shown.factor, p.sd * shown.factor)
+
+
+def _interval(p: Summary, shown: Label) -> str:
+    if p.q025 is None or p.q975 is None or p.sd is None:
+        return "n/a"
+    return f"[{format_rounded(p.q025 * shown.factor, p.sd * shown.factor)}, {format_rounded(p.q975 * shown.factor, p.sd * shown.factor)}]"
+
+
+def _derived_rows(result: Result) -> list[tuple[str, str, str, str, str, str]]:
+    rows = []
+    for run, summary in result.runs.items():
+        for name, d in summary.derived.items():
+            shown = label(name, d.unit)
+            rows.append((run, shown.symbol, d.meaning, _value(d, shown), _interval(d, shown), "" if shown.unit == "1" else shown.unit))
+    return rows
+
+
+def _turning_rows(result: Result) -> list[tuple[str, str, str, str]]:
+    rows = []
+    for run, end in result.turning_point.items():
+        if end.never_stops < 0.5:
+            rows.append((run, _value(end, label("end", end.unit)), _interval(end, label("end", end.unit)), f"{end.never_stops:.1%}"))
+    return rows
+
+
+def _correlation_table(result: Result) -> list[tuple[str, list[str]]]:
+    symbols = [label(name, result.parameters[name].unit).symbol for name in result.correlation.names]
+    cells = [[f"{value:+.2f}" if j <= i else "" for j, value in enumerate(row)] for i, row in enumerate(result.correlation.matrix)]
+    return list(zip(symbols, cells, strict=True))
+
+
+def _what_limits(result: Result) -> str:
+    """Which parameters the data hardly moved, and the strongest correlation, in words."""
+    weak = [
+        label(n, p.unit).symbol for n, p in result.parameters.items() if p.sd is not None and p.prior_sd and p.sd > _PRIOR_DOMINATED * p.prior_sd
+    ]
+    matrix = np.abs(np.array(result.correlation.matrix)) - np.eye(len(result.correlation.names))
+    sentences = []
+    if weak:
+        sentences.append(f"The data say little beyond the prior about {_listed(weak)}: what was stated there is what comes out.")
+    if matrix.size > 1 and matrix.max() > 0.8:
+        i, j = np.unravel_index(int(np.argmax(matrix)), matrix.shape)
+        names = [label(result.correlation.names[k], "1").symbol for k in (j, i)]
+        sentences.append(
+            f"{names[0]} and {names[1]} are correlated by {result.correlation.matrix[i][j]:+.2f}: the data fix a combination of the two better "
+            "than either, so a better independent value of one improves the other."
+        )
+    return " ".join(sentences)
+
+
+def _listed(words: Sequence[str]) -> str:
+    return words[0] if len(words) == 1 else ", ".join(words[:-1]) + " and " + words[-1]

@@ -1,0 +1,224 @@
+"""The phase curve: speed as a function of position, its gradients, and where the motion can start and end.
+
+Energy conservation for rolling without slipping (paper, eq. phase_curve, here with rolling resistance and any body):
+
+    v^2 = 2 g R W/D,    W(theta) = gamma (cos theta0 - cos theta) - (theta - theta0) s,    theta = theta0 + x/R
+                        D(theta) = 1 + j + 2 gamma cos(theta + phi),    s = sin phi + c_rr cos phi
+
+All functions broadcast: give `x` shaped (n_obs,) and parameters as scalars or shaped (n_draw, 1) to get
+(n_draw, n_obs).  Use `speed` for measured positions in metres and `angular_rate` for measured angles of rotation.
+They hold for motion with theta increasing from rest.  Where energy conservation leaves no speed (W/D < 0) the speed is
+0; behind a turning point W may become positive again, so ask `turning_angle` what can be reached.
+
+The triple (gamma, s, 1 + j) multiplied by one factor leaves the curve unchanged: positions and speeds alone never
+tell the three apart.
+"""
+
+from __future__ import annotations
+
+from math import comb
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from model.body import Body
+
+FloatArray = NDArray[np.float64]
+
+STANDARD_GRAVITY = 9.80665  # m/s^2, exact by convention (3rd CGPM, 1901)
+
+
+def effective_slope(phi: ArrayLike, rolling_resistance: ArrayLike = 0.0) -> FloatArray:
+    """s = sin(phi) + c_rr cos(phi), dimensionless: the slope that a body with theta increasing works against."""
+    return np.asarray(np.sin(phi) + np.asarray(rolling_resistance) * np.cos(phi), dtype=float)
+
+
+def speed(
+    x: ArrayLike, body: Body, *, phi: ArrayLike, theta0: ArrayLike, rolling_resistance: ArrayLike = 0.0, g: ArrayLike = STANDARD_GRAVITY
+) -> FloatArray:
+    """Speed of the axle at position `x` along the ramp, m/s; 0 where the energy does not suffice.
+
+    v = sqrt(max(2 g R W/D, 0))
+
+    x : (n_obs,) m from the point of release.  phi, theta0 : rad.
+    """
+    turned = np.asarray(x) / body.radius
+    ratio = energy_ratio(turned, body, phi=phi, theta0=theta0, rolling_resistance=rolling_resistance)
+    return np.sqrt(np.maximum(2.0 * np.asarray(g) * body.radius * ratio, 0.0))
+
+
+def angular_rate(
+    angle: ArrayLike, body: Body, *, phi: ArrayLike, theta0: ArrayLike, rolling_resistance: ArrayLike = 0.0, g: ArrayLike = STANDARD_GRAVITY
+) -> FloatArray:
+    """Rate of rotation after the body has turned by `angle` since release, rad/s: `speed` divided by R.
+
+    angle : (n_obs,) rad, theta - theta0.  phi, theta0 : rad.
+    """
+    ratio = energy_ratio(angle, body, phi=phi, theta0=theta0, rolling_resistance=rolling_resistance)
+    return np.sqrt(np.maximum(2.0 * np.asarray(g) / body.radius * ratio, 0.0))
+
+
+def energy_ratio(angle: ArrayLike, body: Body, *, phi: ArrayLike, theta0: ArrayLike, rolling_resistance: ArrayLike = 0.0) -> FloatArray:
+    """W/D after the body has turned by `angle` (rad) since release, dimensionless; negative where it cannot be."""
+    return energy_ratio_derivatives(angle, body, phi=phi, theta0=theta0, rolling_resistance=rolling_resistance, order=0)[0]
+
+
+def energy_ratio_derivatives(
+    angle: ArrayLike, body: Body, *, phi: ArrayLike, theta0: ArrayLike, rolling_resistance: ArrayLike = 0.0, order: int
+) -> list[FloatArray]:
+    """H = W/D and its derivatives with respect to theta up to `order`, a list of order + 1 arrays, rad^-n.
+
+    From W = H D by Leibniz: H^(n) = (W^(n) - sum_{k<n} C(n, k) H^(k) D^(n-k))/D.
+    """
+    angle, theta0 = np.asarray(angle, dtype=float), np.asarray(theta0)
+    gamma, slope = body.gamma, effective_slope(phi, rolling_resistance)
+    theta = theta0 + angle
+    sin, cos = np.sin(theta), np.cos(theta)
+    # cos theta0 - cos theta as a product: no cancellation close to the release
+    fall = 2.0 * np.sin(theta0 + 0.5 * angle) * np.sin(0.5 * angle)
+    w = [gamma * fall - angle * slope, gamma * sin - slope, gamma * cos, -gamma * sin, -gamma * cos]
+    sin_tilted, cos_tilted = np.sin(theta + phi), np.cos(theta + phi)
+    d = [1.0 + body.inertia_ratio + 2.0 * gamma * cos_tilted] + [
+        2.0 * gamma * term for term in (-sin_tilted, -cos_tilted, sin_tilted, cos_tilted)
+    ]
+    h: list[FloatArray] = []
+    for n in range(order + 1):
+        h.append((w[n] - sum(comb(n, k) * h[k] * d[n - k] for k in range(n))) / d[0])
+    return h
+
+
+def energy_ratio_gradient(
+    angle: ArrayLike, body: Body, *, phi: ArrayLike, theta0: ArrayLike, rolling_resistance: ArrayLike = 0.0
+) -> dict[str, FloatArray]:
+    """Derivatives of H = W/D at fixed `angle` with respect to every parameter it depends on: name -> array.
+
+    dH/dp = (dW/dp - H dD/dp)/D
+    """
+    angle, theta0, phi = np.asarray(angle, dtype=float), np.asarray(theta0), np.asarray(phi)
+    theta = theta0 + angle
+    ratio = energy_ratio(angle, body, phi=phi, theta0=theta0, rolling_resistance=rolling_resistance)
+    d = 1.0 + body.inertia_ratio + 2.0 * body.gamma * np.cos(theta + phi)
+    tilting = -2.0 * body.gamma * np.sin(theta + phi)
+    dj = body.inertia_ratio_gradient()
+    slope_in_phi = np.cos(phi) - np.asarray(rolling_resistance) * np.sin(phi)
+    gradient = {
+        "gamma": (np.cos(theta0) - np.cos(theta) - ratio * (dj["gamma"] + 2.0 * np.cos(theta + phi))) / d,
+        "theta0": (body.gamma * (np.sin(theta) - np.sin(theta0)) - ratio * tilting) / d,
+        "phi": (-angle * slope_in_phi - ratio * tilting) / d,
+        "rolling_resistance": -angle * np.cos(phi) / d,
+    }
+    for name in ("kappa", "rho", "trailing_fraction", "particle_gyration"):
+        gradient[name] = -ratio * dj[name] / d
+    return gradient
+
+
+def speed_derivatives(
+    x: ArrayLike, body: Body, *, phi: ArrayLike, theta0: ArrayLike, rolling_resistance: ArrayLike = 0.0, g: ArrayLike = STANDARD_GRAVITY
+) -> tuple[FloatArray, FloatArray, dict[str, FloatArray]]:
+    """Speed (m/s), its slope dv/dx (1/s), and its derivatives in every parameter at fixed x: name -> array.
+
+    From v^2 = F(x): dv/dx = F'/(2 v), dv/dp = (dF/dp)/(2 v).  All derivatives are 0 where v = 0: there the formula is
+    clipped and a gradient would be that of another motion.
+    """
+    radius, g = np.asarray(body.radius), np.asarray(g)
+    angle = np.asarray(x) / radius
+    keywords = {"phi": phi, "theta0": theta0, "rolling_resistance": rolling_resistance}
+    ratio, ratio_slope = energy_ratio_derivatives(angle, body, **keywords, order=1)
+    gradient = {name: 2.0 * g * radius * d for name, d in energy_ratio_gradient(angle, body, **keywords).items()}
+    gradient["g"] = 2.0 * radius * ratio
+    gradient["radius"] = 2.0 * g * (ratio - angle * ratio_slope)
+    return _root(2.0 * g * radius * ratio, 2.0 * g * ratio_slope, gradient)
+
+
+def angular_rate_derivatives(
+    angle: ArrayLike, body: Body, *, phi: ArrayLike, theta0: ArrayLike, rolling_resistance: ArrayLike = 0.0, g: ArrayLike = STANDARD_GRAVITY
+) -> tuple[FloatArray, FloatArray, dict[str, FloatArray]]:
+    """Angular rate (rad/s), its slope in the angle (1/s), and its derivatives in every parameter at fixed angle."""
+    scale = 2.0 * np.asarray(g) / body.radius
+    keywords = {"phi": phi, "theta0": theta0, "rolling_resistance": rolling_resistance}
+    ratio, ratio_slope = energy_ratio_derivatives(angle, body, **keywords, order=1)
+    gradient = {name: scale * d for name, d in energy_ratio_gradient(angle, body, **keywords).items()}
+    gradient["g"] = 2.0 / np.asarray(body.radius) * ratio
+    gradient["radius"] = -scale / np.asarray(body.radius) * ratio
+    return _root(scale * ratio, scale * ratio_slope, gradient)
+
+
+def _root(square: FloatArray, slope: FloatArray, gradient: dict[str, FloatArray]) -> tuple[FloatArray, FloatArray, dict[str, FloatArray]]:
+    """sqrt of `square` with the chain rule applied to its slope and gradient, all 0 where `square` is not positive."""
+    moving = square > 0.0
+    root = np.sqrt(np.where(moving, square, 0.0))
+    half = np.where(moving, 0.5, 0.0) / np.where(moving, root, 1.0)
+    return root, half * slope, {name: half * d for name, d in gradient.items()}
+
+
+def theta_min(gamma: ArrayLike, phi: ArrayLike, *, rolling_resistance: ArrayLike = 0.0) -> FloatArray:
+    """Smallest angle of release (rad) from which the body ascends from rest; nan where it never does (s > gamma).
+
+    theta_min = asin(s/gamma)      (paper, eq. theta_min)
+    """
+    sine = effective_slope(phi, rolling_resistance) / np.asarray(gamma)
+    return np.arcsin(np.where(np.abs(sine) <= 1.0, sine, np.nan))
+
+
+def theta_max(gamma: ArrayLike, phi: ArrayLike, *, rolling_resistance: ArrayLike = 0.0) -> FloatArray:
+    """Largest angle of release (rad) from which the body ascends from rest: pi - theta_min; nan where it never does."""
+    return np.pi - theta_min(gamma, phi, rolling_resistance=rolling_resistance)
+
+
+def ascends(body: Body, *, phi: ArrayLike, theta0: ArrayLike, rolling_resistance: ArrayLike = 0.0) -> NDArray[np.bool_]:
+    """Whether the body starts from rest with theta increasing: gamma sin(theta0) > s."""
+    return np.asarray(body.gamma * np.sin(theta0) > effective_slope(phi, rolling_resistance))
+
+
+def turning_angle(body: Body, *, phi: ArrayLike, theta0: ArrayLike, rolling_resistance: ArrayLike = 0.0) -> FloatArray:
+    """How far the body turns before it stops, rad: the first zero of W beyond theta0, minus theta0.
+
+    0 where it does not start with theta increasing, inf where it never stops (it rolls over the top for ever).
+
+    W has its local minima where sin(theta) = s/gamma and cos(theta) > 0, one a turn; their depth changes by -2 pi s a
+    turn.  So the minimum that first reaches zero is known in closed form, and the zero lies between it and the maximum
+    before it, where bisection finds it to the last bit.
+    """
+    gamma, theta0, slope = np.broadcast_arrays(
+        np.asarray(body.gamma, dtype=float), np.asarray(theta0, dtype=float), effective_slope(phi, rolling_resistance)
+    )
+    starts = gamma * np.sin(theta0) > slope
+    turns = starts & (np.abs(slope) < gamma)
+    lowest = np.arcsin(np.clip(np.divide(slope, gamma, out=np.zeros_like(slope), where=gamma > 0), -1.0, 1.0))
+    start = lowest + np.mod(theta0 - lowest, 2.0 * np.pi)
+
+    def work(angle: FloatArray) -> FloatArray:
+        return 2.0 * gamma * np.sin(start + 0.5 * angle) * np.sin(0.5 * angle) - angle * slope
+
+    with np.errstate(divide="ignore", invalid="ignore"):
+        turn = np.ceil((gamma * (np.cos(start) - np.cos(lowest)) / slope - lowest + start) / (2.0 * np.pi))
+    turn = np.where(slope > 0.0, np.maximum(np.nan_to_num(turn, posinf=1.0, neginf=1.0), 1.0), 1.0)
+    high = lowest + 2.0 * np.pi * turn - start
+    low = np.pi - lowest + 2.0 * np.pi * (turn - 1.0) - start
+    turns &= work(high) <= 0.0
+    for _ in range(60):
+        middle = 0.5 * (low + high)
+        above = work(middle) > 0.0
+        low, high = np.where(above, middle, low), np.where(above, high, middle)
+    return np.where(turns, 0.5 * (low + high), np.where(starts, np.inf, 0.0))
+
+
+def turning_point(body: Body, *, phi: ArrayLike, theta0: ArrayLike, rolling_resistance: ArrayLike = 0.0) -> FloatArray:
+    """Distance from release at which the body stops, m: R times `turning_angle`; inf where it never stops."""
+    return np.asarray(body.radius * turning_angle(body, phi=phi, theta0=theta0, rolling_resistance=rolling_resistance))
+
+
+def time_derivative(square: list[FloatArray], order: int) -> FloatArray:
+    """Time derivative of `order` 2 or 4 of the speed along a curve v^2 = F(x), from [F, F', ..., F^(order)].
+
+    With a = F'/2 the acceleration:  v'' = a' v,   v'''' = (a''' v^2 + 3 a a'' + a'^2) v      (' on a: d/dx)
+
+    Any consistent units: F as (unit)^2/s^2, result unit/s^(order + 1).
+    """
+    v = np.sqrt(np.maximum(square[0], 0.0))
+    a = [0.5 * f for f in square[1:]]
+    if order == 2:
+        return np.asarray(a[1] * v)
+    if order == 4:
+        return np.asarray((a[3] * v**2 + 3.0 * a[0] * a[2] + a[1] ** 2) * v)
+    raise ValueError(f"order must be 2 or 4: {order}")
