@@ -147,18 +147,22 @@ def read_campaign_file(path: Path) -> CampaignFile:
     shared = checked(top.shared, LevelTable, places, ("shared",))
     if not runs and line is None:
         raise places.error("must hold at least one [[runs]] table or a [line] table", (), field="campaign")
-    seen: set[str] = set()
+    check_run_names([run.name for run in runs], places)
     for i, run in enumerate(runs):
-        if not re.fullmatch(r"[\w.+-]+", run.name):
-            raise places.error("must be made of letters, digits and . _ + -", ("runs", i, "name"), value=run.name)
-        if run.name in seen:
-            raise places.error("must be unique", ("runs", i, "name"), value=run.name)
-        seen.add(run.name)
         if run.body not in bodies:
             raise places.error(f"must name one of the bodies ({', '.join(bodies) or 'none defined'})", ("runs", i, "body"), value=run.body)
     if line is not None and line.body not in bodies:
         raise places.error(f"must name one of the bodies ({', '.join(bodies) or 'none defined'})", ("line", "body"), value=line.body)
     return CampaignFile(path, digest, places, top.title, top.kind, shared, bodies, runs, line)
+
+
+def check_run_names(names: Sequence[str], places: Places) -> None:
+    """Names of runs are unique and can be folder names.  Raises InputError."""
+    for i, name in enumerate(names):
+        if not re.fullmatch(r"\w[\w.+-]*", name):
+            raise places.error("must be made of letters, digits and . _ + -, a letter or digit first", ("runs", i, "name"), value=name)
+        if name in names[:i]:
+            raise places.error("must be unique", ("runs", i, "name"), value=name)
 
 
 def parse_toml(text: str, file: str) -> dict[str, Any]:

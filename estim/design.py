@@ -6,6 +6,8 @@ values, each the truth plus a normal error of its stated uncertainty.
 
 from __future__ import annotations
 
+import json
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,9 +16,9 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from estim.campaign_file import Places, checked, locate_keys, parse_toml
+from estim.campaign_file import Places, check_run_names, checked, locate_keys, parse_toml
 from estim.run import read_text
-from model import Body
+from model import Body, ascends, theta_min
 from model.simulate import frame_times, simulate_positions, simulate_theta_min
 
 FloatArray = NDArray[np.float64]
@@ -87,14 +89,33 @@ def load_design(path: str | Path) -> LoadedDesign:
     positive = {("constants", key): getattr(design.constants, key) for key in ("g", "radius_m", "mass_disk_kg", "kappa", "ramp_length_m")}
     positive |= {("instruments", key): getattr(design.instruments, key) for key in InstrumentsTable.__struct_fields__}
     for key, value in positive.items():
-        if not value > 0.0:
-            raise places.error("must be > 0", key, value=value)
+        if not (value > 0.0 and math.isfinite(value)):
+            raise places.error("must be > 0" if math.isfinite(value) else "must be finite", key, value=value)
+    if design.seed < 0:
+        raise places.error("must be >= 0", ("seed",), value=design.seed)
+    for name, body in design.bodies.items():
+        if not 0.0 < body.gamma < 1.0:
+            raise places.error("must lie between 0 and 1", ("bodies", name, "gamma"), value=body.gamma)
+    _check_runs(design, places)
+    return LoadedDesign(design, digest, Path(path).name)
+
+
+def _check_runs(design: Design, places: Places) -> None:
+    """Every run starts and has a name of its own that is a file name; every tilt of the line has a smallest angle."""
+    check_run_names([run.name for run in design.runs], places)
+    resistance = design.constants.rolling_resistance
     for i, run in enumerate(design.runs):
         if run.body not in design.bodies:
             raise places.error("must name one of the bodies", ("runs", i, "body"), value=run.body)
+        phi, theta0 = np.radians([run.phi_deg, run.theta0_deg])
+        if not ascends(_body(design, run.body), phi=phi, theta0=theta0, rolling_resistance=resistance):
+            raise places.error("must be an angle from which the body ascends", ("runs", i, "theta0_deg"), value=run.theta0_deg)
     if design.line.body not in design.bodies:
         raise places.error("must name one of the bodies", ("line", "body"), value=design.line.body)
-    return LoadedDesign(design, digest, Path(path).name)
+    smallest = theta_min(design.bodies[design.line.body].gamma, np.radians(design.line.phi_deg), rolling_resistance=resistance)
+    if np.any(np.isnan(smallest)):
+        steep = design.line.phi_deg[int(np.argmax(np.isnan(smallest)))]
+        raise places.error("must hold tilts at which the body can ascend", ("line", "phi_deg"), value=steep)
 
 
 def simulate_campaign(loaded: LoadedDesign) -> dict[str, str]:
@@ -198,11 +219,16 @@ def _theta_min_csv(design: Design, rng: np.random.Generator) -> str:
 
 
 def _campaign_toml(design: Design, shared: list[str], bodies: Mapping[str, list[str]], runs: list[list[str]]) -> str:
-    blocks = [[f'title = "{design.title}"', 'kind = "synthetic"'], ["[shared]", *shared]]
+    blocks = [[f"title = {_toml_string(design.title)}", 'kind = "synthetic"'], ["[shared]", *shared]]
     blocks += [[f"[bodies.{name}]", *lines] for name, lines in bodies.items()]
     blocks += [["[[runs]]", *lines] for lines in runs]
     blocks += [["[line]", 'file = "theta_min.csv"', f'body = "{design.line.body}"']]
     return "\n\n".join("\n".join(block) for block in blocks) + "\n"
+
+
+def _toml_string(text: str) -> str:
+    """`text` as a basic TOML string: JSON's escapes are valid ones."""
+    return json.dumps(text, ensure_ascii=False)
 
 
 def _truth_toml(design: Design) -> str:

@@ -66,6 +66,11 @@ def _positive(value: float, name: str) -> None:
         raise InputError("must be > 0 and finite", field=name, value=value)
 
 
+def _finite(value: float, name: str) -> None:
+    if not math.isfinite(value):
+        raise InputError("must be finite", field=name, value=value)
+
+
 @dataclass(frozen=True)
 class Normal:
     """Normal with mean and standard deviation."""
@@ -76,6 +81,7 @@ class Normal:
     high: float = math.inf
 
     def __post_init__(self) -> None:
+        _finite(self.mean, "mean")
         _positive(self.sd, "sd")
 
     @property
@@ -108,6 +114,7 @@ class TruncatedNormal:
     high: float
 
     def __post_init__(self) -> None:
+        _finite(self.mean, "mean")
         _positive(self.scale, "sd")
         if not self.low < self.high:
             raise InputError("must be below 'high'", field="low", value=self.low)

@@ -7,6 +7,7 @@ A plain number, also inside a string, is exact.  The uncertainty is a standard u
 from __future__ import annotations
 
 import math
+import warnings
 from dataclasses import dataclass
 
 from estim.errors import InputError
@@ -35,10 +36,10 @@ def read_quantity(source: str | float, *, field: str) -> Quantity:
     """
     if isinstance(source, bool) or not isinstance(source, (str, int, float)):
         raise InputError('must be a number or "value +/- uncertainty"', field=field, value=source)
-    if isinstance(source, (int, float)):
-        quantity = Quantity(float(source))
-    else:
-        quantity = _read_text(source.strip(), field)
+    try:
+        quantity = Quantity(float(source)) if isinstance(source, (int, float)) else _read_text(source.strip(), field)
+    except OverflowError:
+        raise InputError("must be finite", field=field, value=source) from None
     if not (math.isfinite(quantity.value) and math.isfinite(quantity.u)):
         raise InputError("must be finite", field=field, value=source)
     return quantity
@@ -50,10 +51,13 @@ def _read_text(text: str, field: str) -> Quantity:
     except ValueError:
         pass
     from uncertainties import ufloat_fromstr
+    from uncertainties.core import NegativeStdDev
 
     try:
-        number = ufloat_fromstr(text)
-    except ValueError:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", UserWarning)  # an uncertainty of 0 is refused below
+            number = ufloat_fromstr(text)
+    except (ValueError, NegativeStdDev):
         raise InputError('must read like "4.0 +/- 0.4" or "4.0(4)"', field=field, value=text) from None
     if not number.std_dev > 0.0:
         raise InputError("must have an uncertainty > 0 (write a plain number for an exact value)", field=field, value=text)

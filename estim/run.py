@@ -109,6 +109,8 @@ def read_text(path: Path, *, shown_as: str) -> tuple[str, str]:
         data = path.read_bytes()
     except OSError as error:
         raise InputError(f"cannot be read ({(error.strerror or str(error)).lower()})", file=shown_as) from None
+    except ValueError as error:  # a null character in the name
+        raise InputError(f"cannot be read ({error})", file=shown_as) from None
     try:
         return data.decode("utf-8-sig"), hashlib.sha256(data).hexdigest()
     except UnicodeDecodeError as error:
@@ -153,7 +155,10 @@ def _check_names(names: list[str], file: str, line: int) -> None:
 
 
 def _cells(line: str, names: list[str], delimiter: str, file: str, number: int) -> list[float]:
-    texts = [cell.strip() for cell in next(csv.reader([line], delimiter=delimiter))]
+    try:
+        texts = [cell.strip() for cell in next(csv.reader([line], delimiter=delimiter))]
+    except csv.Error as error:
+        raise InputError(f"cannot be split into cells ({error})", field="row", value=line, file=file, line=number) from None
     if len(texts) != len(names):
         raise InputError(f"must have {len(names)} cells", field="row", value=len(texts), file=file, line=number)
     values = []

@@ -80,7 +80,7 @@ def travel_time(
     clock = _clock(body, reach=reach, turns=turns, **keywords, n_node=n_node)
     share = np.clip(angle / np.where(reach > 0, reach, 1.0), 0.0, 1.0)
     z = np.where(turns, 4.0 / np.pi * np.arcsin(np.sqrt(share)), 2.0 * np.sqrt(share)) - 1.0
-    possible = (angle >= 0.0) & (angle <= reach) & (reach > 0.0)
+    possible = (angle >= 0.0) & (angle <= reach * (1.0 + 1e-12)) & (reach > 0.0)  # the turning point itself, rounded, included
     return np.where(possible, _evaluate(z, clock), np.nan)
 
 

@@ -1,0 +1,29 @@
+# Two commands do everything: `make report` and `make test`.  Both need Python 3.11 or newer, nothing else.
+
+PYTHON ?= python3
+VENV ?= .venv
+BIN := $(VENV)/bin
+CAMPAIGN := data/replica/campaign.toml
+OUT ?= out/replica
+
+.PHONY: report test lint clean
+
+report: $(VENV)/.installed
+	$(BIN)/estim fit $(CAMPAIGN) --out $(OUT)
+	@echo "open $(OUT)/report.md"
+
+test: $(VENV)/.installed
+	$(BIN)/python -m pytest
+
+lint: $(VENV)/.installed
+	$(BIN)/ruff check .
+	$(BIN)/mypy
+
+$(VENV)/.installed: pyproject.toml constraints.txt
+	$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "estim needs Python 3.11 or newer: make PYTHON=python3.11 ...")'
+	$(PYTHON) -m venv $(VENV)
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt --editable '.[test,dev]'
+	touch $@
+
+clean:
+	rm -rf $(VENV) out

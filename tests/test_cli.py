@@ -1,0 +1,117 @@
+"""The command line: outputs, exit codes and messages, as a user meets them."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import jsonschema
+import pytest
+
+
+def estim(*arguments: str | Path, cwd: Path | None = None) -> subprocess.CompletedProcess[str]:
+    return subprocess.run([sys.executable, "-m", "estim", *map(str, arguments)], capture_output=True, text=True, cwd=cwd, check=False)
+
+
+@pytest.fixture(scope="module")
+def fitted(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A report of one replica run."""
+    out = tmp_path_factory.mktemp("fit")
+    campaign = Path(__file__).parents[1] / "data" / "replica" / "campaign.toml"
+    done = estim("fit", campaign, "--run", "heavy-04", "--out", out, "--seed", "1")
+    assert done.returncode == 0, done.stderr
+    assert "heavy-04: ok" in done.stdout
+    assert done.stderr == ""  # no progress bar where nobody watches
+    return out
+
+
+def test_fit_writes_report_json_and_figures(fitted: Path) -> None:
+    report = (fitted / "report.md").read_text()
+    assert "SYNTHETIC" in report.splitlines()[2]
+    assert "**Status: ok**" in report
+    for figure in ("phase", "residuals", "corner", "traces"):
+        assert f"(figures/{figure}.png)" in report
+        assert (fitted / "figures" / f"{figure}.png").read_bytes().startswith(b"\x89PNG")
+    assert not list(fitted.rglob(".*"))  # no temporary file is left
+
+
+def test_result_json_keeps_to_the_published_schema(fitted: Path, project: Path) -> None:
+    from estim.result import json_schema
+
+    published = (project / "docs" / "estim-result-1.schema.json").read_bytes()
+    assert published == json_schema()
+    result = json.loads((fitted / "result.json").read_text())
+    jsonschema.validate(result, json.loads(published))
+    assert result["schema"] == "estim-result/1"
+    assert set(result["parameters"]) == {"gamma[heavy]", "kappa[heavy]", "theta0[heavy-04]", "phi[heavy-04]", "rolling_resistance", "radius"}
+    assert result["provenance"]["seed"] == 1
+
+
+def test_same_seed_gives_the_same_bytes(fitted: Path, tmp_path: Path, replica: Path) -> None:
+    estim("fit", replica / "campaign.toml", "--run", "heavy-04", "--out", tmp_path, "--seed", "1")
+    for file in ("result.json", "report.md", "figures/phase.png"):
+        assert (tmp_path / file).read_bytes() == (fitted / file).read_bytes(), file
+
+
+def test_capped_chain_writes_its_report_and_exits_with_3(tmp_path: Path, replica: Path) -> None:
+    done = estim("fit", replica / "campaign.toml", "--run", "heavy-04", "--out", tmp_path, "--max-steps", "400")
+    assert done.returncode == 3
+    assert "not-converged" in done.stdout
+    report = (tmp_path / "report.md").read_text()
+    assert "## No headline number" in report
+    assert "## Result" not in report
+    assert "raise --max-steps" in report
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (("fit", "nowhere.toml"), "nowhere.toml: cannot be read (no such file or directory)"),
+        (("fit", "{campaign}", "--run", "heavy-05"), "'run' must name one of the runs"),
+        (("fit", "{campaign}", "--seed", "-1"), "'--seed'"),
+        (("fit", "{campaign}", "--sead", "1"), "--sead"),
+        (("simulate", "{campaign}", "--out", "x"), "is not a known key"),
+    ],
+)
+def test_wrong_input_is_one_line_and_exit_code_2(arguments: tuple[str, ...], message: str, replica: Path, tmp_path: Path) -> None:
+    done = estim(*(a.replace("{campaign}", str(replica / "campaign.toml")) for a in arguments), cwd=tmp_path)
+    assert done.returncode == 2
+    assert done.stderr.startswith("error: ")
+    assert done.stderr.count("\n") == 1
+    assert message in done.stderr
+    assert done.stdout == ""
+
+
+def test_output_folder_that_cannot_be_made_is_one_line(tmp_path: Path, replica: Path) -> None:
+    (tmp_path / "file").write_text("in the way")
+    done = estim("simulate", replica / "design.toml", "--out", tmp_path / "file" / "x")
+    assert done.returncode == 2
+    assert "cannot be written" in done.stderr
+
+
+def test_help_is_quick() -> None:
+    """Start-up in the best of five tries, against 0.3 s promised; a bare interpreter is timed beside it."""
+
+    def best(*command: str) -> float:
+        times = []
+        for _ in range(5):
+            start = time.perf_counter()
+            subprocess.run(command, capture_output=True, check=True, env=os.environ | {"PYTHONWARNINGS": "ignore"})
+            times.append(time.perf_counter() - start)
+        return min(times)
+
+    bare = best(sys.executable, "-c", "pass")
+    assert best(sys.executable, "-m", "estim", "--help") < 0.3 + bare
+
+
+def test_several_runs_get_a_folder_each_and_an_index(tmp_path: Path, replica: Path) -> None:
+    done = estim("fit", replica / "campaign.toml", "--run", "heavy-04", "--run", "heavy-06", "--out", tmp_path, "--max-steps", "400")
+    assert done.returncode == 3
+    index = (tmp_path / "report.md").read_text()
+    for run in ("heavy-04", "heavy-06"):
+        assert f"[{run}]({run}/report.md)" in index
+        assert (tmp_path / run / "result.json").exists()

@@ -1,0 +1,110 @@
+"""Tests of fit quality: right models pass at the stated rate, wrong ones fail."""
+
+from __future__ import annotations
+
+import tomllib
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from estim.campaign import load_campaign
+from estim.diagnosis import diagnose
+from estim.fitting import fit_least_squares
+from estim.goodness import REJECT_BELOW, check_goodness
+from estim.sampling import Target, sample_posterior
+
+WHEEL = """
+title = "a wheel like the real one, simulated"
+kind = "synthetic"
+[shared]
+g = 9.81
+radius_m = 0.235
+phi_deg = -5.5
+[bodies.wheel]
+gamma = GAMMA
+kappa = 0.75
+[[runs]]
+name = "r"
+body = "wheel"
+file = "r.csv"
+theta0_rad = {prior = "normal", mean = 0.1, sd = 0.3}
+rolling_resistance = {prior = "half-normal", scale = 0.05}
+noise = {encoder_step_rad = 0.0125663706, derivative = "five-point", scatter = {prior = "half-normal", scale = 0.5}}
+window = {theta_min_rad = 0.5}
+"""
+
+
+def wheel(folder: Path, *, gamma: str, rng: np.random.Generator) -> Path:
+    """An encoder record of an eccentric wheel rolling down, true gamma 0.163, and a campaign that claims `gamma`."""
+    from model import Body, trajectory
+
+    body = Body(radius=0.235, gamma=0.163, kappa=0.75)
+    t = np.arange(0.03, 3.5, 0.1)
+    x, _ = trajectory(t, body, phi=np.radians(-5.5), theta0=0.15, rolling_resistance=0.03, g=9.81)
+    step = 2.0 * np.pi / 500
+    counts = np.floor(x[0] / 0.235 / step + rng.uniform())
+    (folder / "r.csv").write_text("t_s,theta_rad\n" + "\n".join(f"{a:.1f},{b * step}" for a, b in zip(t - t[0], counts, strict=True)))
+    (folder / "c.toml").write_text(WHEEL.replace("GAMMA", gamma))
+    return folder / "c.toml"
+
+
+def test_right_model_with_inferred_scatter_passes(tmp_path: Path, rng: np.random.Generator) -> None:
+    fit = fit_least_squares(load_campaign(wheel(tmp_path, gamma="0.163", rng=rng)).problem(["r"]), rng=rng)
+    (good,) = check_goodness(fit, rng=rng)
+    assert good.failed == ()
+    assert good.scatter_ratio < 2.0
+
+
+def test_wrong_model_fails_although_its_scatter_is_inferred(tmp_path: Path, rng: np.random.Generator) -> None:
+    fit = fit_least_squares(load_campaign(wheel(tmp_path, gamma="0.0", rng=rng)).problem(["r"]), rng=rng)
+    (good,) = check_goodness(fit, rng=rng)
+    assert "chi2" not in good.checks  # the inferred scatter has swallowed it
+    assert "autocorrelation" in good.failed
+    assert good.scatter_ratio > 10.0
+    chain = sample_posterior(fit.posterior, fit.values, fit.cov, target=Target(ess=400), rng=rng)
+    diagnosis = diagnose(fit, chain, (good,))
+    assert diagnosis.status == "poor-fit"
+    assert any("scatter" in reason for reason in diagnosis.reasons)
+
+
+@pytest.mark.slow
+def test_p_values_are_uniform_under_the_right_model(tmp_path: Path, rng: np.random.Generator, replica: Path) -> None:
+    """Refit data simulated from the fit itself: each test rejects 5 % of right models at the 5 % level."""
+    from dataclasses import replace
+
+    from estim.noise import covariance
+
+    problem = load_campaign(replica / "campaign.toml").problem(["heavy-06"])
+    fit = fit_least_squares(problem, rng=rng)
+    run, named = problem.runs[0], problem.named(fit.values)
+    curve = run.curve.value(run.x, run.bind(named)) + fit.posterior.whitenings[0].offset
+    factor = np.linalg.cholesky(covariance(run.noise, fit.posterior.whitenings[0], named))
+    n, below = 300, {}
+    for _ in range(n):
+        y = curve.ravel() + factor @ rng.standard_normal(run.n_obs)
+        again = fit_least_squares(replace(problem, runs=(replace(run, y=y),)), rng=rng, n_start=1)
+        (good,) = check_goodness(again, rng=rng)
+        for name, check in good.checks.items():
+            below[name] = below.get(name, 0) + (check.p_value < 0.05)
+    for name, count in below.items():
+        # priors are not redrawn here, which makes chi2 a little small: only an excess is an error of the test
+        assert count / n < 0.05 + 3.5 * np.sqrt(0.05 * 0.95 / n), name
+        if name not in ("chi2", "runs"):  # runs is discrete, its level lies below 5 %
+            assert count / n > 0.05 - 3.5 * np.sqrt(0.05 * 0.95 / n), name
+
+
+def test_understated_noise_is_a_poor_fit(replica: Path, tmp_path: Path, rng: np.random.Generator) -> None:
+    text = (replica / "campaign.toml").read_text()
+    assert "sigma_x_m = 0.001" in text
+    (tmp_path / "campaign.toml").write_text(text.replace("sigma_x_m = 0.001", "sigma_x_m = 0.0005"))
+    (tmp_path / "runs").symlink_to(replica / "runs")
+    fit = fit_least_squares(load_campaign(tmp_path / "campaign.toml").problem(["heavy-02"]), rng=rng)
+    (good,) = check_goodness(fit, rng=rng)
+    assert good.checks["chi2"].p_value < REJECT_BELOW
+
+
+def test_truth_of_the_replica_is_never_read(replica: Path) -> None:
+    truth = tomllib.loads((replica / "truth.toml").read_text())
+    assert truth["gamma[heavy]"] == 0.187
+    assert "truth" not in (replica / "campaign.toml").read_text()

@@ -1,0 +1,155 @@
+"""Motion in time against an ODE solver that shares no code with it.
+
+The reference case (gamma .187, kappa .45, 60 deg, 4 deg, .15 m, 9.81 m/s^2) turns after 1.406236634838 s.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from model import Body, speed, trajectory, travel_time, turning_point
+
+PAPER = Body(radius=0.15, gamma=0.187, kappa=0.45)
+RUN = {"phi": math.radians(4.0), "theta0": math.radians(60.0), "g": 9.81}
+WHEEL = Body.from_masses(0.235, 11.7, 3.4, kappa=(0.203 / 0.235) ** 2, rho=0.178 / 0.235, mass_trailing=0.7, particle_gyration=0.019 / 0.235 / 2**0.5)
+DOWN = {"phi": math.radians(-5.5), "theta0": math.radians(5.5), "g": 9.81}
+# a run uphill that turns, and a wheel that never stops; without and with resistance
+CASES = [
+    pytest.param(PAPER, RUN, id="uphill"),
+    pytest.param(PAPER, {**RUN, "rolling_resistance": 0.0028}, id="uphill-resisted"),
+    pytest.param(Body(0.15, 0.094, 0.45), {"phi": 0.07, "theta0": 1.31, "g": 9.81}, id="barely-starts"),
+    pytest.param(WHEEL, DOWN, id="wheel"),
+    pytest.param(WHEEL, {**DOWN, "rolling_resistance": 0.03}, id="wheel-resisted"),
+    pytest.param(Body(0.2, 0.0, 0.5), {"phi": -0.1, "theta0": 0.3, "g": 9.81}, id="balanced"),
+]
+
+
+def solve(body, run, last):
+    """Dense solution (theta, theta') of D theta'' = (g/R)(gamma sin theta - s) + gamma sin(theta + phi) theta'^2 from rest."""
+    phi, slope = run["phi"], math.sin(run["phi"]) + run.get("rolling_resistance", 0.0) * math.cos(run["phi"])
+    gamma, inertia = body.gamma, body.inertia_ratio
+
+    def motion(_, y):
+        d = 1.0 + inertia + 2.0 * gamma * math.cos(y[0] + phi)
+        return [y[1], (run["g"] / body.radius * (gamma * math.sin(y[0]) - slope) + gamma * math.sin(y[0] + phi) * y[1] ** 2) / d]
+
+    def at_rest(_, y):
+        return y[1]
+
+    at_rest.direction = -1.0
+    at_rest.terminal = True
+    return solve_ivp(motion, (0.0, last), [run["theta0"], 0.0], method="DOP853", rtol=1e-12, atol=1e-13, dense_output=True, events=at_rest)
+
+
+@pytest.mark.parametrize(("body", "run"), CASES)
+def test_trajectory_solves_the_equation_of_motion(body, run):
+    solution = solve(body, run, 3.5)
+    t = np.linspace(0.05, 0.98 * solution.t[-1], 60)
+    theta, rate = solution.sol(t)
+    x, v = trajectory(t, body, **run)
+    assert x[0] == pytest.approx(body.radius * (theta - run["theta0"]), abs=2e-9)
+    assert v[0] == pytest.approx(body.radius * rate, abs=2e-8)
+    assert x[0, -1] > 0.05
+
+
+@pytest.mark.parametrize(("body", "run"), CASES)
+def test_travel_time_is_the_inverse_of_the_ode_solution(body, run):
+    solution = solve(body, run, 3.5)
+    t = np.linspace(0.05, 0.98 * solution.t[-1], 40)
+    x = body.radius * (solution.sol(t)[0] - run["theta0"])
+    assert travel_time(x, body, **run)[0] == pytest.approx(t, abs=2e-8)
+
+
+@pytest.mark.parametrize(("body", "run"), CASES)
+def test_position_at_the_travel_time_is_the_position(body, run):
+    end = min(float(turning_point(body, phi=run["phi"], theta0=run["theta0"], rolling_resistance=run.get("rolling_resistance", 0.0))), 4.0)
+    x = np.linspace(0.01, 0.999, 30) * end
+    t = travel_time(x, body, **run)[0]
+    assert np.all(np.diff(t) > 0.0)
+    again, v = trajectory(t, body, **run)
+    assert again[0] == pytest.approx(x, rel=1e-9)
+    assert v[0] == pytest.approx(speed(x, body, **run), rel=1e-6)
+
+
+def test_reference_travel_time_to_the_turning_point():
+    end = turning_point(PAPER, phi=RUN["phi"], theta0=RUN["theta0"])
+    assert travel_time(end, PAPER, **RUN)[0, 0] == pytest.approx(1.406236634838, abs=1e-11)
+
+
+def test_sixteen_nodes_reach_a_nanosecond_on_the_reference_case():
+    end = float(turning_point(PAPER, phi=RUN["phi"], theta0=RUN["theta0"]))
+    assert travel_time(end, PAPER, **RUN, n_node=16)[0, 0] == pytest.approx(1.406236634838, abs=1e-9)
+    assert travel_time(end, PAPER, **RUN, n_node=6)[0, 0] != pytest.approx(1.406236634838, abs=1e-9)  # so few do not
+    x = np.linspace(0.02, 0.98, 25) * end
+    assert np.abs(travel_time(x, PAPER, **RUN, n_node=16) - travel_time(x, PAPER, **RUN)).max() < 1e-7
+
+
+def test_the_solver_turns_where_the_travel_time_ends():
+    solution = solve(PAPER, RUN, 3.0)
+    assert solution.t_events[0][-1] == pytest.approx(1.406236634838, abs=1e-9)
+
+
+def test_uniform_acceleration_in_closed_form():
+    balanced, t = Body(radius=0.2, gamma=0.0, kappa=0.5), np.array([0.1, 1.0, 2.0])
+    acceleration = 9.81 * math.sin(0.1) / 1.5
+    x, v = trajectory(t, balanced, phi=-0.1, theta0=0.0, g=9.81)
+    assert x[0] == pytest.approx(0.5 * acceleration * t**2, rel=1e-12)
+    assert v[0] == pytest.approx(acceleration * t, rel=1e-12)
+    assert travel_time(x[0], balanced, phi=-0.1, theta0=0.0, g=9.81)[0] == pytest.approx(t, rel=1e-12)
+
+
+def test_at_rest_before_the_release():
+    x, v = trajectory([-1.0, -1e-9, 0.0, 0.1], PAPER, **RUN)
+    assert x[0, :3].tolist() == [0.0, 0.0, 0.0]
+    assert v[0, :3].tolist() == [0.0, 0.0, 0.0]
+    assert x[0, 3] > 0.0
+
+
+def test_nothing_is_said_after_the_turning_point():
+    x, v = trajectory([1.4062, 1.4063, 5.0], PAPER, **RUN)
+    assert np.isnan(x[0]).tolist() == [False, True, True]
+    assert np.isnan(v[0]).tolist() == [False, True, True]
+    assert x[0, 0] == pytest.approx(0.449757007, abs=1e-8)
+    assert np.isnan(travel_time([0.4497, 0.4498, -0.01], PAPER, **RUN)[0]).tolist() == [False, True, True]
+
+
+def test_a_body_that_does_not_start_is_nowhere():
+    still = {"phi": 0.1, "theta0": 0.0}
+    x, v = trajectory([-0.1, 0.0, 0.5], PAPER, **still)
+    assert np.isnan(x[0]).tolist() == [False, False, True]
+    assert np.isnan(v[0]).tolist() == [False, False, True]
+    assert np.isnan(travel_time([0.1, 0.2], PAPER, **still)).all()
+
+
+def test_the_wheel_is_known_far_down_the_ramp():
+    # 15 rad, as far as the measurements go, and the same whatever else is asked for
+    x = np.array([0.5, 5.0, 15.0]) * 0.235
+    t = travel_time(x, WHEEL, **DOWN)[0]
+    assert travel_time(x[:1], WHEEL, **DOWN)[0, 0] == pytest.approx(t[0], abs=1e-10)
+    assert trajectory(t[-1:], WHEEL, **DOWN)[0][0] == pytest.approx(x[-1:], rel=1e-10)
+
+
+def test_draws_together_equal_one_by_one(rng):
+    n_draw, t = 6, np.linspace(-0.1, 2.5, 40)
+    columns = {
+        "radius": rng.uniform(0.1, 0.2, (n_draw, 1)), "gamma": rng.uniform(0.1, 0.2, (n_draw, 1)), "kappa": rng.uniform(0.3, 0.6, (n_draw, 1)),
+        "phi": np.array([[0.05], [0.07], [-0.3], [0.02], [-0.2], [0.3]]), "theta0": rng.uniform(0.9, 1.2, (n_draw, 1)),
+        "rolling_resistance": rng.uniform(0.0, 0.01, (n_draw, 1)), "g": rng.uniform(9.7, 9.9, (n_draw, 1)),
+    }  # some turn, some roll for ever, the last does not start
+
+    def evaluate(at):
+        body = Body(at["radius"], at["gamma"], at["kappa"])
+        motion = {name: at[name] for name in ("phi", "theta0", "rolling_resistance", "g")}
+        return (*trajectory(t, body, **motion), travel_time(np.linspace(0.0, 0.5, 11), body, **motion))
+
+    together = evaluate(columns)
+    assert [a.shape for a in together] == [(6, 40), (6, 40), (6, 11)]
+    for row in range(n_draw):
+        for all_draws, one in zip(together, evaluate({k: float(v[row, 0]) for k, v in columns.items()}), strict=True):
+            assert all_draws[row] == pytest.approx(one[0], abs=2e-9, nan_ok=True)
+    assert np.isnan(together[0][5, t > 0]).all()
+    assert np.isfinite(together[0][2]).all()

@@ -1,0 +1,164 @@
+"""Priors: densities by numerical integration, residuals against densities, draws against moments."""
+
+from __future__ import annotations
+
+import math
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from scipy import stats
+from scipy.integrate import quad
+
+from estim import InputError
+from estim.priors import HalfNormal, LogNormal, Normal, TruncatedNormal, Uniform
+
+PRIORS = [
+    pytest.param(Normal(0.187, 0.01), stats.norm(0.187, 0.01), id="normal"),
+    pytest.param(TruncatedNormal(0.02, 0.03, 0.0, math.inf), stats.truncnorm(-2 / 3, math.inf, 0.02, 0.03), id="cut-below"),
+    pytest.param(TruncatedNormal(0.5, 0.4, 0.2, 0.9), stats.truncnorm(-0.75, 1.0, 0.5, 0.4), id="cut-on-both-sides"),
+    pytest.param(TruncatedNormal(-0.1, 0.05, 0.0, math.inf), stats.truncnorm(2.0, math.inf, -0.1, 0.05), id="mean-outside"),
+    pytest.param(TruncatedNormal(1.2, 0.05, -math.inf, 1.0), stats.truncnorm(-math.inf, -4.0, 1.2, 0.05), id="cut-above"),
+    pytest.param(Uniform(-0.3, 0.6), stats.uniform(-0.3, 0.9), id="uniform"),
+    pytest.param(HalfNormal(0.005), stats.halfnorm(0.0, 0.005), id="half-normal"),
+    pytest.param(LogNormal(0.001, 0.5), stats.lognorm(0.5, 0.0, 0.001), id="log-normal"),
+]
+
+ALONE = [pytest.param(case.values[0], id=case.id) for case in PRIORS]
+
+
+def _inside(law, n=41):
+    return law.ppf(np.linspace(0.01, 0.99, n))
+
+
+@pytest.mark.parametrize(("prior", "law"), PRIORS)
+def test_density_integrates_to_one(prior, law):
+    breaks = law.ppf([1e-13, 0.001, 0.5, 0.999, 1 - 1e-13])
+    total = sum(quad(lambda v: math.exp(float(prior.log_density(v))), a, b, epsabs=1e-12)[0] for a, b in pairwise(breaks))
+    assert total == pytest.approx(1.0, abs=1e-8)
+
+
+@pytest.mark.parametrize(("prior", "law"), PRIORS)
+def test_density_support_and_moments_are_those_of_the_law(prior, law):
+    value = _inside(law)
+    assert prior.log_density(value) == pytest.approx(law.logpdf(value), rel=1e-9, abs=1e-9)
+    assert prior.sd == pytest.approx(law.std(), rel=1e-9)
+    assert (prior.low, prior.high) == pytest.approx(law.support())
+
+
+@pytest.mark.parametrize(("prior", "law"), PRIORS)
+def test_half_the_squared_residual_is_minus_the_log_density_up_to_a_constant(prior, law):
+    value = _inside(law)
+    constant = np.array([0.5 * prior.residual(float(v)) ** 2 for v in value]) + prior.log_density(value)
+    assert np.ptp(constant) < 1e-9
+    if not isinstance(prior, Uniform):
+        assert np.ptp(prior.log_density(value)) > 0.1
+
+
+@pytest.mark.parametrize(("prior", "law"), PRIORS)
+def test_residual_slope_is_the_difference_quotient(prior, law):
+    for v in _inside(law, 7):
+        step = 1e-5 * law.std()
+        numeric = (prior.residual(v + step) - prior.residual(v - step)) / (2 * step)
+        assert prior.residual_slope(v) == pytest.approx(numeric, rel=1e-6, abs=1e-12)
+
+
+@pytest.mark.parametrize(("prior", "law"), PRIORS)
+def test_draws_follow_the_law(prior, law, rng):
+    n = 20_000
+    draws = prior.draw(rng, n)
+    assert draws.shape == (n,)
+    assert np.all((draws >= prior.low) & (draws <= prior.high))
+    assert draws.mean() == pytest.approx(law.mean(), abs=4 * law.std() / math.sqrt(n))
+    kurtosis = float(law.stats(moments="k"))
+    assert draws.std() == pytest.approx(law.std(), rel=4 * math.sqrt((kurtosis + 2) / (4 * n)))
+    assert stats.kstest(draws, law.cdf).pvalue > 1e-4
+    # a law five per cent wider would be noticed
+    assert stats.kstest(draws, lambda v: law.cdf(law.median() + (v - law.median()) / 1.05)).pvalue < 0.05
+
+
+@pytest.mark.parametrize("prior", ALONE)
+def test_the_same_generator_gives_the_same_draws(prior):
+    a, b, c = (prior.draw(np.random.default_rng(seed), 5) for seed in (1, 1, 2))
+    assert np.array_equal(a, b)
+    assert not np.array_equal(a, c)
+
+
+@pytest.mark.parametrize(("prior", "law"), PRIORS)
+def test_a_fit_may_start_at_the_centre(prior, law):
+    assert prior.low < prior.centre < prior.high or math.isinf(prior.low)
+    assert np.isfinite(prior.log_density(prior.centre))
+    assert 0.01 < law.cdf(prior.centre) < 0.99
+
+
+@pytest.mark.parametrize("prior", ALONE)
+def test_density_takes_any_shape_and_is_zero_outside_the_support(prior):
+    assert prior.log_density(np.full((3, 1), prior.centre)).shape == (3, 1)
+    assert np.shape(prior.log_density(prior.centre)) == ()
+    for outside in (prior.low - 1e-6, prior.high + 1e-6):
+        if math.isfinite(outside):
+            assert prior.log_density(outside) == -math.inf
+            assert prior.log_density(np.array([prior.centre, outside]))[1] == -math.inf
+
+
+def test_mode_of_the_log_normal_lies_below_its_median():
+    # the residual is zero at the mode exp(mu - sd^2), where the density is largest
+    prior = LogNormal(0.3, 0.5)
+    mode = 0.3 * math.exp(-0.25)
+    assert prior.residual(mode) == pytest.approx(0.0, abs=1e-14)
+    grid = np.linspace(0.05, 1.0, 100_001)
+    assert grid[np.argmax(prior.log_density(grid))] == pytest.approx(mode, abs=2e-5)
+
+
+def test_a_cut_far_away_changes_nothing():
+    value = np.linspace(0.1, 0.3, 9)
+    assert TruncatedNormal(0.2, 0.01, 0.0, math.inf).log_density(value) == pytest.approx(Normal(0.2, 0.01).log_density(value), abs=1e-12)
+
+
+def test_a_wide_cut_normal_tends_to_the_half_normal():
+    value = np.linspace(0.0, 0.02, 9)
+    assert TruncatedNormal(0.0, 0.005, 0.0, math.inf).log_density(value) == pytest.approx(HalfNormal(0.005).log_density(value), abs=1e-12)
+
+
+def test_log_normal_keeps_clear_of_zero_and_below():
+    assert LogNormal(1.0, 1.0).log_density(np.array([0.0, -1.0])).tolist() == [-math.inf, -math.inf]
+    assert math.isfinite(LogNormal(1.0, 1.0).residual(0.0))
+    assert math.isfinite(LogNormal(1.0, 1.0).residual_slope(0.0))
+
+
+@pytest.mark.parametrize(
+    ("make", "told"),
+    [
+        (lambda: Normal(0.0, 0.0), "'sd' must be > 0 and finite: 0.0"),
+        (lambda: Normal(0.0, -1.0), "'sd' must be > 0 and finite: -1.0"),
+        (lambda: Normal(0.0, math.nan), "'sd' must be > 0 and finite: nan"),
+        (lambda: Normal(0.0, math.inf), "'sd' must be > 0 and finite: inf"),
+        (lambda: TruncatedNormal(0.0, 0.0, 0.0, 1.0), "'sd' must be > 0 and finite: 0.0"),
+        (lambda: TruncatedNormal(0.0, 1.0, 1.0, 1.0), "'low' must be below 'high': 1.0"),
+        (lambda: TruncatedNormal(0.0, 1.0, math.nan, 1.0), "'low' must be below 'high': nan"),
+        (lambda: TruncatedNormal(-20.0, 1.0, 0.0, math.inf), "'mean' must leave some of the normal distribution"),
+        (lambda: Uniform(1.0, 1.0), "'low' must be below 'high': 1.0"),
+        (lambda: Uniform(0.0, math.inf), "'low, high' must be finite for a uniform prior"),
+        (lambda: HalfNormal(0.0), "'scale' must be > 0 and finite: 0.0"),
+        (lambda: LogNormal(0.0, 1.0), "'median' must be > 0 and finite: 0.0"),
+        (lambda: LogNormal(1.0, -1.0), "'log_sd' must be > 0 and finite: -1.0"),
+    ],
+)
+def test_impossible_priors_are_refused(make, told):
+    with pytest.raises(InputError) as caught:
+        make()
+    assert str(caught.value).startswith(told)
+
+
+@pytest.mark.parametrize("mean", [math.nan, math.inf])
+def test_a_mean_that_is_no_number_is_refused(mean):
+    with pytest.raises(InputError):
+        Normal(mean, 1.0)
+    with pytest.raises(InputError):
+        TruncatedNormal(mean, 1.0, 0.0, 1.0)
+
+
+@pytest.mark.parametrize("prior", ALONE)
+def test_priors_describe_themselves(prior):
+    words = prior.describe()
+    assert words.startswith(("normal", "uniform in [-0.3, 0.6]", "half-normal, scale 0.005", "log-normal, median 0.001"))

@@ -1,0 +1,128 @@
+"""Reading and rounding quantities.  Rounding rule: Particle Data Group, Review of Particle Physics, introduction, 5.3."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+from uncertainties import ufloat_fromstr
+
+from estim import InputError
+from estim.quantity import Quantity, format_quantity, format_rounded, read_quantity
+
+
+@pytest.mark.parametrize(
+    ("text", "value", "u"),
+    [
+        ("4.0 +/- 0.4", 4.0, 0.4),
+        ("4.0+/-0.4", 4.0, 0.4),
+        ("4.0±0.4", 4.0, 0.4),
+        ("0.1500(5)", 0.15, 0.0005),
+        ("0.072(5)", 0.072, 0.005),
+        ("38.8(1.5)", 38.8, 1.5),
+        ("60.0(15)", 60.0, 1.5),
+        ("-5.50(25)", -5.5, 0.25),
+        ("1.5(2)e-3", 1.5e-3, 2e-4),
+        ("(4.0 +/- 0.4)e2", 400.0, 40.0),
+        ("  4.0(4)\n", 4.0, 0.4),
+        ("4", 4.0, 0.0),
+        ("4e-3", 0.004, 0.0),
+        (4, 4.0, 0.0),
+        (-0.5, -0.5, 0.0),
+    ],
+)
+def test_reads_value_and_uncertainty(text, value, u):
+    quantity = read_quantity(text, field="phi_deg")
+    assert quantity.value == pytest.approx(value, rel=1e-14)
+    assert quantity.u == pytest.approx(u, rel=1e-12)
+    assert quantity.exact == (u == 0.0)
+
+
+def test_digits_in_parentheses_belong_to_the_last_digits():
+    assert read_quantity("0.187(10)", field="f").u == pytest.approx(0.010)
+    assert read_quantity("0.187(1)", field="f").u == pytest.approx(0.001)
+
+
+@pytest.mark.parametrize("source", ["nonsense", "", " ", "4.0 +/-", "4,0(4)", "4.0 4", "0x10", "4.0(4", "4.0 degrees", "__import__('os')"])
+def test_what_is_no_quantity_is_refused(source):
+    with pytest.raises(InputError, match=r"^'phi_deg' must read like \"4\.0 \+/- 0\.4\" or \"4\.0\(4\)\": ") as caught:
+        read_quantity(source, field="phi_deg")
+    assert caught.value.value == source.strip()
+
+
+@pytest.mark.parametrize("source", ["nan", "inf", "-inf", "1e400", "4 +/- inf", math.nan, math.inf])
+def test_what_is_not_finite_is_refused(source):
+    with pytest.raises(InputError, match=r"^'phi_deg' must be finite: "):
+        read_quantity(source, field="phi_deg")
+
+
+@pytest.mark.parametrize("source", ["nan(1)", "4 +/- nan", pytest.param("10" * 200, id="long-text"), pytest.param(10**400, id="long-number")])
+def test_what_is_neither_finite_nor_usual_is_refused_too(source):
+    with pytest.raises(InputError, match=r"^'phi_deg' must "):
+        read_quantity(source, field="phi_deg")
+
+
+@pytest.mark.parametrize("source", ["4.0 +/- 0", "4.0(0)", "4.0 +/- 0.0"])
+def test_zero_uncertainty_is_refused_because_a_plain_number_says_it(source):
+    with pytest.raises(InputError, match=r"^'phi_deg' must have an uncertainty > 0 "):
+        read_quantity(source, field="phi_deg")
+
+
+def test_negative_uncertainty_is_refused():
+    with pytest.raises(InputError, match=r"^'phi_deg' must .*: 4.0 "):
+        read_quantity("4.0 +/- -0.4", field="phi_deg")
+
+
+@pytest.mark.parametrize("source", [True, None, [4.0], {"value": 4}])
+def test_only_numbers_and_text_are_quantities(source):
+    with pytest.raises(InputError, match="must be a number or"):
+        read_quantity(source, field="phi_deg")
+
+
+def test_another_unit_scales_both_parts_and_keeps_the_uncertainty_positive():
+    assert Quantity(4.0, 0.4).scaled(math.pi / 180) == Quantity(4.0 * (math.pi / 180), 0.4 * (math.pi / 180))
+    assert Quantity(4.0, 0.4).scaled(-2.0) == Quantity(-8.0, 0.8)
+    assert Quantity(4.0).scaled(3.0).exact
+
+
+# rounding
+
+
+@pytest.mark.parametrize(
+    ("value", "u", "text", "short"),
+    [
+        # three leading digits of u up to 354: two digits; up to 949: one; above: rounded up to 1000 and two digits
+        (0.827, 0.119, "0.83 ± 0.12", "0.83(12)"),
+        (0.827, 0.367, "0.8 ± 0.4", "0.8(4)"),
+        (0.187, 0.0100, "0.187 ± 0.010", "0.187(10)"),
+        (0.1234, 0.0354, "0.123 ± 0.035", "0.123(35)"),
+        (0.1234, 0.0356, "0.12 ± 0.04", "0.12(4)"),
+        (0.1234, 0.0949, "0.12 ± 0.09", "0.12(9)"),
+        (0.1234, 0.0950, "0.12 ± 0.10", "0.12(10)"),
+        (-5.5, 0.25, "-5.50 ± 0.25", "-5.50(25)"),
+    ],
+)
+def test_rounding_follows_the_particle_data_group(value, u, text, short):
+    assert format_quantity(value, u) == text
+    assert format_quantity(value, u, plus_minus=False) == short
+
+
+@pytest.mark.parametrize(("value", "u"), [(0.187, 0.0101), (61.7, 1.5), (1.2e-7, 3e-9), (123456.0, 2000.0), (0.0, 0.3)])
+def test_what_is_written_reads_back_within_the_rounding(value, u):
+    read = ufloat_fromstr(format_quantity(value, u, plus_minus=False))
+    assert read.nominal_value == pytest.approx(value, abs=0.15 * u)
+    assert read.std_dev == pytest.approx(u, rel=0.15)
+
+
+@pytest.mark.parametrize("u", [None, 0.0, -1.0, math.nan, math.inf])
+def test_without_a_usable_uncertainty_six_digits_are_shown(u):
+    assert format_quantity(1.23456789, u) == "1.23457"
+
+
+def test_no_number_is_not_available():
+    assert format_quantity(math.nan, 0.1) == format_quantity(math.inf) == format_rounded(math.nan, 0.1) == "n/a"
+
+
+@pytest.mark.parametrize(("value", "u", "text"), [(0.187321, 0.0101, "0.187"), (61.7321, 1.52, "61.7"), (1234.56, 200.0, "1235"), (0.5, 0.0, "0.5")])
+def test_a_value_alone_keeps_one_digit_beyond_its_uncertainty(value, u, text):
+    assert format_rounded(value, u) == text

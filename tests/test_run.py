@@ -1,0 +1,224 @@
+"""Reading a run: what is accepted, every refusal with its place, and the wheel's files as the laboratory wrote them."""
+
+from __future__ import annotations
+
+import hashlib
+
+import numpy as np
+import pytest
+
+from estim import InputError
+from estim.run import read_run
+
+ROWS = [(0.0, 0.001), (0.1, 0.004), (0.2, 0.009), (0.3, 0.016), (0.4, 0.025), (0.5, 0.036)]
+
+
+def table(header="t_s,x_m", rows=ROWS, mark=","):
+    return "\n".join([header, *(mark.join(str(cell) for cell in row) for row in rows), ""])
+
+
+@pytest.fixture
+def write(tmp_path):
+    def write(content, name="a.csv"):
+        path = tmp_path / name
+        path.write_bytes(content if isinstance(content, bytes) else content.encode())
+        return path
+
+    return write
+
+
+# accepted
+
+
+def test_numbers_names_and_lines_come_back_unchanged(write):
+    path = write(table())
+    run = read_run(path, name="one", shown_as="runs/a.csv")
+    assert (run.name, run.file, run.n_row) == ("one", "runs/a.csv", 6)
+    assert run.columns["t_s"].tolist() == [row[0] for row in ROWS]
+    assert run.columns["x_m"].tolist() == [row[1] for row in ROWS]
+    assert run.lines.tolist() == [2, 3, 4, 5, 6, 7]
+    assert (run.coordinate, run.rate) == ("x_m", "v_m_s")
+    assert run.sha256 == hashlib.sha256(path.read_bytes()).hexdigest()
+
+
+def test_angles_are_a_coordinate_too(write):
+    run = read_run(write(table("theta_rad,omega_rad_s")), name="one")
+    assert (run.coordinate, run.rate) == ("theta_rad", "omega_rad_s")
+
+
+@pytest.mark.parametrize("mark", [",", ";", "\t", " , ", "; "])
+def test_commas_semicolons_and_tabs_separate(write, mark):
+    plain = read_run(write(table()), name="one")
+    run = read_run(write(table(mark.join(["t_s", "x_m"]), mark=mark)), name="one")
+    assert all(np.array_equal(run.columns[c], plain.columns[c]) for c in ("t_s", "x_m"))
+
+
+@pytest.mark.parametrize("end", ["\n", "\r\n", "\r"])
+def test_any_line_ending_and_a_byte_order_mark_are_read(write, end):
+    run = read_run(write(b"\xef\xbb\xbf" + table().replace("\n", end).encode()), name="one")
+    assert run.columns["x_m"].tolist() == [row[1] for row in ROWS]
+
+
+def test_comments_and_blank_lines_are_skipped_and_lines_still_count(write):
+    lines = table().splitlines()
+    text = "\n".join(["# a run", "# t_s in seconds", "", lines[0], "", lines[1], "# in between", *lines[2:], "", ""])
+    run = read_run(write(text), name="one")
+    assert run.columns["x_m"].tolist() == [row[1] for row in ROWS]
+    assert run.lines.tolist() == [6, 8, 9, 10, 11, 12]
+
+
+def test_order_of_columns_does_not_matter(write):
+    run = read_run(write(table("x_m,t_s", [row[::-1] for row in ROWS])), name="one")
+    assert run.columns["t_s"].tolist() == [row[0] for row in ROWS]
+
+
+def test_a_column_that_begins_with_an_underscore_is_left_unread(write):
+    run = read_run(write(table("t_s,_note,x_m", [(t, "what?", x) for t, x in ROWS])), name="one")
+    assert set(run.columns) == {"t_s", "x_m"}
+
+
+def test_labview_header_is_understood(write):
+    text = "%Time (s)\tTheta (rad)\tOmega (rad/s)\n\t%2/27/201510:38 AM\n" + table("", [(*row, 0.1) for row in ROWS], "\t").lstrip()
+    run = read_run(write(text), name="one")
+    assert set(run.columns) == {"t_s", "theta_rad", "omega_rad_s"}
+    assert run.lines[0] == 3
+
+
+def test_numbers_may_be_written_with_exponents_and_signs(write):
+    run = read_run(write(table(rows=[(0, "-1e-3"), (1, "+2.5E-3"), (2, ".5"), (3, "6."), (4, "7")])), name="one")
+    assert run.columns["x_m"].tolist() == [-0.001, 0.0025, 0.5, 6.0, 7.0]
+
+
+def test_speeds_without_times_are_a_run(write):
+    run = read_run(write(table("x_m,v_m_s,sigma_v_m_s", [(0.1, 1, 0.01)] * 5)), name="one")
+    assert "t_s" not in run.columns
+
+
+def test_columns_cannot_be_written_to(write):
+    run = read_run(write(table()), name="one")
+    with pytest.raises(ValueError, match="read-only"):
+        run.columns["x_m"][0] = 1.0
+    with pytest.raises(TypeError):
+        run.columns["x_m"] = run.columns["t_s"]
+
+
+# refused
+
+
+def _changed(row, cell):
+    """The table with one cell of data row `row` (0 is on line 2) replaced."""
+    rows = [list(r) for r in ROWS]
+    rows[row][cell[0]] = cell[1]
+    return table(rows=rows)
+
+
+KNOWN = "t_s, x_m, v_m_s, theta_rad, omega_rad_s, sigma_x_m, sigma_v_m_s"
+ONE = "a.csv:1: 'header' must hold exactly one of x_m and theta_rad: "
+TIME_OR_SPEED = "a.csv:1: 'header' must hold a time (t_s) or a speed (v_m_s, omega_rad_s): "
+REFUSED = {
+    "empty file": ("", "a.csv: has no line of column names"),
+    "only comments": ("# nothing\n\n# here\n", "a.csv: has no line of column names"),
+    "no header": (table().split("\n", 1)[1], f"a.csv:1: 'header' must hold column names ({KNOWN}): 0.0,0.001"),
+    "unknown column": (table("t_s,x_cm"), f"a.csv:1: 'x_cm' is not a column name (known: {KNOWN}; start a name with _ to skip it)"),
+    "repeated column": (table("t_s,x_m,x_m", [(*r, 1) for r in ROWS]), "a.csv:1: 'x_m' stands twice in the header"),
+    "both coordinates": (table("t_s,x_m,theta_rad", [(*r, 1) for r in ROWS]), ONE + "t_s, x_m, theta_rad"),
+    "no coordinate": (table("t_s,v_m_s"), ONE + "t_s, v_m_s"),
+    "position only": (table("x_m,sigma_x_m", [(1, 1)] * 5), TIME_OR_SPEED + "x_m, sigma_x_m"),
+    "word for a number": (_changed(2, (1, "far")), "a.csv:4: 'x_m' must be a number: far"),
+    "decimal comma": (table("t_s;x_m", [(t, str(x).replace(".", ",")) for t, x in ROWS], ";"), "a.csv:2: 'x_m' must be a number: 0,001"),
+    "date for a number": (_changed(1, (0, "2015-02-27")), "a.csv:3: 't_s' must be a number: 2015-02-27"),
+    "blank cell": (_changed(3, (1, "")), "a.csv:5: 'x_m' must be a number: "),
+    "nan": (_changed(4, (1, "nan")), "a.csv:6: 'x_m' must be finite: nan"),
+    "inf": (_changed(5, (1, "-inf")), "a.csv:7: 'x_m' must be finite: -inf"),
+    "too large": (_changed(0, (1, "1e999")), "a.csv:2: 'x_m' must be finite: 1e999"),
+    "cell too many": (_changed(1, (1, "0.004,9")), "a.csv:3: 'row' must have 2 cells: 3"),
+    "cell too few": (table().replace("0.2,0.009", "0.2"), "a.csv:4: 'row' must have 2 cells: 1"),
+    "time back": (_changed(3, (0, 0.15)), "a.csv:5: 't_s' must increase from row to row: 0.15"),
+    "time again": (_changed(2, (0, 0.1)), "a.csv:4: 't_s' must increase from row to row: 0.1"),
+    "negative sigma": (table("x_m,v_m_s,sigma_v_m_s", [(1, 1, 0.1)] * 4 + [(1, 1, -0.1)]), "a.csv:6: 'sigma_v_m_s' must be > 0: -0.1"),
+    "zero sigma": (table("t_s,x_m,sigma_x_m", [(*r, 0) for r in ROWS]), "a.csv:2: 'sigma_x_m' must be > 0: 0.0"),
+    "too few rows": (table(rows=ROWS[:4]), "a.csv: 'rows' must hold at least 5 rows of numbers: 4"),
+    "not utf-8": (table().encode() + b"# caf\xe9\n", "a.csv:8: 'byte' must be UTF-8 text: b'\\xe9'"),
+    "utf-16": (table().encode("utf-16"), "a.csv:1: 'byte' must be UTF-8 text: b'\\xff'"),
+}
+
+
+@pytest.mark.parametrize("mistake", REFUSED)
+def test_refused_with_file_line_field_rule_and_value(write, mistake):
+    text, told = REFUSED[mistake]
+    with pytest.raises(InputError) as caught:
+        read_run(write(text), name="one", shown_as="a.csv")
+    assert str(caught.value).startswith(told)
+    assert "\n" not in str(caught.value)
+
+
+def test_nul_bytes_are_refused_in_words(write):
+    with pytest.raises(InputError, match=r"^a\.csv:3: "):
+        read_run(write(table().replace("0.004", "0.0\x0004")), name="one", shown_as="a.csv")
+
+
+def test_an_unclosed_quote_is_refused_in_words(write):
+    with pytest.raises(InputError, match=r"^a\.csv:3: "):
+        read_run(write(table().replace("0.1,0.004", '"0.1,0.004')), name="one", shown_as="a.csv")
+
+
+def test_a_huge_cell_is_refused_in_words(write):
+    with pytest.raises(InputError, match=r"^a\.csv:3: ") as caught:
+        read_run(write(table().replace("0.004", "x" * 200_000)), name="one", shown_as="a.csv")
+    assert len(str(caught.value)) < 200
+
+
+def test_a_missing_file_is_named(tmp_path):
+    with pytest.raises(InputError, match=r"^runs/none\.csv: cannot be read \(no such file or directory\)$"):
+        read_run(tmp_path / "none.csv", name="one", shown_as="runs/none.csv")
+
+
+def test_a_folder_is_no_run(tmp_path):
+    with pytest.raises(InputError, match=r"^a\.csv: cannot be read \(is a directory\)$"):
+        read_run(tmp_path, name="one", shown_as="a.csv")
+
+
+def test_a_file_name_with_a_null_is_refused_in_words(tmp_path):
+    with pytest.raises(InputError, match="cannot be read"):
+        read_run(tmp_path / "a\0.csv", name="one", shown_as="a.csv")
+
+
+# the wheel's files, read as they are (University of Colorado Boulder, ASEN 2003 lab 4)
+
+WHEEL = [
+    *(f"class_2015/balanced_{i}" for i in (1, 2, 3, 4)), *(f"class_2015/unbalanced_{i}" for i in (1, 2, 3)),
+    *(f"mixed_2014_2018/{kind}_{i}" for kind in ("balanced", "unbalanced") for i in (1, 2)),
+]
+
+
+@pytest.mark.parametrize("file", WHEEL)
+def test_wheel_files_read_as_they_are(shared, file):
+    path = shared / "wheel" / f"{file}.txt"
+    run = read_run(path, name="wheel")
+    expected = [line.split("\t") for line in path.read_text().splitlines()[2:] if line.strip()]
+    assert run.n_row == len(expected)
+    assert run.lines[0] == 3
+    for column, name in enumerate(("t_s", "theta_rad", "omega_rad_s")):
+        assert run.columns[name].tolist() == [float(cells[column]) for cells in expected]
+    assert np.diff(run.columns["t_s"]) == pytest.approx(np.full(run.n_row - 1, 0.1), abs=1e-9)
+
+
+@pytest.mark.parametrize("file", WHEEL)
+def test_wheel_angles_are_counts_of_an_encoder_with_500_steps(shared, file):
+    counts = read_run(shared / "wheel" / f"{file}.txt", name="wheel").columns["theta_rad"] * 500 / (2 * np.pi)
+    assert counts == pytest.approx(np.rint(counts), abs=0.51e-4 * 500 / (2 * np.pi))
+
+
+@pytest.mark.parametrize("file", WHEEL)
+def test_wheel_rates_are_the_five_point_derivative_of_the_counts(shared, file):
+    from estim.derivative import STENCILS, differentiate
+
+    run = read_run(shared / "wheel" / f"{file}.txt", name="wheel")
+    theta = np.rint(run.columns["theta_rad"] * 500 / (2 * np.pi)) * 2 * np.pi / 500  # undo the printing to four digits
+    derivative = differentiate(run.columns["t_s"], theta, STENCILS["five-point"])
+    assert derivative.interval == pytest.approx(0.1, rel=1e-12)
+    printed = run.columns["omega_rad_s"][derivative.rows]
+    inside = slice(3, None)  # the first rows of a file were made with counts from before its beginning
+    assert derivative.value[inside] == pytest.approx(printed[inside], abs=0.51e-4)
+    central = differentiate(run.columns["t_s"], theta, STENCILS["central"])
+    assert np.abs(central.value[1:-1][inside] - printed[inside]).max() > 0.01  # and by no other stencil
