@@ -19,7 +19,7 @@ from estim.curve import Derived, LocalCurve
 from estim.errors import InputError
 from estim.levels import Level, Levels, as_prior, read_key
 from estim.observing import observe
-from estim.priors import Prior
+from estim.priors import Normal, Prior
 from estim.problem import Observations, Parameter, Problem
 from estim.quantity import Quantity
 from estim.run import Run, read_run
@@ -184,7 +184,15 @@ def bind_quantities(source: CampaignFile, levels: Iterable[Level], *, where: str
 
     Raises InputError where one is missing, said twice at one level, or out of its physical range.
     """
-    return {name: _bind(source, tuple(levels), name, where) for name in _QUANTITIES}
+    tables = tuple(levels)
+    bound = {name: _bind(source, tables, name, where) for name in _QUANTITIES}
+    centre = {name: b.source if isinstance(b.source, float) else b.source.centre for name, b in bound.items()}
+    others = centre["gamma"] / centre["rho"] + centre["trailing_fraction"]
+    if others > 1.0:
+        home = next((level for level in tables if level.table.gamma is not None), tables[0])
+        rule = "leaves no mass for the disk: gamma/rho + trailing_fraction must be at most 1"
+        raise source.places.error(rule, (*home.path, "gamma"), value=others)
+    return bound
 
 
 def _bind(source: CampaignFile, levels: tuple[Level, ...], name: str, where: str) -> Bound:
@@ -213,6 +221,10 @@ def _checked(source: CampaignFile, value: Quantity | Prior, kind: _Kind, path: t
         raise source.places.error(f"must be {'>=' if kind.zero else '>'} {kind.low:g}", path, value=centre)
     if isinstance(value, Quantity):
         return value.value if value.exact else as_prior(value, low=kind.low)
+    if isinstance(value, Normal):
+        return as_prior(Quantity(value.mean, value.sd), low=kind.low)
+    if value.low < kind.low:
+        raise source.places.error(f"must have a prior that does not reach below {kind.low:g}", path, value=value.describe())
     return value
 
 

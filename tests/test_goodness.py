@@ -69,7 +69,7 @@ def test_wrong_model_fails_although_its_scatter_is_inferred(tmp_path: Path, rng:
 
 
 @pytest.mark.slow
-def test_p_values_are_uniform_under_the_right_model(tmp_path: Path, rng: np.random.Generator, replica: Path) -> None:
+def test_p_values_are_uniform_under_the_right_model(rng: np.random.Generator, replica: Path) -> None:
     """Refit data simulated from the fit itself: each test rejects 5 % of right models at the 5 % level."""
     from dataclasses import replace
 

@@ -30,7 +30,7 @@ radius_m = 0.15
 phi_deg = 4.0
 [bodies.heavy]
 gamma = {prior = "uniform", low = 0.05, high = 0.40}
-kappa = {prior = "uniform", low = -0.5, high = 2.0}
+kappa = {prior = "uniform", low = 0.0, high = 2.0}
 [[runs]]
 name = "r"
 body = "heavy"
