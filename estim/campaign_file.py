@@ -19,7 +19,7 @@ import msgspec
 from estim.errors import InputError
 from estim.priors import HalfNormal, LogNormal, Normal, Prior, TruncatedNormal, Uniform
 from estim.quantity import Quantity, read_quantity
-from estim.run import read_text
+from estim.table import read_text
 
 Kind = Literal["synthetic", "measured", "published"]
 

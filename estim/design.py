@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from estim.campaign_file import Places, check_run_names, checked, locate_keys, parse_toml
-from estim.run import read_text
+from estim.table import read_text
 from model import Body, ascends, theta_min
 from model.simulate import frame_times, simulate_positions, simulate_theta_min
 
