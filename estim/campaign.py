@@ -17,13 +17,13 @@ from numpy.typing import ArrayLike, NDArray
 from estim.campaign_file import CampaignFile, read_campaign_file
 from estim.curve import Derived, LocalCurve
 from estim.errors import InputError
-from estim.levels import Level, Levels, as_prior, read_key
+from estim.levels import Level, Levels, as_prior, body_levels, read_key
 from estim.observing import observe
 from estim.priors import Normal, Prior
 from estim.problem import Observations, Parameter, Problem
 from estim.quantity import Quantity
 from estim.run import Run, read_run
-from model import Body, phase
+from model import Body, energy, phase
 
 FloatArray = NDArray[np.float64]
 
@@ -96,6 +96,13 @@ class PhaseCurve:
         motion.pop("g")
         return np.atleast_2d((phase.turning_angle if self.angular else phase.turning_point)(body, **motion))
 
+    def energies(self, x: FloatArray, v: FloatArray, arguments: Mapping[str, ArrayLike]) -> tuple[FloatArray, FloatArray]:
+        body, motion = self._body(arguments)
+        length = body.radius if self.angular else 1.0
+        place = {"phi": motion["phi"], "theta0": motion["theta0"]}
+        kinetic = energy.kinetic_energy(length * x, length * v, body, **place)
+        return kinetic, energy.potential_energy(length * x, body, **place, g=motion["g"])
+
     def derived(self, arguments: Mapping[str, ArrayLike]) -> Mapping[str, Derived]:
         body, motion = self._body(arguments)
         phi, resistance = np.asarray(motion["phi"]), np.asarray(motion["rolling_resistance"])
@@ -141,6 +148,8 @@ class Campaign:
         physics: dict[str, Parameter] = {}
         noise: dict[str, Parameter] = {}
         runs = []
+        if not names or len(set(names)) < len(names):
+            raise InputError("must name one run or several, each once", field="run", value=", ".join(names), file=self.source.path)
         for name in names:
             if name not in self.run_names:
                 raise InputError(f"must name one of the runs ({', '.join(self.run_names)})", field="run", value=name, file=self.source.path)
@@ -162,6 +171,14 @@ class Campaign:
                 )
             )
         return Problem((*physics.values(), *noise.values()), tuple(runs))
+
+
+def gamma_of_body(campaign: Campaign, body: str) -> Quantity | None:
+    """gamma as stated for a body, from its masses or directly; None where it is only a guess (no normal prior)."""
+    bound = _bind(campaign.source, body_levels(campaign.source, body), "gamma", f"body '{body}'")
+    if isinstance(bound.source, float):
+        return Quantity(bound.source)
+    return Quantity(bound.source.centre, bound.source.sd) if isinstance(bound.source, Normal) else None
 
 
 def load_campaign(path: str | Path) -> Campaign:
@@ -206,7 +223,7 @@ def _bind(source: CampaignFile, levels: tuple[Level, ...], name: str, where: str
             value = read_key(source, level, said[0], factor=kind.keys[said[0]])
             return Bound(name + level.suffix, _checked(source, value, kind, (*level.path, said[0])))
         if weighed and name in ("gamma", "trailing_fraction"):
-            value = _from_masses(source, level, name, _bind(source, levels, "rho", where).source)
+            value = _from_masses(source, levels, name, _bind(source, levels, "rho", where).source)
             return Bound(name + level.suffix, _checked(source, value, kind, (*level.path, weighed[0])))
     if kind.default is not None:
         return Bound(name, kind.default)
@@ -228,11 +245,15 @@ def _checked(source: CampaignFile, value: Quantity | Prior, kind: _Kind, path: t
     return value
 
 
-def _mass(source: CampaignFile, level: Level, key: str) -> Quantity:
-    if getattr(level.table, key) is None:
+def _mass(source: CampaignFile, levels: Iterable[Level], key: str) -> Quantity:
+    """One of the masses, from the most particular level that gives it."""
+    tables = tuple(levels)
+    level = next((level for level in tables if getattr(level.table, key) is not None), None)
+    if level is None:
         if key == "mass_trailing_kg":
             return Quantity(0.0)
-        raise source.places.error("is missing beside the other masses", (*level.path, key))
+        home = next(t for t in tables if any(getattr(t.table, k) is not None for k in _MASSES))
+        raise source.places.error("is missing beside the other masses", (*home.path, key))
     mass = read_key(source, level, key)
     if not isinstance(mass, Quantity):
         raise source.places.error("must be a number or a measured value, not a prior", (*level.path, key))
@@ -241,11 +262,11 @@ def _mass(source: CampaignFile, level: Level, key: str) -> Quantity:
     return mass
 
 
-def _from_masses(source: CampaignFile, level: Level, name: str, rho: float | Prior) -> Quantity:
+def _from_masses(source: CampaignFile, levels: Iterable[Level], name: str, rho: float | Prior) -> Quantity:
     """gamma or the trailing fraction with the uncertainty that follows from the masses (linear propagation)."""
     from uncertainties import ufloat
 
-    read = [_mass(source, level, key) for key in _MASSES]
+    read = [_mass(source, levels, key) for key in _MASSES]
     disk, particle, trailing = (m.value if m.exact else ufloat(m.value, m.u) for m in read)
     distance = rho if isinstance(rho, float) else ufloat(rho.centre, rho.sd)
     ratio = getattr(Body.from_masses(1.0, disk, particle, kappa=0.5, rho=distance, mass_trailing=trailing), name)
@@ -254,7 +275,7 @@ def _from_masses(source: CampaignFile, level: Level, name: str, rho: float | Pri
 
 def total_mass(source: CampaignFile, levels: Iterable[Level]) -> float | None:
     """Sum of the masses (kg) where they are given, else None."""
-    for level in levels:
-        if any(getattr(level.table, key) is not None for key in _MASSES):
-            return sum(_mass(source, level, key).value for key in _MASSES)
-    return None
+    tables = tuple(levels)
+    if not any(getattr(level.table, key) is not None for level in tables for key in _MASSES):
+        return None
+    return sum(_mass(source, tables, key).value for key in _MASSES)

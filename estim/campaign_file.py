@@ -93,6 +93,8 @@ class LineTable(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_only
     body: str
     u_phi_deg: float | None = None
     u_theta_min_deg: float | None = None
+    u_zero_phi_deg: float = 0.0
+    u_zero_theta_min_deg: float = 0.0
 
 
 class _TopTable(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_only=True):
@@ -173,6 +175,8 @@ def parse_toml(text: str, file: str) -> dict[str, Any]:
         found = re.search(r"\(at line (\d+), column \d+\)", str(error))
         message = re.sub(r"\s*\(at .*\)$", "", str(error))
         raise InputError(f"is not valid TOML: {message}", file=file, field="campaign", line=int(found[1]) if found else None) from None
+    except ValueError as error:  # a whole number of thousands of digits
+        raise InputError(f"is not valid TOML: {error}", file=file, field="campaign") from None
     except RecursionError:
         raise InputError("is nested too deeply", file=file, field="campaign") from None
 
@@ -209,6 +213,8 @@ T = TypeVar("T")
 
 def checked(tree: object, kind: type[T], places: Places, path: tuple[str | int, ...]) -> T:
     """`tree` as a record of type `kind`; a mismatch becomes an InputError at its line."""
+    if path == ():
+        _check_integers(tree, places, ())
     try:
         return msgspec.convert(tree, kind)
     except msgspec.ValidationError as error:
@@ -222,6 +228,15 @@ def checked(tree: object, kind: type[T], places: Places, path: tuple[str | int, 
         if found := re.search(r"missing required field `(.*)`", message):
             raise places.error("is missing", (*full, found[1])) from None
         raise places.error(message[0].lower() + message[1:].replace("`", ""), full, field=None if full else "campaign") from None
+
+
+def _check_integers(tree: object, places: Places, path: tuple[str | int, ...]) -> None:
+    """Whole numbers fit into 64 bits (what TOML promises to read); larger ones are a slip, and no float holds some of them."""
+    if isinstance(tree, dict | list):
+        for key, value in tree.items() if isinstance(tree, dict) else enumerate(tree):
+            _check_integers(value, places, (*path, key))
+    elif isinstance(tree, int) and abs(tree) >= 2**63:
+        raise places.error("must be a number of less than 19 digits", path, value=f"{str(tree)[:12]}...")
 
 
 def _known_keys(kind: type, inner: list[str]) -> list[str]:

@@ -9,7 +9,7 @@ from __future__ import annotations
 import os
 import sys
 import tempfile
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -66,14 +66,43 @@ def fit(campaign: Path, runs: tuple[str, ...], joint: bool, max_steps: int, out:
         place = folder if len(groups) == 1 else folder / group[0]
         _write(place, analysis_report(loaded, analysis))
         results[group[0]] = result_of(loaded, analysis)
-        click.echo(f"{', '.join(group)}: {analysis.diagnosis.status}")
-        for reason in analysis.diagnosis.reasons:
-            click.echo(f"  {reason}")
+        _conclude(", ".join(group), analysis.diagnosis.status, analysis.diagnosis.reasons)
     if len(groups) > 1:
         _write(folder, index_report(loaded, results))
     click.echo(f"report: {folder / 'report.md'}")
     if any(result.status != "ok" for result in results.values()):
         sys.exit(NOT_OK)
+
+
+@cli.command()
+@click.argument("campaign", type=click.Path(path_type=Path))
+@_OUT
+@_SEED
+def line(campaign: Path, out: Path | None, seed: int) -> None:
+    """Fit the theta_min line of CAMPAIGN: sin(theta_min) against sin(phi), whose slope is 1/gamma."""
+    from estim.campaign import gamma_of_body, load_campaign
+    from estim.line_analysis import analyse_line
+    from estim.line_report import line_report
+    from estim.sampling import Target
+    from estim.theta_min import read_theta_min
+
+    loaded = load_campaign(campaign)
+    series = read_theta_min(loaded.source)
+    target = Target()
+    with _progress("line", target.max_step) as progress:
+        analysis = analyse_line(series, gamma_masses=gamma_of_body(loaded, series.body), seed=seed, target=target, progress=progress)
+    folder = (out or Path("reports") / campaign.resolve().parent.name / "line")
+    _write(folder, line_report(loaded, analysis))
+    _conclude("line", analysis.status, [finding.reason for finding in analysis.findings])
+    click.echo(f"report: {folder / 'report.md'}")
+    if analysis.status != "ok":
+        sys.exit(NOT_OK)
+
+
+def _conclude(what: str, status: str, reasons: Iterable[str]) -> None:
+    click.echo(f"{what}: {status}")
+    for reason in reasons:
+        click.echo(f"  {reason}")
 
 
 @cli.command()

@@ -49,6 +49,13 @@ class Curve(Protocol):
     def time_derivative(self, x: FloatArray, arguments: Mapping[str, ArrayLike], order: int) -> FloatArray:
         """d^order f/dt^order along the motion dx/dt = f(x), for even `order`: what a derivative by differences adds to its mean."""
 
+    @property
+    def mass(self) -> float | None:
+        """Mass (kg) of what moves, None where it is unknown or has no meaning."""
+
+    def energies(self, x: FloatArray, v: FloatArray, arguments: Mapping[str, ArrayLike]) -> tuple[FloatArray, FloatArray]:
+        """Kinetic and potential energy per unit mass (J/kg) at measured x and v; NaN where the curve is no motion."""
+
     def derived(self, arguments: Mapping[str, ArrayLike]) -> Mapping[str, Derived]:
         """Quantities that follow from the arguments and mean something to a reader, by name."""
 

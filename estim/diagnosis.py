@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from estim.fitting import Fit
 from estim.goodness import REJECT_BELOW, SCATTER_LIMIT, Goodness
+from estim.line import LineFit
 from estim.priors import TruncatedNormal, Uniform
 from estim.sampling import Chain, effective_size, mcse_mean, r_hat
 
@@ -66,10 +67,24 @@ def diagnose(fit: Fit, chain: Chain, goodness: Sequence[Goodness]) -> Diagnosis:
     )
 
 
+def line_findings(fit: LineFit, chain: Chain) -> tuple[Finding, ...]:
+    """What is wrong with a straight line: `fit` with all uncertainties, `chain` the draws of the Bayesian one."""
+    findings = _sampling(chain)
+    if fit.p_value < REJECT_BELOW:
+        reason = f"the points scatter more than their uncertainties allow (S = {fit.chi2:.1f}, {fit.dof} degrees of freedom, p = {fit.p_value:.1g})"
+        findings.append(Finding("poor-fit", reason, "check the uncertainties and look for a bad point"))
+    return tuple(findings)
+
+
 def _convergence(fit: Fit, chain: Chain) -> list[Finding]:
     findings = []
     if not fit.success:
         findings.append(Finding("not-converged", f"the least-squares fit {fit.message}", "check the starting values and the priors"))
+    return findings + _sampling(chain)
+
+
+def _sampling(chain: Chain) -> list[Finding]:
+    findings = []
     if not chain.convergence.met:
         findings.append(
             Finding(

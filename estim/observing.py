@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from estim.campaign_file import NoiseTable, WindowTable
 from estim.derivative import STENCILS, differentiate
+from estim.errors import InputError
 from estim.levels import Levels, Path, as_prior, noise_level, read_at
 from estim.noise import Differentiated, Independent, Noise, Scale
 from estim.priors import HalfNormal
@@ -63,13 +64,12 @@ def observe(run: Run, levels: Levels) -> Speeds:
 
 
 def _check_keys(table: NoiseTable, model: str, units: _Units, levels: Levels, path: Path) -> None:
-    allowed = {"model", "scatter", "sigma"}
     if model == "differentiated":
         keys = {"model", "scatter", "derivative", "encoder_step_rad" if units.position == "rad" else "", units.position_sigma}
     else:
         keys = {"model", "scatter", units.speed_sigma}
     for key in table.__struct_fields__:
-        if key not in keys | allowed and getattr(table, key) is not None:
+        if key not in keys and getattr(table, key) is not None:
             known = ", ".join(sorted(keys - {""}))
             raise levels.error(f"does not go with {model} noise of a run in {units.position} (known: {known})", (*path, key))
 
@@ -79,7 +79,7 @@ def _differentiated(run: Run, levels: Levels, table: NoiseTable, path: Path, suf
     if "t_s" not in run.columns:
         raise levels.error("needs times: the run's file has no t_s column", (*path, "model"), value="differentiated")
     step = table.encoder_step_rad or 0.0
-    if step < 0.0 or not math.isfinite(step):
+    if table.encoder_step_rad is not None and not (step > 0.0 and math.isfinite(step)):
         raise levels.error("must be > 0", (*path, "encoder_step_rad"), value=step)
     sigma, parameter = _scale(table, units.position_sigma, units.position, levels, path, suffix, "one position reading")
     typical = math.hypot(sigma.value if parameter is None else parameter.prior.centre, step / math.sqrt(12.0))
@@ -87,6 +87,9 @@ def _differentiated(run: Run, levels: Levels, table: NoiseTable, path: Path, suf
         wanted = f"'{units.position_sigma}'" + (" or 'encoder_step_rad'" if units.position == "rad" else "")
         raise levels.error(f"needs {wanted} for differentiated noise", path, field="noise")
     scatter, scatter_parameter = _scale(table, "scatter", units.speed, levels, path, suffix, "further independent error of each speed")
+    if "sigma_x_m" in run.columns:
+        rule = f"is not used: differentiated noise takes one '{units.position_sigma}' for all positions; start the column's name with _ to skip it"
+        raise InputError(rule, field="sigma_x_m", file=run.file)
     t, position = run.columns["t_s"], run.columns[run.coordinate]
     derivative = differentiate(t, position, STENCILS[table.derivative or "central"], file=run.file, lines=run.lines)
     rows = derivative.rows
@@ -116,6 +119,10 @@ def _independent(run: Run, levels: Levels, table: NoiseTable, path: Path, suffix
     kept = selection.kept
     relative = np.ones(kept.size)
     stated = run.columns.get("sigma_v_m_s")
+    for name in ("sigma_x_m",) if units.position == "m" else ("sigma_x_m", "sigma_v_m_s"):
+        if name in run.columns:
+            rule = f"does not go with independent noise of a run in {units.position}; start the column's name with _ to skip it"
+            raise InputError(rule, field=name, file=run.file)
     said = sigma.parameter is not None or sigma.value > 0.0
     if stated is not None and said:
         raise levels.error(f"is stated twice: here and in the sigma_v_m_s column of {run.file}", (*path, units.speed_sigma))

@@ -145,9 +145,13 @@ def result_of(campaign: Campaign, analysis: Analysis) -> Result:
 
 def provenance(campaign: Campaign, runs: list[str], seed: int) -> Provenance:
     """Where numbers came from: digests of the inputs, the seed, versions of what computed them."""
-    versions = {"python": platform.python_version()} | {package: version(package) for package in _PACKAGES}
     digests = {campaign.tables[name].file: campaign.tables[name].sha256 for name in runs}
-    return Provenance(str(campaign.source.path), campaign.source.sha256, digests, seed, versions)
+    return Provenance(str(campaign.source.path), campaign.source.sha256, digests, seed, software_versions())
+
+
+def software_versions() -> dict[str, str]:
+    """Versions of what computes the numbers."""
+    return {"python": platform.python_version()} | {package: version(package) for package in _PACKAGES}
 
 
 def number(value: float) -> float | None:

@@ -22,27 +22,47 @@ from model.phase import STANDARD_GRAVITY, effective_slope, energy_ratio, turning
 
 FloatArray = NDArray[Any]
 
-_NEWTON_STEPS = 60
+_FEWEST_NODES = 64
+_MOST_NODES = 4096
+_NEGLIGIBLE = 1e-11  # of the largest coefficient
+_UNRESOLVED = 1e-8
+_MOST_STEPS = 80
 
 
 def _clock(
     body: Body, *, reach: FloatArray, turns: NDArray[np.bool_], phi: FloatArray, theta0: FloatArray, rolling_resistance: FloatArray,
-    g: FloatArray, n_node: int,
+    g: FloatArray, n_node: int | None,
 ) -> FloatArray:
-    """Chebyshev coefficients (n_node + 1, n_draw) of the time (s) as a function of z in [-1, 1], with t(-1) = 0.
+    """Chebyshev coefficients (n + 1, n_draw) of the time (s) as a function of z in [-1, 1], with t(-1) = 0.
 
     reach : (n_draw, 1) rad, the angle turned at z = 1.  turns : whether that is a turning point.
+    n_node : Chebyshev points; None doubles them until the last coefficients no longer count.  Draws that are still not
+    resolved by the largest number (the body all but stops on its way) are nan.
     """
-    z = np.cos(np.pi * (np.arange(n_node) + 0.5) / n_node)
-    angle, rate = _substitution(z, reach, turns)
-    ratio = energy_ratio(angle, body, phi=phi, theta0=theta0, rolling_resistance=rolling_resistance)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        pace = rate / np.sqrt(2.0 * g / np.asarray(body.radius) * ratio)  # dt/dz, s
-    # discrete Chebyshev transform at the Gauss points
-    table = np.cos(np.outer(np.arange(n_node), np.arccos(z)))
-    coefficients = 2.0 / n_node * table @ pace.T
-    coefficients[0] *= 0.5
+    fixed = n_node is not None
+    n = n_node or _FEWEST_NODES
+    while True:
+        z = np.cos(np.pi * (np.arange(n) + 0.5) / n)
+        angle, rate = _substitution(z, reach, turns)
+        ratio = _ratio(angle, _remainder(z, reach, turns), body, phi=phi, theta0=theta0, rolling_resistance=rolling_resistance)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            pace = rate / np.sqrt(2.0 * g / np.asarray(body.radius) * ratio)  # dt/dz, s
+        coefficients = 2.0 / n * _cosine_transform(pace).T
+        coefficients[0] *= 0.5
+        tail = np.max(np.abs(coefficients[-n // 8 :]), axis=0) / np.max(np.abs(coefficients), axis=0)
+        if fixed or n >= _MOST_NODES or np.all(tail[reach[:, 0] > 0.0] < _NEGLIGIBLE):
+            break
+        n *= 2
+    if not fixed:
+        coefficients[:, ~(tail < _UNRESOLVED)] = np.nan
     return chebyshev.chebint(coefficients, lbnd=-1.0, axis=0)
+
+
+def _cosine_transform(values: FloatArray) -> FloatArray:
+    """sum_k values[:, k] cos(pi m (k + 1/2)/n) for m = 0 .. n - 1, by one FFT of twice the length."""
+    n = values.shape[1]
+    spectrum = np.fft.rfft(np.concatenate([values, values[:, ::-1]], axis=1), axis=1)[:, :n]
+    return np.real(0.5 * np.exp(-0.5j * np.pi * np.arange(n) / n) * spectrum)
 
 
 def _substitution(z: FloatArray, reach: FloatArray, turns: NDArray[np.bool_]) -> tuple[FloatArray, FloatArray]:
@@ -52,6 +72,24 @@ def _substitution(z: FloatArray, reach: FloatArray, turns: NDArray[np.bool_]) ->
     angle = np.where(turns, reach * np.sin(0.5 * u) ** 2, reach * w**2)
     rate = np.where(turns, 0.25 * np.pi * reach * np.sin(u), reach * w)
     return angle, rate
+
+
+def _remainder(z: FloatArray, reach: FloatArray, turns: NDArray[np.bool_]) -> FloatArray:
+    """Angle (rad) still to turn before the turning point, without cancellation; inf where there is none."""
+    return np.where(turns, reach * np.cos(0.25 * np.pi * (z + 1.0)) ** 2, np.inf)
+
+
+def _ratio(
+    angle: FloatArray, remainder: FloatArray, body: Body, *, phi: FloatArray, theta0: FloatArray, rolling_resistance: FloatArray
+) -> FloatArray:
+    """W/D, with W taken from the nearer of its two zeros: W = r s - 2 gamma sin(theta_t - r/2) sin(r/2), r to the turning point."""
+    from_release = energy_ratio(angle, body, phi=phi, theta0=theta0, rolling_resistance=rolling_resistance)
+    near = remainder < angle
+    r = np.where(near, remainder, 0.0)
+    theta = theta0 + angle
+    inertia = 1.0 + body.inertia_ratio + 2.0 * body.gamma * np.cos(theta + phi)
+    work = r * effective_slope(phi, rolling_resistance) - 2.0 * body.gamma * np.sin(theta + 0.5 * r) * np.sin(0.5 * r)
+    return np.where(near, work / inertia, from_release)
 
 
 def _columns(
@@ -66,11 +104,12 @@ def _columns(
 
 def travel_time(
     x: ArrayLike, body: Body, *, phi: ArrayLike, theta0: ArrayLike, rolling_resistance: ArrayLike = 0.0,
-    g: ArrayLike = STANDARD_GRAVITY, n_node: int = 128,
+    g: ArrayLike = STANDARD_GRAVITY, n_node: int | None = None,
 ) -> FloatArray:
     """Time from release until the axle is first at `x`, s, shaped (n_draw, n_obs); nan where it never gets there.
 
-    x : (n_obs,) m.  Parameters scalars or (n_draw, 1).  n_node : Chebyshev points; 16 give 1e-9 s on a paper-like run.
+    x : (n_obs,) m.  Parameters scalars or (n_draw, 1).  n_node : Chebyshev points; None takes as many as are needed
+    (16 give 1e-9 s at the turning point of a paper-like run).
     """
     angle = np.atleast_1d(np.asarray(x, dtype=float)) / np.asarray(body.radius)
     phi, theta0, resistance, g, stop = _columns(body, phi, theta0, rolling_resistance, g)
@@ -86,7 +125,7 @@ def travel_time(
 
 def trajectory(
     t: ArrayLike, body: Body, *, phi: ArrayLike, theta0: ArrayLike, rolling_resistance: ArrayLike = 0.0,
-    g: ArrayLike = STANDARD_GRAVITY, n_node: int = 128,
+    g: ArrayLike = STANDARD_GRAVITY, n_node: int | None = None,
 ) -> tuple[FloatArray, FloatArray]:
     """Position (m) and speed (m/s) at times `t` after release, each (n_draw, n_obs).
 
@@ -102,21 +141,32 @@ def trajectory(
     turns = np.isfinite(stop)
     reach = np.where(turns, stop, _farthest(t, body, phi, resistance, g))
     clock = _clock(body, reach=reach, turns=turns, **keywords, n_node=n_node)
-    pace = chebyshev.chebder(clock, axis=0)
     end = _evaluate(np.ones((reach.shape[0], 1)), clock)
-    z = np.clip(2.0 * t / np.where(end > 0, end, 1.0) - 1.0, -1.0, 1.0)
-    for _ in range(_NEWTON_STEPS):
-        step = (_evaluate(z, clock) - t) / _evaluate(z, pace)
-        z_next = np.clip(z - step, -1.0, 1.0)
-        done = np.nanmax(np.abs(z_next - z), initial=0.0) < 1e-14
-        z = z_next
-        if done:
-            break
+    z = _invert(t, clock, end)
     angle, _ = _substitution(z, reach, turns)
-    v = np.sqrt(np.maximum(2.0 * g * radius * energy_ratio(angle, body, phi=phi, theta0=theta0, rolling_resistance=resistance), 0.0))
+    ratio = _ratio(angle, _remainder(z, reach, turns), body, phi=phi, theta0=theta0, rolling_resistance=resistance)
+    v = np.sqrt(np.maximum(2.0 * g * radius * ratio, 0.0))
     before, known = t <= 0.0, (t <= end * (1.0 + 1e-12)) & (reach > 0.0)
     x = radius * angle
     return np.where(before, 0.0, np.where(known, x, np.nan)), np.where(before, 0.0, np.where(known, v, np.nan))
+
+
+def _invert(t: FloatArray, clock: FloatArray, end: FloatArray) -> FloatArray:
+    """z (n_draw, n_obs) at which the clock shows `t`, by Newton steps inside a bracket; nan where they do not settle."""
+    pace = chebyshev.chebder(clock, axis=0)
+    low, high = -np.ones((end.shape[0], t.size)), np.ones((end.shape[0], t.size))
+    z = np.clip(2.0 * t / np.where(end > 0, end, 1.0) - 1.0, -1.0, 1.0)
+    for _ in range(_MOST_STEPS):
+        ahead = _evaluate(z, clock) - t
+        low, high = np.where(ahead <= 0.0, z, low), np.where(ahead >= 0.0, z, high)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            newton = z - ahead / _evaluate(z, pace)
+        z_next = np.where((newton >= low) & (newton <= high), newton, 0.5 * (low + high))
+        moved = np.abs(z_next - z)
+        z = z_next
+        if np.nanmax(moved, initial=0.0) < 1e-14:
+            break
+    return np.where(moved < 1e-12, z, np.nan)
 
 
 def _evaluate(z: FloatArray, coefficients: FloatArray) -> FloatArray:

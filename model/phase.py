@@ -156,7 +156,8 @@ def theta_min(gamma: ArrayLike, phi: ArrayLike, *, rolling_resistance: ArrayLike
 
     theta_min = asin(s/gamma)      (paper, eq. theta_min)
     """
-    sine = effective_slope(phi, rolling_resistance) / np.asarray(gamma)
+    slope, gamma = np.broadcast_arrays(effective_slope(phi, rolling_resistance), np.asarray(gamma, dtype=float))
+    sine = np.divide(slope, gamma, out=np.full(slope.shape, np.nan), where=gamma > 0.0)
     return np.arcsin(np.where(np.abs(sine) <= 1.0, sine, np.nan))
 
 
@@ -175,9 +176,9 @@ def turning_angle(body: Body, *, phi: ArrayLike, theta0: ArrayLike, rolling_resi
 
     0 where it does not start with theta increasing, inf where it never stops (it rolls over the top for ever).
 
-    W has its local minima where sin(theta) = s/gamma and cos(theta) > 0, one a turn; their depth changes by -2 pi s a
-    turn.  So the minimum that first reaches zero is known in closed form, and the zero lies between it and the maximum
-    before it, where bisection finds it to the last bit.
+    W(theta0 + 2 pi) = -2 pi s: uphill the first zero comes within one turn; downhill later minima of W lie higher, so it
+    comes within the first turn or never.  It lies between the maximum of W at pi - asin(s/gamma) and the minimum at
+    2 pi + asin(s/gamma), where bisection finds it to the last bit.
     """
     gamma, theta0, slope = np.broadcast_arrays(
         np.asarray(body.gamma, dtype=float), np.asarray(theta0, dtype=float), effective_slope(phi, rolling_resistance)
@@ -190,11 +191,8 @@ def turning_angle(body: Body, *, phi: ArrayLike, theta0: ArrayLike, rolling_resi
     def work(angle: FloatArray) -> FloatArray:
         return 2.0 * gamma * np.sin(start + 0.5 * angle) * np.sin(0.5 * angle) - angle * slope
 
-    with np.errstate(divide="ignore", invalid="ignore"):
-        turn = np.ceil((gamma * (np.cos(start) - np.cos(lowest)) / slope - lowest + start) / (2.0 * np.pi))
-    turn = np.where(slope > 0.0, np.maximum(np.nan_to_num(turn, posinf=1.0, neginf=1.0), 1.0), 1.0)
-    high = lowest + 2.0 * np.pi * turn - start
-    low = np.pi - lowest + 2.0 * np.pi * (turn - 1.0) - start
+    high = lowest + 2.0 * np.pi - start
+    low = np.pi - lowest - start
     turns &= work(high) <= 0.0
     for _ in range(60):
         middle = 0.5 * (low + high)

@@ -483,6 +483,26 @@ def test_sigma_stated_twice_is_refused(load, folder):
         load((RUN_H4, RUN_H4 + "noise = {sigma_v_m_s = 0.02}\n"))
 
 
+def test_a_column_of_sigmas_is_used_or_refused_but_never_ignored(load, folder):
+    table = motion_table().replace("t_s,x_m", "t_s,x_m,sigma_x_m").splitlines()
+    (folder / "h4.csv").write_text("\n".join([table[0], *(f"{row},0.005" for row in table[1:]), ""]))
+    with pytest.raises(InputError, match="sigma_x_m"):
+        load()
+
+
+def test_sigmas_of_speeds_in_metres_are_refused_for_rates_in_radians(load, folder):
+    (folder / "h4.csv").write_text(motion_table(columns="theta_rad,omega_rad_s,sigma_v_m_s"))
+    with pytest.raises(InputError, match="sigma_v_m_s"):
+        load((RUN_H4, RUN_H4 + 'noise = {model = "independent"}\n'))
+
+
+@pytest.mark.parametrize("names", [(), ("h4", "h4")])
+def test_a_problem_has_at_least_one_run_and_none_twice(load, names):
+    campaign = load()
+    with pytest.raises(InputError, match="'run"):
+        campaign.problem(names)
+
+
 def test_differentiated_without_times_is_refused(load, folder):
     (folder / "h4.csv").write_text(motion_table(columns="x_m,v_m_s"))
     with pytest.raises(InputError, match=r":\d+: 'model' needs times: the run's file has no t_s column: differentiated"):

@@ -10,6 +10,7 @@ import math
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
+from scipy.optimize import brentq
 
 from model import Body, speed, trajectory, travel_time, turning_point
 
@@ -131,6 +132,29 @@ def test_the_wheel_is_known_far_down_the_ramp():
     t = travel_time(x, WHEEL, **DOWN)[0]
     assert travel_time(x[:1], WHEEL, **DOWN)[0, 0] == pytest.approx(t[0], abs=1e-10)
     assert trajectory(t[-1:], WHEEL, **DOWN)[0][0] == pytest.approx(x[-1:], rel=1e-10)
+
+
+@pytest.mark.parametrize("last", [6.0, 16.0])
+def test_the_wheel_is_known_as_long_as_it_rolls(last):
+    solution = solve(WHEEL, DOWN, last)
+    t = np.linspace(0.05, 1.0, 40) * last
+    x = WHEEL.radius * (solution.sol(t)[0] - DOWN["theta0"])
+    assert trajectory(t, WHEEL, **DOWN)[0][0] == pytest.approx(x, abs=1e-6)
+    assert travel_time(x, WHEEL, **DOWN)[0] == pytest.approx(t, abs=1e-6)
+
+
+@pytest.mark.parametrize("above", [1e-2, 1e-3, 1e-4])
+def test_a_body_that_barely_rolls_over_the_top_is_followed_through_its_slowest_moment(above):
+    # W at the first minimum (sin theta = s/gamma) is just above 0 for a slope a little steeper than the one that stops it there
+    def lowest(phi):
+        theta = 2 * math.pi + math.asin(math.sin(phi) / 0.187)
+        return 0.187 * (math.cos(0.8) - math.cos(theta)) - (theta - 0.8) * math.sin(phi)
+
+    run = {"phi": brentq(lowest, -0.1, -1e-6) - above, "theta0": 0.8, "g": 9.81}
+    assert turning_point(PAPER, phi=run["phi"], theta0=0.8) == math.inf
+    solution = solve(PAPER, run, 4.0)
+    t = np.linspace(0.05, 4.0, 40)
+    assert trajectory(t, PAPER, **run)[0][0] == pytest.approx(0.15 * (solution.sol(t)[0] - 0.8), abs=1e-6)
 
 
 def test_draws_together_equal_one_by_one(rng):

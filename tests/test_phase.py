@@ -247,6 +247,13 @@ def test_no_smallest_angle_where_the_slope_exceeds_gamma():
     assert np.all(turning_angle(body, phi=0.1, theta0=np.linspace(0, 2 * math.pi, 50)) == 0.0)
 
 
+def test_a_balanced_body_has_no_smallest_angle_and_only_rolls_down():
+    balanced = Body(radius=0.15, gamma=0.0, kappa=0.45)
+    assert turning_angle(balanced, phi=np.array([0.1, 0.0, -0.1]), theta0=1.0).tolist() == [0.0, 0.0, math.inf]
+    assert np.isnan(theta_min(0.0, 0.07))
+    assert np.isnan(theta_min(np.array([0.187, 0.0]), 0.07)).tolist() == [False, True]
+
+
 def test_the_body_ascends_between_the_two_angles_and_nowhere_else():
     low, high = theta_min(0.187, 0.07), theta_max(0.187, 0.07)
     theta0 = np.array([low - 1e-6, low + 1e-6, high - 1e-6, high + 1e-6])

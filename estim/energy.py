@@ -1,0 +1,172 @@
+"""The energy along a measured run: is it conserved, and if not, how fast is it lost?
+
+The speeds are those of the fit, freed of the truncation of their stencil.  The parameters (gamma, kappa, tilt, angle of
+release) are drawn from the posterior of the phase-curve fit, which has the same data and lets energy be lost at a
+constant rate per metre.  So what is tested here is whether the loss is that steady, and how large it is; a loss of
+exactly zero is at the edge of what the fit allows.
+
+Errors of positions and speeds enter together: a position error moves the potential energy, and through the stencil the
+kinetic energy of its neighbours.  First order; the bias +D var(v)/2 of the square of a noisy speed is removed.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.stats import chi2, norm
+
+from estim.noise import Differentiated, covariance
+from estim.pipeline import Analysis
+from estim.problem import Observations
+
+FloatArray = NDArray[np.float64]
+
+Arguments = Mapping[str, ArrayLike]
+
+_STEP = 1e-6
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """A value, its standard uncertainty and its 95 % interval."""
+
+    value: float
+    u: float
+    low: float
+    high: float
+
+
+@dataclass(frozen=True, eq=False)
+class EnergyRecord:
+    """Energies of one run, J/kg (per unit mass), all arrays (n_obs,).
+
+    kinetic, potential, total : at the posterior mean of the parameters; u_* their standard uncertainties.
+    relative : (E - E0)/E0 as in the paper, E0 the energy at release; it depends on where V is zero.
+    to_kinetic : (E - E0)/(largest kinetic energy), which does not.
+    mean_*, extreme_* : average over the run, and the value where it is largest in size.
+    loss : energy lost per metre, J/(kg m).  loss_force : the same as a force in N, nan where the mass is unknown.
+    drift_p : probability of a loss at least as different from 0 if there were none (normal, two-sided).
+    steady_p : chi-square probability of the scatter about a steady loss.
+    """
+
+    run: str
+    t: FloatArray | None
+    x: FloatArray
+    v: FloatArray
+    u_v: FloatArray
+    kinetic: FloatArray
+    potential: FloatArray
+    total: FloatArray
+    u_kinetic: FloatArray
+    u_potential: FloatArray
+    u_total: FloatArray
+    start: Estimate
+    relative: FloatArray
+    u_relative: FloatArray
+    to_kinetic: FloatArray
+    u_to_kinetic: FloatArray
+    mean_relative: Estimate
+    extreme_relative: Estimate
+    mean_to_kinetic: Estimate
+    extreme_to_kinetic: Estimate
+    loss: Estimate
+    loss_force: Estimate
+    drift_p: float
+    steady_p: float
+
+
+def energy_along(analysis: Analysis, *, rng: np.random.Generator, n_draw: int = 4000) -> tuple[EnergyRecord, ...]:
+    """One EnergyRecord for each run of a fit."""
+    draws = analysis.chain.thinned(n_draw)
+    return tuple(_record(analysis, i, draws, rng) for i in range(len(analysis.problem.runs)))
+
+
+def _record(analysis: Analysis, i: int, draws: FloatArray, rng: np.random.Generator) -> EnergyRecord:
+    run, whitening, problem = analysis.problem.runs[i], analysis.fit.posterior.whitenings[i], analysis.problem
+    centre = problem.named(draws.mean(axis=0))
+    at_mean, at_draws = run.bind(centre), run.bind(problem.named(draws))
+    v = run.y - whitening.offset
+    cov_speed = covariance(run.noise, whitening, centre)
+    noise, u_kinetic, bias = _noise(run, v, centre)
+
+    def energies(arguments: Arguments) -> tuple[FloatArray, FloatArray]:
+        kinetic, potential = run.curve.energies(run.x, v, arguments)
+        return np.atleast_2d(kinetic) - bias, np.atleast_2d(potential)
+
+    kinetic, potential = (e[0] for e in energies(at_mean))
+    drawn_kinetic, drawn_potential = energies(at_draws)
+    errors = rng.multivariate_normal(np.zeros(run.n_obs), noise, size=draws.shape[0], method="eigh")
+    measured = drawn_kinetic + drawn_potential + errors
+    release = run.curve.energies(np.zeros(1), np.zeros(1), at_draws)[1]
+    start = np.ravel(np.broadcast_to(release, (draws.shape[0], 1)))
+    largest = np.max(drawn_kinetic, axis=1)
+    relative, to_kinetic = ((measured - start[:, None]) / scale[:, None] for scale in (start, largest))
+    to_line = _line_estimator(run.x, noise)
+    loss = -(measured @ to_line[1])
+    residual = kinetic + potential - np.column_stack([np.ones_like(run.x), run.x]) @ (to_line @ (kinetic + potential))
+    mass = math.nan if run.curve.mass is None else run.curve.mass
+    return EnergyRecord(
+        run=run.name, t=run.t, x=run.x, v=v, u_v=np.sqrt(np.diag(cov_speed)),
+        kinetic=kinetic, potential=potential, total=kinetic + potential, u_kinetic=np.hypot(drawn_kinetic.std(axis=0), u_kinetic),
+        u_potential=drawn_potential.std(axis=0), u_total=measured.std(axis=0), start=_estimate(start),
+        relative=relative.mean(axis=0), u_relative=relative.std(axis=0), to_kinetic=to_kinetic.mean(axis=0), u_to_kinetic=to_kinetic.std(axis=0),
+        mean_relative=_estimate(relative.mean(axis=1)), extreme_relative=_extreme(relative),
+        mean_to_kinetic=_estimate(to_kinetic.mean(axis=1)), extreme_to_kinetic=_extreme(to_kinetic),
+        loss=_estimate(loss), loss_force=_estimate(loss * mass),
+        drift_p=_two_sided(loss), steady_p=float(chi2.sf(residual @ np.linalg.pinv(noise, hermitian=True) @ residual, run.n_obs - 2)),
+    )
+
+
+def _noise(run: Observations, v: FloatArray, values: Mapping[str, ArrayLike]) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Of the total energy from reading errors: covariance (n_obs, n_obs); u of the kinetic part; its bias (n_obs,) each."""
+    arguments = run.bind(values)
+    by_x = _difference(lambda h: _total(run, run.x + h, v, arguments))
+    by_v = _difference(lambda h: _total(run, run.x, v + h, arguments))
+    reading = float(np.sqrt(np.square(float(np.asarray(run.noise.sigma.at(values)))) + run.noise.quantisation_variance))
+    scatter = float(np.asarray(run.noise.scatter.at(values)))
+    if isinstance(run.noise, Differentiated):
+        rows = run.noise.derivative.rows[run.noise.kept]
+        to_speed = run.noise.derivative.matrix[run.noise.kept]
+        matrix = by_v[:, None] * to_speed
+        matrix[np.arange(rows.size), rows] += by_x
+        var_speed = reading**2 * np.sum(to_speed**2, axis=1) + scatter**2
+        cov = reading**2 * matrix @ matrix.T + np.diag((by_v * scatter) ** 2)
+    else:
+        var_speed = np.square(reading * run.noise.relative) + scatter**2
+        cov = np.diag(by_v**2 * var_speed)
+    inertia = np.divide(by_v, v, out=np.zeros_like(v), where=v != 0.0)  # T = D v^2/2
+    return cov, np.abs(by_v) * np.sqrt(var_speed), 0.5 * inertia * var_speed
+
+
+def _total(run: Observations, x: FloatArray, v: FloatArray, arguments: Arguments) -> FloatArray:
+    kinetic, potential = run.curve.energies(x, v, arguments)
+    return np.ravel(kinetic + potential)
+
+
+def _difference(energy: Callable[[float], FloatArray]) -> FloatArray:
+    return (energy(_STEP) - energy(-_STEP)) / (2.0 * _STEP)
+
+
+def _line_estimator(x: FloatArray, cov: FloatArray) -> FloatArray:
+    """(2, n_obs) that makes intercept and slope of the best straight line out of energies of covariance `cov`."""
+    design = np.column_stack([np.ones_like(x), x])
+    weighted = design.T @ np.linalg.pinv(cov, hermitian=True)
+    return np.asarray(np.linalg.solve(weighted @ design, weighted))
+
+
+def _estimate(draws: FloatArray) -> Estimate:
+    low, high = np.quantile(draws, [0.025, 0.975]) if np.all(np.isfinite(draws)) else (math.nan, math.nan)
+    return Estimate(float(draws.mean()), float(draws.std(ddof=1)), float(low), float(high))
+
+
+def _extreme(values: FloatArray) -> Estimate:
+    """The frame whose mean value (n_draw, n_obs) is largest in size; of all frames the largest is an outlier on purpose."""
+    return _estimate(values[:, int(np.argmax(np.abs(values.mean(axis=0))))])
+
+
+def _two_sided(draws: FloatArray) -> float:
+    return float(2.0 * norm.sf(abs(draws.mean()) / draws.std(ddof=1)))

@@ -1,0 +1,136 @@
+"""The theta_min line of a campaign by every method: ordinary and weighted least squares, York, and a Bayesian line.
+
+gamma is 1/slope; the intercept is read in two ways that the points cannot tell apart, as rolling resistance
+(c_rr = intercept * gamma) and as a zero error of a scale.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from estim.diagnosis import Finding, line_findings
+from estim.line import InversePrediction, LineFit, coverage_factor, fit_line, inverse_prediction, standard_error
+from estim.line_evidence import InterceptEvidence, intercept_evidence
+from estim.line_intervals import SlopeInterval, slope_interval
+from estim.line_posterior import LinePosterior, line_mode, line_posterior
+from estim.quantity import Quantity
+from estim.sampling import Chain, Progress, Target, sample_posterior
+from estim.theta_min import ThetaMinSeries
+
+FloatArray = NDArray[np.float64]
+
+_INTERCEPT_SD = 0.1
+
+
+@dataclass(frozen=True)
+class Reading:
+    """What one method says: gamma and c_rr with standard uncertainties, and E_n of gamma against the masses.
+
+    e_n is nan where gamma from the masses is unknown; |E_n| <= 1 means agreement at k = 2.
+    """
+
+    gamma: Quantity
+    resistance: Quantity
+    e_n: float
+
+
+@dataclass(frozen=True, eq=False)
+class LineAnalysis:
+    """The line of one series.
+
+    ols, weighted, york : least squares without uncertainties, with those of theta_min, with both.
+    posterior, chain : the Bayesian line and its draws.  evidence : for or against an intercept.
+    readings : method -> Reading.  gamma_masses : from the masses (or the prior of gamma), None where unknown.
+    slope_exact : the exact 95 % interval of the slope.  steepest : sin(phi) at which theta_min reaches 90 degrees.
+    findings : everything wrong; empty means ok.
+    """
+
+    series: ThetaMinSeries
+    ols: LineFit
+    weighted: LineFit
+    york: LineFit
+    posterior: LinePosterior
+    chain: Chain
+    evidence: InterceptEvidence
+    readings: Mapping[str, Reading]
+    gamma_masses: Quantity | None
+    slope_exact: SlopeInterval
+    steepest: InversePrediction
+    findings: tuple[Finding, ...]
+    seed: int
+
+    @property
+    def status(self) -> str:
+        return self.findings[0].status if self.findings else "ok"
+
+    @property
+    def gamma_draws(self) -> FloatArray:
+        """(n_draw,) posterior of gamma = 1/slope."""
+        return 1.0 / self.chain.flat[:, self.chain.names.index("slope")]
+
+    @property
+    def resistance_draws(self) -> FloatArray:
+        """(n_draw,) posterior of c_rr = intercept * gamma."""
+        return self.chain.flat[:, self.chain.names.index("intercept")] * self.gamma_draws
+
+
+def analyse_line(
+    series: ThetaMinSeries, *, gamma_masses: Quantity | None, seed: int, target: Target | None = None, progress: Progress | None = None
+) -> LineAnalysis:
+    """The line of a series by every method; the same seed gives the same numbers.
+
+    Raises InputError where the points cannot hold a line.
+    """
+    chain_rng, evidence_rng = np.random.default_rng(seed).spawn(2)
+    ols = fit_line(series.x, series.y)
+    weighted = fit_line(series.x, series.y, u_y=series.u_y)
+    york = fit_line(series.x, series.y, u_x=series.u_x, u_y=series.u_y)
+    posterior = line_posterior(
+        series.x, series.y, u_x=series.u_x, u_y=series.u_y, u_zero_x=series.u_zero_x, u_zero_y=series.u_zero_y, intercept_sd=_INTERCEPT_SD
+    )
+    mode = line_mode(posterior)
+    chain = sample_posterior(posterior, mode.values, mode.cov, target=target or Target(), rng=chain_rng, progress=progress)
+    readings = {name: _read(fit, gamma_masses) for name, fit in (("ols", ols), ("weighted", weighted), ("york", york))}
+    readings["posterior"] = _read_draws(chain, gamma_masses)
+    return LineAnalysis(
+        series=series, ols=ols, weighted=weighted, york=york, posterior=posterior, chain=chain,
+        evidence=intercept_evidence(posterior, rng=evidence_rng, n_draw=20_000), readings=readings, gamma_masses=gamma_masses,
+        slope_exact=slope_interval(york), steepest=inverse_prediction(york, 1.0, u_y0=0.0), findings=line_findings(york, chain), seed=seed,
+    )
+
+
+def e_n(a: Quantity, b: Quantity) -> float:
+    """E_n = (a - b)/sqrt(U_a^2 + U_b^2) with expanded uncertainties U = 2 u (ISO 13528); |E_n| <= 1 means agreement."""
+    combined = math.hypot(2.0 * a.u, 2.0 * b.u)
+    return (a.value - b.value) / combined if combined > 0.0 else math.nan
+
+
+def _read(fit: LineFit, gamma_masses: Quantity | None) -> Reading:
+    """gamma = 1/slope and c_rr = intercept/slope by linear propagation with the correlation of slope and intercept.
+
+    Uncertainties of a fit whose scale comes from few residuals are widened to what Student's t asks for at 68 %.
+    """
+    from uncertainties import correlated_values
+
+    error = standard_error(fit)
+    widening = coverage_factor(fit, probability=0.6827)
+    cov = widening**2 * np.array([[error.u_intercept**2, error.cov], [error.cov, error.u_slope**2]])
+    intercept, slope = correlated_values([fit.intercept, fit.slope], cov)
+    gamma, resistance = 1.0 / slope, intercept / slope
+    return _reading(Quantity(gamma.nominal_value, gamma.std_dev), Quantity(resistance.nominal_value, resistance.std_dev), gamma_masses)
+
+
+def _read_draws(chain: Chain, gamma_masses: Quantity | None) -> Reading:
+    gamma = 1.0 / chain.flat[:, chain.names.index("slope")]
+    resistance = gamma * chain.flat[:, chain.names.index("intercept")]
+    means = (Quantity(float(d.mean()), float(d.std(ddof=1))) for d in (gamma, resistance))
+    return _reading(next(means), next(means), gamma_masses)
+
+
+def _reading(gamma: Quantity, resistance: Quantity, gamma_masses: Quantity | None) -> Reading:
+    return Reading(gamma, resistance, math.nan if gamma_masses is None else e_n(gamma, gamma_masses))

@@ -1,0 +1,211 @@
+"""Report, figure and `result.json` of a theta_min line."""
+
+from __future__ import annotations
+
+import math
+
+import msgspec
+import numpy as np
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from estim import figures
+from estim.campaign import Campaign
+from estim.line import CONVENTIONS
+from estim.line_analysis import LineAnalysis
+from estim.quantity import format_quantity, format_rounded
+from estim.report import KINDS, STATUS_WORDS, render
+from estim.result import Provenance, Summary, number, software_versions, summarise
+
+FloatArray = NDArray[np.float64]
+
+LINE_SCHEMA = "estim-line/1"
+_METHODS = {
+    "ols": "ordinary least squares (the paper's)",
+    "weighted": "weighted by u(θ_min) alone",
+    "york": "York: errors in both variables",
+    "posterior": "Bayesian, true tilts marginalised",
+}
+
+
+class Estimate(msgspec.Struct, frozen=True):
+    """A value with its standard uncertainty."""
+
+    value: float
+    u: float
+
+
+class LineRow(msgspec.Struct, frozen=True):
+    """What one method says of the line."""
+
+    intercept: float
+    slope: float
+    chi2: float | None
+    dof: int | None
+    p_value: float | None
+    standard_errors: dict[str, list[float]]  # convention -> u(intercept), u(slope), covariance
+    recommended: str | None
+    reason: str | None
+    gamma: Estimate
+    rolling_resistance: Estimate
+    e_n: float | None
+
+
+class LineResult(msgspec.Struct, frozen=True, rename={"schema_": "schema"}):
+    """Everything of a line; the report prints from it."""
+
+    schema_: str
+    title: str
+    kind: str
+    status: str
+    reasons: list[str]
+    advice: list[str]
+    body: str
+    n_obs: int
+    gamma_masses: Estimate | None
+    methods: dict[str, LineRow]
+    posterior: dict[str, Summary]
+    slope_interval: list[float | None]
+    steepest_phi: Estimate
+    log_bayes_factor_intercept: Estimate
+    intercept_prior_sd: float
+    zero_phi: float
+    zero_theta_min: float
+    provenance: Provenance
+
+
+def line_result(campaign: Campaign, analysis: LineAnalysis) -> LineResult:
+    """The record of a line analysis."""
+    methods = {name: _row(analysis, name) for name in _METHODS}
+    intercept = analysis.chain.flat[:, analysis.chain.names.index("intercept")]
+    tilt = float(np.mean(np.cos(analysis.series.phi)))
+    angle = float(np.mean(np.cos(analysis.series.theta_min)))
+    steepest = analysis.steepest
+    return LineResult(
+        schema_=LINE_SCHEMA, title=campaign.title, kind=campaign.kind, status=analysis.status,
+        reasons=[f.reason for f in analysis.findings], advice=[f.advice for f in analysis.findings], body=analysis.series.body,
+        n_obs=analysis.series.x.size,
+        gamma_masses=None if analysis.gamma_masses is None else Estimate(analysis.gamma_masses.value, analysis.gamma_masses.u),
+        methods=methods,
+        posterior={
+            "gamma": summarise(analysis.gamma_draws, unit="1", meaning="1/slope"),
+            "intercept": summarise(intercept, unit="1", meaning="sin θ_min at φ = 0"),
+            "slope": summarise(analysis.chain.flat[:, analysis.chain.names.index("slope")], unit="1", meaning="1/γ"),
+            "rolling_resistance": summarise(analysis.resistance_draws, unit="1", meaning="intercept · γ, if all of it is rolling resistance"),
+        },
+        slope_interval=[number(analysis.slope_exact.low), number(analysis.slope_exact.high)],
+        steepest_phi=Estimate(math.asin(min(max(steepest.x0, -1.0), 1.0)), steepest.u_x0 / math.sqrt(max(1.0 - steepest.x0**2, 1e-12))),
+        log_bayes_factor_intercept=Estimate(analysis.evidence.log_bayes_factor, analysis.evidence.u_log_bayes_factor),
+        intercept_prior_sd=analysis.evidence.intercept_sd,
+        # the intercept read as a zero error: of the plumb line (theta_min too large), or of the protractor (phi too small)
+        zero_phi=float(np.mean(intercept * analysis.gamma_draws)) / tilt, zero_theta_min=float(np.mean(intercept)) / angle,
+        provenance=Provenance(
+            str(campaign.source.path), campaign.source.sha256, {analysis.series.file: analysis.series.sha256}, analysis.seed, software_versions()
+        ),
+    )
+
+
+def _row(analysis: LineAnalysis, method: str) -> LineRow:
+    reading = analysis.readings[method]
+    gamma, resistance = (Estimate(q.value, q.u) for q in (reading.gamma, reading.resistance))
+    if method == "posterior":
+        draws = {name: analysis.chain.flat[:, i] for i, name in enumerate(analysis.chain.names)}
+        cov = np.cov(draws["intercept"], draws["slope"])
+        errors = {"posterior sd": [float(np.sqrt(cov[0, 0])), float(np.sqrt(cov[1, 1])), float(cov[0, 1])]}
+        means = (float(draws["intercept"].mean()), float(draws["slope"].mean()))
+        return LineRow(*means, None, None, None, errors, None, None, gamma, resistance, number(reading.e_n))
+    fit = {"ols": analysis.ols, "weighted": analysis.weighted, "york": analysis.york}[method]
+    errors = {name: [error.u_intercept, error.u_slope, error.cov] for name, error in fit.standard_errors.items()}
+    return LineRow(
+        fit.intercept, fit.slope, fit.chi2, fit.dof, number(fit.p_value), errors, fit.recommended, fit.reason, gamma, resistance, number(reading.e_n)
+    )
+
+
+def line_report(campaign: Campaign, analysis: LineAnalysis) -> dict[str, bytes]:
+    """`report.md`, `result.json` and `figures/line.png`."""
+    result = line_result(campaign, analysis)
+    return {
+        "report.md": line_text(result).encode(),
+        "result.json": msgspec.json.format(msgspec.json.encode(result), indent=1) + b"\n",
+        "figures/line.png": figures.png(line_figure(analysis, synthetic=campaign.kind == "synthetic")),
+    }
+
+
+def line_text(result: LineResult) -> str:
+    """The Markdown report of a line."""
+    return render("line.md.j2", **line_values(result))
+
+
+def line_values(result: LineResult) -> dict[str, object]:
+    """What the template of a line needs."""
+    return {
+        "result": result, "kind": KINDS[result.kind], "status_words": STATUS_WORDS[result.status],
+        "methods": [_method_cells(name, result.methods[name]) for name in _METHODS],
+        "errors": [cells for name in ("ols", "weighted", "york") for cells in _error_cells(name, result.methods[name])],
+        "gamma": _estimate(result.methods["posterior"].gamma), "gamma_masses": _estimate(result.gamma_masses),
+        "resistance": _estimate(result.methods["posterior"].rolling_resistance), "reason": result.methods["york"].reason,
+        "steepest": format_quantity(math.degrees(result.steepest_phi.value), math.degrees(result.steepest_phi.u)),
+        "zero_phi": math.degrees(result.zero_phi), "zero_theta": math.degrees(result.zero_theta_min),
+        "evidence": evidence_words(result.log_bayes_factor_intercept.value), "sources": CONVENTIONS,
+    }
+
+
+def evidence_words(log_bayes_factor: float) -> str:
+    """The strength of the evidence in the words of Kass and Raftery 1995."""
+    side = "for an intercept" if log_bayes_factor > 0 else "for a line through the origin"
+    for limit, words in ((1.0, "no evidence worth a mention"), (3.0, f"positive evidence {side}"), (5.0, f"strong evidence {side}")):
+        if abs(log_bayes_factor) < limit:
+            return words
+    return f"very strong evidence {side}"
+
+
+def _estimate(estimate: Estimate | None) -> str:
+    return "n/a" if estimate is None else format_quantity(estimate.value, estimate.u)
+
+
+def _method_cells(name: str, row: LineRow) -> tuple[str, ...]:
+    u_intercept, u_slope, _ = row.standard_errors[row.recommended or "posterior sd"]
+    fit = "" if row.p_value is None else f"{row.chi2:.1f}/{row.dof}, p = {row.p_value:.2g}"
+    return (
+        _METHODS[name], format_quantity(row.intercept, u_intercept), format_quantity(row.slope, u_slope), fit, _estimate(row.gamma),
+        _estimate(row.rolling_resistance), "" if row.e_n is None else f"{row.e_n:+.2f}",
+    )
+
+
+def _error_cells(name: str, row: LineRow) -> list[tuple[str, ...]]:
+    cells = []
+    for convention, (u_intercept, u_slope, _) in row.standard_errors.items():
+        u_gamma = u_slope / row.slope**2
+        mark = "**recommended**" if convention == row.recommended else ""
+        numbers = (format_rounded(u, u) for u in (u_intercept, u_slope, u_gamma))
+        cells.append((_METHODS[name], convention, *numbers, mark))
+    return cells
+
+
+def line_figure(analysis: LineAnalysis, *, synthetic: bool) -> Figure:
+    """Points with their uncertainties, the theory line from the masses, OLS, York, and the posterior band."""
+    series = analysis.series
+    figure = figures.new_figure(4.6)
+    ax = figure.subplots()
+    x = np.linspace(0.0, 1.08 * float(series.x.max()), 100)
+    draws = analysis.chain.thinned(4000)
+    names = analysis.chain.names
+    lines = draws[:, [names.index("intercept")]] + draws[:, [names.index("slope")]] * x
+    for probability, alpha in ((0.95, 0.22), (0.68, 0.40)):
+        low, high = np.quantile(lines, [0.5 - 0.5 * probability, 0.5 + 0.5 * probability], axis=0)
+        ax.fill_between(x, low, high, color=figures.BLUE, alpha=alpha, lw=0, label=f"posterior of the line, {probability:.0%}")
+    if analysis.gamma_masses is not None:
+        gamma = analysis.gamma_masses
+        ax.plot(x, x / gamma.value, color=figures.ORANGE, lw=1.8, label=f"theory, γ = {format_quantity(gamma.value, gamma.u)} from the masses")
+    ax.plot(x, analysis.ols.intercept + analysis.ols.slope * x, color=figures.INK, lw=1.2, ls="--", label="ordinary least squares")
+    ax.plot(x, analysis.york.intercept + analysis.york.slope * x, color=figures.BLUE, lw=1.6, label="York")
+    ax.errorbar(
+        series.x, series.y, xerr=series.u_x, yerr=series.u_y, fmt="o", color=figures.INK, ms=4, lw=1, capsize=0,
+        label="measured, ± 1 standard uncertainty",
+    )
+    ax.set(xlabel="sin φ  (tilt of the ramp)", ylabel="sin θ_min  (smallest ascending angle)", xlim=(0.0, None))
+    ax.set_ylabel(r"sin θ$_{\mathrm{min}}$  (smallest ascending angle)")
+    ax.set_ylim(bottom=min(0.0, float(np.min(series.y - series.u_y))))
+    ax.set_title(f"{series.body}" + (" (SYNTHETIC data)" if synthetic else ""), fontsize=10)
+    ax.legend(fontsize=8, frameon=False, loc="upper left")
+    return figure

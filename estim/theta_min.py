@@ -1,0 +1,106 @@
+"""The theta_min series of a campaign: smallest angles of release from which the body ascends, against the tilt.
+
+sin(theta_min) = sin(phi)/gamma + c_rr cos(phi)/gamma: a line of slope 1/gamma whose intercept is c_rr/gamma (cos phi = 1
+to 1 % for phi below 8 degrees).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from estim.campaign_file import CampaignFile
+from estim.errors import InputError
+from estim.table import Table, read_table
+
+FloatArray = NDArray[np.float64]
+
+COLUMNS = ("phi_deg", "theta_min_deg", "u_phi_deg", "u_theta_min_deg")
+_MIN_ROWS = 3
+
+
+@dataclass(frozen=True, eq=False)
+class ThetaMinSeries:
+    """Angles (rad) and their sines with standard uncertainties, all (n_obs,), and where they came from.
+
+    u(sin a) = |cos a| u(a), the linear law; the next term of the series is below 1 % of it for u(a) < 2 degrees.
+    u_zero_phi, u_zero_theta_min : rad, standard uncertainty of a zero error that all readings of a scale share.
+    """
+
+    body: str
+    file: str
+    sha256: str
+    phi: FloatArray
+    theta_min: FloatArray
+    u_phi: FloatArray
+    u_theta_min: FloatArray
+    u_zero_phi: float
+    u_zero_theta_min: float
+
+    @property
+    def x(self) -> FloatArray:
+        return np.sin(self.phi)
+
+    @property
+    def y(self) -> FloatArray:
+        return np.sin(self.theta_min)
+
+    @property
+    def u_x(self) -> FloatArray:
+        return np.abs(np.cos(self.phi)) * self.u_phi
+
+    @property
+    def u_y(self) -> FloatArray:
+        return np.abs(np.cos(self.theta_min)) * self.u_theta_min
+
+    @property
+    def u_zero_x(self) -> float:
+        """The common zero error of the tilt as one of its sine, at the mean tilt."""
+        return float(np.mean(np.cos(self.phi))) * self.u_zero_phi
+
+    @property
+    def u_zero_y(self) -> float:
+        return float(np.mean(np.cos(self.theta_min))) * self.u_zero_theta_min
+
+
+def read_theta_min(source: CampaignFile) -> ThetaMinSeries:
+    """The series that the [line] table of a campaign names.  Raises InputError."""
+    if source.line is None:
+        raise source.places.error("has no [line] table: it names the theta_min series", (), field="campaign")
+    line, folder = source.line, source.path.parent
+    table = read_table(Path(folder / line.file), known=COLUMNS, min_rows=_MIN_ROWS, shown_as=str(folder / line.file))
+    for name in ("phi_deg", "theta_min_deg"):
+        if name not in table.columns:
+            raise InputError("is missing", field=name, file=table.file, line=table.header_line)
+        outside = np.abs(table.columns[name]) > 90.0
+        if np.any(outside):
+            raise table.error("must lie between -90 and 90", name, int(np.argmax(outside)))
+    for key, value in (("u_zero_phi_deg", line.u_zero_phi_deg), ("u_zero_theta_min_deg", line.u_zero_theta_min_deg)):
+        if not 0.0 <= value < 45.0:
+            raise source.places.error("must lie between 0 and 45", ("line", key), value=value)
+    return ThetaMinSeries(
+        body=line.body, file=table.file, sha256=table.sha256,
+        phi=np.radians(table.columns["phi_deg"]), theta_min=np.radians(table.columns["theta_min_deg"]),
+        u_phi=np.radians(_uncertainty(source, table, "u_phi_deg", line.u_phi_deg)),
+        u_theta_min=np.radians(_uncertainty(source, table, "u_theta_min_deg", line.u_theta_min_deg)),
+        u_zero_phi=float(np.radians(line.u_zero_phi_deg)), u_zero_theta_min=float(np.radians(line.u_zero_theta_min_deg)),
+    )
+
+
+def _uncertainty(source: CampaignFile, table: Table, name: str, common: float | None) -> FloatArray:
+    """A column of standard uncertainties, or the campaign's common one; one of the two must be there."""
+    column = table.columns.get(name)
+    if column is not None and common is not None:
+        raise source.places.error(f"is stated twice: here and as a column of {table.file}", ("line", name), value=common)
+    if column is not None:
+        if np.any(column <= 0.0):
+            raise table.error("must be > 0", name, int(np.argmax(column <= 0.0)))
+        return column
+    if common is None:
+        raise source.places.error(f"is missing: say it here or as a column of {table.file}", ("line", name))
+    if not 0.0 < common < 45.0:
+        raise source.places.error("must lie between 0 and 45", ("line", name), value=common)
+    return np.full(table.lines.size, common)

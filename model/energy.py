@@ -1,0 +1,31 @@
+"""Mechanical energy of a rolling body at measured positions and speeds, per unit mass.
+
+T/M = v^2 D/2,    V/M = g R (theta sin(phi) + gamma cos(theta)),    D = 1 + j + 2 gamma cos(theta + phi)
+
+(paper, eqs. kinetic_nrg_2 and potential_nrg, here for any body; V is zero where theta sin(phi) + gamma cos(theta) is.)
+With rolling resistance T + V falls by c_rr g cos(phi) per metre.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from model.body import Body
+from model.phase import STANDARD_GRAVITY
+
+FloatArray = NDArray[Any]
+
+
+def kinetic_energy(x: ArrayLike, v: ArrayLike, body: Body, *, phi: ArrayLike, theta0: ArrayLike) -> FloatArray:
+    """T/M, J/kg, of the body at `x` (m from release) with speed `v` (m/s) of the axle; translation and rotation."""
+    theta = np.asarray(theta0) + np.asarray(x) / body.radius
+    return 0.5 * np.square(v) * (1.0 + body.inertia_ratio + 2.0 * body.gamma * np.cos(theta + phi))
+
+
+def potential_energy(x: ArrayLike, body: Body, *, phi: ArrayLike, theta0: ArrayLike, g: ArrayLike = STANDARD_GRAVITY) -> FloatArray:
+    """V/M, J/kg, of the body at `x` (m from release); the paper's zero of height."""
+    theta = np.asarray(theta0) + np.asarray(x) / body.radius
+    return np.asarray(g) * body.radius * (theta * np.sin(phi) + body.gamma * np.cos(theta))
