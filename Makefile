@@ -6,14 +6,19 @@ BIN := $(VENV)/bin
 CAMPAIGN := data/replica/campaign.toml
 OUT ?= out/replica
 
-.PHONY: report test lint clean
+.PHONY: report test lint reports clean
 
 report: $(VENV)/.installed
-	$(BIN)/estim fit $(CAMPAIGN) --out $(OUT)
+	$(BIN)/estim reanalyse $(CAMPAIGN) --out $(OUT)
 	@echo "open $(OUT)/report.md"
 
 test: $(VENV)/.installed
 	$(BIN)/python -m pytest
+
+# the rendered report that the repository shows; a test compares it with a new one
+reports: $(VENV)/.installed
+	$(BIN)/estim simulate data/replica/design.toml --out data/replica
+	$(BIN)/estim reanalyse $(CAMPAIGN) --out reports/replica
 
 lint: $(VENV)/.installed
 	$(BIN)/ruff check .

@@ -140,6 +140,11 @@ class Campaign:
         return self.source.kind
 
     @property
+    def published(self) -> Path | None:
+        """The file of published numbers that the campaign names, if any."""
+        return None if self.source.published is None else self.source.path.parent / self.source.published
+
+    @property
     def run_names(self) -> tuple[str, ...]:
         return tuple(run.name for run in self.source.runs)
 

@@ -100,6 +100,7 @@ class LineTable(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_only
 class _TopTable(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_only=True):
     title: str
     kind: Kind
+    published: str | None = None
     shared: dict[str, Any] = {}
     bodies: dict[str, dict[str, Any]] = {}
     runs: list[dict[str, Any]] = []
@@ -131,6 +132,7 @@ class CampaignFile:
     places: Places
     title: str
     kind: Kind
+    published: str | None
     shared: LevelTable
     bodies: Mapping[str, LevelTable]
     runs: tuple[RunTable, ...]
@@ -155,7 +157,7 @@ def read_campaign_file(path: Path) -> CampaignFile:
             raise places.error(f"must name one of the bodies ({', '.join(bodies) or 'none defined'})", ("runs", i, "body"), value=run.body)
     if line is not None and line.body not in bodies:
         raise places.error(f"must name one of the bodies ({', '.join(bodies) or 'none defined'})", ("line", "body"), value=line.body)
-    return CampaignFile(path, digest, places, top.title, top.kind, shared, bodies, runs, line)
+    return CampaignFile(path, digest, places, top.title, top.kind, top.published, shared, bodies, runs, line)
 
 
 def check_run_names(names: Sequence[str], places: Places) -> None:

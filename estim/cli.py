@@ -19,10 +19,15 @@ import click
 from estim.errors import EstimError
 
 if TYPE_CHECKING:
+    from estim.energy import EnergyRecord
+    from estim.pipeline import Analysis
     from estim.sampling import Progress
 
 BAD_INPUT, NOT_OK, INTERRUPTED = 2, 3, 130
 
+_RUNS = click.option("--run", "runs", multiple=True, metavar="NAME", help="This run only; may be given several times.  [default: every run]")
+_JOINT = click.option("--joint", is_flag=True, help="Fit the runs together: what they share is one unknown.")
+_STEPS = click.option("--max-steps", type=click.IntRange(min=400), default=20_000, show_default=True, help="Hard cap on the sampler's steps.")
 _OUT = click.option("--out", type=click.Path(path_type=Path, file_okay=False), help="Folder for the report (made if it is not there).")
 _SEED = click.option("--seed", type=click.IntRange(min=0), default=1, show_default=True, help="Seed of every random number.")
 
@@ -38,9 +43,9 @@ def cli() -> None:
 
 @cli.command()
 @click.argument("campaign", type=click.Path(path_type=Path))
-@click.option("--run", "runs", multiple=True, metavar="NAME", help="Fit this run only; may be given several times.  [default: every run]")
-@click.option("--joint", is_flag=True, help="Fit the runs together: what they share is one unknown.")
-@click.option("--max-steps", type=click.IntRange(min=400), default=20_000, show_default=True, help="Hard cap on the sampler's steps.")
+@_RUNS
+@_JOINT
+@_STEPS
 @_OUT
 @_SEED
 def fit(campaign: Path, runs: tuple[str, ...], joint: bool, max_steps: int, out: Path | None, seed: int) -> None:
@@ -56,9 +61,8 @@ def fit(campaign: Path, runs: tuple[str, ...], joint: bool, max_steps: int, out:
     from estim.sampling import Target
 
     loaded = load_campaign(campaign)
-    names = tuple(dict.fromkeys(runs)) or loaded.run_names
     folder = out or Path("reports") / campaign.resolve().parent.name
-    groups = [names] if joint or len(names) == 1 else [(name,) for name in names]
+    groups = _groups(runs or loaded.run_names, joint=joint)
     results = {}
     for group in groups:
         with _progress(", ".join(group), max_steps) as progress:
@@ -96,6 +100,71 @@ def line(campaign: Path, out: Path | None, seed: int) -> None:
     _conclude("line", analysis.status, [finding.reason for finding in analysis.findings])
     click.echo(f"report: {folder / 'report.md'}")
     if analysis.status != "ok":
+        sys.exit(NOT_OK)
+
+
+def _groups(runs: Iterable[str], *, joint: bool) -> list[tuple[str, ...]]:
+    """The runs that are fit together."""
+    names = tuple(dict.fromkeys(runs))
+    return [names] if joint else [(name,) for name in names]
+
+
+@cli.command()
+@click.argument("campaign", type=click.Path(path_type=Path))
+@_RUNS
+@_JOINT
+@_STEPS
+@_OUT
+@_SEED
+def energy(campaign: Path, runs: tuple[str, ...], joint: bool, max_steps: int, out: Path | None, seed: int) -> None:
+    """Check the energy along the runs of CAMPAIGN: how much is lost, and is the loss steady?"""
+    import numpy as np
+
+    from estim.campaign import load_campaign
+    from estim.energy import energy_along
+    from estim.energy_report import energy_report
+    from estim.pipeline import analyse
+    from estim.sampling import Target
+
+    loaded = load_campaign(campaign)
+    analyses: list[Analysis] = []
+    records: list[EnergyRecord] = []
+    for group in _groups(runs or loaded.run_names, joint=joint):
+        with _progress(", ".join(group), max_steps) as progress:
+            analyses.append(analyse(loaded, group, seed=seed, target=Target(max_step=max_steps), progress=progress))
+        records.extend(energy_along(analyses[-1], rng=np.random.default_rng(seed)))
+        _conclude(", ".join(group), analyses[-1].diagnosis.status, analyses[-1].diagnosis.reasons)
+    folder = out or Path("reports") / campaign.resolve().parent.name / "energy"
+    _write(folder, energy_report(loaded, analyses, records, seed=seed))
+    click.echo(f"report: {folder / 'report.md'}")
+    if any(not analysis.diagnosis.ok for analysis in analyses):
+        sys.exit(NOT_OK)
+
+
+@cli.command()
+@click.argument("campaign", type=click.Path(path_type=Path))
+@_STEPS
+@_OUT
+@_SEED
+def reanalyse(campaign: Path, max_steps: int, out: Path | None, seed: int) -> None:
+    """Everything that CAMPAIGN says, in one report.
+
+    The theta_min line, each run by itself, the runs of each body together, energies, the propagated band beside the
+    posterior band, and published numbers beside reanalysed ones.
+    """
+    from estim.campaign import load_campaign
+    from estim.reanalysis import reanalyse as run_reanalysis
+    from estim.reanalysis_report import reanalysis_report
+    from estim.sampling import Target
+
+    loaded = load_campaign(campaign)
+    result = run_reanalysis(loaded, seed=seed, target=Target(max_step=max_steps), progress_of=lambda what: _progress(what, max_steps))
+    folder = out or Path("reports") / campaign.resolve().parent.name
+    _write(folder, reanalysis_report(result))
+    for what, status in result.statuses.items():
+        _conclude(what, status, ())
+    click.echo(f"report: {folder / 'report.md'}")
+    if any(status != "ok" for status in result.statuses.values()):
         sys.exit(NOT_OK)
 
 

@@ -64,6 +64,7 @@ class Design(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
     """A design as it stands in its TOML file; units are in the keys."""
 
     title: str
+    published: str
     seed: int
     constants: ConstantsTable
     instruments: InstrumentsTable
@@ -219,7 +220,9 @@ def _theta_min_csv(design: Design, rng: np.random.Generator) -> str:
 
 
 def _campaign_toml(design: Design, shared: list[str], bodies: Mapping[str, list[str]], runs: list[list[str]]) -> str:
-    blocks = [[f"title = {_toml_string(design.title)}", 'kind = "synthetic"'], ["[shared]", *shared]]
+    blocks = [
+        [f"title = {_toml_string(design.title)}", 'kind = "synthetic"', f"published = {_toml_string(design.published)}"], ["[shared]", *shared],
+    ]
     blocks += [[f"[bodies.{name}]", *lines] for name, lines in bodies.items()]
     blocks += [["[[runs]]", *lines] for lines in runs]
     blocks += [["[line]", 'file = "theta_min.csv"', f'body = "{design.line.body}"']]

@@ -6,7 +6,8 @@ constant rate per metre.  So what is tested here is whether the loss is that ste
 exactly zero is at the edge of what the fit allows.
 
 Errors of positions and speeds enter together: a position error moves the potential energy, and through the stencil the
-kinetic energy of its neighbours.  First order; the bias +D var(v)/2 of the square of a noisy speed is removed.
+kinetic energy of its neighbours.  First order, taken at the speeds of the curve (at the noisy speeds, weights and errors
+would be correlated and the loss biased); the bias +D var(v)/2 of the square of a noisy speed is removed.
 """
 
 from __future__ import annotations
@@ -44,7 +45,7 @@ class Estimate:
 class EnergyRecord:
     """Energies of one run, J/kg (per unit mass), all arrays (n_obs,).
 
-    kinetic, potential, total : at the posterior mean of the parameters; u_* their standard uncertainties.
+    kinetic, potential, total : at the posterior mode of the parameters; u_* their standard uncertainties.
     relative : (E - E0)/E0 as in the paper, E0 the energy at release; it depends on where V is zero.
     to_kinetic : (E - E0)/(largest kinetic energy), which does not.
     mean_*, extreme_* : average over the run, and the value where it is largest in size.
@@ -87,17 +88,19 @@ def energy_along(analysis: Analysis, *, rng: np.random.Generator, n_draw: int = 
 
 def _record(analysis: Analysis, i: int, draws: FloatArray, rng: np.random.Generator) -> EnergyRecord:
     run, whitening, problem = analysis.problem.runs[i], analysis.fit.posterior.whitenings[i], analysis.problem
-    centre = problem.named(draws.mean(axis=0))
-    at_mean, at_draws = run.bind(centre), run.bind(problem.named(draws))
+    # the mode, not the mean: on a bent ridge the mean of the draws need not fit the data
+    centre = problem.named(analysis.fit.values)
+    at_mode, at_draws = run.bind(centre), run.bind(problem.named(draws))
     v = run.y - whitening.offset
     cov_speed = covariance(run.noise, whitening, centre)
-    noise, u_kinetic, bias = _noise(run, v, centre)
+    fitted = np.ravel(np.broadcast_to(run.curve.value(run.x, at_mode), (1, run.n_obs)))
+    noise, u_kinetic, bias = _noise(run, fitted, centre)
 
     def energies(arguments: Arguments) -> tuple[FloatArray, FloatArray]:
         kinetic, potential = run.curve.energies(run.x, v, arguments)
         return np.atleast_2d(kinetic) - bias, np.atleast_2d(potential)
 
-    kinetic, potential = (e[0] for e in energies(at_mean))
+    kinetic, potential = (e[0] for e in energies(at_mode))
     drawn_kinetic, drawn_potential = energies(at_draws)
     errors = rng.multivariate_normal(np.zeros(run.n_obs), noise, size=draws.shape[0], method="eigh")
     measured = drawn_kinetic + drawn_potential + errors

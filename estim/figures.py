@@ -23,6 +23,8 @@ from estim.problem import Observations
 FloatArray = NDArray[np.float64]
 
 BLUE, ORANGE, GREEN, PURPLE, GREY, INK = "#0072B2", "#E69F00", "#009E73", "#CC79A7", "#8A8A8A", "#222222"
+COLOURS = (BLUE, ORANGE, GREEN, PURPLE, INK, GREY)
+MARKS = ("o", "s", "^", "D", "v", "P")
 _WIDTH = 7.2
 _MAX_CORNER = 7
 
@@ -121,7 +123,8 @@ def corner_figure(analysis: Analysis) -> Figure:
     figure = Figure(figsize=(size, size), facecolor="white")
     corner.corner(
         draws, fig=figure, labels=[shown.axis for shown in labels], levels=(0.68, 0.95), color=BLUE, plot_datapoints=False,
-        fill_contours=True, smooth=0.8, bins=30, max_n_ticks=3, label_kwargs={"fontsize": 10}, labelpad=0.12, hist_kwargs={"density": True},
+        fill_contours=True, smooth=0.8, bins=30, max_n_ticks=3, label_kwargs={"fontsize": 10 if single else 7.5}, labelpad=0.12,
+        hist_kwargs={"density": True},
     )
     axes = np.array(figure.axes).reshape(len(parameters), len(parameters))
     for i, (parameter, shown) in enumerate(zip(parameters, labels, strict=True)):

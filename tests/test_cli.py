@@ -115,3 +115,32 @@ def test_several_runs_get_a_folder_each_and_an_index(tmp_path: Path, replica: Pa
     for run in ("heavy-04", "heavy-06"):
         assert f"[{run}]({run}/report.md)" in index
         assert (tmp_path / run / "result.json").exists()
+
+
+def test_line_writes_its_report(tmp_path: Path, replica: Path) -> None:
+    done = estim("line", replica / "campaign.toml", "--out", tmp_path)
+    assert done.returncode == 0, done.stderr
+    report = (tmp_path / "report.md").read_text()
+    assert "SYNTHETIC" in report
+    assert "**recommended**" in report
+    assert "cannot tell these apart" in report
+    assert json.loads((tmp_path / "result.json").read_text())["schema"] == "estim-line/1"
+    assert (tmp_path / "figures" / "line.png").exists()
+
+
+def test_line_without_a_series_is_one_line(tmp_path: Path, replica: Path) -> None:
+    text = (replica / "campaign.toml").read_text()
+    (tmp_path / "campaign.toml").write_text(text[: text.index("[line]")])
+    (tmp_path / "runs").symlink_to(replica / "runs")
+    done = estim("line", tmp_path / "campaign.toml")
+    assert done.returncode == 2
+    assert "[line]" in done.stderr
+    assert done.stderr.count("\n") == 1
+
+
+def test_energy_writes_its_report(tmp_path: Path, replica: Path) -> None:
+    done = estim("energy", replica / "campaign.toml", "--run", "heavy-04", "--out", tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert "| heavy-04 |" in (tmp_path / "report.md").read_text()
+    assert set(json.loads((tmp_path / "result.json").read_text())["energies"]) == {"heavy-04"}
+    assert (tmp_path / "figures" / "energy.png").exists()

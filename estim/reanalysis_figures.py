@@ -1,0 +1,65 @@
+"""Figures of a reanalysis: bands over each other, their widths, energies, what more runs bring."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from matplotlib.figure import Figure
+from matplotlib.ticker import FuncFormatter
+
+from estim.figures import BLUE, COLOURS, GREY, INK, ORANGE, grid, new_figure
+from estim.labels import label
+from estim.limits import Narrowing
+from estim.reanalysis import BodyAnalysis
+
+
+def overlay_figure(body: BodyAnalysis, *, synthetic: bool) -> Figure:
+    """Data, the propagated band of the stated inputs, and the posterior band of the joint fit."""
+    runs = body.joint.problem.runs
+    figure, axes = grid(len(runs), height=2.9)
+    for ax, run, bands, band in zip(axes, runs, body.joint.bands, body.propagated, strict=True):
+        ax.fill_between(band.x, band.value - band.u, band.value + band.u, color=ORANGE, alpha=0.35, lw=0, label="stated inputs propagated, 68 %")
+        ax.plot(band.x, band.value, color=ORANGE, lw=1.2, label="curve at the stated inputs")
+        ax.fill_between(bands.x, *bands.credible[0.95], color=BLUE, alpha=0.6, lw=0, label="posterior, 95 %")
+        ax.plot(bands.x, bands.median, color=BLUE, lw=0.8)
+        ax.plot(run.x, run.y, "o", color=INK, ms=2.2, label="data used", zorder=5)
+        ax.set(xlabel=run.x_label, ylabel=run.y_label, xlim=(0.0, None), ylim=(0.0, None))
+        ax.set_title(run.name + (" (SYNTHETIC data)" if synthetic else ""), fontsize=9)
+    figure.legend(*axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=4, fontsize=8, frameon=False)
+    return figure
+
+
+def width_figure(bodies: Sequence[BodyAnalysis]) -> Figure:
+    """Width of the posterior band relative to the propagated one along each run."""
+    figure = new_figure(3.2)
+    axes = figure.subplots(1, len(bodies), squeeze=False, sharey=True)[0]
+    for ax, body in zip(axes, bodies, strict=True):
+        for band, colour in zip(body.propagated, COLOURS * 4, strict=False):
+            ax.plot(band.x, band.ratio, color=colour, lw=1.4, label=band.run)
+        ax.axhline(1.0, color=GREY, lw=0.8, ls="--")
+        ax.set_yscale("log")
+        ax.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+        ax.set(xlabel=body.joint.problem.runs[0].x_label)
+        ax.legend(fontsize=8, frameon=False, ncols=2, loc="upper center")
+    axes[0].set_ylim(top=8.0)
+    axes[0].set_ylabel("posterior width / propagated width")
+    return figure
+
+
+def narrowing_figure(tables: Sequence[Narrowing]) -> Figure:
+    """Uncertainty of gamma and kappa against the number of runs fit together, beside single runs."""
+    names = [name for table in tables for name in table.names]
+    figure = new_figure(2.9 * -(-len(names) // 2))
+    axes = figure.subplots(-(-len(names) // 2), 2, squeeze=False).ravel()
+    pairs = [(table, i) for table in tables for i in range(len(table.names))]
+    for ax, (table, i) in zip(axes, pairs, strict=False):
+        count = np.arange(1, len(table.runs) + 1)
+        ax.plot(count, table.u[:, i], "o-", color=BLUE, label="first n runs together")
+        ax.plot(count, table.u_single[:, i], "s", color=ORANGE, label="run n alone")
+        ax.plot(count, table.u[0, i] / np.sqrt(count), ":", color=GREY, label="1/√n")
+        ax.set(xlabel="number of runs n", ylabel=f"u({label(table.names[i], '1').tex})", ylim=(0.0, None), xticks=count)
+    for extra in axes[len(pairs) :]:
+        extra.set_visible(False)
+    axes[0].legend(fontsize=8, frameon=False)
+    return figure

@@ -1,0 +1,171 @@
+"""The reanalysis: its parts against brute force, and the committed report against a new one."""
+
+from __future__ import annotations
+
+import json
+import math
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from estim.campaign import Campaign, gamma_of_body, load_campaign
+from estim.errors import InputError
+from estim.fitting import fit_least_squares
+from estim.limits import limits
+from estim.line_analysis import analyse_line, e_n
+from estim.pipeline import analyse
+from estim.priors import Normal
+from estim.problem import Problem
+from estim.propagated import propagated_bands
+from estim.published import compare_published, read_published
+from estim.quantity import Quantity
+from estim.sampling import Target
+from estim.theta_min import read_theta_min
+
+QUICK = Target(ess=300, max_step=800)
+
+
+@pytest.fixture
+def campaign(replica: Path) -> Campaign:
+    return load_campaign(replica / "campaign.toml")
+
+
+def test_e_n_is_the_difference_at_twice_the_uncertainty() -> None:
+    assert e_n(Quantity(1.0, 0.3), Quantity(0.0, 0.4)) == pytest.approx(1.0)
+    assert e_n(Quantity(0.0, 0.4), Quantity(1.0, 0.3)) == pytest.approx(-1.0)
+    assert math.isnan(e_n(Quantity(1.0), Quantity(0.0)))
+
+
+def test_knowing_the_tilt_narrows_gamma_as_a_refit_with_a_sharp_tilt_does(campaign: Campaign, rng: np.random.Generator) -> None:
+    problem = campaign.problem(["heavy-04"])
+    found = {limit.group: limit for limit in limits(fit_least_squares(problem, rng=rng, n_start=2), "gamma[heavy]")}
+
+    def sharpen(problem: Problem, group: str) -> Problem:
+        parameters = [
+            replace(p, prior=Normal(p.prior.centre, 1e-4 * p.prior.sd)) if p.name.startswith(group) else p for p in problem.parameters
+        ]
+        return Problem(tuple(parameters), problem.runs)
+
+    for group in ("phi", "radius", "theta0"):
+        fit = fit_least_squares(sharpen(problem, group), rng=rng, n_start=1)
+        u = math.sqrt(fit.cov[fit.names.index("gamma[heavy]"), fit.names.index("gamma[heavy]")])
+        # the mode moves a little when a prior is sharpened at its centre, and the curvature with it
+        assert found[group].u_known == pytest.approx(u, rel=0.08), group
+    assert max(found.values(), key=lambda limit: limit.share).group == "kappa"
+    assert found["phi"].share > 10.0 * abs(found["radius"].share)
+
+
+def test_propagated_band_is_that_of_brute_force(campaign: Campaign, rng: np.random.Generator) -> None:
+    """Draw the stated inputs, evaluate the curve, take quantiles."""
+    from model import Body, speed
+
+    analysis = analyse(campaign, ["heavy-04"], seed=1, target=QUICK)
+    (band,) = propagated_bands(analysis, rng=rng)
+    named = analysis.problem.named(analysis.fit.values)
+    priors = {p.name: p.prior for p in analysis.problem.parameters}
+    n = 40_000
+    drawn = {key: priors[key].draw(rng, n)[:, None] for key in ("gamma[heavy]", "theta0[heavy-04]", "phi[heavy-04]", "radius")}
+    body = Body(drawn["radius"], drawn["gamma[heavy]"], float(named["kappa[heavy]"]))
+    at = np.searchsorted(band.x, [0.1, 0.2, 0.3])
+    v = speed(
+        band.x[at], body, phi=drawn["phi[heavy-04]"], theta0=drawn["theta0[heavy-04]"],
+        rolling_resistance=float(named["rolling_resistance"]), g=9.81,
+    )
+    low, high = np.quantile(v, [0.16, 0.84], axis=0)
+    assert band.mc_low[at] == pytest.approx(low, rel=0.01)
+    assert band.mc_high[at] == pytest.approx(high, rel=0.01)
+    assert band.u[at] == pytest.approx(v.std(axis=0), rel=0.05)
+    assert set(band.held) == {"kappa[heavy]", "rolling_resistance"}
+    assert np.nanmedian(band.ratio) < 0.3
+
+
+def test_line_of_the_replica_recovers_gamma(campaign: Campaign) -> None:
+    series = read_theta_min(campaign.source)
+    line = analyse_line(series, gamma_masses=gamma_of_body(campaign, "heavy"), seed=1)
+    assert line.status == "ok"
+    for reading in line.readings.values():
+        assert abs(reading.gamma.value - 0.187) < 3.0 * reading.gamma.u
+        assert abs(reading.resistance.value - 0.002) < 3.0 * reading.resistance.u
+    # a Bayesian line with flat priors and York's agree within a fraction of their uncertainty
+    york, posterior = line.readings["york"].gamma, line.readings["posterior"].gamma
+    assert abs(york.value - posterior.value) < 0.3 * york.u
+
+
+def test_gamma_from_the_line_keeps_the_correlation_of_slope_and_intercept(campaign: Campaign, rng: np.random.Generator) -> None:
+    line = analyse_line(read_theta_min(campaign.source), gamma_masses=None, seed=1, target=QUICK)
+    error = line.york.standard_errors[line.york.recommended]
+    cov = [[error.u_intercept**2, error.cov], [error.cov, error.u_slope**2]]
+    a, b = rng.multivariate_normal([line.york.intercept, line.york.slope], cov, size=400_000).T
+    assert line.readings["york"].resistance.u == pytest.approx(np.std(a / b), rel=0.05)
+    wrong = rng.multivariate_normal([line.york.intercept, line.york.slope], np.diag(np.diag(cov)), size=400_000).T
+    assert np.std(wrong[0] / wrong[1]) == pytest.approx(line.readings["york"].resistance.u, rel=0.5)
+    assert line.readings["york"].gamma.u == pytest.approx(np.std(1.0 / b), rel=0.05)
+    assert math.isnan(line.readings["york"].e_n)
+
+
+@pytest.mark.parametrize(
+    ("rows", "told"),
+    [
+        ("phi_deg,theta_min_deg\n1,5\n2,10\n3,15\n", "'u_phi_deg' is missing"),
+        ("phi_deg,u_phi_deg,u_theta_min_deg\n1,1,1\n2,1,1\n3,1,1\n", "'theta_min_deg' is missing"),
+        ("phi_deg,theta_min_deg,u_phi_deg,u_theta_min_deg\n1,5,0.4,1.5\n2,10,0,1.5\n3,15,0.4,1.5\n", "theta_min.csv:3: 'u_phi_deg' must be > 0: 0.0"),
+        ("phi_deg,theta_min_deg,u_phi_deg,u_theta_min_deg\n1,5,0.4,1.5\n2,95,0.4,1.5\n3,15,0.4,1.5\n", "theta_min.csv:3: 'theta_min_deg' must lie"),
+        ("phi_deg,theta_min_deg,u_phi_deg,u_theta_min_deg\n1,5,0.4,1.5\n", "at least 3 rows"),
+    ],
+)
+def test_a_wrong_series_is_refused_with_its_place(replica: Path, tmp_path: Path, rows: str, told: str) -> None:
+    (tmp_path / "runs").symlink_to(replica / "runs")
+    (tmp_path / "campaign.toml").write_text((replica / "campaign.toml").read_text())
+    (tmp_path / "theta_min.csv").write_text(rows)
+    with pytest.raises(InputError) as caught:
+        read_theta_min(load_campaign(tmp_path / "campaign.toml").source)
+    assert told in str(caught.value)
+
+
+def test_published_numbers_meet_what_was_found(project: Path) -> None:
+    paper, numbers = read_published(project / "data" / "paper" / "published.toml")
+    assert "1403.7220" in paper
+    found = [
+        ("gamma", "heavy", Quantity(0.197, 0.0), "exact"),
+        ("gamma", "light", Quantity(0.094, 0.01), "x"),
+        ("kappa", "light", Quantity(0.65, 0.1), "y"),
+    ]
+    rows = compare_published(numbers, found)
+    assert [(row.published.value, row.how) for row in rows] == [(0.45, "y"), (0.187, "exact"), (0.094, "x")]
+    assert rows[0].e_n == pytest.approx(1.0)
+
+
+@pytest.mark.slow
+def test_committed_report_is_what_the_code_finds(project: Path, replica: Path, tmp_path: Path) -> None:
+    """A new reanalysis agrees with `reports/replica` within Monte-Carlo error, and recovers the truth."""
+    import subprocess
+    import sys
+    import tomllib
+
+    done = subprocess.run(
+        [sys.executable, "-m", "estim", "reanalyse", str(replica / "campaign.toml"), "--out", str(tmp_path), "--seed", "2"],
+        capture_output=True, text=True, check=False,
+    )
+    assert done.returncode == 0, done.stdout + done.stderr
+    new, old = (json.loads((folder / "result.json").read_text()) for folder in (tmp_path, project / "reports" / "replica"))
+    assert new["statuses"] == old["statuses"]
+    truth = tomllib.loads((replica / "truth.toml").read_text())
+    for body in old["bodies"]:
+        a, b = (result["bodies"][body]["joint"]["parameters"] for result in (new, old))
+        for name in b:
+            error = math.hypot(a[name]["mcse"], b[name]["mcse"])
+            assert abs(a[name]["mean"] - b[name]["mean"]) < 5.0 * error, name
+            # the error of a standard deviation is about mcse/sqrt(2), more for heavy tails
+            assert abs(a[name]["sd"] - b[name]["sd"]) < 8.0 * error, name
+            assert abs(a[name]["mean"] - truth[name]) < 3.0 * a[name]["sd"], name
+        # u falls as runs are added
+        for us in b and old["bodies"][body]["u_with_runs"].values():
+            assert all(np.diff(us) < 0.0)
+    for method, row in old["line"]["methods"].items():
+        if method != "posterior":
+            assert new["line"]["methods"][method]["slope"] == pytest.approx(row["slope"], rel=1e-9)
+    text = (project / "reports" / "replica" / "report.md").read_text()
+    for figure in {line.split("](")[1].rstrip(")") for line in text.splitlines() if line.startswith("![")}:
+        assert (project / "reports" / "replica" / figure).exists(), figure
