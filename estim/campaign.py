@@ -19,7 +19,7 @@ from estim.curve import Derived, LocalCurve
 from estim.errors import InputError
 from estim.levels import Level, Levels, as_prior, body_levels, read_key
 from estim.observing import observe
-from estim.priors import Normal, Prior
+from estim.priors import Normal, Prior, TruncatedNormal
 from estim.problem import Observations, Parameter, Problem
 from estim.quantity import Quantity
 from estim.run import Run, read_run
@@ -40,14 +40,15 @@ class _Kind:
     meaning: str
     low: float = -np.inf
     zero: bool = True  # whether 0 is possible
+    high: float = np.inf  # of the size
 
 
 _QUANTITIES: Mapping[str, _Kind] = MappingProxyType(
     {
         "gamma": _Kind({"gamma": 1.0}, "1", None, "distance of the centre of mass from the axle / R", 0.0),
         "kappa": _Kind({"kappa": 1.0}, "1", None, "inertia of the disk / (M_D R²)", 0.0),
-        "theta0": _Kind({"theta0_deg": _DEGREE, "theta0_rad": 1.0}, "rad", None, "angle of the particle at release"),
-        "phi": _Kind({"phi_deg": _DEGREE, "phi_rad": 1.0}, "rad", None, "tilt of the ramp"),
+        "theta0": _Kind({"theta0_deg": _DEGREE, "theta0_rad": 1.0}, "rad", None, "angle of the particle at release", high=2.0 * np.pi),
+        "phi": _Kind({"phi_deg": _DEGREE, "phi_rad": 1.0}, "rad", None, "tilt of the ramp", high=0.5 * np.pi),
         "rolling_resistance": _Kind({"rolling_resistance": 1.0}, "1", 0.0, "coefficient of rolling resistance", 0.0),
         "radius": _Kind({"radius_m": 1.0}, "m", None, "radius of the disk", 0.0, False),
         "rho": _Kind({"rho": 1.0}, "1", 1.0, "distance of the particle from the axle / R", 0.0, False),
@@ -95,6 +96,9 @@ class PhaseCurve:
         body, motion = self._body(arguments)
         motion.pop("g")
         return np.atleast_2d((phase.turning_angle if self.angular else phase.turning_point)(body, **motion))
+
+    def metres(self, arguments: Mapping[str, ArrayLike]) -> ArrayLike:
+        return arguments["radius"] if self.angular else 1.0
 
     def energies(self, x: FloatArray, v: FloatArray, arguments: Mapping[str, ArrayLike]) -> tuple[FloatArray, FloatArray]:
         body, motion = self._body(arguments)
@@ -179,11 +183,20 @@ class Campaign:
 
 
 def gamma_of_body(campaign: Campaign, body: str) -> Quantity | None:
-    """gamma as stated for a body, from its masses or directly; None where it is only a guess (no normal prior)."""
-    bound = _bind(campaign.source, body_levels(campaign.source, body), "gamma", f"body '{body}'")
-    if isinstance(bound.source, float):
-        return Quantity(bound.source)
-    return Quantity(bound.source.centre, bound.source.sd) if isinstance(bound.source, Normal) else None
+    """gamma as stated for a body, from its masses or directly; None where it is not, or only guessed (no normal prior)."""
+    tables = body_levels(campaign.source, body)
+    if not any(getattr(level.table, key) is not None for level in tables for key in ("gamma", "mass_particle_kg")):
+        return None
+    stated = _bind(campaign.source, tables, "gamma", f"body '{body}'").source
+    if isinstance(stated, float):
+        return Quantity(stated)
+    return Quantity(stated.mean, stated.sd) if isinstance(stated, Normal | TruncatedNormal) else None
+
+
+def gamma_origin(campaign: Campaign, body: str) -> str:
+    """Where gamma of a body comes from, in words."""
+    weighed = any(level.table.mass_particle_kg is not None and level.table.gamma is None for level in body_levels(campaign.source, body))
+    return "from the masses" if weighed else "as stated"
 
 
 def load_campaign(path: str | Path) -> Campaign:
@@ -241,6 +254,9 @@ def _checked(source: CampaignFile, value: Quantity | Prior, kind: _Kind, path: t
     centre = value.value if isinstance(value, Quantity) else value.centre
     if centre < kind.low or (centre == 0.0 and not kind.zero):
         raise source.places.error(f"must be {'>=' if kind.zero else '>'} {kind.low:g}", path, value=centre)
+    if abs(centre) > kind.high:
+        rule = f"must lie within {np.degrees(kind.high):.0f} degrees = {kind.high:.2f} rad (degrees go with the key {next(iter(kind.keys))})"
+        raise source.places.error(rule, path, value=f"{centre:.4g} rad")
     if isinstance(value, Quantity):
         return value.value if value.exact else as_prior(value, low=kind.low)
     if isinstance(value, Normal):

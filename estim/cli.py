@@ -16,10 +16,11 @@ from typing import TYPE_CHECKING
 
 import click
 
-from estim.errors import EstimError
+from estim.errors import EstimError, InputError, NumericalError
 
 if TYPE_CHECKING:
-    from estim.energy import EnergyRecord
+    from estim.campaign import Campaign
+    from estim.energy import Drift, EnergyRecord
     from estim.pipeline import Analysis
     from estim.sampling import Progress
 
@@ -28,7 +29,10 @@ BAD_INPUT, NOT_OK, INTERRUPTED = 2, 3, 130
 _RUNS = click.option("--run", "runs", multiple=True, metavar="NAME", help="This run only; may be given several times.  [default: every run]")
 _JOINT = click.option("--joint", is_flag=True, help="Fit the runs together: what they share is one unknown.")
 _STEPS = click.option("--max-steps", type=click.IntRange(min=400), default=20_000, show_default=True, help="Hard cap on the sampler's steps.")
-_OUT = click.option("--out", type=click.Path(path_type=Path, file_okay=False), help="Folder for the report (made if it is not there).")
+_OUT = click.option(
+    "--out", type=click.Path(path_type=Path, file_okay=False),
+    help="Folder for the report, made if it is not there.  [default: out/ and the name of the campaign's folder]",
+)
 _SEED = click.option("--seed", type=click.IntRange(min=0), default=1, show_default=True, help="Seed of every random number.")
 
 
@@ -61,8 +65,8 @@ def fit(campaign: Path, runs: tuple[str, ...], joint: bool, max_steps: int, out:
     from estim.sampling import Target
 
     loaded = load_campaign(campaign)
-    folder = out or Path("reports") / campaign.resolve().parent.name
-    groups = _groups(runs or loaded.run_names, joint=joint)
+    folder = out or Path("out") / campaign.resolve().parent.name
+    groups = _groups(loaded, runs, joint=joint)
     results = {}
     for group in groups:
         with _progress(", ".join(group), max_steps) as progress:
@@ -95,7 +99,7 @@ def line(campaign: Path, out: Path | None, seed: int) -> None:
     target = Target()
     with _progress("line", target.max_step) as progress:
         analysis = analyse_line(series, gamma_masses=gamma_of_body(loaded, series.body), seed=seed, target=target, progress=progress)
-    folder = (out or Path("reports") / campaign.resolve().parent.name / "line")
+    folder = out or Path("out") / campaign.resolve().parent.name / "line"
     _write(folder, line_report(loaded, analysis))
     _conclude("line", analysis.status, [finding.reason for finding in analysis.findings])
     click.echo(f"report: {folder / 'report.md'}")
@@ -103,9 +107,11 @@ def line(campaign: Path, out: Path | None, seed: int) -> None:
         sys.exit(NOT_OK)
 
 
-def _groups(runs: Iterable[str], *, joint: bool) -> list[tuple[str, ...]]:
-    """The runs that are fit together."""
-    names = tuple(dict.fromkeys(runs))
+def _groups(campaign: Campaign, runs: Iterable[str], *, joint: bool) -> list[tuple[str, ...]]:
+    """The runs that are fit together.  Raises InputError where there is none."""
+    names = tuple(dict.fromkeys(runs)) or campaign.run_names
+    if not names:
+        raise InputError("has no [[runs]] (estim line fits its theta_min series)", field="campaign", file=campaign.source.path)
     return [names] if joint else [(name,) for name in names]
 
 
@@ -121,7 +127,7 @@ def energy(campaign: Path, runs: tuple[str, ...], joint: bool, max_steps: int, o
     import numpy as np
 
     from estim.campaign import load_campaign
-    from estim.energy import energy_along
+    from estim.energy import drift_of, energy_along
     from estim.energy_report import energy_report
     from estim.pipeline import analyse
     from estim.sampling import Target
@@ -129,13 +135,15 @@ def energy(campaign: Path, runs: tuple[str, ...], joint: bool, max_steps: int, o
     loaded = load_campaign(campaign)
     analyses: list[Analysis] = []
     records: list[EnergyRecord] = []
-    for group in _groups(runs or loaded.run_names, joint=joint):
+    drifts: list[Drift] = []
+    for group in _groups(loaded, runs, joint=joint):
         with _progress(", ".join(group), max_steps) as progress:
             analyses.append(analyse(loaded, group, seed=seed, target=Target(max_step=max_steps), progress=progress))
         records.extend(energy_along(analyses[-1], rng=np.random.default_rng(seed)))
+        drifts.append(drift_of(analyses[-1], rng=np.random.default_rng(seed)))
         _conclude(", ".join(group), analyses[-1].diagnosis.status, analyses[-1].diagnosis.reasons)
-    folder = out or Path("reports") / campaign.resolve().parent.name / "energy"
-    _write(folder, energy_report(loaded, analyses, records, seed=seed))
+    folder = out or Path("out") / campaign.resolve().parent.name / "energy"
+    _write(folder, energy_report(loaded, analyses, records, drifts, seed=seed))
     click.echo(f"report: {folder / 'report.md'}")
     if any(not analysis.diagnosis.ok for analysis in analyses):
         sys.exit(NOT_OK)
@@ -158,8 +166,8 @@ def reanalyse(campaign: Path, max_steps: int, out: Path | None, seed: int) -> No
     from estim.sampling import Target
 
     loaded = load_campaign(campaign)
-    result = run_reanalysis(loaded, seed=seed, target=Target(max_step=max_steps), progress_of=lambda what: _progress(what, max_steps))
-    folder = out or Path("reports") / campaign.resolve().parent.name
+    result = run_reanalysis(loaded, seed=seed, target=Target(max_step=max_steps), progress_of=lambda what: _announced(what, max_steps))
+    folder = out or Path("out") / campaign.resolve().parent.name
     _write(folder, reanalysis_report(result))
     for what, status in result.statuses.items():
         _conclude(what, status, ())
@@ -184,6 +192,14 @@ def simulate(design: Path, out: Path) -> None:
     files = simulate_campaign(load_design(design))
     _write(out, {name: text.encode() for name, text in files.items()})
     click.echo(f"synthetic campaign: {out / 'campaign.toml'} ({len(files)} files)")
+
+
+@contextmanager
+def _announced(what: str, max_steps: int) -> Iterator[Progress]:
+    """A progress bar, and a line when it is done, for a command of several minutes."""
+    with _progress(what, max_steps) as progress:
+        yield progress
+    click.echo(f"sampled: {what}")
 
 
 @contextmanager
@@ -229,6 +245,9 @@ def main() -> None:
     except click.ClickException as error:
         click.echo(f"error: {error.format_message()}".replace("\n", " "), err=True)
         sys.exit(BAD_INPUT)
+    except NumericalError as error:
+        click.echo(f"error: {error}", err=True)
+        sys.exit(NOT_OK)
     except EstimError as error:
         click.echo(f"error: {error}", err=True)
         sys.exit(BAD_INPUT)

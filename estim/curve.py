@@ -49,6 +49,9 @@ class Curve(Protocol):
     def time_derivative(self, x: FloatArray, arguments: Mapping[str, ArrayLike], order: int) -> FloatArray:
         """d^order f/dt^order along the motion dx/dt = f(x), for even `order`: what a derivative by differences adds to its mean."""
 
+    def metres(self, arguments: Mapping[str, ArrayLike]) -> ArrayLike:
+        """Metres that one unit of x is worth."""
+
     @property
     def mass(self) -> float | None:
         """Mass (kg) of what moves, None where it is unknown or has no meaning."""

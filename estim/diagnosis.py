@@ -1,10 +1,11 @@
 """The status of a result: one place decides whether a number may be trusted, and says why not and what to do.
 
-Statuses, first that applies: `not-converged`, `at-bound`, `poor-fit`, `ok`.
+Statuses, first that applies: `not-converged`, `not-identified`, `at-bound`, `poor-fit`, `methods-disagree`, `ok`.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -14,12 +15,13 @@ from numpy.typing import NDArray
 from estim.fitting import Fit
 from estim.goodness import REJECT_BELOW, SCATTER_LIMIT, Goodness
 from estim.line import LineFit
+from estim.line_intervals import SlopeInterval
 from estim.priors import TruncatedNormal, Uniform
 from estim.sampling import Chain, effective_size, mcse_mean, r_hat
 
 FloatArray = NDArray[np.float64]
 
-STATUSES = ("ok", "not-converged", "at-bound", "not-identified", "multimodal", "poor-fit", "methods-disagree")
+STATUSES = ("not-converged", "not-identified", "at-bound", "poor-fit", "methods-disagree", "ok")  # gravest first
 
 
 @dataclass(frozen=True)
@@ -59,7 +61,7 @@ class Diagnosis:
 def diagnose(fit: Fit, chain: Chain, goodness: Sequence[Goodness]) -> Diagnosis:
     """The status of a sampled fit."""
     findings = [*_convergence(fit, chain), *_bounds(fit), *_goodness(goodness)]
-    findings.sort(key=lambda finding: ("not-converged", "at-bound", "poor-fit").index(finding.status))
+    findings.sort(key=lambda finding: STATUSES.index(finding.status))
     return Diagnosis(
         status=findings[0].status if findings else "ok", findings=tuple(findings), notes=tuple(_notes(fit, goodness)),
         rhat=r_hat(chain.draws), ess_bulk=effective_size(chain.draws, "bulk"), ess_tail=effective_size(chain.draws, "tail"),
@@ -67,9 +69,19 @@ def diagnose(fit: Fit, chain: Chain, goodness: Sequence[Goodness]) -> Diagnosis:
     )
 
 
-def line_findings(fit: LineFit, chain: Chain) -> tuple[Finding, ...]:
-    """What is wrong with a straight line: `fit` with all uncertainties, `chain` the draws of the Bayesian one."""
+def line_findings(fit: LineFit, interval: SlopeInterval, chain: Chain) -> tuple[Finding, ...]:
+    """What is wrong with a theta_min line: `fit` with all uncertainties, exact slope `interval`, `chain` of the Bayesian line."""
     findings = _sampling(chain)
+    if not (math.isfinite(interval.low) and math.isfinite(interval.high) and interval.low > 0.0):
+        shown = f"[{interval.low:.3g}, {interval.high:.3g}]"
+        reason = f"the points do not determine a rising line: the exact {interval.probability:.0%} interval of its slope is {shown}"
+        findings.append(Finding("not-identified", reason, "gamma = 1/slope needs a slope that is surely positive: measure at more and steeper tilts"))
+    else:
+        slope = chain.flat[:, chain.names.index("slope")]
+        u = float(np.hypot(fit.standard_errors[fit.recommended].u_slope, slope.std()))
+        if abs(slope.mean() - fit.slope) > u:
+            reason = f"York's slope {fit.slope:.3g} and the Bayesian one {slope.mean():.3g} differ by more than their combined uncertainty {u:.2g}"
+            findings.append(Finding("methods-disagree", reason, "the priors of the Bayesian line carry weight: take more points"))
     if fit.p_value < REJECT_BELOW:
         reason = f"the points scatter more than their uncertainties allow (S = {fit.chi2:.1f}, {fit.dof} degrees of freedom, p = {fit.p_value:.1g})"
         findings.append(Finding("poor-fit", reason, "check the uncertainties and look for a bad point"))
@@ -99,6 +111,10 @@ def _sampling(chain: Chain) -> list[Finding]:
 
 def _bounds(fit: Fit) -> list[Finding]:
     findings = []
+    if fit.singular:
+        reason = "a combination of the parameters is determined neither by the data nor by the priors"
+        advice = "state at least one of the parameters with an uncertainty; the table of correlations shows which go together"
+        findings.append(Finding("not-identified", reason, advice))
     for parameter, value in zip(fit.problem.parameters, fit.values, strict=True):
         hard = isinstance(parameter.prior, Uniform | TruncatedNormal) and parameter.name not in fit.problem.noise_names
         if hard and parameter.name in fit.at_bound:
@@ -136,13 +152,17 @@ def _notes(fit: Fit, goodness: Sequence[Goodness]) -> list[str]:
     notes = []
     if fit.n_same < fit.n_start:
         notes.append(f"{fit.n_start - fit.n_same} of {fit.n_start} starts of the fit ended at a worse optimum than the best")
-    for run in goodness:
-        chi2 = run.checks.get("chi2")
+    for good in goodness:
+        chi2 = good.checks.get("chi2")
         if chi2 is not None and chi2.p_value > 1.0 - REJECT_BELOW:
             p = f"p = {1.0 - chi2.p_value:.1g}"
-            notes.append(f"run {run.run}: the residuals are smaller than the stated noise ({p}): the sigmas may be overstated")
-        if run.scatter_ratio > 3.0:
-            notes.append(f"run {run.run}: the inferred scatter is {run.scatter_ratio:.1f} times what the instrument explains")
+            notes.append(f"run {good.run}: the residuals are smaller than the stated noise ({p}): is the stated sigma too large?")
+        if good.scatter_ratio > 3.0:
+            notes.append(f"run {good.run}: the inferred scatter is {good.scatter_ratio:.1f} times what the instrument explains")
+    for run in fit.problem.runs:
+        exact = [name for name in ("phi", "theta0") if isinstance(run.arguments.get(name), float)]
+        if exact:
+            notes.append(f"run {run.name}: {' and '.join(exact)} taken as exact: every result is only as good as that")
     for name in fit.at_bound:
         notes.append(f"{name}: the most probable value is the edge of its range; read its interval as a limit")
     return notes

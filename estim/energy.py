@@ -1,9 +1,10 @@
 """The energy along a measured run: is it conserved, and if not, how fast is it lost?
 
 The speeds are those of the fit, freed of the truncation of their stencil.  The parameters (gamma, kappa, tilt, angle of
-release) are drawn from the posterior of the phase-curve fit, which has the same data and lets energy be lost at a
-constant rate per metre.  So what is tested here is whether the loss is that steady, and how large it is; a loss of
-exactly zero is at the edge of what the fit allows.
+release, rolling resistance) are drawn from the posterior of the phase-curve fit, which has the same data.  So the energies
+show what that fit makes of the loss: if the data do not narrow the rolling resistance, the loss is its prior over again,
+and if the fit holds it fixed, the energies can only agree with that.  `Drift` says which of these is the case, and tests
+for a loss properly: how much better do the data fit when energy may be lost?
 
 Errors of positions and speeds enter together: a position error moves the potential energy, and through the stencil the
 kinetic energy of its neighbours.  First order, taken at the speeds of the curve (at the noisy speeds, weights and errors
@@ -14,20 +15,24 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.stats import chi2, norm
+from scipy.stats import chi2
 
+from estim.fitting import Fit, fit_least_squares
 from estim.noise import Differentiated, covariance
 from estim.pipeline import Analysis
-from estim.problem import Observations
+from estim.priors import Uniform
+from estim.problem import Observations, Problem
 
 FloatArray = NDArray[np.float64]
 
 Arguments = Mapping[str, ArrayLike]
 
+LOSS = "rolling_resistance"  # the argument of a curve through which energy is lost
+DETERMINED = 0.7  # of the prior sd: a posterior wider than this is mostly prior
 _STEP = 1e-6
 
 
@@ -45,13 +50,12 @@ class Estimate:
 class EnergyRecord:
     """Energies of one run, J/kg (per unit mass), all arrays (n_obs,).
 
+    x, v, u_v : position (m) and speed (m/s) of the axle, also for a run measured in radians.
     kinetic, potential, total : at the posterior mode of the parameters; u_* their standard uncertainties.
     relative : (E - E0)/E0 as in the paper, E0 the energy at release; it depends on where V is zero.
     to_kinetic : (E - E0)/(largest kinetic energy), which does not.
     mean_*, extreme_* : average over the run, and the value where it is largest in size.
     loss : energy lost per metre, J/(kg m).  loss_force : the same as a force in N, nan where the mass is unknown.
-    drift_p : probability of a loss at least as different from 0 if there were none (normal, two-sided).
-    steady_p : chi-square probability of the scatter about a steady loss.
     """
 
     run: str
@@ -76,8 +80,53 @@ class EnergyRecord:
     extreme_to_kinetic: Estimate
     loss: Estimate
     loss_force: Estimate
-    drift_p: float
-    steady_p: float
+
+
+@dataclass(frozen=True)
+class Drift:
+    """Whether a fit shows that energy is lost.
+
+    free : whether the rolling resistance was a parameter at all.
+    narrowing : its posterior sd / its prior sd; nan where it was not free.
+    gain : fall of chi2 when a loss is allowed (flat prior, not negative) instead of none.
+    p_value : probability of such a gain or more if no energy were lost: half a chi-square of one degree of freedom.
+    """
+
+    free: bool
+    narrowing: float
+    gain: float
+    p_value: float
+
+    @property
+    def determined(self) -> bool:
+        """Whether the data, and not the prior, say how much energy is lost."""
+        return self.free and self.narrowing < DETERMINED
+
+
+def drift_of(analysis: Analysis, *, rng: np.random.Generator) -> Drift:
+    """The test for a loss of energy in all runs of an analysis together."""
+    problem = analysis.problem
+    losses = [i for i, p in enumerate(problem.parameters) if p.name.partition("[")[0] == LOSS]
+    if not losses:
+        return Drift(False, math.nan, math.nan, math.nan)
+    sds = analysis.chain.flat.std(axis=0)
+    narrowing = float(np.mean([sds[i] / problem.parameters[i].prior.sd for i in losses]))
+    names = {problem.parameters[i].name for i in losses}
+    free = Problem(tuple(replace(p, prior=Uniform(0.0, 1.0)) if p.name in names else p for p in problem.parameters), problem.runs)
+    held = tuple(
+        replace(run, arguments={a: 0.0 if source in names else source for a, source in run.arguments.items()}) for run in problem.runs
+    )
+    none = Problem(tuple(p for p in problem.parameters if p.name not in names), held)
+    # the flat prior on [0, 1] has log density 0
+    kept = [i for i in range(problem.n_par) if i not in losses]
+    with_loss = fit_least_squares(free, rng=rng, n_start=2, start=analysis.fit.values)
+    without = fit_least_squares(none, rng=rng, n_start=2, start=analysis.fit.values[kept])
+    gain = 2.0 * (_best(with_loss) - _best(without))
+    return Drift(True, narrowing, gain, 0.5 * float(chi2.sf(max(gain, 0.0), 1)) if gain > 0.0 else 1.0)
+
+
+def _best(fit: Fit) -> float:
+    return float(fit.posterior.log_density(fit.values[None, :])[0])
 
 
 def energy_along(analysis: Analysis, *, rng: np.random.Generator, n_draw: int = 4000) -> tuple[EnergyRecord, ...]:
@@ -108,19 +157,18 @@ def _record(analysis: Analysis, i: int, draws: FloatArray, rng: np.random.Genera
     start = np.ravel(np.broadcast_to(release, (draws.shape[0], 1)))
     largest = np.max(drawn_kinetic, axis=1)
     relative, to_kinetic = ((measured - start[:, None]) / scale[:, None] for scale in (start, largest))
-    to_line = _line_estimator(run.x, noise)
+    metres = float(np.ravel(run.curve.metres(at_mode))[0])
+    to_line = _line_estimator(metres * run.x, noise)
     loss = -(measured @ to_line[1])
-    residual = kinetic + potential - np.column_stack([np.ones_like(run.x), run.x]) @ (to_line @ (kinetic + potential))
     mass = math.nan if run.curve.mass is None else run.curve.mass
     return EnergyRecord(
-        run=run.name, t=run.t, x=run.x, v=v, u_v=np.sqrt(np.diag(cov_speed)),
+        run=run.name, t=run.t, x=metres * run.x, v=metres * v, u_v=metres * np.sqrt(np.diag(cov_speed)),
         kinetic=kinetic, potential=potential, total=kinetic + potential, u_kinetic=np.hypot(drawn_kinetic.std(axis=0), u_kinetic),
         u_potential=drawn_potential.std(axis=0), u_total=measured.std(axis=0), start=_estimate(start),
         relative=relative.mean(axis=0), u_relative=relative.std(axis=0), to_kinetic=to_kinetic.mean(axis=0), u_to_kinetic=to_kinetic.std(axis=0),
         mean_relative=_estimate(relative.mean(axis=1)), extreme_relative=_extreme(relative),
         mean_to_kinetic=_estimate(to_kinetic.mean(axis=1)), extreme_to_kinetic=_extreme(to_kinetic),
         loss=_estimate(loss), loss_force=_estimate(loss * mass),
-        drift_p=_two_sided(loss), steady_p=float(chi2.sf(residual @ np.linalg.pinv(noise, hermitian=True) @ residual, run.n_obs - 2)),
     )
 
 
@@ -169,7 +217,3 @@ def _estimate(draws: FloatArray) -> Estimate:
 def _extreme(values: FloatArray) -> Estimate:
     """The frame whose mean value (n_draw, n_obs) is largest in size; of all frames the largest is an outlier on purpose."""
     return _estimate(values[:, int(np.argmax(np.abs(values.mean(axis=0))))])
-
-
-def _two_sided(draws: FloatArray) -> float:
-    return float(2.0 * norm.sf(abs(draws.mean()) / draws.std(ddof=1)))

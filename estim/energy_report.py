@@ -10,9 +10,8 @@ from matplotlib.figure import Figure
 
 from estim import figures
 from estim.campaign import Campaign
-from estim.energy import EnergyRecord, Estimate
+from estim.energy import Drift, EnergyRecord, Estimate
 from estim.pipeline import Analysis
-from estim.problem import Observations
 from estim.quantity import Quantity, format_quantity
 from estim.report import KINDS, STATUS_WORDS, render
 from estim.result import Provenance, number, provenance
@@ -37,8 +36,16 @@ class EnergySummary(msgspec.Struct, frozen=True):
     loss_per_metre: Value  # J/(kg m)
     loss_interval_95: list[float | None]
     loss_force: Value  # N
-    drift_p: float
-    steady_p: float
+
+
+class DriftSummary(msgspec.Struct, frozen=True):
+    """Whether the data show a loss of energy; see `estim.energy.Drift`."""
+
+    free: bool
+    determined: bool
+    narrowing: float | None
+    gain: float | None
+    p_value: float | None
 
 
 class EnergyResult(msgspec.Struct, frozen=True, rename={"schema_": "schema"}):
@@ -49,6 +56,7 @@ class EnergyResult(msgspec.Struct, frozen=True, rename={"schema_": "schema"}):
     kind: str
     statuses: dict[str, str]
     energies: dict[str, EnergySummary]
+    drift: dict[str, DriftSummary]  # by the runs that were fit together
     provenance: Provenance
 
 
@@ -61,7 +69,28 @@ def summarise_energy(e: EnergyRecord) -> EnergySummary:
     return EnergySummary(
         mean_relative=to_value(e.mean_relative), extreme_relative=to_value(e.extreme_relative), mean_to_kinetic=to_value(e.mean_to_kinetic),
         extreme_to_kinetic=to_value(e.extreme_to_kinetic), loss_per_metre=to_value(e.loss),
-        loss_interval_95=[number(e.loss.low), number(e.loss.high)], loss_force=to_value(e.loss_force), drift_p=e.drift_p, steady_p=e.steady_p,
+        loss_interval_95=[number(e.loss.low), number(e.loss.high)], loss_force=to_value(e.loss_force),
+    )
+
+
+def summarise_drift(drift: Drift) -> DriftSummary:
+    """The record of the test for a loss."""
+    return DriftSummary(drift.free, drift.determined, number(drift.narrowing), number(drift.gain), number(drift.p_value))
+
+
+def drift_words(drift: DriftSummary) -> str:
+    """What the data say on a loss of energy, in words."""
+    if not drift.free or drift.narrowing is None or drift.gain is None or drift.p_value is None:
+        return (
+            "This fit held the rolling resistance fixed, so the energies below agree with that by construction and say nothing on a loss: "
+            "give rolling_resistance a prior."
+        )
+    test = f"Allowing a loss improves χ² by {max(drift.gain, 0.0):.1f} (p = {drift.p_value:.2g} if there were none)"
+    if drift.determined:
+        return f"{test}; the data narrow the rolling resistance to {drift.narrowing:.0%} of its prior, so the loss below is measured."
+    return (
+        f"{test}. The data leave the rolling resistance about as uncertain as its prior ({drift.narrowing:.0%} of the prior's width): "
+        "the loss below is what was assumed, not a measurement."
     )
 
 
@@ -75,17 +104,26 @@ def percent(value: Value) -> str:
     return "n/a" if value.value is None or value.u is None else format_quantity(100.0 * value.value, 100.0 * value.u) + " %"
 
 
-def energy_report(campaign: Campaign, analyses: Sequence[Analysis], records: Sequence[EnergyRecord], *, seed: int) -> dict[str, bytes]:
-    """`report.md`, `result.json` and `figures/energy.png`; `records` in the order of the analyses' runs."""
+def energy_report(
+    campaign: Campaign, analyses: Sequence[Analysis], records: Sequence[EnergyRecord], drifts: Sequence[Drift], *, seed: int
+) -> dict[str, bytes]:
+    """`report.md`, `result.json` and `figures/energy.png`.
+
+    records : in the order of the analyses' runs.  drifts : one for each analysis.
+    """
     runs = [run for analysis in analyses for run in analysis.problem.runs]
     statuses = {run.name: analysis.diagnosis.status for analysis in analyses for run in analysis.problem.runs}
     result = EnergyResult(
         ENERGY_SCHEMA, campaign.title, campaign.kind, statuses, {e.run: summarise_energy(e) for e in records},
+        {", ".join(run.name for run in a.problem.runs): summarise_drift(d) for a, d in zip(analyses, drifts, strict=True)},
         provenance(campaign, [run.name for run in runs], seed),
     )
-    figure = energy_figure(records, runs[0], synthetic=campaign.kind == "synthetic", title=campaign.title)
+    figure = energy_figure(records, synthetic=campaign.kind == "synthetic", title=campaign.title)
     trusted = {name: e for name, e in result.energies.items() if statuses[name] == "ok"}
-    text = render("energy.md.j2", result=result, energies=trusted, kind=KINDS[campaign.kind], status_words=STATUS_WORDS, shown=shown, percent=percent)
+    text = render(
+        "energy.md.j2", result=result, energies=trusted, kind=KINDS[campaign.kind], status_words=STATUS_WORDS, shown=shown, percent=percent,
+        drift_words=drift_words,
+    )
     return {
         "report.md": text.encode(),
         "result.json": msgspec.json.format(msgspec.json.encode(result), indent=1) + b"\n",
@@ -93,20 +131,21 @@ def energy_report(campaign: Campaign, analyses: Sequence[Analysis], records: Seq
     }
 
 
-def energy_figure(records: Sequence[EnergyRecord], run: Observations, *, synthetic: bool, title: str) -> Figure:
-    """Position, speed, energy and relative change of energy against time, as the paper's figure 3; `run` has the units."""
+def energy_figure(records: Sequence[EnergyRecord], *, synthetic: bool, title: str) -> Figure:
+    """Position, speed, energy and relative change of energy against time, as the paper's figure 3."""
     figure = figures.new_figure(5.6)
     axes = figure.subplots(2, 2).ravel()
+    timed = all(record.t is not None for record in records)
     for record, colour, mark in zip(records, figures.COLOURS * 4, figures.MARKS * 4, strict=False):
-        t = record.x if record.t is None else record.t
+        t = record.t if timed and record.t is not None else record.x
         none = np.zeros_like(record.x)
         panels = ((record.x, none), (record.v, record.u_v), (record.total, record.u_total), (record.relative, record.u_relative))
         for ax, (y, u) in zip(axes, panels, strict=True):
             ax.plot(t, y, mark, color=colour, ms=2.5, label=record.run)
             ax.fill_between(t, y - u, y + u, color=colour, alpha=0.18, lw=0)
-    names = (f"(a) {run.x_label}", f"(b) {run.y_label}", "(c) energy E/M (J/kg)", "(d) (E − E₀)/E₀")
+    names = ("(a) position x (m)", "(b) speed v (m/s)", "(c) energy E/M (J/kg)", "(d) (E − E₀)/E₀")
     for ax, name in zip(axes, names, strict=True):
-        ax.set(xlabel="time t (s)" if records[0].t is not None else run.x_label, ylabel=name)
+        ax.set(xlabel="time t (s)" if timed else "position x (m)", ylabel=name)
     axes[3].axhline(0.0, color=figures.GREY, lw=0.8)
     axes[0].legend(fontsize=8, frameon=False)
     figure.suptitle(title + (" (SYNTHETIC data)" if synthetic else ""), fontsize=10)

@@ -37,8 +37,8 @@ class InputError(EstimError, ValueError):
         return InputError(self.rule, field=self.field, value=self.value, file=file, line=line)
 
 
-class MissingPackageError(EstimError):
-    """An optional package is needed for what was asked; the text says which extra installs it."""
+class NumericalError(EstimError):
+    """A computation cannot go on at all, though the input breaks no rule; what can go on says so in its record instead."""
 
 
 def shorten(value: object, limit: int = 60) -> str:

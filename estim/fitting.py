@@ -15,6 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from estim.errors import InputError
 from estim.problem import Posterior, Problem, informative
 
 FloatArray = NDArray[np.float64]
@@ -37,6 +38,7 @@ class Fit:
     chi2 : whitened squares of the data and of the informative priors.  dof : their number minus the fitted parameters
         of the curve.  p_value : P(chi2 or more); nan where the size of the noise was inferred (then it proves nothing).
     n_start, n_same : starts tried, and how many of them led to the best optimum.
+    singular : whether some combination of parameters is not determined at all, not even by the priors.
     success, message : whether the search settled, in words.
     """
 
@@ -51,6 +53,7 @@ class Fit:
     p_value: float
     n_start: int
     n_same: int
+    singular: bool
     success: bool
     message: str
 
@@ -59,9 +62,16 @@ class Fit:
         return self.posterior.problem
 
 
-def fit_least_squares(problem: Problem, *, rng: np.random.Generator, n_start: int = 8) -> Fit:
-    """The posterior mode of `problem`, from the best of `n_start` starts (prior centre first, then draws of the prior)."""
-    starts = np.vstack([problem.start(), *(_prior_draw(problem, rng) for _ in range(n_start - 1))])
+def fit_least_squares(problem: Problem, *, rng: np.random.Generator, n_start: int = 8, start: FloatArray | None = None) -> Fit:
+    """The posterior mode of `problem`, from the best of `n_start` starts.
+
+    start : (n_par,) where to start first; the centre of the priors if None.  The other starts are draws of the priors.
+
+    Raises InputError where the problem has no unknowns.
+    """
+    if problem.n_par == 0:
+        raise InputError("leave nothing to fit: every quantity is exact; give at least one an uncertainty or a prior", field="parameters")
+    starts = np.vstack([problem.start() if start is None else start, *(_prior_draw(problem, rng) for _ in range(n_start - 1))])
     rough = [_settle(problem, start, max_rounds=4) for start in starts]
     objective = np.array([-_log_density(posterior, values) for values, posterior, _ in rough])
     best = int(np.nanargmin(objective))
@@ -194,7 +204,7 @@ def _describe(problem: Problem, posterior: Posterior, values: FloatArray, moved:
     return Fit(
         names=problem.names, values=values, cov=cov, sds=sds, at_bound=tuple(at_bound), posterior=posterior, chi2=chi2, dof=dof,
         p_value=_chi2_p(chi2, dof) if not problem.noise_names and dof > 0 else math.nan,
-        n_start=n_start, n_same=n_same, success=moved < _SETTLED, message=message,
+        n_start=n_start, n_same=n_same, singular=singular, success=moved < _SETTLED, message=message,
     )
 
 

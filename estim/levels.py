@@ -66,9 +66,9 @@ def read_at(source: CampaignFile, value: Value, path: Path, *, factor: float = 1
 
 
 def as_prior(quantity: Quantity, *, low: float) -> Prior:
-    """The prior that a measured value stands for: normal, cut at the physical limit `low` where that is within reach."""
+    """The prior that a measured value stands for: normal, impossible below the physical limit `low`."""
     near = quantity.value - low < 8.0 * quantity.u
-    return TruncatedNormal(quantity.value, quantity.u, low, float("inf")) if near else Normal(quantity.value, quantity.u)
+    return TruncatedNormal(quantity.value, quantity.u, low, float("inf")) if near else Normal(quantity.value, quantity.u, low)
 
 
 def noise_level(levels: Levels) -> tuple[NoiseTable, Path, str]:

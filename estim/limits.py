@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from estim.fitting import Fit, fit_least_squares, information
 from estim.pipeline import Analysis
-from estim.problem import Problem
+from estim.problem import Problem, informative
 
 FloatArray = NDArray[np.float64]
 
@@ -39,17 +39,23 @@ class Narrowing:
     """Standard uncertainties (least squares) of shared parameters from the first n runs of a joint problem together.
 
     names : the parameters.  runs : run names in the order they are added.  u : (n_run, n_name).  u_single : the same from
-    each run alone.
+    each run alone.  u_prior : (n_name,) what was stated before, nan for a uniform prior.
     """
 
     names: tuple[str, ...]
     runs: tuple[str, ...]
     u: FloatArray
     u_single: FloatArray
+    u_prior: FloatArray
 
 
 def limits(fit: Fit, parameter: str) -> tuple[Limit, ...]:
-    """What each group of other parameters (all tilts, all angles of release, ...) costs `parameter`, largest share first."""
+    """What each group of other parameters (all tilts, all angles of release, ...) costs `parameter`, largest share first.
+
+    Empty where the fit is singular: then nothing is limited by one thing alone.
+    """
+    if fit.singular:
+        return ()
     names = fit.problem.names
     matrix = information(fit.posterior, fit.values)
     own = names.index(parameter)
@@ -73,7 +79,12 @@ def narrowing(problem: Problem, singles: Sequence[Analysis], names: Sequence[str
         fit = fit_least_squares(_first_runs(problem, n), rng=rng, n_start=2)
         rows.append([float(np.sqrt(fit.cov[fit.names.index(name), fit.names.index(name)])) for name in names])
     alone = [[float(np.sqrt(a.fit.cov[a.fit.names.index(name), a.fit.names.index(name)])) for name in names] for a in singles]
-    return Narrowing(tuple(names), tuple(run.name for run in problem.runs), np.array(rows), np.array(alone))
+    return Narrowing(tuple(names), tuple(run.name for run in problem.runs), np.array(rows), np.array(alone), _prior_sds(problem, names))
+
+
+def _prior_sds(problem: Problem, names: Sequence[str]) -> FloatArray:
+    priors = {p.name: p.prior for p in problem.parameters}
+    return np.array([priors[name].sd if informative(priors[name]) else np.nan for name in names])
 
 
 def _first_runs(problem: Problem, n: int) -> Problem:

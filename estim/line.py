@@ -173,8 +173,8 @@ def _recommendation(method: str, chi2: float, dof: int, p_value: float) -> tuple
     if method == "weighted":
         return "propagated", "x is exact and S agrees with the stated uncertainties, so they are propagated as they are"
     return "propagated", (
-        "S agrees with the stated uncertainties, so they need no scaling; the york convention is too small where the errors "
-        "along the line are not small against the range"
+        f"the stated uncertainties are not rejected by the scatter (p = {p_value:.2g}), so they need no scaling; the york "
+        "convention is too small where the errors along the line are not small against the range"
     )
 
 

@@ -95,12 +95,13 @@ def analyse_line(
     )
     mode = line_mode(posterior)
     chain = sample_posterior(posterior, mode.values, mode.cov, target=target or Target(), rng=chain_rng, progress=progress)
+    exact = slope_interval(york)
     readings = {name: _read(fit, gamma_masses) for name, fit in (("ols", ols), ("weighted", weighted), ("york", york))}
     readings["posterior"] = _read_draws(chain, gamma_masses)
     return LineAnalysis(
         series=series, ols=ols, weighted=weighted, york=york, posterior=posterior, chain=chain,
         evidence=intercept_evidence(posterior, rng=evidence_rng, n_draw=20_000), readings=readings, gamma_masses=gamma_masses,
-        slope_exact=slope_interval(york), steepest=inverse_prediction(york, 1.0, u_y0=0.0), findings=line_findings(york, chain), seed=seed,
+        slope_exact=exact, steepest=inverse_prediction(york, 1.0, u_y0=0.0), findings=line_findings(york, exact, chain), seed=seed,
     )
 
 

@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from estim import figures
-from estim.campaign import Campaign
+from estim.campaign import Campaign, gamma_origin
 from estim.line import CONVENTIONS
 from estim.line_analysis import LineAnalysis
 from estim.quantity import format_quantity, format_rounded
@@ -63,6 +63,7 @@ class LineResult(msgspec.Struct, frozen=True, rename={"schema_": "schema"}):
     body: str
     n_obs: int
     gamma_masses: Estimate | None
+    gamma_origin: str
     methods: dict[str, LineRow]
     posterior: dict[str, Summary]
     slope_interval: list[float | None]
@@ -86,7 +87,7 @@ def line_result(campaign: Campaign, analysis: LineAnalysis) -> LineResult:
         reasons=[f.reason for f in analysis.findings], advice=[f.advice for f in analysis.findings], body=analysis.series.body,
         n_obs=analysis.series.x.size,
         gamma_masses=None if analysis.gamma_masses is None else Estimate(analysis.gamma_masses.value, analysis.gamma_masses.u),
-        methods=methods,
+        gamma_origin=gamma_origin(campaign, analysis.series.body), methods=methods,
         posterior={
             "gamma": summarise(analysis.gamma_draws, unit="1", meaning="1/slope"),
             "intercept": summarise(intercept, unit="1", meaning="sin θ_min at φ = 0"),
@@ -196,7 +197,7 @@ def line_figure(analysis: LineAnalysis, *, synthetic: bool) -> Figure:
         ax.fill_between(x, low, high, color=figures.BLUE, alpha=alpha, lw=0, label=f"posterior of the line, {probability:.0%}")
     if analysis.gamma_masses is not None:
         gamma = analysis.gamma_masses
-        ax.plot(x, x / gamma.value, color=figures.ORANGE, lw=1.8, label=f"theory, γ = {format_quantity(gamma.value, gamma.u)} from the masses")
+        ax.plot(x, x / gamma.value, color=figures.ORANGE, lw=1.8, label=f"theory, γ = {format_quantity(gamma.value, gamma.u)} as stated")
     ax.plot(x, analysis.ols.intercept + analysis.ols.slope * x, color=figures.INK, lw=1.2, ls="--", label="ordinary least squares")
     ax.plot(x, analysis.york.intercept + analysis.york.slope * x, color=figures.BLUE, lw=1.6, label="York")
     ax.errorbar(

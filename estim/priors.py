@@ -73,7 +73,7 @@ def _finite(value: float, name: str) -> None:
 
 @dataclass(frozen=True)
 class Normal:
-    """Normal with mean and standard deviation."""
+    """Normal with mean and standard deviation; `low` may be a limit far (8 sd or more) below the mean, impossible beyond."""
 
     mean: float
     sd: float
@@ -89,7 +89,9 @@ class Normal:
         return self.mean
 
     def log_density(self, value: ArrayLike) -> FloatArray:
-        return -0.5 * ((np.asarray(value) - self.mean) / self.sd) ** 2 - math.log(self.sd) - _LOG_ROOT_2PI
+        value = np.asarray(value)
+        log_p = -0.5 * ((value - self.mean) / self.sd) ** 2 - math.log(self.sd) - _LOG_ROOT_2PI
+        return np.where((value >= self.low) & (value <= self.high), log_p, -np.inf)
 
     def residual(self, value: float) -> float:
         return (value - self.mean) / self.sd

@@ -13,7 +13,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import norm
 
 from estim.bands import Bands, curve_draws
 from estim.budget import BudgetAlong, budget_along
@@ -26,6 +25,7 @@ from estim.propagation import propagate_linear
 FloatArray = NDArray[np.float64]
 
 _N_DRAW = 20_000
+_FEWEST = 5
 _CLOSE_TO_END = 0.97
 PROBABILITY = 0.68
 
@@ -35,11 +35,12 @@ class PropagatedBand:
     """Band of one run at x (n_x,).
 
     value, u : curve at the stated values and its standard uncertainty, linear.
-    mc_low, mc_high : ends of the probabilistically symmetric 68 % interval by Monte Carlo.
+    mc_low, mc_high : ends of the probabilistically symmetric 68 % interval by Monte Carlo; the band that is drawn.
     held : parameters that were not measured and are held at their fitted values.
     budget : share of each input along the curve.  Beyond 97 % of the way to the turning point of the stated values the
         linear law has no meaning (the speed ends with a vertical slope) and u, mc_* are nan.
-    posterior_half : (n_x,) half-width of the posterior 68 % band.  ratio : posterior half-width / u; nan where either motion has ended.
+    posterior_half : (n_x,) half-width of the posterior 68 % band.  ratio : posterior half-width /
+        Monte-Carlo half-width; nan where either motion has ended.
     linear_off : (n_x,) |linear half-width / Monte-Carlo half-width - 1|.
     inside : probability -> share of x at which the posterior band of that probability lies within the propagated one.
     """
@@ -59,11 +60,15 @@ class PropagatedBand:
 
 
 def propagated_bands(analysis: Analysis, *, rng: np.random.Generator) -> tuple[PropagatedBand, ...]:
-    """One PropagatedBand for each run of an analysis, on the grid of its posterior band.  Raises InputError."""
-    return tuple(_band(analysis, i, bands, rng) for i, bands in enumerate(analysis.bands))
+    """A PropagatedBand for each run of an analysis that has one, on the grid of its posterior band.
+
+    A run has none where no input was measured, or where at the stated values the body hardly moves.
+    """
+    bands = (_band(analysis, i, band, rng) for i, band in enumerate(analysis.bands))
+    return tuple(band for band in bands if band is not None)
 
 
-def _band(analysis: Analysis, i: int, bands: Bands, rng: np.random.Generator) -> PropagatedBand:
+def _band(analysis: Analysis, i: int, bands: Bands, rng: np.random.Generator) -> PropagatedBand | None:
     problem, run = analysis.problem, analysis.problem.runs[i]
     sources = {source for source in run.arguments.values() if isinstance(source, str)}
     stated = {
@@ -74,6 +79,8 @@ def _band(analysis: Analysis, i: int, bands: Bands, rng: np.random.Generator) ->
     end = float(np.ravel(run.curve.end(run.bind(centre)))[0])
     used = (bands.x > 0.0) & (bands.x < _CLOSE_TO_END * end)
     x = bands.x[used]
+    if not inputs or x.size < _FEWEST:
+        return None
 
     def curve(values: Mapping[str, Any]) -> FloatArray:
         speeds = np.asarray(run.curve.value(x, run.bind(centre | dict(values))))
@@ -85,6 +92,8 @@ def _band(analysis: Analysis, i: int, bands: Bands, rng: np.random.Generator) ->
     half = 0.5 * (high - low)
     mc_half = 0.5 * (drawn.symmetric.high - drawn.symmetric.low)
 
+    mc_bands = {p: np.quantile(drawn.draws, [0.5 - 0.5 * p, 0.5 + 0.5 * p], axis=0) for p in bands.credible}
+
     def on_grid(values: FloatArray) -> FloatArray:
         full = np.full(bands.x.size, np.nan)
         full[used] = values
@@ -92,18 +101,18 @@ def _band(analysis: Analysis, i: int, bands: Bands, rng: np.random.Generator) ->
 
     u = on_grid(linear.u)
     moving = bands.median > 0.0
-    both = used & moving
     value, _ = curve_draws(problem, run, bands.x, _row(analysis, stated))
     return PropagatedBand(
         run=run.name, x=bands.x, value=value[0], u=u, mc_low=on_grid(drawn.symmetric.low), mc_high=on_grid(drawn.symmetric.high),
-        held=tuple(sorted(sources - set(stated))), budget=budget_along(linear, x), posterior_half=half, ratio=np.where(moving, half / u, np.nan),
+        held=tuple(sorted(sources - set(stated))), budget=budget_along(linear, x), posterior_half=half,
+        ratio=np.where(moving, half / on_grid(mc_half), np.nan),
         linear_off=on_grid(np.abs(linear.u / mc_half - 1.0)),
-        inside={p: _inside(band[:, both], value[0][both], u[both] * norm.ppf(0.5 + 0.5 * p)) for p, band in bands.credible.items()},
+        inside={p: _inside(band[:, used], mc_bands[p]) for p, band in bands.credible.items()},
     )
 
 
-def _inside(band: FloatArray, centre: FloatArray, half: FloatArray) -> float:
-    return float(np.mean((band[0] >= centre - half) & (band[1] <= centre + half)))
+def _inside(band: FloatArray, outer: FloatArray) -> float:
+    return float(np.mean((band[0] >= outer[0]) & (band[1] <= outer[1])))
 
 
 def _row(analysis: Analysis, stated: Mapping[str, tuple[float, float]]) -> FloatArray:

@@ -11,11 +11,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from estim.campaign import Campaign, gamma_of_body
-from estim.energy import EnergyRecord, energy_along
+from estim.campaign import Campaign, gamma_of_body, gamma_origin
+from estim.energy import Drift, EnergyRecord, drift_of, energy_along
 from estim.limits import Limit, Narrowing, limits, narrowing
 from estim.line_analysis import LineAnalysis, analyse_line
 from estim.pipeline import Analysis, analyse
+from estim.problem import informative
 from estim.propagated import PropagatedBand, propagated_bands
 from estim.published import Comparison, compare_published, read_published
 from estim.quantity import Quantity
@@ -33,13 +34,15 @@ class BodyAnalysis:
     """The runs of one body.
 
     gamma_masses : gamma as stated, None where it was not measured.  joint : all its runs together.
-    energies, propagated : one for each run, with the joint posterior.  narrowing, limits : what more runs bring, what limits.
+    energies, propagated : one for each run, with the joint posterior.  drift : whether the data show a loss of energy.
+    narrowing, limits : what more runs bring, what limits.
     """
 
     body: str
     gamma_masses: Quantity | None
     joint: Analysis
     energies: tuple[EnergyRecord, ...]
+    drift: Drift
     propagated: tuple[PropagatedBand, ...]
     narrowing: Narrowing
     limits: tuple[Limit, ...]
@@ -67,6 +70,7 @@ class Reanalysis:
 
 def reanalyse(campaign: Campaign, *, seed: int, target: Target, progress_of: ProgressOf) -> Reanalysis:
     """The reanalysis of a campaign; the same seed gives the same numbers.  Raises InputError."""
+    paper, numbers = ("", ()) if campaign.published is None else read_published(campaign.published)
     line = None
     if campaign.source.line is not None:
         series = read_theta_min(campaign.source)
@@ -80,38 +84,40 @@ def reanalyse(campaign: Campaign, *, seed: int, target: Target, progress_of: Pro
     for body in dict.fromkeys(run.body for run in campaign.source.runs):
         with progress_of(f"{body}, all runs") as progress:
             bodies.append(_analyse_body(campaign, body, singles, seed, target, progress))
-    paper, numbers = ("", ()) if campaign.published is None else read_published(campaign.published)
-    return Reanalysis(campaign, line, singles, tuple(bodies), paper, compare_published(numbers, _found(line, bodies)), seed)
+    return Reanalysis(campaign, line, singles, tuple(bodies), paper, compare_published(numbers, _found(campaign, line, bodies)), seed)
 
 
 def _analyse_body(
     campaign: Campaign, body: str, singles: Mapping[str, Analysis], seed: int, target: Target, progress: Progress
 ) -> BodyAnalysis:
-    energy_rng, band_rng, fit_rng = np.random.default_rng(seed).spawn(3)
+    energy_rng, band_rng, fit_rng, drift_rng = np.random.default_rng(seed).spawn(4)
     runs = [run.name for run in campaign.source.runs if run.body == body]
     joint = analyse(campaign, runs, seed=seed, target=target, progress=progress)
-    shared = [name for name in joint.problem.names if name.partition("[")[0] in _OF_BODY]
+    # a quantity stated for each run has no common value to narrow
+    shared = [n for n in joint.problem.names if n.partition("[")[0] in _OF_BODY and all(n in singles[run].problem.names for run in runs)]
     return BodyAnalysis(
         body=body, gamma_masses=gamma_of_body(campaign, body), joint=joint, energies=energy_along(joint, rng=energy_rng),
+        drift=drift_of(joint, rng=drift_rng),
         propagated=propagated_bands(joint, rng=band_rng),
         narrowing=narrowing(joint.problem, [singles[name] for name in runs], shared, rng=fit_rng),
         limits=tuple(limit for name in shared for limit in limits(joint.fit, name)),
     )
 
 
-def _found(line: LineAnalysis | None, bodies: list[BodyAnalysis]) -> list[tuple[str, str | None, Quantity, str]]:
+def _found(campaign: Campaign, line: LineAnalysis | None, bodies: list[BodyAnalysis]) -> list[tuple[str, str | None, Quantity, str]]:
     """What the reanalysis has to say on published numbers: parameter, body, value, how it was found."""
     found: list[tuple[str, str | None, Quantity, str]] = []
     for b in bodies:
         draws = b.joint.chain.flat
         if b.gamma_masses is not None:
-            found.append(("gamma", b.body, b.gamma_masses, "from the masses of this campaign"))
+            found.append(("gamma", b.body, b.gamma_masses, gamma_origin(campaign, b.body) + " in this campaign"))
         for i, name in enumerate(b.joint.problem.names):
             base = name.partition("[")[0]
             if base in ("gamma", "kappa", "radius") and b.joint.diagnosis.ok:
                 value = Quantity(float(draws[:, i].mean()), float(draws[:, i].std(ddof=1)))
-                found.append((base, b.body, value, f"joint fit of the {len(b.energies)} runs of {b.body}"))
-        if b.joint.diagnosis.ok:
+                given = informative(b.joint.problem.parameters[i].prior)
+                found.append((base, b.body, value, f"{len(b.energies)} runs of {b.body} together" + (", stated value as prior" if given else "")))
+        if b.joint.diagnosis.ok and b.drift.determined:
             worst = max(b.energies, key=lambda e: abs(e.extreme_relative.value)).extreme_relative
             means = [e.mean_relative for e in b.energies]
             mean, u = float(np.mean([abs(m.value) for m in means])), float(np.mean([m.u for m in means]))

@@ -18,19 +18,22 @@ def overlay_figure(body: BodyAnalysis, *, synthetic: bool) -> Figure:
     """Data, the propagated band of the stated inputs, and the posterior band of the joint fit."""
     runs = body.joint.problem.runs
     figure, axes = grid(len(runs), height=2.9)
-    for ax, run, bands, band in zip(axes, runs, body.joint.bands, body.propagated, strict=True):
-        ax.fill_between(band.x, band.value - band.u, band.value + band.u, color=ORANGE, alpha=0.35, lw=0, label="stated inputs propagated, 68 %")
-        ax.plot(band.x, band.value, color=ORANGE, lw=1.2, label="curve at the stated inputs")
-        ax.fill_between(bands.x, *bands.credible[0.95], color=BLUE, alpha=0.6, lw=0, label="posterior, 95 %")
-        ax.plot(bands.x, bands.median, color=BLUE, lw=0.8)
+    propagated = {band.run: band for band in body.propagated}
+    for ax, run, bands in zip(axes, runs, body.joint.bands, strict=True):
+        band = propagated.get(run.name)
+        if band is not None:
+            ax.fill_between(band.x, band.mc_low, band.mc_high, color=ORANGE, alpha=0.35, lw=0, label="stated inputs propagated, 68 %")
+            ax.plot(band.x, band.value, color=ORANGE, lw=1.2, label="curve at the stated inputs")
+        ax.fill_between(bands.x, *bands.credible[0.68], color=BLUE, alpha=0.6, lw=0)
+        ax.plot(bands.x, bands.median, color=BLUE, lw=1.0, label="posterior (its 68 % band is about as thin as the line)")
         ax.plot(run.x, run.y, "o", color=INK, ms=2.2, label="data used", zorder=5)
         ax.set(xlabel=run.x_label, ylabel=run.y_label, xlim=(0.0, None), ylim=(0.0, None))
         ax.set_title(run.name + (" (SYNTHETIC data)" if synthetic else ""), fontsize=9)
-    figure.legend(*axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=4, fontsize=8, frameon=False)
+    figure.legend(*axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=2, fontsize=8, frameon=False)
     return figure
 
 
-def width_figure(bodies: Sequence[BodyAnalysis]) -> Figure:
+def width_figure(bodies: Sequence[BodyAnalysis], *, synthetic: bool) -> Figure:
     """Width of the posterior band relative to the propagated one along each run."""
     figure = new_figure(3.2)
     axes = figure.subplots(1, len(bodies), squeeze=False, sharey=True)[0]
@@ -43,11 +46,13 @@ def width_figure(bodies: Sequence[BodyAnalysis]) -> Figure:
         ax.set(xlabel=body.joint.problem.runs[0].x_label)
         ax.legend(fontsize=8, frameon=False, ncols=2, loc="upper center")
     axes[0].set_ylim(top=8.0)
-    axes[0].set_ylabel("posterior width / propagated width")
+    axes[0].set_ylabel("posterior width / propagated width (68 %)")
+    if synthetic:
+        figure.suptitle("SYNTHETIC data", fontsize=9)
     return figure
 
 
-def narrowing_figure(tables: Sequence[Narrowing]) -> Figure:
+def narrowing_figure(tables: Sequence[Narrowing], *, synthetic: bool) -> Figure:
     """Uncertainty of gamma and kappa against the number of runs fit together, beside single runs."""
     names = [name for table in tables for name in table.names]
     figure = new_figure(2.9 * -(-len(names) // 2))
@@ -56,10 +61,13 @@ def narrowing_figure(tables: Sequence[Narrowing]) -> Figure:
     for ax, (table, i) in zip(axes, pairs, strict=False):
         count = np.arange(1, len(table.runs) + 1)
         ax.plot(count, table.u[:, i], "o-", color=BLUE, label="first n runs together")
-        ax.plot(count, table.u_single[:, i], "s", color=ORANGE, label="run n alone")
-        ax.plot(count, table.u[0, i] / np.sqrt(count), ":", color=GREY, label="1/√n")
-        ax.set(xlabel="number of runs n", ylabel=f"u({label(table.names[i], '1').tex})", ylim=(0.0, None), xticks=count)
+        ax.plot(count, table.u_single[:, i], "s", color=ORANGE, label="the n-th run alone")
+        if np.isfinite(table.u_prior[i]):
+            ax.axhline(table.u_prior[i], ls=":", color=GREY)
+        ax.set(xlabel="n", ylabel=f"u({label(table.names[i], '1').tex})", ylim=(0.0, None), xticks=count)
     for extra in axes[len(pairs) :]:
         extra.set_visible(False)
     axes[0].legend(fontsize=8, frameon=False)
+    if synthetic:
+        figure.suptitle("SYNTHETIC data", fontsize=9)
     return figure

@@ -8,7 +8,19 @@ import msgspec
 import numpy as np
 
 from estim import figures, reanalysis_figures
-from estim.energy_report import EnergySummary, Value, energy_figure, percent, shown, summarise_energy, to_value
+from estim.campaign import gamma_origin
+from estim.energy_report import (
+    DriftSummary,
+    EnergySummary,
+    Value,
+    drift_words,
+    energy_figure,
+    percent,
+    shown,
+    summarise_drift,
+    summarise_energy,
+    to_value,
+)
 from estim.labels import label
 from estim.line_report import LineResult, line_figure, line_result, line_values
 from estim.reanalysis import BodyAnalysis, Reanalysis
@@ -38,8 +50,10 @@ class LimitSummary(msgspec.Struct, frozen=True):
 
 class BodySummary(msgspec.Struct, frozen=True):
     gamma_masses: Value | None
+    gamma_origin: str
     joint: Result
     energies: dict[str, EnergySummary]
+    drift: DriftSummary
     bands: dict[str, BandSummary]
     runs_in_order: list[str]
     u_with_runs: dict[str, list[float]]
@@ -87,8 +101,9 @@ def reanalysis_result(r: Reanalysis) -> ReanalysisResult:
 def _body(r: Reanalysis, body: BodyAnalysis) -> BodySummary:
     table = body.narrowing
     return BodySummary(
-        gamma_masses=None if body.gamma_masses is None else to_value(body.gamma_masses), joint=result_of(r.campaign, body.joint),
-        energies={e.run: summarise_energy(e) for e in body.energies},
+        gamma_masses=None if body.gamma_masses is None else to_value(body.gamma_masses), gamma_origin=gamma_origin(r.campaign, body.body),
+        joint=result_of(r.campaign, body.joint),
+        energies={e.run: summarise_energy(e) for e in body.energies}, drift=summarise_drift(body.drift),
         bands={
             b.run: BandSummary(
                 float(np.nanmedian(b.ratio)), float(np.nanmax(b.ratio)), b.inside[0.68], b.inside[0.95], float(np.nanmax(b.linear_off)), list(b.held),
@@ -107,14 +122,14 @@ def reanalysis_report(r: Reanalysis) -> dict[str, bytes]:
     result = reanalysis_result(r)
     synthetic = r.campaign.kind == "synthetic"
     drawn = {
-        "narrowing": reanalysis_figures.narrowing_figure([body.narrowing for body in r.bodies]),
-        "widths": reanalysis_figures.width_figure(r.bodies),
+        "narrowing": reanalysis_figures.narrowing_figure([body.narrowing for body in r.bodies], synthetic=synthetic),
+        "widths": reanalysis_figures.width_figure(r.bodies, synthetic=synthetic),
     }
     if r.line is not None:
         drawn["line"] = line_figure(r.line, synthetic=synthetic)
     for body in r.bodies:
         drawn[f"phase-{body.body}"] = reanalysis_figures.overlay_figure(body, synthetic=synthetic)
-        drawn[f"energy-{body.body}"] = energy_figure(body.energies, body.joint.problem.runs[0], synthetic=synthetic, title=body.body)
+        drawn[f"energy-{body.body}"] = energy_figure(body.energies, synthetic=synthetic, title=body.body)
         drawn[f"residuals-{body.body}"] = figures.residual_figure(body.joint.problem.runs, body.joint.goodness, synthetic=synthetic)
         drawn[f"corner-{body.body}"] = figures.corner_figure(body.joint)
     files = {f"figures/{name}.png": figures.png(figure) for name, figure in drawn.items()}
@@ -125,10 +140,11 @@ def reanalysis_report(r: Reanalysis) -> dict[str, bytes]:
 
 def reanalysis_text(result: ReanalysisResult) -> str:
     """The Markdown report of a reanalysis."""
+    limit_words = {name: _limit_words(body) if body.joint.status == "ok" else [] for name, body in result.bodies.items()}
     return render(
         "reanalysis.md.j2", result=result, kind=KINDS[result.kind], line=None if result.line is None else line_values(result.line),
         shown=shown, symbol=lambda name: label(name, "1").symbol, rows={name: _rows(body.joint) for name, body in result.bodies.items()},
-        singles=_singles(result), limit_words={name: _limit_words(body) for name, body in result.bodies.items()}, percent=percent,
+        singles=_singles(result), limit_words=limit_words, percent=percent, drift_words=drift_words,
         notes=list(dict.fromkeys(note for body in result.bodies.values() for note in body.joint.notes)),
     )
 
@@ -153,13 +169,13 @@ def _limit_words(body: BodySummary) -> list[str]:
     for name, found in body.limits.items():
         if not found:
             continue
-        shown = label(name, "1").symbol
+        symbol = label(name, "1").symbol
         clauses = [
             f"{format_limit(limit.u_known)} if {label(limit.group, '1').symbol} were known exactly"
             for limit in found
             if limit.u_known < 0.9 * limit.u
         ]
-        start = f"u({shown}) = {format_limit(found[0].u)}"
+        start = f"u({symbol}) = {format_limit(found[0].u)} (least squares)"
         sentences.append(f"{start} would fall to {'; to '.join(clauses)}." if clauses else f"{start}: no other single quantity limits it.")
     return sentences
 

@@ -26,6 +26,8 @@ KINDS = {
 STATUS_WORDS = {
     "ok": "the result can be used as it stands",
     "not-converged": "the computation did not finish: no number below is a result",
+    "not-identified": "data and priors do not determine the parameters: no number below is a result",
+    "methods-disagree": "two methods that should agree do not: no number below is a result",
     "at-bound": "the data push a parameter against its limit: quote limits, not values",
     "poor-fit": "the curve does not explain the data: no number below is a result",
 }

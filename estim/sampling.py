@@ -18,6 +18,8 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from estim.errors import NumericalError
+
 FloatArray = NDArray[np.float64]
 
 Progress = Callable[[int, str], None]
@@ -152,7 +154,7 @@ def _scatter(posterior: Density, start: FloatArray, cov: FloatArray, n_walker: i
         if len(points) >= n_walker:
             return np.array(points[:n_walker])
         shrink *= 0.9
-    raise FloatingPointError("no starting points of finite density around the fit")
+    raise NumericalError("sampling cannot start: the posterior density is zero or not finite everywhere around the fit")
 
 
 def _square_root(cov: FloatArray) -> FloatArray:

@@ -26,7 +26,8 @@ _MIN_ROWS = 3
 class ThetaMinSeries:
     """Angles (rad) and their sines with standard uncertainties, all (n_obs,), and where they came from.
 
-    u(sin a) = |cos a| u(a), the linear law; the next term of the series is below 1 % of it for u(a) < 2 degrees.
+    u(sin a) is the exact standard deviation of sin(a + e) for normal e of sd u(a); the linear law |cos a| u(a) has no
+    meaning near 90 degrees:  var = (1 - q)(1 + q cos 2a)/2,  q = exp(-u^2).
     u_zero_phi, u_zero_theta_min : rad, standard uncertainty of a zero error that all readings of a scale share.
     """
 
@@ -50,11 +51,11 @@ class ThetaMinSeries:
 
     @property
     def u_x(self) -> FloatArray:
-        return np.abs(np.cos(self.phi)) * self.u_phi
+        return _sd_of_sine(self.phi, self.u_phi)
 
     @property
     def u_y(self) -> FloatArray:
-        return np.abs(np.cos(self.theta_min)) * self.u_theta_min
+        return _sd_of_sine(self.theta_min, self.u_theta_min)
 
     @property
     def u_zero_x(self) -> float:
@@ -64,6 +65,11 @@ class ThetaMinSeries:
     @property
     def u_zero_y(self) -> float:
         return float(np.mean(np.cos(self.theta_min))) * self.u_zero_theta_min
+
+
+def _sd_of_sine(angle: FloatArray, u: FloatArray) -> FloatArray:
+    q = np.exp(-np.square(u))
+    return np.sqrt(0.5 * (1.0 - q) * (1.0 + q * np.cos(2.0 * angle)))
 
 
 def read_theta_min(source: CampaignFile) -> ThetaMinSeries:

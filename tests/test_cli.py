@@ -144,3 +144,45 @@ def test_energy_writes_its_report(tmp_path: Path, replica: Path) -> None:
     assert "| heavy-04 |" in (tmp_path / "report.md").read_text()
     assert set(json.loads((tmp_path / "result.json").read_text())["energies"]) == {"heavy-04"}
     assert (tmp_path / "figures" / "energy.png").exists()
+
+
+def test_campaign_without_unknowns_or_runs_is_one_line(tmp_path: Path, replica: Path) -> None:
+    text = (replica / "campaign.toml").read_text()
+    head, tail = text[: text.index("[[runs]]")], text[text.index("[line]") :]
+    (tmp_path / "theta_min.csv").write_text((replica / "theta_min.csv").read_text())
+    (tmp_path / "line.toml").write_text(head + tail)
+    for command in ("fit", "energy"):
+        done = estim(command, tmp_path / "line.toml")
+        assert (done.returncode, done.stderr.count("\n"), done.stdout) == (2, 1, "")
+        assert "[[runs]]" in done.stderr
+    (tmp_path / "r.csv").write_text((replica / "runs" / "heavy-04.csv").read_text())
+    exact = 'title = "x"\nkind = "measured"\n[bodies.b]\nradius_m = 0.15\ngamma = 0.187\nkappa = 0.45\n[[runs]]\nname = "r"\nbody = "b"\n'
+    (tmp_path / "exact.toml").write_text(exact + 'file = "r.csv"\nphi_deg = 4.0\ntheta0_deg = 60.0\nnoise = {sigma_x_m = 0.001}\n')
+    done = estim("fit", tmp_path / "exact.toml")
+    assert (done.returncode, done.stderr.count("\n")) == (2, 1)
+    assert "nothing to fit" in done.stderr
+
+
+def test_degrees_under_a_radian_key_are_refused(tmp_path: Path, replica: Path) -> None:
+    (tmp_path / "runs").symlink_to(replica / "runs")
+    text = (replica / "campaign.toml").read_text()
+    (tmp_path / "c.toml").write_text(text.replace("phi_deg =", "phi_rad =", 1))
+    done = estim("fit", tmp_path / "c.toml")
+    assert done.returncode == 2
+    assert "phi_deg" in done.stderr
+
+
+@pytest.mark.slow
+def test_reanalyse_survives_what_has_no_band_and_nothing_in_common(tmp_path: Path, replica: Path) -> None:
+    """kappa stated for each run, every input of the curve exact or uniform: no band, no narrowing, but a report."""
+    (tmp_path / "r.csv").write_text((replica / "runs" / "heavy-04.csv").read_text())
+    (tmp_path / "c.toml").write_text(
+        'title = "x"\nkind = "synthetic"\n[bodies.b]\nradius_m = 0.15\ngamma = 0.187\n[[runs]]\nname = "r"\nbody = "b"\nfile = "r.csv"\n'
+        'phi_deg = 4.0\ntheta0_deg = {prior = "uniform", low = 50.0, high = 70.0}\nkappa = {prior = "uniform", low = 0.0, high = 1.0}\n'
+        "noise = {sigma_x_m = 0.001}\n"
+    )
+    done = estim("reanalyse", tmp_path / "c.toml", "--out", tmp_path / "out")
+    assert done.returncode == 0, done.stderr
+    report = (tmp_path / "out" / "report.md").read_text()
+    assert "held the rolling resistance fixed" in report
+    assert "taken as exact" in report

@@ -6,9 +6,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from test_noise import CAMPAIGN, POSITIONS, SIGMA, TIMES, campaign_file, with_positions
+from test_noise import CAMPAIGN, SIGMA, campaign_file
 
-from estim.energy import energy_along
+from estim.campaign import Campaign, load_campaign
+from estim.energy import drift_of, energy_along
 from estim.pipeline import analyse
 from estim.sampling import Target
 from model import Body, trajectory
@@ -43,20 +44,61 @@ KNOWN = LOSSY.replace('gamma = {prior = "uniform", low = 0.05, high = 0.40}', "g
 )
 
 
-@pytest.mark.slow
-def test_loss_per_metre_is_zero_within_its_uncertainty_where_nothing_is_lost(tmp_path: Path, rng: np.random.Generator) -> None:
-    """Twelve repetitions with known body and tilt: the noisy loss scatters as its uncertainty says."""
-    campaign = campaign_file(tmp_path, '{sigma_x_m = 0.001, derivative = "central"}', KNOWN)
-    scores, steady = [], []
-    for _ in range(12):
-        noisy = with_positions(campaign, POSITIONS + SIGMA * rng.standard_normal(TIMES.size))
-        (record,) = energy_along(analyse(noisy, ["r"], seed=2, target=Target(ess=500)), rng=rng)
-        # the prior keeps the fitted resistance above 0, so a true loss of 0 lies in the lower tail
-        scores.append(record.loss.value / record.loss.u)
-        steady.append(record.steady_p)
-    assert np.mean(scores) < 2.0
-    assert np.max(scores) < 3.5
-    assert np.min(steady) > 1e-3
+def lossy_run(folder: Path, c_rr: float, noise: str, text: str, rng: np.random.Generator, *, angular: bool) -> Campaign:
+    """A run that truly loses energy, in metres or in radians."""
+    from model import turning_point
+
+    stop = float(turning_point(BODY, **MOTION, rolling_resistance=c_rr))
+    t = np.arange(0.01, 3.0, 1.0 / 30.0)
+    x = trajectory(t, BODY, **MOTION, rolling_resistance=c_rr, g=9.81)[0][0]
+    t, x = t[np.isfinite(x)], x[np.isfinite(x)]
+    assert x.max() <= stop
+    x = x + SIGMA * rng.standard_normal(x.size)
+    rows = "\n".join(f"{a},{b / 0.15 if angular else b}" for a, b in zip(t, x, strict=True))
+    (folder / "r.csv").write_text(("t_s,theta_rad\n" if angular else "t_s,x_m\n") + rows + "\n")
+    (folder / "c.toml").write_text(text.replace("NOISE", noise))
+    return load_campaign(folder / "c.toml")
+
+
+def test_known_body_and_tilt_give_the_true_loss_in_metres_and_in_radians(tmp_path: Path) -> None:
+    """With gamma, kappa and phi known the data determine the loss; a body of angles loses as much per metre."""
+    losses = []
+    for angular, noise in ((False, "{sigma_x_m = 0.001}"), (True, f"{{sigma_theta_rad = {SIGMA / 0.15}}}")):
+        campaign = lossy_run(tmp_path, 0.01, noise, KNOWN, np.random.default_rng(4), angular=angular)
+        analysis = analyse(campaign, ["r"], seed=2, target=Target(ess=500))
+        (record,) = energy_along(analysis, rng=np.random.default_rng(1))
+        drift = drift_of(analysis, rng=np.random.default_rng(1))
+        losses.append(record.loss)
+        assert abs(record.loss.value - 0.01 * 9.81 * np.cos(MOTION["phi"])) < 3.0 * record.loss.u
+        assert record.loss.u < 0.2 * record.loss.value
+        assert drift.determined
+        assert drift.p_value < 1e-4
+    assert losses[0].value == pytest.approx(losses[1].value, rel=0.01)
+
+
+def test_no_loss_is_not_found_where_there_is_none(tmp_path: Path) -> None:
+    found = []
+    for seed in range(6):
+        campaign = lossy_run(tmp_path, 0.0, "{sigma_x_m = 0.001}", KNOWN, np.random.default_rng(seed), angular=False)
+        analysis = analyse(campaign, ["r"], seed=2, target=Target(ess=200, max_step=600))
+        found.append(drift_of(analysis, rng=np.random.default_rng(1)).p_value)
+    assert min(found) > 1e-3
+    assert max(found) > 0.1
+
+
+def test_a_loss_that_is_only_its_prior_says_so(replica: Path) -> None:
+    campaign = load_campaign(replica / "campaign.toml")
+    drift = drift_of(analyse(campaign, ["heavy-04"], seed=1, target=Target(ess=300, max_step=800)), rng=np.random.default_rng(1))
+    assert drift.free
+    assert not drift.determined
+
+
+def test_a_loss_that_was_held_fixed_is_not_tested(tmp_path: Path, rng: np.random.Generator) -> None:
+    text = KNOWN.replace('rolling_resistance = {prior = "uniform", low = 0.0, high = 0.05}', "rolling_resistance = 0.01")
+    campaign = lossy_run(tmp_path, 0.01, "{sigma_x_m = 0.001}", text, rng, angular=False)
+    drift = drift_of(analyse(campaign, ["r"], seed=1, target=Target(ess=300, max_step=800)), rng=rng)
+    assert not drift.free
+    assert not drift.determined
 
 
 def test_relative_change_is_that_of_the_formula(tmp_path: Path, rng: np.random.Generator) -> None:

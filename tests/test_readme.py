@@ -25,7 +25,7 @@ def test_python_example_runs(project: Path, monkeypatch: pytest.MonkeyPatch, cap
 def test_campaign_example_is_read(project: Path, replica: Path, tmp_path: Path, document: str) -> None:
     from estim.campaign import load_campaign
 
-    (example,) = blocks((project / document).read_text(), "toml")
+    example = blocks((project / document).read_text(), "toml")[0]
     data = (replica / "runs" / "heavy-04.csv").read_text()
     file = Path(tomllib.loads(example)["runs"][0]["file"])
     (tmp_path / file).parent.mkdir(exist_ok=True)
