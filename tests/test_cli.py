@@ -166,7 +166,7 @@ def test_campaign_without_unknowns_or_runs_is_one_line(tmp_path: Path, replica: 
 def test_degrees_under_a_radian_key_are_refused(tmp_path: Path, replica: Path) -> None:
     (tmp_path / "runs").symlink_to(replica / "runs")
     text = (replica / "campaign.toml").read_text()
-    (tmp_path / "c.toml").write_text(text.replace("phi_deg =", "phi_rad =", 1))
+    (tmp_path / "c.toml").write_text(text.replace("phi_deg =", "phi_rad ="))
     done = estim("fit", tmp_path / "c.toml")
     assert done.returncode == 2
     assert "phi_deg" in done.stderr

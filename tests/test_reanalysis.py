@@ -182,7 +182,7 @@ def test_points_that_hold_no_rising_line_give_no_gamma(replica: Path, tmp_path: 
     (tmp_path / "runs").symlink_to(replica / "runs")
     (tmp_path / "campaign.toml").write_text((replica / "campaign.toml").read_text())
     (tmp_path / "theta_min.csv").write_text(rows)
-    line = analyse_line(read_theta_min(load_campaign(tmp_path / "campaign.toml").source), gamma_masses=None, seed=1, target=QUICK)
+    line = analyse_line(read_theta_min(load_campaign(tmp_path / "campaign.toml").source), gamma_masses=None, seed=1)
     assert line.status == "not-identified"
 
 
