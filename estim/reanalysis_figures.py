@@ -25,7 +25,7 @@ def overlay_figure(body: BodyAnalysis, *, synthetic: bool) -> Figure:
             ax.fill_between(band.x, band.mc_low, band.mc_high, color=ORANGE, alpha=0.35, lw=0, label="stated inputs propagated, 68 %")
             ax.plot(band.x, band.value, color=ORANGE, lw=1.2, label="curve at the stated inputs")
         ax.fill_between(bands.x, *bands.credible[0.68], color=BLUE, alpha=0.6, lw=0)
-        ax.plot(bands.x, bands.median, color=BLUE, lw=1.0, label="posterior (its 68 % band is about as thin as the line)")
+        ax.plot(bands.x, bands.median, color=BLUE, lw=1.0, label="posterior, median and 68 % band")
         ax.plot(run.x, run.y, "o", color=INK, ms=2.2, label="data used", zorder=5)
         ax.set(xlabel=run.x_label, ylabel=run.y_label, xlim=(0.0, None), ylim=(0.0, None))
         ax.set_title(run.name + (" (SYNTHETIC data)" if synthetic else ""), fontsize=9)
@@ -46,7 +46,7 @@ def width_figure(bodies: Sequence[BodyAnalysis], *, synthetic: bool) -> Figure:
         ax.set(xlabel=body.joint.problem.runs[0].x_label)
         ax.legend(fontsize=8, frameon=False, ncols=2, loc="upper center")
     axes[0].set_ylim(top=8.0)
-    axes[0].set_ylabel("posterior width / propagated width (68 %)")
+    axes[0].set_ylabel("posterior / propagated width (68 %)")
     if synthetic:
         figure.suptitle("SYNTHETIC data", fontsize=9)
     return figure
