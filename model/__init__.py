@@ -1,7 +1,7 @@
 """Physics of an eccentric body rolling on an incline: NumPy only, SI units, radians.  Start with `model.body`."""
 
 from model.body import Body
-from model.motion import trajectory, travel_time
+from model.motion import back_and_forth, trajectory, travel_time
 from model.phase import STANDARD_GRAVITY, angular_rate, ascends, speed, theta_max, theta_min, turning_angle, turning_point
 
 __all__ = [
@@ -9,6 +9,7 @@ __all__ = [
     "Body",
     "angular_rate",
     "ascends",
+    "back_and_forth",
     "speed",
     "theta_max",
     "theta_min",

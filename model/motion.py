@@ -135,6 +135,51 @@ def trajectory(
     t : (n_obs,) s.  Parameters scalars or (n_draw, 1).
     """
     t = np.atleast_1d(np.asarray(t, dtype=float))
+    x, v, end, _ = _leg(t, body, phi=phi, theta0=theta0, rolling_resistance=rolling_resistance, g=g, n_node=n_node)
+    known = (t <= 0.0) | (t <= end * (1.0 + 1e-12))
+    return np.where(known, x, np.nan), np.where(known, v, np.nan)
+
+
+def back_and_forth(
+    t: ArrayLike, body: Body, *, phi: ArrayLike, theta0: ArrayLike, rolling_resistance: ArrayLike = 0.0,
+    g: ArrayLike = STANDARD_GRAVITY, n_leg: int = 16, n_node: int | None = None,
+) -> tuple[FloatArray, FloatArray]:
+    """Position (m) and velocity (m/s, negative on the way back) at times `t` after release, each (n_draw, n_obs).
+
+    At rest at 0 before release.  Where the body stops it starts back, unless rolling resistance holds it: then it stays.
+    The way back from theta_t at tilt phi is, seen in a mirror, a release at -theta_t with tilt -phi.
+
+    t : (n_obs,) or (n_draw, n_obs) s.  Parameters scalars or (n_draw, 1).  n_leg : nan after so many legs.
+    """
+    t = np.atleast_1d(np.asarray(t, dtype=float))
+    phi, theta0 = np.asarray(phi, dtype=float), np.asarray(theta0, dtype=float)
+    x = v = start = np.zeros((1, 1))
+    sign = 1.0
+    for leg in range(n_leg):
+        dx, rate, end, reach = _leg(t, body, phi=phi, theta0=theta0, rolling_resistance=rolling_resistance, g=g, n_node=n_node)
+        here = (t > 0.0) if leg else np.ones(t.shape, dtype=bool)
+        inside = t <= end
+        x = np.where(here & inside, start + sign * dx, x)
+        v = np.where(here & inside, sign * rate, v)
+        stop = np.where(np.isfinite(end), reach, 0.0)
+        start = start + sign * np.asarray(body.radius) * stop
+        x = np.where(here & ~inside, start, x)
+        v = np.where(here & ~inside, 0.0, v)
+        t = np.where((reach > 0.0) & np.isfinite(end), np.maximum(t - end, 0.0), 0.0)
+        if not np.any(t > 0.0):
+            return x, v
+        theta0, phi, sign = -(theta0 + stop), -phi, -sign
+    return np.where(t > 0.0, np.nan, x), np.where(t > 0.0, np.nan, v)
+
+
+def _leg(
+    t: FloatArray, body: Body, *, phi: ArrayLike, theta0: ArrayLike, rolling_resistance: ArrayLike, g: ArrayLike, n_node: int | None
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    """One way from rest to rest: x (m) and v (m/s) at `t`, the time (s) it ends and the angle (rad) turned by then.
+
+    Both ends are (n_draw, 1): inf where it never stops, 0 where it does not start.  At rest at 0 for t <= 0; x and v
+    after the end have no meaning.
+    """
     radius = np.asarray(body.radius, dtype=float)
     phi, theta0, resistance, g, stop = _columns(body, phi, theta0, rolling_resistance, g)
     keywords = {"phi": phi, "theta0": theta0, "rolling_resistance": resistance, "g": g}
@@ -146,15 +191,16 @@ def trajectory(
     angle, _ = _substitution(z, reach, turns)
     ratio = _ratio(angle, _remainder(z, reach, turns), body, phi=phi, theta0=theta0, rolling_resistance=resistance)
     v = np.sqrt(np.maximum(2.0 * g * radius * ratio, 0.0))
-    before, known = t <= 0.0, (t <= end * (1.0 + 1e-12)) & (reach > 0.0)
-    x = radius * angle
-    return np.where(before, 0.0, np.where(known, x, np.nan)), np.where(before, 0.0, np.where(known, v, np.nan))
+    moving = (t > 0.0) & (reach > 0.0)
+    still = np.where(reach > 0.0, 0.0, np.where(t > 0.0, np.nan, 0.0))
+    return np.where(moving, radius * angle, still), np.where(moving, v, still), np.where(turns, np.where(stop > 0.0, end, 0.0), np.inf), stop
 
 
 def _invert(t: FloatArray, clock: FloatArray, end: FloatArray) -> FloatArray:
-    """z (n_draw, n_obs) at which the clock shows `t`, by Newton steps inside a bracket; nan where they do not settle."""
+    """z (n_draw, n_obs) at which the clock shows `t` ((n_obs,) or (n_draw, n_obs)), by Newton steps inside a bracket; nan where they do not settle."""
     pace = chebyshev.chebder(clock, axis=0)
-    low, high = -np.ones((end.shape[0], t.size)), np.ones((end.shape[0], t.size))
+    shape = np.broadcast_shapes(end.shape, t.shape)
+    low, high = -np.ones(shape), np.ones(shape)
     z = np.clip(2.0 * t / np.where(end > 0, end, 1.0) - 1.0, -1.0, 1.0)
     for _ in range(_MOST_STEPS):
         ahead = _evaluate(z, clock) - t

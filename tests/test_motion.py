@@ -12,7 +12,7 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
-from model import Body, speed, trajectory, travel_time, turning_point
+from model import Body, back_and_forth, speed, trajectory, travel_time, turning_point
 
 PAPER = Body(radius=0.15, gamma=0.187, kappa=0.45)
 RUN = {"phi": math.radians(4.0), "theta0": math.radians(60.0), "g": 9.81}
@@ -177,3 +177,55 @@ def test_draws_together_equal_one_by_one(rng):
             assert all_draws[row] == pytest.approx(one[0], abs=2e-9, nan_ok=True)
     assert np.isnan(together[0][5, t > 0]).all()
     assert np.isfinite(together[0][2]).all()
+
+
+@pytest.mark.parametrize(("resistance", "t_max"), [(0.0, 6.0), (0.004, 6.0), (0.03, 4.0)])
+def test_back_and_forth_is_the_equation_of_motion_with_resistance_against_each_way(resistance, t_max):
+    gamma, kappa, radius, phi, theta0, g = 0.187, 0.45, 0.15, np.radians(4.0), np.radians(60.0), 9.81
+    j = (1.0 - gamma) * kappa + gamma
+
+    def push(theta, way):
+        return gamma * np.sin(theta) - np.sin(phi) - way * resistance * np.cos(phi)
+
+    def rates(way):
+        # rolling resistance as energy loss c_rr M g cos(phi) per length, as the phase curve has it
+        return lambda t, y: [y[1], (g / radius * push(y[0], way) + gamma * np.sin(y[0] + phi) * y[1] ** 2) / (1.0 + j + 2.0 * gamma * np.cos(y[0] + phi))]
+
+    def stops(t, y):
+        return way * y[1] if t > 1e-6 else 1.0
+
+    stops.terminal = True
+    t, x, state, clock, way = [], [], [theta0, 0.0], 0.0, 1.0
+    while clock < t_max and way * push(state[0], way) > 0.0:
+        state[1] = way * 1e-12
+        out = solve_ivp(rates(way), (0.0, t_max - clock), state, rtol=1e-11, atol=1e-12, events=stops, dense_output=True)
+        here = np.linspace(0.0, out.t[-1], 60)[1:-1]
+        t.extend(clock + here)
+        x.extend(radius * (out.sol(here)[0] - theta0))
+        clock, state, way = clock + out.t[-1], [out.y[0, -1], 0.0], -way
+    if clock < t_max:  # held by the resistance
+        t.append(t_max)
+        x.append(radius * (state[0] - theta0))
+    assert len(t) > 110
+    assert np.ptp(np.diff(x)[50:110]) > 1e-3  # there is a way back
+    body = Body(radius=radius, gamma=gamma, kappa=kappa)
+    ours, v = back_and_forth(np.array(t), body, phi=phi, theta0=np.array([[theta0], [theta0]]), rolling_resistance=resistance, g=g)
+    np.testing.assert_allclose(ours, np.broadcast_to(x, ours.shape), atol=2e-6)
+    assert np.all(np.isfinite(v))
+
+
+def test_each_draw_may_have_its_own_times_and_rests_before_release():
+    body = Body(radius=0.15, gamma=0.187, kappa=0.45)
+    t = np.array([[-0.1, 0.0, 0.5, 1.5], [-0.2, -0.1, 0.4, 1.4]])
+    both, v = back_and_forth(t, body, phi=np.radians(4.0), theta0=np.radians([[60.0], [60.0]]))
+    for row, here in zip(both, t, strict=True):
+        np.testing.assert_allclose(row, back_and_forth(here, body, phi=np.radians(4.0), theta0=np.radians(60.0))[0][0], atol=1e-12)
+    assert np.all(both[t <= 0.0] == 0.0)
+    assert np.all(v[t <= 0.0] == 0.0)
+    assert v[0, 3] < 0.0
+
+
+def test_a_body_that_cannot_start_stays():
+    x, v = back_and_forth([0.5, 1.0], Body(radius=0.15, gamma=0.1, kappa=0.45), phi=np.radians(10.0), theta0=np.radians(60.0))
+    assert np.all(x == 0.0)
+    assert np.all(v == 0.0)
