@@ -12,18 +12,18 @@ from pathlib import Path
 from types import MappingProxyType
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
-from estim.campaign_file import CampaignFile, read_campaign_file
-from estim.curve import Derived, LocalCurve
+from estim.campaign_file import CampaignFile, NoiseTable, read_campaign_file
 from estim.errors import InputError
 from estim.levels import Level, Levels, as_prior, body_levels, read_key
-from estim.observing import observe
+from estim.observing import Observed, observe
+from estim.phase_curve import MotionCurve, PhaseCurve
 from estim.priors import Normal, Prior, TruncatedNormal
 from estim.problem import Observations, Parameter, Problem
 from estim.quantity import Quantity
 from estim.run import Run, read_run
-from model import Body, energy, phase
+from model import STANDARD_GRAVITY, Body
 
 FloatArray = NDArray[np.float64]
 
@@ -54,70 +54,10 @@ _QUANTITIES: Mapping[str, _Kind] = MappingProxyType(
         "rho": _Kind({"rho": 1.0}, "1", 1.0, "distance of the particle from the axle / R", 0.0, False),
         "trailing_fraction": _Kind({"trailing_fraction": 1.0}, "1", 0.0, "share of the mass that does not rotate", 0.0),
         "particle_gyration": _Kind({"particle_gyration": 1.0}, "1", 0.0, "radius of gyration of the particle / R", 0.0),
-        "g": _Kind({"g": 1.0}, "m/s²", phase.STANDARD_GRAVITY, "acceleration of free fall", 0.0, False),
+        "g": _Kind({"g": 1.0}, "m/s²", STANDARD_GRAVITY, "acceleration of free fall", 0.0, False),
     }
 )
 _MASSES = ("mass_disk_kg", "mass_particle_kg", "mass_trailing_kg")
-
-
-@dataclass(frozen=True, eq=False)
-class PhaseCurve:
-    """The phase curve of a rolling body as a curve to fit: v(x) in m/s, or omega(theta - theta0) in rad/s.
-
-    angular : positions are angles turned since release.  mass : kg, or None where the campaign does not say.
-    """
-
-    angular: bool
-    mass: float | None = None
-
-    def _body(self, a: Mapping[str, ArrayLike]) -> tuple[Body, dict[str, ArrayLike]]:
-        names = ("radius", "gamma", "kappa", "rho", "trailing_fraction", "particle_gyration")
-        motion = {name: a[name] for name in ("phi", "theta0", "rolling_resistance", "g")}
-        return Body(**{name: a[name] for name in names}), motion
-
-    def value(self, x: FloatArray, arguments: Mapping[str, ArrayLike]) -> FloatArray:
-        body, motion = self._body(arguments)
-        return (phase.angular_rate if self.angular else phase.speed)(x, body, **motion)
-
-    def local(self, x: FloatArray, arguments: Mapping[str, ArrayLike]) -> LocalCurve:
-        body, motion = self._body(arguments)
-        value, slope, gradient = (phase.angular_rate_derivatives if self.angular else phase.speed_derivatives)(x, body, **motion)
-        return LocalCurve(np.atleast_2d(value), np.atleast_2d(slope), gradient)
-
-    def time_derivative(self, x: FloatArray, arguments: Mapping[str, ArrayLike], order: int) -> FloatArray:
-        body, motion = self._body(arguments)
-        g, radius = np.asarray(motion.pop("g")), np.asarray(body.radius)
-        ratios = phase.energy_ratio_derivatives(x if self.angular else x / radius, body, **motion, order=order)
-        scale = 2.0 * g / radius if self.angular else 2.0 * g * radius
-        step = 1.0 if self.angular else radius
-        return np.atleast_2d(phase.time_derivative([scale * h / step**n for n, h in enumerate(ratios)], order))
-
-    def end(self, arguments: Mapping[str, ArrayLike]) -> FloatArray:
-        body, motion = self._body(arguments)
-        motion.pop("g")
-        return np.atleast_2d((phase.turning_angle if self.angular else phase.turning_point)(body, **motion))
-
-    def metres(self, arguments: Mapping[str, ArrayLike]) -> ArrayLike:
-        return arguments["radius"] if self.angular else 1.0
-
-    def energies(self, x: FloatArray, v: FloatArray, arguments: Mapping[str, ArrayLike]) -> tuple[FloatArray, FloatArray]:
-        body, motion = self._body(arguments)
-        length = body.radius if self.angular else 1.0
-        place = {"phi": motion["phi"], "theta0": motion["theta0"]}
-        kinetic = energy.kinetic_energy(length * x, length * v, body, **place)
-        return kinetic, energy.potential_energy(length * x, body, **place, g=motion["g"])
-
-    def derived(self, arguments: Mapping[str, ArrayLike]) -> Mapping[str, Derived]:
-        body, motion = self._body(arguments)
-        phi, resistance = np.asarray(motion["phi"]), np.asarray(motion["rolling_resistance"])
-        derived = {
-            "inertia_ratio": Derived("1", np.atleast_2d(body.inertia_ratio), "inertia of all that rotates / (M R²)"),
-            "slope": Derived("1", np.atleast_2d(phase.effective_slope(phi, resistance)), "effective slope sin φ + c_rr cos φ"),
-        }
-        if self.mass is not None:
-            moment = resistance * self.mass * np.asarray(motion["g"]) * body.radius * np.cos(phi)
-            derived["resisting_moment"] = Derived("N m", np.atleast_2d(moment), "moment of the rolling resistance, c_rr M g R cos φ")
-        return derived
 
 
 @dataclass(frozen=True, eq=False)
@@ -152,10 +92,13 @@ class Campaign:
     def run_names(self) -> tuple[str, ...]:
         return tuple(run.name for run in self.source.runs)
 
-    def problem(self, names: Sequence[str]) -> Problem:
-        """The joint problem of the runs `names`: what they share is one parameter.  Raises InputError."""
+    def problem(self, names: Sequence[str], *, noise: NoiseTable | None = None) -> Problem:
+        """The joint problem of the runs `names`: what they share is one parameter.  Raises InputError.
+
+        noise : in place of the noise tables of the campaign.
+        """
         physics: dict[str, Parameter] = {}
-        noise: dict[str, Parameter] = {}
+        unknowns: dict[str, Parameter] = {}
         runs = []
         if not names or len(set(names)) < len(names):
             raise InputError("must name one run or several, each once", field="run", value=", ".join(names), file=self.source.path)
@@ -167,19 +110,25 @@ class Campaign:
             for quantity, b in bound.items():
                 if not isinstance(b.source, float):
                     physics.setdefault(b.name, Parameter(b.name, _QUANTITIES[quantity].unit, b.source, _QUANTITIES[quantity].meaning))
-            speeds = observe(self.tables[name], levels)
-            noise.update({p.name: p for p in speeds.parameters})
-            angular = self.tables[name].coordinate == "theta_rad"
-            runs.append(
-                Observations(
-                    name=name, x=speeds.x, y=speeds.y, t=speeds.t, curve=PhaseCurve(angular, total_mass(levels.source, levels)),
-                    arguments=MappingProxyType({q: b.source if isinstance(b.source, float) else b.name for q, b in bound.items()}),
-                    noise=speeds.noise, excluded=speeds.excluded, excluded_points=speeds.excluded_points,
-                    x_name="angle turned θ − θ₀" if angular else "position x", x_unit="rad" if angular else "m",
-                    y_name="angular rate ω" if angular else "speed v", y_unit="rad/s" if angular else "m/s",
-                )
-            )
-        return Problem((*physics.values(), *noise.values()), tuple(runs))
+            observed = observe(self.tables[name], levels, noise=noise)
+            unknowns.update({p.name: p for p in observed.parameters})
+            mass = total_mass(levels.source, levels)
+            arguments = {q: b.source if isinstance(b.source, float) else b.name for q, b in bound.items()}
+            runs.append(_observations(name, observed, arguments, mass, angular=self.tables[name].coordinate == "theta_rad"))
+        return Problem((*physics.values(), *unknowns.values()), tuple(runs))
+
+
+def _observations(name: str, observed: Observed, arguments: Mapping[str, str | float], mass: float | None, *, angular: bool) -> Observations:
+    """The points of a run with the curve that explains them: positions in time, or speeds along the way."""
+    position, x_unit = ("angle turned θ − θ₀", "rad") if angular else ("position x", "m")
+    speed, y_unit = ("angular rate ω", "rad/s") if angular else ("speed v", "m/s")
+    axes = ("time t", "s", position, x_unit) if observed.noise.positions else (position, x_unit, speed, y_unit)
+    return Observations(
+        name=name, x=observed.x, y=observed.y, t=observed.t, curve=(MotionCurve if observed.noise.positions else PhaseCurve)(angular, mass),
+        arguments=MappingProxyType({**arguments, **observed.arguments}), noise=observed.noise,
+        excluded=observed.excluded, excluded_points=observed.excluded_points,
+        x_name=axes[0], x_unit=axes[1], y_name=axes[2], y_unit=axes[3],
+    )
 
 
 def gamma_of_body(campaign: Campaign, body: str) -> Quantity | None:

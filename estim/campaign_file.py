@@ -41,7 +41,7 @@ Value = float | str | PriorTable
 
 
 class NoiseTable(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
-    model: Literal["independent", "differentiated"] | None = None
+    model: Literal["independent", "differentiated", "positions"] | None = None
     sigma_x_m: Value | None = None
     sigma_theta_rad: Value | None = None
     sigma_v_m_s: Value | None = None
@@ -49,6 +49,7 @@ class NoiseTable(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
     encoder_step_rad: float | None = None
     derivative: Literal["central", "five-point", "spill2"] | None = None
     scatter: Value | None = None
+    robust: Literal["student-t", "mixture"] | None = None
 
 
 class WindowTable(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
@@ -78,6 +79,9 @@ class LevelTable(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
     theta0_rad: Value | None = None
     rolling_resistance: Value | None = None
     g: Value | None = None
+    release_time_s: Value | None = None
+    offset_m: Value | None = None
+    offset_rad: Value | None = None
     noise: NoiseTable | None = None
     window: WindowTable | None = None
 

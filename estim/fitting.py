@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from estim.errors import InputError
+from estim.errors import InputError, NumericalError
 from estim.problem import Posterior, Problem, informative
 
 FloatArray = NDArray[np.float64]
@@ -36,7 +36,7 @@ class Fit:
     at_bound : names of parameters whose mode lies on a bound of their prior.
     posterior : the density with covariances at the mode, as the sampler uses it.
     chi2 : whitened squares of the data and of the informative priors.  dof : their number minus the fitted parameters
-        of the curve.  p_value : P(chi2 or more); nan where the size of the noise was inferred (then it proves nothing).
+        of the curve.  p_value : P(chi2 or more); nan where the size of the noise was inferred or its tails are heavy (then it proves nothing).
     n_start, n_same : starts tried, and how many of them led to the best optimum.
     singular : whether some combination of parameters is not determined at all, not even by the priors.
     success, message : whether the search settled, in words.
@@ -67,17 +67,20 @@ def fit_least_squares(problem: Problem, *, rng: np.random.Generator, n_start: in
 
     start : (n_par,) where to start first; the centre of the priors if None.  The other starts are draws of the priors.
 
-    Raises InputError where the problem has no unknowns.
+    Raises InputError where the problem has no unknowns, NumericalError where the curve is defined at no start.
     """
     if problem.n_par == 0:
         raise InputError("leave nothing to fit: every quantity is exact; give at least one an uncertainty or a prior", field="parameters")
     starts = np.vstack([problem.start() if start is None else start, *(_prior_draw(problem, rng) for _ in range(n_start - 1))])
+    starts = starts[[bool(np.all(np.isfinite(problem.linearised(s).residuals(s)))) for s in starts]]
+    if not starts.size:
+        raise NumericalError("the fit cannot start: the curve is not defined at the starting values, nor at draws of the priors")
     rough = [_settle(problem, start, max_rounds=4) for start in starts]
     objective = np.array([-_log_density(posterior, values) for values, posterior, _ in rough])
     best = int(np.nanargmin(objective))
     values, posterior, moved = _settle(problem, rough[best][0], max_rounds=_MAX_ROUNDS)
     n_same = int(np.sum(objective <= objective[best] + _SAME_OPTIMUM))
-    return _describe(problem, posterior, values, moved, n_start=n_start, n_same=n_same)
+    return _describe(problem, posterior, values, moved, n_start=len(starts), n_same=n_same)
 
 
 def _prior_draw(problem: Problem, rng: np.random.Generator) -> FloatArray:
@@ -126,7 +129,7 @@ def _fit_curve(posterior: Posterior, values: FloatArray) -> FloatArray:
     jacobian: Callable[[lmfit.Parameters], FloatArray] = lambda parameters: posterior.jacobian(filled(parameters))[:, free]  # noqa: E731
     result = lmfit.minimize(
         residual, table, method="least_squares", scale_covar=False, calc_covar=False, jac=jacobian, x_scale="jac",
-        ftol=1e-12, xtol=1e-12, gtol=1e-12, max_nfev=400,
+        ftol=1e-12, xtol=1e-12, gtol=1e-12, max_nfev=400, nan_policy="propagate",  # scipy steps back from where the curve is not defined
     )
     return filled(result.params)
 
@@ -171,9 +174,12 @@ def information(posterior: Posterior, values: FloatArray) -> FloatArray:
     """(n_par, n_par) Fisher information at `values`, priors included; its inverse is the Gaussian covariance."""
     problem = posterior.problem
     noise = np.array([name in problem.noise_names for name in problem.names])
-    jacobian = posterior.jacobian(values)
-    jacobian[: problem.n_obs, noise] = 0.0
-    return np.asarray(jacobian.T @ jacobian + posterior.noise_information(values))
+    pulls = [p.prior.residual_slope(float(v)) for p, v in zip(problem.parameters, values, strict=True)]
+    total = posterior.noise_information(values) + np.diag(np.square(pulls))
+    for run, jacobian in zip(problem.runs, posterior.standardised_jacobians(values), strict=True):
+        location = np.where(noise, 0.0, jacobian)
+        total += run.noise.tails.information(problem.named(values))[0] * location.T @ location
+    return np.asarray(total)
 
 
 def _describe(problem: Problem, posterior: Posterior, values: FloatArray, moved: float, *, n_start: int, n_same: int) -> Fit:
@@ -196,6 +202,7 @@ def _describe(problem: Problem, posterior: Posterior, values: FloatArray, moved:
     residuals = posterior.residuals(values)
     chi2 = float(np.sum(residuals[: problem.n_obs] ** 2) + np.sum(residuals[problem.n_obs :][pulls] ** 2))
     dof = problem.n_obs + len(pulls) - len(curve)
+    robust = any(run.noise.tails.robust for run in problem.runs)
     message = f"settled; {n_same} of {n_start} starts led to this optimum"
     if moved >= _SETTLED:
         message = f"did not settle: the last of {_MAX_ROUNDS} rounds still moved a parameter by {moved:.2g} standard deviations"
@@ -203,7 +210,7 @@ def _describe(problem: Problem, posterior: Posterior, values: FloatArray, moved:
         message = "settled, but a combination of parameters is not determined at all: no standard deviations"
     return Fit(
         names=problem.names, values=values, cov=cov, sds=sds, at_bound=tuple(at_bound), posterior=posterior, chi2=chi2, dof=dof,
-        p_value=_chi2_p(chi2, dof) if not problem.noise_names and dof > 0 else math.nan,
+        p_value=_chi2_p(chi2, dof) if dof > 0 and not problem.noise_names and not robust else math.nan,
         n_start=n_start, n_same=n_same, singular=singular, success=moved < _SETTLED, message=message,
     )
 

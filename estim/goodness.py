@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from estim.fitting import Fit
-from estim.noise import covariance, reading_sd
+from estim.noise import covariance, noise_parameters, reading_sd
 from estim.problem import Observations
 
 FloatArray = NDArray[np.float64]
@@ -43,7 +43,8 @@ class Check:
 class Goodness:
     """How well one run is explained.
 
-    whitened : (n_obs,) residuals with unit covariance, in order.  raw : (n_obs,) residuals in units of the speed.
+    whitened : (n_obs,) residuals with unit covariance, in order; heavy tails are mapped to normal scores.
+    raw : (n_obs,) residuals in units of the ordinate.
     sd : (n_obs,) their standard deviations.
     checks : name -> Check.  scatter_ratio : inferred scatter / instrument's share of the noise; nan where not inferred.
     """
@@ -82,8 +83,8 @@ def check_goodness(fit: Fit, *, rng: np.random.Generator) -> tuple[Goodness, ...
     for run, factor, jacobian, raw in zip(problem.runs, factors, jacobians, raws, strict=True):
         simulated = (errors[first : first + run.n_obs] - jacobian @ shifts).T
         first += run.n_obs
-        whitened = np.linalg.solve(factor, raw)
-        stated = run.noise.sigma.parameter is None and run.noise.scatter.parameter is None
+        whitened = run.noise.tails.normal_score(np.linalg.solve(factor, raw), named)
+        stated = not noise_parameters(run.noise)
         sd = np.sqrt(np.sum(factor**2, axis=1))
         checked.append(Goodness(run.name, whitened, raw, sd, _checks(whitened, simulated, stated=stated), _scatter_ratio(run, named)))
     return tuple(checked)

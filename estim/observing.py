@@ -1,23 +1,28 @@
-"""From the table of a run to the speeds that are fit and their noise, as the campaign's noise and window tables say."""
+"""From the table of a run to the points that are fit and their noise, as the campaign's noise and window tables say.
+
+Speeds at known positions (`independent`, `differentiated`), or positions at known times (`positions`).
+"""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from estim.campaign_file import NoiseTable, WindowTable
-from estim.derivative import STENCILS, differentiate
+from estim.derivative import STENCILS, Derivative, differentiate
 from estim.errors import InputError
 from estim.levels import Levels, Path, as_prior, noise_level, read_at
 from estim.noise import Differentiated, Independent, Noise, Scale
-from estim.priors import HalfNormal
+from estim.priors import HalfNormal, LogNormal, Prior, Uniform
 from estim.problem import Parameter
 from estim.quantity import Quantity
 from estim.run import Run
 from estim.selection import Selection, Window, select
+from estim.tails import GAUSSIAN, Mixture, StudentT, Tails
 
 FloatArray = NDArray[np.float64]
 
@@ -26,14 +31,18 @@ _MAX_OBS = 3000  # the covariance of the speeds is a dense matrix
 
 
 @dataclass(frozen=True, eq=False)
-class Speeds:
-    """Position, speed and time of the rows that are fit, (n_obs,) each; what was left out; noise and its unknowns."""
+class Observed:
+    """The points that are fit: abscissa x, ordinate y and time, (n_obs,) each; what was left out; noise and its unknowns.
+
+    arguments : of the curve x(t) that are not physics (release_time, offset): a parameter's name or a fixed number; empty for speeds.
+    """
 
     x: FloatArray
     y: FloatArray
     t: FloatArray | None
     noise: Noise
     parameters: tuple[Parameter, ...]
+    arguments: Mapping[str, str | float]
     excluded: tuple[str, ...]
     excluded_points: FloatArray
 
@@ -46,43 +55,46 @@ class _Units:
     speed_sigma: str
     position: str
     speed: str
+    offset: str
 
 
 _UNITS = {
-    "x_m": _Units("sigma_x_m", "sigma_v_m_s", "m", "m/s"),
-    "theta_rad": _Units("sigma_theta_rad", "sigma_omega_rad_s", "rad", "rad/s"),
+    "x_m": _Units("sigma_x_m", "sigma_v_m_s", "m", "m/s", "offset_m"),
+    "theta_rad": _Units("sigma_theta_rad", "sigma_omega_rad_s", "rad", "rad/s", "offset_rad"),
 }
 
 
-def observe(run: Run, levels: Levels) -> Speeds:
-    """The speeds of `run` with the noise that the campaign states for it.  Raises InputError."""
+def observe(run: Run, levels: Levels, *, noise: NoiseTable | None = None) -> Observed:
+    """The points of `run` with the noise that the campaign states for it, or with `noise` in its place.  Raises InputError."""
     table, path, suffix = noise_level(levels)
+    table = noise or table
     model = table.model or ("differentiated" if "t_s" in run.columns else "independent")
-    _check_keys(table, model, _UNITS[run.coordinate], levels, path)
-    make = _differentiated if model == "differentiated" else _independent
+    _check_keys(table, model, run, levels, path)
+    make = {"differentiated": _differentiated, "independent": _independent, "positions": _positions}[model]
     return make(run, levels, table, path, suffix)
 
 
-def _check_keys(table: NoiseTable, model: str, units: _Units, levels: Levels, path: Path) -> None:
-    if model == "differentiated":
-        keys = {"model", "scatter", "derivative", "encoder_step_rad" if units.position == "rad" else "", units.position_sigma}
+def _check_keys(table: NoiseTable, model: str, run: Run, levels: Levels, path: Path) -> None:
+    units = _UNITS[run.coordinate]
+    keys = {"model", "scatter", units.position_sigma}
+    if model == "independent":
+        keys |= {units.speed_sigma, "robust"} | (set() if run.rate in run.columns else {"derivative"})
     else:
-        keys = {"model", "scatter", units.speed_sigma}
+        keys |= {"derivative" if model == "differentiated" else "robust"} | ({"encoder_step_rad"} if units.position == "rad" else set())
     for key in table.__struct_fields__:
         if key not in keys and getattr(table, key) is not None:
-            known = ", ".join(sorted(keys - {""}))
-            raise levels.error(f"does not go with {model} noise of a run in {units.position} (known: {known})", (*path, key))
+            rule = f"does not go with {model} noise of a run in {units.position} (known: {', '.join(sorted(keys))})"
+            if key == "robust":
+                rule = "goes with model = 'positions' or 'independent': one bad frame spoils several differentiated speeds"
+            raise levels.error(rule, (*path, key))
 
 
-def _differentiated(run: Run, levels: Levels, table: NoiseTable, path: Path, suffix: str) -> Speeds:
+def _differentiated(run: Run, levels: Levels, table: NoiseTable, path: Path, suffix: str) -> Observed:
     units = _UNITS[run.coordinate]
-    if "t_s" not in run.columns:
-        raise levels.error("needs times: the run's file has no t_s column", (*path, "model"), value="differentiated")
-    step = table.encoder_step_rad or 0.0
-    if table.encoder_step_rad is not None and not (step > 0.0 and math.isfinite(step)):
-        raise levels.error("must be > 0", (*path, "encoder_step_rad"), value=step)
+    _need_times(run, "differentiated", levels, path)
+    step = _encoder_step(table, levels, path)
     sigma, parameter = _scale(table, units.position_sigma, units.position, levels, path, suffix, "one position reading")
-    typical = math.hypot(sigma.value if parameter is None else parameter.prior.centre, step / math.sqrt(12.0))
+    typical = _typical(sigma, parameter, step)
     if typical == 0.0:
         wanted = f"'{units.position_sigma}'" + (" or 'encoder_step_rad'" if units.position == "rad" else "")
         raise levels.error(f"needs {wanted} for differentiated noise", path, field="noise")
@@ -91,50 +103,163 @@ def _differentiated(run: Run, levels: Levels, table: NoiseTable, path: Path, suf
         rule = f"is not used: differentiated noise takes one '{units.position_sigma}' for all positions; start the column's name with _ to skip it"
         raise InputError(rule, field="sigma_x_m", file=run.file)
     t, position = run.columns["t_s"], run.columns[run.coordinate]
-    derivative = differentiate(t, position, STENCILS[table.derivative or "central"], file=run.file, lines=run.lines)
+    derivative, blank = _speeds(run, table)
     rows = derivative.rows
     selection = select(position[rows], derivative.value, t[rows], window=_window(run, levels), sigma_position=typical)
     _check_count(selection, run, levels)
-    missing = run.n_row - rows.size
-    blank = (f"{missing} at the ends or beside a missing frame, where the {derivative.stencil.name} derivative does not exist",) if missing else ()
     kept = rows[selection.kept]
-    return Speeds(
+    return Observed(
         x=position[kept], y=derivative.value[selection.kept], t=t[kept],
-        noise=Differentiated(sigma, scatter, step, derivative, selection.kept),
-        parameters=tuple(p for p in (parameter, scatter_parameter) if p is not None),
+        noise=Differentiated(sigma, scatter, step, derivative, selection.kept), parameters=_some(parameter, scatter_parameter), arguments={},
         excluded=blank + selection.reasons, excluded_points=_others(position[rows], derivative.value, selection),
     )
 
 
-def _independent(run: Run, levels: Levels, table: NoiseTable, path: Path, suffix: str) -> Speeds:
+def _independent(run: Run, levels: Levels, table: NoiseTable, path: Path, suffix: str) -> Observed:
     units, rate = _UNITS[run.coordinate], run.rate
-    if rate not in run.columns:
-        raise levels.error(f"needs measured speeds: the run's file has no {rate} column", (*path, "model"), value="independent")
+    t, position = run.columns.get("t_s"), run.columns[run.coordinate]
+    rows, blank = np.arange(run.n_row), tuple[str, ...]()
+    if rate in run.columns:
+        speed = run.columns[rate]
+    elif t is not None and table.derivative is not None:
+        derivative, blank = _speeds(run, table)
+        rows, speed = derivative.rows, derivative.value
+    else:
+        rule = f"needs measured speeds: the run's file has no {rate} column (or a 'derivative' to compute them)"
+        raise levels.error(rule, (*path, "model"), value="independent")
     sigma, parameter = _scale(table, units.speed_sigma, units.speed, levels, path, suffix, "one speed")
     scatter, scatter_parameter = _scale(table, "scatter", units.speed, levels, path, suffix, "further independent error of each speed")
-    position, speed = run.columns[run.coordinate], run.columns[rate]
-    t = run.columns.get("t_s")
-    selection = select(position, speed, t, window=_window(run, levels), sigma_position=0.0)
+    sigma_x, x_parameter = _scale(table, units.position_sigma, units.position, levels, path, suffix, "one position")
+    tails, tail_parameters = _tails(table, suffix)
+    typical_x = _typical(sigma_x, x_parameter, 0.0)
+    sigma_x, relative_x = _by_row(run, "sigma_x_m", sigma_x, typical_x > 0.0, units.position, levels, (*path, units.position_sigma))
+    stated = run.columns.get("sigma_v_m_s")
+    said = _typical(sigma, parameter, 0.0) > 0.0
+    if not said and stated is None and scatter.parameter is None and scatter.value == 0.0:
+        raise levels.error(f"needs '{units.speed_sigma}', a sigma_v_m_s column or 'scatter' for independent noise", path, field="noise")
+    sigma, relative = _by_row(run, "sigma_v_m_s", sigma, said, units.position, levels, (*path, units.speed_sigma))
+    guard = typical_x if relative_x is None else float(np.median(relative_x))
+    where, when = position[rows], None if t is None else t[rows]
+    selection = select(where, speed, when, window=_window(run, levels), sigma_position=guard)
     _check_count(selection, run, levels)
     kept = selection.kept
-    relative = np.ones(kept.size)
-    stated = run.columns.get("sigma_v_m_s")
-    for name in ("sigma_x_m",) if units.position == "m" else ("sigma_x_m", "sigma_v_m_s"):
-        if name in run.columns:
-            rule = f"does not go with independent noise of a run in {units.position}; start the column's name with _ to skip it"
-            raise InputError(rule, field=name, file=run.file)
-    said = sigma.parameter is not None or sigma.value > 0.0
-    if stated is not None and said:
-        raise levels.error(f"is stated twice: here and in the sigma_v_m_s column of {run.file}", (*path, units.speed_sigma))
-    if stated is not None:
-        sigma, relative = Scale(1.0), stated[kept]
-    elif not said and scatter.parameter is None and scatter.value == 0.0:
-        raise levels.error(f"needs '{units.speed_sigma}', a sigma_v_m_s column or 'scatter' for independent noise", path, field="noise")
-    return Speeds(
-        x=position[kept], y=speed[kept], t=None if t is None else t[kept], noise=Independent(sigma, scatter, relative),
-        parameters=tuple(p for p in (parameter, scatter_parameter) if p is not None),
-        excluded=selection.reasons, excluded_points=_others(position, speed, selection),
+    noise = Independent(
+        sigma=sigma, scatter=scatter, relative=np.ones(kept.size) if relative is None else relative[rows][kept],
+        sigma_x=sigma_x if guard > 0.0 else None, relative_x=None if relative_x is None else relative_x[rows][kept], tails=tails,
     )
+    return Observed(
+        x=where[kept], y=speed[kept], t=None if when is None else when[kept], noise=noise,
+        parameters=_some(parameter, scatter_parameter, x_parameter, *tail_parameters), arguments={},
+        excluded=blank + selection.reasons, excluded_points=_others(where, speed, selection),
+    )
+
+
+def _positions(run: Run, levels: Levels, table: NoiseTable, path: Path, suffix: str) -> Observed:
+    """Every frame inside the window, on both ways; the release is an unknown, and so is the zero of the positions."""
+    units = _UNITS[run.coordinate]
+    _need_times(run, "positions", levels, path)
+    step = _encoder_step(table, levels, path)
+    sigma, parameter = _scale(table, units.position_sigma, units.position, levels, path, suffix, "one position reading")
+    scatter, scatter_parameter = _scale(table, "scatter", units.position, levels, path, suffix, "further independent error of each position")
+    tails, tail_parameters = _tails(table, suffix)
+    said = _typical(sigma, parameter, 0.0) > 0.0
+    if not said and step == 0.0 and "sigma_x_m" not in run.columns and scatter.parameter is None and scatter.value == 0.0:
+        raise levels.error(f"needs '{units.position_sigma}', a sigma_x_m column or 'scatter' for position noise", path, field="noise")
+    sigma, relative = _by_row(run, "sigma_x_m", sigma, said, units.position, levels, (*path, units.position_sigma))
+    t, position = run.columns["t_s"], run.columns[run.coordinate]
+    selection = select(position, None, t, window=_window(run, levels), sigma_position=0.0)
+    _check_count(selection, run, levels)
+    kept = selection.kept
+    x, y = t[kept], position[kept]
+    span, reach = float(x[-1] - x[0]), float(np.ptp(y))
+    started = x[int(np.argmax(np.abs(y - y[0]) > 0.25 * reach))]
+    sources, unknowns = {}, []
+    for name, key, unit, prior, meaning in (
+        ("release_time", "release_time_s", "s", Uniform(float(x[0]) - 0.5 * span, float(started)), "moment of release on the clock of the data"),
+        ("offset", units.offset, units.position, Uniform(float(y[0]) - 0.5 * reach, float(y[0]) + 0.5 * reach), "reading of the position at release"),
+    ):
+        sources[name], unknown = _nuisance(levels, name, key, unit, prior, meaning)
+        unknowns.append(unknown)
+    return Observed(
+        x=x, y=y, t=x, arguments=sources,
+        noise=Independent(
+            sigma=sigma, scatter=scatter, relative=np.ones(kept.size) if relative is None else relative[kept], encoder_step=step,
+            tails=tails, positions=True,
+        ),
+        parameters=_some(*unknowns, parameter, scatter_parameter, *tail_parameters),
+        excluded=selection.reasons, excluded_points=_others(t, position, selection),
+    )
+
+
+def _need_times(run: Run, model: str, levels: Levels, path: Path) -> None:
+    if "t_s" not in run.columns:
+        raise levels.error("needs times: the run's file has no t_s column", (*path, "model"), value=model)
+
+
+def _some(*parameters: Parameter | None) -> tuple[Parameter, ...]:
+    return tuple(p for p in parameters if p is not None)
+
+
+def _encoder_step(table: NoiseTable, levels: Levels, path: Path) -> float:
+    step = table.encoder_step_rad
+    if step is not None and not (step > 0.0 and math.isfinite(step)):
+        raise levels.error("must be > 0", (*path, "encoder_step_rad"), value=step)
+    return step or 0.0
+
+
+def _typical(sigma: Scale, parameter: Parameter | None, step: float) -> float:
+    """Standard deviation of a reading as stated, or where its prior has its centre."""
+    return math.hypot(sigma.value if parameter is None else parameter.prior.centre, step / math.sqrt(12.0))
+
+
+def _speeds(run: Run, table: NoiseTable) -> tuple[Derivative, tuple[str, ...]]:
+    """Speeds by differences, and how many frames have none."""
+    stencil = STENCILS[table.derivative or "central"]
+    derivative = differentiate(run.columns["t_s"], run.columns[run.coordinate], stencil, file=run.file, lines=run.lines)
+    missing = run.n_row - derivative.rows.size
+    words = f"{missing} at the ends or beside a missing frame, where the {stencil.name} derivative does not exist"
+    return derivative, (words,) if missing else ()
+
+
+def _by_row(
+    run: Run, column: str, sigma: Scale, said: bool, unit: str, levels: Levels, path: Path
+) -> tuple[Scale, FloatArray | None]:
+    """A standard deviation that may stand in a column, row by row (n_row,), instead of the noise table."""
+    if column not in run.columns:
+        return sigma, None
+    if unit != "m":
+        rule = f"does not go with a run in {unit}; start the column's name with _ to skip it"
+        raise InputError(rule, field=column, file=run.file)
+    if said:
+        raise levels.error(f"is stated twice: here and in the {column} column of {run.file}", path)
+    return Scale(1.0), run.columns[column]
+
+
+def _tails(table: NoiseTable, suffix: str) -> tuple[Tails, tuple[Parameter, ...]]:
+    """The shape of the errors that `robust` asks for, and its unknowns."""
+    if table.robust == "student-t":
+        return StudentT(), ()
+    if table.robust == "mixture":
+        fraction, width = f"outlier_fraction{suffix}", f"outlier_width{suffix}"
+        return Mixture(fraction, width), (
+            Parameter(fraction, "1", Uniform(0.0, 0.5), "share of the frames that are outliers"),
+            Parameter(width, "1", LogNormal(20.0, 1.0), "standard deviation of an outlier over that of a good frame"),
+        )
+    return GAUSSIAN, ()
+
+
+def _nuisance(levels: Levels, name: str, key: str, unit: str, prior: Prior, meaning: str) -> tuple[str | float, Parameter | None]:
+    """An argument of x(t) as the campaign states it, or unknown within `prior`, which is wide, for this run."""
+    for level in levels:
+        written = getattr(level.table, key)
+        if written is not None:
+            value = read_at(levels.source, written, (*level.path, key))
+            if isinstance(value, Quantity) and value.exact:
+                return value.value, None
+            stated = as_prior(value, low=-math.inf) if isinstance(value, Quantity) else value
+            return name + level.suffix, Parameter(name + level.suffix, unit, stated, meaning)
+    own = f"{name}[{levels.run.name}]"
+    return own, Parameter(own, unit, prior, meaning)
 
 
 def _scale(

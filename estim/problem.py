@@ -14,12 +14,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from estim.curve import Curve
-from estim.noise import Noise, Whitening, variances
+from estim.noise import Independent, Noise, Whitening, noise_parameters, variances
 from estim.priors import Prior, Uniform
 
 FloatArray = NDArray[np.float64]
-
-_LOG_2PI = float(np.log(2.0 * np.pi))
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,8 +94,7 @@ class Problem:
     @property
     def noise_names(self) -> frozenset[str]:
         """Parameters of the noise: they enter the covariance, not the curve."""
-        scales = [scale.parameter for run in self.runs for scale in (run.noise.sigma, run.noise.scatter)]
-        return frozenset(name for name in scales if name is not None)
+        return frozenset(name for run in self.runs for name in noise_parameters(run.noise))
 
     def start(self) -> FloatArray:
         """(n_par,) the centres of the priors."""
@@ -135,7 +132,9 @@ class Posterior:
         log_p = self.problem.log_prior(draws)
         inside = np.flatnonzero(np.isfinite(log_p))
         if inside.size:
-            log_p[inside] += self.log_likelihood(draws[inside])
+            likelihood = self.log_likelihood(draws[inside])
+            # nan: a motion that cannot be followed to the last frame (it all but stops on the way) explains no data
+            log_p[inside] = np.where(np.isnan(likelihood), -np.inf, log_p[inside] + likelihood)
         return log_p
 
     def log_likelihood(self, draws: FloatArray) -> FloatArray:
@@ -143,19 +142,54 @@ class Posterior:
         named = self.problem.named(draws)
         total = np.zeros(draws.shape[0])
         for run, whitening in zip(self.problem.runs, self.whitenings, strict=True):
-            variance = variances(run.noise, whitening, named)
-            rotated = (run.y - whitening.offset - run.curve.value(run.x, run.bind(named))) @ whitening.basis
-            total -= 0.5 * np.sum(rotated**2 / variance + np.log(variance) + _LOG_2PI, axis=1)
+            z, log_sd = self._standardised(run, whitening, named)
+            total += np.sum(run.noise.tails.log_density(z, named) - log_sd, axis=1)
         return total
 
-    def residuals(self, values: FloatArray) -> FloatArray:
-        """(n_obs + n_par,) whitened residuals of all runs (in the eigenbasis), then one for each prior."""
-        named = self.problem.named(values)
+    def pointwise(self, draws: FloatArray) -> tuple[FloatArray, ...]:
+        """For each run (n_draw, n_obs): log predictive density of every point given all the other points of its run.
+
+        Where errors are independent this is the log likelihood of the point.  Where they are correlated it is the
+        conditional density, normal with mean y_i - [C^-1 r]_i/[C^-1]_ii and variance 1/[C^-1]_ii (Buerkner, Gabry,
+        Vehtari 2020, Comput. Stat. 36, 1243, eq. 8).
+        """
+        named = self.problem.named(draws)
         parts = []
         for run, whitening in zip(self.problem.runs, self.whitenings, strict=True):
-            curve = np.broadcast_to(run.curve.value(run.x, run.bind(named)), (1, run.n_obs))[0]
-            sd = np.sqrt(variances(run.noise, whitening, named))
-            parts.append((run.y - whitening.offset - curve) @ whitening.basis / sd)
+            z, log_sd = self._standardised(run, whitening, named)
+            if whitening.basis is None:
+                parts.append(run.noise.tails.log_density(z, named) - log_sd)
+                continue
+            precise = np.broadcast_to(np.exp(-2.0 * log_sd), z.shape)
+            inverse = precise @ (whitening.basis**2).T  # diagonal of C^-1
+            deviation = (z * np.sqrt(precise)) @ whitening.basis.T / np.sqrt(inverse)
+            parts.append(run.noise.tails.log_density(deviation, named) + 0.5 * np.log(inverse))
+        return tuple(parts)
+
+    def standardised(self, values: FloatArray) -> tuple[FloatArray, ...]:
+        """For each run, (n_obs,) residuals over their standard deviations at `values` (n_par,), in the whitening's basis."""
+        named = self.problem.named(values[None, :])
+        pairs = zip(self.problem.runs, self.whitenings, strict=True)
+        return tuple(self._standardised(run, whitening, named)[0][0] for run, whitening in pairs)
+
+    def _standardised(self, run: Observations, whitening: Whitening, named: Mapping[str, ArrayLike]) -> tuple[FloatArray, FloatArray]:
+        """z (n_draw, n_obs) and the logarithm of the standard deviation that normalises its density."""
+        held = variances(run.noise, whitening, named)
+        rotated = whitening.rotate(run.y - whitening.offset - run.curve.value(run.x, run.bind(named)))
+        actual = held
+        if isinstance(run.noise, Independent) and run.noise.sigma_x is not None:
+            slope = run.noise.steepness(run.curve, run.x, run.bind(named))
+            actual = held + np.square(run.noise.sigma_x.at(named)) * (slope**2 - whitening.steepness**2)
+        return rotated / np.sqrt(actual), 0.5 * np.log(held)
+
+    def residuals(self, values: FloatArray) -> FloatArray:
+        """(n_obs + n_par,) residuals of all runs, then one for each prior: half their squares sum to minus the log density.
+
+        Up to a constant, and for given noise parameters.  With normal errors they are the whitened residuals.
+        """
+        named = self.problem.named(values)
+        pairs = zip(self.problem.runs, self.standardised(values), strict=True)
+        parts = [run.noise.tails.deviance_residual(z, named)[0] for run, z in pairs]
         return np.concatenate([*parts, self.prior_residuals(values)])
 
     def prior_residuals(self, values: FloatArray) -> FloatArray:
@@ -166,12 +200,27 @@ class Posterior:
         """(n_obs + n_par, n_par) derivatives of `residuals` at fixed noise parameters."""
         named = self.problem.named(values)
         blocks = []
-        for run, whitening in zip(self.problem.runs, self.whitenings, strict=True):
-            sd = np.sqrt(variances(run.noise, whitening, named))
-            gradient = self.curve_jacobian(run, values)
-            blocks.append(-(whitening.basis.T @ gradient) / sd[:, None])
+        for run, z, dz in zip(self.problem.runs, self.standardised(values), self.standardised_jacobians(values), strict=True):
+            blocks.append(run.noise.tails.deviance_residual(z, named)[1][:, None] * dz)
         slopes = [p.prior.residual_slope(float(v)) for p, v in zip(self.problem.parameters, values, strict=True)]
         return np.vstack([*blocks, np.diag(slopes)])
+
+    def standardised_jacobians(self, values: FloatArray) -> tuple[FloatArray, ...]:
+        """For each run, (n_obs, n_par) derivatives of `standardised` at fixed noise parameters."""
+        named = self.problem.named(values)
+        jacobians = []
+        for run, whitening in zip(self.problem.runs, self.whitenings, strict=True):
+            gradient = self.curve_jacobian(run, values)
+            variance = variances(run.noise, whitening, named)
+            if not isinstance(run.noise, Independent) or run.noise.sigma_x is None:
+                jacobians.append(-whitening.rotate(gradient.T).T / np.sqrt(np.broadcast_to(variance, (1, run.n_obs))[0])[:, None])
+                continue
+            slope, bend = self._steepness_jacobian(run, run.noise, values)
+            sigma = float(np.squeeze(run.noise.sigma_x.at(named)))
+            sd = np.sqrt(np.broadcast_to(variance, (1, run.n_obs))[0] + sigma**2 * (slope**2 - whitening.steepness**2))[:, None]
+            z = whitening.rotate(run.y - np.broadcast_to(run.curve.value(run.x, run.bind(named)), (1, run.n_obs))[0])[:, None] / sd
+            jacobians.append(-gradient / sd - z * (sigma**2 * slope[:, None] * bend) / sd**2)
+        return tuple(jacobians)
 
     def curve_jacobian(self, run: Observations, values: FloatArray) -> FloatArray:
         """(n_obs, n_par) derivatives of the run's curve in every parameter."""
@@ -182,32 +231,64 @@ class Posterior:
                 gradient[:, self.problem.names.index(source)] += np.broadcast_to(local.gradient[argument], (1, run.n_obs))[0]
         return gradient
 
+    def _steepness_jacobian(self, run: Observations, noise: Independent, values: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """What errors of x do to each point, f' (n_obs,), and its derivatives (n_obs, n_par), by central differences."""
+        steps = np.array([1e-5 * min(max(abs(v), 1e-3 * p.prior.sd), 1.0 + abs(v)) for p, v in zip(self.problem.parameters, values, strict=True)])
+        points = np.vstack([values, values + np.diag(steps), values - np.diag(steps)])
+        slope = np.broadcast_to(noise.steepness(run.curve, run.x, run.bind(self.problem.named(points))), (points.shape[0], run.n_obs))
+        n = steps.size
+        return slope[0], (slope[1 : n + 1] - slope[n + 1 :]).T / (2.0 * steps)
+
     def noise_information(self, values: FloatArray) -> FloatArray:
-        """(n_par, n_par) Fisher information of the noise parameters, (1/2) sum dV_a dV_b/V^2; zero for the others."""
+        """(n_par, n_par) Fisher information of the noise parameters; zero for the others.
+
+        For the scales  (i/4) sum dV_a dV_b/V^2  with i the information of the tails about a logarithm of scale (2 if
+        normal); for the parameters of the tails the mean square of their score, by simulation on a fixed set of quantiles.
+        """
         named, names = self.problem.named(values), self.problem.names
         information = np.zeros((len(names), len(names)))
         for run, whitening in zip(self.problem.runs, self.whitenings, strict=True):
-            variance = variances(run.noise, whitening, named)
+            variance, noise = variances(run.noise, whitening, named), run.noise
             slopes = np.zeros((run.n_obs, len(names)))
-            for scale, weight in ((run.noise.sigma, whitening.spectrum), (run.noise.scatter, np.ones(run.n_obs))):
+            weights = [(noise.sigma, whitening.spectrum), (noise.scatter, np.ones(run.n_obs))]
+            if noise.sigma_x is not None:
+                weights.append((noise.sigma_x, whitening.steepness**2))
+            for scale, weight in weights:
                 if scale.parameter is not None:
                     slopes[:, names.index(scale.parameter)] += 2.0 * float(named[scale.parameter]) * weight
-            relative = slopes / variance[:, None]
-            information += 0.5 * relative.T @ relative
+            relative = slopes / np.broadcast_to(variance, (1, run.n_obs)).T
+            information += 0.25 * noise.tails.information(named)[1] * relative.T @ relative
+            for name in noise.tails.parameters:
+                information[names.index(name), names.index(name)] += run.n_obs * self._tail_information(run, name, values)
         return information
 
+    def _tail_information(self, run: Observations, name: str, values: FloatArray) -> float:
+        """Mean square, over errors drawn from the tails themselves, of the score in one of their parameters."""
+        i = self.problem.names.index(name)
+        z = run.noise.tails.draw(np.random.default_rng(0), 20_000, self.problem.named(values))
+        low, high = _straddle(self.problem.parameters[i].prior, values[i])
+        ends = [self.problem.named(np.where(np.arange(values.size) == i, v, values)) for v in (low, high)]
+        score = (run.noise.tails.log_density(z, ends[1]) - run.noise.tails.log_density(z, ends[0])) / (high - low)
+        return float(np.mean(score**2))
+
     def log_density_noise_gradient(self, values: FloatArray) -> FloatArray:
-        """(n_par,) derivative of the log likelihood in the noise parameters; zero for the others."""
-        named, names = self.problem.named(values), self.problem.names
-        gradient = np.zeros(len(names))
-        squares = np.split(self.residuals(values)[: self.problem.n_obs] ** 2, np.cumsum([r.n_obs for r in self.problem.runs])[:-1])
-        for run, whitening, square in zip(self.problem.runs, self.whitenings, squares, strict=True):
-            variance = variances(run.noise, whitening, named)
-            for scale, weight in ((run.noise.sigma, whitening.spectrum), (run.noise.scatter, np.ones(run.n_obs))):
-                if scale.parameter is not None:
-                    slope = 2.0 * float(named[scale.parameter]) * weight
-                    gradient[names.index(scale.parameter)] += 0.5 * np.sum((square - 1.0) * slope / variance)
+        """(n_par,) derivative of the log likelihood in the noise parameters, by central differences; zero for the others."""
+        names, gradient = self.problem.names, np.zeros(values.size)
+        chosen = [i for i, name in enumerate(names) if name in self.problem.noise_names]
+        ends = [_straddle(self.problem.parameters[i].prior, values[i]) for i in chosen]
+        points = np.tile(values, (2 * len(chosen), 1))
+        for k, (i, (low, high)) in enumerate(zip(chosen, ends, strict=True)):
+            points[2 * k, i], points[2 * k + 1, i] = low, high
+        density = self.log_likelihood(points)
+        for k, (i, (low, high)) in enumerate(zip(chosen, ends, strict=True)):
+            gradient[i] = (density[2 * k + 1] - density[2 * k]) / (high - low)
         return gradient
+
+
+def _straddle(prior: Prior, value: float) -> tuple[float, float]:
+    """Two points beside `value` for a difference, inside the support of `prior`."""
+    step = 1e-5 * max(abs(value), 1e-4 * prior.sd)
+    return max(value - step, prior.low), min(value + step, prior.high)
 
 
 def informative(prior: Prior) -> bool:

@@ -192,7 +192,7 @@ def _run(campaign: Campaign, analysis: Analysis, i: int) -> RunSummary:
     run, goodness = analysis.problem.runs[i], analysis.goodness[i]
     draws = analysis.chain.thinned(20_000)
     derived = run.curve.derived(run.bind(analysis.problem.named(draws)))
-    noise = run.noise.describe(position_unit=run.x_unit, speed_unit=run.y_unit)
+    noise = run.noise.describe(x_unit=run.x_unit, y_unit=run.y_unit)
     return RunSummary(
         file=campaign.tables[run.name].file, n_obs=run.n_obs, noise=noise, excluded=list(run.excluded),
         checks={name: CheckSummary(c.statistic, c.p_value, c.meaning) for name, c in goodness.checks.items()},

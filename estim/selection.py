@@ -4,7 +4,7 @@
 - For speeds made by differences, within five standard deviations of a position reading from the release or from the
   turning point: there the curve bends so sharply that an error of the position moves the speed by more than a linear
   law says.  A window that names that end (`x_min_m = 0`) keeps them.
-- After the largest position reached: the way back is another motion.
+- After the largest position reached, where speeds are fit: the way back is another motion.
 """
 
 from __future__ import annotations
@@ -39,8 +39,11 @@ class Selection:
     reasons: tuple[str, ...]
 
 
-def select(position: FloatArray, speed: FloatArray, t: FloatArray | None, *, window: Window, sigma_position: float) -> Selection:
-    """The rows to fit out of (n,) positions, speeds and times; `sigma_position` 0 switches the guard zones off."""
+def select(position: FloatArray, speed: FloatArray | None, t: FloatArray | None, *, window: Window, sigma_position: float) -> Selection:
+    """The rows to fit out of (n,) positions, speeds and times.
+
+    `sigma_position` 0 switches the guard zones off.  Without speeds it is the positions that are fit, on every way.
+    """
     left = np.ones(position.size, dtype=bool)
     reasons: list[str] = []
 
@@ -55,7 +58,7 @@ def select(position: FloatArray, speed: FloatArray, t: FloatArray | None, *, win
         leave_out((t < window.t_min) | (t > window.t_max), "outside the window of time")
     leave_out((position < window.low) | (position > window.high), "outside the window of position")
     inside = np.flatnonzero(left)
-    if inside.size:
+    if inside.size and speed is not None:
         farthest = inside[np.argmax(position[inside])]
         if t is not None:
             leave_out(t > t[farthest], "after the farthest point (the way back is another motion)")

@@ -197,7 +197,7 @@ def _leg(
 
 
 def _invert(t: FloatArray, clock: FloatArray, end: FloatArray) -> FloatArray:
-    """z (n_draw, n_obs) at which the clock shows `t` ((n_obs,) or (n_draw, n_obs)), by Newton steps inside a bracket; nan where they do not settle."""
+    """z (n_draw, n_obs) at which the clock shows `t`, by Newton steps inside a bracket; nan where they do not settle."""
     pace = chebyshev.chebder(clock, axis=0)
     shape = np.broadcast_shapes(end.shape, t.shape)
     low, high = -np.ones(shape), np.ones(shape)

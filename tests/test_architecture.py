@@ -55,8 +55,8 @@ def test_physics_needs_numpy_and_nothing_else(module):
     assert packages(module) <= {"model", "numpy", *sys.stdlib_module_names}
 
 
-def test_inference_meets_physics_in_two_files():
-    assert {m for m in importers("model") if m in ESTIM} == {"estim.campaign", "estim.design"}
+def test_inference_meets_physics_in_three_files():
+    assert {m for m in importers("model") if m in ESTIM} == {"estim.campaign", "estim.design", "estim.phase_curve"}
 
 
 @pytest.mark.parametrize(("package", "module"), [("lmfit", "estim.fitting"), ("emcee", "estim.sampling"), ("click", "estim.cli")])

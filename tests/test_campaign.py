@@ -420,7 +420,7 @@ MISTAKES = {
     "unknown derivative": (NOISE, 'noise = {sigma_x_m = 0.001, derivative = "best"}', "noise", "invalid enum value 'best'"),
     "independent without speeds": (
         NOISE, 'noise = {model = "independent"}', "noise",
-        "'model' needs measured speeds: the run's file has no v_m_s column: independent",
+        "'model' needs measured speeds: the run's file has no v_m_s column (or a 'derivative' to compute them): independent",
     ),
     "window upside down": (
         RUN_H4, RUN_H4 + "window = {x_min_m = 0.3, x_max_m = 0.1}\n", "window",

@@ -189,7 +189,11 @@ def test_back_and_forth_is_the_equation_of_motion_with_resistance_against_each_w
 
     def rates(way):
         # rolling resistance as energy loss c_rr M g cos(phi) per length, as the phase curve has it
-        return lambda t, y: [y[1], (g / radius * push(y[0], way) + gamma * np.sin(y[0] + phi) * y[1] ** 2) / (1.0 + j + 2.0 * gamma * np.cos(y[0] + phi))]
+        def rate(t, y):
+            turned = y[0] + phi
+            return [y[1], (g / radius * push(y[0], way) + gamma * np.sin(turned) * y[1] ** 2) / (1.0 + j + 2.0 * gamma * np.cos(turned))]
+
+        return rate
 
     def stops(t, y):
         return way * y[1] if t > 1e-6 else 1.0
