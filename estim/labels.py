@@ -25,6 +25,11 @@ _SYMBOLS = {
     "inertia_ratio": "j",
     "slope": "s",
     "resisting_moment": "Q_rr",
+    "turning_point": "x_t",
+    "release_time": "t₀",
+    "offset": "x₀",
+    "outlier_fraction": "outlier fraction",
+    "outlier_width": "outlier width",
 }
 _ANGLES = ("theta0", "phi")
 

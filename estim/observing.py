@@ -17,7 +17,7 @@ from estim.derivative import STENCILS, Derivative, differentiate
 from estim.errors import InputError
 from estim.levels import Levels, Path, as_prior, noise_level, read_at
 from estim.noise import Differentiated, Independent, Noise, Scale
-from estim.priors import HalfNormal, LogNormal, Prior, Uniform
+from estim.priors import HalfNormal, LogNormal, Normal, Prior, Uniform
 from estim.problem import Parameter
 from estim.quantity import Quantity
 from estim.run import Run
@@ -155,7 +155,10 @@ def _independent(run: Run, levels: Levels, table: NoiseTable, path: Path, suffix
 
 
 def _positions(run: Run, levels: Levels, table: NoiseTable, path: Path, suffix: str) -> Observed:
-    """Every frame inside the window, on both ways; the release is an unknown, and so is the zero of the positions."""
+    """Every frame inside the window, on both ways.
+
+    Unless the campaign says otherwise the moment of release is unknown, and the zero of the positions as good as one reading.
+    """
     units = _UNITS[run.coordinate]
     _need_times(run, "positions", levels, path)
     step = _encoder_step(table, levels, path)
@@ -171,12 +174,13 @@ def _positions(run: Run, levels: Levels, table: NoiseTable, path: Path, suffix: 
     _check_count(selection, run, levels)
     kept = selection.kept
     x, y = t[kept], position[kept]
-    span, reach = float(x[-1] - x[0]), float(np.ptp(y))
-    started = x[int(np.argmax(np.abs(y - y[0]) > 0.25 * reach))]
+    started = x[int(np.argmax(np.abs(y - y[0]) > 0.25 * np.ptp(y)))]
+    zero = _typical(sigma, parameter, step) if relative is None else float(np.median(relative))
+    zero = zero or scatter.value or (scatter_parameter.prior.centre if scatter_parameter else 0.0)
     sources, unknowns = {}, []
     for name, key, unit, prior, meaning in (
-        ("release_time", "release_time_s", "s", Uniform(float(x[0]) - 0.5 * span, float(started)), "moment of release on the clock of the data"),
-        ("offset", units.offset, units.position, Uniform(float(y[0]) - 0.5 * reach, float(y[0]) + 0.5 * reach), "reading of the position at release"),
+        ("release_time", "release_time_s", "s", Uniform(float(x[0] - 0.5 * (x[-1] - x[0])), float(started)), "moment of release on the clock of the data"),
+        ("offset", units.offset, units.position, Normal(0.0, zero), "reading of the position at release"),
     ):
         sources[name], unknown = _nuisance(levels, name, key, unit, prior, meaning)
         unknowns.append(unknown)
@@ -249,7 +253,7 @@ def _tails(table: NoiseTable, suffix: str) -> tuple[Tails, tuple[Parameter, ...]
 
 
 def _nuisance(levels: Levels, name: str, key: str, unit: str, prior: Prior, meaning: str) -> tuple[str | float, Parameter | None]:
-    """An argument of x(t) as the campaign states it, or unknown within `prior`, which is wide, for this run."""
+    """An argument of x(t) as the campaign states it, or an unknown of this run with `prior`."""
     for level in levels:
         written = getattr(level.table, key)
         if written is not None:

@@ -168,9 +168,13 @@ class Posterior:
 
     def standardised(self, values: FloatArray) -> tuple[FloatArray, ...]:
         """For each run, (n_obs,) residuals over their standard deviations at `values` (n_par,), in the whitening's basis."""
-        named = self.problem.named(values[None, :])
+        return tuple(z[0] for z in self.standardised_draws(values[None, :]))
+
+    def standardised_draws(self, draws: FloatArray) -> tuple[FloatArray, ...]:
+        """For each run, (n_draw, n_obs) residuals over their standard deviations at draws (n_draw, n_par)."""
+        named = self.problem.named(draws)
         pairs = zip(self.problem.runs, self.whitenings, strict=True)
-        return tuple(self._standardised(run, whitening, named)[0][0] for run, whitening in pairs)
+        return tuple(self._standardised(run, whitening, named)[0] for run, whitening in pairs)
 
     def _standardised(self, run: Observations, whitening: Whitening, named: Mapping[str, ArrayLike]) -> tuple[FloatArray, FloatArray]:
         """z (n_draw, n_obs) and the logarithm of the standard deviation that normalises its density."""
