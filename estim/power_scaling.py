@@ -5,6 +5,13 @@ importance weights prior^(alpha - 1), for alpha = 0.8 and 1.25; how far a margin
 per doubling of alpha.  Above 0.05 it counts as sensitive, about a shift by 0.3 standard deviations (Kallioinen, Paananen, Buerkner,
 Vehtari, Stat. Comput. 34 (2024) 57).  Distances and smoothing are those of arviz-stats.
 
+Sensitivity to both is what two sources of like weight show, and what two that disagree show.  They are told apart by
+
+    z = (prior centre - posterior mean) / sqrt(prior variance - posterior variance),
+
+which scatters with unit variance when the data come from the prior (law of total variance; exactly normal for a linear model
+with normal priors): beyond 2 it is called a conflict.
+
 A uniform prior has no power to scale: its sensitivity is 0 however much its edges matter.  `estim.profile` sees edges.
 """
 
@@ -16,6 +23,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from estim.priors import Prior
 from estim.problem import Posterior, Problem
 
 FloatArray = NDArray[np.float64]
@@ -23,10 +31,11 @@ FloatArray = NDArray[np.float64]
 THRESHOLD = 0.05
 _ALPHAS = (0.8, 1.25)
 _K_HAT = 0.7  # of the weights, above which they cannot be trusted
-_CONFLICT = 0.2  # posterior sds that the mean moves per doubling of the prior, above which prior and data pull apart
+_CONFLICT = 2.0  # of z
 
 DETERMINED = "determined by the data"
 PRIOR_MATTERS = "the prior matters"
+BOTH_MATTER = "data and prior both matter"
 CONFLICT = "data and prior disagree (conflict)"
 WEAK = "weak likelihood"
 UNRELIABLE = "cannot be told from these draws"
@@ -39,7 +48,7 @@ class Sensitivity:
     prior, likelihood : distance per doubling of all priors together, and of the likelihood.
     by_prior : name -> the same for the prior of that parameter alone, every parameter in order.
     strongest : the name of the single prior that matters most, None where none is above the threshold.
-    shift : posterior sds by which the mean moves per doubling of all priors.
+    disagreement : z above; 0 where the data narrow the prior by less than 5 %.
     k_hat : largest Pareto k of the weights used for `prior` and `likelihood`.
     verdict : in words.
     """
@@ -49,7 +58,7 @@ class Sensitivity:
     likelihood: float
     by_prior: dict[str, float]
     strongest: str | None
-    shift: float
+    disagreement: float
     k_hat: float
     verdict: str
 
@@ -60,7 +69,6 @@ def power_scaling(problem: Problem, posterior: Posterior, draws: FloatArray, *, 
     prior, prior_k = _weights(each.sum(axis=1))
     likelihood, likelihood_k = _weights(posterior.log_likelihood(draws))
     alone = [_weights(column)[0] for column in each.T]
-    shifts = _shifts(draws, prior)
     k_hat = max(prior_k, likelihood_k)
     rows = []
     for i, name in enumerate(problem.names):
@@ -68,11 +76,12 @@ def power_scaling(problem: Problem, posterior: Posterior, draws: FloatArray, *, 
         by_prior = {other: _distance(column, weights) for other, weights in zip(problem.names, alone, strict=True)}
         strongest = max(by_prior, key=lambda other: by_prior[other])
         s_prior, s_likelihood = _distance(column, prior), _distance(column, likelihood)
+        z = _disagreement(problem.parameters[i].prior, column)
         rows.append(
             Sensitivity(
-                name=name, prior=s_prior, likelihood=s_likelihood, by_prior=by_prior, shift=float(shifts[i]), k_hat=k_hat,
+                name=name, prior=s_prior, likelihood=s_likelihood, by_prior=by_prior, disagreement=z, k_hat=k_hat,
                 strongest=strongest if by_prior[strongest] >= threshold else None,
-                verdict=_verdict(s_prior, s_likelihood, float(shifts[i]), k_hat, threshold),
+                verdict=_verdict(s_prior, s_likelihood, z, k_hat, threshold),
             )
         )
     return tuple(rows)
@@ -100,22 +109,19 @@ def _distance(column: FloatArray, weights: tuple[FloatArray, FloatArray] | None)
 
     if weights is None or np.ptp(column) == 0.0:
         return 0.0
-    return float(array_stats.power_scale_sense(column, *weights, *_ALPHAS, chain_axis=None, draw_axis=0))
+    return float(array_stats.power_scale_sense(column[None], weights[0][None], weights[1][None], *_ALPHAS, chain_axis=0, draw_axis=1))
 
 
-def _shifts(draws: FloatArray, weights: tuple[FloatArray, FloatArray] | None) -> FloatArray:
-    """(n_par,) posterior sds by which the mean moves per doubling of the power."""
-    if weights is None:
-        return np.zeros(draws.shape[1])
-    spread = np.maximum(draws.std(axis=0), 1e-300)
-    return (weights[1] - weights[0]) @ draws / spread / math.log2(_ALPHAS[1] / _ALPHAS[0])
+def _disagreement(prior: Prior, column: FloatArray) -> float:
+    learnt = prior.sd**2 - float(column.var())
+    return (prior.centre - float(column.mean())) / math.sqrt(learnt) if learnt > 0.1 * prior.sd**2 else 0.0
 
 
-def _verdict(prior: float, likelihood: float, shift: float, k_hat: float, threshold: float) -> str:
+def _verdict(prior: float, likelihood: float, z: float, k_hat: float, threshold: float) -> str:
     if not k_hat < _K_HAT:
         return UNRELIABLE
-    if prior >= threshold and likelihood >= threshold and abs(shift) >= _CONFLICT:
-        return CONFLICT
+    if prior >= threshold and likelihood >= threshold:
+        return CONFLICT if abs(z) >= _CONFLICT else BOTH_MATTER
     if prior >= threshold:
         return PRIOR_MATTERS
     return DETERMINED if likelihood >= threshold else WEAK

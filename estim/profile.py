@@ -129,16 +129,18 @@ def _interval(fit: Fit, search: Search, mode: Point, i: int, rises: dict[float, 
     opened: list[dict[float, bool]] = []
     points = [mode]
     pieces: set[float] = set()
+    others: list[Point] = [mode]
     for sign in (-1.0, 1.0):
         walk = _walk(search, mode, i, sign, max(rises.values()))
         sides = {p: _crossing(search, walk, mode, i, rise) for p, rise in rises.items()}
         pieces |= {p for p, rise in rises.items() if _returns(walk, mode, rise)}
+        others += [search.minimise(point.values, held=()) for point in _dips(walk)]
         points += [point for side in sides.values() for point in side[1]] + walk[1:]
         ends.append({p: end for p, (end, _) in sides.items() if end is not None} | {p: float(walk[-1].values[i]) for p in sides if sides[p][0] is None})
         opened.append({p: end is None for p, (end, _) in sides.items()})
     points.sort(key=lambda point: float(point.values[i]))
     kept = [point for point in points if math.isfinite(point.objective)]
-    best = min(kept, key=lambda point: point.objective, default=mode)
+    best = min([*kept, *others], key=lambda point: point.objective)
     start = search.objective(fit.values)
     fall = max(0.0, start - best.objective)
     better = fall if fall > _BETTER else 0.0
@@ -226,6 +228,12 @@ def _returns(walk: Sequence[Point], mode: Point, rise: float) -> bool:
     return any(before and not after for before, after in zip(above, above[1:], strict=False))
 
 
+def _dips(walk: Sequence[Point]) -> list[Point]:
+    """Points of a walk that lie lower than the point before and not higher than the one after: valleys beside that of the mode."""
+    triples = zip(walk, walk[1:], [*walk[2:], walk[-1]], strict=False)
+    return [here for before, here, after in triples if here.objective < before.objective - 1e-6 and here.objective <= after.objective]
+
+
 def _with_sentence(found: ProfileInterval, parameter: Parameter, pieces: tuple[float, ...]) -> ProfileInterval:
     shown = label(parameter.name, parameter.unit)
     unit = "" if shown.unit == "1" else f" {shown.unit}"
@@ -240,7 +248,7 @@ def _with_sentence(found: ProfileInterval, parameter: Parameter, pieces: tuple[f
         size = "" if len(which) == len(opened) else " for " + " and ".join(f"{p:.0%}" for p in which)
         if end != edge:
             said.append(f"open {side}{size}: no limit as far as {place}, where the search ended")
-        elif found.value == edge:
+        elif abs(found.value - edge) < 1e-3 * (max(found.high.values()) - min(found.low.values())):
             said.append(f"open {side}{size}: the mode lies at the edge {place} of the prior")
         else:
             said.append(f"open {side}{size}: no limit {'above' if side == 'below' else 'below'} the edge {place} of the prior")

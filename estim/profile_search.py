@@ -25,6 +25,7 @@ _DAMPING = np.array([1e-9, 1e-3, 3e-2, 0.3, 3.0, 30.0, 1e3, 1e5])
 _SETTLED = 1e-9  # fall of the objective that the next step promises
 _ACCEPTABLE = 1e-4  # the same where no step leads further down
 _MAX_ITERATIONS = 60
+_PATIENCE = 8  # iterations after which the curvature is measured instead of taken from the Fisher information
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,13 +75,13 @@ class Search:
         best = self.objective(values)
         if not math.isfinite(best) or not free.size:
             return Point(values, best, settled=math.isfinite(best))
-        for _ in range(_MAX_ITERATIONS):
+        for iteration in range(_MAX_ITERATIONS):
             gradient = self._gradient(values, best, free)
             outward = ((values[free] <= self.low[free]) & (gradient > 0.0)) | ((values[free] >= self.high[free]) & (gradient < 0.0))
             moving = free[~outward]
             if not moving.size:
                 return Point(values, best, settled=True)
-            steps, promise = self._steps(values, moving, gradient[~outward])
+            steps, promise = self._steps(values, moving, gradient[~outward], curved=iteration >= _PATIENCE)
             if promise < _SETTLED:
                 return Point(values, best, settled=True)
             trials = np.repeat(values[None, :], len(steps), axis=0)
@@ -105,21 +106,59 @@ class Search:
         down, below = np.where(np.isfinite(below), down, values[free]), np.where(np.isfinite(below), below, here)
         return np.divide(above - below, up - down, out=np.zeros(n), where=up > down)
 
-    def _steps(self, values: FloatArray, moving: FloatArray, gradient: FloatArray) -> tuple[FloatArray, float]:
-        """(n_damping, n_moving) steps, and the fall of the objective that the least damped one promises."""
+    def _steps(self, values: FloatArray, moving: FloatArray, gradient: FloatArray, *, curved: bool) -> tuple[FloatArray, float]:
+        """(n_step, n_moving) steps to try, and the largest fall of the objective that one of them promises."""
         scale = self.scale[moving]
-        with np.errstate(all="ignore"):
-            metric = 2.0 * information(self.posterior, values)[np.ix_(moving, moving)] * np.outer(scale, scale)
+        if curved:
+            metric = self._curvature(values, moving)
+        else:
+            with np.errstate(all="ignore"):
+                metric = 2.0 * information(self.posterior, values)[np.ix_(moving, moving)] * np.outer(scale, scale)
         if not np.all(np.isfinite(metric)):
             metric = 2.0 * np.eye(moving.size)
-        stiffness, axes = np.linalg.eigh(0.5 * (metric + metric.T))
-        along = axes.T @ (gradient * scale)
-        damped = np.maximum(stiffness, 0.0) + _DAMPING[:, None]
-        # no further than 5 standard deviations at once: beyond, the metric says nothing
-        moves = -(along / damped) @ axes.T
-        length = np.max(np.abs(moves), axis=1, keepdims=True)
-        moves *= np.minimum(1.0, 5.0 / np.maximum(length, 1e-300))
-        return moves * scale, float(0.5 * np.sum(along**2 / np.maximum(stiffness, 1e-3)))
+        slope = gradient * scale
+        room = np.array([self.low[moving] - values[moving], self.high[moving] - values[moving]]) / scale
+        moves = _damped(metric, slope)
+        blocked = (moves[0] <= room[0]) | (moves[0] >= room[1])
+        if np.any(blocked):
+            # go to those bounds, and let the others make the best of it
+            ends = np.where(blocked, np.clip(moves[0], *room), 0.0)
+            rest = np.flatnonzero(~blocked)
+            constrained = np.repeat(ends[None, :], _DAMPING.size, axis=0)
+            constrained[:, rest] = _damped(metric[np.ix_(rest, rest)], (slope + metric @ ends)[rest])
+            moves = np.vstack([constrained, moves])
+        moves = np.clip(moves, *room)
+        fall = -moves @ slope - 0.5 * np.einsum("ki,ij,kj->k", moves, metric, moves)
+        return moves * scale, float(np.max(fall))
+
+
+    def _curvature(self, values: FloatArray, moving: FloatArray) -> FloatArray:
+        """(n_moving, n_moving) second derivatives of the objective, in standard deviations, made positive."""
+        n, h = moving.size, 0.02
+        inward = np.where(values + 2.0 * h * self.scale < self.high, 1.0, -1.0)[moving]
+        rows, columns = np.triu_indices(n)
+        draws = np.repeat(values[None, :], 1 + n + rows.size, axis=0)
+        draws[1 + np.arange(n), moving] += h * (inward * self.scale[moving])
+        for axis in (rows, columns):
+            draws[1 + n + np.arange(rows.size), moving[axis]] += h * (inward * self.scale[moving])[axis]
+        heights = self.objectives(draws)
+        with np.errstate(invalid="ignore"):
+            mixed = (heights[1 + n :] - heights[1 + rows] - heights[1 + columns] + heights[0]) * (inward[rows] * inward[columns]) / h**2
+        metric = np.zeros((n, n))
+        metric[rows, columns] = metric[columns, rows] = mixed
+        if not np.all(np.isfinite(metric)):
+            return metric
+        stiffness, axes = np.linalg.eigh(metric)
+        return np.asarray((axes * np.abs(stiffness)) @ axes.T)
+
+
+def _damped(metric: FloatArray, slope: FloatArray) -> FloatArray:
+    """(n_damping, n) steps to the minimum of slope.z + z.metric.z/2, damped more and more, in standard deviations."""
+    stiffness, axes = np.linalg.eigh(0.5 * (metric + metric.T))
+    moves = -((axes.T @ slope) / (np.maximum(stiffness, 0.0) + _DAMPING[:, None])) @ axes.T
+    # no further than 5 standard deviations at once: beyond, the metric says nothing
+    length = np.max(np.abs(moves), axis=1, keepdims=True, initial=0.0)
+    return np.asarray(moves * np.minimum(1.0, 5.0 / np.maximum(length, 1e-300)))
 
 
 def search_of(fit: Fit) -> Search:
