@@ -201,14 +201,17 @@ def test_a_lower_mode_met_on_the_way_is_reported() -> None:
     wrong = fitted(problem, n_start=1, start=np.array([-0.9]))
     assert wrong.values[0] < -0.5
     (found,) = profile_intervals(wrong)
-    assert found.found_better > 0.5
+    a = np.linspace(-2.0, 2.0, 400_001)
+    objective = ((1.0 - a**2) / 0.7) ** 2 + ((a - 0.5) / 2.0) ** 2
+    assert found.found_better == pytest.approx(objective[a < 0.0].min() - objective[a > 0.0].min(), rel=1e-5)
     assert found.better_values is not None
     assert found.better_values[0] > 0.5
     assert "a better point than the fit was met" in found.sentence
     right = profile_intervals(fitted(problem))[0]
     assert right.found_better == 0.0
-    # the barrier between the two modes is higher than the 68 % level only
+    # the barrier between the two modes is lower than the 95 % level
     assert right.low[0.95] < -0.5
+    assert "more than one piece" in found.sentence
 
 
 def test_names_and_probabilities_are_checked(rng: np.random.Generator) -> None:
