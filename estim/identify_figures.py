@@ -11,6 +11,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from numpy.typing import NDArray
 
+from estim.errors import InputError
 from estim.figures import BLUE, GREEN, GREY, INK, ORANGE, new_figure
 from estim.fitting import Fit
 from estim.identifiability import Identifiability
@@ -21,7 +22,7 @@ from estim.profile import ProfileInterval
 FloatArray = NDArray[np.float64]
 
 _FLOOR = 1e-4  # of the axis of information: what is smaller is as good as nothing
-_TOP_RISE = 6.0
+_TOP_RISE = 5.0
 _MAX_PROFILES = 24
 
 
@@ -36,7 +37,7 @@ def direction_figure(problem: Problem, found: Identifiability) -> Figure:
     places = np.arange(n)
     colours = [BLUE if d.held_by == "data" else ORANGE if d.held_by == "prior" else INK for d in found.directions]
     top = 10.0 * max(10.0, float(information.max()))
-    left.barh(places, np.maximum(information, 2.0 * _FLOOR), left=_FLOOR, color=colours, height=0.62)
+    left.barh(places, np.maximum(information, 2.0 * _FLOOR) - _FLOOR, left=_FLOOR, color=colours, height=0.62)
     left.axvline(1.0, color=INK, lw=1)
     left.set_xscale("log")
     left.set_xlim(_FLOOR, top)
@@ -70,15 +71,14 @@ def _components(ax: Axes, vectors: FloatArray, symbols: list[str], *, level: boo
 
 
 def ridge_figure(fit: Fit, found: Identifiability, draws: FloatArray, *, pair: tuple[str, str] | None = None) -> Figure:
-    """Posterior and prior of the two parameters that the weakest direction mixes most (or `pair`), with that direction.
+    """Posterior and prior of the two parameters (`pair`, or those of `ridge_pair`) with the weakest direction between them.
 
-    draws : (n_draw, n_par) of the posterior.
+    draws : (n_draw, n_par) of the posterior, 20 000 for smooth contours.  Raises InputError where there is only one parameter.
     """
     import corner
 
     problem, weakest = fit.problem, found.directions[0]
-    order = np.argsort(-np.abs(weakest.vector), kind="stable")
-    i, j = (fit.names.index(name) for name in pair) if pair else (int(order[0]), int(order[min(1, order.size - 1)]))
+    i, j = (fit.names.index(name) for name in pair or ridge_pair(found, draws))
     single = len(problem.runs) == 1
     shown = [label(problem.parameters[k].name, problem.parameters[k].unit, with_level=not single) for k in (i, j)]
     factors = np.array([s.factor for s in shown])
@@ -92,7 +92,7 @@ def ridge_figure(fit: Fit, found: Identifiability, draws: FloatArray, *, pair: t
     ax = figure.subplots()
     corner.hist2d(
         points[:, 0], points[:, 1], ax=ax, levels=(0.68, 0.95), color=BLUE, plot_datapoints=False, fill_contours=True, plot_density=False,
-        smooth=1.2, bins=60, range=[(low[0], high[0]), (low[1], high[1])], contour_kwargs={"linewidths": 0.8},
+        smooth=1.3, bins=40, range=[(low[0], high[0]), (low[1], high[1])], contour_kwargs={"linewidths": 0.8},
     )
     _draw_prior(ax, problem, (i, j), priors, factors, low, high)
     centre = fit.values[[i, j]] * factors
@@ -104,12 +104,29 @@ def ridge_figure(fit: Fit, found: Identifiability, draws: FloatArray, *, pair: t
     ax.set_ylim(low[1], high[1])
     ax.set(xlabel=shown[0].axis, ylabel=shown[1].axis)
     handles = [
-        Line2D([], [], color=BLUE, lw=4, alpha=0.6, label="posterior, 68 and 95 %"), Line2D([], [], color=ORANGE, lw=1.6, label="prior, 68 and 95 %"),
-        Line2D([], [], color=GREEN, lw=2, label="weakest direction, one prior sd"), Line2D([], [], color=GREEN, lw=1, ls="--", label="the data do not tell along this line"),
+        Line2D([], [], color=BLUE, lw=4, alpha=0.6, label="posterior, 68 and 95 %"),
+        Line2D([], [], color=ORANGE, lw=1.6, label="prior, 68 and 95 %"),
+        Line2D([], [], color=GREEN, lw=2, label="weakest direction, one prior sd"),
+        Line2D([], [], color=GREEN, lw=1, ls="--", label="the data do not tell along this line"),
         Line2D([], [], color=INK, marker="o", ms=4, ls="", label="fit"),
     ]
     figure.legend(handles=handles, loc="outside lower center", ncols=2, fontsize=7.5, frameon=False)
     return figure
+
+
+def ridge_pair(found: Identifiability, draws: FloatArray) -> tuple[str, str]:
+    """The two parameters between which the weakest direction is a visible ridge: both move along it, and the posterior correlates them.
+
+    Raises InputError where there is only one parameter.
+    """
+    if len(found.names) < 2:
+        raise InputError("a ridge needs two parameters", field="names", value=found.names)
+    spread = draws.std(axis=0)
+    correlation = np.cov(draws.T) / np.outer(spread, spread)
+    along = found.directions[0].vector
+    mixed = np.triu(np.abs(np.outer(along, along) * correlation), k=1)
+    i, j = np.unravel_index(int(np.argmax(mixed)), mixed.shape)
+    return found.names[i], found.names[j]
 
 
 def _prior_draws(problem: Problem, pair: tuple[int, int]) -> FloatArray:
@@ -176,9 +193,8 @@ def _draw_profile(ax: Axes, interval: ProfileInterval, draws: FloatArray, factor
         for opened, end in ((interval.open_low[p], interval.low[p]), (interval.open_high[p], interval.high[p])):
             if not opened:
                 ax.plot([end * factor] * 2, [0.0, level], color=BLUE, lw=0.7, alpha=0.6)
-    for opened, end, tail, anchor in ((interval.open_low, interval.low, "◀", "left"), (interval.open_high, interval.high, "▶", "right")):
-        if any(opened.values()):
-            place = next(end[p] for p in opened if opened[p]) * factor
+    for sides, ends, anchor in ((interval.open_low, interval.low, "left"), (interval.open_high, interval.high, "right")):
+        for place in {ends[p] * factor for p in sides if sides[p]}:
             ax.axvline(place, color=ORANGE, lw=1.6)
             ax.annotate("open", (place, 0.97), (3 if anchor == "left" else -3, 0), xycoords=("data", "axes fraction"), textcoords="offset points",
                         ha=anchor, va="top", fontsize=6.5, color=ORANGE)
@@ -190,4 +206,5 @@ def _draw_profile(ax: Axes, interval: ProfileInterval, draws: FloatArray, factor
     margin = 0.06 * float(np.ptp(shown)) if math.isfinite(np.ptp(shown)) and np.ptp(shown) > 0.0 else 1.0
     ax.set_xlim(shown.min() - margin, shown.max() + margin)
     ax.set_ylim(-1.1, _TOP_RISE)
-    ax.set_yticks([0, 2, 4, 6])
+    ax.set_yticks([0, 1, 2, 3, 4])
+    ax.locator_params(axis="x", nbins=4)

@@ -88,18 +88,21 @@ def power_scaling(problem: Problem, posterior: Posterior, draws: FloatArray, *, 
 
 
 def _weights(log_density: FloatArray) -> tuple[tuple[FloatArray, FloatArray] | None, float]:
-    """Smoothed normalised weights (n_draw,) for the two powers, and the larger Pareto k; None where there is nothing to scale."""
+    """Smoothed normalised weights (n_draw,) for the two powers, and the larger Pareto k (inf: raw weights); None where nothing scales."""
     from arviz_stats.base import array_stats
 
     if np.ptp(log_density) < 1e-12:
         return None, -math.inf
     smoothed, k_hats = [], []
     for alpha in _ALPHAS:
-        # psislw takes minus the log weights and smooths their upper tail
-        log_weights, k_hat = array_stats.psislw(-(alpha - 1.0) * log_density)
-        weights = np.exp(np.asarray(log_weights) - np.max(log_weights))
+        raw = (alpha - 1.0) * log_density
+        # psislw takes minus the log weights and smooths their upper tail; where one draw outweighs all others it finds no tail
+        with np.errstate(all="ignore"):
+            log_weights, k_hat = array_stats.psislw(-raw)
+        usable = bool(np.all(np.isfinite(log_weights)) and np.isfinite(k_hat))
+        weights = np.exp(np.asarray(log_weights) - np.max(log_weights)) if usable else np.exp(raw - raw.max())
         smoothed.append(weights / weights.sum())
-        k_hats.append(float(k_hat))
+        k_hats.append(float(k_hat) if usable else math.inf)
     return (smoothed[0], smoothed[1]), max(k_hats)
 
 

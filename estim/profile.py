@@ -15,6 +15,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -136,7 +137,7 @@ def _interval(fit: Fit, search: Search, mode: Point, i: int, rises: dict[float, 
         pieces |= {p for p, rise in rises.items() if _returns(walk, mode, rise)}
         others += [search.minimise(point.values, held=()) for point in _dips(walk)]
         points += [point for side in sides.values() for point in side[1]] + walk[1:]
-        ends.append({p: end for p, (end, _) in sides.items() if end is not None} | {p: float(walk[-1].values[i]) for p in sides if sides[p][0] is None})
+        ends.append({p: float(walk[-1].values[i]) if end is None else end for p, (end, _) in sides.items()})
         opened.append({p: end is None for p, (end, _) in sides.items()})
     points.sort(key=lambda point: float(point.values[i]))
     kept = [point for point in points if math.isfinite(point.objective)]
@@ -225,7 +226,7 @@ def _height(point: Point, mode: Point, rise: float) -> float:
 def _returns(walk: Sequence[Point], mode: Point, rise: float) -> bool:
     """Whether the objective falls below `rise` again after it had risen above it."""
     above = [point.objective - mode.objective >= rise for point in walk]
-    return any(before and not after for before, after in zip(above, above[1:], strict=False))
+    return any(before and not after for before, after in pairwise(above))
 
 
 def _dips(walk: Sequence[Point]) -> list[Point]:
@@ -239,7 +240,8 @@ def _with_sentence(found: ProfileInterval, parameter: Parameter, pieces: tuple[f
     unit = "" if shown.unit == "1" else f" {shown.unit}"
     intervals = [f"{p:.0%} [{found.low[p] * shown.factor:.4g}, {found.high[p] * shown.factor:.4g}]{unit}" for p in found.low]
     said = ["; ".join(intervals)]
-    for side, opened, ends, edge in (("below", found.open_low, found.low, parameter.prior.low), ("above", found.open_high, found.high, parameter.prior.high)):
+    prior = parameter.prior
+    for side, opened, ends, edge in (("below", found.open_low, found.low, prior.low), ("above", found.open_high, found.high, prior.high)):
         which = [p for p in opened if opened[p]]
         if not which:
             continue

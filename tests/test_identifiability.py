@@ -13,7 +13,7 @@ from formulas import formula_problem
 from estim.campaign import load_campaign
 from estim.errors import InputError
 from estim.fitting import Fit, fit_least_squares
-from estim.identifiability import Identifiability, identify
+from estim.identifiability import identify
 from estim.priors import HalfNormal, Normal, Uniform
 from model import Body, speed
 

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import math
+from pathlib import Path
 
 import numpy as np
 import pytest
 from formulas import formula_problem
+from scipy.optimize import minimize
 from scipy.stats import chi2, norm
 
+from estim.campaign import load_campaign
 from estim.errors import InputError
 from estim.fitting import Fit, fit_least_squares
 from estim.priors import HalfNormal, Normal, Uniform
@@ -131,7 +134,8 @@ def test_banana_is_followed_along_its_bend() -> None:
 
 
 def test_flat_direction_is_open_on_both_sides_and_says_so(rng: np.random.Generator) -> None:
-    fit = fitted(formula_problem(lambda x, a, b: a + 0.0 * b * x, X, rng.standard_normal(X.size), 1.0, {"a": Normal(0.0, 5.0), "b": Uniform(0.0, 1.0)}))
+    priors = {"a": Normal(0.0, 5.0), "b": Uniform(0.0, 1.0)}
+    fit = fitted(formula_problem(lambda x, a, b: a + 0.0 * b * x, X, rng.standard_normal(X.size), 1.0, priors))
     _, flat = profile_intervals(fit)
     assert (flat.low[0.68], flat.high[0.95]) == (0.0, 1.0)
     assert all(flat.open_low.values())
@@ -212,6 +216,30 @@ def test_a_lower_mode_met_on_the_way_is_reported() -> None:
     # the barrier between the two modes is lower than the 95 % level
     assert right.low[0.95] < -0.5
     assert "more than one piece" in found.sentence
+
+
+def test_ends_of_the_replicas_intervals_are_found_by_another_optimiser(replica: Path) -> None:
+    """At each 95 % end scipy's SLSQP, from scattered starts, finds no lower objective than the quantile."""
+    fit = fitted(load_campaign(replica / "campaign.toml").problem(["heavy-04"]), n_start=2)
+    low = np.array([p.prior.low for p in fit.problem.parameters])
+    sd = np.array([p.prior.sd for p in fit.problem.parameters])
+    lowest = -2.0 * fit.posterior.log_density(fit.values[None])[0]
+    rng = np.random.default_rng(2)
+    for i, found in list(enumerate(profile_intervals(fit)))[:5]:
+        rest = np.arange(6) != i
+
+        def rise(z: np.ndarray, end: float, i: int = i, rest: np.ndarray = rest) -> float:
+            values = fit.values.copy()
+            values[rest] = z * sd[rest]
+            values[i] = end
+            return float(np.clip(-2.0 * fit.posterior.log_density(values[None])[0] - lowest, None, 1e6))
+
+        bounds = [(bottom, None) for bottom in (low / sd)[rest]]
+        for end, opened in ((found.low[0.95], found.open_low[0.95]), (found.high[0.95], found.open_high[0.95])):
+            starts = fit.values[rest] / sd[rest] + 0.3 * rng.standard_normal((4, 5))
+            best = min(minimize(rise, np.maximum(start, 0.05), (end,), "SLSQP", bounds=bounds, options={"ftol": 1e-10}).fun for start in starts)
+            assert best == pytest.approx(chi2.ppf(0.95, 1), abs=5e-3) or (opened and best < chi2.ppf(0.95, 1))
+        assert opened is False
 
 
 def test_names_and_probabilities_are_checked(rng: np.random.Generator) -> None:
