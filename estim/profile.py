@@ -30,6 +30,7 @@ FloatArray = NDArray[np.float64]
 
 _BETTER = 0.02  # fall of the objective below the fit's that counts as another, better optimum
 _REACH = 40.0  # prior standard deviations beyond which nothing is looked for
+_GRID_SETTLED = 1e-4  # fall still promised at a point of a contour grid, good enough for a figure
 _MAX_STEPS = 60  # of a walk to one side
 
 
@@ -90,7 +91,7 @@ def profile_intervals(
     return tuple(_interval(fit, search, mode, i, rises) for i in indices)
 
 
-def contour(fit: Fit, a: str, b: str, probabilities: tuple[float, ...] = (0.68, 0.95), *, n: int = 21) -> Contour:
+def contour(fit: Fit, a: str, b: str, probabilities: tuple[float, ...] = (0.68, 0.95), *, n: int = 17) -> Contour:
     """Profile of the parameters `a` and `b` on an n x n grid that holds the widest contour.  Raises InputError for an unknown name."""
     i, j = _index(fit, a), _index(fit, b)
     if i == j:
@@ -126,6 +127,8 @@ def _quantiles(probabilities: Sequence[float], *, dof: int) -> dict[float, float
 
 def _interval(fit: Fit, search: Search, mode: Point, i: int, rises: dict[float, float]) -> ProfileInterval:
     parameter = fit.problem.parameters[i]
+    if not math.isfinite(mode.objective):
+        return _nowhere(parameter, float(mode.values[i]), rises)
     ends: list[dict[float, float]] = []
     opened: list[dict[float, bool]] = []
     points = [mode]
@@ -151,6 +154,16 @@ def _interval(fit: Fit, search: Search, mode: Point, i: int, rises: dict[float, 
         found_better=better, better_values=best.values if better else None, n_failed=sum(not point.settled for point in points), sentence="",
     )
     return _with_sentence(result, parameter, tuple(sorted(pieces)))
+
+
+def _nowhere(parameter: Parameter, value: float, rises: dict[float, float]) -> ProfileInterval:
+    """The record where there is no minimum to start from."""
+    everywhere, opened = dict.fromkeys(rises, value), dict.fromkeys(rises, True)
+    sentence = f"{label(parameter.name, parameter.unit).symbol}: no interval, the posterior density is zero or not a number at the fit"
+    return ProfileInterval(
+        name=parameter.name, value=value, low=everywhere, high=dict(everywhere), open_low=opened, open_high=dict(opened), x=np.array([value]),
+        rise=np.zeros(1), found_better=0.0, better_values=None, n_failed=1, sentence=sentence,
+    )
 
 
 def _walk(search: Search, mode: Point, i: int, sign: float, rise: float) -> list[Point]:
@@ -265,6 +278,8 @@ def _with_sentence(found: ProfileInterval, parameter: Parameter, pieces: tuple[f
 def _grid(search: Search, mode: Point, i: int, j: int, x: FloatArray, y: FloatArray) -> tuple[FloatArray, int]:
     """Rise (n, n) over the grid, each point started from its neighbour towards the mode, and the number of failures."""
     rise = np.full((x.size, y.size), np.inf)
+    if not math.isfinite(mode.objective):
+        return rise, rise.size
     centre = (int(np.argmin(np.abs(x - mode.values[i]))), int(np.argmin(np.abs(y - mode.values[j]))))
     order = sorted(np.ndindex(x.size, y.size), key=lambda cell: max(abs(cell[0] - centre[0]), abs(cell[1] - centre[1])))
     slopes = search.cov[:, [i, j]] @ np.linalg.inv(search.cov[np.ix_([i, j], [i, j])])
@@ -279,6 +294,6 @@ def _grid(search: Search, mode: Point, i: int, j: int, x: FloatArray, y: FloatAr
         if not math.isfinite(search.objective(values)):
             values = start.values.copy()
             values[[i, j]] = target
-        done[cell] = search.minimise(values, held=(i, j))
+        done[cell] = search.minimise(values, held=(i, j), settled=_GRID_SETTLED)
         rise[cell] = done[cell].objective - mode.objective
     return rise, sum(not point.settled for point in done.values())

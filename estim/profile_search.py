@@ -67,8 +67,8 @@ class Search:
         at_bound = ((values <= self.low) | (values >= self.high)) & (np.arange(values.size) != i)
         return np.where(at_bound, 0.0, slope)
 
-    def minimise(self, start: FloatArray, *, held: Sequence[int]) -> Point:
-        """The lowest objective near `start` (n_par,) over the parameters not in `held`."""
+    def minimise(self, start: FloatArray, *, held: Sequence[int], settled: float = _SETTLED) -> Point:
+        """The lowest objective near `start` (n_par,) over the parameters not in `held`, until a step promises less than `settled`."""
         values = np.clip(start, self.low, self.high)
         values[list(held)] = start[list(held)]
         free = np.array([k for k in range(values.size) if k not in held], dtype=int)
@@ -82,7 +82,7 @@ class Search:
             if not moving.size:
                 return Point(values, best, settled=True)
             steps, promise = self._steps(values, moving, gradient[~outward], curved=iteration >= _PATIENCE)
-            if promise < _SETTLED:
+            if promise < settled:
                 return Point(values, best, settled=True)
             trials = np.repeat(values[None, :], len(steps), axis=0)
             trials[:, moving] = np.clip(trials[:, moving] + steps, self.low[moving], self.high[moving])
@@ -164,7 +164,10 @@ def _damped(metric: FloatArray, slope: FloatArray) -> FloatArray:
 def search_of(fit: Fit) -> Search:
     """The search around a fit, with the scales of the Gaussian there."""
     sds = prior_sds(fit.problem)
-    whitened = data_information(fit.posterior, fit.values) * np.outer(sds, sds)
+    with np.errstate(all="ignore"):
+        whitened = data_information(fit.posterior, fit.values) * np.outer(sds, sds)
+    if not np.all(np.isfinite(whitened)):
+        whitened = np.zeros_like(whitened)
     cov = np.linalg.inv(0.5 * (whitened + whitened.T) + np.eye(sds.size)) * np.outer(sds, sds)
     low = np.array([p.prior.low for p in fit.problem.parameters])
     high = np.array([p.prior.high for p in fit.problem.parameters])

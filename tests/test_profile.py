@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -196,6 +197,17 @@ def test_holes_in_the_model_are_walls_and_not_crashes(bad: float, rng: np.random
         assert found.low[0.95] <= found.value <= found.high[0.95]
     assert found.high[0.95] <= 1.2500001
     assert np.isfinite(contour(fit, "a", "b", n=7).rise).any()
+
+
+def test_fit_in_a_hole_has_no_interval_and_no_crash() -> None:
+    def holed(x, a):
+        return np.where(np.real(a) > 1.0, np.nan, a * x)
+
+    fit = fitted(formula_problem(holed, X, 0.5 * X, 0.5, {"a": Uniform(0.0, 5.0)}), n_start=1, start=np.array([0.4]))
+    lost = replace(fit, values=np.array([2.0]))
+    (found,) = profile_intervals(lost)
+    assert found.open_low == found.open_high == {0.68: True, 0.95: True}
+    assert "no interval" in found.sentence
 
 
 def test_a_lower_mode_met_on_the_way_is_reported() -> None:
