@@ -1,0 +1,89 @@
+"""What the data can tell, as a reader sees it: the rows of its table and its sentences (`templates/identifiability.md.j2`)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from estim.identifiability import PRIOR_DOMINATED, Identifiability
+from estim.labels import Label, label
+from estim.power_scaling import THRESHOLD, Sensitivity
+from estim.problem import Problem
+from estim.profile import ProfileInterval
+from estim.quantity import format_rounded
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class IdentifyRow:
+    """One line of the table, every cell as text; `unit` applies to all but `ratio`."""
+
+    symbol: str
+    unit: str
+    prior_sd: str
+    posterior_sd: str
+    ratio: str
+    profile_68: str
+    profile_95: str
+    verdict: str
+
+
+@dataclass(frozen=True, eq=False)
+class IdentifySection:
+    """What `identifiability.md.j2` shows under the name `identify`.
+
+    sentences : what the data tell and do not.  rows : the table.  doubts : what went wrong with single intervals.
+    prior_dominated, threshold : the two limits that the words refer to.
+    """
+
+    sentences: tuple[str, ...]
+    rows: tuple[IdentifyRow, ...]
+    doubts: tuple[str, ...]
+    prior_dominated: float
+    threshold: float
+
+
+def identify_section(
+    problem: Problem, found: Identifiability, intervals: Sequence[ProfileInterval], sensitivity: Sequence[Sensitivity], draws: FloatArray
+) -> IdentifySection:
+    """The section of a report; `intervals` with probabilities 0.68 and 0.95, and `sensitivity`, of every parameter; draws (n_draw, n_par)."""
+    posterior_sds = draws.std(axis=0, ddof=1)
+    rows, doubts = [], []
+    for i, (parameter, interval, leaning) in enumerate(zip(problem.parameters, intervals, sensitivity, strict=True)):
+        shown = label(parameter.name, parameter.unit)
+        sd = float(posterior_sds[i])
+        rows.append(
+            IdentifyRow(
+                symbol=shown.symbol, unit="" if shown.unit == "1" else shown.unit, prior_sd=f"{found.prior_sds[i] * shown.factor:.2g}",
+                posterior_sd=f"{sd * shown.factor:.2g}", ratio=f"{sd / found.prior_sds[i]:.2f}",
+                profile_68=_cell(interval, 0.68, sd, shown), profile_95=_cell(interval, 0.95, sd, shown), verdict=_verdict(problem, leaning),
+            )
+        )
+        if interval.n_failed or interval.found_better or "more than one piece" in interval.sentence:
+            doubts.append(interval.sentence)
+    k_hat = max((s.k_hat for s in sensitivity), default=-np.inf)
+    if k_hat >= 0.7:
+        doubts.append(f"the weights of the power-scaling are unreliable (Pareto k {k_hat:.2f}): the last column says nothing")
+    return IdentifySection(found.sentences, tuple(rows), tuple(doubts), PRIOR_DOMINATED, THRESHOLD)
+
+
+def _cell(interval: ProfileInterval, p: float, sd: float, shown: Label) -> str:
+    """'[0.181, 0.199]', '< 0.0107' or '> 0.3' where one side is open, 'open' where both are."""
+    low, high = (format_rounded(end * shown.factor, sd * shown.factor) for end in (interval.low[p], interval.high[p]))
+    if interval.open_low[p] and interval.open_high[p]:
+        return "open on both sides"
+    if interval.open_low[p]:
+        return f"< {high} (open below)"
+    return f"> {low} (open above)" if interval.open_high[p] else f"[{low}, {high}]"
+
+
+def _verdict(problem: Problem, leaning: Sensitivity) -> str:
+    """The verdict, and whose prior matters most where that is another parameter's."""
+    if leaning.strongest is None or leaning.strongest == leaning.name:
+        return leaning.verdict
+    unit = problem.parameters[problem.names.index(leaning.strongest)].unit
+    return f"{leaning.verdict}; most that of {label(leaning.strongest, unit).symbol}"

@@ -1,0 +1,100 @@
+"""What a reader sees of identifiability: cells that agree with the records, and figures that survive odd problems."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from formulas import formula_problem
+
+from estim.campaign import load_campaign
+from estim.errors import InputError
+from estim.figures import png
+from estim.fitting import Fit, fit_least_squares
+from estim.identifiability import identify
+from estim.identify_figures import direction_figure, profile_figure, ridge_figure, ridge_pair
+from estim.identify_report import IdentifySection, identify_section
+from estim.power_scaling import power_scaling
+from estim.priors import Normal, Uniform
+from estim.profile import profile_intervals
+from estim.report import render
+
+X = np.linspace(0.0, 2.0, 12)
+
+
+def posterior_draws(fit: Fit, rng: np.random.Generator, n: int = 4000) -> np.ndarray:
+    """Draws of the posterior, by resampling draws of a wide Gaussian at the fit with their importance weights."""
+    factor = 1.3 * np.linalg.cholesky(fit.cov)
+    z = rng.standard_normal((20 * n, fit.values.size))
+    proposal = fit.values + z @ factor.T
+    log_weight = fit.posterior.log_density(proposal) + 0.5 * np.sum(z**2, axis=1)
+    weight = np.exp(log_weight - log_weight.max())
+    return proposal[rng.choice(weight.size, n, replace=False, p=weight / weight.sum())]
+
+
+def section(fit: Fit, draws: np.ndarray) -> IdentifySection:
+    leaning = power_scaling(fit.problem, fit.posterior, draws)
+    return identify_section(fit.problem, identify(fit), profile_intervals(fit), leaning, draws)
+
+
+def heavy_04(replica: Path) -> Fit:
+    return fit_least_squares(load_campaign(replica / "campaign.toml").problem(["heavy-04"]), rng=np.random.default_rng(1), n_start=2)
+
+
+def test_rows_show_degrees_and_open_sides(replica: Path, rng: np.random.Generator) -> None:
+    fit = heavy_04(replica)
+    draws = posterior_draws(fit, rng)
+    rows = {row.symbol: row for row in section(fit, draws).rows}
+    tilt = rows["φ[heavy-04]"]
+    assert tilt.unit == "°"
+    assert float(tilt.prior_sd) == pytest.approx(0.40)
+    low, high = (float(end) for end in tilt.profile_68.strip("[]").split(","))
+    assert 0.5 * (low + high) == pytest.approx(np.degrees(fit.values[3]), abs=0.05)
+    assert rows["c_rr"].profile_95.endswith("(open below)")
+    assert rows["κ[heavy]"].verdict.endswith("most that of γ[heavy]")
+    for row, sd in zip(rows.values(), draws.std(axis=0), strict=True):
+        assert float(row.ratio) == pytest.approx(sd / fit.problem.parameters[list(rows).index(row.symbol)].prior.sd, abs=0.006)
+
+
+def test_template_says_every_sentence_and_row(replica: Path, rng: np.random.Generator) -> None:
+    fit = heavy_04(replica)
+    found = section(fit, posterior_draws(fit, rng))
+    text = render("identifiability.md.j2", identify=found)
+    assert all(sentence in text for sentence in found.sentences)
+    table = [line for line in text.splitlines() if line.startswith("| ") and not line.startswith("| parameter")]
+    assert len(table) == fit.problem.n_par
+    assert {line.count("|") for line in table} == {9}
+    assert "Doubt" not in text
+
+
+def test_ridge_is_drawn_between_gamma_and_kappa(replica: Path, rng: np.random.Generator) -> None:
+    fit = heavy_04(replica)
+    found, draws = identify(fit), posterior_draws(fit, rng)
+    assert ridge_pair(found, draws) == ("gamma[heavy]", "kappa[heavy]")
+    ax = ridge_figure(fit, found, draws).axes[0]
+    assert (ax.get_xlabel(), ax.get_ylabel()) == ("γ", "κ")
+    # the same numbers give the same picture
+    assert png(ridge_figure(fit, found, draws)) == png(ridge_figure(fit, found, draws))
+
+
+def test_figures_survive_a_direction_that_nothing_holds(rng: np.random.Generator) -> None:
+    problem = formula_problem(lambda x, a, b: a + b + 0.0 * x, X, np.ones(12), 0.1, {"a": Uniform(0.0, 1.0), "b": Uniform(0.0, 1.0)})
+    fit = fit_least_squares(problem, rng=rng, n_start=2)
+    a = rng.random(2000)
+    draws = np.column_stack([a, np.clip(1.0 - a + 0.03 * rng.standard_normal(2000), 0.0, 1.0)])
+    found = identify(fit)
+    for figure in (direction_figure(problem, found), ridge_figure(fit, found, draws), profile_figure(problem, profile_intervals(fit), draws)):
+        assert png(figure).startswith(b"\x89PNG")
+    shown = section(fit, draws)
+    assert shown.rows[0].profile_95 in ("open on both sides", "[0.00, 1.00]")
+    assert shown.sentences[0].startswith("Not identified")
+
+
+def test_one_parameter_has_no_ridge_but_the_other_figures(rng: np.random.Generator) -> None:
+    fit = fit_least_squares(formula_problem(lambda x, a: a * x, X, 1.1 * X, 0.1, {"a": Normal(1.0, 0.5)}), rng=rng, n_start=1)
+    draws = posterior_draws(fit, rng)
+    assert png(direction_figure(fit.problem, identify(fit))).startswith(b"\x89PNG")
+    assert png(profile_figure(fit.problem, profile_intervals(fit), draws)).startswith(b"\x89PNG")
+    with pytest.raises(InputError, match="two parameters"):
+        ridge_figure(fit, identify(fit), draws)
