@@ -13,28 +13,18 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from estim.density import Density
 from estim.errors import NumericalError
 
 FloatArray = NDArray[np.float64]
 
 Progress = Callable[[int, str], None]
 """Called with the steps done so far and a few words on how far sampling is."""
-
-
-class Density(Protocol):
-    """What can be sampled: names of the parameters and a log density, vectorised over draws."""
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        """Names of the parameters."""
-
-    def log_density(self, draws: FloatArray) -> FloatArray:
-        """(n_draw,) log density at draws (n_draw, n_par); -inf outside the support."""
 
 
 @dataclass(frozen=True)
