@@ -20,14 +20,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from estim.density import Density, log_density_in_batches
-from estim.proposal import Proposal, adapt_proposal
+from estim.proposal import K_HAT_LIMIT, Proposal, adapt_proposal, smoothed_weights
 from estim.sampling import Chain, effective_size
 
-__all__ = ["Certificate", "Comparison", "adapt_proposal", "certify", "compare_with_chain", "smoothed_weights"]
+__all__ = ["Certificate", "Comparison", "Proposal", "adapt_proposal", "certify", "compare_with_chain"]
 
 FloatArray = NDArray[np.float64]
 
-K_HAT_LIMIT = 0.7
 MAX_PARAMETERS = 12
 PROBABILITIES = (0.025, 0.16, 0.5, 0.84, 0.975)
 _FALSE_ALARM = 5e-4  # chance that any of all differences is called where there is none
@@ -114,31 +113,6 @@ def certify(
             break
         wanted = min(2 * wanted, max_draw)
     return _summarise(density.names, draws, weights, k_hat, log_mean, rng)
-
-
-def smoothed_weights(log_ratio: FloatArray) -> tuple[FloatArray, float, float]:
-    """Pareto-smoothed weights (n_draw,) with sum 1, their k-hat, and the log of the mean weight before normalisation; by arviz-stats.
-
-    log_ratio : (n_draw,) log density minus log proposal.  Where no tail can be fitted the weights are left alone: with
-    k-hat = inf where fewer draws have any weight than the tail needs, with -inf where all weights are the same.
-    """
-    from arviz_stats.base import array_stats
-
-    n = log_ratio.size
-    largest = float(np.max(log_ratio))
-    raw = np.exp(log_ratio - largest)
-    plain = (raw / np.sum(raw), largest + math.log(float(np.mean(raw))))
-    ranked = np.sort(log_ratio)
-    n_tail = int(3.0 * math.sqrt(n)) + 2
-    if n <= n_tail or not np.isfinite(ranked[-n_tail]):
-        return plain[0], math.inf, plain[1]
-    if ranked[-1] - ranked[-n_tail] < 1e-9:
-        return plain[0], -math.inf, plain[1]
-    # arviz-stats takes minus the log ratio; draws below the tail keep theirs up to one constant, the log of the sum
-    log_weights, k_hat = array_stats.psislw(-log_ratio)
-    body = int(np.argsort(log_ratio)[-n_tail])
-    log_sum = float(log_ratio[body] - log_weights[body])
-    return np.exp(log_weights), float(k_hat) if np.isfinite(k_hat) else math.inf, log_sum - math.log(n)
 
 
 def _summarise(

@@ -24,6 +24,7 @@ from estim.errors import NumericalError
 
 FloatArray = NDArray[np.float64]
 
+K_HAT_LIMIT = 0.7  # above it importance weights cannot be trusted (Vehtari et al., J. Mach. Learn. Res. 25 (2024) 72)
 DOF = 5.0  # tails heavier than those of most posteriors
 _WIDE_SHARE, _WIDE_FACTOR = 0.05, 2.0  # share and width (in sds of the whole) of the component that guards a mixture
 _MAX_ROUND = 12
@@ -123,6 +124,31 @@ def _settle(density: Density, mixture: Proposal, rng: np.random.Generator, n_rou
     if not found:
         raise NumericalError("importance sampling cannot start: the posterior density is zero or not finite everywhere around the fit")
     return max(found, key=lambda f: f[1])
+
+
+def smoothed_weights(log_ratio: FloatArray) -> tuple[FloatArray, float, float]:
+    """Pareto-smoothed weights (n_draw,) with sum 1, their k-hat, and the log of the mean weight before normalisation; by arviz-stats.
+
+    log_ratio : (n_draw,) log density minus log proposal.  Where no tail can be fitted the weights are left alone: with
+    k-hat = inf where fewer draws have any weight than the tail needs, with -inf where all weights are the same.
+    """
+    from arviz_stats.base import array_stats
+
+    n = log_ratio.size
+    largest = float(np.max(log_ratio))
+    raw = np.exp(log_ratio - largest)
+    plain = (raw / np.sum(raw), largest + math.log(float(np.mean(raw))))
+    ranked = np.sort(log_ratio)
+    n_tail = int(3.0 * math.sqrt(n)) + 2
+    if n <= n_tail or not np.isfinite(ranked[-n_tail]):
+        return plain[0], math.inf, plain[1]
+    if ranked[-1] - ranked[-n_tail] < 1e-9:
+        return plain[0], -math.inf, plain[1]
+    # arviz-stats takes minus the log ratio; draws below the tail keep theirs up to one constant, the log of the sum
+    log_weights, k_hat = array_stats.psislw(-log_ratio)
+    body = int(np.argsort(log_ratio)[-n_tail])
+    log_sum = float(log_ratio[body] - log_weights[body])
+    return np.exp(log_weights), float(k_hat) if np.isfinite(k_hat) else math.inf, log_sum - math.log(n)
 
 
 def effective_share(log_ratio: FloatArray) -> float:
