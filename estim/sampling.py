@@ -26,8 +26,8 @@ FloatArray = NDArray[np.float64]
 
 # without and with a proposal: walkers of an ensemble at least, and steps to the first check
 _WALKERS = {False: 32, True: 48}
-_FIRST_CHECK = {False: 200, True: 160}
-_PROPOSAL_SHARE = 0.6  # of the moves
+_FIRST_CHECK = {False: 200, True: 120}
+_PROPOSAL_SHARE = 0.8  # of the moves
 
 Progress = Callable[[int, str], None]
 """Called with the steps done so far and a few words on how far sampling is."""
@@ -122,13 +122,18 @@ def sample_posterior(
         if proposal is not None and math.isnan(tau_before):
             tau_before = _autocorrelation_time(chain[:, : n_step // 2])
         n_burn = int(min(max(shortest_burn, math.ceil(10.0 * tau)), n_step // 2)) if math.isfinite(tau) else n_step // 2
+        enough = math.ceil(1.03 * target.n_tau * tau) if math.isfinite(tau) else 0
+        if proposal is not None and n_step < min(enough, 3 * _FIRST_CHECK[True], target.max_step):
+            # too short whatever else is said: go on at once to the length that is asked for
+            tau_before, check = tau, min(target.max_step, max(enough, n_step + _FIRST_CHECK[True] // 4))
+            continue
         convergence = _judge(chain[:, n_burn:], target, n_step=n_step, tau=tau, tau_before=tau_before)
         if progress is not None:
             progress(n_step, convergence.message)
         if convergence.met or n_step >= target.max_step:
             break
         tau_before = tau
-        check = min(target.max_step, n_step + max(_FIRST_CHECK[proposal is not None], n_step // 2))
+        check = min(target.max_step, n_step + (max(200, n_step // 2) if proposal is None else max(60, n_step // 3)))
     kept = chain[:, n_burn:]
     log_density = np.stack([sampler.get_log_prob()[n_burn:] for sampler in samplers])
     moved = np.any(kept[:, 1:] != kept[:, :-1], axis=(1, 3))
