@@ -27,6 +27,7 @@ FloatArray = NDArray[np.float64]
 K_HAT_LIMIT = 0.7  # above it importance weights cannot be trusted (Vehtari et al., J. Mach. Learn. Res. 25 (2024) 72)
 DOF = 5.0  # tails heavier than those of most posteriors
 _WIDE_SHARE, _WIDE_FACTOR = 0.05, 2.0  # share and width (in sds of the whole) of the component that guards a mixture
+_GOOD_K_HAT = 0.5
 _MAX_ROUND = 12
 _EM_STEPS = 25
 
@@ -94,19 +95,19 @@ def adapt_proposal(
     centres = np.vstack([start, *starts])
     factor = _factor(cov)
     mixture = Proposal(np.full(len(centres), 1.0 / len(centres)), centres, np.stack([factor] * len(centres)))
-    best, efficiency, draws, weights = _settle(density, _shrunk(density, mixture, rng), rng, n_round)
-    for n_component in (3, 6):
-        if efficiency > 0.5:
+    best, quality, draws, weights = _settle(density, _shrunk(density, mixture, rng), rng, n_round)
+    for n_component in (4, 8):
+        if quality > 0.3:
             break
         split = _split(draws, weights, max(n_component, len(centres) + 1), rng)
-        candidate, better, candidate_draws, candidate_weights = _settle(density, split, rng, n_round)
-        if better > 1.15 * efficiency:
-            best, efficiency, draws, weights = candidate, better, candidate_draws, candidate_weights
+        candidate, better, candidate_draws, candidate_weights = _settle(density, split, rng, 2 * n_round)
+        if better > 1.15 * quality:
+            best, quality, draws, weights = candidate, better, candidate_draws, candidate_weights
     return best
 
 
 def _settle(density: Density, mixture: Proposal, rng: np.random.Generator, n_round: int) -> tuple[Proposal, float, FloatArray, FloatArray]:
-    """Rounds of (draw; weigh; fit) until weights get no more even: best proposal, its efficiency, its draws and weights."""
+    """Rounds of (draw; weigh; fit) until weights get no more even: best proposal, its quality, its draws and weights."""
     proposal = mixture
     found: list[tuple[Proposal, float, FloatArray, FloatArray]] = []
     for _ in range(_MAX_ROUND):
@@ -114,10 +115,10 @@ def _settle(density: Density, mixture: Proposal, rng: np.random.Generator, n_rou
         log_ratio = log_density_in_batches(density, draws) - proposal.log_density(draws)
         if not np.any(np.isfinite(log_ratio)):
             break
-        efficiency = effective_share(log_ratio)
+        quality = _quality(log_ratio)
         weights = _tempered(log_ratio, least=min(0.1 * n_round, 20.0 * proposal.n_par))
-        found.append((proposal, efficiency, draws, weights))
-        if len(found) > 2 and efficiency > 0.05 and efficiency < 1.1 * max(f[1] for f in found[:-1]):
+        found.append((proposal, quality, draws, weights))
+        if len(found) > 2 and 0.05 < quality < 1.1 * max(f[1] for f in found[:-1]):
             break
         mixture = _fit(mixture, draws, weights)
         proposal = _guarded(mixture, draws, weights)
@@ -151,10 +152,11 @@ def smoothed_weights(log_ratio: FloatArray) -> tuple[FloatArray, float, float]:
     return np.exp(log_weights), float(k_hat) if np.isfinite(k_hat) else math.inf, log_sum - math.log(n)
 
 
-def effective_share(log_ratio: FloatArray) -> float:
-    """Effective share of weighted draws, (sum w)^2/(n sum w^2), from log weights (n_draw,)."""
+def _quality(log_ratio: FloatArray) -> float:
+    """Effective share of weighted draws, (sum w)^2/(n sum w^2); a third of it where k-hat shows that a tail is missed."""
     w = np.exp(log_ratio - np.max(log_ratio))
-    return float(np.sum(w) ** 2 / (w.size * np.sum(w * w)))
+    share = float(np.sum(w) ** 2 / (w.size * np.sum(w * w)))
+    return share if smoothed_weights(log_ratio)[1] <= _GOOD_K_HAT else share / 3.0
 
 
 def _tempered(log_ratio: FloatArray, *, least: float) -> FloatArray:

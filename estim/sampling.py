@@ -27,7 +27,8 @@ FloatArray = NDArray[np.float64]
 # without and with a proposal: walkers of an ensemble at least, and steps to the first check
 _WALKERS = {False: 32, True: 48}
 _FIRST_CHECK = {False: 200, True: 120}
-_PROPOSAL_SHARE = 0.8  # of the moves
+_PROPOSAL_SHARE, _LEAST_SHARE = 0.8, 0.1  # of the moves: for a proposal whose weights are even, and for one that cannot be trusted
+_GOOD_EFFICIENCY = 0.3  # effective share of its draws from which a proposal gets the full share of moves
 
 Progress = Callable[[int, str], None]
 """Called with the steps done so far and a few words on how far sampling is."""
@@ -109,8 +110,8 @@ def sample_posterior(
     """
     n_par = len(posterior.names)
     n_walker = target.n_walker or max(_WALKERS[proposal is not None], 4 * n_par)
-    samplers = [_sampler(posterior, n_walker, rng, proposal) for _ in range(target.n_ensemble)]
-    states = [_first_points(posterior, start, cov, n_walker, rng, proposal) for _ in samplers]
+    states, share = _first_points(posterior, start, cov, (target.n_ensemble, n_walker), rng, proposal)
+    samplers = [_sampler(posterior, n_walker, rng, proposal, share) for _ in states]
     n_step, tau_before, check = 0, math.nan, min(_FIRST_CHECK[proposal is not None], target.max_step)
     shortest_burn = 50 if proposal is None else 20
     while True:
@@ -141,13 +142,13 @@ def sample_posterior(
     return Chain(posterior.names, kept, log_density, n_burn, acceptance, int(np.sum(~moved)), convergence)
 
 
-def _sampler(posterior: Density, n_walker: int, rng: np.random.Generator, proposal: Proposal | None = None) -> Any:
+def _sampler(posterior: Density, n_walker: int, rng: np.random.Generator, proposal: Proposal | None, share: float) -> Any:
     import emcee
 
     moves = [(emcee.moves.DEMove(), 0.8), (emcee.moves.DEMove(gamma0=1.0), 0.1), (emcee.moves.StretchMove(), 0.1)]
     if proposal is not None:
-        moves = [(move, (1.0 - _PROPOSAL_SHARE) * share) for move, share in moves]
-        moves.append((emcee.moves.MHMove(independence(proposal), ndim=len(posterior.names)), _PROPOSAL_SHARE))
+        moves = [(move, (1.0 - share) * weight) for move, weight in moves]
+        moves.append((emcee.moves.MHMove(independence(proposal), ndim=len(posterior.names)), share))
     sampler = emcee.EnsembleSampler(n_walker, len(posterior.names), posterior.log_density, vectorize=True, moves=moves)
     # emcee would start from NumPy's global state
     sampler.random_state = np.random.RandomState(rng.integers(2**32, dtype=np.uint32)).get_state()
@@ -169,15 +170,26 @@ def independence(proposal: Proposal) -> Callable[[FloatArray, np.random.RandomSt
 
 
 def _first_points(
-    posterior: Density, start: FloatArray, cov: FloatArray, n_walker: int, rng: np.random.Generator, proposal: Proposal | None
-) -> FloatArray:
-    """(n_walker, n_par) starting points: weighted draws of `proposal` where its weights can be trusted, else scattered about the fit."""
+    posterior: Density, start: FloatArray, cov: FloatArray, shape: tuple[int, int], rng: np.random.Generator, proposal: Proposal | None
+) -> tuple[list[FloatArray], float]:
+    """Starting points, (n_walker, n_par) for each ensemble, and the share of moves that `proposal` deserves.
+
+    shape : (n_ensemble, n_walker).  Points are weighted draws of the proposal, other ones for each ensemble, where its
+    weights can be trusted, else scattered about the fit.  A proposal that is seldom accepted gets few of the moves.
+    """
+    n_ensemble, n_walker = shape
     if proposal is not None:
-        draws = proposal.draw(rng, max(1000, 20 * n_walker))
-        weights, k_hat, _ = smoothed_weights(log_density_in_batches(posterior, draws) - proposal.log_density(draws))
-        if k_hat <= K_HAT_LIMIT and np.count_nonzero(weights) >= 2 * n_walker:
-            return draws[rng.choice(weights.size, n_walker, replace=False, p=weights)]
-    return _scatter(posterior, start, cov, n_walker, rng)
+        n_draw = max(1000, 20 * n_walker)
+        draws = proposal.draw(rng, n_ensemble * n_draw)
+        log_ratio = log_density_in_batches(posterior, draws) - proposal.log_density(draws)
+        weights, k_hat, _ = smoothed_weights(log_ratio) if np.any(np.isfinite(log_ratio)) else (np.zeros(draws.shape[0]), math.inf, -math.inf)
+        parts = np.split(weights, n_ensemble)
+        if k_hat <= K_HAT_LIMIT and min(np.count_nonzero(part) for part in parts) >= 2 * n_walker:
+            efficiency = 1.0 / float(np.sum(weights**2)) / weights.size
+            chosen = [rng.choice(n_draw, n_walker, replace=False, p=part / np.sum(part)) for part in parts]
+            points = [part[which] for part, which in zip(np.split(draws, n_ensemble), chosen, strict=True)]
+            return points, _PROPOSAL_SHARE * min(1.0, efficiency / _GOOD_EFFICIENCY)
+    return [_scatter(posterior, start, cov, n_walker, rng) for _ in range(n_ensemble)], _LEAST_SHARE
 
 
 def _scatter(posterior: Density, start: FloatArray, cov: FloatArray, n_walker: int, rng: np.random.Generator) -> FloatArray:
@@ -203,7 +215,8 @@ def _autocorrelation_time(chain: FloatArray) -> float:
     """Longest integrated autocorrelation time, steps, averaged over the ensembles (the first axis); nan while it cannot be told."""
     from emcee.autocorr import integrated_time
 
-    times = np.array([integrated_time(ensemble, quiet=True, tol=0) for ensemble in chain])
+    with np.errstate(invalid="ignore"):  # a walker that never moved has no autocorrelation: nan
+        times = np.array([integrated_time(ensemble, quiet=True, tol=0) for ensemble in chain])
     return float(np.max(np.mean(times, axis=0))) if np.all(np.isfinite(times)) else math.nan
 
 

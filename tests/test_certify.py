@@ -1,0 +1,317 @@
+"""Importance sampling against exact moments, exact evidence and brute-force quadrature; its verdicts on right and wrong chains."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+import pytest
+from targets import COV, Known, banana, bimodal, box, exponential, half_normal, normal
+
+from estim.campaign import load_campaign
+from estim.certify import PROBABILITIES, Certificate, certify, chain_errors, compare_with_chain
+from estim.density import Density, log_density_in_batches
+from estim.errors import NumericalError
+from estim.fitting import Fit, fit_least_squares
+from estim.proposal import Proposal, adapt_proposal, smoothed_weights
+from estim.sampling import Chain, Convergence, Target, sample_posterior
+
+TARGETS = {
+    "normal": (normal(COV), np.zeros(4), COV),
+    "normal, far and narrow start": (normal(COV), np.array([3.0, -3.0, 5.0, 2.0]), 0.01 * COV),
+    "normal in 12 dimensions": (normal(np.eye(12)), np.zeros(12), np.eye(12)),
+    "half-normal": (half_normal(4), np.full(4, 1e-6), np.eye(4)),
+    "mode in the corner": (exponential(3), np.full(3, 1e-6), 1e4 * np.eye(3)),
+    "flat box": (box(3), np.zeros(3), 0.3 * np.eye(3)),
+    "banana": (banana(0.4), np.zeros(2), np.eye(2)),
+}
+
+
+def certificate_of(
+    density: Density, start: np.ndarray, cov: np.ndarray, *, rng: np.random.Generator, starts: Sequence[np.ndarray] = ()
+) -> Certificate:
+    return certify(density, adapt_proposal(density, start, cov, rng=rng, starts=starts), rng=rng)
+
+
+def deviations(certificate: Certificate, known: Known) -> np.ndarray:
+    """Deviations from the truth of means, standard deviations and evidence, in stated Monte-Carlo errors."""
+    evidence = (certificate.log_evidence - known.log_evidence) / certificate.u_log_evidence
+    return np.array([*(certificate.mean - known.mean) / certificate.mcse_mean, *(certificate.sd - known.sd) / certificate.mcse_sd, evidence])
+
+
+@pytest.mark.parametrize("name", TARGETS)
+def test_moments_and_evidence_are_the_known_ones(name: str, rng: np.random.Generator) -> None:
+    known, start, cov = TARGETS[name]
+    certificate = certificate_of(known, start, cov, rng=rng)
+    assert certificate.reliable
+    assert certificate.ess > 2500.0
+    assert np.all(np.abs(deviations(certificate, known)) < 4.5)
+    assert np.all(certificate.mcse_mean < 0.03 * known.sd)
+    assert certificate.u_log_evidence < 0.02
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["normal", "half-normal", "banana"])
+def test_stated_monte_carlo_errors_are_the_scatter_of_repeated_runs(name: str) -> None:
+    known, start, cov = TARGETS[name]
+    n_repeat = 40
+    runs = [certificate_of(known, start, cov, rng=np.random.default_rng([3, i])) for i in range(n_repeat)]
+    z = np.array([deviations(run, known) for run in runs])
+    rms = np.sqrt(np.mean(z**2))
+    # parameters of one run are correlated: count the runs alone as independent
+    assert abs(rms - 1.0) < 4.0 / math.sqrt(2.0 * n_repeat)
+    # a wrong error would show: errors as if all draws had equal weight
+    scale = np.array([math.sqrt(run.ess / run.n_draw) for run in runs])
+    if name == "half-normal":
+        assert np.sqrt(np.mean((z / scale[:, None]) ** 2)) > 1.0 + 4.0 / math.sqrt(2.0 * n_repeat)
+
+
+def test_quantiles_are_those_of_the_half_normal_distribution(rng: np.random.Generator) -> None:
+    from scipy.stats import halfnorm
+
+    certificate = certificate_of(*TARGETS["half-normal"], rng=rng)
+    for p in PROBABILITIES:
+        assert np.all(np.abs(certificate.quantiles[p] - halfnorm.ppf(p)) < 4.5 * certificate.mcse_quantiles[p])
+        assert np.all(certificate.mcse_quantiles[p] < 0.05)
+
+
+def test_resampled_draws_have_the_moments_of_the_weighted_ones(rng: np.random.Generator) -> None:
+    certificate = certificate_of(*TARGETS["normal"], rng=rng)
+    n = certificate.draws.shape[0]
+    assert np.all(np.abs(certificate.draws.mean(axis=0) - certificate.mean) < 5.0 * certificate.sd / math.sqrt(n))
+    # in random order: the halves agree as well
+    first, second = certificate.draws[: n // 2], certificate.draws[n // 2 :]
+    assert np.all(np.abs(first.mean(axis=0) - second.mean(axis=0)) < 5.0 * certificate.sd * 2.0 / math.sqrt(n))
+
+
+def test_two_modes_are_weighed_rightly_when_both_starts_are_given_and_one_is_missed_otherwise(rng: np.random.Generator) -> None:
+    known = bimodal(3)
+    both = certificate_of(known, np.full(3, -4.0), 0.25 * np.eye(3), rng=rng, starts=[np.full(3, 4.0)])
+    assert both.reliable
+    assert np.all(np.abs(deviations(both, known)) < 4.5)
+    one = certificate_of(known, np.full(3, -4.0), 0.25 * np.eye(3), rng=rng)
+    assert one.log_evidence - known.log_evidence == pytest.approx(math.log(0.7), abs=0.05)
+
+
+def test_proposal_with_tails_too_light_is_flagged(rng: np.random.Generator) -> None:
+    known = normal(np.eye(4))
+    narrow = Proposal(np.ones(1), np.zeros((1, 4)), 0.12 * np.eye(4)[None])
+    wrong = certify(known, narrow, rng=rng)
+    assert not wrong.reliable
+    assert wrong.n_draw == 64_000
+    right = certify(known, Proposal(np.ones(1), np.zeros((1, 4)), np.eye(4)[None]), rng=rng)
+    assert right.reliable
+    assert right.n_draw == 8000
+    assert compare_with_chain(wrong, chain_of(rng.standard_normal((4, 200, 10, 4)))).verdict == "missing"
+
+
+def test_smoothed_weights_leave_ordinary_weights_alone_and_tame_the_largest(rng: np.random.Generator) -> None:
+    even, k_even, log_mean = smoothed_weights(0.1 * rng.standard_normal(5000))
+    assert k_even < 0.3
+    assert even.sum() == pytest.approx(1.0)
+    assert log_mean == pytest.approx(0.005, abs=0.006)
+    heavy = rng.pareto(1.0, 5000)
+    weights, k_hat, _ = smoothed_weights(np.log(heavy))
+    assert 0.7 < k_hat < 1.3
+    assert weights.max() <= heavy.max() / heavy.sum() * 1.5
+    assert smoothed_weights(np.zeros(100))[1] == -math.inf
+    assert smoothed_weights(np.where(np.arange(1000) < 20, 0.0, -np.inf))[1] == math.inf
+
+
+def test_proposal_density_is_normalised_and_is_that_of_its_draws(rng: np.random.Generator) -> None:
+    from scipy.stats import multivariate_t
+
+    factors = np.stack([np.eye(2), np.array([[0.5, 0.0], [0.3, 0.2]])])
+    proposal = Proposal(np.array([0.3, 0.7]), np.array([[0.0, 0.0], [2.0, 1.0]]), factors)
+    points = rng.standard_normal((50, 2))
+    parts = [w * multivariate_t(m, f @ f.T, df=5).pdf(points) for w, m, f in zip(proposal.weights, proposal.means, factors, strict=True)]
+    assert np.allclose(np.exp(proposal.log_density(points)), sum(parts), rtol=1e-10)
+    draws = proposal.draw(rng, 40_000)
+    covariance = [5.0 / 3.0 * f @ f.T for f in factors]
+    mean = 0.3 * proposal.means[0] + 0.7 * proposal.means[1]
+    between = 0.21 * np.outer(proposal.means[1], proposal.means[1])
+    assert np.allclose(draws.mean(axis=0), mean, atol=0.04)
+    assert np.allclose(np.cov(draws.T), 0.3 * covariance[0] + 0.7 * covariance[1] + between, atol=0.06)
+
+
+def test_density_that_is_not_a_number_is_an_error(rng: np.random.Generator) -> None:
+    broken = dataclasses.replace(normal(COV), function=lambda x: np.where(x[:, 0] > 0.0, np.nan, 0.0))
+    with pytest.raises(NumericalError, match=r"not a number .* at p0 = "):
+        adapt_proposal(broken, np.zeros(4), COV, rng=rng)
+    nowhere = dataclasses.replace(normal(COV), function=lambda x: np.full(len(x), -np.inf))
+    with pytest.raises(NumericalError, match="zero or not finite everywhere"):
+        adapt_proposal(nowhere, np.zeros(4), COV, rng=rng)
+
+
+def test_density_is_asked_in_batches_of_bounded_size(rng: np.random.Generator) -> None:
+    sizes: list[int] = []
+
+    def function(x: np.ndarray) -> np.ndarray:
+        sizes.append(len(x))
+        return -0.5 * np.sum(x**2, axis=1)
+
+    draws = rng.standard_normal((4500, 4))
+    values = log_density_in_batches(dataclasses.replace(normal(COV), function=function), draws)
+    assert np.array_equal(values, -0.5 * np.sum(draws**2, axis=1))
+    assert max(sizes) <= 2000
+
+
+def chain_of(draws: np.ndarray) -> Chain:
+    """A chain record around given draws (n_ensemble, n_step, n_walker, n_par)."""
+    convergence = Convergence(draws.shape[1], 1.0, 1e4, 1e4, 1.0, 0.0, True, "")
+    names = tuple(f"p{i}" for i in range(draws.shape[-1]))
+    return Chain(names, draws, np.zeros(draws.shape[:-1]), 0, np.ones(draws.shape[0]), 0, convergence)
+
+
+def autoregressive(rng: np.random.Generator, shape: tuple[int, ...], memory: float) -> np.ndarray:
+    """Normal draws along axis 1 with correlation `memory` between neighbours: a chain whose Monte-Carlo errors are known."""
+    draws = rng.standard_normal(shape)
+    for i in range(1, shape[1]):
+        draws[:, i] = memory * draws[:, i - 1] + math.sqrt(1.0 - memory**2) * draws[:, i]
+    return draws
+
+
+@pytest.mark.slow
+def test_true_agreement_is_called_so_and_its_differences_are_standard_normal() -> None:
+    known = normal(np.eye(4))
+    verdicts, zs, naive = [], [], []
+    for i in range(150):
+        rng = np.random.default_rng([8, i])
+        chain = chain_of(autoregressive(rng, (4, 150, 16, 4), 0.6))
+        comparison = compare_with_chain(certify(known, Proposal(np.ones(1), np.zeros((1, 4)), np.eye(4)[None]), rng=rng), chain)
+        verdicts.append(comparison.verdict)
+        zs.append([*comparison.z_mean, *comparison.z_sd])
+        naive.append(chain.flat.mean(axis=0) * math.sqrt(chain.flat.shape[0]))
+    assert set(verdicts) == {"agree"}
+    rms = np.sqrt(np.mean(np.square(zs), axis=0))
+    # 1/sqrt(2 n) is the standard error of each; 8 of them
+    assert np.all(np.abs(rms - 1.0) < 4.0 / math.sqrt(300.0))
+    # errors that forget the correlation of the chain would be caught: (1 + 0.6)/(1 - 0.6) = 4 times the variance
+    assert np.all(np.sqrt(np.mean(np.square(naive), axis=0)) > 1.0 + 4.0 / math.sqrt(300.0))
+
+
+def test_chain_errors_are_those_of_theory_for_a_chain_with_known_memory(rng: np.random.Generator) -> None:
+    draws = autoregressive(rng, (4, 2000, 20, 2), 0.6)
+    u_mean, u_sd = chain_errors(chain_of(draws))
+    n = draws[..., 0].size
+    assert u_mean == pytest.approx(math.sqrt(4.0 / n), rel=0.05)
+    # squares of such a chain forget twice as fast: memory 0.36
+    assert u_sd == pytest.approx(math.sqrt(0.5 * (1.36 / 0.64) / n), rel=0.07)
+
+
+@pytest.mark.parametrize(("shift", "stretch", "word"), [(0.15, 1.0, "mean"), (0.0, 1.12, "standard deviation")])
+def test_chain_that_is_off_is_called_and_the_parameter_named(shift: float, stretch: float, word: str, rng: np.random.Generator) -> None:
+    certificate = certificate_of(normal(np.eye(4)), np.zeros(4), np.eye(4), rng=rng)
+    draws = rng.standard_normal((4, 100, 20, 4))
+    assert compare_with_chain(certificate, chain_of(draws)).verdict == "agree"
+    draws[..., 2] = shift + stretch * draws[..., 2]
+    comparison = compare_with_chain(certificate, chain_of(draws))
+    assert comparison.verdict == "disagree"
+    assert f"the {word} of p2" in comparison.reason
+    assert "p1" not in comparison.reason
+    assert comparison.largest_difference == pytest.approx(max(shift, stretch - 1.0), abs=0.05)
+
+
+def test_negligible_difference_is_not_called_however_well_it_is_known(rng: np.random.Generator) -> None:
+    known = normal(np.eye(1))
+    certificate = certify(known, Proposal(np.ones(1), np.zeros((1, 1)), np.eye(1)[None]), rng=rng, n_draw=64_000)
+    comparison = compare_with_chain(certificate, chain_of(rng.standard_normal((4, 4000, 20, 1)) + 0.02))
+    assert abs(comparison.z_mean[0]) > comparison.limit / 1.5
+    assert comparison.verdict == "agree"
+
+
+def test_no_verdict_where_importance_sampling_or_the_chain_cannot_tell(rng: np.random.Generator) -> None:
+    many = certificate_of(normal(np.eye(13)), np.zeros(13), np.eye(13), rng=rng)
+    comparison = compare_with_chain(many, chain_of(rng.standard_normal((4, 100, 30, 13))))
+    assert comparison.verdict == "missing"
+    assert "12 parameters" in comparison.reason
+    few = certificate_of(normal(np.eye(2)), np.zeros(2), np.eye(2), rng=rng)
+    comparison = compare_with_chain(few, chain_of(rng.standard_normal((4, 10, 2, 2))))
+    assert comparison.verdict == "missing"
+    assert "too large to tell" in comparison.reason
+
+
+def replica_fit(replica: Path, folder: Path, runs: Sequence[str], replace: Sequence[tuple[str, str]] = ()) -> Fit:
+    """The fit of runs of the replica campaign, with some of its quantities said otherwise."""
+    text = (replica / "campaign.toml").read_text()
+    for old, new in [('file = "runs/', f'file = "{replica}/runs/'), ('published = "../paper/published.toml"\n', ""), *replace]:
+        assert old in text
+        text = text.replace(old, new)
+    path = folder / "campaign.toml"
+    path.write_text(text.split("[line]")[0])
+    return fit_least_squares(load_campaign(path).problem(runs), rng=np.random.default_rng(1))
+
+
+def quadrature(fit: Fit, *, n: int, reach: float) -> tuple[np.ndarray, np.ndarray, float]:
+    """Means, standard deviations and log evidence by the trapezoidal rule on n^n_par points along the axes of the fit's covariance."""
+    values, vectors = np.linalg.eigh(fit.cov)
+    axes = vectors * np.sqrt(values)
+    steps = np.linspace(-reach, reach, n)
+    grid = np.stack([g.ravel() for g in np.meshgrid(*[steps] * len(values), indexing="ij")], axis=1)
+    points = fit.values + grid @ axes.T
+    log_p = np.concatenate([fit.posterior.log_density(part) for part in np.array_split(points, 100)])
+    edge = np.any(np.abs(grid) > reach - 1e-9, axis=1)
+    assert np.max(log_p[edge]) < np.max(log_p) - 12.0, "the grid is too small"
+    weights = np.exp(log_p - np.max(log_p))
+    log_evidence = np.max(log_p) + np.log(weights.sum()) + np.log(np.abs(np.linalg.det(axes)) * (steps[1] - steps[0]) ** len(values))
+    weights /= weights.sum()
+    mean = weights @ points
+    return mean, np.sqrt(weights @ (points - mean) ** 2), float(log_evidence)
+
+
+@pytest.mark.slow
+def test_certificate_and_chain_agree_with_brute_force_quadrature(replica: Path, tmp_path: Path) -> None:
+    exact = [
+        ('"0.14929(50)"', "0.14929"), ('phi_deg = "3.69(40)"', "phi_deg = 3.69"),
+        ('rolling_resistance = {prior = "half-normal", scale = 0.005}', "rolling_resistance = 0.0"),
+    ]
+    fit = replica_fit(replica, tmp_path, ["heavy-04"], exact)
+    assert len(fit.names) == 3
+    mean, sd, log_evidence = quadrature(fit, n=51, reach=8.0)
+    finer = quadrature(fit, n=61, reach=9.0)
+    assert np.all(np.abs(mean - finer[0]) < 1e-3 * sd)
+    rng = np.random.default_rng(5)
+    proposal = adapt_proposal(fit.posterior, fit.values, fit.cov, rng=rng)
+    certificate = certify(fit.posterior, proposal, rng=rng, n_draw=250_000)
+    assert certificate.reliable
+    chain = sample_posterior(fit.posterior, fit.values, fit.cov, target=Target(ess=100_000, n_walker=200), rng=rng, proposal=proposal)
+    assert chain.convergence.met
+    # 100 000 effective draws: Monte-Carlo errors of 0.3 % of an sd
+    for found_mean, found_sd in ((certificate.mean, certificate.sd), (chain.flat.mean(axis=0), chain.flat.std(axis=0))):
+        assert np.all(np.abs(found_mean - mean) < 0.0125 * sd)
+        assert np.all(np.abs(found_sd / sd - 1.0) < 0.0125)
+    assert abs(certificate.log_evidence - log_evidence) < 4.5 * certificate.u_log_evidence < 0.02
+    # the Gaussian approximation of the fit would not pass
+    assert np.any(np.abs(fit.values - mean) > 0.0125 * sd) or np.any(np.abs(np.sqrt(np.diag(fit.cov)) / sd - 1.0) > 0.0125)
+
+
+PROBLEMS = ["heavy-02", "heavy-06", "heavy-08", "light-01", "light-04", "heavy-04 heavy-06"]
+PROBLEMS += ["class-unbalanced_1", "mixed-balanced_1", "banana", "half-normal"]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("which", PROBLEMS)
+def test_chain_and_certificate_agree(which: str, replica: Path, project: Path, tmp_path: Path) -> None:
+    rng = np.random.default_rng(17)
+    if which in TARGETS:
+        density, start, cov = TARGETS[which]
+    elif "heavy" in which or "light" in which:
+        fit = replica_fit(replica, tmp_path, which.split())
+        density, start, cov = fit.posterior, fit.values, fit.cov
+    else:
+        if not (project.parent / "shared" / "data" / "wheel").is_dir():
+            pytest.skip("the wheel's data are not beside the project")
+        fit = fit_least_squares(load_campaign(project / "tests" / "wheel.toml").problem([which]), rng=rng)
+        density, start, cov = fit.posterior, fit.values, fit.cov
+    proposal = adapt_proposal(density, start, cov, rng=rng)
+    certificate = certify(density, proposal, rng=rng)
+    chain = sample_posterior(density, start, cov, target=Target(), rng=rng, proposal=proposal)
+    assert chain.convergence.met, chain.convergence.message
+    comparison = compare_with_chain(certificate, chain)
+    assert comparison.verdict == "agree", comparison.reason
+    # a chain of another posterior would not pass
+    moved = dataclasses.replace(chain, draws=chain.draws + 0.25 * certificate.sd)
+    assert compare_with_chain(certificate, moved).verdict == "disagree"

@@ -1,0 +1,158 @@
+"""Chains driven by a proposal: detailed balance on known targets with good and bad proposals, and a wrong move that the same test fails."""
+
+from __future__ import annotations
+
+import emcee
+import numpy as np
+import pytest
+from targets import COV, Known, banana, bimodal, half_normal, normal
+
+from estim.certify import chain_errors
+from estim.proposal import Proposal, adapt_proposal
+from estim.sampling import Chain, Convergence, Target, independence, sample_posterior
+
+
+def student(mean: np.ndarray, cov: np.ndarray) -> Proposal:
+    return Proposal(np.ones(1), np.asarray(mean, dtype=float)[None], np.linalg.cholesky(cov)[None])
+
+
+def both_modes(n_par: int) -> Proposal:
+    return Proposal(np.array([0.5, 0.5]), np.array([[-4.0] * n_par, [4.0] * n_par]), np.stack([0.6 * np.eye(n_par)] * 2))
+
+
+CASES = {
+    "normal": (normal(COV), student(np.zeros(4), COV)),
+    "normal, wrong centre": (normal(COV), student([0.7, -0.7, 1.0, 0.3], COV)),
+    "normal, too narrow": (normal(COV), student(np.zeros(4), 0.3 * COV)),
+    "normal, too wide": (normal(COV), student(np.zeros(4), 4.0 * np.diag(np.diag(COV)))),
+    "banana": (banana(0.8), student(np.zeros(2), np.diag([1.0, 2.0]))),
+    "bounded half-normal": (half_normal(3), student(np.full(3, 0.8), 0.5 * np.eye(3))),
+    "two modes": (bimodal(2), both_modes(2)),
+}
+
+
+def move_alone(known: Known, proposal: Proposal, propose: object, *, n_step: int, seed: int) -> Chain:
+    """Two ensembles moved by nothing but `propose`, in the form of emcee's MHMove; the first tenth discarded."""
+    chains = []
+    for i in range(2):
+        sampler = emcee.EnsembleSampler(60, known.mean.size, known.log_density, vectorize=True, moves=emcee.moves.MHMove(propose))
+        sampler.random_state = np.random.RandomState(seed + i).get_state()
+        points = proposal.draw(np.random.default_rng([seed, i]), 2000)
+        start = points[np.isfinite(known.log_density(points))][:60]
+        sampler.run_mcmc(start, n_step, skip_initial_state_check=True)
+        chains.append(sampler.get_chain(discard=n_step // 10))
+    draws = np.array(chains)
+    return Chain(known.names, draws, np.zeros(draws.shape[:-1]), 0, np.ones(2), 0, Convergence(n_step, 1.0, 0.0, 0.0, 1.0, 0.0, True, ""))
+
+
+def worst(chain: Chain, known: Known) -> float:
+    """Largest deviation of a mean or a standard deviation from the truth in Monte-Carlo errors."""
+    u_mean, u_sd = chain_errors(chain)
+    return float(max(np.max(np.abs(chain.flat.mean(axis=0) - known.mean) / u_mean), np.max(np.abs(chain.flat.std(axis=0) - known.sd) / u_sd)))
+
+
+def without_factor(proposal: Proposal):
+    """The wrong move: proposes from the same distribution and forgets its density."""
+
+    def propose(points, random):
+        drawn, _ = independence(proposal)(points, random)
+        return drawn, np.zeros(len(points))
+
+    return propose
+
+
+def upside_down(proposal: Proposal):
+    """The other wrong move: the factor with the wrong sign."""
+
+    def propose(points, random):
+        drawn, factor = independence(proposal)(points, random)
+        return drawn, -factor
+
+    return propose
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_independence_move_alone_leaves_the_target_as_it_is(name: str) -> None:
+    known, proposal = CASES[name]
+    assert worst(move_alone(known, proposal, independence(proposal), n_step=1500, seed=21), known) < 4.5
+
+
+@pytest.mark.parametrize("wrong", [without_factor, upside_down])
+@pytest.mark.parametrize("name", CASES)
+def test_move_with_a_wrong_factor_fails_the_same_test(name: str, wrong) -> None:
+    known, proposal = CASES[name]
+    assert worst(move_alone(known, proposal, wrong(proposal), n_step=1500, seed=21), known) > 10.0
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_sampler_with_a_proposal_reproduces_the_target(name: str, rng: np.random.Generator) -> None:
+    known, proposal = CASES[name]
+    start = np.where(known.mean == 0.0, 0.0, np.abs(known.mean))
+    chain = sample_posterior(known, start, np.diag(known.sd**2), target=Target(ess=8000), rng=rng, proposal=proposal)
+    assert chain.convergence.met, chain.convergence.message
+    assert worst(chain, known) < 4.5
+    assert chain.stuck == 0
+
+
+def test_hopeless_proposal_costs_time_and_not_correctness(rng: np.random.Generator) -> None:
+    """Proposal of another place, nothing of which is ever accepted: the other moves do the work, and the walkers start around the fit."""
+    known = normal(COV)
+    elsewhere = student(np.full(4, 300.0), 0.01 * COV)
+    chain = sample_posterior(known, np.zeros(4), COV, target=Target(ess=2000), rng=rng, proposal=elsewhere)
+    assert chain.convergence.met
+    assert worst(chain, known) < 4.5
+    quick = sample_posterior(known, np.zeros(4), COV, target=Target(ess=2000), rng=rng, proposal=student(np.zeros(4), COV))
+    assert quick.convergence.n_step < 0.4 * chain.convergence.n_step
+
+
+def test_proposal_that_misses_a_mode_does_not_pass_for_converged_when_walkers_see_both() -> None:
+    """Both modes are in the starting scatter, the proposal knows one: R-hat or tau must object, or the answer be right."""
+    known = bimodal(2)
+    wide = Proposal(np.array([0.9, 0.1]), np.array([[-4.0] * 2, [0.0] * 2]), np.stack([0.5 * np.eye(2), 6.0 * np.eye(2)]))
+    chain = sample_posterior(known, np.zeros(2), 20.0 * np.eye(2), target=Target(max_step=3000), rng=np.random.default_rng(3), proposal=wide)
+    assert not chain.convergence.met or worst(chain, known) < 4.5
+
+
+def test_default_target_is_met_in_few_steps_with_an_adapted_proposal(rng: np.random.Generator) -> None:
+    known = normal(COV)
+    proposal = adapt_proposal(known, np.zeros(4), COV, rng=rng)
+    chain = sample_posterior(known, np.zeros(4), COV, target=Target(), rng=rng, proposal=proposal)
+    assert chain.convergence.met
+    assert chain.convergence.n_step < 400
+    assert np.all(chain.acceptance > 0.5)
+    plain = sample_posterior(known, np.zeros(4), COV, target=Target(), rng=rng)
+    assert plain.convergence.n_step > 2 * chain.convergence.n_step
+
+
+def test_same_seed_same_draws_with_a_proposal_whatever_numpy_s_global_state() -> None:
+    def draws(global_seed: int) -> np.ndarray:
+        np.random.seed(global_seed)  # noqa: NPY002  (the state that must not matter)
+        proposal = student(np.zeros(4), COV)
+        return sample_posterior(normal(COV), np.zeros(4), COV, target=Target(ess=100), rng=np.random.default_rng(7), proposal=proposal).draws
+
+    assert np.array_equal(draws(1), draws(2))
+
+
+def test_move_draws_from_the_sampler_s_own_state_alone() -> None:
+    """A chain that is taken up again from a saved state goes on as it would have."""
+    propose = independence(student(np.zeros(4), COV))
+    points = np.zeros((5, 4))
+    random = np.random.RandomState(4)
+    saved = random.get_state()
+    first, _ = propose(points, random)
+    second, _ = propose(points, random)
+    random.set_state(saved)
+    again, _ = propose(points, random)
+    assert np.array_equal(first, again)
+    assert not np.array_equal(first, second)
+
+
+def test_capped_chain_with_a_proposal_says_that_it_did_not_converge(rng: np.random.Generator) -> None:
+    chain = sample_posterior(
+        normal(COV), np.zeros(4), COV, target=Target(ess=1e9, max_step=300), rng=rng, proposal=student(np.zeros(4), COV)
+    )
+    assert not chain.convergence.met
+    assert chain.convergence.n_step == 300
+    short = sample_posterior(normal(COV), np.zeros(4), COV, target=Target(max_step=50), rng=rng, proposal=student(np.zeros(4), COV))
+    assert not short.convergence.met
+    assert short.convergence.n_step == 50
