@@ -28,6 +28,7 @@ __all__ = ["Certificate", "Comparison", "Proposal", "adapt_proposal", "certify",
 FloatArray = NDArray[np.float64]
 
 MAX_PARAMETERS = 12
+MOST_DRAWS = 64_000
 PROBABILITIES = (0.025, 0.16, 0.5, 0.84, 0.975)
 _FALSE_ALARM = 5e-4  # chance that any of all differences is called where there is none
 _NEGLIGIBLE = 0.03  # posterior sds: smaller differences are never called
@@ -92,7 +93,7 @@ class Comparison:
 
 
 def certify(
-    density: Density, proposal: Proposal, *, rng: np.random.Generator, n_draw: int = 8000, least_ess: float = 4000.0, max_draw: int = 64_000
+    density: Density, proposal: Proposal, *, rng: np.random.Generator, n_draw: int = 8000, least_ess: float = 4000.0, max_draw: int = MOST_DRAWS
 ) -> Certificate:
     """The posterior by Pareto-smoothed importance sampling from `proposal`.
 

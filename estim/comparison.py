@@ -18,7 +18,6 @@ from estim.campaign import Campaign
 from estim.campaign_file import NoiseTable
 from estim.cross_validation import INFLUENTIAL, LeaveOneOut, difference, leave_one_out
 from estim.derivative import STENCILS, differentiate
-from estim.errors import InputError
 from estim.levels import Levels, noise_level
 from estim.pipeline import Analysis, analyse
 from estim.sampling import Progress, Target
@@ -72,7 +71,8 @@ def candidates(campaign: Campaign, run: str) -> tuple[Candidate, ...]:
         found.append(Candidate("differentiated", "speeds by differences, with the covariance that follows", differentiated))
         size = _independent_size(campaign, run, levels)
         if size > 0.0 and data.rate not in data.columns:
-            naive = NoiseTable(model="independent", derivative=table.derivative or "central", scatter=table.scatter, **{speed: size})
+            plain = NoiseTable(model="independent", derivative=table.derivative or "central", scatter=table.scatter)
+            naive = msgspec.structs.replace(plain, **{speed: size})
             found.append(Candidate("independent", "the same speeds as if their errors were independent (they are not)", naive))
     if data.rate in data.columns and (getattr(table, speed) is not None or "sigma_v_m_s" in data.columns or table.scatter is not None):
         sigma_x = getattr(table, position) if table.model == "independent" else None

@@ -1,6 +1,6 @@
 """The status of a result: one place decides whether a number may be trusted, and says why not and what to do.
 
-Statuses, first that applies: `not-converged`, `not-identified`, `at-bound`, `poor-fit`, `methods-disagree`, `ok`.
+Statuses, first that applies: `not-converged`, `multimodal`, `not-identified`, `at-bound`, `poor-fit`, `methods-disagree`, `ok`.
 """
 
 from __future__ import annotations
@@ -12,16 +12,23 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from estim.certify import Comparison
 from estim.fitting import Fit
 from estim.goodness import REJECT_BELOW, SCATTER_LIMIT, Goodness
+from estim.identifiability import Identifiability
 from estim.line import LineFit
 from estim.line_intervals import SlopeInterval
+from estim.modes import Modes
 from estim.priors import TruncatedNormal, Uniform
 from estim.sampling import Chain, effective_size, mcse_mean, r_hat
 
 FloatArray = NDArray[np.float64]
 
-STATUSES = ("not-converged", "not-identified", "at-bound", "poor-fit", "methods-disagree", "ok")  # gravest first
+_FLAT = 0.05  # curvature of the log prior along a direction, 1 for a normal prior, below which it does not hold it
+
+STATUSES = ("not-converged", "multimodal", "not-identified", "at-bound", "poor-fit", "methods-disagree", "ok")  # gravest first
+
+MEANINGLESS = ("not-converged", "methods-disagree")  # the draws themselves cannot be trusted: not even limits
 
 
 @dataclass(frozen=True)
@@ -58,9 +65,14 @@ class Diagnosis:
         return tuple(finding.reason for finding in self.findings)
 
 
-def diagnose(fit: Fit, chain: Chain, goodness: Sequence[Goodness]) -> Diagnosis:
+def diagnose(
+    fit: Fit, chain: Chain, goodness: Sequence[Goodness], *, comparison: Comparison, identifiability: Identifiability, modes: Modes
+) -> Diagnosis:
     """The status of a sampled fit."""
-    findings = [*_convergence(fit, chain), *_bounds(fit), *_goodness(goodness)]
+    findings = [
+        *_convergence(fit, chain), *_modes(fit, modes), *_flat_directions(fit, identifiability), *_bounds(fit), *_goodness(goodness),
+        *_methods(comparison),
+    ]
     findings.sort(key=lambda finding: STATUSES.index(finding.status))
     return Diagnosis(
         status=findings[0].status if findings else "ok", findings=tuple(findings), notes=tuple(_notes(fit, goodness)),
@@ -125,6 +137,40 @@ def _bounds(fit: Fit) -> list[Finding]:
                 )
             )
     return findings
+
+
+def _modes(fit: Fit, modes: Modes) -> list[Finding]:
+    if not modes.several:
+        return []
+    sds = np.sqrt(np.diag(fit.cov))
+    apart = np.max(np.abs(modes.values[1:] - modes.values[0]), axis=0) / np.where(sds > 0.0, sds, np.inf)
+    told = sorted(np.argsort(-apart)[:3].tolist())
+    solutions = [
+        f"{', '.join(f'{fit.names[i]} = {values[i]:.4g}' for i in told)} ({share:.0%} of the posterior)"
+        for values, share in zip(modes.values, modes.shares, strict=True)
+    ]
+    advice = "decide between the solutions by a prior (a range that holds one of them) or by a further measurement, and fit again"
+    return [Finding("multimodal", f"the data allow {len(solutions)} separate solutions: {'; or '.join(solutions)}", advice)]
+
+
+def _flat_directions(fit: Fit, identifiability: Identifiability) -> list[Finding]:
+    """Combinations of the curve's parameters that neither the data nor a prior with a pull hold, only the edges of ranges."""
+    noise = np.array([name in fit.problem.noise_names for name in fit.names])
+    findings = []
+    for direction in identifiability.directions:
+        loose = direction.information < 1.0 and direction.prior_pull < _FLAT
+        if loose and np.sum(direction.vector[~noise] ** 2) > 0.5:
+            reason = f"data and priors do not fix a combination of parameters, only the edges of their ranges do: {direction.words}"
+            advice = "state one of these parameters as a measured value with its uncertainty (a uniform range does not count)"
+            findings.append(Finding("not-identified", reason, advice))
+    return findings
+
+
+def _methods(comparison: Comparison) -> list[Finding]:
+    if comparison.verdict != "disagree":
+        return []
+    advice = "try another --seed and a higher --max-steps; if they still differ, report it: one of two computations of the same thing is wrong"
+    return [Finding("methods-disagree", comparison.reason, advice)]
 
 
 def _goodness(goodness: Sequence[Goodness]) -> list[Finding]:

@@ -14,9 +14,10 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from estim.bands import Bands
+from estim.bands import Bands, curve_draws
 from estim.goodness import Goodness
 from estim.labels import label
+from estim.outliers import Outliers
 from estim.pipeline import Analysis
 from estim.problem import Observations
 
@@ -56,10 +57,15 @@ def phase_figure(analysis: Analysis, *, synthetic: bool) -> Figure:
     figure, axes = grid(len(analysis.problem.runs), height=3.4)
     trusted = analysis.diagnosis.ok
     for ax, run, bands in zip(axes, analysis.problem.runs, analysis.bands, strict=True):
-        _draw_bands(ax, bands)
+        if trusted:
+            _draw_bands(ax, bands)
+        else:
+            mode = curve_draws(analysis.problem, run, bands.x, analysis.fit.values[None, :])[0][0]
+            ax.plot(bands.x, mode, color=BLUE, lw=1.2, label="most probable curve")
         _draw_points(ax, run)
+        _draw_outliers(ax, run, analysis.outliers)
         stops = bands.end[np.isfinite(bands.end)]
-        if stops.size > 0.5 * bands.end.size and np.median(stops) < 1.25 * run.x.max():
+        if trusted and stops.size > 0.5 * bands.end.size and np.median(stops) < 1.25 * run.x.max():
             low, high = np.quantile(stops, [0.025, 0.975])
             ax.plot([low, high], [0.0, 0.0], color=ORANGE, lw=5, solid_capstyle="butt", label="turning point, 95 %", zorder=4)
         ax.set(xlabel=run.x_label, ylabel=run.y_label)
@@ -73,7 +79,7 @@ def phase_figure(analysis: Analysis, *, synthetic: bool) -> Figure:
 def _draw_bands(ax: Axes, bands: Bands) -> None:
     probabilities = sorted(bands.credible, reverse=True)
     widest = probabilities[0]
-    ax.fill_between(bands.x, *bands.predictive[widest], color=GREY, alpha=0.22, lw=0, label=f"a new speed, {widest:.0%}")
+    ax.fill_between(bands.x, *bands.predictive[widest], color=GREY, alpha=0.22, lw=0, label=f"a new point, {widest:.0%}")
     for probability, alpha in zip(probabilities, (0.30, 0.55), strict=True):
         ax.fill_between(bands.x, *bands.credible[probability], color=BLUE, alpha=alpha, lw=0, label=f"the curve, {probability:.0%}")
     ax.plot(bands.x, bands.median, color=BLUE, lw=1.2, label="posterior median")
@@ -86,6 +92,13 @@ def _draw_points(ax: Axes, run: Observations) -> None:
         near = (left[:, 0] >= 0.0) & (left[:, 0] <= 1.1 * run.x.max())
         if np.any(near):
             ax.plot(left[near, 0], left[near, 1], "x", color=GREY, ms=4, label="data left out", zorder=3)
+
+
+def _draw_outliers(ax: Axes, run: Observations, outliers: Sequence[Outliers]) -> None:
+    for found in outliers:
+        if found.run == run.name and found.frames.size:
+            at = found.frames
+            ax.plot(run.x[at], run.y[at], "o", mfc="none", mec=ORANGE, mew=1.6, ms=9, ls="", label="outlier", zorder=6)
 
 
 def residual_figure(runs: Sequence[Observations], goodness: Sequence[Goodness], *, synthetic: bool) -> Figure:

@@ -23,6 +23,8 @@ FloatArray = NDArray[np.float64]
 _MAX_ROUNDS = 60
 _SETTLED = 1e-4  # of a standard deviation, between two rounds
 _SAME_OPTIMUM = 0.5  # in minus log density
+_WITHIN_REACH = 12.0  # in minus log density: worse optima hold next to nothing of the posterior
+_FAR_APART = 3.0  # standard deviations, of any parameter
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,6 +40,7 @@ class Fit:
     chi2 : whitened squares of the data and of the informative priors.  dof : their number minus the fitted parameters
         of the curve.  p_value : P(chi2 or more); nan where the size of the noise was inferred or its tails are heavy (then it proves nothing).
     n_start, n_same : starts tried, and how many of them led to the best optimum.
+    others : (n_other, n_par) other optima not much worse than the best, far from it and from each other.
     singular : whether some combination of parameters is not determined at all, not even by the priors.
     success, message : whether the search settled, in words.
     """
@@ -53,6 +56,7 @@ class Fit:
     p_value: float
     n_start: int
     n_same: int
+    others: FloatArray
     singular: bool
     success: bool
     message: str
@@ -80,7 +84,8 @@ def fit_least_squares(problem: Problem, *, rng: np.random.Generator, n_start: in
     best = int(np.nanargmin(objective))
     values, posterior, moved = _settle(problem, rough[best][0], max_rounds=_MAX_ROUNDS)
     n_same = int(np.sum(objective <= objective[best] + _SAME_OPTIMUM))
-    return _describe(problem, posterior, values, moved, n_start=len(starts), n_same=n_same)
+    ends = [rough[i][0] for i in np.argsort(objective) if objective[i] <= objective[best] + _WITHIN_REACH]
+    return _describe(problem, posterior, values, moved, ends, n_start=len(starts), n_same=n_same)
 
 
 def _prior_draw(problem: Problem, rng: np.random.Generator) -> FloatArray:
@@ -182,7 +187,18 @@ def information(posterior: Posterior, values: FloatArray) -> FloatArray:
     return np.asarray(total)
 
 
-def _describe(problem: Problem, posterior: Posterior, values: FloatArray, moved: float, *, n_start: int, n_same: int) -> Fit:
+def _apart(values: FloatArray, ends: list[FloatArray], scale: FloatArray) -> FloatArray:
+    """(n_other, n_par) those of `ends` that lie more than some standard deviations from `values` and from each other."""
+    kept = [values]
+    for end in ends:
+        if all(np.max(np.abs(end - other) / scale) > _FAR_APART for other in kept):
+            kept.append(end)
+    return np.array(kept[1:]).reshape(-1, values.size)
+
+
+def _describe(
+    problem: Problem, posterior: Posterior, values: FloatArray, moved: float, ends: list[FloatArray], *, n_start: int, n_same: int
+) -> Fit:
     matrix = information(posterior, values)
     spread = np.sqrt(np.maximum(np.diag(matrix), 1e-300))
     scaled = matrix / np.outer(spread, spread)
@@ -211,7 +227,8 @@ def _describe(problem: Problem, posterior: Posterior, values: FloatArray, moved:
     return Fit(
         names=problem.names, values=values, cov=cov, sds=sds, at_bound=tuple(at_bound), posterior=posterior, chi2=chi2, dof=dof,
         p_value=_chi2_p(chi2, dof) if dof > 0 and not problem.noise_names and not robust else math.nan,
-        n_start=n_start, n_same=n_same, singular=singular, success=moved < _SETTLED, message=message,
+        n_start=n_start, n_same=n_same, others=_apart(values, ends, np.where(curvature > 0.0, curvature, np.inf)),
+        singular=singular, success=moved < _SETTLED, message=message,
     )
 
 

@@ -177,9 +177,10 @@ def _positions(run: Run, levels: Levels, table: NoiseTable, path: Path, suffix: 
     started = x[int(np.argmax(np.abs(y - y[0]) > 0.25 * np.ptp(y)))]
     zero = _typical(sigma, parameter, step) if relative is None else float(np.median(relative))
     zero = zero or scatter.value or (scatter_parameter.prior.centre if scatter_parameter else 0.0)
+    early = float(x[0] - 0.5 * (x[-1] - x[0]))
     sources, unknowns = {}, []
     for name, key, unit, prior, meaning in (
-        ("release_time", "release_time_s", "s", Uniform(float(x[0] - 0.5 * (x[-1] - x[0])), float(started)), "moment of release on the clock of the data"),
+        ("release_time", "release_time_s", "s", Uniform(early, float(started)), "moment of release on the clock of the data"),
         ("offset", units.offset, units.position, Normal(0.0, zero), "reading of the position at release"),
     ):
         sources[name], unknown = _nuisance(levels, name, key, unit, prior, meaning)

@@ -1,4 +1,4 @@
-"""The whole analysis on one page: campaign -> problem -> fit -> draws -> diagnosis -> bands.
+"""The whole analysis on one page: campaign -> problem -> fit -> draws -> second opinion -> diagnosis -> bands.
 
 Read this first.  Each stage takes records and returns one; each lives in the file of its verb.
 """
@@ -12,13 +12,21 @@ import numpy as np
 
 from estim.bands import Bands, posterior_bands
 from estim.campaign import Campaign
+from estim.campaign_file import NoiseTable
+from estim.certify import MAX_PARAMETERS, MOST_DRAWS, Certificate, Comparison, adapt_proposal, certify, compare_with_chain
 from estim.diagnosis import Diagnosis, diagnose
 from estim.fitting import Fit, fit_least_squares
 from estim.goodness import Goodness, check_goodness
+from estim.identifiability import Identifiability, identify
+from estim.modes import Modes, find_modes
+from estim.outliers import Outliers, find_outliers
 from estim.problem import Problem
 from estim.sampling import Chain, Progress, Target, sample_posterior
 
 _BAND_DRAWS = 4000
+_MODE_DRAWS = 20_000
+_OUTLIER_DRAWS = 1000
+_ROUGH = 8000  # importance draws where there are too many parameters for a verdict
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,22 +35,41 @@ class Analysis:
 
     problem: Problem
     fit: Fit
+    certificate: Certificate
     chain: Chain
+    comparison: Comparison
     goodness: tuple[Goodness, ...]
+    identifiability: Identifiability
+    modes: Modes
+    outliers: tuple[Outliers, ...]
     diagnosis: Diagnosis
     bands: tuple[Bands, ...]
     seed: int
 
 
 def analyse(
-    campaign: Campaign, runs: Sequence[str], *, seed: int, target: Target | None = None, progress: Progress | None = None
+    campaign: Campaign, runs: Sequence[str], *, seed: int, target: Target | None = None, progress: Progress | None = None,
+    noise: NoiseTable | None = None,
 ) -> Analysis:
-    """The joint analysis of `runs` of a campaign; the same seed gives the same numbers.  Raises InputError."""
-    fit_rng, chain_rng, check_rng, band_rng = np.random.default_rng(seed).spawn(4)
-    problem = campaign.problem(runs)
+    """The joint analysis of `runs` of a campaign; the same seed gives the same numbers.  Raises InputError.
+
+    noise : in place of the noise tables of the campaign.
+    """
+    return analyse_problem(campaign.problem(runs, noise=noise), seed=seed, target=target, progress=progress)
+
+
+def analyse_problem(problem: Problem, *, seed: int, target: Target | None = None, progress: Progress | None = None) -> Analysis:
+    """The analysis of any problem, however it was posed."""
+    fit_rng, chain_rng, check_rng, band_rng, proposal_rng = np.random.default_rng(seed).spawn(5)
     fit = fit_least_squares(problem, rng=fit_rng)
-    chain = sample_posterior(fit.posterior, fit.values, fit.cov, target=target or Target(), rng=chain_rng, progress=progress)
+    proposal = adapt_proposal(fit.posterior, fit.values, fit.cov, rng=proposal_rng, starts=tuple(fit.others))
+    certificate = certify(fit.posterior, proposal, rng=proposal_rng, max_draw=MOST_DRAWS if problem.n_par <= MAX_PARAMETERS else _ROUGH)
+    chain = sample_posterior(fit.posterior, fit.values, fit.cov, target=target or Target(), rng=chain_rng, progress=progress, proposal=proposal)
+    comparison = compare_with_chain(certificate, chain)
     goodness = check_goodness(fit, rng=check_rng)
-    diagnosis = diagnose(fit, chain, goodness)
+    identifiability = identify(fit)
+    modes = find_modes(fit, chain.thinned(_MODE_DRAWS))
+    outliers = find_outliers(fit.posterior, chain.thinned(_OUTLIER_DRAWS))
+    diagnosis = diagnose(fit, chain, goodness, comparison=comparison, identifiability=identifiability, modes=modes)
     bands = posterior_bands(problem, chain.thinned(_BAND_DRAWS), rng=band_rng)
-    return Analysis(problem, fit, chain, goodness, diagnosis, bands, seed)
+    return Analysis(problem, fit, certificate, chain, comparison, goodness, identifiability, modes, outliers, diagnosis, bands, seed)

@@ -12,11 +12,15 @@ import numpy as np
 
 from estim import figures
 from estim.campaign import Campaign
+from estim.diagnosis import MEANINGLESS
 from estim.goodness import REJECT_BELOW
+from estim.identify_figures import direction_figure, profile_figure, ridge_figure
+from estim.identify_report import IdentifySection
 from estim.labels import Label, label
 from estim.pipeline import Analysis
 from estim.quantity import format_quantity, format_rounded
 from estim.result import ParameterSummary, Result, Summary, result_of, to_json
+from estim.scrutiny import scrutinise
 
 KINDS = {
     "synthetic": "**SYNTHETIC data**: made by a program, not measured.",
@@ -26,12 +30,14 @@ KINDS = {
 STATUS_WORDS = {
     "ok": "the result can be used as it stands",
     "not-converged": "the computation did not finish: no number below is a result",
+    "multimodal": "several separate solutions fit the data: no single number below is a result",
     "not-identified": "data and priors do not determine the parameters: no number below is a result",
     "methods-disagree": "two methods that should agree do not: no number below is a result",
     "at-bound": "the data push a parameter against its limit: quote limits, not values",
     "poor-fit": "the curve does not explain the data: no number below is a result",
 }
 _PRIOR_DOMINATED = 0.8
+_RIDGE_DRAWS = 20_000
 
 
 @dataclass(frozen=True)
@@ -53,28 +59,33 @@ class Row:
 
 def analysis_report(campaign: Campaign, analysis: Analysis) -> dict[str, bytes]:
     """`report.md`, `result.json` and `figures/*.png` of one analysis."""
-    result = result_of(campaign, analysis)
+    scrutiny = scrutinise(analysis)
+    result = result_of(campaign, analysis, scrutiny)
     synthetic = campaign.kind == "synthetic"
     drawn = {
         "figures/phase.png": figures.phase_figure(analysis, synthetic=synthetic),
         "figures/residuals.png": figures.residual_figure(analysis.problem.runs, analysis.goodness, synthetic=synthetic),
         "figures/corner.png": figures.corner_figure(analysis),
         "figures/traces.png": figures.trace_figure(analysis),
+        "figures/directions.png": direction_figure(analysis.problem, analysis.identifiability),
+        "figures/profiles.png": profile_figure(analysis.problem, scrutiny.intervals, analysis.chain.thinned(_RIDGE_DRAWS)),
     }
+    if analysis.problem.n_par > 1:
+        drawn["figures/ridge.png"] = ridge_figure(analysis.fit, analysis.identifiability, analysis.chain.thinned(_RIDGE_DRAWS))
     files = {name: figures.png(figure) for name, figure in drawn.items()}
-    files["report.md"] = analysis_text(result).encode()
+    files["report.md"] = analysis_text(result, scrutiny.section).encode()
     files["result.json"] = to_json(result)
     return files
 
 
-def analysis_text(result: Result) -> str:
-    """The Markdown report of one analysis."""
+def analysis_text(result: Result, section: IdentifySection) -> str:
+    """The Markdown report of one analysis; `section` is what it says about the data against the priors."""
     rows = [parameter_row(name, p, result) for name, p in result.parameters.items()]
     return render(
         "analysis.md.j2",
         result=result, kind=KINDS[result.kind], status_words=STATUS_WORDS[result.status], rows=rows,
         correlation=_correlation_table(result), derived=_derived_rows(result), limits=_what_limits(result),
-        reject_below=REJECT_BELOW, ends=_turning_rows(result),
+        reject_below=REJECT_BELOW, ends=_turning_rows(result), identify=section, meaningless=result.status in MEANINGLESS,
     )
 
 
@@ -112,11 +123,17 @@ def parameter_row(name: str, p: ParameterSummary, result: Result) -> Row:
     """The cells of one parameter."""
     shown = label(name, p.unit)
     value, sd = result.fit.values[name], result.fit.sds[name]
-    fit = format_quantity(value * shown.factor, None if sd is None else sd * shown.factor)
+    ok = result.status == "ok"
+    size = abs(value) if p.q975 is None or p.q025 is None else p.q975 - p.q025
+    if not ok:
+        fit = format_rounded(value * shown.factor, 0.1 * size * shown.factor)
+    elif sd is None:
+        fit = f"{format_rounded(value * shown.factor, (p.sd or 0.0) * shown.factor)} (no symmetric sd)"
+    else:
+        fit = format_quantity(value * shown.factor, sd * shown.factor)
     return Row(
         symbol=shown.symbol, name=name, unit="" if shown.unit == "1" else shown.unit, meaning=p.meaning, prior=_prior(p, shown),
-        fit=fit if sd is not None else f"{format_rounded(value * shown.factor, (p.sd or 0.0) * shown.factor)} (no symmetric sd)",
-        posterior=_value(p, shown, lopsided=sd is None), interval=_interval(p, shown),
+        fit=fit, posterior=_value(p, shown, lopsided=sd is None), interval=_interval(p, shown),
         narrowing="" if not p.prior_sd or p.sd is None else f"{p.sd / p.prior_sd:.2f}",
         rhat="n/a" if p.rhat is None else f"{p.rhat:.4f}", ess=f"{p.ess_bulk or 0:.0f} / {p.ess_tail or 0:.0f}",
     )
@@ -140,9 +157,10 @@ def _value(p: Summary, shown: Label, *, lopsided: bool = False) -> str:
 
 
 def _interval(p: Summary, shown: Label) -> str:
-    if p.q025 is None or p.q975 is None or p.sd is None:
+    if p.q025 is None or p.q975 is None:
         return "n/a"
-    return f"[{format_rounded(p.q025 * shown.factor, p.sd * shown.factor)}, {format_rounded(p.q975 * shown.factor, p.sd * shown.factor)}]"
+    u = (p.sd if p.sd is not None else 0.25 * (p.q975 - p.q025)) * shown.factor
+    return f"[{format_rounded(p.q025 * shown.factor, u)}, {format_rounded(p.q975 * shown.factor, u)}]"
 
 
 def _derived_rows(result: Result) -> list[tuple[str, str, str, str, str, str]]:

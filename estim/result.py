@@ -1,7 +1,7 @@
 """`result.json`: every number of an analysis in one checked record.  The report prints from it, so the two agree.
 
 Schema "estim-result/1"; the JSON Schema stands in `docs/estim-result-1.schema.json`.  A number that does not exist
-(the standard deviation at a bound, a p-value where the noise was inferred) is null.
+(the standard deviation at a bound, a p-value where the noise was inferred, a mean where the status is not ok) is null.
 """
 
 from __future__ import annotations
@@ -16,8 +16,11 @@ from numpy.typing import NDArray
 
 from estim.bands import PROBABILITIES
 from estim.campaign import Campaign
+from estim.diagnosis import MEANINGLESS, Diagnosis
 from estim.pipeline import Analysis
 from estim.problem import Observations
+from estim.profile import ProfileInterval
+from estim.scrutiny import Scrutiny
 
 FloatArray = NDArray[np.float64]
 
@@ -49,6 +52,40 @@ class ParameterSummary(Summary, frozen=True):
     mcse: float | None
 
 
+class Certificate(msgspec.Struct, frozen=True):
+    """A second computation of the posterior, by importance sampling, and what comparing it with the chain says."""
+
+    verdict: str
+    reason: str
+    k_hat: float | None
+    ess: float
+    n_draw: int
+    log_evidence: float | None
+    u_log_evidence: float | None
+    largest_difference: float | None  # of means and sds, in posterior sds
+
+
+class Profile(msgspec.Struct, frozen=True):
+    """Profile-posterior interval: how far a parameter can move with all others re-optimised; an open side has no limit."""
+
+    low_68: float
+    high_68: float
+    low_95: float
+    high_95: float
+    open_low: bool  # at 95 %
+    open_high: bool
+    words: str
+
+
+class Outlier(msgspec.Struct, frozen=True):
+    """A frame that is more likely an outlier than not."""
+
+    row: int  # of the points that are fit, from 1
+    x: float
+    y: float
+    probability: float
+
+
 class FitSummary(msgspec.Struct, frozen=True):
     values: dict[str, float]
     sds: dict[str, float | None]
@@ -71,6 +108,9 @@ class RunSummary(msgspec.Struct, frozen=True):
     excluded: list[str]
     checks: dict[str, CheckSummary]
     scatter_ratio: float | None
+    robust: bool
+    outliers: list[Outlier]
+    what: str  # "speeds" or "positions"
     derived: dict[str, Summary]
 
 
@@ -113,14 +153,15 @@ class Result(msgspec.Struct, frozen=True, rename={"schema_": "schema"}):
     correlation: Correlation
     fit: FitSummary
     sampling: Sampling
-    certificate: None
+    certificate: Certificate
+    profile: dict[str, Profile] | None
     turning_point: dict[str, TurningPoint]
     runs: dict[str, RunSummary]
     provenance: Provenance
 
 
-def result_of(campaign: Campaign, analysis: Analysis) -> Result:
-    """The record of an analysis."""
+def result_of(campaign: Campaign, analysis: Analysis, scrutiny: Scrutiny | None = None) -> Result:
+    """The record of an analysis, with its profile intervals if it was scrutinised."""
     problem, fit, chain, diagnosis = analysis.problem, analysis.fit, analysis.chain, analysis.diagnosis
     flat = chain.flat
     return Result(
@@ -129,15 +170,16 @@ def result_of(campaign: Campaign, analysis: Analysis) -> Result:
         parameters={p.name: _parameter(analysis, i) for i, p in enumerate(problem.parameters)},
         correlation=Correlation(list(problem.names), np.atleast_2d(np.corrcoef(flat.T)).round(6).tolist()),
         fit=FitSummary(
-            dict(zip(fit.names, fit.values.tolist(), strict=True)), {n: number(s) for n, s in zip(fit.names, fit.sds, strict=True)},
+            dict(zip(fit.names, fit.values.tolist(), strict=True)),
+            {n: number(s) if diagnosis.ok else None for n, s in zip(fit.names, fit.sds, strict=True)},
             fit.chi2, fit.dof, number(fit.p_value), fit.message,
         ),
         sampling=Sampling(
             chain.draws.shape[0], chain.draws.shape[2], chain.convergence.n_step, chain.n_burn, number(chain.convergence.tau),
             float(np.mean(chain.acceptance)), chain.convergence.message,
         ),
-        certificate=None,
-        turning_point={bands.run: _turning_point(bands.end, run) for bands, run in zip(analysis.bands, problem.runs, strict=True)},
+        certificate=_certificate(analysis), profile=None if scrutiny is None else {i.name: _profile(i) for i in scrutiny.intervals},
+        turning_point={bands.run: _turning_point(bands.end, run, diagnosis) for bands, run in zip(analysis.bands, problem.runs, strict=True)},
         runs={run.name: _run(campaign, analysis, i) for i, run in enumerate(problem.runs)},
         provenance=provenance(campaign, [run.name for run in problem.runs], analysis.seed),
     )
@@ -152,6 +194,20 @@ def provenance(campaign: Campaign, runs: list[str], seed: int) -> Provenance:
 def software_versions() -> dict[str, str]:
     """Versions of what computes the numbers."""
     return {"python": platform.python_version()} | {package: version(package) for package in _PACKAGES}
+
+
+def _profile(i: ProfileInterval) -> Profile:
+    return Profile(i.low[0.68], i.high[0.68], i.low[0.95], i.high[0.95], i.open_low[0.95], i.open_high[0.95], i.sentence)
+
+
+def _certificate(analysis: Analysis) -> Certificate:
+    certificate, comparison = analysis.certificate, analysis.comparison
+    evidence = certificate.reliable
+    return Certificate(
+        comparison.verdict, comparison.reason, number(certificate.k_hat), certificate.ess, certificate.n_draw,
+        number(certificate.log_evidence) if evidence else None, number(certificate.u_log_evidence) if evidence else None,
+        number(comparison.largest_difference) if comparison.verdict != "missing" else None,
+    )
 
 
 def number(value: float) -> float | None:
@@ -174,7 +230,7 @@ def _quantiles(draws: FloatArray) -> list[float | None]:
 
 def _parameter(analysis: Analysis, i: int) -> ParameterSummary:
     parameter, diagnosis = analysis.problem.parameters[i], analysis.diagnosis
-    summary = summarise(analysis.chain.flat[:, i], unit=parameter.unit, meaning=parameter.meaning)
+    summary = trusted(summarise(analysis.chain.flat[:, i], unit=parameter.unit, meaning=parameter.meaning), diagnosis)
     return ParameterSummary(
         **msgspec.structs.asdict(summary), prior=parameter.prior.describe(), prior_mean=number(parameter.prior.centre),
         prior_sd=number(parameter.prior.sd), ess_bulk=number(diagnosis.ess_bulk[i]), ess_tail=number(diagnosis.ess_tail[i]),
@@ -182,9 +238,18 @@ def _parameter(analysis: Analysis, i: int) -> ParameterSummary:
     )
 
 
-def _turning_point(end: FloatArray, run: Observations) -> TurningPoint:
+def trusted(summary: Summary, diagnosis: Diagnosis) -> Summary:
+    """`summary` without what its status does not allow: no mean and sd unless ok, nothing at all where the draws mean nothing."""
+    if diagnosis.ok:
+        return summary
+    if diagnosis.status in MEANINGLESS:
+        return Summary(summary.unit, summary.meaning, None, None, None, None, None, None, None)
+    return msgspec.structs.replace(summary, mean=None, sd=None)
+
+
+def _turning_point(end: FloatArray, run: Observations, diagnosis: Diagnosis) -> TurningPoint:
     with np.errstate(invalid="ignore"):
-        summary = summarise(end, unit=run.x_unit, meaning="where the motion ends, from the release")
+        summary = trusted(summarise(end, unit=run.x_unit, meaning="where the motion ends, from the release"), diagnosis)
     return TurningPoint(**msgspec.structs.asdict(summary), never_stops=float(np.mean(~np.isfinite(end))))
 
 
@@ -196,9 +261,20 @@ def _run(campaign: Campaign, analysis: Analysis, i: int) -> RunSummary:
     return RunSummary(
         file=campaign.tables[run.name].file, n_obs=run.n_obs, noise=noise, excluded=list(run.excluded),
         checks={name: CheckSummary(c.statistic, c.p_value, c.meaning) for name, c in goodness.checks.items()},
-        scatter_ratio=number(goodness.scatter_ratio),
-        derived={name: summarise(np.ravel(d.values), unit=d.unit, meaning=d.meaning) for name, d in derived.items() if np.size(d.values) > 1},
+        scatter_ratio=number(goodness.scatter_ratio), robust=run.noise.tails.robust, outliers=_outliers(analysis, run),
+        what="positions" if run.noise.positions else "speeds",
+        derived={
+            name: trusted(summarise(np.ravel(d.values), unit=d.unit, meaning=d.meaning), analysis.diagnosis)
+            for name, d in derived.items() if np.size(d.values) > 1
+        },
     )
+
+
+def _outliers(analysis: Analysis, run: Observations) -> list[Outlier]:
+    return [
+        Outlier(int(i) + 1, float(run.x[i]), float(run.y[i]), float(found.probability[i]))
+        for found in analysis.outliers if found.run == run.name for i in found.frames
+    ]
 
 
 def to_json(result: Result) -> bytes:

@@ -22,7 +22,8 @@ from model.phase import STANDARD_GRAVITY, effective_slope, energy_ratio, turning
 
 FloatArray = NDArray[Any]
 
-_FEWEST_NODES = 64
+_FEWEST_NODES = 32
+_TABLE = 33  # points of the table that starts the inversion of a clock
 _MOST_NODES = 4096
 _NEGLIGIBLE = 1e-11  # of the largest coefficient
 _UNRESOLVED = 1e-8
@@ -199,9 +200,7 @@ def _leg(
 def _invert(t: FloatArray, clock: FloatArray, end: FloatArray) -> FloatArray:
     """z (n_draw, n_obs) at which the clock shows `t`, by Newton steps inside a bracket; nan where they do not settle."""
     pace = chebyshev.chebder(clock, axis=0)
-    shape = np.broadcast_shapes(end.shape, t.shape)
-    low, high = -np.ones(shape), np.ones(shape)
-    z = np.clip(2.0 * t / np.where(end > 0, end, 1.0) - 1.0, -1.0, 1.0)
+    low, high, z = _bracket(t, clock, np.broadcast_shapes(end.shape, t.shape))
     for _ in range(_MOST_STEPS):
         ahead = _evaluate(z, clock) - t
         low, high = np.where(ahead <= 0.0, z, low), np.where(ahead >= 0.0, z, high)
@@ -213,6 +212,22 @@ def _invert(t: FloatArray, clock: FloatArray, end: FloatArray) -> FloatArray:
         if np.nanmax(moved, initial=0.0) < 1e-14:
             break
     return np.where(moved < 1e-12, z, np.nan)
+
+
+def _bracket(t: FloatArray, clock: FloatArray, shape: tuple[int, ...]) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Ends of an interval that holds z and a first guess inside, from a table of the clock; (n_draw, n_obs) each."""
+    knots = np.linspace(-1.0, 1.0, _TABLE)
+    table = np.maximum.accumulate(chebyshev.chebval(knots, clock), axis=1)  # (n_draw, n_knot)
+    place = np.sum(table[:, None, 1:-1] <= np.broadcast_to(t, shape)[:, :, None], axis=2)
+    rows = np.arange(shape[0])[:, None]
+    before, after = table[rows, place], table[rows, place + 1]
+    width = knots[1] - knots[0]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        share = np.clip((t - before) / (after - before), 0.0, 1.0)
+    low = knots[place]
+    z = low + width * np.where(np.isfinite(share), share, 0.5)
+    outside = (t <= table[:, :1]) | (t >= table[:, -1:])
+    return np.where(outside, -1.0, low - 1e-9), np.where(outside, 1.0, low + width + 1e-9), np.clip(z, -1.0, 1.0)
 
 
 def _evaluate(z: FloatArray, coefficients: FloatArray) -> FloatArray:

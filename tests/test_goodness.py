@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 from estim.campaign import load_campaign
-from estim.diagnosis import diagnose
 from estim.fitting import fit_least_squares
 from estim.goodness import REJECT_BELOW, check_goodness
-from estim.sampling import Target, sample_posterior
+from estim.pipeline import analyse
+from estim.sampling import Target
 
 WHEEL = """
 title = "a wheel like the real one, simulated"
@@ -62,8 +62,7 @@ def test_wrong_model_fails_although_its_scatter_is_inferred(tmp_path: Path, rng:
     assert "chi2" not in good.checks  # the inferred scatter has swallowed it
     assert "autocorrelation" in good.failed
     assert good.scatter_ratio > 10.0
-    chain = sample_posterior(fit.posterior, fit.values, fit.cov, target=Target(ess=400), rng=rng)
-    diagnosis = diagnose(fit, chain, (good,))
+    diagnosis = analyse(load_campaign(tmp_path / "c.toml"), ["r"], seed=1, target=Target(ess=400)).diagnosis
     assert diagnosis.status == "poor-fit"
     assert any("scatter" in reason for reason in diagnosis.reasons)
 

@@ -86,8 +86,9 @@ def test_an_uncertain_zero_of_the_positions_costs_certainty(tmp_path, rng):
 
 
 def test_the_way_back_is_used(tmp_path, rng):
-    from model import Body, back_and_forth
     from test_noise import GAMMA, KAPPA, PHI, RADIUS, THETA0
+
+    from model import Body, back_and_forth
 
     t = np.arange(0.0, 2.7, 1 / 30)
     truth = back_and_forth(t, Body(radius=RADIUS, gamma=GAMMA, kappa=KAPPA), phi=PHI, theta0=THETA0)[0][0]
