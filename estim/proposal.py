@@ -146,7 +146,8 @@ def smoothed_weights(log_ratio: FloatArray) -> tuple[FloatArray, float, float]:
     if ranked[-1] - ranked[-n_tail] < 1e-9:
         return plain[0], -math.inf, plain[1]
     # arviz-stats takes minus the log ratio; draws below the tail keep theirs up to one constant, the log of the sum
-    log_weights, k_hat = array_stats.psislw(-log_ratio)
+    with np.errstate(over="ignore"):  # arviz-stats 0.6 computes weights of a grid as 1/exp(...), where inf rightly gives 0
+        log_weights, k_hat = array_stats.psislw(-log_ratio)
     body = int(np.argsort(log_ratio)[-n_tail])
     log_sum = float(log_ratio[body] - log_weights[body])
     return np.exp(log_weights), float(k_hat) if np.isfinite(k_hat) else math.inf, log_sum - math.log(n)

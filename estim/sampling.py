@@ -24,9 +24,7 @@ from estim.proposal import K_HAT_LIMIT, Proposal, smoothed_weights
 
 FloatArray = NDArray[np.float64]
 
-# without and with a proposal: walkers of an ensemble at least, and steps to the first check
-_WALKERS = {False: 32, True: 48}
-_FIRST_CHECK = {False: 200, True: 120}
+_FIRST_CHECK = 120  # steps, with a proposal
 _PROPOSAL_SHARE, _LEAST_SHARE = 0.8, 0.1  # of the moves: for a proposal whose weights are even, and for one that cannot be trusted
 _GOOD_EFFICIENCY = 0.3  # effective share of its draws from which a proposal gets the full share of moves
 
@@ -41,7 +39,7 @@ class Target:
     rhat : largest rank-normalised R-hat.  ess : smallest bulk and tail effective sample size (4000 gives the ends of a
     95 % interval to about 3 % of a standard deviation).  n_tau : length in autocorrelation times.
     max_step : hard cap on the steps of each ensemble.  n_ensemble, n_walker : ensembles and walkers in each
-    (0: four for each parameter, 32 at least).
+    (0: four for each parameter, 32 at least; with a proposal 48 at least, and more for more effective draws).
     """
 
     rhat: float = 1.01
@@ -109,10 +107,10 @@ def sample_posterior(
     of it, weighted; the other moves stay in the mixture, so that a bad proposal costs time and not correctness.
     """
     n_par = len(posterior.names)
-    n_walker = target.n_walker or max(_WALKERS[proposal is not None], 4 * n_par)
+    n_walker = target.n_walker or max(4 * n_par, 32 if proposal is None else min(max(48, math.ceil(target.ess / 120.0)), 512))
     states, share = _first_points(posterior, start, cov, (target.n_ensemble, n_walker), rng, proposal)
     samplers = [_sampler(posterior, n_walker, rng, proposal, share) for _ in states]
-    n_step, tau_before, check = 0, math.nan, min(_FIRST_CHECK[proposal is not None], target.max_step)
+    n_step, tau_before, check = 0, math.nan, min(200 if proposal is None else _FIRST_CHECK, target.max_step)
     shortest_burn = 50 if proposal is None else 20
     while True:
         for i, sampler in enumerate(samplers):
@@ -124,9 +122,9 @@ def sample_posterior(
             tau_before = _autocorrelation_time(chain[:, : n_step // 2])
         n_burn = int(min(max(shortest_burn, math.ceil(10.0 * tau)), n_step // 2)) if math.isfinite(tau) else n_step // 2
         enough = math.ceil(1.03 * target.n_tau * tau) if math.isfinite(tau) else 0
-        if proposal is not None and n_step < min(enough, 3 * _FIRST_CHECK[True], target.max_step):
+        if proposal is not None and n_step < min(enough, 3 * _FIRST_CHECK, target.max_step):
             # too short whatever else is said: go on at once to the length that is asked for
-            tau_before, check = tau, min(target.max_step, max(enough, n_step + _FIRST_CHECK[True] // 4))
+            tau_before, check = tau, min(target.max_step, max(enough, n_step + _FIRST_CHECK // 4))
             continue
         convergence = _judge(chain[:, n_burn:], target, n_step=n_step, tau=tau, tau_before=tau_before)
         if progress is not None:
