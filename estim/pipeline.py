@@ -12,11 +12,13 @@ import numpy as np
 
 from estim.bands import Bands, posterior_bands
 from estim.campaign import Campaign
+from estim.checkpoint import Store
 from estim.diagnosis import Diagnosis, diagnose
 from estim.fitting import Fit, fit_least_squares
 from estim.goodness import Goodness, check_goodness
 from estim.problem import Problem
 from estim.sampling import Chain, Progress, Target, sample_posterior
+from estim.stepping import Stop
 
 _BAND_DRAWS = 4000
 
@@ -35,13 +37,19 @@ class Analysis:
 
 
 def analyse(
-    campaign: Campaign, runs: Sequence[str], *, seed: int, target: Target | None = None, progress: Progress | None = None
+    campaign: Campaign, runs: Sequence[str], *, seed: int, target: Target | None = None, progress: Progress | None = None,
+    store: Store | None = None, stop: Stop | None = None,
 ) -> Analysis:
-    """The joint analysis of `runs` of a campaign; the same seed gives the same numbers.  Raises InputError."""
+    """The joint analysis of `runs` of a campaign; the same seed gives the same numbers.  Raises InputError.
+
+    store, stop : keep the chain on disk, resume it, end it early (`sample_posterior`).
+    """
     fit_rng, chain_rng, check_rng, band_rng = np.random.default_rng(seed).spawn(4)
     problem = campaign.problem(runs)
     fit = fit_least_squares(problem, rng=fit_rng)
-    chain = sample_posterior(fit.posterior, fit.values, fit.cov, target=target or Target(), rng=chain_rng, progress=progress)
+    chain = sample_posterior(
+        fit.posterior, fit.values, fit.cov, target=target or Target(), rng=chain_rng, progress=progress, store=store, stop=stop
+    )
     goodness = check_goodness(fit, rng=check_rng)
     diagnosis = diagnose(fit, chain, goodness)
     bands = posterior_bands(problem, chain.thinned(_BAND_DRAWS), rng=band_rng)

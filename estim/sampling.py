@@ -18,7 +18,9 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from estim.checkpoint import Store
 from estim.errors import NumericalError
+from estim.stepping import Stop, start_walk
 
 FloatArray = NDArray[np.float64]
 
@@ -100,21 +102,26 @@ class Chain:
 
 
 def sample_posterior(
-    posterior: Density, start: FloatArray, cov: FloatArray, *, target: Target, rng: np.random.Generator, progress: Progress | None = None
+    posterior: Density, start: FloatArray, cov: FloatArray, *, target: Target, rng: np.random.Generator, progress: Progress | None = None,
+    store: Store | None = None, stop: Stop | None = None,
 ) -> Chain:
     """Draws from `posterior`, walkers started from the normal distribution of mean `start` (n_par,) and `cov`.
 
     The moves are differential evolution with its mode-jumping variant now and then, tested on known targets; emcee's
     snooker move has a wrong acceptance factor (3.1.6) and is never used.
+
+    store : keeps the chain on disk as it grows and may resume it; the draws are the same in every bit without it.
+    stop : asked after every step; when it says yes the chain is kept and Interrupted is raised.
+    Raises InputError where the store cannot be resumed, EstimError where it cannot be written.
     """
     n_par = len(posterior.names)
     n_walker = target.n_walker or max(32, 4 * n_par)
     samplers = [_sampler(posterior, n_walker, rng) for _ in range(target.n_ensemble)]
     states = [_scatter(posterior, start, cov, n_walker, rng) for _ in samplers]
+    walk = start_walk(posterior, samplers, states, target=target, rng=rng, store=store, stop=stop)
     n_step, tau_before, check = 0, math.nan, 200
     while True:
-        for i, sampler in enumerate(samplers):
-            states[i] = sampler.run_mcmc(states[i], check - n_step, skip_initial_state_check=True)
+        walk.advance(check)
         n_step = check
         chain = np.stack([sampler.get_chain() for sampler in samplers])
         tau = _autocorrelation_time(samplers)
