@@ -75,7 +75,7 @@ class Store:
     interval: float = 2.0
     say: Callable[[str], object] = str  # keeps silent
 
-    def open(self, key: Key) -> Record:
+    def record(self, key: Key) -> Record:
         """The record of the chain `key`, with the steps that are kept already.
 
         Raises InputError where the chain that should be resumed depends on anything else, EstimError where nothing can

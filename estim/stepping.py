@@ -109,7 +109,7 @@ def start_walk(
     points = [np.asarray(getattr(start, "coords", start)) for start in starts]
     settings = {**dataclasses.asdict(target), "n_ensemble": len(points), "n_walker": points[0].shape[0]}
     moves = [(sampler._moves, sampler._weights) for sampler in samplers]
-    record = store.open(sampling_key(density, settings=settings, moves=moves, rng=rng, starts=points))
+    record = store.record(sampling_key(density, settings=settings, moves=moves, rng=rng, starts=points))
     if record.saved is not None:
         _check_density(density, record.saved, record)
     return Walk(samplers, starts, record=record, stop=stop)
