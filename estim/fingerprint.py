@@ -86,7 +86,7 @@ def _phrase(part: str, items: list[str], old: Mapping[str, str], new: Mapping[st
     shown = [text for text in (_shown(item, old.get(item), new.get(item)) for item in items[:_LISTED]) if text]
     if len(items) > _LISTED:
         shown.append(f"and {len(items) - _LISTED} more")
-    article = "another" if part in ("seed", "density") else "other"
+    article = "another" if part in ("model", "seed", "density") else "other"
     return f"{article} {part}" + (f" ({'; '.join(shown)})" if shown else "")
 
 

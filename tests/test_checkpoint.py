@@ -94,6 +94,16 @@ def test_split_chain_is_the_whole_one_in_every_bit(whole: Chain, tmp_path: Path,
     assert same(sampled(Store(tmp_path, resume=True)), whole)
 
 
+def test_completed_chain_is_read_and_not_sampled_again(whole: Chain, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """What `fit --resume` relies on for the runs that were done before the interruption."""
+    assert same(sampled(Store(tmp_path)), whole)
+    asked: list[int] = []
+    original = Gaussian.log_density
+    monkeypatch.setattr(Gaussian, "log_density", lambda density, draws: asked.append(len(draws)) or original(density, draws))
+    assert same(sampled(Store(tmp_path, resume=True)), whole)
+    assert len(asked) == 3  # the starting points of two ensembles, and the guard
+
+
 def _without(what: str) -> Callable[[Chunk, int], tuple[object, ...]]:
     """`Chunk.random_state` of a careless implementation."""
 
@@ -165,7 +175,7 @@ def _other_model(posterior: Posterior) -> Posterior:
 
 CHANGES: dict[str, tuple[Callable[[Posterior], Posterior], str]] = {
     "data": (_other_data, "was made with other data (heavy-04);"),
-    "model": (_other_model, "was made with other model (heavy-04);"),
+    "model": (_other_model, "was made with another model (heavy-04);"),
     "prior": (_other_prior, "was made with other priors (gamma[heavy]);"),
     "noise": (_other_noise, "was made with other noise (heavy-04);"),
     "parameters": (_other_unit, "was made with other parameters (gamma[heavy] 1, now %);"),
@@ -513,6 +523,23 @@ def test_command_refuses_another_seed_and_says_so_in_one_line(command: Callable[
     assert other.returncode == 2
     words = "'resume' cannot continue: the chain was made with another seed (1, now 2); undo that, or fit without --resume to start anew"
     assert err == f"error: {place}: {words}\n"
+
+
+@pytest.mark.slow
+def test_several_runs_go_on_with_the_one_that_was_interrupted(command: Callable[..., subprocess.Popen[str]], tmp_path: Path) -> None:
+    options, folder = ("--run", "heavy-06", "--max-steps", "400"), tmp_path / "out" / ".checkpoint"
+    first = command(*options)
+    wait_for((folder / "heavy-06" / "key.json").exists, 60.0)
+    first.terminate()
+    out, _ = first.communicate()
+    assert first.returncode == 130
+    assert out.startswith("heavy-04: not-converged")
+    second = command(*options, "--resume")
+    _, err = second.communicate()
+    assert second.returncode == 3
+    assert err.startswith(f"{folder / 'heavy-04'}: continued after step 400\n{folder / 'heavy-06'}: continued after step ")
+    assert (tmp_path / "out" / "report.md").exists()
+    assert not folder.exists()
 
 
 def test_folder_that_cannot_be_written_is_known_before_sampling(command: Callable[..., subprocess.Popen[str]], tmp_path: Path) -> None:
