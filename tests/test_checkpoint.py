@@ -485,7 +485,7 @@ def test_signal_ends_with_130_and_a_checkpoint(command: Callable[..., subprocess
     sent = time.monotonic()
     process.send_signal(number)
     out, err = process.communicate()
-    assert time.monotonic() - sent < 2.0  # a second promised, on a machine that does other things too
+    assert time.monotonic() - sent < 3.0  # a second promised; the end of the interpreter and a busy machine on top
     assert (process.returncode, out, err) == (130, "", "interrupted: continue with --resume\n")
     assert _n_step(place) > 0
     assert not (tmp_path / "out" / "report.md").exists()
