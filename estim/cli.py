@@ -1,4 +1,4 @@
-"""The command line: the only file that prints or writes.  Heavy imports are local to the commands.
+"""The command line: the only file that prints, and that decides what is written.  Heavy imports are local to the commands.
 
 Exit codes: 0 the result is ok; 2 the input is wrong (one line on stderr); 3 a result is not ok (the report is written all
 the same); 130 interrupted.
@@ -6,9 +6,7 @@ the same); 130 interrupted.
 
 from __future__ import annotations
 
-import os
 import sys
-import tempfile
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
@@ -16,7 +14,8 @@ from typing import TYPE_CHECKING
 
 import click
 
-from estim.errors import EstimError, InputError, NumericalError
+from estim.errors import EstimError, InputError, Interrupted, NumericalError
+from estim.storage import write_whole
 
 if TYPE_CHECKING:
     from estim.campaign import Campaign
@@ -52,13 +51,23 @@ def cli() -> None:
 @_STEPS
 @_OUT
 @_SEED
-def fit(campaign: Path, runs: tuple[str, ...], joint: bool, max_steps: int, out: Path | None, seed: int) -> None:
+@click.option("--resume", is_flag=True, help="Continue a fit that was interrupted, from the draws kept in OUT/.checkpoint.")
+def fit(campaign: Path, runs: tuple[str, ...], joint: bool, max_steps: int, out: Path | None, seed: int, resume: bool) -> None:
     """Fit runs of CAMPAIGN and write a report.
 
     Each run is fit by itself unless --joint is given.  Exit code 3 means that a result is not to be trusted; the
     report says why.
+
+    While it samples, draws are kept in OUT/.checkpoint, which is removed when the report is written.  After Ctrl-C (exit
+    code 130), a kill or a crash, the same command with --resume goes on from there and gives the same numbers; without
+    --resume an unfinished chain is discarded and a line says so.  If data, priors, noise, settings, seed or versions have
+    changed, --resume refuses and says what differs (docs/long-runs.md).
     """
+    from estim.interruption import asked_to_stop
+
+    stop = click.get_current_context().with_resource(asked_to_stop())
     from estim.campaign import load_campaign
+    from estim.checkpoint import Store
     from estim.pipeline import analyse
     from estim.report import analysis_report, index_report
     from estim.result import result_of
@@ -67,16 +76,19 @@ def fit(campaign: Path, runs: tuple[str, ...], joint: bool, max_steps: int, out:
     loaded = load_campaign(campaign)
     folder = out or Path("out") / campaign.resolve().parent.name
     groups = _groups(loaded, runs, joint=joint)
+    stores = [Store(folder / ".checkpoint" / (f"joint-{group[0]}" if joint else group[0]), resume=resume, say=_note) for group in groups]
     results = {}
-    for group in groups:
+    for group, store in zip(groups, stores, strict=True):
         with _progress(", ".join(group), max_steps) as progress:
-            analysis = analyse(loaded, group, seed=seed, target=Target(max_step=max_steps), progress=progress)
+            analysis = analyse(loaded, group, seed=seed, target=Target(max_step=max_steps), progress=progress, store=store, stop=stop)
         place = folder if len(groups) == 1 else folder / group[0]
         _write(place, analysis_report(loaded, analysis))
         results[group[0]] = result_of(loaded, analysis)
         _conclude(", ".join(group), analysis.diagnosis.status, analysis.diagnosis.reasons)
     if len(groups) > 1:
         _write(folder, index_report(loaded, results))
+    for store in stores:
+        store.remove()
     click.echo(f"report: {folder / 'report.md'}")
     if any(result.status != "ok" for result in results.values()):
         sys.exit(NOT_OK)
@@ -217,28 +229,25 @@ def _progress(what: str, max_steps: int) -> Iterator[Progress]:
 
 
 def _write(folder: Path, files: Mapping[str, bytes]) -> None:
-    """Write every file whole: to a temporary name beside it, then renamed into place."""
+    """Write every file whole, or say which one cannot be written."""
     for name, data in files.items():
-        path = folder / name
-        try:
-            path.parent.mkdir(parents=True, exist_ok=True)
-            handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
-            try:
-                with os.fdopen(handle, "wb") as stream:
-                    stream.write(data)
-                os.chmod(temporary, 0o644)
-                os.replace(temporary, path)
-            except BaseException:
-                os.unlink(temporary)
-                raise
-        except OSError as error:
-            raise EstimError(f"{path}: cannot be written ({(error.strerror or str(error)).lower()})") from None
+        write_whole(folder / name, data)
+
+
+def _note(line: str) -> None:
+    """A line on stderr that leaves a progress bar intact."""
+    from tqdm import tqdm
+
+    tqdm.write(line, file=sys.stderr)
 
 
 def main() -> None:
     """Entry point: one line on stderr and an exit code in place of a traceback."""
     try:
         status = cli.main(standalone_mode=False)
+    except Interrupted:
+        click.echo("interrupted: continue with --resume", err=True)
+        sys.exit(INTERRUPTED)
     except click.exceptions.Abort:
         click.echo("interrupted", err=True)
         sys.exit(INTERRUPTED)

@@ -41,6 +41,10 @@ class NumericalError(EstimError):
     """A computation cannot go on at all, though the input breaks no rule; what can go on says so in its record instead."""
 
 
+class Interrupted(BaseException):
+    """A person or the system asked to stop (not an error: nothing that handles errors may take it for one)."""
+
+
 def shorten(value: object, limit: int = 60) -> str:
     """``value`` as text of at most ``limit`` characters."""
     text = value if isinstance(value, str) else repr(value)

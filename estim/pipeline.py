@@ -14,6 +14,7 @@ from estim.bands import Bands, posterior_bands
 from estim.campaign import Campaign
 from estim.campaign_file import NoiseTable
 from estim.certify import MAX_PARAMETERS, MOST_DRAWS, Certificate, Comparison, adapt_proposal, certify, compare_with_chain
+from estim.checkpoint import Store
 from estim.diagnosis import Diagnosis, diagnose
 from estim.fitting import Fit, fit_least_squares
 from estim.goodness import Goodness, check_goodness
@@ -22,6 +23,7 @@ from estim.modes import Modes, find_modes
 from estim.outliers import Outliers, find_outliers
 from estim.problem import Problem
 from estim.sampling import Chain, Progress, Target, sample_posterior
+from estim.stepping import Stop
 
 _BAND_DRAWS = 4000
 _MODE_DRAWS = 20_000
@@ -49,22 +51,28 @@ class Analysis:
 
 def analyse(
     campaign: Campaign, runs: Sequence[str], *, seed: int, target: Target | None = None, progress: Progress | None = None,
-    noise: NoiseTable | None = None,
+    noise: NoiseTable | None = None, store: Store | None = None, stop: Stop | None = None,
 ) -> Analysis:
     """The joint analysis of `runs` of a campaign; the same seed gives the same numbers.  Raises InputError.
 
     noise : in place of the noise tables of the campaign.
+    store, stop : keep the chain on disk, resume it, end it early (`sample_posterior`).
     """
-    return analyse_problem(campaign.problem(runs, noise=noise), seed=seed, target=target, progress=progress)
+    return analyse_problem(campaign.problem(runs, noise=noise), seed=seed, target=target, progress=progress, store=store, stop=stop)
 
 
-def analyse_problem(problem: Problem, *, seed: int, target: Target | None = None, progress: Progress | None = None) -> Analysis:
+def analyse_problem(
+    problem: Problem, *, seed: int, target: Target | None = None, progress: Progress | None = None, store: Store | None = None,
+    stop: Stop | None = None,
+) -> Analysis:
     """The analysis of any problem, however it was posed."""
     fit_rng, chain_rng, check_rng, band_rng, proposal_rng = np.random.default_rng(seed).spawn(5)
     fit = fit_least_squares(problem, rng=fit_rng)
     proposal = adapt_proposal(fit.posterior, fit.values, fit.cov, rng=proposal_rng, starts=tuple(fit.others))
     certificate = certify(fit.posterior, proposal, rng=proposal_rng, max_draw=MOST_DRAWS if problem.n_par <= MAX_PARAMETERS else _ROUGH)
-    chain = sample_posterior(fit.posterior, fit.values, fit.cov, target=target or Target(), rng=chain_rng, progress=progress, proposal=proposal)
+    chain = sample_posterior(
+        fit.posterior, fit.values, fit.cov, target=target or Target(), rng=chain_rng, progress=progress, proposal=proposal, store=store, stop=stop
+    )
     comparison = compare_with_chain(certificate, chain)
     goodness = check_goodness(fit, rng=check_rng)
     identifiability = identify(fit)

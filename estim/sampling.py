@@ -18,9 +18,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from estim.checkpoint import Store
 from estim.density import Density, log_density_in_batches
 from estim.errors import NumericalError
 from estim.proposal import K_HAT_LIMIT, Proposal, smoothed_weights
+from estim.stepping import Stop, start_walk
 
 FloatArray = NDArray[np.float64]
 
@@ -96,7 +98,7 @@ class Chain:
 
 def sample_posterior(
     posterior: Density, start: FloatArray, cov: FloatArray, *, target: Target, rng: np.random.Generator,
-    progress: Progress | None = None, proposal: Proposal | None = None,
+    progress: Progress | None = None, proposal: Proposal | None = None, store: Store | None = None, stop: Stop | None = None,
 ) -> Chain:
     """Draws from `posterior`, walkers started from the normal distribution of mean `start` (n_par,) and `cov`.
 
@@ -105,16 +107,20 @@ def sample_posterior(
 
     proposal : adapted to the posterior (`estim.proposal`).  Most moves then propose from it and walkers start from draws
     of it, weighted; the other moves stay in the mixture, so that a bad proposal costs time and not correctness.
+    store : keeps the chain on disk as it grows and may resume it; the draws are the same in every bit without it.
+    stop : asked after every step; when it says yes the chain is kept and Interrupted is raised.
+
+    Raises InputError where the store cannot be resumed, EstimError where it cannot be written.
     """
     n_par = len(posterior.names)
     n_walker = target.n_walker or max(4 * n_par, 32 if proposal is None else min(max(48, math.ceil(target.ess / 120.0)), 512))
     states, share = _first_points(posterior, start, cov, (target.n_ensemble, n_walker), rng, proposal)
     samplers = [_sampler(posterior, n_walker, rng, proposal, share) for _ in states]
+    walk = start_walk(posterior, samplers, list(states), target=target, rng=rng, store=store, stop=stop)
     n_step, tau_before, check = 0, math.nan, min(200 if proposal is None else _FIRST_CHECK, target.max_step)
     shortest_burn = 50 if proposal is None else 20
     while True:
-        for i, sampler in enumerate(samplers):
-            states[i] = sampler.run_mcmc(states[i], check - n_step, skip_initial_state_check=True)
+        walk.advance(check)
         n_step = check
         chain = np.stack([sampler.get_chain() for sampler in samplers])
         tau = _autocorrelation_time(chain)

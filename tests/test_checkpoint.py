@@ -1,0 +1,592 @@
+"""A chain on disk: resumed in every bit, refused where anything else changed, and never harmed by a kill or by a reader."""
+
+from __future__ import annotations
+
+import hashlib
+import io
+import json
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import textwrap
+import threading
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from estim import fingerprint as fingerprints
+from estim import stepping
+from estim.campaign import load_campaign
+from estim.checkpoint import Chunk, Store, read_checkpoint
+from estim.errors import EstimError, InputError, Interrupted
+from estim.fitting import Fit, fit_least_squares
+from estim.interruption import asked_to_stop
+from estim.priors import Normal
+from estim.problem import Posterior
+from estim.sampling import Chain, Target, sample_posterior
+
+# 13 walkers: an odd number of normal numbers a step, so that every other state has one left over
+QUICK = Target(ess=1e9, max_step=240, n_ensemble=2, n_walker=13)
+
+
+@dataclass(frozen=True, eq=False)
+class Gaussian:
+    """Four independent normals; `shift` is hidden from the key, as an error in the code would be."""
+
+    sds: np.ndarray
+    shift: float = field(default=0.0, compare=False)
+    names: tuple[str, ...] = ("a", "b", "c", "d")
+
+    def log_density(self, draws: np.ndarray) -> np.ndarray:
+        return np.asarray(self.shift - 0.5 * np.sum((draws / self.sds) ** 2, axis=1))
+
+
+SDS = np.array([1.0, 2.0, 0.5, 1.0])
+
+
+def until(n_step: int) -> Callable[[], bool]:
+    """A stop that says yes after `n_step` steps."""
+    left = iter([False] * (n_step - 1))
+    return lambda: next(left, True)
+
+
+def sampled(store: Store | None, stop: Callable[[], bool] | None = None, density: Gaussian | None = None, seed: int = 7) -> Chain:
+    target = density or Gaussian(SDS)
+    return sample_posterior(target, np.zeros(4), np.diag(SDS**2), target=QUICK, rng=np.random.default_rng(seed), store=store, stop=stop)
+
+
+def interrupted(folder: Path, n_step: int, *, interval: float = 1e9) -> None:
+    with pytest.raises(Interrupted):
+        sampled(Store(folder, resume=True, interval=interval), until(n_step))
+
+
+def same(a: Chain, b: Chain) -> bool:
+    arrays = all(np.array_equal(getattr(a, name), getattr(b, name)) for name in ("draws", "log_density", "acceptance"))
+    return arrays and a.n_burn == b.n_burn and a.stuck == b.stuck and a.convergence.message == b.convergence.message
+
+
+@pytest.fixture(scope="module")
+def whole() -> Chain:
+    return sampled(None)
+
+
+def test_chain_with_a_store_is_the_chain_without_one(whole: Chain, tmp_path: Path) -> None:
+    assert same(sampled(Store(tmp_path, interval=0.0)), whole)
+    kept = read_checkpoint(tmp_path)
+    assert kept is not None
+    assert np.array_equal(kept.draws[:, whole.n_burn :], whole.draws)
+    assert np.array_equal(kept.log_density[:, whole.n_burn :], whole.log_density)
+
+
+@pytest.mark.parametrize("stops", [(1,), (57,), (200,), (203,), (240,), (10, 11, 100, 20)])
+def test_split_chain_is_the_whole_one_in_every_bit(whole: Chain, tmp_path: Path, stops: tuple[int, ...]) -> None:
+    for n_step in stops:
+        interrupted(tmp_path, n_step, interval=0.01)
+    kept = read_checkpoint(tmp_path)
+    assert kept is not None
+    assert kept.n_step == sum(stops)
+    assert same(sampled(Store(tmp_path, resume=True)), whole)
+
+
+def test_completed_chain_is_read_and_not_sampled_again(whole: Chain, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """What `fit --resume` relies on for the runs that were done before the interruption."""
+    assert same(sampled(Store(tmp_path)), whole)
+    asked: list[int] = []
+    original = Gaussian.log_density
+    monkeypatch.setattr(Gaussian, "log_density", lambda density, draws: asked.append(len(draws)) or original(density, draws))
+    assert same(sampled(Store(tmp_path, resume=True)), whole)
+    assert len(asked) == 3  # the starting points of two ensembles, and the guard
+
+
+def _without(what: str) -> Callable[[Chunk, int], tuple[object, ...]]:
+    """`Chunk.random_state` of a careless implementation."""
+
+    def random_state(chunk: Chunk, ensemble: int) -> tuple[object, ...]:
+        if what == "the random state":
+            return np.random.RandomState(ensemble).get_state()
+        return "MT19937", chunk.random_key[ensemble], int(chunk.random_place[ensemble, 0]), 0, 0.0
+
+    return random_state
+
+
+@pytest.mark.parametrize("what", ["the random state", "the normal number left over"])
+def test_chain_resumed_without_its_random_state_would_differ(whole: Chain, tmp_path: Path, what: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    interrupted(tmp_path, 57)
+    monkeypatch.setattr(Chunk, "random_state", _without(what))
+    assert not same(sampled(Store(tmp_path, resume=True)), whole)
+
+
+def test_chain_resumed_without_its_acceptance_counts_would_differ(whole: Chain, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    original = stepping.Walk._chunk
+    monkeypatch.setattr(stepping.Walk, "_chunk", lambda walk, first: replace(original(walk, first), accepted=np.zeros((2, 13))))
+    interrupted(tmp_path, 57)
+    assert not same(sampled(Store(tmp_path, resume=True)), whole)
+
+
+# what the key sees
+
+
+@pytest.fixture(scope="module")
+def fit() -> Fit:
+    campaign = load_campaign(Path(__file__).parents[1] / "data" / "replica" / "campaign.toml")
+    return fit_least_squares(campaign.problem(["heavy-04"]), rng=np.random.default_rng(1), n_start=1)
+
+
+def _with_run(posterior: Posterior, **changes: object) -> Posterior:
+    problem = posterior.problem
+    return problem_of(posterior, runs=(replace(problem.runs[0], **changes),))
+
+
+def problem_of(posterior: Posterior, **changes: object) -> Posterior:
+    return replace(posterior, problem=replace(posterior.problem, **changes))
+
+
+def _other_prior(posterior: Posterior) -> Posterior:
+    first, *others = posterior.problem.parameters
+    assert isinstance(first.prior, Normal)
+    return problem_of(posterior, parameters=(replace(first, prior=replace(first.prior, sd=np.nextafter(first.prior.sd, 1.0))), *others))
+
+
+def _other_data(posterior: Posterior) -> Posterior:
+    y = posterior.problem.runs[0].y.copy()
+    y[3] = np.nextafter(y[3], 9.0)
+    return _with_run(posterior, y=y)
+
+
+def _other_noise(posterior: Posterior) -> Posterior:
+    noise = posterior.problem.runs[0].noise
+    return _with_run(posterior, noise=replace(noise, sigma=replace(noise.sigma, value=0.0011)))
+
+
+def _other_unit(posterior: Posterior) -> Posterior:
+    first, *others = posterior.problem.parameters
+    return problem_of(posterior, parameters=(replace(first, unit="%"), *others))
+
+
+def _other_model(posterior: Posterior) -> Posterior:
+    return _with_run(posterior, arguments={**posterior.problem.runs[0].arguments, "g": 9.80665})
+
+
+CHANGES: dict[str, tuple[Callable[[Posterior], Posterior], str]] = {
+    "data": (_other_data, "was made with other data (heavy-04);"),
+    "model": (_other_model, "was made with another model (heavy-04);"),
+    "prior": (_other_prior, "was made with other priors (gamma[heavy]);"),
+    "noise": (_other_noise, "was made with other noise (heavy-04);"),
+    "parameters": (_other_unit, "was made with other parameters (gamma[heavy] 1, now %);"),
+}
+
+
+def begin(fit: Fit, folder: Path, *, posterior: Posterior | None = None, seed: int = 7, target: Target = QUICK, shift: float = 0.0) -> None:
+    store = Store(folder, resume=True)
+    rng = np.random.default_rng(seed)
+    with pytest.raises(Interrupted):
+        sample_posterior(posterior or fit.posterior, fit.values + shift, fit.cov, target=target, rng=rng, store=store, stop=until(5))
+
+
+@pytest.mark.parametrize("change", CHANGES)
+def test_resume_is_refused_where_a_part_of_the_problem_differs(fit: Fit, tmp_path: Path, change: str) -> None:
+    begin(fit, tmp_path)
+    begin(fit, tmp_path)  # nothing changed: it goes on
+    alter, words = CHANGES[change]
+    with pytest.raises(InputError) as refusal:
+        begin(fit, tmp_path, posterior=alter(fit.posterior))
+    assert str(refusal.value).startswith(f"{tmp_path}: 'resume' cannot continue: the chain {words}")
+    kept = read_checkpoint(tmp_path)
+    assert kept is not None
+    assert kept.n_step == 10  # a refusal touches nothing
+
+
+def test_resume_is_refused_where_settings_seed_or_start_differ(fit: Fit, tmp_path: Path) -> None:
+    begin(fit, tmp_path)
+    with pytest.raises(InputError, match=r"made with other settings \(max_step 240, now 400\);"):
+        begin(fit, tmp_path, target=replace(QUICK, max_step=400))
+    with pytest.raises(InputError, match=r"made with other settings \(n_walker 13, now 14\);"):
+        begin(fit, tmp_path, target=replace(QUICK, n_walker=14))
+    with pytest.raises(InputError, match=r"made with another seed \(7, now 8\);"):
+        begin(fit, tmp_path, seed=8)
+    with pytest.raises(InputError, match="made with other starting points;"):
+        begin(fit, tmp_path, shift=1e-9)
+
+
+def test_resume_is_refused_by_another_version(fit: Fit, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    begin(fit, tmp_path)
+    original = fingerprints.version
+    monkeypatch.setattr(fingerprints, "version", lambda package: "9.9" if package == "emcee" else original(package))
+    with pytest.raises(InputError, match=rf"made with other versions \(emcee {original('emcee')}, now 9\.9\);"):
+        begin(fit, tmp_path)
+
+
+def test_resume_is_refused_for_a_density_that_the_key_cannot_see(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Stored log densities that are too high freeze every walker: emcee never evaluates them again."""
+    interrupted(tmp_path, 57)
+    lower = Gaussian(SDS, shift=-1e4)
+    with pytest.raises(InputError, match=r"log density of the stored walkers has changed.*\(largest change 1e\+04\)"):
+        sampled(Store(tmp_path, resume=True), density=lower)
+    with pytest.raises(InputError, match="log density of the stored walkers has changed"):
+        sampled(Store(tmp_path, resume=True), density=Gaussian(SDS, shift=1e-4))
+    monkeypatch.setattr(stepping, "_check_density", lambda *_: None)
+    assert sampled(Store(tmp_path, resume=True), density=lower).stuck == 26  # what the guard is for
+
+
+def test_fingerprint_sees_content_and_nothing_else() -> None:
+    def scaled(factor: float) -> Callable[[float], float]:
+        return lambda x: factor * x
+
+    one = np.array([1.0, 2.0])
+    different = [
+        one, one[::-1], one.astype(np.float32), one.reshape(1, 2), np.nextafter(one, 2.0), [1.0, 2.0], (1.0, 2.0), [1, 2],
+        {"a": 1.0}, {"b": 1.0}, ["a", 1.0], "ab", ["a", "b"], b"ab", None, {1, 2}, Normal(0.0, 1.0), Normal(0.0, 2.0), Gaussian(SDS),
+        scaled(1.0), scaled(2.0), lambda x: 1.0 + x, np.sin, np.cos,
+        np.random.RandomState(1), np.random.RandomState(2), np.random.default_rng(1), np.random.default_rng(2), [[1.0], [2.0]], [[1.0, 2.0]],
+    ]
+    assert len({fingerprints.fingerprint(thing) for thing in different}) == len(different)
+    for a, b in [
+        (one[::2], np.array([1.0])), ({"a": 1, "b": 2}, {"b": 2, "a": 1}), (scaled(2.0), scaled(2.0)),
+        (Gaussian(SDS, 1.0), Gaussian(SDS.copy(), 2.0)), ({"x", "y", "z"}, {"z", "y", "x"}), (np.random.RandomState(3), np.random.RandomState(3)),
+    ]:
+        assert fingerprints.fingerprint(a) == fingerprints.fingerprint(b)
+
+
+def test_key_is_the_same_in_another_process(fit: Fit, tmp_path: Path) -> None:
+    """Nothing in it may depend on addresses or on the hash seed."""
+    begin(fit, tmp_path)
+    code = """
+    import sys; from pathlib import Path; import numpy as np
+    sys.path.insert(0, "tests"); import test_checkpoint as t
+    from estim.campaign import load_campaign; from estim.fitting import fit_least_squares
+    fit = fit_least_squares(load_campaign("data/replica/campaign.toml").problem(["heavy-04"]), rng=np.random.default_rng(1), n_start=1)
+    t.begin(fit, Path(sys.argv[1]))
+    """
+    project = Path(__file__).parents[1]
+    env = os.environ | {"PYTHONHASHSEED": "5"}
+    words = [sys.executable, "-c", textwrap.dedent(code), str(tmp_path)]
+    ran = subprocess.run(words, capture_output=True, text=True, cwd=project, env=env, check=False)
+    assert ran.returncode == 0, ran.stderr
+    kept = read_checkpoint(tmp_path)
+    assert kept is not None
+    assert kept.n_step == 10
+
+
+# files that are not what they were
+
+
+def _flipped(data: bytes) -> bytes:
+    middle = len(data) // 2
+    return data[:middle] + bytes([data[middle] ^ 1]) + data[middle + 1 :]
+
+
+DAMAGE: dict[str, Callable[[bytes], bytes]] = {
+    "empty": lambda data: b"",
+    "truncated": lambda data: data[:-1],
+    "half": lambda data: data[: len(data) // 2],
+    "zeros at the end": lambda data: data[:-512] + bytes(512),
+    "longer": lambda data: data + b"\0",
+    "one bit": _flipped,
+    "garbage": lambda data: np.random.default_rng(1).bytes(len(data)),
+}
+
+
+@pytest.fixture(scope="module")
+def four_chunks(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("chunks")
+    for _ in range(4):
+        interrupted(folder, 40)
+    assert len(list(folder.glob("*.npz"))) == 4
+    return folder
+
+
+@pytest.mark.parametrize("damage", DAMAGE)
+@pytest.mark.parametrize("number", [0, 2, 3])
+def test_damaged_chunk_and_what_follows_is_never_read(four_chunks: Path, whole: Chain, tmp_path: Path, damage: str, number: int) -> None:
+    folder = shutil.copytree(four_chunks, tmp_path / "chunks")
+    (victim,) = folder.glob(f"{number:06d}-*.npz")
+    victim.write_bytes(DAMAGE[damage](victim.read_bytes()))
+    before, kept = read_checkpoint(four_chunks), read_checkpoint(folder)
+    assert before is not None
+    assert (0 if kept is None else kept.n_step) == 40 * number
+    assert kept is None or np.array_equal(kept.draws, before.draws[:, : kept.n_step])
+    said: list[str] = []
+    chain = sampled(Store(folder, resume=True, say=said.append))
+    assert same(chain, whole)
+    assert f"{4 - number} of 4 chunks are damaged" in said[0]
+
+
+def test_missing_chunk_ends_the_chain(four_chunks: Path, tmp_path: Path) -> None:
+    folder = shutil.copytree(four_chunks, tmp_path / "chunks")
+    next(folder.glob("000001-*")).unlink()
+    kept = read_checkpoint(folder)
+    assert kept is not None
+    assert kept.n_step == 40
+
+
+def _named(folder: Path, number: int, data: bytes) -> None:
+    (folder / f"{number:06d}-{hashlib.sha256(data).hexdigest()}.npz").write_bytes(data)
+
+
+def test_whole_chunk_of_another_chain_is_not_read(four_chunks: Path, tmp_path: Path) -> None:
+    other, folder = tmp_path / "other", shutil.copytree(four_chunks, tmp_path / "chunks")
+    for _ in range(2):
+        with pytest.raises(Interrupted):
+            sampled(Store(other, resume=True), until(40), seed=8)
+    next(folder.glob("000001-*")).unlink()
+    _named(folder, 1, next(other.glob("000001-*")).read_bytes())
+    kept = read_checkpoint(folder)
+    assert kept is not None
+    assert kept.n_step == 40
+
+
+def test_pickled_objects_are_never_loaded(four_chunks: Path, tmp_path: Path) -> None:
+    class Bomb:
+        def __reduce__(self) -> tuple[object, tuple[str]]:
+            return os.mkdir, (str(tmp_path / "exploded"),)
+
+    folder = shutil.copytree(four_chunks, tmp_path / "chunks")
+    last = next(folder.glob("000003-*"))
+    with np.load(last) as arrays:
+        contents = dict(arrays)
+    stream = io.BytesIO()
+    np.savez(stream, **{**contents, "accepted": np.array([Bomb()], dtype=object)})
+    last.unlink()
+    _named(folder, 3, stream.getvalue())
+    kept = read_checkpoint(folder)
+    assert kept is not None
+    assert kept.n_step == 120
+    assert not (tmp_path / "exploded").exists()
+
+
+def test_chunks_without_their_key_are_refused(four_chunks: Path, tmp_path: Path) -> None:
+    for damage in (b"", b"{", b"[]", b'{"schema": "estim-checkpoint/9"}'):
+        folder = shutil.copytree(four_chunks, tmp_path / "chunks", dirs_exist_ok=True)
+        (folder / "key.json").write_bytes(damage)
+        assert read_checkpoint(folder) is None
+        with pytest.raises(InputError, match=r"key\.json is missing or damaged"):
+            sampled(Store(folder, resume=True))
+
+
+def test_store_without_resume_discards_what_is_there_and_says_so(four_chunks: Path, whole: Chain, tmp_path: Path) -> None:
+    folder = shutil.copytree(four_chunks, tmp_path / "chunks")
+    (folder / ".000004-x.npz.abc").write_bytes(b"left by a kill")
+    said: list[str] = []
+    store = Store(folder, say=said.append)
+    assert same(sampled(store), whole)
+    assert len(said) == 1
+    assert "discarded" in said[0]
+    kept = read_checkpoint(folder)
+    assert kept is not None
+    assert kept.n_step == 240
+    assert not list(folder.glob(".*"))
+    store.remove()
+    assert not folder.exists()
+
+
+def test_full_disk_is_one_line_and_what_was_kept_goes_on(whole: Chain, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    original, left = os.fsync, iter(range(20))
+
+    def fsync(handle: int) -> None:
+        if next(left, None) is None:
+            raise OSError(28, "No space left on device")
+        original(handle)
+
+    with monkeypatch.context() as patched:
+        patched.setattr(os, "fsync", fsync)
+        with pytest.raises(EstimError, match=r"cannot be written \(no space left on device\); 9 steps are kept: make room and continue"):
+            sampled(Store(tmp_path, interval=0.0))
+    kept = read_checkpoint(tmp_path)
+    assert kept is not None
+    assert kept.n_step == 9
+    assert not list(tmp_path.glob(".*"))
+    assert same(sampled(Store(tmp_path, resume=True)), whole)
+
+
+def test_reader_in_a_loop_does_not_disturb_the_writer(whole: Chain, tmp_path: Path) -> None:
+    seen: list[int] = []
+    wrong: list[int] = []
+    done = threading.Event()
+
+    def read() -> None:
+        while not done.is_set():
+            kept = read_checkpoint(tmp_path)
+            n_step = 0 if kept is None else kept.n_step
+            seen.append(n_step)
+            if kept is not None and not np.array_equal(kept.draws[:, whole.n_burn :], whole.draws[:, : max(0, n_step - whole.n_burn)]):
+                wrong.append(n_step)
+
+    reader = threading.Thread(target=read)
+    reader.start()
+    chain = sampled(Store(tmp_path, interval=0.0))
+    done.set()
+    reader.join()
+    assert same(chain, whole)
+    assert not wrong
+    assert seen == sorted(seen)
+    assert len(set(seen)) > 3
+
+
+# kills and signals
+
+
+def wait_for(condition: Callable[[], bool], seconds: float = 30.0) -> None:
+    limit = time.monotonic() + seconds
+    while not condition():
+        assert time.monotonic() < limit
+        time.sleep(0.01)
+
+
+def test_chain_killed_at_random_moments_is_the_whole_one(whole: Chain, tmp_path: Path, rng: np.random.Generator) -> None:
+    """Five times SIGKILL; a step whose chunk was seen is never lost.  (benchmarks/kill_resume.py: a hundred.)"""
+    code = "import sys; sys.path.insert(0, 'tests'); from pathlib import Path; import test_checkpoint as t\n"
+    code += "t.sampled(t.Store(Path(sys.argv[1]), resume=True, interval=0.0), lambda: t.time.sleep(0.005))"
+    seen = 0
+    for _ in range(5):
+        process = subprocess.Popen([sys.executable, "-c", code, str(tmp_path)], cwd=Path(__file__).parents[1])
+        wait_for(lambda: _n_step(tmp_path) > seen)  # noqa: B023
+        time.sleep(float(rng.uniform(0.0, 0.2)))
+        at_least = _n_step(tmp_path)
+        process.kill()
+        assert process.wait() == -signal.SIGKILL
+        seen = _n_step(tmp_path)
+        assert seen >= at_least
+    assert 5 <= seen < 240
+    assert same(sampled(Store(tmp_path, resume=True)), whole)
+
+
+def _n_step(folder: Path) -> int:
+    kept = read_checkpoint(folder)
+    return 0 if kept is None else kept.n_step
+
+
+@pytest.fixture
+def command(replica: Path, tmp_path: Path) -> Iterator[Callable[..., subprocess.Popen[str]]]:
+    started: list[subprocess.Popen[str]] = []
+
+    def start(*options: str) -> subprocess.Popen[str]:
+        words = [sys.executable, "-m", "estim", "fit", str(replica / "campaign.toml"), "--run", "heavy-04", "--out", str(tmp_path / "out"), *options]
+        started.append(subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True))
+        return started[-1]
+
+    yield start
+    for process in started:
+        process.kill()
+        process.communicate()
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_signal_ends_with_130_and_a_checkpoint(command: Callable[..., subprocess.Popen[str]], tmp_path: Path, number: int) -> None:
+    place = tmp_path / "out" / ".checkpoint" / "heavy-04"
+    process = command()
+    wait_for((place / "key.json").exists)
+    time.sleep(0.3)
+    sent = time.monotonic()
+    process.send_signal(number)
+    out, err = process.communicate()
+    assert time.monotonic() - sent < 3.0  # a second promised; the end of the interpreter and a busy machine on top
+    assert (process.returncode, out, err) == (130, "", "interrupted: continue with --resume\n")
+    assert _n_step(place) > 0
+    assert not (tmp_path / "out" / "report.md").exists()
+
+
+@pytest.mark.slow
+def test_fit_interrupted_and_resumed_gives_the_same_bytes(command: Callable[..., subprocess.Popen[str]], tmp_path: Path) -> None:
+    assert command("--max-steps", "400").wait() == 3
+    files = ("result.json", "report.md", "figures/corner.png")
+    reference = {file: (tmp_path / "out" / file).read_bytes() for file in files}
+    shutil.rmtree(tmp_path / "out")
+    place = tmp_path / "out" / ".checkpoint" / "heavy-04"
+    first = command("--max-steps", "400")
+    wait_for((place / "key.json").exists)
+    time.sleep(0.3)
+    first.terminate()
+    assert first.wait() == 130
+    second = command("--max-steps", "400", "--resume")
+    _, err = second.communicate()
+    assert second.returncode == 3
+    assert err.startswith(f"{place}: continued after step ")
+    assert {file: (tmp_path / "out" / file).read_bytes() for file in files} == reference
+    assert not (tmp_path / "out" / ".checkpoint").exists()
+
+
+def test_command_refuses_another_seed_and_says_so_in_one_line(command: Callable[..., subprocess.Popen[str]], tmp_path: Path) -> None:
+    place = tmp_path / "out" / ".checkpoint" / "heavy-04"
+    first = command("--resume")
+    wait_for((place / "key.json").exists)
+    time.sleep(0.2)
+    first.terminate()
+    assert first.communicate()[1] == f"{place}: nothing to resume, sampling starts anew\ninterrupted: continue with --resume\n"
+    other = command("--resume", "--seed", "2")
+    _, err = other.communicate()
+    assert other.returncode == 2
+    words = "'resume' cannot continue: the chain was made with another seed (1, now 2); undo that, or fit without --resume to start anew"
+    assert err == f"error: {place}: {words}\n"
+
+
+@pytest.mark.slow
+def test_several_runs_go_on_with_the_one_that_was_interrupted(command: Callable[..., subprocess.Popen[str]], tmp_path: Path) -> None:
+    options, folder = ("--run", "heavy-06", "--max-steps", "400"), tmp_path / "out" / ".checkpoint"
+    first = command(*options)
+    wait_for((folder / "heavy-06" / "key.json").exists, 60.0)
+    first.terminate()
+    out, _ = first.communicate()
+    assert first.returncode == 130
+    assert out.startswith("heavy-04: not-converged")
+    second = command(*options, "--resume")
+    _, err = second.communicate()
+    assert second.returncode == 3
+    assert err.startswith(f"{folder / 'heavy-04'}: continued after step 400\n{folder / 'heavy-06'}: continued after step ")
+    assert (tmp_path / "out" / "report.md").exists()
+    assert not folder.exists()
+
+
+def test_folder_that_cannot_be_written_is_known_before_sampling(command: Callable[..., subprocess.Popen[str]], tmp_path: Path) -> None:
+    (tmp_path / "out").mkdir()
+    (tmp_path / "out" / ".checkpoint").write_text("in the way")
+    process = command()
+    _, err = process.communicate()
+    assert process.returncode == 2
+    assert err.startswith(f"error: {tmp_path / 'out' / '.checkpoint' / 'heavy-04'}")
+    assert "cannot be written" in err
+    assert err.count("\n") == 1
+
+
+def test_signal_that_nobody_asks_about_ends_the_work_after_a_second() -> None:
+    before = signal.getsignal(signal.SIGTERM)
+    start = time.monotonic()
+    with asked_to_stop():
+        signal.raise_signal(signal.SIGTERM)
+        with pytest.raises(Interrupted):
+            wait_for(lambda: False)
+    assert 0.9 < time.monotonic() - start < 3.0
+    assert signal.getsignal(signal.SIGTERM) is before
+
+
+def test_signal_that_is_asked_about_is_only_an_answer() -> None:
+    with asked_to_stop() as asked:
+        assert not asked()
+        signal.raise_signal(signal.SIGINT)
+        assert asked()
+        time.sleep(1.2)  # no second signal comes
+        with pytest.raises(Interrupted):
+            signal.raise_signal(signal.SIGINT)  # an impatient person
+
+
+def test_ignored_signal_stays_ignored() -> None:
+    before = signal.signal(signal.SIGTERM, signal.SIG_IGN)
+    try:
+        with asked_to_stop() as asked:
+            signal.raise_signal(signal.SIGTERM)
+            assert not asked()
+    finally:
+        signal.signal(signal.SIGTERM, before)
+
+
+def test_key_is_readable_by_a_person(tmp_path: Path, fit: Fit) -> None:
+    begin(fit, tmp_path)
+    parts = json.loads((tmp_path / "key.json").read_text())["parts"]
+    assert list(parts) == ["data", "model", "priors", "noise", "parameters", "settings", "seed", "versions", "moves", "starting points", "density"]
+    assert parts["settings"]["n_walker"] == "13"
+    assert set(parts["priors"]) == set(fit.names)
