@@ -49,6 +49,10 @@ _QUANTITIES: Mapping[str, _Kind] = MappingProxyType(
         "kappa": _Kind({"kappa": 1.0}, "1", None, "inertia of the disk / (M_D R²)", 0.0),
         "theta0": _Kind({"theta0_deg": _DEGREE, "theta0_rad": 1.0}, "rad", None, "angle of the particle at release", high=2.0 * np.pi),
         "phi": _Kind({"phi_deg": _DEGREE, "phi_rad": 1.0}, "rad", None, "tilt of the ramp", high=0.5 * np.pi),
+        "theta0_zero": _Kind(
+            {"theta0_zero_deg": _DEGREE, "theta0_zero_rad": 1.0}, "rad", 0.0, "common zero error: added to the angle at release", high=0.5 * np.pi
+        ),
+        "phi_zero": _Kind({"phi_zero_deg": _DEGREE, "phi_zero_rad": 1.0}, "rad", 0.0, "common zero error: added to the tilt", high=0.5 * np.pi),
         "rolling_resistance": _Kind({"rolling_resistance": 1.0}, "1", 0.0, "coefficient of rolling resistance", 0.0),
         "radius": _Kind({"radius_m": 1.0}, "m", None, "radius of the disk", 0.0, False),
         "rho": _Kind({"rho": 1.0}, "1", 1.0, "distance of the particle from the axle / R", 0.0, False),
@@ -57,6 +61,7 @@ _QUANTITIES: Mapping[str, _Kind] = MappingProxyType(
         "g": _Kind({"g": 1.0}, "m/s²", phase.STANDARD_GRAVITY, "acceleration of free fall", 0.0, False),
     }
 )
+_ZEROED = ("phi", "theta0")  # angles that an instrument may read with a common zero error
 _MASSES = ("mass_disk_kg", "mass_particle_kg", "mass_trailing_kg")
 
 
@@ -73,6 +78,8 @@ class PhaseCurve:
     def _body(self, a: Mapping[str, ArrayLike]) -> tuple[Body, dict[str, ArrayLike]]:
         names = ("radius", "gamma", "kappa", "rho", "trailing_fraction", "particle_gyration")
         motion = {name: a[name] for name in ("phi", "theta0", "rolling_resistance", "g")}
+        for angle in _ZEROED:
+            motion[angle] = np.add(motion[angle], a.get(f"{angle}_zero", 0.0))
         return Body(**{name: a[name] for name in names}), motion
 
     def value(self, x: FloatArray, arguments: Mapping[str, ArrayLike]) -> FloatArray:
@@ -82,7 +89,8 @@ class PhaseCurve:
     def local(self, x: FloatArray, arguments: Mapping[str, ArrayLike]) -> LocalCurve:
         body, motion = self._body(arguments)
         value, slope, gradient = (phase.angular_rate_derivatives if self.angular else phase.speed_derivatives)(x, body, **motion)
-        return LocalCurve(np.atleast_2d(value), np.atleast_2d(slope), gradient)
+        zeros = {f"{angle}_zero": gradient[angle] for angle in _ZEROED}
+        return LocalCurve(np.atleast_2d(value), np.atleast_2d(slope), {**gradient, **zeros})
 
     def time_derivative(self, x: FloatArray, arguments: Mapping[str, ArrayLike], order: int) -> FloatArray:
         body, motion = self._body(arguments)

@@ -11,6 +11,8 @@ _SYMBOLS = {
     "kappa": "κ",
     "theta0": "θ₀",
     "phi": "φ",
+    "theta0_zero": "δθ₀",
+    "phi_zero": "δφ",
     "rolling_resistance": "c_rr",
     "radius": "R",
     "rho": "ρ",
@@ -26,7 +28,7 @@ _SYMBOLS = {
     "slope": "s",
     "resisting_moment": "Q_rr",
 }
-_ANGLES = ("theta0", "phi")
+_ANGLES = ("theta0", "phi", "theta0_zero", "phi_zero")
 
 
 @dataclass(frozen=True)
