@@ -206,8 +206,7 @@ def _gauss_newton(term: RunTerm, shared: FloatArray, own: FloatArray) -> tuple[F
     k = term.own.size
     steps, informations = np.empty_like(own), np.empty((own.shape[0], k, k))
     for block in _blocks(own.shape[0]):
-        residuals, variance, slopes = _whitened(term, term.rows(shared[block], own[block]))
-        jacobian, spread = slopes
+        residuals, _, (jacobian, spread) = _whitened(term, term.rows(shared[block], own[block]))
         gradient = np.einsum("nok,no->nk", jacobian, residuals) + 0.5 * np.einsum("nok,no->nk", spread, residuals**2 - 1.0)
         information = np.einsum("nok,nol->nkl", jacobian, jacobian) + 0.5 * np.einsum("nok,nol->nkl", spread, spread)
         for i, prior in enumerate(term.own_priors):
@@ -278,7 +277,7 @@ def log_sum_exp(terms: FloatArray, axis: int | None = None) -> FloatArray:
     safe = np.where(np.isfinite(largest), largest, 0.0)
     with np.errstate(divide="ignore"):
         total = np.log(np.sum(np.exp(terms - safe), axis=axis, keepdims=True)) + safe
-    return np.asarray(np.squeeze(total, axis=axis) if axis is not None else total.ravel()[0])
+    return np.asarray(np.squeeze(total, axis=axis), dtype=np.float64)
 
 
 def _blocks(n: int) -> list[slice]:

@@ -22,7 +22,7 @@ Sources: Rao, Linear Statistical Inference (1973) 4a.2 (tests of nested hypothes
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -70,7 +70,7 @@ class Estimate:
 class Consistency:
     """Whether runs agree about the parameters they share.
 
-    shared : names of the parameters of the curve that more than one run uses; units : theirs.
+    shared : names of the parameters of the curve that more than one run uses; units : theirs.  used : parameter -> the runs that use it.
     chi2, dof, p_value : Q.  rows : one `Disagreement` a source, in the order of the runs, stated values last (if there are any).
     alone : run -> estimate from this run and the stated values; others : run -> from all but this run; joint : from all.
     suspects : sources without which the rest agrees, most suspicious first; more than one where the data cannot tell them apart.
@@ -79,12 +79,13 @@ class Consistency:
 
     shared: tuple[str, ...]
     units: tuple[str, ...]
+    used: Mapping[str, tuple[str, ...]]
     chi2: float
     dof: int
     p_value: float
     rows: tuple[Disagreement, ...]
-    alone: dict[str, Estimate]
-    others: dict[str, Estimate]
+    alone: Mapping[str, Estimate]
+    others: Mapping[str, Estimate]
     joint: Estimate
     suspects: tuple[str, ...]
     agree: bool
@@ -93,7 +94,7 @@ class Consistency:
 
 @dataclass(frozen=True, eq=False)
 class _Source:
-    """Measurements t (n_row,) = design (n_row, n_shared) . (s - fit) with unit errors; `weak` are those left out of the tests."""
+    """Measurements t (n_row,) = design (n_row, n_shared) . (s - fit) with unit errors; no rows where it is all but silent."""
 
     name: str
     design: FloatArray
@@ -128,7 +129,9 @@ def check_consistency(fit: Fit) -> Consistency:
     centre = fit.values[shared]
     prior, total = full[-1], _sum(full)
     return Consistency(
-        shared=tuple(problem.names[i] for i in shared), units=tuple(problem.parameters[i].unit for i in shared), chi2=chi2, dof=dof, p_value=p_value,
+        shared=tuple(problem.names[i] for i in shared), units=tuple(problem.parameters[i].unit for i in shared),
+        used={problem.names[i]: tuple(run.name for run in problem.runs if problem.names[i] in names_used(run)) for i in shared},
+        chi2=chi2, dof=dof, p_value=p_value,
         rows=rows, alone={name: _estimate(centre, _sum([one, prior])) for name, one in zip(names, full[:-1], strict=True)},
         others={name: _estimate(centre, (total[0] - one[0], total[1] - one[1])) for name, one in zip(names, full[:-1], strict=True)},
         joint=_estimate(centre, total), suspects=suspects, agree=agree, verdict=_verdict(agree, suspects, p_value, dof, len(names)),

@@ -140,7 +140,7 @@ def sample_marginal(fit: Fit, *, rng: np.random.Generator, options: MarginalOpti
     trusted, reasons = _judge(k_hat, ess, k_hat_all, ess_all, shift, u_shift, error, n_node=options.n_node, exact=columns.size == fit.problem.n_par)
     return MarginalPosterior(
         names=fit.names, sampled=tuple(fit.names[i] for i in columns), draws=draws, log_weights=log_weights, k_hat=k_hat, ess=ess,
-        log_evidence=log_sum_exp(raw) - math.log(raw.size) if ess else -math.inf, u_log_evidence=_u_log_evidence(raw),
+        log_evidence=float(log_sum_exp(raw)) - math.log(raw.size), u_log_evidence=_u_log_evidence(raw),
         check_log_weights=check, k_hat_all=k_hat_all, ess_all=ess_all, log_evidence_all=float(log_sum_exp(raw_all)) - math.log(raw_all.size),
         shift=shift, u_shift=u_shift, expansion_error=error, trusted=trusted, reasons=reasons,
     )
@@ -231,7 +231,8 @@ def _adapt(fit: Fit, target: _Marginal, options: MarginalOptions, rng: np.random
     """
     columns = target.columns
     mean, cov = fit.values[columns], fit.cov[np.ix_(columns, columns)]
-    regression = np.linalg.solve(cov, fit.cov[columns]).T  # (n_par, n_sampled): conditional mean of all parameters
+    # (n_par, n_sampled): how the conditional mean of every parameter follows the sampled ones
+    regression: FloatArray = np.asarray(np.linalg.solve(cov, fit.cov[columns]).T, dtype=np.float64)
     points = _pilot_points(target, mean, cov, rng)
     expansions = _expand_all(fit, target, points, regression, _StudentT(mean, _root(cov), options.dof))
     settled = 0
@@ -375,7 +376,7 @@ def _judge(
     if exact:
         notes.append("every parameter was sampled: nothing is integrated out, the weights are exact")
     elif not k_hat_all < K_HAT_LIMIT:
-        notes.append(f"the exact weights in all dimensions are too uneven to certify the result (k-hat {k_hat_all:.2f}, {ess_all:.0f} effective draws)")
+        notes.append(f"exact weights in all dimensions are too uneven to certify the result (k-hat {k_hat_all:.2f}, {ess_all:.0f} effective draws)")
     elif shift > max(0.1, 4.0 * u_shift):
         cure = "take n_node = 5" if n_node < 5 else "use the sampler"
         wrong.append(f"exact weights move a shared parameter by {shift:.2f} standard deviations (Monte-Carlo error {u_shift:.2f}): {cure}")
