@@ -6,8 +6,8 @@ Synthetic runs (video at 30 frames/s, sigma_x = 1 mm) of one body, gamma stated 
 of every run stated to 0.4 and 1.5 degrees: 2 + 2 N parameters.
 
 - marginal: `sample_marginal`, 20,000 draws, with its check in all dimensions, start-up included; effective size of Kish.
-- full sampler: `sample_posterior`, up to 16 runs, for at most the given seconds; stretch: emcee's default move, 4 walkers a parameter, for the same time,
-  a third of it discarded.  Effective size: the smallest rank-normalised bulk ESS of gamma and kappa.
+- full sampler: `sample_posterior`, up to 16 runs, for at most the given seconds; stretch: emcee's default move, 4 walkers a parameter, for the same
+  time, a third of it discarded.  Effective size: the smallest rank-normalised bulk ESS of gamma and kappa.
 
 Right: the means of gamma and kappa against a reference that approximates nothing, exact importance weights in all dimensions of 60,000 other
 draws (200,000 for a single run); the larger distance in posterior standard deviations, and in Monte-Carlo errors (both sides) as z.  |z| < 3.5
