@@ -12,8 +12,7 @@ nothing is approximated, and both sets of weights must give the same answer (a c
 Priors with hard edges: sampled parameters are only checked against their support.  A run's own parameter that comes close
 to such an edge is no normal variable and is sampled with the shared ones.
 
-Sources: Vehtari, Simpson, Gelman, Yao, Gabry, JMLR 25 (2024) 72 (Pareto smoothing and k-hat); Rue, Martino, Chopin, J. R. Stat. Soc. B 71
-(2009) 319 (nested Laplace approximations); effective size 1/sum w^2 (Kish).
+Source: Rue, Martino, Chopin, J. R. Stat. Soc. B 71 (2009) 319 (nested Laplace approximations).
 """
 
 from __future__ import annotations
@@ -28,6 +27,7 @@ from numpy.typing import NDArray
 from estim.conditional import Expansion, RunTerm, expand, log_sum_exp, names_used, run_terms
 from estim.errors import InputError, NumericalError
 from estim.fitting import Fit
+from estim.importance import StudentT, difference, effective_size, flattening, lower_root, smoothed, spread, systematic, u_log_evidence
 from estim.priors import Normal
 from estim.problem import Problem
 
@@ -41,6 +41,7 @@ _CLOSE = 4.0  # standard deviations to a hard edge below which a parameter is no
 _N_ADAPT = 1000
 _N_POINT = 200
 _MOST_ROUNDS = 8
+_UNEVEN = 0.1  # spread of a run's log weights above which its own parameters are no normal variables: a shift of 0.08 of their sd
 _ROUGH = 0.3  # of a conditional standard deviation: worse expansions of the modes are reported
 
 
@@ -71,8 +72,10 @@ class MarginalPosterior:
     names : (n_par,) of the problem.  sampled : names of the parameters drawn from the marginal, the others were drawn given these.
     draws : (n_draw, n_par) in the problem's order.  log_weights : (n_draw,) Pareto-smoothed, their exponentials sum to 1.
     k_hat, ess : of these weights.  log_evidence, u_log_evidence : log p(y) and its Monte-Carlo error, by the marginal.
-    check_log_weights : (n_check,) weights in all dimensions of the first draws, smoothed; k_hat_all, ess_all, log_evidence_all : theirs.
+    check_log_weights : (n_check,) weights in all dimensions for the sampled parameters of the first draws, smoothed;
+        k_hat_all, ess_all, log_evidence_all : theirs.
     shift : largest difference between the means of a sampled parameter by the two sets of weights, posterior standard deviations.
+    refined : runs whose own parameters were not normal enough given the shared ones and were brought to their exact distribution.
     u_shift : its Monte-Carlo error.  expansion_error : see `Expansion.error`, the worst run.
     trusted : whether the draws may be used.  reasons : in words, why or why not.
     """
@@ -92,6 +95,7 @@ class MarginalPosterior:
     shift: float
     u_shift: float
     expansion_error: float
+    refined: tuple[str, ...]
     trusted: bool
     reasons: tuple[str, ...]
 
@@ -107,7 +111,7 @@ class MarginalPosterior:
 
     def resampled(self, n_draw: int, *, rng: np.random.Generator) -> FloatArray:
         """(n_draw, n_par) draws of equal weight, by systematic resampling; more than `ess` of them repeat each other."""
-        return self.draws[_systematic(np.exp(self.log_weights), n_draw, rng)]
+        return self.draws[systematic(np.exp(self.log_weights), n_draw, rng)]
 
 
 def sample_marginal(fit: Fit, *, rng: np.random.Generator, options: MarginalOptions | None = None) -> MarginalPosterior:
@@ -124,25 +128,36 @@ def sample_marginal(fit: Fit, *, rng: np.random.Generator, options: MarginalOpti
     target = _Marginal(fit.problem, columns, terms)
     proposal, expansions = _adapt(fit, target, options, rng)
     shared = proposal.draw(rng, options.n_draw)
-    raw = target.log_density(shared, expansions, n_node=options.n_node) - proposal.log_density(shared)
+    log_prior, by_run = target.terms_at(shared, expansions, n_node=options.n_node)
+    log_proposal = proposal.log_density(shared)
+    raw = log_prior + np.sum(by_run, axis=0) - log_proposal
     log_weights, k_hat = smoothed(raw)
-    draws, log_q = np.empty((options.n_draw, fit.problem.n_par)), np.zeros(options.n_draw)
+    draws = np.empty((options.n_draw, fit.problem.n_par))
     draws[:, columns] = shared
-    for term, expansion in zip(terms, expansions, strict=True):
-        draws[:, term.columns[term.own]], log_q_run = term.draw_own(target.given(term, shared), expansion, rng)
-        log_q += log_q_run
-    first = slice(0, min(options.n_check, options.n_draw))
-    raw_all = target.log_joint(draws[first]) - proposal.log_density(shared[first]) - log_q[first]
+    inside = np.flatnonzero(np.isfinite(log_weights))
+    first = inside[inside < options.n_check]
+    raw_all = np.full(min(options.n_check, options.n_draw), -np.inf)
+    raw_all[first] = (log_prior - log_proposal)[first]
+    refined = []
+    for term, expansion, log_marginal in zip(terms, expansions, by_run, strict=True):
+        given, own_columns = target.given(term, shared), term.columns[term.own]
+        own, log_q = term.draw_own(given, expansion, rng)
+        excess = term.log_joint(given[first], own[first]) - log_q[first]
+        raw_all[first] += excess
+        if spread(excess - log_marginal[first], log_weights[first]) > _UNEVEN:
+            own[inside] = term.refine_own(given[inside], own[inside], expansion, rng)
+            refined.append(term.run.name)
+        draws[:, own_columns] = own
     check, k_hat_all = smoothed(raw_all)
-    shift, u_shift = _difference(shared[first], log_weights[first], check)
+    shift, u_shift = difference(shared[: check.size], log_weights[: check.size], check)
     ess, ess_all = effective_size(log_weights), effective_size(check)
     error = max((expansion.error for expansion in expansions), default=0.0)
     trusted, reasons = _judge(k_hat, ess, k_hat_all, ess_all, shift, u_shift, error, n_node=options.n_node, exact=columns.size == fit.problem.n_par)
     return MarginalPosterior(
         names=fit.names, sampled=tuple(fit.names[i] for i in columns), draws=draws, log_weights=log_weights, k_hat=k_hat, ess=ess,
-        log_evidence=float(log_sum_exp(raw)) - math.log(raw.size), u_log_evidence=_u_log_evidence(raw),
+        log_evidence=float(log_sum_exp(raw)) - math.log(raw.size), u_log_evidence=u_log_evidence(raw),
         check_log_weights=check, k_hat_all=k_hat_all, ess_all=ess_all, log_evidence_all=float(log_sum_exp(raw_all)) - math.log(raw_all.size),
-        shift=shift, u_shift=u_shift, expansion_error=error, trusted=trusted, reasons=reasons,
+        shift=shift, u_shift=u_shift, expansion_error=error, refined=tuple(refined), trusted=trusted, reasons=reasons,
     )
 
 
@@ -186,44 +201,22 @@ class _Marginal:
             log_p += self.problem.parameters[column].prior.log_density(shared[:, i])
         return log_p
 
+    def terms_at(self, shared: FloatArray, expansions: Sequence[Expansion], *, n_node: int) -> tuple[FloatArray, FloatArray]:
+        """Log prior (n_draw,) of the sampled parameters, -inf outside its support, and the marginal (n_run, n_draw) of every run, 0 there."""
+        log_p = self.log_prior(shared)
+        inside = np.flatnonzero(np.isfinite(log_p))
+        by_run = np.zeros((len(self.terms), shared.shape[0]))
+        for row, term, expansion in zip(by_run, self.terms, expansions, strict=True):
+            row[inside] = term.log_marginal(self.given(term, shared[inside]), expansion, n_node=n_node)
+        return log_p, by_run
+
     def log_density(self, shared: FloatArray, expansions: Sequence[Expansion], *, n_node: int) -> FloatArray:
         """(n_draw,) log p(y, s); -inf outside the priors' support."""
-        log_p = self.log_prior(shared)
-        inside = np.flatnonzero(np.isfinite(log_p))
-        for term, expansion in zip(self.terms, expansions, strict=True):
-            log_p[inside] += term.log_marginal(self.given(term, shared[inside]), expansion, n_node=n_node)
-        return log_p
-
-    def log_joint(self, draws: FloatArray) -> FloatArray:
-        """(n_draw,) log p(y, s, l) at draws (n_draw, n_par) of all parameters; -inf outside the priors' support."""
-        shared = draws[:, self.columns]
-        log_p = self.log_prior(shared)
-        inside = np.flatnonzero(np.isfinite(log_p))
-        for term in self.terms:
-            log_p[inside] += term.log_joint(self.given(term, shared[inside]), draws[inside][:, term.columns[term.own]])
-        return log_p
+        log_p, by_run = self.terms_at(shared, expansions, n_node=n_node)
+        return np.asarray(log_p + np.sum(by_run, axis=0))
 
 
-@dataclass(frozen=True, eq=False)
-class _StudentT:
-    """Multivariate Student-t density: mean (d,), lower root of its scale matrix (d, d), degrees of freedom."""
-
-    mean: FloatArray
-    root: FloatArray
-    dof: float
-
-    def draw(self, rng: np.random.Generator, n: int) -> FloatArray:
-        z = rng.standard_normal((n, self.mean.size)) / np.sqrt(rng.chisquare(self.dof, (n, 1)) / self.dof)
-        return np.asarray(self.mean + z @ self.root.T)
-
-    def log_density(self, draws: FloatArray) -> FloatArray:
-        d, dof = self.mean.size, self.dof
-        z = np.linalg.solve(self.root, (draws - self.mean).T)
-        norm = math.lgamma(0.5 * (dof + d)) - math.lgamma(0.5 * dof) - 0.5 * d * math.log(math.pi * dof)
-        return np.asarray(norm - np.sum(np.log(np.diag(self.root))) - 0.5 * (dof + d) * np.log1p(np.sum(z**2, axis=0) / dof))
-
-
-def _adapt(fit: Fit, target: _Marginal, options: MarginalOptions, rng: np.random.Generator) -> tuple[_StudentT, list[Expansion]]:
+def _adapt(fit: Fit, target: _Marginal, options: MarginalOptions, rng: np.random.Generator) -> tuple[StudentT, list[Expansion]]:
     """A proposal with mean and covariance of the marginal, and the expansions of the runs over its bulk.
 
     Starts from the Gaussian approximation of the fit (the Schur complement of its information).  While its weights are poor they
@@ -234,15 +227,15 @@ def _adapt(fit: Fit, target: _Marginal, options: MarginalOptions, rng: np.random
     # (n_par, n_sampled): how the conditional mean of every parameter follows the sampled ones
     regression: FloatArray = np.asarray(np.linalg.solve(cov, fit.cov[columns]).T, dtype=np.float64)
     points = _pilot_points(target, mean, cov, rng)
-    expansions = _expand_all(fit, target, points, regression, _StudentT(mean, _root(cov), options.dof))
+    expansions = _expand_all(fit, target, points, regression, StudentT(mean, lower_root(cov), options.dof))
     settled = 0
     for _ in range(_MOST_ROUNDS):
-        proposal = _StudentT(mean, _root(cov), options.dof)
+        proposal = StudentT(mean, lower_root(cov), options.dof)
         shared = proposal.draw(rng, _N_ADAPT)
         raw = target.log_density(shared, expansions, n_node=1) - proposal.log_density(shared)
         if not np.any(np.isfinite(raw)):
             raise NumericalError("the marginal over runs finds no posterior mass around the fit")
-        power = _flattening(raw, 0.1 * _N_ADAPT)
+        power = flattening(raw, 0.1 * _N_ADAPT)
         weights = np.exp(power * (raw - np.max(raw)))
         weights /= np.sum(weights)
         mean = weights @ shared
@@ -250,11 +243,11 @@ def _adapt(fit: Fit, target: _Marginal, options: MarginalOptions, rng: np.random
         settled = settled + 1 if power == 1.0 else 0
         if settled == 2:
             break
-        points = shared[_systematic(weights, _n_point(columns.size), rng)]
-        points = points + 0.3 * rng.standard_normal(points.shape) @ _root(cov).T  # wider than the posterior, and no point twice
+        points = shared[systematic(weights, _n_point(columns.size), rng)]
+        points = points + 0.3 * rng.standard_normal(points.shape) @ lower_root(cov).T  # wider than the posterior, and no point twice
         points = points[np.isfinite(target.log_prior(points))]
         expansions = _expand_all(fit, target, points, regression, None)
-    return _StudentT(mean, _root(cov), options.dof), expansions
+    return StudentT(mean, lower_root(cov), options.dof), expansions
 
 
 def _n_point(n_sampled: int) -> int:
@@ -266,14 +259,14 @@ def _pilot_points(target: _Marginal, mean: FloatArray, cov: FloatArray, rng: np.
     """(n_point, n_sampled) points inside the priors' support from the normal density of `mean` and `cov`."""
     points = np.empty((0, mean.size))
     for _ in range(100):
-        drawn = mean + rng.standard_normal((4 * _n_point(mean.size), mean.size)) @ _root(cov).T
+        drawn = mean + rng.standard_normal((4 * _n_point(mean.size), mean.size)) @ lower_root(cov).T
         points = np.vstack([points, drawn[np.isfinite(target.log_prior(drawn))]])
         if points.shape[0] >= _n_point(mean.size):
             return points[: _n_point(mean.size)]
     raise NumericalError("the marginal over runs cannot start: hardly any point around the fit lies inside the priors")
 
 
-def _expand_all(fit: Fit, target: _Marginal, points: FloatArray, regression: FloatArray, around: _StudentT | None) -> list[Expansion]:
+def _expand_all(fit: Fit, target: _Marginal, points: FloatArray, regression: FloatArray, around: StudentT | None) -> list[Expansion]:
     """The expansion of every run over the points (n_point, n_sampled).
 
     around : density that the points came from; points that the run all but excludes are then given little weight.
@@ -290,78 +283,6 @@ def _expand_all(fit: Fit, target: _Marginal, points: FloatArray, regression: Flo
         own = conditional[:, term.columns[term.own]]
         expansions.append(expand(term, target.given(term, points), own, log_weight))
     return expansions
-
-
-def _root(cov: FloatArray) -> FloatArray:
-    """Lower triangular root of a covariance, on unit diagonal first so that units do not matter."""
-    sd = np.sqrt(np.diag(cov))
-    return np.asarray(sd[:, None] * np.linalg.cholesky(cov / np.outer(sd, sd) + 1e-10 * np.eye(sd.size)))
-
-
-def _flattening(log_weights: FloatArray, least: float) -> float:
-    """The largest b <= 1 with an effective size of w^b of at least `least`."""
-
-    def size(power: float) -> float:
-        return effective_size(np.where(np.isfinite(log_weights), power * np.where(np.isfinite(log_weights), log_weights, 0.0), -np.inf))
-
-    if size(1.0) >= least:
-        return 1.0
-    low, high = 0.0, 1.0
-    for _ in range(30):
-        middle = 0.5 * (low + high)
-        low, high = (middle, high) if size(middle) >= least else (low, middle)
-    return low
-
-
-def smoothed(log_weights: FloatArray) -> tuple[FloatArray, float]:
-    """Pareto-smoothed log weights (n,), normalised to sum 1, and k-hat; weights of zero stay zero.  k-hat is inf where fewer than 25 count."""
-    from arviz_stats.base import array_stats
-
-    smooth = np.full(log_weights.size, -np.inf)
-    finite = np.flatnonzero(np.isfinite(log_weights))
-    k_hat = math.inf
-    if finite.size:
-        smooth[finite] = log_weights[finite] - np.max(log_weights[finite])
-    if finite.size >= 25 and np.ptp(log_weights[finite]) < 1e-9:
-        k_hat = -math.inf  # equal weights: no tail at all
-    elif finite.size >= 25:
-        # arviz-stats takes the negative of the log weights, as for leave-one-out
-        values, k = array_stats.psislw(-smooth[finite])
-        smooth[finite], k_hat = np.asarray(values, dtype=float), float(k)
-    return smooth - log_sum_exp(smooth) if finite.size else smooth, k_hat
-
-
-def effective_size(log_weights: FloatArray) -> float:
-    """(sum w)^2/sum w^2; 0 where every weight is."""
-    if not np.any(np.isfinite(log_weights)):
-        return 0.0
-    return float(np.exp(2.0 * log_sum_exp(log_weights) - log_sum_exp(2.0 * log_weights)))
-
-
-def _u_log_evidence(raw: FloatArray) -> float:
-    """Monte-Carlo standard error of log mean exp."""
-    size = effective_size(raw)
-    return math.sqrt(max(1.0 / size - 1.0 / raw.size, 0.0)) if size else math.inf
-
-
-def _systematic(weights: FloatArray, n: int, rng: np.random.Generator) -> IndexArray:
-    """(n,) indices, each draw as often as its weight says to within one."""
-    edges = np.cumsum(weights)
-    places = (rng.random() + np.arange(n)) / n * edges[-1]
-    return np.minimum(np.searchsorted(edges, places), weights.size - 1)
-
-
-def _difference(shared: FloatArray, log_marginal: FloatArray, log_all: FloatArray) -> tuple[float, float]:
-    """Largest difference of a mean by two sets of weights of the same draws, in standard deviations, and its Monte-Carlo error."""
-    if effective_size(log_marginal) < 2.0 or effective_size(log_all) < 2.0:
-        return math.inf, math.inf
-    a, b = np.exp(log_marginal - log_sum_exp(log_marginal)), np.exp(log_all)
-    mean_a, mean_b = a @ shared, b @ shared
-    sd = np.sqrt(a @ (shared - mean_a) ** 2)
-    # both means come from the same draws: only what differs between the weights scatters
-    u = np.sqrt(np.sum((a[:, None] * (shared - mean_a) - b[:, None] * (shared - mean_b)) ** 2, axis=0))
-    worst = int(np.argmax(np.abs(mean_b - mean_a) / sd))
-    return float(abs(mean_b - mean_a)[worst] / sd[worst]), float(u[worst] / sd[worst])
 
 
 def _judge(

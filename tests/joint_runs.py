@@ -41,7 +41,9 @@ DECAY = Formula(
     lambda x, a: a["size"] * np.exp(-a["rate"] * x),
     {"size": lambda x, a: np.exp(-a["rate"] * x), "rate": lambda x, a: -x * a["size"] * np.exp(-a["rate"] * x)},
 )
-GROWTH = Formula(lambda x, a: a["rate"] * x + np.exp(a["log_size"]), {"rate": lambda x, a: x, "log_size": lambda x, a: np.exp(a["log_size"]) * one(x, a)})
+GROWTH = Formula(
+    lambda x, a: a["rate"] * x + np.exp(a["log_size"]), {"rate": lambda x, a: x, "log_size": lambda x, a: np.exp(a["log_size"]) * one(x, a)}
+)
 
 
 def problem_of(
@@ -69,8 +71,8 @@ def problem_of(
 
 
 def simulated_campaign(
-    folder: Path, rng: np.random.Generator, *, gammas: Sequence[float], stated_gamma: str = "0.187(10)", kappa: str = '"0.45(3)"', offset_deg: float = 0.0,
-    u_phi_deg: float = 0.4, shared: str = "",
+    folder: Path, rng: np.random.Generator, *, gammas: Sequence[float], stated_gamma: str = "0.187(10)", kappa: str = '"0.45(3)"',
+    offset_deg: float = 0.0, u_phi_deg: float = 0.4, shared: str = "",
 ) -> Campaign:
     """Runs of a body whose gamma is that of `gammas`, one a run, stated as one body; true kappa 0.45.
 

@@ -15,7 +15,8 @@ from estim.campaign import load_campaign
 from estim.conditional import RunTerm, hermite_nodes, log_volume
 from estim.errors import InputError
 from estim.fitting import Fit, fit_least_squares
-from estim.marginal import MarginalOptions, MarginalPosterior, sample_marginal, smoothed
+from estim.importance import smoothed
+from estim.marginal import MarginalOptions, MarginalPosterior, sample_marginal
 from estim.priors import HalfNormal, Normal, Uniform
 from estim.problem import Posterior, Problem
 from estim.sampling import Target, effective_size, sample_posterior
@@ -154,7 +155,7 @@ def test_evidence_is_that_of_brute_force_and_nodes_remove_the_error_of_laplace(r
     assert nodes.log_evidence == pytest.approx(evidence, abs=4.0 * nodes.u_log_evidence)
     assert abs(nodes.mean[0] - mean) < 4.0 * error_of_mean(nodes, [0])[0]
     assert nodes.sd[0] == pytest.approx(sd, rel=4.0 / np.sqrt(nodes.ess))
-    assert nodes.log_evidence_all == pytest.approx(evidence, abs=0.05)
+    assert nodes.log_evidence_all == pytest.approx(evidence, abs=5.0 / np.sqrt(nodes.ess_all))
 
 
 @pytest.mark.parametrize(("n_node", "n_dim"), [(1, 2), (3, 2), (5, 1), (4, 0)])
@@ -170,21 +171,23 @@ def test_hermite_nodes_integrate_a_normal_density_exactly(n_node: int, n_dim: in
 # --- own noise, edges, refusals
 
 
-def test_inferred_noise_of_each_run_is_integrated_out(rng: np.random.Generator) -> None:
+def test_inferred_noise_of_each_run_is_integrated_out(rng: np.random.Generator, monkeypatch: pytest.MonkeyPatch) -> None:
     """Own standard deviations, far from 0: marginal against a long chain in all dimensions."""
     x = np.linspace(0.0, 1.0, 40)
     ys = [0.7 * x - 0.1 + s * rng.standard_normal(x.size) for s in (0.1, 0.3)]
     fit = fitted(problem_of(LINE, {"slope": Normal(0.0, 1.0), "bend": Normal(0.0, 0.1)}, {"offset": Normal(0.0, 1.0)}, x, ys, Uniform(0.0, 2.0)))
     found = sample_marginal(fit, rng=rng, options=MarginalOptions(n_node=3))
     assert found.sampled == ("slope", "bend")
-    chain = sample_posterior(fit.posterior, fit.values, fit.cov, target=Target(ess=8000), rng=rng)
+    chain = sample_posterior(fit.posterior, fit.values, fit.cov, target=Target(ess=4000), rng=rng)
     size = effective_size(chain.draws, "bulk")
     error = np.hypot(chain.flat.std(axis=0) / np.sqrt(size), error_of_mean(found, list(range(fit.problem.n_par))))
     difference = np.abs(found.mean - chain.flat.mean(axis=0))
-    own = [fit.names.index(name) for name in ("sigma[0]", "sigma[1]")]
-    assert np.all(np.delete(difference / error, own) < 4.0)
-    # own parameters are drawn from the normal density around their mode: off by their skewness, a tenth of a standard deviation or two
-    assert np.all(difference[own] < 0.25 * found.sd[own])
+    assert found.refined == ("r0", "r1")
+    assert np.all(difference < 4.0 * error)
+    # the wrong version: own parameters left normal around their mode
+    monkeypatch.setattr(RunTerm, "refine_own", lambda self, shared, own, expansion, rng: own)
+    wrong = sample_marginal(fit, rng=rng, options=MarginalOptions(n_node=3))
+    assert np.max(np.abs(wrong.mean - chain.flat.mean(axis=0)) / error) > 10.0
 
 
 def test_own_parameters_close_to_an_edge_are_sampled_or_refused(rng: np.random.Generator) -> None:
@@ -244,7 +247,7 @@ def test_k_hat_tells_a_proposal_that_is_too_narrow(rng: np.random.Generator) -> 
 def test_two_runs_agree_with_the_chain_in_all_dimensions(replica: Path, rng: np.random.Generator) -> None:
     fit = fit_least_squares(load_campaign(replica / "campaign.toml").problem(["heavy-02", "heavy-04"]), rng=rng, n_start=1)
     found = sample_marginal(fit, rng=rng, options=MarginalOptions(n_draw=20_000))
-    chain = sample_posterior(fit.posterior, fit.values, fit.cov, target=Target(ess=4000, max_step=8000), rng=rng)
+    chain = sample_posterior(fit.posterior, fit.values, fit.cov, target=Target(ess=1500, max_step=3000), rng=rng)
     size = effective_size(chain.draws, "bulk")
     sd = chain.flat.std(axis=0)
     error = np.hypot(sd / np.sqrt(size), error_of_mean(found, list(range(fit.problem.n_par))))
