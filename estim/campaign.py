@@ -49,6 +49,10 @@ _QUANTITIES: Mapping[str, _Kind] = MappingProxyType(
         "kappa": _Kind({"kappa": 1.0}, "1", None, "inertia of the disk / (M_D R²)", 0.0),
         "theta0": _Kind({"theta0_deg": _DEGREE, "theta0_rad": 1.0}, "rad", None, "angle of the particle at release", high=2.0 * np.pi),
         "phi": _Kind({"phi_deg": _DEGREE, "phi_rad": 1.0}, "rad", None, "tilt of the ramp", high=0.5 * np.pi),
+        "theta0_zero": _Kind(
+            {"theta0_zero_deg": _DEGREE, "theta0_zero_rad": 1.0}, "rad", 0.0, "common zero error: added to the angle at release", high=0.5 * np.pi
+        ),
+        "phi_zero": _Kind({"phi_zero_deg": _DEGREE, "phi_zero_rad": 1.0}, "rad", 0.0, "common zero error: added to the tilt", high=0.5 * np.pi),
         "rolling_resistance": _Kind({"rolling_resistance": 1.0}, "1", 0.0, "coefficient of rolling resistance", 0.0),
         "radius": _Kind({"radius_m": 1.0}, "m", None, "radius of the disk", 0.0, False),
         "rho": _Kind({"rho": 1.0}, "1", 1.0, "distance of the particle from the axle / R", 0.0, False),

@@ -77,6 +77,10 @@ class LevelTable(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
     phi_rad: Value | None = None
     theta0_deg: Value | None = None
     theta0_rad: Value | None = None
+    phi_zero_deg: Value | None = None
+    phi_zero_rad: Value | None = None
+    theta0_zero_deg: Value | None = None
+    theta0_zero_rad: Value | None = None
     rolling_resistance: Value | None = None
     g: Value | None = None
     release_time_s: Value | None = None

@@ -183,6 +183,12 @@ def compare_with_chain(certificate: Certificate, chain: Chain) -> Comparison:
     return Comparison(certificate.names, verdict, reason, *differences, *zs, limit)
 
 
+def no_comparison(names: tuple[str, ...], reason: str) -> Comparison:
+    """A second opinion that is missing, and why."""
+    unknown = np.full(len(names), np.nan)
+    return Comparison(names, "missing", reason, unknown, unknown, unknown, unknown, math.nan)
+
+
 def chain_errors(chain: Chain) -> tuple[FloatArray, FloatArray]:
     """(n_par,) Monte-Carlo standard errors of a chain's means and standard deviations.
 
@@ -195,12 +201,17 @@ def chain_errors(chain: Chain) -> tuple[FloatArray, FloatArray]:
     return u_mean, of_squares / np.sqrt(effective_size(squares, "mean")) / (2.0 * spread)
 
 
+def too_many(n_par: int) -> str:
+    """Why there is no certificate."""
+    return f"importance sampling is not used for more than {MAX_PARAMETERS} parameters (there are {n_par})"
+
+
 def _verdict(
     certificate: Certificate, differences: tuple[FloatArray, FloatArray], zs: tuple[FloatArray, FloatArray], limit: float
 ) -> tuple[str, str]:
     n_par = len(certificate.names)
     if n_par > MAX_PARAMETERS:
-        return "missing", f"importance sampling is not used for more than {MAX_PARAMETERS} parameters (there are {n_par})"
+        return "missing", too_many(n_par)
     if not certificate.reliable:
         shown = f"{certificate.k_hat:.2f}" if math.isfinite(certificate.k_hat) else "infinite"
         return "missing", f"the importance weights cannot be trusted: k-hat is {shown}, above {K_HAT_LIMIT}, after {certificate.n_draw} draws"

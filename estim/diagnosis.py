@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from estim.certify import Comparison
+from estim.consistency import Consistency
 from estim.fitting import Fit
 from estim.goodness import REJECT_BELOW, SCATTER_LIMIT, Goodness
 from estim.identifiability import Identifiability
@@ -66,12 +67,13 @@ class Diagnosis:
 
 
 def diagnose(
-    fit: Fit, chain: Chain, goodness: Sequence[Goodness], *, comparison: Comparison, identifiability: Identifiability, modes: Modes
+    fit: Fit, chain: Chain, goodness: Sequence[Goodness], *, comparison: Comparison, identifiability: Identifiability, modes: Modes,
+    consistency: Consistency | None,
 ) -> Diagnosis:
     """The status of a sampled fit."""
     findings = [
         *_convergence(fit, chain), *_modes(fit, modes), *_flat_directions(fit, identifiability), *_bounds(fit), *_goodness(goodness),
-        *_methods(comparison),
+        *_methods(comparison), *_consistency(consistency),
     ]
     findings.sort(key=lambda finding: STATUSES.index(finding.status))
     return Diagnosis(
@@ -171,6 +173,13 @@ def _methods(comparison: Comparison) -> list[Finding]:
         return []
     advice = "try another --seed and a higher --max-steps; if they still differ, report it: one of two computations of the same thing is wrong"
     return [Finding("methods-disagree", comparison.reason, advice)]
+
+
+def _consistency(consistency: Consistency | None) -> list[Finding]:
+    if consistency is None or consistency.agree:
+        return []
+    advice = "fit the run that disagrees by itself, look at its file and its stated values; leave it out only for a reason found there"
+    return [Finding("poor-fit", consistency.verdict, advice)]
 
 
 def _goodness(goodness: Sequence[Goodness]) -> list[Finding]:

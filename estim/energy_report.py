@@ -13,7 +13,8 @@ from estim.campaign import Campaign
 from estim.energy import Drift, EnergyRecord, Estimate
 from estim.pipeline import Analysis
 from estim.quantity import Quantity, format_quantity
-from estim.report import KINDS, STATUS_WORDS, render
+from estim.rendering import render
+from estim.report import KINDS, STATUS_WORDS
 from estim.result import Provenance, number, provenance
 
 ENERGY_SCHEMA = "estim-energy/1"

@@ -11,6 +11,8 @@ _SYMBOLS = {
     "kappa": "κ",
     "theta0": "θ₀",
     "phi": "φ",
+    "theta0_zero": "δθ₀",
+    "phi_zero": "δφ",
     "rolling_resistance": "c_rr",
     "radius": "R",
     "rho": "ρ",
@@ -31,7 +33,7 @@ _SYMBOLS = {
     "outlier_fraction": "outlier fraction",
     "outlier_width": "outlier width",
 }
-_ANGLES = ("theta0", "phi")
+_ANGLES = ("theta0", "phi", "theta0_zero", "phi_zero")
 
 
 @dataclass(frozen=True)

@@ -14,7 +14,8 @@ from estim.campaign import Campaign, gamma_origin
 from estim.line import CONVENTIONS
 from estim.line_analysis import LineAnalysis
 from estim.quantity import format_quantity, format_rounded
-from estim.report import KINDS, STATUS_WORDS, render
+from estim.rendering import render
+from estim.report import KINDS, STATUS_WORDS
 from estim.result import Provenance, Summary, number, software_versions, summarise
 
 FloatArray = NDArray[np.float64]

@@ -26,6 +26,7 @@ from estim.tails import GAUSSIAN, Mixture, StudentT, Tails
 
 FloatArray = NDArray[np.float64]
 
+_OFFSET = "reading of the position at release"
 _MIN_OBS = 5
 _MAX_OBS = 3000  # the covariance of the speeds is a dense matrix
 
@@ -34,7 +35,7 @@ _MAX_OBS = 3000  # the covariance of the speeds is a dense matrix
 class Observed:
     """The points that are fit: abscissa x, ordinate y and time, (n_obs,) each; what was left out; noise and its unknowns.
 
-    arguments : of the curve x(t) that are not physics (release_time, offset): a parameter's name or a fixed number; empty for speeds.
+    arguments : of the curve that are not physics (offset, and release_time of positions): a parameter's name or a fixed number.
     """
 
     x: FloatArray
@@ -108,9 +109,11 @@ def _differentiated(run: Run, levels: Levels, table: NoiseTable, path: Path, suf
     selection = select(position[rows], derivative.value, t[rows], window=_window(run, levels), sigma_position=typical)
     _check_count(selection, run, levels)
     kept = rows[selection.kept]
+    zero, zero_parameter = _stated_offset(levels, units)
     return Observed(
         x=position[kept], y=derivative.value[selection.kept], t=t[kept],
-        noise=Differentiated(sigma, scatter, step, derivative, selection.kept), parameters=_some(parameter, scatter_parameter), arguments={},
+        noise=Differentiated(sigma, scatter, step, derivative, selection.kept),
+        parameters=_some(zero_parameter, parameter, scatter_parameter), arguments=zero,
         excluded=blank + selection.reasons, excluded_points=_others(position[rows], derivative.value, selection),
     )
 
@@ -143,13 +146,14 @@ def _independent(run: Run, levels: Levels, table: NoiseTable, path: Path, suffix
     selection = select(where, speed, when, window=_window(run, levels), sigma_position=guard)
     _check_count(selection, run, levels)
     kept = selection.kept
+    zero, zero_parameter = _stated_offset(levels, units)
     noise = Independent(
         sigma=sigma, scatter=scatter, relative=np.ones(kept.size) if relative is None else relative[rows][kept],
         sigma_x=sigma_x if guard > 0.0 else None, relative_x=None if relative_x is None else relative_x[rows][kept], tails=tails,
     )
     return Observed(
         x=where[kept], y=speed[kept], t=None if when is None else when[kept], noise=noise,
-        parameters=_some(parameter, scatter_parameter, x_parameter, *tail_parameters), arguments={},
+        parameters=_some(zero_parameter, parameter, scatter_parameter, x_parameter, *tail_parameters), arguments=zero,
         excluded=blank + selection.reasons, excluded_points=_others(where, speed, selection),
     )
 
@@ -181,7 +185,7 @@ def _positions(run: Run, levels: Levels, table: NoiseTable, path: Path, suffix: 
     sources, unknowns = {}, []
     for name, key, unit, prior, meaning in (
         ("release_time", "release_time_s", "s", Uniform(early, float(started)), "moment of release on the clock of the data"),
-        ("offset", units.offset, units.position, Normal(0.0, zero), "reading of the position at release"),
+        ("offset", units.offset, units.position, Normal(0.0, zero), _OFFSET),
     ):
         sources[name], unknown = _nuisance(levels, name, key, unit, prior, meaning)
         unknowns.append(unknown)
@@ -251,6 +255,14 @@ def _tails(table: NoiseTable, suffix: str) -> tuple[Tails, tuple[Parameter, ...]
             Parameter(width, "1", LogNormal(20.0, 1.0), "standard deviation of an outlier over that of a good frame"),
         )
     return GAUSSIAN, ()
+
+
+def _stated_offset(levels: Levels, units: _Units) -> tuple[dict[str, str | float], Parameter | None]:
+    """The zero of the positions for speeds: exact unless the campaign states it."""
+    if all(getattr(level.table, units.offset) is None for level in levels):
+        return {}, None
+    source, parameter = _nuisance(levels, "offset", units.offset, units.position, Normal(0.0, 1.0), _OFFSET)
+    return {"offset": source}, parameter
 
 
 def _nuisance(levels: Levels, name: str, key: str, unit: str, prior: Prior, meaning: str) -> tuple[str | float, Parameter | None]:

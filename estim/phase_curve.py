@@ -17,12 +17,21 @@ from model import Body, back_and_forth, energy, phase
 FloatArray = NDArray[np.float64]
 
 _BODY = ("radius", "gamma", "kappa", "rho", "trailing_fraction", "particle_gyration")
+_ZEROED = ("phi", "theta0")  # angles that an instrument may read with a common zero error
 _MOTION = ("phi", "theta0", "rolling_resistance", "g")
 
 
 def body_of(arguments: Mapping[str, ArrayLike]) -> tuple[Body, dict[str, ArrayLike]]:
-    """The body, and the keywords that say how it moves."""
-    return Body(**{name: arguments[name] for name in _BODY}), {name: arguments[name] for name in _MOTION}
+    """The body, and the keywords that say how it moves; zero errors of the angles are added to them."""
+    motion = {name: arguments[name] for name in _MOTION}
+    for angle in _ZEROED:
+        motion[angle] = np.add(motion[angle], arguments.get(f"{angle}_zero", 0.0))
+    return Body(**{name: arguments[name] for name in _BODY}), motion
+
+
+def _from_release(x: FloatArray, arguments: Mapping[str, ArrayLike]) -> FloatArray:
+    """Positions counted from the release: (n_obs,), or (n_draw, n_obs) where the zero of the positions is unknown."""
+    return x - np.asarray(arguments["offset"]) if "offset" in arguments else x
 
 
 def derived_of(arguments: Mapping[str, ArrayLike], mass: float | None) -> dict[str, Derived]:
@@ -44,6 +53,8 @@ class PhaseCurve:
     """The phase curve of a rolling body as a curve to fit: v(x) in m/s, or omega(theta - theta0) in rad/s.
 
     angular : positions are angles turned since release.  mass : kg, or None where the campaign does not say.
+
+    An argument `offset`, if there is one, is the reading of the position at release: the motion is that at x - offset.
     """
 
     angular: bool
@@ -51,17 +62,21 @@ class PhaseCurve:
 
     def value(self, x: FloatArray, arguments: Mapping[str, ArrayLike]) -> FloatArray:
         body, motion = body_of(arguments)
-        return (phase.angular_rate if self.angular else phase.speed)(x, body, **motion)
+        return (phase.angular_rate if self.angular else phase.speed)(_from_release(x, arguments), body, **motion)
 
     def local(self, x: FloatArray, arguments: Mapping[str, ArrayLike]) -> LocalCurve:
         body, motion = body_of(arguments)
-        value, slope, gradient = (phase.angular_rate_derivatives if self.angular else phase.speed_derivatives)(x, body, **motion)
-        return LocalCurve(np.atleast_2d(value), np.atleast_2d(slope), gradient)
+        value, slope, gradient = (phase.angular_rate_derivatives if self.angular else phase.speed_derivatives)(
+            _from_release(x, arguments), body, **motion
+        )
+        zeros = {f"{angle}_zero": gradient[angle] for angle in _ZEROED} | {"offset": -np.asarray(slope)}
+        return LocalCurve(np.atleast_2d(value), np.atleast_2d(slope), {**gradient, **zeros})
 
     def time_derivative(self, x: FloatArray, arguments: Mapping[str, ArrayLike], order: int) -> FloatArray:
         body, motion = body_of(arguments)
         g, radius = np.asarray(motion.pop("g")), np.asarray(body.radius)
-        ratios = phase.energy_ratio_derivatives(x if self.angular else x / radius, body, **motion, order=order)
+        since = _from_release(x, arguments)
+        ratios = phase.energy_ratio_derivatives(since if self.angular else since / radius, body, **motion, order=order)
         scale = 2.0 * g / radius if self.angular else 2.0 * g * radius
         step = 1.0 if self.angular else radius
         return np.atleast_2d(phase.time_derivative([scale * h / step**n for n, h in enumerate(ratios)], order))
@@ -69,7 +84,8 @@ class PhaseCurve:
     def end(self, arguments: Mapping[str, ArrayLike]) -> FloatArray:
         body, motion = body_of(arguments)
         motion.pop("g")
-        return np.atleast_2d((phase.turning_angle if self.angular else phase.turning_point)(body, **motion))
+        stop = (phase.turning_angle if self.angular else phase.turning_point)(body, **motion)
+        return np.atleast_2d(stop + np.asarray(arguments.get("offset", 0.0)))
 
     def metres(self, arguments: Mapping[str, ArrayLike]) -> ArrayLike:
         return arguments["radius"] if self.angular else 1.0
@@ -78,6 +94,7 @@ class PhaseCurve:
         body, motion = body_of(arguments)
         length = body.radius if self.angular else 1.0
         place = {"phi": motion["phi"], "theta0": motion["theta0"]}
+        x = _from_release(x, arguments)
         kinetic = energy.kinetic_energy(length * x, length * v, body, **place)
         return kinetic, energy.potential_energy(length * x, body, **place, g=motion["g"])
 

@@ -13,12 +13,14 @@ import numpy as np
 from estim.bands import Bands, posterior_bands
 from estim.campaign import Campaign
 from estim.campaign_file import NoiseTable
-from estim.certify import MAX_PARAMETERS, MOST_DRAWS, Certificate, Comparison, adapt_proposal, certify, compare_with_chain
+from estim.certify import MAX_PARAMETERS, Certificate, Comparison, adapt_proposal, certify, compare_with_chain, no_comparison, too_many
 from estim.checkpoint import Store
+from estim.consistency import Consistency, check_consistency, comparable
 from estim.diagnosis import Diagnosis, diagnose
 from estim.fitting import Fit, fit_least_squares
 from estim.goodness import Goodness, check_goodness
 from estim.identifiability import Identifiability, identify
+from estim.marginal_chain import marginal_chain
 from estim.modes import Modes, find_modes
 from estim.outliers import Outliers, find_outliers
 from estim.problem import Problem
@@ -28,22 +30,28 @@ from estim.stepping import Stop
 _BAND_DRAWS = 4000
 _MODE_DRAWS = 20_000
 _OUTLIER_DRAWS = 1000
-_ROUGH = 8000  # importance draws where there are too many parameters for a verdict
+_MANY_RUNS = 16  # beyond, the marginal over runs takes the place of a chain
+_STARTS, _FEW_STARTS = 8, 2  # of the fit
 
 
 @dataclass(frozen=True, eq=False)
 class Analysis:
-    """Everything that one fit of one or more runs produced."""
+    """Everything that one fit of one or more runs produced.
+
+    certificate : the second computation; None where there are too many parameters for it.
+    consistency : whether several runs agree about what they share; None where that cannot be asked.
+    """
 
     problem: Problem
     fit: Fit
-    certificate: Certificate
+    certificate: Certificate | None
     chain: Chain
     comparison: Comparison
     goodness: tuple[Goodness, ...]
     identifiability: Identifiability
     modes: Modes
     outliers: tuple[Outliers, ...]
+    consistency: Consistency | None
     diagnosis: Diagnosis
     bands: tuple[Bands, ...]
     seed: int
@@ -51,33 +59,47 @@ class Analysis:
 
 def analyse(
     campaign: Campaign, runs: Sequence[str], *, seed: int, target: Target | None = None, progress: Progress | None = None,
-    noise: NoiseTable | None = None, store: Store | None = None, stop: Stop | None = None,
+    noise: NoiseTable | None = None, store: Store | None = None, stop: Stop | None = None, marginal: bool | None = None,
 ) -> Analysis:
     """The joint analysis of `runs` of a campaign; the same seed gives the same numbers.  Raises InputError.
 
     noise : in place of the noise tables of the campaign.
     store, stop : keep the chain on disk, resume it, end it early (`sample_posterior`).
+    marginal : whether a joint posterior is sampled through the marginal over runs; None decides by their number (more than 16).
     """
-    return analyse_problem(campaign.problem(runs, noise=noise), seed=seed, target=target, progress=progress, store=store, stop=stop)
+    problem = campaign.problem(runs, noise=noise)
+    return analyse_problem(problem, seed=seed, target=target, progress=progress, store=store, stop=stop, marginal=marginal)
 
 
 def analyse_problem(
     problem: Problem, *, seed: int, target: Target | None = None, progress: Progress | None = None, store: Store | None = None,
-    stop: Stop | None = None,
+    stop: Stop | None = None, marginal: bool | None = None,
 ) -> Analysis:
     """The analysis of any problem, however it was posed."""
+    target = target or Target()
     fit_rng, chain_rng, check_rng, band_rng, proposal_rng = np.random.default_rng(seed).spawn(5)
-    fit = fit_least_squares(problem, rng=fit_rng)
-    proposal = adapt_proposal(fit.posterior, fit.values, fit.cov, rng=proposal_rng, starts=tuple(fit.others))
-    certificate = certify(fit.posterior, proposal, rng=proposal_rng, max_draw=MOST_DRAWS if problem.n_par <= MAX_PARAMETERS else _ROUGH)
-    chain = sample_posterior(
-        fit.posterior, fit.values, fit.cov, target=target or Target(), rng=chain_rng, progress=progress, proposal=proposal, store=store, stop=stop
-    )
-    comparison = compare_with_chain(certificate, chain)
+    fit = fit_least_squares(problem, rng=fit_rng, n_start=_STARTS if len(problem.runs) <= _MANY_RUNS else _FEW_STARTS)
+    certificate = None
+    if marginal or (marginal is None and len(problem.runs) > _MANY_RUNS):
+        chain, comparison = marginal_chain(fit, target=target, rng=chain_rng)
+    else:
+        proposal = None
+        if problem.n_par <= MAX_PARAMETERS:
+            proposal = adapt_proposal(fit.posterior, fit.values, fit.cov, rng=proposal_rng, starts=tuple(fit.others))
+            certificate = certify(fit.posterior, proposal, rng=proposal_rng)
+        chain = sample_posterior(
+            fit.posterior, fit.values, fit.cov, target=target, rng=chain_rng, progress=progress, proposal=proposal, store=store, stop=stop
+        )
+        comparison = no_comparison(fit.names, too_many(problem.n_par)) if certificate is None else compare_with_chain(certificate, chain)
     goodness = check_goodness(fit, rng=check_rng)
     identifiability = identify(fit)
     modes = find_modes(fit, chain.thinned(_MODE_DRAWS))
     outliers = find_outliers(fit.posterior, chain.thinned(_OUTLIER_DRAWS))
-    diagnosis = diagnose(fit, chain, goodness, comparison=comparison, identifiability=identifiability, modes=modes)
+    consistency = check_consistency(fit) if comparable(fit) else None
+    diagnosis = diagnose(
+        fit, chain, goodness, comparison=comparison, identifiability=identifiability, modes=modes, consistency=consistency
+    )
     bands = posterior_bands(problem, chain.thinned(_BAND_DRAWS), rng=band_rng)
-    return Analysis(problem, fit, certificate, chain, comparison, goodness, identifiability, modes, outliers, diagnosis, bands, seed)
+    return Analysis(
+        problem, fit, certificate, chain, comparison, goodness, identifiability, modes, outliers, consistency, diagnosis, bands, seed
+    )

@@ -24,7 +24,8 @@ from estim.energy_report import (
 from estim.labels import label
 from estim.line_report import LineResult, line_figure, line_result, line_values
 from estim.reanalysis import BodyAnalysis, Reanalysis
-from estim.report import KINDS, parameter_row, render
+from estim.rendering import render
+from estim.report import KINDS, parameter_row
 from estim.result import Provenance, Result, number, provenance, result_of
 
 REANALYSIS_SCHEMA = "estim-reanalysis/1"

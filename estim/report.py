@@ -12,6 +12,8 @@ import numpy as np
 
 from estim import figures
 from estim.campaign import Campaign
+from estim.consistency_figures import forest_figure
+from estim.consistency_report import consistency_text
 from estim.diagnosis import MEANINGLESS
 from estim.goodness import REJECT_BELOW
 from estim.identify_figures import direction_figure, profile_figure, ridge_figure
@@ -19,6 +21,7 @@ from estim.identify_report import IdentifySection
 from estim.labels import Label, label
 from estim.pipeline import Analysis
 from estim.quantity import format_quantity, format_rounded
+from estim.rendering import render
 from estim.result import ParameterSummary, Result, Summary, result_of, to_json
 from estim.scrutiny import scrutinise
 
@@ -70,22 +73,26 @@ def analysis_report(campaign: Campaign, analysis: Analysis) -> dict[str, bytes]:
         "figures/directions.png": direction_figure(analysis.problem, analysis.identifiability),
         "figures/profiles.png": profile_figure(analysis.problem, scrutiny.intervals, analysis.chain.thinned(_RIDGE_DRAWS)),
     }
+    if analysis.consistency is not None:
+        drawn["figures/consistency.png"] = forest_figure(analysis.consistency, synthetic=synthetic)
     if analysis.problem.n_par > 1:
         drawn["figures/ridge.png"] = ridge_figure(analysis.fit, analysis.identifiability, analysis.chain.thinned(_RIDGE_DRAWS))
+    consistency = "" if analysis.consistency is None else consistency_text(analysis.consistency)
     files = {name: figures.png(figure) for name, figure in drawn.items()}
-    files["report.md"] = analysis_text(result, scrutiny.section).encode()
+    files["report.md"] = analysis_text(result, scrutiny.section, consistency).encode()
     files["result.json"] = to_json(result)
     return files
 
 
-def analysis_text(result: Result, section: IdentifySection) -> str:
-    """The Markdown report of one analysis; `section` is what it says about the data against the priors."""
+def analysis_text(result: Result, section: IdentifySection, consistency: str) -> str:
+    """The Markdown report of one analysis; `section` is what it says about the data against the priors, `consistency` about several runs."""
     rows = [parameter_row(name, p, result) for name, p in result.parameters.items()]
     return render(
         "analysis.md.j2",
         result=result, kind=KINDS[result.kind], status_words=STATUS_WORDS[result.status], rows=rows,
         correlation=_correlation_table(result), derived=_derived_rows(result), limits=_what_limits(result),
         reject_below=REJECT_BELOW, ends=_turning_rows(result), identify=section, meaningless=result.status in MEANINGLESS,
+        consistency=consistency,
     )
 
 
@@ -100,19 +107,6 @@ def index_report(campaign: Campaign, results: Mapping[str, Result]) -> dict[str,
     heads = [label(name, "1").symbol + ("" if shown.unit == "1" else f" ({shown.unit})") for name, shown in zip(names, units, strict=True)]
     text = render("index.md.j2", title=campaign.title, kind=KINDS[campaign.kind], heads=heads, table=table)
     return {"report.md": text.encode()}
-
-
-def render(template: str, **values: object) -> str:
-    """A template of `templates/` filled in."""
-    import jinja2
-
-    environment = jinja2.Environment(
-        loader=jinja2.PackageLoader("estim"), undefined=jinja2.StrictUndefined, trim_blocks=True, lstrip_blocks=True,
-        keep_trailing_newline=True, autoescape=False,
-    )
-    environment.filters["number"] = lambda v, digits=3: "n/a" if v is None else f"{v:.{digits}g}"
-    environment.filters["cell"] = lambda text: str(text).replace("|", "\\|")
-    return environment.get_template(template).render(**values)
 
 
 def _base(name: str) -> str:

@@ -58,8 +58,8 @@ class Certificate(msgspec.Struct, frozen=True):
     verdict: str
     reason: str
     k_hat: float | None
-    ess: float
-    n_draw: int
+    ess: float | None
+    n_draw: int | None
     log_evidence: float | None
     u_log_evidence: float | None
     largest_difference: float | None  # of means and sds, in posterior sds
@@ -202,6 +202,8 @@ def _profile(i: ProfileInterval) -> Profile:
 
 def _certificate(analysis: Analysis) -> Certificate:
     certificate, comparison = analysis.certificate, analysis.comparison
+    if certificate is None:
+        return Certificate(comparison.verdict, comparison.reason, None, None, None, None, None, None)
     evidence = certificate.reliable
     return Certificate(
         comparison.verdict, comparison.reason, number(certificate.k_hat), certificate.ess, certificate.n_draw,

@@ -104,14 +104,15 @@ def energy_ratio_derivatives(
     angle, theta0 = np.asarray(angle, dtype=float), np.asarray(theta0)
     gamma, slope = body.gamma, effective_slope(phi, rolling_resistance)
     theta = theta0 + angle
-    sin, cos = np.sin(theta), np.cos(theta)
     # cos theta0 - cos theta as a product: no cancellation close to the release
     fall = 2.0 * np.sin(theta0 + 0.5 * angle) * np.sin(0.5 * angle)
-    w = [gamma * fall - angle * slope, gamma * sin - slope, gamma * cos, -gamma * sin, -gamma * cos]
-    sin_tilted, cos_tilted = np.sin(theta + phi), np.cos(theta + phi)
-    d = [1.0 + body.inertia_ratio + 2.0 * gamma * cos_tilted] + [
-        2.0 * gamma * term for term in (-sin_tilted, -cos_tilted, sin_tilted, cos_tilted)
-    ]
+    w = [gamma * fall - angle * slope]
+    d = [1.0 + body.inertia_ratio + 2.0 * gamma * np.cos(theta + phi)]
+    if order > 0:
+        sin, cos = np.sin(theta), np.cos(theta)
+        w += [gamma * sin - slope, gamma * cos, -gamma * sin, -gamma * cos]
+        sin_tilted, cos_tilted = np.sin(theta + phi), np.cos(theta + phi)
+        d += [2.0 * gamma * term for term in (-sin_tilted, -cos_tilted, sin_tilted, cos_tilted)]
     h: list[FloatArray] = []
     for n in range(order + 1):
         h.append((w[n] - sum(comb(n, k) * h[k] * d[n - k] for k in range(n))) / d[0])

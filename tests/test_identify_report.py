@@ -18,7 +18,7 @@ from estim.identify_report import IdentifySection, identify_section
 from estim.power_scaling import power_scaling
 from estim.priors import Normal, Uniform
 from estim.profile import profile_intervals
-from estim.report import render
+from estim.rendering import render
 
 X = np.linspace(0.0, 2.0, 12)
 
