@@ -22,7 +22,7 @@ from estim.observing import observe
 from estim.priors import Normal, Prior, TruncatedNormal
 from estim.problem import Observations, Parameter, Problem
 from estim.quantity import Quantity
-from estim.run import Run, read_run
+from estim.run import Run, compare_intervals, read_run
 from model import Body, energy, phase
 
 FloatArray = NDArray[np.float64]
@@ -207,8 +207,8 @@ def load_campaign(path: str | Path) -> Campaign:
     """
     source = read_campaign_file(Path(path))
     folder = Path(path).parent
-    tables = {run.name: read_run(folder / run.file, name=run.name, shown_as=str(folder / run.file)) for run in source.runs}
-    campaign = Campaign(source, MappingProxyType(tables))
+    tables = {run.name: read_run(folder / run.file, name=run.name, shown_as=str(folder / run.file), choices=run.choices) for run in source.runs}
+    campaign = Campaign(source, MappingProxyType(compare_intervals(tables)))
     for name in campaign.run_names:
         campaign.problem([name])
     return campaign

@@ -17,9 +17,13 @@ from typing import Any, Literal, TypeVar
 import msgspec
 
 from estim.errors import InputError
+from estim.importing import Choices
 from estim.priors import HalfNormal, LogNormal, Normal, Prior, TruncatedNormal, Uniform
 from estim.quantity import Quantity, read_quantity
 from estim.table import read_text
+from estim.track import Unit
+
+_MAX_BYTES = 1024**2
 
 Kind = Literal["synthetic", "measured", "published"]
 
@@ -86,6 +90,21 @@ class RunTable(LevelTable, forbid_unknown_fields=True, frozen=True, kw_only=True
     name: str
     body: str
     file: str
+    track: str | None = None
+    along: str | float | None = None
+    unit: Unit | None = None
+    release: Literal["first", "keep"] | float | None = None
+    frame_ms: float | None = None
+    drop_duplicates: bool | None = None
+
+    @property
+    def choices(self) -> Choices | None:
+        """How a file of the program Tracker is to be read; None where nothing is said."""
+        said = (self.track, self.along, self.unit, self.release, self.frame_ms, self.drop_duplicates)
+        if all(value is None for value in said):
+            return None
+        along, release = "fit" if self.along is None else self.along, "first" if self.release is None else self.release
+        return Choices(self.track, along, self.unit, release, self.frame_ms, bool(self.drop_duplicates))
 
 
 class LineTable(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_only=True):
@@ -141,7 +160,7 @@ class CampaignFile:
 
 def read_campaign_file(path: Path) -> CampaignFile:
     """The campaign file at `path`.  Raises InputError with file, line, key, rule and value."""
-    text, digest = read_text(path, shown_as=str(path))
+    text, digest = read_text(path, shown_as=str(path), limit=_MAX_BYTES)
     tree = parse_toml(text, str(path))
     places = Places(str(path), locate_keys(text))
     top = checked(tree, _TopTable, places, ())
