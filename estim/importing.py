@@ -107,8 +107,10 @@ def import_track(path: Path, choices: Choices, *, shown_as: str | None = None) -
 
 def read_release(text: str) -> Literal["first", "keep"] | float:
     """The release as it is written on a command line.  Raises InputError."""
-    if text == "first" or text == "keep":
-        return text
+    if text == "first":
+        return "first"
+    if text == "keep":
+        return "keep"
     try:
         return float(text)
     except ValueError:

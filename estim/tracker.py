@@ -37,7 +37,7 @@ _MARKS = re.compile(r"[\d.,eE+\-{}\s]*", re.ASCII)
 
 @dataclass(frozen=True, eq=False)
 class _Clip:
-    """Which frames belong to the clip and when they are: start, step, number of steps, times in s of (n,) frames."""
+    """Which frames belong to the clip and when they are: start, step, number of steps; start_time and duration of a frame, ms."""
 
     start: int
     step: int
@@ -54,8 +54,8 @@ class _Clip:
 
     def times(self, frames: NDArray[np.int64]) -> FloatArray:
         if self.video_times is None:
-            return np.asarray(self.start_time + (frames - self.start) * self.duration, dtype=np.float64)
-        return self.start_time + self.video_times[frames] - self.video_times[self.start]
+            return np.asarray((self.start_time + (frames - self.start) * self.duration) / 1e3, dtype=np.float64)
+        return (self.start_time + self.video_times[frames] - self.video_times[self.start]) / 1e3
 
 
 def read_tracker(
@@ -147,7 +147,7 @@ def _read_clip(panel: Element, frame_ms: float | None) -> _Clip:
     if frame_ms is not None and frame_ms != stated:
         facts.append(f"frame duration as stated by the user; the file says {stated:.8g} ms")
     times, warnings = _unequal(of_video, start, step, count, duration)
-    return _Clip(start, step, max(count, 0), clip.number("starttime", 0.0) / 1e3, duration / 1e3, times, tuple(facts), warnings)
+    return _Clip(start, step, max(count, 0), clip.number("starttime", 0.0), duration, times, tuple(facts), warnings)
 
 
 def _video_times(clip: Element) -> FloatArray | None:
@@ -174,7 +174,7 @@ def _video_times(clip: Element) -> FloatArray | None:
 def _unequal(
     of_video: FloatArray | None, start: int, step: int, count: int, duration: float
 ) -> tuple[FloatArray | None, tuple[str, ...]]:
-    """The video's own times, s, stretched to the clip's mean `duration` (ms), and a warning, where its frames are not equally long."""
+    """The video's own times, ms, stretched to the clip's mean `duration` (ms), and a warning, where its frames are not equally long."""
     end = start + step * (count - 1)
     if of_video is None or not start < end < of_video.size:
         return None, ()
@@ -183,7 +183,7 @@ def _unequal(
     if off <= max(_SAME_TIMES * duration, 0.002):
         return None, ()
     rule = f"the frames of the video are not equally long (times off by up to {off:.3g} ms)"
-    return scaled / 1e3, (f"{rule}: the video's own times are used, as Tracker does",)
+    return scaled, (f"{rule}: the video's own times are used, as Tracker does",)
 
 
 @dataclass(frozen=True, eq=False)

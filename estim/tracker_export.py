@@ -50,7 +50,8 @@ class _Layout:
 
 def is_export(text: str) -> bool:
     """Whether a text begins like an export: a line of names with `t` and `x` or `y` among its first lines."""
-    return any(_is_header(line) for line in text[:20_000].splitlines()[:_SEARCHED])
+    lines = [line for line in text[:20_000].splitlines() if not line.lstrip().startswith(("#", "%"))]
+    return any(_is_header(line) for line in lines[:_SEARCHED])
 
 
 def read_export(
@@ -199,6 +200,8 @@ def _no_header(lines: Lines, file: str) -> InputError:
     if not lines:
         return InputError(rule, field="header", value="nothing", file=file)
     number, line = lines[0]
+    if "t_s" in re.split(r"[\s,;]+", line[:200]):
+        return InputError("is a table of estim already: name it in a campaign as it is", field="header", value=line, file=file, line=number)
     short = line[:5000]
     cells = [cell.strip() for cell in short.split(_delimiter(short))]
     marks = {mark for cell in cells if _NUMBER.fullmatch(cell) for mark in ".," if mark in cell}
