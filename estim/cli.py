@@ -200,7 +200,7 @@ def simulate(design: Path, out: Path) -> None:
 @click.option("--track", metavar="NAME", help="Name of the track.  [default: the only one]")
 @click.option("--along", default="fit", show_default=True, metavar="fit|x|y|-x|-y|DEG", help="Direction of motion: fitted, an axis, an angle from x.")
 @click.option("--unit", type=click.Choice(["m", "cm", "mm"]), help="Unit of the lengths.  [default: what the file says, else m]")
-@click.option("--release", default="first", show_default=True, metavar="first|keep|T", help="Where x = 0: first point, origin of the axes, time T in s.")
+@click.option("--release", default="first", show_default=True, metavar="first|keep|T", help="x = 0 at the first point, the origin, or time T (s).")
 @click.option("--frame-ms", type=float, metavar="MS", help="Duration of a frame of a .trk, against what the file says (high-speed film).")
 @click.option("--drop-duplicates", is_flag=True, help="Leave out rows of an export that copy the row before.")
 @click.option("-o", "--out", required=True, type=click.Path(path_type=Path, dir_okay=False), help="The CSV file to write.")

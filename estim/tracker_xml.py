@@ -18,7 +18,7 @@ from xml.parsers import expat
 from estim.errors import InputError
 
 _MAX_BYTES = 64 * 1024**2
-_MAX_ELEMENTS = 500_000
+_MAX_ELEMENTS = 300_000
 _MAX_DEPTH = 100
 _MAX_RATIO = 200  # of the sizes before and after compression; the text of a .trk shrinks about 30 times
 _MAX_DIRECTORY = 1024**2

@@ -1,0 +1,86 @@
+"""Whatever bytes a file holds, reading it gives a record or an `EstimError`, in bounded time (`benchmarks/fuzz.py` runs more)."""
+
+from __future__ import annotations
+
+import random
+import tempfile
+import time
+from pathlib import Path
+
+import pytest
+from fuzzing import BASES, FILES, KINDS, TOKENS, read, sample
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from tracker_files import stored
+
+_SECONDS = 10.0
+QUICK = settings(max_examples=200, deadline=None, derandomize=True, database=None)
+
+
+def attempt(kind: str, data: bytes) -> bool:
+    """Whether a record came back; fails where reading takes long or raises anything but an EstimError."""
+    with tempfile.TemporaryDirectory() as folder:
+        start = time.perf_counter()
+        refused = read(kind, data, Path(folder))
+        assert time.perf_counter() - start < _SECONDS
+    return refused is None
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_the_sound_files_are_read(kind: str) -> None:
+    assert all(attempt(kind, data) for data in BASES[kind] if kind != "export" or b",B," not in data)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@QUICK
+@given(seed=st.integers(0, 2**32))
+def test_damaged_files_give_a_record_or_one_line(kind: str, seed: int) -> None:
+    attempt(kind, sample(kind, random.Random(seed)))
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@QUICK
+@given(data=st.binary(max_size=300))
+def test_any_bytes_give_a_record_or_one_line(kind: str, data: bytes) -> None:
+    attempt(kind, data)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@QUICK
+@given(words=st.lists(st.sampled_from([*TOKENS, b"t", b"x", b"y", b" ", b"t_s,x_m\n", b"0.1", b"1"]) | st.text(max_size=5).map(str.encode), max_size=60))
+def test_any_words_give_a_record_or_one_line(kind: str, words: list[bytes]) -> None:
+    attempt(kind, b"".join(words))
+
+
+LAUGHS = "<!DOCTYPE o [<!ENTITY a0 'ha'>" + "".join(f"<!ENTITY a{i} '{f'&a{i - 1};' * 10}'>" for i in range(1, 10)) + "]><object>&a9;</object>"
+LARGE = {
+    "entities that expand to 2 GB": ("trk", lambda: LAUGHS.encode()),
+    "the same in an archive": ("trz", lambda: stored(LAUGHS)),
+    "zip bomb": ("trz", lambda: stored("<object>" + " " * 200_000_000)),
+    "numbers as a bomb": ("trz", lambda: stored("<object>" + "<property/>" * 10_000_000)),
+    "line of 100 MB": ("csv", lambda: b"t_s,x_m\n" + b"1" * 100_000_000),
+    "line of 60 MB": ("csv", lambda: b"t_s,x_m\n" + b"1," * 30_000_000),
+    "header of 60 MB": ("csv", lambda: b"t_s," * 15_000_000),
+    "export of 100 MB": ("export", lambda: b"t,x\n" + b"1" * 100_000_000),
+    "export in one line of 60 MB": ("export", lambda: b"t;x;" * 15_000_000),
+    "campaign of 100 MB": ("toml", lambda: b"title = " + b"[" * 100_000_000),
+    "campaign of long dotted keys": ("toml", lambda: b"a." * 400_000 + b"a = 1"),
+    "campaign of many tables": ("toml", lambda: b"[a]\n" * 200_000),
+    "campaign of deep arrays": ("toml", lambda: b"a = " + b"[" * 500_000),
+    "campaign of many keys": ("toml", lambda: b"".join(b"k%d = 1\n" % n for n in range(60_000))),
+    "video of 100 MB": ("trk", lambda: b"<object>" + b"1" * 100_000_000),
+    "attribute of 60 MB": ("trk", lambda: b'<object class="' + b"1" * 60_000_000 + b'"/>'),
+    "text of 60 MB": ("trk", lambda: b"<object>" + b"1" * 60_000_000 + b"</object>"),
+    "a run of a million rows": ("csv", lambda: b"t_s,x_m\n" + b"".join(b"%d,1\n" % n for n in range(1_100_000))),
+}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("case", LARGE)
+def test_bombs_are_refused_in_bounded_time(case: str) -> None:
+    kind, make = LARGE[case]
+    assert not attempt(kind, make())
+
+
+def test_every_kind_of_file_has_a_base() -> None:
+    assert set(KINDS) == set(BASES) == set(FILES)
