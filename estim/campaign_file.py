@@ -20,10 +20,11 @@ from estim.errors import InputError
 from estim.importing import Choices
 from estim.priors import HalfNormal, LogNormal, Normal, Prior, TruncatedNormal, Uniform
 from estim.quantity import Quantity, read_quantity
-from estim.table import read_text
+from estim.table import TOML_BYTES, read_text
 from estim.track import Unit
 
-_MAX_BYTES = 1024**2
+_MAX_LINE = 2000
+_MAX_DEPTH = 20
 
 Kind = Literal["synthetic", "measured", "published"]
 
@@ -160,7 +161,7 @@ class CampaignFile:
 
 def read_campaign_file(path: Path) -> CampaignFile:
     """The campaign file at `path`.  Raises InputError with file, line, key, rule and value."""
-    text, digest = read_text(path, shown_as=str(path), limit=_MAX_BYTES)
+    text, digest = read_text(path, shown_as=str(path), limit=TOML_BYTES)
     tree = parse_toml(text, str(path))
     places = Places(str(path), locate_keys(text))
     top = checked(tree, _TopTable, places, ())
@@ -189,9 +190,18 @@ def check_run_names(names: Sequence[str], places: Places) -> None:
 
 
 def parse_toml(text: str, file: str) -> dict[str, Any]:
-    """The tree of a TOML text; a syntax error becomes an InputError with its line."""
+    """The tree of a TOML text; a syntax error becomes an InputError with its line.
+
+    Lines and depth are limited: the standard parser takes memory as the square of the length of a dotted key.
+    """
+    for number, line in enumerate(text.splitlines(), start=1):
+        if len(line) > _MAX_LINE:
+            raise InputError(f"must have at most {_MAX_LINE} characters", field="line", value=len(line), file=file, line=number)
     try:
-        return tomllib.loads(text)
+        tree = tomllib.loads(text)
+        if _depth(tree) > _MAX_DEPTH:
+            raise RecursionError
+        return tree
     except tomllib.TOMLDecodeError as error:
         found = re.search(r"\(at line (\d+), column \d+\)", str(error))
         message = re.sub(r"\s*\(at .*\)$", "", str(error))
@@ -200,6 +210,15 @@ def parse_toml(text: str, file: str) -> dict[str, Any]:
         raise InputError(f"is not valid TOML: {error}", file=file, field="campaign") from None
     except RecursionError:
         raise InputError("is nested too deeply", file=file, field="campaign") from None
+
+
+def _depth(tree: object) -> int:
+    """How deep tables and arrays are nested, counted level by level."""
+    level, depth = [tree], 0
+    while level and depth <= _MAX_DEPTH:
+        inner = (value.values() if isinstance(value, dict) else value for value in level if isinstance(value, dict | list))
+        level, depth = [value for values in inner for value in values], depth + 1
+    return depth
 
 
 def locate_keys(text: str) -> dict[tuple[str | int, ...], int]:

@@ -30,6 +30,7 @@ _OTHER_NAMES = {
     "omega (rad/s)": "omega_rad_s",
 }
 _COMMENTS = ("#", "%")
+TOML_BYTES = 256 * 1024  # limit for files that people write
 _MAX_BYTES = 64 * 1024**2
 _MAX_LINE = 100_000  # characters
 _MAX_ROWS = 1_000_000
@@ -60,7 +61,8 @@ def read_bytes(path: Path, *, shown_as: str, limit: int = _MAX_BYTES) -> bytes:
     """Content of a file of at most `limit` bytes; raises InputError where it cannot be read."""
     try:
         if path.stat().st_size > limit:
-            raise InputError(f"must be at most {limit // 1024**2} MiB", field="size", value=path.stat().st_size, file=shown_as)
+            shown = f"{limit // 1024**2} MiB" if limit >= 1024**2 else f"{limit // 1024} KiB"
+            raise InputError(f"must be at most {shown}", field="size", value=path.stat().st_size, file=shown_as)
         return path.read_bytes()
     except OSError as error:
         raise InputError(f"cannot be read ({(error.strerror or str(error)).lower()})", file=shown_as) from None

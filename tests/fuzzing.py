@@ -25,7 +25,8 @@ FILES = {"csv": "a.csv", "export": "a.txt", "toml": "c.toml", "design": "d.toml"
 _REPLICA = Path(__file__).resolve().parents[1] / "data" / "replica"
 
 RUN = b"t_s,x_m,v_m_s\n# a run\n" + b"".join(f"{0.02 * n:.2f},{0.0001 * n * n:.6f},{0.01 * n:.4f}\n".encode() for n in range(20))
-ANGLES = b"%Time (s)\tTheta (rad)\tOmega (rad/s)\n\t%2/27/2015\n" + b"".join(f"{0.1 * n:.1f}\t{0.01 * n * n:.4f}\t{0.2 * n:.3f}\n".encode() for n in range(12))
+ANGLES = b"%Time (s)\tTheta (rad)\tOmega (rad/s)\n\t%2/27/2015\n"
+ANGLES += b"".join(f"{0.1 * n:.1f}\t{0.01 * n * n:.4f}\t{0.2 * n:.3f}\n".encode() for n in range(12))
 EXPORT = b"mass A\nt;x;y;v\n" + b"".join(f"{0.02 * n:.3E};{0.1 + 0.001 * n * n:.6E};{0.5:.6E};\n".replace(".", ",").encode() for n in range(12))
 TWO = b",A,,B,\nt,x,y,x,y\n" + b"".join(f"{0.02 * n},{0.001 * n * n},{0.5},{0.002 * n * n},{0.6}\n".encode() for n in range(12))
 LINE = b"phi_deg,theta_min_deg,u_phi_deg\n" + b"".join(f"{n}.5,{5 * n}.25,0.1\n".encode() for n in range(1, 8))
@@ -59,7 +60,6 @@ theta0_deg = {prior = "truncated-normal", mean = 60.0, sd = 2.0, low = 0.0}
 [line]
 file = "theta_min.csv"
 body = "b"
-u_phi_deg = 0.4
 u_theta_min_deg = 1.5
 """
 VIDEO = trk(
@@ -74,17 +74,21 @@ BASES: dict[str, tuple[bytes, ...]] = {
     "trk": (VIDEO,), "trz": (stored(VIDEO.decode()), stored(VIDEO.decode(), how=zipfile.ZIP_STORED)),
 }
 TOKENS = (
-    b"1e999", b"-1e308", b"1e-320", b"nan", b"inf", b"-", b"", b"0", b"-0.0", b"9" * 400, b"1_0", b"0x1F", b"1,5", b"1.5.5", b"\x00", b"\xff\xfe", b"\xef\xbb\xbf",
+    b"1e999", b"-1e308", b"1e-320", b"nan", b"inf", b"-", b"", b"0", b"-0.0", b"9" * 400, b"1_0", b"0x1F", b"1,5", b"1.5.5",
+    b"\x00", b"\xff\xfe", b"\xef\xbb\xbf",
     b'"', b"'", b'"""', b"\n", b"\r", b"\r\n", b"\t", b";", b",", b"|", b"#", b"%", b"# t,x\n", b"t,x\n", b"[[runs]]\n", b"[a.b.c]\n", b"a.b = 1\n",
-    b"{", b"}", b"[", b"]", b"=", b"(", b")", b"+/-", b"\xc2\xb1", b"\xe2\x80\xa8", b"1979-05-27T07:32:00Z", b"true", b"<", b">", b"&", b"&lt;", b"&#0;", b"]]>",
-    b"<!DOCTYPE a [<!ENTITY b 'c'>]>", b"<![CDATA[x]]>", b"<?x?>", b"<object>", b"</object>", b"<property>", b"[0]", b"12.mai", b"2019-02-17", b"60.0(15)", b"(5)",
+    b"{", b"}", b"[", b"]", b"=", b"(", b")", b"+/-", b"\xc2\xb1", b"\xe2\x80\xa8", b"1979-05-27T07:32:00Z",
+    b"true", b"<", b">", b"&", b"&lt;", b"&#0;", b"]]>",
+    b"<!DOCTYPE a [<!ENTITY b 'c'>]>", b"<![CDATA[x]]>", b"<?x?>", b"<object>", b"</object>", b"<property>", b"[0]",
+    b"12.mai", b"2019-02-17", b"60.0(15)",
+    b"(5)",
     b"1.0(0)", b"1 +/- nan", b"..", b"/", b"\\", b"\\u0000", b"a.trz", b"c.toml", b".", b"-1", b"1e6", b"1e9", b"1e-9", b"0.0", b"2", b"360", b"1e5",
 )
 
 
 def damage(data: bytes, source: random.Random) -> bytes:
     """`data` with one to six changes: bytes, pieces and lines lost, doubled, swapped or replaced by what readers stumble over."""
-    for _ in range(source.choice((1, 1, 1, 2, 3, 6))):
+    for _ in range(source.choice((1, 1, 1, 1, 2, 4))):
         data = _change(data, source)
     return data
 
@@ -93,7 +97,7 @@ def _change(data: bytes, source: random.Random) -> bytes:
     low, high = sorted(source.randrange(len(data) + 1) for _ in range(2))
     short = min(high, low + source.randrange(1, 12))
     token = source.choice(TOKENS)
-    match source.randrange(10):
+    match source.randrange(16):
         case 0:
             return data[:low] + bytes([source.randrange(256)]) + data[low + 1 :]
         case 1:
@@ -115,7 +119,7 @@ def _change(data: bytes, source: random.Random) -> bytes:
             lines = data.split(b"\n")
             del lines[source.randrange(len(lines))]
             return b"\n".join(lines)
-        case _:
+        case _:  # most often: it leaves the form and changes the meaning
             return _another_word(data, token, source)
 
 
@@ -162,6 +166,5 @@ def read(kind: str, data: bytes, folder: Path) -> EstimError | None:
         else:
             import_track(path, Choices(track="A" if kind in ("trk", "trz") else None))
     except EstimError as error:
-        assert "\n" not in str(error), str(error)
         return error
     return None

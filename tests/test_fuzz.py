@@ -14,15 +14,17 @@ from hypothesis import strategies as st
 from tracker_files import stored
 
 _SECONDS = 10.0
+WORDS = (*TOKENS, b"t", b"x", b"y", b" ", b"t_s,x_m\n", b"0.1", b"1")
 QUICK = settings(max_examples=200, deadline=None, derandomize=True, database=None)
 
 
 def attempt(kind: str, data: bytes) -> bool:
     """Whether a record came back; fails where reading takes long or raises anything but an EstimError."""
     with tempfile.TemporaryDirectory() as folder:
-        start = time.perf_counter()
+        start = time.process_time()
         refused = read(kind, data, Path(folder))
-        assert time.perf_counter() - start < _SECONDS
+        assert time.process_time() - start < _SECONDS
+        assert "\n" not in str(refused)
     return refused is None
 
 
@@ -47,7 +49,7 @@ def test_any_bytes_give_a_record_or_one_line(kind: str, data: bytes) -> None:
 
 @pytest.mark.parametrize("kind", KINDS)
 @QUICK
-@given(words=st.lists(st.sampled_from([*TOKENS, b"t", b"x", b"y", b" ", b"t_s,x_m\n", b"0.1", b"1"]) | st.text(max_size=5).map(str.encode), max_size=60))
+@given(words=st.lists(st.sampled_from(WORDS) | st.text(max_size=5).map(str.encode), max_size=60))
 def test_any_words_give_a_record_or_one_line(kind: str, words: list[bytes]) -> None:
     attempt(kind, b"".join(words))
 
@@ -64,10 +66,11 @@ LARGE = {
     "export of 100 MB": ("export", lambda: b"t,x\n" + b"1" * 100_000_000),
     "export in one line of 60 MB": ("export", lambda: b"t;x;" * 15_000_000),
     "campaign of 100 MB": ("toml", lambda: b"title = " + b"[" * 100_000_000),
-    "campaign of long dotted keys": ("toml", lambda: b"a." * 400_000 + b"a = 1"),
-    "campaign of many tables": ("toml", lambda: b"[a]\n" * 200_000),
-    "campaign of deep arrays": ("toml", lambda: b"a = " + b"[" * 500_000),
-    "campaign of many keys": ("toml", lambda: b"".join(b"k%d = 1\n" % n for n in range(60_000))),
+    "campaign of a long dotted key": ("toml", lambda: b"a." * 100_000 + b"a = 1"),
+    "campaign of many dotted keys": ("toml", lambda: b"".join(b"k%d" % n + b".a" * 900 + b" = 1\n" for n in range(130))),
+    "campaign of many tables": ("toml", lambda: b"".join(b"[a%d]\n" % n for n in range(25_000))),
+    "campaign of deep arrays": ("toml", lambda: b"a = " + b"[\n" * 100_000),
+    "campaign of many keys": ("toml", lambda: b"".join(b"k%d = 1\n" % n for n in range(25_000))),
     "video of 100 MB": ("trk", lambda: b"<object>" + b"1" * 100_000_000),
     "attribute of 60 MB": ("trk", lambda: b'<object class="' + b"1" * 60_000_000 + b'"/>'),
     "text of 60 MB": ("trk", lambda: b"<object>" + b"1" * 60_000_000 + b"</object>"),
