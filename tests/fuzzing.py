@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import io
 import random
+import re
 import zipfile
 from pathlib import Path
 
@@ -27,7 +28,7 @@ _REPLICA = Path(__file__).resolve().parents[1] / "data" / "replica"
 RUN = b"t_s,x_m,v_m_s\n# a run\n" + b"".join(f"{0.02 * n:.2f},{0.0001 * n * n:.6f},{0.01 * n:.4f}\n".encode() for n in range(20))
 ANGLES = b"%Time (s)\tTheta (rad)\tOmega (rad/s)\n\t%2/27/2015\n"
 ANGLES += b"".join(f"{0.1 * n:.1f}\t{0.01 * n * n:.4f}\t{0.2 * n:.3f}\n".encode() for n in range(12))
-EXPORT = b"mass A\nt;x;y;v\n" + b"".join(f"{0.02 * n:.3E};{0.1 + 0.001 * n * n:.6E};{0.5:.6E};\n".replace(".", ",").encode() for n in range(12))
+EXPORT = b"A\nt;x;y;v\n" + b"".join(f"{0.02 * n:.3E};{0.1 + 0.001 * n * n:.6E};{0.5:.6E};\n".replace(".", ",").encode() for n in range(12))
 TWO = b",A,,B,\nt,x,y,x,y\n" + b"".join(f"{0.02 * n},{0.001 * n * n},{0.5},{0.002 * n * n},{0.6}\n".encode() for n in range(12))
 LINE = b"phi_deg,theta_min_deg,u_phi_deg\n" + b"".join(f"{n}.5,{5 * n}.25,0.1\n".encode() for n in range(1, 8))
 CAMPAIGN = b"""title = "x"
@@ -124,13 +125,14 @@ def _change(data: bytes, source: random.Random) -> bytes:
 
 
 def _another_word(data: bytes, token: bytes, source: random.Random) -> bytes:
-    """A whole number or word replaced: the file stays in form."""
-    import re
-
+    """A whole number or word replaced, a number mostly by a number: the file stays in form."""
     words = list(re.finditer(rb"[\w.+-]+", data))
     if not words:
         return token
     word = source.choice(words)
+    if re.fullmatch(rb"[+-]?\d*\.?\d+([eE][+-]?\d+)?", word[0]) and source.random() < 0.7:
+        size = 10.0 ** source.choice((-300, -9, -3, -2, -1, 0, 0, 0, 1, 2, 3, 9, 300))
+        token = format(source.uniform(-1.0, 3.0) * size, source.choice((".0f", ".2f", "r", ".3e")).replace("r", "")).encode()[:320]
     return data[: word.start()] + token + data[word.end() :]
 
 
@@ -164,7 +166,7 @@ def read(kind: str, data: bytes, folder: Path) -> EstimError | None:
             if campaign.source.line is not None:
                 read_theta_min(campaign.source)
         else:
-            import_track(path, Choices(track="A" if kind in ("trk", "trz") else None))
+            import_track(path, Choices(track="A"))
     except EstimError as error:
         return error
     return None
