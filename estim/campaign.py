@@ -22,7 +22,7 @@ from estim.phase_curve import MotionCurve, PhaseCurve
 from estim.priors import Normal, Prior, TruncatedNormal
 from estim.problem import Observations, Parameter, Problem
 from estim.quantity import Quantity
-from estim.run import Run, read_run
+from estim.run import Run, compare_intervals, read_run
 from model import STANDARD_GRAVITY, Body
 
 FloatArray = NDArray[np.float64]
@@ -160,8 +160,8 @@ def load_campaign(path: str | Path) -> Campaign:
     """
     source = read_campaign_file(Path(path))
     folder = Path(path).parent
-    tables = {run.name: read_run(folder / run.file, name=run.name, shown_as=str(folder / run.file)) for run in source.runs}
-    campaign = Campaign(source, MappingProxyType(tables))
+    tables = {run.name: read_run(folder / run.file, name=run.name, shown_as=str(folder / run.file), choices=run.choices) for run in source.runs}
+    campaign = Campaign(source, MappingProxyType(compare_intervals(tables)))
     for name in campaign.run_names:
         campaign.problem([name])
     return campaign
@@ -240,11 +240,16 @@ def _from_masses(source: CampaignFile, levels: Iterable[Level], name: str, rho: 
     """gamma or the trailing fraction with the uncertainty that follows from the masses (linear propagation)."""
     from uncertainties import ufloat
 
-    read = [_mass(source, levels, key) for key in _MASSES]
+    tables = tuple(levels)
+    read = [_mass(source, tables, key) for key in _MASSES]
     disk, particle, trailing = (m.value if m.exact else ufloat(m.value, m.u) for m in read)
     distance = rho if isinstance(rho, float) else ufloat(rho.centre, rho.sd)
-    ratio = getattr(Body.from_masses(1.0, disk, particle, kappa=0.5, rho=distance, mass_trailing=trailing), name)
-    return Quantity(ratio) if isinstance(ratio, float) else Quantity(ratio.nominal_value, ratio.std_dev)
+    try:
+        ratio = getattr(Body.from_masses(1.0, disk, particle, kappa=0.5, rho=distance, mass_trailing=trailing), name)
+        return Quantity(ratio) if isinstance(ratio, float) else Quantity(ratio.nominal_value, ratio.std_dev)
+    except (OverflowError, ZeroDivisionError):
+        home = next(t for t in tables if any(getattr(t.table, k) is not None for k in _MASSES))
+        raise source.places.error("is too far from the other masses to take a ratio", (*home.path, _MASSES[0])) from None
 
 
 def total_mass(source: CampaignFile, levels: Iterable[Level]) -> float | None:

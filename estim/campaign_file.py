@@ -17,9 +17,14 @@ from typing import Any, Literal, TypeVar
 import msgspec
 
 from estim.errors import InputError
+from estim.importing import Choices
 from estim.priors import HalfNormal, LogNormal, Normal, Prior, TruncatedNormal, Uniform
 from estim.quantity import Quantity, read_quantity
-from estim.table import read_text
+from estim.table import TOML_BYTES, read_text
+from estim.track import Unit
+
+_MAX_LINE = 2000
+_MAX_DEPTH = 20
 
 Kind = Literal["synthetic", "measured", "published"]
 
@@ -94,6 +99,21 @@ class RunTable(LevelTable, forbid_unknown_fields=True, frozen=True, kw_only=True
     name: str
     body: str
     file: str
+    track: str | None = None
+    along: str | float | None = None
+    unit: Unit | None = None
+    release: Literal["first", "keep"] | float | None = None
+    frame_ms: float | None = None
+    drop_duplicates: bool | None = None
+
+    @property
+    def choices(self) -> Choices | None:
+        """How a file of the program Tracker is to be read; None where nothing is said."""
+        said = (self.track, self.along, self.unit, self.release, self.frame_ms, self.drop_duplicates)
+        if all(value is None for value in said):
+            return None
+        along, release = "fit" if self.along is None else self.along, "first" if self.release is None else self.release
+        return Choices(self.track, along, self.unit, release, self.frame_ms, bool(self.drop_duplicates))
 
 
 class LineTable(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_only=True):
@@ -149,7 +169,7 @@ class CampaignFile:
 
 def read_campaign_file(path: Path) -> CampaignFile:
     """The campaign file at `path`.  Raises InputError with file, line, key, rule and value."""
-    text, digest = read_text(path, shown_as=str(path))
+    text, digest = read_text(path, shown_as=str(path), limit=TOML_BYTES)
     tree = parse_toml(text, str(path))
     places = Places(str(path), locate_keys(text))
     top = checked(tree, _TopTable, places, ())
@@ -178,9 +198,18 @@ def check_run_names(names: Sequence[str], places: Places) -> None:
 
 
 def parse_toml(text: str, file: str) -> dict[str, Any]:
-    """The tree of a TOML text; a syntax error becomes an InputError with its line."""
+    """The tree of a TOML text; a syntax error becomes an InputError with its line.
+
+    Lines and depth are limited: the standard parser takes memory as the square of the length of a dotted key.
+    """
+    for number, line in enumerate(text.splitlines(), start=1):
+        if len(line) > _MAX_LINE:
+            raise InputError(f"must have at most {_MAX_LINE} characters", field="line", value=len(line), file=file, line=number)
     try:
-        return tomllib.loads(text)
+        tree = tomllib.loads(text)
+        if _depth(tree) > _MAX_DEPTH:
+            raise RecursionError
+        return tree
     except tomllib.TOMLDecodeError as error:
         found = re.search(r"\(at line (\d+), column \d+\)", str(error))
         message = re.sub(r"\s*\(at .*\)$", "", str(error))
@@ -189,6 +218,15 @@ def parse_toml(text: str, file: str) -> dict[str, Any]:
         raise InputError(f"is not valid TOML: {error}", file=file, field="campaign") from None
     except RecursionError:
         raise InputError("is nested too deeply", file=file, field="campaign") from None
+
+
+def _depth(tree: object) -> int:
+    """How deep tables and arrays are nested, counted level by level."""
+    level, depth = [tree], 0
+    while level and depth <= _MAX_DEPTH:
+        inner = (value.values() if isinstance(value, dict) else value for value in level if isinstance(value, dict | list))
+        level, depth = [value for values in inner for value in values], depth + 1
+    return depth
 
 
 def locate_keys(text: str) -> dict[tuple[str | int, ...], int]:

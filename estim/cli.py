@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from estim.energy import Drift, EnergyRecord
     from estim.pipeline import Analysis
     from estim.sampling import Progress
+    from estim.track import Unit
 
 BAD_INPUT, NOT_OK, INTERRUPTED = 2, 3, 130
 
@@ -204,6 +205,36 @@ def simulate(design: Path, out: Path) -> None:
     files = simulate_campaign(load_design(design))
     _write(out, {name: text.encode() for name, text in files.items()})
     click.echo(f"synthetic campaign: {out / 'campaign.toml'} ({len(files)} files)")
+
+
+@cli.command("import")
+@click.argument("file", type=click.Path(path_type=Path))
+@click.option("--track", metavar="NAME", help="Name of the track.  [default: the only one]")
+@click.option("--along", default="fit", show_default=True, metavar="fit|x|y|-x|-y|DEG", help="Direction of motion: fitted, an axis, an angle from x.")
+@click.option("--unit", type=click.Choice(["m", "cm", "mm"]), help="Unit of the lengths.  [default: what the file says, else m]")
+@click.option("--release", default="first", show_default=True, metavar="first|keep|T", help="x = 0 at the first point, the origin, or time T (s).")
+@click.option("--frame-ms", type=float, metavar="MS", help="Duration of a frame of a .trk, against what the file says (high-speed film).")
+@click.option("--drop-duplicates", is_flag=True, help="Leave out rows of an export that copy the row before.")
+@click.option("-o", "--out", required=True, type=click.Path(path_type=Path, dir_okay=False), help="The CSV file to write.")
+def import_file(
+    file: Path, track: str | None, along: str, unit: Unit | None, release: str, frame_ms: float | None, drop_duplicates: bool, out: Path
+) -> None:
+    """Make a run of FILE, a .trk, .trz or text export of the program Tracker: a CSV with t_s and x_m.
+
+    What is suspicious goes to stderr and into the head of the CSV (docs/tracker.md).
+    """
+    from estim.importing import Choices, import_track, read_release, run_table
+
+    if out.resolve() == file.resolve():
+        raise InputError("must not be the file that is read", field="--out", value=str(out))
+    choices = Choices(track, along, unit, read_release(release), frame_ms, drop_duplicates)
+    imported = import_track(file, choices)
+    _write(out.parent, {out.name: run_table(imported)})
+    for fact in imported.facts:
+        click.echo(fact)
+    for warning in imported.warnings:
+        click.echo(f"warning: {warning}", err=True)
+    click.echo(f"run: {out} ({imported.t.size} rows)")
 
 
 @contextmanager

@@ -22,6 +22,7 @@ from estim.errors import InputError
 
 FloatArray = NDArray[np.float64]
 
+_MAX_ROWS = 6000  # the matrix of the stencil is dense
 _STEP_TOLERANCE = 0.1  # of a frame interval: what rounding a time to a few decimals may cost
 
 
@@ -76,8 +77,10 @@ def differentiate(t: FloatArray, position: FloatArray, stencil: Stencil, *, file
     """Derivative of `position` (n_row,) at equally spaced times `t` (n_row,) s, where frames may be missing.
 
     A speed next to a missing frame does not exist and is left out, as Tracker leaves it blank.  Raises InputError where
-    the steps of time are no multiples of one interval.
+    the steps of time are no multiples of one interval, or where there are too many rows.
     """
+    if t.size > _MAX_ROWS:
+        raise InputError(f"must be at most {_MAX_ROWS} for a derivative by differences: cut the file", field="rows", value=t.size, file=file)
     interval, frame = _frames(t, file=file, lines=lines)
     row_of = {int(f): row for row, f in enumerate(frame)}
     rows, entries = [], []

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from estim.campaign_file import Places, check_run_names, checked, locate_keys, parse_toml
-from estim.table import read_text
+from estim.table import TOML_BYTES, read_text
 from model import Body, ascends, theta_min
 from model.simulate import frame_times, simulate_positions, simulate_theta_min
 
@@ -84,7 +84,7 @@ class LoadedDesign:
 
 def load_design(path: str | Path) -> LoadedDesign:
     """The design in the TOML file at `path`.  Raises InputError with file, line, key, rule and value."""
-    text, digest = read_text(Path(path), shown_as=str(path))
+    text, digest = read_text(Path(path), shown_as=str(path), limit=TOML_BYTES)
     places = Places(str(path), locate_keys(text))
     design = checked(parse_toml(text, str(path)), Design, places, ())
     positive = {("constants", key): getattr(design.constants, key) for key in ("g", "radius_m", "mass_disk_kg", "kappa", "ramp_length_m")}
@@ -97,6 +97,8 @@ def load_design(path: str | Path) -> LoadedDesign:
     for name, body in design.bodies.items():
         if not 0.0 < body.gamma < 1.0:
             raise places.error("must lie between 0 and 1", ("bodies", name, "gamma"), value=body.gamma)
+    if not abs(design.constants.rolling_resistance) <= 1.0:
+        raise places.error("must lie within ±1", ("constants", "rolling_resistance"), value=design.constants.rolling_resistance)
     _check_runs(design, places)
     return LoadedDesign(design, digest, Path(path).name)
 
@@ -108,11 +110,16 @@ def _check_runs(design: Design, places: Places) -> None:
     for i, run in enumerate(design.runs):
         if run.body not in design.bodies:
             raise places.error("must name one of the bodies", ("runs", i, "body"), value=run.body)
+        for key, angle in (("phi_deg", run.phi_deg), ("theta0_deg", run.theta0_deg)):
+            if not abs(angle) <= 360.0:
+                raise places.error("must lie within ±360", ("runs", i, key), value=angle)
         phi, theta0 = np.radians([run.phi_deg, run.theta0_deg])
         if not ascends(_body(design, run.body), phi=phi, theta0=theta0, rolling_resistance=resistance):
             raise places.error("must be an angle from which the body ascends", ("runs", i, "theta0_deg"), value=run.theta0_deg)
     if design.line.body not in design.bodies:
         raise places.error("must name one of the bodies", ("line", "body"), value=design.line.body)
+    if not all(abs(tilt) <= 90.0 for tilt in design.line.phi_deg):
+        raise places.error("must hold tilts within ±90", ("line", "phi_deg"))
     smallest = theta_min(design.bodies[design.line.body].gamma, np.radians(design.line.phi_deg), rolling_resistance=resistance)
     if np.any(np.isnan(smallest)):
         steep = design.line.phi_deg[int(np.argmax(np.isnan(smallest)))]

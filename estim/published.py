@@ -12,7 +12,7 @@ import msgspec
 from estim.campaign_file import Places, checked, locate_keys, parse_toml
 from estim.line_analysis import e_n
 from estim.quantity import Quantity
-from estim.table import read_text
+from estim.table import TOML_BYTES, read_text
 
 
 class PublishedNumber(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
@@ -47,7 +47,7 @@ class Comparison:
 
 def read_published(path: Path) -> tuple[str, tuple[PublishedNumber, ...]]:
     """The paper's name and its numbers from a TOML file.  Raises InputError."""
-    text, _ = read_text(path, shown_as=str(path))
+    text, _ = read_text(path, shown_as=str(path), limit=TOML_BYTES)
     paper = checked(parse_toml(text, str(path)), _Paper, Places(str(path), locate_keys(text)), ())
     return paper.paper, tuple(paper.number)
 

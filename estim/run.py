@@ -1,4 +1,4 @@
-"""A run: the measurements of one motion, read from a CSV file without changing a number.
+"""A run: the measurements of one motion, read from a CSV file without changing a number, or from a file of Tracker.
 
 Columns: `t_s` time, `x_m` position along the ramp since release, `v_m_s` speed, `theta_rad` angle turned since release,
 `omega_rad_s` angular rate, `sigma_x_m`, `sigma_v_m_s` standard deviations row by row.
@@ -7,13 +7,17 @@ Columns: `t_s` time, `x_m` position along the ramp since release, `v_m_s` speed,
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
+from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import NDArray
 
 from estim.errors import InputError
+from estim.importing import Choices, Imported, import_track, is_export_file, is_tracker_file
+from estim.quantity import Quantity
+from estim.suspicion import odd_intervals
 from estim.table import Table, read_table
 
 FloatArray = NDArray[np.float64]
@@ -29,6 +33,9 @@ class Run:
     columns : standard column name -> (n_row,) read-only array, SI units.
     lines : (n_row,) line of the file that each row stands on.
     sha256 : of the file's bytes.
+    warnings : what is suspicious about the file, in words.
+    facts : where an imported track comes from and how x was made of it, in words; empty for a CSV of the project.
+    tilt : rad, of an imported track against the x axis of its video, positive uphill; None where it is not known.
     """
 
     name: str
@@ -36,6 +43,9 @@ class Run:
     sha256: str
     columns: Mapping[str, FloatArray]
     lines: NDArray[np.int64]
+    warnings: tuple[str, ...] = ()
+    facts: tuple[str, ...] = ()
+    tilt: Quantity | None = None
 
     @property
     def n_row(self) -> int:
@@ -52,12 +62,16 @@ class Run:
         return "v_m_s" if self.coordinate == "x_m" else "omega_rad_s"
 
 
-def read_run(path: Path, *, name: str, shown_as: str | None = None) -> Run:
-    """The run in the CSV file at `path`; `shown_as` is how messages and reports name the file.
+def read_run(path: Path, *, name: str, shown_as: str | None = None, choices: Choices | None = None) -> Run:
+    """The run in the file at `path`; `shown_as` is how messages and reports name the file.
+
+    A .trk, a .trz, a text export of Tracker, and any file for which there are `choices`, is imported (`importing`).
 
     Raises InputError with file, line, field, rule and value for anything that is not a table of finite numbers with
     known columns, one of `x_m` and `theta_rad` among them, and times that increase.
     """
+    if choices is not None or is_tracker_file(path) or is_export_file(path):
+        return _imported(import_track(path, choices or Choices(), shown_as=shown_as or str(path)), name)
     table = read_table(path, known=COLUMNS, min_rows=_MIN_ROWS, shown_as=shown_as or str(path))
     names = set(table.columns)
     shown = ", ".join(table.columns)
@@ -67,7 +81,21 @@ def read_run(path: Path, *, name: str, shown_as: str | None = None) -> Run:
         rule = "must hold a time (t_s) or a speed (v_m_s, omega_rad_s)"
         raise InputError(rule, field="header", value=shown, file=table.file, line=table.header_line)
     _check_numbers(table)
-    return Run(name=name, file=table.file, sha256=table.sha256, columns=table.columns, lines=table.lines)
+    return Run(name=name, file=table.file, sha256=table.sha256, columns=table.columns, lines=table.lines, warnings=table.warnings)
+
+
+def _imported(track: Imported, name: str) -> Run:
+    return Run(
+        name=name, file=track.track.file, sha256=track.track.sha256, columns=MappingProxyType({"t_s": track.t, "x_m": track.x}),
+        lines=track.track.lines[track.rows], warnings=track.warnings, facts=track.facts, tilt=track.tilt,
+    )
+
+
+def compare_intervals(runs: Mapping[str, Run]) -> dict[str, Run]:
+    """The same runs, by name, with a warning on each imported one whose frame interval is not that of most of them."""
+    intervals = {name: float(np.median(np.diff(run.columns["t_s"]))) for name, run in runs.items() if run.facts}
+    odd = odd_intervals(intervals)
+    return {name: replace(run, warnings=(*run.warnings, odd[name])) if name in odd else run for name, run in runs.items()}
 
 
 def _check_numbers(table: Table) -> None:

@@ -30,7 +30,11 @@ _OTHER_NAMES = {
     "omega (rad/s)": "omega_rad_s",
 }
 _COMMENTS = ("#", "%")
+TOML_BYTES = 256 * 1024  # limit for files that people write
 _MAX_BYTES = 64 * 1024**2
+_MAX_LINE = 100_000  # characters
+_MAX_ROWS = 1_000_000
+_NOTE = "# warning: "  # what `estim import` found suspicious, kept with the numbers
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,6 +42,7 @@ class Table:
     """columns : name -> (n_row,) read-only array.  lines : (n_row,) line of the file of each row.
 
     file : how messages name it.  header_line : line of the column names.  sha256 : of the file's bytes.
+    warnings : texts of the comment lines "# warning: ...".
     """
 
     file: str
@@ -45,22 +50,31 @@ class Table:
     header_line: int
     columns: Mapping[str, FloatArray]
     lines: NDArray[np.int64]
+    warnings: tuple[str, ...] = ()
 
     def error(self, rule: str, field: str, row: int) -> InputError:
         """An InputError for the cell of column `field` in `row`."""
         return InputError(rule, field=field, value=self.columns[field][row].item(), file=self.file, line=int(self.lines[row]))
 
 
-def read_text(path: Path, *, shown_as: str) -> tuple[str, str]:
-    """Text of a UTF-8 file and the SHA-256 of its bytes; raises InputError where it cannot be read as such."""
+def read_bytes(path: Path, *, shown_as: str, limit: int = _MAX_BYTES) -> bytes:
+    """Content of a file of at most `limit` bytes; raises InputError where it cannot be read."""
     try:
-        if path.stat().st_size > _MAX_BYTES:
-            raise InputError(f"must be at most {_MAX_BYTES // 1024**2} MiB", field="size", value=path.stat().st_size, file=shown_as)
-        data = path.read_bytes()
+        if path.stat().st_size > limit:
+            shown = f"{limit // 1024**2} MiB" if limit >= 1024**2 else f"{limit // 1024} KiB"
+            raise InputError(f"must be at most {shown}", field="size", value=path.stat().st_size, file=shown_as)
+        return path.read_bytes()
     except OSError as error:
         raise InputError(f"cannot be read ({(error.strerror or str(error)).lower()})", file=shown_as) from None
+    except InputError:
+        raise
     except ValueError as error:  # a null character in the name
         raise InputError(f"cannot be read ({error})", file=shown_as) from None
+
+
+def read_text(path: Path, *, shown_as: str, limit: int = _MAX_BYTES) -> tuple[str, str]:
+    """Text of a UTF-8 file and the SHA-256 of its bytes; raises InputError where it cannot be read as such."""
+    data = read_bytes(path, shown_as=shown_as, limit=limit)
     try:
         return data.decode("utf-8-sig"), hashlib.sha256(data).hexdigest()
     except UnicodeDecodeError as error:
@@ -74,7 +88,7 @@ def read_table(path: Path, *, known: Sequence[str], min_rows: int, shown_as: str
     Raises InputError with file, line, field, rule and value.
     """
     text, digest = read_text(path, shown_as=shown_as)
-    rows = [(number, line) for number, line in enumerate(text.splitlines(), start=1) if line.strip()]
+    rows = numbered_lines(text, file=shown_as)
     header = next(((n, line) for n, line in rows if not line.lstrip().startswith("#") or _names(line, known)), None)
     if header is None:
         raise InputError("has no line of column names", file=shown_as)
@@ -96,7 +110,19 @@ def read_table(path: Path, *, known: Sequence[str], min_rows: int, shown_as: str
     lines = np.array(numbers)
     for array in (*columns.values(), lines):
         array.setflags(write=False)
-    return Table(shown_as, digest, header_line, MappingProxyType(columns), lines)
+    warnings = tuple(line[len(_NOTE) :].strip() for _, line in rows if line.startswith(_NOTE))
+    return Table(shown_as, digest, header_line, MappingProxyType(columns), lines, warnings)
+
+
+def numbered_lines(text: str, *, file: str) -> list[tuple[int, str]]:
+    """The lines that are not blank, each with its number.  Raises InputError where there are too many, or one is too long."""
+    rows = [(number, line) for number, line in enumerate(text.splitlines(), start=1) if line.strip()]
+    if len(rows) > _MAX_ROWS:
+        raise InputError(f"must be at most {_MAX_ROWS}", field="number of lines", value=len(rows), file=file)
+    for number, line in rows:
+        if len(line) > _MAX_LINE:
+            raise InputError(f"must have at most {_MAX_LINE} characters", field="row", value=len(line), file=file, line=number)
+    return rows
 
 
 def _delimiter(header: str) -> str:

@@ -152,3 +152,10 @@ def test_a_derivative_cannot_be_written_to():
             array[0] = 1
     with pytest.raises(TypeError):
         STENCILS["central"] = STENCILS["spill2"]
+
+
+def test_more_rows_than_a_dense_matrix_can_hold_are_refused():
+    t = np.arange(6001.0)
+    with pytest.raises(InputError, match="'rows' must be at most 6000 for a derivative by differences: cut the file: 6001"):
+        differentiate(t, t, STENCILS["central"])
+    assert differentiate(t[:6000:10], t[:6000:10], STENCILS["central"]).n_gap == 0

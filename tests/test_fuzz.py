@@ -1,0 +1,102 @@
+"""Whatever bytes a file holds, reading it gives a record or an `EstimError`, in bounded time (`benchmarks/fuzz.py` runs more)."""
+
+from __future__ import annotations
+
+import random
+import tempfile
+import time
+from pathlib import Path
+
+import pytest
+from fuzzing import BASES, FILES, KINDS, TOKENS, read, sample
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from tracker_files import stored
+
+_SECONDS = 10.0
+WORDS = (*TOKENS, b"t", b"x", b"y", b" ", b"t_s,x_m\n", b"0.1", b"1")
+QUICK = settings(max_examples=200, deadline=None, derandomize=True, database=None)
+
+
+def attempt(kind: str, data: bytes) -> bool:
+    """Whether a record came back; fails where reading takes long or raises anything but an EstimError."""
+    with tempfile.TemporaryDirectory() as folder:
+        start = time.process_time()
+        refused = read(kind, data, Path(folder))
+        assert time.process_time() - start < _SECONDS
+        assert "\n" not in str(refused)
+    return refused is None
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_the_sound_files_are_read(kind: str) -> None:
+    assert all(attempt(kind, data) for data in BASES[kind])
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@QUICK
+@given(seed=st.integers(0, 2**32))
+def test_damaged_files_give_a_record_or_one_line(kind: str, seed: int) -> None:
+    attempt(kind, sample(kind, random.Random(seed)))
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@QUICK
+@given(data=st.binary(max_size=300))
+def test_any_bytes_give_a_record_or_one_line(kind: str, data: bytes) -> None:
+    attempt(kind, data)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@QUICK
+@given(words=st.lists(st.sampled_from(WORDS) | st.text(max_size=5).map(str.encode), max_size=60))
+def test_any_words_give_a_record_or_one_line(kind: str, words: list[bytes]) -> None:
+    attempt(kind, b"".join(words))
+
+
+LAUGHS = "<!DOCTYPE o [<!ENTITY a0 'ha'>" + "".join(f"<!ENTITY a{i} '{f'&a{i - 1};' * 10}'>" for i in range(1, 10)) + "]><object>&a9;</object>"
+LARGE = {
+    "entities that expand to 2 GB": ("trk", lambda: LAUGHS.encode()),
+    "the same in an archive": ("trz", lambda: stored(LAUGHS)),
+    "zip bomb": ("trz", lambda: stored("<object>" + " " * 200_000_000)),
+    "numbers as a bomb": ("trz", lambda: stored("<object>" + "<property/>" * 10_000_000)),
+    "line of 100 MB": ("csv", lambda: b"t_s,x_m\n" + b"1" * 100_000_000),
+    "line of 60 MB": ("csv", lambda: b"t_s,x_m\n" + b"1," * 30_000_000),
+    "header of 60 MB": ("csv", lambda: b"t_s," * 15_000_000),
+    "export of 100 MB": ("export", lambda: b"t,x\n" + b"1" * 100_000_000),
+    "export in one line of 60 MB": ("export", lambda: b"t;x;" * 15_000_000),
+    "campaign of 100 MB": ("toml", lambda: b"title = " + b"[" * 100_000_000),
+    "campaign of a long dotted key": ("toml", lambda: b"a." * 100_000 + b"a = 1"),
+    "campaign of many dotted keys": ("toml", lambda: b"".join(b"k%d" % n + b".a" * 900 + b" = 1\n" for n in range(60))),
+    "campaign of many tables": ("toml", lambda: b"".join(b"[a%d]\n" % n for n in range(25_000))),
+    "campaign of deep arrays": ("toml", lambda: b"a = " + b"[\n" * 100_000),
+    "campaign of many keys": ("toml", lambda: b"".join(b"k%d = 1\n" % n for n in range(25_000))),
+    "video of 100 MB": ("trk", lambda: b"<object>" + b"1" * 100_000_000),
+    "attribute of 60 MB": ("trk", lambda: b'<object class="' + b"1" * 60_000_000 + b'"/>'),
+    "text of 60 MB": ("trk", lambda: b"<object>" + b"1" * 60_000_000 + b"</object>"),
+    "a run of a million rows": ("csv", lambda: b"t_s,x_m\n" + b"".join(b"%d,1\n" % n for n in range(1_100_000))),
+}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("case", LARGE)
+def test_bombs_are_refused_in_bounded_time(case: str) -> None:
+    kind, make = LARGE[case]
+    assert not attempt(kind, make())
+
+
+def test_every_kind_of_file_has_a_base() -> None:
+    assert set(KINDS) == set(BASES) == set(FILES)
+
+
+FOUND = {
+    "toml": [(b'mass_disk_kg = "0.3030(10)"', b"mass_disk_kg = 1e300"), (b'mass_particle_kg = "0.070(5)"', b'mass_particle_kg = "1e300(5)"')],
+    "design": [(b"phi_deg = 4.0", b"phi_deg = inf"), (b"rolling_resistance = ", b"rolling_resistance = 1e308 #")],
+}
+
+
+@pytest.mark.parametrize(("kind", "change"), [(kind, change) for kind, changes in FOUND.items() for change in changes])
+def test_what_damaged_files_once_broke_is_refused(kind: str, change: tuple[bytes, bytes]) -> None:
+    data = BASES[kind][0]
+    assert change[0] in data
+    assert not attempt(kind, data.replace(*change, 1))

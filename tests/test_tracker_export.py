@@ -1,0 +1,255 @@
+"""Text exports of Tracker: every dialect gives the same numbers; what another program has done to a file is refused."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from estim import InputError
+from estim.table import numbered_lines
+from estim.tracker_export import is_export, read_export
+
+ROWS = [(0.0, 0.10, 0.50, None), (0.04, 0.11, 0.52, 0.60), (0.08, 0.13, 0.55, 0.75), (0.12, 0.16, 0.57, 0.62), (0.16, 0.18, 0.60, None)]
+
+
+def text(
+    mark: str = "\t", *, comma: bool = False, head: str | None = "mass A", names: str = "t x y v", end: str = "\n", rows=ROWS, form: str = "{:.3E}"
+) -> str:
+    def cell(value: float | None) -> str:
+        shown = "" if value is None else form.format(value)
+        return shown.replace(".", ",") if comma else shown
+
+    lines = ([head] if head is not None else []) + [mark.join(names.split())]
+    return end.join([*lines, *(mark.join(map(cell, row)) for row in rows), ""])
+
+
+@pytest.fixture
+def write(tmp_path):
+    def write(content: str | bytes, name: str = "a.txt") -> Path:
+        path = tmp_path / name
+        path.write_bytes(content if isinstance(content, bytes) else content.encode())
+        return path
+
+    return write
+
+
+@pytest.fixture
+def real(shared: Path) -> Path:
+    if not (shared / "tracker").is_dir():
+        pytest.skip("no files of Tracker among the real measurements")
+    return shared / "tracker"
+
+
+def check(track, rows=ROWS) -> None:
+    np.testing.assert_allclose(track.t, [r[0] for r in rows], atol=1e-12)
+    np.testing.assert_allclose(track.x, [r[1] for r in rows], atol=1e-12)
+    np.testing.assert_allclose(track.y, [r[2] for r in rows], atol=1e-12)
+
+
+@pytest.mark.parametrize("end", ["\n", "\r\n", "\r"])
+@pytest.mark.parametrize(("mark", "comma"), [("\t", False), ("\t", True), (";", False), (";", True), (",", False), ("|", True), ("; ", True)])
+def test_separators_decimal_marks_and_line_ends(write, mark: str, comma: bool, end: str) -> None:
+    track = read_export(write(text(mark, comma=comma, end=end)))
+    check(track)
+    assert track.name == "mass A"
+    assert track.lines.tolist() == [3, 4, 5, 6, 7]
+    assert np.isnan(track.speed[[0, 4]]).all()
+    assert track.speed[1] == 0.6
+
+
+@pytest.mark.parametrize("mark", [" ", "   "])
+@pytest.mark.parametrize("comma", [False, True])
+def test_blanks_separate_where_no_cell_is_blank(write, mark: str, comma: bool) -> None:
+    check(read_export(write(text(mark, comma=comma, names="t x y", rows=[row[:3] for row in ROWS]))))
+
+
+@pytest.mark.parametrize("head", ["mass A", "mass A;;;", ";mass A;", "  mass   A"])
+def test_line_of_the_tracks_name_in_any_form(write, head: str) -> None:
+    assert read_export(write(text(";", head=head))).name == "mass A"
+
+
+def test_without_a_line_of_names_the_track_has_no_name_and_takes_the_one_asked_for(write) -> None:
+    path = write(text(",", head=None))
+    check(read_export(path))
+    assert read_export(path).name == "unnamed"
+    assert read_export(path, track="disk").name == "disk"
+
+
+def test_byte_order_mark_and_comments(write) -> None:
+    check(read_export(write(b"\xef\xbb\xbf" + b"# from the lab\n" + text().encode())))
+
+
+def test_commas_at_the_ends_of_lines(write) -> None:
+    """Tracker ends the line of names with a separator and drops blank cells at the end of a row."""
+    lines = text(",", head=",mass A,,").splitlines()
+    lines[1] += ","
+    lines[2] = lines[2].rstrip(",")
+    check(read_export(write("\n".join(lines))))
+
+
+def test_columns_in_any_order_and_unknown_ones_between(write) -> None:
+    rows = [(v, y, 7.0, t, x, float(n)) for n, (t, x, y, v) in enumerate(ROWS, start=20)]
+    track = read_export(write(text(";", names="v y θ t x frame", rows=rows)))
+    check(track)
+    assert track.frames.tolist() == [20, 21, 22, 23, 24]
+
+
+def test_two_tracks_beside_each_other(write) -> None:
+    rows = [(t, x, y, 2 * x, 2 * y) for t, x, y, _ in ROWS]
+    path = write(text(",", head=",A,,B,", names="t x y x y", rows=rows))
+    check(read_export(path, track="A"))
+    check(read_export(path, track="B"), [(t, 2 * x, 2 * y) for t, x, y, _ in ROWS])
+    with pytest.raises(InputError, match=r"a.txt:2: 'track' must be named, as there are several: A, B"):
+        read_export(path, shown_as="a.txt")
+    with pytest.raises(InputError, match=r"a.txt:2: 'track' must name one of the tracks \(A, B\): C"):
+        read_export(path, track="C", shown_as="a.txt")
+
+
+def test_a_row_without_a_position_is_left_out_and_counted(write) -> None:
+    rows = [*ROWS[:2], (0.06, None, None, None), *ROWS[2:]]
+    track = read_export(write(text(";", rows=rows)))
+    check(track)
+    assert "1 rows without a position left out" in track.calibration
+
+
+def test_one_coordinate_is_enough(write) -> None:
+    track = read_export(write(text(",", names="t y", rows=[(t, y) for t, _, y, _ in ROWS])))
+    assert track.x is None
+    np.testing.assert_allclose(track.y, [row[2] for row in ROWS])
+
+
+@pytest.mark.parametrize(
+    ("names", "unit"), [("t(s) x(cm) y(cm) v(cm/s)", None), ("t x[cm] y[cm] v", None), ("t(ms) x(cm) y v", "cm"), ("t x y v", "cm")]
+)
+def test_centimetres_by_the_columns_names_or_as_stated(write, names: str, unit: str | None) -> None:
+    second = 1e3 if "ms" in names else 1.0
+    rows = [(second * t, 100 * x, 100 * y, v) for t, x, y, v in ROWS]
+    check(read_export(write(text(";", names=names, rows=rows)), unit=unit))
+
+
+def test_contradicting_units_are_refused(write) -> None:
+    with pytest.raises(InputError, match=r"a.txt:2: 'x, y' must all have one unit; --unit says cm: m"):
+        read_export(write(text(names="t x(m) y v")), unit="cm", shown_as="a.txt")
+    with pytest.raises(InputError, match=r"a.txt:2: 'x, y' must all have one unit: cm, m"):
+        read_export(write(text(names="t x(m) y(cm) v")), shown_as="a.txt")
+    with pytest.raises(InputError, match=r"a.txt:2: 'x' must be in one of m, cm, mm: px"):
+        read_export(write(text(names="t x(px) y v")), shown_as="a.txt")
+
+
+@pytest.mark.parametrize("mark", ["\t", ";", ",", " "])
+def test_an_export_is_told_from_a_table_of_the_project(mark: str) -> None:
+    assert is_export(text(mark))
+    assert not is_export(mark.join(["t_s", "x_m"]) + "\n")
+    assert not is_export(f"# t{mark}x\n" + mark.join(["t_s", "x_m"]) + "\n")
+
+
+# refused
+
+MIXED = text(";", comma=True).replace("1,200E-01", "0.12")
+REFUSED = {
+    "empty": ("", "a.txt: 'header' must have a line of column names with t and x or y, as Tracker exports it: nothing"),
+    "no names": ("1;2;3\n", "a.txt:1: 'header' must have a line of column names with t and x or y, as Tracker exports it: 1;2;3"),
+    "estim's own": ("t_s,x_m\n0,1\n", "a.txt:1: 'header' is a table of estim already: name it in a campaign as it is: t_s,x_m"),
+    "only v": (text(names="t v a b"), "a.txt:1: 'header' must have a line of column names with t and x or y"),
+    "two x": (text(names="t x x v"), "a.txt:2: 'x' stands twice in the header"),
+    "mixed decimals": (MIXED, "a.txt:6: 'row' has a decimal point where the file has decimal commas; a spreadsheet has changed this file"),
+    "decimal commas between commas": (text(",", comma=True), "(are decimals written with commas too? then export with semicolons or tabs): "),
+    "a date": (text(";").replace("8.000E-02;", "12.mai;"), "a.txt:5: 't' is a date; a spreadsheet has changed this file"),
+    "another date": (text(";").replace("8.000E-02;", "2019-02-17;"), "a.txt:5: 't' is a date; a spreadsheet has changed this file"),
+    "word": (text().replace("1.300E-01", "far"), "a.txt:5: 'x' must be a number: far"),
+    "nan": (text().replace("1.300E-01", "NaN"), "a.txt:5: 'x' must be a number: NaN"),
+    "underscore": (text().replace("1.300E-01", "1_3"), "a.txt:5: 'x' must be a number: 1_3"),
+    "thousands": (text().replace("1.300E-01", "1,300.5"), "a.txt:5: 'x' must be a number: 1,300.5"),
+    "infinite": (text().replace("1.300E-01", "1e999"), "a.txt:5: 'x' must lie within ±1e+06 m: inf"),
+    "time is blank": (text(";").replace("8.000E-02;", ";"), "a.txt:5: 't' must be a number: blank"),
+    "too many cells": (text(";").replace(";7.500E-01", ";7.500E-01;1"), "a.txt:5: 'row' must have 4 cells: 5"),
+    "backward": (text(rows=[*ROWS[:3], ROWS[1], *ROWS[3:]]), "a.txt:6: 't' must increase from row to row: 0.04"),
+    "repeated": (text(rows=[*ROWS[:3], ROWS[2], *ROWS[3:]]), "a.txt:6: 't' must increase from row to row (1 row repeats its time; if it is a copy"),
+    "few": (text(rows=ROWS[:4]), "a.txt: 'track mass A' must hold at least 5 points: 4"),
+    "long line": ("t;x\n" + "1" * 200_000, "a.txt:2: 'row' must have at most 100000 characters: 200000"),
+    "binary": (b"\x00\x01\xff\xfe", "a.txt:1: 'byte' must be UTF-8 text"),
+}
+
+
+@pytest.mark.parametrize("case", REFUSED)
+def test_what_is_no_export_is_refused_in_one_line(write, case: str) -> None:
+    content, message = REFUSED[case]
+    with pytest.raises(InputError) as caught:
+        read_export(write(content), shown_as="a.txt")
+    assert message in str(caught.value)
+    assert "\n" not in str(caught.value)
+    assert len(str(caught.value)) < 500
+
+
+def test_copies_of_a_row_are_dropped_only_when_asked_and_only_if_they_are_copies(write) -> None:
+    copy, other = ROWS[2], (0.08, 0.131, 0.55, 0.75)
+    path = write(text(rows=[*ROWS[:3], copy, *ROWS[3:]]))
+    track = read_export(path, drop_duplicates=True)
+    check(track)
+    assert track.lines.tolist() == [3, 4, 5, 7, 8]
+    assert track.warnings == ("1 row that copies the row before dropped",)
+    with pytest.raises(InputError, match="must increase"):
+        read_export(write(text(rows=[*ROWS[:3], other, *ROWS[3:]], form="{:.4f}")), drop_duplicates=True)
+
+
+# real files
+
+
+def numbers(path: Path, columns: int, skip: int) -> np.ndarray:
+    """The first `columns` numbers of each row, read by a regular expression of its own."""
+    import re
+
+    lines = path.read_text().replace(",", ".").replace("\t", ";").splitlines()[skip:]
+    return np.array([[float(cell) for cell in re.split(";", line)[:columns]] for line in lines if line.strip()])
+
+
+@pytest.mark.parametrize(
+    ("file", "name", "skip"),
+    [
+        ("halfpipe/Klipp0.csv", "mass_A", 2), ("halfpipe/Klipp1.csv", "mass_A", 2),
+        ("rolling_ball/kulefullbane.txt", "kule", 2), ("rolling_ball/ringfullbane.txt", "ring", 2),
+    ],
+)
+def test_semicolons_with_decimal_commas(real: Path, file: str, name: str, skip: int) -> None:
+    unit = "cm" if "bane" in file else "m"
+    track = read_export(real / file, unit=unit)
+    rows = numbers(real / file, 3, skip)
+    assert track.name == name
+    np.testing.assert_array_equal(track.t, rows[:, 0])
+    np.testing.assert_array_equal(track.x, rows[:, 1] * (0.01 if unit == "cm" else 1.0))
+    np.testing.assert_array_equal(track.y, rows[:, 2] * (0.01 if unit == "cm" else 1.0))
+
+
+def test_commas_without_a_line_of_names(real: Path) -> None:
+    track = read_export(real / "rolling_ball" / "Vid3.txt")
+    rows = [line.split(",") for line in (real / "rolling_ball" / "Vid3.txt").read_text().splitlines()[1:]]
+    assert track.x.tolist() == [float(row[1]) for row in rows]
+    assert np.isnan(track.speed[0])
+
+
+def test_one_copied_row_between_tabs(real: Path) -> None:
+    path = real / "halfpipe" / "52.txt"
+    with pytest.raises(InputError, match=r"52.txt:4: 't' must increase from row to row \(1 row repeats its time; if it is a copy"):
+        read_export(path)
+    track = read_export(path, drop_duplicates=True)
+    assert track.t.size == len(path.read_text().splitlines()) - 3
+
+
+REAL_REFUSED = {
+    "halfpipe/Klipp34.csv": r"Klipp34.csv:1004: 't' must increase from row to row \(2794 rows repeat their time: rounded by a spreadsheet\?\): 10.0",
+    "halfpipe/Klipp5.csv": r"Klipp5.csv:1: 'row' mixes decimal points and commas .*43513,00 is 2019-02-17.*a spreadsheet has changed this file",
+    "rolling_ball/Kule4.txt": r"Kule4.txt: 'track Kule4' must hold at least 5 points: 3$",
+}
+
+
+@pytest.mark.parametrize("file", REAL_REFUSED)
+def test_spoiled_files_are_refused_with_the_place(real: Path, file: str) -> None:
+    with pytest.raises(InputError, match=REAL_REFUSED[file]):
+        read_export(real / file)
+
+
+def test_number_of_lines_is_limited() -> None:
+    with pytest.raises(InputError, match=r"'number of lines' must be at most 1000000: 1000001"):
+        numbered_lines("1\n" * 1_000_001, file="a.csv")
