@@ -28,7 +28,7 @@ BAD_INPUT, NOT_OK, INTERRUPTED = 2, 3, 130
 
 _RUNS = click.option("--run", "runs", multiple=True, metavar="NAME", help="This run only; may be given several times.  [default: every run]")
 _JOINT = click.option("--joint", is_flag=True, help="Fit the runs together: what they share is one unknown.")
-_STEPS = click.option("--max-steps", type=click.IntRange(min=400), default=20_000, show_default=True, help="Hard cap on the sampler's steps.")
+_STEPS = click.option("--max-steps", type=click.IntRange(min=50), default=20_000, show_default=True, help="Hard cap on the sampler's steps.")
 _OUT = click.option(
     "--out", type=click.Path(path_type=Path, file_okay=False),
     help="Folder for the report, made if it is not there.  [default: out/ and the name of the campaign's folder]",

@@ -58,7 +58,7 @@ def test_same_seed_gives_the_same_bytes(fitted: Path, tmp_path: Path, replica: P
 
 
 def test_capped_chain_writes_its_report_and_exits_with_3(tmp_path: Path, replica: Path) -> None:
-    done = estim("fit", replica / "campaign.toml", "--run", "heavy-04", "--out", tmp_path, "--max-steps", "400")
+    done = estim("fit", replica / "campaign.toml", "--run", "heavy-04", "--out", tmp_path, "--max-steps", "60")
     assert done.returncode == 3
     assert "not-converged" in done.stdout
     report = (tmp_path / "report.md").read_text()
@@ -109,7 +109,7 @@ def test_help_is_quick() -> None:
 
 
 def test_several_runs_get_a_folder_each_and_an_index(tmp_path: Path, replica: Path) -> None:
-    done = estim("fit", replica / "campaign.toml", "--run", "heavy-04", "--run", "heavy-06", "--out", tmp_path, "--max-steps", "400")
+    done = estim("fit", replica / "campaign.toml", "--run", "heavy-04", "--run", "heavy-06", "--out", tmp_path, "--max-steps", "60")
     assert done.returncode == 3
     index = (tmp_path / "report.md").read_text()
     for run in ("heavy-04", "heavy-06"):
