@@ -23,18 +23,22 @@ if TYPE_CHECKING:
     from estim.line_intervals import slope_interval
     from estim.line_posterior import line_posterior
     from estim.monte_carlo import propagate_monte_carlo
+    from estim.own_curve import CurveFit, fit_curve
     from estim.pipeline import Analysis, analyse
     from estim.propagated import propagated_bands
     from estim.propagation import propagate_linear
     from estim.report import analysis_report
     from estim.result import result_of
     from estim.sampling import Target, sample_posterior
+    from estim.systematic import Component
     from estim.theta_min import read_theta_min
     from estim.validation import compare
 
 _HOME = {
     "Analysis": "pipeline",
     "Campaign": "campaign",
+    "Component": "systematic",
+    "CurveFit": "own_curve",
     "EstimError": "errors",
     "Input": "inputs",
     "InputError": "errors",
@@ -50,6 +54,7 @@ _HOME = {
     "confidence_band": "line",
     "diagnose": "diagnosis",
     "energy_along": "energy",
+    "fit_curve": "own_curve",
     "fit_least_squares": "fitting",
     "fit_line": "line",
     "inverse_prediction": "line",
@@ -69,6 +74,8 @@ _HOME = {
 __all__ = [
     "Analysis",
     "Campaign",
+    "Component",
+    "CurveFit",
     "EstimError",
     "Input",
     "InputError",
@@ -84,6 +91,7 @@ __all__ = [
     "confidence_band",
     "diagnose",
     "energy_along",
+    "fit_curve",
     "fit_least_squares",
     "fit_line",
     "inverse_prediction",
