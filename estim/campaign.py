@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from estim.campaign_file import CampaignFile, read_campaign_file
 from estim.curve import Derived, LocalCurve
+from estim.curve_campaign import CurveStudy, read_curve_study
 from estim.errors import InputError
 from estim.levels import Level, Levels, as_prior, body_levels, read_key
 from estim.observing import observe
@@ -134,6 +135,7 @@ class Campaign:
 
     source: CampaignFile
     tables: Mapping[str, Run]
+    curve: CurveStudy | None = None
 
     @property
     def title(self) -> str:
@@ -142,6 +144,11 @@ class Campaign:
     @property
     def kind(self) -> str:
         return self.source.kind
+
+    @property
+    def formula(self) -> str | None:
+        """The user's own curve as written, None for a rolling body."""
+        return None if self.source.curve is None else str(self.source.curve["curve"]["expression"])
 
     @property
     def published(self) -> Path | None:
@@ -162,6 +169,9 @@ class Campaign:
         for name in names:
             if name not in self.run_names:
                 raise InputError(f"must name one of the runs ({', '.join(self.run_names)})", field="run", value=name, file=self.source.path)
+        if self.curve is not None:
+            return self.curve.problem(names, self.tables)
+        for name in names:
             levels = Levels(self.source, self.run_names.index(name))
             bound = bind_quantities(levels.source, levels, where=f"run '{name}'")
             for quantity, b in bound.items():
@@ -180,6 +190,12 @@ class Campaign:
                 )
             )
         return Problem((*physics.values(), *noise.values()), tuple(runs))
+
+
+    def require_body(self) -> None:
+        """Raises InputError where the curve is the user's own, so that there is no rolling body to speak of."""
+        if self.curve is not None:
+            raise self.source.places.error("has no rolling body, so only estim fit knows what to do with it", ("curve",))
 
 
 def gamma_of_body(campaign: Campaign, body: str) -> Quantity | None:
@@ -207,8 +223,13 @@ def load_campaign(path: str | Path) -> Campaign:
     """
     source = read_campaign_file(Path(path))
     folder = Path(path).parent
-    tables = {run.name: read_run(folder / run.file, name=run.name, shown_as=str(folder / run.file)) for run in source.runs}
-    campaign = Campaign(source, MappingProxyType(tables))
+    curve = None
+    tables: Mapping[str, Run]
+    if source.curve is not None:
+        curve, tables = read_curve_study(source)
+    else:
+        tables = {run.name: read_run(folder / run.file, name=run.name, shown_as=str(folder / run.file)) for run in source.runs}
+    campaign = Campaign(source, MappingProxyType(dict(tables)), curve)
     for name in campaign.run_names:
         campaign.problem([name])
     return campaign

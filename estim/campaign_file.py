@@ -105,6 +105,14 @@ class _TopTable(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_only
     bodies: dict[str, dict[str, Any]] = {}
     runs: list[dict[str, Any]] = []
     line: dict[str, Any] | None = None
+    curve: dict[str, Any] | None = None
+
+
+class _CurveRun(msgspec.Struct, frozen=True):
+    """What every run of a user's own curve has; `estim.curve_file` checks the rest."""
+
+    name: str
+    file: str
 
 
 @dataclass(frozen=True, eq=False)
@@ -125,7 +133,10 @@ class Places:
 
 @dataclass(frozen=True, eq=False)
 class CampaignFile:
-    """A campaign file as read, structure checked, numbers not yet interpreted."""
+    """A campaign file as read, structure checked, numbers not yet interpreted.
+
+    curve : the raw `curve` table and `runs` where the curve is the user's own (then there are no bodies), else None.
+    """
 
     path: Path
     sha256: str
@@ -137,6 +148,7 @@ class CampaignFile:
     bodies: Mapping[str, LevelTable]
     runs: tuple[RunTable, ...]
     line: LineTable | None
+    curve: Mapping[str, Any] | None = None
 
 
 def read_campaign_file(path: Path) -> CampaignFile:
@@ -145,6 +157,8 @@ def read_campaign_file(path: Path) -> CampaignFile:
     tree = parse_toml(text, str(path))
     places = Places(str(path), locate_keys(text))
     top = checked(tree, _TopTable, places, ())
+    if top.curve is not None:
+        return _with_own_curve(path, digest, places, top)
     bodies = {name: checked(table, LevelTable, places, ("bodies", name)) for name, table in top.bodies.items()}
     runs = tuple(checked(table, RunTable, places, ("runs", i)) for i, table in enumerate(top.runs))
     line = None if top.line is None else checked(top.line, LineTable, places, ("line",))
@@ -158,6 +172,18 @@ def read_campaign_file(path: Path) -> CampaignFile:
     if line is not None and line.body not in bodies:
         raise places.error(f"must name one of the bodies ({', '.join(bodies) or 'none defined'})", ("line", "body"), value=line.body)
     return CampaignFile(path, digest, places, top.title, top.kind, top.published, shared, bodies, runs, line)
+
+
+def _with_own_curve(path: Path, digest: str, places: Places, top: _TopTable) -> CampaignFile:
+    for key in ("shared", "bodies", "line", "published"):
+        if getattr(top, key):
+            raise places.error("does not go with a [curve] table", (key,))
+    if not top.runs:
+        raise places.error("must hold at least one [[runs]] table", (), field="campaign")
+    named = [checked(run, _CurveRun, places, ("runs", i)) for i, run in enumerate(top.runs)]
+    check_run_names([run.name for run in named], places)
+    runs = tuple(RunTable(name=run.name, body="", file=run.file) for run in named)
+    return CampaignFile(path, digest, places, top.title, top.kind, None, LevelTable(), {}, runs, None, {"curve": top.curve, "runs": top.runs})
 
 
 def check_run_names(names: Sequence[str], places: Places) -> None:

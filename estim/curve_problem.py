@@ -76,18 +76,20 @@ class CurveProblem:
         return self.y - np.broadcast_to(self.curve.value(self.x, named), (1, self.x.size))[0]
 
     def _problem(self, sigma: Scale, further: tuple[Parameter, ...]) -> Problem:
-        what = "y" if self.axes.y_name == "y" else f"{self.axes.y_name}"
-        noise: Readings
-        if self.cov is None:
-            noise = Readings(sigma, Scale(0.0), self.relative, what=what)
-        else:
-            noise = Correlated(sigma, Scale(0.0), self.relative, what=what, cov=self.cov)
+        noise = reading_noise(sigma, self.relative, self.cov, what=self.axes.y_name)
+        arguments = MappingProxyType({p.name: p.name for p in self.parameters})
         run = Observations(
-            name="data", x=self.x, y=self.y, t=None, curve=self.curve, arguments=MappingProxyType({p.name: p.name for p in self.parameters}), noise=noise,
-            x_name=self.axes.x_name, x_unit=self.axes.x_unit, y_name=self.axes.y_name, y_unit=self.axes.y_unit, excluded=(),
-            excluded_points=np.zeros((0, 2)), origin=None,
+            name="data", x=self.x, y=self.y, t=None, curve=self.curve, arguments=arguments, noise=noise, x_name=self.axes.x_name,
+            x_unit=self.axes.x_unit, y_name=self.axes.y_name, y_unit=self.axes.y_unit, excluded=(), excluded_points=np.zeros((0, 2)), origin=None,
         )
         return Problem((*self.parameters, *further), (run,))
+
+
+def reading_noise(sigma: Scale, relative: FloatArray, cov: FloatArray | None, *, what: str) -> Readings:
+    """Noise of readings of `what`: independent, or with the stated covariance matrix.  Errors of x will enter here."""
+    if cov is None:
+        return Readings(sigma, Scale(0.0), relative, what=what)
+    return Correlated(sigma, Scale(0.0), relative, what=what, cov=cov)
 
 
 def pose_curve(
@@ -222,7 +224,8 @@ def _parameters(
         if name in bounds:
             raise InputError(f"must not be given beside a prior for '{name}': cut the prior instead", field="bounds")
     return tuple(
-        Parameter(name, units.get(name, "1") or "1", _prior(name, start[name], bounds.get(name), priors.get(name)), "parameter of the curve") for name in names
+        Parameter(name, units.get(name, "1"), _prior(name, start[name], bounds.get(name), priors.get(name)), "parameter of the curve")
+        for name in names
     )
 
 

@@ -43,7 +43,8 @@ _MAX_NODES = 600
 _MAX_DEPTH = 120
 _MAX_POWER = 1000.0
 _POWER = "power"  # a formula cannot say it: ** is turned into it
-_OPERATORS = (ast.Add, ast.Sub, ast.Mult, ast.Div, ast.Pow, ast.UAdd, ast.USub)
+_OPERATORS = (ast.Add, ast.Sub, ast.Mult, ast.Div)
+_SIGNS = (ast.UAdd, ast.USub)
 _COMPARISONS = (ast.Lt, ast.LtE, ast.Gt, ast.GtE)
 
 
@@ -96,12 +97,13 @@ def read_formula(text: object, *, field: str = "expression") -> Formula:
         raise InputError('must be a formula like "a*exp(-b*x) + c"', field=field, value=text if text != "" else "''")
     if len(text) > MAX_LENGTH:
         raise InputError(f"must be at most {MAX_LENGTH} characters long", field=field, value=len(text))
+    text = " ".join(text.split())
     tree = _parse(text, field)
     _check_size(tree, field)
     names: dict[str, None] = {}
     checked = _checked(tree, names, field, text)
     _check_constants(checked, field)
-    return Formula(text.strip(), tuple(names), ast.fix_missing_locations(checked))
+    return Formula(text, tuple(names), ast.fix_missing_locations(checked))
 
 
 def check_names(names: Iterable[str], *, field: str) -> None:
@@ -168,7 +170,7 @@ def _parse(text: str, field: str) -> ast.expr:
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # of Python's parser, on things that are refused below
-            return ast.parse(text.strip(), mode="eval").body
+            return ast.parse(text, mode="eval").body
     except SyntaxError as error:
         hint = " (one expression, without '=')" if "=" in text else ""
         raise InputError(f"is not a formula{hint}: {error.msg}", field=field, value=text) from None
@@ -177,7 +179,8 @@ def _parse(text: str, field: str) -> ast.expr:
 
 
 def _check_size(tree: ast.expr, field: str) -> None:
-    pending, count = [(tree, 1)], 0
+    pending: list[tuple[ast.AST, int]] = [(tree, 1)]
+    count = 0
     while pending:
         node, depth = pending.pop()
         count += 1
@@ -202,7 +205,7 @@ def _checked(node: ast.AST, names: dict[str, None], field: str, text: str, *, co
                 check_names([name], field=field)
                 names.setdefault(name)
             return ast.Name(name, ast.Load())
-        case ast.UnaryOp(op=op, operand=operand) if isinstance(op, _OPERATORS):
+        case ast.UnaryOp(op=op, operand=operand) if isinstance(op, _SIGNS):
             return ast.UnaryOp(op, below(operand))
         case ast.BinOp(left=left, op=ast.Pow(), right=right):
             exponent = below(right)

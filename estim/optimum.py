@@ -201,29 +201,33 @@ def _descend(search: _Search, start: FloatArray) -> FloatArray:
     if not search.bent.size:
         return search.solved(start)
     bent = search.bent
-    current = start.copy()
+    low, high = search.low[bent], search.high[bent]
+    first = _inside(start[bent], low, high)
+    unit = np.where(first != 0.0, np.abs(first), 1.0)
 
     def filled(shape: FloatArray) -> FloatArray:
-        full = current.copy()
-        full[bent] = shape
+        full = start.copy()
+        full[bent] = np.clip(shape * unit, low, high)
         return search.solved(full)
 
+    size = math.sqrt(search.chi2(filled(first / unit)))
+    if not 0.0 < size < math.inf:
+        return filled(first / unit)
+
     def residuals(shape: FloatArray) -> FloatArray:
-        return search.residuals(filled(shape))
+        return search.residuals(filled(shape)) / size
 
     def jacobian(shape: FloatArray) -> FloatArray:
         columns = search.jacobian(filled(shape))
         columns[~np.isfinite(columns)] = 0.0
-        if not search.linear.size:
-            return columns[:, bent]
-        basis, _ = np.linalg.qr(columns[:, search.linear])
-        return columns[:, bent] - basis @ (basis.T @ columns[:, bent])
+        turned = columns[:, bent]
+        if search.linear.size:
+            basis, _ = np.linalg.qr(columns[:, search.linear])
+            turned = turned - basis @ (basis.T @ turned)
+        return turned * unit / size
 
-    first = _inside(start[bent], search.low[bent], search.high[bent])
-    if not np.all(np.isfinite(residuals(first))):
-        return start
     result = least_squares(
-        residuals, first, jac=jacobian, bounds=(search.low[bent], search.high[bent]), x_scale="jac", ftol=1e-11, xtol=1e-11, gtol=1e-14, max_nfev=200
+        residuals, first / unit, jac=jacobian, bounds=(low / unit, high / unit), x_scale="jac", ftol=1e-11, xtol=1e-11, gtol=None, max_nfev=200
     )
     return filled(result.x)
 
@@ -283,7 +287,8 @@ def _polished(search: _Search, values: FloatArray, *, n_start: int, n_same: int)
             step_size = 0.0
             break
         step, sds = _gauss_newton(jacobian[:, moving], residual)
-        size = float(np.max(np.abs(step) / np.where(sds > 0.0, sds, np.inf), initial=0.0)) / max(1.0, math.sqrt(chi2 / max(1, residual.size - moving.size)))
+        noise = math.sqrt(max(chi2, 1e4 * _rounding(search), 1e-300) / max(1, residual.size - moving.size))
+        size = float(np.max(np.abs(step) / np.where(sds > 0.0, sds, np.inf), initial=0.0)) / noise
         length, better = 1.0, False
         while length > 1e-4 and not better:
             trial = values.copy()

@@ -17,7 +17,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from estim.curve_problem import AxisNames, CurveProblem, pose_curve
 from estim.diagnosis import STATUSES
-from estim.errors import InputError
 from estim.fitting import Fit, fit_least_squares
 from estim.goodness import REJECT_BELOW, Goodness, check_goodness
 from estim.optimum import Optimum, find_optimum
@@ -80,8 +79,8 @@ class CurveFit:
 
     def _repr_markdown_(self) -> str:
         rows = [f"| {name} | {_shown(self.values[name], self.sds[name])} | {_unit(self.problem, name)} |" for name in self.names]
-        head = [f"`{self.text}`: **{self.status}**", *(f"- {reason}" for reason in self.reasons), "", "| parameter | value ± standard deviation | unit |"]
-        return "\n".join([*head, "|---|---|---|", *rows, "", self._summary()])
+        head = [f"`{self.text}`: **{self.status}**", *(f"- {reason}" for reason in self.reasons)]
+        return "\n".join([*head, "", "| parameter | value ± standard deviation | unit |", "|---|---|---|", *rows, "", self._summary()])
 
     def _summary(self) -> str:
         if self.sigma is None:
@@ -192,7 +191,8 @@ def _inner_fit(posed: CurveProblem, best: Optimum, problem: Problem, sigma: floa
     values = fit.values.copy()
     values[: best.values.size] = best.values
     words = f"{'settled' if best.settled else 'did not settle'}; {best.n_same} of {best.n_start} starts led to this optimum"
-    return replace(fit, values=values, posterior=problem.linearised(values), n_start=best.n_start, n_same=best.n_same, success=best.settled, message=words)
+    posterior = problem.linearised(values)
+    return replace(fit, values=values, posterior=posterior, n_start=best.n_start, n_same=best.n_same, success=best.settled, message=words)
 
 
 def _findings(
@@ -201,7 +201,8 @@ def _findings(
     """(status, reason) for everything that is wrong, gravest first."""
     found = []
     if not best.settled and not best.singular:
-        found.append(("not-converged", f"the search did not settle: its last step was {best.step:.2g} standard deviations; try other starting values"))
+        reason = f"the search did not settle: its last step was {best.step:.2g} standard deviations; try other starting values"
+        found.append(("not-converged", reason))
     if best.singular:
         found.append(("not-identified", "the data do not determine a combination of the parameters: no standard deviations"))
     for parameter, value, stuck in zip(posed.parameters, best.values, best.at_bound, strict=True):
@@ -238,6 +239,3 @@ def _shown(value: float, sd: float) -> str:
 def _unit(problem: Problem, name: str) -> str:
     unit = next(p.unit for p in problem.parameters if p.name == name)
     return "" if unit == "1" else unit
-
-
-__all__ = ["AxisNames", "CurveFit", "InputError", "fit_curve"]

@@ -15,10 +15,11 @@ from estim.campaign import Campaign
 from estim.diagnosis import Diagnosis, diagnose
 from estim.fitting import Fit, fit_least_squares
 from estim.goodness import Goodness, check_goodness
+from estim.optimum import fit_optimum
 from estim.problem import Problem
 from estim.sampling import Chain, Progress, Target, sample_posterior
 
-_BAND_DRAWS = 4000
+BAND_DRAWS = 4000
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,9 +41,9 @@ def analyse(
     """The joint analysis of `runs` of a campaign; the same seed gives the same numbers.  Raises InputError."""
     fit_rng, chain_rng, check_rng, band_rng = np.random.default_rng(seed).spawn(4)
     problem = campaign.problem(runs)
-    fit = fit_least_squares(problem, rng=fit_rng)
+    fit = fit_least_squares(problem, rng=fit_rng) if campaign.curve is None else fit_optimum(problem, rng=fit_rng)
     chain = sample_posterior(fit.posterior, fit.values, fit.cov, target=target or Target(), rng=chain_rng, progress=progress)
     goodness = check_goodness(fit, rng=check_rng)
     diagnosis = diagnose(fit, chain, goodness)
-    bands = posterior_bands(problem, chain.thinned(_BAND_DRAWS), rng=band_rng)
+    bands = posterior_bands(problem, chain.thinned(BAND_DRAWS), rng=band_rng)
     return Analysis(problem, fit, chain, goodness, diagnosis, bands, seed)

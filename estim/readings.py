@@ -26,11 +26,12 @@ class Readings(Independent):
 
     def describe(self, *, position_unit: str, speed_unit: str) -> str:
         """The noise in words."""
+        speed_unit = "" if speed_unit == "1" else speed_unit
         if self.sigma.parameter is not None:
             return f"independent errors of the {self.what}; their standard deviation {self.sigma.parameter} inferred"
         if np.ptp(self.relative) > 0.0:
             return f"independent errors of the {self.what}; standard deviations as stated row by row"
-        return f"independent errors of the {self.what}; standard deviation {f'{self.sigma.value * self.relative[0]:.4g} {speed_unit}'.strip()}"
+        return f"independent errors of the {self.what}; standard deviation {self.sigma.value * self.relative[0]:.4g} {speed_unit}".rstrip()
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,7 +49,9 @@ class Correlated(Readings):
 
     def describe(self, *, position_unit: str, speed_unit: str) -> str:
         """The noise in words."""
-        return f"correlated errors of the {self.what} with the stated covariance matrix; standard deviations about {np.median(self.relative):.4g} {speed_unit}".strip()
+        speed_unit = "" if speed_unit == "1" else speed_unit
+        size = f"standard deviations about {np.median(self.relative):.4g} {speed_unit}".strip()
+        return f"correlated errors of the {self.what} with the stated covariance matrix; {size}"
 
 
 def check_covariance(cov: ArrayLike, n_obs: int, *, field: str) -> FloatArray:

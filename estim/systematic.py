@@ -26,7 +26,10 @@ FloatArray = NDArray[np.float64]
 
 KINDS = ("zero_y", "scale_y", "zero_x", "scale_x")
 _MEANINGS = {
-    "zero_y": "common zero error of y", "scale_y": "common relative error of y", "zero_x": "common zero error of x", "scale_x": "common relative error of x",
+    "zero_y": "common zero error of y",
+    "scale_y": "common relative error of y",
+    "zero_x": "common zero error of x",
+    "scale_x": "common relative error of x",
 }
 
 
