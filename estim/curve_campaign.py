@@ -139,7 +139,8 @@ class CurveStudy:
         run = Observations(
             name=table.name, x=x[kept], y=y[kept], t=None, curve=curve, arguments=MappingProxyType(dict(arguments)),
             noise=reading_noise(scale, relative, None, what=self.axes.y_name), x_name=self.axes.x_name, x_unit=self.axes.x_unit,
-            y_name=self.axes.y_name, y_unit=self.axes.y_unit, excluded=excluded, excluded_points=np.column_stack([x[~inside], y[~inside]]), origin=None,
+            y_name=self.axes.y_name, y_unit=self.axes.y_unit, excluded=excluded,
+            excluded_points=np.column_stack([x[~inside], y[~inside]]), origin=None,
         )
         return run, unknown
 

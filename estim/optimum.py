@@ -25,8 +25,8 @@ from estim.problem import Posterior, Problem
 FloatArray = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
-_N_SCREEN = 240
-_N_START = 10
+_N_SCREEN = 200
+_N_START = 8
 _N_TWIN = 200  # exchanges of parameters that are looked at
 _DECADES = 1.0  # spread of the points around the start, standard deviation of log10
 _SAME = 1e-6  # relative difference of sums of squares between equal optima
@@ -67,7 +67,7 @@ class _Search:
     """The posterior's least squares over its curve parameters: limits, and which of them enter linearly."""
 
     posterior: Posterior
-    held: FloatArray  # (n_par,) values of the noise parameters
+    held: FloatArray  # (n_par,) the user's start, and the values of the noise parameters
     low: FloatArray
     high: FloatArray
     linear: Indices
@@ -123,7 +123,7 @@ def _found(search: _Search, start: FloatArray, rng: np.random.Generator, n_start
     enough = least * (1.0 + _SAME) + _rounding(search)
     equal = [values for values, chi2 in finished if chi2 <= enough]
     twins = [twin for values in equal for twin in _relabelled(search, values) if search.chi2(twin) <= enough]
-    values = min([*equal, *twins], key=lambda candidate: _distance(candidate, start, search.bent))
+    values = min([*equal, *twins], key=lambda candidate: _distance(search, candidate, start))
     return _polished(search, values, n_start=len(tried), n_same=len(equal))
 
 
@@ -136,7 +136,7 @@ def _rounding(search: _Search) -> float:
 
 
 def _relabelled(search: _Search, values: FloatArray) -> list[FloatArray]:
-    """The same point with two, or two pairs, of the nonlinear parameters exchanged, or one with the other sign."""
+    """The same point with two, or two pairs, of the nonlinear parameters exchanged, or one with the other sign or turned by half circles."""
     found = []
     pairs = list(combinations(search.bent, 2))
     exchanges = [(pair,) for pair in pairs] + [(a, b) for a, b in combinations(pairs, 2) if not set(a) & set(b)]
@@ -146,7 +146,10 @@ def _relabelled(search: _Search, values: FloatArray) -> list[FloatArray]:
             twin[i], twin[j] = twin[j], twin[i]
         found.append(twin)
     for i in search.bent:
-        found.append(np.where(np.arange(values.size) == i, -values, values))
+        turns = [math.pi * round((search.held[i] - values[i]) / math.pi), 180.0 * round((search.held[i] - values[i]) / 180.0)]
+        others = [-values[i], *(values[i] + turn + half for turn, half in zip(turns, (math.pi, 180.0), strict=True))]
+        others += [values[i] + turn - half for turn, half in zip(turns, (math.pi, 180.0), strict=True)] + [values[i] + turn for turn in turns]
+        found += [np.where(np.arange(values.size) == i, other, values) for other in others]
     inside = [twin for twin in found if np.all((twin >= search.low) & (twin <= search.high))]
     return [search.solved(twin) for twin in inside]
 
@@ -205,10 +208,15 @@ def _descend(search: _Search, start: FloatArray) -> FloatArray:
     first = _inside(start[bent], low, high)
     unit = np.where(first != 0.0, np.abs(first), 1.0)
 
+    last: tuple[FloatArray, FloatArray] | None = None  # least_squares asks for residuals and Jacobian at the same point
+
     def filled(shape: FloatArray) -> FloatArray:
-        full = start.copy()
-        full[bent] = np.clip(shape * unit, low, high)
-        return search.solved(full)
+        nonlocal last
+        if last is None or not np.array_equal(last[0], shape):
+            full = start.copy()
+            full[bent] = np.clip(shape * unit, low, high)
+            last = shape.copy(), search.solved(full)
+        return last[1]
 
     size = math.sqrt(search.chi2(filled(first / unit)))
     if not 0.0 < size < math.inf:
@@ -246,7 +254,7 @@ def _screened(search: _Search, start: FloatArray, rng: np.random.Generator, n: i
     for chi2, i in ranked:
         if len(chosen) == n or not math.isfinite(chi2):
             break
-        if all(_distance(points[i], other, search.bent) > 0.01 for other in chosen):
+        if all(_distance(search, points[i], other) > 0.01 for other in chosen):
             chosen.append(points[i])
     return chosen
 
@@ -266,13 +274,13 @@ def _scattered(search: _Search, start: FloatArray, rng: np.random.Generator) -> 
     return values
 
 
-def _distance(values: FloatArray, start: FloatArray, bent: Indices) -> float:
-    """How far apart two points are: changes of sign, then factors, of the nonlinear parameters; of all where none is."""
-    which = bent if bent.size else np.arange(values.size)
-    a, b = values[which], start[which]
-    size = np.maximum(np.abs(b), 1e-12 + 1e-9 * np.max(np.abs(b), initial=0.0))
-    factors = np.log((np.abs(a) + 1e-6 * size) / size)
-    return float(np.sum(np.where(a * b < 0.0, 100.0, 0.0) + factors**2))
+def _distance(search: _Search, values: FloatArray, other: FloatArray) -> float:
+    """How far apart two points are: changes of sign, then factors, of the nonlinear parameters; signs of the linear ones."""
+    a, b = values[search.bent], other[search.bent]
+    with np.errstate(all="ignore"):
+        factors = np.where(b == 0.0, np.minimum(np.abs(a), 10.0), np.log(np.maximum(np.abs(a / np.where(b == 0.0, 1.0, b)), 1e-6)))
+    signs = np.sum(values[search.linear] * other[search.linear] < 0.0)
+    return float(np.sum(np.where(a * b < 0.0, 100.0, 0.0) + factors**2) + 30.0 * signs)
 
 
 def _polished(search: _Search, values: FloatArray, *, n_start: int, n_same: int) -> Optimum:

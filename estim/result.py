@@ -179,7 +179,8 @@ def _parameter(analysis: Analysis, i: int) -> ParameterSummary:
     parameter, diagnosis = analysis.problem.parameters[i], analysis.diagnosis
     summary = summarise(analysis.chain.flat[:, i], unit=parameter.unit, meaning=parameter.meaning)
     return ParameterSummary(
-        **msgspec.structs.asdict(summary), prior=parameter.prior.describe(), prior_mean=number(parameter.prior.centre) if math.isfinite(parameter.prior.sd) else None,
+        **msgspec.structs.asdict(summary), prior=parameter.prior.describe(),
+        prior_mean=number(parameter.prior.centre) if math.isfinite(parameter.prior.sd) else None,
         prior_sd=number(parameter.prior.sd), ess_bulk=number(diagnosis.ess_bulk[i]), ess_tail=number(diagnosis.ess_tail[i]),
         rhat=number(diagnosis.rhat[i]), mcse=number(diagnosis.mcse[i]),
     )
