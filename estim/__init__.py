@@ -12,6 +12,7 @@ if TYPE_CHECKING:
     from estim.bands import posterior_bands
     from estim.budget import budget, budget_along
     from estim.campaign import Campaign, load_campaign
+    from estim.curve_analysis import curve_report, sample_curve
     from estim.diagnosis import diagnose
     from estim.energy import energy_along
     from estim.errors import EstimError, InputError
@@ -52,6 +53,7 @@ _HOME = {
     "check_goodness": "goodness",
     "compare": "validation",
     "confidence_band": "line",
+    "curve_report": "curve_analysis",
     "diagnose": "diagnosis",
     "energy_along": "energy",
     "fit_curve": "own_curve",
@@ -67,6 +69,7 @@ _HOME = {
     "propagated_bands": "propagated",
     "read_theta_min": "theta_min",
     "result_of": "result",
+    "sample_curve": "curve_analysis",
     "sample_posterior": "sampling",
     "slope_interval": "line_intervals",
 }
@@ -89,6 +92,7 @@ __all__ = [
     "check_goodness",
     "compare",
     "confidence_band",
+    "curve_report",
     "diagnose",
     "energy_along",
     "fit_curve",
@@ -104,6 +108,7 @@ __all__ = [
     "propagated_bands",
     "read_theta_min",
     "result_of",
+    "sample_curve",
     "sample_posterior",
     "slope_interval",
 ]

@@ -190,6 +190,10 @@ def read_curve_study(source: CampaignFile) -> tuple[CurveStudy, Mapping[str, Run
     """
     assert source.curve is not None
     places = source.places
+    for path, raw in ((("curve",), source.curve["curve"]), *((("runs", i), run) for i, run in enumerate(source.curve["runs"]))):
+        for name, entry in raw.get("parameters", {}).items() if isinstance(raw.get("parameters"), dict) else ():
+            if isinstance(entry, dict):  # one by one, for the line
+                checked(entry, ParameterTable, places, (*path, "parameters", name))
     table = checked(source.curve["curve"], CurveTable, places, ("curve",))
     runs = tuple(checked(run, CurveRunTable, places, ("runs", i)) for i, run in enumerate(source.curve["runs"]))
     try:

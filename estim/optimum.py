@@ -19,14 +19,13 @@ from numpy.typing import NDArray
 
 from estim.errors import InputError
 from estim.fitting import Fit, fit_least_squares
-from estim.noise import variances
-from estim.problem import Posterior, Problem
+from estim.problem import Problem
+from estim.separable import Search, rounding, set_apart
 
 FloatArray = NDArray[np.float64]
-Indices = NDArray[np.int64]
 
 _N_SCREEN = 200
-_N_START = 8
+N_START = 8
 _N_TWIN = 200  # exchanges of parameters that are looked at
 _DECADES = 1.0  # spread of the points around the start, standard deviation of log10
 _SAME = 1e-6  # relative difference of sums of squares between equal optima
@@ -62,57 +61,16 @@ class Optimum:
         return self.step < _SETTLED
 
 
-@dataclass(frozen=True, eq=False)
-class _Search:
-    """The posterior's least squares over its curve parameters: limits, and which of them enter linearly."""
-
-    posterior: Posterior
-    held: FloatArray  # (n_par,) the user's start, and the values of the noise parameters
-    low: FloatArray
-    high: FloatArray
-    linear: Indices
-    bent: Indices
-
-    @property
-    def free(self) -> Indices:
-        return np.sort(np.concatenate([self.linear, self.bent]))
-
-    def residuals(self, values: FloatArray) -> FloatArray:
-        return self.posterior.residuals(values)
-
-    def jacobian(self, values: FloatArray) -> FloatArray:
-        return self.posterior.jacobian(values)
-
-    def chi2(self, values: FloatArray) -> float:
-        total = float(np.sum(self.residuals(values) ** 2))
-        return total if math.isfinite(total) else math.inf
-
-    def solved(self, values: FloatArray) -> FloatArray:
-        """`values` with the linear parameters at their least-squares solution."""
-        if not self.linear.size:
-            return values
-        columns = self.jacobian(values)[:, self.linear]
-        residual = self.residuals(values)
-        if not (np.all(np.isfinite(columns)) and np.all(np.isfinite(residual))):
-            return values
-        scale = np.linalg.norm(columns, axis=0)
-        scale[scale == 0.0] = 1.0
-        step, *_ = np.linalg.lstsq(columns / scale, -residual, rcond=1e-12)
-        found = values.copy()
-        found[self.linear] += step / scale
-        return found
-
-
-def find_optimum(problem: Problem, start: FloatArray, *, rng: np.random.Generator, n_start: int = _N_START) -> Optimum:
+def find_optimum(problem: Problem, start: FloatArray, *, rng: np.random.Generator, n_start: int = N_START) -> Optimum:
     """The best point of `problem` in its curve parameters; noise parameters stay at `start` (n_par,).
 
     Raises InputError where the curve is not finite at the start nor at any point around it.
     """
     with np.errstate(all="ignore"):  # far from the optimum a curve may overflow: such points lose
-        return _found(_prepare(problem, start, rng), start, rng, n_start)
+        return _found(set_apart(problem, start, rng), start, rng, n_start)
 
 
-def _found(search: _Search, start: FloatArray, rng: np.random.Generator, n_start: int) -> Optimum:
+def _found(search: Search, start: FloatArray, rng: np.random.Generator, n_start: int) -> Optimum:
     tried = [_descend(search, start)]
     if search.bent.size and n_start > 1:
         tried += [_descend(search, point) for point in _screened(search, start, rng, n_start - 1)]
@@ -120,22 +78,14 @@ def _found(search: _Search, start: FloatArray, rng: np.random.Generator, n_start
     if not finished:
         raise InputError("gives a curve that is not finite at the data, there and around", field="start")
     least = min(chi2 for _, chi2 in finished)
-    enough = least * (1.0 + _SAME) + _rounding(search)
+    enough = least * (1.0 + _SAME) + rounding(search)
     equal = [values for values, chi2 in finished if chi2 <= enough]
     twins = [twin for values in equal for twin in _relabelled(search, values) if search.chi2(twin) <= enough]
     values = min([*equal, *twins], key=lambda candidate: _distance(search, candidate, start))
     return _polished(search, values, n_start=len(tried), n_same=len(equal))
 
 
-def _rounding(search: _Search) -> float:
-    """A sum of squares that rounding errors of the data alone may reach."""
-    posterior = search.posterior
-    named = posterior.problem.named(search.held)
-    runs = zip(posterior.problem.runs, posterior.whitenings, strict=True)
-    return 1e-28 * sum(float(np.sum((run.y @ w.basis) ** 2 / variances(run.noise, w, named))) for run, w in runs)
-
-
-def _relabelled(search: _Search, values: FloatArray) -> list[FloatArray]:
+def _relabelled(search: Search, values: FloatArray) -> list[FloatArray]:
     """The same point with two, or two pairs, of the nonlinear parameters exchanged, or one with the other sign or turned by half circles."""
     found = []
     pairs = list(combinations(search.bent, 2))
@@ -165,39 +115,7 @@ def fit_optimum(problem: Problem, *, rng: np.random.Generator) -> Fit:
     return replace(fit, n_start=best.n_start, n_same=best.n_same, message=words)
 
 
-def _prepare(problem: Problem, start: FloatArray, rng: np.random.Generator) -> _Search:
-    posterior = problem.linearised(start)
-    low = np.array([p.prior.low for p in problem.parameters])
-    high = np.array([p.prior.high for p in problem.parameters])
-    free = [i for i, p in enumerate(problem.parameters) if p.name not in problem.noise_names]
-    if not free:
-        raise InputError("leave nothing to fit: every quantity is exact", field="parameters")
-    linear = _linear(posterior, start, free, low, high, rng)
-    bent = np.array([i for i in free if i not in linear], dtype=np.int64)
-    return _Search(posterior, start, low, high, np.array(linear, dtype=np.int64), bent)
-
-
-def _linear(posterior: Posterior, start: FloatArray, free: list[int], low: FloatArray, high: FloatArray, rng: np.random.Generator) -> list[int]:
-    """Parameters without limits that the residuals are jointly linear in: their columns do not move when they do."""
-    reference = posterior.jacobian(start)
-    found: list[int] = []
-    for i in free:
-        trial = [*found, i]
-        if math.isfinite(low[i]) or math.isfinite(high[i]) or not np.all(np.isfinite(reference[:, i])):
-            continue
-        same = True
-        for _ in range(2):
-            moved = start.copy()
-            moved[trial] += (1.0 + np.abs(start[trial])) * rng.uniform(0.3, 1.5, len(trial)) * rng.choice([-1.0, 1.0], len(trial))
-            columns = posterior.jacobian(moved)[:, trial]
-            size = np.max(np.abs(reference[:, trial]), axis=0)
-            same = same and bool(np.all(np.abs(columns - reference[:, trial]) <= 1e-9 * size))
-        if same and np.any(reference[:, i] != 0.0):
-            found = trial
-    return found
-
-
-def _descend(search: _Search, start: FloatArray) -> FloatArray:
+def _descend(search: Search, start: FloatArray) -> FloatArray:
     """Least squares from one point, the linear parameters solved for at each step."""
     from scipy.optimize import least_squares
 
@@ -246,7 +164,7 @@ def _inside(values: FloatArray, low: FloatArray, high: FloatArray) -> FloatArray
     return np.clip(values, *inner)
 
 
-def _screened(search: _Search, start: FloatArray, rng: np.random.Generator, n: int) -> list[FloatArray]:
+def _screened(search: Search, start: FloatArray, rng: np.random.Generator, n: int) -> list[FloatArray]:
     """The best `n` of many points around the start, no two of them alike."""
     points = [search.solved(_scattered(search, start, rng)) for _ in range(_N_SCREEN)]
     ranked = sorted(((search.chi2(point), i) for i, point in enumerate(points)))
@@ -259,7 +177,7 @@ def _screened(search: _Search, start: FloatArray, rng: np.random.Generator, n: i
     return chosen
 
 
-def _scattered(search: _Search, start: FloatArray, rng: np.random.Generator) -> FloatArray:
+def _scattered(search: Search, start: FloatArray, rng: np.random.Generator) -> FloatArray:
     """A point around the start: each nonlinear parameter times a factor, or drawn between its limits or from its prior."""
     values = start.copy()
     for i in search.bent:
@@ -274,7 +192,7 @@ def _scattered(search: _Search, start: FloatArray, rng: np.random.Generator) -> 
     return values
 
 
-def _distance(search: _Search, values: FloatArray, other: FloatArray) -> float:
+def _distance(search: Search, values: FloatArray, other: FloatArray) -> float:
     """How far apart two points are: changes of sign, then factors, of the nonlinear parameters; signs of the linear ones."""
     a, b = values[search.bent], other[search.bent]
     with np.errstate(all="ignore"):
@@ -283,7 +201,7 @@ def _distance(search: _Search, values: FloatArray, other: FloatArray) -> float:
     return float(np.sum(np.where(a * b < 0.0, 100.0, 0.0) + factors**2) + 30.0 * signs)
 
 
-def _polished(search: _Search, values: FloatArray, *, n_start: int, n_same: int) -> Optimum:
+def _polished(search: Search, values: FloatArray, *, n_start: int, n_same: int) -> Optimum:
     """Gauss-Newton steps from `values` while they help; parameters on a bound that they would cross stay there."""
     step_size, chi2 = math.inf, search.chi2(values)
     free = search.free
@@ -295,7 +213,7 @@ def _polished(search: _Search, values: FloatArray, *, n_start: int, n_same: int)
             step_size = 0.0
             break
         step, sds = _gauss_newton(jacobian[:, moving], residual)
-        noise = math.sqrt(max(chi2, 1e4 * _rounding(search), 1e-300) / max(1, residual.size - moving.size))
+        noise = math.sqrt(max(chi2, 1e4 * rounding(search), 1e-300) / max(1, residual.size - moving.size))
         size = float(np.max(np.abs(step) / np.where(sds > 0.0, sds, np.inf), initial=0.0)) / noise
         length, better = 1.0, False
         while length > 1e-4 and not better:
@@ -310,6 +228,8 @@ def _polished(search: _Search, values: FloatArray, *, n_start: int, n_same: int)
         values, chi2, step_size = trial, reached, size
         if size < 1e-13:
             break
+    if chi2 <= 1e4 * rounding(search):
+        step_size = 0.0  # nothing but rounding errors is left
     jacobian, residual = search.jacobian(values), search.residuals(values)
     near = _near_bound(search, values, jacobian.T @ residual)
     moving = free[~near[free]]
@@ -319,7 +239,7 @@ def _polished(search: _Search, values: FloatArray, *, n_start: int, n_same: int)
     return Optimum(values, full, chi2, step_size, condition, near, n_start, n_same)
 
 
-def _near_bound(search: _Search, values: FloatArray, gradient: FloatArray) -> NDArray[np.bool_]:
+def _near_bound(search: Search, values: FloatArray, gradient: FloatArray) -> NDArray[np.bool_]:
     """Which parameters lie on a bound that the descent would push them across."""
     margin = 1e-8 * (1.0 + np.abs(values))
     with np.errstate(invalid="ignore"):

@@ -19,7 +19,7 @@ from estim.curve_problem import AxisNames, CurveProblem, pose_curve
 from estim.diagnosis import STATUSES
 from estim.fitting import Fit, fit_least_squares
 from estim.goodness import REJECT_BELOW, Goodness, check_goodness
-from estim.optimum import Optimum, find_optimum
+from estim.optimum import N_START, Optimum, find_optimum
 from estim.priors import Prior
 from estim.problem import Problem, informative
 from estim.quantity import format_quantity
@@ -103,6 +103,7 @@ def fit_curve(
     errors: Sequence[Component] = (),
     units: Mapping[str, str] | None = None,
     axes: AxisNames | None = None,
+    n_start: int = N_START,
 ) -> CurveFit:
     """The curve fit to points x, y (n_obs,) by least squares.
 
@@ -111,7 +112,7 @@ def fit_curve(
     u_y : standard uncertainty of y, a number or (n_obs,).  cov_y : (n_obs, n_obs) covariance matrix in its place.
     bounds : name -> (low, high), None for no limit.  priors : name -> prior, or text like "9.81(2)"; else flat.
     errors : errors common to all points (`Component`), fit as further parameters.  units : name -> unit, for tables.
-    rng : of the further starts and of the simulated tests; None always draws the same.
+    rng : of the further starts and of the simulated tests; None always draws the same.  n_start : starts tried, 1 for the given one alone.
 
     Raises InputError where an argument breaks a rule.
     """
@@ -120,25 +121,25 @@ def fit_curve(
         curve, x, y, start=start, u_y=u_y, cov_y=cov_y, u_x=u_x, bounds=bounds or {}, priors=priors or {}, errors=tuple(errors), units=units or {},
         axes=axes or AxisNames(),
     )
-    return _fit_stated(posed, rng) if posed.stated else _fit_estimated(posed, rng)
+    return (_fit_stated if posed.stated else _fit_estimated)(posed, rng, n_start)
 
 
-def _fit_stated(posed: CurveProblem, rng: np.random.Generator) -> CurveFit:
+def _fit_stated(posed: CurveProblem, rng: np.random.Generator, n_start: int) -> CurveFit:
     problem = posed.with_sigma(1.0)
-    best = find_optimum(problem, problem.start(), rng=rng)
+    best = find_optimum(problem, problem.start(), rng=rng, n_start=n_start)
     return _concluded(posed, best, problem, sigma=None, scale=1.0, rng=rng)
 
 
-def _fit_estimated(posed: CurveProblem, rng: np.random.Generator) -> CurveFit:
+def _fit_estimated(posed: CurveProblem, rng: np.random.Generator, n_start: int) -> CurveFit:
     """The fit whose residuals say how large the errors are; with informative priors, in rounds until that size settles."""
     pulled = any(informative(p.prior) for p in posed.parameters)
     sigma = float(np.std(posed.y)) or 1.0 if pulled else 1.0
     problem = posed.with_sigma(sigma)
-    best = find_optimum(problem, problem.start(), rng=rng)
+    best = find_optimum(problem, problem.start(), rng=rng, n_start=n_start)
     for _ in range(_ROUNDS if pulled else 0):
         before, sigma = sigma, _residual_sd(posed, best.values)
         problem = posed.with_sigma(sigma)
-        best = find_optimum(problem, best.values, rng=rng, n_start=2)
+        best = find_optimum(problem, best.values, rng=rng, n_start=1)
         if abs(sigma / before - 1.0) < 1e-10:
             break
     estimated = _residual_sd(posed, best.values)

@@ -13,14 +13,15 @@ from estim.formula import FUNCTIONS, MAX_LENGTH, read_formula
 from estim.python_curve import wrap_function
 
 HOSTILE = [
-    "__import__('os').system('true')", "().__class__.__bases__[0].__subclasses__()", "x.__class__", "np.sin(x)", "open('/etc/passwd')", "eval('1')",
-    "exec('1')", "getattr(x, 'T')", "print(x)", "globals()", "lambda: x", "(lambda: 0)()", "[i for i in range(10**9)]", "{i for i in x}", "(i for i in x)",
-    "{1: x}", "[x]*10", "(x, x)", "x[0]", "x[::2]", "'a'*10**9", "'a'", "b'a'", "f'{x}'", "...", "None", "True + x", "1j*x", "x if x > 0 else 1", "x and a",
-    "not x", "~x", "x << 99", "x | 1", "x // 2", "x % 2", "x @ x", "a := 3", "await x", "yield x", "*x", "x; x", "x\nimport os", "import os", "a = 2", "a == 2",
-    "9**9**9", "9**9**9**9", "x**(9**9)", "2**-(9**9)", "10.0**400", "1e999*x", "9" * 1500 + "*x", "1/0", "x + 0/0", "exp(1000)*x", "log(-1) + x", "sqrt(-1)",
-    "a^2", "exp[x]", "2x", "3(x)", "x x", "sin x", "sin", "sin()", "sin(x, x)", "sin(x=1)", "sin(*x)", "sin(**x)", "where(x)", "max(x)", "x < 1", "1 < x < 2",
-    "where(1 < x < 2, 1, 0)", "_a*x", "__builtins__", "power(x, 2)", "a.b", "", "   ", "(", ")", "(" * 90 + "x", "-" * 1500 + "x", "+".join(["x"] * 900),
-    "x" * (MAX_LENGTH + 1), "a\0b", "\ud800", "where(where(x > 1, 1, 0), 1, x > 2)",
+    "__import__('os').system('true')", "().__class__.__bases__[0].__subclasses__()", "x.__class__", "np.sin(x)", "open('/etc/passwd')",
+    "eval('1')", "exec('1')", "getattr(x, 'T')", "print(x)", "globals()", "lambda: x", "(lambda: 0)()", "[i for i in range(10**9)]",
+    "{i for i in x}", "(i for i in x)", "{1: x}", "[x]*10", "(x, x)", "x[0]", "x[::2]", "'a'*10**9", "'a'", "b'a'", "f'{x}'", "...", "None",
+    "True + x", "1j*x", "x if x > 0 else 1", "x and a", "not x", "~x", "x << 99", "x | 1", "x // 2", "x % 2", "x @ x", "a := 3", "await x",
+    "yield x", "*x", "x; x", "x\nimport os", "import os", "a = 2", "a == 2", "9**9**9", "9**9**9**9", "x**(9**9)", "2**-(9**9)",
+    "10.0**400", "1e999*x", "9" * 1500 + "*x", "1/0", "x + 0/0", "exp(1000)*x", "log(-1) + x", "sqrt(-1)", "a^2", "exp[x]", "2x", "3(x)",
+    "x x", "sin x", "sin", "sin()", "sin(x, x)", "sin(x=1)", "sin(*x)", "sin(**x)", "where(x)", "max(x)", "x < 1", "1 < x < 2",
+    "where(1 < x < 2, 1, 0)", "_a*x", "__builtins__", "power(x, 2)", "a.b", "", "   ", "(", ")", "(" * 90 + "x", "-" * 1500 + "x",
+    "+".join(["x"] * 900), "x" * (MAX_LENGTH + 1), "a\0b", "\ud800", "where(where(x > 1, 1, 0), 1, x > 2)",
 ]
 
 
@@ -65,8 +66,8 @@ def test_every_function_agrees_with_the_library_it_is_named_after() -> None:
     from scipy import special
 
     x = np.array([0.3, 0.7, 1.4])
-    other = {"ln": np.log, "abs": np.abs, "asin": np.arcsin, "acos": np.arccos, "atan": np.arctan, "atan2": np.arctan2, "max": np.maximum, "min": np.minimum}
-    other |= {"erf": special.erf, "erfc": special.erfc}
+    other = {"ln": np.log, "abs": np.abs, "asin": np.arcsin, "acos": np.arccos, "atan": np.arctan, "atan2": np.arctan2}
+    other |= {"max": np.maximum, "min": np.minimum, "erf": special.erf, "erfc": special.erfc}
     for name, (_, count) in FUNCTIONS.items():
         if count == 3:
             continue
@@ -78,10 +79,11 @@ def test_every_function_agrees_with_the_library_it_is_named_after() -> None:
 
 
 SMOOTH = [
-    "a*exp(-b*x) + c", "a*sin(b*x + c)/x", "a*x**b + c", "(a + b*x + c*x**2)/(1 + a*x)", "a*log(b*x + c*c)", "a*sqrt(b*x) + cbrt(c*x)", "a**(b*x)*c",
-    "a*arctan(b*x) + arcsin(c*x/9)", "a*tanh(b*x)*cosh(c)", "a/(1 + exp(b - c*x))", "arctan2(a*x, b + c*x)", "hypot(a, b*x)*c", "a*expm1(-b*x)/log1p(c*x)",
-    "where(x > 1.2, a*x**2, b*x) + c", "a*log10(b*x)*log2(c + x)", "a*arccosh(2 + b*x) + arcsinh(c*x) + arctanh(x/9)", "tan(a*x/4)*radians(b)*degrees(c)",
-    "max(a*x, b) + min(c*x, 1)", "a - -b*+x + x**-c", "abs(a - x)*b + c",
+    "a*exp(-b*x) + c", "a*sin(b*x + c)/x", "a*x**b + c", "(a + b*x + c*x**2)/(1 + a*x)", "a*log(b*x + c*c)", "a*sqrt(b*x) + cbrt(c*x)",
+    "a**(b*x)*c", "a*arctan(b*x) + arcsin(c*x/9)", "a*tanh(b*x)*cosh(c)", "a/(1 + exp(b - c*x))", "arctan2(a*x, b + c*x)",
+    "hypot(a, b*x)*c", "a*expm1(-b*x)/log1p(c*x)", "where(x > 1.2, a*x**2, b*x) + c", "a*log10(b*x)*log2(c + x)",
+    "a*arccosh(2 + b*x) + arcsinh(c*x) + arctanh(x/9)", "tan(a*x/4)*radians(b)*degrees(c)", "max(a*x, b) + min(c*x, 1)",
+    "a - -b*+x + x**-c", "abs(a - x)*b + c",
 ]
 VALUES = {"a": 1.3, "b": 0.7, "c": 0.45}
 X = np.array([0.5, 0.9, 1.5, 2.6])
@@ -157,7 +159,10 @@ def real_only(x, a, b):
     return np.array([float(a) * 2.718281828459045 ** (-float(b) * float(v)) for v in x])
 
 
-@pytest.mark.parametrize(("function", "way", "digits"), [(numpy_style, "dual", 1e-14), (cast_first, "complex", 1e-14), (real_only, "differences", 1e-9)])
+WAYS = [(numpy_style, "dual", 1e-14), (cast_first, "complex", 1e-14), (real_only, "differences", 1e-9)]
+
+
+@pytest.mark.parametrize(("function", "way", "digits"), WAYS)
 def test_a_function_is_differentiated_in_the_best_way_it_allows(function, way: str, digits: float) -> None:
     curve = wrap_function(function, ("a", "b"), X, {"a": 2.0, "b": 0.8})
     assert curve.derivatives == way

@@ -35,7 +35,7 @@ def read(path: Path) -> Reference:
     first, last = (int(n) for n in re.search(r"Data\s+\(lines\s+(\d+)\s+to\s+(\d+)\)", path.read_text()).groups())
     y, x = np.array([[float(v) for v in line.split()] for line in lines[first - 1 : last] if line.split()]).T
     text = "\n".join(lines[: first - 1])
-    expression = re.search(r"y\s*=(.*?)\+\s*e\s*\n", text, flags=re.S)[1].replace("[", "(").replace("]", ")")
+    expression = re.search(r"^ +y\s*=(.*?)\+\s*e\s*\n", text.partition("\nModel:")[2], flags=re.S | re.M)[1].replace("[", "(").replace("]", ")")
     if path.stem == "Norris":
         rows = re.findall(r"^\s*(B\d)\s+(\S+)\s+(\S+)\s*$", text, flags=re.M)
         certified = {name: (float(value), float(sd)) for name, value, sd in rows}
@@ -96,13 +96,13 @@ def test_the_certified_values_do_not_depend_on_the_random_starts(name: str) -> N
 def test_plain_least_squares_from_the_far_start_fails_where_this_one_does_not() -> None:
     if not FILES:
         pytest.skip(f"no reference data at {FOLDER}")
-    from scipy.optimize import curve_fit
+    from scipy.optimize import OptimizeWarning, curve_fit
 
     reference = read(FOLDER / "BoxBOD.dat")
 
     def curve(x, b1, b2):
         return b1 * (1 - np.exp(-b2 * x))
 
-    with np.errstate(all="ignore"):
+    with np.errstate(all="ignore"), pytest.warns(OptimizeWarning):
         found, _ = curve_fit(curve, reference.x, reference.y, p0=[1.0, 1.0])
     assert digits(found[1], reference.certified["b2"][0]) < 1.0
