@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from estim.budget import budget, budget_along
     from estim.campaign import Campaign, load_campaign
     from estim.curve_analysis import curve_report, sample_curve
+    from estim.curve_problem import AxisNames
     from estim.diagnosis import diagnose
     from estim.energy import energy_along
     from estim.errors import EstimError, InputError
@@ -37,6 +38,7 @@ if TYPE_CHECKING:
 
 _HOME = {
     "Analysis": "pipeline",
+    "AxisNames": "curve_problem",
     "Campaign": "campaign",
     "Component": "systematic",
     "CurveFit": "own_curve",
@@ -76,6 +78,7 @@ _HOME = {
 
 __all__ = [
     "Analysis",
+    "AxisNames",
     "Campaign",
     "Component",
     "CurveFit",

@@ -18,7 +18,7 @@ from estim.campaign import Campaign
 from estim.campaign_file import CampaignFile, Kind, LevelTable, Places, RunTable
 from estim.diagnosis import diagnose
 from estim.errors import InputError
-from estim.goodness import check_goodness
+from estim.goodness import Goodness, check_goodness
 from estim.own_curve import CurveFit
 from estim.pipeline import BAND_DRAWS, Analysis
 from estim.report import KINDS, analysis_report
@@ -35,14 +35,22 @@ def sample_curve(fit: CurveFit, *, seed: int, target: Target | None = None, prog
     """
     if fit.status in ("not-identified", "not-converged"):
         raise InputError(f"cannot be sampled: {fit.reasons[0]}", field="fit", value=fit.status)
-    if fit.sigma is not None and not fit.goodness and fit.dof >= 3:
+    if fit.sigma is not None and not fit.goodness:
         raise InputError("cannot be sampled: the curve passes through every point, so the size of the errors is unknown; give u_y", field="fit")
     chain_rng, check_rng, band_rng = np.random.default_rng(seed).spawn(3)
     chain = sample_posterior(fit.fit.posterior, fit.fit.values, fit.fit.cov, target=target or Target(), rng=chain_rng, progress=progress)
-    goodness = check_goodness(fit.fit, rng=check_rng)
+    goodness = check_goodness(fit.fit, rng=check_rng) if fit.goodness else _untested(fit)
     diagnosis = diagnose(fit.fit, chain, goodness)
     bands = posterior_bands(fit.problem, chain.thinned(BAND_DRAWS), rng=band_rng)
     return Analysis(fit.problem, fit.fit, chain, goodness, diagnosis, bands, seed)
+
+
+def _untested(fit: CurveFit) -> tuple[Goodness, ...]:
+    """Residuals that no test can be made of: as many parameters as points, or rounding errors only."""
+    run = fit.problem.runs[0]
+    raw = run.y - np.broadcast_to(run.curve.value(run.x, run.bind(fit.values)), (1, run.n_obs))[0]
+    sd = run.noise.reading_gain()
+    return (Goodness(run.name, raw / sd, raw, sd, MappingProxyType({}), float("nan")),)
 
 
 def curve_report(fit: CurveFit, analysis: Analysis, *, title: str, kind: Kind) -> dict[str, bytes]:

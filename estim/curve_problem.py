@@ -47,7 +47,7 @@ class CurveProblem:
     """A curve, its parameters and the points in order of x.
 
     x, y : (n_obs,).  relative : (n_obs,) u_y, or 1 where it was not stated.  cov : (n_obs, n_obs), or None.
-    stated : whether the size of the errors is known.  text : the formula, or the function's name.
+    stated : whether the size of the errors is known.  text : the formula, or how the function is called.
     """
 
     text: str
@@ -132,7 +132,7 @@ def pose_curve(
         rule = f"must have more points than parameters ({len(everything)})" + ("" if stated else ", one at least, where u_y is not given")
         raise InputError(rule if not stated else f"must have at least as many points as parameters ({len(everything)})", field="x", value=n_obs)
     return CurveProblem(
-        text=read.text if isinstance(read, Formula) else getattr(curve, "__name__", type(curve).__name__),
+        text=read.text if isinstance(read, Formula) else f"{getattr(curve, '__name__', type(curve).__name__)}(x, {', '.join(names)})",
         curve=DistortedCurve(read, errors) if errors else read, parameters=everything, x=points["x"][order], y=points["y"][order],
         relative=relative[order], cov=ordered_cov, stated=stated, axes=axes,
     )

@@ -135,13 +135,14 @@ def _fit_estimated(posed: CurveProblem, rng: np.random.Generator, n_start: int) 
     pulled = any(informative(p.prior) for p in posed.parameters)
     sigma = float(np.std(posed.y)) or 1.0 if pulled else 1.0
     problem = posed.with_sigma(sigma)
-    best = find_optimum(problem, problem.start(), rng=rng, n_start=n_start)
+    best = first = find_optimum(problem, problem.start(), rng=rng, n_start=n_start)
     for _ in range(_ROUNDS if pulled else 0):
         before, sigma = sigma, _residual_sd(posed, best.values)
         problem = posed.with_sigma(sigma)
         best = find_optimum(problem, best.values, rng=rng, n_start=1)
         if abs(sigma / before - 1.0) < 1e-10:
             break
+    best = replace(best, n_start=first.n_start, n_same=first.n_same)
     estimated = _residual_sd(posed, best.values)
     return _concluded(posed, best, problem, sigma=estimated, scale=1.0 if pulled else estimated, rng=rng)
 
@@ -171,7 +172,7 @@ def _concluded(posed: CurveProblem, best: Optimum, problem: Problem, *, sigma: f
     perfect = float(np.sum(posed.residuals(best.values) ** 2)) <= posed.y.size * _floor(posed) ** 2
     p_value = _chi2_p(chi2, dof) if sigma is None and dof > 0 else math.nan
     inner = _inner_fit(posed, best, problem, sigma, rng)
-    tested = dof >= 3 and not perfect and not best.singular
+    tested = dof >= 1 and not perfect and not best.singular
     goodness = check_goodness(inner, rng=rng) if tested else ()
     findings = _findings(posed, best, p_value, chi2, dof, goodness)
     names = tuple(p.name for p in posed.parameters)

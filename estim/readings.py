@@ -28,10 +28,10 @@ class Readings(Independent):
         """The noise in words."""
         speed_unit = "" if speed_unit == "1" else speed_unit
         if self.sigma.parameter is not None:
-            return f"independent errors of the {self.what}; their standard deviation {self.sigma.parameter} inferred"
+            return f"independent errors of {self.what}; their standard deviation {self.sigma.parameter} inferred"
         if np.ptp(self.relative) > 0.0:
-            return f"independent errors of the {self.what}; standard deviations as stated row by row"
-        return f"independent errors of the {self.what}; standard deviation {self.sigma.value * self.relative[0]:.4g} {speed_unit}".rstrip()
+            return f"independent errors of {self.what}; standard deviations as stated row by row"
+        return f"independent errors of {self.what}; standard deviation {self.sigma.value * self.relative[0]:.4g} {speed_unit}".rstrip()
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,7 +51,7 @@ class Correlated(Readings):
         """The noise in words."""
         speed_unit = "" if speed_unit == "1" else speed_unit
         size = f"standard deviations about {np.median(self.relative):.4g} {speed_unit}".strip()
-        return f"correlated errors of the {self.what} with the stated covariance matrix; {size}"
+        return f"correlated errors of {self.what} with the stated covariance matrix; {size}"
 
 
 def check_covariance(cov: ArrayLike, n_obs: int, *, field: str) -> FloatArray:

@@ -174,11 +174,29 @@ def test_a_limit_is_reported_as_a_limit(rng: np.random.Generator) -> None:
     assert math.isnan(near.sds["b"])
 
 
+def test_as_many_parameters_as_points_leave_nothing_to_test() -> None:
+    fit = fit_curve(LINE, [0.0, 1.0], [1.0, 3.0], start={"a": 0.0, "b": 0.0}, u_y=0.1)
+    assert fit.values == pytest.approx({"a": 1.0, "b": 2.0})
+    assert fit.sds == pytest.approx({"a": 0.1, "b": 0.1 * math.sqrt(2.0)})
+    assert (fit.dof, fit.status, fit.goodness) == (0, "ok", ())
+
+
 def test_a_perfect_curve_is_no_reason_to_fail() -> None:
     fit = fit_curve("a*x + b", T, 2.0 * T + 1.0, start={"a": 1.0, "b": 0.0})
     assert fit.status == "ok"
     assert "through every point" in fit.message
     assert fit.values == pytest.approx({"a": 2.0, "b": 1.0})
+
+
+@pytest.mark.slow
+def test_exact_points_with_stated_errors_can_be_sampled() -> None:
+    x = np.linspace(0.0, 1.0, 5)
+    analysis = sample_curve(fit_curve(LINE, x, 1.0 + 2.0 * x, start={"a": 0.0, "b": 0.0}, u_y=0.1), seed=1, target=Target(ess=500))
+    expected = math.sqrt(normal_equations(np.column_stack([np.ones(5), x]), x, 0.01 * np.eye(5))[1][1, 1])
+    assert analysis.chain.flat[:, 1].std() == pytest.approx(expected, rel=0.1)
+    assert analysis.diagnosis.ok
+    with pytest.raises(InputError, match="passes through every point"):
+        sample_curve(fit_curve(LINE, x, 1.0 + 2.0 * x, start={"a": 0.0, "b": 0.0}), seed=1)
 
 
 def good(**changes: object) -> dict[str, object]:
