@@ -39,7 +39,8 @@ class Optimum:
 
     values : (n_par,).  cov : (n_par, n_par) inverse information in the whitened residuals' units; `free` parameters only,
     zero elsewhere (noise parameters, parameters on a bound).  chi2 : sum of squares, priors included.
-    step : size of the last Gauss-Newton step in standard deviations.  condition : smallest / largest singular value.
+    step : size of the last Gauss-Newton step in standard deviations; tolerance : what rounding errors may leave of it.
+    condition : smallest / largest singular value.
     at_bound : (n_par,) which parameters lie on a bound.  n_start, n_same : searches run, and how many ended here.
     """
 
@@ -47,6 +48,7 @@ class Optimum:
     cov: FloatArray
     chi2: float
     step: float
+    tolerance: float
     condition: float
     at_bound: NDArray[np.bool_]
     n_start: int
@@ -58,7 +60,7 @@ class Optimum:
 
     @property
     def settled(self) -> bool:
-        return self.step < _SETTLED
+        return self.step < self.tolerance
 
 
 def find_optimum(problem: Problem, start: FloatArray, *, rng: np.random.Generator, n_start: int = N_START) -> Optimum:
@@ -213,7 +215,7 @@ def _polished(search: Search, values: FloatArray, *, n_start: int, n_same: int) 
             step_size = 0.0
             break
         step, sds = _gauss_newton(jacobian[:, moving], residual)
-        noise = math.sqrt(max(chi2, 1e4 * rounding(search), 1e-300) / max(1, residual.size - moving.size))
+        noise = math.sqrt(max(chi2, 10.0 * rounding(search), 1e-300) / max(1, residual.size - moving.size))
         size = float(np.max(np.abs(step) / np.where(sds > 0.0, sds, np.inf), initial=0.0)) / noise
         length, better = 1.0, False
         while length > 1e-4 and not better:
@@ -228,15 +230,14 @@ def _polished(search: Search, values: FloatArray, *, n_start: int, n_same: int) 
         values, chi2, step_size = trial, reached, size
         if size < 1e-13:
             break
-    if chi2 <= 1e4 * rounding(search):
-        step_size = 0.0  # nothing but rounding errors is left
+    left = 0.1 * math.sqrt(rounding(search) / max(chi2, 1e-300) * max(1, search.residuals(values).size - free.size))
     jacobian, residual = search.jacobian(values), search.residuals(values)
     near = _near_bound(search, values, jacobian.T @ residual)
     moving = free[~near[free]]
     cov, condition = _covariance(jacobian[:, moving])
     full = np.zeros((values.size, values.size))
     full[np.ix_(moving, moving)] = cov
-    return Optimum(values, full, chi2, step_size, condition, near, n_start, n_same)
+    return Optimum(values, full, chi2, step_size, max(_SETTLED, left), condition, near, n_start, n_same)
 
 
 def _near_bound(search: Search, values: FloatArray, gradient: FloatArray) -> NDArray[np.bool_]:

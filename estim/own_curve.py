@@ -28,7 +28,7 @@ from estim.systematic import Component
 FloatArray = NDArray[np.float64]
 
 _ROUNDS = 60  # of the size of the errors, where priors make it matter
-_PERFECT = 1e-12  # residuals below this share of y are rounding errors
+_PERFECT = 3e-14  # residuals below this share of y are rounding errors
 
 
 @dataclass(frozen=True, eq=False)

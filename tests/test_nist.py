@@ -93,6 +93,17 @@ def test_the_certified_values_do_not_depend_on_the_random_starts(name: str) -> N
         check(reference, fit_curve(reference.expression, reference.x, reference.y, start=reference.starts[0], rng=np.random.default_rng(seed)), name)
 
 
+@pytest.mark.parametrize("start", [{"b1": 2.0, "b2": 4e5, "b3": 25e3}, {"b1": 0.02, "b2": 4e3, "b3": 250.0}])
+def test_a_thermistor_is_fit_from_a_start_that_is_off_by_a_factor_of_a_hundred(start: dict[str, float]) -> None:
+    # MGH10 of the same collection: Meyer's thermistor, sixteen points, values and standard deviations as certified there
+    y = [34780, 28610, 23650, 19630, 16370, 13720, 11540, 9744, 8261, 7030, 6005, 5147, 4427, 3820, 3307, 2872]
+    fit = fit_curve("b1*exp(b2/(x + b3))", np.arange(50.0, 126.0, 5.0), y, start=start)
+    certified = {"b1": (5.6096364710e-3, 1.5687892471e-4), "b2": (6.1813463463e3, 2.3309021107e1), "b3": (3.4522363462e2, 7.8486103508e-1)}
+    for name, (value, sd) in certified.items():
+        assert digits(fit.values[name], value) > 9.0
+        assert digits(fit.sds[name], sd) > 9.0
+
+
 def test_plain_least_squares_from_the_far_start_fails_where_this_one_does_not() -> None:
     if not FILES:
         pytest.skip(f"no reference data at {FOLDER}")
