@@ -12,6 +12,8 @@ if TYPE_CHECKING:
     from estim.bands import posterior_bands
     from estim.budget import budget, budget_along
     from estim.campaign import Campaign, load_campaign
+    from estim.curve_analysis import curve_report, sample_curve
+    from estim.curve_problem import AxisNames
     from estim.diagnosis import diagnose
     from estim.energy import energy_along
     from estim.errors import EstimError, InputError
@@ -23,18 +25,23 @@ if TYPE_CHECKING:
     from estim.line_intervals import slope_interval
     from estim.line_posterior import line_posterior
     from estim.monte_carlo import propagate_monte_carlo
+    from estim.own_curve import CurveFit, fit_curve
     from estim.pipeline import Analysis, analyse
     from estim.propagated import propagated_bands
     from estim.propagation import propagate_linear
     from estim.report import analysis_report
     from estim.result import result_of
     from estim.sampling import Target, sample_posterior
+    from estim.systematic import Component
     from estim.theta_min import read_theta_min
     from estim.validation import compare
 
 _HOME = {
     "Analysis": "pipeline",
+    "AxisNames": "curve_problem",
     "Campaign": "campaign",
+    "Component": "systematic",
+    "CurveFit": "own_curve",
     "EstimError": "errors",
     "Input": "inputs",
     "InputError": "errors",
@@ -48,8 +55,10 @@ _HOME = {
     "check_goodness": "goodness",
     "compare": "validation",
     "confidence_band": "line",
+    "curve_report": "curve_analysis",
     "diagnose": "diagnosis",
     "energy_along": "energy",
+    "fit_curve": "own_curve",
     "fit_least_squares": "fitting",
     "fit_line": "line",
     "inverse_prediction": "line",
@@ -62,13 +71,17 @@ _HOME = {
     "propagated_bands": "propagated",
     "read_theta_min": "theta_min",
     "result_of": "result",
+    "sample_curve": "curve_analysis",
     "sample_posterior": "sampling",
     "slope_interval": "line_intervals",
 }
 
 __all__ = [
     "Analysis",
+    "AxisNames",
     "Campaign",
+    "Component",
+    "CurveFit",
     "EstimError",
     "Input",
     "InputError",
@@ -82,8 +95,10 @@ __all__ = [
     "check_goodness",
     "compare",
     "confidence_band",
+    "curve_report",
     "diagnose",
     "energy_along",
+    "fit_curve",
     "fit_least_squares",
     "fit_line",
     "inverse_prediction",
@@ -96,6 +111,7 @@ __all__ = [
     "propagated_bands",
     "read_theta_min",
     "result_of",
+    "sample_curve",
     "sample_posterior",
     "slope_interval",
 ]

@@ -48,7 +48,12 @@ def posterior_bands(
 
 
 def curve_grid(run: Observations, end: FloatArray, n_x: int) -> FloatArray:
-    """(n_x,) positions from the release to the end of the data, or of the motion where that is close, denser at both ends."""
+    """(n_x,) positions from the release to the end of the data, or of the motion where that is close, denser at both ends.
+
+    A curve that is no motion from a release is drawn where its data are.
+    """
+    if run.origin is None:
+        return np.linspace(float(np.min(run.x)), float(np.max(run.x)), 4 * n_x)  # it may oscillate
     last = float(np.max(run.x))
     stop = float(np.sort(end)[int(0.98 * (end.size - 1))])
     far = stop if stop < 1.25 * last else 1.05 * last

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from estim.campaign_file import CampaignFile, NoiseTable, read_campaign_file
+from estim.curve_campaign import CurveStudy, read_curve_study
 from estim.errors import InputError
 from estim.levels import Level, Levels, as_prior, body_levels, read_key
 from estim.observing import Observed, observe
@@ -78,6 +79,7 @@ class Campaign:
 
     source: CampaignFile
     tables: Mapping[str, Run]
+    curve: CurveStudy | None = None
 
     @property
     def title(self) -> str:
@@ -86,6 +88,11 @@ class Campaign:
     @property
     def kind(self) -> str:
         return self.source.kind
+
+    @property
+    def formula(self) -> str | None:
+        """The user's own curve as written, None for a rolling body."""
+        return None if self.source.curve is None else str(self.source.curve["curve"]["expression"])
 
     @property
     def published(self) -> Path | None:
@@ -109,6 +116,9 @@ class Campaign:
         for name in names:
             if name not in self.run_names:
                 raise InputError(f"must name one of the runs ({', '.join(self.run_names)})", field="run", value=name, file=self.source.path)
+        if self.curve is not None:
+            return self.curve.problem(names, self.tables)
+        for name in names:
             levels = Levels(self.source, self.run_names.index(name))
             bound = bind_quantities(levels.source, levels, where=f"run '{name}'")
             for quantity, b in bound.items():
@@ -120,6 +130,11 @@ class Campaign:
             arguments = {q: b.source if isinstance(b.source, float) else b.name for q, b in bound.items()}
             runs.append(_observations(name, observed, arguments, mass, angular=self.tables[name].coordinate == "theta_rad"))
         return Problem((*physics.values(), *unknowns.values()), tuple(runs))
+
+    def require_body(self) -> None:
+        """Raises InputError where the curve is the user's own, so that there is no rolling body to speak of."""
+        if self.curve is not None:
+            raise self.source.places.error("has no rolling body, so only estim fit knows what to do with it", ("curve",))
 
 
 def _observations(name: str, observed: Observed, arguments: Mapping[str, str | float], mass: float | None, *, angular: bool) -> Observations:
@@ -160,8 +175,14 @@ def load_campaign(path: str | Path) -> Campaign:
     """
     source = read_campaign_file(Path(path))
     folder = Path(path).parent
-    tables = {run.name: read_run(folder / run.file, name=run.name, shown_as=str(folder / run.file), choices=run.choices) for run in source.runs}
-    campaign = Campaign(source, MappingProxyType(compare_intervals(tables)))
+    curve = None
+    tables: Mapping[str, Run]
+    if source.curve is not None:
+        curve, tables = read_curve_study(source)
+    else:
+        tables = {run.name: read_run(folder / run.file, name=run.name, shown_as=str(folder / run.file), choices=run.choices) for run in source.runs}
+        tables = compare_intervals(tables)
+    campaign = Campaign(source, MappingProxyType(dict(tables)), curve)
     for name in campaign.run_names:
         campaign.problem([name])
     return campaign

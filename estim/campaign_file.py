@@ -8,7 +8,6 @@ from __future__ import annotations
 import difflib
 import math
 import re
-import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -21,10 +20,8 @@ from estim.importing import Choices
 from estim.priors import HalfNormal, LogNormal, Normal, Prior, TruncatedNormal, Uniform
 from estim.quantity import Quantity, read_quantity
 from estim.table import TOML_BYTES, read_text
+from estim.toml_text import Places, locate_keys, parse_toml
 from estim.track import Unit
-
-_MAX_LINE = 2000
-_MAX_DEPTH = 20
 
 Kind = Literal["synthetic", "measured", "published"]
 
@@ -133,27 +130,22 @@ class _TopTable(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_only
     bodies: dict[str, dict[str, Any]] = {}
     runs: list[dict[str, Any]] = []
     line: dict[str, Any] | None = None
+    curve: dict[str, Any] | None = None
 
 
-@dataclass(frozen=True, eq=False)
-class Places:
-    """Where each key of a TOML text stands: path of keys -> line."""
+class _CurveRun(msgspec.Struct, frozen=True):
+    """What every run of a user's own curve has; `estim.curve_file` checks the rest."""
 
+    name: str
     file: str
-    lines: Mapping[tuple[str | int, ...], int]
-
-    def error(self, rule: str, path: Sequence[str | int], *, field: str | None = None, value: object = None) -> InputError:
-        """An InputError at the line of `path`, or of the closest table above it."""
-        key = tuple(path)
-        while key and key not in self.lines:
-            key = key[:-1]
-        name = field if field is not None else next((part for part in reversed(path) if isinstance(part, str)), None)
-        return InputError(rule, field=name, value=value, file=self.file, line=self.lines.get(key))
 
 
 @dataclass(frozen=True, eq=False)
 class CampaignFile:
-    """A campaign file as read, structure checked, numbers not yet interpreted."""
+    """A campaign file as read, structure checked, numbers not yet interpreted.
+
+    curve : the raw `curve` table and `runs` where the curve is the user's own (then there are no bodies), else None.
+    """
 
     path: Path
     sha256: str
@@ -165,6 +157,7 @@ class CampaignFile:
     bodies: Mapping[str, LevelTable]
     runs: tuple[RunTable, ...]
     line: LineTable | None
+    curve: Mapping[str, Any] | None = None
 
 
 def read_campaign_file(path: Path) -> CampaignFile:
@@ -173,6 +166,8 @@ def read_campaign_file(path: Path) -> CampaignFile:
     tree = parse_toml(text, str(path))
     places = Places(str(path), locate_keys(text))
     top = checked(tree, _TopTable, places, ())
+    if top.curve is not None:
+        return _with_own_curve(path, digest, places, top)
     bodies = {name: checked(table, LevelTable, places, ("bodies", name)) for name, table in top.bodies.items()}
     runs = tuple(checked(table, RunTable, places, ("runs", i)) for i, table in enumerate(top.runs))
     line = None if top.line is None else checked(top.line, LineTable, places, ("line",))
@@ -188,6 +183,18 @@ def read_campaign_file(path: Path) -> CampaignFile:
     return CampaignFile(path, digest, places, top.title, top.kind, top.published, shared, bodies, runs, line)
 
 
+def _with_own_curve(path: Path, digest: str, places: Places, top: _TopTable) -> CampaignFile:
+    for key in ("shared", "bodies", "line", "published"):
+        if getattr(top, key):
+            raise places.error("does not go with a [curve] table", (key,))
+    if not top.runs:
+        raise places.error("must hold at least one [[runs]] table", (), field="campaign")
+    named = [checked(run, _CurveRun, places, ("runs", i)) for i, run in enumerate(top.runs)]
+    check_run_names([run.name for run in named], places)
+    runs = tuple(RunTable(name=run.name, body="", file=run.file) for run in named)
+    return CampaignFile(path, digest, places, top.title, top.kind, None, LevelTable(), {}, runs, None, {"curve": top.curve, "runs": top.runs})
+
+
 def check_run_names(names: Sequence[str], places: Places) -> None:
     """Names of runs are unique and can be folder names.  Raises InputError."""
     for i, name in enumerate(names):
@@ -195,65 +202,6 @@ def check_run_names(names: Sequence[str], places: Places) -> None:
             raise places.error("must be made of letters, digits and . _ + -, a letter or digit first", ("runs", i, "name"), value=name)
         if name in names[:i]:
             raise places.error("must be unique", ("runs", i, "name"), value=name)
-
-
-def parse_toml(text: str, file: str) -> dict[str, Any]:
-    """The tree of a TOML text; a syntax error becomes an InputError with its line.
-
-    Lines and depth are limited: the standard parser takes memory as the square of the length of a dotted key.
-    """
-    for number, line in enumerate(text.splitlines(), start=1):
-        if len(line) > _MAX_LINE:
-            raise InputError(f"must have at most {_MAX_LINE} characters", field="line", value=len(line), file=file, line=number)
-    try:
-        tree = tomllib.loads(text)
-        if _depth(tree) > _MAX_DEPTH:
-            raise RecursionError
-        return tree
-    except tomllib.TOMLDecodeError as error:
-        found = re.search(r"\(at line (\d+), column \d+\)", str(error))
-        message = re.sub(r"\s*\(at .*\)$", "", str(error))
-        raise InputError(f"is not valid TOML: {message}", file=file, field="campaign", line=int(found[1]) if found else None) from None
-    except ValueError as error:  # a whole number of thousands of digits
-        raise InputError(f"is not valid TOML: {error}", file=file, field="campaign") from None
-    except RecursionError:
-        raise InputError("is nested too deeply", file=file, field="campaign") from None
-
-
-def _depth(tree: object) -> int:
-    """How deep tables and arrays are nested, counted level by level."""
-    level, depth = [tree], 0
-    while level and depth <= _MAX_DEPTH:
-        inner = (value.values() if isinstance(value, dict) else value for value in level if isinstance(value, dict | list))
-        level, depth = [value for values in inner for value in values], depth + 1
-    return depth
-
-
-def locate_keys(text: str) -> dict[tuple[str | int, ...], int]:
-    """Line of each table and each `key = value` of a TOML text, by path; keys inside inline tables are not listed."""
-    lines: dict[tuple[str | int, ...], int] = {}
-    table: tuple[str | int, ...] = ()
-    counts: dict[str, int] = {}
-    for number, line in enumerate(text.splitlines(), start=1):
-        stripped = line.strip()
-        if found := re.match(r"\[\[\s*([^\]]+?)\s*\]\]", stripped):
-            counts[found[1]] = counts.get(found[1], -1) + 1
-            table = (*_keys(found[1]), counts[found[1]])
-            lines[table] = number
-        elif found := re.match(r"\[\s*([^\]]+?)\s*\]", stripped):
-            table = _keys(found[1])
-            if table and table[0] in counts:
-                table = (table[0], counts[str(table[0])], *table[1:])
-            lines[table] = number
-        elif found := re.match(r"([\w.\"' -]+?)\s*=", stripped):
-            keys = _keys(found[1])
-            for depth in range(1, len(keys) + 1):
-                lines.setdefault((*table, *keys[:depth]), number)
-    return lines
-
-
-def _keys(dotted: str) -> tuple[str | int, ...]:
-    return tuple(part.strip(" \"'") for part in re.findall(r"\"[^\"]*\"|'[^']*'|[^.]+", dotted))
 
 
 T = TypeVar("T")

@@ -108,6 +108,7 @@ def line(campaign: Path, out: Path | None, seed: int) -> None:
     from estim.theta_min import read_theta_min
 
     loaded = load_campaign(campaign)
+    loaded.require_body()
     series = read_theta_min(loaded.source)
     target = Target()
     with _progress("line", target.max_step) as progress:
@@ -146,6 +147,7 @@ def energy(campaign: Path, runs: tuple[str, ...], joint: bool, max_steps: int, o
     from estim.sampling import Target
 
     loaded = load_campaign(campaign)
+    loaded.require_body()
     analyses: list[Analysis] = []
     records: list[EnergyRecord] = []
     drifts: list[Drift] = []
@@ -179,6 +181,7 @@ def reanalyse(campaign: Path, max_steps: int, out: Path | None, seed: int) -> No
     from estim.sampling import Target
 
     loaded = load_campaign(campaign)
+    loaded.require_body()
     result = run_reanalysis(loaded, seed=seed, target=Target(max_step=max_steps), progress_of=lambda what: _announced(what, max_steps))
     folder = out or Path("out") / campaign.resolve().parent.name
     _write(folder, reanalysis_report(result))

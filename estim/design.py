@@ -16,8 +16,9 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from estim.campaign_file import Places, check_run_names, checked, locate_keys, parse_toml
+from estim.campaign_file import check_run_names, checked
 from estim.table import TOML_BYTES, read_text
+from estim.toml_text import Places, locate_keys, parse_toml
 from model import Body, ascends, theta_min
 from model.simulate import frame_times, simulate_positions, simulate_theta_min
 

@@ -58,7 +58,7 @@ def phase_figure(analysis: Analysis, *, synthetic: bool) -> Figure:
     trusted = analysis.diagnosis.ok
     for ax, run, bands in zip(axes, analysis.problem.runs, analysis.bands, strict=True):
         if trusted:
-            _draw_bands(ax, bands)
+            _draw_bands(ax, bands, "a new point" if run.origin is not None else f"a new {run.y_name}")
         else:
             mode = curve_draws(analysis.problem, run, bands.x, analysis.fit.values[None, :])[0][0]
             ax.plot(bands.x, mode, color=BLUE, lw=1.2, label="most probable curve")
@@ -70,16 +70,17 @@ def phase_figure(analysis: Analysis, *, synthetic: bool) -> Figure:
             ax.plot([low, high], [0.0, 0.0], color=ORANGE, lw=5, solid_capstyle="butt", label="turning point, 95 %", zorder=4)
         ax.set(xlabel=run.x_label, ylabel=run.y_label)
         ax.set_title(run.name + (" (SYNTHETIC data)" if synthetic else "") + ("" if trusted else f" — {analysis.diagnosis.status}"), fontsize=10)
-        ax.set_xlim(left=min(0.0, float(run.x.min())))
-        ax.set_ylim(bottom=min(0.0, 1.1 * float(run.y.min())))
+        if run.origin is not None:
+            ax.set_xlim(left=min(0.0, float(run.x.min())))
+            ax.set_ylim(bottom=min(0.0, 1.1 * float(run.y.min())))
     axes[0].legend(fontsize=7.5, frameon=False, loc="best")
     return figure
 
 
-def _draw_bands(ax: Axes, bands: Bands) -> None:
+def _draw_bands(ax: Axes, bands: Bands, new: str) -> None:
     probabilities = sorted(bands.credible, reverse=True)
     widest = probabilities[0]
-    ax.fill_between(bands.x, *bands.predictive[widest], color=GREY, alpha=0.22, lw=0, label=f"a new point, {widest:.0%}")
+    ax.fill_between(bands.x, *bands.predictive[widest], color=GREY, alpha=0.22, lw=0, label=f"{new}, {widest:.0%}")
     for probability, alpha in zip(probabilities, (0.30, 0.55), strict=True):
         ax.fill_between(bands.x, *bands.credible[probability], color=BLUE, alpha=alpha, lw=0, label=f"the curve, {probability:.0%}")
     ax.plot(bands.x, bands.median, color=BLUE, lw=1.2, label="posterior median")
@@ -90,6 +91,8 @@ def _draw_points(ax: Axes, run: Observations) -> None:
     if run.excluded_points.size:
         left = run.excluded_points
         near = (left[:, 0] >= 0.0) & (left[:, 0] <= 1.1 * run.x.max())
+        if run.origin is None:
+            near = np.abs(left[:, 0] - np.mean([run.x.min(), run.x.max()])) <= 0.6 * np.ptp(run.x)
         if np.any(near):
             ax.plot(left[near, 0], left[near, 1], "x", color=GREY, ms=4, label="data left out", zorder=3)
 
@@ -119,7 +122,7 @@ def residual_figure(runs: Sequence[Observations], goodness: Sequence[Goodness], 
         left.set_ylim(-reach, reach)
         left.set(xlabel=run.x_label, ylabel="whitened residual")
         left.set_title(run.name + (" (SYNTHETIC data)" if synthetic else ""), fontsize=10)
-        right.set(xlabel="frames")
+        right.set(xlabel="frames" if run.origin is not None else "points")
         right.set_title("line: expected", fontsize=8)
     return figure
 
@@ -144,7 +147,8 @@ def corner_figure(analysis: Analysis) -> Figure:
         low, high = axes[i, i].get_xlim()
         grid_points = np.linspace(low, high, 200)
         density = np.exp(parameter.prior.log_density(grid_points / shown.factor)) / shown.factor
-        axes[i, i].plot(grid_points, density, color=ORANGE, lw=1.4)
+        if np.isfinite(parameter.prior.sd):  # an improper prior has no height to draw
+            axes[i, i].plot(grid_points, density, color=ORANGE, lw=1.4)
         for ax in axes[i]:
             ax.tick_params(labelsize=7)
     figure.subplots_adjust(left=0.11, right=0.98, bottom=0.11, top=0.98)

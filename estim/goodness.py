@@ -90,6 +90,17 @@ def check_goodness(fit: Fit, *, rng: np.random.Generator) -> tuple[Goodness, ...
     return tuple(checked)
 
 
+def untested(fit: Fit) -> tuple[Goodness, ...]:
+    """Residuals of which no test can be made: as many parameters as points, or rounding errors only."""
+    records = []
+    for run, whitening, z in zip(fit.problem.runs, fit.posterior.whitenings, fit.posterior.standardised(fit.values), strict=True):
+        curve = np.broadcast_to(run.curve.value(run.x, run.bind(fit.problem.named(fit.values))), (1, run.n_obs))[0]
+        raw = run.y - whitening.offset - curve
+        sd = np.sqrt(np.diag(covariance(run.noise, whitening, fit.problem.named(fit.values))))
+        records.append(Goodness(run.name, z, raw, sd, {}, float("nan")))
+    return tuple(records)
+
+
 def _scatter_ratio(run: Observations, named: Mapping[str, FloatArray]) -> float:
     instrument = float(np.sqrt(np.mean(np.square(reading_sd(run.noise, named)))))
     if run.noise.scatter.parameter is None or run.noise.sigma.parameter is not None or instrument == 0.0:

@@ -88,7 +88,7 @@ def identify(fit: Fit, *, known: Mapping[str, FloatArray] | None = None) -> Iden
     Raises InputError where a known displacement has the wrong length or is zero.
     """
     problem = fit.problem
-    sds = prior_sds(problem)
+    sds = prior_sds(problem, fit.cov)
     whitened = data_information(fit.posterior, fit.values) * np.outer(sds, sds)
     values, vectors = np.linalg.eigh(0.5 * (whitened + whitened.T))
     values = np.maximum(values, 0.0)
@@ -106,9 +106,10 @@ def identify(fit: Fit, *, known: Mapping[str, FloatArray] | None = None) -> Iden
     )
 
 
-def prior_sds(problem: Problem) -> FloatArray:
-    """(n_par,) standard deviations of the priors."""
-    return np.array([p.prior.sd for p in problem.parameters])
+def prior_sds(problem: Problem, cov: FloatArray) -> FloatArray:
+    """(n_par,) standard deviations of the priors; of a flat one without limits 1000 posterior standard deviations (`cov`)."""
+    sds = np.array([p.prior.sd for p in problem.parameters])
+    return np.where(np.isfinite(sds), sds, 1e3 * np.sqrt(np.diag(cov)))
 
 
 def data_information(posterior: Posterior, values: FloatArray) -> FloatArray:

@@ -56,10 +56,11 @@ def identify_section(
     for i, (parameter, interval, leaning) in enumerate(zip(problem.parameters, intervals, sensitivity, strict=True)):
         shown = label(parameter.name, parameter.unit)
         sd = float(posterior_sds[i])
+        prior_sd = f"{parameter.prior.sd * shown.factor:.2g}" if np.isfinite(parameter.prior.sd) else "flat"
         rows.append(
             IdentifyRow(
-                symbol=shown.symbol, unit="" if shown.unit == "1" else shown.unit, prior_sd=f"{found.prior_sds[i] * shown.factor:.2g}",
-                posterior_sd=f"{sd * shown.factor:.2g}", ratio=f"{sd / found.prior_sds[i]:.2f}",
+                symbol=shown.symbol, unit="" if shown.unit == "1" else shown.unit, prior_sd=prior_sd,
+                posterior_sd=f"{sd * shown.factor:.2g}", ratio=f"{sd / parameter.prior.sd:.2f}",
                 profile_68=_cell(interval, 0.68, sd, shown), profile_95=_cell(interval, 0.95, sd, shown), verdict=_verdict(problem, leaning),
             )
         )

@@ -23,6 +23,7 @@ _SYMBOLS = {
     "sigma_theta": "σ_θ",
     "sigma_v": "σ_v",
     "sigma_omega": "σ_ω",
+    "sigma_y": "σ_y",
     "scatter": "scatter",
     "inertia_ratio": "j",
     "slope": "s",

@@ -133,7 +133,7 @@ def _independent(run: Run, levels: Levels, table: NoiseTable, path: Path, suffix
     sigma, parameter = _scale(table, units.speed_sigma, units.speed, levels, path, suffix, "one speed")
     scatter, scatter_parameter = _scale(table, "scatter", units.speed, levels, path, suffix, "further independent error of each speed")
     sigma_x, x_parameter = _scale(table, units.position_sigma, units.position, levels, path, suffix, "one position")
-    tails, tail_parameters = _tails(table, suffix)
+    tails, tail_parameters = shape_of(table.robust, suffix)
     typical_x = _typical(sigma_x, x_parameter, 0.0)
     sigma_x, relative_x = _by_row(run, "sigma_x_m", sigma_x, typical_x > 0.0, units.position, levels, (*path, units.position_sigma))
     stated = run.columns.get("sigma_v_m_s")
@@ -168,7 +168,7 @@ def _positions(run: Run, levels: Levels, table: NoiseTable, path: Path, suffix: 
     step = _encoder_step(table, levels, path)
     sigma, parameter = _scale(table, units.position_sigma, units.position, levels, path, suffix, "one position reading")
     scatter, scatter_parameter = _scale(table, "scatter", units.position, levels, path, suffix, "further independent error of each position")
-    tails, tail_parameters = _tails(table, suffix)
+    tails, tail_parameters = shape_of(table.robust, suffix)
     said = _typical(sigma, parameter, 0.0) > 0.0
     if not said and step == 0.0 and "sigma_x_m" not in run.columns and scatter.parameter is None and scatter.value == 0.0:
         raise levels.error(f"needs '{units.position_sigma}', a sigma_x_m column or 'scatter' for position noise", path, field="noise")
@@ -244,11 +244,11 @@ def _by_row(
     return Scale(1.0), run.columns[column]
 
 
-def _tails(table: NoiseTable, suffix: str) -> tuple[Tails, tuple[Parameter, ...]]:
-    """The shape of the errors that `robust` asks for, and its unknowns."""
-    if table.robust == "student-t":
+def shape_of(robust: str | None, suffix: str) -> tuple[Tails, tuple[Parameter, ...]]:
+    """The shape of the errors that the word `robust` asks for, and its unknowns."""
+    if robust == "student-t":
         return StudentT(), ()
-    if table.robust == "mixture":
+    if robust == "mixture":
         fraction, width = f"outlier_fraction{suffix}", f"outlier_width{suffix}"
         return Mixture(fraction, width), (
             Parameter(fraction, "1", Uniform(0.0, 0.5), "share of the frames that are outliers"),

@@ -18,10 +18,11 @@ from estim.checkpoint import Store
 from estim.consistency import Consistency, check_consistency, comparable
 from estim.diagnosis import Diagnosis, diagnose
 from estim.fitting import Fit, fit_least_squares
-from estim.goodness import Goodness, check_goodness
+from estim.goodness import Goodness, check_goodness, untested
 from estim.identifiability import Identifiability, identify
 from estim.marginal_chain import marginal_chain
 from estim.modes import Modes, find_modes
+from estim.optimum import fit_optimum
 from estim.outliers import Outliers, find_outliers
 from estim.problem import Problem
 from estim.sampling import Chain, Progress, Target, sample_posterior
@@ -68,17 +69,21 @@ def analyse(
     marginal : whether a joint posterior is sampled through the marginal over runs; None decides by their number (more than 16).
     """
     problem = campaign.problem(runs, noise=noise)
-    return analyse_problem(problem, seed=seed, target=target, progress=progress, store=store, stop=stop, marginal=marginal)
+    rng = np.random.default_rng(seed).spawn(1)[0]
+    if campaign.curve is not None:
+        fit = fit_optimum(problem, rng=rng)
+    else:
+        fit = fit_least_squares(problem, rng=rng, n_start=_STARTS if len(runs) <= _MANY_RUNS else _FEW_STARTS)
+    return analyse_fit(fit, seed=seed, target=target, progress=progress, store=store, stop=stop, marginal=marginal)
 
 
-def analyse_problem(
-    problem: Problem, *, seed: int, target: Target | None = None, progress: Progress | None = None, store: Store | None = None,
-    stop: Stop | None = None, marginal: bool | None = None,
+def analyse_fit(
+    fit: Fit, *, seed: int, target: Target | None = None, progress: Progress | None = None, store: Store | None = None,
+    stop: Stop | None = None, marginal: bool | None = None, tested: bool = True,
 ) -> Analysis:
-    """The analysis of any problem, however it was posed."""
-    target = target or Target()
-    fit_rng, chain_rng, check_rng, band_rng, proposal_rng = np.random.default_rng(seed).spawn(5)
-    fit = fit_least_squares(problem, rng=fit_rng, n_start=_STARTS if len(problem.runs) <= _MANY_RUNS else _FEW_STARTS)
+    """What follows a fit, however its problem was posed.  tested : whether there are residuals to test."""
+    target, problem = target or Target(), fit.problem
+    chain_rng, check_rng, band_rng, proposal_rng = np.random.default_rng(seed).spawn(5)[1:]
     certificate = None
     if marginal or (marginal is None and len(problem.runs) > _MANY_RUNS):
         chain, comparison = marginal_chain(fit, target=target, rng=chain_rng)
@@ -91,7 +96,7 @@ def analyse_problem(
             fit.posterior, fit.values, fit.cov, target=target, rng=chain_rng, progress=progress, proposal=proposal, store=store, stop=stop
         )
         comparison = no_comparison(fit.names, too_many(problem.n_par)) if certificate is None else compare_with_chain(certificate, chain)
-    goodness = check_goodness(fit, rng=check_rng)
+    goodness = check_goodness(fit, rng=check_rng) if tested else untested(fit)
     identifiability = identify(fit)
     modes = find_modes(fit, chain.thinned(_MODE_DRAWS))
     outliers = find_outliers(fit.posterior, chain.thinned(_OUTLIER_DRAWS))

@@ -116,6 +116,8 @@ def _distance(column: FloatArray, weights: tuple[FloatArray, FloatArray] | None)
 
 
 def _disagreement(prior: Prior, column: FloatArray) -> float:
+    if not math.isfinite(prior.sd):
+        return 0.0
     learnt = prior.sd**2 - float(column.var())
     return (prior.centre - float(column.mean())) / math.sqrt(learnt) if learnt > 0.1 * prior.sd**2 else 0.0
 

@@ -39,6 +39,7 @@ class Observations:
     x_name, x_unit, y_name, y_unit : for axes and tables ("position x", "m").
     excluded : why and how many rows were left out, in words.
     excluded_points : (n, 2) the (x, y) of those rows that have a speed, for figures.
+    origin : where the drawn curve begins (0: a motion from its release); None where it begins with the data.
     """
 
     name: str
@@ -54,6 +55,7 @@ class Observations:
     y_unit: str
     excluded: tuple[str, ...]
     excluded_points: FloatArray
+    origin: float | None = 0.0
 
     @property
     def n_obs(self) -> int:
@@ -61,11 +63,11 @@ class Observations:
 
     @property
     def x_label(self) -> str:
-        return f"{self.x_name} ({self.x_unit})"
+        return self.x_name if self.x_unit == "1" else f"{self.x_name} ({self.x_unit})"
 
     @property
     def y_label(self) -> str:
-        return f"{self.y_name} ({self.y_unit})"
+        return self.y_name if self.y_unit == "1" else f"{self.y_name} ({self.y_unit})"
 
     def bind(self, values: Mapping[str, ArrayLike]) -> dict[str, ArrayLike]:
         """Arguments of the curve for parameter values (scalars or (n_draw, 1))."""
@@ -291,7 +293,7 @@ class Posterior:
 
 def _straddle(prior: Prior, value: float) -> tuple[float, float]:
     """Two points beside `value` for a difference, inside the support of `prior`."""
-    step = 1e-5 * max(abs(value), 1e-4 * prior.sd)
+    step = 1e-5 * max(abs(value), 1e-4 * min(prior.sd, 1.0 + abs(value)))
     return max(value - step, prior.low), min(value + step, prior.high)
 
 

@@ -163,7 +163,7 @@ def _damped(metric: FloatArray, slope: FloatArray) -> FloatArray:
 
 def search_of(fit: Fit) -> Search:
     """The search around a fit, with the scales of the Gaussian there."""
-    sds = prior_sds(fit.problem)
+    sds = prior_sds(fit.problem, fit.cov)
     with np.errstate(all="ignore"):
         whitened = data_information(fit.posterior, fit.values) * np.outer(sds, sds)
     if not np.all(np.isfinite(whitened)):

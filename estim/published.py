@@ -9,10 +9,11 @@ from pathlib import Path
 
 import msgspec
 
-from estim.campaign_file import Places, checked, locate_keys, parse_toml
+from estim.campaign_file import checked
 from estim.line_analysis import e_n
 from estim.quantity import Quantity
 from estim.table import TOML_BYTES, read_text
+from estim.toml_text import Places, locate_keys, parse_toml
 
 
 class PublishedNumber(msgspec.Struct, forbid_unknown_fields=True, frozen=True):

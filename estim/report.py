@@ -87,12 +87,14 @@ def analysis_report(campaign: Campaign, analysis: Analysis) -> dict[str, bytes]:
 def analysis_text(result: Result, section: IdentifySection, consistency: str) -> str:
     """The Markdown report of one analysis; `section` is what it says about the data against the priors, `consistency` about several runs."""
     rows = [parameter_row(name, p, result) for name, p in result.parameters.items()]
+    axes = list(dict.fromkeys((run.x, run.y) for run in result.runs.values()))
     return render(
         "analysis.md.j2",
         result=result, kind=KINDS[result.kind], status_words=STATUS_WORDS[result.status], rows=rows,
         correlation=_correlation_table(result), derived=_derived_rows(result), limits=_what_limits(result),
         reject_below=REJECT_BELOW, ends=_turning_rows(result), identify=section, meaningless=result.status in MEANINGLESS,
-        consistency=consistency,
+        consistency=consistency, axes=axes,
+        picture=" and ".join(f"{y} against {x}" for x, y in axes),
     )
 
 

@@ -103,6 +103,8 @@ class CheckSummary(msgspec.Struct, frozen=True):
 
 class RunSummary(msgspec.Struct, frozen=True):
     file: str
+    x: str  # what is on the axes, with units
+    y: str
     n_obs: int
     noise: str
     excluded: list[str]
@@ -145,6 +147,7 @@ class Result(msgspec.Struct, frozen=True, rename={"schema_": "schema"}):
     schema_: str
     title: str
     kind: str
+    formula: str | None  # of a user's own curve
     status: str
     reasons: list[str]
     advice: list[str]
@@ -165,8 +168,8 @@ def result_of(campaign: Campaign, analysis: Analysis, scrutiny: Scrutiny | None 
     problem, fit, chain, diagnosis = analysis.problem, analysis.fit, analysis.chain, analysis.diagnosis
     flat = chain.flat
     return Result(
-        schema_=SCHEMA, title=campaign.title, kind=campaign.kind, status=diagnosis.status, reasons=list(diagnosis.reasons),
-        advice=list(dict.fromkeys(finding.advice for finding in diagnosis.findings)), notes=list(diagnosis.notes),
+        schema_=SCHEMA, title=campaign.title, kind=campaign.kind, formula=campaign.formula, status=diagnosis.status,
+        reasons=list(diagnosis.reasons), advice=list(dict.fromkeys(finding.advice for finding in diagnosis.findings)), notes=list(diagnosis.notes),
         parameters={p.name: _parameter(analysis, i) for i, p in enumerate(problem.parameters)},
         correlation=Correlation(list(problem.names), np.atleast_2d(np.corrcoef(flat.T)).round(6).tolist()),
         fit=FitSummary(
@@ -179,7 +182,9 @@ def result_of(campaign: Campaign, analysis: Analysis, scrutiny: Scrutiny | None 
             float(np.mean(chain.acceptance)), chain.convergence.message,
         ),
         certificate=_certificate(analysis), profile=None if scrutiny is None else {i.name: _profile(i) for i in scrutiny.intervals},
-        turning_point={bands.run: _turning_point(bands.end, run, diagnosis) for bands, run in zip(analysis.bands, problem.runs, strict=True)},
+        turning_point={
+            b.run: _turning_point(b.end, run, diagnosis) for b, run in zip(analysis.bands, problem.runs, strict=True) if run.origin is not None
+        },
         runs={run.name: _run(campaign, analysis, i) for i, run in enumerate(problem.runs)},
         provenance=provenance(campaign, [run.name for run in problem.runs], analysis.seed),
     )
@@ -204,7 +209,7 @@ def _certificate(analysis: Analysis) -> Certificate:
     certificate, comparison = analysis.certificate, analysis.comparison
     if certificate is None:
         return Certificate(comparison.verdict, comparison.reason, None, None, None, None, None, None)
-    evidence = certificate.reliable
+    evidence = certificate.reliable and all(math.isfinite(p.prior.sd) for p in analysis.problem.parameters)
     return Certificate(
         comparison.verdict, comparison.reason, number(certificate.k_hat), certificate.ess, certificate.n_draw,
         number(certificate.log_evidence) if evidence else None, number(certificate.u_log_evidence) if evidence else None,
@@ -234,7 +239,8 @@ def _parameter(analysis: Analysis, i: int) -> ParameterSummary:
     parameter, diagnosis = analysis.problem.parameters[i], analysis.diagnosis
     summary = trusted(summarise(analysis.chain.flat[:, i], unit=parameter.unit, meaning=parameter.meaning), diagnosis)
     return ParameterSummary(
-        **msgspec.structs.asdict(summary), prior=parameter.prior.describe(), prior_mean=number(parameter.prior.centre),
+        **msgspec.structs.asdict(summary), prior=parameter.prior.describe(),
+        prior_mean=number(parameter.prior.centre) if math.isfinite(parameter.prior.sd) else None,
         prior_sd=number(parameter.prior.sd), ess_bulk=number(diagnosis.ess_bulk[i]), ess_tail=number(diagnosis.ess_tail[i]),
         rhat=number(diagnosis.rhat[i]), mcse=number(diagnosis.mcse[i]),
     )
@@ -261,10 +267,10 @@ def _run(campaign: Campaign, analysis: Analysis, i: int) -> RunSummary:
     derived = run.curve.derived(run.bind(analysis.problem.named(draws)))
     noise = run.noise.describe(x_unit=run.x_unit, y_unit=run.y_unit)
     return RunSummary(
-        file=campaign.tables[run.name].file, n_obs=run.n_obs, noise=noise, excluded=list(run.excluded),
+        file=campaign.tables[run.name].file, x=run.x_label, y=run.y_label, n_obs=run.n_obs, noise=noise, excluded=list(run.excluded),
         checks={name: CheckSummary(c.statistic, c.p_value, c.meaning) for name, c in goodness.checks.items()},
         scatter_ratio=number(goodness.scatter_ratio), robust=run.noise.tails.robust, outliers=_outliers(analysis, run),
-        what="positions" if run.noise.positions else "speeds",
+        what="positions" if run.noise.positions else "speeds" if run.origin is not None else "points",
         derived={
             name: trusted(summarise(np.ravel(d.values), unit=d.unit, meaning=d.meaning), analysis.diagnosis)
             for name, d in derived.items() if np.size(d.values) > 1

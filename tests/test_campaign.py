@@ -10,10 +10,10 @@ import pytest
 from uncertainties import ufloat
 
 from estim import InputError, load_campaign
-from estim.campaign_file import locate_keys
 from estim.noise import Differentiated, Independent
 from estim.priors import HalfNormal, LogNormal, Normal, TruncatedNormal, Uniform
 from estim.selection import Window, select
+from estim.toml_text import locate_keys
 from model import Body, trajectory, turning_point
 
 DEGREE = math.pi / 180

@@ -1,0 +1,249 @@
+"""A campaign whose curve is the user's own: the `[curve]` table and its runs, and the problems they pose.
+
+    [curve]
+    expression = "A*exp(-b*x)*cos(2*pi*x/T + p) + c"
+    x = {column = "t_s", name = "time t", unit = "s"}
+    y = {column = "angle_deg", name = "angle", unit = "°"}
+    u_y = 0.2
+    [curve.parameters]
+    A = {start = 10.0, low = 0.0, unit = "°", meaning = "amplitude"}
+
+The rule of levels holds: a parameter under [curve.parameters] is one unknown for all runs, one under [runs.parameters] belongs
+to its run and is called "A[run]".  `docs/your-own-curve.md` explains the keys.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from types import MappingProxyType
+
+import numpy as np
+from numpy.typing import NDArray
+
+from estim.campaign_file import CampaignFile, Value, checked, read_value
+from estim.curve import Curve
+from estim.curve_file import (
+    CurveRunTable,
+    CurveTable,
+    ParameterTable,
+    Place,
+    ReadingErrorTable,
+    axis_of,
+    check_parameters,
+    check_words,
+    prior_table,
+    source_of,
+)
+from estim.curve_problem import MAX_OBS, SIGMA, SIGMA_SPREAD, AxisNames, reading_noise
+from estim.errors import InputError
+from estim.formula import Formula, read_formula
+from estim.levels import as_prior
+from estim.noise import Scale
+from estim.observing import shape_of
+from estim.priors import LogNormal, Prior
+from estim.problem import Observations, Parameter, Problem
+from estim.quantity import Quantity
+from estim.run import Run
+from estim.systematic import Component, DistortedCurve
+from estim.table import read_table
+
+FloatArray = NDArray[np.float64]
+_MIN_ROWS = 3
+
+
+@dataclass(frozen=True, eq=False)
+class CurveStudy:
+    """The `[curve]` table and the runs of a campaign, read and checked.  `problem` poses the inference for some of the runs."""
+
+    source: CampaignFile
+    formula: Formula
+    axes: AxisNames
+    table: CurveTable
+    runs: tuple[CurveRunTable, ...]
+
+    @property
+    def x_column(self) -> str:
+        return axis_of(self.table.x).column
+
+    @property
+    def y_column(self) -> str:
+        return axis_of(self.table.y).column
+
+    def problem(self, names: Sequence[str], tables: Mapping[str, Run]) -> Problem:
+        """The joint problem of the runs `names` with their tables.  Raises InputError."""
+        parameters: dict[str, Parameter] = {}
+        noise: dict[str, Parameter] = {}
+        components = self._components()
+        shared = {c.parameter_name: c.parameter(x_unit=self.axes.x_unit, y_unit=self.axes.y_unit) for c in components}
+        curve: Curve = DistortedCurve(self.formula, components) if components else self.formula
+        observed = []
+        for name in names:
+            index = [run.name for run in self.runs].index(name)
+            arguments: dict[str, str | float] = {}
+            for argument in self.formula.names:
+                bound = self._bind(argument, index)
+                arguments[argument] = bound if isinstance(bound, float) else bound.name
+                if isinstance(bound, Parameter):
+                    parameters.setdefault(bound.name, bound)
+            arguments |= {component: component for component in shared}
+            run, unknown = self._observe(curve, arguments, index, tables[name])
+            noise |= {parameter.name: parameter for parameter in unknown}
+            observed.append(run)
+        return Problem((*parameters.values(), *shared.values(), *noise.values()), tuple(observed))
+
+    def _bind(self, name: str, index: int) -> Parameter | float:
+        """A parameter of the formula for one run: an unknown, or an exact value."""
+        run = self.runs[index]
+        levels: tuple[tuple[Place, Mapping[str, float | str | ParameterTable], str], ...] = (
+            (("runs", index, "parameters"), run.parameters, f"[{run.name}]"), (("curve", "parameters"), self.table.parameters, ""),
+        )
+        declared = [level[1][name] for level in levels if name in level[1]]
+        for path, table, suffix in levels:
+            if name in table:
+                written = [entry for entry in declared if isinstance(entry, ParameterTable)]
+                unit = next((entry.unit for entry in written if entry.unit is not None), "1")
+                meaning = next((entry.meaning for entry in written if entry.meaning is not None), "parameter of the curve")
+                source = self._read(table[name], (*path, name))
+                return source if isinstance(source, float) else Parameter(name + suffix, unit, source, meaning)
+        rule = f"is missing for run '{run.name}': say it under [curve.parameters] or [runs.parameters], for example {name} = {{start = 1.0}}"
+        raise self.source.places.error(rule, ("curve", "parameters"), field=name)
+
+    def _read(self, value: float | str | ParameterTable, path: Place) -> float | Prior:
+        try:
+            return source_of(value, str(path[-1]))
+        except InputError as error:
+            rule = error.rule if error.field in (None, path[-1]) else f"'{error.field}' {error.rule}"
+            raise self.source.places.error(rule, path, value=error.value) from None
+
+    def _components(self) -> tuple[Component, ...]:
+        components = []
+        for name, written in self.table.errors.items():
+            try:
+                kind, u = (name, written) if isinstance(written, float | int) else (written.kind, written.u)
+                components.append(Component(kind, float(u), name))
+            except InputError as error:
+                raise self.source.places.error(f"'{error.field}' {error.rule}", ("curve", "errors", name), value=error.value) from None
+        return tuple(components)
+
+    def _observe(self, curve: Curve, arguments: Mapping[str, str | float], index: int, table: Run) -> tuple[Observations, tuple[Parameter, ...]]:
+        x, y = table.columns[self.x_column], table.columns[self.y_column]
+        order = np.argsort(x, kind="stable")
+        inside, excluded = self._window(x, index)
+        kept = order[inside[order]]
+        if not _MIN_ROWS <= kept.size <= MAX_OBS:
+            rule = f"must leave between {_MIN_ROWS} and {MAX_OBS} of the {table.n_row} rows of {table.file} to fit"
+            raise self.source.places.error(rule, ("runs", index, "window"), field="window", value=int(kept.size))
+        scale, relative, unknown = self._errors(index, table, kept)
+        tails, further = shape_of(self.runs[index].robust or self.table.robust, f"[{table.name}]")
+        noise = reading_noise(
+            scale, relative, None, what=self.axes.y_name, relative_x=self._errors_of_x(index, table, kept, stated=not unknown), tails=tails
+        )
+        run = Observations(
+            name=table.name, x=x[kept], y=y[kept], t=None, curve=curve, arguments=MappingProxyType(dict(arguments)),
+            noise=noise, x_name=self.axes.x_name, x_unit=self.axes.x_unit,
+            y_name=self.axes.y_name, y_unit=self.axes.y_unit, excluded=excluded,
+            excluded_points=np.column_stack([x[~inside], y[~inside]]), origin=None,
+        )
+        return run, (*unknown, *further)
+
+    def _errors_of_x(self, index: int, table: Run, kept: NDArray[np.int64], *, stated: bool) -> FloatArray | None:
+        """(n_obs,) standard deviations of the abscissas, None where they are exact; `stated`: whether those of y are known."""
+        run = self.runs[index]
+        written, path = (run.u_x, ("runs", index, "u_x")) if run.u_x is not None else (self.table.u_x, ("curve", "u_x"))
+        if written is None:
+            return None
+        if not stated:
+            raise self.source.places.error("needs a known 'u_y' beside it: the sizes of both errors cannot be told from the residuals", path)
+        if isinstance(written, ReadingErrorTable) and written.column is not None:
+            return table.columns[written.column][kept]
+        if not isinstance(written, int | float) or not (math.isfinite(written) and written > 0.0):
+            raise self.source.places.error("must be a number > 0 or a column", path, value=written if isinstance(written, str) else None)
+        return np.full(kept.size, float(written))
+
+    def _window(self, x: FloatArray, index: int) -> tuple[NDArray[np.bool_], tuple[str, ...]]:
+        run = self.runs[index]
+        window, path = (run.window, ("runs", index, "window")) if run.window is not None else (self.table.window, ("curve", "window"))
+        low = -math.inf if window is None or window.min is None else window.min
+        high = math.inf if window is None or window.max is None else window.max
+        if not low < high:
+            raise self.source.places.error("must have 'min' below 'max'", path, field="window")
+        inside = (x >= low) & (x <= high)
+        left_out = int(np.sum(~inside))
+        return inside, (f"{left_out} outside the stated window",) if left_out else ()
+
+    def _errors(self, index: int, table: Run, kept: NDArray[np.int64]) -> tuple[Scale, FloatArray, tuple[Parameter, ...]]:
+        """Scale and relative size (n_obs,) of the errors of y, and their unknown size if it is to be inferred."""
+        run, ones = self.runs[index], np.ones(kept.size)
+        path: Place = ("curve", "u_y")
+        written, suffix = self.table.u_y, ""
+        if run.u_y is not None:
+            written, path, suffix = run.u_y, ("runs", index, "u_y"), f"[{run.name}]"
+        if isinstance(written, ReadingErrorTable) and written.column is not None:
+            return Scale(1.0), table.columns[written.column][kept], ()
+        if written is None:
+            name = f"{SIGMA}[{run.name}]"
+            y = table.columns[self.y_column][kept]
+            prior: Prior = LogNormal(_roughness(y), SIGMA_SPREAD)
+            return Scale(parameter=name), ones, (Parameter(name, self.axes.y_unit, prior, "standard deviation of one reading, not stated"),)
+        value: Value = written if not isinstance(written, ReadingErrorTable) else prior_table(written, str(path[-1]))
+        try:
+            read = read_value(value, factor=1.0, field="u_y")
+        except InputError as error:
+            raise self.source.places.error(error.rule, path, value=error.value) from None
+        centre = read.value if isinstance(read, Quantity) else read.centre
+        if centre <= 0.0 or (not isinstance(read, Quantity) and read.low < 0.0):
+            raise self.source.places.error("must be > 0, and a prior of it must not reach below 0", path, value=centre)
+        if isinstance(read, Quantity) and read.exact:
+            return Scale(read.value), ones, ()
+        inferred = as_prior(read, low=0.0) if isinstance(read, Quantity) else read
+        return Scale(parameter=SIGMA + suffix), ones, (Parameter(SIGMA + suffix, self.axes.y_unit, inferred, "standard deviation of one reading"),)
+
+
+def read_curve_study(source: CampaignFile) -> tuple[CurveStudy, Mapping[str, Run]]:
+    """The curve of a campaign and the tables of its runs.
+
+    Raises InputError with file, line, field, rule and value for whatever breaks a rule.
+    """
+    assert source.curve is not None
+    places = source.places
+    for path, raw in ((("curve",), source.curve["curve"]), *((("runs", i), run) for i, run in enumerate(source.curve["runs"]))):
+        for name, entry in raw.get("parameters", {}).items() if isinstance(raw.get("parameters"), dict) else ():
+            if isinstance(entry, dict):  # one by one, for the line
+                checked(entry, ParameterTable, places, (*path, "parameters", name))
+    table = checked(source.curve["curve"], CurveTable, places, ("curve",))
+    runs = tuple(checked(run, CurveRunTable, places, ("runs", i)) for i, run in enumerate(source.curve["runs"]))
+    try:
+        formula = read_formula(table.expression)
+    except InputError as error:
+        raise places.error(error.rule, ("curve", "expression"), value=error.value) from None
+    x, y = axis_of(table.x), axis_of(table.y)
+    check_words(source, table, runs, (x, y))
+    check_parameters(source, formula, table, runs)
+    axes = AxisNames(x.name or x.column, x.unit, y.name or y.column, y.unit)
+    study = CurveStudy(source, formula, axes, table, runs)
+    return study, MappingProxyType({run.name: _read_run(study, run) for run in runs})
+
+
+def _read_run(study: CurveStudy, run: CurveRunTable) -> Run:
+    path = study.source.path.parent / Path(run.file)
+    errors = [entry for entry in (run.u_y, study.table.u_y) if entry is not None][:1]
+    errors += [entry for entry in (run.u_x, study.table.u_x) if entry is not None][:1]
+    columns = [entry.column for entry in errors if isinstance(entry, ReadingErrorTable) and entry.column is not None]
+    needed = [study.x_column, study.y_column, *columns]
+    table = read_table(path, known=needed, min_rows=_MIN_ROWS, shown_as=str(path))
+    for column in needed:
+        if column not in table.columns:
+            raise InputError("is missing in the header", field=column, value=", ".join(table.columns), file=table.file, line=table.header_line)
+    for column in columns:
+        if np.any(table.columns[column] <= 0.0):
+            raise table.error("must be > 0", column, int(np.argmax(table.columns[column] <= 0.0)))
+    return Run(name=run.name, file=table.file, sha256=table.sha256, columns=table.columns, lines=table.lines)
+
+
+def _roughness(y: FloatArray) -> float:
+    """A rough standard deviation of one reading, from second differences of y in order of x."""
+    rough = float(np.sqrt(np.mean(np.diff(y, 2) ** 2) / 6.0)) if y.size > 2 else 0.0
+    return rough or float(np.std(y)) or 1.0

@@ -1,0 +1,160 @@
+"""The tables of a campaign file that say a user's own curve: their keys, and what each may hold.
+
+`docs/your-own-curve.md` explains them to users; `estim.curve_campaign` gives them meaning.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Sequence
+from typing import Literal
+
+import msgspec
+
+from estim.campaign_file import CampaignFile, PriorTable, read_value
+from estim.curve_problem import SIGMA
+from estim.errors import InputError
+from estim.flat import Flat
+from estim.formula import Formula
+from estim.levels import as_prior
+from estim.priors import Prior
+from estim.quantity import Quantity
+
+Place = tuple[str | int, ...]
+
+_UNIT = re.compile(r"[^\s$|\\`][^$|\\`\n]{0,19}")
+_NAME = re.compile(r"[^\s$|\\`][^$|\\`\n]{0,39}")
+_MEANING = re.compile(r"[^|\n`]{1,120}")
+
+
+class AxisTable(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
+    column: str
+    name: str | None = None
+    unit: str = "1"
+
+
+class ParameterTable(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
+    """`start` with limits, a `value`, or a `prior` with its keys."""
+
+    start: float | None = None
+    value: float | str | None = None
+    unit: str | None = None
+    meaning: str | None = None
+    prior: Literal["normal", "uniform", "half-normal", "log-normal", "truncated-normal"] | None = None
+    mean: float | None = None
+    sd: float | None = None
+    low: float | None = None
+    high: float | None = None
+    scale: float | None = None
+    median: float | None = None
+    log_sd: float | None = None
+
+
+class ReadingErrorTable(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
+    """A standard deviation of y: a column of the runs' files, or a prior (then it is inferred)."""
+
+    column: str | None = None
+    prior: Literal["normal", "uniform", "half-normal", "log-normal", "truncated-normal"] | None = None
+    mean: float | None = None
+    sd: float | None = None
+    low: float | None = None
+    high: float | None = None
+    scale: float | None = None
+    median: float | None = None
+    log_sd: float | None = None
+
+
+class RangeTable(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
+    min: float | None = None
+    max: float | None = None
+
+
+class ComponentTable(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
+    kind: Literal["zero_y", "scale_y", "zero_x", "scale_x"]
+    u: float
+
+
+class CurveTable(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
+    expression: str
+    x: AxisTable | str
+    y: AxisTable | str
+    u_y: float | str | ReadingErrorTable | None = None
+    u_x: float | str | ReadingErrorTable | None = None
+    robust: Literal["student-t", "mixture"] | None = None
+    window: RangeTable | None = None
+    parameters: dict[str, float | str | ParameterTable] = {}
+    errors: dict[str, float | ComponentTable] = {}
+
+
+class CurveRunTable(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
+    name: str
+    file: str
+    u_y: float | str | ReadingErrorTable | None = None
+    u_x: float | str | ReadingErrorTable | None = None
+    robust: Literal["student-t", "mixture"] | None = None
+    window: RangeTable | None = None
+    parameters: dict[str, float | str | ParameterTable] = {}
+
+
+def axis_of(written: AxisTable | str) -> AxisTable:
+    return AxisTable(written) if isinstance(written, str) else written
+
+
+def check_words(source: CampaignFile, table: CurveTable, runs: Sequence[CurveRunTable], axes: Sequence[AxisTable]) -> None:
+    for key, axis in zip(("x", "y"), axes, strict=True):
+        for word, allowed in ((axis.unit, _UNIT), (axis.name or axis.column, _NAME)):
+            if not allowed.fullmatch(word):
+                raise source.places.error("must have a short name and unit without $ | \\ `", ("curve", key), value=word)
+    if axes[0].column == axes[1].column:
+        raise source.places.error("must name another column than x", ("curve", "y"), value=axes[1].column)
+    levels: list[tuple[Place, CurveTable | CurveRunTable]] = [(("curve",), table), *((("runs", i), run) for i, run in enumerate(runs))]
+    for path, level in levels:
+        for name, entry in level.parameters.items():
+            if isinstance(entry, ParameterTable):
+                for text, limits in ((entry.unit, _UNIT), (entry.meaning, _MEANING)):
+                    if text is not None and not limits.fullmatch(text):
+                        raise source.places.error("must have a short unit and meaning without $ | \\ `", (*path, "parameters", name), value=text)
+
+
+def check_parameters(source: CampaignFile, formula: Formula, table: CurveTable, runs: Sequence[CurveRunTable]) -> None:
+    levels: list[tuple[Place, CurveTable | CurveRunTable]] = [(("curve",), table), *((("runs", i), run) for i, run in enumerate(runs))]
+    for path, level in levels:
+        for name in level.parameters:
+            if name not in formula.names:
+                raise source.places.error(f"is not in the formula ({', '.join(formula.names)})", (*path, "parameters", name))
+    for name in table.errors:
+        if not name.isidentifier() or name in formula.names or name.startswith(SIGMA):
+            raise source.places.error("must be a name that no parameter has", ("curve", "errors", name))
+
+
+def source_of(value: float | str | ParameterTable, field: str) -> float | Prior:
+    """An exact number, or the prior of an unknown."""
+    if isinstance(value, ParameterTable) and value.value is None and value.prior is None:
+        if value.start is None:
+            raise InputError("needs a 'start', a 'value' or a 'prior'", field=field)
+        _refuse_keys(value, ("mean", "sd", "scale", "median", "log_sd"), "goes with a 'prior'")
+        return Flat(-math.inf if value.low is None else value.low, math.inf if value.high is None else value.high, value.start)
+    if isinstance(value, ParameterTable) and value.prior is not None:
+        _refuse_keys(value, ("start", "value"), "must not stand beside 'prior'")
+        read = read_value(prior_table(value, field), factor=1.0, field=field)
+    elif isinstance(value, ParameterTable):
+        _refuse_keys(value, ("start", "low", "high", "mean", "sd", "scale", "median", "log_sd"), "must not stand beside 'value'")
+        read = read_value(value.value if value.value is not None else 0.0, factor=1.0, field=field)
+    else:
+        read = read_value(value, factor=1.0, field=field)
+    if isinstance(read, Quantity):
+        return read.value if read.exact else as_prior(read, low=-math.inf)
+    return read
+
+
+def _refuse_keys(table: ParameterTable, keys: Sequence[str], rule: str) -> None:
+    for key in keys:
+        if getattr(table, key) is not None:
+            raise InputError(rule, field=key)
+
+
+def prior_table(table: ParameterTable | ReadingErrorTable, field: str) -> PriorTable:
+    if table.prior is None:
+        raise InputError("needs a 'prior' or a 'column'", field=field)
+    return PriorTable(table.prior, table.mean, table.sd, table.low, table.high, table.scale, table.median, table.log_sd)

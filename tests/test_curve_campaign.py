@@ -1,0 +1,264 @@
+"""Campaigns with a [curve] table: what is read, what is refused, what the report says; and two real experiments."""
+
+from __future__ import annotations
+
+import json
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from estim.campaign import Campaign, load_campaign
+from estim.cli import cli
+from estim.errors import InputError
+from estim.optimum import fit_optimum
+from estim.pipeline import analyse
+from estim.sampling import Target
+
+CAMPAIGN = """title = "Discharge of a capacitor"
+kind = "synthetic"
+[curve]
+expression = "U0*exp(-x/tau) + offset"
+x = {column = "t_s", name = "time t", unit = "s"}
+y = {column = "u_V", name = "voltage U", unit = "V"}
+u_y = 0.02
+[curve.parameters]
+U0 = {start = 1.0, unit = "V", meaning = "voltage at the start"}
+tau = {start = 1.0, low = 0.0, unit = "s", meaning = "time constant"}
+offset = "0.00(1)"
+[[runs]]
+name = "first"
+file = "first.csv"
+[[runs]]
+name = "second"
+file = "second.csv"
+[runs.parameters]
+U0 = {start = 2.0}
+"""
+TRUTH = {"U0": 5.0, "U0[second]": 3.0, "tau": 4.0, "offset": 0.005}
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    rng = np.random.default_rng(5)
+    for name, start in (("first", 5.0), ("second", 3.0)):
+        t = np.linspace(0.0, 10.0, 26)
+        u = start * np.exp(-t / 4.0) + 0.005 + 0.02 * rng.standard_normal(t.size)
+        rows = "\n".join(f"{a:.3f},{b:.6f},0.02" for a, b in zip(t, u, strict=True))
+        (tmp_path / f"{name}.csv").write_text(f"t_s,u_V,_u_V\n{rows}\n")
+    return tmp_path
+
+
+def load(folder: Path, text: str = CAMPAIGN) -> Campaign:
+    (folder / "campaign.toml").write_text(text)
+    return load_campaign(folder / "campaign.toml")
+
+
+def test_where_a_parameter_stands_is_where_it_is_one_unknown(folder: Path) -> None:
+    campaign = load(folder)
+    assert campaign.problem(["first", "second"]).names == ("U0", "tau", "offset", "U0[second]")
+    assert campaign.problem(["second"]).names == ("U0[second]", "tau", "offset")
+    problem = campaign.problem(["first", "second"])
+    assert {p.name: (p.unit, p.meaning) for p in problem.parameters}["U0[second]"] == ("V", "voltage at the start")
+    assert problem.runs[0].x_label == "time t (s)"
+
+
+def test_a_joint_fit_recovers_what_was_put_in(folder: Path, rng: np.random.Generator) -> None:
+    fit = fit_optimum(load(folder).problem(["first", "second"]), rng=rng)
+    pulls = [(value - TRUTH[name]) / sd for name, value, sd in zip(fit.names, fit.values, fit.sds, strict=True)]
+    assert np.max(np.abs(pulls)) < 4.0
+    assert 1e-3 < fit.p_value < 1 - 1e-3
+    too_small = load(folder, CAMPAIGN.replace("u_y = 0.02", "u_y = 0.01"))
+    assert fit_optimum(too_small.problem(["first", "second"]), rng=rng).p_value < 1e-3
+
+
+@pytest.mark.parametrize(
+    ("u_y", "names", "values"),
+    [
+        ("", ("sigma_y[first]",), None), ('u_y = "0.020(5)"', ("sigma_y",), None), ('u_y = {prior = "half-normal", scale = 0.1}', ("sigma_y",), None),
+        ('u_y = {column = "s"}', (), 0.02),
+    ],
+)
+def test_the_size_of_the_errors_is_stated_or_inferred(folder: Path, u_y: str, names: tuple[str, ...], values: float | None) -> None:
+    for name in ("first", "second"):
+        path = folder / f"{name}.csv"
+        if "column" in u_y:
+            path.write_text(path.read_text().replace("_u_V", "s"))
+    problem = load(folder, CAMPAIGN.replace("u_y = 0.02", u_y)).problem(["first"])
+    assert problem.names[3:] == names
+    if values is not None:
+        np.testing.assert_array_equal(problem.runs[0].noise.reading_gain(), values)
+    else:
+        fit = fit_optimum(problem, rng=np.random.default_rng(1))
+        assert 0.012 < fit.values[3] < 0.03
+
+
+def test_a_window_leaves_rows_out_and_says_so(folder: Path) -> None:
+    run = load(folder, CAMPAIGN.replace("u_y = 0.02", "u_y = 0.02\nwindow = {min = 1.0, max = 9.0}")).problem(["first"]).runs[0]
+    assert (run.x.min(), run.x.max()) == (1.2, 8.8)
+    assert run.excluded == ("6 outside the stated window",)
+    assert run.excluded_points.shape == (6, 2)
+
+
+def test_an_exact_parameter_is_no_unknown(folder: Path) -> None:
+    text = CAMPAIGN.replace('offset = "0.00(1)"', "offset = 0.005")
+    run = load(folder, text).problem(["first"]).runs[0]
+    assert run.arguments["offset"] == 0.005
+    text = CAMPAIGN.replace('offset = "0.00(1)"', 'offset = {value = "0.00(1)", unit = "V"}')
+    assert load(folder, text).problem(["first"]).parameters[2].unit == "V"
+
+
+def test_shared_errors_are_one_parameter_of_all_runs(folder: Path, rng: np.random.Generator) -> None:
+    text = CAMPAIGN.replace("u_y = 0.02", "u_y = 0.02\nerrors = {scale_y = 0.03, clock = {kind = \"scale_x\", u = 0.01}}")
+    problem = load(folder, text).problem(["first", "second"])
+    assert problem.names[-2:] == ("scale_y", "clock")
+    fits = [fit_optimum(posed, rng=rng) for posed in (problem, load(folder).problem(["first", "second"]))]
+    sds, alone = (dict(zip(fit.names, fit.sds / np.abs(fit.values), strict=True)) for fit in fits)
+    assert sds["U0"] == pytest.approx(np.hypot(0.03, alone["U0"]), rel=1e-2)
+    assert sds["tau"] == pytest.approx(np.hypot(0.01, alone["tau"]), rel=1e-2)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "says"),
+    [
+        ('"U0*exp(-x/tau) + offset"', '"U0*exp(-x/tau) + open(1)"', r":4: 'expression' calls 'open'"),
+        ('"U0*exp(-x/tau) + offset"', '"x.__class__"', r":4: 'expression' must not reach"),
+        ('"U0*exp(-x/tau) + offset"', '"U0*exp(-x/tau) + c + offset"', r":8: 'c' is missing for run 'first'"),
+        ("tau = {start", "lambda_ = {start", r":10: 'lambda_' is not in the formula"),
+        ("low = 0.0", "low = 3.0", r":10: 'tau' 'start' must lie within"),
+        ("low = 0.0", "high = 3.0, low = 4.0", r":10: 'tau' 'low' must be below"),
+        ("start = 1.0, low", "low", r":10: 'tau' needs a 'start'"),
+        ("start = 1.0, low", "stat = 1.0, low", r":10: 'stat' is not a known key here \(did you mean 'start'"),
+        ("u_y = 0.02", "u_y = -0.02", r":7: 'u_y' must be > 0"),
+        ("u_y = 0.02", "u_y = {column = \"none\"}", r"first.csv:1: '.*' is"),
+        ("u_y = 0.02", "u_y = {mean = 1.0}", r"needs a 'prior' or a 'column'"),
+        ("u_y = 0.02", "u_x = 0.02", r":7: 'u_x' needs a known 'u_y' beside it"),
+        ("u_y = 0.02", "u_y = 0.02\nu_x = -1.0", r":8: 'u_x' must be a number > 0"),
+        ("u_y = 0.02", "errors = {zero = 0.1}", r"'zero' 'kind' must be one of"),
+        ("u_y = 0.02", "errors = {zero_y = -0.1}", r"'zero_y' 'u' must be > 0"),
+        ("u_y = 0.02", "window = {min = 9.0, max = 1.0}", r":7: 'window' must have 'min' below"),
+        ("u_y = 0.02", "window = {min = 9.5}", r"'window' must leave between 3"),
+        ('"t_s"', '"time"', r"'t_s' is not a column name"),
+        ('"u_V"', '"t_s"', r"'y' must name another column"),
+        ('unit = "s", meaning', 'unit = "$s$", meaning', r":10: 'tau' must have a short unit"),
+        ("first.csv", "none.csv", r"none.csv: cannot be read"),
+        ("[[runs]]\nname = \"first\"", "[shared]\ng = 9.81\n[[runs]]\nname = \"first\"", r":12: 'shared' does not go with a \[curve\] table"),
+        ('name = "second"', 'name = "first"', r"'name' must be unique"),
+    ],
+)
+def test_mistakes_are_named_with_their_place(folder: Path, old: str, new: str, says: str) -> None:
+    assert old in CAMPAIGN
+    with pytest.raises(InputError, match=says) as caught:
+        load(folder, CAMPAIGN.replace(old, new, 1))
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("command", ["energy", "reanalyse", "line"])
+def test_commands_for_rolling_bodies_say_that_there_is_none(folder: Path, command: str) -> None:
+    load(folder)
+    ran = CliRunner().invoke(cli, [command, str(folder / "campaign.toml"), "--out", str(folder / "out")])
+    assert isinstance(ran.exception, InputError)
+    assert "has no rolling body" in str(ran.exception)
+
+
+@pytest.mark.slow
+def test_the_command_line_writes_a_report_about_the_curve(folder: Path) -> None:
+    load(folder)
+    ran = CliRunner().invoke(cli, ["fit", str(folder / "campaign.toml"), "--run", "first", "--out", str(folder / "out")])
+    assert ran.exit_code == 0, ran.output
+    text = (folder / "out" / "report.md").read_text()
+    result = json.loads((folder / "out" / "result.json").read_text())
+    assert result["status"] == "ok"
+    assert result["formula"] == "U0*exp(-x/tau) + offset"
+    assert result["turning_point"] == {}
+    assert "| tau | time constant |" in text
+    assert "voltage U (V) against time t (s)" in text
+    for word in ("turning point", "speed", "mass", "radian", "frame"):
+        assert word not in text, word
+    assert {path.name for path in (folder / "out" / "figures").iterdir()} == {"phase.png", "residuals.png", "corner.png", "traces.png"}
+
+
+def numbers(path: Path, columns: tuple[int, ...]) -> np.ndarray:
+    """Rows of a text export of Tracker in which all `columns` hold numbers; decimal commas become points."""
+    delimiter = ";" if path.suffix == ".csv" else ","
+    rows = []
+    for line in path.read_text().splitlines()[2:]:
+        cells = [cell.replace(",", ".") for cell in line.split(delimiter)]
+        if len(cells) > max(columns) and all(re.fullmatch(r"[-+.\dE]+", cells[i]) for i in columns):
+            rows.append([float(cells[i]) for i in columns])
+    return np.array(rows)
+
+
+def measured(folder: Path, table: np.ndarray, text: str) -> Campaign:
+    np.savetxt(folder / "run.csv", table, delimiter=",", header="t_s,y_m", comments="")
+    return load(folder, text)
+
+
+FALL = """title = "Ball in a viscous liquid"
+kind = "measured"
+[curve]
+expression = "y0 + v*x + (v0 - v)*tau*(1 - exp(-x/tau))"
+x = {column = "t_s", name = "time", unit = "s"}
+y = {column = "y_m", name = "height", unit = "m"}
+[curve.parameters]
+y0 = {start = 0.0, unit = "m"}
+v = {start = -1.0, unit = "m/s", meaning = "terminal velocity"}
+v0 = {start = -1.0, unit = "m/s"}
+tau = {start = 0.1, low = 0.0, high = 20.0, unit = "s"}
+[[runs]]
+name = "b3"
+file = "run.csv"
+"""
+
+
+def test_the_terminal_velocity_of_a_falling_ball_is_found(shared: Path, tmp_path: Path) -> None:
+    table = numbers(shared / "tracker" / "viscosity" / "b3.txt", (0, 1))
+    fit = fit_optimum(measured(tmp_path, table, FALL).problem(["b3"]), rng=np.random.default_rng(1))
+    found = dict(zip(fit.names, fit.values, strict=True))
+    last = np.polyfit(table[-8:, 0], table[-8:, 1], 1)[0]  # the slope at the end has not quite reached it
+    t = table[-1, 0] - 0.1
+    assert found["v"] + (found["v0"] - found["v"]) * np.exp(-t / found["tau"]) == pytest.approx(last, rel=0.02)
+    assert found["v"] == pytest.approx(-0.361, abs=0.01)
+    assert fit.sds[1] < 0.005
+    assert found["sigma_y[b3]"] < 1e-3  # a straight line leaves 18 mm
+
+
+SWING = """title = "Ball in a half-pipe"
+kind = "measured"
+[curve]
+expression = "A*exp(-b*(x - 10))*cos(w*(x - 10) + p) + c"
+x = {column = "t_s", name = "time", unit = "s"}
+y = {column = "y_m", name = "position", unit = "m"}
+window = {min = 10.0, max = 18.0}
+[curve.parameters]
+A = {start = 0.2, unit = "m"}
+b = {start = 0.1, low = 0.0, unit = "1/s"}
+w = {start = START, unit = "rad/s"}
+p = {start = 0.0, unit = "rad"}
+c = {start = 0.0, unit = "m"}
+[[runs]]
+name = "klipp0"
+file = "run.csv"
+"""
+
+
+@pytest.mark.parametrize("start", ["0.7", "20.0"])
+def test_a_damped_oscillation_is_found_from_a_frequency_far_off(shared: Path, tmp_path: Path, start: str) -> None:
+    table = numbers(shared / "tracker" / "halfpipe" / "Klipp0.csv", (0, 1))[::8]
+    fit = fit_optimum(measured(tmp_path, table, SWING.replace("START", start)).problem(["klipp0"]), rng=np.random.default_rng(1))
+    found = dict(zip(fit.names, fit.values, strict=True))
+    inside = table[(table[:, 0] >= 10.0) & (table[:, 0] <= 18.0)]
+    rising = np.flatnonzero(np.diff(np.sign(inside[:, 1] - found["c"])) > 0)  # one a period
+    assert found["w"] == pytest.approx(2 * np.pi / np.mean(np.diff(inside[rising, 0])), rel=0.01)
+    assert found["w"] == pytest.approx(2.863, abs=0.005)
+    assert found["A"] > 0.3
+
+
+@pytest.mark.slow
+def test_a_real_oscillation_that_the_curve_does_not_describe_gets_no_headline(shared: Path, tmp_path: Path) -> None:
+    table = numbers(shared / "tracker" / "halfpipe" / "Klipp0.csv", (0, 1))[::20]
+    campaign = measured(tmp_path, table, SWING.replace("START", "3.0").replace("window = {min = 10.0, max = 18.0}\n", ""))
+    analysis = analyse(campaign, ["klipp0"], seed=1, target=Target(ess=500))
+    assert analysis.diagnosis.status == "poor-fit"  # the frequency drifts as the swing gets smaller

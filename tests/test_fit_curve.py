@@ -1,0 +1,312 @@
+"""A user's own curve from points to a result: closed-form answers, recovery, calibration, refusals."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from estim import Component, InputError, fit_curve
+from estim.curve_analysis import curve_report, sample_curve
+from estim.curve_problem import AxisNames
+from estim.flat import Flat
+from estim.priors import Normal, Uniform
+from estim.sampling import Target
+
+LINE = "a + b*x"
+T = np.linspace(0.0, 10.0, 41)
+
+
+def normal_equations(design: np.ndarray, y: np.ndarray, cov: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    inverse = np.linalg.inv(cov)
+    information = design.T @ inverse @ design
+    return np.linalg.solve(information, design.T @ inverse @ y), np.linalg.inv(information)
+
+
+def test_a_line_with_stated_errors_is_the_weighted_mean_of_the_textbook(rng: np.random.Generator) -> None:
+    u = rng.uniform(0.1, 0.5, T.size)
+    y = 2.0 + 0.3 * T + u * rng.standard_normal(T.size)
+    shuffled = rng.permutation(T.size)
+    fit = fit_curve(LINE, T[shuffled], y[shuffled], start={"b": 9.0, "a": -5.0}, u_y=u[shuffled])
+    values, cov = normal_equations(np.column_stack([T, np.ones_like(T)]), y, np.diag(u**2))
+    np.testing.assert_allclose([fit.values["b"], fit.values["a"]], values, rtol=1e-12)
+    np.testing.assert_allclose(fit.cov, cov, rtol=1e-10)
+    assert fit.names == ("b", "a")
+    assert fit.chi2 == pytest.approx(np.sum(((y - 2.0 - 0.3 * T - (values - [0.3, 2.0]) @ [T, np.ones_like(T)]) / u) ** 2))
+    assert fit.dof == T.size - 2
+    assert fit.status == "ok"
+    assert fit.sigma is None
+
+
+def test_without_stated_errors_their_size_comes_from_the_residuals(rng: np.random.Generator) -> None:
+    y = 2.0 + 0.3 * T + 0.2 * rng.standard_normal(T.size)
+    fit = fit_curve(LINE, T, y, start={"a": 0.0, "b": 0.0})
+    coefficients, cov = np.polyfit(T, y, 1, cov=True)
+    np.testing.assert_allclose([fit.values["b"], fit.values["a"]], coefficients, rtol=1e-11)
+    np.testing.assert_allclose([fit.sds["b"], fit.sds["a"]], np.sqrt(np.diag(cov)), rtol=1e-9)
+    assert math.isnan(fit.p_value)
+    assert fit.sigma == pytest.approx(math.sqrt(fit.chi2 / fit.dof))
+    assert "estimated" in str(fit)
+    assert "estimated" in fit._repr_markdown_()
+
+
+def test_a_covariance_matrix_weighs_as_the_general_least_squares_do(rng: np.random.Generator) -> None:
+    cov = 0.04 * np.exp(-np.abs(T[:, None] - T) / 2.0) + 0.01 * np.eye(T.size)
+    y = 2.0 + 0.3 * T + np.linalg.cholesky(cov) @ rng.standard_normal(T.size)
+    fit = fit_curve(LINE, T, y, start={"a": 0.0, "b": 0.0}, cov_y=cov)
+    values, expected = normal_equations(np.column_stack([np.ones_like(T), T]), y, cov)
+    np.testing.assert_allclose(list(fit.values.values()), values, rtol=1e-10)
+    np.testing.assert_allclose(fit.cov, expected, rtol=1e-8)
+    blind = fit_curve(LINE, T, y, start={"a": 0.0, "b": 0.0}, u_y=np.sqrt(np.diag(cov)))
+    assert blind.sds["a"] < 0.6 * fit.sds["a"]  # the wrong model claims too much
+
+
+def test_shared_errors_are_the_covariance_they_stand_for(rng: np.random.Generator) -> None:
+    y = 2.0 + 0.3 * T + 0.1 * rng.standard_normal(T.size)
+    fit = fit_curve(LINE, T, y, start={"a": 1.0, "b": 1.0}, u_y=0.1, errors=[Component("zero_y", 0.5, "offset")])
+    _, cov = normal_equations(np.column_stack([np.ones_like(T), T]), y, 0.01 * np.eye(T.size) + 0.25)
+    np.testing.assert_allclose(fit.cov[:2, :2], cov, rtol=1e-8)
+    assert fit.names == ("a", "b", "offset")
+    assert fit.sds["a"] > 0.5 > 10.0 * fit.sds["b"]
+
+
+@pytest.mark.parametrize(("kind", "u", "share"), [("scale_y", 0.02, 1.0), ("scale_x", 0.02, 1.0), ("zero_x", 0.3, None)])
+def test_a_shared_error_reaches_the_parameter_it_acts_on(kind: str, u: float, share: float | None) -> None:
+    y = 3.0 * np.exp(-T / 4.0)
+    plain = fit_curve("a*exp(-x/tau)", T, y, start={"a": 1.0, "tau": 1.0}, u_y=1e-4)
+    fit = fit_curve("a*exp(-x/tau)", T, y, start={"a": 1.0, "tau": 1.0}, u_y=1e-4, errors=[Component(kind, u)])
+    name = "tau" if kind == "scale_x" else "a"
+    expected = u * share if share else u / 4.0  # a exp(x0/tau)
+    assert fit.sds[name] / fit.values[name] == pytest.approx(expected, rel=1e-2)
+    assert plain.sds[name] / plain.values[name] < 0.01 * expected
+    assert fit.values[name] == pytest.approx(plain.values[name], rel=1e-6)
+
+
+def test_a_prior_and_the_data_share_the_work() -> None:
+    y = np.full(T.size, 5.0)
+    fit = fit_curve("a + 0*x", T, y, start={"a": 0.0}, u_y=math.sqrt(T.size) * 0.2, priors={"a": Normal(4.0, 0.1)})
+    assert fit.values["a"] == pytest.approx((5.0 / 0.04 + 4.0 / 0.01) / (1 / 0.04 + 1 / 0.01))
+    assert fit.sds["a"] == pytest.approx((1 / 0.04 + 1 / 0.01) ** -0.5)
+    assert fit.dof == T.size
+    text = fit_curve("a + 0*x", T, y, start={"a": 0.0}, u_y=math.sqrt(T.size) * 0.2, priors={"a": "4.00(10)"})
+    assert text.values == fit.values
+
+
+def test_with_a_prior_the_estimated_size_of_the_errors_settles(rng: np.random.Generator) -> None:
+    y = 5.0 + 0.2 * rng.standard_normal(T.size)
+    fit = fit_curve("a + 0*x", T, y, start={"a": 0.0}, priors={"a": Normal(4.9, 0.05)})
+    weight = T.size / fit.sigma**2
+    assert fit.values["a"] == pytest.approx((np.mean(y) * weight + 4.9 / 0.0025) / (weight + 1 / 0.0025))
+    assert fit.sigma == pytest.approx(math.sqrt(np.sum((y - fit.values["a"]) ** 2) / T.size))
+
+
+def test_a_frequency_far_from_the_start_is_found(rng: np.random.Generator) -> None:
+    y = 3.0 * np.exp(-0.1 * T) * np.cos(4.0 * T + 0.5) + 0.1 * rng.standard_normal(T.size)
+    for start in (1.0, 9.0):
+        fit = fit_curve("a*exp(-b*x)*cos(w*x + p)", T, y, start={"a": 1.0, "b": 0.3, "w": start, "p": 0.0}, u_y=0.1)
+        assert fit.status == "ok"
+        assert abs(fit.values["w"] - 4.0) < 4 * fit.sds["w"] < 0.1
+        assert fit.values["a"] == pytest.approx(3.0, abs=4 * fit.sds["a"])  # not its mirror image, -3 with the phase turned
+
+
+def test_exchanged_exponentials_keep_the_order_of_the_start() -> None:
+    y = 2.0 * np.exp(-0.2 * T) + 3.0 * np.exp(-1.5 * T)
+    for start in ({"p": 0.1, "q": 3.0}, {"p": 3.0, "q": 0.1}):
+        fit = fit_curve("a*exp(-p*x) + b*exp(-q*x)", T, y, start={"a": 1.0, "b": 1.0} | start, u_y=1e-3)
+        assert (fit.values["p"] < fit.values["q"]) == (start["p"] < start["q"])
+        assert sorted((fit.values["p"], fit.values["q"])) == pytest.approx([0.2, 1.5])
+
+
+@pytest.mark.parametrize("scale", [1e-12, 1.0, 1e12])
+def test_units_do_not_matter(rng: np.random.Generator, scale: float) -> None:
+    y = 3.0 * np.exp(-T / 4.0) + 1.0 + 0.05 * rng.standard_normal(T.size)
+    one = fit_curve("a*exp(-x/tau) + c", T, y, start={"a": 1.0, "tau": 20.0, "c": 0.0})
+    other = fit_curve("a*exp(-x/tau) + c", T / scale, y * scale, start={"a": scale, "tau": 20.0 / scale, "c": 0.0})
+    assert other.values["tau"] * scale == pytest.approx(one.values["tau"], rel=1e-8)
+    assert other.sds["a"] / scale == pytest.approx(one.sds["a"], rel=1e-6)
+    assert other.status == one.status
+
+
+def test_intervals_cover_what_they_promise() -> None:
+    hits = {"right": 0, "wrong": 0}
+    truth, n = {"a": 3.0, "tau": 4.0, "c": 1.0}, 100
+    for seed in range(n):
+        noise = np.random.default_rng(seed).standard_normal(15)
+        x = np.linspace(0.0, 12.0, 15)
+        y = 3.0 * np.exp(-x / 4.0) + 1.0 + 0.1 * noise
+        for claimed, key in ((0.1, "right"), (0.04, "wrong")):
+            fit = fit_curve("a*exp(-x/tau) + c", x, y, start={"a": 2.0, "tau": 3.0, "c": 0.0}, u_y=claimed, n_start=1)
+            hits[key] += abs(fit.values["tau"] - truth["tau"]) < fit.sds["tau"]
+    expected, sd = 0.683 * n, math.sqrt(n * 0.683 * 0.317)
+    assert abs(hits["right"] - expected) < 3.5 * sd
+    assert abs(hits["wrong"] - expected) > 5 * sd
+
+
+def test_a_curve_that_does_not_fit_is_not_ok(rng: np.random.Generator) -> None:
+    y = 2.0 + 0.1 * (T - 5.0) ** 2 + 0.05 * rng.standard_normal(T.size)
+    stated = fit_curve(LINE, T, y, start={"a": 0.0, "b": 0.0}, u_y=0.05)
+    assert stated.status == "poor-fit"
+    assert stated.p_value < 1e-10
+    unstated = fit_curve(LINE, T, y, start={"a": 0.0, "b": 0.0})
+    assert unstated.status == "poor-fit"
+    right = fit_curve("a + b*x + c*x**2", T, y, start={"a": 0.0, "b": 0.0, "c": 0.0}, u_y=0.05)
+    assert right.status == "ok"
+
+
+def test_what_the_data_do_not_determine_gets_no_standard_deviation() -> None:
+    fit = fit_curve("a*b*x", T, 2.0 * T, start={"a": 1.0, "b": 1.0}, u_y=0.1)
+    assert fit.status == "not-identified"
+    assert all(math.isnan(sd) for sd in fit.sds.values())
+    with pytest.raises(InputError, match="cannot be sampled"):
+        sample_curve(fit, seed=1)
+
+
+def test_a_limit_is_reported_as_a_limit(rng: np.random.Generator) -> None:
+    y = 2.0 - 0.3 * T + 0.1 * rng.standard_normal(T.size)
+    fit = fit_curve(LINE, T, y, start={"a": 1.0, "b": 1.0}, u_y=0.1, bounds={"b": (0.0, None)})
+    assert fit.status == "at-bound"
+    assert math.isnan(fit.sds["b"])
+    assert fit.values["b"] == pytest.approx(0.0, abs=1e-6)
+    edge = fit_curve(LINE, T, y, start={"a": 1.0, "b": 1.0}).values["b"] - 1e-4
+    near = fit_curve(LINE, T, y, start={"a": 1.0, "b": 1.0}, u_y=0.1, bounds={"b": (edge, None)})
+    assert near.status == "ok"
+    assert math.isnan(near.sds["b"])
+
+
+def test_as_many_parameters_as_points_leave_nothing_to_test() -> None:
+    fit = fit_curve(LINE, [0.0, 1.0], [1.0, 3.0], start={"a": 0.0, "b": 0.0}, u_y=0.1)
+    assert fit.values == pytest.approx({"a": 1.0, "b": 2.0})
+    assert fit.sds == pytest.approx({"a": 0.1, "b": 0.1 * math.sqrt(2.0)})
+    assert (fit.dof, fit.status, fit.goodness) == (0, "ok", ())
+
+
+def test_a_perfect_curve_is_no_reason_to_fail() -> None:
+    fit = fit_curve("a*x + b", T, 2.0 * T + 1.0, start={"a": 1.0, "b": 0.0})
+    assert fit.status == "ok"
+    assert "through every point" in fit.message
+    assert fit.values == pytest.approx({"a": 2.0, "b": 1.0})
+
+
+@pytest.mark.slow
+def test_exact_points_with_stated_errors_can_be_sampled() -> None:
+    x = np.linspace(0.0, 1.0, 5)
+    analysis = sample_curve(fit_curve(LINE, x, 1.0 + 2.0 * x, start={"a": 0.0, "b": 0.0}, u_y=0.1), seed=1, target=Target(ess=500))
+    expected = math.sqrt(normal_equations(np.column_stack([np.ones(5), x]), x, 0.01 * np.eye(5))[1][1, 1])
+    assert analysis.chain.flat[:, 1].std() == pytest.approx(expected, rel=0.1)
+    assert analysis.diagnosis.ok
+    with pytest.raises(InputError, match="passes through every point"):
+        sample_curve(fit_curve(LINE, x, 1.0 + 2.0 * x, start={"a": 0.0, "b": 0.0}), seed=1)
+
+
+def good(**changes: object) -> dict[str, object]:
+    return {"curve": LINE, "x": T, "y": 2.0 + T, "start": {"a": 1.0, "b": 1.0}} | changes
+
+
+@pytest.mark.parametrize(
+    ("changes", "says"),
+    [
+        ({"y": T[:-1]}, "'y' must have as many values as x"),
+        ({"x": [[1.0]]}, "'x' must be a sequence of numbers"),
+        ({"x": ["a"] * 41}, "'x' must be a sequence of numbers"),
+        ({"y": np.where(T > 5, np.nan, T)}, "'y' must be finite; value number 22"),
+        ({"u_y": 0.0}, "'u_y' must be > 0"),
+        ({"u_y": -1.0}, "'u_y' must be > 0"),
+        ({"u_y": np.ones(3)}, "'u_y' must be a number or"),
+        ({"u_y": math.nan}, "'u_y' must be finite"),
+        ({"cov_y": np.eye(3)}, "'cov_y' must have the shape"),
+        ({"cov_y": -np.eye(41)}, "'cov_y' must be positive definite"),
+        ({"cov_y": np.triu(np.ones((41, 41)))}, "'cov_y' must be symmetric"),
+        ({"cov_y": np.eye(41), "u_y": 1.0}, "'cov_y' must not be given beside"),
+        ({"u_x": 0.1}, "'u_x' needs u_y beside it"),
+        ({"start": {"a": 1.0}}, "no starting value for 'b'"),
+        ({"start": {"a": 1.0, "b": 1.0, "c": 1.0}}, "names 'c', which is not in the formula"),
+        ({"start": {}}, "'start' must give each parameter"),
+        ({"start": {"a": math.nan, "b": 1.0}}, "'start' must be finite for 'a'"),
+        ({"start": {"a": "one", "b": 1.0}}, "'start' must be a number for 'a'"),
+        ({"start": {"x": 1.0, "b": 1.0}}, "named like the variable"),
+        ({"curve": "a + b*y"}, "no starting value for 'y'"),
+        ({"curve": "a + b*import"}, "'curve' is not a formula"),
+        ({"curve": 3.0}, "'curve' must be a formula"),
+        ({"bounds": {"a": (2.0, 1.0)}}, "'bounds' of 'a' must be below"),
+        ({"bounds": {"a": (2.0, 3.0)}}, "'start' of 'a' must lie within"),
+        ({"bounds": {"a": 2.0}}, "'bounds' must be \\(low, high\\)"),
+        ({"bounds": {"z": (0, 1)}}, "names 'z', which is no parameter"),
+        ({"priors": {"z": "1(1)"}}, "names 'z', which is no parameter"),
+        ({"priors": {"a": "1.0"}}, "must have an uncertainty"),
+        ({"priors": {"a": "1(1)"}, "bounds": {"a": (0, 2)}}, "beside a prior for 'a'"),
+        ({"errors": [Component("zero_y", 0.1, "a")]}, "has a name that is taken"),
+        ({"x": T[:2], "y": T[:2]}, "must have more points than parameters"),
+        ({"x": T[:1], "y": T[:1], "u_y": 1.0}, "must have at least as many points"),
+        ({"curve": lambda x, a: a * x}, "cannot be called as curve"),
+        ({"curve": lambda x, a, b: x[:3]}, "must return one value for each x"),
+        ({"curve": lambda x, a, b: np.nan * x}, "not finite at any x"),
+        ({"curve": lambda x, a, b: 1 / 0}, "fails at the starting values: ZeroDivisionError"),
+        ({"curve": lambda x, a, b: "text"}, "fails at the starting values"),
+        ({"curve": "log(-a*a - x) + b"}, "not finite"),
+    ],
+)
+def test_wrong_arguments_are_refused_in_one_line(changes: dict[str, object], says: str) -> None:
+    given = good(**changes)
+    with pytest.raises(InputError, match=says) as caught:
+        fit_curve(given.pop("curve"), given.pop("x"), given.pop("y"), **given)
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("arguments", [("nothing", 1.0), ("zero_y", 0.0), ("zero_y", math.inf), ("scale_y", 2.0)])
+def test_components_are_checked(arguments: tuple[str, float]) -> None:
+    with pytest.raises(InputError):
+        Component(*arguments)
+
+
+def test_a_flat_prior_is_uniform_or_improper() -> None:
+    flat = Flat(-math.inf, math.inf, 3.0)
+    assert flat.centre == 3.0
+    assert not flat.proper
+    np.testing.assert_array_equal(flat.log_density([-1e300, 0.0]), 0.0)
+    with pytest.raises(InputError, match="nothing can be drawn"):
+        flat.draw(np.random.default_rng(1), 3)
+    proper, uniform = Flat(1.0, 3.0, 1.5), Uniform(1.0, 3.0)
+    np.testing.assert_array_equal(proper.log_density([0.0, 2.0]), uniform.log_density([0.0, 2.0]))
+    assert proper.sd == uniform.sd
+
+
+def test_the_same_call_gives_the_same_numbers(rng: np.random.Generator) -> None:
+    y = np.cos(2.0 * T) + 0.1 * rng.standard_normal(T.size)
+    fits = [fit_curve("cos(w*x) + c", T, y, start={"w": 1.0, "c": 0.0}) for _ in range(2)]
+    assert fits[0].values == fits[1].values
+    assert fits[0].sds == fits[1].sds
+
+
+@pytest.mark.slow
+def test_draws_of_a_line_with_unknown_errors_follow_the_t_distribution(rng: np.random.Generator) -> None:
+    from scipy.stats import t
+
+    x = np.linspace(0.0, 1.0, 8)
+    y = 1.0 + 2.0 * x + 0.1 * rng.standard_normal(8)
+    fit = fit_curve(LINE, x, y, start={"a": 0.0, "b": 0.0})
+    analysis = sample_curve(fit, seed=3, target=Target(ess=3000))
+    draws = analysis.chain.flat[:, 1]
+    low, high = np.quantile(draws, [0.025, 0.975])
+    half = t.ppf(0.975, 6) * fit.sds["b"]
+    assert analysis.diagnosis.ok
+    assert (high - low) / 2 == pytest.approx(half, rel=0.06)  # a factor-20 prior of sigma is nearly the 1/sigma of the textbook
+    assert (high - low) / 2 > 1.15 * 1.96 * fit.sds["b"]  # a normal distribution would be too narrow
+    assert 0.5 * (low + high) == pytest.approx(fit.values["b"], abs=0.1 * half)
+
+
+@pytest.mark.slow
+def test_the_report_of_a_curve_speaks_of_the_curve(rng: np.random.Generator) -> None:
+    y = 60.0 * np.exp(-T / 4.0) + 20.0 + 0.3 * rng.standard_normal(T.size)
+    fit = fit_curve(
+        "dT*exp(-x/tau) + room", T, y, start={"dT": 50.0, "tau": 1.0, "room": 25.0}, u_y=0.3, units={"dT": "°C", "tau": "min", "room": "°C"},
+        errors=[Component("zero_y", 0.5)], axes=AxisNames("time", "min", "temperature", "°C"),
+    )
+    files = curve_report(fit, sample_curve(fit, seed=1, target=Target(ess=1000)), title="Cooling", kind="synthetic")
+    text = files["report.md"].decode()
+    wanted = ("Curve: `y = dT*exp(-x/tau) + room`", "temperature (°C) against time (min)", "SYNTHETIC", "| tau |", "zero error of y", "points fit")
+    for word in wanted:
+        assert word in text
+    for word in ("turning point", "speed", "mass", "radians", "frame"):
+        assert word not in text, word
+    assert {"result.json", "figures/phase.png"} <= set(files)

@@ -1,0 +1,188 @@
+"""A user's formula: what is refused, and derivatives against ones that share no code with them."""
+
+from __future__ import annotations
+
+import cmath
+import time
+
+import numpy as np
+import pytest
+
+from estim.errors import InputError
+from estim.formula import FUNCTIONS, MAX_LENGTH, read_formula
+from estim.python_curve import wrap_function
+
+HOSTILE = [
+    "__import__('os').system('true')", "().__class__.__bases__[0].__subclasses__()", "x.__class__", "np.sin(x)", "open('/etc/passwd')",
+    "eval('1')", "exec('1')", "getattr(x, 'T')", "print(x)", "globals()", "lambda: x", "(lambda: 0)()", "[i for i in range(10**9)]",
+    "{i for i in x}", "(i for i in x)", "{1: x}", "[x]*10", "(x, x)", "x[0]", "x[::2]", "'a'*10**9", "'a'", "b'a'", "f'{x}'", "...", "None",
+    "True + x", "1j*x", "x if x > 0 else 1", "x and a", "not x", "~x", "x << 99", "x | 1", "x // 2", "x % 2", "x @ x", "a := 3", "await x",
+    "yield x", "*x", "x; x", "x\nimport os", "import os", "a = 2", "a == 2", "9**9**9", "9**9**9**9", "x**(9**9)", "2**-(9**9)",
+    "10.0**400", "1e999*x", "9" * 1500 + "*x", "1/0", "x + 0/0", "exp(1000)*x", "log(-1) + x", "sqrt(-1)", "a^2", "exp[x]", "2x", "3(x)",
+    "x x", "sin x", "sin", "sin()", "sin(x, x)", "sin(x=1)", "sin(*x)", "sin(**x)", "where(x)", "max(x)", "x < 1", "1 < x < 2",
+    "where(1 < x < 2, 1, 0)", "_a*x", "__builtins__", "power(x, 2)", "a.b", "", "   ", "(", ")", "(" * 90 + "x", "-" * 1500 + "x",
+    "+".join(["x"] * 900), "x" * (MAX_LENGTH + 1), "a\0b", "\ud800", "where(where(x > 1, 1, 0), 1, x > 2)",
+]
+
+
+@pytest.mark.parametrize("text", HOSTILE, ids=range(len(HOSTILE)))
+def test_what_is_no_formula_is_refused_in_one_line_and_at_once(text: str) -> None:
+    begun = time.perf_counter()
+    with pytest.raises(InputError, match="'expression' ") as caught:
+        read_formula(text)
+    assert time.perf_counter() - begun < 0.5
+    assert "\n" not in str(caught.value)
+    assert len(str(caught.value)) < 250
+
+
+@pytest.mark.parametrize("value", [None, 3, ["x"], b"x"])
+def test_a_formula_is_text(value: object) -> None:
+    with pytest.raises(InputError, match="must be a formula"):
+        read_formula(value)
+
+
+def test_a_formula_that_grew_nested_powers_at_run_time_gives_no_number_but_ends() -> None:
+    formula = read_formula("a**(b**(c**x))")
+    value = formula.value(np.array([5.0]), {"a": 9.0, "b": 9.0, "c": 9.0})
+    assert np.isinf(value[0, 0])
+
+
+def test_a_typing_error_is_met_with_a_suggestion() -> None:
+    with pytest.raises(InputError, match="did you mean 'sqrt'"):
+        read_formula("a*sqr(x)")
+    with pytest.raises(InputError, match=r"must write powers with \*\*"):
+        read_formula("a*x^2")
+
+
+def test_parameters_come_in_order_of_appearance() -> None:
+    assert read_formula("b*sin(x) + a*pi + b*e").names == ("b", "a")
+
+
+def test_a_formula_may_be_written_on_several_lines() -> None:
+    assert read_formula("a*x\n + b").value(np.array([2.0]), {"a": 3.0, "b": 1.0}) == 7.0
+
+
+def test_every_function_agrees_with_the_library_it_is_named_after() -> None:
+    from scipy import special
+
+    x = np.array([0.3, 0.7, 1.4])
+    other = {"ln": np.log, "abs": np.abs, "asin": np.arcsin, "acos": np.arccos, "atan": np.arctan, "atan2": np.arctan2}
+    other |= {"max": np.maximum, "min": np.minimum, "erf": special.erf, "erfc": special.erfc}
+    for name, (_, count) in FUNCTIONS.items():
+        if count == 3:
+            continue
+        call = f"{name}(x)" if count == 1 else f"{name}(x, 0.8)"
+        function = other.get(name) or getattr(np, name)
+        with np.errstate(invalid="ignore"):
+            expected = function(x) if count == 1 else function(x, 0.8)
+        np.testing.assert_array_equal(read_formula(call).value(x, {})[0], expected, err_msg=name)
+
+
+SMOOTH = [
+    "a*exp(-b*x) + c", "a*sin(b*x + c)/x", "a*x**b + c", "(a + b*x + c*x**2)/(1 + a*x)", "a*log(b*x + c*c)", "a*sqrt(b*x) + cbrt(c*x)",
+    "a**(b*x)*c", "a*arctan(b*x) + arcsin(c*x/9)", "a*tanh(b*x)*cosh(c)", "a/(1 + exp(b - c*x))", "arctan2(a*x, b + c*x)",
+    "hypot(a, b*x)*c", "a*expm1(-b*x)/log1p(c*x)", "where(x > 1.2, a*x**2, b*x) + c", "a*log10(b*x)*log2(c + x)",
+    "a*arccosh(2 + b*x) + arcsinh(c*x) + arctanh(x/9)", "tan(a*x/4)*radians(b)*degrees(c)", "max(a*x, b) + min(c*x, 1)",
+    "a - -b*+x + x**-c", "abs(a - x)*b + c",
+]
+VALUES = {"a": 1.3, "b": 0.7, "c": 0.45}
+X = np.array([0.5, 0.9, 1.5, 2.6])
+
+
+@pytest.mark.parametrize("text", SMOOTH)
+def test_derivatives_agree_with_differences(text: str) -> None:
+    formula = read_formula(text)
+    local = formula.local(X, VALUES)
+    np.testing.assert_array_equal(local.value, formula.value(X, VALUES))
+    h = 1e-6
+    for name in formula.names:
+        up, down = (formula.value(X, VALUES | {name: VALUES[name] + s}) for s in (h, -h))
+        np.testing.assert_allclose(local.gradient[name], (up - down) / (2 * h), rtol=1e-7, atol=1e-8, err_msg=name)
+    slope = (formula.value(X + h, VALUES) - formula.value(X - h, VALUES)) / (2 * h)
+    np.testing.assert_allclose(local.slope, slope, rtol=1e-7, atol=1e-8)
+
+
+def test_derivatives_are_exact_where_a_complex_step_is() -> None:
+    formula = read_formula("a*exp(-b*x)*cos(c*x)/(1 + a*x**b)")
+    local = formula.local(X, VALUES)
+
+    def by_hand(x: float, a: complex, b: complex, c: complex) -> complex:
+        return a * cmath.exp(-b * x) * cmath.cos(c * x) / (1 + a * x**b)
+
+    for name in "abc":
+        step = {k: v + (1e-40j if k == name else 0) for k, v in VALUES.items()}
+        expected = [by_hand(float(x), **step).imag / 1e-40 for x in X]
+        np.testing.assert_allclose(local.gradient[name][0], expected, rtol=5e-15)
+
+
+def test_a_power_of_zero_has_a_derivative() -> None:
+    local = read_formula("a*x**b").local(np.array([0.0, 2.0]), {"a": 2.0, "b": 1.5})
+    np.testing.assert_allclose(local.gradient["b"][0], [0.0, 2.0 * 2.0**1.5 * np.log(2.0)])
+    np.testing.assert_allclose(local.slope[0], [0.0, 3.0 * 2.0**0.5])
+
+
+def test_a_choice_hides_the_branch_that_is_not_taken() -> None:
+    local = read_formula("where(x > 0, a*log(x), a*x)").local(np.array([-1.0, 1.0]), {"a": 2.0})
+    np.testing.assert_allclose(local.slope[0], [2.0, 2.0])
+    np.testing.assert_allclose(local.gradient["a"][0], [-1.0, 0.0])
+
+
+def test_draws_together_are_the_draws_one_by_one(rng: np.random.Generator) -> None:
+    formula = read_formula("a*exp(-b*x) + 3")
+    draws = {"a": rng.normal(2, 1, (5, 1)), "b": rng.normal(1, 0.1, (5, 1))}
+    together = formula.local(X, draws)
+    assert together.value.shape == together.gradient["b"].shape == together.slope.shape == (5, 4)
+    for i in range(5):
+        single = formula.local(X, {name: float(column[i, 0]) for name, column in draws.items()})
+        np.testing.assert_allclose(together.value[i], single.value[0], rtol=1e-15)
+        np.testing.assert_allclose(together.gradient["b"][i], single.gradient["b"][0], rtol=1e-15)
+    assert read_formula("a + 0*x").value(X, {"a": np.ones((5, 1))}).shape == (5, 4)
+    assert read_formula("a").value(X, {"a": 2.0}).shape == (1, 4)
+
+
+def test_time_derivatives_follow_the_motion() -> None:
+    # dx/dt = a*sqrt(x) moves as x = (a t/2)^2: v = a^2 t/2 has second derivative 0; dx/dt = x^2 has d2v/dt2 = 6 x^4, d4v/dt4 = 120 x^6
+    np.testing.assert_allclose(read_formula("a*sqrt(x)").time_derivative(X, {"a": 1.7}, 2), 0.0, atol=1e-14)
+    np.testing.assert_allclose(read_formula("x**2").time_derivative(X, {}, 2)[0], 6.0 * X**4)
+    np.testing.assert_allclose(read_formula("x**2").time_derivative(X, {}, 4)[0], 120.0 * X**6)
+
+
+def numpy_style(x, a, b):
+    return a * np.exp(-b * x) + np.where(x > 1.0, np.sqrt(x), 1.0)
+
+
+def cast_first(x, a, b):
+    return np.asarray(a * np.exp(-b * np.asarray(x)))  # no dual numbers, but complex ones
+
+
+def real_only(x, a, b):
+    return np.array([float(a) * 2.718281828459045 ** (-float(b) * float(v)) for v in x])
+
+
+WAYS = [(numpy_style, "dual", 1e-14), (cast_first, "complex", 1e-14), (real_only, "differences", 1e-9)]
+
+
+@pytest.mark.parametrize(("function", "way", "digits"), WAYS)
+def test_a_function_is_differentiated_in_the_best_way_it_allows(function, way: str, digits: float) -> None:
+    curve = wrap_function(function, ("a", "b"), X, {"a": 2.0, "b": 0.8})
+    assert curve.derivatives == way
+    local = curve.local(X, {"a": 2.0, "b": 0.8})
+    np.testing.assert_allclose(local.gradient["a"][0], np.exp(-0.8 * X), rtol=digits)
+    np.testing.assert_allclose(local.gradient["b"][0], -2.0 * X * np.exp(-0.8 * X), rtol=digits)
+
+
+def test_a_function_whose_complex_values_mislead_is_not_differentiated_by_them() -> None:
+    def misleading(x, a):
+        return np.abs(np.asarray(x) + a)  # the modulus of a complex number has no useful imaginary part
+
+    curve = wrap_function(misleading, ("a",), X, {"a": 2.0})
+    np.testing.assert_allclose(curve.local(X, {"a": 2.0}).gradient["a"], 1.0, rtol=1e-9)
+
+
+def test_a_function_that_takes_no_columns_is_called_draw_by_draw() -> None:
+    def stubborn(x, a):
+        return x * 2.0 if a > 1.0 else x * a
+
+    curve = wrap_function(stubborn, ("a",), X, {"a": 0.5})
+    assert not curve.broadcasts
+    np.testing.assert_allclose(curve.value(X, {"a": np.array([[0.5], [3.0]])}), [0.5 * X, 2.0 * X])

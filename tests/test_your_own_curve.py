@@ -1,0 +1,47 @@
+"""What docs/your-own-curve.md shows is run as it stands."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+
+def blocks(project: Path, language: str) -> list[str]:
+    return re.findall(rf"```{language}\n(.*?)```", (project / "docs" / "your-own-curve.md").read_text(), flags=re.S)
+
+
+@pytest.mark.slow
+def test_the_code_of_the_page_runs(project: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    monkeypatch.chdir(tmp_path)
+    names: dict[str, object] = {}
+    for block in blocks(project, "python"):
+        exec(compile(block, "your-own-curve.md", "exec"), names)
+    fit, cup = names["fit"], names["cup"]
+    assert fit.status == cup.status == "ok"
+    assert abs(fit.values["T"] - 1.53) < 4 * fit.sds["T"]
+    assert abs(cup.values["tau"] - 18.0) < 4 * cup.sds["tau"]
+    assert cup.sds["room"] > 0.5
+    assert capsys.readouterr().out.endswith("ok\n")
+    assert "turning point" not in (tmp_path / "tea" / "report.md").read_text()
+
+
+def test_the_campaign_of_the_page_is_read(project: Path, tmp_path: Path) -> None:
+    from estim.campaign import load_campaign
+
+    (text,) = blocks(project, "toml")
+    (tmp_path / "campaign.toml").write_text(text)
+    t = np.arange(0.0, 12.0, 0.1)
+    for name in ("first", "second"):
+        np.savetxt(tmp_path / f"{name}.csv", np.column_stack([t, np.cos(t)]), delimiter=",", header="t_s,angle_deg", comments="")
+    problem = load_campaign(tmp_path / "campaign.toml").problem(["first", "second"])
+    assert set(problem.names) == {"A", "b", "T", "p", "c", "A[second]", "p[second]", "scale_x"}
+
+
+def test_the_page_names_every_function(project: Path) -> None:
+    from estim.formula import FUNCTIONS
+
+    text = (project / "docs" / "your-own-curve.md").read_text().partition("## What a formula may hold")[2]
+    assert set(FUNCTIONS) <= set(re.findall(r"\w+", text))
