@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from estim.fitting import fit_least_squares
     from estim.goodness import check_goodness
     from estim.inputs import Input
+    from estim.interop import summary_frame, to_datatree, to_frame, to_netcdf
     from estim.line import LineFit, confidence_band, fit_line, inverse_prediction, prediction_band
     from estim.line_analysis import analyse_line
     from estim.line_intervals import slope_interval
@@ -74,6 +75,10 @@ _HOME = {
     "sample_curve": "curve_analysis",
     "sample_posterior": "sampling",
     "slope_interval": "line_intervals",
+    "summary_frame": "interop",
+    "to_datatree": "interop",
+    "to_frame": "interop",
+    "to_netcdf": "interop",
 }
 
 __all__ = [
@@ -114,6 +119,10 @@ __all__ = [
     "sample_curve",
     "sample_posterior",
     "slope_interval",
+    "summary_frame",
+    "to_datatree",
+    "to_frame",
+    "to_netcdf",
 ]
 
 

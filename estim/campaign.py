@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from estim.campaign_file import CampaignFile, NoiseTable, read_campaign_file
 from estim.curve_campaign import CurveStudy, read_curve_study
 from estim.errors import InputError
+from estim.labels import KINDS, table
 from estim.levels import Level, Levels, as_prior, body_levels, read_key
 from estim.observing import Observed, observe
 from estim.phase_curve import MotionCurve, PhaseCurve
@@ -130,6 +131,15 @@ class Campaign:
             arguments = {q: b.source if isinstance(b.source, float) else b.name for q, b in bound.items()}
             runs.append(_observations(name, observed, arguments, mass, angular=self.tables[name].coordinate == "theta_rad"))
         return Problem((*physics.values(), *unknowns.values()), tuple(runs))
+
+    def _repr_markdown_(self) -> str:
+        """What a notebook shows: title, kind of data, and the runs with their points and unknowns."""
+        rows = []
+        for run in self.source.runs:
+            problem = self.problem([run.name])
+            rows.append((run.name, run.body, str(run.file), f"{problem.n_obs}", ", ".join(problem.names)))
+        parts = [f"**{self.title}**", KINDS[self.kind], f"`y = {self.formula}`" if self.formula else ""]
+        return "\n\n".join([*filter(None, parts), table(("run", "body", "file", "points that are fit", "unknowns"), rows)])
 
     def require_body(self) -> None:
         """Raises InputError where the curve is the user's own, so that there is no rolling body to speak of."""

@@ -54,7 +54,7 @@ def cli() -> None:
 @_SEED
 @click.option("--resume", is_flag=True, help="Continue a fit that was interrupted, from the draws kept in OUT/.checkpoint.")
 def fit(campaign: Path, runs: tuple[str, ...], joint: bool, max_steps: int, out: Path | None, seed: int, resume: bool) -> None:
-    """Fit runs of CAMPAIGN and write a report.
+    """Fit runs of CAMPAIGN and write a report, and the draws as draws.nc if the extra `arviz` is installed.
 
     Each run is fit by itself unless --joint is given.  Exit code 3 means that a result is not to be trusted; the
     report says why.
@@ -69,6 +69,7 @@ def fit(campaign: Path, runs: tuple[str, ...], joint: bool, max_steps: int, out:
     stop = click.get_current_context().with_resource(asked_to_stop())
     from estim.campaign import load_campaign
     from estim.checkpoint import Store
+    from estim.interop import HOW_TO_GET, can_write_netcdf, to_netcdf
     from estim.pipeline import analyse
     from estim.report import analysis_report, index_report
     from estim.result import result_of
@@ -84,6 +85,8 @@ def fit(campaign: Path, runs: tuple[str, ...], joint: bool, max_steps: int, out:
             analysis = analyse(loaded, group, seed=seed, target=Target(max_step=max_steps), progress=progress, store=store, stop=stop)
         place = folder if len(groups) == 1 else folder / group[0]
         _write(place, analysis_report(loaded, analysis))
+        if can_write_netcdf():
+            _write(place, {"draws.nc": to_netcdf(analysis)})
         results[group[0]] = result_of(loaded, analysis)
         _conclude(", ".join(group), analysis.diagnosis.status, analysis.diagnosis.reasons)
     if len(groups) > 1:
@@ -91,6 +94,8 @@ def fit(campaign: Path, runs: tuple[str, ...], joint: bool, max_steps: int, out:
     for store in stores:
         store.remove()
     click.echo(f"report: {folder / 'report.md'}")
+    if not can_write_netcdf():
+        click.echo(f"no draws.nc (the draws, for ArviZ and xarray): {HOW_TO_GET}")
     if any(result.status != "ok" for result in results.values()):
         sys.exit(NOT_OK)
 

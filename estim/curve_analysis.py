@@ -16,9 +16,10 @@ import numpy as np
 from estim.campaign import Campaign
 from estim.campaign_file import CampaignFile, Kind, LevelTable, RunTable
 from estim.errors import InputError
+from estim.labels import KINDS
 from estim.own_curve import CurveFit
 from estim.pipeline import Analysis, analyse_fit
-from estim.report import KINDS, analysis_report
+from estim.report import analysis_report
 from estim.run import Run
 from estim.sampling import Progress, Target
 from estim.toml_text import Places

@@ -11,11 +11,13 @@ from matplotlib.figure import Figure
 from estim import figures
 from estim.campaign import Campaign
 from estim.energy import Drift, EnergyRecord, Estimate
+from estim.headline import STATUS_WORDS
+from estim.labels import KINDS
 from estim.pipeline import Analysis
 from estim.quantity import Quantity, format_quantity
 from estim.rendering import render
-from estim.report import KINDS, STATUS_WORDS
-from estim.result import Provenance, number, provenance
+from estim.result import Provenance, provenance
+from estim.summary import number
 
 ENERGY_SCHEMA = "estim-energy/1"
 

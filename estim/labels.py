@@ -1,11 +1,17 @@
-"""How parameters are shown to a reader: symbols, and degrees in place of radians."""
+"""How things are shown to a reader: symbols of parameters, degrees in place of radians, the kind of data, a Markdown table."""
 
 from __future__ import annotations
 
 import math
 import re
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
+KINDS = {
+    "synthetic": "**SYNTHETIC data**: made by a program, not measured.",
+    "measured": "Measured data.",
+    "published": "Data taken from a publication.",
+}
 _SYMBOLS = {
     "gamma": "γ",
     "kappa": "κ",
@@ -62,3 +68,9 @@ def label(name: str, unit: str, *, with_level: bool = True) -> Label:
     if base in _ANGLES and unit == "rad":
         return Label(symbol + tail, tex + tail, "°", 180.0 / math.pi)
     return Label(symbol + tail, tex + tail, unit, 1.0)
+
+
+def table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
+    """A Markdown table."""
+    lines = [head, ["---"] * len(head), *([cell.replace("|", "\\|") for cell in row] for row in rows)]
+    return "\n".join(f"| {' | '.join(cells)} |" for cells in lines)

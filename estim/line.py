@@ -22,6 +22,7 @@ adjusted abscissa about the true one)/(variance of the true abscissas).  For a s
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
@@ -32,7 +33,9 @@ from numpy.typing import ArrayLike
 from scipy import stats
 
 from estim.errors import InputError
+from estim.labels import table
 from estim.line_profile import FloatArray, LineData, Profile, ScaledPoints, best_angle, line_data, profile, scaled_points
+from estim.quantity import format_quantity
 
 CONVENTIONS: Mapping[str, str] = MappingProxyType(
     {
@@ -71,6 +74,16 @@ class LineFit:
     reason: str  # why that one, a sentence
     message: str  # what went wrong, a sentence; "" if nothing
     data: LineData  # the points
+
+    def _repr_markdown_(self) -> str:
+        """What a notebook shows: the line by every convention, the recommended one in bold, and what to know before using it."""
+        rows = [
+            (f"**{name}**" if name == self.recommended else name, *map(format_quantity, (self.intercept, self.slope), (u.u_intercept, u.u_slope)))
+            for name, u in self.standard_errors.items()
+        ]
+        fit = f"S = {self.chi2:.4g}, {self.dof} degrees of freedom" + ("" if math.isnan(self.p_value) else f", p = {self.p_value:.2g}")
+        parts = (f"Line, method {self.method}: {fit}", self.message, table(("convention", "intercept", "slope"), rows))
+        return "\n\n".join(part for part in (*parts, f"Quote **{self.recommended}**: {self.reason}.") if part)
 
 
 def fit_line(

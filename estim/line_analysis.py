@@ -14,12 +14,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from estim.diagnosis import Finding, line_findings
+from estim.headline import headline, parameter_cells
 from estim.line import InversePrediction, LineFit, coverage_factor, fit_line, inverse_prediction, standard_error
 from estim.line_evidence import InterceptEvidence, intercept_evidence
 from estim.line_intervals import SlopeInterval, slope_interval
 from estim.line_posterior import LinePosterior, line_mode, line_posterior
 from estim.quantity import Quantity
 from estim.sampling import Chain, Progress, Target, sample_posterior
+from estim.summary import summarise
 from estim.theta_min import ThetaMinSeries
 
 FloatArray = NDArray[np.float64]
@@ -67,6 +69,19 @@ class LineAnalysis:
     @property
     def status(self) -> str:
         return self.findings[0].status if self.findings else "ok"
+
+    def _repr_markdown_(self) -> str:
+        """What a notebook shows: the values, or why there are none."""
+        draws = {"intercept": self.chain.flat[:, self.chain.names.index("intercept")], "gamma": self.gamma_draws, "c_rr": self.resistance_draws}
+        meanings = ("sin θ_min at φ = 0", "1/slope", "intercept · γ, if all of it is rolling resistance")
+        rows = [
+            parameter_cells(name, summarise(values, unit="1", meaning=meaning), lopsided=False)
+            for (name, values), meaning in zip(draws.items(), meanings, strict=True)
+        ]
+        return headline(
+            f"θ_min line of {self.series.body}", kind="", status=self.status, reasons=[f.reason for f in self.findings],
+            advice=[f.advice for f in self.findings], rows=rows,
+        )
 
     @property
     def gamma_draws(self) -> FloatArray:

@@ -11,12 +11,14 @@ from numpy.typing import NDArray
 
 from estim import figures
 from estim.campaign import Campaign, gamma_origin
+from estim.headline import STATUS_WORDS
+from estim.labels import KINDS
 from estim.line import CONVENTIONS
 from estim.line_analysis import LineAnalysis
 from estim.quantity import format_quantity, format_rounded
 from estim.rendering import render
-from estim.report import KINDS, STATUS_WORDS
-from estim.result import Provenance, Summary, number, software_versions, summarise
+from estim.result import Provenance, software_versions
+from estim.summary import Summary, number, summarise
 
 FloatArray = NDArray[np.float64]
 

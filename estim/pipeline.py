@@ -6,7 +6,7 @@ Read this first.  Each stage takes records and returns one; each lives in the fi
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -19,6 +19,7 @@ from estim.consistency import Consistency, check_consistency, comparable
 from estim.diagnosis import Diagnosis, diagnose
 from estim.fitting import Fit, fit_least_squares
 from estim.goodness import Goodness, check_goodness, untested
+from estim.headline import headline, parameter_cells
 from estim.identifiability import Identifiability, identify
 from estim.marginal_chain import marginal_chain
 from estim.modes import Modes, find_modes
@@ -27,6 +28,7 @@ from estim.outliers import Outliers, find_outliers
 from estim.problem import Problem
 from estim.sampling import Chain, Progress, Target, sample_posterior
 from estim.stepping import Stop
+from estim.summary import summarise
 
 _BAND_DRAWS = 4000
 _MODE_DRAWS = 20_000
@@ -41,6 +43,7 @@ class Analysis:
 
     certificate : the second computation; None where there are too many parameters for it.
     consistency : whether several runs agree about what they share; None where that cannot be asked.
+    title, kind : of the campaign, "" where there is none.
     """
 
     problem: Problem
@@ -56,6 +59,19 @@ class Analysis:
     diagnosis: Diagnosis
     bands: tuple[Bands, ...]
     seed: int
+    title: str = ""
+    kind: str = ""
+
+    def _repr_markdown_(self) -> str:
+        """What a notebook shows: the values, or why there are none."""
+        rows = [
+            parameter_cells(p.name, summarise(draws, unit=p.unit, meaning=p.meaning), lopsided=not np.isfinite(sd))
+            for p, draws, sd in zip(self.problem.parameters, self.chain.flat.T if self.diagnosis.ok else (), self.fit.sds, strict=False)
+        ]
+        return headline(
+            ": ".join(part for part in (self.title, ", ".join(run.name for run in self.problem.runs)) if part), kind=self.kind,
+            status=self.diagnosis.status, reasons=self.diagnosis.reasons, advice=[f.advice for f in self.diagnosis.findings], rows=rows,
+        )
 
 
 def analyse(
@@ -74,7 +90,8 @@ def analyse(
         fit = fit_optimum(problem, rng=rng)
     else:
         fit = fit_least_squares(problem, rng=rng, n_start=_STARTS if len(runs) <= _MANY_RUNS else _FEW_STARTS)
-    return analyse_fit(fit, seed=seed, target=target, progress=progress, store=store, stop=stop, marginal=marginal)
+    analysis = analyse_fit(fit, seed=seed, target=target, progress=progress, store=store, stop=stop, marginal=marginal)
+    return replace(analysis, title=campaign.title, kind=campaign.kind)
 
 
 def analyse_fit(

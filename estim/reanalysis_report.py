@@ -21,12 +21,13 @@ from estim.energy_report import (
     summarise_energy,
     to_value,
 )
-from estim.labels import label
+from estim.labels import KINDS, label
 from estim.line_report import LineResult, line_figure, line_result, line_values
 from estim.reanalysis import BodyAnalysis, Reanalysis
 from estim.rendering import render
-from estim.report import KINDS, parameter_row
-from estim.result import Provenance, Result, number, provenance, result_of
+from estim.report import parameter_row
+from estim.result import Provenance, Result, provenance, result_of
+from estim.summary import number
 
 REANALYSIS_SCHEMA = "estim-reanalysis/1"
 

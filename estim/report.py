@@ -16,29 +16,16 @@ from estim.consistency_figures import forest_figure
 from estim.consistency_report import consistency_text
 from estim.diagnosis import MEANINGLESS
 from estim.goodness import REJECT_BELOW
+from estim.headline import STATUS_WORDS, interval_cell, value_cell
 from estim.identify_figures import direction_figure, profile_figure, ridge_figure
 from estim.identify_report import IdentifySection
-from estim.labels import Label, label
+from estim.labels import KINDS, Label, label
 from estim.pipeline import Analysis
 from estim.quantity import format_quantity, format_rounded
 from estim.rendering import render
-from estim.result import ParameterSummary, Result, Summary, result_of, to_json
+from estim.result import ParameterSummary, Result, result_of, to_json
 from estim.scrutiny import scrutinise
 
-KINDS = {
-    "synthetic": "**SYNTHETIC data**: made by a program, not measured.",
-    "measured": "Measured data.",
-    "published": "Data taken from a publication.",
-}
-STATUS_WORDS = {
-    "ok": "the result can be used as it stands",
-    "not-converged": "the computation did not finish: no number below is a result",
-    "multimodal": "several separate solutions fit the data: no single number below is a result",
-    "not-identified": "data and priors do not determine the parameters: no number below is a result",
-    "methods-disagree": "two methods that should agree do not: no number below is a result",
-    "at-bound": "the data push a parameter against its limit: quote limits, not values",
-    "poor-fit": "the curve does not explain the data: no number below is a result",
-}
 _PRIOR_DOMINATED = 0.8
 _RIDGE_DRAWS = 20_000
 
@@ -103,7 +90,7 @@ def index_report(campaign: Campaign, results: Mapping[str, Result]) -> dict[str,
     names = list(dict.fromkeys(_base(name) for result in results.values() for name in result.parameters))
     table = []
     for run, result in results.items():
-        cells = {_base(name): _value(p, label(name, p.unit), lopsided=result.fit.sds[name] is None) for name, p in result.parameters.items()}
+        cells = {_base(name): value_cell(p, label(name, p.unit), lopsided=result.fit.sds[name] is None) for name, p in result.parameters.items()}
         table.append((run, result.status, [cells.get(name, "") if result.status == "ok" else "—" for name in names]))
     units = [next(label(n, p.unit) for r in results.values() for n, p in r.parameters.items() if _base(n) == name) for name in names]
     heads = [label(name, "1").symbol + ("" if shown.unit == "1" else f" ({shown.unit})") for name, shown in zip(names, units, strict=True)]
@@ -129,7 +116,7 @@ def parameter_row(name: str, p: ParameterSummary, result: Result) -> Row:
         fit = format_quantity(value * shown.factor, sd * shown.factor)
     return Row(
         symbol=shown.symbol, name=name, unit="" if shown.unit == "1" else shown.unit, meaning=p.meaning, prior=_prior(p, shown),
-        fit=fit, posterior=_value(p, shown, lopsided=sd is None), interval=_interval(p, shown),
+        fit=fit, posterior=value_cell(p, shown, lopsided=sd is None), interval=interval_cell(p, shown),
         narrowing="" if not p.prior_sd or p.sd is None else f"{p.sd / p.prior_sd:.2f}",
         rhat="n/a" if p.rhat is None else f"{p.rhat:.4f}", ess=f"{p.ess_bulk or 0:.0f} / {p.ess_tail or 0:.0f}",
     )
@@ -141,30 +128,12 @@ def _prior(p: ParameterSummary, shown: Label) -> str:
     return p.prior + (f" {p.unit}" if p.unit != "1" and shown.factor != 1.0 else "")
 
 
-def _value(p: Summary, shown: Label, *, lopsided: bool = False) -> str:
-    """mean ± sd, or median +up/-down where the posterior is lopsided or leans on a bound."""
-    if p.mean is None or p.sd is None or p.median is None or p.q16 is None or p.q84 is None:
-        return "n/a"
-    up, down = (p.q84 - p.median) * shown.factor, (p.median - p.q16) * shown.factor
-    if lopsided or abs(up - down) > 0.25 * (up + down):
-        centre = format_rounded(p.median * shown.factor, min(up, down))
-        return f"{centre} +{format_rounded(up, min(up, down))} −{format_rounded(down, min(up, down))}"
-    return format_quantity(p.mean * shown.factor, p.sd * shown.factor)
-
-
-def _interval(p: Summary, shown: Label) -> str:
-    if p.q025 is None or p.q975 is None:
-        return "n/a"
-    u = (p.sd if p.sd is not None else 0.25 * (p.q975 - p.q025)) * shown.factor
-    return f"[{format_rounded(p.q025 * shown.factor, u)}, {format_rounded(p.q975 * shown.factor, u)}]"
-
-
 def _derived_rows(result: Result) -> list[tuple[str, str, str, str, str, str]]:
     rows = []
     for run, summary in result.runs.items():
         for name, d in summary.derived.items():
             shown = label(name, d.unit)
-            rows.append((run, shown.symbol, d.meaning, _value(d, shown), _interval(d, shown), "" if shown.unit == "1" else shown.unit))
+            rows.append((run, shown.symbol, d.meaning, value_cell(d, shown), interval_cell(d, shown), "" if shown.unit == "1" else shown.unit))
     return rows
 
 
@@ -172,7 +141,7 @@ def _turning_rows(result: Result) -> list[tuple[str, str, str, str]]:
     rows = []
     for run, end in result.turning_point.items():
         if end.never_stops < 0.5:
-            rows.append((run, _value(end, label("end", end.unit)), _interval(end, label("end", end.unit)), f"{end.never_stops:.1%}"))
+            rows.append((run, value_cell(end, label("end", end.unit)), interval_cell(end, label("end", end.unit)), f"{end.never_stops:.1%}"))
     return rows
 
 

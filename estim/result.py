@@ -14,32 +14,19 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from estim.bands import PROBABILITIES
 from estim.campaign import Campaign
-from estim.diagnosis import MEANINGLESS, Diagnosis
+from estim.diagnosis import Diagnosis
+from estim.headline import headline, parameter_cells
 from estim.pipeline import Analysis
 from estim.problem import Observations
 from estim.profile import ProfileInterval
 from estim.scrutiny import Scrutiny
+from estim.summary import Summary, number, summarise, trusted
 
 FloatArray = NDArray[np.float64]
 
 SCHEMA = "estim-result/1"
 _PACKAGES = ("estim", "numpy", "scipy", "lmfit", "emcee", "arviz-stats", "uncertainties")
-
-
-class Summary(msgspec.Struct, frozen=True):
-    """Posterior of one quantity, SI units and radians."""
-
-    unit: str
-    meaning: str
-    mean: float | None
-    sd: float | None
-    median: float | None
-    q025: float | None
-    q16: float | None
-    q84: float | None
-    q975: float | None
 
 
 class ParameterSummary(Summary, frozen=True):
@@ -162,6 +149,12 @@ class Result(msgspec.Struct, frozen=True, rename={"schema_": "schema"}):
     runs: dict[str, RunSummary]
     provenance: Provenance
 
+    def _repr_markdown_(self) -> str:
+        """What a notebook shows: the values, or why there are none."""
+        rows = [parameter_cells(name, p, lopsided=self.fit.sds[name] is None) for name, p in self.parameters.items()]
+        title = f"{self.title}: {', '.join(self.runs)}"
+        return headline(title, kind=self.kind, status=self.status, reasons=self.reasons, advice=self.advice, rows=rows)
+
 
 def result_of(campaign: Campaign, analysis: Analysis, scrutiny: Scrutiny | None = None) -> Result:
     """The record of an analysis, with its profile intervals if it was scrutinised."""
@@ -217,24 +210,6 @@ def _certificate(analysis: Analysis) -> Certificate:
     )
 
 
-def number(value: float) -> float | None:
-    """`value`, or None where JSON has no word for it."""
-    return float(value) if math.isfinite(value) else None
-
-
-def summarise(draws: FloatArray, *, unit: str, meaning: str) -> Summary:
-    """Mean, sd and quantiles of draws (n_draw,)."""
-    return Summary(unit, meaning, number(draws.mean()), number(draws.std(ddof=1)), *_quantiles(draws))
-
-
-def _quantiles(draws: FloatArray) -> list[float | None]:
-    tails = [0.5, *sorted(0.5 + sign * 0.5 * p for p in PROBABILITIES for sign in (-1, 1))]
-    ordered = np.sort(draws)
-    if np.all(np.isfinite(ordered)):
-        return [number(q) for q in np.quantile(ordered, tails)]
-    return [number(ordered[round(q * (ordered.size - 1))]) for q in tails]
-
-
 def _parameter(analysis: Analysis, i: int) -> ParameterSummary:
     parameter, diagnosis = analysis.problem.parameters[i], analysis.diagnosis
     summary = trusted(summarise(analysis.chain.flat[:, i], unit=parameter.unit, meaning=parameter.meaning), diagnosis)
@@ -244,15 +219,6 @@ def _parameter(analysis: Analysis, i: int) -> ParameterSummary:
         prior_sd=number(parameter.prior.sd), ess_bulk=number(diagnosis.ess_bulk[i]), ess_tail=number(diagnosis.ess_tail[i]),
         rhat=number(diagnosis.rhat[i]), mcse=number(diagnosis.mcse[i]),
     )
-
-
-def trusted(summary: Summary, diagnosis: Diagnosis) -> Summary:
-    """`summary` without what its status does not allow: no mean and sd unless ok, nothing at all where the draws mean nothing."""
-    if diagnosis.ok:
-        return summary
-    if diagnosis.status in MEANINGLESS:
-        return Summary(summary.unit, summary.meaning, None, None, None, None, None, None, None)
-    return msgspec.structs.replace(summary, mean=None, sd=None)
 
 
 def _turning_point(end: FloatArray, run: Observations, diagnosis: Diagnosis) -> TurningPoint:

@@ -1,0 +1,63 @@
+"""What a person sees of a result at a glance: what the data are, the status, and either the values or why there are none.
+
+Reports print their cells from here, and so does a notebook: a record's `_repr_markdown_` returns `headline(...)`.  It draws
+nothing and takes milliseconds.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+
+from estim.labels import KINDS, Label, label, table
+from estim.quantity import format_quantity, format_rounded
+from estim.summary import Summary
+
+STATUS_WORDS = {
+    "ok": "the result can be used as it stands",
+    "not-converged": "the computation did not finish: no number below is a result",
+    "multimodal": "several separate solutions fit the data: no single number below is a result",
+    "not-identified": "data and priors do not determine the parameters: no number below is a result",
+    "methods-disagree": "two methods that should agree do not: no number below is a result",
+    "at-bound": "the data push a parameter against its limit: quote limits, not values",
+    "poor-fit": "the curve does not explain the data: no number below is a result",
+}
+
+
+def value_cell(p: Summary, shown: Label, *, lopsided: bool = False) -> str:
+    """mean ± sd, or median +up/-down where the posterior is lopsided or leans on a bound."""
+    if p.mean is None or p.sd is None or p.median is None or p.q16 is None or p.q84 is None:
+        return "n/a"
+    up, down = (p.q84 - p.median) * shown.factor, (p.median - p.q16) * shown.factor
+    if lopsided or abs(up - down) > 0.25 * (up + down):
+        centre = format_rounded(p.median * shown.factor, min(up, down))
+        return f"{centre} +{format_rounded(up, min(up, down))} −{format_rounded(down, min(up, down))}"
+    return format_quantity(p.mean * shown.factor, p.sd * shown.factor)
+
+
+def interval_cell(p: Summary, shown: Label) -> str:
+    """The 95 % interval, rounded by its width."""
+    if p.q025 is None or p.q975 is None:
+        return "n/a"
+    u = (p.sd if p.sd is not None else 0.25 * (p.q975 - p.q025)) * shown.factor
+    return f"[{format_rounded(p.q025 * shown.factor, u)}, {format_rounded(p.q975 * shown.factor, u)}]"
+
+
+def parameter_cells(name: str, p: Summary, *, lopsided: bool) -> tuple[str, str, str, str, str]:
+    """Symbol, meaning, value, 95 % interval and unit of one quantity; `lopsided` where a symmetric sd would be wrong."""
+    shown = label(name, p.unit)
+    return shown.symbol, p.meaning, value_cell(p, shown, lopsided=lopsided), interval_cell(p, shown), "" if shown.unit == "1" else shown.unit
+
+
+def headline(
+    title: str, *, kind: str, status: str, reasons: Sequence[str], advice: Sequence[str], rows: Iterable[tuple[str, str, str, str, str]]
+) -> str:
+    """Markdown: title, kind of data, status, and the table of `rows` (`parameter_cells`), or without it the reasons where the status is not ok.
+
+    kind : "measured", "synthetic" or "published"; "" where nobody has said it.
+    """
+    said = [f"**{title}**" if title else "", KINDS.get(kind, ""), f"Status: **{status}**{'' if status == 'ok' else f' — {STATUS_WORDS[status]}'}"]
+    if status == "ok":
+        said.append(table(("", "", "posterior", "95 % interval", "unit"), rows))
+    else:
+        said.append("\n".join([*(f"- {reason}" for reason in reasons), *(f"- What to do: {words}" for words in dict.fromkeys(advice))]))
+    return "\n\n".join(part for part in said if part)

@@ -1,0 +1,55 @@
+"""The summary of one quantity's draws: mean, standard deviation, quantiles, as far as the status allows them."""
+
+from __future__ import annotations
+
+import math
+
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+
+from estim.bands import PROBABILITIES
+from estim.diagnosis import MEANINGLESS, Diagnosis
+
+FloatArray = NDArray[np.float64]
+
+
+class Summary(msgspec.Struct, frozen=True):
+    """Posterior of one quantity, SI units and radians."""
+
+    unit: str
+    meaning: str
+    mean: float | None
+    sd: float | None
+    median: float | None
+    q025: float | None
+    q16: float | None
+    q84: float | None
+    q975: float | None
+
+
+def number(value: float) -> float | None:
+    """`value`, or None where JSON has no word for it."""
+    return float(value) if math.isfinite(value) else None
+
+
+def summarise(draws: FloatArray, *, unit: str, meaning: str) -> Summary:
+    """Mean, sd and quantiles of draws (n_draw,)."""
+    return Summary(unit, meaning, number(draws.mean()), number(draws.std(ddof=1)), *_quantiles(draws))
+
+
+def _quantiles(draws: FloatArray) -> list[float | None]:
+    tails = [0.5, *sorted(0.5 + sign * 0.5 * p for p in PROBABILITIES for sign in (-1, 1))]
+    ordered = np.sort(draws)
+    if np.all(np.isfinite(ordered)):
+        return [number(q) for q in np.quantile(ordered, tails)]
+    return [number(ordered[round(q * (ordered.size - 1))]) for q in tails]
+
+
+def trusted(summary: Summary, diagnosis: Diagnosis) -> Summary:
+    """`summary` without what its status does not allow: no mean and sd unless ok, nothing at all where the draws mean nothing."""
+    if diagnosis.ok:
+        return summary
+    if diagnosis.status in MEANINGLESS:
+        return Summary(summary.unit, summary.meaning, None, None, None, None, None, None, None)
+    return msgspec.structs.replace(summary, mean=None, sd=None)
