@@ -41,7 +41,9 @@ def leave_one_out(posterior: Posterior, draws: FloatArray) -> LeaveOneOut:
 
     terms, shapes, total = [], [], 0.0
     for log_density in posterior.pointwise(draws):
-        log_weights, k_hat = array_stats.psislw(-log_density.T)
+        # weights 1/density: arviz-stats takes minus the log weights
+        with np.errstate(over="ignore"):  # arviz-stats 0.6 computes weights of a grid as 1/exp(...), where inf rightly gives 0
+            log_weights, k_hat = array_stats.psislw(log_density.T)
         terms.append(np.asarray(logsumexp(log_weights + log_density.T, axis=-1)))
         shapes.append(np.asarray(k_hat))
         total += float(np.sum(logsumexp(log_density, axis=0) - np.log(draws.shape[0])))
