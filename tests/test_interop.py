@@ -81,7 +81,7 @@ def test_order_keeps_our_r_hat_and_effective_sizes_and_the_order_in_time_does_no
     hats = [float(array_stats.rhat(ordered[..., i], chain_axis=0, draw_axis=1)) for i in range(draws.shape[-1])]
     np.testing.assert_allclose(hats, r_hat(draws), rtol=1e-9)
     ratio = sizes(ordered) / effective_size(draws, "bulk")
-    assert np.all(np.abs(ratio - 1.0) < 0.15), ratio  # 6 % off at most with other seeds
+    assert np.all(np.abs(ratio - 1.0) < 0.15), ratio  # 8 % off at most in four tries
     assert np.all(sizes(flat) > 1.6 * effective_size(draws, "bulk"))  # step by step: every draw passes for an independent one
 
 
@@ -297,3 +297,27 @@ def test_markdown_survives_a_bar_in_a_name() -> None:
     from estim.labels import table
 
     assert table(("a",), [("x|y",)]).splitlines()[-1] == "| x\\|y |"
+
+
+# --- the page
+
+
+def test_the_code_of_the_page_runs(
+    project: Path, xarray: SimpleNamespace, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    import arviz_stats
+    import matplotlib.pyplot as plt
+
+    if not hasattr(arviz_stats, "summary"):
+        pytest.skip("this arviz-stats lacks its xarray half")
+    page = (project / "docs" / "interop.md").read_text()
+    (example,) = re.findall(r"```python\n(.*?)```", page, flags=re.S)
+    monkeypatch.chdir(project)
+    plt.switch_backend("agg")
+    names: dict[str, object] = {}
+    exec(compile(example, "interop.md", "exec"), names)
+    plt.close("all")
+    assert capsys.readouterr().out.startswith("SYNTHETIC ok\n")
+    back = eval(re.search(r"`tree(\[\"posterior\"\]\.dataset\.set_index.*?)`", page)[0].strip("`"), names)
+    analysis = names["analysis"]
+    np.testing.assert_array_equal(back["radius"].transpose("chain", "step", "walker").values, analysis.chain.draws[..., -1])
