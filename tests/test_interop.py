@@ -106,8 +106,10 @@ def test_netcdf_and_back_gives_equal_numbers(analysis: Analysis, xarray: SimpleN
         assert back.attrs["version_emcee"]
 
 
-def test_same_analysis_gives_the_same_bytes(analysis: Analysis, xarray: SimpleNamespace) -> None:
-    assert estim.to_netcdf(analysis) == estim.to_netcdf(analysis)
+def test_same_analysis_gives_the_same_tree_and_another_seed_other_draws_of_the_prior(analysis: Analysis, xarray: SimpleNamespace) -> None:
+    tree = estim.to_datatree(analysis)
+    assert tree.identical(estim.to_datatree(analysis))
+    assert not tree["prior"].equals(estim.to_datatree(replace(analysis, seed=2))["prior"])
 
 
 def test_log_likelihood_belongs_to_the_draws_it_stands_beside(analysis: Analysis, xarray: SimpleNamespace) -> None:
