@@ -54,10 +54,10 @@ def cli() -> None:
 @_SEED
 @click.option("--resume", is_flag=True, help="Continue a fit that was interrupted, from the draws kept in OUT/.checkpoint.")
 def fit(campaign: Path, runs: tuple[str, ...], joint: bool, max_steps: int, out: Path | None, seed: int, resume: bool) -> None:
-    """Fit runs of CAMPAIGN and write a report, and the draws as draws.nc if the extra `arviz` is installed.
+    """Fit runs of CAMPAIGN and write a report.
 
     Each run is fit by itself unless --joint is given.  Exit code 3 means that a result is not to be trusted; the
-    report says why.
+    report says why.  With the extra `arviz` installed the draws are written too, as draws.nc (docs/interop.md).
 
     While it samples, draws are kept in OUT/.checkpoint, which is removed when the report is written.  After Ctrl-C (exit
     code 130), a kill or a crash, the same command with --resume goes on from there and gives the same numbers; without
