@@ -12,12 +12,12 @@ from estim.campaign import Campaign
 from estim.comparison import Compared
 from estim.cross_validation import INFLUENTIAL
 from estim.figures import BLUE, INK, ORANGE, new_figure, png
-from estim.labels import label
+from estim.labels import KINDS, label
 from estim.problem import Parameter
 from estim.quantity import format_quantity
 from estim.rendering import render
-from estim.report import KINDS
-from estim.result import number, provenance
+from estim.result import provenance
+from estim.summary import number
 
 _BEHIND = 4.0  # difference of elpd below which models predict alike, whatever its error
 
