@@ -41,7 +41,7 @@ def leave_one_out(posterior: Posterior, draws: FloatArray) -> LeaveOneOut:
 
     terms, shapes, total = [], [], 0.0
     for log_density in posterior.pointwise(draws):
-        log_weights, k_hat = array_stats.psislw(-log_density.T)
+        log_weights, k_hat = array_stats.psislw(log_density.T)  # takes log densities and weighs by their inverses
         terms.append(np.asarray(logsumexp(log_weights + log_density.T, axis=-1)))
         shapes.append(np.asarray(k_hat))
         total += float(np.sum(logsumexp(log_density, axis=0) - np.log(draws.shape[0])))
