@@ -16,6 +16,7 @@ import pytest
 
 from estim.campaign import Campaign, load_campaign
 from estim.certify import adapt_proposal, certify
+from estim.diagnosis import too_many_outliers
 from estim.fitting import Fit, fit_least_squares
 from estim.outliers import find_outliers
 
@@ -120,3 +121,19 @@ def test_robust_result_is_that_of_the_frames_it_does_not_name(wheel, run: str) -
     without = estimate(rows_of(plain, run, good), run, 2)
     for quantity in ("moment", "rolling_resistance", "theta0"):
         assert abs(robust.shift(without, quantity)) < 0.4
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("run", ["class-unbalanced_1", "class-unbalanced_2"])
+def test_more_bad_frames_than_good_ones_defeat_robust_noise_and_are_reported(wheel, run: str) -> None:
+    """The whole recordings: 89 of 117 and 48 of 75 frames are the wheel being caught, at rest and rolled by hand."""
+    whole = fit_least_squares(wheel("mixture").problem([run]), rng=np.random.default_rng(1), n_start=16)
+    trimmed = fit_least_squares(wheel("", CAUGHT).problem([run]), rng=np.random.default_rng(1), n_start=2)
+    at = whole.names.index("rolling_resistance"), trimmed.names.index("rolling_resistance")
+    assert whole.values[at[0]] > trimmed.values[at[1]] + 10.0 * np.sqrt(trimmed.cov[at[1], at[1]])
+    (finding,) = too_many_outliers(whole)
+    assert finding.status == "poor-fit"
+    assert "of the frames would be outliers" in finding.reason
+    # with the few frames until the wheel is at rest there is nothing to report
+    until_rest = fit_least_squares(spoiled(wheel("mixture"), run)[0].problem([run]), rng=np.random.default_rng(1), n_start=8)
+    assert too_many_outliers(until_rest) == []
