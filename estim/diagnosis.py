@@ -213,8 +213,9 @@ def too_many_outliers(fit: Fit) -> list[Finding]:
         if isinstance(run.noise.tails, Mixture):
             share = float(fit.values[fit.names.index(run.noise.tails.fraction)])
             if share > _CROWD:
-                reason = f"run {run.name}: {share:.0%} of the frames would be outliers: they may be the motion, and the rest something else (a wheel at rest)"
-                findings.append(Finding("poor-fit", reason, "leave out by a window what is not the motion; a robust fit is for a minority of bad frames"))
+                reason = f"run {run.name}: {share:.0%} of the frames would be outliers: it may be the others that are not the motion"
+                advice = "leave out by a window what is not the motion; robust noise is for a minority of bad frames"
+                findings.append(Finding("poor-fit", reason, advice))
     return findings
 
 
