@@ -17,7 +17,6 @@ import numpy as np
 from estim.campaign import Campaign
 from estim.campaign_file import NoiseTable
 from estim.cross_validation import INFLUENTIAL, LeaveOneOut, difference, leave_one_out
-from estim.derivative import STENCILS, differentiate
 from estim.levels import Levels, noise_level
 from estim.pipeline import Analysis, analyse
 from estim.sampling import Progress, Target
@@ -54,32 +53,38 @@ class Compared:
 
 def candidates(campaign: Campaign, run: str) -> tuple[Candidate, ...]:
     """The models of the noise that the data of `run` and its noise table allow.  Raises InputError where there is only one."""
+    if campaign.curve is not None:
+        raise campaign.source.places.error("is fit with the noise that its own tables state: no other model to compare", ("curve",))
     levels = Levels(campaign.source, campaign.run_names.index(run))
     table, path, _ = noise_level(levels)
     data = campaign.tables[run]
     position, speed = ("sigma_x_m", "sigma_v_m_s") if data.coordinate == "x_m" else ("sigma_theta_rad", "sigma_omega_rad_s")
     read = getattr(table, position) is not None or table.encoder_step_rad is not None
+    # a scatter is of what the stated model fits: of positions, or of speeds
+    of_positions, of_speeds = (table.scatter, None) if table.model == "positions" else (None, table.scatter)
     found = []
-    if "t_s" in data.columns and (read or "sigma_x_m" in data.columns):
-        plain = NoiseTable(model="positions", encoder_step_rad=table.encoder_step_rad, **{position: getattr(table, position)})
+    if "t_s" in data.columns and (read or "sigma_x_m" in data.columns or of_positions is not None):
+        plain = NoiseTable(
+            model="positions", encoder_step_rad=table.encoder_step_rad, scatter=of_positions, **{position: getattr(table, position)}
+        )
         found += _with_tails("positions", "positions as read, in time", plain)
     if "t_s" in data.columns and read:
         differentiated = NoiseTable(
-            model="differentiated", derivative=table.derivative, encoder_step_rad=table.encoder_step_rad, scatter=table.scatter,
+            model="differentiated", derivative=table.derivative, encoder_step_rad=table.encoder_step_rad, scatter=of_speeds,
             **{position: getattr(table, position)},
         )
         found.append(Candidate("differentiated", "speeds by differences, with the covariance that follows", differentiated))
-        size = _independent_size(campaign, run, levels)
+        size = _independent_size(campaign, run, differentiated)
         if size > 0.0 and data.rate not in data.columns:
-            plain = NoiseTable(model="independent", derivative=table.derivative or "central", scatter=table.scatter)
+            plain = NoiseTable(model="independent", derivative=table.derivative or "central", scatter=of_speeds)
             naive = msgspec.structs.replace(plain, **{speed: size})
             found.append(Candidate("independent", "the same speeds as if their errors were independent (they are not)", naive))
-    if data.rate in data.columns and (getattr(table, speed) is not None or "sigma_v_m_s" in data.columns or table.scatter is not None):
+    if data.rate in data.columns and (getattr(table, speed) is not None or "sigma_v_m_s" in data.columns or of_speeds is not None):
         sigma_x = getattr(table, position) if table.model == "independent" else None
-        plain = NoiseTable(model="independent", scatter=table.scatter, **{speed: getattr(table, speed), position: sigma_x})
+        plain = NoiseTable(model="independent", scatter=of_speeds, **{speed: getattr(table, speed), position: sigma_x})
         found += _with_tails("independent", "speeds as measured", plain)
     if len(found) < 2:
-        rule = f"allows one model only for run '{run}': nothing to compare (times and '{position}' would allow several)"
+        rule = f"allows one model at most for run '{run}': nothing to compare (times and '{position}' would allow several)"
         raise levels.error(rule, path, field="noise")
     return tuple(found)
 
@@ -90,14 +95,12 @@ def _with_tails(name: str, words: str, plain: NoiseTable) -> list[Candidate]:
     return [Candidate(name, words, plain), *robust]
 
 
-def _independent_size(campaign: Campaign, run: str, levels: Levels) -> float:
+def _independent_size(campaign: Campaign, run: str, differentiated: NoiseTable) -> float:
     """Standard deviation of one differentiated speed, 0 where the size of the noise is inferred."""
-    observed = campaign.problem([run]).runs[0].noise
-    if observed.model != "differentiated" or observed.sigma.parameter is not None:
+    noise = campaign.problem([run], noise=differentiated).runs[0].noise
+    if noise.sigma.parameter is not None:
         return 0.0
-    data, table = campaign.tables[run], noise_level(levels)[0]
-    derivative = differentiate(data.columns["t_s"], data.columns[data.coordinate], STENCILS[table.derivative or "central"], file=data.file)
-    return math.sqrt(observed.sigma.value**2 + observed.quantisation_variance) * derivative.stencil.noise_gain / derivative.interval
+    return math.sqrt(noise.sigma.value**2 + noise.quantisation_variance) * float(noise.reading_gain()[0])
 
 
 def compare_noise(
@@ -106,8 +109,9 @@ def compare_noise(
 ) -> tuple[Compared, ...]:
     """Every candidate's analysis of `runs` (jointly), best predictions first among models of the same data.
 
-    Raises InputError where the noise table of the first run allows nothing to compare.
+    Raises InputError where the runs cannot be fit jointly, or where the noise table of the first one allows nothing to compare.
     """
+    campaign.problem(runs)
     done = []
     for candidate in candidates(campaign, runs[0]):
         if progress_of is None:

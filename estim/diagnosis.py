@@ -22,10 +22,13 @@ from estim.line_intervals import SlopeInterval
 from estim.modes import Modes
 from estim.priors import TruncatedNormal, Uniform
 from estim.sampling import Chain, effective_size, mcse_mean, r_hat
+from estim.tails import Mixture
 
 FloatArray = NDArray[np.float64]
 
 _FLAT = 0.05  # curvature of the log prior along a direction, 1 for a normal prior, below which it does not hold it
+
+_CROWD = 0.35  # share of outliers beyond which they may be another motion, and the frames called good a part of it
 
 STATUSES = ("not-converged", "multimodal", "not-identified", "at-bound", "poor-fit", "methods-disagree", "ok")  # gravest first
 
@@ -73,7 +76,7 @@ def diagnose(
     """The status of a sampled fit."""
     findings = [
         *_convergence(fit, chain), *_modes(fit, modes), *_flat_directions(fit, identifiability), *_bounds(fit), *_goodness(goodness),
-        *_methods(comparison), *_consistency(consistency),
+        *_methods(comparison), *_consistency(consistency), *too_many_outliers(fit),
     ]
     findings.sort(key=lambda finding: STATUSES.index(finding.status))
     return Diagnosis(
@@ -200,6 +203,19 @@ def _goodness(goodness: Sequence[Goodness]) -> list[Finding]:
                     "the curve does not describe this motion, or the stated resolution of the instrument is far too good",
                 )
             )
+    return findings
+
+
+def too_many_outliers(fit: Fit) -> list[Finding]:
+    """Runs of which so many frames would be outliers that nothing tells which of the two groups is the motion."""
+    findings = []
+    for run in fit.problem.runs:
+        if isinstance(run.noise.tails, Mixture):
+            share = float(fit.values[fit.names.index(run.noise.tails.fraction)])
+            if share > _CROWD:
+                reason = f"run {run.name}: {share:.0%} of the frames would be outliers: it may be the others that are not the motion"
+                advice = "leave out by a window what is not the motion; robust noise is for a minority of bad frames"
+                findings.append(Finding("poor-fit", reason, advice))
     return findings
 
 

@@ -121,12 +121,12 @@ def _differentiated(run: Run, levels: Levels, table: NoiseTable, path: Path, suf
 def _independent(run: Run, levels: Levels, table: NoiseTable, path: Path, suffix: str) -> Observed:
     units, rate = _UNITS[run.coordinate], run.rate
     t, position = run.columns.get("t_s"), run.columns[run.coordinate]
-    rows, blank = np.arange(run.n_row), tuple[str, ...]()
+    rows, blank, gain = np.arange(run.n_row), tuple[str, ...](), math.inf
     if rate in run.columns:
         speed = run.columns[rate]
     elif t is not None and table.derivative is not None:
         derivative, blank = _speeds(run, table)
-        rows, speed = derivative.rows, derivative.value
+        rows, speed, gain = derivative.rows, derivative.value, derivative.stencil.noise_gain / derivative.interval
     else:
         rule = f"needs measured speeds: the run's file has no {rate} column (or a 'derivative' to compute them)"
         raise levels.error(rule, (*path, "model"), value="independent")
@@ -142,8 +142,10 @@ def _independent(run: Run, levels: Levels, table: NoiseTable, path: Path, suffix
         raise levels.error(f"needs '{units.speed_sigma}', a sigma_v_m_s column or 'scatter' for independent noise", path, field="noise")
     sigma, relative = _by_row(run, "sigma_v_m_s", sigma, said, units.position, levels, (*path, units.speed_sigma))
     guard = typical_x if relative_x is None else float(np.median(relative_x))
+    # of speeds made by differences the error of a position follows from that of a speed: the same guard zones as `differentiated`
+    reading = guard or _typical(sigma, parameter, 0.0) / gain
     where, when = position[rows], None if t is None else t[rows]
-    selection = select(where, speed, when, window=_window(run, levels), sigma_position=guard)
+    selection = select(where, speed, when, window=_window(run, levels), sigma_position=reading)
     _check_count(selection, run, levels)
     kept = selection.kept
     zero, zero_parameter = _stated_offset(levels, units)
