@@ -1,6 +1,7 @@
 """The status of a result: one place decides whether a number may be trusted, and says why not and what to do.
 
-Statuses, first that applies: `not-converged`, `multimodal`, `not-identified`, `at-bound`, `poor-fit`, `methods-disagree`, `ok`.
+Statuses, first that applies: `not-converged`, `methods-disagree` (the draws mean nothing, not even as limits), `multimodal`,
+`not-identified`, `poor-fit` (a limit from a wrong curve is none), `at-bound`, `ok`.
 """
 
 from __future__ import annotations
@@ -27,7 +28,7 @@ FloatArray = NDArray[np.float64]
 
 _FLAT = 0.05  # curvature of the log prior along a direction, 1 for a normal prior, below which it does not hold it
 
-STATUSES = ("not-converged", "multimodal", "not-identified", "at-bound", "poor-fit", "methods-disagree", "ok")  # gravest first
+STATUSES = ("not-converged", "methods-disagree", "multimodal", "not-identified", "poor-fit", "at-bound", "ok")  # gravest first
 
 MEANINGLESS = ("not-converged", "methods-disagree")  # the draws themselves cannot be trusted: not even limits
 
