@@ -18,10 +18,12 @@ from estim.consistency import Consistency
 from estim.fitting import Fit
 from estim.goodness import REJECT_BELOW, SCATTER_LIMIT, Goodness
 from estim.identifiability import Identifiability
+from estim.labels import label
 from estim.line import LineFit
 from estim.line_intervals import SlopeInterval
 from estim.modes import Modes
 from estim.priors import TruncatedNormal, Uniform
+from estim.problem import Parameter
 from estim.sampling import Chain, effective_size, mcse_mean, r_hat
 
 FloatArray = NDArray[np.float64]
@@ -120,7 +122,7 @@ def _sampling(chain: Chain) -> list[Finding]:
             )
         )
     if chain.stuck:
-        findings.append(Finding("not-converged", f"{chain.stuck} walkers never moved", "start again with another --seed, and look at the traces"))
+        findings.append(Finding("not-converged", f"{chain.stuck} walker{'s' if chain.stuck > 1 else ''} never moved", "start again with another --seed, and look at the traces"))
     return findings
 
 
@@ -135,7 +137,7 @@ def _bounds(fit: Fit) -> list[Finding]:
         if hard and parameter.name in fit.at_bound:
             findings.append(
                 Finding(
-                    "at-bound", f"{parameter.name} lies at the edge of its prior ({value:.4g} {parameter.unit})",
+                    "at-bound", f"{_shown(parameter, value).replace(' = ', ' lies at the edge of its prior, ')}",
                     "if values beyond the edge are possible, widen the prior; if not, quote the limit and not a value",
                 )
             )
@@ -149,11 +151,17 @@ def _modes(fit: Fit, modes: Modes) -> list[Finding]:
     apart = np.max(np.abs(modes.values[1:] - modes.values[0]), axis=0) / np.where(sds > 0.0, sds, np.inf)
     told = sorted(np.argsort(-apart)[:3].tolist())
     solutions = [
-        f"{', '.join(f'{fit.names[i]} = {values[i]:.4g}' for i in told)} ({share:.0%} of the posterior)"
+        f"{', '.join(_shown(fit.problem.parameters[i], values[i]) for i in told)} ({share:.0%} of the posterior)"
         for values, share in zip(modes.values, modes.shares, strict=True)
     ]
     advice = "decide between the solutions by a prior (a range that holds one of them) or by a further measurement, and fit again"
     return [Finding("multimodal", f"the data allow {len(solutions)} separate solutions: {'; or '.join(solutions)}", advice)]
+
+
+def _shown(parameter: Parameter, value: float) -> str:
+    """'θ₀[r] = 60.1 °'."""
+    shown = label(parameter.name, parameter.unit)
+    return f"{shown.symbol} = {value * shown.factor:.4g}{'' if shown.unit == '1' else f' {shown.unit}'}"
 
 
 def _flat_directions(fit: Fit, identifiability: Identifiability) -> list[Finding]:
