@@ -122,16 +122,13 @@ def _sampling(chain: Chain) -> list[Finding]:
             )
         )
     if chain.stuck:
-        findings.append(Finding("not-converged", f"{chain.stuck} walker{'s' if chain.stuck > 1 else ''} never moved", "start again with another --seed, and look at the traces"))
+        reason = f"{chain.stuck} walker{'s' if chain.stuck > 1 else ''} never moved"
+        findings.append(Finding("not-converged", reason, "start again with another --seed, and look at the traces"))
     return findings
 
 
 def _bounds(fit: Fit) -> list[Finding]:
     findings = []
-    if fit.singular:
-        reason = "a combination of the parameters is determined neither by the data nor by the priors"
-        advice = "state at least one of the parameters with an uncertainty; the table of correlations shows which go together"
-        findings.append(Finding("not-identified", reason, advice))
     for parameter, value in zip(fit.problem.parameters, fit.values, strict=True):
         hard = isinstance(parameter.prior, Uniform | TruncatedNormal) and parameter.name not in fit.problem.noise_names
         if hard and parameter.name in fit.at_bound:
@@ -174,6 +171,10 @@ def _flat_directions(fit: Fit, identifiability: Identifiability) -> list[Finding
             reason = f"data and priors do not fix a combination of parameters, only the edges of their ranges do: {direction.words}"
             advice = "state one of these parameters as a measured value with its uncertainty (a uniform range does not count)"
             findings.append(Finding("not-identified", reason, advice))
+    if fit.singular and not findings:
+        reason = "a combination of the parameters is determined neither by the data nor by the priors"
+        advice = "state at least one of the parameters with an uncertainty; the table of correlations shows which go together"
+        findings.append(Finding("not-identified", reason, advice))
     return findings
 
 

@@ -109,7 +109,9 @@ SIGMA = '{{prior = "half-normal", scale = {}}}'
 
 TROUBLES = {
     # sampling is cut off
-    "chain too short": Trouble(Disk(), Disk(), "not-converged", r"sampling stopped after 60 steps although", "raise --max-steps", ("--max-steps", "60")),
+    "chain too short": Trouble(
+        Disk(), Disk(), "not-converged", r"sampling stopped after 60 steps although", "raise --max-steps", ("--max-steps", "60")
+    ),
     # the "measurements" were computed from the curve: the density rises without limit as the inferred sigma goes to 0, and holds every walker
     "walkers stuck": Trouble(
         Formula("a + b*x", LINE, lambda x: 1.0 + 2.0 * x, error=0.0, u_y=SIGMA.format(1e-5)),
@@ -118,7 +120,8 @@ TROUBLES = {
     ),
     # the true gamma, 0.187, lies beyond what was thought possible
     "gamma at its bound": Trouble(
-        Disk(gamma=uniform(0.0, 0.185)), Disk(gamma=uniform(0.0, 0.4)), "at-bound", r"γ\[b\] lies at the edge of its prior, 0\.185$", "widen the prior"
+        Disk(gamma=uniform(0.0, 0.185)), Disk(gamma=uniform(0.0, 0.4)),
+        "at-bound", r"γ\[b\] lies at the edge of its prior, 0\.185$", "widen the prior",
     ),
     # (gamma, s, 1 + j) scaled together leave the speed unchanged, and nothing says how large one of them is
     "flat direction": Trouble(
@@ -127,8 +130,10 @@ TROUBLES = {
     ),
     # the first centimetres give the acceleration alone, which two angles of release share
     "two angles of release": Trouble(
-        Disk("0.187", "0.45", "4.0", uniform(10.0, 170.0), "window = {x_min_m = 0.0, x_max_m = 0.05}"), Disk("0.187", "0.45", "4.0", uniform(10.0, 170.0)),
-        "multimodal", r"2 separate solutions: θ₀\[r\] = 12\d\.\d ° \(.* of the posterior\); or θ₀\[r\] = (59|60)\.\d+ °", "a range that holds one of them",
+        Disk("0.187", "0.45", "4.0", uniform(10.0, 170.0), "window = {x_min_m = 0.0, x_max_m = 0.05}"),
+        Disk("0.187", "0.45", "4.0", uniform(10.0, 170.0)),
+        "multimodal", r"2 separate solutions: θ₀\[r\] = 12\d\.\d ° \(.* of the posterior\); or θ₀\[r\] = (59|60)\.\d+ °",
+        "a range that holds one of them",
     ),
     "two signs": Trouble(
         Formula("a**2*x", f"a = {uniform(-3.0, 3.0)}", lambda x: 4.0 * x), Formula("a**2*x", f"a = {uniform(0.0, 3.0)}", lambda x: 4.0 * x),
