@@ -33,11 +33,15 @@ class EstimateRow:
     joint: str
 
 
-def consistency_text(consistency: Consistency) -> str:
-    """Markdown fragment without a heading: verdict, table of sources, table of estimates, how to read them."""
+def consistency_text(consistency: Consistency, *, limits_only: bool = False) -> str:
+    """Markdown fragment without a heading: verdict, table of sources, table of estimates, how to read them.
+
+    limits_only : leave out what all runs give together, where that is no result.
+    """
     return render(
         "consistency.md.j2",
         consistency=consistency, sources=source_rows(consistency), estimates=estimate_rows(consistency), reject_below=REJECT_BELOW,
+        limits_only=limits_only,
     )
 
 

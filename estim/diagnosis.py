@@ -1,6 +1,7 @@
 """The status of a result: one place decides whether a number may be trusted, and says why not and what to do.
 
-Statuses, first that applies: `not-converged`, `multimodal`, `not-identified`, `at-bound`, `poor-fit`, `methods-disagree`, `ok`.
+Statuses, first that applies: `not-converged`, `methods-disagree` (the draws mean nothing, not even as limits), `multimodal`,
+`not-identified`, `poor-fit` (a limit from a wrong curve is none), `at-bound`, `ok`.
 """
 
 from __future__ import annotations
@@ -17,10 +18,12 @@ from estim.consistency import Consistency
 from estim.fitting import Fit
 from estim.goodness import REJECT_BELOW, SCATTER_LIMIT, Goodness
 from estim.identifiability import Identifiability
+from estim.labels import label
 from estim.line import LineFit
 from estim.line_intervals import SlopeInterval
 from estim.modes import Modes
 from estim.priors import TruncatedNormal, Uniform
+from estim.problem import Parameter
 from estim.sampling import Chain, effective_size, mcse_mean, r_hat
 from estim.tails import Mixture
 
@@ -30,7 +33,7 @@ _FLAT = 0.05  # curvature of the log prior along a direction, 1 for a normal pri
 
 _CROWD = 0.35  # share of outliers beyond which they may be another motion, and the frames called good a part of it
 
-STATUSES = ("not-converged", "multimodal", "not-identified", "at-bound", "poor-fit", "methods-disagree", "ok")  # gravest first
+STATUSES = ("not-converged", "methods-disagree", "multimodal", "not-identified", "poor-fit", "at-bound", "ok")  # gravest first
 
 MEANINGLESS = ("not-converged", "methods-disagree")  # the draws themselves cannot be trusted: not even limits
 
@@ -122,22 +125,19 @@ def _sampling(chain: Chain) -> list[Finding]:
             )
         )
     if chain.stuck:
-        findings.append(Finding("not-converged", f"{chain.stuck} walkers never moved", "start again with another --seed, and look at the traces"))
+        reason = f"{chain.stuck} walker{'s' if chain.stuck > 1 else ''} never moved"
+        findings.append(Finding("not-converged", reason, "start again with another --seed, and look at the traces"))
     return findings
 
 
 def _bounds(fit: Fit) -> list[Finding]:
     findings = []
-    if fit.singular:
-        reason = "a combination of the parameters is determined neither by the data nor by the priors"
-        advice = "state at least one of the parameters with an uncertainty; the table of correlations shows which go together"
-        findings.append(Finding("not-identified", reason, advice))
     for parameter, value in zip(fit.problem.parameters, fit.values, strict=True):
         hard = isinstance(parameter.prior, Uniform | TruncatedNormal) and parameter.name not in fit.problem.noise_names
         if hard and parameter.name in fit.at_bound:
             findings.append(
                 Finding(
-                    "at-bound", f"{parameter.name} lies at the edge of its prior ({value:.4g} {parameter.unit})",
+                    "at-bound", f"{_shown(parameter, value).replace(' = ', ' lies at the edge of its prior, ')}",
                     "if values beyond the edge are possible, widen the prior; if not, quote the limit and not a value",
                 )
             )
@@ -151,11 +151,17 @@ def _modes(fit: Fit, modes: Modes) -> list[Finding]:
     apart = np.max(np.abs(modes.values[1:] - modes.values[0]), axis=0) / np.where(sds > 0.0, sds, np.inf)
     told = sorted(np.argsort(-apart)[:3].tolist())
     solutions = [
-        f"{', '.join(f'{fit.names[i]} = {values[i]:.4g}' for i in told)} ({share:.0%} of the posterior)"
+        f"{', '.join(_shown(fit.problem.parameters[i], values[i]) for i in told)} ({share:.0%} of the posterior)"
         for values, share in zip(modes.values, modes.shares, strict=True)
     ]
     advice = "decide between the solutions by a prior (a range that holds one of them) or by a further measurement, and fit again"
     return [Finding("multimodal", f"the data allow {len(solutions)} separate solutions: {'; or '.join(solutions)}", advice)]
+
+
+def _shown(parameter: Parameter, value: float) -> str:
+    """'θ₀[r] = 60.1 °'."""
+    shown = label(parameter.name, parameter.unit)
+    return f"{shown.symbol} = {value * shown.factor:.4g}{'' if shown.unit == '1' else f' {shown.unit}'}"
 
 
 def _flat_directions(fit: Fit, identifiability: Identifiability) -> list[Finding]:
@@ -168,6 +174,10 @@ def _flat_directions(fit: Fit, identifiability: Identifiability) -> list[Finding
             reason = f"data and priors do not fix a combination of parameters, only the edges of their ranges do: {direction.words}"
             advice = "state one of these parameters as a measured value with its uncertainty (a uniform range does not count)"
             findings.append(Finding("not-identified", reason, advice))
+    if fit.singular and not findings:
+        reason = "a combination of the parameters is determined neither by the data nor by the priors"
+        advice = "state at least one of the parameters with an uncertainty; the table of correlations shows which go together"
+        findings.append(Finding("not-identified", reason, advice))
     return findings
 
 

@@ -117,14 +117,14 @@ def energy_report(
     runs = [run for analysis in analyses for run in analysis.problem.runs]
     statuses = {run.name: analysis.diagnosis.status for analysis in analyses for run in analysis.problem.runs}
     result = EnergyResult(
-        ENERGY_SCHEMA, campaign.title, campaign.kind, statuses, {e.run: summarise_energy(e) for e in records},
+        ENERGY_SCHEMA, campaign.title, campaign.kind, statuses, {e.run: summarise_energy(e) for e in records if statuses[e.run] == "ok"},
         {", ".join(run.name for run in a.problem.runs): summarise_drift(d) for a, d in zip(analyses, drifts, strict=True)},
         provenance(campaign, [run.name for run in runs], seed),
     )
-    figure = energy_figure(records, synthetic=campaign.kind == "synthetic", title=campaign.title)
-    trusted = {name: e for name, e in result.energies.items() if statuses[name] == "ok"}
+    bad = frozenset(run for run, status in statuses.items() if status != "ok")
+    figure = energy_figure(records, synthetic=campaign.kind == "synthetic", title=campaign.title, bad=bad)
     text = render(
-        "energy.md.j2", result=result, energies=trusted, kind=KINDS[campaign.kind], status_words=STATUS_WORDS, shown=shown, percent=percent,
+        "energy.md.j2", result=result, energies=result.energies, kind=KINDS[campaign.kind], status_words=STATUS_WORDS, shown=shown, percent=percent,
         drift_words=drift_words,
     )
     return {
@@ -134,8 +134,8 @@ def energy_report(
     }
 
 
-def energy_figure(records: Sequence[EnergyRecord], *, synthetic: bool, title: str) -> Figure:
-    """Position, speed, energy and relative change of energy against time, as the paper's figure 3."""
+def energy_figure(records: Sequence[EnergyRecord], *, synthetic: bool, title: str, bad: frozenset[str] = frozenset()) -> Figure:
+    """Position, speed, energy and relative change of energy against time, as the paper's figure 3; no bands for runs that are `bad`."""
     figure = figures.new_figure(5.6)
     axes = figure.subplots(2, 2).ravel()
     timed = all(record.t is not None for record in records)
@@ -145,6 +145,8 @@ def energy_figure(records: Sequence[EnergyRecord], *, synthetic: bool, title: st
         panels = ((record.x, none), (record.v, record.u_v), (record.total, record.u_total), (record.relative, record.u_relative))
         for ax, (y, u) in zip(axes, panels, strict=True):
             ax.plot(t, y, mark, color=colour, ms=2.5, label=record.run)
+            if record.run in bad:
+                continue
             ax.fill_between(t, y - u, y + u, color=colour, alpha=0.18, lw=0)
     names = ("(a) position x (m)", "(b) speed v (m/s)", "(c) energy E/M (J/kg)", "(d) (E − E₀)/E₀")
     for ax, name in zip(axes, names, strict=True):

@@ -19,7 +19,7 @@ from estim.goodness import Goodness
 from estim.labels import label
 from estim.outliers import Outliers
 from estim.pipeline import Analysis
-from estim.problem import Observations
+from estim.problem import Observations, Problem
 
 FloatArray = NDArray[np.float64]
 
@@ -27,7 +27,7 @@ BLUE, ORANGE, GREEN, PURPLE, GREY, INK = "#0072B2", "#E69F00", "#009E73", "#CC79
 COLOURS = (BLUE, ORANGE, GREEN, PURPLE, INK, GREY)
 MARKS = ("o", "s", "^", "D", "v", "P")
 _WIDTH = 7.2
-_MAX_CORNER = 7
+MAX_CORNER = 7
 
 
 def png(figure: Figure) -> bytes:
@@ -128,13 +128,14 @@ def residual_figure(runs: Sequence[Observations], goodness: Sequence[Goodness], 
 
 
 def corner_figure(analysis: Analysis) -> Figure:
-    """Marginal and joint posteriors of the first few parameters, with the prior (orange) beside each marginal."""
+    """Marginal and joint posteriors of a few parameters, those that runs share first, with the prior (orange) beside each marginal."""
     import corner
 
-    parameters = analysis.problem.parameters[:_MAX_CORNER]
+    chosen = corner_parameters(analysis.problem)
+    parameters = [analysis.problem.parameters[i] for i in chosen]
     single = len(analysis.problem.runs) == 1
     labels = [label(p.name, p.unit, with_level=not single) for p in parameters]
-    draws = analysis.chain.thinned(20_000)[:, : len(parameters)] * [shown.factor for shown in labels]
+    draws = analysis.chain.thinned(20_000)[:, chosen] * [shown.factor for shown in labels]
     size = max(_WIDTH, 1.35 * len(parameters))
     figure = Figure(figsize=(size, size), facecolor="white")
     corner.corner(
@@ -148,11 +149,20 @@ def corner_figure(analysis: Analysis) -> Figure:
         grid_points = np.linspace(low, high, 200)
         density = np.exp(parameter.prior.log_density(grid_points / shown.factor)) / shown.factor
         if np.isfinite(parameter.prior.sd):  # an improper prior has no height to draw
+            top = axes[i, i].get_ylim()[1]
             axes[i, i].plot(grid_points, density, color=ORANGE, lw=1.4)
+            axes[i, i].set_ylim(0.0, max(top, min(1.08 * float(density.max()), 2.0 * top)))  # a far narrower prior leaves the panel
         for ax in axes[i]:
             ax.tick_params(labelsize=7)
     figure.subplots_adjust(left=0.11, right=0.98, bottom=0.11, top=0.98)
     return figure
+
+
+def corner_parameters(problem: Problem) -> list[int]:
+    """Places of the parameters that the corner figure shows: all, or where they are too many those that most runs share."""
+    uses = [sum(p.name in run.arguments.values() for run in problem.runs) for p in problem.parameters]
+    ranked = sorted(range(problem.n_par), key=lambda i: -uses[i]) if len(problem.runs) > 1 else list(range(problem.n_par))
+    return sorted(ranked[:MAX_CORNER])
 
 
 def trace_figure(analysis: Analysis) -> Figure:

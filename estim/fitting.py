@@ -23,7 +23,7 @@ FloatArray = NDArray[np.float64]
 _MAX_ROUNDS = 60
 _SETTLED = 1e-4  # of a standard deviation, between two rounds
 _SAME_OPTIMUM = 0.5  # in minus log density
-_WITHIN_REACH = 12.0  # in minus log density: worse optima hold next to nothing of the posterior
+WITHIN_REACH = 12.0  # in minus log density: worse optima hold next to nothing of the posterior
 _FAR_APART = 3.0  # standard deviations, of any parameter
 
 
@@ -84,7 +84,7 @@ def fit_least_squares(problem: Problem, *, rng: np.random.Generator, n_start: in
     best = int(np.nanargmin(objective))
     values, posterior, moved = _settle(problem, rough[best][0], max_rounds=_MAX_ROUNDS)
     n_same = int(np.sum(objective <= objective[best] + _SAME_OPTIMUM))
-    ends = [rough[i][0] for i in np.argsort(objective) if objective[i] <= objective[best] + _WITHIN_REACH]
+    ends = [rough[i][0] for i in np.argsort(objective) if objective[i] <= objective[best] + WITHIN_REACH]
     return _describe(problem, posterior, values, moved, ends, n_start=len(starts), n_same=n_same)
 
 
@@ -132,10 +132,11 @@ def _fit_curve(posterior: Posterior, values: FloatArray) -> FloatArray:
 
     residual: Callable[[lmfit.Parameters], FloatArray] = lambda parameters: posterior.residuals(filled(parameters))  # noqa: E731
     jacobian: Callable[[lmfit.Parameters], FloatArray] = lambda parameters: posterior.jacobian(filled(parameters))[:, free]  # noqa: E731
-    result = lmfit.minimize(
-        residual, table, method="least_squares", scale_covar=False, calc_covar=False, jac=jacobian, x_scale="jac",
-        ftol=1e-12, xtol=1e-12, gtol=1e-12, max_nfev=400, nan_policy="propagate",  # scipy steps back from where the curve is not defined
-    )
+    with np.errstate(divide="ignore", invalid="ignore"):  # lmfit also inverts the Hessian, singular where the data are silent; not used
+        result = lmfit.minimize(
+            residual, table, method="least_squares", scale_covar=False, calc_covar=False, jac=jacobian, x_scale="jac",
+            ftol=1e-12, xtol=1e-12, gtol=1e-12, max_nfev=400, nan_policy="propagate",  # scipy steps back from where the curve is not defined
+        )
     return filled(result.params)
 
 
@@ -187,7 +188,7 @@ def information(posterior: Posterior, values: FloatArray) -> FloatArray:
     return np.asarray(total)
 
 
-def _apart(values: FloatArray, ends: list[FloatArray], scale: FloatArray) -> FloatArray:
+def far_apart(values: FloatArray, ends: list[FloatArray], scale: FloatArray) -> FloatArray:
     """(n_other, n_par) those of `ends` that lie more than some standard deviations from `values` and from each other."""
     kept = [values]
     for end in ends:
@@ -227,7 +228,7 @@ def _describe(
     return Fit(
         names=problem.names, values=values, cov=cov, sds=sds, at_bound=tuple(at_bound), posterior=posterior, chi2=chi2, dof=dof,
         p_value=_chi2_p(chi2, dof) if dof > 0 and not problem.noise_names and not robust else math.nan,
-        n_start=n_start, n_same=n_same, others=_apart(values, ends, np.where(curvature > 0.0, curvature, np.inf)),
+        n_start=n_start, n_same=n_same, others=far_apart(values, ends, np.where(curvature > 0.0, curvature, np.inf)),
         singular=singular, success=moved < _SETTLED, message=message,
     )
 

@@ -134,12 +134,13 @@ def _statistics(z: FloatArray) -> dict[str, FloatArray]:
     """Name -> (n,) statistic of each row of z (n, n_obs)."""
     n = z.shape[1]
     square = np.sum(z**2, axis=1)
+    size = np.where(square > 0.0, square, 1.0)  # residuals that are all exactly zero have no shape
     place = np.linspace(-1.0, 1.0, n)
     shapes, _ = np.linalg.qr(np.vander(place, 4, increasing=True))
     return {
         "chi2": square,
         "runs": -np.sum(np.signbit(z[:, 1:]) != np.signbit(z[:, :-1]), axis=1).astype(float),
-        "autocorrelation": np.sum(z[:, 1:] * z[:, :-1], axis=1) / square,
-        "trend": np.max(np.abs(z @ shapes), axis=1) / np.sqrt(square / n),
-        "largest": np.max(np.abs(z), axis=1) / np.sqrt(square / n),
+        "autocorrelation": np.sum(z[:, 1:] * z[:, :-1], axis=1) / size,
+        "trend": np.max(np.abs(z @ shapes), axis=1) / np.sqrt(size / n),
+        "largest": np.max(np.abs(z), axis=1) / np.sqrt(size / n),
     }

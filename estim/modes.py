@@ -1,8 +1,9 @@
 """Are there several separate solutions?  Optima that other starts of the fit found, weighed by the draws.
 
-Two optima are separate modes where the density between them falls well below the lower of the two (along the straight
-line that joins them, which can only make a bent ridge look separate, never hide a second mode), and each holds a share of
-the posterior that matters.  A mode that no start and no walker has met stays unknown.
+Two optima are separate modes where no way leads from one to the other on which the density stays near that of the lower
+of the two, and each holds a share of the posterior that matters.  Two ways are tried: the straight line, and the ridge (the
+parameter in which they differ most is led from one value to the other, all others re-optimised), for a ridge may be bent.
+A mode that no start and no walker has met stays unknown.
 """
 
 from __future__ import annotations
@@ -13,10 +14,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from estim.fitting import Fit
+from estim.profile_search import Search, search_of
 
 FloatArray = NDArray[np.float64]
 
 _VALLEY = 2.0  # drop of the log density between two modes
+_N_RIDGE = 32  # points along a ridge
 _SHARE = 0.01  # of the draws
 
 
@@ -37,9 +40,9 @@ class Modes:
 
 def find_modes(fit: Fit, draws: FloatArray) -> Modes:
     """Which of the optima of a fit are separate modes, by posterior draws (n_draw, n_par)."""
-    kept = [fit.values]
+    kept, search = [fit.values], search_of(fit)
     for other in fit.others:
-        if all(_separate(fit, mode, other) for mode in kept):
+        if all(_separate(search, mode, other) for mode in kept):
             kept.append(other)
     values = np.array(kept)
     scale = np.sqrt(np.diag(fit.cov))
@@ -50,7 +53,26 @@ def find_modes(fit: Fit, draws: FloatArray) -> Modes:
     return Modes(values[matters], shares[matters])
 
 
-def _separate(fit: Fit, a: FloatArray, b: FloatArray) -> bool:
-    path = a + np.linspace(0.0, 1.0, 65)[:, None] * (b - a)
-    log_p = fit.posterior.log_density(path)
-    return bool(np.min(log_p) < min(log_p[0], log_p[-1]) - _VALLEY)
+def _separate(search: Search, a: FloatArray, b: FloatArray) -> bool:
+    return not (_level(search, a, b) or _ridge(search, a, b) or _ridge(search, b, a))
+
+
+def _level(search: Search, a: FloatArray, b: FloatArray) -> bool:
+    """Whether the density stays up along the straight line."""
+    heights = search.objectives(a + np.linspace(0.0, 1.0, 65)[:, None] * (b - a))
+    return bool(np.max(heights) <= max(heights[0], heights[-1]) + 2.0 * _VALLEY)
+
+
+def _ridge(search: Search, a: FloatArray, b: FloatArray) -> bool:
+    """Whether it stays up along the ridge that starts at `a`, and that ridge meets `b`."""
+    led = int(np.argmax(np.abs(b - a) / search.scale))
+    highest = max(search.objective(a), search.objective(b)) + 2.0 * _VALLEY
+    before, here = a, a
+    for at in np.linspace(a[led], b[led], _N_RIDGE + 1)[1:]:
+        guess = 2.0 * here - before  # straight on
+        guess[led] = at
+        point = search.minimise(guess, held=(led,))
+        if not point.objective <= highest:
+            return False
+        before, here = here, point.values
+    return _level(search, here, b)

@@ -5,7 +5,8 @@ Pereyra, SIAM J. Numer. Anal. 10 (1973) 413, with Kaufman's Jacobian), so the se
 from the user's values and from the best of many points around them, because a frequency or a rate has many local optima.
 The winner is polished by Gauss-Newton steps with a QR decomposition until they are at rounding error.
 
-Where two optima are equally good (two exponentials can change places) the one closest to the user's start is taken.
+Where two optima are equally good (two exponentials can change places) the one closest to the user's start is taken.  The
+others are kept where a prior, and not a start, says which values are possible: then each of them is a solution.
 """
 
 from __future__ import annotations
@@ -18,7 +19,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from estim.errors import InputError
-from estim.fitting import Fit, fit_least_squares
+from estim.fitting import WITHIN_REACH, Fit, far_apart, fit_least_squares
+from estim.flat import Flat
 from estim.problem import Problem
 from estim.separable import Search, rounding, set_apart
 
@@ -31,6 +33,7 @@ _DECADES = 1.0  # spread of the points around the start, standard deviation of l
 _SAME = 1e-6  # relative difference of sums of squares between equal optima
 _SINGULAR = 1e-11  # ratio of singular values, columns scaled to unit length
 _SETTLED = 1e-7  # last step, in standard deviations
+_MOST_OTHERS = 6  # other optima that are looked at
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,6 +45,7 @@ class Optimum:
     step : size of the last Gauss-Newton step in standard deviations; tolerance : what rounding errors may leave of it.
     condition : smallest / largest singular value.
     at_bound : (n_par,) which parameters lie on a bound.  n_start, n_same : searches run, and how many ended here.
+    others : (n_other, n_par) other points at which a search ended or that are as good by symmetry, best first.
     """
 
     values: FloatArray
@@ -53,6 +57,7 @@ class Optimum:
     at_bound: NDArray[np.bool_]
     n_start: int
     n_same: int
+    others: FloatArray
 
     @property
     def singular(self) -> bool:
@@ -84,7 +89,9 @@ def _found(search: Search, start: FloatArray, rng: np.random.Generator, n_start:
     equal = [values for values, chi2 in finished if chi2 <= enough]
     twins = [twin for values in equal for twin in _relabelled(search, values) if search.chi2(twin) <= enough]
     values = min([*equal, *twins], key=lambda candidate: _distance(search, candidate, start))
-    return _polished(search, values, n_start=len(tried), n_same=len(equal))
+    ranked = [*twins, *(point for point, _ in sorted(finished, key=lambda end: end[1]))]
+    others = np.array([point for point in ranked if point is not values]).reshape(-1, start.size)
+    return _polished(search, values, others, n_start=len(tried), n_same=len(equal))
 
 
 def _relabelled(search: Search, values: FloatArray) -> list[FloatArray]:
@@ -110,11 +117,27 @@ def fit_optimum(problem: Problem, *, rng: np.random.Generator) -> Fit:
     """The posterior mode of a problem with a user's own curve, as `fit_least_squares` returns it, but found from afar."""
     best = find_optimum(problem, problem.start(), rng=rng)
     fit = fit_least_squares(problem, rng=rng, n_start=1, start=best.values)
+    others = _other_solutions(problem, fit, best, rng)
     if not problem.noise_names and not np.any(best.at_bound):
         sds = np.where(np.isfinite(fit.sds), np.sqrt(np.diag(best.cov)), np.nan)
         fit = replace(fit, values=best.values, cov=best.cov, sds=sds, singular=best.singular)
     words = fit.message if fit.singular or not fit.success else f"settled; {best.n_same} of {best.n_start} starts led to this optimum"
-    return replace(fit, n_start=best.n_start, n_same=best.n_same, message=words)
+    return replace(fit, n_start=best.n_start, n_same=best.n_same, message=words, others=others)
+
+
+def _other_solutions(problem: Problem, fit: Fit, best: Optimum, rng: np.random.Generator) -> FloatArray:
+    """(n_other, n_par) optima not much worse than that of `fit`, far from it, that no start has ruled out."""
+    curvature = np.sqrt(np.diag(fit.cov))
+    scale = np.where(curvature > 0.0, curvature, np.inf)
+    chosen = np.array([isinstance(p.prior, Flat) for p in problem.parameters])
+    found = []
+    for point in far_apart(fit.values, list(best.others), scale)[:_MOST_OTHERS]:
+        other = fit_least_squares(problem, rng=rng, n_start=1, start=point)
+        worse = float(np.diff(fit.posterior.log_density(np.vstack([other.values, fit.values])))[0])
+        twin = abs(worse) < 1e-3 and not np.any(np.abs(other.values - fit.values)[~chosen] > 3.0 * scale[~chosen])
+        if worse < WITHIN_REACH and not twin:
+            found.append(other.values)
+    return far_apart(fit.values, found, scale)
 
 
 def _descend(search: Search, start: FloatArray) -> FloatArray:
@@ -203,7 +226,7 @@ def _distance(search: Search, values: FloatArray, other: FloatArray) -> float:
     return float(np.sum(np.where(a * b < 0.0, 100.0, 0.0) + factors**2) + 30.0 * signs)
 
 
-def _polished(search: Search, values: FloatArray, *, n_start: int, n_same: int) -> Optimum:
+def _polished(search: Search, values: FloatArray, others: FloatArray, *, n_start: int, n_same: int) -> Optimum:
     """Gauss-Newton steps from `values` while they help; parameters on a bound that they would cross stay there."""
     step_size, chi2 = math.inf, search.chi2(values)
     free = search.free
@@ -237,7 +260,7 @@ def _polished(search: Search, values: FloatArray, *, n_start: int, n_same: int) 
     cov, condition = _covariance(jacobian[:, moving])
     full = np.zeros((values.size, values.size))
     full[np.ix_(moving, moving)] = cov
-    return Optimum(values, full, chi2, step_size, max(_SETTLED, left), condition, near, n_start, n_same)
+    return Optimum(values, full, chi2, step_size, max(_SETTLED, left), condition, near, n_start, n_same, others)
 
 
 def _near_bound(search: Search, values: FloatArray, gradient: FloatArray) -> NDArray[np.bool_]:

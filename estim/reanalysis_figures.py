@@ -8,6 +8,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter
 
+from estim.bands import curve_draws
 from estim.figures import BLUE, COLOURS, GREY, INK, ORANGE, grid, new_figure
 from estim.labels import label
 from estim.limits import Narrowing
@@ -24,8 +25,12 @@ def overlay_figure(body: BodyAnalysis, *, synthetic: bool) -> Figure:
         if band is not None:
             ax.fill_between(band.x, band.mc_low, band.mc_high, color=ORANGE, alpha=0.35, lw=0, label="stated inputs propagated, 68 %")
             ax.plot(band.x, band.value, color=ORANGE, lw=1.2, label="curve at the stated inputs")
-        ax.fill_between(bands.x, *bands.credible[0.68], color=BLUE, alpha=0.6, lw=0)
-        ax.plot(bands.x, bands.median, color=BLUE, lw=1.0, label="posterior, median and 68 % band")
+        if body.joint.diagnosis.ok:
+            ax.fill_between(bands.x, *bands.credible[0.68], color=BLUE, alpha=0.6, lw=0)
+            ax.plot(bands.x, bands.median, color=BLUE, lw=1.0, label="posterior, median and 68 % band")
+        else:
+            mode = curve_draws(body.joint.problem, run, bands.x, body.joint.fit.values[None, :])[0][0]
+            ax.plot(bands.x, mode, color=BLUE, lw=1.0, label=f"most probable curve ({body.joint.diagnosis.status}: no band)")
         ax.plot(run.x, run.y, "o", color=INK, ms=2.2, label="data used", zorder=5)
         ax.set(xlabel=run.x_label, ylabel=run.y_label, xlim=(0.0, None), ylim=(0.0, None))
         ax.set_title(run.name + (" (SYNTHETIC data)" if synthetic else ""), fontsize=9)

@@ -101,21 +101,21 @@ def reanalysis_result(r: Reanalysis) -> ReanalysisResult:
 
 
 def _body(r: Reanalysis, body: BodyAnalysis) -> BodySummary:
-    table = body.narrowing
+    table, ok = body.narrowing, body.joint.diagnosis.ok
     return BodySummary(
         gamma_masses=None if body.gamma_masses is None else to_value(body.gamma_masses), gamma_origin=gamma_origin(r.campaign, body.body),
         joint=result_of(r.campaign, body.joint),
-        energies={e.run: summarise_energy(e) for e in body.energies}, drift=summarise_drift(body.drift),
+        energies={e.run: summarise_energy(e) for e in body.energies if ok}, drift=summarise_drift(body.drift),
         bands={
             b.run: BandSummary(
                 float(np.nanmedian(b.ratio)), float(np.nanmax(b.ratio)), b.inside[0.68], b.inside[0.95], float(np.nanmax(b.linear_off)), list(b.held),
                 [(stretch.start, stretch.stop, stretch.name) for stretch in b.budget.stretches],
             )
-            for b in body.propagated
+            for b in body.propagated if ok
         },
-        runs_in_order=list(table.runs), u_with_runs={name: table.u[:, i].tolist() for i, name in enumerate(table.names)},
-        u_single={name: table.u_single[:, i].tolist() for i, name in enumerate(table.names)},
-        limits={name: [LimitSummary(x.group, x.u, x.u_known) for x in body.limits if x.parameter == name] for name in table.names},
+        runs_in_order=list(table.runs), u_with_runs={name: table.u[:, i].tolist() for i, name in enumerate(table.names) if ok},
+        u_single={name: table.u_single[:, i].tolist() for i, name in enumerate(table.names) if ok},
+        limits={name: [LimitSummary(x.group, x.u, x.u_known) for x in body.limits if x.parameter == name] for name in table.names if ok},
     )
 
 
@@ -123,15 +123,17 @@ def reanalysis_report(r: Reanalysis) -> dict[str, bytes]:
     """`report.md`, `result.json` and `figures/*.png`."""
     result = reanalysis_result(r)
     synthetic = r.campaign.kind == "synthetic"
-    drawn = {
-        "narrowing": reanalysis_figures.narrowing_figure([body.narrowing for body in r.bodies], synthetic=synthetic),
-        "widths": reanalysis_figures.width_figure(r.bodies, synthetic=synthetic),
-    }
+    drawn = {}
+    trusted = [body for body in r.bodies if body.joint.diagnosis.ok]
+    if trusted:
+        drawn["narrowing"] = reanalysis_figures.narrowing_figure([body.narrowing for body in trusted], synthetic=synthetic)
+        drawn["widths"] = reanalysis_figures.width_figure(trusted, synthetic=synthetic)
     if r.line is not None:
         drawn["line"] = line_figure(r.line, synthetic=synthetic)
     for body in r.bodies:
         drawn[f"phase-{body.body}"] = reanalysis_figures.overlay_figure(body, synthetic=synthetic)
-        drawn[f"energy-{body.body}"] = energy_figure(body.energies, synthetic=synthetic, title=body.body)
+        if body in trusted:
+            drawn[f"energy-{body.body}"] = energy_figure(body.energies, synthetic=synthetic, title=body.body)
         drawn[f"residuals-{body.body}"] = figures.residual_figure(body.joint.problem.runs, body.joint.goodness, synthetic=synthetic)
         drawn[f"corner-{body.body}"] = figures.corner_figure(body.joint)
     files = {f"figures/{name}.png": figures.png(figure) for name, figure in drawn.items()}
@@ -146,7 +148,8 @@ def reanalysis_text(result: ReanalysisResult) -> str:
     return render(
         "reanalysis.md.j2", result=result, kind=KINDS[result.kind], line=None if result.line is None else line_values(result.line),
         shown=shown, symbol=lambda name: label(name, "1").symbol, rows={name: _rows(body.joint) for name, body in result.bodies.items()},
-        singles=_singles(result), limit_words=limit_words, percent=percent, drift_words=drift_words,
+        trusted=any(body.joint.status == "ok" for body in result.bodies.values()), singles=_singles(result),
+        limit_words=limit_words, percent=percent, drift_words=drift_words,
         notes=list(dict.fromkeys(note for body in result.bodies.values() for note in body.joint.notes)),
     )
 

@@ -24,6 +24,7 @@ from estim.pipeline import Analysis
 from estim.quantity import format_quantity, format_rounded
 from estim.rendering import render
 from estim.result import ParameterSummary, Result, result_of, to_json
+from estim.sampling import CRITERIA_MET
 from estim.scrutiny import scrutinise
 
 _PRIOR_DOMINATED = 0.8
@@ -45,6 +46,7 @@ class Row:
     narrowing: str
     rhat: str
     ess: str
+    mcse: str
 
 
 def analysis_report(campaign: Campaign, analysis: Analysis) -> dict[str, bytes]:
@@ -64,7 +66,7 @@ def analysis_report(campaign: Campaign, analysis: Analysis) -> dict[str, bytes]:
         drawn["figures/consistency.png"] = forest_figure(analysis.consistency, synthetic=synthetic)
     if analysis.problem.n_par > 1:
         drawn["figures/ridge.png"] = ridge_figure(analysis.fit, analysis.identifiability, analysis.chain.thinned(_RIDGE_DRAWS))
-    consistency = "" if analysis.consistency is None else consistency_text(analysis.consistency)
+    consistency = "" if analysis.consistency is None else consistency_text(analysis.consistency, limits_only=not analysis.diagnosis.ok)
     files = {name: figures.png(figure) for name, figure in drawn.items()}
     files["report.md"] = analysis_text(result, scrutiny.section, consistency).encode()
     files["result.json"] = to_json(result)
@@ -80,9 +82,19 @@ def analysis_text(result: Result, section: IdentifySection, consistency: str) ->
         result=result, kind=KINDS[result.kind], status_words=STATUS_WORDS[result.status], rows=rows,
         correlation=_correlation_table(result), derived=_derived_rows(result), limits=_what_limits(result),
         reject_below=REJECT_BELOW, ends=_turning_rows(result), identify=section, meaningless=result.status in MEANINGLESS,
-        consistency=consistency, axes=axes,
+        consistency=consistency, axes=axes, limits_only=result.status != "ok", converged=result.sampling.message == CRITERIA_MET,
+        corner_words=_corner_words(list(result.parameters), len(result.runs)),
         picture=" and ".join(f"{y} against {x}" for x, y in axes),
     )
+
+
+def _corner_words(names: Sequence[str], n_run: int) -> str:
+    """Which parameters the figure of the joint posterior leaves out, in words."""
+    left_out = len(names) - figures.MAX_CORNER
+    if left_out <= 0:
+        return ""
+    chosen = "what the runs share first" if n_run > 1 else "the first ones"
+    return f" Only {figures.MAX_CORNER} of the {len(names)} parameters are drawn, {chosen}; the table above and `result.json` have them all."
 
 
 def index_report(campaign: Campaign, results: Mapping[str, Result]) -> dict[str, bytes]:
@@ -119,6 +131,7 @@ def parameter_row(name: str, p: ParameterSummary, result: Result) -> Row:
         fit=fit, posterior=value_cell(p, shown, lopsided=sd is None), interval=interval_cell(p, shown),
         narrowing="" if not p.prior_sd or p.sd is None else f"{p.sd / p.prior_sd:.2f}",
         rhat="n/a" if p.rhat is None else f"{p.rhat:.4f}", ess=f"{p.ess_bulk or 0:.0f} / {p.ess_tail or 0:.0f}",
+        mcse="n/a" if p.mcse is None else f"{p.mcse * shown.factor:.2g} {'' if shown.unit == '1' else shown.unit}".strip(),
     )
 
 

@@ -99,7 +99,7 @@ class RunSummary(msgspec.Struct, frozen=True):
     scatter_ratio: float | None
     robust: bool
     outliers: list[Outlier]
-    what: str  # "speeds" or "positions"
+    what: str  # what was fit: "speeds", "positions", ...
     derived: dict[str, Summary]
 
 
@@ -236,12 +236,22 @@ def _run(campaign: Campaign, analysis: Analysis, i: int) -> RunSummary:
         file=campaign.tables[run.name].file, x=run.x_label, y=run.y_label, n_obs=run.n_obs, noise=noise, excluded=list(run.excluded),
         checks={name: CheckSummary(c.statistic, c.p_value, c.meaning) for name, c in goodness.checks.items()},
         scatter_ratio=number(goodness.scatter_ratio), robust=run.noise.tails.robust, outliers=_outliers(analysis, run),
-        what="positions" if run.noise.positions else "speeds" if run.origin is not None else "points",
+        what=_what(run),
         derived={
             name: trusted(summarise(np.ravel(d.values), unit=d.unit, meaning=d.meaning), analysis.diagnosis)
             for name, d in derived.items() if np.size(d.values) > 1
         },
     )
+
+
+def _what(run: Observations) -> str:
+    """The measured numbers, in one word or two."""
+    if run.origin is None:
+        return "points"
+    turned = run.y_unit.startswith("rad")
+    if run.noise.positions:
+        return "angles" if turned else "positions"
+    return "angular rates" if turned else "speeds"
 
 
 def _outliers(analysis: Analysis, run: Observations) -> list[Outlier]:

@@ -30,6 +30,8 @@ _FIRST_CHECK = 120  # steps, with a proposal
 _PROPOSAL_SHARE, _LEAST_SHARE = 0.8, 0.1  # of the moves: for a proposal whose weights are even, and for one that cannot be trusted
 _GOOD_EFFICIENCY = 0.3  # effective share of its draws from which a proposal gets the full share of moves
 
+CRITERIA_MET = "all criteria are met"
+
 Progress = Callable[[int, str], None]
 """Called with the steps done so far and a few words on how far sampling is."""
 
@@ -241,7 +243,7 @@ def _judge(draws: FloatArray, target: Target, *, n_step: int, tau: float, tau_be
         lacking.append(f"{n_step} steps are fewer than {target.n_tau:.0f} autocorrelation times of {tau:.1f}")
     if not moved < 0.1:
         lacking.append("the autocorrelation time has not settled")
-    message = "; ".join(lacking) or "all criteria are met"
+    message = "; ".join(lacking) or CRITERIA_MET
     return Convergence(n_step, rhat, bulk, tail, tau, moved, not lacking, message)
 
 

@@ -1,0 +1,184 @@
+"""Every status is produced from real trouble, through the command line, beside the same campaign without it; and a bad one gives no number away."""
+
+from __future__ import annotations
+
+import json
+import re
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+from troubles import TROUBLES, Disk, Formula, Trouble, uniform
+
+from estim import pipeline
+from estim.campaign import load_campaign
+from estim.certify import Certificate, certify
+from estim.cli import cli
+from estim.diagnosis import MEANINGLESS, STATUSES
+from estim.figures import phase_figure
+from estim.pipeline import Analysis, analyse
+from estim.problem import Posterior
+from estim.proposal import Proposal
+from estim.sampling import Target
+
+NAMED = ("mean", "sd", "median", "q025", "q16", "q84", "q975")
+
+
+@dataclass(frozen=True)
+class Written:
+    """What `estim fit` left behind."""
+
+    exit_code: int
+    output: str
+    report: str
+    result: dict
+
+
+def fit(campaign: Disk | Formula, folder: Path, *options: str) -> Written:
+    done = CliRunner().invoke(cli, ["fit", str(campaign.write(folder)), "--out", str(folder / "out"), *options])
+    return Written(done.exit_code, done.output, (folder / "out" / "report.md").read_text(), json.loads((folder / "out" / "result.json").read_text()))
+
+
+def tables(report: str) -> list[list[list[str]]]:
+    """The cells of each table of a Markdown text, its head first."""
+    blocks = re.findall(r"(?:^\|.*\n)+", report, re.MULTILINE)
+    return [[[cell.strip() for cell in line.strip("|").split("|")] for line in block.splitlines()] for block in blocks]
+
+
+def assert_no_headline(written: Written, status: str) -> None:
+    """No mean, sd or value with an uncertainty anywhere, but in what was stated before; limits where the draws mean anything."""
+    result, report = written.result, written.report
+    assert "## No headline number" in report
+    assert "## Result" not in report
+    for table in tables(report):
+        for row in table[1:]:
+            assert not any("±" in cell for head, cell in zip(table[0], row, strict=True) if head != "stated before (prior)"), row
+        assert not {"posterior", "posterior sd", "ratio", "all", "least squares (mode ± sd)"} & set(table[0])
+    assert "n/a" not in report
+    assert set(result["fit"]["sds"].values()) == {None}
+    derived = [d for run in result["runs"].values() for d in run["derived"].values()]
+    for summary in [*result["parameters"].values(), *result["turning_point"].values(), *derived]:
+        assert summary["mean"] is None
+        assert summary["sd"] is None
+        assert (summary["q025"] is None) == (status in MEANINGLESS)
+        if status in MEANINGLESS:
+            assert all(summary[name] is None for name in NAMED)
+    assert ("not even a limit" in report) == (status in MEANINGLESS)
+    assert ("95 % of the profile" in report) == (status not in MEANINGLESS)
+
+
+@pytest.mark.parametrize("name", TROUBLES)
+def test_trouble_leads_to_its_status_and_to_no_headline_number(name: str, tmp_path: Path) -> None:
+    trouble: Trouble = TROUBLES[name]
+    written = fit(trouble.campaign, tmp_path, *trouble.options)
+    assert written.exit_code == 3
+    assert written.result["status"] == trouble.status
+    assert f"r: {trouble.status}" in written.output
+    assert f"**Status: {trouble.status}**" in written.report
+    assert any(re.search(trouble.reason, reason) for reason in written.result["reasons"]), written.result["reasons"]
+    assert any(trouble.advice in advice for advice in written.result["advice"])
+    for words in written.result["reasons"] + written.result["advice"]:
+        assert f"- {words}\n" in written.report
+        assert words in written.output or words in written.result["advice"]
+    assert_no_headline(written, trouble.status)
+
+
+@pytest.mark.parametrize("name", TROUBLES)
+def test_without_the_trouble_the_status_is_ok(name: str, tmp_path: Path) -> None:
+    campaign = load_campaign(TROUBLES[name].healthy.write(tmp_path))
+    analysis = analyse(campaign, ["r"], seed=1, target=Target(ess=2000.0))
+    assert analysis.diagnosis.status == "ok", analysis.diagnosis.reasons
+
+
+def test_all_statuses_are_produced_here() -> None:
+    assert {trouble.status for trouble in TROUBLES.values()} | {"methods-disagree", "ok"} == set(STATUSES)
+
+
+@pytest.mark.parametrize(("widened", "expected"), [(1.0, "ok"), (1.2, "methods-disagree")])
+def test_certificate_of_another_density_disagrees(widened: float, expected: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The two computations get densities that differ by a power: standard deviations 10 % apart."""
+
+    @dataclass(frozen=True, eq=False)
+    class Tempered:
+        posterior: Posterior
+
+        @property
+        def names(self) -> tuple[str, ...]:
+            return self.posterior.names
+
+        def log_density(self, draws: np.ndarray) -> np.ndarray:
+            return self.posterior.log_density(draws) / widened
+
+    def certify_another(posterior: Posterior, proposal: Proposal, *, rng: np.random.Generator) -> Certificate:
+        return certify(Tempered(posterior), proposal, rng=rng)
+
+    monkeypatch.setattr(pipeline, "certify", certify_another)
+    written = fit(Disk(), tmp_path)
+    assert written.result["status"] == expected
+    assert written.exit_code == (0 if expected == "ok" else 3)
+    if expected != "ok":
+        assert any(re.search(r"chain and importance sampling differ in the standard deviation of", r) for r in written.result["reasons"])
+        assert any("one of two computations of the same thing is wrong" in advice for advice in written.result["advice"])
+        assert_no_headline(written, expected)
+
+
+@pytest.fixture(scope="module")
+def healthy(tmp_path_factory: pytest.TempPathFactory) -> Analysis:
+    return analyse(load_campaign(Disk().write(tmp_path_factory.mktemp("ok"))), ["r"], seed=1, target=Target(ess=1000.0))
+
+
+@pytest.mark.parametrize("status", STATUSES)
+def test_only_an_ok_result_has_bands(status: str, healthy: Analysis) -> None:
+    ax = phase_figure(replace(healthy, diagnosis=replace(healthy.diagnosis, status=status)), synthetic=True).axes[0]
+    texts = [text.get_text() for text in ax.get_legend().get_texts()]
+    assert bool(ax.collections) == (status == "ok")
+    assert any("%" in text for text in texts) == (status == "ok")
+    assert ax.get_title().endswith(")" if status == "ok" else status)
+
+
+def test_draws_that_mean_nothing_come_before_any_other_status() -> None:
+    """Else a result "at-bound" would quote limits from draws that cannot be trusted."""
+    assert set(STATUSES[: len(MEANINGLESS)]) == set(MEANINGLESS)
+
+
+def test_bad_runs_have_no_numbers_in_the_index(tmp_path: Path) -> None:
+    path = Disk(gamma="0.0", phi='"-5.5(1)"', theta0='"20.0(15)"', true_phi=-5.5, true_theta0=20.0).write(tmp_path)
+    text = path.read_text()
+    second = text[text.index("[[runs]]") :].replace('name = "r"', 'name = "eccentric"').replace('body = "b"', 'body = "c"')
+    body = '[bodies.c]\nradius_m = 0.15\ngamma = "0.187(10)"\nkappa = "0.45(2)"\n'
+    path.write_text(text.replace("[[runs]]", f"{body}[[runs]]") + second)
+    done = CliRunner().invoke(cli, ["fit", str(path), "--out", str(tmp_path / "out")])
+    assert done.exit_code == 3
+    rows = {row[0]: row[1:] for row in tables((tmp_path / "out" / "report.md").read_text())[0]}
+    assert rows["[r](r/report.md)"][0] == "poor-fit"
+    assert set(rows["[r](r/report.md)"][1:]) == {"—"}
+    assert rows["[eccentric](eccentric/report.md)"][0] == "ok"
+    assert any("±" in cell for cell in rows["[eccentric](eccentric/report.md)"])
+
+
+@pytest.mark.parametrize(("kappa", "modes"), [("0.45", 2), (uniform(0.3, 0.6), 2)])
+def test_two_modes_are_told_from_a_bent_ridge(kappa: str, modes: int, tmp_path: Path) -> None:
+    """The ridge of the flat direction is bent, so that straight lines between its ends leave it; the two angles of release are no ridge."""
+    few = load_campaign(Disk("0.187", kappa, "4.0", uniform(10.0, 170.0), "window = {x_min_m = 0.0, x_max_m = 0.05}").write(tmp_path))
+    assert len(analyse(few, ["r"], seed=1, target=Target(ess=1000.0)).modes.values) == modes
+    flat = load_campaign(TROUBLES["flat direction"].campaign.write(tmp_path))
+    found = analyse(flat, ["r"], seed=1, target=Target(ess=1000.0))
+    ends = [end for end in found.fit.others if _dips(found, end)]
+    assert ends
+    assert len(found.modes.values) == 1
+
+
+def _dips(found: Analysis, end: np.ndarray) -> bool:
+    heights = found.fit.posterior.log_density(found.fit.values + np.linspace(0.0, 1.0, 65)[:, None] * (end - found.fit.values))
+    return bool(heights.min() < min(heights[0], heights[-1]) - 2.0)
+
+
+def test_start_chooses_between_solutions_where_no_prior_does(tmp_path: Path) -> None:
+    """a and -a give the same curve: a start says which is meant, a range that holds both does not."""
+    for start in (1.0, -1.0):
+        campaign = load_campaign(Formula("a**2*x", f"a = {{start = {start}}}", lambda x: 4.0 * x).write(tmp_path))
+        found = analyse(campaign, ["r"], seed=1, target=Target(ess=1000.0))
+        assert found.diagnosis.status == "ok"
+        assert found.fit.values[0] == pytest.approx(2.0 * start, rel=0.01)
