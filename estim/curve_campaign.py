@@ -17,7 +17,6 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from types import MappingProxyType
 
 import numpy as np
@@ -46,7 +45,7 @@ from estim.observing import shape_of
 from estim.priors import LogNormal, Prior
 from estim.problem import Observations, Parameter, Problem
 from estim.quantity import Quantity
-from estim.run import Run
+from estim.run import Run, run_of_table
 from estim.systematic import Component, DistortedCurve
 from estim.table import read_table
 
@@ -228,7 +227,7 @@ def read_curve_study(source: CampaignFile) -> tuple[CurveStudy, Mapping[str, Run
 
 
 def _read_run(study: CurveStudy, run: CurveRunTable) -> Run:
-    path = study.source.path.parent / Path(run.file)
+    path = study.source.file_of(study.runs.index(run))
     errors = [entry for entry in (run.u_y, study.table.u_y) if entry is not None][:1]
     errors += [entry for entry in (run.u_x, study.table.u_x) if entry is not None][:1]
     columns = [entry.column for entry in errors if isinstance(entry, ReadingErrorTable) and entry.column is not None]
@@ -240,7 +239,7 @@ def _read_run(study: CurveStudy, run: CurveRunTable) -> Run:
     for column in columns:
         if np.any(table.columns[column] <= 0.0):
             raise table.error("must be > 0", column, int(np.argmax(table.columns[column] <= 0.0)))
-    return Run(name=run.name, file=table.file, sha256=table.sha256, columns=table.columns, lines=table.lines)
+    return run_of_table(table, run.name)
 
 
 def _roughness(y: FloatArray) -> float:

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from estim.certify import Comparison
 from estim.consistency import Consistency
 from estim.fitting import Fit
-from estim.goodness import REJECT_BELOW, SCATTER_LIMIT, Goodness
+from estim.goodness import P_FLOOR, REJECT_BELOW, SCATTER_LIMIT, Goodness
 from estim.identifiability import Identifiability
 from estim.line import LineFit
 from estim.line_intervals import SlopeInterval
@@ -27,6 +27,13 @@ FloatArray = NDArray[np.float64]
 
 _FLAT = 0.05  # curvature of the log prior along a direction, 1 for a normal prior, below which it does not hold it
 
+_TOO_LARGE = (
+    "the residuals look random, only larger than stated: if nothing in the file explains it, let the data say how large the errors are, "
+    "by a prior in place of the number, for example sigma_x_m = {prior = \"log-normal\", median = 0.001, log_sd = 1.0} "
+    "(in a [curve] table leave u_y out)"
+)
+
+_NOT_RANDOM = "look at the residuals: a bad frame, a wrong window, or physics that the curve lacks; the uncertainties assume random errors"
 STATUSES = ("not-converged", "multimodal", "not-identified", "at-bound", "poor-fit", "methods-disagree", "ok")  # gravest first
 
 MEANINGLESS = ("not-converged", "methods-disagree")  # the draws themselves cannot be trusted: not even limits
@@ -189,8 +196,8 @@ def _goodness(goodness: Sequence[Goodness]) -> list[Finding]:
             check = run.checks[name]
             findings.append(
                 Finding(
-                    "poor-fit", f"run {run.run}: {check.meaning} (test '{name}', p = {check.p_value:.1g})",
-                    "look at the residuals: a bad frame, a wrong window, or physics that the curve lacks; the uncertainties assume random errors",
+                    "poor-fit", f"run {run.run}: {check.meaning} (test '{name}', {_p(check.p_value)})",
+                    _TOO_LARGE if run.only_too_large else _NOT_RANDOM,
                 )
             )
         if run.scatter_ratio > SCATTER_LIMIT:
@@ -203,6 +210,10 @@ def _goodness(goodness: Sequence[Goodness]) -> list[Finding]:
     return findings
 
 
+def _p(p: float) -> str:
+    return f"p < {P_FLOOR:.1g}" if p <= P_FLOOR else f"p = {p:.1g}"
+
+
 def _notes(fit: Fit, goodness: Sequence[Goodness]) -> list[str]:
     notes = []
     if fit.n_same < fit.n_start:
@@ -210,7 +221,7 @@ def _notes(fit: Fit, goodness: Sequence[Goodness]) -> list[str]:
     for good in goodness:
         chi2 = good.checks.get("chi2")
         if chi2 is not None and chi2.p_value > 1.0 - REJECT_BELOW:
-            p = f"p = {1.0 - chi2.p_value:.1g}"
+            p = _p(1.0 - chi2.p_value)
             notes.append(f"run {good.run}: the residuals are smaller than the stated noise ({p}): is the stated sigma too large?")
         if good.scatter_ratio > 3.0:
             notes.append(f"run {good.run}: the inferred scatter is {good.scatter_ratio:.1f} times what the instrument explains")

@@ -7,6 +7,8 @@ release, and looked at for what is suspicious (`suspicion`).  `docs/tracker.md` 
 from __future__ import annotations
 
 import math
+import re
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
@@ -18,6 +20,7 @@ from estim.errors import InputError
 from estim.quantity import Quantity
 from estim.ramp import Ramp, run_along
 from estim.suspicion import suspicions
+from estim.table import IMPORTED
 from estim.track import Track, Unit
 from estim.tracker import read_tracker
 from estim.tracker_export import is_export, read_export
@@ -147,6 +150,15 @@ def _tilt(ramp: Ramp) -> tuple[str, ...]:
     return (f"tilt of the fitted line {value:.3f} deg against the x axis, positive uphill, {uncertainty}",)
 
 
+def stated_tilt(facts: Sequence[str]) -> Quantity | None:
+    """The tilt (rad) that the facts of an imported track state, as `import_track` words it; None where they do not."""
+    number = r"(-?\d{1,4}\.\d{3})"
+    for fact in facts:
+        if found := re.match(rf"tilt of the fitted line {number} deg .* standard uncertainty {number} deg", fact):
+            return Quantity(math.radians(float(found[1])), math.radians(abs(float(found[2]))))
+    return None
+
+
 def run_table(imported: Imported) -> bytes:
     """The CSV file of a run, with where it comes from in its head; columns that begin with _ are for people."""
     across = imported.ramp.across
@@ -156,6 +168,6 @@ def run_table(imported: Imported) -> bytes:
     if imported.track.frames is not None:
         columns["_frame"] = [str(n) for n in imported.track.frames[imported.rows].tolist()]
     head = [f"# {fact}" for fact in imported.facts] + [f"# warning: {warning}" for warning in imported.warnings]
-    lines = ["# made by estim import", *(" ".join(line.split()) for line in head), ",".join(columns)]
+    lines = [IMPORTED, *(" ".join(line.split()) for line in head), ",".join(columns)]
     lines += [",".join(row) for row in zip(*columns.values(), strict=True)]
     return ("\n".join(lines) + "\n").encode()

@@ -143,7 +143,7 @@ def test_shared_errors_are_one_parameter_of_all_runs(folder: Path, rng: np.rando
         ('"t_s"', '"time"', r"'t_s' is not a column name"),
         ('"u_V"', '"t_s"', r"'y' must name another column"),
         ('unit = "s", meaning', 'unit = "$s$", meaning', r":10: 'tau' must have a short unit"),
-        ("first.csv", "none.csv", r"none.csv: cannot be read"),
+        ("first.csv", "none.csv", r"campaign\.toml:\d+: 'file' cannot be found .*none.csv"),
         ("[[runs]]\nname = \"first\"", "[shared]\ng = 9.81\n[[runs]]\nname = \"first\"", r":12: 'shared' does not go with a \[curve\] table"),
         ('name = "second"', 'name = "first"', r"'name' must be unique"),
     ],
