@@ -128,9 +128,9 @@ def _check(choices: Choices, file: str) -> None:
 def _release(track: Track, ramp: Ramp, release: str | float) -> tuple[int, float, str]:
     """The first row, the position that is zero there, and both in words."""
     if release == "keep":
-        return 0, 0.0, "x = 0 at the origin of the axes, as in the file"
+        return 0, 0.0, "x_m = 0 at the origin of the axes, as in the file"
     if release == "first":
-        return 0, float(ramp.along[0]), f"x = 0 at the first point, t = {track.t[0]:.8g} s, {ramp.along[0]:.6g} m from the origin of the axes"
+        return 0, float(ramp.along[0]), f"x_m = 0 at the first point, t = {track.t[0]:.8g} s, {ramp.along[0]:.6g} m from the origin of the axes"
     time = float(release)
     steps = float(np.median(np.diff(track.t)))
     if not math.isfinite(time) or not track.t[0] - steps <= time <= track.t[-1]:
@@ -138,7 +138,7 @@ def _release(track: Track, ramp: Ramp, release: str | float) -> tuple[int, float
     row = int(np.argmin(np.abs(track.t - time)))
     if track.t.size - row < _MIN_ROWS:
         raise InputError(f"must leave at least {_MIN_ROWS} points", field="release", value=time, file=track.file)
-    words = f"x = 0 at the release stated, t = {track.t[row]:.8g} s, {ramp.along[row]:.6g} m from the origin of the axes"
+    words = f"x_m = 0 at the release stated, t = {track.t[row]:.8g} s, {ramp.along[row]:.6g} m from the origin of the axes"
     return row, float(ramp.along[row]), words + (f"; {row} earlier points left out" if row else "")
 
 
