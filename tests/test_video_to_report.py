@@ -1,8 +1,9 @@
-"""From a file of the program Tracker to a report by the command line, on real runs; every number is compared with one found without estim."""
+"""From a file of the program Tracker to a report (docs/from-video-to-report.md), on real runs; every number beside one found without estim."""
 
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
 
 import numpy as np
@@ -14,40 +15,11 @@ from estim.cli import cli
 from estim.fitting import Fit
 from estim.optimum import fit_optimum
 
-FALL = """title = "A ball falling in a viscous liquid, its last 0.3 s"
-kind = "measured"
-[curve]
-expression = "x0 + v*(x - 1.5)"
-x = {column = "t_s", name = "time t", unit = "s"}
-y = {column = "x_m", name = "distance fallen", unit = "m"}
-window = {min = 1.33}
-[curve.parameters]
-v = {start = 0.05, low = 0.0, unit = "m/s", meaning = "speed at the end of the track"}
-x0 = {start = 0.08, unit = "m", meaning = "position at t = 1.5 s"}
-[[runs]]
-name = "a1"
-file = "a1.csv"
-"""
+PAGE = Path(__file__).parents[1] / "docs" / "from-video-to-report.md"
+FALL, SWING = re.findall(r"```toml\n(.*?)```", PAGE.read_text(), flags=re.DOTALL)
 WHOLE = FALL.replace("x0 + v*(x - 1.5)", "x0 + v*(x - 1.5) + 0.5*a*(x - 1.5)**2").replace(
-    "window = {min = 1.33}\n[curve.parameters]\n", '[curve.parameters]\na = {start = 0.0, unit = "m/s²", meaning = "acceleration"}\n'
+    "window = {min = 1.33}\n\n[curve.parameters]\n", '[curve.parameters]\na = {start = 0.0, unit = "m/s²", meaning = "acceleration"}\n'
 )
-SWING = """title = "A ball in a half-pipe"
-kind = "measured"
-[curve]
-expression = "A*exp(-b*(x - 25))*cos(2*pi*f*(x - 25) + p) + c"
-x = {column = "t_s", name = "time t", unit = "s"}
-y = {column = "x_m", name = "position", unit = "m"}
-window = {min = 25.0, max = 31.5}
-[curve.parameters]
-f = {start = 0.45, low = 0.1, high = 2.0, unit = "1/s", meaning = "frequency"}
-b = {start = 0.1, low = 0.0, unit = "1/s", meaning = "damping rate"}
-A = {start = 0.2, unit = "m", meaning = "amplitude at t = 25 s"}
-p = {start = 0.0, unit = "rad", meaning = "phase at t = 25 s"}
-c = {start = 0.5, unit = "m", meaning = "rest position"}
-[[runs]]
-name = "swing"
-file = "swing.csv"
-"""
 
 
 @pytest.fixture
@@ -163,7 +135,7 @@ def test_frequency_of_a_half_pipe_is_that_of_its_crossings_and_of_its_spectrum(
 
 @pytest.mark.slow
 def test_damped_cosine_does_not_explain_a_half_pipe_and_the_report_says_so(tracker: Path, tmp_path: Path) -> None:
-    """Friction takes a fixed step off every swing, a damped cosine a fixed share: one in five frames is enough to tell."""
+    """The share that every swing loses grows, that of a damped cosine does not: one in five frames is enough to tell."""
     t, x = imported(tracker / "halfpipe" / "Klipp0.csv", tmp_path / "swing.csv")
     (tmp_path / "swing.csv").write_text("t_s,x_m\n" + "\n".join(f"{a!r},{b!r}" for a, b in zip(t[::5].tolist(), x[::5].tolist(), strict=True)))
     done, result, report = fitted(tmp_path, SWING)
