@@ -52,8 +52,12 @@ def cli() -> None:
 @_STEPS
 @_OUT
 @_SEED
+@click.option("--marginal", is_flag=True, help="Sample a joint fit through the marginal over its runs (always done for more than 16).")
+@click.option("--compare", is_flag=True, help="Fit with every model of the noise that the data allow, and tabulate them.")
 @click.option("--resume", is_flag=True, help="Continue a fit that was interrupted, from the draws kept in OUT/.checkpoint.")
-def fit(campaign: Path, runs: tuple[str, ...], joint: bool, max_steps: int, out: Path | None, seed: int, resume: bool) -> None:
+def fit(
+    campaign: Path, runs: tuple[str, ...], joint: bool, max_steps: int, out: Path | None, seed: int, marginal: bool, compare: bool, resume: bool
+) -> None:
     """Fit runs of CAMPAIGN and write a report.
 
     Each run is fit by itself unless --joint is given.  Exit code 3 means that a result is not to be trusted; the
@@ -77,11 +81,20 @@ def fit(campaign: Path, runs: tuple[str, ...], joint: bool, max_steps: int, out:
     loaded = load_campaign(campaign)
     folder = out or Path("out") / campaign.resolve().parent.name
     groups = _groups(loaded, runs, joint=joint)
+    if marginal and not joint:
+        raise InputError("needs --joint: one run has nothing to share", field="--marginal")
+    if compare:
+        if resume or marginal:
+            raise InputError("does not go with --resume or --marginal", field="--compare")
+        _compare(loaded, groups, folder, seed=seed, max_steps=max_steps)
+        return
     stores = [Store(folder / ".checkpoint" / (f"joint-{group[0]}" if joint else group[0]), resume=resume, say=_note) for group in groups]
     results = {}
     for group, store in zip(groups, stores, strict=True):
         with _progress(", ".join(group), max_steps) as progress:
-            analysis = analyse(loaded, group, seed=seed, target=Target(max_step=max_steps), progress=progress, store=store, stop=stop)
+            analysis = analyse(
+                loaded, group, seed=seed, target=Target(max_step=max_steps), progress=progress, store=store, stop=stop, marginal=marginal or None
+            )
         place = folder if len(groups) == 1 else folder / group[0]
         _write(place, analysis_report(loaded, analysis))
         results[group[0]] = result_of(loaded, analysis)
@@ -92,6 +105,27 @@ def fit(campaign: Path, runs: tuple[str, ...], joint: bool, max_steps: int, out:
         store.remove()
     click.echo(f"report: {folder / 'report.md'}")
     if any(result.status != "ok" for result in results.values()):
+        sys.exit(NOT_OK)
+
+
+def _compare(campaign: Campaign, groups: Iterable[tuple[str, ...]], folder: Path, *, seed: int, max_steps: int) -> None:
+    """`estim fit --compare`: a table of models for each group, each model's own report beside it."""
+    from estim.compare_report import compare_report, folder_of
+    from estim.comparison import compare_noise
+    from estim.report import analysis_report
+    from estim.sampling import Target
+
+    groups, none_ok = list(groups), False
+    for group in groups:
+        compared = compare_noise(campaign, group, seed=seed, target=Target(max_step=max_steps), progress_of=lambda what: _progress(what, max_steps))
+        place = folder if len(groups) == 1 else folder / group[0]
+        for model in compared:
+            _write(place / folder_of(model.candidate.name), analysis_report(campaign, model.analysis))
+            _conclude(f"{', '.join(group)}, {model.candidate.name}", model.analysis.diagnosis.status, ())
+        _write(place, compare_report(campaign, compared, seed=seed))
+        click.echo(f"report: {place / 'report.md'}")
+        none_ok = none_ok or not any(model.analysis.diagnosis.ok for model in compared)
+    if none_ok:
         sys.exit(NOT_OK)
 
 

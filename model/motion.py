@@ -22,12 +22,13 @@ from model.phase import STANDARD_GRAVITY, effective_slope, energy_ratio, turning
 
 FloatArray = NDArray[Any]
 
-_FEWEST_NODES = 32
-_TABLE = 33  # points of the table that starts the inversion of a clock
+_FEWEST_NODES = 48
+_TABLE = 49  # points of the table that starts the inversion of a clock
 _MOST_NODES = 4096
 _NEGLIGIBLE = 1e-11  # of the largest coefficient
 _UNRESOLVED = 1e-8
 _MOST_STEPS = 80
+_SETTLED = 1e-7
 
 
 def _clock(
@@ -187,7 +188,7 @@ def _leg(
     turns = np.isfinite(stop)
     reach = np.where(turns, stop, _farthest(t, body, phi, resistance, g))
     clock = _clock(body, reach=reach, turns=turns, **keywords, n_node=n_node)
-    end = _evaluate(np.ones((reach.shape[0], 1)), clock)
+    end = np.sum(clock, axis=0)[:, None]  # every Chebyshev polynomial is 1 at z = 1
     z = _invert(t, clock, end)
     angle, _ = _substitution(z, reach, turns)
     ratio = _ratio(angle, _remainder(z, reach, turns), body, phi=phi, theta0=theta0, rolling_resistance=resistance)
@@ -200,7 +201,7 @@ def _leg(
 def _invert(t: FloatArray, clock: FloatArray, end: FloatArray) -> FloatArray:
     """z (n_draw, n_obs) at which the clock shows `t`, by Newton steps inside a bracket; nan where they do not settle."""
     pace = chebyshev.chebder(clock, axis=0)
-    low, high, z = _bracket(t, clock, np.broadcast_shapes(end.shape, t.shape))
+    low, high, z = _bracket(t, clock, pace, np.broadcast_shapes(end.shape, t.shape))
     for _ in range(_MOST_STEPS):
         ahead = _evaluate(z, clock) - t
         low, high = np.where(ahead <= 0.0, z, low), np.where(ahead >= 0.0, z, high)
@@ -209,23 +210,30 @@ def _invert(t: FloatArray, clock: FloatArray, end: FloatArray) -> FloatArray:
         z_next = np.where((newton >= low) & (newton <= high), newton, 0.5 * (low + high))
         moved = np.abs(z_next - z)
         z = z_next
-        if np.nanmax(moved, initial=0.0) < 1e-14:
+        # the error left after a Newton step is of the order of its square
+        if np.nanmax(moved, initial=0.0) < _SETTLED:
             break
-    return np.where(moved < 1e-12, z, np.nan)
+    return np.where(moved < 10.0 * _SETTLED, z, np.nan)
 
 
-def _bracket(t: FloatArray, clock: FloatArray, shape: tuple[int, ...]) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Ends of an interval that holds z and a first guess inside, from a table of the clock; (n_draw, n_obs) each."""
+def _bracket(t: FloatArray, clock: FloatArray, pace: FloatArray, shape: tuple[int, ...]) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Ends of an interval that holds z and a first guess inside, (n_draw, n_obs) each: a cubic through a table of the clock."""
     knots = np.linspace(-1.0, 1.0, _TABLE)
-    table = np.maximum.accumulate(chebyshev.chebval(knots, clock), axis=1)  # (n_draw, n_knot)
-    place = np.sum(table[:, None, 1:-1] <= np.broadcast_to(t, shape)[:, :, None], axis=2)
+    width = knots[1] - knots[0]
+    polynomials = chebyshev.chebvander(knots, clock.shape[0] - 1)
+    table = np.maximum.accumulate((polynomials @ clock).T, axis=1)  # (n_draw, n_knot)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        inverse = 1.0 / (polynomials[:, : pace.shape[0]] @ pace).T  # dz/dt
+    t = np.broadcast_to(t, shape)
+    place = np.minimum(np.array([np.searchsorted(row, times, side="right") for row, times in zip(table[:, 1:-1], t, strict=True)]), _TABLE - 2)
     rows = np.arange(shape[0])[:, None]
     before, after = table[rows, place], table[rows, place + 1]
-    width = knots[1] - knots[0]
+    low, step = knots[place], after - before
     with np.errstate(divide="ignore", invalid="ignore"):
-        share = np.clip((t - before) / (after - before), 0.0, 1.0)
-    low = knots[place]
-    z = low + width * np.where(np.isfinite(share), share, 0.5)
+        s = np.clip((t - before) / step, 0.0, 1.0)
+        rise, fall = step * inverse[rows, place], step * inverse[rows, place + 1]
+        z = low + s * (rise + s * (3.0 * width - 2.0 * rise - fall + s * (rise + fall - 2.0 * width)))
+    z = np.where((z >= low) & (z <= low + width), z, low + 0.5 * width)
     outside = (t <= table[:, :1]) | (t >= table[:, -1:])
     return np.where(outside, -1.0, low - 1e-9), np.where(outside, 1.0, low + width + 1e-9), np.clip(z, -1.0, 1.0)
 

@@ -1,0 +1,117 @@
+"""The report of several noise models side by side: `report.md`, `comparison.json` and a figure."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import msgspec
+import numpy as np
+from matplotlib.figure import Figure
+
+from estim.campaign import Campaign
+from estim.comparison import Compared
+from estim.cross_validation import INFLUENTIAL
+from estim.figures import BLUE, INK, ORANGE, new_figure, png
+from estim.labels import label
+from estim.problem import Parameter
+from estim.quantity import format_quantity
+from estim.rendering import render
+from estim.report import KINDS
+from estim.result import number, provenance
+
+_BEHIND = 4.0  # difference of elpd below which models predict alike, whatever its error
+
+
+class ComparedSummary(msgspec.Struct, frozen=True):
+    name: str
+    words: str
+    data: str
+    n_obs: int
+    status: str
+    reasons: list[str]
+    mean: dict[str, float | None]
+    sd: dict[str, float | None]
+    elpd: float | None
+    se_elpd: float | None
+    p_loo: float | None
+    behind: float | None
+    se_behind: float | None
+    log_evidence: float | None
+    u_log_evidence: float | None
+    influential: dict[str, list[float]]
+
+
+def compare_report(campaign: Campaign, compared: Sequence[Compared], *, seed: int) -> dict[str, bytes]:
+    """The files of a comparison, next to which each model's own report may stand in a folder of its name."""
+    common = _common(compared)
+    summaries = [_summary(c, common) for c in compared]
+    runs = [run.name for run in compared[0].analysis.problem.runs]
+    text = render(
+        "compare.md.j2", title=campaign.title, runs=runs, kind=KINDS[campaign.kind], rows=summaries, cells=[_cells(s, common) for s in summaries],
+        heads=[label(p.name, p.unit).symbol + ("" if p.unit == "1" else f" ({label(p.name, p.unit).unit})") for p in common],
+        influential=INFLUENTIAL, behind=_BEHIND, folder=folder_of, several_data=len({s.data for s in summaries}) > 1,
+    )
+    record = {"title": campaign.title, "kind": campaign.kind, "runs": runs, "models": summaries, "provenance": provenance(campaign, runs, seed)}
+    return {
+        "report.md": text.encode(),
+        "comparison.json": msgspec.json.format(msgspec.json.encode(record), indent=1) + b"\n",
+        "figures/comparison.png": png(_figure(summaries, common, synthetic=campaign.kind == "synthetic")),
+    }
+
+
+def folder_of(name: str) -> str:
+    """The folder of a model's own report."""
+    return name.replace(", ", "-").replace(" ", "-")
+
+
+def _common(compared: Sequence[Compared]) -> list[Parameter]:
+    """The unknowns of the curve that all models have, those that matter first as in the problem."""
+    problems = [c.analysis.problem for c in compared]
+    names = set.intersection(*(set(p.names) - p.noise_names for p in problems))
+    return [p for p in problems[0].parameters if p.name in names]
+
+
+def _summary(c: Compared, common: Sequence[Parameter]) -> ComparedSummary:
+    analysis, certificate = c.analysis, c.analysis.certificate
+    flat, ok = analysis.chain.flat, analysis.diagnosis.ok
+    columns = {p.name: flat[:, analysis.problem.names.index(p.name)] for p in common}
+    evidence = certificate if certificate is not None and certificate.reliable else None
+    return ComparedSummary(
+        name=c.candidate.name, words=c.candidate.words, data=c.data, n_obs=analysis.problem.n_obs, status=analysis.diagnosis.status,
+        reasons=list(analysis.diagnosis.reasons), mean={n: float(x.mean()) if ok else None for n, x in columns.items()},
+        sd={n: float(x.std(ddof=1)) if ok else None for n, x in columns.items()},
+        elpd=number(c.loo.elpd), se_elpd=number(c.loo.se), p_loo=number(c.loo.p_loo), behind=number(c.behind), se_behind=number(c.behind_se),
+        log_evidence=None if evidence is None else number(evidence.log_evidence),
+        u_log_evidence=None if evidence is None else number(evidence.u_log_evidence), influential=c.influential,
+    )
+
+
+def _cells(s: ComparedSummary, common: Sequence[Parameter]) -> list[str]:
+    cells = []
+    for p in common:
+        mean, sd, shown = s.mean[p.name], s.sd[p.name], label(p.name, p.unit)
+        cells.append("—" if mean is None or sd is None else format_quantity(mean * shown.factor, sd * shown.factor))
+    return cells
+
+
+def _figure(summaries: Sequence[ComparedSummary], common: Sequence[Parameter], *, synthetic: bool) -> Figure:
+    """Mean and standard deviation of each common parameter, one line a model; a model that is not ok has no bar."""
+    figure = new_figure(0.9 + 0.32 * len(summaries) * -(-len(common) // 3))
+    axes = np.atleast_1d(figure.subplots(-(-len(common) // 3), min(3, len(common)), squeeze=False)).ravel()
+    places = np.arange(len(summaries))[::-1]
+    for i, (ax, p) in enumerate(zip(axes, common, strict=False)):
+        shown = label(p.name, p.unit)
+        for place, s in zip(places, summaries, strict=True):
+            mean, sd = s.mean[p.name], s.sd[p.name]
+            if mean is not None and sd is not None:
+                colour = BLUE if s.data == "positions" else ORANGE
+                ax.errorbar(mean * shown.factor, place, xerr=sd * shown.factor, fmt="o", color=colour, ms=4, capsize=2)
+        ax.set_yticks(places, [s.name if i % 3 == 0 else "" for s in summaries], fontsize=7.5, color=INK)
+        ax.set_ylim(-0.6, len(summaries) - 0.4)
+        ax.set_xlabel(shown.axis, fontsize=9)
+        ax.tick_params(axis="x", labelsize=7.5)
+    for extra in axes[len(common) :]:
+        extra.set_visible(False)
+    title = "blue: positions, orange: speeds; bars: one posterior standard deviation"
+    figure.suptitle(title + ("; SYNTHETIC data" if synthetic else ""), fontsize=8.5)
+    return figure
