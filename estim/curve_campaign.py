@@ -93,6 +93,18 @@ class CurveStudy:
             observed.append(run)
         return Problem((*parameters.values(), *shared.values(), *noise.values()), tuple(observed))
 
+    def require_determined(self, problem: Problem, sds: FloatArray) -> None:
+        """Raises InputError where neither the data nor a prior hold a parameter, so that no posterior exists to draw from.
+
+        sds : (n_par,) standard deviations of a fit of `problem`, zero or not finite where the curve does not change with a parameter.
+        """
+        for parameter, sd in zip(problem.parameters, sds, strict=True):
+            if not math.isfinite(parameter.prior.sd) and not (math.isfinite(sd) and sd > 0.0):
+                name, _, level = parameter.name.partition("[")
+                run = [r.name for r in self.runs].index(level[:-1]) if level else 0
+                path: Place = ("runs", run, "parameters", name) if level else ("curve", "parameters", name)
+                raise self.source.places.error("is not determined by the data: give it limits (low and high), or a prior", path)
+
     def _bind(self, name: str, index: int) -> Parameter | float:
         """A parameter of the formula for one run: an unknown, or an exact value."""
         run = self.runs[index]

@@ -99,7 +99,8 @@ def ridge_figure(fit: Fit, found: Identifiability, draws: FloatArray, *, pair: t
         _draw_prior(ax, problem, (i, j), priors, factors, low, high)
     centre = fit.values[[i, j]] * factors
     arrow = weakest.vector[[i, j]] * found.prior_sds[[i, j]] * factors
-    ax.axline(tuple(centre), tuple(centre + arrow), color=GREEN, lw=1.0, ls=(0, (5, 3)), zorder=4)
+    if np.any(arrow != 0.0):
+        ax.axline(tuple(centre), tuple(centre + arrow), color=GREEN, lw=1.0, ls=(0, (5, 3)), zorder=4)
     if all(proper):  # a flat prior without limits has no standard deviation to show the size of
         ax.annotate("", xy=tuple(centre + arrow), xytext=tuple(centre), arrowprops={"arrowstyle": "-|>", "color": GREEN, "lw": 2.0}, zorder=6)
     ax.plot(*centre, "o", color=INK, ms=4, zorder=7)
