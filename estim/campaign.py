@@ -18,7 +18,7 @@ from estim.campaign_file import CampaignFile, NoiseTable, read_campaign_file
 from estim.curve_campaign import CurveStudy, read_curve_study
 from estim.errors import InputError
 from estim.labels import KINDS, table
-from estim.levels import Level, Levels, as_prior, body_levels, read_key
+from estim.levels import Level, Levels, as_prior, body_levels, noise_level, read_key
 from estim.observing import Observed, observe
 from estim.phase_curve import MotionCurve, PhaseCurve
 from estim.priors import Normal, Prior, TruncatedNormal
@@ -146,6 +146,15 @@ class Campaign:
         if self.curve is not None:
             raise self.source.places.error("has no rolling body, so only estim fit knows what to do with it", ("curve",))
 
+    def require_speeds(self, names: Sequence[str], command: str) -> None:
+        """Raises InputError where a run is not fit as speeds with normal errors, which is what `command` knows."""
+        for name in names:
+            table, path, _ = noise_level(Levels(self.source, self.run_names.index(name)))
+            if table.model == "positions":
+                raise self.source.places.error(f"must not be 'positions' for {command}, which needs speeds", (*path, "model"))
+            if table.robust is not None:
+                raise self.source.places.error(f"does not go with {command}, which takes the errors as normal", (*path, "robust"), value=table.robust)
+
 
 def _observations(name: str, observed: Observed, arguments: Mapping[str, str | float], mass: float | None, *, angular: bool) -> Observations:
     """The points of a run with the curve that explains them: positions in time, or speeds along the way."""
@@ -184,13 +193,13 @@ def load_campaign(path: str | Path) -> Campaign:
     once, so that a mistake in any of them shows at once.
     """
     source = read_campaign_file(Path(path))
-    folder = Path(path).parent
     curve = None
     tables: Mapping[str, Run]
     if source.curve is not None:
         curve, tables = read_curve_study(source)
     else:
-        tables = {run.name: read_run(folder / run.file, name=run.name, shown_as=str(folder / run.file), choices=run.choices) for run in source.runs}
+        files = {run.name: source.file_of(i) for i, run in enumerate(source.runs)}
+        tables = {run.name: read_run(files[run.name], name=run.name, shown_as=str(files[run.name]), choices=run.choices) for run in source.runs}
         tables = compare_intervals(tables)
     campaign = Campaign(source, MappingProxyType(dict(tables)), curve)
     for name in campaign.run_names:

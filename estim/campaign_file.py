@@ -159,6 +159,18 @@ class CampaignFile:
     line: LineTable | None
     curve: Mapping[str, Any] | None = None
 
+    def file_of(self, index: int) -> Path:
+        """The file of run number `index`.  Raises InputError at its line in the campaign where there is no such file."""
+        written = self.runs[index].file
+        try:
+            found = (self.path.parent / written).exists()
+        except OSError:  # a name too long
+            found = True  # its reader says why it cannot be read
+        if not found:
+            rule = "cannot be found (no such file; names are relative to the folder of the campaign file)"
+            raise self.places.error(rule, ("runs", index, "file"), value=written)
+        return self.path.parent / written
+
 
 def read_campaign_file(path: Path) -> CampaignFile:
     """The campaign file at `path`.  Raises InputError with file, line, key, rule and value."""

@@ -163,6 +163,9 @@ def line(campaign: Path, out: Path | None, seed: int) -> None:
 def _groups(campaign: Campaign, runs: Iterable[str], *, joint: bool) -> list[tuple[str, ...]]:
     """The runs that are fit together.  Raises InputError where there is none."""
     names = tuple(dict.fromkeys(runs)) or campaign.run_names
+    for name in names:
+        if name not in campaign.run_names:
+            raise InputError(f"must name one of the runs ({', '.join(campaign.run_names)})", field="--run", value=name, file=campaign.source.path)
     if not names:
         raise InputError("has no [[runs]] (estim line fits its theta_min series)", field="campaign", file=campaign.source.path)
     return [names] if joint else [(name,) for name in names]
@@ -190,7 +193,9 @@ def energy(campaign: Path, runs: tuple[str, ...], joint: bool, max_steps: int, o
     analyses: list[Analysis] = []
     records: list[EnergyRecord] = []
     drifts: list[Drift] = []
-    for group in _groups(loaded, runs, joint=joint):
+    groups = _groups(loaded, runs, joint=joint)
+    loaded.require_speeds([name for group in groups for name in group], "estim energy")
+    for group in groups:
         with _progress(", ".join(group), max_steps) as progress:
             analyses.append(analyse(loaded, group, seed=seed, target=Target(max_step=max_steps), progress=progress))
         records.extend(energy_along(analyses[-1], rng=np.random.default_rng(seed)))

@@ -17,7 +17,6 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from types import MappingProxyType
 
 import numpy as np
@@ -46,7 +45,7 @@ from estim.observing import shape_of
 from estim.priors import LogNormal, Prior
 from estim.problem import Observations, Parameter, Problem
 from estim.quantity import Quantity
-from estim.run import Run
+from estim.run import Run, run_of_table
 from estim.systematic import Component, DistortedCurve
 from estim.table import read_table
 
@@ -93,6 +92,18 @@ class CurveStudy:
             noise |= {parameter.name: parameter for parameter in unknown}
             observed.append(run)
         return Problem((*parameters.values(), *shared.values(), *noise.values()), tuple(observed))
+
+    def require_determined(self, problem: Problem, sds: FloatArray) -> None:
+        """Raises InputError where neither the data nor a prior hold a parameter, so that no posterior exists to draw from.
+
+        sds : (n_par,) standard deviations of a fit of `problem`, zero or not finite where the curve does not change with a parameter.
+        """
+        for parameter, sd in zip(problem.parameters, sds, strict=True):
+            if not math.isfinite(parameter.prior.sd) and not (math.isfinite(sd) and sd > 0.0):
+                name, _, level = parameter.name.partition("[")
+                run = [r.name for r in self.runs].index(level[:-1]) if level else 0
+                path: Place = ("runs", run, "parameters", name) if level else ("curve", "parameters", name)
+                raise self.source.places.error("is not determined by the data: give it limits (low and high), or a prior", path)
 
     def _bind(self, name: str, index: int) -> Parameter | float:
         """A parameter of the formula for one run: an unknown, or an exact value."""
@@ -228,7 +239,7 @@ def read_curve_study(source: CampaignFile) -> tuple[CurveStudy, Mapping[str, Run
 
 
 def _read_run(study: CurveStudy, run: CurveRunTable) -> Run:
-    path = study.source.path.parent / Path(run.file)
+    path = study.source.file_of(study.runs.index(run))
     errors = [entry for entry in (run.u_y, study.table.u_y) if entry is not None][:1]
     errors += [entry for entry in (run.u_x, study.table.u_x) if entry is not None][:1]
     columns = [entry.column for entry in errors if isinstance(entry, ReadingErrorTable) and entry.column is not None]
@@ -240,7 +251,7 @@ def _read_run(study: CurveStudy, run: CurveRunTable) -> Run:
     for column in columns:
         if np.any(table.columns[column] <= 0.0):
             raise table.error("must be > 0", column, int(np.argmax(table.columns[column] <= 0.0)))
-    return Run(name=run.name, file=table.file, sha256=table.sha256, columns=table.columns, lines=table.lines)
+    return run_of_table(table, run.name)
 
 
 def _roughness(y: FloatArray) -> float:

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from estim.certify import Comparison
 from estim.consistency import Consistency
 from estim.fitting import Fit
-from estim.goodness import REJECT_BELOW, SCATTER_LIMIT, Goodness
+from estim.goodness import P_FLOOR, REJECT_BELOW, SCATTER_LIMIT, Goodness
 from estim.identifiability import Identifiability
 from estim.labels import label
 from estim.line import LineFit
@@ -32,6 +32,14 @@ FloatArray = NDArray[np.float64]
 _FLAT = 0.05  # curvature of the log prior along a direction, 1 for a normal prior, below which it does not hold it
 
 _CROWD = 0.35  # share of outliers beyond which they may be another motion, and the frames called good a part of it
+
+_TOO_LARGE = (
+    "the residuals look random, only larger than stated: if nothing in the file explains it, let the data say how large the errors are, "
+    "by a prior in place of the number, for example sigma_x_m = {prior = \"log-normal\", median = 0.001, log_sd = 1.0} "
+    "(in a [curve] table leave u_y out)"
+)
+
+_NOT_RANDOM = "look at the residuals: a bad frame, a wrong window, or physics that the curve lacks; the uncertainties assume random errors"
 
 STATUSES = ("not-converged", "methods-disagree", "multimodal", "not-identified", "poor-fit", "at-bound", "ok")  # gravest first
 
@@ -202,8 +210,8 @@ def _goodness(goodness: Sequence[Goodness]) -> list[Finding]:
             check = run.checks[name]
             findings.append(
                 Finding(
-                    "poor-fit", f"run {run.run}: {check.meaning} (test '{name}', p = {check.p_value:.1g})",
-                    "look at the residuals: a bad frame, a wrong window, or physics that the curve lacks; the uncertainties assume random errors",
+                    "poor-fit", f"run {run.run}: {check.meaning} (test '{name}', {_p(check.p_value)})",
+                    _TOO_LARGE if run.only_too_large else _NOT_RANDOM,
                 )
             )
         if run.scatter_ratio > SCATTER_LIMIT:
@@ -229,6 +237,10 @@ def too_many_outliers(fit: Fit) -> list[Finding]:
     return findings
 
 
+def _p(p: float) -> str:
+    return f"p < {P_FLOOR:.1g}" if p <= P_FLOOR else f"p = {p:.1g}"
+
+
 def _notes(fit: Fit, goodness: Sequence[Goodness]) -> list[str]:
     notes = []
     if fit.n_same < fit.n_start:
@@ -236,7 +248,7 @@ def _notes(fit: Fit, goodness: Sequence[Goodness]) -> list[str]:
     for good in goodness:
         chi2 = good.checks.get("chi2")
         if chi2 is not None and chi2.p_value > 1.0 - REJECT_BELOW:
-            p = f"p = {1.0 - chi2.p_value:.1g}"
+            p = _p(1.0 - chi2.p_value)
             notes.append(f"run {good.run}: the residuals are smaller than the stated noise ({p}): is the stated sigma too large?")
         if good.scatter_ratio > 3.0:
             notes.append(f"run {good.run}: the inferred scatter is {good.scatter_ratio:.1f} times what the instrument explains")

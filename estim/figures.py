@@ -28,6 +28,7 @@ COLOURS = (BLUE, ORANGE, GREEN, PURPLE, INK, GREY)
 MARKS = ("o", "s", "^", "D", "v", "P")
 _WIDTH = 7.2
 MAX_CORNER = 7
+_MANY = 200  # points in one panel
 
 
 def png(figure: Figure) -> bytes:
@@ -87,7 +88,8 @@ def _draw_bands(ax: Axes, bands: Bands, new: str) -> None:
 
 
 def _draw_points(ax: Axes, run: Observations) -> None:
-    ax.plot(run.x, run.y, "o", color=INK, ms=3, label="data used", zorder=5)
+    many = run.n_obs > _MANY  # then points lie over one another, and under the curve
+    ax.plot(run.x, run.y, "o", color=INK, ms=1.5 if many else 3, label="data used", zorder=1.9 if many else 5)
     if run.excluded_points.size:
         left = run.excluded_points
         near = (left[:, 0] >= 0.0) & (left[:, 0] <= 1.1 * run.x.max())

@@ -28,6 +28,7 @@ FloatArray = NDArray[np.float64]
 REJECT_BELOW = 1e-3
 SCATTER_LIMIT = 10.0
 _N_SIMULATED = 20_000
+P_FLOOR = 1.0 / (1.0 + _N_SIMULATED)  # a p-value of the tests below cannot come out smaller
 
 
 @dataclass(frozen=True)
@@ -55,6 +56,11 @@ class Goodness:
     sd: FloatArray
     checks: Mapping[str, Check]
     scatter_ratio: float
+
+    @property
+    def only_too_large(self) -> bool:
+        """Whether the residuals are as random as they should be, and only larger than stated."""
+        return self.failed == ("chi2",)
 
     @property
     def failed(self) -> tuple[str, ...]:

@@ -83,6 +83,7 @@ def ridge_figure(fit: Fit, found: Identifiability, draws: FloatArray, *, pair: t
     shown = [label(problem.parameters[k].name, problem.parameters[k].unit, with_level=not single) for k in (i, j)]
     factors = np.array([s.factor for s in shown])
     points = draws[:, [i, j]] * factors
+    proper = [bool(np.isfinite(problem.parameters[k].prior.sd)) for k in (i, j)]
     priors = _prior_draws(problem, (i, j), draws) * factors
     low = np.minimum(np.quantile(points, 0.001, axis=0), np.quantile(priors, 0.005, axis=0))
     high = np.maximum(np.quantile(points, 0.999, axis=0), np.quantile(priors, 0.995, axis=0))
@@ -94,24 +95,25 @@ def ridge_figure(fit: Fit, found: Identifiability, draws: FloatArray, *, pair: t
         points[:, 0], points[:, 1], ax=ax, levels=(0.68, 0.95), color=BLUE, plot_datapoints=False, fill_contours=True, plot_density=False,
         smooth=1.3, bins=40, range=[(low[0], high[0]), (low[1], high[1])], contour_kwargs={"linewidths": 0.8},
     )
-    stated = any(np.isfinite(problem.parameters[k].prior.sd) for k in (i, j))
-    if stated:
+    if any(proper):
         _draw_prior(ax, problem, (i, j), priors, factors, low, high)
     centre = fit.values[[i, j]] * factors
     arrow = weakest.vector[[i, j]] * found.prior_sds[[i, j]] * factors
     if np.any((centre + arrow < low) | (centre + arrow > high)):  # matplotlib leaves out an arrow that ends outside: the other way, then
         arrow = -arrow
-    ax.axline(tuple(centre), tuple(centre + arrow), color=GREEN, lw=1.0, ls=(0, (5, 3)), zorder=4)
-    ax.annotate("", xy=tuple(centre + arrow), xytext=tuple(centre), arrowprops={"arrowstyle": "-|>", "color": GREEN, "lw": 2.0}, zorder=6)
+    if np.any(arrow != 0.0):
+        ax.axline(tuple(centre), tuple(centre + arrow), color=GREEN, lw=1.0, ls=(0, (5, 3)), zorder=4)
+    if all(proper):  # a flat prior without limits has no standard deviation to show the size of
+        ax.annotate("", xy=tuple(centre + arrow), xytext=tuple(centre), arrowprops={"arrowstyle": "-|>", "color": GREEN, "lw": 2.0}, zorder=6)
     ax.plot(*centre, "o", color=INK, ms=4, zorder=7)
     ax.set_xlim(low[0], high[0])
     ax.set_ylim(low[1], high[1])
     ax.set(xlabel=shown[0].axis, ylabel=shown[1].axis)
     handles = [
         Line2D([], [], color=BLUE, lw=4, alpha=0.6, label="posterior, 68 and 95 %"),
-        *([Line2D([], [], color=ORANGE, lw=1.6, label="prior, 68 and 95 %")] if stated else []),
-        Line2D([], [], color=GREEN, lw=2, label="weakest direction, one prior sd"),
-        Line2D([], [], color=GREEN, lw=1, ls="--", label="the data do not tell along this line"),
+        *([Line2D([], [], color=ORANGE, lw=1.6, label="prior, 68 and 95 %")] if any(proper) else []),
+        *([Line2D([], [], color=GREEN, lw=2, label="weakest direction, one prior sd")] if all(proper) else []),
+        Line2D([], [], color=GREEN, lw=1, ls="--", label="the data tell least along this line"),
         Line2D([], [], color=INK, marker="o", ms=4, ls="", label="fit"),
     ]
     figure.legend(handles=handles, loc="outside lower center", ncols=2, fontsize=7.5, frameon=False)
@@ -136,11 +138,13 @@ def ridge_pair(found: Identifiability, draws: FloatArray) -> tuple[str, str]:
 def _prior_draws(problem: Problem, pair: tuple[int, int], draws: FloatArray) -> FloatArray:
     """(4000, 2) draws of two priors, to place contours and axes; the seed is fixed so that a figure does not change.
 
-    A prior without limits cannot be drawn from: posterior `draws` take its place.
+    A flat prior without limits has no draws: values spread evenly over the posterior `draws` (n_draw, n_par) stand for it.
     """
     rng = np.random.default_rng(0)
-    proper = [bool(np.isfinite(problem.parameters[k].prior.sd)) for k in pair]
-    columns = [problem.parameters[k].prior.draw(rng, 4000) if p else rng.choice(draws[:, k], 4000) for k, p in zip(pair, proper, strict=True)]
+    columns = []
+    for k in pair:
+        prior = problem.parameters[k].prior
+        columns.append(prior.draw(rng, 4000) if np.isfinite(prior.sd) else rng.uniform(draws[:, k].min(), draws[:, k].max(), 4000))
     return np.column_stack(columns)
 
 

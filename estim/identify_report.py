@@ -60,7 +60,8 @@ def identify_section(
         rows.append(
             IdentifyRow(
                 symbol=shown.symbol, unit="" if shown.unit == "1" else shown.unit, prior_sd=prior_sd,
-                posterior_sd=f"{sd * shown.factor:.2g}", ratio=f"{sd / parameter.prior.sd:.2f}",
+                posterior_sd=f"{sd * shown.factor:.2g}",
+                ratio=f"{sd / parameter.prior.sd:.2f}" if np.isfinite(parameter.prior.sd) else "—",
                 profile_68=_cell(interval, 0.68, sd, shown), profile_95=_cell(interval, 0.95, sd, shown), verdict=_verdict(problem, leaning),
             )
         )

@@ -7,6 +7,8 @@ release, and looked at for what is suspicious (`suspicion`).  `docs/tracker.md` 
 from __future__ import annotations
 
 import math
+import re
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
@@ -18,6 +20,7 @@ from estim.errors import InputError
 from estim.quantity import Quantity
 from estim.ramp import Ramp, run_along
 from estim.suspicion import suspicions
+from estim.table import IMPORTED
 from estim.track import Track, Unit
 from estim.tracker import read_tracker
 from estim.tracker_export import is_export, read_export
@@ -125,9 +128,9 @@ def _check(choices: Choices, file: str) -> None:
 def _release(track: Track, ramp: Ramp, release: str | float) -> tuple[int, float, str]:
     """The first row, the position that is zero there, and both in words."""
     if release == "keep":
-        return 0, 0.0, "x = 0 at the origin of the axes, as in the file"
+        return 0, 0.0, "x_m = 0 at the origin of the axes, as in the file"
     if release == "first":
-        return 0, float(ramp.along[0]), f"x = 0 at the first point, t = {track.t[0]:.8g} s, {ramp.along[0]:.6g} m from the origin of the axes"
+        return 0, float(ramp.along[0]), f"x_m = 0 at the first point, t = {track.t[0]:.8g} s, {ramp.along[0]:.6g} m from the origin of the axes"
     time = float(release)
     steps = float(np.median(np.diff(track.t)))
     if not math.isfinite(time) or not track.t[0] - steps <= time <= track.t[-1]:
@@ -135,7 +138,7 @@ def _release(track: Track, ramp: Ramp, release: str | float) -> tuple[int, float
     row = int(np.argmin(np.abs(track.t - time)))
     if track.t.size - row < _MIN_ROWS:
         raise InputError(f"must leave at least {_MIN_ROWS} points", field="release", value=time, file=track.file)
-    words = f"x = 0 at the release stated, t = {track.t[row]:.8g} s, {ramp.along[row]:.6g} m from the origin of the axes"
+    words = f"x_m = 0 at the release stated, t = {track.t[row]:.8g} s, {ramp.along[row]:.6g} m from the origin of the axes"
     return row, float(ramp.along[row]), words + (f"; {row} earlier points left out" if row else "")
 
 
@@ -147,6 +150,15 @@ def _tilt(ramp: Ramp) -> tuple[str, ...]:
     return (f"tilt of the fitted line {value:.3f} deg against the x axis, positive uphill, {uncertainty}",)
 
 
+def stated_tilt(facts: Sequence[str]) -> Quantity | None:
+    """The tilt (rad) that the facts of an imported track state, as `import_track` words it; None where they do not."""
+    number = r"(-?\d{1,4}\.\d{3})"
+    for fact in facts:
+        if found := re.match(rf"tilt of the fitted line {number} deg .* standard uncertainty {number} deg", fact):
+            return Quantity(math.radians(float(found[1])), math.radians(abs(float(found[2]))))
+    return None
+
+
 def run_table(imported: Imported) -> bytes:
     """The CSV file of a run, with where it comes from in its head; columns that begin with _ are for people."""
     across = imported.ramp.across
@@ -156,6 +168,6 @@ def run_table(imported: Imported) -> bytes:
     if imported.track.frames is not None:
         columns["_frame"] = [str(n) for n in imported.track.frames[imported.rows].tolist()]
     head = [f"# {fact}" for fact in imported.facts] + [f"# warning: {warning}" for warning in imported.warnings]
-    lines = ["# made by estim import", *(" ".join(line.split()) for line in head), ",".join(columns)]
+    lines = [IMPORTED, *(" ".join(line.split()) for line in head), ",".join(columns)]
     lines += [",".join(row) for row in zip(*columns.values(), strict=True)]
     return ("\n".join(lines) + "\n").encode()

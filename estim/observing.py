@@ -17,6 +17,7 @@ from estim.derivative import STENCILS, Derivative, differentiate
 from estim.errors import InputError
 from estim.levels import Levels, Path, as_prior, noise_level, read_at
 from estim.noise import Differentiated, Independent, Noise, Scale
+from estim.plausible import check_reading_error
 from estim.priors import HalfNormal, LogNormal, Normal, Prior, Uniform
 from estim.problem import Parameter
 from estim.quantity import Quantity
@@ -100,6 +101,7 @@ def _differentiated(run: Run, levels: Levels, table: NoiseTable, path: Path, suf
         wanted = f"'{units.position_sigma}'" + (" or 'encoder_step_rad'" if units.position == "rad" else "")
         raise levels.error(f"needs {wanted} for differentiated noise", path, field="noise")
     scatter, scatter_parameter = _scale(table, "scatter", units.speed, levels, path, suffix, "further independent error of each speed")
+    check_reading_error(sigma, units.position_sigma, run.columns[run.coordinate], levels, path)
     if "sigma_x_m" in run.columns:
         rule = f"is not used: differentiated noise takes one '{units.position_sigma}' for all positions; start the column's name with _ to skip it"
         raise InputError(rule, field="sigma_x_m", file=run.file)
@@ -171,6 +173,7 @@ def _positions(run: Run, levels: Levels, table: NoiseTable, path: Path, suffix: 
     sigma, parameter = _scale(table, units.position_sigma, units.position, levels, path, suffix, "one position reading")
     scatter, scatter_parameter = _scale(table, "scatter", units.position, levels, path, suffix, "further independent error of each position")
     tails, tail_parameters = shape_of(table.robust, suffix)
+    check_reading_error(sigma, units.position_sigma, run.columns[run.coordinate], levels, path)
     said = _typical(sigma, parameter, 0.0) > 0.0
     if not said and step == 0.0 and "sigma_x_m" not in run.columns and scatter.parameter is None and scatter.value == 0.0:
         raise levels.error(f"needs '{units.position_sigma}', a sigma_x_m column or 'scatter' for position noise", path, field="noise")

@@ -70,6 +70,7 @@ class Reanalysis:
 
 def reanalyse(campaign: Campaign, *, seed: int, target: Target, progress_of: ProgressOf) -> Reanalysis:
     """The reanalysis of a campaign; the same seed gives the same numbers.  Raises InputError."""
+    campaign.require_speeds(campaign.run_names, "estim reanalyse")
     paper, numbers = ("", ()) if campaign.published is None else read_published(campaign.published)
     line = None
     if campaign.source.line is not None:

@@ -2,6 +2,13 @@
 
 from __future__ import annotations
 
+from estim.goodness import P_FLOOR
+
+
+def p_words(p: float) -> str:
+    """A p-value for a table: '0.031', or '< 5e-05' where it is the least that simulation can tell."""
+    return f"< {P_FLOOR:.1g}" if p <= P_FLOOR else f"{p:.2g}"
+
 
 def render(template: str, **values: object) -> str:
     """A template of `templates/` filled in."""
@@ -12,5 +19,6 @@ def render(template: str, **values: object) -> str:
         keep_trailing_newline=True, autoescape=False,
     )
     environment.filters["number"] = lambda v, digits=3: "n/a" if v is None else f"{v:.{digits}g}"
+    environment.filters["p"] = p_words
     environment.filters["cell"] = lambda text: str(text).replace("|", "\\|")
     return environment.get_template(template).render(**values)

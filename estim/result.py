@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from estim.campaign import Campaign
 from estim.diagnosis import Diagnosis
 from estim.headline import headline, parameter_cells
+from estim.origin import origin_facts, origin_warnings
 from estim.pipeline import Analysis
 from estim.problem import Observations
 from estim.profile import ProfileInterval
@@ -97,6 +98,8 @@ class RunSummary(msgspec.Struct, frozen=True):
     excluded: list[str]
     checks: dict[str, CheckSummary]
     scatter_ratio: float | None
+    facts: list[str]  # where an imported track comes from
+    warnings: list[str]  # what is suspicious about the file
     robust: bool
     outliers: list[Outlier]
     what: str  # what was fit: "speeds", "positions", ...
@@ -229,14 +232,16 @@ def _turning_point(end: FloatArray, run: Observations, diagnosis: Diagnosis) -> 
 
 def _run(campaign: Campaign, analysis: Analysis, i: int) -> RunSummary:
     run, goodness = analysis.problem.runs[i], analysis.goodness[i]
+    table = campaign.tables[run.name]
     draws = analysis.chain.thinned(20_000)
     derived = run.curve.derived(run.bind(analysis.problem.named(draws)))
     noise = run.noise.describe(x_unit=run.x_unit, y_unit=run.y_unit)
     return RunSummary(
-        file=campaign.tables[run.name].file, x=run.x_label, y=run.y_label, n_obs=run.n_obs, noise=noise, excluded=list(run.excluded),
+        file=table.file, x=run.x_label, y=run.y_label, n_obs=run.n_obs, noise=noise, excluded=list(run.excluded),
         checks={name: CheckSummary(c.statistic, c.p_value, c.meaning) for name, c in goodness.checks.items()},
-        scatter_ratio=number(goodness.scatter_ratio), robust=run.noise.tails.robust, outliers=_outliers(analysis, run),
-        what=_what(run),
+        scatter_ratio=number(goodness.scatter_ratio), facts=list(origin_facts(table, run, analysis.problem)),
+        warnings=list(origin_warnings(table, run, analysis.problem)), robust=run.noise.tails.robust, outliers=_outliers(analysis, run),
+        what="positions" if run.noise.positions else "speeds" if run.origin is not None else "points",
         derived={
             name: trusted(summarise(np.ravel(d.values), unit=d.unit, meaning=d.meaning), analysis.diagnosis)
             for name, d in derived.items() if np.size(d.values) > 1

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from estim.errors import InputError
-from estim.importing import Choices, Imported, import_track, is_export_file, is_tracker_file
+from estim.importing import Choices, Imported, import_track, is_export_file, is_tracker_file, stated_tilt
 from estim.quantity import Quantity
 from estim.suspicion import odd_intervals
 from estim.table import Table, read_table
@@ -34,7 +34,7 @@ class Run:
     lines : (n_row,) line of the file that each row stands on.
     sha256 : of the file's bytes.
     warnings : what is suspicious about the file, in words.
-    facts : where an imported track comes from and how x was made of it, in words; empty for a CSV of the project.
+    facts : where an imported track comes from and how x was made of it, in words; also for a CSV made by `estim import`.
     tilt : rad, of an imported track against the x axis of its video, positive uphill; None where it is not known.
     """
 
@@ -81,7 +81,15 @@ def read_run(path: Path, *, name: str, shown_as: str | None = None, choices: Cho
         rule = "must hold a time (t_s) or a speed (v_m_s, omega_rad_s)"
         raise InputError(rule, field="header", value=shown, file=table.file, line=table.header_line)
     _check_numbers(table)
-    return Run(name=name, file=table.file, sha256=table.sha256, columns=table.columns, lines=table.lines, warnings=table.warnings)
+    return run_of_table(table, name)
+
+
+def run_of_table(table: Table, name: str) -> Run:
+    """The run `name` in a table that has been checked, with what the head of an imported one says of its origin."""
+    return Run(
+        name=name, file=table.file, sha256=table.sha256, columns=table.columns, lines=table.lines, warnings=table.warnings,
+        facts=table.facts, tilt=stated_tilt(table.facts),
+    )
 
 
 def _imported(track: Imported, name: str) -> Run:
@@ -93,7 +101,7 @@ def _imported(track: Imported, name: str) -> Run:
 
 def compare_intervals(runs: Mapping[str, Run]) -> dict[str, Run]:
     """The same runs, by name, with a warning on each imported one whose frame interval is not that of most of them."""
-    intervals = {name: float(np.median(np.diff(run.columns["t_s"]))) for name, run in runs.items() if run.facts}
+    intervals = {name: float(np.median(np.diff(run.columns["t_s"]))) for name, run in runs.items() if run.facts and "t_s" in run.columns}
     odd = odd_intervals(intervals)
     return {name: replace(run, warnings=(*run.warnings, odd[name])) if name in odd else run for name, run in runs.items()}
 

@@ -35,6 +35,7 @@ _MAX_BYTES = 64 * 1024**2
 _MAX_LINE = 100_000  # characters
 _MAX_ROWS = 1_000_000
 _NOTE = "# warning: "  # what `estim import` found suspicious, kept with the numbers
+IMPORTED = "# made by estim import"  # first line of what it writes
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,7 +43,8 @@ class Table:
     """columns : name -> (n_row,) read-only array.  lines : (n_row,) line of the file of each row.
 
     file : how messages name it.  header_line : line of the column names.  sha256 : of the file's bytes.
-    warnings : texts of the comment lines "# warning: ...".
+    warnings : texts of the comment lines "# warning: ...".  facts : the other comments above the header of a file that
+    `estim import` made; empty for other files.
     """
 
     file: str
@@ -51,6 +53,7 @@ class Table:
     columns: Mapping[str, FloatArray]
     lines: NDArray[np.int64]
     warnings: tuple[str, ...] = ()
+    facts: tuple[str, ...] = ()
 
     def error(self, rule: str, field: str, row: int) -> InputError:
         """An InputError for the cell of column `field` in `row`."""
@@ -111,7 +114,15 @@ def read_table(path: Path, *, known: Sequence[str], min_rows: int, shown_as: str
     for array in (*columns.values(), lines):
         array.setflags(write=False)
     warnings = tuple(line[len(_NOTE) :].strip() for _, line in rows if line.startswith(_NOTE))
-    return Table(shown_as, digest, header_line, MappingProxyType(columns), lines, warnings)
+    return Table(shown_as, digest, header_line, MappingProxyType(columns), lines, warnings, _facts(rows, header_line))
+
+
+def _facts(rows: Sequence[tuple[int, str]], header_line: int) -> tuple[str, ...]:
+    """What the head of a file that `estim import` made says of where it comes from."""
+    head = [line for number, line in rows if number < header_line]
+    if not head or head[0].strip() != IMPORTED:
+        return ()
+    return tuple(line.lstrip("# ").strip() for line in head[1:] if not line.startswith(_NOTE))
 
 
 def numbered_lines(text: str, *, file: str) -> list[tuple[int, str]]:
@@ -162,7 +173,9 @@ def _cells(line: str, names: list[str], delimiter: str, file: str, number: int) 
     except csv.Error as error:
         raise InputError(f"cannot be split into cells ({error})", field="row", value=line, file=file, line=number) from None
     if len(texts) != len(names):
-        raise InputError(f"must have {len(names)} cells", field="row", value=len(texts), file=file, line=number)
+        commas = delimiter == "," and len(texts) == 2 * len(names)
+        hint = " (decimal commas? write decimal points, or separate the cells by semicolons)" if commas else ""
+        raise InputError(f"must have {len(names)} cells{hint}", field="row", value=len(texts), file=file, line=number)
     values = []
     for name, text in zip(names, texts, strict=True):
         if name.startswith("_"):
@@ -171,7 +184,8 @@ def _cells(line: str, names: list[str], delimiter: str, file: str, number: int) 
         try:
             value = float(text)
         except ValueError:
-            raise InputError("must be a number", field=name, value=text, file=file, line=number) from None
+            hint = " with a decimal point, not a comma" if _is_number(text.replace(",", ".", 1)) else ""
+            raise InputError(f"must be a number{hint}", field=name, value=text, file=file, line=number) from None
         if not math.isfinite(value):
             raise InputError("must be finite", field=name, value=text, file=file, line=number)
         values.append(value)

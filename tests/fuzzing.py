@@ -12,17 +12,19 @@ import re
 import zipfile
 from pathlib import Path
 
+import numpy as np
 from tracker_files import point_mass, stored, trk
 
-from estim.campaign import load_campaign
+from estim.campaign import Campaign, load_campaign
 from estim.design import load_design
 from estim.errors import EstimError
 from estim.importing import Choices, import_track
 from estim.run import read_run
 from estim.theta_min import read_theta_min
 
-KINDS = ("csv", "export", "toml", "design", "line", "trk", "trz")
-FILES = {"csv": "a.csv", "export": "a.txt", "toml": "c.toml", "design": "d.toml", "line": "theta_min.csv", "trk": "a.trk", "trz": "a.trz"}
+KINDS = ("csv", "imported", "export", "toml", "robust", "curve", "formula", "design", "line", "trk", "trz")
+FILES = {"csv": "a.csv", "imported": "i.csv", "export": "a.txt", "toml": "c.toml", "robust": "c.toml", "curve": "c.toml", "formula": "c.toml"}
+FILES |= {"design": "d.toml", "line": "theta_min.csv", "trk": "a.trk", "trz": "a.trz"}
 _REPLICA = Path(__file__).resolve().parents[1] / "data" / "replica"
 
 RUN = b"t_s,x_m,v_m_s\n# a run\n" + b"".join(f"{0.02 * n:.2f},{0.0001 * n * n:.6f},{0.01 * n:.4f}\n".encode() for n in range(20))
@@ -63,6 +65,67 @@ file = "theta_min.csv"
 body = "b"
 u_theta_min_deg = 1.5
 """
+_NOISE = b'noise = {sigma_x_m = "0.001(2)", derivative = "central", scatter = 0.01}'
+ROBUST = CAMPAIGN.replace(_NOISE, b'noise = {model = "positions", sigma_x_m = 0.00001, robust = "mixture"}')
+ROBUST = ROBUST.replace(b"release = 0.1", b'release = "keep"\nunit = "cm"\ndrop_duplicates = true\nrelease_time_s = "0.00(1)"\noffset_m = 0.0')
+MODEL = CAMPAIGN.replace(b"run.csv", b"i.csv").replace(
+    _NOISE, b'noise = {model = "independent", sigma_v_m_s = 0.01, derivative = "central", sigma_x_m = 0.00001, robust = "student-t"}'
+)
+IMPORTED = b"# made by estim import\n# track 'A' of a.trk\n# tilt of the fitted line 4.300 deg against the x axis, positive uphill,"
+IMPORTED += b" standard uncertainty 0.020 deg from the scatter\n# warning: 2 of 30 frames are missing\nt_s,x_m,_across_m,_frame\n"
+IMPORTED += b"".join(f"{0.02 * n:.2f},{0.0001 * n * n:.6f},0.1,{n}\n".encode() for n in range(20))
+CURVE = b"""title = "x"
+kind = "measured"
+[curve]
+expression = "A*exp(-b*x)*cos(2*pi*x/T + p) + where(x > 1, c, 0) + max(d, sqrt(abs(x)))"
+x = {column = "t_s", name = "time t", unit = "s"}
+y = {column = "x_m", name = "position", unit = "m"}
+u_y = "0.001(2)"
+robust = "mixture"
+window = {min = 0.0, max = 30.0}
+errors = {scale_x = 0.001, zero = {kind = "zero_y", u = 0.1}}
+[curve.parameters]
+T = {start = 1.0, low = 0.1, high = 10.0, unit = "s", meaning = "period"}
+b = {prior = "half-normal", scale = 1.0}
+c = {value = "0.0(1)", unit = "m"}
+d = 0.25
+A = {start = 5.0, unit = "m"}
+p = {prior = "uniform", low = -4.0, high = 4.0}
+[[runs]]
+name = "one"
+file = "i.csv"
+[[runs]]
+name = "two"
+file = "i.csv"
+u_y = 0.001
+u_x = 0.01
+robust = "student-t"
+[runs.parameters]
+A = {start = 2.0}
+"""
+SHORT = re.sub(rb'expression = ".*"', b'expression = "x + a"', CURVE.split(b"[curve.parameters]")[0]) + b"[curve.parameters]\na = {start = 1.0}\n"
+SHORT += b'[[runs]]\nname = "one"\nfile = "i.csv"\n'
+PIECES = (
+    "x", "a", "a", "1", "0", "-1", "2.5", "1e308", "1e-320", "1e999", "9" * 30, "9" * 400, "pi", "e", "+", "-", "*", "/", "**", "**", "//", "%", "@",
+    "(", "(", ")", ")", ",", ".", "[", "]", "{", "}", ":", ":=", "=", "==", "<", ">", "!=", " ", " ", "\\n", "\\t", "\\\\", "#", "'", "_",
+    "__class__",
+    "sin(", "cos(", "exp(", "log(", "sqrt(", "abs(", "max(", "min(", "where(", "erf(", "hypot(", "arctan2(", "heaviside(", "lambda", "if", "else",
+    "and", "not", "is", "None", "True", "x.real", "import", "__import__('os')", "open('a')", "eval(", "().__class__", "f'{x}'", "1j", "0x1F", "1_0",
+    "x if x else a", "*a", "a=1", "\u03c0", "\u00b2", "\u0000"[:0], "yield", "await", "...", "**9**9**9", "sin(x)(a)", "((((((((",
+    "-" * 50, "x*" * 30,
+)
+
+
+def _formula(source: random.Random) -> bytes:
+    """A campaign whose formula is a string of pieces, or one nested far too deeply or grown far too long."""
+    text = "".join(source.choice(PIECES) for _ in range(source.randrange(1, 12)))
+    depth = source.choice((2, 50, 500))
+    around = (text, text, text, f"a*x + {text}", f"exp({text})", f"x**a**{text}")
+    around += ("(" * depth + text + ")" * depth, "sin(" * depth + "a*x" + ")" * depth)
+    chosen = source.choice(around).replace('"', "'")[:1900]
+    return SHORT.replace(b"x + a", chosen.encode())
+
+
 VIDEO = trk(
     point_mass("A", {n: (100.0 + 5.0 * n, 200.0 - 2.0 * n) for n in range(12)}), point_mass("B", {3: (1.0, 2.0)}),
     axes={0: (100.0, 200.0, 4.0, 50.0, 50.0), 5: (110.0, 190.0, 0.0, 50.0, 50.0)}, start=1, step=1, count=9, start_time=1.0,
@@ -71,7 +134,8 @@ VIDEO = trk(
 ).encode()
 
 BASES: dict[str, tuple[bytes, ...]] = {
-    "csv": (RUN, ANGLES), "export": (EXPORT, TWO), "toml": (CAMPAIGN,), "design": ((_REPLICA / "design.toml").read_bytes(),), "line": (LINE,),
+    "csv": (RUN, ANGLES), "imported": (IMPORTED,), "export": (EXPORT, TWO), "toml": (CAMPAIGN,), "robust": (ROBUST, MODEL), "curve": (CURVE,),
+    "formula": (SHORT,), "design": ((_REPLICA / "design.toml").read_bytes(),), "line": (LINE,),
     "trk": (VIDEO,), "trz": (stored(VIDEO.decode()), stored(VIDEO.decode(), how=zipfile.ZIP_STORED)),
 }
 TOKENS = (
@@ -140,6 +204,8 @@ def sample(kind: str, source: random.Random) -> bytes:
     """Bytes for a file of `kind`: mostly a damaged sound file, sometimes noise."""
     if source.random() < 0.05:
         return source.randbytes(source.randrange(300))
+    if kind == "formula":
+        return _formula(source)
     base = source.choice(BASES[kind])
     if kind == "trz" and source.random() < 0.6:
         inner = damage(VIDEO, source)
@@ -150,19 +216,33 @@ def sample(kind: str, source: random.Random) -> bytes:
     return damage(base, source)
 
 
+def _evaluate(campaign: Campaign) -> None:
+    """Value and slope of the curve at the start: what a formula computes, however odd, is an array of numbers."""
+    problem = campaign.problem(campaign.run_names)
+    run = problem.runs[0]
+    with np.errstate(all="ignore"):
+        arguments = run.bind(problem.named(problem.start()))
+        local = run.curve.local(run.x, arguments)
+        assert np.broadcast_shapes(np.shape(run.curve.value(run.x, arguments)), np.shape(local.slope), (1, run.n_obs)) == (1, run.n_obs)
+
+
 def read(kind: str, data: bytes, folder: Path) -> EstimError | None:
     """Read `data` as a file of `kind` in `folder`; the refusal, or None where a record came back.  Anything else is raised."""
-    for name, content in (("run.csv", RUN), ("two.txt", TWO), ("theta_min.csv", LINE), ("c.toml", CAMPAIGN), (FILES[kind], data)):
-        if name == FILES[kind] or kind in ("toml", "line"):
+    campaigns = ("toml", "line", "robust", "curve", "formula")
+    others = (("run.csv", RUN), ("two.txt", TWO), ("i.csv", IMPORTED), ("theta_min.csv", LINE), ("c.toml", CAMPAIGN))
+    for name, content in (*others, (FILES[kind], data)):
+        if name == FILES[kind] or kind in campaigns:
             (folder / name).write_bytes(content)
     path = folder / FILES[kind]
     try:
-        if kind == "csv":
+        if kind in ("csv", "imported"):
             read_run(path, name="a")
         elif kind == "design":
             load_design(path)
-        elif kind in ("toml", "line"):
+        elif kind in campaigns:
             campaign = load_campaign(folder / "c.toml")
+            if kind == "formula":
+                _evaluate(campaign)
             if campaign.source.line is not None:
                 read_theta_min(campaign.source)
         else:

@@ -71,7 +71,7 @@ def test_capped_chain_writes_its_report_and_exits_with_3(tmp_path: Path, replica
     ("arguments", "message"),
     [
         (("fit", "nowhere.toml"), "nowhere.toml: cannot be read (no such file or directory)"),
-        (("fit", "{campaign}", "--run", "heavy-05"), "'run' must name one of the runs"),
+        (("fit", "{campaign}", "--run", "heavy-05"), "'--run' must name one of the runs"),
         (("fit", "{campaign}", "--seed", "-1"), "'--seed'"),
         (("fit", "{campaign}", "--sead", "1"), "--sead"),
         (("simulate", "{campaign}", "--out", "x"), "is not a known key"),

@@ -143,7 +143,7 @@ def test_shared_errors_are_one_parameter_of_all_runs(folder: Path, rng: np.rando
         ('"t_s"', '"time"', r"'t_s' is not a column name"),
         ('"u_V"', '"t_s"', r"'y' must name another column"),
         ('unit = "s", meaning', 'unit = "$s$", meaning', r":10: 'tau' must have a short unit"),
-        ("first.csv", "none.csv", r"none.csv: cannot be read"),
+        ("first.csv", "none.csv", r"campaign\.toml:\d+: 'file' cannot be found .*none.csv"),
         ("[[runs]]\nname = \"first\"", "[shared]\ng = 9.81\n[[runs]]\nname = \"first\"", r":12: 'shared' does not go with a \[curve\] table"),
         ('name = "second"', 'name = "first"', r"'name' must be unique"),
     ],
@@ -262,3 +262,23 @@ def test_a_real_oscillation_that_the_curve_does_not_describe_gets_no_headline(sh
     campaign = measured(tmp_path, table, SWING.replace("START", "3.0").replace("window = {min = 10.0, max = 18.0}\n", ""))
     analysis = analyse(campaign, ["klipp0"], seed=1, target=Target(ess=500))
     assert analysis.diagnosis.status == "poor-fit"  # the frequency drifts as the swing gets smaller
+
+
+@pytest.mark.parametrize("formula", ["x + a*0", "where(x > a, 1, 0)", "floor(a*x)"])
+@pytest.mark.parametrize("size", ["u_y = 0.02\n", ""])
+def test_parameter_that_nothing_holds_is_refused_before_sampling(folder: Path, formula: str, size: str) -> None:
+    """A flat prior without limits and a curve that does not change with the parameter: there is no posterior."""
+    text = CAMPAIGN.split("[curve.parameters]")[0].replace("U0*exp(-x/tau) + offset", formula).replace("u_y = 0.02\n", size)
+    text += '[curve.parameters]\na = {start = 0.5}\n[[runs]]\nname = "first"\nfile = "first.csv"\n'
+    with pytest.raises(InputError, match=r"campaign\.toml:\d+: 'a' is not determined by the data: give it limits"):
+        analyse(load(folder, text), ["first"], seed=1, target=Target(max_step=50))
+
+
+def test_report_of_parameters_without_limits_is_written(folder: Path) -> None:
+    """Flat priors without limits cannot be drawn from, but all figures and tables are made."""
+    from estim.report import analysis_report
+
+    campaign = load(folder, CAMPAIGN.replace('offset = "0.00(1)"', "offset = {start = 0.0}"))
+    files = analysis_report(campaign, analyse(campaign, ["first"], seed=1, target=Target(ess=100, max_step=100)))
+    assert files["figures/ridge.png"].startswith(b"\x89PNG")
+    assert "flat, no limits" in files["report.md"].decode()

@@ -207,7 +207,7 @@ def test_command_writes_a_run_that_is_read_back_unchanged(write, tmp_path) -> No
     assert np.array_equal(run.columns["x_m"], imported.x)
     assert run.warnings == imported.warnings  # they are kept with the numbers
     text = (tmp_path / "new" / "run.csv").read_text()
-    for fact in (imported.track.sha256, "tilt of the fitted line 4.000 deg", "x = 0 at the first point"):
+    for fact in (imported.track.sha256, "tilt of the fitted line 4.000 deg", "x_m = 0 at the first point"):
         assert fact in text
     assert [p.name for p in (tmp_path / "new").iterdir()] == ["run.csv"]
 

@@ -125,7 +125,10 @@ REFUSED = {
     "no coordinate": (table("t_s,v_m_s"), ONE + "t_s, v_m_s"),
     "position only": (table("x_m,sigma_x_m", [(1, 1)] * 5), TIME_OR_SPEED + "x_m, sigma_x_m"),
     "word for a number": (_changed(2, (1, "far")), "a.csv:4: 'x_m' must be a number: far"),
-    "decimal comma": (table("t_s;x_m", [(t, str(x).replace(".", ",")) for t, x in ROWS], ";"), "a.csv:2: 'x_m' must be a number: 0,001"),
+    "decimal comma": (
+        table("t_s;x_m", [(t, str(x).replace(".", ",")) for t, x in ROWS], ";"),
+        "a.csv:2: 'x_m' must be a number with a decimal point, not a comma: 0,001",
+    ),
     "date for a number": (_changed(1, (0, "2015-02-27")), "a.csv:3: 't_s' must be a number: 2015-02-27"),
     "blank cell": (_changed(3, (1, "")), "a.csv:5: 'x_m' must be a number: "),
     "nan": (_changed(4, (1, "nan")), "a.csv:6: 'x_m' must be finite: nan"),

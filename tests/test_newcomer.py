@@ -1,0 +1,174 @@
+"""What a newcomer gets wrong: each slip is one line that says where it is and what to write instead, or a note in the report."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+from pathlib import Path
+from types import MappingProxyType
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+from test_noise import CAMPAIGN, POSITIONS, TIMES
+
+from estim import cli
+from estim.campaign import Campaign, load_campaign
+from estim.errors import EstimError, InputError
+from estim.goodness import P_FLOOR
+from estim.importing import stated_tilt
+from estim.origin import origin_facts, origin_warnings
+from estim.quantity import Quantity
+from estim.rendering import p_words
+from estim.run import read_run
+
+SPEEDS = "{sigma_x_m = 0.001}"
+
+
+def write(folder: Path, noise: str = SPEEDS, head: str = "", tilt: str = "phi_deg = 4.0") -> Path:
+    (folder / "c.toml").write_text(CAMPAIGN.replace("NOISE", noise).replace("phi_deg = 4.0", tilt))
+    rows = "\n".join(f"{t:.6f},{x:.9f}" for t, x in zip(TIMES, POSITIONS, strict=True))
+    (folder / "r.csv").write_text(f"{head}t_s,x_m\n{rows}\n")
+    return folder / "c.toml"
+
+
+def refused(*arguments: object) -> str:
+    """The one line that the command line says; fails where it says anything else."""
+    done = CliRunner().invoke(cli.cli, [str(argument) for argument in arguments], standalone_mode=False)
+    assert isinstance(done.exception, EstimError), done.output
+    assert "\n" not in str(done.exception)
+    return str(done.exception)
+
+
+@pytest.fixture
+def never_sampled(monkeypatch: pytest.MonkeyPatch) -> None:
+    def sampled(*_: object, **__: object) -> None:
+        pytest.fail("it was sampled before it was refused")
+
+    monkeypatch.setattr("estim.pipeline.sample_posterior", sampled)
+
+
+@pytest.mark.usefixtures("never_sampled")
+@pytest.mark.parametrize("command", ["energy", "reanalyse"])
+@pytest.mark.parametrize(
+    ("noise", "says"),
+    [
+        ('{model = "positions", sigma_x_m = 0.001}', r"'model' must not be 'positions' for estim \w+, which needs speeds"),
+        ('{model = "positions", sigma_x_m = 0.001, robust = "mixture"}', r"'model' must not be 'positions'"),
+        ('{model = "independent", sigma_v_m_s = 0.01, derivative = "central", robust = "student-t"}', r"'robust' does not go with estim \w+"),
+    ],
+)
+def test_energy_and_reanalysis_refuse_positions_and_robust_errors_at_once(tmp_path: Path, command: str, noise: str, says: str) -> None:
+    campaign = write(tmp_path, noise)
+    line = next(n for n, text in enumerate(campaign.read_text().splitlines(), start=1) if "noise" in text)
+    assert re.match(rf"{re.escape(str(campaign))}:{line}: {says}", refused(command, campaign, "--out", tmp_path / "out"))
+    assert not (tmp_path / "out").exists()
+
+
+def test_decimal_commas_are_told_as_such(tmp_path: Path) -> None:
+    for text, says in (
+        ("t_s,x_m\n0,0,0,1\n", r"a.csv:2: 'row' must have 2 cells \(decimal commas\? write decimal points, or"),
+        ("t_s;x_m\n0;0,1\n", r"a.csv:2: 'x_m' must be a number with a decimal point, not a comma: 0,1"),
+        ("t_s;x_m\n0;x\n", r"a.csv:2: 'x_m' must be a number: x"),
+    ):
+        (tmp_path / "a.csv").write_text(text)
+        with pytest.raises(InputError, match=says):
+            read_run(tmp_path / "a.csv", name="a", shown_as="a.csv")
+
+
+@pytest.mark.parametrize("noise", ["{sigma_x_m = 1.0}", '{model = "positions", sigma_x_m = 1.0}'])
+def test_reading_error_in_millimetres_is_asked_about(tmp_path: Path, noise: str) -> None:
+    assert "'sigma_x_m' must be well below the length of the run" in refused("fit", write(tmp_path, noise), "--out", tmp_path)
+    assert "is it in mm?" in refused("fit", write(tmp_path, noise), "--out", tmp_path)
+    reach = float(np.ptp(POSITIONS))
+    load_campaign(write(tmp_path, f'{{model = "positions", sigma_x_m = {0.09 * reach:.6f}}}'))  # just below the limit of a tenth
+    with pytest.raises(InputError, match="well below"):
+        load_campaign(write(tmp_path, noise.replace("1.0", f"{0.11 * reach:.6f}")))
+
+
+def test_missing_run_file_names_its_line_in_the_campaign(tmp_path: Path) -> None:
+    campaign = write(tmp_path)
+    (tmp_path / "r.csv").unlink()
+    line = next(n for n, text in enumerate(campaign.read_text().splitlines(), start=1) if text.startswith("file"))
+    says = refused("fit", campaign)
+    assert says.startswith(f"{campaign}:{line}: 'file' cannot be found")
+    assert says.endswith("names are relative to the folder of the campaign file): r.csv")
+
+
+def test_wrong_run_is_told_as_the_option_it_was_given_by(tmp_path: Path) -> None:
+    campaign = write(tmp_path)
+    for command in ("fit", "energy"):
+        assert refused(command, campaign, "--run", "x") == f"{campaign}: '--run' must name one of the runs (r): x"
+
+
+def test_least_p_value_is_told_as_a_limit() -> None:
+    assert p_words(P_FLOOR) == "< 5e-05"
+    assert p_words(2.0 * P_FLOOR) == "0.0001"
+    assert p_words(0.031) == "0.031"
+
+
+def test_size_of_errors_is_to_be_inferred_only_where_nothing_but_the_size_is_wrong(tmp_path: Path) -> None:
+    """Random errors twice as large as stated: infer them.  A drift: do not."""
+    from estim.diagnosis import _goodness
+    from estim.fitting import fit_least_squares
+    from estim.goodness import check_goodness
+
+    def advice(errors: np.ndarray) -> str:
+        pattern = load_campaign(write(tmp_path, '{model = "positions", sigma_x_m = 0.001}'))
+        table = replace(pattern.tables["r"], columns=MappingProxyType({"t_s": TIMES, "x_m": POSITIONS + errors}))
+        problem = replace(pattern, tables=MappingProxyType({"r": table})).problem(["r"])
+        fit = fit_least_squares(problem, rng=np.random.default_rng(1), n_start=2)
+        return " ".join(finding.advice for finding in _goodness(check_goodness(fit, rng=np.random.default_rng(2))))
+
+    noise = np.random.default_rng(3).standard_normal(TIMES.size)
+    assert 'sigma_x_m = {prior = "log-normal"' in advice(0.003 * noise)
+    drift = advice(0.001 * noise + 0.005 * np.sin(np.linspace(0.0, 20.0, TIMES.size)))
+    assert "look at the residuals" in drift
+    assert "log-normal" not in drift
+
+
+def tilted(folder: Path, tilt: str) -> tuple[Campaign, tuple[str, ...], tuple[str, ...]]:
+    head = "# made by estim import\n# track 'A' of a.trk\n# tilt of the fitted line 4.300 deg against the x axis, positive uphill, standard"
+    head += " uncertainty 0.020 deg from the scatter of the points alone\n# warning: 2 of 30 frames are missing\n"
+    campaign = load_campaign(write(folder, head=head, tilt=tilt))
+    problem = campaign.problem(["r"])
+    return campaign, *(told(campaign.tables["r"], problem.runs[0], problem) for told in (origin_facts, origin_warnings))
+
+
+@pytest.mark.parametrize(
+    ("tilt", "warned"),
+    [('phi_deg = "4.0(4)"', False), ('phi_deg = "4.26(2)"', False), ('phi_deg = "4.0(1)"', False), ('phi_deg = "4.0(9)"', False),
+     ('phi_deg = "4.20(1)"', True), ("phi_deg = 4.0", True), ("phi_deg = -4.3", True),
+     ('phi_deg = "4.0(1)"\nphi_zero_deg = "0.00(5)"', False), ('phi_deg = "3.9(1)"', True), ('phi_deg = "3.9(1)"\nphi_zero_deg = "0.0(2)"', False)],
+)
+def test_tilt_of_the_track_stands_beside_the_stated_one_and_a_contradiction_is_a_warning(tmp_path: Path, tilt: str, warned: bool) -> None:
+    """4.30(2) deg from the track: three combined standard uncertainties are the limit, the common zero error counts."""
+    campaign, facts, warnings = tilted(tmp_path, tilt)
+    found = campaign.tables["r"].tilt
+    assert found is not None
+    assert (np.degrees(found.value), np.degrees(found.u)) == pytest.approx((4.3, 0.02))
+    assert facts[0] == "track 'A' of a.trk"
+    assert facts[-1].startswith("tilt measured from the track 4.300 ± 0.020 deg, stated ")
+    assert warnings[0] == "2 of 30 frames are missing"
+    assert (len(warnings) == 2) == warned
+    assert not warned or "the tilt of the track" in warnings[1]
+
+
+def test_tilt_is_read_as_it_was_written() -> None:
+    assert stated_tilt(()) is None
+    assert stated_tilt(("tilt of the fitted line ? deg",)) is None
+    found = stated_tilt(("tilt of the fitted line -87.274 deg against the x axis, positive uphill, standard uncertainty 0.042 deg from",))
+    assert found == Quantity(np.radians(-87.274), np.radians(0.042))
+
+
+@pytest.mark.slow
+def test_facts_and_warnings_of_a_file_stand_in_report_and_result(tmp_path: Path) -> None:
+    from estim.pipeline import analyse
+    from estim.report import analysis_report
+    from estim.sampling import Target
+
+    campaign, facts, warnings = tilted(tmp_path, 'phi_deg = "4.20(1)"')
+    files = analysis_report(campaign, analyse(campaign, ["r"], seed=1, target=Target(ess=200, max_step=200)))
+    for text in (*facts, *warnings):
+        assert text in files["report.md"].decode()
+        assert text in files["result.json"].decode()

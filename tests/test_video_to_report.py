@@ -1,0 +1,176 @@
+"""From a file of the program Tracker to a report (docs/from-video-to-report.md), on real runs; every number beside one found without estim."""
+
+from __future__ import annotations
+
+import json
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+from click.testing import CliRunner, Result
+
+from estim.campaign import load_campaign
+from estim.cli import cli
+from estim.fitting import Fit
+from estim.optimum import fit_optimum
+
+PAGE = Path(__file__).parents[1] / "docs" / "from-video-to-report.md"
+FALL, SWING = re.findall(r"```toml\n(.*?)```", PAGE.read_text(), flags=re.DOTALL)
+WHOLE = FALL.replace("x0 + v*(x - 1.5)", "x0 + v*(x - 1.5) + 0.5*a*(x - 1.5)**2").replace(
+    "window = {min = 1.33}\n\n[curve.parameters]\n", '[curve.parameters]\na = {start = 0.0, unit = "m/s²", meaning = "acceleration"}\n'
+)
+
+
+@pytest.fixture
+def tracker(project: Path) -> Path:
+    folder = project.parent / "shared" / "data" / "tracker"
+    if not folder.is_dir():
+        pytest.skip("the files of the program Tracker are not beside the project")
+    return folder
+
+
+def run(*arguments: object) -> Result:
+    return CliRunner().invoke(cli, [str(argument) for argument in arguments])
+
+
+def imported(source: Path, target: Path, *options: str) -> np.ndarray:
+    """The CSV that `estim import` makes of `source`: t and x, (2, n)."""
+    assert run("import", source, "-o", target, *options).exit_code == 0
+    rows = [line.split(",")[:2] for line in target.read_text().splitlines() if line[0].isdigit() or line[0] == "-"]
+    return np.array(rows, dtype=float).T
+
+
+def fitted(folder: Path, campaign: str) -> tuple[Result, dict, str]:
+    """Outcome of `estim fit`, result.json and the report."""
+    (folder / "campaign.toml").write_text(campaign)
+    done = run("fit", folder / "campaign.toml", "--out", folder / "out")
+    return done, json.loads((folder / "out" / "result.json").read_text()), (folder / "out" / "report.md").read_text()
+
+
+def best(folder: Path, campaign: str) -> Fit:
+    (folder / "campaign.toml").write_text(campaign)
+    loaded = load_campaign(folder / "campaign.toml")
+    return fit_optimum(loaded.problem(loaded.run_names), rng=np.random.default_rng(1))
+
+
+def value(fit: Fit, name: str) -> tuple[float, float]:
+    i = fit.names.index(name)
+    return float(fit.values[i]), float(np.sqrt(fit.cov[i, i]))
+
+
+def test_speed_at_the_end_of_a_fall_is_that_of_a_straight_line(tracker: Path, tmp_path: Path) -> None:
+    t, x = imported(tracker / "viscosity" / "CIMG9886.trk", tmp_path / "a1.csv")
+    late = t >= 1.33
+    (slope, _), cov = np.polyfit(t[late], x[late], 1, cov=True)
+    done, result, report = fitted(tmp_path, FALL)
+    v = result["parameters"]["v"]
+    assert (done.exit_code, result["status"]) == (0, "ok"), done.output
+    assert abs(v["mean"] - slope) < 0.1 * v["sd"]
+    assert v["sd"] == pytest.approx(np.sqrt(cov[0, 0]), rel=0.3)  # the size of the errors is inferred: Student's t against normal
+    assert "distance fallen (m)" in report
+    assert "speed at the end of the track" in report
+    for fact in ("scale 2847.0156 pixels/m", "the body moves with 0.069 m/s in the first frames already"):
+        assert fact in report
+        assert fact in json.dumps(result["runs"]["a1"], ensure_ascii=False)
+
+
+@pytest.mark.parametrize(("video", "export"), [("CIMG9886.trk", "a1.txt"), ("CIMG9888.trk", "a2.txt"), ("CIMG9892.trk", "b3.txt")])
+def test_video_file_and_export_of_one_track_give_one_speed(tracker: Path, tmp_path: Path, video: str, export: str) -> None:
+    speeds = []
+    for file, options in ((video, ("--along", "-y")), (export, ())):
+        t, x = imported(tracker / "viscosity" / file, tmp_path / "a1.csv", *options)
+        found, _ = value(best(tmp_path, FALL), "v")
+        assert found == pytest.approx(np.polyfit(t[t >= 1.33], x[t >= 1.33], 1)[0], rel=1e-6)
+        speeds.append(found)
+    assert speeds[0] == pytest.approx(speeds[1], rel=1e-4)  # an export holds seven digits
+
+
+def test_ball_is_still_slowing_down_where_its_track_ends(tracker: Path, tmp_path: Path) -> None:
+    """No terminal speed stands in these data: every whole track has an acceleration below zero by more than ten standard deviations."""
+    for video in ("CIMG9886.trk", "CIMG9888.trk", "CIMG9892.trk"):
+        t, x = imported(tracker / "viscosity" / video, tmp_path / "a1.csv")
+        a, u = value(best(tmp_path, WHOLE), "a")
+        half, _, _ = np.polyfit(t, x, 2)
+        assert a == pytest.approx(2.0 * half, rel=1e-6)
+        assert a < -10.0 * u
+
+
+@pytest.mark.slow
+def test_neighbouring_frames_of_a_whole_fall_are_not_independent_and_the_report_says_so(tracker: Path, tmp_path: Path) -> None:
+    """The same track with every third frame passes: then the errors are as independent as the noise model says."""
+    t, x = imported(tracker / "viscosity" / "CIMG9886.trk", tmp_path / "a1.csv")
+    residuals = x - np.polyval(np.polyfit(t, x, 2), t)
+    assert np.sum(residuals[1:] * residuals[:-1]) / np.sum(residuals**2) > 0.4  # 0 for independent errors
+    done, result, _ = fitted(tmp_path, WHOLE)
+    assert (done.exit_code, result["status"]) == (3, "poor-fit")
+    assert any("neighbouring residuals are alike" in reason and "p < 5e-05" in reason for reason in result["reasons"])
+    (tmp_path / "a1.csv").write_text("t_s,x_m\n" + "\n".join(f"{a!r},{b!r}" for a, b in zip(t[::3].tolist(), x[::3].tolist(), strict=True)))
+    done, result, _ = fitted(tmp_path, WHOLE)
+    assert (done.exit_code, result["status"]) == (0, "ok"), done.output
+
+
+def crossings(t: np.ndarray, x: np.ndarray, level: float) -> np.ndarray:
+    """Times at which x passes `level`, by straight lines between frames."""
+    i = np.flatnonzero((x[1:] - level) * (x[:-1] - level) < 0.0)
+    return t[i] + (level - x[i]) * (t[i + 1] - t[i]) / (x[i + 1] - x[i])
+
+
+@pytest.mark.parametrize(("file", "options", "window"), [("Klipp0.csv", (), (25.0, 31.5)), ("52.txt", ("--drop-duplicates",), (14.0, 20.0))])
+def test_frequency_of_a_half_pipe_is_that_of_its_crossings_and_of_its_spectrum(
+    tracker: Path, tmp_path: Path, file: str, options: tuple[str, ...], window: tuple[float, float]
+) -> None:
+    t, x = imported(tracker / "halfpipe" / file, tmp_path / "swing.csv", *options)
+    fit = best(tmp_path, SWING.replace("min = 25.0, max = 31.5", f"min = {window[0]}, max = {window[1]}"))
+    f, rest = value(fit, "f")[0], value(fit, "c")[0]
+    inside = (t >= window[0]) & (t <= window[1])
+    found = crossings(t[inside], x[inside], rest)
+    assert found.size >= 5
+    assert f == pytest.approx((found.size - 1) / (2.0 * (found[-1] - found[0])), rel=0.02)
+    even = np.arange(*window, 0.01)
+    swing = np.interp(even, t, x) - rest
+    spectrum = np.abs(np.fft.rfft(swing * np.hanning(even.size), 64 * even.size))
+    assert f == pytest.approx(np.fft.rfftfreq(64 * even.size, 0.01)[np.argmax(spectrum)], rel=0.02)
+
+
+@pytest.mark.slow
+def test_damped_cosine_does_not_explain_a_half_pipe_and_the_report_says_so(tracker: Path, tmp_path: Path) -> None:
+    """The share that every swing loses grows, that of a damped cosine does not: one in five frames is enough to tell."""
+    t, x = imported(tracker / "halfpipe" / "Klipp0.csv", tmp_path / "swing.csv")
+    (tmp_path / "swing.csv").write_text("t_s,x_m\n" + "\n".join(f"{a!r},{b!r}" for a, b in zip(t[::5].tolist(), x[::5].tolist(), strict=True)))
+    done, result, report = fitted(tmp_path, SWING)
+    assert (done.exit_code, result["status"]) == (3, "poor-fit"), done.output
+    assert result["parameters"]["f"]["mean"] is None
+    assert "neighbouring residuals are alike" in report
+    assert "position (m) against time t (s)" in report
+
+
+def spoiled(tracker: Path, folder: Path) -> None:
+    """Every second frame of a fall, two of them read 5 mm too far."""
+    t, x = imported(tracker / "viscosity" / "CIMG9886.trk", folder / "a1.csv")
+    t, x = t[::2], x[::2].copy()
+    x[[6, 17]] += 0.005
+    (folder / "a1.csv").write_text("t_s,x_m\n" + "\n".join(f"{a!r},{b!r}" for a, b in zip(t.tolist(), x.tolist(), strict=True)))
+
+
+@pytest.mark.parametrize("robust", ["mixture", "student-t"])
+def test_two_spoiled_frames_move_a_robust_fit_little(tracker: Path, tmp_path: Path, robust: str) -> None:
+    t, x = imported(tracker / "viscosity" / "CIMG9886.trk", tmp_path / "a1.csv")
+    truth = 2.0 * np.polyfit(t[::2], x[::2], 2)[0]
+    spoiled(tracker, tmp_path)
+    stated = WHOLE.replace("[curve.parameters]", "u_y = 0.00007\n[curve.parameters]", 1)
+    plain, _ = value(best(tmp_path, stated), "a")
+    good, u = value(best(tmp_path, stated.replace("u_y = 0.00007", f'u_y = 0.00007\nrobust = "{robust}"')), "a")
+    assert abs(good - truth) < 2.0 * u
+    assert abs(plain - truth) > 10.0 * abs(good - truth)
+    assert abs(plain - truth) > 10.0 * u
+
+
+def test_errors_of_the_times_count_as_errors_of_the_distance(tracker: Path, tmp_path: Path) -> None:
+    """u_x = 1 ms at 0.0574 m/s is 57 um: the standard deviation of v grows by sqrt(1 + (v u_x/u_y)^2)."""
+    imported(tracker / "viscosity" / "CIMG9886.trk", tmp_path / "a1.csv")
+    stated = FALL.replace("[curve.parameters]", "u_y = 0.00007\n[curve.parameters]", 1)
+    v, u = value(best(tmp_path, stated), "v")
+    v_x, u_x = value(best(tmp_path, stated.replace("u_y = 0.00007", "u_y = 0.00007\nu_x = 0.001")), "v")
+    assert v_x == pytest.approx(v, rel=1e-4)
+    assert u_x / u == pytest.approx(np.sqrt(1.0 + (v * 0.001 / 0.00007) ** 2), rel=1e-3)
