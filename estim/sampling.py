@@ -13,28 +13,24 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from estim.density import Density, log_density_in_batches
 from estim.errors import NumericalError
+from estim.proposal import K_HAT_LIMIT, Proposal, smoothed_weights
 
 FloatArray = NDArray[np.float64]
 
+# without and with a proposal: walkers of an ensemble at least, and steps to the first check
+_WALKERS = {False: 32, True: 48}
+_FIRST_CHECK = {False: 200, True: 120}
+_PROPOSAL_SHARE = 0.8  # of the moves
+
 Progress = Callable[[int, str], None]
 """Called with the steps done so far and a few words on how far sampling is."""
-
-
-class Density(Protocol):
-    """What can be sampled: names of the parameters and a log density, vectorised over draws."""
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        """Names of the parameters."""
-
-    def log_density(self, draws: FloatArray) -> FloatArray:
-        """(n_draw,) log density at draws (n_draw, n_par); -inf outside the support."""
 
 
 @dataclass(frozen=True)
@@ -100,32 +96,44 @@ class Chain:
 
 
 def sample_posterior(
-    posterior: Density, start: FloatArray, cov: FloatArray, *, target: Target, rng: np.random.Generator, progress: Progress | None = None
+    posterior: Density, start: FloatArray, cov: FloatArray, *, target: Target, rng: np.random.Generator,
+    progress: Progress | None = None, proposal: Proposal | None = None,
 ) -> Chain:
     """Draws from `posterior`, walkers started from the normal distribution of mean `start` (n_par,) and `cov`.
 
     The moves are differential evolution with its mode-jumping variant now and then, tested on known targets; emcee's
     snooker move has a wrong acceptance factor (3.1.6) and is never used.
+
+    proposal : adapted to the posterior (`estim.proposal`).  Most moves then propose from it and walkers start from draws
+    of it, weighted; the other moves stay in the mixture, so that a bad proposal costs time and not correctness.
     """
     n_par = len(posterior.names)
-    n_walker = target.n_walker or max(32, 4 * n_par)
-    samplers = [_sampler(posterior, n_walker, rng) for _ in range(target.n_ensemble)]
-    states = [_scatter(posterior, start, cov, n_walker, rng) for _ in samplers]
-    n_step, tau_before, check = 0, math.nan, 200
+    n_walker = target.n_walker or max(_WALKERS[proposal is not None], 4 * n_par)
+    samplers = [_sampler(posterior, n_walker, rng, proposal) for _ in range(target.n_ensemble)]
+    states = [_first_points(posterior, start, cov, n_walker, rng, proposal) for _ in samplers]
+    n_step, tau_before, check = 0, math.nan, min(_FIRST_CHECK[proposal is not None], target.max_step)
+    shortest_burn = 50 if proposal is None else 20
     while True:
         for i, sampler in enumerate(samplers):
             states[i] = sampler.run_mcmc(states[i], check - n_step, skip_initial_state_check=True)
         n_step = check
         chain = np.stack([sampler.get_chain() for sampler in samplers])
-        tau = _autocorrelation_time(samplers)
-        n_burn = int(min(max(50, math.ceil(10.0 * tau)), n_step // 2)) if math.isfinite(tau) else n_step // 2
+        tau = _autocorrelation_time(chain)
+        if proposal is not None and math.isnan(tau_before):
+            tau_before = _autocorrelation_time(chain[:, : n_step // 2])
+        n_burn = int(min(max(shortest_burn, math.ceil(10.0 * tau)), n_step // 2)) if math.isfinite(tau) else n_step // 2
+        enough = math.ceil(1.03 * target.n_tau * tau) if math.isfinite(tau) else 0
+        if proposal is not None and n_step < min(enough, 3 * _FIRST_CHECK[True], target.max_step):
+            # too short whatever else is said: go on at once to the length that is asked for
+            tau_before, check = tau, min(target.max_step, max(enough, n_step + _FIRST_CHECK[True] // 4))
+            continue
         convergence = _judge(chain[:, n_burn:], target, n_step=n_step, tau=tau, tau_before=tau_before)
         if progress is not None:
             progress(n_step, convergence.message)
         if convergence.met or n_step >= target.max_step:
             break
         tau_before = tau
-        check = min(target.max_step, n_step + max(200, n_step // 2))
+        check = min(target.max_step, n_step + (max(200, n_step // 2) if proposal is None else max(60, n_step // 3)))
     kept = chain[:, n_burn:]
     log_density = np.stack([sampler.get_log_prob()[n_burn:] for sampler in samplers])
     moved = np.any(kept[:, 1:] != kept[:, :-1], axis=(1, 3))
@@ -133,14 +141,43 @@ def sample_posterior(
     return Chain(posterior.names, kept, log_density, n_burn, acceptance, int(np.sum(~moved)), convergence)
 
 
-def _sampler(posterior: Density, n_walker: int, rng: np.random.Generator) -> Any:
+def _sampler(posterior: Density, n_walker: int, rng: np.random.Generator, proposal: Proposal | None = None) -> Any:
     import emcee
 
     moves = [(emcee.moves.DEMove(), 0.8), (emcee.moves.DEMove(gamma0=1.0), 0.1), (emcee.moves.StretchMove(), 0.1)]
+    if proposal is not None:
+        moves = [(move, (1.0 - _PROPOSAL_SHARE) * share) for move, share in moves]
+        moves.append((emcee.moves.MHMove(independence(proposal), ndim=len(posterior.names)), _PROPOSAL_SHARE))
     sampler = emcee.EnsembleSampler(n_walker, len(posterior.names), posterior.log_density, vectorize=True, moves=moves)
     # emcee would start from NumPy's global state
     sampler.random_state = np.random.RandomState(rng.integers(2**32, dtype=np.uint32)).get_state()
     return sampler
+
+
+def independence(proposal: Proposal) -> Callable[[FloatArray, np.random.RandomState], tuple[FloatArray, FloatArray]]:
+    """Metropolis-Hastings steps to draws of `proposal`, in the form that emcee's MHMove takes: points, and log q(old) - log q(new).
+
+    Randomness comes from the sampler's own state alone, so that a chain that is taken up again goes on as it would have.
+    """
+
+    def propose(points: FloatArray, random: np.random.RandomState) -> tuple[FloatArray, FloatArray]:
+        seeded = np.random.default_rng(random.randint(0, 2**32, 4, dtype=np.uint32))
+        drawn = proposal.draw(seeded, points.shape[0])
+        return drawn, proposal.log_density(points) - proposal.log_density(drawn)
+
+    return propose
+
+
+def _first_points(
+    posterior: Density, start: FloatArray, cov: FloatArray, n_walker: int, rng: np.random.Generator, proposal: Proposal | None
+) -> FloatArray:
+    """(n_walker, n_par) starting points: weighted draws of `proposal` where its weights can be trusted, else scattered about the fit."""
+    if proposal is not None:
+        draws = proposal.draw(rng, max(1000, 20 * n_walker))
+        weights, k_hat, _ = smoothed_weights(log_density_in_batches(posterior, draws) - proposal.log_density(draws))
+        if k_hat <= K_HAT_LIMIT and np.count_nonzero(weights) >= 2 * n_walker:
+            return draws[rng.choice(weights.size, n_walker, replace=False, p=weights)]
+    return _scatter(posterior, start, cov, n_walker, rng)
 
 
 def _scatter(posterior: Density, start: FloatArray, cov: FloatArray, n_walker: int, rng: np.random.Generator) -> FloatArray:
@@ -162,9 +199,11 @@ def _square_root(cov: FloatArray) -> FloatArray:
     return np.asarray(vectors * np.sqrt(np.maximum(values, 0.0)))
 
 
-def _autocorrelation_time(samplers: list[Any]) -> float:
-    """Longest integrated autocorrelation time, steps, averaged over the ensembles; nan while it cannot be told."""
-    times = np.array([sampler.get_autocorr_time(quiet=True, tol=0) for sampler in samplers])
+def _autocorrelation_time(chain: FloatArray) -> float:
+    """Longest integrated autocorrelation time, steps, averaged over the ensembles (the first axis); nan while it cannot be told."""
+    from emcee.autocorr import integrated_time
+
+    times = np.array([integrated_time(ensemble, quiet=True, tol=0) for ensemble in chain])
     return float(np.max(np.mean(times, axis=0))) if np.all(np.isfinite(times)) else math.nan
 
 

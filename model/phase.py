@@ -60,7 +60,38 @@ def angular_rate(
 
 def energy_ratio(angle: ArrayLike, body: Body, *, phi: ArrayLike, theta0: ArrayLike, rolling_resistance: ArrayLike = 0.0) -> FloatArray:
     """W/D after the body has turned by `angle` (rad) since release, dimensionless; negative where it cannot be."""
-    return energy_ratio_derivatives(angle, body, phi=phi, theta0=theta0, rolling_resistance=rolling_resistance, order=0)[0]
+    w, d = energy_terms(body, phi=phi, theta0=theta0, rolling_resistance=rolling_resistance)
+    angle = np.asarray(angle, dtype=float)
+    half = np.sin(0.5 * angle)
+    # 1 - cos u as 2 sin^2(u/2): no cancellation close to the release
+    functions = (2.0 * half * half, 2.0 * half * np.cos(0.5 * angle), angle)
+    return _combined(w, functions) / (d[0] + _combined(d[1:], functions[:2]))
+
+
+def energy_terms(
+    body: Body, *, phi: ArrayLike, theta0: ArrayLike, rolling_resistance: ArrayLike = 0.0
+) -> tuple[list[FloatArray], list[FloatArray]]:
+    """Coefficients of W and D as sums of functions of the angle u turned since release, dimensionless.
+
+    W = gamma cos theta0 (1 - cos u) + gamma sin theta0 sin u - s u
+    D = (1 + j + 2 gamma cos a) - 2 gamma cos a (1 - cos u) - 2 gamma sin a sin u,    a = theta0 + phi
+
+    Angles that are the same for all draws thus cost two small matrix products and no trigonometry for each draw.
+    """
+    theta0, gamma = np.asarray(theta0), np.asarray(body.gamma)
+    tilted = theta0 + phi
+    across, along = 2.0 * gamma * np.cos(tilted), 2.0 * gamma * np.sin(tilted)
+    w = [gamma * np.cos(theta0), gamma * np.sin(theta0), -effective_slope(phi, rolling_resistance)]
+    return w, [1.0 + np.asarray(body.inertia_ratio) + across, -across, -along]
+
+
+def _combined(coefficients: list[FloatArray], functions: tuple[FloatArray, ...]) -> FloatArray:
+    """sum_i coefficients_i functions_i: a matrix product where coefficients are (n_draw, 1) and functions (n_obs,)."""
+    shape = np.broadcast_shapes(*(c.shape for c in coefficients))
+    if functions[0].ndim == 1 and len(shape) == 2 and shape[1] == 1:
+        columns = np.concatenate([np.broadcast_to(c, shape) for c in coefficients], axis=1)
+        return np.asarray(columns @ np.array(functions))
+    return np.asarray(sum(c * f for c, f in zip(coefficients, functions, strict=True)))
 
 
 def energy_ratio_derivatives(

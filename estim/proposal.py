@@ -1,0 +1,256 @@
+"""A proposal adapted to a posterior: a Student-t distribution with 5 degrees of freedom, or a small mixture of them.
+
+It lives in the space of the parameters themselves.  Draws outside the support of the priors have weight 0: a hard edge
+costs the share of draws behind it and nothing else, since a Student-t density is finite and positive at the edge, so
+weights stay bounded there (transformed parameters would put the edge at infinity, where the tails of the transformed
+posterior decide).
+
+`adapt_proposal` starts from the fit and maximises sum_i w_i log q(x_i) over weighted draws of the round before: EM steps
+for Student-t mixtures (Cappe, Douc, Guillin, Marin, Robert, Statistics and Computing 18 (2008) 447, section 4).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from estim.density import Density, log_density_in_batches
+from estim.errors import NumericalError
+
+FloatArray = NDArray[np.float64]
+
+K_HAT_LIMIT = 0.7  # above it importance weights cannot be trusted (Vehtari et al., J. Mach. Learn. Res. 25 (2024) 72)
+DOF = 5.0  # tails heavier than those of most posteriors
+_WIDE_SHARE, _WIDE_FACTOR = 0.05, 2.0  # share and width (in sds of the whole) of the component that guards a mixture
+_MAX_ROUND = 12
+_EM_STEPS = 25
+
+
+@dataclass(frozen=True, eq=False)
+class Proposal:
+    """sum_k weights_k t_5(x; means_k, factors_k factors_k^T).
+
+    weights : (n_component,), sum 1.  means : (n_component, n_par).
+    factors : (n_component, n_par, n_par) lower Cholesky factors of the scale matrices (covariance = 5/3 of it).
+    """
+
+    weights: FloatArray
+    means: FloatArray
+    factors: FloatArray
+
+    @property
+    def n_par(self) -> int:
+        return int(self.means.shape[1])
+
+    @cached_property
+    def _inverse_factors(self) -> FloatArray:
+        return np.asarray(np.linalg.inv(self.factors))
+
+    @cached_property
+    def _log_heights(self) -> FloatArray:
+        """(n_component,) log of weight times density at the centre."""
+        d = self.n_par
+        unit = math.lgamma(0.5 * (DOF + d)) - math.lgamma(0.5 * DOF) - 0.5 * d * math.log(DOF * math.pi)
+        return np.log(self.weights) + unit - np.sum(np.log(np.diagonal(self.factors, axis1=1, axis2=2)), axis=1)
+
+    def draw(self, rng: np.random.Generator, n: int) -> FloatArray:
+        """(n, n_par) independent draws."""
+        normal = rng.standard_normal((n, self.n_par)) / np.sqrt(rng.chisquare(DOF, n) / DOF)[:, None]
+        if self.weights.size == 1:
+            return self.means[0] + normal @ self.factors[0].T
+        which = rng.choice(self.weights.size, n, p=self.weights)
+        return self.means[which] + np.einsum("nij,nj->ni", self.factors[which], normal)
+
+    def distances(self, draws: FloatArray) -> FloatArray:
+        """(n_component, n_draw) squared distances from the centres in units of the scale matrices."""
+        whitened = [(draws - mean) @ inverse.T for mean, inverse in zip(self.means, self._inverse_factors, strict=True)]
+        return np.array([np.sum(z * z, axis=1) for z in whitened])
+
+    def component_log_densities(self, draws: FloatArray) -> FloatArray:
+        """(n_component, n_draw) log of weight times density of each component."""
+        return self._log_heights[:, None] - 0.5 * (DOF + self.n_par) * np.log1p(self.distances(draws) / DOF)
+
+    def log_density(self, draws: FloatArray) -> FloatArray:
+        """(n_draw,) normalised log density at draws (n_draw, n_par)."""
+        parts = self.component_log_densities(draws)
+        return parts[0] if parts.shape[0] == 1 else np.logaddexp.reduce(parts, axis=0)
+
+
+def adapt_proposal(
+    density: Density, start: FloatArray, cov: FloatArray, *, rng: np.random.Generator, starts: Sequence[FloatArray] = (), n_round: int = 2000
+) -> Proposal:
+    """A proposal adapted to `density` from one component at each start.
+
+    start : (n_par,) the fit.  cov : (n_par, n_par) the covariance there, used at the other `starts` (further modes) too.
+    n_round : draws in each round.  Where one Student-t gives uneven weights, mixtures of more are tried and kept if better.
+
+    Raises NumericalError where the density is nowhere finite around the fit.
+    """
+    centres = np.vstack([start, *starts])
+    factor = _factor(cov)
+    mixture = Proposal(np.full(len(centres), 1.0 / len(centres)), centres, np.stack([factor] * len(centres)))
+    best, efficiency, draws, weights = _settle(density, _shrunk(density, mixture, rng), rng, n_round)
+    for n_component in (3, 6):
+        if efficiency > 0.5:
+            break
+        split = _split(draws, weights, max(n_component, len(centres) + 1), rng)
+        candidate, better, candidate_draws, candidate_weights = _settle(density, split, rng, n_round)
+        if better > 1.15 * efficiency:
+            best, efficiency, draws, weights = candidate, better, candidate_draws, candidate_weights
+    return best
+
+
+def _settle(density: Density, mixture: Proposal, rng: np.random.Generator, n_round: int) -> tuple[Proposal, float, FloatArray, FloatArray]:
+    """Rounds of (draw; weigh; fit) until weights get no more even: best proposal, its efficiency, its draws and weights."""
+    proposal = mixture
+    found: list[tuple[Proposal, float, FloatArray, FloatArray]] = []
+    for _ in range(_MAX_ROUND):
+        draws = proposal.draw(rng, n_round)
+        log_ratio = log_density_in_batches(density, draws) - proposal.log_density(draws)
+        if not np.any(np.isfinite(log_ratio)):
+            break
+        efficiency = effective_share(log_ratio)
+        weights = _tempered(log_ratio, least=min(0.1 * n_round, 20.0 * proposal.n_par))
+        found.append((proposal, efficiency, draws, weights))
+        if len(found) > 2 and efficiency > 0.05 and efficiency < 1.1 * max(f[1] for f in found[:-1]):
+            break
+        mixture = _fit(mixture, draws, weights)
+        proposal = _guarded(mixture, draws, weights)
+    if not found:
+        raise NumericalError("importance sampling cannot start: the posterior density is zero or not finite everywhere around the fit")
+    return max(found, key=lambda f: f[1])
+
+
+def smoothed_weights(log_ratio: FloatArray) -> tuple[FloatArray, float, float]:
+    """Pareto-smoothed weights (n_draw,) with sum 1, their k-hat, and the log of the mean weight before normalisation; by arviz-stats.
+
+    log_ratio : (n_draw,) log density minus log proposal.  Where no tail can be fitted the weights are left alone: with
+    k-hat = inf where fewer draws have any weight than the tail needs, with -inf where all weights are the same.
+    """
+    from arviz_stats.base import array_stats
+
+    n = log_ratio.size
+    largest = float(np.max(log_ratio))
+    raw = np.exp(log_ratio - largest)
+    plain = (raw / np.sum(raw), largest + math.log(float(np.mean(raw))))
+    ranked = np.sort(log_ratio)
+    n_tail = int(3.0 * math.sqrt(n)) + 2
+    if n <= n_tail or not np.isfinite(ranked[-n_tail]):
+        return plain[0], math.inf, plain[1]
+    if ranked[-1] - ranked[-n_tail] < 1e-9:
+        return plain[0], -math.inf, plain[1]
+    # arviz-stats takes minus the log ratio; draws below the tail keep theirs up to one constant, the log of the sum
+    log_weights, k_hat = array_stats.psislw(-log_ratio)
+    body = int(np.argsort(log_ratio)[-n_tail])
+    log_sum = float(log_ratio[body] - log_weights[body])
+    return np.exp(log_weights), float(k_hat) if np.isfinite(k_hat) else math.inf, log_sum - math.log(n)
+
+
+def effective_share(log_ratio: FloatArray) -> float:
+    """Effective share of weighted draws, (sum w)^2/(n sum w^2), from log weights (n_draw,)."""
+    w = np.exp(log_ratio - np.max(log_ratio))
+    return float(np.sum(w) ** 2 / (w.size * np.sum(w * w)))
+
+
+def _tempered(log_ratio: FloatArray, *, least: float) -> FloatArray:
+    """(n_draw,) normalised weights w^b with the largest b <= 1 that leaves `least` effective draws: a far start is approached in steps."""
+    shifted = log_ratio - np.max(log_ratio)
+
+    def weights(power: float) -> FloatArray:
+        w = np.exp(power * shifted)
+        return w / np.sum(w)
+
+    low, high = 0.0, 1.0
+    if 1.0 / np.sum(weights(1.0) ** 2) >= least:
+        return weights(1.0)
+    for _ in range(20):
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if 1.0 / np.sum(weights(middle) ** 2) >= least else (low, middle)
+    return weights(max(low, 1e-6))
+
+
+def _fit(mixture: Proposal, draws: FloatArray, weights: FloatArray) -> Proposal:
+    """EM steps of a Student-t mixture towards weighted draws; components that explain next to nothing are dropped."""
+    floor = 1e-8 * _covariance(draws, weights)[1]
+    d = mixture.n_par
+    used = weights > 0.0
+    draws, weights = draws[used], weights[used]
+    for _ in range(_EM_STEPS):
+        parts = mixture.component_log_densities(draws)
+        share = weights * np.exp(parts - np.logaddexp.reduce(parts, axis=0))
+        size = np.sum(share, axis=1)
+        # a component must rest on enough draws for a covariance
+        kept = np.flatnonzero(size**2 / np.maximum(np.sum(share**2, axis=1), 1e-300) > 3.0 * d)
+        if kept.size == 0:
+            break
+        pull = share * (DOF + d) / (DOF + mixture.distances(draws))
+        means, factors = [], []
+        for k in kept:
+            mean = pull[k] @ draws / np.sum(pull[k])
+            deviation = draws - mean
+            means.append(mean)
+            factors.append(_factor((pull[k][:, None] * deviation).T @ deviation / size[k] + floor))
+        before = mixture
+        mixture = Proposal(size[kept] / np.sum(size[kept]), np.array(means), np.array(factors))
+        settled = kept.size == before.weights.size and np.max(np.abs(mixture.weights - before.weights)) < 1e-3
+        if settled and np.max(before.distances(mixture.means).diagonal()) < 1e-5:
+            break
+    return mixture
+
+
+def _split(draws: FloatArray, weights: FloatArray, n_component: int, rng: np.random.Generator) -> Proposal:
+    """A mixture of equal components centred on draws that lie far from each other, each a part of the whole in width."""
+    mean, cov = _covariance(draws, weights)
+    factor = _factor(cov)
+    whitened = np.linalg.solve(factor, (draws - mean).T).T
+    centres = [int(rng.choice(weights.size, p=weights))]
+    for _ in range(n_component - 1):
+        nearest = np.min([np.sum((whitened - whitened[c]) ** 2, axis=1) for c in centres], axis=0)
+        chance = weights * nearest
+        centres.append(int(rng.choice(weights.size, p=chance / np.sum(chance))))
+    scale = n_component ** (-1.0 / draws.shape[1])
+    start = Proposal(np.full(n_component, 1.0 / n_component), draws[centres], np.stack([scale * factor] * n_component))
+    return _fit(start, draws, weights)
+
+
+def _guarded(mixture: Proposal, draws: FloatArray, weights: FloatArray) -> Proposal:
+    """A mixture of several with a wide component added, so that no region between and around them is without draws."""
+    if mixture.weights.size == 1:
+        return mixture
+    mean, cov = _covariance(draws, weights)
+    return Proposal(
+        np.append((1.0 - _WIDE_SHARE) * mixture.weights, _WIDE_SHARE), np.vstack([mixture.means, mean]),
+        np.concatenate([mixture.factors, _WIDE_FACTOR * _factor(cov)[None]]),
+    )
+
+
+def _shrunk(density: Density, mixture: Proposal, rng: np.random.Generator) -> Proposal:
+    """`mixture`, narrowed until one draw in 50 at least lies inside the support."""
+    for _ in range(30):
+        if np.mean(np.isfinite(density.log_density(mixture.draw(rng, 500)))) >= 0.02:
+            break
+        mixture = Proposal(mixture.weights, mixture.means, 0.5 * mixture.factors)
+    return mixture
+
+
+def _covariance(draws: FloatArray, weights: FloatArray) -> tuple[FloatArray, FloatArray]:
+    mean = weights @ draws
+    deviation = draws - mean
+    return mean, (weights[:, None] * deviation).T @ deviation
+
+
+def _factor(cov: FloatArray) -> FloatArray:
+    """Lower Cholesky factor of a covariance; directions without any variance get a millionth of the others'."""
+    sds = np.sqrt(np.maximum(np.diag(cov), 0.0))
+    sds = np.where(sds > 0.0, sds, 1e-6 * max(float(np.max(sds)), 1e-300))
+    values, vectors = np.linalg.eigh(cov / np.outer(sds, sds))
+    root = vectors * np.sqrt(np.maximum(values, 1e-10))
+    # R of the QR decomposition of root^T is a Cholesky factor even where round-off spoils the matrix itself
+    upper = np.asarray(np.linalg.qr(root.T, mode="r"))
+    lower = upper.T * np.sign(np.diag(upper))
+    return np.asarray(sds[:, None] * lower)
