@@ -58,6 +58,12 @@ class PhaseCurve:
         value, slope, gradient = (phase.angular_rate_derivatives if self.angular else phase.speed_derivatives)(x, body, **motion)
         return LocalCurve(np.atleast_2d(value), np.atleast_2d(slope), gradient)
 
+    def position(self, since: FloatArray, arguments: Mapping[str, ArrayLike]) -> FloatArray:
+        """(n_draw, n_obs) position at times `since` release (s), back and forth."""
+        body, motion = body_of(arguments)
+        x, _ = back_and_forth(since, body, **motion)
+        return np.atleast_2d(x) / (np.asarray(body.radius) if self.angular else 1.0)
+
     def time_derivative(self, x: FloatArray, arguments: Mapping[str, ArrayLike], order: int) -> FloatArray:
         body, motion = body_of(arguments)
         g, radius = np.asarray(motion.pop("g")), np.asarray(body.radius)
