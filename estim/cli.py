@@ -9,7 +9,7 @@ from __future__ import annotations
 import os
 import sys
 import tempfile
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -174,6 +174,68 @@ def reanalyse(campaign: Path, max_steps: int, out: Path | None, seed: int) -> No
     click.echo(f"report: {folder / 'report.md'}")
     if any(status != "ok" for status in result.statuses.values()):
         sys.exit(NOT_OK)
+
+
+@cli.command()
+@click.argument("campaign", type=click.Path(path_type=Path))
+@_RUNS
+@_JOINT
+@click.option("--simulations", type=click.IntRange(min=20), default=200, show_default=True, help="Simulated campaigns for each question.")
+@click.option("--what", type=click.Choice(["sbc", "coverage", "both"]), default="both", show_default=True, help="Truths from the priors, or the fit.")
+@click.option("--jobs", type=click.IntRange(min=1), help="Processes.  [default: one for each core]")
+@_OUT
+@_SEED
+def calibrate(
+    campaign: Path, runs: tuple[str, ...], joint: bool, simulations: int, what: str, jobs: int | None, out: Path | None, seed: int
+) -> None:
+    """Check on simulated data whether the intervals for CAMPAIGN hold the truth as often as they say.
+
+    Exit code 3 means that they do not; the report says which one is too narrow, too wide or biased.
+    """
+    import numpy as np
+
+    from estim.calibration import coverage, coverage_sentence, findings, simulation_based_calibration
+    from estim.calibration_report import calibration_report
+    from estim.campaign import load_campaign
+    from estim.fitting import fit_least_squares
+    from estim.synthetic import campaign_design
+
+    loaded = load_campaign(campaign)
+    folder = out or Path("out") / campaign.resolve().parent.name / "calibration"
+    groups, trusted = _groups(loaded, runs, joint=joint), True
+    chosen = {"sbc": simulation_based_calibration, "coverage": coverage}
+    for group in groups:
+        fit = fit_least_squares(loaded.problem(group), rng=np.random.default_rng(seed))
+        design = campaign_design(loaded, group, fitted=fit.values)
+        calibrations = []
+        for kind in ("sbc", "coverage") if what == "both" else (what,):
+            with _count(f"{', '.join(group)}: {kind}", simulations) as progress:
+                calibrations.append(
+                    chosen[kind](design, fit, n_trial=simulations, seed=seed, jobs=jobs or os.cpu_count() or 1, progress=progress)
+                )
+        place = folder if len(groups) == 1 else folder / group[0]
+        _write(place, calibration_report(loaded, calibrations))
+        for calibration in calibrations:
+            found = findings(calibration)
+            trusted = trusted and not found
+            said = [] if calibration.what == "sbc" else [coverage_sentence(calibration, name) for name in calibration.reported]
+            _conclude(f"{', '.join(group)}, {calibration.what}", "not-calibrated" if found else "ok", [*(f.sentence for f in found), *said])
+        click.echo(f"report: {place / 'report.md'}")
+    if not trusted:
+        sys.exit(NOT_OK)
+
+
+@contextmanager
+def _count(what: str, total: int) -> Iterator[Callable[[int], None]]:
+    """A progress bar on stderr for a number of equal pieces of work."""
+    from tqdm import tqdm
+
+    with tqdm(total=total, desc=what, unit="campaign", leave=False, disable=None, dynamic_ncols=True) as bar:
+
+        def show(done: int) -> None:
+            bar.update(done - bar.n)
+
+        yield show
 
 
 def _conclude(what: str, status: str, reasons: Iterable[str]) -> None:

@@ -89,7 +89,7 @@ def _read_only(mapping: dict[Any, Any]) -> MappingProxyType[Any, Any]:
 
 def _start(task: bytes) -> None:
     """Prepare a worker process."""
-    global _task  # noqa: PLW0603
+    global _task
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     _task = pickle.loads(task)
 
