@@ -131,7 +131,7 @@ def main() -> None:
     details = []
     for name in options.only:
         start = time.perf_counter()
-        engine = Engine(ess=options.ess, n_round=500)
+        engine = Engine(ess=options.ess, n_round=500, max_step=1000)
         result = calibrate(CASES[name], what=options.what, n_trial=options.trials, jobs=options.jobs, seed=options.seed, engine=engine)
         print(row(name, result, time.perf_counter() - start), flush=True)
         details.append(f"\n{name}")

@@ -45,6 +45,7 @@ class CalibrationRecord(msgspec.Struct, frozen=True, rename={"schema_": "schema"
     n_short: int
     engines: dict[str, int]
     failures: dict[str, int]
+    leaning: list[str]
     n_rank: int
     numbers: dict[str, NumberRecord]
     ranks: dict[str, list[int]]
@@ -80,7 +81,7 @@ def calibration_record(campaign: Campaign, c: Calibration) -> CalibrationRecord:
     return CalibrationRecord(
         schema_=SCHEMA, what=c.what, status="not-calibrated" if found else "ok", findings=[f.sentence for f in found], runs=list(c.runs),
         n_trial=c.n_trial, n_rejected=c.n_rejected, n_failed=c.n_failed, n_short=c.n_short, engines=dict(c.how), failures=dict(c.failures),
-        n_rank=c.n_rank, numbers=numbers, ranks={name: c.ranks[:, i].tolist() for i, name in enumerate(c.reported)},
+        leaning=list(c.leaning), n_rank=c.n_rank, numbers=numbers, ranks={name: c.ranks[:, i].tolist() for i, name in enumerate(c.reported)},
         provenance=provenance(campaign, list(c.runs), c.seed),
     )
 
@@ -92,11 +93,12 @@ def _part(c: Calibration) -> Mapping[str, object]:
         share, p_value = c.share(name), c.p_value(name)
         off = [abs(s - p) > COVERAGE_SDS * u for s, p, u in zip(share, c.probabilities, c.share_sd(), strict=True)]
         covered = [f"**{100 * s:.1f} %**" if o else f"{100 * s:.1f} %" for s, o in zip(share, off, strict=True)]
-        rows.append((label(name, unit).symbol, "n/a" if np.isnan(p_value) else f"{p_value:.2g}", *covered, direction(c, name).partition(": ")[2]))
+        rows.append((label(name, unit).symbol, "n/a" if np.isnan(p_value) else f"{p_value:.2g}", *covered, direction(c, name) or "—"))
     sd = 100 * c.share_sd()
     return {
         "what": c.what, "findings": [f.sentence for f in findings(c)], "rows": rows, "sds": [f"{u:.1f}" for u in sd], "n_trial": c.n_trial,
         "engines": ", ".join(f"{count} by {how}" for how, count in sorted(c.how.items()) if how != "none"), "n_rejected": c.n_rejected,
         "n_short": c.n_short, "n_failed": c.n_failed, "failures": list(c.failures.items()), "n_rank": c.n_rank, "ess": c.engine.ess,
+        "leaning": [label(name, "1").symbol for name in c.leaning] if c.what == "coverage" else [],
         "sentences": [coverage_sentence(c, name) for name in c.reported] if c.what == "coverage" else [],
     }

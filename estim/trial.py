@@ -67,7 +67,7 @@ class Trial:
 
     truth : (n_reported,).  rank : (n_reported,) of the truth among 99 draws; -1 where there are none.
     covered : (n_reported, 2) whether the 68 and 95 % intervals hold it.
-    n_impossible, n_empty : truths that could give no data, and campaigns with too few rows, drawn before this one.
+    n_rejected : truths drawn before this one that gave no data, or too few rows.
     how : "importance sampling", "chain" or "none".  shortfall : what the engine did not reach, or "".  failure : why there are no draws, or "".
     """
 
@@ -111,15 +111,23 @@ def _experiment(plan: Plan, rng: np.random.Generator) -> tuple[FloatArray, Probl
     raise NumericalError(f"calibration cannot start: of {_MOST_TRIES} draws of the priors none gives data that could be fit (state narrower priors)")
 
 
+def stated_only(problem: Problem) -> frozenset[str]:
+    """Parameters whose priors stand for no measurement: uniform and half-normal ones, and those of outliers."""
+    outliers = {name for run in problem.runs for name in run.noise.tails.parameters}
+    held = {p.name for p in problem.parameters if not isinstance(p.prior, Normal | TruncatedNormal | LogNormal)}
+    return frozenset(outliers | held)
+
+
 def measured_anew(problem: Problem, truth: FloatArray, rng: np.random.Generator) -> tuple[Parameter, ...]:
     """The parameters with the centres of those priors that stand for measurements drawn around `truth` (n_par,)."""
-    outliers = {name for run in problem.runs for name in run.noise.tails.parameters}
+    held = stated_only(problem)
     return tuple(
-        p if p.name in outliers else replace(p, prior=_around(p.prior, float(value), rng)) for p, value in zip(problem.parameters, truth, strict=True)
+        p if p.name in held else replace(p, prior=_around(p.prior, float(value), rng)) for p, value in zip(problem.parameters, truth, strict=True)
     )
 
 
 def _around(prior: Prior, truth: float, rng: np.random.Generator) -> Prior:
+    """`prior` as another measurement of `truth` with the same uncertainty would have given it."""
     while True:
         z = float(rng.standard_normal())
         try:
@@ -144,14 +152,15 @@ def _fit(problem: Problem, start: FloatArray, rng: np.random.Generator) -> Fit:
 
 def posterior_draws(fit: Fit, engine: Engine, rng: np.random.Generator) -> tuple[FloatArray, str, str]:
     """Draws (n_draw, n_par) of the posterior, which engine gave them, and what it did not reach (or "").  Raises NumericalError."""
-    proposal = adapt_proposal(fit.posterior, fit.values, fit.cov, rng=rng, n_round=engine.n_round)
-    if engine.method == "auto":
-        certificate = certify(
-            fit.posterior, proposal, rng=rng, n_draw=int(2.0 * engine.ess), least_ess=engine.ess, max_draw=int(16.0 * engine.ess)
-        )
+    for n_round in (engine.n_round, 4 * engine.n_round):
+        proposal = adapt_proposal(fit.posterior, fit.values, fit.cov, rng=rng, n_round=n_round)
+        if engine.method == "chain":
+            break
+        n_draw, most = int(2.0 * engine.ess), int(16.0 * engine.ess)
+        certificate = certify(fit.posterior, proposal, rng=rng, n_draw=n_draw, least_ess=engine.ess, max_draw=most)
         if certificate.k_hat < _TRUSTED and certificate.ess >= engine.ess:
             return certificate.draws, "importance sampling", ""
-    target = Target(rhat=1.02, ess=engine.ess, n_tau=50.0, max_step=engine.max_step, n_ensemble=2)
+    target = Target(rhat=1.02, ess=engine.ess, n_tau=20.0, max_step=engine.max_step, n_ensemble=2)
     chain = sample_posterior(fit.posterior, fit.values, fit.cov, target=target, rng=rng, proposal=proposal)
     return chain.thinned(20_000), "chain", "" if chain.convergence.met else chain.convergence.message
 
