@@ -16,6 +16,7 @@ from estim.report import KINDS, render
 from estim.result import Provenance, number, provenance
 
 SCHEMA = "estim-calibration/1"
+_AT = {"sbc": "priors", "coverage": "fit"}
 
 
 class CoverageRecord(msgspec.Struct, frozen=True):
@@ -58,7 +59,7 @@ def calibration_report(campaign: Campaign, calibrations: Sequence[Calibration]) 
     for calibration in calibrations:
         if calibration.what == "sbc":
             files["figures/ranks.png"] = png(rank_figure(calibration, synthetic=campaign.kind == "synthetic"))
-        files[f"figures/coverage-{calibration.what}.png"] = png(coverage_figure(calibration))
+        files[f"figures/coverage-{_AT[calibration.what]}.png"] = png(coverage_figure(calibration))
     text = render(
         "calibration.md.j2", title=campaign.title, kind=KINDS[campaign.kind], runs=", ".join(calibrations[0].runs), uniform_below=UNIFORM_BELOW,
         coverage_sds=COVERAGE_SDS, parts=[_part(calibration) for calibration in calibrations],
@@ -96,9 +97,9 @@ def _part(c: Calibration) -> Mapping[str, object]:
         rows.append((label(name, unit).symbol, "n/a" if np.isnan(p_value) else f"{p_value:.2g}", *covered, direction(c, name) or "—"))
     sd = 100 * c.share_sd()
     return {
-        "what": c.what, "findings": [f.sentence for f in findings(c)], "rows": rows, "sds": [f"{u:.1f}" for u in sd], "n_trial": c.n_trial,
-        "engines": ", ".join(f"{count} by {how}" for how, count in sorted(c.how.items()) if how != "none"), "n_rejected": c.n_rejected,
-        "n_short": c.n_short, "n_failed": c.n_failed, "failures": list(c.failures.items()), "n_rank": c.n_rank, "ess": c.engine.ess,
-        "leaning": [label(name, "1").symbol for name in c.leaning] if c.what == "coverage" else [],
+        "what": c.what, "at": _AT[c.what], "findings": [f.sentence for f in findings(c)], "rows": rows, "sds": [f"{u:.1f}" for u in sd],
+        "engines": ", ".join(f"{count} by {how}" for how, count in sorted(c.how.items()) if how != "none"), "ess": c.engine.ess,
+        "n_trial": c.n_trial, "n_rejected": c.n_rejected, "n_short": c.n_short, "n_failed": c.n_failed, "n_rank": c.n_rank,
+        "failures": list(c.failures.items()), "leaning": [label(name, "1").symbol for name in c.leaning] if c.what == "coverage" else [],
         "sentences": [coverage_sentence(c, name) for name in c.reported] if c.what == "coverage" else [],
     }

@@ -13,6 +13,7 @@ import pickle
 import signal
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from itertools import islice
 from types import MappingProxyType
 from typing import Any, TypeVar
 
@@ -43,16 +44,37 @@ def _in_process(task: Callable[[int], T], numbers: Sequence[int]) -> Iterator[tu
 
 
 def _in_pool(task: Callable[[int], T], numbers: Sequence[int], jobs: int) -> Iterator[tuple[int, T]]:
-    from concurrent.futures import ProcessPoolExecutor, as_completed
+    from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
     from multiprocessing import get_context
 
+    waiting = iter(numbers)
+    futures: dict[Future[T], int] = {}
+
+    def submit(pool: ProcessPoolExecutor, count: int) -> None:
+        futures.update({pool.submit(_call, n): n for n in islice(waiting, count)})
+
+    # only a few calls are ever queued, so that little is left to wait for when one fails or the user interrupts
     with _one_thread_each(), ProcessPoolExecutor(jobs, get_context("spawn"), _start, (_pickled(task),)) as pool:
-        futures = {pool.submit(_call, n): n for n in numbers}
-        try:
-            for future in as_completed(futures):
-                yield futures[future], future.result()
-        finally:
-            pool.shutdown(wait=True, cancel_futures=True)
+        with _interrupts_held():
+            submit(pool, 2 * jobs)
+        while futures:
+            done, _ = wait(futures, return_when=FIRST_COMPLETED)
+            for future in done:
+                yield futures.pop(future), future.result()
+                submit(pool, 1)
+
+
+@contextmanager
+def _interrupts_held() -> Iterator[None]:
+    """Interrupts come after this: processes started meanwhile never see one, the parent does."""
+    if not hasattr(signal, "pthread_sigmask"):
+        yield
+        return
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 @contextmanager

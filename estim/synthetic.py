@@ -187,10 +187,10 @@ def _scattered(run: Observations, truth: Observations, named: Values, rng: np.ra
 
 
 def _follow(run: Observations, since: FloatArray, named: Values) -> FloatArray:
-    """(n_obs,) positions at times since release."""
+    """Positions at times since release, in their shape: (n_obs,) or (n, n_obs)."""
     if not isinstance(run.curve, Moving):
         raise InputError("cannot be simulated: its curve does not say where the body is in time", field="run", value=run.name)
-    return np.array(np.broadcast_to(run.curve.position(since, run.bind(named)), (1, since.size))[0])
+    return np.array(np.broadcast_to(run.curve.position(since, run.bind(named)), np.atleast_2d(since).shape)).reshape(since.shape)
 
 
 def _release_time(run: Observations, named: Values) -> float:
@@ -200,11 +200,10 @@ def _release_time(run: Observations, named: Values) -> float:
     assert run.t is not None
     t, x = run.t, run.x
 
-    def misfit(moment: float) -> float:
-        return float(np.sum(np.square(_follow(run, t - moment, named) - x)))
+    def misfit(moments: ArrayLike) -> FloatArray:
+        return np.sum(np.square(_follow(run, t - np.reshape(moments, (-1, 1)), named) - x), axis=1)
 
     span = float(t[-1] - t[0])
     moments = np.linspace(t[0] - 2.0 * span, t[0], _RELEASES)
-    misfits = np.array([misfit(moment) for moment in moments])
-    best, step = moments[int(np.nanargmin(misfits))], moments[1] - moments[0]
-    return float(minimize_scalar(misfit, bounds=(best - step, best + step), method="bounded", options={"xatol": 1e-9}).x)
+    best, step = moments[int(np.nanargmin(misfit(moments)))], moments[1] - moments[0]
+    return float(minimize_scalar(lambda m: float(misfit(m)[0]), bounds=(best - step, best + step), method="bounded", options={"xatol": 1e-9}).x)
