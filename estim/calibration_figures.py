@@ -31,8 +31,9 @@ def rank_figure(calibration: Calibration, *, synthetic: bool) -> Figure:
         inside = bool(np.all((difference >= low - z) & (difference <= high - z)))
         ax.fill_between(z, low - z, high - z, color=GREY, alpha=0.3, lw=0)
         ax.step(z, difference, where="mid", color=BLUE if inside else ORANGE, lw=1.2 if inside else 1.8)
-    for extra in axes[len(names) :]:
+    for i, extra in enumerate(axes[len(names) :], start=len(names)):
         extra.set_visible(False)
+        axes[i - columns].tick_params(labelbottom=True)
     figure.supxlabel("rank of the truth among posterior draws, as a share", fontsize=8)
     figure.supylabel("ECDF − uniform", fontsize=8)
     if synthetic:
