@@ -36,7 +36,7 @@ from estim.fitting import Fit
 from estim.jobs import spread
 from estim.synthetic import Design
 from estim.trial import N_RANK, PROBABILITIES, Engine, Plan, What, posterior_draws, reported_names, run_trial, stated_only
-from estim.uniformity import uniformity_p_value
+from estim.uniformity import LEAST_P, uniformity_p_value
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -175,7 +175,7 @@ def findings(calibration: Calibration) -> tuple[Finding, ...]:
     where something leans on a prior that is no measurement, only if it is too small.
     """
     found = []
-    least = UNIFORM_BELOW / max(len(calibration.reported), 1)
+    least = max(UNIFORM_BELOW / max(len(calibration.reported), 1), 1.01 * LEAST_P)
     excused = calibration.what == "coverage" and bool(calibration.leaning)
     for name in calibration.reported:
         p_value = calibration.p_value(name) if calibration.what == "sbc" else 1.0

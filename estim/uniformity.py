@@ -22,6 +22,7 @@ IntArray = NDArray[np.int64]
 
 _N_NULL = 40_000
 _CHUNK = 4000
+LEAST_P = 1.0 / (_N_NULL + 1)
 
 
 def rank_counts(ranks: IntArray, n_rank: int) -> IntArray:
@@ -37,11 +38,13 @@ def edges(n_rank: int) -> FloatArray:
 @lru_cache(maxsize=32)
 def _tails(n: int, n_rank: int) -> FloatArray:
     """(n + 1, n_rank) two-sided tail probability of each count at each edge."""
-    from scipy.stats import binom
+    from scipy.special import gammaln
 
     k = np.arange(n + 1)[:, None]
     z = edges(n_rank)
-    return np.asarray(2.0 * np.minimum(binom.cdf(k, n, z), binom.sf(k - 1, n, z)))
+    chance = np.exp(gammaln(n + 1) - gammaln(k + 1) - gammaln(n - k + 1) + k * np.log(z) + (n - k) * np.log1p(-z))
+    # each tail summed from its end: no digits are lost
+    return 2.0 * np.minimum(np.cumsum(chance, axis=0), np.cumsum(chance[::-1], axis=0)[::-1])
 
 
 @lru_cache(maxsize=32)
@@ -57,7 +60,7 @@ def _null(n: int, n_rank: int) -> FloatArray:
 
 
 def uniformity_p_value(ranks: IntArray, n_rank: int) -> float:
-    """Probability that uniform ranks look as uneven as `ranks` (n,), or more; 1/40001 at the least."""
+    """Probability that uniform ranks look as uneven as `ranks` (n,), or more; LEAST_P = 1/40001 at the least."""
     statistic = float(np.min(_tails(ranks.size, n_rank)[rank_counts(ranks, n_rank), np.arange(n_rank)]))
     null = _null(ranks.size, n_rank)
     return float((1 + np.searchsorted(null, statistic * (1.0 + 1e-12), side="right")) / (null.size + 1))
