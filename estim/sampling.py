@@ -203,7 +203,8 @@ def _autocorrelation_time(chain: FloatArray) -> float:
     """Longest integrated autocorrelation time, steps, averaged over the ensembles (the first axis); nan while it cannot be told."""
     from emcee.autocorr import integrated_time
 
-    times = np.array([integrated_time(ensemble, quiet=True, tol=0) for ensemble in chain])
+    with np.errstate(invalid="ignore"):  # walkers that all stand still have no autocorrelation
+        times = np.array([integrated_time(ensemble, quiet=True, tol=0) for ensemble in chain])
     return float(np.max(np.mean(times, axis=0))) if np.all(np.isfinite(times)) else math.nan
 
 
