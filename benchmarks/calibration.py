@@ -65,6 +65,7 @@ CASES = {
     "independent": Case('{model = "independent", sigma_v_m_s = 0.02}'),
     "independent, errors in x": Case('{model = "independent", sigma_v_m_s = 0.02, sigma_x_m = 0.002}'),
     "independent, sigma inferred": Case('{model = "independent", sigma_v_m_s = {prior = "log-normal", median = 0.02, log_sd = 0.5}}'),
+    "independent, mixture": Case('{model = "independent", sigma_v_m_s = 0.02, robust = "mixture"}'),
     "differentiated": Case('{model = "differentiated", sigma_x_m = 0.001}'),
     "differentiated, sigma inferred": Case('{model = "differentiated", sigma_x_m = {prior = "log-normal", median = 0.001, log_sd = 0.5}}'),
     "positions": Case('{model = "positions", sigma_x_m = 0.001}', 14, CLOCK),
