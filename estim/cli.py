@@ -6,22 +6,21 @@ the same); 130 interrupted.
 
 from __future__ import annotations
 
+import os
 import sys
-from collections.abc import Iterable, Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
 
 from estim.errors import EstimError, InputError, Interrupted, NumericalError
-from estim.storage import write_whole
+from estim.terminal import announced, conclude, counted, groups_of, note, progress_bar, write_files
 
 if TYPE_CHECKING:
     from estim.campaign import Campaign
     from estim.energy import Drift, EnergyRecord
     from estim.pipeline import Analysis
-    from estim.sampling import Progress
     from estim.track import Unit
 
 BAD_INPUT, NOT_OK, INTERRUPTED = 2, 3, 130
@@ -81,7 +80,7 @@ def fit(
 
     loaded = load_campaign(campaign)
     folder = out or Path("out") / campaign.resolve().parent.name
-    groups = _groups(loaded, runs, joint=joint)
+    groups = groups_of(loaded, runs, joint=joint)
     if marginal and not joint:
         raise InputError("needs --joint: one run has nothing to share", field="--marginal")
     if compare:
@@ -89,21 +88,21 @@ def fit(
             raise InputError("does not go with --resume or --marginal", field="--compare")
         _compare(loaded, groups, folder, seed=seed, max_steps=max_steps)
         return
-    stores = [Store(folder / ".checkpoint" / (f"joint-{group[0]}" if joint else group[0]), resume=resume, say=_note) for group in groups]
+    stores = [Store(folder / ".checkpoint" / (f"joint-{group[0]}" if joint else group[0]), resume=resume, say=note) for group in groups]
     results = {}
     for group, store in zip(groups, stores, strict=True):
-        with _progress(", ".join(group), max_steps) as progress:
+        with progress_bar(", ".join(group), max_steps) as progress:
             analysis = analyse(
                 loaded, group, seed=seed, target=Target(max_step=max_steps), progress=progress, store=store, stop=stop, marginal=marginal or None
             )
         place = folder if len(groups) == 1 else folder / group[0]
-        _write(place, analysis_report(loaded, analysis))
+        write_files(place, analysis_report(loaded, analysis))
         if can_write_netcdf():
-            _write(place, {"draws.nc": to_netcdf(analysis)})
+            write_files(place, {"draws.nc": to_netcdf(analysis)})
         results[group[0]] = result_of(loaded, analysis)
-        _conclude(", ".join(group), analysis.diagnosis.status, analysis.diagnosis.reasons)
+        conclude(", ".join(group), analysis.diagnosis.status, analysis.diagnosis.reasons)
     if len(groups) > 1:
-        _write(folder, index_report(loaded, results))
+        write_files(folder, index_report(loaded, results))
     for store in stores:
         store.remove()
     click.echo(f"report: {folder / 'report.md'}")
@@ -122,12 +121,14 @@ def _compare(campaign: Campaign, groups: Iterable[tuple[str, ...]], folder: Path
 
     groups, none_ok = list(groups), False
     for group in groups:
-        compared = compare_noise(campaign, group, seed=seed, target=Target(max_step=max_steps), progress_of=lambda what: _progress(what, max_steps))
+        compared = compare_noise(
+            campaign, group, seed=seed, target=Target(max_step=max_steps), progress_of=lambda what: progress_bar(what, max_steps)
+        )
         place = folder if len(groups) == 1 else folder / group[0]
         for model in compared:
-            _write(place / folder_of(model.candidate.name), analysis_report(campaign, model.analysis))
-            _conclude(f"{', '.join(group)}, {model.candidate.name}", model.analysis.diagnosis.status, ())
-        _write(place, compare_report(campaign, compared, seed=seed))
+            write_files(place / folder_of(model.candidate.name), analysis_report(campaign, model.analysis))
+            conclude(f"{', '.join(group)}, {model.candidate.name}", model.analysis.diagnosis.status, ())
+        write_files(place, compare_report(campaign, compared, seed=seed))
         click.echo(f"report: {place / 'report.md'}")
         none_ok = none_ok or not any(model.analysis.diagnosis.ok for model in compared)
     if none_ok:
@@ -150,25 +151,14 @@ def line(campaign: Path, out: Path | None, seed: int) -> None:
     loaded.require_body()
     series = read_theta_min(loaded.source)
     target = Target()
-    with _progress("line", target.max_step) as progress:
+    with progress_bar("line", target.max_step) as progress:
         analysis = analyse_line(series, gamma_masses=gamma_of_body(loaded, series.body), seed=seed, target=target, progress=progress)
     folder = out or Path("out") / campaign.resolve().parent.name / "line"
-    _write(folder, line_report(loaded, analysis))
-    _conclude("line", analysis.status, [finding.reason for finding in analysis.findings])
+    write_files(folder, line_report(loaded, analysis))
+    conclude("line", analysis.status, [finding.reason for finding in analysis.findings])
     click.echo(f"report: {folder / 'report.md'}")
     if analysis.status != "ok":
         sys.exit(NOT_OK)
-
-
-def _groups(campaign: Campaign, runs: Iterable[str], *, joint: bool) -> list[tuple[str, ...]]:
-    """The runs that are fit together.  Raises InputError where there is none."""
-    names = tuple(dict.fromkeys(runs)) or campaign.run_names
-    for name in names:
-        if name not in campaign.run_names:
-            raise InputError(f"must name one of the runs ({', '.join(campaign.run_names)})", field="--run", value=name, file=campaign.source.path)
-    if not names:
-        raise InputError("has no [[runs]] (estim line fits its theta_min series)", field="campaign", file=campaign.source.path)
-    return [names] if joint else [(name,) for name in names]
 
 
 @cli.command()
@@ -193,16 +183,16 @@ def energy(campaign: Path, runs: tuple[str, ...], joint: bool, max_steps: int, o
     analyses: list[Analysis] = []
     records: list[EnergyRecord] = []
     drifts: list[Drift] = []
-    groups = _groups(loaded, runs, joint=joint)
+    groups = groups_of(loaded, runs, joint=joint)
     loaded.require_speeds([name for group in groups for name in group], "estim energy")
     for group in groups:
-        with _progress(", ".join(group), max_steps) as progress:
+        with progress_bar(", ".join(group), max_steps) as progress:
             analyses.append(analyse(loaded, group, seed=seed, target=Target(max_step=max_steps), progress=progress))
         records.extend(energy_along(analyses[-1], rng=np.random.default_rng(seed)))
         drifts.append(drift_of(analyses[-1], rng=np.random.default_rng(seed)))
-        _conclude(", ".join(group), analyses[-1].diagnosis.status, analyses[-1].diagnosis.reasons)
+        conclude(", ".join(group), analyses[-1].diagnosis.status, analyses[-1].diagnosis.reasons)
     folder = out or Path("out") / campaign.resolve().parent.name / "energy"
-    _write(folder, energy_report(loaded, analyses, records, drifts, seed=seed))
+    write_files(folder, energy_report(loaded, analyses, records, drifts, seed=seed))
     click.echo(f"report: {folder / 'report.md'}")
     if any(not analysis.diagnosis.ok for analysis in analyses):
         sys.exit(NOT_OK)
@@ -226,20 +216,63 @@ def reanalyse(campaign: Path, max_steps: int, out: Path | None, seed: int) -> No
 
     loaded = load_campaign(campaign)
     loaded.require_body()
-    result = run_reanalysis(loaded, seed=seed, target=Target(max_step=max_steps), progress_of=lambda what: _announced(what, max_steps))
+    result = run_reanalysis(loaded, seed=seed, target=Target(max_step=max_steps), progress_of=lambda what: announced(what, max_steps))
     folder = out or Path("out") / campaign.resolve().parent.name
-    _write(folder, reanalysis_report(result))
+    write_files(folder, reanalysis_report(result))
     for what, status in result.statuses.items():
-        _conclude(what, status, ())
+        conclude(what, status, ())
     click.echo(f"report: {folder / 'report.md'}")
     if any(status != "ok" for status in result.statuses.values()):
         sys.exit(NOT_OK)
 
 
-def _conclude(what: str, status: str, reasons: Iterable[str]) -> None:
-    click.echo(f"{what}: {status}")
-    for reason in reasons:
-        click.echo(f"  {reason}")
+@cli.command()
+@click.argument("campaign", type=click.Path(path_type=Path))
+@_RUNS
+@_JOINT
+@click.option("--simulations", type=click.IntRange(min=20), default=200, show_default=True, help="Simulated campaigns for each question.")
+@click.option("--what", type=click.Choice(["sbc", "coverage", "both"]), default="both", show_default=True, help="Truths from the priors, or the fit.")
+@click.option("--jobs", type=click.IntRange(min=1), help="Processes.  [default: one for each core]")
+@_OUT
+@_SEED
+def calibrate(
+    campaign: Path, runs: tuple[str, ...], joint: bool, simulations: int, what: str, jobs: int | None, out: Path | None, seed: int
+) -> None:
+    """Check on simulated data whether the intervals for CAMPAIGN hold the truth as often as they say.
+
+    Exit code 3 means that they do not; the report says which one is too narrow, too wide or biased.
+    """
+    import numpy as np
+
+    from estim.calibration import coverage, coverage_sentence, findings, simulation_based_calibration
+    from estim.calibration_report import calibration_report
+    from estim.campaign import load_campaign
+    from estim.fitting import fit_least_squares
+    from estim.synthetic import campaign_design
+
+    loaded = load_campaign(campaign)
+    folder = out or Path("out") / campaign.resolve().parent.name / "calibration"
+    groups, trusted = groups_of(loaded, runs, joint=joint), True
+    chosen = {"sbc": simulation_based_calibration, "coverage": coverage}
+    for group in groups:
+        fit = fit_least_squares(loaded.problem(group), rng=np.random.default_rng(seed))
+        design = campaign_design(loaded, group, fitted=fit.values)
+        calibrations = []
+        for kind in ("sbc", "coverage") if what == "both" else (what,):
+            with counted(f"{', '.join(group)}: {kind}", simulations) as progress:
+                calibrations.append(
+                    chosen[kind](design, fit, n_trial=simulations, seed=seed, jobs=jobs or os.cpu_count() or 1, progress=progress)
+                )
+        place = folder if len(groups) == 1 else folder / group[0]
+        write_files(place, calibration_report(loaded, calibrations))
+        for calibration in calibrations:
+            found = findings(calibration)
+            trusted = trusted and not found
+            said = [] if calibration.what == "sbc" else [coverage_sentence(calibration, name) for name in calibration.reported]
+            conclude(f"{', '.join(group)}, {calibration.what}", "not-calibrated" if found else "ok", [*(f.sentence for f in found), *said])
+        click.echo(f"report: {place / 'report.md'}")
+    if not trusted:
+        sys.exit(NOT_OK)
 
 
 @cli.command()
@@ -250,7 +283,7 @@ def simulate(design: Path, out: Path) -> None:
     from estim.design import load_design, simulate_campaign
 
     files = simulate_campaign(load_design(design))
-    _write(out, {name: text.encode() for name, text in files.items()})
+    write_files(out, {name: text.encode() for name, text in files.items()})
     click.echo(f"synthetic campaign: {out / 'campaign.toml'} ({len(files)} files)")
 
 
@@ -276,47 +309,12 @@ def import_file(
         raise InputError("must not be the file that is read", field="--out", value=str(out))
     choices = Choices(track, along, unit, read_release(release), frame_ms, drop_duplicates)
     imported = import_track(file, choices)
-    _write(out.parent, {out.name: run_table(imported)})
+    write_files(out.parent, {out.name: run_table(imported)})
     for fact in imported.facts:
         click.echo(fact)
     for warning in imported.warnings:
         click.echo(f"warning: {warning}", err=True)
     click.echo(f"run: {out} ({imported.t.size} rows)")
-
-
-@contextmanager
-def _announced(what: str, max_steps: int) -> Iterator[Progress]:
-    """A progress bar, and a line when it is done, for a command of several minutes."""
-    with _progress(what, max_steps) as progress:
-        yield progress
-    click.echo(f"sampled: {what}")
-
-
-@contextmanager
-def _progress(what: str, max_steps: int) -> Iterator[Progress]:
-    """A progress bar on stderr that says what sampling still lacks."""
-    from tqdm import tqdm
-
-    with tqdm(total=max_steps, desc=what, unit="step", leave=False, disable=None, dynamic_ncols=True) as bar:
-
-        def show(step: int, message: str) -> None:
-            bar.n = step
-            bar.set_postfix_str(message[:60], refresh=True)
-
-        yield show
-
-
-def _write(folder: Path, files: Mapping[str, bytes]) -> None:
-    """Write every file whole, or say which one cannot be written."""
-    for name, data in files.items():
-        write_whole(folder / name, data)
-
-
-def _note(line: str) -> None:
-    """A line on stderr that leaves a progress bar intact."""
-    from tqdm import tqdm
-
-    tqdm.write(line, file=sys.stderr)
 
 
 def main() -> None:

@@ -72,6 +72,13 @@ class PhaseCurve:
         zeros = {f"{angle}_zero": gradient[angle] for angle in _ZEROED} | {"offset": -np.asarray(slope)}
         return LocalCurve(np.atleast_2d(value), np.atleast_2d(slope), {**gradient, **zeros})
 
+    def position(self, since: FloatArray, arguments: Mapping[str, ArrayLike]) -> FloatArray:
+        """(n_draw, n_obs) position at times `since` release (s), back and forth."""
+        body, motion = body_of(arguments)
+        phi, theta0, resistance, g = (motion[name] for name in _MOTION)
+        x, _ = back_and_forth(since, body, phi=phi, theta0=theta0, rolling_resistance=resistance, g=g)
+        return np.atleast_2d(x) / (np.asarray(body.radius) if self.angular else 1.0)
+
     def time_derivative(self, x: FloatArray, arguments: Mapping[str, ArrayLike], order: int) -> FloatArray:
         body, motion = body_of(arguments)
         g, radius = np.asarray(motion.pop("g")), np.asarray(body.radius)

@@ -55,11 +55,15 @@ def test_physics_needs_numpy_and_nothing_else(module):
     assert packages(module) <= {"model", "numpy", *sys.stdlib_module_names}
 
 
+def test_the_command_line_alone_knows_click():
+    assert importers("click") == {"estim.cli", "estim.terminal"}
+
+
 def test_inference_meets_physics_in_three_files():
     assert {m for m in importers("model") if m in ESTIM} == {"estim.campaign", "estim.design", "estim.phase_curve"}
 
 
-@pytest.mark.parametrize(("package", "module"), [("lmfit", "estim.fitting"), ("emcee", "estim.sampling"), ("click", "estim.cli")])
+@pytest.mark.parametrize(("package", "module"), [("lmfit", "estim.fitting"), ("emcee", "estim.sampling")])
 def test_one_file_knows_each_engine(package, module):
     assert importers(package) == {module}
 
@@ -112,8 +116,8 @@ def test_the_check_for_output_sees_output():
 
 
 def test_only_the_command_line_prints_and_one_file_writes():
-    assert {module for module, tree in TREES.items() if outputs(tree)} == {"estim.cli", "estim.storage"}
-    assert {module for module in ESTIM if "estim.storage" in IMPORTS[module]} == {"estim.cli", "estim.checkpoint"}
+    assert {module for module, tree in TREES.items() if outputs(tree)} == {"estim.cli", "estim.terminal", "estim.storage"}
+    assert {module for module in ESTIM if "estim.storage" in IMPORTS[module]} == {"estim.terminal", "estim.checkpoint"}
     assert not {"pickle", "h5py", "shelve"} & {package for module in FILES for package in packages(module)}
 
 

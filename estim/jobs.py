@@ -1,0 +1,121 @@
+"""The same function for many numbers, spread over processes.
+
+Workers are spawned (no state is inherited by chance), compute with one thread each, and leave an interrupt to the parent,
+which waits for the calls under way and raises it.
+"""
+
+from __future__ import annotations
+
+import copyreg
+import io
+import os
+import pickle
+import signal
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from itertools import islice
+from types import MappingProxyType
+from typing import Any, TypeVar
+
+T = TypeVar("T")
+
+_THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS", "NUMEXPR_NUM_THREADS")
+_task: Callable[[int], Any] | None = None  # of a worker process
+
+
+def spread(
+    task: Callable[[int], T], numbers: Sequence[int], *, jobs: int, progress: Callable[[int], None] | None = None
+) -> list[T]:
+    """`task(n)` for each of `numbers`, in their order, by `jobs` processes (1: this one).
+
+    progress : called with how many are done.  `task` must be picklable, read-only mappings included.
+    """
+    done: dict[int, T] = {}
+    for n, result in _in_process(task, numbers) if jobs <= 1 else _in_pool(task, numbers, min(jobs, len(numbers))):
+        done[n] = result
+        if progress is not None:
+            progress(len(done))
+    return [done[n] for n in numbers]
+
+
+def _in_process(task: Callable[[int], T], numbers: Sequence[int]) -> Iterator[tuple[int, T]]:
+    for n in numbers:
+        yield n, task(n)
+
+
+def _in_pool(task: Callable[[int], T], numbers: Sequence[int], jobs: int) -> Iterator[tuple[int, T]]:
+    from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+    from multiprocessing import get_context
+
+    waiting = iter(numbers)
+    futures: dict[Future[T], int] = {}
+
+    def submit(pool: ProcessPoolExecutor, count: int) -> None:
+        futures.update({pool.submit(_call, n): n for n in islice(waiting, count)})
+
+    # only a few calls are ever queued, so that little is left to wait for when one fails or the user interrupts
+    with _one_thread_each(), ProcessPoolExecutor(jobs, get_context("spawn"), _start, (_pickled(task),)) as pool:
+        with _interrupts_held():
+            submit(pool, 2 * jobs)
+        while futures:
+            done, _ = wait(futures, return_when=FIRST_COMPLETED)
+            for future in done:
+                yield futures.pop(future), future.result()
+                submit(pool, 1)
+
+
+@contextmanager
+def _interrupts_held() -> Iterator[None]:
+    """Interrupts come after this: processes started meanwhile never see one, the parent does."""
+    if not hasattr(signal, "pthread_sigmask"):
+        yield
+        return
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+@contextmanager
+def _one_thread_each() -> Iterator[None]:
+    """The environment that spawned processes inherit: linear algebra on one thread."""
+    before = {name: os.environ.get(name) for name in _THREADS}
+    os.environ.update(dict.fromkeys(_THREADS, "1"))
+    try:
+        yield
+    finally:
+        for name, value in before.items():
+            if value is None:
+                del os.environ[name]
+            else:
+                os.environ[name] = value
+
+
+def _pickled(task: Callable[[int], Any]) -> bytes:
+    """`task` as bytes; read-only mappings, which pickle does not know, included."""
+    buffer = io.BytesIO()
+    pickler = pickle.Pickler(buffer, protocol=pickle.HIGHEST_PROTOCOL)
+    pickler.dispatch_table = copyreg.dispatch_table | {MappingProxyType: _reduced}
+    pickler.dump(task)
+    return buffer.getvalue()
+
+
+def _reduced(mapping: MappingProxyType[Any, Any]) -> tuple[Any, ...]:
+    return _read_only, (dict(mapping),)
+
+
+def _read_only(mapping: dict[Any, Any]) -> MappingProxyType[Any, Any]:
+    return MappingProxyType(mapping)
+
+
+def _start(task: bytes) -> None:
+    """Prepare a worker process."""
+    global _task
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    _task = pickle.loads(task)
+
+
+def _call(n: int) -> Any:
+    assert _task is not None
+    return _task(n)
