@@ -38,7 +38,7 @@ class Compared:
     """A candidate with its analysis and its leave-one-out predictive density.
 
     data : "positions" or "speeds".  behind, behind_se : elpd below that of the best candidate of the same data, with its
-    standard error; nan where the points are not the same ones.
+    standard error; 0 for the best one.  The same data: the same points, so that speeds of other frames have a best of their own.
     influential : run -> abscissas of the frames with k-hat above 0.7.
     """
 
@@ -107,7 +107,7 @@ def compare_noise(
     campaign: Campaign, runs: Sequence[str], *, seed: int, target: Target | None = None,
     progress_of: Callable[[str], AbstractContextManager[Progress]] | None = None,
 ) -> tuple[Compared, ...]:
-    """Every candidate's analysis of `runs` (jointly), best predictions first among models of the same data.
+    """Every candidate's analysis of `runs` (jointly), in the order of `candidates`.
 
     Raises InputError where the runs cannot be fit jointly, or where the noise table of the first one allows nothing to compare.
     """
