@@ -164,7 +164,11 @@ def test_what_the_data_do_not_determine_gets_no_standard_deviation() -> None:
 
 def test_a_limit_is_reported_as_a_limit(rng: np.random.Generator) -> None:
     y = 2.0 - 0.3 * T + 0.1 * rng.standard_normal(T.size)
-    fit = fit_curve(LINE, T, y, start={"a": 1.0, "b": 1.0}, u_y=0.1, bounds={"b": (0.0, None)})
+    wrong = fit_curve(LINE, T, y, start={"a": 1.0, "b": 1.0}, u_y=0.1, bounds={"b": (0.0, None)})
+    assert wrong.status == "poor-fit"  # a limit from a curve that does not fit is none
+    assert any("lies on its limit" in reason for reason in wrong.reasons)
+    level = y - (fit_curve(LINE, T, y, start={"a": 1.0, "b": 1.0}).values["b"] + 1e-3) * T
+    fit = fit_curve(LINE, T, level, start={"a": 1.0, "b": 1.0}, u_y=0.1, bounds={"b": (0.0, None)})
     assert fit.status == "at-bound"
     assert math.isnan(fit.sds["b"])
     assert fit.values["b"] == pytest.approx(0.0, abs=1e-6)
