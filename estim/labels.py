@@ -38,7 +38,7 @@ _SYMBOLS = {
     "release_time": "t₀",
     "offset": "x₀",
     "outlier_fraction": "outlier fraction",
-    "outlier_width": "outlier width",
+    "log_outlier_width": "ln outlier width",
 }
 _ANGLES = ("theta0", "phi", "theta0_zero", "phi_zero")
 

@@ -134,21 +134,21 @@ class StudentT:
 
 @dataclass(frozen=True)
 class Mixture:
-    """(1 - fraction) normal + fraction normal of `width` times the standard deviation; both names of parameters."""
+    """(1 - fraction) normal + fraction normal of exp(log_width) times the standard deviation; both names of parameters."""
 
     fraction: str
-    width: str
+    log_width: str
 
     robust = True
 
     @property
     def parameters(self) -> tuple[str, ...]:
-        return (self.fraction, self.width)
+        return (self.fraction, self.log_width)
 
     def _parts(self, z: FloatArray, values: Mapping[str, ArrayLike]) -> tuple[FloatArray, FloatArray, FloatArray]:
         """log of the good part, log of the bad part, width; shaped like z."""
         fraction = np.asarray(values[self.fraction], dtype=float)
-        width = np.asarray(values[self.width], dtype=float)
+        width = np.exp(np.asarray(values[self.log_width], dtype=float))
         with np.errstate(divide="ignore"):
             good = np.log1p(-fraction) - 0.5 * z**2 - _LOG_ROOT_2PI
             bad = np.log(fraction) - np.log(width) - 0.5 * (z / width) ** 2 - _LOG_ROOT_2PI
@@ -166,7 +166,7 @@ class Mixture:
         return residual, _slope(residual, z, z * (1.0 - share + share / width**2), 1.0 - top + top / width**2)
 
     def information(self, values: Mapping[str, ArrayLike]) -> tuple[float, float]:
-        z = np.concatenate([np.linspace(0.0, 8.0, 400), np.geomspace(8.05, 8.0 * max(float(np.squeeze(values[self.width])), 2.0), 400)])
+        z = np.concatenate([np.linspace(0.0, 8.0, 400), np.geomspace(8.05, 8.0 * max(math.exp(float(np.squeeze(values[self.log_width]))), 2.0), 400)])
         density = np.exp(self.log_density(z, values))
         good, bad, width = self._parts(z, values)
         share = np.exp(bad - np.logaddexp(good, bad))
@@ -180,16 +180,16 @@ class Mixture:
     def normal_score(self, z: FloatArray, values: Mapping[str, ArrayLike]) -> FloatArray:
         from scipy.special import ndtr, ndtri
 
-        fraction, width = np.asarray(values[self.fraction]), np.asarray(values[self.width])
+        fraction, width = np.asarray(values[self.fraction]), np.exp(np.asarray(values[self.log_width]))
         tail = (1.0 - fraction) * ndtr(-np.abs(z)) + fraction * ndtr(-np.abs(z) / width)
         return -np.sign(z) * ndtri(np.maximum(tail, 1e-300))
 
     def draw(self, rng: np.random.Generator, size: int, values: Mapping[str, ArrayLike]) -> FloatArray:
         bad = rng.random(size) < np.ravel(values[self.fraction])
-        return rng.standard_normal(size) * np.where(bad, np.ravel(values[self.width]), 1.0)
+        return rng.standard_normal(size) * np.where(bad, np.exp(np.ravel(values[self.log_width])), 1.0)
 
     def describe(self) -> str:
-        return f"some frames ({self.fraction}) may be outliers, {self.width} times less precise"
+        return f"some frames ({self.fraction}) may be outliers, exp({self.log_width}) times less precise"
 
 
 def _slope(residual: FloatArray, z: FloatArray, gradient: FloatArray, at_zero: float | FloatArray) -> FloatArray:

@@ -120,7 +120,8 @@ def test_equal_numbers_get_random_ranks(rng):
 
 
 def truth_of(campaign: Campaign) -> np.ndarray:
-    known = {**TRUTH, "phi": np.radians(4.0), "release_time[r]": 0.0, "offset[r]": 0.0, "outlier_fraction[r]": 0.2, "outlier_width[r]": 10.0}
+    known = {**TRUTH, "phi": np.radians(4.0), "release_time[r]": 0.0, "offset[r]": 0.0, "outlier_fraction[r]": 0.2}
+    known["log_outlier_width[r]"] = np.log(10.0)
     return np.array([known[name] for name in campaign.problem(["r"]).names])
 
 

@@ -36,7 +36,7 @@ def fit_positions(pattern: Campaign, x: np.ndarray, rng: np.random.Generator, t:
     lines = np.arange(t.size)
     simulated = replace(table, columns=MappingProxyType({"t_s": t, "x_m": x}), lines=lines)
     problem = replace(pattern, tables=MappingProxyType({"r": simulated})).problem(["r"])
-    start = np.array([{**TRUTH, "release_time[r]": 0.0, "outlier_fraction[r]": 0.05, "outlier_width[r]": 20.0}.get(n, 0.0) for n in problem.names])
+    start = np.array([{**TRUTH, "release_time[r]": 0.0, "outlier_fraction[r]": 0.05, "log_outlier_width[r]": 3.0}.get(n, 0.0) for n in problem.names])
     return fit_least_squares(problem, rng=rng, n_start=1, start=start)
 
 

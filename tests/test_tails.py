@@ -9,7 +9,7 @@ from scipy.integrate import quad
 
 from estim.tails import GAUSSIAN, Mixture, StudentT
 
-VALUES = {"w": np.array(0.07), "k": np.array(12.0)}
+VALUES = {"w": np.array(0.07), "k": np.log(12.0)}
 SHAPES = {"normal": GAUSSIAN, "t": StudentT(), "mixture": Mixture("w", "k")}
 
 
