@@ -221,9 +221,10 @@ def _bracket(t: FloatArray, clock: FloatArray, pace: FloatArray, shape: tuple[in
     knots = np.linspace(-1.0, 1.0, _TABLE)
     width = knots[1] - knots[0]
     polynomials = chebyshev.chebvander(knots, clock.shape[0] - 1)
-    table = np.maximum.accumulate((polynomials @ clock).T, axis=1)  # (n_draw, n_knot)
+    draws = (shape[0], _TABLE)
+    table = np.broadcast_to(np.maximum.accumulate((polynomials @ clock).T, axis=1), draws)  # (n_draw, n_knot)
     with np.errstate(divide="ignore", invalid="ignore"):
-        inverse = 1.0 / (polynomials[:, : pace.shape[0]] @ pace).T  # dz/dt
+        inverse = np.broadcast_to(1.0 / (polynomials[:, : pace.shape[0]] @ pace).T, draws)  # dz/dt
     t = np.broadcast_to(t, shape)
     place = np.minimum(np.array([np.searchsorted(row, times, side="right") for row, times in zip(table[:, 1:-1], t, strict=True)]), _TABLE - 2)
     rows = np.arange(shape[0])[:, None]

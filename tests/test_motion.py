@@ -224,6 +224,8 @@ def test_each_draw_may_have_its_own_times_and_rests_before_release():
     both, v = back_and_forth(t, body, phi=np.radians(4.0), theta0=np.radians([[60.0], [60.0]]))
     for row, here in zip(both, t, strict=True):
         np.testing.assert_allclose(row, back_and_forth(here, body, phi=np.radians(4.0), theta0=np.radians(60.0))[0][0], atol=1e-12)
+    same, _ = back_and_forth(t, body, phi=np.radians(4.0), theta0=np.radians(60.0))  # one body, many clocks
+    np.testing.assert_allclose(same, both, atol=1e-12)
     assert np.all(both[t <= 0.0] == 0.0)
     assert np.all(v[t <= 0.0] == 0.0)
     assert v[0, 3] < 0.0
