@@ -6,6 +6,7 @@ import hashlib
 import io
 import json
 import os
+import re
 import shutil
 import signal
 import subprocess
@@ -493,19 +494,19 @@ def test_signal_ends_with_130_and_a_checkpoint(command: Callable[..., subprocess
 
 @pytest.mark.slow
 def test_fit_interrupted_and_resumed_gives_the_same_bytes(command: Callable[..., subprocess.Popen[str]], tmp_path: Path) -> None:
-    assert command("--max-steps", "400").wait() == 3
+    assert command("--max-steps", "400").wait() == 0
     files = ("result.json", "report.md", "figures/corner.png")
     reference = {file: (tmp_path / "out" / file).read_bytes() for file in files}
     shutil.rmtree(tmp_path / "out")
     place = tmp_path / "out" / ".checkpoint" / "heavy-04"
     first = command("--max-steps", "400")
     wait_for((place / "key.json").exists)
-    time.sleep(0.3)
+    time.sleep(0.1)
     first.terminate()
     assert first.wait() == 130
     second = command("--max-steps", "400", "--resume")
     _, err = second.communicate()
-    assert second.returncode == 3
+    assert second.returncode == 0
     assert err.startswith(f"{place}: continued after step ")
     assert {file: (tmp_path / "out" / file).read_bytes() for file in files} == reference
     assert not (tmp_path / "out" / ".checkpoint").exists()
@@ -533,11 +534,11 @@ def test_several_runs_go_on_with_the_one_that_was_interrupted(command: Callable[
     first.terminate()
     out, _ = first.communicate()
     assert first.returncode == 130
-    assert out.startswith("heavy-04: not-converged")
+    assert out.startswith("heavy-04: ok")
     second = command(*options, "--resume")
     _, err = second.communicate()
-    assert second.returncode == 3
-    assert err.startswith(f"{folder / 'heavy-04'}: continued after step 400\n{folder / 'heavy-06'}: continued after step ")
+    assert second.returncode == 0
+    assert re.match(f"{folder / 'heavy-04'}: continued after step \\d+\n{folder / 'heavy-06'}: continued after step ", err)
     assert (tmp_path / "out" / "report.md").exists()
     assert not folder.exists()
 

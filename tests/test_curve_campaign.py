@@ -174,10 +174,11 @@ def test_the_command_line_writes_a_report_about_the_curve(folder: Path) -> None:
     assert result["formula"] == "U0*exp(-x/tau) + offset"
     assert result["turning_point"] == {}
     assert "| tau | time constant |" in text
-    assert "voltage U (V) against time t (s)" in text
+    assert "Voltage U (V) against time t (s)" in text
     for word in ("turning point", "speed", "mass", "radian", "frame"):
         assert word not in text, word
-    assert {path.name for path in (folder / "out" / "figures").iterdir()} == {"phase.png", "residuals.png", "corner.png", "traces.png"}
+    drawn = {"corner", "directions", "phase", "profiles", "residuals", "ridge", "traces"}
+    assert {path.stem for path in (folder / "out" / "figures").iterdir()} == drawn
 
 
 def numbers(path: Path, columns: tuple[int, ...]) -> np.ndarray:
