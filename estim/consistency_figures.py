@@ -46,6 +46,7 @@ def forest_figure(consistency: Consistency, *, synthetic: bool) -> Figure:
             tick.set_fontweight("bold" if run in wrong else "normal")
         ax.set_ylim(len(runs) - 0.4, -0.6)
         ax.tick_params(axis="x", labelsize=7.5)
+        ax.locator_params(axis="x", nbins=4)
         ax.locator_params(axis="x", nbins=5)
         ax.set_xlabel(shown.axis, fontsize=9)
     for extra in axes[len(panels) :]:

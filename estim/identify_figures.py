@@ -106,8 +106,10 @@ def ridge_figure(fit: Fit, found: Identifiability, draws: FloatArray, *, pair: t
     if all(proper):  # a flat prior without limits has no standard deviation to show the size of
         ax.annotate("", xy=tuple(centre + arrow), xytext=tuple(centre), arrowprops={"arrowstyle": "-|>", "color": GREEN, "lw": 2.0}, zorder=6)
     ax.plot(*centre, "o", color=INK, ms=4, zorder=7)
-    ax.set_xlim(low[0], high[0])
-    ax.set_ylim(low[1], high[1])
+    edges = np.array([[problem.parameters[k].prior.low, problem.parameters[k].prior.high] for k in (i, j)]) * factors[:, None]
+    first, last = np.maximum(low, edges[:, 0]), np.minimum(high, edges[:, 1])  # smoothed contours would spill over the edge of a prior
+    ax.set_xlim(first[0], last[0])
+    ax.set_ylim(first[1], last[1])
     ax.set(xlabel=shown[0].axis, ylabel=shown[1].axis)
     handles = [
         Line2D([], [], color=BLUE, lw=4, alpha=0.6, label="posterior, 68 and 95 %"),
