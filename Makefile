@@ -13,7 +13,7 @@ report: $(VENV)/.installed
 	@echo "open $(OUT)/report.md"
 
 test: $(VENV)/.installed
-	$(BIN)/python -m pytest -n auto
+	OMP_NUM_THREADS=1 $(BIN)/python -m pytest -n auto
 
 # the rendered report that the repository shows; a test compares it with a new one
 reports: $(VENV)/.installed
