@@ -101,7 +101,7 @@ def ridge_figure(fit: Fit, found: Identifiability, draws: FloatArray, *, pair: t
     arrow = weakest.vector[[i, j]] * found.prior_sds[[i, j]] * factors
     if np.any((centre + arrow < low) | (centre + arrow > high)):  # matplotlib leaves out an arrow that ends outside: the other way, then
         arrow = -arrow
-    if np.any(arrow != 0.0):
+    if not np.all(np.isclose(centre, centre + arrow)):  # matplotlib draws no line through points it takes for one
         ax.axline(tuple(centre), tuple(centre + arrow), color=GREEN, lw=1.0, ls=(0, (5, 3)), zorder=4)
     if all(proper):  # a flat prior without limits has no standard deviation to show the size of
         ax.annotate("", xy=tuple(centre + arrow), xytext=tuple(centre), arrowprops={"arrowstyle": "-|>", "color": GREEN, "lw": 2.0}, zorder=6)
