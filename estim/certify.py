@@ -20,7 +20,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from estim.density import Density, log_density_in_batches
-from estim.proposal import K_HAT_LIMIT, Proposal, adapt_proposal, smoothed_weights
+from estim.importance import K_HAT_LIMIT, kish_size, pareto_smoothed, systematic, u_log_mean
+from estim.proposal import Proposal, adapt_proposal
 from estim.sampling import Chain, effective_size
 
 __all__ = ["Certificate", "Comparison", "Proposal", "adapt_proposal", "certify", "compare_with_chain"]
@@ -95,12 +96,13 @@ class Comparison:
 def certify(
     density: Density, proposal: Proposal, *, rng: np.random.Generator, n_draw: int = 8000, least_ess: float = 4000.0, max_draw: int = MOST_DRAWS
 ) -> Certificate:
-    """The posterior by Pareto-smoothed importance sampling from `proposal`.
+    """The posterior by Pareto-smoothed importance sampling from `proposal.widened()`.
 
     n_draw : draws to begin with; doubled, up to `max_draw`, while k-hat is above 0.7 or the effective size below `least_ess`.
 
     Raises NumericalError where the density is not a number.
     """
+    proposal = proposal.widened()
     draws = np.zeros((0, proposal.n_par))
     log_ratio = np.zeros(0)
     wanted = n_draw
@@ -108,19 +110,18 @@ def certify(
         more = proposal.draw(rng, wanted - draws.shape[0])
         draws = np.vstack([draws, more])
         log_ratio = np.append(log_ratio, log_density_in_batches(density, more) - proposal.log_density(more))
-        weights, k_hat, log_mean = smoothed_weights(log_ratio)
-        ess = 1.0 / float(np.sum(weights**2))
-        if (k_hat <= K_HAT_LIMIT and ess >= least_ess) or wanted >= max_draw:
+        log_weights, k_hat, log_mean = pareto_smoothed(log_ratio)
+        if (k_hat <= K_HAT_LIMIT and kish_size(log_weights) >= least_ess) or wanted >= max_draw:
             break
         wanted = min(2 * wanted, max_draw)
-    return _summarise(density.names, draws, weights, k_hat, log_mean, rng)
+    return _summarise(density.names, draws, log_weights, k_hat, log_mean, rng)
 
 
 def _summarise(
-    names: tuple[str, ...], draws: FloatArray, weights: FloatArray, k_hat: float, log_mean: float, rng: np.random.Generator
+    names: tuple[str, ...], draws: FloatArray, log_weights: FloatArray, k_hat: float, log_mean: float, rng: np.random.Generator
 ) -> Certificate:
     """Weighted moments with the delta-method errors of self-normalised importance sampling, sum w_i^2 (h_i - mean h)^2."""
-    n = weights.size
+    weights = np.exp(log_weights)
     mean = weights @ draws
     deviation = draws - mean
     variance = weights @ deviation**2
@@ -131,13 +132,11 @@ def _summarise(
     for p in PROBABILITIES:
         quantiles[p] = np.array([column.at(p) for column in columns])
         errors[p] = np.array([column.error(p) for column in columns])
-    places = (np.arange(_N_RESAMPLED) + rng.uniform()) / _N_RESAMPLED
-    chosen = np.minimum(np.searchsorted(np.cumsum(weights), places), n - 1)
-    resampled = draws[rng.permutation(chosen)]
+    resampled = draws[rng.permutation(systematic(weights, _N_RESAMPLED, rng))]
     resampled.flags.writeable = False
     return Certificate(
-        names=names, k_hat=k_hat, n_draw=n, ess=1.0 / float(np.sum(squares)),
-        log_evidence=log_mean, u_log_evidence=math.sqrt(max(float(np.sum((weights - 1.0 / n) ** 2)), 0.0)),
+        names=names, k_hat=k_hat, n_draw=weights.size, ess=kish_size(log_weights),
+        log_evidence=log_mean, u_log_evidence=u_log_mean(log_weights),
         mean=mean, sd=sd, mcse_mean=np.sqrt(squares @ deviation**2),
         mcse_sd=np.sqrt(squares @ (deviation**2 - variance) ** 2) / (2.0 * sd),
         quantiles=MappingProxyType(quantiles), mcse_quantiles=MappingProxyType(errors), draws=resampled,

@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 
 from estim.errors import InputError
 from estim.fitting import Fit
+from estim.importance import log_sum_exp
 from estim.noise import noise_parameters, variances
 from estim.priors import LogNormal, Prior
 from estim.problem import Observations, Posterior, Problem
@@ -287,15 +288,6 @@ def hermite_nodes(n_node: int, n_dim: int) -> tuple[FloatArray, FloatArray]:
 def log_volume(root: FloatArray) -> FloatArray:
     """(n_draw,) log determinant of lower triangular roots (n_draw, n_own, n_own)."""
     return np.asarray(np.sum(np.log(np.diagonal(root, axis1=1, axis2=2)), axis=1))
-
-
-def log_sum_exp(terms: FloatArray, axis: int | None = None) -> FloatArray:
-    """log sum exp without overflow; -inf where all terms are."""
-    largest = np.max(terms, axis=axis, keepdims=True)
-    safe = np.where(np.isfinite(largest), largest, 0.0)
-    with np.errstate(divide="ignore"):
-        total = np.log(np.sum(np.exp(terms - safe), axis=axis, keepdims=True)) + safe
-    return np.asarray(np.squeeze(total, axis=axis), dtype=np.float64)
 
 
 def _blocks(n: int) -> list[slice]:

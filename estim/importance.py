@@ -1,4 +1,4 @@
-"""Tools of importance sampling: a Student-t proposal, Pareto-smoothed weights, what weights are worth.
+"""Tools of importance sampling: Pareto-smoothed weights, what weights are worth, draws of equal weight.
 
 Log weights of draws outside the support are -inf throughout; they count as draws of no weight.
 
@@ -8,86 +8,83 @@ Sources: Vehtari, Simpson, Gelman, Yao, Gabry, JMLR 25 (2024) 72 (Pareto smoothi
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from estim.conditional import log_sum_exp
-
 FloatArray = NDArray[np.float64]
 IndexArray = NDArray[np.int64]
 
-
-@dataclass(frozen=True, eq=False)
-class StudentT:
-    """Multivariate Student-t density: mean (d,), lower root of its scale matrix (d, d), degrees of freedom."""
-
-    mean: FloatArray
-    root: FloatArray
-    dof: float
-
-    def draw(self, rng: np.random.Generator, n: int) -> FloatArray:
-        z = rng.standard_normal((n, self.mean.size)) / np.sqrt(rng.chisquare(self.dof, (n, 1)) / self.dof)
-        return np.asarray(self.mean + z @ self.root.T)
-
-    def log_density(self, draws: FloatArray) -> FloatArray:
-        d, dof = self.mean.size, self.dof
-        z = np.linalg.solve(self.root, (draws - self.mean).T)
-        norm = math.lgamma(0.5 * (dof + d)) - math.lgamma(0.5 * dof) - 0.5 * d * math.log(math.pi * dof)
-        return np.asarray(norm - np.sum(np.log(np.diag(self.root))) - 0.5 * (dof + d) * np.log1p(np.sum(z**2, axis=0) / dof))
+K_HAT_LIMIT = 0.7  # above it importance weights cannot be trusted (Vehtari et al. 2024)
 
 
-def lower_root(cov: FloatArray) -> FloatArray:
-    """Lower triangular root of a covariance, on unit diagonal first so that units do not matter."""
-    sd = np.sqrt(np.diag(cov))
-    return np.asarray(sd[:, None] * np.linalg.cholesky(cov / np.outer(sd, sd) + 1e-10 * np.eye(sd.size)))
+def log_sum_exp(terms: FloatArray, axis: int | None = None) -> FloatArray:
+    """log sum exp without overflow; -inf where all terms are."""
+    largest = np.max(terms, axis=axis, keepdims=True)
+    safe = np.where(np.isfinite(largest), largest, 0.0)
+    with np.errstate(divide="ignore"):
+        total = np.log(np.sum(np.exp(terms - safe), axis=axis, keepdims=True)) + safe
+    return np.asarray(np.squeeze(total, axis=axis), dtype=np.float64)
 
 
-def smoothed(log_weights: FloatArray) -> tuple[FloatArray, float]:
-    """Pareto-smoothed log weights (n,), normalised to sum 1, and k-hat; weights of zero stay zero.  k-hat is inf where fewer than 25 count."""
+def pareto_smoothed(log_ratio: FloatArray) -> tuple[FloatArray, float, float]:
+    """Pareto-smoothed log weights (n_draw,) whose exponentials sum to 1, their k-hat, and the log of the mean weight before normalisation.
+
+    log_ratio : (n_draw,) log density minus log proposal.  Where no tail can be fitted the weights are left alone: with
+    k-hat = inf where fewer draws have any weight than the tail needs, with -inf where all weights are the same.
+    """
     from arviz_stats.base import array_stats
 
-    smooth = np.full(log_weights.size, -np.inf)
-    finite = np.flatnonzero(np.isfinite(log_weights))
-    k_hat = math.inf
-    if finite.size:
-        smooth[finite] = log_weights[finite] - np.max(log_weights[finite])
-    if finite.size >= 25 and np.ptp(log_weights[finite]) < 1e-9:
-        k_hat = -math.inf  # equal weights: no tail at all
-    elif finite.size >= 25:
-        # arviz-stats takes the negative of the log weights, as for leave-one-out
-        values, k = array_stats.psislw(-smooth[finite])
-        smooth[finite], k_hat = np.asarray(values, dtype=float), float(k)
-    return smooth - log_sum_exp(smooth) if finite.size else smooth, k_hat
+    n = log_ratio.size
+    total = float(log_sum_exp(log_ratio))
+    if total == -math.inf:
+        return np.full(n, -np.inf), math.inf, -math.inf
+    plain = (log_ratio - total, total - math.log(n))
+    ranked = np.sort(log_ratio)
+    n_tail = int(3.0 * math.sqrt(n)) + 2
+    if n <= n_tail or not np.isfinite(ranked[-n_tail]):
+        return plain[0], math.inf, plain[1]
+    if ranked[-1] - ranked[-n_tail] < 1e-9:
+        return plain[0], -math.inf, plain[1]
+    # arviz-stats takes minus the log ratio; draws below the tail keep theirs up to one constant, the log of the sum
+    with np.errstate(all="ignore"):  # it divides by zero where one draw outweighs all others, and finds no tail there
+        smooth, k_hat = array_stats.psislw(ranked[-1] - log_ratio)
+    log_weights = np.asarray(smooth, dtype=np.float64)
+    if not (np.isfinite(k_hat) and np.isfinite(np.max(log_weights))):
+        return plain[0], math.inf, plain[1]
+    body = int(np.argsort(log_ratio)[-n_tail])
+    return log_weights, float(k_hat), float(log_ratio[body] - log_weights[body]) - math.log(n)
 
 
-def effective_size(log_weights: FloatArray) -> float:
-    """(sum w)^2/sum w^2; 0 where every weight is."""
+def kish_size(log_weights: FloatArray) -> float:
+    """Effective size of weighted draws, (sum w)^2/(sum w^2); 0 where every weight is."""
     if not np.any(np.isfinite(log_weights)):
         return 0.0
     return float(np.exp(2.0 * log_sum_exp(log_weights) - log_sum_exp(2.0 * log_weights)))
 
 
-def u_log_evidence(raw: FloatArray) -> float:
-    """Monte-Carlo standard error of log mean exp."""
-    size = effective_size(raw)
-    return math.sqrt(max(1.0 / size - 1.0 / raw.size, 0.0)) if size else math.inf
+def u_log_mean(log_weights: FloatArray) -> float:
+    """Monte-Carlo standard error of log mean w, which is a log evidence where w = density/proposal."""
+    size = kish_size(log_weights)
+    return math.sqrt(max(1.0 / size - 1.0 / log_weights.size, 0.0)) if size else math.inf
 
 
-def flattening(log_weights: FloatArray, least: float) -> float:
-    """The largest b <= 1 with an effective size of w^b of at least `least`."""
+def flattened(log_weights: FloatArray, least: float) -> tuple[FloatArray, float]:
+    """(n_draw,) normalised weights w^b, and the largest b <= 1 that leaves an effective size of `least`: a far start is approached in steps."""
+    finite = np.isfinite(log_weights)
+    shifted = np.where(finite, log_weights, 0.0) - np.max(log_weights)
 
-    def size(power: float) -> float:
-        return effective_size(np.where(np.isfinite(log_weights), power * np.where(np.isfinite(log_weights), log_weights, 0.0), -np.inf))
+    def powered(power: float) -> FloatArray:
+        return np.where(finite, power * shifted, -np.inf)
 
-    if size(1.0) >= least:
-        return 1.0
     low, high = 0.0, 1.0
-    for _ in range(30):
-        middle = 0.5 * (low + high)
-        low, high = (middle, high) if size(middle) >= least else (low, middle)
-    return low
+    if kish_size(powered(1.0)) < least:
+        for _ in range(20):
+            middle = 0.5 * (low + high)
+            low, high = (middle, high) if kish_size(powered(middle)) >= least else (low, middle)
+        high = max(low, 1e-6)
+    weights = np.exp(powered(high))
+    return np.asarray(weights / np.sum(weights)), high
 
 
 def systematic(weights: FloatArray, n: int, rng: np.random.Generator) -> IndexArray:
@@ -111,7 +108,7 @@ def spread(values: FloatArray, log_weights: FloatArray) -> float:
 
 def difference(shared: FloatArray, log_marginal: FloatArray, log_all: FloatArray) -> tuple[float, float]:
     """Largest difference of a mean by two sets of weights of the same draws, in standard deviations, and its Monte-Carlo error."""
-    if effective_size(log_marginal) < 2.0 or effective_size(log_all) < 2.0:
+    if kish_size(log_marginal) < 2.0 or kish_size(log_all) < 2.0:
         return math.inf, math.inf
     a, b = np.exp(log_marginal - log_sum_exp(log_marginal)), np.exp(log_all)
     mean_a, mean_b = a @ shared, b @ shared

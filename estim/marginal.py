@@ -17,24 +17,23 @@ Source: Rue, Martino, Chopin, J. R. Stat. Soc. B 71 (2009) 319 (nested Laplace a
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from estim.conditional import Expansion, RunTerm, expand, log_sum_exp, names_used, run_terms
+from estim.conditional import Expansion, RunTerm, expand, names_used, run_terms
 from estim.errors import InputError, NumericalError
 from estim.fitting import Fit
-from estim.importance import StudentT, difference, effective_size, flattening, lower_root, smoothed, spread, systematic, u_log_evidence
+from estim.importance import K_HAT_LIMIT, difference, flattened, kish_size, pareto_smoothed, spread, systematic, u_log_mean
 from estim.priors import Normal
 from estim.problem import Problem
+from estim.proposal import Proposal, lower_factor
 
 FloatArray = NDArray[np.float64]
 IndexArray = NDArray[np.int64]
 
-K_HAT_LIMIT = 0.7
 _LEAST_ESS = 400.0
 _MOST_SAMPLED = 12
 _CLOSE = 4.0  # standard deviations to a hard edge below which a parameter is not treated as normal
@@ -49,20 +48,16 @@ _ROUGH = 0.3  # of a conditional standard deviation: worse expansions of the mod
 class MarginalOptions:
     """n_draw : draws of the marginal.  n_check : how many of them get exact weights in all dimensions.
     n_node : Gauss-Hermite nodes along each own parameter of a run; 1 is Laplace's approximation, 5 leaves no visible error.
-    dof : degrees of freedom of the Student-t proposal.
     """
 
     n_draw: int = 8000
     n_check: int = 4000
     n_node: int = 1
-    dof: float = 5.0
 
     def __post_init__(self) -> None:
         for name, value, least in (("n_draw", self.n_draw, 100), ("n_check", self.n_check, 100), ("n_node", self.n_node, 1)):
             if value < least:
                 raise InputError(f"must be >= {least}", field=name, value=value)
-        if not self.dof > 2.0:
-            raise InputError("must be > 2", field="dof", value=self.dof)
 
 
 @dataclass(frozen=True, eq=False)
@@ -126,12 +121,12 @@ def sample_marginal(fit: Fit, *, rng: np.random.Generator, options: MarginalOpti
     columns = sampled_columns(fit)
     terms = run_terms(fit, columns)
     target = _Marginal(fit.problem, columns, terms)
-    proposal, expansions = _adapt(fit, target, options, rng)
+    proposal, expansions = _adapt(fit, target, rng)
     shared = proposal.draw(rng, options.n_draw)
     log_prior, by_run = target.terms_at(shared, expansions, n_node=options.n_node)
     log_proposal = proposal.log_density(shared)
     raw = log_prior + np.sum(by_run, axis=0) - log_proposal
-    log_weights, k_hat = smoothed(raw)
+    log_weights, k_hat, log_evidence = pareto_smoothed(raw)
     draws = np.empty((options.n_draw, fit.problem.n_par))
     draws[:, columns] = shared
     inside = np.flatnonzero(np.isfinite(log_weights))
@@ -148,15 +143,15 @@ def sample_marginal(fit: Fit, *, rng: np.random.Generator, options: MarginalOpti
             own[inside] = term.refine_own(given[inside], own[inside], expansion, rng)
             refined.append(term.run.name)
         draws[:, own_columns] = own
-    check, k_hat_all = smoothed(raw_all)
+    check, k_hat_all, log_evidence_all = pareto_smoothed(raw_all)
     shift, u_shift = difference(shared[: check.size], log_weights[: check.size], check)
-    ess, ess_all = effective_size(log_weights), effective_size(check)
+    ess, ess_all = kish_size(log_weights), kish_size(check)
     error = max((expansion.error for expansion in expansions), default=0.0)
     trusted, reasons = _judge(k_hat, ess, k_hat_all, ess_all, shift, u_shift, error, n_node=options.n_node, exact=columns.size == fit.problem.n_par)
     return MarginalPosterior(
         names=fit.names, sampled=tuple(fit.names[i] for i in columns), draws=draws, log_weights=log_weights, k_hat=k_hat, ess=ess,
-        log_evidence=float(log_sum_exp(raw)) - math.log(raw.size), u_log_evidence=u_log_evidence(raw),
-        check_log_weights=check, k_hat_all=k_hat_all, ess_all=ess_all, log_evidence_all=float(log_sum_exp(raw_all)) - math.log(raw_all.size),
+        log_evidence=log_evidence, u_log_evidence=u_log_mean(raw),
+        check_log_weights=check, k_hat_all=k_hat_all, ess_all=ess_all, log_evidence_all=log_evidence_all,
         shift=shift, u_shift=u_shift, expansion_error=error, refined=tuple(refined), trusted=trusted, reasons=reasons,
     )
 
@@ -216,7 +211,7 @@ class _Marginal:
         return np.asarray(log_p + np.sum(by_run, axis=0))
 
 
-def _adapt(fit: Fit, target: _Marginal, options: MarginalOptions, rng: np.random.Generator) -> tuple[StudentT, list[Expansion]]:
+def _adapt(fit: Fit, target: _Marginal, rng: np.random.Generator) -> tuple[Proposal, list[Expansion]]:
     """A proposal with mean and covariance of the marginal, and the expansions of the runs over its bulk.
 
     Starts from the Gaussian approximation of the fit (the Schur complement of its information).  While its weights are poor they
@@ -227,27 +222,25 @@ def _adapt(fit: Fit, target: _Marginal, options: MarginalOptions, rng: np.random
     # (n_par, n_sampled): how the conditional mean of every parameter follows the sampled ones
     regression: FloatArray = np.asarray(np.linalg.solve(cov, fit.cov[columns]).T, dtype=np.float64)
     points = _pilot_points(target, mean, cov, rng)
-    expansions = _expand_all(fit, target, points, regression, StudentT(mean, lower_root(cov), options.dof))
+    expansions = _expand_all(fit, target, points, regression, Proposal.single(mean, cov))
     settled = 0
     for _ in range(_MOST_ROUNDS):
-        proposal = StudentT(mean, lower_root(cov), options.dof)
+        proposal = Proposal.single(mean, cov)
         shared = proposal.draw(rng, _N_ADAPT)
         raw = target.log_density(shared, expansions, n_node=1) - proposal.log_density(shared)
         if not np.any(np.isfinite(raw)):
             raise NumericalError("the marginal over runs finds no posterior mass around the fit")
-        power = flattening(raw, 0.1 * _N_ADAPT)
-        weights = np.exp(power * (raw - np.max(raw)))
-        weights /= np.sum(weights)
+        weights, power = flattened(raw, 0.1 * _N_ADAPT)
         mean = weights @ shared
         cov = (weights[:, None] * (shared - mean)).T @ (shared - mean)
         settled = settled + 1 if power == 1.0 else 0
         if settled == 2:
             break
         points = shared[systematic(weights, _n_point(columns.size), rng)]
-        points = points + 0.3 * rng.standard_normal(points.shape) @ lower_root(cov).T  # wider than the posterior, and no point twice
+        points = points + 0.3 * rng.standard_normal(points.shape) @ lower_factor(cov).T  # wider than the posterior, and no point twice
         points = points[np.isfinite(target.log_prior(points))]
         expansions = _expand_all(fit, target, points, regression, None)
-    return StudentT(mean, lower_root(cov), options.dof), expansions
+    return Proposal.single(mean, cov), expansions
 
 
 def _n_point(n_sampled: int) -> int:
@@ -259,14 +252,14 @@ def _pilot_points(target: _Marginal, mean: FloatArray, cov: FloatArray, rng: np.
     """(n_point, n_sampled) points inside the priors' support from the normal density of `mean` and `cov`."""
     points = np.empty((0, mean.size))
     for _ in range(100):
-        drawn = mean + rng.standard_normal((4 * _n_point(mean.size), mean.size)) @ lower_root(cov).T
+        drawn = mean + rng.standard_normal((4 * _n_point(mean.size), mean.size)) @ lower_factor(cov).T
         points = np.vstack([points, drawn[np.isfinite(target.log_prior(drawn))]])
         if points.shape[0] >= _n_point(mean.size):
             return points[: _n_point(mean.size)]
     raise NumericalError("the marginal over runs cannot start: hardly any point around the fit lies inside the priors")
 
 
-def _expand_all(fit: Fit, target: _Marginal, points: FloatArray, regression: FloatArray, around: StudentT | None) -> list[Expansion]:
+def _expand_all(fit: Fit, target: _Marginal, points: FloatArray, regression: FloatArray, around: Proposal | None) -> list[Expansion]:
     """The expansion of every run over the points (n_point, n_sampled).
 
     around : density that the points came from; points that the run all but excludes are then given little weight.

@@ -23,6 +23,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from estim.importance import K_HAT_LIMIT, pareto_smoothed
 from estim.priors import Prior
 from estim.problem import Posterior, Problem
 
@@ -30,7 +31,6 @@ FloatArray = NDArray[np.float64]
 
 THRESHOLD = 0.05
 _ALPHAS = (0.8, 1.25)
-_K_HAT = 0.7  # of the weights, above which they cannot be trusted
 _CONFLICT = 2.0  # of z
 
 DETERMINED = "determined by the data"
@@ -89,21 +89,10 @@ def power_scaling(problem: Problem, posterior: Posterior, draws: FloatArray, *, 
 
 def _weights(log_density: FloatArray) -> tuple[tuple[FloatArray, FloatArray] | None, float]:
     """Smoothed normalised weights (n_draw,) for the two powers, and the larger Pareto k (inf: raw weights); None where nothing scales."""
-    from arviz_stats.base import array_stats
-
     if np.ptp(log_density) < 1e-12:
         return None, -math.inf
-    smoothed, k_hats = [], []
-    for alpha in _ALPHAS:
-        raw = (alpha - 1.0) * log_density
-        # psislw takes minus the log weights and smooths their upper tail; where one draw outweighs all others it finds no tail
-        with np.errstate(all="ignore"):
-            log_weights, k_hat = array_stats.psislw(-raw)
-        usable = bool(np.all(np.isfinite(log_weights)) and np.isfinite(k_hat))
-        weights = np.exp(np.asarray(log_weights) - np.max(log_weights)) if usable else np.exp(raw - raw.max())
-        smoothed.append(weights / weights.sum())
-        k_hats.append(float(k_hat) if usable else math.inf)
-    return (smoothed[0], smoothed[1]), max(k_hats)
+    found = [pareto_smoothed((alpha - 1.0) * log_density) for alpha in _ALPHAS]
+    return (np.exp(found[0][0]), np.exp(found[1][0])), max(k_hat for _, k_hat, _ in found)
 
 
 def _distance(column: FloatArray, weights: tuple[FloatArray, FloatArray] | None) -> float:
@@ -123,7 +112,7 @@ def _disagreement(prior: Prior, column: FloatArray) -> float:
 
 
 def _verdict(prior: float, likelihood: float, z: float, k_hat: float, threshold: float) -> str:
-    if not k_hat < _K_HAT:
+    if not k_hat < K_HAT_LIMIT:
         return UNRELIABLE
     if prior >= threshold and likelihood >= threshold:
         return CONFLICT if abs(z) >= _CONFLICT else BOTH_MATTER

@@ -21,12 +21,13 @@ from numpy.typing import NDArray
 
 from estim.density import Density, log_density_in_batches
 from estim.errors import NumericalError
+from estim.importance import flattened, kish_size, pareto_smoothed
 
 FloatArray = NDArray[np.float64]
 
-K_HAT_LIMIT = 0.7  # above it importance weights cannot be trusted (Vehtari et al., J. Mach. Learn. Res. 25 (2024) 72)
 DOF = 5.0  # tails heavier than those of most posteriors
 _WIDE_SHARE, _WIDE_FACTOR = 0.05, 2.0  # share and width (in sds of the whole) of the component that guards a mixture
+_FAR_SHARE, _FAR_FACTOR = 0.25, 3.0  # the same for `Proposal.widened`
 _GOOD_K_HAT = 0.5
 _MAX_ROUND = 12
 _EM_STEPS = 25
@@ -58,6 +59,29 @@ class Proposal:
         d = self.n_par
         unit = math.lgamma(0.5 * (DOF + d)) - math.lgamma(0.5 * DOF) - 0.5 * d * math.log(DOF * math.pi)
         return np.log(self.weights) + unit - np.sum(np.log(np.diagonal(self.factors, axis1=1, axis2=2)), axis=1)
+
+    @classmethod
+    def single(cls, mean: FloatArray, scale: FloatArray) -> Proposal:
+        """One component: mean (n_par,), scale matrix (n_par, n_par)."""
+        return cls(np.ones(1), mean[None], lower_factor(scale)[None])
+
+    def widened(self) -> Proposal:
+        """A quarter of the draws from three times as far around.
+
+        A proposal that was adapted to draws of itself may miss a long tail (of an outlier's width, say), and weights cannot
+        show what was never drawn.  Where the wide draws find something, k-hat and the effective size say so.
+        """
+        mean = self.weights @ self.means
+        away = self.means - mean
+        scale = np.einsum("k,kij,klj->il", self.weights, self.factors, self.factors) + (self.weights[:, None] * away).T @ away
+        return self._with(mean, scale, _FAR_SHARE, _FAR_FACTOR)
+
+    def _with(self, mean: FloatArray, scale: FloatArray, share: float, factor: float) -> Proposal:
+        """A `share` of the draws from one more component."""
+        return Proposal(
+            np.append((1.0 - share) * self.weights, share), np.vstack([self.means, mean]),
+            np.concatenate([self.factors, factor * lower_factor(scale)[None]]),
+        )
 
     def draw(self, rng: np.random.Generator, n: int) -> FloatArray:
         """(n, n_par) independent draws."""
@@ -93,7 +117,7 @@ def adapt_proposal(
     Raises NumericalError where the density is nowhere finite around the fit.
     """
     centres = np.vstack([start, *starts])
-    factor = _factor(cov)
+    factor = lower_factor(cov)
     mixture = Proposal(np.full(len(centres), 1.0 / len(centres)), centres, np.stack([factor] * len(centres)))
     best, quality, draws, weights = _settle(density, _shrunk(density, mixture, rng), rng, n_round)
     for n_component in (4, 8):
@@ -116,7 +140,7 @@ def _settle(density: Density, mixture: Proposal, rng: np.random.Generator, n_rou
         if not np.any(np.isfinite(log_ratio)):
             break
         quality = _quality(log_ratio)
-        weights = _tempered(log_ratio, least=min(0.1 * n_round, 20.0 * proposal.n_par))
+        weights, _ = flattened(log_ratio, least=min(0.1 * n_round, 20.0 * proposal.n_par))
         found.append((proposal, quality, draws, weights))
         if len(found) > 2 and 0.05 < quality < 1.1 * max(f[1] for f in found[:-1]):
             break
@@ -127,54 +151,10 @@ def _settle(density: Density, mixture: Proposal, rng: np.random.Generator, n_rou
     return max(found, key=lambda f: f[1])
 
 
-def smoothed_weights(log_ratio: FloatArray) -> tuple[FloatArray, float, float]:
-    """Pareto-smoothed weights (n_draw,) with sum 1, their k-hat, and the log of the mean weight before normalisation; by arviz-stats.
-
-    log_ratio : (n_draw,) log density minus log proposal.  Where no tail can be fitted the weights are left alone: with
-    k-hat = inf where fewer draws have any weight than the tail needs, with -inf where all weights are the same.
-    """
-    from arviz_stats.base import array_stats
-
-    n = log_ratio.size
-    largest = float(np.max(log_ratio))
-    raw = np.exp(log_ratio - largest)
-    plain = (raw / np.sum(raw), largest + math.log(float(np.mean(raw))))
-    ranked = np.sort(log_ratio)
-    n_tail = int(3.0 * math.sqrt(n)) + 2
-    if n <= n_tail or not np.isfinite(ranked[-n_tail]):
-        return plain[0], math.inf, plain[1]
-    if ranked[-1] - ranked[-n_tail] < 1e-9:
-        return plain[0], -math.inf, plain[1]
-    # arviz-stats takes minus the log ratio; draws below the tail keep theirs up to one constant, the log of the sum
-    with np.errstate(over="ignore"):  # arviz-stats 0.6 computes weights of a grid as 1/exp(...), where inf rightly gives 0
-        log_weights, k_hat = array_stats.psislw(-log_ratio)
-    body = int(np.argsort(log_ratio)[-n_tail])
-    log_sum = float(log_ratio[body] - log_weights[body])
-    return np.exp(log_weights), float(k_hat) if np.isfinite(k_hat) else math.inf, log_sum - math.log(n)
-
-
 def _quality(log_ratio: FloatArray) -> float:
-    """Effective share of weighted draws, (sum w)^2/(n sum w^2); a third of it where k-hat shows that a tail is missed."""
-    w = np.exp(log_ratio - np.max(log_ratio))
-    share = float(np.sum(w) ** 2 / (w.size * np.sum(w * w)))
-    return share if smoothed_weights(log_ratio)[1] <= _GOOD_K_HAT else share / 3.0
-
-
-def _tempered(log_ratio: FloatArray, *, least: float) -> FloatArray:
-    """(n_draw,) normalised weights w^b with the largest b <= 1 that leaves `least` effective draws: a far start is approached in steps."""
-    shifted = log_ratio - np.max(log_ratio)
-
-    def weights(power: float) -> FloatArray:
-        w = np.exp(power * shifted)
-        return w / np.sum(w)
-
-    low, high = 0.0, 1.0
-    if 1.0 / np.sum(weights(1.0) ** 2) >= least:
-        return weights(1.0)
-    for _ in range(20):
-        middle = 0.5 * (low + high)
-        low, high = (middle, high) if 1.0 / np.sum(weights(middle) ** 2) >= least else (low, middle)
-    return weights(max(low, 1e-6))
+    """Effective share of weighted draws; a third of it where k-hat shows that a tail is missed."""
+    share = kish_size(log_ratio) / log_ratio.size
+    return share if pareto_smoothed(log_ratio)[1] <= _GOOD_K_HAT else share / 3.0
 
 
 def _fit(mixture: Proposal, draws: FloatArray, weights: FloatArray) -> Proposal:
@@ -197,7 +177,7 @@ def _fit(mixture: Proposal, draws: FloatArray, weights: FloatArray) -> Proposal:
             mean = pull[k] @ draws / np.sum(pull[k])
             deviation = draws - mean
             means.append(mean)
-            factors.append(_factor((pull[k][:, None] * deviation).T @ deviation / size[k] + floor))
+            factors.append(lower_factor((pull[k][:, None] * deviation).T @ deviation / size[k] + floor))
         before = mixture
         mixture = Proposal(size[kept] / np.sum(size[kept]), np.array(means), np.array(factors))
         settled = kept.size == before.weights.size and np.max(np.abs(mixture.weights - before.weights)) < 1e-3
@@ -209,7 +189,7 @@ def _fit(mixture: Proposal, draws: FloatArray, weights: FloatArray) -> Proposal:
 def _split(draws: FloatArray, weights: FloatArray, n_component: int, rng: np.random.Generator) -> Proposal:
     """A mixture of equal components centred on draws that lie far from each other, each a part of the whole in width."""
     mean, cov = _covariance(draws, weights)
-    factor = _factor(cov)
+    factor = lower_factor(cov)
     whitened = np.linalg.solve(factor, (draws - mean).T).T
     centres = [int(rng.choice(weights.size, p=weights))]
     for _ in range(n_component - 1):
@@ -225,11 +205,7 @@ def _guarded(mixture: Proposal, draws: FloatArray, weights: FloatArray) -> Propo
     """A mixture of several with a wide component added, so that no region between and around them is without draws."""
     if mixture.weights.size == 1:
         return mixture
-    mean, cov = _covariance(draws, weights)
-    return Proposal(
-        np.append((1.0 - _WIDE_SHARE) * mixture.weights, _WIDE_SHARE), np.vstack([mixture.means, mean]),
-        np.concatenate([mixture.factors, _WIDE_FACTOR * _factor(cov)[None]]),
-    )
+    return mixture._with(*_covariance(draws, weights), _WIDE_SHARE, _WIDE_FACTOR)
 
 
 def _shrunk(density: Density, mixture: Proposal, rng: np.random.Generator) -> Proposal:
@@ -247,7 +223,7 @@ def _covariance(draws: FloatArray, weights: FloatArray) -> tuple[FloatArray, Flo
     return mean, (weights[:, None] * deviation).T @ deviation
 
 
-def _factor(cov: FloatArray) -> FloatArray:
+def lower_factor(cov: FloatArray) -> FloatArray:
     """Lower Cholesky factor of a covariance; directions without any variance get a millionth of the others'."""
     sds = np.sqrt(np.maximum(np.diag(cov), 0.0))
     sds = np.where(sds > 0.0, sds, 1e-6 * max(float(np.max(sds)), 1e-140))

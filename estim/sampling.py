@@ -21,7 +21,8 @@ from numpy.typing import NDArray
 from estim.checkpoint import Store
 from estim.density import Density, log_density_in_batches
 from estim.errors import NumericalError
-from estim.proposal import K_HAT_LIMIT, Proposal, smoothed_weights
+from estim.importance import K_HAT_LIMIT, kish_size, pareto_smoothed
+from estim.proposal import Proposal
 from estim.stepping import Stop, start_walk
 
 FloatArray = NDArray[np.float64]
@@ -188,10 +189,10 @@ def _first_points(
         n_draw = max(1000, 20 * n_walker)
         draws = proposal.draw(rng, n_ensemble * n_draw)
         log_ratio = log_density_in_batches(posterior, draws) - proposal.log_density(draws)
-        weights, k_hat, _ = smoothed_weights(log_ratio) if np.any(np.isfinite(log_ratio)) else (np.zeros(draws.shape[0]), math.inf, -math.inf)
-        parts = np.split(weights, n_ensemble)
+        log_weights, k_hat, _ = pareto_smoothed(log_ratio)
+        parts = np.split(np.exp(log_weights), n_ensemble)
         if k_hat <= K_HAT_LIMIT and min(np.count_nonzero(part) for part in parts) >= 2 * n_walker:
-            efficiency = 1.0 / float(np.sum(weights**2)) / weights.size
+            efficiency = kish_size(log_weights) / log_weights.size
             chosen = [rng.choice(n_draw, n_walker, replace=False, p=part / np.sum(part)) for part in parts]
             points = [part[which] for part, which in zip(np.split(draws, n_ensemble), chosen, strict=True)]
             return points, _PROPOSAL_SHARE * min(1.0, efficiency / _GOOD_EFFICIENCY)

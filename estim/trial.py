@@ -17,7 +17,7 @@ from estim.errors import InputError, NumericalError
 from estim.fitting import Fit, fit_least_squares
 from estim.priors import LogNormal, Normal, Prior, TruncatedNormal
 from estim.problem import Parameter, Problem
-from estim.proposal import Proposal, adapt_proposal
+from estim.proposal import adapt_proposal
 from estim.sampling import Target, sample_posterior
 from estim.synthetic import Design
 
@@ -28,7 +28,6 @@ What = Literal["sbc", "coverage"]
 PROBABILITIES = (0.68, 0.95)
 N_RANK = 99
 _TRUSTED = 0.5  # k-hat
-_WIDE_SHARE, _WIDE_FACTOR = 0.25, 3.0  # of the draws of importance sampling; in widths of the proposal
 _MOST_TRIES = 2000  # truths drawn for one simulated campaign
 _KINDS = {"sbc": 0, "coverage": 1}
 
@@ -158,28 +157,12 @@ def posterior_draws(fit: Fit, engine: Engine, rng: np.random.Generator) -> tuple
         if engine.method == "chain":
             break
         n_draw, most = int(2.0 * engine.ess), int(16.0 * engine.ess)
-        certificate = certify(fit.posterior, _widened(proposal), rng=rng, n_draw=n_draw, least_ess=engine.ess, max_draw=most)
+        certificate = certify(fit.posterior, proposal, rng=rng, n_draw=n_draw, least_ess=engine.ess, max_draw=most)
         if certificate.k_hat < _TRUSTED and certificate.ess >= engine.ess:
             return certificate.draws, "importance sampling", ""
     target = Target(rhat=1.02, ess=engine.ess, n_tau=20.0, max_step=engine.max_step, n_ensemble=2)
     chain = sample_posterior(fit.posterior, fit.values, fit.cov, target=target, rng=rng, proposal=proposal)
     return chain.thinned(20_000), "chain", "" if chain.convergence.met else chain.convergence.message
-
-
-def _widened(proposal: Proposal) -> Proposal:
-    """`proposal` with a share of draws from far around it.
-
-    A proposal that was adapted to draws of itself may miss a long tail (of an outlier's width, say), and weights cannot show
-    what was never drawn.  Where the wide draws find something, k-hat and the effective size say so.
-    """
-    mean = proposal.weights @ proposal.means
-    spread = np.einsum("k,kij,klj->il", proposal.weights, proposal.factors, proposal.factors)
-    away = proposal.means - mean
-    cov = spread + (proposal.weights[:, None] * away).T @ away
-    return Proposal(
-        np.append((1.0 - _WIDE_SHARE) * proposal.weights, _WIDE_SHARE), np.vstack([proposal.means, mean]),
-        np.concatenate([proposal.factors, _WIDE_FACTOR * np.linalg.cholesky(cov)[None]]),
-    )
 
 
 def reported(problem: Problem, draws: FloatArray, names: Sequence[str]) -> FloatArray:

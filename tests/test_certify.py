@@ -16,7 +16,8 @@ from estim.certify import PROBABILITIES, Certificate, certify, chain_errors, com
 from estim.density import Density, log_density_in_batches
 from estim.errors import NumericalError
 from estim.fitting import Fit, fit_least_squares
-from estim.proposal import Proposal, adapt_proposal, smoothed_weights
+from estim.importance import pareto_smoothed
+from estim.proposal import Proposal, adapt_proposal
 from estim.sampling import Chain, Convergence, Target, sample_posterior
 
 TARGETS = {
@@ -98,27 +99,35 @@ def test_two_modes_are_weighed_rightly_when_both_starts_are_given_and_one_is_mis
 
 def test_proposal_with_tails_too_light_is_flagged(rng: np.random.Generator) -> None:
     known = normal(np.eye(4))
-    narrow = Proposal(np.ones(1), np.zeros((1, 4)), 0.12 * np.eye(4)[None])
-    wrong = certify(known, narrow, rng=rng)
+    wrong = certify(known, Proposal.single(np.zeros(4), 0.08**2 * np.eye(4)), rng=rng)
     assert not wrong.reliable
     assert wrong.n_draw == 64_000
-    right = certify(known, Proposal(np.ones(1), np.zeros((1, 4)), np.eye(4)[None]), rng=rng)
+    right = certify(known, Proposal.single(np.zeros(4), np.eye(4)), rng=rng)
     assert right.reliable
     assert right.n_draw == 8000
     assert compare_with_chain(wrong, chain_of(rng.standard_normal((4, 200, 10, 4)))).verdict == "missing"
 
 
-def test_smoothed_weights_leave_ordinary_weights_alone_and_tame_the_largest(rng: np.random.Generator) -> None:
-    even, k_even, log_mean = smoothed_weights(0.1 * rng.standard_normal(5000))
+def test_wide_draws_mend_a_proposal_that_is_too_narrow(rng: np.random.Generator) -> None:
+    known, narrow = normal(np.eye(4)), Proposal.single(np.zeros(4), 0.12**2 * np.eye(4))
+    bare = narrow.draw(rng, 64_000)
+    assert pareto_smoothed(known.log_density(bare) - narrow.log_density(bare))[1] > 0.7
+    mended = certify(known, narrow, rng=rng)
+    assert mended.reliable
+    assert np.all(np.abs(deviations(mended, known)) < 4.5)
+
+
+def test_pareto_smoothed_leave_ordinary_weights_alone_and_tame_the_largest(rng: np.random.Generator) -> None:
+    even, k_even, log_mean = pareto_smoothed(0.1 * rng.standard_normal(5000))
     assert k_even < 0.3
-    assert even.sum() == pytest.approx(1.0)
+    assert np.exp(even).sum() == pytest.approx(1.0)
     assert log_mean == pytest.approx(0.005, abs=0.006)
     heavy = rng.pareto(1.0, 5000)
-    weights, k_hat, _ = smoothed_weights(np.log(heavy))
+    weights, k_hat, _ = pareto_smoothed(np.log(heavy))
     assert 0.7 < k_hat < 1.3
-    assert weights.max() <= heavy.max() / heavy.sum() * 1.5
-    assert smoothed_weights(np.zeros(100))[1] == -math.inf
-    assert smoothed_weights(np.where(np.arange(1000) < 20, 0.0, -np.inf))[1] == math.inf
+    assert np.exp(weights.max()) <= heavy.max() / heavy.sum() * 1.5
+    assert pareto_smoothed(np.zeros(100))[1] == -math.inf
+    assert pareto_smoothed(np.where(np.arange(1000) < 20, 0.0, -np.inf))[1] == math.inf
 
 
 def test_proposal_density_is_normalised_and_is_that_of_its_draws(rng: np.random.Generator) -> None:
@@ -181,7 +190,7 @@ def test_true_agreement_is_called_so_and_its_differences_are_standard_normal() -
     for i in range(150):
         rng = np.random.default_rng([8, i])
         chain = chain_of(autoregressive(rng, (4, 150, 16, 4), 0.6))
-        comparison = compare_with_chain(certify(known, Proposal(np.ones(1), np.zeros((1, 4)), np.eye(4)[None]), rng=rng), chain)
+        comparison = compare_with_chain(certify(known, Proposal.single(np.zeros(4), np.eye(4)), rng=rng), chain)
         verdicts.append(comparison.verdict)
         zs.append([*comparison.z_mean, *comparison.z_sd])
         naive.append(chain.flat.mean(axis=0) * math.sqrt(chain.flat.shape[0]))
