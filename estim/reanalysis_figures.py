@@ -68,8 +68,10 @@ def narrowing_figure(tables: Sequence[Narrowing], *, synthetic: bool) -> Figure:
         ax.plot(count, table.u[:, i], "o-", color=BLUE, label="first n runs together")
         ax.plot(count, table.u_single[:, i], "s", color=ORANGE, label="the n-th run alone")
         if np.isfinite(table.u_prior[i]):
-            ax.axhline(table.u_prior[i], ls=":", color=GREY)
-        ax.set(xlabel="n", ylabel=f"u({label(table.names[i], '1').tex})", ylim=(0.0, None), xticks=count)
+            ax.axhline(table.u_prior[i], ls=":", color=GREY, label="prior alone")
+        shown = np.array([*table.u[:, i], *table.u_single[:, i], table.u_prior[i]])
+        top = 1.1 * float(np.max(shown[np.isfinite(shown)]))
+        ax.set(xlabel="number of runs n", ylabel=f"u({label(table.names[i], '1').tex})", ylim=(0.0, top), xticks=count)
     for extra in axes[len(pairs) :]:
         extra.set_visible(False)
     axes[0].legend(fontsize=8, frameon=False)
