@@ -11,6 +11,7 @@ a few Newton steps on that polynomial.  Everything is vectorised over draws: par
 
 from __future__ import annotations
 
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -27,6 +28,7 @@ _TABLE = 49  # points of the table that starts the inversion of a clock
 _MOST_NODES = 4096
 _NEGLIGIBLE = 1e-11  # of the largest coefficient
 _UNRESOLVED = 1e-8
+_ROUND_OFF = 1e-15  # smaller coefficients change no digit
 _MOST_STEPS = 80
 _SETTLED = 1e-7
 
@@ -34,8 +36,8 @@ _SETTLED = 1e-7
 def _clock(
     body: Body, *, reach: FloatArray, turns: NDArray[np.bool_], phi: FloatArray, theta0: FloatArray, rolling_resistance: FloatArray,
     g: FloatArray, n_node: int | None,
-) -> FloatArray:
-    """Chebyshev coefficients (n + 1, n_draw) of the time (s) as a function of z in [-1, 1], with t(-1) = 0.
+) -> tuple[FloatArray, FloatArray]:
+    """Chebyshev coefficients of the time t (s) as a function of z in [-1, 1], t(-1) = 0, and of dt/dz: (n + 1, n_draw) and (n, n_draw).
 
     reach : (n_draw, 1) rad, the angle turned at z = 1.  turns : whether that is a turning point.
     n_node : Chebyshev points; None doubles them until the last coefficients no longer count.  Draws that are still not
@@ -51,13 +53,25 @@ def _clock(
             pace = rate / np.sqrt(2.0 * g / np.asarray(body.radius) * ratio)  # dt/dz, s
         coefficients = 2.0 / n * _cosine_transform(pace).T
         coefficients[0] *= 0.5
-        tail = np.max(np.abs(coefficients[-n // 8 :]), axis=0) / np.max(np.abs(coefficients), axis=0)
+        size = np.abs(coefficients) / np.max(np.abs(coefficients), axis=0)
+        tail = np.max(size[-n // 8 :], axis=0)
         if fixed or n >= _MOST_NODES or np.all(tail[reach[:, 0] > 0.0] < _NEGLIGIBLE):
             break
         n *= 2
     if not fixed:
         coefficients[:, ~(tail < _UNRESOLVED)] = np.nan
-    return chebyshev.chebint(coefficients, lbnd=-1.0, axis=0)
+        counting = np.flatnonzero(np.any(size > _ROUND_OFF, axis=1))
+        coefficients = coefficients[: 1 + int(np.max(counting, initial=1))]
+    return _integral(coefficients), coefficients
+
+
+def _integral(coefficients: FloatArray) -> FloatArray:
+    """Of Chebyshev series (n, n_draw) from -1: (n + 1, n_draw), by  2 int T_k = T_{k+1}/(k + 1) - T_{k-1}/(k - 1)."""
+    n = coefficients.shape[0]
+    padded = np.concatenate([2.0 * coefficients[:1], coefficients[1:], np.zeros((2, coefficients.shape[1]))])
+    order = np.arange(1, n + 1)[:, None]
+    rest = (padded[:n] - padded[2:]) / (2.0 * order)
+    return np.concatenate([-np.sum(np.where(order % 2, -rest, rest), axis=0, keepdims=True), rest])
 
 
 def _cosine_transform(values: FloatArray) -> FloatArray:
@@ -118,7 +132,7 @@ def travel_time(
     turns = np.isfinite(stop)
     reach = np.where(turns, stop, max(float(np.max(angle)), 1e-12))
     keywords = {"phi": phi, "theta0": theta0, "rolling_resistance": resistance, "g": g}
-    clock = _clock(body, reach=reach, turns=turns, **keywords, n_node=n_node)
+    clock, _ = _clock(body, reach=reach, turns=turns, **keywords, n_node=n_node)
     share = np.clip(angle / np.where(reach > 0, reach, 1.0), 0.0, 1.0)
     z = np.where(turns, 4.0 / np.pi * np.arcsin(np.sqrt(share)), 2.0 * np.sqrt(share)) - 1.0
     possible = (angle >= 0.0) & (angle <= reach * (1.0 + 1e-12)) & (reach > 0.0)  # the turning point itself, rounded, included
@@ -187,9 +201,9 @@ def _leg(
     keywords = {"phi": phi, "theta0": theta0, "rolling_resistance": resistance, "g": g}
     turns = np.isfinite(stop)
     reach = np.where(turns, stop, _farthest(t, body, phi, resistance, g))
-    clock = _clock(body, reach=reach, turns=turns, **keywords, n_node=n_node)
+    clock, pace = _clock(body, reach=reach, turns=turns, **keywords, n_node=n_node)
     end = np.sum(clock, axis=0)[:, None]  # every Chebyshev polynomial is 1 at z = 1
-    z = _invert(t, clock, end)
+    z = _invert(t, clock, pace, end)
     angle, _ = _substitution(z, reach, turns)
     ratio = _ratio(angle, _remainder(z, reach, turns), body, phi=phi, theta0=theta0, rolling_resistance=resistance)
     v = np.sqrt(np.maximum(2.0 * g * radius * ratio, 0.0))
@@ -198,9 +212,8 @@ def _leg(
     return np.where(moving, radius * angle, still), np.where(moving, v, still), np.where(turns, np.where(stop > 0.0, end, 0.0), np.inf), stop
 
 
-def _invert(t: FloatArray, clock: FloatArray, end: FloatArray) -> FloatArray:
+def _invert(t: FloatArray, clock: FloatArray, pace: FloatArray, end: FloatArray) -> FloatArray:
     """z (n_draw, n_obs) at which the clock shows `t`, by Newton steps inside a bracket; nan where they do not settle."""
-    pace = chebyshev.chebder(clock, axis=0)
     low, high, z = _bracket(t, clock, pace, np.broadcast_shapes(end.shape, t.shape))
     for _ in range(_MOST_STEPS):
         ahead = _evaluate(z, clock) - t
@@ -218,9 +231,8 @@ def _invert(t: FloatArray, clock: FloatArray, end: FloatArray) -> FloatArray:
 
 def _bracket(t: FloatArray, clock: FloatArray, pace: FloatArray, shape: tuple[int, ...]) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Ends of an interval that holds z and a first guess inside, (n_draw, n_obs) each: a cubic through a table of the clock."""
-    knots = np.linspace(-1.0, 1.0, _TABLE)
+    knots, polynomials = _knots(clock.shape[0] - 1)
     width = knots[1] - knots[0]
-    polynomials = chebyshev.chebvander(knots, clock.shape[0] - 1)
     draws = (shape[0], _TABLE)
     table = np.broadcast_to(np.maximum.accumulate((polynomials @ clock).T, axis=1), draws)  # (n_draw, n_knot)
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -237,6 +249,13 @@ def _bracket(t: FloatArray, clock: FloatArray, pace: FloatArray, shape: tuple[in
     z = np.where((z >= low) & (z <= low + width), z, low + 0.5 * width)
     outside = (t <= table[:, :1]) | (t >= table[:, -1:])
     return np.where(outside, -1.0, low - 1e-9), np.where(outside, 1.0, low + width + 1e-9), np.clip(z, -1.0, 1.0)
+
+
+@cache
+def _knots(degree: int) -> tuple[FloatArray, FloatArray]:
+    """Equidistant points in [-1, 1] and the Chebyshev polynomials there, (n_knot, degree + 1)."""
+    knots = np.linspace(-1.0, 1.0, _TABLE)
+    return knots, chebyshev.chebvander(knots, degree)
 
 
 def _evaluate(z: FloatArray, coefficients: FloatArray) -> FloatArray:

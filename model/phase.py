@@ -27,6 +27,8 @@ FloatArray = NDArray[np.float64]
 
 STANDARD_GRAVITY = 9.80665  # m/s^2, exact by convention (3rd CGPM, 1901)
 
+_MOST_STEPS, _SETTLED = 80, 1e-14  # of the search for a turning angle; rad
+
 
 def effective_slope(phi: ArrayLike, rolling_resistance: ArrayLike = 0.0) -> FloatArray:
     """s = sin(phi) + c_rr cos(phi), dimensionless: the slope that a body with theta increasing works against."""
@@ -210,7 +212,7 @@ def turning_angle(body: Body, *, phi: ArrayLike, theta0: ArrayLike, rolling_resi
 
     W(theta0 + 2 pi) = -2 pi s: uphill the first zero comes within one turn; downhill later minima of W lie higher, so it
     comes within the first turn or never.  It lies between the maximum of W at pi - asin(s/gamma) and the minimum at
-    2 pi + asin(s/gamma), where bisection finds it to the last bit.
+    2 pi + asin(s/gamma), where Newton steps, halvings where they leave the bracket, find it to the last bits.
     """
     gamma, theta0, slope = np.broadcast_arrays(
         np.asarray(body.gamma, dtype=float), np.asarray(theta0, dtype=float), effective_slope(phi, rolling_resistance)
@@ -226,11 +228,20 @@ def turning_angle(body: Body, *, phi: ArrayLike, theta0: ArrayLike, rolling_resi
     high = lowest + 2.0 * np.pi - start
     low = np.pi - lowest - start
     turns &= work(high) <= 0.0
-    for _ in range(60):
-        middle = 0.5 * (low + high)
-        above = work(middle) > 0.0
-        low, high = np.where(above, middle, low), np.where(above, high, middle)
-    return np.where(turns, 0.5 * (low + high), np.where(starts, np.inf, 0.0))
+    angle = 0.5 * (low + high)
+    for _ in range(_MOST_STEPS):
+        w = work(angle)
+        above = w > 0.0
+        low, high = np.where(above, angle, low), np.where(above, high, angle)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            newton = angle - w / (gamma * np.sin(start + angle) - slope)
+        inside = (newton >= low - _SETTLED) & (newton <= high + _SETTLED)  # rounding may carry the last step over an end
+        following = np.where(inside, newton, 0.5 * (low + high))
+        settled = np.max(np.abs(following - angle), where=turns, initial=0.0) < _SETTLED
+        angle = following
+        if settled:
+            break
+    return np.where(turns, angle, np.where(starts, np.inf, 0.0))
 
 
 def turning_point(body: Body, *, phi: ArrayLike, theta0: ArrayLike, rolling_resistance: ArrayLike = 0.0) -> FloatArray:
