@@ -121,10 +121,10 @@ def adapt_proposal(
     mixture = Proposal(np.full(len(centres), 1.0 / len(centres)), centres, np.stack([factor] * len(centres)))
     best, quality, draws, weights = _settle(density, _shrunk(density, mixture, rng), rng, n_round)
     for n_component in (4, 8):
-        if quality > 0.3:
+        if quality > 0.4:
             break
         split = _split(draws, weights, max(n_component, len(centres) + 1), rng)
-        candidate, better, candidate_draws, candidate_weights = _settle(density, split, rng, 2 * n_round)
+        candidate, better, candidate_draws, candidate_weights = _settle(density, split, rng, 4 * n_round)
         if better > 1.15 * quality:
             best, quality, draws, weights = candidate, better, candidate_draws, candidate_weights
     return best
