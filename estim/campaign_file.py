@@ -6,7 +6,6 @@
 from __future__ import annotations
 
 import difflib
-import math
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -15,28 +14,15 @@ from typing import Any, Literal, TypeVar
 
 import msgspec
 
-from estim.errors import InputError
 from estim.importing import Choices
-from estim.priors import HalfNormal, LogNormal, Normal, Prior, TruncatedNormal, Uniform
+from estim.prior_table import PriorTable, read_prior
+from estim.priors import Prior
 from estim.quantity import Quantity, read_quantity
 from estim.table import TOML_BYTES, read_text
 from estim.toml_text import Places, locate_keys, parse_toml
 from estim.track import Unit
 
 Kind = Literal["synthetic", "measured", "published"]
-
-
-class PriorTable(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
-    """`{prior = "...", ...}`: the keys that each prior needs are checked by `read_prior`."""
-
-    prior: Literal["normal", "uniform", "half-normal", "log-normal", "truncated-normal"]
-    mean: float | None = None
-    sd: float | None = None
-    low: float | None = None
-    high: float | None = None
-    scale: float | None = None
-    median: float | None = None
-    log_sd: float | None = None
 
 
 Value = float | str | PriorTable
@@ -253,49 +239,11 @@ def _known_keys(kind: type, inner: list[str]) -> list[str]:
     return list(getattr(kind, "__struct_fields__", ()))
 
 
-_PRIOR_KEYS: Mapping[str, tuple[str, ...]] = {
-    "normal": ("mean", "sd"),
-    "uniform": ("low", "high"),
-    "half-normal": ("scale",),
-    "log-normal": ("median", "log_sd"),
-    "truncated-normal": ("mean", "sd", "low", "high"),
-}
-
-
 def read_value(value: Value, *, factor: float, field: str) -> Quantity | Prior:
     """A number, a measured quantity or a prior, in SI units (`factor` times the unit of the key).
 
     Raises InputError naming `field`.
     """
     if isinstance(value, PriorTable):
-        return _read_prior(value, factor, field)
+        return read_prior(value, factor=factor, field=field)
     return read_quantity(value, field=field).scaled(factor)
-
-
-def _read_prior(table: PriorTable, factor: float, field: str) -> Prior:
-    wanted = _PRIOR_KEYS[table.prior]
-    given = {key: number for key in PriorTable.__struct_fields__[1:] if (number := getattr(table, key)) is not None}
-    optional = ("low", "high") if table.prior == "truncated-normal" else ()
-    for key in wanted:
-        if key not in given and key not in optional:
-            raise InputError(f"needs '{key}' for a {table.prior} prior", field=field)
-    for key, number in given.items():
-        if key not in wanted:
-            raise InputError(f"takes no '{key}' with a {table.prior} prior", field=field)
-        if not math.isfinite(number):
-            raise InputError(f"needs a finite '{key}'", field=field, value=number)
-    scaled = {key: number * (1.0 if key == "log_sd" else factor) for key, number in given.items()}
-    try:
-        match table.prior:
-            case "normal":
-                return Normal(scaled["mean"], scaled["sd"])
-            case "uniform":
-                return Uniform(scaled["low"], scaled["high"])
-            case "half-normal":
-                return HalfNormal(scaled["scale"])
-            case "log-normal":
-                return LogNormal(scaled["median"], scaled["log_sd"])
-            case "truncated-normal":
-                return TruncatedNormal(scaled["mean"], scaled["sd"], scaled.get("low", -math.inf), scaled.get("high", math.inf))
-    except InputError as error:
-        raise InputError(f"has a prior whose '{error.field}' {error.rule}", field=field, value=error.value) from None

@@ -64,3 +64,23 @@ class Curve(Protocol):
 
     def end(self, arguments: Mapping[str, ArrayLike]) -> FloatArray:
         """Position behind which the motion does not go, (n_draw, 1) or (1, 1); inf where it never ends."""
+
+
+class PlainCurve:
+    """The part of `Curve` that only a motion has, for curves that are none."""
+
+    @property
+    def mass(self) -> float | None:
+        return None
+
+    def metres(self, arguments: Mapping[str, ArrayLike]) -> ArrayLike:
+        return 1.0
+
+    def energies(self, x: FloatArray, v: FloatArray, arguments: Mapping[str, ArrayLike]) -> tuple[FloatArray, FloatArray]:
+        return np.full(np.shape(v), np.nan), np.full(np.shape(v), np.nan)
+
+    def derived(self, arguments: Mapping[str, ArrayLike]) -> Mapping[str, Derived]:
+        return {}
+
+    def end(self, arguments: Mapping[str, ArrayLike]) -> FloatArray:
+        return np.array([[np.inf]])

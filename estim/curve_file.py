@@ -12,12 +12,13 @@ from typing import Literal
 
 import msgspec
 
-from estim.campaign_file import CampaignFile, PriorTable, read_value
+from estim.campaign_file import CampaignFile, read_value
 from estim.curve_problem import SIGMA
 from estim.errors import InputError
 from estim.flat import Flat
 from estim.formula import Formula
 from estim.levels import as_prior
+from estim.prior_table import PriorKeys, PriorTable
 from estim.priors import Prior
 from estim.quantity import Quantity
 
@@ -34,35 +35,19 @@ class AxisTable(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
     unit: str = "1"
 
 
-class ParameterTable(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
+class ParameterTable(PriorKeys, forbid_unknown_fields=True, frozen=True, kw_only=True):
     """`start` with limits, a `value`, or a `prior` with its keys."""
 
     start: float | None = None
     value: float | str | None = None
     unit: str | None = None
     meaning: str | None = None
-    prior: Literal["normal", "uniform", "half-normal", "log-normal", "truncated-normal"] | None = None
-    mean: float | None = None
-    sd: float | None = None
-    low: float | None = None
-    high: float | None = None
-    scale: float | None = None
-    median: float | None = None
-    log_sd: float | None = None
 
 
-class ReadingErrorTable(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
+class ReadingErrorTable(PriorKeys, forbid_unknown_fields=True, frozen=True, kw_only=True):
     """A standard deviation of y: a column of the runs' files, or a prior (then it is inferred)."""
 
     column: str | None = None
-    prior: Literal["normal", "uniform", "half-normal", "log-normal", "truncated-normal"] | None = None
-    mean: float | None = None
-    sd: float | None = None
-    low: float | None = None
-    high: float | None = None
-    scale: float | None = None
-    median: float | None = None
-    log_sd: float | None = None
 
 
 class RangeTable(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
@@ -154,7 +139,7 @@ def _refuse_keys(table: ParameterTable, keys: Sequence[str], rule: str) -> None:
             raise InputError(rule, field=key)
 
 
-def prior_table(table: ParameterTable | ReadingErrorTable, field: str) -> PriorTable:
+def prior_table(table: PriorKeys, field: str) -> PriorTable:
     if table.prior is None:
         raise InputError("needs a 'prior' or a 'column'", field=field)
-    return PriorTable(table.prior, table.mean, table.sd, table.low, table.high, table.scale, table.median, table.log_sd)
+    return PriorTable(**{key: getattr(table, key) for key in PriorKeys.__struct_fields__})

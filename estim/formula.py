@@ -21,7 +21,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from estim.curve import Derived, LocalCurve
+from estim.curve import LocalCurve, PlainCurve
 from estim.dual import Dual, plain
 from estim.errors import InputError
 
@@ -49,7 +49,7 @@ _COMPARISONS = (ast.Lt, ast.LtE, ast.Gt, ast.GtE)
 
 
 @dataclass(frozen=True, eq=False)
-class Formula:
+class Formula(PlainCurve):
     """A formula that was read and found harmless; it keeps to `estim.curve.Curve`, and x may differ from draw to draw.
 
     text : as written.  names : its parameters in order of appearance.  tree : what asteval evaluates.
@@ -58,10 +58,6 @@ class Formula:
     text: str
     names: tuple[str, ...]
     tree: ast.expr
-
-    @property
-    def mass(self) -> float | None:
-        return None
 
     def value(self, x: FloatArray, arguments: Mapping[str, ArrayLike]) -> FloatArray:
         return _full(evaluate(self.tree, {"x": x, **_arrays(arguments, self.names)}), x, arguments)
@@ -73,18 +69,6 @@ class Formula:
     def time_derivative(self, x: FloatArray, arguments: Mapping[str, ArrayLike], order: int) -> FloatArray:
         symbols = _arrays(arguments, self.names)
         return time_derivative_of(lambda position: evaluate(self.tree, {"x": position, **symbols}), x, arguments, order)
-
-    def metres(self, arguments: Mapping[str, ArrayLike]) -> ArrayLike:
-        return 1.0
-
-    def energies(self, x: FloatArray, v: FloatArray, arguments: Mapping[str, ArrayLike]) -> tuple[FloatArray, FloatArray]:
-        return np.full(np.shape(v), np.nan), np.full(np.shape(v), np.nan)
-
-    def derived(self, arguments: Mapping[str, ArrayLike]) -> Mapping[str, Derived]:
-        return {}
-
-    def end(self, arguments: Mapping[str, ArrayLike]) -> FloatArray:
-        return np.array([[np.inf]])
 
 
 def read_formula(text: object, *, field: str = "expression") -> Formula:

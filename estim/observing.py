@@ -257,7 +257,10 @@ def shape_of(robust: str | None, suffix: str) -> tuple[Tails, tuple[Parameter, .
         fraction, width = f"outlier_fraction{suffix}", f"log_outlier_width{suffix}"
         return Mixture(fraction, width), (
             Parameter(fraction, "1", Uniform(0.0, 0.5), "share of the frames that are outliers"),
-            Parameter(width, "1", TruncatedNormal(math.log(20.0), 1.0, math.log(3.0), math.inf), "ln of the standard deviation of an outlier over that of a good frame"),
+            Parameter(
+                width, "1", TruncatedNormal(math.log(20.0), 1.0, math.log(3.0), math.inf),
+                "ln of the standard deviation of an outlier over that of a good frame",
+            ),
         )
     return GAUSSIAN, ()
 

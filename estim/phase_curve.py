@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from estim.curve import Derived, LocalCurve
+from estim.errors import InputError
 from model import Body, back_and_forth, energy, phase
 
 FloatArray = NDArray[np.float64]
@@ -155,7 +156,7 @@ class MotionCurve:
         return x / length + np.asarray(arguments["offset"]), v / length
 
     def time_derivative(self, x: FloatArray, arguments: Mapping[str, ArrayLike], order: int) -> FloatArray:
-        raise NotImplementedError("positions are fit as they are: nothing is differentiated")
+        raise InputError("must be fit as they are: speeds made by differences need a curve of speeds", field="positions")
 
     def end(self, arguments: Mapping[str, ArrayLike]) -> FloatArray:
         """Time has no end."""

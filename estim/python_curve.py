@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from estim.curve import Derived, LocalCurve
+from estim.curve import LocalCurve, PlainCurve
 from estim.dual import Dual
 from estim.errors import InputError
 from estim.formula import local_of, time_derivative_of
@@ -29,7 +29,7 @@ _LOWER = np.array([8.0, -1.0]) / 12.0  # fourth order, to judge the sixth
 
 
 @dataclass(frozen=True, eq=False)
-class PythonCurve:
+class PythonCurve(PlainCurve):
     """A user's function; it keeps to `estim.curve.Curve`, and x may differ from draw to draw.
 
     names : its parameters.  broadcasts : whether it takes parameters shaped (n_draw, 1); else it is called draw by draw.
@@ -40,10 +40,6 @@ class PythonCurve:
     names: tuple[str, ...]
     broadcasts: bool
     derivatives: str
-
-    @property
-    def mass(self) -> float | None:
-        return None
 
     def value(self, x: FloatArray, arguments: Mapping[str, ArrayLike]) -> FloatArray:
         n_draw, n_obs = np.broadcast_shapes(np.atleast_2d(x).shape, *(np.shape(arguments[name]) for name in self.names))
@@ -69,18 +65,6 @@ class PythonCurve:
             raise InputError("must be made of NumPy functions to be differentiated often enough for differentiated speeds", field="curve")
         scalars = {name: _scalar(arguments[name]) for name in self.names}
         return time_derivative_of(lambda position: self.function(position, **scalars), x, arguments, order)
-
-    def metres(self, arguments: Mapping[str, ArrayLike]) -> ArrayLike:
-        return 1.0
-
-    def energies(self, x: FloatArray, v: FloatArray, arguments: Mapping[str, ArrayLike]) -> tuple[FloatArray, FloatArray]:
-        return np.full(np.shape(v), np.nan), np.full(np.shape(v), np.nan)
-
-    def derived(self, arguments: Mapping[str, ArrayLike]) -> Mapping[str, Derived]:
-        return {}
-
-    def end(self, arguments: Mapping[str, ArrayLike]) -> FloatArray:
-        return np.array([[np.inf]])
 
 
 def wrap_function(function: Function, names: tuple[str, ...], x: FloatArray, start: Mapping[str, float]) -> PythonCurve:

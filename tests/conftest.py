@@ -33,3 +33,11 @@ def shared() -> Path:
     if not SHARED.is_dir():
         pytest.skip(f"no real measurements at {SHARED}")
     return SHARED
+
+
+@pytest.fixture
+def tracker_folder(shared: Path) -> Path:
+    """Real files of the program Tracker."""
+    if not (shared / "tracker").is_dir():
+        pytest.skip("no files of Tracker among the real measurements")
+    return shared / "tracker"

@@ -248,13 +248,6 @@ def test_axis_options_that_look_like_options_are_values(write, tmp_path) -> None
 # real files
 
 
-@pytest.fixture
-def real(shared: Path) -> Path:
-    if not (shared / "tracker").is_dir():
-        pytest.skip("no files of Tracker among the real measurements")
-    return shared / "tracker"
-
-
 READ = {
     "viscosity/CIMG9886.trk": Choices(), "viscosity/CIMG9888.trk": Choices(), "viscosity/CIMG9892.trk": Choices(), "viscosity/a1.txt": Choices(),
     "viscosity/a2.txt": Choices(), "viscosity/b3.txt": Choices(), "halfpipe/Klipp0.csv": Choices(), "halfpipe/Klipp1.csv": Choices(),
@@ -264,8 +257,8 @@ READ = {
 
 
 @pytest.mark.parametrize("file", READ)
-def test_every_sound_real_file_becomes_a_run(real: Path, tmp_path: Path, file: str) -> None:
-    imported = import_track(real / file, READ[file])
+def test_every_sound_real_file_becomes_a_run(tracker_folder: Path, tmp_path: Path, file: str) -> None:
+    imported = import_track(tracker_folder / file, READ[file])
     (tmp_path / "run.csv").write_bytes(run_table(imported))
     run = read_run(tmp_path / "run.csv", name="a")
     assert np.array_equal(run.columns["x_m"], imported.x)
@@ -274,14 +267,14 @@ def test_every_sound_real_file_becomes_a_run(real: Path, tmp_path: Path, file: s
     assert np.max(run.columns["x_m"]) < 2.0
 
 
-def test_a_trk_and_its_export_make_the_same_run(real: Path) -> None:
-    video, table = (import_track(real / "viscosity" / name, Choices(along="-y")) for name in ("CIMG9886.trk", "a1.txt"))
+def test_a_trk_and_its_export_make_the_same_run(tracker_folder: Path) -> None:
+    video, table = (import_track(tracker_folder / "viscosity" / name, Choices(along="-y")) for name in ("CIMG9886.trk", "a1.txt"))
     np.testing.assert_allclose(video.x, table.x, atol=1.1e-8)
 
 
-def test_suspicions_of_the_real_files(real: Path) -> None:
+def test_suspicions_of_the_real_files(tracker_folder: Path) -> None:
     def said(file: str, **choices) -> str:
-        return " | ".join(import_track(real / file, Choices(**choices)).warnings)
+        return " | ".join(import_track(tracker_folder / file, Choices(**choices)).warnings)
 
     assert "is the unit of length centimetres" in said("rolling_ball/kulefullbane.txt")
     assert "centimetres" not in said("rolling_ball/kulefullbane.txt", unit="cm")

@@ -28,22 +28,15 @@ def write(tmp_path):
     return write
 
 
-@pytest.fixture
-def real(shared: Path) -> Path:
-    if not (shared / "tracker").is_dir():
-        pytest.skip("no files of Tracker among the real measurements")
-    return shared / "tracker"
-
-
 # real files
 
 
 @pytest.mark.parametrize(("video", "export", "digits"), [("CIMG9886", "a1", 5e-9), ("CIMG9888", "a2", 5e-9), ("CIMG9892", "b3", 5e-8)])
-def test_positions_and_times_are_those_of_trackers_own_export(real: Path, video: str, export: str, digits: float) -> None:
+def test_positions_and_times_are_those_of_trackers_own_export(tracker_folder: Path, video: str, export: str, digits: float) -> None:
     """An export prints seven digits: half a unit of the last one is all that may differ."""
-    path = real / "viscosity" / f"{video}.trk"
+    path = tracker_folder / "viscosity" / f"{video}.trk"
     track = read_tracker(path)
-    rows = [[float(cell) for cell in line.split(",")] for line in (real / "viscosity" / f"{export}.txt").read_text().splitlines()[2:]]
+    rows = [[float(cell) for cell in line.split(",")] for line in (tracker_folder / "viscosity" / f"{export}.txt").read_text().splitlines()[2:]]
     t, y = np.array(rows).T
     assert track.name == "mass A"
     assert track.t.size == t.size
@@ -53,25 +46,25 @@ def test_positions_and_times_are_those_of_trackers_own_export(real: Path, video:
     assert not np.allclose(-track.y, y, atol=100 * digits)  # the axis points up, and that is seen
 
 
-def test_wrong_scale_is_reproduced_and_the_stick_that_made_it_is_shown(real: Path) -> None:
-    wrong, right = (read_tracker(real / "viscosity" / f"{name}.trk") for name in ("CIMG9892", "CIMG9886"))
+def test_wrong_scale_is_reproduced_and_the_stick_that_made_it_is_shown(tracker_folder: Path) -> None:
+    wrong, right = (read_tracker(tracker_folder / "viscosity" / f"{name}.trk") for name in ("CIMG9892", "CIMG9886"))
     assert 9.0 < np.ptp(wrong.y) / np.ptp(right.y) < 11.0
     assert any("calibration stick A: 1 for" in fact for fact in wrong.calibration)
     assert any("calibration stick A: 0.1 for" in fact for fact in right.calibration)
 
 
-def test_lines_of_the_file_go_with_the_points(real: Path) -> None:
-    path = real / "viscosity" / "CIMG9886.trk"
+def test_lines_of_the_file_go_with_the_points(tracker_folder: Path) -> None:
+    path = tracker_folder / "viscosity" / "CIMG9886.trk"
     track = read_tracker(path)
     lines = path.read_text().splitlines()
     assert all("PointMass$FrameData" in lines[n - 1] for n in track.lines)
     assert track.frames[0] == 20
 
 
-def test_files_with_other_kinds_of_tracks_say_what_they_hold(real: Path) -> None:
+def test_files_with_other_kinds_of_tracks_say_what_they_hold(tracker_folder: Path) -> None:
     with pytest.raises(InputError, match=r"asinewave.trk: 'tracks' must hold a point mass .* axes \(CoordAxes\), model A \(DynamicParticle\)"):
-        read_tracker(real / "osp" / "asinewave.trk")
-    path = real / "osp" / "protractor.trk"
+        read_tracker(tracker_folder / "osp" / "asinewave.trk")
+    path = tracker_folder / "osp" / "protractor.trk"
     with pytest.raises(InputError, match="several: mass A, mass B"):
         read_tracker(path)
     with pytest.raises(InputError, match=r"is a Protractor, .*\(point masses: mass A, mass B\): protractor A"):

@@ -35,13 +35,6 @@ def write(tmp_path):
     return write
 
 
-@pytest.fixture
-def real(shared: Path) -> Path:
-    if not (shared / "tracker").is_dir():
-        pytest.skip("no files of Tracker among the real measurements")
-    return shared / "tracker"
-
-
 def check(track, rows=ROWS) -> None:
     np.testing.assert_allclose(track.t, [r[0] for r in rows], atol=1e-12)
     np.testing.assert_allclose(track.x, [r[1] for r in rows], atol=1e-12)
@@ -212,25 +205,25 @@ def numbers(path: Path, columns: int, skip: int) -> np.ndarray:
         ("rolling_ball/kulefullbane.txt", "kule", 2), ("rolling_ball/ringfullbane.txt", "ring", 2),
     ],
 )
-def test_semicolons_with_decimal_commas(real: Path, file: str, name: str, skip: int) -> None:
+def test_semicolons_with_decimal_commas(tracker_folder: Path, file: str, name: str, skip: int) -> None:
     unit = "cm" if "bane" in file else "m"
-    track = read_export(real / file, unit=unit)
-    rows = numbers(real / file, 3, skip)
+    track = read_export(tracker_folder / file, unit=unit)
+    rows = numbers(tracker_folder / file, 3, skip)
     assert track.name == name
     np.testing.assert_array_equal(track.t, rows[:, 0])
     np.testing.assert_array_equal(track.x, rows[:, 1] * (0.01 if unit == "cm" else 1.0))
     np.testing.assert_array_equal(track.y, rows[:, 2] * (0.01 if unit == "cm" else 1.0))
 
 
-def test_commas_without_a_line_of_names(real: Path) -> None:
-    track = read_export(real / "rolling_ball" / "Vid3.txt")
-    rows = [line.split(",") for line in (real / "rolling_ball" / "Vid3.txt").read_text().splitlines()[1:]]
+def test_commas_without_a_line_of_names(tracker_folder: Path) -> None:
+    track = read_export(tracker_folder / "rolling_ball" / "Vid3.txt")
+    rows = [line.split(",") for line in (tracker_folder / "rolling_ball" / "Vid3.txt").read_text().splitlines()[1:]]
     assert track.x.tolist() == [float(row[1]) for row in rows]
     assert np.isnan(track.speed[0])
 
 
-def test_one_copied_row_between_tabs(real: Path) -> None:
-    path = real / "halfpipe" / "52.txt"
+def test_one_copied_row_between_tabs(tracker_folder: Path) -> None:
+    path = tracker_folder / "halfpipe" / "52.txt"
     with pytest.raises(InputError, match=r"52.txt:4: 't' must increase from row to row \(1 row repeats its time; if it is a copy"):
         read_export(path)
     track = read_export(path, drop_duplicates=True)
@@ -245,9 +238,9 @@ REAL_REFUSED = {
 
 
 @pytest.mark.parametrize("file", REAL_REFUSED)
-def test_spoiled_files_are_refused_with_the_place(real: Path, file: str) -> None:
+def test_spoiled_files_are_refused_with_the_place(tracker_folder: Path, file: str) -> None:
     with pytest.raises(InputError, match=REAL_REFUSED[file]):
-        read_export(real / file)
+        read_export(tracker_folder / file)
 
 
 def test_number_of_lines_is_limited() -> None:
