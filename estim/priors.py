@@ -162,7 +162,12 @@ class TruncatedNormal:
         return np.asarray(self._frozen().rvs(size=size, random_state=rng))
 
     def describe(self) -> str:
-        return f"normal cut to [{self.low:.4g}, {self.high:.4g}]"
+        whole = f"normal, {self.mean:.4g} ± {self.scale:.4g}"
+        if math.isinf(self.high):
+            return f"{whole}, cut below {self.low:.4g}"
+        if math.isinf(self.low):
+            return f"{whole}, cut above {self.high:.4g}"
+        return f"{whole}, cut to [{self.low:.4g}, {self.high:.4g}]"
 
 
 @dataclass(frozen=True)
