@@ -110,6 +110,7 @@ def _figure(summaries: Sequence[ComparedSummary], common: Sequence[Parameter], *
         ax.set_ylim(-0.6, len(summaries) - 0.4)
         ax.set_xlabel(shown.axis, fontsize=9)
         ax.tick_params(axis="x", labelsize=7.5)
+        ax.locator_params(axis="x", nbins=4)
     for extra in axes[len(common) :]:
         extra.set_visible(False)
     title = "blue: positions, orange: speeds; bars: one posterior standard deviation"

@@ -72,10 +72,16 @@ def phase_figure(analysis: Analysis, *, synthetic: bool) -> Figure:
         ax.set(xlabel=run.x_label, ylabel=run.y_label)
         ax.set_title(run.name + (" (SYNTHETIC data)" if synthetic else "") + ("" if trusted else f" — {analysis.diagnosis.status}"), fontsize=10)
         if run.origin is not None:
-            ax.set_xlim(left=min(0.0, float(run.x.min())))
-            ax.set_ylim(bottom=min(0.0, 1.1 * float(run.y.min())))
+            ax.set_xlim(left=_low_end(run.x))
+            ax.set_ylim(bottom=_low_end(run.y))
     axes[0].legend(fontsize=7.5, frameon=False, loc="best")
     return figure
+
+
+def _low_end(values: FloatArray) -> float:
+    """0 where an axis may begin there without cutting a point."""
+    lowest = float(values.min())
+    return 0.0 if lowest > 0.0 else lowest - 0.03 * float(np.ptp(values))
 
 
 def _draw_bands(ax: Axes, bands: Bands, new: str) -> None:

@@ -51,11 +51,12 @@ def direction_figure(problem: Problem, found: Identifiability) -> Figure:
     for place, value in zip(places, information, strict=True):
         if value < _FLOOR:
             left.text(3.0 * _FLOOR, place, f"< {_FLOOR:.0e}".replace("e-0", "e-"), va="center", fontsize=7, color=INK)
-    _components(right, np.array([d.vector for d in found.directions]), [shown.tex for shown in labels], level=not single)
+    upright = not single or max(len(shown.symbol) for shown in labels) > 8
+    _components(right, np.array([d.vector for d in found.directions]), [shown.tex for shown in labels], upright=upright)
     return figure
 
 
-def _components(ax: Axes, vectors: FloatArray, symbols: list[str], *, level: bool) -> None:
+def _components(ax: Axes, vectors: FloatArray, symbols: list[str], *, upright: bool) -> None:
     """A heat map of unit directions (n, n), rows as in the bars beside it."""
     n = len(vectors)
     ax.imshow(vectors, cmap="PuOr_r", vmin=-1.0, vmax=1.0, aspect="auto")
@@ -64,7 +65,7 @@ def _components(ax: Axes, vectors: FloatArray, symbols: list[str], *, level: boo
             colour = "white" if abs(vectors[row, column]) > 0.7 else INK
             text = f"{vectors[row, column]:+.1f}".replace("-", "−")
             ax.text(column, row, text, ha="center", va="center", fontsize=7 if n < 10 else 6, color=colour)
-    ax.set_xticks(np.arange(n), symbols, fontsize=9 if not level else 7, rotation=90 if level else 0)
+    ax.set_xticks(np.arange(n), symbols, fontsize=7 if upright else 9, rotation=90 if upright else 0)
     ax.set_yticks([])
     ax.tick_params(axis="x", length=0)
     ax.set_title("components, in prior standard deviations", fontsize=8.5)
