@@ -128,6 +128,7 @@ def test_units_do_not_matter(rng: np.random.Generator, scale: float) -> None:
     assert other.status == one.status
 
 
+@pytest.mark.slow
 def test_intervals_cover_what_they_promise() -> None:
     hits = {"right": 0, "wrong": 0}
     truth, n = {"a": 3.0, "tau": 4.0, "c": 1.0}, 100

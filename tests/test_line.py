@@ -367,6 +367,7 @@ def test_bands_are_the_line_with_the_named_uncertainties(rng):
 # statistics
 
 
+@pytest.mark.slow
 def test_intervals_of_york_hold_their_probability_and_the_naive_likelihood_does_not():
     benchmark = load_benchmark()
     n_repeat = 300

@@ -171,6 +171,7 @@ def test_hermite_nodes_integrate_a_normal_density_exactly(n_node: int, n_dim: in
 # --- own noise, edges, refusals
 
 
+@pytest.mark.slow
 def test_inferred_noise_of_each_run_is_integrated_out(rng: np.random.Generator, monkeypatch: pytest.MonkeyPatch) -> None:
     """Own standard deviations, far from 0: marginal against a long chain in all dimensions."""
     x = np.linspace(0.0, 1.0, 40)

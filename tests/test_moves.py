@@ -105,6 +105,7 @@ def test_hopeless_proposal_costs_time_and_not_correctness(rng: np.random.Generat
     assert quick.convergence.n_step < 0.4 * chain.convergence.n_step
 
 
+@pytest.mark.slow
 def test_proposal_that_misses_a_mode_does_not_pass_for_converged_when_walkers_see_both() -> None:
     """Both modes are in the starting scatter, the proposal knows one: R-hat or tau must object, or the answer be right."""
     known = bimodal(2)

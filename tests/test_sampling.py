@@ -50,6 +50,7 @@ def test_sampler_reproduces_a_correlated_normal(rng: np.random.Generator) -> Non
     assert np.all(np.abs(chain.flat.std(axis=0) / sds - 1.0) < 4.0 / np.sqrt(2.0 * size))
 
 
+@pytest.mark.slow
 def test_snooker_move_would_fail_the_same_check() -> None:
     """The wrong move that DESIGN warns of: the check above must be able to see it."""
     sampler = emcee.EnsembleSampler(64, 4, Gaussian(np.eye(4)).log_density, vectorize=True, moves=emcee.moves.DESnookerMove())
@@ -60,6 +61,7 @@ def test_snooker_move_would_fail_the_same_check() -> None:
     assert np.any(deviation > 4.0 / np.sqrt(2.0 * effective_size(draws, "bulk")))
 
 
+@pytest.mark.slow
 def test_sampler_reproduces_a_bounded_skewed_target(rng: np.random.Generator) -> None:
     chain = sample_posterior(Wedge(), np.array([0.5, 0.0]), np.diag([0.5, 1.0]), target=Target(ess=10_000), rng=rng)
     assert chain.convergence.met

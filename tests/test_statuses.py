@@ -69,6 +69,7 @@ def assert_no_headline(written: Written, status: str) -> None:
     assert ("95 % of the profile" in report) == (status not in MEANINGLESS)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", TROUBLES)
 def test_trouble_leads_to_its_status_and_to_no_headline_number(name: str, tmp_path: Path) -> None:
     trouble: Trouble = TROUBLES[name]
@@ -96,6 +97,7 @@ def test_all_statuses_are_produced_here() -> None:
     assert {trouble.status for trouble in TROUBLES.values()} | {"methods-disagree", "ok"} == set(STATUSES)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("widened", "expected"), [(1.0, "ok"), (1.2, "methods-disagree")])
 def test_certificate_of_another_density_disagrees(widened: float, expected: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The two computations get densities that differ by a power: standard deviations 10 % apart."""
@@ -143,6 +145,7 @@ def test_draws_that_mean_nothing_come_before_any_other_status() -> None:
     assert set(STATUSES[: len(MEANINGLESS)]) == set(MEANINGLESS)
 
 
+@pytest.mark.slow
 def test_bad_runs_have_no_numbers_in_the_index(tmp_path: Path) -> None:
     path = Disk(gamma="0.0", phi='"-5.5(1)"', theta0='"20.0(15)"', true_phi=-5.5, true_theta0=20.0).write(tmp_path)
     text = path.read_text()
@@ -158,6 +161,7 @@ def test_bad_runs_have_no_numbers_in_the_index(tmp_path: Path) -> None:
     assert any("±" in cell for cell in rows["[eccentric](eccentric/report.md)"])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("kappa", "modes"), [("0.45", 2), (uniform(0.3, 0.6), 2)])
 def test_two_modes_are_told_from_a_bent_ridge(kappa: str, modes: int, tmp_path: Path) -> None:
     """The ridge of the flat direction is bent, so that straight lines between its ends leave it; the two angles of release are no ridge."""
