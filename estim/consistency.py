@@ -30,7 +30,7 @@ from numpy.typing import NDArray
 
 from estim.conditional import names_used
 from estim.errors import InputError, NumericalError
-from estim.fitting import Fit
+from estim.fitting import Fit, chi2_p
 
 FloatArray = NDArray[np.float64]
 
@@ -130,7 +130,7 @@ def check_consistency(fit: Fit) -> Consistency:
     chi2, rank = _residual(judged)
     dof = sum(source.t.size for source in judged) - rank
     rows = _holm([_one_against_others(source, judged, chi2, rank) for source in judged])
-    p_value = _chi2_p(chi2, dof)
+    p_value = chi2_p(chi2, dof)
     suspects = _suspects(rows, judged) if min(p_value, *(row.p_holm for row in rows)) < REJECT_BELOW else ()
     agree = p_value >= REJECT_BELOW and all(row.p_holm >= REJECT_BELOW for row in rows)
     centre = fit.values[shared]
@@ -211,7 +211,7 @@ def _one_against_others(source: _Source, judged: Sequence[_Source], chi2: float,
     rest, rest_rank = _residual([other for other in judged if other is not source])
     dof = source.t.size - (rank - rest_rank)
     distance2 = max(chi2 - rest, 0.0) if dof else 0.0
-    p_value = _chi2_p(distance2, dof)
+    p_value = chi2_p(distance2, dof)
     return Disagreement(source.name, distance2, dof, p_value, p_value)
 
 
@@ -233,7 +233,7 @@ def _suspects(rows: Sequence[Disagreement], judged: Sequence[_Source]) -> tuple[
     for row in sorted(rows, key=lambda row: row.p_value):
         rest = [source for source in judged if source.name != row.source]
         chi2, rank = _residual(rest)
-        if _chi2_p(chi2, sum(source.t.size for source in rest) - rank) >= REJECT_BELOW and row.p_value < REJECT_BELOW:
+        if chi2_p(chi2, sum(source.t.size for source in rest) - rank) >= REJECT_BELOW and row.p_value < REJECT_BELOW:
             healing.append(row)
     best = healing[0].p_value if healing else 0.0
     return tuple(row.source for row in healing if row.p_value <= 100.0 * best)
@@ -251,12 +251,6 @@ def _estimate(centre: FloatArray, quadratic: Quadratic) -> Estimate:
     mean = centre + (inverse @ (score / scale)) / scale
     sd = np.sqrt(np.diag(inverse)) / scale
     return Estimate(np.where(undetermined, np.nan, mean), np.where(undetermined, np.inf, sd))
-
-
-def _chi2_p(chi2: float, dof: int) -> float:
-    from scipy.stats import chi2 as distribution
-
-    return float(distribution.sf(chi2, dof)) if dof > 0 else 1.0
 
 
 def _verdict(agree: bool, suspects: Sequence[str], p_value: float, dof: int, n_run: int) -> str:

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from estim.certify import Comparison
+from estim.conflict import NOTE_BELOW, Conflict, conflict_words
 from estim.consistency import Consistency
 from estim.fitting import Fit
 from estim.goodness import P_FLOOR, REJECT_BELOW, SCATTER_LIMIT, Goodness
@@ -82,16 +83,16 @@ class Diagnosis:
 
 def diagnose(
     fit: Fit, chain: Chain, goodness: Sequence[Goodness], *, comparison: Comparison, identifiability: Identifiability, modes: Modes,
-    consistency: Consistency | None,
+    consistency: Consistency | None, conflict: Conflict,
 ) -> Diagnosis:
     """The status of a sampled fit."""
     findings = [
         *_convergence(fit, chain), *_modes(fit, modes), *_flat_directions(fit, identifiability), *_bounds(fit), *_goodness(goodness),
-        *_methods(comparison), *_consistency(consistency), *too_many_outliers(fit),
+        *_methods(comparison), *_consistency(consistency), *_conflict(fit, conflict), *too_many_outliers(fit),
     ]
     findings.sort(key=lambda finding: STATUSES.index(finding.status))
     return Diagnosis(
-        status=findings[0].status if findings else "ok", findings=tuple(findings), notes=tuple(_notes(fit, goodness)),
+        status=findings[0].status if findings else "ok", findings=tuple(findings), notes=tuple(_notes(fit, goodness, conflict)),
         rhat=r_hat(chain.draws), ess_bulk=effective_size(chain.draws, "bulk"), ess_tail=effective_size(chain.draws, "tail"),
         mcse=mcse_mean(chain.draws),
     )
@@ -203,6 +204,13 @@ def _consistency(consistency: Consistency | None) -> list[Finding]:
     return [Finding("poor-fit", consistency.verdict, advice)]
 
 
+def _conflict(fit: Fit, conflict: Conflict) -> list[Finding]:
+    if conflict.agree:
+        return []
+    advice = "check what was stated: its unit, its uncertainty, and the scale and zero of the data; a compromise between two that disagree is neither"
+    return [Finding("poor-fit", conflict_words(fit, conflict), advice)]
+
+
 def _goodness(goodness: Sequence[Goodness]) -> list[Finding]:
     findings = []
     for run in goodness:
@@ -241,8 +249,8 @@ def _p(p: float) -> str:
     return f"p < {P_FLOOR:.1g}" if p <= P_FLOOR else f"p = {p:.1g}"
 
 
-def _notes(fit: Fit, goodness: Sequence[Goodness]) -> list[str]:
-    notes = []
+def _notes(fit: Fit, goodness: Sequence[Goodness], conflict: Conflict) -> list[str]:
+    notes = [conflict_words(fit, conflict)] if conflict.agree and conflict.p_value < NOTE_BELOW else []
     if fit.n_same < fit.n_start:
         notes.append(f"{fit.n_start - fit.n_same} of {fit.n_start} starts of the fit ended at a worse optimum than the best")
     for good in goodness:

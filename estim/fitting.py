@@ -227,13 +227,14 @@ def _describe(
         message = "settled, but a combination of parameters is not determined at all: no standard deviations"
     return Fit(
         names=problem.names, values=values, cov=cov, sds=sds, at_bound=tuple(at_bound), posterior=posterior, chi2=chi2, dof=dof,
-        p_value=_chi2_p(chi2, dof) if dof > 0 and not problem.noise_names and not robust else math.nan,
+        p_value=chi2_p(chi2, dof) if dof > 0 and not problem.noise_names and not robust else math.nan,
         n_start=n_start, n_same=n_same, others=far_apart(values, ends, np.where(curvature > 0.0, curvature, np.inf)),
         singular=singular, success=moved < _SETTLED, message=message,
     )
 
 
-def _chi2_p(chi2: float, dof: int) -> float:
+def chi2_p(chi2: float, dof: int) -> float:
+    """Probability of a value of chi^2 at least as large; 1 without degrees of freedom."""
     from scipy.stats import chi2 as distribution
 
-    return float(distribution.sf(chi2, dof))
+    return float(distribution.sf(chi2, dof)) if dof > 0 else 1.0

@@ -15,9 +15,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from estim.conflict import check_stated_values, conflict_words
 from estim.curve_problem import AxisNames, CurveProblem, pose_curve
 from estim.diagnosis import STATUSES
-from estim.fitting import Fit, fit_least_squares
+from estim.fitting import Fit, chi2_p, fit_least_squares
 from estim.goodness import REJECT_BELOW, Goodness, check_goodness
 from estim.optimum import N_START, Optimum, find_optimum
 from estim.priors import Prior
@@ -170,11 +171,14 @@ def _concluded(posed: CurveProblem, best: Optimum, problem: Problem, *, sigma: f
     dof = posed.y.size + pulls - len(posed.parameters)
     chi2 = best.chi2 if sigma is None else float(np.sum(posed.residuals(best.values) ** 2))
     perfect = float(np.sum(posed.residuals(best.values) ** 2)) <= posed.y.size * _floor(posed) ** 2
-    p_value = _chi2_p(chi2, dof) if sigma is None and dof > 0 else math.nan
+    p_value = chi2_p(chi2, dof) if sigma is None and dof > 0 else math.nan
     inner = _inner_fit(posed, best, problem, sigma, rng)
     tested = dof >= 1 and not perfect and not best.singular
     goodness = check_goodness(inner, rng=rng) if tested else ()
+    conflict = None if best.singular else check_stated_values(inner)
     findings = _findings(posed, best, p_value, chi2, dof, goodness)
+    if conflict is not None and not conflict.agree:
+        findings.append(("poor-fit", conflict_words(inner, conflict)))
     names = tuple(p.name for p in posed.parameters)
     return CurveFit(
         names=names, values=dict(zip(names, best.values.tolist(), strict=True)), sds=dict(zip(names, sds.tolist(), strict=True)), cov=cov, chi2=chi2,
@@ -226,12 +230,6 @@ def _message(best: Optimum, sigma: float | None, perfect: bool) -> str:
     elif sigma is not None:
         words.append("the size of the errors was estimated from the residuals")
     return "; ".join(words)
-
-
-def _chi2_p(chi2: float, dof: int) -> float:
-    from scipy.stats import chi2 as distribution
-
-    return float(distribution.sf(chi2, dof))
 
 
 def _shown(value: float, sd: float) -> str:

@@ -15,6 +15,7 @@ from estim.campaign import Campaign
 from estim.campaign_file import NoiseTable
 from estim.certify import MAX_PARAMETERS, Certificate, Comparison, adapt_proposal, certify, compare_with_chain, no_comparison, too_many
 from estim.checkpoint import Store
+from estim.conflict import Conflict, check_stated_values
 from estim.consistency import Consistency, check_consistency, comparable
 from estim.diagnosis import Diagnosis, diagnose
 from estim.fitting import Fit, fit_least_squares
@@ -43,6 +44,7 @@ class Analysis:
 
     certificate : the second computation; None where there are too many parameters for it.
     consistency : whether several runs agree about what they share; None where that cannot be asked.
+    conflict : whether the data agree with what was stated of the parameters.
     title, kind : of the campaign, "" where there is none.
     """
 
@@ -56,6 +58,7 @@ class Analysis:
     modes: Modes
     outliers: tuple[Outliers, ...]
     consistency: Consistency | None
+    conflict: Conflict
     diagnosis: Diagnosis
     bands: tuple[Bands, ...]
     seed: int
@@ -119,10 +122,11 @@ def analyse_fit(
     modes = find_modes(fit, chain.thinned(_MODE_DRAWS))
     outliers = find_outliers(fit.posterior, chain.thinned(_OUTLIER_DRAWS))
     consistency = check_consistency(fit) if comparable(fit) else None
+    conflict = check_stated_values(fit)
     diagnosis = diagnose(
-        fit, chain, goodness, comparison=comparison, identifiability=identifiability, modes=modes, consistency=consistency
+        fit, chain, goodness, comparison=comparison, identifiability=identifiability, modes=modes, consistency=consistency, conflict=conflict
     )
     bands = posterior_bands(problem, chain.thinned(_BAND_DRAWS), rng=band_rng)
     return Analysis(
-        problem, fit, certificate, chain, comparison, goodness, identifiability, modes, outliers, consistency, diagnosis, bands, seed
+        problem, fit, certificate, chain, comparison, goodness, identifiability, modes, outliers, consistency, conflict, diagnosis, bands, seed
     )

@@ -285,3 +285,7 @@ class LogNormal:
 
     def describe(self) -> str:
         return f"log-normal, median {self.median:.4g}, log sd {self.log_sd:.3g}"
+
+
+MEASURED = Normal | TruncatedNormal | LogNormal
+"""Priors that stand for a measurement; the others for a range or a size."""

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from estim import figures
+from estim import conflict, figures
 from estim.campaign import Campaign
 from estim.consistency_figures import forest_figure
 from estim.consistency_report import consistency_text
@@ -81,7 +81,8 @@ def analysis_text(result: Result, section: IdentifySection, consistency: str) ->
         "analysis.md.j2",
         result=result, kind=KINDS[result.kind], status_words=STATUS_WORDS[result.status], rows=rows,
         correlation=_correlation_table(result), derived=_derived_rows(result), limits=_what_limits(result),
-        reject_below=REJECT_BELOW, ends=_turning_rows(result), identify=section, meaningless=result.status in MEANINGLESS,
+        reject_below=REJECT_BELOW, conflict_below=conflict.REJECT_BELOW, ends=_turning_rows(result), identify=section,
+        meaningless=result.status in MEANINGLESS,
         consistency=consistency, axes=axes, limits_only=result.status != "ok", converged=result.sampling.message == CRITERIA_MET,
         corner_words=_corner_words(list(result.parameters), len(result.runs)),
         picture=" and ".join(f"{y} against {x}" for x, y in axes),

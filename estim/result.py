@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from estim.campaign import Campaign
+from estim.conflict import conflict_words
 from estim.diagnosis import Diagnosis
 from estim.headline import headline, parameter_cells
 from estim.origin import origin_facts, origin_warnings
@@ -83,6 +84,16 @@ class FitSummary(msgspec.Struct, frozen=True):
     message: str
 
 
+class StatedValues(msgspec.Struct, frozen=True):
+    """The data against what was stated of the parameters before."""
+
+    chi2: float
+    dof: int
+    p_value: float
+    pulls: dict[str, float]  # distance from what all else says, in its standard deviations
+    words: str
+
+
 class CheckSummary(msgspec.Struct, frozen=True):
     statistic: float
     p_value: float
@@ -145,6 +156,7 @@ class Result(msgspec.Struct, frozen=True, rename={"schema_": "schema"}):
     parameters: dict[str, ParameterSummary]
     correlation: Correlation
     fit: FitSummary
+    stated_values: StatedValues
     sampling: Sampling
     certificate: Certificate
     profile: dict[str, Profile] | None
@@ -162,7 +174,7 @@ class Result(msgspec.Struct, frozen=True, rename={"schema_": "schema"}):
 def result_of(campaign: Campaign, analysis: Analysis, scrutiny: Scrutiny | None = None) -> Result:
     """The record of an analysis, with its profile intervals if it was scrutinised."""
     problem, fit, chain, diagnosis = analysis.problem, analysis.fit, analysis.chain, analysis.diagnosis
-    flat = chain.flat
+    flat, conflict = chain.flat, analysis.conflict
     return Result(
         schema_=SCHEMA, title=campaign.title, kind=campaign.kind, formula=campaign.formula, status=diagnosis.status,
         reasons=list(diagnosis.reasons), advice=list(dict.fromkeys(finding.advice for finding in diagnosis.findings)), notes=list(diagnosis.notes),
@@ -173,6 +185,7 @@ def result_of(campaign: Campaign, analysis: Analysis, scrutiny: Scrutiny | None 
             {n: number(s) if diagnosis.ok else None for n, s in zip(fit.names, fit.sds, strict=True)},
             fit.chi2, fit.dof, number(fit.p_value), fit.message,
         ),
+        stated_values=StatedValues(conflict.chi2, conflict.dof, conflict.p_value, dict(conflict.pulls), conflict_words(fit, conflict)),
         sampling=Sampling(
             chain.draws.shape[0], chain.draws.shape[2], chain.convergence.n_step, chain.n_burn, number(chain.convergence.tau),
             float(np.mean(chain.acceptance)), chain.convergence.message,

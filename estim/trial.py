@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from estim.certify import certify
 from estim.errors import InputError, NumericalError
 from estim.fitting import Fit, fit_least_squares
-from estim.priors import LogNormal, Normal, Prior, TruncatedNormal
+from estim.priors import MEASURED, LogNormal, Normal, Prior, TruncatedNormal
 from estim.problem import Parameter, Problem
 from estim.proposal import adapt_proposal
 from estim.sampling import Target, sample_posterior
@@ -114,7 +114,7 @@ def _experiment(plan: Plan, rng: np.random.Generator) -> tuple[FloatArray, Probl
 def stated_only(problem: Problem) -> frozenset[str]:
     """Parameters whose priors stand for no measurement: uniform and half-normal ones, and those of outliers."""
     outliers = {name for run in problem.runs for name in run.noise.tails.parameters}
-    held = {p.name for p in problem.parameters if not isinstance(p.prior, Normal | TruncatedNormal | LogNormal)}
+    held = {p.name for p in problem.parameters if not isinstance(p.prior, MEASURED)}
     return frozenset(outliers | held)
 
 
