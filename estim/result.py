@@ -154,7 +154,7 @@ class Result(msgspec.Struct, frozen=True, rename={"schema_": "schema"}):
 
     def _repr_markdown_(self) -> str:
         """What a notebook shows: the values, or why there are none."""
-        rows = [parameter_cells(name, p, lopsided=self.fit.sds[name] is None) for name, p in self.parameters.items()]
+        rows = [parameter_cells(name, p) for name, p in self.parameters.items()]
         title = f"{self.title}: {', '.join(self.runs)}"
         return headline(title, kind=self.kind, status=self.status, reasons=self.reasons, advice=self.advice, rows=rows)
 
