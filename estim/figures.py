@@ -19,7 +19,8 @@ from estim.goodness import Goodness
 from estim.labels import label
 from estim.outliers import Outliers
 from estim.pipeline import Analysis
-from estim.problem import Observations, Problem
+from estim.priors import Prior
+from estim.problem import Observations, Problem, n_uses
 
 FloatArray = NDArray[np.float64]
 
@@ -136,22 +137,26 @@ def residual_figure(runs: Sequence[Observations], goodness: Sequence[Goodness], 
 
 
 def corner_figure(analysis: Analysis) -> Figure:
-    """Marginal and joint posteriors of a few parameters, those that runs share first, with the prior (orange) beside each marginal."""
+    """Marginal and joint posteriors of `corner_parameters`, with the prior (orange) beside each marginal."""
     import corner
+    from matplotlib.ticker import MaxNLocator, ScalarFormatter
 
     chosen = corner_parameters(analysis.problem)
     parameters = [analysis.problem.parameters[i] for i in chosen]
     single = len(analysis.problem.runs) == 1
     labels = [label(p.name, p.unit, with_level=not single) for p in parameters]
     draws = analysis.chain.thinned(20_000)[:, chosen] * [shown.factor for shown in labels]
-    size = max(_WIDTH, 1.35 * len(parameters))
+    n = len(parameters)
+    size = max(0.75 * _WIDTH, 1.35 * n)
     figure = Figure(figsize=(size, size), facecolor="white")
     corner.corner(
         draws, fig=figure, labels=[shown.axis for shown in labels], levels=(0.68, 0.95), color=BLUE, plot_datapoints=False,
-        fill_contours=True, smooth=0.8, bins=30, max_n_ticks=3, label_kwargs={"fontsize": 10 if single else 7.5}, labelpad=0.12,
-        hist_kwargs={"density": True},
+        fill_contours=True, smooth=1.2, bins=30, label_kwargs={"fontsize": 10 if single else 8.5}, hist_kwargs={"density": True},
+        range=[_reach(p.prior, column, shown.factor) for p, column, shown in zip(parameters, draws.T, labels, strict=True)],
     )
-    axes = np.array(figure.axes).reshape(len(parameters), len(parameters))
+    figure.subplots_adjust(left=0.85 / size, right=1.0 - 0.15 / size, bottom=0.85 / size, top=1.0 - 0.15 / size)
+    axes = np.array(figure.axes).reshape(n, n)
+    beside = 0.55 / (size * axes[0, 0].get_position().width)  # 0.55 inches, whatever the size of a panel
     for i, (parameter, shown) in enumerate(zip(parameters, labels, strict=True)):
         low, high = axes[i, i].get_xlim()
         grid_points = np.linspace(low, high, 200)
@@ -160,17 +165,41 @@ def corner_figure(analysis: Analysis) -> Figure:
             top = axes[i, i].get_ylim()[1]
             axes[i, i].plot(grid_points, density, color=ORANGE, lw=1.4)
             axes[i, i].set_ylim(0.0, max(top, min(1.08 * float(density.max()), 2.0 * top)))  # a far narrower prior leaves the panel
-        for ax in axes[i]:
-            ax.tick_params(labelsize=7)
-    figure.subplots_adjust(left=0.11, right=0.98, bottom=0.11, top=0.98)
+        ticks = MaxNLocator(4).tick_values(low, high)
+        ticks = ticks[np.abs(ticks - 0.5 * (low + high)) < 0.42 * (high - low)]  # clear of the next panel's
+        for axis in [*(ax.xaxis for ax in axes[i:, i]), *(ax.yaxis for ax in axes[i, :i])]:
+            axis.set_ticks(ticks)
+            axis.set_tick_params(labelsize=7)
+        for axis in (axes[-1, i].xaxis, *([axes[i, 0].yaxis] if i else [])):
+            axis.set_major_formatter(ScalarFormatter(useOffset=False))
+        axes[-1, i].xaxis.set_label_coords(0.5, -beside)
+        axes[i, 0].yaxis.set_label_coords(-beside, 0.5)
     return figure
 
 
+def _reach(prior: Prior, draws: FloatArray, factor: float) -> tuple[float, float]:
+    """Ends of an axis: all but a thousandth of the draws (n_draw,) and a margin, no farther than the prior allows."""
+    low, high = np.quantile(draws, [0.0005, 0.9995])
+    margin = 0.08 * (high - low)
+    return max(float(low - margin), prior.low * factor), min(float(high + margin), prior.high * factor)
+
+
 def corner_parameters(problem: Problem) -> list[int]:
-    """Places of the parameters that the corner figure shows: all, or where they are too many those that most runs share."""
-    uses = [sum(p.name in run.arguments.values() for run in problem.runs) for p in problem.parameters]
-    ranked = sorted(range(problem.n_par), key=lambda i: -uses[i]) if len(problem.runs) > 1 else list(range(problem.n_par))
-    return sorted(ranked[:MAX_CORNER])
+    """Places of the parameters that the corner figure shows: all, or where they are too many those that runs share."""
+    if problem.n_par <= MAX_CORNER:
+        return list(range(problem.n_par))
+    shared = [i for i, p in enumerate(problem.parameters) if n_uses(p.name, problem.runs) > 1]
+    return (shared if len(shared) > 1 else list(range(problem.n_par)))[:MAX_CORNER]
+
+
+def corner_words(problem: Problem) -> str:
+    """The legend of the corner figure, with what it leaves out."""
+    words = "Blue: posterior, contours hold 68 and 95 %. Orange: prior."
+    drawn = [problem.parameters[i].name for i in corner_parameters(problem)]
+    if len(drawn) == problem.n_par:
+        return words
+    which = "those that runs share" if all(n_uses(name, problem.runs) > 1 for name in drawn) else "the first ones"
+    return f"{words} Only {len(drawn)} of the {problem.n_par} parameters are drawn, {which}; `result.json` has them all."
 
 
 def trace_figure(analysis: Analysis) -> Figure:

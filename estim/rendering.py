@@ -20,6 +20,7 @@ def render(template: str, **values: object) -> str:
         keep_trailing_newline=True, autoescape=False,
     )
     environment.filters["number"] = lambda v, digits=3: "n/a" if v is None else signed(f"{v:.{digits}g}")
+    environment.filters["signed"] = signed
     environment.filters["p"] = p_words
     environment.filters["cell"] = lambda text: str(text).replace("|", "\\|")
     return environment.get_template(template).render(**values)

@@ -68,13 +68,16 @@ def analysis_report(campaign: Campaign, analysis: Analysis) -> dict[str, bytes]:
         drawn["figures/ridge.png"] = ridge_figure(analysis.fit, analysis.identifiability, analysis.chain.thinned(_RIDGE_DRAWS))
     consistency = "" if analysis.consistency is None else consistency_text(analysis.consistency, limits_only=not analysis.diagnosis.ok)
     files = {name: figures.png(figure) for name, figure in drawn.items()}
-    files["report.md"] = analysis_text(result, scrutiny.section, consistency).encode()
+    files["report.md"] = analysis_text(result, scrutiny.section, consistency, figures.corner_words(analysis.problem)).encode()
     files["result.json"] = to_json(result)
     return files
 
 
-def analysis_text(result: Result, section: IdentifySection, consistency: str) -> str:
-    """The Markdown report of one analysis; `section` is what it says about the data against the priors, `consistency` about several runs."""
+def analysis_text(result: Result, section: IdentifySection, consistency: str, corner_words: str) -> str:
+    """The Markdown report of one analysis.
+
+    section : what it says about the data against the priors.  consistency : about several runs.  corner_words : below the corner figure.
+    """
     rows = [parameter_row(name, p, result) for name, p in result.parameters.items()]
     axes = list(dict.fromkeys((run.x, run.y) for run in result.runs.values()))
     return render(
@@ -83,18 +86,9 @@ def analysis_text(result: Result, section: IdentifySection, consistency: str) ->
         correlation=_correlation_table(result), derived=_derived_rows(result.runs), limits=_what_limits(result),
         reject_below=REJECT_BELOW, ends=_turning_rows(result), identify=section, meaningless=result.status in MEANINGLESS,
         consistency=consistency, axes=axes, limits_only=result.status != "ok", converged=result.sampling.message == CRITERIA_MET,
-        corner_words=_corner_words(list(result.parameters), len(result.runs)),
+        corner_words=corner_words,
         picture=" and ".join(f"{y} against {x}" for x, y in axes),
     )
-
-
-def _corner_words(names: Sequence[str], n_run: int) -> str:
-    """Which parameters the figure of the joint posterior leaves out, in words."""
-    left_out = len(names) - figures.MAX_CORNER
-    if left_out <= 0:
-        return ""
-    chosen = "what the runs share first" if n_run > 1 else "the first ones"
-    return f" Only {figures.MAX_CORNER} of the {len(names)} parameters are drawn, {chosen}; the table above and `result.json` have them all."
 
 
 def index_report(campaign: Campaign, results: Mapping[str, Result]) -> dict[str, bytes]:

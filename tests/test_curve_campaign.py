@@ -37,7 +37,7 @@ file = "second.csv"
 [runs.parameters]
 U0 = {start = 2.0}
 """
-TRUTH = {"U0": 5.0, "U0[second]": 3.0, "tau": 4.0, "offset": 0.005}
+TRUTH = {"U0[first]": 5.0, "U0[second]": 3.0, "tau": 4.0, "offset": 0.005}
 
 
 @pytest.fixture
@@ -58,7 +58,8 @@ def load(folder: Path, text: str = CAMPAIGN) -> Campaign:
 
 def test_where_a_parameter_stands_is_where_it_is_one_unknown(folder: Path) -> None:
     campaign = load(folder)
-    assert campaign.problem(["first", "second"]).names == ("U0", "tau", "offset", "U0[second]")
+    assert campaign.problem(["first", "second"]).names == ("tau", "offset", "U0[first]", "U0[second]")  # shared first
+    assert campaign.problem(["first"]).names == ("U0", "tau", "offset")
     assert campaign.problem(["second"]).names == ("U0[second]", "tau", "offset")
     problem = campaign.problem(["first", "second"])
     assert {p.name: (p.unit, p.meaning) for p in problem.parameters}["U0[second]"] == ("V", "voltage at the start")
@@ -116,7 +117,7 @@ def test_shared_errors_are_one_parameter_of_all_runs(folder: Path, rng: np.rando
     assert problem.names[-2:] == ("scale_y", "clock")
     fits = [fit_optimum(posed, rng=rng) for posed in (problem, load(folder).problem(["first", "second"]))]
     sds, alone = (dict(zip(fit.names, fit.sds / np.abs(fit.values), strict=True)) for fit in fits)
-    assert sds["U0"] == pytest.approx(np.hypot(0.03, alone["U0"]), rel=1e-2)
+    assert sds["U0[first]"] == pytest.approx(np.hypot(0.03, alone["U0[first]"]), rel=1e-2)
     assert sds["tau"] == pytest.approx(np.hypot(0.01, alone["tau"]), rel=1e-2)
 
 
