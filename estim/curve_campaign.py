@@ -47,6 +47,7 @@ from estim.priors import LogNormal, Prior
 from estim.problem import Observations, Parameter, Problem, shared_first
 from estim.quantity import Quantity
 from estim.run import Run, run_of_table
+from estim.suspicion import of_any_curve
 from estim.systematic import Component, DistortedCurve
 from estim.table import read_table
 
@@ -257,7 +258,7 @@ def _read_run(study: CurveStudy, run: CurveRunTable) -> Run:
     for column in columns:
         if np.any(table.columns[column] <= 0.0):
             raise table.error("must be > 0", column, int(np.argmax(table.columns[column] <= 0.0)))
-    return run_of_table(table, run.name)
+    return replace(run_of_table(table, run.name), warnings=of_any_curve(table.warnings))
 
 
 def _roughness(y: FloatArray) -> float:

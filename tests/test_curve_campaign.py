@@ -284,3 +284,19 @@ def test_report_of_parameters_without_limits_is_written(folder: Path) -> None:
     files = analysis_report(campaign, analyse(campaign, ["first"], seed=1, target=Target(ess=100, max_step=100)))
     assert files["figures/ridge.png"].startswith(b"\x89PNG")
     assert "flat, no limits" in files["report.md"].decode()
+
+
+def test_warnings_that_concern_a_rolling_disk_are_not_repeated_for_another_curve(folder: Path) -> None:
+    """They stand in the head of a CSV that `estim import` wrote; what concerns any track stays."""
+    drop = folder / "track.csv"
+    t = np.arange(0.0, 1.0, 0.04)
+    rows = "".join(f"{a:.2f}\t{0.5 * a:.4f}\t0\t{0.5:.4f}\n" for a in t if not 0.30 < a < 0.34)
+    (folder / "track.txt").write_text("mass A\nt\tx\ty\tv\n" + rows)
+    imported = CliRunner().invoke(cli, ["import", str(folder / "track.txt"), "-o", str(drop)])
+    assert imported.exit_code == 0, imported.output
+    (folder / "first.csv").write_text(drop.read_text().replace("x_m", "u_V"))
+    head = (folder / "first.csv").read_text()
+    assert "# warning: the body moves" in head
+    warnings = load(folder).tables["first"].warnings
+    assert not any("release" in words or "speeds are made" in words for words in warnings)
+    assert any("frames are missing" in words for words in warnings)
