@@ -21,6 +21,7 @@ from estim.outliers import Outliers
 from estim.pipeline import Analysis
 from estim.priors import Prior
 from estim.problem import Observations, Problem, n_uses
+from estim.selection import way_back
 
 FloatArray = NDArray[np.float64]
 
@@ -30,6 +31,7 @@ MARKS = ("o", "s", "^", "D", "v", "P")
 _WIDTH = 7.2
 MAX_CORNER = 7
 _MANY = 200  # points in one panel
+_LINE = 0.01  # of the height of a curve: what a line hides
 
 
 def png(figure: Figure) -> bytes:
@@ -68,8 +70,11 @@ def phase_figure(analysis: Analysis, *, synthetic: bool) -> Figure:
         _draw_outliers(ax, run, analysis.outliers)
         stops = bands.end[np.isfinite(bands.end)]
         if trusted and stops.size > 0.5 * bands.end.size and np.median(stops) < 1.25 * run.x.max():
-            low, high = np.quantile(stops, [0.025, 0.975])
-            ax.plot([low, high], [0.0, 0.0], color=ORANGE, lw=5, solid_capstyle="butt", label="turning point, 95 %", zorder=4)
+            low, middle, high = np.quantile(stops, [0.025, 0.5, 0.975])
+            reach = [[middle - low], [high - middle]]
+            bar = ax.errorbar(middle, 0.0, xerr=reach, fmt="^", color=ORANGE, mec=INK, ms=8, lw=3, label="turning point, 95 %", zorder=6)
+            for part in (bar.lines[0], *bar.lines[2]):
+                part.set_clip_on(False)
         ax.set(xlabel=run.x_label, ylabel=run.y_label)
         ax.set_title(run.name + (" (SYNTHETIC data)" if synthetic else "") + ("" if trusted else f" — {analysis.diagnosis.status}"), fontsize=10)
         if run.origin is not None:
@@ -88,22 +93,27 @@ def _low_end(values: FloatArray) -> float:
 def _draw_bands(ax: Axes, bands: Bands, new: str) -> None:
     probabilities = sorted(bands.credible, reverse=True)
     widest = probabilities[0]
-    ax.fill_between(bands.x, *bands.predictive[widest], color=GREY, alpha=0.22, lw=0, label=f"{new}, {widest:.0%}")
+    ax.fill_between(bands.x, *bands.predictive[widest], color=GREY, alpha=0.22, lw=0, label=f"{new}, {100 * widest:.0f} %")
     for probability, alpha in zip(probabilities, (0.30, 0.55), strict=True):
-        ax.fill_between(bands.x, *bands.credible[probability], color=BLUE, alpha=alpha, lw=0, label=f"the curve, {probability:.0%}")
+        low, high = bands.credible[probability]
+        thin = np.median(high - low) < _LINE * np.ptp(bands.median)
+        name = f"the curve, {100 * probability:.0f} %" + (" (mostly under its line)" if thin else "")
+        ax.fill_between(bands.x, low, high, color=BLUE, alpha=alpha, lw=0, label=name)
     ax.plot(bands.x, bands.median, color=BLUE, lw=1.2, label="posterior median")
 
 
 def _draw_points(ax: Axes, run: Observations) -> None:
     many = run.n_obs > _MANY  # then points lie over one another, and under the curve
-    ax.plot(run.x, run.y, "o", color=INK, ms=1.5 if many else 3, label="data used", zorder=1.9 if many else 5)
+    ax.plot(run.x, run.y, "o", color=INK, ms=1.5 if many else 3, label="data used", zorder=1.9 if many else 5, clip_on=False)
     if run.excluded_points.size:
         left = run.excluded_points
-        near = (left[:, 0] >= 0.0) & (left[:, 0] <= 1.1 * run.x.max())
+        near = (left[:, 0] >= _low_end(run.x)) & (left[:, 0] <= 1.1 * run.x.max()) & (left[:, 1] >= _low_end(run.y))
         if run.origin is None:
             near = np.abs(left[:, 0] - np.mean([run.x.min(), run.x.max()])) <= 0.6 * np.ptp(run.x)
         if np.any(near):
-            ax.plot(left[near, 0], left[near, 1], "x", color=GREY, ms=4, label="data left out", zorder=3)
+            ax.plot(left[near, 0], left[near, 1], "x", color=GREY, ms=4, label="data left out", zorder=3, clip_on=run.origin is None)
+        if hidden := way_back(run.excluded):
+            ax.text(0.99, 0.97, f"{hidden} frames of the way back (v < 0) not shown", transform=ax.transAxes, ha="right", va="top", fontsize=7.5)
 
 
 def _draw_outliers(ax: Axes, run: Observations, outliers: Sequence[Outliers]) -> None:

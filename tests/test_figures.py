@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -12,6 +13,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from estim import figures
+from estim.bands import Bands
 from estim.campaign import load_campaign
 from estim.priors import Normal, Uniform
 from estim.problem import Parameter, Problem
@@ -68,3 +70,26 @@ def test_runs_show_what_they_share_first_and_nothing_else_where_there_is_no_room
     single = campaign.problem(["heavy-04"])
     assert len(figures.corner_parameters(single)) == single.n_par == 6
     assert "Only" not in figures.corner_words(single)
+
+
+def test_frames_of_the_way_back_are_counted_and_no_marker_at_the_axis_is_cut(rng: np.random.Generator) -> None:
+    run = single_run(1).runs[0]
+    left = np.array([[0.01, 0.0], [0.5, -0.4], [0.4, -0.5]])
+    excluded = ("2 after the farthest point (the way back is another motion)", "1 within five standard deviations of a reading from the release")
+    run = replace(run, x=X[1:], y=X[1:], excluded=excluded, excluded_points=left)
+    figure = Figure()
+    figures._draw_points(ax := figure.subplots(), run)
+    assert [text.get_text() for text in ax.texts] == ["2 frames of the way back (v < 0) not shown"]
+    crosses = next(line for line in ax.lines if line.get_marker() == "x")
+    assert crosses.get_xydata().tolist() == [[0.01, 0.0]]
+    assert not crosses.get_clip_on()
+
+
+def test_a_band_that_its_line_hides_is_called_so() -> None:
+    x = np.linspace(0.0, 1.0, 50)
+    for half, hidden in ((0.001, True), (0.1, False)):
+        band = np.array([x - half, x + half])
+        bands = Bands("r", x, x, {0.68: band, 0.95: band}, {0.68: band, 0.95: band}, np.array([1.0]))
+        figures._draw_bands(ax := Figure().subplots(), bands, "a new point")
+        names = [name for name in ax.get_legend_handles_labels()[1] if name.startswith("the curve")]
+        assert [("under its line" in name) for name in names] == [hidden] * 2
