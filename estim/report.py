@@ -177,8 +177,9 @@ def _what_limits(result: Result) -> str:
     if matrix.size > 1 and matrix.max() > 0.8:
         i, j = np.unravel_index(int(np.argmax(matrix)), matrix.shape)
         names = [label(result.correlation.names[k], "1").symbol for k in (j, i)]
+        strength = signed(f"{result.correlation.matrix[i][j]:+.2f}")
         sentences.append(
-            f"{names[0]} and {names[1]} are correlated by {result.correlation.matrix[i][j]:+.2f}: the data fix a combination of the two better "
+            f"{names[0]} and {names[1]} are correlated by {strength}: the data fix a combination of the two better "
             "than either, so a better independent value of one improves the other."
         )
     return " ".join(sentences)
