@@ -15,8 +15,10 @@ from matplotlib.figure import Figure
 from estim import figures
 from estim.bands import Bands
 from estim.campaign import load_campaign
+from estim.limits import Narrowing
 from estim.priors import Normal, Uniform
 from estim.problem import Parameter, Problem
+from estim.reanalysis_figures import narrowing_figure
 
 X = np.linspace(0.0, 1.0, 8)
 
@@ -93,3 +95,9 @@ def test_a_band_that_its_line_hides_is_called_so() -> None:
         figures._draw_bands(ax := Figure().subplots(), bands, "a new point")
         names = [name for name in ax.get_legend_handles_labels()[1] if name.startswith("the curve")]
         assert [("under its line" in name) for name in names] == [hidden] * 2
+
+
+def test_narrowing_names_the_runs() -> None:
+    table = Narrowing(("gamma[b]",), ("zebra", "ant"), np.array([[0.2], [0.1]]), np.array([[0.2], [0.3]]), np.array([0.4]))
+    figure = narrowing_figure([table], synthetic=False)
+    assert [tick.get_text() for tick in figure.axes[0].get_xticklabels()] == ["zebra", "ant"]
