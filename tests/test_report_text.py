@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
+from estim.compare_report import _cells
 from estim.headline import parameter_cells, value_cell
 from estim.labels import label
+from estim.priors import HalfNormal
+from estim.problem import Parameter
 from estim.quantity import format_quantity, format_rounded, signed
 from estim.report import _derived_rows
 from estim.result import RunSummary
@@ -56,3 +61,11 @@ def test_what_is_the_same_for_every_run_is_stated_once(rng: np.random.Generator)
     blank = dict.fromkeys(RunSummary.__struct_fields__)
     runs = {name: RunSummary(**(blank | {"derived": {"inertia_ratio": j, "slope": s}})) for name, s in zip(("a", "b"), slopes, strict=True)}
     assert [row[0] for row in _derived_rows(runs)] == ["j", "s[a]", "s[b]"]
+
+
+def test_the_table_of_models_prints_a_value_as_the_report_does(rng: np.random.Generator) -> None:
+    p = Parameter("rolling_resistance", "1", HalfNormal(0.005), "")
+    posterior = summary(0.005 * np.abs(rng.standard_normal(20_000)))
+    row = SimpleNamespace(status="ok", posterior={p.name: posterior})
+    assert _cells(row, [p]) == [parameter_cells(p.name, posterior)[2]]
+    assert _cells(SimpleNamespace(status="poor-fit", posterior=row.posterior), [p]) == ["—"]
