@@ -22,7 +22,7 @@ from estim.levels import Level, Levels, as_prior, body_levels, noise_level, read
 from estim.observing import Observed, observe
 from estim.phase_curve import MotionCurve, PhaseCurve
 from estim.priors import Normal, Prior, TruncatedNormal
-from estim.problem import Observations, Parameter, Problem
+from estim.problem import Observations, Parameter, Problem, shared_first
 from estim.quantity import Quantity
 from estim.run import Run, compare_intervals, read_run
 from model import STANDARD_GRAVITY, Body
@@ -130,7 +130,7 @@ class Campaign:
             mass = total_mass(levels.source, levels)
             arguments = {q: b.source if isinstance(b.source, float) else b.name for q, b in bound.items()}
             runs.append(_observations(name, observed, arguments, mass, angular=self.tables[name].coordinate == "theta_rad"))
-        return Problem((*physics.values(), *unknowns.values()), tuple(runs))
+        return Problem((*shared_first(physics.values(), runs), *unknowns.values()), tuple(runs))
 
     def _repr_markdown_(self) -> str:
         """What a notebook shows: title, kind of data, and the runs with their points and unknowns."""

@@ -12,12 +12,12 @@ from estim.campaign import Campaign
 from estim.comparison import Compared
 from estim.cross_validation import INFLUENTIAL
 from estim.figures import BLUE, INK, ORANGE, new_figure, png
+from estim.headline import value_cell
 from estim.labels import KINDS, label
 from estim.problem import Parameter
-from estim.quantity import format_quantity
 from estim.rendering import render
 from estim.result import provenance
-from estim.summary import number
+from estim.summary import Summary, number, summarise, trusted
 
 _BEHIND = 4.0  # difference of elpd below which models predict alike, whatever its error
 
@@ -29,8 +29,7 @@ class ComparedSummary(msgspec.Struct, frozen=True):
     n_obs: int
     status: str
     reasons: list[str]
-    mean: dict[str, float | None]
-    sd: dict[str, float | None]
+    posterior: dict[str, Summary]
     elpd: float | None
     se_elpd: float | None
     p_loo: float | None
@@ -73,13 +72,12 @@ def _common(compared: Sequence[Compared]) -> list[Parameter]:
 
 def _summary(c: Compared, common: Sequence[Parameter]) -> ComparedSummary:
     analysis, certificate = c.analysis, c.analysis.certificate
-    flat, ok = analysis.chain.flat, analysis.diagnosis.ok
-    columns = {p.name: flat[:, analysis.problem.names.index(p.name)] for p in common}
+    columns = {p.name: analysis.chain.flat[:, analysis.problem.names.index(p.name)] for p in common}
+    posterior = {p.name: trusted(summarise(columns[p.name], unit=p.unit, meaning=p.meaning), analysis.diagnosis) for p in common}
     evidence = certificate if certificate is not None and certificate.reliable else None
     return ComparedSummary(
         name=c.candidate.name, words=c.candidate.words, data=c.data, n_obs=analysis.problem.n_obs, status=analysis.diagnosis.status,
-        reasons=list(analysis.diagnosis.reasons), mean={n: float(x.mean()) if ok else None for n, x in columns.items()},
-        sd={n: float(x.std(ddof=1)) if ok else None for n, x in columns.items()},
+        reasons=list(analysis.diagnosis.reasons), posterior=posterior,
         elpd=number(c.loo.elpd), se_elpd=number(c.loo.se), p_loo=number(c.loo.p_loo), behind=number(c.behind), se_behind=number(c.behind_se),
         log_evidence=None if evidence is None else number(evidence.log_evidence),
         u_log_evidence=None if evidence is None else number(evidence.u_log_evidence), influential=c.influential,
@@ -87,11 +85,7 @@ def _summary(c: Compared, common: Sequence[Parameter]) -> ComparedSummary:
 
 
 def _cells(s: ComparedSummary, common: Sequence[Parameter]) -> list[str]:
-    cells = []
-    for p in common:
-        mean, sd, shown = s.mean[p.name], s.sd[p.name], label(p.name, p.unit)
-        cells.append("—" if mean is None or sd is None else format_quantity(mean * shown.factor, sd * shown.factor))
-    return cells
+    return ["—" if s.status != "ok" else value_cell(s.posterior[p.name], label(p.name, p.unit)) for p in common]
 
 
 def _figure(summaries: Sequence[ComparedSummary], common: Sequence[Parameter], *, synthetic: bool) -> Figure:
@@ -102,7 +96,7 @@ def _figure(summaries: Sequence[ComparedSummary], common: Sequence[Parameter], *
     for i, (ax, p) in enumerate(zip(axes, common, strict=False)):
         shown = label(p.name, p.unit)
         for place, s in zip(places, summaries, strict=True):
-            mean, sd = s.mean[p.name], s.sd[p.name]
+            mean, sd = s.posterior[p.name].mean, s.posterior[p.name].sd
             if mean is not None and sd is not None:
                 colour = BLUE if s.data == "positions" else ORANGE
                 ax.errorbar(mean * shown.factor, place, xerr=sd * shown.factor, fmt="o", color=colour, ms=4, capsize=2)

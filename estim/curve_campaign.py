@@ -9,14 +9,15 @@
     A = {start = 10.0, low = 0.0, unit = "°", meaning = "amplitude"}
 
 The rule of levels holds: a parameter under [curve.parameters] is one unknown for all runs, one under [runs.parameters] belongs
-to its run and is called "A[run]".  `docs/your-own-curve.md` explains the keys.
+to its run and is called "A[run]", as one is that all other runs of a joint fit override.  `docs/your-own-curve.md` explains the keys.
 """
 
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from types import MappingProxyType
 
 import numpy as np
@@ -43,9 +44,10 @@ from estim.levels import as_prior
 from estim.noise import Scale
 from estim.observing import shape_of
 from estim.priors import LogNormal, Prior
-from estim.problem import Observations, Parameter, Problem
+from estim.problem import Observations, Parameter, Problem, shared_first
 from estim.quantity import Quantity
 from estim.run import Run, run_of_table
+from estim.suspicion import of_any_curve
 from estim.systematic import Component, DistortedCurve
 from estim.table import read_table
 
@@ -79,19 +81,24 @@ class CurveStudy:
         shared = {c.parameter_name: c.parameter(x_unit=self.axes.x_unit, y_unit=self.axes.y_unit) for c in components}
         curve: Curve = DistortedCurve(self.formula, components) if components else self.formula
         observed = []
-        for name in names:
-            index = [run.name for run in self.runs].index(name)
+        indices = {name: [run.name for run in self.runs].index(name) for name in names}
+        bound = {name: {argument: self._bind(argument, index) for argument in self.formula.names} for name, index in indices.items()}
+        uses = Counter(b.name for found in bound.values() for b in found.values() if isinstance(b, Parameter))
+        for name, index in indices.items():
             arguments: dict[str, str | float] = {}
-            for argument in self.formula.names:
-                bound = self._bind(argument, index)
-                arguments[argument] = bound if isinstance(bound, float) else bound.name
-                if isinstance(bound, Parameter):
-                    parameters.setdefault(bound.name, bound)
+            for argument, b in bound[name].items():
+                if isinstance(b, float):
+                    arguments[argument] = b
+                    continue
+                own = len(names) > 1 and uses[b.name] == 1 and b.name == argument  # all other runs say their own
+                unknown_of_curve = replace(b, name=f"{argument}[{name}]") if own else b
+                arguments[argument] = unknown_of_curve.name
+                parameters.setdefault(unknown_of_curve.name, unknown_of_curve)
             arguments |= {component: component for component in shared}
             run, unknown = self._observe(curve, arguments, index, tables[name])
             noise |= {parameter.name: parameter for parameter in unknown}
             observed.append(run)
-        return Problem((*parameters.values(), *shared.values(), *noise.values()), tuple(observed))
+        return Problem((*shared_first(parameters.values(), observed), *shared.values(), *noise.values()), tuple(observed))
 
     def require_determined(self, problem: Problem, sds: FloatArray) -> None:
         """Raises InputError where neither the data nor a prior hold a parameter, so that no posterior exists to draw from.
@@ -102,7 +109,7 @@ class CurveStudy:
             if not math.isfinite(parameter.prior.sd) and not (math.isfinite(sd) and sd > 0.0):
                 name, _, level = parameter.name.partition("[")
                 run = [r.name for r in self.runs].index(level[:-1]) if level else 0
-                path: Place = ("runs", run, "parameters", name) if level else ("curve", "parameters", name)
+                path: Place = ("runs", run, "parameters", name) if level and name in self.runs[run].parameters else ("curve", "parameters", name)
                 raise self.source.places.error("is not determined by the data: give it limits (low and high), or a prior", path)
 
     def _bind(self, name: str, index: int) -> Parameter | float:
@@ -251,7 +258,7 @@ def _read_run(study: CurveStudy, run: CurveRunTable) -> Run:
     for column in columns:
         if np.any(table.columns[column] <= 0.0):
             raise table.error("must be > 0", column, int(np.argmax(table.columns[column] <= 0.0)))
-    return run_of_table(table, run.name)
+    return replace(run_of_table(table, run.name), warnings=of_any_curve(table.warnings))
 
 
 def _roughness(y: FloatArray) -> float:

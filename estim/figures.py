@@ -19,7 +19,9 @@ from estim.goodness import Goodness
 from estim.labels import label
 from estim.outliers import Outliers
 from estim.pipeline import Analysis
-from estim.problem import Observations, Problem
+from estim.priors import Prior
+from estim.problem import Observations, Problem, n_uses
+from estim.selection import way_back
 
 FloatArray = NDArray[np.float64]
 
@@ -29,6 +31,7 @@ MARKS = ("o", "s", "^", "D", "v", "P")
 _WIDTH = 7.2
 MAX_CORNER = 7
 _MANY = 200  # points in one panel
+_LINE = 0.01  # of the height of a curve: what a line hides
 
 
 def png(figure: Figure) -> bytes:
@@ -67,8 +70,11 @@ def phase_figure(analysis: Analysis, *, synthetic: bool) -> Figure:
         _draw_outliers(ax, run, analysis.outliers)
         stops = bands.end[np.isfinite(bands.end)]
         if trusted and stops.size > 0.5 * bands.end.size and np.median(stops) < 1.25 * run.x.max():
-            low, high = np.quantile(stops, [0.025, 0.975])
-            ax.plot([low, high], [0.0, 0.0], color=ORANGE, lw=5, solid_capstyle="butt", label="turning point, 95 %", zorder=4)
+            low, middle, high = np.quantile(stops, [0.025, 0.5, 0.975])
+            reach = [[middle - low], [high - middle]]
+            bar = ax.errorbar(middle, 0.0, xerr=reach, fmt="^", color=ORANGE, mec=INK, ms=8, lw=3, label="turning point, 95 %", zorder=6)
+            for part in (bar.lines[0], *bar.lines[2]):
+                part.set_clip_on(False)
         ax.set(xlabel=run.x_label, ylabel=run.y_label)
         ax.set_title(run.name + (" (SYNTHETIC data)" if synthetic else "") + ("" if trusted else f" — {analysis.diagnosis.status}"), fontsize=10)
         if run.origin is not None:
@@ -87,22 +93,27 @@ def _low_end(values: FloatArray) -> float:
 def _draw_bands(ax: Axes, bands: Bands, new: str) -> None:
     probabilities = sorted(bands.credible, reverse=True)
     widest = probabilities[0]
-    ax.fill_between(bands.x, *bands.predictive[widest], color=GREY, alpha=0.22, lw=0, label=f"{new}, {widest:.0%}")
+    ax.fill_between(bands.x, *bands.predictive[widest], color=GREY, alpha=0.22, lw=0, label=f"{new}, {100 * widest:.0f} %")
     for probability, alpha in zip(probabilities, (0.30, 0.55), strict=True):
-        ax.fill_between(bands.x, *bands.credible[probability], color=BLUE, alpha=alpha, lw=0, label=f"the curve, {probability:.0%}")
+        low, high = bands.credible[probability]
+        thin = np.median(high - low) < _LINE * np.ptp(bands.median)
+        name = f"the curve, {100 * probability:.0f} %" + (" (mostly under its line)" if thin else "")
+        ax.fill_between(bands.x, low, high, color=BLUE, alpha=alpha, lw=0, label=name)
     ax.plot(bands.x, bands.median, color=BLUE, lw=1.2, label="posterior median")
 
 
 def _draw_points(ax: Axes, run: Observations) -> None:
     many = run.n_obs > _MANY  # then points lie over one another, and under the curve
-    ax.plot(run.x, run.y, "o", color=INK, ms=1.5 if many else 3, label="data used", zorder=1.9 if many else 5)
+    ax.plot(run.x, run.y, "o", color=INK, ms=1.5 if many else 3, label="data used", zorder=1.9 if many else 5, clip_on=False)
     if run.excluded_points.size:
         left = run.excluded_points
-        near = (left[:, 0] >= 0.0) & (left[:, 0] <= 1.1 * run.x.max())
+        near = (left[:, 0] >= _low_end(run.x)) & (left[:, 0] <= 1.1 * run.x.max()) & (left[:, 1] >= _low_end(run.y))
         if run.origin is None:
             near = np.abs(left[:, 0] - np.mean([run.x.min(), run.x.max()])) <= 0.6 * np.ptp(run.x)
         if np.any(near):
-            ax.plot(left[near, 0], left[near, 1], "x", color=GREY, ms=4, label="data left out", zorder=3)
+            ax.plot(left[near, 0], left[near, 1], "x", color=GREY, ms=4, label="data left out", zorder=3, clip_on=run.origin is None)
+        if hidden := way_back(run.excluded):
+            ax.text(0.99, 0.97, f"{hidden} frames of the way back (v < 0) not shown", transform=ax.transAxes, ha="right", va="top", fontsize=7.5)
 
 
 def _draw_outliers(ax: Axes, run: Observations, outliers: Sequence[Outliers]) -> None:
@@ -136,22 +147,26 @@ def residual_figure(runs: Sequence[Observations], goodness: Sequence[Goodness], 
 
 
 def corner_figure(analysis: Analysis) -> Figure:
-    """Marginal and joint posteriors of a few parameters, those that runs share first, with the prior (orange) beside each marginal."""
+    """Marginal and joint posteriors of `corner_parameters`, with the prior (orange) beside each marginal."""
     import corner
+    from matplotlib.ticker import MaxNLocator, ScalarFormatter
 
     chosen = corner_parameters(analysis.problem)
     parameters = [analysis.problem.parameters[i] for i in chosen]
     single = len(analysis.problem.runs) == 1
     labels = [label(p.name, p.unit, with_level=not single) for p in parameters]
     draws = analysis.chain.thinned(20_000)[:, chosen] * [shown.factor for shown in labels]
-    size = max(_WIDTH, 1.35 * len(parameters))
+    n = len(parameters)
+    size = max(0.75 * _WIDTH, 1.35 * n)
     figure = Figure(figsize=(size, size), facecolor="white")
     corner.corner(
         draws, fig=figure, labels=[shown.axis for shown in labels], levels=(0.68, 0.95), color=BLUE, plot_datapoints=False,
-        fill_contours=True, smooth=0.8, bins=30, max_n_ticks=3, label_kwargs={"fontsize": 10 if single else 7.5}, labelpad=0.12,
-        hist_kwargs={"density": True},
+        fill_contours=True, smooth=1.2, bins=30, label_kwargs={"fontsize": 10 if single else 8.5}, hist_kwargs={"density": True},
+        range=[_reach(p.prior, column, shown.factor) for p, column, shown in zip(parameters, draws.T, labels, strict=True)],
     )
-    axes = np.array(figure.axes).reshape(len(parameters), len(parameters))
+    figure.subplots_adjust(left=0.85 / size, right=1.0 - 0.15 / size, bottom=0.85 / size, top=1.0 - 0.15 / size)
+    axes = np.array(figure.axes).reshape(n, n)
+    beside = 0.55 / (size * axes[0, 0].get_position().width)  # 0.55 inches, whatever the size of a panel
     for i, (parameter, shown) in enumerate(zip(parameters, labels, strict=True)):
         low, high = axes[i, i].get_xlim()
         grid_points = np.linspace(low, high, 200)
@@ -160,17 +175,41 @@ def corner_figure(analysis: Analysis) -> Figure:
             top = axes[i, i].get_ylim()[1]
             axes[i, i].plot(grid_points, density, color=ORANGE, lw=1.4)
             axes[i, i].set_ylim(0.0, max(top, min(1.08 * float(density.max()), 2.0 * top)))  # a far narrower prior leaves the panel
-        for ax in axes[i]:
-            ax.tick_params(labelsize=7)
-    figure.subplots_adjust(left=0.11, right=0.98, bottom=0.11, top=0.98)
+        ticks = MaxNLocator(4).tick_values(low, high)
+        ticks = ticks[np.abs(ticks - 0.5 * (low + high)) < 0.42 * (high - low)]  # clear of the next panel's
+        for axis in [*(ax.xaxis for ax in axes[i:, i]), *(ax.yaxis for ax in axes[i, :i])]:
+            axis.set_ticks(ticks)
+            axis.set_tick_params(labelsize=7)
+        for axis in (axes[-1, i].xaxis, *([axes[i, 0].yaxis] if i else [])):
+            axis.set_major_formatter(ScalarFormatter(useOffset=False))
+        axes[-1, i].xaxis.set_label_coords(0.5, -beside)
+        axes[i, 0].yaxis.set_label_coords(-beside, 0.5)
     return figure
 
 
+def _reach(prior: Prior, draws: FloatArray, factor: float) -> tuple[float, float]:
+    """Ends of an axis: all but a thousandth of the draws (n_draw,) and a margin, no farther than the prior allows."""
+    low, high = np.quantile(draws, [0.0005, 0.9995])
+    margin = 0.08 * (high - low)
+    return max(float(low - margin), prior.low * factor), min(float(high + margin), prior.high * factor)
+
+
 def corner_parameters(problem: Problem) -> list[int]:
-    """Places of the parameters that the corner figure shows: all, or where they are too many those that most runs share."""
-    uses = [sum(p.name in run.arguments.values() for run in problem.runs) for p in problem.parameters]
-    ranked = sorted(range(problem.n_par), key=lambda i: -uses[i]) if len(problem.runs) > 1 else list(range(problem.n_par))
-    return sorted(ranked[:MAX_CORNER])
+    """Places of the parameters that the corner figure shows: all, or where they are too many those that runs share."""
+    if problem.n_par <= MAX_CORNER:
+        return list(range(problem.n_par))
+    shared = [i for i, p in enumerate(problem.parameters) if n_uses(p.name, problem.runs) > 1]
+    return (shared if len(shared) > 1 else list(range(problem.n_par)))[:MAX_CORNER]
+
+
+def corner_words(problem: Problem) -> str:
+    """The legend of the corner figure, with what it leaves out."""
+    words = "Blue: posterior, contours hold 68 and 95 %. Orange: prior."
+    drawn = [problem.parameters[i].name for i in corner_parameters(problem)]
+    if len(drawn) == problem.n_par:
+        return words
+    which = "those that runs share" if all(n_uses(name, problem.runs) > 1 for name in drawn) else "the first ones"
+    return f"{words} Only {len(drawn)} of the {problem.n_par} parameters are drawn, {which}; `result.json` has them all."
 
 
 def trace_figure(analysis: Analysis) -> Figure:

@@ -12,6 +12,8 @@ from estim.labels import KINDS, Label, label, table
 from estim.quantity import format_quantity, format_rounded
 from estim.summary import Summary
 
+_LOPSIDED = 1.5
+
 STATUS_WORDS = {
     "ok": "the result can be used as it stands",
     "not-converged": "the computation did not finish: no number below is a result",
@@ -23,15 +25,23 @@ STATUS_WORDS = {
 }
 
 
-def value_cell(p: Summary, shown: Label, *, lopsided: bool = False) -> str:
-    """mean ± sd, or median +up/-down where the posterior is lopsided or leans on a bound."""
+def value_cell(p: Summary, shown: Label) -> str:
+    """mean ± sd, or median +up −down where the posterior is lopsided."""
     if p.mean is None or p.sd is None or p.median is None or p.q16 is None or p.q84 is None:
         return "n/a"
-    up, down = (p.q84 - p.median) * shown.factor, (p.median - p.q16) * shown.factor
-    if lopsided or abs(up - down) > 0.25 * (up + down):
+    if lopsided(p):
+        up, down = (p.q84 - p.median) * shown.factor, (p.median - p.q16) * shown.factor
         centre = format_rounded(p.median * shown.factor, min(up, down))
         return f"{centre} +{format_rounded(up, min(up, down))} −{format_rounded(down, min(up, down))}"
     return format_quantity(p.mean * shown.factor, p.sd * shown.factor)
+
+
+def lopsided(p: Summary) -> bool:
+    """Whether one half of the 68 or of the 95 % interval is more than 1.5 times the other: then a symmetric ± misleads."""
+    if p.median is None or p.q16 is None or p.q84 is None or p.q025 is None or p.q975 is None:
+        return False
+    halves = ((p.median - p.q16, p.q84 - p.median), (p.median - p.q025, p.q975 - p.median))
+    return any(max(pair) > _LOPSIDED * min(pair) for pair in halves)
 
 
 def interval_cell(p: Summary, shown: Label) -> str:
@@ -42,10 +52,10 @@ def interval_cell(p: Summary, shown: Label) -> str:
     return f"[{format_rounded(p.q025 * shown.factor, u)}, {format_rounded(p.q975 * shown.factor, u)}]"
 
 
-def parameter_cells(name: str, p: Summary, *, lopsided: bool) -> tuple[str, str, str, str, str]:
-    """Symbol, meaning, value, 95 % interval and unit of one quantity; `lopsided` where a symmetric sd would be wrong."""
+def parameter_cells(name: str, p: Summary) -> tuple[str, str, str, str, str]:
+    """Symbol, meaning, value, 95 % interval and unit of one quantity."""
     shown = label(name, p.unit)
-    return shown.symbol, p.meaning, value_cell(p, shown, lopsided=lopsided), interval_cell(p, shown), "" if shown.unit == "1" else shown.unit
+    return shown.symbol, p.meaning, value_cell(p, shown), interval_cell(p, shown), "" if shown.unit == "1" else shown.unit
 
 
 def headline(

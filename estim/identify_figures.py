@@ -16,14 +16,17 @@ from estim.figures import BLUE, GREEN, GREY, INK, ORANGE, new_figure
 from estim.fitting import Fit
 from estim.identifiability import Identifiability
 from estim.labels import label
+from estim.priors import Prior
 from estim.problem import Problem
 from estim.profile import ProfileInterval
+from estim.quantity import signed
 
 FloatArray = NDArray[np.float64]
 
 _FLOOR = 1e-4  # of the axis of information: what is smaller is as good as nothing
 _TOP_RISE = 5.0
 _MAX_PROFILES = 24
+_PRIOR_DRAWS = 100_000
 
 
 def direction_figure(problem: Problem, found: Identifiability) -> Figure:
@@ -63,7 +66,7 @@ def _components(ax: Axes, vectors: FloatArray, symbols: list[str], *, upright: b
     for row, column in np.ndindex(n, n):
         if abs(vectors[row, column]) >= 0.15:
             colour = "white" if abs(vectors[row, column]) > 0.7 else INK
-            text = f"{vectors[row, column]:+.1f}".replace("-", "−")
+            text = signed(f"{vectors[row, column]:+.1f}")
             ax.text(column, row, text, ha="center", va="center", fontsize=7 if n < 10 else 6, color=colour)
     ax.set_xticks(np.arange(n), symbols, fontsize=7 if upright else 9, rotation=90 if upright else 0)
     ax.set_yticks([])
@@ -86,8 +89,8 @@ def ridge_figure(fit: Fit, found: Identifiability, draws: FloatArray, *, pair: t
     points = draws[:, [i, j]] * factors
     proper = [bool(np.isfinite(problem.parameters[k].prior.sd)) for k in (i, j)]
     priors = _prior_draws(problem, (i, j), draws) * factors
-    low = np.minimum(np.quantile(points, 0.001, axis=0), np.quantile(priors, 0.005, axis=0))
-    high = np.maximum(np.quantile(points, 0.999, axis=0), np.quantile(priors, 0.995, axis=0))
+    low = np.minimum(np.quantile(points, 0.001, axis=0), np.quantile(priors, 0.004, axis=0))
+    high = np.maximum(np.quantile(points, 0.999, axis=0), np.quantile(priors, 0.996, axis=0))
     span = high - low
     low, high = low - 0.04 * span, high + 0.04 * span
     figure = new_figure(4.2, width=5.6)
@@ -96,8 +99,8 @@ def ridge_figure(fit: Fit, found: Identifiability, draws: FloatArray, *, pair: t
         points[:, 0], points[:, 1], ax=ax, levels=(0.68, 0.95), color=BLUE, plot_datapoints=False, fill_contours=True, plot_density=False,
         smooth=1.3, bins=40, range=[(low[0], high[0]), (low[1], high[1])], contour_kwargs={"linewidths": 0.8},
     )
-    if any(proper):
-        _draw_prior(ax, problem, (i, j), priors, factors, low, high)
+    for probability, width in ((0.68, 1.8), (0.95, 1.2)):
+        _draw_prior(ax, [problem.parameters[k].prior for k in (i, j)], priors, probability, width)
     centre = fit.values[[i, j]] * factors
     arrow = weakest.vector[[i, j]] * found.prior_sds[[i, j]] * factors
     if np.any((centre + arrow < low) | (centre + arrow > high)):  # matplotlib leaves out an arrow that ends outside: the other way, then
@@ -139,7 +142,7 @@ def ridge_pair(found: Identifiability, draws: FloatArray) -> tuple[str, str]:
 
 
 def _prior_draws(problem: Problem, pair: tuple[int, int], draws: FloatArray) -> FloatArray:
-    """(4000, 2) draws of two priors, to place contours and axes; the seed is fixed so that a figure does not change.
+    """(100 000, 2) draws of two priors, to place contours and axes; the seed is fixed so that a figure does not change.
 
     A flat prior without limits has no draws: values spread evenly over the posterior `draws` (n_draw, n_par) stand for it.
     """
@@ -147,22 +150,38 @@ def _prior_draws(problem: Problem, pair: tuple[int, int], draws: FloatArray) -> 
     columns = []
     for k in pair:
         prior = problem.parameters[k].prior
-        columns.append(prior.draw(rng, 4000) if np.isfinite(prior.sd) else rng.uniform(draws[:, k].min(), draws[:, k].max(), 4000))
+        columns.append(prior.draw(rng, _PRIOR_DRAWS) if np.isfinite(prior.sd) else rng.uniform(draws[:, k].min(), draws[:, k].max(), _PRIOR_DRAWS))
     return np.column_stack(columns)
 
 
-def _draw_prior(
-    ax: Axes, problem: Problem, pair: tuple[int, int], draws: FloatArray, factors: FloatArray, low: FloatArray, high: FloatArray
-) -> None:
-    """Contours of highest prior density that hold 68 and 95 % of the prior draws (n_draw, 2)."""
-    first, second = (problem.parameters[k].prior for k in pair)
-    x, y = (np.linspace(low[k], high[k], 301) for k in (0, 1))
-    density = first.log_density(x / factors[0])[None, :] + second.log_density(y / factors[1])[:, None]
-    at_draws = first.log_density(draws[:, 0] / factors[0]) + second.log_density(draws[:, 1] / factors[1])
-    # below all that is drawn, so that a flat prior shows its edges
-    levels = sorted(float(np.quantile(at_draws, 1.0 - p)) - 1e-6 for p in (0.68, 0.95))
-    floor = levels[0] - 50.0
-    ax.contour(x, y, np.maximum(density, floor), levels=sorted(set(levels)), colors=ORANGE, linewidths=(1.2, 1.8), zorder=5)
+def _draw_prior(ax: Axes, pair: Sequence[Prior], draws: FloatArray, probability: float, width: float) -> None:
+    """The line inside which two independent priors are with `probability`; a prior without a standard deviation has no end.
+
+    draws : (n_draw, 2) of both.
+    """
+    x, y = prior_contour(draws, probability)
+    proper = [bool(np.isfinite(prior.sd)) for prior in pair]
+    if all(proper):
+        ax.plot(x, y, color=ORANGE, lw=width, zorder=5)
+    for column, known, line in zip(draws.T, proper, (ax.axvline, ax.axhline), strict=True):
+        if known and not all(proper):
+            for end in np.quantile(column, [0.5 - 0.5 * probability, 0.5 + 0.5 * probability]):
+                line(float(end), color=ORANGE, lw=width, zorder=5)
+
+
+def prior_contour(draws: FloatArray, probability: float) -> tuple[FloatArray, FloatArray]:
+    """A closed line, (400,) x and y, that holds `probability` of two independent priors, from their draws (n_draw, 2).
+
+    The circle z_x^2 + z_y^2 = chi-squared quantile, each z carried to its prior through equal probabilities: for two normal
+    priors the ellipse of equal density.  A flat prior gets as wide as it would with a posterior that says nothing, not as
+    narrow as one standard deviation of the other.
+    """
+    from scipy.stats import chi2, norm
+
+    angle = np.linspace(0.0, 2.0 * np.pi, 400)
+    z = math.sqrt(chi2.ppf(probability, 2)) * np.array([np.cos(angle), np.sin(angle)])
+    x, y = (np.quantile(column, p) for column, p in zip(draws.T, norm.cdf(z), strict=True))
+    return x, y
 
 
 def profile_figure(problem: Problem, intervals: Sequence[ProfileInterval], draws: FloatArray) -> Figure:

@@ -10,10 +10,10 @@ from numpy.typing import NDArray
 
 from estim.identifiability import PRIOR_DOMINATED, Identifiability
 from estim.labels import Label, label
-from estim.power_scaling import THRESHOLD, Sensitivity
+from estim.power_scaling import CONFLICT, THRESHOLD, Sensitivity
 from estim.problem import Problem
 from estim.profile import ProfileInterval
-from estim.quantity import format_rounded
+from estim.quantity import format_rounded, signed
 
 FloatArray = NDArray[np.float64]
 
@@ -62,7 +62,8 @@ def identify_section(
                 symbol=shown.symbol, unit="" if shown.unit == "1" else shown.unit, prior_sd=prior_sd,
                 posterior_sd=f"{sd * shown.factor:.2g}",
                 ratio=f"{sd / parameter.prior.sd:.2f}" if np.isfinite(parameter.prior.sd) else "—",
-                profile_68=_cell(interval, 0.68, sd, shown), profile_95=_cell(interval, 0.95, sd, shown), verdict=_verdict(problem, leaning),
+                profile_68=_cell(interval, 0.68, sd, shown), profile_95=_cell(interval, 0.95, sd, shown),
+                verdict=_verdict(problem, leaning, float(draws[:, i].mean())),
             )
         )
         if interval.n_failed or interval.found_better or "more than one piece" in interval.sentence:
@@ -83,9 +84,14 @@ def _cell(interval: ProfileInterval, p: float, sd: float, shown: Label) -> str:
     return f"> {low} (open above)" if interval.open_high[p] else f"[{low}, {high}]"
 
 
-def _verdict(problem: Problem, leaning: Sensitivity) -> str:
-    """The verdict, and whose prior matters most where that is another parameter's."""
+def _verdict(problem: Problem, leaning: Sensitivity, mean: float) -> str:
+    """The verdict, with the pull of the posterior `mean` where it is a conflict, and whose prior matters most where that is another parameter's."""
+    words = leaning.verdict
+    if words == CONFLICT:
+        prior = problem.parameters[problem.names.index(leaning.name)].prior
+        pull = signed(f"{(mean - prior.centre) / prior.sd:+.1f}")
+        words += f": the posterior lies {pull} prior sd from the prior"
     if leaning.strongest is None or leaning.strongest == leaning.name:
-        return leaning.verdict
+        return words
     unit = problem.parameters[problem.names.index(leaning.strongest)].unit
-    return f"{leaning.verdict}; most that of {label(leaning.strongest, unit).symbol}"
+    return f"{words}; most that of {label(leaning.strongest, unit).symbol}"

@@ -75,7 +75,7 @@ class LineAnalysis:
         draws = {"intercept": self.chain.flat[:, self.chain.names.index("intercept")], "gamma": self.gamma_draws, "c_rr": self.resistance_draws}
         meanings = ("sin θ_min at φ = 0", "1/slope", "intercept · γ, if all of it is rolling resistance")
         rows = [
-            parameter_cells(name, summarise(values, unit="1", meaning=meaning), lopsided=False)
+            parameter_cells(name, summarise(values, unit="1", meaning=meaning))
             for (name, values), meaning in zip(draws.items(), meanings, strict=True)
         ]
         return headline(

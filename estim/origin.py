@@ -1,14 +1,19 @@
-"""What the report of a run says about where its numbers come from: facts and warnings of its file, and its tilt against the stated one."""
+"""What the report of a run says about where its numbers come from: facts and warnings of its file, its tilt against the stated one,
+and what a fit of its speeds takes as exact or leaves unused."""
 
 from __future__ import annotations
 
 import math
 
+from estim.noise import Differentiated
 from estim.problem import Observations, Problem
 from estim.quantity import Quantity, format_quantity
 from estim.run import Run
+from estim.selection import way_back
 
 _APART = 3.0  # combined standard uncertainties
+_HANDFUL = 5  # frames of the way back that are not worth a word
+_READING = 0.001  # m or rad, as an example
 
 
 def origin_facts(table: Run, run: Observations, problem: Problem) -> tuple[str, ...]:
@@ -33,6 +38,22 @@ def origin_warnings(table: Run, run: Observations, problem: Problem) -> tuple[st
         " was the x axis level, and the camera square to the plane of motion?"
     )
     return (*table.warnings, warning)
+
+
+def speed_facts(run: Observations) -> tuple[str, ...]:
+    """What a fit of the speeds of a rolling body takes as exact unless told otherwise, and the frames that only a fit of positions can use."""
+    if run.origin is None or run.noise.positions:
+        return ()
+    facts = []
+    if "offset" not in run.arguments:
+        coordinate, key = ("x", "offset_m") if run.x_unit == "m" else ("θ", "offset_rad")
+        reading = run.noise.sigma.value if isinstance(run.noise, Differentiated) else 0.0
+        example = format_quantity(0.0, reading or _READING, plus_minus=False)
+        facts.append(f'the zero of {coordinate} (the release) is taken as exact; state {key}, e.g. {key} = "{example}", if it is one reading')
+    back = way_back(run.excluded)
+    if back > _HANDFUL:
+        facts.append(f'noise with model = "positions" would use the {back} frames of the way back too, and can narrow the result a lot')
+    return tuple(facts)
 
 
 def stated_phi(run: Observations, problem: Problem) -> Quantity | None:

@@ -68,8 +68,8 @@ class Analysis:
     def _repr_markdown_(self) -> str:
         """What a notebook shows: the values, or why there are none."""
         rows = [
-            parameter_cells(p.name, summarise(draws, unit=p.unit, meaning=p.meaning), lopsided=not np.isfinite(sd))
-            for p, draws, sd in zip(self.problem.parameters, self.chain.flat.T if self.diagnosis.ok else (), self.fit.sds, strict=False)
+            parameter_cells(p.name, summarise(draws, unit=p.unit, meaning=p.meaning))
+            for p, draws in zip(self.problem.parameters, self.chain.flat.T if self.diagnosis.ok else (), strict=False)
         ]
         return headline(
             ": ".join(part for part in (self.title, ", ".join(run.name for run in self.problem.runs)) if part), kind=self.kind,

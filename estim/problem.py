@@ -7,7 +7,7 @@ at `values`; `estim.fitting` repeats this at its own result until nothing moves.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -116,6 +116,16 @@ class Problem:
         """The posterior with noise covariance and truncation taken at `values` (n_par,)."""
         named = self.named(values)
         return Posterior(self, tuple(run.noise.whitening(run.curve, run.x, run.bind(named)) for run in self.runs))
+
+
+def n_uses(name: str, runs: Sequence[Observations]) -> int:
+    """Number of `runs` whose curve has the parameter `name`."""
+    return sum(name in run.arguments.values() for run in runs)
+
+
+def shared_first(parameters: Iterable[Parameter], runs: Sequence[Observations]) -> tuple[Parameter, ...]:
+    """`parameters` of a curve with those that several of `runs` share before those of one run, otherwise in their order."""
+    return tuple(sorted(parameters, key=lambda p: n_uses(p.name, runs) < 2))
 
 
 @dataclass(frozen=True, eq=False)

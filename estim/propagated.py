@@ -40,7 +40,8 @@ class PropagatedBand:
     budget : share of each input along the curve.  Beyond 97 % of the way to the turning point of the stated values the
         linear law has no meaning (the speed ends with a vertical slope) and u, mc_* are nan.
     posterior_half : (n_x,) half-width of the posterior 68 % band.  ratio : posterior half-width /
-        Monte-Carlo half-width; nan where either motion has ended.
+        Monte-Carlo half-width; nan where the lower end of either band is at rest: from there on a band narrows only because it cannot
+        reach below zero.
     linear_off : (n_x,) |linear half-width / Monte-Carlo half-width - 1|.
     inside : probability -> share of x at which the posterior band of that probability lies within the propagated one.
     """
@@ -100,10 +101,11 @@ def _band(analysis: Analysis, i: int, bands: Bands, rng: np.random.Generator) ->
         return full
 
     u = on_grid(linear.u)
-    moving = bands.median > 0.0
+    mc_low = on_grid(drawn.symmetric.low)
+    moving = (low > 0.0) & (mc_low > 0.0)
     value, _ = curve_draws(problem, run, bands.x, _row(analysis, stated))
     return PropagatedBand(
-        run=run.name, x=bands.x, value=value[0], u=u, mc_low=on_grid(drawn.symmetric.low), mc_high=on_grid(drawn.symmetric.high),
+        run=run.name, x=bands.x, value=value[0], u=u, mc_low=mc_low, mc_high=on_grid(drawn.symmetric.high),
         held=tuple(sorted(sources - set(stated))), budget=budget_along(linear, x), posterior_half=half,
         ratio=np.where(moving, half / on_grid(mc_half), np.nan),
         linear_off=on_grid(np.abs(linear.u / mc_half - 1.0)),

@@ -7,6 +7,7 @@ A plain number, also inside a string, is exact.  The uncertainty is a standard u
 from __future__ import annotations
 
 import math
+import re
 import warnings
 from dataclasses import dataclass
 
@@ -72,11 +73,11 @@ def format_quantity(value: float, u: float | None = None, *, plus_minus: bool = 
     if value is None or not math.isfinite(value):
         return "n/a"
     if u is None or not math.isfinite(u) or u <= 0.0:
-        return f"{value:.6g}"
+        return signed(f"{value:.6g}")
     from uncertainties import ufloat
 
     if plus_minus:
-        return f"{ufloat(value, u):P}".replace("±", " ± ")
+        return signed(f"{ufloat(value, u):P}".replace("±", " ± "))
     return f"{ufloat(value, u):S}"
 
 
@@ -85,6 +86,11 @@ def format_rounded(value: float, u: float) -> str:
     if not math.isfinite(value):
         return "n/a"
     if not (math.isfinite(u) and u > 0.0):
-        return f"{value:.4g}"
+        return signed(f"{value:.4g}")
     decimals = max(0, 1 - math.floor(math.log10(u)))
-    return f"{value:.{decimals}f}"
+    return signed(f"{value:.{decimals}f}")
+
+
+def signed(text: str) -> str:
+    """A formatted number as a reader should see it: a true minus, and no sign before a rounded zero ("-0.42" -> "−0.42", "-0.00" -> "0.00")."""
+    return re.sub(r"(?<!e)-", "−", re.sub(r"(?<![\w.])[+-](?=0(\.0+)?(?![\d.e]))", "", text))

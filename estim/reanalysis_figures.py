@@ -65,13 +65,15 @@ def narrowing_figure(tables: Sequence[Narrowing], *, synthetic: bool) -> Figure:
     pairs = [(table, i) for table in tables for i in range(len(table.names))]
     for ax, (table, i) in zip(axes, pairs, strict=False):
         count = np.arange(1, len(table.runs) + 1)
-        ax.plot(count, table.u[:, i], "o-", color=BLUE, label="first n runs together")
-        ax.plot(count, table.u_single[:, i], "s", color=ORANGE, label="the n-th run alone")
+        ax.plot(count, table.u[:, i], "o-", color=BLUE, label="runs up to this one together")
+        ax.plot(count, table.u_single[:, i], "s", color=ORANGE, label="this run alone", zorder=3, mfc="none", mew=1.6, ms=8)
         if np.isfinite(table.u_prior[i]):
             ax.axhline(table.u_prior[i], ls=":", color=GREY, label="prior alone")
         shown = np.array([*table.u[:, i], *table.u_single[:, i], table.u_prior[i]])
         top = 1.1 * float(np.max(shown[np.isfinite(shown)]))
-        ax.set(xlabel="number of runs n", ylabel=f"u({label(table.names[i], '1').tex})", ylim=(0.0, top), xticks=count)
+        ax.set(ylabel=f"u({label(table.names[i], '1').tex})", ylim=(0.0, top), xlim=(0.6, len(count) + 0.4))
+        upright = sum(len(run) for run in table.runs) > 36
+        ax.set_xticks(count, table.runs, fontsize=8, rotation=90 if upright else 0)
     for extra in axes[len(pairs) :]:
         extra.set_visible(False)
     axes[0].legend(fontsize=8, frameon=False)

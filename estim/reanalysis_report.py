@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 
 import msgspec
 import numpy as np
@@ -137,19 +138,19 @@ def reanalysis_report(r: Reanalysis) -> dict[str, bytes]:
         drawn[f"residuals-{body.body}"] = figures.residual_figure(body.joint.problem.runs, body.joint.goodness, synthetic=synthetic)
         drawn[f"corner-{body.body}"] = figures.corner_figure(body.joint)
     files = {f"figures/{name}.png": figures.png(figure) for name, figure in drawn.items()}
-    files["report.md"] = reanalysis_text(result).encode()
+    files["report.md"] = reanalysis_text(result, {body.body: figures.corner_words(body.joint.problem) for body in r.bodies}).encode()
     files["result.json"] = msgspec.json.format(msgspec.json.encode(result), indent=1) + b"\n"
     return files
 
 
-def reanalysis_text(result: ReanalysisResult) -> str:
-    """The Markdown report of a reanalysis."""
+def reanalysis_text(result: ReanalysisResult, corner_words: Mapping[str, str]) -> str:
+    """The Markdown report of a reanalysis; `corner_words`: body -> what stands below its corner figure."""
     limit_words = {name: _limit_words(body) if body.joint.status == "ok" else [] for name, body in result.bodies.items()}
     return render(
         "reanalysis.md.j2", result=result, kind=KINDS[result.kind], line=None if result.line is None else line_values(result.line),
         shown=shown, symbol=lambda name: label(name, "1").symbol, rows={name: _rows(body.joint) for name, body in result.bodies.items()},
         trusted=any(body.joint.status == "ok" for body in result.bodies.values()), singles=_singles(result),
-        limit_words=limit_words, percent=percent, drift_words=drift_words,
+        limit_words=limit_words, corner_words=corner_words, percent=percent, drift_words=drift_words,
         notes=list(dict.fromkeys(note for body in result.bodies.values() for note in body.joint.notes)),
     )
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from estim.goodness import P_FLOOR
+from estim.quantity import signed
 
 
 def p_words(p: float) -> str:
@@ -18,7 +19,8 @@ def render(template: str, **values: object) -> str:
         loader=jinja2.PackageLoader("estim"), undefined=jinja2.StrictUndefined, trim_blocks=True, lstrip_blocks=True,
         keep_trailing_newline=True, autoescape=False,
     )
-    environment.filters["number"] = lambda v, digits=3: "n/a" if v is None else f"{v:.{digits}g}"
+    environment.filters["number"] = lambda v, digits=3: "n/a" if v is None else signed(f"{v:.{digits}g}")
+    environment.filters["signed"] = signed
     environment.filters["p"] = p_words
     environment.filters["cell"] = lambda text: str(text).replace("|", "\\|")
     return environment.get_template(template).render(**values)

@@ -16,14 +16,14 @@ from estim.consistency_figures import forest_figure
 from estim.consistency_report import consistency_text
 from estim.diagnosis import MEANINGLESS
 from estim.goodness import REJECT_BELOW
-from estim.headline import STATUS_WORDS, interval_cell, value_cell
+from estim.headline import STATUS_WORDS, interval_cell, parameter_cells, value_cell
 from estim.identify_figures import direction_figure, profile_figure, ridge_figure
 from estim.identify_report import IdentifySection
 from estim.labels import KINDS, Label, label
 from estim.pipeline import Analysis
-from estim.quantity import format_quantity, format_rounded
+from estim.quantity import format_quantity, format_rounded, signed
 from estim.rendering import render
-from estim.result import ParameterSummary, Result, result_of, to_json
+from estim.result import ParameterSummary, Result, RunSummary, result_of, to_json
 from estim.sampling import CRITERIA_MET
 from estim.scrutiny import scrutinise
 
@@ -68,34 +68,28 @@ def analysis_report(campaign: Campaign, analysis: Analysis) -> dict[str, bytes]:
         drawn["figures/ridge.png"] = ridge_figure(analysis.fit, analysis.identifiability, analysis.chain.thinned(_RIDGE_DRAWS))
     consistency = "" if analysis.consistency is None else consistency_text(analysis.consistency, limits_only=not analysis.diagnosis.ok)
     files = {name: figures.png(figure) for name, figure in drawn.items()}
-    files["report.md"] = analysis_text(result, scrutiny.section, consistency).encode()
+    files["report.md"] = analysis_text(result, scrutiny.section, consistency, figures.corner_words(analysis.problem)).encode()
     files["result.json"] = to_json(result)
     return files
 
 
-def analysis_text(result: Result, section: IdentifySection, consistency: str) -> str:
-    """The Markdown report of one analysis; `section` is what it says about the data against the priors, `consistency` about several runs."""
+def analysis_text(result: Result, section: IdentifySection, consistency: str, corner_words: str) -> str:
+    """The Markdown report of one analysis.
+
+    section : what it says about the data against the priors.  consistency : about several runs.  corner_words : below the corner figure.
+    """
     rows = [parameter_row(name, p, result) for name, p in result.parameters.items()]
     axes = list(dict.fromkeys((run.x, run.y) for run in result.runs.values()))
     return render(
         "analysis.md.j2",
         result=result, kind=KINDS[result.kind], status_words=STATUS_WORDS[result.status], rows=rows,
-        correlation=_correlation_table(result), derived=_derived_rows(result), limits=_what_limits(result),
+        correlation=_correlation_table(result), derived=_derived_rows(result.runs), limits=_what_limits(result),
         reject_below=REJECT_BELOW, conflict_below=conflict.REJECT_BELOW, ends=_turning_rows(result), identify=section,
         meaningless=result.status in MEANINGLESS,
         consistency=consistency, axes=axes, limits_only=result.status != "ok", converged=result.sampling.message == CRITERIA_MET,
-        corner_words=_corner_words(list(result.parameters), len(result.runs)),
+        corner_words=corner_words,
         picture=" and ".join(f"{y} against {x}" for x, y in axes),
     )
-
-
-def _corner_words(names: Sequence[str], n_run: int) -> str:
-    """Which parameters the figure of the joint posterior leaves out, in words."""
-    left_out = len(names) - figures.MAX_CORNER
-    if left_out <= 0:
-        return ""
-    chosen = "what the runs share first" if n_run > 1 else "the first ones"
-    return f" Only {figures.MAX_CORNER} of the {len(names)} parameters are drawn, {chosen}; the table above and `result.json` have them all."
 
 
 def index_report(campaign: Campaign, results: Mapping[str, Result]) -> dict[str, bytes]:
@@ -103,7 +97,7 @@ def index_report(campaign: Campaign, results: Mapping[str, Result]) -> dict[str,
     names = list(dict.fromkeys(_base(name) for result in results.values() for name in result.parameters))
     table = []
     for run, result in results.items():
-        cells = {_base(name): value_cell(p, label(name, p.unit), lopsided=result.fit.sds[name] is None) for name, p in result.parameters.items()}
+        cells = {_base(name): value_cell(p, label(name, p.unit)) for name, p in result.parameters.items()}
         table.append((run, result.status, [cells.get(name, "") if result.status == "ok" else "—" for name in names]))
     units = [next(label(n, p.unit) for r in results.values() for n, p in r.parameters.items() if _base(n) == name) for name in names]
     heads = [label(name, "1").symbol + ("" if shown.unit == "1" else f" ({shown.unit})") for name, shown in zip(names, units, strict=True)]
@@ -129,7 +123,7 @@ def parameter_row(name: str, p: ParameterSummary, result: Result) -> Row:
         fit = format_quantity(value * shown.factor, sd * shown.factor)
     return Row(
         symbol=shown.symbol, name=name, unit="" if shown.unit == "1" else shown.unit, meaning=p.meaning, prior=_prior(p, shown),
-        fit=fit, posterior=value_cell(p, shown, lopsided=sd is None), interval=interval_cell(p, shown),
+        fit=fit, posterior=value_cell(p, shown), interval=interval_cell(p, shown),
         narrowing="" if not p.prior_sd or p.sd is None else f"{p.sd / p.prior_sd:.2f}",
         rhat="n/a" if p.rhat is None else f"{p.rhat:.4f}", ess=f"{p.ess_bulk or 0:.0f} / {p.ess_tail or 0:.0f}",
         mcse="n/a" if p.mcse is None else f"{p.mcse * shown.factor:.2g} {'' if shown.unit == '1' else shown.unit}".strip(),
@@ -142,12 +136,19 @@ def _prior(p: ParameterSummary, shown: Label) -> str:
     return p.prior + (f" {p.unit}" if p.unit != "1" and shown.factor != 1.0 else "")
 
 
-def _derived_rows(result: Result) -> list[tuple[str, str, str, str, str, str]]:
-    rows = []
-    for run, summary in result.runs.items():
+def _derived_rows(runs: Mapping[str, RunSummary]) -> list[tuple[str, str, str, str, str]]:
+    """Symbol, meaning, value, interval and unit of every derived quantity: once where the cells are the same for every run, else run by run."""
+    found: dict[str, dict[str, tuple[str, str, str, str]]] = {}
+    for run, summary in runs.items():
         for name, d in summary.derived.items():
-            shown = label(name, d.unit)
-            rows.append((run, shown.symbol, d.meaning, value_cell(d, shown), interval_cell(d, shown), "" if shown.unit == "1" else shown.unit))
+            found.setdefault(name, {})[run] = parameter_cells(name, d)[1:]
+    rows = []
+    for name, cells in found.items():
+        symbol = label(name, "1").symbol
+        if len(cells) == len(runs) and len(set(cells.values())) == 1:
+            rows.append((symbol, *next(iter(cells.values()))))
+        else:
+            rows += [(f"{symbol}[{run}]", *shown) for run, shown in cells.items()]
     return rows
 
 
@@ -161,7 +162,7 @@ def _turning_rows(result: Result) -> list[tuple[str, str, str, str]]:
 
 def _correlation_table(result: Result) -> list[tuple[str, list[str]]]:
     symbols = [label(name, result.parameters[name].unit).symbol for name in result.correlation.names]
-    cells = [[f"{value:+.2f}" if j <= i else "" for j, value in enumerate(row)] for i, row in enumerate(result.correlation.matrix)]
+    cells = [[signed(f"{value:+.2f}") if j <= i else "" for j, value in enumerate(row)] for i, row in enumerate(result.correlation.matrix)]
     return list(zip(symbols, cells, strict=True))
 
 
@@ -177,8 +178,9 @@ def _what_limits(result: Result) -> str:
     if matrix.size > 1 and matrix.max() > 0.8:
         i, j = np.unravel_index(int(np.argmax(matrix)), matrix.shape)
         names = [label(result.correlation.names[k], "1").symbol for k in (j, i)]
+        strength = signed(f"{result.correlation.matrix[i][j]:+.2f}")
         sentences.append(
-            f"{names[0]} and {names[1]} are correlated by {result.correlation.matrix[i][j]:+.2f}: the data fix a combination of the two better "
+            f"{names[0]} and {names[1]} are correlated by {strength}: the data fix a combination of the two better "
             "than either, so a better independent value of one improves the other."
         )
     return " ".join(sentences)

@@ -18,7 +18,7 @@ from estim.campaign import Campaign
 from estim.conflict import conflict_words
 from estim.diagnosis import Diagnosis
 from estim.headline import headline, parameter_cells
-from estim.origin import origin_facts, origin_warnings
+from estim.origin import origin_facts, origin_warnings, speed_facts
 from estim.pipeline import Analysis
 from estim.problem import Observations
 from estim.profile import ProfileInterval
@@ -109,7 +109,7 @@ class RunSummary(msgspec.Struct, frozen=True):
     excluded: list[str]
     checks: dict[str, CheckSummary]
     scatter_ratio: float | None
-    facts: list[str]  # where an imported track comes from
+    facts: list[str]  # where an imported track comes from; what a fit of speeds takes as exact or leaves unused
     warnings: list[str]  # what is suspicious about the file
     robust: bool
     outliers: list[Outlier]
@@ -166,7 +166,7 @@ class Result(msgspec.Struct, frozen=True, rename={"schema_": "schema"}):
 
     def _repr_markdown_(self) -> str:
         """What a notebook shows: the values, or why there are none."""
-        rows = [parameter_cells(name, p, lopsided=self.fit.sds[name] is None) for name, p in self.parameters.items()]
+        rows = [parameter_cells(name, p) for name, p in self.parameters.items()]
         title = f"{self.title}: {', '.join(self.runs)}"
         return headline(title, kind=self.kind, status=self.status, reasons=self.reasons, advice=self.advice, rows=rows)
 
@@ -252,7 +252,7 @@ def _run(campaign: Campaign, analysis: Analysis, i: int) -> RunSummary:
     return RunSummary(
         file=table.file, x=run.x_label, y=run.y_label, n_obs=run.n_obs, noise=noise, excluded=list(run.excluded),
         checks={name: CheckSummary(c.statistic, c.p_value, c.meaning) for name, c in goodness.checks.items()},
-        scatter_ratio=number(goodness.scatter_ratio), facts=list(origin_facts(table, run, analysis.problem)),
+        scatter_ratio=number(goodness.scatter_ratio), facts=[*origin_facts(table, run, analysis.problem), *speed_facts(run)],
         warnings=list(origin_warnings(table, run, analysis.problem)), robust=run.noise.tails.robust, outliers=_outliers(analysis, run),
         what="positions" if run.noise.positions else "speeds" if run.origin is not None else "points",
         derived={

@@ -9,6 +9,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,6 +18,7 @@ from numpy.typing import NDArray
 FloatArray = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
+_WAY_BACK = "after the farthest point (the way back is another motion)"
 _GUARD = 5.0
 _SLOW = 0.25  # of the largest speed: slower than this at its farthest, a body is taken to have turned there
 
@@ -37,6 +39,11 @@ class Selection:
 
     kept: NDArray[np.int64]
     reasons: tuple[str, ...]
+
+
+def way_back(reasons: Sequence[str]) -> int:
+    """How many frames were left out as those of the way back, according to the `reasons` of a selection."""
+    return sum(int(words.partition(" ")[0]) for words in reasons if words.endswith(_WAY_BACK))
 
 
 def select(position: FloatArray, speed: FloatArray | None, t: FloatArray | None, *, window: Window, sigma_position: float) -> Selection:
@@ -61,7 +68,7 @@ def select(position: FloatArray, speed: FloatArray | None, t: FloatArray | None,
     if inside.size and speed is not None:
         farthest = inside[np.argmax(position[inside])]
         if t is not None:
-            leave_out(t > t[farthest], "after the farthest point (the way back is another motion)")
+            leave_out(t > t[farthest], _WAY_BACK)
         guard = _GUARD * sigma_position
         if guard > 0.0 and not np.isfinite(window.low):
             leave_out(position < guard, "within five standard deviations of a reading from the release")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +20,8 @@ _OFF_LINE = 0.01  # of the length of the path
 _RETURN = 0.2  # of the length of the path, backward
 _MOVING = 0.2  # of the largest speed, in the first frame
 _SPEED = 0.02  # of the largest speed
+_NOT_THE_RELEASE = "that is not the release, from which the phase curve counts x"
+_SPEEDS_MADE = "speeds are made from the positions"
 
 
 def suspicions(track: Track, ramp: Ramp, *, from_row: int = 0) -> tuple[str, ...]:
@@ -30,6 +32,11 @@ def suspicions(track: Track, ramp: Ramp, *, from_row: int = 0) -> tuple[str, ...
     found += _first_speed(t, along)
     found += _speed_column(track, ramp)
     return tuple(found)
+
+
+def of_any_curve(warnings: Iterable[str]) -> tuple[str, ...]:
+    """Those of `warnings` that matter where the curve is the user's own, which has no release and fits no speeds made of positions."""
+    return tuple(words for words in warnings if _NOT_THE_RELEASE not in words and _SPEEDS_MADE not in words)
 
 
 def _steps(t: FloatArray) -> tuple[float, FloatArray]:
@@ -89,15 +96,15 @@ def _first_speed(t: FloatArray, along: FloatArray) -> list[str]:
     if first <= _MOVING * largest:
         return []
     return [
-        f"the body moves with {first:.2g} m/s in the first frames already: that is not the release,"
-        " from which the phase curve counts x; start the track or say --release T (in a campaign: release) where it is at rest"
+        f"the body moves with {first:.2g} m/s in the first frames already: {_NOT_THE_RELEASE};"
+        " start the track or say --release T (in a campaign: release) where it is at rest"
     ]
 
 
 def _speed_column(track: Track, ramp: Ramp) -> list[str]:
     """The column v: a magnitude, and the central difference of the positions, as Tracker makes it."""
     if track.speed is None or track.x is None or track.y is None:
-        return [] if track.speed is None else ["the column v is not used: speeds are made from the positions"]
+        return [] if track.speed is None else [f"the column v is not used: {_SPEEDS_MADE}"]
     found = []
     v = track.speed[1:-1]
     span = track.t[2:] - track.t[:-2]
@@ -112,7 +119,7 @@ def _speed_column(track: Track, ramp: Ramp) -> list[str]:
     moved = np.diff(ramp.along)
     reach = float(np.ptp(ramp.along))
     if -float(np.sum(moved[moved < 0.0])) > _RETURN * reach and not np.any(track.speed < 0.0):
-        found.append("the column v is a magnitude, never negative though the motion turns back: it is not used, speeds are made from the positions")
+        found.append(f"the column v is a magnitude, never negative though the motion turns back: it is not used, {_SPEEDS_MADE}")
     return found
 
 

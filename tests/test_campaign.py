@@ -97,7 +97,7 @@ RUN_H4 = 'phi_deg = "4.0(4)"\ntheta0_deg = "60.0(15)"\n'
 
 def test_what_is_declared_at_a_level_is_one_unknown_there(load):
     assert list(parameters(load())) == [
-        "gamma[heavy]", "kappa[heavy]", "theta0[h4]", "phi[h4]", "rolling_resistance", "radius", "theta0[h6]", "phi[h6]",
+        "gamma[heavy]", "kappa[heavy]", "rolling_resistance", "radius", "theta0[h4]", "phi[h4]", "theta0[h6]", "phi[h6]",
     ]  # fmt: skip
     assert list(parameters(load(), "h6")) == ["gamma[heavy]", "kappa[heavy]", "theta0[h6]", "phi[h6]", "rolling_resistance", "radius"]
 

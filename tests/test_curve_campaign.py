@@ -37,7 +37,7 @@ file = "second.csv"
 [runs.parameters]
 U0 = {start = 2.0}
 """
-TRUTH = {"U0": 5.0, "U0[second]": 3.0, "tau": 4.0, "offset": 0.005}
+TRUTH = {"U0[first]": 5.0, "U0[second]": 3.0, "tau": 4.0, "offset": 0.005}
 
 
 @pytest.fixture
@@ -58,7 +58,8 @@ def load(folder: Path, text: str = CAMPAIGN) -> Campaign:
 
 def test_where_a_parameter_stands_is_where_it_is_one_unknown(folder: Path) -> None:
     campaign = load(folder)
-    assert campaign.problem(["first", "second"]).names == ("U0", "tau", "offset", "U0[second]")
+    assert campaign.problem(["first", "second"]).names == ("tau", "offset", "U0[first]", "U0[second]")  # shared first
+    assert campaign.problem(["first"]).names == ("U0", "tau", "offset")
     assert campaign.problem(["second"]).names == ("U0[second]", "tau", "offset")
     problem = campaign.problem(["first", "second"])
     assert {p.name: (p.unit, p.meaning) for p in problem.parameters}["U0[second]"] == ("V", "voltage at the start")
@@ -116,7 +117,7 @@ def test_shared_errors_are_one_parameter_of_all_runs(folder: Path, rng: np.rando
     assert problem.names[-2:] == ("scale_y", "clock")
     fits = [fit_optimum(posed, rng=rng) for posed in (problem, load(folder).problem(["first", "second"]))]
     sds, alone = (dict(zip(fit.names, fit.sds / np.abs(fit.values), strict=True)) for fit in fits)
-    assert sds["U0"] == pytest.approx(np.hypot(0.03, alone["U0"]), rel=1e-2)
+    assert sds["U0[first]"] == pytest.approx(np.hypot(0.03, alone["U0[first]"]), rel=1e-2)
     assert sds["tau"] == pytest.approx(np.hypot(0.01, alone["tau"]), rel=1e-2)
 
 
@@ -283,3 +284,19 @@ def test_report_of_parameters_without_limits_is_written(folder: Path) -> None:
     files = analysis_report(campaign, analyse(campaign, ["first"], seed=1, target=Target(ess=100, max_step=100)))
     assert files["figures/ridge.png"].startswith(b"\x89PNG")
     assert "flat, no limits" in files["report.md"].decode()
+
+
+def test_warnings_that_concern_a_rolling_disk_are_not_repeated_for_another_curve(folder: Path) -> None:
+    """They stand in the head of a CSV that `estim import` wrote; what concerns any track stays."""
+    drop = folder / "track.csv"
+    t = np.arange(0.0, 1.0, 0.04)
+    rows = "".join(f"{a:.2f}\t{0.5 * a:.4f}\t0\t{0.5:.4f}\n" for a in t if not 0.30 < a < 0.34)
+    (folder / "track.txt").write_text("mass A\nt\tx\ty\tv\n" + rows)
+    imported = CliRunner().invoke(cli, ["import", str(folder / "track.txt"), "-o", str(drop)])
+    assert imported.exit_code == 0, imported.output
+    (folder / "first.csv").write_text(drop.read_text().replace("x_m", "u_V"))
+    head = (folder / "first.csv").read_text()
+    assert "# warning: the body moves" in head
+    warnings = load(folder).tables["first"].warnings
+    assert not any("release" in words or "speeds are made" in words for words in warnings)
+    assert any("frames are missing" in words for words in warnings)

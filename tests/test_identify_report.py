@@ -2,20 +2,22 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 from formulas import formula_problem
+from matplotlib.path import Path as Polygon
 
 from estim.campaign import load_campaign
 from estim.errors import InputError
 from estim.figures import png
 from estim.fitting import Fit, fit_least_squares
 from estim.identifiability import identify
-from estim.identify_figures import direction_figure, profile_figure, ridge_figure, ridge_pair
+from estim.identify_figures import direction_figure, prior_contour, profile_figure, ridge_figure, ridge_pair
 from estim.identify_report import IdentifySection, identify_section
-from estim.power_scaling import power_scaling
+from estim.power_scaling import CONFLICT, power_scaling
 from estim.priors import Normal, Uniform
 from estim.profile import profile_intervals
 from estim.rendering import render
@@ -98,3 +100,27 @@ def test_one_parameter_has_no_ridge_but_the_other_figures(rng: np.random.Generat
     assert png(profile_figure(fit.problem, profile_intervals(fit), draws)).startswith(b"\x89PNG")
     with pytest.raises(InputError, match="two parameters"):
         ridge_figure(fit, identify(fit), draws)
+
+
+def test_contours_of_the_prior_hold_their_joint_probability_and_are_as_wide_as_those_of_a_posterior(rng: np.random.Generator) -> None:
+    """Normal beside flat: a strip of one standard deviation holds 68 % too, but looks narrower than a posterior that learnt nothing."""
+    draws = np.column_stack([2.0 + 0.5 * rng.standard_normal(50_000), rng.uniform(0.0, 1.0, 50_000)])
+    for probability, reach in ((0.68, 1.51), (0.95, 2.45)):  # square root of -2 ln(1 - p)
+        x, y = prior_contour(draws, probability)
+        inside = Polygon(np.column_stack([x, y])).contains_points(draws)
+        assert inside.mean() == pytest.approx(probability, abs=0.01)
+        assert np.ptp(x) == pytest.approx(2.0 * reach * 0.5, rel=0.03)
+
+
+def test_a_conflict_says_how_far_the_posterior_lies_from_the_prior(rng: np.random.Generator) -> None:
+    """A prior of 1.0(3) and a mean of nine readings 0.9 sd off their expectation: they pull by less than 2 prior sd."""
+    y = np.full(9, 1.9) + 0.01 * np.arange(9)
+    fit = fit_least_squares(formula_problem(lambda x, a: a + 0.0 * x, X[:9], y, 0.9, {"a": Normal(1.0, 0.3)}), rng=rng)
+    draws = posterior_draws(fit, rng)
+    (leaning,) = power_scaling(fit.problem, fit.posterior, draws)
+    told = identify_section(fit.problem, identify(fit), profile_intervals(fit), [replace(leaning, verdict=CONFLICT)], draws).rows[0].verdict
+    pull = (draws[:, 0].mean() - 1.0) / 0.3
+    assert 1.0 < pull < 2.0
+    assert f"{pull:+.1f} prior sd" in told
+    (said,) = section(fit, draws).rows
+    assert ("prior sd" in said.verdict) == (leaning.verdict == CONFLICT)

@@ -17,10 +17,11 @@ from estim.campaign import Campaign, load_campaign
 from estim.errors import EstimError, InputError
 from estim.goodness import P_FLOOR
 from estim.importing import stated_tilt
-from estim.origin import origin_facts, origin_warnings
+from estim.origin import origin_facts, origin_warnings, speed_facts
 from estim.quantity import Quantity
 from estim.rendering import p_words
 from estim.run import read_run
+from estim.selection import way_back
 
 SPEEDS = "{sigma_x_m = 0.001}"
 
@@ -172,3 +173,38 @@ def test_facts_and_warnings_of_a_file_stand_in_report_and_result(tmp_path: Path)
     for text in (*facts, *warnings):
         assert text in files["report.md"].decode()
         assert text in files["result.json"].decode()
+
+
+@pytest.mark.parametrize(
+    ("noise", "offset", "said"),
+    [
+        ("{sigma_x_m = 0.0008}", "", ['state offset_m, e.g. offset_m = "0.0000(8)", if it is one reading']),
+        ('{model = "independent", sigma_v_m_s = 0.01, derivative = "central"}', "", ['offset_m = "0.0000(10)"']),
+        ("{sigma_x_m = 0.0008}", 'offset_m = "0.0000(8)"\n', []),
+        ("{sigma_x_m = 0.0008}", "offset_m = 0.0\n", []),
+        ('{model = "positions", sigma_x_m = 0.0008}', "", []),
+    ],
+)
+def test_a_zero_that_is_taken_as_exact_is_said(tmp_path: Path, noise: str, offset: str, said: list[str]) -> None:
+    run = load_campaign(write(tmp_path, noise, tilt=f"{offset}phi_deg = 4.0")).problem(["r"]).runs[0]
+    facts = speed_facts(run)
+    assert len(facts) == len(said)
+    for fact, words in zip(facts, said, strict=True):
+        assert fact.startswith("the zero of x (the release) is taken as exact;")
+        assert words in fact
+
+
+@pytest.mark.parametrize(("frames", "said"), [(20, True), (4, False)])
+def test_frames_of_the_way_back_that_a_fit_of_positions_would_use_are_said(tmp_path: Path, frames: int, said: bool) -> None:
+    campaign = write(tmp_path, tilt="offset_m = 0.0\nphi_deg = 4.0")
+    step = TIMES[1] - TIMES[0]
+    with (tmp_path / "r.csv").open("a") as file:
+        for k in range(frames):
+            file.write(f"{TIMES[-1] + (k + 1) * step:.6f},{POSITIONS[-2 - k]:.9f}\n")
+    (run,) = load_campaign(campaign).problem(["r"]).runs
+    facts = speed_facts(run)
+    assert bool(facts) == said
+    if said:
+        assert 'model = "positions" would use the' in facts[0]
+        assert f"the {way_back(run.excluded)} frames of the way back" in facts[0]
+        assert abs(way_back(run.excluded) - frames) <= 3  # the last has no central difference

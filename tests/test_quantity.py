@@ -99,7 +99,7 @@ def test_another_unit_scales_both_parts_and_keeps_the_uncertainty_positive():
         (0.1234, 0.0356, "0.12 ± 0.04", "0.12(4)"),
         (0.1234, 0.0949, "0.12 ± 0.09", "0.12(9)"),
         (0.1234, 0.0950, "0.12 ± 0.10", "0.12(10)"),
-        (-5.5, 0.25, "-5.50 ± 0.25", "-5.50(25)"),
+        (-5.5, 0.25, "−5.50 ± 0.25", "-5.50(25)"),
     ],
 )
 def test_rounding_follows_the_particle_data_group(value, u, text, short):

@@ -79,6 +79,9 @@ def test_propagated_band_is_that_of_brute_force(campaign: Campaign, rng: np.rand
     assert band.u[at] == pytest.approx(v.std(axis=0), rel=0.05)
     assert set(band.held) == {"kappa[heavy]", "rolling_resistance"}
     assert np.nanmedian(band.ratio) < 0.3
+    known = np.isfinite(band.ratio)
+    assert np.all(band.mc_low[known] > 0.0)  # a band that v = 0 cuts off has no width to compare
+    assert np.any(band.mc_low[~known] == 0.0)
 
 
 def test_line_of_the_replica_recovers_gamma(campaign: Campaign) -> None:

@@ -70,9 +70,9 @@ def test_speed_at_the_end_of_a_fall_is_that_of_a_straight_line(tracker: Path, tm
     assert v["sd"] == pytest.approx(np.sqrt(cov[0, 0]), rel=0.3)  # the size of the errors is inferred: Student's t against normal
     assert "distance fallen (m)" in report
     assert "speed at the end of the track" in report
-    for fact in ("scale 2847.0156 pixels/m", "the body moves with 0.069 m/s in the first frames already"):
-        assert fact in report
-        assert fact in json.dumps(result["runs"]["a1"], ensure_ascii=False)
+    assert "scale 2847.0156 pixels/m" in report
+    assert "the body moves with" not in report  # which matters for a rolling disk only
+    assert "scale 2847.0156 pixels/m" in json.dumps(result["runs"]["a1"], ensure_ascii=False)
 
 
 @pytest.mark.parametrize(("video", "export"), [("CIMG9886.trk", "a1.txt"), ("CIMG9888.trk", "a2.txt"), ("CIMG9892.trk", "b3.txt")])

@@ -1,0 +1,71 @@
+"""What a report's cells say: which values are lopsided, signs, what is stated once."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from estim.compare_report import _cells
+from estim.headline import parameter_cells, value_cell
+from estim.labels import label
+from estim.priors import HalfNormal
+from estim.problem import Parameter
+from estim.quantity import format_quantity, format_rounded, signed
+from estim.report import _derived_rows
+from estim.result import RunSummary
+from estim.summary import Summary, summarise
+
+
+def summary(draws: np.ndarray, unit: str = "1") -> Summary:
+    return summarise(draws, unit=unit, meaning="a quantity")
+
+
+def test_a_half_normal_and_a_constant_times_it_are_both_lopsided(rng: np.random.Generator) -> None:
+    draws = np.abs(rng.standard_normal(20_000))
+    for factor in (0.005, 0.65 * 0.005, -3.0):
+        cell = parameter_cells("rolling_resistance", summary(factor * draws))[2]
+        assert "±" not in cell
+        assert " −" in cell
+    normal = summary(0.3 + 0.1 * rng.standard_normal(20_000))
+    assert value_cell(normal, label("gamma", "1")) == "0.30 ± 0.10"
+
+
+def test_halves_of_the_interval_decide_at_three_to_two() -> None:
+    def of(q975: float) -> Summary:
+        return Summary("1", "", 0.0, 1.0, 0.0, -2.0, -1.0, 1.0, q975)
+
+    assert "±" in value_cell(of(2.9), label("gamma", "1"))
+    assert "±" not in value_cell(of(3.1), label("gamma", "1"))
+
+
+@pytest.mark.parametrize(
+    ("text", "shown"),
+    [("-0.42", "−0.42"), ("-0.00", "0.00"), ("+0.00", "0.00"), ("+0.97", "+0.97"), ("-0.05", "−0.05"), ("-0", "0"), ("-1.5e-07", "−1.5e-07"),
+     ("(-0.0 ± 1.0)×10⁻⁷", "(0.0 ± 1.0)×10⁻⁷"), ("-10 ± 3", "−10 ± 3")],
+)
+def test_a_rounded_zero_has_no_sign_and_minus_is_no_hyphen(text: str, shown: str) -> None:
+    assert signed(text) == shown
+
+
+def test_numbers_are_formatted_with_such_signs() -> None:
+    assert format_quantity(-1e-5, 0.001) == "0.0000 ± 0.0010"
+    assert format_quantity(-0.5, 0.1) == "−0.50 ± 0.10"
+    assert format_quantity(-0.5, 0.1, plus_minus=False) == "-0.50(10)"  # what a campaign reads
+    assert format_rounded(-0.0271, 0.04) == "−0.027"
+
+
+def test_what_is_the_same_for_every_run_is_stated_once(rng: np.random.Generator) -> None:
+    j, slopes = summary(rng.standard_normal(1000)), [summary(rng.standard_normal(1000)) for _ in range(2)]
+    blank = dict.fromkeys(RunSummary.__struct_fields__)
+    runs = {name: RunSummary(**(blank | {"derived": {"inertia_ratio": j, "slope": s}})) for name, s in zip(("a", "b"), slopes, strict=True)}
+    assert [row[0] for row in _derived_rows(runs)] == ["j", "s[a]", "s[b]"]
+
+
+def test_the_table_of_models_prints_a_value_as_the_report_does(rng: np.random.Generator) -> None:
+    p = Parameter("rolling_resistance", "1", HalfNormal(0.005), "")
+    posterior = summary(0.005 * np.abs(rng.standard_normal(20_000)))
+    row = SimpleNamespace(status="ok", posterior={p.name: posterior})
+    assert _cells(row, [p]) == [parameter_cells(p.name, posterior)[2]]
+    assert _cells(SimpleNamespace(status="poor-fit", posterior=row.posterior), [p]) == ["—"]
