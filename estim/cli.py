@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from estim.errors import EstimError, InputError, Interrupted, NumericalError
+from estim.errors import EstimError, InputError, Interrupted, NumericalError, one_line
 from estim.terminal import announced, conclude, counted, groups_of, note, progress_bar, write_files
 
 if TYPE_CHECKING:
@@ -328,7 +328,7 @@ def main() -> None:
         click.echo("interrupted", err=True)
         sys.exit(INTERRUPTED)
     except click.ClickException as error:
-        click.echo(f"error: {error.format_message()}".replace("\n", " "), err=True)
+        click.echo(f"error: {one_line(error.format_message())}", err=True)
         sys.exit(BAD_INPUT)
     except NumericalError as error:
         click.echo(f"error: {error}", err=True)
