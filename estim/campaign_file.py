@@ -23,7 +23,8 @@ from estim.toml_text import Places, locate_keys, parse_toml
 from estim.track import Unit
 
 Kind = Literal["synthetic", "measured", "published"]
-
+_MAX_NAME = 100  # bytes
+_REPORT = ("report.md", "result.json", "draws.nc", "figures")  # what stands in the folder where a run gets its own
 
 Value = float | str | PriorTable
 
@@ -194,8 +195,12 @@ def _with_own_curve(path: Path, digest: str, places: Places, top: _TopTable) -> 
 
 
 def check_run_names(names: Sequence[str], places: Places) -> None:
-    """Names of runs are unique and can be folder names.  Raises InputError."""
+    """Names of runs are unique and can be names of folders beside the files of a report.  Raises InputError."""
     for i, name in enumerate(names):
+        if len(name.encode()) > _MAX_NAME:
+            raise places.error(f"must be short enough for the name of a file: at most {_MAX_NAME} bytes", ("runs", i, "name"), value=name)
+        if name.lower() in _REPORT:
+            raise places.error("must not be the name of a file of the report", ("runs", i, "name"), value=name)
         if not re.fullmatch(r"\w[\w.+-]*", name):
             raise places.error("must be made of letters, digits and . _ + -, a letter or digit first", ("runs", i, "name"), value=name)
         if name in names[:i]:

@@ -376,6 +376,12 @@ MISTAKES = {
     ),
     "same name twice": ('name = "h6"', 'name = "h4"', None, "'name' must be unique: h4"),
     "name with a slash": ('name = "h6"', 'name = "../h6"', 'name = "../h6"', "'name' must be made of letters, digits and . _ + -"),
+    "name of a file of the report": (
+        'name = "h6"', 'name = "Report.md"', 'name = "Report.md"', "'name' must not be the name of a file of the report: Report.md",
+    ),
+    "name too long for a file": (
+        'name = "h6"', f'name = "{"h" * 101}"', 'name = "hhh', "'name' must be short enough for the name of a file: at most 100 bytes: hhh",
+    ),
     "no phi": ('phi_deg = "4.0(4)"\n', "", "[[runs]]", "'phi_deg' is missing for run 'h4': say it there, for its body or under [shared]"),
     "no gamma": (
         'gamma = "0.187(10)"\n', "", "[[runs]]",
