@@ -226,7 +226,21 @@ def checked(tree: object, kind: type[T], places: Places, path: tuple[str | int, 
             raise places.error(f"is not a known key here{hint}", (*full, found[1])) from None
         if found := re.search(r"missing required field `(.*)`", message):
             raise places.error("is missing", (*full, found[1])) from None
-        raise places.error(message[0].lower() + message[1:].replace("`", ""), full, field=None if full else "campaign") from None
+        raise places.error(_in_words(message), full, field=None if full else "campaign") from None
+
+
+_TYPES = {
+    "float": "a number", "int": "a whole number", "str": "text", "bool": "true or false", "object": "a table", "array": "a list",
+    "datetime": "a date", "date": "a date", "time": "a time",
+}
+
+
+def _in_words(message: str) -> str:
+    """A mismatch of types as a rule for people; any other message of msgspec as it is."""
+    if found := re.fullmatch(r"Expected `(.+)`, got `(\w+)`", message):
+        wanted = [_TYPES.get(kind, kind) for kind in found[1].split(" | ") if kind != "null"]
+        return f"must be {' or '.join(wanted)}, not {_TYPES.get(found[2], found[2])}"
+    return message[0].lower() + message[1:].replace("`", "")
 
 
 def _check_integers(tree: object, places: Places, path: tuple[str | int, ...]) -> None:

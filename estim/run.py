@@ -57,6 +57,10 @@ class Run:
         """The column that says where the body is: `x_m` or `theta_rad`."""
         return "x_m" if "x_m" in self.columns else "theta_rad"
 
+    def error(self, rule: str, column: str, row: int) -> InputError:
+        """An InputError for the cell of `column` in `row`."""
+        return InputError(rule, field=column, value=self.columns[column][row].item(), file=self.file, line=int(self.lines[row]))
+
     @property
     def rate(self) -> str:
         """The column that says how fast it is there: `v_m_s` or `omega_rad_s`."""

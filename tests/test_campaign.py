@@ -363,9 +363,9 @@ MISTAKES = {
     "unknown kind": ('kind = "synthetic"', 'kind = "invented"', "kind", "'kind' invalid enum value 'invented'"),
     "no title": ('title = "two runs"\n', "", None, "'title' is missing"),
     "no name": ('name = "h4"\n', "", "[[runs]]", "'name' is missing"),
-    "number for a name": ('name = "h4"', "name = 4", "name = 4", "'name' expected str, got int"),
-    "list for a number": ('phi_deg = "4.0(4)"', "phi_deg = [4.0, 0.4]", "phi_deg", "'phi_deg' expected float"),
-    "truth for a number": ("g = 9.81", "g = true", "g =", "'g' expected float"),
+    "number for a name": ('name = "h4"', "name = 4", "name = 4", "'name' must be text, not a whole number"),
+    "list for a number": ('phi_deg = "4.0(4)"', "phi_deg = [4.0, 0.4]", "phi_deg", "'phi_deg' must be a number or text or a table, not a list"),
+    "truth for a number": ("g = 9.81", "g = true", "g =", "'g' must be a number or text or a table, not true or false"),
     "unreadable quantity": (
         'phi_deg = "4.0(4)"', 'phi_deg = "about 4"', "phi_deg",
         "'phi_deg' must read like \"4.0 +/- 0.4\" or \"4.0(4)\": about 4",
@@ -648,3 +648,25 @@ def test_a_wheel_that_rolls_down_is_never_asked_about(load, folder, radius, phi)
         ('gamma = "0.187(10)"', "gamma = 0.0"), ('"0.1500(5)"', f"{radius}"), ('phi_deg = "4.0(4)"', f"phi_deg = {phi}"),
         ('phi_deg = "6.0(4)"', f"phi_deg = {phi}"), (NOISE, "noise = {sigma_x_m = 0.00001}"),
     )
+
+
+# rows that are left
+
+
+@pytest.mark.parametrize(
+    ("change", "told"),
+    [
+        (lambda rows: rows * [1.0, -1.0], "'x_m' must increase as the body moves from its release: "),
+        (lambda rows: rows * [1.0, 0.0] + 0.25, "'x_m' must increase as the body moves from its release: "),
+        (lambda rows: rows[::8], "'rows to fit' must be at least 5 of the 6 in the file ("),
+    ],
+)
+def test_rows_that_cannot_be_fit_are_told_without_a_window(load, folder, change, told):
+    rows = np.array([[float(cell) for cell in row.split(",")] for row in motion_table().split()[1:]])
+    (folder / "h4.csv").write_text("t_s,x_m\n" + "".join(f"{t:.6f},{x:.6f}\n" for t, x in change(rows)))
+    with pytest.raises(InputError) as caught:
+        load()
+    assert str(caught.value).startswith(f"{folder / 'h4.csv'}: {told}")
+    assert "window" not in str(caught.value)
+    with pytest.raises(InputError, match=r"campaign\.toml:\d+: 'window' must leave between 5 and 3000 of the \d+ rows of .*h4\.csv to fit: \d"):
+        load((RUN_H4, RUN_H4 + "window = {x_min_m = 0.0}\n"))

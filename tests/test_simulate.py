@@ -170,7 +170,7 @@ def test_particle_mass_gives_the_wanted_gamma():
     [
         ("kappa = 0.45", "kappa = -0.45", "'kappa' must be > 0: -0.45"),
         ("sigma_x_m = 0.001", "sigma_x_m = 0.0", "'sigma_x_m' must be > 0: 0.0"),
-        ("frames_per_second = 30", 'frames_per_second = "30"', "'frames_per_second' expected float, got str"),
+        ("frames_per_second = 30", 'frames_per_second = "30"', "'frames_per_second' must be a number, not text"),
         ("ramp_length_m = 0.877", "ramp_lenght_m = 0.877", "'ramp_lenght_m' is not a known key here"),
         ("g = 9.81", "", "'g' is missing"),
         ('name = "heavy-08"\nbody = "heavy"', 'name = "heavy-08"\nbody = "heavier"', "'body' must name one of the bodies: heavier"),
