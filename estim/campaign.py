@@ -148,13 +148,13 @@ class Campaign:
         if self.curve is not None:
             raise self.source.places.error("has no rolling body, so only estim fit knows what to do with it", ("curve",))
 
-    def require_unknowns(self, names: Sequence[str], *, drawn: bool = False) -> None:
-        """Raises InputError where every quantity of the runs `names` is exact, or (`drawn`) a prior cannot be drawn from."""
-        problem = self.problem(names)
+    def require_unknowns(self, problem: Problem, *, drawn: bool = False) -> None:
+        """Raises InputError where every quantity of a problem of this campaign is exact, or (`drawn`) a prior cannot be drawn from."""
         if not problem.parameters:
             rule = "leaves nothing to fit: every quantity is exact; give at least one an uncertainty or a prior"
-            path = ("runs", self.run_names.index(names[0])) if self.curve is None else ("curve", "parameters")
-            raise self.source.places.error(rule, path, field=f"run {names[0]}")
+            name = problem.runs[0].name
+            path = ("runs", self.run_names.index(name)) if self.curve is None else ("curve", "parameters")
+            raise self.source.places.error(rule, path, field=f"run {name}")
         if drawn and self.curve is not None:
             self.curve.require_draws(problem)
 

@@ -255,7 +255,7 @@ def calibrate(
     folder = out or Path("out") / campaign.resolve().parent.name / "calibration"
     groups, trusted = groups_of(loaded, runs, joint=joint), True
     for group in groups:
-        loaded.require_unknowns(group, drawn=True)
+        loaded.require_unknowns(loaded.problem(group), drawn=True)
     chosen = {"sbc": simulation_based_calibration, "coverage": coverage}
     for group in groups:
         fit = fit_least_squares(loaded.problem(group), rng=np.random.default_rng(seed))

@@ -86,6 +86,7 @@ def analyse(
     marginal : whether a joint posterior is sampled through the marginal over runs; None decides by their number (more than 16).
     """
     problem = campaign.problem(runs, noise=noise)
+    campaign.require_unknowns(problem)
     rng = np.random.default_rng(seed).spawn(1)[0]
     if campaign.curve is not None:
         try:

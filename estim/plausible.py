@@ -1,4 +1,4 @@
-"""Numbers that break no rule but are surely a slip of the unit."""
+"""Numbers that are surely a slip of the unit: errors of reading as large as the path, speeds that gravity cannot give."""
 
 from __future__ import annotations
 
@@ -58,7 +58,8 @@ def check_speeds(run: Observations, quantities: Mapping[str, float | Prior], *, 
     if speed > math.sqrt(_TOO_FAST) * bound:
         slip = "degrees" if angular else "cm or mm"
         length = f"{reach:.4g} rad" if angular else f"{reach:.4g} m, {reach / _centre(quantities['radius']):.0f} radii,"
-        rule = f"reaches {length} at {speed:.3g} {rate}, where gravity gives this body at most {bound:.3g} {rate} from rest: is it in {slip}?"
+        most = f"gravity gives this body at most {bound:.3g} {rate} from rest"
+        rule = f"reaches {length} at {speed:.3g} {rate}, where {most}: is it in {slip}, or the time not in s?"
         raise InputError(rule, field=name, file=file)
     if run.t is not None and 0.0 < speed < math.sqrt(_TOO_SLOW) * bound:
         rule = f"spans {np.ptp(run.t):.4g} s at {speed:.3g} {rate} or less, where gravity gives this body up to {bound:.3g} {rate}: is it in ms?"

@@ -73,14 +73,11 @@ def note(line: str) -> None:
 
 
 def groups_of(campaign: Campaign, runs: Iterable[str], *, joint: bool) -> list[tuple[str, ...]]:
-    """The runs that are fit together.  Raises InputError where there is none, or nothing is unknown of it."""
+    """The runs that are fit together.  Raises InputError where there is none."""
     names = tuple(dict.fromkeys(runs)) or campaign.run_names
     for name in names:
         if name not in campaign.run_names:
             raise InputError(f"must name one of the runs ({', '.join(campaign.run_names)})", field="--run", value=name, file=campaign.source.path)
     if not names:
         raise InputError("has no [[runs]] (estim line fits its theta_min series)", field="campaign", file=campaign.source.path)
-    groups: list[tuple[str, ...]] = [names] if joint else [(name,) for name in names]
-    for group in groups:
-        campaign.require_unknowns(group)
-    return groups
+    return [names] if joint else [(name,) for name in names]

@@ -608,8 +608,8 @@ def scaled(text, *, t=1.0, x=1.0):
 
 
 WRONG_UNITS = {
-    "positions in cm": ({"x": 100.0}, "'x_m' reaches 44.", "is it in cm or mm?"),
-    "positions in mm": ({"x": 1000.0}, "'x_m' reaches 44", "is it in cm or mm?"),
+    "positions in cm": ({"x": 100.0}, "'x_m' reaches 44.", "is it in cm or mm, or the time not in s?"),
+    "positions in mm": ({"x": 1000.0}, "'x_m' reaches 44", "is it in cm or mm, or the time not in s?"),
     "times in ms": ({"t": 1000.0}, "'t_s' spans 1", "is it in ms?"),
 }
 
@@ -632,7 +632,7 @@ def test_angles_in_degrees_and_speeds_in_cm_are_asked_about(load, folder):
         (folder / name).write_text(text)
     load(noise)
     (folder / "h4.csv").write_text(scaled(text, x=180.0 / math.pi))
-    with pytest.raises(InputError, match=r"h4\.csv: 'theta_rad' reaches .* is it in degrees\?$"):
+    with pytest.raises(InputError, match=r"h4\.csv: 'theta_rad' reaches .* is it in degrees, or the time not in s\?$"):
         load(noise)
 
 

@@ -381,5 +381,5 @@ noise = {{sigma_x_m = 0.002}}
     (tmp_path / "c.toml").write_text(text)
     load_campaign(tmp_path / "c.toml")
     (tmp_path / "c.toml").write_text(text.replace('"cm"', '"m"'))
-    with pytest.raises(InputError, match=r"kulefullbane\.txt: 'x_m' reaches 139\.4 m, .* is it in cm or mm\?$"):
+    with pytest.raises(InputError, match=r"kulefullbane\.txt: 'x_m' reaches 139\.4 m, .* is it in cm or mm, or the time not in s\?$"):
         load_campaign(tmp_path / "c.toml")
