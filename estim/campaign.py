@@ -21,9 +21,10 @@ from estim.labels import KINDS, table
 from estim.levels import Level, Levels, as_prior, body_levels, noise_level, read_key
 from estim.observing import Observed, observe
 from estim.phase_curve import MotionCurve, PhaseCurve
+from estim.plausible import check_speeds
 from estim.priors import Normal, Prior, TruncatedNormal
 from estim.problem import Observations, Parameter, Problem, shared_first
-from estim.quantity import Quantity
+from estim.quantity import Quantity, format_quantity
 from estim.run import Run, compare_intervals, read_run
 from model import STANDARD_GRAVITY, Body
 
@@ -63,6 +64,7 @@ _QUANTITIES: Mapping[str, _Kind] = MappingProxyType(
         "g": _Kind({"g": 1.0}, "m/s²", STANDARD_GRAVITY, "acceleration of free fall", 0.0, False),
     }
 )
+_SAME_SDS, _SAME_SHARE = 5.0, 0.05  # how far a stated gamma may be from that of the masses
 _MASSES = ("mass_disk_kg", "mass_particle_kg", "mass_trailing_kg")
 
 
@@ -146,6 +148,16 @@ class Campaign:
         if self.curve is not None:
             raise self.source.places.error("has no rolling body, so only estim fit knows what to do with it", ("curve",))
 
+    def require_unknowns(self, problem: Problem, *, drawn: bool = False) -> None:
+        """Raises InputError where every quantity of a problem of this campaign is exact, or (`drawn`) a prior cannot be drawn from."""
+        if not problem.parameters:
+            rule = "leaves nothing to fit: every quantity is exact; give at least one an uncertainty or a prior"
+            name = problem.runs[0].name
+            path = ("runs", self.run_names.index(name)) if self.curve is None else ("curve", "parameters")
+            raise self.source.places.error(rule, path, field=f"run {name}")
+        if drawn and self.curve is not None:
+            self.curve.require_draws(problem)
+
     def require_speeds(self, names: Sequence[str], command: str) -> None:
         """Raises InputError where a run is not fit as speeds with normal errors, which is what `command` knows."""
         for name in names:
@@ -203,7 +215,11 @@ def load_campaign(path: str | Path) -> Campaign:
         tables = compare_intervals(tables)
     campaign = Campaign(source, MappingProxyType(dict(tables)), curve)
     for name in campaign.run_names:
-        campaign.problem([name])
+        observed = campaign.problem([name]).runs[0]
+        if curve is None:
+            bound = bind_quantities(source, Levels(source, campaign.run_names.index(name)), where=f"run '{name}'")
+            sources = {quantity: b.source for quantity, b in bound.items()}
+            check_speeds(observed, sources, angular=tables[name].coordinate == "theta_rad", file=tables[name].file)
     return campaign
 
 
@@ -232,6 +248,8 @@ def _bind(source: CampaignFile, levels: tuple[Level, ...], name: str, where: str
             raise source.places.error(f"must not stand beside '{said[0]}'", (*level.path, said[1]))
         if said:
             value = read_key(source, level, said[0], factor=kind.keys[said[0]])
+            if name == "gamma" and weighed:
+                _check_masses(source, levels, value, (*level.path, "gamma"), _bind(source, levels, "rho", where).source)
             return Bound(name + level.suffix, _checked(source, value, kind, (*level.path, said[0])))
         if weighed and name in ("gamma", "trailing_fraction"):
             value = _from_masses(source, levels, name, _bind(source, levels, "rho", where).source)
@@ -290,6 +308,15 @@ def _from_masses(source: CampaignFile, levels: Iterable[Level], name: str, rho: 
     except (OverflowError, ZeroDivisionError):
         home = next(t for t in tables if any(getattr(t.table, k) is not None for k in _MASSES))
         raise source.places.error("is too far from the other masses to take a ratio", (*home.path, _MASSES[0])) from None
+
+
+def _check_masses(source: CampaignFile, levels: tuple[Level, ...], gamma: Quantity | Prior, path: tuple[str | int, ...], rho: float | Prior) -> None:
+    """Masses beside a stated gamma give the total mass only; raises InputError where they give another gamma."""
+    weighed = _from_masses(source, levels, "gamma", rho)
+    centre, sd = (gamma.value, gamma.u) if isinstance(gamma, Quantity) else (gamma.centre, gamma.sd)
+    if abs(weighed.value - centre) > _SAME_SDS * np.hypot(sd, weighed.u) + _SAME_SHARE * centre:
+        rule = f"contradicts the masses beside it, which give {format_quantity(weighed.value, weighed.u)}: say one of the two"
+        raise source.places.error(rule, path, value=centre)
 
 
 def total_mass(source: CampaignFile, levels: Iterable[Level]) -> float | None:

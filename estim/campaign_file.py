@@ -23,7 +23,8 @@ from estim.toml_text import Places, locate_keys, parse_toml
 from estim.track import Unit
 
 Kind = Literal["synthetic", "measured", "published"]
-
+_MAX_NAME = 100  # bytes
+_REPORT = ("report.md", "result.json", "draws.nc", "figures")  # what stands in the folder where a run gets its own
 
 Value = float | str | PriorTable
 
@@ -194,8 +195,12 @@ def _with_own_curve(path: Path, digest: str, places: Places, top: _TopTable) -> 
 
 
 def check_run_names(names: Sequence[str], places: Places) -> None:
-    """Names of runs are unique and can be folder names.  Raises InputError."""
+    """Names of runs are unique and can be names of folders beside the files of a report.  Raises InputError."""
     for i, name in enumerate(names):
+        if len(name.encode()) > _MAX_NAME:
+            raise places.error(f"must be short enough for the name of a file: at most {_MAX_NAME} bytes", ("runs", i, "name"), value=name)
+        if name.lower() in _REPORT:
+            raise places.error("must not be the name of a file of the report", ("runs", i, "name"), value=name)
         if not re.fullmatch(r"\w[\w.+-]*", name):
             raise places.error("must be made of letters, digits and . _ + -, a letter or digit first", ("runs", i, "name"), value=name)
         if name in names[:i]:
@@ -221,7 +226,21 @@ def checked(tree: object, kind: type[T], places: Places, path: tuple[str | int, 
             raise places.error(f"is not a known key here{hint}", (*full, found[1])) from None
         if found := re.search(r"missing required field `(.*)`", message):
             raise places.error("is missing", (*full, found[1])) from None
-        raise places.error(message[0].lower() + message[1:].replace("`", ""), full, field=None if full else "campaign") from None
+        raise places.error(_in_words(message), full, field=None if full else "campaign") from None
+
+
+_TYPES = {
+    "float": "a number", "int": "a whole number", "str": "text", "bool": "true or false", "object": "a table", "array": "a list",
+    "datetime": "a date", "date": "a date", "time": "a time",
+}
+
+
+def _in_words(message: str) -> str:
+    """A mismatch of types as a rule for people; any other message of msgspec as it is."""
+    if found := re.fullmatch(r"Expected `(.+)`, got `(\w+)`", message):
+        wanted = [_TYPES.get(kind, kind) for kind in found[1].split(" | ") if kind != "null"]
+        return f"must be {' or '.join(wanted)}, not {_TYPES.get(found[2], found[2])}"
+    return message[0].lower() + message[1:].replace("`", "")
 
 
 def _check_integers(tree: object, places: Places, path: tuple[str | int, ...]) -> None:

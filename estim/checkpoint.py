@@ -4,7 +4,7 @@ A folder holds `key.json`, what the chain depends on (`estim.fingerprint`), and 
 plain NumPy archives without pickled objects.  The name holds the SHA-256 digest of the file's bytes, and each chunk names
 the digest of the one before it (the first one: of the key).  So a file that is torn, truncated, changed or from another
 chain is recognised, and it and all after it are never read as data.  Chunks are written whole (`estim.storage`) and never
-changed: a reader needs no lock and cannot disturb the writer.
+changed: a reader needs no lock and cannot disturb the writer.  Writers exclude each other (`only_writer`).
 """
 
 from __future__ import annotations
@@ -16,6 +16,7 @@ import re
 import time
 import zipfile
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import AbstractContextManager
 from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
@@ -25,7 +26,7 @@ from numpy.typing import NDArray
 
 from estim.errors import EstimError, InputError
 from estim.fingerprint import Key, differences, digest_of
-from estim.storage import remove_files, remove_folder, write_whole
+from estim.storage import held, remove_files, remove_folder, write_whole
 
 FloatArray = NDArray[np.float64]
 
@@ -82,25 +83,28 @@ class Store:
         be written.
         """
         chain: list[tuple[str, Chunk]] = []
+        said: list[str] = []
         n_found = len(_chunk_files(self.folder))
         stored = read_key(self.folder)
         if not self.resume:
             if n_found:
-                self.say(f"{self.folder}: an unfinished chain is discarded and sampling starts anew (--resume would continue it)")
+                said.append(f"{self.folder}: an unfinished chain is discarded and sampling starts anew (--resume would continue it)")
         elif stored is None and n_found:
             raise InputError(f"cannot continue: {_KEY} is missing or damaged; fit without --resume to start anew", field="resume", file=self.folder)
         elif stored is not None and n_found:
             self._check(stored, key)
             chain = list(_chain(self.folder, digest_of(key)))
             if len(chain) < n_found:
-                self.say(f"{self.folder}: {n_found - len(chain)} of {n_found} chunks are damaged or do not follow; they are sampled again")
+                said.append(f"{self.folder}: {n_found - len(chain)} of {n_found} chunks are damaged or do not follow; they are sampled again")
         if self.resume:
             n_step = sum(chunk.n_step for _, chunk in chain)
-            self.say(f"{self.folder}: continued after step {n_step}" if chain else f"{self.folder}: nothing to resume, sampling starts anew")
+            said.append(f"{self.folder}: continued after step {n_step}" if chain else f"{self.folder}: nothing to resume, sampling starts anew")
         # first what does not belong to the chain, then the new key: at no moment is a chunk found under a key that is not its own
         remove_files(self.folder, but=frozenset([_KEY, *(name for name, _ in chain)]))
         if stored is None or digest_of(stored) != digest_of(key):
             write_whole(self.folder / _KEY, json.dumps({"schema": _SCHEMA, "parts": key}, indent=1).encode() + b"\n")
+        for line in said:  # not before it is true
+            self.say(line)
         link = _promised(chain[-1][0]) if chain else digest_of(key)
         return Record(self, link, len(chain), join([chunk for _, chunk in chain]) if chain else None)
 
@@ -138,6 +142,11 @@ class Record:
         self.n_step += chunk.n_step
 
 
+def only_writer(folder: Path) -> AbstractContextManager[None]:
+    """While the block runs no other process writes chains in `folder`.  Raises EstimError where one does, or nothing can be written."""
+    return held(folder / ".lock")
+
+
 def read_checkpoint(folder: Path) -> Chunk | None:
     """All steps that are kept in `folder`, as one chunk; None if there are none.  Safe at any moment while a chain is sampled."""
     key = read_key(folder)
@@ -164,7 +173,10 @@ def join(chunks: Sequence[Chunk]) -> Chunk:
 
 
 def _chunk_files(folder: Path) -> list[str]:
-    return sorted(path.name for path in folder.iterdir() if _NAME.fullmatch(path.name)) if folder.is_dir() else []
+    try:
+        return sorted(path.name for path in folder.iterdir() if _NAME.fullmatch(path.name))
+    except OSError:  # no such folder, or none that can be: who writes there says why
+        return []
 
 
 def _promised(name: str) -> str:

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from estim.errors import EstimError, InputError, Interrupted, NumericalError
+from estim.errors import EstimError, InputError, Interrupted, NumericalError, one_line
 from estim.terminal import announced, conclude, counted, groups_of, note, progress_bar, write_files
 
 if TYPE_CHECKING:
@@ -32,7 +32,7 @@ _OUT = click.option(
     "--out", type=click.Path(path_type=Path, file_okay=False),
     help="Folder for the report, made if it is not there.  [default: out/ and the name of the campaign's folder]",
 )
-_SEED = click.option("--seed", type=click.IntRange(min=0), default=1, show_default=True, help="Seed of every random number.")
+_SEED = click.option("--seed", type=click.IntRange(min=0, max=2**63 - 1), default=1, show_default=True, help="Seed of every random number.")
 
 
 @click.group(context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100})
@@ -71,7 +71,7 @@ def fit(
 
     stop = click.get_current_context().with_resource(asked_to_stop())
     from estim.campaign import load_campaign
-    from estim.checkpoint import Store
+    from estim.checkpoint import Store, only_writer
     from estim.interop import HOW_TO_GET, can_write_netcdf, to_netcdf
     from estim.pipeline import analyse
     from estim.report import analysis_report, index_report
@@ -83,6 +83,7 @@ def fit(
     groups = groups_of(loaded, runs, joint=joint)
     if marginal and not joint:
         raise InputError("needs --joint: one run has nothing to share", field="--marginal")
+    click.get_current_context().with_resource(only_writer(folder / ".checkpoint"))
     if compare:
         if resume or marginal:
             raise InputError("does not go with --resume or --marginal", field="--compare")
@@ -253,6 +254,8 @@ def calibrate(
     loaded = load_campaign(campaign)
     folder = out or Path("out") / campaign.resolve().parent.name / "calibration"
     groups, trusted = groups_of(loaded, runs, joint=joint), True
+    for group in groups:
+        loaded.require_unknowns(loaded.problem(group), drawn=True)
     chosen = {"sbc": simulation_based_calibration, "coverage": coverage}
     for group in groups:
         fit = fit_least_squares(loaded.problem(group), rng=np.random.default_rng(seed))
@@ -328,7 +331,7 @@ def main() -> None:
         click.echo("interrupted", err=True)
         sys.exit(INTERRUPTED)
     except click.ClickException as error:
-        click.echo(f"error: {error.format_message()}".replace("\n", " "), err=True)
+        click.echo(f"error: {one_line(error.format_message())}", err=True)
         sys.exit(BAD_INPUT)
     except NumericalError as error:
         click.echo(f"error: {error}", err=True)

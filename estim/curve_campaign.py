@@ -15,10 +15,12 @@ to its run and is called "A[run]", as one is that all other runs of a joint fit 
 from __future__ import annotations
 
 import math
+import unicodedata
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from types import MappingProxyType
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -50,6 +52,7 @@ from estim.run import Run, run_of_table
 from estim.suspicion import of_any_curve
 from estim.systematic import Component, DistortedCurve
 from estim.table import read_table
+from estim.toml_text import Places
 
 FloatArray = NDArray[np.float64]
 _MIN_ROWS = 3
@@ -98,6 +101,10 @@ class CurveStudy:
             run, unknown = self._observe(curve, arguments, index, tables[name])
             noise |= {parameter.name: parameter for parameter in unknown}
             observed.append(run)
+        for name in noise:
+            if name in parameters or name in shared:
+                rule = "is the name of a quantity of the errors of y, which is unknown here: choose another"
+                raise self.source.places.error(rule, self._place(name))
         return Problem((*shared_first(parameters.values(), observed), *shared.values(), *noise.values()), tuple(observed))
 
     def require_determined(self, problem: Problem, sds: FloatArray) -> None:
@@ -107,10 +114,33 @@ class CurveStudy:
         """
         for parameter, sd in zip(problem.parameters, sds, strict=True):
             if not math.isfinite(parameter.prior.sd) and not (math.isfinite(sd) and sd > 0.0):
-                name, _, level = parameter.name.partition("[")
-                run = [r.name for r in self.runs].index(level[:-1]) if level else 0
-                path: Place = ("runs", run, "parameters", name) if level and name in self.runs[run].parameters else ("curve", "parameters", name)
-                raise self.source.places.error("is not determined by the data: give it limits (low and high), or a prior", path)
+                rule = "is not determined by the data: give it limits (low and high), or a prior"
+                raise self.source.places.error(rule, self._place(parameter.name))
+
+    def require_draws(self, problem: Problem) -> None:
+        """Raises InputError where the prior of a parameter is flat without limits, so that no true value can be drawn from it."""
+        for parameter in problem.parameters:
+            if not math.isfinite(parameter.prior.sd):
+                rule = "is flat without limits, so that nothing can be simulated: give it limits (low and high), or a prior"
+                raise self.source.places.error(rule, self._place(parameter.name))
+
+    def place_of(self, error: InputError, problem: Problem, tables: Mapping[str, Run]) -> InputError:
+        """An error of the search for an optimum with its place: the first row at which alone the curve is not finite at the start."""
+        named = problem.named(problem.start())
+        for run in problem.runs:
+            with np.errstate(all="ignore"):
+                finite = np.broadcast_to(np.isfinite(run.curve.value(run.x, run.bind(named))), (1, run.n_obs))[0]
+            if np.any(finite) and not np.all(finite):
+                table = tables[run.name]
+                row = int(np.argmax(table.columns[self.x_column] == run.x[int(np.argmin(finite))]))
+                return table.error("is where the curve is not finite, at the start and around: leave the row out by a window", self.x_column, row)
+        return error.at(self.source.path, self.source.places.lines.get(("curve", "parameters")))
+
+    def _place(self, parameter: str) -> Place:
+        """Where a parameter stands in the campaign file."""
+        name, _, level = parameter.partition("[")
+        run = [r.name for r in self.runs].index(level[:-1]) if level else 0
+        return ("runs", run, "parameters", name) if level and name in self.runs[run].parameters else ("curve", "parameters", name)
 
     def _bind(self, name: str, index: int) -> Parameter | float:
         """A parameter of the formula for one run: an unknown, or an exact value."""
@@ -152,6 +182,8 @@ class CurveStudy:
         inside, excluded = self._window(x, index)
         kept = order[inside[order]]
         if not _MIN_ROWS <= kept.size <= MAX_OBS:
+            if not excluded:
+                raise InputError(f"must be between {_MIN_ROWS} and {MAX_OBS} (or state a window)", field="rows", value=kept.size, file=table.file)
             rule = f"must leave between {_MIN_ROWS} and {MAX_OBS} of the {table.n_row} rows of {table.file} to fit"
             raise self.source.places.error(rule, ("runs", index, "window"), field="window", value=int(kept.size))
         scale, relative, unknown = self._errors(index, table, kept)
@@ -178,7 +210,8 @@ class CurveStudy:
         if isinstance(written, ReadingErrorTable) and written.column is not None:
             return table.columns[written.column][kept]
         if not isinstance(written, int | float) or not (math.isfinite(written) and written > 0.0):
-            raise self.source.places.error("must be a number > 0 or a column", path, value=written if isinstance(written, str) else None)
+            shown = None if isinstance(written, ReadingErrorTable) else written
+            raise self.source.places.error("must be a number > 0 or a column", path, value=shown)
         return np.full(kept.size, float(written))
 
     def _window(self, x: FloatArray, index: int) -> tuple[NDArray[np.bool_], tuple[str, ...]]:
@@ -187,7 +220,7 @@ class CurveStudy:
         low = -math.inf if window is None or window.min is None else window.min
         high = math.inf if window is None or window.max is None else window.max
         if not low < high:
-            raise self.source.places.error("must have 'min' below 'max'", path, field="window")
+            raise self.source.places.error("must have 'min' below 'max'", path, field="window", value=f"min = {low}, max = {high}")
         inside = (x >= low) & (x <= high)
         left_out = int(np.sum(~inside))
         return inside, (f"{left_out} outside the stated window",) if left_out else ()
@@ -227,12 +260,9 @@ def read_curve_study(source: CampaignFile) -> tuple[CurveStudy, Mapping[str, Run
     """
     assert source.curve is not None
     places = source.places
-    for path, raw in ((("curve",), source.curve["curve"]), *((("runs", i), run) for i, run in enumerate(source.curve["runs"]))):
-        for name, entry in raw.get("parameters", {}).items() if isinstance(raw.get("parameters"), dict) else ():
-            if isinstance(entry, dict):  # one by one, for the line
-                checked(entry, ParameterTable, places, (*path, "parameters", name))
-    table = checked(source.curve["curve"], CurveTable, places, ("curve",))
-    runs = tuple(checked(run, CurveRunTable, places, ("runs", i)) for i, run in enumerate(source.curve["runs"]))
+    table = checked(_with_names(source.curve["curve"], places, ("curve",)), CurveTable, places, ("curve",))
+    written = [_with_names(run, places, ("runs", i)) for i, run in enumerate(source.curve["runs"])]
+    runs = tuple(checked(run, CurveRunTable, places, ("runs", i)) for i, run in enumerate(written))
     try:
         formula = read_formula(table.expression)
     except InputError as error:
@@ -243,6 +273,22 @@ def read_curve_study(source: CampaignFile) -> tuple[CurveStudy, Mapping[str, Run
     axes = AxisNames(x.name or x.column, x.unit, y.name or y.column, y.unit)
     study = CurveStudy(source, formula, axes, table, runs)
     return study, MappingProxyType({run.name: _read_run(study, run) for run in runs})
+
+
+def _with_names(raw: Mapping[str, Any], places: Places, path: Place) -> dict[str, Any]:
+    """A table with the names of its parameters as Python reads them in a formula (the micro sign is the letter mu).
+
+    The parameters are checked one by one, for their lines.  Raises InputError.
+    """
+    given, named = raw.get("parameters", {}), dict[str, Any]()
+    for name, entry in given.items() if isinstance(given, dict) else ():
+        kind: Any = ParameterTable if isinstance(entry, dict) else float | str | ParameterTable
+        checked(entry, kind, places, (*path, "parameters", name))
+        read = unicodedata.normalize("NFKC", name)
+        if read in named:
+            raise places.error("is the same name as another in a formula", (*path, "parameters", name))
+        named[read] = entry
+    return {**raw, "parameters": named} if named else dict(raw)
 
 
 def _read_run(study: CurveStudy, run: CurveRunTable) -> Run:

@@ -11,6 +11,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import msgspec
 import numpy as np
@@ -20,9 +21,17 @@ from estim.campaign_file import check_run_names, checked
 from estim.table import TOML_BYTES, read_text
 from estim.toml_text import Places, locate_keys, parse_toml
 from model import Body, ascends, theta_min
-from model.simulate import frame_times, simulate_positions, simulate_theta_min
+from model.simulate import film_time, frame_times, simulate_positions, simulate_theta_min
 
 FloatArray = NDArray[np.float64]
+
+_RANGES: Mapping[str, tuple[float, float]] = {
+    "g": (1e-3, 1e3), "radius_m": (1e-4, 1e3), "mass_disk_kg": (1e-6, 1e6), "kappa": (0.0, 1.0), "ramp_length_m": (1e-4, 1e4),
+    "frames_per_second": (1e-3, 1e6),
+}  # of a laboratory, amply; kappa: of the prior that the campaign states
+_MOST = 1e3  # an uncertainty, in the unit of its key
+_MOST_RADII = 1e4  # length of the ramp
+_FRAMES = (6, 100_000)  # of a run
 
 
 class ConstantsTable(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
@@ -93,13 +102,18 @@ def load_design(path: str | Path) -> LoadedDesign:
     for key, value in positive.items():
         if not (value > 0.0 and math.isfinite(value)):
             raise places.error("must be > 0" if math.isfinite(value) else "must be finite", key, value=value)
+        low, high = _RANGES.get(key[1], (0.0, _MOST))
+        if not low <= value <= high:
+            raise places.error(f"must lie between {low:g} and {high:g}", key, value=value)
+    if design.constants.ramp_length_m > _MOST_RADII * design.constants.radius_m:
+        raise places.error(f"must be at most {_MOST_RADII:g} radii", ("constants", "ramp_length_m"), value=design.constants.ramp_length_m)
     if design.seed < 0:
         raise places.error("must be >= 0", ("seed",), value=design.seed)
     for name, body in design.bodies.items():
         if not 0.0 < body.gamma < 1.0:
             raise places.error("must lie between 0 and 1", ("bodies", name, "gamma"), value=body.gamma)
-    if not abs(design.constants.rolling_resistance) <= 1.0:
-        raise places.error("must lie within ±1", ("constants", "rolling_resistance"), value=design.constants.rolling_resistance)
+    if not 0.0 <= design.constants.rolling_resistance <= 1.0:
+        raise places.error("must lie between 0 and 1", ("constants", "rolling_resistance"), value=design.constants.rolling_resistance)
     _check_runs(design, places)
     return LoadedDesign(design, digest, Path(path).name)
 
@@ -117,6 +131,10 @@ def _check_runs(design: Design, places: Places) -> None:
         phi, theta0 = np.radians([run.phi_deg, run.theta0_deg])
         if not ascends(_body(design, run.body), phi=phi, theta0=theta0, rolling_resistance=resistance):
             raise places.error("must be an angle from which the body ascends", ("runs", i, "theta0_deg"), value=run.theta0_deg)
+        n_frame = design.instruments.frames_per_second * film_time(**_motion(design, run), x_end=design.constants.ramp_length_m)
+        if not _FRAMES[0] <= n_frame <= _FRAMES[1]:
+            rule = f"must give run '{run.name}' between {_FRAMES[0]} and {_FRAMES[1]} frames before it stops or passes the ramp's end"
+            raise places.error(rule, ("instruments", "frames_per_second"), value=f"{n_frame:.4g} frames")
     if design.line.body not in design.bodies:
         raise places.error("must name one of the bodies", ("line", "body"), value=design.line.body)
     if not all(abs(tilt) <= 90.0 for tilt in design.line.phi_deg):
@@ -161,6 +179,15 @@ def _body(design: Design, name: str) -> Body:
     return Body(radius=constants.radius_m, gamma=design.bodies[name].gamma, kappa=constants.kappa)
 
 
+def _motion(design: Design, run: RunDesign) -> dict[str, Any]:
+    """The body and how it moves, as arguments of `model.simulate`."""
+    constants = design.constants
+    return {
+        "body": _body(design, run.body), "phi": float(np.radians(run.phi_deg)), "theta0": float(np.radians(run.theta0_deg)),
+        "rolling_resistance": constants.rolling_resistance, "g": constants.g,
+    }
+
+
 def _measured(truth: float, u: float, rng: np.random.Generator) -> str:
     """A measured value in quotes, its uncertainty to two digits."""
     from uncertainties import ufloat
@@ -201,15 +228,9 @@ def _run_table(design: Design, run: RunDesign, rng: np.random.Generator) -> list
 
 def _run_csv(design: Design, run: RunDesign, rng: np.random.Generator) -> str:
     constants, instruments = design.constants, design.instruments
-    body = _body(design, run.body)
-    motion = {
-        "phi": float(np.radians(run.phi_deg)),
-        "theta0": float(np.radians(run.theta0_deg)),
-        "rolling_resistance": constants.rolling_resistance,
-        "g": constants.g,
-    }
-    t = frame_times(body, **motion, interval=1.0 / instruments.frames_per_second, x_end=constants.ramp_length_m, rng=rng)
-    x = simulate_positions(t, body, **motion, sigma_x=instruments.sigma_x_m, rng=rng)
+    motion = _motion(design, run)
+    t = frame_times(**motion, interval=1.0 / instruments.frames_per_second, x_end=constants.ramp_length_m, rng=rng)
+    x = simulate_positions(t, **motion, sigma_x=instruments.sigma_x_m, rng=rng)
     rows = (f"{ti:.5f},{xi:.5f}" for ti, xi in zip(t - t[0], x, strict=True))
     return "# t_s: time since the first frame after the release; x_m: distance along the ramp from the release\n" + "\n".join(
         ["t_s,x_m", *rows, ""]

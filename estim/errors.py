@@ -13,6 +13,9 @@ from pathlib import Path
 class EstimError(Exception):
     """Base of every error that estim raises on purpose; its text is one line for a person."""
 
+    def __init__(self, text: str) -> None:
+        super().__init__(one_line(text))
+
 
 class InputError(EstimError, ValueError):
     """A value breaks a rule.  Reads ``FILE:LINE: 'field' rule: value``; each part that is unknown is left out."""
@@ -30,7 +33,7 @@ class InputError(EstimError, ValueError):
         place = "" if file is None else f"{file}: " if line is None else f"{file}:{line}: "
         subject = "" if field is None else f"'{field}' "
         shown = "" if value is None else f": {shorten(value)}"
-        super().__init__(f"{place}{subject}{rule}{shown}".replace("\n", " "))
+        super().__init__(f"{place}{subject}{rule}{shown}")
 
     def at(self, file: str | Path, line: int | None = None) -> InputError:
         """The same mistake with its place, for a reader that learns the place later than the rule."""
@@ -43,6 +46,11 @@ class NumericalError(EstimError):
 
 class Interrupted(BaseException):
     """A person or the system asked to stop (not an error: nothing that handles errors may take it for one)."""
+
+
+def one_line(text: str) -> str:
+    """`text` with a blank for whatever would not print: ends of lines, escape sequences that move a terminal's cursor."""
+    return "".join(mark if mark.isprintable() else " " for mark in text)
 
 
 def shorten(value: object, limit: int = 60) -> str:

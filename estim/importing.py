@@ -17,10 +17,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from estim.errors import InputError
-from estim.quantity import Quantity
+from estim.quantity import Quantity, read_number
 from estim.ramp import Ramp, run_along
 from estim.suspicion import suspicions
-from estim.table import IMPORTED
+from estim.table import IMPORTED, read_bytes
 from estim.track import Track, Unit
 from estim.tracker import read_tracker
 from estim.tracker_export import is_export, read_export
@@ -78,9 +78,8 @@ def is_tracker_file(path: Path) -> bool:
 def is_export_file(path: Path) -> bool:
     """Whether the file begins like a text export; False where it cannot be read (its reader says why)."""
     try:
-        with path.open("rb") as stream:
-            return is_export(stream.read(20_000).decode("utf-8-sig", errors="replace"))
-    except (OSError, ValueError):
+        return is_export(read_bytes(path, shown_as=str(path))[:20_000].decode("utf-8-sig", errors="replace"))
+    except InputError:
         return False
 
 
@@ -115,7 +114,7 @@ def read_release(text: str) -> Literal["first", "keep"] | float:
     if text == "keep":
         return "keep"
     try:
-        return float(text)
+        return read_number(text)
     except ValueError:
         raise InputError("must be first, keep or a time in s", field="release", value=text) from None
 

@@ -22,14 +22,12 @@ from estim.priors import HalfNormal, Normal, Prior, TruncatedNormal, Uniform
 from estim.problem import Parameter
 from estim.quantity import Quantity
 from estim.run import Run
-from estim.selection import Selection, Window, select
+from estim.selection import Selection, Window, check_count, select
 from estim.tails import GAUSSIAN, Mixture, StudentT, Tails
 
 FloatArray = NDArray[np.float64]
 
 _OFFSET = "reading of the position at release"
-_MIN_OBS = 5
-_MAX_OBS = 3000  # the covariance of the speeds is a dense matrix
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,7 +107,7 @@ def _differentiated(run: Run, levels: Levels, table: NoiseTable, path: Path, suf
     derivative, blank = _speeds(run, table)
     rows = derivative.rows
     selection = select(position[rows], derivative.value, t[rows], window=_window(run, levels), sigma_position=typical)
-    _check_count(selection, run, levels)
+    check_count(selection, run, levels, blank)
     kept = rows[selection.kept]
     zero, zero_parameter = _stated_offset(levels, units)
     return Observed(
@@ -148,7 +146,7 @@ def _independent(run: Run, levels: Levels, table: NoiseTable, path: Path, suffix
     reading = guard or _typical(sigma, parameter, 0.0) / gain
     where, when = position[rows], None if t is None else t[rows]
     selection = select(where, speed, when, window=_window(run, levels), sigma_position=reading)
-    _check_count(selection, run, levels)
+    check_count(selection, run, levels, blank)
     kept = selection.kept
     zero, zero_parameter = _stated_offset(levels, units)
     noise = Independent(
@@ -180,7 +178,7 @@ def _positions(run: Run, levels: Levels, table: NoiseTable, path: Path, suffix: 
     sigma, relative = _by_row(run, "sigma_x_m", sigma, said, units.position, levels, (*path, units.position_sigma))
     t, position = run.columns["t_s"], run.columns[run.coordinate]
     selection = select(position, None, t, window=_window(run, levels), sigma_position=0.0)
-    _check_count(selection, run, levels)
+    check_count(selection, run, levels)
     kept = selection.kept
     x, y = t[kept], position[kept]
     started = x[int(np.argmax(np.abs(y - y[0]) > 0.25 * np.ptp(y)))]
@@ -332,15 +330,9 @@ def _read_window(table: WindowTable, run: Run, levels: Levels, path: Path) -> Wi
 
     window = Window(limit("t_min_s", -math.inf), limit("t_max_s", math.inf), limit(here[0], -math.inf), limit(here[1], math.inf))
     if window.low >= window.high or window.t_min >= window.t_max:
-        raise levels.error("must have its lower limits below its upper ones", path, field="window")
+        shown = f"t {window.t_min:g} to {window.t_max:g}, {run.coordinate} {window.low:g} to {window.high:g}"
+        raise levels.error("must have its lower limits below its upper ones", path, field="window", value=shown)
     return window
-
-
-def _check_count(selection: Selection, run: Run, levels: Levels) -> None:
-    count = selection.kept.size
-    if not _MIN_OBS <= count <= _MAX_OBS:
-        rule = f"must leave between {_MIN_OBS} and {_MAX_OBS} of the {run.n_row} rows of {run.file} to fit"
-        raise levels.error(rule, ("runs", levels.index, "window"), field="window", value=count)
 
 
 def _others(position: FloatArray, speed: FloatArray, selection: Selection) -> FloatArray:

@@ -18,6 +18,7 @@ from estim.checkpoint import Store
 from estim.conflict import Conflict, check_stated_values
 from estim.consistency import Consistency, check_consistency, comparable
 from estim.diagnosis import Diagnosis, diagnose
+from estim.errors import InputError
 from estim.fitting import Fit, fit_least_squares
 from estim.goodness import Goodness, check_goodness, untested
 from estim.headline import headline, parameter_cells
@@ -88,9 +89,13 @@ def analyse(
     marginal : whether a joint posterior is sampled through the marginal over runs; None decides by their number (more than 16).
     """
     problem = campaign.problem(runs, noise=noise)
+    campaign.require_unknowns(problem)
     rng = np.random.default_rng(seed).spawn(1)[0]
     if campaign.curve is not None:
-        fit = fit_optimum(problem, rng=rng)
+        try:
+            fit = fit_optimum(problem, rng=rng)
+        except InputError as error:
+            raise campaign.curve.place_of(error, problem, campaign.tables) from None
         campaign.curve.require_determined(problem, fit.sds)
     else:
         fit = fit_least_squares(problem, rng=rng, n_start=_STARTS if len(runs) <= _MANY_RUNS else _FEW_STARTS)

@@ -13,6 +13,8 @@ from dataclasses import dataclass
 
 from estim.errors import InputError
 
+_NUMBER = re.compile(r"[+-]?((\d+(\.\d*)?|\.\d+)(e[+-]?\d+)?|nan|inf|infinity)", re.ASCII | re.IGNORECASE)
+
 
 @dataclass(frozen=True)
 class Quantity:
@@ -28,6 +30,16 @@ class Quantity:
     @property
     def exact(self) -> bool:
         return self.u == 0.0
+
+
+def read_number(text: str) -> float:
+    """The number that `text` says, with the digits 0 to 9 and a decimal point; `nan` and `inf` as words, for their reader to refuse.
+
+    Raises ValueError for everything else, also where Python reads a number: "1_000" is a slip, not 1000.
+    """
+    if not _NUMBER.fullmatch(text):
+        raise ValueError(text)
+    return float(text)
 
 
 def read_quantity(source: str | float, *, field: str) -> Quantity:
@@ -48,9 +60,12 @@ def read_quantity(source: str | float, *, field: str) -> Quantity:
 
 def _read_text(text: str, field: str) -> Quantity:
     try:
-        return Quantity(float(text))
+        return Quantity(read_number(text))
     except ValueError:
         pass
+    rule = 'must read like "4.0 +/- 0.4" or "4.0(4)"'
+    if "_" in text or any(mark.isdecimal() and not mark.isascii() for mark in text):
+        raise InputError(rule, field=field, value=text)
     from uncertainties import ufloat_fromstr
     from uncertainties.core import NegativeStdDev
 
@@ -59,7 +74,7 @@ def _read_text(text: str, field: str) -> Quantity:
             warnings.simplefilter("ignore", UserWarning)  # an uncertainty of 0 is refused below
             number = ufloat_fromstr(text)
     except (ValueError, NegativeStdDev):
-        raise InputError('must read like "4.0 +/- 0.4" or "4.0(4)"', field=field, value=text) from None
+        raise InputError(rule, field=field, value=text) from None
     if not number.std_dev > 0.0:
         raise InputError("must have an uncertainty > 0 (write a plain number for an exact value)", field=field, value=text)
     return Quantity(float(number.nominal_value), float(number.std_dev))

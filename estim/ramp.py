@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from estim.errors import InputError
-from estim.quantity import Quantity
+from estim.quantity import Quantity, read_number
 from estim.track import Track
 
 FloatArray = NDArray[np.float64]
@@ -70,7 +70,7 @@ def _stated(direction: str | float, file: str) -> float | None:
     if isinstance(direction, str) and direction in _AXES:
         return math.radians(_AXES[direction])
     try:
-        degrees = float(direction)
+        degrees = read_number(direction) if isinstance(direction, str) else float(direction)
     except ValueError:
         degrees = math.nan
     if not abs(degrees) <= 360.0:

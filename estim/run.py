@@ -19,6 +19,7 @@ from estim.importing import Choices, Imported, import_track, is_export_file, is_
 from estim.quantity import Quantity
 from estim.suspicion import odd_intervals
 from estim.table import Table, read_table
+from estim.track import LEAST_STEP, MOST
 
 FloatArray = NDArray[np.float64]
 
@@ -55,6 +56,10 @@ class Run:
     def coordinate(self) -> str:
         """The column that says where the body is: `x_m` or `theta_rad`."""
         return "x_m" if "x_m" in self.columns else "theta_rad"
+
+    def error(self, rule: str, column: str, row: int) -> InputError:
+        """An InputError for the cell of `column` in `row`."""
+        return InputError(rule, field=column, value=self.columns[column][row].item(), file=self.file, line=int(self.lines[row]))
 
     @property
     def rate(self) -> str:
@@ -107,11 +112,15 @@ def compare_intervals(runs: Mapping[str, Run]) -> dict[str, Run]:
 
 
 def _check_numbers(table: Table) -> None:
-    """Times increase, standard deviations are positive."""
+    """Numbers are of a size that can be measured, times increase, standard deviations are positive."""
+    for name, column in table.columns.items():
+        if np.any(np.abs(column) > MOST):
+            raise table.error(f"must lie within ±{MOST:g}", name, int(np.argmax(np.abs(column) > MOST)))
     if "t_s" in table.columns:
-        backward = np.flatnonzero(np.diff(table.columns["t_s"]) <= 0.0)
-        if backward.size:
-            raise table.error("must increase from row to row", "t_s", int(backward[0]) + 1)
+        steps = np.diff(table.columns["t_s"])
+        for wrong, rule in ((steps <= 0.0, "must increase from row to row"), (steps < LEAST_STEP, f"must advance by at least {LEAST_STEP:g} s")):
+            if np.any(wrong):
+                raise table.error(rule, "t_s", int(np.argmax(wrong)) + 1)
     for name in ("sigma_x_m", "sigma_v_m_s"):
         if name in table.columns and np.any(table.columns[name] <= 0.0):
             raise table.error("must be > 0", name, int(np.argmax(table.columns[name] <= 0.0)))

@@ -15,10 +15,16 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from estim.errors import InputError
+from estim.levels import Levels
+from estim.run import Run
+
 FloatArray = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 _WAY_BACK = "after the farthest point (the way back is another motion)"
+_MIN_OBS = 5
+_MAX_OBS = 3000  # the covariance of the speeds is a dense matrix
 _GUARD = 5.0
 _SLOW = 0.25  # of the largest speed: slower than this at its farthest, a body is taken to have turned there
 
@@ -76,3 +82,22 @@ def select(position: FloatArray, speed: FloatArray | None, t: FloatArray | None,
         if guard > 0.0 and slow and not np.isfinite(window.high):
             leave_out(position > position[farthest] - guard, "within five standard deviations of a reading from the turning point")
     return Selection(np.flatnonzero(left), tuple(reasons))
+
+
+def check_count(selection: Selection, run: Run, levels: Levels, blank: tuple[str, ...] = ()) -> None:
+    """As many rows as can be fit are left; raises InputError at the window that is stated, or with what else left rows out."""
+    count = selection.kept.size
+    if _MIN_OBS <= count <= _MAX_OBS:
+        return
+    stated = next(((*level.path, "window") for level in levels if level.table.window is not None), None)
+    if stated is not None:
+        rule = f"must leave between {_MIN_OBS} and {_MAX_OBS} of the {run.n_row} rows of {run.file} to fit"
+        raise levels.error(rule, stated, field="window", value=count)
+    if count > _MAX_OBS:
+        raise InputError(f"must be at most {_MAX_OBS}: state a window for run '{run.name}'", field="rows to fit", value=count, file=run.file)
+    position = run.columns[run.coordinate]
+    if np.max(position) - position[0] <= 0.1 * np.ptp(position):
+        rule = "must increase as the body moves from its release: it does not rise above its first value by a tenth of its range"
+        raise InputError(rule, field=run.coordinate, value=f"{position[0]:.6g} to {position[-1]:.6g}", file=run.file)
+    why = "; ".join((*blank, *selection.reasons)) or "the file has no more"
+    raise InputError(f"must be at least {_MIN_OBS} of the {run.n_row} in the file ({why})", field="rows to fit", value=count, file=run.file)

@@ -9,10 +9,15 @@ from __future__ import annotations
 import contextlib
 import os
 import shutil
+import sys
 import tempfile
+from collections.abc import Iterator
 from pathlib import Path
 
 from estim.errors import EstimError
+
+if sys.platform != "win32":
+    import fcntl
 
 
 def write_whole(path: Path, data: bytes) -> None:
@@ -44,6 +49,50 @@ def _sync_folder(folder: Path) -> None:
             os.fsync(handle)
         finally:
             os.close(handle)
+
+
+@contextlib.contextmanager
+def held(path: Path) -> Iterator[None]:
+    """Hold the lock file `path` while the block runs, where the system has locks that end with their process; then remove it.
+
+    A file that a crash left behind is no lock.  Raises EstimError where another process holds it, or it cannot be written.
+    """
+    if sys.platform == "win32":
+        yield
+        return
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        handle = _lock(path)
+    except BlockingIOError:
+        raise EstimError(f"{path.parent}: is in use by another process: wait for its end, or choose another place") from None
+    except OSError as error:
+        raise EstimError(f"{path}: cannot be written ({(error.strerror or str(error)).lower()})") from None
+    try:
+        yield
+    finally:
+        with contextlib.suppress(OSError):
+            os.unlink(path)
+        os.close(handle)
+        with contextlib.suppress(OSError):
+            path.parent.rmdir()  # only if it is empty
+
+
+def _lock(path: Path) -> int:
+    """Handle of the locked file.  Who locks a file that its holder has just removed holds nothing, and tries again."""
+    while True:
+        handle = os.open(path, os.O_RDWR | os.O_CREAT, 0o644)
+        try:
+            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            if os.fstat(handle).st_ino == path.stat().st_ino:
+                return handle
+        except BlockingIOError:
+            os.close(handle)
+            raise
+        except FileNotFoundError:
+            pass
+        except OSError:  # a file system without locks
+            return handle
+        os.close(handle)
 
 
 def remove_files(folder: Path, *, but: frozenset[str] = frozenset()) -> None:

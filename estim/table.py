@@ -9,6 +9,7 @@ from __future__ import annotations
 import csv
 import hashlib
 import math
+import stat
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -18,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from estim.errors import InputError
+from estim.quantity import read_number
 
 FloatArray = NDArray[np.float64]
 
@@ -61,11 +63,17 @@ class Table:
 
 
 def read_bytes(path: Path, *, shown_as: str, limit: int = _MAX_BYTES) -> bytes:
-    """Content of a file of at most `limit` bytes; raises InputError where it cannot be read."""
+    """Content of a regular file of at most `limit` bytes; raises InputError where it cannot be read.
+
+    Every input file is read here: a pipe would wait for its writer, a device never ends.
+    """
     try:
-        if path.stat().st_size > limit:
+        status = path.stat()
+        if not (stat.S_ISREG(status.st_mode) or stat.S_ISDIR(status.st_mode)):
+            raise InputError("must be a regular file, not a pipe, a socket or a device", file=shown_as)
+        if status.st_size > limit:
             shown = f"{limit // 1024**2} MiB" if limit >= 1024**2 else f"{limit // 1024} KiB"
-            raise InputError(f"must be at most {shown}", field="size", value=path.stat().st_size, file=shown_as)
+            raise InputError(f"must be at most {shown}", field="size", value=status.st_size, file=shown_as)
         return path.read_bytes()
     except OSError as error:
         raise InputError(f"cannot be read ({(error.strerror or str(error)).lower()})", file=shown_as) from None
@@ -152,10 +160,15 @@ def _names(line: str, known: Sequence[str]) -> list[str]:
 
 def _is_number(text: str) -> bool:
     try:
-        float(text)
+        read_number(text)
     except ValueError:
         return False
     return True
+
+
+def split_cells(line: str, delimiter: str) -> list[str]:
+    """The cells of a line, blanks around them taken off.  Raises csv.Error where quotes do not enclose whole cells."""
+    return [cell.strip() for cell in next(csv.reader([line], delimiter=delimiter, strict=True))]
 
 
 def _check_names(names: list[str], known: Sequence[str], file: str, line: int) -> None:
@@ -169,7 +182,7 @@ def _check_names(names: list[str], known: Sequence[str], file: str, line: int) -
 
 def _cells(line: str, names: list[str], delimiter: str, file: str, number: int) -> list[float]:
     try:
-        texts = [cell.strip() for cell in next(csv.reader([line], delimiter=delimiter))]
+        texts = split_cells(line, delimiter)
     except csv.Error as error:
         raise InputError(f"cannot be split into cells ({error})", field="row", value=line, file=file, line=number) from None
     if len(texts) != len(names):
@@ -182,7 +195,7 @@ def _cells(line: str, names: list[str], delimiter: str, file: str, number: int) 
             values.append(0.0)
             continue
         try:
-            value = float(text)
+            value = read_number(text)
         except ValueError:
             hint = " with a decimal point, not a comma" if _is_number(text.replace(",", ".", 1)) else ""
             raise InputError(f"must be a number{hint}", field=name, value=text, file=file, line=number) from None

@@ -20,6 +20,7 @@ FloatArray = NDArray[np.float64]
 
 COLUMNS = ("phi_deg", "theta_min_deg", "u_phi_deg", "u_theta_min_deg")
 _MIN_ROWS = 3
+_LEAST = 1e-4  # degrees: no protractor is better, and the error of a sine would be lost in rounding
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,6 +85,8 @@ def read_theta_min(source: CampaignFile) -> ThetaMinSeries:
         outside = np.abs(table.columns[name]) > 90.0
         if np.any(outside):
             raise table.error("must lie between -90 and 90", name, int(np.argmax(outside)))
+    if np.ptp(table.columns["phi_deg"]) == 0.0:
+        raise table.error("must not be the same in every row: a line needs several tilts", "phi_deg", 0)
     for key, value in (("u_zero_phi_deg", line.u_zero_phi_deg), ("u_zero_theta_min_deg", line.u_zero_theta_min_deg)):
         if not 0.0 <= value < 45.0:
             raise source.places.error("must lie between 0 and 45", ("line", key), value=value)
@@ -104,9 +107,11 @@ def _uncertainty(source: CampaignFile, table: Table, name: str, common: float | 
     if column is not None:
         if np.any(column <= 0.0):
             raise table.error("must be > 0", name, int(np.argmax(column <= 0.0)))
+        if np.any(column < _LEAST):
+            raise table.error(f"must be at least {_LEAST:g}", name, int(np.argmax(column < _LEAST)))
         return column
     if common is None:
         raise source.places.error(f"is missing: say it here or as a column of {table.file}", ("line", name))
-    if not 0.0 < common < 45.0:
-        raise source.places.error("must lie between 0 and 45", ("line", name), value=common)
+    if not _LEAST <= common < 45.0:
+        raise source.places.error(f"must lie between {_LEAST:g} and 45", ("line", name), value=common)
     return np.full(table.lines.size, common)

@@ -7,6 +7,7 @@ import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
+from unicodedata import normalize
 
 from estim.errors import InputError
 
@@ -82,7 +83,8 @@ def locate_keys(text: str) -> dict[tuple[str | int, ...], int]:
             keys = _keys(found[1])
             for depth in range(1, len(keys) + 1):
                 lines.setdefault((*table, *keys[:depth]), number)
-    return lines
+    as_read = {tuple(normalize("NFKC", part) if isinstance(part, str) else part for part in path): number for path, number in lines.items()}
+    return as_read | lines  # names in formulas are looked up as Python reads them
 
 
 def _keys(dotted: str) -> tuple[str | int, ...]:

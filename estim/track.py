@@ -19,6 +19,9 @@ METRES: Mapping[str, float] = MappingProxyType({"m": 1.0, "cm": 0.01, "mm": 0.00
 
 DROP = "--drop-duplicates (in a campaign: drop_duplicates = true)"
 
+LEAST_STEP = 1e-9  # s: frames are not closer, here and in a run's own table
+MOST = 1e10  # s, and m or rad in a run's own table: beyond it is no measurement
+
 _MIN_POINTS = 5
 _MAX_POINTS = 1_000_000
 
@@ -57,8 +60,12 @@ class Track:
 
     def _check_times(self) -> None:
         steps = np.diff(self.t)
-        if np.all(steps > 0.0):
+        if np.all(steps >= LEAST_STEP) and np.max(np.abs(self.t)) <= MOST:
             return
+        if np.all(steps > 0.0):
+            rule = f"must advance by at least {LEAST_STEP:g} s from row to row, and lie within ±{MOST:g} s"
+            worst = int(np.argmin(steps)) + 1 if np.min(steps) < LEAST_STEP else int(np.argmax(np.abs(self.t)))
+            raise InputError(rule, field="t", value=float(self.t[worst]), file=self.file, line=int(self.lines[worst]))
         row = int(np.flatnonzero(steps <= 0.0)[0]) + 1
         count = int(np.sum(steps == 0.0))
         rule = "must increase from row to row"

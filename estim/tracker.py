@@ -20,6 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from estim.errors import InputError
+from estim.quantity import read_number
 from estim.table import read_bytes
 from estim.track import METRES, Track
 from estim.tracker_xml import Element, parse_tracker_xml, unpack_trz
@@ -163,7 +164,7 @@ def _video_times(clip: Element) -> FloatArray | None:
     if not _MARKS.fullmatch(array.text):
         raise array.error("must be a list of numbers", value=array.text)
     try:
-        times = np.array([float(cell) for cell in array.text.strip("{} \n\t").split(",")])
+        times = np.array([read_number(cell.strip()) for cell in array.text.strip("{} \n\t").split(",")])
     except ValueError:
         raise array.error("must be a list of numbers", value=array.text) from None
     if not np.all(np.abs(times) < 1e12):

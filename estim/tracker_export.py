@@ -19,13 +19,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from estim.errors import InputError
-from estim.table import numbered_lines, read_text
+from estim.quantity import read_number
+from estim.table import numbered_lines, read_text, split_cells
 from estim.track import METRES, Track
 
 FloatArray = NDArray[np.float64]
 Lines = list[tuple[int, str]]
 
-_NUMBER = re.compile(r"[+-]?(\d+[.,]?\d*|[.,]\d+)([eE][+-]?\d{1,4})?", re.ASCII)
+_NUMBER = re.compile(r"[+-]?(\d+([.,]\d*)?|[.,]\d+)([eE][+-]?\d{1,4})?", re.ASCII)
 _NAME = re.compile(r"(.{1,30}?)\s*[(\[]\s*(\w{1,5})\s*[)\]]")
 _DATE = re.compile(r"\d{1,4}[./-](\d{1,2}|[^\W\d_]{3,9})\.?([./-]\d{1,4})?|[^\W\d_]{3,9}[./-]\d{2,4}|\d{1,2}\.\s?[^\W\d_]{3,9}\.?")
 _DAYS = (36526.0, 54789.0)  # day numbers of a spreadsheet, years 2000 to 2049
@@ -119,7 +120,7 @@ def _without_copies(numbers: list[int], rows: list[list[float]]) -> tuple[list[i
 def _split(line: str, delimiter: str) -> list[str]:
     if delimiter == " ":
         return line.split()
-    return [cell.strip() for cell in next(csv.reader([line], delimiter=delimiter))]
+    return split_cells(line, delimiter)
 
 
 def _delimiter(line: str) -> str:
@@ -271,7 +272,7 @@ def _value(cell: str, name: str, file: str, line: int) -> float:
     if not _NUMBER.fullmatch(cell):
         rule = f"is a date; {_SPREADSHEET}" if _DATE.fullmatch(cell) else "must be a number"
         raise InputError(rule, field=name, value=cell, file=file, line=line)
-    return float(cell.replace(",", "."))
+    return read_number(cell.replace(",", "."))
 
 
 def _check_size(columns: Mapping[str, FloatArray], lines: NDArray[np.int64], file: str) -> None:

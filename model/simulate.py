@@ -16,6 +16,15 @@ from model.phase import STANDARD_GRAVITY, theta_min, turning_point
 FloatArray = NDArray[np.float64]
 
 
+def film_time(
+    body: Body, *, phi: float, theta0: float, rolling_resistance: float = 0.0, g: float = STANDARD_GRAVITY, x_end: float
+) -> float:
+    """Time (s) from the release until the body stops or passes `x_end` (m)."""
+    stop = float(turning_point(body, phi=phi, theta0=theta0, rolling_resistance=rolling_resistance))
+    x_last = np.array([min(x_end, stop)])
+    return float(travel_time(x_last, body, phi=phi, theta0=theta0, rolling_resistance=rolling_resistance, g=g)[0, 0])
+
+
 def frame_times(
     body: Body, *, phi: float, theta0: float, rolling_resistance: float = 0.0, g: float = STANDARD_GRAVITY, interval: float,
     x_end: float, rng: np.random.Generator,
@@ -24,9 +33,7 @@ def frame_times(
 
     The first frame comes a uniformly random share of `interval` (s) after the release.
     """
-    stop = float(turning_point(body, phi=phi, theta0=theta0, rolling_resistance=rolling_resistance))
-    x_last = np.array([min(x_end, stop)])
-    last = float(travel_time(x_last, body, phi=phi, theta0=theta0, rolling_resistance=rolling_resistance, g=g)[0, 0])
+    last = film_time(body, phi=phi, theta0=theta0, rolling_resistance=rolling_resistance, g=g, x_end=x_end)
     return np.arange(rng.uniform(0.0, interval), last, interval)
 
 

@@ -214,8 +214,9 @@ def test_exact_masses_make_an_exact_gamma(load):
 
 
 def test_a_stated_gamma_goes_before_the_masses(load):
-    campaign = load(('gamma = "0.187(10)"', 'gamma = "0.187(10)"\nmass_disk_kg = 0.3\nmass_particle_kg = 0.1'))
+    campaign = load(('gamma = "0.187(10)"', 'gamma = "0.187(10)"\nmass_disk_kg = 0.3\nmass_particle_kg = 0.07'))
     assert parameters(campaign)["gamma[heavy]"].prior.centre == 0.187
+    assert campaign.problem(["h4"]).runs[0].curve.mass == pytest.approx(0.37)
 
 
 # noise
@@ -362,9 +363,9 @@ MISTAKES = {
     "unknown kind": ('kind = "synthetic"', 'kind = "invented"', "kind", "'kind' invalid enum value 'invented'"),
     "no title": ('title = "two runs"\n', "", None, "'title' is missing"),
     "no name": ('name = "h4"\n', "", "[[runs]]", "'name' is missing"),
-    "number for a name": ('name = "h4"', "name = 4", "name = 4", "'name' expected str, got int"),
-    "list for a number": ('phi_deg = "4.0(4)"', "phi_deg = [4.0, 0.4]", "phi_deg", "'phi_deg' expected float"),
-    "truth for a number": ("g = 9.81", "g = true", "g =", "'g' expected float"),
+    "number for a name": ('name = "h4"', "name = 4", "name = 4", "'name' must be text, not a whole number"),
+    "list for a number": ('phi_deg = "4.0(4)"', "phi_deg = [4.0, 0.4]", "phi_deg", "'phi_deg' must be a number or text or a table, not a list"),
+    "truth for a number": ("g = 9.81", "g = true", "g =", "'g' must be a number or text or a table, not true or false"),
     "unreadable quantity": (
         'phi_deg = "4.0(4)"', 'phi_deg = "about 4"', "phi_deg",
         "'phi_deg' must read like \"4.0 +/- 0.4\" or \"4.0(4)\": about 4",
@@ -376,6 +377,12 @@ MISTAKES = {
     ),
     "same name twice": ('name = "h6"', 'name = "h4"', None, "'name' must be unique: h4"),
     "name with a slash": ('name = "h6"', 'name = "../h6"', 'name = "../h6"', "'name' must be made of letters, digits and . _ + -"),
+    "name of a file of the report": (
+        'name = "h6"', 'name = "Report.md"', 'name = "Report.md"', "'name' must not be the name of a file of the report: Report.md",
+    ),
+    "name too long for a file": (
+        'name = "h6"', f'name = "{"h" * 101}"', 'name = "hhh', "'name' must be short enough for the name of a file: at most 100 bytes: hhh",
+    ),
     "no phi": ('phi_deg = "4.0(4)"\n', "", "[[runs]]", "'phi_deg' is missing for run 'h4': say it there, for its body or under [shared]"),
     "no gamma": (
         'gamma = "0.187(10)"\n', "", "[[runs]]",
@@ -401,6 +408,13 @@ MISTAKES = {
     ),
     "infinite prior": (KAPPA, 'kappa = {prior = "uniform", low = 0.0, high = inf}', "kappa = {", "'kappa' needs a finite 'high': inf"),
     "one mass missing": ('gamma = "0.187(10)"', "mass_disk_kg = 0.3", "[bodies.heavy]", "'mass_particle_kg' is missing beside the other masses"),
+    "masses against gamma": (
+        'gamma = "0.187(10)"', 'gamma = "0.187(10)"\nmass_disk_kg = "0.300(1)"\nmass_particle_kg = "0.130(1)"', "gamma = ",
+        "'gamma' contradicts the masses beside it, which give 0.3023 ± 0.0018: say one of the two: 0.187",
+    ),
+    "masses against an exact gamma": (
+        'gamma = "0.187(10)"', "gamma = 0.187\nmass_disk_kg = 0.3\nmass_particle_kg = 0.08", "gamma = ", "'gamma' contradicts the masses beside it",
+    ),
     "negative mass": (
         'gamma = "0.187(10)"', "mass_disk_kg = 0.3\nmass_particle_kg = -0.1", "mass_particle_kg",
         "'mass_particle_kg' must be >= 0: -0.1",
@@ -582,3 +596,77 @@ def test_the_replica_loads_with_the_expected_unknowns(replica):
     shared = {"radius", "rolling_resistance", "gamma[heavy]", "gamma[light]", "kappa[heavy]", "kappa[light]"}
     assert set(problem.names) == shared | {f"{angle}[{run}]" for angle in ("phi", "theta0") for run in campaign.run_names}
     assert campaign.problem(["heavy-04"]).n_par == 6
+
+
+# units
+
+
+def scaled(text, *, t=1.0, x=1.0):
+    """A table whose columns are multiplied."""
+    head, *rows = text.split()
+    return "\n".join([head, *(f"{float(a) * t!r},{float(b) * x!r}" for a, b in (row.split(",") for row in rows)), ""])
+
+
+WRONG_UNITS = {
+    "positions in cm": ({"x": 100.0}, "'x_m' reaches 44.", "is it in cm or mm, or the time not in s?"),
+    "positions in mm": ({"x": 1000.0}, "'x_m' reaches 44", "is it in cm or mm, or the time not in s?"),
+    "times in ms": ({"t": 1000.0}, "'t_s' spans 1", "is it in ms?"),
+}
+
+
+@pytest.mark.parametrize("model", ["differentiated", "positions"])
+@pytest.mark.parametrize("case", WRONG_UNITS)
+def test_units_that_energy_forbids_are_asked_about(load, folder, case, model):
+    factors, start, question = WRONG_UNITS[case]
+    (folder / "h6.csv").write_text(scaled(motion_table(), **factors))
+    with pytest.raises(InputError) as caught:
+        load((NOISE, f'noise = {{sigma_x_m = 0.001, model = "{model}"}}'))
+    assert str(caught.value).startswith(f"{folder / 'h6.csv'}: {start}")
+    assert str(caught.value).endswith(question)
+
+
+def test_angles_in_degrees_and_speeds_in_cm_are_asked_about(load, folder):
+    noise = (NOISE, "noise = {sigma_theta_rad = 0.01}")
+    text = motion_table(columns="t_s,theta_rad")
+    for name in ("h4.csv", "h6.csv"):
+        (folder / name).write_text(text)
+    load(noise)
+    (folder / "h4.csv").write_text(scaled(text, x=180.0 / math.pi))
+    with pytest.raises(InputError, match=r"h4\.csv: 'theta_rad' reaches .* is it in degrees, or the time not in s\?$"):
+        load(noise)
+
+
+@pytest.mark.parametrize(("radius", "phi"), [(0.01, -20.0), (0.15, -0.01), (0.01, -89.0), (5.0, -0.1)])
+def test_a_wheel_that_rolls_down_is_never_asked_about(load, folder, radius, phi):
+    """x = a t²/2 with a = g sin|phi|/(1 + kappa), for a point-like (kappa = 0) body: the fastest that can be, over hundreds of radii."""
+    t = np.arange(40) / 30
+    x = 0.5 * 9.81 * math.sin(-phi * DEGREE) * t**2
+    text = "t_s,x_m\n" + "".join(f"{a!r},{b!r}\n" for a, b in zip(t.tolist(), x.tolist(), strict=True))
+    for name in ("h4.csv", "h6.csv"):
+        (folder / name).write_text(text)
+    load(
+        ('gamma = "0.187(10)"', "gamma = 0.0"), ('"0.1500(5)"', f"{radius}"), ('phi_deg = "4.0(4)"', f"phi_deg = {phi}"),
+        ('phi_deg = "6.0(4)"', f"phi_deg = {phi}"), (NOISE, "noise = {sigma_x_m = 0.00001}"),
+    )
+
+
+# rows that are left
+
+
+@pytest.mark.parametrize(
+    ("change", "told"),
+    [
+        (lambda rows: rows * [1.0, -1.0], "'x_m' must increase as the body moves from its release: "),
+        (lambda rows: rows * [1.0, 0.0] + 0.25, "'x_m' must increase as the body moves from its release: "),
+        (lambda rows: rows[::8], "'rows to fit' must be at least 5 of the 6 in the file ("),
+    ],
+)
+def test_rows_that_cannot_be_fit_are_told_without_a_window(load, folder, change, told):
+    rows = np.array([[float(cell) for cell in row.split(",")] for row in motion_table().split()[1:]])
+    (folder / "h4.csv").write_text("t_s,x_m\n" + "".join(f"{t:.6f},{x:.6f}\n" for t, x in change(rows)))
+    with pytest.raises(InputError) as caught:
+        load()
+    assert str(caught.value).startswith(f"{folder / 'h4.csv'}: {told}")
+    assert "window" not in str(caught.value)
+    with pytest.raises(InputError, match=r"campaign\.toml:\d+: 'window' must leave between 5 and 3000 of the \d+ rows of .*h4\.csv to fit: \d"):
+        load((RUN_H4, RUN_H4 + "window = {x_min_m = 0.0}\n"))

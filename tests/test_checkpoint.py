@@ -556,9 +556,40 @@ def test_folder_that_cannot_be_written_is_known_before_sampling(command: Callabl
     process = command()
     _, err = process.communicate()
     assert process.returncode == 2
-    assert err.startswith(f"error: {tmp_path / 'out' / '.checkpoint' / 'heavy-04'}")
+    assert err.startswith(f"error: {tmp_path / 'out' / '.checkpoint'}")
     assert "cannot be written" in err
     assert err.count("\n") == 1
+
+
+def test_second_fit_into_the_same_folder_is_refused_while_the_first_lives(command: Callable[..., subprocess.Popen[str]], tmp_path: Path) -> None:
+    place = tmp_path / "out" / ".checkpoint" / "heavy-04"
+    first = command()
+    wait_for((place / "key.json").exists)
+    for second in (command(), command("--resume")):
+        out, err = second.communicate()
+        words = "is in use by another process: wait for its end, or choose another place"
+        assert (second.returncode, out, err) == (2, "", f"error: {place.parent}: {words}\n")
+    time.sleep(0.3)
+    first.kill()  # it takes its lock with it
+    first.wait()
+    assert _n_step(place) > 0
+    third = command("--resume")
+    assert third.stderr is not None
+    assert third.stderr.readline().startswith(f"{place}: continued after step")
+    third.terminate()
+    assert third.wait() == 130
+    assert not (place.parent / ".lock").exists()
+
+
+def test_nothing_is_said_of_a_chain_that_cannot_be_opened(four_chunks: Path, tmp_path: Path) -> None:
+    folder = shutil.copytree(four_chunks, tmp_path / "chunks")
+    (folder / f"000009-{'0' * 64}.npz").mkdir()
+    said: list[str] = []
+    with pytest.raises(EstimError, match="cannot be emptied"):
+        sampled(Store(folder, resume=True, say=said.append))
+    with pytest.raises(EstimError, match="name too long"):
+        sampled(Store(tmp_path / ("x" * 300), resume=True, say=said.append))
+    assert said == []
 
 
 def test_signal_that_nobody_asks_about_ends_the_work_after_a_second() -> None:

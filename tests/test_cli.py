@@ -73,7 +73,11 @@ def test_capped_chain_writes_its_report_and_exits_with_3(tmp_path: Path, replica
         (("fit", "nowhere.toml"), "nowhere.toml: cannot be read (no such file or directory)"),
         (("fit", "{campaign}", "--run", "heavy-05"), "'--run' must name one of the runs"),
         (("fit", "{campaign}", "--seed", "-1"), "'--seed'"),
+        (("fit", "{campaign}", "--seed", "1" + 30 * "0"), "'--seed'"),
         (("fit", "{campaign}", "--sead", "1"), "--sead"),
+        (("fit", "{campaign}", "--sead\r\x1b[2K", "1"), "--sead"),
+        (("fit", "{campaign}", "--resume", "--out", 300 * "x"), "cannot be written (file name too long)"),
+        (("fit", "{campaign}", "--resume", "--out", "/proc/x"), "cannot be written"),
         (("simulate", "{campaign}", "--out", "x"), "is not a known key"),
     ],
 )
@@ -82,6 +86,7 @@ def test_wrong_input_is_one_line_and_exit_code_2(arguments: tuple[str, ...], mes
     assert done.returncode == 2
     assert done.stderr.startswith("error: ")
     assert done.stderr.count("\n") == 1
+    assert done.stderr.strip().isprintable()
     assert message in done.stderr
     assert done.stdout == ""
 

@@ -136,10 +136,14 @@ def test_shared_errors_are_one_parameter_of_all_runs(folder: Path, rng: np.rando
         ("u_y = 0.02", "u_y = {column = \"none\"}", r"first.csv:1: '.*' is"),
         ("u_y = 0.02", "u_y = {mean = 1.0}", r"needs a 'prior' or a 'column'"),
         ("u_y = 0.02", "u_x = 0.02", r":7: 'u_x' needs a known 'u_y' beside it"),
-        ("u_y = 0.02", "u_y = 0.02\nu_x = -1.0", r":8: 'u_x' must be a number > 0"),
+        ("u_y = 0.02", "u_y = 0.02\nu_x = -1.0", r":8: 'u_x' must be a number > 0 or a column: -1\.0"),
         ("u_y = 0.02", "errors = {zero = 0.1}", r"'zero' 'kind' must be one of"),
         ("u_y = 0.02", "errors = {zero_y = -0.1}", r"'zero_y' 'u' must be > 0"),
-        ("u_y = 0.02", "window = {min = 9.0, max = 1.0}", r":7: 'window' must have 'min' below"),
+        ("u_y = 0.02", "window = {min = 9.0, max = 1.0}", r":7: 'window' must have 'min' below 'max': min = 9\.0, max = 1\.0"),
+        ("u_y = 0.02", "window = {min = nan}", r":7: 'window' must have 'min' below 'max': min = nan, max = inf"),
+        ('offset = "0.00(1)"', "offset = true", r":11: 'offset' must be a number or text or a table, not true or false"),
+        ("u_y = 0.02", "errors = {zero_y = true}", r":7: 'errors' must be a number or a table, not true or false"),
+        ("U0 = {start = 2.0}", "U0 = [2.0]", r":19: 'U0' must be a number or text or a table, not a list"),
         ("u_y = 0.02", "window = {min = 9.5}", r"'window' must leave between 3"),
         ('"t_s"', '"time"', r"'t_s' is not a column name"),
         ('"u_V"', '"t_s"', r"'y' must name another column"),
@@ -154,6 +158,55 @@ def test_mistakes_are_named_with_their_place(folder: Path, old: str, new: str, s
     with pytest.raises(InputError, match=says) as caught:
         load(folder, CAMPAIGN.replace(old, new, 1))
     assert "\n" not in str(caught.value)
+
+
+def only(folder: Path, formula: str, parameters: str, u_y: str = "0.02") -> Campaign:
+    """The first run alone, with another formula."""
+    head = CAMPAIGN.split("[curve.parameters]")[0].replace("U0*exp(-x/tau) + offset", formula).replace("u_y = 0.02", f"u_y = {u_y}")
+    return load(folder, f'{head}[curve.parameters]\n{parameters}\n[[runs]]\nname = "first"\nfile = "first.csv"\n')
+
+
+def test_a_parameter_must_not_be_called_like_the_unknown_error_of_y(folder: Path) -> None:
+    parameters = "sigma_y = {start = 1.0}\nb = {start = 0.0}"
+    with pytest.raises(InputError, match=r":9: 'sigma_y' is the name of a quantity of the errors of y, which is unknown here"):
+        only(folder, "sigma_y*x + b", parameters, u_y='"0.10(2)"')
+    assert only(folder, "sigma_y*x + b", parameters).problem(["first"]).names == ("sigma_y", "b")
+
+
+def test_names_are_written_as_python_reads_them(folder: Path) -> None:
+    micro, mu = "\u00b5", "\u03bc"
+    assert only(folder, f"{micro}*x + b", f'"{micro}" = {{start = 1.0}}\nb = {{start = 0.0}}').problem(["first"]).names == (mu, "b")
+    with pytest.raises(InputError, match=r":9: '\u03bc' 'start' must lie within"):
+        only(folder, f"{mu}*x", f'"{micro}" = {{start = 1.0, low = 2.0}}')
+    with pytest.raises(InputError, match="is the same name as another in a formula"):
+        only(folder, f"{micro}*x + b", f'"{micro}" = {{start = 1.0}}\n"{mu}" = {{start = 1.0}}\nb = {{start = 0.0}}')
+
+
+@pytest.mark.parametrize("formula", ["a/x + b", "a*log(x) + b", "b + where(x > 0, a, a/x)"])
+def test_a_row_at_which_the_curve_is_not_finite_is_named(folder: Path, formula: str) -> None:
+    campaign = only(folder, formula, "a = {start = 1.0}\nb = {start = 0.0}")
+    with pytest.raises(InputError, match=r"first\.csv:2: 't_s' is where the curve is not finite, at the start and around: .*: 0\.0$"):
+        analyse(campaign, ["first"], seed=1, target=Target(max_step=50))
+
+
+def test_a_curve_that_is_finite_nowhere_is_refused_with_the_file(folder: Path) -> None:
+    with pytest.raises(InputError, match=r"campaign\.toml:8: 'start' gives a curve that is not finite at the data"):
+        analyse(only(folder, "log(-a**2)*x", "a = {start = 1.0}"), ["first"], seed=1, target=Target(max_step=50))
+
+
+@pytest.mark.parametrize(
+    ("command", "parameters", "says"),
+    [
+        ("fit", "a = 3.0", r"campaign\.toml:8: 'run first' leaves nothing to fit"),
+        ("calibrate", "a = {start = 3.0}", r"campaign\.toml:9: 'a' is flat without limits, so that nothing can be simulated"),
+        ("calibrate", "a = {start = 3.0, low = 0.0}", r"campaign\.toml:9: 'a' is flat without limits"),
+    ],
+)
+def test_commands_say_which_parameter_is_in_the_way(folder: Path, command: str, parameters: str, says: str) -> None:
+    only(folder, "a", parameters)
+    ran = CliRunner().invoke(cli, [command, str(folder / "campaign.toml"), "--out", str(folder / "out")])
+    assert isinstance(ran.exception, InputError)
+    assert re.search(says, str(ran.exception))
 
 
 @pytest.mark.parametrize("command", ["energy", "reanalyse", "line"])

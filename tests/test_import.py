@@ -345,3 +345,41 @@ def test_a_frame_rate_unlike_that_of_the_other_runs_is_suspected(write) -> None:
     campaign = load_campaign(write(CAMPAIGN + "".join(run(f"r{i}", f"{i}.txt") for i in range(4)), "c.toml"))
     assert campaign.tables["r2"].warnings == ("the frames are 0.08 s apart, those of most runs 0.02 s: is the frame rate right?",)
     assert campaign.tables["r1"].warnings == ()
+
+
+@pytest.mark.parametrize("factor", [1e-310, 1e-200])
+def test_times_that_no_clock_tells_apart_are_refused(write, factor: float) -> None:
+    t, _, x, y = rolling(4.0)
+    with pytest.raises(InputError, match=r":\d+: 't' must advance by at least 1e-09 s from row to row") as caught:
+        import_track(write(export(t * factor, x, y)), Choices())
+    assert "\n" not in str(caught.value)
+
+
+def test_frames_of_no_duration_are_refused(tmp_path) -> None:
+    points = {n: (100.0 + 5.0 * n, 200.0 - 2.0 * n) for n in range(12)}
+    (tmp_path / "a.trk").write_text(trk(point_mass("A", points), delta_t=1e-300))
+    with pytest.raises(InputError, match=r"'t' must advance by at least 1e-09 s"):
+        import_track(tmp_path / "a.trk", Choices())
+
+
+def test_a_small_ball_on_a_long_way_is_asked_about_its_unit_only_if_it_is_wrong(tracker_folder: Path, tmp_path: Path) -> None:
+    text = f"""title = "a ball of 1 cm on 1.4 m"
+kind = "measured"
+[bodies.ball]
+radius_m = "0.010(1)"
+gamma = {{prior = "half-normal", scale = 0.05}}
+kappa = 0.4
+[[runs]]
+name = "r"
+body = "ball"
+file = "{tracker_folder / 'rolling_ball' / 'kulefullbane.txt'}"
+unit = "cm"
+phi_deg = "-2.0(20)"
+theta0_deg = {{prior = "uniform", low = 0.0, high = 360.0}}
+noise = {{sigma_x_m = 0.002}}
+"""
+    (tmp_path / "c.toml").write_text(text)
+    load_campaign(tmp_path / "c.toml")
+    (tmp_path / "c.toml").write_text(text.replace('"cm"', '"m"'))
+    with pytest.raises(InputError, match=r"kulefullbane\.txt: 'x_m' reaches 139\.4 m, .* is it in cm or mm, or the time not in s\?$"):
+        load_campaign(tmp_path / "c.toml")

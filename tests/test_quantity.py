@@ -43,7 +43,10 @@ def test_digits_in_parentheses_belong_to_the_last_digits():
     assert read_quantity("0.187(1)", field="f").u == pytest.approx(0.001)
 
 
-@pytest.mark.parametrize("source", ["nonsense", "", " ", "4.0 +/-", "4,0(4)", "4.0 4", "0x10", "4.0(4", "4.0 degrees", "__import__('os')"])
+NONSENSE = ["nonsense", "", " ", "4.0 +/-", "4,0(4)", "4.0 4", "0x10", "4.0(4", "4.0 degrees", "__import__('os')", "1_000", "1_0(2)", "\u0664(1)"]
+
+
+@pytest.mark.parametrize("source", NONSENSE)
 def test_what_is_no_quantity_is_refused(source):
     with pytest.raises(InputError, match=r"^'phi_deg' must read like \"4\.0 \+/- 0\.4\" or \"4\.0\(4\)\": ") as caught:
         read_quantity(source, field="phi_deg")
@@ -126,3 +129,9 @@ def test_no_number_is_not_available():
 @pytest.mark.parametrize(("value", "u", "text"), [(0.187321, 0.0101, "0.187"), (61.7321, 1.52, "61.7"), (1234.56, 200.0, "1235"), (0.5, 0.0, "0.5")])
 def test_a_value_alone_keeps_one_digit_beyond_its_uncertainty(value, u, text):
     assert format_rounded(value, u) == text
+
+
+def test_messages_hold_nothing_that_moves_a_cursor():
+    with pytest.raises(InputError) as caught:
+        read_quantity("4\r\x1b[2K\u202e\u2028x", field="phi_deg")
+    assert str(caught.value).isprintable()

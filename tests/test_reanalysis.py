@@ -114,8 +114,10 @@ def test_gamma_from_the_line_keeps_the_correlation_of_slope_and_intercept(campai
     ("rows", "told"),
     [
         ("phi_deg,theta_min_deg\n1,5\n2,10\n3,15\n", "'u_phi_deg' is missing"),
+        ("phi_deg,theta_min_deg\n4.0,20\n4.0,21\n4.0,22\n", "theta_min.csv:2: 'phi_deg' must not be the same in every row"),
         ("phi_deg,u_phi_deg,u_theta_min_deg\n1,1,1\n2,1,1\n3,1,1\n", "'theta_min_deg' is missing"),
         ("phi_deg,theta_min_deg,u_phi_deg,u_theta_min_deg\n1,5,0.4,1.5\n2,10,0,1.5\n3,15,0.4,1.5\n", "theta_min.csv:3: 'u_phi_deg' must be > 0: 0.0"),
+        ("phi_deg,theta_min_deg,u_phi_deg,u_theta_min_deg\n1,5,0.4,1.5\n2,9,0.4,1e-9\n3,15,0.4,1.5\n", ":3: 'u_theta_min_deg' must be at least 0"),
         ("phi_deg,theta_min_deg,u_phi_deg,u_theta_min_deg\n1,5,0.4,1.5\n2,95,0.4,1.5\n3,15,0.4,1.5\n", "theta_min.csv:3: 'theta_min_deg' must lie"),
         ("phi_deg,theta_min_deg,u_phi_deg,u_theta_min_deg\n1,5,0.4,1.5\n", "at least 3 rows"),
     ],

@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import hashlib
+import os
+import time
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -130,6 +133,10 @@ REFUSED = {
         "a.csv:2: 'x_m' must be a number with a decimal point, not a comma: 0,001",
     ),
     "date for a number": (_changed(1, (0, "2015-02-27")), "a.csv:3: 't_s' must be a number: 2015-02-27"),
+    "underscore in a number": (_changed(2, (1, "1_000")), "a.csv:4: 'x_m' must be a number: 1_000"),
+    "digits of another script": (_changed(2, (1, "\u0661\u0662")), "a.csv:4: 'x_m' must be a number: \u0661\u0662"),
+    "wide digits": (_changed(2, (1, "\uff11.5")), "a.csv:4: 'x_m' must be a number: \uff11.5"),
+    "text behind quotes": (_changed(2, (1, '"1"2')), "a.csv:4: 'row' cannot be split into cells (',' expected after '\"'): 0.2,\"1\"2"),
     "blank cell": (_changed(3, (1, "")), "a.csv:5: 'x_m' must be a number: "),
     "nan": (_changed(4, (1, "nan")), "a.csv:6: 'x_m' must be finite: nan"),
     "inf": (_changed(5, (1, "-inf")), "a.csv:7: 'x_m' must be finite: -inf"),
@@ -138,6 +145,10 @@ REFUSED = {
     "cell too few": (table().replace("0.2,0.009", "0.2"), "a.csv:4: 'row' must have 2 cells: 1"),
     "time back": (_changed(3, (0, 0.15)), "a.csv:5: 't_s' must increase from row to row: 0.15"),
     "time again": (_changed(2, (0, 0.1)), "a.csv:4: 't_s' must increase from row to row: 0.1"),
+    "times of a nanosecond's parts": (table(rows=[(1e-310 * t, x) for t, x in ROWS]), "a.csv:3: 't_s' must advance by at least 1e-09 s: 1e-311"),
+    "times beyond the age of the universe": (
+        table(rows=[(1e300 * t, x) for t, x in ROWS]), "a.csv:3: 't_s' must lie within ±1e+10: 1e+299",
+    ),
     "negative sigma": (table("x_m,v_m_s,sigma_v_m_s", [(1, 1, 0.1)] * 4 + [(1, 1, -0.1)]), "a.csv:6: 'sigma_v_m_s' must be > 0: -0.1"),
     "zero sigma": (table("t_s,x_m,sigma_x_m", [(*r, 0) for r in ROWS]), "a.csv:2: 'sigma_x_m' must be > 0: 0.0"),
     "too few rows": (table(rows=ROWS[:4]), "a.csv: 'rows' must hold at least 5 rows of numbers: 4"),
@@ -163,6 +174,32 @@ def test_nul_bytes_are_refused_in_words(write):
 def test_an_unclosed_quote_is_refused_in_words(write):
     with pytest.raises(InputError, match=r"^a\.csv:3: "):
         read_run(write(table().replace("0.1,0.004", '"0.1,0.004')), name="one", shown_as="a.csv")
+
+
+def test_quotes_around_whole_cells_are_read(write):
+    assert read_run(write(table().replace("0.1,0.004", '"0.1","0.004"')), name="one").columns["x_m"][1] == 0.004
+
+
+def test_many_digits_and_a_letter_are_refused_at_once(write):
+    start = time.process_time()
+    for header in ("t_s,x_m", "t,x"):
+        with pytest.raises(InputError, match=r":4: 'x(_m)?' must be a number: 111"):
+            read_run(write(table(header).replace("0.009", "1" * 90_000 + "x")), name="one", shown_as="a.csv")
+    assert time.process_time() - start < 2.0
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="no pipes with names")
+@pytest.mark.parametrize("name", ["a.csv", "a.txt", "a.trk"])
+def test_a_pipe_is_refused_and_not_waited_for(tmp_path, name):
+    os.mkfifo(tmp_path / name)
+    with pytest.raises(InputError, match=r"must be a regular file, not a pipe"):
+        read_run(tmp_path / name, name="one")
+
+
+@pytest.mark.skipif(not Path("/dev/zero").exists(), reason="no such device")
+def test_a_device_is_refused():
+    with pytest.raises(InputError, match=r"must be a regular file"):
+        read_run(Path("/dev/zero"), name="one")
 
 
 def test_a_huge_cell_is_refused_in_words(write):

@@ -170,7 +170,7 @@ def test_particle_mass_gives_the_wanted_gamma():
     [
         ("kappa = 0.45", "kappa = -0.45", "'kappa' must be > 0: -0.45"),
         ("sigma_x_m = 0.001", "sigma_x_m = 0.0", "'sigma_x_m' must be > 0: 0.0"),
-        ("frames_per_second = 30", 'frames_per_second = "30"', "'frames_per_second' expected float, got str"),
+        ("frames_per_second = 30", 'frames_per_second = "30"', "'frames_per_second' must be a number, not text"),
         ("ramp_length_m = 0.877", "ramp_lenght_m = 0.877", "'ramp_lenght_m' is not a known key here"),
         ("g = 9.81", "", "'g' is missing"),
         ('name = "heavy-08"\nbody = "heavy"', 'name = "heavy-08"\nbody = "heavier"', "'body' must name one of the bodies: heavier"),
@@ -197,6 +197,19 @@ def test_a_wrong_design_is_refused_with_its_line(replica, tmp_path, old, new, to
         pytest.param('name = "heavy-08"', 'name = "../heavy-08"', id="a-name-that-leaves-the-folder"),
         pytest.param("seed = 14037220", "seed = -1", id="negative-seed"),
         pytest.param("frames_per_second = 30", "frames_per_second = inf", id="infinitely-many-frames"),
+        pytest.param("frames_per_second = 30", "frames_per_second = 1e9", id="more-frames-a-second-than-a-camera"),
+        pytest.param("frames_per_second = 30", "frames_per_second = 1e6", id="more-frames-than-fit-a-file"),
+        pytest.param("frames_per_second = 30", "frames_per_second = 1e-9", id="no-frame-at-all"),
+        pytest.param("frames_per_second = 30", "frames_per_second = 3", id="too-few-frames"),
+        pytest.param("ramp_length_m = 0.877", "ramp_length_m = 1e-9", id="no-ramp"),
+        pytest.param("ramp_length_m = 0.877", "ramp_length_m = 0.001", id="a-ramp-of-two-frames"),
+        pytest.param("ramp_length_m = 0.877", "ramp_length_m = 5e3", id="a-ramp-of-thousands-of-radii"),
+        pytest.param("g = 9.81", "g = 1e300", id="heavy-world"),
+        pytest.param("radius_m = 0.15", "radius_m = 1e-300", id="no-disk"),
+        pytest.param("radius_m = 0.15", "radius_m = 1e300", id="a-disk-beyond-the-universe"),
+        pytest.param("u_phi_deg = 0.4", "u_phi_deg = 1e300", id="no-protractor"),
+        pytest.param("rolling_resistance = 0.002 ", "rolling_resistance = -0.1 ", id="a-ramp-that-drives"),
+        pytest.param("kappa = 0.45", "kappa = 5", id="inertia-beyond-a-hoop"),
     ],
 )
 def test_a_design_that_cannot_be_simulated_is_refused_with_its_line(replica, tmp_path, old, new):
