@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import os
 import sys
+import warnings
 from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -318,7 +319,12 @@ def import_file(
 
 
 def main() -> None:
-    """Entry point: one line on stderr and an exit code in place of a traceback."""
+    """Entry point: one line on stderr and an exit code in place of a traceback.
+
+    Warnings of NumPy and others are not for a user, who can do nothing about them: a result that is no number has a status.
+    """
+    if not sys.warnoptions:
+        warnings.simplefilter("ignore")
     try:
         status = cli.main(standalone_mode=False)
     except Interrupted:

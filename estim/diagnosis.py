@@ -41,6 +41,8 @@ _TOO_LARGE = (
 
 _NOT_RANDOM = "look at the residuals: a bad frame, a wrong window, or physics that the curve lacks; the uncertainties assume random errors"
 
+_COMPUTED = "give the readings themselves, not numbers computed or smoothed by the curve; simulated data need their errors added"
+
 STATUSES = ("not-converged", "methods-disagree", "multimodal", "not-identified", "poor-fit", "at-bound", "ok")  # gravest first
 
 MEANINGLESS = ("not-converged", "methods-disagree")  # the draws themselves cannot be trusted: not even limits
@@ -211,7 +213,7 @@ def _goodness(goodness: Sequence[Goodness]) -> list[Finding]:
             findings.append(
                 Finding(
                     "poor-fit", f"run {run.run}: {check.meaning} (test '{name}', {_p(check.p_value)})",
-                    _TOO_LARGE if run.only_too_large else _NOT_RANDOM,
+                    _COMPUTED if name == "zero" else _TOO_LARGE if run.only_too_large else _NOT_RANDOM,
                 )
             )
         if run.scatter_ratio > SCATTER_LIMIT:

@@ -29,10 +29,18 @@ class Quantity:
         return self.u == 0.0
 
 
+EXTREME = "must be 0 or between 1e-100 and 1e100 in size"
+
+
+def extreme(value: float) -> bool:
+    """Whether the square of a number, or the product of a few, may be no number at all, which no measurement asks for."""
+    return math.isfinite(value) and value != 0.0 and not 1e-100 <= abs(value) <= 1e100
+
+
 def read_quantity(source: str | float, *, field: str) -> Quantity:
     """The quantity written in `source`.
 
-    Raises InputError naming `field` where the text is no number, is not finite, or has an uncertainty of zero or less.
+    Raises InputError naming `field` where the text is no number, is not finite or beyond all measure, or has an uncertainty of zero or less.
     """
     if isinstance(source, bool) or not isinstance(source, (str, int, float)):
         raise InputError('must be a number or "value +/- uncertainty"', field=field, value=source)
@@ -42,6 +50,8 @@ def read_quantity(source: str | float, *, field: str) -> Quantity:
         raise InputError("must be finite", field=field, value=source) from None
     if not (math.isfinite(quantity.value) and math.isfinite(quantity.u)):
         raise InputError("must be finite", field=field, value=source)
+    if extreme(quantity.value) or extreme(quantity.u):
+        raise InputError(EXTREME, field=field, value=source)
     return quantity
 
 
