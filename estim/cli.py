@@ -156,7 +156,7 @@ def line(campaign: Path, out: Path | None, seed: int) -> None:
         analysis = analyse_line(series, gamma_masses=gamma_of_body(loaded, series.body), seed=seed, target=target, progress=progress)
     folder = out or Path("out") / campaign.resolve().parent.name / "line"
     write_files(folder, line_report(loaded, analysis))
-    conclude("line", analysis.status, [finding.reason for finding in analysis.findings])
+    conclude("line", analysis.status, [*(finding.reason for finding in analysis.findings), *filter(None, (analysis.disagreement,))])
     click.echo(f"report: {folder / 'report.md'}")
     if analysis.status != "ok":
         sys.exit(NOT_OK)
