@@ -130,7 +130,8 @@ def energy_report(
     statuses = {run.name: analysis.diagnosis.status for analysis in analyses for run in analysis.problem.runs}
     result = EnergyResult(
         ENERGY_SCHEMA, campaign.title, campaign.kind, min(statuses.values(), key=STATUSES.index),
-        {", ".join(run.name for run in a.problem.runs): list(a.diagnosis.reasons) for a in analyses if not a.diagnosis.ok}, statuses, {e.run: summarise_energy(e) for e in records if statuses[e.run] == "ok"},
+        {", ".join(run.name for run in a.problem.runs): list(a.diagnosis.reasons) for a in analyses if not a.diagnosis.ok}, statuses,
+        {e.run: summarise_energy(e) for e in records if statuses[e.run] == "ok"},
         {", ".join(run.name for run in a.problem.runs): summarise_drift(d) for a, d in zip(analyses, drifts, strict=True) if a.diagnosis.ok},
         provenance(campaign, [run.name for run in runs], seed),
     )
@@ -175,7 +176,7 @@ def energy_figure(records: Sequence[EnergyRecord], *, synthetic: bool, title: st
     v_panel.set(xlabel=along, ylabel="(b) speed v (m/s)")
     for strips, name in ((energies, "(c) energy E/M (J/kg)"), (changes, "(d) (E − E₀)/E₀")):
         strips[-1].set_xlabel(along)
-        strips[n // 2].set_ylabel(name)
+        strips[0].set_title(name, fontsize=9, loc="left", pad=2)
     x_panel.legend(fontsize=8, frameon=False)
     figure.suptitle(title + (" (SYNTHETIC data)" if synthetic else ""), fontsize=10)
     return figure
