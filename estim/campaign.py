@@ -163,7 +163,9 @@ class Campaign:
         for name in names:
             table, path, _ = noise_level(Levels(self.source, self.run_names.index(name)))
             if table.model == "positions":
-                raise self.source.places.error(f"must not be 'positions' for {command}, which needs speeds", (*path, "model"))
+                raise self.source.places.error(
+                    f"must not be 'positions' for {command}, which needs speeds: give it a campaign with model = \"differentiated\"", (*path, "model")
+                )
             if table.robust is not None:
                 raise self.source.places.error(f"does not go with {command}, which takes the errors as normal", (*path, "robust"), value=table.robust)
 

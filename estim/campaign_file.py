@@ -17,7 +17,7 @@ import msgspec
 from estim.importing import Choices
 from estim.prior_table import PriorTable, read_prior
 from estim.priors import Prior
-from estim.quantity import Quantity, read_quantity
+from estim.quantity import EXTREME, Quantity, extreme, read_quantity
 from estim.table import TOML_BYTES, read_text
 from estim.toml_text import Places, locate_keys, parse_toml
 from estim.track import Unit
@@ -213,7 +213,7 @@ T = TypeVar("T")
 def checked(tree: object, kind: type[T], places: Places, path: tuple[str | int, ...]) -> T:
     """`tree` as a record of type `kind`; a mismatch becomes an InputError at its line."""
     if path == ():
-        _check_integers(tree, places, ())
+        _check_numbers(tree, places, ())
     try:
         return msgspec.convert(tree, kind)
     except msgspec.ValidationError as error:
@@ -243,13 +243,15 @@ def _in_words(message: str) -> str:
     return message[0].lower() + message[1:].replace("`", "")
 
 
-def _check_integers(tree: object, places: Places, path: tuple[str | int, ...]) -> None:
-    """Whole numbers fit into 64 bits (what TOML promises to read); larger ones are a slip, and no float holds some of them."""
+def _check_numbers(tree: object, places: Places, path: tuple[str | int, ...]) -> None:
+    """Whole numbers fit into 64 bits (what TOML promises to read), and no number is so large or small that its square is none."""
     if isinstance(tree, dict | list):
         for key, value in tree.items() if isinstance(tree, dict) else enumerate(tree):
-            _check_integers(value, places, (*path, key))
+            _check_numbers(value, places, (*path, key))
     elif isinstance(tree, int) and abs(tree) >= 2**63:
         raise places.error("must be a number of less than 19 digits", path, value=f"{str(tree)[:12]}...")
+    elif isinstance(tree, float) and extreme(tree):
+        raise places.error(EXTREME, path, value=tree)
 
 
 def _known_keys(kind: type, inner: list[str]) -> list[str]:

@@ -138,7 +138,7 @@ def _summarise(
         names=names, k_hat=k_hat, n_draw=weights.size, ess=kish_size(log_weights),
         log_evidence=log_mean, u_log_evidence=u_log_mean(log_weights),
         mean=mean, sd=sd, mcse_mean=np.sqrt(squares @ deviation**2),
-        mcse_sd=np.sqrt(squares @ (deviation**2 - variance) ** 2) / (2.0 * sd),
+        mcse_sd=np.sqrt(squares @ (deviation**2 - variance) ** 2) / (2.0 * np.where(sd > 0.0, sd, np.nan)),  # 0: all weight on one draw
         quantiles=MappingProxyType(quantiles), mcse_quantiles=MappingProxyType(errors), draws=resampled,
     )
 

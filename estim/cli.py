@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import os
 import sys
+import warnings
 from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -156,7 +157,7 @@ def line(campaign: Path, out: Path | None, seed: int) -> None:
         analysis = analyse_line(series, gamma_masses=gamma_of_body(loaded, series.body), seed=seed, target=target, progress=progress)
     folder = out or Path("out") / campaign.resolve().parent.name / "line"
     write_files(folder, line_report(loaded, analysis))
-    conclude("line", analysis.status, [finding.reason for finding in analysis.findings])
+    conclude("line", analysis.status, [*(finding.reason for finding in analysis.findings), *filter(None, (analysis.disagreement,))])
     click.echo(f"report: {folder / 'report.md'}")
     if analysis.status != "ok":
         sys.exit(NOT_OK)
@@ -321,7 +322,12 @@ def import_file(
 
 
 def main() -> None:
-    """Entry point: one line on stderr and an exit code in place of a traceback."""
+    """Entry point: one line on stderr and an exit code in place of a traceback.
+
+    Warnings of NumPy and others are not for a user, who can do nothing about them: a result that is no number has a status.
+    """
+    if not sys.warnoptions:
+        warnings.simplefilter("ignore")
     try:
         status = cli.main(standalone_mode=False)
     except Interrupted:

@@ -73,7 +73,7 @@ def _common(compared: Sequence[Compared]) -> list[Parameter]:
 def _summary(c: Compared, common: Sequence[Parameter]) -> ComparedSummary:
     analysis, certificate = c.analysis, c.analysis.certificate
     columns = {p.name: analysis.chain.flat[:, analysis.problem.names.index(p.name)] for p in common}
-    posterior = {p.name: trusted(summarise(columns[p.name], unit=p.unit, meaning=p.meaning), analysis.diagnosis) for p in common}
+    posterior = {p.name: trusted(summarise(columns[p.name], unit=p.unit, meaning=p.meaning), analysis.diagnosis.status) for p in common}
     evidence = certificate if certificate is not None and certificate.reliable else None
     return ComparedSummary(
         name=c.candidate.name, words=c.candidate.words, data=c.data, n_obs=analysis.problem.n_obs, status=analysis.diagnosis.status,

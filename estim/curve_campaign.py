@@ -41,6 +41,7 @@ from estim.curve_file import (
 )
 from estim.curve_problem import MAX_OBS, SIGMA, SIGMA_SPREAD, AxisNames, reading_noise
 from estim.errors import InputError
+from estim.fitting import Fit, no_scatter, silent_parameters
 from estim.formula import Formula, read_formula
 from estim.levels import as_prior
 from estim.noise import Scale
@@ -107,15 +108,26 @@ class CurveStudy:
                 raise self.source.places.error(rule, self._place(name))
         return Problem((*shared_first(parameters.values(), observed), *shared.values(), *noise.values()), tuple(observed))
 
-    def require_determined(self, problem: Problem, sds: FloatArray) -> None:
-        """Raises InputError where neither the data nor a prior hold a parameter, so that no posterior exists to draw from.
+    def require_determined(self, fit: Fit) -> None:
+        """Raises InputError where neither the data nor a prior hold a parameter, so that no posterior exists to draw from."""
+        flat = [p.name for p in fit.problem.parameters if not math.isfinite(p.prior.sd)]
+        unheld = [name for name, sd in zip(fit.names, fit.sds, strict=True) if name in flat and not (math.isfinite(sd) and sd > 0.0)]
+        if not unheld:
+            return
+        first, *others = [name for name in silent_parameters(fit) if name in flat] or unheld
+        path = self._place(first)
+        if not others:
+            raise self.source.places.error("is not determined by the data: give it limits (low and high), or a prior", path)
+        together = " and ".join(f"'{other}'" for other in others)
+        rule = f"is not determined by the data, nor is {together}, only a combination of them: give one a value, limits (low and high), or a prior"
+        raise self.source.places.error(rule, path)
 
-        sds : (n_par,) standard deviations of a fit of `problem`, zero or not finite where the curve does not change with a parameter.
-        """
-        for parameter, sd in zip(problem.parameters, sds, strict=True):
-            if not math.isfinite(parameter.prior.sd) and not (math.isfinite(sd) and sd > 0.0):
-                rule = "is not determined by the data: give it limits (low and high), or a prior"
-                raise self.source.places.error(rule, self._place(parameter.name))
+    def require_scatter(self, fit: Fit) -> None:
+        """Raises InputError where the size of the errors is to be inferred from residuals that are zero."""
+        for run in fit.problem.runs:
+            if run.noise.sigma.parameter is not None and no_scatter(run, fit):
+                rule = f"is needed: the curve passes through every point of run '{run.name}', so nothing shows their errors (were the data computed?)"
+                raise self.source.places.error(rule, ("curve", "u_y"))
 
     def require_draws(self, problem: Problem) -> None:
         """Raises InputError where the prior of a parameter is flat without limits, so that no true value can be drawn from it."""
@@ -208,11 +220,17 @@ class CurveStudy:
         if not stated:
             raise self.source.places.error("needs a known 'u_y' beside it: the sizes of both errors cannot be told from the residuals", path)
         if isinstance(written, ReadingErrorTable) and written.column is not None:
-            return table.columns[written.column][kept]
-        if not isinstance(written, int | float) or not (math.isfinite(written) and written > 0.0):
+            sizes = table.columns[written.column][kept]
+        elif not isinstance(written, int | float) or not (math.isfinite(written) and written > 0.0):
             shown = None if isinstance(written, ReadingErrorTable) else written
             raise self.source.places.error("must be a number > 0 or a column", path, value=shown)
-        return np.full(kept.size, float(written))
+        else:
+            sizes = np.full(kept.size, float(written))
+        reach = float(np.ptp(table.columns[self.x_column][kept]))
+        if float(np.min(sizes)) >= reach:
+            rule = f"must be below the range of x, {reach:.4g}: points that may lie anywhere along x hold no curve"
+            raise self.source.places.error(rule, path, value=float(np.min(sizes)))
+        return sizes
 
     def _window(self, x: FloatArray, index: int) -> tuple[NDArray[np.bool_], tuple[str, ...]]:
         run = self.runs[index]

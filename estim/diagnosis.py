@@ -42,6 +42,8 @@ _TOO_LARGE = (
 
 _NOT_RANDOM = "look at the residuals: a bad frame, a wrong window, or physics that the curve lacks; the uncertainties assume random errors"
 
+_COMPUTED = "give the readings themselves, not numbers computed or smoothed by the curve; simulated data need their errors added"
+
 STATUSES = ("not-converged", "methods-disagree", "multimodal", "not-identified", "poor-fit", "at-bound", "ok")  # gravest first
 
 MEANINGLESS = ("not-converged", "methods-disagree")  # the draws themselves cannot be trusted: not even limits
@@ -111,10 +113,13 @@ def line_findings(fit: LineFit, interval: SlopeInterval, chain: Chain) -> tuple[
         if abs(slope.mean() - fit.slope) > u:
             reason = f"York's slope {fit.slope:.3g} and the Bayesian one {slope.mean():.3g} differ by more than their combined uncertainty {u:.2g}"
             findings.append(Finding("methods-disagree", reason, "the priors of the Bayesian line carry weight: take more points"))
+        if fit.slope < 1.0:
+            reason = f"gamma = 1/slope would be {1.0 / fit.slope:.2g}, but a centre of mass inside the body has gamma below 1"
+            findings.append(Finding("poor-fit", reason, "are the columns phi_deg and theta_min_deg swapped, or is the unit of one of them wrong?"))
     if fit.p_value < REJECT_BELOW:
         reason = f"the points scatter more than their uncertainties allow (S = {fit.chi2:.1f}, {fit.dof} degrees of freedom, p = {fit.p_value:.1g})"
         findings.append(Finding("poor-fit", reason, "check the uncertainties and look for a bad point"))
-    return tuple(findings)
+    return tuple(sorted(findings, key=lambda finding: STATUSES.index(finding.status)))
 
 
 def _convergence(fit: Fit, chain: Chain) -> list[Finding]:
@@ -219,7 +224,7 @@ def _goodness(goodness: Sequence[Goodness]) -> list[Finding]:
             findings.append(
                 Finding(
                     "poor-fit", f"run {run.run}: {check.meaning} (test '{name}', {_p(check.p_value)})",
-                    _TOO_LARGE if run.only_too_large else _NOT_RANDOM,
+                    _COMPUTED if name == "zero" else _TOO_LARGE if run.only_too_large else _NOT_RANDOM,
                 )
             )
         if run.scatter_ratio > SCATTER_LIMIT:

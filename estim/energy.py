@@ -33,6 +33,7 @@ Arguments = Mapping[str, ArrayLike]
 
 LOSS = "rolling_resistance"  # the argument of a curve through which energy is lost
 DETERMINED = 0.7  # of the prior sd: a posterior wider than this is mostly prior
+LOSS_SEEN = 0.05  # p-value of no loss below which a loss is called one
 _STEP = 1e-6
 
 
@@ -90,12 +91,19 @@ class Drift:
     narrowing : its posterior sd / its prior sd; nan where it was not free.
     gain : fall of chi2 when a loss is allowed (flat prior, not negative) instead of none.
     p_value : probability of such a gain or more if no energy were lost: half a chi-square of one degree of freedom.
+    limit : the rolling resistance is at most this with probability 95 % (of several the largest); nan where it was not free.
     """
 
     free: bool
     narrowing: float
     gain: float
     p_value: float
+    limit: float
+
+    @property
+    def seen(self) -> bool:
+        """Whether the data show that energy is lost, and say how much."""
+        return self.determined and self.p_value < LOSS_SEEN
 
     @property
     def determined(self) -> bool:
@@ -108,7 +116,7 @@ def drift_of(analysis: Analysis, *, rng: np.random.Generator) -> Drift:
     problem = analysis.problem
     losses = [i for i, p in enumerate(problem.parameters) if p.name.partition("[")[0] == LOSS]
     if not losses:
-        return Drift(False, math.nan, math.nan, math.nan)
+        return Drift(False, math.nan, math.nan, math.nan, math.nan)
     sds = analysis.chain.flat.std(axis=0)
     narrowing = float(np.mean([sds[i] / problem.parameters[i].prior.sd for i in losses]))
     names = {problem.parameters[i].name for i in losses}
@@ -122,7 +130,8 @@ def drift_of(analysis: Analysis, *, rng: np.random.Generator) -> Drift:
     with_loss = fit_least_squares(free, rng=rng, n_start=2, start=analysis.fit.values)
     without = fit_least_squares(none, rng=rng, n_start=2, start=analysis.fit.values[kept])
     gain = 2.0 * (_best(with_loss) - _best(without))
-    return Drift(True, narrowing, gain, 0.5 * float(chi2.sf(max(gain, 0.0), 1)) if gain > 0.0 else 1.0)
+    limit = float(np.max(np.quantile(analysis.chain.flat[:, losses], 0.95, axis=0)))
+    return Drift(True, narrowing, gain, 0.5 * float(chi2.sf(max(gain, 0.0), 1)) if gain > 0.0 else 1.0, limit)
 
 
 def _best(fit: Fit) -> float:
@@ -203,10 +212,13 @@ def _difference(energy: Callable[[float], FloatArray]) -> FloatArray:
 
 
 def _line_estimator(x: FloatArray, cov: FloatArray) -> FloatArray:
-    """(2, n_obs) that makes intercept and slope of the best straight line out of energies of covariance `cov`."""
+    """(2, n_obs) that makes intercept and slope of the best straight line out of energies of covariance `cov`; nan where they hold none."""
     design = np.column_stack([np.ones_like(x), x])
     weighted = design.T @ np.linalg.pinv(cov, hermitian=True)
-    return np.asarray(np.linalg.solve(weighted @ design, weighted))
+    normal = weighted @ design
+    if np.linalg.matrix_rank(normal, hermitian=True) < 2:  # the curve has come to rest before the second frame
+        return np.full(weighted.shape, math.nan)
+    return np.asarray(np.linalg.solve(normal, weighted))
 
 
 def _estimate(draws: FloatArray) -> Estimate:

@@ -10,6 +10,7 @@ from matplotlib.figure import Figure
 
 from estim import figures
 from estim.campaign import Campaign
+from estim.diagnosis import STATUSES
 from estim.energy import Drift, EnergyRecord, Estimate
 from estim.headline import STATUS_WORDS
 from estim.labels import KINDS
@@ -46,9 +47,11 @@ class DriftSummary(msgspec.Struct, frozen=True):
 
     free: bool
     determined: bool
+    seen: bool
     narrowing: float | None
     gain: float | None
     p_value: float | None
+    limit: float | None
 
 
 class EnergyResult(msgspec.Struct, frozen=True, rename={"schema_": "schema"}):
@@ -57,6 +60,8 @@ class EnergyResult(msgspec.Struct, frozen=True, rename={"schema_": "schema"}):
     schema_: str
     title: str
     kind: str
+    status: str  # the gravest of the fits
+    reasons: dict[str, list[str]]  # of the fits that are not ok
     statuses: dict[str, str]
     energies: dict[str, EnergySummary]
     drift: dict[str, DriftSummary]  # by the runs that were fit together
@@ -78,7 +83,9 @@ def summarise_energy(e: EnergyRecord) -> EnergySummary:
 
 def summarise_drift(drift: Drift) -> DriftSummary:
     """The record of the test for a loss."""
-    return DriftSummary(drift.free, drift.determined, number(drift.narrowing), number(drift.gain), number(drift.p_value))
+    return DriftSummary(
+        drift.free, drift.determined, drift.seen, number(drift.narrowing), number(drift.gain), number(drift.p_value), number(drift.limit)
+    )
 
 
 def drift_words(drift: DriftSummary) -> str:
@@ -89,8 +96,13 @@ def drift_words(drift: DriftSummary) -> str:
             "give rolling_resistance a prior."
         )
     test = f"Allowing a loss improves χ² by {max(drift.gain, 0.0):.1f} (p = {drift.p_value:.2g} if there were none)"
-    if drift.determined:
+    if drift.seen:
         return f"{test}; the data narrow the rolling resistance to {drift.narrowing:.0%} of its prior, so the loss below is measured."
+    if drift.determined and drift.limit is not None:
+        return (
+            f"{test}: consistent with no loss. The data narrow the rolling resistance to {drift.narrowing:.0%} of its prior: "
+            f"c_rr ≤ {drift.limit:.2g} with probability 95 %; read the loss below as a limit, not as a measurement."
+        )
     return (
         f"{test}. The data leave the rolling resistance about as uncertain as its prior ({drift.narrowing:.0%} of the prior's width): "
         "the loss below is what was assumed, not a measurement."
@@ -117,8 +129,10 @@ def energy_report(
     runs = [run for analysis in analyses for run in analysis.problem.runs]
     statuses = {run.name: analysis.diagnosis.status for analysis in analyses for run in analysis.problem.runs}
     result = EnergyResult(
-        ENERGY_SCHEMA, campaign.title, campaign.kind, statuses, {e.run: summarise_energy(e) for e in records if statuses[e.run] == "ok"},
-        {", ".join(run.name for run in a.problem.runs): summarise_drift(d) for a, d in zip(analyses, drifts, strict=True)},
+        ENERGY_SCHEMA, campaign.title, campaign.kind, min(statuses.values(), key=STATUSES.index),
+        {", ".join(run.name for run in a.problem.runs): list(a.diagnosis.reasons) for a in analyses if not a.diagnosis.ok}, statuses,
+        {e.run: summarise_energy(e) for e in records if statuses[e.run] == "ok"},
+        {", ".join(run.name for run in a.problem.runs): summarise_drift(d) for a, d in zip(analyses, drifts, strict=True) if a.diagnosis.ok},
         provenance(campaign, [run.name for run in runs], seed),
     )
     bad = frozenset(run for run, status in statuses.items() if status != "ok")
@@ -135,23 +149,34 @@ def energy_report(
 
 
 def energy_figure(records: Sequence[EnergyRecord], *, synthetic: bool, title: str, bad: frozenset[str] = frozenset()) -> Figure:
-    """Position, speed, energy and relative change of energy against time, as the paper's figure 3; no bands for runs that are `bad`."""
-    figure = figures.new_figure(5.6)
-    axes = figure.subplots(2, 2).ravel()
+    """Position, speed, energy and relative change of energy against time, as the paper's figure 3; no bands for runs that are `bad`.
+
+    Energies have a strip for each run: the bands of several runs in one panel hide each other.
+    """
+    n = len(records)
+    figure = figures.new_figure(3.0 + max(2.6, 0.95 * n))
+    rows = figure.add_gridspec(2, 2, height_ratios=(2.8, max(2.6, 0.95 * n)))
+    x_panel, v_panel = (figure.add_subplot(rows[0, i]) for i in (0, 1))
+    energies, changes = (rows[1, i].subgridspec(n, 1).subplots(sharex=True, sharey=i == 1, squeeze=False)[:, 0] for i in (0, 1))
     timed = all(record.t is not None for record in records)
-    for record, colour, mark in zip(records, figures.COLOURS * 4, figures.MARKS * 4, strict=False):
+    for record, colour, mark, strip, change in zip(records, figures.COLOURS * n, figures.MARKS * n, energies, changes, strict=False):
         t = record.t if timed and record.t is not None else record.x
         none = np.zeros_like(record.x)
-        panels = ((record.x, none), (record.v, record.u_v), (record.total, record.u_total), (record.relative, record.u_relative))
-        for ax, (y, u) in zip(axes, panels, strict=True):
+        panels = ((x_panel, record.x, none), (v_panel, record.v, record.u_v), (strip, record.total, record.u_total))
+        for ax, y, u in (*panels, (change, record.relative, record.u_relative)):
             ax.plot(t, y, mark, color=colour, ms=2.5, label=record.run)
-            if record.run in bad:
-                continue
-            ax.fill_between(t, y - u, y + u, color=colour, alpha=0.18, lw=0)
-    names = ("(a) position x (m)", "(b) speed v (m/s)", "(c) energy E/M (J/kg)", "(d) (E − E₀)/E₀")
-    for ax, name in zip(axes, names, strict=True):
-        ax.set(xlabel="time t (s)" if timed else "position x (m)", ylabel=name)
-    axes[3].axhline(0.0, color=figures.GREY, lw=0.8)
-    axes[0].legend(fontsize=8, frameon=False)
+            if record.run not in bad:
+                ax.fill_between(t, y - u, y + u, color=colour, alpha=0.25, lw=0)
+        change.axhline(0.0, color=figures.GREY, lw=0.8)
+        for ax in (strip, change):
+            ax.set_title(record.run, fontsize=7, loc="right", pad=2)
+            ax.tick_params(labelsize=7)
+    along = "time t (s)" if timed else "position x (m)"
+    x_panel.set(xlabel=along, ylabel="(a) position x (m)")
+    v_panel.set(xlabel=along, ylabel="(b) speed v (m/s)")
+    for strips, name in ((energies, "(c) energy E/M (J/kg)"), (changes, "(d) (E − E₀)/E₀")):
+        strips[-1].set_xlabel(along)
+        strips[0].set_title(name, fontsize=9, loc="left", pad=2)
+    x_panel.legend(fontsize=8, frameon=False)
     figure.suptitle(title + (" (SYNTHETIC data)" if synthetic else ""), fontsize=10)
     return figure

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from estim.errors import InputError, NumericalError
-from estim.problem import Posterior, Problem, informative
+from estim.problem import Observations, Posterior, Problem, informative
 
 FloatArray = NDArray[np.float64]
 
@@ -24,6 +24,10 @@ _MAX_ROUNDS = 60
 _SETTLED = 1e-4  # of a standard deviation, between two rounds
 _SAME_OPTIMUM = 0.5  # in minus log density
 WITHIN_REACH = 12.0  # in minus log density: worse optima hold next to nothing of the posterior
+_NO_CURVATURE = "the fit ends where the curve has no finite derivatives in its parameters: are the units and the stated values right?"
+_SILENT = 1e-11  # ratio of singular values
+_TAKES_PART = 0.2  # component of a unit direction
+PERFECT = 1e-12  # residuals below this share of y are rounding errors
 _FAR_APART = 3.0  # standard deviations, of any parameter
 
 
@@ -71,7 +75,8 @@ def fit_least_squares(problem: Problem, *, rng: np.random.Generator, n_start: in
 
     start : (n_par,) where to start first; the centre of the priors if None.  The other starts are draws of the priors.
 
-    Raises InputError where the problem has no unknowns, NumericalError where the curve is defined at no start.
+    Raises InputError where the problem has no unknowns, NumericalError where the curve is defined at no start or has no finite
+    derivatives where the search ends.
     """
     if problem.n_par == 0:
         raise InputError("leave nothing to fit: every quantity is exact; give at least one an uncertainty or a prior", field="parameters")
@@ -79,13 +84,17 @@ def fit_least_squares(problem: Problem, *, rng: np.random.Generator, n_start: in
     starts = starts[[bool(np.all(np.isfinite(problem.linearised(s).residuals(s)))) for s in starts]]
     if not starts.size:
         raise NumericalError("the fit cannot start: the curve is not defined at the starting values, nor at draws of the priors")
-    rough = [_settle(problem, start, max_rounds=4) for start in starts]
+    rough = [end for start in starts if not math.isnan((end := _settle(problem, start, max_rounds=4))[2])]
+    if not rough:
+        raise NumericalError(_NO_CURVATURE)
     objective = np.array([-_log_density(posterior, values) for values, posterior, _ in rough])
     best = int(np.nanargmin(objective))
     values, posterior, moved = _settle(problem, rough[best][0], max_rounds=_MAX_ROUNDS)
+    if math.isnan(moved):
+        raise NumericalError(_NO_CURVATURE)
     n_same = int(np.sum(objective <= objective[best] + _SAME_OPTIMUM))
     ends = [rough[i][0] for i in np.argsort(objective) if objective[i] <= objective[best] + WITHIN_REACH]
-    return _describe(problem, posterior, values, moved, ends, n_start=len(starts), n_same=n_same)
+    return _describe(problem, posterior, values, moved, ends, n_start=len(rough), n_same=n_same)
 
 
 def _prior_draw(problem: Problem, rng: np.random.Generator) -> FloatArray:
@@ -97,7 +106,7 @@ def _log_density(posterior: Posterior, values: FloatArray) -> float:
 
 
 def _settle(problem: Problem, start: FloatArray, *, max_rounds: int) -> tuple[FloatArray, Posterior, float]:
-    """Rounds of (covariance at the values; curve; noise) until they settle: values, posterior, last move in sds."""
+    """Rounds of (covariance at the values; curve; noise) until they settle: values, posterior, last move in sds (nan: no curvature there)."""
     values = start.copy()
     posterior = problem.linearised(values)
     moved = math.inf
@@ -105,7 +114,10 @@ def _settle(problem: Problem, start: FloatArray, *, max_rounds: int) -> tuple[Fl
         before = values
         values = _fit_noise(posterior, _fit_curve(posterior, values))
         posterior = problem.linearised(values)
-        scale = np.sqrt(np.diag(np.linalg.pinv(information(posterior, values), hermitian=True)))
+        matrix = information(posterior, values)
+        if not np.all(np.isfinite(matrix)):
+            return values, posterior, math.nan
+        scale = np.sqrt(np.diag(np.linalg.pinv(matrix, hermitian=True)))
         moved = float(np.max(np.abs(values - before) / np.where(scale > 0.0, scale, np.inf), initial=0.0))
         if moved < _SETTLED:
             break
@@ -131,7 +143,11 @@ def _fit_curve(posterior: Posterior, values: FloatArray) -> FloatArray:
         return full
 
     residual: Callable[[lmfit.Parameters], FloatArray] = lambda parameters: posterior.residuals(filled(parameters))  # noqa: E731
-    jacobian: Callable[[lmfit.Parameters], FloatArray] = lambda parameters: posterior.jacobian(filled(parameters))[:, free]  # noqa: E731
+
+    def jacobian(parameters: lmfit.Parameters) -> FloatArray:
+        columns = posterior.jacobian(filled(parameters))[:, free]
+        return np.where(np.isfinite(columns), columns, 0.0)  # a point beside the edge of where the curve is defined has no say in the step
+
     with np.errstate(divide="ignore", invalid="ignore"):  # lmfit also inverts the Hessian, singular where the data are silent; not used
         result = lmfit.minimize(
             residual, table, method="least_squares", scale_covar=False, calc_covar=False, jac=jacobian, x_scale="jac",
@@ -186,6 +202,27 @@ def information(posterior: Posterior, values: FloatArray) -> FloatArray:
         location = np.where(noise, 0.0, jacobian)
         total += run.noise.tails.information(problem.named(values))[0] * location.T @ location
     return np.asarray(total)
+
+
+def silent_parameters(fit: Fit) -> tuple[str, ...]:
+    """The parameters of the curve that the residuals of data and priors do not see, alone or in some combination.
+
+    From the singular values of the Jacobian with columns of unit length: the smallest, and those as small as it.
+    """
+    names = [name for name in fit.names if name not in fit.problem.noise_names]
+    columns = fit.posterior.jacobian(fit.values)[:, [fit.names.index(name) for name in names]]
+    scale = np.linalg.norm(columns, axis=0)
+    _, singular, right = np.linalg.svd(columns / np.where(scale > 0.0, scale, 1.0), full_matrices=True)
+    sizes = np.append(singular, np.zeros(len(names) - singular.size))
+    share = np.sqrt(np.sum(right[sizes <= max(_SILENT * sizes[0], 2.0 * sizes[-1])] ** 2, axis=0))
+    return tuple(name for name, part in zip(names, share, strict=True) if part > _TAKES_PART)
+
+
+def no_scatter(run: Observations, fit: Fit) -> bool:
+    """Whether the curve passes through every point of `run` to rounding errors, though it has fewer parameters than the run points."""
+    names = {source for source in run.arguments.values() if isinstance(source, str)}
+    curve = np.broadcast_to(run.curve.value(run.x, run.bind(fit.problem.named(fit.values))), (1, run.n_obs))[0]
+    return run.n_obs > len(names) and bool(np.max(np.abs(run.y - curve)) <= PERFECT * max(float(np.max(np.abs(run.y))), float(np.max(np.abs(curve)))))
 
 
 def far_apart(values: FloatArray, ends: list[FloatArray], scale: FloatArray) -> FloatArray:

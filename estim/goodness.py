@@ -8,6 +8,7 @@ distribution of each statistic is therefore simulated with that projection in it
 
 What each test sees: `chi2` the size of the residuals (only where the size of the noise was stated); `runs` too few
 changes of sign; `autocorrelation` neighbours alike; `trend` a slow drift along the run; `largest` a single outlier.
+Residuals that are all zero have no pattern to test: they fail as such (`zero`).
 An inferred scatter swallows chi2, so the scatter itself is compared with what the instrument explains.
 """
 
@@ -19,7 +20,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from estim.fitting import Fit
+from estim.fitting import Fit, no_scatter
 from estim.noise import covariance, noise_parameters, reading_sd
 from estim.problem import Observations
 
@@ -27,6 +28,8 @@ FloatArray = NDArray[np.float64]
 
 REJECT_BELOW = 1e-3
 SCATTER_LIMIT = 10.0
+_NO_ERRORS = 1e-9  # standard deviations; residuals that are all smaller are rounding errors
+_ZERO = "all residuals are zero but for rounding errors, as those of measurements never are: were the data computed?"
 _N_SIMULATED = 20_000
 P_FLOOR = 1.0 / (1.0 + _N_SIMULATED)  # a p-value of the tests below cannot come out smaller
 
@@ -92,7 +95,9 @@ def check_goodness(fit: Fit, *, rng: np.random.Generator) -> tuple[Goodness, ...
         whitened = run.noise.tails.normal_score(np.linalg.solve(factor, raw), named)
         stated = not noise_parameters(run.noise)
         sd = np.sqrt(np.sum(factor**2, axis=1))
-        checked.append(Goodness(run.name, whitened, raw, sd, _checks(whitened, simulated, stated=stated), _scatter_ratio(run, named)))
+        empty = no_scatter(run, fit) or float(np.max(np.abs(whitened))) < _NO_ERRORS
+        checks = {"zero": Check(0.0, P_FLOOR, _ZERO)} if empty else _checks(whitened, simulated, stated=stated)
+        checked.append(Goodness(run.name, whitened, raw, sd, checks, _scatter_ratio(run, named)))
     return tuple(checked)
 
 

@@ -11,6 +11,8 @@ import io
 import os
 import pickle
 import signal
+import sys
+import warnings
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from itertools import islice
@@ -113,6 +115,8 @@ def _start(task: bytes) -> None:
     """Prepare a worker process."""
     global _task
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    if not sys.warnoptions:
+        warnings.simplefilter("ignore")  # as in the command line: a result that is no number is told as such
     _task = pickle.loads(task)
 
 

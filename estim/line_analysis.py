@@ -18,8 +18,8 @@ from estim.headline import headline, parameter_cells
 from estim.line import InversePrediction, LineFit, coverage_factor, fit_line, inverse_prediction, standard_error
 from estim.line_evidence import InterceptEvidence, intercept_evidence
 from estim.line_intervals import SlopeInterval, slope_interval
-from estim.line_posterior import LinePosterior, line_mode, line_posterior
-from estim.quantity import Quantity
+from estim.line_posterior import LinePosterior, line_posterior, mode_or_guess
+from estim.quantity import Quantity, format_quantity
 from estim.sampling import Chain, Progress, Target, sample_posterior
 from estim.summary import summarise
 from estim.theta_min import ThetaMinSeries
@@ -70,6 +70,18 @@ class LineAnalysis:
     def status(self) -> str:
         return self.findings[0].status if self.findings else "ok"
 
+    @property
+    def disagreement(self) -> str:
+        """What to say where gamma of the line and gamma as stated differ at k = 2; "" where they agree, or one of them is missing.
+
+        The line does not use the stated value, so this is no fault of the line.
+        """
+        found = self.readings["posterior"]
+        if self.status != "ok" or self.gamma_masses is None or not abs(found.e_n) > 1.0:
+            return ""
+        values = (format_quantity(q.value, q.u) for q in (found.gamma, self.gamma_masses))
+        return "γ of the line, {}, and γ as stated, {}, disagree: E_n = {:+.1f}; the line does not use the stated value".format(*values, found.e_n)
+
     def _repr_markdown_(self) -> str:
         """What a notebook shows: the values, or why there are none."""
         draws = {"intercept": self.chain.flat[:, self.chain.names.index("intercept")], "gamma": self.gamma_draws, "c_rr": self.resistance_draws}
@@ -108,7 +120,7 @@ def analyse_line(
     posterior = line_posterior(
         series.x, series.y, u_x=series.u_x, u_y=series.u_y, u_zero_x=series.u_zero_x, u_zero_y=series.u_zero_y, intercept_sd=_INTERCEPT_SD
     )
-    mode = line_mode(posterior)
+    mode = mode_or_guess(posterior)
     chain = sample_posterior(posterior, mode.values, mode.cov, target=target or Target(), rng=chain_rng, progress=progress)
     exact = slope_interval(york)
     readings = {name: _read(fit, gamma_masses) for name, fit in (("ols", ols), ("weighted", weighted), ("york", york))}
@@ -116,8 +128,15 @@ def analyse_line(
     return LineAnalysis(
         series=series, ols=ols, weighted=weighted, york=york, posterior=posterior, chain=chain,
         evidence=intercept_evidence(posterior, rng=evidence_rng, n_draw=20_000), readings=readings, gamma_masses=gamma_masses,
-        slope_exact=exact, steepest=inverse_prediction(york, 1.0, u_y0=0.0), findings=line_findings(york, exact, chain), seed=seed,
+        slope_exact=exact, steepest=_steepest(york), findings=line_findings(york, exact, chain), seed=seed,
     )
+
+
+def _steepest(york: LineFit) -> InversePrediction:
+    """sin(phi) at which the line reaches theta_min = 90 degrees; nan for a line that never does."""
+    if york.slope == 0.0 or not math.isfinite(york.slope):
+        return InversePrediction(*[math.nan] * 4)
+    return inverse_prediction(york, 1.0, u_y0=0.0)
 
 
 def e_n(a: Quantity, b: Quantity) -> float:
@@ -137,6 +156,8 @@ def _read(fit: LineFit, gamma_masses: Quantity | None) -> Reading:
     widening = coverage_factor(fit, probability=0.6827)
     cov = widening**2 * np.array([[error.u_intercept**2, error.cov], [error.cov, error.u_slope**2]])
     intercept, slope = correlated_values([fit.intercept, fit.slope], cov)
+    if fit.slope == 0.0:
+        return Reading(Quantity(math.nan, math.nan), Quantity(math.nan, math.nan), math.nan)
     gamma, resistance = 1.0 / slope, intercept / slope
     return _reading(Quantity(gamma.nominal_value, gamma.std_dev), Quantity(resistance.nominal_value, resistance.std_dev), gamma_masses)
 

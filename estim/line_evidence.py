@@ -14,7 +14,7 @@ import numpy as np
 from scipy import stats
 
 from estim.errors import InputError
-from estim.line_posterior import LineMode, LinePosterior, line_mode, without_intercept
+from estim.line_posterior import LineMode, LinePosterior, mode_or_guess, without_intercept
 from estim.line_profile import FloatArray
 
 PROPOSAL_DOF = 5.0  # of the Student-t proposal: tails heavier than those of the posterior
@@ -100,7 +100,7 @@ def intercept_evidence(posterior: LinePosterior, *, rng: np.random.Generator, n_
     if posterior.intercept_sd is None:
         raise InputError("must be given: the evidence depends on the prior of the intercept", field="intercept_sd")
     variants = (posterior, without_intercept(posterior))
-    free, fixed = (sample_line(variant, line_mode(variant), rng=rng, n_draw=n_draw) for variant in variants)
+    free, fixed = (sample_line(variant, mode_or_guess(variant), rng=rng, n_draw=n_draw) for variant in variants)
     poor = min(free.n_effective, fixed.n_effective) < 0.1 * n_draw
     return InterceptEvidence(
         free.log_evidence - fixed.log_evidence,

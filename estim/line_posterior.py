@@ -150,14 +150,14 @@ def _assemble(
         points = [np.concatenate([values, -values if k < 2 else values]) for k, values in enumerate(points)]
     x, y, u_x, u_y, r_xy = points
     fit = fit_line(x, y, u_x=None if data.method == "ols" else u_x, u_y=None if data.method == "ols" else u_y, r_xy=r_xy)
-    error = fit.standard_errors["scaled"]
+    error, stated = fit.standard_errors["scaled"], fit.standard_errors.get("propagated", fit.standard_errors["scaled"])
     if not np.isfinite(error.u_slope):
         raise InputError("must not lie on a vertical line; exchange x and y", field="x")
     scale = scaled_points(data).scale
-    floor = 1e-6 * scale[1]  # rough sds may not be zero where the points lie exactly on a line
+    floor = 1e-6 * scale[1]  # rough sds may not be zero where the points lie exactly on a line, nor far below what is stated
     start = {
-        "intercept": (fit.intercept, max(error.u_intercept, floor)),
-        "slope": (fit.slope, max(error.u_slope, floor / scale[0])),
+        "intercept": (fit.intercept, max(error.u_intercept, 0.1 * stated.u_intercept, floor)),
+        "slope": (fit.slope, max(error.u_slope, 0.1 * stated.u_slope, floor / scale[0])),
         "mu_x": (float(np.mean(data.x)), scale[0] * len(data.x) ** -0.5),
         "log_tau": (float(np.log(scale[0])), len(data.x) ** -0.5),
     }
@@ -233,3 +233,9 @@ def line_mode(posterior: LinePosterior) -> LineMode:
     values = np.asarray(start + step * found.x)
     values.flags.writeable = cov.flags.writeable = False
     return LineMode(values, cov, message)
+
+
+def mode_or_guess(posterior: LinePosterior) -> LineMode:
+    """`line_mode`, or where the density has no peak the rough guess with its rough standard deviations, and the message that says so."""
+    mode = line_mode(posterior)
+    return mode if np.all(np.isfinite(mode.cov)) else LineMode(posterior.start, np.diag(posterior.step**2), mode.message)

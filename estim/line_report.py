@@ -11,14 +11,15 @@ from numpy.typing import NDArray
 
 from estim import figures
 from estim.campaign import Campaign, gamma_origin
-from estim.headline import STATUS_WORDS
-from estim.labels import KINDS
+from estim.diagnosis import MEANINGLESS
+from estim.headline import STATUS_WORDS, interval_cell
+from estim.labels import KINDS, Label
 from estim.line import CONVENTIONS
 from estim.line_analysis import LineAnalysis
 from estim.quantity import format_quantity, format_rounded
 from estim.rendering import render
 from estim.result import Provenance, software_versions
-from estim.summary import Summary, number, summarise
+from estim.summary import Summary, number, summarise, trusted
 
 FloatArray = NDArray[np.float64]
 
@@ -49,13 +50,13 @@ class LineRow(msgspec.Struct, frozen=True):
     standard_errors: dict[str, list[float]]  # convention -> u(intercept), u(slope), covariance
     recommended: str | None
     reason: str | None
-    gamma: Estimate
-    rolling_resistance: Estimate
+    gamma: Estimate | None
+    rolling_resistance: Estimate | None
     e_n: float | None
 
 
 class LineResult(msgspec.Struct, frozen=True, rename={"schema_": "schema"}):
-    """Everything of a line; the report prints from it."""
+    """Everything of a line; the report prints from it.  Where the status is not ok, uncertainties and what follows from them are null or empty."""
 
     schema_: str
     title: str
@@ -63,6 +64,7 @@ class LineResult(msgspec.Struct, frozen=True, rename={"schema_": "schema"}):
     status: str
     reasons: list[str]
     advice: list[str]
+    disagreement: str
     body: str
     n_obs: int
     gamma_masses: Estimate | None
@@ -70,11 +72,11 @@ class LineResult(msgspec.Struct, frozen=True, rename={"schema_": "schema"}):
     methods: dict[str, LineRow]
     posterior: dict[str, Summary]
     slope_interval: list[float | None]
-    steepest_phi: Estimate
-    log_bayes_factor_intercept: Estimate
+    steepest_phi: Estimate | None
+    log_bayes_factor_intercept: Estimate | None
     intercept_prior_sd: float
-    zero_phi: float
-    zero_theta_min: float
+    zero_phi: float | None
+    zero_theta_min: float | None
     provenance: Provenance
 
 
@@ -84,25 +86,31 @@ def line_result(campaign: Campaign, analysis: LineAnalysis) -> LineResult:
     intercept = analysis.chain.flat[:, analysis.chain.names.index("intercept")]
     tilt = float(np.mean(np.cos(analysis.series.phi)))
     angle = float(np.mean(np.cos(analysis.series.theta_min)))
-    steepest = analysis.steepest
+    steepest, status, ok = analysis.steepest, analysis.status, analysis.status == "ok"
     return LineResult(
         schema_=LINE_SCHEMA, title=campaign.title, kind=campaign.kind, status=analysis.status,
-        reasons=[f.reason for f in analysis.findings], advice=[f.advice for f in analysis.findings], body=analysis.series.body,
+        reasons=[f.reason for f in analysis.findings], advice=list(dict.fromkeys(f.advice for f in analysis.findings)),
+        disagreement=analysis.disagreement, body=analysis.series.body,
         n_obs=analysis.series.x.size,
         gamma_masses=None if analysis.gamma_masses is None else Estimate(analysis.gamma_masses.value, analysis.gamma_masses.u),
         gamma_origin=gamma_origin(campaign, analysis.series.body), methods=methods,
         posterior={
-            "gamma": summarise(analysis.gamma_draws, unit="1", meaning="1/slope"),
-            "intercept": summarise(intercept, unit="1", meaning="sin θ_min at φ = 0"),
-            "slope": summarise(analysis.chain.flat[:, analysis.chain.names.index("slope")], unit="1", meaning="1/γ"),
-            "rolling_resistance": summarise(analysis.resistance_draws, unit="1", meaning="intercept · γ, if all of it is rolling resistance"),
+            "gamma": trusted(summarise(analysis.gamma_draws, unit="1", meaning="1/slope"), status),
+            "intercept": trusted(summarise(intercept, unit="1", meaning="sin θ_min at φ = 0"), status),
+            "slope": trusted(summarise(analysis.chain.flat[:, analysis.chain.names.index("slope")], unit="1", meaning="1/γ"), status),
+            "rolling_resistance": trusted(
+                summarise(analysis.resistance_draws, unit="1", meaning="intercept · γ, if all of it is rolling resistance"), status
+            ),
         },
-        slope_interval=[number(analysis.slope_exact.low), number(analysis.slope_exact.high)],
-        steepest_phi=Estimate(math.asin(min(max(steepest.x0, -1.0), 1.0)), steepest.u_x0 / math.sqrt(max(1.0 - steepest.x0**2, 1e-12))),
-        log_bayes_factor_intercept=Estimate(analysis.evidence.log_bayes_factor, analysis.evidence.u_log_bayes_factor),
+        slope_interval=[number(analysis.slope_exact.low), number(analysis.slope_exact.high)] if status not in MEANINGLESS else [None, None],
+        steepest_phi=Estimate(
+            math.asin(min(max(steepest.x0, -1.0), 1.0)), steepest.u_x0 / math.sqrt(max(1.0 - steepest.x0**2, 1e-12))
+        ) if ok else None,
+        log_bayes_factor_intercept=Estimate(analysis.evidence.log_bayes_factor, analysis.evidence.u_log_bayes_factor) if ok else None,
         intercept_prior_sd=analysis.evidence.intercept_sd,
         # the intercept read as a zero error: of the plumb line (theta_min too large), or of the protractor (phi too small)
-        zero_phi=float(np.mean(intercept * analysis.gamma_draws)) / tilt, zero_theta_min=float(np.mean(intercept)) / angle,
+        zero_phi=float(np.mean(intercept * analysis.gamma_draws)) / tilt if ok else None,
+        zero_theta_min=float(np.mean(intercept)) / angle if ok else None,
         provenance=Provenance(
             str(campaign.source.path), campaign.source.sha256, {analysis.series.file: analysis.series.sha256}, analysis.seed, software_versions()
         ),
@@ -111,6 +119,8 @@ def line_result(campaign: Campaign, analysis: LineAnalysis) -> LineResult:
 
 def _row(analysis: LineAnalysis, method: str) -> LineRow:
     reading = analysis.readings[method]
+    if analysis.status != "ok":
+        return _bare_row(analysis, method)
     gamma, resistance = (Estimate(q.value, q.u) for q in (reading.gamma, reading.resistance))
     if method == "posterior":
         draws = {name: analysis.chain.flat[:, i] for i, name in enumerate(analysis.chain.names)}
@@ -123,6 +133,15 @@ def _row(analysis: LineAnalysis, method: str) -> LineRow:
     return LineRow(
         fit.intercept, fit.slope, fit.chi2, fit.dof, number(fit.p_value), errors, fit.recommended, fit.reason, gamma, resistance, number(reading.e_n)
     )
+
+
+def _bare_row(analysis: LineAnalysis, method: str) -> LineRow:
+    """A best line and how well it fits, without any uncertainty: for a status that is not ok."""
+    if method == "posterior":
+        intercept, slope = (float(analysis.chain.flat[:, analysis.chain.names.index(name)].mean()) for name in ("intercept", "slope"))
+        return LineRow(intercept, slope, None, None, None, {}, None, None, None, None, None)
+    fit = {"ols": analysis.ols, "weighted": analysis.weighted, "york": analysis.york}[method]
+    return LineRow(fit.intercept, fit.slope, fit.chi2, fit.dof, number(fit.p_value), {}, None, None, None, None, None)
 
 
 def line_report(campaign: Campaign, analysis: LineAnalysis) -> dict[str, bytes]:
@@ -142,16 +161,33 @@ def line_text(result: LineResult) -> str:
 
 def line_values(result: LineResult) -> dict[str, object]:
     """What the template of a line needs."""
-    return {
-        "result": result, "kind": KINDS[result.kind], "status_words": STATUS_WORDS[result.status],
+    shared: dict[str, object] = {
+        "result": result, "kind": KINDS[result.kind], "status_words": STATUS_WORDS[result.status], "meaningless": result.status in MEANINGLESS,
+        "gamma_masses": _estimate(result.gamma_masses), "sources": CONVENTIONS, "methods": [], "best": [], "errors": [], "limits": [],
+        **dict.fromkeys(("gamma", "resistance", "reason", "steepest", "zero_phi", "zero_theta", "evidence")),
+    }
+    evidence, steepest = result.log_bayes_factor_intercept, result.steepest_phi
+    if evidence is None or steepest is None or result.zero_phi is None or result.zero_theta_min is None:
+        return shared | {
+            "best": [_best_cells(name, row) for name, row in result.methods.items() if name != "posterior"],
+            "limits": [(symbol, p.meaning, interval_cell(p, Label(symbol, symbol, "1", 1.0))) for symbol, p in _limited(result)],
+        }
+    return shared | {
         "methods": [_method_cells(name, result.methods[name]) for name in _METHODS],
         "errors": [cells for name in ("ols", "weighted", "york") for cells in _error_cells(name, result.methods[name])],
-        "gamma": _estimate(result.methods["posterior"].gamma), "gamma_masses": _estimate(result.gamma_masses),
+        "gamma": _estimate(result.methods["posterior"].gamma),
         "resistance": _estimate(result.methods["posterior"].rolling_resistance), "reason": result.methods["york"].reason,
-        "steepest": format_quantity(math.degrees(result.steepest_phi.value), math.degrees(result.steepest_phi.u)),
-        "zero_phi": math.degrees(result.zero_phi), "zero_theta": math.degrees(result.zero_theta_min),
-        "evidence": evidence_words(result.log_bayes_factor_intercept.value), "sources": CONVENTIONS,
+        "steepest": format_quantity(math.degrees(steepest.value), math.degrees(steepest.u)),
+        "zero_phi": math.degrees(result.zero_phi), "zero_theta": math.degrees(result.zero_theta_min), "evidence": evidence_words(evidence.value),
     }
+
+
+def _limited(result: LineResult) -> list[tuple[str, Summary]]:
+    return [("γ", result.posterior["gamma"]), ("c_rr", result.posterior["rolling_resistance"])]
+
+
+def _best_cells(name: str, row: LineRow) -> tuple[str, ...]:
+    return _METHODS[name], f"{row.intercept:.4g}", f"{row.slope:.4g}", _fit_words(row)
 
 
 def evidence_words(log_bayes_factor: float) -> str:
@@ -169,11 +205,14 @@ def _estimate(estimate: Estimate | None) -> str:
 
 def _method_cells(name: str, row: LineRow) -> tuple[str, ...]:
     u_intercept, u_slope, _ = row.standard_errors[row.recommended or "posterior sd"]
-    fit = "" if row.p_value is None else f"{row.chi2:.1f}/{row.dof}, p = {row.p_value:.2g}"
     return (
-        _METHODS[name], format_quantity(row.intercept, u_intercept), format_quantity(row.slope, u_slope), fit, _estimate(row.gamma),
+        _METHODS[name], format_quantity(row.intercept, u_intercept), format_quantity(row.slope, u_slope), _fit_words(row), _estimate(row.gamma),
         _estimate(row.rolling_resistance), "" if row.e_n is None else f"{row.e_n:+.2f}",
     )
+
+
+def _fit_words(row: LineRow) -> str:
+    return "" if row.p_value is None else f"{row.chi2:.1f}/{row.dof}, p = {row.p_value:.2g}"
 
 
 def _error_cells(name: str, row: LineRow) -> list[tuple[str, ...]]:
@@ -192,12 +231,13 @@ def line_figure(analysis: LineAnalysis, *, synthetic: bool) -> Figure:
     figure = figures.new_figure(4.6)
     ax = figure.subplots()
     x = np.linspace(0.0, 1.08 * float(series.x.max()), 100)
-    draws = analysis.chain.thinned(4000)
-    names = analysis.chain.names
-    lines = draws[:, [names.index("intercept")]] + draws[:, [names.index("slope")]] * x
-    for probability, alpha in ((0.95, 0.22), (0.68, 0.40)):
-        low, high = np.quantile(lines, [0.5 - 0.5 * probability, 0.5 + 0.5 * probability], axis=0)
-        ax.fill_between(x, low, high, color=figures.BLUE, alpha=alpha, lw=0, label=f"posterior of the line, {probability:.0%}")
+    if analysis.status == "ok":
+        draws = analysis.chain.thinned(4000)
+        names = analysis.chain.names
+        lines = draws[:, [names.index("intercept")]] + draws[:, [names.index("slope")]] * x
+        for probability, alpha in ((0.95, 0.22), (0.68, 0.40)):
+            low, high = np.quantile(lines, [0.5 - 0.5 * probability, 0.5 + 0.5 * probability], axis=0)
+            ax.fill_between(x, low, high, color=figures.BLUE, alpha=alpha, lw=0, label=f"posterior of the line, {probability:.0%}")
     if analysis.gamma_masses is not None:
         gamma = analysis.gamma_masses
         ax.plot(x, x / gamma.value, color=figures.ORANGE, lw=1.8, label=f"theory, γ = {format_quantity(gamma.value, gamma.u)} as stated")

@@ -141,9 +141,10 @@ class Differentiated:
         matrix[np.arange(rows.size), rows] -= curve.local(x, arguments).slope[0]
         kernel = matrix @ matrix.T
         spectrum, basis = np.linalg.eigh(kernel)
+        rounding = np.finfo(float).eps * spectrum.size * spectrum[-1]  # no eigenvalue is known better: where the slope is huge, some come out below 0
         bent = curve.time_derivative(x, arguments, stencil.order)[0]
         offset = stencil.truncation * interval**stencil.order * bent
-        return Whitening(basis=basis, spectrum=np.maximum(spectrum, 0.0), offset=offset, kernel=kernel, steepness=np.zeros(x.size))
+        return Whitening(basis=basis, spectrum=np.maximum(spectrum, rounding), offset=offset, kernel=kernel, steepness=np.zeros(x.size))
 
     def reading_gain(self) -> FloatArray:
         """(n_obs,) standard deviation of each speed for a unit error of the positions."""

@@ -180,7 +180,7 @@ def _descend(search: Search, start: FloatArray) -> FloatArray:
     result = least_squares(
         residuals, first / unit, jac=jacobian, bounds=(low / unit, high / unit), x_scale="jac", ftol=1e-11, xtol=1e-11, gtol=None, max_nfev=200
     )
-    return filled(result.x)
+    return filled(result.x if np.all(np.isfinite(result.x)) else first / unit)  # nan: no parameter changes the residuals here
 
 
 def _inside(values: FloatArray, low: FloatArray, high: FloatArray) -> FloatArray:

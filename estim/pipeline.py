@@ -96,7 +96,8 @@ def analyse(
             fit = fit_optimum(problem, rng=rng)
         except InputError as error:
             raise campaign.curve.place_of(error, problem, campaign.tables) from None
-        campaign.curve.require_determined(problem, fit.sds)
+        campaign.curve.require_scatter(fit)
+        campaign.curve.require_determined(fit)
     else:
         fit = fit_least_squares(problem, rng=rng, n_start=_STARTS if len(runs) <= _MANY_RUNS else _FEW_STARTS)
     analysis = analyse_fit(fit, seed=seed, target=target, progress=progress, store=store, stop=stop, marginal=marginal)

@@ -107,8 +107,8 @@ def _distance(column: FloatArray, weights: tuple[FloatArray, FloatArray] | None)
 def _disagreement(prior: Prior, column: FloatArray) -> float:
     if not math.isfinite(prior.sd):
         return 0.0
-    learnt = prior.sd**2 - float(column.var())
-    return (prior.centre - float(column.mean())) / math.sqrt(learnt) if learnt > 0.1 * prior.sd**2 else 0.0
+    learnt = 1.0 - (float(column.std()) / prior.sd) ** 2
+    return (prior.centre - float(column.mean())) / (prior.sd * math.sqrt(learnt)) if learnt > 0.1 else 0.0
 
 
 def _verdict(prior: float, likelihood: float, z: float, k_hat: float, threshold: float) -> str:

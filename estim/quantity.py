@@ -15,6 +15,8 @@ from estim.errors import InputError
 
 _NUMBER = re.compile(r"[+-]?((\d+(\.\d*)?|\.\d+)(e[+-]?\d+)?|nan|inf|infinity)", re.ASCII | re.IGNORECASE)
 
+EXTREME = "must be 0 or between 1e-100 and 1e100 in size"
+
 
 @dataclass(frozen=True)
 class Quantity:
@@ -42,10 +44,15 @@ def read_number(text: str) -> float:
     return float(text)
 
 
+def extreme(value: float) -> bool:
+    """Whether the square of a number, or the product of a few, may be no number at all, which no measurement asks for."""
+    return math.isfinite(value) and value != 0.0 and not 1e-100 <= abs(value) <= 1e100
+
+
 def read_quantity(source: str | float, *, field: str) -> Quantity:
     """The quantity written in `source`.
 
-    Raises InputError naming `field` where the text is no number, is not finite, or has an uncertainty of zero or less.
+    Raises InputError naming `field` where the text is no number, is not finite or beyond all measure, or has an uncertainty of zero or less.
     """
     if isinstance(source, bool) or not isinstance(source, (str, int, float)):
         raise InputError('must be a number or "value +/- uncertainty"', field=field, value=source)
@@ -55,6 +62,8 @@ def read_quantity(source: str | float, *, field: str) -> Quantity:
         raise InputError("must be finite", field=field, value=source) from None
     if not (math.isfinite(quantity.value) and math.isfinite(quantity.u)):
         raise InputError("must be finite", field=field, value=source)
+    if extreme(quantity.value) or extreme(quantity.u):
+        raise InputError(EXTREME, field=field, value=source)
     return quantity
 
 

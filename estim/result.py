@@ -228,7 +228,7 @@ def _certificate(analysis: Analysis) -> Certificate:
 
 def _parameter(analysis: Analysis, i: int) -> ParameterSummary:
     parameter, diagnosis = analysis.problem.parameters[i], analysis.diagnosis
-    summary = trusted(summarise(analysis.chain.flat[:, i], unit=parameter.unit, meaning=parameter.meaning), diagnosis)
+    summary = trusted(summarise(analysis.chain.flat[:, i], unit=parameter.unit, meaning=parameter.meaning), diagnosis.status)
     return ParameterSummary(
         **msgspec.structs.asdict(summary), prior=parameter.prior.describe(),
         prior_mean=number(parameter.prior.centre) if math.isfinite(parameter.prior.sd) else None,
@@ -239,7 +239,7 @@ def _parameter(analysis: Analysis, i: int) -> ParameterSummary:
 
 def _turning_point(end: FloatArray, run: Observations, diagnosis: Diagnosis) -> TurningPoint:
     with np.errstate(invalid="ignore"):
-        summary = trusted(summarise(end, unit=run.x_unit, meaning="where the motion ends, from the release"), diagnosis)
+        summary = trusted(summarise(end, unit=run.x_unit, meaning="where the motion ends, from the release"), diagnosis.status)
     return TurningPoint(**msgspec.structs.asdict(summary), never_stops=float(np.mean(~np.isfinite(end))))
 
 
@@ -256,7 +256,7 @@ def _run(campaign: Campaign, analysis: Analysis, i: int) -> RunSummary:
         warnings=list(origin_warnings(table, run, analysis.problem)), robust=run.noise.tails.robust, outliers=_outliers(analysis, run),
         what="positions" if run.noise.positions else "speeds" if run.origin is not None else "points",
         derived={
-            name: trusted(summarise(np.ravel(d.values), unit=d.unit, meaning=d.meaning), analysis.diagnosis)
+            name: trusted(summarise(np.ravel(d.values), unit=d.unit, meaning=d.meaning), analysis.diagnosis.status)
             for name, d in derived.items() if np.size(d.values) > 1
         },
     )

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from estim.bands import PROBABILITIES
-from estim.diagnosis import MEANINGLESS, Diagnosis
+from estim.diagnosis import MEANINGLESS
 
 FloatArray = NDArray[np.float64]
 
@@ -46,10 +46,10 @@ def _quantiles(draws: FloatArray) -> list[float | None]:
     return [number(ordered[round(q * (ordered.size - 1))]) for q in tails]
 
 
-def trusted(summary: Summary, diagnosis: Diagnosis) -> Summary:
+def trusted(summary: Summary, status: str) -> Summary:
     """`summary` without what its status does not allow: no mean and sd unless ok, nothing at all where the draws mean nothing."""
-    if diagnosis.ok:
+    if status == "ok":
         return summary
-    if diagnosis.status in MEANINGLESS:
+    if status in MEANINGLESS:
         return Summary(summary.unit, summary.meaning, None, None, None, None, None, None, None)
     return msgspec.structs.replace(summary, mean=None, sd=None)

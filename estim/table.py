@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from estim.errors import InputError
-from estim.quantity import read_number
+from estim.quantity import EXTREME, extreme, read_number
 
 FloatArray = NDArray[np.float64]
 
@@ -201,5 +201,7 @@ def _cells(line: str, names: list[str], delimiter: str, file: str, number: int) 
             raise InputError(f"must be a number{hint}", field=name, value=text, file=file, line=number) from None
         if not math.isfinite(value):
             raise InputError("must be finite", field=name, value=text, file=file, line=number)
+        if extreme(value):
+            raise InputError(EXTREME, field=name, value=text, file=file, line=number)
         values.append(value)
     return values

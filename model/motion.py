@@ -266,10 +266,10 @@ def _evaluate(z: FloatArray, coefficients: FloatArray) -> FloatArray:
 def _farthest(t: FloatArray, body: Body, phi: FloatArray, rolling_resistance: FloatArray, g: FloatArray) -> FloatArray:
     """An angle (rad) that the body cannot have turned by max(t): from rest at the largest acceleration there can be.
 
-    theta'' = (g/R)(gamma sin theta - s)/D + ... is hard to bound tightly; v^2 = 2 g R W/D with W <= 2 gamma - (theta - theta0) s
-    and D >= 1 + j - 2 gamma gives theta' <= sqrt(a + b theta), whose solution grows like a falling body.
+    theta'' = (g/R)(gamma sin theta - s)/D + ... is hard to bound tightly; v^2 = 2 g R W/D with W <= 2 |gamma| - (theta - theta0) s
+    and D >= 1 + j - 2 |gamma| gives theta' <= sqrt(a + b theta), whose solution grows like a falling body.
     """
-    gamma, slope = np.asarray(body.gamma), effective_slope(phi, rolling_resistance)
+    gamma, slope = np.abs(body.gamma), effective_slope(phi, rolling_resistance)
     smallest = np.maximum(1.0 + np.asarray(body.inertia_ratio) - 2.0 * gamma, 1e-6)
     scale = 2.0 * g / np.asarray(body.radius) / smallest
     a, b = scale * 2.0 * gamma, scale * np.maximum(-slope, 0.0)

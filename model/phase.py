@@ -219,7 +219,7 @@ def turning_angle(body: Body, *, phi: ArrayLike, theta0: ArrayLike, rolling_resi
     )
     starts = gamma * np.sin(theta0) > slope
     turns = starts & (np.abs(slope) < gamma)
-    lowest = np.arcsin(np.clip(np.divide(slope, gamma, out=np.zeros_like(slope), where=gamma > 0), -1.0, 1.0))
+    lowest = np.arcsin(np.divide(slope, gamma, out=np.zeros_like(slope), where=np.abs(slope) < gamma))  # elsewhere it is not asked for
     start = lowest + np.mod(theta0 - lowest, 2.0 * np.pi)
 
     def work(angle: FloatArray) -> FloatArray:

@@ -1,0 +1,94 @@
+"""Numbers beyond all measure, curves without derivatives, data without scatter: one line or a status, never a traceback or a warning of NumPy."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from troubles import Disk, Formula
+
+from estim.campaign import load_campaign
+from estim.errors import InputError
+from estim.fitting import fit_least_squares
+from estim.pipeline import analyse
+from estim.sampling import Target
+
+STRAIGHT = Formula("a*x + b", "a = {start = 1.0}\nb = {start = 0.0}", lambda x: 2.0 * x + 1.0)
+QUICK = Target(max_step=200)
+
+
+def scaled_run(folder: Path, factor: float, **choices: str) -> Path:
+    """A disk's campaign whose positions are all wrong by one factor."""
+    path = Disk(**choices).write(folder)
+    head, *rows = (folder / "r.csv").read_text().splitlines()
+    cells = [row.split(",") for row in rows]
+    (folder / "r.csv").write_text("\n".join([head, *(f"{t},{float(x) * factor!r}" for t, x in cells)]) + "\n")
+    return path
+
+
+def curve(folder: Path, expression: str, parameters: str, *, u_y: str = "u_y = 0.02", error: float = 0.02) -> Path:
+    path = Formula(expression, parameters, STRAIGHT.truth, error=error).write(folder)
+    path.write_text(path.read_text().replace("u_y = 0.02", u_y))
+    return path
+
+
+@pytest.mark.parametrize("factor", [100.0, 1000.0])
+def test_positions_in_a_wrong_unit_end_in_a_status(tmp_path: Path, factor: float) -> None:
+    analysis = analyse(load_campaign(scaled_run(tmp_path, factor)), ["r"], seed=1, target=QUICK)
+    assert not analysis.diagnosis.ok
+
+
+@pytest.mark.parametrize("sigma", ["1e-200", "1e200"])
+def test_a_sigma_beyond_all_measure_is_refused_at_its_line(tmp_path: Path, sigma: str) -> None:
+    path = Disk().write(tmp_path)
+    path.write_text(path.read_text().replace("sigma_x_m = 0.001", f"sigma_x_m = {sigma}"))
+    with pytest.raises(InputError, match=r"campaign\.toml:5: 'sigma_x_m' must be 0 or between"):
+        load_campaign(path)
+
+
+def test_a_reading_beyond_all_measure_is_refused_at_its_line(tmp_path: Path) -> None:
+    path = curve(tmp_path, "a*x + b", STRAIGHT.parameters)
+    lines = (tmp_path / "r.csv").read_text().splitlines()
+    (tmp_path / "r.csv").write_text("\n".join([*lines[:4], "1e150,3.0", *lines[5:]]) + "\n")
+    with pytest.raises(InputError, match=r"r\.csv:5: 'x' must be 0 or between"):
+        load_campaign(path)
+
+
+@pytest.mark.parametrize(
+    ("expression", "parameters", "blamed"),
+    [
+        ("a*x + 0*b", "a = {start = 1.0}\nb = {start = 0.0}", "'b' is not determined"),
+        ("a*x/b**0", "a = {start = 1.0}\nb = {start = 1.0}", "'b' is not determined"),
+        ("a*x + b*abs(c)", "a = {start = 1.0}\nb = {start = 1.0}\nc = {start = 1.0}", "'b' is not determined by the data, nor is 'c'"),
+        ("where(x > a, 1, 2)*b", "a = {start = 1.0}\nb = {start = 1.0}", "'a' is not determined"),
+    ],
+)
+def test_the_parameter_that_is_not_determined_is_the_one_named(tmp_path: Path, expression: str, parameters: str, blamed: str) -> None:
+    with pytest.raises(InputError, match=blamed):
+        analyse(load_campaign(curve(tmp_path, expression, parameters)), ["r"], seed=1, target=QUICK)
+
+
+def test_errors_of_x_as_large_as_its_range_are_refused(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"campaign\.toml:8: 'u_x' must be below the range of x, 1"):
+        load_campaign(curve(tmp_path, "a*x + b", STRAIGHT.parameters, u_y="u_y = 0.02\nu_x = 1e10"))
+
+
+def test_points_without_scatter_are_told_as_such(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="'u_y' is needed: the curve passes through every point"):
+        analyse(load_campaign(curve(tmp_path, "a*x + b", STRAIGHT.parameters, u_y="", error=0.0)), ["r"], seed=1, target=QUICK)
+    stated = analyse(load_campaign(curve(tmp_path, "a*x + b", STRAIGHT.parameters, error=0.0)), ["r"], seed=1, target=QUICK)
+    assert [reason for reason in stated.diagnosis.reasons if reason.startswith("run r")] == [
+        "run r: all residuals are zero but for rounding errors, as those of measurements never are: were the data computed? (test 'zero', p < 5e-05)"
+    ]
+    noisy = analyse(load_campaign(curve(tmp_path, "a*x + b", STRAIGHT.parameters, u_y="")), ["r"], seed=1)
+    assert noisy.diagnosis.ok
+
+
+def test_positions_in_a_wrong_unit_fit_as_they_are_end_in_a_fit(tmp_path: Path) -> None:
+    """A hundred times too large: beside the edge of where the motion is defined its derivatives are no numbers."""
+    path = scaled_run(tmp_path, 100.0)
+    path.write_text(path.read_text().replace("sigma_x_m = 0.001", 'sigma_x_m = 0.001, model = "positions"'))
+    fit = fit_least_squares(load_campaign(path).problem(["r"]), rng=np.random.default_rng(1), n_start=1)
+    assert np.all(np.isfinite(fit.values))
+    assert fit.p_value < 1e-6
