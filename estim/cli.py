@@ -52,11 +52,15 @@ def cli() -> None:
 @_STEPS
 @_OUT
 @_SEED
-@click.option("--marginal", is_flag=True, help="Sample a joint fit through the marginal over its runs (always done for more than 16).")
+@click.option(
+    "--marginal/--full", default=None, help="Sample a joint fit through the marginal over its runs, or all unknowns at once.  "
+    "[default: the marginal for more than 16 runs, and for `positions` with more than 12 unknowns]",
+)
 @click.option("--compare", is_flag=True, help="Fit with every model of the noise that the data allow, and tabulate them.")
 @click.option("--resume", is_flag=True, help="Continue a fit that was interrupted, from the draws kept in OUT/.checkpoint.")
 def fit(
-    campaign: Path, runs: tuple[str, ...], joint: bool, max_steps: int, out: Path | None, seed: int, marginal: bool, compare: bool, resume: bool
+    campaign: Path, runs: tuple[str, ...], joint: bool, max_steps: int, out: Path | None, seed: int, marginal: bool | None, compare: bool,
+    resume: bool,
 ) -> None:
     """Fit runs of CAMPAIGN and write a report.
 
@@ -86,8 +90,8 @@ def fit(
         raise InputError("needs --joint: one run has nothing to share", field="--marginal")
     click.get_current_context().with_resource(only_writer(folder / ".checkpoint"))
     if compare:
-        if resume or marginal:
-            raise InputError("does not go with --resume or --marginal", field="--compare")
+        if resume or marginal is not None:
+            raise InputError("does not go with --resume, --marginal or --full", field="--compare")
         _compare(loaded, groups, folder, seed=seed, max_steps=max_steps)
         return
     stores = [Store(folder / ".checkpoint" / (f"joint-{group[0]}" if joint else group[0]), resume=resume, say=note) for group in groups]
@@ -95,14 +99,14 @@ def fit(
     for group, store in zip(groups, stores, strict=True):
         with progress_bar(", ".join(group), max_steps) as progress:
             analysis = analyse(
-                loaded, group, seed=seed, target=Target(max_step=max_steps), progress=progress, store=store, stop=stop, marginal=marginal or None
+                loaded, group, seed=seed, target=Target(max_step=max_steps), progress=progress, store=store, stop=stop, marginal=marginal
             )
         place = folder if len(groups) == 1 else folder / group[0]
         write_files(place, analysis_report(loaded, analysis))
         if can_write_netcdf():
             write_files(place, {"draws.nc": to_netcdf(analysis)})
         results[group[0]] = result_of(loaded, analysis)
-        conclude(", ".join(group), analysis.diagnosis.status, analysis.diagnosis.reasons)
+        conclude(", ".join(group), analysis.diagnosis.status, analysis.diagnosis.reasons, analysis.diagnosis.notes)
     if len(groups) > 1:
         write_files(folder, index_report(loaded, results))
     for store in stores:
@@ -110,8 +114,7 @@ def fit(
     click.echo(f"report: {folder / 'report.md'}")
     if not can_write_netcdf():
         click.echo(f"no draws.nc (the draws, for ArviZ and xarray): {HOW_TO_GET}")
-    if any(result.status != "ok" for result in results.values()):
-        sys.exit(NOT_OK)
+    _exit_unless(all(result.status == "ok" for result in results.values()))
 
 
 def _compare(campaign: Campaign, groups: Iterable[tuple[str, ...]], folder: Path, *, seed: int, max_steps: int) -> None:
@@ -133,8 +136,7 @@ def _compare(campaign: Campaign, groups: Iterable[tuple[str, ...]], folder: Path
         write_files(place, compare_report(campaign, compared, seed=seed))
         click.echo(f"report: {place / 'report.md'}")
         none_ok = none_ok or not any(model.analysis.diagnosis.ok for model in compared)
-    if none_ok:
-        sys.exit(NOT_OK)
+    _exit_unless(not none_ok)
 
 
 @cli.command()
@@ -159,8 +161,7 @@ def line(campaign: Path, out: Path | None, seed: int) -> None:
     write_files(folder, line_report(loaded, analysis))
     conclude("line", analysis.status, [*(finding.reason for finding in analysis.findings), *filter(None, (analysis.disagreement,))])
     click.echo(f"report: {folder / 'report.md'}")
-    if analysis.status != "ok":
-        sys.exit(NOT_OK)
+    _exit_unless(analysis.status == "ok")
 
 
 @cli.command()
@@ -196,8 +197,7 @@ def energy(campaign: Path, runs: tuple[str, ...], joint: bool, max_steps: int, o
     folder = out or Path("out") / campaign.resolve().parent.name / "energy"
     write_files(folder, energy_report(loaded, analyses, records, drifts, seed=seed))
     click.echo(f"report: {folder / 'report.md'}")
-    if any(not analysis.diagnosis.ok for analysis in analyses):
-        sys.exit(NOT_OK)
+    _exit_unless(all(analysis.diagnosis.ok for analysis in analyses))
 
 
 @cli.command()
@@ -224,8 +224,7 @@ def reanalyse(campaign: Path, max_steps: int, out: Path | None, seed: int) -> No
     for what, status in result.statuses.items():
         conclude(what, status, ())
     click.echo(f"report: {folder / 'report.md'}")
-    if any(status != "ok" for status in result.statuses.values()):
-        sys.exit(NOT_OK)
+    _exit_unless(all(status == "ok" for status in result.statuses.values()))
 
 
 @cli.command()
@@ -275,8 +274,7 @@ def calibrate(
             said = [] if calibration.what == "sbc" else [coverage_sentence(calibration, name) for name in calibration.reported]
             conclude(f"{', '.join(group)}, {calibration.what}", "not-calibrated" if found else "ok", [*(f.sentence for f in found), *said])
         click.echo(f"report: {place / 'report.md'}")
-    if not trusted:
-        sys.exit(NOT_OK)
+    _exit_unless(trusted)
 
 
 @cli.command()
@@ -321,6 +319,12 @@ def import_file(
     click.echo(f"run: {out} ({imported.t.size} rows)")
 
 
+def _exit_unless(ok: bool) -> None:
+    """Ends the command with 3 where a result is not to be trusted."""
+    if not ok:
+        sys.exit(NOT_OK)
+
+
 def main() -> None:
     """Entry point: one line on stderr and an exit code in place of a traceback.
 
@@ -330,21 +334,13 @@ def main() -> None:
         warnings.simplefilter("ignore")
     try:
         status = cli.main(standalone_mode=False)
-    except Interrupted:
-        click.echo("interrupted: continue with --resume", err=True)
+    except (Interrupted, click.exceptions.Abort) as error:
+        click.echo("interrupted: continue with --resume" if isinstance(error, Interrupted) else "interrupted", err=True)
         sys.exit(INTERRUPTED)
-    except click.exceptions.Abort:
-        click.echo("interrupted", err=True)
-        sys.exit(INTERRUPTED)
-    except click.ClickException as error:
-        click.echo(f"error: {one_line(error.format_message())}", err=True)
-        sys.exit(BAD_INPUT)
-    except NumericalError as error:
-        click.echo(f"error: {error}", err=True)
-        sys.exit(NOT_OK)
-    except EstimError as error:
-        click.echo(f"error: {error}", err=True)
-        sys.exit(BAD_INPUT)
+    except (click.ClickException, EstimError) as error:
+        said = error.format_message() if isinstance(error, click.ClickException) else str(error)
+        click.echo(f"error: {one_line(said)}", err=True)
+        sys.exit(NOT_OK if isinstance(error, NumericalError) else BAD_INPUT)
     sys.exit(status if isinstance(status, int) else 0)
 
 

@@ -86,7 +86,8 @@ def analyse(
 
     noise : in place of the noise tables of the campaign.
     store, stop : keep the chain on disk, resume it, end it early (`sample_posterior`).
-    marginal : whether a joint posterior is sampled through the marginal over runs; None decides by their number (more than 16).
+    marginal : whether a joint posterior is sampled through the marginal over runs; None: for more than 16 of them, and where the density
+        is dear (`positions`) and the chain has no proposal (more than 12 unknowns).
     """
     problem = campaign.problem(runs, noise=noise)
     campaign.require_unknowns(problem)
@@ -112,7 +113,7 @@ def analyse_fit(
     target, problem = target or Target(), fit.problem
     chain_rng, check_rng, band_rng, proposal_rng = np.random.default_rng(seed).spawn(5)[1:]
     certificate = None
-    if marginal or (marginal is None and len(problem.runs) > _MANY_RUNS):
+    if marginal if marginal is not None else _through_marginal(problem):
         chain, comparison = marginal_chain(fit, target=target, rng=chain_rng)
     else:
         proposal = None
@@ -136,3 +137,8 @@ def analyse_fit(
     return Analysis(
         problem, fit, certificate, chain, comparison, goodness, identifiability, modes, outliers, consistency, conflict, diagnosis, bands, seed
     )
+
+
+def _through_marginal(problem: Problem) -> bool:
+    dear = any(run.noise.positions for run in problem.runs) and problem.n_par > MAX_PARAMETERS
+    return len(problem.runs) > (1 if dear else _MANY_RUNS)

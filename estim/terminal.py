@@ -31,10 +31,10 @@ def counted(what: str, total: int) -> Iterator[Callable[[int], None]]:
         yield show
 
 
-def conclude(what: str, status: str, reasons: Iterable[str]) -> None:
+def conclude(what: str, status: str, reasons: Iterable[str], notes: Iterable[str] = ()) -> None:
     click.echo(f"{what}: {status}")
-    for reason in reasons:
-        click.echo(f"  {reason}")
+    for line in (*reasons, *(f"note: {text}" for text in notes)):
+        click.echo(f"  {line}")
 
 
 @contextmanager

@@ -102,3 +102,14 @@ def test_a_wrong_stated_value_of_a_formula_is_a_poor_fit_though_the_scatter_is_i
     start = {"a": 2.0, "b": 1.0}
     assert fit_curve("a*x + b", X, y, start=start, priors={"a": Normal(2.0, 0.1)}).status == "ok"
     assert fit_curve("a*x + b", X, y, start=start, priors={"a": Normal(3.0, 0.1)}).status == "poor-fit"
+
+
+def test_what_is_hardly_in_agreement_is_said_on_the_terminal_though_it_is_ok(tmp_path: Path, rng: np.random.Generator) -> None:
+    """The stated angle is moved until p is between the two limits."""
+    for theta0 in np.arange(60.0, 66.0, 0.25):
+        campaign = replace(Disk(), theta0=f'"{theta0:.2f}(150)"').write(tmp_path)
+        if 0.012 < check_stated_values(fit_least_squares(load_campaign(campaign).problem(["r"]), rng=rng, n_start=1)).p_value < 0.045:
+            break
+    done = CliRunner().invoke(cli, ["fit", str(campaign), "--out", str(tmp_path / "out")])
+    assert done.exit_code == 0, done.output
+    assert "note: the data hardly agree with what was stated before" in done.output

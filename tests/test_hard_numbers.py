@@ -33,6 +33,13 @@ def curve(folder: Path, expression: str, parameters: str, *, u_y: str = "u_y = 0
     return path
 
 
+@pytest.fixture
+def any_speed(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Without the refusal of speeds that gravity cannot give, which would come first."""
+    monkeypatch.setattr("estim.campaign.check_speeds", lambda *arguments, **named: None)
+
+
+@pytest.mark.usefixtures("any_speed")
 @pytest.mark.parametrize("factor", [100.0, 1000.0])
 def test_positions_in_a_wrong_unit_end_in_a_status(tmp_path: Path, factor: float) -> None:
     analysis = analyse(load_campaign(scaled_run(tmp_path, factor)), ["r"], seed=1, target=QUICK)
@@ -85,6 +92,7 @@ def test_points_without_scatter_are_told_as_such(tmp_path: Path) -> None:
     assert noisy.diagnosis.ok
 
 
+@pytest.mark.usefixtures("any_speed")
 def test_positions_in_a_wrong_unit_fit_as_they_are_end_in_a_fit(tmp_path: Path) -> None:
     """A hundred times too large: beside the edge of where the motion is defined its derivatives are no numbers."""
     path = scaled_run(tmp_path, 100.0)

@@ -37,7 +37,7 @@ def test_the_campaign_of_the_page_is_read(project: Path, tmp_path: Path) -> None
     for name in ("first", "second"):
         np.savetxt(tmp_path / f"{name}.csv", np.column_stack([t, np.cos(t)]), delimiter=",", header="t_s,angle_deg", comments="")
     problem = load_campaign(tmp_path / "campaign.toml").problem(["first", "second"])
-    assert set(problem.names) == {"A", "b", "T", "p", "c", "A[second]", "p[second]", "scale_x"}
+    assert set(problem.names) == {"A[first]", "b", "T", "p[first]", "c", "A[second]", "p[second]", "scale_x"}
 
 
 def test_the_page_names_every_function(project: Path) -> None:
