@@ -16,7 +16,7 @@ from estim.headline import STATUS_WORDS, interval_cell
 from estim.labels import KINDS, Label
 from estim.line import CONVENTIONS
 from estim.line_analysis import LineAnalysis
-from estim.quantity import format_quantity, format_rounded
+from estim.quantity import format_quantity, format_rounded, signed
 from estim.rendering import render
 from estim.result import Provenance, software_versions
 from estim.summary import Summary, number, summarise, trusted
@@ -207,7 +207,7 @@ def _method_cells(name: str, row: LineRow) -> tuple[str, ...]:
     u_intercept, u_slope, _ = row.standard_errors[row.recommended or "posterior sd"]
     return (
         _METHODS[name], format_quantity(row.intercept, u_intercept), format_quantity(row.slope, u_slope), _fit_words(row), _estimate(row.gamma),
-        _estimate(row.rolling_resistance), "" if row.e_n is None else f"{row.e_n:+.2f}",
+        _estimate(row.rolling_resistance), "" if row.e_n is None else signed(f"{row.e_n:+.2f}"),
     )
 
 

@@ -12,11 +12,13 @@ from scipy.special import logsumexp
 
 from estim import conditional
 from estim.campaign import load_campaign
+from estim.campaign_file import NoiseTable
 from estim.conditional import RunTerm, hermite_nodes, log_volume
 from estim.errors import InputError
 from estim.fitting import Fit, fit_least_squares
 from estim.importance import pareto_smoothed
 from estim.marginal import MarginalOptions, MarginalPosterior, sample_marginal
+from estim.pipeline import analyse
 from estim.priors import HalfNormal, Normal, Uniform
 from estim.problem import Posterior, Problem
 from estim.sampling import Target, effective_size, sample_posterior
@@ -269,3 +271,16 @@ def test_eight_runs_take_a_moment_and_the_exact_weights_agree(replica: Path, rng
     assert found.shift < 0.1
     assert found.expansion_error < 0.3
     assert found.log_evidence_all == pytest.approx(found.log_evidence, abs=0.1)
+
+
+# --- the choice of `estim fit --joint`
+
+
+@pytest.mark.slow
+def test_joint_fits_of_positions_go_through_the_marginal(project: Path) -> None:
+    """Whose exact weights in all dimensions are its second opinion."""
+    campaign = load_campaign(project / "data" / "replica" / "campaign.toml")
+    chosen = analyse(campaign, ["heavy-02", "heavy-04", "heavy-08"], seed=1, noise=NoiseTable(model="positions", sigma_x_m=0.001))
+    assert chosen.problem.n_par == 16
+    assert "exact weights in all dimensions agree" in chosen.comparison.reason
+    assert chosen.diagnosis.ok, chosen.diagnosis.reasons
