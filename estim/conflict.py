@@ -38,6 +38,7 @@ _LEAST = 0.01  # information of the data, in units of the prior's, below which t
 _ALONE = 1e-9  # relative: eigenvalues below count as zero
 _FAR = 2.0  # pulls worth naming, and how many of them at most
 _NAMED = 3
+_SMALLEST = 1e-6  # smaller probabilities have no meaning for errors that are only nearly normal
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,7 +103,8 @@ def conflict_words(fit: Fit, conflict: Conflict) -> str:
         parts.append(f"{shown.symbol} was stated as {parameters[name].prior.centre * shown.factor:.4g}{unit}, {off} what all else says")
     one_of = "; each of these, or the scale of the data, may be what is wrong" if len(far) > 1 else ""
     verb = "hardly agree" if conflict.agree else "do not agree"
-    return f"the data {verb} with what was stated before (p = {conflict.p_value:.1g}){': ' if parts else ''}{'; '.join(parts)}{one_of}"
+    p = f"p = {conflict.p_value:.2g}" if conflict.p_value > _SMALLEST else f"p < {_SMALLEST:.0e}"
+    return f"the data {verb} with what was stated before ({p}){': ' if parts else ''}{'; '.join(parts)}{one_of}"
 
 
 def _without(matrix: FloatArray, kept: NDArray[np.int64], fitted: NDArray[np.int64]) -> FloatArray:

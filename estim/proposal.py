@@ -195,9 +195,11 @@ def _split(draws: FloatArray, weights: FloatArray, n_component: int, rng: np.ran
     for _ in range(n_component - 1):
         nearest = np.min([np.sum((whitened - whitened[c]) ** 2, axis=1) for c in centres], axis=0)
         chance = weights * nearest
+        if not np.sum(chance) > 0.0:  # a single draw has all the weight: nothing to part
+            break
         centres.append(int(rng.choice(weights.size, p=chance / np.sum(chance))))
-    scale = n_component ** (-1.0 / draws.shape[1])
-    start = Proposal(np.full(n_component, 1.0 / n_component), draws[centres], np.stack([scale * factor] * n_component))
+    n = len(centres)
+    start = Proposal(np.full(n, 1.0 / n), draws[centres], np.stack([n ** (-1.0 / draws.shape[1]) * factor] * n))
     return _fit(start, draws, weights)
 
 

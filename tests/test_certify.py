@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from targets import COV, Known, banana, bimodal, box, exponential, half_normal, normal
 
+from estim import proposal
 from estim.campaign import load_campaign
 from estim.certify import PROBABILITIES, Certificate, certify, chain_errors, compare_with_chain
 from estim.density import Density, log_density_in_batches
@@ -324,3 +325,11 @@ def test_chain_and_certificate_agree(which: str, replica: Path, project: Path, t
     # a chain of another posterior would not pass
     moved = dataclasses.replace(chain, draws=chain.draws + 0.25 * certificate.sd)
     assert compare_with_chain(certificate, moved).verdict == "disagree"
+
+
+def test_draws_of_which_one_has_all_the_weight_are_one_component(rng: np.random.Generator) -> None:
+    draws, weights = rng.standard_normal((50, 3)), np.eye(50)[7]
+    found = proposal._split(draws, weights, 4, rng)
+    assert found.weights == pytest.approx([1.0])
+    assert found.means[0] == pytest.approx(draws[7], abs=1e-6)
+    assert np.all(np.isfinite(found.draw(rng, 10)))
