@@ -197,7 +197,8 @@ def chain_errors(chain: Chain) -> tuple[FloatArray, FloatArray]:
     squares = deviation**2
     spread, of_squares = deviation.std(axis=(0, 1, 2)), squares.std(axis=(0, 1, 2))
     u_mean = spread / np.sqrt(effective_size(chain.draws, "mean"))
-    return u_mean, of_squares / np.sqrt(effective_size(squares, "mean")) / (2.0 * spread)
+    with np.errstate(divide="ignore", invalid="ignore"):  # walkers that never moved
+        return u_mean, of_squares / np.sqrt(effective_size(squares, "mean")) / (2.0 * spread)
 
 
 def too_many(n_par: int) -> str:

@@ -57,6 +57,7 @@ from estim.toml_text import Places
 
 FloatArray = NDArray[np.float64]
 _MIN_ROWS = 3
+_DIGITS = 1e-12  # relative to y: smaller errors drown in rounding
 
 
 @dataclass(frozen=True, eq=False)
@@ -123,10 +124,11 @@ class CurveStudy:
         raise self.source.places.error(rule, path)
 
     def require_scatter(self, fit: Fit) -> None:
-        """Raises InputError where the size of the errors is to be inferred from residuals that are zero."""
+        """Raises InputError where nothing is stated of the size of the errors, and the residuals are zero."""
+        stated = {run.name for run in self.runs if self.table.u_y is not None or run.u_y is not None}
         for run in fit.problem.runs:
-            if run.noise.sigma.parameter is not None and no_scatter(run, fit):
-                rule = f"is needed: the curve passes through every point of run '{run.name}', so nothing shows their errors (were the data computed?)"
+            if run.name not in stated and no_scatter(run, fit):
+                rule = f"must be stated: the curve meets every point of run '{run.name}', so nothing shows their errors (were the data computed?)"
                 raise self.source.places.error(rule, ("curve", "u_y"))
 
     def require_draws(self, problem: Problem) -> None:
@@ -266,6 +268,8 @@ class CurveStudy:
         if centre <= 0.0 or (not isinstance(read, Quantity) and read.low < 0.0):
             raise self.source.places.error("must be > 0, and a prior of it must not reach below 0", path, value=centre)
         if isinstance(read, Quantity) and read.exact:
+            if read.value < _DIGITS * float(np.max(np.abs(table.columns[self.y_column][kept]))):
+                raise self.source.places.error("must be above the last digit that a number of the size of y has here", path, value=read.value)
             return Scale(read.value), ones, ()
         inferred = as_prior(read, low=0.0) if isinstance(read, Quantity) else read
         return Scale(parameter=SIGMA + suffix), ones, (Parameter(SIGMA + suffix, self.axes.y_unit, inferred, "standard deviation of one reading"),)

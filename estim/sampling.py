@@ -256,7 +256,8 @@ def r_hat(draws: FloatArray) -> FloatArray:
     from arviz_stats.base import array_stats
 
     n_ensemble, _, _, n_par = draws.shape
-    return np.array([float(array_stats.rhat(draws[..., i].reshape(n_ensemble, -1), chain_axis=0, draw_axis=1)) for i in range(n_par)])
+    with np.errstate(divide="ignore", invalid="ignore"):  # nan where no walker moved
+        return np.array([float(array_stats.rhat(draws[..., i].reshape(n_ensemble, -1), chain_axis=0, draw_axis=1)) for i in range(n_par)])
 
 
 def effective_size(draws: FloatArray, method: str) -> FloatArray:

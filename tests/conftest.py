@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import os
+import signal
 from pathlib import Path
 
 import numpy as np
 import pytest
+
+signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell's background job ignores it, and so would what the tests start
 
 PROJECT = Path(__file__).resolve().parents[1]
 SHARED = Path(os.environ.get("ESTIM_SHARED_DATA", PROJECT.parent / "shared" / "data"))

@@ -348,7 +348,11 @@ def test_an_interrupt_ends_the_command_with_130_and_leaves_nothing(tmp_path):
     running = start(tmp_path / "c.toml", "--simulations", 100000, "--jobs", 2, "--out", tmp_path / "out")
     time.sleep(6.0)
     os.killpg(running.pid, signal.SIGINT)
-    _, complaints = running.communicate(timeout=30)
+    try:
+        _, complaints = running.communicate(timeout=30)
+    finally:
+        if running.poll() is None:
+            os.killpg(running.pid, signal.SIGKILL)
     assert running.returncode == 130
     assert complaints.splitlines()[-1] == "interrupted"
     assert "Traceback" not in complaints

@@ -81,8 +81,13 @@ def test_errors_of_x_as_large_as_its_range_are_refused(tmp_path: Path) -> None:
         load_campaign(curve(tmp_path, "a*x + b", STRAIGHT.parameters, u_y="u_y = 0.02\nu_x = 1e10"))
 
 
+def test_an_error_of_y_below_its_digits_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"campaign\.toml:7: 'u_y' must be above the last digit"):
+        load_campaign(curve(tmp_path, "a*x + b", STRAIGHT.parameters, u_y="u_y = 1e-16", error=0.0)).problem(["r"])
+
+
 def test_points_without_scatter_are_told_as_such(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="'u_y' is needed: the curve passes through every point"):
+    with pytest.raises(InputError, match="'u_y' must be stated: the curve meets every point"):
         analyse(load_campaign(curve(tmp_path, "a*x + b", STRAIGHT.parameters, u_y="", error=0.0)), ["r"], seed=1, target=QUICK)
     stated = analyse(load_campaign(curve(tmp_path, "a*x + b", STRAIGHT.parameters, error=0.0)), ["r"], seed=1, target=QUICK)
     assert [reason for reason in stated.diagnosis.reasons if reason.startswith("run r")] == [
