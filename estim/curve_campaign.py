@@ -41,7 +41,7 @@ from estim.curve_file import (
 )
 from estim.curve_problem import MAX_OBS, SIGMA, SIGMA_SPREAD, AxisNames, reading_noise
 from estim.errors import InputError
-from estim.fitting import Fit, no_scatter, silent_parameters
+from estim.fitting import PERFECT, Fit, no_scatter, silent_parameters
 from estim.formula import Formula, read_formula
 from estim.levels import as_prior
 from estim.noise import Scale
@@ -57,7 +57,6 @@ from estim.toml_text import Places
 
 FloatArray = NDArray[np.float64]
 _MIN_ROWS = 3
-_DIGITS = 1e-12  # relative to y: smaller errors drown in rounding
 
 
 @dataclass(frozen=True, eq=False)
@@ -268,7 +267,7 @@ class CurveStudy:
         if centre <= 0.0 or (not isinstance(read, Quantity) and read.low < 0.0):
             raise self.source.places.error("must be > 0, and a prior of it must not reach below 0", path, value=centre)
         if isinstance(read, Quantity) and read.exact:
-            if read.value < _DIGITS * float(np.max(np.abs(table.columns[self.y_column][kept]))):
+            if read.value < PERFECT * float(np.max(np.abs(table.columns[self.y_column][kept]))):
                 raise self.source.places.error("must be above the last digit that a number of the size of y has here", path, value=read.value)
             return Scale(read.value), ones, ()
         inferred = as_prior(read, low=0.0) if isinstance(read, Quantity) else read

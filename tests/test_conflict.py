@@ -17,7 +17,9 @@ from estim.cli import cli
 from estim.conflict import Conflict, check_stated_values
 from estim.fitting import fit_least_squares
 from estim.own_curve import fit_curve
-from estim.priors import LogNormal, Normal, Uniform
+from estim.priors import MEASURED, LogNormal, Normal, Uniform
+from estim.synthetic import campaign_design
+from estim.trial import Engine, Plan, _experiment
 
 X = np.linspace(0.0, 5.0, 20)
 U = 0.1
@@ -67,6 +69,21 @@ def test_probability_is_uniform_where_truths_come_from_log_normal_priors(sd: flo
         fit = fit_curve("a*x + b", X, y, start={"a": a, "b": 1.0}, u_y=U, priors={"a": LogNormal(2.0, sd)}).fit
         p_values.append(check_stated_values(fit).p_value)
     assert stats.kstest(p_values, "uniform").pvalue > 0.001
+
+
+@pytest.mark.slow
+def test_probability_is_uniform_for_disks_drawn_from_their_priors_and_not_where_they_are_stated_too_well(project: Path) -> None:
+    campaign = load_campaign(project / "data" / "replica" / "campaign.toml")
+    fit = fit_least_squares(campaign.problem(["heavy-04"]), rng=np.random.default_rng(1))
+    plan = Plan(campaign_design(campaign, ["heavy-04"], fitted=fit.values), "sbc", fit.values, (), Engine(), 1)
+    right, wrong = [], []
+    for i in range(150):
+        values, problem, _ = _experiment(plan, np.random.default_rng([5, i]))
+        narrow = [replace(p, prior=Normal(p.prior.centre, 0.3 * p.prior.sd)) if isinstance(p.prior, MEASURED) else p for p in problem.parameters]
+        for found, posed in ((right, problem), (wrong, replace(problem, parameters=tuple(narrow)))):
+            found.append(check_stated_values(fit_least_squares(posed, rng=np.random.default_rng(2), n_start=1, start=values)).p_value)
+    assert stats.kstest(right, "uniform").pvalue > 0.001
+    assert stats.kstest(wrong, "uniform").pvalue < 1e-6
 
 
 def disk(folder: Path, **stated: str) -> Campaign:
