@@ -4,7 +4,7 @@
 
 One run of a disk (gamma 0.187, kappa 0.45, tilt 4 degrees, released at 60 degrees), every unknown with a proper prior.  Each
 trial draws truths from the priors (`--what coverage`: takes the fit, and draws the stated measurements anew), simulates the
-table, and analyses it as `estim fit` would: `estim.calibration`.  p: of uniform ranks, smallest over all quantities with its
+table, and analyses it as `estim fit` would: `estim.calibration.calibration`.  p: of uniform ranks, smallest over all quantities with its
 name; then the share of the 68 and 95 % intervals that held the truth, mean over quantities and the one farthest off in
 Monte-Carlo standard deviations.  The two last lines analyse the data wrongly on purpose and must fail.
 """
@@ -23,12 +23,12 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
-from estim.calibration import Calibration, coverage, findings, simulation_based_calibration
+from estim.calibration.calibration import Calibration, coverage, findings, simulation_based_calibration
+from estim.calibration.experiment import campaign_design
+from estim.calibration.trial import Engine
 from estim.campaign import Campaign, load_campaign
-from estim.campaign_file import NoiseTable
-from estim.fitting import fit_least_squares
-from estim.synthetic import campaign_design
-from estim.trial import Engine
+from estim.campaign.file import NoiseTable
+from estim.fitting.least_squares import fit_least_squares
 from model import Body, trajectory
 
 CAMPAIGN = """

@@ -27,11 +27,12 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 from estim.campaign import load_campaign
-from estim.checkpoint import Chunk, Record, Store, read_checkpoint
+from estim.common.storage import write_whole
 from estim.pipeline import analyse
-from estim.result import result_of, to_json
-from estim.sampling import Target
-from estim.storage import write_whole
+from estim.reports.result import result_of, to_json
+from estim.sampling.chain import Target
+from estim.sampling.checkpoint import Record, Store, read_checkpoint
+from estim.sampling.chunk import Chunk
 
 ROOT = Path(__file__).resolve().parents[1]
 CAMPAIGN = ROOT / "data" / "replica" / "campaign.toml"

@@ -21,10 +21,10 @@ from scipy import stats
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
-from estim.line import coverage_factor, fit_line
-from estim.line_evidence import sample_line
-from estim.line_intervals import slope_interval
-from estim.line_posterior import line_mode, line_posterior
+from estim.line.evidence import sample_line
+from estim.line.interval import slope_interval
+from estim.line.least_squares import coverage_factor, fit_line
+from estim.line.posterior import line_mode, line_posterior
 
 FloatArray = NDArray[np.float64]
 PROBABILITIES = (float(stats.chi2.cdf(1.0, 1)), 0.95)

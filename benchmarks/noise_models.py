@@ -30,9 +30,9 @@ from numpy.typing import NDArray
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 from estim.campaign import Campaign, load_campaign
-from estim.diagnosis import too_many_outliers
-from estim.fitting import Fit, fit_least_squares
-from estim.outliers import find_outliers
+from estim.checks.diagnosis import too_many_outliers
+from estim.checks.outliers import find_outliers
+from estim.fitting.least_squares import Fit, fit_least_squares
 from model import Body, ascends
 from model.simulate import frame_times, simulate_positions
 

@@ -26,10 +26,11 @@ from numpy.typing import NDArray
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 from estim.campaign import load_campaign
-from estim.certify import Certificate, certify, chain_errors
-from estim.fitting import Fit, fit_least_squares
-from estim.proposal import adapt_proposal
-from estim.sampling import Chain, Convergence, Target, effective_size, sample_posterior
+from estim.fitting.least_squares import Fit, fit_least_squares
+from estim.sampling.certificate import Certificate, certify, chain_errors
+from estim.sampling.chain import Chain, Convergence, Target, sample_posterior
+from estim.sampling.diagnostics import effective_size
+from estim.sampling.proposal import adapt_proposal
 from model import Body, trajectory
 
 FloatArray = NDArray[np.float64]

@@ -1,84 +1,85 @@
 """estim: uncertainty and Bayesian parameter estimation for lab experiments.  Start with `estim.pipeline`.
 
-The names below are loaded when they are first used, so that `import estim` and `estim --help` are quick.
+The names below are loaded when they are first used, so that `import estim` and `estim --help` are quick.  None of them is the
+name of a file in this folder: importing a file binds its name here, and would put the module in the place of the function.
 """
 
 from __future__ import annotations
 
 from importlib import import_module
-from typing import TYPE_CHECKING
 
+TYPE_CHECKING = False  # not of `typing`, which a file beside the data may stand for until `estim.__main__` has looked
 if TYPE_CHECKING:
-    from estim.bands import posterior_bands
-    from estim.budget import budget, budget_along
-    from estim.campaign import Campaign, load_campaign
-    from estim.curve_analysis import curve_report, sample_curve
-    from estim.curve_problem import AxisNames
-    from estim.diagnosis import diagnose
-    from estim.energy import energy_along
-    from estim.errors import EstimError, InputError
-    from estim.fitting import fit_least_squares
-    from estim.goodness import check_goodness
-    from estim.inputs import Input
-    from estim.interop import summary_frame, to_datatree, to_frame, to_netcdf
-    from estim.line import LineFit, confidence_band, fit_line, inverse_prediction, prediction_band
-    from estim.line_analysis import analyse_line
-    from estim.line_intervals import slope_interval
-    from estim.line_posterior import line_posterior
-    from estim.monte_carlo import propagate_monte_carlo
-    from estim.own_curve import CurveFit, fit_curve
-    from estim.pipeline import Analysis, analyse
-    from estim.propagated import propagated_bands
-    from estim.propagation import propagate_linear
-    from estim.report import analysis_report
-    from estim.result import result_of
-    from estim.sampling import Target, sample_posterior
-    from estim.systematic import Component
-    from estim.theta_min import read_theta_min
-    from estim.validation import compare
+    from estim.campaign.campaign import Campaign, load_campaign
+    from estim.checks.diagnosis import diagnose
+    from estim.checks.goodness import check_goodness
+    from estim.common.errors import EstimError, InputError
+    from estim.curve_fit import CurveFit, fit_curve
+    from estim.curves.posing import AxisNames
+    from estim.curves.shared_errors import Component
+    from estim.fitting.least_squares import fit_least_squares
+    from estim.line.analysis import analyse_line
+    from estim.line.interval import slope_interval
+    from estim.line.least_squares import LineFit, confidence_band, fit_line, inverse_prediction, prediction_band
+    from estim.line.posterior import line_posterior
+    from estim.line.series import read_theta_min
+    from estim.pipeline import Analysis, analyse, sample_curve
+    from estim.propagation.inputs import Input
+    from estim.propagation.linear import propagate_linear
+    from estim.propagation.monte_carlo import propagate_monte_carlo
+    from estim.propagation.uncertainty_budget import budget, budget_along
+    from estim.propagation.validation import compare
+    from estim.reports.analysis import analysis_report
+    from estim.reports.curve import curve_report
+    from estim.reports.interop import summary_frame, to_datatree, to_frame, to_netcdf
+    from estim.reports.result import result_of
+    from estim.sampling.bands import posterior_bands
+    from estim.sampling.chain import Target, sample_posterior
+    from estim.studies.energy import energy_along
+    from estim.studies.paper_band import propagated_bands
 
 _HOME = {
     "Analysis": "pipeline",
-    "AxisNames": "curve_problem",
-    "Campaign": "campaign",
-    "Component": "systematic",
-    "CurveFit": "own_curve",
-    "EstimError": "errors",
-    "Input": "inputs",
-    "InputError": "errors",
-    "LineFit": "line",
-    "Target": "sampling",
+    "AxisNames": "curves.posing",
+    "Campaign": "campaign.campaign",
+    "Component": "curves.shared_errors",
+    "CurveFit": "curve_fit",
+    "EstimError": "common.errors",
+    "Input": "propagation.inputs",
+    "InputError": "common.errors",
+    "LineFit": "line.least_squares",
+    "Target": "sampling.chain",
     "analyse": "pipeline",
-    "analyse_line": "line_analysis",
-    "analysis_report": "report",
-    "budget": "budget",
-    "budget_along": "budget",
-    "check_goodness": "goodness",
-    "compare": "validation",
-    "confidence_band": "line",
-    "curve_report": "curve_analysis",
-    "diagnose": "diagnosis",
-    "energy_along": "energy",
-    "fit_curve": "own_curve",
-    "fit_least_squares": "fitting",
-    "fit_line": "line",
-    "inverse_prediction": "line",
-    "line_posterior": "line_posterior",
-    "load_campaign": "campaign",
-    "posterior_bands": "bands",
-    "prediction_band": "line",
-    "propagate_linear": "propagation",
-    "propagate_monte_carlo": "monte_carlo",
-    "propagated_bands": "propagated",
-    "read_theta_min": "theta_min",
-    "result_of": "result",
-    "sample_curve": "curve_analysis",
-    "sample_posterior": "sampling",
-    "slope_interval": "line_intervals",
-    "summary_frame": "interop",
-    "to_datatree": "interop",
-    "to_frame": "interop",
-    "to_netcdf": "interop",
+    "analyse_line": "line.analysis",
+    "analysis_report": "reports.analysis",
+    "budget": "propagation.uncertainty_budget",
+    "budget_along": "propagation.uncertainty_budget",
+    "check_goodness": "checks.goodness",
+    "compare": "propagation.validation",
+    "confidence_band": "line.least_squares",
+    "curve_report": "reports.curve",
+    "diagnose": "checks.diagnosis",
+    "energy_along": "studies.energy",
+    "fit_curve": "curve_fit",
+    "fit_least_squares": "fitting.least_squares",
+    "fit_line": "line.least_squares",
+    "inverse_prediction": "line.least_squares",
+    "line_posterior": "line.posterior",
+    "load_campaign": "campaign.campaign",
+    "posterior_bands": "sampling.bands",
+    "prediction_band": "line.least_squares",
+    "propagate_linear": "propagation.linear",
+    "propagate_monte_carlo": "propagation.monte_carlo",
+    "propagated_bands": "studies.paper_band",
+    "read_theta_min": "line.series",
+    "result_of": "reports.result",
+    "sample_curve": "pipeline",
+    "sample_posterior": "sampling.chain",
+    "slope_interval": "line.interval",
+    "summary_frame": "reports.interop",
+    "to_datatree": "reports.interop",
+    "to_frame": "reports.interop",
+    "to_netcdf": "reports.interop",
 }
 
 __all__ = [
@@ -129,4 +130,16 @@ __all__ = [
 def __getattr__(name: str) -> object:
     if name not in _HOME:
         raise AttributeError(f"module 'estim' has no attribute {name!r}")
-    return getattr(import_module(f"estim.{_HOME[name]}"), name)
+    try:
+        return getattr(import_module(f"estim.{_HOME[name]}"), name)
+    except ImportError as error:
+        from estim.namesakes import in_the_way, namesake_behind
+
+        file = namesake_behind(error)
+        if file:
+            raise ImportError(in_the_way(file)) from error
+        raise
+
+
+def __dir__() -> list[str]:
+    return list(__all__)

@@ -1,5 +1,34 @@
-"""`python -m estim` is `estim`."""
+"""The way in: `python -m estim` and the command `estim`.
 
-from estim.cli import main
+A file beside the data that has the name of a module is not imported, or named in one line where the path insists on it.
+"""
 
-main()
+from __future__ import annotations
+
+import sys
+
+from estim.namesakes import forget_working_folder, found_instead, in_the_way, namesake_behind
+
+_BAD_INPUT = 2  # `estim.cli.commands.BAD_INPUT`, which cannot be imported yet
+
+
+def main() -> None:
+    """Run the command line.  Exits with 2 and one line on stderr where a file is in the way of a module."""
+    file = found_instead("model")
+    if not file:
+        try:
+            from estim.cli.commands import main as command
+
+            command()
+        except Exception as error:
+            file = namesake_behind(error)
+            if not file:
+                raise
+    if file:
+        sys.stderr.write(f"error: {in_the_way(file)}\n")
+        sys.exit(_BAD_INPUT)
+
+
+if __name__ == "__main__":
+    forget_working_folder()
+    main()

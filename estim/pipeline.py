@@ -10,33 +10,58 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from estim.bands import Bands, posterior_bands
-from estim.campaign import Campaign
-from estim.campaign_file import NoiseTable
-from estim.certify import MAX_PARAMETERS, Certificate, Comparison, adapt_proposal, certify, compare_with_chain, no_comparison, too_many
-from estim.checkpoint import Store
-from estim.conflict import Conflict, check_stated_values
-from estim.consistency import Consistency, check_consistency, comparable
-from estim.diagnosis import Diagnosis, diagnose
-from estim.errors import InputError
-from estim.fitting import Fit, fit_least_squares
-from estim.goodness import Goodness, check_goodness, untested
-from estim.headline import headline, parameter_cells
-from estim.identifiability import Identifiability, identify
-from estim.marginal_chain import marginal_chain
-from estim.modes import Modes, find_modes
-from estim.optimum import fit_optimum
-from estim.outliers import Outliers, find_outliers
-from estim.problem import Problem
-from estim.sampling import Chain, Progress, Target, sample_posterior
-from estim.stepping import Stop
-from estim.summary import summarise
+from estim.campaign import Campaign, NoiseTable
+from estim.checks import (
+    Conflict,
+    Consistency,
+    Diagnosis,
+    Goodness,
+    Identifiability,
+    Modes,
+    Outliers,
+    check_consistency,
+    check_goodness,
+    check_stated_values,
+    comparable,
+    diagnose,
+    find_modes,
+    find_outliers,
+    headline,
+    identify,
+    optima,
+    parameter_cells,
+    untested,
+)
+from estim.common import InputError
+from estim.curve_fit import CurveFit
+from estim.fitting import Fit
+from estim.problem import Problem, folded
+from estim.sampling import (
+    MAX_PARAMETERS,
+    Agreement,
+    Bands,
+    Certificate,
+    Chain,
+    Progress,
+    Stop,
+    Store,
+    Target,
+    adapt_proposal,
+    compare_with_chain,
+    marginal_chain,
+    no_comparison,
+    posterior_bands,
+    sample_posterior,
+    second_opinion,
+    summarise_parameter,
+    too_many,
+)
 
 _BAND_DRAWS = 4000
 _MODE_DRAWS = 20_000
 _OUTLIER_DRAWS = 1000
 _MANY_RUNS = 16  # beyond, the marginal over runs takes the place of a chain
-_STARTS, _FEW_STARTS = 8, 2  # of the fit
+_NEGLIGIBLE = 1e-3  # share of an optimum that quadrature has no part for: the border of a light one may cut a heavy one beside it
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,7 +78,7 @@ class Analysis:
     fit: Fit
     certificate: Certificate | None
     chain: Chain
-    comparison: Comparison
+    comparison: Agreement
     goodness: tuple[Goodness, ...]
     identifiability: Identifiability
     modes: Modes
@@ -69,7 +94,7 @@ class Analysis:
     def _repr_markdown_(self) -> str:
         """What a notebook shows: the values, or why there are none."""
         rows = [
-            parameter_cells(p.name, summarise(draws, unit=p.unit, meaning=p.meaning))
+            parameter_cells(p.name, summarise_parameter(self.fit, p.name, draws))
             for p, draws in zip(self.problem.parameters, self.chain.flat.T if self.diagnosis.ok else (), strict=False)
         ]
         return headline(
@@ -92,15 +117,7 @@ def analyse(
     problem = campaign.problem(runs, noise=noise)
     campaign.require_unknowns(problem)
     rng = np.random.default_rng(seed).spawn(1)[0]
-    if campaign.curve is not None:
-        try:
-            fit = fit_optimum(problem, rng=rng)
-        except InputError as error:
-            raise campaign.curve.place_of(error, problem, campaign.tables) from None
-        campaign.curve.require_scatter(fit)
-        campaign.curve.require_determined(fit)
-    else:
-        fit = fit_least_squares(problem, rng=rng, n_start=_STARTS if len(runs) <= _MANY_RUNS else _FEW_STARTS)
+    fit = campaign.fit(problem, rng=rng)
     analysis = analyse_fit(fit, seed=seed, target=target, progress=progress, store=store, stop=stop, marginal=marginal)
     return replace(analysis, title=campaign.title, kind=campaign.kind)
 
@@ -116,12 +133,17 @@ def analyse_fit(
     if marginal if marginal is not None else _through_marginal(problem):
         chain, comparison = marginal_chain(fit, target=target, rng=chain_rng)
     else:
-        proposal = None
+        proposal, density = None, folded(fit.posterior, fit.symmetry, fit.values)
         if problem.n_par <= MAX_PARAMETERS:
-            proposal = adapt_proposal(fit.posterior, fit.values, fit.cov, rng=proposal_rng, starts=tuple(fit.others))
-            certificate = certify(fit.posterior, proposal, rng=proposal_rng)
+            ends = optima(fit)
+            starts, covs = tuple(ends.values[1:]), tuple(ends.covs[1:])
+            proposal = adapt_proposal(density, fit.values, fit.cov, rng=proposal_rng, starts=starts, covs=covs)
+            heavy = tuple(ends.values[1:][ends.shares[1:] > _NEGLIGIBLE])
+            certificate, proposal = second_opinion(
+                density, fit.values, fit.cov, proposal, rng=proposal_rng, starts=heavy, support=problem.support(), n_obs=problem.n_obs
+            )
         chain = sample_posterior(
-            fit.posterior, fit.values, fit.cov, target=target, rng=chain_rng, progress=progress, proposal=proposal, store=store, stop=stop
+            density, fit.values, fit.cov, target=target, rng=chain_rng, progress=progress, proposal=proposal, store=store, stop=stop
         )
         comparison = no_comparison(fit.names, too_many(problem.n_par)) if certificate is None else compare_with_chain(certificate, chain)
     goodness = check_goodness(fit, rng=check_rng) if tested else untested(fit)
@@ -140,5 +162,24 @@ def analyse_fit(
 
 
 def _through_marginal(problem: Problem) -> bool:
+    if any(run.latent is not None for run in problem.runs):
+        return False
     dear = any(run.noise.positions for run in problem.runs) and problem.n_par > MAX_PARAMETERS
     return len(problem.runs) > (1 if dear else _MANY_RUNS)
+
+
+def sample_curve(fit: CurveFit, *, seed: int, target: Target | None = None, progress: Progress | None = None) -> Analysis:
+    """Draws of the posterior of a fitted curve, with diagnosis and bands; the same seed gives the same numbers.
+
+    Without u_y the standard deviation of y is drawn too, so that its uncertainty is in every interval.
+
+    Raises InputError where the fit leaves nothing to sample: parameters that the data do not determine, or no residuals.
+    """
+    if fit.status in ("not-identified", "not-converged"):
+        raise InputError(f"cannot be sampled: {fit.reasons[0]}", field="fit", value=fit.status)
+    if fit.fit.singular:
+        rule = "cannot be sampled: rounding leaves its parameters too few digits; write the formula in x - x0, with x0 in the middle of the data"
+        raise InputError(rule, field="fit")
+    if fit.sigma is not None and not fit.goodness:
+        raise InputError("cannot be sampled: the curve passes through every point, so the size of the errors is unknown; give u_y", field="fit")
+    return analyse_fit(fit.fit, seed=seed, target=target, progress=progress, tested=bool(fit.goodness))

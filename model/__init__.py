@@ -18,3 +18,7 @@ __all__ = [
     "turning_angle",
     "turning_point",
 ]
+
+
+def __dir__() -> list[str]:
+    return list(__all__)

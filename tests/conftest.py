@@ -31,16 +31,8 @@ def replica() -> Path:
 
 
 @pytest.fixture
-def shared() -> Path:
-    """The folder of real measurements and published values; tests that need it are skipped where it is absent."""
-    if not SHARED.is_dir():
-        pytest.skip(f"no real measurements at {SHARED}")
-    return SHARED
-
-
-@pytest.fixture
-def tracker_folder(shared: Path) -> Path:
-    """Real files of the program Tracker."""
-    if not (shared / "tracker").is_dir():
-        pytest.skip("no files of Tracker among the real measurements")
-    return shared / "tracker"
+def tracker_folder() -> Path:
+    """Real files of the program Tracker, the only data outside the project; tests that need them are skipped where they are absent."""
+    if not (SHARED / "tracker").is_dir():
+        pytest.skip(f"no files of the program Tracker at {SHARED / 'tracker'}")
+    return SHARED / "tracker"

@@ -6,10 +6,11 @@ from collections.abc import Callable, Mapping
 
 import numpy as np
 
-from estim.curve import LocalCurve
-from estim.noise import Independent, Scale
-from estim.priors import Prior
-from estim.problem import Observations, Parameter, Problem
+from estim.problem.curve import LocalCurve
+from estim.problem.noise import Independent, Scale
+from estim.problem.observations import Observations, Parameter
+from estim.problem.priors import Prior
+from estim.problem.problem import Problem
 
 
 class Formula:

@@ -16,11 +16,11 @@ import numpy as np
 from tracker_files import point_mass, stored, trk
 
 from estim.campaign import Campaign, load_campaign
-from estim.design import load_design
-from estim.errors import EstimError
-from estim.importing import Choices, import_track
-from estim.run import read_run
-from estim.theta_min import read_theta_min
+from estim.campaign.design import load_design
+from estim.common.errors import EstimError
+from estim.line.series import read_theta_min
+from estim.reading.run import read_run
+from estim.reading.tracker.importing import Choices, import_track
 
 KINDS = ("csv", "imported", "export", "toml", "robust", "curve", "formula", "design", "line", "trk", "trz")
 FILES = {"csv": "a.csv", "imported": "i.csv", "export": "a.txt", "toml": "c.toml", "robust": "c.toml", "curve": "c.toml", "formula": "c.toml"}

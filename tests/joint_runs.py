@@ -9,10 +9,11 @@ from pathlib import Path
 import numpy as np
 
 from estim.campaign import Campaign, load_campaign
-from estim.curve import LocalCurve
-from estim.noise import Independent, Scale
-from estim.priors import Prior
-from estim.problem import Observations, Parameter, Problem
+from estim.problem.curve import LocalCurve
+from estim.problem.noise import Independent, Scale
+from estim.problem.observations import Observations, Parameter
+from estim.problem.priors import Prior
+from estim.problem.problem import Problem
 from model import Body
 from model.simulate import frame_times, simulate_positions
 

@@ -8,7 +8,7 @@ import signal
 import subprocess
 import sys
 import time
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -16,17 +16,17 @@ import pytest
 from test_noise import POSITIONS, TIMES, TRUTH
 from test_positions import Line, line_problem
 
-from estim.calibration import Calibration, coverage, coverage_sentence, findings, simulation_based_calibration
+from estim.calibration.calibration import Calibration, coverage, coverage_sentence, findings, simulation_based_calibration
+from estim.calibration.experiment import CampaignDesign, PointDesign, campaign_design
+from estim.calibration.trial import Engine, Plan, _experiment, _rank, measured_anew, reported
+from estim.calibration.uniformity import uniformity_band, uniformity_p_value
 from estim.campaign import Campaign, load_campaign
-from estim.campaign_file import NoiseTable
-from estim.errors import InputError
-from estim.fitting import Fit, fit_least_squares
-from estim.noise import Scale
-from estim.priors import Normal, Uniform
-from estim.problem import Problem
-from estim.synthetic import CampaignDesign, PointDesign, campaign_design
-from estim.trial import Engine, Plan, _experiment, _rank, measured_anew, reported
-from estim.uniformity import uniformity_band, uniformity_p_value
+from estim.campaign.file import NoiseTable
+from estim.common.errors import InputError
+from estim.fitting.least_squares import Fit, fit_least_squares
+from estim.problem.noise import Scale
+from estim.problem.priors import Normal, Uniform
+from estim.problem.problem import Problem
 
 QUICK = Engine(ess=500.0, n_round=500, max_step=1000)
 CLOCK = 'release_time_s = "0.000(5)"\noffset_m = "0.0000(5)"'
@@ -143,7 +143,8 @@ def repeated(campaign: Campaign, n: int, rng: np.random.Generator, column: str =
         ('{model = "positions", sigma_x_m = 0.001}', CLOCK, "x_m", 0.001),
         ('{model = "positions", sigma_x_m = 0.001, robust = "student-t"}', CLOCK, "x_m", 0.001 * np.sqrt(2.0)),
         ('{model = "positions", sigma_x_m = 0.001, robust = "mixture"}', CLOCK, "x_m", 0.001 * np.sqrt(0.8 + 0.2 * 100.0)),
-        ('{model = "independent", sigma_v_m_s = 0.02, sigma_x_m = 0.003}', "", "x_m", 0.003),
+        # the true position about the reading, read anew
+        ('{model = "independent", sigma_v_m_s = 0.02, sigma_x_m = 0.003}', "", "x_m", 0.003 * np.sqrt(2.0)),
         ('{model = "independent", sigma_v_m_s = 0.02, scatter = 0.015}', "", "v_m_s", 0.025),
     ],
 )
@@ -221,7 +222,7 @@ NOISES = {
 }
 
 
-@pytest.mark.slow
+@pytest.mark.statistics
 @pytest.mark.parametrize("name", NOISES)
 def test_no_noise_model_misstates_its_uncertainty(tmp_path, name):
     noise, every, extra, n = NOISES[name]
@@ -231,7 +232,7 @@ def test_no_noise_model_misstates_its_uncertainty(tmp_path, name):
     assert calibration.ranks.shape == (n, len(calibration.reported))
 
 
-@pytest.mark.slow
+@pytest.mark.statistics
 def test_a_sigma_half_as_large_is_called_too_narrow(tmp_path):
     calibration = sbc(load(tmp_path, "{sigma_x_m = 0.001}"), 100, analysed=NoiseTable(sigma_x_m=0.0005))
     assert calibration.p_value("theta0[r]") < 1e-3
@@ -240,7 +241,7 @@ def test_a_sigma_half_as_large_is_called_too_narrow(tmp_path):
     assert "turning_point[r]" in said
 
 
-@pytest.mark.slow
+@pytest.mark.statistics
 def test_differences_taken_for_independent_speeds_are_called_too_wide(tmp_path):
     wrong = NoiseTable(model="independent", derivative="central", sigma_v_m_s=0.001 * 30.0 / np.sqrt(2.0))
     text = TEXT.replace('theta0_deg = "60(2)"', 'theta0_deg = "60(5)"')
@@ -248,7 +249,7 @@ def test_differences_taken_for_independent_speeds_are_called_too_wide(tmp_path):
     assert any(finding.name == "theta0[r]" and "too wide" in finding.sentence for finding in findings(calibration))
 
 
-@pytest.mark.slow
+@pytest.mark.statistics
 def test_intervals_cover_the_fitted_values_as_often_as_they_say(tmp_path):
     design, fit = designed(load(tmp_path, "{sigma_x_m = 0.001}"))
     calibration = coverage(design, fit, n_trial=100, seed=5, engine=QUICK)
@@ -274,16 +275,19 @@ class OwnLine(Line):
         return {}
 
 
+@dataclass(frozen=True, eq=False)
 class HalfSigma(PointDesign):
-    """Analyses its points with half the standard deviation they have."""
+    """Analyses its points with half the standard deviation they have; scale : half of what it is."""
+
+    scale: float = 0.05
 
     def simulate(self, values, parameters, rng):
         posed = super().simulate(values, parameters, rng)
         (run,) = posed.runs
-        return replace(posed, runs=(replace(run, noise=replace(run.noise, sigma=Scale(0.05))),))
+        return replace(posed, runs=(replace(run, noise=replace(run.noise, sigma=Scale(self.scale))),))
 
 
-@pytest.mark.slow
+@pytest.mark.statistics
 def test_a_curve_of_ones_own_is_calibrated_at_its_points(rng):
     x = np.linspace(0.0, 1.0, 12)
     free = line_problem(x, 1.0 + 2.0 * x + 0.1 * rng.standard_normal(12), 0.0, 0.1)
@@ -342,18 +346,99 @@ def test_the_command_writes_report_figures_and_numbers(tmp_path):
     assert "of 24 simulated truths" in (tmp_path / "out" / "report.md").read_text()
 
 
+def n_worker(parent):
+    """How many worker processes a process has."""
+    listed = subprocess.run(["ps", "-A", "-ww", "-o", "ppid=,args="], capture_output=True, text=True, check=True).stdout.splitlines()
+    return sum(line.split()[0] == str(parent) and "spawn_main" in line for line in listed)
+
+
 @pytest.mark.slow
-def test_an_interrupt_ends_the_command_with_130_and_leaves_nothing(tmp_path):
+@pytest.mark.parametrize(("number", "everybody"), [(signal.SIGINT, True), (signal.SIGHUP, True), (signal.SIGTERM, True), (signal.SIGTERM, False)])
+def test_a_signal_to_stop_ends_the_command_with_130_and_leaves_nothing(tmp_path, number, everybody):
+    if signal.getsignal(number) is signal.SIG_IGN:
+        pytest.skip("the tests were started with this signal ignored (nohup), and so is what they start")
     load(tmp_path, '{model = "independent", sigma_v_m_s = 0.02}')
     running = start(tmp_path / "c.toml", "--simulations", 100000, "--jobs", 2, "--out", tmp_path / "out")
-    time.sleep(6.0)
-    os.killpg(running.pid, signal.SIGINT)
     try:
-        _, complaints = running.communicate(timeout=30)
+        while n_worker(running.pid) < 2 and running.poll() is None:
+            time.sleep(0.1)
+        time.sleep(2.0)  # anything between the first import of a worker and its calls
+        (os.killpg if everybody else os.kill)(running.pid, number)
+        _, complaints = running.communicate(timeout=60)
     finally:
         if running.poll() is None:
             os.killpg(running.pid, signal.SIGKILL)
-    assert running.returncode == 130
+    assert running.returncode == 130, complaints
     assert complaints.splitlines()[-1] == "interrupted"
     assert "Traceback" not in complaints
     assert not (tmp_path / "out").exists()
+
+
+OWN = """title = "A decay"
+kind = "synthetic"
+[curve]
+expression = "A*exp(-b*x)"
+x = {column = "t_s", name = "time t", unit = "s"}
+y = {column = "u_V", name = "voltage U", unit = "V"}
+u_y = 0.05
+u_x = U_X
+robust = ROBUST
+window = {min = 0.3}
+[curve.parameters]
+A = {start = 1.5, low = 1.0, high = 3.0, unit = "V"}
+b = {start = 0.3, low = 0.1, high = 1.0, unit = "1/s"}
+[[runs]]
+name = "a"
+file = "a.csv"
+"""
+
+
+def own_curve(folder, **keys):
+    rng = np.random.default_rng(8)
+    t = np.linspace(0.0, 4.0, 30)
+    u = 2.0 * np.exp(-0.5 * t) + 0.05 * rng.standard_normal(t.size)
+    (folder / "a.csv").write_text("t_s,u_V\n" + "\n".join(f"{a:.4f},{b:.5f}" for a, b in zip(t, u, strict=True)))
+    lines = [line for line in OWN.splitlines() if not line.endswith(("U_X", "ROBUST"))]
+    lines[lines.index("window = {min = 0.3}")] += "".join(f"\n{key} = {value}" for key, value in keys.items())
+    (folder / "c.toml").write_text("\n".join(lines))
+    return load_campaign(folder / "c.toml")
+
+
+@pytest.mark.parametrize(("keys", "sd"), [({}, 0.05), ({"u_x": 0.05}, 0.05), ({"robust": '"student-t"'}, 0.07)])
+def test_a_curve_campaign_is_simulated_at_its_points(tmp_path, rng, keys, sd):
+    campaign = own_curve(tmp_path, **keys)
+    problem = campaign.problem(["a"])
+    truth = np.array([{"A": 2.0, "b": 0.5}.get(p.name, p.prior.centre) for p in problem.parameters])
+    design = campaign_design(campaign, ["a"], fitted=truth)
+    runs = [posed.runs[0] for posed in (design.simulate(truth, problem.parameters, rng) for _ in range(400)) if posed is not None]
+    assert len(runs) == 400
+    (real,) = problem.runs
+    exact, slope = 2.0 * np.exp(-0.5 * real.x), np.exp(-0.5 * real.x)
+    assert real.x.min() > 0.3
+    if u_x := keys.get("u_x", 0.0):  # true abscissas about the readings, in the distribution that is fitted to them, then read anew
+        spread = 1.0 / np.sqrt(1.0 / u_x**2 + 1.0 / (np.var(real.x, ddof=1) - u_x**2))
+        sd, u_x = np.sqrt(sd**2 + np.mean(slope**2) * spread**2), np.hypot(u_x, spread)
+    assert np.mean([run.y - exact for run in runs]) == pytest.approx(0.0, abs=4.0 * sd / np.sqrt(400 * real.n_obs))
+    assert np.std([run.y - exact for run in runs]) == pytest.approx(sd, rel=0.2 if "robust" in keys else 4.0 / np.sqrt(2 * 400 * real.n_obs))
+    assert np.std([run.x - real.x for run in runs]) == pytest.approx(u_x, rel=0.04)
+
+
+@pytest.mark.statistics
+def test_a_curve_campaign_is_calibrated_and_half_its_errors_are_not(tmp_path):
+    campaign = own_curve(tmp_path)
+    problem = campaign.problem(["a"])
+    fit = fit_least_squares(problem, rng=np.random.default_rng(1), n_start=2)
+    design = campaign_design(campaign, ["a"], fitted=fit.values)
+    right = simulation_based_calibration(design, fit, n_trial=80, seed=3, engine=QUICK)
+    wrong = simulation_based_calibration(HalfSigma(problem, scale=0.5), fit, n_trial=80, seed=3, engine=QUICK)
+    assert findings(right) == ()
+    assert {finding.name for finding in findings(wrong)} == {"A", "b"}
+
+
+@pytest.mark.slow
+def test_the_command_calibrates_a_curve_campaign(tmp_path):
+    own_curve(tmp_path)
+    running = start(tmp_path / "c.toml", "--simulations", 20, "--what", "coverage", "--jobs", 2, "--out", tmp_path / "out")
+    said, complaints = running.communicate(timeout=120)
+    assert (running.returncode, complaints) == (0, "")
+    assert "your 68 % interval of b covered" in said

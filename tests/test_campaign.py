@@ -10,10 +10,10 @@ import pytest
 from uncertainties import ufloat
 
 from estim import InputError, load_campaign
-from estim.noise import Differentiated, Independent
-from estim.priors import HalfNormal, LogNormal, Normal, TruncatedNormal, Uniform
-from estim.selection import Window, select
-from estim.toml_text import locate_keys
+from estim.campaign.selection import Window, select
+from estim.problem.noise import Differentiated, Independent
+from estim.problem.priors import HalfNormal, LogNormal, Normal, TruncatedNormal, Uniform
+from estim.reading.toml import locate_keys
 from model import Body, trajectory, turning_point
 
 DEGREE = math.pi / 180
@@ -209,14 +209,14 @@ def test_exact_masses_make_an_exact_gamma(load):
     campaign = load(('gamma = "0.187(10)"', "mass_disk_kg = 0.303\nmass_particle_kg = 0.0697"))
     run = campaign.problem(["h4"]).runs[0]
     assert run.arguments["gamma"] == pytest.approx(0.0697 / 0.3727, rel=1e-14)
-    assert run.curve.mass == pytest.approx(0.3727)
+    assert run.motion.mass == pytest.approx(0.3727)
     assert run.arguments["trailing_fraction"] == 0.0
 
 
 def test_a_stated_gamma_goes_before_the_masses(load):
     campaign = load(('gamma = "0.187(10)"', 'gamma = "0.187(10)"\nmass_disk_kg = 0.3\nmass_particle_kg = 0.07'))
     assert parameters(campaign)["gamma[heavy]"].prior.centre == 0.187
-    assert campaign.problem(["h4"]).runs[0].curve.mass == pytest.approx(0.37)
+    assert campaign.problem(["h4"]).runs[0].motion.mass == pytest.approx(0.37)
 
 
 # noise
@@ -375,7 +375,7 @@ MISTAKES = {
         'name = "h6"\nbody = "heavy"', 'name = "h6"\nbody = "heavey"', 'body = "heavey"',
         "'body' must name one of the bodies (heavy, light): heavey",
     ),
-    "same name twice": ('name = "h6"', 'name = "h4"', None, "'name' must be unique: h4"),
+    "same name twice": ('name = "h6"', 'name = "h4"', None, "'name' must be unique (the other stands on line 19): h4"),
     "name with a slash": ('name = "h6"', 'name = "../h6"', 'name = "../h6"', "'name' must be made of letters, digits and . _ + -"),
     "name of a file of the report": (
         'name = "h6"', 'name = "Report.md"', 'name = "Report.md"', "'name' must not be the name of a file of the report: Report.md",
@@ -453,8 +453,8 @@ MISTAKES = {
         "[[runs]]\nname = \"h4\"", '[line]\nfile = "l.csv"\nbody = "x"\n[[runs]]\nname = "h4"', 'body = "x"',
         "'body' must name one of the bodies",
     ),
-    "syntax error": ('phi_deg = "4.0(4)"', "phi_deg = 4.0(4)", "phi_deg", "'campaign' is not valid TOML: "),
-    "key twice": ("g = 9.81", "g = 9.81\ng = 9.8", "g = 9.8\n", "'campaign' is not valid TOML: "),
+    "syntax error": ('phi_deg = "4.0(4)"', "phi_deg = 4.0(4)", "phi_deg", "'campaign' is not valid TOML ("),
+    "key twice": ("g = 9.81", "g = 9.81\ng = 9.8", "g = 9.8\n", "'campaign' is not valid TOML ("),
 }  # fmt: skip
 
 

@@ -7,14 +7,34 @@ import os
 import subprocess
 import sys
 import time
+from collections.abc import Callable
 from pathlib import Path
 
 import jsonschema
 import pytest
 
+from estim.cli.commands import main
 
-def estim(*arguments: str | Path, cwd: Path | None = None) -> subprocess.CompletedProcess[str]:
-    return subprocess.run([sys.executable, "-m", "estim", *map(str, arguments)], capture_output=True, text=True, cwd=cwd, check=False)
+Command = Callable[..., subprocess.CompletedProcess[str]]
+
+
+def process(*arguments: str | Path) -> subprocess.CompletedProcess[str]:
+    """The command in a process of its own, without a terminal."""
+    return subprocess.run([sys.executable, "-m", "estim", *map(str, arguments)], capture_output=True, text=True, check=False)
+
+
+@pytest.fixture
+def estim(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> Command:
+    """The command in this process: what it says, and its exit code."""
+
+    def run(*arguments: str | Path) -> subprocess.CompletedProcess[str]:
+        monkeypatch.setattr(sys, "argv", ["estim", *map(str, arguments)])
+        with pytest.raises(SystemExit) as ended:
+            main()
+        assert isinstance(ended.value.code, int)
+        return subprocess.CompletedProcess(sys.argv, ended.value.code, *capsys.readouterr())
+
+    return run
 
 
 @pytest.fixture(scope="module")
@@ -22,7 +42,7 @@ def fitted(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A report of one replica run."""
     out = tmp_path_factory.mktemp("fit")
     campaign = Path(__file__).parents[1] / "data" / "replica" / "campaign.toml"
-    done = estim("fit", campaign, "--run", "heavy-04", "--out", out, "--seed", "1")
+    done = process("fit", campaign, "--run", "heavy-04", "--out", out, "--seed", "1")
     assert done.returncode == 0, done.stderr
     assert "heavy-04: ok" in done.stdout
     assert done.stderr == ""  # no progress bar where nobody watches
@@ -40,7 +60,7 @@ def test_fit_writes_report_json_and_figures(fitted: Path) -> None:
 
 
 def test_result_json_keeps_to_the_published_schema(fitted: Path, project: Path) -> None:
-    from estim.result import json_schema
+    from estim.reports.result import json_schema
 
     published = (project / "docs" / "estim-result-1.schema.json").read_bytes()
     assert published == json_schema()
@@ -51,13 +71,13 @@ def test_result_json_keeps_to_the_published_schema(fitted: Path, project: Path) 
     assert result["provenance"]["seed"] == 1
 
 
-def test_same_seed_gives_the_same_bytes(fitted: Path, tmp_path: Path, replica: Path) -> None:
+def test_same_seed_gives_the_same_bytes(estim: Command, fitted: Path, tmp_path: Path, replica: Path) -> None:
     estim("fit", replica / "campaign.toml", "--run", "heavy-04", "--out", tmp_path, "--seed", "1")
     for file in ("result.json", "report.md", "figures/phase.png"):
         assert (tmp_path / file).read_bytes() == (fitted / file).read_bytes(), file
 
 
-def test_capped_chain_writes_its_report_and_exits_with_3(tmp_path: Path, replica: Path) -> None:
+def test_capped_chain_writes_its_report_and_exits_with_3(estim: Command, tmp_path: Path, replica: Path) -> None:
     done = estim("fit", replica / "campaign.toml", "--run", "heavy-04", "--out", tmp_path, "--max-steps", "60")
     assert done.returncode == 3
     assert "not-converged" in done.stdout
@@ -81,8 +101,11 @@ def test_capped_chain_writes_its_report_and_exits_with_3(tmp_path: Path, replica
         (("simulate", "{campaign}", "--out", "x"), "is not a known key"),
     ],
 )
-def test_wrong_input_is_one_line_and_exit_code_2(arguments: tuple[str, ...], message: str, replica: Path, tmp_path: Path) -> None:
-    done = estim(*(a.replace("{campaign}", str(replica / "campaign.toml")) for a in arguments), cwd=tmp_path)
+def test_wrong_input_is_one_line_and_exit_code_2(
+    estim: Command, arguments: tuple[str, ...], message: str, replica: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    done = estim(*(a.replace("{campaign}", str(replica / "campaign.toml")) for a in arguments))
     assert done.returncode == 2
     assert done.stderr.startswith("error: ")
     assert done.stderr.count("\n") == 1
@@ -91,7 +114,7 @@ def test_wrong_input_is_one_line_and_exit_code_2(arguments: tuple[str, ...], mes
     assert done.stdout == ""
 
 
-def test_output_folder_that_cannot_be_made_is_one_line(tmp_path: Path, replica: Path) -> None:
+def test_output_folder_that_cannot_be_made_is_one_line(estim: Command, tmp_path: Path, replica: Path) -> None:
     (tmp_path / "file").write_text("in the way")
     done = estim("simulate", replica / "design.toml", "--out", tmp_path / "file" / "x")
     assert done.returncode == 2
@@ -113,7 +136,7 @@ def test_help_is_quick() -> None:
     assert best(sys.executable, "-m", "estim", "--help") < 0.3 + bare
 
 
-def test_several_runs_get_a_folder_each_and_an_index(tmp_path: Path, replica: Path) -> None:
+def test_several_runs_get_a_folder_each_and_an_index(estim: Command, tmp_path: Path, replica: Path) -> None:
     done = estim("fit", replica / "campaign.toml", "--run", "heavy-04", "--run", "heavy-06", "--out", tmp_path, "--max-steps", "60")
     assert done.returncode == 3
     index = (tmp_path / "report.md").read_text()
@@ -122,7 +145,7 @@ def test_several_runs_get_a_folder_each_and_an_index(tmp_path: Path, replica: Pa
         assert (tmp_path / run / "result.json").exists()
 
 
-def test_line_writes_its_report(tmp_path: Path, replica: Path) -> None:
+def test_line_writes_its_report(estim: Command, tmp_path: Path, replica: Path) -> None:
     done = estim("line", replica / "campaign.toml", "--out", tmp_path)
     assert done.returncode == 0, done.stderr
     report = (tmp_path / "report.md").read_text()
@@ -133,7 +156,7 @@ def test_line_writes_its_report(tmp_path: Path, replica: Path) -> None:
     assert (tmp_path / "figures" / "line.png").exists()
 
 
-def test_line_without_a_series_is_one_line(tmp_path: Path, replica: Path) -> None:
+def test_line_without_a_series_is_one_line(estim: Command, tmp_path: Path, replica: Path) -> None:
     text = (replica / "campaign.toml").read_text()
     (tmp_path / "campaign.toml").write_text(text[: text.index("[line]")])
     (tmp_path / "runs").symlink_to(replica / "runs")
@@ -143,7 +166,7 @@ def test_line_without_a_series_is_one_line(tmp_path: Path, replica: Path) -> Non
     assert done.stderr.count("\n") == 1
 
 
-def test_energy_writes_its_report(tmp_path: Path, replica: Path) -> None:
+def test_energy_writes_its_report(estim: Command, tmp_path: Path, replica: Path) -> None:
     done = estim("energy", replica / "campaign.toml", "--run", "heavy-04", "--out", tmp_path)
     assert done.returncode == 0, done.stderr
     assert "| heavy-04 |" in (tmp_path / "report.md").read_text()
@@ -151,7 +174,7 @@ def test_energy_writes_its_report(tmp_path: Path, replica: Path) -> None:
     assert (tmp_path / "figures" / "energy.png").exists()
 
 
-def test_campaign_without_unknowns_or_runs_is_one_line(tmp_path: Path, replica: Path) -> None:
+def test_campaign_without_unknowns_or_runs_is_one_line(estim: Command, tmp_path: Path, replica: Path) -> None:
     text = (replica / "campaign.toml").read_text()
     head, tail = text[: text.index("[[runs]]")], text[text.index("[line]") :]
     (tmp_path / "theta_min.csv").write_text((replica / "theta_min.csv").read_text())
@@ -168,7 +191,7 @@ def test_campaign_without_unknowns_or_runs_is_one_line(tmp_path: Path, replica: 
     assert "nothing to fit" in done.stderr
 
 
-def test_degrees_under_a_radian_key_are_refused(tmp_path: Path, replica: Path) -> None:
+def test_degrees_under_a_radian_key_are_refused(estim: Command, tmp_path: Path, replica: Path) -> None:
     (tmp_path / "runs").symlink_to(replica / "runs")
     text = (replica / "campaign.toml").read_text()
     (tmp_path / "c.toml").write_text(text.replace("phi_deg =", "phi_rad ="))
@@ -178,7 +201,7 @@ def test_degrees_under_a_radian_key_are_refused(tmp_path: Path, replica: Path) -
 
 
 @pytest.mark.slow
-def test_reanalyse_survives_what_has_no_band_and_nothing_in_common(tmp_path: Path, replica: Path) -> None:
+def test_reanalyse_survives_what_has_no_band_and_nothing_in_common(estim: Command, tmp_path: Path, replica: Path) -> None:
     """kappa stated for each run, every input of the curve exact or uniform: no band, no narrowing, but a report."""
     (tmp_path / "r.csv").write_text((replica / "runs" / "heavy-04.csv").read_text())
     (tmp_path / "c.toml").write_text(

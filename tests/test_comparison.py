@@ -9,12 +9,13 @@ import pytest
 from test_noise import CAMPAIGN, POSITIONS, SIGMA, TIMES
 
 from estim.campaign import Campaign, load_campaign
-from estim.certify import adapt_proposal, certify
-from estim.comparison import candidates, compare_noise
-from estim.cross_validation import difference, leave_one_out
-from estim.errors import InputError
-from estim.fitting import fit_least_squares
-from estim.sampling import Target
+from estim.checks.cross_validation import difference, leave_one_out
+from estim.common.errors import InputError
+from estim.fitting.least_squares import fit_least_squares
+from estim.sampling.certificate import certify
+from estim.sampling.chain import Target
+from estim.sampling.proposal import adapt_proposal
+from estim.studies.comparison import compare_noise
 
 QUICK = Target(ess=300.0, max_step=400)
 RADIUS = 0.15
@@ -54,14 +55,14 @@ OF_SPEEDS = ["independent", "independent, student-t", "independent, mixture"]
 )
 def test_candidates_are_the_models_that_the_columns_and_the_noise_table_allow(tmp_path, noise, columns, expected):
     pattern = campaign(tmp_path, noise, columns)
-    found = candidates(pattern, "r")
+    found = pattern.noise_models("r")
     assert [c.name for c in found] == expected
     for candidate in found:
         pattern.problem(["r"], noise=candidate.table)  # every one of them can be posed
 
 
 def test_a_stencil_that_is_said_is_used_by_all_that_differentiate(tmp_path):
-    found = candidates(campaign(tmp_path, 'encoder_step_rad = 0.0126, derivative = "five-point"', ENCODER), "r")
+    found = campaign(tmp_path, 'encoder_step_rad = 0.0126, derivative = "five-point"', ENCODER).noise_models("r")
     assert {c.table.derivative for c in found} == {None, "five-point"}
     # root of the sum of squared weights 130/144, over one frame interval, of a step's 0.0126/sqrt(12)
     assert found[-1].table.sigma_omega_rad_s == pytest.approx(0.0126 / np.sqrt(12.0) * np.sqrt(130.0) / 12.0 * 30.0, rel=1e-4)
@@ -69,20 +70,20 @@ def test_a_stencil_that_is_said_is_used_by_all_that_differentiate(tmp_path):
 
 def test_naive_independence_is_judged_on_the_very_frames_of_the_exact_covariance(tmp_path):
     pattern = campaign(tmp_path, "sigma_x_m = 0.001", VIDEO)
-    exact, naive = (pattern.problem(["r"], noise=c.table).runs[0] for c in candidates(pattern, "r")[-2:])
+    exact, naive = (pattern.problem(["r"], noise=c.table).runs[0] for c in pattern.noise_models("r")[-2:])
     np.testing.assert_array_equal(exact.y, naive.y)
     assert naive.noise.sigma.value == pytest.approx(SIGMA * 30.0 / np.sqrt(2.0), rel=1e-6)
 
 
 def test_a_scatter_of_positions_is_not_taken_for_one_of_speeds(tmp_path):
-    found = candidates(campaign(tmp_path, 'model = "positions", sigma_x_m = 0.001, scatter = 0.002', VIDEO), "r")
+    found = campaign(tmp_path, 'model = "positions", sigma_x_m = 0.001, scatter = 0.002', VIDEO).noise_models("r")
     assert {c.name: c.table.scatter for c in found} == {**dict.fromkeys(OF_POSITIONS, 0.002), "differentiated": None, "independent": None}
 
 
 def test_one_model_is_nothing_to_compare(tmp_path):
     pattern = campaign(tmp_path, 'model = "independent", sigma_v_m_s = 0.02, derivative = "central"', VIDEO)
     with pytest.raises(InputError, match=r"c\.toml:\d+: 'noise' allows one model at most for run 'r'"):
-        candidates(pattern, "r")
+        pattern.noise_models("r")
 
 
 def test_curves_of_a_user_and_unknown_runs_are_refused_in_a_line(tmp_path):
@@ -139,7 +140,7 @@ def test_exact_covariance_predicts_frames_better_than_naive_independence(tmp_pat
     """On the same speeds, which are differences of noisy positions; importance sampling in the place of chains, for speed."""
     pattern = campaign(tmp_path, "sigma_x_m = 0.001", {"t_s": TIMES, "x_m": POSITIONS + SIGMA * rng.standard_normal(TIMES.size)})
     loo, evidence = [], []
-    for candidate in candidates(pattern, "r")[-2:]:
+    for candidate in pattern.noise_models("r")[-2:]:
         fit = fit_least_squares(pattern.problem(["r"], noise=candidate.table), rng=rng, n_start=2)
         certificate = certify(fit.posterior, adapt_proposal(fit.posterior, fit.values, fit.cov, rng=rng), rng=rng)
         loo.append(leave_one_out(fit.posterior, certificate.draws))

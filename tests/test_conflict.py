@@ -9,17 +9,18 @@ from pathlib import Path
 import numpy as np
 import pytest
 from click.testing import CliRunner
-from scipy import stats
+from scipy import optimize, stats
 from troubles import Disk
 
+from estim.calibration.experiment import campaign_design
+from estim.calibration.trial import Engine, Plan, _experiment
 from estim.campaign import Campaign, load_campaign
-from estim.cli import cli
-from estim.conflict import Conflict, check_stated_values
-from estim.fitting import fit_least_squares
-from estim.own_curve import fit_curve
-from estim.priors import MEASURED, LogNormal, Normal, Uniform
-from estim.synthetic import campaign_design
-from estim.trial import Engine, Plan, _experiment
+from estim.checks.conflict import Conflict, check_stated_values
+from estim.cli.commands import cli
+from estim.curve_fit import fit_curve
+from estim.curves.posing import AxisNames, pose_curve
+from estim.fitting.least_squares import Fit, fit_least_squares
+from estim.problem.priors import MEASURED, LogNormal, Normal, Uniform
 
 X = np.linspace(0.0, 5.0, 20)
 U = 0.1
@@ -59,6 +60,7 @@ def test_priors_that_bound_only_say_nothing_to_disagree_with(rng: np.random.Gene
     assert (found.dof, found.p_value, found.pulls) == (0, 1.0, {})
 
 
+@pytest.mark.statistics
 @pytest.mark.parametrize("sd", [0.3, 1.0])
 def test_probability_is_uniform_where_truths_come_from_log_normal_priors(sd: float, rng: np.random.Generator) -> None:
     """The mode of a log-normal prior lies below its median; that must not count as a disagreement."""
@@ -71,7 +73,7 @@ def test_probability_is_uniform_where_truths_come_from_log_normal_priors(sd: flo
     assert stats.kstest(p_values, "uniform").pvalue > 0.001
 
 
-@pytest.mark.slow
+@pytest.mark.statistics
 def test_probability_is_uniform_for_disks_drawn_from_their_priors_and_not_where_they_are_stated_too_well(project: Path) -> None:
     campaign = load_campaign(project / "data" / "replica" / "campaign.toml")
     fit = fit_least_squares(campaign.problem(["heavy-04"]), rng=np.random.default_rng(1))
@@ -130,3 +132,78 @@ def test_what_is_hardly_in_agreement_is_said_on_the_terminal_though_it_is_ok(tmp
     done = CliRunner().invoke(cli, ["fit", str(campaign), "--out", str(tmp_path / "out")])
     assert done.exit_code == 0, done.output
     assert "note: the data hardly agree with what was stated before" in done.output
+
+
+# --- hard edges: minima of chi^2 within them
+
+BEYOND = [
+    {"phi": '"2.0(1)"', "gamma": '"0.187(30)"'}, {"phi": '"6.0(1)"', "gamma": '"0.187(30)"'}, {"gamma": '"0.27(1)"', "phi": '"4.0(4)"'},
+    {"phi": '"7.0(4)"'},  # kappa 0.75, and at its edge without gamma
+]
+
+
+def by_refits(fit: Fit) -> tuple[float, dict[str, float]]:
+    """chi2 at the joint minimum minus that without all stated values, and without each: nonlinear fits by SciPy, every edge a bound."""
+    low = np.array([p.prior.low for p in fit.problem.parameters])
+    high = np.array([p.prior.high for p in fit.problem.parameters])
+    unit = np.sqrt(np.diag(fit.cov))
+    stated = [i for i, p in enumerate(fit.problem.parameters) if p.prior.residual_slope(p.prior.centre) != 0.0]
+
+    def least(without: list[int]) -> tuple[float, np.ndarray]:
+        weights = np.ones(fit.problem.n_obs + fit.problem.n_par)
+        weights[fit.problem.n_obs + np.array(without, dtype=int)] = 0.0
+        start = np.clip(fit.values, low + 1e-3 * unit, high - 1e-3 * unit)
+        found = optimize.least_squares(
+            lambda values: weights * fit.posterior.residuals(values), start, jac=lambda values: weights[:, None] * fit.posterior.jacobian(values),
+            bounds=(low, high), x_scale=unit, xtol=1e-10, ftol=1e-10, gtol=1e-10,
+        )
+        return 2.0 * found.cost, found.x
+
+    together = least([])[0]
+    pulls = {}
+    for i in stated:
+        chi2, values = least([i])
+        pulls[fit.names[i]] = np.sign(values[i] - fit.problem.parameters[i].prior.centre) * np.sqrt(together - chi2)
+    return together - least(stated)[0], pulls
+
+
+@pytest.mark.parametrize("stated", BEYOND, ids=str)
+def test_pulls_beside_an_edge_are_what_fits_without_the_stated_value_say(stated: dict[str, str], tmp_path: Path, rng: np.random.Generator) -> None:
+    fit = fit_least_squares(disk(tmp_path, **stated).problem(["r"]), rng=rng, n_start=2)
+    found, (chi2, pulls) = check_stated_values(fit), by_refits(fit)
+    assert found.chi2 == pytest.approx(chi2, rel=0.02)
+    assert found.pulls == pytest.approx(pulls, rel=0.02, abs=0.05)
+
+
+def test_away_from_edges_the_minima_are_those_of_the_closed_formula(tmp_path: Path, rng: np.random.Generator) -> None:
+    fit = fit_least_squares(disk(tmp_path, phi='"4.3(1)"').problem(["r"]), rng=rng, n_start=2)
+    found, sds = check_stated_values(fit), dict(zip(fit.names, np.sqrt(np.diag(fit.cov)), strict=True))
+    for p, value in zip(fit.problem.parameters, fit.values, strict=True):
+        if p.name in found.pulls:
+            expected = (value - p.prior.centre) / p.prior.sd / np.sqrt(1.0 - (sds[p.name] / p.prior.sd) ** 2)
+            assert found.pulls[p.name] == pytest.approx(expected, rel=1e-4)
+
+
+@pytest.mark.statistics
+def test_probability_errs_on_the_side_of_agreement_where_a_free_parameter_is_often_on_its_edge() -> None:
+    """Slope and height stated, the bend free in (0, 0.02), of which the data say as much: truths from these priors."""
+    design = np.vander(X, 3)
+    at_edge, right, wrong = 0, [], []
+    for seed in range(220):
+        rng = np.random.default_rng([7, seed])
+        truth = np.array([rng.uniform(0.0, 0.02), rng.normal(2.0, 0.2), rng.normal(1.0, 0.2)])
+        y = design @ truth + U * rng.standard_normal(X.size)
+        for found, sd in ((right, 0.2), (wrong, 0.06)):
+            priors = {"c": Uniform(0.0, 0.02), "a": Normal(2.0, sd), "b": Normal(1.0, sd)}
+            posed = pose_curve(
+                "c*x**2 + a*x + b", X, y, start={"c": 0.01, "a": 2.0, "b": 1.0}, u_y=U, cov_y=None, u_x=None, bounds={}, priors=priors, errors=(),
+                units={}, axes=AxisNames(),
+            ).with_sigma(1.0)
+            fit = fit_least_squares(posed, rng=rng, n_start=1)
+            found.append(check_stated_values(fit).p_value)
+            at_edge += bool(fit.at_bound) and found is right
+    assert at_edge > 60
+    for level in (0.01, 0.05, 0.2):
+        sd = np.sqrt(level * (1.0 - level) / len(right))
+        assert np.mean(np.array(right) < level) < level + 3.0 * sd
+        assert np.mean(np.array(wrong) < level) > level + 6.0 * sd

@@ -9,13 +9,13 @@ import pytest
 from joint_runs import LINE, problem_of, simulated_campaign
 from scipy import stats
 
-from estim.consistency import PRIORS, Consistency, check_consistency
-from estim.consistency_figures import forest_figure
-from estim.consistency_report import consistency_text, estimate_rows
-from estim.errors import InputError
-from estim.figures import ORANGE, png
-from estim.fitting import Fit, fit_least_squares
-from estim.priors import HalfNormal, Normal, Prior, Uniform
+from estim.checks.consistency import PRIORS, Consistency, check_consistency
+from estim.common.errors import InputError
+from estim.fitting.least_squares import Fit, fit_least_squares
+from estim.problem.priors import HalfNormal, Normal, Prior, Uniform
+from estim.reports.consistency import consistency_text, estimate_rows
+from estim.reports.consistency_figures import forest_figure
+from estim.reports.figures import ORANGE, png
 
 X = np.linspace(0.0, 1.0, 8)
 STATED = {"slope": Normal(1.0, 0.4), "bend": Normal(0.0, 0.4)}
@@ -96,7 +96,7 @@ def simulated_p_values(n: int, rng: np.random.Generator) -> tuple[np.ndarray, np
     return np.array(together), np.array(apart), np.array(naive)
 
 
-@pytest.mark.slow
+@pytest.mark.statistics
 def test_p_values_are_uniform_where_runs_agree(rng: np.random.Generator) -> None:
     together, apart, naive = simulated_p_values(400, rng)
     assert stats.kstest(together, "uniform").pvalue > 0.01
@@ -165,7 +165,7 @@ def test_disk_with_another_gamma_is_named(tmp_path: Path, rng: np.random.Generat
     assert check_disks(tmp_path, rng, [0.187] * 6).agree
 
 
-@pytest.mark.slow
+@pytest.mark.statistics
 def test_p_values_of_disks_that_agree_are_uniform(tmp_path: Path, rng: np.random.Generator) -> None:
     """The curve is not linear: the statistic is still calibrated to what 40 campaigns of 3 runs can tell."""
     together = []
@@ -182,5 +182,5 @@ def test_figure_marks_the_run_that_disagrees(rng: np.random.Generator) -> None:
     assert bold == ["r2"]
     colours = [line.get_color() for line in figure.axes[0].get_lines()]
     assert colours.count(ORANGE) == 1
-    assert png(figure)[:4] == b"\x89PNG"
+    assert png(lambda: figure)[:4] == b"\x89PNG"
     assert len(estimate_rows(found)) == 10

@@ -12,12 +12,13 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from estim.cross_validation import INFLUENTIAL, LeaveOneOut, difference, leave_one_out
-from estim.curve import LocalCurve
-from estim.derivative import STENCILS, differentiate
-from estim.noise import Differentiated, Independent, Scale
-from estim.priors import Normal
-from estim.problem import Observations, Parameter, Posterior, Problem
+from estim.checks.cross_validation import INFLUENTIAL, LeaveOneOut, difference, leave_one_out
+from estim.problem.curve import LocalCurve
+from estim.problem.derivative import STENCILS, differentiate
+from estim.problem.noise import Differentiated, Independent, Scale
+from estim.problem.observations import Observations, Parameter
+from estim.problem.priors import Normal
+from estim.problem.problem import Posterior, Problem
 
 PRIOR_SD, SIGMA, SCATTER, INTERVAL = 3.0, 0.02, 0.1, 0.1
 N_DRAW = 8000

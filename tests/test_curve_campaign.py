@@ -11,11 +11,11 @@ import pytest
 from click.testing import CliRunner
 
 from estim.campaign import Campaign, load_campaign
-from estim.cli import cli
-from estim.errors import InputError
-from estim.optimum import fit_optimum
+from estim.cli.commands import cli
+from estim.common.errors import InputError
+from estim.fitting.optimum import fit_optimum
 from estim.pipeline import analyse
-from estim.sampling import Target
+from estim.sampling.chain import Target
 
 CAMPAIGN = """title = "Discharge of a capacitor"
 kind = "synthetic"
@@ -145,7 +145,11 @@ def test_shared_errors_are_one_parameter_of_all_runs(folder: Path, rng: np.rando
         ("u_y = 0.02", "errors = {zero_y = true}", r":7: 'errors' must be a number or a table, not true or false"),
         ("U0 = {start = 2.0}", "U0 = [2.0]", r":19: 'U0' must be a number or text or a table, not a list"),
         ("u_y = 0.02", "window = {min = 9.5}", r"'window' must leave between 3"),
-        ('"t_s"', '"time"', r"'t_s' is not a column name"),
+        ('"t_s"', '"time"', r"first.csv:1: 'time' is missing \(the header has t_s, u_V"),
+        ('"t_s"', '"t"', r"first.csv:1: 't' is missing \(the header has t_s, u_V"),
+        ('"U0*exp(-x/tau) + offset"', '"U0*exp(-t/tau) + offset"', r":4: 'expression' must call its variable x, .* 't_s' here: write x for t"),
+        ('"U0*exp(-x/tau) + offset"', '"U0*exp(-T_S/tau) + offset"', r":4: 'expression' must call its variable x, .*: write x for T_S"),
+        ("tau = {start", "t = {start = 1.0}\ntau = {start", r":10: 't' is not in the formula"),
         ('"u_V"', '"t_s"', r"'y' must name another column"),
         ('unit = "s", meaning', 'unit = "$s$", meaning', r":10: 'tau' must have a short unit"),
         ("first.csv", "none.csv", r"campaign\.toml:\d+: 'file' cannot be found .*none.csv"),
@@ -268,8 +272,8 @@ file = "run.csv"
 """
 
 
-def test_the_terminal_velocity_of_a_falling_ball_is_found(shared: Path, tmp_path: Path) -> None:
-    table = numbers(shared / "tracker" / "viscosity" / "b3.txt", (0, 1))
+def test_the_terminal_velocity_of_a_falling_ball_is_found(tracker_folder: Path, tmp_path: Path) -> None:
+    table = numbers(tracker_folder / "viscosity" / "b3.txt", (0, 1))
     fit = fit_optimum(measured(tmp_path, table, FALL).problem(["b3"]), rng=np.random.default_rng(1))
     found = dict(zip(fit.names, fit.values, strict=True))
     last = np.polyfit(table[-8:, 0], table[-8:, 1], 1)[0]  # the slope at the end has not quite reached it
@@ -300,8 +304,8 @@ file = "run.csv"
 
 
 @pytest.mark.parametrize("start", ["0.7", "20.0"])
-def test_a_damped_oscillation_is_found_from_a_frequency_far_off(shared: Path, tmp_path: Path, start: str) -> None:
-    table = numbers(shared / "tracker" / "halfpipe" / "Klipp0.csv", (0, 1))[::8]
+def test_a_damped_oscillation_is_found_from_a_frequency_far_off(tracker_folder: Path, tmp_path: Path, start: str) -> None:
+    table = numbers(tracker_folder / "halfpipe" / "Klipp0.csv", (0, 1))[::8]
     fit = fit_optimum(measured(tmp_path, table, SWING.replace("START", start)).problem(["klipp0"]), rng=np.random.default_rng(1))
     found = dict(zip(fit.names, fit.values, strict=True))
     inside = table[(table[:, 0] >= 10.0) & (table[:, 0] <= 18.0)]
@@ -312,8 +316,8 @@ def test_a_damped_oscillation_is_found_from_a_frequency_far_off(shared: Path, tm
 
 
 @pytest.mark.slow
-def test_a_real_oscillation_that_the_curve_does_not_describe_gets_no_headline(shared: Path, tmp_path: Path) -> None:
-    table = numbers(shared / "tracker" / "halfpipe" / "Klipp0.csv", (0, 1))[::20]
+def test_a_real_oscillation_that_the_curve_does_not_describe_gets_no_headline(tracker_folder: Path, tmp_path: Path) -> None:
+    table = numbers(tracker_folder / "halfpipe" / "Klipp0.csv", (0, 1))[::20]
     campaign = measured(tmp_path, table, SWING.replace("START", "3.0").replace("window = {min = 10.0, max = 18.0}\n", ""))
     analysis = analyse(campaign, ["klipp0"], seed=1, target=Target(ess=500))
     assert analysis.diagnosis.status == "poor-fit"  # the frequency drifts as the swing gets smaller
@@ -331,7 +335,7 @@ def test_parameter_that_nothing_holds_is_refused_before_sampling(folder: Path, f
 
 def test_report_of_parameters_without_limits_is_written(folder: Path) -> None:
     """Flat priors without limits cannot be drawn from, but all figures and tables are made."""
-    from estim.report import analysis_report
+    from estim.reports.analysis import analysis_report
 
     campaign = load(folder, CAMPAIGN.replace('offset = "0.00(1)"', "offset = {start = 0.0}"))
     files = analysis_report(campaign, analyse(campaign, ["first"], seed=1, target=Target(ess=100, max_step=100)))

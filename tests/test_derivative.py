@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from estim import InputError
-from estim.derivative import STENCILS, differentiate
+from estim.problem.derivative import STENCILS, differentiate
 
 EACH = pytest.mark.parametrize("name", STENCILS)
 

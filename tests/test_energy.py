@@ -9,9 +9,9 @@ import pytest
 from test_noise import CAMPAIGN, SIGMA, campaign_file
 
 from estim.campaign import Campaign, load_campaign
-from estim.energy import drift_of, energy_along
 from estim.pipeline import analyse
-from estim.sampling import Target
+from estim.sampling.chain import Target
+from estim.studies.energy import drift_of, energy_along
 from model import Body, trajectory
 from model.energy import kinetic_energy, potential_energy
 
@@ -76,6 +76,7 @@ def test_known_body_and_tilt_give_the_true_loss_in_metres_and_in_radians(tmp_pat
     assert losses[0].value == pytest.approx(losses[1].value, rel=0.01)
 
 
+@pytest.mark.statistics
 def test_no_loss_is_not_found_where_there_is_none(tmp_path: Path) -> None:
     found = []
     for seed in range(6):

@@ -9,9 +9,9 @@ import numpy as np
 from click.testing import CliRunner
 from troubles import Disk
 
-from estim.cli import cli
-from estim.energy import Drift
-from estim.energy_report import drift_words, summarise_drift
+from estim.cli.commands import cli
+from estim.reports.energy import drift_words, summarise_drift
+from estim.studies.energy import Drift
 
 SEEN = Drift(free=True, narrowing=0.48, gain=15.0, p_value=1e-4, limit=0.012)
 

@@ -12,13 +12,15 @@ from joint_runs import LINE, problem_of
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from estim import figures
-from estim.bands import Bands
 from estim.campaign import load_campaign
-from estim.limits import Narrowing
-from estim.priors import Normal, Uniform
-from estim.problem import Parameter, Problem
-from estim.reanalysis_figures import narrowing_figure
+from estim.curves.rolling import RollingMotion
+from estim.problem.observations import Parameter
+from estim.problem.priors import Normal, Uniform
+from estim.problem.problem import Problem
+from estim.reports import figures
+from estim.reports.reanalysis_figures import narrowing_figure
+from estim.sampling.bands import Bands
+from estim.studies.limits import Narrowing
 
 X = np.linspace(0.0, 1.0, 8)
 
@@ -78,7 +80,7 @@ def test_frames_of_the_way_back_are_counted_and_no_marker_at_the_axis_is_cut(rng
     run = single_run(1).runs[0]
     left = np.array([[0.01, 0.0], [0.5, -0.4], [0.4, -0.5]])
     excluded = ("2 after the farthest point (the way back is another motion)", "1 within five standard deviations of a reading from the release")
-    run = replace(run, x=X[1:], y=X[1:], excluded=excluded, excluded_points=left)
+    run = replace(run, x=X[1:], y=X[1:], excluded=excluded, excluded_points=left, words=RollingMotion(angular=False).words())
     figure = Figure()
     figures._draw_points(ax := figure.subplots(), run)
     assert [text.get_text() for text in ax.texts] == ["2 frames of the way back (v < 0) not shown"]
@@ -101,3 +103,10 @@ def test_narrowing_names_the_runs() -> None:
     table = Narrowing(("gamma[b]",), ("zebra", "ant"), np.array([[0.2], [0.1]]), np.array([[0.2], [0.3]]), np.array([0.4]))
     figure = narrowing_figure([table], synthetic=False)
     assert [tick.get_text() for tick in figure.axes[0].get_xticklabels()] == ["zebra", "ant"]
+
+
+@pytest.mark.parametrize("column", [np.zeros(4000), np.full(4000, 1e99), np.full(4000, 0.4) + 1e-16, -1e99 * (1.0 + 2e-16 * (np.arange(4000) % 3))])
+def test_a_corner_figure_survives_draws_that_are_all_but_equal(column: np.ndarray, rng: np.random.Generator) -> None:
+    draws = np.column_stack([column, rng.standard_normal(4000)])
+    analysis = SimpleNamespace(problem=single_run(2), chain=SimpleNamespace(thinned=lambda n: draws))
+    assert figures.png(lambda: figures.corner_figure(analysis)).startswith(b"\x89PNG")

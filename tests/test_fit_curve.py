@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
+import json
 import math
 
 import numpy as np
 import pytest
 
 from estim import Component, InputError, fit_curve
-from estim.curve_analysis import curve_report, sample_curve
-from estim.curve_problem import AxisNames
-from estim.flat import Flat
-from estim.priors import Normal, Uniform
-from estim.sampling import Target
+from estim.curves.posing import AxisNames
+from estim.pipeline import sample_curve
+from estim.problem.flat import Flat
+from estim.problem.priors import Normal, Uniform
+from estim.reports.curve import curve_report
+from estim.sampling.chain import Target
 
 LINE = "a + b*x"
 T = np.linspace(0.0, 10.0, 41)
@@ -69,6 +71,63 @@ def test_shared_errors_are_the_covariance_they_stand_for(rng: np.random.Generato
     np.testing.assert_allclose(fit.cov[:2, :2], cov, rtol=1e-8)
     assert fit.names == ("a", "b", "offset")
     assert fit.sds["a"] > 0.5 > 10.0 * fit.sds["b"]
+
+
+def held_line(x, a, b):
+    return a + b * x
+
+
+@pytest.mark.parametrize("curve", [LINE, held_line])
+@pytest.mark.parametrize("u_y", [0.2, None])
+def test_a_fixed_parameter_is_the_line_with_its_value_taken_off(curve, u_y: float | None, rng: np.random.Generator) -> None:
+    y = 2.0 + 0.3 * T + 0.2 * rng.standard_normal(T.size)
+    fit = fit_curve(curve, T, y, start={"b": 1.0}, fixed={"a": 2.5}, u_y=u_y)
+    slope, residual = float(T @ (y - 2.5) / (T @ T)), y - 2.5 - float(T @ (y - 2.5) / (T @ T)) * T
+    sigma = 0.2 if u_y else math.sqrt(float(residual @ residual) / (T.size - 1))
+    assert (fit.names, dict(fit.fixed), fit.dof) == (("b",), {"a": 2.5}, T.size - 1)
+    assert fit.values["b"] == pytest.approx(slope, rel=1e-9)
+    assert fit.sds["b"] == pytest.approx(sigma / math.sqrt(float(T @ T)), rel=1e-6)
+    free = fit_curve(curve, T, y, start={"a": 2.0, "b": 1.0}, u_y=u_y)
+    assert free.values["b"] != pytest.approx(slope, rel=0.05)
+    assert "a = 2.5 (fixed)" in str(fit)
+    assert "a = 2.5 (fixed)" in fit._repr_markdown_()
+
+
+def test_a_report_lists_what_was_fixed(rng: np.random.Generator) -> None:
+    y = 2.0 + 0.3 * T + 0.2 * rng.standard_normal(T.size)
+    fit = fit_curve(LINE, T, y, start={"b": 1.0}, fixed={"a": 2.0}, u_y=0.2)
+    analysis = sample_curve(fit, seed=1, target=Target(ess=100.0, max_step=100))
+    files = curve_report(fit, analysis, title="a line through a known point", kind="synthetic")
+    assert json.loads(files["result.json"])["runs"]["data"]["facts"] == ["a is fixed at 2"]
+    assert "a is fixed at 2" in files["report.md"].decode()
+
+
+@pytest.mark.parametrize(
+    ("choice", "says"),
+    [
+        ({"priors": {"b": 0.3}}, r"^'priors\[b\]' must be a prior, or text like .* \(an exact value is held by fixed=\{'b': 0.3\}\): 0.3$"),
+        ({"priors": {"b": (0.3, 0.1)}}, r"^'priors\[b\]' must be a prior"),
+        ({"priors": {"b": Normal}}, r"^'priors\[b\]' must be a prior"),
+        ({"priors": {"b": "0.3"}}, "must have an uncertainty.*goes into `fixed`"),
+        ({"priors": ["b"]}, "^'priors' must be a mapping"),
+        ({"bounds": [(0.0, 1.0)]}, "^'bounds' must be a mapping"),
+        ({"units": {"b": 1}}, "^'units' must be text for 'b'"),
+        ({"errors": ["zero_y"]}, "^'errors' must be a list of components"),
+        ({"axes": "time"}, "^'axes' must be names and units"),
+        ({"fixed": {"b": 1.0}}, "^'fixed' names 'b', which has a starting value too"),
+        ({"fixed": {"k": 1.0}}, "^'fixed' names 'k', which is not in the formula"),
+        ({"fixed": 3.0}, "^'fixed' must be a mapping"),
+        ({"start": {"b": 1.0}, "fixed": {"a": "2.0(1)"}}, r"^'fixed' must be a finite number for 'a' \(a value with an uncertainty is a prior\)"),
+        ({"start": {"b": 1.0}, "fixed": {"a": math.nan}}, "^'fixed' must be a finite number"),
+        ({"start": {"b": 1.0}, "fixed": {"a": 1.0}, "bounds": {"a": (0.0, 2.0)}}, "^'bounds' names 'a', which is fixed"),
+        ({"start": {"b": 1.0}, "fixed": {"a": 1.0}, "priors": {"a": "1.0(2)"}}, "^'priors' names 'a', which is fixed"),
+        ({"start": {"b": 1.0}, "fixed": {"a": 1.0}, "errors": [Component("zero_y", 0.1, "a")]}, "has a name that is taken"),
+    ],
+)
+def test_a_choice_of_another_kind_is_refused_in_one_line(choice: dict[str, object], says: str) -> None:
+    with pytest.raises(InputError, match=says) as caught:
+        fit_curve(LINE, T, 2.0 + 0.3 * T, **{"start": {"a": 1.0, "b": 1.0}, "u_y": 0.1, **choice})
+    assert "\n" not in str(caught.value)
 
 
 @pytest.mark.parametrize(("kind", "u", "share"), [("scale_y", 0.02, 1.0), ("scale_x", 0.02, 1.0), ("zero_x", 0.3, None)])
@@ -128,7 +187,7 @@ def test_units_do_not_matter(rng: np.random.Generator, scale: float) -> None:
     assert other.status == one.status
 
 
-@pytest.mark.slow
+@pytest.mark.statistics
 def test_intervals_cover_what_they_promise() -> None:
     hits = {"right": 0, "wrong": 0}
     truth, n = {"a": 3.0, "tau": 4.0, "c": 1.0}, 100
@@ -167,16 +226,18 @@ def test_a_limit_is_reported_as_a_limit(rng: np.random.Generator) -> None:
     y = 2.0 - 0.3 * T + 0.1 * rng.standard_normal(T.size)
     wrong = fit_curve(LINE, T, y, start={"a": 1.0, "b": 1.0}, u_y=0.1, bounds={"b": (0.0, None)})
     assert wrong.status == "poor-fit"  # a limit from a curve that does not fit is none
-    assert any("lies on its limit" in reason for reason in wrong.reasons)
     level = y - (fit_curve(LINE, T, y, start={"a": 1.0, "b": 1.0}).values["b"] + 1e-3) * T
+    assert any("b lies on its limit 0, and the data ask for values beyond it" in reason for reason in wrong.reasons)
     fit = fit_curve(LINE, T, level, start={"a": 1.0, "b": 1.0}, u_y=0.1, bounds={"b": (0.0, None)})
-    assert fit.status == "at-bound"
+    assert fit.status == "ok"  # where a value belongs that is no larger than its error
     assert math.isnan(fit.sds["b"])
     assert fit.values["b"] == pytest.approx(0.0, abs=1e-6)
+    assert "b lies on its limit 0: no standard deviation, read its interval" in fit.notes
     edge = fit_curve(LINE, T, y, start={"a": 1.0, "b": 1.0}).values["b"] - 1e-4
     near = fit_curve(LINE, T, y, start={"a": 1.0, "b": 1.0}, u_y=0.1, bounds={"b": (edge, None)})
     assert near.status == "ok"
     assert math.isnan(near.sds["b"])
+    assert any(note.startswith("b is less than a standard deviation from its limit") for note in near.notes)
 
 
 def test_as_many_parameters_as_points_leave_nothing_to_test() -> None:
@@ -191,6 +252,9 @@ def test_a_perfect_curve_is_no_reason_to_fail() -> None:
     assert fit.status == "ok"
     assert "through every point" in fit.message
     assert fit.values == pytest.approx({"a": 2.0, "b": 1.0})
+    assert all(math.isnan(sd) for sd in fit.sds.values())  # nothing tells how large the errors are
+    assert any("no scatter" in note for note in fit.notes)
+    assert "±" not in str(fit)
 
 
 @pytest.mark.slow

@@ -9,9 +9,9 @@ import pytest
 from scipy.optimize import minimize
 
 from estim.campaign import load_campaign
-from estim.fitting import fit_least_squares
+from estim.fitting.least_squares import fit_least_squares
 from estim.pipeline import analyse
-from estim.sampling import Target
+from estim.sampling.chain import Target
 
 HEAD = """
 title = "a line of code away from a hand calculation"

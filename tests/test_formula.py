@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
+import ast
 import cmath
 import time
 
 import numpy as np
 import pytest
 
-from estim.errors import InputError
-from estim.formula import FUNCTIONS, MAX_LENGTH, read_formula
-from estim.python_curve import wrap_function
+from estim.common.errors import InputError
+from estim.curves.formula import FUNCTIONS, MAX_LENGTH, _compiled, evaluate, read_formula
+from estim.curves.function import wrap_function
 
 HOSTILE = [
     "__import__('os').system('true')", "().__class__.__bases__[0].__subclasses__()", "x.__class__", "np.sin(x)", "open('/etc/passwd')",
@@ -62,6 +63,49 @@ def test_a_formula_may_be_written_on_several_lines() -> None:
     assert read_formula("a*x\n + b").value(np.array([2.0]), {"a": 3.0, "b": 1.0}) == 7.0
 
 
+@pytest.mark.parametrize(
+    "text", ["a*x + b   # line\n+ 3.0*x**2", "a*x  # slope", "# c\na*x", "a*x + b  # line + 3.0*x**2", "a*x # c\u2028+ b", "a*x #\r+ b", "a*x##\n"]
+)
+def test_a_comment_is_refused_for_it_would_hide_terms(text: str) -> None:
+    """TOML joins lines that end with a backslash before the formula is read: where a comment ends is not known here."""
+    with pytest.raises(InputError, match=r"must not hold a comment, for # hides what follows it.*: put comments outside the quotes: #"):
+        read_formula(text)
+
+
+def test_the_line_of_a_comment_is_told() -> None:
+    with pytest.raises(InputError, match=r"\(here in line 2 of the formula\).*: # curvature \+ b$"):
+        read_formula("a*x\n+ c*x**2   # curvature\n+ b")
+
+
+JOINED = ["a*x +\n b", "a*x\n+ b", "a*x\n\n\n+ b\n", "a*x\r\n+ b", "a*x\r+ b", "a*x\u2028+ b", "a*x\x0c+\tb", "(a\n*x)\n+b"]
+APART = [
+    "a*x \\\n + b", "a*x; + b", "a*x +", "a*x\nb", "a*1\n5*x", "a*1e\n5", "ab\n(x)", "a*x*\n*b", "si\nn(x)", "a*x\n;b", "'a*x' + b", '"""a*x"""',
+    "a*x, b", "a*x\n\\\nb",
+]
+
+
+@pytest.mark.parametrize("text", JOINED)
+def test_the_end_of_a_line_is_a_blank_and_nothing_more(text: str) -> None:
+    assert read_formula(text).value(np.array([2.0]), {"a": 3.0, "b": 1.0}) == 7.0
+
+
+@pytest.mark.parametrize("text", APART)
+def test_what_is_more_than_one_expression_is_refused(text: str) -> None:
+    with pytest.raises(InputError, match="'expression' "):
+        read_formula(text)
+
+
+@pytest.mark.parametrize("number", ["1_0", "1_000.5", "0x10", "0b1", "0o7", "1e1_0", "1_0e3"])
+def test_numbers_are_written_as_in_tables(number: str) -> None:
+    with pytest.raises(InputError, match=f"must write numbers with the digits 0 to 9 and a decimal point: {number}"):
+        read_formula(f"a*x + {number}")
+
+
+@pytest.mark.parametrize(("number", "value"), [("1e3", 1e3), (".5", 0.5), ("6.", 6.0), ("00", 0.0), ("2.5E-1", 0.25), ("0.1", 0.1), ("9" * 30, 1e30)])
+def test_numbers_are_read_to_the_last_digit(number: str, value: float) -> None:
+    assert read_formula(number).value(np.array([1.0]), {})[0, 0] == value
+
+
 def test_every_function_agrees_with_the_library_it_is_named_after() -> None:
     from scipy import special
 
@@ -76,6 +120,22 @@ def test_every_function_agrees_with_the_library_it_is_named_after() -> None:
         with np.errstate(invalid="ignore"):
             expected = function(x) if count == 1 else function(x, 0.8)
         np.testing.assert_array_equal(read_formula(call).value(x, {})[0], expected, err_msg=name)
+
+
+def test_a_formula_is_compiled_once_and_sees_no_built_in_name() -> None:
+    formula = read_formula("a*exp(-b*x) + 1/x")
+    values = {"a": 2.0, "b": 0.5}
+    formula.value(np.array([1.0, 2.0]), values)
+    compiled = _compiled.cache_info()
+    for _ in range(50):
+        assert np.isinf(formula.value(np.array([0.0]), values)[0, 0])
+    assert _compiled.cache_info().misses == compiled.misses
+    assert _compiled(formula.tree)[1]["__builtins__"] == {}
+    for forged in ("open", "print", "__import__", "np"):
+        with pytest.raises(NameError):
+            evaluate(ast.parse(forged, mode="eval").body, {})
+    with pytest.raises(TypeError, match="no part of a checked formula: Attribute"):
+        evaluate(ast.parse("x.real", mode="eval").body, {"x": 1.0})
 
 
 SMOOTH = [
@@ -186,3 +246,9 @@ def test_a_function_that_takes_no_columns_is_called_draw_by_draw() -> None:
     curve = wrap_function(stubborn, ("a",), X, {"a": 0.5})
     assert not curve.broadcasts
     np.testing.assert_allclose(curve.value(X, {"a": np.array([[0.5], [3.0]])}), [0.5 * X, 2.0 * X])
+
+
+@pytest.mark.parametrize("name", ["print", "open", "match", "alpha", "self", "sum", "a_b_c_"])
+def test_a_parameter_may_bear_any_name_that_python_could_read(name: str) -> None:
+    formula = read_formula(f"{name} + 2*{name}*x")
+    assert formula.value(np.array([1.0, 2.0]), {name: 3.0}).ravel().tolist() == [9.0, 15.0]

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 from estim.campaign import load_campaign
-from estim.fitting import fit_least_squares
-from estim.goodness import REJECT_BELOW, check_goodness
+from estim.checks.goodness import P_POOR_FIT, check_goodness
+from estim.fitting.least_squares import fit_least_squares
 from estim.pipeline import analyse
-from estim.sampling import Target
+from estim.sampling.chain import Target
 
 WHEEL = """
 title = "a wheel like the real one, simulated"
@@ -67,12 +67,12 @@ def test_wrong_model_fails_although_its_scatter_is_inferred(tmp_path: Path, rng:
     assert any("scatter" in reason for reason in diagnosis.reasons)
 
 
-@pytest.mark.slow
+@pytest.mark.statistics
 def test_p_values_are_uniform_under_the_right_model(rng: np.random.Generator, replica: Path) -> None:
     """Refit data simulated from the fit itself: each test rejects 5 % of right models at the 5 % level."""
     from dataclasses import replace
 
-    from estim.noise import covariance
+    from estim.problem.noise import covariance
 
     problem = load_campaign(replica / "campaign.toml").problem(["heavy-06"])
     fit = fit_least_squares(problem, rng=rng)
@@ -100,7 +100,7 @@ def test_understated_noise_is_a_poor_fit(replica: Path, tmp_path: Path, rng: np.
     (tmp_path / "runs").symlink_to(replica / "runs")
     fit = fit_least_squares(load_campaign(tmp_path / "campaign.toml").problem(["heavy-02"]), rng=rng)
     (good,) = check_goodness(fit, rng=rng)
-    assert good.checks["chi2"].p_value < REJECT_BELOW
+    assert good.checks["chi2"].p_value < P_POOR_FIT
 
 
 def test_truth_of_the_replica_is_never_read(replica: Path) -> None:

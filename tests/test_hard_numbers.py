@@ -9,10 +9,10 @@ import pytest
 from troubles import Disk, Formula
 
 from estim.campaign import load_campaign
-from estim.errors import InputError
-from estim.fitting import fit_least_squares
+from estim.common.errors import InputError
+from estim.fitting.least_squares import fit_least_squares
 from estim.pipeline import analyse
-from estim.sampling import Target
+from estim.sampling.chain import Target
 
 STRAIGHT = Formula("a*x + b", "a = {start = 1.0}\nb = {start = 0.0}", lambda x: 2.0 * x + 1.0)
 QUICK = Target(max_step=200)
@@ -36,7 +36,7 @@ def curve(folder: Path, expression: str, parameters: str, *, u_y: str = "u_y = 0
 @pytest.fixture
 def any_speed(monkeypatch: pytest.MonkeyPatch) -> None:
     """Without the refusal of speeds that gravity cannot give, which would come first."""
-    monkeypatch.setattr("estim.campaign.check_speeds", lambda *arguments, **named: None)
+    monkeypatch.setattr("estim.campaign.bodies.check_speeds", lambda *arguments, **named: None)
 
 
 @pytest.mark.usefixtures("any_speed")
@@ -77,7 +77,7 @@ def test_the_parameter_that_is_not_determined_is_the_one_named(tmp_path: Path, e
 
 
 def test_errors_of_x_as_large_as_its_range_are_refused(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match=r"campaign\.toml:8: 'u_x' must be below the range of x, 1"):
+    with pytest.raises(InputError, match=r"campaign\.toml:8: 'u_x' must be below the standard deviation of x, "):
         load_campaign(curve(tmp_path, "a*x + b", STRAIGHT.parameters, u_y="u_y = 0.02\nu_x = 1e10"))
 
 

@@ -11,10 +11,10 @@ import pytest
 from formulas import formula_problem
 
 from estim.campaign import load_campaign
-from estim.errors import InputError
-from estim.fitting import Fit, fit_least_squares
-from estim.identifiability import identify
-from estim.priors import HalfNormal, Normal, Uniform
+from estim.checks.identifiability import identify
+from estim.common.errors import InputError
+from estim.fitting.least_squares import Fit, fit_least_squares
+from estim.problem.priors import HalfNormal, Normal, Uniform
 from model import Body, speed
 
 X = np.linspace(0.0, 2.0, 12)

@@ -11,16 +11,16 @@ from formulas import formula_problem
 from matplotlib.path import Path as Polygon
 
 from estim.campaign import load_campaign
-from estim.errors import InputError
-from estim.figures import png
-from estim.fitting import Fit, fit_least_squares
-from estim.identifiability import identify
-from estim.identify_figures import direction_figure, prior_contour, profile_figure, ridge_figure, ridge_pair
-from estim.identify_report import IdentifySection, identify_section
-from estim.power_scaling import CONFLICT, power_scaling
-from estim.priors import Normal, Uniform
-from estim.profile import profile_intervals
-from estim.rendering import render
+from estim.checks.identifiability import identify
+from estim.checks.prior_sensitivity import CONFLICT, power_scaling
+from estim.common.errors import InputError
+from estim.fitting.least_squares import Fit, fit_least_squares
+from estim.fitting.profile import profile_intervals
+from estim.problem.priors import Normal, Uniform
+from estim.reports.figures import png
+from estim.reports.identifiability import IdentifySection, identify_section
+from estim.reports.identifiability_figures import direction_figure, prior_contour, profile_figure, ridge_figure, ridge_pair
+from estim.reports.rendering import render
 
 X = np.linspace(0.0, 2.0, 12)
 
@@ -77,7 +77,7 @@ def test_ridge_is_drawn_between_gamma_and_kappa(replica: Path, rng: np.random.Ge
     ax = ridge_figure(fit, found, draws).axes[0]
     assert (ax.get_xlabel(), ax.get_ylabel()) == ("γ", "κ")
     # the same numbers give the same picture
-    assert png(ridge_figure(fit, found, draws)) == png(ridge_figure(fit, found, draws))
+    assert png(lambda: ridge_figure(fit, found, draws)) == png(lambda: ridge_figure(fit, found, draws))
 
 
 def test_figures_survive_a_direction_that_nothing_holds(rng: np.random.Generator) -> None:
@@ -86,8 +86,11 @@ def test_figures_survive_a_direction_that_nothing_holds(rng: np.random.Generator
     a = rng.random(2000)
     draws = np.column_stack([a, np.clip(1.0 - a + 0.03 * rng.standard_normal(2000), 0.0, 1.0)])
     found = identify(fit)
-    for figure in (direction_figure(problem, found), ridge_figure(fit, found, draws), profile_figure(problem, profile_intervals(fit), draws)):
-        assert png(figure).startswith(b"\x89PNG")
+    for draw in (
+        lambda: direction_figure(problem, found), lambda: ridge_figure(fit, found, draws),
+        lambda: profile_figure(problem, profile_intervals(fit), draws),
+    ):
+        assert png(draw).startswith(b"\x89PNG")
     shown = section(fit, draws)
     assert shown.rows[0].profile_95 in ("open on both sides", "[0.00, 1.00]")
     assert shown.sentences[0].startswith("Not identified")
@@ -96,8 +99,8 @@ def test_figures_survive_a_direction_that_nothing_holds(rng: np.random.Generator
 def test_one_parameter_has_no_ridge_but_the_other_figures(rng: np.random.Generator) -> None:
     fit = fit_least_squares(formula_problem(lambda x, a: a * x, X, 1.1 * X, 0.1, {"a": Normal(1.0, 0.5)}), rng=rng, n_start=1)
     draws = posterior_draws(fit, rng)
-    assert png(direction_figure(fit.problem, identify(fit))).startswith(b"\x89PNG")
-    assert png(profile_figure(fit.problem, profile_intervals(fit), draws)).startswith(b"\x89PNG")
+    assert png(lambda: direction_figure(fit.problem, identify(fit))).startswith(b"\x89PNG")
+    assert png(lambda: profile_figure(fit.problem, profile_intervals(fit), draws)).startswith(b"\x89PNG")
     with pytest.raises(InputError, match="two parameters"):
         ridge_figure(fit, identify(fit), draws)
 

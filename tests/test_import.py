@@ -12,10 +12,10 @@ import pytest
 from tracker_files import point_mass, trk
 
 from estim import InputError, load_campaign
-from estim.importing import Choices, import_track, run_table
-from estim.ramp import run_along
-from estim.run import read_run
-from estim.track import Track
+from estim.reading.run import read_run
+from estim.reading.tracker.importing import Choices, import_track, run_table
+from estim.reading.tracker.ramp import run_along
+from estim.reading.tracker.track import Track
 
 
 def made(t, x, y, speed=None) -> Track:
@@ -319,7 +319,7 @@ def test_a_campaign_names_a_trk_directly(write) -> None:
     write(trk(point_mass("mass A", points), point_mass("mass B", points), delta_t=20.0), "video.trk")
     loaded = load_campaign(write(CAMPAIGN + run("one", "video.trk", 'track = "mass A"'), "c.toml"))
     np.testing.assert_allclose(loaded.tables["one"].columns["x_m"], s, atol=1e-9)
-    with pytest.raises(InputError, match=r"video.trk: 'track' must be named, as there are several: mass A, mass B"):
+    with pytest.raises(InputError, match=r"video.trk: 'track' must be named, as there are several \(mass A, mass B\)"):
         load_campaign(write(CAMPAIGN + run("one", "video.trk"), "c.toml"))
 
 

@@ -14,12 +14,13 @@ import numpy as np
 import pytest
 
 import estim
-from estim import interop
-from estim.cross_validation import leave_one_out
-from estim.diagnosis import STATUSES, Finding
-from estim.errors import InputError
+from estim.checks.cross_validation import leave_one_out
+from estim.common.errors import InputError
+from estim.common.statuses import STATUSES, Finding
 from estim.pipeline import Analysis
-from estim.sampling import Target, effective_size, r_hat
+from estim.reports import interop
+from estim.sampling.chain import Target
+from estim.sampling.diagnostics import effective_size, r_hat
 
 NEEDED = "needs the extra arviz"
 
@@ -219,7 +220,7 @@ def test_missing_package_is_one_line_with_the_command_to_get_it(
 
 
 def run_fit(out: Path, replica: Path, patch: str = "") -> subprocess.CompletedProcess[str]:
-    code = f"import estim.interop\n{patch}\nfrom estim.cli import main\nmain()"
+    code = f"import estim.reports.interop\n{patch}\nfrom estim.cli.commands import main\nmain()"
     command = [sys.executable, "-c", code, "fit", str(replica / "campaign.toml"), "--run", "heavy-04", "--max-steps", "60", "--out", str(out)]
     return subprocess.run(command, capture_output=True, text=True, check=False, cwd=replica.parents[1])
 
@@ -235,7 +236,7 @@ def test_fit_writes_the_draws_beside_the_report(tmp_path: Path, replica: Path, x
 
 
 def test_fit_without_the_extra_says_how_to_get_it_and_that_is_no_error(tmp_path: Path, replica: Path) -> None:
-    done = run_fit(tmp_path, replica, "estim.interop.can_write_netcdf = lambda: False")
+    done = run_fit(tmp_path, replica, "estim.reports.can_write_netcdf = lambda: False")
     assert (done.returncode, done.stderr) == (3, "")
     assert done.stdout.splitlines()[-1] == "no draws.nc (the draws, for ArviZ and xarray): pip install 'estim[arviz]'"
     assert (tmp_path / "report.md").exists()
@@ -246,7 +247,7 @@ def test_fit_without_the_extra_says_how_to_get_it_and_that_is_no_error(tmp_path:
 
 
 def test_notebook_shows_the_values_that_the_report_has(campaign: estim.Campaign, analysis: Analysis) -> None:
-    from estim.report import parameter_row
+    from estim.reports.analysis import parameter_row
 
     result = estim.result_of(campaign, analysis)
     shown = analysis._repr_markdown_()
@@ -296,7 +297,7 @@ def test_notebook_shows_lines(campaign: estim.Campaign) -> None:
 
 
 def test_markdown_survives_a_bar_in_a_name() -> None:
-    from estim.labels import table
+    from estim.common.labels import table
 
     assert table(("a",), [("x|y",)]).splitlines()[-1] == "| x\\|y |"
 
@@ -323,3 +324,24 @@ def test_the_code_of_the_page_runs(
     back = eval(re.search(r"`tree(\[\"posterior\"\]\.dataset\.set_index.*?)`", page)[0].strip("`"), names)
     analysis = names["analysis"]
     np.testing.assert_array_equal(back["radius"].transpose("chain", "step", "walker").values, analysis.chain.draws[..., -1])
+
+
+def test_names_of_coordinates_and_marks_that_do_not_print(tmp_path: Path) -> None:
+    """A parameter called chain, a run called draw, a title with a null character: HDF5 and xarray take none of them as they are."""
+    from click.testing import CliRunner
+
+    from estim.cli.commands import cli
+
+    pytest.importorskip("h5netcdf")
+    xarray = pytest.importorskip("xarray")
+    (tmp_path / "r.csv").write_text("x,y\n" + "".join(f"{0.1 * n:.1f},{1 + 0.2 * n + 0.01 * (-1) ** n:.3f}\n" for n in range(12)))
+    (tmp_path / "c.toml").write_text(
+        'title = "a\\u0000b"\nkind = "measured"\n[curve]\nexpression = "chain + print*x"\nx = "x"\ny = "y"\nu_y = 0.01\n[curve.parameters]\n'
+        'chain = {start = 1.0}\nprint = {start = 1.0}\n[[runs]]\nname = "draw"\nfile = "r.csv"\n'
+    )
+    done = CliRunner().invoke(cli, ["fit", str(tmp_path / "c.toml"), "--out", str(tmp_path / "out"), "--max-steps", "60"])
+    assert done.exit_code == 3, done.output
+    with xarray.open_datatree(tmp_path / "out" / "draws.nc") as tree:
+        assert set(tree["posterior"].data_vars) == {"parameter chain", "print"}
+        assert set(tree["log_likelihood"].data_vars) == {"run draw"}
+        assert tree.attrs["title"] == "a\\x00b"

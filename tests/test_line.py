@@ -2,13 +2,12 @@
 
 Reference values: York et al. 2004, Am. J. Phys. 72, 367 and Pearson's data with York's weights (three conventions of standard
 errors); ISO/TS 28037:2010 clause 6 examples; Hogg, Bovy and Lang 2010, arXiv 1008.4686, exercises 1 and 2; Bevington and
-Robinson table 6.1; GUM H.3 (JCGM 100:2008); NIST StRD Norris.  The data files are described in ../shared/data/README.md.
+Robinson table 6.1; GUM H.3 (JCGM 100:2008); NIST StRD Norris.  The data files lie in tests/reference.
 """
 
 from __future__ import annotations
 
 import importlib.util
-import os
 from pathlib import Path
 from types import ModuleType
 
@@ -16,20 +15,12 @@ import numpy as np
 import pytest
 from scipy import optimize, stats
 
-from estim.errors import InputError
-from estim.line import (
-    CONVENTIONS,
-    confidence_band,
-    coverage_factor,
-    fit_line,
-    inverse_prediction,
-    line_values,
-    prediction_band,
-)
-from estim.line_intervals import slope_interval
+from estim.common.errors import InputError
+from estim.line.interval import slope_interval
+from estim.line.least_squares import CONVENTIONS, confidence_band, coverage_factor, fit_line, inverse_prediction, line_values, prediction_band
 
 ROOT = Path(__file__).resolve().parents[1]
-DATA = Path(os.environ.get("ESTIM_SHARED", ROOT.parent / "shared" / "data"))
+DATA = ROOT / "tests" / "reference"
 
 
 @pytest.fixture
@@ -37,11 +28,9 @@ def rng():
     return np.random.default_rng(20140328)
 
 
-def columns(name, *, delimiter=",", skip=1, rows=None):
-    """Columns of a shared data file; the test is skipped where it is absent."""
+def columns(name, *, delimiter=",", skip=2, rows=None):
+    """Columns of a reference file, below its header (a line of its source, and one of names) where it has one."""
     path = DATA / name
-    if not path.exists():
-        pytest.skip(f"shared data not found: {path}")
     return np.loadtxt(path, delimiter=delimiter, skiprows=skip, max_rows=rows).T
 
 
@@ -367,7 +356,7 @@ def test_bands_are_the_line_with_the_named_uncertainties(rng):
 # statistics
 
 
-@pytest.mark.slow
+@pytest.mark.statistics
 def test_intervals_of_york_hold_their_probability_and_the_naive_likelihood_does_not():
     benchmark = load_benchmark()
     n_repeat = 300
@@ -382,7 +371,7 @@ def test_intervals_of_york_hold_their_probability_and_the_naive_likelihood_does_
     assert np.all(shares["naive", "slope"] < np.array(benchmark.PROBABILITIES) - 3.0 * np.array(limits))  # of the 40 points
 
 
-@pytest.mark.slow
+@pytest.mark.statistics
 def test_york_2004_errors_are_too_small_where_both_uncertainties_are_large(rng):
     # predicted: var(true x) is 1/12, that of an adjusted abscissa about it u^2/2: too small by 1 + 6 u^2, so 62 % are held
     truth, u = np.linspace(0.0, 1.0, 40), 0.15
@@ -462,3 +451,13 @@ def test_nobody_can_change_a_fit():
         fit.data.x[0] = 1.0
     with pytest.raises(TypeError):
         fit.standard_errors["york"] = None
+
+
+def test_with_few_points_and_no_uncertainties_the_standard_error_is_said_to_hold_less_than_it_seems() -> None:
+    few = fit_line([0.0, 1.0, 2.0], [0.0, 1.1, 1.9])
+    assert "holds the truth in 50 % of such experiments" in few.reason
+    assert coverage_factor(few, probability=0.68) == pytest.approx(1.82, abs=0.01)
+    assert "holds the truth in 50 % of such experiments" in few._repr_markdown_()
+    many = np.arange(20.0)
+    assert "experiments" not in fit_line(many, np.sin(many)).reason
+    assert "nothing tells how large the errors are" in fit_line(many, 0.1 + 0.3 * many).reason

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 from scipy import integrate, optimize, stats
 
-from estim.errors import InputError
-from estim.line import fit_line
-from estim.line_evidence import credible_interval, intercept_evidence, sample_line
-from estim.line_posterior import line_mode, line_posterior, without_intercept
+from estim.common.errors import InputError
+from estim.line.evidence import credible_interval, intercept_evidence, sample_line
+from estim.line.least_squares import fit_line
+from estim.line.posterior import line_mode, line_posterior, without_intercept
 
 ROOT = Path(__file__).resolve().parents[1]
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from click.testing import CliRunner, Result
 
-from estim.cli import cli
+from estim.cli.commands import cli
 
 PHI = np.arange(1.0, 9.0)
 RISING = np.degrees(np.arcsin(np.sin(np.radians(PHI)) / 0.187 + 0.01))

@@ -10,18 +10,19 @@ from joint_runs import DECAY, GROWTH, LINE, problem_of
 from scipy import stats
 from scipy.special import logsumexp
 
-from estim import conditional
 from estim.campaign import load_campaign
-from estim.campaign_file import NoiseTable
-from estim.conditional import RunTerm, hermite_nodes, log_volume
-from estim.errors import InputError
-from estim.fitting import Fit, fit_least_squares
-from estim.importance import pareto_smoothed
-from estim.marginal import MarginalOptions, MarginalPosterior, sample_marginal
+from estim.campaign.file import NoiseTable
+from estim.common.errors import InputError
+from estim.fitting.least_squares import Fit, fit_least_squares
 from estim.pipeline import analyse
-from estim.priors import HalfNormal, Normal, Uniform
-from estim.problem import Posterior, Problem
-from estim.sampling import Target, effective_size, sample_posterior
+from estim.problem.priors import HalfNormal, Normal, Uniform
+from estim.problem.problem import Posterior, Problem
+from estim.sampling import conditional
+from estim.sampling.chain import Target, sample_posterior
+from estim.sampling.conditional import RunTerm, hermite_nodes, log_volume
+from estim.sampling.diagnostics import effective_size
+from estim.sampling.importance import pareto_smoothed
+from estim.sampling.marginal import MarginalOptions, MarginalPosterior, sample_marginal
 
 X = np.linspace(0.0, 1.0, 9)
 

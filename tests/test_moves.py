@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 from targets import COV, Known, banana, bimodal, half_normal, normal
 
-from estim.certify import chain_errors
-from estim.proposal import Proposal, adapt_proposal
-from estim.sampling import Chain, Convergence, Target, independence, sample_posterior
+from estim.sampling.certificate import chain_errors
+from estim.sampling.chain import Chain, Convergence, Target, independence, sample_posterior
+from estim.sampling.proposal import Proposal, adapt_proposal
 
 
 def student(mean: np.ndarray, cov: np.ndarray) -> Proposal:

@@ -12,16 +12,16 @@ import pytest
 from click.testing import CliRunner
 from test_noise import CAMPAIGN, POSITIONS, TIMES
 
-from estim import cli
 from estim.campaign import Campaign, load_campaign
-from estim.errors import EstimError, InputError
-from estim.goodness import P_FLOOR
-from estim.importing import stated_tilt
-from estim.origin import origin_facts, origin_warnings, speed_facts
-from estim.quantity import Quantity
-from estim.rendering import p_words
-from estim.run import read_run
-from estim.selection import way_back
+from estim.campaign.selection import way_back
+from estim.checks.goodness import P_FLOOR
+from estim.cli import commands as cli
+from estim.common.errors import EstimError, InputError
+from estim.common.quantity import Quantity
+from estim.reading.run import read_run
+from estim.reading.tracker.importing import stated_tilt
+from estim.reports.origin import origin_facts, origin_warnings, speed_facts
+from estim.reports.rendering import p_words
 
 SPEEDS = "{sigma_x_m = 0.001}"
 
@@ -110,9 +110,9 @@ def test_least_p_value_is_told_as_a_limit() -> None:
 
 def test_size_of_errors_is_to_be_inferred_only_where_nothing_but_the_size_is_wrong(tmp_path: Path) -> None:
     """Random errors twice as large as stated: infer them.  A drift: do not."""
-    from estim.diagnosis import _goodness
-    from estim.fitting import fit_least_squares
-    from estim.goodness import check_goodness
+    from estim.checks.diagnosis import _goodness
+    from estim.checks.goodness import check_goodness
+    from estim.fitting.least_squares import fit_least_squares
 
     def advice(errors: np.ndarray) -> str:
         pattern = load_campaign(write(tmp_path, '{model = "positions", sigma_x_m = 0.001}'))
@@ -165,8 +165,8 @@ def test_tilt_is_read_as_it_was_written() -> None:
 @pytest.mark.slow
 def test_facts_and_warnings_of_a_file_stand_in_report_and_result(tmp_path: Path) -> None:
     from estim.pipeline import analyse
-    from estim.report import analysis_report
-    from estim.sampling import Target
+    from estim.reports.analysis import analysis_report
+    from estim.sampling.chain import Target
 
     campaign, facts, warnings = tilted(tmp_path, 'phi_deg = "4.20(1)"')
     files = analysis_report(campaign, analyse(campaign, ["r"], seed=1, target=Target(ess=200, max_step=200)))

@@ -6,6 +6,7 @@ independent normal errors, and are differenced by hand.
 
 from __future__ import annotations
 
+import tracemalloc
 from dataclasses import replace
 from pathlib import Path
 from types import MappingProxyType
@@ -15,8 +16,10 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from estim.campaign import Campaign, load_campaign
-from estim.fitting import Fit, fit_least_squares
-from estim.run import Run
+from estim.curves.formula import read_formula
+from estim.fitting.least_squares import Fit, fit_least_squares
+from estim.problem.noise import Independent, Scale, covariance
+from estim.reading.run import Run
 
 G, RADIUS, GAMMA, KAPPA, PHI, THETA0, SIGMA = 9.81, 0.15, 0.187, 0.45, np.radians(4.0), np.radians(60.0), 0.001
 TRUTH = {"gamma[heavy]": GAMMA, "kappa[heavy]": KAPPA, "theta0[r]": THETA0}
@@ -92,7 +95,20 @@ def repeated_fits(campaign: Campaign, n: int, rng: np.random.Generator) -> tuple
     return np.array([f.values for f in fits]), np.sqrt(np.array([np.diag(f.cov) for f in fits]))
 
 
-@pytest.mark.slow
+def test_whitening_independent_points_takes_no_square_matrix(rng: np.random.Generator) -> None:
+    """At 3000 points one is 72 MB, and a fit whitens at every step."""
+    n = 3000
+    noise, curve = Independent(Scale(0.1), Scale(0.2), rng.uniform(1.0, 2.0, n)), read_formula("a + b*x")
+    tracemalloc.start()
+    whitening = noise.whitening(curve, np.linspace(0.0, 1.0, n), {"a": 1.0, "b": 2.0})
+    taken = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert taken < 20 * 8 * n
+    few = replace(whitening, spectrum=whitening.spectrum[:3], offset=np.zeros(3), steepness=np.zeros(3))
+    np.testing.assert_allclose(covariance(noise, few, {}), np.diag(0.01 * noise.relative[:3] ** 2 + 0.04))
+
+
+@pytest.mark.statistics
 def test_differentiated_noise_claims_the_scatter_that_brute_force_shows(tmp_path: Path, rng: np.random.Generator) -> None:
     n = 500
     campaign = campaign_file(tmp_path, DIFFERENTIATED)
@@ -107,7 +123,7 @@ def test_differentiated_noise_claims_the_scatter_that_brute_force_shows(tmp_path
     assert np.all(np.abs(pulls.std(axis=0) - 1.0) < 3.5 / np.sqrt(2.0 * n)), pulls.std(axis=0)
 
 
-@pytest.mark.slow
+@pytest.mark.statistics
 def test_treating_the_same_speeds_as_independent_misstates_the_scatter(tmp_path: Path, rng: np.random.Generator) -> None:
     campaign = campaign_file(tmp_path, INDEPENDENT)
     values, sds = repeated_fits(campaign, 200, rng)

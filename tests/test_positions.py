@@ -14,12 +14,13 @@ import pytest
 from test_noise import CAMPAIGN, DIFFERENTIATED, POSITIONS, TIMES, TRUTH
 
 from estim.campaign import Campaign, load_campaign
-from estim.curve import LocalCurve
-from estim.fitting import Fit, fit_least_squares
-from estim.noise import Independent, Scale
-from estim.outliers import find_outliers
-from estim.priors import Uniform
-from estim.problem import Observations, Parameter, Problem
+from estim.checks.outliers import find_outliers
+from estim.fitting.least_squares import Fit, fit_least_squares
+from estim.problem.curve import LocalCurve
+from estim.problem.noise import Independent, Scale
+from estim.problem.observations import Observations, Parameter
+from estim.problem.priors import Uniform
+from estim.problem.problem import Problem
 
 SIGMA = 0.001
 ZERO_KNOWN = "offset_m = 0.0\n"
@@ -52,7 +53,7 @@ NOISES = {
 }
 
 
-@pytest.mark.slow
+@pytest.mark.statistics
 def test_positions_recover_the_truth_with_the_scatter_they_claim(tmp_path, rng):
     pattern, n = campaign(tmp_path, NOISES["normal"]), 60
     pulls = []
@@ -142,36 +143,39 @@ def line_problem(x, y, sigma_x, sigma_y):
     return Problem((Parameter("a", "1", Uniform(-50, 50), ""), Parameter("b", "1", Uniform(-50, 50), "")), (run,))
 
 
-def interval_covers(problem, truth, *, log_determinant):
+def interval_covers(problem, truth, *, naive):
     """Whether the central 68 % interval of the slope holds `truth`, by summing the posterior on a grid."""
     fit = fit_least_squares(problem, rng=np.random.default_rng(0), n_start=1, start=np.array([1.0, 2.0]))
     (run,) = problem.runs
     sd = np.sqrt(np.diag(fit.cov))
-    a, b = (fit.values[i] + 7.0 * sd[i] * np.linspace(-1, 1, 41) for i in (0, 1))
+    a, b = (fit.values[i] + 6.0 * sd[i] * np.linspace(-1, 1, 25) for i in (0, 1))
     draws = np.stack(np.meshgrid(a, b, indexing="ij"), axis=-1).reshape(-1, 2)
-    log_p = fit.posterior.log_density(draws)
-    if log_determinant:
-        log_p = log_p - 0.5 * run.n_obs * np.log(run.noise.sigma.value**2 + draws[:, 1] ** 2 * run.noise.sigma_x.value**2)
-    density = np.exp(log_p - log_p.max()).reshape(41, 41).sum(axis=0)
-    return 0.16 < float(np.interp(truth, b, np.cumsum(density) / density.sum())) < 0.84
+    if naive:
+        variance = run.noise.sigma.value**2 + draws[:, 1:] ** 2 * run.noise.sigma_x.value**2
+        log_p = -0.5 * np.sum((run.y - draws[:, :1] - draws[:, 1:] * run.x) ** 2 / variance + np.log(variance), axis=1)
+    else:
+        log_p = fit.posterior.log_density(draws)
+    density = np.exp(log_p - log_p.max()).reshape(25, 25).sum(axis=0)
+    return 0.16 < float(np.interp(truth, b, (np.cumsum(density) - 0.5 * density) / density.sum())) < 0.84
 
 
-@pytest.mark.slow
+@pytest.mark.statistics
 @pytest.mark.parametrize("n_obs", [8, 40])
 def test_errors_in_x_keep_their_coverage(n_obs, rng):
-    truth, sigma_x, sigma_y, n = (1.0, 2.0), 0.1, 0.05, 500 if n_obs == 8 else 150
+    truth, sigma_x, sigma_y, n = (1.0, 2.0), 0.1, 0.05, 60 if n_obs == 8 else 40
     right, wrong = np.zeros(n, dtype=bool), np.zeros(n, dtype=bool)
     for i in range(n):
         true_x = rng.uniform(0.0, 1.0, n_obs)
         x = true_x + sigma_x * rng.standard_normal(n_obs)
         y = truth[0] + truth[1] * true_x + sigma_y * rng.standard_normal(n_obs)
         problem = line_problem(x, y, sigma_x, sigma_y)
-        right[i] = interval_covers(problem, truth[1], log_determinant=False)
-        wrong[i] = interval_covers(problem, truth[1], log_determinant=True)
+        right[i] = interval_covers(problem, truth[1], naive=False)
+        wrong[i] = interval_covers(problem, truth[1], naive=True)
     error = np.sqrt(0.68 * 0.32 / n)
-    assert 0.68 - 3.0 * error < right.mean() < 0.72 + 3.0 * error, right.mean()
-    # on the same data the likelihood with its log-determinant misses too often
-    assert wrong.mean() < 0.68 - 3.0 * error, wrong.mean()
+    assert abs(right.mean() - 0.68) < 3.0 * error + 0.02, right.mean()
+    # on the same data true abscissas spread evenly over the whole axis miss too often
+    if n_obs == 40:  # its bias grows against the standard deviation
+        assert wrong.mean() < 0.68 - 5.0 * error, wrong.mean()
 
 
 def test_the_jacobian_knows_that_errors_in_x_depend_on_the_slope(rng):

@@ -10,8 +10,8 @@ from formulas import formula_problem
 from scipy.integrate import quad
 from scipy.stats import norm
 
-from estim.power_scaling import BOTH_MATTER, CONFLICT, DETERMINED, PRIOR_MATTERS, UNRELIABLE, WEAK, power_scaling
-from estim.priors import Normal, Uniform
+from estim.checks.prior_sensitivity import BOTH_MATTER, CONFLICT, DETERMINED, PRIOR_MATTERS, UNRELIABLE, WEAK, power_scaling
+from estim.problem.priors import Normal, Uniform
 
 ONE = np.array([1.0])
 

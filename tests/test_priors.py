@@ -11,7 +11,7 @@ from scipy import stats
 from scipy.integrate import quad
 
 from estim import InputError
-from estim.priors import HalfNormal, LogNormal, Normal, TruncatedNormal, Uniform
+from estim.problem.priors import HalfNormal, LogNormal, Normal, TruncatedNormal, Uniform
 
 PRIORS = [
     pytest.param(Normal(0.187, 0.01), stats.norm(0.187, 0.01), id="normal"),
@@ -43,6 +43,7 @@ def test_density_support_and_moments_are_those_of_the_law(prior, law):
     value = _inside(law)
     assert prior.log_density(value) == pytest.approx(law.logpdf(value), rel=1e-9, abs=1e-9)
     assert prior.sd == pytest.approx(law.std(), rel=1e-9)
+    assert prior.expectation == pytest.approx(law.mean(), rel=1e-9)
     assert (prior.low, prior.high) == pytest.approx(law.support())
 
 
@@ -133,6 +134,9 @@ def test_log_normal_keeps_clear_of_zero_and_below():
         (lambda: Normal(0.0, -1.0), "'sd' must be > 0 and finite: -1.0"),
         (lambda: Normal(0.0, math.nan), "'sd' must be > 0 and finite: nan"),
         (lambda: Normal(0.0, math.inf), "'sd' must be > 0 and finite: inf"),
+        (lambda: Normal(0.0, 1.0, low=-1.0), "'low' must be 8 standard deviations or more from the mean: a nearer limit makes"),
+        (lambda: Normal(0.0, 1.0, high=7.9), "'high' must be 8 standard deviations or more from the mean"),
+        (lambda: Normal(0.0, 1.0, low=math.nan), "'low' must be 8 standard deviations"),
         (lambda: TruncatedNormal(0.0, 0.0, 0.0, 1.0), "'sd' must be > 0 and finite: 0.0"),
         (lambda: TruncatedNormal(0.0, 1.0, 1.0, 1.0), "'low' must be below 'high': 1.0"),
         (lambda: TruncatedNormal(0.0, 1.0, math.nan, 1.0), "'low' must be below 'high': nan"),
@@ -150,6 +154,17 @@ def test_impossible_priors_are_refused(make, told):
     assert str(caught.value).startswith(told)
 
 
+@pytest.mark.parametrize("limit", ["low", "high"])
+def test_a_prior_without_limits_of_its_own_takes_none(limit):
+    """They were taken and ignored: the density went on below the stated limit."""
+    for make, sizes in ((HalfNormal, (1.0,)), (LogNormal, (1.0, 0.5))):
+        assert (make(*sizes).low, make(*sizes).high) == (0.0, math.inf)
+        with pytest.raises(TypeError, match=f"unexpected keyword argument '{limit}'"):
+            make(*sizes, **{limit: 3.0})
+        with pytest.raises(TypeError):
+            make(*sizes, 3.0)
+
+
 @pytest.mark.parametrize("mean", [math.nan, math.inf])
 def test_a_mean_that_is_no_number_is_refused(mean):
     with pytest.raises(InputError):
@@ -162,3 +177,10 @@ def test_a_mean_that_is_no_number_is_refused(mean):
 def test_priors_describe_themselves(prior):
     words = prior.describe()
     assert words.startswith(("normal", "uniform in [-0.3, 0.6]", "half-normal, scale 0.005", "log-normal, median 0.001"))
+
+
+def test_a_log_normal_prior_of_any_width_that_is_taken_has_a_standard_deviation():
+    assert math.isfinite(LogNormal(1e100, 10.0).sd)
+    for log_sd in (10.1, 1e99):
+        with pytest.raises(InputError, match="'log_sd' must be at most 10 "):
+            LogNormal(1.0, log_sd)

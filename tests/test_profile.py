@@ -13,11 +13,11 @@ from scipy.optimize import minimize
 from scipy.stats import chi2, norm
 
 from estim.campaign import load_campaign
-from estim.errors import InputError
-from estim.fitting import Fit, fit_least_squares
-from estim.priors import HalfNormal, Normal, Uniform
-from estim.problem import Problem
-from estim.profile import contour, profile_intervals
+from estim.common.errors import InputError
+from estim.fitting.least_squares import Fit, fit_least_squares
+from estim.fitting.profile import contour, profile_intervals
+from estim.problem.priors import HalfNormal, Normal, Uniform
+from estim.problem.problem import Problem
 
 X = np.linspace(0.0, 2.0, 12)
 

@@ -17,14 +17,15 @@ import pytest
 from scipy import stats
 from uncertainties import correlated_values_norm, correlation_matrix, umath
 
-from estim.budget import budget, budget_along
-from estim.errors import InputError
-from estim.evaluation import gradient
-from estim.inputs import Input, copula_matrix, draw_inputs, standard_score
-from estim.inputs import correlation_matrix as checked_correlation
-from estim.monte_carlo import coverage_interval, numerical_tolerance, propagate_monte_carlo
-from estim.propagation import propagate_linear
-from estim.validation import compare
+from estim.common.errors import InputError
+from estim.propagation.evaluation import gradient
+from estim.propagation.inputs import Input, copula_matrix, draw_inputs, standard_score
+from estim.propagation.inputs import correlation_matrix as checked_correlation
+from estim.propagation.linear import propagate_linear
+from estim.propagation.monte_carlo import coverage_interval, numerical_tolerance, propagate_monte_carlo
+from estim.propagation.tail_index import tail_index
+from estim.propagation.uncertainty_budget import budget, budget_along
+from estim.propagation.validation import compare
 
 ROOT3 = math.sqrt(3.0)
 LOG_INPUT = [Input.from_half_width("x", 0.6, 0.5)]
@@ -546,6 +547,61 @@ def test_comparison_finds_a_vanishing_derivative(rng):
     linear = propagate_linear(lambda q: q["x1"] ** 2 + q["x2"] ** 2, inputs)
     assert linear.u == pytest.approx(0.0, abs=1e-15)
     assert compare(linear, propagate_monte_carlo(lambda q: q["x1"] ** 2 + q["x2"] ** 2, inputs, rng=rng)).status == "invalid"
+
+
+@pytest.mark.parametrize("n_digits", [1, 2])
+@pytest.mark.parametrize("seed", range(8))
+def test_reciprocal_of_what_may_be_zero_is_never_certified(seed, n_digits):
+    """y = 1/a, a = 1 +- 0.5, falls off as 1/y^2: no mean and no u exist, and a tolerance that followed them would pass anything."""
+    inputs = [Input("a", 1.0, 0.5)]
+    sampled = propagate_monte_carlo(lambda q: 1.0 / q["a"], inputs, rng=np.random.default_rng(seed), n_draw=300_000, n_digits=n_digits)
+    assert math.isnan(sampled.u)
+    assert math.isnan(sampled.covariance())
+    assert not sampled.stabilised
+    assert "there is no standard deviation" in sampled.notes[0]
+    verdict = compare(propagate_linear(lambda q: 1.0 / q["a"], inputs), sampled, n_digits=n_digits)
+    assert verdict.tolerance == pytest.approx(0.05 if n_digits == 1 else 0.005)  # of u = 0.5
+    # the ends exist, and the linear ones are far off: 2.5 % of 1/a lies above 6.0, not 1.98
+    assert verdict.status == "invalid"
+    assert sampled.symmetric.high == pytest.approx(6.0, abs=0.2)
+
+
+def test_agreement_of_the_ends_alone_is_no_agreement(rng):
+    """Ends of 95 % that agree by construction, and tails beyond them without a standard deviation."""
+    inputs = [Input("a", 0.0, 1.0)]
+
+    def function(q):
+        return np.where(np.abs(q["a"]) < 2.2, q["a"], np.sign(q["a"]) * 2.2 / (2.0 * stats.norm.sf(np.abs(q["a"]))) * 2.0 * stats.norm.sf(2.2))
+
+    sampled = propagate_monte_carlo(function, inputs, rng=rng, n_draw=1_000_000)
+    verdict = compare(propagate_linear(function, inputs), sampled, n_digits=1)
+    assert (verdict.status, bool(verdict.passes)) == ("undecided", True)
+    assert "have not stabilised" in verdict.message
+    # the same with the tails of the normal distribution
+    plain = propagate_monte_carlo(total, inputs, rng=rng, n_draw=1_000_000)
+    assert compare(propagate_linear(total, inputs), plain, n_digits=1).status == "valid"
+
+
+@pytest.mark.parametrize(("alpha", "exists"), [(1.0, False), (1.5, False), (3.0, True), (5.0, True), (math.inf, True)])
+def test_standard_deviation_is_stated_where_it_exists(alpha, exists, rng):
+    for _ in range(8):
+        draws = rng.standard_normal(200_000) if math.isinf(alpha) else rng.standard_t(alpha, 200_000)
+        assert (tail_index(draws) < 0.45) == exists
+        assert (tail_index(-np.exp(rng.standard_normal(200_000)))) < 0.45
+    table = tail_index(np.column_stack([draws, rng.standard_cauchy(200_000)]))
+    assert (table < 0.45).tolist() == [exists, False]
+
+
+@pytest.mark.parametrize(("inputs", "n_digits", "expected"), [
+    ([Input(f"x{i}", 0.0, 1.0) for i in range(4)], 2, "valid"),  # JCGM 101, 9.2.2: both 3.92
+    ([Input(f"x{i}", 0.0, 1.0, distribution="rectangular") for i in range(4)], 1, "valid"),  # 9.2.3: 3.88 for 3.92
+    ([Input(f"x{i}", 0.0, 1.0, distribution="rectangular") for i in range(4)], 3, "invalid"),
+    ([Input(f"x{i}", 0.0, 10.0 if i == 3 else 1.0, distribution="rectangular") for i in range(4)], 2, "invalid"),  # 9.2.4: 17.0 for 19.9
+])
+def test_verdicts_on_the_additive_examples_of_gum_s1(inputs, n_digits, expected):
+    for seed in range(8):
+        sampled = propagate_monte_carlo(total, inputs, rng=np.random.default_rng(seed), n_draw=1_000_000)
+        assert compare(propagate_linear(total, inputs), sampled, n_digits=n_digits).status == expected
 
 
 def test_comparison_along_a_curve_names_the_worst_output(rng):

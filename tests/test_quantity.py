@@ -8,7 +8,7 @@ import pytest
 from uncertainties import ufloat_fromstr
 
 from estim import InputError
-from estim.quantity import Quantity, format_quantity, format_rounded, read_quantity
+from estim.common.quantity import Quantity, format_quantity, format_rounded, read_quantity
 
 
 @pytest.mark.parametrize(

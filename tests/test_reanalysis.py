@@ -6,23 +6,25 @@ import json
 import math
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from test_noise import CAMPAIGN, POSITIONS, TIMES
 
 from estim.campaign import Campaign, gamma_of_body, load_campaign
-from estim.errors import InputError
-from estim.fitting import fit_least_squares
-from estim.limits import limits
-from estim.line_analysis import analyse_line, e_n
+from estim.common.errors import InputError
+from estim.common.quantity import Quantity, e_n
+from estim.fitting.least_squares import fit_least_squares
+from estim.line.analysis import analyse_line
+from estim.line.series import read_theta_min
 from estim.pipeline import analyse
-from estim.priors import Normal
-from estim.problem import Problem
-from estim.propagated import propagated_bands
-from estim.published import compare_published, read_published
-from estim.quantity import Quantity
-from estim.sampling import Target
-from estim.theta_min import read_theta_min
+from estim.problem.priors import Normal
+from estim.problem.problem import Problem
+from estim.sampling.chain import Target
+from estim.studies.limits import limits, narrowing
+from estim.studies.paper_band import propagated_bands
+from estim.studies.published import compare_published, read_published
 
 QUICK = Target(ess=300, max_step=800)
 
@@ -57,6 +59,25 @@ def test_knowing_the_tilt_narrows_gamma_as_a_refit_with_a_sharp_tilt_does(campai
     assert found["phi"].share > 10.0 * abs(found["radius"].share)
 
 
+def test_a_run_depends_on_every_parameter_of_its_noise(tmp_path: Path, rng: np.random.Generator) -> None:
+    """Runs added one by one take the unknowns of their noise with them: an inferred error of x and a scatter of each run's own."""
+    noise = '{model = "independent", sigma_v_m_s = 0.02, sigma_x_m = "0.002(1)", scatter = {prior = "half-normal", scale = 0.01}}'
+    head, _, run = CAMPAIGN.replace("NOISE", noise).partition("[[runs]]")
+    runs = [run.replace('"r"', f'"{name}"').replace("r.csv", f"{name}.csv") for name in "rs"]
+    (tmp_path / "c.toml").write_text("[[runs]]".join([head, *runs]))
+    for name in "rs":
+        columns = (TIMES, POSITIONS + 0.002 * rng.standard_normal(TIMES.size), np.gradient(POSITIONS, TIMES) + 0.02 * rng.standard_normal(TIMES.size))
+        rows = "\n".join(f"{t},{x},{v}" for t, x, v in zip(*columns, strict=True))
+        (tmp_path / f"{name}.csv").write_text("t_s,x_m,v_m_s\n" + rows + "\n")
+    campaign = load_campaign(tmp_path / "c.toml")
+    joint = campaign.problem(["r", "s"])
+    singles = [SimpleNamespace(fit=fit_least_squares(campaign.problem([name]), rng=rng, n_start=1)) for name in "rs"]
+    assert joint.restricted(joint.runs[1:]).names == ("gamma[heavy]", "kappa[heavy]", "theta0[s]", "scatter[s]", "sigma_x[s]")
+    found = narrowing(joint, singles, ["gamma[heavy]", "kappa[heavy]"], rng=rng)
+    assert found.u[0] == pytest.approx(found.u_single[0], rel=1e-3)  # the first of them is the first alone
+    assert np.all(found.u[1] < found.u[0])
+
+
 def test_propagated_band_is_that_of_brute_force(campaign: Campaign, rng: np.random.Generator) -> None:
     """Draw the stated inputs, evaluate the curve, take quantiles."""
     from model import Body, speed
@@ -86,7 +107,7 @@ def test_propagated_band_is_that_of_brute_force(campaign: Campaign, rng: np.rand
 
 def test_line_of_the_replica_recovers_gamma(campaign: Campaign) -> None:
     series = read_theta_min(campaign.source)
-    line = analyse_line(series, gamma_masses=gamma_of_body(campaign, "heavy"), seed=1)
+    line = analyse_line(series, gamma_masses=gamma_of_body(campaign.source, "heavy"), seed=1)
     assert line.status == "ok"
     for reading in line.readings.values():
         assert abs(reading.gamma.value - 0.187) < 3.0 * reading.gamma.u
@@ -192,7 +213,7 @@ def test_points_that_hold_no_rising_line_give_no_gamma(replica: Path, tmp_path: 
 
 
 def test_uncertainty_of_a_sine_holds_up_to_ninety_degrees(rng: np.random.Generator) -> None:
-    from estim.theta_min import _sd_of_sine
+    from estim.line.series import _sd_of_sine
 
     for degrees in (10.0, 60.0, 85.0, 90.0):
         angle, u = np.radians(degrees), np.radians(2.0)

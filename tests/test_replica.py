@@ -10,8 +10,8 @@ import pytest
 
 from estim.campaign import load_campaign
 from estim.pipeline import analyse
-from estim.result import result_of
-from estim.sampling import Target
+from estim.reports.result import result_of
+from estim.sampling.chain import Target
 
 RUNS = [f"heavy-0{i}" for i in (2, 4, 6, 8)] + [f"light-0{i}" for i in (1, 2, 3, 4)]
 
@@ -24,6 +24,10 @@ def test_every_run_recovers_its_true_parameters(replica: Path, run: str) -> None
     found = result_of(campaign, analyse(campaign, [run], seed=5, target=Target(ess=2000.0)))
     assert found.status == "ok"
     for name, parameter in found.parameters.items():
+        if parameter.limit is not None:  # a loss that this run alone cannot tell from none
+            assert name == "rolling_resistance"
+            assert parameter.limit.edge < truth[name] < parameter.limit.limit_95
+            continue
         assert abs(parameter.mean - truth[name]) < 3.0 * parameter.sd, name
 
 

@@ -7,15 +7,15 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from estim.compare_report import _cells
-from estim.headline import parameter_cells, value_cell
-from estim.labels import label
-from estim.priors import HalfNormal
-from estim.problem import Parameter
-from estim.quantity import format_quantity, format_rounded, signed
-from estim.report import _derived_rows
-from estim.result import RunSummary
-from estim.summary import Summary, summarise
+from estim.checks.glance import parameter_cells, value_cell
+from estim.common.labels import label
+from estim.common.quantity import format_quantity, format_rounded, signed
+from estim.problem.observations import Parameter
+from estim.problem.priors import HalfNormal
+from estim.reports.analysis import _derived_rows
+from estim.reports.comparison import _cells
+from estim.reports.result import RunSummary
+from estim.sampling.summary import Summary, summarise
 
 
 def summary(draws: np.ndarray, unit: str = "1") -> Summary:

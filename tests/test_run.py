@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from estim import InputError
-from estim.run import read_run
+from estim.reading.run import read_run
 
 ROWS = [(0.0, 0.001), (0.1, 0.004), (0.2, 0.009), (0.3, 0.016), (0.4, 0.025), (0.5, 0.036)]
 
@@ -105,6 +105,57 @@ def test_columns_cannot_be_written_to(write):
         run.columns["x_m"] = run.columns["t_s"]
 
 
+MARKS = ["\u2028", "\u2029", "\x85", "\x0b", "\x0c", "\x1c", "\x1d", "\x1e"]  # str.splitlines ends a line at each, no editor does
+
+
+@pytest.mark.parametrize("mark", MARKS, ids=map(ascii, MARKS))
+@pytest.mark.parametrize("names", ["t_s,x_m", "t,x"])
+def test_a_comment_ends_where_its_line_ends(write, mark, names):
+    plain = read_run(write(table(names), "b.csv"), name="one")
+    for comment in (f"# weighed again{mark}0.6,99\n", f"#{mark}{names}{mark}0.6,99\n"):
+        for text in (table(names) + comment, comment + table(names), table(names).replace("\n0.2", f"\n{comment}0.2")):
+            run = read_run(write(text), name="one")
+            assert all(run.columns[name].tolist() == column.tolist() for name, column in plain.columns.items())
+            assert run.lines[-1] == next(n for n, line in enumerate(text.split("\n"), start=1) if line.startswith("0.5,"))
+
+
+@pytest.mark.parametrize("mark", MARKS, ids=map(ascii, MARKS))
+def test_no_other_mark_ends_a_row(write, mark):
+    with pytest.raises(InputError, match=r"^a\.csv:4: "):
+        read_run(write(table().replace("0.2,0.009\n", f"0.2,0.009{mark}0.25,0.012\n")), name="one", shown_as="a.csv")
+
+
+def test_a_carriage_return_alone_does_not_end_a_comment_among_other_lines(write):
+    for names in ("t_s,x_m", "t,x"):
+        with pytest.raises(InputError, match=r"^a\.csv:9: 'row' must not follow a comment after a carriage return alone"):
+            read_run(write(table(names) + "# again\r0.6,99\n"), name="one", shown_as="a.csv")
+    assert read_run(write(table() + "# again\r\r\n"), name="one").n_row == 6
+
+
+COMMAS = [("t_s,x_m,_n", "0,5,1"), ("t_s,x_m,_n,_m", "0,5,1,2"), ("_n,t_s,x_m,_m", "3,0,5,1"), ("t_s,x_m,_n", "0,5,"), ("t_s,x_m,_n", "0,5,1e-3")]
+
+
+@pytest.mark.parametrize(("names", "row"), COMMAS)
+def test_cells_that_may_be_decimal_commas_are_asked_about(write, names, row):
+    """"0,5,1,2" under t, x and two columns that nobody reads: 0, 5 and two others, or 0.5 and 1.2 with the others left blank."""
+    at = names.split(",").index("t_s")
+    rows = [[*row.split(",")[:at], str(n), *row.split(",")[at + 1 :]] for n in range(6)]
+    text = "\n".join([names, *map(",".join, rows), ""])
+    with pytest.raises(InputError, match=r"^a\.csv:2: 'row' may hold decimal commas: .* semicolons, or write one number with a decimal point"):
+        read_run(write(text), name="one", shown_as="a.csv")
+    first = rows[0][at]
+    said = [text.replace(",", ";"), text.replace(",", "\t"), text.replace(",", ", ")]
+    said += ["\n".join([names, ",".join([*rows[0][:at], f"{first}.0", *rows[0][at + 1 :]]), *map(",".join, rows[1:]), ""])]
+    said += ["\n".join([names, *(",".join(f'"{cell}"' for cell in r) for r in rows)])]
+    for plain in said:
+        assert read_run(write(plain), name="one").columns["t_s"].tolist() == [0.0, 1.0, 2.0, 3.0, 4.0, 5.0]
+
+
+def test_whole_numbers_in_columns_that_are_all_read_are_whole_numbers(write):
+    assert read_run(write(table("t_s,x_m,sigma_x_m", [(n, n * n, 1) for n in range(6)])), name="one").columns["x_m"][5] == 25.0
+    assert read_run(write(table("t_s,x_m,_why", [(n, n * n, "late") for n in range(6)])), name="one").columns["x_m"][5] == 25.0
+
+
 # refused
 
 
@@ -119,7 +170,7 @@ KNOWN = "t_s, x_m, v_m_s, theta_rad, omega_rad_s, sigma_x_m, sigma_v_m_s"
 ONE = "a.csv:1: 'header' must hold exactly one of x_m and theta_rad: "
 TIME_OR_SPEED = "a.csv:1: 'header' must hold a time (t_s) or a speed (v_m_s, omega_rad_s): "
 REFUSED = {
-    "empty file": ("", "a.csv: has no line of column names"),
+    "empty file": ("", "a.csv: must not be empty: its size is 0"),
     "only comments": ("# nothing\n\n# here\n", "a.csv: has no line of column names"),
     "no header": (table().split("\n", 1)[1], f"a.csv:1: 'header' must hold column names ({KNOWN}): 0.0,0.001"),
     "unknown column": (table("t_s,x_cm"), f"a.csv:1: 'x_cm' is not a column name (known: {KNOWN}; start a name with _ to skip it)"),
@@ -152,8 +203,11 @@ REFUSED = {
     "negative sigma": (table("x_m,v_m_s,sigma_v_m_s", [(1, 1, 0.1)] * 4 + [(1, 1, -0.1)]), "a.csv:6: 'sigma_v_m_s' must be > 0: -0.1"),
     "zero sigma": (table("t_s,x_m,sigma_x_m", [(*r, 0) for r in ROWS]), "a.csv:2: 'sigma_x_m' must be > 0: 0.0"),
     "too few rows": (table(rows=ROWS[:4]), "a.csv: 'rows' must hold at least 5 rows of numbers: 4"),
-    "not utf-8": (table().encode() + b"# caf\xe9\n", "a.csv:8: 'byte' must be UTF-8 text: b'\\xe9'"),
-    "utf-16": (table().encode("utf-16"), "a.csv:1: 'byte' must be UTF-8 text: b'\\xff'"),
+    "not utf-8": (
+        table().encode() + b"# caf\xe9\n",
+        "a.csv:8: 'byte' must be UTF-8 text (this may be Latin-1 or Windows-1252: save it again as UTF-8): b'\\xe9'",
+    ),
+    "utf-16": (table().encode("utf-16"), "a.csv:1: 'byte' must be UTF-8 text (this is UTF-16: save it again as UTF-8): b'\\xff'"),
 }
 
 
@@ -223,42 +277,30 @@ def test_a_file_name_with_a_null_is_refused_in_words(tmp_path):
         read_run(tmp_path / "a\0.csv", name="one", shown_as="a.csv")
 
 
-# the wheel's files, read as they are (University of Colorado Boulder, ASEN 2003 lab 4)
+# the wheel: a dialect with two header lines, the second with a leading tab, and the recorded angles
 
-WHEEL = [
-    *(f"class_2015/balanced_{i}" for i in (1, 2, 3, 4)), *(f"class_2015/unbalanced_{i}" for i in (1, 2, 3)),
-    *(f"mixed_2014_2018/{kind}_{i}" for kind in ("balanced", "unbalanced") for i in (1, 2)),
-]
+WHEEL = sorted(path.stem for path in (Path(__file__).resolve().parents[1] / "data" / "wheel").glob("*.csv"))
 
 
-@pytest.mark.parametrize("file", WHEEL)
-def test_wheel_files_read_as_they_are(shared, file):
-    path = shared / "wheel" / f"{file}.txt"
-    run = read_run(path, name="wheel")
-    expected = [line.split("\t") for line in path.read_text().splitlines()[2:] if line.strip()]
-    assert run.n_row == len(expected)
+def test_a_file_with_two_header_lines_and_tabs_reads_as_it_is(project, tmp_path):
+    measured = read_run(project / "data" / "wheel" / "class-balanced_2.csv", name="wheel")
+    pairs = zip(measured.columns["t_s"], measured.columns["theta_rad"], strict=True)
+    rows = [f"{t:.4f}\t{theta:.4f}\t{0.1 * i:.4f}" for i, (t, theta) in enumerate(pairs)]
+    (tmp_path / "wheel.txt").write_text("\n".join(["%Time (s)\tTheta (rad)\tOmega (rad/s)", "\t%2/27/201510:35 AM", *rows]) + "\n")
+    run = read_run(tmp_path / "wheel.txt", name="wheel")
+    assert run.n_row == len(rows)
     assert run.lines[0] == 3
     for column, name in enumerate(("t_s", "theta_rad", "omega_rad_s")):
-        assert run.columns[name].tolist() == [float(cells[column]) for cells in expected]
-    assert np.diff(run.columns["t_s"]) == pytest.approx(np.full(run.n_row - 1, 0.1), abs=1e-9)
+        assert run.columns[name].tolist() == [float(row.split("\t")[column]) for row in rows]
+
+
+def test_the_wheel_has_eleven_runs():
+    assert len(WHEEL) == 11
 
 
 @pytest.mark.parametrize("file", WHEEL)
-def test_wheel_angles_are_counts_of_an_encoder_with_500_steps(shared, file):
-    counts = read_run(shared / "wheel" / f"{file}.txt", name="wheel").columns["theta_rad"] * 500 / (2 * np.pi)
+def test_wheel_angles_are_counts_of_an_encoder_with_500_steps(project, file):
+    run = read_run(project / "data" / "wheel" / f"{file}.csv", name="wheel")
+    counts = run.columns["theta_rad"] * 500 / (2 * np.pi)
     assert counts == pytest.approx(np.rint(counts), abs=0.51e-4 * 500 / (2 * np.pi))
-
-
-@pytest.mark.parametrize("file", WHEEL)
-def test_wheel_rates_are_the_five_point_derivative_of_the_counts(shared, file):
-    from estim.derivative import STENCILS, differentiate
-
-    run = read_run(shared / "wheel" / f"{file}.txt", name="wheel")
-    theta = np.rint(run.columns["theta_rad"] * 500 / (2 * np.pi)) * 2 * np.pi / 500  # undo the printing to four digits
-    derivative = differentiate(run.columns["t_s"], theta, STENCILS["five-point"])
-    assert derivative.interval == pytest.approx(0.1, rel=1e-12)
-    printed = run.columns["omega_rad_s"][derivative.rows]
-    inside = slice(3, None)  # the first rows of a file were made with counts from before its beginning
-    assert derivative.value[inside] == pytest.approx(printed[inside], abs=0.51e-4)
-    central = differentiate(run.columns["t_s"], theta, STENCILS["central"])
-    assert np.abs(central.value[1:-1][inside] - printed[inside]).max() > 0.01  # and by no other stencil
+    assert np.diff(run.columns["t_s"]) == pytest.approx(np.full(run.n_row - 1, 0.1), abs=1e-9)

@@ -8,7 +8,8 @@ import emcee
 import numpy as np
 import pytest
 
-from estim.sampling import Target, effective_size, mcse_mean, r_hat, sample_posterior
+from estim.sampling.chain import Target, sample_posterior
+from estim.sampling.diagnostics import effective_size, mcse_mean, r_hat
 
 
 @dataclass(frozen=True, eq=False)

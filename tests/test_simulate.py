@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from estim import InputError
-from estim.design import load_design, mass_particle, simulate_campaign
+from estim.campaign.design import load_design, mass_particle, simulate_campaign
 from model import Body, trajectory, turning_point
 from model.simulate import frame_times, simulate_positions, simulate_theta_min
 

@@ -7,7 +7,7 @@ import pytest
 from scipy import stats
 from scipy.integrate import quad
 
-from estim.tails import GAUSSIAN, Mixture, StudentT
+from estim.problem.tails import GAUSSIAN, Mixture, StudentT
 
 VALUES = {"w": np.array(0.07), "k": np.log(12.0)}
 SHAPES = {"normal": GAUSSIAN, "t": StudentT(), "mixture": Mixture("w", "k")}

@@ -13,7 +13,7 @@ import pytest
 from tracker_files import array, point_mass, prop, stored, thing, trk
 
 from estim import InputError
-from estim.tracker import read_tracker
+from estim.reading.tracker.trk import read_tracker
 
 LINE = {n: (100.0 + 5.0 * n, 200.0 - 2.0 * n) for n in range(8)}
 
@@ -65,9 +65,9 @@ def test_files_with_other_kinds_of_tracks_say_what_they_hold(tracker_folder: Pat
     with pytest.raises(InputError, match=r"asinewave.trk: 'tracks' must hold a point mass .* axes \(CoordAxes\), model A \(DynamicParticle\)"):
         read_tracker(tracker_folder / "osp" / "asinewave.trk")
     path = tracker_folder / "osp" / "protractor.trk"
-    with pytest.raises(InputError, match="several: mass A, mass B"):
+    with pytest.raises(InputError, match=r"several \(mass A, mass B\)"):
         read_tracker(path)
-    with pytest.raises(InputError, match=r"is a Protractor, .*\(point masses: mass A, mass B\): protractor A"):
+    with pytest.raises(InputError, match=r"has no marked positions to read \(it is a Protractor; point masses: mass A, mass B\): protractor A"):
         read_tracker(path, track="protractor A")
     with pytest.raises(InputError, match=r"is not in the file \(point masses: mass A, mass B\): disk"):
         read_tracker(path, track="disk")
@@ -188,7 +188,8 @@ def test_uncalibrated_video_and_edited_stick_are_suspicious(write) -> None:
 GOOD = trk(point_mass("A", LINE))
 DOCTYPE = '<?xml version="1.0"?>\n<!DOCTYPE object [<!ENTITY a "ha"><!ENTITY b "&a;&a;&a;&a;&a;&a;&a;&a;">]>\n'
 REFUSED = {
-    "empty": ("", "is not a whole XML text (no element found)"),
+    "empty": ("", "a.trk: must not be empty: its size is 0"),
+    "blank": ("\n", "is not a whole XML text (no element found)"),
     "truncated": (GOOD[: GOOD.index("</property>")], "is not a whole XML text (no element found)"),
     "text": ("t,x\n0,1\n", "a.trk:1: 'XML' is not a whole XML text"),
     "another program's": ("<html></html>", "a.trk:1: 'XML' must hold nothing but <object> and <property>, as Tracker writes it: html"),
@@ -199,6 +200,13 @@ REFUSED = {
     "unknown encoding": (GOOD.replace("UTF-8", "klingon"), "a.trk: 'XML' cannot be decoded"),
     "deep": ("<object>" * 200 + "</object>" * 200, "'XML' must be nested at most 100 deep"),
     "many elements": ("<object>" + "<property/>" * 500_000 + "</object>", "'XML' must hold at most 300000 elements"),
+    "Latin-1 that says UTF-8": (
+        GOOD.replace(">A<", ">B\xe4r<").encode("latin-1"),
+        "'byte' must be UTF-8 text (this may be Latin-1 or Windows-1252: save it again as UTF-8): b'\\xe4'",
+    ),
+    "Latin-1 that says nothing": (
+        GOOD.partition("?>\n")[2].replace(">A<", ">B\xe4r<").encode("latin-1"), "'byte' must be UTF-8 text (this may be Latin-1 or Windows-1252",
+    ),
     "no number": (GOOD.replace(">110.0<", ">NaN<"), "'x' must be a number within ±1e+09: NaN"),
     "infinite": (GOOD.replace(">110.0<", ">1e999<"), "'x' must be a number within ±1e+09: 1e999"),
     "underscore": (GOOD.replace(">110.0<", ">1_1<"), "'x' must be a number within ±1e+09: 1_1"),
@@ -210,10 +218,10 @@ REFUSED = {
     "half a frame": (trk(point_mass("A", LINE)).replace('"int">100<', '"int">1.5<'), "'stepcount' must be a whole number: 1.5"),
     "unit": (trk(point_mass("A", LINE), unit="inch"), "'length_unit' must be one of m, cm, mm; say which holds by --unit"),
     "few points": (trk(point_mass("A", dict(list(LINE.items())[:4]))), "a.trk: 'track A' must hold at least 5 points: 4"),
-    "same names": (trk(point_mass("A", LINE), point_mass("A", LINE)), "must be named, as there are several: A, A"),
+    "same names": (trk(point_mass("A", LINE), point_mass("A", LINE)), "must be named, as there are several (A, A)"),
     "moving axes": (trk(point_mass("A", LINE), extra=prop("referenceframe", "A", "string")), "'referenceframe' must be at rest"),
     "old points": (GOOD.replace('name="[3]"', 'name="three"'), "'three' must be an object with an index like [0]"),
-    "no tracks": (trk(), "'tracks' must hold a point mass with marked positions; it holds no track at all"),
+    "no tracks": (trk(), "'tracks' must hold a point mass with marked positions (it holds no track at all)"),
 }
 
 
@@ -232,7 +240,7 @@ def bomb() -> bytes:
 
 ARCHIVES = {
     "not an archive": (lambda: b"no", "a.trz: cannot be read as an archive (it has no end)"),
-    "no trk": (lambda: stored(GOOD, name="notes.txt"), "a.trz: 'archive' must hold exactly one .trk: none"),
+    "no trk": (lambda: stored(GOOD, name="notes.txt"), "a.trz: 'archive' must hold exactly one .trk (it holds none)"),
     "truncated": (lambda: stored(GOOD)[:-30], "a.trz: cannot be read as an archive"),
     "damaged": (lambda: stored(GOOD).replace(b"PK\x03\x04", b"PK\x03\x05"), "a.trz: cannot be read as an archive"),
     "bomb": (bomb, "when it is unpacked: clip.trk"),
@@ -248,10 +256,13 @@ def test_archive_that_holds_no_track_is_refused_in_one_line(write, case: str) ->
     assert message in str(caught.value)
 
 
-def test_archive_with_two_trk_lists_them(write) -> None:
+@pytest.mark.parametrize(("count", "more"), [(2, ""), (20, ""), (23, " and 3 more")])
+def test_archive_with_several_trk_lists_them(write, count: int, more: str) -> None:
+    """Whole names, and their number where there are too many for a line."""
+    names = [f"measurement of the {n}th of May.trk" for n in range(count)]
     stream = io.BytesIO()
     with zipfile.ZipFile(stream, "w") as archive:
-        for name in ("a.trk", "b.trk", "__MACOSX/._a.trk"):
+        for name in (*names, "__MACOSX/._a.trk"):
             archive.writestr(name, GOOD)
-    with pytest.raises(InputError, match=r"must hold exactly one .trk: a.trk, b.trk$"):
+    with pytest.raises(InputError, match=rf"must hold exactly one .trk \(it holds {', '.join(names[:20])}{more}\)$"):
         read_tracker(write(stream.getvalue(), "a.trz"))

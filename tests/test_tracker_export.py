@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from estim import InputError
-from estim.table import numbered_lines
-from estim.tracker_export import is_export, read_export
+from estim.reading.table import numbered_lines
+from estim.reading.tracker.export import is_export, read_export
 
 ROWS = [(0.0, 0.10, 0.50, None), (0.04, 0.11, 0.52, 0.60), (0.08, 0.13, 0.55, 0.75), (0.12, 0.16, 0.57, 0.62), (0.16, 0.18, 0.60, None)]
 
@@ -94,7 +94,7 @@ def test_two_tracks_beside_each_other(write) -> None:
     path = write(text(",", head=",A,,B,", names="t x y x y", rows=rows))
     check(read_export(path, track="A"))
     check(read_export(path, track="B"), [(t, 2 * x, 2 * y) for t, x, y, _ in ROWS])
-    with pytest.raises(InputError, match=r"a.txt:2: 'track' must be named, as there are several: A, B"):
+    with pytest.raises(InputError, match=r"a.txt:2: 'track' must be named, as there are several \(A, B\)"):
         read_export(path, shown_as="a.txt")
     with pytest.raises(InputError, match=r"a.txt:2: 'track' must name one of the tracks \(A, B\): C"):
         read_export(path, track="C", shown_as="a.txt")
@@ -142,7 +142,13 @@ def test_an_export_is_told_from_a_table_of_the_project(mark: str) -> None:
 
 MIXED = text(";", comma=True).replace("1,200E-01", "0.12")
 REFUSED = {
-    "empty": ("", "a.txt: 'header' must have a line of column names with t and x or y, as Tracker exports it: nothing"),
+    "empty": ("", "a.txt: must not be empty: its size is 0"),
+    "blank": ("\n# t,x\n", "a.txt: 'header' must have a line of column names with t and x or y, as Tracker exports it: nothing"),
+    "no names but 0.0": ("0.0\t0.1\n0.1\t0.2\n", "a.txt:1: 'header' must have a line of column names with t and x or y, as Tracker exports it: 0.0"),
+    "no names but 12.5": ("12.5;0.1\n", "a.txt:1: 'header' must have a line of column names"),
+    "begins with a date": ("2019-02-17;0.1\n", "a.txt:1: 'row' begins with a date and the line of column names is gone; a spreadsheet"),
+    "begins with a day": ("12.mai;0.1\n", "a.txt:1: 'row' begins with a date and the line of column names is gone; a spreadsheet"),
+    "maybe decimal commas": ("t,x,n,m\n" + "".join(f"{n},5,1,2\n" for n in range(6)), "a.txt:2: 'row' may hold decimal commas: every cell"),
     "no names": ("1;2;3\n", "a.txt:1: 'header' must have a line of column names with t and x or y, as Tracker exports it: 1;2;3"),
     "estim's own": ("t_s,x_m\n0,1\n", "a.txt:1: 'header' is a table of estim already: name it in a campaign as it is: t_s,x_m"),
     "only v": (text(names="t v a b"), "a.txt:1: 'header' must have a line of column names with t and x or y"),
@@ -232,7 +238,7 @@ def test_one_copied_row_between_tabs(tracker_folder: Path) -> None:
 
 REAL_REFUSED = {
     "halfpipe/Klipp34.csv": r"Klipp34.csv:1004: 't' must increase from row to row \(2794 rows repeat their time: rounded by a spreadsheet\?\): 10.0",
-    "halfpipe/Klipp5.csv": r"Klipp5.csv:1: 'row' mixes decimal points and commas .*43513,00 is 2019-02-17.*a spreadsheet has changed this file",
+    "halfpipe/Klipp5.csv": r"Klipp5.csv:1: 'row' mixes decimal points and commas .*a spreadsheet has changed this file.*43513,00 is 2019-02-17",
     "rolling_ball/Kule4.txt": r"Kule4.txt: 'track Kule4' must hold at least 5 points: 3$",
 }
 

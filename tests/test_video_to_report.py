@@ -11,9 +11,9 @@ import pytest
 from click.testing import CliRunner, Result
 
 from estim.campaign import load_campaign
-from estim.cli import cli
-from estim.fitting import Fit
-from estim.optimum import fit_optimum
+from estim.cli.commands import cli
+from estim.fitting.least_squares import Fit
+from estim.fitting.optimum import fit_optimum
 
 PAGE = Path(__file__).parents[1] / "docs" / "from-video-to-report.md"
 FALL, SWING = re.findall(r"```toml\n(.*?)```", PAGE.read_text(), flags=re.DOTALL)
@@ -23,11 +23,8 @@ WHOLE = FALL.replace("x0 + v*(x - 1.5)", "x0 + v*(x - 1.5) + 0.5*a*(x - 1.5)**2"
 
 
 @pytest.fixture
-def tracker(project: Path) -> Path:
-    folder = project.parent / "shared" / "data" / "tracker"
-    if not folder.is_dir():
-        pytest.skip("the files of the program Tracker are not beside the project")
-    return folder
+def tracker(tracker_folder: Path) -> Path:
+    return tracker_folder
 
 
 def run(*arguments: object) -> Result:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 
 import numpy as np
@@ -9,19 +10,18 @@ import pytest
 
 from estim.campaign import Campaign, load_campaign
 from estim.pipeline import analyse
-from estim.result import Result, result_of
-from estim.sampling import Target
+from estim.reports.result import Result, result_of
+from estim.sampling.chain import Target
 
 RUNS = [f"class-balanced_{i}" for i in (1, 2, 3, 4)] + [f"class-unbalanced_{i}" for i in (1, 2, 3)]
 RUNS += ["mixed-balanced_1", "mixed-balanced_2", "mixed-unbalanced_1", "mixed-unbalanced_2"]
+WHEEL = Path(__file__).resolve().parents[1] / "data" / "wheel"
 QUICK = Target(ess=1000.0)
 
 
-@pytest.fixture
-def wheel(project: Path) -> Campaign:
-    if not (project.parent / "shared" / "data" / "wheel").is_dir():
-        pytest.skip("the wheel's data are not beside the project")
-    return load_campaign(project / "tests" / "wheel.toml")
+def wheel(run: str) -> Campaign:
+    """The campaign that holds a run."""
+    return load_campaign(WHEEL / ("campaign.toml" if run.startswith("class-") else "mixed.toml"))
 
 
 def result(campaign: Campaign, run: str) -> Result:
@@ -30,8 +30,8 @@ def result(campaign: Campaign, run: str) -> Result:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("run", RUNS)
-def test_resisting_moment_lies_where_the_groups_found_it(wheel: Campaign, run: str) -> None:
-    found = result(wheel, run)
+def test_resisting_moment_lies_where_the_groups_found_it(run: str) -> None:
+    found = result(wheel(run), run)
     moment = found.runs[run].derived["resisting_moment"]
     assert 0.6 < moment.q025 < moment.q975 < 1.5
     # nothing but the quality of the fit may be in doubt, and a doubt has its reason in words
@@ -40,11 +40,23 @@ def test_resisting_moment_lies_where_the_groups_found_it(wheel: Campaign, run: s
     assert found.runs[run].scatter_ratio < 10.0
 
 
+def test_a_run_in_radians_is_spoken_of_as_angles_and_its_priors_by_their_means() -> None:
+    campaign, run = wheel("class-balanced_1"), "class-balanced_1"
+    hasty = Target(ess=1.0, max_step=100, n_ensemble=2, n_walker=16)
+    found = result_of(campaign, analyse(campaign, [run], seed=1, target=hasty))
+    shown = found.runs[run]
+    assert (shown.what, shown.x, shown.y) == ("angular rates", "angle turned θ − θ₀ (rad)", "angular rate ω (rad/s)")
+    assert shown.noise == (
+        "angular rates by the five-point derivative of angles, with its exact covariance; angle readings with an encoder step of 0.01257 rad; "
+        "a further independent scatter of the angular rates inferred"
+    )
+    assert found.parameters["scatter"].prior_mean == pytest.approx(0.5 * math.sqrt(2.0 / math.pi))  # not the median, 0.34
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("run", ["class-unbalanced_1", "mixed-unbalanced_2"])
-@pytest.mark.usefixtures("wheel")
-def test_wheel_without_eccentricity_is_a_poor_fit(run: str, tmp_path: Path, project: Path) -> None:
-    text = (project / "tests" / "wheel.toml").read_text().replace("../../shared", str((project / "../shared").resolve()))
+def test_wheel_without_eccentricity_is_a_poor_fit(run: str, tmp_path: Path) -> None:
+    text = Path(wheel(run).path).read_text().replace('file = "', f'file = "{WHEEL}/')
     wrong = text.replace('mass_particle_kg = "3.40(3)"', "mass_particle_kg = 0.0").replace("particle_gyration = 0.0572", "")
     (tmp_path / "wrong.toml").write_text(wrong)
     found = result(load_campaign(tmp_path / "wrong.toml"), run)
@@ -53,15 +65,15 @@ def test_wheel_without_eccentricity_is_a_poor_fit(run: str, tmp_path: Path, proj
     assert any("alike" in reason for reason in found.reasons)
 
 
-def test_unbalanced_runs_agree_on_the_resisting_moment(wheel: Campaign) -> None:
+def test_unbalanced_runs_agree_on_the_resisting_moment() -> None:
     """Three runs of one apparatus on one day: modes within the spread that a rough fit of the data shows (1.12-1.15 N m)."""
-    from estim.fitting import fit_least_squares
+    from estim.fitting.least_squares import fit_least_squares
 
     moments = []
     for run in RUNS[4:7]:
-        problem = wheel.problem([run])
+        problem = wheel(run).problem([run])
         fit = fit_least_squares(problem, rng=np.random.default_rng(1), n_start=2)
         observations = problem.runs[0]
-        moments.append(float(observations.curve.derived(observations.bind(problem.named(fit.values)))["resisting_moment"].values[0, 0]))
+        moments.append(float(observations.derived(observations.bind(problem.named(fit.values)))["resisting_moment"].values[0, 0]))
     assert np.ptp(moments) < 0.05
     assert np.mean(moments) == pytest.approx(1.13, abs=0.04)

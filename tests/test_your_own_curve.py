@@ -41,7 +41,7 @@ def test_the_campaign_of_the_page_is_read(project: Path, tmp_path: Path) -> None
 
 
 def test_the_page_names_every_function(project: Path) -> None:
-    from estim.formula import FUNCTIONS
+    from estim.curves.formula import FUNCTIONS
 
     text = (project / "docs" / "your-own-curve.md").read_text().partition("## What a formula may hold")[2]
     assert set(FUNCTIONS) <= set(re.findall(r"\w+", text))

@@ -9,9 +9,9 @@ import pytest
 from joint_runs import simulated_campaign
 
 from estim.campaign import load_campaign
-from estim.errors import InputError
-from estim.fitting import fit_least_squares
-from estim.labels import label
+from estim.common.errors import InputError
+from estim.common.labels import label
+from estim.fitting.least_squares import fit_least_squares
 
 OFFSET = 0.8  # degrees, true tilt minus reading
 ZERO = 'phi_zero_deg = "0.0(1.0)"'
@@ -44,7 +44,7 @@ def test_curve_moves_with_the_zero_as_with_the_angle(zero: str, angle: str, repl
     arguments = dict(run.arguments) | at
     shifted = arguments | {angle: at[angle] + 0.01}
     assert run.curve.value(run.x, arguments | {zero: 0.01}) == pytest.approx(run.curve.value(run.x, shifted), rel=1e-12)
-    assert run.curve.end(arguments | {zero: 0.01}) == pytest.approx(run.curve.end(shifted), rel=1e-12)
+    assert run.end(arguments | {zero: 0.01}) == pytest.approx(run.end(shifted), rel=1e-12)
     above, below = (run.curve.value(run.x, arguments | {zero: step}) for step in (1e-6, -1e-6))
     assert run.curve.local(run.x, arguments).gradient[zero] == pytest.approx((above - below) / 2e-6, rel=1e-4, abs=1e-6)
 

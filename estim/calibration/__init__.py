@@ -1,0 +1,14 @@
+"""Does the pipeline tell the truth about its uncertainty?  Simulated campaigns: ranks and coverage.  Read `calibration` first."""
+
+from estim.calibration.calibration import (
+    COVERAGE_SDS,
+    UNIFORM_BELOW,
+    Calibration,
+    coverage,
+    coverage_sentence,
+    direction,
+    findings,
+    simulation_based_calibration,
+)
+from estim.calibration.experiment import campaign_design
+from estim.calibration.uniformity import edges, rank_counts, uniformity_band

@@ -1,0 +1,214 @@
+"""Does the whole pipeline tell the truth about its own uncertainty?  Simulated campaigns with known truth, analysed as real ones.
+
+Two questions, each with its own answer:
+
+- `simulation_based_calibration`: truths drawn from the priors.  If data, likelihood and computation belong together, the
+  rank of a truth among posterior draws is uniform and an interval of probability p holds it with probability p: exactly,
+  for any priors (Talts, Betancourt, Simpson, Vehtari, Gelman 2018, arXiv 1804.06788; Modrak et al., Bayesian Analysis 20
+  (2025) 461).  It finds mistakes.
+- `coverage`: one truth, the fitted values, so that it speaks of *this* experiment.  The experiment is repeated together
+  with the measurements that its normal and log-normal priors stand for: their centres are drawn anew around the truth
+  with their own standard uncertainty.  With the centre held, a parameter that the data do not determine would be covered
+  always or never.  Uniform and half-normal priors and those of outliers are no measurements and stay.  Where these say
+  little beside the data, intervals cover with their probability to first order.  Where one of them says much (`leaning`),
+  intervals that lean on it cover too often at a truth near its middle and too rarely at its edge, and are right on average
+  over it only: there covering too often is no fault.
+
+Truths that give no data (`estim.calibration.experiment`) are drawn again and counted.  An experiment of which too few rows are left is
+repeated with a new truth as well: that depends on the data alone, and ranks are uniform for any given data.
+
+Each simulated campaign is analysed by the pipeline's own stages: posed with derivative and selection, fit (the search
+starts at the truth), and its posterior computed by importance sampling from the adapted proposal where k-hat is below
+0.5, by the chain otherwise.  Where no posterior comes out, that is a failure: an interval that does not hold the truth.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import partial
+
+import numpy as np
+from numpy.typing import NDArray
+
+from estim.arrays import FloatArray
+from estim.calibration.experiment import Experiment
+from estim.calibration.jobs import spread
+from estim.calibration.trial import N_RANK, PROBABILITIES, Engine, Plan, What, posterior_draws, reported_names, run_trial, stated_only
+from estim.calibration.uniformity import LEAST_P, uniformity_p_value
+from estim.fitting import Fit
+
+IntArray = NDArray[np.int64]
+TrialProgress = Callable[[int], None]
+"""Called with the number of trials done."""
+
+UNIFORM_BELOW = 0.001  # chance that ranks are called uneven where none of them are, all quantities considered
+COVERAGE_SDS = 3.0
+_MOST_FAILED = 0.01  # of the trials
+_LEANING = 0.3  # posterior sd over prior sd
+_PLAIN = 3.0  # Monte-Carlo standard deviations from which ranks have a direction
+
+
+@dataclass(frozen=True, eq=False)
+class Calibration:
+    """Trials of one design.
+
+    reported : name -> unit.  truth : (n_trial, n_reported).
+    ranks : (n_trial, n_reported) in 0 .. n_rank, -1 where the analysis failed.
+    covered : (n_trial, n_reported, 2), for `probabilities`; False where the analysis failed.
+    n_rejected : truths drawn again because they gave no data or too few.
+    how : engine -> trials.  n_short : trials whose engine did not meet its target (they count as they are).
+    failures : sentence -> trials that gave no posterior.
+    leaning : parameters of which a prior that is no measurement says much of what is known.
+    """
+
+    what: What
+    runs: tuple[str, ...]
+    reported: Mapping[str, str]
+    truth: FloatArray
+    ranks: IntArray
+    n_rank: int
+    covered: NDArray[np.bool_]
+    probabilities: tuple[float, ...]
+    n_rejected: int
+    how: Mapping[str, int]
+    n_short: int
+    failures: Mapping[str, int]
+    leaning: tuple[str, ...]
+    engine: Engine
+    seed: int
+
+    @property
+    def n_trial(self) -> int:
+        return int(self.ranks.shape[0])
+
+    @property
+    def n_failed(self) -> int:
+        return sum(self.failures.values())
+
+    def ranks_of(self, name: str) -> IntArray:
+        """(n_trial - n_failed,) ranks of the truth of one quantity."""
+        column = self.ranks[:, list(self.reported).index(name)]
+        return column[column >= 0]
+
+    def p_value(self, name: str) -> float:
+        """Of uniform ranks; nan where every trial failed."""
+        ranks = self.ranks_of(name)
+        return uniformity_p_value(ranks, self.n_rank) if ranks.size else float("nan")
+
+    def share(self, name: str) -> FloatArray:
+        """(2,) share of the trials whose interval held the truth."""
+        return np.asarray(self.covered[:, list(self.reported).index(name)].mean(axis=0))
+
+    def share_sd(self) -> FloatArray:
+        """(2,) standard deviation of that share where intervals keep their word."""
+        p = np.array(self.probabilities)
+        return np.sqrt(p * (1.0 - p) / self.n_trial)
+
+
+@dataclass(frozen=True)
+class RankFinding:
+    """One way in which a calibration fails: what it is about, and a sentence."""
+
+    name: str
+    sentence: str
+
+
+def simulation_based_calibration(
+    design: Experiment, fit: Fit, *, n_trial: int, seed: int, jobs: int = 1, engine: Engine | None = None, progress: TrialProgress | None = None
+) -> Calibration:
+    """Ranks and coverage for `n_trial` truths drawn from the priors.
+
+    fit : of the real data; it tells which numbers of the report vary at all.  The same seed gives the same numbers for any `jobs`.
+
+    Raises NumericalError where hardly any draw of the priors gives data.
+    """
+    return _calibrate(Plan(design, "sbc", fit.values, tuple(_varying(fit)), engine or Engine(), seed), fit, n_trial, jobs, progress)
+
+
+def coverage(
+    design: Experiment, fit: Fit, *, n_trial: int, seed: int, jobs: int = 1, engine: Engine | None = None, progress: TrialProgress | None = None
+) -> Calibration:
+    """Coverage for `n_trial` repetitions of the experiment at the fitted values.
+
+    The truth is the posterior mode; a parameter whose mode lies at a bound of its prior has its posterior median instead,
+    since no interval between quantiles can hold a bound.  Otherwise as `simulation_based_calibration`.
+    """
+    chosen = engine or Engine()
+    truth = fit.values.copy()
+    if fit.at_bound:
+        draws, _, _ = posterior_draws(fit, chosen, np.random.default_rng(seed))
+        bound = [fit.names.index(name) for name in fit.at_bound]
+        truth[bound] = np.median(draws[:, bound], axis=0)
+    return _calibrate(Plan(design, "coverage", truth, tuple(_varying(fit)), chosen, seed), fit, n_trial, jobs, progress)
+
+
+def _varying(fit: Fit) -> dict[str, str]:
+    """Numbers of the report that change within a fraction of the posterior's width."""
+    step = 1e-3 * np.sqrt(np.diag(fit.cov))
+    inward = [np.where(v + s < p.prior.high, s, -s) for v, s, p in zip(fit.values, step, fit.problem.parameters, strict=True)]
+    return reported_names(fit.problem, np.array([fit.values, fit.values + np.array(inward)]))
+
+
+def _calibrate(plan: Plan, fit: Fit, n_trial: int, jobs: int, progress: TrialProgress | None) -> Calibration:
+    trials = spread(partial(run_trial, plan), range(n_trial), jobs=jobs, progress=progress)
+    return Calibration(
+        what=plan.what, runs=tuple(run.name for run in plan.design.problem.runs), reported=_varying(fit),
+        truth=np.array([t.truth for t in trials]), ranks=np.array([t.rank for t in trials]), n_rank=N_RANK,
+        covered=np.array([t.covered for t in trials]), probabilities=PROBABILITIES, n_rejected=sum(t.n_rejected for t in trials),
+        how=Counter(t.how for t in trials), n_short=sum(bool(t.shortfall) for t in trials),
+        failures=Counter(t.failure for t in trials if t.failure), leaning=_leaning(fit), engine=plan.engine, seed=plan.seed,
+    )
+
+
+def _leaning(fit: Fit) -> tuple[str, ...]:
+    held, sds = stated_only(fit.problem), np.sqrt(np.diag(fit.cov))
+    return tuple(p.name for p, sd in zip(fit.problem.parameters, sds, strict=True) if p.name in held and sd > _LEANING * p.prior.sd)
+
+
+def findings(calibration: Calibration) -> tuple[RankFinding, ...]:
+    """Where the calibration fails, and in which direction; empty where it does not.
+
+    Uneven ranks count for truths drawn from the priors only (p < 0.001, divided by the number of quantities): at one truth
+    they need not be uniform.  Coverage counts where it is more than 3 Monte-Carlo standard deviations off; at one truth,
+    where something leans on a prior that is no measurement, only if it is too small.
+    """
+    found = []
+    least = max(UNIFORM_BELOW / max(len(calibration.reported), 1), 1.01 * LEAST_P)
+    excused = calibration.what == "coverage" and bool(calibration.leaning)
+    for name in calibration.reported:
+        p_value = calibration.p_value(name) if calibration.what == "sbc" else 1.0
+        if p_value < least:
+            found.append(RankFinding(name, f"{name}: {direction(calibration, name) or 'uneven'} (ranks not uniform, p = {p_value:.1g})"))
+        for p, held, u in zip(calibration.probabilities, calibration.share(name), calibration.share_sd(), strict=True):
+            if p - held > COVERAGE_SDS * u or (held - p > COVERAGE_SDS * u and not excused):
+                words = direction(calibration, name) or f"intervals are too {'narrow' if held < p else 'wide'}"
+                off = f"{abs(held - p) / u:.1f} Monte-Carlo standard deviations too {'few' if held < p else 'many'}"
+                found.append(RankFinding(name, f"{name}: {words} (the {100 * p:.0f} % interval covered {100 * held:.1f} %, {off})"))
+    if calibration.n_failed > _MOST_FAILED * calibration.n_trial:
+        worst = max(calibration.failures, key=lambda sentence: calibration.failures[sentence])
+        found.append(RankFinding("", f"{calibration.n_failed} of {calibration.n_trial} simulated campaigns gave no posterior, mostly: {worst}"))
+    return tuple(found)
+
+
+def direction(calibration: Calibration, name: str) -> str:
+    """How a quantity is off, in words, where the mean or the spread of its ranks tells; "" where neither does."""
+    place = (calibration.ranks_of(name) + 0.5) / (calibration.n_rank + 1)
+    if place.size == 0:
+        return "no posterior at all"
+    shift = (float(np.mean(place)) - 0.5) * np.sqrt(12.0 * place.size)
+    spread_out = (float(np.mean((place - 0.5) ** 2)) - 1.0 / 12.0) * np.sqrt(180.0 * place.size)
+    if max(abs(shift), abs(spread_out)) < _PLAIN:
+        return ""
+    if abs(shift) > abs(spread_out):
+        return f"biased, estimates lie too {'low' if shift > 0.0 else 'high'}"
+    return f"intervals are too {'narrow' if spread_out > 0.0 else 'wide'}"
+
+
+def coverage_sentence(calibration: Calibration, name: str) -> str:
+    """'your 68 % interval of gamma[heavy] covered 66 ± 2 % of 500 simulated truths'."""
+    p, held = calibration.probabilities[0], float(calibration.share(name)[0])
+    n = calibration.n_trial
+    sd = np.sqrt(max(held * (1.0 - held), 0.25 / n) / n)
+    return f"your {p * 100:.0f} % interval of {name} covered {100 * held:.0f} ± {max(100 * sd, 0.1):.2g} % of {n} simulated truths"

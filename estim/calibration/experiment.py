@@ -1,0 +1,221 @@
+"""Data that an experiment could have given: for given parameter values, as the noise model says.
+
+`CampaignDesign` simulates at the level of the runs' tables, so that derivative, selection and guard zones are applied to
+the simulated rows as to the real ones.  `PointDesign` simulates at the points of a problem: of a curve of one's own, whose
+readings are fit as they are, inside the window of the real data.  What is kept of the real data is the design of the
+experiment: times, positions of independent speeds, abscissas of one's own curve, standard deviations row by row, the moment
+of release of differentiated runs.  Not simulated:
+
+- independent errors of speeds that are computed from positions: refused, no such data exist.
+- the scatter of differentiated speeds is added after differentiation and selection (selection looks at a speed only to
+  tell whether the body turned).
+- errors of x are normal whatever the tails of y are, and so is the distribution of the true abscissas about the readings.
+
+Values for which a fitted row has no place on the curve (the body does not start, or turns before a position at which its
+speed is fit) give no data: `None`.  The posterior density is zero for just these values, so that discarding them is the
+same as a prior cut to where the data are possible.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from types import MappingProxyType
+from typing import Protocol, runtime_checkable
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from estim.arrays import FloatArray
+from estim.campaign import Campaign, NoiseTable
+from estim.common import InputError
+from estim.problem import Differentiated, Independent, Observations, Parameter, Problem, true_abscissas
+from estim.reading import Run
+
+Values = Mapping[str, ArrayLike]
+
+_RELEASES = 400  # moments tried before the best is refined
+
+
+@runtime_checkable
+class Moving(Protocol):
+    """A curve that can be followed in time."""
+
+    def position(self, since: FloatArray, arguments: Mapping[str, ArrayLike]) -> FloatArray:
+        """(n_draw, n_obs) position at times `since` release, s."""
+
+
+class Experiment(Protocol):
+    """An experiment that can be repeated."""
+
+    @property
+    def problem(self) -> Problem:
+        """The problem that the real data pose."""
+
+    def simulate(self, values: FloatArray, parameters: tuple[Parameter, ...], rng: np.random.Generator) -> Problem | None:
+        """The problem that simulated data pose, with `parameters` as its unknowns; None where `values` (n_par,) give no data."""
+
+
+@dataclass(frozen=True, eq=False)
+class PointDesign:
+    """The points of a problem with independent noise."""
+
+    problem: Problem
+
+    def __post_init__(self) -> None:
+        if not all(isinstance(run.noise, Independent) for run in self.problem.runs):
+            raise InputError("needs the tables of the runs where speeds are differentiated", field="calibration")
+
+    def simulate(self, values: FloatArray, parameters: tuple[Parameter, ...], rng: np.random.Generator) -> Problem | None:
+        named, runs = self.problem.named(values), []
+        for run in self.problem.runs:
+            assert isinstance(run.noise, Independent)
+            where = _true_x(run.noise, run.x, run.noise.relative_x, named, rng)
+            curve = _curve(run, where, named)
+            if not np.all(np.isfinite(curve)):
+                return None
+            x, y = _readings(run.noise, where, curve, run.noise.relative, run.noise.relative_x, named, rng)
+            runs.append(replace(run, x=x, y=y))
+        return Problem(parameters, tuple(runs))
+
+
+@dataclass(frozen=True, eq=False)
+class CampaignDesign:
+    """Runs of a campaign, fit together.
+
+    problem : of the real data.  release : run -> moment of release (s) on the clock of its data, for differentiated runs.
+    analysed : noise table with which the simulated data are analysed, in place of the campaign's: to see a wrong one fail.
+    """
+
+    campaign: Campaign
+    names: tuple[str, ...]
+    problem: Problem
+    release: Mapping[str, float]
+    analysed: NoiseTable | None = None
+
+    def simulate(self, values: FloatArray, parameters: tuple[Parameter, ...], rng: np.random.Generator) -> Problem | None:
+        named, tables = self.problem.named(values), {}
+        for run in self.problem.runs:
+            table = self._table(run, self.campaign.tables[run.name], named, rng)
+            if table is None:
+                return None
+            tables[run.name] = table
+        try:
+            posed = replace(self.campaign, tables=MappingProxyType(tables)).problem(self.names, noise=self.analysed)
+        except InputError:  # too few rows are left to fit: an experiment that would have been thrown away
+            return None
+        # priors that were taken from the data (moment of release, zero of the positions) stay those of the real data
+        assert tuple(p.name for p in posed.parameters) == tuple(p.name for p in parameters)
+        return Problem(parameters, tuple(_scattered(run, truth, named, rng) for run, truth in zip(posed.runs, self.problem.runs, strict=True)))
+
+    def _table(self, run: Observations, table: Run, named: Values, rng: np.random.Generator) -> Run | None:
+        columns = _columns(run, table, named, self.release.get(run.name, 0.0), rng)
+        if columns is None:
+            return None
+        for column in columns.values():
+            column.setflags(write=False)
+        return replace(table, columns=MappingProxyType({**table.columns, **columns}))
+
+
+def campaign_design(campaign: Campaign, names: Sequence[str], *, fitted: FloatArray, analysed: NoiseTable | None = None) -> Experiment:
+    """The design of runs of a campaign: their tables, or their points where the curve is the user's own.
+
+    fitted : (n_par,) the fit of the real data, at which the moment of release of differentiated runs is taken.
+
+    Raises InputError for noise that cannot be simulated.
+    """
+    problem = campaign.problem(names)
+    if all(run.motion is None for run in problem.runs):
+        return PointDesign(problem)
+    release = {}
+    for run in problem.runs:
+        table = campaign.tables[run.name]
+        if isinstance(run.noise, Differentiated):
+            release[run.name] = _release_time(run, problem.named(fitted))
+        elif not run.noise.positions and table.rate not in table.columns:
+            rule = "cannot be simulated: independent errors of speeds that are computed from positions (use model = 'differentiated')"
+            raise InputError(rule, field="model", value="independent", file=campaign.source.path)
+    return CampaignDesign(campaign, tuple(names), problem, MappingProxyType(release), analysed)
+
+
+def _columns(run: Observations, table: Run, named: Values, release: float, rng: np.random.Generator) -> dict[str, FloatArray] | None:
+    """The columns of a table that are measured anew; None where the values give no data."""
+    noise = run.noise
+    if isinstance(noise, Differentiated):
+        x = _follow(run, table.columns["t_s"] - release, named)
+        if not np.all(np.isfinite(x)):
+            return None
+        reading = x + float(np.squeeze(noise.sigma.at(named))) * rng.standard_normal(x.size)
+        return {table.coordinate: _rounded(reading, noise.encoder_step)}
+    where = table.columns["t_s" if noise.positions else table.coordinate]
+    relative_x = None if noise.positions else table.columns.get("sigma_x_m")
+    true_x = _true_x(noise, where, relative_x, named, rng)
+    curve = _curve(run, true_x, named)
+    if not np.all(np.isfinite(curve[np.isin(where, run.x)])):
+        return None
+    # a row that was not fit may lie where the body never comes: there it is at rest, and selection leaves it out again
+    curve = np.where(np.isfinite(curve), curve, 0.0)
+    stated = table.columns.get("sigma_x_m" if noise.positions else "sigma_v_m_s")
+    x, y = _readings(noise, true_x, curve, stated, relative_x, named, rng)
+    return {table.coordinate: y} if noise.positions else {table.coordinate: x, table.rate: y}
+
+
+def _curve(run: Observations, x: FloatArray, named: Values) -> FloatArray:
+    """(n_obs,) the curve at x (n_obs,) for one set of values."""
+    with np.errstate(invalid="ignore"):
+        return np.array(np.broadcast_to(run.curve.value(x, run.bind(named)), (1, x.size))[0])
+
+
+def _true_x(noise: Independent, x: FloatArray, relative_x: FloatArray | None, named: Values, rng: np.random.Generator) -> FloatArray:
+    """True abscissas (n_obs,) as the readings x (n_obs,) leave them possible: as far spread as the fitted distribution says."""
+    if noise.sigma_x is None:
+        return x
+    known = true_abscissas(x, np.atleast_2d(np.asarray(noise.sigma_x.at(named)) * (np.ones(x.size) if relative_x is None else relative_x)))
+    return np.asarray(known.centre[0] + known.spread[0] * rng.standard_normal(x.size))
+
+
+def _readings(
+    noise: Independent, x: FloatArray, curve: FloatArray, relative: FloatArray | None, relative_x: FloatArray | None, named: Values,
+    rng: np.random.Generator,
+) -> tuple[FloatArray, FloatArray]:
+    """x and y (n_obs,) as read: x and the curve with their errors."""
+    sigma = np.asarray(noise.sigma.at(named)) * (1.0 if relative is None else relative)
+    error = noise.tails.draw(rng, x.size, named) * np.hypot(sigma, noise.scatter.at(named))
+    if noise.sigma_x is not None:
+        x = x + np.asarray(noise.sigma_x.at(named)) * (1.0 if relative_x is None else relative_x) * rng.standard_normal(x.size)
+    return x, _rounded(curve + error, noise.encoder_step)
+
+
+def _rounded(reading: FloatArray, step: float) -> FloatArray:
+    """A digital reading of resolution `step`; 0 where none is stated."""
+    return step * np.rint(reading / step) if step else reading
+
+
+def _scattered(run: Observations, truth: Observations, named: Values, rng: np.random.Generator) -> Observations:
+    """Differentiated speeds with their further scatter."""
+    if not isinstance(truth.noise, Differentiated):
+        return run
+    return replace(run, y=run.y + np.asarray(truth.noise.scatter.at(named)) * rng.standard_normal(run.n_obs))
+
+
+def _follow(run: Observations, since: FloatArray, named: Values) -> FloatArray:
+    """Positions at times since release, in their shape: (n_obs,) or (n, n_obs)."""
+    if not isinstance(run.curve, Moving):
+        raise InputError("cannot be simulated: its curve does not say where the body is in time", field="run", value=run.name)
+    return np.array(np.broadcast_to(run.curve.position(since, run.bind(named)), np.atleast_2d(since).shape)).reshape(since.shape)
+
+
+def _release_time(run: Observations, named: Values) -> float:
+    """The moment of release (s, clock of the data) at which the motion passes closest to the fitted positions."""
+    from scipy.optimize import minimize_scalar
+
+    assert run.t is not None
+    t, x = run.t, run.x
+
+    def misfit(moments: ArrayLike) -> FloatArray:
+        return np.sum(np.square(_follow(run, t - np.reshape(moments, (-1, 1)), named) - x), axis=1)
+
+    span = float(t[-1] - t[0])
+    moments = np.linspace(t[0] - 2.0 * span, t[0], _RELEASES)
+    best, step = moments[int(np.nanargmin(misfit(moments)))], moments[1] - moments[0]
+    return float(minimize_scalar(lambda m: float(misfit(m)[0]), bounds=(best - step, best + step), method="bounded", options={"xatol": 1e-9}).x)

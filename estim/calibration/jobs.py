@@ -1,0 +1,166 @@
+"""The same function for many numbers, spread over processes.
+
+Workers are spawned (no state is inherited by chance), compute with one thread each, and leave Ctrl-C and the end of a terminal to
+the parent, which waits for the calls under way and raises it.  They end with their parent, however it ends.  Where one of them is
+killed (for want of memory, say) what is missing is done again, once, by half as many.
+"""
+
+from __future__ import annotations
+
+import copyreg
+import io
+import os
+import pickle
+import signal
+import sys
+import threading
+import warnings
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import ExitStack, contextmanager
+from itertools import islice
+from types import MappingProxyType
+from typing import Any, TypeVar
+
+from estim.common import STOPPING, NumericalError
+
+T = TypeVar("T")
+
+_THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS", "NUMEXPR_NUM_THREADS")
+_task: Callable[[int], Any] | None = None  # of a worker process
+
+
+def spread(
+    task: Callable[[int], T], numbers: Sequence[int], *, jobs: int, progress: Callable[[int], None] | None = None
+) -> list[T]:
+    """`task(n)` for each of `numbers`, in their order, by `jobs` processes (1: this one).
+
+    progress : called with how many are done.  `task` must be picklable, read-only mappings included.
+
+    Raises NumericalError where a worker is killed, and another after the work was taken up again.
+    """
+    done: dict[int, T] = {}
+    for n, result in _in_process(task, numbers) if jobs <= 1 else _in_pool(task, numbers, min(jobs, len(numbers))):
+        done[n] = result
+        if progress is not None:
+            progress(len(done))
+    return [done[n] for n in numbers]
+
+
+def _in_process(task: Callable[[int], T], numbers: Sequence[int]) -> Iterator[tuple[int, T]]:
+    for n in numbers:
+        yield n, task(n)
+
+
+def _in_pool(task: Callable[[int], T], numbers: Sequence[int], jobs: int) -> Iterator[tuple[int, T]]:
+    from concurrent.futures.process import BrokenProcessPool
+
+    missing = dict.fromkeys(numbers)
+    for n_worker in (jobs, max(jobs // 2, 1)):
+        try:
+            for n, result in _by_workers(task, list(missing), n_worker):
+                del missing[n]
+                yield n, result
+        except BrokenProcessPool:
+            continue
+        return
+    raise NumericalError(f"a worker process was killed, twice: is there memory for {jobs} processes?  Fewer take less ('jobs')")
+
+
+def _by_workers(task: Callable[[int], T], numbers: Sequence[int], jobs: int) -> Iterator[tuple[int, T]]:
+    from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+    from multiprocessing import get_context
+
+    waiting = iter(numbers)
+    futures: dict[Future[T], int] = {}
+
+    def submit(pool: ProcessPoolExecutor, count: int) -> None:
+        futures.update({pool.submit(_call, n): n for n in islice(waiting, count)})
+
+    # only a few calls are ever queued, so that little is left to wait for when one fails or the user interrupts
+    with ExitStack() as stack:
+        stack.enter_context(_environment_of_workers())
+        with _interrupts_held():  # a process of multiprocessing's own is started here
+            pool = stack.enter_context(ProcessPoolExecutor(jobs, get_context("spawn"), _start, (_pickled(task),)))
+        try:
+            with _interrupts_held():
+                submit(pool, 2 * jobs)
+            while futures:
+                done, _ = wait(futures, return_when=FIRST_COMPLETED)
+                for future in sorted(done, key=lambda f: f.exception() is not None):  # what was computed, first
+                    yield futures.pop(future), future.result()
+                    submit(pool, 1)
+        finally:
+            pool.shutdown(cancel_futures=True)
+
+
+@contextmanager
+def _interrupts_held() -> Iterator[None]:
+    """Signals to stop come after this: processes started meanwhile never see Ctrl-C or the end of a terminal, the parent does."""
+    if not hasattr(signal, "pthread_sigmask"):
+        yield
+        return
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, set(STOPPING))
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+@contextmanager
+def _environment_of_workers() -> Iterator[None]:
+    """What spawned processes inherit: linear algebra on one thread; Python starts from its own modules, not from files in the working folder."""
+    stated = dict.fromkeys((*_THREADS, "PYTHONSAFEPATH"), "1")
+    before = {name: os.environ.get(name) for name in stated}
+    os.environ.update(stated)
+    try:
+        yield
+    finally:
+        for name, value in before.items():
+            if value is None:
+                del os.environ[name]
+            else:
+                os.environ[name] = value
+
+
+def _pickled(task: Callable[[int], Any]) -> bytes:
+    """`task` as bytes; read-only mappings, which pickle does not know, included."""
+    buffer = io.BytesIO()
+    pickler = pickle.Pickler(buffer, protocol=pickle.HIGHEST_PROTOCOL)
+    pickler.dispatch_table = copyreg.dispatch_table | {MappingProxyType: _reduced}
+    pickler.dump(task)
+    return buffer.getvalue()
+
+
+def _reduced(mapping: MappingProxyType[Any, Any]) -> tuple[Any, ...]:
+    return _read_only, (dict(mapping),)
+
+
+def _read_only(mapping: dict[Any, Any]) -> MappingProxyType[Any, Any]:
+    return MappingProxyType(mapping)
+
+
+def _start(task: bytes) -> None:
+    """Prepare a worker process."""
+    global _task
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    if hasattr(signal, "pthread_sigmask"):
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGTERM})  # held when this process was started; its parent ends it so
+    threading.Thread(target=_end_with_parent, daemon=True).start()
+    if not sys.warnoptions:
+        warnings.simplefilter("ignore")  # as in the command line: a result that is no number is told as such
+    _task = pickle.loads(task)
+
+
+def _end_with_parent() -> None:
+    """Ends this process as soon as its parent has ended: a parent that is killed can tell nobody."""
+    from multiprocessing import parent_process
+
+    parent = parent_process()
+    assert parent is not None
+    parent.join()
+    os._exit(1)
+
+
+def _call(n: int) -> Any:
+    assert _task is not None
+    return _task(n)

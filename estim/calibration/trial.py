@@ -1,0 +1,198 @@
+"""One simulated campaign with known truth, analysed: where does the truth lie among the posterior draws, and in which intervals?
+
+The stages are those of the pipeline, with less demanded of the sampler: `Engine` says how much.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from estim.arrays import FloatArray
+from estim.calibration.experiment import Experiment
+from estim.common import InputError, NumericalError, Quantity
+from estim.fitting import Fit, fit_least_squares
+from estim.problem import MEASURED, LogNormal, Normal, Parameter, Prior, Problem, TruncatedNormal, as_prior
+from estim.sampling import Target, adapt_proposal, certify, sample_posterior
+
+IntArray = NDArray[np.int64]
+What = Literal["sbc", "coverage"]
+
+PROBABILITIES = (0.68, 0.95)
+N_RANK = 99
+_TRUSTED = 0.5  # k-hat
+_MOST_TRIES = 2000  # truths drawn for one simulated campaign
+_KINDS = {"sbc": 0, "coverage": 1}
+
+
+@dataclass(frozen=True)
+class Engine:
+    """How a simulated campaign is analysed.
+
+    method : "auto" (importance sampling; the chain where its weights are uneven) or "chain".
+    ess : effective sample size of either.  n_round : draws in each round of adaptation.  max_step : cap of the chain.
+    """
+
+    method: Literal["auto", "chain"] = "auto"
+    ess: float = 1000.0
+    n_round: int = 1000
+    max_step: int = 4000
+
+
+@dataclass(frozen=True, eq=False)
+class Plan:
+    """What is common to all trials.
+
+    truth : (n_par,) the truth of every trial where `what` is "coverage".  reported : names of the numbers that are looked at.
+    """
+
+    design: Experiment
+    what: What
+    truth: FloatArray
+    reported: tuple[str, ...]
+    engine: Engine
+    seed: int
+
+
+@dataclass(frozen=True, eq=False)
+class Trial:
+    """One simulated campaign.
+
+    truth : (n_reported,).  rank : (n_reported,) of the truth among 99 draws; -1 where there are none.
+    covered : (n_reported, 2) whether the 68 and 95 % intervals hold it.
+    n_rejected : truths drawn before this one that gave no data, or too few rows.
+    how : "importance sampling", "chain" or "none".  shortfall : what the engine did not reach, or "".  failure : why there are no draws, or "".
+    """
+
+    truth: FloatArray
+    rank: IntArray
+    covered: NDArray[np.bool_]
+    n_rejected: int
+    how: str
+    shortfall: str
+    failure: str
+
+
+def run_trial(plan: Plan, index: int) -> Trial:
+    """Trial number `index`: the same whatever the process and the other trials."""
+    rng = np.random.default_rng(np.random.SeedSequence(plan.seed, spawn_key=(_KINDS[plan.what], index)))
+    values, problem, n_rejected = _experiment(plan, rng)
+    truth = reported(plan.design.problem, values[None, :], plan.reported)[0]
+    n = len(plan.reported)
+    try:
+        draws, how, shortfall = posterior_draws(_fit(problem, values, rng), plan.engine, rng)
+    except NumericalError as error:
+        return Trial(truth, np.full(n, -1), np.zeros((n, len(PROBABILITIES)), dtype=bool), n_rejected, "none", "", str(error).partition(" at ")[0])
+    numbers = reported(plan.design.problem, draws, plan.reported)
+    rank = _rank(truth, numbers[rng.choice(numbers.shape[0], N_RANK, replace=False)], rng)
+    return Trial(truth, rank, _covered(truth, numbers), n_rejected, how, shortfall, "")
+
+
+def _experiment(plan: Plan, rng: np.random.Generator) -> tuple[FloatArray, Problem, int]:
+    """A truth, the problem that its simulated data pose, and how many had to be drawn again.  Raises NumericalError."""
+    parameters = plan.design.problem.parameters
+    for n_rejected in range(_MOST_TRIES):
+        if plan.what == "sbc":
+            values = np.array([float(p.prior.draw(rng, 1)[0]) for p in parameters])
+            stated = parameters
+        else:
+            values = plan.truth
+            stated = measured_anew(plan.design.problem, values, rng)
+        problem = plan.design.simulate(values, stated, rng)
+        if problem is not None:
+            return values, problem, n_rejected
+    raise NumericalError(f"calibration cannot start: of {_MOST_TRIES} draws of the priors none gives data that could be fit (state narrower priors)")
+
+
+def stated_only(problem: Problem) -> frozenset[str]:
+    """Parameters whose priors stand for no measurement: uniform and half-normal ones, and those of outliers."""
+    outliers = {name for run in problem.runs for name in run.noise.tails.parameters}
+    held = {p.name for p in problem.parameters if not isinstance(p.prior, MEASURED)}
+    return frozenset(outliers | held)
+
+
+def measured_anew(problem: Problem, truth: FloatArray, rng: np.random.Generator) -> tuple[Parameter, ...]:
+    """The parameters with the centres of those priors that stand for measurements drawn around `truth` (n_par,)."""
+    held = stated_only(problem)
+    return tuple(
+        p if p.name in held else replace(p, prior=_around(p.prior, float(value), rng)) for p, value in zip(problem.parameters, truth, strict=True)
+    )
+
+
+def _around(prior: Prior, truth: float, rng: np.random.Generator) -> Prior:
+    """`prior` as another measurement of `truth` with the same uncertainty would have given it."""
+    while True:
+        z = float(rng.standard_normal())
+        try:
+            if isinstance(prior, Normal):
+                return as_prior(Quantity(truth + prior.sd * z, prior.sd), low=prior.low)
+            if isinstance(prior, TruncatedNormal):
+                return replace(prior, mean=truth + prior.scale * z)
+            if isinstance(prior, LogNormal):
+                return replace(prior, median=truth * float(np.exp(prior.log_sd * z)))
+        except InputError:  # a measurement so far beyond the limit that nothing is left of its prior
+            continue
+        return prior
+
+
+def _fit(problem: Problem, start: FloatArray, rng: np.random.Generator) -> Fit:
+    """The fit from the truth; from the priors where the simulated data exclude the truth itself."""
+    try:
+        return fit_least_squares(problem, rng=rng, n_start=1, start=start)
+    except NumericalError:
+        return fit_least_squares(problem, rng=rng)
+
+
+def posterior_draws(fit: Fit, engine: Engine, rng: np.random.Generator) -> tuple[FloatArray, str, str]:
+    """Draws (n_draw, n_par) of the posterior, which engine gave them, and what it did not reach (or "").  Raises NumericalError."""
+    for n_round in (engine.n_round, 4 * engine.n_round):
+        proposal = adapt_proposal(fit.posterior, fit.values, fit.cov, rng=rng, n_round=n_round)
+        if engine.method == "chain":
+            break
+        n_draw, most = int(2.0 * engine.ess), int(16.0 * engine.ess)
+        certificate = certify(fit.posterior, proposal, rng=rng, n_draw=n_draw, least_ess=engine.ess, max_draw=most)
+        if certificate.k_hat < _TRUSTED and certificate.ess >= engine.ess:
+            return certificate.draws, "importance sampling", ""
+    target = Target(rhat=1.02, ess=engine.ess, n_tau=20.0, max_step=engine.max_step, n_ensemble=2)
+    chain = sample_posterior(fit.posterior, fit.values, fit.cov, target=target, rng=rng, proposal=proposal)
+    return chain.thinned(20_000), "chain", "" if chain.convergence.met else chain.convergence.message
+
+
+def reported(problem: Problem, draws: FloatArray, names: Sequence[str]) -> FloatArray:
+    """(n_draw, n_reported) the numbers `names` at draws (n_draw, n_par)."""
+    columns = _everything(problem, draws)
+    return np.column_stack([columns[name][0] for name in names])
+
+
+def reported_names(problem: Problem, draws: FloatArray) -> dict[str, str]:
+    """Name -> unit of every number with an interval in a report: parameters, derived quantities and turning points that vary."""
+    columns = _everything(problem, draws)
+    return {name: unit for name, (column, unit) in columns.items() if np.all(np.isfinite(column)) and np.ptp(column) > 0.0}
+
+
+def _everything(problem: Problem, draws: FloatArray) -> dict[str, tuple[FloatArray, str]]:
+    columns = {p.name: (draws[:, i], p.unit) for i, p in enumerate(problem.parameters)}
+    for run in problem.runs:
+        arguments = run.bind(problem.named(draws))
+        derived = [(name, d.values, d.unit) for name, d in run.derived(arguments).items()]
+        for name, column, unit in (("turning_point", run.end(arguments), run.x_unit), *derived):
+            columns[f"{name}[{run.name}]"] = (np.broadcast_to(column, (draws.shape[0], 1))[:, 0], unit)
+    return columns
+
+
+def _rank(truth: FloatArray, draws: FloatArray, rng: np.random.Generator) -> IntArray:
+    """(n,) how many of draws (n_rank, n) lie below truth (n,); equal ones (a motion that never stops) count or not, evenly at random."""
+    return np.asarray(np.sum(draws < truth, axis=0) + rng.integers(0, np.sum(draws == truth, axis=0) + 1))
+
+
+def _covered(truth: FloatArray, draws: FloatArray) -> NDArray[np.bool_]:
+    """(n, 2) whether truth (n,) lies between the quantiles of draws (n_draw, n) that a report quotes."""
+    held = []
+    for p in PROBABILITIES:
+        ends = np.sort(draws, axis=0)[np.rint(np.array([0.5 - 0.5 * p, 0.5 + 0.5 * p]) * (draws.shape[0] - 1)).astype(int)]
+        held.append((ends[0] <= truth) & (truth <= ends[1]))
+    return np.transpose(held)

@@ -1,0 +1,135 @@
+"""A campaign: its file, the tables of its runs, and the study that says what they measure."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from types import MappingProxyType
+
+import numpy as np
+
+from estim.campaign.bodies import RollingStudy
+from estim.campaign.file import CampaignFile, NoiseTable, RunTable, read_campaign_file
+from estim.campaign.noise_models import Candidate
+from estim.campaign.own_curve import read_curve_study
+from estim.campaign.study import Study
+from estim.common import KINDS, InputError, code, markdown, table
+from estim.fitting import Fit
+from estim.problem import Problem
+from estim.reading import COLUMNS, Run, compare_intervals, read_run
+
+
+@dataclass(frozen=True, eq=False)
+class Campaign:
+    """A campaign and the tables of its runs, read and checked.  `problem` poses the inference for some of its runs."""
+
+    source: CampaignFile
+    tables: Mapping[str, Run]
+    study: Study
+
+    @property
+    def title(self) -> str:
+        return self.source.title
+
+    @property
+    def kind(self) -> str:
+        return self.source.kind
+
+    @property
+    def path(self) -> str:
+        """The campaign file, as provenance names it."""
+        return str(self.source.path)
+
+    @property
+    def sha256(self) -> str:
+        """Digest of the campaign file."""
+        return self.source.sha256
+
+    @property
+    def formula(self) -> str | None:
+        """The user's own curve as written, None for a rolling body."""
+        return self.study.formula
+
+    @property
+    def published(self) -> Path | None:
+        """The file of published numbers that the campaign names, if any."""
+        return None if self.source.published is None else self.source.path.parent / self.source.published
+
+    @property
+    def run_names(self) -> tuple[str, ...]:
+        return self.source.names
+
+    def problem(self, names: Sequence[str], *, noise: NoiseTable | None = None) -> Problem:
+        """The joint problem of the runs `names`: what they share is one parameter.  Raises InputError.
+
+        noise : in place of the noise tables of the campaign.
+        """
+        if not names or len(set(names)) < len(names):
+            raise InputError("must name one run or several, each once", field="run", value=", ".join(names), file=self.source.path)
+        for name in names:
+            if name not in self.run_names:
+                raise InputError(f"must name one of the runs ({', '.join(self.run_names)})", field="run", value=name, file=self.source.path)
+        return self.study.problem(names, self.tables, noise=noise)
+
+    def fit(self, problem: Problem, *, rng: np.random.Generator) -> Fit:
+        """The posterior mode of a problem of this campaign.  Raises InputError where the data determine none."""
+        return self.study.fit(problem, self.tables, rng=rng)
+
+    def noise_models(self, name: str) -> tuple[Candidate, ...]:
+        """The models of the noise that the data of a run allow.  Raises InputError where there is only one."""
+        return self.study.noise_models(name, self.tables[name])
+
+    def _repr_markdown_(self) -> str:
+        """What a notebook shows: title, kind of data, and the runs with their points and unknowns."""
+        rows = []
+        for name in self.run_names:
+            problem = self.problem([name])
+            rows.append((name, self.study.body_of(name) or "", self.source.files[name], f"{problem.n_obs}", ", ".join(problem.names)))
+        parts = [f"**{markdown(self.title)}**", KINDS[self.kind], code(f"y = {self.formula}") if self.formula else ""]
+        return "\n\n".join([*filter(None, parts), table(("run", "body", "file", "points that are fit", "unknowns"), rows)])
+
+    def require_unknowns(self, problem: Problem, *, drawn: bool = False) -> None:
+        """Raises InputError where every quantity of a problem of this campaign is exact, or (`drawn`) a prior cannot be drawn from."""
+        if not problem.parameters:
+            rule = "leaves nothing to fit: every quantity is exact; give at least one an uncertainty or a prior"
+            name = problem.runs[0].name
+            raise self.source.places.error(rule, self.study.place_of_unknowns(name), field=f"run {name}")
+        if drawn:
+            self.study.require_draws(problem)
+
+
+def load_campaign(path: str | Path) -> Campaign:
+    """The campaign in the TOML file at `path`, with the tables of its runs.
+
+    Raises InputError with file, line, field, rule and value for whatever breaks a rule; every run is posed as a problem
+    once, so that a mistake in any of them shows at once.
+    """
+    source = read_campaign_file(Path(path))
+    study: Study
+    tables: Mapping[str, Run]
+    if source.curve is not None:
+        study, tables = read_curve_study(source, source.curve)
+    else:
+        study, tables = RollingStudy(source), _read_runs(source)
+    tables = {name: _with_origin(source, tables[name], written) for name, written in source.files.items()}
+    campaign = Campaign(source, MappingProxyType(tables), study)
+    for name in campaign.run_names:
+        study.check(name, campaign.tables)
+    return campaign
+
+
+def _read_runs(source: CampaignFile) -> Mapping[str, Run]:
+    files = {run.name: source.file_of(i) for i, run in enumerate(source.runs)}
+    return compare_intervals({run.name: _read(source, files[run.name], run) for run in source.runs})
+
+
+def _read(source: CampaignFile, path: Path, run: RunTable) -> Run:
+    with source.reading(path, COLUMNS):
+        return read_run(path, name=run.name, shown_as=str(path), choices=run.choices)
+
+
+def _with_origin(source: CampaignFile, run: Run, written: str) -> Run:
+    """A run whose facts say so where its file lies outside the campaign's folder."""
+    said = source.out_of_folder(written)
+    return run if said is None else replace(run, facts=(*run.facts, said))

@@ -1,0 +1,157 @@
+"""The tables of a campaign file that say a user's own curve: their keys, and what each may hold.
+
+`docs/your-own-curve.md` explains them to users; `estim.campaign.own_curve` gives them meaning.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Sequence
+from typing import Literal
+
+import msgspec
+
+from estim.campaign.file import CampaignFile, read_value
+from estim.campaign.prior_table import PriorKeys, PriorTable
+from estim.common import InputError, Quantity
+from estim.curves import SIGMA, Formula
+from estim.problem import Flat, Prior, as_prior
+
+Place = tuple[str | int, ...]
+
+_UNIT = re.compile(r"[^\s$|\\`][^$|\\`\n]{0,19}")
+_NAME = re.compile(r"[^\s$|\\`][^$|\\`\n]{0,39}")
+_MEANING = re.compile(r"[^|\n`]{1,120}")
+
+
+class AxisTable(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
+    column: str
+    name: str | None = None
+    unit: str = "1"
+
+
+class ParameterTable(PriorKeys, forbid_unknown_fields=True, frozen=True, kw_only=True):
+    """`start` with limits, a `value`, or a `prior` with its keys."""
+
+    start: float | None = None
+    value: float | str | None = None
+    unit: str | None = None
+    meaning: str | None = None
+
+
+class ReadingErrorTable(PriorKeys, forbid_unknown_fields=True, frozen=True, kw_only=True):
+    """A standard deviation of y: a column of the runs' files, or a prior (then it is inferred)."""
+
+    column: str | None = None
+
+
+class RangeTable(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
+    min: float | None = None
+    max: float | None = None
+
+
+class ComponentTable(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
+    kind: Literal["zero_y", "scale_y", "zero_x", "scale_x"]
+    u: float
+
+
+class CurveTable(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
+    expression: str
+    x: AxisTable | str
+    y: AxisTable | str
+    u_y: float | str | ReadingErrorTable | None = None
+    u_x: float | str | ReadingErrorTable | None = None
+    robust: Literal["student-t", "mixture"] | None = None
+    window: RangeTable | None = None
+    parameters: dict[str, float | str | ParameterTable] = {}
+    errors: dict[str, float | ComponentTable] = {}
+
+
+class CurveRunTable(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
+    name: str
+    file: str
+    u_y: float | str | ReadingErrorTable | None = None
+    u_x: float | str | ReadingErrorTable | None = None
+    robust: Literal["student-t", "mixture"] | None = None
+    window: RangeTable | None = None
+    parameters: dict[str, float | str | ParameterTable] = {}
+
+
+def axis_of(written: AxisTable | str) -> AxisTable:
+    return AxisTable(written) if isinstance(written, str) else written
+
+
+def _allowed(pattern: re.Pattern[str], text: str) -> bool:
+    """Whether `text` keeps to a pattern, and no mark but blanks of all kinds is invisible."""
+    return pattern.fullmatch(text) is not None and " ".join(text.split()).isprintable()
+
+
+def check_words(source: CampaignFile, table: CurveTable, runs: Sequence[CurveRunTable], axes: Sequence[AxisTable]) -> None:
+    for key, axis in zip(("x", "y"), axes, strict=True):
+        for word, allowed in ((axis.unit, _UNIT), (axis.name or axis.column, _NAME)):
+            if not _allowed(allowed, word):
+                raise source.places.error("must have a short name and unit that can be printed, without $ | \\ `", ("curve", key), value=word)
+    if axes[0].column == axes[1].column:
+        raise source.places.error("must name another column than x", ("curve", "y"), value=axes[1].column)
+    levels: list[tuple[Place, CurveTable | CurveRunTable]] = [(("curve",), table), *((("runs", i), run) for i, run in enumerate(runs))]
+    for path, level in levels:
+        for name, entry in level.parameters.items():
+            if isinstance(entry, ParameterTable):
+                for text, limits in ((entry.unit, _UNIT), (entry.meaning, _MEANING)):
+                    if text is not None and not _allowed(limits, text):
+                        rule = "must have a short unit and meaning that can be printed, without $ | \\ `"
+                        raise source.places.error(rule, (*path, "parameters", name), value=text)
+
+
+def check_variable(source: CampaignFile, formula: Formula, axis: AxisTable) -> None:
+    """A formula without x whose parameter is called like the abscissa takes the variable for a parameter.  Raises InputError."""
+    column = axis.column.lower()
+    words = {"t", "time", column, column.partition("_")[0], *(axis.name or "").lower().split()}
+    taken = [name for name in formula.names if name.lower() in words]
+    if taken and not formula.uses_x:
+        rule = f"must call its variable x, which is the column '{axis.column}' here: write x for {taken[0]}"
+        raise source.places.error(rule, ("curve", "expression"), value=formula.text)
+
+
+def check_parameters(source: CampaignFile, formula: Formula, table: CurveTable, runs: Sequence[CurveRunTable]) -> None:
+    levels: list[tuple[Place, CurveTable | CurveRunTable]] = [(("curve",), table), *((("runs", i), run) for i, run in enumerate(runs))]
+    for path, level in levels:
+        for name in level.parameters:
+            if name not in formula.names:
+                raise source.places.error(f"is not in the formula ({', '.join(formula.names)})", (*path, "parameters", name))
+    for name in table.errors:
+        if not name.isidentifier() or name in formula.names or name.startswith(SIGMA):
+            raise source.places.error("must be a name that no parameter has", ("curve", "errors", name))
+
+
+def source_of(value: float | str | ParameterTable, field: str) -> float | Prior:
+    """An exact number, or the prior of an unknown."""
+    if isinstance(value, ParameterTable) and value.value is None and value.prior is None:
+        if value.start is None:
+            raise InputError("needs a 'start', a 'value' or a 'prior'", field=field)
+        _refuse_keys(value, ("mean", "sd", "scale", "median", "log_sd"), "goes with a 'prior'")
+        return Flat(-math.inf if value.low is None else value.low, math.inf if value.high is None else value.high, value.start)
+    if isinstance(value, ParameterTable) and value.prior is not None:
+        _refuse_keys(value, ("start", "value"), "must not stand beside 'prior'")
+        read = read_value(prior_table(value, field), factor=1.0, field=field)
+    elif isinstance(value, ParameterTable):
+        _refuse_keys(value, ("start", "low", "high", "mean", "sd", "scale", "median", "log_sd"), "must not stand beside 'value'")
+        read = read_value(value.value if value.value is not None else 0.0, factor=1.0, field=field)
+    else:
+        read = read_value(value, factor=1.0, field=field)
+    if isinstance(read, Quantity):
+        return read.value if read.exact else as_prior(read, low=-math.inf)
+    return read
+
+
+def _refuse_keys(table: ParameterTable, keys: Sequence[str], rule: str) -> None:
+    for key in keys:
+        if getattr(table, key) is not None:
+            raise InputError(rule, field=key)
+
+
+def prior_table(table: PriorKeys, field: str) -> PriorTable:
+    if table.prior is None:
+        raise InputError("needs a 'prior' or a 'column'", field=field)
+    return PriorTable(**{key: getattr(table, key) for key in PriorKeys.__struct_fields__})

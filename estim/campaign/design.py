@@ -1,0 +1,278 @@
+"""A synthetic campaign from a design: the mirror image of `campaign.py`, and the only other file that imports `model`.
+
+The true values go to `truth.toml`, which no fit reads.  The campaign holds what a laboratory would have: measured
+values, each the truth plus a normal error of its stated uncertainty.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import numpy as np
+
+from estim.campaign.file import check_body_names, check_run_names, checked
+from estim.common import one_line
+from estim.reading import TOML_BYTES, Places, parse_toml, read_text
+from model import Body, ascends, theta_min
+from model.simulate import film_time, frame_times, simulate_positions, simulate_theta_min
+
+_RANGES: Mapping[str, tuple[float, float]] = {
+    "g": (1e-3, 1e3), "radius_m": (1e-4, 1e3), "mass_disk_kg": (1e-6, 1e6), "kappa": (0.0, 1.0), "ramp_length_m": (1e-4, 1e4),
+    "frames_per_second": (1e-3, 1e6),
+}  # of a laboratory, amply; kappa: of the prior that the campaign states
+_MOST = 1e3  # an uncertainty, in the unit of its key
+_MOST_RADII = 1e4  # length of the ramp
+_FRAMES = (6, 100_000)  # of a run
+
+
+class ConstantsTable(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
+    g: float
+    radius_m: float
+    mass_disk_kg: float
+    kappa: float
+    ramp_length_m: float
+    rolling_resistance: float
+
+
+class InstrumentsTable(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
+    frames_per_second: float
+    sigma_x_m: float
+    u_phi_deg: float
+    u_theta0_deg: float
+    u_theta_min_deg: float
+    u_radius_m: float
+    u_mass_disk_kg: float
+    u_gamma: float
+
+
+class BodyTable(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
+    gamma: float
+
+
+class RunDesign(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
+    name: str
+    body: str
+    phi_deg: float
+    theta0_deg: float
+
+
+class LineDesign(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
+    body: str
+    phi_deg: list[float]
+
+
+class Design(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
+    """A design as it stands in its TOML file; units are in the keys."""
+
+    title: str
+    published: str
+    seed: int
+    constants: ConstantsTable
+    instruments: InstrumentsTable
+    bodies: dict[str, BodyTable]
+    runs: list[RunDesign]
+    line: LineDesign
+
+
+@dataclass(frozen=True, eq=False)
+class LoadedDesign:
+    """A design, the SHA-256 of its file, and the name to quote it by."""
+
+    design: Design
+    sha256: str
+    name: str
+
+
+def load_design(path: str | Path) -> LoadedDesign:
+    """The design in the TOML file at `path`.  Raises InputError with file, line, key, rule and value."""
+    text, digest = read_text(Path(path), shown_as=str(path), limit=TOML_BYTES)
+    tree, places = parse_toml(text, str(path))
+    design = checked(tree, Design, places, ())
+    positive = {("constants", key): getattr(design.constants, key) for key in ("g", "radius_m", "mass_disk_kg", "kappa", "ramp_length_m")}
+    positive |= {("instruments", key): getattr(design.instruments, key) for key in InstrumentsTable.__struct_fields__}
+    for key, value in positive.items():
+        if not (value > 0.0 and math.isfinite(value)):
+            raise places.error("must be > 0" if math.isfinite(value) else "must be finite", key, value=value)
+        low, high = _RANGES.get(key[1], (0.0, _MOST))
+        if not low <= value <= high:
+            raise places.error(f"must lie between {low:g} and {high:g}", key, value=value)
+    if design.constants.ramp_length_m > _MOST_RADII * design.constants.radius_m:
+        raise places.error(f"must be at most {_MOST_RADII:g} radii", ("constants", "ramp_length_m"), value=design.constants.ramp_length_m)
+    if design.seed < 0:
+        raise places.error("must be >= 0", ("seed",), value=design.seed)
+    for name, body in design.bodies.items():
+        if not 0.0 < body.gamma < 1.0:
+            raise places.error("must lie between 0 and 1", ("bodies", name, "gamma"), value=body.gamma)
+    if not 0.0 <= design.constants.rolling_resistance <= 1.0:
+        raise places.error("must lie between 0 and 1", ("constants", "rolling_resistance"), value=design.constants.rolling_resistance)
+    _check_runs(design, places)
+    return LoadedDesign(design, digest, Path(path).name)
+
+
+def _check_runs(design: Design, places: Places) -> None:
+    """Every run starts and has a name of its own that is a file name; every tilt of the line has a smallest angle."""
+    check_run_names([run.name for run in design.runs], places)
+    check_body_names(design.bodies, places)
+    resistance = design.constants.rolling_resistance
+    for i, run in enumerate(design.runs):
+        if run.body not in design.bodies:
+            raise places.error("must name one of the bodies", ("runs", i, "body"), value=run.body)
+        for key, angle in (("phi_deg", run.phi_deg), ("theta0_deg", run.theta0_deg)):
+            if not abs(angle) <= 360.0:
+                raise places.error("must lie within ±360", ("runs", i, key), value=angle)
+        phi, theta0 = np.radians([run.phi_deg, run.theta0_deg])
+        if not ascends(_body(design, run.body), phi=phi, theta0=theta0, rolling_resistance=resistance):
+            raise places.error("must be an angle from which the body ascends", ("runs", i, "theta0_deg"), value=run.theta0_deg)
+        n_frame = design.instruments.frames_per_second * film_time(**_motion(design, run), x_end=design.constants.ramp_length_m)
+        if not _FRAMES[0] <= n_frame <= _FRAMES[1]:
+            rule = f"must give run '{run.name}' between {_FRAMES[0]} and {_FRAMES[1]} frames before it stops or passes the ramp's end"
+            raise places.error(rule, ("instruments", "frames_per_second"), value=f"{n_frame:.4g} frames")
+    if design.line.body not in design.bodies:
+        raise places.error("must name one of the bodies", ("line", "body"), value=design.line.body)
+    if not all(abs(tilt) <= 90.0 for tilt in design.line.phi_deg):
+        raise places.error("must hold tilts within ±90", ("line", "phi_deg"))
+    smallest = theta_min(design.bodies[design.line.body].gamma, np.radians(design.line.phi_deg), rolling_resistance=resistance)
+    if np.any(np.isnan(smallest)):
+        steep = design.line.phi_deg[int(np.argmax(np.isnan(smallest)))]
+        raise places.error("must hold tilts at which the body can ascend", ("line", "phi_deg"), value=steep)
+
+
+def simulate_campaign(loaded: LoadedDesign) -> dict[str, str]:
+    """The files of the synthetic campaign: relative path -> text.  The same design gives the same bytes.
+
+    Each run has its own random stream, so that adding one leaves the others as they are.
+    """
+    design = loaded.design
+    streams = iter(np.random.default_rng(design.seed).spawn(len(design.bodies) + len(design.runs) + 2))
+    stamp = f"# SYNTHETIC data: made by `estim simulate` from {one_line(loaded.name)} (SHA-256 {loaded.sha256}), seed {design.seed}.\n"
+    shared_rng = next(streams)
+    shared = _shared_lines(design, shared_rng)
+    mass_disk = _measured(design.constants.mass_disk_kg, design.instruments.u_mass_disk_kg, shared_rng)
+    bodies = {name: _body_lines(design, body, mass_disk, next(streams)) for name, body in design.bodies.items()}
+    line_rng = next(streams)
+    files = {"theta_min.csv": stamp + _theta_min_csv(design, line_rng)}
+    tables = []
+    for run in design.runs:
+        rng = next(streams)
+        files[f"runs/{run.name}.csv"] = stamp + _run_csv(design, run, rng)
+        tables.append(_run_table(design, run, rng))
+    files["campaign.toml"] = stamp + _campaign_toml(design, shared, bodies, tables)
+    files["truth.toml"] = stamp + _truth_toml(design)
+    return files
+
+
+def mass_particle(gamma: float, mass_disk: float) -> float:
+    """Mass (kg) of a particle on the rim that gives `gamma` = M_P/(M_D + M_P)."""
+    return mass_disk * gamma / (1.0 - gamma)
+
+
+def _body(design: Design, name: str) -> Body:
+    constants = design.constants
+    return Body(radius=constants.radius_m, gamma=design.bodies[name].gamma, kappa=constants.kappa)
+
+
+def _motion(design: Design, run: RunDesign) -> dict[str, Any]:
+    """The body and how it moves, as arguments of `model.simulate`."""
+    constants = design.constants
+    return {
+        "body": _body(design, run.body), "phi": float(np.radians(run.phi_deg)), "theta0": float(np.radians(run.theta0_deg)),
+        "rolling_resistance": constants.rolling_resistance, "g": constants.g,
+    }
+
+
+def _measured(truth: float, u: float, rng: np.random.Generator) -> str:
+    """A measured value in quotes, its uncertainty to two digits."""
+    from uncertainties import ufloat
+
+    return f'"{ufloat(truth + u * float(rng.standard_normal()), u):.2uS}"'
+
+
+def _shared_lines(design: Design, rng: np.random.Generator) -> list[str]:
+    constants, instruments = design.constants, design.instruments
+    return [
+        f"g = {constants.g}",
+        f"radius_m = {_measured(constants.radius_m, instruments.u_radius_m, rng)}",
+        'rolling_resistance = {prior = "half-normal", scale = 0.005}',
+        f"noise = {{sigma_x_m = {instruments.sigma_x_m}, derivative = \"central\"}}",
+    ]
+
+
+def _body_lines(design: Design, body: BodyTable, mass_disk: str, rng: np.random.Generator) -> list[str]:
+    # u(gamma) = (1 - gamma)^2 u(M_P)/M_D: the particle's mass carries the paper's u(gamma)
+    mass = design.constants.mass_disk_kg
+    u_particle = design.instruments.u_gamma * mass / (1.0 - body.gamma) ** 2
+    return [
+        f"mass_disk_kg = {mass_disk}",
+        f"mass_particle_kg = {_measured(mass_particle(body.gamma, mass), u_particle, rng)}",
+        'kappa = {prior = "uniform", low = 0.0, high = 1.0}',
+    ]
+
+
+def _run_table(design: Design, run: RunDesign, rng: np.random.Generator) -> list[str]:
+    return [
+        f'name = "{run.name}"',
+        f"body = {_toml_string(run.body)}",
+        f'file = "runs/{run.name}.csv"',
+        f"phi_deg = {_measured(run.phi_deg, design.instruments.u_phi_deg, rng)}",
+        f"theta0_deg = {_measured(run.theta0_deg, design.instruments.u_theta0_deg, rng)}",
+    ]
+
+
+def _run_csv(design: Design, run: RunDesign, rng: np.random.Generator) -> str:
+    constants, instruments = design.constants, design.instruments
+    motion = _motion(design, run)
+    t = frame_times(**motion, interval=1.0 / instruments.frames_per_second, x_end=constants.ramp_length_m, rng=rng)
+    x = simulate_positions(t, **motion, sigma_x=instruments.sigma_x_m, rng=rng)
+    rows = (f"{ti:.5f},{xi:.5f}" for ti, xi in zip(t - t[0], x, strict=True))
+    return "# t_s: time since the first frame after the release; x_m: distance along the ramp from the release\n" + "\n".join(
+        ["t_s,x_m", *rows, ""]
+    )
+
+
+def _theta_min_csv(design: Design, rng: np.random.Generator) -> str:
+    constants, instruments, line = design.constants, design.instruments, design.line
+    u_phi, u_theta = instruments.u_phi_deg, instruments.u_theta_min_deg
+    phi, angle = simulate_theta_min(
+        np.radians(line.phi_deg), design.bodies[line.body].gamma, rolling_resistance=constants.rolling_resistance,
+        u_phi=float(np.radians(u_phi)), u_theta_min=float(np.radians(u_theta)), rng=rng,
+    )
+    rows = (f"{p:.2f},{a:.2f},{u_phi},{u_theta}" for p, a in zip(np.degrees(phi), np.degrees(angle), strict=True))
+    return "\n".join(["phi_deg,theta_min_deg,u_phi_deg,u_theta_min_deg", *rows, ""])
+
+
+def _campaign_toml(design: Design, shared: list[str], bodies: Mapping[str, list[str]], runs: list[list[str]]) -> str:
+    blocks = [
+        [f"title = {_toml_string(design.title)}", 'kind = "synthetic"', f"published = {_toml_string(design.published)}"], ["[shared]", *shared],
+    ]
+    blocks += [[f"[bodies.{_toml_key(name)}]", *lines] for name, lines in bodies.items()]
+    blocks += [["[[runs]]", *lines] for lines in runs]
+    blocks += [["[line]", 'file = "theta_min.csv"', f"body = {_toml_string(design.line.body)}"]]
+    return "\n\n".join("\n".join(block) for block in blocks) + "\n"
+
+
+def _toml_string(text: str) -> str:
+    """`text` as a basic TOML string: JSON's escapes are valid ones, and a mark that does not print is written as one."""
+    return "".join(mark if mark.isprintable() else f"\\U{ord(mark):08x}" for mark in json.dumps(text, ensure_ascii=False))
+
+
+def _toml_key(name: str) -> str:
+    return name if re.fullmatch(r"[A-Za-z0-9_-]+", name) else _toml_string(name)
+
+
+def _truth_toml(design: Design) -> str:
+    constants = design.constants
+    lines = ["# The true values.  No fit reads this file; tests compare with it.", ""]
+    lines += [f"radius = {constants.radius_m}", f"rolling_resistance = {constants.rolling_resistance}", f"g = {constants.g}"]
+    for name, body in design.bodies.items():
+        lines += [f"{_toml_string(f'gamma[{name}]')} = {body.gamma}", f"{_toml_string(f'kappa[{name}]')} = {constants.kappa}"]
+    for run in design.runs:
+        lines += [f'"theta0[{run.name}]" = {np.radians(run.theta0_deg):.12f}', f'"phi[{run.name}]" = {np.radians(run.phi_deg):.12f}']
+    return "\n".join(lines) + "\n"
+

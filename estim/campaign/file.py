@@ -1,0 +1,327 @@
+"""The campaign file: TOML to checked tables, with the line of every key for messages.
+
+`docs/campaign.md` explains the format to its users.  Here it is only read and checked; `estim.campaign.bodies` gives it meaning.
+"""
+
+from __future__ import annotations
+
+import difflib
+import os
+import re
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal, TypeVar
+
+import msgspec
+
+from estim.campaign.prior_table import PriorTable, read_prior
+from estim.common import EXTREME, InputError, Quantity, extreme, first_alike, forms, read_quantity
+from estim.problem import Prior
+from estim.reading import TOML_BYTES, Choices, Places, Unit, leads_out, parse_toml, read_text
+
+Kind = Literal["synthetic", "measured", "published"]
+_MAX_NAME = 100  # bytes
+_REPORT = ("report.md", "result.json", "draws.nc", "figures")  # what stands in the folder where a run gets its own
+
+_FIELDS = frozenset({  # that messages of readers name; any other may be a word of the file
+    "header", "row", "rows", "byte", "text", "size", "number of lines", "XML", "archive", "track", "tracks", "t", "x", "y", "release", "along",
+    "unit", "frame_ms", "drop_duplicates",
+})
+
+Value = float | str | PriorTable
+
+
+class NoiseTable(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
+    model: Literal["independent", "differentiated", "positions"] | None = None
+    sigma_x_m: Value | None = None
+    sigma_theta_rad: Value | None = None
+    sigma_v_m_s: Value | None = None
+    sigma_omega_rad_s: Value | None = None
+    encoder_step_rad: float | None = None
+    derivative: Literal["central", "five-point", "spill2"] | None = None
+    scatter: Value | None = None
+    robust: Literal["student-t", "mixture"] | None = None
+
+
+class WindowTable(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
+    t_min_s: float | None = None
+    t_max_s: float | None = None
+    x_min_m: float | None = None
+    x_max_m: float | None = None
+    theta_min_rad: float | None = None
+    theta_max_rad: float | None = None
+
+
+class LevelTable(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
+    """What may stand at every level: [shared], [bodies.NAME], [[runs]]."""
+
+    radius_m: Value | None = None
+    gamma: Value | None = None
+    kappa: Value | None = None
+    rho: Value | None = None
+    trailing_fraction: Value | None = None
+    particle_gyration: Value | None = None
+    mass_disk_kg: Value | None = None
+    mass_particle_kg: Value | None = None
+    mass_trailing_kg: Value | None = None
+    phi_deg: Value | None = None
+    phi_rad: Value | None = None
+    theta0_deg: Value | None = None
+    theta0_rad: Value | None = None
+    phi_zero_deg: Value | None = None
+    phi_zero_rad: Value | None = None
+    theta0_zero_deg: Value | None = None
+    theta0_zero_rad: Value | None = None
+    rolling_resistance: Value | None = None
+    g: Value | None = None
+    release_time_s: Value | None = None
+    offset_m: Value | None = None
+    offset_rad: Value | None = None
+    noise: NoiseTable | None = None
+    window: WindowTable | None = None
+
+
+class RunTable(LevelTable, forbid_unknown_fields=True, frozen=True, kw_only=True):
+    name: str
+    body: str
+    file: str
+    track: str | None = None
+    along: str | float | None = None
+    unit: Unit | None = None
+    release: Literal["first", "keep"] | float | None = None
+    frame_ms: float | None = None
+    drop_duplicates: bool | None = None
+
+    @property
+    def choices(self) -> Choices | None:
+        """How a file of the program Tracker is to be read; None where nothing is said."""
+        said = (self.track, self.along, self.unit, self.release, self.frame_ms, self.drop_duplicates)
+        if all(value is None for value in said):
+            return None
+        along, release = "fit" if self.along is None else self.along, "first" if self.release is None else self.release
+        return Choices(self.track, along, self.unit, release, self.frame_ms, bool(self.drop_duplicates))
+
+
+class LineTable(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_only=True):
+    file: str
+    body: str
+    u_phi_deg: float | None = None
+    u_theta_min_deg: float | None = None
+    u_zero_phi_deg: float = 0.0
+    u_zero_theta_min_deg: float = 0.0
+
+
+class _TopTable(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_only=True):
+    title: str
+    kind: Kind
+    published: str | None = None
+    shared: dict[str, Any] = {}
+    bodies: dict[str, dict[str, Any]] = {}
+    runs: list[dict[str, Any]] = []
+    line: dict[str, Any] | None = None
+    curve: dict[str, Any] | None = None
+
+
+class _CurveRun(msgspec.Struct, frozen=True):
+    """What every run of a user's own curve has; `estim.campaign.curve_tables` checks the rest."""
+
+    name: str
+    file: str
+
+
+@dataclass(frozen=True, eq=False)
+class OwnCurve:
+    """The raw `curve` table and `runs` of a campaign whose curve is the user's own."""
+
+    table: Mapping[str, Any]
+    runs: Sequence[Mapping[str, Any]]
+
+
+@dataclass(frozen=True, eq=False)
+class CampaignFile:
+    """A campaign file as read, structure checked, numbers not yet interpreted.
+
+    files : run -> its file as written.  runs : of rolling bodies; empty where the curve is the user's own.
+    curve : None where the runs are of rolling bodies.
+    """
+
+    path: Path
+    sha256: str
+    places: Places
+    title: str
+    kind: Kind
+    published: str | None
+    shared: LevelTable
+    bodies: Mapping[str, LevelTable]
+    files: Mapping[str, str]
+    runs: tuple[RunTable, ...]
+    line: LineTable | None
+    curve: OwnCurve | None = None
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the runs."""
+        return tuple(self.files)
+
+    def file_of(self, index: int) -> Path:
+        """The file of run number `index`.  Raises InputError at its line in the campaign where there is no such file."""
+        written = self.files[self.names[index]]
+        try:
+            found = (self.path.parent / written).exists()
+        except OSError:  # a name too long
+            found = True  # its reader says why it cannot be read
+        if not found:
+            rule = "cannot be found (no such file; names are relative to the folder of the campaign file)"
+            raise self.places.error(rule, ("runs", index, "file"), value=written)
+        return self.path.parent / written
+
+
+    @contextmanager
+    def reading(self, path: Path, columns: Collection[str] = ()) -> Iterator[None]:
+        """While a file of the campaign is read: nothing of one outside its folder is quoted in an error, which may be no table at all."""
+        try:
+            yield
+        except InputError as error:
+            if error.file == str(path) and leads_out(path, self.path.parent):
+                raise error.without_quotes({*_FIELDS, *columns}) from None
+            raise
+
+    def out_of_folder(self, written: str) -> str | None:
+        """A sentence that says so where the file that is written in the campaign lies outside its folder, links followed; else None."""
+        path = self.path.parent / written
+        if not leads_out(path, self.path.parent):
+            return None
+        home, target = os.path.realpath(self.path.parent), os.path.realpath(path)
+        linked = os.path.normpath(os.path.join(home, written)) != target
+        return f"{written} lies outside the folder of the campaign" + (f": a link leads to {os.path.relpath(target, home)}" if linked else "")
+
+    def outside(self, *, runs: bool = True, line: bool = False, published: bool = False) -> tuple[str, ...]:
+        """Such a sentence for each of these files."""
+        written = list(self.files.values()) if runs else []
+        written += [self.line.file] if line and self.line is not None else []
+        written += [self.published] if published and self.published is not None else []
+        return tuple(said for file in dict.fromkeys(written) if (said := self.out_of_folder(file)))
+
+
+def read_campaign_file(path: Path) -> CampaignFile:
+    """The campaign file at `path`.  Raises InputError with file, line, key, rule and value."""
+    text, digest = read_text(path, shown_as=str(path), limit=TOML_BYTES)
+    tree, places = parse_toml(text, str(path))
+    top = checked(tree, _TopTable, places, ())
+    if top.curve is not None:
+        return _with_own_curve(path, digest, places, top)
+    bodies = {name: checked(table, LevelTable, places, ("bodies", name)) for name, table in top.bodies.items()}
+    runs = tuple(checked(table, RunTable, places, ("runs", i)) for i, table in enumerate(top.runs))
+    line = None if top.line is None else checked(top.line, LineTable, places, ("line",))
+    shared = checked(top.shared, LevelTable, places, ("shared",))
+    if not runs and line is None:
+        raise places.error("must hold at least one [[runs]] table or a [line] table", (), field="campaign")
+    check_run_names([run.name for run in runs], places)
+    check_body_names(bodies, places)
+    for i, run in enumerate(runs):
+        if run.body not in bodies:
+            raise places.error(f"must name one of the bodies ({', '.join(bodies) or 'none defined'})", ("runs", i, "body"), value=run.body)
+    if line is not None and line.body not in bodies:
+        raise places.error(f"must name one of the bodies ({', '.join(bodies) or 'none defined'})", ("line", "body"), value=line.body)
+    return CampaignFile(path, digest, places, top.title, top.kind, top.published, shared, bodies, {run.name: run.file for run in runs}, runs, line)
+
+
+def _with_own_curve(path: Path, digest: str, places: Places, top: _TopTable) -> CampaignFile:
+    for key in ("shared", "bodies", "line", "published"):
+        if getattr(top, key):
+            raise places.error("does not go with a [curve] table", (key,))
+    if not top.runs:
+        raise places.error("must hold at least one [[runs]] table", (), field="campaign")
+    named = [checked(run, _CurveRun, places, ("runs", i)) for i, run in enumerate(top.runs)]
+    check_run_names([run.name for run in named], places)
+    files = {run.name: run.file for run in named}
+    return CampaignFile(path, digest, places, top.title, top.kind, None, LevelTable(), {}, files, (), None, OwnCurve(top.curve or {}, top.runs))
+
+
+def check_run_names(names: Sequence[str], places: Places) -> None:
+    """Names of runs are unique and can be names of folders beside the files of a report.  Raises InputError."""
+    for i, name in enumerate(names):
+        if len(name.encode()) > _MAX_NAME:
+            raise places.error(f"must be short enough for the name of a file: at most {_MAX_NAME} bytes", ("runs", i, "name"), value=name)
+        if any(form in _REPORT for form in forms(name)):
+            raise places.error("must not be the name of a file of the report", ("runs", i, "name"), value=name)
+        if not re.fullmatch(r"\w[\w.+-]*", name):
+            raise places.error("must be made of letters, digits and . _ + -, a letter or digit first", ("runs", i, "name"), value=name)
+    if found := first_alike(names):
+        later, first = found
+        line = places.lines.get(("runs", first, "name"))
+        rule = "must be unique" if names[later] == names[first] else "must differ from another name in more than case or letters that look alike"
+        raise places.error(rule if line is None else f"{rule} (the other stands on line {line})", ("runs", later, "name"), value=names[later])
+
+
+def check_body_names(names: Iterable[str], places: Places) -> None:
+    """Names of bodies can be part of the name of a figure's file.  Raises InputError."""
+    for name in names:
+        if not re.fullmatch(r"[^\W_][\w .+-]*", name) or len(name.encode()) > _MAX_NAME:
+            rule = f"must be made of letters, digits, blanks and . _ + -, a letter or digit first, at most {_MAX_NAME} bytes"
+            raise places.error(rule, ("bodies", name), field="bodies", value=name)
+
+
+T = TypeVar("T")
+
+
+def checked(tree: object, kind: type[T], places: Places, path: tuple[str | int, ...]) -> T:
+    """`tree` as a record of type `kind`; a mismatch becomes an InputError at its line."""
+    if path == ():
+        _check_numbers(tree, places, ())
+    try:
+        return msgspec.convert(tree, kind)
+    except msgspec.ValidationError as error:
+        message, _, where = str(error).partition(" - at `$")
+        inner = [part for part in re.findall(r"[^.\[\]`]+", where) if part != "..."]
+        full = (*path, *(int(part) if part.isdigit() else part for part in inner))
+        if found := re.search(r"unknown field `(.*)`", message):
+            close = difflib.get_close_matches(found[1], _known_keys(kind, inner), n=1)
+            hint = f" (did you mean '{close[0]}'?)" if close else ""
+            raise places.error(f"is not a known key here{hint}", (*full, found[1])) from None
+        if found := re.search(r"missing required field `(.*)`", message):
+            raise places.error("is missing", (*full, found[1])) from None
+        raise places.error(_in_words(message), full, field=None if full else "campaign") from None
+
+
+_TYPES = {
+    "float": "a number", "int": "a whole number", "str": "text", "bool": "true or false", "object": "a table", "array": "a list",
+    "datetime": "a date", "date": "a date", "time": "a time",
+}
+
+
+def _in_words(message: str) -> str:
+    """A mismatch of types as a rule for people; any other message of msgspec as it is."""
+    if found := re.fullmatch(r"Expected `(.+)`, got `(\w+)`", message):
+        wanted = [_TYPES.get(kind, kind) for kind in found[1].split(" | ") if kind != "null"]
+        return f"must be {' or '.join(wanted)}, not {_TYPES.get(found[2], found[2])}"
+    return message[0].lower() + message[1:].replace("`", "")
+
+
+def _check_numbers(tree: object, places: Places, path: tuple[str | int, ...]) -> None:
+    """Whole numbers fit into 64 bits (what TOML promises to read), and no number is so large or small that its square is none."""
+    if isinstance(tree, dict | list):
+        for key, value in tree.items() if isinstance(tree, dict) else enumerate(tree):
+            _check_numbers(value, places, (*path, key))
+    elif isinstance(tree, int) and abs(tree) >= 2**63:
+        raise places.error("must be a number of less than 19 digits", path, value=f"{str(tree)[:12]}...")
+    elif isinstance(tree, float) and extreme(tree):
+        raise places.error(EXTREME, path, value=tree)
+
+
+def _known_keys(kind: type, inner: list[str]) -> list[str]:
+    for part in inner:
+        kind = {"noise": NoiseTable, "window": WindowTable}.get(part, PriorTable)
+    return list(getattr(kind, "__struct_fields__", ()))
+
+
+def read_value(value: Value, *, factor: float, field: str) -> Quantity | Prior:
+    """A number, a measured quantity or a prior, in SI units (`factor` times the unit of the key).
+
+    Raises InputError naming `field`.
+    """
+    if isinstance(value, PriorTable):
+        return read_prior(value, factor=factor, field=field)
+    return read_quantity(value, field=field).scaled(factor)

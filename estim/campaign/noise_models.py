@@ -1,0 +1,73 @@
+"""The models of the noise between which the data of a run of a rolling body leave a choice."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import msgspec
+
+from estim.campaign.file import NoiseTable
+from estim.campaign.levels import Levels, noise_level
+from estim.problem import Noise
+from estim.reading import Run
+
+
+@dataclass(frozen=True, eq=False)
+class Candidate:
+    """One model of the noise: what it is called, what it takes for granted, its table."""
+
+    name: str
+    words: str
+    table: NoiseTable
+
+
+def noise_candidates(levels: Levels, data: Run, posed: Callable[[NoiseTable], Noise]) -> tuple[Candidate, ...]:
+    """The models of the noise that the table `data` of a run and its noise table allow.  Raises InputError where there is only one.
+
+    posed : noise table -> the noise of the run with it.
+    """
+    table, path, _ = noise_level(levels)
+    position, speed = ("sigma_x_m", "sigma_v_m_s") if data.coordinate == "x_m" else ("sigma_theta_rad", "sigma_omega_rad_s")
+    read = getattr(table, position) is not None or table.encoder_step_rad is not None
+    # a scatter is of what the stated model fits: of positions, or of speeds
+    of_positions, of_speeds = (table.scatter, None) if table.model == "positions" else (None, table.scatter)
+    found = []
+    if "t_s" in data.columns and (read or "sigma_x_m" in data.columns or of_positions is not None):
+        plain = NoiseTable(
+            model="positions", encoder_step_rad=table.encoder_step_rad, scatter=of_positions, **{position: getattr(table, position)}
+        )
+        found += _with_tails("positions", "positions as read, in time", plain)
+    if "t_s" in data.columns and read:
+        differentiated = NoiseTable(
+            model="differentiated", derivative=table.derivative, encoder_step_rad=table.encoder_step_rad, scatter=of_speeds,
+            **{position: getattr(table, position)},
+        )
+        found.append(Candidate("differentiated", "speeds by differences, with the covariance that follows", differentiated))
+        size = _independent_size(posed(differentiated))
+        if size > 0.0 and data.rate not in data.columns:
+            plain = NoiseTable(model="independent", derivative=table.derivative or "central", scatter=of_speeds)
+            naive = msgspec.structs.replace(plain, **{speed: size})
+            found.append(Candidate("independent", "the same speeds as if their errors were independent (they are not)", naive))
+    if data.rate in data.columns and (getattr(table, speed) is not None or "sigma_v_m_s" in data.columns or of_speeds is not None):
+        sigma_x = getattr(table, position) if table.model == "independent" else None
+        plain = NoiseTable(model="independent", scatter=of_speeds, **{speed: getattr(table, speed), position: sigma_x})
+        found += _with_tails("independent", "speeds as measured", plain)
+    if len(found) < 2:
+        rule = f"allows one model at most for run '{levels.run.name}': nothing to compare (times and '{position}' would allow several)"
+        raise levels.error(rule, path, field="noise")
+    return tuple(found)
+
+
+def _with_tails(name: str, words: str, plain: NoiseTable) -> list[Candidate]:
+    shapes: dict[str, str] = {"student-t": "Student-t tails", "mixture": "some frames outliers"}
+    robust = [Candidate(f"{name}, {shape}", f"{words}; {tails}", msgspec.structs.replace(plain, robust=shape)) for shape, tails in shapes.items()]
+    return [Candidate(name, words, plain), *robust]
+
+
+def _independent_size(noise: Noise) -> float:
+    """Standard deviation of one differentiated speed, 0 where the size of the noise is inferred."""
+    if noise.sigma.parameter is not None:
+        return 0.0
+    return math.sqrt(noise.sigma.value**2 + noise.quantisation_variance) * float(noise.reading_gain()[0])

@@ -1,0 +1,279 @@
+"""A campaign whose curve is the user's own: the `[curve]` table and its runs, and the problems they pose.
+
+    [curve]
+    expression = "A*exp(-b*x)*cos(2*pi*x/T + p) + c"
+    x = {column = "t_s", name = "time t", unit = "s"}
+    y = {column = "angle_deg", name = "angle", unit = "°"}
+    u_y = 0.2
+    [curve.parameters]
+    A = {start = 10.0, low = 0.0, unit = "°", meaning = "amplitude"}
+
+The rule of levels holds: a parameter under [curve.parameters] is one unknown for all runs, one under [runs.parameters] belongs
+to its run and is called "A[run]", as one is that all other runs of a joint fit override.  `docs/your-own-curve.md` explains the keys.
+"""
+
+from __future__ import annotations
+
+import math
+import unicodedata
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from types import MappingProxyType
+from typing import Any
+
+import numpy as np
+
+from estim.campaign.curve_tables import (
+    CurveRunTable,
+    CurveTable,
+    ParameterTable,
+    Place,
+    ReadingErrorTable,
+    axis_of,
+    check_parameters,
+    check_variable,
+    check_words,
+    source_of,
+)
+from estim.campaign.file import CampaignFile, NoiseTable, OwnCurve, checked
+from estim.campaign.noise_models import Candidate
+from estim.campaign.own_curve_points import MIN_ROWS, CurvePoints
+from estim.common import InputError
+from estim.curves import AxisNames, Component, DistortedCurve, Formula, read_formula
+from estim.fitting import Fit, fit_optimum, is_resolved, no_scatter, silent_parameters
+from estim.problem import Curve, Parameter, Prior, Problem, shared_first
+from estim.reading import Places, Run, of_any_curve, read_table, run_of_table
+
+
+@dataclass(frozen=True, eq=False)
+class CurveStudy:
+    """The `[curve]` table and the runs of a campaign, read and checked.  `problem` poses the inference for some of the runs."""
+
+    source: CampaignFile
+    curve: Formula
+    axes: AxisNames
+    table: CurveTable
+    runs: tuple[CurveRunTable, ...]
+
+    @property
+    def formula(self) -> str:
+        return self.curve.text
+
+    @property
+    def x_column(self) -> str:
+        return axis_of(self.table.x).column
+
+    @property
+    def y_column(self) -> str:
+        return axis_of(self.table.y).column
+
+    def problem(self, names: Sequence[str], tables: Mapping[str, Run], *, noise: NoiseTable | None = None) -> Problem:
+        """The joint problem of the runs `names` with their tables.  Raises InputError, also where other noise is asked for."""
+        if noise is not None:
+            raise self._only_noise()
+        parameters: dict[str, Parameter] = {}
+        of_noise: dict[str, Parameter] = {}
+        components = self._components()
+        shared = {c.parameter_name: c.parameter(x_unit=self.axes.x_unit, y_unit=self.axes.y_unit) for c in components}
+        curve: Curve = DistortedCurve(self.curve, components) if components else self.curve
+        observed, points = [], CurvePoints(self.source, self.axes, self.table, self.runs)
+        indices = {name: [run.name for run in self.runs].index(name) for name in names}
+        bound = {name: {argument: self._bind(argument, index) for argument in self.curve.names} for name, index in indices.items()}
+        uses = Counter(b.name for found in bound.values() for b in found.values() if isinstance(b, Parameter))
+        for name, index in indices.items():
+            arguments: dict[str, str | float] = {}
+            for argument, b in bound[name].items():
+                if isinstance(b, float):
+                    arguments[argument] = b
+                    continue
+                own = len(names) > 1 and uses[b.name] == 1 and b.name == argument  # all other runs say their own
+                unknown_of_curve = replace(b, name=f"{argument}[{name}]") if own else b
+                arguments[argument] = unknown_of_curve.name
+                parameters.setdefault(unknown_of_curve.name, unknown_of_curve)
+            arguments |= {component: component for component in shared}
+            run, unknown = points.observe(curve, arguments, index, tables[name])
+            of_noise |= {parameter.name: parameter for parameter in unknown}
+            observed.append(run)
+        for name in of_noise:
+            if name in parameters or name in shared:
+                rule = "is the name of a quantity of the errors of y, which is unknown here: choose another"
+                raise self.source.places.error(rule, self._place(name))
+        return Problem((*shared_first(parameters.values(), observed), *shared.values(), *of_noise.values()), tuple(observed))
+
+    def fit(self, problem: Problem, tables: Mapping[str, Run], *, rng: np.random.Generator) -> Fit:
+        """The posterior mode, found from afar.  Raises InputError where the data determine none."""
+        try:
+            fit = fit_optimum(problem, rng=rng)
+        except InputError as error:
+            raise self._place_of(error, problem, tables) from None
+        self._require_scatter(fit)
+        self._require_determined(fit)
+        return fit
+
+    def check(self, name: str, tables: Mapping[str, Run]) -> None:
+        """Raises InputError where the data of a run pose no problem."""
+        self.problem([name], tables)
+
+    def body_of(self, name: str) -> None:
+        """A curve is no body."""
+
+    def noise_models(self, name: str, table: Run) -> tuple[Candidate, ...]:
+        """Raises InputError: the tables of a curve state one noise."""
+        raise self._only_noise()
+
+    def _only_noise(self) -> InputError:
+        return self.source.places.error("is fit with the noise that its own tables state: no other model to compare", ("curve",))
+
+    def place_of_unknowns(self, name: str) -> Place:
+        """Where in the file the unknowns of a run are declared."""
+        return ("curve", "parameters")
+
+    def require_body(self) -> None:
+        """Raises InputError: there is no rolling body to speak of."""
+        raise self.source.places.error("has no rolling body, so only estim fit knows what to do with it", ("curve",))
+
+    def require_speeds(self, names: Sequence[str], command: str) -> None:
+        """Raises InputError: points on a curve are no speeds."""
+        self.require_body()
+
+    def _require_determined(self, fit: Fit) -> None:
+        """Raises InputError where neither the data nor a prior hold a parameter, so that no posterior exists to draw from."""
+        flat = [p.name for p in fit.problem.parameters if not math.isfinite(p.prior.sd)]
+        curvature = np.sqrt(np.diag(fit.cov))  # not the standard deviations, which a parameter beside a limit does not have
+        held = np.isfinite(curvature) & (curvature > 0.0) & (not fit.singular)
+        unheld = [name for name, known in zip(fit.names, held, strict=True) if name in flat and not known]
+        if not unheld:
+            return
+        if is_resolved(fit):
+            rule = (
+                "has terms that all but cancel at these x: rounding errors leave too few digits to draw from the posterior; "
+                "write it in x - x0, with x0 in the middle of the data"
+            )
+            raise self.source.places.error(rule, ("curve", "expression"))
+        first, *others = [name for name in silent_parameters(fit) if name in flat] or unheld
+        path = self._place(first)
+        if not others:
+            raise self.source.places.error("is not determined by the data: give it limits (low and high), or a prior", path)
+        together = " and ".join(f"'{other}'" for other in others)
+        rule = f"is not determined by the data, nor is {together}, only a combination of them: give one a value, limits (low and high), or a prior"
+        raise self.source.places.error(rule, path)
+
+    def _require_scatter(self, fit: Fit) -> None:
+        """Raises InputError where nothing is stated of the size of the errors, and the residuals are zero."""
+        stated = {run.name for run in self.runs if self.table.u_y is not None or run.u_y is not None}
+        for run in fit.problem.runs:
+            if run.name not in stated and no_scatter(run, fit):
+                rule = f"must be stated: the curve meets every point of run '{run.name}', so nothing shows their errors (were the data computed?)"
+                raise self.source.places.error(rule, ("curve", "u_y"))
+
+    def require_draws(self, problem: Problem) -> None:
+        """Raises InputError where the prior of a parameter is flat without limits, so that no true value can be drawn from it."""
+        for parameter in problem.parameters:
+            if not math.isfinite(parameter.prior.sd):
+                rule = "is flat without limits, so that nothing can be simulated: give it limits (low and high), or a prior"
+                raise self.source.places.error(rule, self._place(parameter.name))
+
+    def _place_of(self, error: InputError, problem: Problem, tables: Mapping[str, Run]) -> InputError:
+        """An error of the search for an optimum with its place: the first row at which alone the curve is not finite at the start."""
+        named = problem.named(problem.start())
+        for run in problem.runs:
+            with np.errstate(all="ignore"):
+                finite = np.broadcast_to(np.isfinite(run.curve.value(run.x, run.bind(named))), (1, run.n_obs))[0]
+            if np.any(finite) and not np.all(finite):
+                table = tables[run.name]
+                row = int(np.argmax(table.columns[self.x_column] == run.x[int(np.argmin(finite))]))
+                return table.error("is where the curve is not finite, at the start and around: leave the row out by a window", self.x_column, row)
+        return error.at(self.source.path, self.source.places.lines.get(("curve", "parameters")))
+
+    def _place(self, parameter: str) -> Place:
+        """Where a parameter stands in the campaign file."""
+        name, _, level = parameter.partition("[")
+        run = [r.name for r in self.runs].index(level[:-1]) if level else 0
+        return ("runs", run, "parameters", name) if level and name in self.runs[run].parameters else ("curve", "parameters", name)
+
+    def _bind(self, name: str, index: int) -> Parameter | float:
+        """A parameter of the formula for one run: an unknown, or an exact value."""
+        run = self.runs[index]
+        levels: tuple[tuple[Place, Mapping[str, float | str | ParameterTable], str], ...] = (
+            (("runs", index, "parameters"), run.parameters, f"[{run.name}]"), (("curve", "parameters"), self.table.parameters, ""),
+        )
+        declared = [level[1][name] for level in levels if name in level[1]]
+        for path, table, suffix in levels:
+            if name in table:
+                written = [entry for entry in declared if isinstance(entry, ParameterTable)]
+                unit = next((entry.unit for entry in written if entry.unit is not None), "1")
+                meaning = next((entry.meaning for entry in written if entry.meaning is not None), "parameter of the curve")
+                source = self._read(table[name], (*path, name))
+                return source if isinstance(source, float) else Parameter(name + suffix, unit, source, meaning)
+        rule = f"is missing for run '{run.name}': say it under [curve.parameters] or [runs.parameters], for example {name} = {{start = 1.0}}"
+        raise self.source.places.error(rule, ("curve", "parameters"), field=name)
+
+    def _read(self, value: float | str | ParameterTable, path: Place) -> float | Prior:
+        try:
+            return source_of(value, str(path[-1]))
+        except InputError as error:
+            rule = error.rule if error.field in (None, path[-1]) else f"'{error.field}' {error.rule}"
+            raise self.source.places.error(rule, path, value=error.value) from None
+
+    def _components(self) -> tuple[Component, ...]:
+        components = []
+        for name, written in self.table.errors.items():
+            try:
+                kind, u = (name, written) if isinstance(written, float | int) else (written.kind, written.u)
+                components.append(Component(kind, float(u), name))
+            except InputError as error:
+                raise self.source.places.error(f"'{error.field}' {error.rule}", ("curve", "errors", name), value=error.value) from None
+        return tuple(components)
+
+
+def read_curve_study(source: CampaignFile, written_curve: OwnCurve) -> tuple[CurveStudy, Mapping[str, Run]]:
+    """The curve of a campaign and the tables of its runs.
+
+    Raises InputError with file, line, field, rule and value for whatever breaks a rule.
+    """
+    places = source.places
+    table = checked(_with_names(written_curve.table, places, ("curve",)), CurveTable, places, ("curve",))
+    written = [_with_names(run, places, ("runs", i)) for i, run in enumerate(written_curve.runs)]
+    runs = tuple(checked(run, CurveRunTable, places, ("runs", i)) for i, run in enumerate(written))
+    try:
+        formula = read_formula(table.expression)
+    except InputError as error:
+        raise places.error(error.rule, ("curve", "expression"), value=error.value) from None
+    x, y = axis_of(table.x), axis_of(table.y)
+    check_words(source, table, runs, (x, y))
+    check_variable(source, formula, x)
+    check_parameters(source, formula, table, runs)
+    axes = AxisNames(x.name or x.column, x.unit, y.name or y.column, y.unit)
+    study = CurveStudy(source, formula, axes, table, runs)
+    return study, MappingProxyType({run.name: _read_run(study, run) for run in runs})
+
+
+def _with_names(raw: Mapping[str, Any], places: Places, path: Place) -> dict[str, Any]:
+    """A table with the names of its parameters as Python reads them in a formula (the micro sign is the letter mu).
+
+    The parameters are checked one by one, for their lines.  Raises InputError.
+    """
+    given, named = raw.get("parameters", {}), dict[str, Any]()
+    for name, entry in given.items() if isinstance(given, dict) else ():
+        kind: Any = ParameterTable if isinstance(entry, dict) else float | str | ParameterTable
+        checked(entry, kind, places, (*path, "parameters", name))
+        read = unicodedata.normalize("NFKC", name)
+        if read in named:
+            raise places.error("is the same name as another in a formula", (*path, "parameters", name))
+        named[read] = entry
+    return {**raw, "parameters": named} if named else dict(raw)
+
+
+def _read_run(study: CurveStudy, run: CurveRunTable) -> Run:
+    path = study.source.file_of(study.runs.index(run))
+    errors = [entry for entry in (run.u_y, study.table.u_y) if entry is not None][:1]
+    errors += [entry for entry in (run.u_x, study.table.u_x) if entry is not None][:1]
+    columns = [entry.column for entry in errors if isinstance(entry, ReadingErrorTable) and entry.column is not None]
+    needed = [study.x_column, study.y_column, *columns]
+    with study.source.reading(path, needed):
+        table = read_table(path, known=needed, min_rows=MIN_ROWS, shown_as=str(path), needed=needed)
+    for column in columns:
+        if np.any(table.columns[column] <= 0.0):
+            raise table.error("must be > 0", column, int(np.argmax(table.columns[column] <= 0.0)))
+    return replace(run_of_table(table, run.name), warnings=of_any_curve(table.warnings))

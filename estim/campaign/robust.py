@@ -1,0 +1,23 @@
+"""The shape of errors that the word `robust` of a noise table asks for, and what is unknown of it."""
+
+from __future__ import annotations
+
+import math
+
+from estim.problem import GAUSSIAN, Mixture, Parameter, StudentT, Tails, TruncatedNormal, Uniform
+
+
+def shape_of(robust: str | None, suffix: str) -> tuple[Tails, tuple[Parameter, ...]]:
+    """The shape of the errors that the word `robust` asks for, and its unknowns."""
+    if robust == "student-t":
+        return StudentT(), ()
+    if robust == "mixture":
+        fraction, width = f"outlier_fraction{suffix}", f"log_outlier_width{suffix}"
+        return Mixture(fraction, width), (
+            Parameter(fraction, "1", Uniform(0.0, 0.5), "share of the frames that are outliers"),
+            Parameter(
+                width, "1", TruncatedNormal(math.log(20.0), 1.0, math.log(3.0), math.inf),
+                "ln of the standard deviation of an outlier over that of a good frame",
+            ),
+        )
+    return GAUSSIAN, ()

@@ -1,0 +1,103 @@
+"""Which rows of a run are fit, and why the others are not.
+
+- Outside the `window` of the campaign: left out.
+- For speeds made by differences, within five standard deviations of a position reading from the release or from the
+  turning point: there the curve bends so sharply that an error of the position moves the speed by more than a linear
+  law says.  A window that names that end (`x_min_m = 0`) keeps them.
+- After the largest position reached, where speeds are fit: the way back is another motion.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from estim.arrays import FloatArray
+from estim.campaign.levels import Levels
+from estim.common import InputError
+from estim.reading import Run
+
+Mask = NDArray[np.bool_]
+
+_WAY_BACK = "after the farthest point (the way back is another motion)"
+_MIN_OBS = 5
+_MAX_OBS = 3000  # the covariance of the speeds is a dense matrix
+_GUARD = 5.0
+_SLOW = 0.25  # of the largest speed: slower than this at its farthest, a body is taken to have turned there
+
+
+@dataclass(frozen=True)
+class Window:
+    """Limits of time (s) and position (m or rad); -inf or inf where open."""
+
+    t_min: float
+    t_max: float
+    low: float
+    high: float
+
+
+@dataclass(frozen=True, eq=False)
+class Selection:
+    """kept : (n,) indices of the speeds to fit.  reasons : why and how many others were left out."""
+
+    kept: NDArray[np.int64]
+    reasons: tuple[str, ...]
+
+
+def way_back(reasons: Sequence[str]) -> int:
+    """How many frames were left out as those of the way back, according to the `reasons` of a selection."""
+    return sum(int(words.partition(" ")[0]) for words in reasons if words.endswith(_WAY_BACK))
+
+
+def select(position: FloatArray, speed: FloatArray | None, t: FloatArray | None, *, window: Window, sigma_position: float) -> Selection:
+    """The rows to fit out of (n,) positions, speeds and times.
+
+    `sigma_position` 0 switches the guard zones off.  Without speeds it is the positions that are fit, on every way.
+    """
+    left = np.ones(position.size, dtype=bool)
+    reasons: list[str] = []
+
+    def leave_out(mask: Mask, why: str) -> None:
+        nonlocal left
+        count = int(np.sum(mask & left))
+        if count:
+            reasons.append(f"{count} {why}")
+        left &= ~mask
+
+    if t is not None:
+        leave_out((t < window.t_min) | (t > window.t_max), "outside the window of time")
+    leave_out((position < window.low) | (position > window.high), "outside the window of position")
+    inside = np.flatnonzero(left)
+    if inside.size and speed is not None:
+        farthest = inside[np.argmax(position[inside])]
+        if t is not None:
+            leave_out(t > t[farthest], _WAY_BACK)
+        guard = _GUARD * sigma_position
+        if guard > 0.0 and not np.isfinite(window.low):
+            leave_out(position < guard, "within five standard deviations of a reading from the release")
+        slow = abs(speed[farthest]) < _SLOW * np.max(np.abs(speed[inside]))
+        if guard > 0.0 and slow and not np.isfinite(window.high):
+            leave_out(position > position[farthest] - guard, "within five standard deviations of a reading from the turning point")
+    return Selection(np.flatnonzero(left), tuple(reasons))
+
+
+def check_count(selection: Selection, run: Run, levels: Levels, blank: tuple[str, ...] = ()) -> None:
+    """As many rows as can be fit are left; raises InputError at the window that is stated, or with what else left rows out."""
+    count = selection.kept.size
+    if _MIN_OBS <= count <= _MAX_OBS:
+        return
+    stated = next(((*level.path, "window") for level in levels if level.table.window is not None), None)
+    if stated is not None:
+        rule = f"must leave between {_MIN_OBS} and {_MAX_OBS} of the {run.n_row} rows of {run.file} to fit"
+        raise levels.error(rule, stated, field="window", value=count)
+    if count > _MAX_OBS:
+        raise InputError(f"must be at most {_MAX_OBS}: state a window for run '{run.name}'", field="rows to fit", value=count, file=run.file)
+    position = run.columns[run.coordinate]
+    if np.max(position) - position[0] <= 0.1 * np.ptp(position):
+        rule = "must increase as the body moves from its release: it does not rise above its first value by a tenth of its range"
+        raise InputError(rule, field=run.coordinate, value=f"{position[0]:.6g} to {position[-1]:.6g}", file=run.file)
+    why = "; ".join((*blank, *selection.reasons)) or "the file has no more"
+    raise InputError(f"must be at least {_MIN_OBS} of the {run.n_row} in the file ({why})", field="rows to fit", value=count, file=run.file)

@@ -1,0 +1,50 @@
+"""What the runs of a campaign are about: one protocol, kept by the rolling body (`bodies`) and a user's own curve (`own_curve`)."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Protocol
+
+import numpy as np
+
+from estim.campaign.file import NoiseTable
+from estim.campaign.levels import Path
+from estim.campaign.noise_models import Candidate
+from estim.fitting import Fit
+from estim.problem import Problem
+from estim.reading import Run
+
+
+class Study(Protocol):
+    """Poses the problems of runs, finds their modes and knows what may be asked of them; every method may raise InputError with its place."""
+
+    @property
+    def formula(self) -> str | None:
+        """The curve as the user wrote it, None where it is the project's own."""
+
+    def problem(self, names: Sequence[str], tables: Mapping[str, Run], *, noise: NoiseTable | None = None) -> Problem:
+        """The joint problem of the runs `names` with their tables.  noise : in place of the noise tables of the campaign."""
+
+    def fit(self, problem: Problem, tables: Mapping[str, Run], *, rng: np.random.Generator) -> Fit:
+        """The posterior mode, where the data determine one."""
+
+    def check(self, name: str, tables: Mapping[str, Run]) -> None:
+        """Raises InputError where the data of a run cannot be what the campaign says of them."""
+
+    def body_of(self, name: str) -> str | None:
+        """The name of the body of a run, None where there is none."""
+
+    def noise_models(self, name: str, table: Run) -> tuple[Candidate, ...]:
+        """The models of the noise that the data of a run allow, two at least."""
+
+    def place_of_unknowns(self, name: str) -> Path:
+        """Where in the file the unknowns of a run are declared."""
+
+    def require_body(self) -> None:
+        """Raises InputError where there is no rolling body to speak of."""
+
+    def require_draws(self, problem: Problem) -> None:
+        """Raises InputError where a prior cannot be drawn from."""
+
+    def require_speeds(self, names: Sequence[str], command: str) -> None:
+        """Raises InputError where a run is not fit as speeds with normal errors, which is what `command` knows."""

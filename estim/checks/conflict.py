@@ -1,0 +1,132 @@
+"""Do the data agree with what was stated about the parameters before?
+
+Around the mode the data are a measurement of the parameters, and so are the stated values (informative priors).  With the free
+parameters fitted, lambda the information of the data along the eigenvectors e of the stated ones, in units of the priors', and z
+the distance of the mode from the stated values in their standard uncertainties, the two differ by
+
+    T = sum (e . z)^2 (1 + 1/lambda)                     chi^2 with as many degrees of freedom as terms
+
+which is chi^2 at the joint minimum minus that of the data alone: exact for a linear curve and normal priors, when the true values
+come from the priors.  Directions of which the data know less than 1 % of what the prior knows are left out: there is nothing to compare.
+
+The pull of one stated value is its distance from what data and all other stated values say, in standard deviations of that distance,
+
+    z_i / sqrt(1 - u_i^2/s_i^2),      u_i the standard uncertainty after and s_i before,
+
+whose square is chi^2 at the joint minimum minus that without the one stated value.
+
+A free parameter that meets the hard edge of its range gives way no further, so what it would have taken up stays in chi^2.  Therefore
+each of these minima is sought within the edges: a bounded linear least-squares problem around the mode (`scipy.optimize.lsq_linear`).
+Edges only ever take away from the comparison, and the number of terms is counted with parameters that sit on an edge held there,
+so the probability is right away from edges and errs on the side of agreement beside them.
+
+(A log-normal prior has its mode below its median, so there the residual that balances the data at the joint mode is not z; both are used.)
+
+Sources: Evans and Moshonov, Bayesian Anal. 1 (2006) 893 (prior-data conflict); Rao, Linear Statistical Inference (1973) 4a.2;
+Eadie et al., Statistical Methods in Experimental Physics (1971) 10.8 (pulls, there called stretch functions).
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from estim.arrays import FloatArray
+from estim.common import label
+from estim.fitting import Fit, around, chi2_p, curve_indices, information
+from estim.problem import MEASURED, LogNormal
+
+P_CONFLICT = 0.01
+NOTE_BELOW = 0.05
+_LEAST = 0.01  # information of the data, in units of the prior's, below which there is nothing to compare
+_ALONE = 1e-9  # relative: eigenvalues below count as zero
+_FAR = 2.0  # pulls worth naming, and how many of them at most
+_NAMED = 3
+_SMALLEST = 1e-6  # smaller probabilities have no meaning for errors that are only nearly normal
+
+
+@dataclass(frozen=True, eq=False)
+class Conflict:
+    """The data against the stated values.
+
+    chi2, dof, p_value : T; dof 0 where the data say nothing about anything stated (then p is 1).
+    pulls : parameter -> pull of its stated value, positive where all else says more, largest first; parameters that the data
+        narrow by less than 0.5 % are left out.
+    """
+
+    chi2: float
+    dof: int
+    p_value: float
+    pulls: dict[str, float]
+
+    @property
+    def agree(self) -> bool:
+        return self.p_value >= P_CONFLICT
+
+
+def check_stated_values(fit: Fit) -> Conflict:
+    """Whether the data of `fit` agree with the priors of its parameters.  Noise parameters are held at the fit."""
+    problem = fit.problem
+    curve = curve_indices(fit)
+    priors = [(problem.parameters[i].prior, float(fit.values[i])) for i in curve]
+    slopes = np.array([prior.residual_slope(value) for prior, value in priors])
+    stated = np.flatnonzero(slopes != 0.0)
+    if not stated.size:
+        return Conflict(0.0, 0, 1.0, {})
+    on_edge = np.array([fit.names[i] in fit.at_bound for i in curve])
+    free = np.flatnonzero((slopes == 0.0) & ~on_edge)
+    data = (information(fit.posterior, fit.values)[np.ix_(curve, curve)]) - np.diag(slopes**2)
+    known = _without(data, stated, free) / np.outer(slopes[stated], slopes[stated])
+    values, vectors = np.linalg.eigh(0.5 * (known + known.T))
+    kept = values > _LEAST
+    told = 1.0 - np.sum(vectors**2 / (1.0 + np.maximum(values, 0.0)), axis=1) > _LEAST  # 1 - u^2/s^2
+    model = around(fit)
+    pull_rows = np.zeros((stated.size, curve.size))
+    pull_rows[np.arange(stated.size), stated] = slopes[stated]
+    # a log-normal prior has its mode below its median, and it is the median that was stated
+    off = np.array([prior.residual(value) - (prior.log_sd if isinstance(prior, LogNormal) else 0.0) for prior, value in priors])[stated]
+    together = model.least(pull_rows, off)[1]
+    uncompared = vectors[:, ~kept].T
+    chi2, dof = max(0.0, together - model.least(uncompared @ pull_rows, uncompared @ off)[1]), int(np.sum(kept))
+    pulls = {}
+    for k in np.flatnonzero(told):
+        others = np.arange(stated.size) != k
+        step, without = model.least(pull_rows[others], off[others])
+        pulls[fit.names[curve[stated[k]]]] = math.copysign(math.sqrt(max(0.0, together - without)), float(pull_rows[k] @ step + off[k]))
+    return Conflict(chi2, dof, chi2_p(chi2, dof), dict(sorted(pulls.items(), key=lambda item: -abs(item[1]))))
+
+
+def conflict_words(fit: Fit, conflict: Conflict) -> str:
+    """'the data agree with what was stated before (p = 0.4)', or that they do not and which stated values are farthest off."""
+    if not conflict.dof:
+        return "the data say next to nothing about what was stated before: there is nothing to compare"
+    if conflict.p_value >= NOTE_BELOW:
+        return f"the data agree with what was stated before (p = {conflict.p_value:.2g})"
+    parameters = {p.name: p for p in fit.problem.parameters}
+    far = [name for name, pull in conflict.pulls.items() if abs(pull) > _FAR and isinstance(parameters[name].prior, MEASURED)][:_NAMED]
+    parts = []
+    for name in far:
+        shown = label(name, parameters[name].unit)
+        unit = "" if shown.unit == "1" else f" {shown.unit}"
+        off = f"{abs(conflict.pulls[name]):.1f} standard deviations {'below' if conflict.pulls[name] > 0.0 else 'above'}"
+        parts.append(f"{shown.symbol} was stated as {parameters[name].prior.centre * shown.factor:.4g}{unit}, {off} what all else says")
+    one_of = "; each of these, or the scale of the data, may be what is wrong" if len(far) > 1 else ""
+    verb = "hardly agree" if conflict.agree else "do not agree"
+    p = f"p = {conflict.p_value:.2g}" if conflict.p_value > _SMALLEST else f"p < {_SMALLEST:.0e}"
+    return f"the data {verb} with what was stated before ({p}){': ' if parts else ''}{'; '.join(parts)}{one_of}"
+
+
+def _without(matrix: FloatArray, kept: NDArray[np.int64], fitted: NDArray[np.int64]) -> FloatArray:
+    """Information of the `kept` parameters when the others are fitted (Schur complement); what nothing determines takes nothing with it."""
+    inner = matrix[np.ix_(kept, kept)]
+    if not fitted.size:
+        return inner
+    scale = np.sqrt(np.maximum(np.diag(matrix)[fitted], 0.0))
+    scale = np.where(scale > 0.0, scale, 1.0)
+    across = matrix[np.ix_(kept, fitted)] / scale
+    inverse = np.linalg.pinv(matrix[np.ix_(fitted, fitted)] / np.outer(scale, scale), rcond=_ALONE, hermitian=True)
+    return np.asarray(inner - across @ inverse @ across.T)
+

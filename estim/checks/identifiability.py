@@ -1,0 +1,171 @@
+"""What the data can tell: the information of the data in units of the prior, direction by direction.
+
+Read this before quoting a parameter.  With P the prior standard deviations and D the Fisher information of the data at the
+fit, the eigenvalues of P D P say how many times more the data know than the prior along each direction:
+
+    lambda >> 1   learnt from the data;      lambda << 1   what comes out is what the prior put in.
+
+A uniform prior counts with its standard deviation, width/sqrt(12), although inside its edges it does not pull at all: a
+direction in which no prior pulls and the data are silent is "not identified".  The effective number of directions learnt
+is sum lambda/(1 + lambda) (Spiegelhalter et al., J. R. Statist. Soc. B 64 (2002) 583, their p_D for a linear model).
+
+Everything here is local (a Gaussian at the fit); `estim.fitting.profile` and `estim.checks.prior_sensitivity` are not.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from estim.arrays import FloatArray
+from estim.common import InputError, label
+from estim.fitting import Fit, data_information, prior_sds, prior_slopes
+from estim.problem import Problem
+
+PRIOR_DOMINATED = 0.8  # posterior sd / prior sd above which the prior is most of what is known
+_ONLY_PRIOR = 1.0  # information of the data, in units of the prior's, below which a direction is the prior's
+_NO_PULL = 1e-6  # information of data and prior together, below which nothing holds a direction
+_SHOWN = 0.2  # component of a unit direction that is worth a word
+_PARALLEL = 0.95  # share of a known direction that must lie among those of the prior
+
+
+@dataclass(frozen=True, eq=False)
+class Direction:
+    """One combination of parameters.
+
+    information : what the data know along it, in units of what the prior knows.
+    vector : (n_par,) unit vector, components in prior standard deviations; the largest component is positive.
+    prior_pull : curvature of the log prior along it, in the same units: about 1 for normal priors, 0 for uniform ones.
+    held_by : "data", "prior", or "nothing" (neither data nor prior: only edges of a range, if any).
+    words : what the direction is, in a sentence.
+    """
+
+    information: float
+    vector: FloatArray
+    prior_pull: float
+    held_by: str
+    words: str
+
+
+@dataclass(frozen=True, eq=False)
+class Identifiability:
+    """What data and prior each say about the parameters of a fit.
+
+    names : (n_par,).  directions : n_par of them, that of least information first.
+    prior_sds : (n_par,).  posterior_sds : (n_par,) of the Gaussian at the fit, uniform priors counted with their sd.
+    ratios : (n_par,) posterior_sds/prior_sds.  prior_dominated : names with a ratio above 0.8.
+    n_learnt : sum lambda/(1 + lambda).
+    sentences : the findings in words, gravest first.
+    """
+
+    names: tuple[str, ...]
+    directions: tuple[Direction, ...]
+    prior_sds: FloatArray
+    posterior_sds: FloatArray
+    ratios: FloatArray
+    prior_dominated: tuple[str, ...]
+    n_learnt: float
+    sentences: tuple[str, ...]
+
+    @property
+    def of_prior(self) -> tuple[Direction, ...]:
+        """The directions about which the data say less than the prior."""
+        return tuple(d for d in self.directions if d.held_by != "data")
+
+
+def identify(fit: Fit, *, known: Mapping[str, FloatArray] | None = None) -> Identifiability:
+    """What the data of `fit` can tell, direction by direction.
+
+    known : words -> (n_par,) displacement in the parameters' units, for combinations that a curve is known not to show;
+        the words are said where the displacement lies (cosine above 0.95, in prior units) among the directions of the prior.
+
+    Raises InputError where a known displacement has the wrong length or is zero.
+    """
+    problem = fit.problem
+    sds = prior_sds(problem, fit.cov)
+    whitened = data_information(fit.posterior, fit.values) * np.outer(sds, sds)
+    values, vectors = np.linalg.eigh(0.5 * (whitened + whitened.T))
+    values = np.maximum(values, 0.0)
+    pulls = np.square(prior_slopes(problem, fit.values) * sds)
+    directions = tuple(
+        _direction(fit, float(value), vector, float(np.sum(pulls * vector**2)), sds) for value, vector in zip(values, vectors.T, strict=True)
+    )
+    ratios = np.sqrt(np.sum(vectors**2 / (1.0 + values), axis=1))
+    dominated = tuple(name for name, ratio in zip(fit.names, ratios, strict=True) if ratio > PRIOR_DOMINATED)
+    n_learnt = float(np.sum(values / (1.0 + values)))
+    sentences = _sentences(problem, directions, dominated, n_learnt, _recognised(known or {}, directions, sds))
+    return Identifiability(
+        names=fit.names, directions=directions, prior_sds=sds, posterior_sds=ratios * sds, ratios=ratios, prior_dominated=dominated,
+        n_learnt=n_learnt, sentences=sentences,
+    )
+
+
+def _direction(fit: Fit, value: float, vector: FloatArray, pull: float, sds: FloatArray) -> Direction:
+    vector = vector * np.sign(vector[np.argmax(np.abs(vector))])
+    held_by = "data" if value >= _ONLY_PRIOR else "prior" if value + pull > _NO_PULL else "nothing"
+    parts = _moves(fit, vector, sds)
+    if held_by == "data":
+        words = f"learnt from the data: {parts}"
+    else:
+        several = ", " in parts
+        seen = "nothing that was measured" if value < 1e-6 else f"what was measured by only {math.sqrt(value):.2g} of its noise in all"
+        words = f"{parts} {'together change' if several else 'changes'} {seen}"
+    return Direction(value, vector, pull, held_by, words)
+
+
+def _moves(fit: Fit, vector: FloatArray, sds: FloatArray) -> str:
+    """A step of one prior standard deviation along a unit vector: 'γ up by 3 %, φ down by 0.2 °'."""
+    parts = []
+    for i in np.argsort(-np.abs(vector), kind="stable"):
+        if abs(vector[i]) < _SHOWN:
+            break
+        parameter = fit.problem.parameters[i]
+        shown = label(parameter.name, parameter.unit)
+        step = abs(float(vector[i] * sds[i]))
+        value = abs(float(fit.values[i]))
+        unit = "" if shown.unit == "1" else f" {shown.unit}"
+        # a percentage says something only of a value that is well away from zero, and nothing of an angle
+        relative = shown.factor == 1.0 and value > 3.0 * sds[i]
+        size = f"{100.0 * step / value:.2g} %" if relative else f"{step * shown.factor:.2g}{unit}"
+        parts.append(f"{shown.symbol} {'up' if vector[i] > 0.0 else 'down'} by {size}")
+    return ", ".join(parts)
+
+
+def _recognised(known: Mapping[str, FloatArray], directions: tuple[Direction, ...], sds: FloatArray) -> list[str]:
+    """The words of those known displacements that lie among the directions of the prior."""
+    found = []
+    for words, displacement in known.items():
+        whitened = np.asarray(displacement, dtype=float) / sds if np.shape(displacement) == sds.shape else np.zeros(0)
+        if not whitened.size or not np.linalg.norm(whitened) > 0.0:
+            raise InputError(f"must be {sds.size} numbers, not all zero", field=words, value=displacement)
+        silent = [d.vector for d in directions if d.held_by != "data"]
+        share = math.hypot(*(float(vector @ whitened) for vector in silent)) / float(np.linalg.norm(whitened)) if silent else 0.0
+        if share > _PARALLEL:
+            found.append(words)
+    return found
+
+
+def _sentences(
+    problem: Problem, directions: tuple[Direction, ...], dominated: tuple[str, ...], n_learnt: float, recognised: list[str]
+) -> tuple[str, ...]:
+    n = len(directions)
+    free = [d for d in directions if d.held_by == "nothing"]
+    prior = [d for d in directions if d.held_by == "prior"]
+    said = [f"Not identified by data nor prior: {d.words}." for d in free]
+    count = f"The data tell {n_learnt:.1f} of {n} combinations of the parameters"
+    said.append(f"{count}; every one is held by the data." if not free and not prior else f"{count}; the rest comes from what was stated before.")
+    said += [f"{words[:1].upper()}{words[1:]}." for words in recognised]
+    said += [f"Only the prior holds: {d.words}." for d in prior]
+    if dominated:
+        parameters = {p.name: p for p in problem.parameters}
+        symbols = [label(name, parameters[name].unit).symbol for name in dominated]
+        verb = "is" if len(symbols) == 1 else "are"
+        said.append(f"{_listed(symbols)} {verb} known hardly better than before (posterior sd above {PRIOR_DOMINATED} of the prior's).")
+    return tuple(said)
+
+
+def _listed(words: list[str]) -> str:
+    return words[0] if len(words) == 1 else f"{', '.join(words[:-1])} and {words[-1]}"

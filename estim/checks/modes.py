@@ -1,0 +1,129 @@
+"""Are there several separate solutions?  Optima that the search found beside that of the fit, weighed by the draws, or without any.
+
+Two optima are separate modes where no way leads from one to the other on which the density stays near that of the lower
+of the two, and each holds a share of the posterior that matters.  Two ways are tried: the straight line, and the ridge (the
+parameter in which they differ most is led from one value to the other, all others re-optimised), for a ridge may be bent.
+A mode that no start, no scan (`estim.fitting.screen`) and no walker has met stays unknown.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from estim.arrays import FloatArray
+from estim.fitting import Fit, ProfileSearch, information, search_of
+
+_VALLEY = 2.0  # drop of the log density between two modes
+_N_RIDGE = 32  # points along a ridge
+_SHARE = 0.01  # of the posterior
+_NEGLIGIBLE = 1e-4  # the same by the normal distribution: optima that are not looked at
+
+
+@dataclass(frozen=True, eq=False)
+class Modes:
+    """Separate modes of a posterior, that of the fit first; further ones that together hold less than 1 % are left out.
+
+    values : (n_mode, n_par).  shares : (n_mode,) of the posterior: of the draws nearest to each, or of the normal distributions at each.
+    covs : (n_mode, n_par, n_par) covariances of those.
+    """
+
+    values: FloatArray
+    shares: FloatArray
+    covs: FloatArray
+
+    @property
+    def several(self) -> bool:
+        return self.values.shape[0] > 1
+
+
+def optima(fit: Fit) -> Modes:
+    """All optima of a fit, separate or not, each with the normal distribution there (Laplace: height times root of the determinant)."""
+    values, covs, heights = [fit.values], [fit.cov], [_log_volume(fit, fit.values, fit.cov)]
+    for other in fit.others:
+        with np.errstate(all="ignore"):
+            matrix = information(fit.posterior, other)
+            cov = np.asarray(np.linalg.pinv(matrix, hermitian=True), dtype=np.float64) if np.all(np.isfinite(matrix)) else fit.cov
+        height = _log_volume(fit, other, cov)
+        if math.isfinite(height):
+            values.append(other)
+            covs.append(cov)
+            heights.append(height)
+    shares = np.exp(np.array(heights) - np.max(heights)) if math.isfinite(heights[0]) else np.eye(len(heights))[0]
+    return Modes(np.array(values), shares / np.sum(shares), np.array(covs))
+
+
+def laplace_modes(fit: Fit) -> Modes:
+    """The separate modes of a fit and their shares by the normal distribution at each: no draws are needed."""
+    found = optima(fit)
+    kept = _kept(fit, found)
+    shares = found.shares[kept]
+    return _that_matter(Modes(found.values[kept], shares / np.sum(shares), found.covs[kept]))
+
+
+def find_modes(fit: Fit, draws: FloatArray) -> Modes:
+    """The separate modes of a fit and their shares of posterior draws (n_draw, n_par)."""
+    found = optima(fit)
+    kept = _kept(fit, found)
+    scale = np.sqrt(np.diag(fit.cov))
+    scale = np.where(scale > 0.0, scale, 1.0)
+    nearest = np.zeros(draws.shape[0], dtype=np.int64)
+    least = np.full(draws.shape[0], np.inf)
+    for k, mode in enumerate(found.values[kept]):
+        away = np.sum(((draws - mode) / scale) ** 2, axis=1)
+        nearest, least = np.where(away < least, k, nearest), np.minimum(away, least)
+    shares = np.bincount(nearest, minlength=len(kept)) / draws.shape[0]
+    return _that_matter(Modes(found.values[kept], shares, found.covs[kept]))
+
+
+def _log_volume(fit: Fit, values: FloatArray, cov: FloatArray) -> float:
+    """log of the posterior density times the root of the determinant of `cov`."""
+    sign, log_det = np.linalg.slogdet(cov)
+    return float(fit.posterior.log_density(values[None, :])[0]) + 0.5 * float(log_det) if sign > 0.0 else -math.inf
+
+
+def _kept(fit: Fit, found: Modes) -> list[int]:
+    """Which optima are separate from that of the fit and from each other."""
+    kept, search = [0], search_of(fit)
+    scale = np.where(search.scale > 0.0, search.scale, 1.0)
+    for k in np.flatnonzero(found.shares[1:] > _NEGLIGIBLE) + 1:
+        other = found.values[k]
+        near = sorted(kept, key=lambda i: float(np.max(np.abs(found.values[i] - other) / scale)))
+        if all(_separate(search, found.values[i], other) for i in {near[0], 0}):
+            kept.append(int(k))
+    return kept
+
+
+def _that_matter(modes: Modes) -> Modes:
+    """Without the smallest further modes, as long as those left out hold less than 1 % together."""
+    order = 1 + np.argsort(-modes.shares[1:], kind="stable")
+    beyond = np.array([np.sum(modes.shares[order[i:]]) for i in range(order.size)])
+    matters = np.concatenate([[0], order[beyond >= _SHARE]]).astype(int)
+    return Modes(modes.values[matters], modes.shares[matters], modes.covs[matters])
+
+
+def _separate(search: ProfileSearch, a: FloatArray, b: FloatArray) -> bool:
+    return not (_level(search, a, b) or _ridge(search, a, b) or _ridge(search, b, a))
+
+
+def _level(search: ProfileSearch, a: FloatArray, b: FloatArray) -> bool:
+    """Whether the density stays up along the straight line."""
+    heights = search.objectives(a + np.linspace(0.0, 1.0, 65)[:, None] * (b - a))
+    return bool(np.max(heights) <= max(heights[0], heights[-1]) + 2.0 * _VALLEY)
+
+
+def _ridge(search: ProfileSearch, a: FloatArray, b: FloatArray) -> bool:
+    """Whether it stays up along the ridge that starts at `a`, and that ridge meets `b`."""
+    led = int(np.argmax(np.abs(b - a) / search.scale))
+    highest = max(search.objective(a), search.objective(b)) + 2.0 * _VALLEY
+    before, here = a, a
+    for at in np.linspace(a[led], b[led], _N_RIDGE + 1)[1:]:
+        guess = 2.0 * here - before  # straight on
+        guess[led] = at
+        point = search.minimise(guess, held=(led,))
+        if not point.objective <= highest:
+            return False
+        before, here = here, point.values
+    return _level(search, here, b)

@@ -1,0 +1,335 @@
+"""The command line: the only file that prints, and that decides what is written.  Heavy imports are local to the commands.
+
+Exit codes: 0 the result is ok; 2 the input is wrong (one line on stderr); 3 a result is not ok (the report is written all
+the same); 74 what was done could not be said on stdout (a full disk); 130 interrupted; 141 nobody read stdout to its end.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+import warnings
+from collections.abc import Iterable
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from estim.cli.terminal import NOT_OK, announced, conclude, counted, exit_code, groups_of, progress_bar, report_at, say, stores_of, write_files
+from estim.common import InputError, asked_to_stop, ended_by_signals
+
+if TYPE_CHECKING:
+    from estim.campaign import Campaign
+    from estim.pipeline import Analysis
+    from estim.reading import Unit
+    from estim.studies import Drift, EnergyRecord
+
+_RUNS = click.option("--run", "runs", multiple=True, metavar="NAME", help="This run only; may be given several times.  [default: every run]")
+_JOINT = click.option("--joint", is_flag=True, help="Fit the runs together: what they share is one unknown.")
+_STEPS = click.option("--max-steps", type=click.IntRange(min=50), default=20_000, show_default=True, help="Hard cap on the sampler's steps.")
+_OUT = click.option(
+    "--out", type=click.Path(path_type=Path, file_okay=False),
+    help="Folder for the report, made if it is not there.  [default: out/ and the name of the campaign's folder]",
+)
+_SEED = click.option("--seed", type=click.IntRange(min=0, max=2**63 - 1), default=1, show_default=True, help="Seed of every random number.")
+
+
+@click.group(context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100})
+@click.version_option(package_name="estim")
+def cli() -> None:
+    """Uncertainties and Bayesian parameter estimation for lab experiments.
+
+    Start with `estim fit CAMPAIGN`: a campaign is one TOML file that says what was measured (docs/campaign.md).
+    """
+
+
+@cli.command()
+@click.argument("campaign", type=click.Path(path_type=Path))
+@_RUNS
+@_JOINT
+@_STEPS
+@_OUT
+@_SEED
+@click.option(
+    "--marginal/--full", default=None, help="Sample a joint fit through the marginal over its runs, or all unknowns at once.  "
+    "[default: the marginal for more than 16 runs, and for `positions` with more than 12 unknowns]",
+)
+@click.option("--compare", is_flag=True, help="Fit with every model of the noise that the data allow, and tabulate them.")
+@click.option("--resume", is_flag=True, help="Continue a fit that was interrupted, from the draws kept in OUT/.checkpoint.")
+def fit(
+    campaign: Path, runs: tuple[str, ...], joint: bool, max_steps: int, out: Path | None, seed: int, marginal: bool | None, compare: bool,
+    resume: bool,
+) -> None:
+    """Fit runs of CAMPAIGN and write a report.
+
+    Each run is fit by itself unless --joint is given.  Exit code 3 means that a result is not to be trusted; the
+    report says why.  With the extra `arviz` installed the draws are written too, as draws.nc (docs/interop.md).
+
+    While it samples, draws are kept in OUT/.checkpoint, which is removed when the report is written.  After Ctrl-C (exit
+    code 130), a kill or a crash, the same command with --resume goes on from there and gives the same numbers; without
+    --resume an unfinished chain is discarded and a line says so.  If data, priors, noise, settings, seed or versions have
+    changed, --resume refuses and says what differs (docs/long-runs.md).
+    """
+    from estim.campaign import load_campaign
+    from estim.pipeline import analyse
+    from estim.reports import HOW_TO_GET, analysis_report, can_write_netcdf, index_report, result_of, to_netcdf
+    from estim.sampling import Target, only_writer
+
+    loaded = load_campaign(campaign)
+    folder = out or Path("out") / campaign.resolve().parent.name
+    groups = groups_of(loaded, runs, joint=joint)
+    if marginal and not joint:
+        raise InputError("needs --joint: one run has nothing to share", field="--marginal")
+    click.get_current_context().with_resource(only_writer(folder / ".checkpoint"))
+    if compare:
+        if resume or marginal is not None:
+            raise InputError("does not go with --resume, --marginal or --full", field="--compare")
+        _compare(loaded, groups, folder, seed=seed, max_steps=max_steps)
+        return
+    stop = click.get_current_context().with_resource(asked_to_stop())
+    stores = stores_of(folder, groups, joint=joint, resume=resume)
+    results = {}
+    for group, store in zip(groups, stores, strict=True):
+        with progress_bar(", ".join(group), max_steps) as progress:
+            analysis = analyse(
+                loaded, group, seed=seed, target=Target(max_step=max_steps), progress=progress, store=store, stop=stop, marginal=marginal
+            )
+        place = folder if len(groups) == 1 else folder / group[0]
+        write_files(place, analysis_report(loaded, analysis), within=folder)
+        if can_write_netcdf():
+            write_files(place, {"draws.nc": to_netcdf(analysis)}, within=folder)
+        results[group[0]] = result_of(loaded, analysis)
+        conclude(", ".join(group), analysis.diagnosis.status, analysis.diagnosis.reasons, analysis.diagnosis.notes)
+    if len(groups) > 1:
+        write_files(folder, index_report(loaded, results))
+    for store in stores:
+        store.remove()
+    report_at(folder / "report.md", loaded.source.outside())
+    if not can_write_netcdf():
+        say(f"no draws.nc (the draws, for ArviZ and xarray): {HOW_TO_GET}")
+    _exit_unless(all(result.status == "ok" for result in results.values()))
+
+
+def _compare(campaign: Campaign, groups: Iterable[tuple[str, ...]], folder: Path, *, seed: int, max_steps: int) -> None:
+    """`estim fit --compare`: a table of models for each group, each model's own report beside it."""
+    from estim.reports import analysis_report, compare_report, folder_of
+    from estim.sampling import Target
+    from estim.studies import compare_noise
+
+    groups, none_ok = list(groups), False
+    for group in groups:
+        compared = compare_noise(
+            campaign, group, seed=seed, target=Target(max_step=max_steps), progress_of=lambda what: progress_bar(what, max_steps)
+        )
+        place = folder if len(groups) == 1 else folder / group[0]
+        for model in compared:
+            write_files(place / folder_of(model.candidate.name), analysis_report(campaign, model.analysis), within=folder)
+            conclude(f"{', '.join(group)}, {model.candidate.name}", model.analysis.diagnosis.status, ())
+        write_files(place, compare_report(campaign, compared, seed=seed), within=folder)
+        report_at(place / "report.md", campaign.source.outside())
+        none_ok = none_ok or not any(model.analysis.diagnosis.ok for model in compared)
+    _exit_unless(not none_ok)
+
+
+@cli.command()
+@click.argument("campaign", type=click.Path(path_type=Path))
+@_OUT
+@_SEED
+def line(campaign: Path, out: Path | None, seed: int) -> None:
+    """Fit the theta_min line of CAMPAIGN: sin(theta_min) against sin(phi), whose slope is 1/gamma."""
+    from estim.campaign import gamma_of_body, load_campaign
+    from estim.line import analyse_line, read_theta_min
+    from estim.reports import line_report
+    from estim.sampling import Target
+
+    loaded = load_campaign(campaign)
+    loaded.study.require_body()
+    series = read_theta_min(loaded.source)
+    target = Target()
+    with progress_bar("line", target.max_step) as progress:
+        analysis = analyse_line(series, gamma_masses=gamma_of_body(loaded.source, series.body), seed=seed, target=target, progress=progress)
+    folder = out or Path("out") / campaign.resolve().parent.name / "line"
+    write_files(folder, line_report(loaded, analysis))
+    conclude("line", analysis.status, [*(finding.reason for finding in analysis.findings), *filter(None, (analysis.disagreement,))])
+    report_at(folder / "report.md", loaded.source.outside(runs=False, line=True))
+    _exit_unless(analysis.status == "ok")
+
+
+@cli.command()
+@click.argument("campaign", type=click.Path(path_type=Path))
+@_RUNS
+@_JOINT
+@_STEPS
+@_OUT
+@_SEED
+def energy(campaign: Path, runs: tuple[str, ...], joint: bool, max_steps: int, out: Path | None, seed: int) -> None:
+    """Check the energy along the runs of CAMPAIGN: how much is lost, and is the loss steady?"""
+    import numpy as np
+
+    from estim.campaign import load_campaign
+    from estim.pipeline import analyse
+    from estim.reports import energy_report
+    from estim.sampling import Target
+    from estim.studies import drift_of, energy_along
+
+    loaded = load_campaign(campaign)
+    loaded.study.require_body()
+    analyses: list[Analysis] = []
+    records: list[EnergyRecord] = []
+    drifts: list[Drift] = []
+    groups = groups_of(loaded, runs, joint=joint)
+    loaded.study.require_speeds([name for group in groups for name in group], "estim energy")
+    for group in groups:
+        with progress_bar(", ".join(group), max_steps) as progress:
+            analyses.append(analyse(loaded, group, seed=seed, target=Target(max_step=max_steps), progress=progress))
+        records.extend(energy_along(analyses[-1], rng=np.random.default_rng(seed)))
+        drifts.append(drift_of(analyses[-1], rng=np.random.default_rng(seed)))
+        conclude(", ".join(group), analyses[-1].diagnosis.status, analyses[-1].diagnosis.reasons)
+    folder = out or Path("out") / campaign.resolve().parent.name / "energy"
+    write_files(folder, energy_report(loaded, analyses, records, drifts, seed=seed))
+    report_at(folder / "report.md", loaded.source.outside())
+    _exit_unless(all(analysis.diagnosis.ok for analysis in analyses))
+
+
+@cli.command()
+@click.argument("campaign", type=click.Path(path_type=Path))
+@_STEPS
+@_OUT
+@_SEED
+def reanalyse(campaign: Path, max_steps: int, out: Path | None, seed: int) -> None:
+    """Everything that CAMPAIGN says, in one report.
+
+    The theta_min line, each run by itself, the runs of each body together, energies, the propagated band beside the
+    posterior band, and published numbers beside reanalysed ones.
+    """
+    from estim.campaign import load_campaign
+    from estim.reports import reanalysis_report
+    from estim.sampling import Target
+    from estim.studies import reanalyse as run_reanalysis
+
+    loaded = load_campaign(campaign)
+    loaded.study.require_body()
+    result = run_reanalysis(loaded, seed=seed, target=Target(max_step=max_steps), progress_of=lambda what: announced(what, max_steps))
+    folder = out or Path("out") / campaign.resolve().parent.name
+    write_files(folder, reanalysis_report(result))
+    for what, status in result.statuses.items():
+        conclude(what, status, ())
+    report_at(folder / "report.md", loaded.source.outside(line=True, published=True))
+    _exit_unless(all(status == "ok" for status in result.statuses.values()))
+
+
+@cli.command()
+@click.argument("campaign", type=click.Path(path_type=Path))
+@_RUNS
+@_JOINT
+@click.option("--simulations", type=click.IntRange(min=20), default=200, show_default=True, help="Simulated campaigns for each question.")
+@click.option("--what", type=click.Choice(["sbc", "coverage", "both"]), default="both", show_default=True, help="Truths from the priors, or the fit.")
+@click.option("--jobs", type=click.IntRange(min=1), help="Processes.  [default: one for each core]")
+@_OUT
+@_SEED
+def calibrate(
+    campaign: Path, runs: tuple[str, ...], joint: bool, simulations: int, what: str, jobs: int | None, out: Path | None, seed: int
+) -> None:
+    """Check on simulated data whether the intervals for CAMPAIGN hold the truth as often as they say.
+
+    Exit code 3 means that they do not; the report says which one is too narrow, too wide or biased.  Also
+    that processes were killed, twice (too little memory?): one line says so, and there is no report.
+    """
+    import numpy as np
+
+    from estim.calibration import campaign_design, coverage, coverage_sentence, findings, simulation_based_calibration
+    from estim.campaign import load_campaign
+    from estim.reports import calibration_report
+
+    loaded = load_campaign(campaign)
+    folder = out or Path("out") / campaign.resolve().parent.name / "calibration"
+    groups, trusted = groups_of(loaded, runs, joint=joint), True
+    for group in groups:
+        loaded.require_unknowns(loaded.problem(group), drawn=True)
+    chosen = {"sbc": simulation_based_calibration, "coverage": coverage}
+    for group in groups:
+        fit = loaded.fit(loaded.problem(group), rng=np.random.default_rng(seed))
+        design = campaign_design(loaded, group, fitted=fit.values)
+        calibrations = []
+        for kind in ("sbc", "coverage") if what == "both" else (what,):
+            with counted(f"{', '.join(group)}: {kind}", simulations) as progress:
+                calibrations.append(
+                    chosen[kind](design, fit, n_trial=simulations, seed=seed, jobs=jobs or os.cpu_count() or 1, progress=progress)
+                )
+        place = folder if len(groups) == 1 else folder / group[0]
+        write_files(place, calibration_report(loaded, calibrations), within=folder)
+        for calibration in calibrations:
+            found = findings(calibration)
+            trusted = trusted and not found
+            said = [] if calibration.what == "sbc" else [coverage_sentence(calibration, name) for name in calibration.reported]
+            conclude(f"{', '.join(group)}, {calibration.what}", "not-calibrated" if found else "ok", [*(f.sentence for f in found), *said])
+        report_at(place / "report.md", loaded.source.outside())
+    _exit_unless(trusted)
+
+
+@cli.command()
+@click.argument("design", type=click.Path(path_type=Path))
+@click.option("--out", required=True, type=click.Path(path_type=Path, file_okay=False), help="Folder for the campaign.")
+def simulate(design: Path, out: Path) -> None:
+    """Make a SYNTHETIC campaign from DESIGN (a TOML file): runs, theta_min series, campaign.toml and the truth."""
+    from estim.campaign import load_design, simulate_campaign
+
+    files = simulate_campaign(load_design(design))
+    write_files(out, {name: text.encode() for name, text in files.items()})
+    say(f"synthetic campaign: {out / 'campaign.toml'} ({len(files)} files)")
+
+
+@cli.command("import")
+@click.argument("file", type=click.Path(path_type=Path))
+@click.option("--track", metavar="NAME", help="Name of the track.  [default: the only one]")
+@click.option("--along", default="fit", show_default=True, metavar="fit|x|y|-x|-y|DEG", help="Direction of motion: fitted, an axis, an angle from x.")
+@click.option("--unit", type=click.Choice(["m", "cm", "mm"]), help="Unit of the lengths.  [default: what the file says, else m]")
+@click.option("--release", default="first", show_default=True, metavar="first|keep|T", help="x = 0 at the first point, the origin, or time T (s).")
+@click.option("--frame-ms", type=float, metavar="MS", help="Duration of a frame of a .trk, against what the file says (high-speed film).")
+@click.option("--drop-duplicates", is_flag=True, help="Leave out rows of an export that copy the row before.")
+@click.option("-o", "--out", required=True, type=click.Path(path_type=Path, dir_okay=False), help="The CSV file to write.")
+def import_file(
+    file: Path, track: str | None, along: str, unit: Unit | None, release: str, frame_ms: float | None, drop_duplicates: bool, out: Path
+) -> None:
+    """Make a run of FILE, a .trk, .trz or text export of the program Tracker: a CSV with t_s and x_m.
+
+    What is suspicious goes to stderr and into the head of the CSV (docs/tracker.md).
+    """
+    from estim.reading import Choices, import_track, read_release, run_table
+
+    if out.resolve() == file.resolve():
+        raise InputError("must not be the file that is read", field="--out", value=str(out))
+    choices = Choices(track, along, unit, read_release(release), frame_ms, drop_duplicates)
+    imported = import_track(file, choices)
+    write_files(out.parent, {out.name: run_table(imported)})
+    for fact in imported.facts:
+        say(fact)
+    for warning in imported.warnings:
+        say(f"warning: {warning}", err=True)
+    say(f"run: {out} ({imported.t.size} rows)")
+
+
+def _exit_unless(ok: bool) -> None:
+    """Ends the command with 3 where a result is not to be trusted."""
+    if not ok:
+        sys.exit(NOT_OK)
+
+
+def main() -> None:
+    """Entry point: one line on stderr and an exit code in place of a traceback.
+
+    Warnings of NumPy and others are not for a user, who can do nothing about them: a result that is no number has a status.
+    """
+    if not sys.warnoptions:
+        warnings.simplefilter("ignore")
+    os.environ["MPLBACKEND"] = "agg"  # figures are files, whatever a user's sessions draw on
+    sys.exit(exit_code(_run))
+
+
+def _run() -> object:
+    with ended_by_signals():
+        return cli.main(standalone_mode=False)
+
+
+if __name__ == "__main__":
+    main()

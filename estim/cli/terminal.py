@@ -1,0 +1,142 @@
+"""What the commands share: one line said to a person, exit codes, progress bars, which runs, files written whole."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from estim.cli.outlet import outlets
+from estim.common import EstimError, InputError, Interrupted, NumericalError, names_in, one_line, write_whole
+
+if TYPE_CHECKING:
+    from estim.campaign import Campaign
+    from estim.sampling import Progress, Store
+
+BAD_INPUT, NOT_OK, INTERRUPTED = 2, 3, 130  # exit codes; those of streams are in `outlet`
+
+
+def say(line: str, *, err: bool = False) -> None:
+    """One line on stdout or stderr, whatever `line` holds.  Every word of a command goes through here."""
+    stream = sys.stderr if err else sys.stdout
+    stream.write(one_line(line) + "\n")
+    stream.flush()
+
+
+def exit_code(command: Callable[[], object]) -> int:
+    """The exit code of a command, whose errors become one line on stderr.  Streams that cannot be written to stop nothing."""
+    with outlets() as stdout:
+        code = _code(command)
+        if stdout.trouble:
+            say(f"error: standard output: {stdout.trouble}", err=True)
+    return code or stdout.code
+
+
+def _code(command: Callable[[], object]) -> int:
+    try:
+        status = command()
+    except SystemExit as ended:
+        status = ended.code
+    except (Interrupted, click.exceptions.Abort) as error:
+        say("interrupted: continue with --resume" if isinstance(error, Interrupted) else "interrupted", err=True)
+        return INTERRUPTED
+    except (click.ClickException, EstimError) as error:
+        said = error.format_message() if isinstance(error, click.ClickException) else str(error)
+        say(f"error: {said}", err=True)
+        return NOT_OK if isinstance(error, NumericalError) else BAD_INPUT
+    return status if isinstance(status, int) else 0
+
+
+@contextmanager
+def counted(what: str, total: int) -> Iterator[Callable[[int], None]]:
+    """A progress bar on stderr for a number of equal pieces of work."""
+    from tqdm import tqdm
+
+    with tqdm(total=total, desc=one_line(what), unit="campaign", leave=False, disable=None, dynamic_ncols=True) as bar:
+
+        def show(done: int) -> None:
+            bar.update(done - bar.n)
+
+        yield show
+
+
+def conclude(what: str, status: str, reasons: Iterable[str], notes: Iterable[str] = ()) -> None:
+    say(f"{what}: {status}")
+    for line in (*reasons, *(f"note: {text}" for text in notes)):
+        say(f"  {line}")
+
+
+@contextmanager
+def announced(what: str, max_steps: int) -> Iterator[Progress]:
+    """A progress bar, and a line when it is done, for a command of several minutes."""
+    with progress_bar(what, max_steps) as progress:
+        yield progress
+    say(f"sampled: {what}")
+
+
+@contextmanager
+def progress_bar(what: str, max_steps: int) -> Iterator[Progress]:
+    """A progress bar on stderr that says what sampling still lacks."""
+    from tqdm import tqdm
+
+    with tqdm(total=max_steps, desc=one_line(what), unit="step", leave=False, disable=None, dynamic_ncols=True) as bar:
+
+        def show(step: int, message: str) -> None:
+            bar.n = step
+            bar.set_postfix_str(one_line(message[:60]), refresh=True)
+
+        yield show
+
+
+def write_files(folder: Path, files: Mapping[str, bytes], *, within: Path | None = None) -> None:
+    """Write every file whole, or say which one cannot be written.
+
+    within : the folder that a person named, below which no link is followed (None: `folder`).
+    """
+    for name, data in files.items():
+        write_whole(folder / name, data, within=within or folder)
+
+
+def report_at(path: Path, outside: Iterable[str]) -> None:
+    """Where the report stands, and which of the files that were read lie outside the campaign's folder."""
+    for said in outside:
+        say(f"note: {said}")
+    say(f"report: {path}")
+
+
+def note(line: str) -> None:
+    """A line on stderr that leaves a progress bar intact."""
+    from tqdm import tqdm
+
+    tqdm.write(one_line(line), file=sys.stderr)
+
+
+def stores_of(folder: Path, groups: Sequence[tuple[str, ...]], *, joint: bool, resume: bool) -> list[Store]:
+    """Where the chain of each group is kept while it is sampled, under `folder`.
+
+    Raises EstimError, before anything is sampled, where links or files of others are in the way, there or in the folders of the reports.
+    """
+    from estim.sampling import Store
+
+    for group in groups:
+        names_in((folder if len(groups) == 1 else folder / group[0]) / "figures", within=folder)
+    names = [f"joint-{group[0]}" if joint else group[0] for group in groups]
+    stores = [Store(folder / ".checkpoint" / name, resume=resume, say=note, within=folder) for name in names]
+    for store in stores:
+        store.check()
+    return stores
+
+
+def groups_of(campaign: Campaign, runs: Iterable[str], *, joint: bool) -> list[tuple[str, ...]]:
+    """The runs that are fit together.  Raises InputError where there is none."""
+    names = tuple(dict.fromkeys(runs)) or campaign.run_names
+    for name in names:
+        if name not in campaign.run_names:
+            raise InputError(f"must name one of the runs ({', '.join(campaign.run_names)})", field="--run", value=name, file=campaign.source.path)
+    if not names:
+        raise InputError("has no [[runs]] (estim line fits its theta_min series)", field="campaign", file=campaign.source.path)
+    return [names] if joint else [(name,) for name in names]

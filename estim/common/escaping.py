@@ -1,0 +1,96 @@
+"""Text that others wrote, on its way to a reader: it is shown as what it is, and can say nothing to a renderer or a terminal.
+
+Which to use: `one_line` for a terminal and for messages; `markdown` for a report, whatever stands around the text (prose, a
+heading, a cell of a table, the text of a link); `code` where it should look like code; `destination` for where a link leads;
+`mathtext` for a figure; `as_json` for a record.  Templates need none of them: `estim.reports.rendering` puts every value through `markdown`, and
+`estim.reports.figures.png` every text through `mathtext`.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+from urllib.parse import quote
+
+_SPECIAL = re.compile(
+    r"""
+    (?<=\w)\[(?P<index>[\w .+-]+)\](?![(\[:])   # an index, as in gamma[heavy]: no link without "(", "[" or ":" behind it
+    | \[(?P<interval>[-−+\d.e∞×⁰¹²³⁴-⁹⁻]+,\ [-−+\d.e∞×⁰¹²³⁴-⁹⁻]+)\](?![(\[:])
+    | [\\`*\[\]|$~]
+    | <(?=[A-Za-z/!?]|$)                        # "< 3" is no tag
+    | &(?=\#?\w+;|\#?\w*$)
+    | (?<![^\W_])_++ | _++(?![^\W_])            # inside a word it emphasises nothing (CommonMark 0.31, section 6.2)
+    """,
+    re.VERBOSE,
+)
+_BLOCK = re.compile(  # up to where a backslash is wanted: at the beginning of a block, or the end of a heading
+    r"^(?:\d{1,9}(?=[.)](?: |$))|(?=\#{1,6}(?: |$)|[>=]|[-+](?:[- ]|$)))|(?:(?<= )|^)(?=\#+$)"
+)
+LETTERS = "0-9A-Za-zÀ-ɏΑ-ω"  # of a subscript in a figure; not every letter is in matplotlib's mathematics
+_MATH = re.compile(rf"(\$_\{{\\mathrm\{{(?:[{LETTERS}]|\\_)+\}}\}}\$)")  # what `estim.common.labels` makes of one
+
+
+class Markdown(str):
+    """Text that is Markdown on purpose; whoever makes it has escaped what others wrote in it."""
+
+    __slots__ = ()
+
+
+def one_line(text: str) -> str:
+    """`text` on one line, and visible: a blank for white space of any kind, '\\x1b' for what would move a cursor or turn the writing.
+
+    A byte of a file name that is not UTF-8 is shown as '\\xff'.  Emoji joined by invisible marks are taken apart.
+    """
+    return text if text.isprintable() else "".join(mark if mark.isprintable() else _visible(mark) for mark in text)
+
+
+def _visible(mark: str) -> str:
+    if mark.isspace():
+        return " "
+    if "\udc80" <= mark <= "\udcff":  # how Python holds such a byte (PEP 383)
+        return f"\\x{ord(mark) - 0xDC00:02x}"
+    return mark.encode("unicode_escape").decode()
+
+
+def markdown(text: object) -> Markdown:
+    """`text` as Markdown that shows it literally; what is `Markdown` already stays as it is.
+
+    Source: CommonMark 0.31, sections 2.4 (backslash escapes), 2.5 (entities), 4 and 5 (what begins a block); tables,
+    strikethrough and mathematics as GitHub adds them.
+    """
+    if isinstance(text, Markdown):
+        return text
+    line = _SPECIAL.sub(_escaped, re.sub(r" {2,}", " ", one_line(str(text)).strip()))
+    return Markdown(_BLOCK.sub(r"\g<0>\\", line))
+
+
+def _escaped(found: re.Match[str]) -> str:
+    if inside := found["index"] or found["interval"]:
+        return f"[{_SPECIAL.sub(_escaped, inside)}]"
+    return "".join({"<": "&lt;", "&": "&amp;"}.get(mark, f"\\{mark}") for mark in found[0])
+
+
+def code(text: object) -> Markdown:
+    """`text` as a code span where one can hold it as it is, in a table too; else as `markdown`."""
+    shown = str(text)
+    fits = shown.isprintable() and shown == shown.strip() != "" and not {"`", "|"} & set(shown)
+    return Markdown(f"`{shown}`") if fits else markdown(text)
+
+
+def destination(path: object) -> Markdown:
+    """`path` as the destination of a link or an image."""
+    return Markdown(quote(str(path), safe="/.-_+~", errors="surrogateescape"))
+
+
+def as_json(record: object) -> bytes:
+    """`record` as indented JSON, UTF-8; marks that do not print are written as JSON escapes, so that a terminal can show the file."""
+    import msgspec
+
+    text = msgspec.json.format(msgspec.json.encode(record), indent=1).decode()
+    return re.sub(r"[^\n -~]", lambda found: found[0] if found[0].isprintable() else json.dumps(found[0])[1:-1], text).encode() + b"\n"
+
+
+def mathtext(text: str) -> str:
+    """`text` as matplotlib shows it literally, but for our own subscripts; matplotlib takes what stands between two $ for mathematics."""
+    parts = _MATH.split(one_line(text))
+    return "".join(part if i % 2 else part.replace("$", r"\$") for i, part in enumerate(parts))

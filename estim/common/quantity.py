@@ -1,0 +1,135 @@
+"""Reading and rounding "value +/- uncertainty".
+
+A quantity is written as the `uncertainties` package writes it: ``"4.0 +/- 0.4"``, ``"0.1500(5)"``, ``"4.0±0.4"``.
+A plain number, also inside a string, is exact.  The uncertainty is a standard uncertainty (GUM 2.3.1).
+"""
+
+from __future__ import annotations
+
+import math
+import re
+import warnings
+from dataclasses import dataclass
+
+from estim.common.errors import InputError
+
+_NUMBER = re.compile(r"[+-]?((\d+(\.\d*)?|\.\d+)(e[+-]?\d+)?|nan|inf|infinity)", re.ASCII | re.IGNORECASE)
+
+_LEAST_P = 1e-6
+_LONGEST = 200  # characters of a quantity; the library's pattern takes time as the square of a row of blanks
+EXTREME = "must be 0 or between 1e-100 and 1e100 in size"
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """A measured value and its standard uncertainty in the same unit; u = 0 means exact."""
+
+    value: float
+    u: float = 0.0
+
+    def scaled(self, factor: float) -> Quantity:
+        """The same quantity in another unit, `factor` new units per old one."""
+        return Quantity(self.value * factor, self.u * abs(factor))
+
+    @property
+    def exact(self) -> bool:
+        return self.u == 0.0
+
+
+def read_number(text: str) -> float:
+    """The number that `text` says, with the digits 0 to 9 and a decimal point; `nan` and `inf` as words, for their reader to refuse.
+
+    Raises ValueError for everything else, also where Python reads a number: "1_000" is a slip, not 1000.
+    """
+    if not _NUMBER.fullmatch(text):
+        raise ValueError(text)
+    return float(text)
+
+
+def extreme(value: float) -> bool:
+    """Whether the square of a number, or the product of a few, may be no number at all, which no measurement asks for."""
+    return math.isfinite(value) and value != 0.0 and not 1e-100 <= abs(value) <= 1e100
+
+
+def read_quantity(source: str | float, *, field: str) -> Quantity:
+    """The quantity written in `source`.
+
+    Raises InputError naming `field` where the text is no number, is not finite or beyond all measure, or has an uncertainty of zero or less.
+    """
+    if isinstance(source, bool) or not isinstance(source, (str, int, float)):
+        raise InputError('must be a number or "value +/- uncertainty"', field=field, value=source)
+    try:
+        quantity = Quantity(float(source)) if isinstance(source, (int, float)) else _read_text(source.strip(), field)
+    except OverflowError:
+        raise InputError("must be finite", field=field, value=source) from None
+    if not (math.isfinite(quantity.value) and math.isfinite(quantity.u)):
+        raise InputError("must be finite", field=field, value=source)
+    if extreme(quantity.value) or extreme(quantity.u):
+        raise InputError(EXTREME, field=field, value=source)
+    return quantity
+
+
+def _read_text(text: str, field: str) -> Quantity:
+    if len(text) > _LONGEST:
+        raise InputError(f"must be at most {_LONGEST} characters long", field=field, value=len(text))
+    try:
+        return Quantity(read_number(text))
+    except ValueError:
+        pass
+    rule = 'must read like "4.0 +/- 0.4" or "4.0(4)"'
+    if "_" in text or any(mark.isdecimal() and not mark.isascii() for mark in text):
+        raise InputError(rule, field=field, value=text)
+    from uncertainties import ufloat_fromstr
+    from uncertainties.core import NegativeStdDev
+
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", UserWarning)  # an uncertainty of 0 is refused below
+            number = ufloat_fromstr(text)
+    except (ValueError, NegativeStdDev):
+        raise InputError(rule, field=field, value=text) from None
+    if not number.std_dev > 0.0:
+        raise InputError("must have an uncertainty > 0 (write a plain number for an exact value)", field=field, value=text)
+    return Quantity(float(number.nominal_value), float(number.std_dev))
+
+
+def format_quantity(value: float, u: float | None = None, *, plus_minus: bool = True) -> str:
+    """`value` rounded by its uncertainty `u` (Particle Data Group rule: 355, 949 -> one or two digits).
+
+    "0.187 ± 0.010", or "0.187(10)" without `plus_minus`; without a usable u, `value` to six significant digits.
+    """
+    if value is None or not math.isfinite(value):
+        return "n/a"
+    if u is None or not math.isfinite(u) or u <= 0.0:
+        return signed(f"{value:.6g}")
+    from uncertainties import ufloat
+
+    if plus_minus:
+        return signed(f"{ufloat(value, u):P}".replace("±", " ± "))
+    return f"{ufloat(value, u):S}"
+
+
+def format_rounded(value: float, u: float) -> str:
+    """`value` alone, with the digits that its uncertainty `u` leaves it (one more than `format_quantity` would keep)."""
+    if not math.isfinite(value):
+        return "n/a"
+    if not (math.isfinite(u) and u > 0.0):
+        return signed(f"{value:.4g}")
+    decimals = max(0, 1 - math.floor(math.log10(u)))
+    return signed(f"{value:.{decimals}f}")
+
+
+def format_p(p: float) -> str:
+    """'p = 0.03', or 'p < 1e-06': smaller probabilities have no meaning for errors that are only nearly normal."""
+    return f"p = {p:.1g}" if p > _LEAST_P else f"p < {_LEAST_P:.0e}"
+
+
+def signed(text: str) -> str:
+    """A formatted number as a reader should see it: a true minus, and no sign before a rounded zero ("-0.42" -> "−0.42", "-0.00" -> "0.00")."""
+    return re.sub(r"(?<!e)-", "−", re.sub(r"(?<![\w.])[+-](?=0(\.0+)?(?![\d.e]))", "", text))
+
+
+def e_n(a: Quantity, b: Quantity) -> float:
+    """E_n = (a - b)/sqrt(U_a^2 + U_b^2) with expanded uncertainties U = 2 u (ISO 13528); |E_n| <= 1 means agreement."""
+    combined = math.hypot(2.0 * a.u, 2.0 * b.u)
+    return (a.value - b.value) / combined if combined > 0.0 else math.nan

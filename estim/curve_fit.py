@@ -1,0 +1,333 @@
+"""Fitting a user's own curve y = f(x; parameters): `fit_curve`, from numbers to a result with a status.
+
+The curve is a formula in text (`estim.curves.formula` says what it may hold) or a Python function `curve(x, **parameters)`.
+Say `u_y` where the errors of y are known: then chi-square tests the curve.  Without it their common size is estimated
+from the residuals, as a textbook regression does, and nothing tests it.  `estim.reports.curve.sample_curve` goes on from here.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from estim.arrays import FloatArray
+from estim.checks import P_POOR_FIT, Goodness, check_goodness, check_stated_values, conflict_words, laplace_modes, same_curve, several_solutions
+from estim.common import STATUSES, code, format_p, markdown, one_line, table
+from estim.curves import AxisNames, Component, CurveProblem, pose_curve
+from estim.fitting import (
+    FEW,
+    N_START,
+    PRESSED_BELOW,
+    Ends,
+    Fit,
+    Optimum,
+    chi2_p,
+    coverage_of_sd,
+    edge_of,
+    find_optimum,
+    fit_least_squares,
+    led_here,
+    pressed,
+    shown_value,
+    spread,
+    with_others,
+)
+from estim.problem import Prior, Problem, informative
+
+_ROUNDS = 60  # of the size of the errors, where priors make it matter
+_FEW_DIGITS = 0.01  # standard deviations that rounding errors move a value by, worth a word
+_PERFECT = 3e-14  # residuals below this share of y are rounding errors
+
+
+@dataclass(frozen=True, eq=False)
+class CurveFit:
+    """A fitted curve.
+
+    names : of the parameters, shared errors included.  values, sds : name -> best value and standard deviation (nan where a
+        symmetric one would be wrong: at a limit, where the data determine nothing or have no scatter; `notes` says which).
+    intervals : name -> probability (0.68, 0.95) -> (low, high), by Student's t where the size of the errors was estimated, by
+        profiles beside a limit (`estim.fitting.curve_intervals`); an end at the limit itself, or infinite, is open.  nan where there is none.
+    cov : (n_par, n_par) covariance matrix in the order of `names`.
+    chi2 : squared residuals over u_y, priors included; without u_y the plain sum of squared residuals (unit of y squared).  With u_x
+        a residual is the normal score of y, F^-1(P(Y < y | x)); for a line (y - f)/sqrt(u_y^2 + b^2 u_x^2) but for the shrinking of x.
+    dof : points and informative priors minus parameters.  p_value : P(chi2 or more), nan without u_y; with u_x from 20,000 simulated data sets.
+    sigma : standard deviation of one y estimated from the residuals, None where u_y was given.
+    status : one of `estim.checks.diagnosis.STATUSES`.  reasons : what is wrong, empty if it is "ok".  message : how the search went.
+    notes : what to know before using it, nothing wrong.
+    goodness : tests of the residuals, in order of x; empty where the points are too few.
+    fixed : name -> exact value of the parameters that were not fit.
+    fit, problem : what sampling starts from; without u_y `problem` has `sigma_y` as a further parameter.
+    """
+
+    names: tuple[str, ...]
+    values: Mapping[str, float]
+    sds: Mapping[str, float]
+    intervals: Mapping[str, Ends]
+    cov: FloatArray
+    chi2: float
+    dof: int
+    p_value: float
+    sigma: float | None
+    status: str
+    reasons: tuple[str, ...]
+    notes: tuple[str, ...]
+    message: str
+    goodness: tuple[Goodness, ...]
+    fit: Fit
+    text: str
+    fixed: Mapping[str, float]
+
+    @property
+    def problem(self) -> Problem:
+        return self.fit.problem
+
+    @property
+    def correlation(self) -> FloatArray:
+        """(n_par, n_par) correlation matrix; nan beside a parameter without a standard deviation."""
+        sds = np.sqrt(np.diag(self.cov))
+        with np.errstate(invalid="ignore", divide="ignore"):
+            return self.cov / np.outer(sds, sds)
+
+    def __str__(self) -> str:
+        width = max(len(name) for name in self.names)
+        rows = [f"{name:<{width}} {words}" for name, words in self._rows()]
+        head = [f"{self.text}: {self.status}", *(f"  {reason}" for reason in self.reasons)]
+        said = [*head, *rows, *self._fixed_words(), *(f"note: {note}" for note in self.notes)]
+        return "\n".join(map(one_line, [*said, self._summary()]))
+
+    def _repr_markdown_(self) -> str:
+        head = [f"{code(self.text)}: **{self.status}**", *(f"- {markdown(reason)}" for reason in self.reasons)]
+        rows = [(name, words.removeprefix("= ")) for name, words in self._rows()]
+        shown = ["", table(("parameter", "value and intervals"), rows)] if rows else []
+        notes = [*self._fixed_words(), *(f"Note: {note}" for note in self.notes)]
+        return "\n".join([*head, *shown, "", *(f"- {markdown(note)}" for note in notes), "", markdown(self._summary())])
+
+    def _fixed_words(self) -> list[str]:
+        return [f"{name} = {value:.10g} (fixed)" for name, value in self.fixed.items()]
+
+    def _rows(self) -> list[tuple[str, str]]:
+        """Name and value in words; limits where the curve or an edge is contradicted, nothing where no number is a result."""
+        if self.status not in ("ok", "poor-fit", "at-bound"):
+            return []
+        few = self.sigma is not None and self.dof <= FEW
+        priors = {p.name: p.prior for p in self.problem.parameters}
+        return [
+            (
+                name,
+                shown_value(
+                    self.values[name], self.sds[name], self.intervals[name], (priors[name].low, priors[name].high), unit=_unit(self.problem, name),
+                    few=few, ok=self.status == "ok",
+                ),
+            )
+            for name in self.names
+        ]
+
+    def _summary(self) -> str:
+        if self.sigma is None:
+            return f"chi2 = {self.chi2:.4g}, dof = {self.dof}, p = {self.p_value:.2g}; {self.message}"
+        return f"residual sd = {self.sigma:.4g} (estimated: u_y was not given), dof = {self.dof}; {self.message}"
+
+
+def fit_curve(
+    curve: str | Callable[..., Any],
+    x: ArrayLike,
+    y: ArrayLike,
+    *,
+    start: Mapping[str, float],
+    u_y: ArrayLike | None = None,
+    bounds: Mapping[str, tuple[float | None, float | None]] | None = None,
+    priors: Mapping[str, Prior | str] | None = None,
+    rng: np.random.Generator | None = None,
+    cov_y: ArrayLike | None = None,
+    u_x: ArrayLike | None = None,
+    errors: Sequence[Component] = (),
+    units: Mapping[str, str] | None = None,
+    axes: AxisNames | None = None,
+    n_start: int = N_START,
+    fixed: Mapping[str, float] | None = None,
+) -> CurveFit:
+    """The curve fit to points x, y (n_obs,) by least squares.
+
+    curve : formula in x and parameters, or function curve(x, **parameters) that returns (n_obs,).
+    start : a starting value for each parameter that is fit; the order of magnitude and the sign matter, several further starts are tried.
+    u_y : standard uncertainty of y, a number or (n_obs,).  cov_y : (n_obs, n_obs) covariance matrix in its place.
+    u_x : standard uncertainty of x, a number or (n_obs,), beside u_y; None where x is exact.  The true abscissas are integrated out one by one
+        under a normal distribution fitted to the x (`estim.problem.abscissas`); values are the maximum of that likelihood and cov its inverse Fisher
+        information.  The curve is evaluated up to 4.8 u_x beside each x; where it is not defined there, no true abscissa lies.
+    fixed : name -> exact value of each parameter of the curve that is not fit; it has neither start nor prior nor uncertainty.
+    bounds : name -> (low, high), None for no limit.  priors : name -> prior, or text like "9.81(2)"; else flat.
+    errors : errors common to all points (`Component`), fit as further parameters.  units : name -> unit, for tables.
+    axes : names and units of x and y (`AxisNames`), for figures, tables and the units of `errors`.
+    rng : of the further starts and of the simulated tests; None always draws the same.  n_start : starts tried, 1 for the given one alone.
+
+    Raises InputError where an argument breaks a rule.
+    """
+    rng = np.random.default_rng(1) if rng is None else rng
+    posed = pose_curve(
+        curve, x, y, start=start, u_y=u_y, cov_y=cov_y, u_x=u_x, bounds={} if bounds is None else bounds,
+        priors={} if priors is None else priors, errors=tuple(errors), units={} if units is None else units,
+        axes=AxisNames() if axes is None else axes, fixed={} if fixed is None else fixed,
+    )
+    return (_fit_stated if posed.stated else _fit_estimated)(posed, rng, n_start)
+
+
+def _fit_stated(posed: CurveProblem, rng: np.random.Generator, n_start: int) -> CurveFit:
+    problem = posed.with_sigma(1.0)
+    best = find_optimum(problem, problem.start(), rng=rng, n_start=n_start)
+    return _concluded(posed, best, problem, sigma=None, scale=1.0, rng=rng)
+
+
+def _fit_estimated(posed: CurveProblem, rng: np.random.Generator, n_start: int) -> CurveFit:
+    """The fit whose residuals say how large the errors are; with informative priors, in rounds until that size settles."""
+    pulled = any(informative(p.prior) for p in posed.parameters)
+    sigma = float(np.std(posed.y)) or 1.0 if pulled else 1.0
+    problem = posed.with_sigma(sigma)
+    best = first = find_optimum(problem, problem.start(), rng=rng, n_start=n_start, unstated=True)
+    for _ in range(_ROUNDS if pulled else 0):
+        before, sigma = sigma, _residual_sd(posed, best.values)
+        problem = posed.with_sigma(sigma)
+        best = find_optimum(problem, best.values, rng=rng, n_start=1, unstated=True)
+        if abs(sigma / before - 1.0) < 1e-10:
+            break
+    best = replace(
+        best, n_start=first.n_start, n_same=first.n_same, others=first.others, symmetry=first.symmetry, aliases=first.aliases
+    )
+    estimated = _residual_sd(posed, best.values)
+    return _concluded(posed, best, problem, sigma=estimated, scale=1.0 if pulled else estimated, rng=rng)
+
+
+def _residual_sd(posed: CurveProblem, values: FloatArray) -> float:
+    """Square root of the residuals' squares over the degrees of freedom, no smaller than rounding errors of y."""
+    pulls = sum(informative(p.prior) for p in posed.parameters)
+    squares = float(np.sum(posed.residuals(values) ** 2))
+    return max(math.sqrt(squares / max(1, posed.y.size + pulls - values.size)), _floor(posed))
+
+
+def _floor(posed: CurveProblem) -> float:
+    return _PERFECT * (float(np.max(np.abs(posed.y))) or 1.0)
+
+
+def _concluded(posed: CurveProblem, best: Optimum, problem: Problem, *, sigma: float | None, scale: float, rng: np.random.Generator) -> CurveFit:
+    """The record of an optimum of `problem`, whose covariance is to be multiplied by scale^2."""
+    pulls = sum(informative(p.prior) for p in posed.parameters)
+    dof = posed.y.size + pulls - len(posed.parameters)
+    squares = float(np.sum(posed.residuals(best.values) ** 2))
+    inner = _inner_fit(posed, best, problem, sigma, rng)
+    chi2 = _size(inner, best) if sigma is None else squares
+    whitened = problem.linearised(best.values).residuals(best.values)[: posed.y.size]
+    perfect = squares <= posed.y.size * _floor(posed) ** 2 or float(np.sum(whitened**2)) <= best.rounding
+    p_value = chi2_p(chi2, dof) if sigma is None and dof > 0 else math.nan
+    fixed = inner if sigma is None else _fixed_fit(posed.with_sigma(sigma), best, rng)
+    found = spread(fixed, best, dof=math.inf if sigma is None else dof, scale=scale, unknown=perfect and sigma is not None)
+    tested = dof >= 1 and not perfect and not best.singular
+    goodness = check_goodness(inner, rng=rng) if tested else ()
+    if goodness and problem.runs[0].latent is not None:
+        p_value = goodness[0].checks["chi2"].p_value if "chi2" in goodness[0].checks else p_value
+    conflict = None if best.singular else check_stated_values(inner)
+    findings = _findings(posed, best, fixed, p_value, chi2, dof, goodness, estimated=sigma is not None)
+    if inner.others.size:
+        findings = [*((f.status, f"{f.reason}; {f.advice}") for f in several_solutions(inner, laplace_modes(inner))), *findings]
+        findings.sort(key=lambda finding: STATUSES.index(finding[0]))
+    if conflict is not None and not conflict.agree:
+        findings.append(("poor-fit", conflict_words(inner, conflict)))
+        findings.sort(key=lambda finding: STATUSES.index(finding[0]))
+    names = tuple(p.name for p in posed.parameters)
+    return CurveFit(
+        names=names, values=dict(zip(names, best.values.tolist(), strict=True)), sds=dict(zip(names, found.sds.tolist(), strict=True)),
+        intervals=found.intervals, cov=found.cov, chi2=chi2, dof=dof, p_value=p_value, sigma=sigma, status=findings[0][0] if findings else "ok",
+        reasons=tuple(reason for _, reason in findings), notes=(*found.notes, *_remarks(best, p_value, chi2, dof, sigma, perfect)),
+        message=_message(best, sigma, perfect, same_curve(inner)), goodness=goodness, fit=inner, text=posed.text, fixed=posed.fixed,
+    )
+
+
+def _remarks(best: Optimum, p_value: float, chi2: float, dof: int, sigma: float | None, perfect: bool) -> list[str]:
+    """What to know of a fit that may be ok."""
+    notes = []
+    if best.tolerance > _FEW_DIGITS and not perfect:
+        notes.append(f"rounding errors of the computer's numbers may move the values by {best.tolerance:.1g} standard deviations")
+    if best.frail and not best.singular:
+        notes.append(
+            "the terms of the curve all but cancel at these x, so that rounding leaves the values few digits: write the formula in x - x0, "
+            "with x0 in the middle of the data"
+        )
+    if sigma is not None and dof <= FEW and not perfect:
+        held = f"value ± standard error holds the true value in {coverage_of_sd(dof):.0%} of such experiments, not in 68 %".replace("%", " %", 1)
+        notes.append(f"only {dof} degree{'s' if dof > 1 else ''} of freedom: {held}; the intervals (Student's t) hold what they say")
+    if sigma is None and 1.0 - p_value < P_POOR_FIT:
+        larger = f", about {math.sqrt(dof / chi2):.2g} times" if chi2 > 0.0 else ""
+        notes.append(
+            f"the residuals are smaller than u_y says (chi2 = {chi2:.4g} for {dof} degrees of freedom): is u_y too large{larger}, and with it "
+            "every interval? Or do the points share their errors, or were they smoothed?"
+        )
+    return notes
+
+
+def _fixed_fit(problem: Problem, best: Optimum, rng: np.random.Generator) -> Fit:
+    """The same optimum as a record with errors of a fixed size."""
+    return replace(fit_least_squares(problem, rng=rng, n_start=1, start=best.values), values=best.values, posterior=problem.linearised(best.values))
+
+
+def _size(inner: Fit, best: Optimum) -> float:
+    """chi^2: the sum of squares that was minimised; with errors of x that of the normal scores, and of the priors."""
+    if all(run.latent is None for run in inner.problem.runs):
+        return best.chi2
+    return float(np.sum(inner.posterior.size_residuals(best.values) ** 2) + np.sum(inner.posterior.prior_residuals(best.values) ** 2))
+
+
+def _inner_fit(posed: CurveProblem, best: Optimum, problem: Problem, sigma: float | None, rng: np.random.Generator) -> Fit:
+    """The same optimum as the record that the tests and the sampler take, with the size of the errors unknown if it was not stated."""
+    if sigma is None:
+        start = best.values
+    else:
+        problem, start = posed.with_unknown_sigma(sigma), np.append(best.values, sigma)
+    fit = fit_least_squares(problem, rng=rng, n_start=1, start=start)
+    values = fit.values.copy()
+    values[: best.values.size] = best.values
+    words = f"{'settled' if best.settled else 'did not settle'}; {led_here(best.n_same, best.n_start)}"
+    posterior = problem.linearised(values)
+    fit = replace(fit, values=values, posterior=posterior, n_start=best.n_start, n_same=best.n_same, success=best.settled, message=words)
+    return with_others(fit, best, rng)
+
+
+def _findings(
+    posed: CurveProblem, best: Optimum, fixed: Fit, p_value: float, chi2: float, dof: int, goodness: tuple[Goodness, ...], *, estimated: bool
+) -> list[tuple[str, str]]:
+    """(status, reason) for everything that is wrong, gravest first."""
+    found = []
+    if not best.settled and not best.singular:
+        reason = f"the search did not settle: its last step was {best.step:.2g} standard deviations; try other starting values"
+        found.append(("not-converged", reason))
+    if best.singular:
+        found.append(("not-identified", "the data do not determine a combination of the parameters: no standard deviations"))
+    for name, p in pressed(fixed, estimated=estimated).items():
+        if p < PRESSED_BELOW:
+            i = fixed.names.index(name)
+            edge = edge_of(posed.parameters[i].prior, float(best.values[i]))
+            reason = f"{name} lies on its limit {edge:.6g}, and the data ask for values beyond it ({format_p(p)}): is the limit right?"
+            found.append(("at-bound", reason))
+    if p_value < P_POOR_FIT:
+        found.append(("poor-fit", f"the residuals are larger than u_y allows: chi2 = {chi2:.4g} for {dof} degrees of freedom, {format_p(p_value)}"))
+    for run in goodness:
+        for name in run.failed:
+            if name != "chi2":
+                found.append(("poor-fit", f"{run.checks[name].meaning} (test '{name}', p = {run.checks[name].p_value:.1g})"))
+    return sorted(found, key=lambda finding: STATUSES.index(finding[0]))
+
+
+def _message(best: Optimum, sigma: float | None, perfect: bool, same: list[str]) -> str:
+    words = [led_here(best.n_same, best.n_start), *same]
+    if perfect:
+        words.append("the curve passes through every point to rounding error")
+    elif sigma is not None:
+        words.append("the size of the errors was estimated from the residuals")
+    return "; ".join(words)
+
+
+def _unit(problem: Problem, name: str) -> str:
+    unit = next(p.unit for p in problem.parameters if p.name == name)
+    return "" if unit == "1" else unit

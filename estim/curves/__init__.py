@@ -1,0 +1,8 @@
+"""What can be fit: the rolling body, a formula in text, a Python function, with derivatives and errors common to all points.
+
+Read `rolling` for the disk, `formula` for text.  Imports `common` and `problem`."""
+
+from estim.curves.formula import Formula, read_formula
+from estim.curves.posing import MAX_OBS, SIGMA, SIGMA_SPREAD, AxisNames, CurveProblem, pose_curve, reading_noise
+from estim.curves.rolling import MotionCurve, PhaseCurve, RollingMotion
+from estim.curves.shared_errors import Component, DistortedCurve

@@ -1,0 +1,327 @@
+"""From a user's curve, points and what is known of them to a problem of inference; every argument is checked here."""
+
+from __future__ import annotations
+
+import inspect
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from estim.arrays import FloatArray
+from estim.common import InputError, read_quantity
+from estim.curves.formula import Formula, check_names, read_formula
+from estim.curves.function import PythonCurve, wrap_function
+from estim.curves.shared_errors import Component, DistortedCurve
+from estim.problem import (
+    GAUSSIAN,
+    Correlated,
+    Curve,
+    Flat,
+    LogNormal,
+    Observations,
+    Parameter,
+    Prior,
+    Problem,
+    Readings,
+    Scale,
+    Tails,
+    as_prior,
+    check_covariance,
+    hide_the_range,
+    informative,
+    plain_words,
+)
+
+SIGMA = "sigma_y"
+SIGMA_SPREAD = 3.0  # standard deviation of ln sigma where nothing is known of it: a factor 20 either way
+MAX_OBS = 3000  # covariances are dense matrices
+
+
+@dataclass(frozen=True)
+class AxisNames:
+    """What x and y are, for figures and tables; unit "1" for a pure number."""
+
+    x_name: str = "x"
+    x_unit: str = "1"
+    y_name: str = "y"
+    y_unit: str = "1"
+
+
+@dataclass(frozen=True, eq=False)
+class CurveProblem:
+    """A curve, its parameters and the points in order of x.
+
+    x, y : (n_obs,).  relative : (n_obs,) u_y, or 1 where it was not stated.  relative_x : (n_obs,) u_x, or None.
+    cov : (n_obs, n_obs), or None.
+    stated : whether the size of the errors is known.
+    fixed : argument of the curve -> its exact value.  text : the formula, or how the function is called.
+    """
+
+    text: str
+    curve: Curve
+    parameters: tuple[Parameter, ...]
+    x: FloatArray
+    y: FloatArray
+    relative: FloatArray
+    relative_x: FloatArray | None
+    cov: FloatArray | None
+    stated: bool
+    axes: AxisNames
+    fixed: Mapping[str, float]
+
+    def with_sigma(self, sigma: float) -> Problem:
+        """The problem whose errors are `sigma` times u_y (or times 1)."""
+        return self._problem(Scale(sigma), ())
+
+    def with_unknown_sigma(self, typical: float) -> Problem:
+        """The problem in which the common standard deviation of y is one more parameter, known to be about `typical` to a factor 20."""
+        unit = self.axes.y_unit
+        unknown = Parameter(SIGMA, unit, LogNormal(typical, SIGMA_SPREAD), "standard deviation of one y")
+        return self._problem(Scale(parameter=SIGMA), (unknown,))
+
+    def residuals(self, values: FloatArray) -> FloatArray:
+        """(n_obs,) y - f, unit of y."""
+        named = {p.name: float(v) for p, v in zip(self.parameters, values, strict=True)} | dict(self.fixed)
+        return self.y - np.broadcast_to(self.curve.value(self.x, named), (1, self.x.size))[0]
+
+    def _problem(self, sigma: Scale, further: tuple[Parameter, ...]) -> Problem:
+        noise = reading_noise(sigma, self.relative, self.cov, what=self.axes.y_name, relative_x=self.relative_x)
+        arguments: dict[str, str | float] = {p.name: p.name for p in self.parameters}
+        arguments.update(self.fixed)
+        run = Observations(
+            name="data", x=self.x, y=self.y, t=None, curve=self.curve, arguments=MappingProxyType(arguments), noise=noise, x_name=self.axes.x_name,
+            x_unit=self.axes.x_unit, y_name=self.axes.y_name, y_unit=self.axes.y_unit, excluded=(), excluded_points=np.zeros((0, 2)),
+            motion=None, words=plain_words(self.axes.y_name),
+        )
+        return Problem((*self.parameters, *further), (run,))
+
+
+def reading_noise(
+    sigma: Scale, relative: FloatArray, cov: FloatArray | None, *, what: str, relative_x: FloatArray | None = None, tails: Tails = GAUSSIAN
+) -> Readings:
+    """Noise of readings of `what`: independent, with errors of x if there are any, or with the stated covariance matrix."""
+    if cov is None:
+        sigma_x = None if relative_x is None else Scale(1.0)
+        return Readings(sigma, Scale(0.0), relative, sigma_x=sigma_x, relative_x=relative_x, tails=tails, what=what)
+    return Correlated(sigma, Scale(0.0), relative, what=what, cov=cov)
+
+
+def pose_curve(
+    curve: str | Callable[..., Any],
+    x: ArrayLike,
+    y: ArrayLike,
+    *,
+    start: Mapping[str, float],
+    u_y: ArrayLike | None,
+    cov_y: ArrayLike | None,
+    u_x: ArrayLike | None,
+    bounds: Mapping[str, tuple[float | None, float | None]],
+    priors: Mapping[str, Prior | str],
+    errors: tuple[Component, ...],
+    units: Mapping[str, str],
+    axes: AxisNames,
+    fixed: Mapping[str, float] = MappingProxyType({}),
+) -> CurveProblem:
+    """The problem that the arguments of `fit_curve` pose.  Raises InputError where one of them breaks a rule."""
+    _check_mappings(bounds=bounds, priors=priors, units=units, fixed=fixed)
+    _check_words(units, errors, axes)
+    points = {"x": _column(x, "x"), "y": _column(y, "y")}
+    n_obs = points["x"].size
+    if points["y"].size != n_obs:
+        raise InputError(f"must have as many values as x ({n_obs})", field="y", value=points["y"].size)
+    if not 1 <= n_obs <= MAX_OBS:
+        raise InputError(f"must have between 1 and {MAX_OBS} values", field="x", value=n_obs)
+    order = np.argsort(points["x"], kind="stable")
+    relative, cov = _errors_of_y(u_y, cov_y, n_obs)
+    if u_x is not None and u_y is None:
+        raise InputError("needs u_y beside it: the sizes of both errors cannot be told from the residuals", field="u_x")
+    relative_x = None if u_x is None else _errors_of(u_x, n_obs, "u_x")[order]
+    if relative_x is not None and hide_the_range(points["x"][order], relative_x):
+        spread = float(np.std(points["x"], ddof=1))
+        rule = f"must be below the standard deviation of x, {spread:.4g}: points that may lie anywhere along x hold no curve"
+        raise InputError(rule, field="u_x", value=float(np.sqrt(np.mean(relative_x**2))))
+    ordered_cov = None if cov is None else cov[np.ix_(order, order)]
+    names, values = _start(start)
+    exact = _fixed(fixed, names)
+    read = _curve(curve, points["x"], values, exact)
+    parameters = _parameters(names, values, bounds, priors, units, exact)
+    shared = _shared(errors, (*names, *exact), axes)
+    stated = u_y is not None or cov is not None
+    everything = (*parameters, *shared)
+    if not stated and SIGMA in (p.name for p in everything):
+        raise InputError("is the name of the unknown standard deviation of y: choose another", field="start", value=SIGMA)
+    pulls = sum(informative(p.prior) for p in everything)
+    if n_obs + pulls < len(everything) + (0 if stated else 1):
+        rule = f"must have more points than parameters ({len(everything)})" + ("" if stated else ", one at least, where u_y is not given")
+        raise InputError(rule if not stated else f"must have at least as many points as parameters ({len(everything)})", field="x", value=n_obs)
+    return CurveProblem(
+        text=read.text if isinstance(read, Formula) else f"{getattr(curve, '__name__', type(curve).__name__)}(x, {', '.join((*names, *exact))})",
+        curve=DistortedCurve(read, errors) if errors else read, parameters=everything, x=points["x"][order], y=points["y"][order],
+        relative=relative[order], relative_x=relative_x, cov=ordered_cov, stated=stated, axes=axes, fixed=MappingProxyType(exact),
+    )
+
+
+def _column(values: ArrayLike, field: str) -> FloatArray:
+    try:
+        column = np.array(values, dtype=float)
+    except (TypeError, ValueError):
+        raise InputError("must be a sequence of numbers", field=field, value=values) from None
+    if column.ndim != 1:
+        raise InputError("must be a sequence of numbers, one axis", field=field, value=column.shape)
+    bad = np.flatnonzero(~np.isfinite(column))
+    if bad.size:
+        raise InputError(f"must be finite; value number {bad[0] + 1} is not", field=field, value=float(column[bad[0]]))
+    column.setflags(write=False)
+    return column
+
+
+def _errors_of_y(u_y: ArrayLike | None, cov_y: ArrayLike | None, n_obs: int) -> tuple[FloatArray, FloatArray | None]:
+    """Standard deviations (n_obs,) and the covariance matrix, if one is given."""
+    if u_y is not None and cov_y is not None:
+        raise InputError("must not be given beside u_y", field="cov_y")
+    if cov_y is not None:
+        cov = check_covariance(cov_y, n_obs, field="cov_y")
+        return np.sqrt(np.diag(cov)), cov
+    if u_y is None:
+        return np.ones(n_obs), None
+    return _errors_of(u_y, n_obs, "u_y"), None
+
+
+def _errors_of(u: ArrayLike, n_obs: int, field: str) -> FloatArray:
+    """(n_obs,) standard deviations given as a number or one for each point."""
+    column = _column(np.full(n_obs, u) if np.ndim(u) == 0 else u, field)
+    if column.size != n_obs:
+        raise InputError(f"must be a number or have as many values as x ({n_obs})", field=field, value=column.size)
+    if np.any(column <= 0.0):
+        raise InputError(f"must be > 0; value number {int(np.argmax(column <= 0.0)) + 1} is not", field=field, value=float(column.min()))
+    return column
+
+
+def _start(start: Mapping[str, float]) -> tuple[tuple[str, ...], dict[str, float]]:
+    if not isinstance(start, Mapping) or not start:
+        raise InputError("must give each parameter a starting value, like {'a': 1.0}", field="start", value=start)
+    check_names(start, field="start")
+    values = {}
+    for name, value in start.items():
+        try:
+            values[name] = float(value)
+        except (TypeError, ValueError):
+            raise InputError(f"must be a number for '{name}'", field="start", value=value) from None
+        if not math.isfinite(values[name]):
+            raise InputError(f"must be finite for '{name}'", field="start", value=value)
+    return tuple(values), values
+
+
+def _fixed(fixed: Mapping[str, float], names: tuple[str, ...]) -> dict[str, float]:
+    """Exact values of parameters that are not fit."""
+    check_names(fixed, field="fixed")
+    for name, value in fixed.items():
+        if name in names:
+            raise InputError(f"names '{name}', which has a starting value too: give it one of the two", field="fixed")
+        number = isinstance(value, int | float | np.number) and not isinstance(value, bool)
+        if not number or not math.isfinite(value):
+            raise InputError(f"must be a finite number for '{name}' (a value with an uncertainty is a prior)", field="fixed", value=value)
+    return {name: float(value) for name, value in fixed.items()}
+
+
+def _check_mappings(**given: object) -> None:
+    for field, mapping in given.items():
+        if not isinstance(mapping, Mapping):
+            raise InputError("must be a mapping from names of parameters", field=field, value=mapping)
+
+
+def _check_words(units: Mapping[str, str], errors: tuple[Component, ...], axes: AxisNames) -> None:
+    for name, unit in units.items():
+        if not isinstance(unit, str):
+            raise InputError(f"must be text for '{name}', like \"m/s\"", field="units", value=unit)
+    for component in errors:
+        if not isinstance(component, Component):
+            raise InputError('must be a list of components, like [Component("zero_y", 0.5)]', field="errors", value=component)
+    if not isinstance(axes, AxisNames):
+        raise InputError('must be names and units, like AxisNames("time", "s", "angle", "rad")', field="axes", value=axes)
+
+
+def _curve(curve: str | Callable[..., Any], x: FloatArray, start: Mapping[str, float], fixed: Mapping[str, float]) -> Formula | PythonCurve:
+    names = (*start, *fixed)
+    if callable(curve):
+        _check_signature(curve, names)
+        return wrap_function(curve, names, x, {**start, **fixed})
+    formula = read_formula(curve, field="curve")
+    for name in formula.names:
+        if name not in names:
+            hint = "" if formula.uses_x else ", which calls its variable x"
+            raise InputError(f"has no starting value for '{name}' of the formula{hint}", field="start", value=", ".join(names))
+    for name in names:
+        if name not in formula.names:
+            raise InputError(f"names '{name}', which is not in the formula", field="start" if name in start else "fixed", value=formula.text)
+    return formula
+
+
+def _check_signature(function: Callable[..., Any], names: tuple[str, ...]) -> None:
+    try:
+        signature = inspect.signature(function)
+    except (TypeError, ValueError):
+        return  # a builtin that does not tell; calling it will
+    try:
+        signature.bind(0.0, **dict.fromkeys(names, 0.0))
+    except TypeError as error:
+        raise InputError(f"cannot be called as curve(x, {', '.join(names)}): {error}", field="start") from None
+
+
+def _parameters(
+    names: tuple[str, ...],
+    start: Mapping[str, float],
+    bounds: Mapping[str, tuple[float | None, float | None]],
+    priors: Mapping[str, Prior | str],
+    units: Mapping[str, str],
+    fixed: Mapping[str, float],
+) -> tuple[Parameter, ...]:
+    for field, given in (("bounds", bounds), ("priors", priors), ("units", units)):
+        for name in given:
+            if name in fixed and field != "units":
+                raise InputError(f"names '{name}', which is fixed", field=field)
+            if name not in names and name not in fixed:
+                raise InputError(f"names '{name}', which is no parameter ({', '.join(names)})", field=field)
+    for name in priors:
+        if name in bounds:
+            raise InputError(f"must not be given beside a prior for '{name}': cut the prior instead", field="bounds")
+    return tuple(
+        Parameter(name, units.get(name, "1"), _prior(name, start[name], bounds.get(name), priors.get(name)), "parameter of the curve")
+        for name in names
+    )
+
+
+def _prior(name: str, start: float, limits: tuple[float | None, float | None] | None, prior: object) -> Prior:
+    if isinstance(prior, str):
+        quantity = read_quantity(prior, field=f"priors[{name}]")
+        if quantity.exact:
+            raise InputError('must have an uncertainty, like "9.81(2)" (an exact number goes into `fixed`)', field=f"priors[{name}]", value=prior)
+        return as_prior(quantity, low=-math.inf)
+    if prior is not None:
+        if not isinstance(prior, Prior) or isinstance(prior, type):
+            rule = 'must be a prior, or text like "9.81(2)"'
+            exact = f" (an exact value is held by fixed={{'{name}': {prior}}})" if isinstance(prior, int | float) else ""
+            raise InputError(rule + exact, field=f"priors[{name}]", value=prior)
+        return prior
+    try:
+        low, high = (None, None) if limits is None else limits
+        return Flat(-math.inf if low is None else float(low), math.inf if high is None else float(high), start)
+    except InputError as error:
+        raise InputError(f"of '{name}' {error.rule}", field="start" if error.field == "start" else "bounds", value=error.value) from None
+    except (TypeError, ValueError):
+        raise InputError(f"must be (low, high) for '{name}'", field="bounds", value=limits) from None
+
+
+def _shared(errors: tuple[Component, ...], names: tuple[str, ...], axes: AxisNames) -> tuple[Parameter, ...]:
+    shared = tuple(component.parameter(x_unit=axes.x_unit, y_unit=axes.y_unit) for component in errors)
+    taken = [*names]
+    for parameter in shared:
+        if parameter.name in taken:
+            raise InputError("has a name that is taken: give the component another name", field="errors", value=parameter.name)
+        taken.append(parameter.name)
+    return shared

@@ -1,0 +1,178 @@
+"""The motion of a rolling body as curves to fit: speed against position, and position against time.
+
+Arguments of both are the quantities of a campaign; with `angular` positions are angles turned since release, in rad.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from estim.arrays import FloatArray
+from estim.problem import Derived, LocalCurve, Wording
+from model import Body, back_and_forth, energy, phase
+
+_BODY = ("radius", "gamma", "kappa", "rho", "trailing_fraction", "particle_gyration")
+_ZEROED = ("phi", "theta0")  # angles that an instrument may read with a common zero error
+_MOTION = ("phi", "theta0", "rolling_resistance", "g")
+
+
+def body_of(arguments: Mapping[str, ArrayLike]) -> tuple[Body, dict[str, ArrayLike]]:
+    """The body, and the keywords that say how it moves; zero errors of the angles are added to them."""
+    motion = {name: arguments[name] for name in _MOTION}
+    for angle in _ZEROED:
+        motion[angle] = np.add(motion[angle], arguments.get(f"{angle}_zero", 0.0))
+    return Body(**{name: arguments[name] for name in _BODY}), motion
+
+
+def _from_release(x: FloatArray, arguments: Mapping[str, ArrayLike]) -> FloatArray:
+    """Positions counted from the release: (n_obs,), or (n_draw, n_obs) where the zero of the positions is unknown."""
+    return x - np.asarray(arguments["offset"]) if "offset" in arguments else x
+
+
+def derived_of(arguments: Mapping[str, ArrayLike], mass: float | None) -> dict[str, Derived]:
+    """What follows from the arguments whatever was measured; `mass` in kg, or None."""
+    body, motion = body_of(arguments)
+    phi, resistance = np.asarray(motion["phi"]), np.asarray(motion["rolling_resistance"])
+    derived = {
+        "inertia_ratio": Derived("1", np.atleast_2d(body.inertia_ratio), "inertia of all that rotates / (M R²)"),
+        "slope": Derived("1", np.atleast_2d(phase.effective_slope(phi, resistance)), "effective slope sin φ + c_rr cos φ"),
+    }
+    if mass is not None:
+        moment = resistance * mass * np.asarray(motion["g"]) * body.radius * np.cos(phi)
+        derived["resisting_moment"] = Derived("N m", np.atleast_2d(moment), "moment of the rolling resistance, c_rr M g R cos φ")
+    return derived
+
+
+@dataclass(frozen=True, eq=False)
+class PhaseCurve:
+    """The phase curve of a rolling body as a curve to fit: v(x) in m/s, or omega(theta - theta0) in rad/s.
+
+    angular : positions are angles turned since release.
+
+    An argument `offset`, if there is one, is the reading of the position at release: the motion is that at x - offset.
+    """
+
+    angular: bool
+
+    def value(self, x: FloatArray, arguments: Mapping[str, ArrayLike]) -> FloatArray:
+        body, motion = body_of(arguments)
+        return (phase.angular_rate if self.angular else phase.speed)(_from_release(x, arguments), body, **motion)
+
+    def local(self, x: FloatArray, arguments: Mapping[str, ArrayLike]) -> LocalCurve:
+        body, motion = body_of(arguments)
+        value, slope, gradient = (phase.angular_rate_derivatives if self.angular else phase.speed_derivatives)(
+            _from_release(x, arguments), body, **motion
+        )
+        zeros = {f"{angle}_zero": gradient[angle] for angle in _ZEROED} | {"offset": -np.asarray(slope)}
+        return LocalCurve(np.atleast_2d(value), np.atleast_2d(slope), {**gradient, **zeros})
+
+    def position(self, since: FloatArray, arguments: Mapping[str, ArrayLike]) -> FloatArray:
+        """(n_draw, n_obs) position at times `since` release (s), back and forth."""
+        body, motion = body_of(arguments)
+        phi, theta0, resistance, g = (motion[name] for name in _MOTION)
+        x, _ = back_and_forth(since, body, phi=phi, theta0=theta0, rolling_resistance=resistance, g=g)
+        return np.atleast_2d(x) / (np.asarray(body.radius) if self.angular else 1.0)
+
+    def time_derivative(self, x: FloatArray, arguments: Mapping[str, ArrayLike], order: int) -> FloatArray:
+        body, motion = body_of(arguments)
+        g, radius = np.asarray(motion.pop("g")), np.asarray(body.radius)
+        since = _from_release(x, arguments)
+        ratios = phase.energy_ratio_derivatives(since if self.angular else since / radius, body, **motion, order=order)
+        scale = 2.0 * g / radius if self.angular else 2.0 * g * radius
+        step = 1.0 if self.angular else radius
+        return np.atleast_2d(phase.time_derivative([scale * h / step**n for n, h in enumerate(ratios)], order))
+
+
+@dataclass(frozen=True, eq=False)
+class MotionCurve:
+    """Position against time, x(t) in m or theta - theta0 in rad, back and forth; release and zero are arguments too.
+
+        x(t) = offset + X(t - release_time)        X: from rest at 0
+
+    release_time : s, on the clock of the data.  offset : reading of the position at release, m or rad.
+    """
+
+    angular: bool
+
+    def value(self, x: FloatArray, arguments: Mapping[str, ArrayLike]) -> FloatArray:
+        return self._state(x, arguments)[0]
+
+    def local(self, x: FloatArray, arguments: Mapping[str, ArrayLike]) -> LocalCurve:
+        """The gradient is by central differences of a position that is exact to about 1e-12."""
+        columns = {name: np.asarray(value, dtype=float) for name, value in arguments.items()}
+        shape = np.broadcast_shapes(*(value.shape for value in columns.values()), (1, 1))
+        names, n = tuple(columns), shape[0]
+        steps = {name: 1e-5 * np.maximum(np.abs(np.broadcast_to(v, shape)), 1e-2) for name, v in columns.items()}
+        # one call for all: the point itself, then a step up and a step down in each argument
+        stacked = {
+            name: np.concatenate(
+                [np.broadcast_to(v, shape)]
+                + [np.broadcast_to(v, shape) + sign * steps[name] * (other == name) for other in names for sign in (1.0, -1.0)]
+            )
+            for name, v in columns.items()
+        }
+        position, velocity = self._state(x, stacked)
+        gradient = {
+            name: (position[(2 * i + 1) * n : (2 * i + 2) * n] - position[(2 * i + 2) * n : (2 * i + 3) * n]) / (2.0 * steps[name])
+            for i, name in enumerate(names)
+        }
+        return LocalCurve(position[:n], velocity[:n], gradient)
+
+    def _state(self, t: FloatArray, arguments: Mapping[str, ArrayLike]) -> tuple[FloatArray, FloatArray]:
+        """Position and velocity at times t (n_obs,) s of the data's clock, in the run's unit."""
+        body, motion = body_of(arguments)
+        since = t - np.asarray(arguments["release_time"])
+        phi, theta0, resistance, g = (motion[name] for name in _MOTION)
+        x, v = back_and_forth(since, body, phi=phi, theta0=theta0, rolling_resistance=resistance, g=g)
+        length = np.asarray(body.radius) if self.angular else 1.0
+        return x / length + np.asarray(arguments["offset"]), v / length
+
+
+@dataclass(frozen=True, eq=False)
+class RollingMotion:
+    """What is known of a rolling body beside its curve.
+
+    angular : positions are angles turned since release.  mass : kg, or None where the campaign does not say.
+    in_time : whether positions were measured against time, so that the abscissa is a time, which has no end.
+    """
+
+    angular: bool
+    mass: float | None = None
+    in_time: bool = False
+
+    def metres(self, arguments: Mapping[str, ArrayLike]) -> ArrayLike:
+        return arguments["radius"] if self.angular else 1.0
+
+    def energies(self, x: FloatArray, v: FloatArray, arguments: Mapping[str, ArrayLike]) -> tuple[FloatArray, FloatArray]:
+        body, motion = body_of(arguments)
+        length = body.radius if self.angular else 1.0
+        place = {"phi": motion["phi"], "theta0": motion["theta0"]}
+        x = _from_release(x, arguments)
+        kinetic = energy.kinetic_energy(length * x, length * v, body, **place)
+        return kinetic, energy.potential_energy(length * x, body, **place, g=motion["g"])
+
+    def derived(self, arguments: Mapping[str, ArrayLike]) -> Mapping[str, Derived]:
+        found = derived_of(arguments, self.mass)
+        if self.in_time:
+            unit = "rad" if self.angular else "m"
+            found["turning_point"] = Derived(unit, np.atleast_2d(self._stop(arguments)), "first turning point, from the release")
+        return found
+
+    def end(self, arguments: Mapping[str, ArrayLike]) -> FloatArray:
+        if self.in_time:
+            return np.full((1, 1), np.inf)
+        return np.atleast_2d(self._stop(arguments) + np.asarray(arguments.get("offset", 0.0)))
+
+    def _stop(self, arguments: Mapping[str, ArrayLike]) -> FloatArray:
+        body, motion = body_of(arguments)
+        motion.pop("g")
+        return np.asarray((phase.turning_angle if self.angular else phase.turning_point)(body, **motion))
+
+    def words(self) -> Wording:
+        """How the measured numbers are called."""
+        what = (("positions", "angles") if self.in_time else ("speeds", "angular rates"))[self.angular]
+        return Wording(what, "angle" if self.angular else "position", "a new point", "frames", True)

@@ -1,0 +1,163 @@
+"""Intervals of a fitted curve's parameters that hold their level.
+
+- Where the size of the errors was stated: value ± z s, with z of the normal distribution.
+- Where it was estimated from the residuals: value ± t s with Student's t.  For one degree of freedom value ± s holds the true value
+  in 50 % of all experiments, and ± 1.82 s in 68 %.  A prior shares the work with the data, so that s is known better than they alone
+  say: the degrees of freedom are dof/share^2 where `share` of s^2 is proportional to the estimated variance (Welch-Satterthwaite,
+  JCGM 100:2008, G.4.1).
+- Where an edge (of bounds or of a prior) is within reach of any interval: profiles (`estim.fitting.profile`) with the same quantiles.  An
+  interval then ends at the edge.  The quantile stays the two-sided one there, so that intervals hold at least what they say wherever
+  the truth lies (a one-sided one beside edges only would cover less: Feldman and Cousins, Phys. Rev. D 57 (1998) 3873).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from estim.arrays import FloatArray
+from estim.common import format_quantity, format_rounded
+from estim.fitting.edges import edge_of
+from estim.fitting.least_squares import Fit
+from estim.fitting.optimum import Optimum
+from estim.fitting.profile import profile_intervals
+
+Ends = Mapping[float, tuple[float, float]]
+
+PROBABILITIES = (0.68, 0.95)
+FEW = 10  # degrees of freedom up to which value ± s is not shown: it would hold less than 66 %
+_SYMMETRIC = 0.2  # relative difference of a half interval from t s beyond which s misleads
+
+
+@dataclass(frozen=True, eq=False)
+class Spread:
+    """How far the values of a fit may be off: covariance, standard deviations (n_par,), intervals, and why some are missing."""
+
+    cov: FloatArray
+    sds: FloatArray
+    intervals: Mapping[str, Ends]
+    notes: tuple[str, ...]
+
+
+def spread(fixed: Fit, best: Optimum, *, dof: float, scale: float, unknown: bool) -> Spread:
+    """fixed : the fit with errors of a fixed size.  scale : of its covariance.  unknown : whether nothing tells that size."""
+    cov, names, nothing = best.cov * scale**2, fixed.names, (math.nan, math.nan)
+    missing = {name: dict.fromkeys(PROBABILITIES, nothing) for name in names}
+    if best.singular:
+        return Spread(cov, np.full(len(names), np.nan), missing, ())
+    if unknown:
+        note = (
+            "the points have no scatter but rounding errors (computed values, not readings?), so nothing tells how large their errors are: "
+            "there is no standard deviation; give u_y"
+        )
+        return Spread(np.full_like(cov, np.nan), np.full(len(names), np.nan), missing, (note,))
+    free = np.sqrt(np.diag(fixed.cov))  # of a parameter on its edge too
+    sds = np.where(best.at_bound, np.nan, np.sqrt(np.diag(cov)))
+    informed = np.square([p.prior.residual_slope(float(v)) for p, v in zip(fixed.problem.parameters, best.values, strict=True)])
+    dofs = _degrees_of_freedom(cov, informed, dof) if math.isfinite(dof) else np.full(len(names), np.inf)
+    beside = _within_reach(fixed, np.where(best.at_bound, free, np.sqrt(np.diag(cov))), dofs)
+    if not np.any(beside):
+        return Spread(cov, sds, _symmetric(names, best.values, sds, dofs), ())
+    intervals, notes = _profiled(fixed, float(np.min(dofs))), []
+    for i, (name, parameter) in enumerate(zip(names, fixed.problem.parameters, strict=True)):
+        distance = min(best.values[i] - parameter.prior.low, parameter.prior.high - best.values[i])
+        edge = edge_of(parameter.prior, float(best.values[i]))
+        if best.at_bound[i] or distance < sds[i]:
+            where = "lies on" if best.at_bound[i] else "is less than a standard deviation from"
+            notes.append(f"{name} {where} its limit {edge:.6g}: no standard deviation, read its interval")
+            sds[i] = np.nan
+        elif _lopsided(intervals[name], float(best.values[i]), float(sds[i]), float(dofs[i])):
+            notes.append(f"{name} has no standard deviation, because the limit of {' and '.join(np.array(names)[beside])} cuts it: read its interval")
+            sds[i] = np.nan
+    return Spread(cov, sds, intervals, tuple(notes))
+
+
+def _degrees_of_freedom(cov: FloatArray, pulls: FloatArray, dof: float) -> FloatArray:
+    """(n_par,) of the estimated standard deviations; cov (n_par, n_par), pulls (n_par,) information of the priors."""
+    size = np.diag(cov)
+    share = 1.0 - np.einsum("ij,j,ij->i", cov, pulls, cov) / np.where(size > 0.0, size, 1.0)
+    return dof / np.clip(share, 1e-3, 1.0) ** 2
+
+
+def _within_reach(fit: Fit, sds: FloatArray, dofs: FloatArray) -> NDArray[np.bool_]:
+    """(n_par,) whether an edge of a parameter's prior lies inside its 95 % interval."""
+    half = _quantile(PROBABILITIES[-1], dofs) * sds
+    priors = [p.prior for p in fit.problem.parameters]
+    room = [min(value - prior.low, prior.high - value) for prior, value in zip(priors, fit.values, strict=True)]
+    return np.array(room) < half
+
+
+def _symmetric(names: tuple[str, ...], values: FloatArray, sds: FloatArray, dofs: FloatArray) -> dict[str, Ends]:
+    """name -> probability -> value ± t s."""
+    halves = {p: _quantile(p, dofs) * sds for p in PROBABILITIES}
+    return {name: {p: (float(values[i] - half[i]), float(values[i] + half[i])) for p, half in halves.items()} for i, name in enumerate(names)}
+
+
+def _profiled(fit: Fit, dof: float) -> dict[str, Ends]:
+    """name -> probability -> profile interval; a side that nothing closes ends at the edge, or at infinity.
+
+    fit : with errors of a fixed size.  dof : degrees of freedom of that size, infinite where it was stated.
+    """
+    found: dict[str, Ends] = {}
+    for interval, parameter in zip(profile_intervals(fit, probabilities=PROBABILITIES, dof=dof), fit.problem.parameters, strict=True):
+        prior = parameter.prior
+        found[parameter.name] = {
+            p: (
+                (prior.low if interval.low[p] == prior.low else -math.inf) if interval.open_low[p] else interval.low[p],
+                (prior.high if interval.high[p] == prior.high else math.inf) if interval.open_high[p] else interval.high[p],
+            )
+            for p in PROBABILITIES
+        }
+    return found
+
+
+def _lopsided(ends: Ends, value: float, sd: float, dof: float) -> bool:
+    """Whether value ± sd would say something else than the 68 % interval does."""
+    half = _quantile(PROBABILITIES[0], np.array([dof]))[0] * sd
+    low, high = ends[PROBABILITIES[0]]
+    return not max(abs(value - low - half), abs(high - value - half)) <= _SYMMETRIC * half
+
+
+def shown_value(value: float, sd: float, ends: Ends, edges: tuple[float, float], *, unit: str, few: bool, ok: bool) -> str:
+    """What a reader sees behind a parameter's name: '= 2.03 ± 0.05 s, ...', '< 0.3 (95 %)', or '= 2 (no uncertainty)'.
+
+    few : whether sd has so few degrees of freedom that ± misleads.  ok : whether the status allows a value with an uncertainty.
+    """
+    low, high = ends[PROBABILITIES[-1]]
+    behind = f" {unit}" if unit else ""
+    if math.isnan(low) or math.isnan(high):
+        return f"= {format_quantity(value)}{behind} (no uncertainty)"
+    closed = [low != edges[0] and math.isfinite(low), high != edges[1] and math.isfinite(high)]
+    if not any(closed):
+        return f"anywhere in [{low:.6g}, {high:.6g}]{behind}"
+    level = "95 %" if ok else "95 %, if the curve and the errors were right"
+    size = sd if math.isfinite(sd) else 0.25 * (high - low) if all(closed) else 0.25 * abs((high if closed[1] else low) - value)
+    if not all(closed):
+        return f"< {format_rounded(high, size)}{behind} ({level})" if closed[1] else f"> {format_rounded(low, size)}{behind} ({level})"
+    intervals = ", ".join(f"{p:.0%} in [{format_rounded(a, size)}, {format_rounded(b, size)}]".replace("%", " %") for p, (a, b) in ends.items())
+    if not ok:
+        return f"in [{format_rounded(low, size)}, {format_rounded(high, size)}]{behind} ({level})"
+    if not math.isfinite(sd):
+        return f"= {format_rounded(value, size)}{behind}, {intervals}"
+    if few:
+        return f"= {format_rounded(value, sd)}{behind} (standard error {format_rounded(sd, sd)}), {intervals}"
+    return f"= {format_quantity(value, sd)}{behind}, {intervals}"
+
+
+def _quantile(probability: float, dofs: FloatArray) -> FloatArray:
+    """(n_par,) half width of an interval in standard deviations."""
+    from scipy import stats
+
+    place = 0.5 + 0.5 * probability
+    return np.where(np.isfinite(dofs), stats.t.ppf(place, np.where(np.isfinite(dofs), dofs, 1.0)), stats.norm.ppf(place))
+
+
+def coverage_of_sd(dof: float) -> float:
+    """Share of experiments in which value ± s holds the true value."""
+    from scipy import stats
+
+    return float(2.0 * stats.t.cdf(1.0, dof) - 1.0)

@@ -1,0 +1,160 @@
+"""Hard edges of priors: least squares around a fit that stay within them, and what to say of a parameter that lies on one.
+
+A posterior that is highest at an edge is a limit: [edge, limit] holds the true value with its probability, as any interval does
+when truths come from the prior.  Only where the data press *beyond* the edge is something wrong: then chi^2 would fall by more
+than chance allows if the parameter could pass.  That fall is computed from the curvature at the fit (Rao's score statistic,
+Linear Statistical Inference (1973) 6e.2), so nothing is evaluated beyond an edge, where the curve may have no meaning:
+
+    sqrt(fall)      standard normal, one-sided; Student's t with the noise inferred
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+
+from estim.arrays import FloatArray
+from estim.common import format_rounded, label
+from estim.fitting.least_squares import Fit
+from estim.problem import Parameter, Prior
+
+Indices = NDArray[np.int64]
+
+PRESSED_BELOW = 0.01  # probability of so much pressure by chance, below which edge and data contradict each other
+_ALONE = 1e-9  # relative: eigenvalues below count as zero
+
+
+class Limit(msgspec.Struct, frozen=True):
+    """What is known of a quantity whose most probable value is an edge: below (above) `limit_95` with 95 % probability, SI units and radians."""
+
+    side: Literal["upper", "lower"]
+    edge: float
+    limit_68: float
+    limit_95: float
+
+
+@dataclass(frozen=True, eq=False)
+class Quadratic:
+    """chi^2 of the data around a fit, |rows . step - aim|^2 up to a constant, and how far a step may go to each side.
+
+    rows : (n, n_curve).  aim : (n,).  low, high : (n_curve,), in the parameters' units.  scale : (n_curve,) typical steps.
+    """
+
+    rows: FloatArray
+    aim: FloatArray
+    low: FloatArray
+    high: FloatArray
+    scale: FloatArray
+
+    def least(self, pull_rows: FloatArray, off: FloatArray) -> tuple[FloatArray, float]:
+        """The step (n_curve,) within the edges to the least sum of the data's chi^2 and |pull_rows . step + off|^2, and that sum."""
+        from scipy.optimize import lsq_linear
+
+        rows, aim = np.vstack([self.rows, pull_rows]) * self.scale, np.concatenate([self.aim, -off])
+        low, high = self.low / self.scale, self.high / self.scale
+        step, *_ = np.linalg.lstsq(rows, aim, rcond=_ALONE)
+        if np.any(step < low) or np.any(step > high):
+            step = np.clip(lsq_linear(rows, aim, bounds=(low, high), method="bvls").x, low, high)
+        return step * self.scale, float(np.sum((rows @ step - aim) ** 2))
+
+
+def curve_indices(fit: Fit) -> Indices:
+    """Places of the parameters of the curve; the others are of the noise."""
+    return np.flatnonzero([name not in fit.problem.noise_names for name in fit.names])
+
+
+def around(fit: Fit) -> Quadratic:
+    """The data's chi^2 in the parameters of the curve, the noise held at the fit."""
+    problem, posterior, curve = fit.problem, fit.posterior, curve_indices(fit)
+    scale = np.sqrt(np.diag(fit.cov))[curve]
+    scale = np.where(scale > 0.0, scale, 1.0)
+    blocks = [root[:, curve] for root in posterior.information_roots(fit.values)]
+    gradient = np.sum([jacobian.T @ residual for jacobian, residual in posterior.scoring(fit.values)], axis=0)[curve]
+    _, singular, right = np.linalg.svd(np.vstack(blocks) * scale, full_matrices=False)
+    seen = singular > math.sqrt(_ALONE) * singular[0]
+    aim = -(right @ (gradient * scale))[seen] / singular[seen]
+    edges = [(problem.parameters[i].prior, float(fit.values[i])) for i in curve]
+    low = np.array([min(prior.low - value, 0.0) for prior, value in edges])
+    high = np.array([max(prior.high - value, 0.0) for prior, value in edges])
+    return Quadratic((singular[:, None] * right)[seen] / scale, aim, low, high, scale)
+
+
+def edge_of(prior: Prior, value: float) -> float:
+    """The edge of the prior that is closer to `value`; infinite where there is none."""
+    return prior.low if value - prior.low <= prior.high - value else prior.high
+
+
+def pressed(fit: Fit, *, estimated: bool = False) -> Mapping[str, float]:
+    """Parameters of the curve on an edge -> probability that chance presses them against it as much as these data (and priors) do.
+
+    estimated : whether the size of the noise, held here, was taken from the residuals.
+    """
+    from scipy import stats
+
+    problem, curve = fit.problem, curve_indices(fit)
+    on_edge = [k for k, i in enumerate(curve) if fit.names[i] in fit.at_bound]
+    if not on_edge or fit.singular:
+        return {}
+    model = around(fit)
+    pull_rows = np.diag([problem.parameters[i].prior.residual_slope(float(fit.values[i])) for i in curve])
+    off = np.array([problem.parameters[i].prior.residual(float(fit.values[i])) for i in curve])
+    here = model.least(pull_rows, off)[1]
+    inferred = estimated or bool(problem.noise_names)
+    dof = max(1, problem.n_obs - curve.size)
+    squares = float(np.sum(fit.posterior.size_residuals(fit.values) ** 2))
+    found = {}
+    for k in on_edge:
+        parameter, value = problem.parameters[curve[k]], float(fit.values[curve[k]])
+        passed = replace(model, low=model.low.copy(), high=model.high.copy())
+        if edge_of(parameter.prior, value) == parameter.prior.low:
+            passed.low[k] = -math.inf
+        else:
+            passed.high[k] = math.inf
+        fall = max(0.0, here - passed.least(pull_rows, off)[1])
+        if inferred:  # the size of the noise was taken from residuals that the edge has made larger
+            fall *= dof / max(squares - fall, 1e-9 * squares)
+            found[parameter.name] = float(stats.t.sf(math.sqrt(fall), dof))
+        else:
+            found[parameter.name] = float(stats.norm.sf(math.sqrt(fall)))
+    return found
+
+
+def limit_of(fit: Fit, name: str, draws: FloatArray) -> Limit | None:
+    """One-sided limits of a parameter that lies on an edge, from its draws (n_draw,); None for one that does not."""
+    if name not in fit.at_bound:
+        return None
+    i = fit.names.index(name)
+    prior = fit.problem.parameters[i].prior
+    edge = edge_of(prior, float(fit.values[i]))
+    upper = edge == prior.low
+    ends = np.quantile(draws, [0.68, 0.95] if upper else [0.32, 0.05])
+    return Limit("upper" if upper else "lower", float(edge), float(ends[0]), float(ends[1]))
+
+
+def limit_cell(limit: Limit, factor: float) -> str:
+    """'< 0.31 (95 %)', in units of which one SI unit has `factor`."""
+    rounded = format_rounded(limit.limit_95 * factor, 0.25 * abs(limit.limit_95 - limit.edge) * factor)
+    return f"{'<' if limit.side == 'upper' else '>'} {rounded} (95 %)"
+
+
+def limit_words(fit: Fit, name: str, draws: FloatArray) -> str:
+    """'κ[b] < 0.31 (95 %): its most probable value is the edge of its range, 0', or "" where it is not."""
+    limit = limit_of(fit, name, draws)
+    if limit is None:
+        return ""
+    parameter = fit.problem.parameters[fit.names.index(name)]
+    shown = label(name, parameter.unit)
+    cell = limit_cell(limit, shown.factor).replace(" (", f"{'' if shown.unit == '1' else f' {shown.unit}'} (")
+    return f"{shown.symbol} {cell}: its most probable value is the edge of its range, {shown_edge(parameter, limit.edge)}"
+
+
+def shown_edge(parameter: Parameter, value: float) -> str:
+    """'0.185' or '−5 °': the edge of the parameter's range next to `value`, as a reader is shown it."""
+    shown = label(parameter.name, parameter.unit)
+    return f"{edge_of(parameter.prior, value) * shown.factor:.4g}{'' if shown.unit == '1' else f' {shown.unit}'}"

@@ -1,0 +1,305 @@
+"""The posterior mode by least squares.  The only file that knows lmfit.
+
+Priors enter as residuals, sigmas are absolute (`scale_covar=False`), the Jacobian is analytic, and the search starts
+from several points.  The covariance of the noise depends weakly on the curve, so the fit is repeated with it taken at
+the last result until nothing moves (iteratively reweighted least squares); inferred noise parameters are updated in
+turn by maximising the same posterior.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from estim.arrays import FloatArray
+from estim.common import InputError, NumericalError
+from estim.fitting.fisher_information import information
+from estim.problem import Observations, Posterior, Problem, Symmetry, informative
+
+_MAX_ROUNDS = 60
+_SETTLED = 1e-4  # of a standard deviation, between two rounds
+_SAME_OPTIMUM = 0.5  # in minus log density
+_SAME_PLACE = 1.5  # standard deviations
+WITHIN_REACH = 12.0  # in minus log density: worse optima hold next to nothing of the posterior
+_NO_CURVATURE = "the fit ends where the curve has no finite derivatives in its parameters: are the units and the stated values right?"
+_N_FINISH, _FINE = 20, 1e-2
+_SILENT = 1e-11  # ratio of singular values
+_TAKES_PART = 0.2  # component of a unit direction
+PERFECT = 1e-12  # residuals below this share of y are rounding errors
+_FAR_APART = 3.0  # standard deviations, of any parameter
+
+
+@dataclass(frozen=True, eq=False)
+class Fit:
+    """The posterior mode and the Gaussian approximation around it.
+
+    names : (n_par,).  values : (n_par,) the mode.
+    cov : (n_par, n_par) inverse of the information (curvature) there, priors included.
+    sds : (n_par,) square roots of its diagonal; nan for a parameter within one sd of a bound, where a symmetric standard
+        deviation would be wrong.
+    at_bound : names of parameters whose mode lies on a bound of their prior.
+    posterior : the density with covariances at the mode, as the sampler uses it.
+    chi2 : whitened squares of the data (of normal scores, with errors of x) and of informative priors.  dof : their number minus the fitted
+        parameters of the curve.  p_value : P(chi2 or more); nan where the size of the noise was inferred or its tails are heavy (it proves nothing).
+    n_start, n_same : starts tried, and how many of them led to the best optimum.
+    others : (n_other, n_par) other optima not much worse than the best, far from it and from each other.
+    symmetry : what else draws the same curves, None where that was not asked.  aliases : in words, faster curves through the same points.
+    singular : whether some combination of parameters is not determined at all, not even by the priors.
+    success, message : whether the search settled, in words.
+    """
+
+    names: tuple[str, ...]
+    values: FloatArray
+    cov: FloatArray
+    sds: FloatArray
+    at_bound: tuple[str, ...]
+    posterior: Posterior
+    chi2: float
+    dof: int
+    p_value: float
+    n_start: int
+    n_same: int
+    others: FloatArray
+    singular: bool
+    success: bool
+    message: str
+    symmetry: Symmetry | None = None
+    aliases: str = ""
+
+    @property
+    def problem(self) -> Problem:
+        return self.posterior.problem
+
+
+def fit_least_squares(problem: Problem, *, rng: np.random.Generator, n_start: int = 8, start: FloatArray | None = None) -> Fit:
+    """The posterior mode of `problem`, from the best of `n_start` starts.
+
+    start : (n_par,) where to start first; the centre of the priors if None.  The other starts are draws of the priors.
+
+    Raises InputError where the problem has no unknowns, NumericalError where the curve is defined at no start or has no finite
+    derivatives where the search ends.
+    """
+    if problem.n_par == 0:
+        raise InputError("leave nothing to fit: every quantity is exact; give at least one an uncertainty or a prior", field="parameters")
+    starts = np.vstack([problem.start() if start is None else start, *(_prior_draw(problem, rng) for _ in range(n_start - 1))])
+    starts = starts[[bool(np.all(np.isfinite(problem.linearised(s).residuals(s)))) for s in starts]]
+    if not starts.size:
+        raise NumericalError("the fit cannot start: the curve is not defined at the starting values, nor at draws of the priors")
+    rough = [end for start in starts if not math.isnan((end := _settle(problem, start, max_rounds=4))[2])]
+    if not rough:
+        raise NumericalError(_NO_CURVATURE)
+    objective = np.array([-_log_density(posterior, values) for values, posterior, _ in rough])
+    best = int(np.nanargmin(objective))
+    values, posterior, moved = _settle(problem, rough[best][0], max_rounds=_MAX_ROUNDS)
+    if math.isnan(moved):
+        raise NumericalError(_NO_CURVATURE)
+    level = objective <= objective[best] + _SAME_OPTIMUM
+    ends = [rough[i][0] for i in np.argsort(objective) if objective[i] <= objective[best] + WITHIN_REACH]
+    same = [end for (end, _, _), equal in zip(rough, level, strict=True) if equal]
+    return _describe(problem, posterior, values, moved, ends, n_start=len(rough), same=same)
+
+
+def _prior_draw(problem: Problem, rng: np.random.Generator) -> FloatArray:
+    return np.array([float(p.prior.draw(rng, 1)[0]) for p in problem.parameters])
+
+
+def _log_density(posterior: Posterior, values: FloatArray) -> float:
+    return float(posterior.log_density(values[None, :])[0])
+
+
+def _settle(problem: Problem, start: FloatArray, *, max_rounds: int) -> tuple[FloatArray, Posterior, float]:
+    """Rounds of (covariance at the values; curve; noise) until they settle: values, posterior, last move in sds (nan: no curvature there)."""
+    values = start.copy()
+    posterior = problem.linearised(values)
+    moved = math.inf
+    for _ in range(max_rounds):
+        before = values
+        values = _fit_noise(posterior, _fit_curve(posterior, values))
+        posterior = problem.linearised(values)
+        matrix = information(posterior, values)
+        if not np.all(np.isfinite(matrix)):
+            return values, posterior, math.nan
+        scale = np.sqrt(np.diag(np.linalg.pinv(matrix, hermitian=True)))
+        moved = float(np.max(np.abs(values - before) / np.where(scale > 0.0, scale, np.inf), initial=0.0))
+        if moved < _SETTLED:
+            break
+    return values, posterior, moved
+
+
+def _fit_curve(posterior: Posterior, values: FloatArray) -> FloatArray:
+    """The parameters of the curve that minimise the squared residuals, noise parameters held."""
+    import lmfit
+
+    problem = posterior.problem
+    free = [i for i, p in enumerate(problem.parameters) if p.name not in problem.noise_names]
+    if not free:
+        return values
+    table = lmfit.Parameters()
+    for i in free:
+        prior = problem.parameters[i].prior
+        table.add(f"p{i}", value=_inside(float(values[i]), prior.low, prior.high), min=prior.low, max=prior.high)
+
+    def filled(parameters: lmfit.Parameters) -> FloatArray:
+        full = values.copy()
+        full[free] = [parameters[f"p{i}"].value for i in free]
+        return full
+
+    residual: Callable[[lmfit.Parameters], FloatArray] = lambda parameters: posterior.residuals(filled(parameters))  # noqa: E731
+
+    def jacobian(parameters: lmfit.Parameters) -> FloatArray:
+        columns = posterior.jacobian(filled(parameters))[:, free]
+        return np.where(np.isfinite(columns), columns, 0.0)  # a point beside the edge of where the curve is defined has no say in the step
+
+    latent = any(run.latent is not None for run in problem.runs)
+    tolerance = 1e-5 if latent else 1e-12  # with errors of x least squares creep: steps by the information finish
+    with np.errstate(divide="ignore", invalid="ignore"):  # lmfit also inverts the Hessian, singular where the data are silent; not used
+        result = lmfit.minimize(
+            residual, table, method="least_squares", scale_covar=False, calc_covar=False, jac=jacobian, x_scale="jac",
+            ftol=tolerance, xtol=tolerance, gtol=1e-12, max_nfev=400, nan_policy="propagate",  # scipy steps back from where the curve is not defined
+        )
+    return _finished(posterior, filled(result.params), free) if latent else filled(result.params)
+
+
+def _finished(posterior: Posterior, values: FloatArray, free: list[int]) -> FloatArray:
+    """`values` after steps by the Fisher information, as long as they help and stay inside the priors' support."""
+    priors = posterior.problem.parameters
+    low, high = np.array([priors[i].prior.low for i in free]), np.array([priors[i].prior.high for i in free])
+    height = float(np.sum(posterior.residuals(values) ** 2))
+    for _ in range(_N_FINISH):
+        slopes = np.diag([p.prior.residual_slope(float(v)) for p, v in zip(priors, values, strict=True)])
+        pairs = [*posterior.scoring(values), (slopes, posterior.prior_residuals(values))]
+        rows, aim = np.vstack([pair[0] for pair in pairs])[:, free], np.concatenate([pair[1] for pair in pairs])
+        if not (np.all(np.isfinite(rows)) and np.all(np.isfinite(aim))):
+            break
+        scale = np.linalg.norm(rows, axis=0)
+        scale[scale == 0.0] = 1.0
+        step = np.linalg.lstsq(rows / scale, -aim, rcond=_SILENT)[0] / scale
+        length, reached = 1.0, math.inf
+        while length > 1e-3 and not reached < height:
+            trial = values.copy()
+            trial[free] = np.clip(values[free] + length * step, low, high)
+            reached, length = float(np.sum(posterior.residuals(trial) ** 2)), 0.5 * length
+        if not reached < height:
+            break
+        values, height = trial, reached
+        if float(np.linalg.norm(rows @ step)) < _FINE * _SETTLED:
+            break
+    return values
+
+
+def _inside(value: float, low: float, high: float) -> float:
+    """`value` moved strictly between the bounds: a search that starts on a bound may stay there."""
+    span = high - low if math.isfinite(high - low) else max(abs(value), 1e-6)
+    return min(max(value, low + 1e-6 * span), high - 1e-6 * span)
+
+
+def _fit_noise(posterior: Posterior, values: FloatArray) -> FloatArray:
+    """The noise parameters that maximise the posterior, those of the curve held."""
+    from scipy.optimize import minimize
+
+    problem = posterior.problem
+    free = [i for i, p in enumerate(problem.parameters) if p.name in problem.noise_names]
+    if not free:
+        return values
+    priors = [problem.parameters[i].prior for i in free]
+    scale = np.array([prior.sd for prior in priors])
+
+    def filled(scaled: FloatArray) -> FloatArray:
+        full = values.copy()
+        full[free] = scaled * scale
+        return full
+
+    def objective(scaled: FloatArray) -> tuple[float, FloatArray]:
+        full = filled(scaled)
+        pull = [prior.residual(v) * prior.residual_slope(v) for prior, v in zip(priors, full[free], strict=True)]
+        minus = -float(posterior.log_likelihood(full[None, :])[0]) + 0.5 * sum(
+            prior.residual(v) ** 2 for prior, v in zip(priors, full[free], strict=True)
+        )
+        return minus, (np.array(pull) - posterior.log_density_noise_gradient(full)[free]) * scale
+
+    bounds = [(max(prior.low, 1e-6 * prior.sd) / s, prior.high / s) for prior, s in zip(priors, scale, strict=True)]
+    start = np.clip(values[free] / scale, [low for low, _ in bounds], [high for _, high in bounds])
+    result = minimize(objective, start, jac=True, method="L-BFGS-B", bounds=bounds, options={"ftol": 1e-14, "gtol": 1e-9, "maxiter": 500})
+    return filled(result.x)
+
+
+def led_here(n_same: int, n_start: int) -> str:
+    """How many starts ended at the optimum, in words."""
+    return f"{n_same} of {n_start} starts led to this optimum" + ("" if n_same else ", a scan of the parameters did")
+
+
+def silent_parameters(fit: Fit) -> tuple[str, ...]:
+    """The parameters of the curve that the residuals of data and priors do not see, alone or in some combination.
+
+    From the singular values of the Jacobian with columns of unit length: the smallest, and those as small as it.
+    """
+    names = [name for name in fit.names if name not in fit.problem.noise_names]
+    columns = fit.posterior.jacobian(fit.values)[:, [fit.names.index(name) for name in names]]
+    scale = np.linalg.norm(columns, axis=0)
+    _, singular, right = np.linalg.svd(columns / np.where(scale > 0.0, scale, 1.0), full_matrices=True)
+    sizes = np.append(singular, np.zeros(len(names) - singular.size))
+    share = np.sqrt(np.sum(right[sizes <= max(_SILENT * sizes[0], 2.0 * sizes[-1])] ** 2, axis=0))
+    return tuple(name for name, part in zip(names, share, strict=True) if part > _TAKES_PART)
+
+
+def no_scatter(run: Observations, fit: Fit) -> bool:
+    """Whether the curve passes through every point of `run` to rounding errors, though it has fewer parameters than the run points."""
+    curve = np.broadcast_to(run.curve.value(run.x, run.bind(fit.problem.named(fit.values))), (1, run.n_obs))[0]
+    size = max(float(np.max(np.abs(run.y))), float(np.max(np.abs(curve))))
+    return run.n_obs > len(run.curve_parameters) and bool(np.max(np.abs(run.y - curve)) <= PERFECT * size)
+
+
+def far_apart(values: FloatArray, ends: list[FloatArray], scale: FloatArray) -> FloatArray:
+    """(n_other, n_par) those of `ends` that lie more than some standard deviations from `values` and from each other."""
+    kept = [values]
+    for end in ends:
+        if all(np.max(np.abs(end - other) / scale) > _FAR_APART for other in kept):
+            kept.append(end)
+    return np.array(kept[1:]).reshape(-1, values.size)
+
+
+def _describe(
+    problem: Problem, posterior: Posterior, values: FloatArray, moved: float, ends: list[FloatArray], *, n_start: int, same: list[FloatArray]
+) -> Fit:
+    matrix = information(posterior, values)
+    spread = np.sqrt(np.maximum(np.diag(matrix), 1e-300))
+    scaled = matrix / np.outer(spread, spread)
+    singular = float(np.linalg.cond(scaled)) > 1e12
+    cov = np.linalg.pinv(scaled, hermitian=True) / np.outer(spread, spread)
+    curvature = np.sqrt(np.diag(cov))
+    sds = np.full(problem.n_par, np.nan) if singular else curvature.copy()
+    at_bound = []
+    for i, parameter in enumerate(problem.parameters):
+        distance = min(values[i] - parameter.prior.low, parameter.prior.high - values[i])
+        if distance < curvature[i]:
+            sds[i] = np.nan
+        if distance < 1e-2 * curvature[i]:
+            at_bound.append(parameter.name)
+    curve = [i for i, p in enumerate(problem.parameters) if p.name not in problem.noise_names]
+    pulls = [i for i in curve if informative(problem.parameters[i].prior)]
+    chi2 = float(np.sum(posterior.size_residuals(values) ** 2) + np.sum(posterior.prior_residuals(values)[pulls] ** 2))
+    dof = problem.n_obs + len(pulls) - len(curve)
+    robust = any(run.noise.tails.robust for run in problem.runs)
+    place = np.where(curvature > 0.0, curvature, np.inf)
+    n_same = len(same) if singular else sum(bool(np.max(np.abs(end - values) / place) < _SAME_PLACE) for end in same)
+    message = f"settled; {led_here(n_same, n_start)}"
+    if moved >= _SETTLED:
+        message = f"did not settle: the last of {_MAX_ROUNDS} rounds still moved a parameter by {moved:.2g} standard deviations"
+    elif singular:
+        message = "settled, but a combination of parameters is not determined at all: no standard deviations"
+    return Fit(
+        names=problem.names, values=values, cov=cov, sds=sds, at_bound=tuple(at_bound), posterior=posterior, chi2=chi2, dof=dof,
+        p_value=chi2_p(chi2, dof) if dof > 0 and not problem.noise_names and not robust else math.nan,
+        n_start=n_start, n_same=n_same, others=far_apart(values, ends, place),
+        singular=singular, success=moved < _SETTLED, message=message,
+    )
+
+
+def chi2_p(chi2: float, dof: int) -> float:
+    """Probability of a value of chi^2 at least as large; 1 without degrees of freedom."""
+    from scipy.stats import chi2 as distribution
+
+    return float(distribution.sf(chi2, dof)) if dof > 0 else 1.0

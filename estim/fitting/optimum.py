@@ -1,0 +1,275 @@
+"""The best point of a problem whose starting values may be far off.
+
+Parameters that the curve is linear in need no start: they are solved for at every step (variable projection; Golub and
+Pereyra, SIAM J. Numer. Anal. 10 (1973) 413, with Kaufman's Jacobian), so the search runs in the others alone.  It starts
+from the user's values and from the best of many points around them, because a frequency or a rate has many local optima.
+The winner is polished by Gauss-Newton steps with a QR decomposition until they are at rounding error.
+
+From the best point every nonlinear parameter is then led through its whole range (`estim.fitting.screen`), so that other optima are
+met, better ones or equal ones.  Values that draw the same curve everywhere (two exponentials can change places, `estim.problem.symmetry`)
+are one optimum, given with the labels closest to the user's start.  All else that is not much worse is another solution.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from estim.arrays import FloatArray
+from estim.common import InputError
+from estim.fitting.descent import all_finite, descend, inverse_information, near_bound, stepped
+from estim.fitting.least_squares import WITHIN_REACH, Fit, far_apart, fit_least_squares, led_here
+from estim.fitting.screen import chi2_at, further_optima, solved_at
+from estim.fitting.separable import RESOLVED, SeparableSearch, rounding, set_apart
+from estim.fitting.solutions import MOST_OTHERS, PLACE, SAME, End, chi2_limit, choose, distance, distinct_ends, is_at, is_close, spread_at
+from estim.fitting.symmetry_search import find_symmetry
+from estim.problem import Independent, Problem, Symmetry, no_symmetry
+
+_N_SCREEN = 200
+N_START = 8
+_DECADES = 1.0  # spread of the points around the start, standard deviation of log10
+_ALIKE = 0.01  # squared distance of starts that are not worth two searches
+_FRAIL = 1e-11  # ratio of singular values
+_SETTLED = 1e-7  # last step, in standard deviations
+_MOST_REFITTED = 6  # of them by full fits, where the curve is a model of the study
+_MOST_DESCENTS = 24  # from the dips of one round of scans
+_ROUNDS = 3  # of scans, each from a better point
+
+
+@dataclass(frozen=True, eq=False)
+class Optimum:
+    """The best point found.
+
+    values : (n_par,).  cov : (n_par, n_par) inverse information in the whitened residuals' units; `free` parameters only,
+    zero elsewhere (noise parameters, parameters on a bound).  chi2 : sum of squares, priors included.
+    rounding : what rounding errors may leave of chi2.
+    step : size of the last Gauss-Newton step in standard deviations; tolerance : what rounding errors may leave of it.
+    condition : smallest / largest singular value, columns of unit length; resolved : what it must exceed to be told from zero.
+    at_bound : (n_par,) which parameters lie on a bound.  n_start, n_same : searches run, and how many ended here.
+    others : (n_other, n_par) other optima that are not much worse, best first; not those that only change labels.
+    symmetry : what else draws the same curve.  aliases : in words, faster curves through the same points, or "".
+    """
+
+    values: FloatArray
+    cov: FloatArray
+    chi2: float
+    rounding: float
+    step: float
+    tolerance: float
+    condition: float
+    resolved: float
+    at_bound: NDArray[np.bool_]
+    n_start: int
+    n_same: int
+    others: FloatArray
+    symmetry: Symmetry
+    aliases: str
+
+    @property
+    def singular(self) -> bool:
+        return not self.condition > self.resolved
+
+    @property
+    def frail(self) -> bool:
+        """Whether the covariance matrix is beyond what further computation with it (sampling) can bear."""
+        return not self.condition > _FRAIL
+
+    @property
+    def settled(self) -> bool:
+        return self.step < self.tolerance
+
+
+def find_optimum(
+    problem: Problem, start: FloatArray, *, rng: np.random.Generator, n_start: int = N_START, unstated: bool = False
+) -> Optimum:
+    """The best point of `problem` in its curve parameters; noise parameters stay at `start` (n_par,).
+
+    n_start : 1 goes down from `start` alone and looks for nothing else.  unstated : whether only the residuals say how large the errors are.
+
+    Raises InputError where the curve is not finite at the start nor at any point around it.
+    """
+    with np.errstate(all="ignore"):  # far from the optimum a curve may overflow: such points lose
+        if any(run.latent is not None for run in problem.runs):
+            exact = find_optimum(_with_exact_x(problem), start, rng=rng, n_start=n_start, unstated=True)
+            return _found_near(set_apart(problem, start, rng, unstated=unstated), start, exact)
+        return _found(set_apart(problem, start, rng, unstated=unstated), start, rng, n_start)
+
+
+def _found(search: SeparableSearch, start: FloatArray, rng: np.random.Generator, n_start: int) -> Optimum:
+    ends = [descend(search, start)]
+    searched = bool(search.bent.size) and n_start > 1
+    if searched:
+        ends += [descend(search, point) for point in _screened(search, start, rng, n_start - 1)]
+    tried = [(values, chi2) for values in ends if math.isfinite(chi2 := search.chi2(values))]
+    if not tried:
+        raise InputError("gives a curve that is not finite at the data, there and around", field="start")
+    best = min(tried, key=lambda end: end[1])
+    if not searched:
+        return _polished(search, best[0], n_start=len(ends), n_same=1)
+    symmetry = find_symmetry(search.posterior.problem, best[0], search.bent.tolist(), rng)
+    best, every = _scanned(search, best, tried, symmetry)
+    symmetry = symmetry.scaled(spread_at(search, best), search.bent.tolist())
+    distinct = distinct_ends(search, best, every, symmetry, start)
+    values, others, aliases = choose(search, distinct, symmetry, start)
+    n_same = sum(is_at(search, best, end, values, symmetry) for end, _ in tried)
+    return replace(_polished(search, values, n_start=len(tried), n_same=n_same), others=others, symmetry=symmetry, aliases=aliases)
+
+
+def _with_exact_x(problem: Problem) -> Problem:
+    """The problem without its errors of x: there linear parameters can be solved for, and its optima are good starts."""
+    noises = (replace(run.noise, sigma_x=None, relative_x=None) if isinstance(run.noise, Independent) else run.noise for run in problem.runs)
+    return Problem(problem.parameters, tuple(replace(run, noise=noise) for run, noise in zip(problem.runs, noises, strict=True)))
+
+
+def _found_near(search: SeparableSearch, start: FloatArray, exact: Optimum) -> Optimum:
+    """The best point of a problem with errors of x, from the optima of the same one without them."""
+    starts = [start]
+    for point in (exact.values, *exact.others):
+        if all(distance(search, point, other) > _ALIKE for other in starts):
+            starts.append(point)
+    ends = [descend(search, point) for point in starts]
+    tried = [(values, chi2) for values in ends if math.isfinite(chi2 := search.chi2(values))]
+    if not tried:
+        raise InputError("gives a curve that is not finite at the data, there and around", field="start")
+    best = min(tried, key=lambda end: end[1])
+    symmetry = exact.symmetry
+    distinct = distinct_ends(search, best, tried, symmetry, start)
+    values, others, aliases = choose(search, distinct, symmetry, start)
+    n_same = sum(is_at(search, best, end, values, symmetry) for end, _ in tried)
+    return replace(_polished(search, values, n_start=len(tried), n_same=n_same), others=others, symmetry=symmetry, aliases=aliases)
+
+
+def _scanned(search: SeparableSearch, best: End, tried: list[End], symmetry: Symmetry) -> tuple[End, list[End]]:
+    """The best point after scans from ever better ones, and all ends of descents."""
+    ends = list(tried)
+    for _ in range(_ROUNDS):
+        found, before = further_optima(search, best[0], symmetry.period), best
+        spread, limit = spread_at(search, best), chi2_limit(search, best)
+        fresh: list[FloatArray] = []
+        for point, chi2 in zip(found, chi2_at(search, found), strict=True):
+            if chi2 > 1.5 * limit or len(fresh) == _MOST_DESCENTS:
+                break
+            if not any(is_close(point, other, spread, PLACE) for other in (*fresh, *(end for end, _ in ends))):
+                fresh.append(point)
+        ends += [(values, chi2) for values in (descend(search, point) for point in fresh) if math.isfinite(chi2 := search.chi2(values))]
+        best = min(ends, key=lambda end: end[1])
+        if not best[1] < before[1] * (1.0 - SAME) - rounding(search):
+            break
+    return best, ends
+
+
+def fit_optimum(problem: Problem, *, rng: np.random.Generator) -> Fit:
+    """The posterior mode of a problem with a user's own curve, as `fit_least_squares` returns it, but found from afar."""
+    best = find_optimum(problem, problem.start(), rng=rng)
+    fit = with_others(fit_least_squares(problem, rng=rng, n_start=1, start=best.values), best, rng)
+    if not problem.noise_names and not np.any(best.at_bound):
+        sds = np.where(np.isfinite(fit.sds), np.sqrt(np.diag(best.cov)), np.nan)
+        fit = replace(fit, values=best.values, cov=best.cov, sds=sds, singular=best.frail)
+    words = fit.message if fit.singular or not fit.success else f"settled; {led_here(best.n_same, best.n_start)}"
+    return replace(fit, n_start=best.n_start, n_same=best.n_same, message=words)
+
+
+def is_resolved(fit: Fit) -> bool:
+    """Whether the data (and priors) determine every parameter of the curve as far as rounding errors let one see, even where `fit.singular`."""
+    curve = [i for i, name in enumerate(fit.names) if name not in fit.problem.noise_names]
+    return inverse_information(fit.posterior.jacobian(fit.values)[:, curve])[1] > RESOLVED
+
+
+def scanned_fit(fit: Fit, *, rng: np.random.Generator) -> Fit:
+    """`fit` with the further optima that scans of its parameters meet (`estim.fitting.screen`); the best of all becomes the fit."""
+    if fit.singular:
+        return fit
+    with np.errstate(all="ignore"):
+        search = set_apart(_with_exact_x(fit.problem), fit.values, rng, unstated=any(run.latent is not None for run in fit.problem.runs))
+        found = further_optima(search, fit.values) if search.bent.size else np.zeros((0, fit.values.size))
+        here = fit.values, search.chi2(fit.values)
+        near, limit = [fit.values, *fit.others], chi2_limit(search, here)
+        spread = np.sqrt(np.diag(fit.cov))
+        fresh: list[FloatArray] = []
+        for point, chi2 in zip(found, chi2_at(search, found), strict=True):
+            if chi2 > limit or len(fresh) == _MOST_REFITTED:
+                break
+            if not any(is_close(point, other, spread, 3.0) for other in (*near, *fresh)):
+                fresh.append(point)
+    refitted = [fit_least_squares(fit.problem, rng=rng, n_start=1, start=point) for point in fresh]
+    ends = [(one.values, float(fit.posterior.log_density(one.values[None, :])[0])) for one in (fit, *refitted) if one.success]
+    ends += [(other, float(fit.posterior.log_density(other[None, :])[0])) for other in fit.others]
+    highest = max((height for _, height in ends), default=-math.inf)
+    better = [one for one in refitted if one.success and float(fit.posterior.log_density(np.vstack([one.values, fit.values])) @ [1.0, -1.0]) > 0.5]
+    if better:
+        best = max(better, key=lambda one: float(fit.posterior.log_density(one.values[None, :])[0]))
+        fit = replace(best, n_start=fit.n_start, n_same=0, message=f"settled; {led_here(0, fit.n_start)}")
+    ranked = [values for values, height in sorted(ends, key=lambda end: -end[1]) if height > highest - WITHIN_REACH]
+    scale = np.where(np.diag(fit.cov) > 0.0, np.sqrt(np.diag(fit.cov)), np.inf)
+    return replace(fit, others=far_apart(fit.values, ranked, scale))
+
+
+def with_others(fit: Fit, best: Optimum, rng: np.random.Generator) -> Fit:
+    """A fit with the other optima of the search: those that hold more than next to nothing of the posterior, noise parameters refitted."""
+    if best.singular or fit.singular:
+        return fit
+    more = fit.values.size - best.values.size  # the size of the errors, where `fit` has it as a further parameter
+    symmetry = best.symmetry.widened(more)
+    scale = np.where((sds := np.sqrt(np.diag(fit.cov))) > 0.0, sds, np.inf)
+    found = []
+    for point in best.others[:MOST_OTHERS]:
+        start = symmetry.nearest(np.append(point, fit.values[point.size :]), fit.values)
+        if fit.problem.noise_names:
+            start = fit_least_squares(fit.problem, rng=rng, n_start=1, start=start).values
+        worse = float(np.diff(fit.posterior.log_density(np.vstack([start, fit.values])))[0])
+        if worse < WITHIN_REACH:
+            found.append(start)
+    return replace(fit, others=far_apart(fit.values, found, scale), symmetry=symmetry, aliases=best.aliases)
+
+
+def _screened(search: SeparableSearch, start: FloatArray, rng: np.random.Generator, n: int) -> list[FloatArray]:
+    """The best `n` of many points around the start, no two of them alike."""
+    points = solved_at(search, np.array([_scattered(search, start, rng) for _ in range(_N_SCREEN)]))
+    heights = chi2_at(search, points)
+    chosen: list[FloatArray] = []
+    for i in np.argsort(heights, kind="stable"):
+        if len(chosen) == n or not math.isfinite(heights[i]):
+            break
+        if all(distance(search, points[i], other) > _ALIKE for other in chosen):
+            chosen.append(points[i])
+    return chosen
+
+
+def _scattered(search: SeparableSearch, start: FloatArray, rng: np.random.Generator) -> FloatArray:
+    """A point around the start: each nonlinear parameter times a factor, or drawn between its limits or from its prior."""
+    values = start.copy()
+    for i in search.bent:
+        prior = search.posterior.problem.parameters[i].prior
+        if math.isfinite(prior.sd) and math.isfinite(prior.low) == math.isfinite(prior.high):
+            values[i] = float(prior.draw(rng, 1)[0])
+            continue
+        size = abs(start[i])
+        factor = 10.0 ** (_DECADES * rng.standard_normal())
+        values[i] = start[i] * factor if size > 0.0 else rng.choice([-1.0, 1.0]) * factor
+        values[i] = min(max(values[i], search.low[i]), search.high[i])
+    return values
+
+
+def _polished(search: SeparableSearch, values: FloatArray, *, n_start: int, n_same: int) -> Optimum:
+    """The optimum that Gauss-Newton steps from `values` lead to.  Raises InputError where the curve has no finite derivatives there."""
+    free, resolved = search.free, search.resolved
+    values, chi2, step_size = stepped(search, values)
+    jacobian, residual = search.scoring(values)
+    if not all_finite(jacobian, residual):
+        rule = "leads the search to where the curve has no finite derivatives in its parameters: try other values, or bounds"
+        raise InputError(rule, field="start")
+    rounded = rounding(search, values)
+    left = 0.1 * math.sqrt(rounded / max(chi2, 1e-300) * max(1, residual.size - free.size))
+    near = near_bound(search, values, jacobian.T @ residual)
+    moving = free[~near[free]]
+    cov, condition = inverse_information(jacobian[:, moving], resolved)
+    full = np.zeros((values.size, values.size))
+    full[np.ix_(moving, moving)] = cov
+    alone = np.zeros((0, values.size))
+    return Optimum(
+        values, full, chi2, rounded, step_size, max(_SETTLED, left), condition, resolved, near, n_start, n_same, alone,
+        no_symmetry(search.posterior.problem), "",
+    )

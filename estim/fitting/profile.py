@@ -1,0 +1,304 @@
+"""Profile-posterior intervals: how far one parameter can move before data and priors together object.
+
+The objective is  q(value) = -2 max log p(value, others | data), the maximum over all other parameters, priors included as in the
+fit (with flat priors it is the profile likelihood).  The interval of probability P is where q rises by no more than the
+chi-squared quantile of P with one degree of freedom above its minimum (1.00 for 68.3 %, 3.84 for 95 %): exact where the posterior
+is Gaussian in some transform of the parameter, good to the order 1/n_obs otherwise.  Use it where a fit is asymmetric, at
+a bound, or weakly determined: a side on which q does not rise enough before the edge of the prior is *open*, and says so.
+
+The covariances of the noise are held at the fit, as everywhere in the posterior.  A search that fails is a sentence in the
+record, never an exception.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+import numpy as np
+
+from estim.arrays import FloatArray
+from estim.common import InputError, label
+from estim.fitting.least_squares import Fit
+from estim.fitting.profile_search import Point, ProfileSearch, search_of
+from estim.problem import Parameter
+
+_BETTER = 0.02  # fall of the objective below the fit's that counts as another, better optimum
+_REACH = 40.0  # prior standard deviations beyond which nothing is looked for
+_GRID_SETTLED = 1e-4  # fall still promised at a point of a contour grid, good enough for a figure
+_MAX_STEPS = 60  # of a walk to one side
+
+
+@dataclass(frozen=True, eq=False)
+class ProfileInterval:
+    """The profile-posterior intervals of one parameter, in its own unit.
+
+    name, value : the parameter and its value at the mode.
+    low, high : probability -> end of the interval, or the edge (of the prior, or of the search) on an open side.
+    open_low, open_high : probability -> whether the objective does not rise enough on that side.
+    x, rise : (n_point,) where the profile was computed, increasing, and how far the objective stands above its minimum.
+    found_better : how far below the fit's the lowest objective met on the way lies; 0 if the fit's is the lowest.
+    better_values : (n_par,) where that was; None if nowhere.
+    n_failed : points at which the search over the other parameters did not settle.
+    sentence : the intervals and every doubt about them, in words.
+    """
+
+    name: str
+    value: float
+    low: dict[float, float]
+    high: dict[float, float]
+    open_low: dict[float, bool]
+    open_high: dict[float, bool]
+    x: FloatArray
+    rise: FloatArray
+    found_better: float
+    better_values: FloatArray | None
+    n_failed: int
+    sentence: str
+
+
+@dataclass(frozen=True, eq=False)
+class Contour:
+    """Profile of two parameters on a grid.
+
+    a, b : names.  x : (n,) values of a.  y : (n,) values of b.  rise : (n, n) objective above its minimum, rise[i, j] at
+    (x[i], y[j]), inf where the density is zero.  levels : probability -> rise (chi-squared with two degrees of freedom).
+    n_failed : points at which the search over the other parameters did not settle.
+    """
+
+    a: str
+    b: str
+    x: FloatArray
+    y: FloatArray
+    rise: FloatArray
+    levels: dict[float, float]
+    n_failed: int
+
+
+def profile_intervals(
+    fit: Fit, *, names: Sequence[str] | None = None, probabilities: tuple[float, ...] = (0.68, 0.95), dof: float = math.inf
+) -> tuple[ProfileInterval, ...]:
+    """Profile-posterior intervals of the parameters `names` (all if None).  Raises InputError for an unknown name or probability.
+
+    dof : degrees of freedom from which the size of the errors, held here, was estimated; infinite if it was stated.  The objective
+        then rises by the square of a quantile of Student's t.
+    """
+    indices = [_index(fit, name) for name in (fit.names if names is None else names)]
+    rises = _quantiles(probabilities, dof=1)
+    if math.isfinite(dof):
+        from scipy import stats
+
+        rises = {p: float(stats.t.ppf(0.5 + 0.5 * p, dof)) ** 2 for p in rises}
+    search = search_of(fit)
+    mode = search.minimise(fit.values, held=())
+    return tuple(_interval(fit, search, mode, i, rises) for i in indices)
+
+
+def contour(fit: Fit, a: str, b: str, probabilities: tuple[float, ...] = (0.68, 0.95), *, n: int = 17) -> Contour:
+    """Profile of the parameters `a` and `b` on an n x n grid that holds the widest contour.  Raises InputError for an unknown name."""
+    i, j = _index(fit, a), _index(fit, b)
+    if i == j:
+        raise InputError("must be another parameter than the first", field="b", value=b)
+    levels = _quantiles(probabilities, dof=2)
+    search = search_of(fit)
+    mode = search.minimise(fit.values, held=())
+    widest = {1.0: 1.1 * max(levels.values())}
+    axes = []
+    for k in (i, j):
+        span = _interval(fit, search, mode, k, widest)
+        # the mode is one of the nodes, so that the minimum is on the grid
+        below = np.linspace(span.low[1.0], span.value, n // 2 + 1)
+        axes.append(np.concatenate([below, np.linspace(span.value, span.high[1.0], n - n // 2)[1:]]))
+    rise, failed = _grid(search, mode, i, j, axes[0], axes[1])
+    return Contour(a, b, axes[0], axes[1], rise, levels, failed)
+
+
+def _index(fit: Fit, name: str) -> int:
+    if name not in fit.names:
+        raise InputError(f"must be one of {', '.join(fit.names)}", field="names", value=name)
+    return fit.names.index(name)
+
+
+def _quantiles(probabilities: Sequence[float], *, dof: int) -> dict[float, float]:
+    from scipy.stats import chi2
+
+    for p in probabilities:
+        if not 0.0 < p < 1.0:
+            raise InputError("must lie between 0 and 1", field="probabilities", value=p)
+    return {p: float(chi2.ppf(p, dof)) for p in sorted(probabilities)}
+
+
+def _interval(fit: Fit, search: ProfileSearch, mode: Point, i: int, rises: dict[float, float]) -> ProfileInterval:
+    parameter = fit.problem.parameters[i]
+    if not math.isfinite(mode.objective):
+        return _nowhere(parameter, float(mode.values[i]), rises)
+    ends: list[dict[float, float]] = []
+    opened: list[dict[float, bool]] = []
+    points = [mode]
+    pieces: set[float] = set()
+    others: list[Point] = [mode]
+    for sign in (-1.0, 1.0):
+        walk = _walk(search, mode, i, sign, max(rises.values()))
+        sides = {p: _crossing(search, walk, mode, i, rise) for p, rise in rises.items()}
+        pieces |= {p for p, rise in rises.items() if _returns(walk, mode, rise)}
+        others += [search.minimise(point.values, held=()) for point in _dips(walk)]
+        points += [point for side in sides.values() for point in side[1]] + walk[1:]
+        ends.append({p: float(walk[-1].values[i]) if end is None else end for p, (end, _) in sides.items()})
+        opened.append({p: end is None for p, (end, _) in sides.items()})
+    points.sort(key=lambda point: float(point.values[i]))
+    kept = [point for point in points if math.isfinite(point.objective)]
+    best = min([*kept, *others], key=lambda point: point.objective)
+    start = search.objective(fit.values)
+    fall = max(0.0, start - best.objective)
+    better = fall if fall > _BETTER else 0.0
+    result = ProfileInterval(
+        name=parameter.name, value=float(mode.values[i]), low=ends[0], high=ends[1], open_low=opened[0], open_high=opened[1],
+        x=np.array([point.values[i] for point in kept]), rise=np.array([point.objective - mode.objective for point in kept]),
+        found_better=better, better_values=best.values if better else None, n_failed=sum(not point.settled for point in points), sentence="",
+    )
+    return _with_sentence(result, parameter, tuple(sorted(pieces)))
+
+
+def _nowhere(parameter: Parameter, value: float, rises: dict[float, float]) -> ProfileInterval:
+    """The record where there is no minimum to start from."""
+    everywhere, opened = dict.fromkeys(rises, value), dict.fromkeys(rises, True)
+    sentence = f"{label(parameter.name, parameter.unit).symbol}: no interval, the posterior density is zero or not a number at the fit"
+    return ProfileInterval(
+        name=parameter.name, value=value, low=everywhere, high=dict(everywhere), open_low=opened, open_high=dict(opened), x=np.array([value]),
+        rise=np.zeros(1), found_better=0.0, better_values=None, n_failed=1, sentence=sentence,
+    )
+
+
+def _walk(search: ProfileSearch, mode: Point, i: int, sign: float, rise: float) -> list[Point]:
+    """Points outward from the mode until the objective has risen by `rise`, to the edge of the prior, or out of reach."""
+    edge = float(search.high[i] if sign > 0.0 else search.low[i])
+    far = float(mode.values[i]) + sign * _REACH * float(search.prior_sd[i])
+    end = min(edge, far) if sign > 0.0 else max(edge, far)
+    points, step = [mode], 0.5 * float(search.scale[i])
+    while len(points) < _MAX_STEPS and points[-1].values[i] != end:
+        here = float(points[-1].values[i])
+        target = here + sign * step
+        if sign * (end - target) < 0.1 * step:
+            target = end
+        point = search.minimise(_predicted(search, points, i, target), held=(i,))
+        points.append(point)
+        if not point.objective - mode.objective < rise:
+            break
+        gained = math.sqrt(max(point.objective - mode.objective, 0.0)) - math.sqrt(max(points[-2].objective - mode.objective, 0.0))
+        if gained < 0.25:
+            step *= 1.6
+    return points
+
+
+def _predicted(search: ProfileSearch, points: Sequence[Point], i: int, target: float) -> FloatArray:
+    """Where the other parameters should be when parameter i is at `target`: on the line through the last two points."""
+    last = points[-1].values
+    if len(points) > 1 and points[-1].values[i] != points[-2].values[i]:
+        slope = (last - points[-2].values) / (last[i] - points[-2].values[i])
+    else:
+        slope = search.tangent(last, i)
+    values = np.clip(last + slope * (target - last[i]), search.low, search.high)
+    values[i] = target
+    # a prediction of zero density is worse than none
+    if not math.isfinite(search.objective(values)):
+        values = last.copy()
+        values[i] = target
+    return values
+
+
+def _crossing(search: ProfileSearch, walk: Sequence[Point], mode: Point, i: int, rise: float) -> tuple[float | None, list[Point]]:
+    """Where the objective passes `rise` for the last time on a walk (None: it does not), and the points computed to find it."""
+    from scipy.optimize import brentq
+
+    inside = [k for k, point in enumerate(walk) if point.objective - mode.objective < rise]
+    outer = max(inside, default=0) + 1
+    if outer >= len(walk):
+        return None, []
+    inner, beyond = walk[outer - 1], walk[outer]
+    found: list[Point] = []
+
+    def height(x: float) -> float:
+        """Square root of the rise, nearly a straight line, above the level."""
+        share = (x - inner.values[i]) / (beyond.values[i] - inner.values[i])
+        start = np.asarray(inner.values + share * (beyond.values - inner.values))
+        start[i] = x
+        if not math.isfinite(search.objective(start)):
+            start = inner.values.copy()
+            start[i] = x
+        point = inner if x == inner.values[i] else beyond if x == beyond.values[i] else search.minimise(start, held=(i,))
+        if point is not inner and point is not beyond:
+            found.append(point)
+        return _height(point, mode, rise)
+
+    end = brentq(height, float(inner.values[i]), float(beyond.values[i]), xtol=1e-8 * float(search.scale[i]), rtol=1e-14, disp=False)
+    return float(end), found
+
+
+def _height(point: Point, mode: Point, rise: float) -> float:
+    risen = point.objective - mode.objective
+    return min(math.sqrt(max(risen, 0.0)) if math.isfinite(risen) else math.inf, 4.0 * math.sqrt(rise)) - math.sqrt(rise)
+
+
+def _returns(walk: Sequence[Point], mode: Point, rise: float) -> bool:
+    """Whether the objective falls below `rise` again after it had risen above it."""
+    above = [point.objective - mode.objective >= rise for point in walk]
+    return any(before and not after for before, after in pairwise(above))
+
+
+def _dips(walk: Sequence[Point]) -> list[Point]:
+    """Points of a walk that lie lower than the point before and not higher than the one after: valleys beside that of the mode."""
+    triples = zip(walk, walk[1:], [*walk[2:], walk[-1]], strict=False)
+    return [here for before, here, after in triples if here.objective < before.objective - 1e-6 and here.objective <= after.objective]
+
+
+def _with_sentence(found: ProfileInterval, parameter: Parameter, pieces: tuple[float, ...]) -> ProfileInterval:
+    shown = label(parameter.name, parameter.unit)
+    unit = "" if shown.unit == "1" else f" {shown.unit}"
+    intervals = [f"{p:.0%} [{found.low[p] * shown.factor:.4g}, {found.high[p] * shown.factor:.4g}]{unit}" for p in found.low]
+    said = ["; ".join(intervals)]
+    prior = parameter.prior
+    for side, opened, ends, edge in (("below", found.open_low, found.low, prior.low), ("above", found.open_high, found.high, prior.high)):
+        which = [p for p in opened if opened[p]]
+        if not which:
+            continue
+        end = ends[which[0]]
+        place = f"{end * shown.factor:.3g}{unit}"
+        size = "" if len(which) == len(opened) else " for " + " and ".join(f"{p:.0%}" for p in which)
+        if end != edge:
+            said.append(f"open {side}{size}: no limit as far as {place}, where the search ended")
+        elif abs(found.value - edge) < 1e-3 * (max(found.high.values()) - min(found.low.values())):
+            said.append(f"open {side}{size}: the mode lies at the edge {place} of the prior")
+        else:
+            said.append(f"open {side}{size}: no limit {'above' if side == 'below' else 'below'} the edge {place} of the prior")
+    said += [f"the {p:.0%} region has more than one piece; the interval spans them" for p in pieces]
+    if found.found_better:
+        said.append(f"a better point than the fit was met on the way (minus twice the log density lower by {found.found_better:.2g})")
+    if found.n_failed:
+        said.append(f"the search over the other parameters did not settle at {found.n_failed} points")
+    return replace(found, sentence=f"{shown.symbol}: " + "; ".join(said))
+
+
+def _grid(search: ProfileSearch, mode: Point, i: int, j: int, x: FloatArray, y: FloatArray) -> tuple[FloatArray, int]:
+    """Rise (n, n) over the grid, each point started from its neighbour towards the mode, and the number of failures."""
+    rise = np.full((x.size, y.size), np.inf)
+    if not math.isfinite(mode.objective):
+        return rise, rise.size
+    centre = (int(np.argmin(np.abs(x - mode.values[i]))), int(np.argmin(np.abs(y - mode.values[j]))))
+    order = sorted(np.ndindex(x.size, y.size), key=lambda cell: max(abs(cell[0] - centre[0]), abs(cell[1] - centre[1])))
+    slopes = search.cov[:, [i, j]] @ np.linalg.inv(search.cov[np.ix_([i, j], [i, j])])
+    done: dict[tuple[int, ...], Point] = {}
+    for cell in order:
+        near = tuple(int(c - np.sign(c - m)) for c, m in zip(cell, centre, strict=True))
+        start = done.get(near, mode)
+        target = np.array([x[cell[0]], y[cell[1]]])
+        values = start.values + slopes @ (target - start.values[[i, j]])
+        values = np.clip(values, search.low, search.high)
+        values[[i, j]] = target
+        if not math.isfinite(search.objective(values)):
+            values = start.values.copy()
+            values[[i, j]] = target
+        done[cell] = search.minimise(values, held=(i, j), settled=_GRID_SETTLED)
+        rise[cell] = done[cell].objective - mode.objective
+    return rise, sum(not point.settled for point in done.values())

@@ -1,0 +1,234 @@
+"""A search for further optima: each nonlinear parameter is led through its whole range, and every dip on the way is descended into.
+
+At each place of a scan all other parameters are fit to first order (their tangents are projected out: for a frequency with
+amplitude and phase that is the least-squares periodogram), so one vectorised call looks at thousands of places.  Places are
+spaced by how fast the curve changes its shape: by about 1/(6 range of x) for a frequency, by factors for a rate.  The lowest dips are then
+descended together by Levenberg-Marquardt steps with numerical derivatives.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from estim.arrays import FloatArray
+from estim.fitting.separable import SeparableSearch
+from estim.problem import informative
+
+_N_COARSE = 48  # places at which the speed of change is taken
+_SPACING = 0.35  # of a change of shape by its own size
+_MOST_PLACES = 6000
+_MOST_NUMBERS = 3_000_000  # residuals in all calls for one parameter
+_MOST_DIPS = 40
+_DECADES = 2.0  # to either side of the start, where there are no limits
+_PRIOR_SDS = 5.0
+_STEP, _WIDE = 1e-6, 1e-4  # of a parameter's size: for first and for mixed second differences
+_N_STEP = 14
+_BATCH = 400_000  # residuals in one call
+
+
+def residuals_at(search: SeparableSearch, points: FloatArray) -> FloatArray:
+    """(n_point, n_obs + n_prior) residuals at points (n_point, n_par), priors that pull included."""
+    posterior, problem = search.posterior, search.posterior.problem
+    pulling = [i for i in search.free if informative(problem.parameters[i].prior)]
+    rows = max(1, _BATCH // max(1, problem.n_obs))
+    parts = []
+    with np.errstate(all="ignore"):
+        for first in range(0, max(1, points.shape[0]), rows):
+            some = points[first : first + rows]
+            named = problem.named(some)
+            pairs = zip(problem.runs, posterior.standardised_draws(some), strict=True)
+            blocks = [
+                run.latent.deviance_residual(named) if run.latent is not None
+                else run.noise.tails.deviance_residual(z, named)[0] if run.noise.tails.robust else z
+                for run, z in pairs
+            ]
+            pulls = [np.array([problem.parameters[i].prior.residual(float(v)) for v in some[:, i]])[:, None] for i in pulling]
+            parts.append(np.hstack([*blocks, *pulls]))
+    return np.vstack(parts)
+
+
+def chi2_at(search: SeparableSearch, points: FloatArray) -> FloatArray:
+    """(n_point,) sums of squares, inf where the curve is not finite."""
+    with np.errstate(all="ignore"):
+        total = np.sum(residuals_at(search, points) ** 2, axis=1)
+    return np.where(np.isfinite(total), total, np.inf)
+
+
+def solved_at(search: SeparableSearch, points: FloatArray) -> FloatArray:
+    """`points` (n_point, n_par) with their linear parameters at the least-squares solution, well enough to compare them."""
+    if not search.linear.size:
+        return points
+    base, columns = _tangents(search, points, search.linear, 1.0)
+    with np.errstate(all="ignore"):
+        step = _solve(columns, -base)
+    found = points.copy()
+    found[:, search.linear] += np.where(np.isfinite(step), step, 0.0)
+    return found
+
+
+def further_optima(search: SeparableSearch, values: FloatArray, period: FloatArray | None = None) -> FloatArray:
+    """(n_found, n_par) ends of descents from the dips of a scan of every nonlinear parameter through its range, others as in `values`.
+
+    period : (n_par,) full turns of those that are phases, else inf: each dip is then tried with four phases.
+    """
+    starts = [dips for i in search.bent for dips in (_dips(search, values, int(i)),) if dips.size]
+    if not starts:
+        return np.zeros((0, values.size))
+    points = np.vstack(starts)
+    period = np.full(values.size, np.inf) if period is None else period
+    for i in np.flatnonzero(np.isfinite(period)):
+        turned = np.repeat(points, 4, axis=0)
+        turned[:, i] += np.tile(0.25 * np.arange(4), points.shape[0]) * period[i]
+        over = turned[:, i] > search.high[i]
+        turned[over, i] -= period[i] * np.ceil((turned[over, i] - search.high[i]) / period[i])
+        turned = turned[turned[:, i] >= search.low[i]]
+        heights = chi2_at(search, turned)
+        points = turned[np.argsort(heights, kind="stable")[: max(points.shape[0], 4 * _MOST_DIPS)]]
+    return descended(search, points)
+
+
+def _size(search: SeparableSearch, points: FloatArray, i: int) -> FloatArray:
+    """What a step of parameter i is measured by."""
+    known = max(abs(float(search.held[i])), 1e-3 * search.posterior.problem.parameters[i].prior.sd if _informed(search, i) else 0.0)
+    return np.maximum(np.abs(points[:, i]), known if known > 0.0 else 1.0)
+
+
+def _informed(search: SeparableSearch, i: int) -> bool:
+    return math.isfinite(search.posterior.problem.parameters[i].prior.sd)
+
+
+def _tangents(search: SeparableSearch, points: FloatArray, which: NDArray[np.int64], step: float) -> tuple[FloatArray, FloatArray]:
+    """Residuals (n_point, n_res) and their derivatives (n_point, n_res, n_which) by differences of `step` times the size of a parameter."""
+    moved, steps = [points], []
+    for i in which:
+        h = step * _size(search, points, int(i))
+        if math.isfinite(search.high[i]):
+            h = np.where(points[:, i] + h > search.high[i], -h, h)
+        at = points.copy()
+        at[:, i] += h
+        steps.append(at[:, i] - points[:, i])
+        moved.append(at)
+    every = residuals_at(search, np.vstack(moved)).reshape(len(moved), points.shape[0], -1)
+    with np.errstate(all="ignore"):
+        columns = np.stack([(rows - every[0]) / h[:, None] for rows, h in zip(every[1:], steps, strict=True)], axis=2)
+    return every[0], columns
+
+
+def _solve(columns: FloatArray, target: FloatArray, damping: float | FloatArray = 1e-12) -> FloatArray:
+    """(n_point, n_col) damped least squares of target (n_point, n_res) by columns (n_point, n_res, n_col)."""
+    columns = np.where(np.isfinite(columns), columns, 0.0)
+    scale = np.sqrt(np.sum(columns**2, axis=1))
+    scale = np.where(scale > 0.0, scale, 1.0)
+    unit = columns / scale[:, None, :]
+    gram = np.swapaxes(unit, 1, 2) @ unit
+    n = gram.shape[1]
+    gram = gram + np.asarray(damping).reshape(-1, 1, 1) * np.eye(n)
+    slope = np.swapaxes(unit, 1, 2) @ np.where(np.isfinite(target), target, 0.0)[:, :, None]
+    return np.asarray(np.linalg.solve(gram, slope)[..., 0] / scale)
+
+
+def _ends(search: SeparableSearch, i: int) -> tuple[float, float]:
+    """The range of parameter i that is looked at."""
+    prior, at = search.posterior.problem.parameters[i].prior, float(search.held[i])
+    low, high = float(search.low[i]), float(search.high[i])
+    if _informed(search, i) and not (math.isfinite(low) and math.isfinite(high) and high - low < 2.0 * _PRIOR_SDS * prior.sd):
+        return max(low, prior.centre - _PRIOR_SDS * prior.sd), min(high, prior.centre + _PRIOR_SDS * prior.sd)
+    reach = 10.0**_DECADES * (abs(at) if at else 0.1)
+    least = at / 10.0**_DECADES if at else -reach
+    if at < 0.0:
+        return max(low, -reach), min(high, least)
+    return (low if math.isfinite(low) else least), min(high, reach) if not math.isfinite(high) else high
+
+
+def _dips(search: SeparableSearch, values: FloatArray, i: int) -> FloatArray:
+    """(n_dip, n_par) where a scan of parameter i has its lowest local minima; beside each the same with the others moved to first order."""
+    low, high = _ends(search, i)
+    if not high > low:
+        return np.zeros((0, values.size))
+    n_par, n_obs = search.free.size, search.posterior.problem.n_obs
+    others = search.free[search.free != i]
+    most = min(_MOST_PLACES, _MOST_NUMBERS // ((1 + n_par) * max(1, n_obs)))
+    places = _places(search, values, i, low, high, most)
+    if places.size < 3:
+        return np.zeros((0, values.size))
+    points = np.repeat(values[None, :], places.size, axis=0)
+    points[:, i] = places
+    heights = np.empty(places.size)
+    moved = points.copy()
+    rows = max(1, _BATCH // max(1, n_obs * (1 + n_par)))
+    for first in range(0, places.size, rows):
+        some = slice(first, first + rows)
+        base, columns = _tangents(search, points[some], others, _STEP) if others.size else (residuals_at(search, points[some]), None)
+        with np.errstate(all="ignore"):
+            left = base
+            if columns is not None:
+                step = _solve(columns, -base)
+                left = base + (columns @ step[:, :, None])[..., 0]
+                moved[some, others] += step
+            heights[some] = np.sum(left**2, axis=1)
+    heights = np.where(np.isfinite(heights), heights, np.inf)
+    padded = np.concatenate([[np.inf], heights, [np.inf]])
+    dips = np.flatnonzero((heights <= padded[:-2]) & (heights <= padded[2:]) & np.isfinite(heights))
+    dips = dips[np.argsort(heights[dips])][:_MOST_DIPS]
+    good = dips[np.all(np.isfinite(moved[dips]), axis=1)]
+    return np.vstack([points[dips], np.clip(moved[good], search.low, search.high)])
+
+
+def _places(search: SeparableSearch, values: FloatArray, i: int, low: float, high: float, most: int) -> FloatArray:
+    """Values of parameter i from low to high, spaced by the change of the curve's shape."""
+    straight = np.linspace(low, high, _N_COARSE)
+    least = max(min(abs(low), abs(high)), 1e-4 * max(abs(low), abs(high)))
+    by_factors = np.geomspace(least, max(abs(low), abs(high)), _N_COARSE)
+    coarse = np.unique(np.concatenate([straight, *(side[(side > low) & (side < high)] for side in (by_factors, -by_factors))]))
+    points = np.repeat(values[None, :], coarse.size, axis=0)
+    points[:, i] = coarse
+    step = _WIDE * _size(search, points, i)
+    beside = points.copy()
+    beside[:, i] += np.where(coarse + step > high, -step, step)
+    _, here = _tangents(search, points, search.free, _WIDE)
+    _, there = _tangents(search, beside, search.free, _WIDE)
+    with np.errstate(all="ignore"):
+        change = (there - here) / (beside[:, i] - points[:, i])[:, None, None]
+        size = np.sqrt(np.sum(here**2, axis=1))
+        rate = np.zeros(coarse.size)
+        for k in range(search.free.size):
+            left = change[:, :, k] - (here @ _solve(here, change[:, :, k], 1e-9)[:, :, None])[..., 0]
+            one = np.sqrt(np.sum(left**2, axis=1)) / size[:, k]
+            rate = np.fmax(rate, np.where(np.isfinite(one), one, 0.0))
+    length = np.concatenate([[0.0], np.cumsum(0.5 * (rate[1:] + rate[:-1]) * np.diff(coarse))])
+    if not (math.isfinite(length[-1]) and length[-1] > _SPACING):
+        return np.zeros(0)
+    # without a limit no further than the data can tell: as many changes of shape as there are points
+    at, reach = float(np.interp(search.held[i], coarse, length)), float(search.posterior.problem.n_obs)
+    first = 0.0 if low == search.low[i] else max(0.0, at - reach)
+    last = length[-1] if high == search.high[i] else min(length[-1], at + reach)
+    n = int(min(max(12, (last - first) / _SPACING), max(3, most)))
+    return np.interp(np.linspace(first, last, n), length, coarse)
+
+
+def descended(search: SeparableSearch, points: FloatArray) -> FloatArray:
+    """(n_point, n_par) points after some Levenberg-Marquardt steps in all curve parameters, those without a finite curve left out."""
+    most = max(8, _MOST_NUMBERS // (10 * (1 + search.free.size) * max(1, search.posterior.problem.n_obs)))
+    at = points[np.argsort(chi2_at(search, points))][:most]
+    height = chi2_at(search, at)
+    at, height = at[np.isfinite(height)], height[np.isfinite(height)]
+    damping = np.full(height.size, 1e-3)
+    going = np.arange(height.size)
+    for _ in range(_N_STEP):
+        if not going.size:
+            break
+        base, columns = _tangents(search, at[going], search.free, _STEP)
+        step = _solve(columns, -base, damping[going])
+        trial = at[going].copy()
+        trial[:, search.free] += np.where(np.isfinite(step), step, 0.0)
+        trial = np.clip(trial, search.low, search.high)
+        reached = chi2_at(search, trial)
+        better = reached < height[going]
+        settled = better & (reached > height[going] * (1.0 - 1e-9))
+        damping[going] = np.where(better, np.maximum(damping[going] / 10.0, 1e-9), damping[going] * 10.0)
+        at[going[better]], height[going[better]] = trial[better], reached[better]
+        going = going[~settled & (damping[going] < 1e5)]
+    return at[np.argsort(height)]

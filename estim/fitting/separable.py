@@ -1,0 +1,132 @@
+"""Least squares with the linear parameters set apart (separable least squares), for `estim.fitting.optimum`.
+
+A parameter counts as linear where the derivatives of the curve in it do not change when it, and the other linear ones,
+are moved; it must have no limits.  For given values of the others these parameters follow by one linear solution.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from estim.arrays import FloatArray
+from estim.common import InputError
+from estim.problem import EXACT, Posterior, Problem, variances
+
+Indices = NDArray[np.int64]
+
+_SAFETY = 20.0
+RESOLVED = _SAFETY * EXACT  # `SeparableSearch.resolved` where derivatives are exact
+_TERM_ROUNDING = 1e-15  # relative rounding error of a term of the curve
+
+
+@dataclass(frozen=True, eq=False)
+class SeparableSearch:
+    """The posterior's least squares over its curve parameters: limits, and which of them enter linearly."""
+
+    posterior: Posterior
+    held: FloatArray  # (n_par,) the user's start, and the values of the noise parameters
+    low: FloatArray
+    high: FloatArray
+    linear: Indices
+    bent: Indices
+    unstated: bool = False  # whether only the residuals say how large the errors are
+
+    @property
+    def free(self) -> Indices:
+        return np.sort(np.concatenate([self.linear, self.bent]))
+
+    @property
+    def resolved(self) -> float:
+        """Ratio of singular values (columns of unit length) that the rounding errors of the derivatives let be told from zero."""
+        return _SAFETY * max(getattr(run.curve, "precision", EXACT) for run in self.posterior.problem.runs)
+
+    @property
+    def latent(self) -> bool:
+        """Whether some abscissas have errors."""
+        return any(run.latent is not None for run in self.posterior.problem.runs)
+
+    def residuals(self, values: FloatArray) -> FloatArray:
+        return self.posterior.residuals(values)
+
+    def jacobian(self, values: FloatArray) -> FloatArray:
+        return self.posterior.jacobian(values)
+
+    def scoring(self, values: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Jacobian and residuals (data, then priors) for a step of least squares."""
+        pairs = self.posterior.scoring(values)
+        priors = self.posterior.problem.parameters
+        slopes = np.diag([p.prior.residual_slope(float(v)) for p, v in zip(priors, values, strict=True)])
+        jacobian = np.vstack([*(pair[0] for pair in pairs), slopes])
+        return jacobian, np.concatenate([*(pair[1] for pair in pairs), self.posterior.prior_residuals(values)])
+
+    def chi2(self, values: FloatArray) -> float:
+        total = float(np.sum(self.residuals(values) ** 2))
+        return total if math.isfinite(total) else math.inf
+
+    def solved(self, values: FloatArray) -> FloatArray:
+        """`values` with the linear parameters at their least-squares solution."""
+        if not self.linear.size:
+            return values
+        columns = self.jacobian(values)[:, self.linear]
+        residual = self.residuals(values)
+        if not (np.all(np.isfinite(columns)) and np.all(np.isfinite(residual))):
+            return values
+        scale = np.linalg.norm(columns, axis=0)
+        scale[scale == 0.0] = 1.0
+        step, *_ = np.linalg.lstsq(columns / scale, -residual, rcond=self.resolved)
+        found = values.copy()
+        found[self.linear] += step / scale
+        return found
+
+
+def set_apart(problem: Problem, start: FloatArray, rng: np.random.Generator, *, unstated: bool = False) -> SeparableSearch:
+    """The search of a problem from `start` (n_par,), its linear parameters found by trial moves drawn with `rng`."""
+    posterior = problem.linearised(start)
+    low = np.array([p.prior.low for p in problem.parameters])
+    high = np.array([p.prior.high for p in problem.parameters])
+    free = [i for i, p in enumerate(problem.parameters) if p.name not in problem.noise_names]
+    if not free:
+        raise InputError("leave nothing to fit: every quantity is exact", field="parameters")
+    linear = _linear(posterior, start, free, low, high, rng)
+    bent = np.array([i for i in free if i not in linear], dtype=np.int64)
+    return SeparableSearch(posterior, start, low, high, np.array(linear, dtype=np.int64), bent, unstated or bool(problem.noise_names))
+
+
+def _linear(posterior: Posterior, start: FloatArray, free: list[int], low: FloatArray, high: FloatArray, rng: np.random.Generator) -> list[int]:
+    """Parameters without limits that the residuals are jointly linear in: their columns do not move when they do."""
+    reference = posterior.jacobian(start)
+    found: list[int] = []
+    for i in free:
+        trial = [*found, i]
+        if math.isfinite(low[i]) or math.isfinite(high[i]) or not np.all(np.isfinite(reference[:, i])):
+            continue
+        same = True
+        for _ in range(2):
+            moved = start.copy()
+            moved[trial] += (1.0 + np.abs(start[trial])) * rng.uniform(0.3, 1.5, len(trial)) * rng.choice([-1.0, 1.0], len(trial))
+            columns = posterior.jacobian(moved)[:, trial]
+            size = np.max(np.abs(reference[:, trial]), axis=0)
+            same = same and bool(np.all(np.abs(columns - reference[:, trial]) <= 1e-9 * size))
+        if same and np.any(reference[:, i] != 0.0):
+            found = trial
+    return found
+
+
+def rounding(search: SeparableSearch, values: FloatArray | None = None) -> float:
+    """A sum of squares that rounding errors alone may reach: of the data, and at `values` (n_par,) of the curve.
+
+    A parameter is known to a unit in its last place, so the terms of a sum like a + b x + c x^2 that all but cancel leave at least
+    their own rounding errors, |df/da a| times the machine's precision.
+    """
+    posterior = search.posterior
+    named = posterior.problem.named(search.held)
+    runs = zip(posterior.problem.runs, posterior.whitenings, strict=True)
+    data = 1e-28 * sum(float(np.sum(w.rotate(run.y) ** 2 / variances(run.noise, w, named))) for run, w in runs)
+    if values is None:
+        return data
+    terms = np.abs(search.jacobian(values)[: posterior.problem.n_obs] * values).sum(axis=1)
+    return data + _TERM_ROUNDING**2 * float(np.sum(terms**2))

@@ -1,0 +1,133 @@
+"""What the ends of a search are: one place or several, the same curve under other numbers, or another solution."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from estim.arrays import FloatArray
+from estim.fitting.descent import inverse_information
+from estim.fitting.least_squares import WITHIN_REACH
+from estim.fitting.separable import SeparableSearch, rounding
+from estim.problem import Symmetry
+
+SAME = 1e-6  # relative difference of sums of squares between equal optima
+MOST_OTHERS = 16  # other optima that are kept
+PLACE = 0.5  # standard deviations: closer ends are one place
+_N_BETWEEN = 400  # places at which curves through the same points are told apart
+
+End = tuple[FloatArray, float]  # values (n_par,) and their sum of squares
+
+
+def equal_to(search: SeparableSearch, chi2: float) -> float:
+    """The largest sum of squares that counts as equal to `chi2`."""
+    return chi2 * (1.0 + SAME) + rounding(search)
+
+
+def chi2_limit(search: SeparableSearch, best: End) -> float:
+    """The sum of squares beyond which an optimum holds next to nothing of the posterior; by the residuals where their size is not stated."""
+    dof = max(1, search.posterior.problem.n_obs - search.free.size)
+    if search.unstated:
+        return best[1] * math.exp(min(2.0 * WITHIN_REACH / dof, 10.0)) + rounding(search)
+    return best[1] + 2.0 * WITHIN_REACH
+
+
+def spread_at(search: SeparableSearch, best: End) -> FloatArray:
+    """(n_par,) standard deviations at an optimum, 0 for what the search does not move."""
+    jacobian = search.scoring(best[0])[0][:, search.free]
+    spread = np.zeros(best[0].size)
+    if np.all(np.isfinite(jacobian)):
+        size = best[1] / max(1, search.posterior.problem.n_obs - search.free.size) if search.unstated else 1.0
+        spread[search.free] = np.sqrt(np.maximum(np.diag(inverse_information(jacobian)[0]), 0.0) * size)
+    return spread
+
+
+def is_close(a: FloatArray, b: FloatArray, spread: FloatArray, limit: float) -> bool:
+    return bool(np.all(np.abs(a - b) <= limit * spread + 1e-7 * np.abs(b)))
+
+
+def is_at(search: SeparableSearch, best: End, end: FloatArray, values: FloatArray, symmetry: Symmetry) -> bool:
+    """Whether a descent ended at `values`, labels aside."""
+    spread = spread_at(search, best)
+    images, number = symmetry.images(end[None, :], values)
+    return any(is_close(image, values, spread, PLACE) for image, n in zip(images[:, 0], number[:, 0], strict=True) if n > 0.0)
+
+
+def distinct_ends(search: SeparableSearch, best: End, ends: list[End], symmetry: Symmetry, start: FloatArray) -> list[End]:
+    """Ends that are not much worse than the best, each place once, labels aside; the best first, of equal ones that closest to the start."""
+    kept: list[End] = []
+    limit, equal = chi2_limit(search, best), equal_to(search, best[1])
+    for end in sorted(ends, key=lambda one: (0.0, distance(search, one[0], start)) if one[1] <= equal else (one[1], 0.0)):
+        if end[1] > limit or len(kept) > MOST_OTHERS:
+            break
+        if not any(is_at(search, other, end[0], other[0], symmetry) for other in kept):
+            kept.append(end)
+    return kept
+
+
+def choose(search: SeparableSearch, distinct: list[End], symmetry: Symmetry, start: FloatArray) -> tuple[FloatArray, FloatArray, str]:
+    """The best optimum in the labels closest to the start, the other solutions (n_other, n_par), and a word on what was left aside.
+
+    Of curves through the same points (a frequency plus the rate of sampling) the one closest to the start is taken.  Where the
+    user gave no range that holds the others and it is the smoothest of all, they are a word and not solutions; so are other
+    numbers that draw the same curve everywhere.
+    """
+    equal = equal_to(search, distinct[0][1])
+    named = [min(symmetry.within(values, start), key=lambda image: distance(search, image, start), default=values) for values, _ in distinct]
+    same = [i for i, (values, chi2) in enumerate(distinct) if chi2 <= equal and _same_curve(search, values, distinct[0][0], between=False)]
+    points = np.array([named[i] for i in same])
+    apart = np.ptp(points, axis=0)
+    steady = np.array([i for i in search.bent if not math.isfinite(symmetry.period[i])], dtype=np.int64)
+    moved = steady[apart[steady] > spread_at(search, distinct[0])[steady]]
+    chosen, words = same[0], []
+    if moved.size:
+        away = np.sum(((points - start)[:, moved] / apart[moved]) ** 2, axis=1)
+        chosen = same[int(np.argmin(away))]
+    aside = []
+    if moved.size and not np.all(np.isfinite(search.low[moved]) & np.isfinite(search.high[moved])):
+        names = search.posterior.problem.names
+
+        def told(which: list[int]) -> str:
+            return "; or ".join(", ".join(f"{names[k]} = {named[i][k]:.6g}" for k in moved) for i in which[:2])
+
+        alike = [i for i in same if i != chosen and _same_curve(search, named[i], named[chosen], between=True)]
+        faster = [i for i in same if i != chosen and i not in alike]
+        aside += alike
+        if alike:
+            words.append(f"the same curve with other numbers ({told(alike)}): the solution closest to the start is given")
+        if faster and _roughness(search, named[chosen]) <= min(_roughness(search, named[i]) for i in faster):
+            aside += faster
+            words.append(f"faster curves pass through the same points ({told(faster)}): if one of them is meant, say so by bounds")
+    rest = [named[i] for i in range(len(named)) if i != chosen and i not in aside]
+    return named[chosen], np.array(rest).reshape(-1, start.size), "; ".join(words)
+
+
+def _same_curve(search: SeparableSearch, values: FloatArray, other: FloatArray, *, between: bool) -> bool:
+    """Whether two sets of values draw the same curves at the points, or, `between`, at places between them as well."""
+    problem = search.posterior.problem
+    for run in problem.runs:
+        x = np.linspace(run.x.min(), run.x.max(), 3 * run.n_obs + 7) if between else run.x
+        a, b = (np.broadcast_to(run.curve.value(x, run.bind(problem.named(one))), (1, x.size))[0] for one in (values, other))
+        if not np.max(np.abs(a - b)) <= 1e-5 * max(float(np.max(np.abs(a))), 1e-300):
+            return False
+    return True
+
+
+def _roughness(search: SeparableSearch, values: FloatArray) -> float:
+    """How much the curves go up and down between the points."""
+    named = search.posterior.problem.named(values)
+    total = 0.0
+    for run in search.posterior.problem.runs:
+        x = np.linspace(run.x.min(), run.x.max(), _N_BETWEEN * (1 + run.n_obs // 20))
+        total += float(np.sum(np.abs(np.diff(run.curve.value(x, run.bind(named))))))
+    return total
+
+
+def distance(search: SeparableSearch, values: FloatArray, other: FloatArray) -> float:
+    """How far apart two points are: changes of sign, then factors, of the nonlinear parameters; signs of the linear ones."""
+    a, b = values[search.bent], other[search.bent]
+    with np.errstate(all="ignore"):
+        factors = np.where(b == 0.0, np.minimum(np.abs(a), 10.0), np.log(np.maximum(np.abs(a / np.where(b == 0.0, 1.0, b)), 1e-6)))
+    signs = np.sum(values[search.linear] * other[search.linear] < 0.0)
+    return float(np.sum(np.where(a * b < 0.0, 100.0, 0.0) + factors**2) + 30.0 * signs)

@@ -1,0 +1,199 @@
+"""The search for symmetries of a curve (`estim.problem.symmetry`), by the curve itself at random parameters and between the points.
+
+Maps are looked for in the arguments of the curve and hold for the parameters of all runs; priors must agree with them.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from itertools import combinations, product
+
+import numpy as np
+from numpy.typing import NDArray
+
+from estim.arrays import FloatArray
+from estim.problem import Flat, Problem, Symmetry, Uniform
+
+Indices = NDArray[np.int64]
+
+TURNS = (0.5, 1.0, math.pi, 2.0 * math.pi, 180.0, 360.0)
+_MOST_MAPS, _MOST_CALLS = 4000, 300  # looked at; where a curve takes one set of parameters at a time
+_MOST_KEPT = 48
+_N_X = 16  # places between the points
+_SAME, _MOVED = 1e-9, 1e-6  # of the size of the curve: no difference, and what one parameter alone must change
+
+
+def find_symmetry(problem: Problem, values: FloatArray, bent: Sequence[int], rng: np.random.Generator) -> Symmetry:
+    """The symmetries of the curves of a problem around `values` (n_par,); `bent` are the parameters whose distance chooses a label."""
+    n_par = values.size
+    found = _Found(problem)
+    trials = [_trial(problem, values, rng) for _ in range(3)]
+    period = np.full(n_par, np.inf)
+    sources = _free_arguments(problem)
+    for argument in sources:
+        for turn in TURNS:
+            map_ = {argument: (argument, 1.0, turn)}
+            if found.holds(map_, trials) and (lifted := found.lifted(map_)) is not None:
+                period[lifted[2] != 0.0] = turn
+                break
+    arguments = list(sources)
+    most = _MOST_MAPS if all(getattr(run.curve, "broadcasts", True) for run in problem.runs) else _MOST_CALLS
+    maps = [map_ for _, map_ in zip(range(most), _maps(arguments, _turned(problem, sources, period)), strict=False)]
+    elements = [(np.arange(n_par), np.ones(n_par), np.zeros(n_par))]
+    for map_ in found.survivors(maps, trials):
+        lifted = found.lifted(map_)
+        if lifted is not None:
+            elements.append(lifted)
+    elements = _closed(elements, period)
+    low = np.array([p.prior.low for p in problem.parameters])
+    high = np.array([p.prior.high for p in problem.parameters])
+    bare = Symmetry(
+        np.array([e[0] for e in elements]), np.array([e[1] for e in elements]), np.array([e[2] for e in elements]), period, low, high, np.ones(n_par)
+    )
+    return bare.scaled(np.ones(n_par), bent)
+
+
+Map = dict[str, tuple[str, float, float]]  # argument -> (argument it takes its value from, sign, shift)
+Lifted = tuple[Indices, FloatArray, FloatArray]
+
+
+def _free_arguments(problem: Problem) -> dict[str, None]:
+    """Arguments of the curve that are parameters in every run, each parameter being one argument only."""
+    runs = problem.runs
+    if not runs or any(set(run.arguments) != set(runs[0].arguments) for run in runs):
+        return {}
+    free = {a: None for a in runs[0].arguments if all(isinstance(run.arguments[a], str) for run in runs)}
+    places: dict[object, set[str]] = {}
+    for run in runs:
+        for argument in free:
+            places.setdefault(run.arguments[argument], set()).add(argument)
+    return free if all(len(used) == 1 for used in places.values()) else {}
+
+
+def _trial(problem: Problem, values: FloatArray, rng: np.random.Generator) -> tuple[FloatArray, list[FloatArray]]:
+    """Random parameter values around `values`, and random places within the x of each run."""
+    size = np.where(values != 0.0, values, rng.standard_normal(values.size))
+    at = size * np.exp(0.2 * rng.standard_normal(values.size))
+    return at, [rng.uniform(run.x.min(), run.x.max(), _N_X) for run in problem.runs]
+
+
+def _turned(problem: Problem, sources: dict[str, None], period: FloatArray) -> dict[str, float]:
+    """Arguments that are a phase, with their full turn."""
+    index = {name: i for i, name in enumerate(problem.names)}
+    turned = {a: float(period[index[str(problem.runs[0].arguments[a])]]) for a in sources}
+    return {a: turn for a, turn in turned.items() if math.isfinite(turn)}
+
+
+def _maps(arguments: Sequence[str], turned: dict[str, float]) -> Iterator[Map]:
+    """Exchanges of one to three pairs, with either sign; one to three changes of sign, with phases turned by a half or not."""
+    for n in (1, 2, 3):
+        for flipped in combinations(arguments, n):
+            for halves in product((0.0, 0.5), repeat=len(turned)):
+                map_: Map = {a: (a, -1.0, 0.0) for a in flipped}
+                for half, (a, turn) in zip(halves, turned.items(), strict=True):
+                    if half:
+                        map_[a] = (a, map_.get(a, (a, 1.0, 0.0))[1], half * turn)
+                yield map_
+    pairs = list(combinations(arguments, 2))
+    for n in (1, 2, 3):
+        for chosen in combinations(pairs, n):
+            if len({a for pair in chosen for a in pair}) < 2 * n:
+                continue
+            for signs in product((1.0, -1.0), repeat=n):
+                if n == 3 and signs.count(-1.0) > 1:
+                    continue
+                yield {a: (b, sign, 0.0) for (i, j), sign in zip(chosen, signs, strict=True) for a, b in ((i, j), (j, i))}
+
+
+@dataclass(frozen=True, eq=False)
+class _Found:
+    """Tests of maps on the curves of `problem`."""
+
+    problem: Problem
+
+    def survivors(self, maps: list[Map], trials: list[tuple[FloatArray, list[FloatArray]]]) -> list[Map]:
+        """Those maps that hold at all trials; the first trial looks at all of them in one call."""
+        if not maps:
+            return []
+        first = self._agree(maps, trials[0])
+        return [map_ for map_, same in zip(maps, first, strict=True) if same and self.holds(map_, trials)]
+
+    def holds(self, map_: Map, trials: list[tuple[FloatArray, list[FloatArray]]]) -> bool:
+        """Whether the curves are the same under a map, and not the same with one of the moved parameters moved part of the way."""
+        if not all(self._agree([map_], trial)[0] for trial in trials):
+            return False
+        parts = [{a: moved} for a, moved in map_.items()]
+        changed = [[not same for same in self._agree(parts, trial, share=0.37, limit=_MOVED)] for trial in trials]
+        return bool(np.all(np.any(changed, axis=0)))
+
+    def _agree(self, maps: list[Map], trial: tuple[FloatArray, list[FloatArray]], *, share: float = 1.0, limit: float = _SAME) -> list[bool]:
+        values, places = trial
+        named = {p.name: float(v) for p, v in zip(self.problem.parameters, values, strict=True)}
+        same = np.ones(len(maps), dtype=bool)
+        for run, x in zip(self.problem.runs, places, strict=True):
+            here = {a: named[source] if isinstance(source, str) else float(source) for a, source in run.arguments.items()}
+            rows = {a: np.full((len(maps) + 1, 1), value) for a, value in here.items()}
+            for row, map_ in enumerate(maps, start=1):
+                for a, (source, sign, shift) in map_.items():
+                    rows[a][row, 0] = (1.0 - share) * here[a] + share * (sign * here[source] + shift)
+            with np.errstate(all="ignore"):
+                curves = np.broadcast_to(run.curve.value(x, rows), (len(maps) + 1, x.size))
+                size = np.max(np.abs(curves[0]))
+                same &= np.max(np.abs(curves[1:] - curves[0]), axis=1) <= limit * size if math.isfinite(size) else False
+        return [bool(one) for one in same]
+
+    def lifted(self, map_: Map) -> Lifted | None:
+        """A map of arguments as one of parameters; None where the runs or the priors do not allow it."""
+        names = self.problem.names
+        n_par = len(names)
+        order, sign, shift = np.arange(n_par), np.ones(n_par), np.zeros(n_par)
+        set_to: dict[int, tuple[int, float, float]] = {}
+        for run in self.problem.runs:
+            for a, (source, s, c) in map_.items():
+                i, j = names.index(str(run.arguments[a])), names.index(str(run.arguments[source]))
+                if set_to.setdefault(i, (j, s, c)) != (j, s, c):
+                    return None
+        for i, (j, s, c) in set_to.items():
+            order[i], sign[i], shift[i] = j, s, c
+        if sorted(order.tolist()) != list(range(n_par)):
+            return None
+        return (order, sign, shift) if all(self._same_prior(i, int(order[i]), sign[i], shift[i]) for i in set_to) else None
+
+    def _same_prior(self, i: int, j: int, sign: float, shift: float) -> bool:
+        """Whether the prior of parameter i is that of j under the map; ranges stated as a prior hold several solutions where signs change."""
+        mine, other = self.problem.parameters[i].prior, self.problem.parameters[j].prior
+        if isinstance(mine, Uniform) and isinstance(other, Uniform):
+            return (sign > 0.0 and shift == 0.0) or (isinstance(mine, Flat) and isinstance(other, Flat))
+        centre, sd = other.centre, other.sd
+        at = centre + sd * np.array([-0.8, -0.1, 0.3, 1.2])
+        a, b = mine.log_density(sign * at + shift), other.log_density(at)
+        return bool(np.all(np.isfinite(a) == np.isfinite(b)) and np.allclose(a[np.isfinite(a)], b[np.isfinite(b)], rtol=0.0, atol=1e-9))
+
+
+def _closed(elements: list[Lifted], period: FloatArray) -> list[Lifted]:
+    """The maps with all their compositions, full turns taken off."""
+
+    def reduced(element: Lifted) -> Lifted:
+        order, sign, shift = element
+        turned = np.isfinite(period)
+        shift = np.where(turned, np.mod(shift, np.where(turned, period, 1.0)), shift)
+        shift = np.where(turned & (np.abs(shift - period) < 1e-9 * np.where(turned, period, 1.0)), 0.0, shift)
+        return order, sign, shift
+
+    def key(element: Lifted) -> tuple[object, ...]:
+        return tuple(element[0].tolist()), tuple(element[1].tolist()), tuple(np.round(element[2], 6).tolist())
+
+    kept: dict[tuple[object, ...], Lifted] = {}
+    waiting = [reduced(element) for element in elements]
+    while waiting and len(kept) < _MOST_KEPT:
+        element = waiting.pop(0)
+        if key(element) in kept:
+            continue
+        kept[key(element)] = element
+        for other in list(kept.values()):
+            order, sign, shift = other
+            # first `element`, then `other`
+            waiting.append(reduced((element[0][order], sign * element[1][order], sign * element[2][order] + shift)))
+    return list(kept.values())

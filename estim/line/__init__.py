@@ -1,0 +1,7 @@
+"""The straight line with errors in both variables: York, exact intervals, Bayesian; the theta_min series.
+
+Read `least_squares` first, `analysis` for the theta_min line."""
+
+from estim.line.analysis import LineAnalysis, analyse_line
+from estim.line.least_squares import CONVENTIONS
+from estim.line.series import read_theta_min

@@ -1,0 +1,164 @@
+"""The theta_min line of a campaign by every method: ordinary and weighted least squares, York, and a Bayesian line.
+
+gamma is 1/slope; the intercept is read in two ways that the points cannot tell apart, as rolling resistance
+(c_rr = intercept * gamma) and as a zero error of a scale.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from estim.arrays import FloatArray
+from estim.checks import headline, parameter_cells
+from estim.common import Finding, Quantity, e_n, format_quantity
+from estim.line.evidence import InterceptEvidence, intercept_evidence
+from estim.line.findings import line_findings
+from estim.line.interval import SlopeInterval, slope_interval
+from estim.line.least_squares import InversePrediction, LineFit, coverage_factor, fit_line, inverse_prediction, standard_error
+from estim.line.posterior import LinePosterior, line_posterior, mode_or_guess
+from estim.line.series import ThetaMinSeries
+from estim.sampling import Chain, Progress, Target, sample_posterior, summarise
+
+_INTERCEPT_SD = 0.1
+
+
+@dataclass(frozen=True)
+class Reading:
+    """What one method says: gamma and c_rr with standard uncertainties, and E_n of gamma against the masses.
+
+    e_n is nan where gamma from the masses is unknown; |E_n| <= 1 means agreement at k = 2.
+    """
+
+    gamma: Quantity
+    resistance: Quantity
+    e_n: float
+
+
+@dataclass(frozen=True, eq=False)
+class LineAnalysis:
+    """The line of one series.
+
+    ols, weighted, york : least squares without uncertainties, with those of theta_min, with both.
+    posterior, chain : the Bayesian line and its draws.  evidence : for or against an intercept.
+    readings : method -> Reading.  gamma_masses : from the masses (or the prior of gamma), None where unknown.
+    slope_exact : the exact 95 % interval of the slope.  steepest : sin(phi) at which theta_min reaches 90 degrees.
+    findings : everything wrong; empty means ok.
+    """
+
+    series: ThetaMinSeries
+    ols: LineFit
+    weighted: LineFit
+    york: LineFit
+    posterior: LinePosterior
+    chain: Chain
+    evidence: InterceptEvidence
+    readings: Mapping[str, Reading]
+    gamma_masses: Quantity | None
+    slope_exact: SlopeInterval
+    steepest: InversePrediction
+    findings: tuple[Finding, ...]
+    seed: int
+
+    @property
+    def status(self) -> str:
+        return self.findings[0].status if self.findings else "ok"
+
+    @property
+    def disagreement(self) -> str:
+        """What to say where gamma of the line and gamma as stated differ at k = 2; "" where they agree, or one of them is missing.
+
+        The line does not use the stated value, so this is no fault of the line.
+        """
+        found = self.readings["posterior"]
+        if self.status != "ok" or self.gamma_masses is None or not abs(found.e_n) > 1.0:
+            return ""
+        values = (format_quantity(q.value, q.u) for q in (found.gamma, self.gamma_masses))
+        return "γ of the line, {}, and γ as stated, {}, disagree: E_n = {:+.1f}; the line does not use the stated value".format(*values, found.e_n)
+
+    def _repr_markdown_(self) -> str:
+        """What a notebook shows: the values, or why there are none."""
+        draws = {"intercept": self.chain.flat[:, self.chain.names.index("intercept")], "gamma": self.gamma_draws, "c_rr": self.resistance_draws}
+        meanings = ("sin θ_min at φ = 0", "1/slope", "intercept · γ, if all of it is rolling resistance")
+        rows = [
+            parameter_cells(name, summarise(values, unit="1", meaning=meaning))
+            for (name, values), meaning in zip(draws.items(), meanings, strict=True)
+        ]
+        return headline(
+            f"θ_min line of {self.series.body}", kind="", status=self.status, reasons=[f.reason for f in self.findings],
+            advice=[f.advice for f in self.findings], rows=rows,
+        )
+
+    @property
+    def gamma_draws(self) -> FloatArray:
+        """(n_draw,) posterior of gamma = 1/slope."""
+        return 1.0 / self.chain.flat[:, self.chain.names.index("slope")]
+
+    @property
+    def resistance_draws(self) -> FloatArray:
+        """(n_draw,) posterior of c_rr = intercept * gamma."""
+        return self.chain.flat[:, self.chain.names.index("intercept")] * self.gamma_draws
+
+
+def analyse_line(
+    series: ThetaMinSeries, *, gamma_masses: Quantity | None, seed: int, target: Target | None = None, progress: Progress | None = None
+) -> LineAnalysis:
+    """The line of a series by every method; the same seed gives the same numbers.
+
+    Raises InputError where the points cannot hold a line.
+    """
+    chain_rng, evidence_rng = np.random.default_rng(seed).spawn(2)
+    ols = fit_line(series.x, series.y)
+    weighted = fit_line(series.x, series.y, u_y=series.u_y)
+    york = fit_line(series.x, series.y, u_x=series.u_x, u_y=series.u_y)
+    posterior = line_posterior(
+        series.x, series.y, u_x=series.u_x, u_y=series.u_y, u_zero_x=series.u_zero_x, u_zero_y=series.u_zero_y, intercept_sd=_INTERCEPT_SD
+    )
+    mode = mode_or_guess(posterior)
+    chain = sample_posterior(posterior, mode.values, mode.cov, target=target or Target(), rng=chain_rng, progress=progress)
+    exact = slope_interval(york)
+    readings = {name: _read(fit, gamma_masses) for name, fit in (("ols", ols), ("weighted", weighted), ("york", york))}
+    readings["posterior"] = _read_draws(chain, gamma_masses)
+    return LineAnalysis(
+        series=series, ols=ols, weighted=weighted, york=york, posterior=posterior, chain=chain,
+        evidence=intercept_evidence(posterior, rng=evidence_rng, n_draw=20_000), readings=readings, gamma_masses=gamma_masses,
+        slope_exact=exact, steepest=_steepest(york), findings=line_findings(york, exact, chain), seed=seed,
+    )
+
+
+def _steepest(york: LineFit) -> InversePrediction:
+    """sin(phi) at which the line reaches theta_min = 90 degrees; nan for a line that never does."""
+    if york.slope == 0.0 or not math.isfinite(york.slope):
+        return InversePrediction(*[math.nan] * 4)
+    return inverse_prediction(york, 1.0, u_y0=0.0)
+
+
+def _read(fit: LineFit, gamma_masses: Quantity | None) -> Reading:
+    """gamma = 1/slope and c_rr = intercept/slope by linear propagation with the correlation of slope and intercept.
+
+    Uncertainties of a fit whose scale comes from few residuals are widened to what Student's t asks for at 68 %.
+    """
+    from uncertainties import correlated_values
+
+    error = standard_error(fit)
+    widening = coverage_factor(fit, probability=0.6827)
+    cov = widening**2 * np.array([[error.u_intercept**2, error.cov], [error.cov, error.u_slope**2]])
+    intercept, slope = correlated_values([fit.intercept, fit.slope], cov)
+    if fit.slope == 0.0:
+        return Reading(Quantity(math.nan, math.nan), Quantity(math.nan, math.nan), math.nan)
+    gamma, resistance = 1.0 / slope, intercept / slope
+    return _reading(Quantity(gamma.nominal_value, gamma.std_dev), Quantity(resistance.nominal_value, resistance.std_dev), gamma_masses)
+
+
+def _read_draws(chain: Chain, gamma_masses: Quantity | None) -> Reading:
+    gamma = 1.0 / chain.flat[:, chain.names.index("slope")]
+    resistance = gamma * chain.flat[:, chain.names.index("intercept")]
+    means = (Quantity(float(d.mean()), float(d.std(ddof=1))) for d in (gamma, resistance))
+    return _reading(next(means), next(means), gamma_masses)
+
+
+def _reading(gamma: Quantity, resistance: Quantity, gamma_masses: Quantity | None) -> Reading:
+    return Reading(gamma, resistance, math.nan if gamma_masses is None else e_n(gamma, gamma_masses))

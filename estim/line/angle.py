@@ -1,0 +1,174 @@
+"""Points of a straight line, checked, and S as a function of the line's angle.
+
+``line.py``, ``line_intervals.py`` and ``bayesian_line.py`` are built on this file; call those.  With theta the line's angle and
+(across, along) the coordinates normal to the line and in it,
+
+    across_i = y_i cos theta - x_i sin theta,    v_i = u_x^2 sin^2 - 2 r u_x u_y sin cos + u_y^2 cos^2,
+    S(theta) = min over c of sum (across_i - c)^2 / v_i,
+
+so that a steep line is no worse than a flat one and x and y may be exchanged.  S is scanned over all directions and the root of
+dS/dtheta polished in every bracket that holds a minimum; the lowest is the fit.  There is nothing to start or to diverge.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy import optimize
+
+from estim.arrays import FloatArray
+from estim.common import InputError
+
+
+@dataclass(frozen=True, eq=False)
+class LineData:
+    """Checked points of a line, each array (n_obs,) and read-only."""
+
+    x: FloatArray  # abscissas as read
+    y: FloatArray  # ordinates as read
+    u_x: FloatArray  # standard uncertainties of x; 0 where x is exact
+    u_y: FloatArray  # standard uncertainties of y; all 1 for "ols", where only their ratios count
+    r_xy: FloatArray  # correlation of the x and y errors of one point
+    method: str  # "ols", "weighted" or "york": which uncertainties were given
+
+
+def line_data(
+    x: ArrayLike, y: ArrayLike, *, u_x: ArrayLike | None = None, u_y: ArrayLike | None = None, r_xy: ArrayLike = 0.0
+) -> LineData:
+    """The points of a line, checked once; arguments and rules as in ``fit_line``.  Raises InputError."""
+    x_, y_ = _vector(x, "x", None), _vector(y, "y", None)
+    n_obs = len(x_)
+    if len(y_) != n_obs:
+        raise InputError(f"must have as many values as x ({n_obs})", field="y", value=len(y_))
+    if n_obs < 3:
+        raise InputError("must have at least 3 points", field="x", value=n_obs)
+    method = "york" if u_x is not None else "weighted" if u_y is not None else "ols"
+    ux = _vector(0.0 if u_x is None else u_x, "u_x", n_obs)
+    uy = _vector((1.0 if u_x is None else 0.0) if u_y is None else u_y, "u_y", n_obs)
+    r = _vector(r_xy, "r_xy", n_obs)
+    for field, values in (("u_x", ux), ("u_y", uy)):
+        if np.any(values < 0.0):
+            raise InputError("must be >= 0", field=field, value=float(values.min()))
+    if np.any(np.abs(r) >= 1.0):
+        raise InputError("must lie between -1 and 1", field="r_xy", value=float(r[np.argmax(np.abs(r))]))
+    if np.any(r != 0.0) and (u_x is None or u_y is None):
+        raise InputError("needs both u_x and u_y", field="r_xy")
+    if np.any((ux == 0.0) & (uy == 0.0)):
+        place = int(np.argmax((ux == 0.0) & (uy == 0.0)))
+        raise InputError(f"and u_x must not both be 0 (point {place + 1})", field="u_y", value=0.0)
+    if np.ptp(x_) == 0.0 and (np.ptp(y_) == 0.0 or not np.any(ux)):
+        raise InputError("must not all be equal", field="x", value=float(x_[0]))
+    if np.ptp(y_) == 0.0 and not np.any(uy):
+        raise InputError("must not all be equal where y is exact", field="y", value=float(y_[0]))
+    return LineData(x_, y_, ux, uy, r, method)
+
+
+def _vector(values: ArrayLike, field: str, n_obs: int | None) -> FloatArray:
+    """``values`` as a finite read-only (n_obs,) array of its own; one number is repeated where n_obs is known."""
+    try:
+        array = np.array(values, dtype=np.float64)
+    except (TypeError, ValueError):
+        raise InputError("must be numbers", field=field, value=values) from None
+    if n_obs is not None and array.ndim == 0:
+        array = np.full(n_obs, array)
+    if array.ndim != 1 or (n_obs is not None and len(array) != n_obs):
+        rule = "must be one-dimensional" if n_obs is None else f"must be one number or {n_obs} values"
+        raise InputError(rule, field=field, value=array.shape)
+    if not np.all(np.isfinite(array)):
+        raise InputError("must be finite", field=field, value=float(array[~np.isfinite(array)][0]))
+    array.flags.writeable = False
+    return array
+
+
+class ScaledPoints(NamedTuple):
+    """Points shifted to their mean and divided by their spread, so that an angle means the same in all units."""
+
+    x: FloatArray  # (n_obs,)
+    y: FloatArray  # (n_obs,)
+    var_x: FloatArray  # (n_obs,)
+    var_y: FloatArray  # (n_obs,)
+    cov_xy: FloatArray  # (n_obs,)
+    origin: tuple[float, float]  # mean of x and y in their own units
+    scale: tuple[float, float]  # spread of x and y in their own units
+
+    def line(self, angle: float, offset: float) -> tuple[float, float]:
+        """Intercept and slope in the units of the data, of the line with that angle and distance from the origin."""
+        (x0, y0), (scale_x, scale_y) = self.origin, self.scale
+        slope = float(np.tan(angle)) * scale_y / scale_x
+        return y0 + scale_y * offset / float(np.cos(angle)) - slope * x0, slope
+
+
+def scaled_points(data: LineData) -> ScaledPoints:
+    """Points in units of their own spread (standard deviation; the uncertainty where all values are equal)."""
+    x0, y0 = float(np.mean(data.x)), float(np.mean(data.y))
+    scale_x, scale_y = _spread(data.x, data.u_x), _spread(data.y, data.u_y)
+    u_x, u_y = data.u_x / scale_x, data.u_y / scale_y
+    return ScaledPoints(
+        (data.x - x0) / scale_x, (data.y - y0) / scale_y, u_x**2, u_y**2, data.r_xy * u_x * u_y, (x0, y0), (scale_x, scale_y)
+    )
+
+
+def _spread(values: FloatArray, u: FloatArray) -> float:
+    return float(np.std(values)) if np.ptp(values) > 1e-14 * np.max(np.abs(values)) else float(np.max(u))
+
+
+class Profile(NamedTuple):
+    """S and its derivatives along the angle, each shaped like the angle."""
+
+    chi2: FloatArray  # S(theta), least over the offset
+    score: FloatArray  # -dS/dtheta / 2
+    information: FloatArray  # variance of the score given the adjusted points; its inverse is York's variance of the angle
+    offset: FloatArray  # distance of the best line of that angle from the origin
+    weight: FloatArray  # 1 / variance of the offset
+    centre: FloatArray  # weighted mean of the adjusted points, along the line
+
+
+def profile(angle: FloatArray, points: ScaledPoints) -> Profile:
+    """S(theta) and the score of the angle.
+
+    With d_i = across_i - c and w_i = 1/v_i, the score is sum w_i d_i z_i, where z_i = along_i + (v_i'/2 v_i) d_i is the place
+    along the line of York's adjusted point.  Each d_i is independent of its z_i if theta is true (z is along with its regression
+    on d removed), hence given z the score is exactly normal with variance sum w (z - mean z)^2, however few the points.
+
+    angle : any shape, rad, in scaled units.
+    Source: York et al. 2004, eqs. (3)-(5), rotated; the score as in Kleibergen 2002, Econometrica 70, 1781.
+    """
+    s, c = np.sin(angle)[..., None], np.cos(angle)[..., None]
+    variance = s * s * points.var_x - 2.0 * s * c * points.cov_xy + c * c * points.var_y
+    # a point exact in x alone has no variance across a vertical line: its floor is the rounding of the angle
+    w = 1.0 / np.maximum(variance, 1e-30 * (points.var_x + points.var_y))
+    total = w.sum(axis=-1)
+    across = c * points.y - s * points.x
+    offset = (w * across).sum(axis=-1) / total
+    d = across - offset[..., None]
+    half_slope = s * c * (points.var_x - points.var_y) - (c * c - s * s) * points.cov_xy
+    z = c * points.x + s * points.y + half_slope * w * d
+    centre = (w * z).sum(axis=-1) / total
+    information = (w * (z - centre[..., None]) ** 2).sum(axis=-1)
+    return Profile((w * d * d).sum(axis=-1), (w * d * z).sum(axis=-1), information, offset, total, centre)
+
+
+def best_angle(points: ScaledPoints) -> tuple[float, float]:
+    """Angle of the least S over all lines, and by how much S varies over the angle.
+
+    Directions repeat after pi: on that circle every minimum lies between two scanned angles where the score changes from
+    plus to minus.
+    """
+    fine = np.geomspace(1e-8, 1e-2, 13)
+    even = (np.arange(180) + 0.5) * np.pi / 180.0
+    scan = np.unique(np.concatenate([-even / 2, even / 2, fine, -fine, np.pi / 2 - fine, fine - np.pi / 2]))
+    scan = np.append(scan, scan[0] + np.pi)
+    at = profile(scan, points)
+    contrast = float(np.ptp(at.chi2))
+
+    def score(angle: float) -> float:
+        return float(profile(np.asarray(angle), points).score)
+
+    brackets = np.flatnonzero((at.score[:-1] > 0.0) & (at.score[1:] <= 0.0))
+    roots = [optimize.brentq(score, scan[k], scan[k + 1], xtol=1e-300, rtol=1e-15) for k in brackets]
+    candidates = np.array([*roots, scan[int(np.argmin(at.chi2))]])  # the scanned one only where S does not depend on the angle
+    angle = float(candidates[np.argmin(profile(candidates, points).chi2)])
+    return (angle - np.pi if angle > np.pi / 2 else angle), contrast

@@ -1,0 +1,333 @@
+"""A straight line y = intercept + slope x through measured points, and every published standard error of it.
+
+What to use when:
+
+- no uncertainties known: ``fit_line(x, y)``, ordinary least squares ("ols").  The scatter of the residuals is the only
+  information on the uncertainty, so intervals use Student's t.
+- only y uncertain: give ``u_y`` ("weighted", ISO/TS 28037 clause 6).
+- x and y uncertain: give ``u_x`` and ``u_y``, and ``r_xy`` if the two errors of a point are correlated ("york").
+
+``u_x``, ``u_y`` are standard uncertainties (one sd) of the readings of each point, independent between points.  A zero offset
+common to all points, or scatter beyond the stated uncertainties, is for ``bayesian_line.py``.
+
+All three methods are one computation, described in ``line_profile.py``; it needs no starting values and cannot diverge.
+
+Standard errors: ``fit.standard_errors`` holds every convention in print, ``CONVENTIONS`` names their papers.  For errors in both
+variables "propagated" is recommended: it holds its probability in simulation (``benchmarks/line_coverage.py``).  "york" is too
+small where both uncertainties are a tenth of the range or more: York's adjusted points still scatter along the line, so they
+seem to span a wider range than the true ones do; with many points u_slope is too small by the factor 1 + (variance of an
+adjusted abscissa about the true one)/(variance of the true abscissas).  For a slope that is not well known,
+``slope_interval`` in ``line_intervals.py`` is exact and not forced to be symmetric.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy import stats
+
+from estim.arrays import FloatArray
+from estim.common import InputError, Markdown, format_quantity, markdown, table
+from estim.line.angle import LineData, Profile, ScaledPoints, best_angle, line_data, profile, scaled_points
+
+CONVENTIONS: Mapping[str, str] = MappingProxyType(
+    {
+        "york": "York et al. 2004, Am. J. Phys. 72, 367, eq. (13): from the adjusted points, stated uncertainties taken as true",
+        "propagated": "Kalantar 1992, Meas. Sci. Technol. 3, 1113; Krystek and Anton 2007, Meas. Sci. Technol. 18, 3438: the "
+        "uncertainties of all data propagated through the minimum; for exact x ISO/TS 28037:2010, 6.2",
+        "scaled": "York 1966, Can. J. Phys. 44, 1079 (for exact x the Birge ratio; without uncertainties GUM H.3): scaled by "
+        "sqrt(S/(n - 2)), so only the ratios of the stated uncertainties count; Student's t with n - 2 degrees of freedom",
+    }
+)
+_FEW = 10  # degrees of freedom up to which value ± standard error holds less than 66 %
+_ROUNDING = 3e-14  # residuals below this share of y are rounding errors
+POOR_FIT = 0.01  # p-value of S below which the stated uncertainties are not believed
+
+
+class StandardError(NamedTuple):
+    """Standard uncertainties of a line; intercept and slope follow from the last two, which lose no digits far from x = 0."""
+
+    u_intercept: float  # unit of y
+    u_slope: float  # unit of y / unit of x
+    cov: float  # covariance of intercept and slope, = -x_pivot u_slope^2
+    x_pivot: float  # abscissa where the line's height is uncorrelated with its slope
+    u_pivot: float  # standard uncertainty of the height there
+
+
+@dataclass(frozen=True, eq=False)
+class LineFit:
+    """The best line, its standard errors by every convention, and what can be said of the fit."""
+
+    intercept: float  # unit of y; nan for a vertical line
+    slope: float  # unit of y / unit of x; inf for a vertical line
+    chi2: float  # S at the minimum; for "ols" the sum of squared residuals (unit of y^2)
+    dof: int  # n_obs - 2
+    p_value: float  # chance of a larger S if line and uncertainties are right; nan for "ols", which cannot know
+    method: str  # "ols", "weighted" or "york"
+    standard_errors: Mapping[str, StandardError]  # convention -> its standard errors; CONVENTIONS names the sources
+    recommended: str  # the convention to quote
+    reason: str  # why that one, a sentence
+    message: str  # what went wrong, a sentence; "" if nothing
+    data: LineData  # the points
+
+    def _repr_markdown_(self) -> str:
+        """What a notebook shows: the line by every convention, the recommended one in bold, and what to know before using it."""
+        rows = [
+            (
+                Markdown(f"**{name}**") if name == self.recommended else name,
+                *map(format_quantity, (self.intercept, self.slope), (u.u_intercept, u.u_slope)),
+            )
+            for name, u in self.standard_errors.items()
+        ]
+        fit = f"S = {self.chi2:.4g}, {self.dof} degrees of freedom" + ("" if math.isnan(self.p_value) else f", p = {self.p_value:.2g}")
+        parts = (f"Line, method {self.method}: {fit}", markdown(self.message), table(("convention", "intercept", "slope"), rows))
+        return "\n\n".join(part for part in (*parts, f"Quote **{self.recommended}**: {markdown(self.reason)}.") if part)
+
+
+def fit_line(
+    x: ArrayLike, y: ArrayLike, *, u_x: ArrayLike | None = None, u_y: ArrayLike | None = None, r_xy: ArrayLike = 0.0
+) -> LineFit:
+    """The line of least S = sum (y_i - a - b x_i)^2 / (u_y^2 - 2 b r u_x u_y + b^2 u_x^2), the global minimum over a and b.
+
+    x, y : (n_obs,), n_obs >= 3 (two points leave nothing to check).  u_x, u_y : (n_obs,) or one number, unit of x, y; None
+    means exact if the other is given.  r_xy : (n_obs,) or one number in (-1, 1).
+    Standard errors: "york", "propagated", "scaled" for method "york"; the first two are the same for "weighted", which has
+    "propagated" and "scaled"; "ols" has "scaled".
+    Raises InputError for data that break a rule.
+    Source: York, Evensen, Lopez Martinez and De Basabe Delgado 2004, Am. J. Phys. 72, 367, eq. (1) for S.
+    """
+    data = line_data(x, y, u_x=u_x, u_y=u_y, r_xy=r_xy)
+    points = scaled_points(data)
+    angle, contrast = best_angle(points)
+    best = profile(np.asarray(angle), points)
+    chi2, dof = float(best.chi2), len(data.x) - 2
+    p_value = float("nan") if data.method == "ols" else float(stats.chi2.sf(chi2, dof))
+    intercept, slope = points.line(angle, float(best.offset))
+    vertical = abs(np.cos(angle)) < 1e-12
+    if vertical:
+        intercept, slope = float("nan"), float("inf")
+    if vertical or best.information <= 0.0:
+        errors = dict.fromkeys(_names(data.method), StandardError(*[float("nan")] * 5))
+    else:
+        errors = _standard_errors(points, angle, best, method=data.method, scale=float(np.sqrt(chi2 / dof)))
+    recommended, reason = _recommendation(data, chi2, dof, p_value)
+    return LineFit(
+        intercept=intercept,
+        slope=slope,
+        chi2=chi2,
+        dof=dof,
+        p_value=p_value,
+        method=data.method,
+        standard_errors=MappingProxyType(errors),
+        recommended=recommended,
+        reason=reason,
+        message=_message(vertical, contrast if data.method != "ols" else np.inf, chi2, dof, p_value, errors),
+        data=data,
+    )
+
+
+def _names(method: str) -> tuple[str, ...]:
+    return {"ols": ("scaled",), "weighted": ("propagated", "scaled"), "york": ("york", "propagated", "scaled")}[method]
+
+
+def _standard_errors(points: ScaledPoints, angle: float, best: Profile, *, method: str, scale: float) -> dict[str, StandardError]:
+    """All conventions that make sense for the method, in the units of the data."""
+    slope = float(np.tan(angle))
+    cos = float(np.cos(angle))
+    # adjusted points: variances of the angle, and of the offset at the points' centre, are independent there
+    var_slope = 1.0 / (float(best.information) * cos**4)
+    x_mean = float(best.centre) * cos - float(best.offset) * float(np.sin(angle))
+    york = np.array([[1.0 / (float(best.weight) * cos**2) + x_mean**2 * var_slope, -x_mean * var_slope], [0.0, var_slope]])
+    york[1, 0] = york[0, 1]
+    propagated = _propagated(points, slope, float(best.offset) / cos)
+    cov = {"york": york, "propagated": propagated, "scaled": scale**2 * york}
+    return {name: _standard_error(cov[name], points) for name in _names(method)}
+
+
+def _standard_error(cov: FloatArray, points: ScaledPoints) -> StandardError:
+    """The covariance (2, 2) of intercept and slope in scaled units, in the units of the data."""
+    (x0, _), (scale_x, scale_y) = points.origin, points.scale
+    pivot = -float(cov[0, 1] / cov[1, 1]) if cov[1, 1] > 0.0 else 0.0
+    u_pivot = scale_y * float(np.sqrt(max(cov[0, 0] + pivot * cov[0, 1], 0.0)))
+    u_slope, x_pivot = scale_y / scale_x * float(np.sqrt(cov[1, 1])), x0 + scale_x * pivot
+    return StandardError(float(np.hypot(u_pivot, x_pivot * u_slope)), u_slope, -x_pivot * u_slope**2, x_pivot, u_pivot)
+
+
+def _propagated(points: ScaledPoints, b: float, a: float) -> FloatArray:
+    """Covariance (2, 2) of (a, b): H^-1 J V J^T H^-1, H and J the derivatives of grad S by (a, b) and by all data.
+
+    Source: Krystek and Anton 2007, Meas. Sci. Technol. 18, 3438, section 4.
+    """
+    x, d = points.x, points.y - a - b * points.x
+    v = np.maximum(points.var_y - 2.0 * b * points.cov_xy + b * b * points.var_x, 1e-30 * (points.var_x + points.var_y))
+    v1, v2 = 2.0 * (b * points.var_x - points.cov_xy), 2.0 * points.var_x
+    w, w1, w2 = 1.0 / v, -v1 / v**2, -v2 / v**2 + 2.0 * v1**2 / v**3
+    h_ab = np.sum(w * x - w1 * d)
+    hessian = np.array([[np.sum(w), h_ab], [h_ab, np.sum(w * x * x - 2.0 * w1 * d * x + 0.5 * w2 * d * d)]])
+    by_y = np.array([-w, -w * x + w1 * d])
+    by_x = np.array([w * b, w * b * x - w * d - w1 * d * b])
+    cross = (by_x * points.cov_xy) @ by_y.T
+    middle = (by_x * points.var_x) @ by_x.T + (by_y * points.var_y) @ by_y.T + cross + cross.T
+    inverse = np.linalg.inv(hessian)
+    return np.asarray(inverse @ middle @ inverse)
+
+
+def _recommendation(data: LineData, chi2: float, dof: int, p_value: float) -> tuple[str, str]:
+    """The convention to quote and why."""
+    if data.method == "ols":
+        reason = f"no uncertainties are stated: the scatter of the residuals is the only scale (Student's t, {dof} dof)"
+        if chi2 <= data.x.size * (_ROUNDING * float(np.max(np.abs(data.y)))) ** 2:
+            return "scaled", f"{reason}, and there is no scatter but rounding errors: nothing tells how large the errors are, state u_y"
+        held = 1.0 - 2.0 * float(stats.t.sf(1.0, dof))
+        few = f"; value ± standard error holds the truth in {100 * held:.0f} % of such experiments, coverage_factor() widens it to any level"
+        return "scaled", reason + (few if dof <= _FEW else "")
+    if p_value < POOR_FIT:
+        return "scaled", (
+            f"S/dof = {chi2 / dof:.3g} (p = {p_value:.2g}): the stated uncertainties do not explain the scatter; scaling assumes "
+            "that all are too small by one factor, a Bayesian line with intrinsic scatter that something was left out"
+        )
+    if data.method == "weighted":
+        return "propagated", "x is exact and S agrees with the stated uncertainties, so they are propagated as they are"
+    return "propagated", (
+        f"the stated uncertainties are not rejected by the scatter (p = {p_value:.2g}), so they need no scaling; the york "
+        "convention is too small where the errors along the line are not small against the range"
+    )
+
+
+def _message(vertical: bool, contrast: float, chi2: float, dof: int, p_value: float, errors: Mapping[str, StandardError]) -> str:
+    """What a reader must know before using the numbers; "" if nothing."""
+    sentences = []
+    if vertical:
+        sentences.append("The best line is vertical: it has no slope and no intercept; exchange x and y.")
+    elif not all(np.isfinite(value) for error in errors.values() for value in error):
+        sentences.append("The points coincide along the line: it has no standard errors.")
+    if contrast < stats.chi2.isf(0.05, 1):
+        sentences.append(f"The data do not determine the line's direction: S varies by only {contrast:.2g} over all directions.")
+    if p_value < POOR_FIT:
+        sentences.append(f"Poor fit: S = {chi2:.4g} with {dof} degrees of freedom (p = {p_value:.2g}).")
+    return " ".join(sentences)
+
+
+class LineValues(NamedTuple):
+    """The line at chosen abscissas."""
+
+    values: FloatArray  # (n_x,) intercept + slope x, unit of y
+    u: FloatArray  # (n_x,) their standard uncertainties
+
+
+@dataclass(frozen=True, eq=False)
+class Band:
+    """An interval of y at each abscissa, arrays (n_x,) and read-only; each holds pointwise, not for the whole line at once."""
+
+    x: FloatArray
+    centre: FloatArray  # the line
+    low: FloatArray
+    high: FloatArray
+    probability: float
+
+
+class InversePrediction(NamedTuple):
+    """The abscissa at which the line reaches a measured y."""
+
+    x0: float  # unit of x
+    u_x0: float  # its standard uncertainty, linear propagation
+    low: float  # symmetric interval x0 -+ k u_x0
+    high: float
+
+
+def line_values(fit: LineFit, x: ArrayLike, *, convention: str | None = None) -> LineValues:
+    """The line at x and its standard uncertainty: u^2 = u_a^2 + x^2 u_b^2 + 2 x cov = u_pivot^2 + (x - x_pivot)^2 u_b^2.
+
+    x : (n_x,) or one number.  convention : a name in ``fit.standard_errors``; None is the recommended one.
+    Source: GUM H.3.4.
+    """
+    at = np.atleast_1d(np.asarray(x, dtype=np.float64))
+    error = standard_error(fit, convention)
+    return LineValues(fit.intercept + fit.slope * at, np.hypot(error.u_pivot, (at - error.x_pivot) * error.u_slope))
+
+
+def confidence_band(fit: LineFit, x: ArrayLike, *, probability: float = 0.95, convention: str | None = None) -> Band:
+    """Where the line is, pointwise: line -+ k u, k normal, or Student's t for "scaled".
+
+    Arguments as in ``line_values``.  Raises InputError.
+    """
+    values, u = line_values(fit, x, convention=convention)
+    return _band(x, values, coverage_factor(fit, probability=probability, convention=convention) * u, probability)
+
+
+def prediction_band(
+    fit: LineFit,
+    x: ArrayLike,
+    *,
+    probability: float = 0.95,
+    u_y: ArrayLike | None = None,
+    u_x: ArrayLike = 0.0,
+    convention: str | None = None,
+) -> Band:
+    """Where one more reading of y will fall: line -+ k sqrt(u^2 + u_y^2 + slope^2 u_x^2).
+
+    u_y : standard uncertainty of the new reading, (n_x,) or one number; None is the scatter of the residuals, for "ols" only.
+    u_x : of the abscissa at which it is taken.  Other arguments as in ``line_values``.  Raises InputError.
+    """
+    values, u = line_values(fit, x, convention=convention)
+    reading = np.sqrt(_reading_uncertainty(fit, u_y, "u_y") ** 2 + (fit.slope * np.asarray(u_x, dtype=np.float64)) ** 2)
+    factor = coverage_factor(fit, probability=probability, convention=convention)
+    return _band(x, values, factor * np.hypot(u, reading), probability)
+
+
+def inverse_prediction(
+    fit: LineFit, y0: float, *, u_y0: float | None = None, probability: float = 0.95, convention: str | None = None
+) -> InversePrediction:
+    """x0 = (y0 - a)/b for a new reading y0, u^2(x0) = (u_y0^2 + u_a^2 + x0^2 u_b^2 + 2 x0 cov)/b^2.
+
+    u_y0 : standard uncertainty of y0; None is the scatter of the residuals, for "ols" only.  Linear in the uncertainties:
+    not for a slope that is uncertain by more than about 10 %.  Raises InputError.
+    Source: ISO/TS 28037:2010, 11.1.
+    """
+    if not np.isfinite(fit.slope) or fit.slope == 0.0:
+        raise InputError("has no inverse: the line is horizontal or vertical", field="slope", value=fit.slope)
+    x0 = (float(y0) - fit.intercept) / fit.slope
+    u_line = float(line_values(fit, x0, convention=convention).u[0])
+    u_x0 = float(np.hypot(u_line, _reading_uncertainty(fit, u_y0, "u_y0"))) / abs(fit.slope)
+    half = coverage_factor(fit, probability=probability, convention=convention) * u_x0
+    return InversePrediction(x0, u_x0, x0 - half, x0 + half)
+
+
+def standard_error(fit: LineFit, convention: str | None = None) -> StandardError:
+    """The standard errors by that convention, by the recommended one if None.  Raises InputError if the fit has none such."""
+    name = fit.recommended if convention is None else convention
+    if name not in fit.standard_errors:
+        raise InputError(f"must be one of {', '.join(fit.standard_errors)}", field="convention", value=name)
+    return fit.standard_errors[name]
+
+
+def coverage_factor(fit: LineFit, *, probability: float, convention: str | None = None) -> float:
+    """k such that estimate -+ k u holds the value with that probability: Student's t where the scale is from the residuals."""
+    if not 0.0 < probability < 1.0:
+        raise InputError("must lie between 0 and 1", field="probability", value=probability)
+    tail = 0.5 * (1.0 - probability)
+    standard_error(fit, convention)
+    scaled = (fit.recommended if convention is None else convention) == "scaled"
+    return float(stats.t.isf(tail, fit.dof) if scaled else stats.norm.isf(tail))
+
+
+def _reading_uncertainty(fit: LineFit, u: ArrayLike | None, field: str) -> FloatArray:
+    if u is None and fit.method != "ols":
+        raise InputError("must be given: the fit knows the uncertainty of its points, not of the new reading", field=field)
+    values = np.asarray(np.sqrt(fit.chi2 / fit.dof) if u is None else u, dtype=np.float64)
+    if not np.all(values >= 0.0):
+        raise InputError("must be >= 0", field=field, value=u)
+    return values
+
+
+def _band(x: ArrayLike, centre: FloatArray, half: FloatArray, probability: float) -> Band:
+    band = Band(np.atleast_1d(np.array(x, dtype=np.float64)), centre, centre - half, centre + half, probability)
+    for array in (band.x, band.centre, band.low, band.high):
+        array.flags.writeable = False
+    return band

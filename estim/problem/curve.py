@@ -1,0 +1,100 @@
+"""What estim asks of a curve y = f(x; arguments): its value, its slope and its gradient, vectorised over draws.
+
+The phase curve of a rolling body is one such curve; anything else that keeps to this protocol can be fit in its place.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Protocol, runtime_checkable
+
+from numpy.typing import ArrayLike
+
+from estim.arrays import FloatArray
+
+EXACT = 2.3e-16  # relative error of derivatives that are exact but for rounding; a curve whose are not says so as `precision`
+
+
+@dataclass(frozen=True, eq=False)
+class LocalCurve:
+    """A curve with its first derivatives at the same points.
+
+    value : (n_draw, n_obs) f.  slope : (n_draw, n_obs) df/dx.
+    gradient : argument name -> array that broadcasts to (n_draw, n_obs), df/dargument at fixed x.
+    """
+
+    value: FloatArray
+    slope: FloatArray
+    gradient: Mapping[str, FloatArray]
+
+
+@dataclass(frozen=True, eq=False)
+class Derived:
+    """A quantity computed from the parameters: unit, (n_draw, 1) values, and what it is."""
+
+    unit: str
+    values: FloatArray
+    meaning: str
+
+
+class Curve(Protocol):
+    """A curve; arguments are scalars or shaped (n_draw, 1), x is (n_obs,), results are (n_draw, n_obs)."""
+
+    def value(self, x: FloatArray, arguments: Mapping[str, ArrayLike]) -> FloatArray:
+        """f(x; arguments)."""
+
+    def local(self, x: FloatArray, arguments: Mapping[str, ArrayLike]) -> LocalCurve:
+        """f with its slope in x and its gradient in the arguments."""
+
+
+@runtime_checkable
+class SpeedCurve(Curve, Protocol):
+    """A curve of speeds dx/dt = f(x), which speeds made by differences of positions need."""
+
+    def time_derivative(self, x: FloatArray, arguments: Mapping[str, ArrayLike], order: int) -> FloatArray:
+        """d^order f/dt^order along the motion dx/dt = f(x), for even `order`: what a derivative by differences adds to its mean."""
+
+
+class Motion(Protocol):
+    """What is known of a body whose motion was measured, beside the curve that is fit; a plain curve has none."""
+
+    @property
+    def mass(self) -> float | None:
+        """Mass (kg) of what moves, None where it is unknown."""
+
+    def metres(self, arguments: Mapping[str, ArrayLike]) -> ArrayLike:
+        """Metres that one unit of position is worth."""
+
+    def energies(self, x: FloatArray, v: FloatArray, arguments: Mapping[str, ArrayLike]) -> tuple[FloatArray, FloatArray]:
+        """Kinetic and potential energy per unit mass (J/kg) at measured positions x and speeds v."""
+
+    def derived(self, arguments: Mapping[str, ArrayLike]) -> Mapping[str, Derived]:
+        """Quantities that follow from the arguments and mean something to a reader, by name."""
+
+    def end(self, arguments: Mapping[str, ArrayLike]) -> FloatArray:
+        """Abscissa behind which the motion does not go, (n_draw, 1) or (1, 1); inf where it never ends."""
+
+
+@dataclass(frozen=True)
+class Wording:
+    """How the measured numbers of a run are spoken of, and drawn.
+
+    what : all of them.  reading : one that the instrument gave.  new : one more of them, for the legend of a predictive band.
+    rows : what they are counted in.
+    from_release : whether axes begin at 0, where the motion is released; else where the data begin.
+    """
+
+    what: str
+    reading: str
+    new: str
+    rows: str
+    from_release: bool
+
+
+POINTS = Wording("points", "reading", "a new point", "points", False)
+
+
+def plain_words(y_name: str) -> Wording:
+    """Of points on a curve that is no motion."""
+    return replace(POINTS, new=f"a new {y_name}")

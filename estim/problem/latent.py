@@ -1,0 +1,288 @@
+"""The likelihood of independent points whose abscissas have errors (`estim.problem.abscissas` says what it is), with its derivatives.
+
+`LatentRun` is the one mechanism: `estim.problem.problem` asks it wherever a run has errors of x, for densities, residuals, information and tests.
+
+The estimated mean and variance of the true abscissas move all points in common.  With t_i the derivatives of the mean of y_i in these two
+displacements, in standard deviations of both, and z_i = (y_i - mean)/sd, integrating them out gives (exact for a line)
+
+    log L = sum log L_i + g^T (1 + H)^-1 g / 2 - log det(1 + H) / 2,    g = sum z_i t_i,  H = sum t_i t_i^T.
+
+(The first term added is never above sum z_i^2/2: no misfit is rewarded.  Robust tails bound z_i in g.)
+
+The least squares of record leave this term out: their best point is the maximum of sum log L_i, their covariance has the term's effect in it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from estim.arrays import FloatArray
+from estim.problem.abscissas import (
+    LOG_WEIGHTS,
+    Predictive,
+    TrueAbscissas,
+    deepened,
+    predictive,
+    predictive_slopes,
+    slopes_in_x,
+    summed,
+    true_abscissas,
+)
+from estim.problem.curve import Curve
+from estim.problem.noise import Independent
+from estim.problem.tails import Tails
+
+Named = Mapping[str, ArrayLike]
+Ends = Mapping[str, tuple[Named, Named, float]]
+"""Noise parameter -> values below, values above, their distance: for differences."""
+
+_BLOCK = 1_000_000  # values of the curve computed at once
+_NEGLIGIBLE = 1e-3  # variance of x that is error, as a share, below which the distribution of the true abscissas is known well enough
+_N_SCORE = 81  # points of a table over the normal score of y
+_FAREST = 5.0
+_LOG_ROOT_2PI = 0.5 * np.log(2.0 * np.pi)
+
+
+@dataclass(frozen=True, eq=False)
+class LatentRun:
+    """Points (x, y), (n_obs,) each, of a curve; `bind` turns parameters into arguments of the curve, `sources` says which they are."""
+
+    curve: Curve
+    x: FloatArray
+    y: FloatArray
+    noise: Independent
+    sources: Mapping[str, str | float]
+    bind: Callable[[Named], Mapping[str, ArrayLike]]
+
+    def log_density(self, named: Named) -> FloatArray:
+        """(n_draw, n_obs) log of the density of each y given its x, the distribution of the true abscissas taken as estimated."""
+        return self._by_blocks(named, lambda part: self._predictive(part).log_density(self.y, self.noise.tails, part))
+
+    def log_likelihood(self, named: Named) -> FloatArray:
+        """(n_draw,) of all points together, that distribution integrated out."""
+        if np.max(true_abscissas(self.x, self.noise.sd_of_x(named, self.x.size)).common) == 0.0 or self._well_known(named):
+            return np.asarray(np.sum(self.log_density(named), axis=1))
+        return self._by_blocks(named, self._integrated)
+
+    def normal_score(self, named: Named) -> FloatArray:
+        """(n_draw, n_obs) every y mapped to a standard normal variable: its residual in standard deviations, if it were normal."""
+        return self._by_blocks(named, lambda part: self._predictive(part).normal_score(self.y, self.noise.tails, part))
+
+    def outlier_probability(self, named: Named) -> FloatArray:
+        """(n_draw, n_obs) probability that the point is an outlier, averaged over the true abscissas that y allows."""
+
+        def probability(part: Named) -> FloatArray:
+            z, terms = self._predictive(part).terms(self.y, self.noise.tails, part)
+            return np.sum(_shares(terms) * self.noise.tails.outlier_probability(z, deepened(self.noise.tails, part)), axis=-1)
+
+        return self._by_blocks(named, probability)
+
+    def deviance_residual(self, named: Named) -> FloatArray:
+        """(n_draw, n_obs) r with r^2/2 = log of the largest density that any curve reaches - log L_i; signed as the residual."""
+
+        def residual(part: Named) -> FloatArray:
+            density, tails = self._predictive(part), self.noise.tails
+            highest = tails.log_density(np.zeros((1, self.y.size)), part) - 0.5 * np.log(self._own_variance(part))
+            height = highest - density.log_density(self.y, tails, part)
+            below = self.y < np.sum(np.exp(density.log_weight) * density.mean, axis=-1)
+            return np.where(below, -1.0, 1.0) * np.sqrt(2.0 * np.maximum(height, 0.0))
+
+        return self._by_blocks(named, residual)
+
+    def deviance_jacobian(self, named: Named, names: Sequence[str]) -> FloatArray:
+        """(n_obs, n_par) its derivatives in the parameters of the curve."""
+        gradient = self.scores(named, names, {})
+        return -gradient / self.deviance_residual(named)[0][:, None]
+
+    def scores(self, named: Named, names: Sequence[str], ends: Ends) -> FloatArray:
+        """(n_obs, n_par) derivatives of each log L_i; of the noise parameters those in `ends`."""
+        return self._scores(self.y[:, None], named, names, ends)[:, 0, : len(names)]
+
+    def information(self, named: Named, names: Sequence[str], ends: Ends) -> FloatArray:
+        """(n_par, n_par) Fisher information of the points, the distribution of the true abscissas integrated out."""
+        density, tails = self._predictive(named), self.noise.tails
+        z, weight = _error_nodes(tails, named)
+        kept = np.flatnonzero(LOG_WEIGHTS - np.max(LOG_WEIGHTS) > -9.0)
+        y = (density.mean[0][:, kept, None] + np.sqrt(density.variance[0][:, kept, None]) * z).reshape(self.y.size, -1)
+        chance = (np.exp(density.log_weight[0][:, kept, None]) * weight).reshape(self.y.size, -1)
+        total = np.zeros((len(names) + 2, len(names) + 2))
+        step = max(1, int(4 * _BLOCK / (y.shape[1] * LOG_WEIGHTS.size)))
+        for first in range(0, self.y.size, step):
+            part = slice(first, first + step)
+            scores = self._scores(y[part], named, names, ends, part)
+            scores = scores * np.sqrt(chance[part])[..., None]
+            flat = scores.reshape(-1, len(names) + 2)
+            total += flat.T @ flat
+        n = len(names)
+        return total[:n, :n] - total[:n, n:] @ np.linalg.solve(total[n:, n:] + np.eye(2), total[n:, :n])
+
+    def score_table(self, named: Named, names: Sequence[str]) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Normal scores e (n,), and for y of that score the scores of log L_i and the derivatives of the normal score, (n_obs, n, n_par).
+
+        For tests: of the parameters of the curve only.
+        """
+        density, tails = self._predictive(named), self.noise.tails
+        e = np.linspace(-_FAREST, _FAREST, _N_SCORE)
+        y = _quantiles(density, tails, named, e)
+        of_mean, of_variance = self._slopes(named, names)
+        of_mean, of_variance = of_mean[..., : len(names)], of_variance[..., : len(names)]
+        z = (y[..., None] - density.mean[0][:, None]) / np.sqrt(density.variance[0][:, None])
+        share = np.exp(density.log_weight[0] - summed(density.log_weight[0])[..., None])[:, None]
+        height = share * np.exp(tails.log_density(z, deepened(tails, named)))
+        sd = np.sqrt(density.variance[0][:, None])
+        moved = -(height / sd) @ of_mean - (0.5 * height * z / sd**2) @ of_variance
+        return e, self._scores(y, named, names, {})[..., : len(names)], moved * np.exp(0.5 * e**2 + _LOG_ROOT_2PI)[None, :, None]
+
+    def _well_known(self, named: Named) -> bool:
+        if self.noise.sigma_x is None or self.noise.sigma_x.parameter is not None:
+            return False
+        return float(np.mean(np.square(self.noise.sd_of_x(named, self.x.size)))) < _NEGLIGIBLE * float(np.var(self.x))
+
+    def _abscissas(self, named: Named) -> TrueAbscissas:
+        return true_abscissas(self.x, self.noise.sd_of_x(named, self.x.size))
+
+    def _values(self, named: Named, nodes: FloatArray) -> FloatArray:
+        """The curve at nodes (n, n_obs, n_node), as (n_draw, n_obs, n_node); a curve of one's own sees increasing x."""
+        with np.errstate(all="ignore"):
+            if nodes.shape[0] > 1:
+                value = self.curve.value(nodes.reshape(nodes.shape[0], -1), self.bind(named))
+                return np.asarray(value).reshape(-1, *nodes.shape[1:])
+            order = np.argsort(nodes.ravel(), kind="stable")
+            value = np.atleast_2d(self.curve.value(nodes.ravel()[order], self.bind(named)))
+        unsorted = np.empty((value.shape[0], order.size))
+        unsorted[:, order] = value
+        return unsorted.reshape(-1, *nodes.shape[1:])
+
+    def _own_variance(self, named: Named) -> FloatArray:
+        """(n, n_obs) variance of y at a given abscissa."""
+        reading = np.square(np.asarray(self.noise.sigma.at(named)) * self.noise.relative) + self.noise.quantisation_variance
+        return np.atleast_2d(reading + np.square(self.noise.scatter.at(named)))
+
+    def _predictive(self, named: Named) -> Predictive:
+        return predictive(self._values(named, self._abscissas(named).nodes), self._own_variance(named))
+
+    def _integrated(self, named: Named) -> FloatArray:
+        abscissas, tails = self._abscissas(named), self.noise.tails
+        values = self._values(named, abscissas.nodes)
+        density = predictive(values, self._own_variance(named))
+        along = slopes_in_x(values, abscissas.spread)[..., None] * abscissas.common[:, :, None, :]
+        weight = np.exp(density.log_weight - summed(density.log_weight)[..., None])
+        mean = np.sum(weight * density.mean, axis=-1)
+        sd = np.sqrt(np.sum(weight * (density.variance + (density.mean - mean[..., None]) ** 2), axis=-1))
+        moved = np.einsum("dik,dikj->dij", weight, predictive_slopes(values, along)[0]) / sd[..., None]
+        pull = np.multiply(*tails.deviance_residual((self.y - mean) / sd, named))
+        gradient = np.einsum("dij,di->dj", moved, pull)
+        information = tails.information({name: float(np.mean(np.asarray(named[name]))) for name in tails.parameters})[0]
+        curvature = information * np.einsum("dij,dik->djk", moved, moved) + np.eye(2)
+        with np.errstate(all="ignore"):
+            determinant = curvature[:, 0, 0] * curvature[:, 1, 1] - curvature[:, 0, 1] ** 2
+            square = curvature[:, 1, 1] * gradient[:, 0] ** 2 + curvature[:, 0, 0] * gradient[:, 1] ** 2
+            square -= 2.0 * curvature[:, 0, 1] * gradient[:, 0] * gradient[:, 1]
+            log_density = density.log_density(self.y, tails, named)
+            return np.asarray(np.sum(log_density, axis=-1) + 0.5 * square / determinant - 0.5 * np.log(determinant))
+
+    def _slopes(self, named: Named, names: Sequence[str]) -> tuple[FloatArray, FloatArray]:
+        """Derivatives (n_obs, n_component, n_par + 2) of means and variances: in the parameters, then in the two common displacements."""
+        abscissas = self._abscissas(named)
+        flat = abscissas.nodes[0].ravel()
+        order = np.argsort(flat, kind="stable")
+        with np.errstate(all="ignore"):
+            local = self.curve.local(flat[order], self.bind(named))
+        back = np.empty_like(order)
+        back[order] = np.arange(order.size)
+        gradients = np.zeros((flat.size, len(names) + 2))
+        for argument, source in self.sources.items():
+            if isinstance(source, str):
+                gradients[:, names.index(source)] += np.broadcast_to(local.gradient[argument], (1, flat.size))[0][back]
+        shape = abscissas.nodes.shape[1:]
+        values = np.broadcast_to(local.value, (1, flat.size))[0][back].reshape(shape)
+        gradients = gradients.reshape(*shape, -1)
+        gradients[..., len(names) :] = slopes_in_x(values, abscissas.spread[0])[..., None] * abscissas.common[0][:, None, :]
+        with np.errstate(all="ignore"):
+            of_mean, of_variance = predictive_slopes(values, gradients)
+        own = np.broadcast_to(self._own_variance(named), (1, self.y.size))[0]
+        sigma, scatter = self.noise.sigma, self.noise.scatter
+        for scale, square in ((sigma, np.square(self.noise.relative)), (scatter, np.ones_like(own))):
+            if scale.parameter is not None:
+                of_variance[..., names.index(scale.parameter)] += 2.0 * float(np.squeeze(scale.at(named))) * square[:, None]
+        return of_mean, of_variance
+
+    def _scores(self, y: FloatArray, named: Named, names: Sequence[str], ends: Ends, part: slice = slice(None)) -> FloatArray:
+        """(n_part, n, n_par + 2) derivatives of log L_i at y (n_part, n) for the points of `part`."""
+        tails, whole = self.noise.tails, self._predictive(named)
+        density = Predictive(*(array[0][part][:, None] for array in (whole.mean, whole.variance, whole.log_weight)))
+        z, terms = density.terms(y, tails, named)
+        share = _shares(terms)
+        pull = np.multiply(*tails.deviance_residual(z, deepened(tails, named)))
+        of_mean, of_variance = (array[part] for array in self._slopes(named, names))
+        with np.errstate(all="ignore"):
+            scores = (share * pull / np.sqrt(density.variance)) @ of_mean + (share * (z * pull - 1.0) / (2.0 * density.variance)) @ of_variance
+        for name, (low, high, distance) in ends.items():
+            if name in (self.noise.sigma.parameter, self.noise.scatter.parameter):
+                continue
+            below, above = (self._log_density_at(y, values, part) for values in (low, high))
+            scores[..., names.index(name)] = (above - below) / distance
+        return scores
+
+    def _log_density_at(self, y: FloatArray, named: Named, part: slice) -> FloatArray:
+        whole = self._predictive(named)
+        density = Predictive(*(array[0][part][:, None] for array in (whole.mean, whole.variance, whole.log_weight)))
+        return density.log_density(y, self.noise.tails, named)
+
+    def _by_blocks(self, named: Named, compute: Callable[[Named], FloatArray]) -> FloatArray:
+        columns = {name: np.asarray(value) for name, value in named.items()}
+        n_draw = max((column.shape[0] for column in columns.values() if column.ndim == 2), default=1)
+        step = max(1, int(_BLOCK / ((LOG_WEIGHTS.size + 2) * self.x.size)))
+        parts = [
+            compute({name: column[first : first + step] if column.ndim == 2 and column.shape[0] > 1 else column for name, column in columns.items()})
+            for first in range(0, n_draw, step)
+        ]
+        return np.concatenate(parts)
+
+
+def root(information: FloatArray, score: FloatArray, n: int) -> tuple[FloatArray, FloatArray]:
+    """J (m, n_par) and r (m,), m >= n, with J^T J = information and J^T r = -score, rows of zeros added; nan where they are not finite."""
+    if not (np.all(np.isfinite(information)) and np.all(np.isfinite(score))):
+        return np.full((max(n, score.size), score.size), np.nan), np.full(max(n, score.size), np.nan)
+    scale = np.sqrt(np.maximum(np.diag(information), 0.0))
+    scale = np.where(scale > 0.0, scale, 1.0)
+    stiffness, axes = np.linalg.eigh(information / np.outer(scale, scale))
+    size = np.sqrt(np.maximum(stiffness, 0.0))
+    height = np.divide(-(axes.T @ (score / scale)), size, out=np.zeros_like(size), where=size > 1e-9 * np.max(size, initial=0.0))
+    rest = max(0, n - score.size)
+    return np.vstack([size[:, None] * axes.T * scale, np.zeros((rest, score.size))]), np.append(height, np.zeros(rest))
+
+
+def _shares(terms: FloatArray) -> FloatArray:
+    """Terms of a sum over components as shares of it; 0 where the sum is 0."""
+    total = summed(terms)[..., None]
+    return np.exp(terms - np.where(np.isfinite(total), total, 0.0))
+
+
+def _error_nodes(tails: Tails, named: Named) -> tuple[FloatArray, FloatArray]:
+    """z and weights of a sum over the errors of y."""
+    if not tails.robust:
+        z, weight = np.polynomial.hermite_e.hermegauss(3)
+    else:
+        z = np.linspace(-9.0, 9.0, 37)
+        weight = np.exp(tails.log_density(z, {name: float(np.squeeze(named[name])) for name in tails.parameters}))
+    return z, weight / np.sum(weight)
+
+
+def _quantiles(density: Predictive, tails: Tails, named: Named, e: FloatArray) -> FloatArray:
+    """(n_obs, n) the y of normal scores e (n,), by bisection."""
+    sd = np.sqrt(density.variance[0])
+    possible = np.isfinite(density.log_weight[0])
+    reach = 40.0 if tails.robust else 2.0 * _FAREST
+    low = np.min(np.where(possible, density.mean[0] - reach * sd, np.inf), axis=-1)[:, None] * np.ones(e.size)
+    high = np.max(np.where(possible, density.mean[0] + reach * sd, -np.inf), axis=-1)[:, None] * np.ones(e.size)
+    spread = Predictive(*(array[0][:, None] for array in (density.mean, density.variance, density.log_weight)))
+    for _ in range(50):
+        middle = 0.5 * (low + high)
+        above = spread.normal_score(middle, tails, named) > e
+        low, high = np.where(above, low, middle), np.where(above, middle, high)
+    return 0.5 * (low + high)

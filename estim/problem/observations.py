@@ -1,0 +1,113 @@
+"""The points of one run that are fit, with their curve and noise, and what an unknown is."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from estim.arrays import FloatArray
+from estim.common import InputError
+from estim.problem.curve import POINTS, Curve, Derived, Motion, Wording
+from estim.problem.latent import LatentRun
+from estim.problem.noise import Independent, Noise, noise_parameters
+from estim.problem.priors import Prior
+
+
+@dataclass(frozen=True, eq=False)
+class Parameter:
+    """One unknown: `name` as in results ("gamma[heavy]"), `unit` ("1", "rad", "m", ...), prior, and what it is."""
+
+    name: str
+    unit: str
+    prior: Prior
+    meaning: str
+
+
+@dataclass(frozen=True, eq=False)
+class Observations:
+    """The speeds of one run that are fit, with their curve and noise.
+
+    x : (n_obs,) position.  y : (n_obs,) speed.  t : (n_obs,) s, or None where it is unknown.
+    arguments : argument of the curve -> parameter name, or a fixed number.
+    x_name, x_unit, y_name, y_unit : for axes and tables ("position x", "m").
+    excluded : why and how many rows were left out, in words.
+    excluded_points : (n, 2) the (x, y) of those rows that have a speed, for figures.
+    motion : the body whose motion was measured; None for a plain curve.  words : how the measured numbers are spoken of.
+    """
+
+    name: str
+    x: FloatArray
+    y: FloatArray
+    t: FloatArray | None
+    curve: Curve
+    arguments: Mapping[str, str | float]
+    noise: Noise
+    x_name: str
+    x_unit: str
+    y_name: str
+    y_unit: str
+    excluded: tuple[str, ...]
+    excluded_points: FloatArray
+    motion: Motion | None = None
+    words: Wording = POINTS
+
+    @property
+    def n_obs(self) -> int:
+        return int(self.x.size)
+
+    @property
+    def curve_parameters(self) -> frozenset[str]:
+        """Names of the parameters of its curve."""
+        return frozenset(source for source in self.arguments.values() if isinstance(source, str))
+
+    @property
+    def parameters(self) -> frozenset[str]:
+        """Names of all parameters that the run depends on: those of its curve and of its noise."""
+        return self.curve_parameters | frozenset(noise_parameters(self.noise))
+
+    @property
+    def x_label(self) -> str:
+        return self.x_name if self.x_unit == "1" else f"{self.x_name} ({self.x_unit})"
+
+    @property
+    def y_label(self) -> str:
+        return self.y_name if self.y_unit == "1" else f"{self.y_name} ({self.y_unit})"
+
+    @property
+    def latent(self) -> LatentRun | None:
+        """The likelihood of points whose abscissas have errors; None where they are exact."""
+        if not isinstance(self.noise, Independent) or self.noise.sigma_x is None:
+            return None
+        return LatentRun(self.curve, self.x, self.y, self.noise, self.arguments, self.bind)
+
+    def end(self, arguments: Mapping[str, ArrayLike]) -> FloatArray:
+        """(n_draw, 1) or (1, 1) abscissa behind which the motion does not go; inf where there is none, or it never ends."""
+        return np.full((1, 1), np.inf) if self.motion is None else self.motion.end(arguments)
+
+    @property
+    def body(self) -> Motion:
+        """The body whose motion was measured.  Raises InputError for a plain curve."""
+        if self.motion is None:
+            raise InputError("is fit by a curve that is no motion of a body", field="run", value=self.name)
+        return self.motion
+
+    def derived(self, arguments: Mapping[str, ArrayLike]) -> Mapping[str, Derived]:
+        """Quantities that follow from the arguments of the curve and mean something to a reader."""
+        return {} if self.motion is None else self.motion.derived(arguments)
+
+    def bind(self, values: Mapping[str, ArrayLike]) -> dict[str, ArrayLike]:
+        """Arguments of the curve for parameter values (scalars or (n_draw, 1))."""
+        return {a: values[source] if isinstance(source, str) else source for a, source in self.arguments.items()}
+
+
+def n_uses(name: str, runs: Sequence[Observations]) -> int:
+    """Number of `runs` whose curve has the parameter `name`."""
+    return sum(name in run.curve_parameters for run in runs)
+
+
+def shared_first(parameters: Iterable[Parameter], runs: Sequence[Observations]) -> tuple[Parameter, ...]:
+    """`parameters` of a curve with those that several of `runs` share before those of one run, otherwise in their order."""
+    return tuple(sorted(parameters, key=lambda p: n_uses(p.name, runs) < 2))

@@ -1,0 +1,79 @@
+"""The noise of readings y of a user's own curve: independent errors, or a full covariance matrix.
+
+`Readings` says nothing new but words; `Correlated` takes the covariance of all readings as it was stated.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from estim.arrays import FloatArray
+from estim.common import InputError
+from estim.problem.curve import Curve, Wording
+from estim.problem.noise import Independent, Whitening
+
+
+@dataclass(frozen=True, eq=False)
+class Readings(Independent):
+    """Independent errors of readings; `what` is read ("temperature")."""
+
+    what: str = field(default="y", kw_only=True)
+
+    def describe(self, *, x_unit: str, y_unit: str, words: Wording) -> str:
+        """The noise in words."""
+        y_unit = "" if y_unit == "1" else y_unit
+        if self.sigma.parameter is not None:
+            size = f"their standard deviation {self.sigma.parameter} inferred"
+        elif np.ptp(self.relative) > 0.0:
+            size = "standard deviations as stated row by row"
+        else:
+            size = f"standard deviation {self.sigma.value * self.relative[0]:.4g} {y_unit}".rstrip()
+        further = "; " + self.tails.describe() if self.tails.robust else ""
+        if self.relative_x is not None:
+            unit = "" if x_unit == "1" else x_unit
+            further = f"; errors of x of standard deviation about {np.median(self.relative_x):.4g} {unit}".rstrip() + further
+        return f"independent errors of {self.what}; {size}{further}"
+
+
+@dataclass(frozen=True, eq=False)
+class Correlated(Readings):
+    """Readings with a stated covariance matrix.
+
+    cov : (n_obs, n_obs); `relative` must be the square roots of its diagonal.
+    """
+
+    cov: FloatArray = field(kw_only=True)
+
+    def whitening(self, curve: Curve, x: FloatArray, arguments: Mapping[str, ArrayLike]) -> Whitening:
+        spectrum, basis = np.linalg.eigh(self.cov)
+        return Whitening(basis=basis, spectrum=np.maximum(spectrum, 0.0), offset=np.zeros(x.size), kernel=self.cov, steepness=np.zeros(x.size))
+
+    def describe(self, *, x_unit: str, y_unit: str, words: Wording) -> str:
+        """The noise in words."""
+        y_unit = "" if y_unit == "1" else y_unit
+        size = f"standard deviations about {np.median(self.relative):.4g} {y_unit}".strip()
+        return f"correlated errors of {self.what} with the stated covariance matrix; {size}"
+
+
+def check_covariance(cov: ArrayLike, n_obs: int, *, field: str) -> FloatArray:
+    """`cov` as a read-only (n_obs, n_obs) array.
+
+    Raises InputError naming `field` where it has another shape, is not finite, symmetric or positive definite.
+    """
+    matrix = np.array(cov, dtype=float)
+    if matrix.shape != (n_obs, n_obs):
+        raise InputError(f"must have the shape ({n_obs}, {n_obs})", field=field, value=matrix.shape)
+    if not np.all(np.isfinite(matrix)):
+        raise InputError("must be finite", field=field)
+    if not np.allclose(matrix, matrix.T, rtol=1e-9, atol=0.0):
+        raise InputError("must be symmetric", field=field)
+    matrix = 0.5 * (matrix + matrix.T)
+    sds = np.sqrt(np.maximum(np.diag(matrix), 0.0))
+    if not np.all(sds > 0.0) or not np.linalg.eigvalsh(matrix / np.outer(sds, sds))[0] > 1e-13:
+        raise InputError("must be positive definite (a covariance matrix)", field=field)
+    matrix.setflags(write=False)
+    return matrix

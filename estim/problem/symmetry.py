@@ -1,0 +1,178 @@
+"""Which other parameter values draw exactly the same curve: exchanged components, changed signs, turned phases.
+
+a*exp(-k*x) + b*exp(-q*x) is the same curve with (a, k) and (b, q) exchanged, A*sin(w*x + p) with -A and p + pi.  Such values
+are one solution under several labels.  They are told from an alias (a frequency that agrees at the measured points
+only) by the curve itself, at random parameters and at random x between the points.
+
+Every map looked for is  image[i] = sign[i] * values[order[i]] + shift[i]  with one or more pairs exchanged, or up to three
+signs changed and phases turned by a half; what passes is closed under composition.  `Labelled` is the posterior folded
+onto one of the labels, so that draws of it describe one solution; nothing of its integral is lost.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from estim.arrays import FloatArray
+from estim.problem.problem import Posterior, Problem
+
+Indices = NDArray[np.int64]
+
+
+@dataclass(frozen=True, eq=False)
+class Symmetry:
+    """Maps under which curves and priors of a problem stay as they are, the identity first.
+
+    order : (n_map, n_par) indices.  sign, shift : (n_map, n_par).  period : (n_par,) one full turn, inf where there is none.
+    low, high : (n_par,) limits of the parameters.  weight : (n_par,) of squared distances that choose the label.
+    """
+
+    order: Indices
+    sign: FloatArray
+    shift: FloatArray
+    period: FloatArray
+    low: FloatArray
+    high: FloatArray
+    weight: FloatArray
+
+    @property
+    def trivial(self) -> bool:
+        return self.order.shape[0] == 1 and not np.any(np.isfinite(self.period))
+
+    def images(self, draws: FloatArray, near: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """All images (n_map, n_draw, n_par) of draws (n_draw, n_par), turned as close to `near` (n_par,) as the limits allow.
+
+        And how many full turns of each lie within the limits (n_map, n_draw): 0 where none does, 1 where they are without limits.
+        """
+        images = self.sign[:, None, :] * np.moveaxis(draws[:, self.order], 1, 0) + self.shift[:, None, :]
+        number = np.ones(images.shape[:2])
+        for i in np.flatnonzero(np.isfinite(self.period)):
+            turns = np.round((near[i] - images[..., i]) / self.period[i])
+            least = np.ceil((self.low[i] - images[..., i]) / self.period[i])
+            most = np.floor((self.high[i] - images[..., i]) / self.period[i])
+            images[..., i] += self.period[i] * np.clip(turns, least, np.maximum(most, least))
+            if math.isfinite(self.high[i] - self.low[i]):
+                number *= np.maximum(most - least + 1.0, 0.0)
+        inside = np.all((images >= self.low) & (images <= self.high), axis=2)
+        return images, np.where(inside, number, 0.0)
+
+    def nearest(self, values: FloatArray, near: FloatArray) -> FloatArray:
+        """The image of `values` (n_par,) within the limits that is closest to `near` (n_par,)."""
+        inside = self.within(values, near)
+        return min(inside, key=lambda image: float(np.sum(self.weight * (image - near) ** 2)), default=values)
+
+    def within(self, values: FloatArray, near: FloatArray) -> list[FloatArray]:
+        """The images of `values` (n_par,) inside the limits; phases turned as close to `near` (n_par,) as they can be."""
+        images, number = self.images(values[None, :], near)
+        return [image for image, n in zip(images[:, 0], number[:, 0], strict=True) if n > 0.0]
+
+    def widened(self, n: int) -> Symmetry:
+        """The same with `n` further parameters at the end, which nothing moves."""
+        if not n:
+            return self
+        n_map, n_par = self.order.shape
+        more = np.repeat(np.arange(n_par, n_par + n)[None, :], n_map, axis=0)
+        low, high, full = np.full(n, -np.inf), np.full(n, np.inf), np.full(n, np.inf)
+        return Symmetry(
+            np.hstack([self.order, more]), np.hstack([self.sign, np.ones((n_map, n))]), np.hstack([self.shift, np.zeros((n_map, n))]),
+            np.append(self.period, full), np.append(self.low, low), np.append(self.high, high), np.append(self.weight, np.zeros(n)),
+        )
+
+    def scaled(self, sds: FloatArray, bent: Sequence[int]) -> Symmetry:
+        """Labels chosen by distances in units of `sds` (n_par,), those of exchanged parameters made equal.
+
+        They count in the parameters `bent` and in those whose sign a map changes; a phase decides only where nothing else does.
+        """
+        square = np.square(sds)
+        for _ in range(2):
+            square = np.max(square[self.order], axis=0)
+        every = np.arange(sds.size)
+        counting = np.isin(every, bent) | np.any((self.order == every) & (self.sign < 0.0), axis=0)
+        weight = np.where(counting & (square > 0.0), 1.0 / np.maximum(square, 1e-300), 0.0)
+        return replace(self, weight=np.where(np.isfinite(self.period), 1e-6 * weight, weight))
+
+
+@dataclass(frozen=True, eq=False)
+class Labelled:
+    """A posterior folded onto the labels of its mode: the density of all labels together, where `mode` (n_par,) is the closest one."""
+
+    posterior: Posterior
+    symmetry: Symmetry
+    mode: FloatArray
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        return self.posterior.names
+
+    @property
+    def problem(self) -> Problem:
+        return self.posterior.problem
+
+    def log_density(self, draws: FloatArray) -> FloatArray:
+        """(n_draw,) log of the posterior density summed over all images; -inf where another image is closer to the mode."""
+        log_p = np.array(self.posterior.log_density(draws))
+        inside = np.flatnonzero(np.isfinite(log_p))
+        images, number = self.symmetry.images(draws[inside], self.mode)
+        away = np.where(number > 0.0, np.sum(self.symmetry.weight * (images - self.mode) ** 2, axis=2), np.inf)
+        own = np.sum(self.symmetry.weight * (draws[inside] - self.mode) ** 2, axis=1)
+        best = np.min(away, axis=0)
+        log_p[inside] = np.where(own <= best * (1.0 + 1e-9) + 1e-12, log_p[inside] + np.log(np.sum(number, axis=0)), -np.inf)
+        return log_p
+
+
+def folded(posterior: Posterior, symmetry: Symmetry | None, mode: FloatArray) -> Posterior | Labelled:
+    """What is to be sampled: the posterior itself, or folded where it has the same solution under several labels."""
+    return posterior if symmetry is None or symmetry.trivial else Labelled(posterior, symmetry, mode)
+
+
+def no_symmetry(problem: Problem) -> Symmetry:
+    """Nothing but the identity."""
+    n_par = problem.n_par
+    low = np.array([p.prior.low for p in problem.parameters])
+    high = np.array([p.prior.high for p in problem.parameters])
+    return Symmetry(
+        np.arange(n_par)[None, :], np.ones((1, n_par)), np.zeros((1, n_par)), np.full(n_par, np.inf), low, high, np.ones(n_par)
+    )
+
+
+def in_words(symmetry: Symmetry, names: Sequence[str], values: FloatArray) -> tuple[str, ...]:
+    """What else, within the limits, draws the same curve as `values` (n_par,): exchanges first, one sentence each."""
+    _, number = symmetry.images(values[None, :], values)
+    exchanges: dict[str, None] = {}
+    changes: dict[str, None] = {}
+    for order, sign, shift, n in zip(symmetry.order, symmetry.sign, symmetry.shift, number[:, 0], strict=True):
+        if n == 0.0:
+            continue
+        pairs = [(i, int(j)) for i, j in enumerate(order) if i < j and order[j] == i]
+        moved = [i for i in range(len(names)) if order[i] == i and (sign[i] < 0.0 or shift[i] != 0.0)]
+        if pairs and len(pairs) * 2 == np.sum(order != np.arange(order.size)) and not moved:
+            exchanges.setdefault(" and ".join(f"{names[i]} with {names[j]}" for i, j in pairs))
+        elif moved and not pairs:
+            changes.setdefault(", ".join(_change(names[i], sign[i], shift[i]) for i in moved))
+    words = []
+    if exchanges:
+        words.append(f"the same curve with components exchanged ({'; or '.join(exchanges)}): order them by bounds to choose")
+    turned = [
+        f"{names[i]} + {_number(symmetry.period[i])}"
+        for i in np.flatnonzero(np.isfinite(symmetry.period)).tolist() if symmetry.period[i] <= symmetry.high[i] - symmetry.low[i] < math.inf
+    ]
+    shortest = sorted(changes, key=lambda change: (change.count(","), len(change)))[:1]
+    if shortest or turned:
+        words.append(f"the same curve with {'; or '.join([*shortest, *turned])}: the solution closest to the start is given")
+    return tuple(words)
+
+
+def _change(name: str, sign: float, shift: float) -> str:
+    if shift == 0.0:
+        return f"-{name}"
+    return f"{_number(shift)} - {name}" if sign < 0.0 else f"{name} + {_number(shift)}"
+
+
+def _number(shift: float) -> str:
+    known = {math.pi: "pi", 2.0 * math.pi: "2 pi", 0.5 * math.pi: "pi/2"}
+    return next((text for number, text in known.items() if abs(shift - number) < 1e-9), f"{shift:g}")

@@ -1,0 +1,163 @@
+"""Calling a measurement function: at one point, on many draws at once, and its first derivatives.
+
+A measurement function takes a mapping name -> quantity and returns the output quantity.  It is called with
+
+- numbers, and returns a number (a scalar output) or (n_out,) values (a curve, or a tuple of outputs); this is what the
+  linear method uses;
+- arrays, for Monte Carlo: shaped (n_draw,) for a scalar output, and (n_draw, 1) for a curve, which then broadcasts to
+  (n_draw, n_out).
+
+A tuple or list of outputs, ``lambda q: (q["V"]/q["I"], q["V"]*q["I"])``, is stacked here.  Functions written with NumPy
+satisfy all this as they stand.  Where the function has no value it returns NaN (or an infinity); warnings of NumPy about
+that are silenced, because the callers count such values and say so.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from estim.arrays import FloatArray
+from estim.common import InputError
+from estim.propagation.inputs import Input
+
+MeasurementFunction = Callable[[Mapping[str, Any]], ArrayLike | Sequence[ArrayLike]]
+
+_N_STEP = 10  # central differences at scale/8, scale/16, ..., scale/4096
+_SETTLED = 4  # extrapolations that end at a step before this one are not trusted (a period of the function may fool them)
+_N_COLUMN = 5
+_EPSILON = float(np.finfo(float).eps)
+
+
+def evaluate_point(function: MeasurementFunction, point: Mapping[str, float]) -> FloatArray:
+    """Output at one point, () or (n_out,).  Raises InputError where the function returns anything else."""
+    if not callable(function):
+        raise InputError("must be callable", field="function", value=function)
+    with np.errstate(all="ignore"):
+        returned = function({name: np.float64(value) for name, value in point.items()})
+    output = _as_floats(returned)
+    if output.ndim > 1 or output.size == 0:
+        raise InputError("must return a number or a list of numbers at one point", field="function", value=output.shape)
+    return output.copy()
+
+
+def evaluate_draws(function: MeasurementFunction, draws: Mapping[str, FloatArray], *, n_out: int | None) -> FloatArray:
+    """Output on every draw: (n_draw,) where `n_out` is None, else (n_draw, n_out).
+
+    draws : name -> (n_draw,).  The first draw is evaluated once more by itself: a function that mixes draws is an InputError.
+    """
+    n_draw = len(next(iter(draws.values())))
+    columns = draws if n_out is None else {name: drawn[:, np.newaxis] for name, drawn in draws.items()}
+    try:
+        with np.errstate(all="ignore"):
+            returned = function(dict(columns))
+    except TypeError as error:
+        raise InputError(
+            "must accept arrays (write it with NumPy, or wrap it in numpy.vectorize)", field="function", value=str(error)
+        ) from error
+    output = _as_floats(returned)
+    if n_out is not None and output.shape == (n_out, n_draw, 1):
+        output = np.ascontiguousarray(output[..., 0].T)
+    expected = (n_draw,) if n_out is None else (n_draw, n_out)
+    if output.shape != expected:
+        given = "(n_draw,)" if n_out is None else "(n_draw, 1)"
+        rule = f"must return {expected} for {n_draw} draws shaped {given}"
+        raise InputError(rule, field="function", value=output.shape)
+    alone = evaluate_point(function, {name: float(drawn[0]) for name, drawn in draws.items()})
+    size = float(np.max(np.abs(output[np.isfinite(output)]), initial=0.0))
+    if not np.allclose(alone, output[0], rtol=1e-6, atol=1e-6 * size, equal_nan=True):
+        raise InputError("must treat every draw by itself, and give the same value again", field="function")
+    return output
+
+
+@dataclass(frozen=True, eq=False)
+class Gradient:
+    """First derivatives of a measurement function at the estimates.
+
+    value : () or (n_out,) output at the estimates.
+    derivative : (n_in,) or (n_in, n_out), in units of output per unit of input; NaN where there is none.
+    error : same shape; estimated numerical error of `derivative`.
+    kink : same shape; slope to the right minus slope to the left: 0 for a smooth function.
+    """
+
+    value: FloatArray
+    derivative: FloatArray
+    error: FloatArray
+    kink: FloatArray
+
+
+def gradient(function: MeasurementFunction, inputs: Sequence[Input]) -> Gradient:
+    """First derivatives by extrapolated central differences (Ridders 1982, Adv. Eng. Software 4, 75).
+
+    D(h) = [f(x + h) - f(x - h)]/(2h) at ten steps h = L/8 ... L/4096 with L = max(u, 1e-6 |x|), extrapolated to h = 0 in
+    h^2; the entry of the table with the smallest estimated error is kept, output by output.  This is the derivative itself
+    (to about 1e-10 of it, and the error is reported), not the difference quotient over +/- u of the note to GUM 5.1.3: that
+    one mixes in the third derivative and hides a nonlinearity that `compare` is meant to find.
+    """
+    point = {one.name: one.value for one in inputs}
+    value = evaluate_point(function, point)
+    tables = []
+    for one in inputs:
+        scale = max(one.u, 1e-6 * abs(one.value)) if one.u > 0.0 else (1e-3 * abs(one.value) or 1.0)
+        steps = np.asarray(scale * 0.5 ** np.arange(3, 3 + _N_STEP), dtype=np.float64)
+        above, below = one.value + steps, one.value - steps
+        right = np.array([evaluate_point(function, point | {one.name: float(x)}) for x in above])
+        left = np.array([evaluate_point(function, point | {one.name: float(x)}) for x in below])
+        with np.errstate(all="ignore"):
+            difference = (right - left) / (above - below).reshape(-1, *(1,) * value.ndim)
+            rounding = _EPSILON * np.maximum(np.abs(right), np.abs(left)) / steps.reshape(-1, *(1,) * value.ndim)
+            tables.append((*_extrapolate(difference, rounding), _kink(value, right, left, steps)))
+    derivative, error, kink = (np.array(column) for column in zip(*tables, strict=True))
+    for array in (value, derivative, error, kink):
+        array.flags.writeable = False
+    return Gradient(value, derivative, error, kink)
+
+
+def _extrapolate(difference: FloatArray, rounding: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Limit of central differences at halved steps, and its estimated error: (n_step, ...) -> (...), (...).
+
+    Of the extrapolations that end at one step, and then of all steps, the one that changed least is kept.  Its change alone
+    would flatter a function with noise, where two entries agree by chance, so the error is at least the median distance of
+    the values at the other steps.
+    """
+    values, errors = np.full((2, _N_COLUMN, *difference.shape), np.inf)
+    column = difference
+    for j in range(1, _N_COLUMN + 1):
+        extrapolated = (4.0**j * column[1:] - column[:-1]) / (4.0**j - 1.0)
+        change = np.maximum(np.abs(extrapolated - column[1:]), np.abs(extrapolated - column[:-1]))
+        values[j - 1, j:], errors[j - 1, j:] = extrapolated, np.maximum(change, rounding[j:])
+        column = extrapolated
+    value, error = _least(values[:, _SETTLED:], np.where(np.isnan(errors), np.inf, errors)[:, _SETTLED:])
+    best, smallest = _least(value, error)
+    known = np.isfinite(smallest)
+    apart = np.where(np.isfinite(error), np.abs(value - best), np.inf)
+    return np.where(known, best, np.nan), np.where(known, np.maximum(smallest, np.median(apart, axis=0)), np.inf)
+
+
+def _least(value: FloatArray, error: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Along the first axis the value of the smallest error, and that error."""
+    at = np.expand_dims(np.argmin(error, axis=0), 0)
+    return np.take_along_axis(value, at, axis=0)[0], np.take_along_axis(error, at, axis=0)[0]
+
+
+def _kink(value: FloatArray, right: FloatArray, left: FloatArray, steps: FloatArray) -> FloatArray:
+    """Slope to the right minus slope to the left, each to second order from two steps."""
+    near, far = _SETTLED + 1, _SETTLED
+    slope_right = (4.0 * right[near] - right[far] - 3.0 * value) / steps[far]
+    slope_left = -(4.0 * left[near] - left[far] - 3.0 * value) / steps[far]
+    return np.asarray(slope_right - slope_left)
+
+
+def _as_floats(returned: Any) -> FloatArray:
+    """What a function returned as floats; the parts of a tuple may be numbers beside arrays only at one point."""
+    try:
+        output = np.asarray(returned)
+        if output.dtype.kind not in "fiu":
+            raise TypeError(f"values of type {output.dtype}")
+        return np.asarray(output, dtype=float)
+    except (TypeError, ValueError) as error:
+        raise InputError("must return real numbers, all outputs of one shape", field="function", value=str(error)) from error

@@ -1,0 +1,231 @@
+"""Linear propagation of uncertainty (GUM, JCGM 100), and how it stands beside the Monte-Carlo method.
+
+Use `propagate_linear` for the budget (what limits what) and where the function is nearly straight over the inputs'
+uncertainties.  Use `estim.propagation.monte_carlo.propagate_monte_carlo` for the interval that is quoted: it holds for any function and
+any distribution.  If it is unknown which will do, take both and ask `estim.propagation.validation.compare` (JCGM 101, section 8).
+
+How a measurement function looks is said at the top of `estim/propagation/evaluation.py`; how to state an input, at the top of
+`estim/propagation/inputs.py`.
+
+    inputs = [Input("V", 4.999, 0.0032, unit="V"), Input("I", 0.019661, 9.5e-6, unit="A")]
+    linear = propagate_linear(lambda q: q["V"] / q["I"], inputs, correlation={("V", "I"): -0.36})
+    sampled = propagate_monte_carlo(lambda q: q["V"] / q["I"], inputs, rng=rng, correlation={("V", "I"): -0.36})
+    validation = compare(linear, sampled)
+
+Outputs are shaped () for a scalar function and (n_out,) for a curve or a tuple of outputs, in every record.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import ndtri, stdtrit
+
+from estim.arrays import FloatArray
+from estim.common import InputError
+from estim.propagation.evaluation import Gradient, MeasurementFunction, gradient
+from estim.propagation.inputs import Correlation, Input, check_inputs, correlation_matrix
+
+_INACCURATE = 1e-3  # numerical error of a derivative times u(x), as a part of u(y), from which on it is reported
+_KINK = 0.05  # difference of the slopes to the two sides times u(x), as a part of u(y), from which on it is reported
+
+
+@dataclass(frozen=True, eq=False)
+class LinearResult:
+    """First-order propagation.  Arrays are read-only; "()" below stands for () or (n_out,).
+
+    inputs : in the order given.   correlation : (n_in, n_in).
+    value, u : () output at the estimates and its standard uncertainty, in the unit of the output.
+    sensitivities : (n_in,) or (n_in, n_out), c_i = dy/dx_i.   covariance : () or (n_out, n_out), of the outputs.
+    dof : () effective degrees of freedom, not truncated.
+    k, low, high : () coverage factor and ends of value +/- k u, for `probability`.
+    sensitivity_error : like `sensitivities`, the numerical error of the derivatives.
+    notes : sentences about what a reader must know; empty where all is well.
+    """
+
+    inputs: tuple[Input, ...]
+    correlation: FloatArray
+    value: FloatArray
+    u: FloatArray
+    sensitivities: FloatArray
+    covariance: FloatArray
+    dof: FloatArray
+    k: FloatArray
+    low: FloatArray
+    high: FloatArray
+    probability: float
+    sensitivity_error: FloatArray
+    notes: tuple[str, ...]
+
+    def as_ufloat(self) -> Any:
+        """The same result for the package `uncertainties`: a ufloat, or an object array (n_out,) of them.
+
+        All outputs depend on one set of variables tagged with the inputs' names, so correlations among outputs persist in further
+        calculations.  Every call makes new variables: outputs of two calls are independent of each other.
+        """
+        from uncertainties import correlated_values_norm
+
+        pairs = [(one.value, one.u) for one in self.inputs]
+        variables = correlated_values_norm(pairs, self.correlation, tags=[one.name for one in self.inputs])
+        deviations = [variable - one.value for variable, one in zip(variables, self.inputs, strict=True)]
+        slopes = self.sensitivities.reshape(len(self.inputs), -1)
+        outputs = np.empty(self.value.size, dtype=object)
+        for j, value in enumerate(self.value.reshape(-1)):
+            outputs[j] = sum(
+                (float(c) * deviation for c, deviation in zip(slopes[:, j], deviations, strict=True)), start=float(value)
+            )
+        return outputs[0] if self.value.ndim == 0 else outputs
+
+
+def propagate_linear(
+    function: MeasurementFunction, inputs: Sequence[Input], *, correlation: Correlation | None = None, probability: float = 0.95
+) -> LinearResult:
+    """Value, uncertainty and coverage interval to first order, with exact first derivatives (see `estim.propagation.evaluation.gradient`).
+
+    u^2(y) = sum_ij c_i c_j r_ij u_i u_j (GUM eq. 16);   covariance of several outputs C U C^T (GUM H.2.3, JCGM 102, 6.2)
+    1/dof = sum_g [u_g(y)/u(y)]^4/dof_g (Welch-Satterthwaite, GUM eq. G.2b);   k = t quantile at (1 + probability)/2
+
+    The terms g of the last sum are uncorrelated inputs and groups of inputs correlated with one another: a group measured
+    together, with one dof, counts as one component (Willink 2007, Metrologia 44, 340).  The equation has no meaning for a
+    group with different dof; then the smallest is taken and a note says so.  k is taken at the fractional dof; GUM G.4.1
+    rounds down to use a table.
+
+    correlation : of the inputs; None, a matrix (n_in, n_in), or pairs {("V", "I"): -0.36}.   probability : of the coverage
+        interval.
+    Raises InputError for inputs, a correlation or a function that break a rule.  A derivative that does not exist is NaN and
+    a note.
+    """
+    checked = check_inputs(inputs)
+    matrix = correlation_matrix(checked, correlation)
+    check_probability(probability)
+    slopes = gradient(function, checked)
+    shape = slopes.value.shape
+    components = uncertainty_components(checked, slopes.derivative)
+    covariance = components.T @ matrix @ components
+    u = np.sqrt(np.maximum(np.diag(covariance), 0.0))
+    dof, dof_notes = _effective_dof(checked, matrix, components, u)
+    k = np.where(
+        np.isinf(dof), ndtri(0.5 * (1.0 + probability)), stdtrit(np.where(np.isinf(dof), 1.0, dof), 0.5 * (1.0 + probability))
+    )
+    return LinearResult(
+        inputs=checked,
+        correlation=matrix,
+        value=slopes.value,
+        u=frozen(u.reshape(shape)),
+        sensitivities=slopes.derivative,
+        covariance=frozen(covariance.reshape(shape + shape)),
+        dof=frozen(dof.reshape(shape)),
+        k=frozen(k.reshape(shape)),
+        low=frozen(slopes.value - (k * u).reshape(shape)),
+        high=frozen(slopes.value + (k * u).reshape(shape)),
+        probability=probability,
+        sensitivity_error=slopes.error,
+        notes=(*_derivative_notes(checked, slopes, components, u), *dof_notes),
+    )
+
+
+def uncertainty_components(inputs: Sequence[Input], sensitivities: FloatArray) -> FloatArray:
+    """c_i u_i with its sign, (n_in, n_out), n_out = 1 for a scalar output; 0 for a constant, whatever its derivative."""
+    u_in = np.array([one.u for one in inputs])[:, np.newaxis]
+    return np.asarray(np.where(u_in == 0.0, 0.0, sensitivities.reshape(len(inputs), -1) * u_in))
+
+
+def check_probability(probability: float) -> None:
+    if not isinstance(probability, (float, int)) or not 0.0 < probability < 1.0:
+        raise InputError("must lie between 0 and 1", field="probability", value=probability)
+
+
+def frozen(array: Any) -> FloatArray:
+    """A read-only float array with the values of `array`."""
+    copy = np.array(array, dtype=float)
+    copy.flags.writeable = False
+    return copy
+
+
+def how_many(affected: NDArray[np.bool_], *, scalar: bool) -> str:
+    """Text for the outputs concerned: empty for a scalar output, else "at 3 of 20 outputs: "."""
+    return "" if scalar else f"at {np.count_nonzero(affected)} of {affected.size} outputs: "
+
+
+def _effective_dof(
+    inputs: Sequence[Input], matrix: FloatArray, components: FloatArray, u: FloatArray
+) -> tuple[FloatArray, list[str]]:
+    """Effective degrees of freedom, (n_out,), and what is to be said about them."""
+    reciprocal, notes = np.zeros_like(u), []
+    for group in _correlated_groups(matrix):
+        all_dof = {inputs[i].dof for i in group}
+        dof = min(all_dof)
+        if len(all_dof) > 1:
+            names = ", ".join(inputs[i].name for i in group)
+            notes.append(
+                f"{names} are correlated but differ in their degrees of freedom: the smallest, {dof:g}, is taken for all of them"
+            )
+        if math.isfinite(dof):
+            part = components[group]
+            u_group = np.sqrt(np.maximum(np.sum(part * (matrix[np.ix_(group, group)] @ part), axis=0), 0.0))
+            reciprocal += np.divide(u_group, u, out=np.zeros_like(u), where=u != 0.0) ** 4 / dof
+    with np.errstate(divide="ignore"):
+        return 1.0 / reciprocal, notes
+
+
+def _correlated_groups(matrix: FloatArray) -> list[list[int]]:
+    """The inputs in groups that are correlated, directly or through others."""
+    groups: list[list[int]] = []
+    waiting = list(range(len(matrix)))
+    while waiting:
+        group = [waiting.pop(0)]
+        for member in group:  # grows while it is walked through
+            linked = [i for i in waiting if matrix[member, i] != 0.0]
+            group += linked
+            waiting = [i for i in waiting if i not in linked]
+        groups.append(sorted(group))
+    return groups
+
+
+def _derivative_notes(inputs: Sequence[Input], slopes: Gradient, components: FloatArray, u: FloatArray) -> list[str]:
+    """Sentences about values and derivatives that cannot be relied on."""
+    scalar = slopes.value.ndim == 0
+    undefined = ~np.isfinite(slopes.value.reshape(-1))
+    notes = [f"{how_many(undefined, scalar=scalar)}the function has no finite value at the estimates"] if undefined.any() else []
+    for one, component, error, kink in zip(
+        inputs, components, slopes.error.reshape(len(inputs), -1), slopes.kink.reshape(len(inputs), -1), strict=True
+    ):
+        if one.u == 0.0:
+            continue
+        missing = ~np.isfinite(component) & ~undefined
+        rough = ~missing & ~undefined & (error * one.u > _INACCURATE * u)
+        bent = ~missing & ~undefined & (~np.isfinite(kink) | (np.abs(kink) * one.u > _KINK * u))
+        for affected, text in (
+            (
+                missing,
+                f"no derivative with respect to '{one.name}': the function is undefined beside the estimate, so u is unknown",
+            ),
+            (
+                bent,
+                f"the slope with respect to '{one.name}' differs on the two sides of the estimate: u takes their mean",
+            ),
+            (
+                rough & ~bent,
+                f"the derivative with respect to '{one.name}' is known to {_worst(error, component, one.u):.1g} of itself only",
+            ),
+        ):
+            if affected.any():
+                notes.append(how_many(affected, scalar=scalar) + text)
+    flat = (u == 0.0) & ~undefined
+    if flat.any() and any(one.u > 0.0 for one in inputs):
+        notes.append(
+            how_many(flat, scalar=scalar)
+            + "all first derivatives vanish: a linear uncertainty of 0 says nothing, use Monte Carlo"
+        )
+    return notes
+
+
+def _worst(error: FloatArray, component: FloatArray, u: float) -> float:
+    """Largest relative error of a derivative over the outputs where it is not 0."""
+    known = np.isfinite(component) & (component != 0.0)
+    return float(np.max(error[known] * u / np.abs(component[known]), initial=0.0))

@@ -1,0 +1,142 @@
+"""Whether the linear method may be trusted: its coverage interval against the Monte-Carlo one (JCGM 101, section 8).
+
+Use `compare` before a linear interval is quoted.  Ask for as many digits as u will be printed with: one for a plot, two for
+a table.  Make the Monte-Carlo run one digit better than that (`n_digits=3` there for two here), or the answer may be "undecided".
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from estim.arrays import FloatArray
+from estim.common import InputError
+from estim.propagation.linear import LinearResult, frozen, how_many
+from estim.propagation.monte_carlo import IntervalKind, MonteCarloResult, numerical_tolerance
+
+Status = Literal["valid", "invalid", "undecided"]
+
+
+@dataclass(frozen=True, eq=False)
+class Validation:
+    """Whether the linear interval agrees with the Monte-Carlo one.  "()" stands for () or (n_out,).
+
+    status : ``valid`` (all outputs agree), ``invalid`` (at least one differs for certain), ``undecided`` (the Monte-Carlo
+        errors of the ends are too large to tell, the Monte Carlo has not settled, or a result is unknown).
+    passes : () d_low <= tolerance and d_high <= tolerance, the test of JCGM 101, 8.1 as it stands; False where a result is
+        unknown.
+    decided : () whether the answer survives twice the Monte-Carlo error of both ends, and, where they agree, mean and u of the
+        Monte Carlo have stabilised.
+    d_low, d_high : () absolute differences of the ends.   tolerance : () delta for `n_digits` digits of the linear u.
+    kind : of the Monte-Carlo interval compared.   message : the status as a sentence.
+    """
+
+    status: Status
+    passes: NDArray[np.bool_]
+    decided: NDArray[np.bool_]
+    d_low: FloatArray
+    d_high: FloatArray
+    tolerance: FloatArray
+    n_digits: int
+    kind: IntervalKind
+    message: str
+
+
+def compare(
+    linear: LinearResult, monte_carlo: MonteCarloResult, *, n_digits: int = 2, kind: IntervalKind = "symmetric"
+) -> Validation:
+    """Validation of the linear result by the Monte-Carlo one (JCGM 101, 8.1).
+
+    d_low = |y - U - y_low|, d_high = |y + U - y_high|; the linear result is valid if neither exceeds delta, half a unit in
+    the last of `n_digits` significant digits of the linear u(y) (7.9.2; 0 for u = 0, where only a constant passes).  The ends
+    y_low and y_high have errors of their own; JCGM 101, 8.2 asks for an accuracy of delta/5, and an answer that twice their
+    standard error could turn is "undecided" here.  So is an agreement with a Monte Carlo whose mean and u have not stabilised
+    to delta (7.9.4), or whose u does not exist; ends that differ for certain differ whether or not it does.
+
+    Raises InputError for results of different inputs, correlations, shapes or probabilities, and for a wrong choice.
+    """
+    _check_comparable(linear, monte_carlo, n_digits, kind)
+    scalar = linear.value.ndim == 0
+    interval = monte_carlo.symmetric if kind == "symmetric" else monte_carlo.shortest
+    rounding = 1e-12 * np.maximum(np.abs(linear.low), np.abs(linear.high))  # matters for an output without uncertainty only
+    tolerance = np.atleast_1d(numerical_tolerance(linear.u, n_digits) + rounding)
+    difference = np.abs(np.array([linear.low - interval.low, linear.high - interval.high])).reshape(2, -1)
+    error = 2.0 * np.array([interval.low_error, interval.high_error]).reshape(2, -1)
+    passes = np.all(difference <= tolerance, axis=0)
+    fails_surely = np.any(difference - error > tolerance, axis=0)
+    settled = np.atleast_1d(2.0 * np.maximum(monte_carlo.mean_error, monte_carlo.u_error) <= tolerance)  # NaN: u does not exist
+    decided = fails_surely | (np.all(difference + error <= tolerance, axis=0) & settled)
+    status: Status = "invalid" if fails_surely.any() else "valid" if (passes & decided).all() else "undecided"
+    shape = linear.value.shape
+    return Validation(
+        status=status,
+        passes=_frozen_flags(passes.reshape(shape)),
+        decided=_frozen_flags(decided.reshape(shape)),
+        d_low=frozen(difference[0].reshape(shape)),
+        d_high=frozen(difference[1].reshape(shape)),
+        tolerance=frozen(tolerance.reshape(shape)),
+        n_digits=n_digits,
+        kind=kind,
+        message=_sentence(status, fails_surely, ~decided, difference, error, tolerance, n_digits, settled, scalar=scalar)
+        + (" (Monte Carlo on condition that the function is defined)" if monte_carlo.conditional else ""),
+    )
+
+
+def _sentence(
+    status: Status,
+    fails: NDArray[np.bool_],
+    open_: NDArray[np.bool_],
+    difference: FloatArray,
+    error: FloatArray,
+    tolerance: FloatArray,
+    n_digits: int,
+    settled: NDArray[np.bool_],
+    *,
+    scalar: bool,
+) -> str:
+    digits = "1 digit" if n_digits == 1 else f"{n_digits} digits"
+    if status == "valid":
+        return f"the linear interval agrees with Monte Carlo to {digits} of u"
+    affected = fails if status == "invalid" else open_
+    excess = np.max(difference, axis=0) / np.where(tolerance > 0.0, tolerance, 1.0)
+    worst = int(np.argmax(np.where(affected & np.isfinite(excess), excess, -1.0)))
+    where, which = how_many(affected, scalar=scalar), "" if scalar else f" (output {worst})"
+    by = f"its ends differ from Monte Carlo by {difference[0, worst]:.2g} (low) and {difference[1, worst]:.2g} (high){which}"
+    limit = f"the tolerance is {tolerance[worst]:.2g} ({digits} of u)"
+    if status == "invalid":
+        return f"{where}the linear interval is not valid: {by}, {limit}: quote the Monte-Carlo interval"
+    if not np.all(np.isfinite(difference[:, affected])):
+        return f"{where}the linear interval cannot be judged: a result is unknown there (see the notes of both)"
+    if not np.all(settled[affected]) and np.all(difference[:, affected] + error[:, affected] <= tolerance[affected]):
+        return f"{where}the linear interval cannot be judged: mean and u of the Monte Carlo have not stabilised there (see its notes)"
+    known = np.max(error[:, worst])
+    return f"{where}the linear interval cannot be judged: {by}, known to {known:.2g}, and {limit}: make more draws"
+
+
+def _check_comparable(linear: LinearResult, monte_carlo: MonteCarloResult, n_digits: object, kind: object) -> None:
+    def described(result: LinearResult | MonteCarloResult) -> list[tuple[str, float, float]]:
+        return [(one.name, one.value, one.u) for one in result.inputs]
+
+    if described(linear) != described(monte_carlo) or not np.array_equal(linear.correlation, monte_carlo.correlation):
+        raise InputError("must come from the same inputs and correlations as linear", field="monte_carlo")
+    if linear.value.shape != monte_carlo.mean.shape:
+        raise InputError(
+            f"must have outputs shaped {linear.value.shape} as linear has", field="monte_carlo", value=monte_carlo.mean.shape
+        )
+    if linear.probability != monte_carlo.probability:
+        raise InputError(
+            f"must be for probability {linear.probability} as linear is", field="monte_carlo", value=monte_carlo.probability
+        )
+    if isinstance(n_digits, bool) or not isinstance(n_digits, (int, np.integer)) or n_digits < 1:
+        raise InputError("must be a whole number >= 1", field="n_digits", value=n_digits)
+    if kind not in ("symmetric", "shortest"):
+        raise InputError("must be one of symmetric, shortest", field="kind", value=kind)
+
+
+def _frozen_flags(flags: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    copy = np.array(flags)
+    copy.flags.writeable = False
+    return copy

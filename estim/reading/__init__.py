@@ -1,0 +1,11 @@
+"""Bytes to records: TOML with its lines, CSV tables, runs; `tracker/` for files of the program Tracker.
+
+Read `run` first.  Imports `common` alone."""
+
+from estim.reading.input_file import TOML_BYTES, leads_out, read_text
+from estim.reading.run import COLUMNS, Run, compare_intervals, read_run, run_of_table
+from estim.reading.table import Table, read_table
+from estim.reading.toml import Places, parse_toml
+from estim.reading.tracker.importing import Choices, import_track, read_release, run_table
+from estim.reading.tracker.suspicion import of_any_curve
+from estim.reading.tracker.track import Unit

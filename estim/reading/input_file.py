@@ -1,0 +1,112 @@
+"""Input files: read whole, within bounds, and only where they are ordinary files; their text, and its lines.
+
+Every input file is opened here.  A pipe would wait for its writer, a device never ends, and a file that the system makes
+as it is read (/proc, /sys) may wait or never end though it calls itself regular: its size is 0.
+"""
+
+from __future__ import annotations
+
+import codecs
+import hashlib
+import os
+import re
+import stat
+from pathlib import Path
+
+from estim.common import InputError
+
+MAX_BYTES = 64 * 1024**2
+TOML_BYTES = 256 * 1024  # limit for files that people write
+_LINE_END = re.compile(r"\r\n|\n|\r")
+_HIDDEN_ROWS = re.compile(r"(?:\A|(?<=[\r\n]))[^\S\r\n]*[#%][^\r\n]*\r(?![\r\n])")
+_UTF_16 = (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
+
+
+def read_bytes(path: Path, *, shown_as: str, limit: int = MAX_BYTES) -> bytes:
+    """Content of a regular file that is not empty and has at most `limit` bytes; raises InputError where it cannot be read."""
+    try:
+        _check_status(path.stat(), shown_as, limit)  # before it is opened: opening a device may move it
+        with path.open("rb", buffering=0) as stream:
+            _check_status(os.fstat(stream.fileno()), shown_as, limit)
+            if os.name == "posix":
+                os.set_blocking(stream.fileno(), False)
+            data = _read(stream.fileno(), limit + 1)
+    except OSError as error:
+        raise InputError(f"cannot be read ({(error.strerror or str(error)).lower()})", file=shown_as) from None
+    except InputError:
+        raise
+    except ValueError as error:  # a null character in the name
+        raise InputError(f"cannot be read ({error})", file=shown_as) from None
+    if len(data) > limit:
+        raise _too_large(limit, f"more than {limit}", shown_as)
+    return data
+
+
+def _check_status(status: os.stat_result, shown_as: str, limit: int) -> None:
+    if stat.S_ISDIR(status.st_mode):
+        raise InputError("cannot be read (is a directory)", file=shown_as)
+    if not stat.S_ISREG(status.st_mode):
+        raise InputError("must be a regular file, not a pipe, a socket or a device", file=shown_as)
+    if status.st_size > limit:
+        raise _too_large(limit, status.st_size, shown_as)
+    if status.st_size == 0:
+        raise InputError("must not be empty: its size is 0", file=shown_as)
+
+
+def _read(handle: int, limit: int) -> bytes:
+    """Bytes up to the end of the file, at most `limit` of them, however long it says it is."""
+    parts, left = [], limit
+    while left > 0 and (part := os.read(handle, min(left, 1024**2))):
+        parts.append(part)
+        left -= len(part)
+    return b"".join(parts)
+
+
+def _too_large(limit: int, size: object, shown_as: str) -> InputError:
+    shown = f"{limit // 1024**2} MiB" if limit >= 1024**2 else f"{limit // 1024} KiB"
+    return InputError(f"must be at most {shown}", field="size", value=size, file=shown_as)
+
+
+def read_text(path: Path, *, shown_as: str, limit: int = MAX_BYTES) -> tuple[str, str]:
+    """Text of a UTF-8 file and the SHA-256 of its bytes; raises InputError where it cannot be read as such."""
+    data = read_bytes(path, shown_as=shown_as, limit=limit)
+    try:
+        text = data.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        raise not_utf8(data, error, shown_as) from None
+    if "\0" in text:
+        line = len(_LINE_END.findall(text[: text.index("\0")])) + 1
+        raise InputError("must not hold a null character (UTF-16 without its mark, or a damaged file)", field="text", file=shown_as, line=line)
+    return text, hashlib.sha256(data).hexdigest()
+
+
+def not_utf8(data: bytes, error: UnicodeDecodeError, file: str) -> InputError:
+    """Where bytes are no UTF-8, and what they are likely to be instead."""
+    line = len(re.findall(rb"\r\n|\n|\r", data[: error.start])) + 1
+    if data.startswith(_UTF_16):
+        what = "this is UTF-16"
+    else:
+        what = "this may be Latin-1 or Windows-1252"
+    return InputError(
+        f"must be UTF-8 text ({what}: save it again as UTF-8)", field="byte", value=error.object[error.start : error.start + 1], file=file, line=line
+    )
+
+
+def lines_of(text: str) -> list[str]:
+    r"""Lines as editors show them, ended by \n, \r\n or \r and by no other mark that Unicode knows (in a comment, its rest would be data)."""
+    return _LINE_END.split(text)
+
+
+def leads_out(path: Path, folder: Path) -> bool:
+    """Whether a file lies outside `folder`, links followed."""
+    try:
+        target, home = os.path.realpath(path), os.path.realpath(folder)
+        return os.path.commonpath([target, home]) != home
+    except ValueError:  # another drive, or no name of a file at all
+        return True
+
+
+def line_after_comment(text: str) -> int | None:
+    r"""Number of the first line that a \r alone parts from a comment though other lines end with \n: some programs show it as part of the comment."""
+    found = _HIDDEN_ROWS.search(text) if "\n" in text else None
+    return None if found is None else len(_LINE_END.findall(text[: found.end()])) + 1

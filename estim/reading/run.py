@@ -1,0 +1,124 @@
+"""A run: the measurements of one motion, read from a CSV file without changing a number, or from a file of Tracker.
+
+Columns: `t_s` time, `x_m` position along the ramp since release, `v_m_s` speed, `theta_rad` angle turned since release,
+`omega_rad_s` angular rate, `sigma_x_m`, `sigma_v_m_s` standard deviations row by row.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from types import MappingProxyType
+
+import numpy as np
+from numpy.typing import NDArray
+
+from estim.arrays import FloatArray
+from estim.common import InputError, Quantity
+from estim.reading.table import Table, read_table
+from estim.reading.tracker.importing import Choices, Imported, import_track, is_export_file, is_tracker_file, stated_tilt
+from estim.reading.tracker.suspicion import odd_intervals
+from estim.reading.tracker.track import LEAST_STEP, MOST
+
+COLUMNS = ("t_s", "x_m", "v_m_s", "theta_rad", "omega_rad_s", "sigma_x_m", "sigma_v_m_s")
+_MIN_ROWS = 5
+
+
+@dataclass(frozen=True, eq=False)
+class Run:
+    """The table of one run.
+
+    columns : standard column name -> (n_row,) read-only array, SI units.
+    lines : (n_row,) line of the file that each row stands on.
+    sha256 : of the file's bytes.
+    warnings : what is suspicious about the file, in words.
+    facts : where an imported track comes from and how x was made of it, in words; also for a CSV made by `estim import`.
+    tilt : rad, of an imported track against the x axis of its video, positive uphill; None where it is not known.
+    """
+
+    name: str
+    file: str
+    sha256: str
+    columns: Mapping[str, FloatArray]
+    lines: NDArray[np.int64]
+    warnings: tuple[str, ...] = ()
+    facts: tuple[str, ...] = ()
+    tilt: Quantity | None = None
+
+    @property
+    def n_row(self) -> int:
+        return int(self.lines.size)
+
+    @property
+    def coordinate(self) -> str:
+        """The column that says where the body is: `x_m` or `theta_rad`."""
+        return "x_m" if "x_m" in self.columns else "theta_rad"
+
+    def error(self, rule: str, column: str, row: int) -> InputError:
+        """An InputError for the cell of `column` in `row`."""
+        return InputError(rule, field=column, value=self.columns[column][row].item(), file=self.file, line=int(self.lines[row]))
+
+    @property
+    def rate(self) -> str:
+        """The column that says how fast it is there: `v_m_s` or `omega_rad_s`."""
+        return "v_m_s" if self.coordinate == "x_m" else "omega_rad_s"
+
+
+def read_run(path: Path, *, name: str, shown_as: str | None = None, choices: Choices | None = None) -> Run:
+    """The run in the file at `path`; `shown_as` is how messages and reports name the file.
+
+    A .trk, a .trz, a text export of Tracker, and any file for which there are `choices`, is imported (`importing`).
+
+    Raises InputError with file, line, field, rule and value for anything that is not a table of finite numbers with
+    known columns, one of `x_m` and `theta_rad` among them, and times that increase.
+    """
+    if choices is not None or is_tracker_file(path) or is_export_file(path):
+        return _imported(import_track(path, choices or Choices(), shown_as=shown_as or str(path)), name)
+    table = read_table(path, known=COLUMNS, min_rows=_MIN_ROWS, shown_as=shown_as or str(path))
+    names = set(table.columns)
+    shown = ", ".join(table.columns)
+    if ("x_m" in names) == ("theta_rad" in names):
+        raise InputError("must hold exactly one of x_m and theta_rad", field="header", value=shown, file=table.file, line=table.header_line)
+    if not {"t_s", "v_m_s", "omega_rad_s"} & names:
+        rule = "must hold a time (t_s) or a speed (v_m_s, omega_rad_s)"
+        raise InputError(rule, field="header", value=shown, file=table.file, line=table.header_line)
+    _check_numbers(table)
+    return run_of_table(table, name)
+
+
+def run_of_table(table: Table, name: str) -> Run:
+    """The run `name` in a table that has been checked, with what the head of an imported one says of its origin."""
+    return Run(
+        name=name, file=table.file, sha256=table.sha256, columns=table.columns, lines=table.lines, warnings=table.warnings,
+        facts=table.facts, tilt=stated_tilt(table.facts),
+    )
+
+
+def _imported(track: Imported, name: str) -> Run:
+    return Run(
+        name=name, file=track.track.file, sha256=track.track.sha256, columns=MappingProxyType({"t_s": track.t, "x_m": track.x}),
+        lines=track.track.lines[track.rows], warnings=track.warnings, facts=track.facts, tilt=track.tilt,
+    )
+
+
+def compare_intervals(runs: Mapping[str, Run]) -> dict[str, Run]:
+    """The same runs, by name, with a warning on each imported one whose frame interval is not that of most of them."""
+    intervals = {name: float(np.median(np.diff(run.columns["t_s"]))) for name, run in runs.items() if run.facts and "t_s" in run.columns}
+    odd = odd_intervals(intervals)
+    return {name: replace(run, warnings=(*run.warnings, odd[name])) if name in odd else run for name, run in runs.items()}
+
+
+def _check_numbers(table: Table) -> None:
+    """Numbers are of a size that can be measured, times increase, standard deviations are positive."""
+    for name, column in table.columns.items():
+        if np.any(np.abs(column) > MOST):
+            raise table.error(f"must lie within ±{MOST:g}", name, int(np.argmax(np.abs(column) > MOST)))
+    if "t_s" in table.columns:
+        steps = np.diff(table.columns["t_s"])
+        for wrong, rule in ((steps <= 0.0, "must increase from row to row"), (steps < LEAST_STEP, f"must advance by at least {LEAST_STEP:g} s")):
+            if np.any(wrong):
+                raise table.error(rule, "t_s", int(np.argmax(wrong)) + 1)
+    for name in ("sigma_x_m", "sigma_v_m_s"):
+        if name in table.columns and np.any(table.columns[name] <= 0.0):
+            raise table.error("must be > 0", name, int(np.argmax(table.columns[name] <= 0.0)))

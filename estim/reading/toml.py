@@ -1,0 +1,130 @@
+"""TOML text: its tree, and the line on which each key stands, for messages."""
+
+from __future__ import annotations
+
+import re
+import tomllib
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+from unicodedata import normalize
+
+from estim.common import InputError
+
+_MAX_LINE = 2000
+_MAX_DEPTH = 20
+_TOKEN = re.compile(
+    r"""
+      \#[^\n]*+                                             # comment
+    | "{3}(?:[^"\\]|\\.|"(?!""))*+"{3,5} | "{3}.*+          # strings of several lines; one that does not end
+    | '{3}(?:[^']|'(?!''))*+'{3,5} | '{3}.*+
+    | "(?:[^"\\\n]|\\.)*+" | '[^'\n]*+' | ["'][^\n]*+     # strings
+    | [^\S\n]++ | [^\s"'\#=\[\]{},.]++ | .                # blanks, words, marks and ends of lines
+    """,
+    re.VERBOSE | re.DOTALL,
+)
+
+
+@dataclass(frozen=True, eq=False)
+class Places:
+    """Where each key of a TOML text stands: path of keys -> line."""
+
+    file: str
+    lines: Mapping[tuple[str | int, ...], int]
+
+    def error(self, rule: str, path: Sequence[str | int], *, field: str | None = None, value: object = None) -> InputError:
+        """An InputError at the line of `path`, or of the closest table above it."""
+        key = tuple(path)
+        while key and key not in self.lines:
+            key = key[:-1]
+        name = field if field is not None else next((part for part in reversed(path) if isinstance(part, str)), None)
+        return InputError(rule, field=name, value=value, file=self.file, line=self.lines.get(key))
+
+
+def parse_toml(text: str, file: str) -> tuple[dict[str, Any], Places]:
+    """The tree of a TOML text and the lines of its keys; a syntax error becomes an InputError with its line.
+
+    Lines and depth are limited before anything else: the standard parser takes memory as the square of the length of a dotted key.
+    """
+    for number, line in enumerate(text.split("\n"), start=1):
+        if len(line) > _MAX_LINE:
+            raise InputError(f"must have at most {_MAX_LINE} characters", field="line", value=len(line), file=file, line=number)
+    try:
+        tree = tomllib.loads(text)
+        if _depth(tree) > _MAX_DEPTH:
+            raise RecursionError
+        return tree, Places(file, locate_keys(text))
+    except tomllib.TOMLDecodeError as error:
+        message, _, place = str(error).rpartition(" (at ")
+        found = re.match(r"line (\d+), column \d+\)", place)
+        raise InputError("is not valid TOML", quoted=message, file=file, field="campaign", line=int(found[1]) if found else None) from None
+    except ValueError as error:  # a whole number of thousands of digits
+        raise InputError("is not valid TOML", quoted=str(error), file=file, field="campaign") from None
+    except RecursionError:
+        raise InputError("is nested too deeply", file=file, field="campaign") from None
+
+
+def _depth(tree: object) -> int:
+    """How deep tables and arrays are nested, counted level by level."""
+    level, depth = [tree], 0
+    while level and depth <= _MAX_DEPTH:
+        inner = (value.values() if isinstance(value, dict) else value for value in level if isinstance(value, dict | list))
+        level, depth = [value for values in inner for value in values], depth + 1
+    return depth
+
+
+def locate_keys(text: str) -> dict[tuple[str | int, ...], int]:
+    """Line of each table and each `key = value` of a valid TOML text, by path; keys inside inline tables are not listed.
+
+    The time grows in proportion to the text.
+    """
+    lines: dict[tuple[str | int, ...], int] = {}
+    table: tuple[str | int, ...] = ()
+    counts: dict[tuple[str | int, ...], int] = {}  # path of an array of tables -> index of its last one
+    for number, tokens in _statements(text):
+        array, header = tokens[:2] == ["[", "["], tokens[0] == "["
+        keys = [_key(token) for token in [token for token in tokens if token not in (".", "[", "]")][:_MAX_DEPTH]]
+        if not header:
+            for depth in range(1, len(keys) + 1):
+                lines.setdefault((*table, *keys[:depth]), number)
+            continue
+        table = ()
+        for i, key in enumerate(keys):
+            table = (*table, key)
+            if array and i == len(keys) - 1:
+                counts[table] = counts.get(table, -1) + 1
+            if table in counts:
+                table = (*table, counts[table])
+        lines[table] = number
+    as_read = {tuple(normalize("NFKC", part) if isinstance(part, str) else part for part in path): number for path, number in lines.items()}
+    return as_read | lines  # names in formulas are looked up as Python reads them
+
+
+def _statements(text: str) -> Iterator[tuple[int, list[str]]]:
+    """Line and tokens of the head of every statement: a header of a table, or what stands before `=`."""
+    number, first, depth, value = 1, 1, 0, False
+    tokens: list[str] = []
+    for found in _TOKEN.finditer(text):
+        token = found[0]
+        if token == "\n" and depth <= 0:
+            if tokens:
+                yield first, tokens
+            tokens, depth, value = [], 0, False
+        elif not (value or token.isspace() or token[0] in "#="):
+            first = first if tokens else number
+            tokens.append(token)
+        value = value or token == "="
+        depth += (token in ("[", "{")) - (token in ("]", "}"))
+        number += token.count("\n")
+    if tokens:
+        yield first, tokens
+
+
+def _key(token: str) -> str:
+    """A bare or quoted key as TOML reads it; what is none, as it is written."""
+    if token[0] == '"' and "\\" in token:
+        try:
+            return next(iter(tomllib.loads(f"{token} = 0")))
+        except tomllib.TOMLDecodeError:
+            return token
+    return token[1:-1] if token[0] in "\"'" else token

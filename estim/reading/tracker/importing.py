@@ -1,0 +1,171 @@
+"""From a file of the program Tracker to the columns of a run: t_s, and x_m along the ramp since the release.
+
+One page says how: the track is read (`tracker`, `tracker_export`), laid along one direction (`ramp`), counted from the
+release, and looked at for what is suspicious (`suspicion`).  `docs/tracker.md` explains it to users.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from estim.arrays import FloatArray
+from estim.common import InputError, Quantity, one_line, read_number
+from estim.reading.input_file import read_bytes
+from estim.reading.table import IMPORTED
+from estim.reading.tracker.export import is_export, read_export
+from estim.reading.tracker.ramp import Ramp, run_along
+from estim.reading.tracker.suspicion import suspicions
+from estim.reading.tracker.track import Track, Unit
+from estim.reading.tracker.trk import read_tracker
+
+_TRACKER_FILES = (".trk", ".trz")
+_MIN_ROWS = 5
+
+
+@dataclass(frozen=True)
+class Choices:
+    """What the user says about a file.
+
+    track : name of the track; the only one if None.  along : see `ramp`.  unit : of the lengths, if not the file's.
+    release : "first" (x = 0 at the first point), "keep" (at the origin of the axes) or a time in s (x = 0 at the point of
+    that time; earlier points are left out).  frame_ms : duration of a frame, ms, against the file's.
+    drop_duplicates : leave out rows of an export that copy the row before.
+    """
+
+    track: str | None = None
+    along: str | float = "fit"
+    unit: Unit | None = None
+    release: Literal["first", "keep"] | float = "first"
+    frame_ms: float | None = None
+    drop_duplicates: bool = False
+
+
+@dataclass(frozen=True, eq=False)
+class Imported:
+    """A run made of a track.
+
+    rows : (n,) rows of the track from the release on.  t : (n,) s, as in the file.  x : (n,) m along the ramp since the release.
+    facts, warnings : where it comes from, and what is suspicious, in words.
+    """
+
+    track: Track
+    ramp: Ramp
+    rows: NDArray[np.int64]
+    t: FloatArray
+    x: FloatArray
+    facts: tuple[str, ...]
+    warnings: tuple[str, ...]
+
+    @property
+    def tilt(self) -> Quantity | None:
+        """Tilt of the track against the x axis of the video, rad; None where an export holds one coordinate."""
+        return self.ramp.tilt
+
+
+def is_tracker_file(path: Path) -> bool:
+    return path.suffix.lower() in _TRACKER_FILES
+
+
+def is_export_file(path: Path) -> bool:
+    """Whether the file begins like a text export; False where it cannot be read (its reader says why)."""
+    try:
+        return is_export(read_bytes(path, shown_as=str(path))[:20_000].decode("utf-8-sig", errors="replace"))
+    except InputError:
+        return False
+
+
+def import_track(path: Path, choices: Choices, *, shown_as: str | None = None) -> Imported:
+    """The run in a .trk, .trz or text export.  Raises InputError with file, line, field, rule and value."""
+    file = shown_as or str(path)
+    _check(choices, file)
+    if is_tracker_file(path):
+        if choices.drop_duplicates:
+            raise InputError("goes with text exports: a video has each frame once", field="drop_duplicates", file=file)
+        track = read_tracker(path, track=choices.track, unit=choices.unit, frame_ms=choices.frame_ms, shown_as=file)
+    else:
+        if choices.frame_ms is not None:
+            raise InputError("goes with .trk and .trz files: an export states its times", field="frame_ms", file=file)
+        track = read_export(path, track=choices.track, unit=choices.unit, drop_duplicates=choices.drop_duplicates, shown_as=file)
+    ramp = run_along(track, choices.along)
+    first, zero, release = _release(track, ramp, choices.release)
+    rows = np.arange(first, track.t.size)
+    x = ramp.along[rows] - zero
+    t = track.t[rows]
+    for array in (rows, t, x):
+        array.setflags(write=False)
+    source = (f"track '{track.name}' of {track.file}", f"SHA-256 {track.sha256}", *track.calibration)
+    facts = (*source, f"direction {ramp.direction}", *_tilt(ramp), release)
+    return Imported(track, ramp, rows, t, x, facts, (*track.warnings, *suspicions(track, ramp, from_row=first)))
+
+
+def read_release(text: str) -> Literal["first", "keep"] | float:
+    """The release as it is written on a command line.  Raises InputError."""
+    if text == "first":
+        return "first"
+    if text == "keep":
+        return "keep"
+    try:
+        return read_number(text)
+    except ValueError:
+        raise InputError("must be first, keep or a time in s", field="release", value=text) from None
+
+
+def _check(choices: Choices, file: str) -> None:
+    if choices.frame_ms is not None and not 1e-3 <= choices.frame_ms <= 1e6:
+        raise InputError("must be a duration in ms", field="frame_ms", value=choices.frame_ms, file=file)
+
+
+def _release(track: Track, ramp: Ramp, release: str | float) -> tuple[int, float, str]:
+    """The first row, the position that is zero there, and both in words."""
+    if release == "keep":
+        return 0, 0.0, "x_m = 0 at the origin of the axes, as in the file"
+    if release == "first":
+        return 0, float(ramp.along[0]), f"x_m = 0 at the first point, t = {track.t[0]:.8g} s, {ramp.along[0]:.6g} m from the origin of the axes"
+    time = float(release)
+    steps = float(np.median(np.diff(track.t)))
+    if not math.isfinite(time) or not track.t[0] - steps <= time <= track.t[-1]:
+        raise InputError(f"must be a time of the track, {track.t[0]:.6g} to {track.t[-1]:.6g} s", field="release", value=time, file=track.file)
+    row = int(np.argmin(np.abs(track.t - time)))
+    if track.t.size - row < _MIN_ROWS:
+        raise InputError(f"must leave at least {_MIN_ROWS} points", field="release", value=time, file=track.file)
+    words = f"x_m = 0 at the release stated, t = {track.t[row]:.8g} s, {ramp.along[row]:.6g} m from the origin of the axes"
+    return row, float(ramp.along[row]), words + (f"; {row} earlier points left out" if row else "")
+
+
+def _tilt(ramp: Ramp) -> tuple[str, ...]:
+    if ramp.tilt is None:
+        return ()
+    value, u = math.degrees(ramp.tilt.value), math.degrees(ramp.tilt.u)
+    uncertainty = f"standard uncertainty {u:.3f} deg from the scatter of the points alone"
+    return (f"tilt of the fitted line {value:.3f} deg against the x axis, positive uphill, {uncertainty}",)
+
+
+def stated_tilt(facts: Sequence[str]) -> Quantity | None:
+    """The tilt (rad) that the facts of an imported track state, as `import_track` words it; None where they do not."""
+    number = r"(-?\d{1,4}\.\d{3})"
+    for fact in facts:
+        if found := re.match(rf"tilt of the fitted line {number} deg .* standard uncertainty {number} deg", fact):
+            return Quantity(math.radians(float(found[1])), math.radians(abs(float(found[2]))))
+    return None
+
+
+def run_table(imported: Imported) -> bytes:
+    """The CSV file of a run, with where it comes from in its head; columns that begin with _ are for people."""
+    across = imported.ramp.across
+    columns: dict[str, list[str]] = {"t_s": [repr(v) for v in imported.t.tolist()], "x_m": [repr(v) for v in imported.x.tolist()]}
+    if across is not None:
+        columns["_across_m"] = [repr(v) for v in across[imported.rows].tolist()]
+    if imported.track.frames is not None:
+        columns["_frame"] = [str(n) for n in imported.track.frames[imported.rows].tolist()]
+    head = [f"# {fact}" for fact in imported.facts] + [f"# warning: {warning}" for warning in imported.warnings]
+    lines = [IMPORTED, *(" ".join(one_line(line).split()) for line in head), ",".join(columns)]
+    lines += [",".join(row) for row in zip(*columns.values(), strict=True)]
+    return ("\n".join(lines) + "\n").encode()

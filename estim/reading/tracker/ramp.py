@@ -1,0 +1,137 @@
+"""The direction of motion of a track: positions along it and across it, and its tilt against the horizontal of the axes.
+
+- `fit` (default): the principal axis of the points, the straight line of least squared perpendicular distances; it points
+  the way the motion starts.  Use it when the axes were left as the camera saw them.
+- `x`, `y`, `-x`, `-y`: an axis, when it was laid along the ramp in Tracker.
+- a number of degrees: a stated direction, counter-clockwise from the x axis.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from estim.arrays import FloatArray
+from estim.common import InputError, Quantity, read_number
+from estim.reading.tracker.track import Track
+
+_AXES = {"x": 0.0, "y": 90.0, "-x": 180.0, "-y": -90.0}
+_STILL = 1e-9  # m
+
+
+@dataclass(frozen=True, eq=False)
+class Ramp:
+    """A track along one direction.
+
+    along, across : (n,) m; across is None where only one coordinate is known.  Their zero is the origin of the axes.
+    angle : rad, of the direction, counter-clockwise from the x axis.  direction : how it was chosen, in words.
+    tilt : rad, of the fitted line against the x axis, positive uphill, with its uncertainty from the scatter alone (not from
+    a camera or axes that hang askew); None where only one coordinate is known.
+    scatter : m, standard deviation of the points about the fitted line; NaN where only one coordinate is known.
+    """
+
+    along: FloatArray
+    across: FloatArray | None
+    angle: float
+    direction: str
+    tilt: Quantity | None
+    scatter: float
+
+
+def run_along(track: Track, direction: str | float = "fit") -> Ramp:
+    """The positions of `track` along `direction`.  Raises InputError where it does not move or the direction makes no sense."""
+    stated = _stated(direction, track.file)
+    if track.x is None or track.y is None:
+        return _one_coordinate(track, stated)
+    start_way = _way(track)
+    fitted, u, scatter = _principal_axis(track.x, track.y)
+    if math.cos(fitted) * start_way[0] + math.sin(fitted) * start_way[1] < 0.0:
+        fitted += math.pi
+    angle = fitted if stated is None else stated
+    cos, sin = math.cos(angle), math.sin(angle)
+    along, across = track.x * cos + track.y * sin, track.y * cos - track.x * sin
+    if stated is None:
+        words = f"fitted to the points: {_degrees(angle):.3f} deg from the x axis, standard uncertainty {math.degrees(u):.3f} deg from their scatter"
+    else:
+        words = f"as stated: {_degrees(angle):g} deg from the x axis"
+    tilt = Quantity(math.atan2(math.sin(fitted), abs(math.cos(fitted))), u)
+    return Ramp(_fixed(along), _fixed(across), angle, words, tilt, scatter)
+
+
+def _stated(direction: str | float, file: str) -> float | None:
+    """The stated angle in rad; None for `fit`."""
+    if isinstance(direction, str) and direction == "fit":
+        return None
+    if isinstance(direction, str) and direction in _AXES:
+        return math.radians(_AXES[direction])
+    try:
+        degrees = read_number(direction) if isinstance(direction, str) else float(direction)
+    except ValueError:
+        degrees = math.nan
+    if not abs(degrees) <= 360.0:
+        raise InputError("must be fit, x, y, -x, -y or an angle in degrees", field="along", value=direction, file=file)
+    return math.radians(degrees)
+
+
+def _one_coordinate(track: Track, stated: float | None) -> Ramp:
+    """A track of which only x or y is known: it runs along that axis."""
+    name, known = ("x", track.x) if track.x is not None else ("y", track.y)
+    assert known is not None
+    axis = math.radians(_AXES[name])
+    if stated is None:
+        sign = 1.0 if _forward(known, track) > 0.0 else -1.0
+    else:
+        _forward(known, track)
+        sign = math.cos(stated - axis)
+        if abs(abs(sign) - 1.0) > 1e-9:
+            rule = f"must be fit, {name} or -{name}: the file holds no other coordinate"
+            raise InputError(rule, field="along", value=f"{math.degrees(stated):g}", file=track.file)
+        sign = round(sign)
+    words = f"along {'' if sign > 0 else '-'}{name}, the only coordinate in the file"
+    return Ramp(_fixed(sign * known), None, axis if sign > 0 else axis - math.pi, words, None, math.nan)
+
+
+def _way(track: Track) -> tuple[float, float]:
+    """Displacement at the first point that is half as far from the start as any: the way the motion starts."""
+    assert track.x is not None
+    assert track.y is not None
+    dx, dy = track.x - track.x[0], track.y - track.y[0]
+    first = _first_far(np.hypot(dx, dy), track)
+    return float(dx[first]), float(dy[first])
+
+
+def _forward(position: FloatArray, track: Track) -> float:
+    displacement = position - position[0]
+    return float(displacement[_first_far(np.abs(displacement), track)])
+
+
+def _first_far(distance: FloatArray, track: Track) -> int:
+    reach = float(np.max(distance))
+    if not reach > _STILL:
+        raise InputError("does not move", field=f"track {track.name}", value=f"{reach:g} m", file=track.file)
+    return int(np.argmax(distance >= 0.5 * reach))
+
+
+def _principal_axis(x: FloatArray, y: FloatArray) -> tuple[float, float, float]:
+    """Angle (rad) of the line of least perpendicular distances, its standard uncertainty, and the scatter about it (m).
+
+    angle = atan2(2 S_xy, S_xx - S_yy)/2;  u = s/sqrt(sum of squares along the line), to first order in s, the standard
+    deviation across it (n - 2 degrees of freedom) of equal, independent errors.
+    """
+    x, y = x - np.mean(x), y - np.mean(y)
+    angle = 0.5 * math.atan2(2.0 * float(x @ y), float(x @ x - y @ y))
+    along, across = x * math.cos(angle) + y * math.sin(angle), y * math.cos(angle) - x * math.sin(angle)
+    scatter = math.sqrt(float(across @ across) / (x.size - 2))
+    return angle, scatter / math.sqrt(float(along @ along)), scatter
+
+
+def _degrees(angle: float) -> float:
+    """In degrees within -180 to 180."""
+    return math.degrees(math.atan2(math.sin(angle), math.cos(angle)))
+
+
+def _fixed(array: FloatArray) -> FloatArray:
+    array.setflags(write=False)
+    return array

@@ -1,0 +1,134 @@
+"""What is suspicious about a track though it breaks no rule: each finding is a sentence for the report, nothing is repaired."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+
+import numpy as np
+
+from estim.arrays import FloatArray
+from estim.reading.tracker.ramp import Ramp
+from estim.reading.tracker.track import Track
+
+_G = 9.8
+_TOO_FAST = 1.5  # times g: a body that rolls or falls has less
+_TOO_FAR = 20.0  # m: no ramp in a laboratory
+_WINDOW = 0.2  # s over which an acceleration is taken
+_OFF_LINE = 0.01  # of the length of the path
+_RETURN = 0.2  # of the length of the path, backward
+_MOVING = 0.2  # of the largest speed, in the first frame
+_SPEED = 0.02  # of the largest speed
+_NOT_THE_RELEASE = "if a rolling body is fit, whose curve counts x from the release,"
+_EARLIER_WORDS = "that is not the release, from which the phase curve counts x"  # in files of earlier versions
+_SPEEDS_MADE = "speeds are made from the positions"
+
+
+def suspicions(track: Track, ramp: Ramp, *, from_row: int = 0) -> tuple[str, ...]:
+    """Sentences about what does not look right in `track`, from its row `from_row` (the release) on."""
+    t, along = track.t[from_row:], ramp.along[from_row:]
+    found = [*_times(t), *_scale(t, along)]
+    found += _off_line(along, ramp)
+    found += _first_speed(t, along)
+    found += _speed_column(track, ramp)
+    return tuple(found)
+
+
+def of_any_curve(warnings: Iterable[str]) -> tuple[str, ...]:
+    """Those of `warnings` that matter where the curve is the user's own, which has no release and fits no speeds made of positions."""
+    return tuple(words for words in warnings if not any(said in words for said in (_NOT_THE_RELEASE, _EARLIER_WORDS, _SPEEDS_MADE)))
+
+
+def _steps(t: FloatArray) -> tuple[float, FloatArray]:
+    """The usual step of time, and the steps in its units."""
+    steps = np.diff(t)
+    usual = float(np.median(steps))
+    return usual, steps / usual
+
+
+def _times(t: FloatArray) -> list[str]:
+    usual, steps = _steps(t)
+    whole = np.rint(steps)
+    found = []
+    missing = int(np.sum(np.maximum(whole, 1.0) - 1.0))
+    if missing:
+        found.append(f"{missing} of {t.size + missing} frames are missing: there is no speed beside them")
+    if np.any(np.abs(steps - whole) > 0.1) or np.any(whole < 1):
+        worst = int(np.argmax(np.abs(steps - whole)))
+        found.append(f"times do not advance by whole multiples of {usual:.5g} s (after t = {t[worst]:.6g} s): differences give no speeds")
+    return found
+
+
+def _scale(t: FloatArray, along: FloatArray) -> list[str]:
+    reach = float(np.ptp(along))
+    if reach > _TOO_FAR:
+        return [f"the path is {reach:.3g} m long: is the unit of length centimetres (unit cm), or the scale wrong?"]
+    usual, _ = _steps(t)
+    width = max(7, int(np.ceil(_WINDOW / usual)) if _WINDOW / usual < t.size else t.size)
+    largest = 0.0
+    for first in range(0, t.size - width + 1, max(1, width // 2)):
+        time = t[first : first + width] - np.mean(t[first : first + width])
+        span = float(np.max(np.abs(time)))
+        quadratic = np.linalg.lstsq(np.vander(time / span, 3), along[first : first + width], rcond=None)[0]
+        largest = max(largest, 2.0 * abs(float(quadratic[0])) / span**2)
+    if largest > _TOO_FAST * _G:
+        return [f"the acceleration reaches {largest:.3g} m/s², more than gravity can give: is the scale, the unit or the frame rate wrong?"]
+    return []
+
+
+def _off_line(along: FloatArray, ramp: Ramp) -> list[str]:
+    reach = float(np.ptp(along))
+    if ramp.across is None or not ramp.scatter > _OFF_LINE * reach:
+        return []
+    return [
+        f"the points scatter by {1e3 * ramp.scatter:.3g} mm about the fitted line, {100 * ramp.scatter / reach:.2g} % of the path:"
+        " the path is not straight or not in the plane of the axes"
+    ]
+
+
+def _first_speed(t: FloatArray, along: FloatArray) -> list[str]:
+    """A track that begins in motion: then its first point is not the release."""
+    usual, _ = _steps(t)
+    few = max(2, min(int(0.1 / usual) if usual > 1e-4 else 1000, t.size // 5))
+    speeds = np.abs(along[few:] - along[:-few]) / (t[few:] - t[:-few])
+    largest = float(np.max(speeds))
+    first = float(speeds[0])
+    if first <= _MOVING * largest:
+        return []
+    return [
+        f"the body moves with {first:.2g} m/s in the first frames already: {_NOT_THE_RELEASE}"
+        " start the track or say --release T (in a campaign: release) where it is at rest"
+    ]
+
+
+def _speed_column(track: Track, ramp: Ramp) -> list[str]:
+    """The column v: a magnitude, and the central difference of the positions, as Tracker makes it."""
+    if track.speed is None or track.x is None or track.y is None:
+        return [] if track.speed is None else [f"the column v is not used: {_SPEEDS_MADE}"]
+    found = []
+    v = track.speed[1:-1]
+    span = track.t[2:] - track.t[:-2]
+    usual, _ = _steps(track.t)
+    made = np.hypot(track.x[2:] - track.x[:-2], track.y[2:] - track.y[:-2]) / span
+    compared = np.isfinite(v) & (span < 2.5 * usual)
+    if np.any(compared):
+        off = float(np.sqrt(np.mean((v - made)[compared] ** 2)))
+        if off > _SPEED * float(np.max(made)):
+            what = f"they differ by {off:.3g} m/s, rms"
+            found.append(f"the column v is not the central difference of x and y ({what}): v, the times or the lengths were changed")
+    moved = np.diff(ramp.along)
+    reach = float(np.ptp(ramp.along))
+    if -float(np.sum(moved[moved < 0.0])) > _RETURN * reach and not np.any(track.speed < 0.0):
+        found.append(f"the column v is a magnitude, never negative though the motion turns back: it is not used, {_SPEEDS_MADE}")
+    return found
+
+
+def odd_intervals(intervals: Mapping[str, float]) -> dict[str, str]:
+    """A sentence for each run whose frame interval (s) is not that of most runs of the campaign, by name of the run."""
+    if len(intervals) < 3:
+        return {}
+    usual = float(np.median(list(intervals.values())))
+    return {
+        name: f"the frames are {interval:.4g} s apart, those of most runs {usual:.4g} s: is the frame rate right?"
+        for name, interval in intervals.items()
+        if abs(interval / usual - 1.0) > 0.2
+    }

@@ -1,0 +1,75 @@
+"""The path of one point in a video, as a .trk or a text export gives it: the record that both readers make."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from estim.arrays import FloatArray
+from estim.common import InputError
+
+Unit = Literal["m", "cm", "mm"]
+
+METRES: Mapping[str, float] = MappingProxyType({"m": 1.0, "cm": 0.01, "mm": 0.001})
+
+DROP = "--drop-duplicates (in a campaign: drop_duplicates = true)"
+
+LEAST_STEP = 1e-9  # s: frames are not closer, here and in a run's own table
+MOST = 1e10  # s, and m or rad in a run's own table: beyond it is no measurement
+
+_MIN_POINTS = 5
+_MAX_POINTS = 1_000_000
+
+
+@dataclass(frozen=True, eq=False)
+class Track:
+    """The track `name` of `file` in SI units; y points up.
+
+    t : (n,) s, increasing.  x, y : (n,) m in the calibrated axes; None where an export leaves the column out.
+    frames : (n,) number of each frame; None where an export does not say.  lines : (n,) line of the file of each point.
+    speed : (n,) m/s, the column v of an export, NaN where blank; a magnitude.  None where there is no such column.
+    calibration : what the file says of scale, origin, axes and frames, in words.  sha256 : of the file's bytes.
+    warnings : what is suspicious but no error, in words.
+    """
+
+    file: str
+    sha256: str
+    name: str
+    t: FloatArray
+    x: FloatArray | None
+    y: FloatArray | None
+    frames: NDArray[np.int64] | None
+    lines: NDArray[np.int64]
+    speed: FloatArray | None
+    calibration: tuple[str, ...]
+    warnings: tuple[str, ...]
+
+    def __post_init__(self) -> None:
+        for array in (self.t, self.x, self.y, self.frames, self.lines, self.speed):
+            if array is not None:
+                array.setflags(write=False)
+        if not _MIN_POINTS <= self.t.size <= _MAX_POINTS:
+            rule = f"must hold at least {_MIN_POINTS} points" if self.t.size < _MIN_POINTS else f"must hold at most {_MAX_POINTS} points"
+            raise InputError(rule, field=f"track {self.name}", value=self.t.size, file=self.file)
+        self._check_times()
+
+    def _check_times(self) -> None:
+        steps = np.diff(self.t)
+        if np.all(steps >= LEAST_STEP) and np.max(np.abs(self.t)) <= MOST:
+            return
+        if np.all(steps > 0.0):
+            rule = f"must advance by at least {LEAST_STEP:g} s from row to row, and lie within ±{MOST:g} s"
+            worst = int(np.argmin(steps)) + 1 if np.min(steps) < LEAST_STEP else int(np.argmax(np.abs(self.t)))
+            raise InputError(rule, field="t", value=float(self.t[worst]), file=self.file, line=int(self.lines[worst]))
+        row = int(np.flatnonzero(steps <= 0.0)[0]) + 1
+        count = int(np.sum(steps == 0.0))
+        rule = "must increase from row to row"
+        if steps[row - 1] == 0.0:
+            same = f"row repeats its time; if it is a copy, drop it by {DROP}" if count == 1 else "rows repeat their time: rounded by a spreadsheet?"
+            rule += f" ({count} {same})"
+        raise InputError(rule, field="t", value=float(self.t[row]), file=self.file, line=int(self.lines[row]))

@@ -1,0 +1,189 @@
+"""The XML of a .trk file as a tree of named properties with their lines, and the .trk inside a .trz; nothing is trusted.
+
+Tracker writes ``<property name="delta_t" type="double">33.367</property>`` and objects that hold such properties.
+Document types are refused, and with them every entity that could expand or reach out; elements, depth and sizes are
+limited.  A member of a .trz is read into memory: its name is never used as a path.
+"""
+
+from __future__ import annotations
+
+import io
+import re
+import struct
+import zipfile
+import zlib
+from dataclasses import dataclass, field
+from xml.parsers import expat
+
+from estim.common import InputError, listed
+from estim.reading.input_file import not_utf8
+
+_MAX_BYTES = 64 * 1024**2
+_MAX_ELEMENTS = 300_000
+_MAX_DEPTH = 100
+_MAX_RATIO = 200  # of the sizes before and after compression; the text of a .trk shrinks about 30 times
+_MAX_DIRECTORY = 1024**2
+_NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?", re.ASCII)
+_ENCODING = re.compile(rb"""(?:\xef\xbb\xbf)?<\?xml[^>]{0,200}?\sencoding\s{0,9}=\s{0,9}["']([\w.-]{1,40})["']""")
+_LIMIT = 1e9
+
+
+@dataclass(frozen=True, eq=False)
+class Element:
+    """A `property` or an `object` of the file: its name or class, text, parts and line."""
+
+    file: str
+    line: int
+    tag: str
+    name: str
+    kind: str
+    texts: list[str] = field(default_factory=list)
+    parts: list[Element] = field(default_factory=list)
+
+    @property
+    def text(self) -> str:
+        return "".join(self.texts).strip()
+
+    def error(self, rule: str, *, value: object = None) -> InputError:
+        return InputError(rule, field=self.name or self.tag, value=value, file=self.file, line=self.line)
+
+    def find(self, name: str) -> Element | None:
+        """The property `name` of this object; None where there is none."""
+        return next((part for part in self.parts if part.tag == "property" and part.name == name), None)
+
+    def object(self, name: str) -> Element | None:
+        """The object that is the value of property `name`."""
+        found = self.find(name)
+        return None if found is None else next((part for part in found.parts if part.tag == "object"), None)
+
+    def need(self, name: str) -> Element:
+        """The property `name`; raises InputError where it is missing."""
+        found = self.find(name)
+        if found is None:
+            raise InputError("is missing", field=name, file=self.file, line=self.line)
+        return found
+
+    def number(self, name: str, default: float | None = None) -> float:
+        """The finite number that property `name` holds.  Raises InputError."""
+        found = self.find(name)
+        if found is None and default is not None:
+            return default
+        found = self.need(name)
+        value = float(found.text) if len(found.text) < 50 and _NUMBER.fullmatch(found.text) else float("inf")
+        if not abs(value) <= _LIMIT:
+            raise found.error(f"must be a number within ±{_LIMIT:g}", value=found.text)
+        return value
+
+    def integer(self, name: str, default: int) -> int:
+        """The whole number that property `name` holds.  Raises InputError."""
+        value = self.number(name, float(default))
+        if value != round(value):
+            raise self.need(name).error("must be a whole number", value=value)
+        return round(value)
+
+    def indexed(self) -> dict[int, Element]:
+        """The objects of an array of properties [0], [1], ..., by index; raises InputError for any other content."""
+        found: dict[int, Element] = {}
+        for part in self.parts:
+            index = re.fullmatch(r"\[(\d{1,7})\]", part.name, re.ASCII)
+            if index is None or not part.parts or part.parts[0].tag != "object":
+                raise part.error("must be an object with an index like [0]")
+            if int(index[1]) in found:
+                raise part.error("stands twice")
+            found[int(index[1])] = part.parts[0]
+        return found
+
+
+def parse_tracker_xml(data: bytes, *, file: str) -> Element:
+    """The root object of the XML text `data`.  Raises InputError with the line."""
+    top: list[Element] = []
+    stack: list[Element] = []
+    count = 0
+    parser = expat.ParserCreate()
+    parser.buffer_text = True
+
+    def refuse(rule: str, value: object = None) -> InputError:
+        return InputError(rule, field="XML", value=value, file=file, line=parser.CurrentLineNumber)
+
+    def start(tag: str, attributes: dict[str, str]) -> None:
+        nonlocal count
+        count += 1
+        if count > _MAX_ELEMENTS:
+            raise refuse(f"must hold at most {_MAX_ELEMENTS} elements")
+        if len(stack) >= _MAX_DEPTH:
+            raise refuse(f"must be nested at most {_MAX_DEPTH} deep")
+        if tag not in ("object", "property"):
+            raise refuse("must hold nothing but <object> and <property>, as Tracker writes it", tag)
+        kind = attributes.get("class" if tag == "object" else "type", "")
+        element = Element(file, parser.CurrentLineNumber, tag, attributes.get("name", ""), kind)
+        (stack[-1].parts if stack else top).append(element)
+        stack.append(element)
+
+    def end(_: str) -> None:
+        stack.pop()
+
+    def text(characters: str) -> None:
+        if stack:
+            stack[-1].texts.append(characters)
+
+    def doctype(*_: object) -> None:
+        raise refuse("must not hold a document type or entities")
+
+    parser.StartElementHandler, parser.EndElementHandler = start, end
+    parser.CharacterDataHandler, parser.StartDoctypeDeclHandler = text, doctype
+    try:
+        parser.Parse(data, True)
+    except InputError:
+        raise
+    except expat.ExpatError as error:
+        if not (said := _ENCODING.match(data)) or said[1].lower() in (b"utf-8", b"utf8"):
+            _check_utf8(data, file)
+        rule = f"is not a whole XML text ({expat.ErrorString(error.code)})"
+        raise InputError(rule, field="XML", file=file, line=error.lineno) from None
+    except (LookupError, ValueError) as error:  # an encoding that is unknown or not supported
+        raise InputError("cannot be decoded", field="XML", quoted=str(error), file=file) from None
+    return top[0]
+
+
+def _check_utf8(data: bytes, file: str) -> None:
+    """Raises InputError where the text is none in the encoding that its first line states, or that XML takes if it states none."""
+    try:
+        data.decode("utf-8")
+    except UnicodeDecodeError as error:
+        if not data.startswith((b"\xff\xfe", b"\xfe\xff")):
+            raise not_utf8(data, error, file) from None
+
+
+def unpack_trz(data: bytes, *, file: str) -> bytes:
+    """The one .trk inside the .trz archive `data`, at most 64 MiB.  Raises InputError."""
+    _check_directory(data, file)
+    try:
+        with zipfile.ZipFile(io.BytesIO(data)) as archive:
+            found = [i for i in archive.infolist() if i.filename.lower().endswith(".trk") and not i.filename.startswith("__MACOSX/")]
+            if len(found) != 1:
+                names = listed([info.filename for info in found]) or "none"
+                raise InputError("must hold exactly one .trk", field="archive", quoted=f"it holds {names}", file=file)
+            info = found[0]
+            if info.flag_bits & 1 or info.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
+                rule = "must hold a .trk without a password, compressed in the ordinary way"
+                raise InputError(rule, field="archive", value=info.filename, file=file)
+            limit = min(_MAX_BYTES, max(_MAX_RATIO * info.compress_size, 1024**2))
+            with archive.open(name=info, mode="r") as stream:
+                content = stream.read(limit + 1)
+    except InputError:
+        raise
+    except (zipfile.BadZipFile, zlib.error, struct.error, EOFError, OSError, RuntimeError, ValueError, LookupError, OverflowError) as error:
+        raise InputError("cannot be read as an archive", quoted=str(error) or type(error).__name__, file=file) from None
+    if len(content) > limit:
+        raise InputError(f"grows beyond {limit / 1024**2:.0f} MiB when it is unpacked", field="archive", value=info.filename, file=file)
+    return content
+
+
+def _check_directory(data: bytes, file: str) -> None:
+    """The list of members is short, before `zipfile` reads it whole."""
+    end = data.rfind(b"PK\x05\x06", max(0, len(data) - 66_000))
+    if end < 0 or len(data) < end + 22:
+        raise InputError("cannot be read as an archive (it has no end)", file=file)
+    (size,) = struct.unpack_from("<I", data, end + 12)
+    if size > _MAX_DIRECTORY or data[max(0, end - 20) : end].startswith(b"PK\x06\x07"):
+        raise InputError("must hold a short list of members", field="archive", value=f"{size} bytes", file=file)

@@ -1,0 +1,12 @@
+"""What a reader sees: Markdown, figures, result.json, ArviZ and pandas; one file a subject.
+
+Read `analysis` first."""
+
+from estim.reports.analysis import analysis_report, index_report
+from estim.reports.calibration import calibration_report
+from estim.reports.comparison import compare_report, folder_of
+from estim.reports.energy import energy_report
+from estim.reports.interop import HOW_TO_GET, can_write_netcdf, to_netcdf
+from estim.reports.line import line_report
+from estim.reports.reanalysis import reanalysis_report
+from estim.reports.result import result_of

@@ -1,0 +1,198 @@
+"""Reports: Markdown, figures and JSON of an analysis, as a mapping from relative path to bytes.
+
+The text stands in `templates/`; every number in it comes from `result.Result`, rounded by its uncertainty here.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from estim.campaign import Campaign
+from estim.checks import P_CONFLICT, P_POOR_FIT, interval_cell, parameter_cells, value_cell
+from estim.common import KINDS, MEANINGLESS, STATUS_WORDS, Label, Markdown, format_quantity, format_rounded, label, signed
+from estim.pipeline import Analysis
+from estim.reports import figures
+from estim.reports.consistency import consistency_text
+from estim.reports.consistency_figures import forest_figure
+from estim.reports.identifiability import IdentifySection, identify_section
+from estim.reports.identifiability_figures import direction_figure, profile_figure, ridge_figure
+from estim.reports.rendering import render
+from estim.reports.result import ParameterSummary, Result, RunSummary, Subject, result_of, to_json
+from estim.sampling import CRITERIA_MET
+from estim.studies import scrutinise
+
+_PRIOR_DOMINATED = 0.8
+_RIDGE_DRAWS, _SECTION_DRAWS = 20_000, 4000
+
+
+@dataclass(frozen=True)
+class Row:
+    """One line of a table of parameters, every cell as text."""
+
+    symbol: str
+    name: str
+    unit: str
+    meaning: str
+    prior: str
+    fit: str
+    posterior: str
+    interval: str
+    narrowing: str
+    rhat: str
+    ess: str
+    mcse: str
+
+
+def analysis_report(campaign: Subject, analysis: Analysis) -> dict[str, bytes]:
+    """`report.md`, `result.json` and `figures/*.png` of one analysis."""
+    scrutiny = scrutinise(analysis)
+    result = result_of(campaign, analysis, scrutiny)
+    section = identify_section(
+        analysis.problem, analysis.identifiability, scrutiny.intervals, scrutiny.sensitivity,
+        analysis.chain.thinned(_SECTION_DRAWS),
+    )
+    synthetic = campaign.kind == "synthetic"
+    drawn: dict[str, Callable[[], Figure]] = {
+        "figures/phase.png": lambda: figures.phase_figure(analysis, synthetic=synthetic),
+        "figures/residuals.png": lambda: figures.residual_figure(analysis.problem.runs, analysis.goodness, synthetic=synthetic),
+        "figures/corner.png": lambda: figures.corner_figure(analysis),
+        "figures/traces.png": lambda: figures.trace_figure(analysis),
+        "figures/directions.png": lambda: direction_figure(analysis.problem, analysis.identifiability),
+        "figures/profiles.png": lambda: profile_figure(analysis.problem, scrutiny.intervals, analysis.chain.thinned(_RIDGE_DRAWS)),
+    }
+    if analysis.consistency is not None:
+        on_edge = analysis.fit.at_bound
+        drawn["figures/consistency.png"] = partial(forest_figure, analysis.consistency, synthetic=synthetic, on_edge=on_edge)
+    if analysis.problem.n_par > 1:
+        drawn["figures/ridge.png"] = lambda: ridge_figure(analysis.fit, analysis.identifiability, analysis.chain.thinned(_RIDGE_DRAWS))
+    consistency = ""
+    if analysis.consistency is not None:
+        consistency = consistency_text(analysis.consistency, limits_only=not analysis.diagnosis.ok, on_edge=analysis.fit.at_bound)
+    files = {name: figures.png(draw) for name, draw in drawn.items()}
+    files["report.md"] = analysis_text(result, section, consistency, figures.corner_words(analysis.problem)).encode()
+    files["result.json"] = to_json(result)
+    return files
+
+
+def analysis_text(result: Result, section: IdentifySection, consistency: str, corner_words: Markdown) -> str:
+    """The Markdown report of one analysis.
+
+    section : what it says about the data against the priors.  consistency : about several runs.  corner_words : below the corner figure.
+    """
+    rows = [parameter_row(name, p, result) for name, p in result.parameters.items()]
+    axes = list(dict.fromkeys((run.x, run.y) for run in result.runs.values()))
+    return render(
+        "analysis.md.j2",
+        result=result, kind=KINDS[result.kind], status_words=STATUS_WORDS[result.status], rows=rows,
+        correlation=_correlation_table(result), derived=_derived_rows(result.runs), limits=_what_limits(result),
+        reject_below=P_POOR_FIT, conflict_below=P_CONFLICT, ends=_turning_rows(result), identify=section,
+        meaningless=result.status in MEANINGLESS,
+        consistency=consistency, axes=axes, limits_only=result.status != "ok", converged=result.sampling.message == CRITERIA_MET,
+        corner_words=corner_words,
+        picture=" and ".join(f"{y} against {x}" for x, y in axes),
+    )
+
+
+def index_report(campaign: Campaign, results: Mapping[str, Result]) -> dict[str, bytes]:
+    """`report.md` that leads to the reports of runs fit one by one, each in a folder of its name."""
+    names = list(dict.fromkeys(_base(name) for result in results.values() for name in result.parameters))
+    table = []
+    for run, result in results.items():
+        cells = {_base(name): value_cell(p, label(name, p.unit)) for name, p in result.parameters.items()}
+        table.append((run, result.status, [cells.get(name, "") if result.status == "ok" else "—" for name in names]))
+    units = [next(label(n, p.unit) for r in results.values() for n, p in r.parameters.items() if _base(n) == name) for name in names]
+    heads = [label(name, "1").symbol + ("" if shown.unit == "1" else f" ({shown.unit})") for name, shown in zip(names, units, strict=True)]
+    text = render("index.md.j2", title=campaign.title, kind=KINDS[campaign.kind], heads=heads, table=table)
+    return {"report.md": text.encode()}
+
+
+def _base(name: str) -> str:
+    return name.partition("[")[0]
+
+
+def parameter_row(name: str, p: ParameterSummary, result: Result) -> Row:
+    """The cells of one parameter."""
+    shown = label(name, p.unit)
+    value, sd = result.fit.values[name], result.fit.sds[name]
+    ok = result.status == "ok"
+    size = abs(value) if p.q975 is None or p.q025 is None else p.q975 - p.q025
+    if not ok:
+        fit = format_rounded(value * shown.factor, 0.1 * size * shown.factor)
+    elif p.limit is not None:
+        fit = f"{format_rounded(p.limit.edge * shown.factor, 0.25 * abs(p.limit.limit_95 - p.limit.edge) * shown.factor)} (its edge)"
+    elif sd is None:
+        fit = f"{format_rounded(value * shown.factor, (p.sd or 0.0) * shown.factor)} (no symmetric sd)"
+    else:
+        fit = format_quantity(value * shown.factor, sd * shown.factor)
+    return Row(
+        symbol=shown.symbol, name=name, unit="" if shown.unit == "1" else shown.unit, meaning=p.meaning, prior=_prior(p, shown),
+        fit=fit, posterior=value_cell(p, shown), interval=interval_cell(p, shown),
+        narrowing="" if not p.prior_sd or p.sd is None else f"{p.sd / p.prior_sd:.2f}",
+        rhat="n/a" if p.rhat is None else f"{p.rhat:.4f}", ess=f"{p.ess_bulk or 0:.0f} / {p.ess_tail or 0:.0f}",
+        mcse="n/a" if p.mcse is None else f"{p.mcse * shown.factor:.2g} {'' if shown.unit == '1' else shown.unit}".strip(),
+    )
+
+
+def _prior(p: ParameterSummary, shown: Label) -> str:
+    if p.prior == "normal" and p.prior_mean is not None and p.prior_sd is not None:
+        return f"{format_quantity(p.prior_mean * shown.factor, p.prior_sd * shown.factor)} (normal)"
+    return p.prior + (f" {p.unit}" if p.unit != "1" and shown.factor != 1.0 else "")
+
+
+def _derived_rows(runs: Mapping[str, RunSummary]) -> list[tuple[str, str, str, str, str]]:
+    """Symbol, meaning, value, interval and unit of every derived quantity: once where the cells are the same for every run, else run by run."""
+    found: dict[str, dict[str, tuple[str, str, str, str]]] = {}
+    for run, summary in runs.items():
+        for name, d in summary.derived.items():
+            found.setdefault(name, {})[run] = parameter_cells(name, d)[1:]
+    rows = []
+    for name, cells in found.items():
+        symbol = label(name, "1").symbol
+        if len(cells) == len(runs) and len(set(cells.values())) == 1:
+            rows.append((symbol, *next(iter(cells.values()))))
+        else:
+            rows += [(f"{symbol}[{run}]", *shown) for run, shown in cells.items()]
+    return rows
+
+
+def _turning_rows(result: Result) -> list[tuple[str, str, str, str]]:
+    rows = []
+    for run, end in result.turning_point.items():
+        if end.never_stops < 0.5:
+            rows.append((run, value_cell(end, label("end", end.unit)), interval_cell(end, label("end", end.unit)), f"{end.never_stops:.1%}"))
+    return rows
+
+
+def _correlation_table(result: Result) -> list[tuple[str, list[str]]]:
+    symbols = [label(name, result.parameters[name].unit).symbol for name in result.correlation.names]
+    cells = [[signed(f"{value:+.2f}") if j <= i else "" for j, value in enumerate(row)] for i, row in enumerate(result.correlation.matrix)]
+    return list(zip(symbols, cells, strict=True))
+
+
+def _what_limits(result: Result) -> str:
+    """Which parameters the data hardly moved, and the strongest correlation, in words."""
+    weak = [
+        label(n, p.unit).symbol for n, p in result.parameters.items() if p.sd is not None and p.prior_sd and p.sd > _PRIOR_DOMINATED * p.prior_sd
+    ]
+    matrix = np.abs(np.array(result.correlation.matrix)) - np.eye(len(result.correlation.names))
+    sentences = []
+    if weak:
+        sentences.append(f"The data say little beyond the prior about {_listed(weak)}: what was stated there is what comes out.")
+    if matrix.size > 1 and matrix.max() > 0.8:
+        i, j = np.unravel_index(int(np.argmax(matrix)), matrix.shape)
+        names = [label(result.correlation.names[k], "1").symbol for k in (j, i)]
+        strength = signed(f"{result.correlation.matrix[i][j]:+.2f}")
+        sentences.append(
+            f"{names[0]} and {names[1]} are correlated by {strength}: the data fix a combination of the two better "
+            "than either, so a better independent value of one improves the other."
+        )
+    return " ".join(sentences)
+
+
+def _listed(words: Sequence[str]) -> str:
+    return words[0] if len(words) == 1 else ", ".join(words[:-1]) + " and " + words[-1]

@@ -1,0 +1,107 @@
+"""The report of a calibration: `report.md`, `calibration.json` and figures."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from functools import partial
+
+import msgspec
+import numpy as np
+
+from estim.calibration import COVERAGE_SDS, UNIFORM_BELOW, Calibration, coverage_sentence, direction, findings
+from estim.campaign import Campaign
+from estim.common import KINDS, Markdown, as_json, label
+from estim.reports.calibration_figures import coverage_figure, rank_figure
+from estim.reports.figures import png
+from estim.reports.rendering import render
+from estim.reports.result import Provenance, provenance
+from estim.sampling import number
+
+SCHEMA = "estim-calibration/1"
+_AT = {"sbc": "priors", "coverage": "fit"}
+
+
+class CoverageRecord(msgspec.Struct, frozen=True):
+    """Share of the trials whose interval of `probability` held the truth; sd of that share if intervals keep their word."""
+
+    probability: float
+    share: float
+    sd: float
+
+
+class NumberRecord(msgspec.Struct, frozen=True):
+    unit: str
+    p_value: float | None
+    mean_rank: float | None  # as a share of all ranks; 0.5 where estimates are not biased
+    coverage: list[CoverageRecord]
+
+
+class CalibrationRecord(msgspec.Struct, frozen=True, rename={"schema_": "schema"}):
+    schema_: str
+    what: str
+    status: str
+    findings: list[str]
+    runs: list[str]
+    n_trial: int
+    n_rejected: int
+    n_failed: int
+    n_short: int
+    engines: dict[str, int]
+    failures: dict[str, int]
+    leaning: list[str]
+    n_rank: int
+    numbers: dict[str, NumberRecord]
+    ranks: dict[str, list[int]]
+    provenance: Provenance
+
+
+def calibration_report(campaign: Campaign, calibrations: Sequence[Calibration]) -> dict[str, bytes]:
+    """The files of one or two calibrations (ranks, coverage) of the same runs."""
+    files: dict[str, bytes] = {}
+    for calibration in calibrations:
+        if calibration.what == "sbc":
+            files["figures/ranks.png"] = png(partial(rank_figure, calibration, synthetic=campaign.kind == "synthetic"))
+        files[f"figures/coverage-{_AT[calibration.what]}.png"] = png(partial(coverage_figure, calibration))
+    text = render(
+        "calibration.md.j2", title=campaign.title, kind=KINDS[campaign.kind], runs=", ".join(calibrations[0].runs), uniform_below=UNIFORM_BELOW,
+        coverage_sds=COVERAGE_SDS, parts=[_part(calibration) for calibration in calibrations],
+    )
+    files["report.md"] = text.encode()
+    records = {c.what: calibration_record(campaign, c) for c in calibrations}
+    files["calibration.json"] = as_json(records)
+    return files
+
+
+def calibration_record(campaign: Campaign, c: Calibration) -> CalibrationRecord:
+    """Every number of a calibration."""
+    found = findings(c)
+    numbers = {}
+    for name, unit in c.reported.items():
+        ranks = c.ranks_of(name)
+        held = zip(c.probabilities, c.share(name).tolist(), c.share_sd().tolist(), strict=True)
+        mean = float(np.mean((ranks + 0.5) / (c.n_rank + 1))) if ranks.size else float("nan")
+        numbers[name] = NumberRecord(unit, number(c.p_value(name)), number(mean), [CoverageRecord(*cells) for cells in held])
+    return CalibrationRecord(
+        schema_=SCHEMA, what=c.what, status="not-calibrated" if found else "ok", findings=[f.sentence for f in found], runs=list(c.runs),
+        n_trial=c.n_trial, n_rejected=c.n_rejected, n_failed=c.n_failed, n_short=c.n_short, engines=dict(c.how), failures=dict(c.failures),
+        leaning=list(c.leaning), n_rank=c.n_rank, numbers=numbers, ranks={name: c.ranks[:, i].tolist() for i, name in enumerate(c.reported)},
+        provenance=provenance(campaign, list(c.runs), c.seed),
+    )
+
+
+def _part(c: Calibration) -> Mapping[str, object]:
+    """What the template says of one calibration."""
+    rows = []
+    for name, unit in c.reported.items():
+        share, p_value = c.share(name), c.p_value(name)
+        off = [abs(s - p) > COVERAGE_SDS * u for s, p, u in zip(share, c.probabilities, c.share_sd(), strict=True)]
+        covered = [Markdown(f"**{100 * s:.1f} %**") if o else f"{100 * s:.1f} %" for s, o in zip(share, off, strict=True)]
+        rows.append((label(name, unit).symbol, "n/a" if np.isnan(p_value) else f"{p_value:.2g}", *covered, direction(c, name) or "—"))
+    sd = 100 * c.share_sd()
+    return {
+        "what": c.what, "at": _AT[c.what], "findings": [f.sentence for f in findings(c)], "rows": rows, "sds": [f"{u:.1f}" for u in sd],
+        "engines": ", ".join(f"{count} by {how}" for how, count in sorted(c.how.items()) if how != "none"), "ess": c.engine.ess,
+        "n_trial": c.n_trial, "n_rejected": c.n_rejected, "n_short": c.n_short, "n_failed": c.n_failed, "n_rank": c.n_rank,
+        "failures": list(c.failures.items()), "leaning": [label(name, "1").symbol for name in c.leaning] if c.what == "coverage" else [],
+        "sentences": [coverage_sentence(c, name) for name in c.reported] if c.what == "coverage" else [],
+    }

@@ -1,0 +1,115 @@
+"""The report of several noise models side by side: `report.md`, `comparison.json` and a figure."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import msgspec
+import numpy as np
+from matplotlib.figure import Figure
+
+from estim.campaign import Campaign
+from estim.checks import INFLUENTIAL, value_cell
+from estim.common import KINDS, as_json, label
+from estim.problem import Parameter
+from estim.reports.figures import BLUE, INK, ORANGE, new_figure, png
+from estim.reports.rendering import render
+from estim.reports.result import provenance
+from estim.sampling import Summary, number, summarise_parameter, trusted
+from estim.studies import Compared
+
+_BEHIND = 4.0  # difference of elpd below which models predict alike, whatever its error
+
+
+class ComparedSummary(msgspec.Struct, frozen=True):
+    name: str
+    words: str
+    data: str
+    n_obs: int
+    status: str
+    reasons: list[str]
+    posterior: dict[str, Summary]
+    elpd: float | None
+    se_elpd: float | None
+    p_loo: float | None
+    behind: float | None
+    se_behind: float | None
+    log_evidence: float | None
+    u_log_evidence: float | None
+    influential: dict[str, list[float]]
+
+
+def compare_report(campaign: Campaign, compared: Sequence[Compared], *, seed: int) -> dict[str, bytes]:
+    """The files of a comparison, next to which each model's own report may stand in a folder of its name."""
+    common = _common(compared)
+    summaries = [_summary(c, common) for c in compared]
+    runs = [run.name for run in compared[0].analysis.problem.runs]
+    text = render(
+        "compare.md.j2", title=campaign.title, runs=runs, kind=KINDS[campaign.kind], rows=summaries, cells=[_cells(s, common) for s in summaries],
+        heads=[label(p.name, p.unit).symbol + ("" if p.unit == "1" else f" ({label(p.name, p.unit).unit})") for p in common],
+        influential=INFLUENTIAL, behind=_BEHIND, folder=folder_of, several_data=len({s.data for s in summaries}) > 1,
+    )
+    record = {"title": campaign.title, "kind": campaign.kind, "runs": runs, "models": summaries, "provenance": provenance(campaign, runs, seed)}
+    return {
+        "report.md": text.encode(),
+        "comparison.json": as_json(record),
+        "figures/comparison.png": png(lambda: _figure(summaries, common, synthetic=campaign.kind == "synthetic")),
+    }
+
+
+def folder_of(name: str) -> str:
+    """The folder of a model's own report."""
+    return name.replace(", ", "-").replace(" ", "-")
+
+
+def _common(compared: Sequence[Compared]) -> list[Parameter]:
+    """The unknowns of the curve that all models have, those that matter first as in the problem."""
+    problems = [c.analysis.problem for c in compared]
+    names = set.intersection(*(set(p.names) - p.noise_names for p in problems))
+    return [p for p in problems[0].parameters if p.name in names]
+
+
+def _summary(c: Compared, common: Sequence[Parameter]) -> ComparedSummary:
+    analysis, certificate = c.analysis, c.analysis.certificate
+    columns = {p.name: analysis.chain.flat[:, analysis.problem.names.index(p.name)] for p in common}
+    posterior = {p.name: trusted(summarise_parameter(analysis.fit, p.name, columns[p.name]), analysis.diagnosis.status) for p in common}
+    evidence = certificate if certificate is not None and certificate.reliable else None
+    return ComparedSummary(
+        name=c.candidate.name, words=c.candidate.words, data=c.data, n_obs=analysis.problem.n_obs, status=analysis.diagnosis.status,
+        reasons=list(analysis.diagnosis.reasons), posterior=posterior,
+        elpd=number(c.loo.elpd), se_elpd=number(c.loo.se), p_loo=number(c.loo.p_loo), behind=number(c.behind), se_behind=number(c.behind_se),
+        log_evidence=None if evidence is None else number(evidence.log_evidence),
+        u_log_evidence=None if evidence is None else number(evidence.u_log_evidence), influential=c.influential,
+    )
+
+
+def _cells(s: ComparedSummary, common: Sequence[Parameter]) -> list[str]:
+    return ["—" if s.status != "ok" else value_cell(s.posterior[p.name], label(p.name, p.unit)) for p in common]
+
+
+def _figure(summaries: Sequence[ComparedSummary], common: Sequence[Parameter], *, synthetic: bool) -> Figure:
+    """Mean and standard deviation of each common parameter, one line a model; a model that is not ok has no bar."""
+    figure = new_figure(0.9 + 0.32 * len(summaries) * -(-len(common) // 3))
+    axes = np.atleast_1d(figure.subplots(-(-len(common) // 3), min(3, len(common)), squeeze=False)).ravel()
+    places = np.arange(len(summaries))[::-1]
+    for i, (ax, p) in enumerate(zip(axes, common, strict=False)):
+        shown = label(p.name, p.unit)
+        for place, s in zip(places, summaries, strict=True):
+            mean, sd, limit = s.posterior[p.name].mean, s.posterior[p.name].sd, s.posterior[p.name].limit
+            colour = BLUE if s.data == "positions" else ORANGE
+            if limit is not None and s.status == "ok":
+                ends = np.array([limit.edge, limit.limit_95]) * shown.factor
+                ax.plot(ends, [place, place], color=colour, lw=1.2)
+                ax.plot(ends[1], place, "<" if limit.side == "upper" else ">", color=colour, ms=5)
+            elif mean is not None and sd is not None:
+                ax.errorbar(mean * shown.factor, place, xerr=sd * shown.factor, fmt="o", color=colour, ms=4, capsize=2)
+        ax.set_yticks(places, [s.name if i % 3 == 0 else "" for s in summaries], fontsize=7.5, color=INK)
+        ax.set_ylim(-0.6, len(summaries) - 0.4)
+        ax.set_xlabel(shown.axis, fontsize=9)
+        ax.tick_params(axis="x", labelsize=7.5)
+        ax.locator_params(axis="x", nbins=4)
+    for extra in axes[len(common) :]:
+        extra.set_visible(False)
+    title = "blue: positions, orange: speeds; bars: one posterior standard deviation; arrow: 95 % limit"
+    figure.suptitle(title + ("; SYNTHETIC data" if synthetic else ""), fontsize=8.5)
+    return figure

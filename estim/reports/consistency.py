@@ -1,0 +1,75 @@
+"""The section of a report on whether the runs of a joint fit agree; the text stands in `templates/consistency.md.j2`."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from dataclasses import dataclass
+
+from estim.checks import P_INCONSISTENT, PRIORS, Consistency, SharedEstimate
+from estim.common import Label, Markdown, format_quantity, label
+from estim.reports.rendering import render
+
+
+@dataclass(frozen=True)
+class SourceRow:
+    """One source against all others, every cell as text."""
+
+    source: str
+    distance2: str
+    dof: str
+    p_value: str
+    p_holm: str
+
+
+@dataclass(frozen=True)
+class EstimateRow:
+    """One shared parameter as one run gives it, as all others give it, and as the joint fit gives it."""
+
+    parameter: str
+    unit: str
+    run: str
+    alone: str
+    others: str
+    joint: str
+
+
+def consistency_text(consistency: Consistency, *, limits_only: bool = False, on_edge: Collection[str] = ()) -> Markdown:
+    """Markdown fragment without a heading: verdict, table of sources, table of estimates, how to read them.
+
+    limits_only : leave out what all runs give together, where that is no result.  on_edge : parameters of which it is a limit and no value.
+    """
+    return render(
+        "consistency.md.j2",
+        consistency=consistency, sources=source_rows(consistency), estimates=estimate_rows(consistency, on_edge), reject_below=P_INCONSISTENT,
+        limits_only=limits_only,
+    )
+
+
+def source_rows(consistency: Consistency) -> list[SourceRow]:
+    """Every run, and the stated values as one more source."""
+    return [
+        SourceRow(
+            source=Markdown(f"*{row.source}*") if row.source == PRIORS else row.source, distance2=f"{row.distance2:.1f}" if row.dof else "—",
+            dof=str(row.dof), p_value=f"{row.p_value:.2g}" if row.dof else "—", p_holm=f"{row.p_holm:.2g}" if row.dof else "—",
+        )
+        for row in consistency.rows
+    ]
+
+
+def estimate_rows(consistency: Consistency, on_edge: Collection[str] = ()) -> list[EstimateRow]:
+    """Every shared parameter by every run that uses it; of those `on_edge` all runs together give a limit, which stands elsewhere."""
+    rows = []
+    for i, (name, unit) in enumerate(zip(consistency.shared, consistency.units, strict=True)):
+        shown = label(name, unit)
+        for run in consistency.used[name]:
+            rows.append(
+                EstimateRow(
+                    parameter=shown.symbol, unit="" if shown.unit == "1" else shown.unit, run=run, alone=_cell(consistency.alone[run], i, shown),
+                    others=_cell(consistency.others[run], i, shown), joint="a limit" if name in on_edge else _cell(consistency.joint, i, shown),
+                )
+            )
+    return rows
+
+
+def _cell(estimate: SharedEstimate, i: int, shown: Label) -> str:
+    return format_quantity(float(estimate.mean[i]) * shown.factor, float(estimate.sd[i]) * shown.factor)

@@ -1,0 +1,64 @@
+"""Figure of the agreement of runs: every shared parameter by each run, by all the others, and by all together."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from estim.checks import Consistency
+from estim.common import label
+from estim.reports.figures import BLUE, GREY, INK, ORANGE, new_figure
+
+_MOST_ROWS = 64
+
+
+def forest_figure(consistency: Consistency, *, synthetic: bool, on_edge: Collection[str] = ()) -> Figure:
+    """One panel a shared parameter, one line a run; bars are one standard uncertainty, the shaded band is the joint fit.
+
+    Runs that disagree are orange.  Runs beyond the first 64 are not drawn.
+    """
+    panels = [(i, name, unit) for i, (name, unit) in enumerate(zip(consistency.shared, consistency.units, strict=True))]
+    columns = min(3, len(panels))
+    tallest = max(min(len(consistency.used[name]), _MOST_ROWS) for _, name, _ in panels)
+    rows = -(-len(panels) // columns)
+    figure = new_figure(rows * (0.22 * tallest + 1.1) + 0.5, width=max(7.2, 2.7 * columns))
+    axes = np.atleast_1d(figure.subplots(rows, columns, squeeze=False)).ravel()
+    wrong = {row.source for row in consistency.rows if row.source in consistency.suspects}
+    for ax, (i, name, unit) in zip(axes, panels, strict=False):
+        shown = label(name, unit)
+        runs = consistency.used[name][:_MOST_ROWS]
+        centre, sd = consistency.joint.mean[i] * shown.factor, consistency.joint.sd[i] * shown.factor
+        if name not in on_edge:  # there all runs together give a limit
+            ax.axvspan(centre - sd, centre + sd, color=GREY, alpha=0.25, lw=0, label="all")
+            ax.axvline(centre, color=GREY, lw=0.8)
+        for place, run in enumerate(runs):
+            others, alone = consistency.others[run], consistency.alone[run]
+            colour = ORANGE if run in wrong else BLUE
+            ax.errorbar(
+                others.mean[i] * shown.factor, place + 0.17, xerr=_bar(others.sd[i] * shown.factor), fmt="o", mfc="white", ms=3.5, color=INK, lw=0.9,
+                label="all but this run" if place == 0 else None,
+            )
+            ax.errorbar(
+                alone.mean[i] * shown.factor, place - 0.17, xerr=_bar(alone.sd[i] * shown.factor), fmt="o", ms=3.5, color=colour, lw=1.4,
+                label="this run and the stated values" if place == 0 else None,
+            )
+        ax.set_yticks(range(len(runs)), runs, fontsize=7.5)
+        for tick, run in zip(ax.get_yticklabels(), runs, strict=True):
+            tick.set_fontweight("bold" if run in wrong else "normal")
+        ax.set_ylim(len(runs) - 0.4, -0.6)
+        ax.tick_params(axis="x", labelsize=7.5)
+        ax.locator_params(axis="x", nbins=4)
+        ax.locator_params(axis="x", nbins=5)
+        ax.set_xlabel(shown.axis, fontsize=9)
+    for extra in axes[len(panels) :]:
+        extra.set_visible(False)
+    figure.legend(*axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=3, fontsize=8, frameon=False)
+    if synthetic:
+        figure.suptitle("SYNTHETIC data", fontsize=10)
+    return figure
+
+
+def _bar(sd: float) -> float:
+    return float(sd) if np.isfinite(sd) else 0.0

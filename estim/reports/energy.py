@@ -1,0 +1,178 @@
+"""Report, figure and `result.json` of the energy along runs."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import msgspec
+import numpy as np
+from matplotlib.figure import Figure
+
+from estim.campaign import Campaign
+from estim.common import KINDS, STATUS_WORDS, STATUSES, Quantity, as_json, format_quantity
+from estim.pipeline import Analysis
+from estim.reports import figures
+from estim.reports.rendering import render
+from estim.reports.result import Provenance, provenance
+from estim.sampling import number
+from estim.studies import Drift, EnergyEstimate, EnergyRecord
+
+ENERGY_SCHEMA = "estim-energy/1"
+
+
+class Value(msgspec.Struct, frozen=True):
+    """A value and its standard uncertainty; null where there is none."""
+
+    value: float | None
+    u: float | None
+
+
+class EnergySummary(msgspec.Struct, frozen=True):
+    """Energy along one run; relative to the energy at release (as in the paper) and to the largest kinetic energy."""
+
+    mean_relative: Value
+    extreme_relative: Value
+    mean_to_kinetic: Value
+    extreme_to_kinetic: Value
+    loss_per_metre: Value  # J/(kg m)
+    loss_interval_95: list[float | None]
+    loss_force: Value  # N
+
+
+class DriftSummary(msgspec.Struct, frozen=True):
+    """Whether the data show a loss of energy; see `estim.studies.energy.Drift`."""
+
+    free: bool
+    determined: bool
+    seen: bool
+    narrowing: float | None
+    gain: float | None
+    p_value: float | None
+    limit: float | None
+
+
+class EnergyResult(msgspec.Struct, frozen=True, rename={"schema_": "schema"}):
+    """Everything of an energy check; the report prints from it."""
+
+    schema_: str
+    title: str
+    kind: str
+    status: str  # the gravest of the fits
+    reasons: dict[str, list[str]]  # of the fits that are not ok
+    statuses: dict[str, str]
+    energies: dict[str, EnergySummary]
+    drift: dict[str, DriftSummary]  # by the runs that were fit together
+    provenance: Provenance
+
+
+def to_value(quantity: Quantity | EnergyEstimate) -> Value:
+    return Value(number(quantity.value), number(quantity.u))
+
+
+def summarise_energy(e: EnergyRecord) -> EnergySummary:
+    """The record of one run's energy."""
+    return EnergySummary(
+        mean_relative=to_value(e.mean_relative), extreme_relative=to_value(e.extreme_relative), mean_to_kinetic=to_value(e.mean_to_kinetic),
+        extreme_to_kinetic=to_value(e.extreme_to_kinetic), loss_per_metre=to_value(e.loss),
+        loss_interval_95=[number(e.loss.low), number(e.loss.high)], loss_force=to_value(e.loss_force),
+    )
+
+
+def summarise_drift(drift: Drift) -> DriftSummary:
+    """The record of the test for a loss."""
+    return DriftSummary(
+        drift.free, drift.determined, drift.seen, number(drift.narrowing), number(drift.gain), number(drift.p_value), number(drift.limit)
+    )
+
+
+def drift_words(drift: DriftSummary) -> str:
+    """What the data say on a loss of energy, in words."""
+    if not drift.free or drift.narrowing is None or drift.gain is None or drift.p_value is None:
+        return (
+            "This fit held the rolling resistance fixed, so the energies below agree with that by construction and say nothing on a loss: "
+            "give rolling_resistance a prior."
+        )
+    test = f"Allowing a loss improves χ² by {max(drift.gain, 0.0):.1f} (p = {drift.p_value:.2g} if there were none)"
+    if drift.seen:
+        return f"{test}; the data narrow the rolling resistance to {drift.narrowing:.0%} of its prior, so the loss below is measured."
+    if drift.determined and drift.limit is not None:
+        return (
+            f"{test}: consistent with no loss. The data narrow the rolling resistance to {drift.narrowing:.0%} of its prior: "
+            f"c_rr ≤ {drift.limit:.2g} with probability 95 %; read the loss below as a limit, not as a measurement."
+        )
+    return (
+        f"{test}. The data leave the rolling resistance about as uncertain as its prior ({drift.narrowing:.0%} of the prior's width): "
+        "the loss below is what was assumed, not a measurement."
+    )
+
+
+def shown(value: Value | None) -> str:
+    """A value as text, rounded by its uncertainty."""
+    return "n/a" if value is None or value.value is None else format_quantity(value.value, value.u)
+
+
+def percent(value: Value) -> str:
+    """A ratio as text, in per cent."""
+    return "n/a" if value.value is None or value.u is None else format_quantity(100.0 * value.value, 100.0 * value.u) + " %"
+
+
+def energy_report(
+    campaign: Campaign, analyses: Sequence[Analysis], records: Sequence[EnergyRecord], drifts: Sequence[Drift], *, seed: int
+) -> dict[str, bytes]:
+    """`report.md`, `result.json` and `figures/energy.png`.
+
+    records : in the order of the analyses' runs.  drifts : one for each analysis.
+    """
+    runs = [run for analysis in analyses for run in analysis.problem.runs]
+    statuses = {run.name: analysis.diagnosis.status for analysis in analyses for run in analysis.problem.runs}
+    result = EnergyResult(
+        ENERGY_SCHEMA, campaign.title, campaign.kind, min(statuses.values(), key=STATUSES.index),
+        {", ".join(run.name for run in a.problem.runs): list(a.diagnosis.reasons) for a in analyses if not a.diagnosis.ok}, statuses,
+        {e.run: summarise_energy(e) for e in records if statuses[e.run] == "ok"},
+        {", ".join(run.name for run in a.problem.runs): summarise_drift(d) for a, d in zip(analyses, drifts, strict=True) if a.diagnosis.ok},
+        provenance(campaign, [run.name for run in runs], seed),
+    )
+    bad = frozenset(run for run, status in statuses.items() if status != "ok")
+    text = render(
+        "energy.md.j2", result=result, energies=result.energies, kind=KINDS[campaign.kind], status_words=STATUS_WORDS, shown=shown, percent=percent,
+        drift_words=drift_words,
+    )
+    return {
+        "report.md": text.encode(),
+        "result.json": as_json(result),
+        "figures/energy.png": figures.png(lambda: energy_figure(records, synthetic=campaign.kind == "synthetic", title=campaign.title, bad=bad)),
+    }
+
+
+def energy_figure(records: Sequence[EnergyRecord], *, synthetic: bool, title: str, bad: frozenset[str] = frozenset()) -> Figure:
+    """Position, speed, energy and relative change of energy against time, as the paper's figure 3; no bands for runs that are `bad`.
+
+    Energies have a strip for each run: the bands of several runs in one panel hide each other.
+    """
+    n = len(records)
+    figure = figures.new_figure(3.0 + max(2.6, 0.95 * n))
+    rows = figure.add_gridspec(2, 2, height_ratios=(2.8, max(2.6, 0.95 * n)))
+    x_panel, v_panel = (figure.add_subplot(rows[0, i]) for i in (0, 1))
+    energies, changes = (rows[1, i].subgridspec(n, 1).subplots(sharex=True, sharey=i == 1, squeeze=False)[:, 0] for i in (0, 1))
+    timed = all(record.t is not None for record in records)
+    for record, colour, mark, strip, change in zip(records, figures.COLOURS * n, figures.MARKS * n, energies, changes, strict=False):
+        t = record.t if timed and record.t is not None else record.x
+        none = np.zeros_like(record.x)
+        panels = ((x_panel, record.x, none), (v_panel, record.v, record.u_v), (strip, record.total, record.u_total))
+        for ax, y, u in (*panels, (change, record.relative, record.u_relative)):
+            ax.plot(t, y, mark, color=colour, ms=2.5, label=record.run)
+            if record.run not in bad:
+                ax.fill_between(t, y - u, y + u, color=colour, alpha=0.25, lw=0)
+        change.axhline(0.0, color=figures.GREY, lw=0.8)
+        for ax in (strip, change):
+            ax.set_title(record.run, fontsize=7, loc="right", pad=2)
+            ax.tick_params(labelsize=7)
+    along = "time t (s)" if timed else "position x (m)"
+    x_panel.set(xlabel=along, ylabel="(a) position x (m)")
+    v_panel.set(xlabel=along, ylabel="(b) speed v (m/s)")
+    for strips, name in ((energies, "(c) energy E/M (J/kg)"), (changes, "(d) (E − E₀)/E₀")):
+        strips[-1].set_xlabel(along)
+        strips[0].set_title(name, fontsize=9, loc="left", pad=2)
+    x_panel.legend(fontsize=8, frameon=False)
+    figure.suptitle(title + (" (SYNTHETIC data)" if synthetic else ""), fontsize=10)
+    return figure

@@ -1,0 +1,93 @@
+"""What the data can tell, as a reader sees it: the rows of its table and its sentences (`templates/identifiability.md.j2`)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from estim.arrays import FloatArray
+from estim.checks import CONFLICT, PRIOR_DOMINATED, THRESHOLD, Identifiability, Sensitivity
+from estim.common import Label, Markdown, format_rounded, label, signed
+from estim.fitting import ProfileInterval
+from estim.problem import Problem
+
+
+@dataclass(frozen=True)
+class IdentifyRow:
+    """One line of the table, every cell as text; `unit` applies to all but `ratio`."""
+
+    symbol: str
+    unit: str
+    prior_sd: str
+    posterior_sd: str
+    ratio: str
+    profile_68: str
+    profile_95: str
+    verdict: str
+
+
+@dataclass(frozen=True, eq=False)
+class IdentifySection:
+    """What `identifiability.md.j2` shows under the name `identify`.
+
+    sentences : what the data tell and do not.  rows : the table.  doubts : what went wrong with single intervals.
+    prior_dominated, threshold : the two limits that the words refer to.
+    """
+
+    sentences: tuple[str, ...]
+    rows: tuple[IdentifyRow, ...]
+    doubts: tuple[str, ...]
+    prior_dominated: float
+    threshold: float
+
+
+def identify_section(
+    problem: Problem, found: Identifiability, intervals: Sequence[ProfileInterval], sensitivity: Sequence[Sensitivity], draws: FloatArray
+) -> IdentifySection:
+    """The section of a report; `intervals` with probabilities 0.68 and 0.95, and `sensitivity`, of every parameter; draws (n_draw, n_par)."""
+    posterior_sds = draws.std(axis=0, ddof=1)
+    rows, doubts = [], []
+    for i, (parameter, interval, leaning) in enumerate(zip(problem.parameters, intervals, sensitivity, strict=True)):
+        shown = label(parameter.name, parameter.unit)
+        sd = float(posterior_sds[i])
+        prior_sd = f"{parameter.prior.sd * shown.factor:.2g}" if np.isfinite(parameter.prior.sd) else "flat"
+        rows.append(
+            IdentifyRow(
+                symbol=shown.symbol, unit="" if shown.unit == "1" else shown.unit, prior_sd=prior_sd,
+                posterior_sd=f"{sd * shown.factor:.2g}",
+                ratio=f"{sd / parameter.prior.sd:.2f}" if np.isfinite(parameter.prior.sd) else "—",
+                profile_68=_cell(interval, 0.68, sd, shown), profile_95=_cell(interval, 0.95, sd, shown),
+                verdict=_verdict(problem, leaning, float(draws[:, i].mean())),
+            )
+        )
+        if interval.n_failed or interval.found_better or "more than one piece" in interval.sentence:
+            doubts.append(interval.sentence)
+    k_hat = max((s.k_hat for s in sensitivity), default=-np.inf)
+    if k_hat >= 0.7:
+        doubts.append(f"the weights of the power-scaling are unreliable (Pareto k {k_hat:.2f}): the last column says nothing")
+    return IdentifySection(found.sentences, tuple(rows), tuple(doubts), PRIOR_DOMINATED, THRESHOLD)
+
+
+def _cell(interval: ProfileInterval, p: float, sd: float, shown: Label) -> str:
+    """'[0.181, 0.199]', '< 0.0107' or '> 0.3' where one side is open, 'open' where both are."""
+    low, high = (format_rounded(end * shown.factor, sd * shown.factor) for end in (interval.low[p], interval.high[p]))
+    if interval.open_low[p] and interval.open_high[p]:
+        return "open on both sides"
+    if interval.open_low[p]:
+        return f"< {high} (open below)"
+    return Markdown(f"> {low} (open above)") if interval.open_high[p] else f"[{low}, {high}]"
+
+
+def _verdict(problem: Problem, leaning: Sensitivity, mean: float) -> str:
+    """The verdict, with the pull of the posterior `mean` where it is a conflict, and whose prior matters most where that is another parameter's."""
+    words = leaning.verdict
+    if words == CONFLICT:
+        prior = problem.parameters[problem.names.index(leaning.name)].prior
+        pull = signed(f"{(mean - prior.expectation) / prior.sd:+.1f}")
+        words += f": the posterior lies {pull} prior sd from the mean of the prior"
+    if leaning.strongest is None or leaning.strongest == leaning.name:
+        return words
+    unit = problem.parameters[problem.names.index(leaning.strongest)].unit
+    return f"{words}; most that of {label(leaning.strongest, unit).symbol}"

@@ -1,0 +1,244 @@
+"""Results for other programs: an xarray DataTree in the layout of ArviZ, its netCDF file, and pandas tables.
+
+- `to_datatree(analysis)`: what ArviZ reads (`arviz_stats.summary`, `arviz_stats.loo`, the plots).  Needs the extra `arviz`.
+- `to_netcdf(analysis)`: the same as the bytes of a netCDF-4 file, `draws.nc` of `estim fit`; `xarray.open_datatree` reads it.
+- `to_frame(analysis)`, `summary_frame(result)`: draws and summaries as pandas tables.  Need pandas.
+
+Without any of them there is `result.json` (`estim.reports.result.to_json`), and `analysis.chain.flat` is a plain array.
+
+Chains and draws.  Walkers of one ensemble move by each other, so `chain` is an ensemble: R-hat then compares ensembles, as
+ours does.  `draw` runs through the earlier half of an ensemble's draws, then the later, and within each half walker by
+walker in the order of the steps.  So the two halves into which ArviZ splits a chain are the halves in time, and draws
+that follow each other belong to one walker: R-hat is exactly ours, and effective sample sizes are ours to some
+ten per cent.  (Step by step, with neighbours from different walkers, ArviZ would find no autocorrelation and take every draw for an
+independent one.)  The coordinates `step` and `walker` tell where a draw comes from.
+"""
+
+from __future__ import annotations
+
+import math
+from importlib.util import find_spec
+from typing import TYPE_CHECKING, Any
+
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+
+from estim.common import InputError, one_line
+from estim.fitting import Limit
+from estim.pipeline import Analysis
+from estim.reports.result import Result, software_versions
+
+if TYPE_CHECKING:
+    import pandas as pd
+    import xarray
+
+
+HOW_TO_GET = "pip install 'estim[arviz]'"
+_NETCDF = ("xarray", "h5netcdf", "h5py")
+_COORDINATES = ("chain", "draw", "step", "walker")
+_PRIOR_DRAWS = 4000
+_POINTWISE_DRAWS, _POINTWISE_NUMBERS = 4000, 4_000_000  # of the log likelihood of every point: draws, and draws times points
+
+
+def can_write_netcdf() -> bool:
+    """Whether the packages of the extra `arviz` are there."""
+    return all(find_spec(package) is not None for package in _NETCDF)
+
+
+def to_datatree(analysis: Analysis) -> xarray.DataTree:
+    """The analysis as an xarray DataTree in ArviZ's layout; SI units and radians, in each variable's attribute `units`.
+
+    posterior : each parameter by its name ("gamma[heavy]"), (chain, draw).
+    sample_stats : `lp` (chain, draw), log posterior density up to the evidence; `acceptance` (chain,), share of accepted moves.
+    log_likelihood : each run by its name, (chain, draw, point[RUN]): log density of every point given the others of its run
+        (`Posterior.pointwise`), as leave-one-out takes it, for at most 4000 draws, evenly spread (fewer for more than
+        1000 points).
+    observed_data : each run by its name, what was fit.  constant_data : its abscissas `x[RUN]`, and times `t[RUN]` if there are any.
+    prior : independent draws of each prior (chain, draw); a parameter whose prior is improper has none.
+    attributes : title, kind ("SYNTHETIC" in capitals), status, reasons, seed, how chains were made, versions.
+
+    The draws are there whatever the status is: look at it before you use them.  Raises InputError where xarray is missing.
+    """
+    if find_spec("xarray") is None:
+        raise InputError(f"is not installed: {HOW_TO_GET}", field="xarray")
+    from xarray import DataTree
+
+    order = time_halves_order(*analysis.chain.draws.shape[1:3])
+    groups = {
+        "/": _empty(analysis), "/posterior": _posterior(analysis, order), "/sample_stats": _sample_stats(analysis, order),
+        "/log_likelihood": _log_likelihood(analysis, order), "/prior": _prior(analysis), "/observed_data": _observed_data(analysis),
+        "/constant_data": _constant_data(analysis),
+    }
+    return DataTree.from_dict(groups)
+
+
+def to_netcdf(analysis: Analysis) -> bytes:
+    """`to_datatree(analysis)` as a netCDF-4 file.  Raises InputError where a package of the extra `arviz` is missing."""
+    for package in _NETCDF:
+        if find_spec(package) is None:
+            raise InputError(f"is not installed: {HOW_TO_GET}", field=package)
+    return bytes(to_datatree(analysis).to_netcdf(engine="h5netcdf"))
+
+
+def to_frame(analysis: Analysis) -> pd.DataFrame:
+    """The draws, a row each and a column a parameter; the index says ensemble, step after burn-in, and walker.
+
+    SI units and radians: `frame.attrs["units"]` maps names to units, the other attributes are title, kind, status and reasons.
+    Raises InputError where pandas is missing.
+    """
+    _require_pandas()
+    from pandas import DataFrame, MultiIndex
+
+    chain = analysis.chain
+    index = MultiIndex.from_product([range(n) for n in chain.draws.shape[:3]], names=["ensemble", "step", "walker"])
+    frame = DataFrame(chain.flat, index=index, columns=list(chain.names))
+    frame.attrs.update(units={p.name: p.unit for p in analysis.problem.parameters}, **_said(analysis))
+    return frame
+
+
+def summary_frame(result: Result) -> pd.DataFrame:
+    """The parameters of a result, a row each: unit, meaning, mean, sd, quantiles, prior, diagnostics; NaN where the status allows no number.
+
+    limit : "upper" or "lower" for a parameter whose most probable value is an edge of its prior, else "": then `limit_95` holds
+        with 95 % probability, and there is no mean and sd.
+
+    Raises InputError where pandas is missing.
+    """
+    _require_pandas()
+    from pandas import DataFrame
+
+    rows = {name: msgspec.structs.asdict(p) | _limit_columns(p.limit) for name, p in result.parameters.items()}
+    frame = DataFrame.from_dict(rows, orient="index")
+    numbers = [c for c in frame.columns if c not in ("unit", "meaning", "prior", "limit")]
+    frame[numbers] = frame[numbers].astype(float)
+    frame.index.name = "parameter"
+    frame.attrs.update(title=result.title, kind=_shown_kind(result.kind), status=result.status, reasons=list(result.reasons))
+    return frame
+
+
+def _limit_columns(limit: Limit | None) -> dict[str, Any]:
+    return {"limit": "", "limit_95": None} if limit is None else {"limit": limit.side, "limit_95": limit.limit_95}
+
+
+def time_halves_order(n_step: int, n_walker: int) -> NDArray[np.intp]:
+    """(n_step * n_walker,) where each draw of an ensemble stands in time order (step, walker): earlier half, later half, each by walkers."""
+    place = np.arange(n_step * n_walker)
+    n_half = place.size // 2
+    half = np.where(place < n_half, 0, np.where(place >= place.size - n_half, 2, 1))  # an odd one out stays in the middle
+    return np.lexsort((place, place % n_walker, half))
+
+
+def _require_pandas() -> None:
+    if find_spec("pandas") is None:
+        raise InputError("is not installed: pip install pandas", field="pandas")
+
+
+def _shown_kind(kind: str) -> str:
+    return "SYNTHETIC" if kind == "synthetic" else kind or "not stated"
+
+
+def _said(analysis: Analysis) -> dict[str, Any]:
+    return {
+        "title": analysis.title, "kind": _shown_kind(analysis.kind), "status": analysis.diagnosis.status,
+        "reasons": list(analysis.diagnosis.reasons),
+    }
+
+
+def _empty(analysis: Analysis) -> xarray.Dataset:
+    from xarray import Dataset
+
+    said = _said(analysis) | {"title": one_line(analysis.title), "reasons": "\n".join(analysis.diagnosis.reasons)}
+    versions = {f"version_{package.replace('-', '_')}": number for package, number in software_versions().items()}
+    draws = "chain: ensemble of walkers; draw: earlier half then later half of the steps, each walker by walker"
+    return Dataset(attrs={**said, "seed": analysis.seed, "sampling": analysis.chain.convergence.message, "draws": draws, **versions})
+
+
+def _coordinates(analysis: Analysis, order: NDArray[np.intp]) -> dict[str, Any]:
+    n_ensemble, _, n_walker, _ = analysis.chain.draws.shape
+    return {
+        "chain": np.arange(n_ensemble), "draw": np.arange(order.size), "step": ("draw", order // n_walker), "walker": ("draw", order % n_walker),
+    }
+
+
+def _posterior(analysis: Analysis, order: NDArray[np.intp]) -> xarray.Dataset:
+    from xarray import Dataset
+
+    chain = analysis.chain
+    draws = chain.draws.reshape(chain.draws.shape[0], -1, len(chain.names))[:, order]
+    variables = {
+        _variable(p.name, "parameter"): (("chain", "draw"), draws[..., i], _about(p.unit, p.meaning))
+        for i, p in enumerate(analysis.problem.parameters)
+    }
+    return Dataset(variables, coords=_coordinates(analysis, order))
+
+
+def _sample_stats(analysis: Analysis, order: NDArray[np.intp]) -> xarray.Dataset:
+    from xarray import Dataset
+
+    log_density = analysis.chain.log_density.reshape(analysis.chain.log_density.shape[0], -1)[:, order]
+    variables = {
+        "lp": (("chain", "draw"), log_density, _about("1", "log posterior density up to the evidence")),
+        "acceptance": (("chain",), analysis.chain.acceptance, _about("1", "share of accepted moves")),
+    }
+    return Dataset(variables, coords=_coordinates(analysis, order))
+
+
+def _log_likelihood(analysis: Analysis, order: NDArray[np.intp]) -> xarray.Dataset:
+    from xarray import Dataset
+
+    draws = analysis.chain.draws.reshape(analysis.chain.draws.shape[0], -1, analysis.chain.draws.shape[-1])
+    n_chain = draws.shape[0]
+    n_draw = min(_POINTWISE_DRAWS, max(400, _POINTWISE_NUMBERS // analysis.problem.n_obs))
+    kept = np.unique(np.linspace(0, order.size - 1, max(1, n_draw // n_chain)).astype(int))
+    pointwise = analysis.fit.posterior.pointwise(draws[:, order[kept]].reshape(-1, draws.shape[-1]))
+    meaning = "log density of a point given the other points of its run"
+    variables = {
+        _variable(run.name, "run"): (("chain", "draw", _dim(run.name)), terms.reshape(n_chain, kept.size, -1), _about("1", meaning))
+        for run, terms in zip(analysis.problem.runs, pointwise, strict=True)
+    }
+    return Dataset(variables, coords={"chain": np.arange(n_chain), "draw": kept})
+
+
+def _prior(analysis: Analysis) -> xarray.Dataset:
+    from xarray import Dataset
+
+    rng = np.random.default_rng(analysis.seed).spawn(6)[5]  # the analysis itself used the first five
+    variables, improper = {}, []
+    for p in analysis.problem.parameters:
+        if math.isfinite(p.prior.sd):
+            about = _about(p.unit, p.meaning) | {"prior": p.prior.describe()}
+            variables[_variable(p.name, "parameter")] = (("chain", "draw"), p.prior.draw(rng, _PRIOR_DRAWS)[None], about)
+        else:
+            improper.append(p.name)
+    return Dataset(variables, coords={"chain": [0], "draw": np.arange(_PRIOR_DRAWS)}, attrs={"improper": ", ".join(improper)})
+
+
+def _observed_data(analysis: Analysis) -> xarray.Dataset:
+    from xarray import Dataset
+
+    return Dataset({_variable(run.name, "run"): ((_dim(run.name),), run.y, _about(run.y_unit, run.y_name)) for run in analysis.problem.runs})
+
+
+def _constant_data(analysis: Analysis) -> xarray.Dataset:
+    from xarray import Dataset
+
+    variables = {}
+    for run in analysis.problem.runs:
+        variables[f"x[{run.name}]"] = ((_dim(run.name),), run.x, _about(run.x_unit, run.x_name))
+        if run.t is not None:
+            variables[f"t[{run.name}]"] = ((_dim(run.name),), run.t, _about("s", "time"))
+    return Dataset(variables)
+
+
+def _variable(name: str, what: str) -> str:
+    """The name of a variable: that of the parameter or run, but "parameter chain" where a coordinate bears it already."""
+    return f"{what} {name}" if name in _COORDINATES else name
+
+
+def _dim(run: str) -> str:
+    return f"point[{run}]"
+
+
+def _about(unit: str, meaning: str) -> dict[str, str]:
+    return {"units": one_line(unit), "long_name": one_line(meaning)}  # HDF5 takes no null character

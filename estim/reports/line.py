@@ -1,0 +1,250 @@
+"""Report, figure and `result.json` of a theta_min line."""
+
+from __future__ import annotations
+
+import math
+
+import msgspec
+import numpy as np
+from matplotlib.figure import Figure
+
+from estim.campaign import Campaign, gamma_origin
+from estim.checks import interval_cell
+from estim.common import KINDS, MEANINGLESS, STATUS_WORDS, Label, Markdown, as_json, format_quantity, format_rounded, one_line, signed
+from estim.line import CONVENTIONS, LineAnalysis
+from estim.reports import figures
+from estim.reports.rendering import render
+from estim.reports.result import Provenance, software_versions
+from estim.sampling import Summary, number, summarise, trusted
+
+LINE_SCHEMA = "estim-line/1"
+_METHODS = {
+    "ols": "ordinary least squares (the paper's)",
+    "weighted": "weighted by u(θ_min) alone",
+    "york": "York: errors in both variables",
+    "posterior": "Bayesian, true tilts marginalised",
+}
+
+
+class LineEstimate(msgspec.Struct, frozen=True):
+    """A value with its standard uncertainty."""
+
+    value: float
+    u: float
+
+
+class LineRow(msgspec.Struct, frozen=True):
+    """What one method says of the line."""
+
+    intercept: float
+    slope: float
+    chi2: float | None
+    dof: int | None
+    p_value: float | None
+    standard_errors: dict[str, list[float]]  # convention -> u(intercept), u(slope), covariance
+    recommended: str | None
+    reason: str | None
+    gamma: LineEstimate | None
+    rolling_resistance: LineEstimate | None
+    e_n: float | None
+
+
+class LineResult(msgspec.Struct, frozen=True, rename={"schema_": "schema"}):
+    """Everything of a line; the report prints from it.  Where the status is not ok, uncertainties and what follows from them are null or empty."""
+
+    schema_: str
+    title: str
+    kind: str
+    status: str
+    reasons: list[str]
+    advice: list[str]
+    disagreement: str
+    body: str
+    n_obs: int
+    gamma_masses: LineEstimate | None
+    gamma_origin: str
+    methods: dict[str, LineRow]
+    posterior: dict[str, Summary]
+    slope_interval: list[float | None]
+    steepest_phi: LineEstimate | None
+    log_bayes_factor_intercept: LineEstimate | None
+    intercept_prior_sd: float
+    zero_phi: float | None
+    zero_theta_min: float | None
+    provenance: Provenance
+
+
+def line_result(campaign: Campaign, analysis: LineAnalysis) -> LineResult:
+    """The record of a line analysis."""
+    methods = {name: _row(analysis, name) for name in _METHODS}
+    intercept = analysis.chain.flat[:, analysis.chain.names.index("intercept")]
+    tilt = float(np.mean(np.cos(analysis.series.phi)))
+    angle = float(np.mean(np.cos(analysis.series.theta_min)))
+    steepest, status, ok = analysis.steepest, analysis.status, analysis.status == "ok"
+    return LineResult(
+        schema_=LINE_SCHEMA, title=campaign.title, kind=campaign.kind, status=analysis.status,
+        reasons=[f.reason for f in analysis.findings], advice=list(dict.fromkeys(f.advice for f in analysis.findings)),
+        disagreement=analysis.disagreement, body=analysis.series.body,
+        n_obs=analysis.series.x.size,
+        gamma_masses=None if analysis.gamma_masses is None else LineEstimate(analysis.gamma_masses.value, analysis.gamma_masses.u),
+        gamma_origin=gamma_origin(campaign.source, analysis.series.body), methods=methods,
+        posterior={
+            "gamma": trusted(summarise(analysis.gamma_draws, unit="1", meaning="1/slope"), status),
+            "intercept": trusted(summarise(intercept, unit="1", meaning="sin θ_min at φ = 0"), status),
+            "slope": trusted(summarise(analysis.chain.flat[:, analysis.chain.names.index("slope")], unit="1", meaning="1/γ"), status),
+            "rolling_resistance": trusted(
+                summarise(analysis.resistance_draws, unit="1", meaning="intercept · γ, if all of it is rolling resistance"), status
+            ),
+        },
+        slope_interval=[number(analysis.slope_exact.low), number(analysis.slope_exact.high)] if status not in MEANINGLESS else [None, None],
+        steepest_phi=LineEstimate(
+            math.asin(min(max(steepest.x0, -1.0), 1.0)), steepest.u_x0 / math.sqrt(max(1.0 - steepest.x0**2, 1e-12))
+        ) if ok else None,
+        log_bayes_factor_intercept=LineEstimate(analysis.evidence.log_bayes_factor, analysis.evidence.u_log_bayes_factor) if ok else None,
+        intercept_prior_sd=analysis.evidence.intercept_sd,
+        # the intercept read as a zero error: of the plumb line (theta_min too large), or of the protractor (phi too small)
+        zero_phi=float(np.mean(intercept * analysis.gamma_draws)) / tilt if ok else None,
+        zero_theta_min=float(np.mean(intercept)) / angle if ok else None,
+        provenance=Provenance(
+            one_line(str(campaign.source.path)), campaign.source.sha256, {one_line(analysis.series.file): analysis.series.sha256}, analysis.seed,
+            software_versions(),
+        ),
+    )
+
+
+def _row(analysis: LineAnalysis, method: str) -> LineRow:
+    reading = analysis.readings[method]
+    if analysis.status != "ok":
+        return _bare_row(analysis, method)
+    gamma, resistance = (LineEstimate(q.value, q.u) for q in (reading.gamma, reading.resistance))
+    if method == "posterior":
+        draws = {name: analysis.chain.flat[:, i] for i, name in enumerate(analysis.chain.names)}
+        cov = np.cov(draws["intercept"], draws["slope"])
+        errors = {"posterior sd": [float(np.sqrt(cov[0, 0])), float(np.sqrt(cov[1, 1])), float(cov[0, 1])]}
+        means = (float(draws["intercept"].mean()), float(draws["slope"].mean()))
+        return LineRow(*means, None, None, None, errors, None, None, gamma, resistance, number(reading.e_n))
+    fit = {"ols": analysis.ols, "weighted": analysis.weighted, "york": analysis.york}[method]
+    errors = {name: [error.u_intercept, error.u_slope, error.cov] for name, error in fit.standard_errors.items()}
+    return LineRow(
+        fit.intercept, fit.slope, fit.chi2, fit.dof, number(fit.p_value), errors, fit.recommended, fit.reason, gamma, resistance, number(reading.e_n)
+    )
+
+
+def _bare_row(analysis: LineAnalysis, method: str) -> LineRow:
+    """A best line and how well it fits, without any uncertainty: for a status that is not ok."""
+    if method == "posterior":
+        intercept, slope = (float(analysis.chain.flat[:, analysis.chain.names.index(name)].mean()) for name in ("intercept", "slope"))
+        return LineRow(intercept, slope, None, None, None, {}, None, None, None, None, None)
+    fit = {"ols": analysis.ols, "weighted": analysis.weighted, "york": analysis.york}[method]
+    return LineRow(fit.intercept, fit.slope, fit.chi2, fit.dof, number(fit.p_value), {}, None, None, None, None, None)
+
+
+def line_report(campaign: Campaign, analysis: LineAnalysis) -> dict[str, bytes]:
+    """`report.md`, `result.json` and `figures/line.png`."""
+    result = line_result(campaign, analysis)
+    return {
+        "report.md": line_text(result).encode(),
+        "result.json": as_json(result),
+        "figures/line.png": figures.png(lambda: line_figure(analysis, synthetic=campaign.kind == "synthetic")),
+    }
+
+
+def line_text(result: LineResult) -> str:
+    """The Markdown report of a line."""
+    return render("line.md.j2", **line_values(result))
+
+
+def line_values(result: LineResult) -> dict[str, object]:
+    """What the template of a line needs."""
+    shared: dict[str, object] = {
+        "result": result, "kind": KINDS[result.kind], "status_words": STATUS_WORDS[result.status], "meaningless": result.status in MEANINGLESS,
+        "gamma_masses": _estimate(result.gamma_masses), "sources": CONVENTIONS, "methods": [], "best": [], "errors": [], "limits": [],
+        **dict.fromkeys(("gamma", "resistance", "reason", "steepest", "zero_phi", "zero_theta", "evidence")),
+    }
+    evidence, steepest = result.log_bayes_factor_intercept, result.steepest_phi
+    if evidence is None or steepest is None or result.zero_phi is None or result.zero_theta_min is None:
+        return shared | {
+            "best": [_best_cells(name, row) for name, row in result.methods.items() if name != "posterior"],
+            "limits": [(symbol, p.meaning, interval_cell(p, Label(symbol, symbol, "1", 1.0))) for symbol, p in _limited(result)],
+        }
+    return shared | {
+        "methods": [_method_cells(name, result.methods[name]) for name in _METHODS],
+        "errors": [cells for name in ("ols", "weighted", "york") for cells in _error_cells(name, result.methods[name])],
+        "gamma": _estimate(result.methods["posterior"].gamma),
+        "resistance": _estimate(result.methods["posterior"].rolling_resistance), "reason": result.methods["york"].reason,
+        "steepest": format_quantity(math.degrees(steepest.value), math.degrees(steepest.u)),
+        "zero_phi": math.degrees(result.zero_phi), "zero_theta": math.degrees(result.zero_theta_min), "evidence": evidence_words(evidence.value),
+    }
+
+
+def _limited(result: LineResult) -> list[tuple[str, Summary]]:
+    return [("γ", result.posterior["gamma"]), ("c_rr", result.posterior["rolling_resistance"])]
+
+
+def _best_cells(name: str, row: LineRow) -> tuple[str, ...]:
+    return _METHODS[name], f"{row.intercept:.4g}", f"{row.slope:.4g}", _fit_words(row)
+
+
+def evidence_words(log_bayes_factor: float) -> str:
+    """The strength of the evidence in the words of Kass and Raftery 1995."""
+    side = "for an intercept" if log_bayes_factor > 0 else "for a line through the origin"
+    for limit, words in ((1.0, "no evidence worth a mention"), (3.0, f"positive evidence {side}"), (5.0, f"strong evidence {side}")):
+        if abs(log_bayes_factor) < limit:
+            return words
+    return f"very strong evidence {side}"
+
+
+def _estimate(estimate: LineEstimate | None) -> str:
+    return "n/a" if estimate is None else format_quantity(estimate.value, estimate.u)
+
+
+def _method_cells(name: str, row: LineRow) -> tuple[str, ...]:
+    u_intercept, u_slope, _ = row.standard_errors[row.recommended or "posterior sd"]
+    return (
+        _METHODS[name], format_quantity(row.intercept, u_intercept), format_quantity(row.slope, u_slope), _fit_words(row), _estimate(row.gamma),
+        _estimate(row.rolling_resistance), "" if row.e_n is None else signed(f"{row.e_n:+.2f}"),
+    )
+
+
+def _fit_words(row: LineRow) -> str:
+    return "" if row.p_value is None else f"{row.chi2:.1f}/{row.dof}, p = {row.p_value:.2g}"
+
+
+def _error_cells(name: str, row: LineRow) -> list[tuple[str, ...]]:
+    cells = []
+    for convention, (u_intercept, u_slope, _) in row.standard_errors.items():
+        u_gamma = u_slope / row.slope**2
+        mark = Markdown("**recommended**" if convention == row.recommended else "")
+        numbers = (format_rounded(u, u) for u in (u_intercept, u_slope, u_gamma))
+        cells.append((_METHODS[name], convention, *numbers, mark))
+    return cells
+
+
+def line_figure(analysis: LineAnalysis, *, synthetic: bool) -> Figure:
+    """Points with their uncertainties, the theory line from the masses, OLS, York, and the posterior band."""
+    series = analysis.series
+    figure = figures.new_figure(4.6)
+    ax = figure.subplots()
+    x = np.linspace(0.0, 1.08 * float(series.x.max()), 100)
+    if analysis.status == "ok":
+        draws = analysis.chain.thinned(4000)
+        names = analysis.chain.names
+        lines = draws[:, [names.index("intercept")]] + draws[:, [names.index("slope")]] * x
+        for probability, alpha in ((0.95, 0.22), (0.68, 0.40)):
+            low, high = np.quantile(lines, [0.5 - 0.5 * probability, 0.5 + 0.5 * probability], axis=0)
+            ax.fill_between(x, low, high, color=figures.BLUE, alpha=alpha, lw=0, label=f"posterior of the line, {probability:.0%}")
+    if analysis.gamma_masses is not None:
+        gamma = analysis.gamma_masses
+        ax.plot(x, x / gamma.value, color=figures.ORANGE, lw=1.8, label=f"theory, γ = {format_quantity(gamma.value, gamma.u)} as stated")
+    ax.plot(x, analysis.ols.intercept + analysis.ols.slope * x, color=figures.INK, lw=1.2, ls="--", label="ordinary least squares")
+    ax.plot(x, analysis.york.intercept + analysis.york.slope * x, color=figures.BLUE, lw=1.6, label="York")
+    ax.errorbar(
+        series.x, series.y, xerr=series.u_x, yerr=series.u_y, fmt="o", color=figures.INK, ms=4, lw=1, capsize=0,
+        label="measured, ± 1 standard uncertainty",
+    )
+    ax.set(xlabel="sin φ  (tilt of the ramp)", ylabel="sin θ_min  (smallest ascending angle)", xlim=(0.0, None))
+    ax.set_ylabel(r"sin θ$_{\mathrm{min}}$  (smallest ascending angle)")
+    ax.set_ylim(bottom=min(0.0, float(np.min(series.y - series.u_y))))
+    ax.set_title(f"{series.body}" + (" (SYNTHETIC data)" if synthetic else ""), fontsize=10)
+    ax.legend(fontsize=8, frameon=False, loc="upper left")
+    return figure

@@ -1,0 +1,72 @@
+"""What the report of a run says about where its numbers come from: facts and warnings of its file, its tilt against the stated one,
+and what a fit of its speeds takes as exact or leaves unused."""
+
+from __future__ import annotations
+
+import math
+
+from estim.campaign import way_back
+from estim.common import Quantity, format_quantity
+from estim.problem import Differentiated, Observations, Problem
+from estim.reading import Run
+
+_APART = 3.0  # combined standard uncertainties
+_HANDFUL = 5  # frames of the way back that are not worth a word
+_READING = 0.001  # m or rad, as an example
+
+
+def origin_facts(table: Run, run: Observations, problem: Problem) -> tuple[str, ...]:
+    """The facts of an imported track, and its tilt beside the stated one where both are known."""
+    stated = stated_phi(run, problem)
+    if table.tilt is None or stated is None:
+        return table.facts
+    return (*table.facts, f"tilt measured from the track {_degrees(table.tilt)}, stated {_degrees(stated)}")
+
+
+def origin_warnings(table: Run, run: Observations, problem: Problem) -> tuple[str, ...]:
+    """What is suspicious about the file, and a tilt that contradicts the stated one."""
+    stated = stated_phi(run, problem)
+    if table.tilt is None or stated is None:
+        return table.warnings
+    apart, u = abs(table.tilt.value - stated.value), math.hypot(table.tilt.u, stated.u)
+    if apart <= _APART * u:
+        return table.warnings
+    how = f"{apart / u:.1f} combined standard uncertainties" if u > 0.0 else f"{math.degrees(apart):.2g} deg, both taken as exact"
+    warning = (
+        f"the tilt of the track, {_degrees(table.tilt)}, and the stated tilt, {_degrees(stated)}, differ by {how}:"
+        " was the x axis level, and the camera square to the plane of motion?"
+    )
+    return (*table.warnings, warning)
+
+
+def speed_facts(run: Observations) -> tuple[str, ...]:
+    """What a fit of the speeds of a rolling body takes as exact unless told otherwise, and the frames that only a fit of positions can use."""
+    if run.motion is None or run.noise.positions:
+        return ()
+    facts = []
+    if "offset" not in run.arguments:
+        coordinate, key = ("x", "offset_m") if run.x_unit == "m" else ("θ", "offset_rad")
+        reading = run.noise.sigma.value if isinstance(run.noise, Differentiated) else 0.0
+        example = format_quantity(0.0, reading or _READING, plus_minus=False)
+        facts.append(f'the zero of {coordinate} (the release) is taken as exact; state {key}, e.g. {key} = "{example}", if it is one reading')
+    back = way_back(run.excluded)
+    if back > _HANDFUL:
+        facts.append(f'noise with model = "positions" would use the {back} frames of the way back too, and can narrow the result a lot')
+    return tuple(facts)
+
+
+def stated_phi(run: Observations, problem: Problem) -> Quantity | None:
+    """Tilt of the ramp (rad) as stated before the fit, with a common zero error; None for a curve that has no tilt."""
+    if "phi" not in run.arguments:
+        return None
+    priors = {p.name: p.prior for p in problem.parameters}
+    value, variance = 0.0, 0.0
+    for name in ("phi", "phi_zero"):
+        source = run.arguments.get(name, 0.0)
+        value += priors[source].expectation if isinstance(source, str) else float(source)
+        variance += priors[source].sd ** 2 if isinstance(source, str) else 0.0
+    return Quantity(value, math.sqrt(variance))
+
+
+def _degrees(tilt: Quantity) -> str:
+    return f"{format_quantity(math.degrees(tilt.value), math.degrees(tilt.u))} deg"

@@ -1,0 +1,193 @@
+"""Report of a reanalysis: one `report.md`, its figures and `result.json`."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from functools import partial
+
+import msgspec
+import numpy as np
+from matplotlib.figure import Figure
+
+from estim.campaign import gamma_origin
+from estim.common import KINDS, as_json, label
+from estim.reports import figures, reanalysis_figures
+from estim.reports.analysis import parameter_row
+from estim.reports.energy import (
+    DriftSummary,
+    EnergySummary,
+    Value,
+    drift_words,
+    energy_figure,
+    percent,
+    shown,
+    summarise_drift,
+    summarise_energy,
+    to_value,
+)
+from estim.reports.line import LineResult, line_figure, line_result, line_values
+from estim.reports.rendering import render
+from estim.reports.result import Provenance, Result, provenance, result_of
+from estim.sampling import number
+from estim.studies import BodyAnalysis, Reanalysis
+
+REANALYSIS_SCHEMA = "estim-reanalysis/1"
+
+
+class BandSummary(msgspec.Struct, frozen=True):
+    """Posterior band against the propagated band of the stated inputs."""
+
+    median_ratio: float
+    largest_ratio: float
+    inside_68: float
+    inside_95: float
+    linear_off: float
+    held: list[str]
+    dominating: list[tuple[float, float, str]]
+
+
+class LimitSummary(msgspec.Struct, frozen=True):
+    group: str
+    u: float
+    u_known: float
+
+
+class BodySummary(msgspec.Struct, frozen=True):
+    gamma_masses: Value | None
+    gamma_origin: str
+    joint: Result
+    energies: dict[str, EnergySummary]
+    drift: DriftSummary
+    bands: dict[str, BandSummary]
+    runs_in_order: list[str]
+    u_with_runs: dict[str, list[float]]
+    u_single: dict[str, list[float]]
+    limits: dict[str, list[LimitSummary]]
+
+
+class PublishedRow(msgspec.Struct, frozen=True):
+    name: str
+    section: str
+    published: Value
+    reanalysed: Value
+    how: str
+    e_n: float | None
+
+
+class ReanalysisResult(msgspec.Struct, frozen=True, rename={"schema_": "schema"}):
+    schema_: str
+    title: str
+    kind: str
+    statuses: dict[str, str]
+    line: LineResult | None
+    runs: dict[str, Result]
+    bodies: dict[str, BodySummary]
+    paper: str
+    published: list[PublishedRow]
+    provenance: Provenance
+
+
+def reanalysis_result(r: Reanalysis) -> ReanalysisResult:
+    """The record of a reanalysis; the report prints from it."""
+    return ReanalysisResult(
+        schema_=REANALYSIS_SCHEMA, title=r.campaign.title, kind=r.campaign.kind, statuses=r.statuses,
+        line=None if r.line is None else line_result(r.campaign, r.line),
+        runs={name: result_of(r.campaign, analysis) for name, analysis in r.singles.items()},
+        bodies={body.body: _body(r, body) for body in r.bodies}, paper=r.paper,
+        published=[
+            PublishedRow(c.published.name, c.published.section, Value(c.published.value, c.published.u), to_value(c.value), c.how, number(c.e_n))
+            for c in r.published
+        ],
+        provenance=provenance(r.campaign, list(r.campaign.run_names), r.seed),
+    )
+
+
+def _body(r: Reanalysis, body: BodyAnalysis) -> BodySummary:
+    table, ok = body.narrowing, body.joint.diagnosis.ok
+    return BodySummary(
+        gamma_masses=None if body.gamma_masses is None else to_value(body.gamma_masses), gamma_origin=gamma_origin(r.campaign.source, body.body),
+        joint=result_of(r.campaign, body.joint),
+        energies={e.run: summarise_energy(e) for e in body.energies if ok}, drift=summarise_drift(body.drift),
+        bands={
+            b.run: BandSummary(
+                float(np.nanmedian(b.ratio)), float(np.nanmax(b.ratio)), b.inside[0.68], b.inside[0.95], float(np.nanmax(b.linear_off)), list(b.held),
+                [(stretch.start, stretch.stop, stretch.name) for stretch in b.budget.stretches],
+            )
+            for b in body.propagated if ok
+        },
+        runs_in_order=list(table.runs), u_with_runs={name: table.u[:, i].tolist() for i, name in enumerate(table.names) if ok},
+        u_single={name: table.u_single[:, i].tolist() for i, name in enumerate(table.names) if ok},
+        limits={name: [LimitSummary(x.group, x.u, x.u_known) for x in body.limits if x.parameter == name] for name in table.names if ok},
+    )
+
+
+def reanalysis_report(r: Reanalysis) -> dict[str, bytes]:
+    """`report.md`, `result.json` and `figures/*.png`."""
+    result = reanalysis_result(r)
+    synthetic = r.campaign.kind == "synthetic"
+    drawn: dict[str, Callable[[], Figure]] = {}
+    trusted = [body for body in r.bodies if body.joint.diagnosis.ok]
+    if trusted:
+        drawn["narrowing"] = partial(reanalysis_figures.narrowing_figure, [body.narrowing for body in trusted], synthetic=synthetic)
+        drawn["widths"] = partial(reanalysis_figures.width_figure, trusted, synthetic=synthetic)
+    if r.line is not None:
+        drawn["line"] = partial(line_figure, r.line, synthetic=synthetic)
+    for body in r.bodies:
+        drawn[f"phase-{body.body}"] = partial(reanalysis_figures.overlay_figure, body, synthetic=synthetic)
+        if body in trusted:
+            drawn[f"energy-{body.body}"] = partial(energy_figure, body.energies, synthetic=synthetic, title=body.body)
+        drawn[f"residuals-{body.body}"] = partial(figures.residual_figure, body.joint.problem.runs, body.joint.goodness, synthetic=synthetic)
+        drawn[f"corner-{body.body}"] = partial(figures.corner_figure, body.joint)
+    files = {f"figures/{name}.png": figures.png(draw) for name, draw in drawn.items()}
+    files["report.md"] = reanalysis_text(result, {body.body: figures.corner_words(body.joint.problem) for body in r.bodies}).encode()
+    files["result.json"] = as_json(result)
+    return files
+
+
+def reanalysis_text(result: ReanalysisResult, corner_words: Mapping[str, str]) -> str:
+    """The Markdown report of a reanalysis; `corner_words`: body -> what stands below its corner figure."""
+    limit_words = {name: _limit_words(body) if body.joint.status == "ok" else [] for name, body in result.bodies.items()}
+    return render(
+        "reanalysis.md.j2", result=result, kind=KINDS[result.kind], line=None if result.line is None else line_values(result.line),
+        shown=shown, symbol=lambda name: label(name, "1").symbol, rows={name: _rows(body.joint) for name, body in result.bodies.items()},
+        trusted=any(body.joint.status == "ok" for body in result.bodies.values()), singles=_singles(result),
+        limit_words=limit_words, corner_words=corner_words, percent=percent, drift_words=drift_words,
+        notes=list(dict.fromkeys(note for body in result.bodies.values() for note in body.joint.notes)),
+    )
+
+
+def _rows(result: Result) -> list[object]:
+    return [parameter_row(name, p, result) for name, p in result.parameters.items()]
+
+
+def _singles(result: ReanalysisResult) -> list[tuple[str, str, list[str]]]:
+    """Run, status, posterior of gamma, kappa, theta0 and phi; a dash where the status is not ok."""
+    table = []
+    for name, run in result.runs.items():
+        rows = {row_name.partition("[")[0]: parameter_row(row_name, p, run) for row_name, p in run.parameters.items()}
+        cells = [f"{rows[key].posterior} {rows[key].unit}".strip() if key in rows else "" for key in ("gamma", "kappa", "theta0", "phi")]
+        table.append((name, run.status, cells if run.status == "ok" else ["—"] * len(cells)))
+    return table
+
+
+def _limit_words(body: BodySummary) -> list[str]:
+    """What limits each shared parameter, in words."""
+    sentences = []
+    for name, found in body.limits.items():
+        if not found:
+            continue
+        symbol = label(name, "1").symbol
+        clauses = [
+            f"{format_limit(limit.u_known)} if {label(limit.group, '1').symbol} were known exactly"
+            for limit in found
+            if limit.u_known < 0.9 * limit.u
+        ]
+        start = f"u({symbol}) = {format_limit(found[0].u)} (least squares)"
+        sentences.append(f"{start} would fall to {'; to '.join(clauses)}." if clauses else f"{start}: no other single quantity limits it.")
+    return sentences
+
+
+def format_limit(u: float) -> str:
+    """An uncertainty to two digits."""
+    return f"{u:.{max(0, 1 - math.floor(math.log10(u)))}f}" if u > 0.0 else "0"

@@ -1,0 +1,40 @@
+"""Templates of `templates/` filled in.
+
+Every value that a template prints goes through `markdown`, which no template can forget: it is the environment's `finalize`.
+What is `Markdown` already passes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+from estim.checks import P_FLOOR
+from estim.common import Markdown, code, destination, markdown, signed
+
+
+def p_words(p: float) -> str:
+    """A p-value for a table: '0.031', or '< 5e-05' where it is the least that simulation can tell."""
+    return f"< {P_FLOOR:.1g}" if p <= P_FLOOR else f"{p:.2g}"
+
+
+def cells(row: Iterable[object]) -> Markdown:
+    """Neighbouring cells of a table, without the lines at both ends."""
+    return Markdown(" | ".join(markdown(cell) for cell in row))
+
+
+def sentence(words: str) -> str:
+    """`words` with a capital at the beginning; the rest stays as it is."""
+    return words[:1].upper() + words[1:]
+
+
+def render(template: str, **values: object) -> Markdown:
+    """A template of `templates/` filled in."""
+    import jinja2
+
+    environment = jinja2.Environment(
+        loader=jinja2.PackageLoader("estim.reports"), undefined=jinja2.StrictUndefined, trim_blocks=True, lstrip_blocks=True,
+        keep_trailing_newline=True, autoescape=False, finalize=markdown,
+    )
+    environment.filters["number"] = lambda v, digits=3: "n/a" if v is None else signed(f"{v:.{digits}g}")
+    environment.filters |= {"signed": signed, "p": p_words, "cells": cells, "sentence": sentence, "code": code, "destination": destination}
+    return Markdown(environment.get_template(template).render(**values))

@@ -1,0 +1,305 @@
+"""`result.json`: every number of an analysis in one checked record.  The report prints from it, so the two agree.
+
+Schema "estim-result/1"; the JSON Schema stands in `docs/estim-result-1.schema.json`.  A number that does not exist
+(the standard deviation at a bound, a p-value where the noise was inferred, a mean where the status is not ok) is null.
+"""
+
+from __future__ import annotations
+
+import math
+import platform
+from collections.abc import Mapping
+from importlib.metadata import version
+from typing import Protocol
+
+import msgspec
+import numpy as np
+
+from estim.arrays import FloatArray
+from estim.checks import Diagnosis, conflict_words, headline, parameter_cells
+from estim.common import as_json, one_line
+from estim.fitting import ProfileInterval
+from estim.pipeline import Analysis
+from estim.problem import Observations
+from estim.reading import Run
+from estim.reports.origin import origin_facts, origin_warnings, speed_facts
+from estim.sampling import Summary, number, summarise, summarise_parameter, trusted
+from estim.studies import Scrutiny
+
+SCHEMA = "estim-result/1"
+_PACKAGES = ("estim", "numpy", "scipy", "lmfit", "emcee", "arviz-stats", "uncertainties")
+
+
+class ParameterSummary(Summary, frozen=True, kw_only=True):
+    prior: str
+    prior_mean: float | None
+    prior_sd: float | None
+    ess_bulk: float | None
+    ess_tail: float | None
+    rhat: float | None
+    mcse: float | None
+
+
+class CertificateSummary(msgspec.Struct, frozen=True):
+    """A second computation of the posterior, without a chain, and what comparing it with the chain says."""
+
+    verdict: str
+    reason: str
+    method: str | None  # "quadrature" (n_draw: nodes; no k_hat, no ess) or "importance sampling"
+    k_hat: float | None
+    ess: float | None
+    n_draw: int | None
+    log_evidence: float | None
+    u_log_evidence: float | None
+    largest_difference: float | None  # of means, sds and ends of 95 % intervals, in posterior sds
+
+
+class Profile(msgspec.Struct, frozen=True):
+    """Profile-posterior interval: how far a parameter can move with all others re-optimised; an open side has no limit."""
+
+    low_68: float
+    high_68: float
+    low_95: float
+    high_95: float
+    open_low: bool  # at 95 %
+    open_high: bool
+    words: str
+
+
+class Outlier(msgspec.Struct, frozen=True):
+    """A frame that is more likely an outlier than not."""
+
+    row: int  # of the points that are fit, from 1
+    x: float
+    y: float
+    probability: float
+
+
+class FitSummary(msgspec.Struct, frozen=True):
+    values: dict[str, float]
+    sds: dict[str, float | None]
+    chi2: float
+    dof: int
+    p_value: float | None
+    message: str
+
+
+class StatedValues(msgspec.Struct, frozen=True):
+    """The data against what was stated of the parameters before."""
+
+    chi2: float
+    dof: int
+    p_value: float
+    pulls: dict[str, float]  # distance from what all else says, in its standard deviations
+    words: str
+
+
+class CheckSummary(msgspec.Struct, frozen=True):
+    statistic: float
+    p_value: float
+    meaning: str
+
+
+class RunSummary(msgspec.Struct, frozen=True):
+    file: str
+    x: str  # what is on the axes, with units
+    y: str
+    n_obs: int
+    noise: str
+    excluded: list[str]
+    checks: dict[str, CheckSummary]
+    scatter_ratio: float | None
+    facts: list[str]  # where an imported track comes from; what a fit of speeds takes as exact or leaves unused
+    warnings: list[str]  # what is suspicious about the file
+    robust: bool
+    outliers: list[Outlier]
+    what: str  # what was fit: "speeds", "positions", ...
+    derived: dict[str, Summary]
+
+
+class TurningPoint(Summary, frozen=True, kw_only=True):
+    never_stops: float  # share of the draws in which the body does not stop
+
+
+class Sampling(msgspec.Struct, frozen=True):
+    n_ensemble: int
+    n_walker: int
+    n_step: int
+    n_burn: int
+    autocorrelation_time: float | None
+    acceptance: float
+    message: str
+
+
+class Correlation(msgspec.Struct, frozen=True):
+    names: list[str]
+    matrix: list[list[float]]
+
+
+class Provenance(msgspec.Struct, frozen=True):
+    campaign: str
+    campaign_sha256: str
+    data_sha256: dict[str, str]
+    seed: int
+    versions: dict[str, str]
+
+
+class Result(msgspec.Struct, frozen=True, rename={"schema_": "schema"}):
+    schema_: str
+    title: str
+    kind: str
+    formula: str | None  # of a user's own curve
+    status: str
+    reasons: list[str]
+    advice: list[str]
+    notes: list[str]
+    parameters: dict[str, ParameterSummary]
+    correlation: Correlation
+    fit: FitSummary
+    stated_values: StatedValues
+    sampling: Sampling
+    certificate: CertificateSummary
+    profile: dict[str, Profile] | None
+    turning_point: dict[str, TurningPoint]
+    runs: dict[str, RunSummary]
+    provenance: Provenance
+
+    def _repr_markdown_(self) -> str:
+        """What a notebook shows: the values, or why there are none."""
+        rows = [parameter_cells(name, p) for name, p in self.parameters.items()]
+        title = f"{self.title}: {', '.join(self.runs)}"
+        return headline(title, kind=self.kind, status=self.status, reasons=self.reasons, advice=self.advice, rows=rows)
+
+
+class Subject(Protocol):
+    """What was analysed and where it came from; a campaign is one."""
+
+    @property
+    def title(self) -> str: ...
+
+    @property
+    def kind(self) -> str: ...
+
+    @property
+    def formula(self) -> str | None:
+        """The user's own curve as written."""
+
+    @property
+    def path(self) -> str:
+        """What provenance names as the source."""
+
+    @property
+    def sha256(self) -> str:
+        """Digest of the source."""
+
+    @property
+    def tables(self) -> Mapping[str, Run]:
+        """Run -> its table."""
+
+
+def result_of(campaign: Subject, analysis: Analysis, scrutiny: Scrutiny | None = None) -> Result:
+    """The record of an analysis, with its profile intervals if it was scrutinised."""
+    problem, fit, chain, diagnosis = analysis.problem, analysis.fit, analysis.chain, analysis.diagnosis
+    flat, conflict = chain.flat, analysis.conflict
+    return Result(
+        schema_=SCHEMA, title=campaign.title, kind=campaign.kind, formula=campaign.formula, status=diagnosis.status,
+        reasons=list(diagnosis.reasons), advice=list(dict.fromkeys(finding.advice for finding in diagnosis.findings)), notes=list(diagnosis.notes),
+        parameters={p.name: _parameter(analysis, i) for i, p in enumerate(problem.parameters)},
+        correlation=Correlation(list(problem.names), np.atleast_2d(np.corrcoef(flat.T)).round(6).tolist()),
+        fit=FitSummary(
+            dict(zip(fit.names, fit.values.tolist(), strict=True)),
+            {n: number(s) if diagnosis.ok else None for n, s in zip(fit.names, fit.sds, strict=True)},
+            fit.chi2, fit.dof, number(fit.p_value), fit.message,
+        ),
+        stated_values=StatedValues(conflict.chi2, conflict.dof, conflict.p_value, dict(conflict.pulls), conflict_words(fit, conflict)),
+        sampling=Sampling(
+            chain.draws.shape[0], chain.draws.shape[2], chain.convergence.n_step, chain.n_burn, number(chain.convergence.tau),
+            float(np.mean(chain.acceptance)), chain.convergence.message,
+        ),
+        certificate=_certificate(analysis), profile=None if scrutiny is None else {i.name: _profile(i) for i in scrutiny.intervals},
+        turning_point={
+            b.run: _turning_point(b.end, run, diagnosis) for b, run in zip(analysis.bands, problem.runs, strict=True) if run.motion is not None
+        },
+        runs={run.name: _run(campaign, analysis, i) for i, run in enumerate(problem.runs)},
+        provenance=provenance(campaign, [run.name for run in problem.runs], analysis.seed),
+    )
+
+
+def provenance(campaign: Subject, runs: list[str], seed: int) -> Provenance:
+    """Where numbers came from: digests of the inputs, the seed, versions of what computed them."""
+    digests = {one_line(campaign.tables[name].file): campaign.tables[name].sha256 for name in runs}
+    return Provenance(one_line(campaign.path), campaign.sha256, digests, seed, software_versions())
+
+
+def software_versions() -> dict[str, str]:
+    """Versions of what computes the numbers."""
+    return {"python": platform.python_version()} | {package: version(package) for package in _PACKAGES}
+
+
+def _profile(i: ProfileInterval) -> Profile:
+    return Profile(i.low[0.68], i.high[0.68], i.low[0.95], i.high[0.95], i.open_low[0.95], i.open_high[0.95], i.sentence)
+
+
+def _certificate(analysis: Analysis) -> CertificateSummary:
+    certificate, comparison = analysis.certificate, analysis.comparison
+    if certificate is None:
+        return CertificateSummary(comparison.verdict, comparison.reason, None, None, None, None, None, None, None)
+    evidence = certificate.reliable and all(math.isfinite(p.prior.sd) for p in analysis.problem.parameters)
+    return CertificateSummary(
+        comparison.verdict, comparison.reason, certificate.method, number(certificate.k_hat), number(certificate.ess), certificate.n_draw,
+        number(certificate.log_evidence) if evidence else None, number(certificate.u_log_evidence) if evidence else None,
+        number(comparison.largest_difference) if comparison.verdict != "missing" else None,
+    )
+
+
+def _parameter(analysis: Analysis, i: int) -> ParameterSummary:
+    parameter, diagnosis = analysis.problem.parameters[i], analysis.diagnosis
+    summary = trusted(summarise_parameter(analysis.fit, parameter.name, analysis.chain.flat[:, i]), diagnosis.status)
+    return ParameterSummary(
+        **msgspec.structs.asdict(summary), prior=parameter.prior.describe(),
+        prior_mean=number(parameter.prior.expectation),
+        prior_sd=number(parameter.prior.sd), ess_bulk=number(diagnosis.ess_bulk[i]), ess_tail=number(diagnosis.ess_tail[i]),
+        rhat=number(diagnosis.rhat[i]), mcse=number(diagnosis.mcse[i]),
+    )
+
+
+def _turning_point(end: FloatArray, run: Observations, diagnosis: Diagnosis) -> TurningPoint:
+    with np.errstate(invalid="ignore"):
+        summary = trusted(summarise(end, unit=run.x_unit, meaning="where the motion ends, from the release"), diagnosis.status)
+    return TurningPoint(**msgspec.structs.asdict(summary), never_stops=float(np.mean(~np.isfinite(end))))
+
+
+def _run(campaign: Subject, analysis: Analysis, i: int) -> RunSummary:
+    run, goodness = analysis.problem.runs[i], analysis.goodness[i]
+    table = campaign.tables[run.name]
+    draws = analysis.chain.thinned(20_000)
+    derived = run.derived(run.bind(analysis.problem.named(draws)))
+    noise = run.noise.describe(x_unit=run.x_unit, y_unit=run.y_unit, words=run.words)
+    return RunSummary(
+        file=one_line(table.file), x=run.x_label, y=run.y_label, n_obs=run.n_obs, noise=noise, excluded=list(run.excluded),
+        checks={name: CheckSummary(c.statistic, c.p_value, c.meaning) for name, c in goodness.checks.items()},
+        scatter_ratio=number(goodness.scatter_ratio), facts=[*origin_facts(table, run, analysis.problem), *speed_facts(run)],
+        warnings=list(origin_warnings(table, run, analysis.problem)), robust=run.noise.tails.robust, outliers=_outliers(analysis, run),
+        what=run.words.what,
+        derived={
+            name: trusted(summarise(np.ravel(d.values), unit=d.unit, meaning=d.meaning), analysis.diagnosis.status)
+            for name, d in derived.items() if np.size(d.values) > 1
+        },
+    )
+
+
+def _outliers(analysis: Analysis, run: Observations) -> list[Outlier]:
+    return [
+        Outlier(int(i) + 1, float(run.x[i]), float(run.y[i]), float(found.probability[i]))
+        for found in analysis.outliers if found.run == run.name for i in found.frames
+    ]
+
+
+def to_json(result: Result) -> bytes:
+    """`result` as indented JSON."""
+    return as_json(result)
+
+
+def json_schema() -> bytes:
+    """The JSON Schema of `result.json`."""
+    return as_json(msgspec.json.schema(Result))

@@ -1,0 +1,86 @@
+"""Bands along the curve from draws of the posterior.
+
+- credible: where the true curve lies with the stated probability, point by point.
+- predictive: where one more measured speed would lie at that position.
+
+A draw whose motion ends before x has no speed there and counts as 0.  The grid is finer towards both ends, where the
+curve is steep.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from estim.arrays import FloatArray
+from estim.common import PROBABILITIES
+from estim.problem import Observations, Problem, reading_sd
+
+
+@dataclass(frozen=True, eq=False)
+class Bands:
+    """Bands of one run.
+
+    x : (n_x,) positions.  median : (n_x,) of the curve.
+    credible, predictive : probability -> (2, n_x) lower and upper end.
+    end : (n_draw,) where the motion ends, inf for draws in which it does not.
+    """
+
+    run: str
+    x: FloatArray
+    median: FloatArray
+    credible: Mapping[float, FloatArray]
+    predictive: Mapping[float, FloatArray]
+    end: FloatArray
+
+
+def posterior_bands(
+    problem: Problem, draws: FloatArray, *, rng: np.random.Generator, probabilities: tuple[float, ...] = PROBABILITIES, n_x: int = 200
+) -> tuple[Bands, ...]:
+    """Bands of every run of `problem` from posterior draws (n_draw, n_par)."""
+    return tuple(_bands(problem, run, draws, rng, probabilities, n_x) for run in problem.runs)
+
+
+def curve_grid(run: Observations, end: FloatArray, n_x: int) -> FloatArray:
+    """(n_x,) positions from the release to the end of the data, or of the motion where that is close, denser at both ends.
+
+    A curve that is no motion from a release is drawn where its data are.
+    """
+    if not run.words.from_release:
+        return np.linspace(float(np.min(run.x)), float(np.max(run.x)), 4 * n_x)  # it may oscillate
+    last = float(np.max(run.x))
+    stop = float(np.sort(end)[int(0.98 * (end.size - 1))])
+    far = stop if stop < 1.25 * last else 1.05 * last
+    return 0.5 * max(far, last) * (1.0 - np.cos(np.linspace(0.0, np.pi, n_x)))
+
+
+def curve_draws(problem: Problem, run: Observations, x: FloatArray, draws: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """The curve (n_draw, n_x) at each draw, 0 where the motion has ended, and where it ends (n_draw,)."""
+    arguments = run.bind(problem.named(draws))
+    end = np.broadcast_to(run.end(arguments), (draws.shape[0], 1))
+    value = np.broadcast_to(run.curve.value(x, arguments), (draws.shape[0], x.size))
+    return np.where(x <= end, value, 0.0), end[:, 0]
+
+
+def _bands(
+    problem: Problem, run: Observations, draws: FloatArray, rng: np.random.Generator, probabilities: tuple[float, ...], n_x: int
+) -> Bands:
+    _, end = curve_draws(problem, run, run.x[:1], draws)
+    x = curve_grid(run, end, n_x)
+    curve, _ = curve_draws(problem, run, x, draws)
+    named = problem.named(draws)
+    reading = np.broadcast_to(reading_sd(run.noise, named), (draws.shape[0], run.n_obs)).mean(axis=1, keepdims=True)
+    sd = np.hypot(reading, run.noise.scatter.at(named))
+    # one error for all positions of a draw: the same interval at each x, and a smooth band
+    new = curve + sd * rng.standard_normal((draws.shape[0], 1))
+    return Bands(
+        run=run.name, x=x, median=np.median(curve, axis=0), end=end,
+        credible={p: _interval(curve, p) for p in probabilities},
+        predictive={p: _interval(new, p) for p in probabilities},
+    )
+
+
+def _interval(values: FloatArray, probability: float) -> FloatArray:
+    return np.quantile(values, [0.5 - 0.5 * probability, 0.5 + 0.5 * probability], axis=0)

@@ -1,0 +1,249 @@
+"""Draws from a posterior by emcee.  The only file that knows emcee.
+
+Several independent ensembles of walkers start from the fit.  Sampling stops by itself when rank-normalised R-hat between
+the ensembles, effective sample sizes in bulk and tails, and the autocorrelation time all say that it is enough; a hard
+cap ends it otherwise, and the chain says "not converged".
+
+What is fixed about the diagnostics: walkers of one ensemble move by each other, so R-hat compares ensembles, not
+walkers; effective sample sizes are those of all walkers as chains (emcee's own N/tau flatters short chains).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from estim.arrays import FloatArray
+from estim.common import NumericalError
+from estim.sampling.checkpoint import Store
+from estim.sampling.density import Density, log_density_in_batches
+from estim.sampling.diagnostics import effective_size, r_hat
+from estim.sampling.importance import K_HAT_LIMIT, kish_size, pareto_smoothed
+from estim.sampling.proposal import Proposal
+from estim.sampling.stepping import Stop, start_walk
+
+_FIRST_CHECK = 120  # steps, with a proposal
+_PROPOSAL_SHARE, _LEAST_SHARE = 0.8, 0.1  # of the moves: for a proposal whose weights are even, and for one that cannot be trusted
+_GOOD_EFFICIENCY = 0.3  # effective share of its draws from which a proposal gets the full share of moves
+
+CRITERIA_MET = "all criteria are met"
+
+Progress = Callable[[int, str], None]
+"""Called with the steps done so far and a few words on how far sampling is."""
+
+
+@dataclass(frozen=True)
+class Target:
+    """When to stop.
+
+    rhat : largest rank-normalised R-hat.  ess : smallest bulk and tail effective sample size (4000 gives the ends of a
+    95 % interval to about 3 % of a standard deviation).  n_tau : length in autocorrelation times.
+    max_step : hard cap on the steps of each ensemble.  n_ensemble, n_walker : ensembles and walkers in each
+    (0: four for each parameter, 32 at least; with a proposal 48 at least, and more for more effective draws).
+    """
+
+    rhat: float = 1.01
+    ess: float = 4000.0
+    n_tau: float = 50.0
+    max_step: int = 20_000
+    n_ensemble: int = 4
+    n_walker: int = 0
+
+
+@dataclass(frozen=True, eq=False)
+class Convergence:
+    """The stopping criteria at one moment: worst values over the parameters.
+
+    tau : longest autocorrelation time in steps.  tau_moved : its relative change since the check before.
+    """
+
+    n_step: int
+    rhat: float
+    ess_bulk: float
+    ess_tail: float
+    tau: float
+    tau_moved: float
+    met: bool
+    message: str
+
+
+@dataclass(frozen=True, eq=False)
+class Chain:
+    """Draws of a posterior.
+
+    draws : (n_ensemble, n_step, n_walker, n_par) after burn-in.  log_density : (n_ensemble, n_step, n_walker).
+    n_burn : steps discarded.  acceptance : (n_ensemble,) mean share of accepted moves; stuck : walkers that never moved.
+    """
+
+    names: tuple[str, ...]
+    draws: FloatArray
+    log_density: FloatArray
+    n_burn: int
+    acceptance: FloatArray
+    stuck: int
+    convergence: Convergence
+
+    @property
+    def flat(self) -> FloatArray:
+        """(n_draw, n_par) all draws."""
+        return self.draws.reshape(-1, self.draws.shape[-1])
+
+    def thinned(self, n_draw: int) -> FloatArray:
+        """(at most n_draw, n_par) draws, evenly spread over the chain."""
+        flat = self.flat
+        return flat[np.unique(np.linspace(0, flat.shape[0] - 1, n_draw).astype(int))]
+
+
+def sample_posterior(
+    posterior: Density, start: FloatArray, cov: FloatArray, *, target: Target, rng: np.random.Generator,
+    progress: Progress | None = None, proposal: Proposal | None = None, store: Store | None = None, stop: Stop | None = None,
+) -> Chain:
+    """Draws from `posterior`, walkers started from the normal distribution of mean `start` (n_par,) and `cov`.
+
+    The moves are differential evolution with its mode-jumping variant now and then, tested on known targets; emcee's
+    snooker move has a wrong acceptance factor (3.1.6) and is never used.
+
+    proposal : adapted to the posterior (`estim.sampling.proposal`).  Most moves then propose from it and walkers start from draws
+    of it, weighted; the other moves stay in the mixture, so that a bad proposal costs time and not correctness.
+    store : keeps the chain on disk as it grows and may resume it; the draws are the same in every bit without it.
+    stop : asked after every step; when it says yes the chain is kept and Interrupted is raised.
+
+    Raises InputError where the store cannot be resumed, EstimError where it cannot be written.
+    """
+    n_par = len(posterior.names)
+    n_walker = target.n_walker or max(4 * n_par, 32 if proposal is None else min(max(48, math.ceil(target.ess / 120.0)), 512))
+    states, share = _first_points(posterior, start, cov, (target.n_ensemble, n_walker), rng, proposal)
+    samplers = [_sampler(posterior, n_walker, rng, proposal, share) for _ in states]
+    walk = start_walk(posterior, samplers, list(states), target=target, rng=rng, store=store, stop=stop)
+    n_step, tau_before, check = 0, math.nan, min(200 if proposal is None else _FIRST_CHECK, target.max_step)
+    shortest_burn = 50 if proposal is None else 20
+    while True:
+        walk.advance(check)
+        n_step = check
+        chain = np.stack([sampler.get_chain() for sampler in samplers])
+        tau = _autocorrelation_time(chain)
+        if proposal is not None and math.isnan(tau_before):
+            tau_before = _autocorrelation_time(chain[:, : n_step // 2])
+        n_burn = int(min(max(shortest_burn, math.ceil(10.0 * tau)), n_step // 2)) if math.isfinite(tau) else n_step // 2
+        enough = math.ceil(1.03 * target.n_tau * tau) if math.isfinite(tau) else 0
+        if proposal is not None and n_step < min(enough, 3 * _FIRST_CHECK, target.max_step):
+            # too short whatever else is said: go on at once to the length that is asked for
+            tau_before, check = tau, min(target.max_step, max(enough, n_step + _FIRST_CHECK // 4))
+            continue
+        convergence = _judge(chain[:, n_burn:], target, n_step=n_step, tau=tau, tau_before=tau_before)
+        if progress is not None:
+            progress(n_step, convergence.message)
+        if convergence.met or n_step >= target.max_step:
+            break
+        tau_before = tau
+        check = min(target.max_step, n_step + (max(200, n_step // 2) if proposal is None else max(60, n_step // 3)))
+    kept = chain[:, n_burn:]
+    log_density = np.stack([sampler.get_log_prob()[n_burn:] for sampler in samplers])
+    moved = np.any(kept[:, 1:] != kept[:, :-1], axis=(1, 3))
+    acceptance = np.array([float(np.mean(sampler.acceptance_fraction)) for sampler in samplers])
+    return Chain(posterior.names, kept, log_density, n_burn, acceptance, int(np.sum(~moved)), convergence)
+
+
+def _sampler(posterior: Density, n_walker: int, rng: np.random.Generator, proposal: Proposal | None, share: float) -> Any:
+    import emcee
+
+    moves = [(emcee.moves.DEMove(), 0.8), (emcee.moves.DEMove(gamma0=1.0), 0.1), (emcee.moves.StretchMove(), 0.1)]
+    if proposal is not None:
+        moves = [(move, (1.0 - share) * weight) for move, weight in moves]
+        moves.append((emcee.moves.MHMove(independence(proposal), ndim=len(posterior.names)), share))
+    sampler = emcee.EnsembleSampler(n_walker, len(posterior.names), posterior.log_density, vectorize=True, moves=moves)
+    # emcee would start from NumPy's global state
+    sampler.random_state = np.random.RandomState(rng.integers(2**32, dtype=np.uint32)).get_state()
+    return sampler
+
+
+def independence(proposal: Proposal) -> Callable[[FloatArray, np.random.RandomState], tuple[FloatArray, FloatArray]]:
+    """Metropolis-Hastings steps to draws of `proposal`, in the form that emcee's MHMove takes: points, and log q(old) - log q(new).
+
+    Randomness comes from the sampler's own state alone, so that a chain that is taken up again goes on as it would have.
+    """
+
+    def propose(points: FloatArray, random: np.random.RandomState) -> tuple[FloatArray, FloatArray]:
+        seeded = np.random.default_rng(random.randint(0, 2**32, 4, dtype=np.uint32))
+        drawn = proposal.draw(seeded, points.shape[0])
+        return drawn, proposal.log_density(points) - proposal.log_density(drawn)
+
+    return propose
+
+
+def _first_points(
+    posterior: Density, start: FloatArray, cov: FloatArray, shape: tuple[int, int], rng: np.random.Generator, proposal: Proposal | None
+) -> tuple[list[FloatArray], float]:
+    """Starting points, (n_walker, n_par) for each ensemble, and the share of moves that `proposal` deserves.
+
+    shape : (n_ensemble, n_walker).  Points are weighted draws of the proposal, other ones for each ensemble, where its
+    weights can be trusted, else scattered about the fit.  A proposal that is seldom accepted gets few of the moves.
+    """
+    n_ensemble, n_walker = shape
+    if proposal is not None:
+        n_draw = max(1000, 20 * n_walker)
+        draws = proposal.draw(rng, n_ensemble * n_draw)
+        log_ratio = log_density_in_batches(posterior, draws) - proposal.log_density(draws)
+        log_weights, k_hat, _ = pareto_smoothed(log_ratio)
+        parts = np.split(np.exp(log_weights), n_ensemble)
+        if k_hat <= K_HAT_LIMIT and min(np.count_nonzero(part) for part in parts) >= 2 * n_walker:
+            efficiency = kish_size(log_weights) / log_weights.size
+            chosen = [rng.choice(n_draw, n_walker, replace=False, p=part / np.sum(part)) for part in parts]
+            points = [part[which] for part, which in zip(np.split(draws, n_ensemble), chosen, strict=True)]
+            return points, _PROPOSAL_SHARE * min(1.0, efficiency / _GOOD_EFFICIENCY)
+    return [_scatter(posterior, start, cov, n_walker, rng) for _ in range(n_ensemble)], _LEAST_SHARE
+
+
+def _scatter(posterior: Density, start: FloatArray, cov: FloatArray, n_walker: int, rng: np.random.Generator) -> FloatArray:
+    """(n_walker, n_par) starting points, every one with a finite log density: a walker at -inf would never move."""
+    factor = _square_root(cov)
+    points: list[FloatArray] = []
+    shrink = 1.0
+    for _ in range(200):
+        proposal = start + shrink * rng.standard_normal((4 * n_walker, start.size)) @ factor.T
+        points.extend(proposal[np.isfinite(posterior.log_density(proposal))])
+        if len(points) >= n_walker:
+            return np.array(points[:n_walker])
+        shrink *= 0.9
+    raise NumericalError("sampling cannot start: the posterior density is zero or not finite everywhere around the fit")
+
+
+def _square_root(cov: FloatArray) -> FloatArray:
+    values, vectors = np.linalg.eigh(cov)
+    return np.asarray(vectors * np.sqrt(np.maximum(values, 0.0)))
+
+
+def _autocorrelation_time(chain: FloatArray) -> float:
+    """Longest integrated autocorrelation time, steps, averaged over the ensembles (the first axis); nan while it cannot be told."""
+    from emcee.autocorr import integrated_time
+
+    with np.errstate(invalid="ignore"):  # a walker that never moved has no autocorrelation: nan
+        times = np.array([integrated_time(ensemble, quiet=True, tol=0) for ensemble in chain])
+    return float(np.max(np.mean(times, axis=0))) if np.all(np.isfinite(times)) else math.nan
+
+
+def _judge(draws: FloatArray, target: Target, *, n_step: int, tau: float, tau_before: float) -> Convergence:
+    """The stopping criteria on draws (n_ensemble, n_step, n_walker, n_par)."""
+    rhat = float(np.max(r_hat(draws)))
+    bulk = float(np.min(effective_size(draws, "bulk")))
+    tail = float(np.min(effective_size(draws, "tail")))
+    moved = abs(tau - tau_before) / tau if math.isfinite(tau) and math.isfinite(tau_before) else math.inf
+    lacking = []
+    if not rhat < target.rhat:
+        lacking.append(f"R-hat {rhat:.3f} is not below {target.rhat}")
+    if not bulk >= target.ess:
+        lacking.append(f"bulk ESS {bulk:.0f} is below {target.ess:.0f}")
+    if not tail >= target.ess:
+        lacking.append(f"tail ESS {tail:.0f} is below {target.ess:.0f}")
+    if not n_step >= target.n_tau * tau:
+        lacking.append(f"{n_step} steps are fewer than {target.n_tau:.0f} autocorrelation times of {tau:.1f}")
+    if not moved < 0.1:
+        lacking.append("the autocorrelation time has not settled")
+    message = "; ".join(lacking) or CRITERIA_MET
+    return Convergence(n_step, rhat, bulk, tail, tau, moved, not lacking, message)
+
+

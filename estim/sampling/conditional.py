@@ -1,0 +1,289 @@
+"""One run of a joint fit as a function of the parameters that it shares with others.
+
+Given the shared parameters s the runs are independent, and what a run says about s is its likelihood with its own
+parameters l (angle of release, tilt, its own noise) integrated out:
+
+    m(s) = log integral of p(y | s, l) p(l) dl
+
+The integrand is close to a normal density in l around its mode l*(s).  Mode and covariance are found by Gauss-Newton steps at some
+hundred points s, and follow s as quadratic polynomials in between (`Expansion`).  The polynomials only say where to look:
+`RunTerm.log_marginal` evaluates the posterior itself there, at one node (Laplace) or at n x n Gauss-Hermite nodes, and
+`RunTerm.log_joint` serves exact importance weights, which hold however good the expansion is.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from estim.arrays import FloatArray
+from estim.common import InputError
+from estim.fitting import Fit
+from estim.problem import LogNormal, Observations, Posterior, Prior, variances
+from estim.sampling.importance import log_sum_exp
+
+IndexArray = NDArray[np.int64]
+
+_ROWS = 512  # rows of a block: its arrays stay in the cache
+_LOG_2PI = math.log(2.0 * math.pi)
+_REACH = 4.0  # standard deviations of s within which the quadratic terms are used
+_N_REFINE, _WIDER = 10, 1.5
+_LONGEST_STEP = 3.0  # conditional standard deviations
+
+
+@dataclass(frozen=True, eq=False)
+class RunTerm:
+    """One run: its part of the posterior, and which parameters of the whole problem it uses.
+
+    posterior : of this run alone, with the whitening of the joint fit.
+    columns : (n_used,) where its parameters stand in the whole problem, in the order of `posterior.names`.
+    shared, own : positions within these of the parameters that are shared (given) and its own (integrated out).
+    centre : (n_used,) the fit.
+    """
+
+    posterior: Posterior
+    columns: IndexArray
+    shared: IndexArray
+    own: IndexArray
+    centre: FloatArray
+
+    @property
+    def run(self) -> Observations:
+        return self.posterior.problem.runs[0]
+
+    @property
+    def own_priors(self) -> tuple[Prior, ...]:
+        return tuple(self.posterior.problem.parameters[i].prior for i in self.own)
+
+    def rows(self, shared: FloatArray, own: FloatArray) -> FloatArray:
+        """(n_draw, n_used) parameters of the run from shared (n_draw, n_shared) and own (n_draw, n_own)."""
+        rows = np.empty((shared.shape[0], self.columns.size))
+        rows[:, self.shared], rows[:, self.own] = shared, own
+        return rows
+
+    def log_joint(self, shared: FloatArray, own: FloatArray) -> FloatArray:
+        """(n_draw,) log p(y | s, l) + log p(l): likelihood of the run and priors of its own parameters; -inf outside these."""
+        log_p = np.zeros(shared.shape[0])
+        for i, prior in enumerate(self.own_priors):
+            log_p += prior.log_density(own[:, i])
+        rows = self.rows(shared, own)
+        for block in _blocks(rows.shape[0]):
+            inside = np.flatnonzero(np.isfinite(log_p[block])) + block.start
+            if inside.size:
+                log_p[inside] += self.posterior.log_likelihood(rows[inside])
+        return log_p
+
+    def log_marginal(self, shared: FloatArray, expansion: Expansion, *, n_node: int) -> FloatArray:
+        """(n_draw,) m(s) at shared (n_draw, n_shared), with `n_node` Gauss-Hermite nodes along each of its own parameters.
+
+        One node is Laplace's approximation, log p at the mode + (1/2) log det(2 pi covariance).
+        """
+        nodes, log_weights = hermite_nodes(n_node, self.own.size)
+        mode, root = expansion.at(shared)
+        n_draw, k = mode.shape
+        own = mode[:, None, :] + np.einsum("nij,qj->nqi", root, nodes)
+        repeated = np.repeat(shared, nodes.shape[0], axis=0)
+        log_p = self.log_joint(repeated, own.reshape(repeated.shape[0], k)).reshape(n_draw, -1)
+        terms = log_p + log_weights + 0.5 * np.sum(nodes**2, axis=1)
+        return log_sum_exp(terms, axis=1) + log_volume(root) + 0.5 * k * _LOG_2PI
+
+    def draw_own(self, shared: FloatArray, expansion: Expansion, rng: np.random.Generator) -> tuple[FloatArray, FloatArray]:
+        """Own parameters (n_draw, n_own) from the normal density around the mode at shared (n_draw, n_shared), and its log density there."""
+        mode, root = expansion.at(shared)
+        z = rng.standard_normal(mode.shape)
+        log_q = -0.5 * np.sum(z**2, axis=1) - log_volume(root) - 0.5 * mode.shape[1] * _LOG_2PI
+        return mode + np.einsum("nij,nj->ni", root, z), log_q
+
+    def refine_own(self, shared: FloatArray, own: FloatArray, expansion: Expansion, rng: np.random.Generator) -> FloatArray:
+        """Own parameters (n_draw, n_own), drawn around their mode, moved towards their exact distribution given shared.
+
+        Some steps of an independence sampler (Tierney, Ann. Stat. 22 (1994) 1701) whose proposal is the normal density around the mode, made
+        wider: its weights are bounded where the distribution is skewed, and about half of the steps are taken.
+        """
+        mode, root = expansion.at(shared)
+        excess = self.log_joint(shared, own) + 0.5 * np.sum(np.linalg.solve(_WIDER * root, (own - mode)[..., None])[..., 0] ** 2, axis=1)
+        for _ in range(_N_REFINE):
+            z = rng.standard_normal(own.shape)
+            proposed = mode + _WIDER * np.einsum("nij,nj->ni", root, z)
+            new = self.log_joint(shared, proposed) + 0.5 * np.sum(z**2, axis=1)
+            accepted = np.isfinite(new) & (np.log(rng.random(new.size)) < new - np.where(np.isfinite(excess), excess, -1e300))
+            own, excess = np.where(accepted[:, None], proposed, own), np.where(accepted, new, excess)
+        return own
+
+
+@dataclass(frozen=True, eq=False)
+class Expansion:
+    """Mode and covariance of a run's own parameters as functions of the shared ones.
+
+    centre, whiten : (n_shared,), (n_shared, n_shared) bring s to unit scale.  coefficients : (n_feature, n_out) of 1, z_i, z_i z_j.
+    n_own : own parameters; out of a row come their mode, then the lower triangular root of their covariance (logarithms on its diagonal).
+    error : how far the polynomials miss the modes they were fit to, conditional standard deviations (root mean square, worst parameter).
+    """
+
+    centre: FloatArray
+    whiten: FloatArray
+    coefficients: FloatArray
+    n_own: int
+    error: float
+
+    def at(self, shared: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Mode (n_draw, n_own) and root (n_draw, n_own, n_own) of the covariance at shared (n_draw, n_shared)."""
+        out = _features((shared - self.centre) @ self.whiten.T) @ self.coefficients
+        k = self.n_own
+        root = np.zeros((shared.shape[0], k, k))
+        lower = np.tril_indices(k)
+        root[:, lower[0], lower[1]] = out[:, k:]
+        diagonal = np.arange(k)
+        root[:, diagonal, diagonal] = np.exp(root[:, diagonal, diagonal])
+        return out[:, :k], root
+
+
+def run_terms(fit: Fit, sampled: IndexArray) -> tuple[RunTerm, ...]:
+    """The runs of a fit as functions of the parameters `sampled` (n_sampled,) of its problem; each run's others are its own.
+
+    Raises InputError where the noise of a run is not normal.
+    """
+    problem = fit.problem
+    terms = []
+    for run, whitening in zip(problem.runs, fit.posterior.whitenings, strict=True):
+        alone = problem.restricted((run,))
+        columns = np.array([problem.names.index(name) for name in alone.names], dtype=np.int64)
+        given = np.isin(columns, sampled)
+        posterior = dataclasses.replace(fit.posterior, problem=alone, whitenings=(whitening,))
+        term = RunTerm(posterior, columns, np.flatnonzero(given), np.flatnonzero(~given), fit.values[columns])
+        _require_normal(term)
+        terms.append(term)
+    return tuple(terms)
+
+
+def _require_normal(term: RunTerm) -> None:
+    """The steps below assume normal noise: the likelihood they imply must be that of the run."""
+    if term.run.latent is not None:
+        raise InputError("must have no errors of x for a marginal over runs: use the sampler", field="run", value=term.run.name)
+    residuals, variance, _ = _whitened(term, term.centre[None, :])
+    implied = -0.5 * float(np.sum(residuals**2 + np.log(variance) + _LOG_2PI))
+    if not math.isclose(implied, float(term.posterior.log_likelihood(term.centre[None, :])[0]), rel_tol=1e-8, abs_tol=1e-6):
+        raise InputError("must have plain normal noise for a marginal over runs: use the sampler", field="run", value=term.run.name)
+
+
+def expand(term: RunTerm, shared: FloatArray, start: FloatArray, log_weight: Callable[[FloatArray], FloatArray]) -> Expansion:
+    """Polynomials through the modes at the points shared (n_point, n_shared), from own parameters `start` (n_point, n_own).
+
+    log_weight : of log m(s) at the points, the logarithm of the weight of each in the least squares.
+    """
+    own = start
+    for _ in range(2):
+        step, information = _gauss_newton(term, shared, own)
+        own = _inside(own + step, term.own_priors)
+    step, information = _gauss_newton(term, shared, own)
+    own = _inside(own + step, term.own_priors)
+    k = term.own.size
+    root = np.linalg.cholesky(np.linalg.inv(information))
+    diagonal = np.arange(k)
+    log_p = term.log_joint(shared, own) + log_volume(root)
+    root[:, diagonal, diagonal] = np.log(root[:, diagonal, diagonal])
+    lower = np.tril_indices(k)
+    out = np.hstack([own, root[:, lower[0], lower[1]]])
+    scale = np.std(shared, axis=0)
+    whiten = np.diag(1.0 / np.where(scale > 0.0, scale, 1.0))
+    centre = np.mean(shared, axis=0)
+    features = _features((shared - centre) @ whiten.T)
+    weight = np.exp(0.5 * log_weight(log_p))[:, None]
+    usable = np.all(np.isfinite(out), axis=1) & (weight[:, 0] > 0.0)
+    coefficients = np.linalg.lstsq(weight[usable] * features[usable], weight[usable] * out[usable], rcond=None)[0]
+    miss = (features @ coefficients - out)[usable, :k] * np.exp(-out[usable][:, k:][:, _diagonal_places(k)])
+    error = np.sqrt(np.average(miss**2, axis=0, weights=weight[usable, 0] ** 2))
+    return Expansion(centre, whiten, coefficients, k, float(np.max(error, initial=0.0)))
+
+
+def _diagonal_places(k: int) -> IndexArray:
+    """Where the diagonal stands among the lower triangle, row by row."""
+    return np.cumsum(np.arange(1, k + 1)) - 1
+
+
+def _features(z: FloatArray) -> FloatArray:
+    """(n, 1 + d + d (d + 1)/2) constant, linear and quadratic terms of z (n, d); the quadratic ones stop growing at `_REACH`."""
+    n, d = z.shape
+    length = np.sqrt(np.sum(z**2, axis=1, keepdims=True))
+    near = z * np.minimum(1.0, _REACH / np.maximum(length, 1e-300))
+    i, j = np.triu_indices(d)
+    return np.hstack([np.ones((n, 1)), z, near[:, i] * near[:, j]])
+
+
+def _gauss_newton(term: RunTerm, shared: FloatArray, own: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """The step (n_point, n_own) towards the mode of the own parameters, and their information (n_point, n_own, n_own)."""
+    k = term.own.size
+    steps, informations = np.empty_like(own), np.empty((own.shape[0], k, k))
+    for block in _blocks(own.shape[0]):
+        residuals, _, (jacobian, spread) = _whitened(term, term.rows(shared[block], own[block]))
+        gradient = np.einsum("nok,no->nk", jacobian, residuals) + 0.5 * np.einsum("nok,no->nk", spread, residuals**2 - 1.0)
+        information = np.einsum("nok,nol->nkl", jacobian, jacobian) + 0.5 * np.einsum("nok,nol->nkl", spread, spread)
+        for i, prior in enumerate(term.own_priors):
+            pull, slope = _prior_residual(prior, own[block, i])
+            gradient[:, i] -= pull * slope
+            information[:, i, i] += slope**2
+        step = np.linalg.solve(information, gradient[..., None])[..., 0]
+        length = np.sqrt(np.maximum(np.einsum("nk,nk->n", gradient, step), 0.0))
+        steps[block] = step * np.minimum(1.0, _LONGEST_STEP / np.maximum(length, 1e-300))[:, None]
+        informations[block] = information
+    return steps, informations
+
+
+def _whitened(term: RunTerm, rows: FloatArray) -> tuple[FloatArray, FloatArray, tuple[FloatArray, FloatArray]]:
+    """Whitened residuals and variances (n_draw, n_obs) at rows (n_draw, n_used), and derivatives (n_draw, n_obs, n_own)
+    of the whitened curve and of the log variance in the run's own parameters.  The only place that opens a `Whitening`."""
+    run, whitening = term.run, term.posterior.whitenings[0]
+    named, names = term.posterior.problem.named(rows), [term.posterior.names[i] for i in term.own]
+    n_draw, n_obs = rows.shape[0], run.n_obs
+    local = run.curve.local(run.x, run.bind(named))
+    variance = np.broadcast_to(variances(run.noise, whitening, named), (n_draw, n_obs))
+    sd = np.sqrt(variance)
+    residuals = whitening.rotate(run.y - whitening.offset - local.value) / sd
+    jacobian, spread = np.zeros((n_draw, n_obs, len(names))), np.zeros((n_draw, n_obs, len(names)))
+    for argument, source in run.arguments.items():
+        if source in names:
+            gradient = np.broadcast_to(local.gradient[argument], (n_draw, n_obs))
+            jacobian[:, :, names.index(str(source))] += whitening.rotate(gradient) / sd
+    for scale, weight in ((run.noise.sigma, whitening.spectrum), (run.noise.scatter, np.ones(n_obs))):
+        if scale.parameter in names:
+            spread[:, :, names.index(str(scale.parameter))] += 2.0 * named[str(scale.parameter)] * weight / variance
+    return residuals, variance, (jacobian, spread)
+
+
+def _prior_residual(prior: Prior, values: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Residual and its slope at values (n,): linear in the value for every prior but the log-normal one."""
+    if isinstance(prior, LogNormal):
+        return np.array([prior.residual(v) for v in values]), np.array([prior.residual_slope(v) for v in values])
+    centre = prior.centre
+    slope = prior.residual_slope(centre)
+    return prior.residual(centre) + slope * (values - centre), np.full(values.shape, slope)
+
+
+def _inside(own: FloatArray, priors: tuple[Prior, ...]) -> FloatArray:
+    """Own parameters (n, n_own) moved just inside the support of their priors."""
+    low = np.array([p.low + (1e-6 * p.sd if math.isfinite(p.low) else 0.0) for p in priors])
+    high = np.array([p.high - (1e-6 * p.sd if math.isfinite(p.high) else 0.0) for p in priors])
+    return np.clip(own, low, high)
+
+
+def hermite_nodes(n_node: int, n_dim: int) -> tuple[FloatArray, FloatArray]:
+    """Nodes (n_node^n_dim, n_dim) and log weights (n_node^n_dim,) of the Gauss-Hermite rule for a standard normal density."""
+    z, w = np.polynomial.hermite_e.hermegauss(n_node)
+    nodes = np.stack(np.meshgrid(*[z] * n_dim, indexing="ij"), axis=-1).reshape(-1, n_dim) if n_dim else np.zeros((1, 0))
+    weights = np.log(w / np.sum(w))
+    log_weights = sum(np.meshgrid(*[weights] * n_dim, indexing="ij"), np.zeros((n_node,) * n_dim)).ravel()
+    return nodes, log_weights
+
+
+def log_volume(root: FloatArray) -> FloatArray:
+    """(n_draw,) log determinant of lower triangular roots (n_draw, n_own, n_own)."""
+    return np.asarray(np.sum(np.log(np.diagonal(root, axis1=1, axis2=2)), axis=1))
+
+
+def _blocks(n: int) -> list[slice]:
+    return [slice(i, min(i + _ROWS, n)) for i in range(0, n, _ROWS)]

@@ -1,0 +1,120 @@
+"""Tools of importance sampling: Pareto-smoothed weights, what weights are worth, draws of equal weight.
+
+Log weights of draws outside the support are -inf throughout; they count as draws of no weight.
+
+Sources: Vehtari, Simpson, Gelman, Yao, Gabry, JMLR 25 (2024) 72 (Pareto smoothing, k-hat; by arviz-stats); Kish, Survey Sampling (1965) 8.2.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from estim.arrays import FloatArray
+
+IndexArray = NDArray[np.int64]
+
+K_HAT_LIMIT = 0.7  # above it importance weights cannot be trusted (Vehtari et al. 2024)
+
+
+def log_sum_exp(terms: FloatArray, axis: int | None = None) -> FloatArray:
+    """log sum exp without overflow; -inf where all terms are."""
+    largest = np.max(terms, axis=axis, keepdims=True)
+    safe = np.where(np.isfinite(largest), largest, 0.0)
+    with np.errstate(divide="ignore"):
+        total = np.log(np.sum(np.exp(terms - safe), axis=axis, keepdims=True)) + safe
+    return np.asarray(np.squeeze(total, axis=axis), dtype=np.float64)
+
+
+def pareto_smoothed(log_ratio: FloatArray) -> tuple[FloatArray, float, float]:
+    """Pareto-smoothed log weights (n_draw,) whose exponentials sum to 1, their k-hat, and the log of the mean weight before normalisation.
+
+    log_ratio : (n_draw,) log density minus log proposal.  Where no tail can be fitted the weights are left alone: with
+    k-hat = inf where fewer draws have any weight than the tail needs, with -inf where all weights are the same.
+    """
+    from arviz_stats.base import array_stats
+
+    n = log_ratio.size
+    total = float(log_sum_exp(log_ratio))
+    if total == -math.inf:
+        return np.full(n, -np.inf), math.inf, -math.inf
+    plain = (log_ratio - total, total - math.log(n))
+    ranked = np.sort(log_ratio)
+    n_tail = int(3.0 * math.sqrt(n)) + 2
+    if n <= n_tail or not np.isfinite(ranked[-n_tail]):
+        return plain[0], math.inf, plain[1]
+    if ranked[-1] - ranked[-n_tail] < 1e-9:
+        return plain[0], -math.inf, plain[1]
+    # arviz-stats takes minus the log ratio; draws below the tail keep theirs up to one constant, the log of the sum
+    with np.errstate(all="ignore"):  # it divides by zero where one draw outweighs all others, and finds no tail there
+        smooth, k_hat = array_stats.psislw(ranked[-1] - log_ratio)
+    log_weights = np.asarray(smooth, dtype=np.float64)
+    if not (np.isfinite(k_hat) and np.isfinite(np.max(log_weights))):
+        return plain[0], math.inf, plain[1]
+    body = int(np.argsort(log_ratio)[-n_tail])
+    return log_weights, float(k_hat), float(log_ratio[body] - log_weights[body]) - math.log(n)
+
+
+def kish_size(log_weights: FloatArray) -> float:
+    """Effective size of weighted draws, (sum w)^2/(sum w^2); 0 where every weight is."""
+    if not np.any(np.isfinite(log_weights)):
+        return 0.0
+    return float(np.exp(2.0 * log_sum_exp(log_weights) - log_sum_exp(2.0 * log_weights)))
+
+
+def u_log_mean(log_weights: FloatArray) -> float:
+    """Monte-Carlo standard error of log mean w, which is a log evidence where w = density/proposal."""
+    size = kish_size(log_weights)
+    return math.sqrt(max(1.0 / size - 1.0 / log_weights.size, 0.0)) if size else math.inf
+
+
+def flattened(log_weights: FloatArray, least: float) -> tuple[FloatArray, float]:
+    """(n_draw,) normalised weights w^b, and the largest b <= 1 that leaves an effective size of `least`: a far start is approached in steps."""
+    finite = np.isfinite(log_weights)
+    shifted = np.where(finite, log_weights, 0.0) - np.max(log_weights)
+
+    def powered(power: float) -> FloatArray:
+        return np.where(finite, power * shifted, -np.inf)
+
+    low, high = 0.0, 1.0
+    if kish_size(powered(1.0)) < least:
+        for _ in range(20):
+            middle = 0.5 * (low + high)
+            low, high = (middle, high) if kish_size(powered(middle)) >= least else (low, middle)
+        high = max(low, 1e-6)
+    weights = np.exp(powered(high))
+    return np.asarray(weights / np.sum(weights)), high
+
+
+def systematic(weights: FloatArray, n: int, rng: np.random.Generator) -> IndexArray:
+    """(n,) indices, each draw as often as its weight says to within one."""
+    edges = np.cumsum(weights)
+    places = (rng.random() + np.arange(n)) / n * edges[-1]
+    return np.minimum(np.searchsorted(edges, places), weights.size - 1)
+
+
+def spread(values: FloatArray, log_weights: FloatArray) -> float:
+    """Standard deviation of values (n,) under weights; inf where one that counts is not finite."""
+    if not np.any(np.isfinite(log_weights)):
+        return math.inf
+    weights = np.exp(log_weights - np.max(log_weights))
+    counting = weights > 1e-6
+    if not np.all(np.isfinite(values[counting])):
+        return math.inf
+    weights, values = weights[counting] / np.sum(weights[counting]), values[counting]
+    return float(np.sqrt(weights @ (values - weights @ values) ** 2))
+
+
+def difference(shared: FloatArray, log_marginal: FloatArray, log_all: FloatArray) -> tuple[float, float]:
+    """Largest difference of a mean by two sets of weights of the same draws, in standard deviations, and its Monte-Carlo error."""
+    if kish_size(log_marginal) < 2.0 or kish_size(log_all) < 2.0:
+        return math.inf, math.inf
+    a, b = np.exp(log_marginal - log_sum_exp(log_marginal)), np.exp(log_all)
+    mean_a, mean_b = a @ shared, b @ shared
+    sd = np.sqrt(a @ (shared - mean_a) ** 2)
+    # both means come from the same draws: only what differs between the weights scatters
+    u = np.sqrt(np.sum((a[:, None] * (shared - mean_a) - b[:, None] * (shared - mean_b)) ** 2, axis=0))
+    worst = int(np.argmax(np.abs(mean_b - mean_a) / sd))
+    return float(abs(mean_b - mean_a)[worst] / sd[worst]), float(u[worst] / sd[worst])

@@ -1,0 +1,305 @@
+"""Joint fits of many runs by the marginal of what they share.
+
+Which method to use: `sample_posterior` (a chain in all dimensions) for one run or a few; `sample_marginal` where the number of
+parameters grows with the number of runs.  Given the shared parameters the runs are independent, so only the shared ones are sampled:
+importance sampling with a Student-t density adapted to their marginal, each run integrated out (`estim.sampling.conditional`), the weights
+Pareto-smoothed; then every run's own parameters are drawn given the shared ones.
+
+Two things can be wrong, and each is checked.  The proposal may miss the marginal: k-hat of its weights tells.  The runs' own
+parameters may not be normal given the shared ones: on some of the draws the weights in ALL dimensions are computed, in which
+nothing is approximated, and both sets of weights must give the same answer (a choice of several nodes removes most of a difference).
+
+Priors with hard edges: sampled parameters are only checked against their support.  A run's own parameter that comes close
+to such an edge is no normal variable and is sampled with the shared ones.
+
+Source: Rue, Martino, Chopin, J. R. Stat. Soc. B 71 (2009) 319 (nested Laplace approximations).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from estim.arrays import FloatArray
+from estim.common import InputError, NumericalError
+from estim.fitting import Fit
+from estim.problem import Normal, Problem
+from estim.sampling.conditional import Expansion, RunTerm, expand, run_terms
+from estim.sampling.importance import K_HAT_LIMIT, difference, flattened, kish_size, pareto_smoothed, spread, systematic, u_log_mean
+from estim.sampling.proposal import Proposal, lower_factor
+
+IndexArray = NDArray[np.int64]
+
+_LEAST_ESS = 400.0
+_MOST_SAMPLED = 12
+_CLOSE = 4.0  # standard deviations to a hard edge below which a parameter is not treated as normal
+_N_ADAPT = 1000
+_N_POINT = 200
+_MOST_ROUNDS = 8
+_UNEVEN = 0.1  # spread of a run's log weights above which its own parameters are no normal variables: a shift of 0.08 of their sd
+_ROUGH = 0.3  # of a conditional standard deviation: worse expansions of the modes are reported
+
+
+@dataclass(frozen=True)
+class MarginalOptions:
+    """n_draw : draws of the marginal.  n_check : how many of them get exact weights in all dimensions.
+    n_node : Gauss-Hermite nodes along each own parameter of a run; 1 is Laplace's approximation, 5 leaves no visible error.
+    """
+
+    n_draw: int = 8000
+    n_check: int = 4000
+    n_node: int = 1
+
+    def __post_init__(self) -> None:
+        for name, value, least in (("n_draw", self.n_draw, 100), ("n_check", self.n_check, 100), ("n_node", self.n_node, 1)):
+            if value < least:
+                raise InputError(f"must be >= {least}", field=name, value=value)
+
+
+@dataclass(frozen=True, eq=False)
+class MarginalPosterior:
+    """Weighted draws of a joint posterior.
+
+    names : (n_par,) of the problem.  sampled : names of the parameters drawn from the marginal, the others were drawn given these.
+    draws : (n_draw, n_par) in the problem's order.  log_weights : (n_draw,) Pareto-smoothed, their exponentials sum to 1.
+    k_hat, ess : of these weights.  log_evidence, u_log_evidence : log p(y) and its Monte-Carlo error, by the marginal.
+    check_log_weights : (n_check,) weights in all dimensions for the sampled parameters of the first draws, smoothed;
+        k_hat_all, ess_all, log_evidence_all : theirs.
+    shift : largest difference between the means of a sampled parameter by the two sets of weights, posterior standard deviations.
+    refined : runs whose own parameters were not normal enough given the shared ones and were brought to their exact distribution.
+    u_shift : its Monte-Carlo error.  expansion_error : see `Expansion.error`, the worst run.
+    trusted : whether the draws may be used.  reasons : in words, why or why not.
+    """
+
+    names: tuple[str, ...]
+    sampled: tuple[str, ...]
+    draws: FloatArray
+    log_weights: FloatArray
+    k_hat: float
+    ess: float
+    log_evidence: float
+    u_log_evidence: float
+    check_log_weights: FloatArray
+    k_hat_all: float
+    ess_all: float
+    log_evidence_all: float
+    shift: float
+    u_shift: float
+    expansion_error: float
+    refined: tuple[str, ...]
+    trusted: bool
+    reasons: tuple[str, ...]
+
+    @property
+    def mean(self) -> FloatArray:
+        """(n_par,) posterior means."""
+        return np.asarray(np.exp(self.log_weights) @ self.draws)
+
+    @property
+    def sd(self) -> FloatArray:
+        """(n_par,) posterior standard deviations."""
+        return np.asarray(np.sqrt(np.exp(self.log_weights) @ (self.draws - self.mean) ** 2))
+
+    def resampled(self, n_draw: int, *, rng: np.random.Generator) -> FloatArray:
+        """(n_draw, n_par) draws of equal weight, by systematic resampling; more than `ess` of them repeat each other."""
+        return self.draws[systematic(np.exp(self.log_weights), n_draw, rng)]
+
+
+def sample_marginal(fit: Fit, *, rng: np.random.Generator, options: MarginalOptions | None = None) -> MarginalPosterior:
+    """Draws of the posterior of a joint fit, through the marginal of its shared parameters.
+
+    Raises InputError where a run's noise is not normal or too many parameters have to be sampled, and NumericalError where
+    the fit leaves a combination of parameters undetermined or the proposal finds no posterior mass.
+    """
+    options = options or MarginalOptions()
+    if fit.singular:
+        raise NumericalError("the marginal over runs needs a fit that determines every parameter: state one more of them with an uncertainty")
+    columns = sampled_columns(fit)
+    terms = run_terms(fit, columns)
+    target = _Marginal(fit.problem, columns, terms)
+    proposal, expansions = _adapt(fit, target, rng)
+    shared = proposal.draw(rng, options.n_draw)
+    log_prior, by_run = target.terms_at(shared, expansions, n_node=options.n_node)
+    log_proposal = proposal.log_density(shared)
+    raw = log_prior + np.sum(by_run, axis=0) - log_proposal
+    log_weights, k_hat, log_evidence = pareto_smoothed(raw)
+    draws = np.empty((options.n_draw, fit.problem.n_par))
+    draws[:, columns] = shared
+    inside = np.flatnonzero(np.isfinite(log_weights))
+    first = inside[inside < options.n_check]
+    raw_all = np.full(min(options.n_check, options.n_draw), -np.inf)
+    raw_all[first] = (log_prior - log_proposal)[first]
+    refined = []
+    for term, expansion, log_marginal in zip(terms, expansions, by_run, strict=True):
+        given, own_columns = target.given(term, shared), term.columns[term.own]
+        own, log_q = term.draw_own(given, expansion, rng)
+        excess = term.log_joint(given[first], own[first]) - log_q[first]
+        raw_all[first] += excess
+        if spread(excess - log_marginal[first], log_weights[first]) > _UNEVEN:
+            own[inside] = term.refine_own(given[inside], own[inside], expansion, rng)
+            refined.append(term.run.name)
+        draws[:, own_columns] = own
+    check, k_hat_all, log_evidence_all = pareto_smoothed(raw_all)
+    shift, u_shift = difference(shared[: check.size], log_weights[: check.size], check)
+    ess, ess_all = kish_size(log_weights), kish_size(check)
+    error = max((expansion.error for expansion in expansions), default=0.0)
+    trusted, reasons = _judge(k_hat, ess, k_hat_all, ess_all, shift, u_shift, error, n_node=options.n_node, exact=columns.size == fit.problem.n_par)
+    return MarginalPosterior(
+        names=fit.names, sampled=tuple(fit.names[i] for i in columns), draws=draws, log_weights=log_weights, k_hat=k_hat, ess=ess,
+        log_evidence=log_evidence, u_log_evidence=u_log_mean(raw),
+        check_log_weights=check, k_hat_all=k_hat_all, ess_all=ess_all, log_evidence_all=log_evidence_all,
+        shift=shift, u_shift=u_shift, expansion_error=error, refined=tuple(refined), trusted=trusted, reasons=reasons,
+    )
+
+
+def sampled_columns(fit: Fit) -> IndexArray:
+    """Which parameters are sampled: those of several runs, those of none, all of a single run's, and those close to a hard edge.
+
+    Raises InputError where they are too many.
+    """
+    problem = fit.problem
+    users = {name: [run.name for run in problem.runs if name in run.parameters] for name in problem.names}
+    shared = [i for i, name in enumerate(problem.names) if len(users[name]) != 1 or len(problem.runs) == 1]
+    sds = np.sqrt(np.diag(fit.cov))
+    edges = []
+    for i, (parameter, value, sd) in enumerate(zip(problem.parameters, fit.values, sds, strict=True)):
+        prior = parameter.prior
+        if i not in shared and not isinstance(prior, Normal) and min(value - prior.low, prior.high - value) < _CLOSE * sd:
+            edges.append(i)
+    if len(shared) + len(edges) > _MOST_SAMPLED:
+        near = f", {len(edges)} of them close to the edge of their range ({problem.names[edges[0]]}, ...)" if edges else ""
+        rule = f"are too many to sample at once ({len(shared) + len(edges)}, at most {_MOST_SAMPLED}){near}: use the sampler"
+        raise InputError(rule, field="shared parameters")
+    return np.array(sorted([*shared, *edges]), dtype=np.int64)
+
+
+@dataclass(frozen=True, eq=False)
+class _Marginal:
+    """Log density of the sampled parameters, the runs' own ones integrated out; `columns` (n_sampled,) of the problem."""
+
+    problem: Problem
+    columns: IndexArray
+    terms: tuple[RunTerm, ...]
+
+    def given(self, term: RunTerm, shared: FloatArray) -> FloatArray:
+        """The columns of shared (n_draw, n_sampled) that one run uses."""
+        return shared[:, np.searchsorted(self.columns, term.columns[term.shared])]
+
+    def log_prior(self, shared: FloatArray) -> FloatArray:
+        """(n_draw,) of the sampled parameters."""
+        log_p = np.zeros(shared.shape[0])
+        for i, column in enumerate(self.columns):
+            log_p += self.problem.parameters[column].prior.log_density(shared[:, i])
+        return log_p
+
+    def terms_at(self, shared: FloatArray, expansions: Sequence[Expansion], *, n_node: int) -> tuple[FloatArray, FloatArray]:
+        """Log prior (n_draw,) of the sampled parameters, -inf outside its support, and the marginal (n_run, n_draw) of every run, 0 there."""
+        log_p = self.log_prior(shared)
+        inside = np.flatnonzero(np.isfinite(log_p))
+        by_run = np.zeros((len(self.terms), shared.shape[0]))
+        for row, term, expansion in zip(by_run, self.terms, expansions, strict=True):
+            row[inside] = term.log_marginal(self.given(term, shared[inside]), expansion, n_node=n_node)
+        return log_p, by_run
+
+    def log_density(self, shared: FloatArray, expansions: Sequence[Expansion], *, n_node: int) -> FloatArray:
+        """(n_draw,) log p(y, s); -inf outside the priors' support."""
+        log_p, by_run = self.terms_at(shared, expansions, n_node=n_node)
+        return np.asarray(log_p + np.sum(by_run, axis=0))
+
+
+def _adapt(fit: Fit, target: _Marginal, rng: np.random.Generator) -> tuple[Proposal, list[Expansion]]:
+    """A proposal with mean and covariance of the marginal, and the expansions of the runs over its bulk.
+
+    Starts from the Gaussian approximation of the fit (the Schur complement of its information).  While its weights are poor they
+    are flattened to w^b so that a tenth of the draws count; it settles when two rounds in a row needed no flattening.
+    """
+    columns = target.columns
+    mean, cov = fit.values[columns], fit.cov[np.ix_(columns, columns)]
+    # (n_par, n_sampled): how the conditional mean of every parameter follows the sampled ones
+    regression: FloatArray = np.asarray(np.linalg.solve(cov, fit.cov[columns]).T, dtype=np.float64)
+    points = _pilot_points(target, mean, cov, rng)
+    expansions = _expand_all(fit, target, points, regression, Proposal.single(mean, cov))
+    settled = 0
+    for _ in range(_MOST_ROUNDS):
+        proposal = Proposal.single(mean, cov)
+        shared = proposal.draw(rng, _N_ADAPT)
+        raw = target.log_density(shared, expansions, n_node=1) - proposal.log_density(shared)
+        if not np.any(np.isfinite(raw)):
+            raise NumericalError("the marginal over runs finds no posterior mass around the fit")
+        weights, power = flattened(raw, 0.1 * _N_ADAPT)
+        mean = weights @ shared
+        cov = (weights[:, None] * (shared - mean)).T @ (shared - mean)
+        settled = settled + 1 if power == 1.0 else 0
+        if settled == 2:
+            break
+        points = shared[systematic(weights, _n_point(columns.size), rng)]
+        points = points + 0.3 * rng.standard_normal(points.shape) @ lower_factor(cov).T  # wider than the posterior, and no point twice
+        points = points[np.isfinite(target.log_prior(points))]
+        expansions = _expand_all(fit, target, points, regression, None)
+    return Proposal.single(mean, cov), expansions
+
+
+def _n_point(n_sampled: int) -> int:
+    """Points that determine quadratic polynomials of `n_sampled` variables six times over."""
+    return max(_N_POINT, 3 * (n_sampled + 1) * (n_sampled + 2))
+
+
+def _pilot_points(target: _Marginal, mean: FloatArray, cov: FloatArray, rng: np.random.Generator) -> FloatArray:
+    """(n_point, n_sampled) points inside the priors' support from the normal density of `mean` and `cov`."""
+    points = np.empty((0, mean.size))
+    for _ in range(100):
+        drawn = mean + rng.standard_normal((4 * _n_point(mean.size), mean.size)) @ lower_factor(cov).T
+        points = np.vstack([points, drawn[np.isfinite(target.log_prior(drawn))]])
+        if points.shape[0] >= _n_point(mean.size):
+            return points[: _n_point(mean.size)]
+    raise NumericalError("the marginal over runs cannot start: hardly any point around the fit lies inside the priors")
+
+
+def _expand_all(fit: Fit, target: _Marginal, points: FloatArray, regression: FloatArray, around: Proposal | None) -> list[Expansion]:
+    """The expansion of every run over the points (n_point, n_sampled).
+
+    around : density that the points came from; points that the run all but excludes are then given little weight.
+    """
+    conditional = fit.values + (points - fit.values[target.columns]) @ regression.T
+
+    def log_weight(log_marginal: FloatArray) -> FloatArray:
+        if around is None:
+            return np.zeros(log_marginal.size)
+        return np.maximum(log_marginal - np.max(log_marginal), -20.0) / 4.0
+
+    expansions = []
+    for term in target.terms:
+        own = conditional[:, term.columns[term.own]]
+        expansions.append(expand(term, target.given(term, points), own, log_weight))
+    return expansions
+
+
+def _judge(
+    k_hat: float, ess: float, k_hat_all: float, ess_all: float, shift: float, u_shift: float, error: float, *, n_node: int, exact: bool
+) -> tuple[bool, tuple[str, ...]]:
+    """Whether the draws may be used, and why or why not."""
+    wrong, notes = [], []
+    if not k_hat < K_HAT_LIMIT:
+        wrong.append(f"the proposal misses part of the marginal of the shared parameters: k-hat {k_hat:.2f} is not below {K_HAT_LIMIT}")
+    if ess < _LEAST_ESS:
+        wrong.append(f"only {ess:.0f} effective draws (at least {_LEAST_ESS:.0f} are needed): raise n_draw")
+    if exact:
+        notes.append("every parameter was sampled: nothing is integrated out, the weights are exact")
+    elif not k_hat_all < K_HAT_LIMIT:
+        notes.append(f"exact weights in all dimensions are too uneven to certify the result (k-hat {k_hat_all:.2f}, {ess_all:.0f} effective draws)")
+    elif shift > max(0.1, 4.0 * u_shift):
+        cure = "take n_node = 5" if n_node < 5 else "use the sampler"
+        wrong.append(f"exact weights move a shared parameter by {shift:.2f} standard deviations (Monte-Carlo error {u_shift:.2f}): {cure}")
+    else:
+        notes.append(
+            f"exact weights in all dimensions agree (k-hat {k_hat_all:.2f}): no shared parameter moves by more than {shift:.2f} standard"
+            f" deviations, with a Monte-Carlo error of {u_shift:.2f}"
+        )
+    if error > _ROUGH:
+        notes.append(f"the runs' own parameters do not follow the shared ones smoothly (the expansion misses by {error:.1f} standard deviations)")
+    if not wrong:
+        notes.insert(0, f"the marginal of the shared parameters was sampled well (k-hat {k_hat:.2f}, {ess:.0f} effective draws)")
+    return not wrong, (*wrong, *notes)

@@ -1,0 +1,51 @@
+"""The marginal over runs in the place of a chain: equally weighted draws, and its own check as the second opinion."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from estim.fitting import Fit
+from estim.sampling.certificate import Agreement, no_comparison
+from estim.sampling.chain import Chain, Convergence, Target
+from estim.sampling.diagnostics import r_hat
+from estim.sampling.marginal import MarginalOptions, MarginalPosterior, sample_marginal
+
+_N_CHAIN = 4  # parts that the independent draws are shown in
+
+
+def marginal_chain(fit: Fit, *, target: Target, rng: np.random.Generator) -> tuple[Chain, Agreement]:
+    """Independent draws of a joint posterior by `estim.sampling.marginal`, and what exact weights in all dimensions say of them.
+
+    Where Laplace's approximation moves a parameter, the runs are integrated by 5 x 5 nodes.
+
+    Raises InputError where noise is not normal or too much is shared, NumericalError where the fit leaves something undetermined.
+    """
+    n_draw = int(max(8000, 2.5 * target.ess))
+    marginal = sample_marginal(fit, rng=rng, options=MarginalOptions(n_draw=n_draw))
+    if not marginal.trusted:
+        marginal = sample_marginal(fit, rng=rng, options=MarginalOptions(n_draw=n_draw, n_node=5))
+    # no more draws than the weights are worth: their number then is their effective size
+    n_kept = max(_N_CHAIN * 10, int(min(marginal.ess, n_draw)) // _N_CHAIN * _N_CHAIN)
+    draws = rng.permutation(marginal.resampled(n_kept, rng=rng)).reshape(_N_CHAIN, -1, 1, len(fit.names))
+    flat = draws.reshape(-1, draws.shape[-1])
+    short = marginal.ess < target.ess
+    message = "; ".join(marginal.reasons) if not marginal.trusted else "independent draws by importance sampling"
+    if short:
+        message = f"only {marginal.ess:.0f} effective draws of {target.ess:.0f}; {message}"
+    convergence = Convergence(
+        n_step=draws.shape[1], rhat=float(np.max(r_hat(draws))), ess_bulk=marginal.ess, ess_tail=marginal.ess, tau=1.0, tau_moved=0.0,
+        met=marginal.trusted and not short, message=message,
+    )
+    log_density = fit.posterior.log_density(flat).reshape(draws.shape[:3])
+    chain = Chain(fit.names, draws, log_density, 0, np.ones(_N_CHAIN), 0, convergence)
+    return chain, _opinion(marginal, len(fit.names))
+
+
+def _opinion(marginal: MarginalPosterior, n_par: int) -> Agreement:
+    """The exact weights in all dimensions as a comparison; "missing" where they are too uneven to tell."""
+    disagree = any(reason.startswith("exact weights move") for reason in marginal.reasons)
+    told = marginal.k_hat_all < 0.7 or len(marginal.sampled) == n_par
+    verdict = "disagree" if disagree else "agree" if marginal.trusted and told else "missing"
+    return replace(no_comparison(marginal.names, "; ".join(marginal.reasons)), verdict=verdict)

@@ -1,0 +1,244 @@
+"""A proposal adapted to a posterior: a Student-t distribution with 5 degrees of freedom, or a small mixture of them.
+
+It lives in the space of the parameters themselves.  Draws outside the support of the priors have weight 0: a hard edge
+costs the share of draws behind it and nothing else, since a Student-t density is finite and positive at the edge, so
+weights stay bounded there (transformed parameters would put the edge at infinity, where the tails of the transformed
+posterior decide).
+
+`adapt_proposal` starts from the fit and maximises sum_i w_i log q(x_i) over weighted draws of the round before: EM steps
+for Student-t mixtures (Cappe, Douc, Guillin, Marin, Robert, Statistics and Computing 18 (2008) 447, section 4).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from estim.arrays import FloatArray
+from estim.common import NumericalError
+from estim.sampling.density import Density, log_density_in_batches
+from estim.sampling.importance import flattened, kish_size, pareto_smoothed
+
+DOF = 5.0  # tails heavier than those of most posteriors
+_WIDE_SHARE, _WIDE_FACTOR = 0.05, 2.0  # share and width (in sds of the whole) of the component that guards a mixture
+_FAR_SHARE, _FAR_FACTOR = 0.25, 3.0  # the same for `Proposal.widened`
+_GOOD_K_HAT = 0.5
+_MAX_ROUND = 12
+_EM_STEPS = 25
+
+
+@dataclass(frozen=True, eq=False)
+class Proposal:
+    """sum_k weights_k t_5(x; means_k, factors_k factors_k^T).
+
+    weights : (n_component,), sum 1.  means : (n_component, n_par).
+    factors : (n_component, n_par, n_par) lower Cholesky factors of the scale matrices (covariance = 5/3 of it).
+    """
+
+    weights: FloatArray
+    means: FloatArray
+    factors: FloatArray
+
+    @property
+    def n_par(self) -> int:
+        return int(self.means.shape[1])
+
+    @cached_property
+    def _inverse_factors(self) -> FloatArray:
+        return np.asarray(np.linalg.inv(self.factors))
+
+    @cached_property
+    def _log_heights(self) -> FloatArray:
+        """(n_component,) log of weight times density at the centre."""
+        d = self.n_par
+        unit = math.lgamma(0.5 * (DOF + d)) - math.lgamma(0.5 * DOF) - 0.5 * d * math.log(DOF * math.pi)
+        return np.log(self.weights) + unit - np.sum(np.log(np.diagonal(self.factors, axis1=1, axis2=2)), axis=1)
+
+    @classmethod
+    def single(cls, mean: FloatArray, scale: FloatArray) -> Proposal:
+        """One component: mean (n_par,), scale matrix (n_par, n_par)."""
+        return cls(np.ones(1), mean[None], lower_factor(scale)[None])
+
+    def widened(self) -> Proposal:
+        """A quarter of the draws from three times as far around.
+
+        A proposal that was adapted to draws of itself may miss a long tail (of an outlier's width, say), and weights cannot
+        show what was never drawn.  Where the wide draws find something, k-hat and the effective size say so.
+        """
+        mean = self.weights @ self.means
+        away = self.means - mean
+        scale = np.einsum("k,kij,klj->il", self.weights, self.factors, self.factors) + (self.weights[:, None] * away).T @ away
+        return self._with(mean, scale, _FAR_SHARE, _FAR_FACTOR)
+
+    def _with(self, mean: FloatArray, scale: FloatArray, share: float, factor: float) -> Proposal:
+        """A `share` of the draws from one more component."""
+        return Proposal(
+            np.append((1.0 - share) * self.weights, share), np.vstack([self.means, mean]),
+            np.concatenate([self.factors, factor * lower_factor(scale)[None]]),
+        )
+
+    def draw(self, rng: np.random.Generator, n: int) -> FloatArray:
+        """(n, n_par) independent draws."""
+        normal = rng.standard_normal((n, self.n_par)) / np.sqrt(rng.chisquare(DOF, n) / DOF)[:, None]
+        if self.weights.size == 1:
+            return self.means[0] + normal @ self.factors[0].T
+        which = rng.choice(self.weights.size, n, p=self.weights)
+        return self.means[which] + np.einsum("nij,nj->ni", self.factors[which], normal)
+
+    def distances(self, draws: FloatArray) -> FloatArray:
+        """(n_component, n_draw) squared distances from the centres in units of the scale matrices."""
+        whitened = (draws - self.means[:, None]) @ np.swapaxes(self._inverse_factors, 1, 2)
+        return np.asarray(np.einsum("kni,kni->kn", whitened, whitened))
+
+    def component_log_densities(self, draws: FloatArray) -> FloatArray:
+        """(n_component, n_draw) log of weight times density of each component."""
+        return self._log_heights[:, None] - 0.5 * (DOF + self.n_par) * np.log1p(self.distances(draws) / DOF)
+
+    def log_density(self, draws: FloatArray) -> FloatArray:
+        """(n_draw,) normalised log density at draws (n_draw, n_par)."""
+        parts = self.component_log_densities(draws)
+        return parts[0] if parts.shape[0] == 1 else np.logaddexp.reduce(parts, axis=0)
+
+
+def adapt_proposal(
+    density: Density, start: FloatArray, cov: FloatArray, *, rng: np.random.Generator, starts: Sequence[FloatArray] = (),
+    covs: Sequence[FloatArray] = (), n_round: int = 2000,
+) -> Proposal:
+    """A proposal adapted to `density` from one component at each start.
+
+    start : (n_par,) the fit.  cov : (n_par, n_par) the covariance there, used at the other `starts` (further modes) too where they have no `covs`.
+    n_round : draws in each round, at least 500 for each start.  Where one Student-t gives uneven weights, mixtures of more are tried and
+    kept if better.
+
+    Raises NumericalError where the density is nowhere finite around the fit.
+    """
+    centres = np.vstack([start, *starts])
+    n_round = max(n_round, 500 * len(centres))
+    factors = np.stack([lower_factor(one) for one in (cov, *(covs or [cov] * len(starts)))])
+    mixture = Proposal(np.full(len(centres), 1.0 / len(centres)), centres, factors)
+    best, quality, draws, weights = _settle(density, _shrunk(density, mixture, rng), rng, n_round)
+    for n_component in (4, 8):
+        if quality > 0.4:
+            break
+        split = _split(draws, weights, max(n_component, len(centres) + 1), rng)
+        candidate, better, candidate_draws, candidate_weights = _settle(density, split, rng, 4 * n_round)
+        if better > 1.15 * quality:
+            best, quality, draws, weights = candidate, better, candidate_draws, candidate_weights
+    return best
+
+
+def _settle(density: Density, mixture: Proposal, rng: np.random.Generator, n_round: int) -> tuple[Proposal, float, FloatArray, FloatArray]:
+    """Rounds of (draw; weigh; fit) until weights get no more even: best proposal, its quality, its draws and weights."""
+    proposal = mixture
+    found: list[tuple[Proposal, float, FloatArray, FloatArray]] = []
+    for _ in range(_MAX_ROUND):
+        draws = proposal.draw(rng, n_round)
+        log_ratio = log_density_in_batches(density, draws) - proposal.log_density(draws)
+        if not np.any(np.isfinite(log_ratio)):
+            break
+        quality = _quality(log_ratio)
+        weights, _ = flattened(log_ratio, least=min(0.1 * n_round, 20.0 * proposal.n_par))
+        found.append((proposal, quality, draws, weights))
+        if len(found) > 2 and 0.05 < quality < 1.1 * max(f[1] for f in found[:-1]):
+            break
+        mixture = _fit(mixture, draws, weights)
+        proposal = _guarded(mixture, draws, weights)
+    if not found:
+        raise NumericalError("importance sampling cannot start: the posterior density is zero or not finite everywhere around the fit")
+    return max(found, key=lambda f: f[1])
+
+
+def _quality(log_ratio: FloatArray) -> float:
+    """Effective share of weighted draws; a third of it where k-hat shows that a tail is missed."""
+    share = kish_size(log_ratio) / log_ratio.size
+    return share if pareto_smoothed(log_ratio)[1] <= _GOOD_K_HAT else share / 3.0
+
+
+def _fit(mixture: Proposal, draws: FloatArray, weights: FloatArray) -> Proposal:
+    """EM steps of a Student-t mixture towards weighted draws; components that explain next to nothing are dropped."""
+    floor = 1e-8 * _covariance(draws, weights)[1]
+    d = mixture.n_par
+    used = weights > 0.0
+    draws, weights = draws[used], weights[used]
+    for _ in range(_EM_STEPS):
+        parts = mixture.component_log_densities(draws)
+        share = weights * np.exp(parts - np.logaddexp.reduce(parts, axis=0))
+        size = np.sum(share, axis=1)
+        # a component must rest on enough draws for a covariance
+        kept = np.flatnonzero(size**2 / np.maximum(np.sum(share**2, axis=1), 1e-300) > 3.0 * d)
+        if kept.size == 0:
+            break
+        pull = share * (DOF + d) / (DOF + mixture.distances(draws))
+        means, factors = [], []
+        for k in kept:
+            mean = pull[k] @ draws / np.sum(pull[k])
+            deviation = draws - mean
+            means.append(mean)
+            factors.append(lower_factor((pull[k][:, None] * deviation).T @ deviation / size[k] + floor))
+        before = mixture
+        mixture = Proposal(size[kept] / np.sum(size[kept]), np.array(means), np.array(factors))
+        settled = kept.size == before.weights.size and np.max(np.abs(mixture.weights - before.weights)) < 1e-3
+        if settled and np.max(before.distances(mixture.means).diagonal()) < 1e-5:
+            break
+    return mixture
+
+
+def _split(draws: FloatArray, weights: FloatArray, n_component: int, rng: np.random.Generator) -> Proposal:
+    """A mixture of equal components centred on draws that lie far from each other, each a part of the whole in width."""
+    mean, cov = _covariance(draws, weights)
+    factor = lower_factor(cov)
+    whitened = np.linalg.solve(factor, (draws - mean).T).T
+    centres = [int(rng.choice(weights.size, p=weights))]
+    for _ in range(n_component - 1):
+        nearest = np.min([np.sum((whitened - whitened[c]) ** 2, axis=1) for c in centres], axis=0)
+        chance = weights * nearest
+        if not np.sum(chance) > 0.0:  # a single draw has all the weight: nothing to part
+            break
+        centres.append(int(rng.choice(weights.size, p=chance / np.sum(chance))))
+    n = len(centres)
+    start = Proposal(np.full(n, 1.0 / n), draws[centres], np.stack([n ** (-1.0 / draws.shape[1]) * factor] * n))
+    return _fit(start, draws, weights)
+
+
+def _guarded(mixture: Proposal, draws: FloatArray, weights: FloatArray) -> Proposal:
+    """A mixture of several with a wide component added, so that no region between and around them is without draws."""
+    if mixture.weights.size == 1:
+        return mixture
+    return mixture._with(*_covariance(draws, weights), _WIDE_SHARE, _WIDE_FACTOR)
+
+
+def grown(draws: FloatArray, n_component: int, rng: np.random.Generator) -> Proposal:
+    """A mixture fitted to draws (n_draw, n_par) of equal weight that come from elsewhere, with the component that guards it."""
+    weights = np.full(len(draws), 1.0 / len(draws))
+    return _guarded(_split(draws, weights, n_component, rng), draws, weights)
+
+
+def _shrunk(density: Density, mixture: Proposal, rng: np.random.Generator) -> Proposal:
+    """`mixture`, narrowed until one draw in 50 at least lies inside the support."""
+    for _ in range(30):
+        if np.mean(np.isfinite(density.log_density(mixture.draw(rng, 500)))) >= 0.02:
+            break
+        mixture = Proposal(mixture.weights, mixture.means, 0.5 * mixture.factors)
+    return mixture
+
+
+def _covariance(draws: FloatArray, weights: FloatArray) -> tuple[FloatArray, FloatArray]:
+    mean = weights @ draws
+    deviation = draws - mean
+    return mean, (weights[:, None] * deviation).T @ deviation
+
+
+def lower_factor(cov: FloatArray) -> FloatArray:
+    """Lower Cholesky factor of a covariance; directions without any variance get a millionth of the others'."""
+    sds = np.sqrt(np.maximum(np.diag(cov), 0.0))
+    sds = np.where(sds > 0.0, sds, 1e-6 * max(float(np.max(sds)), 1e-140))
+    values, vectors = np.linalg.eigh(cov / np.outer(sds, sds))
+    root = vectors * np.sqrt(np.maximum(values, 1e-10))
+    # R of the QR decomposition of root^T is a Cholesky factor even where round-off spoils the matrix itself
+    upper = np.asarray(np.linalg.qr(root.T, mode="r"))
+    lower = upper.T * np.sign(np.diag(upper))
+    return np.asarray(sds[:, None] * lower)

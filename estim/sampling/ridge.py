@@ -1,0 +1,232 @@
+"""Conditional maxima of a density, many at once: where it is highest when some of its parameters are held.
+
+Newton steps with derivatives from finite differences, all points in one call of the density.  The parameters come in an
+order, and the first ones are held; `factor`, the lower Cholesky factor of a covariance in that order, says along which
+directions to differentiate.  Limits of parameters are kept by holding what lies on one and is pressed against it.
+
+What comes back is a guide (where to put nodes, how wide a proposal must be); nothing that uses it may rest on its accuracy.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from estim.arrays import FloatArray
+from estim.sampling.density import Density, log_density_in_batches
+from estim.sampling.proposal import lower_factor
+
+Flags = NDArray[np.bool_]
+Support = tuple[FloatArray, FloatArray]  # (n_par,) lowest and highest values
+
+_STEP = 0.1  # of the finite differences, in scales
+_LONGEST = 4.0  # Newton step, in scales
+_LEAST_CURVATURE = 0.02  # in scales
+_WITHIN_REACH = 16.0  # in log density: lower modes hold nothing
+
+
+@dataclass(frozen=True, eq=False)
+class Frame:
+    """Coordinates in which a density is explored: its parameters in another order, with a scale and limits.
+
+    order : (n_par,) which parameter comes first.  centre : (n_par,) a mode.  factor : (n_par, n_par) lower Cholesky factor of a
+    covariance.  low, high : (n_par,) limits, infinite where there are none.  All but `order` in the new order.
+    """
+
+    density: Density
+    order: NDArray[np.int64]
+    centre: FloatArray
+    factor: FloatArray
+    low: FloatArray
+    high: FloatArray
+
+    @property
+    def n_par(self) -> int:
+        return self.centre.size
+
+    def original(self, points: FloatArray) -> FloatArray:
+        """(n, n_par) the same points with the parameters in the density's own order."""
+        points_there = np.empty_like(points)
+        points_there[:, self.order] = points
+        return points_there
+
+    def heights(self, points: FloatArray) -> FloatArray:
+        """(n,) log density at points (n, n_par); -inf beyond the limits."""
+        inside = np.all((points >= self.low) & (points <= self.high), axis=1)
+        values = np.full(len(points), -np.inf)
+        if np.any(inside):
+            with np.errstate(all="ignore"):  # far from the mode a curve may overflow: no density there
+                values[inside] = log_density_in_batches(self.density, self.original(points[inside]))
+        return values
+
+
+@dataclass(frozen=True, eq=False)
+class Summits:
+    """Conditional maxima.
+
+    points : (n, n_par).  heights : (n,) log density.  log_volumes : (n,) log of the integral over the parameters that were not
+    held, relative to the height, by Laplace's approximation (exponential towards a limit).
+    precisions : (n, n_free, n_free) minus the second derivatives in those parameters.
+    """
+
+    points: FloatArray
+    heights: FloatArray
+    log_volumes: FloatArray
+    precisions: FloatArray
+
+    @property
+    def log_masses(self) -> FloatArray:
+        return self.heights + self.log_volumes
+
+
+def climb(frame: Frame, points: FloatArray, n_held: int, *, n_step: int = 2) -> Summits:
+    """Conditional maxima from points (n, n_par), the first `n_held` parameters staying where they are."""
+    n_free = frame.n_par - n_held
+    points = np.array(points)
+    heights = frame.heights(points)
+    if n_free == 0 or len(points) == 0:
+        return Summits(points, heights, np.zeros(len(points)), np.zeros((len(points), n_free, n_free)))
+    scales = np.ones((len(points), n_free))
+    for _ in range(n_step):
+        gradient, precision, scales = _derivatives(frame, points, n_held, scales)
+        step, _ = _bounded_step(frame, points[:, n_held:], gradient, precision, n_held)
+        for shrink in (1.0, 0.3, 0.05):
+            trial = points.copy()
+            trial[:, n_held:] = np.clip(points[:, n_held:] + shrink * step, frame.low[n_held:], frame.high[n_held:])
+            risen = frame.heights(trial)
+            better = risen > heights
+            points[better], heights[better] = trial[better], risen[better]
+            step[better] = 0.0
+            if np.all(better | (np.abs(gradient[:, None] @ step[:, :, None]).ravel() < 1e-3)):
+                break
+    gradient, precision, _ = _derivatives(frame, points, n_held, scales)
+    _, pressed = _bounded_step(frame, points[:, n_held:], gradient, precision, n_held)
+    return Summits(points, heights, _log_volume(gradient, precision, pressed), precision)
+
+
+def framed(density: Density, start: FloatArray, cov: FloatArray, support: Support | None) -> Frame:
+    """Coordinates around a mode `start` (n_par,) with covariance `cov`, those parameters first that the density is least normal in."""
+    start = np.asarray(start, dtype=float)
+    low, high = support if support is not None else (np.full(start.size, -np.inf), np.full(start.size, np.inf))
+    same = Frame(density, np.arange(start.size), start, lower_factor(cov), low, high)
+    scale = 1.0 / np.sqrt(np.diag(np.linalg.inv(same.factor @ same.factor.T)))
+    t = np.array([0.0, -3.0, -2.0, -1.0, 1.0, 2.0, 3.0])
+    bent = np.zeros(start.size)
+    for i in range(start.size):
+        values = same.heights(start + np.outer(t * scale[i], np.eye(start.size)[i]))
+        known = np.isfinite(values)
+        if np.sum(known) < 4:
+            bent[i] = np.inf
+            continue
+        coefficients = np.polynomial.polynomial.polyfit(t[known], values[known], 2)
+        bent[i] = np.max(np.abs(np.polynomial.polynomial.polyval(t[known], coefficients) - values[known]))
+    order = np.argsort(-np.where(bent < 1e-7, 0.0, bent), kind="stable")
+    return rescaled(Frame(density, order, start[order], lower_factor(cov[np.ix_(order, order)]), low[order], high[order]))
+
+
+def reordered(frame: Frame, mode: FloatArray, axis: int) -> Frame:
+    """The frame around another mode (n_par,), with parameter number `axis` of it in front."""
+    order = np.array([axis, *(i for i in range(frame.n_par) if i != axis)])
+    cov = (frame.factor @ frame.factor.T)[np.ix_(order, order)]
+    return rescaled(Frame(frame.density, frame.order[order], mode[order], lower_factor(cov), frame.low[order], frame.high[order]))
+
+
+def separate_modes(frame: Frame, starts: Sequence[FloatArray]) -> FloatArray:
+    """(n_mode, n_par) the centre and those of `starts` that are modes of their own and matter, in the order of the frame."""
+    found = climb(frame, np.vstack([frame.centre, *(np.asarray(s)[frame.order] for s in starts)]), 0, n_step=6)
+    inverse = np.linalg.inv(frame.factor)
+    kept: list[int] = [0]
+    for i in range(1, len(found.points)):
+        matters = found.heights[i] > np.max(found.heights) - _WITHIN_REACH
+        if matters and all(np.linalg.norm(inverse @ (found.points[i] - found.points[j])) > 1.0 for j in kept):
+            kept.append(i)
+    return found.points[kept]
+
+
+def rescaled(frame: Frame) -> Frame:
+    """The frame with the second derivatives at its centre (the slope towards a limit that the centre lies on) in place of its covariance."""
+    for _ in range(4):
+        frame = replace(frame, centre=climb(frame, frame.centre[None], 0).points[0])
+        gradient, precision, _ = _derivatives(frame, frame.centre[None], 0, np.ones((1, frame.n_par)))
+        _, pressed = _bounded_step(frame, frame.centre[None], gradient, precision, 0)
+        steep = np.diag(np.where(pressed[0], gradient[0], 0.0) ** 2)
+        factor = lower_factor(np.linalg.inv(precision[0] + steep))
+        if np.allclose(np.diag(factor), np.diag(frame.factor), rtol=0.1):
+            break
+        frame = replace(frame, factor=factor)
+    return frame
+
+
+def _derivatives(frame: Frame, points: FloatArray, n_held: int, scales: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Gradient (n, n_free) and minus the second derivatives (n, n_free, n_free), made positive, and new scales (n, n_free)."""
+    n, n_free = scales.shape
+    base = frame.factor[n_held:, n_held:]
+    directions = base * scales[:, None, :]  # (n, n_free, direction)
+    margin = 2.0 * _STEP * np.sum(np.abs(directions), axis=2)
+    low, high = frame.low[n_held:], frame.high[n_held:]
+    margin = np.minimum(margin, 0.49 * (high - low))
+    centre = points.copy()
+    centre[:, n_held:] = np.clip(points[:, n_held:], low + margin, high - margin)
+    first, second = np.triu_indices(n_free, 1)
+    eye = np.eye(n_free)
+    moves = np.concatenate([np.zeros((1, n_free)), eye, -eye, eye[first] + eye[second], -eye[first] - eye[second]])
+    stencil = np.repeat(centre[:, None], len(moves), axis=1)
+    stencil[:, :, n_held:] += _STEP * np.einsum("mj,nij->nmi", moves, directions)
+    values = frame.heights(stencil.reshape(-1, frame.n_par)).reshape(n, -1)
+    known = np.all(np.isfinite(values), axis=1)
+    values = np.where(known[:, None], values, 0.0)
+    middle, plus, minus = values[:, :1], values[:, 1 : n_free + 1], values[:, n_free + 1 : 2 * n_free + 1]
+    n_pair = first.size
+    both = values[:, 2 * n_free + 1 : 2 * n_free + 1 + n_pair] + values[:, 2 * n_free + 1 + n_pair :]
+    slope = (plus - minus) / (2.0 * _STEP)
+    curvature = np.zeros((n, n_free, n_free))
+    single = plus + minus - 2.0 * middle
+    curvature[:, np.arange(n_free), np.arange(n_free)] = -single / _STEP**2
+    mixed = -(both - 2.0 * middle - single[:, first] - single[:, second]) / (2.0 * _STEP**2)
+    curvature[:, first, second] = curvature[:, second, first] = mixed
+    curvature[~known] = eye
+    eigenvalues, vectors = np.linalg.eigh(curvature)
+    positive = (vectors * np.maximum(np.abs(eigenvalues), _LEAST_CURVATURE)[:, None, :]) @ np.swapaxes(vectors, 1, 2)
+    inverse = np.linalg.inv(base) / scales[:, :, None]  # of directions
+    precision = np.swapaxes(inverse, 1, 2) @ positive @ inverse
+    gradient = np.einsum("nji,nj->ni", inverse, slope)
+    # to the point itself, where the stencil had to be moved off a limit
+    gradient -= np.einsum("nij,nj->ni", precision, (points - centre)[:, n_held:])
+    diagonal = np.diagonal(positive, axis1=1, axis2=2)
+    return gradient, precision, scales * np.clip(1.0 / np.sqrt(diagonal), 0.1, 4.0)
+
+
+def _bounded_step(frame: Frame, at: FloatArray, gradient: FloatArray, precision: FloatArray, n_held: int) -> tuple[FloatArray, Flags]:
+    """(n, n_free) Newton steps that stay within the limits, and (n, n_free) which parameters are pressed against one."""
+    low, high = frame.low[n_held:], frame.high[n_held:]
+    pressed = ((at <= low) & (gradient < 0.0)) | ((at >= high) & (gradient > 0.0))
+    fixed = np.where(pressed, 0.0, np.nan)
+    step = np.zeros_like(at)
+    eye = np.eye(at.shape[1])
+    for _ in range(at.shape[1]):
+        held = ~np.isnan(fixed)
+        moved = np.where(held, fixed, 0.0)
+        right = np.where(held, moved, gradient - np.einsum("nij,nj->ni", precision, moved))
+        matrix = np.where(held[:, :, None] | held[:, None, :], 0.0, precision) + held[:, :, None] * eye
+        step = np.asarray(np.linalg.solve(matrix, right[:, :, None])[:, :, 0], dtype=np.float64)
+        size = np.sqrt(np.maximum(np.einsum("ni,nij,nj->n", step, precision, step), 1e-300))
+        step *= np.minimum(1.0, _LONGEST / size)[:, None]
+        beyond = ~held & ((at + step < low) | (at + step > high))
+        if not np.any(beyond):
+            break
+        fixed = np.where(beyond, np.clip(at + step, low, high) - at, fixed)
+    return step, pressed
+
+
+def _log_volume(gradient: FloatArray, precision: FloatArray, pressed: Flags) -> FloatArray:
+    """(n,) log of the integral of exp(-g.x - x P x/2) over the free parameters, one after the other where some are pressed against a limit."""
+    eye = np.eye(gradient.shape[1])
+    matrix = np.where(pressed[:, :, None] | pressed[:, None, :], 0.0, precision) + pressed[:, :, None] * eye
+    _, log_det = np.linalg.slogdet(matrix)
+    curved = np.diagonal(precision, axis1=1, axis2=2)
+    edge = -np.log(np.maximum(np.abs(gradient), np.sqrt(2.0 / np.pi * curved)))
+    free = np.sum(~pressed, axis=1)
+    return np.asarray(0.5 * free * np.log(2.0 * np.pi) - 0.5 * log_det + np.sum(np.where(pressed, edge, 0.0), axis=1))

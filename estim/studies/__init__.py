@@ -1,0 +1,9 @@
+"""What is made of analyses: energy, limits, the paper's band, published values, noise models compared, the reanalysis.
+
+Read `reanalysis` first."""
+
+from estim.studies.comparison import Compared, compare_noise
+from estim.studies.energy import Drift, EnergyEstimate, EnergyRecord, drift_of, energy_along
+from estim.studies.limits import Narrowing
+from estim.studies.reanalysis import BodyAnalysis, Reanalysis, reanalyse
+from estim.studies.scrutiny import Scrutiny, scrutinise

@@ -1,0 +1,228 @@
+"""The energy along a measured run: is it conserved, and if not, how fast is it lost?
+
+The speeds are those of the fit, freed of the truncation of their stencil.  The parameters (gamma, kappa, tilt, angle of
+release, rolling resistance) are drawn from the posterior of the phase-curve fit, which has the same data.  So the energies
+show what that fit makes of the loss: if the data do not narrow the rolling resistance, the loss is its prior over again,
+and if the fit holds it fixed, the energies can only agree with that.  `Drift` says which of these is the case, and tests
+for a loss properly: how much better do the data fit when energy may be lost?
+
+Errors of positions and speeds enter together: a position error moves the potential energy, and through the stencil the
+kinetic energy of its neighbours.  First order, taken at the speeds of the curve (at the noisy speeds, weights and errors
+would be correlated and the loss biased); the bias +D var(v)/2 of the square of a noisy speed is removed.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.stats import chi2
+
+from estim.arrays import FloatArray
+from estim.fitting import Fit, fit_least_squares
+from estim.pipeline import Analysis
+from estim.problem import Differentiated, Observations, Problem, Uniform, covariance
+
+Arguments = Mapping[str, ArrayLike]
+
+LOSS = "rolling_resistance"  # the argument of a curve through which energy is lost
+DETERMINED = 0.7  # of the prior sd: a posterior wider than this is mostly prior
+LOSS_SEEN = 0.05  # p-value of no loss below which a loss is called one
+_STEP = 1e-6
+
+
+@dataclass(frozen=True)
+class EnergyEstimate:
+    """A value, its standard uncertainty and its 95 % interval."""
+
+    value: float
+    u: float
+    low: float
+    high: float
+
+
+@dataclass(frozen=True, eq=False)
+class EnergyRecord:
+    """Energies of one run, J/kg (per unit mass), all arrays (n_obs,).
+
+    x, v, u_v : position (m) and speed (m/s) of the axle, also for a run measured in radians.
+    kinetic, potential, total : at the posterior mode of the parameters; u_* their standard uncertainties.
+    relative : (E - E0)/E0 as in the paper, E0 the energy at release; it depends on where V is zero.
+    to_kinetic : (E - E0)/(largest kinetic energy), which does not.
+    mean_*, extreme_* : average over the run, and the value where it is largest in size.
+    loss : energy lost per metre, J/(kg m).  loss_force : the same as a force in N, nan where the mass is unknown.
+    """
+
+    run: str
+    t: FloatArray | None
+    x: FloatArray
+    v: FloatArray
+    u_v: FloatArray
+    kinetic: FloatArray
+    potential: FloatArray
+    total: FloatArray
+    u_kinetic: FloatArray
+    u_potential: FloatArray
+    u_total: FloatArray
+    start: EnergyEstimate
+    relative: FloatArray
+    u_relative: FloatArray
+    to_kinetic: FloatArray
+    u_to_kinetic: FloatArray
+    mean_relative: EnergyEstimate
+    extreme_relative: EnergyEstimate
+    mean_to_kinetic: EnergyEstimate
+    extreme_to_kinetic: EnergyEstimate
+    loss: EnergyEstimate
+    loss_force: EnergyEstimate
+
+
+@dataclass(frozen=True)
+class Drift:
+    """Whether a fit shows that energy is lost.
+
+    free : whether the rolling resistance was a parameter at all.
+    narrowing : its posterior sd / its prior sd; nan where it was not free.
+    gain : fall of chi2 when a loss is allowed (flat prior, not negative) instead of none.
+    p_value : probability of such a gain or more if no energy were lost: half a chi-square of one degree of freedom.
+    limit : the rolling resistance is at most this with probability 95 % (of several the largest); nan where it was not free.
+    """
+
+    free: bool
+    narrowing: float
+    gain: float
+    p_value: float
+    limit: float
+
+    @property
+    def seen(self) -> bool:
+        """Whether the data show that energy is lost, and say how much."""
+        return self.determined and self.p_value < LOSS_SEEN
+
+    @property
+    def determined(self) -> bool:
+        """Whether the data, and not the prior, say how much energy is lost."""
+        return self.free and self.narrowing < DETERMINED
+
+
+def drift_of(analysis: Analysis, *, rng: np.random.Generator) -> Drift:
+    """The test for a loss of energy in all runs of an analysis together."""
+    problem = analysis.problem
+    losses = [i for i, p in enumerate(problem.parameters) if p.name.partition("[")[0] == LOSS]
+    if not losses:
+        return Drift(False, math.nan, math.nan, math.nan, math.nan)
+    sds = analysis.chain.flat.std(axis=0)
+    narrowing = float(np.mean([sds[i] / problem.parameters[i].prior.sd for i in losses]))
+    names = {problem.parameters[i].name for i in losses}
+    free = Problem(tuple(replace(p, prior=Uniform(0.0, 1.0)) if p.name in names else p for p in problem.parameters), problem.runs)
+    held = tuple(
+        replace(run, arguments={a: 0.0 if source in names else source for a, source in run.arguments.items()}) for run in problem.runs
+    )
+    none = Problem(tuple(p for p in problem.parameters if p.name not in names), held)
+    # the flat prior on [0, 1] has log density 0
+    kept = [i for i in range(problem.n_par) if i not in losses]
+    with_loss = fit_least_squares(free, rng=rng, n_start=2, start=analysis.fit.values)
+    without = fit_least_squares(none, rng=rng, n_start=2, start=analysis.fit.values[kept])
+    gain = 2.0 * (_best(with_loss) - _best(without))
+    limit = float(np.max(np.quantile(analysis.chain.flat[:, losses], 0.95, axis=0)))
+    return Drift(True, narrowing, gain, 0.5 * float(chi2.sf(max(gain, 0.0), 1)) if gain > 0.0 else 1.0, limit)
+
+
+def _best(fit: Fit) -> float:
+    return float(fit.posterior.log_density(fit.values[None, :])[0])
+
+
+def energy_along(analysis: Analysis, *, rng: np.random.Generator, n_draw: int = 4000) -> tuple[EnergyRecord, ...]:
+    """One EnergyRecord for each run of a fit."""
+    draws = analysis.chain.thinned(n_draw)
+    return tuple(_record(analysis, i, draws, rng) for i in range(len(analysis.problem.runs)))
+
+
+def _record(analysis: Analysis, i: int, draws: FloatArray, rng: np.random.Generator) -> EnergyRecord:
+    run, whitening, problem = analysis.problem.runs[i], analysis.fit.posterior.whitenings[i], analysis.problem
+    # the mode, not the mean: on a bent ridge the mean of the draws need not fit the data
+    centre = problem.named(analysis.fit.values)
+    at_mode, at_draws = run.bind(centre), run.bind(problem.named(draws))
+    v = run.y - whitening.offset
+    cov_speed = covariance(run.noise, whitening, centre)
+    fitted = np.ravel(np.broadcast_to(run.curve.value(run.x, at_mode), (1, run.n_obs)))
+    noise, u_kinetic, bias = _noise(run, fitted, centre)
+
+    def energies(arguments: Arguments) -> tuple[FloatArray, FloatArray]:
+        kinetic, potential = run.body.energies(run.x, v, arguments)
+        return np.atleast_2d(kinetic) - bias, np.atleast_2d(potential)
+
+    kinetic, potential = (e[0] for e in energies(at_mode))
+    drawn_kinetic, drawn_potential = energies(at_draws)
+    errors = rng.multivariate_normal(np.zeros(run.n_obs), noise, size=draws.shape[0], method="eigh")
+    measured = drawn_kinetic + drawn_potential + errors
+    release = run.body.energies(np.zeros(1), np.zeros(1), at_draws)[1]
+    start = np.ravel(np.broadcast_to(release, (draws.shape[0], 1)))
+    largest = np.max(drawn_kinetic, axis=1)
+    relative, to_kinetic = ((measured - start[:, None]) / scale[:, None] for scale in (start, largest))
+    metres = float(np.ravel(run.body.metres(at_mode))[0])
+    to_line = _line_estimator(metres * run.x, noise)
+    loss = -(measured @ to_line[1])
+    mass = math.nan if run.body.mass is None else run.body.mass
+    return EnergyRecord(
+        run=run.name, t=run.t, x=metres * run.x, v=metres * v, u_v=metres * np.sqrt(np.diag(cov_speed)),
+        kinetic=kinetic, potential=potential, total=kinetic + potential, u_kinetic=np.hypot(drawn_kinetic.std(axis=0), u_kinetic),
+        u_potential=drawn_potential.std(axis=0), u_total=measured.std(axis=0), start=_estimate(start),
+        relative=relative.mean(axis=0), u_relative=relative.std(axis=0), to_kinetic=to_kinetic.mean(axis=0), u_to_kinetic=to_kinetic.std(axis=0),
+        mean_relative=_estimate(relative.mean(axis=1)), extreme_relative=_extreme(relative),
+        mean_to_kinetic=_estimate(to_kinetic.mean(axis=1)), extreme_to_kinetic=_extreme(to_kinetic),
+        loss=_estimate(loss), loss_force=_estimate(loss * mass),
+    )
+
+
+def _noise(run: Observations, v: FloatArray, values: Mapping[str, ArrayLike]) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Of the total energy from reading errors: covariance (n_obs, n_obs); u of the kinetic part; its bias (n_obs,) each."""
+    arguments = run.bind(values)
+    by_x = _difference(lambda h: _total(run, run.x + h, v, arguments))
+    by_v = _difference(lambda h: _total(run, run.x, v + h, arguments))
+    reading = float(np.sqrt(np.square(float(np.asarray(run.noise.sigma.at(values)))) + run.noise.quantisation_variance))
+    scatter = float(np.asarray(run.noise.scatter.at(values)))
+    if isinstance(run.noise, Differentiated):
+        rows = run.noise.derivative.rows[run.noise.kept]
+        to_speed = run.noise.derivative.matrix[run.noise.kept]
+        matrix = by_v[:, None] * to_speed
+        matrix[np.arange(rows.size), rows] += by_x
+        var_speed = reading**2 * np.sum(to_speed**2, axis=1) + scatter**2
+        cov = reading**2 * matrix @ matrix.T + np.diag((by_v * scatter) ** 2)
+    else:
+        var_speed = np.square(reading * run.noise.relative) + scatter**2
+        cov = np.diag(by_v**2 * var_speed)
+    inertia = np.divide(by_v, v, out=np.zeros_like(v), where=v != 0.0)  # T = D v^2/2
+    return cov, np.abs(by_v) * np.sqrt(var_speed), 0.5 * inertia * var_speed
+
+
+def _total(run: Observations, x: FloatArray, v: FloatArray, arguments: Arguments) -> FloatArray:
+    kinetic, potential = run.body.energies(x, v, arguments)
+    return np.ravel(kinetic + potential)
+
+
+def _difference(energy: Callable[[float], FloatArray]) -> FloatArray:
+    return (energy(_STEP) - energy(-_STEP)) / (2.0 * _STEP)
+
+
+def _line_estimator(x: FloatArray, cov: FloatArray) -> FloatArray:
+    """(2, n_obs) that makes intercept and slope of the best straight line out of energies of covariance `cov`; nan where they hold none."""
+    design = np.column_stack([np.ones_like(x), x])
+    weighted = design.T @ np.linalg.pinv(cov, hermitian=True)
+    normal = weighted @ design
+    if np.linalg.matrix_rank(normal, hermitian=True) < 2:  # the curve has come to rest before the second frame
+        return np.full(weighted.shape, math.nan)
+    return np.asarray(np.linalg.solve(normal, weighted))
+
+
+def _estimate(draws: FloatArray) -> EnergyEstimate:
+    low, high = np.quantile(draws, [0.025, 0.975]) if np.all(np.isfinite(draws)) else (math.nan, math.nan)
+    return EnergyEstimate(float(draws.mean()), float(draws.std(ddof=1)), float(low), float(high))
+
+
+def _extreme(values: FloatArray) -> EnergyEstimate:
+    """The frame whose mean value (n_draw, n_obs) is largest in size; of all frames the largest is an outlier on purpose."""
+    return _estimate(values[:, int(np.argmax(np.abs(values.mean(axis=0))))])

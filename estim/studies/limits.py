@@ -1,0 +1,85 @@
+"""What limits a result: how far an uncertainty would fall if something else were known exactly.
+
+Gaussian approximation at the fit: fixing a group of parameters removes their rows and columns from the information
+matrix.  The share that a group takes is 1 - (u with the group known)^2/u^2; shares of groups that act through one
+degeneracy overlap and need not add up to 1.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from estim.arrays import FloatArray
+from estim.fitting import Fit, fit_least_squares, information
+from estim.pipeline import Analysis
+from estim.problem import Problem, informative
+
+
+@dataclass(frozen=True)
+class Limit:
+    """If `group` were known exactly, u(parameter) would fall from `u` to `u_known`."""
+
+    parameter: str
+    group: str
+    u: float
+    u_known: float
+
+    @property
+    def share(self) -> float:
+        return 1.0 - (self.u_known / self.u) ** 2
+
+
+@dataclass(frozen=True, eq=False)
+class Narrowing:
+    """Standard uncertainties (least squares) of shared parameters from the first n runs of a joint problem together.
+
+    names : the parameters.  runs : run names in the order they are added.  u : (n_run, n_name).  u_single : the same from
+    each run alone.  u_prior : (n_name,) what was stated before, nan for a uniform prior.
+    """
+
+    names: tuple[str, ...]
+    runs: tuple[str, ...]
+    u: FloatArray
+    u_single: FloatArray
+    u_prior: FloatArray
+
+
+def limits(fit: Fit, parameter: str) -> tuple[Limit, ...]:
+    """What each group of other parameters (all tilts, all angles of release, ...) costs `parameter`, largest share first.
+
+    Empty where the fit is singular: then nothing is limited by one thing alone.
+    """
+    if fit.singular:
+        return ()
+    names = fit.problem.names
+    matrix = information(fit.posterior, fit.values)
+    own = names.index(parameter)
+    u = float(np.sqrt(np.linalg.inv(matrix)[own, own]))
+    groups: dict[str, list[int]] = {}
+    for i, name in enumerate(names):
+        if i != own:
+            groups.setdefault(name.partition("[")[0], []).append(i)
+    found = []
+    for group, members in groups.items():
+        kept = [i for i in range(len(names)) if i not in members]
+        known = float(np.sqrt(np.linalg.inv(matrix[np.ix_(kept, kept)])[kept.index(own), kept.index(own)]))
+        found.append(Limit(parameter, group, u, known))
+    return tuple(sorted(found, key=lambda limit: -limit.share))
+
+
+def narrowing(problem: Problem, singles: Sequence[Analysis], names: Sequence[str], *, rng: np.random.Generator) -> Narrowing:
+    """How u of the shared parameters `names` falls as the runs of a joint problem are added one by one."""
+    rows = []
+    for n in range(1, len(problem.runs) + 1):
+        fit = fit_least_squares(problem.restricted(problem.runs[:n]), rng=rng, n_start=2)
+        rows.append([float(np.sqrt(fit.cov[fit.names.index(name), fit.names.index(name)])) for name in names])
+    alone = [[float(np.sqrt(a.fit.cov[a.fit.names.index(name), a.fit.names.index(name)])) for name in names] for a in singles]
+    return Narrowing(tuple(names), tuple(run.name for run in problem.runs), np.array(rows), np.array(alone), _prior_sds(problem, names))
+
+
+def _prior_sds(problem: Problem, names: Sequence[str]) -> FloatArray:
+    priors = {p.name: p.prior for p in problem.parameters}
+    return np.array([priors[name].sd if informative(priors[name]) else np.nan for name in names])

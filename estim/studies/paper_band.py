@@ -1,0 +1,119 @@
+"""The paper's error band: stated uncertainties of the inputs propagated through the curve, without looking at the speeds.
+
+Inputs are the parameters that were measured (a normal prior); the others are held at their fitted values, as the paper
+holds kappa and takes no rolling resistance, so the band is if anything too narrow.  Linear (GUM) and by Monte Carlo
+(GUM Supplement 1), with the budget along the curve.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from estim.arrays import FloatArray
+from estim.pipeline import Analysis
+from estim.problem import Normal, TruncatedNormal
+from estim.propagation import BudgetAlong, Input, budget_along, propagate_linear, propagate_monte_carlo
+from estim.sampling import Bands, curve_draws
+
+_N_DRAW = 20_000
+_FEWEST = 5
+_CLOSE_TO_END = 0.97
+PROBABILITY = 0.68
+
+
+@dataclass(frozen=True, eq=False)
+class PropagatedBand:
+    """Band of one run at x (n_x,).
+
+    value, u : curve at the stated values and its standard uncertainty, linear.
+    mc_low, mc_high : ends of the probabilistically symmetric 68 % interval by Monte Carlo; the band that is drawn.
+    held : parameters that were not measured and are held at their fitted values.
+    budget : share of each input along the curve.  Beyond 97 % of the way to the turning point of the stated values the
+        linear law has no meaning (the speed ends with a vertical slope) and u, mc_* are nan.
+    posterior_half : (n_x,) half-width of the posterior 68 % band.  ratio : posterior half-width /
+        Monte-Carlo half-width; nan where the lower end of either band is at rest: from there on a band narrows only because it cannot
+        reach below zero.
+    linear_off : (n_x,) |linear half-width / Monte-Carlo half-width - 1|.
+    inside : probability -> share of x at which the posterior band of that probability lies within the propagated one.
+    """
+
+    run: str
+    x: FloatArray
+    value: FloatArray
+    u: FloatArray
+    mc_low: FloatArray
+    mc_high: FloatArray
+    held: tuple[str, ...]
+    budget: BudgetAlong
+    posterior_half: FloatArray
+    ratio: FloatArray
+    linear_off: FloatArray
+    inside: Mapping[float, float]
+
+
+def propagated_bands(analysis: Analysis, *, rng: np.random.Generator) -> tuple[PropagatedBand, ...]:
+    """A PropagatedBand for each run of an analysis that has one, on the grid of its posterior band.
+
+    A run has none where no input was measured, or where at the stated values the body hardly moves.
+    """
+    bands = (_band(analysis, i, band, rng) for i, band in enumerate(analysis.bands))
+    return tuple(band for band in bands if band is not None)
+
+
+def _band(analysis: Analysis, i: int, bands: Bands, rng: np.random.Generator) -> PropagatedBand | None:
+    problem, run = analysis.problem, analysis.problem.runs[i]
+    stated = {
+        p.name: (p.prior.mean, p.prior.sd) for p in problem.parameters
+        if p.name in run.curve_parameters and isinstance(p.prior, Normal | TruncatedNormal)
+    }
+    inputs = [Input(name, value, u) for name, (value, u) in stated.items()]
+    centre = problem.named(analysis.fit.values) | {name: np.asarray(value) for name, (value, _) in stated.items()}
+    end = float(np.ravel(run.end(run.bind(centre)))[0])
+    used = (bands.x > 0.0) & (bands.x < _CLOSE_TO_END * end)
+    x = bands.x[used]
+    if not inputs or x.size < _FEWEST:
+        return None
+
+    def curve(values: Mapping[str, Any]) -> FloatArray:
+        speeds = np.asarray(run.curve.value(x, run.bind(centre | dict(values))))
+        return speeds if np.ndim(next(iter(values.values()))) else np.ravel(speeds)
+
+    linear = propagate_linear(curve, inputs, probability=PROBABILITY)
+    drawn = propagate_monte_carlo(curve, inputs, rng=rng, n_draw=_N_DRAW, probability=PROBABILITY)
+    low, high = bands.credible[PROBABILITY]
+    half = 0.5 * (high - low)
+    mc_half = 0.5 * (drawn.symmetric.high - drawn.symmetric.low)
+
+    mc_bands = {p: np.quantile(drawn.draws, [0.5 - 0.5 * p, 0.5 + 0.5 * p], axis=0) for p in bands.credible}
+
+    def on_grid(values: FloatArray) -> FloatArray:
+        full = np.full(bands.x.size, np.nan)
+        full[used] = values
+        return full
+
+    u = on_grid(linear.u)
+    mc_low = on_grid(drawn.symmetric.low)
+    moving = (low > 0.0) & (mc_low > 0.0)
+    value, _ = curve_draws(problem, run, bands.x, _row(analysis, stated))
+    return PropagatedBand(
+        run=run.name, x=bands.x, value=value[0], u=u, mc_low=mc_low, mc_high=on_grid(drawn.symmetric.high),
+        held=tuple(sorted(run.curve_parameters - set(stated))), budget=budget_along(linear, x), posterior_half=half,
+        ratio=np.where(moving, half / on_grid(mc_half), np.nan),
+        linear_off=on_grid(np.abs(linear.u / mc_half - 1.0)),
+        inside={p: _inside(band[:, used], mc_bands[p]) for p, band in bands.credible.items()},
+    )
+
+
+def _inside(band: FloatArray, outer: FloatArray) -> float:
+    return float(np.mean((band[0] >= outer[0]) & (band[1] <= outer[1])))
+
+
+def _row(analysis: Analysis, stated: Mapping[str, tuple[float, float]]) -> FloatArray:
+    values = analysis.fit.values.copy()
+    for name, (value, _) in stated.items():
+        values[analysis.problem.names.index(name)] = value
+    return values[None, :]

@@ -1,0 +1,63 @@
+"""Published numbers beside reanalysed ones: value, value, E_n."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import msgspec
+
+from estim.campaign import checked
+from estim.common import Quantity, e_n
+from estim.reading import TOML_BYTES, parse_toml, read_text
+
+
+class PublishedNumber(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
+    """A number that a paper prints.  parameter, body : what a campaign calls it.  u : None where the paper states none."""
+
+    name: str
+    parameter: str
+    value: float
+    unit: str
+    section: str
+    body: str | None = None
+    u: float | None = None
+
+
+class _Paper(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
+    paper: str
+    number: list[PublishedNumber]
+
+
+@dataclass(frozen=True)
+class PublishedValue:
+    """A published number, the reanalysed one, how the latter was found, and E_n (k = 2) of the two.
+
+    Where the paper states no uncertainty, E_n counts the reanalysis' alone.
+    """
+
+    published: PublishedNumber
+    value: Quantity
+    how: str
+    e_n: float
+
+
+def read_published(path: Path) -> tuple[str, tuple[PublishedNumber, ...]]:
+    """The paper's name and its numbers from a TOML file.  Raises InputError."""
+    text, _ = read_text(path, shown_as=str(path), limit=TOML_BYTES)
+    tree, places = parse_toml(text, str(path))
+    paper = checked(tree, _Paper, places, ())
+    return paper.paper, tuple(paper.number)
+
+
+def compare_published(numbers: Sequence[PublishedNumber], found: Sequence[tuple[str, str | None, Quantity, str]]) -> tuple[PublishedValue, ...]:
+    """Every published number that `found` (parameter, body or None, value, how) speaks of, in the order published."""
+    rows = []
+    for number in numbers:
+        for parameter, body, value, how in found:
+            if parameter == number.parameter and (number.body is None or body is None or body == number.body):
+                u = 0.0 if number.u is None else number.u
+                rows.append(PublishedValue(number, value, how, e_n(value, Quantity(number.value, u)) if value.u > 0.0 else math.nan))
+    return tuple(rows)

@@ -1,0 +1,147 @@
+"""Intervals of `fit_curve`: Student's t, limits, remarks; and what is shown where a fit is not ok."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from estim import fit_curve
+from estim.curve_fit import CurveFit
+from estim.problem.priors import Normal
+
+LINE = "a + b*x"
+T = np.linspace(0.0, 10.0, 41)
+START = {"a": 1.0, "b": 1.0}
+
+
+@pytest.mark.statistics
+@pytest.mark.parametrize("dof", [1, 2, 5])
+def test_intervals_without_stated_errors_hold_their_level_with_few_degrees_of_freedom(dof: int) -> None:
+    """A line through dof + 2 points; value ± 1.96 s is the wrong model."""
+    n, x = 100, np.linspace(0.0, 1.0, dof + 2)
+    held = dict.fromkeys((0.68, 0.95, "s", "1.96 s"), 0)
+    for seed in range(n):
+        y = 1.0 + 2.0 * x + 0.1 * np.random.default_rng([dof, seed]).standard_normal(x.size)
+        fit = fit_curve(LINE, x, y, start=START, n_start=1)
+        off = abs(fit.values["b"] - 2.0)
+        for p, (low, high) in fit.intervals["b"].items():
+            held[p] += low < 2.0 < high
+        held["s"] += off < fit.sds["b"]
+        held["1.96 s"] += off < 1.96 * fit.sds["b"]
+    for p in (0.68, 0.95):
+        assert abs(held[p] - p * n) < 3.5 * math.sqrt(n * p * (1.0 - p))
+    expected = stats.t(dof).cdf(1.0) - stats.t(dof).cdf(-1.0)  # 50 % for one degree of freedom
+    assert abs(held["s"] - expected * n) < 3.5 * math.sqrt(n * expected * (1.0 - expected))
+    if dof < 3:
+        assert held["1.96 s"] < 0.95 * n - 3.0 * math.sqrt(n * 0.95 * 0.05)
+
+
+def test_intervals_are_students_t_where_the_errors_are_estimated_and_normal_where_they_are_stated(rng: np.random.Generator) -> None:
+    x = np.linspace(0.0, 1.0, 4)
+    y = 1.0 + 2.0 * x + 0.1 * rng.standard_normal(4)
+    for u_y, quantile in ((None, stats.t(2).ppf(0.975)), (0.1, stats.norm.ppf(0.975))):
+        fit = fit_curve(LINE, x, y, start=START, u_y=u_y)
+        low, high = fit.intervals["b"][0.95]
+        assert (high - low) / 2.0 == pytest.approx(quantile * fit.sds["b"], rel=1e-9)
+    few = fit_curve(LINE, x, y, start=START)
+    assert any(note.startswith("only 2 degrees of freedom: value ± standard error holds the true value in 58 %") for note in few.notes)
+    assert "±" not in str(few).partition("note:")[0]
+    assert "standard error" in str(few)
+
+
+def test_a_prior_takes_its_share_of_the_uncertainty_out_of_students_t(rng: np.random.Generator) -> None:
+    """A stated value that outweighs the points keeps its normal interval, whatever the points' degrees of freedom."""
+    x = np.linspace(0.0, 1.0, 3)
+    y = 1.0 + 2.0 * x + 0.5 * rng.standard_normal(3)
+    fit = fit_curve(LINE, x, y, start=START, priors={"b": Normal(2.0, 0.01)})
+    low, high = fit.intervals["b"][0.95]
+    assert (high - low) / 2.0 == pytest.approx(1.96 * fit.sds["b"], rel=0.01)
+    low, high = fit.intervals["a"][0.95]
+    assert (high - low) / 2.0 > 1.5 * 1.96 * fit.sds["a"]
+
+
+@pytest.mark.statistics
+@pytest.mark.parametrize("truth", [0.0, 0.15])
+def test_intervals_beside_a_limit_hold_at_least_what_they_say(truth: float) -> None:
+    """The standard deviation of b is 0.09: its limit 0 is within reach in most experiments.  ± s about a clipped value is the wrong model."""
+    n, x, right, height, wrong, beyond = 60, np.linspace(0.0, 1.0, 12), 0, 0, 0, 0
+    for seed in range(n):
+        y = 1.0 + truth * x + 0.1 * np.random.default_rng([9, seed]).standard_normal(12)
+        fit = fit_curve(LINE, x, y, start={"a": 1.0, "b": 0.1}, u_y=0.1, bounds={"b": (0.0, None)}, n_start=1)
+        right += fit.intervals["b"][0.95][0] <= truth <= fit.intervals["b"][0.95][1]
+        height += fit.intervals["a"][0.95][0] <= 1.0 <= fit.intervals["a"][0.95][1]
+        wrong += abs(fit.values["b"] - truth) < 1.96 * 0.02  # as if s at the limit were a fifth, as some programs print
+        beyond += fit.status == "at-bound"
+    slack = 3.0 * math.sqrt(n * 0.95 * 0.05)
+    assert right > 0.95 * n - slack
+    assert height > 0.95 * n - slack
+    assert wrong < 0.95 * n - slack
+    assert beyond <= 4
+
+
+def test_a_limit_in_a_linear_model_is_that_of_the_truncated_likelihood(rng: np.random.Generator) -> None:
+    """b >= 0 with the free best value b0 < 0: chi2 rises by 3.84 above its minimum at 0 where (b - b0)^2 = b0^2 + 3.84 s^2."""
+    y = 2.0 + 0.1 * rng.standard_normal(T.size)
+    free = fit_curve(LINE, T, y, start=START, u_y=0.1)
+    y = y - (free.values["b"] + 0.5 * free.sds["b"]) * T
+    free = fit_curve(LINE, T, y, start=START, u_y=0.1)
+    fit = fit_curve(LINE, T, y, start=START, u_y=0.1, bounds={"b": (0.0, None)})
+    low, high = fit.intervals["b"][0.95]
+    assert low == 0.0
+    assert high == pytest.approx(free.values["b"] + math.sqrt(free.values["b"] ** 2 + stats.chi2(1).ppf(0.95) * free.sds["b"] ** 2), rel=1e-3)
+    shown = next(line for line in str(fit).splitlines() if line.startswith("b"))
+    assert shown.startswith("b < 0.0")
+    assert "(95 %)" in shown
+    assert "a has no standard deviation, because the limit of b cuts it: read its interval" in fit.notes
+
+
+@pytest.mark.parametrize(("u_y", "bounds"), [(0.1, {"b": (0.0, None)}), (None, {"b": (0.0, None)}), (0.1, {"b": (None, 0.0)})])
+def test_a_limit_is_named_by_its_value_and_not_by_the_best_value_beside_it(u_y: float | None, bounds: dict, rng: np.random.Generator) -> None:
+    """The search ends at 1e-25, or at 6e-11, and not at 0."""
+    sign = 1.0 if bounds["b"][0] is None else -1.0
+    y = 2.0 + sign * 0.3 * T + 0.1 * rng.standard_normal(T.size)
+    fit = fit_curve(LINE, T, y, start={"a": 1.0, "b": -sign}, u_y=u_y, bounds=bounds)
+    assert any("b lies on its limit 0, and" in reason for reason in fit.reasons)
+    assert "b lies on its limit 0: no standard deviation, read its interval" in fit.notes
+
+
+def not_ok() -> list[CurveFit]:
+    rng = np.random.default_rng(3)
+    bent = 2.0 + 0.1 * (T - 5.0) ** 2 + 0.05 * rng.standard_normal(T.size)
+    return [
+        fit_curve(LINE, T, bent, start=START, u_y=0.05), fit_curve("a*b*x", T, 2.0 * T + rng.standard_normal(T.size), start=START, u_y=1.0),
+        fit_curve(LINE, T, bent, start=START, u_y=0.05, bounds={"a": (None, 1.0)}),
+    ]
+
+
+@pytest.mark.parametrize("fit", not_ok(), ids=lambda fit: fit.status)
+def test_a_fit_that_is_not_ok_shows_no_value_with_an_uncertainty(fit: CurveFit) -> None:
+    assert fit.status != "ok"
+    for text in (str(fit), fit._repr_markdown_()):
+        assert "±" not in text
+        assert fit.reasons[0] in text
+        assert ("(95 %, if the curve and the errors were right)" in text) == (fit.status == "poor-fit")
+
+
+def test_errors_that_are_stated_far_too_large_are_ok_with_a_remark(rng: np.random.Generator) -> None:
+    x = np.linspace(0.0, 10.0, 300)
+    y = 1.0 + 2.0 * x + 0.1 * rng.standard_normal(300)
+    fit = fit_curve(LINE, x, y, start=START, u_y=1.0)
+    assert fit.status == "ok"
+    assert any("is u_y too large, about 10 times" in note or "is u_y too large, about 9." in note for note in fit.notes)
+    assert "is u_y too large" in str(fit)
+    assert not fit_curve(LINE, x, y, start=START, u_y=0.1).notes
+
+
+def test_points_without_scatter_have_no_uncertainty_unless_it_is_stated() -> None:
+    for curve, start in ((LINE, START), ("a*exp(-x/tau)", {"a": 1.0, "tau": 2.0})):
+        y = 3.0 - 0.1 * T if curve == LINE else 3.0 * np.exp(-T / 4.0)
+        fit = fit_curve(curve, T, y, start=start)
+        assert all(math.isnan(sd) for sd in fit.sds.values())
+        assert all(math.isnan(end) for ends in fit.intervals.values() for pair in ends.values() for end in pair)
+        assert "(no uncertainty)" in str(fit)
+        assert any("no scatter but rounding errors" in note for note in fit.notes)
+        assert all(sd > 0.0 for sd in fit_curve(curve, T, y, start=start, u_y=0.1).sds.values())

@@ -1,0 +1,82 @@
+"""Files beside the data that have the name of a module: never imported, or named in one line."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+NAMES = ("model", "random", "numpy", "csv", "typing", "re", "click", "pickle", "json", "tempfile", "matplotlib", "scipy", "tqdm", "errors", "enum")
+RUN = "open('imported', 'a').write(__name__ + ' ')\n"
+
+
+def run(words: list[str], *path: Path, cwd: Path) -> subprocess.CompletedProcess[str]:
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(map(str, path))}
+    return subprocess.run([sys.executable, *words], env=environment, cwd=cwd, capture_output=True, text=True, check=False)
+
+
+def test_a_file_beside_the_data_is_not_imported(tmp_path: Path, project: Path, replica: Path) -> None:
+    for name in NAMES:
+        (tmp_path / f"{name}.py").write_text(RUN)
+    (tmp_path / "emcee").mkdir()
+    (tmp_path / "emcee" / "__init__.py").write_text(RUN)
+    done = run(["-m", "estim", "fit", str(replica / "campaign.toml"), "--run", "heavy-04", "--max-steps", "50"], project, cwd=tmp_path)
+    assert (done.returncode, done.stderr) == (3, "")
+    assert "heavy-04: not-converged" in done.stdout
+    assert not (tmp_path / "imported").exists()
+
+
+def test_the_folder_of_the_sources_is_kept(project: Path, replica: Path) -> None:
+    done = run(["-m", "estim", "fit", str(replica / "campaign.toml"), "--run", "nope"], cwd=project)
+    assert done.stderr.startswith(f"error: {replica / 'campaign.toml'}: '--run' must name one of the runs")
+
+
+@pytest.mark.parametrize("file", ["model.py", "model/__init__.py"])
+def test_a_model_that_the_path_insists_on_is_named_and_not_run(tmp_path: Path, project: Path, replica: Path, file: str) -> None:
+    own = tmp_path / file
+    own.parent.mkdir(exist_ok=True)
+    own.write_text(RUN)
+    done = run(["-m", "estim", "fit", str(replica / "campaign.toml")], tmp_path, project, cwd=tmp_path)
+    assert done.returncode == 2
+    words = f"{own}: is in the way: it is found in place of the module 'model' that estim needs; rename it, or take its folder off Python's path"
+    assert (done.stdout, done.stderr) == ("", f"error: {words}\n")
+    assert not (tmp_path / "imported").exists()
+
+
+@pytest.mark.parametrize(
+    ("file", "text"),
+    [
+        ("random.py", "x = 1"), ("numpy.py", "x = 1"), ("numpy/__init__.py", "x = 1"), ("csv.py", "x = 1"), ("typing.py", "x = 1"),
+        ("click.py", "print 'Python 2'"), ("emcee.py", "open('not there')"), ("types.py", "x = 1"),
+    ],
+)
+def test_a_module_that_the_path_insists_on_is_named(tmp_path: Path, project: Path, replica: Path, file: str, text: str) -> None:
+    own = tmp_path / file
+    own.parent.mkdir(exist_ok=True)
+    own.write_text(text)
+    start = "import sys; sys.path[0] = sys.argv[1]; sys.argv[1:] = sys.argv[2:]; from estim.__main__ import main; main()"
+    words = ["-c", start, str(tmp_path), "fit", str(replica / "campaign.toml"), "--run", "heavy-04", "--max-steps", "50"]
+    done = run(words, project, cwd=project)
+    assert done.returncode == 2
+    assert done.stderr.startswith(f"error: {own}: is in the way: ")
+    assert done.stderr.count("\n") == 1
+
+
+def test_an_error_of_our_own_is_not_blamed_on_a_file(tmp_path: Path, project: Path) -> None:
+    (tmp_path / "turtle.py").write_text("x = 1")  # there, but nobody imports it
+    start = "import estim.cli.commands as commands, estim.__main__\n\ndef broken(): raise ImportError('ours')\n\n"
+    start += "commands.main = broken\nestim.__main__.main()"
+    done = run(["-c", start], project, cwd=tmp_path)
+    assert done.returncode == 1
+    assert done.stderr.endswith("ImportError: ours\n")
+
+
+def test_a_script_beside_its_own_model_is_told(tmp_path: Path, project: Path, replica: Path) -> None:
+    (tmp_path / "model.py").write_text("g = 9.81\n")
+    (tmp_path / "script.py").write_text("import estim\nprint('line')\nestim.load_campaign\n")
+    done = run(["script.py"], project, cwd=tmp_path)
+    assert done.stdout == "line\n"
+    assert done.stderr.splitlines()[-1].startswith(f"ImportError: {tmp_path / 'model.py'}: is in the way: ")

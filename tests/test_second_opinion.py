@@ -1,0 +1,264 @@
+"""Quadrature against closed forms and against a grid that shares no code with it; a long tail that an adapted proposal leaves out.
+
+The curve is a sum of two exponentials, one slower than 1.25 and one faster, whose rates the data hardly tell apart: the slower one has a
+long tail to 0.  `grid` integrates it over k, q and a by the midpoint rule, over b by the normal distribution function.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable
+from functools import cache
+
+import numpy as np
+import pytest
+from scipy.special import ndtr
+from targets import COV, Known, banana, bimodal, box, exponential, half_normal, normal
+
+from estim import pipeline
+from estim.curve_fit import fit_curve
+from estim.fitting.least_squares import Fit
+from estim.pipeline import Analysis, analyse_fit
+from estim.sampling.certificate import Certificate, certify, chain_errors, compare_with_chain
+from estim.sampling.chain import Chain, Target, sample_posterior
+from estim.sampling.diagnostics import effective_size
+from estim.sampling.exploration import both, ridge_proposal
+from estim.sampling.independent_check import certify_by_quadrature, second_opinion
+from estim.sampling.proposal import adapt_proposal
+from estim.sampling.quadrature import COARSE, FINE, TooManyNodesError, integrate
+
+U_Y, SLOWEST, FASTEST, MOST = 0.02, 1.25, 20.0, 3.0
+
+
+@cache
+def points() -> tuple[np.ndarray, np.ndarray]:
+    x = np.linspace(0.0, 4.0, 30)
+    return x, np.exp(-1.1 * x) + np.exp(-2.0 * x) + U_Y * np.random.default_rng(2).standard_normal(x.size)
+
+
+@cache
+def two_exponentials() -> Fit:
+    bounds = {"k": (0.0, SLOWEST), "q": (SLOWEST, FASTEST), "a": (0.0, MOST), "b": (0.0, MOST)}
+    start = {"a": 1.0, "k": 1.0, "b": 1.0, "q": 2.5}
+    return fit_curve("a*exp(-k*x) + b*exp(-q*x)", *points(), u_y=U_Y, start=start, bounds=bounds).fit
+
+
+@dataclasses.dataclass(frozen=True)
+class Truth:
+    sd: float
+    below: float  # P(k < 0.7)
+    q025: float
+    sd_a: float
+
+
+@cache
+def grid(n: int = 200) -> Truth:
+    x, y = points()
+    middles = (np.arange(n) + 0.5) / n
+    k, a = SLOWEST * middles, MOST * middles
+    stretch = np.log(FASTEST / SLOWEST)
+    q = SLOWEST * np.exp(stretch * middles**2)  # dq = 2 q stretch t dt: fine where q is near its limit
+    slow, fast, data = np.exp(-np.outer(k, x)) / U_Y, np.exp(-np.outer(q, x)) / U_Y, y / U_Y
+    ss, ff, sf = np.sum(slow**2, axis=1)[:, None], np.sum(fast**2, axis=1), slow @ fast.T
+    sy, fy = (slow @ data)[:, None], fast @ data
+    best = 0.5 * np.max((sy**2 * ff - 2.0 * sy * fy * sf + fy**2 * ss) / (ss * ff - sf**2))
+    of_kq, of_a = np.zeros((n, n)), np.zeros(n)
+    for i, height in enumerate(a):
+        centre, sd = (fy - height * sf) / ff, ff**-0.5
+        weight = np.exp(height * sy - 0.5 * height**2 * ss + 0.5 * ff * centre**2 - best) * q * middles
+        weight = weight * sd * (ndtr((MOST - centre) / sd) - ndtr(-centre / sd))
+        of_kq += weight
+        of_a[i] = np.sum(weight)
+    of_k, of_a = np.sum(of_kq, axis=1) / np.sum(of_kq), of_a / np.sum(of_a)
+    edges, below = SLOWEST * np.arange(1, n + 1) / n, np.cumsum(of_k)
+    return Truth(
+        float(np.sqrt(of_k @ k**2 - (of_k @ k) ** 2)), float(np.interp(0.7, edges, below)), float(np.interp(0.025, below, edges)),
+        float(np.sqrt(of_a @ a**2 - (of_a @ a) ** 2)),
+    )
+
+
+@cache
+def analysed(seed: int) -> Analysis:
+    return analyse_fit(two_exponentials(), seed=seed)
+
+
+def share_below(chain: Chain, at: float) -> tuple[float, float]:
+    """Share of the draws of k below a value, and its Monte-Carlo error."""
+    inside = (chain.draws[..., 1:2] < at).astype(float)
+    share = float(inside.mean())
+    return share, float(np.sqrt(share * (1.0 - share) / effective_size(inside, "mean")[0]))
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_chain_has_the_long_tail_of_two_exponentials(seed: int) -> None:
+    truth, analysis = grid(), analysed(seed)
+    assert truth.sd == pytest.approx(grid(120).sd, rel=2e-3)
+    chain = analysis.chain
+    assert chain.names == ("a", "k", "b", "q")
+    assert chain.convergence.met
+    assert abs(chain.flat[:, 1].std() - truth.sd) < 4.0 * chain_errors(chain)[1][1] < 0.06 * truth.sd
+    share, u = share_below(chain, 0.7)
+    assert abs(share - truth.below) < 4.0 * u
+    assert u < 0.25 * truth.below
+    assert analysis.comparison.verdict == "agree", analysis.comparison.reason
+    assert analysis.certificate is not None
+    assert analysis.certificate.method == "quadrature"
+    assert "chain" not in analysis.certificate.method
+
+
+def test_adapted_proposal_alone_leaves_it_out_and_its_own_importance_sampling_does_not_see_that() -> None:
+    """What the second opinion was before: the wrong model beside the test above."""
+    fit, rng = two_exponentials(), np.random.default_rng(2).spawn(2)
+    alone = adapt_proposal(fit.posterior, fit.values, fit.cov, rng=rng[0], starts=tuple(fit.others))
+    same = certify(fit.posterior, alone, rng=rng[0])
+    assert same.reliable
+    assert same.sd[1] < 0.94 * grid().sd
+    chain = sample_posterior(fit.posterior, fit.values, fit.cov, target=Target(), rng=rng[1], proposal=alone)
+    assert chain.convergence.met
+    assert share_below(chain, 0.7)[0] < 0.75 * grid().below
+    # along the ridges it is seen, by importance sampling as well
+    ridges = ridge_proposal(fit.posterior, fit.values, fit.cov, support=fit.problem.support())
+    other = certify(fit.posterior, both(alone, ridges), rng=np.random.default_rng(3), least_ess=20_000.0)
+    assert other.reliable
+    assert abs(other.sd[1] - grid().sd) < 4.0 * other.mcse_sd[1] < 0.04 * grid().sd
+
+
+def test_quadrature_agrees_with_the_grid() -> None:
+    fit, truth = two_exponentials(), grid()
+    certificate = certify_by_quadrature(fit.posterior, fit.values, fit.cov, rng=np.random.default_rng(1), support=fit.problem.support())
+    assert certificate is not None
+    assert certificate.sd[1] == pytest.approx(truth.sd, rel=3e-3)
+    assert certificate.sd[0] == pytest.approx(truth.sd_a, rel=3e-3)
+    assert certificate.quantiles[0.025][1] == pytest.approx(truth.q025, abs=0.02 * truth.sd)
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Cut:
+    """A posterior without what lies below a value of k."""
+
+    posterior: object
+    at: float
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        return self.posterior.names
+
+    def log_density(self, draws: np.ndarray) -> np.ndarray:
+        return np.where(draws[:, 1] > self.at, self.posterior.log_density(draws), -np.inf)
+
+
+def test_chain_without_a_tail_disagrees(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A chain that cannot go below k = 0.85, a proposal that never does: 4 % of the posterior."""
+
+    def sample_cut(posterior: object, *args: object, **choices: object) -> Chain:
+        return sample_posterior(Cut(posterior, 0.85), *args, **choices)
+
+    monkeypatch.setattr(pipeline, "sample_posterior", sample_cut)
+    analysis = analyse_fit(two_exponentials(), seed=1)
+    assert analysis.comparison.verdict == "disagree"
+    assert "chain and quadrature differ in" in analysis.comparison.reason
+    assert "of k by" in analysis.comparison.reason
+    assert analysis.comparison.z_ends[0, 1] > analysis.comparison.limit
+    assert any(finding.status == "methods-disagree" for finding in analysis.diagnosis.findings)
+
+
+def test_tail_that_changes_no_moment_is_called_by_the_ends_of_the_interval(rng: np.random.Generator) -> None:
+    """Draws with the mean and the standard deviation of a normal distribution and other tails."""
+    from test_certify import chain_of
+
+    known = normal(np.eye(2))
+    certificate, _ = opinion(known, np.zeros(2), np.eye(2))
+    good = rng.standard_normal((4, 200, 20, 2))
+    assert compare_with_chain(certificate, chain_of(good)).verdict == "agree"
+    flat = good.copy()
+    flat[..., 1] = np.sqrt(3.0) * rng.uniform(-1.0, 1.0, good.shape[:-1])
+    comparison = compare_with_chain(certificate, chain_of(flat))
+    assert comparison.verdict == "disagree"
+    assert "quantile of p1" in comparison.reason
+    assert "p0" not in comparison.reason
+    assert "the mean" not in comparison.reason
+
+
+def opinion(known: Known, start: np.ndarray, cov: np.ndarray, **choices: object) -> tuple[Certificate, object]:
+    rng = np.random.default_rng(4)
+    return second_opinion(known, start, cov, adapt_proposal(known, start, cov, rng=rng), rng=rng, **choices)
+
+
+def inside(low: float, high: float) -> Callable[[int], tuple[np.ndarray, np.ndarray]]:
+    return lambda n: (np.full(n, low), np.full(n, high))
+
+
+FREE = inside(-np.inf, np.inf)
+CLOSED = {f"normal {n}": (normal(COV[:n, :n]), np.zeros(n), COV[:n, :n], FREE(n), ()) for n in (1, 2, 3, 4)}
+CLOSED |= {f"half-normal {n}": (half_normal(n), np.full(n, 1e-6), np.eye(n), inside(0.0, np.inf)(n), ()) for n in (1, 2, 3, 4)}
+CLOSED |= {f"exponential {n}": (exponential(n), np.full(n, 1e-6), 1e4 * np.eye(n), inside(0.0, np.inf)(n), ()) for n in (1, 3, 4)}
+CLOSED |= {f"box {n}": (box(n), np.zeros(n), 0.3 * np.eye(n), inside(-1.0, 1.0)(n), ()) for n in (1, 4)}
+CLOSED |= {f"two modes {n}": (bimodal(n), np.full(n, -4.0), 0.25 * np.eye(n), FREE(n), (np.full(n, 4.0),)) for n in (1, 2, 3)}
+CLOSED |= {"limit not told": (half_normal(2), np.full(2, 1e-6), np.eye(2), FREE(2), ())}
+CLOSED |= {f"banana {bend}": (banana(bend), np.array([0.0, -bend]), np.eye(2), FREE(2), ()) for bend in (0.4, 2.0)}
+
+
+@pytest.mark.parametrize("name", CLOSED)
+def test_quadrature_gives_closed_forms_within_the_error_that_it_states(name: str, rng: np.random.Generator) -> None:
+    known, start, cov, support, starts = CLOSED[name]
+    certificate = certify_by_quadrature(known, start, cov, rng=rng, support=support, starts=starts)
+    assert certificate is not None
+    assert certificate.method == "quadrature"
+    for found, true, stated in ((certificate.mean, known.mean, certificate.mcse_mean), (certificate.sd, known.sd, certificate.mcse_sd)):
+        assert np.all(np.abs(found - true) < 0.005 * known.sd)
+        assert np.all(np.abs(found - true) < 4.0 * stated + 1e-3 * known.sd)
+    assert abs(certificate.log_evidence - known.log_evidence) < 4.0 * certificate.u_log_evidence < 0.02
+    assert np.all(certificate.mcse_sd < 0.03 * known.sd)
+
+
+def test_quantiles_of_quadrature_are_those_of_a_truncated_correlated_normal_distribution(rng: np.random.Generator) -> None:
+    """x0 > 0 and correlation 0.9: x0 is half-normal, x1 skew-normal (Azzalini 1985) with shape 0.9/sqrt(1 - 0.81)."""
+    from scipy.stats import halfnorm, skewnorm
+
+    cut = dataclasses.replace(
+        normal(COV[:2, :2]), function=lambda x: np.where(x[:, 0] >= 0.0, normal(COV[:2, :2]).log_density(x), -np.inf)
+    )
+    support = (np.array([0.0, -np.inf]), np.full(2, np.inf))
+    certificate = certify_by_quadrature(cut, np.array([0.0, 0.0]), COV[:2, :2], rng=rng, support=support)
+    assert certificate is not None
+    for p, quantile in certificate.quantiles.items():
+        assert quantile == pytest.approx([halfnorm.ppf(p), skewnorm.ppf(p, 0.9 / np.sqrt(0.19))], abs=0.02)
+
+
+def test_error_of_quadrature_is_honest_where_the_rule_is_too_coarse() -> None:
+    """Where the coarser of the two rules is off by a known amount, the error that is stated is of its size, and the finer one within it."""
+    known, start, cov, support, _ = CLOSED["exponential 4"]
+    coarse, fine = (integrate(known, start, cov, rule=rule, support=support) for rule in (COARSE, FINE))
+    stated = np.max(np.abs(coarse.sd - fine.sd))
+    assert np.max(np.abs(fine.sd - known.sd)) < stated < np.max(np.abs(coarse.sd - known.sd)) * 2.0
+
+
+def test_quadrature_gives_up_rather_than_go_on_for_ever(rng: np.random.Generator) -> None:
+    known = normal(COV)
+    with pytest.raises(TooManyNodesError):
+        integrate(known, np.zeros(4), COV, rule=FINE, most=1000)
+    assert certify_by_quadrature(known, np.zeros(4), COV, rng=rng, n_obs=100_000) is None
+    assert certify_by_quadrature(normal(np.eye(5)), np.zeros(5), np.eye(5), rng=rng) is None
+    # nothing holds the second parameter
+    loose = dataclasses.replace(normal(np.eye(2)), function=lambda x: -0.5 * x[:, 0] ** 2)
+    assert certify_by_quadrature(loose, np.zeros(2), np.eye(2), rng=rng) is None
+    instead, _ = opinion(known, np.zeros(4), COV, n_obs=100_000)
+    assert instead.method == "importance sampling"
+    assert instead.reliable
+
+
+def test_good_proposal_stays_as_it_is_and_a_deficient_one_is_mended() -> None:
+    known, start, cov = normal(np.eye(6)), np.zeros(6), np.eye(6)
+    rng = np.random.default_rng(5)
+    good = adapt_proposal(known, start, cov, rng=rng)
+    certificate, kept = second_opinion(known, start, cov, good, rng=rng)
+    assert certificate.method == "importance sampling"
+    assert kept is good
+    narrow = adapt_proposal(dataclasses.replace(known, function=lambda x: 8.0 * known.log_density(x)), start, cov, rng=rng)
+    certificate, mended = second_opinion(known, start, cov, narrow, rng=rng)
+    assert np.all(np.abs(certificate.sd - 1.0) < 4.5 * certificate.mcse_sd)
+    assert mended is not narrow
+    draws = rng.standard_normal((20_000, 6))
+    ratio = [np.max(known.log_density(draws) - known.log_evidence - p.log_density(draws)) for p in (narrow, mended)]
+    assert ratio[0] > np.log(50.0)
+    assert ratio[1] < np.log(30.0)
