@@ -102,8 +102,7 @@ def test_chain_has_the_long_tail_of_two_exponentials(seed: int) -> None:
     assert u < 0.25 * truth.below
     assert analysis.comparison.verdict == "agree", analysis.comparison.reason
     assert analysis.certificate is not None
-    assert analysis.certificate.method == "quadrature"
-    assert "chain" not in analysis.certificate.method
+    assert analysis.certificate.method == "importance sampling"  # a reaches its limit, where quadrature may err
 
 
 def test_adapted_proposal_alone_leaves_it_out_and_its_own_importance_sampling_does_not_see_that() -> None:
@@ -156,7 +155,7 @@ def test_chain_without_a_tail_disagrees(monkeypatch: pytest.MonkeyPatch) -> None
     monkeypatch.setattr(pipeline, "sample_posterior", sample_cut)
     analysis = analyse_fit(two_exponentials(), seed=1)
     assert analysis.comparison.verdict == "disagree"
-    assert "chain and quadrature differ in" in analysis.comparison.reason
+    assert "chain and importance sampling differ in" in analysis.comparison.reason
     assert "of k by" in analysis.comparison.reason
     assert analysis.comparison.z_ends[0, 1] > analysis.comparison.limit
     assert any(finding.status == "methods-disagree" for finding in analysis.diagnosis.findings)

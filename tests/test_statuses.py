@@ -14,6 +14,7 @@ from troubles import TROUBLES, Disk, Formula, Trouble, uniform
 
 from estim import pipeline
 from estim.campaign import load_campaign
+from estim.checks.diagnosis import sampling_findings
 from estim.cli.commands import cli
 from estim.common.statuses import MEANINGLESS, STATUSES
 from estim.pipeline import Analysis, analyse
@@ -92,6 +93,13 @@ def test_without_the_trouble_the_status_is_ok(name: str, tmp_path: Path) -> None
     campaign = load_campaign(TROUBLES[name].healthy.write(tmp_path))
     analysis = analyse(campaign, ["r"], seed=1, target=Target(ess=2000.0))
     assert analysis.diagnosis.status == "ok", analysis.diagnosis.reasons
+
+
+@pytest.mark.parametrize(("stuck", "words"), [(0, None), (1, "1 walker never moved"), (3, "3 walkers never moved")])
+def test_walkers_that_never_moved_are_told(stuck: int, words: str | None, healthy: Analysis) -> None:
+    found = sampling_findings(replace(healthy.chain, stuck=stuck))
+    assert [finding.reason for finding in found] == ([] if words is None else [words])
+    assert all(finding.status == "not-converged" for finding in found)
 
 
 def test_all_statuses_are_produced_here() -> None:

@@ -28,6 +28,7 @@ _POINTS = 3e7  # nodes of a rule times observations: some seconds
 _SETTLED = 0.05  # posterior sds: a larger difference between the two rules proves nothing
 _LEAST_ERROR = 1e-4  # posterior sds: rounding, and what lies beyond the ends
 _N_RESAMPLED = 4000
+_AT_LIMIT = 0.05  # posterior sds
 _FAR, _CLOSE = 4.0, 0.01  # errors, and a difference (of log evidences, or in posterior sds), that prove nothing
 
 
@@ -38,7 +39,7 @@ def second_opinion(
     """A certificate of `density`, and the proposal for its chain: `adapted`, or a better one where that leaves something out.
 
     start, cov, starts : the fit, its covariance, and further optima.  support : limits of the parameters.
-    n_obs : how dear the density is.
+    n_obs : observations, which say what one evaluation of the density costs.
 
     Raises NumericalError where the density is not a number.
     """
@@ -51,10 +52,22 @@ def second_opinion(
         own_rng = rng.spawn(1)[0]
         covering = repaired(density, both(adapted, ridges), ridges, certificate.draws, certificate.log_evidence, rng=own_rng)
         sampled = certify(density, covering, rng=own_rng)
-        certificate = sampled if sampled.reliable and _differ(certificate, sampled) else certificate
+        doubtful = _at_a_limit(certificate, support) or _differ(certificate, sampled)
+        certificate = sampled if sampled.reliable and doubtful else certificate
     if not certificate.reliable:
         return certificate, adapted
     return certificate, repaired(density, adapted, ridges, certificate.draws, certificate.log_evidence, rng=rng)
+
+
+def _at_a_limit(quadrature: Certificate, support: Support | None) -> bool:
+    """Whether the posterior reaches a limit of a parameter.
+
+    Quadrature follows conditional maxima, and those that lie on a limit are hard to find: its two rules may err alike there.
+    """
+    if support is None:
+        return False
+    reached = [np.abs(quadrature.draws - limit) < _AT_LIMIT * quadrature.sd for limit in support]
+    return bool(np.any(reached))
 
 
 def _differ(quadrature: Certificate, sampled: Certificate) -> bool:
@@ -76,7 +89,7 @@ def certify_by_quadrature(
     density: Density, start: FloatArray, cov: FloatArray, *, rng: np.random.Generator, starts: Sequence[FloatArray] = (),
     support: Support | None = None, n_obs: int = 1,
 ) -> Certificate | None:
-    """The posterior by quadrature, each number with the difference of two rules as its error; None where that is too dear or does not settle."""
+    """The posterior by quadrature, each number with the difference of two rules as its error; None where that costs too much or does not settle."""
     if len(density.names) > MOST_DIMENSIONS:
         return None
     most = min(MOST_NODES, int(_POINTS / max(1, n_obs)))

@@ -14,6 +14,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import erfcx, ndtr
 
 from estim.arrays import FloatArray
 from estim.sampling.density import Density, log_density_in_batches
@@ -104,7 +105,7 @@ def climb(frame: Frame, points: FloatArray, n_held: int, *, n_step: int = 2) -> 
                 break
     gradient, precision, _ = _derivatives(frame, points, n_held, scales)
     _, pressed = _bounded_step(frame, points[:, n_held:], gradient, precision, n_held)
-    return Summits(points, heights, _log_volume(gradient, precision, pressed), precision)
+    return Summits(points, heights, _log_volume(frame, points[:, n_held:], gradient, precision, pressed, n_held), precision)
 
 
 def framed(density: Density, start: FloatArray, cov: FloatArray, support: Support | None) -> Frame:
@@ -221,12 +222,21 @@ def _bounded_step(frame: Frame, at: FloatArray, gradient: FloatArray, precision:
     return step, pressed
 
 
-def _log_volume(gradient: FloatArray, precision: FloatArray, pressed: Flags) -> FloatArray:
-    """(n,) log of the integral of exp(-g.x - x P x/2) over the free parameters, one after the other where some are pressed against a limit."""
+def _log_volume(frame: Frame, at: FloatArray, gradient: FloatArray, precision: FloatArray, pressed: Flags, n_held: int) -> FloatArray:
+    """(n,) log of the integral of exp(-g.x - x P x/2) over the free parameters, within their limits one at a time.
+
+    Exact for a normal density with one limit nearby, and so without a jump where a maximum comes to lie on its limit.
+    """
     eye = np.eye(gradient.shape[1])
     matrix = np.where(pressed[:, :, None] | pressed[:, None, :], 0.0, precision) + pressed[:, :, None] * eye
     _, log_det = np.linalg.slogdet(matrix)
-    curved = np.diagonal(precision, axis1=1, axis2=2)
-    edge = -np.log(np.maximum(np.abs(gradient), np.sqrt(2.0 / np.pi * curved)))
+    covariance = np.linalg.inv(matrix)
+    sd = np.sqrt(np.diagonal(covariance, axis1=1, axis2=2))
+    inside = np.log(ndtr((frame.high[n_held:] - at) / sd) - ndtr((frame.low[n_held:] - at) / sd))
+    # one pressed against a limit: its curvature with those that are not pressed re-optimised
+    coupling = np.where(pressed[:, None, :], 0.0, precision)
+    curvature = np.diagonal(precision, axis1=1, axis2=2) - np.einsum("nij,njk,nik->ni", coupling, covariance, coupling)
+    curvature = np.maximum(curvature, np.finfo(float).tiny)
+    edge = 0.5 * np.log(np.pi / (2.0 * curvature)) + np.log(erfcx(np.abs(gradient) / np.sqrt(2.0 * curvature)))
     free = np.sum(~pressed, axis=1)
-    return np.asarray(0.5 * free * np.log(2.0 * np.pi) - 0.5 * log_det + np.sum(np.where(pressed, edge, 0.0), axis=1))
+    return np.asarray(0.5 * free * np.log(2.0 * np.pi) - 0.5 * log_det + np.sum(np.where(pressed, edge, inside), axis=1))

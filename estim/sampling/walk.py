@@ -39,11 +39,16 @@ def walk(
     before = start.copy()
     first = frame.factor[axis, axis]
     step = np.full(len(start), first)
+    at_zero = np.zeros(len(start), dtype=bool)  # nothing lies behind: a limit that nobody stated
     panels: list[Panels] = []
+    lost = -np.inf  # log mass where a walk ended too early
     for _ in range(_MOST_STEPS):
-        active = active[(np.abs(edge - here[active, axis]) > 1e-12 * first) & (mass[active] > top - rule.depth) & (step[active] > 1e-7 * first)]
+        active = active[(np.abs(edge - here[active, axis]) > 1e-12 * first) & (mass[active] > top - rule.depth)]
+        stuck = active[(step[active] <= 1e-7 * first) & ~at_zero[active]]  # before a jump: what lies behind it is not known
+        lost = max(lost, *mass[stuck], -np.inf)
+        active = active[step[active] > 1e-7 * first]
         if active.size == 0:
-            return panels, False
+            break
         here_, step_ = here[active], step[active]
         at = here_[:, axis] + direction * step_
         at = np.minimum(at, edge) if direction > 0.0 else np.maximum(at, edge)
@@ -53,12 +58,13 @@ def walk(
         guess[:, : axis + 1] = here_[:, : axis + 1]
         guess[:, axis] = at
         guess[:, axis + 1 :] = np.clip(guess[:, axis + 1 :], frame.low[axis + 1 :], frame.high[axis + 1 :])
-        lost = ~np.isfinite(frame.heights(guess))
-        guess[lost, axis + 1 :] = here_[lost, axis + 1 :]
+        nowhere = ~np.isfinite(frame.heights(guess))
+        guess[nowhere, axis + 1 :] = here_[nowhere, axis + 1 :]
         found = climb(frame, guess, axis + 1)
         masses = found.log_masses
         allowed = rule.fall + (top - mass[active]).clip(0.0)
         fall = mass[active] - masses
+        at_zero[active] = np.isneginf(masses)
         taken = np.isfinite(masses) & (fall <= 1.5 * allowed)
         where = active[taken]
         ends = (here_[taken], found.points[taken]) if direction > 0.0 else (found.points[taken], here_[taken])
@@ -68,7 +74,7 @@ def walk(
         with np.errstate(divide="ignore", invalid="ignore"):
             better = np.sqrt(allowed / np.maximum(np.abs(fall), 1e-3))
         step[active] = step_ * np.where(taken, np.clip(better, 0.4, 2.0), np.where(np.isfinite(fall), np.clip(0.8 * better, 0.1, 0.5), 0.25))
-    return panels, bool(np.any(mass[active] > top - 0.5 * rule.depth))
+    return panels, max(lost, *mass[active], -np.inf) > top - 0.5 * rule.depth
 
 
 def _along(frame: Frame, axis: int) -> FloatArray:
