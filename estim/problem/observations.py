@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from estim.arrays import FloatArray
-from estim.common import InputError
+from estim.common import InputError, Label, label
 from estim.problem.curve import POINTS, Curve, Derived, Motion, Wording
 from estim.problem.latent import LatentRun
 from estim.problem.noise import Independent, Noise, noise_parameters
@@ -24,6 +24,11 @@ class Parameter:
     unit: str
     prior: Prior
     meaning: str
+
+    @property
+    def label(self) -> Label:
+        """How it is shown, with its level in brackets."""
+        return label(self.name, self.unit)
 
 
 @dataclass(frozen=True, eq=False)

@@ -92,7 +92,7 @@ def join(chunks: Sequence[Chunk]) -> Chunk:
 
 def encode(chunk: Chunk, link: str) -> bytes:
     """The bytes of `chunk`, which follows what has the digest `link`."""
-    arrays = {name: np.ascontiguousarray(getattr(chunk, name), dtype=_TYPES[name]) for name in _NAMES}
+    arrays: dict[str, Any] = {name: np.ascontiguousarray(getattr(chunk, name), dtype=_TYPES[name]) for name in _NAMES}
     stream = io.BytesIO()
     np.savez(stream, follows=np.array(link), **arrays)
     return stream.getvalue()
