@@ -32,7 +32,7 @@ from estim.checks import (
     parameter_cells,
     untested,
 )
-from estim.common import InputError
+from estim.common import InputError, Status
 from estim.curve_fit import CurveFit
 from estim.fitting import Fit
 from estim.problem import Problem, folded
@@ -56,6 +56,7 @@ from estim.sampling import (
     summarise_parameter,
     too_many,
 )
+from estim.words import advice_for
 
 _BAND_DRAWS = 4000
 _MODE_DRAWS = 20_000
@@ -99,7 +100,7 @@ class Analysis:
         ]
         return headline(
             ": ".join(part for part in (self.title, ", ".join(run.name for run in self.problem.runs)) if part), kind=self.kind,
-            status=self.diagnosis.status, reasons=self.diagnosis.reasons, advice=[f.advice for f in self.diagnosis.findings], rows=rows,
+            status=self.diagnosis.status, reasons=self.diagnosis.reasons, advice=advice_for(self.diagnosis.findings), rows=rows,
         )
 
 
@@ -175,8 +176,8 @@ def sample_curve(fit: CurveFit, *, seed: int, target: Target | None = None, prog
 
     Raises InputError where the fit leaves nothing to sample: parameters that the data do not determine, or no residuals.
     """
-    if fit.status in ("not-identified", "not-converged"):
-        raise InputError(f"cannot be sampled: {fit.reasons[0]}", field="fit", value=fit.status)
+    if fit.status in (Status.NOT_IDENTIFIED, Status.NOT_CONVERGED):
+        raise InputError(f"cannot be sampled: {fit.reasons[0]}", field="fit", value=str(fit.status))
     if fit.fit.singular:
         rule = "cannot be sampled: rounding leaves its parameters too few digits; write the formula in x - x0, with x0 in the middle of the data"
         raise InputError(rule, field="fit")

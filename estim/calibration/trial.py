@@ -86,7 +86,7 @@ def run_trial(plan: Plan, index: int) -> Trial:
     try:
         draws, how, shortfall = posterior_draws(_fit(problem, values, rng), plan.engine, rng)
     except NumericalError as error:
-        return Trial(truth, np.full(n, -1), np.zeros((n, len(PROBABILITIES)), dtype=bool), n_rejected, "none", "", str(error).partition(" at ")[0])
+        return Trial(truth, np.full(n, -1), np.zeros((n, len(PROBABILITIES)), dtype=bool), n_rejected, "none", "", error.rule)
     numbers = reported(plan.design.problem, draws, plan.reported)
     rank = _rank(truth, numbers[rng.choice(numbers.shape[0], N_RANK, replace=False)], rng)
     return Trial(truth, rank, _covered(truth, numbers), n_rejected, how, shortfall, "")

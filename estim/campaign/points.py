@@ -17,7 +17,7 @@ from estim.campaign.levels import Levels, Path, noise_level, read_at
 from estim.campaign.plausible import check_reading_error
 from estim.campaign.robust import shape_of
 from estim.campaign.selection import Selection, Window, check_count, select
-from estim.common import InputError, Quantity
+from estim.common import Finding, InputError, Kind, Quantity
 from estim.problem import (
     STENCILS,
     Derivative,
@@ -51,7 +51,7 @@ class Observed:
     noise: Noise
     parameters: tuple[Parameter, ...]
     arguments: Mapping[str, str | float]
-    excluded: tuple[str, ...]
+    excluded: tuple[Finding, ...]
     excluded_points: FloatArray
 
 
@@ -129,7 +129,7 @@ def _differentiated(run: Run, levels: Levels, table: NoiseTable, path: Path, suf
 def _independent(run: Run, levels: Levels, table: NoiseTable, path: Path, suffix: str) -> Observed:
     units, rate = _UNITS[run.coordinate], run.rate
     t, position = run.columns.get("t_s"), run.columns[run.coordinate]
-    rows, blank, gain = np.arange(run.n_row), tuple[str, ...](), math.inf
+    rows, blank, gain = np.arange(run.n_row), tuple[Finding, ...](), math.inf
     if rate in run.columns:
         speed = run.columns[rate]
     elif t is not None and table.derivative is not None:
@@ -232,13 +232,12 @@ def _typical(sigma: Scale, parameter: Parameter | None, step: float) -> float:
     return math.hypot(sigma.value if parameter is None else parameter.prior.centre, step / math.sqrt(12.0))
 
 
-def _speeds(run: Run, table: NoiseTable) -> tuple[Derivative, tuple[str, ...]]:
+def _speeds(run: Run, table: NoiseTable) -> tuple[Derivative, tuple[Finding, ...]]:
     """Speeds by differences, and how many frames have none."""
     stencil = STENCILS[table.derivative or "central"]
     derivative = differentiate(run.columns["t_s"], run.columns[run.coordinate], stencil, file=run.file, lines=run.lines)
     missing = run.n_row - derivative.rows.size
-    words = f"{missing} at the ends or beside a missing frame, where the {stencil.name} derivative does not exist"
-    return derivative, (words,) if missing else ()
+    return derivative, (Finding(Kind.NO_DERIVATIVE, test=stencil.name, size=missing),) if missing else ()
 
 
 def _by_row(

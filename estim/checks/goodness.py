@@ -27,13 +27,13 @@ from numpy.typing import ArrayLike, NDArray
 from estim.arrays import FloatArray
 from estim.fitting import Fit, no_scatter
 from estim.problem import LatentRun, Observations, covariance, noise_parameters, reading_sd
+from estim.words import TESTS
 
 BoolArray = NDArray[np.bool_]
 
 P_POOR_FIT = 1e-3
 SCATTER_LIMIT = 10.0
 _NO_ERRORS = 1e-9  # standard deviations; residuals that are all smaller are rounding errors
-_ZERO = "all residuals are zero but for rounding errors, as those of measurements never are: were the data computed?"
 _N_SIMULATED = 20_000
 P_FLOOR = 1.0 / (1.0 + _N_SIMULATED)  # a p-value of the tests below cannot come out smaller
 
@@ -105,7 +105,7 @@ def check_goodness(fit: Fit, *, rng: np.random.Generator) -> tuple[Goodness, ...
         stated = not noise_parameters(run.noise)
         sd = np.sqrt(np.sum(factor**2, axis=1))
         empty = no_scatter(run, fit) or float(np.max(np.abs(whitened))) < _NO_ERRORS
-        checks = {"zero": Check(0.0, P_FLOOR, _ZERO)} if empty else _checks(whitened, simulated, stated=stated)
+        checks = {"zero": Check(0.0, P_FLOOR, TESTS["zero"])} if empty else _checks(whitened, simulated, stated=stated)
         checked.append(Goodness(run.name, whitened, raw, sd, checks, _scatter_ratio(run, named)))
     return tuple(checked)
 
@@ -189,22 +189,13 @@ def _checks(z: FloatArray, simulated: FloatArray, *, stated: bool) -> dict[str, 
     """Statistics of z (n_obs,) against simulated ones (n_sim, n_obs); every statistic is large when the model is wrong."""
     observed, null = _statistics(z[None, :]), _statistics(simulated)
     checks = {}
-    for name, meaning in _MEANINGS.items():
+    for name in observed:
         if name == "chi2" and not stated:
             continue
         statistic = float(observed[name][0])
         p = (1.0 + float(np.sum(null[name] >= statistic - 1e-12))) / (1.0 + null[name].size)
-        checks[name] = Check(statistic, p, meaning)
+        checks[name] = Check(statistic, p, TESTS[name])
     return checks
-
-
-_MEANINGS = {
-    "chi2": "the residuals are larger than the stated noise",
-    "runs": "the residuals change sign too seldom",
-    "autocorrelation": "neighbouring residuals are alike",
-    "trend": "the residuals drift along the run",
-    "largest": "one residual is far larger than the others",
-}
 
 
 def _statistics(z: FloatArray) -> dict[str, FloatArray]:

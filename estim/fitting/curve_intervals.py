@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from estim.arrays import FloatArray
-from estim.common import format_quantity, format_rounded
+from estim.common import Amount, Finding, Kind, format_quantity, format_rounded
 from estim.fitting.edges import edge_of
 from estim.fitting.least_squares import Fit
 from estim.fitting.optimum import Optimum
@@ -40,7 +40,7 @@ class Spread:
     cov: FloatArray
     sds: FloatArray
     intervals: Mapping[str, Ends]
-    notes: tuple[str, ...]
+    notes: tuple[Finding, ...]
 
 
 def spread(fixed: Fit, best: Optimum, *, dof: float, scale: float, unknown: bool) -> Spread:
@@ -50,11 +50,7 @@ def spread(fixed: Fit, best: Optimum, *, dof: float, scale: float, unknown: bool
     if best.singular:
         return Spread(cov, np.full(len(names), np.nan), missing, ())
     if unknown:
-        note = (
-            "the points have no scatter but rounding errors (computed values, not readings?), so nothing tells how large their errors are: "
-            "there is no standard deviation; give u_y"
-        )
-        return Spread(np.full_like(cov, np.nan), np.full(len(names), np.nan), missing, (note,))
+        return Spread(np.full_like(cov, np.nan), np.full(len(names), np.nan), missing, (Finding(Kind.NO_SCATTER),))
     free = np.sqrt(np.diag(fixed.cov))  # of a parameter on its edge too
     sds = np.where(best.at_bound, np.nan, np.sqrt(np.diag(cov)))
     informed = np.square([p.prior.residual_slope(float(v)) for p, v in zip(fixed.problem.parameters, best.values, strict=True)])
@@ -62,16 +58,15 @@ def spread(fixed: Fit, best: Optimum, *, dof: float, scale: float, unknown: bool
     beside = _within_reach(fixed, np.where(best.at_bound, free, np.sqrt(np.diag(cov))), dofs)
     if not np.any(beside):
         return Spread(cov, sds, _symmetric(names, best.values, sds, dofs), ())
-    intervals, notes = _profiled(fixed, float(np.min(dofs))), []
+    intervals, notes = _profiled(fixed, float(np.min(dofs))), list[Finding]()
     for i, (name, parameter) in enumerate(zip(names, fixed.problem.parameters, strict=True)):
         distance = min(best.values[i] - parameter.prior.low, parameter.prior.high - best.values[i])
         edge = edge_of(parameter.prior, float(best.values[i]))
         if best.at_bound[i] or distance < sds[i]:
-            where = "lies on" if best.at_bound[i] else "is less than a standard deviation from"
-            notes.append(f"{name} {where} its limit {edge:.6g}: no standard deviation, read its interval")
+            notes.append(Finding(Kind.AT_LIMIT if best.at_bound[i] else Kind.NEAR_LIMIT, parameters=(Amount(name, edge),)))
             sds[i] = np.nan
         elif _lopsided(intervals[name], float(best.values[i]), float(sds[i]), float(dofs[i])):
-            notes.append(f"{name} has no standard deviation, because the limit of {' and '.join(np.array(names)[beside])} cuts it: read its interval")
+            notes.append(Finding(Kind.CUT_BY_LIMIT, parameters=(Amount(name),), names=tuple(np.array(names)[beside].tolist())))
             sds[i] = np.nan
     return Spread(cov, sds, intervals, tuple(notes))
 

@@ -15,11 +15,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from estim.arrays import FloatArray
-from estim.common import InputError, NumericalError
+from estim.common import Finding, InputError, NumericalError
 from estim.fitting.fisher_information import information
 from estim.problem import Observations, Posterior, Problem, Symmetry, informative
 
-_MAX_ROUNDS = 60
+MAX_ROUNDS = 60
 _SETTLED = 1e-4  # of a standard deviation, between two rounds
 _SAME_OPTIMUM = 0.5  # in minus log density
 _SAME_PLACE = 1.5  # standard deviations
@@ -46,9 +46,9 @@ class Fit:
         parameters of the curve.  p_value : P(chi2 or more); nan where the size of the noise was inferred or its tails are heavy (it proves nothing).
     n_start, n_same : starts tried, and how many of them led to the best optimum.
     others : (n_other, n_par) other optima not much worse than the best, far from it and from each other.
-    symmetry : what else draws the same curves, None where that was not asked.  aliases : in words, faster curves through the same points.
+    symmetry : what else draws the same curves, None where that was not asked.  aliases : other curves through the same points.
     singular : whether some combination of parameters is not determined at all, not even by the priors.
-    success, message : whether the search settled, in words.
+    success, message : whether the search settled, in words.  moved : standard deviations that its last round still moved a parameter.
     """
 
     names: tuple[str, ...]
@@ -65,9 +65,10 @@ class Fit:
     others: FloatArray
     singular: bool
     success: bool
+    moved: float
     message: str
     symmetry: Symmetry | None = None
-    aliases: str = ""
+    aliases: tuple[Finding, ...] = ()
 
     @property
     def problem(self) -> Problem:
@@ -93,7 +94,7 @@ def fit_least_squares(problem: Problem, *, rng: np.random.Generator, n_start: in
         raise NumericalError(_NO_CURVATURE)
     objective = np.array([-_log_density(posterior, values) for values, posterior, _ in rough])
     best = int(np.nanargmin(objective))
-    values, posterior, moved = _settle(problem, rough[best][0], max_rounds=_MAX_ROUNDS)
+    values, posterior, moved = _settle(problem, rough[best][0], max_rounds=MAX_ROUNDS)
     if math.isnan(moved):
         raise NumericalError(_NO_CURVATURE)
     level = objective <= objective[best] + _SAME_OPTIMUM
@@ -287,14 +288,14 @@ def _describe(
     n_same = len(same) if singular else sum(bool(np.max(np.abs(end - values) / place) < _SAME_PLACE) for end in same)
     message = f"settled; {led_here(n_same, n_start)}"
     if moved >= _SETTLED:
-        message = f"did not settle: the last of {_MAX_ROUNDS} rounds still moved a parameter by {moved:.2g} standard deviations"
+        message = f"did not settle: the last of {MAX_ROUNDS} rounds still moved a parameter by {moved:.2g} standard deviations"
     elif singular:
         message = "settled, but a combination of parameters is not determined at all: no standard deviations"
     return Fit(
         names=problem.names, values=values, cov=cov, sds=sds, at_bound=tuple(at_bound), posterior=posterior, chi2=chi2, dof=dof,
         p_value=chi2_p(chi2, dof) if dof > 0 and not problem.noise_names and not robust else math.nan,
         n_start=n_start, n_same=n_same, others=far_apart(values, ends, place),
-        singular=singular, success=moved < _SETTLED, message=message,
+        singular=singular, success=moved < _SETTLED, moved=moved, message=message,
     )
 
 

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from estim.arrays import FloatArray
-from estim.common import InputError
+from estim.common import Finding, InputError
 from estim.fitting.descent import all_finite, descend, inverse_information, near_bound, stepped
 from estim.fitting.least_squares import WITHIN_REACH, Fit, far_apart, fit_least_squares, led_here
 from estim.fitting.screen import chi2_at, further_optima, solved_at
@@ -50,7 +50,7 @@ class Optimum:
     condition : smallest / largest singular value, columns of unit length; resolved : what it must exceed to be told from zero.
     at_bound : (n_par,) which parameters lie on a bound.  n_start, n_same : searches run, and how many ended here.
     others : (n_other, n_par) other optima that are not much worse, best first; not those that only change labels.
-    symmetry : what else draws the same curve.  aliases : in words, faster curves through the same points, or "".
+    symmetry : what else draws the same curve.  aliases : other curves through the same points.
     """
 
     values: FloatArray
@@ -66,7 +66,7 @@ class Optimum:
     n_same: int
     others: FloatArray
     symmetry: Symmetry
-    aliases: str
+    aliases: tuple[Finding, ...]
 
     @property
     def singular(self) -> bool:
@@ -271,5 +271,5 @@ def _polished(search: SeparableSearch, values: FloatArray, *, n_start: int, n_sa
     alone = np.zeros((0, values.size))
     return Optimum(
         values, full, chi2, rounded, step_size, max(_SETTLED, left), condition, resolved, near, n_start, n_same, alone,
-        no_symmetry(search.posterior.problem), "",
+        no_symmetry(search.posterior.problem), (),
     )

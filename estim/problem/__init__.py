@@ -11,5 +11,5 @@ from estim.problem.observations import Observations, Parameter, n_uses, shared_f
 from estim.problem.priors import MEASURED, HalfNormal, LogNormal, Normal, Prior, TruncatedNormal, Uniform, as_prior
 from estim.problem.problem import Posterior, Problem, informative
 from estim.problem.readings import Correlated, Readings, check_covariance
-from estim.problem.symmetry import Symmetry, folded, in_words, no_symmetry
+from estim.problem.symmetry import Symmetry, folded, no_symmetry, same_curves
 from estim.problem.tails import GAUSSIAN, Mixture, StudentT, Tails

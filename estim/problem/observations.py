@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from estim.arrays import FloatArray
-from estim.common import InputError, Label, label
+from estim.common import Finding, InputError, Label, label
 from estim.problem.curve import POINTS, Curve, Derived, Motion, Wording
 from estim.problem.latent import LatentRun
 from estim.problem.noise import Independent, Noise, noise_parameters
@@ -38,7 +38,7 @@ class Observations:
     x : (n_obs,) position.  y : (n_obs,) speed.  t : (n_obs,) s, or None where it is unknown.
     arguments : argument of the curve -> parameter name, or a fixed number.
     x_name, x_unit, y_name, y_unit : for axes and tables ("position x", "m").
-    excluded : why and how many rows were left out, in words.
+    excluded : why and how many rows were left out (`Finding.size`).
     excluded_points : (n, 2) the (x, y) of those rows that have a speed, for figures.
     motion : the body whose motion was measured; None for a plain curve.  words : how the measured numbers are spoken of.
     """
@@ -54,7 +54,7 @@ class Observations:
     x_unit: str
     y_name: str
     y_unit: str
-    excluded: tuple[str, ...]
+    excluded: tuple[Finding, ...]
     excluded_points: FloatArray
     motion: Motion | None = None
     words: Wording = POINTS

@@ -62,7 +62,7 @@ def identify_section(
                 verdict=_verdict(problem, leaning, float(draws[:, i].mean())),
             )
         )
-        if interval.n_failed or interval.found_better or "more than one piece" in interval.sentence:
+        if interval.n_failed or interval.found_better or interval.pieces:
             doubts.append(interval.sentence)
     k_hat = max((s.k_hat for s in sensitivity), default=-np.inf)
     if k_hat >= 0.7:
