@@ -115,14 +115,14 @@ class CurveFit:
 
     def __str__(self) -> str:
         width = max(len(name) for name in self.names)
-        rows = [f"{name:<{width}} {words}" for name, words in self._rows()]
+        rows = [f"{name:<{width}} {f'{relation} {value}'.strip()}" for name, (relation, value) in self._rows()]
         head = [f"{self.text}: {self.status}", *(f"  {reason}" for reason in self.reasons)]
         said = [*head, *rows, *self._fixed_words(), *(f"note: {note}" for note in self.notes)]
         return "\n".join(map(one_line, [*said, self._summary()]))
 
     def _repr_markdown_(self) -> str:
         head = [f"{code(self.text)}: **{self.status}**", *(f"- {markdown(reason)}" for reason in self.reasons)]
-        rows = [(name, words.removeprefix("= ")) for name, words in self._rows()]
+        rows = [(name, value) for name, (_, value) in self._rows()]
         shown = ["", table(("parameter", "value and intervals"), rows)] if rows else []
         notes = [*self._fixed_words(), *(f"Note: {note}" for note in self.notes)]
         return "\n".join([*head, *shown, "", *(f"- {markdown(note)}" for note in notes), "", markdown(self._summary())])
@@ -130,8 +130,8 @@ class CurveFit:
     def _fixed_words(self) -> list[str]:
         return [f"{name} = {value:.10g} (fixed)" for name, value in self.fixed.items()]
 
-    def _rows(self) -> list[tuple[str, str]]:
-        """Name and value in words; limits where the curve or an edge is contradicted, nothing where no number is a result."""
+    def _rows(self) -> list[tuple[str, tuple[str, str]]]:
+        """Name, and relation and value in words; limits where the curve or an edge is contradicted, nothing where no number is a result."""
         if self.status not in (Status.OK, Status.POOR_FIT, Status.AT_BOUND):
             return []
         few = self.sigma is not None and self.dof <= FEW

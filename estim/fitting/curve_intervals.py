@@ -117,30 +117,30 @@ def _lopsided(ends: Ends, value: float, sd: float, dof: float) -> bool:
     return not max(abs(value - low - half), abs(high - value - half)) <= _SYMMETRIC * half
 
 
-def shown_value(value: float, sd: float, ends: Ends, edges: tuple[float, float], *, unit: str, few: bool, ok: bool) -> str:
-    """What a reader sees behind a parameter's name: '= 2.03 ± 0.05 s, ...', '< 0.3 (95 %)', or '= 2 (no uncertainty)'.
+def shown_value(value: float, sd: float, ends: Ends, edges: tuple[float, float], *, unit: str, few: bool, ok: bool) -> tuple[str, str]:
+    """What a reader sees behind a parameter's name: ("=", '2.03 ± 0.05 s, ...') or ("=", '2 (no uncertainty)'), a limit as ("", '< 0.3 (95 %)').
 
     few : whether sd has so few degrees of freedom that ± misleads.  ok : whether the status allows a value with an uncertainty.
     """
     low, high = ends[PROBABILITIES[-1]]
     behind = f" {unit}" if unit else ""
     if math.isnan(low) or math.isnan(high):
-        return f"= {format_quantity(value)}{behind} (no uncertainty)"
+        return "=", f"{format_quantity(value)}{behind} (no uncertainty)"
     closed = [low != edges[0] and math.isfinite(low), high != edges[1] and math.isfinite(high)]
     if not any(closed):
-        return f"anywhere in [{low:.6g}, {high:.6g}]{behind}"
+        return "", f"anywhere in [{low:.6g}, {high:.6g}]{behind}"
     level = "95 %" if ok else "95 %, if the curve and the errors were right"
     size = sd if math.isfinite(sd) else 0.25 * (high - low) if all(closed) else 0.25 * abs((high if closed[1] else low) - value)
     if not all(closed):
-        return f"< {format_rounded(high, size)}{behind} ({level})" if closed[1] else f"> {format_rounded(low, size)}{behind} ({level})"
+        return "", f"< {format_rounded(high, size)}{behind} ({level})" if closed[1] else f"> {format_rounded(low, size)}{behind} ({level})"
     intervals = ", ".join(f"{p:.0%} in [{format_rounded(a, size)}, {format_rounded(b, size)}]".replace("%", " %") for p, (a, b) in ends.items())
     if not ok:
-        return f"in [{format_rounded(low, size)}, {format_rounded(high, size)}]{behind} ({level})"
+        return "", f"in [{format_rounded(low, size)}, {format_rounded(high, size)}]{behind} ({level})"
     if not math.isfinite(sd):
-        return f"= {format_rounded(value, size)}{behind}, {intervals}"
+        return "=", f"{format_rounded(value, size)}{behind}, {intervals}"
     if few:
-        return f"= {format_rounded(value, sd)}{behind} (standard error {format_rounded(sd, sd)}), {intervals}"
-    return f"= {format_quantity(value, sd)}{behind}, {intervals}"
+        return "=", f"{format_rounded(value, sd)}{behind} (standard error {format_rounded(sd, sd)}), {intervals}"
+    return "=", f"{format_quantity(value, sd)}{behind}, {intervals}"
 
 
 def _quantile(probability: float, dofs: FloatArray) -> FloatArray:

@@ -83,7 +83,7 @@ def _cell(interval: ProfileInterval, p: float, sd: float, shown: Label) -> str:
 def _verdict(problem: Problem, leaning: Sensitivity, mean: float) -> str:
     """The verdict, with the pull of the posterior `mean` where it is a conflict, and whose prior matters most where that is another parameter's."""
     words = leaning.verdict
-    if words == CONFLICT:
+    if leaning.verdict == CONFLICT:
         prior = problem.parameters[problem.names.index(leaning.name)].prior
         pull = signed(f"{(mean - prior.expectation) / prior.sd:+.1f}")
         words += f": the posterior lies {pull} prior sd from the mean of the prior"
