@@ -8,8 +8,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-import numpy as np
-
 from estim.campaign import Campaign, NoiseTable
 from estim.checks import (
     Conflict,
@@ -32,7 +30,7 @@ from estim.checks import (
     parameter_cells,
     untested,
 )
-from estim.common import InputError
+from estim.common import InputError, Stream, stream
 from estim.curve_fit import CurveFit
 from estim.fitting import Fit
 from estim.problem import Problem, folded
@@ -116,8 +114,7 @@ def analyse(
     """
     problem = campaign.problem(runs, noise=noise)
     campaign.require_unknowns(problem)
-    rng = np.random.default_rng(seed).spawn(1)[0]
-    fit = campaign.fit(problem, rng=rng)
+    fit = campaign.fit(problem, rng=stream(seed, Stream.FIT))
     analysis = analyse_fit(fit, seed=seed, target=target, progress=progress, store=store, stop=stop, marginal=marginal)
     return replace(analysis, title=campaign.title, kind=campaign.kind)
 
@@ -128,7 +125,7 @@ def analyse_fit(
 ) -> Analysis:
     """What follows a fit, however its problem was posed.  tested : whether there are residuals to test."""
     target, problem = target or Target(), fit.problem
-    chain_rng, check_rng, band_rng, proposal_rng = np.random.default_rng(seed).spawn(5)[1:]
+    chain_rng, proposal_rng = stream(seed, Stream.CHAIN), stream(seed, Stream.PROPOSAL)
     certificate = None
     if marginal if marginal is not None else _through_marginal(problem):
         chain, comparison = marginal_chain(fit, target=target, rng=chain_rng)
@@ -146,7 +143,7 @@ def analyse_fit(
             density, fit.values, fit.cov, target=target, rng=chain_rng, progress=progress, proposal=proposal, store=store, stop=stop
         )
         comparison = no_comparison(fit.names, too_many(problem.n_par)) if certificate is None else compare_with_chain(certificate, chain)
-    goodness = check_goodness(fit, rng=check_rng) if tested else untested(fit)
+    goodness = check_goodness(fit, rng=stream(seed, Stream.GOODNESS)) if tested else untested(fit)
     identifiability = identify(fit)
     modes = find_modes(fit, chain.thinned(_MODE_DRAWS))
     outliers = find_outliers(fit.posterior, chain.thinned(_OUTLIER_DRAWS))
@@ -155,7 +152,7 @@ def analyse_fit(
     diagnosis = diagnose(
         fit, chain, goodness, comparison=comparison, identifiability=identifiability, modes=modes, consistency=consistency, conflict=conflict
     )
-    bands = posterior_bands(problem, chain.thinned(_BAND_DRAWS), rng=band_rng)
+    bands = posterior_bands(problem, chain.thinned(_BAND_DRAWS), rng=stream(seed, Stream.BANDS))
     return Analysis(
         problem, fit, certificate, chain, comparison, goodness, identifiability, modes, outliers, consistency, conflict, diagnosis, bands, seed
     )

@@ -37,6 +37,7 @@ from estim.calibration.experiment import Experiment
 from estim.calibration.jobs import spread
 from estim.calibration.trial import N_RANK, PROBABILITIES, Engine, Plan, What, posterior_draws, reported_names, run_trial, stated_only
 from estim.calibration.uniformity import LEAST_P, uniformity_p_value
+from estim.common import Stream, stream
 from estim.fitting import Fit
 
 IntArray = NDArray[np.int64]
@@ -138,7 +139,7 @@ def coverage(
     chosen = engine or Engine()
     truth = fit.values.copy()
     if fit.at_bound:
-        draws, _, _ = posterior_draws(fit, chosen, np.random.default_rng(seed))
+        draws, _, _ = posterior_draws(fit, chosen, stream(seed, Stream.CALIBRATION_TRUTH))
         bound = [fit.names.index(name) for name in fit.at_bound]
         truth[bound] = np.median(draws[:, bound], axis=0)
     return _calibrate(Plan(design, "coverage", truth, tuple(_varying(fit)), chosen, seed), fit, n_trial, jobs, progress)

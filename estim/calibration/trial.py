@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from estim.arrays import FloatArray
 from estim.calibration.experiment import Experiment
-from estim.common import InputError, NumericalError, Quantity
+from estim.common import InputError, NumericalError, Quantity, Stream, stream
 from estim.fitting import Fit, fit_least_squares
 from estim.problem import MEASURED, LogNormal, Normal, Parameter, Prior, Problem, TruncatedNormal, as_prior
 from estim.sampling import Target, adapt_proposal, certify, sample_posterior
@@ -26,7 +26,7 @@ PROBABILITIES = (0.68, 0.95)
 N_RANK = 99
 _TRUSTED = 0.5  # k-hat
 _MOST_TRIES = 2000  # truths drawn for one simulated campaign
-_KINDS = {"sbc": 0, "coverage": 1}
+_KINDS = {"sbc": Stream.RANK_TRIALS, "coverage": Stream.COVERAGE_TRIALS}
 
 
 @dataclass(frozen=True)
@@ -79,7 +79,7 @@ class Trial:
 
 def run_trial(plan: Plan, index: int) -> Trial:
     """Trial number `index`: the same whatever the process and the other trials."""
-    rng = np.random.default_rng(np.random.SeedSequence(plan.seed, spawn_key=(_KINDS[plan.what], index)))
+    rng = stream(plan.seed, _KINDS[plan.what], index)
     values, problem, n_rejected = _experiment(plan, rng)
     truth = reported(plan.design.problem, values[None, :], plan.reported)[0]
     n = len(plan.reported)

@@ -10,3 +10,4 @@ from estim.common.labels import KINDS, Label, label, table
 from estim.common.quantity import EXTREME, Quantity, e_n, extreme, format_p, format_quantity, format_rounded, read_number, read_quantity, signed
 from estim.common.statuses import MEANINGLESS, PROBABILITIES, STATUS_WORDS, STATUSES, Finding
 from estim.common.storage import TEMPORARY, held, names_in, read_file, remove_empty, remove_files, require_plain, write_whole
+from estim.common.streams import Stream, stream

@@ -14,7 +14,7 @@ import numpy as np
 
 from estim.arrays import FloatArray
 from estim.checks import headline, parameter_cells
-from estim.common import Finding, Quantity, e_n, format_quantity
+from estim.common import Finding, Quantity, Stream, e_n, format_quantity, stream
 from estim.line.evidence import InterceptEvidence, intercept_evidence
 from estim.line.findings import line_findings
 from estim.line.interval import SlopeInterval, slope_interval
@@ -110,7 +110,6 @@ def analyse_line(
 
     Raises InputError where the points cannot hold a line.
     """
-    chain_rng, evidence_rng = np.random.default_rng(seed).spawn(2)
     ols = fit_line(series.x, series.y)
     weighted = fit_line(series.x, series.y, u_y=series.u_y)
     york = fit_line(series.x, series.y, u_x=series.u_x, u_y=series.u_y)
@@ -118,13 +117,13 @@ def analyse_line(
         series.x, series.y, u_x=series.u_x, u_y=series.u_y, u_zero_x=series.u_zero_x, u_zero_y=series.u_zero_y, intercept_sd=_INTERCEPT_SD
     )
     mode = mode_or_guess(posterior)
-    chain = sample_posterior(posterior, mode.values, mode.cov, target=target or Target(), rng=chain_rng, progress=progress)
+    chain = sample_posterior(posterior, mode.values, mode.cov, target=target or Target(), rng=stream(seed, Stream.LINE_CHAIN), progress=progress)
     exact = slope_interval(york)
     readings = {name: _read(fit, gamma_masses) for name, fit in (("ols", ols), ("weighted", weighted), ("york", york))}
     readings["posterior"] = _read_draws(chain, gamma_masses)
     return LineAnalysis(
         series=series, ols=ols, weighted=weighted, york=york, posterior=posterior, chain=chain,
-        evidence=intercept_evidence(posterior, rng=evidence_rng, n_draw=20_000), readings=readings, gamma_masses=gamma_masses,
+        evidence=intercept_evidence(posterior, rng=stream(seed, Stream.LINE_EVIDENCE), n_draw=20_000), readings=readings, gamma_masses=gamma_masses,
         slope_exact=exact, steepest=_steepest(york), findings=line_findings(york, exact, chain), seed=seed,
     )
 
