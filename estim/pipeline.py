@@ -110,7 +110,7 @@ def analyse(
     noise : in place of the noise tables of the campaign.
     store, stop : keep the chain on disk, resume it, end it early (`sample_posterior`).
     marginal : whether a joint posterior is sampled through the marginal over runs; None: for more than 16 of them, and where the density
-        is dear (`positions`) and the chain has no proposal (more than 12 unknowns).
+        is slow (`positions`) and the chain has no proposal (more than 12 unknowns).
     """
     problem = campaign.problem(runs, noise=noise)
     campaign.require_unknowns(problem)
@@ -161,8 +161,8 @@ def analyse_fit(
 def _through_marginal(problem: Problem) -> bool:
     if any(run.latent is not None for run in problem.runs):
         return False
-    dear = any(run.noise.positions for run in problem.runs) and problem.n_par > MAX_PARAMETERS
-    return len(problem.runs) > (1 if dear else _MANY_RUNS)
+    slow = any(run.noise.positions for run in problem.runs) and problem.n_par > MAX_PARAMETERS
+    return len(problem.runs) > (1 if slow else _MANY_RUNS)
 
 
 def sample_curve(fit: CurveFit, *, seed: int, target: Target | None = None, progress: Progress | None = None) -> Analysis:
