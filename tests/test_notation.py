@@ -92,6 +92,13 @@ def test_a_users_parameters_have_their_own_names_and_units_in_a_printed_fit() ->
             assert sentence in shown
 
 
+def test_an_exact_phi_of_a_user_is_no_angle_that_was_read() -> None:
+    start = {name: value for name, value in TRUE.items() if name != "phi"}
+    fit = fit_curve(CURVE, X, measured(np.random.default_rng(4)), u_y=U, start=start, fixed={"phi": TRUE["phi"]}, units=UNITS)
+    diagnosis = sample_curve(fit, seed=1, target=Target(ess=200)).diagnosis
+    assert not [note for note in diagnosis.notes if "exact" in note]
+
+
 @pytest.mark.slow
 def test_a_users_parameters_have_their_own_names_and_units_on_the_terminal(tmp_path: Path, undrawn: None) -> None:
     """Two runs by themselves, with stated values that the data contradict; the noise, of unknown size, has its own symbol."""

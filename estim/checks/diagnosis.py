@@ -238,7 +238,7 @@ def _notes(fit: Fit, chain: Chain, goodness: Sequence[Goodness], conflict: Confl
         if good.scatter_ratio > 3.0:
             notes.append(f"run {good.run}: the inferred scatter is {good.scatter_ratio:.1f} times what the instrument explains")
     for run in fit.problem.runs:
-        exact = [name for name in ("phi", "theta0") if isinstance(run.arguments.get(name), float)]
+        exact = [name for name in (run.motion.instrument_readings if run.motion else ()) if isinstance(run.arguments.get(name), float)]
         if exact:
             notes.append(f"run {run.name}: {' and '.join(exact)} taken as exact: every result is only as good as that")
     notes += [limit_words(fit, name, chain.flat[:, fit.names.index(name)]) for name in fit.at_bound]

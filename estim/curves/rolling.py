@@ -147,6 +147,7 @@ class RollingMotion:
     in_time: bool = False
 
     end_notation = Notation("x_t")
+    instrument_readings = ("phi", "theta0")
 
     def metres(self, arguments: Mapping[str, ArrayLike]) -> ArrayLike:
         return arguments["radius"] if self.angular else 1.0

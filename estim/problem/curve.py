@@ -71,6 +71,10 @@ class Motion(Protocol):
         """Mass (kg) of what moves, None where it is unknown."""
 
     @property
+    def instrument_readings(self) -> tuple[str, ...]:
+        """Arguments that an instrument reads, so that none of them is known exactly."""
+
+    @property
     def end_notation(self) -> Notation:
         """How the abscissa of `end` is written."""
 
