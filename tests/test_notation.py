@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from pathlib import Path
+from types import SimpleNamespace
 
 import msgspec
 import numpy as np
@@ -14,14 +15,19 @@ from matplotlib.text import Text
 
 from estim.campaign import load_campaign
 from estim.cli.commands import cli
+from estim.common.labels import Notation
 from estim.curve_fit import CurveFit, fit_curve
 from estim.pipeline import Analysis, sample_curve
 from estim.problem.observations import Parameter
+from estim.problem.priors import Normal
 from estim.reports import figures
+from estim.reports.analysis import index_report
 from estim.reports.curve import curve_report
 from estim.reports.identifiability_figures import direction_figure, profile_figure
+from estim.reports.labels import Labels
 from estim.reports.result import Result
 from estim.sampling.chain import Target
+from estim.sampling.summary import Summary
 from estim.studies import scrutinise
 
 UNITS = {"slope": "m/s", "offset": "m", "phi": "rad", "g": "1", "kappa": "V", "theta0": "rad"}  # names that the rolling body has too
@@ -138,9 +144,23 @@ def test_a_rolling_body_has_its_symbols_and_degrees(replica: Path) -> None:
     }
 
 
-def test_a_parameter_that_nobody_wrote_otherwise_is_shown_as_it_is() -> None:
-    from estim.problem.priors import Normal
+def test_a_column_of_several_runs_holds_one_quantity() -> None:
+    """A user's parameter may have the name of a standard deviation that another run infers."""
+    parameters = (Parameter("sigma_y", "1", Normal(0.0, 1.0), ""), Parameter("sigma_y[b]", "V", Normal(0.0, 1.0), "", Notation("σ_y")))
+    results = {
+        run: SimpleNamespace(
+            status="ok", parameters={p.name: Summary(p.unit, "", m, 0.1, m, m - 0.2, m - 0.1, m + 0.1, m + 0.2) for p, m in found},
+            labels=Labels({p.name: p.label for p, _ in found}, {p.name: p.bare_label for p, _ in found}, {}),
+        )
+        for run, found in {"a": [(parameters[0], 1.0)], "b": [(parameters[0], 2.0), (parameters[1], 3.0)]}.items()
+    }
+    text = index_report(SimpleNamespace(title="Names", kind="synthetic"), results)["report.md"].decode()
+    assert "| run | status | sigma_y | σ_y (V) |" in text
+    assert "| ok | 1.00 ± 0.10 |  |" in text
+    assert "| ok | 2.00 ± 0.10 | 3.00 ± 0.10 |" in text
 
+
+def test_a_parameter_that_nobody_wrote_otherwise_is_shown_as_it_is() -> None:
     for name, unit in UNITS.items():
         shown = Parameter(f"{name}[run 1]", unit, Normal(0.0, 1.0), "").label
         assert (shown.symbol, shown.unit, shown.factor) == (f"{name}[run 1]", unit, 1.0)

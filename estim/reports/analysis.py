@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 
 from estim.campaign import Campaign
 from estim.checks import P_CONFLICT, P_POOR_FIT, interval_cell, parameter_cells, value_cell
-from estim.common import KINDS, MEANINGLESS, STATUS_WORDS, Label, Markdown, Notation, format_quantity, format_rounded, signed, split_level
+from estim.common import KINDS, MEANINGLESS, STATUS_WORDS, Label, Markdown, Notation, format_quantity, format_rounded, signed
 from estim.pipeline import Analysis
 from estim.reports import figures
 from estim.reports.consistency import consistency_text
@@ -101,12 +101,12 @@ def analysis_text(result: Result, section: IdentifySection, consistency: str, co
 
 def index_report(campaign: Campaign, results: Mapping[str, Result]) -> dict[str, bytes]:
     """`report.md` that leads to the reports of runs fit one by one, each in a folder of its name."""
-    bare = {name: shown for result in results.values() for name, shown in result.labels.bare.items()}
+    columns = list(dict.fromkeys(shown for result in results.values() for shown in result.labels.bare.values()))
     table = []
     for run, result in results.items():
-        cells = {split_level(name)[0]: value_cell(p, result.labels.parameters[name]) for name, p in result.parameters.items()}
-        table.append((run, result.status, [cells.get(name, "") if result.status == "ok" else "—" for name in bare]))
-    heads = [shown.symbol + ("" if shown.unit == "1" else f" ({shown.unit})") for shown in bare.values()]
+        cells = {result.labels.bare[name]: value_cell(p, result.labels.parameters[name]) for name, p in result.parameters.items()}
+        table.append((run, result.status, [cells.get(shown, "") if result.status == "ok" else "—" for shown in columns]))
+    heads = [shown.symbol + ("" if shown.unit == "1" else f" ({shown.unit})") for shown in columns]
     text = render("index.md.j2", title=campaign.title, kind=KINDS[campaign.kind], heads=heads, table=table)
     return {"report.md": text.encode()}
 
