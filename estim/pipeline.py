@@ -8,8 +8,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-import numpy as np
-
 from estim.campaign import Campaign, NoiseTable
 from estim.checks import (
     Conflict,
@@ -32,7 +30,7 @@ from estim.checks import (
     parameter_cells,
     untested,
 )
-from estim.common import InputError, Status
+from estim.common import InputError, Status, Stream, stream
 from estim.curve_fit import CurveFit
 from estim.fitting import Fit
 from estim.problem import Problem, folded
@@ -95,7 +93,7 @@ class Analysis:
     def _repr_markdown_(self) -> str:
         """What a notebook shows: the values, or why there are none."""
         rows = [
-            parameter_cells(p.name, summarise_parameter(self.fit, p.name, draws))
+            parameter_cells(summarise_parameter(self.fit, p.name, draws), p.label)
             for p, draws in zip(self.problem.parameters, self.chain.flat.T if self.diagnosis.ok else (), strict=False)
         ]
         return headline(
@@ -113,12 +111,11 @@ def analyse(
     noise : in place of the noise tables of the campaign.
     store, stop : keep the chain on disk, resume it, end it early (`sample_posterior`).
     marginal : whether a joint posterior is sampled through the marginal over runs; None: for more than 16 of them, and where the density
-        is dear (`positions`) and the chain has no proposal (more than 12 unknowns).
+        is slow (`positions`) and the chain has no proposal (more than 12 unknowns).
     """
     problem = campaign.problem(runs, noise=noise)
     campaign.require_unknowns(problem)
-    rng = np.random.default_rng(seed).spawn(1)[0]
-    fit = campaign.fit(problem, rng=rng)
+    fit = campaign.fit(problem, rng=stream(seed, Stream.FIT))
     analysis = analyse_fit(fit, seed=seed, target=target, progress=progress, store=store, stop=stop, marginal=marginal)
     return replace(analysis, title=campaign.title, kind=campaign.kind)
 
@@ -129,7 +126,7 @@ def analyse_fit(
 ) -> Analysis:
     """What follows a fit, however its problem was posed.  tested : whether there are residuals to test."""
     target, problem = target or Target(), fit.problem
-    chain_rng, check_rng, band_rng, proposal_rng = np.random.default_rng(seed).spawn(5)[1:]
+    chain_rng, proposal_rng = stream(seed, Stream.CHAIN), stream(seed, Stream.PROPOSAL)
     certificate = None
     if marginal if marginal is not None else _through_marginal(problem):
         chain, comparison = marginal_chain(fit, target=target, rng=chain_rng)
@@ -147,7 +144,7 @@ def analyse_fit(
             density, fit.values, fit.cov, target=target, rng=chain_rng, progress=progress, proposal=proposal, store=store, stop=stop
         )
         comparison = no_comparison(fit.names, too_many(problem.n_par)) if certificate is None else compare_with_chain(certificate, chain)
-    goodness = check_goodness(fit, rng=check_rng) if tested else untested(fit)
+    goodness = check_goodness(fit, rng=stream(seed, Stream.GOODNESS)) if tested else untested(fit)
     identifiability = identify(fit)
     modes = find_modes(fit, chain.thinned(_MODE_DRAWS))
     outliers = find_outliers(fit.posterior, chain.thinned(_OUTLIER_DRAWS))
@@ -156,7 +153,7 @@ def analyse_fit(
     diagnosis = diagnose(
         fit, chain, goodness, comparison=comparison, identifiability=identifiability, modes=modes, consistency=consistency, conflict=conflict
     )
-    bands = posterior_bands(problem, chain.thinned(_BAND_DRAWS), rng=band_rng)
+    bands = posterior_bands(problem, chain.thinned(_BAND_DRAWS), rng=stream(seed, Stream.BANDS))
     return Analysis(
         problem, fit, certificate, chain, comparison, goodness, identifiability, modes, outliers, consistency, conflict, diagnosis, bands, seed
     )
@@ -165,8 +162,8 @@ def analyse_fit(
 def _through_marginal(problem: Problem) -> bool:
     if any(run.latent is not None for run in problem.runs):
         return False
-    dear = any(run.noise.positions for run in problem.runs) and problem.n_par > MAX_PARAMETERS
-    return len(problem.runs) > (1 if dear else _MANY_RUNS)
+    slow = any(run.noise.positions for run in problem.runs) and problem.n_par > MAX_PARAMETERS
+    return len(problem.runs) > (1 if slow else _MANY_RUNS)
 
 
 def sample_curve(fit: CurveFit, *, seed: int, target: Target | None = None, progress: Progress | None = None) -> Analysis:

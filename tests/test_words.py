@@ -11,11 +11,12 @@ import pytest
 
 import estim
 from estim.common.kinds import LEADS_TO, Kind, Status
-from estim.common.labels import label
+from estim.common.labels import Notation
 from estim.common.statuses import Amount, Finding, decide, gravest, wrong
 from estim.words.statuses import STATUS_WORDS
 from estim.words.telling import ADVICE, WORDS, Voice, advice, advice_for, tell
 
+ANGLE = Notation("θ₀", "°", 180.0 / math.pi)
 PARTS = {
     Kind.CHAIN_SHORT: Kind.RHAT_HIGH, Kind.METHODS_DIFFER: Kind.CHAIN_DIFFERS, Kind.CHAIN_DIFFERS: Kind.DIFFERENCE,
     Kind.SEVERAL_SOLUTIONS: Kind.SOLUTION, Kind.EXCHANGED: Kind.EXCHANGE, Kind.IMAGES: Kind.IMAGE, Kind.OTHER_NUMBERS: Kind.VALUES,
@@ -39,7 +40,7 @@ class Twos(Mapping[str, float]):
 
 def example(kind: Kind) -> Finding:
     return Finding(
-        kind, run="r", test=TESTS.get(kind, "chi2"), p=0.004, size=3.0, numbers=Twos(), parameters=(Amount("theta0", 0.5, label("theta0", "rad")),),
+        kind, run="r", test=TESTS.get(kind, "chi2"), p=0.004, size=3.0, numbers=Twos(), parameters=(Amount("theta0", 0.5, ANGLE.label("rad")),),
         names=("first", "second"), parts=(example(PARTS[kind]),) if kind in PARTS else (),
     )
 
@@ -109,7 +110,7 @@ def test_a_status_is_a_word_too() -> None:
 
 
 def test_one_finding_is_said_in_the_units_of_a_reader() -> None:
-    edge = Finding(Kind.PRESSED_EDGE, p=0.004, parameters=(Amount("theta0[r]", math.radians(30.0), label("theta0[r]", "rad")),))
+    edge = Finding(Kind.PRESSED_EDGE, p=0.004, parameters=(Amount("theta0[r]", math.radians(30.0), ANGLE.label("rad", "[r]")),))
     assert tell(edge) == "θ₀[r] lies at the edge of its prior, 30 °, and the data ask for values beyond it (p = 0.004)"
     limit = Finding(Kind.PRESSED_LIMIT, p=0.004, parameters=(Amount("b", 0.25),))
     assert tell(limit) == "b lies on its limit 0.25, and the data ask for values beyond it (p = 0.004): is the limit right?"

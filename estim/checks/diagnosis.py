@@ -171,7 +171,8 @@ def _remarks(fit: Fit, chain: Chain, goodness: Sequence[Goodness], conflict: Con
         if good.scatter_ratio > 3.0:
             found.append(Finding(Kind.SCATTER_LARGE, run=good.run, size=good.scatter_ratio))
     for run in fit.problem.runs:
-        exact = tuple(name for name in ("phi", "theta0") if isinstance(run.arguments.get(name), float))
+        readings = run.motion.instrument_readings if run.motion else ()
+        exact = tuple(name for name in readings if isinstance(run.arguments.get(name), float))
         if exact:
             found.append(Finding(Kind.TAKEN_AS_EXACT, run=run.name, names=exact))
     return found + [limit_found(fit, name, chain.flat[:, fit.names.index(name)]) for name in fit.at_bound]

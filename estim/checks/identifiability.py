@@ -21,7 +21,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from estim.arrays import FloatArray
-from estim.common import Amount, Finding, InputError, Kind, label
+from estim.common import Amount, Finding, InputError, Kind
 from estim.fitting import Fit, data_information, prior_sds, prior_slopes
 from estim.problem import Problem
 from estim.words import tell
@@ -157,7 +157,7 @@ def _sentences(
     said += [f"Only the prior holds: {d.words}." for d in prior]
     if dominated:
         parameters = {p.name: p for p in problem.parameters}
-        symbols = [label(name, parameters[name].unit).symbol for name in dominated]
+        symbols = [parameters[name].label.symbol for name in dominated]
         verb = "is" if len(symbols) == 1 else "are"
         said.append(f"{_listed(symbols)} {verb} known hardly better than before (posterior sd above {PRIOR_DOMINATED} of the prior's).")
     return tuple(said)

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 import click
 
 from estim.cli.terminal import NOT_OK, announced, conclude, counted, exit_code, groups_of, progress_bar, report_at, say, stores_of, write_files
-from estim.common import InputError, asked_to_stop, decide, ended_by_signals
+from estim.common import InputError, Stream, asked_to_stop, decide, ended_by_signals, stream
 
 if TYPE_CHECKING:
     from estim.campaign import Campaign
@@ -168,8 +168,6 @@ def line(campaign: Path, out: Path | None, seed: int) -> None:
 @_SEED
 def energy(campaign: Path, runs: tuple[str, ...], joint: bool, max_steps: int, out: Path | None, seed: int) -> None:
     """Check the energy along the runs of CAMPAIGN: how much is lost, and is the loss steady?"""
-    import numpy as np
-
     from estim.campaign import load_campaign
     from estim.pipeline import analyse
     from estim.reports import energy_report
@@ -186,8 +184,8 @@ def energy(campaign: Path, runs: tuple[str, ...], joint: bool, max_steps: int, o
     for group in groups:
         with progress_bar(", ".join(group), max_steps) as progress:
             analyses.append(analyse(loaded, group, seed=seed, target=Target(max_step=max_steps), progress=progress))
-        records.extend(energy_along(analyses[-1], rng=np.random.default_rng(seed)))
-        drifts.append(drift_of(analyses[-1], rng=np.random.default_rng(seed)))
+        records.extend(energy_along(analyses[-1], rng=stream(seed, Stream.ENERGY)))
+        drifts.append(drift_of(analyses[-1], rng=stream(seed, Stream.DRIFT)))
         conclude(", ".join(group), analyses[-1].diagnosis.status, analyses[-1].diagnosis.reasons)
     folder = out or Path("out") / campaign.resolve().parent.name / "energy"
     write_files(folder, energy_report(loaded, analyses, records, drifts, seed=seed))
@@ -240,8 +238,6 @@ def calibrate(
     Exit code 3 means that they do not; the report says which one is too narrow, too wide or biased.  Also
     that processes were killed, twice (too little memory?): one line says so, and there is no report.
     """
-    import numpy as np
-
     from estim.calibration import campaign_design, coverage, coverage_sentence, findings, simulation_based_calibration
     from estim.campaign import load_campaign
     from estim.reports import calibration_report
@@ -254,7 +250,7 @@ def calibrate(
         loaded.require_unknowns(loaded.problem(group), drawn=True)
     chosen = {"sbc": simulation_based_calibration, "coverage": coverage}
     for group in groups:
-        fit = loaded.fit(loaded.problem(group), rng=np.random.default_rng(seed))
+        fit = loaded.fit(loaded.problem(group), rng=stream(seed, Stream.CALIBRATION_FIT))
         design = campaign_design(loaded, group, fitted=fit.values)
         calibrations = []
         for kind in ("sbc", "coverage") if what == "both" else (what,):

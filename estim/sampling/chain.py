@@ -114,7 +114,7 @@ def sample_posterior(
 
     proposal : adapted to the posterior (`estim.sampling.proposal`).  Most moves then propose from it and walkers start from draws
     of it, weighted; the other moves stay in the mixture, so that a bad proposal costs time and not correctness.
-    store : keeps the chain on disk as it grows and may resume it; the draws are the same in every bit without it.
+    store : keeps the chain on disk as it grows and may resume it; the draws are the same, bit for bit, without it.
     stop : asked after every step; when it says yes the chain is kept and Interrupted is raised.
 
     Raises InputError where the store cannot be resumed, EstimError where it cannot be written.
