@@ -130,7 +130,7 @@ def analyse_fit(
     target, problem = target or Target(), fit.problem
     chain_rng, check_rng, band_rng, proposal_rng = np.random.default_rng(seed).spawn(5)[1:]
     certificate = None
-    if marginal if marginal is not None else _through_marginal(problem):
+    if marginal if marginal is not None else _through_marginal(fit):
         chain, comparison = marginal_chain(fit, target=target, rng=chain_rng)
     else:
         proposal, density = None, folded(fit.posterior, fit.symmetry, fit.values)
@@ -161,10 +161,11 @@ def analyse_fit(
     )
 
 
-def _through_marginal(problem: Problem) -> bool:
-    if any(run.latent is not None for run in problem.runs):
+def _through_marginal(fit: Fit) -> bool:
+    if any(run.normal is None for run in fit.posterior.likelihoods):
         return False
-    dear = any(run.noise.positions for run in problem.runs) and problem.n_par > MAX_PARAMETERS
+    problem = fit.problem
+    dear = any(run.positions for run in problem.runs) and problem.n_par > MAX_PARAMETERS
     return len(problem.runs) > (1 if dear else _MANY_RUNS)
 
 

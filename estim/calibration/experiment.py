@@ -132,7 +132,7 @@ def campaign_design(campaign: Campaign, names: Sequence[str], *, fitted: FloatAr
         table = campaign.tables[run.name]
         if isinstance(run.noise, Differentiated):
             release[run.name] = _release_time(run, problem.named(fitted))
-        elif not run.noise.positions and table.rate not in table.columns:
+        elif not run.positions and table.rate not in table.columns:
             rule = "cannot be simulated: independent errors of speeds that are computed from positions (use model = 'differentiated')"
             raise InputError(rule, field="model", value="independent", file=campaign.source.path)
     return CampaignDesign(campaign, tuple(names), problem, MappingProxyType(release), analysed)
@@ -147,17 +147,18 @@ def _columns(run: Observations, table: Run, named: Values, release: float, rng: 
             return None
         reading = x + float(np.squeeze(noise.sigma.at(named))) * rng.standard_normal(x.size)
         return {table.coordinate: _rounded(reading, noise.encoder_step)}
-    where = table.columns["t_s" if noise.positions else table.coordinate]
-    relative_x = None if noise.positions else table.columns.get("sigma_x_m")
+    where = table.columns["t_s" if run.positions else table.coordinate]
+    relative_x = None if run.positions else table.columns.get("sigma_x_m")
+    assert isinstance(noise, Independent)
     true_x = _true_x(noise, where, relative_x, named, rng)
     curve = _curve(run, true_x, named)
     if not np.all(np.isfinite(curve[np.isin(where, run.x)])):
         return None
     # a row that was not fit may lie where the body never comes: there it is at rest, and selection leaves it out again
     curve = np.where(np.isfinite(curve), curve, 0.0)
-    stated = table.columns.get("sigma_x_m" if noise.positions else "sigma_v_m_s")
+    stated = table.columns.get("sigma_x_m" if run.positions else "sigma_v_m_s")
     x, y = _readings(noise, true_x, curve, stated, relative_x, named, rng)
-    return {table.coordinate: y} if noise.positions else {table.coordinate: x, table.rate: y}
+    return {table.coordinate: y} if run.positions else {table.coordinate: x, table.rate: y}
 
 
 def _curve(run: Observations, x: FloatArray, named: Values) -> FloatArray:

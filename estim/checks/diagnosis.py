@@ -19,7 +19,7 @@ from estim.checks.identifiability import Identifiability
 from estim.checks.modes import Modes
 from estim.common import STATUSES, Finding, format_p, label
 from estim.fitting import PRESSED_BELOW, Fit, limit_words, pressed, shown_edge
-from estim.problem import Mixture, Parameter, in_words
+from estim.problem import Parameter, in_words
 from estim.sampling import Agreement, Chain, effective_size, mcse_mean, r_hat
 
 _FLAT = 0.05  # curvature of the log prior along a direction, 1 for a normal prior, below which it does not hold it
@@ -212,12 +212,11 @@ def too_many_outliers(fit: Fit) -> list[Finding]:
     """Runs of which so many frames would be outliers that nothing tells which of the two groups is the motion."""
     findings = []
     for run in fit.problem.runs:
-        if isinstance(run.noise.tails, Mixture):
-            share = float(fit.values[fit.names.index(run.noise.tails.fraction)])
-            if share > _CROWD:
-                reason = f"run {run.name}: {share:.0%} of the frames would be outliers: it may be the others that are not the motion"
-                advice = "leave out by a window what is not the motion; robust noise is for a minority of bad frames"
-                findings.append(Finding("poor-fit", reason, advice))
+        share = run.noise.outlier_share(fit.problem.named(fit.values))
+        if share > _CROWD:
+            reason = f"run {run.name}: {share:.0%} of the frames would be outliers: it may be the others that are not the motion"
+            advice = "leave out by a window what is not the motion; robust noise is for a minority of bad frames"
+            findings.append(Finding("poor-fit", reason, advice))
     return findings
 
 

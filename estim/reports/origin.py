@@ -41,7 +41,7 @@ def origin_warnings(table: Run, run: Observations, problem: Problem) -> tuple[st
 
 def speed_facts(run: Observations) -> tuple[str, ...]:
     """What a fit of the speeds of a rolling body takes as exact unless told otherwise, and the frames that only a fit of positions can use."""
-    if run.motion is None or run.noise.positions:
+    if run.motion is None or run.positions:
         return ()
     facts = []
     if "offset" not in run.arguments:
