@@ -34,6 +34,7 @@ _LOG_2PI = math.log(2.0 * math.pi)
 _REACH = 4.0  # standard deviations of s within which the quadratic terms are used
 _N_REFINE, _WIDER = 10, 1.5
 _LONGEST_STEP = 3.0  # conditional standard deviations
+_NOT_NORMAL = "must have plain normal noise for a marginal over runs: use the sampler"
 
 
 @dataclass(frozen=True, eq=False)
@@ -156,10 +157,21 @@ def run_terms(fit: Fit, sampled: IndexArray) -> tuple[RunTerm, ...]:
         columns = np.array([problem.names.index(name) for name in alone.names], dtype=np.int64)
         given = np.isin(columns, sampled)
         if likelihood.normal is None:
-            raise InputError("must have plain normal noise for a marginal over runs: use the sampler", field="run", value=run.name)
+            raise InputError(_NOT_NORMAL, field="run", value=run.name)
         posterior = dataclasses.replace(fit.posterior, problem=alone, likelihoods=(likelihood,))
-        terms.append(RunTerm(posterior, likelihood.normal, columns, np.flatnonzero(given), np.flatnonzero(~given), fit.values[columns]))
+        term = RunTerm(posterior, likelihood.normal, columns, np.flatnonzero(given), np.flatnonzero(~given), fit.values[columns])
+        _require_the_same(term)
+        terms.append(term)
     return tuple(terms)
+
+
+def _require_the_same(term: RunTerm) -> None:
+    """The likelihood that the steps below imply must be that of the run."""
+    centre = term.centre[None, :]
+    residuals, variance, *_ = term.normal.opened(term.posterior.problem.named(centre), ())
+    implied = -0.5 * float(np.sum(residuals**2 + np.log(variance) + _LOG_2PI))
+    if not math.isclose(implied, float(term.posterior.log_likelihood(centre)[0]), rel_tol=1e-8, abs_tol=1e-6):
+        raise InputError(_NOT_NORMAL, field="run", value=term.run.name)
 
 
 def expand(term: RunTerm, shared: FloatArray, start: FloatArray, log_weight: Callable[[FloatArray], FloatArray]) -> Expansion:
