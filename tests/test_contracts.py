@@ -19,7 +19,7 @@ from estim.curves.shared_errors import DistortedCurve
 from estim.fitting.least_squares import Fit
 from estim.problem.curve import POINTS as PLAIN
 from estim.problem.curve import Motion, SpeedCurve
-from estim.problem.likelihood import Likelihood
+from estim.problem.likelihood import Likelihood, reading_sd
 from estim.problem.problem import Problem
 from estim.problem.whitened import Linear
 
@@ -267,6 +267,21 @@ def test_noise_says_of_draws_and_at_a_point_what_brute_force_says(case: Case) ->
     assert case.noise.robust == case.outliers
     assert case.noise.outlier_share(case.here) == pytest.approx(case.here.get("fraction", np.nan), nan_ok=True)
     assert case.noise.describe(x_unit="m", y_unit="m/s", words=PLAIN)
+
+
+@pytest.mark.parametrize("name", [name for name, case in CASES.items() if case.single is None])
+def test_noise_reads_what_its_likelihood_expects(name: str, rng: np.random.Generator) -> None:
+    case, here, ones = CASES[name], CASES[name].here, np.ones(Y.size)
+    if not case.outliers:
+        cov, variance = case.noise.carried(-VALUES["b"] * ones, ones, here)
+        assert cov == pytest.approx(case.brute.cov(here), rel=1e-9, abs=1e-15)
+        assert np.all(variance > 0.0)
+    gain = case.noise.reading_gain()
+    assert reading_sd(case.noise, here) == pytest.approx(np.sqrt(case.noise.size.reading_variance(here)) * gain)
+    if not (case.noise.made_of_positions or case.noise.size.step):
+        scores = np.array([case.brute.scores(case.noise.read(line(here), gain, here, rng), here) for _ in range(200)])
+        assert stats.kstest(scores.ravel(), "norm").pvalue > 1e-3
+        assert stats.kstest(1.4 * scores.ravel(), "norm").pvalue < 1e-3
 
 
 def without_the_norm(self, named):

@@ -1,7 +1,7 @@
 """What is assumed: curves, priors, noise, and the posterior density that they make.
 Read `problem` first, then `noise` (which sigma is which) and `likelihood` (what is asked of it).  Imports `common` alone."""
 
-from estim.problem.abscissas import hide_the_range, true_abscissas
+from estim.problem.abscissas import hide_the_range
 from estim.problem.curve import EXACT, Curve, Derived, LocalCurve, Wording, plain_words
 from estim.problem.derivative import STENCILS, Derivative, differentiate
 from estim.problem.flat import Flat

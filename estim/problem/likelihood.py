@@ -151,7 +151,34 @@ class Likelihood(Protocol):
         """v^T C^-1 v of a vector (n_obs,) in the unit of y."""
 
 
-class Noise(Protocol):
+class Instrument(Protocol):
+    """What was assumed of the readings that the points of a run are, or were made of: for simulations and for what errors carry over to.
+
+    gain : (n,) standard deviations for a unit sigma, of the rows in question.
+    """
+
+    @property
+    def made_of_positions(self) -> bool:
+        """Whether the ordinates are differences of positions in time: then these are what is read."""
+
+    def x_gain(self) -> FloatArray:
+        """(n_obs,) standard deviation of each x for a unit sigma of x; 0 where x is exact."""
+
+    def true_x(self, x: FloatArray, gain: FloatArray, named: Named, rng: np.random.Generator) -> FloatArray:
+        """Abscissas (n,) as the readings x (n,) leave them possible."""
+
+    def read_x(self, x: FloatArray, gain: FloatArray, named: Named, rng: np.random.Generator) -> FloatArray:
+        """Readings of abscissas (n,)."""
+
+    def read(self, true: FloatArray, gain: FloatArray, named: Named, rng: np.random.Generator) -> FloatArray:
+        """Readings of ordinates (n,), with their scatter; of positions where the ordinates are made of these."""
+
+    def carried(self, by_x: FloatArray, by_y: FloatArray, named: Named) -> tuple[FloatArray, FloatArray]:
+        """What the errors of the ordinates, and of the readings that they were made of, do to a quantity of each point with derivatives
+        by_x, by_y (n_obs,): its covariance (n_obs, n_obs), and the variance (n_obs,) of y alone."""
+
+
+class Noise(Instrument, Protocol):
     """What was assumed of the errors of a run."""
 
     @property
@@ -181,10 +208,6 @@ class Noise(Protocol):
 
     def outlier_share(self, named: Named) -> float:
         """The inferred share of outliers; nan where it is not inferred."""
-
-    def carried(self, by_x: FloatArray, by_y: FloatArray, named: Named) -> tuple[FloatArray, FloatArray]:
-        """What the errors of the ordinates, and of the readings that they were made of, do to a quantity of each point with derivatives
-        by_x, by_y (n_obs,): its covariance (n_obs, n_obs), and the variance (n_obs,) of y alone."""
 
     def describe(self, *, x_unit: str, y_unit: str, words: Wording) -> str:
         """The noise in words."""

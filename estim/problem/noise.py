@@ -29,6 +29,7 @@ from numpy.typing import NDArray
 
 from estim.arrays import FloatArray
 from estim.common import InputError
+from estim.problem.abscissas import true_abscissas
 from estim.problem.correlated import CorrelatedErrors
 from estim.problem.curve import SpeedCurve, Wording
 from estim.problem.derivative import Derivative
@@ -55,6 +56,8 @@ class Independent:
     relative_x: FloatArray | None = None
     encoder_step: float = 0.0
     tails: Tails = GAUSSIAN
+
+    made_of_positions = False
 
     @property
     def size(self) -> Size:
@@ -89,6 +92,25 @@ class Independent:
 
     def reading_gain(self) -> FloatArray:
         return self.relative
+
+    def x_gain(self) -> FloatArray:
+        if self.sigma_x is None:
+            return np.zeros(self.relative.size)
+        return np.ones(self.relative.size) if self.relative_x is None else self.relative_x
+
+    def true_x(self, x: FloatArray, gain: FloatArray, named: Named, rng: np.random.Generator) -> FloatArray:
+        """As far spread as the fitted distribution says."""
+        if self.sigma_x is None:
+            return x
+        known = true_abscissas(x, np.atleast_2d(np.asarray(self.sigma_x.at(named)) * gain))
+        return np.asarray(known.centre[0] + known.spread[0] * rng.standard_normal(x.size))
+
+    def read_x(self, x: FloatArray, gain: FloatArray, named: Named, rng: np.random.Generator) -> FloatArray:
+        return x if self.sigma_x is None else np.asarray(x + np.asarray(self.sigma_x.at(named)) * gain * rng.standard_normal(x.size))
+
+    def read(self, true: FloatArray, gain: FloatArray, named: Named, rng: np.random.Generator) -> FloatArray:
+        sd = np.hypot(np.asarray(self.sigma.at(named)) * gain, self.scatter.at(named))
+        return self.size.rounded(true + self.tails.draw(rng, true.size, named) * sd)
 
     def carried(self, by_x: FloatArray, by_y: FloatArray, named: Named) -> tuple[FloatArray, FloatArray]:
         variance = self.size.variance(np.square(self.relative), named)
@@ -131,6 +153,7 @@ class Differentiated:
 
     outlier_parameters = ()
     robust = False
+    made_of_positions = True
 
     @property
     def size(self) -> Size:
@@ -164,6 +187,19 @@ class Differentiated:
 
     def reading_gain(self) -> FloatArray:
         return np.full(self.kept.size, self.derivative.stencil.noise_gain / self.derivative.interval)
+
+    def x_gain(self) -> FloatArray:
+        return np.zeros(self.kept.size)
+
+    def true_x(self, x: FloatArray, gain: FloatArray, named: Named, rng: np.random.Generator) -> FloatArray:
+        return x
+
+    def read_x(self, x: FloatArray, gain: FloatArray, named: Named, rng: np.random.Generator) -> FloatArray:
+        return x
+
+    def read(self, true: FloatArray, gain: FloatArray, named: Named, rng: np.random.Generator) -> FloatArray:
+        """Positions; the scatter is one of the speeds."""
+        return self.size.rounded(true + float(np.squeeze(self.sigma.at(named))) * gain * rng.standard_normal(true.size))
 
     def carried(self, by_x: FloatArray, by_y: FloatArray, named: Named) -> tuple[FloatArray, FloatArray]:
         """An error of a position moves x there, and the speeds on either side."""

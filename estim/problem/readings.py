@@ -54,6 +54,7 @@ class Correlated:
     parameters = ()
     outlier_parameters = ()
     robust = False
+    made_of_positions = False
     size = Size(Scale(1.0))
 
     def likelihood(self, points: Points, named: Named) -> CorrelatedErrors:
@@ -68,6 +69,19 @@ class Correlated:
 
     def reading_gain(self) -> FloatArray:
         return np.asarray(np.sqrt(np.diag(self.cov)))
+
+    def x_gain(self) -> FloatArray:
+        return np.zeros(self.cov.shape[0])
+
+    def true_x(self, x: FloatArray, gain: FloatArray, named: Named, rng: np.random.Generator) -> FloatArray:
+        return x
+
+    def read_x(self, x: FloatArray, gain: FloatArray, named: Named, rng: np.random.Generator) -> FloatArray:
+        return x
+
+    def read(self, true: FloatArray, gain: FloatArray, named: Named, rng: np.random.Generator) -> FloatArray:
+        """Of the points that the matrix is stated for; `gain` is in it."""
+        return np.asarray(true + np.linalg.cholesky(self.cov) @ rng.standard_normal(true.size))
 
     def carried(self, by_x: FloatArray, by_y: FloatArray, named: Named) -> tuple[FloatArray, FloatArray]:
         return by_y[:, None] * self.cov * by_y, np.diag(self.cov)

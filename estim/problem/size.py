@@ -54,6 +54,10 @@ class Size:
         """() or (n_draw, 1) variance of a reading, without scatter."""
         return np.asarray(np.square(self.sigma.at(named)) + self.quantisation_variance)
 
+    def rounded(self, reading: FloatArray) -> FloatArray:
+        """Readings as the instrument shows them, in multiples of `step` if it has one."""
+        return np.asarray(self.step * np.rint(reading / self.step)) if self.step else reading
+
     def variance(self, weight: FloatArray, named: Named) -> FloatArray:
         """V, broadcasts to (n_draw, n_obs), for weights w (n_obs,)."""
         return np.asarray(self.reading_variance(named) * weight + np.square(self.scatter.at(named)))
