@@ -120,7 +120,8 @@ class Likelihood(Protocol):
         """(n_draw, n_obs) residuals over their standard deviations, each independent of the others: not of one point where errors are correlated."""
 
     def residuals(self, named: Named) -> FloatArray:
-        """(n_draw, n_obs) residuals whose squares sum to twice the log of the highest likelihood that any curve reaches, less twice that of this."""
+        """(n_draw, n_obs) residuals whose squares sum to twice the log of the highest likelihood that any curve reaches, less twice that of this
+        (where x has errors: of the product of `pointwise`)."""
 
     def size_residuals(self, named: Named) -> FloatArray:
         """(n_draw, n_obs) residuals whose squares sum to chi^2."""
