@@ -246,7 +246,7 @@ def _concluded(posed: CurveProblem, best: Optimum, problem: Problem, *, sigma: f
     found = spread(fixed, best, dof=math.inf if sigma is None else dof, scale=scale, unknown=perfect and sigma is not None)
     tested = dof >= 1 and not perfect and not best.singular
     goodness = check_goodness(inner, rng=rng) if tested else ()
-    if goodness and problem.runs[0].latent is not None:
+    if goodness and inner.posterior.likelihoods[0].normal is None:  # chi^2 is only nearly what it is called
         p_value = goodness[0].checks["chi2"].p_value if "chi2" in goodness[0].checks else p_value
     conflict = None if best.singular else check_stated_values(inner)
     solutions = several_solutions(inner, laplace_modes(inner)) if inner.others.size else []
@@ -282,9 +282,7 @@ def _fixed_fit(problem: Problem, best: Optimum, rng: np.random.Generator) -> Fit
 
 
 def _size(inner: Fit, best: Optimum) -> float:
-    """chi^2: the sum of squares that was minimised; with errors of x that of the normal scores, and of the priors."""
-    if all(run.latent is None for run in inner.problem.runs):
-        return best.chi2
+    """chi^2 of the data and of the priors."""
     return float(np.sum(inner.posterior.size_residuals(best.values) ** 2) + np.sum(inner.posterior.prior_residuals(best.values) ** 2))
 
 

@@ -128,7 +128,7 @@ def analyse_fit(
     target, problem = target or Target(), fit.problem
     chain_rng, proposal_rng = stream(seed, Stream.CHAIN), stream(seed, Stream.PROPOSAL)
     certificate = None
-    if marginal if marginal is not None else _through_marginal(problem):
+    if marginal if marginal is not None else _through_marginal(fit):
         chain, comparison = marginal_chain(fit, target=target, rng=chain_rng)
     else:
         proposal, density = None, folded(fit.posterior, fit.symmetry, fit.values)
@@ -159,10 +159,11 @@ def analyse_fit(
     )
 
 
-def _through_marginal(problem: Problem) -> bool:
-    if any(run.latent is not None for run in problem.runs):
+def _through_marginal(fit: Fit) -> bool:
+    if any(run.normal is None for run in fit.posterior.likelihoods):
         return False
-    slow = any(run.noise.positions for run in problem.runs) and problem.n_par > MAX_PARAMETERS
+    problem = fit.problem
+    slow = any(run.positions for run in problem.runs) and problem.n_par > MAX_PARAMETERS
     return len(problem.runs) > (1 if slow else _MANY_RUNS)
 
 

@@ -120,6 +120,14 @@ def test_no_circles_inside_a_package():
         pytest.fail(f"circle: {' -> '.join(error.args[1])}")
 
 
+def test_nobody_asks_which_kind_of_noise_it_is():
+    kinds = {"Independent", "Differentiated", "Readings", "Correlated", "PointErrors", "CorrelatedErrors", "LatentErrors", "StudentT", "Mixture"}
+    for module in ESTIM:
+        for node in ast.walk(TREES[module]):
+            if isinstance(node, ast.Call) and getattr(node.func, "id", "") in ("isinstance", "issubclass"):
+                assert not kinds & {getattr(part, "id", getattr(part, "attr", "")) for part in ast.walk(node.args[1])}, module
+
+
 def test_a_page_is_short_and_offers_what_others_use():
     assert len(PAGES) > 10
     for page in PAGES:

@@ -264,7 +264,7 @@ def test_measured_angles_are_a_run_too(load, folder):
     run = load((RUN_H4, RUN_H4 + "noise = {encoder_step_rad = 0.0126}\n")).problem(["h4"]).runs[0]
     assert run.curve.angular
     assert (run.x_unit, run.y_unit) == ("rad", "rad/s")
-    assert run.noise.quantisation_variance == pytest.approx(0.0126**2 / 12)
+    assert run.noise.size.quantisation_variance == pytest.approx(0.0126**2 / 12)
 
 
 # which rows are fit

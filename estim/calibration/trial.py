@@ -110,7 +110,7 @@ def _experiment(plan: Plan, rng: np.random.Generator) -> tuple[FloatArray, Probl
 
 def stated_only(problem: Problem) -> frozenset[str]:
     """Parameters whose priors stand for no measurement: uniform and half-normal ones, and those of outliers."""
-    outliers = {name for run in problem.runs for name in run.noise.tails.parameters}
+    outliers = {name for run in problem.runs for name in run.noise.outlier_parameters}
     held = {p.name for p in problem.parameters if not isinstance(p.prior, MEASURED)}
     return frozenset(outliers | held)
 

@@ -44,6 +44,7 @@ _SCALES = {  # key -> parameter and symbol
 class Observed:
     """The points that are fit: abscissa x, ordinate y and time, (n_obs,) each; what was left out; noise and its unknowns.
 
+    positions : whether the points are positions at known times.
     arguments : of the curve that are not physics (offset, and release_time of positions): a parameter's name or a fixed number.
     """
 
@@ -55,6 +56,7 @@ class Observed:
     arguments: Mapping[str, str | float]
     excluded: tuple[Finding, ...]
     excluded_points: FloatArray
+    positions: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -204,8 +206,9 @@ def _positions(run: Run, levels: Levels, table: NoiseTable, path: Path, suffix: 
         x=x, y=y, t=x, arguments=sources,
         noise=Independent(
             sigma=sigma, scatter=scatter, relative=np.ones(kept.size) if relative is None else relative[kept], encoder_step=step,
-            tails=tails, positions=True,
+            tails=tails,
         ),
+        positions=True,
         parameters=_some(*unknowns, parameter, scatter_parameter, *tail_parameters),
         excluded=selection.reasons, excluded_points=_others(t, position, selection),
     )

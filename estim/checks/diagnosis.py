@@ -15,7 +15,7 @@ from estim.checks.identifiability import Identifiability
 from estim.checks.modes import Modes
 from estim.common import Amount, Finding, Kind, Status, decide, wrong
 from estim.fitting import MAX_ROUNDS, PRESSED_BELOW, Fit, edge_amount, limit_found, pressed
-from estim.problem import Mixture, same_curves
+from estim.problem import same_curves
 from estim.sampling import Agreement, Chain, effective_size, mcse_mean, r_hat
 from estim.words import tell
 
@@ -151,10 +151,9 @@ def too_many_outliers(fit: Fit) -> list[Finding]:
     """Runs of which so many frames would be outliers that nothing tells which of the two groups is the motion."""
     findings = []
     for run in fit.problem.runs:
-        if isinstance(run.noise.tails, Mixture):
-            share = float(fit.values[fit.names.index(run.noise.tails.fraction)])
-            if share > _CROWD:
-                findings.append(Finding(Kind.OUTLIERS_CROWD, run=run.name, size=share))
+        share = run.noise.outlier_share(fit.problem.named(fit.values))
+        if share > _CROWD:
+            findings.append(Finding(Kind.OUTLIERS_CROWD, run=run.name, size=share))
     return findings
 
 

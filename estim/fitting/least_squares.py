@@ -154,14 +154,14 @@ def _fit_curve(posterior: Posterior, values: FloatArray) -> FloatArray:
         columns = posterior.jacobian(filled(parameters))[:, free]
         return np.where(np.isfinite(columns), columns, 0.0)  # a point beside the edge of where the curve is defined has no say in the step
 
-    latent = any(run.latent is not None for run in problem.runs)
-    tolerance = 1e-5 if latent else 1e-12  # with errors of x least squares creep: steps by the information finish
+    creeps = any(run.creeps for run in posterior.likelihoods)
+    tolerance = 1e-5 if creeps else 1e-12  # steps by the information finish
     with np.errstate(divide="ignore", invalid="ignore"):  # lmfit also inverts the Hessian, singular where the data are silent; not used
         result = lmfit.minimize(
             residual, table, method="least_squares", scale_covar=False, calc_covar=False, jac=jacobian, x_scale="jac",
             ftol=tolerance, xtol=tolerance, gtol=1e-12, max_nfev=400, nan_policy="propagate",  # scipy steps back from where the curve is not defined
         )
-    return _finished(posterior, filled(result.params), free) if latent else filled(result.params)
+    return _finished(posterior, filled(result.params), free) if creeps else filled(result.params)
 
 
 def _finished(posterior: Posterior, values: FloatArray, free: list[int]) -> FloatArray:
@@ -283,7 +283,7 @@ def _describe(
     pulls = [i for i in curve if informative(problem.parameters[i].prior)]
     chi2 = float(np.sum(posterior.size_residuals(values) ** 2) + np.sum(posterior.prior_residuals(values)[pulls] ** 2))
     dof = problem.n_obs + len(pulls) - len(curve)
-    robust = any(run.noise.tails.robust for run in problem.runs)
+    robust = any(run.noise.robust for run in problem.runs)
     place = np.where(curvature > 0.0, curvature, np.inf)
     n_same = len(same) if singular else sum(bool(np.max(np.abs(end - values) / place) < _SAME_PLACE) for end in same)
     message = f"settled; {led_here(n_same, n_start)}"

@@ -290,7 +290,7 @@ def _run(campaign: Subject, analysis: Analysis, i: int) -> RunSummary:
         file=one_line(table.file), x=run.x_label, y=run.y_label, n_obs=run.n_obs, noise=noise, excluded=[tell(why) for why in run.excluded],
         checks={name: CheckSummary(c.statistic, c.p_value, c.meaning) for name, c in goodness.checks.items()},
         scatter_ratio=number(goodness.scatter_ratio), facts=[*origin_facts(table, run, analysis.problem), *speed_facts(run)],
-        warnings=list(origin_warnings(table, run, analysis.problem)), robust=run.noise.tails.robust, outliers=_outliers(analysis, run),
+        warnings=list(origin_warnings(table, run, analysis.problem)), robust=run.noise.robust, outliers=_outliers(analysis, run),
         what=run.words.what,
         derived={
             name: trusted(summarise(np.ravel(d.values), unit=d.unit, meaning=d.meaning), analysis.diagnosis.status)
