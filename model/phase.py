@@ -79,7 +79,7 @@ def energy_ratio(
     """W/D after the body has turned by `angle` (rad) since release, dimensionless; negative where it cannot be.
 
     release_energy : E0, weights x R, added to W; negative: what a body at rest lacks there.
-    forces : what else acts.  With drag or resistance by load, by Runge-Kutta steps to 3e-7 m/s (`model.driven`): 0 where it never gets.
+    forces : what else acts.  With drag or resistance by load, by series to 1e-9 m/s (`model.driven`): 0 where it never gets.
     g : m/s^2, matters only beside viscous drag.
     """
     if forces is not None:
