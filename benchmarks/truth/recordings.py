@@ -133,7 +133,7 @@ DISTURBANCES: dict[str, Disturbance] = {
     "clock": Disturbance("clock 1 % fast", camera=Camera(scale_t=0.01)),
     "viscous": Disturbance("viscous drag .1/s", changed(viscous=0.1 * BASE.mass)),
     "quadratic": Disturbance("quadratic drag .2/m", changed(quadratic=0.2 * BASE.mass)),
-    "load": Disturbance("resistance .01 of the load felt", changed(load_resistance=0.01, rolling_resistance=0.003)),
+    "load": Disturbance("resistance .006 of the load felt", changed(load_resistance=0.006, rolling_resistance=0.0)),
     "once": Disturbance("moment once per turn, .005", lambda rng, base: replace(base, once=(0.005 * _WEIGHT, rng.uniform(0.0, 6.28)))),
     "twice": Disturbance("moment twice per turn, .005", lambda rng, base: replace(base, twice=(0.005 * _WEIGHT, rng.uniform(0.0, 6.28)))),
     "push": Disturbance("released at .1 m/s", changed(release_speed=0.1)),
@@ -201,4 +201,5 @@ noise = {NOISES[noise]}
 """,
         encoding="utf-8",
     )
-    return {parameter: getattr(truth, name) for name, parameter in FREE.items()}
+    found = {parameter: getattr(truth, name) for name, parameter in FREE.items()}
+    return {**found, FREE["rolling_resistance"]: truth.rolling_resistance + truth.load_resistance}
