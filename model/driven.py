@@ -238,7 +238,7 @@ def driven_motion(
 def _block_motion(t: FloatArray, draws: _Draws, v0: FloatArray) -> tuple[FloatArray, FloatArray]:
     u = np.zeros(v0.shape)
     y = v0 / (draws.radius * draws.forces(u)[3])
-    last = max(float(np.max(t, initial=0.0)), 1e-9)
+    last = max(float(np.max(t, where=np.isfinite(t), initial=0.0)), 1e-9)
     sense = np.where(v0 != 0.0, np.sign(v0), np.maximum(draws.direction(u), 0.0))
     path = _follow(draws, u, y, sense, _PIECE / draws.fastest(u, y * y), last=last, back=True)
     ends = path.begin + path.cut * path.length
@@ -250,7 +250,7 @@ def _block_motion(t: FloatArray, draws: _Draws, v0: FloatArray) -> tuple[FloatAr
     z = 2.0 * (t - path.begin[place, column]) / np.where(length > 0.0, length, 1.0) - 1.0
     z = np.clip(z, -1.0, 1.0)
     angle, root = np.where(beyond, path.reached[-1][:, None], _series(series, z)), np.where(beyond, 0.0, _series(roots, z))
-    lost = beyond & ~path.held[:, None] & (t > 0.0)
+    lost = np.isnan(t) | (beyond & ~path.held[:, None] & (t > 0.0))
     position, velocity = draws.radius * angle, draws.radius * draws.forces(angle)[3] * root
     return tuple(np.where(lost, np.nan, np.where(t > 0.0, value, 0.0)) for value in (position, velocity))  # type: ignore[return-value]
 
@@ -272,7 +272,7 @@ def driven_energy(
 
 
 def _block_energy(angle: FloatArray, draws: _Draws, energy: FloatArray) -> tuple[FloatArray, FloatArray]:
-    far = max(float(np.max(angle)), 1e-9)
+    far = max(float(np.max(angle, where=np.isfinite(angle), initial=0.0)), 1e-9)
     start = _first_rest(draws, energy)
     u, y = np.nan_to_num(start), np.sqrt(np.maximum(energy, 0.0))
     sense = np.where(energy > 0.0, 1.0, np.where(np.isfinite(start), np.maximum(draws.direction(u), 0.0), 0.0))
@@ -283,8 +283,9 @@ def _block_energy(angle: FloatArray, draws: _Draws, energy: FloatArray) -> tuple
     q = np.square(_series(roots, _crossing(series, angle, np.full(angle.shape, -1.0), high)))
     there = (angle >= u) & (angle <= reached)
     known = path.held[:, None] | (reached >= far)
+    q = np.where(np.isnan(angle), np.nan, np.where(there & (sense > 0.0), q, 0.0))
     stop = np.where(sense > 0.0, path.stopped[:, None], 0.0)
-    return np.where(known, np.where(there & (sense > 0.0), q, 0.0), np.nan), np.where(known, stop, np.nan)
+    return np.where(known, q, np.nan), np.where(known, stop, np.nan)
 
 
 def _first_rest(draws: _Draws, energy: FloatArray) -> FloatArray:

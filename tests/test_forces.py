@@ -142,6 +142,21 @@ def test_many_draws_are_as_good_as_one(rng):
         assert position[i] == pytest.approx(back_and_forth(t, body, **own, forces=one)[0][0], abs=1e-9)
 
 
+def test_positions_may_differ_from_draw_to_draw_and_be_unknown(rng):
+    body, place, forces = Body(0.15, 0.187, 0.45), {"phi": 0.07, "theta0": np.full((3, 1), 1.05)}, Forces(viscous_drag=0.1)
+    x = np.linspace(0.02, 0.3, 5) + np.array([[0.0], [0.01], [0.02]])
+    t = 3.0 * x
+    v, (position, _) = speed(x, body, **place, forces=forces), back_and_forth(t, body, **place, forces=forces)
+    for i in range(3):
+        assert v[i] == pytest.approx(speed(x[i], body, phi=0.07, theta0=1.05, forces=forces)[0], abs=1e-9)
+        assert position[i] == pytest.approx(back_and_forth(t[i], body, phi=0.07, theta0=1.05, forces=forces)[0][0], abs=1e-9)
+    x[1, 2] = t[0, 1] = np.nan
+    gap, moved = speed(x, body, **place, forces=forces), back_and_forth(t, body, **place, forces=forces)[0]
+    assert np.argwhere(np.isnan(gap)).tolist() == [[1, 2]]
+    assert np.argwhere(np.isnan(moved)).tolist() == [[0, 1]]
+    assert np.delete(gap, 7) == pytest.approx(np.delete(v, 7), abs=1e-9)
+
+
 # neutral values
 
 

@@ -103,7 +103,8 @@ def main() -> None:
     parser.add_argument("--out", type=Path, help="file for the table beside stdout")
     parser.add_argument("--keep", help="folder to keep campaigns and recordings in")
     chosen = parser.parse_args()
-    what = f"{chosen.replicas} replicas a line, seed {chosen.seed}.  Shifts of the mean in posterior standard deviations, mean over replicas."
+    what = f"{chosen.replicas} replicas a line, seed {chosen.seed}.  Shifts of the mean in posterior standard deviations, mean over replicas: one of "
+    what += "random sign or phase (moments per turn, ramp, outliers) averages out there, not in the coverage."
     lines = ["# What is wrong and untold: shift, status, coverage", "", f"Made by `python benchmarks/truth`: {what}", "", *heads()]
     print(*lines, sep="\n", flush=True)
     with ProcessPoolExecutor(chosen.jobs) as pool:
