@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -21,9 +22,9 @@ _ZEROED = ("phi", "theta0")  # angles that an instrument may read with a common 
 _MOTION = ("phi", "theta0", "rolling_resistance", "g")
 
 
-def body_of(arguments: Mapping[str, ArrayLike]) -> tuple[Body, dict[str, ArrayLike]]:
+def body_of(arguments: Mapping[str, ArrayLike]) -> tuple[Body, dict[str, Any]]:
     """The body, and the keywords that say how it moves; zero errors of the angles are added to them."""
-    motion = {name: arguments[name] for name in _MOTION}
+    motion: dict[str, Any] = {name: arguments[name] for name in _MOTION}
     for angle in _ZEROED:
         motion[angle] = np.add(motion[angle], arguments.get(f"{angle}_zero", 0.0))
     return Body(**{name: arguments[name] for name in _BODY}), motion
@@ -155,7 +156,7 @@ class RollingMotion:
     def energies(self, x: FloatArray, v: FloatArray, arguments: Mapping[str, ArrayLike]) -> tuple[FloatArray, FloatArray]:
         body, motion = body_of(arguments)
         length = body.radius if self.angular else 1.0
-        place = {"phi": motion["phi"], "theta0": motion["theta0"]}
+        place: dict[str, Any] = {"phi": motion["phi"], "theta0": motion["theta0"]}
         x = _from_release(x, arguments)
         kinetic = energy.kinetic_energy(length * x, length * v, body, **place)
         return kinetic, energy.potential_energy(length * x, body, **place, g=motion["g"])
