@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from matplotlib.figure import Figure
 
 signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell's background job ignores it, and so would what the tests start
 
@@ -36,3 +37,21 @@ def tracker_folder() -> Path:
     if not (SHARED / "tracker").is_dir():
         pytest.skip(f"no files of the program Tracker at {SHARED / 'tracker'}")
     return SHARED / "tracker"
+
+
+PIXEL = (
+    b"\x89PNG\r\n\x1a\n\0\0\0\rIHDR\0\0\0\1\0\0\0\1\x08\0\0\0\0:~\x9bU\0\0\0\nIDATx\x9cc\xf8\x0f\0\1\1\1\0\x1b\xb6\xeeV\0\0\0\0IEND\xaeB`\x82"
+)
+
+
+@pytest.fixture
+def unrendered(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Figures are made and not turned into pixels, half of the time of a report: for tests of numbers and text, whatever the figures have to show."""
+    monkeypatch.setattr(Figure, "savefig", lambda figure, file, **_: file.write(PIXEL))
+
+
+@pytest.fixture
+def undrawn(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A pixel in place of every figure, most of the time of a report: for tests of files, streams and words on the terminal."""
+    for module in ("calibration", "comparison", "figures"):
+        monkeypatch.setattr(f"estim.reports.{module}.png", lambda draw: PIXEL)
