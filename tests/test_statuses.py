@@ -25,6 +25,7 @@ from estim.sampling.chain import Target
 from estim.sampling.independent_check import second_opinion
 from estim.sampling.proposal import Proposal
 
+pytestmark = pytest.mark.usefixtures("unrendered")
 NAMED = ("mean", "sd", "median", "q025", "q16", "q84", "q975")
 
 
@@ -172,11 +173,11 @@ def test_bad_runs_have_no_numbers_in_the_index(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("kappa", "modes"), [("0.45", 2), (uniform(0.3, 0.6), 2)])
-def test_two_modes_are_told_from_a_bent_ridge(kappa: str, modes: int, tmp_path: Path) -> None:
+def test_two_modes_are_told_from_a_bent_ridge(tmp_path: Path) -> None:
     """The ridge of the flat direction is bent, so that straight lines between its ends leave it; the two angles of release are no ridge."""
-    few = load_campaign(Disk("0.187", kappa, "4.0", uniform(10.0, 170.0), "window = {x_min_m = 0.0, x_max_m = 0.05}").write(tmp_path))
-    assert len(analyse(few, ["r"], seed=1, target=Target(ess=1000.0)).modes.values) == modes
+    for kappa in ("0.45", uniform(0.3, 0.6)):
+        few = load_campaign(Disk("0.187", kappa, "4.0", uniform(10.0, 170.0), "window = {x_min_m = 0.0, x_max_m = 0.05}").write(tmp_path))
+        assert len(analyse(few, ["r"], seed=1, target=Target(ess=1000.0)).modes.values) == 2
     flat = load_campaign(TROUBLES["flat direction"].campaign.write(tmp_path))
     found = analyse(flat, ["r"], seed=1, target=Target(ess=1000.0))
     ends = [end for end in found.fit.others if _dips(found, end)]
