@@ -4,11 +4,16 @@ from __future__ import annotations
 
 import os
 import signal
+from contextlib import nullcontext
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
 from matplotlib.figure import Figure
+
+if TYPE_CHECKING:
+    from estim.studies import Reanalysis
 
 signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell's background job ignores it, and so would what the tests start
 
@@ -29,6 +34,17 @@ def project() -> Path:
 @pytest.fixture
 def replica() -> Path:
     return PROJECT / "data" / "replica"
+
+
+@pytest.fixture(scope="session")
+def reanalysed() -> Reanalysis:
+    """The replica reanalysed as `estim reanalyse --seed 2` does: mark what asks for it `xdist_group("replica")`, so that one process has it."""
+    from estim.campaign import load_campaign
+    from estim.sampling import Target
+    from estim.studies import reanalyse
+
+    campaign = load_campaign(PROJECT / "data" / "replica" / "campaign.toml")
+    return reanalyse(campaign, seed=2, target=Target(), progress_of=lambda what: nullcontext(lambda step, message: None))
 
 
 @pytest.fixture

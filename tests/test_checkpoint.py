@@ -527,7 +527,7 @@ def test_reader_in_a_loop_does_not_disturb_the_writer(whole: Chain, tmp_path: Pa
 # kills
 
 
-def wait_for(condition: Callable[[], bool], seconds: float = 30.0) -> None:
+def wait_for(condition: Callable[[], bool], seconds: float = 300.0) -> None:
     limit = time.monotonic() + seconds
     while not condition():
         assert time.monotonic() < limit

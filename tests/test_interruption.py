@@ -55,7 +55,7 @@ def endless(words: tuple[str, ...], tmp_path: Path) -> Iterator[subprocess.Popen
     command = [sys.executable, "-c", IN_A_PROCESS, *words, "--run", "r"]
     process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, cwd=Path(__file__).parents[1])
     try:
-        wait_for(lambda: process.poll() is not None or n_step(tmp_path, "r") > 0, PATIENCE)
+        wait_for(lambda: process.poll() is not None or n_step(tmp_path, "r") > 0)
         yield process
     finally:
         process.kill()

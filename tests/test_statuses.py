@@ -109,6 +109,7 @@ def test_all_statuses_are_produced_here() -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("widened", "expected"), [(1.0, "ok"), (1.2, "methods-disagree")])
+@pytest.mark.usefixtures("undrawn")
 def test_certificate_of_another_density_disagrees(widened: float, expected: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The two computations get densities that differ by a power: standard deviations 10 % apart."""
 
@@ -157,6 +158,7 @@ def test_draws_that_mean_nothing_come_before_any_other_status() -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("undrawn")
 def test_bad_runs_have_no_numbers_in_the_index(tmp_path: Path) -> None:
     path = Disk(gamma="0.0", phi='"-5.5(1)"', theta0='"20.0(15)"', true_phi=-5.5, true_theta0=20.0).write(tmp_path)
     text = path.read_text()
