@@ -285,8 +285,8 @@ def test_certificate_and_chain_agree_with_brute_force_quadrature(replica: Path, 
     ]
     fit = replica_fit(replica, tmp_path, ["heavy-04"], exact)
     assert len(fit.names) == 3
-    mean, sd, log_evidence = quadrature(fit, n=51, reach=8.0)
-    finer = quadrature(fit, n=61, reach=9.0)
+    mean, sd, log_evidence = quadrature(fit, n=31, reach=8.0)
+    finer = quadrature(fit, n=39, reach=9.0)
     assert np.all(np.abs(mean - finer[0]) < 1e-3 * sd)
     rng = np.random.default_rng(5)
     proposal = adapt_proposal(fit.posterior, fit.values, fit.cov, rng=rng)
