@@ -1,0 +1,145 @@
+"""A deviation of unknown size and length beside the noise: a mixture of normal distributions that share a few diagonalisations.
+
+    C_k = s^2 C0 + a^2 K_l,    k = (l, s, a)        C0: stated covariance of the readings, K_l: what a deviation of unit amplitude does to them
+
+`diagonalise` makes the grid: with C0 = W W^T and W^-1 K_l W^-T = V Lambda V^T each length needs one eigendecomposition, and every amplitude and
+noise scale after that is a vector, s^2 + a^2 Lambda.  `estim.deviation.linearised` says how probable each is, `estim.deviation.mixture` keeps
+what matters and evaluates draws.
+
+A scale below 1 is allowed only where the deviation makes up for it, s^2 + a^2 tr(W^-1 K_l W^-T)/n >= 1: red errors may leave less white noise
+than stated, but what was stated of their size is never narrowed by a good fit.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import solve_triangular
+
+from estim.arrays import FloatArray
+from estim.common import InputError
+from estim.deviation.grid import Grid
+
+
+@dataclass(frozen=True, eq=False)
+class Shape:
+    """One kind and length of deviation: its covariance (n_obs, n_obs) in the observations for unit amplitude, and its log prior probability.
+
+    kind : a word for it ("force", "deviation", "time").  length : its correlation length, in the unit of its own axis.
+    """
+
+    kind: str
+    length: float
+    covariance: FloatArray
+    log_prior: float
+
+
+@dataclass(frozen=True, eq=False)
+class Family:
+    """The components of one shape, diagonal in one basis of the whitened observations: variances scale^2 + amplitude^2 spectrum.
+
+    basis : (n_obs, n_dir) orthonormal columns; outside them the variance is scale^2 alone.  spectrum : (n_dir,).
+    amplitude, scale, log_prior : (n_component,).
+    """
+
+    kind: str
+    length: float
+    basis: FloatArray
+    spectrum: FloatArray
+    amplitude: FloatArray
+    scale: FloatArray
+    log_prior: FloatArray
+
+    def variances(self) -> FloatArray:
+        """(n_component, n_dir)."""
+        return np.square(self.scale)[:, None] + np.square(self.amplitude)[:, None] * self.spectrum
+
+    def chosen(self, keep: NDArray[np.bool_] | NDArray[np.int64]) -> Family:
+        """The family with some of its components alone."""
+        return Family(self.kind, self.length, self.basis, self.spectrum, self.amplitude[keep], self.scale[keep], self.log_prior[keep])
+
+
+@dataclass(frozen=True, eq=False)
+class Deviation:
+    """The grid of components of one run, or of several that are stacked.
+
+    whitener : (n_obs,) or (n_obs, n_obs), z = r * whitener or r @ whitener has unit covariance under C0, in the order of the observations.
+    log_volume : log of the determinant of C0, halved.  families : one for each shape.
+    """
+
+    whitener: FloatArray
+    log_volume: float
+    families: tuple[Family, ...]
+
+    @property
+    def n_obs(self) -> int:
+        return self.whitener.shape[0]
+
+    def whiten(self, rows: FloatArray) -> FloatArray:
+        """Rows (..., n_obs) of observations in units of the stated noise, without its correlation."""
+        return rows * self.whitener if self.whitener.ndim == 1 else rows @ self.whitener
+
+    def column(self, name: str) -> FloatArray:
+        """(n_component,) `amplitude`, `scale` or `log_prior` of all components in the order of the families."""
+        return np.concatenate([getattr(family, name) for family in self.families])
+
+    def lengths(self) -> FloatArray:
+        """(n_component,) length of each component; nan where there is no deviation."""
+        each = [np.where(f.amplitude > 0.0, f.length, np.nan) for f in self.families]
+        return np.concatenate(each)
+
+
+def diagonalise(base: FloatArray, shapes: tuple[Shape, ...], grid: Grid) -> Deviation:
+    """The components for a stated covariance `base`, (n_obs,) variances or (n_obs, n_obs), both in the square of the unit of the readings.
+
+    Components without a deviation are the same for every shape and stand in the first family alone.
+    Raises InputError where `base` is not positive definite, or where there is no shape.
+    """
+    if not shapes:
+        raise InputError("must name at least one shape of deviation", field="shapes")
+    base = np.asarray(base, dtype=float)
+    whitener, log_volume = _whitening(base)
+    families = []
+    for i, shape in enumerate(shapes):
+        seen = _sandwich(shape.covariance, whitener)
+        spectrum, basis = np.linalg.eigh(0.5 * (seen + seen.T))
+        spectrum = np.maximum(spectrum, 0.0)
+        amplitude, scale, log_prior = _combinations(grid, float(np.mean(spectrum)))
+        held = Family(shape.kind, shape.length, basis, spectrum, amplitude, scale, log_prior + shape.log_prior * (amplitude > 0.0))
+        families.append(held if i == 0 else held.chosen(amplitude > 0.0))
+    total = np.logaddexp.reduce(np.concatenate([f.log_prior for f in families]))
+    assert abs(total) < 1e-9, "prior probabilities add up to one"
+    return Deviation(whitener, log_volume, tuple(families))
+
+
+def _whitening(base: FloatArray) -> tuple[FloatArray, float]:
+    if base.ndim == 1:
+        if not np.all(base > 0.0):
+            raise InputError("must be > 0", field="variance", value=float(np.min(base)))
+        return 1.0 / np.sqrt(base), 0.5 * float(np.sum(np.log(base)))
+    try:
+        lower = np.linalg.cholesky(base)
+    except np.linalg.LinAlgError:
+        raise InputError("must be positive definite", field="covariance") from None
+    whitener = solve_triangular(lower, np.eye(base.shape[0]), lower=True).T
+    return np.ascontiguousarray(whitener), float(np.sum(np.log(np.diag(lower))))
+
+
+def _sandwich(covariance: FloatArray, whitener: FloatArray) -> FloatArray:
+    if whitener.ndim == 1:
+        return covariance * whitener * whitener[:, None]
+    return np.asarray(whitener.T @ covariance @ whitener)
+
+
+def _combinations(grid: Grid, mean_variance: float) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Amplitudes and scales that are allowed together, (n_component,) each, with their log prior; `mean_variance`: for unit amplitude."""
+    amplitude, scale = np.meshgrid(grid.amplitudes, grid.scales, indexing="ij")
+    allowed = (scale >= 1.0) | (np.square(scale) + np.square(amplitude) * mean_variance >= 1.0)
+    if grid.scales.max() < 1.0:  # nothing but small scales was asked for
+        allowed[:] = True
+    log_scale = np.where(allowed, grid.log_scales, -np.inf)
+    log_scale = log_scale - np.logaddexp.reduce(log_scale, axis=1, keepdims=True)
+    log_prior = grid.log_amplitudes[:, None] + log_scale
+    return amplitude[allowed], scale[allowed], log_prior[allowed]

@@ -1,0 +1,174 @@
+"""The likelihood of many draws under a deviation that is summed over: one product of matrices a length, then a few numbers a component.
+
+    log L(r) = log sum_k w_k N(r | 0, C_k + H H^T)
+
+`keep_probable` makes it from the posterior of the components.  H holds small systematic effects that are linear in the observations (a push at
+release, the clock, the scale of length), each column times the standard deviation of its cause: they cost no sampled dimension.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from estim.arrays import FloatArray
+from estim.deviation.components import Deviation, Family
+from estim.deviation.linearised import Linearised
+
+_ROUGHNESS = 1e-8  # what the directions left out of a basis may add to the variances, relative to the noise and summed
+
+
+@dataclass(frozen=True, eq=False)
+class Mixture:
+    """A normal mixture in the observations.
+
+    deviation : the components that are kept, in bases of the directions that matter.  columns : (n_obs, n_column) H, whitened.
+    terms : what every draw needs, one for each family.
+    lost : posterior probability of what was left out, under the linearised posterior: no probability that follows is off by more.
+    """
+
+    deviation: Deviation
+    columns: FloatArray
+    terms: tuple[Terms, ...]
+    lost: float
+
+    @property
+    def n_component(self) -> int:
+        return sum(family.amplitude.size for family in self.deviation.families)
+
+    def log_likelihood(self, residuals: FloatArray, *, relative: FloatArray | None = None) -> FloatArray:
+        """(n_draw,) of residuals (n_draw, n_obs), data minus curve.
+
+        relative : (n_draw,) factor of the stated noise in each draw, where its size is a sampled parameter; some ten times slower.
+        """
+        return np.asarray(np.logaddexp.reduce(self.log_components(residuals, relative=relative), axis=1))
+
+    def log_components(self, residuals: FloatArray, *, relative: FloatArray | None = None) -> FloatArray:
+        """(n_draw, n_component) logarithm of each w_k N(r | 0, C_k + H H^T)."""
+        z = self.deviation.whiten(np.atleast_2d(residuals))
+        square, along = np.einsum("ij,ij->i", z, z), z @ self.columns
+        parts = []
+        for family, terms in zip(self.deviation.families, self.terms, strict=True):
+            seen = z @ family.basis
+            if relative is None:
+                parts.append(terms.log_density(square, seen, along))
+            else:
+                parts.append(_rescaled(family, self.columns, square, seen, along, np.asarray(relative, dtype=float)))
+        return np.hstack(parts) - self.deviation.log_volume - 0.5 * z.shape[1] * np.log(2.0 * np.pi)
+
+    def precision(self, residuals: FloatArray) -> FloatArray:
+        """(n_obs, n_obs) Q with d log L/dr = -Q r at residuals (n_obs,).
+
+        Least squares weighted by Q, taken anew at its own result until nothing moves, ends at a maximum of the likelihood.
+        """
+        logs = self.log_components(residuals)[0]
+        share = np.exp(logs - np.logaddexp.reduce(logs))
+        inverse, start = np.zeros((residuals.size, residuals.size)), 0
+        for family in self.deviation.families:
+            own = share[start : start + family.amplitude.size]
+            start += own.size
+            for part, variance, scale in zip(own, family.variances(), family.scale, strict=True):
+                gain = 1.0 / variance - 1.0 / scale**2
+                each = (family.basis * gain) @ family.basis.T + np.eye(residuals.size) / scale**2
+                pushed = each @ self.columns
+                each -= pushed @ np.linalg.solve(np.eye(self.columns.shape[1]) + self.columns.T @ pushed, pushed.T)
+                inverse += part * each
+        if self.deviation.whitener.ndim == 1:
+            return np.asarray(inverse * self.deviation.whitener * self.deviation.whitener[:, None])
+        return np.asarray(self.deviation.whitener @ inverse @ self.deviation.whitener.T)
+
+
+@dataclass(frozen=True, eq=False)
+class Terms:
+    """Constants of a family: log density = log_norm - (|z|^2 inverse + (z basis)^2 gain)/2 + |cross|^2/2.
+
+    log_norm, inverse : (n_component,).  gain : (n_dir, n_component).
+    cross, cross_white : (n_dir, n_component * n_column), (n_column, n_component * n_column), with (z basis) cross + (z H) cross_white
+    the part of z that H explains, in units of its own standard deviation.
+    """
+
+    log_norm: FloatArray
+    inverse: FloatArray
+    gain: FloatArray
+    cross: FloatArray
+    cross_white: FloatArray
+
+    def log_density(self, square: FloatArray, seen: FloatArray, along: FloatArray) -> FloatArray:
+        """(n_draw, n_component) for |z|^2 (n_draw,), z basis (n_draw, n_dir) and z H (n_draw, n_column)."""
+        density = self.log_norm - 0.5 * (square[:, None] * self.inverse + np.square(seen) @ self.gain)
+        if along.shape[1]:
+            explained = (seen @ self.cross + along @ self.cross_white).reshape(square.size, -1, along.shape[1])
+            density += 0.5 * np.einsum("ikq,ikq->ik", explained, explained)
+        return density
+
+
+def keep_probable(linearised: Linearised, *, columns: FloatArray | None = None, lost: float = 1e-4) -> Mixture:
+    """The mixture of the most probable components: those left out hold at most the posterior probability `lost` together.
+
+    columns : (n_obs, n_column) shifts of the observations by one standard deviation of each small systematic effect; None for none.  Give them
+    to `linearise` as well (columns of the Jacobian with precision 1), so that the components are weighed with them.
+    """
+    deviation, n_obs = linearised.deviation, linearised.deviation.n_obs
+    order = np.argsort(linearised.weights)
+    dropped = order[np.cumsum(linearised.weights[order]) <= lost]
+    keep = np.ones(order.size, dtype=bool)
+    keep[dropped] = False
+    families, start = [], 0
+    for family in deviation.families:
+        chosen = keep[start : start + family.amplitude.size]
+        start += chosen.size
+        if chosen.any():
+            families.append(_compact(family.chosen(chosen)))
+    shifts = np.zeros((n_obs, 0)) if columns is None else deviation.whiten(columns.T).T
+    kept = Deviation(deviation.whitener, deviation.log_volume, tuple(families))
+    return Mixture(kept, shifts, tuple(_terms(family, shifts) for family in families), float(linearised.weights[dropped].sum()))
+
+
+def _compact(family: Family) -> Family:
+    """The family in those directions that its largest amplitude lifts above the noise."""
+    lifted = family.spectrum * np.max(np.square(family.amplitude / family.scale))
+    order = np.argsort(lifted)[::-1]
+    beyond = np.cumsum(lifted[order][::-1])[::-1]  # of each direction and all weaker ones
+    used = order[: int(np.sum(beyond > _ROUGHNESS))]
+    basis = np.ascontiguousarray(family.basis[:, used])
+    return Family(family.kind, family.length, basis, family.spectrum[used], family.amplitude, family.scale, family.log_prior)
+
+
+def _terms(family: Family, columns: FloatArray) -> Terms:
+    n_dir, n_column = family.spectrum.size, columns.shape[1]
+    inverse = 1.0 / np.square(family.scale)
+    variance = family.variances()
+    gain = 1.0 / variance - inverse[:, None]
+    log_norm = family.log_prior - 0.5 * np.sum(np.log(variance), axis=1) + 0.5 * (columns.shape[0] - n_dir) * np.log(inverse)
+    turned = family.basis.T @ columns
+    information = np.eye(n_column) + inverse[:, None, None] * (columns.T @ columns) + np.einsum("mi,km,mj->kij", turned, gain, turned)
+    lower = np.linalg.cholesky(information)
+    log_norm -= np.sum(np.log(np.diagonal(lower, axis1=1, axis2=2)), axis=1)
+    root = np.linalg.inv(lower).transpose(0, 2, 1)  # (n_component, n_column, n_column), b root has unit covariance
+    cross = np.einsum("km,mi,kij->mkj", gain, turned, root).reshape(n_dir, inverse.size * n_column)
+    cross_white = np.einsum("k,kij->ikj", inverse, root).reshape(n_column, inverse.size * n_column)
+    return Terms(log_norm, inverse, np.ascontiguousarray(gain.T), cross, cross_white)
+
+
+def _rescaled(
+    family: Family, columns: FloatArray, square: FloatArray, seen: FloatArray, along: FloatArray, relative: FloatArray
+) -> FloatArray:
+    """(n_draw, n_component) log densities where the noise of each draw has its own factor (n_draw,)."""
+    turned, n_column = family.basis.T @ columns, columns.shape[1]
+    pairs = (turned[:, :, None] * turned[:, None, :]).reshape(family.spectrum.size, -1)
+    whole = columns.T @ columns
+    each = []
+    for amplitude, scale, log_prior in zip(family.amplitude, family.scale, family.log_prior, strict=True):
+        white = np.square(relative * scale)
+        variance = white[:, None] + amplitude**2 * family.spectrum
+        gain = 1.0 / variance - 1.0 / white[:, None]
+        misfit = square / white + np.sum(gain * np.square(seen), axis=1)
+        volume = np.sum(np.log(variance), axis=1) + (columns.shape[0] - family.spectrum.size) * np.log(white)
+        if n_column:
+            information = np.eye(n_column) + whole / white[:, None, None] + (gain @ pairs).reshape(-1, n_column, n_column)
+            explained = along / white[:, None] + (gain * seen) @ turned
+            misfit -= np.einsum("ij,ij->i", explained, np.linalg.solve(information, explained[..., None])[..., 0])
+            volume += np.linalg.slogdet(information)[1]
+        each.append(log_prior - 0.5 * misfit - 0.5 * volume)
+    return np.array(each).T
