@@ -12,6 +12,7 @@ from scipy.integrate import solve_ivp
 from estim.common.errors import InputError
 from estim.deviation.components import Shape, diagonalise
 from estim.deviation.force import force_kernel, position_response, speed_response, track
+from estim.deviation.generic import correlated_shapes, stated_is_conservative
 from estim.deviation.grid import prior_grid, track_lengths
 from estim.deviation.kernels import distances, exponential, matern32, sd_of_mean, turning, without_mean
 from estim.deviation.linearised import linearise, mixture_quantiles
@@ -54,16 +55,16 @@ def test_the_likelihood_of_draws_is_that_of_dense_matrices(rng, diagonal):
     jacobian = np.vander(np.linspace(-1.0, 1.0, n), 2)
     found = linearise(deviation, residuals[0], jacobian, precision=np.eye(2))
     everything = keep_probable(found, lost=0.0)
-    truth = dense_likelihood(deviation, base, shapes, residuals)
+    truth = dense_likelihood(found.deviation, base, shapes, residuals)
     np.testing.assert_allclose(everything.log_likelihood(residuals), truth, atol=1e-6)
 
     columns = 0.3 * jacobian
     tilted = keep_probable(found, columns=columns, lost=0.0)
-    truth = dense_likelihood(deviation, base, shapes, residuals, columns @ columns.T)
+    truth = dense_likelihood(found.deviation, base, shapes, residuals, columns @ columns.T)
     np.testing.assert_allclose(tilted.log_likelihood(residuals), truth, atol=1e-6)
 
     relative = rng.uniform(0.7, 1.5, 7)
-    truth = [dense_likelihood(deviation, f**2 * base, shapes, r, columns @ columns.T) for f, r in zip(relative, residuals, strict=True)]
+    truth = [dense_likelihood(found.deviation, f**2 * base, shapes, r, columns @ columns.T) for f, r in zip(relative, residuals, strict=True)]
     np.testing.assert_allclose(tilted.log_likelihood(residuals, relative=relative), truth, atol=1e-6)
 
 
@@ -103,11 +104,12 @@ def test_the_linearised_posterior_is_that_of_a_straight_line(rng):
     marginal = dense_likelihood(deviation, base, shapes, r - jacobian @ pull, jacobian @ np.linalg.inv(precision) @ jacobian.T)
     assert found.log_evidence == pytest.approx(float(marginal), abs=1e-8)
     k = found.best
-    _, covariance = list(dense(deviation, base, shapes))[k]
+    _, covariance = list(dense(found.deviation, base, shapes))[k]
     information = jacobian.T @ np.linalg.solve(covariance, jacobian) + precision
     step = np.linalg.solve(information, jacobian.T @ np.linalg.solve(covariance, r) + precision @ pull)
     np.testing.assert_allclose(found.steps[k], step, rtol=1e-8)
     left = r - jacobian @ step
+    _, covariance = list(dense(deviation, base, shapes))[k]
     assert found.innovations() @ found.innovations() == pytest.approx(left @ np.linalg.solve(covariance, left))
     q = found.quantiles([1.0, 0.0], [0.16, 0.5, 0.84])
     assert [found.probability_below([1.0, 0.0], value) for value in q] == pytest.approx([0.16, 0.5, 0.84], abs=1e-9)
@@ -119,15 +121,37 @@ def test_quantiles_of_a_mixture_of_one_are_those_of_the_normal_distribution():
     np.testing.assert_allclose(found, stats.norm([3.0, -1.0], [2.0, 0.5]).ppf(np.array(p)[:, None]), atol=1e-9)
 
 
-def test_a_stated_error_is_narrowed_only_where_a_deviation_makes_up_for_it():
-    n = 20
-    deviation = diagonalise(np.full(n, 0.04), two_shapes(n), prior_grid(0.5))
-    for family in deviation.families:
-        total = family.scale**2 + family.amplitude**2 * np.mean(family.spectrum)
-        assert np.all(total[family.scale < 1.0] >= 1.0)
-        assert not np.any((family.scale < 1.0) & (family.amplitude == 0.0))
-    assert sum(np.sum(np.exp(f.log_prior[f.amplitude == 0.0])) for f in deviation.families) == pytest.approx(0.5)
-    assert np.logaddexp.reduce(deviation.column("log_prior")) == pytest.approx(0.0, abs=1e-12)
+def line_with(errors: np.ndarray, stated: float, shapes: tuple[Shape, ...], scale: float):
+    """A straight line through errors (n,) whose standard deviation was stated, and the same with white errors of that size alone."""
+    jacobian = np.vander(np.linspace(-1.0, 1.0, errors.size), 2)
+    deviation = diagonalise(np.full(errors.size, stated**2), shapes, prior_grid(scale))
+    found = linearise(deviation, errors, jacobian, precision=np.zeros((2, 2)))
+    return found, stated**2 * np.linalg.inv(jacobian.T @ jacobian)
+
+
+def test_a_stated_error_is_never_narrowed(rng):
+    for errors in (0.1 * rng.standard_normal(40), 0.1 * np.sin(np.linspace(0.0, 20.0, 40))):
+        found, white = line_with(errors, 1.0, two_shapes(40), 2.0)
+        assert np.linalg.eigvalsh(found.covariance - white).min() > -1e-9
+        assert found.size("scale")[1] < 0.3
+        assert stated_is_conservative(found)
+    # residuals that are merely small show no deviation
+    found, _ = line_with(0.1 * rng.standard_normal(40), 1.0, two_shapes(40), 2.0)
+    assert found.p_deviation < 0.5
+    found, _ = line_with(rng.standard_normal(40), 1.0, two_shapes(40), 2.0)
+    assert not stated_is_conservative(found)
+
+
+def test_red_errors_widen_though_little_of_them_is_white(rng):
+    red = np.zeros(200)
+    for i in range(1, 200):
+        red[i] = 0.95 * red[i - 1] + np.sqrt(1.0 - 0.95**2) * rng.standard_normal()
+    t = np.arange(200) * 0.1
+    found, white = line_with(red, 1.0, correlated_shapes(t), 2.0)
+    assert found.p_deviation > 0.99
+    assert found.size("scale")[1] < 0.6
+    assert found.covariance[1, 1] > 4.0 * white[1, 1]
+    assert stats.kstest(found.innovations(), "norm").pvalue > 0.01
 
 
 def test_kernels_are_covariances_and_a_mean_can_be_removed():

@@ -5,9 +5,6 @@
 `diagonalise` makes the grid: with C0 = W W^T and W^-1 K_l W^-T = V Lambda V^T each length needs one eigendecomposition, and every amplitude and
 noise scale after that is a vector, s^2 + a^2 Lambda.  `estim.deviation.linearised` says how probable each is, `estim.deviation.mixture` keeps
 what matters and evaluates draws.
-
-A scale below 1 is allowed only where the deviation makes up for it, s^2 + a^2 tr(W^-1 K_l W^-T)/n >= 1: red errors may leave less white noise
-than stated, but what was stated of their size is never narrowed by a good fit.
 """
 
 from __future__ import annotations
@@ -101,16 +98,14 @@ def diagonalise(base: FloatArray, shapes: tuple[Shape, ...], grid: Grid) -> Devi
         raise InputError("must name at least one shape of deviation", field="shapes")
     base = np.asarray(base, dtype=float)
     whitener, log_volume = _whitening(base)
+    amplitude, scale = (values.ravel() for values in np.meshgrid(grid.amplitudes, grid.scales, indexing="ij"))
+    log_prior = np.add.outer(grid.log_amplitudes, grid.log_scales).ravel()
     families = []
     for i, shape in enumerate(shapes):
         seen = _sandwich(shape.covariance, whitener)
         spectrum, basis = np.linalg.eigh(0.5 * (seen + seen.T))
-        spectrum = np.maximum(spectrum, 0.0)
-        amplitude, scale, log_prior = _combinations(grid, float(np.mean(spectrum)))
-        held = Family(shape.kind, shape.length, basis, spectrum, amplitude, scale, log_prior + shape.log_prior * (amplitude > 0.0))
+        held = Family(shape.kind, shape.length, basis, np.maximum(spectrum, 0.0), amplitude, scale, log_prior + shape.log_prior * (amplitude > 0.0))
         families.append(held if i == 0 else held.chosen(amplitude > 0.0))
-    total = np.logaddexp.reduce(np.concatenate([f.log_prior for f in families]))
-    assert abs(total) < 1e-9, "prior probabilities add up to one"
     return Deviation(whitener, log_volume, tuple(families))
 
 
@@ -131,15 +126,3 @@ def _sandwich(covariance: FloatArray, whitener: FloatArray) -> FloatArray:
     if whitener.ndim == 1:
         return covariance * whitener * whitener[:, None]
     return np.asarray(whitener.T @ covariance @ whitener)
-
-
-def _combinations(grid: Grid, mean_variance: float) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Amplitudes and scales that are allowed together, (n_component,) each, with their log prior; `mean_variance`: for unit amplitude."""
-    amplitude, scale = np.meshgrid(grid.amplitudes, grid.scales, indexing="ij")
-    allowed = (scale >= 1.0) | (np.square(scale) + np.square(amplitude) * mean_variance >= 1.0)
-    if grid.scales.max() < 1.0:  # nothing but small scales was asked for
-        allowed[:] = True
-    log_scale = np.where(allowed, grid.log_scales, -np.inf)
-    log_scale = log_scale - np.logaddexp.reduce(log_scale, axis=1, keepdims=True)
-    log_prior = grid.log_amplitudes[:, None] + log_scale
-    return amplitude[allowed], scale[allowed], log_prior[allowed]

@@ -12,7 +12,7 @@ from estim.deviation.kernels import sd_of_mean, without_mean
 from estim.deviation.linearised import Linearised, mixture_quantiles
 
 BAND = (0.025, 0.16, 0.5, 0.84, 0.975)
-_LOST = 1e-3
+_LOST = 0.01
 
 
 @dataclass(frozen=True, eq=False)

@@ -5,14 +5,13 @@
 
 Both go into `diagonalise`, alone or together (`equally_probable`), with the grid of `amplitude_grid`.
 
-The rule of the stated error: where the residuals are far smaller than stated, nothing is narrowed.  `stated_is_conservative` says whether they
-are, from a second posterior with `FREE_SCALES`; if its innovations are white, the result is sound and the stated standard deviations are kept.
-(A pattern of 3.5 mm under a stated 5 cm says nothing of errors that all points share; narrowed to the pattern, 68 % intervals cover 33-58 %.)
+The rule of the stated error: where the residuals are far smaller than stated nothing is narrowed (`linearised` sees to that), and
+`stated_is_conservative` says so; if the innovations are white the result is sound, with the stated standard deviations.  (A pattern of 3.5 mm under
+a stated 5 cm says nothing of errors that all points share: narrowed to the pattern, 68 % intervals cover 33-58 %.)
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -20,24 +19,24 @@ import numpy as np
 from estim.arrays import FloatArray
 from estim.common import InputError
 from estim.deviation.components import Shape
-from estim.deviation.grid import SPIKE, Grid, prior_grid, track_lengths
+from estim.deviation.grid import SCALES, Grid, prior_grid, track_lengths
 from estim.deviation.kernels import distances, exponential, matern32, without_mean
 from estim.deviation.linearised import Linearised
 
-FREE_SCALES = tuple(float(s) for s in np.geomspace(0.01, 1.0, 19))
+FREE_SCALES = (0.01, 0.016, 0.025, 0.04, 0.063, *SCALES)  # where an error may be stated for what no residual shows
 _TIMES_NOISE, _PART_OF_RANGE = 10.0, 0.02  # scale of the prior of the amplitude: the larger of 10 sds of a reading and 1/50 of the range of y
 _CONSERVATIVE = 0.5  # a stated error is conservative where the white noise is less than half of it
 _SURE = 0.95
 _N_TIME = 6
 
 
-def amplitude_grid(y: FloatArray, sd: FloatArray, *, scale: float | None = None, scales: Sequence[float] | None = None) -> Grid:
+def amplitude_grid(y: FloatArray, sd: FloatArray, *, scale: float | None = None) -> Grid:
     """The grid for y (n_obs,) with standard deviations sd (n_obs,) of the readings.
 
     scale : of the half-normal prior of the amplitude, unit of y; by default the larger of 10 typical sds and a fiftieth of the range of y.
     """
     wide = max(_TIMES_NOISE * float(np.median(sd)), _PART_OF_RANGE * float(np.ptp(y))) if scale is None else scale
-    return prior_grid(wide) if scales is None else prior_grid(wide, spike=SPIKE, scales=tuple(scales))
+    return prior_grid(wide, scales=FREE_SCALES)
 
 
 def deviation_shapes(x: FloatArray) -> tuple[Shape, ...]:
@@ -64,9 +63,12 @@ def equally_probable(*groups: tuple[Shape, ...]) -> tuple[Shape, ...]:
     return tuple(replace(shape, log_prior=shape.log_prior - float(np.log(len(groups)))) for group in groups for shape in group)
 
 
-def stated_is_conservative(scale_free: Linearised) -> bool:
-    """Whether the white noise is probably (> 0.95) less than half of what was stated; `scale_free`: a posterior made with `FREE_SCALES`."""
-    return bool(scale_free.weights[scale_free.deviation.column("scale") < _CONSERVATIVE].sum() > _SURE)
+def stated_is_conservative(linearised: Linearised) -> bool:
+    """Whether readings scatter, with all deviations, probably (> 0.95) by less than half of what was stated for them."""
+    deviation = linearised.deviation
+    spread = [f.amplitude**2 * np.sum(f.spectrum) / deviation.n_obs for f in deviation.families]
+    total = np.square(linearised.scales) + np.concatenate(spread)
+    return bool(linearised.weights[total < _CONSERVATIVE**2].sum() > _SURE)
 
 
 def _extent(x: FloatArray, name: str) -> float:

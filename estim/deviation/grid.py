@@ -2,7 +2,7 @@
 
     amplitude a : 0 with probability `spike`, else half-normal
     length l : log-normal about a sixth of the track, by a factor of two
-    scale s of the noise : log-normal about 1
+    scale s of the stated noise : log-normal about 1, by a factor of 1.35; below 1 it counts as evidence only (see `linearised`)
 
 The numbers come from a study of coverage (docs/statistics.md names it where it enters a report): with them a parameter's 68 % interval covers
 64-81 % for smooth profiles from half to eight standard deviations of a reading, for pushes and for correlated errors, and costs 4 % of a
@@ -21,7 +21,7 @@ from estim.common import InputError
 FORCE_SCALE = 0.02  # of the weight: scale of the half-normal prior of the amplitude of a force
 START_SD = 0.02  # of the weight times the radius: prior sd of the energy at release
 SPIKE = 0.5
-SCALES = (0.4, 0.5, 0.64, 0.8, 1.0, 1.25, 1.6, 2.0)
+SCALES = (0.1, 0.16, 0.25, 0.4, 0.5, 0.63, 0.8, 1.0, 1.25, 1.6, 2.0)
 _N_AMPLITUDE, _N_LENGTH = 24, 6
 _SCALE_SPREAD = 0.3  # sd of log s
 _LENGTH_SPREAD = 0.7  # sd of log l
@@ -46,15 +46,15 @@ class Grid:
 def prior_grid(amplitude: float, *, spike: float = SPIKE, scales: tuple[float, ...] = SCALES, n_amplitude: int = _N_AMPLITUDE) -> Grid:
     """The grid for a half-normal prior of scale `amplitude` (unit of the deviation) beside a probability `spike` of none at all.
 
-    scales : factors of the stated noise; (1,) where its size is known, or inferred as a parameter.
-    Raises InputError for an amplitude or scale that is not positive, or a spike outside [0, 1).
+    scales : factors of the stated noise, one of them 1; (1,) alone where its size is known, or inferred as a parameter.
+    Raises InputError for an amplitude or scale that is not positive, scales without 1, or a spike outside [0, 1).
     """
     if not amplitude > 0.0:
         raise InputError("must be > 0", field="amplitude", value=amplitude)
     if not 0.0 <= spike < 1.0:
         raise InputError("must be a probability below 1", field="spike", value=spike)
-    if not scales or min(scales) <= 0.0:
-        raise InputError("must be > 0", field="scales", value=min(scales, default=0.0))
+    if 1.0 not in scales or min(scales) <= 0.0:
+        raise InputError("must be > 0 and hold 1", field="scales", value=str(scales))
     sizes = amplitude * np.geomspace(_LOWEST, _HIGHEST, n_amplitude)
     slab = _normalised(np.log(sizes) - 0.5 * np.square(sizes / amplitude))  # equal steps of log a: density times a
     factors = np.array(scales, dtype=float)

@@ -6,6 +6,9 @@ the parameters found without carrying the deviation along leads astray (1.8 stan
     A_k = J^T C_k^-1 J + P,    b_k = J^T C_k^-1 r + P (m - p0),    p | k ~ N(p0 + A_k^-1 b_k, A_k^-1)
 
 and the probability of k from the integral over p.  Exact for a linear curve; elsewhere the fast answer, and the proposal for the slow one.
+
+What was stated of the noise is never narrowed: a scale s < 1 may be the most probable (residuals that are too small, or red with little white
+noise in them), and then says how large the deviation is, but p is inferred with s = 1 beside it.
 """
 
 from __future__ import annotations
@@ -13,7 +16,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 from scipy.linalg import solve_triangular
 from scipy.special import ndtr
 
@@ -25,14 +28,16 @@ from estim.deviation.components import Deviation, Family
 class Linearised:
     """The posterior as a mixture of normal distributions; components in the order of `deviation.families`.
 
-    weights : (n_component,) probabilities.  steps : (n_component, n_par) means, from the point of linearisation.
-    covariances : (n_component, n_par, n_par).
+    deviation : the components as they serve for p, with scales of at least 1 and priors that leave each its probability.
+    weights : (n_component,) probabilities.  scales : (n_component,) of the noise, as the evidence has them.
+    steps : (n_component, n_par) means, from the point of linearisation.  covariances : (n_component, n_par, n_par).
     log_evidence : without the constants of flat priors.
     residuals, jacobian : (n_obs,), (n_obs, n_par) what it was made of.
     """
 
     deviation: Deviation
     weights: FloatArray
+    scales: FloatArray
     steps: FloatArray
     covariances: FloatArray
     log_evidence: float
@@ -74,7 +79,7 @@ class Linearised:
 
     def size(self, name: str) -> tuple[float, float, float]:
         """Quantiles 0.16, 0.5, 0.84 of "amplitude", "length" or "scale" over the grid; of a length where there is a deviation."""
-        values = self.deviation.lengths() if name == "length" else self.deviation.column(name)
+        values = self.deviation.lengths() if name == "length" else self.scales if name == "scale" else self.deviation.column(name)
         told = np.isfinite(values) & (self.weights > 0.0)
         if not told.any():
             return np.nan, np.nan, np.nan
@@ -85,9 +90,12 @@ class Linearised:
         return float(low), float(middle), float(high)
 
     def innovations(self) -> FloatArray:
-        """(n_obs,) residuals of the best component, white where it is right, in the order of the observations: for tests of order."""
+        """(n_obs,) residuals of the best component, white where it is right, in the order of the observations: for tests of order.
+
+        In units of the noise as the evidence has it, which `size("scale")` says.
+        """
         family, i = self.component(self.best)
-        covariance = family.scale[i] ** 2 * np.eye(self.residuals.size)
+        covariance = self.scales[self.best] ** 2 * np.eye(self.residuals.size)
         covariance += family.amplitude[i] ** 2 * (family.basis * family.spectrum) @ family.basis.T
         left = self.deviation.whiten(self.residuals - self.jacobian @ self.steps[self.best])
         return np.asarray(solve_triangular(np.linalg.cholesky(covariance), left, lower=True))
@@ -113,7 +121,7 @@ def linearise(deviation: Deviation, residuals: FloatArray, jacobian: FloatArray,
     r, j = deviation.whiten(residuals), deviation.whiten(jacobian.T).T
     pulled = precision @ np.broadcast_to(np.asarray(pull, dtype=float), (n_par,))
     offset = float(np.sum(np.asarray(pull) * pulled))
-    logs, steps, covariances = [], [], []
+    logs, steps, covariances, families = [], [], [], []
     for family in deviation.families:
         seen, turned = r @ family.basis, family.basis.T @ j
         variance = family.variances()
@@ -125,28 +133,40 @@ def linearise(deviation: Deviation, residuals: FloatArray, jacobian: FloatArray,
         step = np.einsum("kij,kj->ki", covariance, slope)
         misfit = weight @ np.square(seen) + offset - np.einsum("ki,ki->k", slope, step)
         log_volume = np.sum(np.log(variance), axis=1) + np.linalg.slogdet(information)[1]
-        logs.append(family.log_prior - 0.5 * misfit - 0.5 * log_volume)
-        steps.append(step)
-        covariances.append(covariance)
+        log_likelihood = -0.5 * (misfit + log_volume)
+        serves = _at_least_stated(family)
+        logs.append(family.log_prior + log_likelihood)
+        steps.append(step[serves])
+        covariances.append(covariance[serves])
+        carried = family.log_prior + log_likelihood - log_likelihood[serves]
+        families.append(Family(family.kind, family.length, family.basis, family.spectrum, family.amplitude, family.scale[serves], carried))
     told = np.linalg.eigvalsh(precision)
     constant = 0.5 * float(np.sum(np.log(told[told > 0.0]))) - deviation.log_volume - 0.5 * n_obs * np.log(2.0 * np.pi)
     log_weight = np.concatenate(logs)
     total = np.logaddexp.reduce(log_weight)
     weights = np.exp(log_weight - total)
-    return Linearised(deviation, weights, np.vstack(steps), np.concatenate(covariances), float(total + constant), residuals, jacobian)
+    serving = Deviation(deviation.whitener, deviation.log_volume, tuple(families))
+    log_evidence, scales = float(total + constant), deviation.column("scale")
+    return Linearised(serving, weights, scales, np.vstack(steps), np.concatenate(covariances), log_evidence, residuals, jacobian)
+
+
+def _at_least_stated(family: Family) -> NDArray[np.int64]:
+    """(n_component,) for each component itself, or, where its scale is below 1, the one with the same amplitude and scale 1."""
+    stated = {amplitude: i for i, (amplitude, scale) in enumerate(zip(family.amplitude, family.scale, strict=True)) if scale == 1.0}
+    return np.array([i if scale >= 1.0 else stated[a] for i, (a, scale) in enumerate(zip(family.amplitude, family.scale, strict=True))])
 
 
 def mixture_quantiles(weights: FloatArray, means: FloatArray, sds: FloatArray, probabilities: ArrayLike) -> FloatArray:
     """Quantiles (n_probability, ...) of mixtures of normal distributions; means and sds (n_component, ...), weights (n_component,).
 
-    By halving between the outermost quantiles of the components, to 1e-12 of their distance.
+    By halving between the outermost quantiles of the components, to 1e-9 of their distance.
     """
     p = np.asarray(probabilities, dtype=float).reshape(-1, *(1,) * (means.ndim - 1))
     spread = 40.0 * np.max(sds, axis=0)
     low = np.broadcast_to(np.min(means, axis=0) - spread, (p.shape[0], *means.shape[1:]))
     high = np.broadcast_to(np.max(means, axis=0) + spread, low.shape)
     width = np.where(sds > 0.0, sds, np.finfo(float).tiny)
-    for _ in range(50):
+    for _ in range(36):
         middle = 0.5 * (low + high)
         below = np.tensordot(weights, ndtr((middle[None] - means[:, None]) / width[:, None]), axes=1) < p
         low, high = np.where(below, middle, low), np.where(below, high, middle)

@@ -16,7 +16,7 @@ from estim.arrays import FloatArray
 from estim.deviation.components import Deviation, Family
 from estim.deviation.linearised import Linearised
 
-_ROUGHNESS = 1e-8  # what the directions left out of a basis may add to the variances, relative to the noise and summed
+_ROUGHNESS = 1e-5  # what the directions left out of a basis may add to the variances, relative to the noise and summed
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,7 +42,10 @@ class Mixture:
 
         relative : (n_draw,) factor of the stated noise in each draw, where its size is a sampled parameter; some ten times slower.
         """
-        return np.asarray(np.logaddexp.reduce(self.log_components(residuals, relative=relative), axis=1))
+        logs = self.log_components(residuals, relative=relative)
+        highest = np.max(logs, axis=1, keepdims=True)
+        np.exp(np.subtract(logs, highest, out=logs), out=logs)
+        return np.asarray(highest[:, 0] + np.log(np.sum(logs, axis=1)))
 
     def log_components(self, residuals: FloatArray, *, relative: FloatArray | None = None) -> FloatArray:
         """(n_draw, n_component) logarithm of each w_k N(r | 0, C_k + H H^T)."""
@@ -81,22 +84,20 @@ class Mixture:
 
 @dataclass(frozen=True, eq=False)
 class Terms:
-    """Constants of a family: log density = log_norm - (|z|^2 inverse + (z basis)^2 gain)/2 + |cross|^2/2.
+    """Constants of a family: log density = [(z basis)^2, |z|^2, 1] gain + |explained|^2/2.
 
-    log_norm, inverse : (n_component,).  gain : (n_dir, n_component).
+    gain : (n_dir + 2, n_component).
     cross, cross_white : (n_dir, n_component * n_column), (n_column, n_component * n_column), with (z basis) cross + (z H) cross_white
     the part of z that H explains, in units of its own standard deviation.
     """
 
-    log_norm: FloatArray
-    inverse: FloatArray
     gain: FloatArray
     cross: FloatArray
     cross_white: FloatArray
 
     def log_density(self, square: FloatArray, seen: FloatArray, along: FloatArray) -> FloatArray:
         """(n_draw, n_component) for |z|^2 (n_draw,), z basis (n_draw, n_dir) and z H (n_draw, n_column)."""
-        density = self.log_norm - 0.5 * (square[:, None] * self.inverse + np.square(seen) @ self.gain)
+        density = np.column_stack([np.square(seen), square, np.ones(square.size)]) @ self.gain
         if along.shape[1]:
             explained = (seen @ self.cross + along @ self.cross_white).reshape(square.size, -1, along.shape[1])
             density += 0.5 * np.einsum("ikq,ikq->ik", explained, explained)
@@ -119,10 +120,18 @@ def keep_probable(linearised: Linearised, *, columns: FloatArray | None = None, 
         chosen = keep[start : start + family.amplitude.size]
         start += chosen.size
         if chosen.any():
-            families.append(_compact(family.chosen(chosen)))
+            families.append(_compact(_merged(family.chosen(chosen))))
     shifts = np.zeros((n_obs, 0)) if columns is None else deviation.whiten(columns.T).T
     kept = Deviation(deviation.whitener, deviation.log_volume, tuple(families))
     return Mixture(kept, shifts, tuple(_terms(family, shifts) for family in families), float(linearised.weights[dropped].sum()))
+
+
+def _merged(family: Family) -> Family:
+    """The family with components that are the same counted once."""
+    values, place = np.unique(np.column_stack([family.amplitude, family.scale]), axis=0, return_inverse=True)
+    log_prior = np.full(len(values), -np.inf)
+    np.logaddexp.at(log_prior, place.ravel(), family.log_prior)
+    return Family(family.kind, family.length, family.basis, family.spectrum, values[:, 0], values[:, 1], log_prior)
 
 
 def _compact(family: Family) -> Family:
@@ -148,7 +157,7 @@ def _terms(family: Family, columns: FloatArray) -> Terms:
     root = np.linalg.inv(lower).transpose(0, 2, 1)  # (n_component, n_column, n_column), b root has unit covariance
     cross = np.einsum("km,mi,kij->mkj", gain, turned, root).reshape(n_dir, inverse.size * n_column)
     cross_white = np.einsum("k,kij->ikj", inverse, root).reshape(n_column, inverse.size * n_column)
-    return Terms(log_norm, inverse, np.ascontiguousarray(gain.T), cross, cross_white)
+    return Terms(np.vstack([-0.5 * gain.T, -0.5 * inverse, log_norm]), cross, cross_white)
 
 
 def _rescaled(
