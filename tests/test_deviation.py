@@ -1,20 +1,19 @@
-"""A deviation that is summed over: likelihood by dense matrices, responses by an integrator of its own, coverage, and a real wheel."""
+"""A deviation that is summed over: its likelihood by dense matrices, what is stated and kept, and deviations of a user's own curve."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from scipy import stats
-from scipy.integrate import solve_ivp
 
 from estim.common.errors import InputError
 from estim.deviation.components import Shape, diagonalise
-from estim.deviation.force import force_kernel, position_response, speed_response, track
-from estim.deviation.generic import correlated_shapes, stated_is_conservative
+from estim.deviation.force import force_kernel, speed_response, track
+from estim.deviation.generic import amplitude_grid, correlated_shapes, deviation_shapes, equally_probable, stated_is_conservative
 from estim.deviation.grid import prior_grid, track_lengths
-from estim.deviation.kernels import distances, exponential, matern32, sd_of_mean, turning, without_mean
+from estim.deviation.kernels import distances, exponential, matern32, root, sd_of_mean, turning, without_mean
 from estim.deviation.linearised import linearise, mixture_quantiles
 from estim.deviation.mixture import keep_probable
 
@@ -23,7 +22,7 @@ SMALL = prior_grid(0.7, scales=(0.8, 1.0, 1.4), n_amplitude=5)
 
 def two_shapes(n: int) -> tuple[Shape, ...]:
     x = np.linspace(0.0, 10.0, n)
-    return tuple(Shape("deviation", length, matern32(distances(x), length), np.log(0.5)) for length in (1.0, 4.0))
+    return tuple(Shape("deviation", length, root(matern32(distances(x), length)), np.log(0.5)) for length in (1.0, 4.0))
 
 
 def correlated(n: int, rng: np.random.Generator) -> np.ndarray:
@@ -44,10 +43,11 @@ def dense_likelihood(deviation, base, shapes, residuals, extra=0.0):
     return np.logaddexp.reduce(parts, axis=0)
 
 
+@pytest.mark.parametrize("few", [True, False])
 @pytest.mark.parametrize("diagonal", [True, False])
-def test_the_likelihood_of_draws_is_that_of_dense_matrices(rng, diagonal):
+def test_the_likelihood_of_draws_is_that_of_dense_matrices(rng, diagonal, few):
     n = 14
-    shapes = two_shapes(n)
+    shapes = tuple(replace(shape, factor=shape.factor[:, -5:]) for shape in two_shapes(n)) if few else two_shapes(n)
     variances = 0.04 * rng.uniform(0.5, 2.0, n)
     base = np.diag(variances) if diagonal else correlated(n, rng)
     deviation = diagonalise(variances if diagonal else base, shapes, SMALL)
@@ -196,127 +196,54 @@ def test_what_breaks_a_rule_is_named(call, said):
         call()
 
 
-# --- a wheel that rolls down, written down a second time, and integrated in time -----------------------------------------------------------
-
-G_R, PHI = 9.81 / 0.235, np.radians(-5.5)
+# --- a user's own curve --------------------------------------------------------------------------------------------------------------------
 
 
-@dataclass(frozen=True)
-class Wheel:
-    """Angle turned u (rad) and its rate w for dw/dt = [acceleration (W' + f) - D' w^2/2]/D."""
-
-    gamma: float = 0.12
-    theta0: float = np.radians(5.5)
-    c_rr: float = 0.03
-    j: float = 0.7
-
-    def inertia(self, u):
-        return 1.0 + self.j + 2.0 * self.gamma * np.cos(self.theta0 + u + PHI)
-
-    def energy(self, u):
-        return self.gamma * (np.cos(self.theta0) - np.cos(self.theta0 + u)) - u * (np.sin(PHI) + self.c_rr * np.cos(PHI))
-
-    def rate(self, u, start=0.0):
-        return np.sqrt(2.0 * G_R * np.maximum(self.energy(u) + start, 0.0) / self.inertia(u))
-
-    def motion(self, t, force, start=0.0):
-        """u at times t since release, by an ODE solver."""
-
-        def change(_, state):
-            u, w = state
-            push = self.gamma * np.sin(self.theta0 + u) - (np.sin(PHI) + self.c_rr * np.cos(PHI)) + force(u)
-            steeper = -2.0 * self.gamma * np.sin(self.theta0 + u + PHI)
-            return [w, (G_R * push - 0.5 * steeper * w**2) / self.inertia(u)]
-
-        w0 = np.sqrt(2.0 * G_R * start / self.inertia(0.0))
-        return solve_ivp(change, (0.0, t[-1]), [0.0, w0], t_eval=t, rtol=1e-11, atol=1e-12, method="DOP853").y[0]
+def test_an_error_stated_for_what_no_residual_shows_is_kept_and_called_conservative(rng):
+    """A parabola, 5 cm stated, residuals of a pattern of 3.5 mm: sound, and the standard deviations are those stated and a little more."""
+    x = np.linspace(0.0, 1.0, 40)
+    pattern = 0.0035 * np.sin(19.0 * x) + 0.001 * rng.standard_normal(40)
+    jacobian, stated = np.vander(x, 3), np.full(40, 0.05**2)
+    deviation = diagonalise(stated, deviation_shapes(x), amplitude_grid(1.0 + pattern, np.sqrt(stated)))
+    found = linearise(deviation, pattern, jacobian, precision=np.zeros((3, 3)))
+    white = np.sqrt(np.diag(np.linalg.inv(jacobian.T @ jacobian / 0.05**2)))
+    assert stated_is_conservative(found)
+    sds = np.sqrt(np.diag(found.covariance))
+    assert np.all(sds >= white * (1.0 - 1e-9))
+    assert sds[0] < 1.25 * white[0]
+    left = found.innovations()
+    assert abs(left[1:] @ left[:-1]) / (left @ left) < 0.4
+    assert 0.4 < left @ left / 40 < 1.6
 
 
-def profile(u):
-    return np.sin(1.3 * u + 0.4) + 0.3 * np.cos(2.9 * u)
+def test_groups_of_shapes_share_the_prior(rng):
+    x = np.linspace(0.0, 3.0, 15)
+    both = equally_probable(deviation_shapes(x), correlated_shapes(x))
+    assert np.logaddexp.reduce([shape.log_prior for shape in both]) == pytest.approx(0.0, abs=1e-12)
+    deviation = diagonalise(np.ones(15), both, amplitude_grid(x, np.ones(15)))
+    assert np.logaddexp.reduce(deviation.column("log_prior")) == pytest.approx(0.0, abs=1e-9)
+    with pytest.raises(InputError, match="all the same"):
+        deviation_shapes(np.ones(4))
 
 
-def released(wheel: Wheel, first: float = 0.0):
-    """A track of 15 rad with the response of positions at frames of 1/10 s."""
-    t = np.arange(0.3, 3.6, 0.1)
-    u = wheel.motion(t, lambda u: 0.0 * u)
-    along = track(u[-1], first=first)
-    return t, u, along, position_response(along, u, wheel.rate(along.fine), wheel.inertia(along.fine), acceleration=G_R)
-
-
-def test_positions_answer_to_a_force_as_an_integrator_says():
-    wheel = Wheel()
-    t, _, along, response = released(wheel)
-    size = 1e-5
-    truth = (wheel.motion(t, lambda u: size * profile(u)) - wheel.motion(t, lambda u: -size * profile(u))) / (2.0 * size)
-    linear = response.force @ profile(along.nodes)
-    np.testing.assert_allclose(linear, truth, atol=5e-3 * np.abs(truth).max())
-
-
-def test_positions_answer_to_a_push_but_for_a_shift_of_time():
-    wheel = Wheel()
-    _, u, _, response = released(wheel)
-    size, shift = 1e-4, wheel.rate(u)[:, None]
-    # by the time that a place is reached, from 0.02 rad on
-    place, late = np.linspace(0.02, u[-1], 400_001), []
-    for start in (size, -size):
-        slowness = 1.0 / wheel.rate(place, start)
-        late.append(np.interp(u, place, np.r_[0.0, np.cumsum(0.5 * (slowness[1:] + slowness[:-1]))] * (place[1] - place[0])))
-    truth = -(late[0] - late[1]) / (2.0 * size) * wheel.rate(u)
-    left = truth - response.start
-    rest = left - shift @ np.linalg.lstsq(shift, left, rcond=None)[0]
-    alone = response.start - shift @ np.linalg.lstsq(shift, response.start, rcond=None)[0]
-    assert np.abs(rest).max() < 4e-3 * np.abs(alone).max()
-    assert np.abs(alone).max() > 3.0  # and not a shift of time itself
-
-
-def test_where_the_observations_begin_does_not_matter_but_for_a_shift_of_time():
-    wheel = Wheel()
-    _, u, along, whole = released(wheel)
-    _, _, _, late = released(wheel, first=u[0])
-    shift = wheel.rate(u)[:, None]
-    left = (whole.force - late.force) @ profile(along.nodes)
-    rest = left - shift @ np.linalg.lstsq(shift, left, rcond=None)[0]
-    assert np.abs(rest).max() < 1e-3 * np.abs(whole.force @ profile(along.nodes)).max()
-
-
-def test_speeds_answer_to_a_force_and_to_a_push():
-    wheel, size = Wheel(), 1e-6
-    u = np.linspace(0.5, 15.0, 25)
-    response = speed_response(along := track(15.0), u, wheel.rate(u), wheel.inertia(u), acceleration=G_R)
-    work = (np.cos(0.4) - np.cos(1.3 * u + 0.4)) / 1.3 + 0.3 * np.sin(2.9 * u) / 2.9
-    truth = (wheel.rate(u, size * work) - wheel.rate(u, -size * work)) / (2.0 * size)
-    np.testing.assert_allclose(response.force @ profile(along.nodes), truth, atol=5e-3 * np.abs(truth).max())
-    np.testing.assert_allclose(response.start, (wheel.rate(u, size) - wheel.rate(u, -size)) / (2.0 * size), rtol=1e-6)
-    # a floor holds the response of a point at rest down
-    still = speed_response(along, u[:1], np.zeros(1), np.ones(1), acceleration=G_R, floor=0.1)
-    assert still.start[0] == pytest.approx(G_R / 0.1)
-
-
-def test_speeds_by_differences_answer_as_the_positions_that_they_are_made_of():
-    wheel, size = Wheel(), 1e-5
-    t, u, along, response = released(wheel)
-    n = t.size
-    stencil = (np.eye(n, k=1) - np.eye(n, k=-1))[1:-1] / 0.2
-    slope = np.array([(wheel.rate(a + 1e-6) - wheel.rate(a - 1e-6)) / 2e-6 for a in u[1:-1]])
-    rows = stencil.copy()
-    rows[np.arange(n - 2), np.arange(1, n - 1)] -= slope
-    found = response.through(rows)
-
-    def residual(eps):
-        shifted = wheel.motion(t, lambda u: eps * profile(u))
-        return stencil @ shifted - wheel.rate(shifted[1:-1])
-
-    truth = (residual(size) - residual(-size)) / (2.0 * size)
-    np.testing.assert_allclose(found.force @ profile(along.nodes), truth, atol=6e-3 * np.abs(truth).max())
-
-
-def test_speeds_by_differences_answer_as_speeds_do_where_little_changes_between_frames():
-    wheel = Wheel(gamma=0.0)
-    _, u, along, response = released(wheel)
-    rows = (np.eye(u.size, k=1) - np.eye(u.size, k=-1))[1:-1] / 0.2
-    rows[np.arange(u.size - 2), np.arange(1, u.size - 1)] -= 0.5 * wheel.rate(u[1:-1]) / u[1:-1]  # v = sqrt(2 a x)
-    plain = speed_response(along, u[1:-1], wheel.rate(u[1:-1]), wheel.inertia(u[1:-1]), acceleration=G_R)
-    slow = np.sin(0.4 * along.nodes)
-    truth = plain.force @ slow
-    np.testing.assert_allclose(response.through(rows).force @ slow, truth, atol=0.03 * np.abs(truth).max())
+@pytest.mark.statistics
+@pytest.mark.parametrize(("size", "white_covers"), [(0.0, (0.6, 0.76)), (3.0, (0.0, 0.4))])
+def test_a_smooth_deviation_of_a_parabola_is_covered(rng, size, white_covers):
+    n, n_run = 30, 300
+    x = np.linspace(-1.0, 1.0, n)
+    jacobian = np.vander(x, 3)
+    smooth = np.linalg.cholesky(np.exp(-0.5 * np.square(distances(x) / 0.3)) + 1e-9 * np.eye(n))
+    deviation = diagonalise(np.ones(n), deviation_shapes(x), amplitude_grid(10.0 * x, np.ones(n)))
+    inside, plain = [], []
+    slope = np.array([0.0, 1.0, 0.0])
+    white = np.linalg.inv(jacobian.T @ jacobian)
+    for _ in range(n_run):
+        errors = size * smooth @ rng.standard_normal(n) + rng.standard_normal(n)
+        found = linearise(deviation, errors, jacobian, precision=np.zeros((3, 3)))
+        inside.append([abs(found.probability_below(slope, 0.0) - 0.5) < 0.5 * p for p in (0.68, 0.95)])
+        plain.append(abs((white @ jacobian.T @ errors)[1]) < np.sqrt(white[1, 1]))
+    covered = np.mean(inside, axis=0)
+    tolerance = 3.0 * np.sqrt(0.68 * 0.32 / n_run)
+    assert 0.68 - tolerance < covered[0] < 0.88
+    assert covered[1] > 0.95 - 3.0 * np.sqrt(0.95 * 0.05 / n_run)
+    assert white_covers[0] < np.mean(plain) < white_covers[1]

@@ -2,7 +2,7 @@
 
     C_k = s^2 C0 + a^2 K_l,    k = (l, s, a)        C0: stated covariance of the readings, K_l: what a deviation of unit amplitude does to them
 
-`diagonalise` makes the grid: with C0 = W W^T and W^-1 K_l W^-T = V Lambda V^T each length needs one eigendecomposition, and every amplitude and
+`diagonalise` makes the grid: with C0 = W W^T and W^-1 K_l W^-T = V Lambda V^T each length needs one decomposition, and every amplitude and
 noise scale after that is a vector, s^2 + a^2 Lambda.  `estim.deviation.linearised` says how probable each is, `estim.deviation.mixture` keeps
 what matters and evaluates draws.
 """
@@ -22,15 +22,21 @@ from estim.deviation.grid import Grid
 
 @dataclass(frozen=True, eq=False)
 class Shape:
-    """One kind and length of deviation: its covariance (n_obs, n_obs) in the observations for unit amplitude, and its log prior probability.
+    """One kind and length of deviation, for unit amplitude, and its log prior probability.
 
     kind : a word for it ("force", "deviation", "time").  length : its correlation length, in the unit of its own axis.
+    factor : (n_obs, n_cause) X, covariance X X^T in the observations: what independent causes of unit size do to them.
     """
 
     kind: str
     length: float
-    covariance: FloatArray
+    factor: FloatArray
     log_prior: float
+
+    @property
+    def covariance(self) -> FloatArray:
+        """(n_obs, n_obs)."""
+        return np.asarray(self.factor @ self.factor.T)
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,9 +108,9 @@ def diagonalise(base: FloatArray, shapes: tuple[Shape, ...], grid: Grid) -> Devi
     log_prior = np.add.outer(grid.log_amplitudes, grid.log_scales).ravel()
     families = []
     for i, shape in enumerate(shapes):
-        seen = _sandwich(shape.covariance, whitener)
-        spectrum, basis = np.linalg.eigh(0.5 * (seen + seen.T))
-        held = Family(shape.kind, shape.length, basis, np.maximum(spectrum, 0.0), amplitude, scale, log_prior + shape.log_prior * (amplitude > 0.0))
+        seen = shape.factor * whitener[:, None] if whitener.ndim == 1 else whitener.T @ shape.factor
+        spectrum, basis = _principal(seen)
+        held = Family(shape.kind, shape.length, basis, spectrum, amplitude, scale, log_prior + shape.log_prior * (amplitude > 0.0))
         families.append(held if i == 0 else held.chosen(amplitude > 0.0))
     return Deviation(whitener, log_volume, tuple(families))
 
@@ -122,7 +128,10 @@ def _whitening(base: FloatArray) -> tuple[FloatArray, float]:
     return np.ascontiguousarray(whitener), float(np.sum(np.log(np.diag(lower))))
 
 
-def _sandwich(covariance: FloatArray, whitener: FloatArray) -> FloatArray:
-    if whitener.ndim == 1:
-        return covariance * whitener * whitener[:, None]
-    return np.asarray(whitener.T @ covariance @ whitener)
+def _principal(factor: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Eigenvalues (n_dir,) and eigenvectors (n_obs, n_dir) of X X^T, those of value 0 left out where X has fewer columns than rows."""
+    if factor.shape[1] < factor.shape[0]:
+        basis, root, _ = np.linalg.svd(factor, full_matrices=False)
+        return np.square(root), basis
+    spectrum, basis = np.linalg.eigh(factor @ factor.T)
+    return np.maximum(spectrum, 0.0), basis

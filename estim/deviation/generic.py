@@ -6,8 +6,8 @@
 Both go into `diagonalise`, alone or together (`equally_probable`), with the grid of `amplitude_grid`.
 
 The rule of the stated error: where the residuals are far smaller than stated nothing is narrowed (`linearised` sees to that), and
-`stated_is_conservative` says so; if the innovations are white the result is sound, with the stated standard deviations.  (A pattern of 3.5 mm under
-a stated 5 cm says nothing of errors that all points share: narrowed to the pattern, 68 % intervals cover 33-58 %.)
+`stated_is_conservative` says so; if the innovations are white the result is sound, with the stated standard deviations and what the pattern
+adds.  (A pattern of 3.5 mm under a stated 5 cm says nothing of errors that all points share: narrowed to it, 68 % intervals cover 33-58 %.)
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from estim.arrays import FloatArray
 from estim.common import InputError
 from estim.deviation.components import Shape
 from estim.deviation.grid import SCALES, Grid, prior_grid, track_lengths
-from estim.deviation.kernels import distances, exponential, matern32, without_mean
+from estim.deviation.kernels import distances, exponential, matern32, root, without_mean
 from estim.deviation.linearised import Linearised
 
 FREE_SCALES = (0.01, 0.016, 0.025, 0.04, 0.063, *SCALES)  # where an error may be stated for what no residual shows
@@ -44,7 +44,7 @@ def deviation_shapes(x: FloatArray) -> tuple[Shape, ...]:
     apart = distances(x)
     lengths, log_prior = track_lengths(_extent(x, "x"))
     return tuple(
-        Shape("deviation", float(length), without_mean(matern32(apart, float(length))), float(log))
+        Shape("deviation", float(length), root(without_mean(matern32(apart, float(length)))), float(log))
         for length, log in zip(lengths, log_prior, strict=True)
     )
 
@@ -55,7 +55,7 @@ def correlated_shapes(t: FloatArray) -> tuple[Shape, ...]:
     extent = _extent(t, "t")
     step = float(np.median(np.diff(np.sort(t))))
     lengths = np.geomspace(max(step, 1e-3 * extent), extent / 3.0, _N_TIME)
-    return tuple(Shape("time", float(length), exponential(apart, float(length)), -float(np.log(_N_TIME))) for length in lengths)
+    return tuple(Shape("time", float(length), root(exponential(apart, float(length))), -float(np.log(_N_TIME))) for length in lengths)
 
 
 def equally_probable(*groups: tuple[Shape, ...]) -> tuple[Shape, ...]:

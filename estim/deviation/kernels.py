@@ -15,6 +15,8 @@ from numpy.typing import ArrayLike
 
 from estim.arrays import FloatArray
 
+_ROUNDING = 1e-10
+
 
 def distances(x: FloatArray) -> FloatArray:
     """(n, n) distances between all places x (n,)."""
@@ -49,6 +51,13 @@ def without_mean(covariance: FloatArray, weights: ArrayLike | None = None) -> Fl
     w = _normalised(weights, covariance.shape[0])
     row = w @ covariance
     return np.asarray(covariance - row - row[:, None] + row @ w)
+
+
+def root(covariance: FloatArray) -> FloatArray:
+    """(n, n_cause) X with X X^T the covariance (n, n), to 1e-10 of its largest eigenvalue."""
+    spectrum, basis = np.linalg.eigh(covariance)
+    kept = spectrum > _ROUNDING * spectrum[-1]
+    return np.asarray(basis[:, kept] * np.sqrt(spectrum[kept]))
 
 
 def sd_of_mean(covariance: FloatArray, weights: ArrayLike | None = None) -> float:

@@ -40,6 +40,7 @@ class Linearised:
     scales: FloatArray
     steps: FloatArray
     covariances: FloatArray
+    followed: FloatArray
     log_evidence: float
     residuals: FloatArray
     jacobian: FloatArray
@@ -78,16 +79,24 @@ class Linearised:
         return float(self.weights @ ndtr((value - self.steps @ along) / sds))
 
     def size(self, name: str) -> tuple[float, float, float]:
-        """Quantiles 0.16, 0.5, 0.84 of "amplitude", "length" or "scale" over the grid; of a length where there is a deviation."""
+        """Quantiles 0.16, 0.5, 0.84 of "amplitude", "length" or "scale"; nan for the length where there is certainly no deviation.
+
+        The probability of a value of the grid is spread evenly, in its logarithm, half way to its neighbours; that of 0 stays there.
+        """
         values = self.deviation.lengths() if name == "length" else self.scales if name == "scale" else self.deviation.column(name)
-        told = np.isfinite(values) & (self.weights > 0.0)
-        if not told.any():
+        told = np.isfinite(values)
+        places, which = np.unique(values[told], return_inverse=True)
+        share = np.bincount(which.ravel(), self.weights[told])
+        if not share.sum() > 0.0:
             return np.nan, np.nan, np.nan
-        order = np.argsort(values[told])
-        reached = np.cumsum(self.weights[told][order])
-        places = np.searchsorted(reached, np.array([0.16, 0.5, 0.84]) * reached[-1])
-        low, middle, high = values[told][order][np.minimum(places, order.size - 1)]
-        return float(low), float(middle), float(high)
+        share = share / share.sum()
+        none = float(share[places == 0.0].sum())
+        share, logs = share[places > 0.0], np.log(places[places > 0.0])
+        between = 0.5 * (logs[1:] + logs[:-1])
+        edges = np.r_[logs[0], between, logs[-1]]
+        reached = none + np.r_[0.0, np.cumsum(share)]
+        low, middle, high = (0.0 if p < none else float(np.exp(np.interp(p, reached, edges))) for p in (0.16, 0.5, 0.84))
+        return low, middle, high
 
     def innovations(self) -> FloatArray:
         """(n_obs,) residuals of the best component, white where it is right, in the order of the observations: for tests of order.
@@ -97,7 +106,7 @@ class Linearised:
         family, i = self.component(self.best)
         covariance = self.scales[self.best] ** 2 * np.eye(self.residuals.size)
         covariance += family.amplitude[i] ** 2 * (family.basis * family.spectrum) @ family.basis.T
-        left = self.deviation.whiten(self.residuals - self.jacobian @ self.steps[self.best])
+        left = self.deviation.whiten(self.residuals - self.jacobian @ self.followed)
         return np.asarray(solve_triangular(np.linalg.cholesky(covariance), left, lower=True))
 
     def component(self, k: int) -> tuple[Family, int]:
@@ -121,21 +130,23 @@ def linearise(deviation: Deviation, residuals: FloatArray, jacobian: FloatArray,
     r, j = deviation.whiten(residuals), deviation.whiten(jacobian.T).T
     pulled = precision @ np.broadcast_to(np.asarray(pull, dtype=float), (n_par,))
     offset = float(np.sum(np.asarray(pull) * pulled))
-    logs, steps, covariances, families = [], [], [], []
+    square, along, whole = float(r @ r), j.T @ r, j.T @ j
+    logs, own_steps, steps, covariances, families = [], [], [], [], []
     for family in deviation.families:
         seen, turned = r @ family.basis, family.basis.T @ j
-        variance = family.variances()
-        weight = 1.0 / variance
-        pairs = (turned[:, :, None] * turned[:, None, :]).reshape(n_obs, -1)
-        information = (weight @ pairs).reshape(-1, n_par, n_par) + precision
-        slope = weight @ (turned * seen[:, None]) + pulled
+        variance, white = family.variances(), 1.0 / np.square(family.scale)
+        gain = 1.0 / variance - white[:, None]
+        pairs = (turned[:, :, None] * turned[:, None, :]).reshape(-1, n_par**2)
+        information = white[:, None, None] * whole + (gain @ pairs).reshape(-1, n_par, n_par) + precision
+        slope = white[:, None] * along + gain @ (turned * seen[:, None]) + pulled
         covariance = np.linalg.inv(information)
         step = np.einsum("kij,kj->ki", covariance, slope)
-        misfit = weight @ np.square(seen) + offset - np.einsum("ki,ki->k", slope, step)
-        log_volume = np.sum(np.log(variance), axis=1) + np.linalg.slogdet(information)[1]
+        misfit = white * square + gain @ np.square(seen) + offset - np.einsum("ki,ki->k", slope, step)
+        log_volume = np.sum(np.log(variance), axis=1) - (n_obs - seen.size) * np.log(white) + np.linalg.slogdet(information)[1]
         log_likelihood = -0.5 * (misfit + log_volume)
         serves = _at_least_stated(family)
         logs.append(family.log_prior + log_likelihood)
+        own_steps.append(step)
         steps.append(step[serves])
         covariances.append(covariance[serves])
         carried = family.log_prior + log_likelihood - log_likelihood[serves]
@@ -145,9 +156,17 @@ def linearise(deviation: Deviation, residuals: FloatArray, jacobian: FloatArray,
     log_weight = np.concatenate(logs)
     total = np.logaddexp.reduce(log_weight)
     weights = np.exp(log_weight - total)
-    serving = Deviation(deviation.whitener, deviation.log_volume, tuple(families))
-    log_evidence, scales = float(total + constant), deviation.column("scale")
-    return Linearised(serving, weights, scales, np.vstack(steps), np.concatenate(covariances), log_evidence, residuals, jacobian)
+    return Linearised(
+        deviation=Deviation(deviation.whitener, deviation.log_volume, tuple(families)),
+        weights=weights,
+        scales=deviation.column("scale"),
+        steps=np.vstack(steps),
+        covariances=np.concatenate(covariances),
+        followed=np.vstack(own_steps)[np.argmax(weights)],
+        log_evidence=float(total + constant),
+        residuals=residuals,
+        jacobian=jacobian,
+    )
 
 
 def _at_least_stated(family: Family) -> NDArray[np.int64]:

@@ -71,12 +71,13 @@ class Mixture:
         for family in self.deviation.families:
             own = share[start : start + family.amplitude.size]
             start += own.size
-            for part, variance, scale in zip(own, family.variances(), family.scale, strict=True):
-                gain = 1.0 / variance - 1.0 / scale**2
-                each = (family.basis * gain) @ family.basis.T + np.eye(residuals.size) / scale**2
-                pushed = each @ self.columns
-                each -= pushed @ np.linalg.solve(np.eye(self.columns.shape[1]) + self.columns.T @ pushed, pushed.T)
-                inverse += part * each
+            white = 1.0 / np.square(family.scale)
+            gain = 1.0 / family.variances() - white[:, None]
+            inverse += (family.basis * (own @ gain)) @ family.basis.T + (own @ white) * np.eye(residuals.size)
+            if self.columns.shape[1]:
+                pushed = white[:, None, None] * self.columns + family.basis @ (gain[:, :, None] * (family.basis.T @ self.columns))
+                information = np.eye(self.columns.shape[1]) + np.einsum("ni,knj->kij", self.columns, pushed)
+                inverse -= np.einsum("k,kni,kmi->nm", own, np.linalg.solve(information, pushed.transpose(0, 2, 1)).transpose(0, 2, 1), pushed)
         if self.deviation.whitener.ndim == 1:
             return np.asarray(inverse * self.deviation.whitener * self.deviation.whitener[:, None])
         return np.asarray(self.deviation.whitener @ inverse @ self.deviation.whitener.T)
@@ -104,7 +105,7 @@ class Terms:
         return density
 
 
-def keep_probable(linearised: Linearised, *, columns: FloatArray | None = None, lost: float = 1e-4) -> Mixture:
+def keep_probable(linearised: Linearised, *, columns: FloatArray | None = None, lost: float = 1e-3) -> Mixture:
     """The mixture of the most probable components: those left out hold at most the posterior probability `lost` together.
 
     columns : (n_obs, n_column) shifts of the observations by one standard deviation of each small systematic effect; None for none.  Give them
