@@ -1,14 +1,12 @@
-"""An unmodelled force: its linear responses by an integrator of their own, the force that is found, coverage, and a real wheel."""
+"""An unmodelled force: its linear responses against an integrator that shares no code, and the force that is found by dense matrices."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-from pathlib import Path
+from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy import stats
-from scipy.integrate import solve_ivp
+from wheels import G_R, Wheel
 
 from estim.deviation.components import diagonalise
 from estim.deviation.force import force_kernel, force_shapes, position_response, shared_force_shapes, speed_response, track
@@ -16,39 +14,6 @@ from estim.deviation.found import find_force
 from estim.deviation.grid import FORCE_SCALE, START_SD, prior_grid
 from estim.deviation.kernels import without_mean
 from estim.deviation.linearised import linearise
-
-G_R, PHI = 9.81 / 0.235, np.radians(-5.5)
-
-
-@dataclass(frozen=True)
-class Wheel:
-    """Angle turned u (rad) and its rate w for dw/dt = [acceleration (W' + f) - D' w^2/2]/D."""
-
-    gamma: float = 0.12
-    theta0: float = np.radians(5.5)
-    c_rr: float = 0.03
-    j: float = 0.7
-
-    def inertia(self, u):
-        return 1.0 + self.j + 2.0 * self.gamma * np.cos(self.theta0 + u + PHI)
-
-    def energy(self, u):
-        return self.gamma * (np.cos(self.theta0) - np.cos(self.theta0 + u)) - u * (np.sin(PHI) + self.c_rr * np.cos(PHI))
-
-    def rate(self, u, start=0.0):
-        return np.sqrt(2.0 * G_R * np.maximum(self.energy(u) + start, 0.0) / self.inertia(u))
-
-    def motion(self, t, force, start=0.0):
-        """u at times t since release, by an ODE solver."""
-
-        def change(_, state):
-            u, w = state
-            push = self.gamma * np.sin(self.theta0 + u) - (np.sin(PHI) + self.c_rr * np.cos(PHI)) + force(u)
-            steeper = -2.0 * self.gamma * np.sin(self.theta0 + u + PHI)
-            return [w, (G_R * push - 0.5 * steeper * w**2) / self.inertia(u)]
-
-        w0 = np.sqrt(2.0 * G_R * start / self.inertia(0.0))
-        return solve_ivp(change, (0.0, t[-1]), [0.0, w0], t_eval=t, rtol=1e-11, atol=1e-12, method="DOP853").y[0]
 
 
 def profile(u):
@@ -183,172 +148,3 @@ def test_the_force_that_is_found_is_the_conditional_one():
     assert along.weights @ found.mean == pytest.approx(0.0, abs=1e-9)
     assert found.probability == pytest.approx(1.0)
     assert found.material_sd == pytest.approx(0.60 * amplitude, rel=0.02)
-
-
-# --- fits of the wheel, by least squares that shares no code with the engine's ---------------------------------------------------------------
-
-FIRST, REFERENCE, SIGMA = 0.3, 0.5, 2.0 * np.pi / 500.0 / np.sqrt(12.0)  # rad; the step of the encoder
-FINE = np.linspace(FIRST, 17.0, 700)
-STEPS = np.array([1e-5, 1e-5, 1e-4, 1e-5, 1e-4])  # of c_rr, gamma, theta0, E0 and the time at REFERENCE
-
-
-def places(wheel: Wheel, start: float, late: float, t: np.ndarray, work: np.ndarray | float = 0.0) -> np.ndarray:
-    """Angles at times t, for the work F (n_fine,) of a force along FINE."""
-    rate = np.sqrt(2.0 * G_R * np.maximum(wheel.energy(FINE) + start + work, 1e-5) / wheel.inertia(FINE))
-    slowness = 1.0 / rate
-    reached = np.r_[0.0, np.cumsum(0.5 * (slowness[1:] + slowness[:-1]) * np.diff(FINE))]
-    reached += late - np.interp(REFERENCE, FINE, reached)
-    inside = np.interp(t, reached, FINE)
-    inside = np.where(t < reached[0], FINE[0] + rate[0] * (t - reached[0]), inside)
-    return np.where(t > reached[-1], FINE[-1] + rate[-1] * (t - reached[-1]), inside)
-
-
-@dataclass(frozen=True, eq=False)
-class WhiteFit:
-    wheel: Wheel
-    start: float
-    values: np.ndarray  # of the parameters that are free
-    residuals: np.ndarray
-    jacobian: np.ndarray
-    precision: np.ndarray
-    pull: np.ndarray
-    at: np.ndarray  # (n_obs,) the curve
-
-    @property
-    def covariance(self) -> np.ndarray:
-        return np.linalg.inv(self.jacobian.T @ self.jacobian / SIGMA**2 + self.precision)
-
-
-def white_fit(t: np.ndarray, y: np.ndarray, wheel: Wheel, sds: np.ndarray) -> WhiteFit:
-    """The mode with white errors; sds (5,) of the priors, 0 for what is exact."""
-    free = np.flatnonzero(sds)
-    mean = np.array([wheel.c_rr, wheel.gamma, wheel.theta0, 0.0, 0.0])
-    precision = np.diag(sds[free] ** -2.0)
-
-    def curve(p):
-        return places(replace(wheel, c_rr=p[0], gamma=p[1], theta0=p[2]), p[3], p[4], t)
-
-    def gradient(p):
-        return np.array([(curve(p + h) - curve(p - h)) / (2.0 * STEPS[i]) for i, h in zip(free, np.diag(STEPS)[free], strict=True)]).T
-
-    def cost(p):
-        return np.sum(np.square(y - curve(p))) / SIGMA**2 + (p - mean)[free] @ precision @ (p - mean)[free]
-
-    p, damping = mean.copy(), 1e-3
-    p[4] = np.interp(REFERENCE, y, t)
-    for _ in range(40):
-        jacobian, r = gradient(p), y - curve(p)
-        information = jacobian.T @ jacobian / SIGMA**2 + precision
-        slope = jacobian.T @ r / SIGMA**2 - precision @ (p - mean)[free]
-        for _ in range(12):
-            trial = p.copy()
-            trial[free] += np.linalg.solve(information + damping * np.diag(np.diag(information)), slope)
-            if cost(trial) < cost(p):
-                break
-            damping *= 10.0
-        else:
-            break
-        gained, p, damping = cost(p) - cost(trial), trial, max(damping / 10.0, 1e-9)
-        if gained < 1e-4:
-            break
-    found = replace(wheel, c_rr=p[0], gamma=p[1], theta0=p[2])
-    return WhiteFit(found, p[3], p[free], y - curve(p), gradient(p), precision, (mean - p)[free], curve(p))
-
-
-def with_force(fit: WhiteFit, y: np.ndarray, *, radius: float | None = None):
-    """The linearised posterior with a force, and the force."""
-    along = track(float(np.max(y)), first=FIRST)
-    rate = np.sqrt(2.0 * G_R * np.maximum(fit.wheel.energy(along.fine) + fit.start, 1e-5) / fit.wheel.inertia(along.fine))
-    response = position_response(along, fit.at, rate, fit.wheel.inertia(along.fine), acceleration=G_R)
-    deviation = diagonalise(np.full(y.size, SIGMA**2), force_shapes(along, response, radius=radius), prior_grid(FORCE_SCALE))
-    found = linearise(deviation, fit.residuals, fit.jacobian, precision=fit.precision, pull=fit.pull)
-    return found, find_force(found, along, response, radius=radius)
-
-
-WHEEL = Path(__file__).resolve().parents[1] / "data" / "wheel"
-CLASS = {"balanced": range(1, 5), "unbalanced": range(1, 4)}
-
-
-def measured(name: str) -> tuple[np.ndarray, np.ndarray]:
-    t, y = np.loadtxt(WHEEL / f"class-{name}.csv", delimiter=",", skiprows=2).T
-    used = (y >= 0.5) & (np.arange(y.size) < (np.argmax(y > 15.0) or y.size))
-    return t[used], y[used]
-
-
-def handout(kind: str) -> tuple[Wheel, float]:
-    """The wheel of the lab's handout (data/wheel/README.md) and its weight times the radius (N m)."""
-    radius, extra = 0.235, 3.4 if kind == "unbalanced" else 0.0
-    mass = 11.7 + 0.7 + extra
-    inertia = 11.7 * 0.203**2 + extra * (0.178**2 + 0.019**2 / 2.0)
-    return Wheel(extra * 0.178 / (mass * radius), np.radians(5.5), 0.03, inertia / (mass * radius**2)), mass * 9.81 * radius * np.cos(PHI)
-
-
-@pytest.mark.parametrize("kind", ["balanced", "unbalanced"])
-def test_repeated_runs_of_a_real_wheel_agree_once_the_force_is_known_of(kind):
-    """The study's result: P(a > 0) = 1 in every run, and moments that agree with uncertainties of one to ten times their spread."""
-    wheel, weight = handout(kind)
-    sds = np.array([0.05, 0.0 if kind == "balanced" else 1e-4, 0.0 if kind == "balanced" else np.radians(10.0), START_SD, 1e3])
-    moments, white = [], []
-    for run in CLASS[kind]:
-        t, y = measured(f"{kind}_{run}")
-        fit = white_fit(t, y, wheel, sds)
-        found, force = with_force(fit, y, radius=1.0)
-        moments.append([weight * (fit.wheel.c_rr + found.mean[0]), weight * np.sqrt(found.covariance[0, 0])])
-        white.append([weight * fit.wheel.c_rr, weight * np.sqrt(fit.covariance[0, 0])])
-        assert force.probability > 0.999
-        assert 0.003 < force.amplitude[1] < 0.04
-        assert 0.8 < found.size("scale")[1] < 2.0
-        assert 0.2 * force.amplitude[1] < force.material_sd < force.amplitude[1]
-        left = found.innovations()
-        assert abs(left[1:] @ left[:-1]) / (left @ left) < 0.45
-        assert stats.chi2(y.size).sf(left @ left) > 1e-3
-    assert 0.9 < np.mean(moments, axis=0)[0] < 1.15
-
-    def disagreement(values):
-        value, sd = np.array(values).T
-        mean = np.sum(value / sd**2) / np.sum(sd**-2.0)
-        return stats.chi2(value.size - 1).sf(np.sum(np.square((value - mean) / sd)))
-
-    assert disagreement(moments) > 0.05
-    assert disagreement(white) < 1e-8
-
-
-def simulated(rng: np.random.Generator, size: float, push: float):
-    """Thirty frames of a wheel at 10 Hz with a smooth force of amplitude `size` and an energy at release up to about `push`.
-
-    Also the rolling resistance as the average over the track says it, from the release to the last frame.
-    """
-    wheel = Wheel(theta0=np.radians(5.5) + 0.1 * rng.standard_normal())
-    smooth = np.exp(-0.5 * np.square((FINE[:, None] - FINE) / 3.0))[:, ::7]
-    force = size * smooth @ rng.standard_normal(smooth.shape[1]) / np.sqrt(np.sum(np.square(smooth), axis=1))
-    work = np.r_[0.0, np.cumsum(0.5 * (force[1:] + force[:-1]) * np.diff(FINE))] + FIRST * force[0]
-    t = np.arange(0.0, 6.0, 0.1) + rng.uniform(0.0, 0.1)
-    y = places(wheel, abs(push * rng.standard_normal()), 0.6, t, work)
-    used = (y > 0.5) & (y < 15.0)
-    y = y[used] + SIGMA * rng.standard_normal(np.sum(used))
-    return wheel, wheel.c_rr - np.interp(y[-1], FINE, work) / y[-1] / np.cos(PHI), t[used], y
-
-
-@pytest.mark.statistics
-@pytest.mark.parametrize(("size", "push", "white"), [(0.0, 0.0, "covers"), (0.0028, 0.0, "misses"), (0.0, 0.01, "misses")])
-def test_the_rolling_resistance_of_a_track_is_covered_with_a_force_and_a_free_start(rng, size, push, white):
-    """Nothing missing; a smooth profile, residuals of two standard deviations; a push.  White errors and a start from rest miss the last two."""
-    n_run, inside, plain, alarms = 150, [], [], 0
-    usual = np.array([0.05, 0.002, np.radians(10.0), START_SD, 1e3])
-    at_rest = np.where(np.arange(5) == 3, 0.0, usual)
-    for _ in range(n_run):
-        wheel, truth, t, y = simulated(rng, size, push)
-        start = replace(wheel, gamma=wheel.gamma + 0.002 * rng.standard_normal(), theta0=np.radians(5.5))
-        fit = white_fit(t, y, start, usual)
-        found, _ = with_force(fit, y)
-        below = found.probability_below(np.eye(5)[0], truth - fit.wheel.c_rr)
-        inside.append([abs(below - 0.5) < 0.5 * p for p in (0.68, 0.95)])
-        alarms += found.p_deviation > 0.95
-        rest = white_fit(t, y, start, at_rest)
-        plain.append(abs(rest.wheel.c_rr - truth) < np.sqrt(rest.covariance[0, 0]))
-    covered = np.mean(inside, axis=0)
-    tolerance = 3.0 * np.sqrt(0.68 * 0.32 / n_run)
-    assert 0.68 - tolerance < covered[0] < 0.88
-    assert covered[1] > 0.95 - 3.0 * np.sqrt(0.95 * 0.05 / n_run)
-    assert (np.mean(plain) > 0.68 - tolerance) if white == "covers" else (np.mean(plain) < 0.68 - 2.0 * tolerance)
-    assert (alarms <= 0.02 * n_run) == (size == 0.0)
