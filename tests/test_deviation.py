@@ -133,6 +133,7 @@ def test_a_stated_error_is_never_narrowed(rng):
     for errors in (0.1 * rng.standard_normal(40), 0.1 * np.sin(np.linspace(0.0, 20.0, 40))):
         found, white = line_with(errors, 1.0, two_shapes(40), 2.0)
         assert np.linalg.eigvalsh(found.covariance - white).min() > -1e-9
+        np.testing.assert_allclose(np.sqrt(np.diag(found.covariance) / np.diag(white)), found.growth)
         assert found.size("scale")[1] < 0.3
         assert stated_is_conservative(found)
     # residuals that are merely small show no deviation

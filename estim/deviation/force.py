@@ -140,7 +140,7 @@ def force_shapes(along: Track, response: Response, *, radius: float | None = Non
 
 
 def shared_force_shapes(
-    along: Track, responses: tuple[Response, ...], *, radius: float | None = None, own: tuple[float, ...] = (0.3, 1.0, 3.0)
+    along: Track, responses: tuple[Response, ...], *, radius: float | None = None, own: tuple[float, ...] = (0.1, 0.3, 1.0)
 ) -> tuple[Shape, ...]:
     """One force that all runs on a track share, its mean removed, plus a plain one of each run; observations stacked in the order of the runs.
 

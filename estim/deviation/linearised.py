@@ -62,6 +62,15 @@ class Linearised:
         return int(np.argmax(self.weights))
 
     @property
+    def growth(self) -> FloatArray:
+        """(n_par,) how many times larger each standard deviation is than with the stated noise alone; nan where the prior has no spike."""
+        alone = (self.deviation.column("amplitude") == 0.0) & (self.deviation.column("scale") == 1.0)
+        if not alone.any():
+            return np.full(self.steps.shape[1], np.nan)
+        white = self.covariances[int(np.argmax(alone))]
+        return np.asarray(np.sqrt(np.diag(self.covariance) / np.diag(white)))
+
+    @property
     def p_deviation(self) -> float:
         """P(a > 0): the probability that there is a deviation; above 0.95 it is an alarm (none false in 200 clean runs)."""
         return float(self.weights[self.deviation.column("amplitude") > 0.0].sum())
