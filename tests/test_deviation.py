@@ -94,6 +94,20 @@ def test_what_is_left_out_is_no_more_than_stated(rng):
     assert np.all(density[1] <= density[0] * (1.0 + 1e-9))
 
 
+def test_nothing_but_noise_may_be_left(rng):
+    """Where all components with a deviation are dropped the likelihood is that of white noise, in as many draws as one likes."""
+    n = 6
+    deviation = diagonalise(np.full(n, 0.04), two_shapes(n), prior_grid(1.0, scales=(1.0,)))
+    found = linearise(deviation, np.zeros(n), np.ones((n, 1)), precision=np.eye(1))
+    left = keep_probable(found, lost=1.0 - 0.99 * found.weights.max())
+    assert left.n_component == 1
+    residuals = 0.2 * rng.standard_normal((700, n))
+    white = np.sum(stats.norm(scale=0.2).logpdf(residuals), axis=1)
+    spike = np.log(0.5)
+    np.testing.assert_allclose(left.log_likelihood(residuals), spike + white, atol=1e-11)
+    np.testing.assert_allclose(left.log_likelihood(residuals, relative=np.ones(700)), spike + white, atol=1e-11)
+
+
 def test_the_linearised_posterior_is_that_of_a_straight_line(rng):
     n = 12
     shapes, base = two_shapes(n), correlated(n, rng)

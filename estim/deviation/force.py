@@ -95,6 +95,8 @@ def speed_response(
 def position_response(along: Track, x: FloatArray, speed: FloatArray, inertia: FloatArray, *, acceleration: float) -> Response:
     """Of positions measured at given times; x (n_obs,) those of the fit, speed and inertia (n_fine,) of the fit at `along.fine`.
 
+    Answers at places before `along.fine[0]` are those there.
+
     With q = sqrt(x) and m = x^(3/2)/(D v^3), smooth also at the release, int F/(D v^3) dx = -2 F m/q + int (2/q) d(F m).
 
     Raises InputError where the fit does not move somewhere between the first observation and the end of the track.
@@ -140,12 +142,13 @@ def force_shapes(along: Track, response: Response, *, radius: float | None = Non
 
 
 def shared_force_shapes(
-    along: Track, responses: tuple[Response, ...], *, radius: float | None = None, own: tuple[float, ...] = (0.1, 0.3, 1.0)
+    along: Track, responses: tuple[Response, ...], *, radius: float | None = None, own: tuple[float, ...] = (0.0, 0.1, 0.3, 1.0)
 ) -> tuple[Shape, ...]:
     """One force that all runs on a track share, its mean removed, plus a plain one of each run; observations stacked in the order of the runs.
 
+    responses : one for each run, on the same track, which ends where the longest run ends.
     own : amplitudes of the runs' own force in units of the shared one, equally probable.  One without the other is not enough: a shared force
-    alone covers 44 % for 68 where the runs also differ, own ones alone 18 % where the profile repeats.
+    alone covers 26-44 % for 68 where the runs also differ, own ones alone 18 % where the profile repeats.
     """
     stacked = np.vstack([r.force for r in responses])
     shapes = []

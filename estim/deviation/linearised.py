@@ -145,7 +145,7 @@ def linearise(deviation: Deviation, residuals: FloatArray, jacobian: FloatArray,
         seen, turned = r @ family.basis, family.basis.T @ j
         variance, white = family.variances(), 1.0 / np.square(family.scale)
         gain = 1.0 / variance - white[:, None]
-        pairs = (turned[:, :, None] * turned[:, None, :]).reshape(-1, n_par**2)
+        pairs = (turned[:, :, None] * turned[:, None, :]).reshape(seen.size, n_par**2)
         information = white[:, None, None] * whole + (gain @ pairs).reshape(-1, n_par, n_par) + precision
         slope = white[:, None] * along + gain @ (turned * seen[:, None]) + pulled
         covariance = np.linalg.inv(information)

@@ -18,6 +18,8 @@ from estim.deviation.linearised import Linearised
 
 _ROUGHNESS = 1e-5  # what the directions left out of a basis may add to the variances, relative to the noise and summed
 
+_CHUNK = 256  # draws at once: what they need stays in the processor's cache
+
 
 @dataclass(frozen=True, eq=False)
 class Mixture:
@@ -42,10 +44,15 @@ class Mixture:
 
         relative : (n_draw,) factor of the stated noise in each draw, where its size is a sampled parameter; some ten times slower.
         """
-        logs = self.log_components(residuals, relative=relative)
-        highest = np.max(logs, axis=1, keepdims=True)
-        np.exp(np.subtract(logs, highest, out=logs), out=logs)
-        return np.asarray(highest[:, 0] + np.log(np.sum(logs, axis=1)))
+        residuals = np.atleast_2d(residuals)
+        total = np.empty(residuals.shape[0])
+        for start in range(0, total.size, _CHUNK):
+            some = slice(start, start + _CHUNK)
+            logs = self.log_components(residuals[some], relative=None if relative is None else relative[some])
+            highest = np.max(logs, axis=1, keepdims=True)
+            np.exp(np.subtract(logs, highest, out=logs), out=logs)
+            total[some] = highest[:, 0] + np.log(np.sum(logs, axis=1))
+        return total
 
     def log_components(self, residuals: FloatArray, *, relative: FloatArray | None = None) -> FloatArray:
         """(n_draw, n_component) logarithm of each w_k N(r | 0, C_k + H H^T)."""
@@ -166,7 +173,7 @@ def _rescaled(
 ) -> FloatArray:
     """(n_draw, n_component) log densities where the noise of each draw has its own factor (n_draw,)."""
     turned, n_column = family.basis.T @ columns, columns.shape[1]
-    pairs = (turned[:, :, None] * turned[:, None, :]).reshape(family.spectrum.size, -1)
+    pairs = (turned[:, :, None] * turned[:, None, :]).reshape(family.spectrum.size, n_column**2)
     whole = columns.T @ columns
     each = []
     for amplitude, scale, log_prior in zip(family.amplitude, family.scale, family.log_prior, strict=True):
