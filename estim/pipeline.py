@@ -8,8 +8,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-import numpy as np
-
 from estim.campaign import Campaign, NoiseTable
 from estim.checks import (
     Conflict,
@@ -32,7 +30,7 @@ from estim.checks import (
     parameter_cells,
     untested,
 )
-from estim.common import InputError
+from estim.common import InputError, Status, Stream, stream
 from estim.curve_fit import CurveFit
 from estim.fitting import Fit
 from estim.problem import Problem, folded
@@ -56,6 +54,7 @@ from estim.sampling import (
     summarise_parameter,
     too_many,
 )
+from estim.words import advice_for
 
 _BAND_DRAWS = 4000
 _MODE_DRAWS = 20_000
@@ -94,12 +93,12 @@ class Analysis:
     def _repr_markdown_(self) -> str:
         """What a notebook shows: the values, or why there are none."""
         rows = [
-            parameter_cells(p.name, summarise_parameter(self.fit, p.name, draws))
+            parameter_cells(summarise_parameter(self.fit, p.name, draws), p.label)
             for p, draws in zip(self.problem.parameters, self.chain.flat.T if self.diagnosis.ok else (), strict=False)
         ]
         return headline(
             ": ".join(part for part in (self.title, ", ".join(run.name for run in self.problem.runs)) if part), kind=self.kind,
-            status=self.diagnosis.status, reasons=self.diagnosis.reasons, advice=[f.advice for f in self.diagnosis.findings], rows=rows,
+            status=self.diagnosis.status, reasons=self.diagnosis.reasons, advice=advice_for(self.diagnosis.findings), rows=rows,
         )
 
 
@@ -112,12 +111,11 @@ def analyse(
     noise : in place of the noise tables of the campaign.
     store, stop : keep the chain on disk, resume it, end it early (`sample_posterior`).
     marginal : whether a joint posterior is sampled through the marginal over runs; None: for more than 16 of them, and where the density
-        is dear (`positions`) and the chain has no proposal (more than 12 unknowns).
+        is slow (`positions`) and the chain has no proposal (more than 12 unknowns).
     """
     problem = campaign.problem(runs, noise=noise)
     campaign.require_unknowns(problem)
-    rng = np.random.default_rng(seed).spawn(1)[0]
-    fit = campaign.fit(problem, rng=rng)
+    fit = campaign.fit(problem, rng=stream(seed, Stream.FIT))
     analysis = analyse_fit(fit, seed=seed, target=target, progress=progress, store=store, stop=stop, marginal=marginal)
     return replace(analysis, title=campaign.title, kind=campaign.kind)
 
@@ -128,9 +126,9 @@ def analyse_fit(
 ) -> Analysis:
     """What follows a fit, however its problem was posed.  tested : whether there are residuals to test."""
     target, problem = target or Target(), fit.problem
-    chain_rng, check_rng, band_rng, proposal_rng = np.random.default_rng(seed).spawn(5)[1:]
+    chain_rng, proposal_rng = stream(seed, Stream.CHAIN), stream(seed, Stream.PROPOSAL)
     certificate = None
-    if marginal if marginal is not None else _through_marginal(problem):
+    if marginal if marginal is not None else _through_marginal(fit):
         chain, comparison = marginal_chain(fit, target=target, rng=chain_rng)
     else:
         proposal, density = None, folded(fit.posterior, fit.symmetry, fit.values)
@@ -146,7 +144,7 @@ def analyse_fit(
             density, fit.values, fit.cov, target=target, rng=chain_rng, progress=progress, proposal=proposal, store=store, stop=stop
         )
         comparison = no_comparison(fit.names, too_many(problem.n_par)) if certificate is None else compare_with_chain(certificate, chain)
-    goodness = check_goodness(fit, rng=check_rng) if tested else untested(fit)
+    goodness = check_goodness(fit, rng=stream(seed, Stream.GOODNESS)) if tested else untested(fit)
     identifiability = identify(fit)
     modes = find_modes(fit, chain.thinned(_MODE_DRAWS))
     outliers = find_outliers(fit.posterior, chain.thinned(_OUTLIER_DRAWS))
@@ -155,17 +153,18 @@ def analyse_fit(
     diagnosis = diagnose(
         fit, chain, goodness, comparison=comparison, identifiability=identifiability, modes=modes, consistency=consistency, conflict=conflict
     )
-    bands = posterior_bands(problem, chain.thinned(_BAND_DRAWS), rng=band_rng)
+    bands = posterior_bands(problem, chain.thinned(_BAND_DRAWS), rng=stream(seed, Stream.BANDS))
     return Analysis(
         problem, fit, certificate, chain, comparison, goodness, identifiability, modes, outliers, consistency, conflict, diagnosis, bands, seed
     )
 
 
-def _through_marginal(problem: Problem) -> bool:
-    if any(run.latent is not None for run in problem.runs):
+def _through_marginal(fit: Fit) -> bool:
+    if any(run.normal is None for run in fit.posterior.likelihoods):
         return False
-    dear = any(run.noise.positions for run in problem.runs) and problem.n_par > MAX_PARAMETERS
-    return len(problem.runs) > (1 if dear else _MANY_RUNS)
+    problem = fit.problem
+    slow = any(run.positions for run in problem.runs) and problem.n_par > MAX_PARAMETERS
+    return len(problem.runs) > (1 if slow else _MANY_RUNS)
 
 
 def sample_curve(fit: CurveFit, *, seed: int, target: Target | None = None, progress: Progress | None = None) -> Analysis:
@@ -175,8 +174,8 @@ def sample_curve(fit: CurveFit, *, seed: int, target: Target | None = None, prog
 
     Raises InputError where the fit leaves nothing to sample: parameters that the data do not determine, or no residuals.
     """
-    if fit.status in ("not-identified", "not-converged"):
-        raise InputError(f"cannot be sampled: {fit.reasons[0]}", field="fit", value=fit.status)
+    if fit.status in (Status.NOT_IDENTIFIED, Status.NOT_CONVERGED):
+        raise InputError(f"cannot be sampled: {fit.reasons[0]}", field="fit", value=str(fit.status))
     if fit.fit.singular:
         rule = "cannot be sampled: rounding leaves its parameters too few digits; write the formula in x - x0, with x0 in the middle of the data"
         raise InputError(rule, field="fit")

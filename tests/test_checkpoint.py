@@ -1,4 +1,4 @@
-"""A chain on disk: resumed in every bit, refused where anything else changed, and never harmed by a kill or by a reader."""
+"""A chain on disk: resumed bit for bit, refused where anything else changed, and never harmed by a kill or by a reader."""
 
 from __future__ import annotations
 

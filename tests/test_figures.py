@@ -13,6 +13,8 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from estim.campaign import load_campaign
+from estim.common import Finding, Kind
+from estim.common.labels import Notation
 from estim.curves.rolling import RollingMotion
 from estim.problem.observations import Parameter
 from estim.problem.priors import Normal, Uniform
@@ -79,7 +81,7 @@ def test_runs_show_what_they_share_first_and_nothing_else_where_there_is_no_room
 def test_frames_of_the_way_back_are_counted_and_no_marker_at_the_axis_is_cut(rng: np.random.Generator) -> None:
     run = single_run(1).runs[0]
     left = np.array([[0.01, 0.0], [0.5, -0.4], [0.4, -0.5]])
-    excluded = ("2 after the farthest point (the way back is another motion)", "1 within five standard deviations of a reading from the release")
+    excluded = (Finding(Kind.WAY_BACK, size=2), Finding(Kind.BESIDE_RELEASE, size=1))
     run = replace(run, x=X[1:], y=X[1:], excluded=excluded, excluded_points=left, words=RollingMotion(angular=False).words())
     figure = Figure()
     figures._draw_points(ax := figure.subplots(), run)
@@ -100,9 +102,11 @@ def test_a_band_that_its_line_hides_is_called_so() -> None:
 
 
 def test_narrowing_names_the_runs() -> None:
-    table = Narrowing(("gamma[b]",), ("zebra", "ant"), np.array([[0.2], [0.1]]), np.array([[0.2], [0.3]]), np.array([0.4]))
+    u, alone, before = np.array([[0.2], [0.1]]), np.array([[0.2], [0.3]]), np.array([0.4])
+    table = Narrowing(("gamma[b]",), (Notation("γ").label("1", "[b]"),), ("zebra", "ant"), u, alone, before)
     figure = narrowing_figure([table], synthetic=False)
     assert [tick.get_text() for tick in figure.axes[0].get_xticklabels()] == ["zebra", "ant"]
+    assert figure.axes[0].get_ylabel() == "u(γ[b])"
 
 
 @pytest.mark.parametrize("column", [np.zeros(4000), np.full(4000, 1e99), np.full(4000, 0.4) + 1e-16, -1e99 * (1.0 + 2e-16 * (np.arange(4000) % 3))])

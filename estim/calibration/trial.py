@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from estim.arrays import FloatArray
 from estim.calibration.experiment import Experiment
-from estim.common import InputError, NumericalError, Quantity
+from estim.common import InputError, Label, NumericalError, Quantity, Stream, stream
 from estim.fitting import Fit, fit_least_squares
 from estim.problem import MEASURED, LogNormal, Normal, Parameter, Prior, Problem, TruncatedNormal, as_prior
 from estim.sampling import Target, adapt_proposal, certify, sample_posterior
@@ -26,7 +26,7 @@ PROBABILITIES = (0.68, 0.95)
 N_RANK = 99
 _TRUSTED = 0.5  # k-hat
 _MOST_TRIES = 2000  # truths drawn for one simulated campaign
-_KINDS = {"sbc": 0, "coverage": 1}
+_KINDS = {"sbc": Stream.RANK_TRIALS, "coverage": Stream.COVERAGE_TRIALS}
 
 
 @dataclass(frozen=True)
@@ -79,14 +79,14 @@ class Trial:
 
 def run_trial(plan: Plan, index: int) -> Trial:
     """Trial number `index`: the same whatever the process and the other trials."""
-    rng = np.random.default_rng(np.random.SeedSequence(plan.seed, spawn_key=(_KINDS[plan.what], index)))
+    rng = stream(plan.seed, _KINDS[plan.what], index)
     values, problem, n_rejected = _experiment(plan, rng)
     truth = reported(plan.design.problem, values[None, :], plan.reported)[0]
     n = len(plan.reported)
     try:
         draws, how, shortfall = posterior_draws(_fit(problem, values, rng), plan.engine, rng)
     except NumericalError as error:
-        return Trial(truth, np.full(n, -1), np.zeros((n, len(PROBABILITIES)), dtype=bool), n_rejected, "none", "", str(error).partition(" at ")[0])
+        return Trial(truth, np.full(n, -1), np.zeros((n, len(PROBABILITIES)), dtype=bool), n_rejected, "none", "", error.rule)
     numbers = reported(plan.design.problem, draws, plan.reported)
     rank = _rank(truth, numbers[rng.choice(numbers.shape[0], N_RANK, replace=False)], rng)
     return Trial(truth, rank, _covered(truth, numbers), n_rejected, how, shortfall, "")
@@ -110,7 +110,7 @@ def _experiment(plan: Plan, rng: np.random.Generator) -> tuple[FloatArray, Probl
 
 def stated_only(problem: Problem) -> frozenset[str]:
     """Parameters whose priors stand for no measurement: uniform and half-normal ones, and those of outliers."""
-    outliers = {name for run in problem.runs for name in run.noise.tails.parameters}
+    outliers = {name for run in problem.runs for name in run.noise.outlier_parameters}
     held = {p.name for p in problem.parameters if not isinstance(p.prior, MEASURED)}
     return frozenset(outliers | held)
 
@@ -171,16 +171,23 @@ def reported(problem: Problem, draws: FloatArray, names: Sequence[str]) -> Float
 def reported_names(problem: Problem, draws: FloatArray) -> dict[str, str]:
     """Name -> unit of every number with an interval in a report: parameters, derived quantities and turning points that vary."""
     columns = _everything(problem, draws)
-    return {name: unit for name, (column, unit) in columns.items() if np.all(np.isfinite(column)) and np.ptp(column) > 0.0}
+    return {name: unit for name, (column, unit, _) in columns.items() if np.all(np.isfinite(column)) and np.ptp(column) > 0.0}
 
 
-def _everything(problem: Problem, draws: FloatArray) -> dict[str, tuple[FloatArray, str]]:
-    columns = {p.name: (draws[:, i], p.unit) for i, p in enumerate(problem.parameters)}
+def reported_labels(problem: Problem, values: FloatArray) -> dict[str, Label]:
+    """Name -> how it is shown, of everything that may be reported; values (n_par,)."""
+    return {name: shown for name, (_, _, shown) in _everything(problem, values[None, :]).items()}
+
+
+def _everything(problem: Problem, draws: FloatArray) -> dict[str, tuple[FloatArray, str, Label]]:
+    """Name -> draws (n_draw,), unit and label."""
+    columns = {p.name: (draws[:, i], p.unit, p.label) for i, p in enumerate(problem.parameters)}
     for run in problem.runs:
-        arguments = run.bind(problem.named(draws))
-        derived = [(name, d.values, d.unit) for name, d in run.derived(arguments).items()]
-        for name, column, unit in (("turning_point", run.end(arguments), run.x_unit), *derived):
-            columns[f"{name}[{run.name}]"] = (np.broadcast_to(column, (draws.shape[0], 1))[:, 0], unit)
+        arguments, level = run.bind(problem.named(draws)), f"[{run.name}]"
+        derived = [(name, d.values, d.unit, d.notation) for name, d in run.derived(arguments).items()]
+        ends = [] if run.motion is None else [("turning_point", run.end(arguments), run.x_unit, run.motion.end_notation)]
+        for name, column, unit, notation in (*ends, *derived):
+            columns[name + level] = (np.broadcast_to(column, (draws.shape[0], 1))[:, 0], unit, notation.label(unit, level))
     return columns
 
 

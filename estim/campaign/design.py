@@ -26,7 +26,7 @@ from model.simulate import film_time, frame_times, simulate_positions, simulate_
 _RANGES: Mapping[str, tuple[float, float]] = {
     "g": (1e-3, 1e3), "radius_m": (1e-4, 1e3), "mass_disk_kg": (1e-6, 1e6), "kappa": (0.0, 1.0), "ramp_length_m": (1e-4, 1e4),
     "frames_per_second": (1e-3, 1e6),
-}  # of a laboratory, amply; kappa: of the prior that the campaign states
+}  # wider than any laboratory; kappa: as the prior that the campaign states
 _MOST = 1e3  # an uncertainty, in the unit of its key
 _MOST_RADII = 1e4  # length of the ramp
 _FRAMES = (6, 100_000)  # of a run

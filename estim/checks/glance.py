@@ -8,9 +8,10 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 
-from estim.common import KINDS, STATUS_WORDS, Label, format_quantity, format_rounded, label, markdown, table
+from estim.common import KINDS, Label, Status, format_quantity, format_rounded, markdown, table
 from estim.fitting import limit_cell
 from estim.sampling import Summary
+from estim.words import STATUS_WORDS
 
 _LOPSIDED = 1.5
 
@@ -48,9 +49,8 @@ def interval_cell(p: Summary, shown: Label) -> str:
     return f"[{format_rounded(p.q025 * shown.factor, u)}, {format_rounded(p.q975 * shown.factor, u)}]"
 
 
-def parameter_cells(name: str, p: Summary) -> tuple[str, str, str, str, str]:
+def parameter_cells(p: Summary, shown: Label) -> tuple[str, str, str, str, str]:
     """Symbol, meaning, value, 95 % interval and unit of one quantity."""
-    shown = label(name, p.unit)
     return shown.symbol, p.meaning, value_cell(p, shown), interval_cell(p, shown), "" if shown.unit == "1" else shown.unit
 
 
@@ -61,9 +61,9 @@ def headline(
 
     kind : "measured", "synthetic" or "published"; "" where nobody has said it.
     """
-    words = "" if status == "ok" else f" — {STATUS_WORDS[status]}"
+    words = "" if status == Status.OK else f" — {STATUS_WORDS[Status(status)]}"
     said = [f"**{markdown(title)}**" if title else "", KINDS.get(kind, ""), f"Status: **{status}**{words}"]
-    if status == "ok":
+    if status == Status.OK:
         said.append(table(("", "", "posterior", "95 % interval", "unit"), rows))
     else:
         items = [*reasons, *(f"What to do: {words}" for words in dict.fromkeys(advice))]

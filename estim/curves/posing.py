@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from estim.arrays import FloatArray
-from estim.common import InputError, read_quantity
+from estim.common import InputError, Notation, read_quantity
 from estim.curves.formula import Formula, check_names, read_formula
 from estim.curves.function import PythonCurve, wrap_function
 from estim.curves.shared_errors import Component, DistortedCurve
@@ -23,6 +23,7 @@ from estim.problem import (
     Curve,
     Flat,
     LogNormal,
+    Noise,
     Observations,
     Parameter,
     Prior,
@@ -37,7 +38,7 @@ from estim.problem import (
     plain_words,
 )
 
-SIGMA = "sigma_y"
+SIGMA, SIGMA_NOTATION = "sigma_y", Notation("σ_y")
 SIGMA_SPREAD = 3.0  # standard deviation of ln sigma where nothing is known of it: a factor 20 either way
 MAX_OBS = 3000  # covariances are dense matrices
 
@@ -81,7 +82,7 @@ class CurveProblem:
     def with_unknown_sigma(self, typical: float) -> Problem:
         """The problem in which the common standard deviation of y is one more parameter, known to be about `typical` to a factor 20."""
         unit = self.axes.y_unit
-        unknown = Parameter(SIGMA, unit, LogNormal(typical, SIGMA_SPREAD), "standard deviation of one y")
+        unknown = Parameter(SIGMA, unit, LogNormal(typical, SIGMA_SPREAD), "standard deviation of one y", SIGMA_NOTATION)
         return self._problem(Scale(parameter=SIGMA), (unknown,))
 
     def residuals(self, values: FloatArray) -> FloatArray:
@@ -103,12 +104,12 @@ class CurveProblem:
 
 def reading_noise(
     sigma: Scale, relative: FloatArray, cov: FloatArray | None, *, what: str, relative_x: FloatArray | None = None, tails: Tails = GAUSSIAN
-) -> Readings:
+) -> Noise:
     """Noise of readings of `what`: independent, with errors of x if there are any, or with the stated covariance matrix."""
     if cov is None:
         sigma_x = None if relative_x is None else Scale(1.0)
         return Readings(sigma, Scale(0.0), relative, sigma_x=sigma_x, relative_x=relative_x, tails=tails, what=what)
-    return Correlated(sigma, Scale(0.0), relative, what=what, cov=cov)
+    return Correlated(cov, what)
 
 
 def pose_curve(

@@ -14,7 +14,7 @@ import numpy as np
 
 from estim.arrays import FloatArray
 from estim.checks import headline, parameter_cells
-from estim.common import Finding, Quantity, e_n, format_quantity
+from estim.common import Finding, Kind, Notation, Quantity, Status, Stream, decide, e_n, stream
 from estim.line.evidence import InterceptEvidence, intercept_evidence
 from estim.line.findings import line_findings
 from estim.line.interval import SlopeInterval, slope_interval
@@ -22,6 +22,7 @@ from estim.line.least_squares import InversePrediction, LineFit, coverage_factor
 from estim.line.posterior import LinePosterior, line_posterior, mode_or_guess
 from estim.line.series import ThetaMinSeries
 from estim.sampling import Chain, Progress, Target, sample_posterior, summarise
+from estim.words import advice_for, tell
 
 _INTERCEPT_SD = 0.1
 
@@ -64,8 +65,12 @@ class LineAnalysis:
     seed: int
 
     @property
-    def status(self) -> str:
-        return self.findings[0].status if self.findings else "ok"
+    def status(self) -> Status:
+        return decide(self.findings)
+
+    @property
+    def reasons(self) -> tuple[str, ...]:
+        return tuple(map(tell, self.findings))
 
     @property
     def disagreement(self) -> str:
@@ -74,22 +79,24 @@ class LineAnalysis:
         The line does not use the stated value, so this is no fault of the line.
         """
         found = self.readings["posterior"]
-        if self.status != "ok" or self.gamma_masses is None or not abs(found.e_n) > 1.0:
+        stated = self.gamma_masses
+        if not self.status.ok or stated is None or not abs(found.e_n) > 1.0:
             return ""
-        values = (format_quantity(q.value, q.u) for q in (found.gamma, self.gamma_masses))
-        return "γ of the line, {}, and γ as stated, {}, disagree: E_n = {:+.1f}; the line does not use the stated value".format(*values, found.e_n)
+        numbers = {"line": found.gamma.value, "u_line": found.gamma.u, "stated": stated.value, "u_stated": stated.u}
+        return tell(Finding(Kind.GAMMA_DISAGREES, size=found.e_n, numbers=numbers))
 
     def _repr_markdown_(self) -> str:
         """What a notebook shows: the values, or why there are none."""
-        draws = {"intercept": self.chain.flat[:, self.chain.names.index("intercept")], "gamma": self.gamma_draws, "c_rr": self.resistance_draws}
-        meanings = ("sin θ_min at φ = 0", "1/slope", "intercept · γ, if all of it is rolling resistance")
+        quantities = (
+            ("intercept", self.chain.flat[:, self.chain.names.index("intercept")], "sin θ_min at φ = 0"), ("γ", self.gamma_draws, "1/slope"),
+            ("c_rr", self.resistance_draws, "intercept · γ, if all of it is rolling resistance"),
+        )
         rows = [
-            parameter_cells(name, summarise(values, unit="1", meaning=meaning))
-            for (name, values), meaning in zip(draws.items(), meanings, strict=True)
+            parameter_cells(summarise(values, unit="1", meaning=meaning), Notation(symbol).label("1")) for symbol, values, meaning in quantities
         ]
         return headline(
-            f"θ_min line of {self.series.body}", kind="", status=self.status, reasons=[f.reason for f in self.findings],
-            advice=[f.advice for f in self.findings], rows=rows,
+            f"θ_min line of {self.series.body}", kind="", status=self.status, reasons=self.reasons, advice=advice_for(self.findings),
+            rows=rows,
         )
 
     @property
@@ -110,7 +117,6 @@ def analyse_line(
 
     Raises InputError where the points cannot hold a line.
     """
-    chain_rng, evidence_rng = np.random.default_rng(seed).spawn(2)
     ols = fit_line(series.x, series.y)
     weighted = fit_line(series.x, series.y, u_y=series.u_y)
     york = fit_line(series.x, series.y, u_x=series.u_x, u_y=series.u_y)
@@ -118,13 +124,13 @@ def analyse_line(
         series.x, series.y, u_x=series.u_x, u_y=series.u_y, u_zero_x=series.u_zero_x, u_zero_y=series.u_zero_y, intercept_sd=_INTERCEPT_SD
     )
     mode = mode_or_guess(posterior)
-    chain = sample_posterior(posterior, mode.values, mode.cov, target=target or Target(), rng=chain_rng, progress=progress)
+    chain = sample_posterior(posterior, mode.values, mode.cov, target=target or Target(), rng=stream(seed, Stream.LINE_CHAIN), progress=progress)
     exact = slope_interval(york)
     readings = {name: _read(fit, gamma_masses) for name, fit in (("ols", ols), ("weighted", weighted), ("york", york))}
     readings["posterior"] = _read_draws(chain, gamma_masses)
     return LineAnalysis(
         series=series, ols=ols, weighted=weighted, york=york, posterior=posterior, chain=chain,
-        evidence=intercept_evidence(posterior, rng=evidence_rng, n_draw=20_000), readings=readings, gamma_masses=gamma_masses,
+        evidence=intercept_evidence(posterior, rng=stream(seed, Stream.LINE_EVIDENCE), n_draw=20_000), readings=readings, gamma_masses=gamma_masses,
         slope_exact=exact, steepest=_steepest(york), findings=line_findings(york, exact, chain), seed=seed,
     )
 

@@ -14,17 +14,18 @@ from matplotlib.figure import Figure
 
 from estim.campaign import Campaign
 from estim.checks import P_CONFLICT, P_POOR_FIT, interval_cell, parameter_cells, value_cell
-from estim.common import KINDS, MEANINGLESS, STATUS_WORDS, Label, Markdown, format_quantity, format_rounded, label, signed
+from estim.common import KINDS, Label, Markdown, Notation, Status, format_quantity, format_rounded, signed
 from estim.pipeline import Analysis
 from estim.reports import figures
 from estim.reports.consistency import consistency_text
 from estim.reports.consistency_figures import forest_figure
 from estim.reports.identifiability import IdentifySection, identify_section
 from estim.reports.identifiability_figures import direction_figure, profile_figure, ridge_figure
+from estim.reports.labels import Labels
 from estim.reports.rendering import render
 from estim.reports.result import ParameterSummary, Result, RunSummary, Subject, result_of, to_json
-from estim.sampling import CRITERIA_MET
 from estim.studies import scrutinise
+from estim.words import STATUS_WORDS, Voice
 
 _PRIOR_DOMINATED = 0.8
 _RIDGE_DRAWS, _SECTION_DRAWS = 20_000, 4000
@@ -48,10 +49,10 @@ class Row:
     mcse: str
 
 
-def analysis_report(campaign: Subject, analysis: Analysis) -> dict[str, bytes]:
-    """`report.md`, `result.json` and `figures/*.png` of one analysis."""
+def analysis_report(campaign: Subject, analysis: Analysis, *, voice: Voice = Voice.PYTHON) -> dict[str, bytes]:
+    """`report.md`, `result.json` and `figures/*.png` of one analysis.  voice : to whom advice is given."""
     scrutiny = scrutinise(analysis)
-    result = result_of(campaign, analysis, scrutiny)
+    result = result_of(campaign, analysis, scrutiny, voice=voice)
     section = identify_section(
         analysis.problem, analysis.identifiability, scrutiny.intervals, scrutiny.sensitivity,
         analysis.chain.thinned(_SECTION_DRAWS),
@@ -74,25 +75,28 @@ def analysis_report(campaign: Subject, analysis: Analysis) -> dict[str, bytes]:
     if analysis.consistency is not None:
         consistency = consistency_text(analysis.consistency, limits_only=not analysis.diagnosis.ok, on_edge=analysis.fit.at_bound)
     files = {name: figures.png(draw) for name, draw in drawn.items()}
-    files["report.md"] = analysis_text(result, section, consistency, figures.corner_words(analysis.problem)).encode()
+    files["report.md"] = analysis_text(
+        result, section, consistency, figures.corner_words(analysis.problem), converged=analysis.chain.convergence.met
+    ).encode()
     files["result.json"] = to_json(result)
     return files
 
 
-def analysis_text(result: Result, section: IdentifySection, consistency: str, corner_words: Markdown) -> str:
+def analysis_text(result: Result, section: IdentifySection, consistency: str, corner_words: Markdown, *, converged: bool) -> str:
     """The Markdown report of one analysis.
 
     section : what it says about the data against the priors.  consistency : about several runs.  corner_words : below the corner figure.
+    converged : whether there are enough draws.
     """
     rows = [parameter_row(name, p, result) for name, p in result.parameters.items()]
     axes = list(dict.fromkeys((run.x, run.y) for run in result.runs.values()))
     return render(
         "analysis.md.j2",
-        result=result, kind=KINDS[result.kind], status_words=STATUS_WORDS[result.status], rows=rows,
-        correlation=_correlation_table(result), derived=_derived_rows(result.runs), limits=_what_limits(result),
+        result=result, kind=KINDS[result.kind], status_words=STATUS_WORDS[Status(result.status)], rows=rows,
+        correlation=_correlation_table(result), derived=_derived_rows(result.runs, result.labels), limits=_what_limits(result),
         reject_below=P_POOR_FIT, conflict_below=P_CONFLICT, ends=_turning_rows(result), identify=section,
-        meaningless=result.status in MEANINGLESS,
-        consistency=consistency, axes=axes, limits_only=result.status != "ok", converged=result.sampling.message == CRITERIA_MET,
+        meaningless=not Status(result.status).draws_count,
+        consistency=consistency, axes=axes, limits_only=result.status != "ok", converged=converged,
         corner_words=corner_words,
         picture=" and ".join(f"{y} against {x}" for x, y in axes),
     )
@@ -100,24 +104,19 @@ def analysis_text(result: Result, section: IdentifySection, consistency: str, co
 
 def index_report(campaign: Campaign, results: Mapping[str, Result]) -> dict[str, bytes]:
     """`report.md` that leads to the reports of runs fit one by one, each in a folder of its name."""
-    names = list(dict.fromkeys(_base(name) for result in results.values() for name in result.parameters))
+    columns = list(dict.fromkeys(shown for result in results.values() for shown in result.labels.bare.values()))
     table = []
     for run, result in results.items():
-        cells = {_base(name): value_cell(p, label(name, p.unit)) for name, p in result.parameters.items()}
-        table.append((run, result.status, [cells.get(name, "") if result.status == "ok" else "—" for name in names]))
-    units = [next(label(n, p.unit) for r in results.values() for n, p in r.parameters.items() if _base(n) == name) for name in names]
-    heads = [label(name, "1").symbol + ("" if shown.unit == "1" else f" ({shown.unit})") for name, shown in zip(names, units, strict=True)]
+        cells = {result.labels.bare[name]: value_cell(p, result.labels.parameters[name]) for name, p in result.parameters.items()}
+        table.append((run, result.status, [cells.get(shown, "") if result.status == "ok" else "—" for shown in columns]))
+    heads = [shown.symbol + ("" if shown.unit == "1" else f" ({shown.unit})") for shown in columns]
     text = render("index.md.j2", title=campaign.title, kind=KINDS[campaign.kind], heads=heads, table=table)
     return {"report.md": text.encode()}
 
 
-def _base(name: str) -> str:
-    return name.partition("[")[0]
-
-
 def parameter_row(name: str, p: ParameterSummary, result: Result) -> Row:
     """The cells of one parameter."""
-    shown = label(name, p.unit)
+    shown = result.labels.parameters[name]
     value, sd = result.fit.values[name], result.fit.sds[name]
     ok = result.status == "ok"
     size = abs(value) if p.q975 is None or p.q025 is None else p.q975 - p.q025
@@ -144,15 +143,15 @@ def _prior(p: ParameterSummary, shown: Label) -> str:
     return p.prior + (f" {p.unit}" if p.unit != "1" and shown.factor != 1.0 else "")
 
 
-def _derived_rows(runs: Mapping[str, RunSummary]) -> list[tuple[str, str, str, str, str]]:
+def _derived_rows(runs: Mapping[str, RunSummary], labels: Labels) -> list[tuple[str, str, str, str, str]]:
     """Symbol, meaning, value, interval and unit of every derived quantity: once where the cells are the same for every run, else run by run."""
     found: dict[str, dict[str, tuple[str, str, str, str]]] = {}
     for run, summary in runs.items():
         for name, d in summary.derived.items():
-            found.setdefault(name, {})[run] = parameter_cells(name, d)[1:]
+            found.setdefault(name, {})[run] = parameter_cells(d, labels.derived[run][name])[1:]
     rows = []
     for name, cells in found.items():
-        symbol = label(name, "1").symbol
+        symbol = labels.derived[next(iter(cells))][name].symbol
         if len(cells) == len(runs) and len(set(cells.values())) == 1:
             rows.append((symbol, *next(iter(cells.values()))))
         else:
@@ -164,12 +163,13 @@ def _turning_rows(result: Result) -> list[tuple[str, str, str, str]]:
     rows = []
     for run, end in result.turning_point.items():
         if end.never_stops < 0.5:
-            rows.append((run, value_cell(end, label("end", end.unit)), interval_cell(end, label("end", end.unit)), f"{end.never_stops:.1%}"))
+            shown = Notation("").label(end.unit)
+            rows.append((run, value_cell(end, shown), interval_cell(end, shown), f"{end.never_stops:.1%}"))
     return rows
 
 
 def _correlation_table(result: Result) -> list[tuple[str, list[str]]]:
-    symbols = [label(name, result.parameters[name].unit).symbol for name in result.correlation.names]
+    symbols = [result.labels.symbol(name) for name in result.correlation.names]
     cells = [[signed(f"{value:+.2f}") if j <= i else "" for j, value in enumerate(row)] for i, row in enumerate(result.correlation.matrix)]
     return list(zip(symbols, cells, strict=True))
 
@@ -177,7 +177,7 @@ def _correlation_table(result: Result) -> list[tuple[str, list[str]]]:
 def _what_limits(result: Result) -> str:
     """Which parameters the data hardly moved, and the strongest correlation, in words."""
     weak = [
-        label(n, p.unit).symbol for n, p in result.parameters.items() if p.sd is not None and p.prior_sd and p.sd > _PRIOR_DOMINATED * p.prior_sd
+        result.labels.symbol(n) for n, p in result.parameters.items() if p.sd is not None and p.prior_sd and p.sd > _PRIOR_DOMINATED * p.prior_sd
     ]
     matrix = np.abs(np.array(result.correlation.matrix)) - np.eye(len(result.correlation.names))
     sentences = []
@@ -185,7 +185,7 @@ def _what_limits(result: Result) -> str:
         sentences.append(f"The data say little beyond the prior about {_listed(weak)}: what was stated there is what comes out.")
     if matrix.size > 1 and matrix.max() > 0.8:
         i, j = np.unravel_index(int(np.argmax(matrix)), matrix.shape)
-        names = [label(result.correlation.names[k], "1").symbol for k in (j, i)]
+        names = [result.labels.symbol(result.correlation.names[k]) for k in (j, i)]
         strength = signed(f"{result.correlation.matrix[i][j]:+.2f}")
         sentences.append(
             f"{names[0]} and {names[1]} are correlated by {strength}: the data fix a combination of the two better "

@@ -9,7 +9,7 @@ import numpy as np
 
 from estim.arrays import FloatArray
 from estim.checks import CONFLICT, PRIOR_DOMINATED, THRESHOLD, Identifiability, Sensitivity
-from estim.common import Label, Markdown, format_rounded, label, signed
+from estim.common import Label, Markdown, format_rounded, signed
 from estim.fitting import ProfileInterval
 from estim.problem import Problem
 
@@ -50,7 +50,7 @@ def identify_section(
     posterior_sds = draws.std(axis=0, ddof=1)
     rows, doubts = [], []
     for i, (parameter, interval, leaning) in enumerate(zip(problem.parameters, intervals, sensitivity, strict=True)):
-        shown = label(parameter.name, parameter.unit)
+        shown = parameter.label
         sd = float(posterior_sds[i])
         prior_sd = f"{parameter.prior.sd * shown.factor:.2g}" if np.isfinite(parameter.prior.sd) else "flat"
         rows.append(
@@ -62,7 +62,7 @@ def identify_section(
                 verdict=_verdict(problem, leaning, float(draws[:, i].mean())),
             )
         )
-        if interval.n_failed or interval.found_better or "more than one piece" in interval.sentence:
+        if interval.n_failed or interval.found_better or interval.pieces:
             doubts.append(interval.sentence)
     k_hat = max((s.k_hat for s in sensitivity), default=-np.inf)
     if k_hat >= 0.7:
@@ -83,11 +83,11 @@ def _cell(interval: ProfileInterval, p: float, sd: float, shown: Label) -> str:
 def _verdict(problem: Problem, leaning: Sensitivity, mean: float) -> str:
     """The verdict, with the pull of the posterior `mean` where it is a conflict, and whose prior matters most where that is another parameter's."""
     words = leaning.verdict
-    if words == CONFLICT:
+    if leaning.verdict == CONFLICT:
         prior = problem.parameters[problem.names.index(leaning.name)].prior
         pull = signed(f"{(mean - prior.expectation) / prior.sd:+.1f}")
         words += f": the posterior lies {pull} prior sd from the mean of the prior"
     if leaning.strongest is None or leaning.strongest == leaning.name:
         return words
-    unit = problem.parameters[problem.names.index(leaning.strongest)].unit
-    return f"{words}; most that of {label(leaning.strongest, unit).symbol}"
+    strongest = problem.parameters[problem.names.index(leaning.strongest)]
+    return f"{words}; most that of {strongest.label.symbol}"

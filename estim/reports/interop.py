@@ -24,7 +24,7 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from estim.common import InputError, one_line
+from estim.common import InputError, Stream, one_line, stream
 from estim.fitting import Limit
 from estim.pipeline import Analysis
 from estim.reports.result import Result, software_versions
@@ -140,7 +140,7 @@ def _shown_kind(kind: str) -> str:
 
 def _said(analysis: Analysis) -> dict[str, Any]:
     return {
-        "title": analysis.title, "kind": _shown_kind(analysis.kind), "status": analysis.diagnosis.status,
+        "title": analysis.title, "kind": _shown_kind(analysis.kind), "status": str(analysis.diagnosis.status),
         "reasons": list(analysis.diagnosis.reasons),
     }
 
@@ -203,7 +203,7 @@ def _log_likelihood(analysis: Analysis, order: NDArray[np.intp]) -> xarray.Datas
 def _prior(analysis: Analysis) -> xarray.Dataset:
     from xarray import Dataset
 
-    rng = np.random.default_rng(analysis.seed).spawn(6)[5]  # the analysis itself used the first five
+    rng = stream(analysis.seed, Stream.PRIOR)
     variables, improper = {}, []
     for p in analysis.problem.parameters:
         if math.isfinite(p.prior.sd):

@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 import platform
 from collections.abc import Mapping
+from functools import cached_property
 from importlib.metadata import version
 from typing import Protocol
 
@@ -16,15 +17,17 @@ import msgspec
 import numpy as np
 
 from estim.arrays import FloatArray
-from estim.checks import Diagnosis, conflict_words, headline, parameter_cells
+from estim.checks import Diagnosis, headline, parameter_cells, stated_values
 from estim.common import as_json, one_line
 from estim.fitting import ProfileInterval
 from estim.pipeline import Analysis
 from estim.problem import Observations
 from estim.reading import Run
+from estim.reports.labels import Labels, labels_of, names_as_labels
 from estim.reports.origin import origin_facts, origin_warnings, speed_facts
 from estim.sampling import Summary, number, summarise, summarise_parameter, trusted
 from estim.studies import Scrutiny
+from estim.words import Voice, advice_for, tell
 
 SCHEMA = "estim-result/1"
 _PACKAGES = ("estim", "numpy", "scipy", "lmfit", "emcee", "arviz-stats", "uncertainties")
@@ -144,7 +147,7 @@ class Provenance(msgspec.Struct, frozen=True):
     versions: dict[str, str]
 
 
-class Result(msgspec.Struct, frozen=True, rename={"schema_": "schema"}):
+class Result(msgspec.Struct, frozen=True, dict=True, rename={"schema_": "schema"}):
     schema_: str
     title: str
     kind: str
@@ -164,9 +167,15 @@ class Result(msgspec.Struct, frozen=True, rename={"schema_": "schema"}):
     runs: dict[str, RunSummary]
     provenance: Provenance
 
+    @cached_property
+    def labels(self) -> Labels:
+        """How the numbers are shown.  `result_of` puts it beside the fields, which JSON has; a record that was read back knows names alone."""
+        derived = {name: {quantity: d.unit for quantity, d in run.derived.items()} for name, run in self.runs.items()}
+        return names_as_labels({name: p.unit for name, p in self.parameters.items()}, derived)
+
     def _repr_markdown_(self) -> str:
         """What a notebook shows: the values, or why there are none."""
-        rows = [parameter_cells(name, p) for name, p in self.parameters.items()]
+        rows = [parameter_cells(p, self.labels.parameters[name]) for name, p in self.parameters.items()]
         title = f"{self.title}: {', '.join(self.runs)}"
         return headline(title, kind=self.kind, status=self.status, reasons=self.reasons, advice=self.advice, rows=rows)
 
@@ -197,13 +206,13 @@ class Subject(Protocol):
         """Run -> its table."""
 
 
-def result_of(campaign: Subject, analysis: Analysis, scrutiny: Scrutiny | None = None) -> Result:
-    """The record of an analysis, with its profile intervals if it was scrutinised."""
+def result_of(campaign: Subject, analysis: Analysis, scrutiny: Scrutiny | None = None, *, voice: Voice = Voice.PYTHON) -> Result:
+    """The record of an analysis, with its profile intervals if it was scrutinised.  voice : to whom advice is given."""
     problem, fit, chain, diagnosis = analysis.problem, analysis.fit, analysis.chain, analysis.diagnosis
     flat, conflict = chain.flat, analysis.conflict
-    return Result(
+    result = Result(
         schema_=SCHEMA, title=campaign.title, kind=campaign.kind, formula=campaign.formula, status=diagnosis.status,
-        reasons=list(diagnosis.reasons), advice=list(dict.fromkeys(finding.advice for finding in diagnosis.findings)), notes=list(diagnosis.notes),
+        reasons=list(diagnosis.reasons), advice=advice_for(diagnosis.findings, voice), notes=list(diagnosis.notes),
         parameters={p.name: _parameter(analysis, i) for i, p in enumerate(problem.parameters)},
         correlation=Correlation(list(problem.names), np.atleast_2d(np.corrcoef(flat.T)).round(6).tolist()),
         fit=FitSummary(
@@ -211,7 +220,7 @@ def result_of(campaign: Subject, analysis: Analysis, scrutiny: Scrutiny | None =
             {n: number(s) if diagnosis.ok else None for n, s in zip(fit.names, fit.sds, strict=True)},
             fit.chi2, fit.dof, number(fit.p_value), fit.message,
         ),
-        stated_values=StatedValues(conflict.chi2, conflict.dof, conflict.p_value, dict(conflict.pulls), conflict_words(fit, conflict)),
+        stated_values=StatedValues(conflict.chi2, conflict.dof, conflict.p_value, dict(conflict.pulls), tell(stated_values(fit, conflict))),
         sampling=Sampling(
             chain.draws.shape[0], chain.draws.shape[2], chain.convergence.n_step, chain.n_burn, number(chain.convergence.tau),
             float(np.mean(chain.acceptance)), chain.convergence.message,
@@ -223,6 +232,8 @@ def result_of(campaign: Subject, analysis: Analysis, scrutiny: Scrutiny | None =
         runs={run.name: _run(campaign, analysis, i) for i, run in enumerate(problem.runs)},
         provenance=provenance(campaign, [run.name for run in problem.runs], analysis.seed),
     )
+    result.__dict__["labels"] = labels_of(problem, fit.values)
+    return result
 
 
 def provenance(campaign: Subject, runs: list[str], seed: int) -> Provenance:
@@ -276,10 +287,10 @@ def _run(campaign: Subject, analysis: Analysis, i: int) -> RunSummary:
     derived = run.derived(run.bind(analysis.problem.named(draws)))
     noise = run.noise.describe(x_unit=run.x_unit, y_unit=run.y_unit, words=run.words)
     return RunSummary(
-        file=one_line(table.file), x=run.x_label, y=run.y_label, n_obs=run.n_obs, noise=noise, excluded=list(run.excluded),
+        file=one_line(table.file), x=run.x_label, y=run.y_label, n_obs=run.n_obs, noise=noise, excluded=[tell(why) for why in run.excluded],
         checks={name: CheckSummary(c.statistic, c.p_value, c.meaning) for name, c in goodness.checks.items()},
         scatter_ratio=number(goodness.scatter_ratio), facts=[*origin_facts(table, run, analysis.problem), *speed_facts(run)],
-        warnings=list(origin_warnings(table, run, analysis.problem)), robust=run.noise.tails.robust, outliers=_outliers(analysis, run),
+        warnings=list(origin_warnings(table, run, analysis.problem)), robust=run.noise.robust, outliers=_outliers(analysis, run),
         what=run.words.what,
         derived={
             name: trusted(summarise(np.ravel(d.values), unit=d.unit, meaning=d.meaning), analysis.diagnosis.status)

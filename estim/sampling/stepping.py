@@ -1,4 +1,4 @@
-"""Ensembles that advance together, kept on disk as they go, stopped where it is safe, and resumed in every bit.
+"""Ensembles that advance together, kept on disk as they go, stopped where it is safe, and resumed bit for bit.
 
 It drives samplers that `estim.sampling.chain` made (emcee's, whose chain lies in `sampler.backend`), one step of each in turn, so
 that every ensemble has the same number of steps at any moment at which the chain may be cut.  An ensemble has its own

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from estim.campaign import Campaign, gamma_of_body, gamma_origin
-from estim.common import Quantity
+from estim.common import Quantity, Status, Stream, stream
 from estim.line import LineAnalysis, analyse_line, read_theta_min
 from estim.pipeline import Analysis, analyse
 from estim.problem import informative
@@ -60,7 +60,7 @@ class Reanalysis:
     seed: int
 
     @property
-    def statuses(self) -> dict[str, str]:
+    def statuses(self) -> dict[str, Status]:
         """What was analysed -> its status."""
         found = {f"run {name}": analysis.diagnosis.status for name, analysis in self.singles.items()}
         found |= {f"joint fit of {body.body}": body.joint.diagnosis.status for body in self.bodies}
@@ -98,16 +98,15 @@ def _published(campaign: Campaign) -> tuple[str, Sequence[PublishedNumber]]:
 def _analyse_body(
     campaign: Campaign, body: str, singles: Mapping[str, Analysis], seed: int, target: Target, progress: Progress
 ) -> BodyAnalysis:
-    energy_rng, band_rng, fit_rng, drift_rng = np.random.default_rng(seed).spawn(4)
     runs = [run.name for run in campaign.source.runs if run.body == body]
     joint = analyse(campaign, runs, seed=seed, target=target, progress=progress)
     # a quantity stated for each run has no common value to narrow
     shared = [n for n in joint.problem.names if n.partition("[")[0] in _OF_BODY and all(n in singles[run].problem.names for run in runs)]
     return BodyAnalysis(
-        body=body, gamma_masses=gamma_of_body(campaign.source, body), joint=joint, energies=energy_along(joint, rng=energy_rng),
-        drift=drift_of(joint, rng=drift_rng),
-        propagated=propagated_bands(joint, rng=band_rng),
-        narrowing=narrowing(joint.problem, [singles[name] for name in runs], shared, rng=fit_rng),
+        body=body, gamma_masses=gamma_of_body(campaign.source, body), joint=joint, energies=energy_along(joint, rng=stream(seed, Stream.ENERGY)),
+        drift=drift_of(joint, rng=stream(seed, Stream.DRIFT)),
+        propagated=propagated_bands(joint, rng=stream(seed, Stream.PROPAGATED_BANDS)),
+        narrowing=narrowing(joint.problem, [singles[name] for name in runs], shared, rng=stream(seed, Stream.NARROWING)),
         limits=tuple(limit for name in shared for limit in limits(joint.fit, name)),
     )
 

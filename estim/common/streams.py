@@ -1,0 +1,41 @@
+"""Random streams: which part of the work draws from which.
+
+Each part has its own, so that a new part changes the numbers of no other, and none reuses another's draws.
+A name's number is what the draws depend on: new names go to the end.
+"""
+
+from __future__ import annotations
+
+from enum import IntEnum
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    import numpy as np
+
+
+class Stream(IntEnum):
+    """What is drawn from a seed."""
+
+    FIT = 0  # further starts of least squares
+    CHAIN = 1
+    GOODNESS = 2  # null distributions of the tests
+    BANDS = 3
+    PROPOSAL = 4  # and the second opinion
+    PRIOR = 5  # draws of the prior that are handed on
+    ENERGY = 6
+    PROPAGATED_BANDS = 7
+    NARROWING = 8
+    DRIFT = 9
+    LINE_CHAIN = 10
+    LINE_EVIDENCE = 11
+    CALIBRATION_FIT = 12
+    CALIBRATION_TRUTH = 13
+    RANK_TRIALS = 14
+    COVERAGE_TRIALS = 15
+
+
+def stream(seed: int, name: Stream, *index: int) -> np.random.Generator:
+    """The generator of `name` under `seed` (the user's), or of its part number `index` (a trial, a run)."""
+    from numpy.random import SeedSequence, default_rng
+
+    return default_rng(SeedSequence(seed, spawn_key=(int(name), *index)))
