@@ -43,6 +43,29 @@ def dense_likelihood(deviation, base, shapes, residuals, extra=0.0):
     return np.logaddexp.reduce(parts, axis=0)
 
 
+@pytest.mark.parametrize("diagonal", [True, False])
+def test_what_is_asked_at_a_point_is_that_of_dense_matrices(rng, diagonal):
+    n = 8
+    shapes, variances = two_shapes(n), 0.04 * rng.uniform(0.5, 2.0, n)
+    base = np.diag(variances) if diagonal else correlated(n, rng)
+    residuals, columns = 0.4 * rng.standard_normal((3, n)), 0.2 * rng.standard_normal((n, 2))
+    found = linearise(diagonalise(variances if diagonal else base, shapes, SMALL), residuals[0], np.ones((n, 1)), precision=np.eye(1))
+    for extra in (np.zeros((n, 0)), columns):
+        mixture = keep_probable(found, columns=extra, lost=0.0)
+        parts = [(w, c + extra @ extra.T) for w, c in dense(found.deviation, base, shapes)]
+        truth = np.empty((3, n))
+        for i in range(n):
+            rest = np.delete(np.arange(n), i)
+            less = [w + stats.multivariate_normal(cov=c[np.ix_(rest, rest)]).logpdf(residuals[:, rest]) for w, c in parts]
+            truth[:, i] = mixture.log_likelihood(residuals) - np.logaddexp.reduce(less, axis=0)
+        np.testing.assert_allclose(mixture.pointwise(residuals), truth, atol=1e-5)
+        logs = np.array([w + stats.multivariate_normal(cov=c).logpdf(residuals[0]) for w, c in parts])
+        share = np.exp(logs - np.logaddexp.reduce(logs))
+        np.testing.assert_allclose(mixture.covariance(residuals[0]), np.einsum("k,kij->ij", share, [c for _, c in parts]), rtol=1e-5, atol=1e-9)
+        precision = np.einsum("k,kij->ij", share, [np.linalg.inv(c) for _, c in parts])
+        np.testing.assert_allclose(mixture.precision(residuals[0]), precision, rtol=1e-4, atol=1e-4)
+
+
 @pytest.mark.parametrize("few", [True, False])
 @pytest.mark.parametrize("diagonal", [True, False])
 def test_the_likelihood_of_draws_is_that_of_dense_matrices(rng, diagonal, few):
@@ -124,6 +147,7 @@ def test_the_linearised_posterior_is_that_of_a_straight_line(rng):
     np.testing.assert_allclose(found.steps[k], step, rtol=1e-8)
     left = r - jacobian @ step
     _, covariance = list(dense(deviation, base, shapes))[k]
+    np.testing.assert_allclose(found.best_covariance(), covariance, rtol=1e-9)
     assert found.innovations() @ found.innovations() == pytest.approx(left @ np.linalg.solve(covariance, left))
     q = found.quantiles([1.0, 0.0], [0.16, 0.5, 0.84])
     assert [found.probability_below([1.0, 0.0], value) for value in q] == pytest.approx([0.16, 0.5, 0.84], abs=1e-9)

@@ -84,6 +84,17 @@ class Deviation:
         """Rows (..., n_obs) of observations in units of the stated noise, without its correlation."""
         return rows * self.whitener if self.whitener.ndim == 1 else rows @ self.whitener
 
+    def turned_back(self, rows: FloatArray) -> FloatArray:
+        """Rows (..., n_obs) times W^-1: what is a slope in whitened observations as a slope in the observations."""
+        return rows * self.whitener if self.whitener.ndim == 1 else rows @ self.whitener.T
+
+    def unwhiten(self, covariance: FloatArray) -> FloatArray:
+        """A whitened covariance (n_obs, n_obs) in the observations, W C W^T."""
+        if self.whitener.ndim == 1:
+            return np.asarray(covariance / self.whitener / self.whitener[:, None])
+        half = solve_triangular(self.whitener.T, covariance, lower=True)
+        return np.asarray(solve_triangular(self.whitener.T, half.T, lower=True))
+
     def column(self, name: str) -> FloatArray:
         """(n_component,) `amplitude`, `scale` or `log_prior` of all components in the order of the families."""
         return np.concatenate([getattr(family, name) for family in self.families])

@@ -112,11 +112,15 @@ class Linearised:
 
         In units of the noise as the evidence has it, which `size("scale")` says.
         """
+        lower = np.linalg.cholesky(self.best_covariance())
+        return np.asarray(solve_triangular(lower, self.residuals - self.jacobian @ self.followed, lower=True))
+
+    def best_covariance(self) -> FloatArray:
+        """(n_obs, n_obs) covariance of the most probable component, with the scale of the noise that the evidence has."""
         family, i = self.component(self.best)
         covariance = self.scales[self.best] ** 2 * np.eye(self.residuals.size)
         covariance += family.amplitude[i] ** 2 * (family.basis * family.spectrum) @ family.basis.T
-        left = self.deviation.whiten(self.residuals - self.jacobian @ self.followed)
-        return np.asarray(solve_triangular(np.linalg.cholesky(covariance), left, lower=True))
+        return self.deviation.unwhiten(covariance)
 
     def component(self, k: int) -> tuple[Family, int]:
         """The family of component k, and its place there."""

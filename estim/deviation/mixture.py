@@ -67,13 +67,17 @@ class Mixture:
                 parts.append(_rescaled(family, self.columns, square, seen, along, np.asarray(relative, dtype=float)))
         return np.hstack(parts) - self.deviation.log_volume - 0.5 * z.shape[1] * np.log(2.0 * np.pi)
 
+    def shares(self, residuals: FloatArray) -> FloatArray:
+        """(n_component,) probability of each component at residuals (n_obs,)."""
+        logs = self.log_components(residuals)[0]
+        return np.asarray(np.exp(logs - np.logaddexp.reduce(logs)))
+
     def precision(self, residuals: FloatArray) -> FloatArray:
         """(n_obs, n_obs) Q with d log L/dr = -Q r at residuals (n_obs,).
 
         Least squares weighted by Q, taken anew at its own result until nothing moves, ends at a maximum of the likelihood.
         """
-        logs = self.log_components(residuals)[0]
-        share = np.exp(logs - np.logaddexp.reduce(logs))
+        share = self.shares(residuals)
         inverse, start = np.zeros((residuals.size, residuals.size)), 0
         for family in self.deviation.families:
             own = share[start : start + family.amplitude.size]
@@ -85,9 +89,48 @@ class Mixture:
                 pushed = white[:, None, None] * self.columns + family.basis @ (gain[:, :, None] * (family.basis.T @ self.columns))
                 information = np.eye(self.columns.shape[1]) + np.einsum("ni,knj->kij", self.columns, pushed)
                 inverse -= np.einsum("k,kni,kmi->nm", own, np.linalg.solve(information, pushed.transpose(0, 2, 1)).transpose(0, 2, 1), pushed)
-        if self.deviation.whitener.ndim == 1:
-            return np.asarray(inverse * self.deviation.whitener * self.deviation.whitener[:, None])
-        return np.asarray(self.deviation.whitener @ inverse @ self.deviation.whitener.T)
+        return self.deviation.turned_back(self.deviation.turned_back(inverse).T)
+
+    def covariance(self, residuals: FloatArray) -> FloatArray:
+        """(n_obs, n_obs) of the errors at residuals (n_obs,): sum of the C_k by their `shares`, and H H^T."""
+        share, start = self.shares(residuals), 0
+        whitened = self.columns @ self.columns.T
+        for family in self.deviation.families:
+            own = share[start : start + family.amplitude.size]
+            start += own.size
+            whitened += (own @ np.square(family.scale)) * np.eye(residuals.size)
+            whitened += (own @ np.square(family.amplitude)) * (family.basis * family.spectrum) @ family.basis.T
+        return self.deviation.unwhiten(whitened)
+
+    def pointwise(self, residuals: FloatArray) -> FloatArray:
+        """(n_draw, n_obs) log density of every point given all the other points of residuals (n_draw, n_obs).
+
+        log sum_k w_k N_k(r) - log sum_k w_k N_k(r)/N_k(r_i | others), each N_k(r_i | others) normal with precision Q_ii and mean r_i - (Q r)_i/Q_ii
+        """
+        residuals = np.atleast_2d(residuals)
+        logs = self.log_components(residuals)
+        z = self.deviation.whiten(residuals)
+        without, k = np.full(z.shape, -np.inf), 0
+        plain = self.deviation.turned_back(np.eye(z.shape[1]))
+        along = z @ self.columns
+        for family in self.deviation.families:
+            seen, basis = z @ family.basis, plain.T @ family.basis
+            for variance, scale in zip(family.variances(), family.scale, strict=True):
+                gain = 1.0 / variance - 1.0 / scale**2
+                diagonal = np.sum(plain**2, axis=0) / scale**2 + basis**2 @ gain
+                solved = (z @ plain) / scale**2 + (seen * gain) @ basis.T
+                if self.columns.shape[1]:
+                    turned = gain[:, None] * (family.basis.T @ self.columns)
+                    information = np.eye(self.columns.shape[1]) + self.columns.T @ self.columns / scale**2
+                    information += (family.basis.T @ self.columns).T @ turned
+                    root = np.linalg.inv(np.linalg.cholesky(information)).T
+                    pushed = (plain.T @ self.columns / scale**2 + basis @ turned) @ root
+                    diagonal -= np.sum(pushed**2, axis=1)
+                    solved -= (along / scale**2 + seen @ turned) @ root @ pushed.T
+                one = 0.5 * np.log(diagonal / (2.0 * np.pi)) - 0.5 * np.square(solved) / diagonal
+                np.logaddexp(without, logs[:, k : k + 1] - one, out=without)
+                k += 1
+        return np.asarray(np.logaddexp.reduce(logs, axis=1)[:, None] - without)
 
 
 @dataclass(frozen=True, eq=False)
