@@ -8,21 +8,27 @@ from pathlib import Path
 import numpy as np
 import pytest
 from scipy import stats
+from scipy.linalg import block_diag
 from wheels import FINE, FIRST, G_R, PHI, SIGMA, Wheel, WhiteFit, places, white_fit
 
 from estim.deviation.components import diagonalise
-from estim.deviation.force import force_shapes, position_response, track
+from estim.deviation.force import Response, Track, force_shapes, position_response, shared_force_shapes, track
 from estim.deviation.found import find_force
 from estim.deviation.grid import FORCE_SCALE, START_SD, prior_grid
 from estim.deviation.linearised import linearise
 from estim.deviation.mixture import keep_probable
 
 
+def moved(along: Track, fit: WhiteFit) -> Response:
+    """What a force does to the angles of a fit."""
+    rate = np.sqrt(2.0 * G_R * np.maximum(fit.wheel.energy(along.fine) + fit.start, 1e-5) / fit.wheel.inertia(along.fine))
+    return position_response(along, fit.at, rate, fit.wheel.inertia(along.fine), acceleration=G_R)
+
+
 def with_force(fit: WhiteFit, y: np.ndarray, *, radius: float | None = None):
     """The linearised posterior with a force, and the force."""
     along = track(float(np.max(y)), first=FIRST)
-    rate = np.sqrt(2.0 * G_R * np.maximum(fit.wheel.energy(along.fine) + fit.start, 1e-5) / fit.wheel.inertia(along.fine))
-    response = position_response(along, fit.at, rate, fit.wheel.inertia(along.fine), acceleration=G_R)
+    response = moved(along, fit)
     deviation = diagonalise(np.full(y.size, SIGMA**2), force_shapes(along, response, radius=radius), prior_grid(FORCE_SCALE))
     found = linearise(deviation, fit.residuals, fit.jacobian, precision=fit.precision, pull=fit.pull)
     return found, find_force(found, along, response, radius=radius)
@@ -74,6 +80,35 @@ def test_repeated_runs_of_a_real_wheel_agree_once_the_force_is_known_of(kind):
 
     assert disagreement(moments) > 0.05
     assert disagreement(white) < 1e-8
+
+
+def test_repeated_runs_share_a_profile_and_each_has_some_of_its_own():
+    """One resisting moment for four runs: a shared force alone leaves residuals red, with own ones beside it they are white."""
+    wheel, weight = handout("balanced")
+    runs = [measured(f"balanced_{run}") for run in CLASS["balanced"]]
+    fits = [white_fit(t, y, wheel, np.array([0.05, 0.0, 0.0, START_SD, 1e3])) for t, y in runs]
+    along = track(max(float(y[-1]) for _, y in runs), first=FIRST)
+    responses = tuple(moved(along, fit) for fit in fits)
+    # c_rr is shared, about the first run's; the start and the time of each run are its own
+    c_rr = fits[0].wheel.c_rr
+    residuals = np.concatenate([fit.residuals + fit.jacobian[:, 0] * (fit.wheel.c_rr - c_rr) for fit in fits])
+    jacobian = np.hstack([np.concatenate([fit.jacobian[:, 0] for fit in fits])[:, None], block_diag(*(fit.jacobian[:, 1:] for fit in fits))])
+    precision = block_diag(fits[0].precision[:1, :1], *(fit.precision[1:, 1:] for fit in fits))
+    pull = np.r_[wheel.c_rr - c_rr, np.concatenate([fit.pull[1:] for fit in fits])]
+
+    def joint(own):
+        deviation = diagonalise(np.full(residuals.size, SIGMA**2), shared_force_shapes(along, responses, own=own), prior_grid(FORCE_SCALE))
+        return linearise(deviation, residuals, jacobian, precision=precision, pull=pull)
+
+    def memory(found):
+        left = found.innovations()
+        return left[1:] @ left[:-1] / (left @ left)
+
+    both, shared = joint((0.0, 0.1, 0.3, 1.0)), joint((0.0,))
+    assert both.log_evidence > shared.log_evidence + 10.0
+    assert abs(memory(both)) < 2.5 / np.sqrt(residuals.size) < memory(shared)
+    assert 0.9 < weight * (c_rr + both.mean[0]) < 1.0
+    assert 0.015 < weight * np.sqrt(both.covariance[0, 0]) < 0.05
 
 
 def simulated(rng: np.random.Generator, size: float, push: float):
