@@ -110,6 +110,14 @@ def test_repeated_runs_share_a_profile_and_each_has_some_of_its_own():
     assert 0.9 < weight * (c_rr + both.mean[0]) < 1.0
     assert 0.015 < weight * np.sqrt(both.covariance[0, 0]) < 0.05
 
+    # the shared profile is that of each single run
+    force = find_force(both, along, Response.stacked(responses))
+    assert force.probability > 0.999
+    for fit, (_, y) in zip(fits, runs, strict=True):
+        alone = with_force(fit, y)[1]
+        same = np.interp(force.x, alone.x, alone.mean)
+        assert np.corrcoef(force.mean[20:], same[20:])[0, 1] > 0.6
+
 
 def simulated(rng: np.random.Generator, size: float, push: float):
     """Thirty frames of a wheel at 10 Hz with a smooth force of amplitude `size` and an energy at release up to about `push`.

@@ -15,6 +15,7 @@ Only motion that does not turn round: where v comes near 0 the answer of the cur
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -62,6 +63,11 @@ class Response:
     def through(self, matrix: FloatArray) -> Response:
         """The response of linear combinations matrix @ observations, such as A of speeds by differences."""
         return Response(matrix @ self.force, matrix @ self.start)
+
+    @classmethod
+    def stacked(cls, responses: Sequence[Response]) -> Response:
+        """The responses of several runs on one track below each other."""
+        return cls(np.vstack([r.force for r in responses]), np.concatenate([r.start for r in responses]))
 
 
 def track(end: float, *, start: float = 0.0, first: float | None = None) -> Track:
@@ -142,7 +148,7 @@ def force_shapes(along: Track, response: Response, *, radius: float | None = Non
 
 
 def shared_force_shapes(
-    along: Track, responses: tuple[Response, ...], *, radius: float | None = None, own: tuple[float, ...] = (0.0, 0.1, 0.3, 1.0)
+    along: Track, responses: Sequence[Response], *, radius: float | None = None, own: tuple[float, ...] = (0.0, 0.1, 0.3, 1.0)
 ) -> tuple[Shape, ...]:
     """One force that all runs on a track share, its mean removed, plus a plain one of each run; observations stacked in the order of the runs.
 
@@ -150,7 +156,7 @@ def shared_force_shapes(
     own : amplitudes of the runs' own force in units of the shared one, equally probable.  One without the other is not enough: a shared force
     alone covers 26-44 % for 68 where the runs also differ, own ones alone 18 % where the profile repeats.
     """
-    stacked = np.vstack([r.force for r in responses])
+    stacked = Response.stacked(responses).force
     shapes = []
     for length, log_prior in zip(*track_lengths(along.length), strict=True):
         kernel = force_kernel(along, float(length), radius=radius)

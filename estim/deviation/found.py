@@ -36,7 +36,9 @@ class Force:
 
 
 def find_force(linearised: Linearised, along: Track, response: Response, *, radius: float | None = None) -> Force:
-    """The force under the posterior of `force_shapes` for one run (same track, response and radius).
+    """The force under the posterior of `force_shapes`, or the shared one of `shared_force_shapes`; same track and radius.
+
+    response : that of the run, or of all runs stacked (`Response.stacked`).
 
     Given a component and the parameters p,  f ~ N(a^2 K L^T C^-1 (r - J p), a^2 K - a^4 K L^T C^-1 L K);  p is integrated out.
     """
