@@ -154,7 +154,7 @@ def shared_force_shapes(
 
     responses : one for each run, on the same track, which ends where the longest run ends.
     own : amplitudes of the runs' own force in units of the shared one, equally probable.  One without the other is not enough: a shared force
-    alone covers 26-44 % for 68 where the runs also differ, own ones alone 18 % where the profile repeats.
+    alone covers 17-44 % for 68 where the runs also differ, own ones alone 18 % where the profile repeats.
     """
     stacked = Response.stacked(responses).force
     shapes = []

@@ -4,9 +4,9 @@
     length l : log-normal about a sixth of the track, by a factor of two
     scale s of the stated noise : log s Cauchy about 0, by a factor of 1.35; below 1 it counts as evidence only (see `linearised`)
 
-The numbers come from a study of coverage by simulation: with them a parameter's 68 % interval covers 64-81 % for smooth profiles from half to
-eight standard deviations of a reading, for pushes and for correlated errors, and is 4 % wider where nothing is missing.  A deviation that is
-switched on by a test is not calibrated: it comes too late.
+The numbers come from a study of coverage by simulation.  With them the 68 % intervals of slope, gamma and theta0 of a wheel cover 62-83 % for
+smooth profiles from half to eight standard deviations of a reading, for pushes and for correlated errors (91 % at most), and are 6-17 % wider
+where nothing is missing.  A deviation that is switched on by a test is not calibrated: it comes too late.
 """
 
 from __future__ import annotations

@@ -72,7 +72,7 @@ class Linearised:
 
     @property
     def p_deviation(self) -> float:
-        """P(a > 0): the probability that there is a deviation; above 0.95 it is an alarm (none false in 200 clean runs)."""
+        """P(a > 0): the probability that there is a deviation; above 0.95 it is an alarm (none false in 300 clean runs)."""
         return float(self.weights[self.deviation.column("amplitude") > 0.0].sum())
 
     def quantiles(self, direction: ArrayLike, probabilities: ArrayLike) -> FloatArray:

@@ -42,7 +42,7 @@ class Mixture:
     def log_likelihood(self, residuals: FloatArray, *, relative: FloatArray | None = None) -> FloatArray:
         """(n_draw,) of residuals (n_draw, n_obs), data minus curve.
 
-        relative : (n_draw,) factor of the stated noise in each draw, where its size is a sampled parameter; some ten times slower.
+        relative : (n_draw,) factor of the stated noise in each draw, where its size is a sampled parameter; 5 to 80 times slower.
         """
         residuals = np.atleast_2d(residuals)
         total = np.empty(residuals.shape[0])
