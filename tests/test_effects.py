@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+import json
 import sys
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
+from click.testing import CliRunner
 
 from estim.campaign import Campaign, load_campaign
+from estim.cli.commands import cli
 from estim.common.errors import InputError
 from estim.curves.rolling import MotionCurve, PhaseCurve
 from estim.fitting.least_squares import Fit, fit_least_squares
@@ -152,3 +156,24 @@ def test_angles_have_no_distorted_picture(tmp_path: Path, project: Path) -> None
     (tmp_path / "campaign.toml").write_text(text.replace("[shared]\n", f"[shared]\n{said}\n"))
     with pytest.raises(InputError, match="'distortion_m' does not go with angles, which no picture distorts"):
         load_campaign(tmp_path / "campaign.toml")
+
+
+def result_of_command(folder: Path) -> dict[str, Any]:
+    done = CliRunner().invoke(cli, ["fit", str(folder / "campaign.toml"), "--out", str(folder / "out")])
+    assert done.exit_code in (0, 3), done.output
+    return json.loads((folder / "out" / "result.json").read_text())
+
+
+@pytest.mark.usefixtures("undrawn")
+@pytest.mark.parametrize(("name", "noise"), [("energy", "speeds"), ("moment", "speeds")])
+def test_the_command_recovers_an_effect_and_does_not_trust_a_fit_without_it(tmp_path: Path, name: str, noise: str) -> None:
+    effect = EFFECTS[name]
+    recorded(tmp_path, effect, noise)
+    found = result_of_command(tmp_path)
+    assert found["status"] == "ok"
+    parameter = found["parameters"][effect.parameter]
+    assert abs(parameter["mean"] - effect.value) < 3.0 * parameter["sd"]
+    assert ("speed_at_release" in found["runs"]["r"]["derived"]) == (name == "energy")
+    if name == "energy":
+        recorded(tmp_path, effect, noise, lines="")
+        assert result_of_command(tmp_path)["status"] != "ok"
