@@ -166,12 +166,15 @@ def smeared(u_x: float, u_y: float, shape) -> PointByPoint:
     return PointByPoint(averaged(0), averaged(1))
 
 
-def differences() -> Case:
-    """Speeds by central differences of positions with independent errors, at positions that the same errors move."""
+def differences(relative: np.ndarray | None = None) -> Case:
+    """Speeds by central differences of positions with independent errors, at positions that the same errors move.
+
+    relative : size of the error of each position, (N + 2,).
+    """
     derivative = differentiate(INTERVAL * np.arange(N + 2), np.zeros(N + 2), STENCILS["central"])
-    noise = Differentiated(Scale(parameter="s"), Scale(parameter="scatter"), 0.01, derivative, np.arange(N))
+    noise = Differentiated(Scale(parameter="s"), Scale(parameter="scatter"), 0.01, derivative, np.arange(N), relative)
     steps = (np.eye(N, N + 2, 2) - np.eye(N, N + 2)) / (2.0 * INTERVAL)
-    carried = steps - VALUES["b"] * np.eye(N, N + 2, 1)
+    carried = (steps - VALUES["b"] * np.eye(N, N + 2, 1)) * (1.0 if relative is None else relative)
     truncation = INTERVAL**2 / 6.0 * VALUES["b"] ** 2 * line(VALUES)  # dt^2/6 times d^2 v/dt^2 of dx/dt = a + b x, at the linearisation
     return Case(noise, {"s": 0.01, "scatter": 0.05}, Normally(
         lambda named: line(named) + truncation,
@@ -195,6 +198,7 @@ CASES = {
         Normally(line, lambda named: (0.05**2 + 0.2**2 / 12.0) * np.eye(N)),
     ),
     "differentiated": differences(),
+    "differentiated, motion blur": differences(np.linspace(1.0, 3.0, N + 2)),
     "stated covariance": Case(Correlated(STATED), {}, Normally(line, lambda named: STATED)),
     "errors of x": Case(
         Readings(Scale(0.1), Scale(), np.ones(N), sigma_x=Scale(0.2)), {}, along_the_line(0.2, 0.1),

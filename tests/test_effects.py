@@ -19,7 +19,7 @@ from estim.curves.rolling import MotionCurve, PhaseCurve
 from estim.fitting.least_squares import Fit, fit_least_squares
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "benchmarks"))
-from truth.recordings import BASE, Camera, Disturbance, changed, sagging, write_campaign
+from truth.recordings import BASE, DISTURBANCES, Camera, Disturbance, changed, sagging, write_campaign
 
 WEIGHT = BASE.mass * BASE.g * BASE.radius  # N m
 MASSES = "mass_disk_kg = 0.3252\nmass_particle_kg = 0.0748"
@@ -156,6 +156,37 @@ def test_angles_have_no_distorted_picture(tmp_path: Path, project: Path) -> None
     (tmp_path / "campaign.toml").write_text(text.replace("[shared]\n", f"[shared]\n{said}\n"))
     with pytest.raises(InputError, match="'distortion_m' does not go with angles, which no picture distorts"):
         load_campaign(tmp_path / "campaign.toml")
+
+
+@pytest.mark.parametrize("noise", ["speeds", "positions"])
+def test_motion_blur_makes_fast_readings_uncertain(tmp_path: Path, noise: str) -> None:
+    """Pictures exposed from one to the next: with the key chi-squared is right, without it the noise is too small."""
+    recorded(tmp_path, Effect(DISTURBANCES["blur"], "", "", 0.0), noise)
+    text = (tmp_path / "campaign.toml").read_text()
+    assert fitted(load_campaign(tmp_path / "campaign.toml")).p_value < 1e-6
+    (tmp_path / "campaign.toml").write_text(text.replace("sigma_x_m = 0.001", "sigma_x_m = 0.001, exposure_s = 0.033333"))
+    fit = fitted(load_campaign(tmp_path / "campaign.toml"))
+    assert 0.01 < fit.p_value < 0.99
+    assert deviation(fit) < 3.5
+    noise_of_run = fit.problem.runs[0].noise
+    assert np.ptp(noise_of_run.reading_gain()) > 3.0 * np.min(noise_of_run.reading_gain())
+    assert "the motion blur of an exposure of 0.03333 s" in noise_of_run.describe(x_unit="m", y_unit="m", words=fit.problem.runs[0].words)
+
+
+@pytest.mark.parametrize(
+    ("said", "rule"),
+    [
+        ("sigma_x_m = 0.001, exposure_s = 33", "'exposure_s' must be > 0 and at most the time between two frames, 0.03333 s"),
+        ('sigma_x_m = "0.0010(5)", exposure_s = 0.03', "'exposure_s' needs a fixed standard deviation of one reading"),
+    ],
+)
+def test_an_exposure_is_a_part_of_the_time_between_frames_beside_a_known_error(tmp_path: Path, said: str, rule: str) -> None:
+    for noise in ("speeds", "positions"):
+        recorded(tmp_path, Effect(DISTURBANCES["blur"], "", "", 0.0), noise)
+        text = (tmp_path / "campaign.toml").read_text()
+        (tmp_path / "campaign.toml").write_text(text.replace("sigma_x_m = 0.001", said))
+        with pytest.raises(InputError, match=rule):
+            load_campaign(tmp_path / "campaign.toml")
 
 
 def result_of_command(folder: Path) -> dict[str, Any]:

@@ -39,6 +39,7 @@ class NoiseTable(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
     sigma_v_m_s: Value | None = None
     sigma_omega_rad_s: Value | None = None
     encoder_step_rad: float | None = None
+    exposure_s: float | None = None
     derivative: Literal["central", "five-point", "spill2"] | None = None
     scatter: Value | None = None
     robust: Literal["student-t", "mixture"] | None = None

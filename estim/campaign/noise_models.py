@@ -7,6 +7,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import msgspec
+import numpy as np
 
 from estim.campaign.file import NoiseTable
 from estim.campaign.levels import Levels, noise_level
@@ -36,13 +37,14 @@ def noise_candidates(levels: Levels, data: Run, posed: Callable[[NoiseTable], No
     found = []
     if "t_s" in data.columns and (read or "sigma_x_m" in data.columns or of_positions is not None):
         plain = NoiseTable(
-            model="positions", encoder_step_rad=table.encoder_step_rad, scatter=of_positions, **{position: getattr(table, position)}
+            model="positions", encoder_step_rad=table.encoder_step_rad, exposure_s=table.exposure_s, scatter=of_positions,
+            **{position: getattr(table, position)},
         )
         found += _with_tails("positions", "positions as read, in time", plain)
     if "t_s" in data.columns and read:
         differentiated = NoiseTable(
-            model="differentiated", derivative=table.derivative, encoder_step_rad=table.encoder_step_rad, scatter=of_speeds,
-            **{position: getattr(table, position)},
+            model="differentiated", derivative=table.derivative, encoder_step_rad=table.encoder_step_rad,
+            exposure_s=table.exposure_s, scatter=of_speeds, **{position: getattr(table, position)},
         )
         found.append(Candidate("differentiated", "speeds by differences, with the covariance that follows", differentiated))
         size = _independent_size(posed(differentiated))
@@ -70,4 +72,4 @@ def _independent_size(noise: Noise) -> float:
     """Standard deviation of one differentiated speed, 0 where the size of the noise is inferred."""
     if noise.size.sigma.parameter is not None:
         return 0.0
-    return math.sqrt(noise.size.sigma.value**2 + noise.size.quantisation_variance) * float(noise.reading_gain()[0])
+    return math.sqrt(noise.size.sigma.value**2 + noise.size.quantisation_variance) * float(np.median(noise.reading_gain()))

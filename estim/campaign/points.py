@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from estim.arrays import FloatArray
+from estim.campaign.blur import relative_blur
 from estim.campaign.file import NoiseTable, WindowTable
 from estim.campaign.levels import Levels, Path, noise_level, read_at
 from estim.campaign.plausible import check_reading_error
@@ -92,7 +93,7 @@ def _check_keys(table: NoiseTable, model: str, run: Run, levels: Levels, path: P
     if model == "independent":
         keys |= {units.speed_sigma, "robust"} | (set() if run.rate in run.columns else {"derivative"})
     else:
-        keys |= {"derivative" if model == "differentiated" else "robust"} | ({"encoder_step_rad"} if units.position == "rad" else set())
+        keys |= {"exposure_s", "derivative" if model == "differentiated" else "robust"} | ({"encoder_step_rad"} if units.position == "rad" else set())
     for key in table.__struct_fields__:
         if key not in keys and getattr(table, key) is not None:
             rule = f"does not go with {model} noise of a run in {units.position} (known: {', '.join(sorted(keys))})"
@@ -116,6 +117,7 @@ def _differentiated(run: Run, levels: Levels, table: NoiseTable, path: Path, suf
         rule = f"is not used: differentiated noise takes one '{units.position_sigma}' for all positions; start the column's name with _ to skip it"
         raise InputError(rule, field="sigma_x_m", file=run.file)
     t, position = run.columns["t_s"], run.columns[run.coordinate]
+    blur = relative_blur(table, run, np.full(run.n_row, 0.0 if parameter else typical), levels, path)
     derivative, blank = _speeds(run, table)
     rows = derivative.rows
     selection = select(position[rows], derivative.value, t[rows], window=_window(run, levels), sigma_position=typical)
@@ -124,7 +126,7 @@ def _differentiated(run: Run, levels: Levels, table: NoiseTable, path: Path, suf
     zero, zero_parameter = _stated_offset(levels, units)
     return Observed(
         x=position[kept], y=derivative.value[selection.kept], t=t[kept],
-        noise=Differentiated(sigma, scatter, step, derivative, selection.kept),
+        noise=Differentiated(sigma, scatter, step, derivative, selection.kept, blur, table.exposure_s or 0.0),
         parameters=_some(zero_parameter, parameter, scatter_parameter), arguments=zero,
         excluded=blank + selection.reasons, excluded_points=_others(position[rows], derivative.value, selection),
     )
@@ -188,6 +190,8 @@ def _positions(run: Run, levels: Levels, table: NoiseTable, path: Path, suffix: 
     if not said and step == 0.0 and "sigma_x_m" not in run.columns and scatter.parameter is None and scatter.value == 0.0:
         raise levels.error(f"needs '{units.position_sigma}', a sigma_x_m column or 'scatter' for position noise", path, field="noise")
     sigma, relative = _by_row(run, "sigma_x_m", sigma, said, units.position, levels, (*path, units.position_sigma))
+    rest = np.full(run.n_row, 0.0 if parameter else _typical(sigma, parameter, step)) if relative is None else relative
+    blur = relative_blur(table, run, rest, levels, path)
     t, position = run.columns["t_s"], run.columns[run.coordinate]
     selection = select(position, None, t, window=_window(run, levels), sigma_position=0.0)
     check_count(selection, run, levels)
@@ -196,6 +200,8 @@ def _positions(run: Run, levels: Levels, table: NoiseTable, path: Path, suffix: 
     started = x[int(np.argmax(np.abs(y - y[0]) > 0.25 * np.ptp(y)))]
     zero = _typical(sigma, parameter, step) if relative is None else float(np.median(relative))
     zero = zero or scatter.value or (scatter_parameter.prior.centre if scatter_parameter else 0.0)
+    if blur is not None:
+        relative = blur if relative is None else blur * relative
     early = float(x[0] - 0.5 * (x[-1] - x[0]))
     sources, unknowns = {}, []
     release = Parameter("release_time", "s", Uniform(early, float(started)), "moment of release on the clock of the data", Notation("t₀"))
@@ -206,7 +212,7 @@ def _positions(run: Run, levels: Levels, table: NoiseTable, path: Path, suffix: 
         x=x, y=y, t=x, arguments=sources,
         noise=Independent(
             sigma=sigma, scatter=scatter, relative=np.ones(kept.size) if relative is None else relative[kept], encoder_step=step,
-            tails=tails,
+            tails=tails, exposure=table.exposure_s or 0.0,
         ),
         positions=True,
         parameters=_some(*unknowns, parameter, scatter_parameter, *tail_parameters),

@@ -19,7 +19,20 @@ from estim.common import Notation
 from estim.curves.differences import with_gradient
 from estim.curves.rolling import RollingMotion, body_of, derived_of, from_release
 from estim.problem import Derived, LocalCurve
-from model import Body, Forces, Readings, back_and_forth, energy, moment_ratio, phase, release_energy, release_speed, sagging, turn_amplitude
+from model import (
+    Body,
+    Forces,
+    Readings,
+    back_and_forth,
+    blurred_sigma,
+    energy,
+    moment_ratio,
+    phase,
+    release_energy,
+    release_speed,
+    sagging,
+    turn_amplitude,
+)
 
 _FORCES = {  # argument -> field of Forces
     "viscous_drag": "viscous_drag", "quadratic_drag": "quadratic_drag", "moment_once_cos": "once_cos", "moment_once_sin": "once_sin",
@@ -263,3 +276,8 @@ def energy_of_speed(arguments: Mapping[str, ArrayLike]) -> float:
     """Energy at release (weights x R) of the argument `release_speed`."""
     known = _disturbed(arguments, Setting())
     return float(np.squeeze(np.asarray(known.energy)))
+
+
+def size_with_blur(size: FloatArray, speed: FloatArray, exposure: float) -> FloatArray:
+    """Standard deviation of readings of a body that moves while a picture is exposed (s), all in units of the position."""
+    return np.asarray(blurred_sigma(size, speed, exposure=exposure))

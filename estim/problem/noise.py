@@ -47,6 +47,7 @@ class Independent:
 
     relative : (n_obs,) 1 where sigma is common to all; the stated standard deviations with sigma = 1 otherwise.
     sigma_x : of the abscissas, times relative_x (n_obs,); None where they are exact.  tails : the shape of the errors.
+    exposure : s, of pictures whose motion blur is part of `relative`.
     """
 
     sigma: Scale
@@ -56,6 +57,7 @@ class Independent:
     relative_x: FloatArray | None = None
     encoder_step: float = 0.0
     tails: Tails = GAUSSIAN
+    exposure: float = 0.0
 
     made_of_positions = False
 
@@ -121,6 +123,8 @@ class Independent:
         sizes = []
         if self.sigma.parameter is not None:
             sizes.append(f"their standard deviation {self.sigma.parameter} inferred")
+        elif self.exposure:
+            sizes.append(f"standard deviations from {self.sigma.value * np.min(self.relative):.4g} {y_unit} upwards by {_blur_words(self.exposure)}")
         elif np.ptp(self.relative) > 0.0:
             sizes.append("standard deviations as stated row by row")
         elif self.sigma.value:
@@ -143,6 +147,9 @@ class Differentiated:
     The curve is evaluated at the measured positions, so the residual v - f(x) is A e to first order in the errors e:
 
         A = S - diag(f'(x)),    C0 = A A^T,    E[v] = f + truncation of the stencil
+
+    relative : (n_row,) standard deviation of each reading / sigma, None where all are alike: then C0 = A diag(relative^2) A^T.
+    exposure : s, of pictures whose motion blur it is.
     """
 
     sigma: Scale
@@ -150,6 +157,8 @@ class Differentiated:
     encoder_step: float
     derivative: Derivative
     kept: NDArray[np.int64]  # (n_obs,) which speeds of `derivative` are used
+    relative: FloatArray | None = None
+    exposure: float = 0.0
 
     outlier_parameters = ()
     robust = False
@@ -173,6 +182,8 @@ class Differentiated:
         matrix = self.derivative.matrix[self.kept].copy()
         rows = self.derivative.rows[self.kept]
         matrix[np.arange(rows.size), rows] -= curve.local(points.x, arguments).slope[0]
+        if self.relative is not None:
+            matrix = matrix * self.relative
         spectrum, basis = np.linalg.eigh(matrix @ matrix.T)
         rounding = np.finfo(float).eps * spectrum.size * spectrum[-1]  # no eigenvalue is known better: where the slope is huge, some come out below 0
         bent = curve.time_derivative(points.x, arguments, stencil.order)[0]
@@ -186,7 +197,8 @@ class Differentiated:
         return float("nan")
 
     def reading_gain(self) -> FloatArray:
-        return np.full(self.kept.size, self.derivative.stencil.noise_gain / self.derivative.interval)
+        gain = np.full(self.kept.size, self.derivative.stencil.noise_gain / self.derivative.interval)
+        return gain if self.relative is None else gain * self.relative[self.derivative.rows[self.kept]]
 
     def x_gain(self) -> FloatArray:
         return np.zeros(self.kept.size)
@@ -207,6 +219,8 @@ class Differentiated:
         rows, to_speed = self.derivative.rows[self.kept], self.derivative.matrix[self.kept]
         matrix = by_y[:, None] * to_speed
         matrix[np.arange(rows.size), rows] += by_x
+        if self.relative is not None:
+            matrix, to_speed = matrix * self.relative, to_speed * self.relative
         cov = reading * matrix @ matrix.T + np.diag(by_y**2 * scatter)
         return cov, np.asarray(reading * np.sum(to_speed**2, axis=1) + scatter)
 
@@ -219,11 +233,17 @@ class Differentiated:
             readings.append(f"an inferred standard deviation {self.sigma.parameter}")
         elif self.sigma.value:
             readings.append(f"a standard deviation of {self.sigma.value:.4g} {x_unit}")
+        if self.exposure:
+            readings.append(_blur_words(self.exposure))
         return (
             f"{words.what} by the {self.derivative.stencil.name} derivative of {words.reading}s, with its exact covariance; "
             f"{words.reading} readings with "
             + " and ".join(readings) + _scatter_words(self.scatter, words.what, y_unit)
         )
+
+
+def _blur_words(exposure: float) -> str:
+    return f"the motion blur of an exposure of {exposure:.4g} s"
 
 
 def _scatter_words(scatter: Scale, what: str, unit: str) -> str:
