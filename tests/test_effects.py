@@ -158,6 +158,36 @@ def test_angles_have_no_distorted_picture(tmp_path: Path, project: Path) -> None
         load_campaign(tmp_path / "campaign.toml")
 
 
+def test_a_moment_in_newton_metres_is_one_unknown_of_bodies_of_different_mass(tmp_path: Path) -> None:
+    """What rolls under a load and a bearing: coefficients told apart by a second body, whose share of the same moment is another."""
+    moment, rolling, runs = 0.01 * WEIGHT, 0.01, []
+    for name, mass in (("light", BASE.mass), ("heavy", 4.0 * BASE.mass)):
+        (tmp_path / name).mkdir()
+        true = changed(moment=moment, mass=mass, rolling_resistance=rolling)
+        recorded(tmp_path / name, Effect(Disturbance("moment", true), "", "", 0.0), "speeds")
+        _, _, bodies = (tmp_path / name / "campaign.toml").read_text().partition("[bodies.b]")
+        masses = f"mass_disk_kg = {0.813 * mass}\nmass_particle_kg = {0.187 * mass}"
+        for old, new in (("run.csv", f"{name}/run.csv"), ("r", name), ("b", name)):
+            bodies = bodies.replace(f'"{old}"', f'"{new}"')
+        runs.append(f"[bodies.{name}]\n{masses}{bodies}")
+    shared, _, _ = (tmp_path / "light" / "campaign.toml").read_text().replace("scale = 0.005", "scale = 0.02").partition("[bodies.b]")
+    tables, rest = zip(*(part.split("[[runs]]") for part in runs), strict=True)
+    joint = "".join(tables) + "".join(f"[[runs]]{run}" for run in rest)
+    fits = []
+    for line in (f"resisting_moment_n_m = {HALF}0.01}}\n", ""):
+        (tmp_path / "campaign.toml").write_text(shared.replace("[shared]\n", "[shared]\n" + line) + joint)
+        problem = load_campaign(tmp_path / "campaign.toml").problem(["light", "heavy"])
+        fits.append(fit_least_squares(problem, rng=np.random.default_rng(1), n_start=1))
+    fit, without = fits
+    for name, true in (("moment", moment), ("rolling_resistance", rolling)):
+        i = fit.names.index(name)
+        assert abs(fit.values[i] - true) < 3.0 * fit.sds[i]
+        assert fit.sds[i] < 0.25 * true
+    assert fit.p_value > 0.01
+    i = without.names.index("rolling_resistance")
+    assert without.p_value < 1e-4 or abs(without.values[i] - rolling) > 4.0 * without.sds[i]
+
+
 @pytest.mark.parametrize("noise", ["speeds", "positions"])
 def test_motion_blur_makes_fast_readings_uncertain(tmp_path: Path, noise: str) -> None:
     """Pictures exposed from one to the next: with the key chi-squared is right, without it the noise is too small."""
