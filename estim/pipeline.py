@@ -92,7 +92,7 @@ class Analysis:
     def _repr_markdown_(self) -> str:
         """What a notebook shows: the values, or why there are none."""
         rows = [
-            parameter_cells(p.name, summarise_parameter(self.fit, p.name, draws))
+            parameter_cells(summarise_parameter(self.fit, p.name, draws), p.label)
             for p, draws in zip(self.problem.parameters, self.chain.flat.T if self.diagnosis.ok else (), strict=False)
         ]
         return headline(

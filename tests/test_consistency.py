@@ -115,7 +115,7 @@ def test_run_that_disagrees_is_named_and_no_other(rng: np.random.Generator) -> N
     assert holm["r2"] < 1e-4
     text = consistency_text(found)
     assert "**Run r2 disagrees" in text
-    assert text.count("| s | r") == 5  # the symbol of "slope"
+    assert text.count("| slope | r") == 5
     assert text.splitlines()[1] == ""
 
 

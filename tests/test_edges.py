@@ -17,7 +17,7 @@ from estim.calibration.trial import Engine, posterior_draws
 from estim.campaign import load_campaign
 from estim.checks.glance import interval_cell, value_cell
 from estim.cli.commands import cli
-from estim.common.labels import label
+from estim.common.labels import Notation
 from estim.curves.posing import AxisNames, pose_curve
 from estim.fitting.edges import PRESSED_BELOW, Limit, limit_cell, limit_of, pressed
 from estim.fitting.least_squares import Fit, fit_least_squares
@@ -99,8 +99,8 @@ def test_a_limit_is_shown_as_one_in_every_cell(rng: np.random.Generator) -> None
     summary = summarise_parameter(fit, "k", np.abs(0.16 * rng.standard_normal(4000)))
     assert summary.mean is None
     assert summary.sd is None
-    assert value_cell(summary, label("k", "1")).startswith("< 0.3")
-    assert interval_cell(summary, label("k", "1")).startswith("[0.000, 0.3")
+    assert value_cell(summary, Notation("k").label("1")).startswith("< 0.3")
+    assert interval_cell(summary, Notation("k").label("1")).startswith("[0.000, 0.3")
     assert limit_cell(Limit("lower", 1.0, 0.9, 0.8), 100.0) == "> 80.0 (95 %)"
 
 

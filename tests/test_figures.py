@@ -13,6 +13,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from estim.campaign import load_campaign
+from estim.common.labels import Notation
 from estim.curves.rolling import RollingMotion
 from estim.problem.observations import Parameter
 from estim.problem.priors import Normal, Uniform
@@ -100,9 +101,11 @@ def test_a_band_that_its_line_hides_is_called_so() -> None:
 
 
 def test_narrowing_names_the_runs() -> None:
-    table = Narrowing(("gamma[b]",), ("zebra", "ant"), np.array([[0.2], [0.1]]), np.array([[0.2], [0.3]]), np.array([0.4]))
+    u, alone, before = np.array([[0.2], [0.1]]), np.array([[0.2], [0.3]]), np.array([0.4])
+    table = Narrowing(("gamma[b]",), (Notation("γ").label("1", "[b]"),), ("zebra", "ant"), u, alone, before)
     figure = narrowing_figure([table], synthetic=False)
     assert [tick.get_text() for tick in figure.axes[0].get_xticklabels()] == ["zebra", "ant"]
+    assert figure.axes[0].get_ylabel() == "u(γ[b])"
 
 
 @pytest.mark.parametrize("column", [np.zeros(4000), np.full(4000, 1e99), np.full(4000, 0.4) + 1e-16, -1e99 * (1.0 + 2e-16 * (np.arange(4000) % 3))])

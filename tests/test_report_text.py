@@ -8,12 +8,13 @@ import numpy as np
 import pytest
 
 from estim.checks.glance import parameter_cells, value_cell
-from estim.common.labels import label
+from estim.common.labels import Notation
 from estim.common.quantity import format_quantity, format_rounded, signed
 from estim.problem.observations import Parameter
 from estim.problem.priors import HalfNormal
 from estim.reports.analysis import _derived_rows
 from estim.reports.comparison import _cells
+from estim.reports.labels import Labels
 from estim.reports.result import RunSummary
 from estim.sampling.summary import Summary, summarise
 
@@ -25,19 +26,19 @@ def summary(draws: np.ndarray, unit: str = "1") -> Summary:
 def test_a_half_normal_and_a_constant_times_it_are_both_lopsided(rng: np.random.Generator) -> None:
     draws = np.abs(rng.standard_normal(20_000))
     for factor in (0.005, 0.65 * 0.005, -3.0):
-        cell = parameter_cells("rolling_resistance", summary(factor * draws))[2]
+        cell = parameter_cells(summary(factor * draws), Notation("c_rr").label("1"))[2]
         assert "±" not in cell
         assert " −" in cell
     normal = summary(0.3 + 0.1 * rng.standard_normal(20_000))
-    assert value_cell(normal, label("gamma", "1")) == "0.30 ± 0.10"
+    assert value_cell(normal, Notation("γ").label("1")) == "0.30 ± 0.10"
 
 
 def test_halves_of_the_interval_decide_at_three_to_two() -> None:
     def of(q975: float) -> Summary:
         return Summary("1", "", 0.0, 1.0, 0.0, -2.0, -1.0, 1.0, q975)
 
-    assert "±" in value_cell(of(2.9), label("gamma", "1"))
-    assert "±" not in value_cell(of(3.1), label("gamma", "1"))
+    assert "±" in value_cell(of(2.9), Notation("γ").label("1"))
+    assert "±" not in value_cell(of(3.1), Notation("γ").label("1"))
 
 
 @pytest.mark.parametrize(
@@ -60,12 +61,13 @@ def test_what_is_the_same_for_every_run_is_stated_once(rng: np.random.Generator)
     j, slopes = summary(rng.standard_normal(1000)), [summary(rng.standard_normal(1000)) for _ in range(2)]
     blank = dict.fromkeys(RunSummary.__struct_fields__)
     runs = {name: RunSummary(**(blank | {"derived": {"inertia_ratio": j, "slope": s}})) for name, s in zip(("a", "b"), slopes, strict=True)}
-    assert [row[0] for row in _derived_rows(runs)] == ["j", "s[a]", "s[b]"]
+    shown = {"inertia_ratio": Notation("j").label("1"), "slope": Notation("s").label("1")}
+    assert [row[0] for row in _derived_rows(runs, Labels({}, {}, dict.fromkeys(runs, shown)))] == ["j", "s[a]", "s[b]"]
 
 
 def test_the_table_of_models_prints_a_value_as_the_report_does(rng: np.random.Generator) -> None:
     p = Parameter("rolling_resistance", "1", HalfNormal(0.005), "")
     posterior = summary(0.005 * np.abs(rng.standard_normal(20_000)))
     row = SimpleNamespace(status="ok", posterior={p.name: posterior})
-    assert _cells(row, [p]) == [parameter_cells(p.name, posterior)[2]]
+    assert _cells(row, [p]) == [parameter_cells(posterior, p.label)[2]]
     assert _cells(SimpleNamespace(status="poor-fit", posterior=row.posterior), [p]) == ["—"]

@@ -10,7 +10,6 @@ from joint_runs import simulated_campaign
 
 from estim.campaign import load_campaign
 from estim.common.errors import InputError
-from estim.common.labels import label
 from estim.fitting.least_squares import fit_least_squares
 
 OFFSET = 0.8  # degrees, true tilt minus reading
@@ -53,10 +52,11 @@ def test_zero_is_one_unknown_at_its_level_and_absent_if_not_said(tmp_path: Path,
     campaign = simulated_campaign(tmp_path, rng, gammas=[0.187] * 2, shared=ZERO + '\ntheta0_zero_rad = "0.00(1)"')
     problem = campaign.problem(campaign.run_names)
     assert {"phi_zero", "theta0_zero", "phi[r0]", "phi[r1]"} <= set(problem.names)
-    assert problem.parameters[problem.names.index("phi_zero")].prior.sd == pytest.approx(np.radians(1.0))
+    zero = problem.parameters[problem.names.index("phi_zero")]
+    assert zero.prior.sd == pytest.approx(np.radians(1.0))
+    assert (zero.label.symbol, zero.label.unit) == ("δφ", "°")
     plain = simulated_campaign(tmp_path, rng, gammas=[0.187] * 2)
     assert "phi_zero" not in plain.problem(plain.run_names).names
-    assert label("phi_zero", "rad").unit == "°"
 
 
 def test_zero_said_twice_is_refused(tmp_path: Path, rng: np.random.Generator) -> None:

@@ -35,9 +35,20 @@ from numpy.typing import NDArray
 from estim.arrays import FloatArray
 from estim.calibration.experiment import Experiment
 from estim.calibration.jobs import spread
-from estim.calibration.trial import N_RANK, PROBABILITIES, Engine, Plan, What, posterior_draws, reported_names, run_trial, stated_only
+from estim.calibration.trial import (
+    N_RANK,
+    PROBABILITIES,
+    Engine,
+    Plan,
+    What,
+    posterior_draws,
+    reported_labels,
+    reported_names,
+    run_trial,
+    stated_only,
+)
 from estim.calibration.uniformity import LEAST_P, uniformity_p_value
-from estim.common import Stream, stream
+from estim.common import Label, Stream, stream
 from estim.fitting import Fit
 
 IntArray = NDArray[np.int64]
@@ -55,7 +66,7 @@ _PLAIN = 3.0  # Monte-Carlo standard deviations from which ranks have a directio
 class Calibration:
     """Trials of one design.
 
-    reported : name -> unit.  truth : (n_trial, n_reported).
+    reported : name -> unit.  labels : name -> how it is shown.  truth : (n_trial, n_reported).
     ranks : (n_trial, n_reported) in 0 .. n_rank, -1 where the analysis failed.
     covered : (n_trial, n_reported, 2), for `probabilities`; False where the analysis failed.
     n_rejected : truths drawn again because they gave no data or too few.
@@ -67,6 +78,7 @@ class Calibration:
     what: What
     runs: tuple[str, ...]
     reported: Mapping[str, str]
+    labels: Mapping[str, Label]
     truth: FloatArray
     ranks: IntArray
     n_rank: int
@@ -156,6 +168,7 @@ def _calibrate(plan: Plan, fit: Fit, n_trial: int, jobs: int, progress: TrialPro
     trials = spread(partial(run_trial, plan), range(n_trial), jobs=jobs, progress=progress)
     return Calibration(
         what=plan.what, runs=tuple(run.name for run in plan.design.problem.runs), reported=_varying(fit),
+        labels=reported_labels(fit.problem, fit.values),
         truth=np.array([t.truth for t in trials]), ranks=np.array([t.rank for t in trials]), n_rank=N_RANK,
         covered=np.array([t.covered for t in trials]), probabilities=PROBABILITIES, n_rejected=sum(t.n_rejected for t in trials),
         how=Counter(t.how for t in trials), n_short=sum(bool(t.shortfall) for t in trials),

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from estim.arrays import FloatArray
 from estim.calibration.experiment import Experiment
-from estim.common import InputError, NumericalError, Quantity, Stream, stream
+from estim.common import InputError, Label, NumericalError, Quantity, Stream, stream
 from estim.fitting import Fit, fit_least_squares
 from estim.problem import MEASURED, LogNormal, Normal, Parameter, Prior, Problem, TruncatedNormal, as_prior
 from estim.sampling import Target, adapt_proposal, certify, sample_posterior
@@ -171,16 +171,23 @@ def reported(problem: Problem, draws: FloatArray, names: Sequence[str]) -> Float
 def reported_names(problem: Problem, draws: FloatArray) -> dict[str, str]:
     """Name -> unit of every number with an interval in a report: parameters, derived quantities and turning points that vary."""
     columns = _everything(problem, draws)
-    return {name: unit for name, (column, unit) in columns.items() if np.all(np.isfinite(column)) and np.ptp(column) > 0.0}
+    return {name: unit for name, (column, unit, _) in columns.items() if np.all(np.isfinite(column)) and np.ptp(column) > 0.0}
 
 
-def _everything(problem: Problem, draws: FloatArray) -> dict[str, tuple[FloatArray, str]]:
-    columns = {p.name: (draws[:, i], p.unit) for i, p in enumerate(problem.parameters)}
+def reported_labels(problem: Problem, values: FloatArray) -> dict[str, Label]:
+    """Name -> how it is shown, of everything that may be reported; values (n_par,)."""
+    return {name: shown for name, (_, _, shown) in _everything(problem, values[None, :]).items()}
+
+
+def _everything(problem: Problem, draws: FloatArray) -> dict[str, tuple[FloatArray, str, Label]]:
+    """Name -> draws (n_draw,), unit and label."""
+    columns = {p.name: (draws[:, i], p.unit, p.label) for i, p in enumerate(problem.parameters)}
     for run in problem.runs:
-        arguments = run.bind(problem.named(draws))
-        derived = [(name, d.values, d.unit) for name, d in run.derived(arguments).items()]
-        for name, column, unit in (("turning_point", run.end(arguments), run.x_unit), *derived):
-            columns[f"{name}[{run.name}]"] = (np.broadcast_to(column, (draws.shape[0], 1))[:, 0], unit)
+        arguments, level = run.bind(problem.named(draws)), f"[{run.name}]"
+        derived = [(name, d.values, d.unit, d.notation) for name, d in run.derived(arguments).items()]
+        ends = [] if run.motion is None else [("turning_point", run.end(arguments), run.x_unit, run.motion.end_notation)]
+        for name, column, unit, notation in (*ends, *derived):
+            columns[name + level] = (np.broadcast_to(column, (draws.shape[0], 1))[:, 0], unit, notation.label(unit, level))
     return columns
 
 

@@ -17,7 +17,7 @@ from estim.campaign.levels import Level, Levels, body_levels, noise_level, read_
 from estim.campaign.noise_models import Candidate, noise_candidates
 from estim.campaign.plausible import check_speeds
 from estim.campaign.points import Observed, observe
-from estim.common import Quantity, format_quantity
+from estim.common import Notation, Quantity, format_quantity
 from estim.curves import MotionCurve, PhaseCurve, RollingMotion
 from estim.fitting import Fit, fit_least_squares, scanned_fit
 from estim.problem import Normal, Observations, Parameter, Prior, Problem, TruncatedNormal, as_prior, shared_first
@@ -29,10 +29,15 @@ _MANY_RUNS, _STARTS, _FEW_STARTS = 16, 8, 2  # of the fit
 _DEGREE = float(np.pi / 180.0)
 
 
+def _angle(symbol: str) -> Notation:
+    return Notation(symbol, "°", float(np.degrees(1.0)))
+
+
 @dataclass(frozen=True)
 class _Kind:
-    """A physical quantity of a campaign: its keys with their factors to SI, unit, value where it is missing, meaning."""
+    """A physical quantity of a campaign: how it is written, its keys with their factors to SI, unit, value where it is missing, meaning."""
 
+    notation: Notation
     keys: Mapping[str, float]
     unit: str
     default: float | None
@@ -44,20 +49,23 @@ class _Kind:
 
 _QUANTITIES: Mapping[str, _Kind] = MappingProxyType(
     {
-        "gamma": _Kind({"gamma": 1.0}, "1", None, "distance of the centre of mass from the axle / R", 0.0),
-        "kappa": _Kind({"kappa": 1.0}, "1", None, "inertia of the disk / (M_D R²)", 0.0),
-        "theta0": _Kind({"theta0_deg": _DEGREE, "theta0_rad": 1.0}, "rad", None, "angle of the particle at release", high=2.0 * np.pi),
-        "phi": _Kind({"phi_deg": _DEGREE, "phi_rad": 1.0}, "rad", None, "tilt of the ramp", high=0.5 * np.pi),
+        "gamma": _Kind(Notation("γ"), {"gamma": 1.0}, "1", None, "distance of the centre of mass from the axle / R", 0.0),
+        "kappa": _Kind(Notation("κ"), {"kappa": 1.0}, "1", None, "inertia of the disk / (M_D R²)", 0.0),
+        "theta0": _Kind(_angle("θ₀"), {"theta0_deg": _DEGREE, "theta0_rad": 1.0}, "rad", None, "angle of the particle at release", high=2.0 * np.pi),
+        "phi": _Kind(_angle("φ"), {"phi_deg": _DEGREE, "phi_rad": 1.0}, "rad", None, "tilt of the ramp", high=0.5 * np.pi),
         "theta0_zero": _Kind(
-            {"theta0_zero_deg": _DEGREE, "theta0_zero_rad": 1.0}, "rad", 0.0, "common zero error: added to the angle at release", high=0.5 * np.pi
+            _angle("δθ₀"), {"theta0_zero_deg": _DEGREE, "theta0_zero_rad": 1.0}, "rad", 0.0, "common zero error: added to the angle at release",
+            high=0.5 * np.pi,
         ),
-        "phi_zero": _Kind({"phi_zero_deg": _DEGREE, "phi_zero_rad": 1.0}, "rad", 0.0, "common zero error: added to the tilt", high=0.5 * np.pi),
-        "rolling_resistance": _Kind({"rolling_resistance": 1.0}, "1", 0.0, "coefficient of rolling resistance", 0.0),
-        "radius": _Kind({"radius_m": 1.0}, "m", None, "radius of the disk", 0.0, False),
-        "rho": _Kind({"rho": 1.0}, "1", 1.0, "distance of the particle from the axle / R", 0.0, False),
-        "trailing_fraction": _Kind({"trailing_fraction": 1.0}, "1", 0.0, "share of the mass that does not rotate", 0.0),
-        "particle_gyration": _Kind({"particle_gyration": 1.0}, "1", 0.0, "radius of gyration of the particle / R", 0.0),
-        "g": _Kind({"g": 1.0}, "m/s²", STANDARD_GRAVITY, "acceleration of free fall", 0.0, False),
+        "phi_zero": _Kind(
+            _angle("δφ"), {"phi_zero_deg": _DEGREE, "phi_zero_rad": 1.0}, "rad", 0.0, "common zero error: added to the tilt", high=0.5 * np.pi
+        ),
+        "rolling_resistance": _Kind(Notation("c_rr"), {"rolling_resistance": 1.0}, "1", 0.0, "coefficient of rolling resistance", 0.0),
+        "radius": _Kind(Notation("R"), {"radius_m": 1.0}, "m", None, "radius of the disk", 0.0, False),
+        "rho": _Kind(Notation("ρ"), {"rho": 1.0}, "1", 1.0, "distance of the particle from the axle / R", 0.0, False),
+        "trailing_fraction": _Kind(Notation("τ"), {"trailing_fraction": 1.0}, "1", 0.0, "share of the mass that does not rotate", 0.0),
+        "particle_gyration": _Kind(Notation("k_P"), {"particle_gyration": 1.0}, "1", 0.0, "radius of gyration of the particle / R", 0.0),
+        "g": _Kind(Notation("g"), {"g": 1.0}, "m/s²", STANDARD_GRAVITY, "acceleration of free fall", 0.0, False),
     }
 )
 _SAME_SDS, _SAME_SHARE = 5.0, 0.05  # how far a stated gamma may be from that of the masses
@@ -93,7 +101,8 @@ class RollingStudy:
             bound = bind_quantities(self.source, levels, where=f"run '{name}'")
             for quantity, b in bound.items():
                 if not isinstance(b.source, float):
-                    physics.setdefault(b.name, Parameter(b.name, _QUANTITIES[quantity].unit, b.source, _QUANTITIES[quantity].meaning))
+                    kind = _QUANTITIES[quantity]
+                    physics.setdefault(b.name, Parameter(b.name, kind.unit, b.source, kind.meaning, kind.notation))
             observed = observe(tables[name], levels, noise=noise)
             unknowns.update({p.name: p for p in observed.parameters})
             mass = total_mass(self.source, levels)

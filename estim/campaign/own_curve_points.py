@@ -15,7 +15,7 @@ from estim.campaign.curve_tables import CurveRunTable, CurveTable, Place, Readin
 from estim.campaign.file import CampaignFile, Value, read_value
 from estim.campaign.robust import shape_of
 from estim.common import InputError, Quantity
-from estim.curves import MAX_OBS, SIGMA, SIGMA_SPREAD, AxisNames, reading_noise
+from estim.curves import MAX_OBS, SIGMA, SIGMA_NOTATION, SIGMA_SPREAD, AxisNames, reading_noise
 from estim.fitting import PERFECT
 from estim.problem import Curve, LogNormal, Observations, Parameter, Prior, Scale, as_prior, hide_the_range, plain_words
 from estim.reading import Run
@@ -101,7 +101,8 @@ class CurvePoints:
             name = f"{SIGMA}[{run.name}]"
             y = table.columns[axis_of(self.table.y).column][kept]
             prior: Prior = LogNormal(_roughness(y), SIGMA_SPREAD)
-            return Scale(parameter=name), ones, (Parameter(name, self.axes.y_unit, prior, "standard deviation of one reading, not stated"),)
+            meaning = "standard deviation of one reading, not stated"
+            return Scale(parameter=name), ones, (Parameter(name, self.axes.y_unit, prior, meaning, SIGMA_NOTATION),)
         value: Value = written if not isinstance(written, ReadingErrorTable) else prior_table(written, str(path[-1]))
         try:
             read = read_value(value, factor=1.0, field="u_y")
@@ -115,7 +116,8 @@ class CurvePoints:
                 raise self.source.places.error("must be above the last digit that a number of the size of y has here", path, value=read.value)
             return Scale(read.value), ones, ()
         inferred = as_prior(read, low=0.0) if isinstance(read, Quantity) else read
-        return Scale(parameter=SIGMA + suffix), ones, (Parameter(SIGMA + suffix, self.axes.y_unit, inferred, "standard deviation of one reading"),)
+        unknown = Parameter(SIGMA + suffix, self.axes.y_unit, inferred, "standard deviation of one reading", SIGMA_NOTATION)
+        return Scale(parameter=unknown.name), ones, (unknown,)
 
 
 def _roughness(y: FloatArray) -> float:

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -17,7 +17,7 @@ from estim.campaign.levels import Levels, Path, noise_level, read_at
 from estim.campaign.plausible import check_reading_error
 from estim.campaign.robust import shape_of
 from estim.campaign.selection import Selection, Window, check_count, select
-from estim.common import InputError, Quantity
+from estim.common import InputError, Notation, Quantity
 from estim.problem import (
     STENCILS,
     Derivative,
@@ -27,7 +27,6 @@ from estim.problem import (
     Noise,
     Normal,
     Parameter,
-    Prior,
     Scale,
     Uniform,
     as_prior,
@@ -35,7 +34,10 @@ from estim.problem import (
 )
 from estim.reading import Run
 
-_OFFSET = "reading of the position at release"
+_SCALES = {  # key -> parameter and symbol
+    "sigma_x_m": ("sigma_x", "σ_x"), "sigma_v_m_s": ("sigma_v", "σ_v"), "sigma_theta_rad": ("sigma_theta", "σ_θ"),
+    "sigma_omega_rad_s": ("sigma_omega", "σ_ω"), "scatter": ("scatter", "scatter"),
+}
 
 
 @dataclass(frozen=True, eq=False)
@@ -194,12 +196,10 @@ def _positions(run: Run, levels: Levels, table: NoiseTable, path: Path, suffix: 
     zero = zero or scatter.value or (scatter_parameter.prior.centre if scatter_parameter else 0.0)
     early = float(x[0] - 0.5 * (x[-1] - x[0]))
     sources, unknowns = {}, []
-    for name, key, unit, prior, meaning in (
-        ("release_time", "release_time_s", "s", Uniform(early, float(started)), "moment of release on the clock of the data"),
-        ("offset", units.offset, units.position, Normal(0.0, zero), _OFFSET),
-    ):
-        sources[name], unknown = _nuisance(levels, name, key, unit, prior, meaning)
-        unknowns.append(unknown)
+    release = Parameter("release_time", "s", Uniform(early, float(started)), "moment of release on the clock of the data", Notation("t₀"))
+    for key, unknown in (("release_time_s", release), (units.offset, _offset(units, zero))):
+        sources[unknown.name], of_level = _nuisance(levels, key, unknown)
+        unknowns.append(of_level)
     return Observed(
         x=x, y=y, t=x, arguments=sources,
         noise=Independent(
@@ -259,12 +259,17 @@ def _stated_offset(levels: Levels, units: _Units) -> tuple[dict[str, str | float
     """The zero of the positions for speeds: exact unless the campaign states it."""
     if all(getattr(level.table, units.offset) is None for level in levels):
         return {}, None
-    source, parameter = _nuisance(levels, "offset", units.offset, units.position, Normal(0.0, 1.0), _OFFSET)
+    source, parameter = _nuisance(levels, units.offset, _offset(units, 1.0))
     return {"offset": source}, parameter
 
 
-def _nuisance(levels: Levels, name: str, key: str, unit: str, prior: Prior, meaning: str) -> tuple[str | float, Parameter | None]:
-    """An argument of x(t) as the campaign states it, or an unknown of this run with `prior`."""
+def _offset(units: _Units, sd: float) -> Parameter:
+    return Parameter("offset", units.position, Normal(0.0, sd), "reading of the position at release", Notation("x₀"))
+
+
+def _nuisance(levels: Levels, key: str, unknown: Parameter) -> tuple[str | float, Parameter | None]:
+    """An argument of x(t) as the campaign states it, or `unknown` as one of this run."""
+    found = replace(unknown, name=f"{unknown.name}[{levels.run.name}]")
     for level in levels:
         written = getattr(level.table, key)
         if written is not None:
@@ -272,9 +277,9 @@ def _nuisance(levels: Levels, name: str, key: str, unit: str, prior: Prior, mean
             if isinstance(value, Quantity) and value.exact:
                 return value.value, None
             stated = as_prior(value, low=-math.inf) if isinstance(value, Quantity) else value
-            return name + level.suffix, Parameter(name + level.suffix, unit, stated, meaning)
-    own = f"{name}[{levels.run.name}]"
-    return own, Parameter(own, unit, prior, meaning)
+            found = replace(unknown, name=unknown.name + level.suffix, prior=stated)
+            break
+    return found.name, found
 
 
 def _scale(
@@ -294,8 +299,9 @@ def _scale(
         raise levels.error("is a standard deviation: its prior must not reach below 0", (*path, key))
     if prior.low == 0.0 and key != "scatter" and isinstance(prior, HalfNormal) is False and prior.centre <= 0.0:
         raise levels.error("must be > 0", (*path, key), value=prior.centre)
-    name = "_".join(part for part in key.split("_") if part in ("sigma", "x", "v", "theta", "omega", "scatter")) + suffix
-    return Scale(parameter=name), Parameter(name, unit, prior, f"standard deviation of {of_what}" if key != "scatter" else of_what)
+    name, symbol = _SCALES[key]
+    meaning = f"standard deviation of {of_what}" if key != "scatter" else of_what
+    return Scale(parameter=name + suffix), Parameter(name + suffix, unit, prior, meaning, Notation(symbol))
 
 
 def _window(run: Run, levels: Levels) -> Window:

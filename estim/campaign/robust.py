@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 
+from estim.common import Notation
 from estim.problem import GAUSSIAN, Mixture, Parameter, StudentT, Tails, TruncatedNormal, Uniform
 
 
@@ -14,10 +15,10 @@ def shape_of(robust: str | None, suffix: str) -> tuple[Tails, tuple[Parameter, .
     if robust == "mixture":
         fraction, width = f"outlier_fraction{suffix}", f"log_outlier_width{suffix}"
         return Mixture(fraction, width), (
-            Parameter(fraction, "1", Uniform(0.0, 0.5), "share of the frames that are outliers"),
+            Parameter(fraction, "1", Uniform(0.0, 0.5), "share of the frames that are outliers", Notation("outlier fraction")),
             Parameter(
                 width, "1", TruncatedNormal(math.log(20.0), 1.0, math.log(3.0), math.inf),
-                "ln of the standard deviation of an outlier over that of a good frame",
+                "ln of the standard deviation of an outlier over that of a good frame", Notation("ln outlier width"),
             ),
         )
     return GAUSSIAN, ()

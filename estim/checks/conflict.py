@@ -35,7 +35,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from estim.arrays import FloatArray
-from estim.common import label
 from estim.fitting import Fit, around, chi2_p, curve_indices, information
 from estim.problem import MEASURED, LogNormal
 
@@ -109,7 +108,7 @@ def conflict_words(fit: Fit, conflict: Conflict) -> str:
     far = [name for name, pull in conflict.pulls.items() if abs(pull) > _FAR and isinstance(parameters[name].prior, MEASURED)][:_NAMED]
     parts = []
     for name in far:
-        shown = label(name, parameters[name].unit)
+        shown = parameters[name].label
         unit = "" if shown.unit == "1" else f" {shown.unit}"
         off = f"{abs(conflict.pulls[name]):.1f} standard deviations {'below' if conflict.pulls[name] > 0.0 else 'above'}"
         parts.append(f"{shown.symbol} was stated as {parameters[name].prior.centre * shown.factor:.4g}{unit}, {off} what all else says")

@@ -29,7 +29,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from estim.arrays import FloatArray
-from estim.common import InputError, NumericalError
+from estim.common import InputError, Label, NumericalError
 from estim.fitting import Fit, chi2_p
 
 P_INCONSISTENT = 0.01  # after Holm's correction
@@ -68,7 +68,8 @@ class SharedEstimate:
 class Consistency:
     """Whether runs agree about the parameters they share.
 
-    shared : names of the parameters of the curve that more than one run uses; units : theirs.  used : parameter -> the runs that use it.
+    shared : names of the parameters of the curve that more than one run uses; units, labels : theirs, the latter as they are shown.
+    used : parameter -> the runs that use it.
     chi2, dof, p_value : Q.  rows : one `Disagreement` a source, in the order of the runs, stated values last (if there are any).
     alone : run -> estimate from this run and the stated values; others : run -> from all but this run; joint : from all.
     suspects : sources without which the rest agrees, most suspicious first; more than one where the data cannot tell them apart.
@@ -77,6 +78,7 @@ class Consistency:
 
     shared: tuple[str, ...]
     units: tuple[str, ...]
+    labels: tuple[Label, ...]
     used: Mapping[str, tuple[str, ...]]
     chi2: float
     dof: int
@@ -135,6 +137,7 @@ def check_consistency(fit: Fit) -> Consistency:
     prior, total = full[-1], _sum(full)
     return Consistency(
         shared=tuple(problem.names[i] for i in shared), units=tuple(problem.parameters[i].unit for i in shared),
+        labels=tuple(problem.parameters[i].label for i in shared),
         used={problem.names[i]: tuple(run.name for run in problem.runs if problem.names[i] in run.parameters) for i in shared},
         chi2=chi2, dof=dof, p_value=p_value,
         rows=rows, alone={name: _estimate(centre, _sum([one, prior])) for name, one in zip(names, full[:-1], strict=True)},

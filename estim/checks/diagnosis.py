@@ -17,7 +17,7 @@ from estim.checks.consistency import Consistency
 from estim.checks.goodness import P_FLOOR, P_POOR_FIT, SCATTER_LIMIT, Goodness
 from estim.checks.identifiability import Identifiability
 from estim.checks.modes import Modes
-from estim.common import STATUSES, Finding, format_p, label
+from estim.common import STATUSES, Finding, format_p
 from estim.fitting import PRESSED_BELOW, Fit, limit_words, pressed, shown_edge
 from estim.problem import Mixture, Parameter, in_words
 from estim.sampling import Agreement, Chain, effective_size, mcse_mean, r_hat
@@ -110,7 +110,7 @@ def _bounds(fit: Fit) -> list[Finding]:
         if p_value < PRESSED_BELOW:
             i = fit.names.index(name)
             parameter, value = fit.problem.parameters[i], float(fit.values[i])
-            edge = f"{label(name, parameter.unit).symbol} lies at the edge of its prior, {shown_edge(parameter, value)}"
+            edge = f"{parameter.label.symbol} lies at the edge of its prior, {shown_edge(parameter, value)}"
             findings.append(
                 Finding(
                     "at-bound", f"{edge}, and the data ask for values beyond it ({format_p(p_value)})",
@@ -145,7 +145,7 @@ def same_curve(fit: Fit) -> list[str]:
 
 def _shown(parameter: Parameter, value: float) -> str:
     """'θ₀[r] = 60.1 °'."""
-    shown = label(parameter.name, parameter.unit)
+    shown = parameter.label
     return f"{shown.symbol} = {value * shown.factor:.4g}{'' if shown.unit == '1' else f' {shown.unit}'}"
 
 
@@ -238,7 +238,7 @@ def _notes(fit: Fit, chain: Chain, goodness: Sequence[Goodness], conflict: Confl
         if good.scatter_ratio > 3.0:
             notes.append(f"run {good.run}: the inferred scatter is {good.scatter_ratio:.1f} times what the instrument explains")
     for run in fit.problem.runs:
-        exact = [name for name in ("phi", "theta0") if isinstance(run.arguments.get(name), float)]
+        exact = [name for name in (run.motion.instrument_readings if run.motion else ()) if isinstance(run.arguments.get(name), float)]
         if exact:
             notes.append(f"run {run.name}: {' and '.join(exact)} taken as exact: every result is only as good as that")
     notes += [limit_words(fit, name, chain.flat[:, fit.names.index(name)]) for name in fit.at_bound]

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 
-from estim.common import KINDS, STATUS_WORDS, Label, format_quantity, format_rounded, label, markdown, table
+from estim.common import KINDS, STATUS_WORDS, Label, format_quantity, format_rounded, markdown, table
 from estim.fitting import limit_cell
 from estim.sampling import Summary
 
@@ -48,9 +48,8 @@ def interval_cell(p: Summary, shown: Label) -> str:
     return f"[{format_rounded(p.q025 * shown.factor, u)}, {format_rounded(p.q975 * shown.factor, u)}]"
 
 
-def parameter_cells(name: str, p: Summary) -> tuple[str, str, str, str, str]:
+def parameter_cells(p: Summary, shown: Label) -> tuple[str, str, str, str, str]:
     """Symbol, meaning, value, 95 % interval and unit of one quantity."""
-    shown = label(name, p.unit)
     return shown.symbol, p.meaning, value_cell(p, shown), interval_cell(p, shown), "" if shown.unit == "1" else shown.unit
 
 

@@ -21,7 +21,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from estim.arrays import FloatArray
-from estim.common import InputError, label
+from estim.common import InputError
 from estim.fitting import Fit, data_information, prior_sds, prior_slopes
 from estim.problem import Problem
 
@@ -123,7 +123,7 @@ def _moves(fit: Fit, vector: FloatArray, sds: FloatArray) -> str:
         if abs(vector[i]) < _SHOWN:
             break
         parameter = fit.problem.parameters[i]
-        shown = label(parameter.name, parameter.unit)
+        shown = parameter.label
         step = abs(float(vector[i] * sds[i]))
         value = abs(float(fit.values[i]))
         unit = "" if shown.unit == "1" else f" {shown.unit}"
@@ -161,7 +161,7 @@ def _sentences(
     said += [f"Only the prior holds: {d.words}." for d in prior]
     if dominated:
         parameters = {p.name: p for p in problem.parameters}
-        symbols = [label(name, parameters[name].unit).symbol for name in dominated]
+        symbols = [parameters[name].label.symbol for name in dominated]
         verb = "is" if len(symbols) == 1 else "are"
         said.append(f"{_listed(symbols)} {verb} known hardly better than before (posterior sd above {PRIOR_DOMINATED} of the prior's).")
     return tuple(said)

@@ -11,12 +11,15 @@ what is known of that input.  The errors belong to what was measured (`Observati
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import cast
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from estim.arrays import FloatArray
 from estim.fitting import Fit, curve_indices
+from estim.problem import Curve, Flat, LocalCurve, Parameter, Problem, SpeedCurve
 
 TOLD_FROM = 0.5  # posterior standard deviations
 
@@ -43,31 +46,55 @@ class Influence:
         return abs(self.shifts[self.strongest])
 
 
+@dataclass(frozen=True, eq=False)
+class _Shifted:
+    """A curve that further arguments move: argument -> (n_obs,) by how much at the points x, for a value of 1; between them straight."""
+
+    curve: Curve
+    x: FloatArray
+    shifts: Mapping[str, FloatArray]
+
+    def value(self, x: FloatArray, arguments: Mapping[str, ArrayLike]) -> FloatArray:
+        return self.curve.value(x, arguments)
+
+    def local(self, x: FloatArray, arguments: Mapping[str, ArrayLike]) -> LocalCurve:
+        inner, order = self.curve.local(x, arguments), np.argsort(self.x)
+        moved = {name: np.interp(x, self.x[order], shift[order]) for name, shift in self.shifts.items()}
+        return replace(inner, gradient={**inner.gradient, **moved})
+
+    def time_derivative(self, x: FloatArray, arguments: Mapping[str, ArrayLike], order: int) -> FloatArray:
+        return cast(SpeedCurve, self.curve).time_derivative(x, arguments, order)
+
+
 def influences(fit: Fit) -> tuple[Influence, ...]:
     """What each error in common to the data would do, the strongest first; none where the fit has no standard deviations."""
-    inside = [i for i in curve_indices(fit.problem) if np.isfinite(fit.sds[i])]
+    inside = [i for i in curve_indices(fit) if np.isfinite(fit.sds[i])]
     if fit.singular or not inside:
         return ()
-    jacobian = fit.posterior.jacobian(fit.values)
-    named = fit.problem.named(fit.values)
-    moved: dict[str, dict[int, FloatArray]] = {}
-    for number, run in enumerate(fit.problem.runs):
-        for error in run.errors_in_common(run.bind(named)):
-            moved.setdefault(error.what, {})[number] = error.shift
-    found = [_influence(fit, what, shifts, jacobian, inside) for what, shifts in moved.items()]
-    return tuple(sorted(found, key=lambda influence: -influence.largest))
-
-
-def _influence(fit: Fit, what: str, shifts: Mapping[int, FloatArray], jacobian: FloatArray, inside: Sequence[int]) -> Influence:
-    """`shifts` : number of a run -> (n_obs,) by how much its residuals y - f(x) grow."""
-    change = np.zeros(jacobian.shape[0])
-    start = 0
-    for number, run in enumerate(fit.problem.runs):
-        if number in shifts:
-            change[start : start + run.n_obs] = fit.posterior.whitened(number, shifts[number], fit.values)
-        start += run.n_obs
+    problem, named = fit.problem, fit.problem.named(fit.values)
+    shifts = {run.name: {error.what: error.shift for error in run.errors_in_common(run.bind(named))} for run in problem.runs}
+    what = tuple(dict.fromkeys(name for of_run in shifts.values() for name in of_run))
+    jacobian, moved = _jacobians(problem, fit.values, shifts, what)
     scale = np.linalg.norm(jacobian, axis=0)
     scale[scale == 0.0] = 1.0
-    step = np.linalg.lstsq(jacobian / scale, -change, rcond=None)[0] / scale
-    names = [fit.names[i] for i in inside]
-    return Influence(what, tuple(fit.problem.runs[number].name for number in shifts), dict(zip(names, (step / fit.sds)[inside].tolist(), strict=True)))
+    # an error that moves the data as a parameter moves the curve moves that parameter by as much
+    steps = np.linalg.lstsq(jacobian / scale, moved, rcond=None)[0] / scale[:, None] / fit.sds[:, None]
+    found = [
+        Influence(name, tuple(run for run in shifts if name in shifts[run]), {fit.names[i]: float(steps[i, k]) for i in inside})
+        for k, name in enumerate(what)
+    ]
+    return tuple(sorted((one for one in found if np.isfinite(one.largest)), key=lambda one: -one.largest))
+
+
+def _jacobians(
+    problem: Problem, values: FloatArray, shifts: Mapping[str, Mapping[str, FloatArray]], what: Sequence[str]
+) -> tuple[FloatArray, FloatArray]:
+    """Derivatives of the residuals in the parameters (n, n_par) and in the errors `what` (n, n_error), each counted as one more parameter."""
+    runs = tuple(
+        replace(run, curve=_Shifted(run.curve, run.x, shifts[run.name]), arguments={**run.arguments, **{name: name for name in shifts[run.name]}})
+        for run in problem.runs
+    )
+    errors = tuple(Parameter(name, "1", Flat(-np.inf, np.inf, 0.0), name) for name in what)
+    wider = Problem((*problem.parameters, *errors), runs).linearised(np.concatenate([values, np.zeros(len(what))]))
+    both = wider.jacobian(np.concatenate([values, np.zeros(len(what))]))
+    return both[:, : values.size], both[:, values.size :]

@@ -1,8 +1,10 @@
-"""How things are shown to a reader: symbols of parameters, degrees in place of radians, the kind of data, a Markdown table."""
+"""How things are shown to a reader: symbol and unit of a quantity, the kind of data, a Markdown table.
+
+Which symbol a quantity has, whoever makes the quantity says (`Notation`); nothing here knows a name.
+"""
 
 from __future__ import annotations
 
-import math
 import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
@@ -14,36 +16,7 @@ KINDS = {
     "measured": Markdown("Measured data."),
     "published": Markdown("Data taken from a publication."),
 }
-_SYMBOLS = {
-    "gamma": "γ",
-    "kappa": "κ",
-    "theta0": "θ₀",
-    "phi": "φ",
-    "theta0_zero": "δθ₀",
-    "phi_zero": "δφ",
-    "rolling_resistance": "c_rr",
-    "radius": "R",
-    "rho": "ρ",
-    "trailing_fraction": "τ",
-    "particle_gyration": "k_P",
-    "g": "g",
-    "sigma_x": "σ_x",
-    "sigma_theta": "σ_θ",
-    "sigma_v": "σ_v",
-    "sigma_omega": "σ_ω",
-    "sigma_y": "σ_y",
-    "scatter": "scatter",
-    "inertia_ratio": "j",
-    "slope": "s",
-    "resisting_moment": "Q_rr",
-    "turning_point": "x_t",
-    "release_time": "t₀",
-    "offset": "x₀",
-    "outlier_fraction": "outlier fraction",
-    "log_outlier_width": "ln outlier width",
-}
 _SUBSCRIPT = re.compile(rf"(?<=[^_])_((?:[{LETTERS}]+_)*[{LETTERS}]+)$")
-_ANGLES = ("theta0", "phi", "theta0_zero", "phi_zero")
 
 
 @dataclass(frozen=True)
@@ -60,15 +33,31 @@ class Label:
         return self.tex if self.unit == "1" else f"{self.tex} ({self.unit})"
 
 
-def label(name: str, unit: str, *, with_level: bool = True) -> Label:
-    """How the parameter `name` ("theta0[heavy-04]", unit "rad") is shown ("θ₀[heavy-04]", degrees)."""
+@dataclass(frozen=True)
+class Notation:
+    """How a quantity is written, as whoever makes it says: a symbol and, where it is not shown in its own unit, another one.
+
+    unit : shown in place of the quantity's own, None for that.  factor : shown units per own unit.
+    """
+
+    symbol: str
+    unit: str | None = None
+    factor: float = 1.0
+
+    def label(self, unit: str, level: str = "") -> Label:
+        """The label of a quantity in `unit`; `level` ("[heavy-04]") stands behind the symbol."""
+        return Label(self.symbol + level, subscripted(self.symbol) + level, unit if self.unit is None else self.unit, self.factor)
+
+
+def subscripted(symbol: str) -> str:
+    """A symbol as a figure shows it: what follows an underscore is a subscript, where mathematics has the letters."""
+    return _SUBSCRIPT.sub(lambda found: "$_{\\mathrm{" + found[1].replace("_", r"\_") + "}}$", symbol)
+
+
+def split_level(name: str) -> tuple[str, str]:
+    """'theta0[heavy-04]' as 'theta0' and '[heavy-04]'; without a level the second is ''."""
     base, bracket, level = name.partition("[")
-    tail = bracket + level if with_level else ""
-    symbol = _SYMBOLS.get(base, base)
-    tex = _SUBSCRIPT.sub(lambda found: "$_{\\mathrm{" + found[1].replace("_", r"\_") + "}}$", symbol)
-    if base in _ANGLES and unit == "rad":
-        return Label(symbol + tail, tex + tail, "°", 180.0 / math.pi)
-    return Label(symbol + tail, tex + tail, unit, 1.0)
+    return base, bracket + level
 
 
 def table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> Markdown:

@@ -3,6 +3,6 @@
 Read `rolling` for the disk, `formula` for text.  Imports `common` and `problem`."""
 
 from estim.curves.formula import Formula, read_formula
-from estim.curves.posing import MAX_OBS, SIGMA, SIGMA_SPREAD, AxisNames, CurveProblem, pose_curve, reading_noise
+from estim.curves.posing import MAX_OBS, SIGMA, SIGMA_NOTATION, SIGMA_SPREAD, AxisNames, CurveProblem, pose_curve, reading_noise
 from estim.curves.rolling import MotionCurve, PhaseCurve, RollingMotion
 from estim.curves.shared_errors import Component, DistortedCurve

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from estim.arrays import FloatArray
-from estim.common import InputError, read_quantity
+from estim.common import InputError, Notation, read_quantity
 from estim.curves.formula import Formula, check_names, read_formula
 from estim.curves.function import PythonCurve, wrap_function
 from estim.curves.shared_errors import Component, DistortedCurve
@@ -37,7 +37,7 @@ from estim.problem import (
     plain_words,
 )
 
-SIGMA = "sigma_y"
+SIGMA, SIGMA_NOTATION = "sigma_y", Notation("σ_y")
 SIGMA_SPREAD = 3.0  # standard deviation of ln sigma where nothing is known of it: a factor 20 either way
 MAX_OBS = 3000  # covariances are dense matrices
 
@@ -81,7 +81,7 @@ class CurveProblem:
     def with_unknown_sigma(self, typical: float) -> Problem:
         """The problem in which the common standard deviation of y is one more parameter, known to be about `typical` to a factor 20."""
         unit = self.axes.y_unit
-        unknown = Parameter(SIGMA, unit, LogNormal(typical, SIGMA_SPREAD), "standard deviation of one y")
+        unknown = Parameter(SIGMA, unit, LogNormal(typical, SIGMA_SPREAD), "standard deviation of one y", SIGMA_NOTATION)
         return self._problem(Scale(parameter=SIGMA), (unknown,))
 
     def residuals(self, values: FloatArray) -> FloatArray:

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from estim.arrays import FloatArray
+from estim.common import Notation
 from estim.problem import CommonError, Derived, LocalCurve, Wording
 from model import Body, back_and_forth, energy, phase
 
@@ -42,12 +43,13 @@ def derived_of(arguments: Mapping[str, ArrayLike], mass: float | None) -> dict[s
     body, motion = body_of(arguments)
     phi, resistance = np.asarray(motion["phi"]), np.asarray(motion["rolling_resistance"])
     derived = {
-        "inertia_ratio": Derived("1", np.atleast_2d(body.inertia_ratio), "inertia of all that rotates / (M R²)"),
-        "slope": Derived("1", np.atleast_2d(phase.effective_slope(phi, resistance)), "effective slope sin φ + c_rr cos φ"),
+        "inertia_ratio": Derived("1", np.atleast_2d(body.inertia_ratio), "inertia of all that rotates / (M R²)", Notation("j")),
+        "slope": Derived("1", np.atleast_2d(phase.effective_slope(phi, resistance)), "effective slope sin φ + c_rr cos φ", Notation("s")),
     }
     if mass is not None:
         moment = resistance * mass * np.asarray(motion["g"]) * body.radius * np.cos(phi)
-        derived["resisting_moment"] = Derived("N m", np.atleast_2d(moment), "moment of the rolling resistance, c_rr M g R cos φ")
+        meaning = "moment of the rolling resistance, c_rr M g R cos φ"
+        derived["resisting_moment"] = Derived("N m", np.atleast_2d(moment), meaning, Notation("Q_rr"))
     return derived
 
 
@@ -148,6 +150,9 @@ class RollingMotion:
     mass: float | None = None
     in_time: bool = False
 
+    end_notation = Notation("x_t")
+    instrument_readings = ("phi", "theta0")
+
     def metres(self, arguments: Mapping[str, ArrayLike]) -> ArrayLike:
         return arguments["radius"] if self.angular else 1.0
 
@@ -163,7 +168,7 @@ class RollingMotion:
         found = derived_of(arguments, self.mass)
         if self.in_time:
             unit = "rad" if self.angular else "m"
-            found["turning_point"] = Derived(unit, np.atleast_2d(self._stop(arguments)), "first turning point, from the release")
+            found["turning_point"] = Derived(unit, np.atleast_2d(self._stop(arguments)), "first turning point, from the release", self.end_notation)
         return found
 
     def errors_in_common(

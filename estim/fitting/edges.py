@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from estim.arrays import FloatArray
-from estim.common import format_rounded, label
+from estim.common import format_rounded
 from estim.fitting.least_squares import Fit
 from estim.problem import Parameter, Prior
 
@@ -149,12 +149,12 @@ def limit_words(fit: Fit, name: str, draws: FloatArray) -> str:
     if limit is None:
         return ""
     parameter = fit.problem.parameters[fit.names.index(name)]
-    shown = label(name, parameter.unit)
+    shown = parameter.label
     cell = limit_cell(limit, shown.factor).replace(" (", f"{'' if shown.unit == '1' else f' {shown.unit}'} (")
     return f"{shown.symbol} {cell}: its most probable value is the edge of its range, {shown_edge(parameter, limit.edge)}"
 
 
 def shown_edge(parameter: Parameter, value: float) -> str:
     """'0.185' or '−5 °': the edge of the parameter's range next to `value`, as a reader is shown it."""
-    shown = label(parameter.name, parameter.unit)
+    shown = parameter.label
     return f"{edge_of(parameter.prior, value) * shown.factor:.4g}{'' if shown.unit == '1' else f' {shown.unit}'}"

@@ -20,7 +20,7 @@ from itertools import pairwise
 import numpy as np
 
 from estim.arrays import FloatArray
-from estim.common import InputError, label
+from estim.common import InputError
 from estim.fitting.least_squares import Fit
 from estim.fitting.profile_search import Point, ProfileSearch, search_of
 from estim.problem import Parameter
@@ -164,7 +164,7 @@ def _interval(fit: Fit, search: ProfileSearch, mode: Point, i: int, rises: dict[
 def _nowhere(parameter: Parameter, value: float, rises: dict[float, float]) -> ProfileInterval:
     """The record where there is no minimum to start from."""
     everywhere, opened = dict.fromkeys(rises, value), dict.fromkeys(rises, True)
-    sentence = f"{label(parameter.name, parameter.unit).symbol}: no interval, the posterior density is zero or not a number at the fit"
+    sentence = f"{parameter.label.symbol}: no interval, the posterior density is zero or not a number at the fit"
     return ProfileInterval(
         name=parameter.name, value=value, low=everywhere, high=dict(everywhere), open_low=opened, open_high=dict(opened), x=np.array([value]),
         rise=np.zeros(1), found_better=0.0, better_values=None, n_failed=1, sentence=sentence,
@@ -254,7 +254,7 @@ def _dips(walk: Sequence[Point]) -> list[Point]:
 
 
 def _with_sentence(found: ProfileInterval, parameter: Parameter, pieces: tuple[float, ...]) -> ProfileInterval:
-    shown = label(parameter.name, parameter.unit)
+    shown = parameter.label
     unit = "" if shown.unit == "1" else f" {shown.unit}"
     intervals = [f"{p:.0%} [{found.low[p] * shown.factor:.4g}, {found.high[p] * shown.factor:.4g}]{unit}" for p in found.low]
     said = ["; ".join(intervals)]

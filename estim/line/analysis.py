@@ -14,7 +14,7 @@ import numpy as np
 
 from estim.arrays import FloatArray
 from estim.checks import headline, parameter_cells
-from estim.common import Finding, Quantity, Stream, e_n, format_quantity, stream
+from estim.common import Finding, Notation, Quantity, Stream, e_n, format_quantity, stream
 from estim.line.evidence import InterceptEvidence, intercept_evidence
 from estim.line.findings import line_findings
 from estim.line.interval import SlopeInterval, slope_interval
@@ -81,11 +81,12 @@ class LineAnalysis:
 
     def _repr_markdown_(self) -> str:
         """What a notebook shows: the values, or why there are none."""
-        draws = {"intercept": self.chain.flat[:, self.chain.names.index("intercept")], "gamma": self.gamma_draws, "c_rr": self.resistance_draws}
-        meanings = ("sin θ_min at φ = 0", "1/slope", "intercept · γ, if all of it is rolling resistance")
+        quantities = (
+            ("intercept", self.chain.flat[:, self.chain.names.index("intercept")], "sin θ_min at φ = 0"), ("γ", self.gamma_draws, "1/slope"),
+            ("c_rr", self.resistance_draws, "intercept · γ, if all of it is rolling resistance"),
+        )
         rows = [
-            parameter_cells(name, summarise(values, unit="1", meaning=meaning))
-            for (name, values), meaning in zip(draws.items(), meanings, strict=True)
+            parameter_cells(summarise(values, unit="1", meaning=meaning), Notation(symbol).label("1")) for symbol, values, meaning in quantities
         ]
         return headline(
             f"θ_min line of {self.series.body}", kind="", status=self.status, reasons=[f.reason for f in self.findings],

@@ -12,6 +12,7 @@ from typing import Protocol, runtime_checkable
 from numpy.typing import ArrayLike
 
 from estim.arrays import FloatArray
+from estim.common import Label, Notation
 
 EXACT = 2.3e-16  # relative error of derivatives that are exact but for rounding; a curve whose are not says so as `precision`
 
@@ -31,11 +32,17 @@ class LocalCurve:
 
 @dataclass(frozen=True, eq=False)
 class Derived:
-    """A quantity computed from the parameters: unit, (n_draw, 1) values, and what it is."""
+    """A quantity computed from the parameters: unit, (n_draw, 1) values, what it is, and how it is written."""
 
     unit: str
     values: FloatArray
     meaning: str
+    notation: Notation
+
+    @property
+    def label(self) -> Label:
+        """How it is shown."""
+        return self.notation.label(self.unit)
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,6 +80,14 @@ class Motion(Protocol):
     @property
     def mass(self) -> float | None:
         """Mass (kg) of what moves, None where it is unknown."""
+
+    @property
+    def instrument_readings(self) -> tuple[str, ...]:
+        """Arguments that an instrument reads, so that none of them is known exactly."""
+
+    @property
+    def end_notation(self) -> Notation:
+        """How the abscissa of `end` is written."""
 
     def metres(self, arguments: Mapping[str, ArrayLike]) -> ArrayLike:
         """Metres that one unit of position is worth."""

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from estim.arrays import FloatArray
-from estim.common import InputError, Label, label
+from estim.common import InputError, Label, Notation, split_level
 from estim.problem.curve import POINTS, CommonError, Curve, Derived, Motion, Wording, scales_of
 from estim.problem.latent import LatentRun
 from estim.problem.noise import Independent, Noise, noise_parameters
@@ -18,17 +18,30 @@ from estim.problem.priors import Prior
 
 @dataclass(frozen=True, eq=False)
 class Parameter:
-    """One unknown: `name` as in results ("gamma[heavy]"), `unit` ("1", "rad", "m", ...), prior, and what it is."""
+    """One unknown: `name` as in results ("gamma[heavy]"), `unit` ("1", "rad", "m", ...), prior, and what it is.
+
+    notation : how it is written; None: by its own name and in its own unit.
+    """
 
     name: str
     unit: str
     prior: Prior
     meaning: str
+    notation: Notation | None = None
 
     @property
     def label(self) -> Label:
         """How it is shown, with its level in brackets."""
-        return label(self.name, self.unit)
+        return self._notation.label(self.unit, split_level(self.name)[1])
+
+    @property
+    def bare_label(self) -> Label:
+        """How it is shown without its level, where one run is all there is or a column holds every level."""
+        return self._notation.label(self.unit)
+
+    @property
+    def _notation(self) -> Notation:
+        return self.notation or Notation(split_level(self.name)[0])
 
 
 @dataclass(frozen=True, eq=False)

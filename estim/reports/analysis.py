@@ -14,13 +14,14 @@ from matplotlib.figure import Figure
 
 from estim.campaign import Campaign
 from estim.checks import P_CONFLICT, P_POOR_FIT, interval_cell, parameter_cells, value_cell
-from estim.common import KINDS, MEANINGLESS, STATUS_WORDS, Label, Markdown, format_quantity, format_rounded, label, signed
+from estim.common import KINDS, MEANINGLESS, STATUS_WORDS, Label, Markdown, Notation, format_quantity, format_rounded, signed
 from estim.pipeline import Analysis
 from estim.reports import figures
 from estim.reports.consistency import consistency_text
 from estim.reports.consistency_figures import forest_figure
 from estim.reports.identifiability import IdentifySection, identify_section
 from estim.reports.identifiability_figures import direction_figure, profile_figure, ridge_figure
+from estim.reports.labels import Labels
 from estim.reports.rendering import render
 from estim.reports.result import ParameterSummary, Result, RunSummary, Subject, result_of, to_json
 from estim.sampling import CRITERIA_MET
@@ -89,7 +90,7 @@ def analysis_text(result: Result, section: IdentifySection, consistency: str, co
     return render(
         "analysis.md.j2",
         result=result, kind=KINDS[result.kind], status_words=STATUS_WORDS[result.status], rows=rows,
-        correlation=_correlation_table(result), derived=_derived_rows(result.runs), limits=_what_limits(result),
+        correlation=_correlation_table(result), derived=_derived_rows(result.runs, result.labels), limits=_what_limits(result),
         reject_below=P_POOR_FIT, conflict_below=P_CONFLICT, ends=_turning_rows(result), identify=section,
         meaningless=result.status in MEANINGLESS,
         consistency=consistency, axes=axes, limits_only=result.status != "ok", converged=result.sampling.message == CRITERIA_MET,
@@ -100,24 +101,19 @@ def analysis_text(result: Result, section: IdentifySection, consistency: str, co
 
 def index_report(campaign: Campaign, results: Mapping[str, Result]) -> dict[str, bytes]:
     """`report.md` that leads to the reports of runs fit one by one, each in a folder of its name."""
-    names = list(dict.fromkeys(_base(name) for result in results.values() for name in result.parameters))
+    columns = list(dict.fromkeys(shown for result in results.values() for shown in result.labels.bare.values()))
     table = []
     for run, result in results.items():
-        cells = {_base(name): value_cell(p, label(name, p.unit)) for name, p in result.parameters.items()}
-        table.append((run, result.status, [cells.get(name, "") if result.status == "ok" else "—" for name in names]))
-    units = [next(label(n, p.unit) for r in results.values() for n, p in r.parameters.items() if _base(n) == name) for name in names]
-    heads = [label(name, "1").symbol + ("" if shown.unit == "1" else f" ({shown.unit})") for name, shown in zip(names, units, strict=True)]
+        cells = {result.labels.bare[name]: value_cell(p, result.labels.parameters[name]) for name, p in result.parameters.items()}
+        table.append((run, result.status, [cells.get(shown, "") if result.status == "ok" else "—" for shown in columns]))
+    heads = [shown.symbol + ("" if shown.unit == "1" else f" ({shown.unit})") for shown in columns]
     text = render("index.md.j2", title=campaign.title, kind=KINDS[campaign.kind], heads=heads, table=table)
     return {"report.md": text.encode()}
 
 
-def _base(name: str) -> str:
-    return name.partition("[")[0]
-
-
 def parameter_row(name: str, p: ParameterSummary, result: Result) -> Row:
     """The cells of one parameter."""
-    shown = label(name, p.unit)
+    shown = result.labels.parameters[name]
     value, sd = result.fit.values[name], result.fit.sds[name]
     ok = result.status == "ok"
     size = abs(value) if p.q975 is None or p.q025 is None else p.q975 - p.q025
@@ -144,15 +140,15 @@ def _prior(p: ParameterSummary, shown: Label) -> str:
     return p.prior + (f" {p.unit}" if p.unit != "1" and shown.factor != 1.0 else "")
 
 
-def _derived_rows(runs: Mapping[str, RunSummary]) -> list[tuple[str, str, str, str, str]]:
+def _derived_rows(runs: Mapping[str, RunSummary], labels: Labels) -> list[tuple[str, str, str, str, str]]:
     """Symbol, meaning, value, interval and unit of every derived quantity: once where the cells are the same for every run, else run by run."""
     found: dict[str, dict[str, tuple[str, str, str, str]]] = {}
     for run, summary in runs.items():
         for name, d in summary.derived.items():
-            found.setdefault(name, {})[run] = parameter_cells(name, d)[1:]
+            found.setdefault(name, {})[run] = parameter_cells(d, labels.derived[run][name])[1:]
     rows = []
     for name, cells in found.items():
-        symbol = label(name, "1").symbol
+        symbol = labels.derived[next(iter(cells))][name].symbol
         if len(cells) == len(runs) and len(set(cells.values())) == 1:
             rows.append((symbol, *next(iter(cells.values()))))
         else:
@@ -164,12 +160,13 @@ def _turning_rows(result: Result) -> list[tuple[str, str, str, str]]:
     rows = []
     for run, end in result.turning_point.items():
         if end.never_stops < 0.5:
-            rows.append((run, value_cell(end, label("end", end.unit)), interval_cell(end, label("end", end.unit)), f"{end.never_stops:.1%}"))
+            shown = Notation("").label(end.unit)
+            rows.append((run, value_cell(end, shown), interval_cell(end, shown), f"{end.never_stops:.1%}"))
     return rows
 
 
 def _correlation_table(result: Result) -> list[tuple[str, list[str]]]:
-    symbols = [label(name, result.parameters[name].unit).symbol for name in result.correlation.names]
+    symbols = [result.labels.symbol(name) for name in result.correlation.names]
     cells = [[signed(f"{value:+.2f}") if j <= i else "" for j, value in enumerate(row)] for i, row in enumerate(result.correlation.matrix)]
     return list(zip(symbols, cells, strict=True))
 
@@ -177,7 +174,7 @@ def _correlation_table(result: Result) -> list[tuple[str, list[str]]]:
 def _what_limits(result: Result) -> str:
     """Which parameters the data hardly moved, and the strongest correlation, in words."""
     weak = [
-        label(n, p.unit).symbol for n, p in result.parameters.items() if p.sd is not None and p.prior_sd and p.sd > _PRIOR_DOMINATED * p.prior_sd
+        result.labels.symbol(n) for n, p in result.parameters.items() if p.sd is not None and p.prior_sd and p.sd > _PRIOR_DOMINATED * p.prior_sd
     ]
     matrix = np.abs(np.array(result.correlation.matrix)) - np.eye(len(result.correlation.names))
     sentences = []
@@ -185,7 +182,7 @@ def _what_limits(result: Result) -> str:
         sentences.append(f"The data say little beyond the prior about {_listed(weak)}: what was stated there is what comes out.")
     if matrix.size > 1 and matrix.max() > 0.8:
         i, j = np.unravel_index(int(np.argmax(matrix)), matrix.shape)
-        names = [label(result.correlation.names[k], "1").symbol for k in (j, i)]
+        names = [result.labels.symbol(result.correlation.names[k]) for k in (j, i)]
         strength = signed(f"{result.correlation.matrix[i][j]:+.2f}")
         sentences.append(
             f"{names[0]} and {names[1]} are correlated by {strength}: the data fix a combination of the two better "

@@ -10,7 +10,7 @@ import numpy as np
 
 from estim.calibration import COVERAGE_SDS, UNIFORM_BELOW, Calibration, coverage_sentence, direction, findings
 from estim.campaign import Campaign
-from estim.common import KINDS, Markdown, as_json, label
+from estim.common import KINDS, Markdown, as_json
 from estim.reports.calibration_figures import coverage_figure, rank_figure
 from estim.reports.figures import png
 from estim.reports.rendering import render
@@ -92,16 +92,16 @@ def calibration_record(campaign: Campaign, c: Calibration) -> CalibrationRecord:
 def _part(c: Calibration) -> Mapping[str, object]:
     """What the template says of one calibration."""
     rows = []
-    for name, unit in c.reported.items():
+    for name in c.reported:
         share, p_value = c.share(name), c.p_value(name)
         off = [abs(s - p) > COVERAGE_SDS * u for s, p, u in zip(share, c.probabilities, c.share_sd(), strict=True)]
         covered = [Markdown(f"**{100 * s:.1f} %**") if o else f"{100 * s:.1f} %" for s, o in zip(share, off, strict=True)]
-        rows.append((label(name, unit).symbol, "n/a" if np.isnan(p_value) else f"{p_value:.2g}", *covered, direction(c, name) or "—"))
+        rows.append((c.labels[name].symbol, "n/a" if np.isnan(p_value) else f"{p_value:.2g}", *covered, direction(c, name) or "—"))
     sd = 100 * c.share_sd()
     return {
         "what": c.what, "at": _AT[c.what], "findings": [f.sentence for f in findings(c)], "rows": rows, "sds": [f"{u:.1f}" for u in sd],
         "engines": ", ".join(f"{count} by {how}" for how, count in sorted(c.how.items()) if how != "none"), "ess": c.engine.ess,
         "n_trial": c.n_trial, "n_rejected": c.n_rejected, "n_short": c.n_short, "n_failed": c.n_failed, "n_rank": c.n_rank,
-        "failures": list(c.failures.items()), "leaning": [label(name, "1").symbol for name in c.leaning] if c.what == "coverage" else [],
+        "failures": list(c.failures.items()), "leaning": [c.labels[name].symbol for name in c.leaning] if c.what == "coverage" else [],
         "sentences": [coverage_sentence(c, name) for name in c.reported] if c.what == "coverage" else [],
     }

@@ -6,7 +6,6 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from estim.calibration import COVERAGE_SDS, Calibration, edges, rank_counts, uniformity_band
-from estim.common import label
 from estim.reports.figures import BLUE, GREY, INK, ORANGE, new_figure
 
 
@@ -21,7 +20,7 @@ def rank_figure(calibration: Calibration, *, synthetic: bool) -> Figure:
     for ax, name in zip(axes, names, strict=False):
         ranks = calibration.ranks_of(name)
         ax.axhline(0.0, color=GREY, lw=0.6)
-        ax.set_title(label(name, calibration.reported[name]).tex, fontsize=8)
+        ax.set_title(calibration.labels[name].tex, fontsize=8)
         ax.tick_params(labelsize=7)
         if ranks.size == 0:
             continue
@@ -56,5 +55,5 @@ def coverage_figure(calibration: Calibration) -> Figure:
         ax.plot(100 * shares[off], rows[off], "D", color=ORANGE, ms=5)
         ax.set_xlabel(f"covered by the {p:.0%} interval (%)", fontsize=8)
         ax.tick_params(labelsize=7)
-    axes[0].set_yticks(rows, [label(name, calibration.reported[name]).tex for name in names])
+    axes[0].set_yticks(rows, [calibration.labels[name].tex for name in names])
     return figure

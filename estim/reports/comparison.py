@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 
 from estim.campaign import Campaign
 from estim.checks import INFLUENTIAL, value_cell
-from estim.common import KINDS, as_json, label
+from estim.common import KINDS, as_json
 from estim.problem import Parameter
 from estim.reports.figures import BLUE, INK, ORANGE, new_figure, png
 from estim.reports.rendering import render
@@ -46,7 +46,7 @@ def compare_report(campaign: Campaign, compared: Sequence[Compared], *, seed: in
     runs = [run.name for run in compared[0].analysis.problem.runs]
     text = render(
         "compare.md.j2", title=campaign.title, runs=runs, kind=KINDS[campaign.kind], rows=summaries, cells=[_cells(s, common) for s in summaries],
-        heads=[label(p.name, p.unit).symbol + ("" if p.unit == "1" else f" ({label(p.name, p.unit).unit})") for p in common],
+        heads=[p.label.symbol + ("" if p.unit == "1" else f" ({p.label.unit})") for p in common],
         influential=INFLUENTIAL, behind=_BEHIND, folder=folder_of, several_data=len({s.data for s in summaries}) > 1,
     )
     record = {"title": campaign.title, "kind": campaign.kind, "runs": runs, "models": summaries, "provenance": provenance(campaign, runs, seed)}
@@ -84,7 +84,7 @@ def _summary(c: Compared, common: Sequence[Parameter]) -> ComparedSummary:
 
 
 def _cells(s: ComparedSummary, common: Sequence[Parameter]) -> list[str]:
-    return ["—" if s.status != "ok" else value_cell(s.posterior[p.name], label(p.name, p.unit)) for p in common]
+    return ["—" if s.status != "ok" else value_cell(s.posterior[p.name], p.label) for p in common]
 
 
 def _figure(summaries: Sequence[ComparedSummary], common: Sequence[Parameter], *, synthetic: bool) -> Figure:
@@ -93,7 +93,7 @@ def _figure(summaries: Sequence[ComparedSummary], common: Sequence[Parameter], *
     axes = np.atleast_1d(figure.subplots(-(-len(common) // 3), min(3, len(common)), squeeze=False)).ravel()
     places = np.arange(len(summaries))[::-1]
     for i, (ax, p) in enumerate(zip(axes, common, strict=False)):
-        shown = label(p.name, p.unit)
+        shown = p.label
         for place, s in zip(places, summaries, strict=True):
             mean, sd, limit = s.posterior[p.name].mean, s.posterior[p.name].sd, s.posterior[p.name].limit
             colour = BLUE if s.data == "positions" else ORANGE

@@ -6,7 +6,7 @@ from collections.abc import Collection
 from dataclasses import dataclass
 
 from estim.checks import P_INCONSISTENT, PRIORS, Consistency, SharedEstimate
-from estim.common import Label, Markdown, format_quantity, label
+from estim.common import Label, Markdown, format_quantity
 from estim.reports.rendering import render
 
 
@@ -59,8 +59,7 @@ def source_rows(consistency: Consistency) -> list[SourceRow]:
 def estimate_rows(consistency: Consistency, on_edge: Collection[str] = ()) -> list[EstimateRow]:
     """Every shared parameter by every run that uses it; of those `on_edge` all runs together give a limit, which stands elsewhere."""
     rows = []
-    for i, (name, unit) in enumerate(zip(consistency.shared, consistency.units, strict=True)):
-        shown = label(name, unit)
+    for i, (name, shown) in enumerate(zip(consistency.shared, consistency.labels, strict=True)):
         for run in consistency.used[name]:
             rows.append(
                 EstimateRow(

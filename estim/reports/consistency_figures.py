@@ -8,7 +8,6 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from estim.checks import Consistency
-from estim.common import label
 from estim.reports.figures import BLUE, GREY, INK, ORANGE, new_figure
 
 _MOST_ROWS = 64
@@ -19,15 +18,14 @@ def forest_figure(consistency: Consistency, *, synthetic: bool, on_edge: Collect
 
     Runs that disagree are orange.  Runs beyond the first 64 are not drawn.
     """
-    panels = [(i, name, unit) for i, (name, unit) in enumerate(zip(consistency.shared, consistency.units, strict=True))]
+    panels = [(i, name, shown) for i, (name, shown) in enumerate(zip(consistency.shared, consistency.labels, strict=True))]
     columns = min(3, len(panels))
     tallest = max(min(len(consistency.used[name]), _MOST_ROWS) for _, name, _ in panels)
     rows = -(-len(panels) // columns)
     figure = new_figure(rows * (0.22 * tallest + 1.1) + 0.5, width=max(7.2, 2.7 * columns))
     axes = np.atleast_1d(figure.subplots(rows, columns, squeeze=False)).ravel()
     wrong = {row.source for row in consistency.rows if row.source in consistency.suspects}
-    for ax, (i, name, unit) in zip(axes, panels, strict=False):
-        shown = label(name, unit)
+    for ax, (i, name, shown) in zip(axes, panels, strict=False):
         runs = consistency.used[name][:_MOST_ROWS]
         centre, sd = consistency.joint.mean[i] * shown.factor, consistency.joint.sd[i] * shown.factor
         if name not in on_edge:  # there all runs together give a limit

@@ -17,7 +17,7 @@ from matplotlib.text import Text
 from estim.arrays import FloatArray
 from estim.campaign import way_back
 from estim.checks import Goodness, Outliers
-from estim.common import Markdown, label, mathtext
+from estim.common import Markdown, mathtext
 from estim.pipeline import Analysis
 from estim.problem import Observations, Prior, Problem, n_uses
 from estim.sampling import Bands, curve_draws
@@ -161,7 +161,7 @@ def corner_figure(analysis: Analysis) -> Figure:
     chosen = corner_parameters(analysis.problem)
     parameters = [analysis.problem.parameters[i] for i in chosen]
     single = len(analysis.problem.runs) == 1
-    labels = [label(p.name, p.unit, with_level=not single) for p in parameters]
+    labels = [p.bare_label if single else p.label for p in parameters]
     draws = analysis.chain.thinned(20_000)[:, chosen] * [shown.factor for shown in labels]
     n = len(parameters)
     size = max(0.75 * _WIDTH, 1.35 * n)
@@ -231,7 +231,7 @@ def trace_figure(analysis: Analysis) -> Figure:
     every = max(1, draws.shape[1] // 1000)
     for i, parameter in enumerate(parameters):
         ax = axes.ravel(order="F")[i]
-        shown = label(parameter.name, parameter.unit)
+        shown = parameter.label
         for ensemble, colour in zip(draws[..., i] * shown.factor, (BLUE, ORANGE, GREEN, PURPLE) * 8, strict=False):
             ax.plot(steps[::every], ensemble[::every, 0], color=colour, lw=0.4, alpha=0.35)
             ax.plot(steps[::every], ensemble.mean(axis=1)[::every], color=colour, lw=1.0)

@@ -9,7 +9,7 @@ import numpy as np
 
 from estim.arrays import FloatArray
 from estim.checks import CONFLICT, PRIOR_DOMINATED, THRESHOLD, Identifiability, Sensitivity
-from estim.common import Label, Markdown, format_rounded, label, signed
+from estim.common import Label, Markdown, format_rounded, signed
 from estim.fitting import ProfileInterval
 from estim.problem import Problem
 
@@ -50,7 +50,7 @@ def identify_section(
     posterior_sds = draws.std(axis=0, ddof=1)
     rows, doubts = [], []
     for i, (parameter, interval, leaning) in enumerate(zip(problem.parameters, intervals, sensitivity, strict=True)):
-        shown = label(parameter.name, parameter.unit)
+        shown = parameter.label
         sd = float(posterior_sds[i])
         prior_sd = f"{parameter.prior.sd * shown.factor:.2g}" if np.isfinite(parameter.prior.sd) else "flat"
         rows.append(
@@ -89,5 +89,5 @@ def _verdict(problem: Problem, leaning: Sensitivity, mean: float) -> str:
         words += f": the posterior lies {pull} prior sd from the mean of the prior"
     if leaning.strongest is None or leaning.strongest == leaning.name:
         return words
-    unit = problem.parameters[problem.names.index(leaning.strongest)].unit
-    return f"{words}; most that of {label(leaning.strongest, unit).symbol}"
+    strongest = problem.parameters[problem.names.index(leaning.strongest)]
+    return f"{words}; most that of {strongest.label.symbol}"

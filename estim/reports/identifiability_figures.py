@@ -12,7 +12,7 @@ from matplotlib.lines import Line2D
 
 from estim.arrays import FloatArray
 from estim.checks import Identifiability
-from estim.common import InputError, label, signed
+from estim.common import InputError, signed
 from estim.fitting import Fit, ProfileInterval
 from estim.problem import Prior, Problem
 from estim.reports.figures import BLUE, GREEN, GREY, INK, ORANGE, new_figure
@@ -27,7 +27,7 @@ def direction_figure(problem: Problem, found: Identifiability) -> Figure:
     """Information of the data along each direction, in units of the prior's, and what each direction is made of."""
     n = len(found.directions)
     single = len(problem.runs) == 1
-    labels = [label(p.name, p.unit, with_level=not single) for p in problem.parameters]
+    labels = [p.bare_label if single else p.label for p in problem.parameters]
     figure = new_figure(1.5 + 0.30 * n + (0.0 if single else 0.6))
     left, right = figure.subplots(1, 2, width_ratios=(1.0, 1.25 if n < 8 else 1.7))
     information = np.array([d.information for d in found.directions])
@@ -78,7 +78,7 @@ def ridge_figure(fit: Fit, found: Identifiability, draws: FloatArray, *, pair: t
     problem, weakest = fit.problem, found.directions[0]
     i, j = (fit.names.index(name) for name in pair or ridge_pair(found, draws))
     single = len(problem.runs) == 1
-    shown = [label(problem.parameters[k].name, problem.parameters[k].unit, with_level=not single) for k in (i, j)]
+    shown = [problem.parameters[k].bare_label if single else problem.parameters[k].label for k in (i, j)]
     factors = np.array([s.factor for s in shown])
     points = draws[:, [i, j]] * factors
     proper = [bool(np.isfinite(problem.parameters[k].prior.sd)) for k in (i, j)]
@@ -192,7 +192,8 @@ def profile_figure(problem: Problem, intervals: Sequence[ProfileInterval], draws
         extra.set_visible(False)
     for k, (ax, interval) in enumerate(zip(axes, intervals, strict=False)):
         index = problem.names.index(interval.name)
-        shown = label(interval.name, problem.parameters[index].unit, with_level=len(problem.runs) > 1)
+        parameter = problem.parameters[index]
+        shown = parameter.label if len(problem.runs) > 1 else parameter.bare_label
         _draw_profile(ax, interval, draws[:, index] * shown.factor, shown.factor)
         ax.set_xlabel(shown.axis, fontsize=8.5, labelpad=1.5)
         ax.tick_params(labelsize=7)

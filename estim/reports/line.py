@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 
 from estim.campaign import Campaign, gamma_origin
 from estim.checks import interval_cell
-from estim.common import KINDS, MEANINGLESS, STATUS_WORDS, Label, Markdown, as_json, format_quantity, format_rounded, one_line, signed
+from estim.common import KINDS, MEANINGLESS, STATUS_WORDS, Markdown, Notation, as_json, format_quantity, format_rounded, one_line, signed
 from estim.line import CONVENTIONS, LineAnalysis
 from estim.reports import figures
 from estim.reports.rendering import render
@@ -165,7 +165,7 @@ def line_values(result: LineResult) -> dict[str, object]:
     if evidence is None or steepest is None or result.zero_phi is None or result.zero_theta_min is None:
         return shared | {
             "best": [_best_cells(name, row) for name, row in result.methods.items() if name != "posterior"],
-            "limits": [(symbol, p.meaning, interval_cell(p, Label(symbol, symbol, "1", 1.0))) for symbol, p in _limited(result)],
+            "limits": [(symbol, p.meaning, interval_cell(p, Notation(symbol).label("1"))) for symbol, p in _limited(result)],
         }
     return shared | {
         "methods": [_method_cells(name, result.methods[name]) for name in _METHODS],

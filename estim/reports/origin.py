@@ -57,7 +57,7 @@ def speed_facts(run: Observations) -> tuple[str, ...]:
 
 def stated_phi(run: Observations, problem: Problem) -> Quantity | None:
     """Tilt of the ramp (rad) as stated before the fit, with a common zero error; None for a curve that has no tilt."""
-    if "phi" not in run.arguments:
+    if run.motion is None or "phi" not in run.arguments:
         return None
     priors = {p.name: p.prior for p in problem.parameters}
     value, variance = 0.0, 0.0

@@ -11,7 +11,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from estim.campaign import gamma_origin
-from estim.common import KINDS, as_json, label
+from estim.common import KINDS, as_json
 from estim.reports import figures, reanalysis_figures
 from estim.reports.analysis import parameter_row
 from estim.reports.energy import (
@@ -150,7 +150,7 @@ def reanalysis_text(result: ReanalysisResult, corner_words: Mapping[str, str]) -
     limit_words = {name: _limit_words(body) if body.joint.status == "ok" else [] for name, body in result.bodies.items()}
     return render(
         "reanalysis.md.j2", result=result, kind=KINDS[result.kind], line=None if result.line is None else line_values(result.line),
-        shown=shown, symbol=lambda name: label(name, "1").symbol, rows={name: _rows(body.joint) for name, body in result.bodies.items()},
+        shown=shown, rows={name: _rows(body.joint) for name, body in result.bodies.items()},
         trusted=any(body.joint.status == "ok" for body in result.bodies.values()), singles=_singles(result),
         limit_words=limit_words, corner_words=corner_words, percent=percent, drift_words=drift_words,
         notes=list(dict.fromkeys(note for body in result.bodies.values() for note in body.joint.notes)),
@@ -177,9 +177,9 @@ def _limit_words(body: BodySummary) -> list[str]:
     for name, found in body.limits.items():
         if not found:
             continue
-        symbol = label(name, "1").symbol
+        symbol = body.joint.labels.symbol(name)
         clauses = [
-            f"{format_limit(limit.u_known)} if {label(limit.group, '1').symbol} were known exactly"
+            f"{format_limit(limit.u_known)} if {body.joint.labels.symbol(limit.group)} were known exactly"
             for limit in found
             if limit.u_known < 0.9 * limit.u
         ]

@@ -8,7 +8,6 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter
 
-from estim.common import label
 from estim.reports.figures import BLUE, COLOURS, GREY, INK, ORANGE, grid, new_figure
 from estim.sampling import curve_draws
 from estim.studies import BodyAnalysis, Narrowing
@@ -70,7 +69,7 @@ def narrowing_figure(tables: Sequence[Narrowing], *, synthetic: bool) -> Figure:
             ax.axhline(table.u_prior[i], ls=":", color=GREY, label="prior alone")
         shown = np.array([*table.u[:, i], *table.u_single[:, i], table.u_prior[i]])
         top = 1.1 * float(np.max(shown[np.isfinite(shown)]))
-        ax.set(ylabel=f"u({label(table.names[i], '1').tex})", ylim=(0.0, top), xlim=(0.6, len(count) + 0.4))
+        ax.set(ylabel=f"u({table.labels[i].tex})", ylim=(0.0, top), xlim=(0.6, len(count) + 0.4))
         upright = sum(len(run) for run in table.runs) > 36
         ax.set_xticks(count, table.runs, fontsize=8, rotation=90 if upright else 0)
     for extra in axes[len(pairs) :]:

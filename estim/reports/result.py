@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 import platform
 from collections.abc import Mapping
+from functools import cached_property
 from importlib.metadata import version
 from typing import Protocol
 
@@ -22,6 +23,7 @@ from estim.fitting import ProfileInterval
 from estim.pipeline import Analysis
 from estim.problem import Observations
 from estim.reading import Run
+from estim.reports.labels import Labels, labels_of, names_as_labels
 from estim.reports.origin import origin_facts, origin_warnings, speed_facts
 from estim.sampling import Summary, number, summarise, summarise_parameter, trusted
 from estim.studies import Scrutiny
@@ -144,7 +146,7 @@ class Provenance(msgspec.Struct, frozen=True):
     versions: dict[str, str]
 
 
-class Result(msgspec.Struct, frozen=True, rename={"schema_": "schema"}):
+class Result(msgspec.Struct, frozen=True, dict=True, rename={"schema_": "schema"}):
     schema_: str
     title: str
     kind: str
@@ -164,9 +166,15 @@ class Result(msgspec.Struct, frozen=True, rename={"schema_": "schema"}):
     runs: dict[str, RunSummary]
     provenance: Provenance
 
+    @cached_property
+    def labels(self) -> Labels:
+        """How the numbers are shown.  `result_of` puts it beside the fields, which JSON has; a record that was read back knows names alone."""
+        derived = {name: {quantity: d.unit for quantity, d in run.derived.items()} for name, run in self.runs.items()}
+        return names_as_labels({name: p.unit for name, p in self.parameters.items()}, derived)
+
     def _repr_markdown_(self) -> str:
         """What a notebook shows: the values, or why there are none."""
-        rows = [parameter_cells(name, p) for name, p in self.parameters.items()]
+        rows = [parameter_cells(p, self.labels.parameters[name]) for name, p in self.parameters.items()]
         title = f"{self.title}: {', '.join(self.runs)}"
         return headline(title, kind=self.kind, status=self.status, reasons=self.reasons, advice=self.advice, rows=rows)
 
@@ -201,7 +209,7 @@ def result_of(campaign: Subject, analysis: Analysis, scrutiny: Scrutiny | None =
     """The record of an analysis, with its profile intervals if it was scrutinised."""
     problem, fit, chain, diagnosis = analysis.problem, analysis.fit, analysis.chain, analysis.diagnosis
     flat, conflict = chain.flat, analysis.conflict
-    return Result(
+    result = Result(
         schema_=SCHEMA, title=campaign.title, kind=campaign.kind, formula=campaign.formula, status=diagnosis.status,
         reasons=list(diagnosis.reasons), advice=list(dict.fromkeys(finding.advice for finding in diagnosis.findings)), notes=list(diagnosis.notes),
         parameters={p.name: _parameter(analysis, i) for i, p in enumerate(problem.parameters)},
@@ -223,6 +231,8 @@ def result_of(campaign: Subject, analysis: Analysis, scrutiny: Scrutiny | None =
         runs={run.name: _run(campaign, analysis, i) for i, run in enumerate(problem.runs)},
         provenance=provenance(campaign, [run.name for run in problem.runs], analysis.seed),
     )
+    result.__dict__["labels"] = labels_of(problem, fit.values)
+    return result
 
 
 def provenance(campaign: Subject, runs: list[str], seed: int) -> Provenance:

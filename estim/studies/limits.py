@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from estim.arrays import FloatArray
+from estim.common import Label
 from estim.fitting import Fit, fit_least_squares, information
 from estim.pipeline import Analysis
 from estim.problem import Problem, informative
@@ -36,11 +37,12 @@ class Limit:
 class Narrowing:
     """Standard uncertainties (least squares) of shared parameters from the first n runs of a joint problem together.
 
-    names : the parameters.  runs : run names in the order they are added.  u : (n_run, n_name).  u_single : the same from
-    each run alone.  u_prior : (n_name,) what was stated before, nan for a uniform prior.
+    names, labels : the parameters, and how they are shown.  runs : run names in the order they are added.  u : (n_run, n_name).
+    u_single : the same from each run alone.  u_prior : (n_name,) what was stated before, nan for a uniform prior.
     """
 
     names: tuple[str, ...]
+    labels: tuple[Label, ...]
     runs: tuple[str, ...]
     u: FloatArray
     u_single: FloatArray
@@ -77,7 +79,8 @@ def narrowing(problem: Problem, singles: Sequence[Analysis], names: Sequence[str
         fit = fit_least_squares(problem.restricted(problem.runs[:n]), rng=rng, n_start=2)
         rows.append([float(np.sqrt(fit.cov[fit.names.index(name), fit.names.index(name)])) for name in names])
     alone = [[float(np.sqrt(a.fit.cov[a.fit.names.index(name), a.fit.names.index(name)])) for name in names] for a in singles]
-    return Narrowing(tuple(names), tuple(run.name for run in problem.runs), np.array(rows), np.array(alone), _prior_sds(problem, names))
+    labels = tuple(problem.parameters[problem.names.index(name)].label for name in names)
+    return Narrowing(tuple(names), labels, tuple(run.name for run in problem.runs), np.array(rows), np.array(alone), _prior_sds(problem, names))
 
 
 def _prior_sds(problem: Problem, names: Sequence[str]) -> FloatArray:
