@@ -16,8 +16,18 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from estim.arrays import FloatArray
-from estim.checks import P_POOR_FIT, Goodness, check_goodness, check_stated_values, conflict_words, laplace_modes, same_curve, several_solutions
-from estim.common import STATUSES, code, format_p, markdown, one_line, table
+from estim.checks import (
+    P_POOR_FIT,
+    Goodness,
+    check_goodness,
+    check_stated_values,
+    failed_tests,
+    laplace_modes,
+    same_curve,
+    several_solutions,
+    stated_values,
+)
+from estim.common import Amount, Finding, Kind, Status, code, decide, markdown, one_line, table, wrong
 from estim.curves import AxisNames, Component, CurveProblem, pose_curve
 from estim.fitting import (
     FEW,
@@ -38,9 +48,11 @@ from estim.fitting import (
     with_others,
 )
 from estim.problem import Prior, Problem, informative
+from estim.words import advice, tell
 
 _ROUNDS = 60  # of the size of the errors, where priors make it matter
 _FEW_DIGITS = 0.01  # standard deviations that rounding errors move a value by, worth a word
+_ADVISED = (Kind.SEVERAL_SOLUTIONS, Kind.STEP_UNSETTLED)  # of which a reason says what to do as well
 _PERFECT = 3e-14  # residuals below this share of y are rounding errors
 
 
@@ -57,8 +69,8 @@ class CurveFit:
         a residual is the normal score of y, F^-1(P(Y < y | x)); for a line (y - f)/sqrt(u_y^2 + b^2 u_x^2) but for the shrinking of x.
     dof : points and informative priors minus parameters.  p_value : P(chi2 or more), nan without u_y; with u_x from 20,000 simulated data sets.
     sigma : standard deviation of one y estimated from the residuals, None where u_y was given.
-    status : one of `estim.checks.diagnosis.STATUSES`.  reasons : what is wrong, empty if it is "ok".  message : how the search went.
-    notes : what to know before using it, nothing wrong.
+    findings : everything wrong, gravest first, and the status that follows.  remarks : what to know before using it, nothing wrong.
+    reasons, notes : the same in words.  message : how the search went.
     goodness : tests of the residuals, in order of x; empty where the points are too few.
     fixed : name -> exact value of the parameters that were not fit.
     fit, problem : what sampling starts from; without u_y `problem` has `sigma_y` as a further parameter.
@@ -73,14 +85,22 @@ class CurveFit:
     dof: int
     p_value: float
     sigma: float | None
-    status: str
-    reasons: tuple[str, ...]
-    notes: tuple[str, ...]
+    status: Status
+    findings: tuple[Finding, ...]
+    remarks: tuple[Finding, ...]
     message: str
     goodness: tuple[Goodness, ...]
     fit: Fit
     text: str
     fixed: Mapping[str, float]
+
+    @property
+    def reasons(self) -> tuple[str, ...]:
+        return tuple(f"{tell(f)}; {advice(f)}" if f.kind in _ADVISED else tell(f) for f in self.findings)
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        return tuple(map(tell, self.remarks))
 
     @property
     def problem(self) -> Problem:
@@ -95,14 +115,14 @@ class CurveFit:
 
     def __str__(self) -> str:
         width = max(len(name) for name in self.names)
-        rows = [f"{name:<{width}} {words}" for name, words in self._rows()]
+        rows = [f"{name:<{width}} {f'{relation} {value}'.strip()}" for name, (relation, value) in self._rows()]
         head = [f"{self.text}: {self.status}", *(f"  {reason}" for reason in self.reasons)]
         said = [*head, *rows, *self._fixed_words(), *(f"note: {note}" for note in self.notes)]
         return "\n".join(map(one_line, [*said, self._summary()]))
 
     def _repr_markdown_(self) -> str:
         head = [f"{code(self.text)}: **{self.status}**", *(f"- {markdown(reason)}" for reason in self.reasons)]
-        rows = [(name, words.removeprefix("= ")) for name, words in self._rows()]
+        rows = [(name, value) for name, (_, value) in self._rows()]
         shown = ["", table(("parameter", "value and intervals"), rows)] if rows else []
         notes = [*self._fixed_words(), *(f"Note: {note}" for note in self.notes)]
         return "\n".join([*head, *shown, "", *(f"- {markdown(note)}" for note in notes), "", markdown(self._summary())])
@@ -110,9 +130,9 @@ class CurveFit:
     def _fixed_words(self) -> list[str]:
         return [f"{name} = {value:.10g} (fixed)" for name, value in self.fixed.items()]
 
-    def _rows(self) -> list[tuple[str, str]]:
-        """Name and value in words; limits where the curve or an edge is contradicted, nothing where no number is a result."""
-        if self.status not in ("ok", "poor-fit", "at-bound"):
+    def _rows(self) -> list[tuple[str, tuple[str, str]]]:
+        """Name, and relation and value in words; limits where the curve or an edge is contradicted, nothing where no number is a result."""
+        if self.status not in (Status.OK, Status.POOR_FIT, Status.AT_BOUND):
             return []
         few = self.sigma is not None and self.dof <= FEW
         priors = {p.name: p.prior for p in self.problem.parameters}
@@ -121,7 +141,7 @@ class CurveFit:
                 name,
                 shown_value(
                     self.values[name], self.sds[name], self.intervals[name], (priors[name].low, priors[name].high), unit=_unit(self.problem, name),
-                    few=few, ok=self.status == "ok",
+                    few=few, ok=self.status.ok,
                 ),
             )
             for name in self.names
@@ -226,45 +246,34 @@ def _concluded(posed: CurveProblem, best: Optimum, problem: Problem, *, sigma: f
     found = spread(fixed, best, dof=math.inf if sigma is None else dof, scale=scale, unknown=perfect and sigma is not None)
     tested = dof >= 1 and not perfect and not best.singular
     goodness = check_goodness(inner, rng=rng) if tested else ()
-    if goodness and problem.runs[0].latent is not None:
+    if goodness and inner.posterior.likelihoods[0].normal is None:  # chi^2 is only nearly what it is called
         p_value = goodness[0].checks["chi2"].p_value if "chi2" in goodness[0].checks else p_value
     conflict = None if best.singular else check_stated_values(inner)
-    findings = _findings(posed, best, fixed, p_value, chi2, dof, goodness, estimated=sigma is not None)
-    if inner.others.size:
-        findings = [*((f.status, f"{f.reason}; {f.advice}") for f in several_solutions(inner, laplace_modes(inner))), *findings]
-        findings.sort(key=lambda finding: STATUSES.index(finding[0]))
-    if conflict is not None and not conflict.agree:
-        findings.append(("poor-fit", conflict_words(inner, conflict)))
-        findings.sort(key=lambda finding: STATUSES.index(finding[0]))
+    solutions = several_solutions(inner, laplace_modes(inner)) if inner.others.size else []
+    stated = [] if conflict is None else [stated_values(inner, conflict)]
+    findings = wrong([*solutions, *_findings(posed, best, fixed, p_value, chi2, dof, goodness, estimated=sigma is not None), *stated])
     names = tuple(p.name for p in posed.parameters)
     return CurveFit(
         names=names, values=dict(zip(names, best.values.tolist(), strict=True)), sds=dict(zip(names, found.sds.tolist(), strict=True)),
-        intervals=found.intervals, cov=found.cov, chi2=chi2, dof=dof, p_value=p_value, sigma=sigma, status=findings[0][0] if findings else "ok",
-        reasons=tuple(reason for _, reason in findings), notes=(*found.notes, *_remarks(best, p_value, chi2, dof, sigma, perfect)),
-        message=_message(best, sigma, perfect, same_curve(inner)), goodness=goodness, fit=inner, text=posed.text, fixed=posed.fixed,
+        intervals=found.intervals, cov=found.cov, chi2=chi2, dof=dof, p_value=p_value, sigma=sigma, status=decide(findings), findings=findings,
+        remarks=(*found.notes, *_remarks(best, p_value, chi2, dof, sigma, perfect)),
+        message=_message(best, sigma, perfect, [tell(f) for f in same_curve(inner)]), goodness=goodness,
+        fit=inner, text=posed.text, fixed=posed.fixed,
     )
 
 
-def _remarks(best: Optimum, p_value: float, chi2: float, dof: int, sigma: float | None, perfect: bool) -> list[str]:
+def _remarks(best: Optimum, p_value: float, chi2: float, dof: int, sigma: float | None, perfect: bool) -> list[Finding]:
     """What to know of a fit that may be ok."""
-    notes = []
+    found = []
     if best.tolerance > _FEW_DIGITS and not perfect:
-        notes.append(f"rounding errors of the computer's numbers may move the values by {best.tolerance:.1g} standard deviations")
+        found.append(Finding(Kind.ROUNDING, size=best.tolerance))
     if best.frail and not best.singular:
-        notes.append(
-            "the terms of the curve all but cancel at these x, so that rounding leaves the values few digits: write the formula in x - x0, "
-            "with x0 in the middle of the data"
-        )
+        found.append(Finding(Kind.CANCELLATION))
     if sigma is not None and dof <= FEW and not perfect:
-        held = f"value ± standard error holds the true value in {coverage_of_sd(dof):.0%} of such experiments, not in 68 %".replace("%", " %", 1)
-        notes.append(f"only {dof} degree{'s' if dof > 1 else ''} of freedom: {held}; the intervals (Student's t) hold what they say")
+        found.append(Finding(Kind.FEW_DEGREES, size=dof, numbers={"coverage": coverage_of_sd(dof)}))
     if sigma is None and 1.0 - p_value < P_POOR_FIT:
-        larger = f", about {math.sqrt(dof / chi2):.2g} times" if chi2 > 0.0 else ""
-        notes.append(
-            f"the residuals are smaller than u_y says (chi2 = {chi2:.4g} for {dof} degrees of freedom): is u_y too large{larger}, and with it "
-            "every interval? Or do the points share their errors, or were they smoothed?"
-        )
-    return notes
+        found.append(Finding(Kind.CHI2_SMALL, p=1.0 - p_value, size=chi2, numbers={"dof": dof}))
+    return found
 
 
 def _fixed_fit(problem: Problem, best: Optimum, rng: np.random.Generator) -> Fit:
@@ -273,9 +282,7 @@ def _fixed_fit(problem: Problem, best: Optimum, rng: np.random.Generator) -> Fit
 
 
 def _size(inner: Fit, best: Optimum) -> float:
-    """chi^2: the sum of squares that was minimised; with errors of x that of the normal scores, and of the priors."""
-    if all(run.latent is None for run in inner.problem.runs):
-        return best.chi2
+    """chi^2 of the data and of the priors."""
     return float(np.sum(inner.posterior.size_residuals(best.values) ** 2) + np.sum(inner.posterior.prior_residuals(best.values) ** 2))
 
 
@@ -296,27 +303,22 @@ def _inner_fit(posed: CurveProblem, best: Optimum, problem: Problem, sigma: floa
 
 def _findings(
     posed: CurveProblem, best: Optimum, fixed: Fit, p_value: float, chi2: float, dof: int, goodness: tuple[Goodness, ...], *, estimated: bool
-) -> list[tuple[str, str]]:
-    """(status, reason) for everything that is wrong, gravest first."""
+) -> list[Finding]:
+    """Everything that is wrong with the fit itself."""
     found = []
     if not best.settled and not best.singular:
-        reason = f"the search did not settle: its last step was {best.step:.2g} standard deviations; try other starting values"
-        found.append(("not-converged", reason))
+        found.append(Finding(Kind.STEP_UNSETTLED, size=best.step))
     if best.singular:
-        found.append(("not-identified", "the data do not determine a combination of the parameters: no standard deviations"))
+        found.append(Finding(Kind.UNDETERMINED))
     for name, p in pressed(fixed, estimated=estimated).items():
         if p < PRESSED_BELOW:
             i = fixed.names.index(name)
-            edge = edge_of(posed.parameters[i].prior, float(best.values[i]))
-            reason = f"{name} lies on its limit {edge:.6g}, and the data ask for values beyond it ({format_p(p)}): is the limit right?"
-            found.append(("at-bound", reason))
+            limit = edge_of(posed.parameters[i].prior, float(best.values[i]))
+            found.append(Finding(Kind.PRESSED_LIMIT, p=p, parameters=(Amount(name, limit),)))
     if p_value < P_POOR_FIT:
-        found.append(("poor-fit", f"the residuals are larger than u_y allows: chi2 = {chi2:.4g} for {dof} degrees of freedom, {format_p(p_value)}"))
-    for run in goodness:
-        for name in run.failed:
-            if name != "chi2":
-                found.append(("poor-fit", f"{run.checks[name].meaning} (test '{name}', p = {run.checks[name].p_value:.1g})"))
-    return sorted(found, key=lambda finding: STATUSES.index(finding[0]))
+        found.append(Finding(Kind.CHI2_TOO_LARGE, p=p_value, size=chi2, numbers={"dof": dof}))
+    # the points have no run to be named, and chi2 was told above
+    return found + [replace(f, run="", numbers={}) for f in failed_tests(goodness) if f.test and f.test != "chi2"]
 
 
 def _message(best: Optimum, sigma: float | None, perfect: bool, same: list[str]) -> str:

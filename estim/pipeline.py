@@ -30,7 +30,7 @@ from estim.checks import (
     parameter_cells,
     untested,
 )
-from estim.common import InputError, Stream, stream
+from estim.common import InputError, Status, Stream, stream
 from estim.curve_fit import CurveFit
 from estim.fitting import Fit
 from estim.problem import Problem, folded
@@ -54,6 +54,7 @@ from estim.sampling import (
     summarise_parameter,
     too_many,
 )
+from estim.words import advice_for
 
 _BAND_DRAWS = 4000
 _MODE_DRAWS = 20_000
@@ -97,7 +98,7 @@ class Analysis:
         ]
         return headline(
             ": ".join(part for part in (self.title, ", ".join(run.name for run in self.problem.runs)) if part), kind=self.kind,
-            status=self.diagnosis.status, reasons=self.diagnosis.reasons, advice=[f.advice for f in self.diagnosis.findings], rows=rows,
+            status=self.diagnosis.status, reasons=self.diagnosis.reasons, advice=advice_for(self.diagnosis.findings), rows=rows,
         )
 
 
@@ -127,7 +128,7 @@ def analyse_fit(
     target, problem = target or Target(), fit.problem
     chain_rng, proposal_rng = stream(seed, Stream.CHAIN), stream(seed, Stream.PROPOSAL)
     certificate = None
-    if marginal if marginal is not None else _through_marginal(problem):
+    if marginal if marginal is not None else _through_marginal(fit):
         chain, comparison = marginal_chain(fit, target=target, rng=chain_rng)
     else:
         proposal, density = None, folded(fit.posterior, fit.symmetry, fit.values)
@@ -158,10 +159,11 @@ def analyse_fit(
     )
 
 
-def _through_marginal(problem: Problem) -> bool:
-    if any(run.latent is not None for run in problem.runs):
+def _through_marginal(fit: Fit) -> bool:
+    if any(run.normal is None for run in fit.posterior.likelihoods):
         return False
-    slow = any(run.noise.positions for run in problem.runs) and problem.n_par > MAX_PARAMETERS
+    problem = fit.problem
+    slow = any(run.positions for run in problem.runs) and problem.n_par > MAX_PARAMETERS
     return len(problem.runs) > (1 if slow else _MANY_RUNS)
 
 
@@ -172,8 +174,8 @@ def sample_curve(fit: CurveFit, *, seed: int, target: Target | None = None, prog
 
     Raises InputError where the fit leaves nothing to sample: parameters that the data do not determine, or no residuals.
     """
-    if fit.status in ("not-identified", "not-converged"):
-        raise InputError(f"cannot be sampled: {fit.reasons[0]}", field="fit", value=fit.status)
+    if fit.status in (Status.NOT_IDENTIFIED, Status.NOT_CONVERGED):
+        raise InputError(f"cannot be sampled: {fit.reasons[0]}", field="fit", value=str(fit.status))
     if fit.fit.singular:
         rule = "cannot be sampled: rounding leaves its parameters too few digits; write the formula in x - x0, with x0 in the middle of the data"
         raise InputError(rule, field="fit")

@@ -6,11 +6,14 @@ import ast
 import re
 import subprocess
 import sys
+from dataclasses import fields
 from graphlib import CycleError, TopologicalSorter
 from importlib import import_module
 from pathlib import Path
 
 import pytest
+
+from estim.common.statuses import Amount, Finding
 
 PROJECT = Path(__file__).resolve().parents[1]
 FILES = {
@@ -117,6 +120,14 @@ def test_no_circles_inside_a_package():
         pytest.fail(f"circle: {' -> '.join(error.args[1])}")
 
 
+def test_nobody_asks_which_kind_of_noise_it_is():
+    kinds = {"Independent", "Differentiated", "Readings", "Correlated", "PointErrors", "CorrelatedErrors", "LatentErrors", "StudentT", "Mixture"}
+    for module in ESTIM:
+        for node in ast.walk(TREES[module]):
+            if isinstance(node, ast.Call) and getattr(node.func, "id", "") in ("isinstance", "issubclass"):
+                assert not kinds & {getattr(part, "id", getattr(part, "attr", "")) for part in ast.walk(node.args[1])}, module
+
+
 def test_a_page_is_short_and_offers_what_others_use():
     assert len(PAGES) > 10
     for page in PAGES:
@@ -164,6 +175,71 @@ def test_one_place_prints_and_one_file_writes():
     assert {m for m in ESTIM if storage & IMPORTS[m] and room(m) != "estim.common"} == {"estim.cli.terminal", "estim.sampling.checkpoint"}
     assert importers("pickle") | importers("shelve") <= {"estim.calibration.jobs"}  # between processes only, never from a file
     assert importers("h5py") <= {"estim.reports.interop"}  # a checkpoint that a reader holds open would stop its writer
+
+
+RECORDS = {"Finding", "Amount"}
+
+
+def free_texts(tree):
+    """Lines on which a tree gives a finding a sentence, or makes one on the spot."""
+    calls = [n for n in ast.walk(tree) if isinstance(n, ast.Call) and getattr(n.func, "id", "") in RECORDS]
+    given = [(n.lineno, value) for n in calls for value in (*n.args, *(k.value for k in n.keywords))]
+
+    def text(node):
+        return isinstance(node, ast.JoinedStr) or (isinstance(node, ast.Constant) and " " in str(node.value))
+
+    return sorted({line for line, value in given if any(map(text, ast.walk(value)))})
+
+
+def test_a_finding_holds_facts_and_no_sentence():
+    assert free_texts(ast.parse("Finding(kind, test=f'p = {p}')\nAmount('a b')\nFinding(kind, test='chi2', size=1.0)")) == [1, 2]
+    assert [m for m, tree in TREES.items() if free_texts(tree)] == []
+    texts = {field.name for record in (Finding, Amount) for field in fields(record) if "str" in str(field.type)}
+    assert texts == {"run", "test", "names", "name", "numbers"}  # names of runs, tests, arguments, parameters and numbers
+
+
+PROSE = {"reason", "reasons", "advice", "note", "notes", "message", "sentence", "sentences", "warning", "warnings", "fact", "facts", "words"}
+SEARCHES = {"startswith", "endswith", "partition", "rpartition", "split", "removeprefix", "removesuffix", "find", "index", "replace", "count"}
+SEARCHES |= {"match", "search", "fullmatch", "findall", "sub"}
+OF_OTHERS = {  # words that are not estim's, or that stand in a file
+    "estim.campaign.file",  # messages of msgspec
+    "estim.reading.toml",  # messages of tomllib
+    "estim.reading.tracker.importing",  # the head of a CSV file that `estim import` made, of any version
+    "estim.reading.tracker.suspicion",
+}
+FILLING = {"estim.words.telling"}  # names of choices put into advice
+
+
+def is_prose(node):
+    return getattr(node, "attr", getattr(node, "id", "")) in PROSE or (
+        isinstance(node, ast.Call) and getattr(node.func, "id", "") == "str" and getattr(node.args[0], "id", "") == "error"
+    )
+
+
+def readings(tree):
+    """Lines on which a tree looks into a sentence: compares it, or searches or cuts it."""
+    found = []
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Compare):
+            for op, a, b in zip(node.ops, (node.left, *node.comparators), node.comparators, strict=False):
+                if not isinstance(op, ast.Is | ast.IsNot) and (is_prose(b) or (is_prose(a) and isinstance(op, ast.Eq | ast.NotEq))):
+                    found.append(node.lineno)
+        elif isinstance(node, ast.Call) and isinstance(node.func, ast.Attribute) and node.func.attr in SEARCHES:
+            asked = node.args if getattr(node.func.value, "id", "") == "re" else [node.func.value]
+            if any(is_prose(part) for part in asked):
+                found.append(node.lineno)
+    return found
+
+
+def test_no_sentence_is_read_back():
+    seen = "'a' in run.reason\nfit.message == 'b'\nreason.startswith('c')\nre.match('d', fact)\nstr(error).partition(' at ')\n"
+    assert readings(ast.parse(seen)) == [1, 2, 3, 4, 5]
+    assert readings(ast.parse("'a' in names\nstatus == 'ok'\nname.partition('[')\nfinding.kind is Kind.WAY_BACK\n")) == []
+    assert {m for m in ESTIM if readings(TREES[m])} == OF_OTHERS | FILLING
+
+
+def test_one_place_knows_to_which_status_a_finding_leads():
+    assert {m for m in ESTIM if "estim.common.kinds.LEADS_TO" in IMPORTS[m]} == {"estim.common.statuses"}
 
 
 def test_the_command_line_starts_without_the_heavy_packages():

@@ -27,6 +27,7 @@ from estim.fitting.least_squares import Fit, fit_least_squares
 from estim.problem.noise import Scale
 from estim.problem.priors import Normal, Uniform
 from estim.problem.problem import Problem
+from estim.words import tell
 
 QUICK = Engine(ess=500.0, n_round=500, max_step=1000)
 CLOCK = 'release_time_s = "0.000(5)"\noffset_m = "0.0000(5)"'
@@ -236,7 +237,7 @@ def test_no_noise_model_misstates_its_uncertainty(tmp_path, name):
 def test_a_sigma_half_as_large_is_called_too_narrow(tmp_path):
     calibration = sbc(load(tmp_path, "{sigma_x_m = 0.001}"), 100, analysed=NoiseTable(sigma_x_m=0.0005))
     assert calibration.p_value("theta0[r]") < 1e-3
-    said = {finding.name: finding.sentence for finding in findings(calibration)}
+    said = {finding.parameters[0].name: tell(finding) for finding in findings(calibration)}
     assert "intervals are too narrow" in said["theta0[r]"]
     assert "turning_point[r]" in said
 
@@ -246,7 +247,7 @@ def test_differences_taken_for_independent_speeds_are_called_too_wide(tmp_path):
     wrong = NoiseTable(model="independent", derivative="central", sigma_v_m_s=0.001 * 30.0 / np.sqrt(2.0))
     text = TEXT.replace('theta0_deg = "60(2)"', 'theta0_deg = "60(5)"')
     calibration = sbc(load(tmp_path, "{sigma_x_m = 0.001}", every=1, text=text, speeds=False), 150, analysed=wrong)
-    assert any(finding.name == "theta0[r]" and "too wide" in finding.sentence for finding in findings(calibration))
+    assert any(finding.parameters[0].name == "theta0[r]" and "too wide" in tell(finding) for finding in findings(calibration))
 
 
 @pytest.mark.statistics
@@ -300,8 +301,8 @@ def test_a_curve_of_ones_own_is_calibrated_at_its_points(rng):
     )
     assert tuple(right.reported) == ("a", "b")
     assert findings(right) == ()
-    assert {finding.name for finding in findings(wrong)} == {"a", "b"}
-    assert all("too narrow" in finding.sentence for finding in findings(wrong))
+    assert {finding.parameters[0].name for finding in findings(wrong)} == {"a", "b"}
+    assert all("too narrow" in tell(finding) for finding in findings(wrong))
 
 
 def test_the_same_seed_gives_the_same_ranks_for_any_number_of_jobs(tmp_path):
@@ -432,7 +433,7 @@ def test_a_curve_campaign_is_calibrated_and_half_its_errors_are_not(tmp_path):
     right = simulation_based_calibration(design, fit, n_trial=80, seed=3, engine=QUICK)
     wrong = simulation_based_calibration(HalfSigma(problem, scale=0.5), fit, n_trial=80, seed=3, engine=QUICK)
     assert findings(right) == ()
-    assert {finding.name for finding in findings(wrong)} == {"A", "b"}
+    assert {finding.parameters[0].name for finding in findings(wrong)} == {"A", "b"}
 
 
 @pytest.mark.slow

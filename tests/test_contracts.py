@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import fields
 from pathlib import Path
 
 import numpy as np
 import pytest
+from noises import CASES, POINTS, VALUES, Case, Y, line
+from scipy import stats
 
 from estim import Component, InputError
 from estim.campaign import load_campaign
@@ -14,8 +17,11 @@ from estim.curves.function import wrap_function
 from estim.curves.rolling import MotionCurve, PhaseCurve, RollingMotion
 from estim.curves.shared_errors import DistortedCurve
 from estim.fitting.least_squares import Fit
-from estim.problem.curve import POINTS, Motion, SpeedCurve
+from estim.problem.curve import POINTS as PLAIN
+from estim.problem.curve import Motion, SpeedCurve
+from estim.problem.likelihood import Likelihood, reading_sd
 from estim.problem.problem import Problem
+from estim.problem.whitened import Linear
 
 X = np.linspace(0.05, 0.30, 6)
 BODY = {
@@ -146,7 +152,7 @@ def test_a_study_poses_and_fits_its_runs_and_knows_what_may_be_asked(campaign, r
     assert tuple(run.name for run in joint.runs) == names
     for run in joint.runs:
         assert run.parameters <= set(joint.names)
-        assert (run.motion is None) == (study.body_of(run.name) is None) == (run.words.what == POINTS.what)
+        assert (run.motion is None) == (study.body_of(run.name) is None) == (run.words.what == PLAIN.what)
         alone = study.problem([run.name], campaign.tables)
         assert joint.restricted([run]).n_par == alone.n_par
     problem = study.problem(names[:1], campaign.tables)
@@ -169,3 +175,152 @@ def test_a_study_poses_and_fits_its_runs_and_knows_what_may_be_asked(campaign, r
         for ask in refused:
             with pytest.raises(InputError, match=r"campaign\.toml:\d+: 'curve'"):
                 ask()
+
+
+STEP = 1e-5
+
+
+def column(*rows: dict[str, float]) -> dict[str, np.ndarray]:
+    return {name: np.array([[row[name]] for row in rows]) for name in rows[0]}
+
+
+def derivative(value, named: dict[str, float], name: str) -> np.ndarray:
+    """Of value(named) in a parameter, by a central difference."""
+    low, high = (value(column(named | {name: named[name] + sign * STEP})) for sign in (-1.0, 1.0))
+    return (np.asarray(high) - np.asarray(low)) / (2.0 * STEP)
+
+
+def check_of_draws(case: Case, noise: Likelihood) -> None:
+    """The densities are those of brute force, at every draw; one draw gives the same as many."""
+    rows = [{name: value * factor for name, value in case.here.items()} for factor in (1.0, 1.02, 0.97)]
+    every = column(*rows)
+    assert noise.log_likelihood(every) == pytest.approx([case.brute.log_density(Y, row) for row in rows], abs=case.within)
+    for row, parts in zip(rows, noise.pointwise(every), strict=True):
+        assert parts == pytest.approx(case.conditional.pointwise(Y, row), abs=case.within)
+    for ask in (noise.log_likelihood, noise.pointwise, noise.standardised, noise.residuals, noise.size_residuals, noise.outlier_probability):
+        for row, together in zip(rows, ask(every), strict=True):
+            assert ask(column(row))[0] == pytest.approx(together, rel=1e-9)
+    assert np.any(noise.outlier_probability(every) > 0.0) == case.outliers
+
+
+def check_steps(case: Case, noise: Likelihood) -> None:
+    """Residuals, their derivatives and the steps that they make fit together with the densities."""
+    here, names = case.here, tuple(case.here)
+    height = noise.log_likelihood if case.single is None else lambda named: np.sum(noise.pointwise(named), axis=1)
+    both = column(here, here | {"a": here["a"] + 0.1, "b": here["b"] - 0.07})
+    assert np.diff(np.sum(noise.residuals(both) ** 2, axis=1)) == pytest.approx(-2.0 * np.diff(height(both)), rel=1e-8)
+    jacobian, (rows, aim) = noise.jacobian(here, names), noise.scoring(here, names)
+    for i, name in enumerate(names):
+        if name not in VALUES:
+            assert not np.any(jacobian[:, i])
+            assert not np.any(rows[:, i])
+            continue
+        numeric = derivative(noise.residuals, here, name)[0]
+        assert jacobian[:, i] == pytest.approx(numeric, rel=1e-5, abs=1e-6 * float(np.max(np.abs(numeric))))
+        assert -rows[:, i] @ aim == pytest.approx(derivative(height, here, name)[0], rel=1e-5)
+    root, curve = noise.information_root(here, names), np.ix_([0, 1], [0, 1])
+    assert (root.T @ root)[curve] == pytest.approx(noise.information(here, names, {})[curve], rel=1e-6)
+    whitened = noise.whitened(here, names)
+    assert whitened.z == pytest.approx(case.conditional.scores(Y, here), abs=case.within)
+    assert whitened.root.shape[1] == len(names)
+
+
+def check_size(case: Case, noise: Likelihood) -> None:
+    """Information and size of the errors, against a covariance or densities by brute force."""
+    here, names = case.here, tuple(case.here)
+    ends = {n: (here | {n: here[n] - STEP}, here | {n: here[n] + STEP}, 2.0 * STEP) for n in case.noise.parameters}
+    information = noise.information(here, names, ends)
+    assert information == pytest.approx(information.T, rel=1e-9)
+    assert (noise.normal is None) == (case.outliers or case.single is not None)
+    if noise.normal is None:
+        if case.single is None:
+            assert np.diag(information) == pytest.approx(case.brute.information(here), rel=0.05)
+        return
+    cov, brute = noise.normal.covariance(here), case.brute
+    assert cov == pytest.approx(brute.cov(here), rel=1e-9, abs=1e-15)
+    assert noise.sd(here) ** 2 == pytest.approx(np.diag(cov), rel=1e-9)
+    assert noise.squared_size(Y, here) == pytest.approx(Y @ np.linalg.solve(cov, Y), rel=1e-9)
+    assert Y - noise.y == pytest.approx(brute.mean(here) - line(here), abs=1e-12)
+    assert information == pytest.approx(brute.information(here, names), rel=1e-5, abs=1e-5)
+    z, variance, of_curve, of_spread = noise.normal.opened(column(here, here), names)
+    assert -0.5 * np.sum(z**2 + np.log(2.0 * np.pi * variance), axis=1) == pytest.approx(noise.log_likelihood(column(here, here)), rel=1e-12)
+    for i, name in enumerate(names):
+        score = z[1] @ of_curve[1, :, i] + 0.5 * (z[1] ** 2 - 1.0) @ of_spread[1, :, i]
+        assert score == pytest.approx(derivative(noise.log_likelihood, here, name)[0], rel=1e-5)
+
+
+def check_noise(case: Case, noise: Likelihood) -> None:
+    check_of_draws(case, noise)
+    check_steps(case, noise)
+    check_size(case, noise)
+
+
+@pytest.mark.parametrize("case", CASES.values(), ids=CASES)
+def test_noise_says_of_draws_and_at_a_point_what_brute_force_says(case: Case) -> None:
+    likelihood = case.noise.likelihood(POINTS, VALUES)
+    check_noise(case, likelihood)
+    afar = case.noise.for_search()
+    assert not afar.likelihood(POINTS, VALUES).creeps
+    assert (afar is case.noise) == (not likelihood.creeps)
+    assert set(case.noise.parameters) == set(case.values)
+    assert set(case.noise.outlier_parameters) <= set(case.noise.parameters)
+    assert case.noise.robust == case.outliers
+    assert case.noise.outlier_share(case.here) == pytest.approx(case.here.get("fraction", np.nan), nan_ok=True)
+    assert case.noise.describe(x_unit="m", y_unit="m/s", words=PLAIN)
+
+
+@pytest.mark.parametrize("name", [name for name, case in CASES.items() if case.single is None])
+def test_noise_reads_what_its_likelihood_expects(name: str, rng: np.random.Generator) -> None:
+    case, here, ones = CASES[name], CASES[name].here, np.ones(Y.size)
+    if not case.outliers:
+        cov, variance = case.noise.carried(-VALUES["b"] * ones, ones, here)
+        assert cov == pytest.approx(case.brute.cov(here), rel=1e-9, abs=1e-15)
+        assert np.all(variance > 0.0)
+    gain = case.noise.reading_gain()
+    assert reading_sd(case.noise, here) == pytest.approx(np.sqrt(case.noise.size.reading_variance(here)) * gain)
+    if not (case.noise.made_of_positions or case.noise.size.step):
+        scores = np.array([case.brute.scores(case.noise.read(line(here), gain, here, rng), here) for _ in range(200)])
+        assert stats.kstest(scores.ravel(), "norm").pvalue > 1e-3
+        assert stats.kstest(1.4 * scores.ravel(), "norm").pvalue < 1e-3
+
+
+def without_the_norm(self, named):
+    return -0.5 * np.sum(self.residuals(named) ** 2, axis=1)
+
+
+def without_neighbours(self, named):
+    return stats.norm(0.0, self.sd({name: np.ravel(value)[0] for name, value in named.items()})).logpdf(self.y - self.points.value(named))
+
+
+def of_the_first_draw(self, named):
+    return type(self).__base__.pointwise(self, {name: np.broadcast_to(value[:1], value.shape) for name, value in named.items()})
+
+
+def too_steep(self, named, names):
+    return 1.01 * type(self).__base__.jacobian(self, named, names)
+
+
+def too_sure(self, named, names, ends):
+    return 1.3 * type(self).__base__.information(self, named, names, ends)
+
+
+def out_of_order(self, named, names):
+    return Linear(self.standardised(column(named))[0], self.jacobian(named, names))
+
+
+WRONG = [
+    ("independent", "log_likelihood", without_the_norm), ("differentiated", "log_likelihood", without_the_norm),
+    ("errors of x", "log_likelihood", lambda self, named: np.sum(self.pointwise(named), axis=1)),
+    ("differentiated", "pointwise", without_neighbours), ("stated covariance", "pointwise", without_neighbours),
+    ("independent, mixture", "pointwise", of_the_first_draw), ("errors of x, mixture", "pointwise", of_the_first_draw),
+    ("independent, Student-t", "jacobian", too_steep), ("errors of x", "jacobian", too_steep), ("positions", "information", too_sure),
+    ("independent, Student-t", "information", too_sure), ("stated covariance", "whitened", out_of_order),
+]
+
+
+@pytest.mark.parametrize(("name", "member", "wrong"), WRONG, ids=[f"{name}: {member}" for name, member, _ in WRONG])
+def test_wrong_noise_breaks_the_contract(name: str, member: str, wrong) -> None:
+    case, right = CASES[name], CASES[name].noise.likelihood(POINTS, VALUES)
+    broken = type("Broken", (type(right),), {member: wrong})(**{field.name: getattr(right, field.name) for field in fields(right)})
+    with pytest.raises(AssertionError):
+        check_noise(case, broken)

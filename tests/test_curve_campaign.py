@@ -16,6 +16,7 @@ from estim.common.errors import InputError
 from estim.fitting.optimum import fit_optimum
 from estim.pipeline import analyse
 from estim.sampling.chain import Target
+from estim.words import tell
 
 CAMPAIGN = """title = "Discharge of a capacitor"
 kind = "synthetic"
@@ -99,7 +100,7 @@ def test_the_size_of_the_errors_is_stated_or_inferred(folder: Path, u_y: str, na
 def test_a_window_leaves_rows_out_and_says_so(folder: Path) -> None:
     run = load(folder, CAMPAIGN.replace("u_y = 0.02", "u_y = 0.02\nwindow = {min = 1.0, max = 9.0}")).problem(["first"]).runs[0]
     assert (run.x.min(), run.x.max()) == (1.2, 8.8)
-    assert run.excluded == ("6 outside the stated window",)
+    assert [tell(why) for why in run.excluded] == ["6 outside the stated window"]
     assert run.excluded_points.shape == (6, 2)
 
 

@@ -127,7 +127,8 @@ def test_derivatives_are_those_of_the_density(formula: str, line: Problem) -> No
 def test_the_information_is_the_mean_square_of_the_score(line: Problem, rng: np.random.Generator) -> None:
     run, values, n = line.runs[0], np.array([1.05, 1.4]), 20_000
     problem = posed("a*exp(b*x)", run.x, run.y, {"a": 1.0, "b": 2.0}, 0.05, 0.08)
-    latent, named = problem.runs[0].latent, problem.named(values)
+    named = problem.named(values)
+    latent = problem.runs[0].likelihood(named)
     (part,) = (latent._predictive(named),)
     weight = np.exp(part.log_weight[0])
     chosen = np.array([rng.choice(row.size, n, p=row / row.sum()) for row in weight])
@@ -201,7 +202,8 @@ def test_an_outlier_is_named_where_x_has_errors(rng: np.random.Generator) -> Non
     y[11] += 2.0
     problem = posed("a + b*x", x, y, {"a": 1.0, "b": 2.0}, 0.05, 0.03)
     run = replace(problem.runs[0], noise=replace(problem.runs[0].noise, tails=Mixture("fraction", "log_width")))
-    (probability,) = run.latent.outlier_probability({"a": 1.0, "b": 2.0, "fraction": 0.05, "log_width": np.log(10.0)})
+    named = {"a": 1.0, "b": 2.0, "fraction": 0.05, "log_width": np.log(10.0)}
+    (probability,) = run.likelihood(named).outlier_probability(named)
     assert set(np.flatnonzero(probability > 0.5)) == {int(np.argmax(run.y - 2.0 * run.x))}
 
 

@@ -13,6 +13,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from estim.campaign import load_campaign
+from estim.common import Finding, Kind
 from estim.common.labels import Notation
 from estim.curves.rolling import RollingMotion
 from estim.problem.observations import Parameter
@@ -80,7 +81,7 @@ def test_runs_show_what_they_share_first_and_nothing_else_where_there_is_no_room
 def test_frames_of_the_way_back_are_counted_and_no_marker_at_the_axis_is_cut(rng: np.random.Generator) -> None:
     run = single_run(1).runs[0]
     left = np.array([[0.01, 0.0], [0.5, -0.4], [0.4, -0.5]])
-    excluded = ("2 after the farthest point (the way back is another motion)", "1 within five standard deviations of a reading from the release")
+    excluded = (Finding(Kind.WAY_BACK, size=2), Finding(Kind.BESIDE_RELEASE, size=1))
     run = replace(run, x=X[1:], y=X[1:], excluded=excluded, excluded_points=left, words=RollingMotion(angular=False).words())
     figure = Figure()
     figures._draw_points(ax := figure.subplots(), run)

@@ -72,13 +72,11 @@ def test_p_values_are_uniform_under_the_right_model(rng: np.random.Generator, re
     """Refit data simulated from the fit itself: each test rejects 5 % of right models at the 5 % level."""
     from dataclasses import replace
 
-    from estim.problem.noise import covariance
-
     problem = load_campaign(replica / "campaign.toml").problem(["heavy-06"])
     fit = fit_least_squares(problem, rng=rng)
     run, named = problem.runs[0], problem.named(fit.values)
-    curve = run.curve.value(run.x, run.bind(named)) + fit.posterior.whitenings[0].offset
-    factor = np.linalg.cholesky(covariance(run.noise, fit.posterior.whitenings[0], named))
+    curve = run.curve.value(run.x, run.bind(named)) + run.y - fit.posterior.likelihoods[0].y
+    factor = np.linalg.cholesky(fit.posterior.likelihoods[0].normal.covariance(named))
     n, below = 300, {}
     for _ in range(n):
         y = curve.ravel() + factor @ rng.standard_normal(run.n_obs)

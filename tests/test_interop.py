@@ -16,11 +16,13 @@ import pytest
 import estim
 from estim.checks.cross_validation import leave_one_out
 from estim.common.errors import InputError
-from estim.common.statuses import STATUSES, Finding
+from estim.common.kinds import Kind, Status
+from estim.common.statuses import Finding
 from estim.pipeline import Analysis
 from estim.reports import interop
 from estim.sampling.chain import Target
 from estim.sampling.diagnostics import effective_size, r_hat
+from estim.words import advice, tell
 
 NEEDED = "needs the extra arviz"
 
@@ -50,9 +52,11 @@ def xarray() -> object:
     return pytest.importorskip("xarray", reason=NEEDED)
 
 
+WRONG = Finding(Kind.SINGULAR)
+
+
 def rejected(analysis: Analysis, status: str) -> Analysis:
-    finding = Finding(status, "the reason why", "the thing to do")
-    return replace(analysis, diagnosis=replace(analysis.diagnosis, status=status, findings=(finding,)))
+    return replace(analysis, diagnosis=replace(analysis.diagnosis, status=Status(status), findings=(WRONG,)))
 
 
 # --- order of draws
@@ -259,13 +263,13 @@ def test_notebook_shows_the_values_that_the_report_has(campaign: estim.Campaign,
         assert f"| {row.symbol} | {row.meaning} | {row.posterior} | {row.interval} | {row.unit} |" in shown
 
 
-@pytest.mark.parametrize("status", [status for status in STATUSES if status != "ok"])
+@pytest.mark.parametrize("status", [status for status in Status if not status.ok])
 def test_notebook_shows_reasons_and_no_number_where_the_status_is_not_ok(campaign: estim.Campaign, analysis: Analysis, status: str) -> None:
     bad = rejected(analysis, status)
     for shown in (bad._repr_markdown_(), estim.result_of(campaign, bad)._repr_markdown_()):
         assert f"**{status}**" in shown
-        assert "- the reason why" in shown
-        assert "- What to do: the thing to do" in shown
+        assert f"- {tell(WRONG)}" in shown
+        assert f"- What to do: {advice(WRONG)}" in shown
         body = shown.replace("heavy-04", "").replace("1403.7220", "")
         assert not re.search(r"\d", body), body
         assert re.search(r"\d\.\d", analysis._repr_markdown_().replace("1403.7220", ""))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -17,6 +18,7 @@ from estim.fitting.least_squares import Fit, fit_least_squares
 from estim.pipeline import analyse
 from estim.problem.priors import HalfNormal, Normal, Uniform
 from estim.problem.problem import Posterior, Problem
+from estim.problem.tails import StudentT
 from estim.sampling import conditional
 from estim.sampling.chain import Target, sample_posterior
 from estim.sampling.conditional import RunTerm, hermite_nodes, log_volume
@@ -204,6 +206,9 @@ def test_own_parameters_close_to_an_edge_are_sampled_or_refused(rng: np.random.G
 
 def test_noise_that_is_not_normal_is_refused(rng: np.random.Generator, monkeypatch: pytest.MonkeyPatch) -> None:
     fit = fitted(linear_problem(rng)[0])
+    heavy = tuple(replace(likelihood, tails=StudentT()) for likelihood in fit.posterior.likelihoods)
+    with pytest.raises(InputError, match="plain normal noise"):
+        sample_marginal(replace(fit, posterior=replace(fit.posterior, likelihoods=heavy)), rng=rng)
     right = Posterior.log_likelihood
     monkeypatch.setattr(Posterior, "log_likelihood", lambda self, draws: 0.9 * right(self, draws))
     with pytest.raises(InputError, match="plain normal noise"):

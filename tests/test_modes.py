@@ -13,8 +13,9 @@ from estim import CurveFit, fit_curve
 from estim.campaign import load_campaign
 from estim.fitting.symmetry_search import find_symmetry
 from estim.pipeline import analyse, sample_curve
-from estim.problem.symmetry import folded, in_words
+from estim.problem.symmetry import folded, same_curves
 from estim.sampling.chain import Target
+from estim.words import tell
 
 SINE = "A*sin(2*pi*f*x + p)"
 WAVE = "A*sin(2*pi*f*x) + B*cos(2*pi*f*x)"
@@ -199,7 +200,7 @@ def test_symmetries_of_a_curve_are_found_and_named(curve: str, start: dict[str, 
     fit = fit_curve(curve, x, np.ones(T.size) + 0.01 * T, start=start, u_y=0.1, n_start=1)
     found = find_symmetry(fit.problem, np.array(list(start.values())), range(len(start)), np.random.default_rng(0))
     assert found.order.shape[0] == n_label
-    assert words in "; ".join(in_words(found, fit.names, np.array(list(start.values()))))
+    assert words in "; ".join(map(tell, same_curves(found, fit.names, np.array(list(start.values())))))
 
 
 def test_a_full_turn_within_bounds_is_the_same_solution_and_said() -> None:

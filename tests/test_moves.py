@@ -42,7 +42,7 @@ def move_alone(known: Known, proposal: Proposal, propose: object, *, n_step: int
         sampler.run_mcmc(start, n_step, skip_initial_state_check=True)
         chains.append(sampler.get_chain(discard=n_step // 10))
     draws = np.array(chains)
-    return Chain(known.names, draws, np.zeros(draws.shape[:-1]), 0, np.ones(2), 0, Convergence(n_step, 1.0, 0.0, 0.0, 1.0, 0.0, True, ""))
+    return Chain(known.names, draws, np.zeros(draws.shape[:-1]), 0, np.ones(2), 0, Convergence(n_step, 1.0, 0.0, 0.0, 1.0, 0.0, True, ()))
 
 
 def worst(chain: Chain, known: Known) -> float:

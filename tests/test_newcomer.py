@@ -110,16 +110,17 @@ def test_least_p_value_is_told_as_a_limit() -> None:
 
 def test_size_of_errors_is_to_be_inferred_only_where_nothing_but_the_size_is_wrong(tmp_path: Path) -> None:
     """Random errors twice as large as stated: infer them.  A drift: do not."""
-    from estim.checks.diagnosis import _goodness
+    from estim.checks.diagnosis import failed_tests
     from estim.checks.goodness import check_goodness
     from estim.fitting.least_squares import fit_least_squares
+    from estim.words import advice_for
 
     def advice(errors: np.ndarray) -> str:
         pattern = load_campaign(write(tmp_path, '{model = "positions", sigma_x_m = 0.001}'))
         table = replace(pattern.tables["r"], columns=MappingProxyType({"t_s": TIMES, "x_m": POSITIONS + errors}))
         problem = replace(pattern, tables=MappingProxyType({"r": table})).problem(["r"])
         fit = fit_least_squares(problem, rng=np.random.default_rng(1), n_start=2)
-        return " ".join(finding.advice for finding in _goodness(check_goodness(fit, rng=np.random.default_rng(2))))
+        return " ".join(advice_for(failed_tests(check_goodness(fit, rng=np.random.default_rng(2)))))
 
     noise = np.random.default_rng(3).standard_normal(TIMES.size)
     assert 'sigma_x_m = {prior = "log-normal"' in advice(0.003 * noise)

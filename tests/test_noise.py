@@ -18,7 +18,8 @@ from scipy.integrate import solve_ivp
 from estim.campaign import Campaign, load_campaign
 from estim.curves.formula import read_formula
 from estim.fitting.least_squares import Fit, fit_least_squares
-from estim.problem.noise import Independent, Scale, covariance
+from estim.problem.likelihood import Points
+from estim.problem.noise import Independent, Scale
 from estim.reading.run import Run
 
 G, RADIUS, GAMMA, KAPPA, PHI, THETA0, SIGMA = 9.81, 0.15, 0.187, 0.45, np.radians(4.0), np.radians(60.0), 0.001
@@ -95,17 +96,19 @@ def repeated_fits(campaign: Campaign, n: int, rng: np.random.Generator) -> tuple
     return np.array([f.values for f in fits]), np.sqrt(np.array([np.diag(f.cov) for f in fits]))
 
 
-def test_whitening_independent_points_takes_no_square_matrix(rng: np.random.Generator) -> None:
-    """At 3000 points one is 72 MB, and a fit whitens at every step."""
+def test_independent_points_take_no_square_matrix(rng: np.random.Generator) -> None:
+    """At 3000 points one is 72 MB."""
     n = 3000
     noise, curve = Independent(Scale(0.1), Scale(0.2), rng.uniform(1.0, 2.0, n)), read_formula("a + b*x")
     tracemalloc.start()
-    whitening = noise.whitening(curve, np.linspace(0.0, 1.0, n), {"a": 1.0, "b": 2.0})
+    named = {"a": 1.0, "b": 2.0}
+    likelihood = noise.likelihood(Points(curve, np.linspace(0.0, 1.0, n), np.zeros(n), {"a": "a", "b": "b"}), named)
+    sd, whitened = likelihood.sd(named), likelihood.whitened(named, ("a", "b"))
     taken = tracemalloc.get_traced_memory()[1]
     tracemalloc.stop()
-    assert taken < 20 * 8 * n
-    few = replace(whitening, spectrum=whitening.spectrum[:3], offset=np.zeros(3), steepness=np.zeros(3))
-    np.testing.assert_allclose(covariance(noise, few, {}), np.diag(0.01 * noise.relative[:3] ** 2 + 0.04))
+    assert taken < 40 * 8 * n
+    np.testing.assert_allclose(sd, np.sqrt(0.01 * noise.relative**2 + 0.04))
+    np.testing.assert_allclose(whitened.z, -(1.0 + 2.0 * np.linspace(0.0, 1.0, n)) / sd)
 
 
 @pytest.mark.statistics

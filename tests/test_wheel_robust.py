@@ -20,6 +20,7 @@ from estim.checks.outliers import find_outliers
 from estim.fitting.least_squares import Fit, fit_least_squares
 from estim.sampling.certificate import certify
 from estim.sampling.proposal import adapt_proposal
+from estim.words import tell
 
 RUNS = [f"class-balanced_{i}" for i in (1, 2, 3, 4)] + [f"class-unbalanced_{i}" for i in (1, 2, 3)]
 RUNS += ["mixed-balanced_1", "mixed-balanced_2", "mixed-unbalanced_1", "mixed-unbalanced_2"]
@@ -140,7 +141,7 @@ def test_more_bad_frames_than_good_ones_defeat_robust_noise_and_are_reported(whe
     assert whole.values[at[0]] > trimmed.values[at[1]] + 10.0 * np.sqrt(trimmed.cov[at[1], at[1]])
     (finding,) = too_many_outliers(whole)
     assert finding.status == "poor-fit"
-    assert "of the frames would be outliers" in finding.reason
+    assert "of the frames would be outliers" in tell(finding)
     # with the few frames until the wheel is at rest there is nothing to report
     until_rest = fit_least_squares(spoiled(wheel("mixture", run), run)[0].problem([run]), rng=np.random.default_rng(1), n_start=8)
     assert too_many_outliers(until_rest) == []

@@ -48,7 +48,7 @@ from estim.calibration.trial import (
     stated_only,
 )
 from estim.calibration.uniformity import LEAST_P, uniformity_p_value
-from estim.common import Label, Stream, stream
+from estim.common import Amount, Finding, Kind, Label, Stream, stream
 from estim.fitting import Fit
 
 IntArray = NDArray[np.int64]
@@ -120,14 +120,6 @@ class Calibration:
         return np.sqrt(p * (1.0 - p) / self.n_trial)
 
 
-@dataclass(frozen=True)
-class RankFinding:
-    """One way in which a calibration fails: what it is about, and a sentence."""
-
-    name: str
-    sentence: str
-
-
 def simulation_based_calibration(
     design: Experiment, fit: Fit, *, n_trial: int, seed: int, jobs: int = 1, engine: Engine | None = None, progress: TrialProgress | None = None
 ) -> Calibration:
@@ -181,7 +173,7 @@ def _leaning(fit: Fit) -> tuple[str, ...]:
     return tuple(p.name for p, sd in zip(fit.problem.parameters, sds, strict=True) if p.name in held and sd > _LEANING * p.prior.sd)
 
 
-def findings(calibration: Calibration) -> tuple[RankFinding, ...]:
+def findings(calibration: Calibration) -> tuple[Finding, ...]:
     """Where the calibration fails, and in which direction; empty where it does not.
 
     Uneven ranks count for truths drawn from the priors only (p < 0.001, divided by the number of quantities): at one truth
@@ -194,30 +186,31 @@ def findings(calibration: Calibration) -> tuple[RankFinding, ...]:
     for name in calibration.reported:
         p_value = calibration.p_value(name) if calibration.what == "sbc" else 1.0
         if p_value < least:
-            found.append(RankFinding(name, f"{name}: {direction(calibration, name) or 'uneven'} (ranks not uniform, p = {p_value:.1g})"))
+            found.append(Finding(Kind.RANKS_UNEVEN, test=direction(calibration, name), p=p_value, parameters=(Amount(name),)))
         for p, held, u in zip(calibration.probabilities, calibration.share(name), calibration.share_sd(), strict=True):
             if p - held > COVERAGE_SDS * u or (held - p > COVERAGE_SDS * u and not excused):
-                words = direction(calibration, name) or f"intervals are too {'narrow' if held < p else 'wide'}"
-                off = f"{abs(held - p) / u:.1f} Monte-Carlo standard deviations too {'few' if held < p else 'many'}"
-                found.append(RankFinding(name, f"{name}: {words} (the {100 * p:.0f} % interval covered {100 * held:.1f} %, {off})"))
+                how = direction(calibration, name) or ("narrow" if held < p else "wide")
+                numbers = {"probability": p, "errors": float(abs(held - p) / u)}
+                found.append(Finding(Kind.COVERAGE_OFF, test=how, size=float(held), numbers=numbers, parameters=(Amount(name),)))
     if calibration.n_failed > _MOST_FAILED * calibration.n_trial:
         worst = max(calibration.failures, key=lambda sentence: calibration.failures[sentence])
-        found.append(RankFinding("", f"{calibration.n_failed} of {calibration.n_trial} simulated campaigns gave no posterior, mostly: {worst}"))
+        found.append(Finding(Kind.TRIALS_FAILED, size=calibration.n_failed, numbers={"trials": calibration.n_trial}, names=(worst,)))
     return tuple(found)
 
 
 def direction(calibration: Calibration, name: str) -> str:
-    """How a quantity is off, in words, where the mean or the spread of its ranks tells; "" where neither does."""
+    """How a quantity is off, where the mean or the spread of its ranks tells: estimates "low" or "high", intervals "narrow" or "wide"; "none"
+    where there is no posterior, "" where neither tells."""
     place = (calibration.ranks_of(name) + 0.5) / (calibration.n_rank + 1)
     if place.size == 0:
-        return "no posterior at all"
+        return "none"
     shift = (float(np.mean(place)) - 0.5) * np.sqrt(12.0 * place.size)
     spread_out = (float(np.mean((place - 0.5) ** 2)) - 1.0 / 12.0) * np.sqrt(180.0 * place.size)
     if max(abs(shift), abs(spread_out)) < _PLAIN:
         return ""
     if abs(shift) > abs(spread_out):
-        return f"biased, estimates lie too {'low' if shift > 0.0 else 'high'}"
-    return f"intervals are too {'narrow' if spread_out > 0.0 else 'wide'}"
+        return "low" if shift > 0.0 else "high"
+    return "narrow" if spread_out > 0.0 else "wide"
 
 
 def coverage_sentence(calibration: Calibration, name: str) -> str:

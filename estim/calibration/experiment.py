@@ -29,7 +29,7 @@ from numpy.typing import ArrayLike
 from estim.arrays import FloatArray
 from estim.campaign import Campaign, NoiseTable
 from estim.common import InputError
-from estim.problem import Differentiated, Independent, Observations, Parameter, Problem, true_abscissas
+from estim.problem import Observations, Parameter, Problem
 from estim.reading import Run
 
 Values = Mapping[str, ArrayLike]
@@ -58,24 +58,23 @@ class Experiment(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class PointDesign:
-    """The points of a problem with independent noise."""
+    """The points of a problem whose ordinates are readings themselves."""
 
     problem: Problem
 
     def __post_init__(self) -> None:
-        if not all(isinstance(run.noise, Independent) for run in self.problem.runs):
+        if any(run.noise.made_of_positions for run in self.problem.runs):
             raise InputError("needs the tables of the runs where speeds are differentiated", field="calibration")
 
     def simulate(self, values: FloatArray, parameters: tuple[Parameter, ...], rng: np.random.Generator) -> Problem | None:
         named, runs = self.problem.named(values), []
         for run in self.problem.runs:
-            assert isinstance(run.noise, Independent)
-            where = _true_x(run.noise, run.x, run.noise.relative_x, named, rng)
+            where = run.noise.true_x(run.x, run.noise.x_gain(), named, rng)
             curve = _curve(run, where, named)
             if not np.all(np.isfinite(curve)):
                 return None
-            x, y = _readings(run.noise, where, curve, run.noise.relative, run.noise.relative_x, named, rng)
-            runs.append(replace(run, x=x, y=y))
+            y = run.noise.read(curve, run.noise.reading_gain(), named, rng)
+            runs.append(replace(run, x=run.noise.read_x(where, run.noise.x_gain(), named, rng), y=y))
         return Problem(parameters, tuple(runs))
 
 
@@ -130,9 +129,9 @@ def campaign_design(campaign: Campaign, names: Sequence[str], *, fitted: FloatAr
     release = {}
     for run in problem.runs:
         table = campaign.tables[run.name]
-        if isinstance(run.noise, Differentiated):
+        if run.noise.made_of_positions:
             release[run.name] = _release_time(run, problem.named(fitted))
-        elif not run.noise.positions and table.rate not in table.columns:
+        elif not run.positions and table.rate not in table.columns:
             rule = "cannot be simulated: independent errors of speeds that are computed from positions (use model = 'differentiated')"
             raise InputError(rule, field="model", value="independent", file=campaign.source.path)
     return CampaignDesign(campaign, tuple(names), problem, MappingProxyType(release), analysed)
@@ -141,23 +140,22 @@ def campaign_design(campaign: Campaign, names: Sequence[str], *, fitted: FloatAr
 def _columns(run: Observations, table: Run, named: Values, release: float, rng: np.random.Generator) -> dict[str, FloatArray] | None:
     """The columns of a table that are measured anew; None where the values give no data."""
     noise = run.noise
-    if isinstance(noise, Differentiated):
+    if noise.made_of_positions:
         x = _follow(run, table.columns["t_s"] - release, named)
         if not np.all(np.isfinite(x)):
             return None
-        reading = x + float(np.squeeze(noise.sigma.at(named))) * rng.standard_normal(x.size)
-        return {table.coordinate: _rounded(reading, noise.encoder_step)}
-    where = table.columns["t_s" if noise.positions else table.coordinate]
-    relative_x = None if noise.positions else table.columns.get("sigma_x_m")
-    true_x = _true_x(noise, where, relative_x, named, rng)
+        return {table.coordinate: noise.read(x, np.ones(x.size), named, rng)}
+    where = table.columns["t_s" if run.positions else table.coordinate]
+    same = np.ones(where.size)
+    x_gain = same if run.positions else table.columns.get("sigma_x_m", same)
+    true_x = noise.true_x(where, x_gain, named, rng)
     curve = _curve(run, true_x, named)
     if not np.all(np.isfinite(curve[np.isin(where, run.x)])):
         return None
     # a row that was not fit may lie where the body never comes: there it is at rest, and selection leaves it out again
     curve = np.where(np.isfinite(curve), curve, 0.0)
-    stated = table.columns.get("sigma_x_m" if noise.positions else "sigma_v_m_s")
-    x, y = _readings(noise, true_x, curve, stated, relative_x, named, rng)
-    return {table.coordinate: y} if noise.positions else {table.coordinate: x, table.rate: y}
+    y = noise.read(curve, table.columns.get("sigma_x_m" if run.positions else "sigma_v_m_s", same), named, rng)
+    return {table.coordinate: y} if run.positions else {table.coordinate: noise.read_x(true_x, x_gain, named, rng), table.rate: y}
 
 
 def _curve(run: Observations, x: FloatArray, named: Values) -> FloatArray:
@@ -166,36 +164,11 @@ def _curve(run: Observations, x: FloatArray, named: Values) -> FloatArray:
         return np.array(np.broadcast_to(run.curve.value(x, run.bind(named)), (1, x.size))[0])
 
 
-def _true_x(noise: Independent, x: FloatArray, relative_x: FloatArray | None, named: Values, rng: np.random.Generator) -> FloatArray:
-    """True abscissas (n_obs,) as the readings x (n_obs,) leave them possible: as far spread as the fitted distribution says."""
-    if noise.sigma_x is None:
-        return x
-    known = true_abscissas(x, np.atleast_2d(np.asarray(noise.sigma_x.at(named)) * (np.ones(x.size) if relative_x is None else relative_x)))
-    return np.asarray(known.centre[0] + known.spread[0] * rng.standard_normal(x.size))
-
-
-def _readings(
-    noise: Independent, x: FloatArray, curve: FloatArray, relative: FloatArray | None, relative_x: FloatArray | None, named: Values,
-    rng: np.random.Generator,
-) -> tuple[FloatArray, FloatArray]:
-    """x and y (n_obs,) as read: x and the curve with their errors."""
-    sigma = np.asarray(noise.sigma.at(named)) * (1.0 if relative is None else relative)
-    error = noise.tails.draw(rng, x.size, named) * np.hypot(sigma, noise.scatter.at(named))
-    if noise.sigma_x is not None:
-        x = x + np.asarray(noise.sigma_x.at(named)) * (1.0 if relative_x is None else relative_x) * rng.standard_normal(x.size)
-    return x, _rounded(curve + error, noise.encoder_step)
-
-
-def _rounded(reading: FloatArray, step: float) -> FloatArray:
-    """A digital reading of resolution `step`; 0 where none is stated."""
-    return step * np.rint(reading / step) if step else reading
-
-
 def _scattered(run: Observations, truth: Observations, named: Values, rng: np.random.Generator) -> Observations:
     """Differentiated speeds with their further scatter."""
-    if not isinstance(truth.noise, Differentiated):
+    if not truth.noise.made_of_positions:
         return run
-    return replace(run, y=run.y + np.asarray(truth.noise.scatter.at(named)) * rng.standard_normal(run.n_obs))
+    return replace(run, y=run.y + np.asarray(truth.noise.size.scatter.at(named)) * rng.standard_normal(run.n_obs))
 
 
 def _follow(run: Observations, since: FloatArray, named: Values) -> FloatArray:

@@ -86,7 +86,7 @@ def run_trial(plan: Plan, index: int) -> Trial:
     try:
         draws, how, shortfall = posterior_draws(_fit(problem, values, rng), plan.engine, rng)
     except NumericalError as error:
-        return Trial(truth, np.full(n, -1), np.zeros((n, len(PROBABILITIES)), dtype=bool), n_rejected, "none", "", str(error).partition(" at ")[0])
+        return Trial(truth, np.full(n, -1), np.zeros((n, len(PROBABILITIES)), dtype=bool), n_rejected, "none", "", error.rule)
     numbers = reported(plan.design.problem, draws, plan.reported)
     rank = _rank(truth, numbers[rng.choice(numbers.shape[0], N_RANK, replace=False)], rng)
     return Trial(truth, rank, _covered(truth, numbers), n_rejected, how, shortfall, "")
@@ -110,7 +110,7 @@ def _experiment(plan: Plan, rng: np.random.Generator) -> tuple[FloatArray, Probl
 
 def stated_only(problem: Problem) -> frozenset[str]:
     """Parameters whose priors stand for no measurement: uniform and half-normal ones, and those of outliers."""
-    outliers = {name for run in problem.runs for name in run.noise.tails.parameters}
+    outliers = {name for run in problem.runs for name in run.noise.outlier_parameters}
     held = {p.name for p in problem.parameters if not isinstance(p.prior, MEASURED)}
     return frozenset(outliers | held)
 

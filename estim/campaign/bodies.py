@@ -160,13 +160,14 @@ def _observations(name: str, observed: Observed, arguments: Mapping[str, str | f
     """The points of a run with the curve that explains them: positions in time, or speeds along the way."""
     position, x_unit = ("angle turned θ − θ₀", "rad") if angular else ("position x", "m")
     speed, y_unit = ("angular rate ω", "rad/s") if angular else ("speed v", "m/s")
-    axes = ("time t", "s", position, x_unit) if observed.noise.positions else (position, x_unit, speed, y_unit)
-    motion = RollingMotion(angular, mass, observed.noise.positions)
+    axes = ("time t", "s", position, x_unit) if observed.positions else (position, x_unit, speed, y_unit)
+    motion = RollingMotion(angular, mass, observed.positions)
     return Observations(
-        name=name, x=observed.x, y=observed.y, t=observed.t, curve=(MotionCurve if observed.noise.positions else PhaseCurve)(angular),
+        name=name, x=observed.x, y=observed.y, t=observed.t, curve=(MotionCurve if observed.positions else PhaseCurve)(angular),
         arguments=MappingProxyType({**arguments, **observed.arguments}), noise=observed.noise,
         excluded=observed.excluded, excluded_points=observed.excluded_points,
         x_name=axes[0], x_unit=axes[1], y_name=axes[2], y_unit=axes[3], motion=motion, words=motion.words(),
+        positions=observed.positions,
     )
 
 

@@ -107,8 +107,8 @@ def check_words(source: CampaignFile, table: CurveTable, runs: Sequence[CurveRun
 def check_variable(source: CampaignFile, formula: Formula, axis: AxisTable) -> None:
     """A formula without x whose parameter is called like the abscissa takes the variable for a parameter.  Raises InputError."""
     column = axis.column.lower()
-    words = {"t", "time", column, column.partition("_")[0], *(axis.name or "").lower().split()}
-    taken = [name for name in formula.names if name.lower() in words]
+    called = {"t", "time", column, column.partition("_")[0], *(axis.name or "").lower().split()}
+    taken = [name for name in formula.names if name.lower() in called]
     if taken and not formula.uses_x:
         rule = f"must call its variable x, which is the column '{axis.column}' here: write x for {taken[0]}"
         raise source.places.error(rule, ("curve", "expression"), value=formula.text)

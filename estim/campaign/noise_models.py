@@ -68,6 +68,6 @@ def _with_tails(name: str, words: str, plain: NoiseTable) -> list[Candidate]:
 
 def _independent_size(noise: Noise) -> float:
     """Standard deviation of one differentiated speed, 0 where the size of the noise is inferred."""
-    if noise.sigma.parameter is not None:
+    if noise.size.sigma.parameter is not None:
         return 0.0
-    return math.sqrt(noise.sigma.value**2 + noise.quantisation_variance) * float(noise.reading_gain()[0])
+    return math.sqrt(noise.size.sigma.value**2 + noise.size.quantisation_variance) * float(noise.reading_gain()[0])

@@ -14,7 +14,7 @@ from estim.arrays import FloatArray
 from estim.campaign.curve_tables import CurveRunTable, CurveTable, Place, ReadingErrorTable, axis_of, prior_table
 from estim.campaign.file import CampaignFile, Value, read_value
 from estim.campaign.robust import shape_of
-from estim.common import InputError, Quantity
+from estim.common import Finding, InputError, Kind, Quantity
 from estim.curves import MAX_OBS, SIGMA, SIGMA_NOTATION, SIGMA_SPREAD, AxisNames, reading_noise
 from estim.fitting import PERFECT
 from estim.problem import Curve, LogNormal, Observations, Parameter, Prior, Scale, as_prior, hide_the_range, plain_words
@@ -77,7 +77,7 @@ class CurvePoints:
             raise self.source.places.error(rule, path, value=float(np.sqrt(np.mean(sizes**2))))
         return sizes
 
-    def _window(self, x: FloatArray, index: int) -> tuple[NDArray[np.bool_], tuple[str, ...]]:
+    def _window(self, x: FloatArray, index: int) -> tuple[NDArray[np.bool_], tuple[Finding, ...]]:
         run = self.runs[index]
         window, path = (run.window, ("runs", index, "window")) if run.window is not None else (self.table.window, ("curve", "window"))
         low = -math.inf if window is None or window.min is None else window.min
@@ -86,7 +86,7 @@ class CurvePoints:
             raise self.source.places.error("must have 'min' below 'max'", path, field="window", value=f"min = {low}, max = {high}")
         inside = (x >= low) & (x <= high)
         left_out = int(np.sum(~inside))
-        return inside, (f"{left_out} outside the stated window",) if left_out else ()
+        return inside, (Finding(Kind.OUTSIDE_WINDOW, size=left_out),) if left_out else ()
 
     def _errors(self, index: int, table: Run, kept: NDArray[np.int64]) -> tuple[Scale, FloatArray, tuple[Parameter, ...]]:
         """Scale and relative size (n_obs,) of the errors of y, and their unknown size if it is to be inferred."""

@@ -43,7 +43,7 @@ def check_speeds(run: Observations, quantities: Mapping[str, float | Prior], *, 
     """
     radius, gamma, rho, g = (_largest(quantities[name]) for name in ("radius", "gamma", "rho", "g"))
     tilt = min(sum(_largest(quantities[name], size=True) for name in ("phi", "phi_zero")), 0.5 * math.pi)
-    position = run.y if run.noise.positions else run.x
+    position = run.y if run.positions else run.x
     unit = _centre(quantities["radius"]) if angular else 1.0
     reach, speed = float(np.max(np.abs(position))), _typical_speed(run, position)
     share = gamma / min(rho, _centre(quantities["rho"]))

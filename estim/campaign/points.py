@@ -17,7 +17,7 @@ from estim.campaign.levels import Levels, Path, noise_level, read_at
 from estim.campaign.plausible import check_reading_error
 from estim.campaign.robust import shape_of
 from estim.campaign.selection import Selection, Window, check_count, select
-from estim.common import InputError, Notation, Quantity
+from estim.common import Finding, InputError, Kind, Notation, Quantity
 from estim.problem import (
     STENCILS,
     Derivative,
@@ -44,6 +44,7 @@ _SCALES = {  # key -> parameter and symbol
 class Observed:
     """The points that are fit: abscissa x, ordinate y and time, (n_obs,) each; what was left out; noise and its unknowns.
 
+    positions : whether the points are positions at known times.
     arguments : of the curve that are not physics (offset, and release_time of positions): a parameter's name or a fixed number.
     """
 
@@ -53,8 +54,9 @@ class Observed:
     noise: Noise
     parameters: tuple[Parameter, ...]
     arguments: Mapping[str, str | float]
-    excluded: tuple[str, ...]
+    excluded: tuple[Finding, ...]
     excluded_points: FloatArray
+    positions: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -131,7 +133,7 @@ def _differentiated(run: Run, levels: Levels, table: NoiseTable, path: Path, suf
 def _independent(run: Run, levels: Levels, table: NoiseTable, path: Path, suffix: str) -> Observed:
     units, rate = _UNITS[run.coordinate], run.rate
     t, position = run.columns.get("t_s"), run.columns[run.coordinate]
-    rows, blank, gain = np.arange(run.n_row), tuple[str, ...](), math.inf
+    rows, blank, gain = np.arange(run.n_row), tuple[Finding, ...](), math.inf
     if rate in run.columns:
         speed = run.columns[rate]
     elif t is not None and table.derivative is not None:
@@ -204,8 +206,9 @@ def _positions(run: Run, levels: Levels, table: NoiseTable, path: Path, suffix: 
         x=x, y=y, t=x, arguments=sources,
         noise=Independent(
             sigma=sigma, scatter=scatter, relative=np.ones(kept.size) if relative is None else relative[kept], encoder_step=step,
-            tails=tails, positions=True,
+            tails=tails,
         ),
+        positions=True,
         parameters=_some(*unknowns, parameter, scatter_parameter, *tail_parameters),
         excluded=selection.reasons, excluded_points=_others(t, position, selection),
     )
@@ -232,13 +235,12 @@ def _typical(sigma: Scale, parameter: Parameter | None, step: float) -> float:
     return math.hypot(sigma.value if parameter is None else parameter.prior.centre, step / math.sqrt(12.0))
 
 
-def _speeds(run: Run, table: NoiseTable) -> tuple[Derivative, tuple[str, ...]]:
+def _speeds(run: Run, table: NoiseTable) -> tuple[Derivative, tuple[Finding, ...]]:
     """Speeds by differences, and how many frames have none."""
     stencil = STENCILS[table.derivative or "central"]
     derivative = differentiate(run.columns["t_s"], run.columns[run.coordinate], stencil, file=run.file, lines=run.lines)
     missing = run.n_row - derivative.rows.size
-    words = f"{missing} at the ends or beside a missing frame, where the {stencil.name} derivative does not exist"
-    return derivative, (words,) if missing else ()
+    return derivative, (Finding(Kind.NO_DERIVATIVE, test=stencil.name, size=missing),) if missing else ()
 
 
 def _by_row(

@@ -17,12 +17,12 @@ from numpy.typing import NDArray
 
 from estim.arrays import FloatArray
 from estim.campaign.levels import Levels
-from estim.common import InputError
+from estim.common import Finding, InputError, Kind
 from estim.reading import Run
+from estim.words import tell
 
 Mask = NDArray[np.bool_]
 
-_WAY_BACK = "after the farthest point (the way back is another motion)"
 _MIN_OBS = 5
 _MAX_OBS = 3000  # the covariance of the speeds is a dense matrix
 _GUARD = 5.0
@@ -41,15 +41,15 @@ class Window:
 
 @dataclass(frozen=True, eq=False)
 class Selection:
-    """kept : (n,) indices of the speeds to fit.  reasons : why and how many others were left out."""
+    """kept : (n,) indices of the speeds to fit.  reasons : why and how many others were left out (`Finding.size`)."""
 
     kept: NDArray[np.int64]
-    reasons: tuple[str, ...]
+    reasons: tuple[Finding, ...]
 
 
-def way_back(reasons: Sequence[str]) -> int:
-    """How many frames were left out as those of the way back, according to the `reasons` of a selection."""
-    return sum(int(words.partition(" ")[0]) for words in reasons if words.endswith(_WAY_BACK))
+def way_back(reasons: Sequence[Finding]) -> int:
+    """How many frames were left out as those of the way back."""
+    return sum(int(finding.size) for finding in reasons if finding.kind is Kind.WAY_BACK)
 
 
 def select(position: FloatArray, speed: FloatArray | None, t: FloatArray | None, *, window: Window, sigma_position: float) -> Selection:
@@ -58,33 +58,33 @@ def select(position: FloatArray, speed: FloatArray | None, t: FloatArray | None,
     `sigma_position` 0 switches the guard zones off.  Without speeds it is the positions that are fit, on every way.
     """
     left = np.ones(position.size, dtype=bool)
-    reasons: list[str] = []
+    reasons: list[Finding] = []
 
-    def leave_out(mask: Mask, why: str) -> None:
+    def leave_out(mask: Mask, why: Kind) -> None:
         nonlocal left
         count = int(np.sum(mask & left))
         if count:
-            reasons.append(f"{count} {why}")
+            reasons.append(Finding(why, size=count))
         left &= ~mask
 
     if t is not None:
-        leave_out((t < window.t_min) | (t > window.t_max), "outside the window of time")
-    leave_out((position < window.low) | (position > window.high), "outside the window of position")
+        leave_out((t < window.t_min) | (t > window.t_max), Kind.OUTSIDE_TIMES)
+    leave_out((position < window.low) | (position > window.high), Kind.OUTSIDE_POSITIONS)
     inside = np.flatnonzero(left)
     if inside.size and speed is not None:
         farthest = inside[np.argmax(position[inside])]
         if t is not None:
-            leave_out(t > t[farthest], _WAY_BACK)
+            leave_out(t > t[farthest], Kind.WAY_BACK)
         guard = _GUARD * sigma_position
         if guard > 0.0 and not np.isfinite(window.low):
-            leave_out(position < guard, "within five standard deviations of a reading from the release")
+            leave_out(position < guard, Kind.BESIDE_RELEASE)
         slow = abs(speed[farthest]) < _SLOW * np.max(np.abs(speed[inside]))
         if guard > 0.0 and slow and not np.isfinite(window.high):
-            leave_out(position > position[farthest] - guard, "within five standard deviations of a reading from the turning point")
+            leave_out(position > position[farthest] - guard, Kind.BESIDE_TURNING)
     return Selection(np.flatnonzero(left), tuple(reasons))
 
 
-def check_count(selection: Selection, run: Run, levels: Levels, blank: tuple[str, ...] = ()) -> None:
+def check_count(selection: Selection, run: Run, levels: Levels, blank: tuple[Finding, ...] = ()) -> None:
     """As many rows as can be fit are left; raises InputError at the window that is stated, or with what else left rows out."""
     count = selection.kept.size
     if _MIN_OBS <= count <= _MAX_OBS:
@@ -99,5 +99,5 @@ def check_count(selection: Selection, run: Run, levels: Levels, blank: tuple[str
     if np.max(position) - position[0] <= 0.1 * np.ptp(position):
         rule = "must increase as the body moves from its release: it does not rise above its first value by a tenth of its range"
         raise InputError(rule, field=run.coordinate, value=f"{position[0]:.6g} to {position[-1]:.6g}", file=run.file)
-    why = "; ".join((*blank, *selection.reasons)) or "the file has no more"
+    why = "; ".join(map(tell, (*blank, *selection.reasons))) or "the file has no more"
     raise InputError(f"must be at least {_MIN_OBS} of the {run.n_row} in the file ({why})", field="rows to fit", value=count, file=run.file)

@@ -35,6 +35,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from estim.arrays import FloatArray
+from estim.common import Amount, Finding, Kind
 from estim.fitting import Fit, around, chi2_p, curve_indices, information
 from estim.problem import MEASURED, LogNormal
 
@@ -44,7 +45,6 @@ _LEAST = 0.01  # information of the data, in units of the prior's, below which t
 _ALONE = 1e-9  # relative: eigenvalues below count as zero
 _FAR = 2.0  # pulls worth naming, and how many of them at most
 _NAMED = 3
-_SMALLEST = 1e-6  # smaller probabilities have no meaning for errors that are only nearly normal
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,24 +98,17 @@ def check_stated_values(fit: Fit) -> Conflict:
     return Conflict(chi2, dof, chi2_p(chi2, dof), dict(sorted(pulls.items(), key=lambda item: -abs(item[1]))))
 
 
-def conflict_words(fit: Fit, conflict: Conflict) -> str:
-    """'the data agree with what was stated before (p = 0.4)', or that they do not and which stated values are farthest off."""
+def stated_values(fit: Fit, conflict: Conflict) -> Finding:
+    """Whether the data agree with what was stated before, and if not, which stated values are farthest off."""
     if not conflict.dof:
-        return "the data say next to nothing about what was stated before: there is nothing to compare"
+        return Finding(Kind.STATED_UNCOMPARED)
     if conflict.p_value >= NOTE_BELOW:
-        return f"the data agree with what was stated before (p = {conflict.p_value:.2g})"
+        return Finding(Kind.STATED_AGREE, p=conflict.p_value)
     parameters = {p.name: p for p in fit.problem.parameters}
     far = [name for name, pull in conflict.pulls.items() if abs(pull) > _FAR and isinstance(parameters[name].prior, MEASURED)][:_NAMED]
-    parts = []
-    for name in far:
-        shown = parameters[name].label
-        unit = "" if shown.unit == "1" else f" {shown.unit}"
-        off = f"{abs(conflict.pulls[name]):.1f} standard deviations {'below' if conflict.pulls[name] > 0.0 else 'above'}"
-        parts.append(f"{shown.symbol} was stated as {parameters[name].prior.centre * shown.factor:.4g}{unit}, {off} what all else says")
-    one_of = "; each of these, or the scale of the data, may be what is wrong" if len(far) > 1 else ""
-    verb = "hardly agree" if conflict.agree else "do not agree"
-    p = f"p = {conflict.p_value:.2g}" if conflict.p_value > _SMALLEST else f"p < {_SMALLEST:.0e}"
-    return f"the data {verb} with what was stated before ({p}){': ' if parts else ''}{'; '.join(parts)}{one_of}"
+    stated = {name: Amount(name, parameters[name].prior.centre, parameters[name].label) for name in far}
+    parts = [Finding(Kind.PULL, size=conflict.pulls[name], parameters=(amount,)) for name, amount in stated.items()]
+    return Finding(Kind.STATED_HARDLY if conflict.agree else Kind.STATED_DISAGREE, p=conflict.p_value, parts=tuple(parts))
 
 
 def _without(matrix: FloatArray, kept: NDArray[np.int64], fitted: NDArray[np.int64]) -> FloatArray:

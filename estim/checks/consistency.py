@@ -29,8 +29,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from estim.arrays import FloatArray
-from estim.common import InputError, Label, NumericalError
+from estim.common import Finding, InputError, Kind, Label, NumericalError
 from estim.fitting import Fit, chi2_p
+from estim.words import tell
 
 P_INCONSISTENT = 0.01  # after Holm's correction
 PRIORS = "stated values"
@@ -73,7 +74,7 @@ class Consistency:
     chi2, dof, p_value : Q.  rows : one `Disagreement` a source, in the order of the runs, stated values last (if there are any).
     alone : run -> estimate from this run and the stated values; others : run -> from all but this run; joint : from all.
     suspects : sources without which the rest agrees, most suspicious first; more than one where the data cannot tell them apart.
-    agree : whether nothing is wrong.  verdict : one sentence.
+    agree : whether nothing is wrong.
     """
 
     shared: tuple[str, ...]
@@ -89,7 +90,21 @@ class Consistency:
     joint: SharedEstimate
     suspects: tuple[str, ...]
     agree: bool
-    verdict: str
+
+    @property
+    def finding(self) -> Finding:
+        """What to say of it."""
+        kind = Kind.RUNS_UNCOMPARED if self.dof == 0 else Kind.RUNS_AGREE if self.agree else Kind.RUNS_DISAGREE
+        if self.dof and not self.agree and self.suspects:
+            against_stated = self.suspects == (PRIORS,)
+            kind = Kind.RUNS_TIED if len(self.suspects) > 1 else Kind.RUNS_AGAINST_STATED if against_stated else Kind.RUN_DISAGREES
+        run = self.suspects[0] if kind is Kind.RUN_DISAGREES else ""
+        return Finding(kind, run=run, p=self.p_value, size=len(self.alone), names=self.suspects)
+
+    @property
+    def verdict(self) -> str:
+        """The same in one sentence."""
+        return tell(self.finding)
 
 
 @dataclass(frozen=True, eq=False)
@@ -142,7 +157,7 @@ def check_consistency(fit: Fit) -> Consistency:
         chi2=chi2, dof=dof, p_value=p_value,
         rows=rows, alone={name: _estimate(centre, _sum([one, prior])) for name, one in zip(names, full[:-1], strict=True)},
         others={name: _estimate(centre, (total[0] - one[0], total[1] - one[1])) for name, one in zip(names, full[:-1], strict=True)},
-        joint=_estimate(centre, total), suspects=suspects, agree=agree, verdict=_verdict(agree, suspects, p_value, dof, len(names)),
+        joint=_estimate(centre, total), suspects=suspects, agree=agree,
     )
 
 
@@ -251,18 +266,3 @@ def _estimate(centre: FloatArray, quadratic: Quadratic) -> SharedEstimate:
     mean = centre + (inverse @ (score / scale)) / scale
     sd = np.sqrt(np.diag(inverse)) / scale
     return SharedEstimate(np.where(undetermined, np.nan, mean), np.where(undetermined, np.inf, sd))
-
-
-def _verdict(agree: bool, suspects: Sequence[str], p_value: float, dof: int, n_run: int) -> str:
-    if dof == 0:
-        return "the runs have nothing in common that two of them determine: there is nothing to compare"
-    if agree:
-        return f"the {n_run} runs agree about what they share (p = {p_value:.2g})"
-    if len(suspects) == 1 and suspects[0] == PRIORS:
-        return f"the runs agree with each other but not with the stated values of what they share (p = {p_value:.1g})"
-    if len(suspects) == 1:
-        return f"run {suspects[0]} disagrees with the others about what they share, which agree without it (p = {p_value:.1g} with it)"
-    if suspects:
-        named = ", ".join(suspects[:-1]) + f" and {suspects[-1]}"
-        return f"the runs do not agree about what they share (p = {p_value:.1g}), and these data cannot tell which is wrong among {named}"
-    return f"the runs do not agree about what they share (p = {p_value:.1g}), and leaving out a single one does not heal it"

@@ -8,9 +8,10 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 
-from estim.common import KINDS, STATUS_WORDS, Label, format_quantity, format_rounded, markdown, table
+from estim.common import KINDS, Label, Status, format_quantity, format_rounded, markdown, table
 from estim.fitting import limit_cell
 from estim.sampling import Summary
+from estim.words import STATUS_WORDS
 
 _LOPSIDED = 1.5
 
@@ -60,9 +61,9 @@ def headline(
 
     kind : "measured", "synthetic" or "published"; "" where nobody has said it.
     """
-    words = "" if status == "ok" else f" — {STATUS_WORDS[status]}"
+    words = "" if status == Status.OK else f" — {STATUS_WORDS[Status(status)]}"
     said = [f"**{markdown(title)}**" if title else "", KINDS.get(kind, ""), f"Status: **{status}**{words}"]
-    if status == "ok":
+    if status == Status.OK:
         said.append(table(("", "", "posterior", "95 % interval", "unit"), rows))
     else:
         items = [*reasons, *(f"What to do: {words}" for words in dict.fromkeys(advice))]

@@ -21,9 +21,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from estim.arrays import FloatArray
-from estim.common import InputError
+from estim.common import Amount, Finding, InputError, Kind
 from estim.fitting import Fit, data_information, prior_sds, prior_slopes
 from estim.problem import Problem
+from estim.words import tell
 
 PRIOR_DOMINATED = 0.8  # posterior sd / prior sd above which the prior is most of what is known
 _ONLY_PRIOR = 1.0  # information of the data, in units of the prior's, below which a direction is the prior's
@@ -40,14 +41,20 @@ class Direction:
     vector : (n_par,) unit vector, components in prior standard deviations; the largest component is positive.
     prior_pull : curvature of the log prior along it, in the same units: about 1 for normal priors, 0 for uniform ones.
     held_by : "data", "prior", or "nothing" (neither data nor prior: only edges of a range, if any).
-    words : what the direction is, in a sentence.
+    moves : the parameters that a step of one prior standard deviation along it changes, by how much, and `whole` the value where a share of it says
+        something.  words : the same in a sentence.
     """
 
     information: float
     vector: FloatArray
     prior_pull: float
     held_by: str
-    words: str
+    moves: tuple[Amount, ...]
+
+    @property
+    def words(self) -> str:
+        kind = Kind.DIRECTION_LEARNT if self.held_by == "data" else Kind.DIRECTION_SILENT
+        return tell(Finding(kind, size=self.information, parameters=self.moves))
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,32 +113,21 @@ def identify(fit: Fit, *, known: Mapping[str, FloatArray] | None = None) -> Iden
 def _direction(fit: Fit, value: float, vector: FloatArray, pull: float, sds: FloatArray) -> Direction:
     vector = vector * np.sign(vector[np.argmax(np.abs(vector))])
     held_by = "data" if value >= _ONLY_PRIOR else "prior" if value + pull > _NO_PULL else "nothing"
-    parts = _moves(fit, vector, sds)
-    if held_by == "data":
-        words = f"learnt from the data: {parts}"
-    else:
-        several = ", " in parts
-        seen = "nothing that was measured" if value < 1e-6 else f"what was measured by only {math.sqrt(value):.2g} of its noise in all"
-        words = f"{parts} {'together change' if several else 'changes'} {seen}"
-    return Direction(value, vector, pull, held_by, words)
+    return Direction(value, vector, pull, held_by, _moves(fit, vector, sds))
 
 
-def _moves(fit: Fit, vector: FloatArray, sds: FloatArray) -> str:
-    """A step of one prior standard deviation along a unit vector: 'γ up by 3 %, φ down by 0.2 °'."""
-    parts = []
+def _moves(fit: Fit, vector: FloatArray, sds: FloatArray) -> tuple[Amount, ...]:
+    """A step of one prior standard deviation along a unit vector, largest share first."""
+    moves = []
     for i in np.argsort(-np.abs(vector), kind="stable"):
         if abs(vector[i]) < _SHOWN:
             break
         parameter = fit.problem.parameters[i]
-        shown = parameter.label
-        step = abs(float(vector[i] * sds[i]))
-        value = abs(float(fit.values[i]))
-        unit = "" if shown.unit == "1" else f" {shown.unit}"
+        shown, value = parameter.label, abs(float(fit.values[i]))
         # a percentage says something only of a value that is well away from zero, and nothing of an angle
         relative = shown.factor == 1.0 and value > 3.0 * sds[i]
-        size = f"{100.0 * step / value:.2g} %" if relative else f"{step * shown.factor:.2g}{unit}"
-        parts.append(f"{shown.symbol} {'up' if vector[i] > 0.0 else 'down'} by {size}")
-    return ", ".join(parts)
+        moves.append(Amount(parameter.name, float(vector[i] * sds[i]), shown, value if relative else math.nan))
+    return tuple(moves)
 
 
 def _recognised(known: Mapping[str, FloatArray], directions: tuple[Direction, ...], sds: FloatArray) -> list[str]:

@@ -29,9 +29,7 @@ class Outliers:
 def find_outliers(posterior: Posterior, draws: FloatArray) -> tuple[Outliers, ...]:
     """One record for each run with robust noise, averaged over posterior draws (n_draw, n_par)."""
     named = posterior.problem.named(draws)
-    found = []
-    for run, z in zip(posterior.problem.runs, posterior.standardised_draws(draws), strict=True):
-        if run.noise.tails.robust:
-            probability = run.noise.tails.outlier_probability(z, named) if run.latent is None else run.latent.outlier_probability(named)
-            found.append(Outliers(run.name, probability.mean(axis=0)))
-    return tuple(found)
+    return tuple(
+        Outliers(run.name, likelihood.outlier_probability(named).mean(axis=0))
+        for run, likelihood in zip(posterior.problem.runs, posterior.likelihoods, strict=True) if run.noise.robust
+    )

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 import click
 
 from estim.cli.terminal import NOT_OK, announced, conclude, counted, exit_code, groups_of, progress_bar, report_at, say, stores_of, write_files
-from estim.common import InputError, Stream, asked_to_stop, ended_by_signals, stream
+from estim.common import InputError, Stream, asked_to_stop, decide, ended_by_signals, stream
 
 if TYPE_CHECKING:
     from estim.campaign import Campaign
@@ -74,6 +74,7 @@ def fit(
     from estim.pipeline import analyse
     from estim.reports import HOW_TO_GET, analysis_report, can_write_netcdf, index_report, result_of, to_netcdf
     from estim.sampling import Target, only_writer
+    from estim.words import Voice
 
     loaded = load_campaign(campaign)
     folder = out or Path("out") / campaign.resolve().parent.name
@@ -95,10 +96,10 @@ def fit(
                 loaded, group, seed=seed, target=Target(max_step=max_steps), progress=progress, store=store, stop=stop, marginal=marginal
             )
         place = folder if len(groups) == 1 else folder / group[0]
-        write_files(place, analysis_report(loaded, analysis), within=folder)
+        write_files(place, analysis_report(loaded, analysis, voice=Voice.COMMANDS), within=folder)
         if can_write_netcdf():
             write_files(place, {"draws.nc": to_netcdf(analysis)}, within=folder)
-        results[group[0]] = result_of(loaded, analysis)
+        results[group[0]] = result_of(loaded, analysis, voice=Voice.COMMANDS)
         conclude(", ".join(group), analysis.diagnosis.status, analysis.diagnosis.reasons, analysis.diagnosis.notes)
     if len(groups) > 1:
         write_files(folder, index_report(loaded, results))
@@ -115,6 +116,7 @@ def _compare(campaign: Campaign, groups: Iterable[tuple[str, ...]], folder: Path
     from estim.reports import analysis_report, compare_report, folder_of
     from estim.sampling import Target
     from estim.studies import compare_noise
+    from estim.words import Voice
 
     groups, none_ok = list(groups), False
     for group in groups:
@@ -123,7 +125,8 @@ def _compare(campaign: Campaign, groups: Iterable[tuple[str, ...]], folder: Path
         )
         place = folder if len(groups) == 1 else folder / group[0]
         for model in compared:
-            write_files(place / folder_of(model.candidate.name), analysis_report(campaign, model.analysis), within=folder)
+            report = analysis_report(campaign, model.analysis, voice=Voice.COMMANDS)
+            write_files(place / folder_of(model.candidate.name), report, within=folder)
             conclude(f"{', '.join(group)}, {model.candidate.name}", model.analysis.diagnosis.status, ())
         write_files(place, compare_report(campaign, compared, seed=seed), within=folder)
         report_at(place / "report.md", campaign.source.outside())
@@ -141,6 +144,7 @@ def line(campaign: Path, out: Path | None, seed: int) -> None:
     from estim.line import analyse_line, read_theta_min
     from estim.reports import line_report
     from estim.sampling import Target
+    from estim.words import Voice
 
     loaded = load_campaign(campaign)
     loaded.study.require_body()
@@ -149,10 +153,10 @@ def line(campaign: Path, out: Path | None, seed: int) -> None:
     with progress_bar("line", target.max_step) as progress:
         analysis = analyse_line(series, gamma_masses=gamma_of_body(loaded.source, series.body), seed=seed, target=target, progress=progress)
     folder = out or Path("out") / campaign.resolve().parent.name / "line"
-    write_files(folder, line_report(loaded, analysis))
-    conclude("line", analysis.status, [*(finding.reason for finding in analysis.findings), *filter(None, (analysis.disagreement,))])
+    write_files(folder, line_report(loaded, analysis, voice=Voice.COMMANDS))
+    conclude("line", analysis.status, [*analysis.reasons, *filter(None, (analysis.disagreement,))])
     report_at(folder / "report.md", loaded.source.outside(runs=False, line=True))
-    _exit_unless(analysis.status == "ok")
+    _exit_unless(analysis.status.ok)
 
 
 @cli.command()
@@ -204,16 +208,17 @@ def reanalyse(campaign: Path, max_steps: int, out: Path | None, seed: int) -> No
     from estim.reports import reanalysis_report
     from estim.sampling import Target
     from estim.studies import reanalyse as run_reanalysis
+    from estim.words import Voice
 
     loaded = load_campaign(campaign)
     loaded.study.require_body()
     result = run_reanalysis(loaded, seed=seed, target=Target(max_step=max_steps), progress_of=lambda what: announced(what, max_steps))
     folder = out or Path("out") / campaign.resolve().parent.name
-    write_files(folder, reanalysis_report(result))
+    write_files(folder, reanalysis_report(result, voice=Voice.COMMANDS))
     for what, status in result.statuses.items():
         conclude(what, status, ())
     report_at(folder / "report.md", loaded.source.outside(line=True, published=True))
-    _exit_unless(all(status == "ok" for status in result.statuses.values()))
+    _exit_unless(all(status.ok for status in result.statuses.values()))
 
 
 @cli.command()
@@ -236,6 +241,7 @@ def calibrate(
     from estim.calibration import campaign_design, coverage, coverage_sentence, findings, simulation_based_calibration
     from estim.campaign import load_campaign
     from estim.reports import calibration_report
+    from estim.words import tell
 
     loaded = load_campaign(campaign)
     folder = out or Path("out") / campaign.resolve().parent.name / "calibration"
@@ -256,9 +262,9 @@ def calibrate(
         write_files(place, calibration_report(loaded, calibrations), within=folder)
         for calibration in calibrations:
             found = findings(calibration)
-            trusted = trusted and not found
+            trusted = trusted and decide(found).ok
             said = [] if calibration.what == "sbc" else [coverage_sentence(calibration, name) for name in calibration.reported]
-            conclude(f"{', '.join(group)}, {calibration.what}", "not-calibrated" if found else "ok", [*(f.sentence for f in found), *said])
+            conclude(f"{', '.join(group)}, {calibration.what}", decide(found), [*map(tell, found), *said])
         report_at(place / "report.md", loaded.source.outside())
     _exit_unless(trusted)
 

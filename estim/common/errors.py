@@ -54,7 +54,14 @@ class InputError(EstimError, ValueError):
 
 
 class NumericalError(EstimError):
-    """A computation cannot go on at all, though the input breaks no rule; what can go on says so in its record instead."""
+    """A computation cannot go on at all, though the input breaks no rule; what can go on says so in its record instead.
+
+    rule : what stops it; at : where, "" where that says nothing.
+    """
+
+    def __init__(self, rule: str, *, at: str = "") -> None:
+        self.rule, self.at = rule, at
+        super().__init__(f"{rule} at {at}" if at else rule)
 
 
 class Interrupted(BaseException):

@@ -23,6 +23,7 @@ from estim.problem import (
     Curve,
     Flat,
     LogNormal,
+    Noise,
     Observations,
     Parameter,
     Prior,
@@ -103,12 +104,12 @@ class CurveProblem:
 
 def reading_noise(
     sigma: Scale, relative: FloatArray, cov: FloatArray | None, *, what: str, relative_x: FloatArray | None = None, tails: Tails = GAUSSIAN
-) -> Readings:
+) -> Noise:
     """Noise of readings of `what`: independent, with errors of x if there are any, or with the stated covariance matrix."""
     if cov is None:
         sigma_x = None if relative_x is None else Scale(1.0)
         return Readings(sigma, Scale(0.0), relative, sigma_x=sigma_x, relative_x=relative_x, tails=tails, what=what)
-    return Correlated(sigma, Scale(0.0), relative, what=what, cov=cov)
+    return Correlated(cov, what)
 
 
 def pose_curve(

@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from estim.arrays import FloatArray
-from estim.common import format_quantity, format_rounded
+from estim.common import Amount, Finding, Kind, format_quantity, format_rounded
 from estim.fitting.edges import edge_of
 from estim.fitting.least_squares import Fit
 from estim.fitting.optimum import Optimum
@@ -40,7 +40,7 @@ class Spread:
     cov: FloatArray
     sds: FloatArray
     intervals: Mapping[str, Ends]
-    notes: tuple[str, ...]
+    notes: tuple[Finding, ...]
 
 
 def spread(fixed: Fit, best: Optimum, *, dof: float, scale: float, unknown: bool) -> Spread:
@@ -50,11 +50,7 @@ def spread(fixed: Fit, best: Optimum, *, dof: float, scale: float, unknown: bool
     if best.singular:
         return Spread(cov, np.full(len(names), np.nan), missing, ())
     if unknown:
-        note = (
-            "the points have no scatter but rounding errors (computed values, not readings?), so nothing tells how large their errors are: "
-            "there is no standard deviation; give u_y"
-        )
-        return Spread(np.full_like(cov, np.nan), np.full(len(names), np.nan), missing, (note,))
+        return Spread(np.full_like(cov, np.nan), np.full(len(names), np.nan), missing, (Finding(Kind.NO_SCATTER),))
     free = np.sqrt(np.diag(fixed.cov))  # of a parameter on its edge too
     sds = np.where(best.at_bound, np.nan, np.sqrt(np.diag(cov)))
     informed = np.square([p.prior.residual_slope(float(v)) for p, v in zip(fixed.problem.parameters, best.values, strict=True)])
@@ -62,16 +58,15 @@ def spread(fixed: Fit, best: Optimum, *, dof: float, scale: float, unknown: bool
     beside = _within_reach(fixed, np.where(best.at_bound, free, np.sqrt(np.diag(cov))), dofs)
     if not np.any(beside):
         return Spread(cov, sds, _symmetric(names, best.values, sds, dofs), ())
-    intervals, notes = _profiled(fixed, float(np.min(dofs))), []
+    intervals, notes = _profiled(fixed, float(np.min(dofs))), list[Finding]()
     for i, (name, parameter) in enumerate(zip(names, fixed.problem.parameters, strict=True)):
         distance = min(best.values[i] - parameter.prior.low, parameter.prior.high - best.values[i])
         edge = edge_of(parameter.prior, float(best.values[i]))
         if best.at_bound[i] or distance < sds[i]:
-            where = "lies on" if best.at_bound[i] else "is less than a standard deviation from"
-            notes.append(f"{name} {where} its limit {edge:.6g}: no standard deviation, read its interval")
+            notes.append(Finding(Kind.AT_LIMIT if best.at_bound[i] else Kind.NEAR_LIMIT, parameters=(Amount(name, edge),)))
             sds[i] = np.nan
         elif _lopsided(intervals[name], float(best.values[i]), float(sds[i]), float(dofs[i])):
-            notes.append(f"{name} has no standard deviation, because the limit of {' and '.join(np.array(names)[beside])} cuts it: read its interval")
+            notes.append(Finding(Kind.CUT_BY_LIMIT, parameters=(Amount(name),), names=tuple(np.array(names)[beside].tolist())))
             sds[i] = np.nan
     return Spread(cov, sds, intervals, tuple(notes))
 
@@ -122,30 +117,30 @@ def _lopsided(ends: Ends, value: float, sd: float, dof: float) -> bool:
     return not max(abs(value - low - half), abs(high - value - half)) <= _SYMMETRIC * half
 
 
-def shown_value(value: float, sd: float, ends: Ends, edges: tuple[float, float], *, unit: str, few: bool, ok: bool) -> str:
-    """What a reader sees behind a parameter's name: '= 2.03 ± 0.05 s, ...', '< 0.3 (95 %)', or '= 2 (no uncertainty)'.
+def shown_value(value: float, sd: float, ends: Ends, edges: tuple[float, float], *, unit: str, few: bool, ok: bool) -> tuple[str, str]:
+    """What a reader sees behind a parameter's name: ("=", '2.03 ± 0.05 s, ...') or ("=", '2 (no uncertainty)'), a limit as ("", '< 0.3 (95 %)').
 
     few : whether sd has so few degrees of freedom that ± misleads.  ok : whether the status allows a value with an uncertainty.
     """
     low, high = ends[PROBABILITIES[-1]]
     behind = f" {unit}" if unit else ""
     if math.isnan(low) or math.isnan(high):
-        return f"= {format_quantity(value)}{behind} (no uncertainty)"
+        return "=", f"{format_quantity(value)}{behind} (no uncertainty)"
     closed = [low != edges[0] and math.isfinite(low), high != edges[1] and math.isfinite(high)]
     if not any(closed):
-        return f"anywhere in [{low:.6g}, {high:.6g}]{behind}"
+        return "", f"anywhere in [{low:.6g}, {high:.6g}]{behind}"
     level = "95 %" if ok else "95 %, if the curve and the errors were right"
     size = sd if math.isfinite(sd) else 0.25 * (high - low) if all(closed) else 0.25 * abs((high if closed[1] else low) - value)
     if not all(closed):
-        return f"< {format_rounded(high, size)}{behind} ({level})" if closed[1] else f"> {format_rounded(low, size)}{behind} ({level})"
+        return "", f"< {format_rounded(high, size)}{behind} ({level})" if closed[1] else f"> {format_rounded(low, size)}{behind} ({level})"
     intervals = ", ".join(f"{p:.0%} in [{format_rounded(a, size)}, {format_rounded(b, size)}]".replace("%", " %") for p, (a, b) in ends.items())
     if not ok:
-        return f"in [{format_rounded(low, size)}, {format_rounded(high, size)}]{behind} ({level})"
+        return "", f"in [{format_rounded(low, size)}, {format_rounded(high, size)}]{behind} ({level})"
     if not math.isfinite(sd):
-        return f"= {format_rounded(value, size)}{behind}, {intervals}"
+        return "=", f"{format_rounded(value, size)}{behind}, {intervals}"
     if few:
-        return f"= {format_rounded(value, sd)}{behind} (standard error {format_rounded(sd, sd)}), {intervals}"
-    return f"= {format_quantity(value, sd)}{behind}, {intervals}"
+        return "=", f"{format_rounded(value, sd)}{behind} (standard error {format_rounded(sd, sd)}), {intervals}"
+    return "=", f"{format_quantity(value, sd)}{behind}, {intervals}"
 
 
 def _quantile(probability: float, dofs: FloatArray) -> FloatArray:

@@ -53,13 +53,13 @@ def descend(search: SeparableSearch, start: FloatArray) -> FloatArray:
             turned = turned - basis @ (basis.T @ turned)
         return np.nan_to_num(turned * unit / size, nan=0.0, posinf=0.0, neginf=0.0)
 
-    tolerance = 1e-3 if search.latent else 1e-11  # with errors of x least squares creep: steps by the information finish
+    tolerance = 1e-3 if search.creeps else 1e-11  # steps by the information finish
     result = least_squares(
         residuals, first / unit, jac=jacobian, bounds=(low / unit, high / unit), x_scale="jac", ftol=tolerance, xtol=tolerance, gtol=None,
         max_nfev=200,
     )
     found = filled(result.x if np.all(np.isfinite(result.x)) else first / unit)  # nan: no parameter changes the residuals here
-    return stepped(search, found, most=_N_FINISH)[0] if search.latent and math.isfinite(search.chi2(found)) else found
+    return stepped(search, found, most=_N_FINISH)[0] if search.creeps and math.isfinite(search.chi2(found)) else found
 
 
 def stepped(search: SeparableSearch, values: FloatArray, *, most: int = 100) -> tuple[FloatArray, float, float]:

@@ -20,9 +20,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from estim.arrays import FloatArray
-from estim.common import format_rounded
+from estim.common import Amount, Finding, Kind
 from estim.fitting.least_squares import Fit
-from estim.problem import Parameter, Prior
+from estim.problem import Prior
+from estim.words import one_sided
 
 Indices = NDArray[np.int64]
 
@@ -139,22 +140,17 @@ def limit_of(fit: Fit, name: str, draws: FloatArray) -> Limit | None:
 
 def limit_cell(limit: Limit, factor: float) -> str:
     """'< 0.31 (95 %)', in units of which one SI unit has `factor`."""
-    rounded = format_rounded(limit.limit_95 * factor, 0.25 * abs(limit.limit_95 - limit.edge) * factor)
-    return f"{'<' if limit.side == 'upper' else '>'} {rounded} (95 %)"
+    return one_sided(limit.side, limit.limit_95, limit.edge, factor=factor)
 
 
-def limit_words(fit: Fit, name: str, draws: FloatArray) -> str:
-    """'κ[b] < 0.31 (95 %): its most probable value is the edge of its range, 0', or "" where it is not."""
+def limit_found(fit: Fit, name: str, draws: FloatArray) -> Finding:
+    """The limit of a parameter at an edge (`fit.at_bound`) as a note: its most probable value is the edge."""
     limit = limit_of(fit, name, draws)
-    if limit is None:
-        return ""
+    assert limit is not None
+    return Finding(Kind.LIMIT, test=limit.side, size=limit.limit_95, parameters=(edge_amount(fit, name, limit.edge),))
+
+
+def edge_amount(fit: Fit, name: str, value: float) -> Amount:
+    """The edge of a parameter's range next to `value`."""
     parameter = fit.problem.parameters[fit.names.index(name)]
-    shown = parameter.label
-    cell = limit_cell(limit, shown.factor).replace(" (", f"{'' if shown.unit == '1' else f' {shown.unit}'} (")
-    return f"{shown.symbol} {cell}: its most probable value is the edge of its range, {shown_edge(parameter, limit.edge)}"
-
-
-def shown_edge(parameter: Parameter, value: float) -> str:
-    """'0.185' or '−5 °': the edge of the parameter's range next to `value`, as a reader is shown it."""
-    shown = parameter.label
-    return f"{edge_of(parameter.prior, value) * shown.factor:.4g}{'' if shown.unit == '1' else f' {shown.unit}'}"
+    return Amount(name, edge_of(parameter.prior, value), parameter.label)

@@ -12,7 +12,7 @@ def information(posterior: Posterior, values: FloatArray) -> FloatArray:
     """(n_par, n_par) Fisher information at `values`, priors included; its inverse is the Gaussian covariance."""
     problem = posterior.problem
     pulls = [p.prior.residual_slope(float(v)) for p, v in zip(problem.parameters, values, strict=True)]
-    return posterior.noise_information(values) + np.diag(np.square(pulls)) + posterior.location_information(values)
+    return posterior.information(values) + np.diag(np.square(pulls))
 
 
 def data_information(posterior: Posterior, values: FloatArray) -> FloatArray:

@@ -15,11 +15,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from estim.arrays import FloatArray
-from estim.common import InputError, NumericalError
+from estim.common import Finding, InputError, NumericalError
 from estim.fitting.fisher_information import information
 from estim.problem import Observations, Posterior, Problem, Symmetry, informative
 
-_MAX_ROUNDS = 60
+MAX_ROUNDS = 60
 _SETTLED = 1e-4  # of a standard deviation, between two rounds
 _SAME_OPTIMUM = 0.5  # in minus log density
 _SAME_PLACE = 1.5  # standard deviations
@@ -46,9 +46,9 @@ class Fit:
         parameters of the curve.  p_value : P(chi2 or more); nan where the size of the noise was inferred or its tails are heavy (it proves nothing).
     n_start, n_same : starts tried, and how many of them led to the best optimum.
     others : (n_other, n_par) other optima not much worse than the best, far from it and from each other.
-    symmetry : what else draws the same curves, None where that was not asked.  aliases : in words, faster curves through the same points.
+    symmetry : what else draws the same curves, None where that was not asked.  aliases : other curves through the same points.
     singular : whether some combination of parameters is not determined at all, not even by the priors.
-    success, message : whether the search settled, in words.
+    success, message : whether the search settled, in words.  moved : standard deviations that its last round still moved a parameter.
     """
 
     names: tuple[str, ...]
@@ -65,9 +65,10 @@ class Fit:
     others: FloatArray
     singular: bool
     success: bool
+    moved: float
     message: str
     symmetry: Symmetry | None = None
-    aliases: str = ""
+    aliases: tuple[Finding, ...] = ()
 
     @property
     def problem(self) -> Problem:
@@ -93,7 +94,7 @@ def fit_least_squares(problem: Problem, *, rng: np.random.Generator, n_start: in
         raise NumericalError(_NO_CURVATURE)
     objective = np.array([-_log_density(posterior, values) for values, posterior, _ in rough])
     best = int(np.nanargmin(objective))
-    values, posterior, moved = _settle(problem, rough[best][0], max_rounds=_MAX_ROUNDS)
+    values, posterior, moved = _settle(problem, rough[best][0], max_rounds=MAX_ROUNDS)
     if math.isnan(moved):
         raise NumericalError(_NO_CURVATURE)
     level = objective <= objective[best] + _SAME_OPTIMUM
@@ -153,14 +154,14 @@ def _fit_curve(posterior: Posterior, values: FloatArray) -> FloatArray:
         columns = posterior.jacobian(filled(parameters))[:, free]
         return np.where(np.isfinite(columns), columns, 0.0)  # a point beside the edge of where the curve is defined has no say in the step
 
-    latent = any(run.latent is not None for run in problem.runs)
-    tolerance = 1e-5 if latent else 1e-12  # with errors of x least squares creep: steps by the information finish
+    creeps = any(run.creeps for run in posterior.likelihoods)
+    tolerance = 1e-5 if creeps else 1e-12  # steps by the information finish
     with np.errstate(divide="ignore", invalid="ignore"):  # lmfit also inverts the Hessian, singular where the data are silent; not used
         result = lmfit.minimize(
             residual, table, method="least_squares", scale_covar=False, calc_covar=False, jac=jacobian, x_scale="jac",
             ftol=tolerance, xtol=tolerance, gtol=1e-12, max_nfev=400, nan_policy="propagate",  # scipy steps back from where the curve is not defined
         )
-    return _finished(posterior, filled(result.params), free) if latent else filled(result.params)
+    return _finished(posterior, filled(result.params), free) if creeps else filled(result.params)
 
 
 def _finished(posterior: Posterior, values: FloatArray, free: list[int]) -> FloatArray:
@@ -282,19 +283,19 @@ def _describe(
     pulls = [i for i in curve if informative(problem.parameters[i].prior)]
     chi2 = float(np.sum(posterior.size_residuals(values) ** 2) + np.sum(posterior.prior_residuals(values)[pulls] ** 2))
     dof = problem.n_obs + len(pulls) - len(curve)
-    robust = any(run.noise.tails.robust for run in problem.runs)
+    robust = any(run.noise.robust for run in problem.runs)
     place = np.where(curvature > 0.0, curvature, np.inf)
     n_same = len(same) if singular else sum(bool(np.max(np.abs(end - values) / place) < _SAME_PLACE) for end in same)
     message = f"settled; {led_here(n_same, n_start)}"
     if moved >= _SETTLED:
-        message = f"did not settle: the last of {_MAX_ROUNDS} rounds still moved a parameter by {moved:.2g} standard deviations"
+        message = f"did not settle: the last of {MAX_ROUNDS} rounds still moved a parameter by {moved:.2g} standard deviations"
     elif singular:
         message = "settled, but a combination of parameters is not determined at all: no standard deviations"
     return Fit(
         names=problem.names, values=values, cov=cov, sds=sds, at_bound=tuple(at_bound), posterior=posterior, chi2=chi2, dof=dof,
         p_value=chi2_p(chi2, dof) if dof > 0 and not problem.noise_names and not robust else math.nan,
         n_start=n_start, n_same=n_same, others=far_apart(values, ends, place),
-        singular=singular, success=moved < _SETTLED, message=message,
+        singular=singular, success=moved < _SETTLED, moved=moved, message=message,
     )
 
 

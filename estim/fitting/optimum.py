@@ -19,14 +19,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from estim.arrays import FloatArray
-from estim.common import InputError
+from estim.common import Finding, InputError
 from estim.fitting.descent import all_finite, descend, inverse_information, near_bound, stepped
 from estim.fitting.least_squares import WITHIN_REACH, Fit, far_apart, fit_least_squares, led_here
 from estim.fitting.screen import chi2_at, further_optima, solved_at
 from estim.fitting.separable import RESOLVED, SeparableSearch, rounding, set_apart
 from estim.fitting.solutions import MOST_OTHERS, PLACE, SAME, End, chi2_limit, choose, distance, distinct_ends, is_at, is_close, spread_at
 from estim.fitting.symmetry_search import find_symmetry
-from estim.problem import Independent, Problem, Symmetry, no_symmetry
+from estim.problem import Problem, Symmetry, no_symmetry
 
 _N_SCREEN = 200
 N_START = 8
@@ -50,7 +50,7 @@ class Optimum:
     condition : smallest / largest singular value, columns of unit length; resolved : what it must exceed to be told from zero.
     at_bound : (n_par,) which parameters lie on a bound.  n_start, n_same : searches run, and how many ended here.
     others : (n_other, n_par) other optima that are not much worse, best first; not those that only change labels.
-    symmetry : what else draws the same curve.  aliases : in words, faster curves through the same points, or "".
+    symmetry : what else draws the same curve.  aliases : other curves through the same points.
     """
 
     values: FloatArray
@@ -66,7 +66,7 @@ class Optimum:
     n_same: int
     others: FloatArray
     symmetry: Symmetry
-    aliases: str
+    aliases: tuple[Finding, ...]
 
     @property
     def singular(self) -> bool:
@@ -92,9 +92,10 @@ def find_optimum(
     Raises InputError where the curve is not finite at the start nor at any point around it.
     """
     with np.errstate(all="ignore"):  # far from the optimum a curve may overflow: such points lose
-        if any(run.latent is not None for run in problem.runs):
-            exact = find_optimum(_with_exact_x(problem), start, rng=rng, n_start=n_start, unstated=True)
-            return _found_near(set_apart(problem, start, rng, unstated=unstated), start, exact)
+        simpler = problem.for_search()
+        if simpler is not problem:
+            afar = find_optimum(simpler, start, rng=rng, n_start=n_start, unstated=True)
+            return _found_near(set_apart(problem, start, rng, unstated=unstated), start, afar)
         return _found(set_apart(problem, start, rng, unstated=unstated), start, rng, n_start)
 
 
@@ -118,16 +119,10 @@ def _found(search: SeparableSearch, start: FloatArray, rng: np.random.Generator,
     return replace(_polished(search, values, n_start=len(tried), n_same=n_same), others=others, symmetry=symmetry, aliases=aliases)
 
 
-def _with_exact_x(problem: Problem) -> Problem:
-    """The problem without its errors of x: there linear parameters can be solved for, and its optima are good starts."""
-    noises = (replace(run.noise, sigma_x=None, relative_x=None) if isinstance(run.noise, Independent) else run.noise for run in problem.runs)
-    return Problem(problem.parameters, tuple(replace(run, noise=noise) for run, noise in zip(problem.runs, noises, strict=True)))
-
-
-def _found_near(search: SeparableSearch, start: FloatArray, exact: Optimum) -> Optimum:
-    """The best point of a problem with errors of x, from the optima of the same one without them."""
+def _found_near(search: SeparableSearch, start: FloatArray, afar: Optimum) -> Optimum:
+    """The best point of a problem from the optima of the simpler one that a search from afar takes (`Problem.for_search`)."""
     starts = [start]
-    for point in (exact.values, *exact.others):
+    for point in (afar.values, *afar.others):
         if all(distance(search, point, other) > _ALIKE for other in starts):
             starts.append(point)
     ends = [descend(search, point) for point in starts]
@@ -135,7 +130,7 @@ def _found_near(search: SeparableSearch, start: FloatArray, exact: Optimum) -> O
     if not tried:
         raise InputError("gives a curve that is not finite at the data, there and around", field="start")
     best = min(tried, key=lambda end: end[1])
-    symmetry = exact.symmetry
+    symmetry = afar.symmetry
     distinct = distinct_ends(search, best, tried, symmetry, start)
     values, others, aliases = choose(search, distinct, symmetry, start)
     n_same = sum(is_at(search, best, end, values, symmetry) for end, _ in tried)
@@ -183,7 +178,8 @@ def scanned_fit(fit: Fit, *, rng: np.random.Generator) -> Fit:
     if fit.singular:
         return fit
     with np.errstate(all="ignore"):
-        search = set_apart(_with_exact_x(fit.problem), fit.values, rng, unstated=any(run.latent is not None for run in fit.problem.runs))
+        simpler = fit.problem.for_search()
+        search = set_apart(simpler, fit.values, rng, unstated=simpler is not fit.problem)
         found = further_optima(search, fit.values) if search.bent.size else np.zeros((0, fit.values.size))
         here = fit.values, search.chi2(fit.values)
         near, limit = [fit.values, *fit.others], chi2_limit(search, here)
@@ -271,5 +267,5 @@ def _polished(search: SeparableSearch, values: FloatArray, *, n_start: int, n_sa
     alone = np.zeros((0, values.size))
     return Optimum(
         values, full, chi2, rounded, step_size, max(_SETTLED, left), condition, resolved, near, n_start, n_same, alone,
-        no_symmetry(search.posterior.problem), "",
+        no_symmetry(search.posterior.problem), (),
     )

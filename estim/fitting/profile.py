@@ -42,6 +42,7 @@ class ProfileInterval:
     found_better : how far below the fit's the lowest objective met on the way lies; 0 if the fit's is the lowest.
     better_values : (n_par,) where that was; None if nowhere.
     n_failed : points at which the search over the other parameters did not settle.
+    pieces : probabilities whose region has more than one piece.
     sentence : the intervals and every doubt about them, in words.
     """
 
@@ -56,6 +57,7 @@ class ProfileInterval:
     found_better: float
     better_values: FloatArray | None
     n_failed: int
+    pieces: tuple[float, ...]
     sentence: str
 
 
@@ -156,9 +158,10 @@ def _interval(fit: Fit, search: ProfileSearch, mode: Point, i: int, rises: dict[
     result = ProfileInterval(
         name=parameter.name, value=float(mode.values[i]), low=ends[0], high=ends[1], open_low=opened[0], open_high=opened[1],
         x=np.array([point.values[i] for point in kept]), rise=np.array([point.objective - mode.objective for point in kept]),
-        found_better=better, better_values=best.values if better else None, n_failed=sum(not point.settled for point in points), sentence="",
+        found_better=better, better_values=best.values if better else None, n_failed=sum(not point.settled for point in points),
+        pieces=tuple(sorted(pieces)), sentence="",
     )
-    return _with_sentence(result, parameter, tuple(sorted(pieces)))
+    return _with_sentence(result, parameter)
 
 
 def _nowhere(parameter: Parameter, value: float, rises: dict[float, float]) -> ProfileInterval:
@@ -167,7 +170,7 @@ def _nowhere(parameter: Parameter, value: float, rises: dict[float, float]) -> P
     sentence = f"{parameter.label.symbol}: no interval, the posterior density is zero or not a number at the fit"
     return ProfileInterval(
         name=parameter.name, value=value, low=everywhere, high=dict(everywhere), open_low=opened, open_high=dict(opened), x=np.array([value]),
-        rise=np.zeros(1), found_better=0.0, better_values=None, n_failed=1, sentence=sentence,
+        rise=np.zeros(1), found_better=0.0, better_values=None, n_failed=1, pieces=(), sentence=sentence,
     )
 
 
@@ -253,7 +256,7 @@ def _dips(walk: Sequence[Point]) -> list[Point]:
     return [here for before, here, after in triples if here.objective < before.objective - 1e-6 and here.objective <= after.objective]
 
 
-def _with_sentence(found: ProfileInterval, parameter: Parameter, pieces: tuple[float, ...]) -> ProfileInterval:
+def _with_sentence(found: ProfileInterval, parameter: Parameter) -> ProfileInterval:
     shown = parameter.label
     unit = "" if shown.unit == "1" else f" {shown.unit}"
     intervals = [f"{p:.0%} [{found.low[p] * shown.factor:.4g}, {found.high[p] * shown.factor:.4g}]{unit}" for p in found.low]
@@ -272,7 +275,7 @@ def _with_sentence(found: ProfileInterval, parameter: Parameter, pieces: tuple[f
             said.append(f"open {side}{size}: the mode lies at the edge {place} of the prior")
         else:
             said.append(f"open {side}{size}: no limit {'above' if side == 'below' else 'below'} the edge {place} of the prior")
-    said += [f"the {p:.0%} region has more than one piece; the interval spans them" for p in pieces]
+    said += [f"the {p:.0%} region has more than one piece; the interval spans them" for p in found.pieces]
     if found.found_better:
         said.append(f"a better point than the fit was met on the way (minus twice the log density lower by {found.found_better:.2g})")
     if found.n_failed:

@@ -38,15 +38,8 @@ def residuals_at(search: SeparableSearch, points: FloatArray) -> FloatArray:
     with np.errstate(all="ignore"):
         for first in range(0, max(1, points.shape[0]), rows):
             some = points[first : first + rows]
-            named = problem.named(some)
-            pairs = zip(problem.runs, posterior.standardised_draws(some), strict=True)
-            blocks = [
-                run.latent.deviance_residual(named) if run.latent is not None
-                else run.noise.tails.deviance_residual(z, named)[0] if run.noise.tails.robust else z
-                for run, z in pairs
-            ]
             pulls = [np.array([problem.parameters[i].prior.residual(float(v)) for v in some[:, i]])[:, None] for i in pulling]
-            parts.append(np.hstack([*blocks, *pulls]))
+            parts.append(np.hstack([posterior.residuals_at(some), *pulls]))
     return np.vstack(parts)
 
 

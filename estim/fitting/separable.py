@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from estim.arrays import FloatArray
 from estim.common import InputError
-from estim.problem import EXACT, Posterior, Problem, variances
+from estim.problem import EXACT, Posterior, Problem
 
 Indices = NDArray[np.int64]
 
@@ -45,9 +45,9 @@ class SeparableSearch:
         return _SAFETY * max(getattr(run.curve, "precision", EXACT) for run in self.posterior.problem.runs)
 
     @property
-    def latent(self) -> bool:
-        """Whether some abscissas have errors."""
-        return any(run.latent is not None for run in self.posterior.problem.runs)
+    def creeps(self) -> bool:
+        """Whether least squares creep, so that steps by the information must finish."""
+        return any(run.creeps for run in self.posterior.likelihoods)
 
     def residuals(self, values: FloatArray) -> FloatArray:
         return self.posterior.residuals(values)
@@ -124,8 +124,8 @@ def rounding(search: SeparableSearch, values: FloatArray | None = None) -> float
     """
     posterior = search.posterior
     named = posterior.problem.named(search.held)
-    runs = zip(posterior.problem.runs, posterior.whitenings, strict=True)
-    data = 1e-28 * sum(float(np.sum(w.rotate(run.y) ** 2 / variances(run.noise, w, named))) for run, w in runs)
+    runs = zip(posterior.problem.runs, posterior.likelihoods, strict=True)
+    data = 1e-28 * sum(likelihood.squared_size(run.y, named) for run, likelihood in runs)
     if values is None:
         return data
     terms = np.abs(search.jacobian(values)[: posterior.problem.n_obs] * values).sum(axis=1)

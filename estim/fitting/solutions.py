@@ -7,6 +7,7 @@ import math
 import numpy as np
 
 from estim.arrays import FloatArray
+from estim.common import Amount, Finding, Kind
 from estim.fitting.descent import inverse_information
 from estim.fitting.least_squares import WITHIN_REACH
 from estim.fitting.separable import SeparableSearch, rounding
@@ -66,11 +67,11 @@ def distinct_ends(search: SeparableSearch, best: End, ends: list[End], symmetry:
     return kept
 
 
-def choose(search: SeparableSearch, distinct: list[End], symmetry: Symmetry, start: FloatArray) -> tuple[FloatArray, FloatArray, str]:
-    """The best optimum in the labels closest to the start, the other solutions (n_other, n_par), and a word on what was left aside.
+def choose(search: SeparableSearch, distinct: list[End], symmetry: Symmetry, start: FloatArray) -> tuple[FloatArray, FloatArray, tuple[Finding, ...]]:
+    """The best optimum in the labels closest to the start, the other solutions (n_other, n_par), and what was left aside.
 
     Of curves through the same points (a frequency plus the rate of sampling) the one closest to the start is taken.  Where the
-    user gave no range that holds the others and it is the smoothest of all, they are a word and not solutions; so are other
+    user gave no range that holds the others and it is the smoothest of all, they are left aside and no solutions; so are other
     numbers that draw the same curve everywhere.
     """
     equal = equal_to(search, distinct[0][1])
@@ -80,7 +81,7 @@ def choose(search: SeparableSearch, distinct: list[End], symmetry: Symmetry, sta
     apart = np.ptp(points, axis=0)
     steady = np.array([i for i in search.bent if not math.isfinite(symmetry.period[i])], dtype=np.int64)
     moved = steady[apart[steady] > spread_at(search, distinct[0])[steady]]
-    chosen, words = same[0], []
+    chosen, told = same[0], list[Finding]()
     if moved.size:
         away = np.sum(((points - start)[:, moved] / apart[moved]) ** 2, axis=1)
         chosen = same[int(np.argmin(away))]
@@ -88,19 +89,19 @@ def choose(search: SeparableSearch, distinct: list[End], symmetry: Symmetry, sta
     if moved.size and not np.all(np.isfinite(search.low[moved]) & np.isfinite(search.high[moved])):
         names = search.posterior.problem.names
 
-        def told(which: list[int]) -> str:
-            return "; or ".join(", ".join(f"{names[k]} = {named[i][k]:.6g}" for k in moved) for i in which[:2])
+        def shown(which: list[int]) -> tuple[Finding, ...]:
+            return tuple(Finding(Kind.VALUES, parameters=tuple(Amount(names[k], float(named[i][k])) for k in moved)) for i in which[:2])
 
         alike = [i for i in same if i != chosen and _same_curve(search, named[i], named[chosen], between=True)]
         faster = [i for i in same if i != chosen and i not in alike]
         aside += alike
         if alike:
-            words.append(f"the same curve with other numbers ({told(alike)}): the solution closest to the start is given")
+            told.append(Finding(Kind.OTHER_NUMBERS, parts=shown(alike)))
         if faster and _roughness(search, named[chosen]) <= min(_roughness(search, named[i]) for i in faster):
             aside += faster
-            words.append(f"faster curves pass through the same points ({told(faster)}): if one of them is meant, say so by bounds")
+            told.append(Finding(Kind.FASTER_CURVES, parts=shown(faster)))
     rest = [named[i] for i in range(len(named)) if i != chosen and i not in aside]
-    return named[chosen], np.array(rest).reshape(-1, start.size), "; ".join(words)
+    return named[chosen], np.array(rest).reshape(-1, start.size), tuple(told)
 
 
 def _same_curve(search: SeparableSearch, values: FloatArray, other: FloatArray, *, between: bool) -> bool:

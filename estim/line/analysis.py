@@ -14,7 +14,7 @@ import numpy as np
 
 from estim.arrays import FloatArray
 from estim.checks import headline, parameter_cells
-from estim.common import Finding, Notation, Quantity, Stream, e_n, format_quantity, stream
+from estim.common import Finding, Kind, Notation, Quantity, Status, Stream, decide, e_n, stream
 from estim.line.evidence import InterceptEvidence, intercept_evidence
 from estim.line.findings import line_findings
 from estim.line.interval import SlopeInterval, slope_interval
@@ -22,6 +22,7 @@ from estim.line.least_squares import InversePrediction, LineFit, coverage_factor
 from estim.line.posterior import LinePosterior, line_posterior, mode_or_guess
 from estim.line.series import ThetaMinSeries
 from estim.sampling import Chain, Progress, Target, sample_posterior, summarise
+from estim.words import advice_for, tell
 
 _INTERCEPT_SD = 0.1
 
@@ -64,8 +65,12 @@ class LineAnalysis:
     seed: int
 
     @property
-    def status(self) -> str:
-        return self.findings[0].status if self.findings else "ok"
+    def status(self) -> Status:
+        return decide(self.findings)
+
+    @property
+    def reasons(self) -> tuple[str, ...]:
+        return tuple(map(tell, self.findings))
 
     @property
     def disagreement(self) -> str:
@@ -74,10 +79,11 @@ class LineAnalysis:
         The line does not use the stated value, so this is no fault of the line.
         """
         found = self.readings["posterior"]
-        if self.status != "ok" or self.gamma_masses is None or not abs(found.e_n) > 1.0:
+        stated = self.gamma_masses
+        if not self.status.ok or stated is None or not abs(found.e_n) > 1.0:
             return ""
-        values = (format_quantity(q.value, q.u) for q in (found.gamma, self.gamma_masses))
-        return "γ of the line, {}, and γ as stated, {}, disagree: E_n = {:+.1f}; the line does not use the stated value".format(*values, found.e_n)
+        numbers = {"line": found.gamma.value, "u_line": found.gamma.u, "stated": stated.value, "u_stated": stated.u}
+        return tell(Finding(Kind.GAMMA_DISAGREES, size=found.e_n, numbers=numbers))
 
     def _repr_markdown_(self) -> str:
         """What a notebook shows: the values, or why there are none."""
@@ -89,8 +95,8 @@ class LineAnalysis:
             parameter_cells(summarise(values, unit="1", meaning=meaning), Notation(symbol).label("1")) for symbol, values, meaning in quantities
         ]
         return headline(
-            f"θ_min line of {self.series.body}", kind="", status=self.status, reasons=[f.reason for f in self.findings],
-            advice=[f.advice for f in self.findings], rows=rows,
+            f"θ_min line of {self.series.body}", kind="", status=self.status, reasons=self.reasons, advice=advice_for(self.findings),
+            rows=rows,
         )
 
     @property

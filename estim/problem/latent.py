@@ -1,6 +1,6 @@
 """The likelihood of independent points whose abscissas have errors (`estim.problem.abscissas` says what it is), with its derivatives.
 
-`LatentRun` is the one mechanism: `estim.problem.problem` asks it wherever a run has errors of x, for densities, residuals, information and tests.
+`LatentErrors` is a likelihood like any other (`estim.problem.likelihood`): densities, residuals, information and tests of such a run.
 
 The estimated mean and variance of the true abscissas move all points in common.  With t_i the derivatives of the mean of y_i in these two
 displacements, in standard deviations of both, and z_i = (y_i - mean)/sd, integrating them out gives (exact for a line)
@@ -14,15 +14,15 @@ The least squares of record leave this term out: their best point is the maximum
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from estim.arrays import FloatArray
 from estim.problem.abscissas import (
     LOG_WEIGHTS,
+    BoolArray,
     Predictive,
     TrueAbscissas,
     deepened,
@@ -32,13 +32,10 @@ from estim.problem.abscissas import (
     summed,
     true_abscissas,
 )
-from estim.problem.curve import Curve
-from estim.problem.noise import Independent
+from estim.problem.likelihood import Ends, Points, n_draws
+from estim.problem.size import Named, Scale, Size
 from estim.problem.tails import Tails
-
-Named = Mapping[str, ArrayLike]
-Ends = Mapping[str, tuple[Named, Named, float]]
-"""Noise parameter -> values below, values above, their distance: for differences."""
+from estim.problem.whitened import Tabled
 
 _BLOCK = 1_000_000  # values of the curve computed at once
 _NEGLIGIBLE = 1e-3  # variance of x that is error, as a share, below which the distribution of the true abscissas is known well enough
@@ -48,44 +45,59 @@ _LOG_ROOT_2PI = 0.5 * np.log(2.0 * np.pi)
 
 
 @dataclass(frozen=True, eq=False)
-class LatentRun:
-    """Points (x, y), (n_obs,) each, of a curve; `bind` turns parameters into arguments of the curve, `sources` says which they are."""
+class LatentErrors:
+    """Points with independent errors of y, of variance `size.variance(weight)`, and of x.
 
-    curve: Curve
-    x: FloatArray
-    y: FloatArray
-    noise: Independent
-    sources: Mapping[str, str | float]
-    bind: Callable[[Named], Mapping[str, ArrayLike]]
+    weight : (n_obs,) variance of y for a unit sigma^2.  tails : the shape of the errors of y.
+    sigma_x : of the errors of x, times relative_x (n_obs,).
+    """
 
-    def log_density(self, named: Named) -> FloatArray:
-        """(n_draw, n_obs) log of the density of each y given its x, the distribution of the true abscissas taken as estimated."""
-        return self._by_blocks(named, lambda part: self._predictive(part).log_density(self.y, self.noise.tails, part))
+    points: Points
+    size: Size
+    weight: FloatArray
+    tails: Tails
+    sigma_x: Scale
+    relative_x: FloatArray
+
+    creeps = True
+    normal = None
+
+    @property
+    def x(self) -> FloatArray:
+        return self.points.x
+
+    @property
+    def y(self) -> FloatArray:
+        return self.points.y
+
+    def pointwise(self, named: Named) -> FloatArray:
+        """The distribution of the true abscissas taken as estimated: the terms do not quite sum to `log_likelihood`."""
+        return self._by_blocks(named, lambda part: self._predictive(part).log_density(self.y, self.tails, part))
 
     def log_likelihood(self, named: Named) -> FloatArray:
         """(n_draw,) of all points together, that distribution integrated out."""
-        if np.max(true_abscissas(self.x, self.noise.sd_of_x(named, self.x.size)).common) == 0.0 or self._well_known(named):
-            return np.asarray(np.sum(self.log_density(named), axis=1))
+        if np.max(true_abscissas(self.x, self._sd_of_x(named)).common) == 0.0 or self._well_known(named):
+            return np.asarray(np.sum(self.pointwise(named), axis=1))
         return self._by_blocks(named, self._integrated)
 
-    def normal_score(self, named: Named) -> FloatArray:
-        """(n_draw, n_obs) every y mapped to a standard normal variable: its residual in standard deviations, if it were normal."""
-        return self._by_blocks(named, lambda part: self._predictive(part).normal_score(self.y, self.noise.tails, part))
+    def standardised(self, named: Named) -> FloatArray:
+        """Every y mapped to a standard normal variable: its residual in standard deviations, if it were normal."""
+        return self._by_blocks(named, lambda part: self._predictive(part).normal_score(self.y, self.tails, part))
 
     def outlier_probability(self, named: Named) -> FloatArray:
-        """(n_draw, n_obs) probability that the point is an outlier, averaged over the true abscissas that y allows."""
+        """Averaged over the true abscissas that y allows."""
 
         def probability(part: Named) -> FloatArray:
-            z, terms = self._predictive(part).terms(self.y, self.noise.tails, part)
-            return np.sum(_shares(terms) * self.noise.tails.outlier_probability(z, deepened(self.noise.tails, part)), axis=-1)
+            z, terms = self._predictive(part).terms(self.y, self.tails, part)
+            return np.sum(_shares(terms) * self.tails.outlier_probability(z, deepened(self.tails, part)), axis=-1)
 
         return self._by_blocks(named, probability)
 
-    def deviance_residual(self, named: Named) -> FloatArray:
-        """(n_draw, n_obs) r with r^2/2 = log of the largest density that any curve reaches - log L_i; signed as the residual."""
+    def residuals(self, named: Named) -> FloatArray:
+        """r with r^2/2 = log of the largest density that any curve reaches - log L_i; signed as the residual."""
 
         def residual(part: Named) -> FloatArray:
-            density, tails = self._predictive(part), self.noise.tails
+            density, tails = self._predictive(part), self.tails
             highest = tails.log_density(np.zeros((1, self.y.size)), part) - 0.5 * np.log(self._own_variance(part))
             height = highest - density.log_density(self.y, tails, part)
             below = self.y < np.sum(np.exp(density.log_weight) * density.mean, axis=-1)
@@ -93,10 +105,32 @@ class LatentRun:
 
         return self._by_blocks(named, residual)
 
-    def deviance_jacobian(self, named: Named, names: Sequence[str]) -> FloatArray:
-        """(n_obs, n_par) its derivatives in the parameters of the curve."""
-        gradient = self.scores(named, names, {})
-        return -gradient / self.deviance_residual(named)[0][:, None]
+    def size_residuals(self, named: Named) -> FloatArray:
+        return self.standardised(named)
+
+    def jacobian(self, named: Named, names: Sequence[str]) -> FloatArray:
+        return np.where(self._of_curve(names), -self.scores(named, names, {}) / self.residuals(named)[0][:, None], 0.0)
+
+    def scoring(self, named: Named, names: Sequence[str]) -> tuple[FloatArray, FloatArray]:
+        kept = self._of_curve(names)
+        score = np.where(kept, np.sum(self.scores(named, names, {}), axis=0), 0.0)
+        return _root(np.where(kept & kept[:, None], self.information(named, names, {}), 0.0), score, self.y.size)
+
+    def information_root(self, named: Named, names: Sequence[str]) -> FloatArray:
+        return self.scoring(named, names)[0]
+
+    def whitened(self, named: Named, names: Sequence[str]) -> Tabled:
+        at, scores, slopes = self.score_table(named, names)
+        kept = self._of_curve(names)
+        return Tabled(self.standardised(named)[0], self.information_root(named, names), at, np.where(kept, scores, 0.0), np.where(kept, slopes, 0.0))
+
+    def sd(self, named: Named) -> FloatArray:
+        """As wide as the slope of the curve makes an error of x: the size of a residual, not what its density is made of."""
+        steep = self.points.slope(named) * self._sd_of_x(named)[0]
+        return np.asarray(np.sqrt(self._own_variance(named)[0] + steep**2))
+
+    def squared_size(self, vector: FloatArray, named: Named) -> float:
+        return float(np.sum((vector / self.sd(named)) ** 2))
 
     def scores(self, named: Named, names: Sequence[str], ends: Ends) -> FloatArray:
         """(n_obs, n_par) derivatives of each log L_i; of the noise parameters those in `ends`."""
@@ -104,7 +138,7 @@ class LatentRun:
 
     def information(self, named: Named, names: Sequence[str], ends: Ends) -> FloatArray:
         """(n_par, n_par) Fisher information of the points, the distribution of the true abscissas integrated out."""
-        density, tails = self._predictive(named), self.noise.tails
+        density, tails = self._predictive(named), self.tails
         z, weight = _error_nodes(tails, named)
         kept = np.flatnonzero(LOG_WEIGHTS - np.max(LOG_WEIGHTS) > -9.0)
         y = (density.mean[0][:, kept, None] + np.sqrt(density.variance[0][:, kept, None]) * z).reshape(self.y.size, -1)
@@ -125,7 +159,7 @@ class LatentRun:
 
         For tests: of the parameters of the curve only.
         """
-        density, tails = self._predictive(named), self.noise.tails
+        density, tails = self._predictive(named), self.tails
         e = np.linspace(-_FAREST, _FAREST, _N_SCORE)
         y = _quantiles(density, tails, named, e)
         of_mean, of_variance = self._slopes(named, names)
@@ -137,36 +171,44 @@ class LatentRun:
         moved = -(height / sd) @ of_mean - (0.5 * height * z / sd**2) @ of_variance
         return e, self._scores(y, named, names, {})[..., : len(names)], moved * np.exp(0.5 * e**2 + _LOG_ROOT_2PI)[None, :, None]
 
+    def _of_curve(self, names: Sequence[str]) -> BoolArray:
+        """(n_par,) which parameters are not of the noise."""
+        noise = (*self.size.parameters, self.sigma_x.parameter, *self.tails.parameters)
+        return np.array([name not in noise for name in names])
+
+    def _sd_of_x(self, named: Named) -> FloatArray:
+        """(n, n_obs) standard deviations of the errors of the abscissas, n the number of draws or 1."""
+        return np.atleast_2d(np.asarray(self.sigma_x.at(named)) * self.relative_x)
+
     def _well_known(self, named: Named) -> bool:
-        if self.noise.sigma_x is None or self.noise.sigma_x.parameter is not None:
+        if self.sigma_x.parameter is not None:
             return False
-        return float(np.mean(np.square(self.noise.sd_of_x(named, self.x.size)))) < _NEGLIGIBLE * float(np.var(self.x))
+        return float(np.mean(np.square(self._sd_of_x(named)))) < _NEGLIGIBLE * float(np.var(self.x))
 
     def _abscissas(self, named: Named) -> TrueAbscissas:
-        return true_abscissas(self.x, self.noise.sd_of_x(named, self.x.size))
+        return true_abscissas(self.x, self._sd_of_x(named))
 
     def _values(self, named: Named, nodes: FloatArray) -> FloatArray:
         """The curve at nodes (n, n_obs, n_node), as (n_draw, n_obs, n_node); a curve of one's own sees increasing x."""
         with np.errstate(all="ignore"):
             if nodes.shape[0] > 1:
-                value = self.curve.value(nodes.reshape(nodes.shape[0], -1), self.bind(named))
+                value = self.points.curve.value(nodes.reshape(nodes.shape[0], -1), self.points.bind(named))
                 return np.asarray(value).reshape(-1, *nodes.shape[1:])
             order = np.argsort(nodes.ravel(), kind="stable")
-            value = np.atleast_2d(self.curve.value(nodes.ravel()[order], self.bind(named)))
+            value = np.atleast_2d(self.points.curve.value(nodes.ravel()[order], self.points.bind(named)))
         unsorted = np.empty((value.shape[0], order.size))
         unsorted[:, order] = value
         return unsorted.reshape(-1, *nodes.shape[1:])
 
     def _own_variance(self, named: Named) -> FloatArray:
         """(n, n_obs) variance of y at a given abscissa."""
-        reading = np.square(np.asarray(self.noise.sigma.at(named)) * self.noise.relative) + self.noise.quantisation_variance
-        return np.atleast_2d(reading + np.square(self.noise.scatter.at(named)))
+        return np.atleast_2d(self.size.variance(self.weight, named))
 
     def _predictive(self, named: Named) -> Predictive:
         return predictive(self._values(named, self._abscissas(named).nodes), self._own_variance(named))
 
     def _integrated(self, named: Named) -> FloatArray:
-        abscissas, tails = self._abscissas(named), self.noise.tails
+        abscissas, tails = self._abscissas(named), self.tails
         values = self._values(named, abscissas.nodes)
         density = predictive(values, self._own_variance(named))
         along = slopes_in_x(values, abscissas.spread)[..., None] * abscissas.common[:, :, None, :]
@@ -191,11 +233,11 @@ class LatentRun:
         flat = abscissas.nodes[0].ravel()
         order = np.argsort(flat, kind="stable")
         with np.errstate(all="ignore"):
-            local = self.curve.local(flat[order], self.bind(named))
+            local = self.points.curve.local(flat[order], self.points.bind(named))
         back = np.empty_like(order)
         back[order] = np.arange(order.size)
         gradients = np.zeros((flat.size, len(names) + 2))
-        for argument, source in self.sources.items():
+        for argument, source in self.points.arguments.items():
             if isinstance(source, str):
                 gradients[:, names.index(source)] += np.broadcast_to(local.gradient[argument], (1, flat.size))[0][back]
         shape = abscissas.nodes.shape[1:]
@@ -204,16 +246,12 @@ class LatentRun:
         gradients[..., len(names) :] = slopes_in_x(values, abscissas.spread[0])[..., None] * abscissas.common[0][:, None, :]
         with np.errstate(all="ignore"):
             of_mean, of_variance = predictive_slopes(values, gradients)
-        own = np.broadcast_to(self._own_variance(named), (1, self.y.size))[0]
-        sigma, scatter = self.noise.sigma, self.noise.scatter
-        for scale, square in ((sigma, np.square(self.noise.relative)), (scatter, np.ones_like(own))):
-            if scale.parameter is not None:
-                of_variance[..., names.index(scale.parameter)] += 2.0 * float(np.squeeze(scale.at(named))) * square[:, None]
+        of_variance[..., : len(names)] += self.size.slopes(self.weight, named, names)[0][:, None, :]
         return of_mean, of_variance
 
     def _scores(self, y: FloatArray, named: Named, names: Sequence[str], ends: Ends, part: slice = slice(None)) -> FloatArray:
         """(n_part, n, n_par + 2) derivatives of log L_i at y (n_part, n) for the points of `part`."""
-        tails, whole = self.noise.tails, self._predictive(named)
+        tails, whole = self.tails, self._predictive(named)
         density = Predictive(*(array[0][part][:, None] for array in (whole.mean, whole.variance, whole.log_weight)))
         z, terms = density.terms(y, tails, named)
         share = _shares(terms)
@@ -222,7 +260,7 @@ class LatentRun:
         with np.errstate(all="ignore"):
             scores = (share * pull / np.sqrt(density.variance)) @ of_mean + (share * (z * pull - 1.0) / (2.0 * density.variance)) @ of_variance
         for name, (low, high, distance) in ends.items():
-            if name in (self.noise.sigma.parameter, self.noise.scatter.parameter):
+            if name in self.size.parameters:
                 continue
             below, above = (self._log_density_at(y, values, part) for values in (low, high))
             scores[..., names.index(name)] = (above - below) / distance
@@ -231,20 +269,19 @@ class LatentRun:
     def _log_density_at(self, y: FloatArray, named: Named, part: slice) -> FloatArray:
         whole = self._predictive(named)
         density = Predictive(*(array[0][part][:, None] for array in (whole.mean, whole.variance, whole.log_weight)))
-        return density.log_density(y, self.noise.tails, named)
+        return density.log_density(y, self.tails, named)
 
     def _by_blocks(self, named: Named, compute: Callable[[Named], FloatArray]) -> FloatArray:
         columns = {name: np.asarray(value) for name, value in named.items()}
-        n_draw = max((column.shape[0] for column in columns.values() if column.ndim == 2), default=1)
         step = max(1, int(_BLOCK / ((LOG_WEIGHTS.size + 2) * self.x.size)))
         parts = [
             compute({name: column[first : first + step] if column.ndim == 2 and column.shape[0] > 1 else column for name, column in columns.items()})
-            for first in range(0, n_draw, step)
+            for first in range(0, n_draws(named), step)
         ]
         return np.concatenate(parts)
 
 
-def root(information: FloatArray, score: FloatArray, n: int) -> tuple[FloatArray, FloatArray]:
+def _root(information: FloatArray, score: FloatArray, n: int) -> tuple[FloatArray, FloatArray]:
     """J (m, n_par) and r (m,), m >= n, with J^T J = information and J^T r = -score, rows of zeros added; nan where they are not finite."""
     if not (np.all(np.isfinite(information)) and np.all(np.isfinite(score))):
         return np.full((max(n, score.size), score.size), np.nan), np.full(max(n, score.size), np.nan)

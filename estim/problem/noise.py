@@ -12,40 +12,33 @@ inferred.  `scatter` is a further independent error of every speed, for what the
 ramp that is not flat); infer it when unsure, and distrust the model when it comes out far above the instrument's share.
 `encoder_step` is the resolution of a digital position reading: it adds step^2/12 to the variance of a position.
 
-Every covariance here has the form  C = (sigma^2 + step^2/12) C0 + scatter^2 I  with C0 known once the curve is known
-approximately, so one diagonalisation of C0 serves every draw (see `Whitening`).
+Each is a record of what was assumed; what it makes of points and their curve is its `likelihood` (`estim.problem.likelihood`).
 
 Errors of x: the true abscissas of independent points are integrated out one by one, under a distribution that is fitted to
 the x (`estim.problem.abscissas`).  The tempting N(y | f, sigma_y^2 + f'^2 sigma_x^2) with its log-determinant is what remains of
 true abscissas spread evenly over the whole axis; it is biased, and the more points the worse.  Without the log-determinant
-(York's chi-square) it rewards ever steeper curves.  Here it serves as the size of a residual only (`covariance`).
+(York's chi-square) it rewards ever steeper curves.  Here it serves as the size of a residual only (`LatentErrors.sd`).
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from estim.arrays import FloatArray
 from estim.common import InputError
-from estim.problem.curve import Curve, SpeedCurve, Wording
+from estim.problem.abscissas import true_abscissas
+from estim.problem.correlated import CorrelatedErrors
+from estim.problem.curve import SpeedCurve, Wording
 from estim.problem.derivative import Derivative
+from estim.problem.independent import PointErrors
+from estim.problem.latent import LatentErrors
+from estim.problem.likelihood import Likelihood, Points
+from estim.problem.size import Named, Size
+from estim.problem.size import Scale as Scale
 from estim.problem.tails import GAUSSIAN, Tails
-
-
-@dataclass(frozen=True, eq=False)
-class Scale:
-    """A standard deviation: a fixed value, or the name of the parameter that is inferred in its place."""
-
-    value: float = 0.0
-    parameter: str | None = None
-
-    def at(self, values: Mapping[str, ArrayLike]) -> ArrayLike:
-        """The standard deviation for parameter values (scalars or (n_draw, 1))."""
-        return self.value if self.parameter is None else values[self.parameter]
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,7 +47,6 @@ class Independent:
 
     relative : (n_obs,) 1 where sigma is common to all; the stated standard deviations with sigma = 1 otherwise.
     sigma_x : of the abscissas, times relative_x (n_obs,); None where they are exact.  tails : the shape of the errors.
-    positions : whether the points are positions at known times rather than speeds at known positions.
     """
 
     sigma: Scale
@@ -64,35 +56,65 @@ class Independent:
     relative_x: FloatArray | None = None
     encoder_step: float = 0.0
     tails: Tails = GAUSSIAN
-    positions: bool = False
+
+    made_of_positions = False
 
     @property
-    def model(self) -> str:
-        return "positions" if self.positions else "independent"
+    def size(self) -> Size:
+        """Of the errors of y."""
+        return Size(self.sigma, self.scatter, self.encoder_step)
 
     @property
-    def quantisation_variance(self) -> float:
-        return self.encoder_step**2 / 12.0
+    def parameters(self) -> tuple[str, ...]:
+        of_x = () if self.sigma_x is None or self.sigma_x.parameter is None else (self.sigma_x.parameter,)
+        return (*self.size.parameters, *of_x, *self.tails.parameters)
 
-    def whitening(self, curve: Curve, x: FloatArray, arguments: Mapping[str, ArrayLike]) -> Whitening:
-        """The errors depend on the curve only where x has errors."""
-        square = np.square(self.relative)
-        steepness = np.zeros(x.size) if self.sigma_x is None else self.steepness(curve, x, arguments)[0]
-        return Whitening(basis=None, spectrum=square, offset=np.zeros(x.size), kernel=None, steepness=steepness)
+    @property
+    def outlier_parameters(self) -> tuple[str, ...]:
+        return tuple(self.tails.parameters)
 
-    def sd_of_x(self, values: Mapping[str, ArrayLike], n_obs: int) -> FloatArray:
-        """(n, n_obs) standard deviations of the errors of the abscissas, n the number of draws or 1; 0 where they are exact."""
-        sigma = 0.0 if self.sigma_x is None else np.asarray(self.sigma_x.at(values))
-        return np.atleast_2d(sigma * (np.ones(n_obs) if self.relative_x is None else self.relative_x))
+    @property
+    def robust(self) -> bool:
+        return self.tails.robust
 
-    def steepness(self, curve: Curve, x: FloatArray, arguments: Mapping[str, ArrayLike]) -> FloatArray:
-        """(n_draw, n_obs) standard deviation of each point for a unit sigma_x: the slope of the curve times relative_x."""
-        slope = np.atleast_2d(curve.local(x, arguments).slope)
-        return slope if self.relative_x is None else slope * self.relative_x
+    def likelihood(self, points: Points, named: Named) -> Likelihood:
+        if self.sigma_x is None:
+            return PointErrors(points, self.size, np.square(self.relative), self.tails)
+        relative_x = np.ones(points.x.size) if self.relative_x is None else self.relative_x
+        return LatentErrors(points, self.size, np.square(self.relative), self.tails, self.sigma_x, relative_x)
+
+    def for_search(self) -> Independent:
+        """Without its errors of x: there linear parameters can be solved for, and its optima are good starts."""
+        return self if self.sigma_x is None else replace(self, sigma_x=None, relative_x=None)
+
+    def outlier_share(self, named: Named) -> float:
+        return self.tails.outlier_share(named)
 
     def reading_gain(self) -> FloatArray:
-        """(n_obs,) standard deviation of each point for a unit sigma."""
         return self.relative
+
+    def x_gain(self) -> FloatArray:
+        if self.sigma_x is None:
+            return np.zeros(self.relative.size)
+        return np.ones(self.relative.size) if self.relative_x is None else self.relative_x
+
+    def true_x(self, x: FloatArray, gain: FloatArray, named: Named, rng: np.random.Generator) -> FloatArray:
+        """As far spread as the fitted distribution says."""
+        if self.sigma_x is None:
+            return x
+        known = true_abscissas(x, np.atleast_2d(np.asarray(self.sigma_x.at(named)) * gain))
+        return np.asarray(known.centre[0] + known.spread[0] * rng.standard_normal(x.size))
+
+    def read_x(self, x: FloatArray, gain: FloatArray, named: Named, rng: np.random.Generator) -> FloatArray:
+        return x if self.sigma_x is None else np.asarray(x + np.asarray(self.sigma_x.at(named)) * gain * rng.standard_normal(x.size))
+
+    def read(self, true: FloatArray, gain: FloatArray, named: Named, rng: np.random.Generator) -> FloatArray:
+        sd = np.hypot(np.asarray(self.sigma.at(named)) * gain, self.scatter.at(named))
+        return self.size.rounded(true + self.tails.draw(rng, true.size, named) * sd)
+
+    def carried(self, by_x: FloatArray, by_y: FloatArray, named: Named) -> tuple[FloatArray, FloatArray]:
+        variance = self.size.variance(np.square(self.relative), named)
+        return np.diag(by_y**2 * variance), variance
 
     def describe(self, *, x_unit: str, y_unit: str, words: Wording) -> str:
         """The noise in words."""
@@ -129,33 +151,64 @@ class Differentiated:
     derivative: Derivative
     kept: NDArray[np.int64]  # (n_obs,) which speeds of `derivative` are used
 
-    model = "differentiated"
-    positions = False
-    sigma_x = None
-    tails = GAUSSIAN
+    outlier_parameters = ()
+    robust = False
+    made_of_positions = True
 
     @property
-    def quantisation_variance(self) -> float:
-        return self.encoder_step**2 / 12.0
+    def size(self) -> Size:
+        """Of the errors of the positions, and of the scatter of the speeds."""
+        return Size(self.sigma, self.scatter, self.encoder_step)
 
-    def whitening(self, curve: Curve, x: FloatArray, arguments: Mapping[str, ArrayLike]) -> Whitening:
-        """Covariance and truncation with the slope of the curve at `arguments`."""
+    @property
+    def parameters(self) -> tuple[str, ...]:
+        return self.size.parameters
+
+    def likelihood(self, points: Points, named: Named) -> CorrelatedErrors:
+        """Covariance and truncation with the slope of the curve at `named`.  Raises InputError for a curve that is not one of speeds."""
+        curve = points.curve
         if not isinstance(curve, SpeedCurve):
             raise InputError("cannot be used with this curve: speeds made by differences need a curve of speeds dx/dt = f(x)", field="differentiated")
-        stencil, interval = self.derivative.stencil, self.derivative.interval
+        stencil, interval, arguments = self.derivative.stencil, self.derivative.interval, points.bind(named)
         matrix = self.derivative.matrix[self.kept].copy()
         rows = self.derivative.rows[self.kept]
-        matrix[np.arange(rows.size), rows] -= curve.local(x, arguments).slope[0]
-        kernel = matrix @ matrix.T
-        spectrum, basis = np.linalg.eigh(kernel)
+        matrix[np.arange(rows.size), rows] -= curve.local(points.x, arguments).slope[0]
+        spectrum, basis = np.linalg.eigh(matrix @ matrix.T)
         rounding = np.finfo(float).eps * spectrum.size * spectrum[-1]  # no eigenvalue is known better: where the slope is huge, some come out below 0
-        bent = curve.time_derivative(x, arguments, stencil.order)[0]
-        offset = stencil.truncation * interval**stencil.order * bent
-        return Whitening(basis=basis, spectrum=np.maximum(spectrum, rounding), offset=offset, kernel=kernel, steepness=np.zeros(x.size))
+        bent = curve.time_derivative(points.x, arguments, stencil.order)[0]
+        shift = stencil.truncation * interval**stencil.order * bent
+        return CorrelatedErrors(points, self.size, basis, np.maximum(spectrum, rounding), shift)
+
+    def for_search(self) -> Differentiated:
+        return self
+
+    def outlier_share(self, named: Named) -> float:
+        return float("nan")
 
     def reading_gain(self) -> FloatArray:
-        """(n_obs,) standard deviation of each speed for a unit error of the positions."""
         return np.full(self.kept.size, self.derivative.stencil.noise_gain / self.derivative.interval)
+
+    def x_gain(self) -> FloatArray:
+        return np.zeros(self.kept.size)
+
+    def true_x(self, x: FloatArray, gain: FloatArray, named: Named, rng: np.random.Generator) -> FloatArray:
+        return x
+
+    def read_x(self, x: FloatArray, gain: FloatArray, named: Named, rng: np.random.Generator) -> FloatArray:
+        return x
+
+    def read(self, true: FloatArray, gain: FloatArray, named: Named, rng: np.random.Generator) -> FloatArray:
+        """Positions; the scatter is one of the speeds."""
+        return self.size.rounded(true + float(np.squeeze(self.sigma.at(named))) * gain * rng.standard_normal(true.size))
+
+    def carried(self, by_x: FloatArray, by_y: FloatArray, named: Named) -> tuple[FloatArray, FloatArray]:
+        """An error of a position moves x there, and the speeds on either side."""
+        reading, scatter = self.size.reading_variance(named), np.square(self.scatter.at(named))
+        rows, to_speed = self.derivative.rows[self.kept], self.derivative.matrix[self.kept]
+        matrix = by_y[:, None] * to_speed
+        matrix[np.arange(rows.size), rows] += by_x
+        cov = reading * matrix @ matrix.T + np.diag(by_y**2 * scatter)
+        return cov, np.asarray(reading * np.sum(to_speed**2, axis=1) + scatter)
 
     def describe(self, *, x_unit: str, y_unit: str, words: Wording) -> str:
         """The noise in words."""
@@ -177,54 +230,3 @@ def _scatter_words(scatter: Scale, what: str, unit: str) -> str:
     if scatter.parameter is not None:
         return f"; a further independent scatter of the {what} inferred"
     return f"; a further independent scatter of {scatter.value:.4g} {unit}" if scatter.value else ""
-
-
-Noise = Independent | Differentiated
-
-
-def noise_parameters(noise: Noise) -> tuple[str, ...]:
-    """Names of the unknowns of the noise."""
-    scales = [noise.sigma, noise.scatter] + ([] if noise.sigma_x is None else [noise.sigma_x])
-    return tuple(scale.parameter for scale in scales if scale.parameter is not None) + tuple(noise.tails.parameters)
-
-
-@dataclass(frozen=True, eq=False)
-class Whitening:
-    """C0 = basis diag(spectrum) basis^T, the mean shift of the points and the slope of the curve, for one curve.
-
-    basis : (n_obs, n_obs) orthonormal columns; None for the identity.  spectrum : (n_obs,).
-    offset : (n_obs,) unit of y.  kernel : (n_obs, n_obs) C0 itself; None where it is diagonal.
-    steepness : (n_obs,) f' (times relative_x) where x has errors, otherwise 0.
-    """
-
-    basis: FloatArray | None
-    spectrum: FloatArray
-    offset: FloatArray
-    kernel: FloatArray | None
-    steepness: FloatArray
-
-    def rotate(self, residuals: FloatArray) -> FloatArray:
-        """Residuals (..., n_obs) in the basis in which C is diagonal."""
-        return residuals if self.basis is None else residuals @ self.basis
-
-
-def variances(noise: Noise, whitening: Whitening, values: Mapping[str, ArrayLike]) -> FloatArray:
-    """Eigenvalues of C, (n_draw, n_obs) or (1, n_obs), for noise parameters as scalars or (n_draw, 1)."""
-    reading = np.square(noise.sigma.at(values)) + noise.quantisation_variance
-    total = np.asarray(reading * whitening.spectrum + np.square(noise.scatter.at(values)))
-    if noise.sigma_x is None:
-        return total
-    return np.asarray(total + np.square(noise.sigma_x.at(values)) * whitening.steepness**2)
-
-
-def covariance(noise: Noise, whitening: Whitening, values: Mapping[str, ArrayLike]) -> FloatArray:
-    """C (n_obs, n_obs) itself, in the order of the observations."""
-    if whitening.kernel is None:
-        return np.diag(np.broadcast_to(variances(noise, whitening, values), (1, whitening.offset.size))[0])
-    reading = np.square(noise.sigma.at(values)) + noise.quantisation_variance
-    return np.asarray(reading * whitening.kernel + np.square(noise.scatter.at(values)) * np.eye(whitening.offset.size))
-
-
-def reading_sd(noise: Noise, values: Mapping[str, ArrayLike]) -> FloatArray:
-    """Standard deviation of each point from the instrument alone, without scatter: broadcasts to (n_draw, n_obs)."""
-    return np.asarray(np.sqrt(np.square(noise.sigma.at(values)) + noise.quantisation_variance) * noise.reading_gain())

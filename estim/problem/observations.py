@@ -9,11 +9,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from estim.arrays import FloatArray
-from estim.common import InputError, Label, Notation, split_level
+from estim.common import Finding, InputError, Label, Notation, split_level
 from estim.problem.curve import POINTS, CommonError, Curve, Derived, Motion, Wording, scales_of
-from estim.problem.latent import LatentRun
-from estim.problem.noise import Independent, Noise, noise_parameters
+from estim.problem.likelihood import Likelihood, Noise, Points
 from estim.problem.priors import Prior
+from estim.problem.size import Named
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,8 +51,9 @@ class Observations:
     x : (n_obs,) position.  y : (n_obs,) speed.  t : (n_obs,) s, or None where it is unknown.
     arguments : argument of the curve -> parameter name, or a fixed number.
     x_name, x_unit, y_name, y_unit : for axes and tables ("position x", "m").
-    excluded : why and how many rows were left out, in words.
+    excluded : why and how many rows were left out (`Finding.size`).
     excluded_points : (n, 2) the (x, y) of those rows that have a speed, for figures.
+    positions : whether they are positions of a body at known times rather than speeds at known positions.
     motion : the body whose motion was measured; None for a plain curve.  words : how the measured numbers are spoken of.
     """
 
@@ -67,10 +68,11 @@ class Observations:
     x_unit: str
     y_name: str
     y_unit: str
-    excluded: tuple[str, ...]
+    excluded: tuple[Finding, ...]
     excluded_points: FloatArray
     motion: Motion | None = None
     words: Wording = POINTS
+    positions: bool = False
 
     @property
     def n_obs(self) -> int:
@@ -84,7 +86,7 @@ class Observations:
     @property
     def parameters(self) -> frozenset[str]:
         """Names of all parameters that the run depends on: those of its curve and of its noise."""
-        return self.curve_parameters | frozenset(noise_parameters(self.noise))
+        return self.curve_parameters | frozenset(self.noise.parameters)
 
     @property
     def x_label(self) -> str:
@@ -95,11 +97,13 @@ class Observations:
         return self.y_name if self.y_unit == "1" else f"{self.y_name} ({self.y_unit})"
 
     @property
-    def latent(self) -> LatentRun | None:
-        """The likelihood of points whose abscissas have errors; None where they are exact."""
-        if not isinstance(self.noise, Independent) or self.noise.sigma_x is None:
-            return None
-        return LatentRun(self.curve, self.x, self.y, self.noise, self.arguments, self.bind)
+    def points(self) -> Points:
+        """The points and the curve they lie about."""
+        return Points(self.curve, self.x, self.y, self.arguments)
+
+    def likelihood(self, named: Named) -> Likelihood:
+        """What the noise makes of the points, the curve taken at the values `named` where it matters little."""
+        return self.noise.likelihood(self.points, named)
 
     def end(self, arguments: Mapping[str, ArrayLike]) -> FloatArray:
         """(n_draw, 1) or (1, 1) abscissa behind which the motion does not go; inf where there is none, or it never ends."""
@@ -126,7 +130,7 @@ class Observations:
 
     def bind(self, values: Mapping[str, ArrayLike]) -> dict[str, ArrayLike]:
         """Arguments of the curve for parameter values (scalars or (n_draw, 1))."""
-        return {a: values[source] if isinstance(source, str) else source for a, source in self.arguments.items()}
+        return self.points.bind(values)
 
 
 def n_uses(name: str, runs: Sequence[Observations]) -> int:

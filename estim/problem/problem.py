@@ -7,15 +7,13 @@ at `values`; `estim.fitting.least_squares` repeats this at its own result until 
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
 
 from estim.arrays import FloatArray
-from estim.problem.latent import Ends, root
-from estim.problem.noise import Whitening, noise_parameters, variances
+from estim.problem.likelihood import Ends, Likelihood
 from estim.problem.observations import Observations, Parameter
 from estim.problem.priors import Prior, Uniform
 
@@ -47,7 +45,7 @@ class Problem:
     @property
     def noise_names(self) -> frozenset[str]:
         """Parameters of the noise: they enter the covariance, not the curve."""
-        return frozenset(name for run in self.runs for name in noise_parameters(run.noise))
+        return frozenset(name for run in self.runs for name in run.noise.parameters)
 
     def start(self) -> FloatArray:
         """(n_par,) the centres of the priors."""
@@ -70,15 +68,22 @@ class Problem:
     def linearised(self, values: FloatArray) -> Posterior:
         """The posterior with noise covariance and truncation taken at `values` (n_par,)."""
         named = self.named(values)
-        return Posterior(self, tuple(run.noise.whitening(run.curve, run.x, run.bind(named)) for run in self.runs))
+        return Posterior(self, tuple(run.likelihood(named) for run in self.runs))
+
+    def for_search(self) -> Problem:
+        """What a search from afar takes in its place (`Noise.for_search`); itself where no run needs that."""
+        noises = [run.noise.for_search() for run in self.runs]
+        if all(noise is run.noise for run, noise in zip(self.runs, noises, strict=True)):
+            return self
+        return Problem(self.parameters, tuple(replace(run, noise=noise) for run, noise in zip(self.runs, noises, strict=True)))
 
 
 @dataclass(frozen=True, eq=False)
 class Posterior:
-    """Posterior density of a problem with its covariances diagonalised, one `Whitening` a run."""
+    """Posterior density of a problem, the likelihood of each run linearised at one point."""
 
     problem: Problem
-    whitenings: tuple[Whitening, ...]
+    likelihoods: tuple[Likelihood, ...]
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -98,80 +103,40 @@ class Posterior:
         """(n_draw,) log likelihood, normalised, of draws (n_draw, n_par) inside the priors' support."""
         named = self.problem.named(draws)
         total = np.zeros(draws.shape[0])
-        for run, whitening in zip(self.problem.runs, self.whitenings, strict=True):
-            if run.latent is not None:
-                total += run.latent.log_likelihood(named)
-                continue
-            z, log_sd = self._standardised(run, whitening, named)
-            total += np.sum(run.noise.tails.log_density(z, named) - log_sd, axis=1)
+        for run in self.likelihoods:
+            total += run.log_likelihood(named)
         return total
 
     def pointwise(self, draws: FloatArray) -> tuple[FloatArray, ...]:
         """For each run (n_draw, n_obs): log predictive density of every point given all the other points of its run.
 
         Where errors are independent this is the log likelihood of the point (with errors of x: given the estimated distribution of the
-        true abscissas, so that the terms do not quite sum to `log_likelihood`).  Where they are correlated it is the
-        conditional density, normal with mean y_i - [C^-1 r]_i/[C^-1]_ii and variance 1/[C^-1]_ii (Buerkner, Gabry,
-        Vehtari 2020, Comput. Stat. 36, 1243, eq. 8).
+        true abscissas, so that the terms do not quite sum to `log_likelihood`).
         """
         named = self.problem.named(draws)
-        parts = []
-        for run, whitening in zip(self.problem.runs, self.whitenings, strict=True):
-            if run.latent is not None:
-                parts.append(run.latent.log_density(named))
-                continue
-            z, log_sd = self._standardised(run, whitening, named)
-            if whitening.basis is None:
-                parts.append(run.noise.tails.log_density(z, named) - log_sd)
-                continue
-            precise = np.broadcast_to(np.exp(-2.0 * log_sd), z.shape)
-            inverse = precise @ (whitening.basis**2).T  # diagonal of C^-1
-            deviation = (z * np.sqrt(precise)) @ whitening.basis.T / np.sqrt(inverse)
-            parts.append(run.noise.tails.log_density(deviation, named) + 0.5 * np.log(inverse))
-        return tuple(parts)
+        return tuple(run.pointwise(named) for run in self.likelihoods)
 
     def standardised(self, values: FloatArray) -> tuple[FloatArray, ...]:
-        """For each run, (n_obs,) residuals over their standard deviations at `values` (n_par,), in the whitening's basis.
-
-        With errors of x: the normal score of each y under its density given x.
-        """
-        return tuple(z[0] for z in self.standardised_draws(values[None, :]))
-
-    def standardised_draws(self, draws: FloatArray) -> tuple[FloatArray, ...]:
-        """For each run, (n_draw, n_obs) residuals over their standard deviations at draws (n_draw, n_par)."""
-        named = self.problem.named(draws)
-        return tuple(
-            self._standardised(run, whitening, named)[0] if run.latent is None else run.latent.normal_score(named)
-            for run, whitening in zip(self.problem.runs, self.whitenings, strict=True)
-        )
-
-    def _standardised(self, run: Observations, whitening: Whitening, named: Mapping[str, ArrayLike]) -> tuple[FloatArray, FloatArray]:
-        """z (n_draw, n_obs) and the logarithm of the standard deviation that normalises its density."""
-        variance = variances(run.noise, whitening, named)
-        rotated = whitening.rotate(run.y - whitening.offset - run.curve.value(run.x, run.bind(named)))
-        return rotated / np.sqrt(variance), 0.5 * np.log(variance)
+        """For each run, (n_obs,) residuals over their standard deviations at `values` (n_par,), each independent of the others."""
+        named = self._row(values)
+        return tuple(run.standardised(named)[0] for run in self.likelihoods)
 
     def residuals(self, values: FloatArray) -> FloatArray:
         """(n_obs + n_par,) residuals of all runs, then one for each prior: half their squares sum to minus the log density.
 
         Up to a constant, and for given noise parameters.  With normal errors they are the whitened residuals.
         """
-        return np.concatenate([*self._residual_parts(values), self.prior_residuals(values)])
+        return np.concatenate([self.residuals_at(values[None, :])[0], self.prior_residuals(values)])
 
-    def _residual_parts(self, values: FloatArray) -> list[FloatArray]:
-        named, parts = self.problem.named(values), []
-        for run, whitening in zip(self.problem.runs, self.whitenings, strict=True):
-            if run.latent is not None:
-                parts.append(run.latent.deviance_residual(named)[0])
-                continue
-            z = self._standardised(run, whitening, self.problem.named(values[None, :]))[0][0]
-            parts.append(run.noise.tails.deviance_residual(z, named)[0])
-        return parts
+    def residuals_at(self, draws: FloatArray) -> FloatArray:
+        """(n_draw, n_obs) those of all runs at draws (n_draw, n_par)."""
+        named = self.problem.named(draws)
+        return np.hstack([run.residuals(named) for run in self.likelihoods])
 
     def size_residuals(self, values: FloatArray) -> FloatArray:
         """(n_obs,) residuals whose squares sum to chi^2: those of least squares, with errors of x the normal scores (`standardised`)."""
-        pairs = zip(self.problem.runs, self._residual_parts(values), self.standardised(values), strict=True)
-        return np.concatenate([residual if run.latent is None else z for run, residual, z in pairs])
+        named = self._row(values)
+        return np.concatenate([run.size_residuals(named)[0] for run in self.likelihoods])
 
     def prior_residuals(self, values: FloatArray) -> FloatArray:
         """(n_par,) one residual for each prior; 0 for a uniform one."""
@@ -180,93 +145,33 @@ class Posterior:
     def jacobian(self, values: FloatArray) -> FloatArray:
         """(n_obs + n_par, n_par) derivatives of `residuals` at fixed noise parameters."""
         slopes = [p.prior.residual_slope(float(v)) for p, v in zip(self.problem.parameters, values, strict=True)]
-        return np.vstack([*self._jacobian_parts(values), np.diag(slopes)])
-
-    def _jacobian_parts(self, values: FloatArray) -> list[FloatArray]:
-        named, blocks = self.problem.named(values), []
-        for run, whitening in zip(self.problem.runs, self.whitenings, strict=True):
-            if run.latent is not None:
-                blocks.append(np.where(self._of_noise, 0.0, run.latent.deviance_jacobian(named, self.names)))
-                continue
-            z = self._standardised(run, whitening, self.problem.named(values[None, :]))[0][0]
-            blocks.append(run.noise.tails.deviance_residual(z, named)[1][:, None] * self._standardised_jacobian(run, whitening, values))
-        return blocks
+        named = self.problem.named(values)
+        return np.vstack([*(run.jacobian(named, self.names) for run in self.likelihoods), np.diag(slopes)])
 
     def scoring(self, values: FloatArray) -> tuple[tuple[FloatArray, FloatArray], ...]:
         """For each run a Jacobian J (n, n_par) and residuals r (n,) in the curve's parameters for a step of least squares, n >= n_obs.
 
-        J^T r is minus the gradient of the log likelihood; J^T J is the Fisher information where errors of x make residuals of least squares
-        (`residuals`) far from normal, and that of `jacobian` elsewhere.
+        J^T r is minus the gradient of the log likelihood; J^T J is the Fisher information where residuals of least squares (`residuals`)
+        are far from normal (`Likelihood.creeps`), and that of `jacobian` elsewhere.
         """
-        pairs = []
-        for run, jacobian, residual in zip(self.problem.runs, self._jacobian_parts(values), self._residual_parts(values), strict=True):
-            if run.latent is not None:
-                named = self.problem.named(values)
-                score = np.where(self._of_noise, 0.0, np.sum(run.latent.scores(named, self.names, {}), axis=0))
-                information = np.where(self._of_noise | self._of_noise[:, None], 0.0, run.latent.information(named, self.names, {}))
-                jacobian, residual = root(information, score, run.n_obs)
-            pairs.append((jacobian, residual))
-        return tuple(pairs)
-
-    @property
-    def _of_noise(self) -> NDArray[np.bool_]:
-        return np.array([name in self.problem.noise_names for name in self.names])
-
-    def location_information(self, values: FloatArray) -> FloatArray:
-        """(n_par, n_par) Fisher information of the data about the curve, where it does not mix with that about the noise: without errors of x."""
-        total = np.zeros((values.size, values.size))
-        for run, whitening in zip(self.problem.runs, self.whitenings, strict=True):
-            if run.latent is None:
-                root = self._location_root(run, whitening, values)
-                total += root.T @ root
-        return total
+        named = self.problem.named(values)
+        return tuple(run.scoring(named, self.names) for run in self.likelihoods)
 
     def information_roots(self, values: FloatArray) -> tuple[FloatArray, ...]:
         """For each run J (n, n_par) with J^T J the Fisher information of its data about the curve, the noise held."""
-        pairs = zip(self.problem.runs, self.whitenings, self.scoring(values), strict=True)
-        return tuple(self._location_root(run, whitening, values) if run.latent is None else scoring[0] for run, whitening, scoring in pairs)
+        named = self.problem.named(values)
+        return tuple(run.information_root(named, self.names) for run in self.likelihoods)
 
-    def _location_root(self, run: Observations, whitening: Whitening, values: FloatArray) -> FloatArray:
-        location = np.where(self._of_noise, 0.0, self._standardised_jacobian(run, whitening, values))
-        return np.asarray(np.sqrt(run.noise.tails.information(self.problem.named(values))[0]) * location)
+    def information(self, values: FloatArray) -> FloatArray:
+        """(n_par, n_par) Fisher information of the data about all parameters, without the priors."""
+        named, total = self.problem.named(values), np.zeros((values.size, values.size))
+        for run, likelihood in zip(self.problem.runs, self.likelihoods, strict=True):
+            total += likelihood.information(named, self.names, self._ends(values, run.noise.parameters))
+        return total
 
-    def _standardised_jacobian(self, run: Observations, whitening: Whitening, values: FloatArray) -> FloatArray:
-        """(n_obs, n_par) derivatives of the standardised residuals at fixed noise parameters."""
-        variance = variances(run.noise, whitening, self.problem.named(values))
-        gradient = self.curve_jacobian(run, values)
-        return -whitening.rotate(gradient.T).T / np.sqrt(np.broadcast_to(variance, (1, run.n_obs))[0])[:, None]
-
-    def curve_jacobian(self, run: Observations, values: FloatArray) -> FloatArray:
-        """(n_obs, n_par) derivatives of the run's curve in every parameter."""
-        local = run.curve.local(run.x, run.bind(self.problem.named(values)))
-        gradient = np.zeros((run.n_obs, self.problem.n_par))
-        for argument, source in run.arguments.items():
-            if isinstance(source, str):
-                gradient[:, self.problem.names.index(source)] += np.broadcast_to(local.gradient[argument], (1, run.n_obs))[0]
-        return gradient
-
-    def noise_information(self, values: FloatArray) -> FloatArray:
-        """(n_par, n_par) Fisher information of the noise parameters; zero for the others, but for runs with errors of x, where all mix.
-
-        For the scales  (i/4) sum dV_a dV_b/V^2  with i the information of the tails about a logarithm of scale (2 if
-        normal); for the parameters of the tails the mean square of their score, by simulation on a fixed set of quantiles.
-        """
-        named, names = self.problem.named(values), self.problem.names
-        information = np.zeros((len(names), len(names)))
-        for run, whitening in zip(self.problem.runs, self.whitenings, strict=True):
-            if run.latent is not None:
-                information += run.latent.information(named, names, self._ends(values, noise_parameters(run.noise)))
-                continue
-            variance, noise = variances(run.noise, whitening, named), run.noise
-            slopes = np.zeros((run.n_obs, len(names)))
-            for scale, weight in ((noise.sigma, whitening.spectrum), (noise.scatter, np.ones(run.n_obs))):
-                if scale.parameter is not None:
-                    slopes[:, names.index(scale.parameter)] += 2.0 * float(named[scale.parameter]) * weight
-            relative = slopes / np.broadcast_to(variance, (1, run.n_obs)).T
-            information += 0.25 * noise.tails.information(named)[1] * relative.T @ relative
-            for name in noise.tails.parameters:
-                information[names.index(name), names.index(name)] += run.n_obs * self._tail_information(run, name, values)
-        return information
+    def _row(self, values: FloatArray) -> dict[str, FloatArray]:
+        """`values` (n_par,) as a single draw."""
+        return self.problem.named(values[None, :])
 
     def _ends(self, values: FloatArray, chosen: Iterable[str]) -> Ends:
         """Values on either side in each of the `chosen` parameters, for differences."""
@@ -277,15 +182,6 @@ class Posterior:
                 below, above = (self.problem.named(np.where(np.arange(values.size) == i, end, values)) for end in (low, high))
                 ends[name] = (below, above, high - low)
         return ends
-
-    def _tail_information(self, run: Observations, name: str, values: FloatArray) -> float:
-        """Mean square, over errors drawn from the tails themselves, of the score in one of their parameters."""
-        i = self.problem.names.index(name)
-        z = run.noise.tails.draw(np.random.default_rng(0), 20_000, self.problem.named(values))
-        low, high = _straddle(self.problem.parameters[i].prior, values[i])
-        ends = [self.problem.named(np.where(np.arange(values.size) == i, v, values)) for v in (low, high)]
-        score = (run.noise.tails.log_density(z, ends[1]) - run.noise.tails.log_density(z, ends[0])) / (high - low)
-        return float(np.mean(score**2))
 
     def log_density_noise_gradient(self, values: FloatArray) -> FloatArray:
         """(n_par,) derivative of the log likelihood in the noise parameters, by central differences; zero for the others."""

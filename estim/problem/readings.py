@@ -5,7 +5,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -13,8 +12,11 @@ from numpy.typing import ArrayLike
 
 from estim.arrays import FloatArray
 from estim.common import InputError
-from estim.problem.curve import Curve, Wording
-from estim.problem.noise import Independent, Whitening
+from estim.problem.correlated import CorrelatedErrors
+from estim.problem.curve import Wording
+from estim.problem.likelihood import Points
+from estim.problem.noise import Independent
+from estim.problem.size import Named, Scale, Size
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,22 +42,54 @@ class Readings(Independent):
 
 
 @dataclass(frozen=True, eq=False)
-class Correlated(Readings):
-    """Readings with a stated covariance matrix.
+class Correlated:
+    """Readings with a stated covariance matrix; `what` is read.
 
-    cov : (n_obs, n_obs); `relative` must be the square roots of its diagonal.
+    cov : (n_obs, n_obs).
     """
 
-    cov: FloatArray = field(kw_only=True)
+    cov: FloatArray
+    what: str = "y"
 
-    def whitening(self, curve: Curve, x: FloatArray, arguments: Mapping[str, ArrayLike]) -> Whitening:
+    parameters = ()
+    outlier_parameters = ()
+    robust = False
+    made_of_positions = False
+    size = Size(Scale(1.0))
+
+    def likelihood(self, points: Points, named: Named) -> CorrelatedErrors:
         spectrum, basis = np.linalg.eigh(self.cov)
-        return Whitening(basis=basis, spectrum=np.maximum(spectrum, 0.0), offset=np.zeros(x.size), kernel=self.cov, steepness=np.zeros(x.size))
+        return CorrelatedErrors(points, self.size, basis, np.maximum(spectrum, 0.0), np.zeros(points.x.size))
+
+    def for_search(self) -> Correlated:
+        return self
+
+    def outlier_share(self, named: Named) -> float:
+        return float("nan")
+
+    def reading_gain(self) -> FloatArray:
+        return np.asarray(np.sqrt(np.diag(self.cov)))
+
+    def x_gain(self) -> FloatArray:
+        return np.zeros(self.cov.shape[0])
+
+    def true_x(self, x: FloatArray, gain: FloatArray, named: Named, rng: np.random.Generator) -> FloatArray:
+        return x
+
+    def read_x(self, x: FloatArray, gain: FloatArray, named: Named, rng: np.random.Generator) -> FloatArray:
+        return x
+
+    def read(self, true: FloatArray, gain: FloatArray, named: Named, rng: np.random.Generator) -> FloatArray:
+        """Of the points that the matrix is stated for; `gain` is in it."""
+        return np.asarray(true + np.linalg.cholesky(self.cov) @ rng.standard_normal(true.size))
+
+    def carried(self, by_x: FloatArray, by_y: FloatArray, named: Named) -> tuple[FloatArray, FloatArray]:
+        return by_y[:, None] * self.cov * by_y, np.diag(self.cov)
 
     def describe(self, *, x_unit: str, y_unit: str, words: Wording) -> str:
         """The noise in words."""
         y_unit = "" if y_unit == "1" else y_unit
-        size = f"standard deviations about {np.median(self.relative):.4g} {y_unit}".strip()
+        size = f"standard deviations about {np.median(self.reading_gain()):.4g} {y_unit}".strip()
         return f"correlated errors of {self.what} with the stated covariance matrix; {size}"
 
 

@@ -12,14 +12,16 @@ onto one of the labels, so that draws of it describe one solution; nothing of it
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from estim.arrays import FloatArray
+from estim.common import Amount, Finding, Kind
 from estim.problem.problem import Posterior, Problem
+from estim.words import tell
 
 Indices = NDArray[np.int64]
 
@@ -140,39 +142,33 @@ def no_symmetry(problem: Problem) -> Symmetry:
     )
 
 
-def in_words(symmetry: Symmetry, names: Sequence[str], values: FloatArray) -> tuple[str, ...]:
-    """What else, within the limits, draws the same curve as `values` (n_par,): exchanges first, one sentence each."""
+def same_curves(symmetry: Symmetry, names: Sequence[str], values: FloatArray) -> tuple[Finding, ...]:
+    """What else, within the limits, draws the same curve as `values` (n_par,): exchanges first."""
     _, number = symmetry.images(values[None, :], values)
-    exchanges: dict[str, None] = {}
-    changes: dict[str, None] = {}
+    exchanges: dict[tuple[str, ...], None] = {}
+    changes: dict[tuple[Amount, ...], None] = {}
     for order, sign, shift, n in zip(symmetry.order, symmetry.sign, symmetry.shift, number[:, 0], strict=True):
         if n == 0.0:
             continue
         pairs = [(i, int(j)) for i, j in enumerate(order) if i < j and order[j] == i]
         moved = [i for i in range(len(names)) if order[i] == i and (sign[i] < 0.0 or shift[i] != 0.0)]
         if pairs and len(pairs) * 2 == np.sum(order != np.arange(order.size)) and not moved:
-            exchanges.setdefault(" and ".join(f"{names[i]} with {names[j]}" for i, j in pairs))
+            exchanges.setdefault(tuple(names[k] for pair in pairs for k in pair))
         elif moved and not pairs:
-            changes.setdefault(", ".join(_change(names[i], sign[i], shift[i]) for i in moved))
-    words = []
+            changes.setdefault(tuple(Amount(names[i], float(shift[i]), whole=float(sign[i])) for i in moved))
+    found = []
     if exchanges:
-        words.append(f"the same curve with components exchanged ({'; or '.join(exchanges)}): order them by bounds to choose")
+        found.append(Finding(Kind.EXCHANGED, parts=tuple(Finding(Kind.EXCHANGE, names=pair) for pair in exchanges)))
     turned = [
-        f"{names[i]} + {_number(symmetry.period[i])}"
+        (Amount(names[i], float(symmetry.period[i]), whole=1.0),)
         for i in np.flatnonzero(np.isfinite(symmetry.period)).tolist() if symmetry.period[i] <= symmetry.high[i] - symmetry.low[i] < math.inf
     ]
-    shortest = sorted(changes, key=lambda change: (change.count(","), len(change)))[:1]
-    if shortest or turned:
-        words.append(f"the same curve with {'; or '.join([*shortest, *turned])}: the solution closest to the start is given")
-    return tuple(words)
+    images = [Finding(Kind.IMAGE, parameters=change) for change in (*_simplest(changes), *turned)]
+    if images:
+        found.append(Finding(Kind.IMAGES, parts=tuple(images)))
+    return tuple(found)
 
 
-def _change(name: str, sign: float, shift: float) -> str:
-    if shift == 0.0:
-        return f"-{name}"
-    return f"{_number(shift)} - {name}" if sign < 0.0 else f"{name} + {_number(shift)}"
-
-
-def _number(shift: float) -> str:
-    known = {math.pi: "pi", 2.0 * math.pi: "2 pi", 0.5 * math.pi: "pi/2"}
-    return next((text for number, text in known.items() if abs(shift - number) < 1e-9), f"{shift:g}")
+def _simplest(changes: Iterable[tuple[Amount, ...]]) -> list[tuple[Amount, ...]]:
+    """That of the fewest parameters, and of the shortest words."""
+    return sorted(changes, key=lambda change: (len(change), len(tell(Finding(Kind.IMAGE, parameters=change)))))[:1]

@@ -52,6 +52,9 @@ class Tails(Protocol):
     def outlier_probability(self, z: FloatArray, values: Mapping[str, ArrayLike]) -> FloatArray:
         """Probability that this frame is an outlier, given z."""
 
+    def outlier_share(self, values: Mapping[str, ArrayLike]) -> float:
+        """The share of outliers where that is one of its own unknowns, otherwise nan."""
+
     def normal_score(self, z: FloatArray, values: Mapping[str, ArrayLike]) -> FloatArray:
         """z mapped to a standard normal variable through its distribution function."""
 
@@ -80,6 +83,9 @@ class Gaussian:
 
     def outlier_probability(self, z: FloatArray, values: Mapping[str, ArrayLike]) -> FloatArray:
         return np.zeros_like(z)
+
+    def outlier_share(self, values: Mapping[str, ArrayLike]) -> float:
+        return math.nan
 
     def normal_score(self, z: FloatArray, values: Mapping[str, ArrayLike]) -> FloatArray:
         return z
@@ -119,6 +125,9 @@ class StudentT:
         from scipy.special import gammainc
 
         return gammainc(0.5 * (self.nu + 1.0), 0.5 * (self.nu + z**2) / _FAR**2)
+
+    def outlier_share(self, values: Mapping[str, ArrayLike]) -> float:
+        return math.nan
 
     def normal_score(self, z: FloatArray, values: Mapping[str, ArrayLike]) -> FloatArray:
         from scipy.special import ndtri, stdtr
@@ -177,6 +186,9 @@ class Mixture:
         good, bad, _ = self._parts(z, values)
         return np.exp(bad - np.logaddexp(good, bad))
 
+    def outlier_share(self, values: Mapping[str, ArrayLike]) -> float:
+        return float(np.squeeze(values[self.fraction]))
+
     def normal_score(self, z: FloatArray, values: Mapping[str, ArrayLike]) -> FloatArray:
         from scipy.special import ndtr, ndtri
 
@@ -190,6 +202,19 @@ class Mixture:
 
     def describe(self) -> str:
         return f"some frames ({self.fraction}) may be outliers, exp({self.log_width}) times less precise"
+
+
+def score_information(
+    tails: Tails, values: Mapping[str, ArrayLike], ends: tuple[Mapping[str, ArrayLike], Mapping[str, ArrayLike], float]
+) -> float:
+    """Mean square, over errors drawn from the tails themselves at `values`, of the score in one of their parameters.
+
+    ends : values below and above in that parameter, and their distance.
+    """
+    z = tails.draw(np.random.default_rng(0), 20_000, values)
+    below, above, distance = ends
+    score = (tails.log_density(z, above) - tails.log_density(z, below)) / distance
+    return float(np.mean(score**2))
 
 
 def _slope(residual: FloatArray, z: FloatArray, gradient: FloatArray, at_zero: float | FloatArray) -> FloatArray:

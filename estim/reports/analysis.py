@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 
 from estim.campaign import Campaign
 from estim.checks import P_CONFLICT, P_POOR_FIT, interval_cell, parameter_cells, value_cell
-from estim.common import KINDS, MEANINGLESS, STATUS_WORDS, Label, Markdown, Notation, format_quantity, format_rounded, signed
+from estim.common import KINDS, Label, Markdown, Notation, Status, format_quantity, format_rounded, signed
 from estim.pipeline import Analysis
 from estim.reports import figures
 from estim.reports.consistency import consistency_text
@@ -24,8 +24,8 @@ from estim.reports.identifiability_figures import direction_figure, profile_figu
 from estim.reports.labels import Labels
 from estim.reports.rendering import render
 from estim.reports.result import ParameterSummary, Result, RunSummary, Subject, result_of, to_json
-from estim.sampling import CRITERIA_MET
 from estim.studies import scrutinise
+from estim.words import STATUS_WORDS, Voice
 
 _PRIOR_DOMINATED = 0.8
 _RIDGE_DRAWS, _SECTION_DRAWS = 20_000, 4000
@@ -49,10 +49,10 @@ class Row:
     mcse: str
 
 
-def analysis_report(campaign: Subject, analysis: Analysis) -> dict[str, bytes]:
-    """`report.md`, `result.json` and `figures/*.png` of one analysis."""
+def analysis_report(campaign: Subject, analysis: Analysis, *, voice: Voice = Voice.PYTHON) -> dict[str, bytes]:
+    """`report.md`, `result.json` and `figures/*.png` of one analysis.  voice : to whom advice is given."""
     scrutiny = scrutinise(analysis)
-    result = result_of(campaign, analysis, scrutiny)
+    result = result_of(campaign, analysis, scrutiny, voice=voice)
     section = identify_section(
         analysis.problem, analysis.identifiability, scrutiny.intervals, scrutiny.sensitivity,
         analysis.chain.thinned(_SECTION_DRAWS),
@@ -75,25 +75,28 @@ def analysis_report(campaign: Subject, analysis: Analysis) -> dict[str, bytes]:
     if analysis.consistency is not None:
         consistency = consistency_text(analysis.consistency, limits_only=not analysis.diagnosis.ok, on_edge=analysis.fit.at_bound)
     files = {name: figures.png(draw) for name, draw in drawn.items()}
-    files["report.md"] = analysis_text(result, section, consistency, figures.corner_words(analysis.problem)).encode()
+    files["report.md"] = analysis_text(
+        result, section, consistency, figures.corner_words(analysis.problem), converged=analysis.chain.convergence.met
+    ).encode()
     files["result.json"] = to_json(result)
     return files
 
 
-def analysis_text(result: Result, section: IdentifySection, consistency: str, corner_words: Markdown) -> str:
+def analysis_text(result: Result, section: IdentifySection, consistency: str, corner_words: Markdown, *, converged: bool) -> str:
     """The Markdown report of one analysis.
 
     section : what it says about the data against the priors.  consistency : about several runs.  corner_words : below the corner figure.
+    converged : whether there are enough draws.
     """
     rows = [parameter_row(name, p, result) for name, p in result.parameters.items()]
     axes = list(dict.fromkeys((run.x, run.y) for run in result.runs.values()))
     return render(
         "analysis.md.j2",
-        result=result, kind=KINDS[result.kind], status_words=STATUS_WORDS[result.status], rows=rows,
+        result=result, kind=KINDS[result.kind], status_words=STATUS_WORDS[Status(result.status)], rows=rows,
         correlation=_correlation_table(result), derived=_derived_rows(result.runs, result.labels), limits=_what_limits(result),
         reject_below=P_POOR_FIT, conflict_below=P_CONFLICT, ends=_turning_rows(result), identify=section,
-        meaningless=result.status in MEANINGLESS,
-        consistency=consistency, axes=axes, limits_only=result.status != "ok", converged=result.sampling.message == CRITERIA_MET,
+        meaningless=not Status(result.status).draws_count,
+        consistency=consistency, axes=axes, limits_only=result.status != "ok", converged=converged,
         corner_words=corner_words,
         picture=" and ".join(f"{y} against {x}" for x, y in axes),
     )

@@ -10,12 +10,13 @@ import numpy as np
 
 from estim.calibration import COVERAGE_SDS, UNIFORM_BELOW, Calibration, coverage_sentence, direction, findings
 from estim.campaign import Campaign
-from estim.common import KINDS, Markdown, as_json
+from estim.common import KINDS, Markdown, as_json, decide
 from estim.reports.calibration_figures import coverage_figure, rank_figure
 from estim.reports.figures import png
 from estim.reports.rendering import render
 from estim.reports.result import Provenance, provenance
 from estim.sampling import number
+from estim.words import direction_words, tell
 
 SCHEMA = "estim-calibration/1"
 _AT = {"sbc": "priors", "coverage": "fit"}
@@ -82,7 +83,7 @@ def calibration_record(campaign: Campaign, c: Calibration) -> CalibrationRecord:
         mean = float(np.mean((ranks + 0.5) / (c.n_rank + 1))) if ranks.size else float("nan")
         numbers[name] = NumberRecord(unit, number(c.p_value(name)), number(mean), [CoverageRecord(*cells) for cells in held])
     return CalibrationRecord(
-        schema_=SCHEMA, what=c.what, status="not-calibrated" if found else "ok", findings=[f.sentence for f in found], runs=list(c.runs),
+        schema_=SCHEMA, what=c.what, status=decide(found), findings=[tell(f) for f in found], runs=list(c.runs),
         n_trial=c.n_trial, n_rejected=c.n_rejected, n_failed=c.n_failed, n_short=c.n_short, engines=dict(c.how), failures=dict(c.failures),
         leaning=list(c.leaning), n_rank=c.n_rank, numbers=numbers, ranks={name: c.ranks[:, i].tolist() for i, name in enumerate(c.reported)},
         provenance=provenance(campaign, list(c.runs), c.seed),
@@ -96,10 +97,11 @@ def _part(c: Calibration) -> Mapping[str, object]:
         share, p_value = c.share(name), c.p_value(name)
         off = [abs(s - p) > COVERAGE_SDS * u for s, p, u in zip(share, c.probabilities, c.share_sd(), strict=True)]
         covered = [Markdown(f"**{100 * s:.1f} %**") if o else f"{100 * s:.1f} %" for s, o in zip(share, off, strict=True)]
-        rows.append((c.labels[name].symbol, "n/a" if np.isnan(p_value) else f"{p_value:.2g}", *covered, direction(c, name) or "—"))
+        how = direction_words(direction(c, name)) or "—"
+        rows.append((c.labels[name].symbol, "n/a" if np.isnan(p_value) else f"{p_value:.2g}", *covered, how))
     sd = 100 * c.share_sd()
     return {
-        "what": c.what, "at": _AT[c.what], "findings": [f.sentence for f in findings(c)], "rows": rows, "sds": [f"{u:.1f}" for u in sd],
+        "what": c.what, "at": _AT[c.what], "findings": [tell(f) for f in findings(c)], "rows": rows, "sds": [f"{u:.1f}" for u in sd],
         "engines": ", ".join(f"{count} by {how}" for how, count in sorted(c.how.items()) if how != "none"), "ess": c.engine.ess,
         "n_trial": c.n_trial, "n_rejected": c.n_rejected, "n_short": c.n_short, "n_failed": c.n_failed, "n_rank": c.n_rank,
         "failures": list(c.failures.items()), "leaning": [c.labels[name].symbol for name in c.leaning] if c.what == "coverage" else [],

@@ -9,13 +9,14 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from estim.campaign import Campaign
-from estim.common import KINDS, STATUS_WORDS, STATUSES, Quantity, as_json, format_quantity
+from estim.common import KINDS, Quantity, as_json, format_quantity, gravest
 from estim.pipeline import Analysis
 from estim.reports import figures
 from estim.reports.rendering import render
 from estim.reports.result import Provenance, provenance
 from estim.sampling import number
 from estim.studies import Drift, EnergyEstimate, EnergyRecord
+from estim.words import STATUS_WORDS
 
 ENERGY_SCHEMA = "estim-energy/1"
 
@@ -126,8 +127,8 @@ def energy_report(
     runs = [run for analysis in analyses for run in analysis.problem.runs]
     statuses = {run.name: analysis.diagnosis.status for analysis in analyses for run in analysis.problem.runs}
     result = EnergyResult(
-        ENERGY_SCHEMA, campaign.title, campaign.kind, min(statuses.values(), key=STATUSES.index),
-        {", ".join(run.name for run in a.problem.runs): list(a.diagnosis.reasons) for a in analyses if not a.diagnosis.ok}, statuses,
+        ENERGY_SCHEMA, campaign.title, campaign.kind, gravest(statuses.values()),
+        {", ".join(run.name for run in a.problem.runs): list(a.diagnosis.reasons) for a in analyses if not a.diagnosis.ok}, dict(statuses),
         {e.run: summarise_energy(e) for e in records if statuses[e.run] == "ok"},
         {", ".join(run.name for run in a.problem.runs): summarise_drift(d) for a, d in zip(analyses, drifts, strict=True) if a.diagnosis.ok},
         provenance(campaign, [run.name for run in runs], seed),

@@ -62,7 +62,7 @@ def identify_section(
                 verdict=_verdict(problem, leaning, float(draws[:, i].mean())),
             )
         )
-        if interval.n_failed or interval.found_better or "more than one piece" in interval.sentence:
+        if interval.n_failed or interval.found_better or interval.pieces:
             doubts.append(interval.sentence)
     k_hat = max((s.k_hat for s in sensitivity), default=-np.inf)
     if k_hat >= 0.7:
@@ -83,7 +83,7 @@ def _cell(interval: ProfileInterval, p: float, sd: float, shown: Label) -> str:
 def _verdict(problem: Problem, leaning: Sensitivity, mean: float) -> str:
     """The verdict, with the pull of the posterior `mean` where it is a conflict, and whose prior matters most where that is another parameter's."""
     words = leaning.verdict
-    if words == CONFLICT:
+    if leaning.verdict == CONFLICT:
         prior = problem.parameters[problem.names.index(leaning.name)].prior
         pull = signed(f"{(mean - prior.expectation) / prior.sd:+.1f}")
         words += f": the posterior lies {pull} prior sd from the mean of the prior"

@@ -140,7 +140,7 @@ def _shown_kind(kind: str) -> str:
 
 def _said(analysis: Analysis) -> dict[str, Any]:
     return {
-        "title": analysis.title, "kind": _shown_kind(analysis.kind), "status": analysis.diagnosis.status,
+        "title": analysis.title, "kind": _shown_kind(analysis.kind), "status": str(analysis.diagnosis.status),
         "reasons": list(analysis.diagnosis.reasons),
     }
 

@@ -10,12 +10,13 @@ from matplotlib.figure import Figure
 
 from estim.campaign import Campaign, gamma_origin
 from estim.checks import interval_cell
-from estim.common import KINDS, MEANINGLESS, STATUS_WORDS, Markdown, Notation, as_json, format_quantity, format_rounded, one_line, signed
+from estim.common import KINDS, Markdown, Notation, Status, as_json, format_quantity, format_rounded, one_line, signed
 from estim.line import CONVENTIONS, LineAnalysis
 from estim.reports import figures
 from estim.reports.rendering import render
 from estim.reports.result import Provenance, software_versions
 from estim.sampling import Summary, number, summarise, trusted
+from estim.words import STATUS_WORDS, Voice, advice_for
 
 LINE_SCHEMA = "estim-line/1"
 _METHODS = {
@@ -74,16 +75,16 @@ class LineResult(msgspec.Struct, frozen=True, rename={"schema_": "schema"}):
     provenance: Provenance
 
 
-def line_result(campaign: Campaign, analysis: LineAnalysis) -> LineResult:
-    """The record of a line analysis."""
+def line_result(campaign: Campaign, analysis: LineAnalysis, *, voice: Voice = Voice.PYTHON) -> LineResult:
+    """The record of a line analysis.  voice : to whom advice is given."""
     methods = {name: _row(analysis, name) for name in _METHODS}
     intercept = analysis.chain.flat[:, analysis.chain.names.index("intercept")]
     tilt = float(np.mean(np.cos(analysis.series.phi)))
     angle = float(np.mean(np.cos(analysis.series.theta_min)))
-    steepest, status, ok = analysis.steepest, analysis.status, analysis.status == "ok"
+    steepest, status, ok = analysis.steepest, analysis.status, analysis.status.ok
     return LineResult(
         schema_=LINE_SCHEMA, title=campaign.title, kind=campaign.kind, status=analysis.status,
-        reasons=[f.reason for f in analysis.findings], advice=list(dict.fromkeys(f.advice for f in analysis.findings)),
+        reasons=list(analysis.reasons), advice=advice_for(analysis.findings, voice),
         disagreement=analysis.disagreement, body=analysis.series.body,
         n_obs=analysis.series.x.size,
         gamma_masses=None if analysis.gamma_masses is None else LineEstimate(analysis.gamma_masses.value, analysis.gamma_masses.u),
@@ -96,7 +97,7 @@ def line_result(campaign: Campaign, analysis: LineAnalysis) -> LineResult:
                 summarise(analysis.resistance_draws, unit="1", meaning="intercept · γ, if all of it is rolling resistance"), status
             ),
         },
-        slope_interval=[number(analysis.slope_exact.low), number(analysis.slope_exact.high)] if status not in MEANINGLESS else [None, None],
+        slope_interval=[number(analysis.slope_exact.low), number(analysis.slope_exact.high)] if status.draws_count else [None, None],
         steepest_phi=LineEstimate(
             math.asin(min(max(steepest.x0, -1.0), 1.0)), steepest.u_x0 / math.sqrt(max(1.0 - steepest.x0**2, 1e-12))
         ) if ok else None,
@@ -139,9 +140,9 @@ def _bare_row(analysis: LineAnalysis, method: str) -> LineRow:
     return LineRow(fit.intercept, fit.slope, fit.chi2, fit.dof, number(fit.p_value), {}, None, None, None, None, None)
 
 
-def line_report(campaign: Campaign, analysis: LineAnalysis) -> dict[str, bytes]:
+def line_report(campaign: Campaign, analysis: LineAnalysis, *, voice: Voice = Voice.PYTHON) -> dict[str, bytes]:
     """`report.md`, `result.json` and `figures/line.png`."""
-    result = line_result(campaign, analysis)
+    result = line_result(campaign, analysis, voice=voice)
     return {
         "report.md": line_text(result).encode(),
         "result.json": as_json(result),
@@ -157,7 +158,8 @@ def line_text(result: LineResult) -> str:
 def line_values(result: LineResult) -> dict[str, object]:
     """What the template of a line needs."""
     shared: dict[str, object] = {
-        "result": result, "kind": KINDS[result.kind], "status_words": STATUS_WORDS[result.status], "meaningless": result.status in MEANINGLESS,
+        "result": result, "kind": KINDS[result.kind], "status_words": STATUS_WORDS[Status(result.status)],
+        "meaningless": not Status(result.status).draws_count,
         "gamma_masses": _estimate(result.gamma_masses), "sources": CONVENTIONS, "methods": [], "best": [], "errors": [], "limits": [],
         **dict.fromkeys(("gamma", "resistance", "reason", "steepest", "zero_phi", "zero_theta", "evidence")),
     }

@@ -7,7 +7,7 @@ import math
 
 from estim.campaign import way_back
 from estim.common import Quantity, format_quantity
-from estim.problem import Differentiated, Observations, Problem
+from estim.problem import Observations, Problem
 from estim.reading import Run
 
 _APART = 3.0  # combined standard uncertainties
@@ -41,12 +41,12 @@ def origin_warnings(table: Run, run: Observations, problem: Problem) -> tuple[st
 
 def speed_facts(run: Observations) -> tuple[str, ...]:
     """What a fit of the speeds of a rolling body takes as exact unless told otherwise, and the frames that only a fit of positions can use."""
-    if run.motion is None or run.noise.positions:
+    if run.motion is None or run.positions:
         return ()
     facts = []
     if "offset" not in run.arguments:
         coordinate, key = ("x", "offset_m") if run.x_unit == "m" else ("θ", "offset_rad")
-        reading = run.noise.sigma.value if isinstance(run.noise, Differentiated) else 0.0
+        reading = run.noise.size.sigma.value if run.noise.made_of_positions else 0.0
         example = format_quantity(0.0, reading or _READING, plus_minus=False)
         facts.append(f'the zero of {coordinate} (the release) is taken as exact; state {key}, e.g. {key} = "{example}", if it is one reading')
     back = way_back(run.excluded)

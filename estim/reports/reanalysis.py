@@ -31,6 +31,7 @@ from estim.reports.rendering import render
 from estim.reports.result import Provenance, Result, provenance, result_of
 from estim.sampling import number
 from estim.studies import BodyAnalysis, Reanalysis
+from estim.words import Voice
 
 REANALYSIS_SCHEMA = "estim-reanalysis/1"
 
@@ -88,13 +89,13 @@ class ReanalysisResult(msgspec.Struct, frozen=True, rename={"schema_": "schema"}
     provenance: Provenance
 
 
-def reanalysis_result(r: Reanalysis) -> ReanalysisResult:
-    """The record of a reanalysis; the report prints from it."""
+def reanalysis_result(r: Reanalysis, *, voice: Voice = Voice.PYTHON) -> ReanalysisResult:
+    """The record of a reanalysis; the report prints from it.  voice : to whom advice is given."""
     return ReanalysisResult(
-        schema_=REANALYSIS_SCHEMA, title=r.campaign.title, kind=r.campaign.kind, statuses=r.statuses,
-        line=None if r.line is None else line_result(r.campaign, r.line),
-        runs={name: result_of(r.campaign, analysis) for name, analysis in r.singles.items()},
-        bodies={body.body: _body(r, body) for body in r.bodies}, paper=r.paper,
+        schema_=REANALYSIS_SCHEMA, title=r.campaign.title, kind=r.campaign.kind, statuses=dict(r.statuses),
+        line=None if r.line is None else line_result(r.campaign, r.line, voice=voice),
+        runs={name: result_of(r.campaign, analysis, voice=voice) for name, analysis in r.singles.items()},
+        bodies={body.body: _body(r, body, voice) for body in r.bodies}, paper=r.paper,
         published=[
             PublishedRow(c.published.name, c.published.section, Value(c.published.value, c.published.u), to_value(c.value), c.how, number(c.e_n))
             for c in r.published
@@ -103,11 +104,11 @@ def reanalysis_result(r: Reanalysis) -> ReanalysisResult:
     )
 
 
-def _body(r: Reanalysis, body: BodyAnalysis) -> BodySummary:
+def _body(r: Reanalysis, body: BodyAnalysis, voice: Voice) -> BodySummary:
     table, ok = body.narrowing, body.joint.diagnosis.ok
     return BodySummary(
         gamma_masses=None if body.gamma_masses is None else to_value(body.gamma_masses), gamma_origin=gamma_origin(r.campaign.source, body.body),
-        joint=result_of(r.campaign, body.joint),
+        joint=result_of(r.campaign, body.joint, voice=voice),
         energies={e.run: summarise_energy(e) for e in body.energies if ok}, drift=summarise_drift(body.drift),
         bands={
             b.run: BandSummary(
@@ -122,9 +123,9 @@ def _body(r: Reanalysis, body: BodyAnalysis) -> BodySummary:
     )
 
 
-def reanalysis_report(r: Reanalysis) -> dict[str, bytes]:
-    """`report.md`, `result.json` and `figures/*.png`."""
-    result = reanalysis_result(r)
+def reanalysis_report(r: Reanalysis, *, voice: Voice = Voice.PYTHON) -> dict[str, bytes]:
+    """`report.md`, `result.json` and `figures/*.png`.  voice : to whom advice is given."""
+    result = reanalysis_result(r, voice=voice)
     synthetic = r.campaign.kind == "synthetic"
     drawn: dict[str, Callable[[], Figure]] = {}
     trusted = [body for body in r.bodies if body.joint.diagnosis.ok]

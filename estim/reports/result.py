@@ -17,7 +17,7 @@ import msgspec
 import numpy as np
 
 from estim.arrays import FloatArray
-from estim.checks import Diagnosis, conflict_words, headline, parameter_cells
+from estim.checks import Diagnosis, headline, parameter_cells, stated_values
 from estim.common import as_json, one_line
 from estim.fitting import ProfileInterval
 from estim.pipeline import Analysis
@@ -27,6 +27,7 @@ from estim.reports.labels import Labels, labels_of, names_as_labels
 from estim.reports.origin import origin_facts, origin_warnings, speed_facts
 from estim.sampling import Summary, number, summarise, summarise_parameter, trusted
 from estim.studies import Scrutiny
+from estim.words import Voice, advice_for, tell
 
 SCHEMA = "estim-result/1"
 _PACKAGES = ("estim", "numpy", "scipy", "lmfit", "emcee", "arviz-stats", "uncertainties")
@@ -205,13 +206,13 @@ class Subject(Protocol):
         """Run -> its table."""
 
 
-def result_of(campaign: Subject, analysis: Analysis, scrutiny: Scrutiny | None = None) -> Result:
-    """The record of an analysis, with its profile intervals if it was scrutinised."""
+def result_of(campaign: Subject, analysis: Analysis, scrutiny: Scrutiny | None = None, *, voice: Voice = Voice.PYTHON) -> Result:
+    """The record of an analysis, with its profile intervals if it was scrutinised.  voice : to whom advice is given."""
     problem, fit, chain, diagnosis = analysis.problem, analysis.fit, analysis.chain, analysis.diagnosis
     flat, conflict = chain.flat, analysis.conflict
     result = Result(
         schema_=SCHEMA, title=campaign.title, kind=campaign.kind, formula=campaign.formula, status=diagnosis.status,
-        reasons=list(diagnosis.reasons), advice=list(dict.fromkeys(finding.advice for finding in diagnosis.findings)), notes=list(diagnosis.notes),
+        reasons=list(diagnosis.reasons), advice=advice_for(diagnosis.findings, voice), notes=list(diagnosis.notes),
         parameters={p.name: _parameter(analysis, i) for i, p in enumerate(problem.parameters)},
         correlation=Correlation(list(problem.names), np.atleast_2d(np.corrcoef(flat.T)).round(6).tolist()),
         fit=FitSummary(
@@ -219,7 +220,7 @@ def result_of(campaign: Subject, analysis: Analysis, scrutiny: Scrutiny | None =
             {n: number(s) if diagnosis.ok else None for n, s in zip(fit.names, fit.sds, strict=True)},
             fit.chi2, fit.dof, number(fit.p_value), fit.message,
         ),
-        stated_values=StatedValues(conflict.chi2, conflict.dof, conflict.p_value, dict(conflict.pulls), conflict_words(fit, conflict)),
+        stated_values=StatedValues(conflict.chi2, conflict.dof, conflict.p_value, dict(conflict.pulls), tell(stated_values(fit, conflict))),
         sampling=Sampling(
             chain.draws.shape[0], chain.draws.shape[2], chain.convergence.n_step, chain.n_burn, number(chain.convergence.tau),
             float(np.mean(chain.acceptance)), chain.convergence.message,
@@ -286,10 +287,10 @@ def _run(campaign: Subject, analysis: Analysis, i: int) -> RunSummary:
     derived = run.derived(run.bind(analysis.problem.named(draws)))
     noise = run.noise.describe(x_unit=run.x_unit, y_unit=run.y_unit, words=run.words)
     return RunSummary(
-        file=one_line(table.file), x=run.x_label, y=run.y_label, n_obs=run.n_obs, noise=noise, excluded=list(run.excluded),
+        file=one_line(table.file), x=run.x_label, y=run.y_label, n_obs=run.n_obs, noise=noise, excluded=[tell(why) for why in run.excluded],
         checks={name: CheckSummary(c.statistic, c.p_value, c.meaning) for name, c in goodness.checks.items()},
         scatter_ratio=number(goodness.scatter_ratio), facts=[*origin_facts(table, run, analysis.problem), *speed_facts(run)],
-        warnings=list(origin_warnings(table, run, analysis.problem)), robust=run.noise.tails.robust, outliers=_outliers(analysis, run),
+        warnings=list(origin_warnings(table, run, analysis.problem)), robust=run.noise.robust, outliers=_outliers(analysis, run),
         what=run.words.what,
         derived={
             name: trusted(summarise(np.ravel(d.values), unit=d.unit, meaning=d.meaning), analysis.diagnosis.status)

@@ -72,7 +72,7 @@ def _bands(
     curve, _ = curve_draws(problem, run, x, draws)
     named = problem.named(draws)
     reading = np.broadcast_to(reading_sd(run.noise, named), (draws.shape[0], run.n_obs)).mean(axis=1, keepdims=True)
-    sd = np.hypot(reading, run.noise.scatter.at(named))
+    sd = np.hypot(reading, run.noise.size.scatter.at(named))
     # one error for all positions of a draw: the same interval at each x, and a smooth band
     new = curve + sd * rng.standard_normal((draws.shape[0], 1))
     return Bands(

@@ -21,11 +21,13 @@ from types import MappingProxyType
 import numpy as np
 
 from estim.arrays import FloatArray
+from estim.common import Amount, Finding, Kind
 from estim.sampling.chain import Chain
 from estim.sampling.density import Density, log_density_in_batches
 from estim.sampling.diagnostics import effective_size
 from estim.sampling.importance import K_HAT_LIMIT, kish_size, pareto_smoothed, systematic, u_log_mean
 from estim.sampling.proposal import Proposal, adapt_proposal
+from estim.words import tell
 
 __all__ = ["Agreement", "Certificate", "Proposal", "adapt_proposal", "certify", "compare_with_chain"]
 
@@ -79,7 +81,7 @@ class Certificate:
 class Agreement:
     """A chain against a certificate.
 
-    verdict : "agree", "disagree" or "missing".  reason : why, a sentence.
+    verdict : "agree", "disagree" or "missing".  told : why.
     difference_mean, difference_sd : (n_par,) chain minus certificate, in posterior standard deviations of the certificate.
     difference_ends : (2, n_par) the same of the 2.5 % and 97.5 % quantiles.
     z_mean, z_sd, z_ends : the same in units of the combined Monte-Carlo standard error (for the quantiles, of the share of draws beyond).
@@ -88,7 +90,7 @@ class Agreement:
 
     names: tuple[str, ...]
     verdict: str
-    reason: str
+    told: tuple[Finding, ...]
     difference_mean: FloatArray
     difference_sd: FloatArray
     difference_ends: FloatArray
@@ -96,6 +98,11 @@ class Agreement:
     z_sd: FloatArray
     z_ends: FloatArray
     limit: float
+
+    @property
+    def reason(self) -> str:
+        """Why the verdict is what it is, in words."""
+        return "; ".join(map(tell, self.told))
 
     @property
     def largest_difference(self) -> float:
@@ -190,8 +197,8 @@ def compare_with_chain(certificate: Certificate, chain: Chain) -> Agreement:
     z_ends, u_ends = (np.array(both) for both in zip(*(_end(certificate, chain, p) for p in ENDS), strict=True))
     zs = (mean - certificate.mean) / u_mean, (spread - certificate.sd) / u_sd, z_ends
     limit = float(norm.isf(_FALSE_ALARM / (8 * n_par)))
-    verdict, reason = _verdict(certificate, differences, zs, (u_mean / sd, u_sd / sd, u_ends / sd), limit)
-    return Agreement(certificate.names, verdict, reason, *differences, *zs, limit)
+    verdict, told = _verdict(certificate, differences, zs, (u_mean / sd, u_sd / sd, u_ends / sd), limit)
+    return Agreement(certificate.names, verdict, (told,), *differences, *zs, limit)
 
 
 def _end(certificate: Certificate, chain: Chain, p: float) -> tuple[FloatArray, FloatArray]:
@@ -210,10 +217,10 @@ def _end(certificate: Certificate, chain: Chain, p: float) -> tuple[FloatArray, 
     return np.asarray((share - (1.0 - p)) / u), np.array(spread)
 
 
-def no_comparison(names: tuple[str, ...], reason: str) -> Agreement:
+def no_comparison(names: tuple[str, ...], *told: Finding) -> Agreement:
     """A second opinion that is missing, and why."""
     unknown, ends = np.full(len(names), np.nan), np.full((len(ENDS), len(names)), np.nan)
-    return Agreement(names, "missing", reason, unknown, unknown, ends, unknown, unknown, ends, math.nan)
+    return Agreement(names, "missing", told, unknown, unknown, ends, unknown, unknown, ends, math.nan)
 
 
 def chain_errors(chain: Chain) -> tuple[FloatArray, FloatArray]:
@@ -229,37 +236,36 @@ def chain_errors(chain: Chain) -> tuple[FloatArray, FloatArray]:
         return u_mean, of_squares / np.sqrt(effective_size(squares, "mean")) / (2.0 * spread)
 
 
-def too_many(n_par: int) -> str:
+def too_many(n_par: int) -> Finding:
     """Why there is no certificate."""
-    return f"importance sampling is not used for more than {MAX_PARAMETERS} parameters (there are {n_par})"
+    return Finding(Kind.TOO_MANY_PARAMETERS, size=n_par, numbers={"limit": MAX_PARAMETERS})
 
 
 def _verdict(
     certificate: Certificate, differences: Sequence[FloatArray], zs: Sequence[FloatArray], us: Sequence[FloatArray], limit: float
-) -> tuple[str, str]:
+) -> tuple[str, Finding]:
     """us : the errors of the differences in posterior sds."""
     n_par = len(certificate.names)
     if n_par > MAX_PARAMETERS:
         return "missing", too_many(n_par)
     if not certificate.reliable:
-        shown = f"{certificate.k_hat:.2f}" if math.isfinite(certificate.k_hat) else "infinite"
-        return "missing", f"the importance weights cannot be trusted: k-hat is {shown}, above {K_HAT_LIMIT}, after {certificate.n_draw} draws"
-    called: list[tuple[float, str]] = []
+        numbers = {"limit": K_HAT_LIMIT, "draws": certificate.n_draw}
+        return "missing", Finding(Kind.WEIGHTS_UNRELIABLE, size=certificate.k_hat, numbers=numbers)
+    called: list[Finding] = []
     hidden: list[float] = []
     whats = ("mean", "standard deviation", *(f"{p:.1%} quantile".replace("%", " %") for p in ENDS))
     rows = ([*column[:2], *column[2]] for column in (differences, zs, us))
-    for what, difference, z, u in zip(whats, *rows, strict=True):
-        negligible, coarse = (_NEGLIGIBLE_END, _COARSE_END) if "quantile" in what else (_NEGLIGIBLE, _COARSE)
+    limits = [(_NEGLIGIBLE, _COARSE)] * 2 + [(_NEGLIGIBLE_END, _COARSE_END)] * len(ENDS)
+    for what, (negligible, coarse), difference, z, u in zip(whats, limits, *rows, strict=True):
         for name, d, one in zip(certificate.names, difference, z, strict=True):
             if not (abs(d) <= negligible or abs(one) <= limit):
-                called.append((abs(one), f"the {what} of {name} by {d:+.3f} posterior standard deviations ({abs(one):.1f} Monte-Carlo errors)"))
+                errors = {"errors": float(abs(one))}
+                called.append(Finding(Kind.DIFFERENCE, test=what, size=float(d), numbers=errors, parameters=(Amount(name),)))
         hidden += [float(one) for one in limit * u if one > coarse]
     if called:
-        called.sort(reverse=True)
-        return "disagree", f"chain and {certificate.method} differ in " + " and ".join(text for _, text in called[:3])
+        called.sort(key=lambda finding: -finding.numbers["errors"])
+        return "disagree", Finding(Kind.CHAIN_DIFFERS, test=certificate.method, parts=tuple(called[:3]))
     if hidden:
-        reason = f"differences up to {max(hidden):.2f} posterior standard deviations would not show"
-        return "missing", f"the Monte-Carlo errors are too large to tell: {reason}"
+        return "missing", Finding(Kind.ERRORS_TOO_LARGE, size=max(hidden))
     largest = max(float(np.max(np.abs(d))) for d in differences)
-    words = "means, standard deviations and ends of the 95 % intervals agree within Monte-Carlo errors"
-    return "agree", f"{words}; largest difference {largest:.3f} posterior standard deviations"
+    return "agree", Finding(Kind.CHAIN_AGREES, size=largest)

@@ -18,19 +18,18 @@ from typing import Any
 import numpy as np
 
 from estim.arrays import FloatArray
-from estim.common import NumericalError
+from estim.common import Finding, Kind, NumericalError
 from estim.sampling.checkpoint import Store
 from estim.sampling.density import Density, log_density_in_batches
 from estim.sampling.diagnostics import effective_size, r_hat
 from estim.sampling.importance import K_HAT_LIMIT, kish_size, pareto_smoothed
 from estim.sampling.proposal import Proposal
 from estim.sampling.stepping import Stop, start_walk
+from estim.words import tell
 
 _FIRST_CHECK = 120  # steps, with a proposal
 _PROPOSAL_SHARE, _LEAST_SHARE = 0.8, 0.1  # of the moves: for a proposal whose weights are even, and for one that cannot be trusted
 _GOOD_EFFICIENCY = 0.3  # effective share of its draws from which a proposal gets the full share of moves
-
-CRITERIA_MET = "all criteria are met"
 
 Progress = Callable[[int, str], None]
 """Called with the steps done so far and a few words on how far sampling is."""
@@ -59,6 +58,7 @@ class Convergence:
     """The stopping criteria at one moment: worst values over the parameters.
 
     tau : longest autocorrelation time in steps.  tau_moved : its relative change since the check before.
+    met : whether the draws are enough.  told : what they lack, or where they come from if not from a chain.
     """
 
     n_step: int
@@ -68,7 +68,12 @@ class Convergence:
     tau: float
     tau_moved: float
     met: bool
-    message: str
+    told: tuple[Finding, ...]
+
+    @property
+    def message(self) -> str:
+        """What is lacking, in words."""
+        return "; ".join(map(tell, self.told or (Finding(Kind.CRITERIA_MET),)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -232,18 +237,17 @@ def _judge(draws: FloatArray, target: Target, *, n_step: int, tau: float, tau_be
     bulk = float(np.min(effective_size(draws, "bulk")))
     tail = float(np.min(effective_size(draws, "tail")))
     moved = abs(tau - tau_before) / tau if math.isfinite(tau) and math.isfinite(tau_before) else math.inf
-    lacking = []
+    lacking = list[Finding]()
     if not rhat < target.rhat:
-        lacking.append(f"R-hat {rhat:.3f} is not below {target.rhat}")
+        lacking.append(Finding(Kind.RHAT_HIGH, size=rhat, numbers={"limit": target.rhat}))
     if not bulk >= target.ess:
-        lacking.append(f"bulk ESS {bulk:.0f} is below {target.ess:.0f}")
+        lacking.append(Finding(Kind.BULK_LOW, size=bulk, numbers={"limit": target.ess}))
     if not tail >= target.ess:
-        lacking.append(f"tail ESS {tail:.0f} is below {target.ess:.0f}")
+        lacking.append(Finding(Kind.TAIL_LOW, size=tail, numbers={"limit": target.ess}))
     if not n_step >= target.n_tau * tau:
-        lacking.append(f"{n_step} steps are fewer than {target.n_tau:.0f} autocorrelation times of {tau:.1f}")
+        lacking.append(Finding(Kind.CHAIN_BRIEF, size=n_step, numbers={"limit": target.n_tau, "tau": tau}))
     if not moved < 0.1:
-        lacking.append("the autocorrelation time has not settled")
-    message = "; ".join(lacking) or CRITERIA_MET
-    return Convergence(n_step, rhat, bulk, tail, tau, moved, not lacking, message)
+        lacking.append(Finding(Kind.TAU_UNSETTLED))
+    return Convergence(n_step, rhat, bulk, tail, tau, moved, not lacking, tuple(lacking))
 
 

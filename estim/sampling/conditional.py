@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from estim.arrays import FloatArray
 from estim.common import InputError
 from estim.fitting import Fit
-from estim.problem import LogNormal, Observations, Posterior, Prior, variances
+from estim.problem import LogNormal, NormalErrors, Observations, Posterior, Prior
 from estim.sampling.importance import log_sum_exp
 
 IndexArray = NDArray[np.int64]
@@ -34,19 +34,21 @@ _LOG_2PI = math.log(2.0 * math.pi)
 _REACH = 4.0  # standard deviations of s within which the quadratic terms are used
 _N_REFINE, _WIDER = 10, 1.5
 _LONGEST_STEP = 3.0  # conditional standard deviations
+_NOT_NORMAL = "must have plain normal noise for a marginal over runs: use the sampler"
 
 
 @dataclass(frozen=True, eq=False)
 class RunTerm:
     """One run: its part of the posterior, and which parameters of the whole problem it uses.
 
-    posterior : of this run alone, with the whitening of the joint fit.
+    posterior : of this run alone, with the likelihood of the joint fit.  normal : that as normal errors.
     columns : (n_used,) where its parameters stand in the whole problem, in the order of `posterior.names`.
     shared, own : positions within these of the parameters that are shared (given) and its own (integrated out).
     centre : (n_used,) the fit.
     """
 
     posterior: Posterior
+    normal: NormalErrors
     columns: IndexArray
     shared: IndexArray
     own: IndexArray
@@ -150,25 +152,26 @@ def run_terms(fit: Fit, sampled: IndexArray) -> tuple[RunTerm, ...]:
     """
     problem = fit.problem
     terms = []
-    for run, whitening in zip(problem.runs, fit.posterior.whitenings, strict=True):
+    for run, likelihood in zip(problem.runs, fit.posterior.likelihoods, strict=True):
         alone = problem.restricted((run,))
         columns = np.array([problem.names.index(name) for name in alone.names], dtype=np.int64)
         given = np.isin(columns, sampled)
-        posterior = dataclasses.replace(fit.posterior, problem=alone, whitenings=(whitening,))
-        term = RunTerm(posterior, columns, np.flatnonzero(given), np.flatnonzero(~given), fit.values[columns])
-        _require_normal(term)
+        if likelihood.normal is None:
+            raise InputError(_NOT_NORMAL, field="run", value=run.name)
+        posterior = dataclasses.replace(fit.posterior, problem=alone, likelihoods=(likelihood,))
+        term = RunTerm(posterior, likelihood.normal, columns, np.flatnonzero(given), np.flatnonzero(~given), fit.values[columns])
+        _require_the_same(term)
         terms.append(term)
     return tuple(terms)
 
 
-def _require_normal(term: RunTerm) -> None:
-    """The steps below assume normal noise: the likelihood they imply must be that of the run."""
-    if term.run.latent is not None:
-        raise InputError("must have no errors of x for a marginal over runs: use the sampler", field="run", value=term.run.name)
-    residuals, variance, _ = _whitened(term, term.centre[None, :])
+def _require_the_same(term: RunTerm) -> None:
+    """The likelihood that the steps below imply must be that of the run."""
+    centre = term.centre[None, :]
+    residuals, variance, *_ = term.normal.opened(term.posterior.problem.named(centre), ())
     implied = -0.5 * float(np.sum(residuals**2 + np.log(variance) + _LOG_2PI))
-    if not math.isclose(implied, float(term.posterior.log_likelihood(term.centre[None, :])[0]), rel_tol=1e-8, abs_tol=1e-6):
-        raise InputError("must have plain normal noise for a marginal over runs: use the sampler", field="run", value=term.run.name)
+    if not math.isclose(implied, float(term.posterior.log_likelihood(centre)[0]), rel_tol=1e-8, abs_tol=1e-6):
+        raise InputError(_NOT_NORMAL, field="run", value=term.run.name)
 
 
 def expand(term: RunTerm, shared: FloatArray, start: FloatArray, log_weight: Callable[[FloatArray], FloatArray]) -> Expansion:
@@ -220,7 +223,8 @@ def _gauss_newton(term: RunTerm, shared: FloatArray, own: FloatArray) -> tuple[F
     k = term.own.size
     steps, informations = np.empty_like(own), np.empty((own.shape[0], k, k))
     for block in _blocks(own.shape[0]):
-        residuals, _, (jacobian, spread) = _whitened(term, term.rows(shared[block], own[block]))
+        named = term.posterior.problem.named(term.rows(shared[block], own[block]))
+        residuals, _, jacobian, spread = term.normal.opened(named, [term.posterior.names[i] for i in term.own])
         gradient = np.einsum("nok,no->nk", jacobian, residuals) + 0.5 * np.einsum("nok,no->nk", spread, residuals**2 - 1.0)
         information = np.einsum("nok,nol->nkl", jacobian, jacobian) + 0.5 * np.einsum("nok,nol->nkl", spread, spread)
         for i, prior in enumerate(term.own_priors):
@@ -232,27 +236,6 @@ def _gauss_newton(term: RunTerm, shared: FloatArray, own: FloatArray) -> tuple[F
         steps[block] = step * np.minimum(1.0, _LONGEST_STEP / np.maximum(length, 1e-300))[:, None]
         informations[block] = information
     return steps, informations
-
-
-def _whitened(term: RunTerm, rows: FloatArray) -> tuple[FloatArray, FloatArray, tuple[FloatArray, FloatArray]]:
-    """Whitened residuals and variances (n_draw, n_obs) at rows (n_draw, n_used), and derivatives (n_draw, n_obs, n_own)
-    of the whitened curve and of the log variance in the run's own parameters.  The only place that opens a `Whitening`."""
-    run, whitening = term.run, term.posterior.whitenings[0]
-    named, names = term.posterior.problem.named(rows), [term.posterior.names[i] for i in term.own]
-    n_draw, n_obs = rows.shape[0], run.n_obs
-    local = run.curve.local(run.x, run.bind(named))
-    variance = np.broadcast_to(variances(run.noise, whitening, named), (n_draw, n_obs))
-    sd = np.sqrt(variance)
-    residuals = whitening.rotate(run.y - whitening.offset - local.value) / sd
-    jacobian, spread = np.zeros((n_draw, n_obs, len(names))), np.zeros((n_draw, n_obs, len(names)))
-    for argument, source in run.arguments.items():
-        if source in names:
-            gradient = np.broadcast_to(local.gradient[argument], (n_draw, n_obs))
-            jacobian[:, :, names.index(str(source))] += whitening.rotate(gradient) / sd
-    for scale, weight in ((run.noise.sigma, whitening.spectrum), (run.noise.scatter, np.ones(n_obs))):
-        if scale.parameter in names:
-            spread[:, :, names.index(str(scale.parameter))] += 2.0 * named[str(scale.parameter)] * weight / variance
-    return residuals, variance, (jacobian, spread)
 
 
 def _prior_residual(prior: Prior, values: FloatArray) -> tuple[FloatArray, FloatArray]:

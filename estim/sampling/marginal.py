@@ -24,12 +24,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from estim.arrays import FloatArray
-from estim.common import InputError, NumericalError
+from estim.common import Finding, InputError, Kind, NumericalError
 from estim.fitting import Fit
 from estim.problem import Normal, Problem
 from estim.sampling.conditional import Expansion, RunTerm, expand, run_terms
 from estim.sampling.importance import K_HAT_LIMIT, difference, flattened, kish_size, pareto_smoothed, spread, systematic, u_log_mean
 from estim.sampling.proposal import Proposal, lower_factor
+from estim.words import tell
 
 IndexArray = NDArray[np.int64]
 
@@ -71,7 +72,7 @@ class MarginalPosterior:
     shift : largest difference between the means of a sampled parameter by the two sets of weights, posterior standard deviations.
     refined : runs whose own parameters were not normal enough given the shared ones and were brought to their exact distribution.
     u_shift : its Monte-Carlo error.  expansion_error : see `Expansion.error`, the worst run.
-    trusted : whether the draws may be used.  reasons : in words, why or why not.
+    trusted : whether the draws may be used.  told : why or why not.
     """
 
     names: tuple[str, ...]
@@ -91,7 +92,12 @@ class MarginalPosterior:
     expansion_error: float
     refined: tuple[str, ...]
     trusted: bool
-    reasons: tuple[str, ...]
+    told: tuple[Finding, ...]
+
+    @property
+    def reasons(self) -> tuple[str, ...]:
+        """Why the draws may be used or not, in words."""
+        return tuple(map(tell, self.told))
 
     @property
     def mean(self) -> FloatArray:
@@ -146,12 +152,12 @@ def sample_marginal(fit: Fit, *, rng: np.random.Generator, options: MarginalOpti
     shift, u_shift = difference(shared[: check.size], log_weights[: check.size], check)
     ess, ess_all = kish_size(log_weights), kish_size(check)
     error = max((expansion.error for expansion in expansions), default=0.0)
-    trusted, reasons = _judge(k_hat, ess, k_hat_all, ess_all, shift, u_shift, error, n_node=options.n_node, exact=columns.size == fit.problem.n_par)
+    trusted, told = _judge(k_hat, ess, k_hat_all, ess_all, shift, u_shift, error, n_node=options.n_node, exact=columns.size == fit.problem.n_par)
     return MarginalPosterior(
         names=fit.names, sampled=tuple(fit.names[i] for i in columns), draws=draws, log_weights=log_weights, k_hat=k_hat, ess=ess,
         log_evidence=log_evidence, u_log_evidence=u_log_mean(raw),
         check_log_weights=check, k_hat_all=k_hat_all, ess_all=ess_all, log_evidence_all=log_evidence_all,
-        shift=shift, u_shift=u_shift, expansion_error=error, refined=tuple(refined), trusted=trusted, reasons=reasons,
+        shift=shift, u_shift=u_shift, expansion_error=error, refined=tuple(refined), trusted=trusted, told=told,
     )
 
 
@@ -279,27 +285,23 @@ def _expand_all(fit: Fit, target: _Marginal, points: FloatArray, regression: Flo
 
 def _judge(
     k_hat: float, ess: float, k_hat_all: float, ess_all: float, shift: float, u_shift: float, error: float, *, n_node: int, exact: bool
-) -> tuple[bool, tuple[str, ...]]:
+) -> tuple[bool, tuple[Finding, ...]]:
     """Whether the draws may be used, and why or why not."""
-    wrong, notes = [], []
+    wrong, notes = list[Finding](), list[Finding]()
     if not k_hat < K_HAT_LIMIT:
-        wrong.append(f"the proposal misses part of the marginal of the shared parameters: k-hat {k_hat:.2f} is not below {K_HAT_LIMIT}")
+        wrong.append(Finding(Kind.MARGINAL_MISSED, size=k_hat, numbers={"limit": K_HAT_LIMIT}))
     if ess < _LEAST_ESS:
-        wrong.append(f"only {ess:.0f} effective draws (at least {_LEAST_ESS:.0f} are needed): raise n_draw")
+        wrong.append(Finding(Kind.MARGINAL_DRAWS_FEW, size=ess, numbers={"limit": _LEAST_ESS}))
     if exact:
-        notes.append("every parameter was sampled: nothing is integrated out, the weights are exact")
+        notes.append(Finding(Kind.WEIGHTS_EXACT))
     elif not k_hat_all < K_HAT_LIMIT:
-        notes.append(f"exact weights in all dimensions are too uneven to certify the result (k-hat {k_hat_all:.2f}, {ess_all:.0f} effective draws)")
+        notes.append(Finding(Kind.WEIGHTS_UNEVEN, size=k_hat_all, numbers={"ess": ess_all}))
     elif shift > max(0.1, 4.0 * u_shift):
-        cure = "take n_node = 5" if n_node < 5 else "use the sampler"
-        wrong.append(f"exact weights move a shared parameter by {shift:.2f} standard deviations (Monte-Carlo error {u_shift:.2f}): {cure}")
+        wrong.append(Finding(Kind.WEIGHTS_MOVE, size=shift, numbers={"u": u_shift, "nodes": n_node}))
     else:
-        notes.append(
-            f"exact weights in all dimensions agree (k-hat {k_hat_all:.2f}): no shared parameter moves by more than {shift:.2f} standard"
-            f" deviations, with a Monte-Carlo error of {u_shift:.2f}"
-        )
+        notes.append(Finding(Kind.WEIGHTS_AGREE, size=shift, numbers={"u": u_shift, "k_hat": k_hat_all}))
     if error > _ROUGH:
-        notes.append(f"the runs' own parameters do not follow the shared ones smoothly (the expansion misses by {error:.1f} standard deviations)")
+        notes.append(Finding(Kind.EXPANSION_ROUGH, size=error))
     if not wrong:
-        notes.insert(0, f"the marginal of the shared parameters was sampled well (k-hat {k_hat:.2f}, {ess:.0f} effective draws)")
+        notes.insert(0, Finding(Kind.MARGINAL_SAMPLED, size=ess, numbers={"k_hat": k_hat}))
     return not wrong, (*wrong, *notes)

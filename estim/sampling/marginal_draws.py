@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from estim.common import Finding, Kind
 from estim.fitting import Fit
 from estim.sampling.certificate import Agreement, no_comparison
 from estim.sampling.chain import Chain, Convergence, Target
@@ -31,12 +32,12 @@ def marginal_chain(fit: Fit, *, target: Target, rng: np.random.Generator) -> tup
     draws = rng.permutation(marginal.resampled(n_kept, rng=rng)).reshape(_N_CHAIN, -1, 1, len(fit.names))
     flat = draws.reshape(-1, draws.shape[-1])
     short = marginal.ess < target.ess
-    message = "; ".join(marginal.reasons) if not marginal.trusted else "independent draws by importance sampling"
+    told = (Finding(Kind.INDEPENDENT_DRAWS),) if marginal.trusted else marginal.told
     if short:
-        message = f"only {marginal.ess:.0f} effective draws of {target.ess:.0f}; {message}"
+        told = (Finding(Kind.DRAWS_SHORT, size=marginal.ess, numbers={"limit": target.ess}), *told)
     convergence = Convergence(
         n_step=draws.shape[1], rhat=float(np.max(r_hat(draws))), ess_bulk=marginal.ess, ess_tail=marginal.ess, tau=1.0, tau_moved=0.0,
-        met=marginal.trusted and not short, message=message,
+        met=marginal.trusted and not short, told=told,
     )
     log_density = fit.posterior.log_density(flat).reshape(draws.shape[:3])
     chain = Chain(fit.names, draws, log_density, 0, np.ones(_N_CHAIN), 0, convergence)
@@ -45,7 +46,7 @@ def marginal_chain(fit: Fit, *, target: Target, rng: np.random.Generator) -> tup
 
 def _opinion(marginal: MarginalPosterior, n_par: int) -> Agreement:
     """The exact weights in all dimensions as a comparison; "missing" where they are too uneven to tell."""
-    disagree = any(reason.startswith("exact weights move") for reason in marginal.reasons)
+    disagree = any(finding.kind is Kind.WEIGHTS_MOVE for finding in marginal.told)
     told = marginal.k_hat_all < 0.7 or len(marginal.sampled) == n_par
     verdict = "disagree" if disagree else "agree" if marginal.trusted and told else "missing"
-    return replace(no_comparison(marginal.names, "; ".join(marginal.reasons)), verdict=verdict)
+    return replace(no_comparison(marginal.names, *marginal.told), verdict=verdict)

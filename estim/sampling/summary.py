@@ -8,7 +8,7 @@ import msgspec
 import numpy as np
 
 from estim.arrays import FloatArray
-from estim.common import MEANINGLESS, PROBABILITIES
+from estim.common import PROBABILITIES, Status
 from estim.fitting import Fit, Limit, limit_of
 
 
@@ -58,10 +58,10 @@ def _quantiles(draws: FloatArray) -> list[float | None]:
     return [number(ordered[round(q * (ordered.size - 1))]) for q in tails]
 
 
-def trusted(summary: Summary, status: str) -> Summary:
+def trusted(summary: Summary, status: Status) -> Summary:
     """`summary` without what its status does not allow: no mean and sd unless ok, nothing at all where the draws mean nothing."""
-    if status == "ok":
+    if status.ok:
         return summary
-    if status in MEANINGLESS:
+    if not status.draws_count:
         return Summary(summary.unit, summary.meaning, None, None, None, None, None, None, None)
     return msgspec.structs.replace(summary, mean=None, sd=None)

@@ -62,7 +62,7 @@ def compare_noise(
         behind, se = difference(best, loo) if best is not loo else (0.0, 0.0)
         pairs = zip(analysis.problem.runs, loo.k_hat, strict=True)
         influential = {run.name: run.x[k > INFLUENTIAL].tolist() for run, k in pairs if np.any(k > INFLUENTIAL)}
-        data = "positions" if analysis.problem.runs[0].noise.positions else "speeds"
+        data = "positions" if analysis.problem.runs[0].positions else "speeds"
         rows.append(Compared(candidate, analysis, loo, data, behind, se, influential))
     return tuple(rows)
 

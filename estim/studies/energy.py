@@ -24,7 +24,7 @@ from scipy.stats import chi2
 from estim.arrays import FloatArray
 from estim.fitting import Fit, fit_least_squares
 from estim.pipeline import Analysis
-from estim.problem import Differentiated, Observations, Problem, Uniform, covariance
+from estim.problem import Observations, Problem, Uniform
 
 Arguments = Mapping[str, ArrayLike]
 
@@ -142,12 +142,11 @@ def energy_along(analysis: Analysis, *, rng: np.random.Generator, n_draw: int = 
 
 
 def _record(analysis: Analysis, i: int, draws: FloatArray, rng: np.random.Generator) -> EnergyRecord:
-    run, whitening, problem = analysis.problem.runs[i], analysis.fit.posterior.whitenings[i], analysis.problem
+    run, likelihood, problem = analysis.problem.runs[i], analysis.fit.posterior.likelihoods[i], analysis.problem
     # the mode, not the mean: on a bent ridge the mean of the draws need not fit the data
     centre = problem.named(analysis.fit.values)
     at_mode, at_draws = run.bind(centre), run.bind(problem.named(draws))
-    v = run.y - whitening.offset
-    cov_speed = covariance(run.noise, whitening, centre)
+    v = likelihood.y
     fitted = np.ravel(np.broadcast_to(run.curve.value(run.x, at_mode), (1, run.n_obs)))
     noise, u_kinetic, bias = _noise(run, fitted, centre)
 
@@ -168,7 +167,7 @@ def _record(analysis: Analysis, i: int, draws: FloatArray, rng: np.random.Genera
     loss = -(measured @ to_line[1])
     mass = math.nan if run.body.mass is None else run.body.mass
     return EnergyRecord(
-        run=run.name, t=run.t, x=metres * run.x, v=metres * v, u_v=metres * np.sqrt(np.diag(cov_speed)),
+        run=run.name, t=run.t, x=metres * run.x, v=metres * v, u_v=metres * likelihood.sd(centre),
         kinetic=kinetic, potential=potential, total=kinetic + potential, u_kinetic=np.hypot(drawn_kinetic.std(axis=0), u_kinetic),
         u_potential=drawn_potential.std(axis=0), u_total=measured.std(axis=0), start=_estimate(start),
         relative=relative.mean(axis=0), u_relative=relative.std(axis=0), to_kinetic=to_kinetic.mean(axis=0), u_to_kinetic=to_kinetic.std(axis=0),
@@ -183,18 +182,7 @@ def _noise(run: Observations, v: FloatArray, values: Mapping[str, ArrayLike]) ->
     arguments = run.bind(values)
     by_x = _difference(lambda h: _total(run, run.x + h, v, arguments))
     by_v = _difference(lambda h: _total(run, run.x, v + h, arguments))
-    reading = float(np.sqrt(np.square(float(np.asarray(run.noise.sigma.at(values)))) + run.noise.quantisation_variance))
-    scatter = float(np.asarray(run.noise.scatter.at(values)))
-    if isinstance(run.noise, Differentiated):
-        rows = run.noise.derivative.rows[run.noise.kept]
-        to_speed = run.noise.derivative.matrix[run.noise.kept]
-        matrix = by_v[:, None] * to_speed
-        matrix[np.arange(rows.size), rows] += by_x
-        var_speed = reading**2 * np.sum(to_speed**2, axis=1) + scatter**2
-        cov = reading**2 * matrix @ matrix.T + np.diag((by_v * scatter) ** 2)
-    else:
-        var_speed = np.square(reading * run.noise.relative) + scatter**2
-        cov = np.diag(by_v**2 * var_speed)
+    cov, var_speed = run.noise.carried(by_x, by_v, values)
     inertia = np.divide(by_v, v, out=np.zeros_like(v), where=v != 0.0)  # T = D v^2/2
     return cov, np.abs(by_v) * np.sqrt(var_speed), 0.5 * inertia * var_speed
 

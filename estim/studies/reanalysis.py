@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from estim.campaign import Campaign, gamma_of_body, gamma_origin
-from estim.common import Quantity, Stream, stream
+from estim.common import Quantity, Status, Stream, stream
 from estim.line import LineAnalysis, analyse_line, read_theta_min
 from estim.pipeline import Analysis, analyse
 from estim.problem import informative
@@ -60,7 +60,7 @@ class Reanalysis:
     seed: int
 
     @property
-    def statuses(self) -> dict[str, str]:
+    def statuses(self) -> dict[str, Status]:
         """What was analysed -> its status."""
         found = {f"run {name}": analysis.diagnosis.status for name, analysis in self.singles.items()}
         found |= {f"joint fit of {body.body}": body.joint.diagnosis.status for body in self.bodies}

@@ -1,0 +1,151 @@
+"""Which statuses there are, which kinds of findings, and to which status each kind leads."""
+
+from __future__ import annotations
+
+from enum import StrEnum, auto
+from types import MappingProxyType
+
+
+class Status(StrEnum):
+    """Whether a number may be trusted, gravest first; a result has the gravest status of its findings."""
+
+    NOT_CONVERGED = "not-converged"
+    METHODS_DISAGREE = "methods-disagree"
+    MULTIMODAL = "multimodal"
+    NOT_IDENTIFIED = "not-identified"
+    POOR_FIT = "poor-fit"  # a limit from a wrong curve is none
+    AT_BOUND = "at-bound"
+    NOT_CALIBRATED = "not-calibrated"
+    OK = "ok"
+
+    def __repr__(self) -> str:
+        """As a reader sees it in a table or at a prompt."""
+        return repr(self.value)
+
+    @property
+    def ok(self) -> bool:
+        return self is Status.OK
+
+    @property
+    def draws_count(self) -> bool:
+        """Whether the draws mean anything: limits, at least, may be read from them."""
+        return self not in (Status.NOT_CONVERGED, Status.METHODS_DISAGREE)
+
+
+class Kind(StrEnum):
+    """What a finding says.  Kinds without a status of their own are notes, outcomes and reasons."""
+
+    # the search for the best fit
+    FIT_UNSETTLED = auto()
+    STEP_UNSETTLED = auto()
+    STARTS_ELSEWHERE = auto()
+    EXCHANGED = auto()
+    EXCHANGE = auto()
+    IMAGES = auto()
+    IMAGE = auto()
+    OTHER_NUMBERS = auto()
+    FASTER_CURVES = auto()
+    VALUES = auto()
+    # draws
+    CHAIN_SHORT = auto()
+    WALKERS_STUCK = auto()
+    RHAT_HIGH = auto()
+    BULK_LOW = auto()
+    TAIL_LOW = auto()
+    CHAIN_BRIEF = auto()
+    TAU_UNSETTLED = auto()
+    CRITERIA_MET = auto()
+    INDEPENDENT_DRAWS = auto()
+    DRAWS_SHORT = auto()
+    # the second computation
+    METHODS_DIFFER = auto()
+    CHAIN_DIFFERS = auto()
+    DIFFERENCE = auto()
+    CHAIN_AGREES = auto()
+    TOO_MANY_PARAMETERS = auto()
+    WEIGHTS_UNRELIABLE = auto()
+    ERRORS_TOO_LARGE = auto()
+    MARGINAL_SAMPLED = auto()
+    MARGINAL_MISSED = auto()
+    MARGINAL_DRAWS_FEW = auto()
+    WEIGHTS_EXACT = auto()
+    WEIGHTS_UNEVEN = auto()
+    WEIGHTS_MOVE = auto()
+    WEIGHTS_AGREE = auto()
+    EXPANSION_ROUGH = auto()
+    # what data and priors determine
+    SEVERAL_SOLUTIONS = auto()
+    SOLUTION = auto()
+    DIRECTION_FLAT = auto()
+    DIRECTION_LEARNT = auto()
+    DIRECTION_SILENT = auto()
+    SINGULAR = auto()
+    UNDETERMINED = auto()
+    PRESSED_EDGE = auto()
+    PRESSED_LIMIT = auto()
+    LIMIT = auto()
+    TAKEN_AS_EXACT = auto()
+    # whether the curve explains the data
+    RESIDUALS_ZERO = auto()
+    RESIDUALS_TOO_LARGE = auto()
+    RESIDUALS_NOT_RANDOM = auto()
+    RESIDUALS_SMALL = auto()
+    CHI2_TOO_LARGE = auto()
+    CHI2_SMALL = auto()
+    SCATTER_TOO_LARGE = auto()
+    SCATTER_LARGE = auto()
+    OUTLIERS_CROWD = auto()
+    # whether the sources agree
+    RUNS_DISAGREE = auto()
+    RUN_DISAGREES = auto()
+    RUNS_TIED = auto()
+    RUNS_AGAINST_STATED = auto()
+    RUNS_AGREE = auto()
+    RUNS_UNCOMPARED = auto()
+    STATED_DISAGREE = auto()
+    STATED_HARDLY = auto()
+    STATED_AGREE = auto()
+    STATED_UNCOMPARED = auto()
+    PULL = auto()
+    # a curve fitted by `fit_curve`
+    ROUNDING = auto()
+    CANCELLATION = auto()
+    FEW_DEGREES = auto()
+    NO_SCATTER = auto()
+    AT_LIMIT = auto()
+    NEAR_LIMIT = auto()
+    CUT_BY_LIMIT = auto()
+    # a line
+    LINE_NOT_RISING = auto()
+    SLOPES_DIFFER = auto()
+    GAMMA_TOO_LARGE = auto()
+    POINTS_SCATTER = auto()
+    GAMMA_DISAGREES = auto()
+    # a calibration
+    RANKS_UNEVEN = auto()
+    COVERAGE_OFF = auto()
+    TRIALS_FAILED = auto()
+    # rows that are not fit
+    NO_DERIVATIVE = auto()
+    OUTSIDE_TIMES = auto()
+    OUTSIDE_POSITIONS = auto()
+    OUTSIDE_WINDOW = auto()
+    WAY_BACK = auto()
+    BESIDE_RELEASE = auto()
+    BESIDE_TURNING = auto()
+
+
+_KINDS = {
+    Status.NOT_CONVERGED: (Kind.FIT_UNSETTLED, Kind.STEP_UNSETTLED, Kind.CHAIN_SHORT, Kind.WALKERS_STUCK),
+    Status.METHODS_DISAGREE: (Kind.METHODS_DIFFER, Kind.SLOPES_DIFFER),
+    Status.MULTIMODAL: (Kind.SEVERAL_SOLUTIONS,),
+    Status.NOT_IDENTIFIED: (Kind.DIRECTION_FLAT, Kind.SINGULAR, Kind.UNDETERMINED, Kind.LINE_NOT_RISING),
+    Status.POOR_FIT: (
+        Kind.RESIDUALS_ZERO, Kind.RESIDUALS_TOO_LARGE, Kind.RESIDUALS_NOT_RANDOM, Kind.CHI2_TOO_LARGE, Kind.SCATTER_TOO_LARGE,
+        Kind.OUTLIERS_CROWD, Kind.RUNS_DISAGREE, Kind.RUN_DISAGREES, Kind.RUNS_TIED, Kind.RUNS_AGAINST_STATED, Kind.STATED_DISAGREE,
+        Kind.GAMMA_TOO_LARGE, Kind.POINTS_SCATTER,
+    ),
+    Status.AT_BOUND: (Kind.PRESSED_EDGE, Kind.PRESSED_LIMIT),
+    Status.NOT_CALIBRATED: (Kind.RANKS_UNEVEN, Kind.COVERAGE_OFF, Kind.TRIALS_FAILED),
+}
+LEADS_TO = MappingProxyType({kind: status for status, kinds in _KINDS.items() for kind in kinds})

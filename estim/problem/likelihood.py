@@ -1,0 +1,219 @@
+"""What estim asks of noise.  Two questions, two protocols:
+
+- `Noise`: what was assumed of the errors of a run, before any curve: which unknowns, in which words.
+- `Likelihood`: what it makes of the points of a run and of their curve, with all that depends only weakly on the parameters (the slope of
+  the curve inside a covariance, the truncation of a stencil) taken at one set of values.  The posterior is a sum of these over the runs.
+
+`estim.problem.independent`, `correlated` and `latent` have the likelihoods; nobody else knows which of them a run has.  What only some have
+is asked for and may be None: `Likelihood.normal`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from estim.arrays import FloatArray
+from estim.problem.curve import Curve, LocalCurve, Wording
+from estim.problem.size import Named, Size
+
+Ends = Mapping[str, tuple[Named, Named, float]]
+"""Noise parameter -> values below, values above, their distance: for differences."""
+
+
+@dataclass(frozen=True, eq=False)
+class Points:
+    """Points (x, y), (n_obs,) each, and the curve they lie about; arguments : argument of the curve -> parameter name, or a fixed number."""
+
+    curve: Curve
+    x: FloatArray
+    y: FloatArray
+    arguments: Mapping[str, str | float]
+
+    def bind(self, named: Named) -> dict[str, ArrayLike]:
+        """Arguments of the curve for parameter values."""
+        return {a: named[source] if isinstance(source, str) else source for a, source in self.arguments.items()}
+
+    def value(self, named: Named) -> FloatArray:
+        """(n_draw, n_obs) the curve at the points."""
+        return self.curve.value(self.x, self.bind(named))
+
+    def slope(self, named: Named) -> FloatArray:
+        """(n_obs,) its slope in x."""
+        return np.asarray(np.broadcast_to(self.curve.local(self.x, self.bind(named)).slope, (1, self.x.size))[0])
+
+    def gradients(self, local: LocalCurve, names: Sequence[str], n_draw: int) -> FloatArray:
+        """(n_draw, n_obs, n) derivatives of the curve in the parameters `names`; 0 in those that it does not have."""
+        gradients = np.zeros((n_draw, self.x.size, len(names)))
+        for argument, source in self.arguments.items():
+            if source in names:
+                gradients[:, :, names.index(str(source))] += local.gradient[argument]
+        return gradients
+
+    def gradient(self, named: Named, names: Sequence[str]) -> FloatArray:
+        """(n_obs, n) the same for single values."""
+        return self.gradients(self.curve.local(self.x, self.bind(named)), names, 1)[0]
+
+
+def n_draws(named: Named) -> int:
+    """Number of draws that the columns of `named` hold."""
+    return max((np.shape(column)[0] for column in named.values() if np.ndim(column) == 2), default=1)
+
+
+class Whitened(Protocol):
+    """The residuals of a run as tests see them, and how a fit pulls them.
+
+    z : (n_obs,) in the order of the points; independent and standard normal at the true parameters.
+    root : (n, n_par) J with J^T J the information that the run gives about the curve.
+    """
+
+    @property
+    def z(self) -> FloatArray: ...
+
+    @property
+    def root(self) -> FloatArray: ...
+
+    def felt(self, errors: FloatArray) -> FloatArray:
+        """(n, n_sim) r with J^T r the derivative of the log likelihood, for standard normal errors (n_obs, n_sim)."""
+
+    def moved(self, errors: FloatArray, shifts: FloatArray) -> FloatArray:
+        """(n_obs, n_sim) the residuals when the parameters are moved by shifts (n_par, n_sim)."""
+
+
+class NormalErrors(Protocol):
+    """Normal errors with a covariance C, in a basis in which C is diagonal for all values of the noise parameters."""
+
+    def covariance(self, named: Named) -> FloatArray:
+        """C (n_obs, n_obs) itself, in the order of the points."""
+
+    def opened(self, named: Named, names: Sequence[str]) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+        """At draws: standardised residuals and eigenvalues of C (n_draw, n_obs); derivatives (n_draw, n_obs, n) in the parameters `names`
+        of the standardised curve and of the logarithm of the eigenvalues."""
+
+
+class Likelihood(Protocol):
+    """The likelihood of one run.  Of draws `named` holds columns (n_draw, 1), else single values; `names` are all parameters of the problem."""
+
+    @property
+    def y(self) -> FloatArray:
+        """(n_obs,) the ordinates, less what the measurement itself adds to them on average (truncation of a stencil)."""
+
+    @property
+    def creeps(self) -> bool:
+        """Whether least squares on `residuals` creep, far from normal as they are, so that steps by `scoring` must finish them."""
+
+    @property
+    def normal(self) -> NormalErrors | None:
+        """The same as normal errors with a covariance; None where they are not."""
+
+    def log_likelihood(self, named: Named) -> FloatArray:
+        """(n_draw,) log density of the data, normalised."""
+
+    def pointwise(self, named: Named) -> FloatArray:
+        """(n_draw, n_obs) log predictive density of every point given all the other points of the run."""
+
+    def standardised(self, named: Named) -> FloatArray:
+        """(n_draw, n_obs) residuals over their standard deviations, each independent of the others: not of one point where errors are correlated."""
+
+    def residuals(self, named: Named) -> FloatArray:
+        """(n_draw, n_obs) residuals whose squares sum to twice the log of the highest likelihood that any curve reaches, less twice that of this
+        (where x has errors: of the product of `pointwise`)."""
+
+    def size_residuals(self, named: Named) -> FloatArray:
+        """(n_draw, n_obs) residuals whose squares sum to chi^2."""
+
+    def outlier_probability(self, named: Named) -> FloatArray:
+        """(n_draw, n_obs) probability that the point is an outlier; 0 where the noise leaves no room for any."""
+
+    def jacobian(self, named: Named, names: Sequence[str]) -> FloatArray:
+        """(n_obs, n_par) derivatives of `residuals` in the parameters of the curve, 0 in all others."""
+
+    def scoring(self, named: Named, names: Sequence[str]) -> tuple[FloatArray, FloatArray]:
+        """J (n, n_par) and r (n,), n >= n_obs, for a step of least squares in the parameters of the curve: J^T r is minus the gradient of the
+        log likelihood, J^T J the information that the step takes."""
+
+    def information_root(self, named: Named, names: Sequence[str]) -> FloatArray:
+        """J (n, n_par) with J^T J the Fisher information about the curve, the noise held."""
+
+    def information(self, named: Named, names: Sequence[str], ends: Ends) -> FloatArray:
+        """(n_par, n_par) Fisher information about all parameters; of the noise those in `ends`."""
+
+    def whitened(self, named: Named, names: Sequence[str]) -> Whitened:
+        """The residuals for tests."""
+
+    def sd(self, named: Named) -> FloatArray:
+        """(n_obs,) standard deviation of each y about the curve; of robust errors that of the good ones."""
+
+    def squared_size(self, vector: FloatArray, named: Named) -> float:
+        """v^T C^-1 v of a vector (n_obs,) in the unit of y."""
+
+
+class Instrument(Protocol):
+    """What was assumed of the readings that the points of a run are, or were made of: for simulations and for what errors carry over to.
+
+    gain : (n,) standard deviations for a unit sigma, of the rows in question.
+    """
+
+    @property
+    def made_of_positions(self) -> bool:
+        """Whether the ordinates are differences of positions in time: then these are what is read."""
+
+    def x_gain(self) -> FloatArray:
+        """(n_obs,) standard deviation of each x for a unit sigma of x; 0 where x is exact."""
+
+    def true_x(self, x: FloatArray, gain: FloatArray, named: Named, rng: np.random.Generator) -> FloatArray:
+        """Abscissas (n,) as the readings x (n,) leave them possible."""
+
+    def read_x(self, x: FloatArray, gain: FloatArray, named: Named, rng: np.random.Generator) -> FloatArray:
+        """Readings of abscissas (n,)."""
+
+    def read(self, true: FloatArray, gain: FloatArray, named: Named, rng: np.random.Generator) -> FloatArray:
+        """Readings of ordinates (n,), with their scatter; of positions where the ordinates are made of these."""
+
+    def carried(self, by_x: FloatArray, by_y: FloatArray, named: Named) -> tuple[FloatArray, FloatArray]:
+        """What the errors of the ordinates, and of the readings that they were made of, do to a quantity of each point with derivatives
+        by_x, by_y (n_obs,): its covariance (n_obs, n_obs), and the variance (n_obs,) of y alone."""
+
+
+class Noise(Instrument, Protocol):
+    """What was assumed of the errors of a run."""
+
+    @property
+    def parameters(self) -> tuple[str, ...]:
+        """Names of its unknowns."""
+
+    @property
+    def outlier_parameters(self) -> tuple[str, ...]:
+        """Those of them that say how many outliers there are, and how far off."""
+
+    @property
+    def robust(self) -> bool:
+        """Whether it leaves room for outliers."""
+
+    @property
+    def size(self) -> Size:
+        """How large the errors of the readings are, and the scatter that the instrument does not explain."""
+
+    def reading_gain(self) -> FloatArray:
+        """(n_obs,) standard deviation of each y for a unit sigma of a reading."""
+
+    def likelihood(self, points: Points, named: Named) -> Likelihood:
+        """The likelihood of points whose curve passes near them at the values `named`."""
+
+    def for_search(self) -> Noise:
+        """What a search from afar takes in its place: noise whose `residuals` are those of least squares.  Itself where they are."""
+
+    def outlier_share(self, named: Named) -> float:
+        """The inferred share of outliers; nan where it is not inferred."""
+
+    def describe(self, *, x_unit: str, y_unit: str, words: Wording) -> str:
+        """The noise in words."""
+
+
+def reading_sd(noise: Noise, named: Named) -> FloatArray:
+    """Standard deviation of each point from the instrument alone, without scatter: broadcasts to (n_draw, n_obs)."""
+    return np.asarray(np.sqrt(noise.size.reading_variance(named)) * noise.reading_gain())

@@ -1,0 +1,76 @@
+"""How large errors are: the one formula of all noise of readings, with its derivatives.
+
+Every covariance has the form  C = (sigma^2 + step^2/12) C0 + scatter^2 I  with C0 known once the curve is known approximately, so one
+diagonalisation of C0 serves every draw: with w an eigenvalue of C0 (of independent points: the variance of one for a unit sigma), that of C is
+
+    V = (sigma^2 + step^2/12) w + scatter^2
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from estim.arrays import FloatArray
+
+Named = Mapping[str, ArrayLike]
+"""Parameter -> its value, or a column (n_draw, 1) of draws."""
+
+
+@dataclass(frozen=True, eq=False)
+class Scale:
+    """A standard deviation: a fixed value, or the name of the parameter that is inferred in its place."""
+
+    value: float = 0.0
+    parameter: str | None = None
+
+    def at(self, values: Named) -> ArrayLike:
+        """The standard deviation for parameter values (scalars or (n_draw, 1))."""
+        return self.value if self.parameter is None else values[self.parameter]
+
+
+@dataclass(frozen=True, eq=False)
+class Size:
+    """sigma of a reading, further scatter, and the resolution of a digital reading."""
+
+    sigma: Scale
+    scatter: Scale = Scale()
+    step: float = 0.0
+
+    @property
+    def parameters(self) -> tuple[str, ...]:
+        """Names of the unknowns."""
+        return tuple(scale.parameter for scale in (self.sigma, self.scatter) if scale.parameter is not None)
+
+    @property
+    def quantisation_variance(self) -> float:
+        """Of a reading, unit of y squared."""
+        return self.step**2 / 12.0
+
+    def reading_variance(self, named: Named) -> FloatArray:
+        """() or (n_draw, 1) variance of a reading, without scatter."""
+        return np.asarray(np.square(self.sigma.at(named)) + self.quantisation_variance)
+
+    def rounded(self, reading: FloatArray) -> FloatArray:
+        """Readings as the instrument shows them, in multiples of `step` if it has one."""
+        return np.asarray(self.step * np.rint(reading / self.step)) if self.step else reading
+
+    def variance(self, weight: FloatArray, named: Named) -> FloatArray:
+        """V, broadcasts to (n_draw, n_obs), for weights w (n_obs,)."""
+        return np.asarray(self.reading_variance(named) * weight + np.square(self.scatter.at(named)))
+
+    def slopes(self, weight: FloatArray, named: Named, names: Sequence[str], n_draw: int = 1) -> FloatArray:
+        """(n_draw, n_obs, n) derivatives of V in the parameters `names`."""
+        slopes = np.zeros((n_draw, weight.size, len(names)))
+        for scale, square in ((self.sigma, weight), (self.scatter, np.ones(weight.size))):
+            if scale.parameter in names:
+                slopes[:, :, names.index(str(scale.parameter))] += 2.0 * np.asarray(named[str(scale.parameter)]) * square
+        return slopes
+
+    def information(self, weight: FloatArray, named: Named, names: Sequence[str]) -> FloatArray:
+        """(n_par, n_par) of the scales, if errors are normal: sum dV_a dV_b/(2 V^2)."""
+        relative = self.slopes(weight, named, names)[0] / np.broadcast_to(self.variance(weight, named), (1, weight.size)).T
+        return np.asarray(0.5 * relative.T @ relative)

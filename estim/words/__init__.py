@@ -1,0 +1,9 @@
+"""Sentences: the only room that makes words of findings, for a person at the command line or in Python.  One file a subject.
+
+Read `telling` first.  It lies this low because records say what they found when they are printed."""
+
+from estim.words.parameters import one_sided
+from estim.words.residuals import TESTS
+from estim.words.statuses import STATUS_WORDS
+from estim.words.telling import Voice, advice, advice_for, tell
+from estim.words.trials import direction_words

@@ -1,0 +1,52 @@
+"""Agreement in words: of runs with each other, and of data with what was stated before."""
+
+from __future__ import annotations
+
+from types import MappingProxyType
+
+from estim.common import Finding, Kind
+from estim.words.parameters import symbol, value_words
+from estim.words.table import Table
+
+_SMALLEST = 1e-6  # smaller probabilities have no meaning for errors that are only nearly normal
+
+
+def _stated(verb: str, f: Finding) -> str:
+    parts = [_pull(part) for part in f.parts]
+    one_of = "; each of these, or the scale of the data, may be what is wrong" if len(parts) > 1 else ""
+    p = f"p = {f.p:.2g}" if f.p > _SMALLEST else f"p < {_SMALLEST:.0e}"
+    return f"the data {verb} with what was stated before ({p}){': ' if parts else ''}{'; '.join(parts)}{one_of}"
+
+
+def _pull(f: Finding) -> str:
+    (stated,) = f.parameters
+    off = f"{abs(f.size):.1f} standard deviations {'below' if f.size > 0.0 else 'above'}"
+    return f"{symbol(stated)} was stated as {value_words(stated)}, {off} what all else says"
+
+
+def _tied(f: Finding) -> str:
+    named = ", ".join(f.names[:-1]) + f" and {f.names[-1]}"
+    return f"the runs do not agree about what they share (p = {f.p:.1g}), and these data cannot tell which is wrong among {named}"
+
+
+WORDS: Table = MappingProxyType(
+    {
+        Kind.STATED_UNCOMPARED: "the data say next to nothing about what was stated before: there is nothing to compare",
+        Kind.STATED_AGREE: lambda f: f"the data agree with what was stated before (p = {f.p:.2g})",
+        Kind.STATED_HARDLY: lambda f: _stated("hardly agree", f),
+        Kind.STATED_DISAGREE: lambda f: _stated("do not agree", f),
+        Kind.PULL: _pull,
+        Kind.RUNS_UNCOMPARED: "the runs have nothing in common that two of them determine: there is nothing to compare",
+        Kind.RUNS_AGREE: lambda f: f"the {f.size:.0f} runs agree about what they share (p = {f.p:.2g})",
+        Kind.RUNS_AGAINST_STATED: lambda f: (
+            f"the runs agree with each other but not with the stated values of what they share (p = {f.p:.1g})"
+        ),
+        Kind.RUN_DISAGREES: lambda f: (
+            f"run {f.run} disagrees with the others about what they share, which agree without it (p = {f.p:.1g} with it)"
+        ),
+        Kind.RUNS_TIED: _tied,
+        Kind.RUNS_DISAGREE: lambda f: (
+            f"the runs do not agree about what they share (p = {f.p:.1g}), and leaving out a single one does not heal it"
+        ),
+    }
+)

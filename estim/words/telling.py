@@ -1,0 +1,100 @@
+"""A finding as a sentence, and what to do about it.
+
+Advice that names a choice of the reader speaks of options at the command line and of arguments in Python (`Voice`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from enum import StrEnum, auto
+from types import MappingProxyType
+
+from estim.common import Finding, Kind
+from estim.words import agreement, draws, lines, parameters, residuals, rows, trials
+from estim.words.table import Table, filled
+
+_NOT_RANDOM = "look at the residuals: a bad frame, a wrong window, or physics that the curve lacks; the uncertainties assume random errors"
+_ONE_RUN = "fit the run that disagrees by itself, look at its file and its stated values; leave it out only for a reason found there"
+_SEED, _STEPS = "{seed}", "{steps}"
+
+
+class Voice(StrEnum):
+    """To whom advice is given: `COMMANDS`, a person at the command line; `PYTHON`, one who calls functions."""
+
+    COMMANDS = auto()
+    PYTHON = auto()
+
+
+_CHOICES = MappingProxyType(
+    {
+        Voice.COMMANDS: {_SEED: "--seed", _STEPS: "--max-steps"},
+        Voice.PYTHON: {_SEED: "seed=", _STEPS: "target=Target(max_step=...)"},
+    }
+)
+
+WORDS: Table = MappingProxyType(
+    {**parameters.WORDS, **draws.WORDS, **residuals.WORDS, **agreement.WORDS, **lines.WORDS, **trials.WORDS, **rows.WORDS}
+)
+
+ADVICE: Mapping[Kind, str] = MappingProxyType(
+    {
+        Kind.FIT_UNSETTLED: "check the starting values and the priors",
+        Kind.STEP_UNSETTLED: "try other starting values",
+        Kind.CHAIN_SHORT: f"raise {_STEPS}; if that does not help, look at the traces: a parameter that wanders needs a tighter prior or more data",
+        Kind.WALKERS_STUCK: f"start again with another {_SEED}, and look at the traces",
+        Kind.METHODS_DIFFER: (
+            f"try another {_SEED} and a higher {_STEPS}; if they still differ, report it: one of two computations of the same thing is wrong"
+        ),
+        Kind.SLOPES_DIFFER: "the priors of the Bayesian line carry weight: take more points",
+        Kind.SEVERAL_SOLUTIONS: "decide between the solutions by a prior (a range that holds one of them) or by a further measurement, and fit again",
+        Kind.DIRECTION_FLAT: "state one of these parameters as a measured value with its uncertainty (a uniform range does not count)",
+        Kind.SINGULAR: "state at least one of the parameters with an uncertainty; the table of correlations shows which go together",
+        Kind.UNDETERMINED: "state one of the parameters with an uncertainty, or fix it",
+        Kind.LINE_NOT_RISING: "gamma = 1/slope needs a slope that is surely positive: measure at more and steeper tilts",
+        Kind.RESIDUALS_ZERO: "give the readings themselves, not numbers computed or smoothed by the curve; simulated data need their errors added",
+        Kind.RESIDUALS_TOO_LARGE: (
+            "the residuals look random, only larger than stated: if nothing in the file explains it, let the data say how large the errors are, "
+            'by a prior in place of the number, for example sigma_x_m = {prior = "log-normal", median = 0.001, log_sd = 1.0} '
+            "(in a [curve] table leave u_y out)"
+        ),
+        Kind.RESIDUALS_NOT_RANDOM: _NOT_RANDOM,
+        Kind.CHI2_TOO_LARGE: "look at the residuals; where they are random, leave u_y out and their size says how large the errors are",
+        Kind.SCATTER_TOO_LARGE: "the curve does not describe this motion, or the stated resolution of the instrument is far too good",
+        Kind.OUTLIERS_CROWD: "leave out by a window what is not the motion; robust noise is for a minority of bad frames",
+        Kind.RUNS_DISAGREE: _ONE_RUN,
+        Kind.RUN_DISAGREES: _ONE_RUN,
+        Kind.RUNS_TIED: _ONE_RUN,
+        Kind.RUNS_AGAINST_STATED: _ONE_RUN,
+        Kind.STATED_DISAGREE: (
+            "check what was stated: its unit, its uncertainty, and the scale and zero of the data; "
+            "a compromise between two that disagree is neither"
+        ),
+        Kind.GAMMA_TOO_LARGE: "are the columns phi_deg and theta_min_deg swapped, or is the unit of one of them wrong?",
+        Kind.POINTS_SCATTER: "check the uncertainties and look for a bad point",
+        Kind.PRESSED_EDGE: (
+            "if values beyond the edge are possible, widen the prior; if not, something else is wrong: a stated value, a scale, the curve"
+        ),
+        Kind.PRESSED_LIMIT: "is the limit right?",
+        Kind.RANKS_UNEVEN: "do not quote this interval: the priors, the noise or the curve are not those of the simulated data",
+        Kind.COVERAGE_OFF: "do not quote this interval as one of its probability",
+        Kind.TRIALS_FAILED: "state narrower priors: where they allow values that no curve can be computed for, no posterior comes out",
+    }
+)
+
+
+def tell(finding: Finding) -> str:
+    """The finding as a sentence without a full stop."""
+    return filled(WORDS, finding)
+
+
+def advice(finding: Finding, voice: Voice = Voice.PYTHON) -> str:
+    """What to do about a finding with which a result is not ok."""
+    words = ADVICE[finding.kind]
+    for choice, name in _CHOICES[voice].items():
+        words = words.replace(choice, name)
+    return words
+
+
+def advice_for(findings: Iterable[Finding], voice: Voice = Voice.PYTHON) -> list[str]:
+    """What to do about several findings, each piece of advice once."""
+    return list(dict.fromkeys(advice(finding, voice) for finding in findings))

@@ -1,0 +1,207 @@
+"""Every kind of noise about the line y = a + b x, and what it says by brute force: SciPy's distributions and sums, no code of estim."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import stats
+
+from estim.curves.formula import read_formula
+from estim.problem.derivative import STENCILS, differentiate
+from estim.problem.likelihood import Noise, Points
+from estim.problem.noise import Differentiated, Independent, Scale
+from estim.problem.readings import Correlated, Readings
+from estim.problem.tails import Mixture, StudentT
+
+N = 7
+X = np.array([0.0, 0.3, 0.4, 0.9, 1.1, 1.6, 2.0])
+RELATIVE = np.array([1.0, 0.7, 1.3, 1.0, 2.0, 0.8, 1.1])
+INTERVAL = 0.1
+Y = 1.0 + 2.0 * X + np.array([0.05, -0.11, 0.02, 0.13, -0.04, 0.21, -0.07])
+POINTS = Points(read_formula("a + b*x"), X, Y, {"a": "a", "b": "b"})
+VALUES = {"a": 1.05, "b": 1.9}
+Named = Mapping[str, float]
+
+
+class Normally:
+    """y normal, with mean(named) and cov(named)."""
+
+    def __init__(self, mean: Callable[[Named], np.ndarray], cov: Callable[[Named], np.ndarray]) -> None:
+        self.mean, self.cov = mean, cov
+
+    def log_density(self, y: np.ndarray, named: Named, at: np.ndarray | None = None) -> float:
+        at = np.arange(N) if at is None else at
+        return float(stats.multivariate_normal(self.mean(named)[at], self.cov(named)[np.ix_(at, at)]).logpdf(y[at])) if at.size else 0.0
+
+    def pointwise(self, y: np.ndarray, named: Named) -> np.ndarray:
+        every = self.log_density(y, named)
+        return np.array([every - self.log_density(y, named, np.delete(np.arange(N), i)) for i in range(N)])
+
+    def scores(self, y: np.ndarray, named: Named) -> np.ndarray:
+        """Of each point given those before it."""
+        cov, off = self.cov(named), y - self.mean(named)
+        found = []
+        for i in range(N):
+            share = np.linalg.solve(cov[:i, :i], cov[:i, i])
+            found.append((off[i] - share @ off[:i]) / np.sqrt(cov[i, i] - share @ cov[:i, i]))
+        return np.array(found)
+
+
+    def information(self, named: Named, names: Sequence[str]) -> np.ndarray:
+        """(n_par, n_par): dm C^-1 dm + tr(C^-1 dC C^-1 dC)/2."""
+        inverse = np.linalg.inv(self.cov(named))
+        moves = [(slope(self.mean, named, name), inverse @ slope(self.cov, named, name)) for name in names]
+        return np.array([[m @ inverse @ n + 0.5 * np.trace(c @ d) for n, d in moves] for m, c in moves])
+
+
+class PointByPoint:
+    """Independent y with densities pdf(y, named) and distribution functions cdf(y, named), (n_obs,)."""
+
+    def __init__(self, pdf: Callable[[np.ndarray, Named], np.ndarray], cdf: Callable[[np.ndarray, Named], np.ndarray]) -> None:
+        self.pdf, self.cdf = pdf, cdf
+
+    def log_density(self, y: np.ndarray, named: Named) -> float:
+        return float(np.sum(self.pointwise(y, named)))
+
+    def pointwise(self, y: np.ndarray, named: Named) -> np.ndarray:
+        return np.log(self.pdf(y, named))
+
+    def scores(self, y: np.ndarray, named: Named) -> np.ndarray:
+        return stats.norm.ppf(self.cdf(y, named))
+
+    def information(self, named: Named) -> np.ndarray:
+        """(n_par,) its diagonal, mean squares of the scores, by a sum over y."""
+        y = line(named) + np.sinh(np.linspace(-8.0, 8.0, 20_001))[:, None] * 0.01
+        chance = self.pdf(y, named) * np.gradient(y, axis=0)
+        return np.array([np.sum(chance * slope(lambda at: np.log(self.pdf(y, at)), named, name) ** 2) for name in named])
+
+
+def slope(value: Callable[[Named], np.ndarray], named: Named, name: str) -> np.ndarray:
+    """Derivative of value(named) in a parameter, by a central difference."""
+    low, high = (value({**named, name: named[name] + sign * 1e-5}) for sign in (-1.0, 1.0))
+    return (high - low) / 2e-5
+
+
+@dataclass(frozen=True, eq=False)
+class Case:
+    """A kind of noise, values of its parameters, and what it says of y.
+
+    single : of points one by one where that is another thing than all together (errors of x).  within : what quadrature in estim may be off.
+    """
+
+    noise: Noise
+    values: Named
+    brute: Normally | PointByPoint
+    single: PointByPoint | None = None
+    within: float = 1e-9
+    outliers: bool = False
+
+    @property
+    def conditional(self) -> Normally | PointByPoint:
+        return self.single or self.brute
+
+    @property
+    def here(self) -> dict[str, float]:
+        return VALUES | dict(self.values)
+
+
+def line(named: Named) -> np.ndarray:
+    return named["a"] + named["b"] * X
+
+
+def one_by_one(mean, sd, shape) -> PointByPoint:
+    return PointByPoint(
+        lambda y, named: shape(named)[0]((y - mean(named)) / sd(named)) / sd(named), lambda y, named: shape(named)[1]((y - mean(named)) / sd(named))
+    )
+
+
+def student(named):
+    return stats.t(4.0).pdf, stats.t(4.0).cdf
+
+
+def mixture(named):
+    share, wide = named["fraction"], stats.norm(0.0, np.exp(named["log_width"]))
+    return (
+        lambda z: (1.0 - share) * stats.norm.pdf(z) + share * wide.pdf(z), lambda z: (1.0 - share) * stats.norm.cdf(z) + share * wide.cdf(z),
+    )
+
+
+def spread(named: Named) -> np.ndarray:
+    return np.sqrt((named["s"] * RELATIVE) ** 2 + named["scatter"] ** 2)
+
+
+def true_abscissas(u_x: float) -> tuple[np.ndarray, float]:
+    """Mean and standard deviation of the true abscissas, whose distribution is fitted to the x."""
+    share = u_x**2 / np.var(X, ddof=1)
+    return X - share * (X - X.mean()), u_x * np.sqrt(1.0 - share)
+
+
+def along_the_line(u_x: float, u_y: float) -> Normally:
+    """All points together: the mean and ln(variance) of the true abscissas are as uncertain as N readings leave them."""
+    middle, sd = true_abscissas(u_x)
+    variance = np.var(X, ddof=1)
+    share = u_x**2 / variance
+    of_variance = share * (1.0 - share) * (X - X.mean()) * np.sqrt(2.0 / (N - 1)) * variance / (variance - u_x**2)
+    common = share**2 * variance / N * np.ones((N, N)) + np.outer(of_variance, of_variance)
+    return Normally(
+        lambda named: named["a"] + named["b"] * middle, lambda named: (u_y**2 + named["b"] ** 2 * sd**2) * np.eye(N) + named["b"] ** 2 * common
+    )
+
+
+def smeared(u_x: float, u_y: float, shape) -> PointByPoint:
+    """One point: its density averaged over where its true abscissa may be, on 20 001 points."""
+    middle, sd = true_abscissas(u_x)
+    t = np.linspace(-8.0, 8.0, 20_001)[:, None]
+    weight = stats.norm.pdf(t) * (t[1] - t[0])
+
+    def averaged(which):
+        def of(y, named):
+            z = (y - named["a"] - named["b"] * (middle + sd * t)) / u_y
+            return np.sum(weight * shape(named)[which](z), axis=0) / (u_y if which == 0 else 1.0)
+
+        return of
+
+    return PointByPoint(averaged(0), averaged(1))
+
+
+def differences() -> Case:
+    """Speeds by central differences of positions with independent errors, at positions that the same errors move."""
+    derivative = differentiate(INTERVAL * np.arange(N + 2), np.zeros(N + 2), STENCILS["central"])
+    noise = Differentiated(Scale(parameter="s"), Scale(parameter="scatter"), 0.01, derivative, np.arange(N))
+    steps = (np.eye(N, N + 2, 2) - np.eye(N, N + 2)) / (2.0 * INTERVAL)
+    carried = steps - VALUES["b"] * np.eye(N, N + 2, 1)
+    truncation = INTERVAL**2 / 6.0 * VALUES["b"] ** 2 * line(VALUES)  # dt^2/6 times d^2 v/dt^2 of dx/dt = a + b x, at the linearisation
+    return Case(noise, {"s": 0.01, "scatter": 0.05}, Normally(
+        lambda named: line(named) + truncation,
+        lambda named: (named["s"] ** 2 + 0.01**2 / 12.0) * carried @ carried.T + named["scatter"] ** 2 * np.eye(N),
+    ))
+
+
+SCALES = Scale(parameter="s"), Scale(parameter="scatter")
+SIZES = {"s": 0.1, "scatter": 0.05}
+STATED = 0.01 * np.exp(-np.abs(X[:, None] - X) / 0.5) + 0.002 * np.eye(N)
+BOTH = {"fraction": 0.1, "log_width": 2.0}
+
+CASES = {
+    "independent": Case(Independent(*SCALES, RELATIVE), SIZES, Normally(line, lambda named: np.diag(spread(named) ** 2))),
+    "independent, Student-t": Case(Independent(*SCALES, RELATIVE, tails=StudentT()), SIZES, one_by_one(line, spread, student), outliers=True),
+    "independent, mixture": Case(
+        Independent(*SCALES, RELATIVE, tails=Mixture("fraction", "log_width")), SIZES | BOTH, one_by_one(line, spread, mixture), outliers=True
+    ),
+    "positions": Case(
+        Independent(Scale(0.05), Scale(), np.ones(N), encoder_step=0.2), {},
+        Normally(line, lambda named: (0.05**2 + 0.2**2 / 12.0) * np.eye(N)),
+    ),
+    "differentiated": differences(),
+    "stated covariance": Case(Correlated(STATED), {}, Normally(line, lambda named: STATED)),
+    "errors of x": Case(
+        Readings(Scale(0.1), Scale(), np.ones(N), sigma_x=Scale(0.2)), {}, along_the_line(0.2, 0.1),
+        smeared(0.2, 0.1, lambda named: (stats.norm.pdf, stats.norm.cdf)), within=3e-3,
+    ),
+    "errors of x, mixture": Case(
+        Independent(Scale(0.1), Scale(), np.ones(N), sigma_x=Scale(0.015), tails=Mixture("fraction", "log_width")), BOTH,
+        smeared(0.015, 0.1, mixture), smeared(0.015, 0.1, mixture), within=3e-3, outliers=True,
+    ),
+}
