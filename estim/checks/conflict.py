@@ -40,6 +40,7 @@ from estim.fitting import Fit, around, chi2_p, curve_indices, information
 from estim.problem import MEASURED, LogNormal
 
 P_CONFLICT = 0.01
+P_FLAGRANT = 1e-6  # then there is nothing to sample
 NOTE_BELOW = 0.05
 _LEAST = 0.01  # information of the data, in units of the prior's, below which there is nothing to compare
 _ALONE = 1e-9  # relative: eigenvalues below count as zero
@@ -60,6 +61,11 @@ class Conflict:
     dof: int
     p_value: float
     pulls: dict[str, float]
+
+    @property
+    def flagrant(self) -> bool:
+        """Whether what was stated is so far off that draws of the compromise would mean nothing."""
+        return self.p_value < P_FLAGRANT
 
     @property
     def agree(self) -> bool:

@@ -18,8 +18,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from estim.arrays import FloatArray
+from estim.common import Amount, Finding, Kind
 from estim.fitting import Fit, curve_indices
-from estim.problem import Curve, Flat, LocalCurve, Parameter, Problem, SpeedCurve
+from estim.problem import CommonError, Curve, Flat, LocalCurve, Parameter, Problem, SpeedCurve
 
 TOLD_FROM = 0.5  # posterior standard deviations
 
@@ -28,11 +29,13 @@ TOLD_FROM = 0.5  # posterior standard deviations
 class Influence:
     """One input that the data cannot check.
 
-    what : the error, in words ("1 % of the clock").  runs : those that it concerns.
+    name : what is wrong ("clock").  size : by how much, in `unit` ("1": a share).  runs : those that it concerns.
     shifts : parameter -> how far it moves, in posterior standard deviations.
     """
 
-    what: str
+    name: str
+    size: float
+    unit: str
     runs: tuple[str, ...]
     shifts: Mapping[str, float]
 
@@ -72,29 +75,42 @@ def influences(fit: Fit) -> tuple[Influence, ...]:
     if fit.singular or not inside:
         return ()
     problem, named = fit.problem, fit.problem.named(fit.values)
-    shifts = {run.name: {error.what: error.shift for error in run.errors_in_common(run.bind(named))} for run in problem.runs}
-    what = tuple(dict.fromkeys(name for of_run in shifts.values() for name in of_run))
-    jacobian, moved = _jacobians(problem, fit.values, shifts, what)
+    errors = {run.name: {error.name: error for error in run.errors_in_common(run.bind(named))} for run in problem.runs}
+    kinds = {name: error for of_run in errors.values() for name, error in of_run.items()}
+    jacobian, moved = _jacobians(problem, fit.values, errors, tuple(kinds))
     scale = np.linalg.norm(jacobian, axis=0)
     scale[scale == 0.0] = 1.0
     # an error that moves the data as a parameter moves the curve moves that parameter by as much
     steps = np.linalg.lstsq(jacobian / scale, moved, rcond=None)[0] / scale[:, None] / fit.sds[:, None]
     found = [
-        Influence(name, tuple(run for run in shifts if name in shifts[run]), {fit.names[i]: float(steps[i, k]) for i in inside})
-        for k, name in enumerate(what)
+        Influence(
+            name, error.size, error.unit, tuple(run for run in errors if name in errors[run]), {fit.names[i]: float(steps[i, k]) for i in inside}
+        )
+        for k, (name, error) in enumerate(kinds.items())
     ]
     return tuple(sorted((one for one in found if np.isfinite(one.largest)), key=lambda one: -one.largest))
 
 
 def _jacobians(
-    problem: Problem, values: FloatArray, shifts: Mapping[str, Mapping[str, FloatArray]], what: Sequence[str]
+    problem: Problem, values: FloatArray, errors: Mapping[str, Mapping[str, CommonError]], names: Sequence[str]
 ) -> tuple[FloatArray, FloatArray]:
-    """Derivatives of the residuals in the parameters (n, n_par) and in the errors `what` (n, n_error), each counted as one more parameter."""
-    runs = tuple(
-        replace(run, curve=_Shifted(run.curve, run.x, shifts[run.name]), arguments={**run.arguments, **{name: name for name in shifts[run.name]}})
-        for run in problem.runs
-    )
-    errors = tuple(Parameter(name, "1", Flat(-np.inf, np.inf, 0.0), name) for name in what)
-    wider = Problem((*problem.parameters, *errors), runs).linearised(np.concatenate([values, np.zeros(len(what))]))
-    both = wider.jacobian(np.concatenate([values, np.zeros(len(what))]))
+    """Derivatives of the residuals in the parameters (n, n_par) and in the errors `names` (n, n_error), each taken as one more parameter."""
+    runs = []
+    for run in problem.runs:
+        own = {f"error of {name}": error.shift for name, error in errors[run.name].items()}
+        runs.append(replace(run, curve=_Shifted(run.curve, run.x, own), arguments={**run.arguments, **{name: name for name in own}}))
+    further = tuple(Parameter(f"error of {name}", "1", Flat(-np.inf, np.inf, 0.0), name) for name in names)
+    at = np.concatenate([values, np.zeros(len(names))])
+    both = Problem((*problem.parameters, *further), tuple(runs)).linearised(at).jacobian(at)
     return both[:, : values.size], both[:, values.size :]
+
+
+def large_influences(fit: Fit, found: Sequence[Influence]) -> list[Finding]:
+    """What moves a result by more than half a standard deviation, as one finding; none where nothing does."""
+    parts = []
+    for one in found:
+        if one.largest > TOLD_FROM:
+            parameter = fit.problem.parameters[fit.names.index(one.strongest)]
+            amount = Amount(one.strongest, one.largest, parameter.label)
+            parts.append(Finding(Kind.COMMON_ERROR, test=one.name, size=one.size, parameters=(amount,)))
+    return [Finding(Kind.COMMON_ERRORS, parts=tuple(parts))] if parts else []

@@ -18,9 +18,8 @@ from model import Body, back_and_forth, energy, phase
 
 _BODY = ("radius", "gamma", "kappa", "rho", "trailing_fraction", "particle_gyration")
 _ZEROED = ("phi", "theta0")  # angles that an instrument may read with a common zero error
-_TAKEN_AS_EXACT = {  # argument -> an error of it, in words and as a share (angles in rad)
-    "radius": ("1 % of the radius", 0.01), "g": ("0.1 % of g", 1e-3), "gamma": ("1 % of gamma", 0.01), "kappa": ("1 % of kappa", 0.01),
-    "phi": ("0.1° of the tilt", np.radians(0.1)), "theta0": ("1° of the angle at release", np.radians(1.0)),
+_TAKEN_AS_EXACT = {  # argument -> an error of it: of angles in rad, else as a share
+    "radius": 0.01, "g": 1e-3, "gamma": 0.01, "kappa": 0.01, "phi": float(np.radians(0.1)), "theta0": float(np.radians(1.0)),
 }
 _MOTION = ("phi", "theta0", "rolling_resistance", "g")
 
@@ -177,17 +176,17 @@ class RollingMotion:
         """Angles of an encoder have no scale; a sag of the ramp is told for speeds alone."""
         slope = local.slope[0]
         clock = -0.01 * slope * (x - np.asarray(arguments["release_time"])) if self.in_time else -0.01 * y
-        errors = [CommonError("1 % of the clock", clock)]
+        errors = [CommonError("clock", 0.01, "1", clock)]
         if not self.angular:
             length = 0.01 * (y - np.asarray(arguments["offset"])) if self.in_time else 0.01 * (y - _from_release(x, arguments) * slope)
-            errors.append(CommonError("1 % of the scale of length", length))
+            errors.append(CommonError("length", 0.01, "1", length))
         if not self.in_time:
-            errors.append(CommonError("1 mm of sag in the middle of the track", self._sag(x, local.value[0], arguments)))
-        for name, (what, size) in _TAKEN_AS_EXACT.items():
+            errors.append(CommonError("sag", 1e-3, "m", self._sag(x, local.value[0], arguments)))
+        for name, size in _TAKEN_AS_EXACT.items():
             value = np.asarray(arguments[name])
             if name in exact and np.all(value != 0.0):
-                change = size if name in _ZEROED else size * value
-                errors.append(CommonError(what, -np.broadcast_to(local.gradient[name] * change, (1, x.size))[0]))
+                change, unit = (size, "rad") if name in _ZEROED else (size * value, "1")
+                errors.append(CommonError(name, size, unit, -np.broadcast_to(local.gradient[name] * change, (1, x.size))[0]))
         return tuple(errors)
 
     def _sag(self, x: FloatArray, v: FloatArray, arguments: Mapping[str, ArrayLike]) -> FloatArray:

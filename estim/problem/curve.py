@@ -49,10 +49,13 @@ class Derived:
 class CommonError:
     """An error that all points of a run may have in common, which no residual shows.
 
-    what : in words ("1 % of the clock").  shift : (n_obs,) by how much it makes y - f(x) grow, to first order; unit of y.
+    name : of what is wrong ("clock").  size : how large the error is taken, in `unit` ("1": a share).
+    shift : (n_obs,) by how much it makes y - f(x) grow, to first order; unit of y.
     """
 
-    what: str
+    name: str
+    size: float
+    unit: str
     shift: FloatArray
 
 
@@ -125,7 +128,7 @@ class Wording:
 
 def scales_of(x: FloatArray, y: FloatArray, local: LocalCurve) -> tuple[CommonError, ...]:
     """A per cent of the unit of either axis: what any curve may suffer."""
-    return (CommonError("1 % of the scale of x", -0.01 * x * local.slope[0]), CommonError("1 % of the scale of y", 0.01 * y))
+    return (CommonError("scale_x", 0.01, "1", -0.01 * x * local.slope[0]), CommonError("scale_y", 0.01, "1", 0.01 * y))
 
 
 POINTS = Wording("points", "reading", "a new point", "points", False)
