@@ -1,20 +1,31 @@
 """Physics of an eccentric body rolling on an incline: NumPy only, SI units, radians.  Start with `model.body`."""
 
 from model.body import Body
+from model.forces import Forces, moment_ratio, release_energy, release_speed, sagging, turn_amplitude, turn_components
 from model.motion import back_and_forth, trajectory, travel_time
 from model.phase import STANDARD_GRAVITY, angular_rate, ascends, speed, theta_max, theta_min, turning_angle, turning_point
+from model.readings import Readings, blurred_sigma
 
 __all__ = [
     "STANDARD_GRAVITY",
     "Body",
+    "Forces",
+    "Readings",
     "angular_rate",
     "ascends",
     "back_and_forth",
+    "blurred_sigma",
+    "moment_ratio",
+    "release_energy",
+    "release_speed",
+    "sagging",
     "speed",
     "theta_max",
     "theta_min",
     "trajectory",
     "travel_time",
+    "turn_amplitude",
+    "turn_components",
     "turning_angle",
     "turning_point",
 ]

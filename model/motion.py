@@ -19,6 +19,8 @@ from numpy.polynomial import chebyshev
 from numpy.typing import ArrayLike, NDArray
 
 from model.body import Body
+from model.driven import driven_motion
+from model.forces import Forces
 from model.phase import STANDARD_GRAVITY, effective_slope, energy_ratio, turning_angle
 
 FloatArray = NDArray[Any]
@@ -158,7 +160,8 @@ def trajectory(
 
 def back_and_forth(
     t: ArrayLike, body: Body, *, phi: ArrayLike, theta0: ArrayLike, rolling_resistance: ArrayLike = 0.0,
-    g: ArrayLike = STANDARD_GRAVITY, n_leg: int = 16, n_node: int | None = None,
+    g: ArrayLike = STANDARD_GRAVITY, n_leg: int = 16, n_node: int | None = None, release_speed: ArrayLike | None = None,
+    forces: Forces | None = None,
 ) -> tuple[FloatArray, FloatArray]:
     """Position (m) and velocity (m/s, negative on the way back) at times `t` after release, each (n_draw, n_obs).
 
@@ -166,8 +169,15 @@ def back_and_forth(
     The way back from theta_t at tilt phi is, seen in a mirror, a release at -theta_t with tilt -phi.
 
     t : (n_obs,) or (n_draw, n_obs) s.  Parameters scalars or (n_draw, 1).  n_leg : nan after so many legs.
+    release_speed : m/s at t = 0, either sign.  forces : what else acts.  With either, by series to 1e-9 m (`model.driven`).
     """
+    if release_speed is not None or forces is not None:
+        v0 = 0.0 if release_speed is None else release_speed
+        keywords: dict[str, Any] = {"phi": phi, "theta0": theta0, "rolling_resistance": rolling_resistance, "g": g}
+        return driven_motion(t, body, **keywords, release_speed=v0, forces=forces or Forces())
     t = np.atleast_1d(np.asarray(t, dtype=float))
+    if t.size == 0:
+        return np.zeros(t.shape), np.zeros(t.shape)
     phi, theta0 = np.asarray(phi, dtype=float), np.asarray(theta0, dtype=float)
     x = v = start = np.zeros((1, 1))
     sign = 1.0

@@ -10,6 +10,8 @@ All functions broadcast: give `x` shaped (n_obs,) and parameters as scalars or s
 They hold for motion with theta increasing from rest.  Where energy conservation leaves no speed (W/D < 0) the speed is
 0; behind a turning point W may become positive again, so ask `turning_angle` what can be reached.
 
+A `release_energy` E0 (weights x R) adds to W: v^2 = 2 g R (E0 + W)/D, `model.forces` has what else may act.
+
 The triple (gamma, s, 1 + j) multiplied by one factor leaves the curve unchanged: positions and speeds alone never
 tell the three apart.
 """
@@ -17,17 +19,21 @@ tell the three apart.
 from __future__ import annotations
 
 from math import comb
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from model.body import Body
+from model.driven import driven_energy
+from model.forces import Forces, energy_series, inertia, work
 
 FloatArray = NDArray[np.float64]
 
 STANDARD_GRAVITY = 9.80665  # m/s^2, exact by convention (3rd CGPM, 1901)
 
 _MOST_STEPS, _SETTLED = 80, 1e-14  # of the search for a turning angle; rad
+_FAR = 4.0 * np.pi  # rad, how far a turning point is looked for where it has no closed bracket
 
 
 def effective_slope(phi: ArrayLike, rolling_resistance: ArrayLike = 0.0) -> FloatArray:
@@ -36,38 +42,61 @@ def effective_slope(phi: ArrayLike, rolling_resistance: ArrayLike = 0.0) -> Floa
 
 
 def speed(
-    x: ArrayLike, body: Body, *, phi: ArrayLike, theta0: ArrayLike, rolling_resistance: ArrayLike = 0.0, g: ArrayLike = STANDARD_GRAVITY
+    x: ArrayLike, body: Body, *, phi: ArrayLike, theta0: ArrayLike, rolling_resistance: ArrayLike = 0.0, g: ArrayLike = STANDARD_GRAVITY,
+    release_energy: ArrayLike | None = None, forces: Forces | None = None,
 ) -> FloatArray:
     """Speed of the axle at position `x` along the ramp, m/s; 0 where the energy does not suffice.
 
     v = sqrt(max(2 g R W/D, 0))
 
-    x : (n_obs,) m from the point of release.  phi, theta0 : rad.
+    x : (n_obs,) m from the point of release.  phi, theta0 : rad.  release_energy, forces : as in `energy_ratio`.
     """
     turned = np.asarray(x) / body.radius
-    ratio = energy_ratio(turned, body, phi=phi, theta0=theta0, rolling_resistance=rolling_resistance)
+    ratio = energy_ratio(
+        turned, body, phi=phi, theta0=theta0, rolling_resistance=rolling_resistance, release_energy=release_energy, forces=forces, g=g
+    )
     return np.sqrt(np.maximum(2.0 * np.asarray(g) * body.radius * ratio, 0.0))
 
 
 def angular_rate(
-    angle: ArrayLike, body: Body, *, phi: ArrayLike, theta0: ArrayLike, rolling_resistance: ArrayLike = 0.0, g: ArrayLike = STANDARD_GRAVITY
+    angle: ArrayLike, body: Body, *, phi: ArrayLike, theta0: ArrayLike, rolling_resistance: ArrayLike = 0.0, g: ArrayLike = STANDARD_GRAVITY,
+    release_energy: ArrayLike | None = None, forces: Forces | None = None,
 ) -> FloatArray:
     """Rate of rotation after the body has turned by `angle` since release, rad/s: `speed` divided by R.
 
-    angle : (n_obs,) rad, theta - theta0.  phi, theta0 : rad.
+    angle : (n_obs,) rad, theta - theta0.  phi, theta0 : rad.  release_energy, forces : as in `energy_ratio`.
     """
-    ratio = energy_ratio(angle, body, phi=phi, theta0=theta0, rolling_resistance=rolling_resistance)
+    ratio = energy_ratio(
+        angle, body, phi=phi, theta0=theta0, rolling_resistance=rolling_resistance, release_energy=release_energy, forces=forces, g=g
+    )
     return np.sqrt(np.maximum(2.0 * np.asarray(g) / body.radius * ratio, 0.0))
 
 
-def energy_ratio(angle: ArrayLike, body: Body, *, phi: ArrayLike, theta0: ArrayLike, rolling_resistance: ArrayLike = 0.0) -> FloatArray:
-    """W/D after the body has turned by `angle` (rad) since release, dimensionless; negative where it cannot be."""
+def energy_ratio(
+    angle: ArrayLike, body: Body, *, phi: ArrayLike, theta0: ArrayLike, rolling_resistance: ArrayLike = 0.0,
+    release_energy: ArrayLike | None = None, forces: Forces | None = None, g: ArrayLike = STANDARD_GRAVITY,
+) -> FloatArray:
+    """W/D after the body has turned by `angle` (rad) since release, dimensionless; negative where it cannot be.
+
+    release_energy : E0, weights x R, added to W; negative: what a body at rest lacks there.
+    forces : what else acts.  With drag or resistance by load, by series to 1e-9 m/s (`model.driven`): 0 where it never gets.
+    g : m/s^2, matters only beside viscous drag.
+    """
+    if forces is not None:
+        energy = 0.0 if release_energy is None else np.asarray(release_energy)
+        place = {"phi": phi, "theta0": theta0, "rolling_resistance": rolling_resistance}
+        if forces.with_speed:
+            total = driven_energy(angle, body, **place, g=g, release_energy=energy, forces=forces)[0]
+        else:
+            total = energy + work(angle, body, **place, forces=forces)
+        return np.asarray(total / inertia(angle, body, phi=phi, theta0=theta0, forces=forces))
     w, d = energy_terms(body, phi=phi, theta0=theta0, rolling_resistance=rolling_resistance)
     angle = np.asarray(angle, dtype=float)
     half = np.sin(0.5 * angle)
     # 1 - cos u as 2 sin^2(u/2): no cancellation close to the release
     functions = (2.0 * half * half, 2.0 * half * np.cos(0.5 * angle), angle)
-    return _combined(w, functions) / (d[0] + _combined(d[1:], functions[:2]))
+    total = _combined(w, functions) if release_energy is None else np.asarray(release_energy) + _combined(w, functions)
+    return total / (d[0] + _combined(d[1:], functions[:2]))
 
 
 def energy_terms(
@@ -97,18 +126,26 @@ def _combined(coefficients: list[FloatArray], functions: tuple[FloatArray, ...])
 
 
 def energy_ratio_derivatives(
-    angle: ArrayLike, body: Body, *, phi: ArrayLike, theta0: ArrayLike, rolling_resistance: ArrayLike = 0.0, order: int
+    angle: ArrayLike, body: Body, *, phi: ArrayLike, theta0: ArrayLike, rolling_resistance: ArrayLike = 0.0, order: int,
+    release_energy: ArrayLike | None = None, forces: Forces | None = None, g: ArrayLike = STANDARD_GRAVITY,
 ) -> list[FloatArray]:
     """H = W/D and its derivatives with respect to theta up to `order`, a list of order + 1 arrays, rad^-n.
 
-    From W = H D by Leibniz: H^(n) = (W^(n) - sum_{k<n} C(n, k) H^(k) D^(n-k))/D.
+    From W = H D by Leibniz: H^(n) = (W^(n) - sum_{k<n} C(n, k) H^(k) D^(n-k))/D.  release_energy, forces, g : as in `energy_ratio`.
     """
+    if forces is not None:
+        place = {"phi": phi, "theta0": theta0, "rolling_resistance": rolling_resistance}
+        ratio = energy_ratio(angle, body, **place, release_energy=release_energy, forces=forces, g=g)
+        energy = ratio * inertia(angle, body, phi=phi, theta0=theta0, forces=forces)
+        return energy_series(angle, energy, body, **place, g=g, forces=forces, order=order)
     angle, theta0 = np.asarray(angle, dtype=float), np.asarray(theta0)
     gamma, slope = body.gamma, effective_slope(phi, rolling_resistance)
     theta = theta0 + angle
     # cos theta0 - cos theta as a product: no cancellation close to the release
     fall = 2.0 * np.sin(theta0 + 0.5 * angle) * np.sin(0.5 * angle)
     w = [gamma * fall - angle * slope]
+    if release_energy is not None:
+        w[0] = w[0] + release_energy
     d = [1.0 + body.inertia_ratio + 2.0 * gamma * np.cos(theta + phi)]
     if order > 0:
         sin, cos = np.sin(theta), np.cos(theta)
@@ -156,7 +193,7 @@ def speed_derivatives(
     """
     radius, g = np.asarray(body.radius), np.asarray(g)
     angle = np.asarray(x) / radius
-    keywords = {"phi": phi, "theta0": theta0, "rolling_resistance": rolling_resistance}
+    keywords: dict[str, Any] = {"phi": phi, "theta0": theta0, "rolling_resistance": rolling_resistance}
     ratio, ratio_slope = energy_ratio_derivatives(angle, body, **keywords, order=1)
     gradient = {name: 2.0 * g * radius * d for name, d in energy_ratio_gradient(angle, body, **keywords).items()}
     gradient["g"] = 2.0 * radius * ratio
@@ -169,7 +206,7 @@ def angular_rate_derivatives(
 ) -> tuple[FloatArray, FloatArray, dict[str, FloatArray]]:
     """Angular rate (rad/s), its slope in the angle (1/s), and its derivatives in every parameter at fixed angle."""
     scale = 2.0 * np.asarray(g) / body.radius
-    keywords = {"phi": phi, "theta0": theta0, "rolling_resistance": rolling_resistance}
+    keywords: dict[str, Any] = {"phi": phi, "theta0": theta0, "rolling_resistance": rolling_resistance}
     ratio, ratio_slope = energy_ratio_derivatives(angle, body, **keywords, order=1)
     gradient = {name: scale * d for name, d in energy_ratio_gradient(angle, body, **keywords).items()}
     gradient["g"] = 2.0 / np.asarray(body.radius) * ratio
@@ -205,7 +242,10 @@ def ascends(body: Body, *, phi: ArrayLike, theta0: ArrayLike, rolling_resistance
     return np.asarray(body.gamma * np.sin(theta0) > effective_slope(phi, rolling_resistance))
 
 
-def turning_angle(body: Body, *, phi: ArrayLike, theta0: ArrayLike, rolling_resistance: ArrayLike = 0.0) -> FloatArray:
+def turning_angle(
+    body: Body, *, phi: ArrayLike, theta0: ArrayLike, rolling_resistance: ArrayLike = 0.0, release_energy: ArrayLike | None = None,
+    forces: Forces | None = None, g: ArrayLike = STANDARD_GRAVITY, far: float = _FAR,
+) -> FloatArray:
     """How far the body turns before it stops, rad: the first zero of W beyond theta0, minus theta0.
 
     0 where it does not start with theta increasing, inf where it never stops (it rolls over the top for ever).
@@ -213,7 +253,14 @@ def turning_angle(body: Body, *, phi: ArrayLike, theta0: ArrayLike, rolling_resi
     W(theta0 + 2 pi) = -2 pi s: uphill the first zero comes within one turn; downhill later minima of W lie higher, so it
     comes within the first turn or never.  It lies between the maximum of W at pi - asin(s/gamma) and the minimum at
     2 pi + asin(s/gamma), where Newton steps, halvings where they leave the bracket, find it to the last bits.
+
+    With release_energy or forces (as in `energy_ratio`) there is no such bracket: it is followed in time, (n_draw, 1), up to
+    `far` (rad), and inf where it has not stopped by then.
     """
+    if release_energy is not None or forces is not None:
+        place = {"phi": phi, "theta0": theta0, "rolling_resistance": rolling_resistance}
+        energy = 0.0 if release_energy is None else release_energy
+        return driven_energy(far, body, **place, g=g, release_energy=energy, forces=forces or Forces())[1]
     gamma, theta0, slope = np.broadcast_arrays(
         np.asarray(body.gamma, dtype=float), np.asarray(theta0, dtype=float), effective_slope(phi, rolling_resistance)
     )
@@ -244,9 +291,15 @@ def turning_angle(body: Body, *, phi: ArrayLike, theta0: ArrayLike, rolling_resi
     return np.where(turns, angle, np.where(starts, np.inf, 0.0))
 
 
-def turning_point(body: Body, *, phi: ArrayLike, theta0: ArrayLike, rolling_resistance: ArrayLike = 0.0) -> FloatArray:
+def turning_point(
+    body: Body, *, phi: ArrayLike, theta0: ArrayLike, rolling_resistance: ArrayLike = 0.0, release_energy: ArrayLike | None = None,
+    forces: Forces | None = None, g: ArrayLike = STANDARD_GRAVITY, far: float = _FAR,
+) -> FloatArray:
     """Distance from release at which the body stops, m: R times `turning_angle`; inf where it never stops."""
-    return np.asarray(body.radius * turning_angle(body, phi=phi, theta0=theta0, rolling_resistance=rolling_resistance))
+    angle = turning_angle(
+        body, phi=phi, theta0=theta0, rolling_resistance=rolling_resistance, release_energy=release_energy, forces=forces, g=g, far=far
+    )
+    return np.asarray(body.radius * angle)
 
 
 def time_derivative(square: list[FloatArray], order: int) -> FloatArray:

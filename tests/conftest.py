@@ -4,10 +4,16 @@ from __future__ import annotations
 
 import os
 import signal
+from contextlib import nullcontext
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
+from matplotlib.figure import Figure
+
+if TYPE_CHECKING:
+    from estim.studies import Reanalysis
 
 signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell's background job ignores it, and so would what the tests start
 
@@ -30,9 +36,38 @@ def replica() -> Path:
     return PROJECT / "data" / "replica"
 
 
+@pytest.fixture(scope="session")
+def reanalysed() -> Reanalysis:
+    """The replica reanalysed as `estim reanalyse --seed 2` does: mark what asks for it `xdist_group("replica")`, so that one process has it."""
+    from estim.campaign import load_campaign
+    from estim.sampling import Target
+    from estim.studies import reanalyse
+
+    campaign = load_campaign(PROJECT / "data" / "replica" / "campaign.toml")
+    return reanalyse(campaign, seed=2, target=Target(), progress_of=lambda what: nullcontext(lambda step, message: None))
+
+
 @pytest.fixture
 def tracker_folder() -> Path:
     """Real files of the program Tracker, the only data outside the project; tests that need them are skipped where they are absent."""
     if not (SHARED / "tracker").is_dir():
         pytest.skip(f"no files of the program Tracker at {SHARED / 'tracker'}")
     return SHARED / "tracker"
+
+
+PIXEL = (
+    b"\x89PNG\r\n\x1a\n\0\0\0\rIHDR\0\0\0\1\0\0\0\1\x08\0\0\0\0:~\x9bU\0\0\0\nIDATx\x9cc\xf8\x0f\0\1\1\1\0\x1b\xb6\xeeV\0\0\0\0IEND\xaeB`\x82"
+)
+
+
+@pytest.fixture
+def unrendered(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Figures are made and not turned into pixels, half of the time of a report: for tests of numbers and text, whatever the figures have to show."""
+    monkeypatch.setattr(Figure, "savefig", lambda figure, file, **_: file.write(PIXEL))
+
+
+@pytest.fixture
+def undrawn(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A pixel in place of every figure, most of the time of a report: for tests of files, streams and words on the terminal."""
+    for module in ("calibration", "comparison", "figures"):
+        monkeypatch.setattr(f"estim.reports.{module}.png", lambda draw: PIXEL)

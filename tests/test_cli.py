@@ -15,6 +15,7 @@ import pytest
 
 from estim.cli.commands import main
 
+pytestmark = pytest.mark.xdist_group("cli")  # one report for several of them
 Command = Callable[..., subprocess.CompletedProcess[str]]
 
 
@@ -77,6 +78,7 @@ def test_same_seed_gives_the_same_bytes(estim: Command, fitted: Path, tmp_path: 
         assert (tmp_path / file).read_bytes() == (fitted / file).read_bytes(), file
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_capped_chain_writes_its_report_and_exits_with_3(estim: Command, tmp_path: Path, replica: Path) -> None:
     done = estim("fit", replica / "campaign.toml", "--run", "heavy-04", "--out", tmp_path, "--max-steps", "60")
     assert done.returncode == 3
@@ -136,6 +138,7 @@ def test_help_is_quick() -> None:
     assert best(sys.executable, "-m", "estim", "--help") < 0.3 + bare
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_several_runs_get_a_folder_each_and_an_index(estim: Command, tmp_path: Path, replica: Path) -> None:
     done = estim("fit", replica / "campaign.toml", "--run", "heavy-04", "--run", "heavy-06", "--out", tmp_path, "--max-steps", "60")
     assert done.returncode == 3

@@ -105,6 +105,7 @@ def test_a_limit_is_shown_as_one_in_every_cell(rng: np.random.Generator) -> None
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("undrawn")
 def test_a_parameter_on_an_edge_is_ok_and_never_shown_with_plus_minus(tmp_path: Path) -> None:
     campaign = Disk(gamma=uniform(0.0, 0.185)).write(tmp_path)
     done = CliRunner().invoke(cli, ["fit", str(campaign), "--out", str(tmp_path / "out")])

@@ -93,6 +93,7 @@ def test_a_fixed_parameter_is_the_line_with_its_value_taken_off(curve, u_y: floa
     assert "a = 2.5 (fixed)" in fit._repr_markdown_()
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_a_report_lists_what_was_fixed(rng: np.random.Generator) -> None:
     y = 2.0 + 0.3 * T + 0.2 * rng.standard_normal(T.size)
     fit = fit_curve(LINE, T, y, start={"b": 1.0}, fixed={"a": 2.0}, u_y=0.2)

@@ -11,6 +11,7 @@ from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
+from conftest import PIXEL
 from hostile import MOVES, STRINGS, outline, raw, seen, shown
 from tracker_files import point_mass, trk
 
@@ -49,6 +50,19 @@ def estim(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch):
 def toml(text: str) -> str:
     """A TOML string, every mark but plain letters as an escape; surrogates cannot stand in one."""
     return '"' + "".join(mark if mark.isascii() and mark.isalnum() else f"\\U{ord(mark):08x}" for mark in text) + '"'
+
+
+@pytest.fixture
+def plain(estim, monkeypatch: pytest.MonkeyPatch):
+    """The command for a harmless twin, whose figures nobody looks at."""
+
+    def run(*arguments: str | Path) -> Done:
+        with monkeypatch.context() as patched:
+            for module in ("calibration", "comparison", "figures"):
+                patched.setattr(f"estim.reports.{module}.png", lambda draw: PIXEL)
+            return estim(*arguments)
+
+    return run
 
 
 def curve_campaign(folder: Path, word: str, file: str) -> Path:
@@ -140,14 +154,14 @@ def compare_with_harmless(hostile: Path, harmless: Path) -> dict[str, str]:
     return texts
 
 
-def test_a_formula_with_hostile_texts(estim, tmp_path: Path) -> None:
+def test_a_formula_with_hostile_texts(estim, plain, tmp_path: Path) -> None:
     hostile = curve_campaign(tmp_path / FORGED.replace("/", ""), FORGED, FILE.replace("/", ""))
     harmless = curve_campaign(tmp_path / "harmless", "word", "r.csv")
     done = estim("fit", hostile, "--out", tmp_path / "a", "--max-steps", "60")
-    plain = estim("fit", harmless, "--out", tmp_path / "b", "--max-steps", "60")
-    assert done.code == plain.code == 3
+    twin = plain("fit", harmless, "--out", tmp_path / "b", "--max-steps", "60")
+    assert done.code == twin.code == 3
     assert not raw(done.out + done.err)
-    assert done.out.count("\n") == plain.out.count("\n")
+    assert done.out.count("\n") == twin.out.count("\n")
     texts = compare_with_harmless(tmp_path / "a", tmp_path / "b")
     assert json.loads(texts["result.json"])["title"] == FORGED
     assert seen(texts["report.md"]).startswith(f"{shown(FORGED)}: r\n")
@@ -166,15 +180,15 @@ def test_a_formula_with_hostile_texts(estim, tmp_path: Path) -> None:
     ],
     ids=lambda command: " ".join(command[:2]),
 )
-def test_a_rolling_body_with_hostile_texts(estim, tmp_path: Path, replica: Path, command: tuple[str, ...]) -> None:
+def test_a_rolling_body_with_hostile_texts(estim, plain, tmp_path: Path, replica: Path, command: tuple[str, ...]) -> None:
     hostile = body_campaign(tmp_path / FORGED.replace("/", ""), replica, FORGED, FILE.replace("/", ""))
     harmless = body_campaign(tmp_path / "harmless", replica, "word", "r.csv")
     done = estim(command[0], hostile, *command[1:], "--out", tmp_path / "a")
-    plain = estim(command[0], harmless, *command[1:], "--out", tmp_path / "b")
-    assert done.code == plain.code
+    twin = plain(command[0], harmless, *command[1:], "--out", tmp_path / "b")
+    assert done.code == twin.code
     assert done.code in (0, 3), done.err
     assert not raw(done.out + done.err)
-    assert done.out.count("\n") == plain.out.count("\n")
+    assert done.out.count("\n") == twin.out.count("\n")
     texts = compare_with_harmless(tmp_path / "a", tmp_path / "b")
     assert shown(FORGED) in seen(texts["report.md"])
 
@@ -257,6 +271,7 @@ def test_errors_of_a_table_quote_its_cells_on_one_line(estim, tmp_path: Path, te
         assert (done.code, done.one_line) == (2, True), done
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_a_path_that_is_not_utf8(estim, tmp_path: Path) -> None:
     folder = tmp_path / os.fsdecode(b"x\xff")
     try:

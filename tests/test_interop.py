@@ -4,17 +4,17 @@ from __future__ import annotations
 
 import io
 import re
-import subprocess
-import sys
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from click.testing import CliRunner, Result
 
 import estim
 from estim.checks.cross_validation import leave_one_out
+from estim.cli.commands import cli
 from estim.common.errors import InputError
 from estim.common.kinds import Kind, Status
 from estim.common.statuses import Finding
@@ -24,6 +24,7 @@ from estim.sampling.chain import Target
 from estim.sampling.diagnostics import effective_size, r_hat
 from estim.words import advice, tell
 
+pytestmark = pytest.mark.xdist_group("interop")  # one chain for most of them
 NEEDED = "needs the extra arviz"
 
 
@@ -223,15 +224,14 @@ def test_missing_package_is_one_line_with_the_command_to_get_it(
     assert interop.can_write_netcdf() == (package == "pandas")
 
 
-def run_fit(out: Path, replica: Path, patch: str = "") -> subprocess.CompletedProcess[str]:
-    code = f"import estim.reports.interop\n{patch}\nfrom estim.cli.commands import main\nmain()"
-    command = [sys.executable, "-c", code, "fit", str(replica / "campaign.toml"), "--run", "heavy-04", "--max-steps", "60", "--out", str(out)]
-    return subprocess.run(command, capture_output=True, text=True, check=False, cwd=replica.parents[1])
+def run_fit(out: Path, replica: Path) -> Result:
+    return CliRunner().invoke(cli, ["fit", str(replica / "campaign.toml"), "--run", "heavy-04", "--max-steps", "60", "--out", str(out)])
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_fit_writes_the_draws_beside_the_report(tmp_path: Path, replica: Path, xarray: SimpleNamespace) -> None:
     done = run_fit(tmp_path, replica)
-    assert (done.returncode, done.stderr) == (3, "")
+    assert (done.exit_code, done.stderr) == (3, "")
     assert "draws.nc" not in done.stdout
     with xarray.open_datatree(tmp_path / "draws.nc", engine="h5netcdf") as tree:
         assert tree.attrs["status"] == "not-converged"
@@ -239,9 +239,11 @@ def test_fit_writes_the_draws_beside_the_report(tmp_path: Path, replica: Path, x
     assert not list(tmp_path.rglob(".draws*"))
 
 
-def test_fit_without_the_extra_says_how_to_get_it_and_that_is_no_error(tmp_path: Path, replica: Path) -> None:
-    done = run_fit(tmp_path, replica, "estim.reports.can_write_netcdf = lambda: False")
-    assert (done.returncode, done.stderr) == (3, "")
+@pytest.mark.usefixtures("undrawn")
+def test_fit_without_the_extra_says_how_to_get_it_and_that_is_no_error(tmp_path: Path, replica: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("estim.reports.can_write_netcdf", lambda: False)
+    done = run_fit(tmp_path, replica)
+    assert (done.exit_code, done.stderr) == (3, "")
     assert done.stdout.splitlines()[-1] == "no draws.nc (the draws, for ArviZ and xarray): pip install 'estim[arviz]'"
     assert (tmp_path / "report.md").exists()
     assert not (tmp_path / "draws.nc").exists()
@@ -330,12 +332,9 @@ def test_the_code_of_the_page_runs(
     np.testing.assert_array_equal(back["radius"].transpose("chain", "step", "walker").values, analysis.chain.draws[..., -1])
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_names_of_coordinates_and_marks_that_do_not_print(tmp_path: Path) -> None:
     """A parameter called chain, a run called draw, a title with a null character: HDF5 and xarray take none of them as they are."""
-    from click.testing import CliRunner
-
-    from estim.cli.commands import cli
-
     pytest.importorskip("h5netcdf")
     xarray = pytest.importorskip("xarray")
     (tmp_path / "r.csv").write_text("x,y\n" + "".join(f"{0.1 * n:.1f},{1 + 0.2 * n + 0.01 * (-1) ** n:.3f}\n" for n in range(12)))

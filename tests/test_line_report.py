@@ -11,6 +11,7 @@ from click.testing import CliRunner, Result
 
 from estim.cli.commands import cli
 
+pytestmark = pytest.mark.usefixtures("undrawn")
 PHI = np.arange(1.0, 9.0)
 RISING = np.degrees(np.arcsin(np.sin(np.radians(PHI)) / 0.187 + 0.01))
 SCATTERED = RISING + np.array([0, 3, -3, 3, -3, 3, -3, 3])
@@ -28,6 +29,11 @@ def line(
     done = CliRunner().invoke(cli, ["line", str(folder / "c.toml"), "--out", str(folder / "out")])
     assert done.exception is None or isinstance(done.exception, SystemExit), done.exception
     return done, (folder / "out" / "report.md").read_text(), json.loads((folder / "out" / "result.json").read_text())
+
+
+@pytest.fixture(scope="module")
+def good(tmp_path_factory: pytest.TempPathFactory) -> tuple[Result, str, dict]:
+    return line(tmp_path_factory.mktemp("good"), PHI, RISING, u=(0.1, 0.5))
 
 
 def test_points_on_a_line_though_their_uncertainties_are_large_are_sampled(tmp_path: Path) -> None:
@@ -52,16 +58,18 @@ def test_swapped_columns_are_suspected(tmp_path: Path) -> None:
     assert "are the columns phi_deg and theta_min_deg swapped" in report
 
 
-def test_a_stated_gamma_that_the_line_contradicts_is_said_at_once(tmp_path: Path) -> None:
+@pytest.mark.xdist_group("line")
+def test_a_stated_gamma_that_the_line_contradicts_is_said_at_once(good: tuple[Result, str, dict], tmp_path: Path) -> None:
     done, report, result = line(tmp_path, PHI, RISING, u=(0.1, 0.5), gamma="0.400(1)")
     assert (done.exit_code, result["status"]) == (0, "ok")
     assert "disagree: E_n = -" in done.output
     assert report.index("disagree: E_n = -") < report.index("## Result")
-    agreeing, report, _ = line(tmp_path, PHI, RISING, u=(0.1, 0.5))
+    agreeing, report, _ = good
     assert "disagree" not in agreeing.output + report
 
 
-def test_a_poor_line_gives_limits_and_nothing_else(tmp_path: Path) -> None:
+@pytest.mark.xdist_group("line")
+def test_a_poor_line_gives_limits_and_nothing_else(good: tuple[Result, str, dict], tmp_path: Path) -> None:
     done, report, result = line(tmp_path, PHI, SCATTERED, u=(0.1, 0.5))
     assert (done.exit_code, result["status"]) == (3, "poor-fit")
     assert "±" not in report.replace("γ of heavy as stated is 0.187 ± 0.010", "")
@@ -71,6 +79,6 @@ def test_a_poor_line_gives_limits_and_nothing_else(tmp_path: Path) -> None:
     assert "95 % of the posterior" in report
     assert result["posterior"]["gamma"]["sd"] is None
     assert all(row["gamma"] is None and not row["standard_errors"] for row in result["methods"].values())
-    good, report, _ = line(tmp_path, PHI, RISING, u=(0.1, 0.5))
-    assert good.exit_code == 0
+    done, report, _ = good
+    assert done.exit_code == 0
     assert all(word in report for word in ("E_n", "Bayes factor", "bands of the Bayesian line", "widened to what Student's t asks for"))

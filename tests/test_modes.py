@@ -103,7 +103,7 @@ def fit_seven(seed: int, n_start: int = 8) -> CurveFit:
 
 def grid_evidence(x: np.ndarray, y: np.ndarray, *, high: float = 10.0, reach: float = 10.0, u: float = 0.5) -> float:
     """log of the mean likelihood over A, B in [-reach, reach] and f in [0, high], by the midpoint rule on a grid."""
-    f, a = (np.arange(16_000) + 0.5) * high / 16_000, -reach + (np.arange(160) + 0.5) * 2.0 * reach / 160
+    f, a = (np.arange(4000) + 0.5) * high / 4000, -reach + (np.arange(160) + 0.5) * 2.0 * reach / 160
     s, c = np.sin(2.0 * np.pi * np.outer(f, x)), np.cos(2.0 * np.pi * np.outer(f, x))
     total, top = 0.0, 0.0
     for k in range(0, f.size, 200):
@@ -127,15 +127,16 @@ def test_seven_points_mislead_nobody_about_a_frequency() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", [1, 2])
+@pytest.mark.parametrize("seed", [1, pytest.param(2, marks=pytest.mark.statistics)])
 def test_evidence_of_many_solutions_is_that_of_a_grid(seed: int) -> None:
     fit = fit_seven(seed)
     found = sample_curve(fit, seed=1, target=Target(ess=500.0))
     expected = grid_evidence(*seven(seed))
     assert found.diagnosis.status == "multimodal"
     assert found.certificate.log_evidence == pytest.approx(expected, abs=0.05)
-    best_alone = sample_curve(fit_seven(seed, n_start=1), seed=1, target=Target(ess=500.0)).certificate.log_evidence
-    assert abs(best_alone - expected) > 0.15 or seed == 2  # in the second data set one solution holds 98 %
+    if seed == 1:  # in the second data set one solution holds 98 %
+        best_alone = sample_curve(fit_seven(seed, n_start=1), seed=1, target=Target(ess=500.0)).certificate.log_evidence
+        assert abs(best_alone - expected) > 0.15
 
 
 # the same curve under another label

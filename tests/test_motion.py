@@ -12,7 +12,7 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
-from model import Body, back_and_forth, speed, trajectory, travel_time, turning_point
+from model import Body, Forces, back_and_forth, speed, trajectory, travel_time, turning_point
 
 PAPER = Body(radius=0.15, gamma=0.187, kappa=0.45)
 RUN = {"phi": math.radians(4.0), "theta0": math.radians(60.0), "g": 9.81}
@@ -235,3 +235,10 @@ def test_a_body_that_cannot_start_stays():
     x, v = back_and_forth([0.5, 1.0], Body(radius=0.15, gamma=0.1, kappa=0.45), phi=np.radians(10.0), theta0=np.radians(60.0))
     assert np.all(x == 0.0)
     assert np.all(v == 0.0)
+
+
+def test_no_draws_are_no_positions():
+    none = np.zeros((0, 1))
+    for forces in (None, Forces()):
+        x, v = back_and_forth(np.zeros((0, 5)), PAPER, phi=none, theta0=none, forces=forces)
+        assert x.shape == v.shape == (0, 5)

@@ -77,8 +77,7 @@ def test_independence_move_alone_leaves_the_target_as_it_is(name: str) -> None:
     assert worst(move_alone(known, proposal, independence(proposal), n_step=1500, seed=21), known) < 4.5
 
 
-@pytest.mark.parametrize("wrong", [without_factor, upside_down])
-@pytest.mark.parametrize("name", CASES)
+@pytest.mark.parametrize(("name", "wrong"), [("normal, wrong centre", without_factor), ("bounded half-normal", upside_down)])
 def test_move_with_a_wrong_factor_fails_the_same_test(name: str, wrong) -> None:
     known, proposal = CASES[name]
     assert worst(move_alone(known, proposal, wrong(proposal), n_step=1500, seed=21), known) > 10.0
@@ -88,7 +87,7 @@ def test_move_with_a_wrong_factor_fails_the_same_test(name: str, wrong) -> None:
 def test_sampler_with_a_proposal_reproduces_the_target(name: str, rng: np.random.Generator) -> None:
     known, proposal = CASES[name]
     start = np.where(known.mean == 0.0, 0.0, np.abs(known.mean))
-    chain = sample_posterior(known, start, np.diag(known.sd**2), target=Target(ess=8000), rng=rng, proposal=proposal)
+    chain = sample_posterior(known, start, np.diag(known.sd**2), target=Target(ess=3000), rng=rng, proposal=proposal)
     assert chain.convergence.met, chain.convergence.message
     assert worst(chain, known) < 4.5
     assert chain.stuck == 0
@@ -150,10 +149,10 @@ def test_move_draws_from_the_sampler_s_own_state_alone() -> None:
 
 def test_capped_chain_with_a_proposal_says_that_it_did_not_converge(rng: np.random.Generator) -> None:
     chain = sample_posterior(
-        normal(COV), np.zeros(4), COV, target=Target(ess=1e9, max_step=300), rng=rng, proposal=student(np.zeros(4), COV)
+        normal(COV), np.zeros(4), COV, target=Target(ess=1e9, max_step=100), rng=rng, proposal=student(np.zeros(4), COV)
     )
     assert not chain.convergence.met
-    assert chain.convergence.n_step == 300
+    assert chain.convergence.n_step == 100
     short = sample_posterior(normal(COV), np.zeros(4), COV, target=Target(max_step=50), rng=rng, proposal=student(np.zeros(4), COV))
     assert not short.convergence.met
     assert short.convergence.n_step == 50

@@ -8,6 +8,7 @@ import sys
 from pathlib import Path
 
 import pytest
+from troubles import Formula
 
 NAMES = ("model", "random", "numpy", "csv", "typing", "re", "click", "pickle", "json", "tempfile", "matplotlib", "scipy", "tqdm", "errors", "enum")
 RUN = "open('imported', 'a').write(__name__ + ' ')\n"
@@ -18,14 +19,15 @@ def run(words: list[str], *path: Path, cwd: Path) -> subprocess.CompletedProcess
     return subprocess.run([sys.executable, *words], env=environment, cwd=cwd, capture_output=True, text=True, check=False)
 
 
-def test_a_file_beside_the_data_is_not_imported(tmp_path: Path, project: Path, replica: Path) -> None:
+def test_a_file_beside_the_data_is_not_imported(tmp_path: Path, project: Path) -> None:
+    campaign = Formula("a + b*x", "a = {start = 1.0}\nb = {start = 1.0}", lambda x: 1.0 + 2.0 * x).write(tmp_path)
     for name in NAMES:
         (tmp_path / f"{name}.py").write_text(RUN)
     (tmp_path / "emcee").mkdir()
     (tmp_path / "emcee" / "__init__.py").write_text(RUN)
-    done = run(["-m", "estim", "fit", str(replica / "campaign.toml"), "--run", "heavy-04", "--max-steps", "50"], project, cwd=tmp_path)
+    done = run(["-m", "estim", "fit", str(campaign), "--max-steps", "50"], project, cwd=tmp_path)
     assert (done.returncode, done.stderr) == (3, "")
-    assert "heavy-04: not-converged" in done.stdout
+    assert "r: not-converged" in done.stdout
     assert not (tmp_path / "imported").exists()
 
 

@@ -145,6 +145,7 @@ def test_a_link_to_the_folder_is_the_folder(home: Path) -> None:
     assert load_campaign(home.parent / "other" / "c.toml").source.outside() == ()
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_terminal_and_report_say_that_a_file_lies_outside(home: Path) -> None:
     (home.parent / "f.csv").write_text("t_s,x_m\n" + "".join(f"{n},{2 * n + (-1) ** n * 0.1:.2f}\n" for n in range(1, 9)))
     assert told(home, "curve", "../f.csv") == ""

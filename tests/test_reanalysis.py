@@ -21,10 +21,12 @@ from estim.line.series import read_theta_min
 from estim.pipeline import analyse
 from estim.problem.priors import Normal
 from estim.problem.problem import Problem
+from estim.reports.reanalysis import reanalysis_report
 from estim.sampling.chain import Target
 from estim.studies.limits import limits, narrowing
 from estim.studies.paper_band import propagated_bands
 from estim.studies.published import compare_published, read_published
+from estim.studies.reanalysis import Reanalysis
 
 QUICK = Target(ess=300, max_step=800)
 
@@ -166,18 +168,14 @@ def test_published_numbers_meet_what_was_found(project: Path) -> None:
 
 
 @pytest.mark.slow
-def test_committed_report_is_what_the_code_finds(project: Path, replica: Path, tmp_path: Path) -> None:
+@pytest.mark.xdist_group("replica")
+def test_committed_report_is_what_the_code_finds(project: Path, replica: Path, reanalysed: Reanalysis) -> None:
     """A new reanalysis agrees with `reports/replica` within Monte-Carlo error, and recovers the truth."""
-    import subprocess
-    import sys
     import tomllib
 
-    done = subprocess.run(
-        [sys.executable, "-m", "estim", "reanalyse", str(replica / "campaign.toml"), "--out", str(tmp_path), "--seed", "2"],
-        capture_output=True, text=True, check=False,
-    )
-    assert done.returncode == 0, done.stdout + done.stderr
-    new, old = (json.loads((folder / "result.json").read_text()) for folder in (tmp_path, project / "reports" / "replica"))
+    files, committed = reanalysis_report(reanalysed), project / "reports" / "replica"
+    new, old = json.loads(files["result.json"]), json.loads((committed / "result.json").read_text())
+    assert set(new["statuses"].values()) == {"ok"}
     assert new["statuses"] == old["statuses"]
     truth = tomllib.loads((replica / "truth.toml").read_text())
     for body in old["bodies"]:
@@ -194,9 +192,11 @@ def test_committed_report_is_what_the_code_finds(project: Path, replica: Path, t
     for method, row in old["line"]["methods"].items():
         if method != "posterior":
             assert new["line"]["methods"][method]["slope"] == pytest.approx(row["slope"], rel=1e-9)
-    text = (project / "reports" / "replica" / "report.md").read_text()
-    for figure in {line.split("](")[1].rstrip(")") for line in text.splitlines() if line.startswith("![")}:
-        assert (project / "reports" / "replica" / figure).exists(), figure
+    text = (committed / "report.md").read_text()
+    shown = {line.split("](")[1].rstrip(")") for line in text.splitlines() if line.startswith("![")}
+    assert shown == {name for name in files if name.startswith("figures/")}
+    for figure in shown:
+        assert (committed / figure).exists(), figure
 
 
 FLAT = "phi_deg,theta_min_deg,u_phi_deg,u_theta_min_deg\n1,50,0.4,2\n2,45,0.4,2\n3,50,0.4,2\n"
@@ -208,7 +208,7 @@ def test_points_that_hold_no_rising_line_give_no_gamma(replica: Path, tmp_path: 
     (tmp_path / "runs").symlink_to(replica / "runs")
     (tmp_path / "campaign.toml").write_text((replica / "campaign.toml").read_text())
     (tmp_path / "theta_min.csv").write_text(rows)
-    line = analyse_line(read_theta_min(load_campaign(tmp_path / "campaign.toml").source), gamma_masses=None, seed=1)
+    line = analyse_line(read_theta_min(load_campaign(tmp_path / "campaign.toml").source), gamma_masses=None, seed=1, target=Target(ess=300))
     assert line.status == "not-identified"
 
 

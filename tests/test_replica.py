@@ -8,20 +8,18 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from estim.campaign import load_campaign
-from estim.pipeline import analyse
 from estim.reports.result import result_of
-from estim.sampling.chain import Target
+from estim.studies.reanalysis import Reanalysis
 
 RUNS = [f"heavy-0{i}" for i in (2, 4, 6, 8)] + [f"light-0{i}" for i in (1, 2, 3, 4)]
 
 
 @pytest.mark.slow
+@pytest.mark.xdist_group("replica")
 @pytest.mark.parametrize("run", RUNS)
-def test_every_run_recovers_its_true_parameters(replica: Path, run: str) -> None:
+def test_every_run_recovers_its_true_parameters(replica: Path, reanalysed: Reanalysis, run: str) -> None:
     truth = tomllib.loads((replica / "truth.toml").read_text())
-    campaign = load_campaign(replica / "campaign.toml")
-    found = result_of(campaign, analyse(campaign, [run], seed=5, target=Target(ess=2000.0)))
+    found = result_of(reanalysed.campaign, reanalysed.singles[run])
     assert found.status == "ok"
     for name, parameter in found.parameters.items():
         if parameter.limit is not None:  # a loss that this run alone cannot tell from none

@@ -27,6 +27,7 @@ from estim.sampling.independent_check import certify_by_quadrature, second_opini
 from estim.sampling.proposal import adapt_proposal
 from estim.sampling.quadrature import COARSE, FINE, TooManyNodesError, integrate
 
+pytestmark = pytest.mark.xdist_group("two exponentials")  # one fit and one chain for most of them
 U_Y, SLOWEST, FASTEST, MOST = 0.02, 1.25, 20.0, 3.0
 
 
@@ -89,7 +90,7 @@ def share_below(chain: Chain, at: float) -> tuple[float, float]:
     return share, float(np.sqrt(share * (1.0 - share) / effective_size(inside, "mean")[0]))
 
 
-@pytest.mark.parametrize("seed", [1, 2])
+@pytest.mark.parametrize("seed", [1, pytest.param(2, marks=pytest.mark.statistics)])
 def test_chain_has_the_long_tail_of_two_exponentials(seed: int) -> None:
     truth, analysis = grid(), analysed(seed)
     assert truth.sd == pytest.approx(grid(120).sd, rel=2e-3)

@@ -74,7 +74,8 @@ def assert_no_headline(written: Written, status: str) -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", TROUBLES)
-def test_trouble_leads_to_its_status_and_to_no_headline_number(name: str, tmp_path: Path) -> None:
+def test_trouble_leads_to_its_status_and_to_no_headline_number(name: str, tmp_path: Path, request: pytest.FixtureRequest) -> None:
+    request.getfixturevalue("unrendered" if name in ("computed data", "flat direction") else "undrawn")  # what is hardest to draw is drawn
     trouble: Trouble = TROUBLES[name]
     written = fit(trouble.campaign, tmp_path, *trouble.options)
     assert written.exit_code == 3
@@ -119,6 +120,7 @@ def test_all_statuses_are_produced_here() -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("widened", "expected"), [(1.0, "ok"), (1.2, "methods-disagree")])
+@pytest.mark.usefixtures("undrawn")
 def test_certificate_of_another_density_disagrees(widened: float, expected: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The two computations get densities that differ by a power: standard deviations 10 % apart."""
 
@@ -167,6 +169,7 @@ def test_draws_that_mean_nothing_come_before_any_other_status() -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("undrawn")
 def test_bad_runs_have_no_numbers_in_the_index(tmp_path: Path) -> None:
     path = Disk(gamma="0.0", phi='"-5.5(1)"', theta0='"20.0(15)"', true_phi=-5.5, true_theta0=20.0).write(tmp_path)
     text = path.read_text()
@@ -183,11 +186,11 @@ def test_bad_runs_have_no_numbers_in_the_index(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("kappa", "modes"), [("0.45", 2), (uniform(0.3, 0.6), 2)])
-def test_two_modes_are_told_from_a_bent_ridge(kappa: str, modes: int, tmp_path: Path) -> None:
+def test_two_modes_are_told_from_a_bent_ridge(tmp_path: Path) -> None:
     """The ridge of the flat direction is bent, so that straight lines between its ends leave it; the two angles of release are no ridge."""
-    few = load_campaign(Disk("0.187", kappa, "4.0", uniform(10.0, 170.0), "window = {x_min_m = 0.0, x_max_m = 0.05}").write(tmp_path))
-    assert len(analyse(few, ["r"], seed=1, target=Target(ess=1000.0)).modes.values) == modes
+    for kappa in ("0.45", uniform(0.3, 0.6)):
+        few = load_campaign(Disk("0.187", kappa, "4.0", uniform(10.0, 170.0), "window = {x_min_m = 0.0, x_max_m = 0.05}").write(tmp_path))
+        assert len(analyse(few, ["r"], seed=1, target=Target(ess=1000.0)).modes.values) == 2
     flat = load_campaign(TROUBLES["flat direction"].campaign.write(tmp_path))
     found = analyse(flat, ["r"], seed=1, target=Target(ess=1000.0))
     ends = [end for end in found.fit.others if _dips(found, end)]

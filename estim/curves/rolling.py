@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -24,9 +25,9 @@ _TAKEN_AS_EXACT = {  # argument -> an error of it: of angles in rad, else as a s
 _MOTION = ("phi", "theta0", "rolling_resistance", "g")
 
 
-def body_of(arguments: Mapping[str, ArrayLike]) -> tuple[Body, dict[str, ArrayLike]]:
+def body_of(arguments: Mapping[str, ArrayLike]) -> tuple[Body, dict[str, Any]]:
     """The body, and the keywords that say how it moves; zero errors of the angles are added to them."""
-    motion = {name: arguments[name] for name in _MOTION}
+    motion: dict[str, Any] = {name: arguments[name] for name in _MOTION}
     for angle in _ZEROED:
         motion[angle] = np.add(motion[angle], arguments.get(f"{angle}_zero", 0.0))
     return Body(**{name: arguments[name] for name in _BODY}), motion
@@ -158,7 +159,7 @@ class RollingMotion:
     def energies(self, x: FloatArray, v: FloatArray, arguments: Mapping[str, ArrayLike]) -> tuple[FloatArray, FloatArray]:
         body, motion = body_of(arguments)
         length = body.radius if self.angular else 1.0
-        place = {"phi": motion["phi"], "theta0": motion["theta0"]}
+        place: dict[str, Any] = {"phi": motion["phi"], "theta0": motion["theta0"]}
         x = _from_release(x, arguments)
         kinetic = energy.kinetic_energy(length * x, length * v, body, **place)
         return kinetic, energy.potential_energy(length * x, body, **place, g=motion["g"])

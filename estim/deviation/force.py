@@ -1,0 +1,180 @@
+"""A force along the track that the curve does not know, and what it does to speeds and positions, to first order.
+
+    D v^2/2 = acceleration (E0 + W + F),    F(x) = int_0^x f dx'        f in units of the weight
+    speeds at given positions    delta v = acceleration (E0 + F)/(D v)
+    positions at given times     delta x = v int acceleration (E0 + F)/(D v^3) dx'
+    speeds by differences        A delta x, with A = S - diag(dv/dx) as in `estim.problem.noise`
+
+Positions are metres with `acceleration` g, or rad with g/R for a turning wheel (v then rad/s, lengths rad); D is the inertia of the body per unit
+mass, twice the kinetic energy over m v^2 (the `energies` of a motion at unit speed).  E0 is the energy at release in units of the weight, times
+one unit of position: a push, or a reading of the position at release that is not 0.  A shift of time is left free, delta x = v dt: the curve
+must have the time of release among its parameters, or be fit by speeds.
+
+Only motion that does not turn round: where v comes near 0 the answer of the curve is no longer linear in the force.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.linalg import block_diag
+
+from estim.arrays import FloatArray
+from estim.common import InputError
+from estim.deviation.components import Shape
+from estim.deviation.grid import track_lengths
+from estim.deviation.kernels import distances, matern32, root, turning, without_mean
+
+_N_NODE, _N_FINE = 121, 800
+
+
+@dataclass(frozen=True, eq=False)
+class Track:
+    """A track with nodes between which the force is linear.
+
+    start, end : place of release and the last place reached, m or rad.  nodes : (n_node,) equally spaced, the first at the release.
+    weights : (n_node,) the part of the track that each node stands for, of sum 1.
+    fine : (n_fine,) places from the first observation to the end, denser towards the release, at which the motion along it is asked for.
+    """
+
+    start: float
+    end: float
+    nodes: FloatArray
+    weights: FloatArray
+    fine: FloatArray
+
+    @property
+    def length(self) -> float:
+        return self.end - self.start
+
+
+@dataclass(frozen=True, eq=False)
+class Response:
+    """What a force at each node and an energy at release do to the observations.
+
+    force : (n_obs, n_node) unit of the observations for a force of one weight.  start : (n_obs,) for E0 = 1, in the unit of position.
+    """
+
+    force: FloatArray
+    start: FloatArray
+
+    def through(self, matrix: FloatArray) -> Response:
+        """The response of linear combinations matrix @ observations, such as A of speeds by differences."""
+        return Response(matrix @ self.force, matrix @ self.start)
+
+    @classmethod
+    def stacked(cls, responses: Sequence[Response]) -> Response:
+        """The responses of several runs on one track below each other."""
+        return cls(np.vstack([r.force for r in responses]), np.concatenate([r.start for r in responses]))
+
+
+def track(end: float, *, start: float = 0.0, first: float | None = None) -> Track:
+    """The track from the release at `start` to `end`; `first`: where observations begin, None for at the release.
+
+    Raises InputError where it has no length, or runs backwards.
+    """
+    first = start if first is None else max(first, start)
+    if not end > first:
+        raise InputError("must lie beyond the release and the first observation", field="end", value=end)
+    weights = np.ones(_N_NODE)
+    weights[[0, -1]] = 0.5
+    fine = start + np.linspace(np.sqrt(first - start), np.sqrt(end - start), _N_FINE) ** 2
+    return Track(start, end, np.linspace(start, end, _N_NODE), weights / weights.sum(), fine)
+
+
+def speed_response(
+    along: Track, x: FloatArray, speed: FloatArray, inertia: FloatArray, *, acceleration: float, floor: float = 0.0
+) -> Response:
+    """Of speeds measured at positions x (n_obs,); speed and inertia (n_obs,) of the fit there.
+
+    floor : slower than this the fit counts as this fast, so that a point at rest, where nothing is linear, does not count without limit.
+    Raises InputError where the fit does not move and there is no floor.
+    """
+    speed = np.maximum(speed, floor)
+    _moving(speed)
+    lever = acceleration / (inertia * speed)
+    return Response(lever[:, None] * _work(along, x), lever)
+
+
+def position_response(along: Track, x: FloatArray, speed: FloatArray, inertia: FloatArray, *, acceleration: float) -> Response:
+    """Of positions measured at given times; x (n_obs,) those of the fit, speed and inertia (n_fine,) of the fit at `along.fine`.
+
+    Answers at places before `along.fine[0]` are those there.
+
+    With q = sqrt(x) and m = x^(3/2)/(D v^3), smooth also at the release, int F/(D v^3) dx = -2 F m/q + int (2/q) d(F m).
+
+    Raises InputError where the fit does not move somewhere between the first observation and the end of the track.
+    """
+    _moving(speed[1:])
+    since = along.fine - along.start
+    q = np.sqrt(since)
+    smooth = np.divide(since**1.5, inertia * speed**3, out=np.zeros_like(since), where=speed > 0.0)
+    if not speed[0] > 0.0:  # released from rest
+        smooth[0] = smooth[1]
+    work = np.column_stack([_work(along, along.fine), np.ones(since.size)])
+    weighted = work * smooth[:, None]
+    middle = 0.5 * (q[1:] + q[:-1])
+    rest = np.vstack([np.zeros(work.shape[1]), np.cumsum(2.0 * np.diff(weighted, axis=0) / middle[:, None], axis=0)])
+    edge = np.divide(2.0 * weighted, q[:, None], out=np.zeros_like(weighted), where=q[:, None] > 0.0)
+    moved = acceleration * speed[:, None] * (rest - edge)
+    if q[0] == 0.0:
+        moved[0, -1] = moved[1, -1]  # finite at the release, where v -> 0
+    q_of_x = np.sqrt(np.clip(x - along.start, 0.0, along.length))
+    response = np.array([np.interp(q_of_x, q, column) for column in moved.T]).T
+    return Response(np.ascontiguousarray(response[:, :-1]), response[:, -1])
+
+
+def force_kernel(along: Track, length: float, *, radius: float | None = None) -> FloatArray:
+    """(n_node, n_node) correlation of the force, its mean over the track not yet removed.
+
+    radius : length of track for one radian of a turning wheel, which then has a moment once and twice per turn; None for what does not turn.
+    """
+    apart = distances(along.nodes)
+    return matern32(apart, length) if radius is None else turning(apart, length, radius=radius)
+
+
+def force_shapes(along: Track, response: Response, *, radius: float | None = None) -> tuple[Shape, ...]:
+    """The force with its mean over the track removed: one shape for each of some six lengths, about a sixth of the track.
+
+    What is constant along the track belongs to the rolling resistance (or the slope), which then means the average over this track.
+    """
+    shapes = []
+    for length, log_prior in zip(*track_lengths(along.length), strict=True):
+        kernel = without_mean(force_kernel(along, float(length), radius=radius), along.weights)
+        shapes.append(Shape("force", float(length), response.force @ root(kernel), float(log_prior)))
+    return tuple(shapes)
+
+
+def shared_force_shapes(
+    along: Track, responses: Sequence[Response], *, radius: float | None = None, own: tuple[float, ...] = (0.0, 0.1, 0.3, 1.0)
+) -> tuple[Shape, ...]:
+    """One force that all runs on a track share, its mean removed, plus a plain one of each run; observations stacked in the order of the runs.
+
+    responses : one for each run, on the same track, which ends where the longest run ends.
+    own : amplitudes of the runs' own force in units of the shared one, equally probable.  One without the other is not enough: a shared force
+    alone covers 17-44 % for 68 where the runs also differ, own ones alone 18 % where the profile repeats.
+    """
+    stacked = Response.stacked(responses).force
+    shapes = []
+    for length, log_prior in zip(*track_lengths(along.length), strict=True):
+        kernel = force_kernel(along, float(length), radius=radius)
+        shared, plain = stacked @ root(without_mean(kernel, along.weights)), root(kernel)
+        each = block_diag(*(r.force @ plain for r in responses))
+        log_each = float(log_prior - np.log(len(own)))
+        shapes += [Shape(f"force, own x {ratio:g}", float(length), np.hstack([shared, ratio * each]), log_each) for ratio in own]
+    return tuple(shapes)
+
+
+def _work(along: Track, x: FloatArray) -> FloatArray:
+    """(n, n_node) F(x) = int f dx' from the release, for a force that is 1 at one node and falls to 0 at its neighbours."""
+    step = along.nodes[1] - along.nodes[0]
+    since = np.append(np.clip(x, along.start, along.end), along.start)[:, None] - along.nodes
+    total = sum(part * np.square(np.maximum(since + shift * step, 0.0)) for part, shift in ((0.5, 1.0), (-1.0, 0.0), (0.5, -1.0))) / step
+    return np.asarray(total[:-1] - total[-1])
+
+
+def _moving(speed: FloatArray) -> None:
+    if not np.all(speed > 0.0):
+        raise InputError("must be > 0 along the track: a force is known to first order only while the body moves", field="speed")
