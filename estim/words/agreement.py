@@ -58,6 +58,7 @@ WORDS: Table = MappingProxyType(
         Kind.STATED_AGREE: lambda f: f"the data agree with what was stated before (p = {f.p:.2g})",
         Kind.STATED_HARDLY: lambda f: _stated("hardly agree", f),
         Kind.STATED_DISAGREE: lambda f: _stated("do not agree", f),
+        Kind.STATED_AND_CURVE: lambda f: _stated("do not agree", f) + "; but the curve does not explain them with other values either",
         Kind.PULL: _pull,
         Kind.COMMON_ERROR: _common,
         Kind.COMMON_ERRORS: lambda f: (
