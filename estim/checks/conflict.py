@@ -46,6 +46,7 @@ _LOOSER, _MOST_LOG_SD, _N_START = 100.0, 10.0, 6
 NOTE_BELOW = 0.05
 _LEAST = 0.01  # information of the data, in units of the prior's, below which there is nothing to compare
 _ALONE = 1e-9  # relative: eigenvalues below count as zero
+_TOO_FAR = 20.0  # pulls that an expansion around the mode cannot give
 _FAR = 2.0  # pulls worth naming, and how many of them at most
 _NAMED = 3
 
@@ -107,7 +108,7 @@ def check_stated_values(fit: Fit) -> Conflict:
         pulls[fit.names[curve[stated[k]]]] = math.copysign(math.sqrt(max(0.0, together - without)), float(pull_rows[k] @ step + off[k]))
     p_value = chi2_p(chi2, dof)
     unstated = None if p_value >= P_CONFLICT else _explained(fit)
-    if unstated is not None and p_value < P_FLAGRANT:  # the mode is a compromise far from anything, and tells little of what is wrong
+    if unstated is not None and max(map(abs, pulls.values()), default=0.0) > _TOO_FAR:  # the mode is far from everything
         pulls = {fit.names[curve[k]]: _distance(problem, unstated, curve[k]) for k in np.flatnonzero(slopes != 0.0)}
     ordered = dict(sorted(pulls.items(), key=lambda item: -abs(item[1])))
     return Conflict(chi2, dof, p_value, ordered, p_value >= P_CONFLICT or unstated is not None)
@@ -116,7 +117,10 @@ def check_stated_values(fit: Fit) -> Conflict:
 def _distance(problem: Problem, unstated: Fit, i: int) -> float:
     """Of one stated value from what data and all other stated values say, in standard deviations of that distance."""
     parameters = tuple(replace(p, prior=_loosened(p.prior)) if k == i else p for k, p in enumerate(problem.parameters))
-    others = fit_least_squares(replace(problem, parameters=parameters), rng=stream(0, Stream.FIT), n_start=1, start=unstated.values)
+    try:
+        others = fit_least_squares(replace(problem, parameters=parameters), rng=stream(0, Stream.FIT), n_start=1, start=unstated.values)
+    except NumericalError:
+        return 0.0
     prior = problem.parameters[i].prior
     return float((others.values[i] - prior.centre) / math.hypot(prior.sd, math.sqrt(others.cov[i, i])))
 
