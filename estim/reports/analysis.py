@@ -24,7 +24,7 @@ from estim.reports.identifiability_figures import direction_figure, profile_figu
 from estim.reports.labels import Labels
 from estim.reports.rendering import render
 from estim.reports.result import ParameterSummary, Result, RunSummary, Subject, result_of, to_json
-from estim.studies import scrutinise
+from estim.studies import determine
 from estim.words import STATUS_WORDS, Voice
 
 _PRIOR_DOMINATED = 0.8
@@ -52,10 +52,10 @@ class Row:
 
 def analysis_report(campaign: Subject, analysis: Analysis, *, voice: Voice = Voice.PYTHON) -> dict[str, bytes]:
     """`report.md`, `result.json` and `figures/*.png` of one analysis.  voice : to whom advice is given."""
-    scrutiny = scrutinise(analysis)
-    result = result_of(campaign, analysis, scrutiny, voice=voice)
+    determination = determine(analysis)
+    result = result_of(campaign, analysis, determination, voice=voice)
     section = identify_section(
-        analysis.problem, analysis.identifiability, scrutiny.intervals, scrutiny.sensitivity,
+        analysis.problem, analysis.identifiability, determination.intervals, determination.sensitivity,
         analysis.chain.thinned(_SECTION_DRAWS),
     )
     synthetic = campaign.kind == "synthetic"
@@ -65,7 +65,7 @@ def analysis_report(campaign: Subject, analysis: Analysis, *, voice: Voice = Voi
         "figures/corner.png": lambda: figures.corner_figure(analysis),
         "figures/traces.png": lambda: figures.trace_figure(analysis),
         "figures/directions.png": lambda: direction_figure(analysis.problem, analysis.identifiability),
-        "figures/profiles.png": lambda: profile_figure(analysis.problem, scrutiny.intervals, analysis.chain.thinned(_RIDGE_DRAWS)),
+        "figures/profiles.png": lambda: profile_figure(analysis.problem, determination.intervals, analysis.chain.thinned(_RIDGE_DRAWS)),
     }
     if analysis.consistency is not None:
         on_edge = analysis.fit.at_bound

@@ -26,7 +26,7 @@ from estim.reading import Run
 from estim.reports.labels import Labels, labels_of, names_as_labels
 from estim.reports.origin import origin_facts, origin_warnings, speed_facts
 from estim.sampling import Summary, number, summarise, summarise_parameter, trusted
-from estim.studies import Scrutiny
+from estim.studies import Determination
 from estim.words import Voice, advice_for, common_error, tell
 
 SCHEMA = "estim-result/1"
@@ -217,8 +217,8 @@ class Subject(Protocol):
         """Run -> its table."""
 
 
-def result_of(campaign: Subject, analysis: Analysis, scrutiny: Scrutiny | None = None, *, voice: Voice = Voice.PYTHON) -> Result:
-    """The record of an analysis, with its profile intervals if it was scrutinised.  voice : to whom advice is given."""
+def result_of(campaign: Subject, analysis: Analysis, determination: Determination | None = None, *, voice: Voice = Voice.PYTHON) -> Result:
+    """The record of an analysis, with its profile intervals if they were determined.  voice : to whom advice is given."""
     problem, fit, chain, diagnosis = analysis.problem, analysis.fit, analysis.chain, analysis.diagnosis
     flat, conflict = chain.flat, analysis.conflict
     result = Result(
@@ -237,7 +237,7 @@ def result_of(campaign: Subject, analysis: Analysis, scrutiny: Scrutiny | None =
             chain.draws.shape[0], chain.draws.shape[2], chain.convergence.n_step, chain.n_burn, number(chain.convergence.tau),
             float(np.mean(chain.acceptance)), chain.convergence.message,
         ),
-        certificate=_certificate(analysis), profile=None if scrutiny is None else {i.name: _profile(i) for i in scrutiny.intervals},
+        certificate=_certificate(analysis), profile=None if determination is None else {i.name: _profile(i) for i in determination.intervals},
         turning_point={
             b.run: _turning_point(b.end, run, diagnosis) for b, run in zip(analysis.bands, problem.runs, strict=True) if run.motion is not None
         },
