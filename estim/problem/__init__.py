@@ -2,7 +2,7 @@
 Read `problem` first, then `noise` (which sigma is which) and `likelihood` (what is asked of it).  Imports `common` alone."""
 
 from estim.problem.abscissas import hide_the_range
-from estim.problem.curve import EXACT, Curve, Derived, LocalCurve, Wording, plain_words
+from estim.problem.curve import EXACT, CommonError, Curve, Derived, LocalCurve, SpeedCurve, Wording, plain_words
 from estim.problem.derivative import STENCILS, Derivative, differentiate
 from estim.problem.flat import Flat
 from estim.problem.likelihood import Likelihood, Noise, NormalErrors, reading_sd

@@ -28,6 +28,7 @@ from estim.studies import scrutinise
 from estim.words import STATUS_WORDS, Voice
 
 _PRIOR_DOMINATED = 0.8
+_FELT = 0.05  # posterior standard deviations
 _RIDGE_DRAWS, _SECTION_DRAWS = 20_000, 4000
 
 
@@ -95,11 +96,37 @@ def analysis_text(result: Result, section: IdentifySection, consistency: str, co
         result=result, kind=KINDS[result.kind], status_words=STATUS_WORDS[Status(result.status)], rows=rows,
         correlation=_correlation_table(result), derived=_derived_rows(result.runs, result.labels), limits=_what_limits(result),
         reject_below=P_POOR_FIT, conflict_below=P_CONFLICT, ends=_turning_rows(result), identify=section,
-        meaningless=not Status(result.status).draws_count,
+        meaningless=not Status(result.status).draws_count, limits_count=Status(result.status).limits_count,
+        what_if=_what_if_rows(result), what_if_heads=[result.labels.symbol(name) for name in _moved_by_errors(result)],
         consistency=consistency, axes=axes, limits_only=result.status != "ok", converged=converged,
         corner_words=corner_words,
         picture=" and ".join(f"{y} against {x}" for x, y in axes),
     )
+
+
+def _moved_by_errors(result: Result) -> list[str]:
+    """The parameters that some error moves by more than rounding hides."""
+    return [name for name in result.parameters if any(abs(one.shifts.get(name, 0.0)) >= _FELT for one in result.what_if)]
+
+
+def _what_if_rows(result: Result) -> list[tuple[str, list[str]]]:
+    """For each error in common its words and by how much each parameter moves."""
+    names = _moved_by_errors(result)
+    several = len(result.runs) > 1
+    return [
+        (
+            one.error + (f" ({', '.join(one.runs)})" if several and len(one.runs) < len(result.runs) else ""),
+            [_shift_cell(one.shifts.get(name)) for name in names],
+        )
+        for one in result.what_if
+        if names
+    ]
+
+
+def _shift_cell(shift: float | None) -> str:
+    if shift is None:
+        return ""
+    return signed(f"{shift:+.1f}") if abs(shift) >= _FELT else "0"
 
 
 def index_report(campaign: Campaign, results: Mapping[str, Result]) -> dict[str, bytes]:
