@@ -64,8 +64,9 @@ def test_the_command_line_alone_knows_click():
     assert importers("click") == {"estim.cli.commands", "estim.cli.terminal"}
 
 
-def test_inference_meets_physics_in_three_files():
-    assert {m for m in importers("model") if m in ESTIM} == {"estim.campaign.bodies", "estim.campaign.design", "estim.curves.rolling"}
+def test_inference_meets_physics_in_five_files():
+    found = {"estim.campaign.bodies", "estim.campaign.design", "estim.campaign.quantities", "estim.curves.disturbed", "estim.curves.rolling"}
+    assert {m for m in importers("model") if m in ESTIM} == found
 
 
 @pytest.mark.parametrize(("package", "module"), [("lmfit", "estim.fitting.least_squares"), ("emcee", "estim.sampling.chain")])
