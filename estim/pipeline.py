@@ -15,6 +15,7 @@ from estim.checks import (
     Diagnosis,
     Goodness,
     Identifiability,
+    Influence,
     Modes,
     Outliers,
     check_consistency,
@@ -26,11 +27,12 @@ from estim.checks import (
     find_outliers,
     headline,
     identify,
+    influences,
     optima,
     parameter_cells,
     untested,
 )
-from estim.common import InputError, Status, Stream, stream
+from estim.common import Finding, InputError, Kind, Status, Stream, stream
 from estim.curve_fit import CurveFit
 from estim.fitting import Fit
 from estim.problem import Problem, folded
@@ -59,6 +61,7 @@ from estim.words import advice_for
 _BAND_DRAWS = 4000
 _MODE_DRAWS = 20_000
 _OUTLIER_DRAWS = 1000
+_A_FEW = 60  # steps, where data and stated values contradict each other: for figures alone
 _MANY_RUNS = 16  # beyond, the marginal over runs takes the place of a chain
 _NEGLIGIBLE = 1e-3  # share of an optimum that quadrature has no part for: the border of a light one may cut a heavy one beside it
 
@@ -70,6 +73,7 @@ class Analysis:
     certificate : the second computation; None where there are too many parameters for it.
     consistency : whether several runs agree about what they share; None where that cannot be asked.
     conflict : whether the data agree with what was stated of the parameters.
+    influences : what errors that no residual can show would do.
     title, kind : of the campaign, "" where there is none.
     """
 
@@ -84,6 +88,7 @@ class Analysis:
     outliers: tuple[Outliers, ...]
     consistency: Consistency | None
     conflict: Conflict
+    influences: tuple[Influence, ...]
     diagnosis: Diagnosis
     bands: tuple[Bands, ...]
     seed: int
@@ -125,10 +130,14 @@ def analyse_fit(
     stop: Stop | None = None, marginal: bool | None = None, tested: bool = True,
 ) -> Analysis:
     """What follows a fit, however its problem was posed.  tested : whether there are residuals to test."""
-    target, problem = target or Target(), fit.problem
+    target, problem, conflict = target or Target(), fit.problem, check_stated_values(fit)
     chain_rng, proposal_rng = stream(seed, Stream.CHAIN), stream(seed, Stream.PROPOSAL)
     certificate = None
-    if marginal if marginal is not None else _through_marginal(fit):
+    if conflict.flagrant:
+        few = replace(target, max_step=min(target.max_step, _A_FEW))
+        chain = sample_posterior(fit.posterior, fit.values, fit.cov, target=few, rng=chain_rng, progress=progress)
+        comparison = no_comparison(fit.names, Finding(Kind.NOT_SAMPLED))
+    elif marginal if marginal is not None else _through_marginal(fit):
         chain, comparison = marginal_chain(fit, target=target, rng=chain_rng)
     else:
         proposal, density = None, folded(fit.posterior, fit.symmetry, fit.values)
@@ -149,13 +158,14 @@ def analyse_fit(
     modes = find_modes(fit, chain.thinned(_MODE_DRAWS))
     outliers = find_outliers(fit.posterior, chain.thinned(_OUTLIER_DRAWS))
     consistency = check_consistency(fit) if comparable(fit) else None
-    conflict = check_stated_values(fit)
+    moved = influences(fit)
     diagnosis = diagnose(
-        fit, chain, goodness, comparison=comparison, identifiability=identifiability, modes=modes, consistency=consistency, conflict=conflict
+        fit, chain, goodness, comparison=comparison, identifiability=identifiability, modes=modes, consistency=consistency, conflict=conflict,
+        influences=moved,
     )
     bands = posterior_bands(problem, chain.thinned(_BAND_DRAWS), rng=stream(seed, Stream.BANDS))
     return Analysis(
-        problem, fit, certificate, chain, comparison, goodness, identifiability, modes, outliers, consistency, conflict, diagnosis, bands, seed
+        problem, fit, certificate, chain, comparison, goodness, identifiability, modes, outliers, consistency, conflict, moved, diagnosis, bands, seed
     )
 
 

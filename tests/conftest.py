@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 from matplotlib.figure import Figure
+from stand_ins import write as write_stand_ins
 
 if TYPE_CHECKING:
     from estim.studies import Reanalysis
@@ -19,6 +20,7 @@ signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell's background
 
 PROJECT = Path(__file__).resolve().parents[1]
 SHARED = Path(os.environ.get("ESTIM_SHARED_DATA", PROJECT.parent / "shared" / "data"))
+REAL = SHARED / "tracker"
 
 
 @pytest.fixture
@@ -47,12 +49,36 @@ def reanalysed() -> Reanalysis:
     return reanalyse(campaign, seed=2, target=Target(), progress_of=lambda what: nullcontext(lambda step, message: None))
 
 
+@pytest.fixture(scope="session")
+def stand_ins(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Files of the program Tracker that are made here (tests/stand_ins.py)."""
+    return write_stand_ins(tmp_path_factory.mktemp("tracker"))
+
+
+@pytest.fixture(params=["stand-ins", *(["real files"] if REAL.is_dir() else [])])
+def tracker_folder(request: pytest.FixtureRequest) -> Path:
+    """Files of Tracker: those made here and, where they are present, the real ones, which are the only data outside the project."""
+    return REAL if request.param == "real files" else request.getfixturevalue("stand_ins")
+
+
 @pytest.fixture
-def tracker_folder() -> Path:
-    """Real files of the program Tracker, the only data outside the project; tests that need them are skipped where they are absent."""
-    if not (SHARED / "tracker").is_dir():
-        pytest.skip(f"no files of the program Tracker at {SHARED / 'tracker'}")
-    return SHARED / "tracker"
+def real_files() -> list[Path]:
+    """All real files of Tracker; none in a plain clone."""
+    return sorted(path for path in REAL.rglob("*") if path.is_file())
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """What is slow is done with stand-ins in `make test`, and with real files in `make statistics`."""
+    for item in items:
+        if item.get_closest_marker("slow") and "real files" in item.name:
+            item.add_marker("statistics")
+
+
+def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter, config: pytest.Config) -> None:
+    if config.option.markexpr == "statistics":
+        count = sum(path.is_file() for path in REAL.rglob("*"))
+        terminalreporter.write_line(f"real files of the program Tracker, read beside their stand-ins: {count} ({REAL})")
 
 
 PIXEL = (

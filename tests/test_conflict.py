@@ -109,7 +109,7 @@ def test_a_wrong_stated_value_is_no_ok(tmp_path: Path) -> None:
     done = CliRunner().invoke(cli, ["fit", str(campaign), "--out", str(tmp_path / "out")])
     assert done.exit_code == 3, done.output
     result = json.loads((tmp_path / "out" / "result.json").read_text())
-    assert result["status"] == "poor-fit"
+    assert result["status"] == "contradiction"
     (reason,) = (r for r in result["reasons"] if "stated before" in r)
     assert "φ[r] was stated as 6 °" in reason
     report = (tmp_path / "out" / "report.md").read_text()
@@ -117,11 +117,11 @@ def test_a_wrong_stated_value_is_no_ok(tmp_path: Path) -> None:
     assert reason in report
 
 
-def test_a_wrong_stated_value_of_a_formula_is_a_poor_fit_though_the_scatter_is_inferred(rng: np.random.Generator) -> None:
+def test_a_wrong_stated_value_of_a_formula_is_a_contradiction_though_the_scatter_is_inferred(rng: np.random.Generator) -> None:
     y = 2.0 * X + 1.0 + U * rng.standard_normal(X.size)
     start = {"a": 2.0, "b": 1.0}
     assert fit_curve("a*x + b", X, y, start=start, priors={"a": Normal(2.0, 0.1)}).status == "ok"
-    assert fit_curve("a*x + b", X, y, start=start, priors={"a": Normal(3.0, 0.1)}).status == "poor-fit"
+    assert fit_curve("a*x + b", X, y, start=start, priors={"a": Normal(3.0, 0.1)}).status == "contradiction"
 
 
 @pytest.mark.usefixtures("undrawn")

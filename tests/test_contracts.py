@@ -21,7 +21,7 @@ from estim.fitting.least_squares import Fit
 from estim.problem.curve import POINTS as PLAIN
 from estim.problem.curve import Motion, SpeedCurve
 from estim.problem.likelihood import Likelihood, reading_sd
-from estim.problem.problem import Problem
+from estim.problem.posterior import Problem
 from estim.problem.whitened import Linear
 
 X = np.linspace(0.05, 0.30, 6)

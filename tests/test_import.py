@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from stand_ins import ROLLS
 from tracker_files import point_mass, trk
 
 from estim import InputError, load_campaign
@@ -245,7 +246,7 @@ def test_axis_options_that_look_like_options_are_values(write, tmp_path) -> None
     np.testing.assert_allclose(read_run(tmp_path / "run.csv", name="a").columns["x_m"], s, atol=1e-12)
 
 
-# real files
+# recordings: stand-ins, and real files where they are present
 
 
 READ = {
@@ -257,7 +258,7 @@ READ = {
 
 
 @pytest.mark.parametrize("file", READ)
-def test_every_sound_real_file_becomes_a_run(tracker_folder: Path, tmp_path: Path, file: str) -> None:
+def test_every_sound_file_becomes_a_run(tracker_folder: Path, tmp_path: Path, file: str) -> None:
     imported = import_track(tracker_folder / file, READ[file])
     (tmp_path / "run.csv").write_bytes(run_table(imported))
     run = read_run(tmp_path / "run.csv", name="a")
@@ -267,12 +268,19 @@ def test_every_sound_real_file_becomes_a_run(tracker_folder: Path, tmp_path: Pat
     assert np.max(run.columns["x_m"]) < 2.0
 
 
+@pytest.mark.statistics
+def test_real_files_are_those_that_have_stand_ins(stand_ins: Path, real_files: list[Path]) -> None:
+    """None in a plain clone; how many there were stands below the tests."""
+    made = {"/".join(path.parts[-2:]) for path in stand_ins.rglob("*") if path.is_file()}
+    assert {"/".join(path.parts[-2:]) for path in real_files} in (set(), made)
+
+
 def test_a_trk_and_its_export_make_the_same_run(tracker_folder: Path) -> None:
     video, table = (import_track(tracker_folder / "viscosity" / name, Choices(along="-y")) for name in ("CIMG9886.trk", "a1.txt"))
     np.testing.assert_allclose(video.x, table.x, atol=1.1e-8)
 
 
-def test_suspicions_of_the_real_files(tracker_folder: Path) -> None:
+def test_suspicions_of_the_recordings(tracker_folder: Path) -> None:
     def said(file: str, **choices) -> str:
         return " | ".join(import_track(tracker_folder / file, Choices(**choices)).warnings)
 
@@ -362,7 +370,9 @@ def test_frames_of_no_duration_are_refused(tmp_path) -> None:
         import_track(tmp_path / "a.trk", Choices())
 
 
-def test_a_small_ball_on_a_long_way_is_asked_about_its_unit_only_if_it_is_wrong(tracker_folder: Path, tmp_path: Path) -> None:
+def test_a_small_ball_on_a_long_way_is_asked_about_its_unit_only_if_it_is_wrong(
+    tracker_folder: Path, stand_ins: Path, tmp_path: Path
+) -> None:
     text = f"""title = "a ball of 1 cm on 1.4 m"
 kind = "measured"
 [bodies.ball]
@@ -381,5 +391,9 @@ noise = {{sigma_x_m = 0.002}}
     (tmp_path / "c.toml").write_text(text)
     load_campaign(tmp_path / "c.toml")
     (tmp_path / "c.toml").write_text(text.replace('"cm"', '"m"'))
-    with pytest.raises(InputError, match=r"kulefullbane\.txt: 'x_m' reaches 139\.4 m, .* is it in cm or mm, or the time not in s\?$"):
+    reach = "139.4"  # cm, of the real file
+    if tracker_folder == stand_ins:
+        n, a = ROLLS["kulefullbane"]
+        reach = f"{50.0 * a * ((n - 2) / 30.0) ** 2:.4g}"  # the last frame that has a speed
+    with pytest.raises(InputError, match=rf"kulefullbane\.txt: 'x_m' reaches {reach} m, .* is it in cm or mm, or the time not in s\?$"):
         load_campaign(tmp_path / "c.toml")

@@ -6,6 +6,7 @@ import io
 import json
 import os
 import re
+import tracemalloc
 import zipfile
 from pathlib import Path
 
@@ -15,8 +16,9 @@ from tracker_files import point_mass, trk
 
 from estim import InputError, load_campaign
 from estim.cli.commands import cli
-from estim.common.alike import first_alike
-from estim.common.storage import write_whole
+from estim.common.errors import EstimError
+from estim.common.lookalikes import first_alike
+from estim.common.storage import read_file, write_whole
 from estim.line.series import read_theta_min
 from estim.studies.reanalysis import _published
 
@@ -204,3 +206,17 @@ def test_what_is_written_has_the_mode_that_the_umask_leaves(tmp_path: Path, umas
     assert (tmp_path / "new" / "a.csv").stat().st_mode & 0o777 == mode
     assert (tmp_path / "new").stat().st_mode & 0o777 == 0o777 & ~umask
     assert [path.name for path in (tmp_path / "new").iterdir()] == ["a.csv"]
+
+
+def test_a_limit_of_size_costs_no_memory(tmp_path: Path) -> None:
+    """The longest chain that a command allows would be 49 GB: memory is taken for what is there."""
+    write_whole(tmp_path / "a", b"12345")
+    tracemalloc.start()
+    try:
+        assert read_file(tmp_path / "a", at_most=10**15) == b"12345"
+        assert tracemalloc.get_traced_memory()[1] < 10**6
+    finally:
+        tracemalloc.stop()
+    assert read_file(tmp_path / "a", at_most=5) == b"12345"
+    with pytest.raises(EstimError, match=r"is larger than anything that estim writes there \(4 bytes\)"):
+        read_file(tmp_path / "a", at_most=4)

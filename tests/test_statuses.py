@@ -18,7 +18,7 @@ from estim.checks.diagnosis import sampling_findings
 from estim.cli.commands import cli
 from estim.common.kinds import Status
 from estim.pipeline import Analysis, analyse
-from estim.problem.problem import Posterior
+from estim.problem.posterior import Posterior
 from estim.reports.figures import phase_figure
 from estim.sampling.certificate import Certificate
 from estim.sampling.chain import Target
@@ -69,7 +69,7 @@ def assert_no_headline(written: Written, status: str) -> None:
             assert all(summary[name] is None for name in NAMED)
     assert all((p["q025"] is None) == (not Status(status).draws_count) for p in result["parameters"].values())
     assert ("not even a limit" in report) == (not Status(status).draws_count)
-    assert ("95 % of the profile" in report) == Status(status).draws_count
+    assert ("95 % of the profile" in report) == Status(status).limits_count
 
 
 @pytest.mark.slow
@@ -88,6 +88,16 @@ def test_trouble_leads_to_its_status_and_to_no_headline_number(name: str, tmp_pa
         assert f"- {words}\n" in written.report
         assert words in written.output or words in written.result["advice"]
     assert_no_headline(written, trouble.status)
+
+
+def test_a_flagrant_contradiction_comes_before_any_cost(tmp_path: Path) -> None:
+    """A tilt ten times too large: said first, without a chain to its end."""
+    written = fit(TROUBLES["wrong tilt"].campaign, tmp_path)
+    first, second = written.output.splitlines()[:2]
+    assert first == "r: contradiction"
+    assert "φ[r] was stated as 40 °" in second
+    assert written.result["sampling"]["n_step"] <= 60
+    assert written.result["certificate"]["method"] is None
 
 
 @pytest.mark.parametrize("name", TROUBLES)
@@ -155,7 +165,7 @@ def test_only_an_ok_result_has_bands(status: Status, healthy: Analysis) -> None:
 
 def test_draws_that_mean_nothing_come_before_any_other_status() -> None:
     """Else a result "at-bound" would quote limits from draws that cannot be trusted."""
-    assert [status.draws_count for status in Status] == [False] * 2 + [True] * (len(Status) - 2)
+    assert [status.draws_count for status in Status] == [False] * 3 + [True] * (len(Status) - 3)
 
 
 @pytest.mark.slow

@@ -1,4 +1,4 @@
-"""Files of the program Tracker: real ones against Tracker's own exports, small ones against numbers worked out by hand."""
+"""Files of the program Tracker: recordings against Tracker's own exports, small ones against numbers worked out by hand."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from stand_ins import EXPORTS, START, TRUTH
 from tracker_files import array, point_mass, prop, stored, thing, trk
 
 from estim import InputError
@@ -28,7 +29,7 @@ def write(tmp_path):
     return write
 
 
-# real files
+# recordings: stand-ins, and real files where they are present
 
 
 @pytest.mark.parametrize(("video", "export", "digits"), [("CIMG9886", "a1", 5e-9), ("CIMG9888", "a2", 5e-9), ("CIMG9892", "b3", 5e-8)])
@@ -46,6 +47,17 @@ def test_positions_and_times_are_those_of_trackers_own_export(tracker_folder: Pa
     assert not np.allclose(-track.y, y, atol=100 * digits)  # the axis points up, and that is seen
 
 
+@pytest.mark.parametrize("video", EXPORTS)
+def test_stand_ins_are_read_as_they_were_made(stand_ins: Path, write, video: str) -> None:
+    """To the rounding of pixels, 1e-13 of some 500; also from an archive."""
+    text = (stand_ins / "viscosity" / f"{video}.trk").read_text()
+    for track in (read_tracker(stand_ins / "viscosity" / f"{video}.trk"), read_tracker(write(stored(text), "a.trz"))):
+        for found, made in zip((track.t, track.x, track.y), TRUTH[video], strict=True):
+            np.testing.assert_allclose(found, made, atol=1e-12, rtol=0)
+        assert track.frames.tolist() == list(range(START, START + track.t.size))
+        assert track.warnings == ()
+
+
 def test_wrong_scale_is_reproduced_and_the_stick_that_made_it_is_shown(tracker_folder: Path) -> None:
     wrong, right = (read_tracker(tracker_folder / "viscosity" / f"{name}.trk") for name in ("CIMG9892", "CIMG9886"))
     assert 9.0 < np.ptp(wrong.y) / np.ptp(right.y) < 11.0
@@ -58,7 +70,7 @@ def test_lines_of_the_file_go_with_the_points(tracker_folder: Path) -> None:
     track = read_tracker(path)
     lines = path.read_text().splitlines()
     assert all("PointMass$FrameData" in lines[n - 1] for n in track.lines)
-    assert track.frames[0] == 20
+    assert track.frames[0] == START
 
 
 def test_files_with_other_kinds_of_tracks_say_what_they_hold(tracker_folder: Path) -> None:

@@ -20,9 +20,10 @@ ANGLE = Notation("θ₀", "°", 180.0 / math.pi)
 PARTS = {
     Kind.CHAIN_SHORT: Kind.RHAT_HIGH, Kind.METHODS_DIFFER: Kind.CHAIN_DIFFERS, Kind.CHAIN_DIFFERS: Kind.DIFFERENCE,
     Kind.SEVERAL_SOLUTIONS: Kind.SOLUTION, Kind.EXCHANGED: Kind.EXCHANGE, Kind.IMAGES: Kind.IMAGE, Kind.OTHER_NUMBERS: Kind.VALUES,
-    Kind.FASTER_CURVES: Kind.VALUES, Kind.STATED_HARDLY: Kind.PULL, Kind.STATED_DISAGREE: Kind.PULL,
+    Kind.COMMON_ERRORS: Kind.COMMON_ERROR, Kind.FASTER_CURVES: Kind.VALUES, Kind.STATED_HARDLY: Kind.PULL, Kind.STATED_DISAGREE: Kind.PULL,
+    Kind.STATED_AND_CURVE: Kind.PULL,
 }
-TESTS = {Kind.LIMIT: "upper", Kind.RANKS_UNEVEN: "low", Kind.COVERAGE_OFF: "wide", Kind.NO_DERIVATIVE: "central"}
+TESTS = {Kind.COMMON_ERROR: "clock", Kind.LIMIT: "upper", Kind.RANKS_UNEVEN: "low", Kind.COVERAGE_OFF: "wide", Kind.NO_DERIVATIVE: "central"}
 
 
 class Twos(Mapping[str, float]):

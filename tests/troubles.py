@@ -139,6 +139,10 @@ TROUBLES = {
         Formula("a**2*x", f"a = {uniform(-3.0, 3.0)}", lambda x: 4.0 * x), Formula("a**2*x", f"a = {uniform(0.0, 3.0)}", lambda x: 4.0 * x),
         "multimodal", r"a = -?2 \(50% of the posterior\); or a = -?2 \(50%", "a range that holds one of them",
     ),
+    # the ramp stands at 4 degrees
+    "wrong tilt": Trouble(
+        Disk(phi='"40.0(4)"'), Disk(), "contradiction", r"φ\[r\] was stated as 40 °, [78]\d\.\d standard deviations above", "check what was stated",
+    ),
     # a balanced wheel is assumed, an unbalanced one rolled down
     "wrong model": Trouble(Disk(gamma="0.0", **DOWN), Disk(**DOWN), "poor-fit", "neighbouring residuals are alike", "physics that the curve lacks"),
 }

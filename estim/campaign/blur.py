@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from estim.arrays import FloatArray
-from estim.campaign.file import NoiseTable
+from estim.campaign.campaign_file import NoiseTable
 from estim.campaign.levels import Levels, Path
 from estim.curves import size_with_blur
 from estim.reading import Run

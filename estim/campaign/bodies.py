@@ -12,8 +12,8 @@ from types import MappingProxyType
 
 import numpy as np
 
+from estim.campaign.campaign_file import CampaignFile, NoiseTable
 from estim.campaign.effects import setting_of
-from estim.campaign.file import CampaignFile, NoiseTable
 from estim.campaign.levels import Level, Levels, body_levels, noise_level, read_key
 from estim.campaign.noise_models import Candidate, noise_candidates
 from estim.campaign.plausible import check_speeds

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import msgspec
 import numpy as np
 
-from estim.campaign.file import NoiseTable
+from estim.campaign.campaign_file import NoiseTable
 from estim.campaign.levels import Levels, noise_level
 from estim.problem import Noise
 from estim.reading import Run

@@ -13,7 +13,7 @@ import numpy as np
 
 from estim.arrays import FloatArray
 from estim.campaign.blur import relative_blur
-from estim.campaign.file import NoiseTable, WindowTable
+from estim.campaign.campaign_file import NoiseTable, WindowTable
 from estim.campaign.levels import Levels, Path, noise_level, read_at
 from estim.campaign.plausible import check_reading_error
 from estim.campaign.robust import shape_of

@@ -29,20 +29,24 @@ Eadie et al., Statistical Methods in Experimental Physics (1971) 10.8 (pulls, th
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from estim.arrays import FloatArray
-from estim.common import Amount, Finding, Kind
-from estim.fitting import Fit, around, chi2_p, curve_indices, information
-from estim.problem import MEASURED, LogNormal
+from estim.checks.goodness import check_goodness
+from estim.common import Amount, Finding, Kind, NumericalError, Stream, stream
+from estim.fitting import Fit, around, chi2_p, curve_indices, fit_least_squares, information
+from estim.problem import MEASURED, LogNormal, Normal, Prior, Problem, TruncatedNormal
 
 P_CONFLICT = 0.01
+P_FLAGRANT = 1e-6  # then there is nothing to sample
+_LOOSER, _MOST_LOG_SD, _N_START = 100.0, 10.0, 6
 NOTE_BELOW = 0.05
 _LEAST = 0.01  # information of the data, in units of the prior's, below which there is nothing to compare
 _ALONE = 1e-9  # relative: eigenvalues below count as zero
+_TOO_FAR = 20.0  # pulls that an expansion around the mode cannot give
 _FAR = 2.0  # pulls worth naming, and how many of them at most
 _NAMED = 3
 
@@ -54,12 +58,19 @@ class Conflict:
     chi2, dof, p_value : T; dof 0 where the data say nothing about anything stated (then p is 1).
     pulls : parameter -> pull of its stated value, positive where all else says more, largest first; parameters that the data
         narrow by less than 0.5 % are left out.
+    explained : whether the curve explains the data where nothing is stated; then what was stated is wrong, else the curve.
     """
 
     chi2: float
     dof: int
     p_value: float
     pulls: dict[str, float]
+    explained: bool = True
+
+    @property
+    def flagrant(self) -> bool:
+        """Whether what was stated is so far off that draws of the compromise would mean nothing."""
+        return self.explained and self.p_value < P_FLAGRANT
 
     @property
     def agree(self) -> bool:
@@ -95,7 +106,58 @@ def check_stated_values(fit: Fit) -> Conflict:
         others = np.arange(stated.size) != k
         step, without = model.least(pull_rows[others], off[others])
         pulls[fit.names[curve[stated[k]]]] = math.copysign(math.sqrt(max(0.0, together - without)), float(pull_rows[k] @ step + off[k]))
-    return Conflict(chi2, dof, chi2_p(chi2, dof), dict(sorted(pulls.items(), key=lambda item: -abs(item[1]))))
+    p_value = chi2_p(chi2, dof)
+    unstated = None if p_value >= P_CONFLICT else _explained(fit)
+    if unstated is not None and max(map(abs, pulls.values()), default=0.0) > _TOO_FAR:  # the mode is far from everything
+        pulls = {fit.names[curve[k]]: _distance(problem, unstated, curve[k]) for k in np.flatnonzero(slopes != 0.0)}
+    ordered = dict(sorted(pulls.items(), key=lambda item: -abs(item[1])))
+    return Conflict(chi2, dof, p_value, ordered, p_value >= P_CONFLICT or unstated is not None)
+
+
+def _distance(problem: Problem, unstated: Fit, i: int) -> float:
+    """Of one stated value from what data and all other stated values say, in standard deviations of that distance."""
+    parameters = tuple(replace(p, prior=_loosened(p.prior)) if k == i else p for k, p in enumerate(problem.parameters))
+    try:
+        others = fit_least_squares(replace(problem, parameters=parameters), rng=stream(0, Stream.FIT), n_start=1, start=unstated.values)
+    except NumericalError:
+        return 0.0
+    prior = problem.parameters[i].prior
+    return float((others.values[i] - prior.centre) / math.hypot(prior.sd, math.sqrt(others.cov[i, i])))
+
+
+def _explained(fit: Fit) -> Fit | None:
+    """A fit of the curve that explains the data of `fit` where what was stated is a hundred times less certain; None where there is none.
+
+    The tests are those of any fit: whether its residuals look like the noise.
+    """
+    problem = fit.problem
+    parameters = tuple(p if p.name in problem.noise_names else replace(p, prior=_loosened(p.prior)) for p in problem.parameters)
+    loose = replace(problem, parameters=parameters)
+    rng = stream(0, Stream.FIT)
+    drawn = _N_START if all(math.isfinite(p.prior.sd) for p in loose.parameters) else 0
+    draws = [np.array([float(p.prior.draw(rng, 1)[0]) for p in loose.parameters]) for _ in range(drawn)]
+    return next((found for start in (fit.values, problem.start(), *draws) if (found := _fits(loose, start)) is not None), None)
+
+
+def _fits(problem: Problem, start: FloatArray) -> Fit | None:
+    """The fit from `start` (n_par,) if it passes the tests of residuals."""
+    try:
+        fit = fit_least_squares(problem, rng=stream(0, Stream.FIT), n_start=1, start=start)
+        return None if any(run.failed for run in check_goodness(fit, rng=stream(0, Stream.GOODNESS))) else fit
+    except NumericalError:
+        return None
+
+
+def _loosened(prior: Prior) -> Prior:
+    if isinstance(prior, TruncatedNormal):
+        return replace(prior, scale=_LOOSER * prior.scale)
+    if isinstance(prior, LogNormal):
+        return replace(prior, log_sd=min(_LOOSER * prior.log_sd, _MOST_LOG_SD))
+    if isinstance(prior, Normal):
+        if math.isfinite(prior.low) or math.isfinite(prior.high):
+            return TruncatedNormal(prior.mean, _LOOSER * prior.sd, prior.low, prior.high)
+        return replace(prior, sd=_LOOSER * prior.sd)
+    return prior
 
 
 def stated_values(fit: Fit, conflict: Conflict) -> Finding:
@@ -108,7 +170,8 @@ def stated_values(fit: Fit, conflict: Conflict) -> Finding:
     far = [name for name, pull in conflict.pulls.items() if abs(pull) > _FAR and isinstance(parameters[name].prior, MEASURED)][:_NAMED]
     stated = {name: Amount(name, parameters[name].prior.centre, parameters[name].label) for name in far}
     parts = [Finding(Kind.PULL, size=conflict.pulls[name], parameters=(amount,)) for name, amount in stated.items()]
-    return Finding(Kind.STATED_HARDLY if conflict.agree else Kind.STATED_DISAGREE, p=conflict.p_value, parts=tuple(parts))
+    kind = Kind.STATED_HARDLY if conflict.agree else Kind.STATED_DISAGREE if conflict.explained else Kind.STATED_AND_CURVE
+    return Finding(kind, p=conflict.p_value, parts=tuple(parts))
 
 
 def _without(matrix: FloatArray, kept: NDArray[np.int64], fitted: NDArray[np.int64]) -> FloatArray:

@@ -13,6 +13,7 @@ from estim.checks.consistency import Consistency
 from estim.checks.goodness import P_FLOOR, P_POOR_FIT, SCATTER_LIMIT, Goodness
 from estim.checks.identifiability import Identifiability
 from estim.checks.modes import Modes
+from estim.checks.what_if import Influence, large_influences
 from estim.common import Amount, Finding, Kind, Status, decide, wrong
 from estim.fitting import MAX_ROUNDS, PRESSED_BELOW, Fit, edge_amount, limit_found, pressed
 from estim.problem import same_curves
@@ -56,17 +57,19 @@ class Diagnosis:
 
 def diagnose(
     fit: Fit, chain: Chain, goodness: Sequence[Goodness], *, comparison: Agreement, identifiability: Identifiability, modes: Modes,
-    consistency: Consistency | None, conflict: Conflict,
+    consistency: Consistency | None, conflict: Conflict, influences: Sequence[Influence],
 ) -> Diagnosis:
     """The status of a sampled fit."""
     findings = wrong(
         [
-            *_convergence(fit, chain), *several_solutions(fit, modes), *_flat_directions(fit, identifiability), *_bounds(fit),
+            *([] if conflict.flagrant else _convergence(fit, chain)), *several_solutions(fit, modes),
+            *_flat_directions(fit, identifiability), *_bounds(fit),
             *failed_tests(goodness), *_methods(comparison), *_consistency(consistency), stated_values(fit, conflict), *too_many_outliers(fit),
         ]
     )
+    remarks = _remarks(fit, chain, goodness, conflict) + ([] if findings else large_influences(fit, influences))
     return Diagnosis(
-        status=decide(findings), findings=findings, remarks=tuple(_remarks(fit, chain, goodness, conflict)),
+        status=decide(findings), findings=findings, remarks=tuple(remarks),
         rhat=r_hat(chain.draws), ess_bulk=effective_size(chain.draws, "bulk"), ess_tail=effective_size(chain.draws, "tail"),
         mcse=mcse_mean(chain.draws),
     )

@@ -9,6 +9,7 @@ from types import MappingProxyType
 class Status(StrEnum):
     """Whether a number may be trusted, gravest first; a result has the gravest status of its findings."""
 
+    CONTRADICTION = "contradiction"  # found before any draw: the cause comes first
     NOT_CONVERGED = "not-converged"
     METHODS_DISAGREE = "methods-disagree"
     MULTIMODAL = "multimodal"
@@ -29,7 +30,12 @@ class Status(StrEnum):
     @property
     def draws_count(self) -> bool:
         """Whether the draws mean anything: limits, at least, may be read from them."""
-        return self not in (Status.NOT_CONVERGED, Status.METHODS_DISAGREE)
+        return self not in (Status.CONTRADICTION, Status.NOT_CONVERGED, Status.METHODS_DISAGREE)
+
+    @property
+    def limits_count(self) -> bool:
+        """Whether limits may be printed: tight ones from a wrong curve mislead more than none."""
+        return self.draws_count and self is not Status.POOR_FIT
 
 
 class Kind(StrEnum):
@@ -63,6 +69,7 @@ class Kind(StrEnum):
     DIFFERENCE = auto()
     CHAIN_AGREES = auto()
     TOO_MANY_PARAMETERS = auto()
+    NOT_SAMPLED = auto()
     WEIGHTS_UNRELIABLE = auto()
     ERRORS_TOO_LARGE = auto()
     MARGINAL_SAMPLED = auto()
@@ -103,10 +110,13 @@ class Kind(StrEnum):
     RUNS_AGREE = auto()
     RUNS_UNCOMPARED = auto()
     STATED_DISAGREE = auto()
+    STATED_AND_CURVE = auto()
     STATED_HARDLY = auto()
     STATED_AGREE = auto()
     STATED_UNCOMPARED = auto()
     PULL = auto()
+    COMMON_ERRORS = auto()
+    COMMON_ERROR = auto()
     # a curve fitted by `fit_curve`
     ROUNDING = auto()
     CANCELLATION = auto()
@@ -138,11 +148,12 @@ class Kind(StrEnum):
 _KINDS = {
     Status.NOT_CONVERGED: (Kind.FIT_UNSETTLED, Kind.STEP_UNSETTLED, Kind.CHAIN_SHORT, Kind.WALKERS_STUCK),
     Status.METHODS_DISAGREE: (Kind.METHODS_DIFFER, Kind.SLOPES_DIFFER),
+    Status.CONTRADICTION: (Kind.STATED_DISAGREE, Kind.RUNS_AGAINST_STATED),
     Status.MULTIMODAL: (Kind.SEVERAL_SOLUTIONS,),
     Status.NOT_IDENTIFIED: (Kind.DIRECTION_FLAT, Kind.SINGULAR, Kind.UNDETERMINED, Kind.LINE_NOT_RISING),
     Status.POOR_FIT: (
         Kind.RESIDUALS_ZERO, Kind.RESIDUALS_TOO_LARGE, Kind.RESIDUALS_NOT_RANDOM, Kind.CHI2_TOO_LARGE, Kind.SCATTER_TOO_LARGE,
-        Kind.OUTLIERS_CROWD, Kind.RUNS_DISAGREE, Kind.RUN_DISAGREES, Kind.RUNS_TIED, Kind.RUNS_AGAINST_STATED, Kind.STATED_DISAGREE,
+        Kind.OUTLIERS_CROWD, Kind.RUNS_DISAGREE, Kind.RUN_DISAGREES, Kind.RUNS_TIED, Kind.STATED_AND_CURVE,
         Kind.GAMMA_TOO_LARGE, Kind.POINTS_SCATTER,
     ),
     Status.AT_BOUND: (Kind.PRESSED_EDGE, Kind.PRESSED_LIMIT),

@@ -99,9 +99,10 @@ def read_file(path: Path, *, at_most: int, within: Path | None = None) -> bytes 
         with os.fdopen(handle, "rb") as stream:
             if not stat.S_ISREG(os.fstat(handle).st_mode):  # just exchanged
                 raise _InTheWayError(path, "is not a plain file")
-            if os.fstat(handle).st_size > at_most:
+            size = os.fstat(handle).st_size
+            if size > at_most:
                 raise _InTheWayError(path, f"is larger than anything that estim writes there ({at_most} bytes)")
-            return stream.read(at_most)
+            return stream.read(size)  # memory is taken for as many bytes as are asked for, and at_most may be more than there is
 
 
 def names_in(folder: Path, *, within: Path | None = None) -> list[str]:

@@ -5,7 +5,7 @@ Arguments of both are the quantities of a campaign; with `angular` positions are
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -15,11 +15,15 @@ from numpy.typing import ArrayLike
 from estim.arrays import FloatArray
 from estim.common import Notation
 from estim.curves.differences import with_gradient
-from estim.problem import Derived, LocalCurve, Wording
+from estim.problem import CommonError, Derived, LocalCurve, Wording
 from model import Body, back_and_forth, energy, phase
 
 _BODY = ("radius", "gamma", "kappa", "rho", "trailing_fraction", "particle_gyration")
 _ZEROED = ("phi", "theta0")  # angles that an instrument may read with a common zero error
+_KNOWN_AS = {"scale_t": "clock", "scale_x": "length", "sag": "sag"}  # argument of a campaign -> common error
+_TAKEN_AS_EXACT = {  # argument -> an error of it: of angles in rad, else as a share
+    "radius": 0.01, "g": 1e-3, "gamma": 0.01, "kappa": 0.01, "phi": float(np.radians(0.1)), "theta0": float(np.radians(1.0)),
+}
 _MOTION = ("phi", "theta0", "rolling_resistance", "g")
 
 
@@ -151,6 +155,36 @@ class RollingMotion:
             unit = "rad" if self.angular else "m"
             found["turning_point"] = Derived(unit, np.atleast_2d(self._stop(arguments)), "first turning point, from the release", self.end_notation)
         return found
+
+    def errors_in_common(
+        self, x: FloatArray, y: FloatArray, local: LocalCurve, arguments: Mapping[str, ArrayLike], exact: Collection[str]
+    ) -> tuple[CommonError, ...]:
+        """Angles of an encoder have no scale; a sag of the ramp is told for speeds alone.  What is inferred is no such error."""
+        slope = local.slope[0]
+        clock = -0.01 * slope * (x - np.asarray(arguments["release_time"])) if self.in_time else -0.01 * y
+        errors = [CommonError("clock", 0.01, "1", clock)]
+        if not self.angular:
+            length = 0.01 * (y - np.asarray(arguments["offset"])) if self.in_time else 0.01 * (y - from_release(x, arguments) * slope)
+            errors.append(CommonError("length", 0.01, "1", length))
+        if not self.in_time:
+            errors.append(CommonError("sag", 1e-3, "m", self._sag(x, local.value[0], arguments)))
+        for name, size in _TAKEN_AS_EXACT.items():
+            value = np.asarray(arguments[name])
+            if name in exact and np.all(value != 0.0):
+                change, unit = (size, "rad") if name in _ZEROED else (size * value, "1")
+                errors.append(CommonError(name, size, unit, -np.broadcast_to(local.gradient[name] * change, (1, x.size))[0]))
+        inferred = {_KNOWN_AS[name] for name in _KNOWN_AS if name in arguments and name not in exact}
+        return tuple(error for error in errors if error.name not in inferred)
+
+    def _sag(self, x: FloatArray, v: FloatArray, arguments: Mapping[str, ArrayLike]) -> FloatArray:
+        """(n_obs,) change of the speeds where the ramp lies 1 mm lower in the middle of the way than a straight line: dv = v g h/(2 K)."""
+        since = np.broadcast_to(from_release(x, arguments), (1, x.size))[0]
+        length = float(np.max(np.abs(since)))
+        depth = 1e-3 * 4.0 * np.abs(since) / length * (1.0 - np.abs(since) / length)
+        kinetic, _ = self.energies(x, v, arguments)
+        with np.errstate(divide="ignore", invalid="ignore"):  # at rest
+            change = v * np.asarray(arguments["g"]) * depth / (2.0 * kinetic)
+        return np.where(np.isfinite(change), change, 0.0).reshape(x.shape)
 
     def end(self, arguments: Mapping[str, ArrayLike]) -> FloatArray:
         if self.in_time:

@@ -5,7 +5,7 @@ The phase curve of a rolling body is one such curve; anything else that keeps to
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
 from typing import Protocol, runtime_checkable
 
@@ -43,6 +43,20 @@ class Derived:
     def label(self) -> Label:
         """How it is shown."""
         return self.notation.label(self.unit)
+
+
+@dataclass(frozen=True, eq=False)
+class CommonError:
+    """An error that all points of a run may have in common, which no residual shows.
+
+    name : of what is wrong ("clock").  size : how large the error is taken, in `unit` ("1": a share).
+    shift : (n_obs,) by how much it makes y - f(x) grow, to first order; unit of y.
+    """
+
+    name: str
+    size: float
+    unit: str
+    shift: FloatArray
 
 
 class Curve(Protocol):
@@ -84,6 +98,11 @@ class Motion(Protocol):
     def energies(self, x: FloatArray, v: FloatArray, arguments: Mapping[str, ArrayLike]) -> tuple[FloatArray, FloatArray]:
         """Kinetic and potential energy per unit mass (J/kg) at measured positions x and speeds v."""
 
+    def errors_in_common(
+        self, x: FloatArray, y: FloatArray, local: LocalCurve, arguments: Mapping[str, ArrayLike], exact: Collection[str]
+    ) -> tuple[CommonError, ...]:
+        """What clock, scale and ramp, and those arguments that are taken as `exact`, may do to points (x, y) on the curve `local`."""
+
     def derived(self, arguments: Mapping[str, ArrayLike]) -> Mapping[str, Derived]:
         """Quantities that follow from the arguments and mean something to a reader, by name."""
 
@@ -105,6 +124,11 @@ class Wording:
     new: str
     rows: str
     from_release: bool
+
+
+def scales_of(x: FloatArray, y: FloatArray, local: LocalCurve) -> tuple[CommonError, ...]:
+    """A per cent of the unit of either axis: what any curve may suffer."""
+    return (CommonError("scale_x", 0.01, "1", -0.01 * x * local.slope[0]), CommonError("scale_y", 0.01, "1", 0.01 * y))
 
 
 POINTS = Wording("points", "reading", "a new point", "points", False)

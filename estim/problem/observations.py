@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from estim.arrays import FloatArray
 from estim.common import Finding, InputError, Label, Notation, split_level
-from estim.problem.curve import POINTS, Curve, Derived, Motion, Wording
+from estim.problem.curve import POINTS, CommonError, Curve, Derived, Motion, Wording, scales_of
 from estim.problem.likelihood import Likelihood, Noise, Points
 from estim.problem.priors import Prior
 from estim.problem.size import Named
@@ -115,6 +115,14 @@ class Observations:
         if self.motion is None:
             raise InputError("is fit by a curve that is no motion of a body", field="run", value=self.name)
         return self.motion
+
+    def errors_in_common(self, arguments: Mapping[str, ArrayLike]) -> tuple[CommonError, ...]:
+        """What no residual can show, at scalar arguments: errors of clock, scale and ramp, and of what is taken as exact."""
+        local = self.curve.local(self.x, arguments)
+        if self.motion is None:
+            return scales_of(self.x, self.y, local)
+        exact = frozenset(self.arguments) - {name for name, source in self.arguments.items() if isinstance(source, str)}
+        return self.motion.errors_in_common(self.x, self.y, local, arguments, exact)
 
     def derived(self, arguments: Mapping[str, ArrayLike]) -> Mapping[str, Derived]:
         """Quantities that follow from the arguments of the curve and mean something to a reader."""

@@ -24,10 +24,11 @@ from estim.reports.identifiability_figures import direction_figure, profile_figu
 from estim.reports.labels import Labels
 from estim.reports.rendering import render
 from estim.reports.result import ParameterSummary, Result, RunSummary, Subject, result_of, to_json
-from estim.studies import scrutinise
+from estim.studies import determine
 from estim.words import STATUS_WORDS, Voice
 
 _PRIOR_DOMINATED = 0.8
+_FELT = 0.05  # posterior standard deviations
 _RIDGE_DRAWS, _SECTION_DRAWS = 20_000, 4000
 
 
@@ -51,10 +52,10 @@ class Row:
 
 def analysis_report(campaign: Subject, analysis: Analysis, *, voice: Voice = Voice.PYTHON) -> dict[str, bytes]:
     """`report.md`, `result.json` and `figures/*.png` of one analysis.  voice : to whom advice is given."""
-    scrutiny = scrutinise(analysis)
-    result = result_of(campaign, analysis, scrutiny, voice=voice)
+    determination = determine(analysis)
+    result = result_of(campaign, analysis, determination, voice=voice)
     section = identify_section(
-        analysis.problem, analysis.identifiability, scrutiny.intervals, scrutiny.sensitivity,
+        analysis.problem, analysis.identifiability, determination.intervals, determination.sensitivity,
         analysis.chain.thinned(_SECTION_DRAWS),
     )
     synthetic = campaign.kind == "synthetic"
@@ -64,7 +65,7 @@ def analysis_report(campaign: Subject, analysis: Analysis, *, voice: Voice = Voi
         "figures/corner.png": lambda: figures.corner_figure(analysis),
         "figures/traces.png": lambda: figures.trace_figure(analysis),
         "figures/directions.png": lambda: direction_figure(analysis.problem, analysis.identifiability),
-        "figures/profiles.png": lambda: profile_figure(analysis.problem, scrutiny.intervals, analysis.chain.thinned(_RIDGE_DRAWS)),
+        "figures/profiles.png": lambda: profile_figure(analysis.problem, determination.intervals, analysis.chain.thinned(_RIDGE_DRAWS)),
     }
     if analysis.consistency is not None:
         on_edge = analysis.fit.at_bound
@@ -95,11 +96,37 @@ def analysis_text(result: Result, section: IdentifySection, consistency: str, co
         result=result, kind=KINDS[result.kind], status_words=STATUS_WORDS[Status(result.status)], rows=rows,
         correlation=_correlation_table(result), derived=_derived_rows(result.runs, result.labels), limits=_what_limits(result),
         reject_below=P_POOR_FIT, conflict_below=P_CONFLICT, ends=_turning_rows(result), identify=section,
-        meaningless=not Status(result.status).draws_count,
+        meaningless=not Status(result.status).draws_count, limits_count=Status(result.status).limits_count,
+        what_if=_what_if_rows(result), what_if_heads=[result.labels.symbol(name) for name in _moved_by_errors(result)],
         consistency=consistency, axes=axes, limits_only=result.status != "ok", converged=converged,
         corner_words=corner_words,
         picture=" and ".join(f"{y} against {x}" for x, y in axes),
     )
+
+
+def _moved_by_errors(result: Result) -> list[str]:
+    """The parameters that some error moves by more than rounding hides."""
+    return [name for name in result.parameters if any(abs(one.shifts.get(name, 0.0)) >= _FELT for one in result.what_if)]
+
+
+def _what_if_rows(result: Result) -> list[tuple[str, list[str]]]:
+    """For each error in common its words and by how much each parameter moves."""
+    names = _moved_by_errors(result)
+    several = len(result.runs) > 1
+    return [
+        (
+            one.error + (f" ({', '.join(one.runs)})" if several and len(one.runs) < len(result.runs) else ""),
+            [_shift_cell(one.shifts.get(name)) for name in names],
+        )
+        for one in result.what_if
+        if names
+    ]
+
+
+def _shift_cell(shift: float | None) -> str:
+    if shift is None:
+        return ""
+    return signed(f"{shift:+.1f}") if abs(shift) >= _FELT else "0"
 
 
 def index_report(campaign: Campaign, results: Mapping[str, Result]) -> dict[str, bytes]:

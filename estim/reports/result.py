@@ -26,8 +26,8 @@ from estim.reading import Run
 from estim.reports.labels import Labels, labels_of, names_as_labels
 from estim.reports.origin import origin_facts, origin_warnings, speed_facts
 from estim.sampling import Summary, number, summarise, summarise_parameter, trusted
-from estim.studies import Scrutiny
-from estim.words import Voice, advice_for, tell
+from estim.studies import Determination
+from estim.words import Voice, advice_for, common_error, tell
 
 SCHEMA = "estim-result/1"
 _PACKAGES = ("estim", "numpy", "scipy", "lmfit", "emcee", "arviz-stats", "uncertainties")
@@ -97,6 +97,16 @@ class StatedValues(msgspec.Struct, frozen=True):
     words: str
 
 
+class WhatIf(msgspec.Struct, frozen=True):
+    """What an error in common to all points, which no residual shows, would do."""
+
+    error: str  # in words
+    size: float  # in `unit`; "1": a share
+    unit: str
+    runs: list[str]
+    shifts: dict[str, float]  # parameter -> by how many posterior standard deviations it moves
+
+
 class CheckSummary(msgspec.Struct, frozen=True):
     statistic: float
     p_value: float
@@ -160,6 +170,7 @@ class Result(msgspec.Struct, frozen=True, dict=True, rename={"schema_": "schema"
     correlation: Correlation
     fit: FitSummary
     stated_values: StatedValues
+    what_if: list[WhatIf]
     sampling: Sampling
     certificate: CertificateSummary
     profile: dict[str, Profile] | None
@@ -206,8 +217,8 @@ class Subject(Protocol):
         """Run -> its table."""
 
 
-def result_of(campaign: Subject, analysis: Analysis, scrutiny: Scrutiny | None = None, *, voice: Voice = Voice.PYTHON) -> Result:
-    """The record of an analysis, with its profile intervals if it was scrutinised.  voice : to whom advice is given."""
+def result_of(campaign: Subject, analysis: Analysis, determination: Determination | None = None, *, voice: Voice = Voice.PYTHON) -> Result:
+    """The record of an analysis, with its profile intervals if they were determined.  voice : to whom advice is given."""
     problem, fit, chain, diagnosis = analysis.problem, analysis.fit, analysis.chain, analysis.diagnosis
     flat, conflict = chain.flat, analysis.conflict
     result = Result(
@@ -221,11 +232,12 @@ def result_of(campaign: Subject, analysis: Analysis, scrutiny: Scrutiny | None =
             fit.chi2, fit.dof, number(fit.p_value), fit.message,
         ),
         stated_values=StatedValues(conflict.chi2, conflict.dof, conflict.p_value, dict(conflict.pulls), tell(stated_values(fit, conflict))),
+        what_if=[WhatIf(common_error(i.name, i.size), i.size, i.unit, list(i.runs), dict(i.shifts)) for i in analysis.influences],
         sampling=Sampling(
             chain.draws.shape[0], chain.draws.shape[2], chain.convergence.n_step, chain.n_burn, number(chain.convergence.tau),
             float(np.mean(chain.acceptance)), chain.convergence.message,
         ),
-        certificate=_certificate(analysis), profile=None if scrutiny is None else {i.name: _profile(i) for i in scrutiny.intervals},
+        certificate=_certificate(analysis), profile=None if determination is None else {i.name: _profile(i) for i in determination.intervals},
         turning_point={
             b.run: _turning_point(b.end, run, diagnosis) for b, run in zip(analysis.bands, problem.runs, strict=True) if run.motion is not None
         },

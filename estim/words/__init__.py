@@ -2,6 +2,7 @@
 
 Read `telling` first.  It lies this low because records say what they found when they are printed."""
 
+from estim.words.agreement import common_error
 from estim.words.parameters import one_sided
 from estim.words.residuals import TESTS
 from estim.words.statuses import STATUS_WORDS

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from types import MappingProxyType
 
 from estim.common import Finding, Kind
@@ -29,13 +30,40 @@ def _tied(f: Finding) -> str:
     return f"the runs do not agree about what they share (p = {f.p:.1g}), and these data cannot tell which is wrong among {named}"
 
 
+_SHARE, _MM, _DEGREES = (100.0, " %"), (1e3, " mm"), (180.0 / math.pi, "°")
+_COMMON = MappingProxyType(
+    {
+        "clock": (_SHARE, "of the clock"), "length": (_SHARE, "of the scale of length"), "sag": (_MM, "of sag in the middle of the track"),
+        "scale_x": (_SHARE, "of the scale of x"), "scale_y": (_SHARE, "of the scale of y"), "radius": (_SHARE, "of the radius"),
+        "g": (_SHARE, "of g"), "gamma": (_SHARE, "of gamma"), "kappa": (_SHARE, "of kappa"), "phi": (_DEGREES, "of the tilt"),
+        "theta0": (_DEGREES, "of the angle at release"),
+    }
+)
+
+
+def common_error(name: str, size: float) -> str:
+    """'1 % of the clock'; size in SI units, or as a share."""
+    (factor, mark), words = _COMMON[name]
+    return f"{size * factor:.3g}{mark} {words}"
+
+
+def _common(f: Finding) -> str:
+    (moved,) = f.parameters
+    return f"{common_error(f.test, f.size)}: {symbol(moved)} by {moved.value:.1f}"
+
+
 WORDS: Table = MappingProxyType(
     {
         Kind.STATED_UNCOMPARED: "the data say next to nothing about what was stated before: there is nothing to compare",
         Kind.STATED_AGREE: lambda f: f"the data agree with what was stated before (p = {f.p:.2g})",
         Kind.STATED_HARDLY: lambda f: _stated("hardly agree", f),
         Kind.STATED_DISAGREE: lambda f: _stated("do not agree", f),
+        Kind.STATED_AND_CURVE: lambda f: _stated("do not agree", f) + "; but the curve does not explain them with other values either",
         Kind.PULL: _pull,
+        Kind.COMMON_ERROR: _common,
+        Kind.COMMON_ERRORS: lambda f: (
+            f"errors that no residual shows would move the result, in posterior standard deviations: {'; '.join(map(_common, f.parts))}"
+        ),
         Kind.RUNS_UNCOMPARED: "the runs have nothing in common that two of them determine: there is nothing to compare",
         Kind.RUNS_AGREE: lambda f: f"the {f.size:.0f} runs agree about what they share (p = {f.p:.2g})",
         Kind.RUNS_AGAINST_STATED: lambda f: (

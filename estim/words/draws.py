@@ -77,6 +77,7 @@ WORDS: Table = MappingProxyType(
         Kind.CHAIN_DIFFERS: _differs,
         Kind.DIFFERENCE: _difference,
         Kind.CHAIN_AGREES: _agrees,
+        Kind.NOT_SAMPLED: "data and stated values contradict each other, so the posterior was not sampled to the end",
         Kind.TOO_MANY_PARAMETERS: lambda f: (
             f"importance sampling is not used for more than {f.numbers['limit']:.0f} parameters (there are {f.size:.0f})"
         ),

@@ -8,6 +8,7 @@ from estim.common import Status
 
 STATUS_WORDS = MappingProxyType(
     {
+        Status.CONTRADICTION: "the data contradict what was stated: no number below is a result",
         Status.NOT_CONVERGED: "the computation did not finish: no number below is a result",
         Status.METHODS_DISAGREE: "two methods that should agree do not: no number below is a result",
         Status.MULTIMODAL: "several separate solutions fit the data: no single number below is a result",

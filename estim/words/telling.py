@@ -69,6 +69,7 @@ ADVICE: Mapping[Kind, str] = MappingProxyType(
             "check what was stated: its unit, its uncertainty, and the scale and zero of the data; "
             "a compromise between two that disagree is neither"
         ),
+        Kind.STATED_AND_CURVE: _NOT_RANDOM,
         Kind.GAMMA_TOO_LARGE: "are the columns phi_deg and theta_min_deg swapped, or is the unit of one of them wrong?",
         Kind.POINTS_SCATTER: "check the uncertainties and look for a bad point",
         Kind.PRESSED_EDGE: (
