@@ -153,6 +153,12 @@ class RollingMotion:
     def metres(self, arguments: Mapping[str, ArrayLike]) -> ArrayLike:
         return arguments["radius"] if self.angular else 1.0
 
+    def gravity(self, arguments: Mapping[str, ArrayLike]) -> ArrayLike:
+        return arguments["g"]
+
+    def radian(self, arguments: Mapping[str, ArrayLike]) -> ArrayLike:
+        return 1.0 if self.angular else arguments["radius"]
+
     def energies(self, x: FloatArray, v: FloatArray, arguments: Mapping[str, ArrayLike]) -> tuple[FloatArray, FloatArray]:
         body, motion = body_of(arguments)
         length = body.radius if self.angular else 1.0

@@ -2,11 +2,11 @@
 Read `problem` first, then `noise` (which sigma is which) and `likelihood` (what is asked of it).  Imports `common` alone."""
 
 from estim.problem.abscissas import hide_the_range
-from estim.problem.curve import EXACT, Curve, Derived, LocalCurve, Wording, plain_words
+from estim.problem.curve import EXACT, Curve, Derived, LocalCurve, Motion, Wording, plain_words
 from estim.problem.derivative import STENCILS, Derivative, differentiate
 from estim.problem.flat import Flat
-from estim.problem.likelihood import Likelihood, Noise, NormalErrors, reading_sd
-from estim.problem.noise import Differentiated, Independent, Scale
+from estim.problem.likelihood import Ends, Likelihood, Noise, NormalErrors, Points, n_draws, reading_sd
+from estim.problem.noise import CorrelatedErrors, Differentiated, Independent, Linear, Named, Scale, Size
 from estim.problem.observations import Observations, Parameter, n_uses, shared_first
 from estim.problem.priors import MEASURED, HalfNormal, LogNormal, Normal, Prior, TruncatedNormal, Uniform, as_prior
 from estim.problem.problem import Posterior, Problem, informative
