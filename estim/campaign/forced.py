@@ -67,7 +67,8 @@ def fit_with_forces(white: Fit, tables: Mapping[str, Run], levels: Mapping[str, 
     try:
         pushed = [replace(run, noise=FreeStart(run.noise, courses[run.name])) if run.force else run for run in problem.runs]
         free = fit_least_squares(Problem(problem.parameters, tuple(pushed)), rng=rng, n_start=1, start=white.values)
-        posed = {run.name: pose_force(run, courses[run.name], problem, free.values) for run in problem.runs if run.force}
+        without = np.sqrt(np.diag(white.cov))
+        posed = {run.name: pose_force(run, courses[run.name], problem, free.values, without=without) for run in problem.runs if run.force}
     except InputError as error:
         name = next(iter(courses))
         raise levels[name].error(f"cannot be linearised: {error.rule}; end the window before the body comes to rest", _path(levels[name])) from None

@@ -156,6 +156,9 @@ class RollingMotion:
     def gravity(self, arguments: Mapping[str, ArrayLike]) -> ArrayLike:
         return arguments["g"]
 
+    def upright(self, arguments: Mapping[str, ArrayLike]) -> ArrayLike:
+        return np.cos(body_of(arguments)[1]["phi"])
+
     def radian(self, arguments: Mapping[str, ArrayLike]) -> ArrayLike:
         return 1.0 if self.angular else arguments["radius"]
 

@@ -16,15 +16,18 @@ _SLOW = 0.05  # of the mean speed: at a point that is slower a force counts as i
 
 @dataclass(frozen=True, eq=False)
 class Along:
-    """The track of a run and the responses of its points.  push : (n_obs,) what one sd of the energy at release does to them.
+    """The track of a run and the responses of its points.
 
-    radian : of a turn, in the unit of position.
+    push : (n_obs,) what one sd of the energy at release does to them.
+
+    radian : of a turn, in the unit of position.  upright : normal force over the weight, at rest.
     """
 
     track: Track
     response: Response
     push: FloatArray
     radian: float
+    upright: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,4 +67,4 @@ class Course:
             along = track(float(np.max(read[used])), start=start, first=float(np.min(read[used])))
             moved = position_response(along, read[used], speed(along.fine), inertia(along.fine), acceleration=acceleration)
             response = moved.through(matrix[:, used])
-        return Along(along, response, START_SD * radian * response.start, radian)
+        return Along(along, response, START_SD * radian * response.start, radian, float(np.ravel(self.motion.upright(arguments))[0]))

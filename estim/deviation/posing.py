@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -27,6 +28,7 @@ class FoundForce:
     """The unmodelled force of one run.
 
     unit : of positions.  scale : of the prior of its amplitude.  force : in units of the weight.
+    without : parameter -> its standard deviation with the stated noise alone and an exact start.  upright : cosine of the tilt.
     noise : quantiles 0.16, 0.5, 0.84 of the size of the readings' noise in units of what was stated.
     conservative : whether the readings scatter by far less than stated.
     """
@@ -37,6 +39,8 @@ class FoundForce:
     force: Force
     noise: tuple[float, float, float]
     conservative: bool
+    without: Mapping[str, float]
+    upright: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,9 +53,10 @@ class Posed:
     cov: FloatArray
 
 
-def pose_force(run: Observations, course: Course, problem: Problem, values: FloatArray) -> Posed:
+def pose_force(run: Observations, course: Course, problem: Problem, values: FloatArray, *, without: FloatArray) -> Posed:
     """The force of `run`, linear about `values` (n_par,), those of a fit with white errors and a free start.
 
+    without : (n_par,) standard deviations with the stated noise alone and an exact start.
     Raises InputError where the body hardly moves somewhere along the track.
     """
     named, base = problem.named(values), run.noise
@@ -66,7 +71,10 @@ def pose_force(run: Observations, course: Course, problem: Problem, values: Floa
     mixture = keep_probable(linear, columns=along.push[:, None])
     noise = WithForce(base, mixture, _whitener(linear, along.push), stated.shift)
     force = find_force(linear, along.track, along.response, radius=along.radian)
-    found = FoundForce(run.name, run.x_unit, run.force, force, linear.size("scale"), stated_is_conservative(linear))
+    found = FoundForce(
+        run.name, run.x_unit, run.force, force, linear.size("scale"), stated_is_conservative(linear),
+        dict(zip(problem.names, without.tolist(), strict=True)), along.upright,
+    )
     return Posed(noise, found, linear.mean[:-1], linear.covariance[:-1, :-1])
 
 

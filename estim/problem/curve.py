@@ -84,6 +84,9 @@ class Motion(Protocol):
     def gravity(self, arguments: Mapping[str, ArrayLike]) -> ArrayLike:
         """Acceleration of free fall, m/s^2."""
 
+    def upright(self, arguments: Mapping[str, ArrayLike]) -> ArrayLike:
+        """Normal force over the weight, at rest."""
+
     def radian(self, arguments: Mapping[str, ArrayLike]) -> ArrayLike:
         """Positions passed while the body turns by one radian."""
 
