@@ -7,13 +7,14 @@ A quantity is looked up at the run, then at its body, then under [shared]; where
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from types import MappingProxyType
 
 import numpy as np
 
 from estim.campaign.campaign_file import CampaignFile, NoiseTable
 from estim.campaign.effects import setting_of
+from estim.campaign.forced import fit_with_forces, force_scale, refuse_force
 from estim.campaign.levels import Level, Levels, body_levels, noise_level, read_key
 from estim.campaign.noise_models import Candidate, noise_candidates
 from estim.campaign.plausible import check_speeds
@@ -72,7 +73,8 @@ class RollingStudy:
             arguments = {q: b.source if isinstance(b.source, float) else b.name for q, b in bound.items()}
             angular, sources = tables[name].coordinate == "theta_rad", {q: b.source for q, b in bound.items()}
             setting = setting_of(levels, sources, mass, positions=observed.positions, angular=angular)
-            runs.append(_observations(name, observed, arguments, mass, setting, angular=angular))
+            posed = _observations(name, observed, arguments, mass, setting, angular=angular)
+            runs.append(replace(posed, force=force_scale(levels, observed, joint=len(names) > 1, replaced=noise is not None)))
         return Problem((*shared_first(physics.values(), runs), *unknowns.values()), tuple(runs))
 
     def levels(self, name: str) -> Levels:
@@ -82,7 +84,10 @@ class RollingStudy:
     def fit(self, problem: Problem, tables: Mapping[str, Run], *, rng: np.random.Generator) -> Fit:
         """The posterior mode; where there are few parameters, scans through the range of each look for further ones."""
         fit = fit_least_squares(problem, rng=rng, n_start=_STARTS if len(problem.runs) <= _MANY_RUNS else _FEW_STARTS)
-        return scanned_fit(fit, rng=rng) if problem.n_par <= MAX_PARAMETERS else fit
+        fit = scanned_fit(fit, rng=rng) if problem.n_par <= MAX_PARAMETERS else fit
+        if not any(run.force for run in problem.runs):
+            return fit
+        return fit_with_forces(fit, tables, {run.name: self.levels(run.name) for run in problem.runs}, rng=rng)
 
     def check(self, name: str, tables: Mapping[str, Run]) -> None:
         """Raises InputError where the data of a run cannot be what the campaign says of them."""
@@ -107,11 +112,14 @@ class RollingStudy:
         """A rolling body is what this is about."""
 
     def require_draws(self, problem: Problem) -> None:
-        """Every prior of a rolling body can be drawn from."""
+        """Every prior of a rolling body can be drawn from; raises InputError for an unmodelled force, which simulated data lack."""
+        for run in problem.runs:
+            refuse_force(self.levels(run.name), "estim calibrate")
 
     def require_speeds(self, names: Sequence[str], command: str) -> None:
         """Raises InputError where a run is not fit as speeds with normal errors, which is what `command` knows."""
         for name in names:
+            refuse_force(self.levels(name), command)
             table, path, _ = noise_level(self.levels(name))
             if table.model == "positions":
                 raise self.source.places.error(

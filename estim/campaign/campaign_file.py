@@ -79,6 +79,7 @@ class LevelTable(EffectTable, forbid_unknown_fields=True, frozen=True):
     release_time_s: Value | None = None
     offset_m: Value | None = None
     offset_rad: Value | None = None
+    unmodelled_force: float | None = None
     noise: NoiseTable | None = None
     window: WindowTable | None = None
 

@@ -141,6 +141,15 @@ class RollingMotion:
     def metres(self, arguments: Mapping[str, ArrayLike]) -> ArrayLike:
         return arguments["radius"] if self.angular else 1.0
 
+    def gravity(self, arguments: Mapping[str, ArrayLike]) -> ArrayLike:
+        return arguments["g"]
+
+    def upright(self, arguments: Mapping[str, ArrayLike]) -> ArrayLike:
+        return np.cos(body_of(arguments)[1]["phi"])
+
+    def radian(self, arguments: Mapping[str, ArrayLike]) -> ArrayLike:
+        return 1.0 if self.angular else arguments["radius"]
+
     def energies(self, x: FloatArray, v: FloatArray, arguments: Mapping[str, ArrayLike]) -> tuple[FloatArray, FloatArray]:
         body, motion = body_of(arguments)
         length = body.radius if self.angular else 1.0

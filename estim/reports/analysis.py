@@ -19,6 +19,8 @@ from estim.pipeline import Analysis
 from estim.reports import figures
 from estim.reports.consistency import consistency_text
 from estim.reports.consistency_figures import forest_figure
+from estim.reports.deviation import deviation_text
+from estim.reports.deviation_figures import force_figure
 from estim.reports.identifiability import IdentifySection, identify_section
 from estim.reports.identifiability_figures import direction_figure, profile_figure, ridge_figure
 from estim.reports.labels import Labels
@@ -70,6 +72,8 @@ def analysis_report(campaign: Subject, analysis: Analysis, *, voice: Voice = Voi
     if analysis.consistency is not None:
         on_edge = analysis.fit.at_bound
         drawn["figures/consistency.png"] = partial(forest_figure, analysis.consistency, synthetic=synthetic, on_edge=on_edge)
+    if analysis.fit.forces:
+        drawn["figures/force.png"] = lambda: force_figure(analysis.fit.forces, analysis.problem.runs, synthetic=synthetic)
     if analysis.problem.n_par > 1:
         drawn["figures/ridge.png"] = lambda: ridge_figure(analysis.fit, analysis.identifiability, analysis.chain.thinned(_RIDGE_DRAWS))
     consistency = ""
@@ -99,7 +103,7 @@ def analysis_text(result: Result, section: IdentifySection, consistency: str, co
         meaningless=not Status(result.status).draws_count, limits_count=Status(result.status).limits_count,
         what_if=_what_if_rows(result), what_if_heads=[result.labels.symbol(name) for name in _moved_by_errors(result)],
         consistency=consistency, axes=axes, limits_only=result.status != "ok", converged=converged,
-        corner_words=corner_words,
+        corner_words=corner_words, deviation=deviation_text(result.deviation, result.labels) if result.deviation else "",
         picture=" and ".join(f"{y} against {x}" for x, y in axes),
     )
 
