@@ -158,6 +158,20 @@ def test_angles_have_no_distorted_picture(tmp_path: Path, project: Path) -> None
         load_campaign(tmp_path / "campaign.toml")
 
 
+@pytest.mark.parametrize("name", ["energy", "clock", "quadratic"])
+def test_speeds_taken_as_independent_know_the_same_keys(tmp_path: Path, name: str) -> None:
+    effect = EFFECTS[name]
+    recorded(tmp_path, effect, "speeds")
+    text = (tmp_path / "campaign.toml").read_text()
+    text = text.replace('"differentiated", sigma_x_m = 0.001', '"independent", sigma_v_m_s = 0.0212')
+    (tmp_path / "campaign.toml").write_text(text)
+    fit = fitted(load_campaign(tmp_path / "campaign.toml"))
+    i = fit.names.index(effect.parameter)
+    assert fit.problem.runs[0].noise.made_of_positions is False
+    assert abs(fit.values[i] - effect.value) < 3.0 * fit.sds[i]
+    assert fit.sds[i] < 0.6 * effect.value
+
+
 def test_a_moment_in_newton_metres_is_one_unknown_of_bodies_of_different_mass(tmp_path: Path) -> None:
     """What rolls under a load and a bearing: coefficients told apart by a second body, whose share of the same moment is another."""
     moment, rolling, runs = 0.01 * WEIGHT, 0.01, []
