@@ -148,6 +148,7 @@ def test_several_runs_get_a_folder_each_and_an_index(estim: Command, tmp_path: P
         assert (tmp_path / run / "result.json").exists()
 
 
+@pytest.mark.usefixtures("undrawn", "few_draws")
 def test_line_writes_its_report(estim: Command, tmp_path: Path, replica: Path) -> None:
     done = estim("line", replica / "campaign.toml", "--out", tmp_path)
     assert done.returncode == 0, done.stderr
@@ -169,6 +170,7 @@ def test_line_without_a_series_is_one_line(estim: Command, tmp_path: Path, repli
     assert done.stderr.count("\n") == 1
 
 
+@pytest.mark.usefixtures("undrawn", "few_draws")
 def test_energy_writes_its_report(estim: Command, tmp_path: Path, replica: Path) -> None:
     done = estim("energy", replica / "campaign.toml", "--run", "heavy-04", "--out", tmp_path)
     assert done.returncode == 0, done.stderr
@@ -204,6 +206,7 @@ def test_degrees_under_a_radian_key_are_refused(estim: Command, tmp_path: Path, 
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("unrendered", "few_draws")
 def test_reanalyse_survives_what_has_no_band_and_nothing_in_common(estim: Command, tmp_path: Path, replica: Path) -> None:
     """kappa stated for each run, every input of the curve exact or uniform: no band, no narrowing, but a report."""
     (tmp_path / "r.csv").write_text((replica / "runs" / "heavy-04.csv").read_text())

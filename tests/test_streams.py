@@ -28,7 +28,7 @@ def shell(line: str, *, cwd: Path, **environment: str) -> subprocess.CompletedPr
 @pytest.fixture(scope="module")
 def edge(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A campaign whose reasons hold a Greek letter, with a report that is not ok."""
-    line = Formula("gamma*x + b", f"gamma = {uniform(0.0, 1.98)}\nb = {{start = 1.0}}", lambda x: 1.0 + 2.0 * x)
+    line = Formula("γ*x + b", f"'γ' = {uniform(0.0, 1.98)}\nb = {{start = 1.0}}", lambda x: 1.0 + 2.0 * x)
     return line.write(tmp_path_factory.mktemp("edge")).parent
 
 
