@@ -41,7 +41,10 @@ def replica() -> Path:
 
 @pytest.fixture(scope="session")
 def reanalysed() -> Reanalysis:
-    """The replica reanalysed as `estim reanalyse --seed 2` does, with fewer draws: mark what asks for it `xdist_group("replica")`, so that one process has it."""
+    """The replica reanalysed as `estim reanalyse --seed 2` does, with fewer draws.
+
+    Mark what asks for it `xdist_group("replica")`, so that one process has it.
+    """
     from estim.campaign import load_campaign
     from estim.sampling import Target
     from estim.studies import reanalyse
