@@ -78,17 +78,6 @@ def test_same_seed_gives_the_same_bytes(estim: Command, fitted: Path, tmp_path: 
         assert (tmp_path / file).read_bytes() == (fitted / file).read_bytes(), file
 
 
-@pytest.mark.usefixtures("undrawn")
-def test_capped_chain_writes_its_report_and_exits_with_3(estim: Command, tmp_path: Path, replica: Path) -> None:
-    done = estim("fit", replica / "campaign.toml", "--run", "heavy-04", "--out", tmp_path, "--max-steps", "60")
-    assert done.returncode == 3
-    assert "not-converged" in done.stdout
-    report = (tmp_path / "report.md").read_text()
-    assert "## No headline number" in report
-    assert "## Result" not in report
-    assert "raise --max-steps" in report
-
-
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
@@ -139,13 +128,18 @@ def test_help_is_quick() -> None:
 
 
 @pytest.mark.usefixtures("undrawn")
-def test_several_runs_get_a_folder_each_and_an_index(estim: Command, tmp_path: Path, replica: Path) -> None:
+def test_capped_chains_of_several_runs_get_a_folder_each_and_an_index_and_exit_with_3(estim: Command, tmp_path: Path, replica: Path) -> None:
     done = estim("fit", replica / "campaign.toml", "--run", "heavy-04", "--run", "heavy-06", "--out", tmp_path, "--max-steps", "60")
     assert done.returncode == 3
+    assert "not-converged" in done.stdout
     index = (tmp_path / "report.md").read_text()
     for run in ("heavy-04", "heavy-06"):
         assert f"[{run}]({run}/report.md)" in index
         assert (tmp_path / run / "result.json").exists()
+        report = (tmp_path / run / "report.md").read_text()
+        assert "## No headline number" in report
+        assert "## Result" not in report
+        assert "raise --max-steps" in report
 
 
 @pytest.mark.usefixtures("undrawn", "few_draws")
