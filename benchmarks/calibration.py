@@ -27,7 +27,7 @@ from estim.calibration.calibration import Calibration, coverage, findings, simul
 from estim.calibration.experiment import campaign_design
 from estim.calibration.trial import Engine
 from estim.campaign import Campaign, load_campaign
-from estim.campaign.file import NoiseTable
+from estim.campaign.campaign_file import NoiseTable
 from estim.fitting.least_squares import fit_least_squares
 from model import Body, trajectory
 

@@ -32,7 +32,7 @@ from estim.curves.posing import AxisNames, pose_curve
 from estim.fitting.fisher_information import information
 from estim.fitting.least_squares import chi2_p
 from estim.pipeline import sample_curve
-from estim.problem.problem import Problem
+from estim.problem.posterior import Problem
 from estim.sampling.chain import Target
 
 FloatArray = NDArray[np.float64]

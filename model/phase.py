@@ -198,7 +198,7 @@ def speed_derivatives(
     gradient = {name: 2.0 * g * radius * d for name, d in energy_ratio_gradient(angle, body, **keywords).items()}
     gradient["g"] = 2.0 * radius * ratio
     gradient["radius"] = 2.0 * g * (ratio - angle * ratio_slope)
-    return _root(2.0 * g * radius * ratio, 2.0 * g * ratio_slope, gradient)
+    return root_derivatives(2.0 * g * radius * ratio, 2.0 * g * ratio_slope, gradient)
 
 
 def angular_rate_derivatives(
@@ -211,10 +211,10 @@ def angular_rate_derivatives(
     gradient = {name: scale * d for name, d in energy_ratio_gradient(angle, body, **keywords).items()}
     gradient["g"] = 2.0 / np.asarray(body.radius) * ratio
     gradient["radius"] = -scale / np.asarray(body.radius) * ratio
-    return _root(scale * ratio, scale * ratio_slope, gradient)
+    return root_derivatives(scale * ratio, scale * ratio_slope, gradient)
 
 
-def _root(square: FloatArray, slope: FloatArray, gradient: dict[str, FloatArray]) -> tuple[FloatArray, FloatArray, dict[str, FloatArray]]:
+def root_derivatives(square: FloatArray, slope: FloatArray, gradient: dict[str, FloatArray]) -> tuple[FloatArray, FloatArray, dict[str, FloatArray]]:
     """sqrt of `square` with the chain rule applied to its slope and gradient, all 0 where `square` is not positive."""
     moving = square > 0.0
     root = np.sqrt(np.where(moving, square, 0.0))

@@ -33,27 +33,27 @@ class Readings:
     length: ArrayLike = 1.0
     start: ArrayLike = 0.0
 
-    def _parabola(self) -> tuple[FloatArray, FloatArray]:
+    def parabola(self) -> tuple[FloatArray, FloatArray]:
         """(a, k) of x_read = a x - k x^2."""
         k = 4.0 * np.asarray(self.bow) / np.square(self.length)
         return 1.0 + np.asarray(self.scale_x) + k * (np.asarray(self.length) - 2.0 * np.asarray(self.start)), k
 
     def position(self, x: ArrayLike) -> FloatArray:
         """What is read of the true positions x (m from release)."""
-        a, k = self._parabola()
+        a, k = self.parabola()
         x = np.asarray(x, dtype=float)
         return np.asarray(x * (a - k * x))
 
     def true_position(self, reading: ArrayLike) -> FloatArray:
         """The true position (m from release) of a reading; nan beyond the farthest that can be read."""
-        a, k = self._parabola()
+        a, k = self.parabola()
         reading = np.asarray(reading, dtype=float)
         square = a * a - 4.0 * k * reading
         return np.asarray(2.0 * reading / (a + np.sqrt(np.where(square >= 0.0, square, np.nan))))
 
     def stretch(self, x: ArrayLike) -> FloatArray:
         """dx_read/dx at true positions x (m), dimensionless."""
-        a, k = self._parabola()
+        a, k = self.parabola()
         return np.asarray(a - 2.0 * k * np.asarray(x, dtype=float))
 
     def time(self, t: ArrayLike) -> FloatArray:

@@ -9,8 +9,8 @@ import numpy as np
 from estim.problem.curve import LocalCurve
 from estim.problem.noise import Independent, Scale
 from estim.problem.observations import Observations, Parameter
+from estim.problem.posterior import Problem
 from estim.problem.priors import Prior
-from estim.problem.problem import Problem
 
 
 class Formula:

@@ -12,8 +12,8 @@ from estim.campaign import Campaign, load_campaign
 from estim.problem.curve import LocalCurve
 from estim.problem.noise import Independent, Scale
 from estim.problem.observations import Observations, Parameter
+from estim.problem.posterior import Problem
 from estim.problem.priors import Prior
-from estim.problem.problem import Problem
 from model import Body
 from model.simulate import frame_times, simulate_positions
 

@@ -9,6 +9,11 @@ import numpy as np
 from scipy import stats
 
 from estim.curves.formula import read_formula
+from estim.deviation.components import Shape, diagonalise
+from estim.deviation.grid import prior_grid
+from estim.deviation.linearised import linearise
+from estim.deviation.mixture import keep_probable
+from estim.deviation.noise import WithForce
 from estim.problem.derivative import STENCILS, differentiate
 from estim.problem.likelihood import Noise, Points
 from estim.problem.noise import Differentiated, Independent, Scale
@@ -56,6 +61,27 @@ class Normally:
         return np.array([[m @ inverse @ n + 0.5 * np.trace(c @ d) for n, d in moves] for m, c in moves])
 
 
+class Mixed(Normally):
+    """y normal with one of several covariances; parts : their weights and covariances.  Tests whiten with `cov`, one of them.
+
+    Its information is that of errors with the mean covariance that the parts have given the data.
+    """
+
+    def __init__(self, mean, parts, cov) -> None:
+        super().__init__(mean, cov)
+        self.parts = [(np.log(weight), Normally(mean, lambda named, c=covariance: c), covariance) for weight, covariance in parts]
+
+    def log_density(self, y: np.ndarray, named: Named, at: np.ndarray | None = None) -> float:
+        return float(np.logaddexp.reduce([log + part.log_density(y, named, at) for log, part, _ in self.parts]))
+
+    def information(self, named: Named, names: Sequence[str] = ()) -> np.ndarray:
+        """(n_par,)."""
+        every = self.log_density(Y, named)
+        together = sum(np.exp(log + part.log_density(Y, named) - every) * covariance for log, part, covariance in self.parts)
+        slopes = np.array([slope(self.mean, named, name) for name in named])
+        return np.diag(slopes @ np.linalg.solve(together, slopes.T))
+
+
 class PointByPoint:
     """Independent y with densities pdf(y, named) and distribution functions cdf(y, named), (n_obs,)."""
 
@@ -88,6 +114,7 @@ def slope(value: Callable[[Named], np.ndarray], named: Named, name: str) -> np.n
 class Case:
     """A kind of noise, values of its parameters, and what it says of y.
 
+    mixed : whether errors are normal with one of several covariances, of which readings know one.
     single : of points one by one where that is another thing than all together (errors of x).  within : what quadrature in estim may be off.
     """
 
@@ -97,6 +124,7 @@ class Case:
     single: PointByPoint | None = None
     within: float = 1e-9
     outliers: bool = False
+    mixed: bool = False
 
     @property
     def conditional(self) -> Normally | PointByPoint:
@@ -179,6 +207,25 @@ def differences() -> Case:
     ))
 
 
+def lacking() -> Case:
+    """An unmodelled force of unknown size and length, and a push, beside stated errors."""
+    sds, push = 0.08 * RELATIVE, 0.05 * (1.0 + X)
+    factors = {length: np.exp(-np.abs(X[:, None] - X) / length) for length in (0.3, 1.0)}
+    shapes = tuple(Shape("force", length, factor, np.log(0.5)) for length, factor in factors.items())
+    slopes = np.column_stack([np.ones(N), X, push])
+    deviation = diagonalise(sds**2, shapes, prior_grid(0.1, scales=(0.5, 1.0, 1.6), n_amplitude=4))
+    found = linearise(deviation, Y - line(VALUES), slopes, precision=np.diag([0.0, 0.0, 1.0]))
+    mixture = keep_probable(found, columns=push[:, None], lost=0.0)
+    parts = [
+        (np.exp(log), s**2 * np.diag(sds**2) + a**2 * factors[family.length] @ factors[family.length].T + np.outer(push, push))
+        for family in mixture.deviation.families
+        for s, a, log in zip(family.scale, family.amplitude, family.log_prior, strict=True)
+    ]
+    best = parts[3][1]
+    noise = WithForce(Independent(Scale(0.08), Scale(), RELATIVE), mixture, np.linalg.inv(np.linalg.cholesky(best)), np.zeros(N))
+    return Case(noise, {}, Mixed(line, parts, lambda named: best), mixed=True)
+
+
 SCALES = Scale(parameter="s"), Scale(parameter="scatter")
 SIZES = {"s": 0.1, "scatter": 0.05}
 STATED = 0.01 * np.exp(-np.abs(X[:, None] - X) / 0.5) + 0.002 * np.eye(N)
@@ -196,6 +243,7 @@ CASES = {
     ),
     "differentiated": differences(),
     "stated covariance": Case(Correlated(STATED), {}, Normally(line, lambda named: STATED)),
+    "unmodelled force": lacking(),
     "errors of x": Case(
         Readings(Scale(0.1), Scale(), np.ones(N), sigma_x=Scale(0.2)), {}, along_the_line(0.2, 0.1),
         smeared(0.2, 0.1, lambda named: (stats.norm.pdf, stats.norm.cdf)), within=3e-3,

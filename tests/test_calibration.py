@@ -22,13 +22,13 @@ from estim.calibration.experiment import CampaignDesign, PointDesign, campaign_d
 from estim.calibration.trial import Engine, Plan, _experiment, _rank, measured_anew, reported
 from estim.calibration.uniformity import uniformity_band, uniformity_p_value
 from estim.campaign import Campaign, load_campaign
-from estim.campaign.file import NoiseTable
+from estim.campaign.campaign_file import NoiseTable
 from estim.cli.commands import cli
 from estim.common.errors import InputError
 from estim.fitting.least_squares import Fit, fit_least_squares
 from estim.problem.noise import Scale
+from estim.problem.posterior import Problem
 from estim.problem.priors import Normal, Uniform
-from estim.problem.problem import Problem
 from estim.words import tell
 
 QUICK = Engine(ess=500.0, n_round=500, max_step=1000)

@@ -17,9 +17,9 @@ from estim.fitting.least_squares import Fit, fit_least_squares
 from estim.sampling import proposal
 from estim.sampling.certificate import PROBABILITIES, Certificate, certify, chain_errors, compare_with_chain
 from estim.sampling.chain import Chain, Convergence, Target, sample_posterior
-from estim.sampling.density import Density, log_density_in_batches
 from estim.sampling.importance import pareto_smoothed
 from estim.sampling.proposal import Proposal, adapt_proposal
+from estim.sampling.protocol import Density, log_density_in_batches
 from estim.studies.reanalysis import Reanalysis
 
 TARGETS = {

@@ -29,8 +29,8 @@ import pytest
 from estim.campaign import load_campaign
 from estim.common.errors import EstimError, InputError, Interrupted
 from estim.fitting.least_squares import Fit, fit_least_squares
+from estim.problem.posterior import Posterior
 from estim.problem.priors import Normal
-from estim.problem.problem import Posterior
 from estim.sampling import fingerprint as fingerprints
 from estim.sampling import stepping
 from estim.sampling.chain import Chain, Target, sample_posterior

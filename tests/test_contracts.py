@@ -12,6 +12,7 @@ from scipy import stats
 
 from estim import Component, InputError
 from estim.campaign import load_campaign
+from estim.curves.disturbed import DisturbedMotion, DisturbedMotionCurve, DisturbedPhaseCurve, Place, Setting
 from estim.curves.formula import read_formula
 from estim.curves.function import wrap_function
 from estim.curves.rolling import MotionCurve, PhaseCurve, RollingMotion
@@ -20,7 +21,7 @@ from estim.fitting.least_squares import Fit
 from estim.problem.curve import POINTS as PLAIN
 from estim.problem.curve import Motion, SpeedCurve
 from estim.problem.likelihood import Likelihood, reading_sd
-from estim.problem.problem import Problem
+from estim.problem.posterior import Problem
 from estim.problem.whitened import Linear
 
 X = np.linspace(0.05, 0.30, 6)
@@ -28,6 +29,14 @@ BODY = {
     "radius": 0.15, "gamma": 0.187, "kappa": 0.45, "rho": 1.0, "trailing_fraction": 0.0, "particle_gyration": 0.0, "phi": 0.07, "theta0": 1.05,
     "rolling_resistance": 0.002, "g": 9.81,
 }
+SETTING = Setting(0.4, Place(1.2, 0.1), Place(0.9, 0.05))
+FORCES = {
+    "moment": 0.002, "moment_once_cos": 0.004, "moment_once_sin": -0.003, "moment_twice_cos": 0.002, "moment_twice_sin": 0.005, "sag": 0.001,
+}
+DRAG = {"viscous_drag": 0.08, "quadratic_drag": 0.1, "phi_slope": 0.02}
+READ = {"scale_x": 0.02, "scale_t": -0.01, "distortion": 0.004}
+ANGLES = {name: value for name, value in READ.items() if name != "distortion"}
+IN_TIME = {"release_time": -0.2, "offset": 0.003}
 DECAY = {"a": 2.0, "k": 1.3}
 FORMULA = read_formula("a*exp(-k*x)")
 
@@ -45,6 +54,14 @@ CURVES = {
     "phase curve": (PhaseCurve(False), BODY), "phase curve, angles": (PhaseCurve(True), BODY),
     "motion in time": (MotionCurve(False), BODY | {"release_time": -0.2, "offset": 0.0}),
     "motion in time, angles": (MotionCurve(True), BODY | {"release_time": -0.2, "offset": 0.0}),
+    "phase curve, pushed": (DisturbedPhaseCurve(False), BODY | {"release_energy": 0.01}),
+    "phase curve, late": (DisturbedPhaseCurve(False), BODY | {"release_energy": -0.0005}),
+    "phase curve, forces and image": (DisturbedPhaseCurve(False, SETTING), BODY | FORCES | READ | {"release_speed": 0.1, "offset": 0.004}),
+    "phase curve, drag": (DisturbedPhaseCurve(False, SETTING), BODY | FORCES | DRAG | READ),
+    "phase curve, angles, forces": (DisturbedPhaseCurve(True, SETTING), BODY | FORCES | ANGLES | {"release_energy": 0.01}),
+    "motion in time, pushed": (DisturbedMotionCurve(False), BODY | IN_TIME | {"release_speed": 0.1}),
+    "motion in time, scales": (DisturbedMotionCurve(True), BODY | IN_TIME | ANGLES),
+    "motion in time, all": (DisturbedMotionCurve(False, SETTING), BODY | IN_TIME | FORCES | DRAG | READ | {"release_speed": -0.05}),
     "formula": (FORMULA, DECAY), "function": (wrap_function(smooth, ("a", "k"), X, DECAY), DECAY),
     "function draw by draw": (wrap_function(stubborn, ("a", "k"), X, DECAY), DECAY),
     "formula with common errors": (
@@ -79,7 +96,7 @@ SPEEDS = {name: pair for name, pair in CURVES.items() if isinstance(pair[0], Spe
 
 
 def test_positions_in_time_and_distorted_curves_are_no_curves_of_speeds() -> None:
-    assert set(SPEEDS) == {"phase curve", "phase curve, angles", "formula", "function"}
+    assert set(SPEEDS) == {name for name in CURVES if name.startswith("phase curve")} | {"formula", "function"}
 
 
 @pytest.mark.parametrize(("curve", "arguments"), SPEEDS.values(), ids=SPEEDS)
@@ -90,6 +107,18 @@ def test_a_curve_of_speeds_knows_how_it_changes_along_its_own_motion(curve, argu
     first, second = (high - low) / (2.0 * h), (high - 2.0 * middle + low) / h**2
     found = np.ravel(np.broadcast_to(curve.time_derivative(X, arguments, 2), (1, X.size)))
     assert found == pytest.approx(middle * (first**2 + middle * second), rel=1e-4)
+
+
+@pytest.mark.parametrize("name", ["phase curve", "phase curve, forces and image", "phase curve, drag", "phase curve, angles, forces"])
+def test_the_fourth_time_derivative_is_the_second_of_the_second(name: str) -> None:
+    """d^4 f/dt^4 = f (d/dx)(f d/dx) of d^2 f/dt^2."""
+    curve, arguments = CURVES[name]
+    h = 1e-3
+    low, middle, high = (curve.time_derivative(X + s, arguments, 2)[0] for s in (-h, 0.0, h))
+    v, slope = np.ravel(curve.value(X, arguments)), curve.local(X, arguments).slope[0]
+    expected = v * (slope * (high - low) / (2.0 * h) + v * (high - 2.0 * middle + low) / h**2)
+    found = np.ravel(curve.time_derivative(X, arguments, 4))
+    assert found == pytest.approx(expected, rel=1e-3, abs=1e-3 * float(np.max(np.abs(expected))))
 
 
 @pytest.mark.parametrize("in_time", [False, True])
@@ -111,6 +140,30 @@ def test_a_motion_has_an_end_energies_and_words(angular: bool, in_time: bool) ->
     assert ("turning_point" in motion.derived(BODY)) == in_time
     assert {"inertia_ratio", "slope", "resisting_moment"} <= set(motion.derived(BODY))
     assert motion.words().what == {(0, 0): "speeds", (1, 0): "angular rates", (0, 1): "positions", (1, 1): "angles"}[(angular, in_time)]
+
+
+@pytest.mark.parametrize("angular", [False, True])
+def test_a_disturbed_motion_keeps_its_energy_where_nothing_resists_and_ends_as_it_is_read(angular: bool) -> None:
+    arguments = BODY | ANGLES | {"rolling_resistance": 0.0, "release_energy": 0.02, "sag": 0.002}
+    motion: Motion = DisturbedMotion(angular, 0.4, False, SETTING, 3.0)
+    x = X / (0.15 if angular else 1.0)
+    v = np.ravel(DisturbedPhaseCurve(angular, SETTING).value(x, arguments))
+    total = np.sum([np.ravel(e) for e in motion.energies(x, v, arguments)], axis=0)
+    assert total == pytest.approx(total[0], rel=1e-9)
+    end = motion.end(arguments)
+    assert end > x[-1]
+    near = np.ravel(DisturbedPhaseCurve(angular, SETTING).value(np.array([0.999, 1.001]) * end[0, 0], arguments))
+    assert near[0] > near[1] == 0.0
+    draws = {name: np.full((3, 1), value) for name, value in (arguments | FORCES | DRAG).items()}
+    assert motion.end(draws).shape == (3, 1)
+    derived = motion.derived(draws)
+    assert {"speed_at_release", "resisting_moment", "moment_once", "moment_twice_phase", "slope"} <= set(derived)
+    assert derived["moment_once"].values == pytest.approx(np.full((3, 1), 0.005))
+    assert derived["speed_at_release"].values == pytest.approx(np.sqrt(2.0 * 9.81 * 0.15 * 0.02 / inertia_at_release()), rel=0.02)
+
+
+def inertia_at_release() -> float:
+    return 1.0 + 0.45 * (1.0 - 0.187) + 0.187 + 2.0 * 0.187 * np.cos(1.05 + 0.07)
 
 
 OWN_CURVE = """
@@ -231,7 +284,7 @@ def check_size(case: Case, noise: Likelihood) -> None:
     ends = {n: (here | {n: here[n] - STEP}, here | {n: here[n] + STEP}, 2.0 * STEP) for n in case.noise.parameters}
     information = noise.information(here, names, ends)
     assert information == pytest.approx(information.T, rel=1e-9)
-    assert (noise.normal is None) == (case.outliers or case.single is not None)
+    assert (noise.normal is None) == (case.outliers or case.mixed or case.single is not None)
     if noise.normal is None:
         if case.single is None:
             assert np.diag(information) == pytest.approx(case.brute.information(here), rel=0.05)
@@ -269,7 +322,7 @@ def test_noise_says_of_draws_and_at_a_point_what_brute_force_says(case: Case) ->
     assert case.noise.describe(x_unit="m", y_unit="m/s", words=PLAIN)
 
 
-@pytest.mark.parametrize("name", [name for name, case in CASES.items() if case.single is None])
+@pytest.mark.parametrize("name", [name for name, case in CASES.items() if case.single is None and not case.mixed])
 def test_noise_reads_what_its_likelihood_expects(name: str, rng: np.random.Generator) -> None:
     case, here, ones = CASES[name], CASES[name].here, np.ones(Y.size)
     if not case.outliers:
@@ -314,6 +367,8 @@ WRONG = [
     ("differentiated", "pointwise", without_neighbours), ("stated covariance", "pointwise", without_neighbours),
     ("independent, mixture", "pointwise", of_the_first_draw), ("errors of x, mixture", "pointwise", of_the_first_draw),
     ("independent, Student-t", "jacobian", too_steep), ("errors of x", "jacobian", too_steep), ("positions", "information", too_sure),
+    ("unmodelled force", "log_likelihood", without_the_norm), ("unmodelled force", "pointwise", without_neighbours),
+    ("unmodelled force", "jacobian", too_steep), ("unmodelled force", "information", too_sure),
     ("independent, Student-t", "information", too_sure), ("stated covariance", "whitened", out_of_order),
 ]
 

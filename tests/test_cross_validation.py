@@ -17,8 +17,8 @@ from estim.problem.curve import LocalCurve
 from estim.problem.derivative import STENCILS, differentiate
 from estim.problem.noise import Differentiated, Independent, Scale
 from estim.problem.observations import Observations, Parameter
+from estim.problem.posterior import Posterior, Problem
 from estim.problem.priors import Normal
-from estim.problem.problem import Posterior, Problem
 
 PRIOR_SD, SIGMA, SCATTER, INTERVAL = 3.0, 0.02, 0.1, 0.1
 N_DRAW = 8000

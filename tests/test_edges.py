@@ -15,7 +15,7 @@ from troubles import TROUBLES, Disk, uniform
 
 from estim.calibration.trial import Engine, posterior_draws
 from estim.campaign import load_campaign
-from estim.checks.glance import interval_cell, value_cell
+from estim.checks.cells import interval_cell, value_cell
 from estim.cli.commands import cli
 from estim.common.labels import Notation
 from estim.curves.posing import AxisNames, pose_curve

@@ -17,7 +17,7 @@ from estim.curves.posing import AxisNames, pose_curve
 from estim.fitting.fisher_information import information
 from estim.fitting.least_squares import fit_least_squares
 from estim.problem.abscissas import predictive, true_abscissas
-from estim.problem.problem import Problem
+from estim.problem.posterior import Problem
 from estim.problem.tails import GAUSSIAN, Mixture
 
 ROOT = Path(__file__).resolve().parents[1]

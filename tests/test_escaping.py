@@ -9,7 +9,7 @@ from hostile import LOOKS_LIKE_MARKDOWN, MOVES, STRINGS, outline, raw, seen, sho
 from matplotlib import rc_context
 from matplotlib.figure import Figure
 
-from estim.checks.glance import headline
+from estim.checks.cells import headline
 from estim.common.escaping import Markdown, as_json, code, destination, markdown, mathtext, one_line
 from estim.common.labels import Notation, table
 from estim.reports.figures import png

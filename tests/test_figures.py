@@ -17,8 +17,8 @@ from estim.common import Finding, Kind
 from estim.common.labels import Notation
 from estim.curves.rolling import RollingMotion
 from estim.problem.observations import Parameter
+from estim.problem.posterior import Problem
 from estim.problem.priors import Normal, Uniform
-from estim.problem.problem import Problem
 from estim.reports import figures
 from estim.reports.reanalysis_figures import narrowing_figure
 from estim.sampling.bands import Bands

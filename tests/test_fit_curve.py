@@ -11,7 +11,7 @@ import pytest
 from estim import Component, InputError, fit_curve
 from estim.curves.posing import AxisNames
 from estim.pipeline import sample_curve
-from estim.problem.flat import Flat
+from estim.problem.flat_prior import Flat
 from estim.problem.priors import Normal, Uniform
 from estim.reports.curve import curve_report
 from estim.sampling.chain import Target

@@ -12,12 +12,12 @@ from scipy import stats
 from scipy.special import logsumexp
 
 from estim.campaign import load_campaign
-from estim.campaign.file import NoiseTable
+from estim.campaign.campaign_file import NoiseTable
 from estim.common.errors import InputError
 from estim.fitting.least_squares import Fit, fit_least_squares
 from estim.pipeline import _through_marginal, analyse
+from estim.problem.posterior import Posterior, Problem
 from estim.problem.priors import HalfNormal, Normal, Uniform
-from estim.problem.problem import Posterior, Problem
 from estim.problem.tails import StudentT
 from estim.sampling import conditional
 from estim.sampling.chain import Target, sample_posterior

@@ -28,7 +28,7 @@ from estim.reports.labels import Labels
 from estim.reports.result import Result
 from estim.sampling.chain import Target
 from estim.sampling.summary import Summary
-from estim.studies import scrutinise
+from estim.studies import determine
 
 UNITS = {"slope": "m/s", "offset": "m", "phi": "rad", "g": "1", "kappa": "V", "theta0": "rad"}  # names that the rolling body has too
 TRUE = dict(zip(UNITS, (1.0, 0.5, 0.3, 2.0, -1.0, 0.2), strict=True))
@@ -80,7 +80,7 @@ def test_a_users_parameters_have_their_own_names_and_units_in_the_report(fit: Cu
 def test_a_users_parameters_have_their_own_names_and_units_in_figures(analysis: Analysis) -> None:
     drawn = {
         "corner": figures.corner_figure(analysis), "traces": figures.trace_figure(analysis),
-        "profiles": profile_figure(analysis.problem, scrutinise(analysis).intervals, analysis.chain.thinned(500)),
+        "profiles": profile_figure(analysis.problem, determine(analysis).intervals, analysis.chain.thinned(500)),
     }
     for name, figure in drawn.items():
         assert {axis_of(parameter) for parameter in UNITS} <= set(texts_of(figure)), name

@@ -16,8 +16,8 @@ from tracker_files import point_mass, trk
 
 from estim import InputError, load_campaign
 from estim.cli.commands import cli
-from estim.common.alike import first_alike
 from estim.common.errors import EstimError
+from estim.common.lookalikes import first_alike
 from estim.common.storage import read_file, write_whole
 from estim.line.series import read_theta_min
 from estim.studies.reanalysis import _published

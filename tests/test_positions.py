@@ -19,8 +19,8 @@ from estim.fitting.least_squares import Fit, fit_least_squares
 from estim.problem.curve import LocalCurve
 from estim.problem.noise import Independent, Scale
 from estim.problem.observations import Observations, Parameter
+from estim.problem.posterior import Problem
 from estim.problem.priors import Uniform
-from estim.problem.problem import Problem
 
 SIGMA = 0.001
 ZERO_KNOWN = "offset_m = 0.0\n"

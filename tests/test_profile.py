@@ -16,8 +16,8 @@ from estim.campaign import load_campaign
 from estim.common.errors import InputError
 from estim.fitting.least_squares import Fit, fit_least_squares
 from estim.fitting.profile import contour, profile_intervals
+from estim.problem.posterior import Problem
 from estim.problem.priors import HalfNormal, Normal, Uniform
-from estim.problem.problem import Problem
 
 X = np.linspace(0.0, 2.0, 12)
 

@@ -19,8 +19,8 @@ from estim.fitting.least_squares import fit_least_squares
 from estim.line.analysis import analyse_line
 from estim.line.series import read_theta_min
 from estim.pipeline import analyse
+from estim.problem.posterior import Problem
 from estim.problem.priors import Normal
-from estim.problem.problem import Problem
 from estim.reports.reanalysis import reanalysis_report
 from estim.sampling.chain import Target
 from estim.studies.limits import limits, narrowing

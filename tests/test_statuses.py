@@ -18,7 +18,7 @@ from estim.checks.diagnosis import sampling_findings
 from estim.cli.commands import cli
 from estim.common.kinds import Status
 from estim.pipeline import Analysis, analyse
-from estim.problem.problem import Posterior
+from estim.problem.posterior import Posterior
 from estim.reports.figures import phase_figure
 from estim.sampling.certificate import Certificate
 from estim.sampling.chain import Target

@@ -7,67 +7,31 @@ A quantity is looked up at the run, then at its body, then under [shared]; where
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from types import MappingProxyType
 
 import numpy as np
 
-from estim.campaign.file import CampaignFile, NoiseTable
+from estim.campaign.campaign_file import CampaignFile, NoiseTable
+from estim.campaign.effects import setting_of
+from estim.campaign.forced import fit_with_forces, force_scale, refuse_force
 from estim.campaign.levels import Level, Levels, body_levels, noise_level, read_key
 from estim.campaign.noise_models import Candidate, noise_candidates
 from estim.campaign.plausible import check_speeds
 from estim.campaign.points import Observed, observe
-from estim.common import Notation, Quantity, format_quantity
-from estim.curves import MotionCurve, PhaseCurve, RollingMotion
+from estim.campaign.quantities import EFFECTS, QUANTITIES, Kind
+from estim.common import Quantity, format_quantity
+from estim.curves import DisturbedMotion, DisturbedMotionCurve, DisturbedPhaseCurve, MotionCurve, PhaseCurve, RollingMotion, Setting
 from estim.fitting import Fit, fit_least_squares, scanned_fit
-from estim.problem import Normal, Observations, Parameter, Prior, Problem, TruncatedNormal, as_prior, shared_first
+from estim.problem import Curve, Normal, Observations, Parameter, Prior, Problem, TruncatedNormal, as_prior, shared_first
 from estim.reading import Run
 from estim.sampling import MAX_PARAMETERS
-from model import STANDARD_GRAVITY, Body
+from model import Body
 
 _MANY_RUNS, _STARTS, _FEW_STARTS = 16, 8, 2  # of the fit
-_DEGREE = float(np.pi / 180.0)
+_KINDS: Mapping[str, Kind] = MappingProxyType({**QUANTITIES, **EFFECTS})
 
 
-def _angle(symbol: str) -> Notation:
-    return Notation(symbol, "°", float(np.degrees(1.0)))
-
-
-@dataclass(frozen=True)
-class _Kind:
-    """A physical quantity of a campaign: how it is written, its keys with their factors to SI, unit, value where it is missing, meaning."""
-
-    notation: Notation
-    keys: Mapping[str, float]
-    unit: str
-    default: float | None
-    meaning: str
-    low: float = -np.inf
-    zero: bool = True  # whether 0 is possible
-    high: float = np.inf  # of the size
-
-
-_QUANTITIES: Mapping[str, _Kind] = MappingProxyType(
-    {
-        "gamma": _Kind(Notation("γ"), {"gamma": 1.0}, "1", None, "distance of the centre of mass from the axle / R", 0.0),
-        "kappa": _Kind(Notation("κ"), {"kappa": 1.0}, "1", None, "inertia of the disk / (M_D R²)", 0.0),
-        "theta0": _Kind(_angle("θ₀"), {"theta0_deg": _DEGREE, "theta0_rad": 1.0}, "rad", None, "angle of the particle at release", high=2.0 * np.pi),
-        "phi": _Kind(_angle("φ"), {"phi_deg": _DEGREE, "phi_rad": 1.0}, "rad", None, "tilt of the ramp", high=0.5 * np.pi),
-        "theta0_zero": _Kind(
-            _angle("δθ₀"), {"theta0_zero_deg": _DEGREE, "theta0_zero_rad": 1.0}, "rad", 0.0, "common zero error: added to the angle at release",
-            high=0.5 * np.pi,
-        ),
-        "phi_zero": _Kind(
-            _angle("δφ"), {"phi_zero_deg": _DEGREE, "phi_zero_rad": 1.0}, "rad", 0.0, "common zero error: added to the tilt", high=0.5 * np.pi
-        ),
-        "rolling_resistance": _Kind(Notation("c_rr"), {"rolling_resistance": 1.0}, "1", 0.0, "coefficient of rolling resistance", 0.0),
-        "radius": _Kind(Notation("R"), {"radius_m": 1.0}, "m", None, "radius of the disk", 0.0, False),
-        "rho": _Kind(Notation("ρ"), {"rho": 1.0}, "1", 1.0, "distance of the particle from the axle / R", 0.0, False),
-        "trailing_fraction": _Kind(Notation("τ"), {"trailing_fraction": 1.0}, "1", 0.0, "share of the mass that does not rotate", 0.0),
-        "particle_gyration": _Kind(Notation("k_P"), {"particle_gyration": 1.0}, "1", 0.0, "radius of gyration of the particle / R", 0.0),
-        "g": _Kind(Notation("g"), {"g": 1.0}, "m/s²", STANDARD_GRAVITY, "acceleration of free fall", 0.0, False),
-    }
-)
 _SAME_SDS, _SAME_SHARE = 5.0, 0.05  # how far a stated gamma may be from that of the masses
 _MASSES = ("mass_disk_kg", "mass_particle_kg", "mass_trailing_kg")
 
@@ -101,13 +65,16 @@ class RollingStudy:
             bound = bind_quantities(self.source, levels, where=f"run '{name}'")
             for quantity, b in bound.items():
                 if not isinstance(b.source, float):
-                    kind = _QUANTITIES[quantity]
+                    kind = _KINDS[quantity]
                     physics.setdefault(b.name, Parameter(b.name, kind.unit, b.source, kind.meaning, kind.notation))
             observed = observe(tables[name], levels, noise=noise)
             unknowns.update({p.name: p for p in observed.parameters})
             mass = total_mass(self.source, levels)
             arguments = {q: b.source if isinstance(b.source, float) else b.name for q, b in bound.items()}
-            runs.append(_observations(name, observed, arguments, mass, angular=tables[name].coordinate == "theta_rad"))
+            angular, sources = tables[name].coordinate == "theta_rad", {q: b.source for q, b in bound.items()}
+            setting = setting_of(levels, sources, mass, positions=observed.positions, angular=angular)
+            posed = _observations(name, observed, arguments, mass, setting, angular=angular)
+            runs.append(replace(posed, force=force_scale(levels, observed, joint=len(names) > 1, replaced=noise is not None)))
         return Problem((*shared_first(physics.values(), runs), *unknowns.values()), tuple(runs))
 
     def levels(self, name: str) -> Levels:
@@ -117,7 +84,10 @@ class RollingStudy:
     def fit(self, problem: Problem, tables: Mapping[str, Run], *, rng: np.random.Generator) -> Fit:
         """The posterior mode; where there are few parameters, scans through the range of each look for further ones."""
         fit = fit_least_squares(problem, rng=rng, n_start=_STARTS if len(problem.runs) <= _MANY_RUNS else _FEW_STARTS)
-        return scanned_fit(fit, rng=rng) if problem.n_par <= MAX_PARAMETERS else fit
+        fit = scanned_fit(fit, rng=rng) if problem.n_par <= MAX_PARAMETERS else fit
+        if not any(run.force for run in problem.runs):
+            return fit
+        return fit_with_forces(fit, tables, {run.name: self.levels(run.name) for run in problem.runs}, rng=rng)
 
     def check(self, name: str, tables: Mapping[str, Run]) -> None:
         """Raises InputError where the data of a run cannot be what the campaign says of them."""
@@ -142,11 +112,14 @@ class RollingStudy:
         """A rolling body is what this is about."""
 
     def require_draws(self, problem: Problem) -> None:
-        """Every prior of a rolling body can be drawn from."""
+        """Every prior of a rolling body can be drawn from; raises InputError for an unmodelled force, which simulated data lack."""
+        for run in problem.runs:
+            refuse_force(self.levels(run.name), "estim calibrate")
 
     def require_speeds(self, names: Sequence[str], command: str) -> None:
         """Raises InputError where a run is not fit as speeds with normal errors, which is what `command` knows."""
         for name in names:
+            refuse_force(self.levels(name), command)
             table, path, _ = noise_level(self.levels(name))
             if table.model == "positions":
                 raise self.source.places.error(
@@ -156,14 +129,26 @@ class RollingStudy:
                 raise self.source.places.error(f"does not go with {command}, which takes the errors as normal", (*path, "robust"), value=table.robust)
 
 
-def _observations(name: str, observed: Observed, arguments: Mapping[str, str | float], mass: float | None, *, angular: bool) -> Observations:
-    """The points of a run with the curve that explains them: positions in time, or speeds along the way."""
+def _observations(
+    name: str, observed: Observed, arguments: Mapping[str, str | float], mass: float | None, setting: Setting | None, *, angular: bool
+) -> Observations:
+    """The points of a run with the curve that explains them: positions in time, or speeds along the way.
+
+    setting : None for the plain motion.
+    """
     position, x_unit = ("angle turned θ − θ₀", "rad") if angular else ("position x", "m")
     speed, y_unit = ("angular rate ω", "rad/s") if angular else ("speed v", "m/s")
     axes = ("time t", "s", position, x_unit) if observed.positions else (position, x_unit, speed, y_unit)
-    motion = RollingMotion(angular, mass, observed.positions)
+    curve: Curve
+    if setting is None:
+        motion = RollingMotion(angular, mass, observed.positions)
+        curve = (MotionCurve if observed.positions else PhaseCurve)(angular)
+    else:
+        reach = float(np.max(np.abs(observed.y if observed.positions else observed.x)))
+        motion = DisturbedMotion(angular, mass, observed.positions, setting, reach)
+        curve = (DisturbedMotionCurve if observed.positions else DisturbedPhaseCurve)(angular, setting)
     return Observations(
-        name=name, x=observed.x, y=observed.y, t=observed.t, curve=(MotionCurve if observed.positions else PhaseCurve)(angular),
+        name=name, x=observed.x, y=observed.y, t=observed.t, curve=curve,
         arguments=MappingProxyType({**arguments, **observed.arguments}), noise=observed.noise,
         excluded=observed.excluded, excluded_points=observed.excluded_points,
         x_name=axes[0], x_unit=axes[1], y_name=axes[2], y_unit=axes[3], motion=motion, words=motion.words(),
@@ -189,12 +174,14 @@ def gamma_origin(source: CampaignFile, body: str) -> str:
 
 
 def bind_quantities(source: CampaignFile, levels: Iterable[Level], *, where: str) -> dict[str, Bound]:
-    """Every quantity of the phase curve as the tables of `levels` give it; `where` names them in messages.
+    """Every quantity of the phase curve as the tables of `levels` give it, effects where they are said and not 0; `where` names them in messages.
 
     Raises InputError where one is missing, said twice at one level, or out of its physical range.
     """
     tables = tuple(levels)
-    bound = {name: _bind(source, tables, name, where) for name in _QUANTITIES}
+    bound = {name: _bind(source, tables, name, where) for name in QUANTITIES}
+    effects = {name: _bind(source, tables, name, where) for name in EFFECTS}
+    bound |= {name: b for name, b in effects.items() if b.source != 0.0}
     centre = {name: b.source if isinstance(b.source, float) else b.source.centre for name, b in bound.items()}
     others = centre["gamma"] / centre["rho"] + centre["trailing_fraction"]
     if others > 1.0:
@@ -205,7 +192,7 @@ def bind_quantities(source: CampaignFile, levels: Iterable[Level], *, where: str
 
 
 def _bind(source: CampaignFile, levels: tuple[Level, ...], name: str, where: str) -> Bound:
-    kind = _QUANTITIES[name]
+    kind = _KINDS[name]
     for level in levels:
         said = [key for key in kind.keys if getattr(level.table, key) is not None]
         weighed = [key for key in _MASSES if getattr(level.table, key) is not None]
@@ -225,11 +212,13 @@ def _bind(source: CampaignFile, levels: tuple[Level, ...], name: str, where: str
     raise source.places.error(rule + (" (or give the masses)" if name == "gamma" else ""), levels[0].path, field=next(iter(kind.keys)))
 
 
-def _checked(source: CampaignFile, value: Quantity | Prior, kind: _Kind, path: tuple[str | int, ...]) -> float | Prior:
+def _checked(source: CampaignFile, value: Quantity | Prior, kind: Kind, path: tuple[str | int, ...]) -> float | Prior:
     """A number or a prior that respects the quantity's physical limit."""
     centre = value.value if isinstance(value, Quantity) else value.centre
     if centre < kind.low or (centre == 0.0 and not kind.zero):
         raise source.places.error(f"must be {'>=' if kind.zero else '>'} {kind.low:g}", path, value=centre)
+    if abs(centre) > kind.high and kind.too_large:
+        raise source.places.error(kind.too_large, path, value=centre)
     if abs(centre) > kind.high:
         rule = f"must lie within {np.degrees(kind.high):.0f} degrees = {kind.high:.2f} rad (degrees go with the key {next(iter(kind.keys))})"
         raise source.places.error(rule, path, value=f"{centre:.4g} rad")

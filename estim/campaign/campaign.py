@@ -10,7 +10,7 @@ from types import MappingProxyType
 import numpy as np
 
 from estim.campaign.bodies import RollingStudy
-from estim.campaign.file import CampaignFile, NoiseTable, RunTable, read_campaign_file
+from estim.campaign.campaign_file import CampaignFile, NoiseTable, RunTable, read_campaign_file
 from estim.campaign.noise_models import Candidate
 from estim.campaign.own_curve import read_curve_study
 from estim.campaign.study import Study

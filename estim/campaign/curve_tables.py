@@ -12,7 +12,7 @@ from typing import Literal
 
 import msgspec
 
-from estim.campaign.file import CampaignFile, read_value
+from estim.campaign.campaign_file import CampaignFile, read_value
 from estim.campaign.prior_table import PriorKeys, PriorTable
 from estim.common import InputError, Quantity
 from estim.curves import SIGMA, Formula

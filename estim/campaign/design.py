@@ -17,7 +17,7 @@ from typing import Any
 import msgspec
 import numpy as np
 
-from estim.campaign.file import check_body_names, check_run_names, checked
+from estim.campaign.campaign_file import check_body_names, check_run_names, checked
 from estim.common import one_line
 from estim.reading import TOML_BYTES, Places, parse_toml, read_text
 from model import Body, ascends, theta_min

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from estim.campaign.file import CampaignFile, LevelTable, NoiseTable, RunTable, Value, read_value
+from estim.campaign.campaign_file import CampaignFile, LevelTable, NoiseTable, RunTable, Value, read_value
 from estim.common import InputError, Quantity
 from estim.problem import Prior
 

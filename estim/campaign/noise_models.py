@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import msgspec
 
-from estim.campaign.file import NoiseTable
+from estim.campaign.campaign_file import NoiseTable
 from estim.campaign.levels import Levels, noise_level
 from estim.problem import Noise
 from estim.reading import Run

@@ -24,6 +24,7 @@ from typing import Any
 
 import numpy as np
 
+from estim.campaign.campaign_file import CampaignFile, NoiseTable, OwnCurve, checked
 from estim.campaign.curve_tables import (
     CurveRunTable,
     CurveTable,
@@ -36,7 +37,6 @@ from estim.campaign.curve_tables import (
     check_words,
     source_of,
 )
-from estim.campaign.file import CampaignFile, NoiseTable, OwnCurve, checked
 from estim.campaign.noise_models import Candidate
 from estim.campaign.own_curve_points import MIN_ROWS, CurvePoints
 from estim.common import InputError

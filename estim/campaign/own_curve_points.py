@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from estim.arrays import FloatArray
+from estim.campaign.campaign_file import CampaignFile, Value, read_value
 from estim.campaign.curve_tables import CurveRunTable, CurveTable, Place, ReadingErrorTable, axis_of, prior_table
-from estim.campaign.file import CampaignFile, Value, read_value
 from estim.campaign.robust import shape_of
 from estim.common import Finding, InputError, Kind, Quantity
 from estim.curves import MAX_OBS, SIGMA, SIGMA_NOTATION, SIGMA_SPREAD, AxisNames, reading_noise

@@ -16,6 +16,7 @@ from estim.problem import Observations, Prior, Scale
 _SHARE = 0.1  # of the path
 _SDS = 5.0  # how far a quantity may lie above its centre
 _HEAVIEST = 0.95  # share of the mass in the particle, beyond which nothing is said of speeds
+_HEAVIER = 4.0  # times M v^2/2, kinetic energy of any body that rolls
 _TOO_FAST = 3.0  # times the energy that gravity can give
 _TOO_SLOW = 1e-6  # of that energy
 _SPAN = 8.0  # speeds are taken over this part of the time, where errors of the positions do not matter
@@ -35,22 +36,27 @@ def check_reading_error(sigma: Scale, key: str, position: NDArray[np.float64], l
 
 
 def check_speeds(run: Observations, quantities: Mapping[str, float | Prior], *, angular: bool, file: str) -> None:
-    """The speeds of a body that was at rest at x = 0, against its energy; raises InputError where units must be wrong.
+    """The speeds of a body released at x = 0, against its energy; raises InputError where units must be wrong.
 
-    v^2 <= 2 g (|x| sin|phi| + 2 gamma R)/(1 - gamma/rho): the centre of mass can fall by no more, and the kinetic energy is
-    M v^2/2 times at least 1 - gamma/rho (only the particle can be slower than the axle).  Lengths in cm exceed that bound a
-    hundredfold; times in ms make motions of a millionth of it, which is rest.  quantities : of the run, SI units.
+    v^2 <= 2 g (|x| sin|phi| + 2 gamma R)/(1 - gamma/rho), with what is said of a push, a sag and moments beside.  The centre of mass can
+    fall by no more, and the kinetic energy is M v^2/2 times at least 1 - gamma/rho (only the particle can be slower than the axle).  Lengths
+    in cm exceed that bound a hundredfold; times in ms make motions of a millionth of it, which is rest.  quantities : of the run, SI units.
     """
     radius, gamma, rho, g = (_largest(quantities[name]) for name in ("radius", "gamma", "rho", "g"))
-    tilt = min(sum(_largest(quantities[name], size=True) for name in ("phi", "phi_zero")), 0.5 * math.pi)
     position = run.y if run.positions else run.x
     unit = _centre(quantities["radius"]) if angular else 1.0
     reach, speed = float(np.max(np.abs(position))), _typical_speed(run, position)
+
+    def said(name: str) -> float:
+        return _largest(quantities[name], size=True) if name in quantities else 0.0
+
+    tilt = min(said("phi") + said("phi_zero") + said("phi_slope") * reach * unit, 0.5 * math.pi)
     share = gamma / min(rho, _centre(quantities["rho"]))
-    fall = reach * unit * math.sin(tilt) + 2.0 * gamma * radius
+    turning = sum(said(f"moment_{part}") for part in ("once_cos", "once_sin", "twice_cos", "twice_sin"))
+    fall = reach * unit * math.sin(tilt) + (2.0 * (gamma + turning) + said("release_energy")) * radius + 4.0 * said("sag")
     if not fall > 0.0 or share > _HEAVIEST:
         return
-    bound = math.sqrt(2.0 * g * fall / (1.0 - share)) / unit
+    bound = math.sqrt(2.0 * g * fall / (1.0 - share) + _HEAVIER * said("release_speed") ** 2 / (1.0 - share)) / unit
     name, rate = ("theta_rad", "rad/s") if angular else ("x_m", "m/s")
     if speed > math.sqrt(_TOO_FAST) * bound:
         slip = "degrees" if angular else "cm or mm"

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from estim.arrays import FloatArray
-from estim.campaign.file import NoiseTable, WindowTable
+from estim.campaign.campaign_file import NoiseTable, WindowTable
 from estim.campaign.levels import Levels, Path, noise_level, read_at
 from estim.campaign.plausible import check_reading_error
 from estim.campaign.robust import shape_of

@@ -33,6 +33,9 @@ class PriorTable(PriorKeys, forbid_unknown_fields=True, frozen=True, kw_only=Tru
     prior: PriorKind
 
 
+Value = float | str | PriorTable
+
+
 _PRIOR_KEYS: Mapping[str, tuple[str, ...]] = {
     "normal": ("mean", "sd"),
     "uniform": ("low", "high"),

@@ -7,7 +7,7 @@ from typing import Protocol
 
 import numpy as np
 
-from estim.campaign.file import NoiseTable
+from estim.campaign.campaign_file import NoiseTable
 from estim.campaign.levels import Path
 from estim.campaign.noise_models import Candidate
 from estim.fitting import Fit

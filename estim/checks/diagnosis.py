@@ -10,6 +10,8 @@ import numpy as np
 from estim.arrays import FloatArray
 from estim.checks.conflict import Conflict, stated_values
 from estim.checks.consistency import Consistency
+from estim.checks.forces import force_finding as force_finding
+from estim.checks.forces import force_remarks
 from estim.checks.goodness import P_FLOOR, P_POOR_FIT, SCATTER_LIMIT, Goodness
 from estim.checks.identifiability import Identifiability
 from estim.checks.modes import Modes
@@ -164,6 +166,7 @@ def _remarks(fit: Fit, chain: Chain, goodness: Sequence[Goodness], conflict: Con
     stated = stated_values(fit, conflict)
     found = [stated] if stated.kind is Kind.STATED_HARDLY else []
     found += same_curve(fit)
+    found += [remark for force in fit.forces for remark in force_remarks(force)]
     if fit.n_same < fit.n_start:
         found.append(Finding(Kind.STARTS_ELSEWHERE, size=fit.n_start - fit.n_same, numbers={"starts": fit.n_start}))
     for good in goodness:

@@ -10,14 +10,14 @@ from typing import TYPE_CHECKING
 
 import click
 
-from estim.cli.outlet import outlets
+from estim.cli.output_streams import outlets
 from estim.common import EstimError, InputError, Interrupted, NumericalError, names_in, one_line, write_whole
 
 if TYPE_CHECKING:
     from estim.campaign import Campaign
     from estim.sampling import Progress, Store
 
-BAD_INPUT, NOT_OK, INTERRUPTED = 2, 3, 130  # exit codes; those of streams are in `outlet`
+BAD_INPUT, NOT_OK, INTERRUPTED = 2, 3, 130  # exit codes; those of streams are in `output_streams`
 
 
 def say(line: str, *, err: bool = False) -> None:

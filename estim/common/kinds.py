@@ -102,6 +102,11 @@ class Kind(StrEnum):
     SCATTER_TOO_LARGE = auto()
     SCATTER_LARGE = auto()
     OUTLIERS_CROWD = auto()
+    # what the curve lacks
+    FORCE_FOUND = auto()
+    FORCE_UNDECIDED = auto()
+    FORCE_UNLIKELY = auto()
+    NOISE_CONSERVATIVE = auto()
     # whether the sources agree
     RUNS_DISAGREE = auto()
     RUN_DISAGREES = auto()

@@ -2,6 +2,7 @@
 
 Read `rolling` for the disk, `formula` for text.  Imports `common` and `problem`."""
 
+from estim.curves.disturbed import DisturbedMotion, DisturbedMotionCurve, DisturbedPhaseCurve, Place, Setting, energy_of_speed
 from estim.curves.formula import Formula, read_formula
 from estim.curves.posing import MAX_OBS, SIGMA, SIGMA_NOTATION, SIGMA_SPREAD, AxisNames, CurveProblem, pose_curve, reading_noise
 from estim.curves.rolling import MotionCurve, PhaseCurve, RollingMotion

@@ -14,11 +14,13 @@ from numpy.typing import ArrayLike
 
 from estim.arrays import FloatArray
 from estim.common import Notation
+from estim.curves.differences import with_gradient
 from estim.problem import CommonError, Derived, LocalCurve, Wording
 from model import Body, back_and_forth, energy, phase
 
 _BODY = ("radius", "gamma", "kappa", "rho", "trailing_fraction", "particle_gyration")
 _ZEROED = ("phi", "theta0")  # angles that an instrument may read with a common zero error
+_KNOWN_AS = {"scale_t": "clock", "scale_x": "length", "sag": "sag"}  # argument of a campaign -> common error
 _TAKEN_AS_EXACT = {  # argument -> an error of it: of angles in rad, else as a share
     "radius": 0.01, "g": 1e-3, "gamma": 0.01, "kappa": 0.01, "phi": float(np.radians(0.1)), "theta0": float(np.radians(1.0)),
 }
@@ -33,14 +35,13 @@ def body_of(arguments: Mapping[str, ArrayLike]) -> tuple[Body, dict[str, Any]]:
     return Body(**{name: arguments[name] for name in _BODY}), motion
 
 
-def _from_release(x: FloatArray, arguments: Mapping[str, ArrayLike]) -> FloatArray:
+def from_release(x: FloatArray, arguments: Mapping[str, ArrayLike]) -> FloatArray:
     """Positions counted from the release: (n_obs,), or (n_draw, n_obs) where the zero of the positions is unknown."""
     return x - np.asarray(arguments["offset"]) if "offset" in arguments else x
 
 
-def derived_of(arguments: Mapping[str, ArrayLike], mass: float | None) -> dict[str, Derived]:
-    """What follows from the arguments whatever was measured; `mass` in kg, or None."""
-    body, motion = body_of(arguments)
+def derived_of(body: Body, motion: Mapping[str, Any], mass: float | None) -> dict[str, Derived]:
+    """What follows from a body and how it moves whatever was measured; `mass` in kg, or None."""
     phi, resistance = np.asarray(motion["phi"]), np.asarray(motion["rolling_resistance"])
     derived = {
         "inertia_ratio": Derived("1", np.atleast_2d(body.inertia_ratio), "inertia of all that rotates / (M R²)", Notation("j")),
@@ -66,12 +67,12 @@ class PhaseCurve:
 
     def value(self, x: FloatArray, arguments: Mapping[str, ArrayLike]) -> FloatArray:
         body, motion = body_of(arguments)
-        return (phase.angular_rate if self.angular else phase.speed)(_from_release(x, arguments), body, **motion)
+        return (phase.angular_rate if self.angular else phase.speed)(from_release(x, arguments), body, **motion)
 
     def local(self, x: FloatArray, arguments: Mapping[str, ArrayLike]) -> LocalCurve:
         body, motion = body_of(arguments)
         value, slope, gradient = (phase.angular_rate_derivatives if self.angular else phase.speed_derivatives)(
-            _from_release(x, arguments), body, **motion
+            from_release(x, arguments), body, **motion
         )
         zeros = {f"{angle}_zero": gradient[angle] for angle in _ZEROED} | {"offset": -np.asarray(slope)}
         return LocalCurve(np.atleast_2d(value), np.atleast_2d(slope), {**gradient, **zeros})
@@ -86,7 +87,7 @@ class PhaseCurve:
     def time_derivative(self, x: FloatArray, arguments: Mapping[str, ArrayLike], order: int) -> FloatArray:
         body, motion = body_of(arguments)
         g, radius = np.asarray(motion.pop("g")), np.asarray(body.radius)
-        since = _from_release(x, arguments)
+        since = from_release(x, arguments)
         ratios = phase.energy_ratio_derivatives(since if self.angular else since / radius, body, **motion, order=order)
         scale = 2.0 * g / radius if self.angular else 2.0 * g * radius
         step = 1.0 if self.angular else radius
@@ -109,24 +110,8 @@ class MotionCurve:
 
     def local(self, x: FloatArray, arguments: Mapping[str, ArrayLike]) -> LocalCurve:
         """The gradient is by central differences of a position that is exact to about 1e-12."""
-        columns = {name: np.asarray(value, dtype=float) for name, value in arguments.items()}
-        shape = np.broadcast_shapes(*(value.shape for value in columns.values()), (1, 1))
-        names, n = tuple(columns), shape[0]
-        steps = {name: 1e-5 * np.maximum(np.abs(np.broadcast_to(v, shape)), 1e-2) for name, v in columns.items()}
-        # one call for all: the point itself, then a step up and a step down in each argument
-        stacked = {
-            name: np.concatenate(
-                [np.broadcast_to(v, shape)]
-                + [np.broadcast_to(v, shape) + sign * steps[name] * (other == name) for other in names for sign in (1.0, -1.0)]
-            )
-            for name, v in columns.items()
-        }
-        position, velocity = self._state(x, stacked)
-        gradient = {
-            name: (position[(2 * i + 1) * n : (2 * i + 2) * n] - position[(2 * i + 2) * n : (2 * i + 3) * n]) / (2.0 * steps[name])
-            for i, name in enumerate(names)
-        }
-        return LocalCurve(position[:n], velocity[:n], gradient)
+        (position, velocity), gradient = with_gradient(lambda columns: self._state(x, columns), arguments, step=1e-5)
+        return LocalCurve(position, velocity, gradient)
 
     def _state(self, t: FloatArray, arguments: Mapping[str, ArrayLike]) -> tuple[FloatArray, FloatArray]:
         """Position and velocity at times t (n_obs,) s of the data's clock, in the run's unit."""
@@ -156,16 +141,25 @@ class RollingMotion:
     def metres(self, arguments: Mapping[str, ArrayLike]) -> ArrayLike:
         return arguments["radius"] if self.angular else 1.0
 
+    def gravity(self, arguments: Mapping[str, ArrayLike]) -> ArrayLike:
+        return arguments["g"]
+
+    def upright(self, arguments: Mapping[str, ArrayLike]) -> ArrayLike:
+        return np.cos(body_of(arguments)[1]["phi"])
+
+    def radian(self, arguments: Mapping[str, ArrayLike]) -> ArrayLike:
+        return 1.0 if self.angular else arguments["radius"]
+
     def energies(self, x: FloatArray, v: FloatArray, arguments: Mapping[str, ArrayLike]) -> tuple[FloatArray, FloatArray]:
         body, motion = body_of(arguments)
         length = body.radius if self.angular else 1.0
         place: dict[str, Any] = {"phi": motion["phi"], "theta0": motion["theta0"]}
-        x = _from_release(x, arguments)
+        x = from_release(x, arguments)
         kinetic = energy.kinetic_energy(length * x, length * v, body, **place)
         return kinetic, energy.potential_energy(length * x, body, **place, g=motion["g"])
 
     def derived(self, arguments: Mapping[str, ArrayLike]) -> Mapping[str, Derived]:
-        found = derived_of(arguments, self.mass)
+        found = derived_of(*body_of(arguments), self.mass)
         if self.in_time:
             unit = "rad" if self.angular else "m"
             found["turning_point"] = Derived(unit, np.atleast_2d(self._stop(arguments)), "first turning point, from the release", self.end_notation)
@@ -174,12 +168,12 @@ class RollingMotion:
     def errors_in_common(
         self, x: FloatArray, y: FloatArray, local: LocalCurve, arguments: Mapping[str, ArrayLike], exact: Collection[str]
     ) -> tuple[CommonError, ...]:
-        """Angles of an encoder have no scale; a sag of the ramp is told for speeds alone."""
+        """Angles of an encoder have no scale; a sag of the ramp is told for speeds alone.  What is inferred is no such error."""
         slope = local.slope[0]
         clock = -0.01 * slope * (x - np.asarray(arguments["release_time"])) if self.in_time else -0.01 * y
         errors = [CommonError("clock", 0.01, "1", clock)]
         if not self.angular:
-            length = 0.01 * (y - np.asarray(arguments["offset"])) if self.in_time else 0.01 * (y - _from_release(x, arguments) * slope)
+            length = 0.01 * (y - np.asarray(arguments["offset"])) if self.in_time else 0.01 * (y - from_release(x, arguments) * slope)
             errors.append(CommonError("length", 0.01, "1", length))
         if not self.in_time:
             errors.append(CommonError("sag", 1e-3, "m", self._sag(x, local.value[0], arguments)))
@@ -188,11 +182,12 @@ class RollingMotion:
             if name in exact and np.all(value != 0.0):
                 change, unit = (size, "rad") if name in _ZEROED else (size * value, "1")
                 errors.append(CommonError(name, size, unit, -np.broadcast_to(local.gradient[name] * change, (1, x.size))[0]))
-        return tuple(errors)
+        inferred = {_KNOWN_AS[name] for name in _KNOWN_AS if name in arguments and name not in exact}
+        return tuple(error for error in errors if error.name not in inferred)
 
     def _sag(self, x: FloatArray, v: FloatArray, arguments: Mapping[str, ArrayLike]) -> FloatArray:
         """(n_obs,) change of the speeds where the ramp lies 1 mm lower in the middle of the way than a straight line: dv = v g h/(2 K)."""
-        since = np.broadcast_to(_from_release(x, arguments), (1, x.size))[0]
+        since = np.broadcast_to(from_release(x, arguments), (1, x.size))[0]
         length = float(np.max(np.abs(since)))
         depth = 1e-3 * 4.0 * np.abs(since) / length * (1.0 - np.abs(since) / length)
         kinetic, _ = self.energies(x, v, arguments)

@@ -34,6 +34,16 @@ class Force:
     length: tuple[float, float, float]
     material_sd: float
 
+    @property
+    def typical(self) -> float:
+        """Root mean square of the mean along the track."""
+        return float(np.sqrt(np.mean(np.square(self.mean))))
+
+    @property
+    def most(self) -> float:
+        """Largest size of the mean."""
+        return float(np.max(np.abs(self.mean)))
+
 
 def find_force(linearised: Linearised, along: Track, response: Response, *, radius: float | None = None) -> Force:
     """The force under the posterior of `force_shapes`, or the shared one of `shared_force_shapes`; same track and radius.

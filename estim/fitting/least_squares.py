@@ -16,6 +16,7 @@ import numpy as np
 
 from estim.arrays import FloatArray
 from estim.common import Finding, InputError, NumericalError
+from estim.deviation import FoundForce
 from estim.fitting.fisher_information import information
 from estim.problem import Observations, Posterior, Problem, Symmetry, informative
 
@@ -48,6 +49,7 @@ class Fit:
     others : (n_other, n_par) other optima not much worse than the best, far from it and from each other.
     symmetry : what else draws the same curves, None where that was not asked.  aliases : other curves through the same points.
     singular : whether some combination of parameters is not determined at all, not even by the priors.
+    forces : what the curve of each run lacks, where that was asked (`estim.deviation`).
     success, message : whether the search settled, in words.  moved : standard deviations that its last round still moved a parameter.
     """
 
@@ -69,6 +71,7 @@ class Fit:
     message: str
     symmetry: Symmetry | None = None
     aliases: tuple[Finding, ...] = ()
+    forces: tuple[FoundForce, ...] = ()
 
     @property
     def problem(self) -> Problem:

@@ -1,15 +1,15 @@
 """What is assumed: curves, priors, noise, and the posterior density that they make.
-Read `problem` first, then `noise` (which sigma is which) and `likelihood` (what is asked of it).  Imports `common` alone."""
+Read `posterior` first, then `noise` (which sigma is which) and `likelihood` (what is asked of it).  Imports `common` alone."""
 
 from estim.problem.abscissas import hide_the_range
-from estim.problem.curve import EXACT, CommonError, Curve, Derived, LocalCurve, SpeedCurve, Wording, plain_words
+from estim.problem.curve import EXACT, CommonError, Curve, Derived, LocalCurve, Motion, SpeedCurve, Wording, plain_words
 from estim.problem.derivative import STENCILS, Derivative, differentiate
-from estim.problem.flat import Flat
-from estim.problem.likelihood import Likelihood, Noise, NormalErrors, reading_sd
-from estim.problem.noise import Differentiated, Independent, Scale
+from estim.problem.flat_prior import Flat
+from estim.problem.likelihood import Ends, Likelihood, Noise, NormalErrors, Points, n_draws, reading_sd
+from estim.problem.noise import CorrelatedErrors, Differentiated, Independent, Linear, Named, Scale, Size
 from estim.problem.observations import Observations, Parameter, n_uses, shared_first
+from estim.problem.posterior import Posterior, Problem, informative
 from estim.problem.priors import MEASURED, HalfNormal, LogNormal, Normal, Prior, TruncatedNormal, Uniform, as_prior
-from estim.problem.problem import Posterior, Problem, informative
 from estim.problem.readings import Correlated, Readings, check_covariance
 from estim.problem.symmetry import Symmetry, folded, no_symmetry, same_curves
 from estim.problem.tails import GAUSSIAN, Mixture, StudentT, Tails

@@ -11,7 +11,7 @@ from estim.arrays import FloatArray
 from estim.problem.likelihood import Ends, NormalErrors, Points, n_draws
 from estim.problem.size import Named, Size
 from estim.problem.tails import GAUSSIAN
-from estim.problem.whitened import Linear
+from estim.problem.whitened import Linear as Linear
 
 
 @dataclass(frozen=True, eq=False)

@@ -95,6 +95,15 @@ class Motion(Protocol):
     def metres(self, arguments: Mapping[str, ArrayLike]) -> ArrayLike:
         """Metres that one unit of position is worth."""
 
+    def gravity(self, arguments: Mapping[str, ArrayLike]) -> ArrayLike:
+        """Acceleration of free fall, m/s^2."""
+
+    def upright(self, arguments: Mapping[str, ArrayLike]) -> ArrayLike:
+        """Normal force over the weight, at rest."""
+
+    def radian(self, arguments: Mapping[str, ArrayLike]) -> ArrayLike:
+        """Positions passed while the body turns by one radian."""
+
     def energies(self, x: FloatArray, v: FloatArray, arguments: Mapping[str, ArrayLike]) -> tuple[FloatArray, FloatArray]:
         """Kinetic and potential energy per unit mass (J/kg) at measured positions x and speeds v."""
 

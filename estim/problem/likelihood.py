@@ -162,6 +162,9 @@ class Instrument(Protocol):
     def made_of_positions(self) -> bool:
         """Whether the ordinates are differences of positions in time: then these are what is read."""
 
+    def of_positions(self, points: Points, named: Named) -> FloatArray | None:
+        """(n_obs, n_row) what shifts of all the positions that were read do to y - f(x); None where y is not made of positions."""
+
     def x_gain(self) -> FloatArray:
         """(n_obs,) standard deviation of each x for a unit sigma of x; 0 where x is exact."""
 

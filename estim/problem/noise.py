@@ -30,14 +30,16 @@ from numpy.typing import NDArray
 from estim.arrays import FloatArray
 from estim.common import InputError
 from estim.problem.abscissas import true_abscissas
-from estim.problem.correlated import CorrelatedErrors
+from estim.problem.correlated import CorrelatedErrors as CorrelatedErrors
+from estim.problem.correlated import Linear as Linear
 from estim.problem.curve import SpeedCurve, Wording
 from estim.problem.derivative import Derivative
 from estim.problem.independent import PointErrors
 from estim.problem.latent import LatentErrors
 from estim.problem.likelihood import Likelihood, Points
-from estim.problem.size import Named, Size
+from estim.problem.size import Named as Named
 from estim.problem.size import Scale as Scale
+from estim.problem.size import Size as Size
 from estim.problem.tails import GAUSSIAN, Tails
 
 
@@ -92,6 +94,9 @@ class Independent:
 
     def reading_gain(self) -> FloatArray:
         return self.relative
+
+    def of_positions(self, points: Points, named: Named) -> None:
+        """Not made of positions."""
 
     def x_gain(self) -> FloatArray:
         if self.sigma_x is None:
@@ -170,14 +175,19 @@ class Differentiated:
         if not isinstance(curve, SpeedCurve):
             raise InputError("cannot be used with this curve: speeds made by differences need a curve of speeds dx/dt = f(x)", field="differentiated")
         stencil, interval, arguments = self.derivative.stencil, self.derivative.interval, points.bind(named)
-        matrix = self.derivative.matrix[self.kept].copy()
-        rows = self.derivative.rows[self.kept]
-        matrix[np.arange(rows.size), rows] -= curve.local(points.x, arguments).slope[0]
+        matrix = self.of_positions(points, named)
         spectrum, basis = np.linalg.eigh(matrix @ matrix.T)
         rounding = np.finfo(float).eps * spectrum.size * spectrum[-1]  # no eigenvalue is known better: where the slope is huge, some come out below 0
         bent = curve.time_derivative(points.x, arguments, stencil.order)[0]
         shift = stencil.truncation * interval**stencil.order * bent
         return CorrelatedErrors(points, self.size, basis, np.maximum(spectrum, rounding), shift)
+
+    def of_positions(self, points: Points, named: Named) -> FloatArray:
+        """A = S - diag(f'(x))."""
+        matrix = self.derivative.matrix[self.kept].copy()
+        rows = self.derivative.rows[self.kept]
+        matrix[np.arange(rows.size), rows] -= points.curve.local(points.x, points.bind(named)).slope[0]
+        return matrix
 
     def for_search(self) -> Differentiated:
         return self

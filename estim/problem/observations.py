@@ -54,6 +54,7 @@ class Observations:
     excluded : why and how many rows were left out (`Finding.size`).
     excluded_points : (n, 2) the (x, y) of those rows that have a speed, for figures.
     positions : whether they are positions of a body at known times rather than speeds at known positions.
+    force : scale of the prior of an unmodelled force along the track, in units of the weight; 0 for none.
     motion : the body whose motion was measured; None for a plain curve.  words : how the measured numbers are spoken of.
     """
 
@@ -73,6 +74,7 @@ class Observations:
     motion: Motion | None = None
     words: Wording = POINTS
     positions: bool = False
+    force: float = 0.0
 
     @property
     def n_obs(self) -> int:

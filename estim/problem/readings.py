@@ -61,6 +61,9 @@ class Correlated:
         spectrum, basis = np.linalg.eigh(self.cov)
         return CorrelatedErrors(points, self.size, basis, np.maximum(spectrum, 0.0), np.zeros(points.x.size))
 
+    def of_positions(self, points: Points, named: Named) -> None:
+        """Not made of positions."""
+
     def for_search(self) -> Correlated:
         return self
 

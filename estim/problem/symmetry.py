@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from estim.arrays import FloatArray
 from estim.common import Amount, Finding, Kind
-from estim.problem.problem import Posterior, Problem
+from estim.problem.posterior import Posterior, Problem
 from estim.words import tell
 
 Indices = NDArray[np.int64]

@@ -19,12 +19,14 @@ from estim.pipeline import Analysis
 from estim.reports import figures
 from estim.reports.consistency import consistency_text
 from estim.reports.consistency_figures import forest_figure
+from estim.reports.deviation import deviation_text
+from estim.reports.deviation_figures import force_figure
 from estim.reports.identifiability import IdentifySection, identify_section
 from estim.reports.identifiability_figures import direction_figure, profile_figure, ridge_figure
 from estim.reports.labels import Labels
 from estim.reports.rendering import render
 from estim.reports.result import ParameterSummary, Result, RunSummary, Subject, result_of, to_json
-from estim.studies import scrutinise
+from estim.studies import determine
 from estim.words import STATUS_WORDS, Voice
 
 _PRIOR_DOMINATED = 0.8
@@ -52,10 +54,10 @@ class Row:
 
 def analysis_report(campaign: Subject, analysis: Analysis, *, voice: Voice = Voice.PYTHON) -> dict[str, bytes]:
     """`report.md`, `result.json` and `figures/*.png` of one analysis.  voice : to whom advice is given."""
-    scrutiny = scrutinise(analysis)
-    result = result_of(campaign, analysis, scrutiny, voice=voice)
+    determination = determine(analysis)
+    result = result_of(campaign, analysis, determination, voice=voice)
     section = identify_section(
-        analysis.problem, analysis.identifiability, scrutiny.intervals, scrutiny.sensitivity,
+        analysis.problem, analysis.identifiability, determination.intervals, determination.sensitivity,
         analysis.chain.thinned(_SECTION_DRAWS),
     )
     synthetic = campaign.kind == "synthetic"
@@ -65,11 +67,13 @@ def analysis_report(campaign: Subject, analysis: Analysis, *, voice: Voice = Voi
         "figures/corner.png": lambda: figures.corner_figure(analysis),
         "figures/traces.png": lambda: figures.trace_figure(analysis),
         "figures/directions.png": lambda: direction_figure(analysis.problem, analysis.identifiability),
-        "figures/profiles.png": lambda: profile_figure(analysis.problem, scrutiny.intervals, analysis.chain.thinned(_RIDGE_DRAWS)),
+        "figures/profiles.png": lambda: profile_figure(analysis.problem, determination.intervals, analysis.chain.thinned(_RIDGE_DRAWS)),
     }
     if analysis.consistency is not None:
         on_edge = analysis.fit.at_bound
         drawn["figures/consistency.png"] = partial(forest_figure, analysis.consistency, synthetic=synthetic, on_edge=on_edge)
+    if analysis.fit.forces:
+        drawn["figures/force.png"] = lambda: force_figure(analysis.fit.forces, analysis.problem.runs, synthetic=synthetic)
     if analysis.problem.n_par > 1:
         drawn["figures/ridge.png"] = lambda: ridge_figure(analysis.fit, analysis.identifiability, analysis.chain.thinned(_RIDGE_DRAWS))
     consistency = ""
@@ -99,7 +103,7 @@ def analysis_text(result: Result, section: IdentifySection, consistency: str, co
         meaningless=not Status(result.status).draws_count, limits_count=Status(result.status).limits_count,
         what_if=_what_if_rows(result), what_if_heads=[result.labels.symbol(name) for name in _moved_by_errors(result)],
         consistency=consistency, axes=axes, limits_only=result.status != "ok", converged=converged,
-        corner_words=corner_words,
+        corner_words=corner_words, deviation=deviation_text(result.deviation, result.labels) if result.deviation else "",
         picture=" and ".join(f"{y} against {x}" for x, y in axes),
     )
 

@@ -23,10 +23,11 @@ from estim.fitting import ProfileInterval
 from estim.pipeline import Analysis
 from estim.problem import Observations
 from estim.reading import Run
+from estim.reports.deviation import ForceSummary, deviations
 from estim.reports.labels import Labels, labels_of, names_as_labels
 from estim.reports.origin import origin_facts, origin_warnings, speed_facts
 from estim.sampling import Summary, number, summarise, summarise_parameter, trusted
-from estim.studies import Scrutiny
+from estim.studies import Determination
 from estim.words import Voice, advice_for, common_error, tell
 
 SCHEMA = "estim-result/1"
@@ -174,6 +175,7 @@ class Result(msgspec.Struct, frozen=True, dict=True, rename={"schema_": "schema"
     sampling: Sampling
     certificate: CertificateSummary
     profile: dict[str, Profile] | None
+    deviation: dict[str, ForceSummary] | None  # of each run, where an unmodelled force was asked for
     turning_point: dict[str, TurningPoint]
     runs: dict[str, RunSummary]
     provenance: Provenance
@@ -217,8 +219,8 @@ class Subject(Protocol):
         """Run -> its table."""
 
 
-def result_of(campaign: Subject, analysis: Analysis, scrutiny: Scrutiny | None = None, *, voice: Voice = Voice.PYTHON) -> Result:
-    """The record of an analysis, with its profile intervals if it was scrutinised.  voice : to whom advice is given."""
+def result_of(campaign: Subject, analysis: Analysis, determination: Determination | None = None, *, voice: Voice = Voice.PYTHON) -> Result:
+    """The record of an analysis, with its profile intervals if they were determined.  voice : to whom advice is given."""
     problem, fit, chain, diagnosis = analysis.problem, analysis.fit, analysis.chain, analysis.diagnosis
     flat, conflict = chain.flat, analysis.conflict
     result = Result(
@@ -237,7 +239,8 @@ def result_of(campaign: Subject, analysis: Analysis, scrutiny: Scrutiny | None =
             chain.draws.shape[0], chain.draws.shape[2], chain.convergence.n_step, chain.n_burn, number(chain.convergence.tau),
             float(np.mean(chain.acceptance)), chain.convergence.message,
         ),
-        certificate=_certificate(analysis), profile=None if scrutiny is None else {i.name: _profile(i) for i in scrutiny.intervals},
+        certificate=_certificate(analysis), profile=None if determination is None else {i.name: _profile(i) for i in determination.intervals},
+        deviation=deviations(analysis),
         turning_point={
             b.run: _turning_point(b.end, run, diagnosis) for b, run in zip(analysis.bands, problem.runs, strict=True) if run.motion is not None
         },
@@ -267,7 +270,7 @@ def _certificate(analysis: Analysis) -> CertificateSummary:
     certificate, comparison = analysis.certificate, analysis.comparison
     if certificate is None:
         return CertificateSummary(comparison.verdict, comparison.reason, None, None, None, None, None, None, None)
-    evidence = certificate.reliable and all(math.isfinite(p.prior.sd) for p in analysis.problem.parameters)
+    evidence = certificate.reliable and not analysis.fit.forces and all(math.isfinite(p.prior.sd) for p in analysis.problem.parameters)
     return CertificateSummary(
         comparison.verdict, comparison.reason, certificate.method, number(certificate.k_hat), number(certificate.ess), certificate.n_draw,
         number(certificate.log_evidence) if evidence else None, number(certificate.u_log_evidence) if evidence else None,

@@ -23,10 +23,10 @@ import numpy as np
 from estim.arrays import FloatArray
 from estim.common import Amount, Finding, Kind
 from estim.sampling.chain import Chain
-from estim.sampling.density import Density, log_density_in_batches
 from estim.sampling.diagnostics import effective_size
 from estim.sampling.importance import K_HAT_LIMIT, kish_size, pareto_smoothed, systematic, u_log_mean
 from estim.sampling.proposal import Proposal, adapt_proposal
+from estim.sampling.protocol import Density, log_density_in_batches
 from estim.words import tell
 
 __all__ = ["Agreement", "Certificate", "Proposal", "adapt_proposal", "certify", "compare_with_chain"]

@@ -20,10 +20,10 @@ import numpy as np
 from estim.arrays import FloatArray
 from estim.common import Finding, Kind, NumericalError
 from estim.sampling.checkpoint import Store
-from estim.sampling.density import Density, log_density_in_batches
 from estim.sampling.diagnostics import effective_size, r_hat
 from estim.sampling.importance import K_HAT_LIMIT, kish_size, pareto_smoothed
 from estim.sampling.proposal import Proposal
+from estim.sampling.protocol import Density, log_density_in_batches
 from estim.sampling.stepping import Stop, start_walk
 from estim.words import tell
 

@@ -15,9 +15,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from estim.arrays import FloatArray
-from estim.sampling.density import Density, log_density_in_batches
 from estim.sampling.importance import log_sum_exp
 from estim.sampling.proposal import Proposal, grown, lower_factor
+from estim.sampling.protocol import Density, log_density_in_batches
 from estim.sampling.ridge import Support, climb, framed, reordered, separate_modes
 from estim.sampling.walk import Rule, follow
 

@@ -16,10 +16,10 @@ import numpy as np
 
 from estim.arrays import FloatArray
 from estim.sampling.certificate import PROBABILITIES, Certificate, certify
-from estim.sampling.density import Density
 from estim.sampling.exploration import both, repaired, ridge_proposal
 from estim.sampling.importance import systematic
 from estim.sampling.proposal import Proposal
+from estim.sampling.protocol import Density
 from estim.sampling.quadrature import COARSE, FINE, MOST_DIMENSIONS, MOST_NODES, Nodes, TooManyNodesError, integrate
 from estim.sampling.ridge import Support
 

@@ -20,8 +20,8 @@ import numpy as np
 
 from estim.arrays import FloatArray
 from estim.common import NumericalError
-from estim.sampling.density import Density, log_density_in_batches
 from estim.sampling.importance import flattened, kish_size, pareto_smoothed
+from estim.sampling.protocol import Density, log_density_in_batches
 
 DOF = 5.0  # tails heavier than those of most posteriors
 _WIDE_SHARE, _WIDE_FACTOR = 0.05, 2.0  # share and width (in sds of the whole) of the component that guards a mixture

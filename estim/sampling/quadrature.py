@@ -23,8 +23,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from estim.arrays import FloatArray
-from estim.sampling.density import Density
 from estim.sampling.importance import log_sum_exp
+from estim.sampling.protocol import Density
 from estim.sampling.ridge import Frame, Support, climb, framed, separate_modes
 from estim.sampling.walk import Rule, walk
 

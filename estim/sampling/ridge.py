@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 from scipy.special import erfcx, ndtr
 
 from estim.arrays import FloatArray
-from estim.sampling.density import Density, log_density_in_batches
 from estim.sampling.proposal import lower_factor
+from estim.sampling.protocol import Density, log_density_in_batches
 
 Flags = NDArray[np.bool_]
 Support = tuple[FloatArray, FloatArray]  # (n_par,) lowest and highest values

@@ -12,16 +12,16 @@ _DRAWS = 4000
 
 
 @dataclass(frozen=True, eq=False)
-class Scrutiny:
+class Determination:
     """Profile intervals and prior sensitivity of every parameter."""
 
     intervals: tuple[ProfileInterval, ...]
     sensitivity: tuple[Sensitivity, ...]
 
 
-def scrutinise(analysis: Analysis) -> Scrutiny:
+def determine(analysis: Analysis) -> Determination:
     """What the data can tell about each parameter of an analysis."""
     draws = analysis.chain.thinned(_DRAWS)
     intervals = profile_intervals(analysis.fit)
     sensitivity = power_scaling(analysis.problem, analysis.fit.posterior, draws)
-    return Scrutiny(intervals, sensitivity)
+    return Determination(intervals, sensitivity)

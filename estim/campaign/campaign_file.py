@@ -16,7 +16,8 @@ from typing import Any, Literal, TypeVar
 
 import msgspec
 
-from estim.campaign.prior_table import PriorTable, read_prior
+from estim.campaign.effect_table import EffectTable
+from estim.campaign.prior_table import PriorTable, Value, read_prior
 from estim.common import EXTREME, InputError, Quantity, extreme, first_alike, forms, read_quantity
 from estim.problem import Prior
 from estim.reading import TOML_BYTES, Choices, Places, Unit, leads_out, parse_toml, read_text
@@ -29,8 +30,6 @@ _FIELDS = frozenset({  # that messages of readers name; any other may be a word 
     "header", "row", "rows", "byte", "text", "size", "number of lines", "XML", "archive", "track", "tracks", "t", "x", "y", "release", "along",
     "unit", "frame_ms", "drop_duplicates",
 })
-
-Value = float | str | PriorTable
 
 
 class NoiseTable(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
@@ -54,7 +53,7 @@ class WindowTable(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
     theta_max_rad: float | None = None
 
 
-class LevelTable(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
+class LevelTable(EffectTable, forbid_unknown_fields=True, frozen=True):
     """What may stand at every level: [shared], [bodies.NAME], [[runs]]."""
 
     radius_m: Value | None = None
@@ -79,6 +78,7 @@ class LevelTable(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
     release_time_s: Value | None = None
     offset_m: Value | None = None
     offset_rad: Value | None = None
+    unmodelled_force: float | None = None
     noise: NoiseTable | None = None
     window: WindowTable | None = None
 

@@ -1,0 +1,84 @@
+"""What a campaign says beside weight and plain rolling resistance: what goes together, and the exact numbers that go with it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+
+from estim.campaign.levels import Levels, Path
+from estim.campaign.quantities import EFFECTS
+from estim.common import InputError
+from estim.curves import Place, Setting, energy_of_speed
+from estim.problem import Prior
+
+_EXCLUSIVE = (("release_energy", "release_speed"), ("sag", "phi_slope"))
+_SDS = 2.0  # how far a speed at release is from 0 where v(x) is fit by it
+_DEEPEST = 0.1  # of the length
+
+
+def setting_of(levels: Levels, sources: Mapping[str, float | Prior], mass: float | None, *, positions: bool, angular: bool) -> Setting | None:
+    """What is exact of a run with effects among its quantities (`sources`, SI units); None where there are none.
+
+    positions : whether positions in time are fit.  Raises InputError where something does not go together or is missing.
+    """
+    said = [name for name in EFFECTS if name in sources]
+    if not said:
+        return None
+    for first, second in _EXCLUSIVE:
+        if first in said and second in said:
+            raise _error(levels, second, f"must not stand beside '{_place(levels, first)[-1]}', which says the same")
+    if "moment" in said and mass is None:
+        raise _error(levels, "moment", "needs the masses (mass_disk_kg, mass_particle_kg): it moves a heavy body less than a light one")
+    if "distortion" in said and angular:
+        raise _error(levels, "distortion", "does not go with angles, which no picture distorts")
+    if "release_energy" in said and positions:
+        raise _error(levels, "release_energy", "does not go with positions noise: say release_speed_m_s, in which positions are smooth at 0")
+    if "release_speed" in said and not positions:
+        _check_speed(levels, sources)
+    ramp, picture = _length(levels, "sag", "ramp", sources), _length(levels, "distortion", "picture", sources)
+    return Setting(mass, ramp, picture)
+
+
+def _check_speed(levels: Levels, sources: Mapping[str, float | Prior]) -> None:
+    """Speeds depend on the square of the speed at release, with its sign: near 0 not at all, to first order."""
+    speed = sources["release_speed"]
+    if isinstance(speed, float):
+        return
+    largest = max(abs(speed.centre), speed.sd)
+    if abs(speed.centre) < _SDS * speed.sd:
+        centres = {name: source if isinstance(source, float) else source.centre for name, source in sources.items()}
+        energy = energy_of_speed(centres | {"release_speed": largest})
+        rule = f'must lie {_SDS:g} standard uncertainties or more from 0, where speeds hardly depend on it: say release_energy = "0 +/- {energy:.1g}"'
+        raise _error(levels, "release_speed", rule, value=speed.describe())
+
+
+def _length(levels: Levels, name: str, of_what: str, sources: Mapping[str, float | Prior]) -> Place:
+    """Where on a ramp or in a picture the release is, for the quantity `name`."""
+    if name not in sources:
+        return Place()
+    numbers = []
+    for key in (f"{of_what}_length_m", f"{of_what}_start_m"):
+        level = next((level for level in levels if getattr(level.table, key) is not None), None)
+        if level is None:
+            raise _error(levels, name, f"needs '{key}' beside it, {'the whole length' if 'length' in key else 'where on it the release is'}")
+        numbers.append((float(getattr(level.table, key)), (*level.path, key)))
+    (length, path), (start, where) = numbers
+    if not (math.isfinite(length) and length > 0.0):
+        raise levels.error("must be > 0", path, value=length)
+    if not 0.0 <= start <= length:
+        raise levels.error(f"must lie between 0 and '{of_what}_length_m' = {length:g}", where, value=start)
+    source = sources[name]
+    centre = source if isinstance(source, float) else source.centre
+    if abs(centre) > _DEEPEST * length:
+        raise _error(levels, name, f"must be at most a tenth of '{of_what}_length_m' = {length:g}", value=centre)
+    return Place(length, start)
+
+
+def _place(levels: Levels, name: str) -> Path:
+    """Where in the file an effect stands."""
+    keys = EFFECTS[name].keys
+    return next((*level.path, key) for level in levels for key in keys if getattr(level.table, key) is not None)
+
+
+def _error(levels: Levels, name: str, rule: str, *, value: object = None) -> InputError:
+    return levels.error(rule, _place(levels, name), value=value)

@@ -1,0 +1,92 @@
+"""The unmodelled force of a campaign: what the key `unmodelled_force` says of a run, where it may stand, and the fit with it.
+
+Two fits: one with white errors and a free start, which follows the data; one with the noise that `estim.deviation` makes at it.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+
+from estim.campaign.levels import Level, Levels
+from estim.campaign.points import Observed
+from estim.common import InputError
+from estim.deviation import Course, FreeStart, pose_force
+from estim.fitting import Fit, fit_least_squares, scanned_fit
+from estim.problem import Observations, Problem
+from estim.reading import Run
+from estim.sampling import MAX_PARAMETERS
+
+KEY = "unmodelled_force"
+_LARGEST = 1.0  # a force as large as the weight is no small thing that was left out
+
+
+def force_scale(levels: Levels, observed: Observed, *, joint: bool, replaced: bool) -> float:
+    """Scale of the prior of an unmodelled force in units of the weight, 0 for none.
+
+    joint : whether the run is fit together with others.  replaced : whether its noise is not the one that the campaign states.
+    Raises InputError at the key's line where it does not go with the noise of the run, or is no share of the weight.
+    """
+    level = next((level for level in levels if getattr(level.table, KEY) is not None), None)
+    if level is None or not level.table.unmodelled_force:
+        return 0.0
+    scale = float(level.table.unmodelled_force)
+    if not (math.isfinite(scale) and 0.0 < scale <= _LARGEST):
+        raise _error(levels, level, "is a share of the weight: it must lie between 0 (none) and 1; 0.02 is a good choice", value=scale)
+    if observed.positions:
+        raise _error(levels, level, "does not go with noise model 'positions' yet: use 'differentiated' or 'independent'")
+    if observed.noise.robust:
+        raise _error(levels, level, "does not go with 'robust' noise: it takes the errors of the readings as normal")
+    if np.any(observed.noise.x_gain() > 0.0):
+        raise _error(levels, level, "does not go with errors of the positions of independent speeds: take their standard deviation out")
+    if observed.noise.parameters:
+        name = observed.noise.parameters[0].partition("[")[0]
+        rule = f"does not go with a '{name}' that is inferred, which would swallow the force: state what the instrument does, or leave it out"
+        raise _error(levels, level, rule)
+    if replaced:
+        raise _error(levels, level, "does not go with a comparison of noise models: set it to 0 for that")
+    if joint:
+        raise _error(levels, level, "does not go with a joint fit yet, which needs a force that runs share: fit the runs one by one")
+    return scale
+
+
+def refuse_force(levels: Levels, command: str) -> None:
+    """Raises InputError where a run has an unmodelled force, which `command` does not know."""
+    level = next((level for level in levels if getattr(level.table, KEY) is not None), None)
+    if level is not None and level.table.unmodelled_force:
+        raise _error(levels, level, f"does not go with {command}, which takes the curve as complete: set it to 0 for that")
+
+
+def fit_with_forces(white: Fit, tables: Mapping[str, Run], levels: Mapping[str, Levels], *, rng: np.random.Generator) -> Fit:
+    """The posterior mode with the unmodelled force of every run that has one, from the fit `white` without.  Raises InputError."""
+    problem = white.problem
+    courses = {run.name: Course(run.body, _positions(run, tables[run.name])) for run in problem.runs if run.force}
+    try:
+        pushed = [replace(run, noise=FreeStart(run.noise, courses[run.name])) if run.force else run for run in problem.runs]
+        free = fit_least_squares(Problem(problem.parameters, tuple(pushed)), rng=rng, n_start=1, start=white.values)
+        without = np.sqrt(np.diag(white.cov))
+        posed = {run.name: pose_force(run, courses[run.name], problem, free.values, without=without) for run in problem.runs if run.force}
+    except InputError as error:
+        name = next(iter(courses))
+        raise levels[name].error(f"cannot be linearised: {error.rule}; end the window before the body comes to rest", _path(levels[name])) from None
+    runs = tuple(replace(run, noise=posed[run.name].noise) if run.force else run for run in problem.runs)
+    low, high = problem.support()
+    start = np.clip(free.values + sum(one.step for one in posed.values()), low, high)
+    fit = fit_least_squares(Problem(problem.parameters, runs), rng=rng, n_start=1, start=start)
+    fit = scanned_fit(fit, rng=rng) if problem.n_par <= MAX_PARAMETERS else fit
+    return replace(fit, forces=tuple(one.found for one in posed.values()), symmetry=white.symmetry)
+
+
+def _positions(run: Observations, table: Run) -> np.ndarray | None:
+    return table.columns[table.coordinate] if run.noise.made_of_positions else None
+
+
+def _path(levels: Levels) -> tuple[str | int, ...]:
+    return next((*level.path, KEY) for level in levels if getattr(level.table, KEY) is not None)
+
+
+def _error(levels: Levels, level: Level, rule: str, *, value: object = None) -> InputError:
+    return levels.error(rule, (*level.path, KEY), value=value)

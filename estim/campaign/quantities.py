@@ -1,0 +1,97 @@
+"""The physical quantities of a campaign: how each is written, shown and limited.
+
+`QUANTITIES` every run has; `EFFECTS` only where the campaign says them: none costs anything where it is not said.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+
+import numpy as np
+
+from estim.common import Notation
+from model import STANDARD_GRAVITY
+
+_DEGREE = float(np.pi / 180.0)
+
+
+def _angle(symbol: str) -> Notation:
+    return Notation(symbol, "°", float(np.degrees(1.0)))
+
+
+@dataclass(frozen=True)
+class Kind:
+    """A physical quantity of a campaign: how it is written, its keys with their factors to SI, unit, value where it is missing, meaning."""
+
+    notation: Notation
+    keys: Mapping[str, float]
+    unit: str
+    default: float | None
+    meaning: str
+    low: float = -np.inf
+    zero: bool = True  # whether 0 is possible
+    high: float = np.inf  # of the size
+    too_large: str = ""  # the rule for what is beyond; "" for an angle
+
+
+QUANTITIES: Mapping[str, Kind] = MappingProxyType(
+    {
+        "gamma": Kind(Notation("γ"), {"gamma": 1.0}, "1", None, "distance of the centre of mass from the axle / R", 0.0),
+        "kappa": Kind(Notation("κ"), {"kappa": 1.0}, "1", None, "inertia of the disk / (M_D R²)", 0.0),
+        "theta0": Kind(_angle("θ₀"), {"theta0_deg": _DEGREE, "theta0_rad": 1.0}, "rad", None, "angle of the particle at release", high=2.0 * np.pi),
+        "phi": Kind(_angle("φ"), {"phi_deg": _DEGREE, "phi_rad": 1.0}, "rad", None, "tilt of the ramp", high=0.5 * np.pi),
+        "theta0_zero": Kind(
+            _angle("δθ₀"), {"theta0_zero_deg": _DEGREE, "theta0_zero_rad": 1.0}, "rad", 0.0, "common zero error: added to the angle at release",
+            high=0.5 * np.pi,
+        ),
+        "phi_zero": Kind(
+            _angle("δφ"), {"phi_zero_deg": _DEGREE, "phi_zero_rad": 1.0}, "rad", 0.0, "common zero error: added to the tilt", high=0.5 * np.pi
+        ),
+        "rolling_resistance": Kind(Notation("c_rr"), {"rolling_resistance": 1.0}, "1", 0.0, "coefficient of rolling resistance", 0.0),
+        "radius": Kind(Notation("R"), {"radius_m": 1.0}, "m", None, "radius of the disk", 0.0, False),
+        "rho": Kind(Notation("ρ"), {"rho": 1.0}, "1", 1.0, "distance of the particle from the axle / R", 0.0, False),
+        "trailing_fraction": Kind(Notation("τ"), {"trailing_fraction": 1.0}, "1", 0.0, "share of the mass that does not rotate", 0.0),
+        "particle_gyration": Kind(Notation("k_P"), {"particle_gyration": 1.0}, "1", 0.0, "radius of gyration of the particle / R", 0.0),
+        "g": Kind(Notation("g"), {"g": 1.0}, "m/s²", STANDARD_GRAVITY, "acceleration of free fall", 0.0, False),
+    }
+)
+
+
+def _effect(symbol: str, key: str, unit: str, meaning: str, *, low: float = -np.inf, high: float = np.inf, too_large: str = "") -> Kind:
+    return Kind(Notation(symbol), {key: 1.0}, unit, 0.0, meaning, low, high=high, too_large=too_large)
+
+
+def _of_turn(symbol: str, key: str, meaning: str) -> Kind:
+    return _effect(symbol, key, "1", meaning, high=1.0, too_large="is a share of the weight times R, and must be at most 1")
+
+
+def _scale(symbol: str, key: str, meaning: str) -> Kind:
+    return _effect(symbol, key, "1", meaning, high=0.5, too_large="is a fraction of the reading (0.01 means 1 %) and must be at most 0.5")
+
+
+EFFECTS: Mapping[str, Kind] = MappingProxyType(
+    {
+        "release_energy": _effect(
+            "E₀", "release_energy", "1", "kinetic energy at release / (M g R)", high=100.0,
+            too_large="is a share of the weight times R, and must be at most 100",
+        ),
+        "release_speed": _effect("v₀", "release_speed_m_s", "m/s", "speed of the axle at release"),
+        "scale_x": _scale("δ_x", "scale_x", "common relative error of the readings of the position"),
+        "scale_t": _scale("δ_t", "scale_t", "common relative error of the clock"),
+        "moment": _effect("Q", "resisting_moment_n_m", "N m", "resisting moment, the same whatever the mass", low=0.0),
+        "viscous_drag": _effect("k_v", "viscous_drag_per_s", "1/s", "force of drag / (M v)", low=0.0),
+        "quadratic_drag": _effect("k_q", "quadratic_drag_per_m", "1/m", "force of drag / (M v²)", low=0.0),
+        "moment_once_cos": _of_turn("a₁", "moment_once_cos", "resisting moment as cos θ / (M g R)"),
+        "moment_once_sin": _of_turn("b₁", "moment_once_sin", "resisting moment as sin θ / (M g R)"),
+        "moment_twice_cos": _of_turn("a₂", "moment_twice_cos", "resisting moment as cos 2θ / (M g R)"),
+        "moment_twice_sin": _of_turn("b₂", "moment_twice_sin", "resisting moment as sin 2θ / (M g R)"),
+        "phi_slope": Kind(
+            Notation("φ′", "°/m", float(np.degrees(1.0))), {"phi_slope_deg_m": _DEGREE, "phi_slope_rad_m": 1.0}, "rad/m", 0.0,
+            "change of the tilt along the ramp",
+        ),
+        "sag": _effect("sag", "sag_m", "m", "how deep the ramp sags in its middle"),
+        "distortion": _effect("bow", "distortion_m", "m", "shift of the middle of the picture"),
+    }
+)

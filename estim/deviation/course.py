@@ -1,0 +1,70 @@
+"""What a force along the track does to the points of one run, at given values of the parameters."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from estim.arrays import FloatArray
+from estim.deviation.force import Response, Track, position_response, speed_response, track
+from estim.deviation.grid import START_SD
+from estim.problem import Motion, Named, Noise, Points
+
+_SLOW = 0.05  # of the mean speed: at a point that is slower a force counts as if it were this fast
+
+
+@dataclass(frozen=True, eq=False)
+class Along:
+    """The track of a run and the responses of its points.
+
+    push : (n_obs,) what one sd of the energy at release does to them.
+
+    radian : of a turn, in the unit of position.  upright : normal force over the weight, at rest.
+    """
+
+    track: Track
+    response: Response
+    push: FloatArray
+    radian: float
+    upright: float
+
+
+@dataclass(frozen=True, eq=False)
+class Course:
+    """A motion that was measured.  positions : (n_row,) all that were read, where the points are made of them; else None."""
+
+    motion: Motion
+    positions: FloatArray | None
+
+    def along(self, points: Points, named: Named, noise: Noise) -> Along:
+        """The responses, linear about the curve at `named`.
+
+        Raises InputError where the body hardly moves somewhere along the track.
+        """
+        arguments = points.bind(named)
+        metres, radian = (float(np.ravel(of(arguments))[0]) for of in (self.motion.metres, self.motion.radian))
+        acceleration = float(np.ravel(self.motion.gravity(arguments))[0]) / metres
+        start = float(np.ravel(arguments.get("offset", 0.0))[0])
+        matrix = noise.of_positions(points, named)
+        read = points.x if matrix is None or self.positions is None else self.positions
+
+        def speed(x: FloatArray) -> FloatArray:
+            return np.ravel(np.broadcast_to(points.curve.value(x, arguments), (1, x.size)))
+
+        def inertia(x: FloatArray) -> FloatArray:
+            kinetic = self.motion.energies(x, np.ones(x.size), arguments)[0]
+            return np.ravel(np.broadcast_to(2.0 * kinetic / metres**2, (1, x.size)))
+
+        if matrix is None:
+            along = track(float(np.max(read)), start=start, first=float(np.min(read)))
+            here = speed(points.x)
+            response = speed_response(
+                along, points.x, here, inertia(points.x), acceleration=acceleration, floor=_SLOW * float(np.mean(here))
+            )
+        else:
+            used = np.any(matrix != 0.0, axis=0)
+            along = track(float(np.max(read[used])), start=start, first=float(np.min(read[used])))
+            moved = position_response(along, read[used], speed(along.fine), inertia(along.fine), acceleration=acceleration)
+            response = moved.through(matrix[:, used])
+        return Along(along, response, START_SD * radian * response.start, radian, float(np.ravel(self.motion.upright(arguments))[0]))

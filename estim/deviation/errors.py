@@ -1,0 +1,112 @@
+"""The likelihood of points about a curve that lacks something: a mixture of normal errors with covariances C_k, weights w_k (`mixture`).
+
+    log L(r) = log sum_k w_k N(r | 0, C_k),    r = y - f
+
+The mixture was made once, at the fit with white errors and a free start.  Tests whiten with its most probable covariance alone.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from estim.arrays import FloatArray
+from estim.deviation.mixture import Mixture
+from estim.problem import Ends, Linear, Named, Points, n_draws
+
+
+@dataclass(frozen=True, eq=False)
+class MixtureErrors:
+    """Points whose errors are a mixture.
+
+    shift : (n_obs,) mean of the errors, unit of y.
+    whitener : (n_obs, n_obs) W, z = W r is white under the most probable covariance, in the order of the points.
+    """
+
+    points: Points
+    mixture: Mixture
+    whitener: FloatArray
+    shift: FloatArray
+
+    creeps = True
+    normal = None
+
+    @property
+    def y(self) -> FloatArray:
+        return np.asarray(self.points.y - self.shift)
+
+    def log_likelihood(self, named: Named) -> FloatArray:
+        return self.mixture.log_likelihood(self._raw(named))
+
+    def pointwise(self, named: Named) -> FloatArray:
+        return self.mixture.pointwise(self._raw(named))
+
+    def standardised(self, named: Named) -> FloatArray:
+        return np.asarray(self._raw(named) @ self.whitener.T)
+
+    def residuals(self, named: Named) -> FloatArray:
+        """z times what makes their squares sum to the loss of log likelihood."""
+        raw = self._raw(named)
+        z = raw @ self.whitener.T
+        return np.asarray(z * self._stretch(raw, z)[0][:, None])
+
+    def size_residuals(self, named: Named) -> FloatArray:
+        return self.standardised(named)
+
+    def outlier_probability(self, named: Named) -> FloatArray:
+        return np.zeros((n_draws(named), self.shift.size))
+
+    def jacobian(self, named: Named, names: Sequence[str]) -> FloatArray:
+        """By the product rule; the stretch g changes by g (Q r/lost - W^T z/|z|^2)."""
+        raw, gradient = self._raw(named), self.points.gradient(named, names)
+        z = raw @ self.whitener.T
+        (stretch,), (lost,) = self._stretch(raw, z)
+        slopes = -stretch * (self.whitener @ gradient)
+        if not lost > 0.0:
+            return np.asarray(slopes)
+        turning = self.mixture.precision(raw[0]) @ raw[0] / lost - self.whitener.T @ z[0] / (z[0] @ z[0])
+        return np.asarray(slopes - stretch * np.outer(z[0], turning @ gradient))
+
+    def scoring(self, named: Named, names: Sequence[str]) -> tuple[FloatArray, FloatArray]:
+        """With the precision Q that the components have together at the point, d log L/dr = -Q r."""
+        raw = self._raw(named)[0]
+        spectrum, basis = np.linalg.eigh(self.mixture.precision(raw))
+        root = np.sqrt(np.maximum(spectrum, 0.0))[:, None] * basis.T
+        return -root @ self.points.gradient(named, names), root @ raw
+
+    def information_root(self, named: Named, names: Sequence[str]) -> FloatArray:
+        """Of errors with the covariance that the components have together at the point."""
+        lower = np.linalg.cholesky(self._covariance(named))
+        return np.asarray(np.linalg.solve(lower, -self.points.gradient(named, names)))
+
+    def information(self, named: Named, names: Sequence[str], ends: Ends) -> FloatArray:
+        root = self.information_root(named, names)
+        return np.asarray(root.T @ root)
+
+    def whitened(self, named: Named, names: Sequence[str]) -> Linear:
+        return Linear(self.whitener @ self._raw(named)[0], self.whitener @ self.points.gradient(named, names))
+
+    def sd(self, named: Named) -> FloatArray:
+        return np.asarray(np.sqrt(np.diag(self._covariance(named))))
+
+    def squared_size(self, vector: FloatArray, named: Named) -> float:
+        return float(vector @ np.linalg.solve(self._covariance(named), vector))
+
+    def _raw(self, named: Named) -> FloatArray:
+        """(n_draw, n_obs) y - f."""
+        return np.atleast_2d(self.y - self.points.value(named))
+
+    def _covariance(self, named: Named) -> FloatArray:
+        return self.mixture.covariance(self._raw(named)[0])
+
+    def _stretch(self, raw: FloatArray, z: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """(n_draw,) what makes |stretch z|^2 twice the loss of log likelihood, and that; 1 and 0 where nothing is lost but rounding."""
+        highest = self.mixture.log_likelihood(np.zeros((1, raw.shape[1])))[0]
+        lost = 2.0 * (highest - self.mixture.log_likelihood(raw))
+        square = np.sum(z**2, axis=1)
+        told = (lost > 1e-9) & (square > 0.0)
+        stretch = np.ones(lost.size)
+        stretch[told] = np.sqrt(lost[told] / square[told])
+        return stretch, np.where(told, lost, 0.0)

@@ -1,0 +1,125 @@
+"""Noise with what the curve lacks beside it: first a free start alone, then, made at the fit with that, an unmodelled force.
+
+Everything that concerns readings is asked of the noise that was stated, `base`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from estim.arrays import FloatArray
+from estim.deviation.course import Course
+from estim.deviation.errors import MixtureErrors
+from estim.deviation.mixture import Mixture
+from estim.problem import CorrelatedErrors, Likelihood, Named, Noise, Points, Scale, Size, Wording
+
+
+@dataclass(frozen=True, eq=False)
+class Stated:
+    """What is asked of the noise that was stated."""
+
+    base: Noise
+
+    @property
+    def parameters(self) -> tuple[str, ...]:
+        return self.base.parameters
+
+    @property
+    def outlier_parameters(self) -> tuple[str, ...]:
+        return self.base.outlier_parameters
+
+    @property
+    def robust(self) -> bool:
+        return self.base.robust
+
+    @property
+    def size(self) -> Size:
+        return self.base.size
+
+    @property
+    def made_of_positions(self) -> bool:
+        return self.base.made_of_positions
+
+    def of_positions(self, points: Points, named: Named) -> FloatArray | None:
+        return self.base.of_positions(points, named)
+
+    def x_gain(self) -> FloatArray:
+        return self.base.x_gain()
+
+    def true_x(self, x: FloatArray, gain: FloatArray, named: Named, rng: np.random.Generator) -> FloatArray:
+        return self.base.true_x(x, gain, named, rng)
+
+    def read_x(self, x: FloatArray, gain: FloatArray, named: Named, rng: np.random.Generator) -> FloatArray:
+        return self.base.read_x(x, gain, named, rng)
+
+    def read(self, true: FloatArray, gain: FloatArray, named: Named, rng: np.random.Generator) -> FloatArray:
+        return self.base.read(true, gain, named, rng)
+
+    def carried(self, by_x: FloatArray, by_y: FloatArray, named: Named) -> tuple[FloatArray, FloatArray]:
+        return self.base.carried(by_x, by_y, named)
+
+    def reading_gain(self) -> FloatArray:
+        return self.base.reading_gain()
+
+    def outlier_share(self, named: Named) -> float:
+        return self.base.outlier_share(named)
+
+    def describe(self, *, x_unit: str, y_unit: str, words: Wording) -> str:
+        return self.base.describe(x_unit=x_unit, y_unit=y_unit, words=words)
+
+
+@dataclass(frozen=True, eq=False)
+class FreeStart(Stated):
+    """Stated noise, and an energy at release that is not quite 0: one more term of rank one in the covariance."""
+
+    course: Course
+
+    def likelihood(self, points: Points, named: Named) -> CorrelatedErrors:
+        stated = normal_covariance(self.base, points, named)
+        push = self.course.along(points, named, self.base).push
+        spectrum, basis = np.linalg.eigh(stated.covariance + np.outer(push, push))
+        rounding = np.finfo(float).eps * spectrum.size * spectrum[-1]
+        return CorrelatedErrors(points, Size(Scale(1.0), Scale(), 0.0), basis, np.maximum(spectrum, rounding), stated.shift)
+
+    def for_search(self) -> FreeStart:
+        return self
+
+
+@dataclass(frozen=True, eq=False)
+class WithForce(Stated):
+    """Stated noise, a free start and an unmodelled force, as a mixture that stays as it is.
+
+    mixture, whitener, shift : of `MixtureErrors`.
+    """
+
+    mixture: Mixture
+    whitener: FloatArray
+    shift: FloatArray
+
+    def likelihood(self, points: Points, named: Named) -> MixtureErrors:
+        return MixtureErrors(points, self.mixture, self.whitener, self.shift)
+
+    def for_search(self) -> Noise:
+        """The stated noise alone."""
+        return self.base
+
+    def describe(self, *, x_unit: str, y_unit: str, words: Wording) -> str:
+        stated = self.base.describe(x_unit=x_unit, y_unit=y_unit, words=words)
+        return f"{stated}; beside it an unmodelled force along the track and a free start"
+
+
+@dataclass(frozen=True, eq=False)
+class StatedErrors:
+    """covariance : (n_obs, n_obs) of normal errors.  shift : (n_obs,) their mean."""
+
+    covariance: FloatArray
+    shift: FloatArray
+
+
+def normal_covariance(base: Noise, points: Points, named: Named) -> StatedErrors:
+    """The stated errors at the values `named`; they must be normal."""
+    likelihood: Likelihood = base.likelihood(points, named)
+    assert likelihood.normal is not None, "asked where a campaign is read"
+    return StatedErrors(likelihood.normal.covariance(named), points.y - likelihood.y)

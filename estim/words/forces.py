@@ -1,0 +1,39 @@
+"""An unmodelled force in words: whether there is one, how large it is, over what distance it changes."""
+
+from __future__ import annotations
+
+from types import MappingProxyType
+
+from estim.common import Finding, Kind
+from estim.words.table import Table
+
+
+def _share(number: float) -> str:
+    return f"{100.0 * number:.2g} %"
+
+
+def _found(f: Finding) -> str:
+    n, unit = f.numbers, f.names[0]
+    return (
+        f"run {f.run}: the residuals are not white about the curve; read as a force along the track that the curve lacks they make "
+        f"{_share(n['share'])} of the weight (root mean square along the track; at most {_share(n['most'])}), which changes over about "
+        f"{n['length']:.2g} {unit} ({n['short']:.2g} to {n['long']:.2g}), P(amplitude > 0) = {f.p:.3f}"
+    )
+
+
+WORDS: Table = MappingProxyType(
+    {
+        Kind.FORCE_FOUND: _found,
+        Kind.FORCE_UNDECIDED: lambda f: (
+            f"run {f.run}: whether the curve lacks a force cannot be told, P(amplitude > 0) = {f.p:.2f}; if it does, the force is about "
+            f"{_share(f.numbers['share'])} of the weight (root mean square along the track), and every interval has room for it"
+        ),
+        Kind.FORCE_UNLIKELY: lambda f: (
+            f"run {f.run}: nothing shows a force that the curve lacks, P(amplitude > 0) = {f.p:.2f}; every interval has room for what may have "
+            "stayed unseen"
+        ),
+        Kind.NOISE_CONSERVATIVE: lambda f: (
+            f"run {f.run}: the stated error is conservative: the readings scatter by about {f.size:.2g} of it; the stated one is kept"
+        ),
+    }
+)

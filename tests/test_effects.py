@@ -1,0 +1,179 @@
+"""Known physics beside weight and plain rolling resistance, each a key of a campaign.  The data are solved by SciPy (`benchmarks/truth`)."""
+
+from __future__ import annotations
+
+import json
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from estim.campaign import Campaign, load_campaign
+from estim.cli.commands import cli
+from estim.common.errors import InputError
+from estim.curves.rolling import MotionCurve, PhaseCurve
+from estim.fitting.least_squares import Fit, fit_least_squares
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "benchmarks"))
+from truth.recordings import BASE, Camera, Disturbance, changed, sagging, write_campaign
+
+WEIGHT = BASE.mass * BASE.g * BASE.radius  # N m
+MASSES = "mass_disk_kg = 0.3252\nmass_particle_kg = 0.0748"
+V0 = 0.15  # m/s
+E0 = V0**2 * (1.0 + BASE.kappa * (1.0 - BASE.gamma) + BASE.gamma + 2.0 * BASE.gamma * np.cos(BASE.theta0 + BASE.phi)) / (2.0 * BASE.g * BASE.radius)
+
+
+@dataclass(frozen=True)
+class Effect:
+    """Something that is true of a recording, the lines that say it under [shared], and the value of its parameter; noises that it goes with."""
+
+    disturbance: Disturbance
+    lines: str
+    parameter: str
+    value: float
+    noises: tuple[str, ...] = ("speeds", "positions")
+
+
+HALF = '{prior = "half-normal", scale = '
+EFFECTS = {
+    "energy": Effect(Disturbance("push", changed(release_speed=V0)), 'release_energy = "0.000(20)"', "release_energy", E0, ("speeds",)),
+    "speed": Effect(Disturbance("push", changed(release_speed=V0)), 'release_speed_m_s = "0.18(6)"', "release_speed", V0),
+    "scale": Effect(Disturbance("scale", camera=Camera(scale_x=0.05)), 'scale_x = "0.00(5)"', "scale_x", 0.05),
+    "clock": Effect(Disturbance("clock", camera=Camera(scale_t=0.03)), 'scale_t = "0.00(5)"', "scale_t", 0.03),
+    "moment": Effect(
+        Disturbance("moment", changed(moment=0.012 * WEIGHT)), f"{MASSES}\nresisting_moment_n_m = {HALF}0.01}}", "moment", 0.012 * WEIGHT
+    ),
+    "viscous": Effect(Disturbance("drag", changed(viscous=0.15 * BASE.mass)), f"viscous_drag_per_s = {HALF}0.2}}", "viscous_drag", 0.15),
+    "quadratic": Effect(Disturbance("drag", changed(quadratic=0.3 * BASE.mass)), f"quadratic_drag_per_m = {HALF}0.5}}", "quadratic_drag", 0.3),
+    "once": Effect(
+        Disturbance("once", changed(once=(0.02 * WEIGHT, 0.0))), 'moment_once_cos = "0.00(2)"\nmoment_once_sin = "0.00(2)"', "moment_once_cos", 0.02
+    ),
+    "twice": Effect(
+        Disturbance("twice", changed(twice=(0.015 * WEIGHT, 0.5 * np.pi))), 'moment_twice_cos = "0.00(2)"\nmoment_twice_sin = "0.00(2)"',
+        "moment_twice_sin", 0.015,
+    ),
+    "slope": Effect(Disturbance("bent", sagging(0.0015, 0.5, 0.25)), 'phi_slope_deg_m = "0(3)"', "phi_slope", 0.048),
+    "sag": Effect(Disturbance("sag", sagging(0.003, 0.5, 0.03)), 'sag_m = "0.000(3)"\nramp_length_m = 0.5\nramp_start_m = 0.03', "sag", 0.003),
+    "bow": Effect(
+        Disturbance("bow", camera=Camera(bow=0.04)), 'distortion_m = "0.00(4)"\npicture_length_m = 0.6\npicture_start_m = 0.05', "distortion", 0.04
+    ),
+}
+CASES = [(name, noise) for name, effect in EFFECTS.items() for noise in effect.noises]
+
+
+def recorded(folder: Path, effect: Effect, noise: str, *, lines: str | None = None, priors: str = "sharp", seed: int = 3) -> Campaign:
+    write_campaign(folder, effect.disturbance, priors=priors, noise=noise, rng=np.random.default_rng(seed))
+    path = folder / "campaign.toml"
+    path.write_text(path.read_text().replace("[shared]\n", f"[shared]\n{effect.lines if lines is None else lines}\n"))
+    return load_campaign(path)
+
+
+def fitted(campaign: Campaign) -> Fit:
+    return fit_least_squares(campaign.problem(["r"]), rng=np.random.default_rng(1), n_start=1)
+
+
+def deviation(fit: Fit) -> float:
+    """The largest deviation of a quantity from its true value, in standard deviations."""
+    true = {name: getattr(BASE, name.partition("[")[0]) for name in fit.names if "release" not in name and hasattr(BASE, name.partition("[")[0])}
+    sds = dict(zip(fit.names, fit.sds, strict=True))
+    return max(abs(fit.values[fit.names.index(name)] - value) / sds[name] for name, value in true.items())
+
+
+@pytest.mark.parametrize(("name", "noise"), CASES)
+def test_an_effect_is_recovered_and_without_its_key_the_fit_is_poor_or_off(tmp_path: Path, name: str, noise: str) -> None:
+    effect = EFFECTS[name]
+    fit = fitted(recorded(tmp_path, effect, noise))
+    i = fit.names.index(effect.parameter)
+    assert abs(fit.values[i] - effect.value) < 3.0 * fit.sds[i]
+    assert fit.sds[i] < 0.6 * effect.value
+    assert fit.p_value > 0.01
+    assert deviation(fit) < 3.5
+    without = fitted(recorded(tmp_path, effect, noise, lines=MASSES if name == "moment" else ""))
+    assert effect.parameter not in without.names
+    assert without.p_value < 1e-4 or deviation(without) > 3.5
+
+
+def test_what_is_not_said_or_exactly_zero_is_the_plain_curve(tmp_path: Path) -> None:
+    plain = Effect(Disturbance("nothing"), "", "", 0.0)
+    zero = "scale_x = 0\nviscous_drag_per_s = 0.0\nsag_m = 0.0\nrelease_energy = 0"
+    for noise, kind in (("speeds", PhaseCurve), ("positions", MotionCurve)):
+        fits = [fitted(recorded(tmp_path, plain, noise, lines=lines)) for lines in ("", zero)]
+        assert all(type(fit.problem.runs[0].curve) is kind for fit in fits)
+        assert fits[0].problem.runs[0].arguments == fits[1].problem.runs[0].arguments
+        assert np.array_equal(fits[0].values, fits[1].values)
+        assert np.array_equal(fits[0].cov, fits[1].cov)
+
+
+def test_an_effect_is_one_unknown_at_its_level_shown_by_its_symbol(tmp_path: Path) -> None:
+    lines = 'scale_t = "0.000(1)"\nphi_slope_deg_m = "0.0(5)"'
+    campaign = recorded(tmp_path, EFFECTS["slope"], "speeds", lines=lines)
+    text = campaign.source.path.read_text().replace("[bodies.b]\n", '[bodies.b]\nscale_t = "0.00(2)"\n')
+    campaign.source.path.write_text(text.replace('body = "b"\n', 'body = "b"\nscale_x = "0.001(2)"\n'))
+    parameters = {p.name: p for p in load_campaign(campaign.source.path).problem(["r"]).parameters}
+    assert parameters["scale_x[r]"].prior.centre == 0.001
+    assert parameters["scale_t[b]"].prior.sd == 0.02
+    assert parameters["phi_slope"].prior.sd == pytest.approx(np.radians(0.5))
+    assert (parameters["phi_slope"].label.symbol, parameters["phi_slope"].label.unit) == ("φ′", "°/m")
+    assert parameters["scale_t[b]"].label.symbol == "δ_t[b]"
+
+
+SAG, BOW = 'sag_m = "0.000(3)"\n', 'distortion_m = "0.000(3)"\n'
+REFUSED = {  # -> (lines, noise, line of the file, message)
+    "both starts": (
+        'release_energy = "0.00(2)"\nrelease_speed_m_s = "0.2(1)"', "speeds", 6, "'release_speed_m_s' must not stand beside 'release_energy'",
+    ),
+    "energy of positions": ('release_energy = "0.00(2)"', "positions", 5, "'release_energy' does not go with positions noise: say release_speed_m_s"),
+    "speed about 0": ('release_speed_m_s = "0.00(5)"', "speeds", 5, 'speeds hardly depend on it: say release_energy = "0 \\+/- 0.001"'),
+    "no masses": ('resisting_moment_n_m = "0.00(2)"', "speeds", 5, "'resisting_moment_n_m' needs the masses"),
+    "negative drag": ('viscous_drag_per_s = "-0.1(1)"', "speeds", 5, "'viscous_drag_per_s' must be >= 0"),
+    "sag and slope": (EFFECTS["sag"].lines + '\nphi_slope_deg_m = "0(1)"', "speeds", 8, "'phi_slope_deg_m' must not stand beside 'sag_m'"),
+    "sag of what": (SAG + "ramp_length_m = 1", "speeds", 5, "'sag_m' needs 'ramp_start_m' beside it, where on it the release is"),
+    "release off the ramp": (SAG + "ramp_length_m = 1\nramp_start_m = 3", "speeds", 7, "'ramp_start_m' must lie between 0 and 'ramp_length_m'"),
+    "a deep sag": ('sag_m = "3(1)"\nramp_length_m = 1\nramp_start_m = 0', "speeds", 5, "'sag_m' must be at most a tenth of 'ramp_length_m' = 1: 3"),
+    "no picture": (BOW, "speeds", 5, "'distortion_m' needs 'picture_length_m' beside it, the whole length"),
+    "a length of nothing": (BOW + "picture_length_m = 0\npicture_start_m = 0", "speeds", 6, "'picture_length_m' must be > 0: 0"),
+    "percent": ('scale_x = "1.0(5)"', "speeds", 5, r"'scale_x' is a fraction of the reading \(0.01 means 1 %\) and must be at most 0.5: 1"),
+    "said in two units": ("phi_slope_deg_m = 1\nphi_slope_rad_m = 1", "speeds", 6, "'phi_slope_rad_m' must not stand beside 'phi_slope_deg_m'"),
+    "a typing error": ('scale_y = "0.00(5)"', "speeds", 5, r"'scale_y' is not a known key here \(did you mean 'scale_[xt]'\?\)"),
+}
+
+
+@pytest.mark.parametrize(("lines", "noise", "line", "rule"), REFUSED.values(), ids=REFUSED)
+def test_what_does_not_go_together_is_one_error_at_its_line(tmp_path: Path, lines: str, noise: str, line: int, rule: str) -> None:
+    with pytest.raises(InputError, match=rf"campaign\.toml:{line}: .*{rule}"):
+        recorded(tmp_path, EFFECTS["energy"], noise, lines=lines)
+
+
+def test_angles_have_no_distorted_picture(tmp_path: Path, project: Path) -> None:
+    text = (project / "data" / "wheel" / "campaign.toml").read_text()
+    for file in (project / "data" / "wheel").glob("*.csv"):
+        (tmp_path / file.name).write_bytes(file.read_bytes())
+    said = EFFECTS["bow"].lines
+    (tmp_path / "campaign.toml").write_text(text.replace("[shared]\n", f"[shared]\n{said}\n"))
+    with pytest.raises(InputError, match="'distortion_m' does not go with angles, which no picture distorts"):
+        load_campaign(tmp_path / "campaign.toml")
+
+
+def result_of_command(folder: Path) -> dict[str, Any]:
+    done = CliRunner().invoke(cli, ["fit", str(folder / "campaign.toml"), "--out", str(folder / "out")])
+    assert done.exit_code in (0, 3), done.output
+    return json.loads((folder / "out" / "result.json").read_text())
+
+
+@pytest.mark.usefixtures("undrawn")
+@pytest.mark.parametrize(("name", "noise"), [("energy", "speeds"), ("moment", "speeds")])
+def test_the_command_recovers_an_effect_and_does_not_trust_a_fit_without_it(tmp_path: Path, name: str, noise: str) -> None:
+    effect = EFFECTS[name]
+    recorded(tmp_path, effect, noise)
+    found = result_of_command(tmp_path)
+    assert found["status"] == "ok"
+    parameter = found["parameters"][effect.parameter]
+    assert abs(parameter["mean"] - effect.value) < 3.0 * parameter["sd"]
+    assert ("speed_at_release" in found["runs"]["r"]["derived"]) == (name == "energy")
+    if name == "energy":
+        recorded(tmp_path, effect, noise, lines="")
+        assert result_of_command(tmp_path)["status"] != "ok"
