@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import signal
 from contextlib import nullcontext
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -40,13 +41,16 @@ def replica() -> Path:
 
 @pytest.fixture(scope="session")
 def reanalysed() -> Reanalysis:
-    """The replica reanalysed as `estim reanalyse --seed 2` does: mark what asks for it `xdist_group("replica")`, so that one process has it."""
+    """The replica reanalysed as `estim reanalyse --seed 2` does, with fewer draws.
+
+    Mark what asks for it `xdist_group("replica")`, so that one process has it.
+    """
     from estim.campaign import load_campaign
     from estim.sampling import Target
     from estim.studies import reanalyse
 
     campaign = load_campaign(PROJECT / "data" / "replica" / "campaign.toml")
-    return reanalyse(campaign, seed=2, target=Target(), progress_of=lambda what: nullcontext(lambda step, message: None))
+    return reanalyse(campaign, seed=2, target=Target(ess=1500.0), progress_of=lambda what: nullcontext(lambda step, message: None))
 
 
 @pytest.fixture(scope="session")
@@ -79,6 +83,14 @@ def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter, config: p
     if config.option.markexpr == "statistics":
         count = sum(path.is_file() for path in REAL.rglob("*"))
         terminalreporter.write_line(f"real files of the program Tracker, read beside their stand-ins: {count} ({REAL})")
+
+
+@pytest.fixture
+def few_draws(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A quarter of the effective draws in every command: for tests of statuses, files and words, not of numbers."""
+    from estim.sampling import Target
+
+    monkeypatch.setattr("estim.sampling.Target", partial(Target, ess=1000.0))
 
 
 PIXEL = (

@@ -360,7 +360,7 @@ def n_worker(parent):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("number", "everybody"), [(signal.SIGINT, True), (signal.SIGTERM, False)])
+@pytest.mark.parametrize(("number", "everybody"), [(signal.SIGINT, True), pytest.param(signal.SIGTERM, False, marks=pytest.mark.statistics)])
 def test_a_signal_to_stop_ends_the_command_with_130_and_leaves_nothing(tmp_path, number, everybody):
     if signal.getsignal(number) is signal.SIG_IGN:
         pytest.skip("the tests were started with this signal ignored (nohup), and so is what they start")

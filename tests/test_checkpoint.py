@@ -534,20 +534,41 @@ def wait_for(condition: Callable[[], bool], seconds: float = 300.0) -> None:
         time.sleep(0.01)
 
 
+KILLED = """
+import os, sys; from pathlib import Path
+sys.path.insert(0, "tests"); import test_checkpoint as t
+for _ in sys.stdin:  # imported once, and a process for each chain
+    child = os.fork()
+    if child == 0:
+        t.sampled(t.Store(Path(sys.argv[1]), resume=True, interval=0.0), lambda: t.time.sleep(0.005))
+        os._exit(0)
+    print(child, flush=True)
+    print(os.waitpid(child, 0)[1], flush=True)
+"""
+
+
 def test_chain_killed_at_random_moments_is_the_whole_one(whole: Chain, tmp_path: Path, rng: np.random.Generator) -> None:
     """Five times SIGKILL; a step whose chunk was seen is never lost.  (benchmarks/kill_resume.py: a hundred.)"""
-    code = "import sys; sys.path.insert(0, 'tests'); from pathlib import Path; import test_checkpoint as t\n"
-    code += "t.sampled(t.Store(Path(sys.argv[1]), resume=True, interval=0.0), lambda: t.time.sleep(0.005))"
+    launcher = subprocess.Popen(
+        [sys.executable, "-c", KILLED, str(tmp_path)], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, cwd=Path(__file__).parents[1]
+    )
     seen = 0
-    for _ in range(5):
-        process = subprocess.Popen([sys.executable, "-c", code, str(tmp_path)], cwd=Path(__file__).parents[1])
-        wait_for(lambda: _n_step(tmp_path) > seen)  # noqa: B023
-        time.sleep(float(rng.uniform(0.0, 0.2)))
-        at_least = _n_step(tmp_path)
-        process.kill()
-        assert process.wait() == -signal.SIGKILL
-        seen = _n_step(tmp_path)
-        assert seen >= at_least
+
+    def n_chunk() -> int:  # to read them all over and over would cost more than to sample
+        return len(list(tmp_path.glob("*.npz")))
+
+    with launcher:
+        for _ in range(5):
+            print(file=launcher.stdin, flush=True)
+            child = int(launcher.stdout.readline())
+            before = n_chunk()
+            wait_for(lambda: n_chunk() > before)  # noqa: B023
+            time.sleep(float(rng.uniform(0.0, 0.2)))
+            at_least = _n_step(tmp_path)
+            os.kill(child, signal.SIGKILL)
+            assert os.waitstatus_to_exitcode(int(launcher.stdout.readline())) == -signal.SIGKILL
+            seen = _n_step(tmp_path)
+            assert seen >= at_least
     assert 5 <= seen < 240
     assert same(sampled(Store(tmp_path, resume=True)), whole)
 

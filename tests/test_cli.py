@@ -78,17 +78,6 @@ def test_same_seed_gives_the_same_bytes(estim: Command, fitted: Path, tmp_path: 
         assert (tmp_path / file).read_bytes() == (fitted / file).read_bytes(), file
 
 
-@pytest.mark.usefixtures("undrawn")
-def test_capped_chain_writes_its_report_and_exits_with_3(estim: Command, tmp_path: Path, replica: Path) -> None:
-    done = estim("fit", replica / "campaign.toml", "--run", "heavy-04", "--out", tmp_path, "--max-steps", "60")
-    assert done.returncode == 3
-    assert "not-converged" in done.stdout
-    report = (tmp_path / "report.md").read_text()
-    assert "## No headline number" in report
-    assert "## Result" not in report
-    assert "raise --max-steps" in report
-
-
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
@@ -139,15 +128,21 @@ def test_help_is_quick() -> None:
 
 
 @pytest.mark.usefixtures("undrawn")
-def test_several_runs_get_a_folder_each_and_an_index(estim: Command, tmp_path: Path, replica: Path) -> None:
+def test_capped_chains_of_several_runs_get_a_folder_each_and_an_index_and_exit_with_3(estim: Command, tmp_path: Path, replica: Path) -> None:
     done = estim("fit", replica / "campaign.toml", "--run", "heavy-04", "--run", "heavy-06", "--out", tmp_path, "--max-steps", "60")
     assert done.returncode == 3
+    assert "not-converged" in done.stdout
     index = (tmp_path / "report.md").read_text()
     for run in ("heavy-04", "heavy-06"):
         assert f"[{run}]({run}/report.md)" in index
         assert (tmp_path / run / "result.json").exists()
+        report = (tmp_path / run / "report.md").read_text()
+        assert "## No headline number" in report
+        assert "## Result" not in report
+        assert "raise --max-steps" in report
 
 
+@pytest.mark.usefixtures("undrawn", "few_draws")
 def test_line_writes_its_report(estim: Command, tmp_path: Path, replica: Path) -> None:
     done = estim("line", replica / "campaign.toml", "--out", tmp_path)
     assert done.returncode == 0, done.stderr
@@ -169,6 +164,7 @@ def test_line_without_a_series_is_one_line(estim: Command, tmp_path: Path, repli
     assert done.stderr.count("\n") == 1
 
 
+@pytest.mark.usefixtures("undrawn", "few_draws")
 def test_energy_writes_its_report(estim: Command, tmp_path: Path, replica: Path) -> None:
     done = estim("energy", replica / "campaign.toml", "--run", "heavy-04", "--out", tmp_path)
     assert done.returncode == 0, done.stderr
@@ -204,6 +200,7 @@ def test_degrees_under_a_radian_key_are_refused(estim: Command, tmp_path: Path, 
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("unrendered", "few_draws")
 def test_reanalyse_survives_what_has_no_band_and_nothing_in_common(estim: Command, tmp_path: Path, replica: Path) -> None:
     """kappa stated for each run, every input of the curve exact or uniform: no band, no narrowing, but a report."""
     (tmp_path / "r.csv").write_text((replica / "runs" / "heavy-04.csv").read_text())

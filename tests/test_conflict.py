@@ -103,7 +103,7 @@ def test_wrong_stated_values_are_found_and_the_right_ones_are_not(stated: dict[s
     assert next(iter(stated)) in {name.partition("[")[0] for name in list(found.pulls)[:3]}
 
 
-@pytest.mark.usefixtures("undrawn")
+@pytest.mark.usefixtures("undrawn", "few_draws")
 def test_a_wrong_stated_value_is_no_ok(tmp_path: Path) -> None:
     campaign = replace(Disk(), phi='"6.0(4)"').write(tmp_path)
     done = CliRunner().invoke(cli, ["fit", str(campaign), "--out", str(tmp_path / "out")])
@@ -124,7 +124,7 @@ def test_a_wrong_stated_value_of_a_formula_is_a_contradiction_though_the_scatter
     assert fit_curve("a*x + b", X, y, start=start, priors={"a": Normal(3.0, 0.1)}).status == "contradiction"
 
 
-@pytest.mark.usefixtures("undrawn")
+@pytest.mark.usefixtures("undrawn", "few_draws")
 def test_what_is_hardly_in_agreement_is_said_on_the_terminal_though_it_is_ok(tmp_path: Path, rng: np.random.Generator) -> None:
     """The stated angle is moved until p is between the two limits."""
     for theta0 in np.arange(60.0, 66.0, 0.25):

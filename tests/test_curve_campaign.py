@@ -225,6 +225,7 @@ def test_commands_for_rolling_bodies_say_that_there_is_none(folder: Path, comman
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("undrawn")
 def test_the_command_line_writes_a_report_about_the_curve(folder: Path) -> None:
     load(folder)
     ran = CliRunner().invoke(cli, ["fit", str(folder / "campaign.toml"), "--run", "first", "--out", str(folder / "out")])
@@ -342,6 +343,7 @@ def test_parameter_that_nothing_holds_is_refused_before_sampling(folder: Path, f
         analyse(load(folder, text), ["first"], seed=1, target=Target(max_step=50))
 
 
+@pytest.mark.usefixtures("unrendered")
 def test_report_of_parameters_without_limits_is_written(folder: Path) -> None:
     """Flat priors without limits cannot be drawn from, but all figures and tables are made."""
     from estim.reports.analysis import analysis_report

@@ -366,6 +366,7 @@ def test_draws_of_a_line_with_unknown_errors_follow_the_t_distribution(rng: np.r
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("unrendered")
 def test_the_report_of_a_curve_speaks_of_the_curve(rng: np.random.Generator) -> None:
     y = 60.0 * np.exp(-T / 4.0) + 20.0 + 0.3 * rng.standard_normal(T.size)
     fit = fit_curve(

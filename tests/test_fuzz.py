@@ -15,7 +15,7 @@ from tracker_files import stored
 
 _SECONDS = 10.0
 WORDS = (*TOKENS, b"t", b"x", b"y", b" ", b"t_s,x_m\n", b"0.1", b"1")
-QUICK = settings(max_examples=200, deadline=None, derandomize=True, database=None)
+QUICK = settings(max_examples=60, deadline=None, derandomize=True, database=None)
 
 
 def attempt(kind: str, data: bytes) -> bool:
@@ -38,6 +38,13 @@ def test_the_sound_files_are_read(kind: str) -> None:
 @given(seed=st.integers(0, 2**32))
 def test_damaged_files_give_a_record_or_one_line(kind: str, seed: int) -> None:
     attempt(kind, sample(kind, random.Random(seed)))
+
+
+@pytest.mark.statistics
+@pytest.mark.parametrize("kind", KINDS)
+def test_many_damaged_files_give_a_record_or_one_line(kind: str) -> None:
+    for seed in range(600):
+        attempt(kind, sample(kind, random.Random(seed)))
 
 
 @pytest.mark.parametrize("kind", KINDS)

@@ -169,6 +169,7 @@ def test_a_formula_with_hostile_texts(estim, plain, tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("few_draws")
 @pytest.mark.parametrize(
     "command",
     [

@@ -11,7 +11,7 @@ from click.testing import CliRunner, Result
 
 from estim.cli.commands import cli
 
-pytestmark = pytest.mark.usefixtures("undrawn")
+pytestmark = pytest.mark.usefixtures("undrawn", "few_draws")
 PHI = np.arange(1.0, 9.0)
 RISING = np.degrees(np.arcsin(np.sin(np.radians(PHI)) / 0.187 + 0.01))
 SCATTERED = RISING + np.array([0, 3, -3, 3, -3, 3, -3, 3])

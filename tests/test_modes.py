@@ -103,7 +103,7 @@ def fit_seven(seed: int, n_start: int = 8) -> CurveFit:
 
 def grid_evidence(x: np.ndarray, y: np.ndarray, *, high: float = 10.0, reach: float = 10.0, u: float = 0.5) -> float:
     """log of the mean likelihood over A, B in [-reach, reach] and f in [0, high], by the midpoint rule on a grid."""
-    f, a = (np.arange(4000) + 0.5) * high / 4000, -reach + (np.arange(160) + 0.5) * 2.0 * reach / 160
+    f, a = (np.arange(2000) + 0.5) * high / 2000, -reach + (np.arange(100) + 0.5) * 2.0 * reach / 100
     s, c = np.sin(2.0 * np.pi * np.outer(f, x)), np.cos(2.0 * np.pi * np.outer(f, x))
     total, top = 0.0, 0.0
     for k in range(0, f.size, 200):

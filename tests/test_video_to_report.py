@@ -101,7 +101,7 @@ def test_ball_is_still_slowing_down_where_its_track_ends(tracker: Path, tmp_path
 
 
 @pytest.mark.slow
-@pytest.mark.usefixtures("undrawn")
+@pytest.mark.usefixtures("undrawn", "few_draws")
 def test_neighbouring_frames_of_a_whole_fall_are_not_independent_and_the_report_says_so(tracker: Path, tmp_path: Path) -> None:
     """The same track with every third frame passes: then the errors are as independent as the noise model says."""
     t, x = imported(tracker / "viscosity" / "CIMG9886.trk", tmp_path / "a1.csv")
@@ -141,7 +141,7 @@ def test_frequency_of_a_half_pipe_is_that_of_its_crossings_and_of_its_spectrum(
 
 
 @pytest.mark.slow
-@pytest.mark.usefixtures("undrawn")
+@pytest.mark.usefixtures("undrawn", "few_draws")
 def test_damped_cosine_does_not_explain_a_half_pipe_and_the_report_says_so(tracker: Path, tmp_path: Path) -> None:
     """The share that every swing loses grows, that of a damped cosine does not: one in five frames is enough to tell."""
     t, x = imported(tracker / "halfpipe" / "Klipp0.csv", tmp_path / "swing.csv")
