@@ -21,11 +21,12 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).resolve().parent))
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
+from truth.recordings import DISTURBANCES, write_campaign
+
 from estim.campaign import load_campaign
 from estim.common import EstimError
 from estim.pipeline import analyse
 from estim.sampling import Target
-from truth.recordings import DISTURBANCES, write_campaign
 
 CHOSEN = ("none", "ramp", "push", "ar1-9")
 QUICK = Target(ess=400.0, n_ensemble=2)
