@@ -65,6 +65,20 @@ class Course:
         else:
             used = np.any(matrix != 0.0, axis=0)
             along = track(float(np.max(read[used])), start=start, first=float(np.min(read[used])))
-            moved = position_response(along, read[used], speed(along.fine), inertia(along.fine), acceleration=acceleration)
+            fine = _moving_on(points, along.fine, speed(along.fine))
+            moved = position_response(along, read[used], fine, inertia(along.fine), acceleration=acceleration)
             response = moved.through(matrix[:, used])
         return Along(along, response, START_SD * radian * response.start, radian, float(np.ravel(self.motion.upright(arguments))[0]))
+
+
+def _moving_on(points: Points, x: FloatArray, speed: FloatArray) -> FloatArray:
+    """The speed (n_fine,) of the curve at x, and where it slows down no less than half of the least that was measured there.
+
+    The curve of a body that was pushed comes to rest before the body does.
+    """
+    fastest = int(np.argmax(speed))
+    beyond = points.y[points.x >= x[fastest]]
+    least = 0.5 * float(np.min(np.abs(beyond), initial=np.inf))
+    if not np.isfinite(least):
+        return speed
+    return np.where(np.arange(x.size) > fastest, np.maximum(speed, least), speed)

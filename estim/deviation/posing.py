@@ -22,6 +22,8 @@ from estim.deviation.mixture import keep_probable
 from estim.deviation.noise import WithForce, normal_covariance
 from estim.problem import Observations, Problem
 
+_PARTS = (0.5, 0.9, 0.99, 0.999)  # of the linearised posterior: the wide components hold its tails
+
 
 @dataclass(frozen=True, eq=False)
 class FoundForce:
@@ -29,6 +31,7 @@ class FoundForce:
 
     unit : of positions.  scale : of the prior of its amplitude.  force : in units of the weight.
     without : parameter -> its standard deviation with the stated noise alone and an exact start.  upright : cosine of the tilt.
+    means, covs : (n, n_par), (n, n_par, n_par) of normal distributions that make up the linearised posterior, the narrowest first.
     noise : quantiles 0.16, 0.5, 0.84 of the size of the readings' noise in units of what was stated.
     conservative : whether the readings scatter by far less than stated.
     """
@@ -41,6 +44,8 @@ class FoundForce:
     conservative: bool
     without: Mapping[str, float]
     upright: float
+    means: FloatArray
+    covs: FloatArray
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,11 +76,29 @@ def pose_force(run: Observations, course: Course, problem: Problem, values: Floa
     mixture = keep_probable(linear, columns=along.push[:, None])
     noise = WithForce(base, mixture, _whitener(linear, along.push), stated.shift)
     force = find_force(linear, along.track, along.response, radius=along.radian)
+    means, covs = _groups(linear)
     found = FoundForce(
         run.name, run.x_unit, run.force, force, linear.size("scale"), stated_is_conservative(linear),
-        dict(zip(problem.names, without.tolist(), strict=True)), along.upright,
+        dict(zip(problem.names, without.tolist(), strict=True)), along.upright, values + means, covs,
     )
     return Posed(noise, found, linear.mean[:-1], linear.covariance[:-1, :-1])
+
+
+def _groups(linear: Linearised) -> tuple[FloatArray, FloatArray]:
+    """Steps (n, n_par) and covariances (n, n_par, n_par) of the components in a few groups, from narrow to wide."""
+    steps, covariances = linear.steps[:, :-1], linear.covariances[:, :-1, :-1]
+    order = np.argsort(np.linalg.slogdet(covariances)[1])
+    below = np.cumsum(linear.weights[order])
+    means, covs = [], []
+    for group in np.split(order, np.searchsorted(below, _PARTS)):
+        weights = linear.weights[group]
+        if weights.sum() > 0.0:
+            weights = weights / weights.sum()
+            mean = weights @ steps[group]
+            off = steps[group] - mean
+            means.append(mean)
+            covs.append(np.einsum("k,kij->ij", weights, covariances[group]) + (weights[:, None] * off).T @ off)
+    return np.array(means), np.array(covs)
 
 
 def _priors(problem: Problem, values: FloatArray) -> tuple[FloatArray, FloatArray]:

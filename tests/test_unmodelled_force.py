@@ -1,0 +1,145 @@
+"""The key `unmodelled_force` of a campaign: off it changes nothing, on it lets runs of the wheel end in a number, elsewhere it is refused."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.optimize import approx_fprime
+from test_noise import CAMPAIGN, DIFFERENTIATED, INDEPENDENT, POSITIONS, TIMES
+
+from estim.campaign import Campaign, load_campaign
+from estim.common import InputError
+from estim.fitting.least_squares import Fit
+from estim.pipeline import Analysis, analyse
+from estim.reports.analysis import analysis_report
+from estim.reports.result import result_of
+from estim.sampling.chain import Target
+
+WHEEL = Path(__file__).resolve().parents[1] / "data" / "wheel"
+KEY = "unmodelled_force = 0.02\n"
+
+
+def body(folder: Path, *, noise: str = DIFFERENTIATED, shared: str = "", run: str = "") -> Campaign:
+    """One run of an eccentric disk, its positions by an ODE solver with errors of a millimetre."""
+    errors = 0.001 * np.random.default_rng(5).standard_normal(TIMES.size)
+    rows = [f"{t:.6f},{x:.9f}" for t, x in zip(TIMES, POSITIONS + errors, strict=True)]
+    (folder / "r.csv").write_text("t_s,x_m\n" + "\n".join(rows))
+    text = CAMPAIGN.replace("[shared]\n", f"[shared]\n{shared}").replace("noise = NOISE", f"{run}noise = {noise}")
+    (folder / "c.toml").write_text(text)
+    return load_campaign(folder / "c.toml")
+
+
+def fitted(campaign: Campaign) -> Fit:
+    return campaign.fit(campaign.problem(["r"]), rng=np.random.default_rng(1))
+
+
+def wheel(folder: Path, force: str) -> Campaign:
+    """The wheel with the step of the encoder as its only error."""
+    text = (WHEEL / "campaign.toml").read_text().replace('file = "', f'file = "{WHEEL}/').replace("[shared]\n", f"[shared]\n{force}")
+    lines = [line for line in text.splitlines() if not line.startswith("scatter")]
+    (folder / "wheel.toml").write_text("\n".join(lines))
+    return load_campaign(folder / "wheel.toml")
+
+
+@pytest.fixture(scope="module")
+def found(tmp_path_factory: pytest.TempPathFactory) -> tuple[Campaign, Analysis]:
+    campaign = wheel(tmp_path_factory.mktemp("wheel"), KEY)
+    return campaign, analyse(campaign, ["class-balanced_2"], seed=1, target=Target(ess=1000.0))
+
+
+def test_off_or_absent_it_changes_nothing(tmp_path: Path) -> None:
+    without, off, switched = fitted(body(tmp_path)), fitted(body(tmp_path, shared="unmodelled_force = 0\n")), \
+        fitted(body(tmp_path, shared=KEY, run="unmodelled_force = 0.0\n"))
+    for other in (off, switched):
+        assert np.array_equal(without.values, other.values)
+        assert np.array_equal(without.cov, other.cov)
+        assert type(other.posterior.likelihoods[0]) is type(without.posterior.likelihoods[0])
+        assert other.forces == ()
+
+
+@pytest.mark.parametrize("noise", [DIFFERENTIATED, INDEPENDENT.replace("independent\"", 'independent", derivative = "central"')])
+def test_on_a_clean_run_it_finds_little_and_costs_little(tmp_path: Path, noise: str) -> None:
+    white, fit = fitted(body(tmp_path, noise=noise)), fitted(body(tmp_path, noise=noise, shared=KEY))
+    assert fit.success
+    (found,) = fit.forces
+    assert found.force.probability < 0.95
+    sds = np.sqrt(np.diag(white.cov))
+    assert np.all(np.abs(fit.values - white.values) < 2.0 * sds)
+    assert np.all(np.sqrt(np.diag(fit.cov)) < 2.5 * sds)
+
+
+def test_the_fit_is_a_maximum_of_the_density_that_is_sampled(tmp_path: Path) -> None:
+    fit = fitted(body(tmp_path, shared=KEY))
+    sds = np.sqrt(np.diag(fit.cov))
+    slope = approx_fprime(np.zeros(sds.size), lambda u: float(fit.posterior.log_density((fit.values + u * sds)[None, :])[0]), 1e-5)
+    assert np.abs(slope).max() < 0.01
+
+
+def test_a_wheel_that_the_curve_alone_does_not_explain_ends_in_a_number(found: tuple[Campaign, Analysis], tmp_path: Path) -> None:
+    campaign, analysis = found
+    white = analyse(wheel(tmp_path, ""), ["class-balanced_2"], seed=1, target=Target(ess=1000.0))
+    assert white.diagnosis.status == "poor-fit"
+    assert analysis.diagnosis.status == "ok"
+    assert analysis.comparison.verdict == "agree"
+    result, without = result_of(campaign, analysis), result_of(campaign, white)
+    assert without.deviation is None
+    assert result.deviation is not None
+    force = result.deviation["class-balanced_2"]
+    assert force.probability > 0.99
+    assert 0.003 < force.typical < 0.03
+    moment = result.runs["class-balanced_2"].derived["resisting_moment"]
+    assert moment.mean == pytest.approx(0.955, abs=0.03)
+    # the tilt limits both; what is the force's own adds to it
+    assert 1.05 < force.growth["rolling_resistance"] < 2.0
+    assert force.average is not None
+    assert force.average.sd_material > 1.5 * force.average.sd
+    assert any("P(amplitude > 0)" in note for note in result.notes)
+
+
+def test_draws_are_those_of_the_linearised_answer_but_for_curvature(found: tuple[Campaign, Analysis]) -> None:
+    fit, draws = found[1].fit, found[1].chain.flat
+    i = fit.names.index("rolling_resistance")
+    assert draws[:, i].mean() == pytest.approx(fit.values[i], abs=0.3 * draws[:, i].std())
+    assert np.sqrt(fit.cov[i, i]) == pytest.approx(draws[:, i].std(), rel=0.25)
+
+
+def test_a_report_says_and_draws_what_the_curve_lacks(found: tuple[Campaign, Analysis]) -> None:
+    campaign, analysis = found
+    files = analysis_report(campaign, analysis)
+    text = files["report.md"].decode()
+    assert "## What the curve lacks" in text
+    assert "figures/force.png" in files
+    assert "means the average over this track" in text
+    assert "an unmodelled force along the track and a free start" in text
+
+
+REFUSED = {
+    "negative": ({"shared": "unmodelled_force = -0.1\n"}, 5, "is a share of the weight"),
+    "more than the weight": ({"shared": "unmodelled_force = 2.0\n"}, 5, "is a share of the weight"),
+    "positions": ({"shared": KEY, "noise": '{model = "positions", sigma_x_m = 0.001}'}, 5, "'positions'"),
+    "robust": ({"run": KEY, "noise": INDEPENDENT[:-1] + ', derivative = "central", robust = "student-t"}'}, 16, "'robust'"),
+    "errors of x": ({"run": KEY, "noise": INDEPENDENT[:-1] + ', derivative = "central", sigma_x_m = 0.001}'}, 16, "errors of the positions"),
+    "scatter": ({"shared": KEY, "noise": '{sigma_x_m = 0.001, scatter = {prior = "half-normal", scale = 0.01}}'}, 5, "'scatter' that is inferred"),
+    "sigma": ({"shared": KEY, "noise": '{sigma_x_m = "0.001(1)"}'}, 5, "'sigma_x' that is inferred"),
+}
+
+
+@pytest.mark.parametrize(("written", "line", "rule"), REFUSED.values(), ids=REFUSED)
+def test_where_it_does_not_go_one_line_says_so(tmp_path: Path, written: dict[str, str], line: int, rule: str) -> None:
+    with pytest.raises(InputError, match=rf"c\.toml:{line}: 'unmodelled_force' .*{rule}"):
+        body(tmp_path, **written)
+
+
+def test_joint_fits_and_other_commands_refuse_it(tmp_path: Path) -> None:
+    campaign = wheel(tmp_path, KEY)
+    place = r"wheel\.toml:9: 'unmodelled_force' does not go with"
+    with pytest.raises(InputError, match=f"{place} a joint fit"):
+        campaign.problem(["class-balanced_1", "class-balanced_2"])
+    with pytest.raises(InputError, match=f"{place} a comparison"):
+        campaign.noise_models("class-balanced_1")
+    with pytest.raises(InputError, match=f"{place} estim energy"):
+        campaign.study.require_speeds(["class-balanced_1"], "estim energy")
+    with pytest.raises(InputError, match=f"{place} estim calibrate"):
+        campaign.require_unknowns(campaign.problem(["class-balanced_1"]), drawn=True)
