@@ -31,11 +31,13 @@ def result(campaign: Campaign, run: str) -> Result:
 @pytest.mark.slow
 @pytest.mark.parametrize("run", [*RUNS, *(pytest.param(run, marks=pytest.mark.statistics) for run in FURTHER)])
 def test_resisting_moment_lies_where_the_groups_found_it(run: str) -> None:
-    found = result(wheel(run), run)
-    moment = found.runs[run].derived["resisting_moment"]
-    assert 0.6 < moment.q025 < moment.q975 < 1.5
-    # nothing but the quality of the fit may be in doubt, and a doubt has its reason in words
-    assert found.status in ("ok", "poor-fit")
+    analysis = analyse(wheel(run), [run], seed=11, target=QUICK)
+    observed, draws = analysis.problem.runs[0], analysis.problem.named(analysis.chain.flat)
+    low, high = np.quantile(observed.derived(observed.bind(draws))["resisting_moment"].values, [0.025, 0.975])
+    assert 0.6 < low < high < 1.5
+    # in doubt may be the quality of the fit, or what was stated (it makes up for a force that the curve lacks); a doubt has its reason in words
+    found = result_of(wheel(run), analysis)
+    assert found.status in ("ok", "poor-fit", "contradiction")
     assert (found.status == "ok") == (not found.reasons)
     assert found.runs[run].scatter_ratio < 10.0
 
