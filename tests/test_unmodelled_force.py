@@ -143,3 +143,10 @@ def test_joint_fits_and_other_commands_refuse_it(tmp_path: Path) -> None:
         campaign.study.require_speeds(["class-balanced_1"], "estim energy")
     with pytest.raises(InputError, match=f"{place} estim calibrate"):
         campaign.require_unknowns(campaign.problem(["class-balanced_1"]), drawn=True)
+
+
+def test_the_wheels_own_campaign_with_a_force_is_the_other_one_without_scatter() -> None:
+    plain, forced = ((WHEEL / name).read_text().splitlines() for name in ("campaign.toml", "force.toml"))
+    assert [line for line in forced if not line.startswith("unmodelled_force")] == [line for line in plain if not line.startswith("scatter")]
+    campaign = load_campaign(WHEEL / "force.toml")
+    assert [campaign.problem([name]).runs[0].force for name in ("class-balanced_1", "class-unbalanced_3")] == [0.02, 0.02]
