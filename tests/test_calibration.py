@@ -13,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from click.testing import CliRunner
+from command_runner import runner
 from test_noise import POSITIONS, TIMES, TRUTH
 from test_positions import Line, line_problem
 
@@ -327,7 +327,7 @@ def test_turning_points_and_derived_numbers_are_looked_at_too(tmp_path):
 
 
 def calibrate(*arguments: object) -> tuple[int, str, str]:
-    done = CliRunner().invoke(cli, ["calibrate", *map(str, arguments)])
+    done = runner().invoke(cli, ["calibrate", *map(str, arguments)])
     return done.exit_code, done.stdout, done.stderr
 
 

@@ -11,6 +11,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from click.testing import CliRunner, Result
+from command_runner import runner
 
 import estim
 from estim.checks.cross_validation import leave_one_out
@@ -225,7 +226,7 @@ def test_missing_package_is_one_line_with_the_command_to_get_it(
 
 
 def run_fit(out: Path, replica: Path) -> Result:
-    return CliRunner().invoke(cli, ["fit", str(replica / "campaign.toml"), "--run", "heavy-04", "--max-steps", "60", "--out", str(out)])
+    return runner().invoke(cli, ["fit", str(replica / "campaign.toml"), "--run", "heavy-04", "--max-steps", "60", "--out", str(out)])
 
 
 @pytest.mark.usefixtures("undrawn")
