@@ -50,7 +50,8 @@ class Outlet(io.TextIOBase):
         return len(text)
 
     def flush(self) -> None:
-        if not self._error:
+        """Also called when this is thrown away, perhaps after the stream beneath was closed."""
+        if not (self._error or self._stream.closed):
             try:
                 self._stream.flush()
             except OSError as error:

@@ -11,6 +11,7 @@ import platform
 from collections.abc import Mapping
 from functools import cached_property
 from importlib.metadata import version
+from inspect import cleandoc
 from typing import Protocol
 
 import msgspec
@@ -328,4 +329,8 @@ def to_json(result: Result) -> bytes:
 
 def json_schema() -> bytes:
     """The JSON Schema of `result.json`."""
-    return as_json(msgspec.json.schema(Result))
+    schema = msgspec.json.schema(Result)
+    for record in schema["$defs"].values():
+        if "description" in record:
+            record["description"] = cleandoc(record["description"])  # Python 3.13 does so itself
+    return as_json(schema)
