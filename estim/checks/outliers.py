@@ -29,7 +29,8 @@ class Outliers:
 def find_outliers(posterior: Posterior, draws: FloatArray) -> tuple[Outliers, ...]:
     """One record for each run with robust noise, averaged over posterior draws (n_draw, n_par)."""
     named = posterior.problem.named(draws)
+    by_run = posterior.by_run(likelihood.outlier_probability(named).mean(axis=0) for likelihood in posterior.likelihoods)
     return tuple(
-        Outliers(run.name, likelihood.outlier_probability(named).mean(axis=0))
-        for run, likelihood in zip(posterior.problem.runs, posterior.likelihoods, strict=True) if run.noise.robust
+        Outliers(run.name, probability)
+        for run, probability in zip(posterior.problem.runs, by_run, strict=True) if run.noise.robust
     )

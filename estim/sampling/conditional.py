@@ -152,12 +152,12 @@ def run_terms(fit: Fit, sampled: IndexArray) -> tuple[RunTerm, ...]:
     """
     problem = fit.problem
     terms = []
-    for run, likelihood in zip(problem.runs, fit.posterior.likelihoods, strict=True):
-        alone = problem.restricted((run,))
+    for group, likelihood in zip(problem.groups, fit.posterior.likelihoods, strict=True):
+        alone = problem.restricted(group.runs)
         columns = np.array([problem.names.index(name) for name in alone.names], dtype=np.int64)
         given = np.isin(columns, sampled)
         if likelihood.normal is None:
-            raise InputError(_NOT_NORMAL, field="run", value=run.name)
+            raise InputError(_NOT_NORMAL, field="run", value=", ".join(run.name for run in group.runs))
         posterior = dataclasses.replace(fit.posterior, problem=alone, likelihoods=(likelihood,))
         term = RunTerm(posterior, likelihood.normal, columns, np.flatnonzero(given), np.flatnonzero(~given), fit.values[columns])
         _require_the_same(term)
