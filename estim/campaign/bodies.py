@@ -74,7 +74,7 @@ class RollingStudy:
             angular, sources = tables[name].coordinate == "theta_rad", {q: b.source for q, b in bound.items()}
             setting = setting_of(levels, sources, mass, positions=observed.positions, angular=angular)
             posed = _observations(name, observed, arguments, mass, setting, angular=angular)
-            runs.append(replace(posed, force=force_scale(levels, observed, joint=len(names) > 1, replaced=noise is not None)))
+            runs.append(replace(posed, force=force_scale(levels, observed, replaced=noise is not None)))
         return Problem((*shared_first(physics.values(), runs), *unknowns.values()), tuple(runs))
 
     def levels(self, name: str) -> Levels:

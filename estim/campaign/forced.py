@@ -13,8 +13,9 @@ import numpy as np
 
 from estim.campaign.levels import Level, Levels
 from estim.campaign.points import Observed
+from estim.campaign.shared_force import sharing_runs
 from estim.common import InputError
-from estim.deviation import Course, FreeStart, pose_force
+from estim.deviation import Course, FreeStart, pose_forces
 from estim.fitting import Fit, fit_least_squares, scanned_fit
 from estim.problem import Observations, Problem
 from estim.reading import Run
@@ -24,10 +25,10 @@ KEY = "unmodelled_force"
 _LARGEST = 1.0  # a force as large as the weight is no small thing that was left out
 
 
-def force_scale(levels: Levels, observed: Observed, *, joint: bool, replaced: bool) -> float:
+def force_scale(levels: Levels, observed: Observed, *, replaced: bool) -> float:
     """Scale of the prior of an unmodelled force in units of the weight, 0 for none.
 
-    joint : whether the run is fit together with others.  replaced : whether its noise is not the one that the campaign states.
+    replaced : whether its noise is not the one that the campaign states.
     Raises InputError at the key's line where it does not go with the noise of the run, or is no share of the weight.
     """
     level = next((level for level in levels if getattr(level.table, KEY) is not None), None)
@@ -48,8 +49,6 @@ def force_scale(levels: Levels, observed: Observed, *, joint: bool, replaced: bo
         raise _error(levels, level, rule)
     if replaced:
         raise _error(levels, level, "does not go with a comparison of noise models: set it to 0 for that")
-    if joint:
-        raise _error(levels, level, "does not go with a joint fit yet, which needs a force that runs share: fit the runs one by one")
     return scale
 
 
@@ -63,21 +62,22 @@ def refuse_force(levels: Levels, command: str) -> None:
 def fit_with_forces(white: Fit, tables: Mapping[str, Run], levels: Mapping[str, Levels], *, rng: np.random.Generator) -> Fit:
     """The posterior mode with the unmodelled force of every run that has one, from the fit `white` without.  Raises InputError."""
     problem = white.problem
+    groups = sharing_runs(problem.runs, levels, KEY)
     courses = {run.name: Course(run.body, _positions(run, tables[run.name])) for run in problem.runs if run.force}
     try:
         pushed = [replace(run, noise=FreeStart(run.noise, courses[run.name])) if run.force else run for run in problem.runs]
         free = fit_least_squares(Problem(problem.parameters, tuple(pushed)), rng=rng, n_start=1, start=white.values)
         without = np.sqrt(np.diag(white.cov))
-        posed = {run.name: pose_force(run, courses[run.name], problem, free.values, without=without) for run in problem.runs if run.force}
+        posed = pose_forces(groups, courses, problem, free.values, without=without)
     except InputError as error:
         name = next(iter(courses))
         raise levels[name].error(f"cannot be linearised: {error.rule}; end the window before the body comes to rest", _path(levels[name])) from None
-    runs = tuple(replace(run, noise=posed[run.name].noise) if run.force else run for run in problem.runs)
+    runs = tuple(replace(run, noise=posed.noises.get(run.name, run.noise)) for run in problem.runs)
     low, high = problem.support()
-    start = np.clip(free.values + sum(one.step for one in posed.values()), low, high)
-    fit = fit_least_squares(Problem(problem.parameters, runs), rng=rng, n_start=1, start=start)
+    start = np.clip(free.values + posed.step, low, high)
+    fit = fit_least_squares(Problem(problem.parameters, runs, posed.shared), rng=rng, n_start=1, start=start)
     fit = scanned_fit(fit, rng=rng) if problem.n_par <= MAX_PARAMETERS else fit
-    return replace(fit, forces=tuple(one.found for one in posed.values()), symmetry=white.symmetry)
+    return replace(fit, forces=posed.found, symmetry=white.symmetry)
 
 
 def _positions(run: Observations, table: Run) -> np.ndarray | None:

@@ -11,6 +11,7 @@ from estim.deviation.force import Response, Track, position_response, speed_resp
 from estim.deviation.grid import START_SD
 from estim.problem import Motion, Named, Noise, Points
 
+_MOST_OFF = 1.5  # how far a measured speed may be from that of the curve, as a factor, and still be its speed with errors
 _SLOW = 0.05  # of the mean speed: at a point that is slower a force counts as if it were this fast
 
 
@@ -67,8 +68,21 @@ class Course:
             along = track(float(np.max(read[used])), start=start, first=float(np.min(read[used])))
             fine = _moving_on(points, along.fine, speed(along.fine))
             moved = position_response(along, read[used], fine, inertia(along.fine), acceleration=acceleration)
-            response = moved.through(matrix[:, used])
+            response = _as_fast_as_the_fit(moved.through(matrix[:, used]), moved.at(points.x, read[used]), points, named)
         return Along(along, response, START_SD * radian * response.start, radian, float(np.ravel(self.motion.upright(arguments))[0]))
+
+
+def _as_fast_as_the_fit(response: Response, here: Response, points: Points, named: Named) -> Response:
+    """What differences S delta x - v' delta x of the positions that were read answer, each S delta x times v/y.
+
+    S delta x is about (d delta x/dx) S x, and S x = y has the errors of the readings: with them in it a large constant force could take up the
+    noise.  here : response (n_obs, ...) of the positions of the points themselves.
+    """
+    speed = np.ravel(np.broadcast_to(points.value(named), (1, points.x.size)))
+    ratio = np.clip(np.divide(speed, points.y, out=np.ones_like(speed), where=points.y > 0.0), 1.0 / _MOST_OFF, _MOST_OFF)
+    slope = points.slope(named)
+    force = ratio[:, None] * (response.force + slope[:, None] * here.force) - slope[:, None] * here.force
+    return Response(force, ratio * (response.start + slope * here.start) - slope * here.start)
 
 
 def _moving_on(points: Points, x: FloatArray, speed: FloatArray) -> FloatArray:

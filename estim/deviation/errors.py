@@ -14,18 +14,18 @@ import numpy as np
 
 from estim.arrays import FloatArray
 from estim.deviation.mixture import Mixture
-from estim.problem import Ends, Linear, Named, Points, n_draws
+from estim.problem import Ends, Linear, Named, Points, StackedPoints, n_draws
 
 
 @dataclass(frozen=True, eq=False)
 class MixtureErrors:
-    """Points whose errors are a mixture.
+    """Points of a run, or of several below each other, whose errors are a mixture.
 
     shift : (n_obs,) mean of the errors, unit of y.
     whitener : (n_obs, n_obs) W, z = W r is white under the most probable covariance, in the order of the points.
     """
 
-    points: Points
+    points: Points | StackedPoints
     mixture: Mixture
     whitener: FloatArray
     shift: FloatArray

@@ -28,6 +28,7 @@ from estim.deviation.grid import track_lengths
 from estim.deviation.kernels import distances, matern32, root, turning, without_mean
 
 _N_NODE, _N_FINE = 121, 800
+OWN = (0.0, 0.1, 0.3, 1.0)  # amplitudes of the own forces of runs, in units of the one that they share
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,6 +64,17 @@ class Response:
     def through(self, matrix: FloatArray) -> Response:
         """The response of linear combinations matrix @ observations, such as A of speeds by differences."""
         return Response(matrix @ self.force, matrix @ self.start)
+
+    def at(self, x: FloatArray, places: FloatArray) -> Response:
+        """The response of the observations of places x, some of all that were observed, `places` (n_obs,)."""
+        rows = [int(np.argmin(np.abs(places - one))) for one in x]
+        return Response(self.force[rows], self.start[rows])
+
+    def carried(self, own: Track, common: Track) -> Response:
+        """The response to a force on the nodes of a `common` track that is at least as long; places count from the release of each."""
+        near = np.eye(common.nodes.size)
+        since, places = common.nodes - common.start, own.nodes - own.start
+        return Response(self.force @ np.array([np.interp(places, since, node) for node in near]).T, self.start)
 
     @classmethod
     def stacked(cls, responses: Sequence[Response]) -> Response:
@@ -148,7 +160,7 @@ def force_shapes(along: Track, response: Response, *, radius: float | None = Non
 
 
 def shared_force_shapes(
-    along: Track, responses: Sequence[Response], *, radius: float | None = None, own: tuple[float, ...] = (0.0, 0.1, 0.3, 1.0)
+    along: Track, responses: Sequence[Response], *, radius: float | None = None, own: tuple[float, ...] = OWN
 ) -> tuple[Shape, ...]:
     """One force that all runs on a track share, its mean removed, plus a plain one of each run; observations stacked in the order of the runs.
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -49,39 +50,92 @@ def find_force(linearised: Linearised, along: Track, response: Response, *, radi
     """The force under the posterior of `force_shapes`, or the shared one of `shared_force_shapes`; same track and radius.
 
     response : that of the run, or of all runs stacked (`Response.stacked`).
-
-    Given a component and the parameters p,  f ~ N(a^2 K L^T C^-1 (r - J p), a^2 K - a^4 K L^T C^-1 L K);  p is integrated out.
     """
     deviation = linearised.deviation
-    r, j = deviation.whiten(linearised.residuals), deviation.whiten(linearised.jacobian.T).T
-    lever = deviation.whiten(response.force.T).T
-    order = np.argsort(linearised.weights)[::-1]
-    kept = order[: 1 + int(np.searchsorted(np.cumsum(linearised.weights[order]), 1.0 - _LOST))]
-    means, sds = np.zeros((kept.size, along.nodes.size)), np.zeros((kept.size, along.nodes.size))
-    kernels = {f.length: without_mean(force_kernel(along, f.length, radius=radius), along.weights) for f in deviation.families}
-    material = {f.length: sd_of_mean(force_kernel(along, f.length, radius=radius), along.weights) for f in deviation.families}
+    kernels = {f.length: force_kernel(along, f.length, radius=radius) for f in deviation.families}
+    seen = _Seen(linearised, response, [without_mean(kernels[f.length], along.weights) for f in deviation.families])
+    material = {length: sd_of_mean(kernel, along.weights) for length, kernel in kernels.items()}
     elsewhere = 0.0
-    for i, k in enumerate(kept):
+    for k in seen.kept:
         family, place = linearised.component(int(k))
-        amplitude, kernel = family.amplitude[place], kernels[family.length]
-        variance = family.scale[place] ** 2 + amplitude**2 * family.spectrum
-        gain = amplitude**2 * (kernel @ lever.T) @ family.basis / variance  # (n_node, n_obs) in the family's basis
-        means[i] = gain @ (family.basis.T @ (r - j @ linearised.steps[k]))
-        parameters = gain @ (family.basis.T @ j)
-        spread = amplitude**2 * np.diag(kernel) - np.einsum("ij,ij->i", gain * variance, gain)
-        spread += np.einsum("ip,pq,iq->i", parameters, linearised.covariances[k], parameters)
-        sds[i] = np.sqrt(np.maximum(spread, 0.0))
-        elsewhere += linearised.weights[k] * (amplitude * material[family.length]) ** 2
-    weights = linearised.weights[kept] / linearised.weights[kept].sum()
-    mean = weights @ means
-    sd = np.sqrt(np.maximum(weights @ (np.square(sds) + np.square(means - mean)), 0.0))
+        elsewhere += linearised.weights[k] * (family.amplitude[place] * material[family.length]) ** 2
+    mean, sd = seen.mean_and_sd()
     return Force(
         x=along.nodes,
         mean=mean,
         sd=sd,
-        quantiles=mixture_quantiles(weights, means, sds, BAND),
+        quantiles=mixture_quantiles(seen.weights, seen.means, seen.sds, BAND),
         probability=linearised.p_deviation,
         amplitude=linearised.size("amplitude"),
         length=linearised.size("length"),
-        material_sd=float(np.sqrt(elsewhere / linearised.weights[kept].sum())),
+        material_sd=float(np.sqrt(elsewhere / linearised.weights[seen.kept].sum())),
     )
+
+
+@dataclass(frozen=True, eq=False)
+class OwnForce:
+    """What the force of one run adds to the one that runs share, in units of the weight.
+
+    x : (n_node,) m or rad, to the end of the run.  mean, sd : (n_node,).
+    """
+
+    run: str
+    x: FloatArray
+    mean: FloatArray
+    sd: FloatArray
+
+
+def find_own_force(
+    linearised: Linearised, along: Track, response: Response, *, run: str, end: float, ratios: Sequence[float], radius: float | None = None
+) -> OwnForce:
+    """The own force of one run under the posterior of `shared_force_shapes`.
+
+    response : that of the run, rows of 0 where other runs are stacked.  end : where the run ends.
+    ratios : of its amplitude to that of the shared one, one for each family.
+    """
+    families = linearised.deviation.families
+    kernels = {f.length: force_kernel(along, f.length, radius=radius) for f in families}
+    seen = _Seen(linearised, response, [ratio**2 * kernels[f.length] for f, ratio in zip(families, ratios, strict=True)])
+    reached = along.nodes <= end
+    mean, sd = seen.mean_and_sd()
+    return OwnForce(run, along.nodes[reached], mean[reached], sd[reached])
+
+
+class _Seen:
+    """A force at the nodes given each of the probable components, with the parameters p integrated out.
+
+    f | k ~ N(a^2 K L^T C^-1 (r - J p), a^2 K - a^4 K L^T C^-1 L K)
+
+    kept : (n_kept,) components.  weights : (n_kept,) of sum 1.  means, sds : (n_kept, n_node).
+    """
+
+    def __init__(self, linearised: Linearised, response: Response, kernels: Sequence[FloatArray]) -> None:
+        """kernels : covariance (n_node, n_node) of the force for unit amplitude, one for each family."""
+        deviation = linearised.deviation
+        r, j = deviation.whiten(linearised.residuals), deviation.whiten(linearised.jacobian.T).T
+        lever = deviation.whiten(response.force.T).T
+        order = np.argsort(linearised.weights)[::-1]
+        last = 1 + int(np.searchsorted(np.cumsum(linearised.weights[order]), 1.0 - _LOST))
+        self.kept = np.sort(order[:last])
+        self.weights = linearised.weights[self.kept] / linearised.weights[self.kept].sum()
+        means, sds, start = [], [], 0
+        for family, kernel in zip(deviation.families, kernels, strict=True):
+            here = self.kept[(self.kept >= start) & (self.kept < start + family.amplitude.size)]
+            if here.size:
+                reach, seen, turned = (kernel @ lever.T) @ family.basis, family.basis.T @ r, family.basis.T @ j
+            for k in here:
+                square = family.amplitude[k - start] ** 2
+                variance = family.scale[k - start] ** 2 + square * family.spectrum
+                gain = square * reach / variance  # (n_node, n_dir)
+                parameters = gain @ turned
+                spread = square * np.diag(kernel) - np.einsum("ij,ij->i", gain * variance, gain)
+                spread += np.einsum("ip,pq,iq->i", parameters, linearised.covariances[k], parameters)
+                means.append(gain @ (seen - turned @ linearised.steps[k]))
+                sds.append(np.sqrt(np.maximum(spread, 0.0)))
+            start += family.amplitude.size
+        self.means, self.sds = np.array(means), np.array(sds)
+
+    def mean_and_sd(self) -> tuple[FloatArray, FloatArray]:
+        """(n_node,) of the mixture."""
+        mean = self.weights @ self.means
+        return mean, np.sqrt(np.maximum(self.weights @ (np.square(self.sds) + np.square(self.means - mean)), 0.0))

@@ -9,12 +9,13 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.linalg import block_diag
 
 from estim.arrays import FloatArray
 from estim.deviation.components import diagonalise
 from estim.deviation.course import Course
 from estim.deviation.force import force_shapes
-from estim.deviation.found import Force, find_force
+from estim.deviation.found import Force, OwnForce, find_force
 from estim.deviation.generic import stated_is_conservative
 from estim.deviation.grid import prior_grid
 from estim.deviation.linearised import Linearised, linearise
@@ -27,13 +28,15 @@ _PARTS = (0.5, 0.9, 0.99, 0.999)  # of the linearised posterior: the wide compon
 
 @dataclass(frozen=True, eq=False)
 class FoundForce:
-    """The unmodelled force of one run.
+    """The unmodelled force of one run, or the one that several share.
 
-    unit : of positions.  scale : of the prior of its amplitude.  force : in units of the weight.
+    run : its name, or what those that share the force have in common.  unit : of positions.  scale : of the prior of its amplitude.
+    force : in units of the weight.
     without : parameter -> its standard deviation with the stated noise alone and an exact start.  upright : cosine of the tilt.
     means, covs : (n, n_par), (n, n_par, n_par) of normal distributions that make up the linearised posterior, the narrowest first.
     noise : quantiles 0.16, 0.5, 0.84 of the size of the readings' noise in units of what was stated.
     conservative : whether the readings scatter by far less than stated.
+    sharing : names of the runs that share the force, none where it is that of one run.  own : what each of them adds to it.
     """
 
     run: str
@@ -46,6 +49,8 @@ class FoundForce:
     upright: float
     means: FloatArray
     covs: FloatArray
+    sharing: tuple[str, ...] = ()
+    own: tuple[OwnForce, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,12 +76,12 @@ def pose_force(run: Observations, course: Course, problem: Problem, values: Floa
     deviation = diagonalise(stated.covariance, shapes, prior_grid(run.force))
     residuals = run.y - stated.shift - np.ravel(np.broadcast_to(run.points.value(named), (1, run.n_obs)))
     jacobian = np.column_stack([run.points.gradient(named, problem.names), along.push])
-    precision, pull = _priors(problem, values)
+    precision, pull = with_starts(*priors_at(problem, values), 1)
     linear = linearise(deviation, residuals, jacobian, precision=precision, pull=pull)
     mixture = keep_probable(linear, columns=along.push[:, None])
-    noise = WithForce(base, mixture, _whitener(linear, along.push), stated.shift)
+    noise = WithForce(base, mixture, whitener(linear, along.push[:, None]), stated.shift)
     force = find_force(linear, along.track, along.response, radius=along.radian)
-    means, covs = _groups(linear)
+    means, covs = narrow_to_wide(linear, problem.n_par)
     found = FoundForce(
         run.name, run.x_unit, run.force, force, linear.size("scale"), stated_is_conservative(linear),
         dict(zip(problem.names, without.tolist(), strict=True)), along.upright, values + means, covs,
@@ -84,9 +89,9 @@ def pose_force(run: Observations, course: Course, problem: Problem, values: Floa
     return Posed(noise, found, linear.mean[:-1], linear.covariance[:-1, :-1])
 
 
-def _groups(linear: Linearised) -> tuple[FloatArray, FloatArray]:
-    """Steps (n, n_par) and covariances (n, n_par, n_par) of the components in a few groups, from narrow to wide."""
-    steps, covariances = linear.steps[:, :-1], linear.covariances[:, :-1, :-1]
+def narrow_to_wide(linear: Linearised, n_par: int) -> tuple[FloatArray, FloatArray]:
+    """Steps (n, n_par) and covariances (n, n_par, n_par) of the first `n_par` parameters, components in a few groups, from narrow to wide."""
+    steps, covariances = linear.steps[:, :n_par], linear.covariances[:, :n_par, :n_par]
     order = np.argsort(np.linalg.slogdet(covariances)[1])
     below = np.cumsum(linear.weights[order])
     means, covs = [], []
@@ -101,16 +106,21 @@ def _groups(linear: Linearised) -> tuple[FloatArray, FloatArray]:
     return np.array(means), np.array(covs)
 
 
-def _priors(problem: Problem, values: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Precision (n_par + 1, n_par + 1) and pull (n_par + 1,) of the priors at `values`, the energy at release last, in its own sds."""
+def priors_at(problem: Problem, values: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Precision (n_par, n_par) and pull (n_par,) of the priors at `values`."""
     priors = list(zip(problem.parameters, values, strict=True))
-    slope = np.array([p.prior.residual_slope(float(v)) for p, v in priors] + [1.0])
-    off = np.array([p.prior.residual(float(v)) for p, v in priors] + [0.0])
+    slope = np.array([p.prior.residual_slope(float(v)) for p, v in priors])
+    off = np.array([p.prior.residual(float(v)) for p, v in priors])
     return np.diag(slope**2), -np.divide(off, slope, out=np.zeros_like(off), where=slope != 0.0)
 
 
-def _whitener(linear: Linearised, push: FloatArray) -> FloatArray:
-    """L^-1 with L L^T the most probable covariance and that of the push, in units of the stated noise at least."""
+def with_starts(precision: FloatArray, pull: FloatArray, n_start: int) -> tuple[FloatArray, FloatArray]:
+    """Precision and pull with `n_start` energies at release behind the parameters, in their own sds."""
+    return block_diag(precision, np.eye(n_start)), np.append(pull, np.zeros(n_start))
+
+
+def whitener(linear: Linearised, pushes: FloatArray) -> FloatArray:
+    """L^-1 with L L^T the most probable covariance and that of the pushes (n_obs, n_start), in units of the stated noise at least."""
     size = min(float(linear.scales[linear.best]), 1.0)
-    covariance = linear.best_covariance() / size**2 + np.outer(push, push)
+    covariance = linear.best_covariance() / size**2 + pushes @ pushes.T
     return np.asarray(np.linalg.inv(np.linalg.cholesky(covariance)))
