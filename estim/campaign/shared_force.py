@@ -9,7 +9,6 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from estim.campaign.levels import Levels
-from estim.common import InputError
 from estim.problem import Observations
 
 MOST_POINTS = 1500  # of runs that share a force: the covariance of all of them is diagonalised some two dozen times

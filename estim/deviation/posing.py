@@ -1,7 +1,4 @@
-"""From a fit with white errors and a free start to noise with an unmodelled force, made once and held: what a chain samples under.
-
-    white fit with a free start -> linearise -> which forces are how probable -> `WithForce`, and the force for a reader
-"""
+"""The force of a fit for a reader, and what making it needs of priors and components: `estim.deviation.joint` goes from a fit to noise."""
 
 from __future__ import annotations
 
@@ -12,16 +9,9 @@ import numpy as np
 from scipy.linalg import block_diag
 
 from estim.arrays import FloatArray
-from estim.deviation.components import diagonalise
-from estim.deviation.course import Course
-from estim.deviation.force import force_shapes
-from estim.deviation.found import Force, OwnForce, find_force
-from estim.deviation.generic import stated_is_conservative
-from estim.deviation.grid import prior_grid
-from estim.deviation.linearised import Linearised, linearise
-from estim.deviation.mixture import keep_probable
-from estim.deviation.noise import WithForce, normal_covariance
-from estim.problem import Observations, Problem
+from estim.deviation.found import Force, OwnForce
+from estim.deviation.linearised import Linearised
+from estim.problem import Problem
 
 _PARTS = (0.5, 0.9, 0.99, 0.999)  # of the linearised posterior: the wide components hold its tails
 
@@ -51,42 +41,6 @@ class FoundForce:
     covs: FloatArray
     sharing: tuple[str, ...] = ()
     own: tuple[OwnForce, ...] = ()
-
-
-@dataclass(frozen=True, eq=False)
-class Posed:
-    """noise : of the run, with the force.  step, cov : (n_par,), (n_par, n_par) where the posterior then is, from the white fit, linearised."""
-
-    noise: WithForce
-    found: FoundForce
-    step: FloatArray
-    cov: FloatArray
-
-
-def pose_force(run: Observations, course: Course, problem: Problem, values: FloatArray, *, without: FloatArray) -> Posed:
-    """The force of `run`, linear about `values` (n_par,), those of a fit with white errors and a free start.
-
-    without : (n_par,) standard deviations with the stated noise alone and an exact start.
-    Raises InputError where the body hardly moves somewhere along the track.
-    """
-    named, base = problem.named(values), run.noise
-    along = course.along(run.points, named, base)
-    stated = normal_covariance(base, run.points, named)
-    shapes = force_shapes(along.track, along.response, radius=along.radian)
-    deviation = diagonalise(stated.covariance, shapes, prior_grid(run.force))
-    residuals = run.y - stated.shift - np.ravel(np.broadcast_to(run.points.value(named), (1, run.n_obs)))
-    jacobian = np.column_stack([run.points.gradient(named, problem.names), along.push])
-    precision, pull = with_starts(*priors_at(problem, values), 1)
-    linear = linearise(deviation, residuals, jacobian, precision=precision, pull=pull)
-    mixture = keep_probable(linear, columns=along.push[:, None])
-    noise = WithForce(base, mixture, whitener(linear, along.push[:, None]), stated.shift)
-    force = find_force(linear, along.track, along.response, radius=along.radian)
-    means, covs = narrow_to_wide(linear, problem.n_par)
-    found = FoundForce(
-        run.name, run.x_unit, run.force, force, linear.size("scale"), stated_is_conservative(linear),
-        dict(zip(problem.names, without.tolist(), strict=True)), along.upright, values + means, covs,
-    )
-    return Posed(noise, found, linear.mean[:-1], linear.covariance[:-1, :-1])
 
 
 def narrow_to_wide(linear: Linearised, n_par: int) -> tuple[FloatArray, FloatArray]:
