@@ -14,12 +14,12 @@ def force_finding(found: FoundForce) -> Finding:
     probability = found.force.probability
     kind = Kind.FORCE_FOUND if probability > SURE else Kind.FORCE_UNDECIDED if probability > _UNLIKELY else Kind.FORCE_UNLIKELY
     low, middle, high = found.force.length
-    numbers = {"share": found.force.typical, "most": found.force.most, "length": middle, "short": low, "long": high}
+    numbers = {"share": found.force.typical, "most": found.force.most, "length": middle, "short": low, "long": high, "runs": len(found.runs)}
     return Finding(kind, run=found.run, p=probability, numbers=numbers, names=(found.unit,))
 
 
 def force_remarks(found: FoundForce) -> tuple[Finding, ...]:
     """What is worth a note: a force that is surely there, and readings that scatter far less than stated."""
     told = force_finding(found)
-    conservative = (Finding(Kind.NOISE_CONSERVATIVE, run=found.run, size=found.noise[1]),) if found.conservative else ()
-    return ((told,) if told.kind is Kind.FORCE_FOUND else ()) + conservative
+    conservative = Finding(Kind.NOISE_CONSERVATIVE, run=found.run, size=found.noise[1], numbers={"runs": len(found.runs)})
+    return ((told,) if told.kind is Kind.FORCE_FOUND else ()) + ((conservative,) if found.conservative else ())

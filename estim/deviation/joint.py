@@ -193,7 +193,7 @@ def _found(group: _Lacking, linear: Linearised, values: FloatArray, without: Flo
     return FoundForce(
         group.label, group.runs[0].x_unit, group.runs[0].force, force, linear.size("scale"), stated_is_conservative(linear),
         dict(zip(problem.names, without.tolist(), strict=True)), first.upright, values + means, covs,
-        sharing=tuple(run.name for run in group.runs) if several else (), own=_own(group, linear) if several else (),
+        runs=tuple(run.name for run in group.runs), own=_own(group, linear) if several else (),
     )
 
 

@@ -26,7 +26,7 @@ class FoundForce:
     means, covs : (n, n_par), (n, n_par, n_par) of normal distributions that make up the linearised posterior, the narrowest first.
     noise : quantiles 0.16, 0.5, 0.84 of the size of the readings' noise in units of what was stated.
     conservative : whether the readings scatter by far less than stated.
-    sharing : names of the runs that share the force, none where it is that of one run.  own : what each of them adds to it.
+    runs : names of the runs that share the force, or the one that has it.  own : what each of several adds to it.
     """
 
     run: str
@@ -39,8 +39,8 @@ class FoundForce:
     upright: float
     means: FloatArray
     covs: FloatArray
-    sharing: tuple[str, ...] = ()
-    own: tuple[OwnForce, ...] = ()
+    runs: tuple[str, ...]
+    own: tuple[OwnForce, ...]
 
 
 def narrow_to_wide(linear: Linearised, n_par: int) -> tuple[FloatArray, FloatArray]:

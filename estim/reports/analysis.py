@@ -23,6 +23,7 @@ from estim.reports.deviation import deviation_text
 from estim.reports.deviation_figures import force_figure
 from estim.reports.identifiability import IdentifySection, identify_section
 from estim.reports.identifiability_figures import direction_figure, profile_figure, ridge_figure
+from estim.reports.joint_figures import together_figure
 from estim.reports.labels import Labels
 from estim.reports.rendering import render
 from estim.reports.result import ParameterSummary, Result, RunSummary, Subject, result_of, to_json
@@ -72,6 +73,8 @@ def analysis_report(campaign: Subject, analysis: Analysis, *, voice: Voice = Voi
     if analysis.consistency is not None:
         on_edge = analysis.fit.at_bound
         drawn["figures/consistency.png"] = partial(forest_figure, analysis.consistency, synthetic=synthetic, on_edge=on_edge)
+    if len(analysis.problem.runs) > 1:
+        drawn["figures/residuals_together.png"] = lambda: together_figure(analysis.problem, analysis.goodness, synthetic=synthetic)
     if analysis.fit.forces:
         drawn["figures/force.png"] = lambda: force_figure(analysis.fit.forces, analysis.problem.runs, synthetic=synthetic)
     if analysis.problem.n_par > 1:

@@ -176,7 +176,7 @@ class Result(msgspec.Struct, frozen=True, dict=True, rename={"schema_": "schema"
     sampling: Sampling
     certificate: CertificateSummary
     profile: dict[str, Profile] | None
-    deviation: dict[str, ForceSummary] | None  # of each run, where an unmodelled force was asked for
+    deviation: dict[str, ForceSummary] | None  # of each run, or body of runs that share one, where an unmodelled force was asked for
     turning_point: dict[str, TurningPoint]
     runs: dict[str, RunSummary]
     provenance: Provenance

@@ -12,10 +12,17 @@ def _share(number: float) -> str:
     return f"{100.0 * number:.2g} %"
 
 
+def _who(f: Finding) -> str:
+    """"run a", or the runs that share the force."""
+    n = f.numbers.get("runs", 1)
+    return f"run {f.run}" if n == 1 else f"the {n:.0f} runs of {f.run}"
+
+
 def _found(f: Finding) -> str:
     n, unit = f.numbers, f.names[0]
+    shared = " and that they share" if n.get("runs", 1) > 1 else ""
     return (
-        f"run {f.run}: the residuals are not white about the curve; read as a force along the track that the curve lacks they make "
+        f"{_who(f)}: the residuals are not white about the curve; read as a force along the track that the curve lacks{shared} they make "
         f"{_share(n['share'])} of the weight (root mean square along the track; at most {_share(n['most'])}), which changes over about "
         f"{n['length']:.2g} {unit} ({n['short']:.2g} to {n['long']:.2g}), P(amplitude > 0) = {f.p:.3f}"
     )
@@ -25,15 +32,15 @@ WORDS: Table = MappingProxyType(
     {
         Kind.FORCE_FOUND: _found,
         Kind.FORCE_UNDECIDED: lambda f: (
-            f"run {f.run}: whether the curve lacks a force cannot be told, P(amplitude > 0) = {f.p:.2f}; if it does, the force is about "
+            f"{_who(f)}: whether the curve lacks a force cannot be told, P(amplitude > 0) = {f.p:.2f}; if it does, the force is about "
             f"{_share(f.numbers['share'])} of the weight (root mean square along the track), and every interval has room for it"
         ),
         Kind.FORCE_UNLIKELY: lambda f: (
-            f"run {f.run}: nothing shows a force that the curve lacks, P(amplitude > 0) = {f.p:.2f}; every interval has room for what may have "
+            f"{_who(f)}: nothing shows a force that the curve lacks, P(amplitude > 0) = {f.p:.2f}; every interval has room for what may have "
             "stayed unseen"
         ),
         Kind.NOISE_CONSERVATIVE: lambda f: (
-            f"run {f.run}: the stated error is conservative: the readings scatter by about {f.size:.2g} of it; the stated one is kept"
+            f"{_who(f)}: the stated error is conservative: the readings scatter by about {f.size:.2g} of it; the stated one is kept"
         ),
     }
 )
