@@ -132,11 +132,9 @@ def test_where_it_does_not_go_one_line_says_so(tmp_path: Path, written: dict[str
         body(tmp_path, **written)
 
 
-def test_joint_fits_and_other_commands_refuse_it(tmp_path: Path) -> None:
+def test_other_commands_refuse_it(tmp_path: Path) -> None:
     campaign = wheel(tmp_path, KEY)
     place = r"wheel\.toml:9: 'unmodelled_force' does not go with"
-    with pytest.raises(InputError, match=f"{place} a joint fit"):
-        campaign.problem(["class-balanced_1", "class-balanced_2"])
     with pytest.raises(InputError, match=f"{place} a comparison"):
         campaign.noise_models("class-balanced_1")
     with pytest.raises(InputError, match=f"{place} estim energy"):

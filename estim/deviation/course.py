@@ -68,21 +68,26 @@ class Course:
             along = track(float(np.max(read[used])), start=start, first=float(np.min(read[used])))
             fine = _moving_on(points, along.fine, speed(along.fine))
             moved = position_response(along, read[used], fine, inertia(along.fine), acceleration=acceleration)
-            response = _as_fast_as_the_fit(moved.through(matrix[:, used]), moved.at(points.x, read[used]), points, named)
+            there = np.interp(read[used], along.fine, fine)
+            response = _by_differences(moved, matrix[:, used], read[used], there, points, speed(points.x))
         return Along(along, response, START_SD * radian * response.start, radian, float(np.ravel(self.motion.upright(arguments))[0]))
 
 
-def _as_fast_as_the_fit(response: Response, here: Response, points: Points, named: Named) -> Response:
-    """What differences S delta x - v' delta x of the positions that were read answer, each S delta x times v/y.
+def _by_differences(response: Response, matrix: FloatArray, read: FloatArray, speed: FloatArray, points: Points, here: FloatArray) -> Response:
+    """What speeds by differences answer, from the response of the positions `read` (n_row,) that they are made of.
 
-    S delta x is about (d delta x/dx) S x, and S x = y has the errors of the readings: with them in it a large constant force could take up the
-    noise.  here : response (n_obs, ...) of the positions of the points themselves.
+    With delta x = v tau and the stencil S:  delta y_i = sum_j S_ij v_j (tau_j - tau_i) v_i/y_i.  A delay tau that all share moves nothing: so
+    the truncation of S, which comes back at the shifted place, drops out.  And S x = y has the errors of the readings: with them left in, a
+    large constant force could take up the noise.
+
+    speed : (n_row,) of the fit at `read`.  here : (n_obs,) of the curve at the points.
     """
-    speed = np.ravel(np.broadcast_to(points.value(named), (1, points.x.size)))
-    ratio = np.clip(np.divide(speed, points.y, out=np.ones_like(speed), where=points.y > 0.0), 1.0 / _MOST_OFF, _MOST_OFF)
-    slope = points.slope(named)
-    force = ratio[:, None] * (response.force + slope[:, None] * here.force) - slope[:, None] * here.force
-    return Response(force, ratio * (response.start + slope * here.start) - slope * here.start)
+    rows = np.array([int(np.argmin(np.abs(read - x))) for x in points.x])
+    across = matrix @ speed
+    ratio = np.clip(np.divide(here, points.y, out=np.ones_like(here), where=points.y > 0.0), 1.0 / _MOST_OFF, _MOST_OFF)
+    own = across / np.maximum(speed[rows], _SLOW * float(np.mean(speed)))
+    force = ratio[:, None] * (matrix @ response.force - own[:, None] * response.force[rows])
+    return Response(force, ratio * (matrix @ response.start - own * response.start[rows]))
 
 
 def _moving_on(points: Points, x: FloatArray, speed: FloatArray) -> FloatArray:

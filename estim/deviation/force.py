@@ -65,11 +65,6 @@ class Response:
         """The response of linear combinations matrix @ observations, such as A of speeds by differences."""
         return Response(matrix @ self.force, matrix @ self.start)
 
-    def at(self, x: FloatArray, places: FloatArray) -> Response:
-        """The response of the observations of places x, some of all that were observed, `places` (n_obs,)."""
-        rows = [int(np.argmin(np.abs(places - one))) for one in x]
-        return Response(self.force[rows], self.start[rows])
-
     def carried(self, own: Track, common: Track) -> Response:
         """The response to a force on the nodes of a `common` track that is at least as long; places count from the release of each."""
         near = np.eye(common.nodes.size)

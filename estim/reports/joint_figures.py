@@ -24,7 +24,7 @@ def together_figure(problem: Problem, goodness: Sequence[Goodness], *, synthetic
     rows = [group.runs for group in problem.groups if len(group.runs) > 1]
     rows += [runs] if (runs := tuple(run for group in problem.groups if len(group.runs) == 1 for run in group.runs)) else []
     figure = new_figure(3.2 * len(rows))
-    parts = np.atleast_1d(figure.subfigures(len(rows), 1))
+    parts = np.ravel(figure.subfigures(len(rows), 1, squeeze=False))
     for part, runs in zip(parts, rows, strict=True):
         left, right = part.subplots(1, 2)
         _overlay(left, runs, [found[run.name].raw for run in runs])
