@@ -165,7 +165,8 @@ def test_the_level_of_the_key_says_which_runs_share(tmp_path: Path) -> None:
     levels = {run.name: every.study.levels(run.name) for run in problem.runs}
     shared = sharing_runs(problem.runs, levels, "unmodelled_force")
     assert {label: len(runs) for label, runs in shared.items()} == {"body balanced": 4, "body unbalanced": 3}
-    own = campaign(tmp_path, own=('file = "' + f"{WHEEL}/class-balanced_2.csv" + '"', f'file = "{WHEEL}/class-balanced_2.csv"\nunmodelled_force = 0.01'))
+    file = f'file = "{WHEEL}/class-balanced_2.csv"'
+    own = campaign(tmp_path, own=(file, f"{file}\nunmodelled_force = 0.01"))
     problem = own.problem(own.run_names)
     levels = {run.name: own.study.levels(run.name) for run in problem.runs}
     shared = sharing_runs(problem.runs, levels, "unmodelled_force")
@@ -191,7 +192,6 @@ def one_set(rng: np.random.Generator, size: float, own_size: float, own: tuple[f
     """Four runs with a common profile and one of each: where the posterior of the average resistance has the true one."""
     wheel = Wheel(theta0=np.radians(5.5))
     common = profile(rng, size)
-    truth = wheel.c_rr - np.interp(15.0, FINE, common) / 15.0 / np.cos(PHI)
     fits, runs = [], []
     for _ in range(n_run):
         t = np.arange(0.0, 6.0, 0.1) + rng.uniform(0.0, 0.1)
@@ -201,6 +201,7 @@ def one_set(rng: np.random.Generator, size: float, own_size: float, own: tuple[f
         fits.append(white_fit(t, y, wheel, np.array([0.05, 0.0, 0.0, START_SD, 1e3])))
         runs.append(y)
     along = track(max(float(y[-1]) for y in runs), first=FIRST)
+    truth = wheel.c_rr - np.interp(along.end, FINE, common) / along.end / np.cos(PHI)
     c_rr = fits[0].wheel.c_rr
     residuals = np.concatenate([fit.residuals + fit.jacobian[:, 0] * (fit.wheel.c_rr - c_rr) for fit in fits])
     jacobian = np.hstack([np.concatenate([fit.jacobian[:, 0] for fit in fits])[:, None], block_diag(*(fit.jacobian[:, 1:] for fit in fits))])
