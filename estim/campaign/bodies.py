@@ -14,7 +14,7 @@ import numpy as np
 
 from estim.campaign.campaign_file import CampaignFile, NoiseTable
 from estim.campaign.effects import setting_of
-from estim.campaign.forced import fit_with_forces, force_scale, refuse_force
+from estim.campaign.forced import Circumstances, fit_with_forces, force_scale, refuse_force
 from estim.campaign.levels import Level, Levels, body_levels, noise_level, read_key
 from estim.campaign.noise_models import Candidate, noise_candidates
 from estim.campaign.plausible import check_speeds
@@ -74,7 +74,8 @@ class RollingStudy:
             angular, sources = tables[name].coordinate == "theta_rad", {q: b.source for q, b in bound.items()}
             setting = setting_of(levels, sources, mass, positions=observed.positions, angular=angular)
             posed = _observations(name, observed, arguments, mass, setting, angular=angular)
-            runs.append(replace(posed, force=force_scale(levels, observed, joint=len(names) > 1, replaced=noise is not None)))
+            stance = force_scale(levels, Circumstances(observed, joint=len(names) > 1, replaced=noise is not None))
+            runs.append(replace(posed, force=stance.scale, complete=stance.complete))
         return Problem((*shared_first(physics.values(), runs), *unknowns.values()), tuple(runs))
 
     def levels(self, name: str) -> Levels:
