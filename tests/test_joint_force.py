@@ -174,11 +174,11 @@ def test_the_level_of_the_key_says_which_runs_share(tmp_path: Path) -> None:
 
 
 def test_so_many_points_that_it_takes_too_long_are_refused_in_one_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("estim.campaign.shared_force.MOST_POINTS", 100)
+    monkeypatch.setattr("estim.campaign.forced.MOST_POINTS", 100)
     every = campaign(tmp_path)
-    problem = every.problem(every.run_names)
-    with pytest.raises(InputError, match=r"c\.toml:9: 'unmodelled_force' ties 4 runs with 146 points together, more than 100: .* say it at each run"):
-        sharing_runs(problem.runs, {run.name: every.study.levels(run.name) for run in problem.runs}, "unmodelled_force")
+    with pytest.raises(InputError, match=r"c\.toml:9: 'unmodelled_force' does not go with runs that share it and have 146 points, more than 100"):
+        every.problem(every.run_names)
+    assert every.problem(["class-balanced_1"]).runs[0].force == 0.02
 
 
 def profile(rng: np.random.Generator, size: float) -> np.ndarray:

@@ -14,12 +14,13 @@ import numpy as np
 
 from estim.campaign.campaign_file import CampaignFile, NoiseTable
 from estim.campaign.effects import setting_of
-from estim.campaign.forced import fit_with_forces, force_scale, refuse_force
+from estim.campaign.forced import KEY, Circumstances, fit_with_forces, force_scale, refuse_force
 from estim.campaign.levels import Level, Levels, body_levels, noise_level, read_key
 from estim.campaign.noise_models import Candidate, noise_candidates
 from estim.campaign.plausible import check_speeds
 from estim.campaign.points import Observed, observe
 from estim.campaign.quantities import EFFECTS, QUANTITIES, Kind
+from estim.campaign.shared_force import tied_points
 from estim.common import Quantity, format_quantity
 from estim.curves import DisturbedMotion, DisturbedMotionCurve, DisturbedPhaseCurve, MotionCurve, PhaseCurve, RollingMotion, Setting
 from estim.fitting import Fit, fit_least_squares, scanned_fit
@@ -60,6 +61,8 @@ class RollingStudy:
         physics: dict[str, Parameter] = {}
         unknowns: dict[str, Parameter] = {}
         runs = []
+        every = {name: observe(tables[name], self.levels(name), noise=noise) for name in names}
+        tied = tied_points({name: observed.y.size for name, observed in every.items()}, {name: self.levels(name) for name in names}, KEY)
         for name in names:
             levels = self.levels(name)
             bound = bind_quantities(self.source, levels, where=f"run '{name}'")
@@ -67,14 +70,15 @@ class RollingStudy:
                 if not isinstance(b.source, float):
                     kind = _KINDS[quantity]
                     physics.setdefault(b.name, Parameter(b.name, kind.unit, b.source, kind.meaning, kind.notation))
-            observed = observe(tables[name], levels, noise=noise)
+            observed = every[name]
             unknowns.update({p.name: p for p in observed.parameters})
             mass = total_mass(self.source, levels)
             arguments = {q: b.source if isinstance(b.source, float) else b.name for q, b in bound.items()}
             angular, sources = tables[name].coordinate == "theta_rad", {q: b.source for q, b in bound.items()}
             setting = setting_of(levels, sources, mass, positions=observed.positions, angular=angular)
             posed = _observations(name, observed, arguments, mass, setting, angular=angular)
-            runs.append(replace(posed, force=force_scale(levels, observed, replaced=noise is not None)))
+            stance = force_scale(levels, Circumstances(observed, tied=tied.get(name, 0), replaced=noise is not None))
+            runs.append(replace(posed, force=stance.scale, complete=stance.complete))
         return Problem((*shared_first(physics.values(), runs), *unknowns.values()), tuple(runs))
 
     def levels(self, name: str) -> Levels:

@@ -1,20 +1,21 @@
 """The unmodelled force of a campaign: what the key `unmodelled_force` says of a run, where it may stand, and the fit with it.
 
+Where nothing is said it stands beside the curve of every run that it goes with; elsewhere the curve is taken as complete, and the reason is kept.
 Two fits: one with white errors and a free start, which follows the data; one with the noise that `estim.deviation` makes at it.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from dataclasses import replace
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from estim.campaign.levels import Level, Levels
 from estim.campaign.points import Observed
-from estim.campaign.shared_force import sharing_runs
-from estim.common import InputError
+from estim.campaign.shared_force import MOST_POINTS, sharing_runs
+from estim.common import Finding, InputError, Kind
 from estim.deviation import Course, FreeStart, pose_forces
 from estim.fitting import Fit, fit_least_squares, scanned_fit
 from estim.problem import Observations, Problem
@@ -22,34 +23,89 @@ from estim.reading import Run
 from estim.sampling import MAX_PARAMETERS
 
 KEY = "unmodelled_force"
+DEFAULT_SCALE = 0.0  # where nothing is said
 _LARGEST = 1.0  # a force as large as the weight is no small thing that was left out
 
 
-def force_scale(levels: Levels, observed: Observed, *, replaced: bool) -> float:
-    """Scale of the prior of an unmodelled force in units of the weight, 0 for none.
+@dataclass(frozen=True, eq=False)
+class Circumstances:
+    """What decides whether a force can stand beside the curve of a run.
 
+    tied : number of points of the runs that would share its force, 0 where it shares none.
     replaced : whether its noise is not the one that the campaign states.
-    Raises InputError at the key's line where it does not go with the noise of the run, or is no share of the weight.
+    """
+
+    observed: Observed
+    tied: int
+    replaced: bool
+
+    @property
+    def inferred(self) -> str:
+        """The first size of the noise that is inferred, "" where all are stated."""
+        return next((name.partition("[")[0] for name in self.observed.noise.parameters), "")
+
+
+@dataclass(frozen=True, eq=False)
+class Obstacle:
+    """Where a force does not go.  what : it does not go with.  instead : what to do where one was asked for."""
+
+    stands: Callable[[Circumstances], bool]
+    what: Callable[[Circumstances], str]
+    instead: str
+
+
+OBSTACLES = (
+    Obstacle(lambda c: c.observed.positions, lambda _: "noise model 'positions' yet", "use 'differentiated' or 'independent'"),
+    Obstacle(lambda c: c.observed.noise.robust, lambda _: "'robust' noise", "it takes the errors of the readings as normal"),
+    Obstacle(
+        lambda c: bool(np.any(c.observed.noise.x_gain() > 0.0)), lambda _: "errors of the positions of independent speeds",
+        "take their standard deviation out",
+    ),
+    Obstacle(
+        lambda c: bool(c.inferred), lambda c: f"a '{c.inferred}' that is inferred, which would swallow the force",
+        "state what the instrument does, or leave it out",
+    ),
+    Obstacle(lambda c: c.replaced, lambda _: "a comparison of noise models", "set it to 0 for that"),
+    Obstacle(
+        lambda c: c.tied > MOST_POINTS, lambda c: f"runs that share it and have {c.tied} points, more than {MOST_POINTS}",
+        "fit fewer runs, or say it at each run, which gives each a force of its own",
+    ),
+)
+
+
+@dataclass(frozen=True, eq=False)
+class Stance:
+    """scale : of the prior of a force, in units of the weight, 0 for none.  complete : why there is none; None where there is one."""
+
+    scale: float
+    complete: Finding | None = None
+
+
+def force_scale(levels: Levels, circumstances: Circumstances) -> Stance:
+    """Whether a force stands beside the curve of a run, and how large it may be: as stated, else the default wherever nothing is in its way.
+
+    Raises InputError at the key's line where one is asked for that has an obstacle, or is no share of the weight.
     """
     level = next((level for level in levels if getattr(level.table, KEY) is not None), None)
-    if level is None or not level.table.unmodelled_force:
-        return 0.0
-    scale = float(level.table.unmodelled_force)
+    stated = None if level is None else level.table.unmodelled_force
+    if stated == 0.0:
+        return Stance(0.0, complete_as("as stated", levels.run.name))
+    obstacle = next((obstacle for obstacle in OBSTACLES if obstacle.stands(circumstances)), None)
+    if level is None or stated is None:
+        if obstacle is None:
+            return Stance(DEFAULT_SCALE)
+        return Stance(0.0, complete_as(f"an unmodelled force does not go with {obstacle.what(circumstances)}", levels.run.name))
+    scale = float(stated)
     if not (math.isfinite(scale) and 0.0 < scale <= _LARGEST):
         raise _error(levels, level, "is a share of the weight: it must lie between 0 (none) and 1; 0.02 is a good choice", value=scale)
-    if observed.positions:
-        raise _error(levels, level, "does not go with noise model 'positions' yet: use 'differentiated' or 'independent'")
-    if observed.noise.robust:
-        raise _error(levels, level, "does not go with 'robust' noise: it takes the errors of the readings as normal")
-    if np.any(observed.noise.x_gain() > 0.0):
-        raise _error(levels, level, "does not go with errors of the positions of independent speeds: take their standard deviation out")
-    if observed.noise.parameters:
-        name = observed.noise.parameters[0].partition("[")[0]
-        rule = f"does not go with a '{name}' that is inferred, which would swallow the force: state what the instrument does, or leave it out"
-        raise _error(levels, level, rule)
-    if replaced:
-        raise _error(levels, level, "does not go with a comparison of noise models: set it to 0 for that")
-    return scale
+    if obstacle is not None:
+        raise _error(levels, level, f"does not go with {obstacle.what(circumstances)}: {obstacle.instead}")
+    return Stance(scale)
+
+
+def complete_as(reason: str, run: str) -> Finding:
+    """That the curve of a run is taken as complete, and why."""
+    return Finding(Kind.CURVE_COMPLETE, run=run, names=(reason,))
 
 
 def refuse_force(levels: Levels, command: str) -> None:

@@ -107,6 +107,7 @@ class Kind(StrEnum):
     FORCE_UNDECIDED = auto()
     FORCE_UNLIKELY = auto()
     NOISE_CONSERVATIVE = auto()
+    CURVE_COMPLETE = auto()
     # whether the sources agree
     RUNS_DISAGREE = auto()
     RUN_DISAGREES = auto()

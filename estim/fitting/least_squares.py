@@ -78,13 +78,16 @@ class Fit:
         return self.posterior.problem
 
 
-def fit_least_squares(problem: Problem, *, rng: np.random.Generator, n_start: int = 8, start: FloatArray | None = None) -> Fit:
+def fit_least_squares(
+    problem: Problem, *, rng: np.random.Generator, n_start: int = 8, start: FloatArray | None = None, hopeless: float = math.inf
+) -> Fit:
     """The posterior mode of `problem`, from the best of `n_start` starts.
 
     start : (n_par,) where to start first; the centre of the priors if None.  The other starts are draws of the priors.
+    hopeless : mean square of the whitened residuals after the first rounds, beyond which the rest of the search is not worth its time.
 
-    Raises InputError where the problem has no unknowns, NumericalError where the curve is defined at no start or has no finite
-    derivatives where the search ends.
+    Raises InputError where the problem has no unknowns, NumericalError where the curve is defined at no start, has no finite
+    derivatives where the search ends, or stays beyond `hopeless`.
     """
     if problem.n_par == 0:
         raise InputError("leave nothing to fit: every quantity is exact; give at least one an uncertainty or a prior", field="parameters")
@@ -97,7 +100,10 @@ def fit_least_squares(problem: Problem, *, rng: np.random.Generator, n_start: in
         raise NumericalError(_NO_CURVATURE)
     objective = np.array([-_log_density(posterior, values) for values, posterior, _ in rough])
     best = int(np.nanargmin(objective))
-    values, posterior, moved = _settle(problem, rough[best][0], max_rounds=MAX_ROUNDS)
+    values, posterior, _ = rough[best]
+    if float(np.mean(posterior.size_residuals(values) ** 2)) > hopeless:
+        raise NumericalError(f"the curve stays far from the data: the mean square of the whitened residuals is above {hopeless:g}")
+    values, posterior, moved = _settle(problem, values, max_rounds=MAX_ROUNDS)
     if math.isnan(moved):
         raise NumericalError(_NO_CURVATURE)
     level = objective <= objective[best] + _SAME_OPTIMUM

@@ -42,5 +42,6 @@ WORDS: Table = MappingProxyType(
         Kind.NOISE_CONSERVATIVE: lambda f: (
             f"{_who(f)}: the stated error is conservative: the readings scatter by about {f.size:.2g} of it; the stated one is kept"
         ),
+        Kind.CURVE_COMPLETE: lambda f: f"the curve is taken as complete: {f.names[0]}",
     }
 )
