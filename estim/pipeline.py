@@ -116,7 +116,8 @@ def analyse(
     noise : in place of the noise tables of the campaign.
     store, stop : keep the chain on disk, resume it, end it early (`sample_posterior`).
     marginal : whether a joint posterior is sampled through the marginal over runs; None: for more than 16 of them, and where the density
-        is slow (`positions`) and the chain has no proposal (more than 12 unknowns).
+        is slow (`positions`) and the chain has no proposal (more than 12 unknowns), or a quantity varies between runs; never where runs share
+        a force, which ties them together.
     """
     problem = campaign.problem(runs, noise=noise)
     campaign.require_unknowns(problem)
@@ -176,7 +177,8 @@ def _through_marginal(fit: Fit) -> bool:
         return False
     problem = fit.problem
     slow = any(run.positions for run in problem.runs) and problem.n_par > MAX_PARAMETERS
-    return len(problem.runs) > (1 if slow else _MANY_RUNS)
+    varying = any(p.between for p in problem.parameters)  # a spread and the shifts of the runs are hard for a chain, easy given each other
+    return len(problem.runs) > (1 if slow or varying else _MANY_RUNS)
 
 
 def sample_curve(fit: CurveFit, *, seed: int, target: Target | None = None, progress: Progress | None = None) -> Analysis:

@@ -12,6 +12,7 @@ from types import MappingProxyType
 
 import numpy as np
 
+from estim.campaign.between_runs import spreads_of, varied
 from estim.campaign.campaign_file import CampaignFile, NoiseTable
 from estim.campaign.effects import setting_of
 from estim.campaign.forced import KEY, Circumstances, fit_with_forces, force_scale, refuse_force
@@ -79,7 +80,8 @@ class RollingStudy:
             posed = _observations(name, observed, arguments, mass, setting, angular=angular)
             stance = force_scale(levels, Circumstances(observed, tied=tied.get(name, 0), replaced=noise is not None))
             runs.append(replace(posed, force=stance.scale, complete=stance.complete))
-        return Problem((*shared_first(physics.values(), runs), *unknowns.values()), tuple(runs))
+        further, every_run = varied(runs, {name: spreads_of(self.levels(name), _KINDS) for name in names})
+        return Problem((*shared_first([*physics.values(), *further], every_run), *unknowns.values()), every_run)
 
     def levels(self, name: str) -> Levels:
         """The tables of the campaign file that speak of a run."""

@@ -28,10 +28,11 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from estim.arrays import FloatArray
 from estim.checks.sources import ALONE, PRIORS, Quadratic, Rows, copies_of, copies_of_priors, measurements, total_of
-from estim.common import Finding, InputError, Kind, Label, NumericalError
+from estim.common import Amount, Finding, InputError, Kind, Label, NumericalError
 from estim.fitting import Fit, chi2_p
 from estim.words import tell
 
@@ -72,6 +73,7 @@ class Consistency:
     used : parameter -> the runs that use it.
     chi2, dof, p_value : Q.  rows : one `Disagreement` a source, in the order of the runs, stated values last (if there are any).
     alone : run -> estimate from this run and the stated values; others : run -> from all but this run; joint : from all.
+    apart : the parameter about which the runs differ most, and by how much between them; None where no campaign lets it vary.
     suspects : sources without which the rest agrees, most suspicious first; more than one where the data cannot tell them apart.
     agree : whether nothing is wrong.
     """
@@ -87,6 +89,7 @@ class Consistency:
     alone: Mapping[str, SharedEstimate]
     others: Mapping[str, SharedEstimate]
     joint: SharedEstimate
+    apart: Amount | None
     suspects: tuple[str, ...]
     agree: bool
 
@@ -98,7 +101,9 @@ class Consistency:
             against_stated = self.suspects == (PRIORS,)
             kind = Kind.RUNS_TIED if len(self.suspects) > 1 else Kind.RUNS_AGAINST_STATED if against_stated else Kind.RUN_DISAGREES
         run = self.suspects[0] if kind is Kind.RUN_DISAGREES else ""
-        return Finding(kind, run=run, p=self.p_value, size=len(self.alone), names=self.suspects)
+        told = kind in (Kind.RUNS_DISAGREE, Kind.RUN_DISAGREES, Kind.RUNS_TIED) and self.apart is not None
+        apart = (self.apart,) if told and self.apart else ()
+        return Finding(kind, run=run, p=self.p_value, size=len(self.alone), names=self.suspects, parameters=apart)
 
     @property
     def verdict(self) -> str:
@@ -109,8 +114,8 @@ class Consistency:
 def comparable(fit: Fit) -> bool:
     """Whether there is something to compare: several runs, a parameter of the curve in common, and a fit that determines all."""
     users = [run.parameters for run in fit.problem.runs]
-    shared = [name for name in fit.names if name not in fit.problem.noise_names and sum(name in used for used in users) > 1]
-    return len(users) > 1 and bool(shared) and not fit.singular
+    mean = [p.name for p in fit.problem.parameters if p.name not in fit.problem.noise_names and not p.between]
+    return len(users) > 1 and any(sum(name in used for used in users) > 1 for name in mean) and not fit.singular
 
 
 def check_consistency(fit: Fit) -> Consistency:
@@ -123,7 +128,7 @@ def check_consistency(fit: Fit) -> Consistency:
     problem = fit.problem
     noise = problem.noise_names
     users = [sum(name in run.parameters for run in problem.runs) for name in problem.names]
-    shared = np.array([i for i, name in enumerate(problem.names) if users[i] > 1 and name not in noise], dtype=np.int64)
+    shared = np.array([i for i, p in enumerate(problem.parameters) if users[i] > 1 and p.name not in noise and not p.between], dtype=np.int64)
     if shared.size == 0:
         raise InputError("must have a parameter of the curve in common to be compared", field="runs", value=", ".join(r.name for r in problem.runs))
     if fit.singular:
@@ -149,8 +154,24 @@ def check_consistency(fit: Fit) -> Consistency:
         others={
             name: _estimate(centre, total_of([of[name].without(name), *(one.together for one in copies if one is not of[name])])) for name in names
         },
-        joint=_estimate(centre, total), suspects=suspects, agree=agree,
+        joint=_estimate(centre, total), apart=_apart(fit, shared, [_estimate(centre, of[name].alone(name)) for name in names]),
+        suspects=suspects, agree=agree,
     )
+
+
+def _apart(fit: Fit, shared: NDArray[np.int64], alone: Sequence[SharedEstimate]) -> Amount | None:
+    """The shared parameter whose values by each run alone differ most in their standard deviations, and the standard deviation between runs."""
+    if any(run.motion is None for run in fit.problem.runs):
+        return None
+    means, sds = np.array([one.mean for one in alone]), np.array([one.sd for one in alone])
+    weights = np.where(np.isfinite(means), np.square(sds, where=np.isfinite(sds), out=np.full(sds.shape, np.inf)) ** -1.0, 0.0)
+    values = np.where(np.isfinite(means), means, 0.0)
+    total = np.maximum(weights.sum(axis=0), np.finfo(float).tiny)
+    off = weights * np.square(values - np.sum(weights * values, axis=0) / total)
+    excess = np.sum(off, axis=0) / np.maximum(np.sum(weights > 0.0, axis=0) - 1, 1)
+    i = int(np.argmax(excess))
+    parameter, spread = fit.problem.parameters[shared[i]], float(np.sqrt(np.sum(off[:, i]) / total[i]))
+    return Amount(parameter.name, spread, parameter.label) if spread > 0.0 else None
 
 
 def _one_against_others(source: str, rows: Rows) -> Disagreement:

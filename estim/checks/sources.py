@@ -106,7 +106,7 @@ def copies_of(fit: Fit, group: Group, shared: NDArray[np.int64]) -> Copies:
         copied += list(renamed.values())
         named |= {copy: named[name] for name, copy in renamed.items()}
     used = frozenset[str]().union(*(run.parameters for run in group.runs))
-    own = [i for i, name in enumerate(problem.names) if name in used and i not in shared and name not in noise]
+    own = [i for i, p in enumerate(problem.parameters) if p.name in used and i not in shared and p.name not in noise and not p.between]
     jacobian, residuals = Group(tuple(runs), group.shared).likelihood(named).scoring(named, [*copied, *(problem.names[i] for i in own)])
     priors = [(problem.parameters[i].prior, float(fit.values[i])) for i in own]
     slopes = np.hstack([np.zeros((len(own), len(copied))), np.diag([prior.residual_slope(value) for prior, value in priors])])

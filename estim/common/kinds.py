@@ -79,7 +79,6 @@ class Kind(StrEnum):
     WEIGHTS_UNEVEN = auto()
     WEIGHTS_MOVE = auto()
     WEIGHTS_AGREE = auto()
-    EXPANSION_ROUGH = auto()
     # what data and priors determine
     SEVERAL_SOLUTIONS = auto()
     SOLUTION = auto()
