@@ -38,6 +38,7 @@ from estim.fitting import Fit
 from estim.problem import Problem, folded
 from estim.sampling import (
     MAX_PARAMETERS,
+    MAX_TIED,
     Agreement,
     Bands,
     Certificate,
@@ -142,7 +143,8 @@ def analyse_fit(
         chain, comparison = marginal_chain(fit, target=target, rng=chain_rng)
     else:
         proposal, density = None, folded(fit.posterior, fit.symmetry, fit.values)
-        if problem.n_par <= MAX_PARAMETERS:
+        most = MAX_TIED if problem.shared else MAX_PARAMETERS
+        if problem.n_par <= most:
             ends = optima(fit)
             starts, covs = tuple(ends.values[1:]), tuple(ends.covs[1:])
             starts += tuple(mean for force in fit.forces for mean in force.means)
@@ -155,7 +157,8 @@ def analyse_fit(
         chain = sample_posterior(
             density, fit.values, fit.cov, target=target, rng=chain_rng, progress=progress, proposal=proposal, store=store, stop=stop
         )
-        comparison = no_comparison(fit.names, too_many(problem.n_par)) if certificate is None else compare_with_chain(certificate, chain)
+        missing = no_comparison(fit.names, too_many(problem.n_par, most))
+        comparison = missing if certificate is None else compare_with_chain(certificate, chain, most=most)
     goodness = check_goodness(fit, rng=stream(seed, Stream.GOODNESS)) if tested else untested(fit)
     identifiability = identify(fit)
     modes = find_modes(fit, chain.thinned(_MODE_DRAWS))

@@ -3,7 +3,7 @@
 Read `chain` first, then `certificate`."""
 
 from estim.sampling.bands import Bands, curve_draws, posterior_bands
-from estim.sampling.certificate import MAX_PARAMETERS, Agreement, Certificate, certify, compare_with_chain, no_comparison, too_many
+from estim.sampling.certificate import MAX_PARAMETERS, MAX_TIED, Agreement, Certificate, certify, compare_with_chain, no_comparison, too_many
 from estim.sampling.chain import Chain, Progress, Target, sample_posterior
 from estim.sampling.checkpoint import Store, only_writer
 from estim.sampling.diagnostics import effective_size, mcse_mean, r_hat
