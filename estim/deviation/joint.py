@@ -190,9 +190,10 @@ def _found(group: _Lacking, linear: Linearised, values: FloatArray, without: Flo
     first, several = group.alongs[0], len(group.runs) > 1
     force = find_force(linear, group.track, Response.stacked(group.responses), radius=first.radian)
     means, covs = narrow_to_wide(linear, problem.n_par)
+    used = frozenset[str]().union(*(run.parameters for run in group.runs))
     return FoundForce(
         group.label, group.runs[0].x_unit, group.runs[0].force, force, linear.size("scale"), stated_is_conservative(linear),
-        dict(zip(problem.names, without.tolist(), strict=True)), first.upright, values + means, covs,
+        {name: sd for name, sd in zip(problem.names, without.tolist(), strict=True) if name in used}, first.upright, values + means, covs,
         runs=tuple(run.name for run in group.runs), own=_own(group, linear) if several else (),
     )
 

@@ -22,7 +22,7 @@ class FoundForce:
 
     run : its name, or what those that share the force have in common.  unit : of positions.  scale : of the prior of its amplitude.
     force : in units of the weight.
-    without : parameter -> its standard deviation with the stated noise alone and an exact start.  upright : cosine of the tilt.
+    without : parameter of these runs -> its standard deviation with the stated noise alone and an exact start.  upright : cosine of the tilt.
     means, covs : (n, n_par), (n, n_par, n_par) of normal distributions that make up the linearised posterior, the narrowest first.
     noise : quantiles 0.16, 0.5, 0.84 of the size of the readings' noise in units of what was stated.
     conservative : whether the readings scatter by far less than stated.
