@@ -15,14 +15,13 @@ import numpy as np
 from estim.campaign.levels import Level, Levels
 from estim.campaign.points import Observed
 from estim.common import Finding, InputError, Kind
-from estim.deviation import Course, FreeStart, pose_force
+from estim.deviation import FORCE_SCALE, Course, FreeStart, pose_force
 from estim.fitting import Fit, fit_least_squares, scanned_fit
 from estim.problem import Observations, Problem
 from estim.reading import Run
 from estim.sampling import MAX_PARAMETERS
 
 KEY = "unmodelled_force"
-DEFAULT_SCALE = 0.0  # where nothing is said
 _LARGEST = 1.0  # a force as large as the weight is no small thing that was left out
 
 
@@ -81,18 +80,18 @@ def force_scale(levels: Levels, circumstances: Circumstances) -> Stance:
 
     Raises InputError at the key's line where one is asked for that has an obstacle, or is no share of the weight.
     """
-    level = next((level for level in levels if getattr(level.table, KEY) is not None), None)
+    level = _stated(levels)
     stated = None if level is None else level.table.unmodelled_force
     if stated == 0.0:
         return Stance(0.0, complete_as("as stated", levels.run.name))
     obstacle = next((obstacle for obstacle in OBSTACLES if obstacle.stands(circumstances)), None)
     if level is None or stated is None:
         if obstacle is None:
-            return Stance(DEFAULT_SCALE)
+            return Stance(FORCE_SCALE)
         return Stance(0.0, complete_as(f"an unmodelled force does not go with {obstacle.what(circumstances)}", levels.run.name))
     scale = float(stated)
     if not (math.isfinite(scale) and 0.0 < scale <= _LARGEST):
-        raise _error(levels, level, "is a share of the weight: it must lie between 0 (none) and 1; 0.02 is a good choice", value=scale)
+        raise _error(levels, level, "is a share of the weight: it must lie between 0 (none) and 1; where nothing is said it is 0.02", value=scale)
     if obstacle is not None:
         raise _error(levels, level, f"does not go with {obstacle.what(circumstances)}: {obstacle.instead}")
     return Stance(scale)
@@ -105,37 +104,64 @@ def complete_as(reason: str, run: str) -> Finding:
 
 def refuse_force(levels: Levels, command: str) -> None:
     """Raises InputError where a run has an unmodelled force, which `command` does not know."""
-    level = next((level for level in levels if getattr(level.table, KEY) is not None), None)
+    level = _stated(levels)
     if level is not None and level.table.unmodelled_force:
         raise _error(levels, level, f"does not go with {command}, which takes the curve as complete: set it to 0 for that")
 
 
+def as_complete(problem: Problem, command: str) -> Problem:
+    """`problem` without the forces that nobody asked for, as `command` takes its curves."""
+    reason = f"{command} knows no unmodelled force"
+    runs = (replace(run, force=0.0, complete=complete_as(reason, run.name)) if run.force else run for run in problem.runs)
+    return replace(problem, runs=tuple(runs))
+
+
 def fit_with_forces(white: Fit, tables: Mapping[str, Run], levels: Mapping[str, Levels], *, rng: np.random.Generator) -> Fit:
-    """The posterior mode with the unmodelled force of every run that has one, from the fit `white` without.  Raises InputError."""
+    """The posterior mode with the unmodelled force of every run that has one, from the fit `white` without.
+
+    Where a run cannot be linearised the curves are taken as complete.  Raises InputError where its force was asked for.
+    """
     problem = white.problem
     courses = {run.name: Course(run.body, _positions(run, tables[run.name])) for run in problem.runs if run.force}
+    if white.singular:
+        return _unforced(white, {name: levels[name] for name in courses}, "some combination of the parameters is not determined at all")
     try:
         pushed = [replace(run, noise=FreeStart(run.noise, courses[run.name])) if run.force else run for run in problem.runs]
         free = fit_least_squares(Problem(problem.parameters, tuple(pushed)), rng=rng, n_start=1, start=white.values)
         without = np.sqrt(np.diag(white.cov))
         posed = {run.name: pose_force(run, courses[run.name], problem, free.values, without=without) for run in problem.runs if run.force}
     except InputError as error:
-        name = next(iter(courses))
-        raise levels[name].error(f"cannot be linearised: {error.rule}; end the window before the body comes to rest", _path(levels[name])) from None
+        return _unforced(white, {name: levels[name] for name in courses}, error.rule)
     runs = tuple(replace(run, noise=posed[run.name].noise) if run.force else run for run in problem.runs)
     low, high = problem.support()
     start = np.clip(free.values + sum(one.step for one in posed.values()), low, high)
     fit = fit_least_squares(Problem(problem.parameters, runs), rng=rng, n_start=1, start=start)
     fit = scanned_fit(fit, rng=rng) if problem.n_par <= MAX_PARAMETERS else fit
-    return replace(fit, forces=tuple(one.found for one in posed.values()), symmetry=white.symmetry)
+    told = white.message if fit.success else fit.message  # of the many starts, of which the best led here
+    found = tuple(one.found for one in posed.values())
+    return replace(fit, forces=found, symmetry=white.symmetry, n_start=white.n_start, n_same=white.n_same, message=told)
+
+
+def _unforced(white: Fit, levels: Mapping[str, Levels], rule: str) -> Fit:
+    """The fit without forces, which cannot be linearised by `rule`.  Raises InputError where one was asked for."""
+    for asked in levels.values():
+        level = _stated(asked)
+        if level is not None:
+            raise _error(asked, level, f"cannot be linearised: {rule}")
+    runs = (
+        replace(run, force=0.0, complete=complete_as(f"an unmodelled force cannot be linearised: {rule}", run.name)) if run.force else run
+        for run in white.problem.runs
+    )
+    return replace(white, posterior=replace(white.posterior, problem=replace(white.problem, runs=tuple(runs))))
 
 
 def _positions(run: Observations, table: Run) -> np.ndarray | None:
     return table.columns[table.coordinate] if run.noise.made_of_positions else None
 
 
-def _path(levels: Levels) -> tuple[str | int, ...]:
-    return next((*level.path, KEY) for level in levels if getattr(level.table, KEY) is not None)
+def _stated(levels: Levels) -> Level | None:
+    """The level that says how large a force may be, None where nothing is said."""
+    return next((level for level in levels if getattr(level.table, KEY) is not None), None)
 
 
 def _error(levels: Levels, level: Level, rule: str, *, value: object = None) -> InputError:

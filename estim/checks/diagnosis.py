@@ -10,8 +10,7 @@ import numpy as np
 from estim.arrays import FloatArray
 from estim.checks.conflict import Conflict, stated_values
 from estim.checks.consistency import Consistency
-from estim.checks.forces import force_finding as force_finding
-from estim.checks.forces import force_remarks
+from estim.checks.forces import beyond_their_priors, force_remarks
 from estim.checks.goodness import P_FLOOR, P_POOR_FIT, SCATTER_LIMIT, Goodness
 from estim.checks.identifiability import Identifiability
 from estim.checks.modes import Modes
@@ -66,7 +65,8 @@ def diagnose(
         [
             *([] if conflict.flagrant else _convergence(fit, chain)), *several_solutions(fit, modes),
             *_flat_directions(fit, identifiability), *_bounds(fit),
-            *failed_tests(goodness), *_methods(comparison), *_consistency(consistency), stated_values(fit, conflict), *too_many_outliers(fit),
+            *failed_tests(goodness), *beyond_their_priors(fit.forces), *_methods(comparison), *_consistency(consistency),
+            stated_values(fit, conflict), *too_many_outliers(fit),
         ]
     )
     remarks = _remarks(fit, chain, goodness, conflict) + ([] if findings else large_influences(fit, influences))

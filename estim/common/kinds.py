@@ -106,7 +106,10 @@ class Kind(StrEnum):
     FORCE_FOUND = auto()
     FORCE_UNDECIDED = auto()
     FORCE_UNLIKELY = auto()
+    FORCE_TOO_LARGE = auto()
     NOISE_CONSERVATIVE = auto()
+    NOISE_LARGER = auto()
+    NOISE_TOO_LARGE = auto()
     CURVE_COMPLETE = auto()
     # whether the sources agree
     RUNS_DISAGREE = auto()
@@ -159,6 +162,7 @@ _KINDS = {
     Status.NOT_IDENTIFIED: (Kind.DIRECTION_FLAT, Kind.SINGULAR, Kind.UNDETERMINED, Kind.LINE_NOT_RISING),
     Status.POOR_FIT: (
         Kind.RESIDUALS_ZERO, Kind.RESIDUALS_TOO_LARGE, Kind.RESIDUALS_NOT_RANDOM, Kind.CHI2_TOO_LARGE, Kind.SCATTER_TOO_LARGE,
+        Kind.FORCE_TOO_LARGE, Kind.NOISE_TOO_LARGE,
         Kind.OUTLIERS_CROWD, Kind.RUNS_DISAGREE, Kind.RUN_DISAGREES, Kind.RUNS_TIED, Kind.STATED_AND_CURVE,
         Kind.GAMMA_TOO_LARGE, Kind.POINTS_SCATTER,
     ),

@@ -104,6 +104,7 @@ def analysis_text(result: Result, section: IdentifySection, consistency: str, co
         what_if=_what_if_rows(result), what_if_heads=[result.labels.symbol(name) for name in _moved_by_errors(result)],
         consistency=consistency, axes=axes, limits_only=result.status != "ok", converged=converged,
         corner_words=corner_words, deviation=deviation_text(result.deviation, result.labels) if result.deviation else "",
+        said=[words for force in (result.deviation or {}).values() for words in (force.words, force.noise_words)] if result.status == "ok" else [],
         picture=" and ".join(f"{y} against {x}" for x, y in axes),
     )
 

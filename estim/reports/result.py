@@ -121,6 +121,7 @@ class RunSummary(msgspec.Struct, frozen=True):
     y: str
     n_obs: int
     noise: str
+    complete: str | None  # why the curve is taken as complete, where an unmodelled force could have stood beside it
     excluded: list[str]
     checks: dict[str, CheckSummary]
     scatter_ratio: float | None
@@ -303,7 +304,8 @@ def _run(campaign: Subject, analysis: Analysis, i: int) -> RunSummary:
     derived = run.derived(run.bind(analysis.problem.named(draws)))
     noise = run.noise.describe(x_unit=run.x_unit, y_unit=run.y_unit, words=run.words)
     return RunSummary(
-        file=one_line(table.file), x=run.x_label, y=run.y_label, n_obs=run.n_obs, noise=noise, excluded=[tell(why) for why in run.excluded],
+        file=one_line(table.file), x=run.x_label, y=run.y_label, n_obs=run.n_obs, noise=noise,
+        complete=None if run.complete is None else tell(run.complete), excluded=[tell(why) for why in run.excluded],
         checks={name: CheckSummary(c.statistic, c.p_value, c.meaning) for name, c in goodness.checks.items()},
         scatter_ratio=number(goodness.scatter_ratio), facts=[*origin_facts(table, run, analysis.problem), *speed_facts(run)],
         warnings=list(origin_warnings(table, run, analysis.problem)), robust=run.noise.robust, outliers=_outliers(analysis, run),

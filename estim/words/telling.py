@@ -60,6 +60,14 @@ ADVICE: Mapping[Kind, str] = MappingProxyType(
         Kind.RESIDUALS_NOT_RANDOM: _NOT_RANDOM,
         Kind.CHI2_TOO_LARGE: "look at the residuals; where they are random, leave u_y out and their size says how large the errors are",
         Kind.SCATTER_TOO_LARGE: "the curve does not describe this motion, or the stated resolution of the instrument is far too good",
+        Kind.FORCE_TOO_LARGE: (
+            "look at the figure of the force: what was stated of body, tilt and start may be wrong, or something drives the body; where so large a "
+            "force is believable, state it by unmodelled_force"
+        ),
+        Kind.NOISE_TOO_LARGE: (
+            "look for readings that jump (counts lost, a mark that was taken for another) and leave them out by a window; else state how large the "
+            "error of a reading is"
+        ),
         Kind.OUTLIERS_CROWD: "leave out by a window what is not the motion; robust noise is for a minority of bad frames",
         Kind.RUNS_DISAGREE: _ONE_RUN,
         Kind.RUN_DISAGREES: _ONE_RUN,
