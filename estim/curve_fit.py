@@ -21,6 +21,7 @@ from estim.checks import (
     Goodness,
     check_goodness,
     check_stated_values,
+    covered_pattern,
     failed_tests,
     laplace_modes,
     same_curve,
@@ -256,13 +257,15 @@ def _concluded(posed: CurveProblem, best: Optimum, problem: Problem, *, sigma: f
     return CurveFit(
         names=names, values=dict(zip(names, best.values.tolist(), strict=True)), sds=dict(zip(names, found.sds.tolist(), strict=True)),
         intervals=found.intervals, cov=found.cov, chi2=chi2, dof=dof, p_value=p_value, sigma=sigma, status=decide(findings), findings=findings,
-        remarks=(*found.notes, *_remarks(best, p_value, chi2, dof, sigma, perfect)),
+        remarks=(*found.notes, *_remarks(best, p_value, chi2, dof, sigma, perfect, goodness)),
         message=_message(best, sigma, perfect, [tell(f) for f in same_curve(inner)]), goodness=goodness,
         fit=inner, text=posed.text, fixed=posed.fixed,
     )
 
 
-def _remarks(best: Optimum, p_value: float, chi2: float, dof: int, sigma: float | None, perfect: bool) -> list[Finding]:
+def _remarks(
+    best: Optimum, p_value: float, chi2: float, dof: int, sigma: float | None, perfect: bool, goodness: tuple[Goodness, ...]
+) -> list[Finding]:
     """What to know of a fit that may be ok."""
     found = []
     if best.tolerance > _FEW_DIGITS and not perfect:
@@ -271,7 +274,9 @@ def _remarks(best: Optimum, p_value: float, chi2: float, dof: int, sigma: float 
         found.append(Finding(Kind.CANCELLATION))
     if sigma is not None and dof <= FEW and not perfect:
         found.append(Finding(Kind.FEW_DEGREES, size=dof, numbers={"coverage": coverage_of_sd(dof)}))
-    if sigma is None and 1.0 - p_value < P_POOR_FIT:
+    covered = [replace(one, run="") for good in goodness for one in covered_pattern(good)]
+    found += covered
+    if sigma is None and 1.0 - p_value < P_POOR_FIT and not covered:
         found.append(Finding(Kind.CHI2_SMALL, p=1.0 - p_value, size=chi2, numbers={"dof": dof}))
     return found
 

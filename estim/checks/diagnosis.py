@@ -152,6 +152,14 @@ def failed_tests(goodness: Sequence[Goodness]) -> list[Finding]:
     return findings
 
 
+def covered_pattern(run: Goodness) -> list[Finding]:
+    """A pattern in the residuals that the stated error covers."""
+    if not run.covered:
+        return []
+    chi2 = run.checks["chi2"].statistic
+    return [Finding(Kind.PATTERN_COVERED, run=run.run, size=(chi2 / run.whitened.size) ** 0.5, numbers={"chi2": chi2}, names=run.covered)]
+
+
 def too_many_outliers(fit: Fit) -> list[Finding]:
     """Runs of which so many frames would be outliers that nothing tells which of the two groups is the motion."""
     findings = []
@@ -170,8 +178,9 @@ def _remarks(fit: Fit, chain: Chain, goodness: Sequence[Goodness], conflict: Con
     if fit.n_same < fit.n_start:
         found.append(Finding(Kind.STARTS_ELSEWHERE, size=fit.n_start - fit.n_same, numbers={"starts": fit.n_start}))
     for good in goodness:
+        found += covered_pattern(good)
         chi2 = good.checks.get("chi2")
-        if chi2 is not None and chi2.p_value > 1.0 - P_POOR_FIT:
+        if chi2 is not None and chi2.p_value > 1.0 - P_POOR_FIT and not good.covered:
             found.append(Finding(Kind.RESIDUALS_SMALL, run=good.run, test="chi2", p=1.0 - chi2.p_value, numbers={"least": P_FLOOR}))
         if good.scatter_ratio > 3.0:
             found.append(Finding(Kind.SCATTER_LARGE, run=good.run, size=good.scatter_ratio))

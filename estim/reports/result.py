@@ -18,7 +18,7 @@ import msgspec
 import numpy as np
 
 from estim.arrays import FloatArray
-from estim.checks import Diagnosis, headline, parameter_cells, stated_values
+from estim.checks import Diagnosis, covered_pattern, headline, parameter_cells, stated_values
 from estim.common import as_json, one_line
 from estim.fitting import ProfileInterval
 from estim.pipeline import Analysis
@@ -124,6 +124,7 @@ class RunSummary(msgspec.Struct, frozen=True):
     excluded: list[str]
     checks: dict[str, CheckSummary]
     scatter_ratio: float | None
+    covered: str | None  # why tests that fail do not count; null where none fails, or they do
     facts: list[str]  # where an imported track comes from; what a fit of speeds takes as exact or leaves unused
     warnings: list[str]  # what is suspicious about the file
     robust: bool
@@ -305,7 +306,8 @@ def _run(campaign: Subject, analysis: Analysis, i: int) -> RunSummary:
     return RunSummary(
         file=one_line(table.file), x=run.x_label, y=run.y_label, n_obs=run.n_obs, noise=noise, excluded=[tell(why) for why in run.excluded],
         checks={name: CheckSummary(c.statistic, c.p_value, c.meaning) for name, c in goodness.checks.items()},
-        scatter_ratio=number(goodness.scatter_ratio), facts=[*origin_facts(table, run, analysis.problem), *speed_facts(run)],
+        scatter_ratio=number(goodness.scatter_ratio), covered=next(map(tell, covered_pattern(goodness)), None),
+        facts=[*origin_facts(table, run, analysis.problem), *speed_facts(run)],
         warnings=list(origin_warnings(table, run, analysis.problem)), robust=run.noise.robust, outliers=_outliers(analysis, run),
         what=run.words.what,
         derived={
