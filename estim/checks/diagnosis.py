@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -10,6 +11,8 @@ import numpy as np
 from estim.arrays import FloatArray
 from estim.checks.conflict import Conflict, stated_values
 from estim.checks.consistency import Consistency
+from estim.checks.deviations import deviation_finding as deviation_finding
+from estim.checks.deviations import deviation_remarks
 from estim.checks.forces import force_finding as force_finding
 from estim.checks.forces import force_remarks
 from estim.checks.goodness import P_FLOOR, P_POOR_FIT, SCATTER_LIMIT, Goodness
@@ -145,8 +148,10 @@ def failed_tests(goodness: Sequence[Goodness]) -> list[Finding]:
     findings = []
     for run in goodness:
         for name in run.failed:
-            kind = Kind.RESIDUALS_ZERO if name == "zero" else Kind.RESIDUALS_TOO_LARGE if run.only_too_large else Kind.RESIDUALS_NOT_RANDOM
-            findings.append(Finding(kind, run=run.run, test=name, p=run.checks[name].p_value, numbers={"least": P_FLOOR}))
+            room = {"deviation": run.room} if math.isfinite(run.room) else {}
+            pattern = Kind.CURVE_LACKS if room else Kind.RESIDUALS_NOT_RANDOM
+            kind = Kind.RESIDUALS_ZERO if name == "zero" else Kind.RESIDUALS_TOO_LARGE if run.only_too_large else pattern
+            findings.append(Finding(kind, run=run.run, test=name, p=run.checks[name].p_value, numbers={"least": P_FLOOR, **room}))
         if run.scatter_ratio > SCATTER_LIMIT:
             findings.append(Finding(Kind.SCATTER_TOO_LARGE, run=run.run, size=run.scatter_ratio))
     return findings
@@ -175,6 +180,9 @@ def _remarks(fit: Fit, chain: Chain, goodness: Sequence[Goodness], conflict: Con
     found = [stated] if stated.kind is Kind.STATED_HARDLY else []
     found += same_curve(fit)
     found += [remark for force in fit.forces for remark in force_remarks(force)]
+    runs = {run.name: run for run in fit.problem.runs}
+    for lack in fit.deviations:
+        found += deviation_remarks(lack, x_unit=runs[lack.run].x_unit, y_unit=runs[lack.run].y_unit)
     if fit.n_same < fit.n_start:
         found.append(Finding(Kind.STARTS_ELSEWHERE, size=fit.n_start - fit.n_same, numbers={"starts": fit.n_start}))
     for good in goodness:

@@ -58,6 +58,7 @@ class Goodness:
     checks : name -> Check.  scatter_ratio : inferred scatter / instrument's share of the noise; nan where not inferred.
     pattern : size of all residuals together, chi2 + 4 slow, 1: as large as one standard deviation; times the number of runs that are fit
         together, since all of them may have it.
+    room : scale of a smooth deviation that would hold the residuals, unit of y, of a curve of the user's that has none; else nan.
     """
 
     run: str
@@ -67,6 +68,7 @@ class Goodness:
     checks: Mapping[str, Check]
     scatter_ratio: float
     pattern: float
+    room: float
 
     @property
     def covered(self) -> tuple[str, ...]:
@@ -109,12 +111,14 @@ def check_goodness(fit: Fit, *, rng: np.random.Generator) -> tuple[Goodness, ...
     checked = []
     for run, likelihood, response, error in zip(problem.runs, posterior.likelihoods, responses, by_run, strict=False):
         simulated = response.moved(error, shifts).T
-        stated = not run.noise.parameters
         empty = no_scatter(run, fit) or float(np.max(np.abs(response.z))) < _NO_ERRORS
-        checks = {"zero": Check(0.0, P_FLOOR, TESTS["zero"])} if empty else _checks(response.z, simulated, stated=stated)
+        checks = {"zero": Check(0.0, P_FLOOR, TESTS["zero"])} if empty else _checks(response.z, simulated, stated=run.stated)
         raw = _raw(run, likelihood, named)
         checked.append(
-            Goodness(run.name, response.z, raw, likelihood.sd(named), checks, _scatter_ratio(run, named), len(problem.runs) * _pattern(response.z))
+            Goodness(
+                run.name, response.z, raw, likelihood.sd(named), checks, _scatter_ratio(run, named),
+                pattern=len(problem.runs) * _pattern(response.z), room=_room(run, raw),
+            )
         )
     return tuple(checked)
 
@@ -124,13 +128,19 @@ def untested(fit: Fit) -> tuple[Goodness, ...]:
     records = []
     named = fit.problem.named(fit.values)
     for run, likelihood, z in zip(fit.problem.runs, fit.posterior.likelihoods, fit.posterior.standardised(fit.values), strict=True):
-        records.append(Goodness(run.name, z, _raw(run, likelihood, named), likelihood.sd(named), {}, float("nan"), _pattern(z)))
+        records.append(Goodness(run.name, z, _raw(run, likelihood, named), likelihood.sd(named), {}, float("nan"), _pattern(z), float("nan")))
     return tuple(records)
 
 
 def _pattern(z: FloatArray) -> float:
     shapes, _ = np.linalg.qr(np.polynomial.legendre.legvander(np.linspace(-1.0, 1.0, z.size), min(_SLOW_ORDER, z.size - 1)))
     return float(z @ z + _SLOW_WEIGHT * np.sum(np.square(z @ shapes)))
+
+
+def _room(run: Observations, raw: FloatArray) -> float:
+    if run.motion is not None or run.lacks is not None:
+        return float("nan")
+    return 2.0 * float(np.sqrt(np.mean(np.square(raw))))
 
 
 def _raw(run: Observations, likelihood: Likelihood, named: Mapping[str, FloatArray]) -> FloatArray:

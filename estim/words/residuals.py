@@ -81,6 +81,7 @@ WORDS: Table = MappingProxyType(
         Kind.RESIDUALS_ZERO: _failed,
         Kind.RESIDUALS_TOO_LARGE: _failed,
         Kind.RESIDUALS_NOT_RANDOM: _failed,
+        Kind.CURVE_LACKS: _failed,
         Kind.RESIDUALS_SMALL: lambda f: (
             f"{_of_run(f)}the residuals are smaller than the stated noise ({_p(f)}): is the stated sigma too large?"
         ),
