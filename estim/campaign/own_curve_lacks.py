@@ -15,8 +15,7 @@ from numpy.typing import NDArray
 from estim.campaign.campaign_file import CampaignFile
 from estim.campaign.curve_tables import CurveRunTable, CurveTable, Place, axis_of
 from estim.common import InputError
-from estim.deviation import MAX_LACKING
-from estim.problem import Lacks, Noise
+from estim.problem import MAX_LACKING, Lacks, Noise
 from estim.reading import Run
 
 _KEYS = ("deviation", "correlated")

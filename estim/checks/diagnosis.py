@@ -11,7 +11,6 @@ import numpy as np
 from estim.arrays import FloatArray
 from estim.checks.conflict import Conflict, stated_values
 from estim.checks.consistency import Consistency
-from estim.checks.deviations import deviation_finding as deviation_finding
 from estim.checks.deviations import deviation_remarks
 from estim.checks.forces import force_finding as force_finding
 from estim.checks.forces import force_remarks
@@ -185,10 +184,10 @@ def _remarks(fit: Fit, chain: Chain, goodness: Sequence[Goodness], conflict: Con
         found += deviation_remarks(lack, x_unit=runs[lack.run].x_unit, y_unit=runs[lack.run].y_unit)
     if fit.n_same < fit.n_start:
         found.append(Finding(Kind.STARTS_ELSEWHERE, size=fit.n_start - fit.n_same, numbers={"starts": fit.n_start}))
-    for good in goodness:
+    for good, run in zip(goodness, fit.problem.runs, strict=True):
         found += covered_pattern(good)
         chi2 = good.checks.get("chi2")
-        if chi2 is not None and chi2.p_value > 1.0 - P_POOR_FIT and not good.covered:
+        if chi2 is not None and chi2.p_value > 1.0 - P_POOR_FIT and not good.covered and run.lacks is None:
             found.append(Finding(Kind.RESIDUALS_SMALL, run=good.run, test="chi2", p=1.0 - chi2.p_value, numbers={"least": P_FLOOR}))
         if good.scatter_ratio > 3.0:
             found.append(Finding(Kind.SCATTER_LARGE, run=good.run, size=good.scatter_ratio))

@@ -4,6 +4,6 @@ Read `components` first, then `force`, then `posing`: from a run to the noise th
 Imports `common` and `problem`."""
 
 from estim.deviation.course import Course
-from estim.deviation.lacking import MAX_LACKING, FoundDeviation, pose_deviation
+from estim.deviation.lacking import DeviationSize, FoundDeviation, pose_deviation
 from estim.deviation.noise import FreeStart
 from estim.deviation.posing import FoundForce, pose_force

@@ -31,7 +31,6 @@ from estim.deviation.posing import linear_groups
 from estim.deviation.visible import Visible, see_deviation
 from estim.problem import Lacks, Observations, Problem, Wording
 
-MAX_LACKING = 1000  # points: every length needs a decomposition of a matrix of that size
 _TIMES_NOISE = 2.0  # scale of correlated errors
 _PROBABILITIES = (0.68, 0.95)
 Interval = tuple[float, float]
@@ -53,7 +52,7 @@ class WithDeviation(WithForce):
 
 
 @dataclass(frozen=True, eq=False)
-class Size:
+class DeviationSize:
     """One way to read what the curve lacks.
 
     share : probability that it is there.  scale : of the prior of its amplitude, unit of y.
@@ -82,8 +81,8 @@ class FoundDeviation:
     run: str
     lacks: Lacks
     probability: float
-    smooth: Size | None
-    correlated: Size | None
+    smooth: DeviationSize | None
+    correlated: DeviationSize | None
     visible: Visible
     noise: tuple[float, float, float]
     conservative: bool
@@ -103,10 +102,10 @@ class PosedDeviation:
     found: FoundDeviation
 
 
-def pose_deviation(run: Observations, problem: Problem, values: FloatArray, *, without: FloatArray) -> PosedDeviation:
+def pose_deviation(run: Observations, problem: Problem, values: FloatArray) -> PosedDeviation:
     """What the curve of `run` lacks, linear about `values` (n_par,), those of a fit with independent errors.
 
-    without : (n_par,) standard deviations of that fit.  Where other runs share parameters, what they say counts as theirs without a deviation.
+    Where other runs share parameters, what they say counts as theirs without a deviation.
     """
     lacks = run.lacks
     assert lacks is not None, "asked for runs that may lack something"
@@ -115,13 +114,15 @@ def pose_deviation(run: Observations, problem: Problem, values: FloatArray, *, w
     residuals = run.y - stated.shift - np.ravel(np.broadcast_to(run.points.value(named), (1, run.n_obs)))
     jacobian = run.points.gradient(named, problem.names)
     precision, pull = _known(run, problem, values)
-    scales = _scales(lacks, stated.covariance, residuals)
-    deviation = _components(run, lacks, stated.covariance, scales)
+    covariance = stated.covariance if lacks.stated else _sized(stated.covariance, residuals, len(run.curve_parameters))
+    scales = _scales(lacks, covariance, residuals)
+    deviation = _components(run, lacks, covariance, scales)
+    without = _sds(deviation.whiten(jacobian.T), precision)
     linear = linearise(deviation, residuals, jacobian, precision=precision, pull=pull, stated=lacks.stated)
     noise = WithDeviation(run.noise, keep_probable(linear), _whitener(linear, lacks), stated.shift, lacks)
     means, covs = linear_groups(linear, problem.n_par)
     sizes = {kind: _size(linear, kind, scale) for kind, scale in scales.items()}
-    unit = 1.0 if lacks.stated else float(np.sqrt(np.median(np.diag(stated.covariance))))
+    unit = 1.0 if lacks.stated else float(np.sqrt(np.median(np.diag(covariance))))
     low, middle, high = (unit * one for one in linear.size("scale"))
     found = FoundDeviation(
         run=run.name, lacks=lacks, probability=linear.p_deviation, smooth=sizes.get(DEVIATION), correlated=sizes.get(TIME),
@@ -130,6 +131,20 @@ def pose_deviation(run: Observations, problem: Problem, values: FloatArray, *, w
         mean=values + linear.mean, cov=linear.covariance, intervals=_intervals(linear, problem, values), means=values + means, covs=covs,
     )
     return PosedDeviation(noise, found)
+
+
+def _sds(slopes: FloatArray, precision: FloatArray) -> FloatArray:
+    """(n_par,) standard deviations from whitened slopes (n_par, n_obs) and the precision of all else."""
+    information = slopes @ slopes.T + precision
+    scale = np.sqrt(np.diag(information))
+    scale[scale == 0.0] = 1.0
+    return np.asarray(np.sqrt(np.diag(np.linalg.pinv(information / np.outer(scale, scale), hermitian=True))) / scale)
+
+
+def _sized(covariance: FloatArray, residuals: FloatArray, n_par: int) -> FloatArray:
+    """A covariance (n_obs, n_obs) of unknown size, as large as the residuals (n_obs,)."""
+    squares = float(np.sum(np.square(residuals) / np.diag(covariance)))
+    return covariance * squares / max(1, residuals.size - n_par)
 
 
 def _components(run: Observations, lacks: Lacks, covariance: FloatArray, scales: Mapping[str, float]) -> Deviation:
@@ -170,14 +185,14 @@ def _whitener(linear: Linearised, lacks: Lacks) -> FloatArray:
     return np.asarray(np.linalg.inv(np.linalg.cholesky(linear.best_covariance() / size**2)))
 
 
-def _size(linear: Linearised, kind: str, scale: float) -> Size:
+def _size(linear: Linearised, kind: str, scale: float) -> DeviationSize:
     mine = np.concatenate([np.where(f.amplitude > 0.0, f.kind == kind, False) for f in linear.deviation.families])
     share = float(linear.weights[mine].sum())
     if not share > 0.0:
-        return Size(0.0, scale, (np.nan, np.nan, np.nan), (np.nan, np.nan, np.nan))
+        return DeviationSize(0.0, scale, (np.nan, np.nan, np.nan), (np.nan, np.nan, np.nan))
     alone = replace(linear, weights=np.where(mine, linear.weights, 0.0) / share)
     low, middle, high = (scale * one for one in alone.size("amplitude"))
-    return Size(share, scale, (low, middle, high), alone.size("length"))
+    return DeviationSize(share, scale, (low, middle, high), alone.size("length"))
 
 
 def _intervals(linear: Linearised, problem: Problem, values: FloatArray) -> dict[str, dict[float, Interval]]:

@@ -44,6 +44,9 @@ class Parameter:
         return self.notation or Notation(split_level(self.name)[0])
 
 
+MAX_LACKING = 1000  # points of a curve that may lack something: every length needs a decomposition of a matrix of that size
+
+
 @dataclass(frozen=True, eq=False)
 class Lacks:
     """What a curve of the user's own may lack, before the data have a say.
