@@ -146,8 +146,8 @@ def analyse_fit(
         if problem.n_par <= MAX_PARAMETERS:
             ends = optima(fit)
             starts, covs = tuple(ends.values[1:]), tuple(ends.covs[1:])
-            starts += tuple(mean for force in fit.forces for mean in force.means)
-            covs += tuple(cov for force in fit.forces for cov in force.covs)
+            starts += fit.further_starts
+            covs += fit.further_covs
             proposal = adapt_proposal(density, fit.values, fit.cov, rng=proposal_rng, starts=starts, covs=covs)
             heavy = tuple(ends.values[1:][ends.shares[1:] > _NEGLIGIBLE])
             certificate, proposal = second_opinion(

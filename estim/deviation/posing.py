@@ -82,7 +82,7 @@ def pose_force(run: Observations, course: Course, problem: Problem, values: Floa
     mixture = keep_probable(linear, columns=along.push[:, None])
     noise = WithForce(base, mixture, _whitener(linear, along.push), stated.shift)
     force = find_force(linear, along.track, along.response, radius=along.radian)
-    means, covs = _groups(linear)
+    means, covs = linear_groups(linear, problem.n_par)
     found = FoundForce(
         run=run.name, unit=run.x_unit, scale=run.force, force=force, noise=linear.size("scale"),
         larger=linear.p_noise(float(np.nextafter(1.0, 2.0))), too_large=linear.p_noise(max(SCALES)), conservative=stated_is_conservative(linear),
@@ -92,9 +92,9 @@ def pose_force(run: Observations, course: Course, problem: Problem, values: Floa
     return Posed(noise, found, linear.mean[:-1], linear.covariance[:-1, :-1])
 
 
-def _groups(linear: Linearised) -> tuple[FloatArray, FloatArray]:
-    """Steps (n, n_par) and covariances (n, n_par, n_par) of the components in a few groups, from narrow to wide."""
-    steps, covariances = linear.steps[:, :-1], linear.covariances[:, :-1, :-1]
+def linear_groups(linear: Linearised, n_par: int) -> tuple[FloatArray, FloatArray]:
+    """Steps (n, n_par) and covariances (n, n_par, n_par) of the components in a few groups, from narrow to wide; of the first parameters."""
+    steps, covariances = linear.steps[:, :n_par], linear.covariances[:, :n_par, :n_par]
     order = np.argsort(np.linalg.slogdet(covariances)[1])
     below = np.cumsum(linear.weights[order])
     means, covs = [], []
