@@ -39,6 +39,7 @@ from estim.campaign.curve_tables import (
 )
 from estim.campaign.noise_models import Candidate
 from estim.campaign.own_curve_points import MIN_ROWS, CurvePoints
+from estim.checks import Suspects
 from estim.common import InputError
 from estim.curves import AxisNames, Component, DistortedCurve, Formula, read_formula
 from estim.fitting import Fit, fit_optimum, is_resolved, no_scatter, silent_parameters
@@ -100,6 +101,10 @@ class CurveStudy:
                 rule = "is the name of a quantity of the errors of y, which is unknown here: choose another"
                 raise self.source.places.error(rule, self._place(name))
         return Problem((*shared_first(parameters.values(), observed), *shared.values(), *of_noise.values()), tuple(observed))
+
+    def suspects(self, names: Sequence[str], tables: Mapping[str, Run]) -> Suspects:
+        """Nothing is known of what a user's own curve may lack but what readings may suffer."""
+        return Suspects(self.problem(names, tables))
 
     def fit(self, problem: Problem, tables: Mapping[str, Run], *, rng: np.random.Generator) -> Fit:
         """The posterior mode, found from afar.  Raises InputError where the data determine none."""

@@ -2,6 +2,8 @@
 
 Read `diagnosis` first."""
 
+from estim.checks.candidates import Cause, Scanned, Suspects
+from estim.checks.causes import FOUND, TIED, Candidate, Estimated, Explanation, explain
 from estim.checks.cells import headline, interval_cell, parameter_cells, value_cell
 from estim.checks.conflict import P_CONFLICT, Conflict, check_stated_values, stated_values
 from estim.checks.consistency import P_INCONSISTENT, PRIORS, Consistency, SharedEstimate, check_consistency, comparable

@@ -2,6 +2,7 @@
 
 Read `components` first, then `force`, then `posing`: from a run to the noise that a chain samples under.  Imports `common` and `problem`."""
 
+from estim.deviation.autocorrelated import AutoCorrelated
 from estim.deviation.course import Course
 from estim.deviation.noise import FreeStart
 from estim.deviation.posing import FoundForce, pose_force
