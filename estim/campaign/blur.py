@@ -11,8 +11,8 @@ import numpy as np
 from estim.arrays import FloatArray
 from estim.campaign.campaign_file import NoiseTable
 from estim.campaign.levels import Levels, Path, noise_level
-from estim.checks import Cause, Scanned
 from estim.curves import size_with_blur
+from estim.explanation import Cause, Scanned
 from estim.problem import Problem
 from estim.reading import Run
 

@@ -22,9 +22,9 @@ from estim.campaign.noise_models import Candidate, noise_candidates
 from estim.campaign.plausible import check_speeds
 from estim.campaign.points import Observed, observe
 from estim.campaign.quantities import EFFECTS, QUANTITIES, Kind
-from estim.checks import Cause, Suspects
 from estim.common import Quantity, format_quantity
 from estim.curves import DisturbedMotion, DisturbedMotionCurve, DisturbedPhaseCurve, MotionCurve, PhaseCurve, RollingMotion, Setting
+from estim.explanation import Cause, Suspects
 from estim.fitting import Fit, fit_least_squares, scanned_fit
 from estim.problem import Curve, Normal, Observations, Parameter, Prior, Problem, TruncatedNormal, as_prior, shared_first
 from estim.reading import Run
@@ -75,7 +75,7 @@ class RollingStudy:
         for sketch in sketches(known):
             problem = self._posed(names, tables, white=True, sketch=sketch)
             own = tuple(name for name in problem.names if name not in plain.names)
-            found.append(Cause(sketch.name, sketch.words, problem, own, sketch.lines))
+            found.append(Cause(sketch.name, sketch.words, problem, own, sketch.lines, begin=sketch.begin))
         for interval, noise in blurs([self.levels(name) for name in names], [tables[name] for name in names]):
             problem = self._posed(names, tables, white=True, noise=noise)
             found.append(blur_cause(problem, interval))

@@ -14,8 +14,8 @@ from estim.campaign.campaign_file import CampaignFile, NoiseTable, RunTable, rea
 from estim.campaign.noise_models import Candidate
 from estim.campaign.own_curve import read_curve_study
 from estim.campaign.study import Study
-from estim.checks import Suspects
 from estim.common import KINDS, InputError, code, markdown, table
+from estim.explanation import Suspects
 from estim.fitting import Fit
 from estim.problem import Problem
 from estim.reading import COLUMNS, Run, compare_intervals, read_run

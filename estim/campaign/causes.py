@@ -17,6 +17,7 @@ from estim.problem import HalfNormal, Normal, Prior
 
 _RESISTANCE = 0.01  # of the weight
 _SAG, _BOW = 0.005, 0.01  # of the length
+_PUSH = 0.05  # m/s: positions hardly depend on a speed about 0
 _RUN = "[[runs]]"
 
 
@@ -54,6 +55,7 @@ class Sketch:
     of_run: bool = False
     ramp: Place | None = None
     picture: Place | None = None
+    begin: float = 0.0
 
     @property
     def disturbs(self) -> bool:
@@ -83,7 +85,7 @@ def _start(runs: Sequence[Surroundings]) -> Iterator[Sketch]:
         return
     words = "a start that is not from rest, or not at x = 0"
     if all(run.positions for run in runs):
-        yield Sketch("start", words, {"release_speed": Normal(0.0, 0.1)}, (_RUN, 'release_speed_m_s = "0.00(10)"'), of_run=True)
+        yield Sketch("start", words, {"release_speed": Normal(0.0, 0.1)}, (_RUN, 'release_speed_m_s = "0.00(10)"'), of_run=True, begin=_PUSH)
     elif not any(run.positions for run in runs):
         yield Sketch("start", words, {"release_energy": Normal(0.0, 0.02)}, (_RUN, 'release_energy = "0.000(20)"'), of_run=True)
 

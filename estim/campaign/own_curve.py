@@ -39,9 +39,9 @@ from estim.campaign.curve_tables import (
 )
 from estim.campaign.noise_models import Candidate
 from estim.campaign.own_curve_points import MIN_ROWS, CurvePoints
-from estim.checks import Suspects
 from estim.common import InputError
 from estim.curves import AxisNames, Component, DistortedCurve, Formula, read_formula
+from estim.explanation import Suspects
 from estim.fitting import Fit, fit_optimum, is_resolved, no_scatter, silent_parameters
 from estim.problem import Curve, Parameter, Prior, Problem, shared_first
 from estim.reading import Places, Run, of_any_curve, read_table, run_of_table

@@ -10,7 +10,7 @@ import numpy as np
 from estim.campaign.campaign_file import NoiseTable
 from estim.campaign.levels import Path
 from estim.campaign.noise_models import Candidate
-from estim.checks import Suspects
+from estim.explanation import Suspects
 from estim.fitting import Fit
 from estim.problem import Problem
 from estim.reading import Run

@@ -10,6 +10,7 @@ import numpy as np
 from estim.arrays import FloatArray
 from estim.checks.conflict import Conflict, stated_values
 from estim.checks.consistency import Consistency
+from estim.checks.forces import SURE as SURE
 from estim.checks.forces import force_finding as force_finding
 from estim.checks.forces import force_remarks
 from estim.checks.goodness import P_FLOOR, P_POOR_FIT, SCATTER_LIMIT, Goodness

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from estim.cli.causes import say_causes, with_causes
 from estim.cli.terminal import NOT_OK, announced, conclude, counted, exit_code, groups_of, progress_bar, report_at, say, stores_of, write_files
 from estim.common import InputError, Stream, asked_to_stop, decide, ended_by_signals, stream
 
@@ -55,10 +56,11 @@ def cli() -> None:
     "[default: the marginal for more than 16 runs, and for `positions` with more than 12 unknowns]",
 )
 @click.option("--compare", is_flag=True, help="Fit with every model of the noise that the data allow, and tabulate them.")
+@click.option("--explain", is_flag=True, help="Tabulate what may be missing, each cause refit.  [default: where something is]")
 @click.option("--resume", is_flag=True, help="Continue a fit that was interrupted, from the draws kept in OUT/.checkpoint.")
 def fit(
     campaign: Path, runs: tuple[str, ...], joint: bool, max_steps: int, out: Path | None, seed: int, marginal: bool | None, compare: bool,
-    resume: bool,
+    explain: bool, resume: bool,
 ) -> None:
     """Fit runs of CAMPAIGN and write a report.
 
@@ -83,26 +85,29 @@ def fit(
         raise InputError("needs --joint: one run has nothing to share", field="--marginal")
     click.get_current_context().with_resource(only_writer(folder / ".checkpoint"))
     if compare:
-        if resume or marginal is not None:
-            raise InputError("does not go with --resume, --marginal or --full", field="--compare")
+        if resume or explain or marginal is not None:
+            raise InputError("does not go with --resume, --explain, --marginal or --full", field="--compare")
         _compare(loaded, groups, folder, seed=seed, max_steps=max_steps)
         return
     stop = click.get_current_context().with_resource(asked_to_stop())
     stores = stores_of(folder, groups, joint=joint, resume=resume)
-    results = {}
+    results, explanations = {}, []
     for group, store in zip(groups, stores, strict=True):
         with progress_bar(", ".join(group), max_steps) as progress:
             analysis = analyse(
                 loaded, group, seed=seed, target=Target(max_step=max_steps), progress=progress, store=store, stop=stop, marginal=marginal
             )
+        analysis = with_causes(loaded, analysis, group, asked=explain)
         place = folder if len(groups) == 1 else folder / group[0]
         write_files(place, analysis_report(loaded, analysis, voice=Voice.COMMANDS), within=folder)
         if can_write_netcdf():
             write_files(place, {"draws.nc": to_netcdf(analysis)}, within=folder)
         results[group[0]] = result_of(loaded, analysis, voice=Voice.COMMANDS)
         conclude(", ".join(group), analysis.diagnosis.status, analysis.diagnosis.reasons, analysis.diagnosis.notes)
+        say_causes(analysis)
+        explanations += [] if analysis.explanation is None else [analysis.explanation]
     if len(groups) > 1:
-        write_files(folder, index_report(loaded, results))
+        write_files(folder, index_report(loaded, results, explanations))
     for store in stores:
         store.remove()
     report_at(folder / "report.md", loaded.source.outside())

@@ -107,6 +107,11 @@ class Kind(StrEnum):
     FORCE_UNDECIDED = auto()
     FORCE_UNLIKELY = auto()
     NOISE_CONSERVATIVE = auto()
+    # candidates for it, each refit
+    CAUSE_NAMED = auto()
+    CAUSES_ALIKE = auto()
+    CAUSE_IN_PART = auto()
+    CAUSE_UNKNOWN = auto()
     # whether the sources agree
     RUNS_DISAGREE = auto()
     RUN_DISAGREES = auto()

@@ -35,7 +35,8 @@ from model import (
 )
 
 _FORCES = {  # argument -> field of Forces
-    "load_resistance": "load_resistance", "viscous_drag": "viscous_drag", "quadratic_drag": "quadratic_drag", "moment_once_cos": "once_cos", "moment_once_sin": "once_sin",
+    "load_resistance": "load_resistance",
+    "viscous_drag": "viscous_drag", "quadratic_drag": "quadratic_drag", "moment_once_cos": "once_cos", "moment_once_sin": "once_sin",
     "moment_twice_cos": "twice_cos", "moment_twice_sin": "twice_sin", "phi_slope": "phi_slope",
 }
 _READINGS = {"scale_x": "scale_x", "scale_t": "scale_t", "distortion": "bow"}  # argument -> field of Readings

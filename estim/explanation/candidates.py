@@ -4,7 +4,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import numpy as np
+
+from estim.arrays import FloatArray
 from estim.common import Label, Notation
+from estim.fitting import Fit
 from estim.problem import Problem
 
 
@@ -27,6 +31,7 @@ class Cause:
 
     name : short, for files; several of one name are values of what is `scanned`, and the best of them counts.  words : what it is.
     problem : with it.  parameters : its own.  lines : to be added to the campaign, the first a table.  remark : where no line says it.
+    begin : value of its parameters at which a search starts, where 0 is possible.
     searched : how much a gain is less because the best of many places was looked for.
     """
 
@@ -38,16 +43,17 @@ class Cause:
     remark: str = ""
     scanned: Scanned | None = None
     searched: float = 0.0
+    begin: float = 0.0
 
     @property
     def n_number(self) -> int:
         """How many numbers are adjusted beside those of the plain fit."""
         return max(len(self.parameters), 1)
 
-    def start(self, name: str) -> float:
-        """Where a search for one of its parameters starts: inside its prior, near 0."""
-        prior = next(p.prior for p in self.problem.parameters if p.name == name)
-        return float(max(prior.low + 0.1 * prior.sd, 0.0)) if prior.low > -float("inf") else 0.0
+    def starting(self, base: Fit, share: float) -> FloatArray:
+        """(n_par,) where a search starts: the mode without it, and its own parameters at `begin`, or at `share` of their sd where 0 is an edge."""
+        known = dict(zip(base.names, base.values, strict=True))
+        return np.array([known.get(p.name, share * p.prior.sd if p.prior.low == 0.0 else self.begin) for p in self.problem.parameters])
 
 
 @dataclass(frozen=True, eq=False)

@@ -17,8 +17,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from estim.arrays import FloatArray
-from estim.checks.candidates import Cause
 from estim.common import Notation
+from estim.explanation.candidates import Cause
 from estim.fitting import Fit
 from estim.problem import Curve, Flat, LocalCurve, Parameter, Problem, SpeedCurve
 
@@ -90,4 +90,5 @@ def _cause(problem: Problem, index: int, frame: int, pattern: FloatArray, n_fram
     which = f"number {frame + 1} of the {'rows' if run.noise.made_of_positions else 'points that are fit'}"
     words = f"one bad reading, {which}" + (f" of run {run.name}" if len(problem.runs) > 1 else "")
     remark = "look at that frame, and put # before its line if it is bad"
-    return Cause(f"bad_frame[{run.name}]", words, Problem((*problem.parameters, unknown), runs), (name,), (), remark, searched=2.0 * math.log(n_frame))
+    with_error = Problem((*problem.parameters, unknown), runs)
+    return Cause(f"bad_frame[{run.name}]", words, with_error, (name,), (), remark, searched=2.0 * math.log(n_frame))

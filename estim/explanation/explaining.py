@@ -17,12 +17,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from estim.arrays import FloatArray
-from estim.checks.bad_frames import frame_causes
-from estim.checks.candidates import Cause, Scanned
-from estim.checks.goodness import P_POOR_FIT, check_goodness
+from estim.checks import P_POOR_FIT, check_goodness
 from estim.common import Label, NumericalError
 from estim.deviation import AutoCorrelated
-from estim.fitting import Fit, fit_least_squares
+from estim.explanation.bad_frames import frame_causes
+from estim.explanation.candidates import Cause, Scanned
+from estim.fitting import Fit, fit_least_squares, refit
 from estim.problem import Problem
 
 FOUND = 10.0  # gain
@@ -30,7 +30,7 @@ TIED = 6.0  # difference of gains
 _CORRELATIONS = (0.3, 0.5, 0.7, 0.85, 0.95)
 _MOST_TESTED = 8  # candidates whose residuals are tested
 _SIZE = "chi2"  # the one test that is not of order
-_LOST = 1e-9  # of a gain: rounding
+_START, _NEAR = 0.1, 1e-2  # standard deviations of the prior of what cannot be negative: where a search starts, and where its direction is asked
 
 
 @dataclass(frozen=True)
@@ -104,15 +104,14 @@ def explain(
     plain : the runs with their stated noise alone.  values : (n_par,) where its fit may start.  progress : told how many of how many are done.
     """
     base = fit_least_squares(plain, rng=rng, n_start=1 if values is not None else 4, start=values)
-    every = [*causes, *_alike(plain), *frame_causes(base)]
+    every = [*(cause for cause in causes if not _pushed_below(cause, base)), *_alike(plain), *frame_causes(base)]
     fits: dict[str, tuple[Candidate, Fit]] = {}
     lowest = badness(base)
     for done, cause in enumerate(every, start=1):
-        fit = _refit(cause, base, rng)
+        fit = _with(cause, base)
         if fit is not None:
-            candidate = Candidate(
-                cause.name, cause.words, cause.lines, cause.remark, lowest - badness(fit) - 2.0 * cause.n_number - cause.searched, _numbers(cause, fit)
-            )
+            gain = lowest - badness(fit) - 2.0 * cause.n_number - cause.searched
+            candidate = Candidate(cause.name, cause.words, cause.lines, cause.remark, gain, _numbers(cause, fit))
             if cause.name not in fits or candidate.gain > fits[cause.name][0].gain:
                 fits[cause.name] = candidate, fit
         if progress is not None:
@@ -152,12 +151,27 @@ def _ones(plain: Problem) -> dict[str, float]:
     return dict.fromkeys(plain.names, 1.0)
 
 
-def _refit(cause: Cause, base: Fit, rng: np.random.Generator) -> Fit | None:
+def _pushed_below(cause: Cause, base: Fit) -> bool:
+    """Whether the data would have a number that cannot be negative below 0: then it explains nothing, and a search would end slowly on its edge."""
+    if len(cause.parameters) != 1:
+        return False
+    i = cause.problem.names.index(cause.parameters[0])
+    prior = cause.problem.parameters[i].prior
+    if prior.low != 0.0:
+        return False
+    start = cause.starting(base, _NEAR)
+    posterior = cause.problem.linearised(start)
+    rows = posterior.jacobian(start)
+    scale = np.linalg.norm(rows, axis=0)
+    scale[scale == 0.0] = 1.0
+    step = -np.linalg.lstsq(rows / scale, posterior.residuals(start), rcond=None)[0] / scale
+    return bool(start[i] + step[i] <= 0.0)
+
+
+def _with(cause: Cause, base: Fit) -> Fit | None:
     """The fit with a candidate, from that without; None where it cannot be had."""
-    known = dict(zip(base.names, base.values, strict=True))
-    start = np.array([known.get(p.name, cause.start(p.name)) for p in cause.problem.parameters])
     try:
-        fit = fit_least_squares(cause.problem, rng=rng, n_start=1, start=start)
+        fit = refit(cause.problem, cause.starting(base, _START))
     except NumericalError:
         return None
     return fit if math.isfinite(badness(fit)) else None
