@@ -143,10 +143,12 @@ def analyse_fit(
         chain = sample_posterior(fit.posterior, fit.values, fit.cov, target=few, rng=chain_rng, progress=progress)
         comparison = no_comparison(fit.names, Finding(Kind.NOT_SAMPLED))
     elif marginal if marginal is not None else _through_marginal(fit):
-        chain, comparison = marginal_chain(fit, target=target, rng=chain_rng)
+        chain, comparison = marginal_chain(fit, target=target, rng=chain_rng, progress=progress, store=store, stop=stop)
     else:
         proposal, density = None, folded(fit.posterior, fit.symmetry, fit.values)
         if problem.n_par <= MAX_PARAMETERS:
+            if progress is not None:
+                progress(0, "second opinion")
             ends = optima(fit)
             starts, covs = tuple(ends.values[1:]), tuple(ends.covs[1:])
             starts += tuple(mean for force in fit.forces for mean in force.means)
