@@ -116,6 +116,11 @@ class Kind(StrEnum):
     DEVIATION_UNDECIDED = auto()
     DEVIATION_UNLIKELY = auto()
     CURVE_LACKS = auto()
+    # candidates for it, each refit
+    CAUSE_NAMED = auto()
+    CAUSES_ALIKE = auto()
+    CAUSE_IN_PART = auto()
+    CAUSE_UNKNOWN = auto()
     # whether the sources agree
     RUNS_DISAGREE = auto()
     RUN_DISAGREES = auto()

@@ -3,6 +3,7 @@
 Read `components` first, then `force`, then `posing`: from a run to the noise that a chain samples under; `lacking` for a user's own curve.
 Imports `common` and `problem`."""
 
+from estim.deviation.autocorrelated import AutoCorrelated
 from estim.deviation.completed import Completed
 from estim.deviation.course import Course
 from estim.deviation.grid import FORCE_SCALE, SCALES

@@ -21,6 +21,7 @@ from estim.fitting.fisher_information import information
 from estim.problem import Observations, Posterior, Problem, Symmetry, informative
 
 MAX_ROUNDS = 60
+_FEW_ROUNDS = 6
 _SETTLED = 1e-4  # of a standard deviation, between two rounds
 _SAME_OPTIMUM = 0.5  # in minus log density
 _SAME_PLACE = 1.5  # standard deviations
@@ -121,6 +122,16 @@ def fit_least_squares(
     ends = [rough[i][0] for i in np.argsort(objective) if objective[i] <= objective[best] + WITHIN_REACH]
     same = [end for (end, _, _), equal in zip(rough, level, strict=True) if equal]
     return _describe(problem, posterior, values, moved, ends, n_start=len(rough), same=same)
+
+
+def refit(problem: Problem, start: FloatArray) -> Fit:
+    """The nearest mode of `problem` to `start` (n_par,), where that is known to be near.  Raises NumericalError."""
+    if not np.all(np.isfinite(problem.linearised(start).residuals(start))):
+        raise NumericalError("the fit cannot start: the curve is not defined there")
+    values, posterior, moved = _settle(problem, start, max_rounds=_FEW_ROUNDS)
+    if math.isnan(moved):
+        raise NumericalError(_NO_CURVATURE)
+    return _describe(problem, posterior, values, moved, [values], n_start=1, same=[values])
 
 
 def _prior_draw(problem: Problem, rng: np.random.Generator) -> FloatArray:

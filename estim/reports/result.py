@@ -25,6 +25,7 @@ from estim.pipeline import Analysis
 from estim.problem import Observations
 from estim.reading import Run
 from estim.reports.deviation import ForceSummary, deviations
+from estim.reports.explanation import ExplanationSummary, explanation_summary
 from estim.reports.labels import Labels, labels_of, names_as_labels
 from estim.reports.lacks import DeviationSummary, curve_deviations
 from estim.reports.origin import origin_facts, origin_warnings, speed_facts
@@ -181,6 +182,7 @@ class Result(msgspec.Struct, frozen=True, dict=True, rename={"schema_": "schema"
     profile: dict[str, Profile] | None
     curve_deviation: dict[str, DeviationSummary] | None  # of each run of a user's own curve, where it was asked for
     deviation: dict[str, ForceSummary] | None  # of each run, where an unmodelled force was asked for
+    explanation: ExplanationSummary | None  # candidates for what the curve lacks, where that was asked
     turning_point: dict[str, TurningPoint]
     runs: dict[str, RunSummary]
     provenance: Provenance
@@ -245,7 +247,7 @@ def result_of(campaign: Subject, analysis: Analysis, determination: Determinatio
             float(np.mean(chain.acceptance)), chain.convergence.message,
         ),
         certificate=_certificate(analysis), profile=None if determination is None else {i.name: _profile(i) for i in determination.intervals},
-        curve_deviation=curve_deviations(analysis), deviation=deviations(analysis),
+        curve_deviation=curve_deviations(analysis), deviation=deviations(analysis), explanation=explanation_summary(analysis.explanation),
         turning_point={
             b.run: _turning_point(b.end, run, diagnosis) for b, run in zip(analysis.bands, problem.runs, strict=True) if run.motion is not None
         },
