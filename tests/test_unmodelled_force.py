@@ -59,7 +59,10 @@ def test_off_or_absent_it_changes_nothing(tmp_path: Path) -> None:
         assert other.forces == ()
 
 
-@pytest.mark.parametrize("noise", [DIFFERENTIATED, INDEPENDENT.replace("independent\"", 'independent", derivative = "central"')])
+AS_READ = '{model = "positions", sigma_x_m = 0.001}'
+
+
+@pytest.mark.parametrize("noise", [DIFFERENTIATED, INDEPENDENT.replace("independent\"", 'independent", derivative = "central"'), AS_READ])
 def test_on_a_clean_run_it_finds_little_and_costs_little(tmp_path: Path, noise: str) -> None:
     white, fit = fitted(body(tmp_path, noise=noise)), fitted(body(tmp_path, noise=noise, shared=KEY))
     assert fit.success
@@ -118,7 +121,6 @@ def test_a_report_says_and_draws_what_the_curve_lacks(found: tuple[Campaign, Ana
 REFUSED = {
     "negative": ({"shared": "unmodelled_force = -0.1\n"}, 5, "is a share of the weight"),
     "more than the weight": ({"shared": "unmodelled_force = 2.0\n"}, 5, "is a share of the weight"),
-    "positions": ({"shared": KEY, "noise": '{model = "positions", sigma_x_m = 0.001}'}, 5, "'positions'"),
     "robust": ({"run": KEY, "noise": INDEPENDENT[:-1] + ', derivative = "central", robust = "student-t"}'}, 16, "'robust'"),
     "errors of x": ({"run": KEY, "noise": INDEPENDENT[:-1] + ', derivative = "central", sigma_x_m = 0.001}'}, 16, "errors of the positions"),
     "scatter": ({"shared": KEY, "noise": '{sigma_x_m = 0.001, scatter = {prior = "half-normal", scale = 0.01}}'}, 5, "'scatter' that is inferred"),

@@ -36,8 +36,6 @@ def force_scale(levels: Levels, observed: Observed, *, joint: bool, replaced: bo
     scale = float(level.table.unmodelled_force)
     if not (math.isfinite(scale) and 0.0 < scale <= _LARGEST):
         raise _error(levels, level, "is a share of the weight: it must lie between 0 (none) and 1; 0.02 is a good choice", value=scale)
-    if observed.positions:
-        raise _error(levels, level, "does not go with noise model 'positions' yet: use 'differentiated' or 'independent'")
     if observed.noise.robust:
         raise _error(levels, level, "does not go with 'robust' noise: it takes the errors of the readings as normal")
     if np.any(observed.noise.x_gain() > 0.0):
