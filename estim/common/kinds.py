@@ -107,6 +107,11 @@ class Kind(StrEnum):
     FORCE_UNDECIDED = auto()
     FORCE_UNLIKELY = auto()
     NOISE_CONSERVATIVE = auto()
+    # bad frames
+    FRAME_OFF = auto()
+    STEP_STAYS = auto()
+    FRAMES_LOST = auto()
+    FRAMES_CROWD = auto()
     # whether the sources agree
     RUNS_DISAGREE = auto()
     RUN_DISAGREES = auto()
@@ -145,6 +150,7 @@ class Kind(StrEnum):
     OUTSIDE_TIMES = auto()
     OUTSIDE_POSITIONS = auto()
     OUTSIDE_WINDOW = auto()
+    LEFT_OUT = auto()
     WAY_BACK = auto()
     BESIDE_RELEASE = auto()
     BESIDE_TURNING = auto()
@@ -158,7 +164,7 @@ _KINDS = {
     Status.NOT_IDENTIFIED: (Kind.DIRECTION_FLAT, Kind.SINGULAR, Kind.UNDETERMINED, Kind.LINE_NOT_RISING),
     Status.POOR_FIT: (
         Kind.RESIDUALS_ZERO, Kind.RESIDUALS_TOO_LARGE, Kind.RESIDUALS_NOT_RANDOM, Kind.CHI2_TOO_LARGE, Kind.SCATTER_TOO_LARGE,
-        Kind.OUTLIERS_CROWD, Kind.RUNS_DISAGREE, Kind.RUN_DISAGREES, Kind.RUNS_TIED, Kind.STATED_AND_CURVE,
+        Kind.OUTLIERS_CROWD, Kind.FRAMES_CROWD, Kind.RUNS_DISAGREE, Kind.RUN_DISAGREES, Kind.RUNS_TIED, Kind.STATED_AND_CURVE,
         Kind.GAMMA_TOO_LARGE, Kind.POINTS_SCATTER,
     ),
     Status.AT_BOUND: (Kind.PRESSED_EDGE, Kind.PRESSED_LIMIT),

@@ -6,12 +6,13 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from estim.arrays import FloatArray
 from estim.deviation.force import Response, Track, position_response, speed_response, track
 from estim.deviation.grid import START_SD
 from estim.deviation.in_time import Moving, response_in_time
+from estim.deviation.jumps import Frames
 from estim.problem import Motion, Named, Noise, Points, PositionCurve
 
 _SLOW = 0.05  # of the mean speed: at a point that is slower a force counts as if it were this fast
@@ -35,11 +36,24 @@ class Along:
 
 
 @dataclass(frozen=True, eq=False)
+class Rows:
+    """Where the readings of a run stand: t (n_row,) s, nan where unknown, and lines (n_row,) of the file."""
+
+    t: FloatArray
+    lines: NDArray[np.int64]
+
+
+@dataclass(frozen=True, eq=False)
 class Course:
-    """A motion that was measured.  positions : (n_row,) all that were read, where the points are speeds made of them; else None."""
+    """A motion that was measured.
+
+    positions : (n_row,) all that were read, where the points are speeds made of them; else None, and the points are what was read.
+    rows : of the readings; None where nobody asks which of them are bad.
+    """
 
     motion: Motion
     positions: FloatArray | None
+    rows: Rows | None = None
 
     def along(self, points: Points, named: Named, noise: Noise) -> Along:
         """The responses, linear about the curve at `named`.
@@ -56,6 +70,23 @@ class Course:
             along, response = _differences(here, self.positions, matrix)
         push = START_SD * here.scalar(self.motion.radian) * response.start
         return Along(along, response, push, here.scalar(self.motion.radian), here.scalar(self.motion.upright))
+
+
+    def frames(self, points: Points, named: Named, noise: Noise) -> Frames | None:
+        """The readings of which some may be bad, and what each does to the points; None where they are not known."""
+        if self.rows is None:
+            return None
+        here = _Here(self.motion, points, points.bind(named))
+        matrix = noise.of_positions(points, named)
+        reading = float(np.sqrt(np.ravel(noise.size.reading_variance(named))[0]))
+        if matrix is not None and self.positions is not None:
+            return Frames(self.rows.t, self.positions, self.rows.lines, matrix, here.speed(self.positions), reading, True)
+        sd = float(np.hypot(reading * np.median(noise.reading_gain()), np.ravel(noise.size.scatter.at(named))[0]))
+        alone = np.eye(points.x.size)
+        if isinstance(points.curve, PositionCurve):
+            velocity = here.row(points.curve.state(points.x, here.arguments)[1], points.x.size)
+            return Frames(self.rows.t, points.y, self.rows.lines, alone, velocity, sd, True)
+        return Frames(self.rows.t, points.x, self.rows.lines, alone, np.zeros(points.x.size), sd, False)
 
 
 @dataclass(frozen=True, eq=False)

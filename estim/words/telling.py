@@ -10,7 +10,7 @@ from enum import StrEnum, auto
 from types import MappingProxyType
 
 from estim.common import Finding, Kind
-from estim.words import agreement, draws, forces, lines, parameters, residuals, rows, trials
+from estim.words import agreement, draws, forces, frames, lines, parameters, residuals, rows, trials
 from estim.words.table import Table, filled
 
 _NOT_RANDOM = "look at the residuals: a bad frame, a wrong window, or physics that the curve lacks; the uncertainties assume random errors"
@@ -33,7 +33,10 @@ _CHOICES = MappingProxyType(
 )
 
 WORDS: Table = MappingProxyType(
-    {**parameters.WORDS, **draws.WORDS, **residuals.WORDS, **forces.WORDS, **agreement.WORDS, **lines.WORDS, **trials.WORDS, **rows.WORDS}
+    {
+        **parameters.WORDS, **draws.WORDS, **residuals.WORDS, **forces.WORDS, **frames.WORDS, **agreement.WORDS, **lines.WORDS, **trials.WORDS,
+        **rows.WORDS,
+    }
 )
 
 ADVICE: Mapping[Kind, str] = MappingProxyType(
@@ -58,6 +61,7 @@ ADVICE: Mapping[Kind, str] = MappingProxyType(
             "(in a [curve] table leave u_y out)"
         ),
         Kind.RESIDUALS_NOT_RANDOM: _NOT_RANDOM,
+        Kind.FRAMES_CROWD: "look at the file and the window: a stretch that is another motion, or a stated error of the readings that is too small",
         Kind.CHI2_TOO_LARGE: "look at the residuals; where they are random, leave u_y out and their size says how large the errors are",
         Kind.SCATTER_TOO_LARGE: "the curve does not describe this motion, or the stated resolution of the instrument is far too good",
         Kind.OUTLIERS_CROWD: "leave out by a window what is not the motion; robust noise is for a minority of bad frames",
