@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
-from estim.campaign import Campaign, NoiseTable
+from estim.campaign import Campaign, NoiseTable, as_complete
 from estim.checks import (
     SURE,
     Conflict,
@@ -114,7 +114,7 @@ class Analysis:
 
 def analyse(
     campaign: Campaign, runs: Sequence[str], *, seed: int, target: Target | None = None, progress: Progress | None = None,
-    noise: NoiseTable | None = None, store: Store | None = None, stop: Stop | None = None, marginal: bool | None = None,
+    noise: NoiseTable | None = None, store: Store | None = None, stop: Stop | None = None, marginal: bool | None = None, complete: str = "",
 ) -> Analysis:
     """The joint analysis of `runs` of a campaign; the same seed gives the same numbers.  Raises InputError.
 
@@ -122,8 +122,10 @@ def analyse(
     store, stop : keep the chain on disk, resume it, end it early (`sample_posterior`).
     marginal : whether a joint posterior is sampled through the marginal over runs; None: for more than 16 of them, and where the density
         is slow (`positions`) and the chain has no proposal (more than 12 unknowns).
+    complete : what takes the curves as complete, without a force that nobody asked for ("estim energy"); "" for nothing.
     """
     problem = campaign.problem(runs, noise=noise)
+    problem = as_complete(problem, complete) if complete else problem
     campaign.require_unknowns(problem)
     fit = campaign.fit(problem, rng=stream(seed, Stream.FIT))
     analysis = analyse_fit(fit, seed=seed, target=target, progress=progress, store=store, stop=stop, marginal=marginal)
@@ -151,8 +153,8 @@ def analyse_fit(
                 progress(0, "second opinion")
             ends = optima(fit)
             starts, covs = tuple(ends.values[1:]), tuple(ends.covs[1:])
-            starts += tuple(mean for force in fit.forces for mean in force.means)
-            covs += tuple(cov for force in fit.forces for cov in force.covs)
+            starts += fit.further_starts
+            covs += fit.further_covs
             proposal = adapt_proposal(density, fit.values, fit.cov, rng=proposal_rng, starts=starts, covs=covs)
             heavy = tuple(ends.values[1:][ends.shares[1:] > _NEGLIGIBLE])
             certificate, proposal = second_opinion(
@@ -172,7 +174,7 @@ def analyse_fit(
         fit, chain, goodness, comparison=comparison, identifiability=identifiability, modes=modes, consistency=consistency, conflict=conflict,
         influences=moved,
     )
-    bands = posterior_bands(problem, chain.thinned(_BAND_DRAWS), rng=stream(seed, Stream.BANDS))
+    bands = posterior_bands(problem, chain.thinned(_BAND_DRAWS), rng=stream(seed, Stream.BANDS), forces=fit.forces)
     return Analysis(
         problem, fit, certificate, chain, comparison, goodness, identifiability, modes, outliers, consistency, conflict, moved, diagnosis, bands, seed
     )

@@ -16,7 +16,7 @@ from estim.campaign.blur import blur_cause, blurs
 from estim.campaign.campaign_file import CampaignFile, NoiseTable
 from estim.campaign.causes import Sketch, Surroundings, sketches
 from estim.campaign.effects import setting_of
-from estim.campaign.forced import fit_with_forces, force_scale, refuse_force
+from estim.campaign.forced import Circumstances, Stance, fit_with_forces, force_scale, refuse_force
 from estim.campaign.levels import Level, Levels, body_levels, noise_level, read_key
 from estim.campaign.noise_models import Candidate, noise_candidates
 from estim.campaign.plausible import check_speeds
@@ -104,8 +104,9 @@ class RollingStudy:
             unknowns.update({p.name: p for p in observed.parameters})
             arguments = {q: b.source if isinstance(b.source, float) else b.name for q, b in bound.items()}
             posed = _observations(name, observed, arguments, mass, setting, angular=angular)
-            force = 0.0 if white else force_scale(levels, observed, joint=len(names) > 1, replaced=noise is not None)
-            runs.append(replace(posed, force=force))
+            circumstances = Circumstances(observed, joint=len(names) > 1, replaced=noise is not None)
+            stance = Stance(0.0) if white else force_scale(levels, circumstances)
+            runs.append(replace(posed, force=stance.scale, complete=stance.complete))
         return Problem((*shared_first(physics.values(), runs), *unknowns.values()), tuple(runs))
 
     def levels(self, name: str) -> Levels:

@@ -165,7 +165,7 @@ def energy(campaign: Path, runs: tuple[str, ...], joint: bool, max_steps: int, o
     loaded.study.require_speeds([name for group in groups for name in group], "estim energy")
     for group in groups:
         with progress_bar(", ".join(group), max_steps) as progress:
-            analyses.append(analyse(loaded, group, seed=seed, target=Target(max_step=max_steps), progress=progress))
+            analyses.append(analyse(loaded, group, seed=seed, target=Target(max_step=max_steps), progress=progress, complete="estim energy"))
         records.extend(energy_along(analyses[-1], rng=stream(seed, Stream.ENERGY)))
         drifts.append(drift_of(analyses[-1], rng=stream(seed, Stream.DRIFT)))
         conclude(", ".join(group), analyses[-1].diagnosis.status, analyses[-1].diagnosis.reasons)
@@ -222,7 +222,7 @@ def calibrate(
     that processes were killed, twice (too little memory?): one line says so, and there is no report.
     """
     from estim.calibration import campaign_design, coverage, coverage_sentence, findings, simulation_based_calibration
-    from estim.campaign import load_campaign
+    from estim.campaign import as_complete, load_campaign
     from estim.reports import calibration_report
     from estim.sampling import PieceStore, only_writer
     from estim.words import tell
@@ -235,7 +235,7 @@ def calibrate(
     chosen = {"sbc": simulation_based_calibration, "coverage": coverage}
     click.get_current_context().with_resource(only_writer(folder / ".checkpoint"))
     for group in groups:
-        fit = loaded.fit(loaded.problem(group), rng=stream(seed, Stream.CALIBRATION_FIT))
+        fit = loaded.fit(as_complete(loaded.problem(group), "estim calibrate"), rng=stream(seed, Stream.CALIBRATION_FIT))
         design = campaign_design(loaded, group, fitted=fit.values)
         calibrations = []
         for kind in ("sbc", "coverage") if what == "both" else (what,):

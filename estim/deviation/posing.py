@@ -11,12 +11,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from estim.arrays import FloatArray
+from estim.deviation.completed import Completed
 from estim.deviation.components import diagonalise
 from estim.deviation.course import Course
 from estim.deviation.force import force_shapes
 from estim.deviation.found import Force, find_force
 from estim.deviation.generic import stated_is_conservative
-from estim.deviation.grid import prior_grid
+from estim.deviation.grid import SCALES, prior_grid
 from estim.deviation.linearised import Linearised, linearise
 from estim.deviation.mixture import keep_probable
 from estim.deviation.noise import WithForce, normal_covariance
@@ -33,7 +34,9 @@ class FoundForce:
     without : parameter -> its standard deviation with the stated noise alone and an exact start.  upright : cosine of the tilt.
     means, covs : (n, n_par), (n, n_par, n_par) of normal distributions that make up the linearised posterior, the narrowest first.
     noise : quantiles 0.16, 0.5, 0.84 of the size of the readings' noise in units of what was stated.
+    larger, too_large : probability that it is larger than stated, and as large as the grid goes, or more.
     conservative : whether the readings scatter by far less than stated.
+    completed : the curve together with the force, for bands; None where that is not known.
     """
 
     run: str
@@ -41,11 +44,14 @@ class FoundForce:
     scale: float
     force: Force
     noise: tuple[float, float, float]
+    larger: float
+    too_large: float
     conservative: bool
     without: Mapping[str, float]
     upright: float
     means: FloatArray
     covs: FloatArray
+    completed: Completed | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,17 +82,19 @@ def pose_force(run: Observations, course: Course, problem: Problem, values: Floa
     mixture = keep_probable(linear, columns=along.push[:, None])
     noise = WithForce(base, mixture, _whitener(linear, along.push), stated.shift)
     force = find_force(linear, along.track, along.response, radius=along.radian)
-    means, covs = _groups(linear)
+    means, covs = linear_groups(linear, problem.n_par)
     found = FoundForce(
-        run.name, run.x_unit, run.force, force, linear.size("scale"), stated_is_conservative(linear),
-        dict(zip(problem.names, without.tolist(), strict=True)), along.upright, values + means, covs,
+        run=run.name, unit=run.x_unit, scale=run.force, force=force, noise=linear.size("scale"),
+        larger=linear.p_noise(float(np.nextafter(1.0, 2.0))), too_large=linear.p_noise(max(SCALES)), conservative=stated_is_conservative(linear),
+        without=dict(zip(problem.names, without.tolist(), strict=True)), upright=along.upright, means=values + means, covs=covs,
+        completed=Completed(run.points, run.body, mixture, stated.shift, along),
     )
     return Posed(noise, found, linear.mean[:-1], linear.covariance[:-1, :-1])
 
 
-def _groups(linear: Linearised) -> tuple[FloatArray, FloatArray]:
-    """Steps (n, n_par) and covariances (n, n_par, n_par) of the components in a few groups, from narrow to wide."""
-    steps, covariances = linear.steps[:, :-1], linear.covariances[:, :-1, :-1]
+def linear_groups(linear: Linearised, n_par: int) -> tuple[FloatArray, FloatArray]:
+    """Steps (n, n_par) and covariances (n, n_par, n_par) of the components in a few groups, from narrow to wide; of the first parameters."""
+    steps, covariances = linear.steps[:, :n_par], linear.covariances[:, :n_par, :n_par]
     order = np.argsort(np.linalg.slogdet(covariances)[1])
     below = np.cumsum(linear.weights[order])
     means, covs = [], []

@@ -26,6 +26,8 @@ from estim.reports.explanation import explanation_text, runs_text
 from estim.reports.identifiability import IdentifySection, identify_section
 from estim.reports.identifiability_figures import direction_figure, profile_figure, ridge_figure
 from estim.reports.labels import Labels
+from estim.reports.lacks import lacks_text
+from estim.reports.lacks_figures import lacks_figure
 from estim.reports.rendering import render
 from estim.reports.result import ParameterSummary, Result, RunSummary, Subject, result_of, to_json
 from estim.studies import determine
@@ -76,6 +78,8 @@ def analysis_report(campaign: Subject, analysis: Analysis, *, voice: Voice = Voi
         drawn["figures/consistency.png"] = partial(forest_figure, analysis.consistency, synthetic=synthetic, on_edge=on_edge)
     if analysis.fit.forces:
         drawn["figures/force.png"] = lambda: force_figure(analysis.fit.forces, analysis.problem.runs, synthetic=synthetic)
+    if analysis.fit.deviations:
+        drawn["figures/deviation.png"] = lambda: lacks_figure(analysis.fit.deviations, analysis.problem.runs, synthetic=synthetic)
     if analysis.problem.n_par > 1:
         drawn["figures/ridge.png"] = lambda: ridge_figure(analysis.fit, analysis.identifiability, analysis.chain.thinned(_RIDGE_DRAWS))
     consistency = ""
@@ -100,6 +104,7 @@ def analysis_text(
     """
     rows = [parameter_row(name, p, result) for name, p in result.parameters.items()]
     axes = list(dict.fromkeys((run.x, run.y) for run in result.runs.values()))
+    lacks = lacks_text(result.curve_deviation, result.labels) if result.curve_deviation else ""
     return render(
         "analysis.md.j2",
         result=result, kind=KINDS[result.kind], status_words=STATUS_WORDS[Status(result.status)], rows=rows,
@@ -108,7 +113,9 @@ def analysis_text(
         meaningless=not Status(result.status).draws_count, limits_count=Status(result.status).limits_count,
         what_if=_what_if_rows(result), what_if_heads=[result.labels.symbol(name) for name in _moved_by_errors(result)],
         consistency=consistency, axes=axes, limits_only=result.status != "ok", converged=converged,
-        corner_words=corner_words, explanation=explanation, deviation=deviation_text(result.deviation, result.labels) if result.deviation else "",
+        corner_words=corner_words, lacks=lacks, explanation=explanation,
+        deviation=deviation_text(result.deviation, result.labels) if result.deviation else "",
+        said=[words for force in (result.deviation or {}).values() for words in (force.words, force.noise_words)] if result.status == "ok" else [],
         picture=" and ".join(f"{y} against {x}" for x, y in axes),
     )
 
