@@ -12,10 +12,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 from click.testing import CliRunner
+from joint_runs import DECAY, problem_of
 
 from estim.calibration.jobs import spread
 from estim.cli.commands import cli
-from estim.common.errors import InputError
+from estim.common.errors import InputError, Interrupted
+from estim.fitting.least_squares import Fit, fit_least_squares
+from estim.problem.priors import Normal
+from estim.sampling.chain import Target
+from estim.sampling.checkpoint import Store
+from estim.sampling.marginal_draws import marginal_chain
 from estim.sampling.pieces import PieceStore
 
 KEY = {"seed": {"": "1"}, "settings": {"what": "sbc"}}
@@ -65,6 +71,31 @@ def test_what_is_known_is_not_done_again() -> None:
     assert spread(square, range(4), jobs=1, known={1: 1, 3: 9}, keep=done.__setitem__) == [0, 1, 4, 9]
     assert asked == [0, 2]
     assert done == {0: 0, 2: 4}
+
+
+def decays() -> Fit:
+    rng, x = np.random.default_rng(2), np.linspace(0.0, 1.0, 9)
+    ys = [size * np.exp(-1.3 * x) + 0.05 * rng.standard_normal(x.size) for size in (0.8, 1.0, 1.2, 1.1)]
+    problem = problem_of(DECAY, {"rate": Normal(1.0, 0.5)}, {"size": Normal(1.0, 0.3)}, x, ys, 0.05)
+    return fit_least_squares(problem, rng=np.random.default_rng(3), n_start=1)
+
+
+@pytest.mark.parametrize("n_stage", [2, 5, 8])
+def test_a_marginal_that_is_stopped_goes_on_with_the_same_draws(tmp_path: Path, n_stage: int) -> None:
+    """While it adapts, while the runs are integrated, and while their own parameters are drawn."""
+    fit, target = decays(), Target(ess=1000)
+    whole, _ = marginal_chain(fit, target=target, rng=np.random.default_rng(7))
+    left = iter([False] * (n_stage - 1))
+    store = Store(tmp_path / "kept" / "c", resume=True)
+    with pytest.raises(Interrupted):
+        marginal_chain(fit, target=target, rng=np.random.default_rng(7), store=store, stop=lambda: next(left, True))
+    said: list[str] = []
+    resumed, _ = marginal_chain(fit, target=target, rng=np.random.default_rng(7), store=store, progress=lambda _, message: said.append(message))
+    assert np.array_equal(resumed.draws, whole.draws)
+    assert any("adapting" in message for message in said) == (n_stage == 2)
+    assert "run 4 of 4" in said
+    store.remove()
+    assert not (tmp_path / "kept").exists()
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="no SIGKILL")

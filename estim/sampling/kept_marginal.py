@@ -13,11 +13,11 @@ from numpy.typing import NDArray
 from estim.arrays import FloatArray
 from estim.common import Interrupted
 from estim.fitting import Fit
+from estim.sampling.chain import Progress
 from estim.sampling.conditional import Expansion
 from estim.sampling.fingerprint import sampling_key
 from estim.sampling.pieces import Pieces, PieceStore
 from estim.sampling.proposal import Proposal
-from estim.sampling.protocol import Progress
 from estim.sampling.stepping import Stop
 
 _OF_EXPANSION = ("centre", "whiten", "coefficients")
@@ -47,7 +47,7 @@ class Stages:
         if kept is not None and set(kept) == set(_names(n_run)):
             rng.bit_generator.state = json.loads(kept["random"].tobytes())
             expansions = [
-                Expansion(*(kept[f"{part}{i}"] for part in _OF_EXPANSION), n_own=int(kept[f"n_own{i}"]), error=float(kept[f"error{i}"]))
+                Expansion(kept[f"centre{i}"], kept[f"whiten{i}"], kept[f"coefficients{i}"], int(kept[f"n_own{i}"]), float(kept[f"error{i}"]))
                 for i in range(n_run)
             ]
             return Proposal(kept["weights"], kept["means"], kept["factors"]), expansions
@@ -71,6 +71,9 @@ class Stages:
         if self.pieces is not None:
             self.pieces.keep(name, {"log": found})
         return found
+
+
+NOWHERE = Stages()
 
 
 def _names(n_run: int) -> list[str]:

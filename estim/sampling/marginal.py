@@ -19,6 +19,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,7 +30,7 @@ from estim.fitting import Fit
 from estim.problem import Normal, Problem
 from estim.sampling.conditional import Expansion, RunTerm, expand, run_terms
 from estim.sampling.importance import K_HAT_LIMIT, difference, flattened, kish_size, pareto_smoothed, spread, systematic, u_log_mean
-from estim.sampling.kept_marginal import Stages
+from estim.sampling.kept_marginal import NOWHERE, Stages
 from estim.sampling.proposal import Proposal, lower_factor
 from estim.words import tell
 
@@ -116,7 +117,7 @@ class MarginalPosterior:
 
 
 def sample_marginal(
-    fit: Fit, *, rng: np.random.Generator, options: MarginalOptions | None = None, stages: Stages = Stages()  # noqa: B008
+    fit: Fit, *, rng: np.random.Generator, options: MarginalOptions | None = None, stages: Stages = NOWHERE
 ) -> MarginalPosterior:
     """Draws of the posterior of a joint fit, through the marginal of its shared parameters.
 
@@ -208,7 +209,7 @@ class _Marginal:
         return log_p
 
     def terms_at(
-        self, shared: FloatArray, expansions: Sequence[Expansion], *, n_node: int, stages: Stages = Stages()  # noqa: B008
+        self, shared: FloatArray, expansions: Sequence[Expansion], *, n_node: int, stages: Stages = NOWHERE
     ) -> tuple[FloatArray, FloatArray]:
         """Log prior (n_draw,) of the sampled parameters, -inf outside its support, and the marginal (n_run, n_draw) of every run, 0 there."""
         log_p = self.log_prior(shared)
@@ -216,9 +217,8 @@ class _Marginal:
         by_run = np.zeros((len(self.terms), shared.shape[0]))
         for i, (term, expansion) in enumerate(zip(self.terms, expansions, strict=True)):
             stages.say(f"run {i + 1} of {len(self.terms)}")
-            by_run[i, inside] = stages.of_run(
-                i, inside.size, lambda term=term, expansion=expansion: term.log_marginal(self.given(term, shared[inside]), expansion, n_node=n_node)
-            )
+            log_marginal = partial(term.log_marginal, self.given(term, shared[inside]), expansion, n_node=n_node)
+            by_run[i, inside] = stages.of_run(i, inside.size, log_marginal)
         return log_p, by_run
 
     def log_density(self, shared: FloatArray, expansions: Sequence[Expansion], *, n_node: int) -> FloatArray:
