@@ -23,7 +23,7 @@ from estim.problem import Likelihood, Observations, reading_sd
 from estim.words import TESTS
 
 P_POOR_FIT = 1e-3
-SCATTER_LIMIT = 10.0
+SCATTER_LIMIT = 3.0  # times what the instrument explains: nine tenths of the variance would be something else
 _NO_ERRORS = 1e-9  # standard deviations; residuals that are all smaller are rounding errors
 _N_SIMULATED = 20_000
 P_FLOOR = 1.0 / (1.0 + _N_SIMULATED)  # a p-value of the tests below cannot come out smaller
