@@ -11,6 +11,8 @@ from estim.arrays import FloatArray
 from estim.checks.conflict import Conflict, stated_values
 from estim.checks.consistency import Consistency
 from estim.checks.forces import beyond_their_priors, force_remarks
+from estim.checks.forces import force_finding as force_finding
+from estim.checks.forces import noise_finding as noise_finding
 from estim.checks.goodness import P_FLOOR, P_POOR_FIT, SCATTER_LIMIT, Goodness
 from estim.checks.identifiability import Identifiability
 from estim.checks.modes import Modes
