@@ -31,7 +31,8 @@ class FoundForce:
     """The unmodelled force of one run.
 
     unit : of positions.  scale : of the prior of its amplitude.  force : in units of the weight.
-    without : parameter -> its standard deviation with the stated noise alone and an exact start.  upright : cosine of the tilt.
+    growth : parameter -> its standard deviation over that with the stated noise alone and an exact start, both linearised.
+    upright : cosine of the tilt.
     means, covs : (n, n_par), (n, n_par, n_par) of normal distributions that make up the linearised posterior, the narrowest first.
     noise : quantiles 0.16, 0.5, 0.84 of the size of the readings' noise in units of what was stated.
     larger, too_large : probability that it is larger than stated, and as large as the grid goes, or more.
@@ -47,7 +48,7 @@ class FoundForce:
     larger: float
     too_large: float
     conservative: bool
-    without: Mapping[str, float]
+    growth: Mapping[str, float]
     upright: float
     means: FloatArray
     covs: FloatArray
@@ -86,10 +87,15 @@ def pose_force(run: Observations, course: Course, problem: Problem, values: Floa
     found = FoundForce(
         run=run.name, unit=run.x_unit, scale=run.force, force=force, noise=linear.size("scale"),
         larger=linear.p_noise(float(np.nextafter(1.0, 2.0))), too_large=linear.p_noise(max(SCALES)), conservative=stated_is_conservative(linear),
-        without=dict(zip(problem.names, without.tolist(), strict=True)), upright=along.upright, means=values + means, covs=covs,
+        growth=_growth(problem, linear, without), upright=along.upright, means=values + means, covs=covs,
         completed=Completed(run.points, run.body, mixture, stated.shift, along),
     )
     return Posed(noise, found, linear.mean[:-1], linear.covariance[:-1, :-1])
+
+
+def _growth(problem: Problem, linear: Linearised, without: FloatArray) -> dict[str, float]:
+    sds = np.sqrt(np.diag(linear.covariance)[:-1])
+    return {name: float(sd / before) for name, sd, before in zip(problem.names, sds, without, strict=True) if before > 0.0}
 
 
 def _groups(linear: Linearised) -> tuple[FloatArray, FloatArray]:
