@@ -42,6 +42,7 @@ class ForceSummary(msgspec.Struct, frozen=True):
     growth: dict[str, float]  # sd of each parameter over that with the stated noise and an exact start, linearised; empty where not ok
     average: AverageResistance | None
     words: str
+    drawn: bool  # whether the bands of the curve hold it
     noise_words: str | None  # where the readings scatter plainly otherwise than stated
     x: list[float]
     low_95: list[float]
@@ -91,7 +92,7 @@ def _summary(analysis: Analysis, found: FoundForce) -> ForceSummary:
         length=[None if np.isnan(one) else one for one in force.length], unit=found.unit, typical=force.typical, most=force.most,
         noise=list(found.noise), conservative=found.conservative,
         growth=dict(found.growth) if ok else {}, average=_average(analysis, found, sds) if ok else None,
-        words=tell(force_finding(found)), noise_words=None if noise is None else tell(noise), x=force.x.tolist(),
+        words=tell(force_finding(found)), drawn=found.completed is not None, noise_words=None if noise is None else tell(noise), x=force.x.tolist(),
         low_95=low_95, low_68=low_68, median=median, high_68=high_68, high_95=high_95,
     )
 
