@@ -115,6 +115,7 @@ def analysis_text(
         consistency=consistency, axes=axes, limits_only=result.status != "ok", converged=converged,
         corner_words=corner_words, lacks=lacks, explanation=explanation,
         deviation=deviation_text(result.deviation, result.labels) if result.deviation else "",
+        drawn=any(force.drawn for force in (result.deviation or {}).values()),
         said=[words for force in (result.deviation or {}).values() for words in (force.words, force.noise_words)] if result.status == "ok" else [],
         picture=" and ".join(f"{y} against {x}" for x, y in axes),
     )
