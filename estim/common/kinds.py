@@ -150,6 +150,7 @@ class Kind(StrEnum):
     OUTSIDE_TIMES = auto()
     OUTSIDE_POSITIONS = auto()
     OUTSIDE_WINDOW = auto()
+    ROWS_BETWEEN = auto()
     WAY_BACK = auto()
     BESIDE_RELEASE = auto()
     BESIDE_TURNING = auto()
