@@ -42,6 +42,7 @@ from estim.campaign.own_curve_lacks import order_columns, refuse_lacks
 from estim.campaign.own_curve_points import MIN_ROWS, CurvePoints
 from estim.common import InputError
 from estim.curves import AxisNames, Component, DistortedCurve, Formula, read_formula
+from estim.explanation import Suspects
 from estim.fitting import Fit, fit_lacking, fit_optimum, is_resolved, no_scatter, silent_parameters
 from estim.problem import Curve, Parameter, Prior, Problem, shared_first
 from estim.reading import Places, Run, of_any_curve, read_table, run_of_table
@@ -101,6 +102,10 @@ class CurveStudy:
                 rule = "is the name of a quantity of the errors of y, which is unknown here: choose another"
                 raise self.source.places.error(rule, self._place(name))
         return Problem((*shared_first(parameters.values(), observed), *shared.values(), *of_noise.values()), tuple(observed))
+
+    def suspects(self, names: Sequence[str], tables: Mapping[str, Run]) -> Suspects:
+        """Nothing is known of what a user's own curve may lack but what readings may suffer."""
+        return Suspects(self.problem(names, tables))
 
     def fit(self, problem: Problem, tables: Mapping[str, Run], *, rng: np.random.Generator) -> Fit:
         """The posterior mode, found from afar.  Raises InputError where the data determine none."""

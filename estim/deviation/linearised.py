@@ -75,6 +75,10 @@ class Linearised:
         """P(a > 0): the probability that there is a deviation; above 0.95 it is an alarm (none false in 300 clean runs)."""
         return float(self.weights[self.deviation.column("amplitude") > 0.0].sum())
 
+    def p_noise(self, least: float) -> float:
+        """P(s >= least): the probability that the readings scatter by at least `least` times what was stated."""
+        return float(self.weights[self.scales >= least].sum())
+
     def quantiles(self, direction: ArrayLike, probabilities: ArrayLike) -> FloatArray:
         """(n_probability,) quantiles of direction . (p - p0), for a direction (n_par,)."""
         along = np.asarray(direction, dtype=float)

@@ -21,6 +21,7 @@ from estim.fitting.fisher_information import information
 from estim.problem import Observations, Posterior, Problem, Symmetry, informative
 
 MAX_ROUNDS = 60
+_FEW_ROUNDS = 6
 _SETTLED = 1e-4  # of a standard deviation, between two rounds
 _SAME_OPTIMUM = 0.5  # in minus log density
 _SAME_PLACE = 1.5  # standard deviations
@@ -89,13 +90,16 @@ class Fit:
         return tuple(cov for force in self.forces for cov in force.covs) + tuple(cov for lack in self.deviations for cov in lack.covs)
 
 
-def fit_least_squares(problem: Problem, *, rng: np.random.Generator, n_start: int = 8, start: FloatArray | None = None) -> Fit:
+def fit_least_squares(
+    problem: Problem, *, rng: np.random.Generator, n_start: int = 8, start: FloatArray | None = None, hopeless: float = math.inf
+) -> Fit:
     """The posterior mode of `problem`, from the best of `n_start` starts.
 
     start : (n_par,) where to start first; the centre of the priors if None.  The other starts are draws of the priors.
+    hopeless : mean square of the whitened residuals after the first rounds, beyond which the rest of the search is not worth its time.
 
-    Raises InputError where the problem has no unknowns, NumericalError where the curve is defined at no start or has no finite
-    derivatives where the search ends.
+    Raises InputError where the problem has no unknowns, NumericalError where the curve is defined at no start, has no finite
+    derivatives where the search ends, or stays beyond `hopeless`.
     """
     if problem.n_par == 0:
         raise InputError("leave nothing to fit: every quantity is exact; give at least one an uncertainty or a prior", field="parameters")
@@ -108,13 +112,26 @@ def fit_least_squares(problem: Problem, *, rng: np.random.Generator, n_start: in
         raise NumericalError(_NO_CURVATURE)
     objective = np.array([-_log_density(posterior, values) for values, posterior, _ in rough])
     best = int(np.nanargmin(objective))
-    values, posterior, moved = _settle(problem, rough[best][0], max_rounds=MAX_ROUNDS)
+    values, posterior, _ = rough[best]
+    if float(np.mean(posterior.size_residuals(values) ** 2)) > hopeless:
+        raise NumericalError(f"the curve stays far from the data: the mean square of the whitened residuals is above {hopeless:g}")
+    values, posterior, moved = _settle(problem, values, max_rounds=MAX_ROUNDS)
     if math.isnan(moved):
         raise NumericalError(_NO_CURVATURE)
     level = objective <= objective[best] + _SAME_OPTIMUM
     ends = [rough[i][0] for i in np.argsort(objective) if objective[i] <= objective[best] + WITHIN_REACH]
     same = [end for (end, _, _), equal in zip(rough, level, strict=True) if equal]
     return _describe(problem, posterior, values, moved, ends, n_start=len(rough), same=same)
+
+
+def refit(problem: Problem, start: FloatArray) -> Fit:
+    """The nearest mode of `problem` to `start` (n_par,), where that is known to be near.  Raises NumericalError."""
+    if not np.all(np.isfinite(problem.linearised(start).residuals(start))):
+        raise NumericalError("the fit cannot start: the curve is not defined there")
+    values, posterior, moved = _settle(problem, start, max_rounds=_FEW_ROUNDS)
+    if math.isnan(moved):
+        raise NumericalError(_NO_CURVATURE)
+    return _describe(problem, posterior, values, moved, [values], n_start=1, same=[values])
 
 
 def _prior_draw(problem: Problem, rng: np.random.Generator) -> FloatArray:

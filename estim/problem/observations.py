@@ -74,6 +74,7 @@ class Observations:
     excluded_points : (n, 2) the (x, y) of those rows that have a speed, for figures.
     positions : whether they are positions of a body at known times rather than speeds at known positions.
     force : scale of the prior of an unmodelled force along the track, in units of the weight; 0 for none.
+    complete : why the curve is taken as complete, where a force could have been asked for.
     lacks : what a plain curve may lack; None for nothing.
     motion : the body whose motion was measured; None for a plain curve.  words : how the measured numbers are spoken of.
     """
@@ -95,6 +96,7 @@ class Observations:
     words: Wording = POINTS
     positions: bool = False
     force: float = 0.0
+    complete: Finding | None = None
     lacks: Lacks | None = None
 
     @property

@@ -11,7 +11,7 @@ from estim.words.table import Table
 
 TESTS: Mapping[str, str] = MappingProxyType(
     {
-        "chi2": "the residuals are larger than the stated noise",
+        "chi2": "the residuals are larger than the noise",
         "runs": "the residuals change sign too seldom",
         "autocorrelation": "neighbouring residuals are alike",
         "trend": "the residuals drift along the run",
