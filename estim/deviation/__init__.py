@@ -10,3 +10,4 @@ from estim.deviation.grid import FORCE_SCALE, SCALES
 from estim.deviation.lacking import DeviationSize, FoundDeviation, pose_deviation
 from estim.deviation.noise import FreeStart
 from estim.deviation.posing import FoundForce, pose_force
+from estim.deviation.usual_errors import USUAL, ReadOff, WithUsualErrors, read_off
