@@ -66,7 +66,10 @@ def test_it_is_there_unless_the_campaign_says_0_and_a_stated_size_replaces_the_d
     assert tell(off.problem.runs[0].complete) == "the curve is taken as complete: as stated"
 
 
-@pytest.mark.parametrize("noise", [DIFFERENTIATED, INDEPENDENT.replace("independent\"", 'independent", derivative = "central"')])
+AS_READ = '{model = "positions", sigma_x_m = 0.001}'
+
+
+@pytest.mark.parametrize("noise", [DIFFERENTIATED, INDEPENDENT.replace("independent\"", 'independent", derivative = "central"'), AS_READ])
 def test_on_a_clean_run_it_finds_little_and_costs_little(tmp_path: Path, noise: str) -> None:
     white, fit = fitted(body(tmp_path, noise=noise, shared=OFF)), fitted(body(tmp_path, noise=noise))
     assert fit.success
@@ -123,7 +126,6 @@ def test_a_report_says_and_draws_what_the_curve_lacks(found: tuple[Campaign, Ana
 
 
 OBSTACLES = {
-    "positions": ({"shared": KEY, "noise": '{model = "positions", sigma_x_m = 0.001}'}, 5, "'positions'"),
     "robust": ({"run": KEY, "noise": INDEPENDENT[:-1] + ', derivative = "central", robust = "student-t"}'}, 16, "'robust'"),
     "errors of x": ({"run": KEY, "noise": INDEPENDENT[:-1] + ', derivative = "central", sigma_x_m = 0.001}'}, 16, "errors of the positions"),
     "scatter": ({"shared": KEY, "noise": '{sigma_x_m = 0.001, scatter = {prior = "half-normal", scale = 0.01}}'}, 5, "'scatter' that is inferred"),

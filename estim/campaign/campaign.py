@@ -135,7 +135,13 @@ def _read_runs(source: CampaignFile) -> Mapping[str, Run]:
 
 def _read(source: CampaignFile, path: Path, run: RunTable) -> Run:
     with source.reading(path, COLUMNS):
-        return read_run(path, name=run.name, shown_as=str(path), choices=run.choices)
+        table = read_run(path, name=run.name, shown_as=str(path), choices=run.choices)
+    if not run.leave_out_s:
+        return table
+    try:
+        return table.without(run.leave_out_s)
+    except InputError as error:
+        raise source.places.error(error.rule, ("runs", source.runs.index(run), "leave_out_s"), value=error.value) from None
 
 
 def _with_origin(source: CampaignFile, run: Run, written: str) -> Run:

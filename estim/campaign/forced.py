@@ -15,13 +15,14 @@ import numpy as np
 from estim.campaign.levels import Level, Levels
 from estim.campaign.points import Observed
 from estim.common import Finding, InputError, Kind
-from estim.deviation import FORCE_SCALE, Course, FreeStart, pose_force
+from estim.deviation import FORCE_SCALE, BadFrames, Course, FreeStart, Rows, bad_frames, pose_force
 from estim.fitting import Fit, fit_least_squares, scanned_fit
 from estim.problem import Observations, Problem
 from estim.reading import Run
 from estim.sampling import MAX_PARAMETERS
 
 KEY = "unmodelled_force"
+_ROUNDS = 4  # of fits in which bad frames are looked for
 _LARGEST = 1.0  # a force as large as the weight is no small thing that was left out
 
 
@@ -52,7 +53,6 @@ class Obstacle:
 
 
 OBSTACLES = (
-    Obstacle(lambda c: c.observed.positions, lambda _: "noise model 'positions' yet", "use 'differentiated' or 'independent'"),
     Obstacle(lambda c: c.observed.noise.robust, lambda _: "'robust' noise", "it takes the errors of the readings as normal"),
     Obstacle(
         lambda c: bool(np.any(c.observed.noise.x_gain() > 0.0)), lambda _: "errors of the positions of independent speeds",
@@ -122,14 +122,14 @@ def fit_with_forces(white: Fit, tables: Mapping[str, Run], levels: Mapping[str, 
     Where a run cannot be linearised the curves are taken as complete.  Raises InputError where its force was asked for.
     """
     problem = white.problem
-    courses = {run.name: Course(run.body, _positions(run, tables[run.name])) for run in problem.runs if run.force}
+    courses = {run.name: _course(run, tables[run.name]) for run in problem.runs if run.force}
     if white.singular:
         return _unforced(white, {name: levels[name] for name in courses}, "some combination of the parameters is not determined at all")
     try:
-        pushed = [replace(run, noise=FreeStart(run.noise, courses[run.name])) if run.force else run for run in problem.runs]
-        free = fit_least_squares(Problem(problem.parameters, tuple(pushed)), rng=rng, n_start=1, start=white.values)
+        free, bad = _free_fit(white, courses, rng=rng)
         without = np.sqrt(np.diag(white.cov))
-        posed = {run.name: pose_force(run, courses[run.name], problem, free.values, without=without) for run in problem.runs if run.force}
+        forced = [run for run in problem.runs if run.force]
+        posed = {run.name: pose_force(run, courses[run.name], problem, free.values, without=without, bad=bad[run.name]) for run in forced}
     except InputError as error:
         return _unforced(white, {name: levels[name] for name in courses}, error.rule)
     runs = tuple(replace(run, noise=posed[run.name].noise) if run.force else run for run in problem.runs)
@@ -155,8 +155,30 @@ def _unforced(white: Fit, levels: Mapping[str, Levels], rule: str) -> Fit:
     return replace(white, posterior=replace(white.posterior, problem=replace(white.problem, runs=tuple(runs))))
 
 
-def _positions(run: Observations, table: Run) -> np.ndarray | None:
-    return table.columns[table.coordinate] if run.noise.made_of_positions else None
+def _free_fit(white: Fit, courses: Mapping[str, Course], *, rng: np.random.Generator) -> tuple[Fit, Mapping[str, BadFrames]]:
+    """The fit with a free start and the shifts of the frames that it shows to be bad, which are looked for again until they are the same."""
+    problem = white.problem
+    bad = {name: BadFrames() for name in courses}
+    values = white.values
+    for _ in range(_ROUNDS):
+        noises = {run.name: FreeStart(run.noise, courses[run.name], bad[run.name].columns(run.n_obs)) for run in problem.runs if run.force}
+        runs = tuple(replace(run, noise=noises.get(run.name, run.noise)) for run in problem.runs)
+        free = fit_least_squares(Problem(problem.parameters, runs), rng=rng, n_start=1, start=values)
+        found = {run.name: bad_frames(run, courses[run.name], problem, free.values) for run in problem.runs if run.force}
+        if all(found[name].same(bad[name]) for name in courses):
+            break
+        bad, values = found, free.values
+    return free, found
+
+
+def _course(run: Observations, table: Run) -> Course:
+    """The motion of a run and its readings: all rows of the table where the points are made of them, else those that are fit."""
+    t = table.columns.get("t_s")
+    if run.noise.made_of_positions and t is not None:
+        return Course(run.body, table.columns[table.coordinate], Rows(t, table.lines))
+    if run.t is None or t is None:
+        return Course(run.body, None, Rows(np.full(run.n_obs, np.nan), np.zeros(run.n_obs, dtype=np.int64)))
+    return Course(run.body, None, Rows(run.t, table.lines[np.searchsorted(t, run.t)]))
 
 
 def _stated(levels: Levels) -> Level | None:

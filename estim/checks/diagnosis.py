@@ -13,6 +13,7 @@ from estim.checks.conflict import Conflict, stated_values
 from estim.checks.consistency import Consistency
 from estim.checks.deviations import deviation_remarks
 from estim.checks.forces import beyond_their_priors, force_remarks
+from estim.checks.frames import bad_frames_found, too_many_bad_frames
 from estim.checks.goodness import P_FLOOR, P_POOR_FIT, SCATTER_LIMIT, Goodness
 from estim.checks.identifiability import Identifiability
 from estim.checks.modes import Modes
@@ -69,6 +70,7 @@ def diagnose(
             *_flat_directions(fit, identifiability), *_bounds(fit),
             *failed_tests(goodness), *beyond_their_priors(fit.forces), *_methods(comparison), *_consistency(consistency),
             stated_values(fit, conflict), *too_many_outliers(fit),
+            *(finding for force in fit.forces for finding in too_many_bad_frames(force)),
         ]
     )
     remarks = _remarks(fit, chain, goodness, conflict) + ([] if findings else large_influences(fit, influences))
@@ -178,7 +180,7 @@ def _remarks(fit: Fit, chain: Chain, goodness: Sequence[Goodness], conflict: Con
     stated = stated_values(fit, conflict)
     found = [stated] if stated.kind is Kind.STATED_HARDLY else []
     found += same_curve(fit)
-    found += [remark for force in fit.forces for remark in force_remarks(force)]
+    found += [remark for force in fit.forces for remark in (*bad_frames_found(force), *force_remarks(force))]
     runs = {run.name: run for run in fit.problem.runs}
     for lack in fit.deviations:
         found += deviation_remarks(lack, x_unit=runs[lack.run].x_unit, y_unit=runs[lack.run].y_unit)

@@ -121,6 +121,11 @@ class Kind(StrEnum):
     CAUSES_ALIKE = auto()
     CAUSE_IN_PART = auto()
     CAUSE_UNKNOWN = auto()
+    # bad frames
+    FRAME_OFF = auto()
+    STEP_STAYS = auto()
+    FRAMES_LOST = auto()
+    FRAMES_CROWD = auto()
     # whether the sources agree
     RUNS_DISAGREE = auto()
     RUN_DISAGREES = auto()
@@ -159,6 +164,7 @@ class Kind(StrEnum):
     OUTSIDE_TIMES = auto()
     OUTSIDE_POSITIONS = auto()
     OUTSIDE_WINDOW = auto()
+    LEFT_OUT = auto()
     WAY_BACK = auto()
     BESIDE_RELEASE = auto()
     BESIDE_TURNING = auto()
@@ -173,7 +179,7 @@ _KINDS = {
     Status.POOR_FIT: (
         Kind.RESIDUALS_ZERO, Kind.RESIDUALS_TOO_LARGE, Kind.RESIDUALS_NOT_RANDOM, Kind.CURVE_LACKS, Kind.CHI2_TOO_LARGE, Kind.SCATTER_TOO_LARGE,
         Kind.FORCE_TOO_LARGE, Kind.NOISE_TOO_LARGE,
-        Kind.OUTLIERS_CROWD, Kind.RUNS_DISAGREE, Kind.RUN_DISAGREES, Kind.RUNS_TIED, Kind.STATED_AND_CURVE,
+        Kind.OUTLIERS_CROWD, Kind.FRAMES_CROWD, Kind.RUNS_DISAGREE, Kind.RUN_DISAGREES, Kind.RUNS_TIED, Kind.STATED_AND_CURVE,
         Kind.GAMMA_TOO_LARGE, Kind.POINTS_SCATTER,
     ),
     Status.AT_BOUND: (Kind.PRESSED_EDGE, Kind.PRESSED_LIMIT),

@@ -198,13 +198,14 @@ class DisturbedMotionCurve:
     setting: Setting = Setting()
 
     def value(self, x: FloatArray, arguments: Mapping[str, ArrayLike]) -> FloatArray:
-        return self._at(x, arguments)[0]
+        return self.state(x, arguments)[0]
 
     def local(self, x: FloatArray, arguments: Mapping[str, ArrayLike]) -> LocalCurve:
-        (position, velocity), gradient = with_gradient(lambda columns: self._at(x, columns), arguments, step=_STEP)
+        (position, velocity), gradient = with_gradient(lambda columns: self.state(x, columns), arguments, step=_STEP)
         return LocalCurve(position, velocity, gradient)
 
-    def _at(self, t: FloatArray, arguments: Mapping[str, ArrayLike]) -> tuple[FloatArray, FloatArray]:
+    def state(self, t: FloatArray, arguments: Mapping[str, ArrayLike]) -> tuple[FloatArray, FloatArray]:
+        """Position and velocity that are read at times t (n_obs,) s of the data's clock, in the run's unit."""
         position, velocity = _state(t - np.asarray(arguments["release_time"]), _disturbed(arguments, self.setting), self.angular)
         return position + np.asarray(arguments["offset"]), velocity
 

@@ -107,14 +107,14 @@ class MotionCurve:
     angular: bool
 
     def value(self, x: FloatArray, arguments: Mapping[str, ArrayLike]) -> FloatArray:
-        return self._state(x, arguments)[0]
+        return self.state(x, arguments)[0]
 
     def local(self, x: FloatArray, arguments: Mapping[str, ArrayLike]) -> LocalCurve:
         """The gradient is by central differences of a position that is exact to about 1e-12."""
-        (position, velocity), gradient = with_gradient(lambda columns: self._state(x, columns), arguments, step=1e-5)
+        (position, velocity), gradient = with_gradient(lambda columns: self.state(x, columns), arguments, step=1e-5)
         return LocalCurve(position, velocity, gradient)
 
-    def _state(self, t: FloatArray, arguments: Mapping[str, ArrayLike]) -> tuple[FloatArray, FloatArray]:
+    def state(self, t: FloatArray, arguments: Mapping[str, ArrayLike]) -> tuple[FloatArray, FloatArray]:
         """Position and velocity at times t (n_obs,) s of the data's clock, in the run's unit."""
         body, motion = body_of(arguments)
         since = t - np.asarray(arguments["release_time"])

@@ -5,9 +5,10 @@ Imports `common` and `problem`."""
 
 from estim.deviation.autocorrelated import AutoCorrelated
 from estim.deviation.completed import Completed
-from estim.deviation.course import Course
+from estim.deviation.course import Course, Rows
 from estim.deviation.grid import FORCE_SCALE, SCALES
+from estim.deviation.jumps import BadFrames, Jump
 from estim.deviation.lacking import DeviationSize, FoundDeviation, pose_deviation
 from estim.deviation.noise import FreeStart
-from estim.deviation.posing import FoundForce, pose_force
+from estim.deviation.posing import FoundForce, bad_frames, pose_force
 from estim.deviation.usual_errors import USUAL, ReadOff, WithUsualErrors, read_off

@@ -190,13 +190,13 @@ def keep_probable(linearised: Linearised, *, columns: FloatArray | None = None, 
         chosen = keep[start : start + family.amplitude.size]
         start += chosen.size
         if chosen.any():
-            families.append(_compact(_merged(family.chosen(chosen))))
+            families.append(compact(merged(family.chosen(chosen))))
     shifts = np.zeros((n_obs, 0)) if columns is None else deviation.whiten(columns.T).T
     kept = Deviation(deviation.whitener, deviation.log_volume, tuple(families))
     return Mixture(kept, shifts, tuple(_terms(family, shifts) for family in families), float(linearised.weights[dropped].sum()))
 
 
-def _merged(family: Family) -> Family:
+def merged(family: Family) -> Family:
     """The family with components that are the same counted once."""
     values, place = np.unique(np.column_stack([family.amplitude, family.scale]), axis=0, return_inverse=True)
     log_prior = np.full(len(values), -np.inf)
@@ -204,7 +204,7 @@ def _merged(family: Family) -> Family:
     return Family(family.kind, family.length, family.basis, family.spectrum, values[:, 0], values[:, 1], log_prior)
 
 
-def _compact(family: Family) -> Family:
+def compact(family: Family) -> Family:
     """The family in those directions that its largest amplitude lifts above the noise."""
     lifted = family.spectrum * np.max(np.square(family.amplitude / family.scale))
     order = np.argsort(lifted)[::-1]

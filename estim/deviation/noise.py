@@ -72,14 +72,18 @@ class Stated:
 
 @dataclass(frozen=True, eq=False)
 class FreeStart(Stated):
-    """Stated noise, and an energy at release that is not quite 0: one more term of rank one in the covariance."""
+    """Stated noise, and an energy at release that is not quite 0: one more term of rank one in the covariance, and one for each bad frame.
+
+    columns : (n_obs, n_jump) what each does at one standard deviation of its size.
+    """
 
     course: Course
+    columns: FloatArray
 
     def likelihood(self, points: Points, named: Named) -> CorrelatedErrors:
         stated = normal_covariance(self.base, points, named)
         push = self.course.along(points, named, self.base).push
-        spectrum, basis = np.linalg.eigh(stated.covariance + np.outer(push, push))
+        spectrum, basis = np.linalg.eigh(stated.covariance + np.outer(push, push) + self.columns @ self.columns.T)
         rounding = np.finfo(float).eps * spectrum.size * spectrum[-1]
         return CorrelatedErrors(points, Size(Scale(1.0), Scale(), 0.0), basis, np.maximum(spectrum, rounding), stated.shift)
 

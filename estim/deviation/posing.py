@@ -12,18 +12,20 @@ import numpy as np
 
 from estim.arrays import FloatArray
 from estim.deviation.completed import Completed
-from estim.deviation.components import diagonalise
-from estim.deviation.course import Course
+from estim.deviation.components import Shape, diagonalise
+from estim.deviation.course import Along, Course
 from estim.deviation.force import force_shapes
 from estim.deviation.found import Force, find_force
 from estim.deviation.generic import stated_is_conservative
 from estim.deviation.grid import SCALES, prior_grid
+from estim.deviation.jumps import BadFrames, find_bad_frames
 from estim.deviation.linearised import Linearised, linearise
 from estim.deviation.mixture import keep_probable
-from estim.deviation.noise import WithForce, normal_covariance
+from estim.deviation.noise import StatedErrors, WithForce, normal_covariance
 from estim.problem import Observations, Problem
 
 _PARTS = (0.5, 0.9, 0.99, 0.999)  # of the linearised posterior: the wide components hold its tails
+_ANY_SCALE, _COARSE = (1.0, 1.6, 2.5, 4.0, 6.3, 10.0), 12  # where frames are judged the noise may be any larger than stated
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,6 +35,7 @@ class FoundForce:
     unit : of positions.  scale : of the prior of its amplitude.  force : in units of the weight.
     without : parameter -> its standard deviation with the stated noise alone and an exact start.  upright : cosine of the tilt.
     means, covs : (n, n_par), (n, n_par, n_par) of normal distributions that make up the linearised posterior, the narrowest first.
+    bad : frames that are shifted.  reading_unit : of them.  step : of a digital reading, 0 where there is none.
     noise : quantiles 0.16, 0.5, 0.84 of the size of the readings' noise in units of what was stated.
     larger, too_large : probability that it is larger than stated, and as large as the grid goes, or more.
     conservative : whether the readings scatter by far less than stated.
@@ -51,6 +54,9 @@ class FoundForce:
     upright: float
     means: FloatArray
     covs: FloatArray
+    bad: BadFrames
+    reading_unit: str
+    step: float
     completed: Completed | None = None
 
 
@@ -64,32 +70,65 @@ class Posed:
     cov: FloatArray
 
 
-def pose_force(run: Observations, course: Course, problem: Problem, values: FloatArray, *, without: FloatArray) -> Posed:
+def pose_force(run: Observations, course: Course, problem: Problem, values: FloatArray, *, without: FloatArray, bad: BadFrames) -> Posed:
     """The force of `run`, linear about `values` (n_par,), those of a fit with white errors and a free start.
 
-    without : (n_par,) standard deviations with the stated noise alone and an exact start.
+    without : (n_par,) standard deviations with the stated noise alone and an exact start.  bad : frames whose shifts are unknown too.
     Raises InputError where the body hardly moves somewhere along the track.
     """
-    named, base = problem.named(values), run.noise
-    along = course.along(run.points, named, base)
-    stated = normal_covariance(base, run.points, named)
-    shapes = force_shapes(along.track, along.response, radius=along.radian)
-    deviation = diagonalise(stated.covariance, shapes, prior_grid(run.force))
+    here = _linear(run, course, problem, values)
+    deviation = diagonalise(here.stated.covariance, here.shapes, prior_grid(run.force))
+    columns = np.column_stack([here.along.push, bad.columns(run.n_obs)])
+    n, extra = problem.n_par, columns.shape[1] - 1
+    precision = np.block([[here.precision, np.zeros((n + 1, extra))], [np.zeros((extra, n + 1)), np.eye(extra)]])
+    jacobian = np.column_stack([here.jacobian, columns[:, 1:]])
+    linear = linearise(deviation, here.residuals, jacobian, precision=precision, pull=np.r_[here.pull, np.zeros(extra)])
+    mixture = keep_probable(linear, columns=columns)
+    noise = WithForce(run.noise, mixture, _whitener(linear, columns), here.stated.shift)
+    force = find_force(linear, here.along.track, here.along.response, radius=here.along.radian)
+    means, covs = linear_groups(linear, n)
+    unit = run.y_unit if run.positions else run.x_unit
+    found = FoundForce(
+        run=run.name, unit=unit, scale=run.force, force=force, noise=linear.size("scale"), larger=linear.p_noise(float(np.nextafter(1.0, 2.0))),
+        too_large=linear.p_noise(max(SCALES)), conservative=stated_is_conservative(linear),
+        without=dict(zip(problem.names, without.tolist(), strict=True)), upright=here.along.upright, means=values + means, covs=covs, bad=bad,
+        reading_unit=unit if run.positions or run.noise.made_of_positions else run.y_unit, step=run.noise.size.step,
+        completed=None if run.positions else Completed(run.points, run.body, mixture, here.stated.shift, here.along),
+    )
+    return Posed(noise, found, linear.mean[:n], linear.covariance[:n, :n])
+
+
+def bad_frames(run: Observations, course: Course, problem: Problem, values: FloatArray) -> BadFrames:
+    """The frames of `run` that are shifted, linear about `values` as above.  Raises InputError as `pose_force` does."""
+    here = _linear(run, course, problem, values)
+    frames = course.frames(run.points, here.named, run.noise)
+    if frames is None:
+        return BadFrames()
+    deviation = diagonalise(here.stated.covariance, here.shapes, prior_grid(run.force, scales=_ANY_SCALE, n_amplitude=_COARSE))
+    return find_bad_frames(deviation, frames, here.residuals, here.jacobian, precision=here.precision, pull=here.pull)
+
+
+@dataclass(frozen=True, eq=False)
+class _Linear:
+    """A run, linear about values of its parameters; the energy at release is the last column of jacobian, precision and pull."""
+
+    named: Mapping[str, FloatArray]
+    along: Along
+    stated: StatedErrors
+    shapes: tuple[Shape, ...]
+    residuals: FloatArray
+    jacobian: FloatArray
+    precision: FloatArray
+    pull: FloatArray
+
+
+def _linear(run: Observations, course: Course, problem: Problem, values: FloatArray) -> _Linear:
+    named = problem.named(values)
+    along, stated = course.along(run.points, named, run.noise), normal_covariance(run.noise, run.points, named)
     residuals = run.y - stated.shift - np.ravel(np.broadcast_to(run.points.value(named), (1, run.n_obs)))
     jacobian = np.column_stack([run.points.gradient(named, problem.names), along.push])
-    precision, pull = _priors(problem, values)
-    linear = linearise(deviation, residuals, jacobian, precision=precision, pull=pull)
-    mixture = keep_probable(linear, columns=along.push[:, None])
-    noise = WithForce(base, mixture, _whitener(linear, along.push), stated.shift)
-    force = find_force(linear, along.track, along.response, radius=along.radian)
-    means, covs = linear_groups(linear, problem.n_par)
-    found = FoundForce(
-        run=run.name, unit=run.x_unit, scale=run.force, force=force, noise=linear.size("scale"),
-        larger=linear.p_noise(float(np.nextafter(1.0, 2.0))), too_large=linear.p_noise(max(SCALES)), conservative=stated_is_conservative(linear),
-        without=dict(zip(problem.names, without.tolist(), strict=True)), upright=along.upright, means=values + means, covs=covs,
-        completed=Completed(run.points, run.body, mixture, stated.shift, along),
-    )
-    return Posed(noise, found, linear.mean[:-1], linear.covariance[:-1, :-1])
+    shapes = force_shapes(along.track, along.response, radius=along.radian)
+    return _Linear(named, along, stated, shapes, residuals, jacobian, *_priors(problem, values))
 
 
 def linear_groups(linear: Linearised, n_par: int) -> tuple[FloatArray, FloatArray]:
@@ -117,8 +156,8 @@ def _priors(problem: Problem, values: FloatArray) -> tuple[FloatArray, FloatArra
     return np.diag(slope**2), -np.divide(off, slope, out=np.zeros_like(off), where=slope != 0.0)
 
 
-def _whitener(linear: Linearised, push: FloatArray) -> FloatArray:
-    """L^-1 with L L^T the most probable covariance and that of the push, in units of the stated noise at least."""
+def _whitener(linear: Linearised, columns: FloatArray) -> FloatArray:
+    """L^-1 with L L^T the most probable covariance and that of push and bad frames, in units of the stated noise at least."""
     size = min(float(linear.scales[linear.best]), 1.0)
-    covariance = linear.best_covariance() / size**2 + np.outer(push, push)
+    covariance = linear.best_covariance() / size**2 + columns @ columns.T
     return np.asarray(np.linalg.inv(np.linalg.cholesky(covariance)))

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+import numpy as np
 from matplotlib.figure import Figure
 
 from estim.deviation import FoundForce
 from estim.problem import Observations
-from estim.reports.figures import BLUE, GREY, INK, grid
+from estim.reports.figures import BLUE, GREY, INK, ORANGE, grid
 
 
 def force_figure(forces: Sequence[FoundForce], runs: Sequence[Observations], *, synthetic: bool) -> Figure:
@@ -22,8 +23,12 @@ def force_figure(forces: Sequence[FoundForce], runs: Sequence[Observations], *, 
         ax.fill_between(force.x, low_68, high_68, color=BLUE, alpha=0.38, lw=0, label="68 %")
         ax.plot(force.x, median, color=BLUE, lw=1.6, label="median")
         ax.axhline(0.0, color=GREY, lw=0.8)
-        ax.plot(run.x, 0.0 * run.x + 0.025, "|", color=INK, ms=6, transform=ax.get_xaxis_transform(), label="points that are fit")
-        ax.set(xlabel=run.x_label, ylabel="force (% of the weight)", xlim=(force.x[0], force.x[-1]))
+        if force.back is not None:
+            ax.plot(force.x, 100.0 * force.back[2], color=ORANGE, lw=1.4, ls="--", label="median on the way back")
+            ax.plot(np.tile(force.x, (2, 1)).T, 100.0 * force.back[[1, 3]].T, color=ORANGE, lw=0.7, ls=":")
+        place, label = (run.y, run.y_label) if run.positions else (run.x, run.x_label)
+        ax.plot(place, 0.0 * place + 0.025, "|", color=INK, ms=6, transform=ax.get_xaxis_transform(), label="points that are fit")
+        ax.set(xlabel=label, ylabel="force (% of the weight)", xlim=(force.x[0], force.x[-1]))
         ax.set_title(f"{run.name}: P(amplitude > 0) = {force.probability:.3f}" + (" (SYNTHETIC data)" if synthetic else ""), fontsize=10)
     axes[0].legend(fontsize=7.5, frameon=False, loc="best", ncols=4)
     return figure

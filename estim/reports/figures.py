@@ -18,6 +18,7 @@ from estim.arrays import FloatArray
 from estim.campaign import way_back
 from estim.checks import Goodness, Outliers
 from estim.common import Markdown, mathtext
+from estim.deviation import FoundForce
 from estim.pipeline import Analysis
 from estim.problem import Observations, Prior, Problem, n_uses
 from estim.sampling import Bands, curve_draws
@@ -75,6 +76,7 @@ def phase_figure(analysis: Analysis, *, synthetic: bool) -> Figure:
             ax.plot(bands.x, mode, color=BLUE, lw=1.2, label="most probable curve" + (", its force left out" if bands.completed else ""))
         _draw_points(ax, run)
         _draw_outliers(ax, run, analysis.outliers)
+        _draw_bad_frames(ax, run, analysis.fit.forces)
         stops = bands.end[np.isfinite(bands.end)]
         if trusted and stops.size > 0.5 * bands.end.size and np.median(stops) < 1.25 * run.x.max():
             low, middle, high = np.quantile(stops, [0.025, 0.5, 0.975])
@@ -128,6 +130,15 @@ def _draw_outliers(ax: Axes, run: Observations, outliers: Sequence[Outliers]) ->
         if found.run == run.name and found.frames.size:
             at = found.frames
             ax.plot(run.x[at], run.y[at], "o", mfc="none", mec=ORANGE, mew=1.6, ms=9, ls="", label="outlier", zorder=6)
+
+
+def _draw_bad_frames(ax: Axes, run: Observations, forces: Sequence[FoundForce]) -> None:
+    """A ring about the point of each bad frame, or the nearest in time."""
+    times = run.t if run.t is not None else run.x
+    jumps = [jump for found in forces if found.run == run.name for jump in found.bad.jumps]
+    at = sorted({int(np.argmin(np.abs(times - (jump.x if run.t is None else jump.t)))) for jump in jumps})
+    if at:
+        ax.plot(run.x[at], run.y[at], "o", mfc="none", mec=ORANGE, mew=1.6, ms=9, ls="", label="bad frame", zorder=6)
 
 
 def residual_figure(runs: Sequence[Observations], goodness: Sequence[Goodness], *, synthetic: bool) -> Figure:

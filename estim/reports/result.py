@@ -26,6 +26,7 @@ from estim.fitting import ProfileInterval
 from estim.pipeline import Analysis
 from estim.problem import Observations
 from estim.reading import Run
+from estim.reports.bad_frames import BadFrame, bad_frames
 from estim.reports.deviation import ForceSummary, deviations
 from estim.reports.explanation import ExplanationSummary, explanation_summary
 from estim.reports.labels import Labels, labels_of, names_as_labels
@@ -145,6 +146,7 @@ class RunSummary(msgspec.Struct, frozen=True):
     warnings: list[str]  # what is suspicious about the file
     robust: bool
     outliers: list[Outlier]
+    bad_frames: list[BadFrame]
     what: str  # what was fit: "speeds", "positions", ...
     derived: dict[str, Summary]
 
@@ -336,6 +338,7 @@ def _run(campaign: Subject, analysis: Analysis, i: int) -> RunSummary:
         scatter_ratio=number(goodness.scatter_ratio), covered=next(map(tell, covered_pattern(goodness)), None),
         facts=[*origin_facts(table, run, analysis.problem), *speed_facts(run)],
         warnings=list(origin_warnings(table, run, analysis.problem)), robust=run.noise.robust, outliers=_outliers(analysis, run),
+        bad_frames=bad_frames(analysis.fit.forces, run.name),
         what=run.words.what,
         derived={
             name: trusted(summarise(np.ravel(d.values), unit=d.unit, meaning=d.meaning), analysis.diagnosis.status)

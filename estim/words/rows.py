@@ -13,6 +13,7 @@ _WHY = MappingProxyType(
         Kind.OUTSIDE_TIMES: "outside the window of time",
         Kind.OUTSIDE_POSITIONS: "outside the window of position",
         Kind.OUTSIDE_WINDOW: "outside the stated window",
+        Kind.LEFT_OUT: "as stated by leave_out_s",
         Kind.WAY_BACK: "after the farthest point (the way back is another motion)",
         Kind.BESIDE_RELEASE: f"{_BESIDE} release",
         Kind.BESIDE_TURNING: f"{_BESIDE} turning point",

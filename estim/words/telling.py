@@ -10,7 +10,7 @@ from enum import StrEnum, auto
 from types import MappingProxyType
 
 from estim.common import Finding, Kind
-from estim.words import agreement, causes, deviations, draws, forces, lines, parameters, residuals, rows, trials
+from estim.words import agreement, causes, deviations, draws, forces, frames, lines, parameters, residuals, rows, trials
 from estim.words.table import Table, filled
 
 _NOT_RANDOM = "look at the residuals: a bad frame, a wrong window, or physics that the curve lacks; the uncertainties assume random errors"
@@ -34,8 +34,8 @@ _CHOICES = MappingProxyType(
 
 WORDS: Table = MappingProxyType(
     {
-        **parameters.WORDS, **draws.WORDS, **residuals.WORDS, **forces.WORDS, **deviations.WORDS, **causes.WORDS, **agreement.WORDS,
-        **lines.WORDS, **trials.WORDS, **rows.WORDS,
+        **parameters.WORDS, **draws.WORDS, **residuals.WORDS, **forces.WORDS, **deviations.WORDS, **causes.WORDS, **frames.WORDS,
+        **agreement.WORDS, **lines.WORDS, **trials.WORDS, **rows.WORDS,
     }
 )
 
@@ -65,6 +65,7 @@ ADVICE: Mapping[Kind, str] = MappingProxyType(
             f"{_NOT_RANDOM}; or give them room: a smooth deviation from the curve ({_DEVIATION}, the size of it that would not surprise you, "
             f"in the unit of y) or errors that follow each other ({_CORRELATED})"
         ),
+        Kind.FRAMES_CROWD: "look at the file and the window: a stretch that is another motion, or a stated error of the readings that is too small",
         Kind.CHI2_TOO_LARGE: "look at the residuals; where they are random, leave u_y out and their size says how large the errors are",
         Kind.SCATTER_TOO_LARGE: "the curve does not describe this motion, or the stated resolution of the instrument is far too good",
         Kind.FORCE_TOO_LARGE: (
