@@ -11,7 +11,7 @@ from estim.arrays import FloatArray
 from estim.checks.conflict import Conflict, stated_values
 from estim.checks.consistency import Consistency
 from estim.checks.forces import force_finding as force_finding
-from estim.checks.forces import force_remarks
+from estim.checks.forces import force_remarks, force_too_large
 from estim.checks.frames import bad_frames_found, too_many_bad_frames
 from estim.checks.goodness import P_FLOOR, P_POOR_FIT, SCATTER_LIMIT, Goodness
 from estim.checks.identifiability import Identifiability
@@ -68,7 +68,7 @@ def diagnose(
             *([] if conflict.flagrant else _convergence(fit, chain)), *several_solutions(fit, modes),
             *_flat_directions(fit, identifiability), *_bounds(fit),
             *failed_tests(goodness), *_methods(comparison), *_consistency(consistency), stated_values(fit, conflict), *too_many_outliers(fit),
-            *(finding for force in fit.forces for finding in too_many_bad_frames(force)),
+            *(finding for force in fit.forces for finding in (*too_many_bad_frames(force), *force_too_large(force))),
         ]
     )
     remarks = _remarks(fit, chain, goodness, conflict) + ([] if findings else large_influences(fit, influences))

@@ -7,6 +7,7 @@ from estim.deviation import FoundForce
 
 SURE = 0.95  # probability of a force beyond which it is said to be there; none of 300 simulated clean runs came so far
 _UNLIKELY = 0.5
+_LINEAR = 1.0  # sd: a mode that is farther from the linearised mean says that the answer to the force is not linear
 
 
 def force_finding(found: FoundForce) -> Finding:
@@ -23,3 +24,9 @@ def force_remarks(found: FoundForce) -> tuple[Finding, ...]:
     told = force_finding(found)
     conservative = (Finding(Kind.NOISE_CONSERVATIVE, run=found.run, size=found.noise[1]),) if found.conservative else ()
     return ((told,) if told.kind is Kind.FORCE_FOUND else ()) + conservative
+
+
+def force_too_large(found: FoundForce) -> tuple[Finding, ...]:
+    """That the answer to the force is not linear in it, which every interval takes for granted."""
+    surely = found.force.probability > _UNLIKELY
+    return (Finding(Kind.FORCE_TOO_LARGE, run=found.run, size=found.moved),) if surely and found.moved > _LINEAR else ()

@@ -32,6 +32,10 @@ WORDS: Table = MappingProxyType(
             f"run {f.run}: nothing shows a force that the curve lacks, P(amplitude > 0) = {f.p:.2f}; every interval has room for what may have "
             "stayed unseen"
         ),
+        Kind.FORCE_TOO_LARGE: lambda f: (
+            f"run {f.run}: the force that the residuals ask for is so large that the motion no longer answers in proportion to it: the fit ends "
+            f"{f.size:.2g} standard deviations from what a proportional answer says, and no interval can be believed"
+        ),
         Kind.NOISE_CONSERVATIVE: lambda f: (
             f"run {f.run}: the stated error is conservative: the readings scatter by about {f.size:.2g} of it; the stated one is kept"
         ),
