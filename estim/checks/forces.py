@@ -11,6 +11,7 @@ FAR_LARGER = 2.5  # times the scale of its prior: an amplitude that one force in
 TOO_LARGE = 0.5  # probability that the noise is as large as its prior reaches, or more
 SURE = 0.95  # probability of a force beyond which it is said to be there; none of 300 simulated clean runs came so far
 _UNLIKELY = 0.5
+_LINEAR = 1.0  # sd: a mode that is farther from the linearised mean says that the answer to the force is not linear
 
 
 def force_finding(found: FoundForce) -> Finding:
@@ -48,3 +49,9 @@ def beyond_their_priors(forces: Iterable[FoundForce]) -> list[Finding]:
         if noise is not None and not noise.status.ok:
             found.append(noise)
     return found
+
+
+def force_not_linear(found: FoundForce) -> tuple[Finding, ...]:
+    """That the answer to the force is not linear in it, which every interval takes for granted."""
+    surely = found.force.probability > _UNLIKELY
+    return (Finding(Kind.FORCE_NOT_LINEAR, run=found.run, size=found.moved),) if surely and found.moved > _LINEAR else ()
