@@ -11,9 +11,9 @@ from scipy import stats
 from estim.curves.formula import read_formula
 from estim.deviation.components import Shape, diagonalise
 from estim.deviation.grid import prior_grid
+from estim.deviation.jumps import BadFrames
 from estim.deviation.linearised import linearise
 from estim.deviation.mixture import keep_probable
-from estim.deviation.jumps import BadFrames
 from estim.deviation.noise import WithForce
 from estim.problem.derivative import STENCILS, differentiate
 from estim.problem.likelihood import Noise, Points
