@@ -109,7 +109,7 @@ def test_tied_runs_are_compared_with_what_ties_them(rng: np.random.Generator) ->
 
 
 def campaign(folder: Path, **edits: str):
-    text = (WHEEL / "force.toml").read_text().replace('file = "', f'file = "{WHEEL}/')
+    text = (WHEEL / "campaign.toml").read_text().replace('file = "', f'file = "{WHEEL}/').replace("[shared]\n", "[shared]\nunmodelled_force = 0.02\n")
     for old, new in edits.values():
         assert old in text
         text = text.replace(old, new)

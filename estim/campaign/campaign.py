@@ -15,6 +15,7 @@ from estim.campaign.noise_models import Candidate
 from estim.campaign.own_curve import read_curve_study
 from estim.campaign.study import Study
 from estim.common import KINDS, InputError, code, markdown, table
+from estim.explanation import Suspects
 from estim.fitting import Fit
 from estim.problem import Problem
 from estim.reading import COLUMNS, Run, compare_intervals, read_run
@@ -76,6 +77,14 @@ class Campaign:
         """The posterior mode of a problem of this campaign.  Raises InputError where the data determine none."""
         return self.study.fit(problem, self.tables, rng=rng)
 
+    def with_usual_errors(self, problem: Problem) -> Problem:
+        """`problem` with room for small errors in common that nobody stated."""
+        return self.study.with_usual_errors(problem, self.tables)
+
+    def suspects(self, names: Sequence[str]) -> Suspects:
+        """The runs `names` as stated, and with each thing that they may have beside it."""
+        return self.study.suspects(names, self.tables)
+
     def noise_models(self, name: str) -> tuple[Candidate, ...]:
         """The models of the noise that the data of a run allow.  Raises InputError where there is only one."""
         return self.study.noise_models(name, self.tables[name])
@@ -126,7 +135,13 @@ def _read_runs(source: CampaignFile) -> Mapping[str, Run]:
 
 def _read(source: CampaignFile, path: Path, run: RunTable) -> Run:
     with source.reading(path, COLUMNS):
-        return read_run(path, name=run.name, shown_as=str(path), choices=run.choices)
+        table = read_run(path, name=run.name, shown_as=str(path), choices=run.choices)
+    if not run.leave_out_s:
+        return table
+    try:
+        return table.without(run.leave_out_s)
+    except InputError as error:
+        raise source.places.error(error.rule, ("runs", source.runs.index(run), "leave_out_s"), value=error.value) from None
 
 
 def _with_origin(source: CampaignFile, run: Run, written: str) -> Run:

@@ -95,6 +95,7 @@ class RunTable(LevelTable, forbid_unknown_fields=True, frozen=True, kw_only=True
     release: Literal["first", "keep"] | float | None = None
     frame_ms: float | None = None
     drop_duplicates: bool | None = None
+    leave_out_s: list[float] | None = None
 
     @property
     def choices(self) -> Choices | None:

@@ -63,7 +63,10 @@ class CurveTable(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
     u_y: float | str | ReadingErrorTable | None = None
     u_x: float | str | ReadingErrorTable | None = None
     robust: Literal["student-t", "mixture"] | None = None
+    deviation: float | None = None
+    correlated: bool | str | None = None
     window: RangeTable | None = None
+    every: int | None = None
     parameters: dict[str, float | str | ParameterTable] = {}
     errors: dict[str, float | ComponentTable] = {}
 
@@ -74,7 +77,10 @@ class CurveRunTable(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
     u_y: float | str | ReadingErrorTable | None = None
     u_x: float | str | ReadingErrorTable | None = None
     robust: Literal["student-t", "mixture"] | None = None
+    deviation: float | None = None
+    correlated: bool | str | None = None
     window: RangeTable | None = None
+    every: int | None = None
     parameters: dict[str, float | str | ParameterTable] = {}
 
 

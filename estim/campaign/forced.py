@@ -16,14 +16,14 @@ from estim.campaign.levels import Level, Levels
 from estim.campaign.points import Observed
 from estim.campaign.shared_force import MOST_POINTS, sharing_runs
 from estim.common import Finding, InputError, Kind
-from estim.deviation import Course, FreeStart, pose_forces
+from estim.deviation import FORCE_SCALE, BadFrames, Course, FreeStart, JointlyPosed, Posed, Rows, bad_frames, pose_force, pose_forces
 from estim.fitting import Fit, fit_least_squares, scanned_fit
 from estim.problem import Observations, Problem
 from estim.reading import Run
 from estim.sampling import MAX_PARAMETERS
 
 KEY = "unmodelled_force"
-DEFAULT_SCALE = 0.0  # where nothing is said
+_ROUNDS, _STILL = 6, 0.1  # of fits in which bad frames are looked for; sds by which the last of them may move
 _LARGEST = 1.0  # a force as large as the weight is no small thing that was left out
 
 
@@ -31,11 +31,12 @@ _LARGEST = 1.0  # a force as large as the weight is no small thing that was left
 class Circumstances:
     """What decides whether a force can stand beside the curve of a run.
 
-    tied : number of points of the runs that would share its force, 0 where it shares none.
+    joint : whether the run is fit together with others.  tied : number of points of those that would share its force, 0 where it shares none.
     replaced : whether its noise is not the one that the campaign states.
     """
 
     observed: Observed
+    joint: bool
     tied: int
     replaced: bool
 
@@ -55,7 +56,6 @@ class Obstacle:
 
 
 OBSTACLES = (
-    Obstacle(lambda c: c.observed.positions, lambda _: "noise model 'positions' yet", "use 'differentiated' or 'independent'"),
     Obstacle(lambda c: c.observed.noise.robust, lambda _: "'robust' noise", "it takes the errors of the readings as normal"),
     Obstacle(
         lambda c: bool(np.any(c.observed.noise.x_gain() > 0.0)), lambda _: "errors of the positions of independent speeds",
@@ -66,6 +66,7 @@ OBSTACLES = (
         "state what the instrument does, or leave it out",
     ),
     Obstacle(lambda c: c.replaced, lambda _: "a comparison of noise models", "set it to 0 for that"),
+    Obstacle(lambda c: c.joint and c.observed.positions, lambda _: "noise model 'positions' in a joint fit yet", "fit the runs one by one"),
     Obstacle(
         lambda c: c.tied > MOST_POINTS, lambda c: f"runs that share it and have {c.tied} points, more than {MOST_POINTS}",
         "fit fewer runs, or say it at each run, which gives each a force of its own",
@@ -86,18 +87,20 @@ def force_scale(levels: Levels, circumstances: Circumstances) -> Stance:
 
     Raises InputError at the key's line where one is asked for that has an obstacle, or is no share of the weight.
     """
-    level = next((level for level in levels if getattr(level.table, KEY) is not None), None)
+    level = _stated(levels)
     stated = None if level is None else level.table.unmodelled_force
     if stated == 0.0:
         return Stance(0.0, complete_as("as stated", levels.run.name))
     obstacle = next((obstacle for obstacle in OBSTACLES if obstacle.stands(circumstances)), None)
     if level is None or stated is None:
+        if circumstances.joint:
+            return Stance(0.0, complete_as("a joint fit knows no unmodelled force that is not asked for", levels.run.name))
         if obstacle is None:
-            return Stance(DEFAULT_SCALE)
+            return Stance(FORCE_SCALE)
         return Stance(0.0, complete_as(f"an unmodelled force does not go with {obstacle.what(circumstances)}", levels.run.name))
     scale = float(stated)
     if not (math.isfinite(scale) and 0.0 < scale <= _LARGEST):
-        raise _error(levels, level, "is a share of the weight: it must lie between 0 (none) and 1; 0.02 is a good choice", value=scale)
+        raise _error(levels, level, "is a share of the weight: it must lie between 0 (none) and 1; where nothing is said it is 0.02", value=scale)
     if obstacle is not None:
         raise _error(levels, level, f"does not go with {obstacle.what(circumstances)}: {obstacle.instead}")
     return Stance(scale)
@@ -110,38 +113,98 @@ def complete_as(reason: str, run: str) -> Finding:
 
 def refuse_force(levels: Levels, command: str) -> None:
     """Raises InputError where a run has an unmodelled force, which `command` does not know."""
-    level = next((level for level in levels if getattr(level.table, KEY) is not None), None)
+    level = _stated(levels)
     if level is not None and level.table.unmodelled_force:
         raise _error(levels, level, f"does not go with {command}, which takes the curve as complete: set it to 0 for that")
 
 
+def as_complete(problem: Problem, command: str) -> Problem:
+    """`problem` without the forces that nobody asked for, as `command` takes its curves."""
+    reason = f"{command} knows no unmodelled force"
+    runs = (replace(run, force=0.0, complete=complete_as(reason, run.name)) if run.force else run for run in problem.runs)
+    return replace(problem, runs=tuple(runs))
+
+
 def fit_with_forces(white: Fit, tables: Mapping[str, Run], levels: Mapping[str, Levels], *, rng: np.random.Generator) -> Fit:
-    """The posterior mode with the unmodelled force of every run that has one, from the fit `white` without.  Raises InputError."""
+    """The posterior mode with the unmodelled force of every run that has one, from the fit `white` without.
+
+    Where a run cannot be linearised the curves are taken as complete.  Raises InputError where its force was asked for.
+    """
     problem = white.problem
-    groups = sharing_runs(problem.runs, levels, KEY)
-    courses = {run.name: Course(run.body, _positions(run, tables[run.name])) for run in problem.runs if run.force}
+    courses = {run.name: _course(run, tables[run.name]) for run in problem.runs if run.force}
+    if white.singular:
+        return _unforced(white, {name: levels[name] for name in courses}, "some combination of the parameters is not determined at all")
     try:
-        pushed = [replace(run, noise=FreeStart(run.noise, courses[run.name])) if run.force else run for run in problem.runs]
-        free = fit_least_squares(Problem(problem.parameters, tuple(pushed)), rng=rng, n_start=1, start=white.values)
+        free, bad = _free_fit(white, courses, rng=rng)
         without = np.sqrt(np.diag(white.cov))
-        posed = pose_forces(groups, courses, problem, free.values, without=without)
+        posed: Posed | JointlyPosed
+        if len(problem.runs) > 1:
+            posed = pose_forces(sharing_runs(problem.runs, levels, KEY), courses, problem, free.values, without=without)
+        else:
+            (run,) = problem.runs
+            posed = pose_force(run, courses[run.name], problem, free.values, without=without, bad=bad[run.name])
     except InputError as error:
-        name = next(iter(courses))
-        raise levels[name].error(f"cannot be linearised: {error.rule}; end the window before the body comes to rest", _path(levels[name])) from None
+        return _unforced(white, {name: levels[name] for name in courses}, error.rule)
     runs = tuple(replace(run, noise=posed.noises.get(run.name, run.noise)) for run in problem.runs)
     low, high = problem.support()
     start = np.clip(free.values + posed.step, low, high)
     fit = fit_least_squares(Problem(problem.parameters, runs, posed.shared), rng=rng, n_start=1, start=start)
     fit = scanned_fit(fit, rng=rng) if problem.n_par <= MAX_PARAMETERS else fit
-    return replace(fit, forces=posed.found, symmetry=white.symmetry)
+    told = white.message if fit.success else fit.message  # of the many starts, of which the best led here
+    found = posed.found_at(fit.values - free.values)
+    return replace(fit, forces=found, symmetry=white.symmetry, n_start=white.n_start, n_same=white.n_same, message=told)
 
 
-def _positions(run: Observations, table: Run) -> np.ndarray | None:
-    return table.columns[table.coordinate] if run.noise.made_of_positions else None
+def _unforced(white: Fit, levels: Mapping[str, Levels], rule: str) -> Fit:
+    """The fit without forces, which cannot be linearised by `rule`.  Raises InputError where one was asked for."""
+    for asked in levels.values():
+        level = _stated(asked)
+        if level is not None:
+            raise _error(asked, level, f"cannot be linearised: {rule}")
+    runs = (
+        replace(run, force=0.0, complete=complete_as(f"an unmodelled force cannot be linearised: {rule}", run.name)) if run.force else run
+        for run in white.problem.runs
+    )
+    return replace(white, posterior=replace(white.posterior, problem=replace(white.problem, runs=tuple(runs))))
 
 
-def _path(levels: Levels) -> tuple[str | int, ...]:
-    return next((*level.path, KEY) for level in levels if getattr(level.table, KEY) is not None)
+def _free_fit(white: Fit, courses: Mapping[str, Course], *, rng: np.random.Generator) -> tuple[Fit, Mapping[str, BadFrames]]:
+    """The fit with a free start and the shifts of the frames that it shows to be bad, which are looked for again until they are the same.
+
+    Frames of runs that are fit together are taken as good: each run by itself shows its bad ones.
+    """
+    problem = white.problem
+    bad = {name: BadFrames() for name in courses}
+    values = white.values
+    for _ in range(_ROUNDS):
+        noises = {run.name: FreeStart(run.noise, courses[run.name], bad[run.name]) for run in problem.runs if run.force}
+        runs = tuple(replace(run, noise=noises.get(run.name, run.noise)) for run in problem.runs)
+        free = fit_least_squares(Problem(problem.parameters, runs), rng=rng, n_start=1, start=values)
+        if len(problem.runs) > 1:
+            return free, bad
+        found = {run.name: bad_frames(run, courses[run.name], problem, free.values, known=bad[run.name]) for run in problem.runs if run.force}
+        still = np.max(np.abs(free.values - values) / np.sqrt(np.diag(free.cov))) < _STILL
+        if all(found[name].same(bad[name]) and (still or not found[name].jumps) for name in courses):
+            break
+        bad, values = found, free.values
+    return free, found
+
+
+def _course(run: Observations, table: Run) -> Course:
+    """The motion of a run and its readings: all rows of the table where the points are made of them, else those that are fit."""
+    t = table.columns.get("t_s")
+    every = np.arange(run.n_obs)
+    if run.t is None or t is None:
+        return Course(run.body, None, Rows(np.full(run.n_obs, np.nan), 0 * every, every))
+    kept = np.searchsorted(t, run.t)
+    if run.noise.made_of_positions:
+        return Course(run.body, table.columns[table.coordinate], Rows(t, table.lines, kept))
+    return Course(run.body, None, Rows(run.t, table.lines[kept], every))
+
+
+def _stated(levels: Levels) -> Level | None:
+    """The level that says how large a force may be, None where nothing is said."""
+    return next((level for level in levels if getattr(level.table, KEY) is not None), None)
 
 
 def _error(levels: Levels, level: Level, rule: str, *, value: object = None) -> InputError:

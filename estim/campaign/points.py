@@ -84,7 +84,10 @@ def observe(run: Run, levels: Levels, *, noise: NoiseTable | None = None) -> Obs
     model = table.model or ("differentiated" if "t_s" in run.columns else "independent")
     _check_keys(table, model, run, levels, path)
     make = {"differentiated": _differentiated, "independent": _independent, "positions": _positions}[model]
-    return make(run, levels, table, path, suffix)
+    found = make(run, levels, table, path, suffix)
+    if not run.left_out:
+        return found
+    return replace(found, excluded=(Finding(Kind.LEFT_OUT, size=run.left_out), *found.excluded))
 
 
 def _check_keys(table: NoiseTable, model: str, run: Run, levels: Levels, path: Path) -> None:

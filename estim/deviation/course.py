@@ -2,17 +2,22 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from estim.arrays import FloatArray
 from estim.deviation.force import Response, Track, position_response, speed_response, track
 from estim.deviation.grid import START_SD
-from estim.problem import Motion, Named, Noise, Points
+from estim.deviation.in_time import Moving, response_in_time
+from estim.deviation.jumps import Frames
+from estim.problem import Motion, Named, Noise, Points, PositionCurve
 
 _MOST_OFF = 1.5  # how far a measured speed may be from that of the curve, as a factor, and still be its speed with errors
 _SLOW = 0.05  # of the mean speed: at a point that is slower a force counts as if it were this fast
+_STEP = 2e-3  # rad, over which inertia and height of a body are smooth
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,45 +37,126 @@ class Along:
 
 
 @dataclass(frozen=True, eq=False)
+class Rows:
+    """Where the readings of a run stand: t (n_row,) s, nan where unknown, and lines (n_row,) of the file.  kept : (n_obs,) those of the points."""
+
+    t: FloatArray
+    lines: NDArray[np.int64]
+    kept: NDArray[np.int64]
+
+
+@dataclass(frozen=True, eq=False)
 class Course:
-    """A motion that was measured.  positions : (n_row,) all that were read, where the points are made of them; else None."""
+    """A motion that was measured.
+
+    positions : (n_row,) all that were read, where the points are speeds made of them; else None, and the points are what was read.
+    rows : of the readings; None where nobody asks which of them are bad.
+    """
 
     motion: Motion
     positions: FloatArray | None
+    rows: Rows | None = None
 
     def along(self, points: Points, named: Named, noise: Noise) -> Along:
         """The responses, linear about the curve at `named`.
 
-        Raises InputError where the body hardly moves somewhere along the track.
+        Raises InputError where the body hardly moves somewhere along the track, or (positions in time) does not move at all.
         """
-        arguments = points.bind(named)
-        metres, radian = (float(np.ravel(of(arguments))[0]) for of in (self.motion.metres, self.motion.radian))
-        acceleration = float(np.ravel(self.motion.gravity(arguments))[0]) / metres
-        start = float(np.ravel(arguments.get("offset", 0.0))[0])
+        here = _Here(self.motion, points, points.bind(named))
         matrix = noise.of_positions(points, named)
-        read = points.x if matrix is None or self.positions is None else self.positions
-
-        def speed(x: FloatArray) -> FloatArray:
-            return np.ravel(np.broadcast_to(points.curve.value(x, arguments), (1, x.size)))
-
-        def inertia(x: FloatArray) -> FloatArray:
-            kinetic = self.motion.energies(x, np.ones(x.size), arguments)[0]
-            return np.ravel(np.broadcast_to(2.0 * kinetic / metres**2, (1, x.size)))
-
-        if matrix is None:
-            along = track(float(np.max(read)), start=start, first=float(np.min(read)))
-            here = speed(points.x)
-            response = speed_response(
-                along, points.x, here, inertia(points.x), acceleration=acceleration, floor=_SLOW * float(np.mean(here))
-            )
+        if isinstance(points.curve, PositionCurve):
+            along, response = _in_time(here, points.curve)
+        elif matrix is None or self.positions is None:
+            along, response = _speeds(here)
         else:
-            used = np.any(matrix != 0.0, axis=0)
-            along = track(float(np.max(read[used])), start=start, first=float(np.min(read[used])))
-            fine = _moving_on(points, along.fine, speed(along.fine))
-            moved = position_response(along, read[used], fine, inertia(along.fine), acceleration=acceleration)
-            there = np.interp(read[used], along.fine, fine)
-            response = _by_differences(moved, matrix[:, used], read[used], there, points, speed(points.x))
-        return Along(along, response, START_SD * radian * response.start, radian, float(np.ravel(self.motion.upright(arguments))[0]))
+            along, response = _differences(here, self.positions, matrix)
+        push = START_SD * here.scalar(self.motion.radian) * response.start
+        return Along(along, response, push, here.scalar(self.motion.radian), here.scalar(self.motion.upright))
+
+
+    def frames(self, points: Points, named: Named, noise: Noise) -> Frames | None:
+        """The readings of which some may be bad, and what each does to the points; None where they are not known."""
+        if self.rows is None:
+            return None
+        here = _Here(self.motion, points, points.bind(named))
+        matrix = noise.of_positions(points, named)
+        reading = float(np.sqrt(np.ravel(noise.size.reading_variance(named))[0]))
+        if matrix is not None and self.positions is not None:
+            slope = here.row(points.curve.local(points.x, here.arguments).slope, points.x.size)
+            velocity = here.speed(self.positions)
+            return Frames(self.rows.t, self.positions, self.rows.lines, matrix, velocity, reading, True, self.rows.kept, slope)
+        sd = float(np.hypot(reading * np.median(noise.reading_gain()), np.ravel(noise.size.scatter.at(named))[0]))
+        alone = np.eye(points.x.size)
+        if isinstance(points.curve, PositionCurve):
+            velocity = here.row(points.curve.state(points.x, here.arguments)[1], points.x.size)
+            return Frames(self.rows.t, points.y, self.rows.lines, alone, velocity, sd, True)
+        return Frames(self.rows.t, points.x, self.rows.lines, alone, np.zeros(points.x.size), sd, False)
+
+
+@dataclass(frozen=True, eq=False)
+class _Here:
+    """The curve of a run and its motion at one set of values."""
+
+    motion: Motion
+    points: Points
+    arguments: Mapping[str, ArrayLike]
+
+    def scalar(self, of: Callable[[Mapping[str, ArrayLike]], ArrayLike]) -> float:
+        return float(np.ravel(of(self.arguments))[0])
+
+    @property
+    def acceleration(self) -> float:
+        return self.scalar(self.motion.gravity) / self.scalar(self.motion.metres)
+
+    @property
+    def start(self) -> float:
+        return float(np.ravel(self.arguments.get("offset", 0.0))[0])
+
+    def row(self, values: FloatArray, n: int) -> FloatArray:
+        return np.ravel(np.broadcast_to(values, (1, n)))
+
+    def speed(self, x: FloatArray) -> FloatArray:
+        return self.row(self.points.curve.value(x, self.arguments), x.size)
+
+    def inertia(self, x: FloatArray) -> FloatArray:
+        kinetic = self.motion.energies(x, np.ones(x.size), self.arguments)[0]
+        return self.row(2.0 * kinetic / self.scalar(self.motion.metres) ** 2, x.size)
+
+    def potential(self, x: FloatArray) -> FloatArray:
+        return self.row(self.motion.energies(x, np.zeros(x.size), self.arguments)[1] / self.scalar(self.motion.metres) ** 2, x.size)
+
+
+def _speeds(here: _Here) -> tuple[Track, Response]:
+    """Of speeds at positions that were measured."""
+    x = here.points.x
+    along = track(float(np.max(x)), start=here.start, first=float(np.min(x)))
+    speed = here.speed(x)
+    floor = _SLOW * float(np.mean(speed))
+    return along, speed_response(along, x, speed, here.inertia(x), acceleration=here.acceleration, floor=floor)
+
+
+def _differences(here: _Here, positions: FloatArray, matrix: FloatArray) -> tuple[Track, Response]:
+    """Of speeds made of `positions` (n_row,), of which `matrix` (n_obs, n_row) says what their shifts do."""
+    used = np.any(matrix != 0.0, axis=0)
+    read = positions[used]
+    along = track(float(np.max(read)), start=here.start, first=float(np.min(read)))
+    fine = _moving_on(here.points, along.fine, here.speed(along.fine))
+    moved = position_response(along, read, fine, here.inertia(along.fine), acceleration=here.acceleration)
+    there = np.interp(read, along.fine, fine)
+    return along, _by_differences(moved, matrix[:, used], read, there, here.points, here.speed(here.points.x))
+
+
+def _in_time(here: _Here, curve: PositionCurve) -> tuple[Track, Response]:
+    """Of positions at known times, on every way."""
+
+    def state(t: FloatArray) -> tuple[FloatArray, FloatArray]:
+        x, v = curve.state(t, here.arguments)
+        return here.row(x, t.size), here.row(v, t.size)
+
+    t, release = here.points.x, float(np.ravel(here.arguments["release_time"])[0])
+    step = _STEP * here.scalar(here.motion.radian)
+    moving = Moving(state, release, float(np.max(t)), here.inertia, here.potential, here.acceleration, step)
+    return response_in_time(moving, t)
 
 
 def _by_differences(response: Response, matrix: FloatArray, read: FloatArray, speed: FloatArray, points: Points, here: FloatArray) -> Response:

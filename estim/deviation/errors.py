@@ -11,6 +11,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.linalg import solve_triangular
 
 from estim.arrays import FloatArray
 from estim.deviation.mixture import Mixture
@@ -78,8 +79,9 @@ class MixtureErrors:
 
     def information_root(self, named: Named, names: Sequence[str]) -> FloatArray:
         """Of errors with the covariance that the components have together at the point."""
-        lower = np.linalg.cholesky(self._covariance(named))
-        return np.asarray(np.linalg.solve(lower, -self.points.gradient(named, names)))
+        lower = np.linalg.cholesky(self.mixture.whitened_covariance(self._raw(named)[0]))
+        gradient = self.mixture.deviation.whiten(self.points.gradient(named, names).T).T
+        return np.asarray(solve_triangular(lower, -gradient, lower=True, check_finite=False))
 
     def information(self, named: Named, names: Sequence[str], ends: Ends) -> FloatArray:
         root = self.information_root(named, names)
@@ -103,8 +105,7 @@ class MixtureErrors:
 
     def _stretch(self, raw: FloatArray, z: FloatArray) -> tuple[FloatArray, FloatArray]:
         """(n_draw,) what makes |stretch z|^2 twice the loss of log likelihood, and that; 1 and 0 where nothing is lost but rounding."""
-        highest = self.mixture.log_likelihood(np.zeros((1, raw.shape[1])))[0]
-        lost = 2.0 * (highest - self.mixture.log_likelihood(raw))
+        lost = 2.0 * (self.mixture.highest - self.mixture.log_likelihood(raw))
         square = np.sum(z**2, axis=1)
         told = (lost > 1e-9) & (square > 0.0)
         stretch = np.ones(lost.size)

@@ -25,10 +25,12 @@ from estim.arrays import FloatArray
 from estim.common import InputError
 from estim.deviation.components import Shape
 from estim.deviation.grid import track_lengths
-from estim.deviation.kernels import distances, matern32, root, turning, without_mean
+from estim.deviation.kernels import distances, matern32, root, sd_of_mean, turning, without_mean
 
 _N_NODE, _N_FINE = 121, 800
 OWN = (0.0, 0.1, 0.3, 1.0)  # amplitudes of the own forces of runs, in units of the one that they share
+FORCE = "force"
+_WAYS = {FORCE: 1.0, f"{FORCE}, another on the way back": 0.0}  # kind -> correlation between both ways
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,6 +40,7 @@ class Track:
     start, end : place of release and the last place reached, m or rad.  nodes : (n_node,) equally spaced, the first at the release.
     weights : (n_node,) the part of the track that each node stands for, of sum 1.
     fine : (n_fine,) places from the first observation to the end, denser towards the release, at which the motion along it is asked for.
+    back : (n_node,) the weights of the way back, whose force may be another; None where there is no such way.
     """
 
     start: float
@@ -45,10 +48,16 @@ class Track:
     nodes: FloatArray
     weights: FloatArray
     fine: FloatArray
+    back: FloatArray | None = None
 
     @property
     def length(self) -> float:
         return self.end - self.start
+
+    @property
+    def n_way(self) -> int:
+        """1, or 2 where the body also came back: causes are the nodes of the way out, then those of the way back."""
+        return 1 if self.back is None else 2
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,6 +100,23 @@ def track(end: float, *, start: float = 0.0, first: float | None = None) -> Trac
     return Track(start, end, np.linspace(start, end, _N_NODE), weights / weights.sum(), fine)
 
 
+def track_with_ways(x: FloatArray, v: FloatArray) -> Track:
+    """The track of a motion through positions x (n + 1,) in the order of time, with the velocities v (n,) between them."""
+    low, high = float(np.min(x)), float(np.max(x))
+    nodes = np.linspace(low, high, _N_NODE)
+    passed = 0.5 * (nodes[1:] + nodes[:-1])
+    shares = []
+    for sense in (1.0, -1.0):
+        here = v * sense > 0.0
+        ends = np.sort(np.column_stack([x[:-1], x[1:]])[here], axis=1)
+        times = np.searchsorted(np.sort(ends[:, 0]), passed) - np.searchsorted(np.sort(ends[:, 1]), passed)
+        weights = np.append(times, 0.0) + np.append(0.0, times)
+        shares.append(weights / max(weights.sum(), 1.0))
+    out, back = shares
+    one_way = not (out.any() and back.any())
+    return Track(low, high, nodes, out + back if one_way else out, nodes, None if one_way else back)
+
+
 def speed_response(
     along: Track, x: FloatArray, speed: FloatArray, inertia: FloatArray, *, acceleration: float, floor: float = 0.0
 ) -> Response:
@@ -102,7 +128,7 @@ def speed_response(
     speed = np.maximum(speed, floor)
     _moving(speed)
     lever = acceleration / (inertia * speed)
-    return Response(lever[:, None] * _work(along, x), lever)
+    return Response(lever[:, None] * work_along(along, x), lever)
 
 
 def position_response(along: Track, x: FloatArray, speed: FloatArray, inertia: FloatArray, *, acceleration: float) -> Response:
@@ -120,7 +146,7 @@ def position_response(along: Track, x: FloatArray, speed: FloatArray, inertia: F
     smooth = np.divide(since**1.5, inertia * speed**3, out=np.zeros_like(since), where=speed > 0.0)
     if not speed[0] > 0.0:  # released from rest
         smooth[0] = smooth[1]
-    work = np.column_stack([_work(along, along.fine), np.ones(since.size)])
+    work = np.column_stack([work_along(along, along.fine), np.ones(since.size)])
     weighted = work * smooth[:, None]
     middle = 0.5 * (q[1:] + q[:-1])
     rest = np.vstack([np.zeros(work.shape[1]), np.cumsum(2.0 * np.diff(weighted, axis=0) / middle[:, None], axis=0)])
@@ -142,16 +168,50 @@ def force_kernel(along: Track, length: float, *, radius: float | None = None) ->
     return matern32(apart, length) if radius is None else turning(apart, length, radius=radius)
 
 
+@dataclass(frozen=True, eq=False)
+class ForcePrior:
+    """A force before any data: what kind, over which length it changes, log of its probability, for unit amplitude.
+
+    covariance : (n_cause, n_cause) its mean over the track removed, on each way by itself.
+    elsewhere : standard deviation of its mean over another track of the same kind.
+    """
+
+    kind: str
+    length: float
+    log_prior: float
+    covariance: FloatArray
+    elsewhere: float
+
+
+def force_priors(along: Track, *, radius: float | None = None) -> tuple[ForcePrior, ...]:
+    """One for each of some six lengths, about a sixth of the track; where the body came back, the same force on both ways or another one.
+
+    A ramp that is not flat acts the same on both ways, dirt on it changes its sign: half of each makes two forces that do not know of each other.
+    """
+    found = []
+    for length, log_prior in zip(*track_lengths(along.length), strict=True):
+        kernel = force_kernel(along, float(length), radius=radius)
+        elsewhere = sd_of_mean(kernel, along.weights)
+        out = without_mean(kernel, along.weights)
+        if along.back is None:
+            found.append(ForcePrior(FORCE, float(length), float(log_prior), out, elsewhere))
+            continue
+        mean = np.kron(np.eye(2), np.ones((along.nodes.size, 1))) @ block_diag(along.weights, along.back)
+        centred = np.eye(mean.shape[0]) - mean
+        for kind, alike in _WAYS.items():
+            both = centred @ np.kron(np.array([[1.0, alike], [alike, 1.0]]), kernel) @ centred.T
+            found.append(ForcePrior(kind, float(length), float(log_prior - np.log(len(_WAYS))), both, elsewhere))
+    return tuple(found)
+
+
 def force_shapes(along: Track, response: Response, *, radius: float | None = None) -> tuple[Shape, ...]:
-    """The force with its mean over the track removed: one shape for each of some six lengths, about a sixth of the track.
+    """The force with its mean over the track removed: one shape for each of `force_priors`.
 
     What is constant along the track belongs to the rolling resistance (or the slope), which then means the average over this track.
     """
-    shapes = []
-    for length, log_prior in zip(*track_lengths(along.length), strict=True):
-        kernel = without_mean(force_kernel(along, float(length), radius=radius), along.weights)
-        shapes.append(Shape("force", float(length), response.force @ root(kernel), float(log_prior)))
-    return tuple(shapes)
+    return tuple(
+        Shape(prior.kind, prior.length, response.force @ root(prior.covariance), prior.log_prior) for prior in force_priors(along, radius=radius)
+    )
 
 
 def shared_force_shapes(
@@ -174,7 +234,7 @@ def shared_force_shapes(
     return tuple(shapes)
 
 
-def _work(along: Track, x: FloatArray) -> FloatArray:
+def work_along(along: Track, x: FloatArray) -> FloatArray:
     """(n, n_node) F(x) = int f dx' from the release, for a force that is 1 at one node and falls to 0 at its neighbours."""
     step = along.nodes[1] - along.nodes[0]
     since = np.append(np.clip(x, along.start, along.end), along.start)[:, None] - along.nodes

@@ -6,10 +6,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from estim.arrays import FloatArray
-from estim.deviation.force import Response, Track, force_kernel
-from estim.deviation.kernels import sd_of_mean, without_mean
+from estim.deviation.force import FORCE, Response, Track, force_kernel, force_priors
 from estim.deviation.linearised import Linearised, mixture_quantiles
 
 BAND = (0.025, 0.16, 0.5, 0.84, 0.975)
@@ -20,7 +20,8 @@ _LOST = 0.01
 class Force:
     """A force along the track, in units of the weight, its mean over the track removed (that is part of the rolling resistance).
 
-    x : (n_node,) m or rad.  mean, sd : (n_node,).  quantiles : (5, n_node) at BAND.
+    x : (n_node,) m or rad.  mean, sd : (n_node,).  quantiles : (5, n_node) at BAND.  All of the way out, where the body also came back.
+    back : quantiles of the way back; None where there is none.
     probability : P(a > 0).  amplitude, length : quantiles 0.16, 0.5, 0.84 of the size and the distance over which it changes.
     material_sd : standard deviation of the average over another track of the same kind, which a c_rr as a constant of the material has beside
     its own, at slope 0 (divide by cos phi).
@@ -30,6 +31,7 @@ class Force:
     mean: FloatArray
     sd: FloatArray
     quantiles: FloatArray
+    back: FloatArray | None
     probability: float
     amplitude: tuple[float, float, float]
     length: tuple[float, float, float]
@@ -51,24 +53,24 @@ def find_force(linearised: Linearised, along: Track, response: Response, *, radi
 
     response : that of the run, or of all runs stacked (`Response.stacked`).
     """
-    deviation = linearised.deviation
-    kernels = {f.length: force_kernel(along, f.length, radius=radius) for f in deviation.families}
-    seen = _Seen(linearised, response, [without_mean(kernels[f.length], along.weights) for f in deviation.families])
-    material = {length: sd_of_mean(kernel, along.weights) for length, kernel in kernels.items()}
-    elsewhere = 0.0
-    for k in seen.kept:
-        family, place = linearised.component(int(k))
-        elsewhere += linearised.weights[k] * (family.amplitude[place] * material[family.length]) ** 2
+    families = linearised.deviation.families
+    every = {(prior.kind, prior.length): prior for prior in force_priors(along, radius=radius)}
+    priors = [every.get((f.kind, f.length)) or every[FORCE, f.length] for f in families]
+    seen = _seen(linearised, response, [prior.covariance for prior in priors])
+    sizes = [(f.amplitude * prior.elsewhere) ** 2 for f, prior in zip(families, priors, strict=True)]
+    elsewhere = float(seen.weights @ np.concatenate(sizes)[seen.kept])
     mean, sd = seen.mean_and_sd()
+    quantiles, n = mixture_quantiles(seen.weights, seen.means, seen.sds, BAND), along.nodes.size
     return Force(
         x=along.nodes,
-        mean=mean,
-        sd=sd,
-        quantiles=mixture_quantiles(seen.weights, seen.means, seen.sds, BAND),
+        mean=mean[:n],
+        sd=sd[:n],
+        quantiles=quantiles[:, :n],
+        back=quantiles[:, n:] if along.n_way == 2 else None,
         probability=linearised.p_deviation,
         amplitude=linearised.size("amplitude"),
         length=linearised.size("length"),
-        material_sd=float(np.sqrt(elsewhere / linearised.weights[seen.kept].sum())),
+        material_sd=float(np.sqrt(elsewhere)),
     )
 
 
@@ -95,12 +97,13 @@ def find_own_force(
     """
     families = linearised.deviation.families
     kernels = {f.length: force_kernel(along, f.length, radius=radius) for f in families}
-    seen = _Seen(linearised, response, [ratio**2 * kernels[f.length] for f, ratio in zip(families, ratios, strict=True)])
+    seen = _seen(linearised, response, [ratio**2 * kernels[f.length] for f, ratio in zip(families, ratios, strict=True)])
     reached = along.nodes <= end
     mean, sd = seen.mean_and_sd()
     return OwnForce(run, along.nodes[reached], mean[reached], sd[reached])
 
 
+@dataclass(frozen=True, eq=False)
 class _Seen:
     """A force at the nodes given each of the probable components, with the parameters p integrated out.
 
@@ -109,33 +112,37 @@ class _Seen:
     kept : (n_kept,) components.  weights : (n_kept,) of sum 1.  means, sds : (n_kept, n_node).
     """
 
-    def __init__(self, linearised: Linearised, response: Response, kernels: Sequence[FloatArray]) -> None:
-        """kernels : covariance (n_node, n_node) of the force for unit amplitude, one for each family."""
-        deviation = linearised.deviation
-        r, j = deviation.whiten(linearised.residuals), deviation.whiten(linearised.jacobian.T).T
-        lever = deviation.whiten(response.force.T).T
-        order = np.argsort(linearised.weights)[::-1]
-        last = 1 + int(np.searchsorted(np.cumsum(linearised.weights[order]), 1.0 - _LOST))
-        self.kept = np.sort(order[:last])
-        self.weights = linearised.weights[self.kept] / linearised.weights[self.kept].sum()
-        means, sds, start = [], [], 0
-        for family, kernel in zip(deviation.families, kernels, strict=True):
-            here = self.kept[(self.kept >= start) & (self.kept < start + family.amplitude.size)]
-            if here.size:
-                reach, seen, turned = (kernel @ lever.T) @ family.basis, family.basis.T @ r, family.basis.T @ j
-            for k in here:
-                square = family.amplitude[k - start] ** 2
-                variance = family.scale[k - start] ** 2 + square * family.spectrum
-                gain = square * reach / variance  # (n_node, n_dir)
-                parameters = gain @ turned
-                spread = square * np.diag(kernel) - np.einsum("ij,ij->i", gain * variance, gain)
-                spread += np.einsum("ip,pq,iq->i", parameters, linearised.covariances[k], parameters)
-                means.append(gain @ (seen - turned @ linearised.steps[k]))
-                sds.append(np.sqrt(np.maximum(spread, 0.0)))
-            start += family.amplitude.size
-        self.means, self.sds = np.array(means), np.array(sds)
+    kept: NDArray[np.int64]
+    weights: FloatArray
+    means: FloatArray
+    sds: FloatArray
 
     def mean_and_sd(self) -> tuple[FloatArray, FloatArray]:
         """(n_node,) of the mixture."""
         mean = self.weights @ self.means
         return mean, np.sqrt(np.maximum(self.weights @ (np.square(self.sds) + np.square(self.means - mean)), 0.0))
+
+
+def _seen(linearised: Linearised, response: Response, kernels: Sequence[FloatArray]) -> _Seen:
+    """kernels : covariance (n_node, n_node) of the force for unit amplitude, one for each family."""
+    deviation = linearised.deviation
+    r, j = deviation.whiten(linearised.residuals), deviation.whiten(linearised.jacobian.T).T
+    lever = deviation.whiten(response.force.T).T
+    order = np.argsort(linearised.weights)[::-1]
+    kept = np.sort(order[: 1 + int(np.searchsorted(np.cumsum(linearised.weights[order]), 1.0 - _LOST))])
+    means, sds, start = [], [], 0
+    for family, kernel in zip(deviation.families, kernels, strict=True):
+        here = kept[(kept >= start) & (kept < start + family.amplitude.size)]
+        if here.size:
+            reach, seen, turned = (kernel @ lever.T) @ family.basis, family.basis.T @ r, family.basis.T @ j
+        for k in here:
+            square = family.amplitude[k - start] ** 2
+            variance = family.scale[k - start] ** 2 + square * family.spectrum
+            gain = square * reach / variance  # (n_node, n_dir)
+            parameters = gain @ turned
+            spread = square * np.diag(kernel) - np.einsum("ij,ij->i", gain * variance, gain)
+            spread += np.einsum("ip,pq,iq->i", parameters, linearised.covariances[k], parameters)
+            means.append(gain @ (seen - turned @ linearised.steps[k]))
+            sds.append(np.sqrt(np.maximum(spread, 0.0)))
+        start += family.amplitude.size
+    return _Seen(kept, linearised.weights[kept] / linearised.weights[kept].sum(), np.array(means), np.array(sds))

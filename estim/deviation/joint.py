@@ -9,7 +9,7 @@ farthest; places count from the release of each run.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.linalg import block_diag
@@ -22,11 +22,12 @@ from estim.deviation.errors import MixtureErrors
 from estim.deviation.force import OWN, Response, Track, force_shapes, shared_force_shapes
 from estim.deviation.found import OwnForce, find_force, find_own_force
 from estim.deviation.generic import stated_is_conservative
-from estim.deviation.grid import prior_grid
+from estim.deviation.grid import SCALES, prior_grid
+from estim.deviation.jumps import BadFrames
 from estim.deviation.linearised import Linearised, linearise
 from estim.deviation.mixture import Mixture, keep_probable
 from estim.deviation.noise import Stated, WithForce, normal_covariance
-from estim.deviation.posing import FoundForce, narrow_to_wide, priors_at, whitener, with_starts
+from estim.deviation.posing import FoundForce, growth_over, linear_groups, priors_at, whitener
 from estim.problem import Likelihood, Named, Noise, Observations, Points, Problem, StackedPoints, Wording
 
 
@@ -68,13 +69,19 @@ class Sharing(Stated):
 class JointlyPosed:
     """noises : run -> its noise with the force.  shared : what ties runs together.  found : one force a group.
 
-    step : (n_par,) where the posterior of all runs then is, from the white fit, linearised.
+    step, cov : (n_par,), (n_par, n_par) where the posterior of all runs then is, from the white fit, linearised.
     """
 
     noises: Mapping[str, Noise]
     shared: tuple[Together, ...]
     found: tuple[FoundForce, ...]
     step: FloatArray
+    cov: FloatArray
+
+    def found_at(self, step: FloatArray) -> tuple[FoundForce, ...]:
+        """What was found, where the mode lies `step` (n_par,) from the point of linearisation."""
+        moved = float(np.max(np.abs(step - self.step) / np.sqrt(np.diag(self.cov))))
+        return tuple(replace(one, moved=moved) for one in self.found)
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,9 +104,9 @@ class _Lacking:
 
     def beside(self, precision: FloatArray, pull: FloatArray) -> Linearised:
         """The posterior of parameters and starts; precision, pull : (n_par, n_par), (n_par,) of all that is known beside."""
-        all_precision, all_pull = with_starts(precision, pull, len(self.runs))
-        columns = np.column_stack([self.jacobian, self.pushes])
-        return linearise(self.deviation, self.residuals, columns, precision=all_precision, pull=all_pull)
+        columns, n = np.column_stack([self.jacobian, self.pushes]), len(self.runs)
+        every = block_diag(precision, np.eye(n))  # each start in its own sds
+        return linearise(self.deviation, self.residuals, columns, precision=every, pull=np.append(pull, np.zeros(n)))
 
 
 Told = tuple[FloatArray, FloatArray]
@@ -116,7 +123,7 @@ def pose_forces(
     Raises InputError where a body hardly moves somewhere along its track.
     """
     lacking = [_prepared(label, tuple(runs), courses, problem, values) for label, runs in groups.items()]
-    precision, pull = priors_at(problem, values)
+    precision, pull = priors_at(problem, values, n_start=0)
     prior = precision, precision @ pull
     forced = {run.name for group in lacking for run in group.runs}
     complete = [_told_by(run, problem, values) for run in problem.runs if run.name not in forced]
@@ -127,7 +134,8 @@ def pose_forces(
         noises |= _noises(group, found)
     shared = tuple(_together(group, found) for group, found in zip(lacking, linear, strict=True) if len(group.runs) > 1)
     forces = tuple(_found(group, found, values, without, problem) for group, found in zip(lacking, linear, strict=True))
-    return JointlyPosed(noises, shared, forces, linear[0].mean[: problem.n_par])
+    n = problem.n_par
+    return JointlyPosed(noises, shared, forces, linear[0].mean[:n], linear[0].covariance[:n, :n])
 
 
 def _prepared(label: str, runs: tuple[Observations, ...], courses: Mapping[str, Course], problem: Problem, values: FloatArray) -> _Lacking:
@@ -135,12 +143,10 @@ def _prepared(label: str, runs: tuple[Observations, ...], courses: Mapping[str, 
     alongs = tuple(courses[run.name].along(run.points, named, run.noise) for run in runs)
     stated = [normal_covariance(run.noise, run.points, named) for run in runs]
     longest = max(alongs, key=lambda along: along.track.length).track
-    responses = tuple(along.response.carried(along.track, longest) for along in alongs)
+    several = len(runs) > 1
+    responses = tuple(along.response.carried(along.track, longest) if several else along.response for along in alongs)
     radius = alongs[0].radian
-    if len(runs) == 1:
-        shapes = force_shapes(longest, responses[0], radius=radius)
-    else:
-        shapes = shared_force_shapes(longest, responses, radius=radius)
+    shapes = shared_force_shapes(longest, responses, radius=radius) if several else force_shapes(longest, responses[0], radius=radius)
     shift, points = np.concatenate([one.shift for one in stated]), StackedPoints(tuple(run.points for run in runs))
     return _Lacking(
         label, runs, alongs, longest, responses, diagonalise(block_diag(*(one.covariance for one in stated)), shapes, prior_grid(runs[0].force)),
@@ -176,7 +182,8 @@ def _as_prior(known: Sequence[Told]) -> Told:
 def _noises(group: _Lacking, linear: Linearised) -> dict[str, Noise]:
     if len(group.runs) == 1:
         (run,) = group.runs
-        return {run.name: WithForce(run.noise, keep_probable(linear, columns=group.pushes), whitener(linear, group.pushes), group.shift)}
+        mixture = keep_probable(linear, columns=group.pushes)
+        return {run.name: WithForce(run.noise, mixture, whitener(linear, group.pushes), group.shift, BadFrames())}
     names = [run.name for run in group.runs]
     return {run.name: Sharing(run.noise, tuple(name for name in names if name != run.name)) for run in group.runs}
 
@@ -187,13 +194,16 @@ def _together(group: _Lacking, linear: Linearised) -> Together:
 
 
 def _found(group: _Lacking, linear: Linearised, values: FloatArray, without: FloatArray, problem: Problem) -> FoundForce:
-    first, several = group.alongs[0], len(group.runs) > 1
-    force = find_force(linear, group.track, Response.stacked(group.responses), radius=first.radian)
-    means, covs = narrow_to_wide(linear, problem.n_par)
+    run, along, several = group.runs[0], group.alongs[0], len(group.runs) > 1
+    force = find_force(linear, group.track, Response.stacked(group.responses), radius=along.radian)
+    means, covs = linear_groups(linear, problem.n_par)
     used = frozenset[str]().union(*(run.parameters for run in group.runs))
+    growth = {name: factor for name, factor in growth_over(problem, linear, without).items() if name in used}
     return FoundForce(
-        group.label, group.runs[0].x_unit, group.runs[0].force, force, linear.size("scale"), stated_is_conservative(linear),
-        {name: sd for name, sd in zip(problem.names, without.tolist(), strict=True) if name in used}, first.upright, values + means, covs,
+        run=group.label, unit=run.y_unit if run.positions else run.x_unit, scale=run.force, force=force, noise=linear.size("scale"),
+        larger=linear.p_noise(float(np.nextafter(1.0, 2.0))), too_large=linear.p_noise(max(SCALES)),
+        conservative=stated_is_conservative(linear), growth=growth, upright=along.upright, means=values + means, covs=covs, bad=BadFrames(),
+        reading_unit=run.x_unit if run.noise.made_of_positions else run.y_unit, step=run.noise.size.step,
         runs=tuple(run.name for run in group.runs), own=_own(group, linear) if several else (),
     )
 

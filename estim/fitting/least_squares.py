@@ -16,11 +16,12 @@ import numpy as np
 
 from estim.arrays import FloatArray
 from estim.common import Finding, InputError, NumericalError
-from estim.deviation import FoundForce
+from estim.deviation import FoundDeviation, FoundForce
 from estim.fitting.fisher_information import information
 from estim.problem import Observations, Posterior, Problem, Symmetry, informative
 
 MAX_ROUNDS = 60
+_FEW_ROUNDS = 6
 _SETTLED = 1e-4  # of a standard deviation, between two rounds
 _SAME_OPTIMUM = 0.5  # in minus log density
 _SAME_PLACE = 1.5  # standard deviations
@@ -49,7 +50,7 @@ class Fit:
     others : (n_other, n_par) other optima not much worse than the best, far from it and from each other.
     symmetry : what else draws the same curves, None where that was not asked.  aliases : other curves through the same points.
     singular : whether some combination of parameters is not determined at all, not even by the priors.
-    forces : what the curve of each run lacks, where that was asked (`estim.deviation`).
+    forces, deviations : what the curve of each run lacks, where that was asked (`estim.deviation`).
     success, message : whether the search settled, in words.  moved : standard deviations that its last round still moved a parameter.
     """
 
@@ -72,10 +73,21 @@ class Fit:
     symmetry: Symmetry | None = None
     aliases: tuple[Finding, ...] = ()
     forces: tuple[FoundForce, ...] = ()
+    deviations: tuple[FoundDeviation, ...] = ()
 
     @property
     def problem(self) -> Problem:
         return self.posterior.problem
+
+    @property
+    def further_starts(self) -> tuple[FloatArray, ...]:
+        """(n_par,) each, the centres of normal distributions that make up the posterior where a curve lacks something."""
+        return tuple(mean for force in self.forces for mean in force.means) + tuple(mean for lack in self.deviations for mean in lack.means)
+
+    @property
+    def further_covs(self) -> tuple[FloatArray, ...]:
+        """(n_par, n_par) each, their covariances."""
+        return tuple(cov for force in self.forces for cov in force.covs) + tuple(cov for lack in self.deviations for cov in lack.covs)
 
 
 def fit_least_squares(
@@ -110,6 +122,16 @@ def fit_least_squares(
     ends = [rough[i][0] for i in np.argsort(objective) if objective[i] <= objective[best] + WITHIN_REACH]
     same = [end for (end, _, _), equal in zip(rough, level, strict=True) if equal]
     return _describe(problem, posterior, values, moved, ends, n_start=len(rough), same=same)
+
+
+def refit(problem: Problem, start: FloatArray) -> Fit:
+    """The nearest mode of `problem` to `start` (n_par,), where that is known to be near.  Raises NumericalError."""
+    if not np.all(np.isfinite(problem.linearised(start).residuals(start))):
+        raise NumericalError("the fit cannot start: the curve is not defined there")
+    values, posterior, moved = _settle(problem, start, max_rounds=_FEW_ROUNDS)
+    if math.isnan(moved):
+        raise NumericalError(_NO_CURVATURE)
+    return _describe(problem, posterior, values, moved, [values], n_start=1, same=[values])
 
 
 def _prior_draw(problem: Problem, rng: np.random.Generator) -> FloatArray:
@@ -302,7 +324,7 @@ def _describe(
         message = "settled, but a combination of parameters is not determined at all: no standard deviations"
     return Fit(
         names=problem.names, values=values, cov=cov, sds=sds, at_bound=tuple(at_bound), posterior=posterior, chi2=chi2, dof=dof,
-        p_value=chi2_p(chi2, dof) if dof > 0 and not problem.noise_names and not robust else math.nan,
+        p_value=chi2_p(chi2, dof) if dof > 0 and all(run.stated for run in problem.runs) and not robust else math.nan,
         n_start=n_start, n_same=n_same, others=far_apart(values, ends, place),
         singular=singular, success=moved < _SETTLED, moved=moved, message=message,
     )

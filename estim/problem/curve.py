@@ -77,6 +77,14 @@ class SpeedCurve(Curve, Protocol):
         """d^order f/dt^order along the motion dx/dt = f(x), for even `order`: what a derivative by differences adds to its mean."""
 
 
+@runtime_checkable
+class PositionCurve(Curve, Protocol):
+    """A curve of positions against time."""
+
+    def state(self, t: FloatArray, arguments: Mapping[str, ArrayLike]) -> tuple[FloatArray, FloatArray]:
+        """Positions and velocities (n_draw, n_obs) at times t (n_obs,) s of the data's clock."""
+
+
 class Motion(Protocol):
     """What is known of a body whose motion was measured, beside the curve that is fit; a plain curve has none."""
 

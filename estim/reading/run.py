@@ -6,7 +6,7 @@ Columns: `t_s` time, `x_m` position along the ramp since release, `v_m_s` speed,
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from types import MappingProxyType
@@ -23,6 +23,7 @@ from estim.reading.tracker.track import LEAST_STEP, MOST
 
 COLUMNS = ("t_s", "x_m", "v_m_s", "theta_rad", "omega_rad_s", "sigma_x_m", "sigma_v_m_s")
 _MIN_ROWS = 5
+_SAME_TIME = 0.01  # of an interval
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,6 +36,7 @@ class Run:
     warnings : what is suspicious about the file, in words.
     facts : where an imported track comes from and how x was made of it, in words; also for a CSV made by `estim import`.
     tilt : rad, of an imported track against the x axis of its video, positive uphill; None where it is not known.
+    left_out : how many rows of the file were left out by `without`.
     """
 
     name: str
@@ -45,6 +47,7 @@ class Run:
     warnings: tuple[str, ...] = ()
     facts: tuple[str, ...] = ()
     tilt: Quantity | None = None
+    left_out: int = 0
 
     @property
     def n_row(self) -> int:
@@ -54,6 +57,26 @@ class Run:
     def coordinate(self) -> str:
         """The column that says where the body is: `x_m` or `theta_rad`."""
         return "x_m" if "x_m" in self.columns else "theta_rad"
+
+    def without(self, times: Sequence[float]) -> Run:
+        """The run without the rows at `times` (s), each to a hundredth of the interval.
+
+        Raises InputError naming `leave_out_s` for a time that has no row.
+        """
+        if "t_s" not in self.columns:
+            raise InputError("needs times: the run's file has no t_s column", field="leave_out_s", value=times[0])
+        t = self.columns["t_s"]
+        within = _SAME_TIME * float(np.median(np.diff(t)))
+        rows = [int(np.argmin(np.abs(t - time))) for time in times]
+        for row, time in zip(rows, times, strict=True):
+            if not abs(t[row] - time) <= within:
+                rule = f"must name times of rows of {self.file}: the nearest is {t[row]:.6g} s, on line {self.lines[row]}"
+                raise InputError(rule, field="leave_out_s", value=time)
+        kept = np.setdiff1d(np.arange(t.size), rows)
+        columns = {name: column[kept] for name, column in self.columns.items()}
+        for column in columns.values():
+            column.setflags(write=False)
+        return replace(self, columns=MappingProxyType(columns), lines=self.lines[kept], left_out=t.size - kept.size)
 
     def error(self, rule: str, column: str, row: int) -> InputError:
         """An InputError for the cell of `column` in `row`."""

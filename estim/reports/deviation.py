@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import msgspec
 import numpy as np
 
-from estim.checks import force_finding
+from estim.checks import force_finding, noise_finding
 from estim.common import Markdown
 from estim.deviation import FoundForce
 from estim.pipeline import Analysis
@@ -28,7 +28,7 @@ class AverageResistance(msgspec.Struct, frozen=True):
 
 
 class ForceSummary(msgspec.Struct, frozen=True):
-    """An unmodelled force along the track of a run, or of several that share it, in units of the weight; positions in `unit`."""
+    """An unmodelled force along the track of a run, in units of the weight; positions in `unit`."""
 
     prior_scale: float  # of the half-normal prior of its amplitude
     probability: float  # P(amplitude > 0)
@@ -41,9 +41,11 @@ class ForceSummary(msgspec.Struct, frozen=True):
     conservative: bool  # whether the readings scatter by far less than stated
     runs: list[str]  # that share it; one where it is that of a run alone
     own: dict[str, float]  # run -> root mean square of what it adds to a shared force; empty where none is shared
-    growth: dict[str, float]  # sd of each parameter over that with the stated noise and an exact start; empty where the status is not ok
+    growth: dict[str, float]  # sd of each parameter over that with the stated noise and an exact start, linearised; empty where not ok
     average: AverageResistance | None
     words: str
+    drawn: bool  # whether the bands of the curve hold it
+    noise_words: str | None  # where the readings scatter plainly otherwise than stated
     x: list[float]
     low_95: list[float]
     low_68: list[float]
@@ -83,17 +85,18 @@ def deviation_text(forces: Mapping[str, ForceSummary], labels: Labels) -> Markdo
 
 
 def _summary(analysis: Analysis, found: FoundForce) -> ForceSummary:
-    force, problem = found.force, analysis.problem
+    force, problem, noise = found.force, analysis.problem, noise_finding(found)
     sds = dict(zip(problem.names, np.std(analysis.chain.flat, axis=0).tolist(), strict=True))
     ok = analysis.diagnosis.ok
-    growth = {name: sds[name] / sd for name, sd in found.without.items() if sd > 0.0} if ok else {}
     low_95, low_68, median, high_68, high_95 = force.quantiles.tolist()
     return ForceSummary(
         prior_scale=found.scale, probability=force.probability, amplitude=list(force.amplitude),
         length=[None if np.isnan(one) else one for one in force.length], unit=found.unit, typical=force.typical, most=force.most,
-        noise=list(found.noise), conservative=found.conservative, growth=growth, runs=list(found.runs),
-        own={one.run: float(np.sqrt(np.mean(np.square(one.mean)))) for one in found.own}, average=_average(analysis, found, sds) if ok else None,
-        words=tell(force_finding(found)), x=force.x.tolist(), low_95=low_95, low_68=low_68, median=median, high_68=high_68, high_95=high_95,
+        noise=list(found.noise), conservative=found.conservative, runs=list(found.runs),
+        own={one.run: float(np.sqrt(np.mean(np.square(one.mean)))) for one in found.own},
+        growth=dict(found.growth) if ok else {}, average=_average(analysis, found, sds) if ok else None,
+        words=tell(force_finding(found)), drawn=found.completed is not None, noise_words=None if noise is None else tell(noise), x=force.x.tolist(),
+        low_95=low_95, low_68=low_68, median=median, high_68=high_68, high_95=high_95,
     )
 
 

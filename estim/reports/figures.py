@@ -18,6 +18,7 @@ from estim.arrays import FloatArray
 from estim.campaign import way_back
 from estim.checks import Goodness, Outliers
 from estim.common import Markdown, mathtext
+from estim.deviation import FoundForce
 from estim.pipeline import Analysis
 from estim.problem import Observations, Prior, Problem, n_uses
 from estim.sampling import Bands, curve_draws
@@ -72,9 +73,10 @@ def phase_figure(analysis: Analysis, *, synthetic: bool) -> Figure:
             _draw_bands(ax, bands, run.words.new)
         else:
             mode = curve_draws(analysis.problem, run, bands.x, analysis.fit.values[None, :])[0][0]
-            ax.plot(bands.x, mode, color=BLUE, lw=1.2, label="most probable curve")
+            ax.plot(bands.x, mode, color=BLUE, lw=1.2, label="most probable curve" + (", its force left out" if bands.completed else ""))
         _draw_points(ax, run)
         _draw_outliers(ax, run, analysis.outliers)
+        _draw_bad_frames(ax, run, analysis.fit.forces)
         stops = bands.end[np.isfinite(bands.end)]
         if trusted and stops.size > 0.5 * bands.end.size and np.median(stops) < 1.25 * run.x.max():
             low, middle, high = np.quantile(stops, [0.025, 0.5, 0.975])
@@ -99,12 +101,12 @@ def _low_end(values: FloatArray) -> float:
 
 def _draw_bands(ax: Axes, bands: Bands, new: str) -> None:
     probabilities = sorted(bands.credible, reverse=True)
-    widest = probabilities[0]
+    widest, with_force = probabilities[0], " with its force" if bands.completed else ""
     ax.fill_between(bands.x, *bands.predictive[widest], color=GREY, alpha=0.22, lw=0, label=f"{new}, {100 * widest:.0f} %")
     for probability, alpha in zip(probabilities, (0.30, 0.55), strict=True):
         low, high = bands.credible[probability]
         thin = np.median(high - low) < _LINE * np.ptp(bands.median)
-        name = f"the curve, {100 * probability:.0f} %" + (" (mostly under its line)" if thin else "")
+        name = f"the curve{with_force}, {100 * probability:.0f} %" + (" (mostly under its line)" if thin else "")
         ax.fill_between(bands.x, low, high, color=BLUE, alpha=alpha, lw=0, label=name)
     ax.plot(bands.x, bands.median, color=BLUE, lw=1.2, label="posterior median")
 
@@ -128,6 +130,15 @@ def _draw_outliers(ax: Axes, run: Observations, outliers: Sequence[Outliers]) ->
         if found.run == run.name and found.frames.size:
             at = found.frames
             ax.plot(run.x[at], run.y[at], "o", mfc="none", mec=ORANGE, mew=1.6, ms=9, ls="", label="outlier", zorder=6)
+
+
+def _draw_bad_frames(ax: Axes, run: Observations, forces: Sequence[FoundForce]) -> None:
+    """A ring about the point of each bad frame, or the nearest in time."""
+    times = run.t if run.t is not None else run.x
+    jumps = [jump for found in forces if found.run == run.name for jump in found.bad.jumps]
+    at = sorted({int(np.argmin(np.abs(times - (jump.x if run.t is None else jump.t)))) for jump in jumps})
+    if at:
+        ax.plot(run.x[at], run.y[at], "o", mfc="none", mec=ORANGE, mew=1.6, ms=9, ls="", label="bad frame", zorder=6)
 
 
 def residual_figure(runs: Sequence[Observations], goodness: Sequence[Goodness], *, synthetic: bool) -> Figure:

@@ -13,6 +13,7 @@ _WHY = MappingProxyType(
         Kind.OUTSIDE_TIMES: "outside the window of time",
         Kind.OUTSIDE_POSITIONS: "outside the window of position",
         Kind.OUTSIDE_WINDOW: "outside the stated window",
+        Kind.LEFT_OUT: "as stated by leave_out_s",
         Kind.WAY_BACK: "after the farthest point (the way back is another motion)",
         Kind.BESIDE_RELEASE: f"{_BESIDE} release",
         Kind.BESIDE_TURNING: f"{_BESIDE} turning point",
@@ -28,4 +29,8 @@ def _left_out(f: Finding) -> str:
     return f"{f.size:.0f} {_WHY[f.kind]}"
 
 
-WORDS: Table = MappingProxyType({Kind.NO_DERIVATIVE: _without_speed, **dict.fromkeys(_WHY, _left_out)})
+def _between(f: Finding) -> str:
+    return f"{f.size:.0f} between: one of every {f.numbers['every']:.0f} is fit"
+
+
+WORDS: Table = MappingProxyType({Kind.NO_DERIVATIVE: _without_speed, Kind.ROWS_BETWEEN: _between, **dict.fromkeys(_WHY, _left_out)})

@@ -1,0 +1,247 @@
+"""Bad frames: which readings of a run are shifted, found by a scan beside the unmodelled force, and held as further unknowns.
+
+Patterns of the readings of a run, one for each frame k, their size unknown:
+
+    "step"    every reading from frame k on is shifted (counts of an encoder lost or gained, a mark that was lost and found beside)
+    "frame"   one reading is shifted (a slip of the hand, a wrong time stamp)
+    "clock"   every time from frame k on is wrong, by a whole number of frames that were lost unnoticed or counted twice
+
+With r, J and the components C_c of the force (`linearised`), w_c their probabilities, P_c the precision left when the parameters are fit too:
+
+    B_k = sum_c w_c (1 + S^2 q)^(-1/2) exp{g^2/[2 (q + S^-2)]},    q = h^T P_c h,    g = h^T P_c r
+
+is the Bayes factor for a pattern h of size N(0, S^2); S is 10, 100 or 1000 standard deviations of a reading, equally probable; for a known size
+(one, two or three frames lost, one counted twice) it is exp(g s - q s^2/2).  A recording has a
+bad frame with probability 1/4 beforehand, shared evenly by all patterns; the best pattern is taken where the odds are above 1, and the scan begins
+anew.  Where nothing is wrong B_k is 1 on average, so the accused are at most a quarter (Markov's inequality); measured: 1 of 150 clean recordings,
+2 of 310 with other faults (ramp, correlated or uneven errors, blur, jitter).
+
+What was found stays in the posterior as one column of unknown size each: nothing is repaired, the data say how large it is.  Speeds by differences
+are evaluated where the readings were without the shift (`moved`), since the curve bends too sharply near a turning point for a linear law.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from estim.arrays import FloatArray
+from estim.deviation.components import Deviation
+from estim.deviation.linearised import Linearised, linearise
+from estim.deviation.mixture import compact
+from estim.problem import Points
+
+PRIOR = 0.25  # probability that a recording has a bad frame
+MOST = 6  # in one recording; beyond, it is not a matter of single frames
+_SIZES = (10.0, 100.0, 1000.0)  # of a pattern, in sds of a reading
+_LOST = (1.0, 2.0, 3.0, -1.0)  # frames, of a clock
+_SHIFTED = ("step", "frame")  # kinds in which positions are wrong
+_STILL = 2.5  # sds: a size below is none
+_WIDE = 30.0  # times what was found: sd of a size that is left to the data
+
+
+@dataclass(frozen=True, eq=False)
+class Frames:
+    """What was read of a run, row by row, and what a shift of a reading does to its points.
+
+    t : (n_row,) s, nan where unknown.  x : (n_row,) position or abscissa, for names.  lines : (n_row,) of the file, 0 where unknown.
+    matrix : (n_obs, n_row).  velocity : (n_row,) of the fit, unit of a reading per s; zeros where time is not what was read.
+    sd : of a typical reading.  in_sequence : whether readings follow each other, so that a shift can stay.
+    at : (n_obs,) row of the abscissa of each point, and slope (n_obs,) of the curve there; None where abscissas are not what is shifted.
+    """
+
+    t: FloatArray
+    x: FloatArray
+    lines: NDArray[np.int64]
+    matrix: FloatArray
+    velocity: FloatArray
+    sd: float
+    in_sequence: bool
+    at: NDArray[np.int64] | None = None
+    slope: FloatArray | None = None
+
+    @property
+    def interval(self) -> float:
+        """s, between readings; nan where times are unknown."""
+        return float(np.median(np.diff(self.t)))
+
+
+@dataclass(frozen=True, eq=False)
+class Pattern:
+    """A bad frame that may be: row k of the readings, its kind, and the points (n_obs,) for one unit of its size (m, rad or s)."""
+
+    row: int
+    kind: str
+    column: FloatArray
+    unit: float  # that sizes are counted in: what moves the readings by one standard deviation, or a frame
+    whole: bool = False  # whether the size is a number of frames
+
+
+@dataclass(frozen=True, eq=False)
+class Jump:
+    """A bad frame that was found.
+
+    kind : of `Pattern`.  row : of the readings.  t, x, line : when, where, and on which line of the file; nan, 0 where unknown.
+    size, sd : of the shift, unit of a reading, or s for "clock".  before : t of the reading before it.  interval : s, between readings.
+    probability : that something is wrong there.  share : how much of that belongs to this frame and kind.
+    column : (n_obs,) what it does to the points at one standard deviation of its prior.
+    """
+
+    kind: str
+    row: int
+    t: float
+    x: float
+    line: int
+    before: float
+    interval: float
+    size: float
+    sd: float
+    probability: float
+    share: float
+    column: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class BadFrames:
+    """jumps : in the order of time.  crowd : whether there are more than `MOST`.
+
+    shift_x, shift_y : (n_obs,) what they did to the points, as far as it is taken out before the curve is evaluated; None for nothing.
+    """
+
+    jumps: tuple[Jump, ...] = ()
+    crowd: bool = False
+    shift_x: FloatArray | None = None
+    shift_y: FloatArray | None = None
+
+    def moved(self, points: Points) -> Points:
+        """The points without the shifts that were found; the columns say how uncertain these are."""
+        if self.shift_x is None or self.shift_y is None:
+            return points
+        return replace(points, x=points.x - self.shift_x, y=points.y - self.shift_y)
+
+    def same(self, other: BadFrames) -> bool:
+        """Whether they are the same frames."""
+        return [(jump.kind, jump.row) for jump in self.jumps] == [(jump.kind, jump.row) for jump in other.jumps]
+
+    def columns(self, n_obs: int) -> FloatArray:
+        """(n_obs, n_jump)."""
+        return np.column_stack([jump.column for jump in self.jumps]) if self.jumps else np.zeros((n_obs, 0))
+
+
+NONE = BadFrames()
+
+
+def find_bad_frames(
+    deviation: Deviation, frames: Frames, residuals: FloatArray, jacobian: FloatArray, *, precision: FloatArray, pull: FloatArray,
+    known: BadFrames = NONE,
+) -> BadFrames:
+    """The bad frames of a run, one after the other; the other arguments are those of `linearise`.
+
+    known : found about another point of linearisation; those that now come out smaller than 2.5 of their sds are dropped.
+    """
+    patterns = _patterns(frames)
+    taken = 0.0 if frames.at is None else 1.0  # whether the points are those without what was known
+    before = {(jump.kind, jump.row): jump for jump in known.jumps}
+    found = [
+        (pattern, _WIDE * abs(jump.size), jump.probability, jump.share)
+        for pattern in patterns if (jump := before.get((pattern.kind, pattern.row))) is not None
+    ]
+    n_par = jacobian.shape[1]
+    crowd = False
+    while True:
+        columns = np.column_stack([pattern.column * wide for pattern, wide, _, _ in found]) if found else np.zeros((residuals.size, 0))
+        n = len(found)
+        whole = np.block([[precision, np.zeros((n_par, n))], [np.zeros((n, n_par)), np.eye(n)]])
+        linear = linearise(deviation, residuals, np.hstack([jacobian, columns]), precision=whole, pull=np.r_[pull, np.zeros(n)])
+        logs, sizes = _scan(linear, patterns)
+        total = float(np.logaddexp.reduce(logs))
+        if total <= 0.0:
+            break
+        if n >= MOST:
+            crowd = True
+            break
+        best = int(np.argmax(logs))
+        wide = _WIDE * max(abs(float(sizes[best])), (1.0 if patterns[best].whole else 10.0) * patterns[best].unit)
+        found.append((patterns[best], wide, float(1.0 / (1.0 + np.exp(-min(total, 700.0)))), float(np.exp(logs[best] - total))))
+    mean, sds = linear.mean[n_par:], np.sqrt(np.diag(linear.covariance)[n_par:])
+    jumps = []
+    for i, (pattern, wide, probability, share) in enumerate(found):
+        jump = before.get((pattern.kind, pattern.row))
+        size = float(mean[i]) * wide + (taken * jump.size if jump is not None and jump.kind in _SHIFTED else 0.0)
+        if abs(size) > _STILL * float(sds[i]) * wide:
+            jumps.append(_named(frames, pattern, wide, size, float(sds[i]) * wide, probability, share))
+    jumps.sort(key=lambda jump: jump.row)
+    return BadFrames(tuple(jumps), crowd, *_shifts(frames, jumps))
+
+
+def _shifts(frames: Frames, jumps: Sequence[Jump]) -> tuple[FloatArray | None, FloatArray | None]:
+    """Of x and y of the points by the readings that are shifted."""
+    if frames.at is None or frames.slope is None or not jumps:
+        return None, None
+    rows = np.arange(frames.t.size)
+    shift = np.zeros(rows.size)
+    for jump in jumps:
+        if jump.kind in _SHIFTED:
+            shift += jump.size * (rows >= jump.row if jump.kind == "step" else rows == jump.row)
+    there = shift[frames.at]
+    return there, frames.matrix @ shift + frames.slope * there
+
+
+def _named(frames: Frames, pattern: Pattern, wide: float, size: float, sd: float, probability: float, share: float) -> Jump:
+    row = pattern.row
+    return Jump(
+        pattern.kind, row, float(frames.t[row]), float(frames.x[row]), int(frames.lines[row]), float(frames.t[max(row - 1, 0)]),
+        frames.interval, size, sd, probability, share, pattern.column * wide,
+    )
+
+
+def _patterns(frames: Frames) -> tuple[Pattern, ...]:
+    """Those that do something to the points, each once: a step at the first or last frame is that frame alone."""
+    used = np.flatnonzero(np.any(frames.matrix != 0.0, axis=0))
+    later = np.cumsum(frames.matrix[:, ::-1], axis=1)[:, ::-1]  # (n_obs, n_row) shifts of every reading from row k on
+    moved = np.cumsum((frames.matrix * frames.velocity)[:, ::-1], axis=1)[:, ::-1]
+    inside = used[2:-1] if frames.in_sequence else used[:0]
+    found = [Pattern(int(row), "frame", frames.matrix[:, row], frames.sd) for row in used]
+    found += [Pattern(int(row), "step", later[:, row], frames.sd) for row in inside]
+    found += [Pattern(int(row), "clock", moved[:, row], frames.interval, whole=True) for row in inside if np.any(moved[:, row] != 0.0)]
+    return tuple(found)
+
+
+def _scan(linear: Linearised, patterns: Sequence[Pattern]) -> tuple[FloatArray, FloatArray]:
+    """(n_pattern,) log of prior times Bayes factor of each pattern, and the size at which it is best under the most probable component."""
+    deviation = linear.deviation
+    shown = deviation.whiten(np.array([pattern.column * pattern.unit for pattern in patterns])).T
+    r, j = deviation.whiten(linear.residuals), deviation.whiten(linear.jacobian.T).T
+    square, with_j, with_r = np.einsum("ik,ik->k", shown, shown), shown.T @ j, shown.T @ r
+    logs, sizes, most = np.full(len(patterns), -np.inf), np.zeros(len(patterns)), np.full(len(patterns), -np.inf)
+    whole, start = np.array([pattern.whole for pattern in patterns]), 0
+    for family in deviation.families:
+        own = slice(start, start + family.amplitude.size)
+        start = own.stop
+        lean = compact(family)
+        seen, turned, told = lean.basis.T @ shown, lean.basis.T @ j, lean.basis.T @ r
+        white = 1.0 / np.square(lean.scale)
+        for gain, flat, weight, step, cov in zip(
+            1.0 / lean.variances() - white[:, None], white, linear.weights[own], linear.steps[own], linear.covariances[own], strict=True
+        ):
+            if weight == 0.0:
+                continue
+            lever = flat * with_j + (seen.T * gain) @ turned
+            left = flat * with_r + (seen.T * gain) @ told - lever @ step
+            size = flat * square + gain @ np.square(seen) - np.einsum("ki,ij,kj->k", lever, cov, lever)
+            size = np.maximum(size, 1e-12 * flat * square + 1e-300)
+            any_size = _mean([-0.5 * np.log1p(s**2 * size) + 0.5 * left**2 / (size + s**-2.0) for s in _SIZES])
+            one = np.log(weight) + np.where(whole, _mean([left * s - 0.5 * size * s**2 for s in _LOST]), any_size)
+            better = one > most
+            sizes, most = np.where(better, left / size, sizes), np.where(better, one, most)
+            np.logaddexp(logs, one, out=logs)
+    units = np.array([pattern.unit for pattern in patterns])
+    return logs + np.log(PRIOR / len(patterns)), sizes * units
+
+
+def _mean(logs: Sequence[FloatArray]) -> FloatArray:
+    """Logarithm of the mean of what these are the logarithms of."""
+    return np.asarray(np.logaddexp.reduce(np.array(logs), axis=0) - np.log(len(logs)))
