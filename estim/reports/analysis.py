@@ -115,6 +115,7 @@ def analysis_text(
         consistency=consistency, axes=axes, limits_only=result.status != "ok", converged=converged,
         corner_words=corner_words, usual=[_usual_row(one) for one in result.usual_errors], lacks=lacks, explanation=explanation,
         deviation=deviation_text(result.deviation, result.labels) if result.deviation else "",
+        complete={words: [name for name, run in result.runs.items() if run.complete == words] for words in _why_complete(result)},
         drawn=any(force.drawn for force in (result.deviation or {}).values()),
         said=[words for force in (result.deviation or {}).values() for words in (force.words, force.noise_words)] if result.status == "ok" else [],
         picture=" and ".join(f"{y} against {x}" for x, y in axes),
@@ -126,6 +127,11 @@ def _usual_row(error: UsualError) -> dict[str, str]:
     posterior = "" if error.mean is None or error.sd is None else format_quantity(error.mean, error.sd)
     prior = format_quantity(0.0, error.prior_sd)
     return {"symbol": kind.notation.symbol, "meaning": kind.meaning, "prior": prior, "posterior": posterior, "key": error.key}
+
+
+def _why_complete(result: Result) -> list[str]:
+    """The reasons for which curves are taken as complete, each once."""
+    return list(dict.fromkeys(run.complete for run in result.runs.values() if run.complete is not None))
 
 
 def _moved_by_errors(result: Result) -> list[str]:
