@@ -17,41 +17,42 @@ from numpy.typing import ArrayLike
 
 from estim.arrays import FloatArray
 from estim.checks import (
-    P_POOR_FIT,
     Goodness,
     check_goodness,
     check_stated_values,
+    curve_findings,
+    curve_remarks,
+    deviation_finding,
     failed_tests,
     laplace_modes,
+    pressed_limits,
     same_curve,
     several_solutions,
     stated_values,
 )
-from estim.common import Amount, Finding, Kind, Status, code, decide, markdown, one_line, table, wrong
+from estim.common import Finding, Kind, Status, code, decide, markdown, one_line, table, wrong
 from estim.curves import AxisNames, Component, CurveProblem, pose_curve
+from estim.deviation import FoundDeviation
 from estim.fitting import (
     FEW,
     N_START,
-    PRESSED_BELOW,
     Ends,
     Fit,
     Optimum,
     chi2_p,
-    coverage_of_sd,
-    edge_of,
     find_optimum,
+    fit_lacking,
     fit_least_squares,
     led_here,
-    pressed,
+    sds_beside_limits,
     shown_value,
     spread,
     with_others,
 )
 from estim.problem import Prior, Problem, informative
-from estim.words import advice, tell
+from estim.words import advice, advice_for, tell
 
 _ROUNDS = 60  # of the size of the errors, where priors make it matter
-_FEW_DIGITS = 0.01  # standard deviations that rounding errors move a value by, worth a word
 _ADVISED = (Kind.SEVERAL_SOLUTIONS, Kind.STEP_UNSETTLED)  # of which a reason says what to do as well
 _PERFECT = 3e-14  # residuals below this share of y are rounding errors
 
@@ -99,6 +100,16 @@ class CurveFit:
         return tuple(f"{tell(f)}; {advice(f)}" if f.kind in _ADVISED else tell(f) for f in self.findings)
 
     @property
+    def advice(self) -> tuple[str, ...]:
+        """What to do where the residuals have a pattern."""
+        return tuple(advice_for(f for f in self.findings if f.kind is Kind.CURVE_LACKS))
+
+    @property
+    def deviation(self) -> FoundDeviation | None:
+        """What the curve lacks, where `deviation` or `correlated` asked for it."""
+        return next(iter(self.fit.deviations), None)
+
+    @property
     def notes(self) -> tuple[str, ...]:
         return tuple(map(tell, self.remarks))
 
@@ -117,11 +128,13 @@ class CurveFit:
         width = max(len(name) for name in self.names)
         rows = [f"{name:<{width}} {f'{relation} {value}'.strip()}" for name, (relation, value) in self._rows()]
         head = [f"{self.text}: {self.status}", *(f"  {reason}" for reason in self.reasons)]
+        head += [f"  what to do: {words}" for words in self.advice]
         said = [*head, *rows, *self._fixed_words(), *(f"note: {note}" for note in self.notes)]
         return "\n".join(map(one_line, [*said, self._summary()]))
 
     def _repr_markdown_(self) -> str:
         head = [f"{code(self.text)}: **{self.status}**", *(f"- {markdown(reason)}" for reason in self.reasons)]
+        head += [f"- What to do: {markdown(words)}" for words in self.advice]
         rows = [(name, value) for name, (_, value) in self._rows()]
         shown = ["", table(("parameter", "value and intervals"), rows)] if rows else []
         notes = [*self._fixed_words(), *(f"Note: {note}" for note in self.notes)]
@@ -170,6 +183,8 @@ def fit_curve(
     axes: AxisNames | None = None,
     n_start: int = N_START,
     fixed: Mapping[str, float] | None = None,
+    deviation: float = 0.0,
+    correlated: ArrayLike | bool = False,
 ) -> CurveFit:
     """The curve fit to points x, y (n_obs,) by least squares.
 
@@ -183,6 +198,9 @@ def fit_curve(
     bounds : name -> (low, high), None for no limit.  priors : name -> prior, or text like "9.81(2)"; else flat.
     errors : errors common to all points (`Component`), fit as further parameters.  units : name -> unit, for tables.
     axes : names and units of x and y (`AxisNames`), for figures, tables and the units of `errors`.
+    deviation : how large a smooth deviation of y from the curve would not surprise you (the scale of a half-normal prior, unit of y); 0 for none.
+    correlated : whether errors of points that follow each other may be alike: True in the order given, or their times (n_obs,).
+        With either, values, sds and intervals are those of a mixture over its size and length, linear in the parameters (`estim.deviation`).
     rng : of the further starts and of the simulated tests; None always draws the same.  n_start : starts tried, 1 for the given one alone.
 
     Raises InputError where an argument breaks a rule.
@@ -192,8 +210,11 @@ def fit_curve(
         curve, x, y, start=start, u_y=u_y, cov_y=cov_y, u_x=u_x, bounds={} if bounds is None else bounds,
         priors={} if priors is None else priors, errors=tuple(errors), units={} if units is None else units,
         axes=AxisNames() if axes is None else axes, fixed={} if fixed is None else fixed,
+        deviation=deviation, correlated=correlated,
     )
-    return (_fit_stated if posed.stated else _fit_estimated)(posed, rng, n_start)
+    complete = (_fit_stated if posed.stated else _fit_estimated)(posed, rng, n_start)
+    found = complete.status not in (Status.NOT_IDENTIFIED, Status.NOT_CONVERGED) and complete.goodness
+    return _fit_lacking(posed, complete, rng) if posed.lacks is not None and found else complete
 
 
 def _fit_stated(posed: CurveProblem, rng: np.random.Generator, n_start: int) -> CurveFit:
@@ -219,6 +240,27 @@ def _fit_estimated(posed: CurveProblem, rng: np.random.Generator, n_start: int) 
     )
     estimated = _residual_sd(posed, best.values)
     return _concluded(posed, best, problem, sigma=estimated, scale=1.0 if pulled else estimated, rng=rng)
+
+
+def _fit_lacking(posed: CurveProblem, complete: CurveFit, rng: np.random.Generator) -> CurveFit:
+    """The fit of a curve that may lack something, from the one `complete` that takes it as it is."""
+    problem = posed.with_lacks(complete.sigma or 1.0)
+    start = np.array([complete.values[p.name] for p in problem.parameters])
+    fit = fit_lacking(fit_least_squares(problem, rng=rng, n_start=1, start=start), rng=rng)
+    fit = replace(fit, n_start=complete.fit.n_start, n_same=complete.fit.n_same, symmetry=complete.fit.symmetry, aliases=complete.fit.aliases)
+    (found,) = fit.deviations
+    goodness = check_goodness(fit, rng=rng)
+    kept = [f for f in complete.findings if f.kind is Kind.SEVERAL_SOLUTIONS]
+    tests = [replace(f, run="") for f in failed_tests(goodness)]
+    findings = wrong([*kept, *pressed_limits(fit, fit.values), *tests, stated_values(fit, check_stated_values(fit))])
+    about = deviation_finding(found, x_unit=posed.axes.x_unit, y_unit=posed.axes.y_unit)
+    sds, near = sds_beside_limits(found, problem)
+    values, names = np.clip(found.mean, *problem.support()).tolist(), fit.names
+    return replace(
+        complete, values=dict(zip(names, values, strict=True)), sds=dict(zip(names, sds.tolist(), strict=True)), intervals=found.intervals,
+        cov=found.cov, chi2=fit.chi2, p_value=fit.p_value, sigma=None if complete.sigma is None else found.noise[1], status=decide(findings),
+        findings=findings, remarks=(*near, replace(about, run="")), goodness=goodness, fit=fit,
+    )
 
 
 def _residual_sd(posed: CurveProblem, values: FloatArray) -> float:
@@ -251,29 +293,15 @@ def _concluded(posed: CurveProblem, best: Optimum, problem: Problem, *, sigma: f
     conflict = None if best.singular else check_stated_values(inner)
     solutions = several_solutions(inner, laplace_modes(inner)) if inner.others.size else []
     stated = [] if conflict is None else [stated_values(inner, conflict)]
-    findings = wrong([*solutions, *_findings(posed, best, fixed, p_value, chi2, dof, goodness, estimated=sigma is not None), *stated])
+    findings = wrong([*solutions, *curve_findings(fixed, best, p_value, chi2, dof, goodness, estimated=sigma is not None), *stated])
     names = tuple(p.name for p in posed.parameters)
     return CurveFit(
         names=names, values=dict(zip(names, best.values.tolist(), strict=True)), sds=dict(zip(names, found.sds.tolist(), strict=True)),
         intervals=found.intervals, cov=found.cov, chi2=chi2, dof=dof, p_value=p_value, sigma=sigma, status=decide(findings), findings=findings,
-        remarks=(*found.notes, *_remarks(best, p_value, chi2, dof, sigma, perfect)),
+        remarks=(*found.notes, *curve_remarks(best, p_value, chi2, dof, goodness, stated=sigma is None, perfect=perfect)),
         message=_message(best, sigma, perfect, [tell(f) for f in same_curve(inner)]), goodness=goodness,
         fit=inner, text=posed.text, fixed=posed.fixed,
     )
-
-
-def _remarks(best: Optimum, p_value: float, chi2: float, dof: int, sigma: float | None, perfect: bool) -> list[Finding]:
-    """What to know of a fit that may be ok."""
-    found = []
-    if best.tolerance > _FEW_DIGITS and not perfect:
-        found.append(Finding(Kind.ROUNDING, size=best.tolerance))
-    if best.frail and not best.singular:
-        found.append(Finding(Kind.CANCELLATION))
-    if sigma is not None and dof <= FEW and not perfect:
-        found.append(Finding(Kind.FEW_DEGREES, size=dof, numbers={"coverage": coverage_of_sd(dof)}))
-    if sigma is None and 1.0 - p_value < P_POOR_FIT:
-        found.append(Finding(Kind.CHI2_SMALL, p=1.0 - p_value, size=chi2, numbers={"dof": dof}))
-    return found
 
 
 def _fixed_fit(problem: Problem, best: Optimum, rng: np.random.Generator) -> Fit:
@@ -299,26 +327,6 @@ def _inner_fit(posed: CurveProblem, best: Optimum, problem: Problem, sigma: floa
     posterior = problem.linearised(values)
     fit = replace(fit, values=values, posterior=posterior, n_start=best.n_start, n_same=best.n_same, success=best.settled, message=words)
     return with_others(fit, best, rng)
-
-
-def _findings(
-    posed: CurveProblem, best: Optimum, fixed: Fit, p_value: float, chi2: float, dof: int, goodness: tuple[Goodness, ...], *, estimated: bool
-) -> list[Finding]:
-    """Everything that is wrong with the fit itself."""
-    found = []
-    if not best.settled and not best.singular:
-        found.append(Finding(Kind.STEP_UNSETTLED, size=best.step))
-    if best.singular:
-        found.append(Finding(Kind.UNDETERMINED))
-    for name, p in pressed(fixed, estimated=estimated).items():
-        if p < PRESSED_BELOW:
-            i = fixed.names.index(name)
-            limit = edge_of(posed.parameters[i].prior, float(best.values[i]))
-            found.append(Finding(Kind.PRESSED_LIMIT, p=p, parameters=(Amount(name, limit),)))
-    if p_value < P_POOR_FIT:
-        found.append(Finding(Kind.CHI2_TOO_LARGE, p=p_value, size=chi2, numbers={"dof": dof}))
-    # the points have no run to be named, and chi2 was told above
-    return found + [replace(f, run="", numbers={}) for f in failed_tests(goodness) if f.test and f.test != "chi2"]
 
 
 def _message(best: Optimum, sigma: float | None, perfect: bool, same: list[str]) -> str:

@@ -5,11 +5,12 @@ Read this first.  Each stage takes records and returns one; each lives in the fi
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
-from estim.campaign import Campaign, NoiseTable
+from estim.campaign import Campaign, NoiseTable, as_complete
 from estim.checks import (
+    SURE,
     Conflict,
     Consistency,
     Diagnosis,
@@ -34,6 +35,7 @@ from estim.checks import (
 )
 from estim.common import Finding, InputError, Kind, Status, Stream, stream
 from estim.curve_fit import CurveFit
+from estim.explanation import Explanation, explain
 from estim.fitting import Fit
 from estim.problem import Problem, folded
 from estim.sampling import (
@@ -63,6 +65,7 @@ _MODE_DRAWS = 20_000
 _OUTLIER_DRAWS = 1000
 _A_FEW = 60  # steps, where data and stated values contradict each other: for figures alone
 _MANY_RUNS = 16  # beyond, the marginal over runs takes the place of a chain
+_FEW_RUNS = 4  # whose candidates are refit without being asked
 _NEGLIGIBLE = 1e-3  # share of an optimum that quadrature has no part for: the border of a light one may cut a heavy one beside it
 
 
@@ -74,6 +77,7 @@ class Analysis:
     consistency : whether several runs agree about what they share; None where that cannot be asked.
     conflict : whether the data agree with what was stated of the parameters.
     influences : what errors that no residual can show would do.
+    explanation : candidates for what the curve lacks, where that was asked.
     title, kind : of the campaign, "" where there is none.
     """
 
@@ -94,6 +98,7 @@ class Analysis:
     seed: int
     title: str = ""
     kind: str = ""
+    explanation: Explanation | None = None
 
     def _repr_markdown_(self) -> str:
         """What a notebook shows: the values, or why there are none."""
@@ -109,7 +114,7 @@ class Analysis:
 
 def analyse(
     campaign: Campaign, runs: Sequence[str], *, seed: int, target: Target | None = None, progress: Progress | None = None,
-    noise: NoiseTable | None = None, store: Store | None = None, stop: Stop | None = None, marginal: bool | None = None,
+    noise: NoiseTable | None = None, store: Store | None = None, stop: Stop | None = None, marginal: bool | None = None, complete: str = "",
 ) -> Analysis:
     """The joint analysis of `runs` of a campaign; the same seed gives the same numbers.  Raises InputError.
 
@@ -117,8 +122,10 @@ def analyse(
     store, stop : keep the chain on disk, resume it, end it early (`sample_posterior`).
     marginal : whether a joint posterior is sampled through the marginal over runs; None: for more than 16 of them, and where the density
         is slow (`positions`) and the chain has no proposal (more than 12 unknowns).
+    complete : what takes the curves as complete, without a force that nobody asked for ("estim energy"); "" for nothing.
     """
     problem = campaign.problem(runs, noise=noise)
+    problem = as_complete(problem, complete) if complete else problem
     campaign.require_unknowns(problem)
     fit = campaign.fit(problem, rng=stream(seed, Stream.FIT))
     analysis = analyse_fit(fit, seed=seed, target=target, progress=progress, store=store, stop=stop, marginal=marginal)
@@ -138,14 +145,16 @@ def analyse_fit(
         chain = sample_posterior(fit.posterior, fit.values, fit.cov, target=few, rng=chain_rng, progress=progress)
         comparison = no_comparison(fit.names, Finding(Kind.NOT_SAMPLED))
     elif marginal if marginal is not None else _through_marginal(fit):
-        chain, comparison = marginal_chain(fit, target=target, rng=chain_rng)
+        chain, comparison = marginal_chain(fit, target=target, rng=chain_rng, progress=progress, store=store, stop=stop)
     else:
         proposal, density = None, folded(fit.posterior, fit.symmetry, fit.values)
         if problem.n_par <= MAX_PARAMETERS:
+            if progress is not None:
+                progress(0, "second opinion")
             ends = optima(fit)
             starts, covs = tuple(ends.values[1:]), tuple(ends.covs[1:])
-            starts += tuple(mean for force in fit.forces for mean in force.means)
-            covs += tuple(cov for force in fit.forces for cov in force.covs)
+            starts += fit.further_starts
+            covs += fit.further_covs
             proposal = adapt_proposal(density, fit.values, fit.cov, rng=proposal_rng, starts=starts, covs=covs)
             heavy = tuple(ends.values[1:][ends.shares[1:] > _NEGLIGIBLE])
             certificate, proposal = second_opinion(
@@ -165,10 +174,24 @@ def analyse_fit(
         fit, chain, goodness, comparison=comparison, identifiability=identifiability, modes=modes, consistency=consistency, conflict=conflict,
         influences=moved,
     )
-    bands = posterior_bands(problem, chain.thinned(_BAND_DRAWS), rng=stream(seed, Stream.BANDS))
+    bands = posterior_bands(problem, chain.thinned(_BAND_DRAWS), rng=stream(seed, Stream.BANDS), forces=fit.forces)
     return Analysis(
         problem, fit, certificate, chain, comparison, goodness, identifiability, modes, outliers, consistency, conflict, moved, diagnosis, bands, seed
     )
+
+
+def asks_for_a_cause(analysis: Analysis) -> bool:
+    """Whether something is missing, and a few seconds may say what: the curve does not explain the data, or surely lacks a force."""
+    lacking = analysis.diagnosis.status is Status.POOR_FIT or any(found.force.probability > SURE for found in analysis.fit.forces)
+    return lacking and len(analysis.problem.runs) <= _FEW_RUNS
+
+
+def explained(campaign: Campaign, analysis: Analysis, *, progress: Callable[[int, int], None] | None = None) -> Analysis:
+    """The analysis with candidates for what its curve lacks, each refit by least squares.  progress : told how many of how many are done."""
+    suspects = campaign.suspects([run.name for run in analysis.problem.runs])
+    values = analysis.fit.values if suspects.plain.names == analysis.fit.names else None
+    rng = stream(analysis.seed, Stream.EXPLANATION)
+    return replace(analysis, explanation=explain(suspects.plain, suspects.causes, rng=rng, values=values, progress=progress))
 
 
 def _through_marginal(fit: Fit) -> bool:

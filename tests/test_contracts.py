@@ -33,7 +33,7 @@ SETTING = Setting(0.4, Place(1.2, 0.1), Place(0.9, 0.05))
 FORCES = {
     "moment": 0.002, "moment_once_cos": 0.004, "moment_once_sin": -0.003, "moment_twice_cos": 0.002, "moment_twice_sin": 0.005, "sag": 0.001,
 }
-DRAG = {"viscous_drag": 0.08, "quadratic_drag": 0.1, "phi_slope": 0.02}
+DRAG = {"load_resistance": 0.003, "viscous_drag": 0.08, "quadratic_drag": 0.1, "phi_slope": 0.02}
 READ = {"scale_x": 0.02, "scale_t": -0.01, "distortion": 0.004}
 ANGLES = {name: value for name, value in READ.items() if name != "distortion"}
 IN_TIME = {"release_time": -0.2, "offset": 0.003}

@@ -11,7 +11,7 @@ from scipy import stats
 from estim.common.errors import InputError
 from estim.deviation.components import Shape, diagonalise
 from estim.deviation.force import force_kernel, speed_response, track
-from estim.deviation.generic import amplitude_grid, correlated_shapes, deviation_shapes, equally_probable, stated_is_conservative
+from estim.deviation.generic import correlated_shapes, deviation_shapes, equally_probable, relative_grid, stated_is_conservative
 from estim.deviation.grid import prior_grid, track_lengths
 from estim.deviation.kernels import distances, exponential, matern32, root, sd_of_mean, turning, without_mean
 from estim.deviation.linearised import linearise, mixture_quantiles
@@ -243,7 +243,7 @@ def test_an_error_stated_for_what_no_residual_shows_is_kept_and_called_conservat
     x = np.linspace(0.0, 1.0, 40)
     pattern = 0.0035 * np.sin(19.0 * x) + 0.001 * rng.standard_normal(40)
     jacobian, stated = np.vander(x, 3), np.full(40, 0.05**2)
-    deviation = diagonalise(stated, deviation_shapes(x), amplitude_grid(1.0 + pattern, np.sqrt(stated)))
+    deviation = diagonalise(stated, tuple(shape.times(0.01) for shape in deviation_shapes(x)), relative_grid(stated=True))
     found = linearise(deviation, pattern, jacobian, precision=np.zeros((3, 3)))
     white = np.sqrt(np.diag(np.linalg.inv(jacobian.T @ jacobian / 0.05**2)))
     assert stated_is_conservative(found)
@@ -259,7 +259,7 @@ def test_groups_of_shapes_share_the_prior(rng):
     x = np.linspace(0.0, 3.0, 15)
     both = equally_probable(deviation_shapes(x), correlated_shapes(x))
     assert np.logaddexp.reduce([shape.log_prior for shape in both]) == pytest.approx(0.0, abs=1e-12)
-    deviation = diagonalise(np.ones(15), both, amplitude_grid(x, np.ones(15)))
+    deviation = diagonalise(np.ones(15), both, relative_grid(stated=True))
     assert np.logaddexp.reduce(deviation.column("log_prior")) == pytest.approx(0.0, abs=1e-9)
     with pytest.raises(InputError, match="all the same"):
         deviation_shapes(np.ones(4))
@@ -272,7 +272,7 @@ def test_a_smooth_deviation_of_a_parabola_is_covered(rng, size, white_covers):
     x = np.linspace(-1.0, 1.0, n)
     jacobian = np.vander(x, 3)
     smooth = np.linalg.cholesky(np.exp(-0.5 * np.square(distances(x) / 0.3)) + 1e-9 * np.eye(n))
-    deviation = diagonalise(np.ones(n), deviation_shapes(x), amplitude_grid(10.0 * x, np.ones(n)))
+    deviation = diagonalise(np.ones(n), tuple(shape.times(5.0) for shape in deviation_shapes(x)), relative_grid(stated=True))
     inside, plain = [], []
     slope = np.array([0.0, 1.0, 0.0])
     white = np.linalg.inv(jacobian.T @ jacobian)

@@ -47,6 +47,10 @@ EFFECTS = {
     "moment": Effect(
         Disturbance("moment", changed(moment=0.012 * WEIGHT)), f"{MASSES}\nresisting_moment_n_m = {HALF}0.01}}", "moment", 0.012 * WEIGHT
     ),
+    "load": Effect(
+        Disturbance("load", changed(load_resistance=0.03)), f"load_resistance = {HALF}0.03}}", "load_resistance", 0.03,
+        ("speeds",),
+    ),
     "viscous": Effect(Disturbance("drag", changed(viscous=0.15 * BASE.mass)), f"viscous_drag_per_s = {HALF}0.2}}", "viscous_drag", 0.15),
     "quadratic": Effect(Disturbance("drag", changed(quadratic=0.3 * BASE.mass)), f"quadratic_drag_per_m = {HALF}0.5}}", "quadratic_drag", 0.3),
     "once": Effect(

@@ -105,3 +105,67 @@ def test_truth_of_the_replica_is_never_read(replica: Path) -> None:
     truth = tomllib.loads((replica / "truth.toml").read_text())
     assert truth["gamma[heavy]"] == 0.187
     assert "truth" not in (replica / "campaign.toml").read_text()
+
+
+# --- a stated error far larger than the residuals ------------------------------------------------------------------------------------------
+
+
+def parabola(pattern: np.ndarray, stated: float):
+    x = np.linspace(0.0, 1.0, pattern.size)
+    from estim import fit_curve
+
+    return fit_curve("a + b*x + c*x**2", x, 1.0 + 2.0 * x - 3.0 * x**2 + pattern, start={"a": 1.0, "b": 1.0, "c": 1.0}, u_y=stated)
+
+
+def test_a_stated_error_that_covers_the_pattern_is_conservative_and_kept(rng: np.random.Generator) -> None:
+    """3.5 mm of a sine under a stated 5 cm: ok, with the standard deviations of 5 cm."""
+    x = np.linspace(0.0, 1.0, 40)
+    pattern = 0.0035 * np.sin(19.0 * x) + 0.001 * rng.standard_normal(40)
+    fit = parabola(pattern, 0.05)
+    assert fit.status == "ok"
+    design = np.vander(x, 3, increasing=True)
+    stated = 0.05 * np.sqrt(np.diag(np.linalg.inv(design.T @ design)))
+    np.testing.assert_allclose([fit.sds[name] for name in "abc"], stated, rtol=1e-6)
+    (note,) = fit.notes
+    assert "conservative" in note
+    assert "'autocorrelation'" in note
+    assert fit.goodness[0].covered == ("runs", "autocorrelation")
+    assert fit.goodness[0].failed == ()
+
+
+@pytest.mark.parametrize(("size", "n"), [(0.03, 40), (0.0035, 1000)])
+def test_a_pattern_as_large_as_a_stated_standard_deviation_is_a_poor_fit(rng: np.random.Generator, size: float, n: int) -> None:
+    """Also where it is small, if there are so many points that a standard deviation of a parameter is smaller still."""
+    fit = parabola(size * np.sin(19.0 * np.linspace(0.0, 1.0, n)) + 0.001 * rng.standard_normal(n), 0.05)
+    assert fit.goodness[0].checks["chi2"].p_value > 1.0 - P_POOR_FIT
+    assert fit.status == "poor-fit"
+
+
+def test_small_white_residuals_have_no_pattern_to_cover(rng: np.random.Generator) -> None:
+    fit = parabola(0.001 * rng.standard_normal(40), 0.05)
+    assert fit.status == "ok"
+    assert fit.goodness[0].covered == ()
+    assert "smaller than u_y says" in fit.notes[0]
+
+
+@pytest.mark.statistics
+def test_stated_deviations_cover_where_the_pattern_is_called_covered(rng: np.random.Generator) -> None:
+    """Patterns over a tenth and a fifth of the range: what passes the rule is covered, all of them together are not."""
+    from estim.checks.goodness import _pattern
+
+    n = 300
+    x = np.linspace(0.0, 1.0, n)
+    basis, triangle = np.linalg.qr(np.vander(x, 2))
+    sd = np.linalg.norm(np.linalg.inv(triangle), axis=1)
+    for length in (0.1, 0.2):
+        apart = np.sqrt(3.0) * np.abs(x[:, None] - x) / length
+        lower = np.linalg.cholesky((1.0 + apart) * np.exp(-apart) + 1e-9 * np.eye(n))
+        size = np.tile([0.05, 0.1, 0.2, 0.3], 250)[:, None]
+        errors = size * (rng.standard_normal((1000, n)) @ lower.T) + 0.02 * rng.standard_normal((1000, n))
+        off = np.abs(errors @ basis @ np.linalg.inv(triangle).T) / sd
+        left = errors - errors @ basis @ basis.T
+        covered = np.array([_pattern(row) <= 1.0 for row in left])
+        assert np.sum(covered) > 80
+        assert np.mean(off[covered] < 0.9945) > 0.9
+        assert np.mean(off[covered] < 1.96) > 0.98
+        assert np.mean(off[~covered] < 0.9945) < 0.75

@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 from targets import COV, Known, banana, bimodal, half_normal, normal
 
+from estim.sampling.ahead import Ahead, Moves
 from estim.sampling.certificate import chain_errors
-from estim.sampling.chain import Chain, Convergence, Target, independence, sample_posterior
+from estim.sampling.chain import Chain, Convergence, Target, sample_posterior
 from estim.sampling.proposal import Proposal, adapt_proposal
 
 
@@ -31,17 +32,18 @@ CASES = {
 }
 
 
-def move_alone(known: Known, proposal: Proposal, propose: object, *, n_step: int, seed: int) -> Chain:
-    """Two ensembles moved by nothing but `propose`, in the form of emcee's MHMove; the first tenth discarded."""
-    chains = []
+def move_alone(known: Known, proposal: Proposal, *, n_step: int, seed: int) -> Chain:
+    """Two ensembles moved by nothing but independence moves; the first tenth discarded."""
+    ahead, samplers = Ahead(proposal, 1.0, (2, 60), seed, known), []
     for i in range(2):
-        sampler = emcee.EnsembleSampler(60, known.mean.size, known.log_density, vectorize=True, moves=emcee.moves.MHMove(propose))
+        moves = Moves(ahead, i, (), lambda i=i: samplers[i].iteration)
+        sampler = emcee.EnsembleSampler(60, known.mean.size, known.log_density, vectorize=True, moves=moves)
         sampler.random_state = np.random.RandomState(seed + i).get_state()
+        samplers.append(sampler)
         points = proposal.draw(np.random.default_rng([seed, i]), 2000)
         start = points[np.isfinite(known.log_density(points))][:60]
         sampler.run_mcmc(start, n_step, skip_initial_state_check=True)
-        chains.append(sampler.get_chain(discard=n_step // 10))
-    draws = np.array(chains)
+    draws = np.array([sampler.get_chain(discard=n_step // 10) for sampler in samplers])
     return Chain(known.names, draws, np.zeros(draws.shape[:-1]), 0, np.ones(2), 0, Convergence(n_step, 1.0, 0.0, 0.0, 1.0, 0.0, True, ()))
 
 
@@ -51,36 +53,31 @@ def worst(chain: Chain, known: Known) -> float:
     return float(max(np.max(np.abs(chain.flat.mean(axis=0) - known.mean) / u_mean), np.max(np.abs(chain.flat.std(axis=0) - known.sd) / u_sd)))
 
 
-def without_factor(proposal: Proposal):
+class WithoutFactor(Proposal):
     """The wrong move: proposes from the same distribution and forgets its density."""
 
-    def propose(points, random):
-        drawn, _ = independence(proposal)(points, random)
-        return drawn, np.zeros(len(points))
-
-    return propose
+    def log_density(self, draws: np.ndarray) -> np.ndarray:
+        return np.zeros(len(draws))
 
 
-def upside_down(proposal: Proposal):
+class UpsideDown(Proposal):
     """The other wrong move: the factor with the wrong sign."""
 
-    def propose(points, random):
-        drawn, factor = independence(proposal)(points, random)
-        return drawn, -factor
-
-    return propose
+    def log_density(self, draws: np.ndarray) -> np.ndarray:
+        return -super().log_density(draws)
 
 
 @pytest.mark.parametrize("name", CASES)
 def test_independence_move_alone_leaves_the_target_as_it_is(name: str) -> None:
     known, proposal = CASES[name]
-    assert worst(move_alone(known, proposal, independence(proposal), n_step=1500, seed=21), known) < 4.5
+    assert worst(move_alone(known, proposal, n_step=1500, seed=21), known) < 4.5
 
 
-@pytest.mark.parametrize(("name", "wrong"), [("normal, wrong centre", without_factor), ("bounded half-normal", upside_down)])
-def test_move_with_a_wrong_factor_fails_the_same_test(name: str, wrong) -> None:
-    known, proposal = CASES[name]
-    assert worst(move_alone(known, proposal, wrong(proposal), n_step=1500, seed=21), known) > 10.0
+@pytest.mark.parametrize(("name", "wrong"), [("normal, wrong centre", WithoutFactor), ("bounded half-normal", UpsideDown)])
+def test_move_with_a_wrong_factor_fails_the_same_test(name: str, wrong: type[Proposal]) -> None:
+    known, right = CASES[name]
+    proposal = wrong(right.weights, right.means, right.factors)
+    assert worst(move_alone(known, proposal, n_step=1500, seed=21), known) > 10.0
 
 
 @pytest.mark.parametrize("name", CASES)
@@ -133,18 +130,21 @@ def test_same_seed_same_draws_with_a_proposal_whatever_numpy_s_global_state() ->
     assert np.array_equal(draws(1), draws(2))
 
 
-def test_move_draws_from_the_sampler_s_own_state_alone() -> None:
-    """A chain that is taken up again from a saved state goes on as it would have."""
-    propose = independence(student(np.zeros(4), COV))
-    points = np.zeros((5, 4))
-    random = np.random.RandomState(4)
-    saved = random.get_state()
-    first, _ = propose(points, random)
-    second, _ = propose(points, random)
-    random.set_state(saved)
-    again, _ = propose(points, random)
-    assert np.array_equal(first, again)
-    assert not np.array_equal(first, second)
+def test_what_is_proposed_follows_from_the_number_of_the_step_alone() -> None:
+    """A chain that is taken up again goes on as it would have, wherever it was cut; every step and ensemble has proposals of its own."""
+    known, proposal = normal(COV), student(np.zeros(4), COV)
+    ahead, again = Ahead(proposal, 0.5, (2, 5), 4, known), Ahead(proposal, 0.5, (2, 5), 4, known)
+    through = [ahead.at(step, which) for step in range(50) for which in range(2)]
+    resumed = [again.at(step, which) for step in range(27, 50) for which in range(2)]
+    made = [one for one in through if one is not None]
+    assert 30 < len(made) < 70
+    assert [one is None for one in through[54:]] == [one is None for one in resumed]
+    for one, other in zip(through[54:], resumed, strict=True):
+        assert one is None or all(np.array_equal(a, b) for a, b in zip(one, other, strict=True))
+    assert len({one[0].tobytes() for one in made}) == len(made)
+    for points, log_density, log_ratio in made:
+        np.testing.assert_allclose(log_density, known.log_density(points), rtol=1e-12)
+        np.testing.assert_allclose(log_ratio, known.log_density(points) - proposal.log_density(points), rtol=1e-12)
 
 
 def test_capped_chain_with_a_proposal_says_that_it_did_not_converge(rng: np.random.Generator) -> None:

@@ -1,4 +1,7 @@
-"""The key `unmodelled_force` of a campaign: off it changes nothing, on it lets runs of the wheel end in a number, elsewhere it is refused."""
+"""An unmodelled force stands beside the curve of a run unless the campaign says otherwise: runs of the wheel end in a number.
+
+Where it does not go the curve is taken as complete and the report says why; the key `unmodelled_force` is refused there.
+"""
 
 from __future__ import annotations
 
@@ -9,18 +12,20 @@ import pytest
 from scipy.optimize import approx_fprime
 from test_noise import CAMPAIGN, DIFFERENTIATED, INDEPENDENT, POSITIONS, TIMES, TRUTH
 
-from estim.campaign import Campaign, load_campaign
+from estim.campaign import Campaign, as_complete, load_campaign
 from estim.campaign.bodies import RollingStudy
 from estim.campaign.forced import fit_with_forces
 from estim.common import InputError
 from estim.fitting.least_squares import Fit, fit_least_squares
 from estim.pipeline import Analysis, analyse
+from estim.problem import Problem
 from estim.reports.analysis import analysis_report
 from estim.reports.result import result_of
 from estim.sampling.chain import Target
+from estim.words import tell
 
 WHEEL = Path(__file__).resolve().parents[1] / "data" / "wheel"
-KEY = "unmodelled_force = 0.02\n"
+KEY, OFF = "unmodelled_force = 0.02\n", "unmodelled_force = 0\n"
 
 
 def body(folder: Path, *, noise: str = DIFFERENTIATED, shared: str = "", run: str = "") -> Campaign:
@@ -38,27 +43,29 @@ def fitted(campaign: Campaign) -> Fit:
 
 
 def wheel(folder: Path, force: str) -> Campaign:
-    """The wheel with the step of the encoder as its only error."""
+    """The wheel with a line of its own about the force."""
     text = (WHEEL / "campaign.toml").read_text().replace('file = "', f'file = "{WHEEL}/').replace("[shared]\n", f"[shared]\n{force}")
-    lines = [line for line in text.splitlines() if not line.startswith("scatter")]
-    (folder / "wheel.toml").write_text("\n".join(lines))
+    (folder / "wheel.toml").write_text(text)
     return load_campaign(folder / "wheel.toml")
 
 
 @pytest.fixture(scope="module")
 def found(tmp_path_factory: pytest.TempPathFactory) -> tuple[Campaign, Analysis]:
-    campaign = wheel(tmp_path_factory.mktemp("wheel"), KEY)
+    campaign = load_campaign(WHEEL / "campaign.toml")
     return campaign, analyse(campaign, ["class-balanced_2"], seed=1, target=Target(ess=1000.0))
 
 
-def test_off_or_absent_it_changes_nothing(tmp_path: Path) -> None:
-    without, off, switched = fitted(body(tmp_path)), fitted(body(tmp_path, shared="unmodelled_force = 0\n")), \
-        fitted(body(tmp_path, shared=KEY, run="unmodelled_force = 0.0\n"))
-    for other in (off, switched):
-        assert np.array_equal(without.values, other.values)
-        assert np.array_equal(without.cov, other.cov)
-        assert type(other.posterior.likelihoods[0]) is type(without.posterior.likelihoods[0])
-        assert other.forces == ()
+def test_it_is_there_unless_the_campaign_says_0_and_a_stated_size_replaces_the_default(tmp_path: Path) -> None:
+    default, stated = fitted(body(tmp_path)), fitted(body(tmp_path, shared=KEY))
+    assert default.forces[0].scale == stated.forces[0].scale == 0.02
+    assert np.array_equal(default.values, stated.values)
+    assert np.array_equal(default.cov, stated.cov)
+    assert body(tmp_path, shared="unmodelled_force = 0.1\n").problem(["r"]).runs[0].force == 0.1
+    off, switched = fitted(body(tmp_path, shared=OFF)), fitted(body(tmp_path, shared=KEY, run="unmodelled_force = 0.0\n"))
+    assert off.forces == switched.forces == ()
+    assert np.array_equal(off.values, switched.values)
+    assert off.problem.runs[0].complete is not None
+    assert tell(off.problem.runs[0].complete) == "the curve is taken as complete: as stated"
 
 
 AS_READ = '{model = "positions", sigma_x_m = 0.001}'
@@ -91,7 +98,7 @@ def test_positions_as_read_know_the_same_force(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("noise", [DIFFERENTIATED, INDEPENDENT.replace("independent\"", 'independent", derivative = "central"')])
 def test_on_a_clean_run_it_finds_little_and_costs_little(tmp_path: Path, noise: str) -> None:
-    white, fit = fitted(body(tmp_path, noise=noise)), fitted(body(tmp_path, noise=noise, shared=KEY))
+    white, fit = fitted(body(tmp_path, noise=noise, shared=OFF)), fitted(body(tmp_path, noise=noise))
     assert fit.success
     (found,) = fit.forces
     assert found.force.probability < 0.95
@@ -101,7 +108,7 @@ def test_on_a_clean_run_it_finds_little_and_costs_little(tmp_path: Path, noise: 
 
 
 def test_the_fit_is_a_maximum_of_the_density_that_is_sampled(tmp_path: Path) -> None:
-    fit = fitted(body(tmp_path, shared=KEY))
+    fit = fitted(body(tmp_path))
     sds = np.sqrt(np.diag(fit.cov))
     slope = approx_fprime(np.zeros(sds.size), lambda u: float(fit.posterior.log_density((fit.values + u * sds)[None, :])[0]), 1e-5)
     assert np.abs(slope).max() < 0.01
@@ -109,7 +116,7 @@ def test_the_fit_is_a_maximum_of_the_density_that_is_sampled(tmp_path: Path) -> 
 
 def test_a_wheel_that_the_curve_alone_does_not_explain_ends_in_a_number(found: tuple[Campaign, Analysis], tmp_path: Path) -> None:
     campaign, analysis = found
-    white = analyse(wheel(tmp_path, ""), ["class-balanced_2"], seed=1, target=Target(ess=1000.0))
+    white = analyse(wheel(tmp_path, OFF), ["class-balanced_2"], seed=1, target=Target(ess=1000.0))
     assert white.diagnosis.status == "poor-fit"
     assert analysis.diagnosis.status == "ok"
     assert analysis.comparison.verdict == "agree"
@@ -145,13 +152,17 @@ def test_a_report_says_and_draws_what_the_curve_lacks(found: tuple[Campaign, Ana
     assert "an unmodelled force along the track and a free start" in text
 
 
-REFUSED = {
-    "negative": ({"shared": "unmodelled_force = -0.1\n"}, 5, "is a share of the weight"),
-    "more than the weight": ({"shared": "unmodelled_force = 2.0\n"}, 5, "is a share of the weight"),
+OBSTACLES = {
     "robust": ({"run": KEY, "noise": INDEPENDENT[:-1] + ', derivative = "central", robust = "student-t"}'}, 16, "'robust'"),
     "errors of x": ({"run": KEY, "noise": INDEPENDENT[:-1] + ', derivative = "central", sigma_x_m = 0.001}'}, 16, "errors of the positions"),
     "scatter": ({"shared": KEY, "noise": '{sigma_x_m = 0.001, scatter = {prior = "half-normal", scale = 0.01}}'}, 5, "'scatter' that is inferred"),
     "sigma": ({"shared": KEY, "noise": '{sigma_x_m = "0.001(1)"}'}, 5, "'sigma_x' that is inferred"),
+}
+
+REFUSED = {
+    "negative": ({"shared": "unmodelled_force = -0.1\n"}, 5, "is a share of the weight"),
+    "more than the weight": ({"shared": "unmodelled_force = 2.0\n"}, 5, "is a share of the weight"),
+    **OBSTACLES,
 }
 
 
@@ -161,7 +172,15 @@ def test_where_it_does_not_go_one_line_says_so(tmp_path: Path, written: dict[str
         body(tmp_path, **written)
 
 
-def test_joint_fits_and_other_commands_refuse_it(tmp_path: Path) -> None:
+@pytest.mark.parametrize(("written", "rule"), [(written, rule) for written, _, rule in OBSTACLES.values()], ids=OBSTACLES)
+def test_where_nobody_asked_for_it_the_curve_is_taken_as_complete_and_the_reason_is_kept(tmp_path: Path, written: dict[str, str], rule: str) -> None:
+    run = body(tmp_path, noise=written["noise"]).problem(["r"]).runs[0]
+    assert run.force == 0.0
+    assert run.complete is not None
+    assert rule in tell(run.complete)
+
+
+def test_joint_fits_and_other_commands_refuse_it_where_it_is_stated(tmp_path: Path) -> None:
     campaign = wheel(tmp_path, KEY)
     place = r"wheel\.toml:9: 'unmodelled_force' does not go with"
     with pytest.raises(InputError, match=f"{place} a joint fit"):
@@ -174,8 +193,20 @@ def test_joint_fits_and_other_commands_refuse_it(tmp_path: Path) -> None:
         campaign.require_unknowns(campaign.problem(["class-balanced_1"]), drawn=True)
 
 
-def test_the_wheels_own_campaign_with_a_force_is_the_other_one_without_scatter() -> None:
-    plain, forced = ((WHEEL / name).read_text().splitlines() for name in ("campaign.toml", "force.toml"))
-    assert [line for line in forced if not line.startswith("unmodelled_force")] == [line for line in plain if not line.startswith("scatter")]
-    campaign = load_campaign(WHEEL / "force.toml")
-    assert [campaign.problem([name]).runs[0].force for name in ("class-balanced_1", "class-unbalanced_3")] == [0.02, 0.02]
+def test_joint_fits_and_other_commands_take_the_curve_as_complete(tmp_path: Path) -> None:
+    campaign = wheel(tmp_path, "")
+    campaign.study.require_speeds(["class-balanced_1"], "estim energy")
+    alone = campaign.problem(["class-balanced_1"])
+    campaign.require_unknowns(alone, drawn=True)
+    together = campaign.problem(["class-balanced_1", "class-balanced_2"])
+    energy = as_complete(alone, "estim energy")
+    assert [run.force for run in (*alone.runs, *together.runs, *energy.runs)] == [0.02, 0.0, 0.0, 0.0]
+    assert "a joint fit" in said(together)
+    assert "estim energy" in said(energy)
+    assert campaign.fit(energy, rng=np.random.default_rng(1)).forces == ()
+
+
+def said(problem: Problem) -> str:
+    """Why the curve of its first run is taken as complete."""
+    assert problem.runs[0].complete is not None
+    return tell(problem.runs[0].complete)

@@ -2,17 +2,23 @@
 
 from __future__ import annotations
 
+import sys
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from estim.checks import influences
 from estim.curve_fit import fit_curve
-from estim.curves import PhaseCurve, RollingMotion
+from estim.curves import DisturbedMotion, DisturbedMotionCurve, MotionCurve, PhaseCurve, RollingMotion
 from estim.fitting import Fit, fit_least_squares
 from estim.problem import Independent, Normal, Observations, Parameter, Problem, Scale
 from model import Body, speed
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "benchmarks"))
+from truth.motion import solve
+from truth.recordings import BASE, sagging
 
 TRUTH = {"gamma": 0.2, "kappa": 0.45, "theta0": 1.0, "phi": 0.07, "rolling_resistance": 0.0, "radius": 0.15, "g": 9.81}
 EXACT = {"rho": 1.0, "trailing_fraction": 0.0, "particle_gyration": 0.0}
@@ -96,3 +102,22 @@ def test_errors_of_the_abscissas_and_angles_do_not_hinder(rng: np.random.Generat
     clean = fitted(X, true_speed(X))
     turning = replace(clean.problem.runs[0], motion=RollingMotion(True))
     assert "length" not in {e.name for e in turning.errors_in_common(turning.bind(clean.problem.named(clean.values)))}
+
+
+@pytest.mark.parametrize(("moving", "pushed"), [("up and back", 0.0), ("pushed, with drag", 0.1)])
+def test_a_sag_moves_positions_as_the_true_motion_says(moving: str, pushed: float) -> None:
+    """Against Lagrange's equation on a bent ramp, solved by SciPy; a hump would be off by twice as much."""
+    truth = replace(BASE, release_speed=pushed, viscous=0.2 * BASE.mass if pushed else 0.0)
+    t = np.linspace(0.1, 1.9 if not pushed else 1.3, 30)
+    straight, _ = solve(truth, 2.0)(t)
+    way = float(np.max(np.abs(straight)))
+    bent, _ = solve(sagging(1e-3, way, 0.0)(np.random.default_rng(1), truth), 2.0)(t)
+    arguments = {name: getattr(BASE, name) for name in ("radius", "gamma", "kappa", "theta0", "phi", "rolling_resistance", "g")}
+    arguments |= {**EXACT, "release_time": 0.0, "offset": 0.0}
+    if pushed:
+        arguments |= {"release_speed": pushed, "viscous_drag": 0.2}
+    motion = DisturbedMotion(False, None, True) if pushed else RollingMotion(False, None, True)
+    curve = (DisturbedMotionCurve if pushed else MotionCurve)(False)
+    found = next(e for e in motion.errors_in_common(t, straight, curve.local(t, arguments), arguments, ()) if e.name == "sag").shift
+    assert np.max(np.abs(found)) > 1e-3
+    assert found == pytest.approx(bent - straight, abs=0.02 * np.max(np.abs(found)))

@@ -15,6 +15,7 @@ from estim.sampling.chain import Target
 
 RUNS = ["class-balanced_1", "class-unbalanced_1", "mixed-balanced_1", "mixed-unbalanced_1"]
 FURTHER = [*(f"class-balanced_{i}" for i in (2, 3, 4)), "class-unbalanced_2", "class-unbalanced_3", "mixed-balanced_2", "mixed-unbalanced_2"]
+WORST = ("mixed-unbalanced_1", "mixed-unbalanced_2")  # their readings scatter by twice what the step of the encoder explains
 WHEEL = Path(__file__).resolve().parents[1] / "data" / "wheel"
 QUICK = Target(ess=1000.0)
 
@@ -34,12 +35,15 @@ def test_resisting_moment_lies_where_the_groups_found_it(run: str) -> None:
     analysis = analyse(wheel(run), [run], seed=11, target=QUICK)
     observed, draws = analysis.problem.runs[0], analysis.problem.named(analysis.chain.flat)
     low, high = np.quantile(observed.derived(observed.bind(draws))["resisting_moment"].values, [0.025, 0.975])
-    assert 0.6 < low < high < 1.5
-    # in doubt may be the quality of the fit, or what was stated (it makes up for a force that the curve lacks); a doubt has its reason in words
     found = result_of(wheel(run), analysis)
-    assert found.status in ("ok", "poor-fit", "contradiction")
-    assert (found.status == "ok") == (not found.reasons)
-    assert found.runs[run].scatter_ratio < 10.0
+    if run in WORST:
+        assert found.status == "poor-fit"
+        assert "the readings scatter by 2 times what was stated or more" in found.reasons[0]
+    else:
+        assert 0.5 < low < high < 1.5
+        assert found.status == "ok"
+        assert found.deviation is not None
+        assert found.deviation[run].probability > 0.99
 
 
 def test_a_run_in_radians_is_spoken_of_as_angles_and_its_priors_by_their_means() -> None:
@@ -50,9 +54,9 @@ def test_a_run_in_radians_is_spoken_of_as_angles_and_its_priors_by_their_means()
     assert (shown.what, shown.x, shown.y) == ("angular rates", "angle turned θ − θ₀ (rad)", "angular rate ω (rad/s)")
     assert shown.noise == (
         "angular rates by the five-point derivative of angles, with its exact covariance; angle readings with an encoder step of 0.01257 rad; "
-        "a further independent scatter of the angular rates inferred"
+        "beside it an unmodelled force along the track and a free start"
     )
-    assert found.parameters["scatter"].prior_mean == pytest.approx(0.5 * math.sqrt(2.0 / math.pi))  # not the median, 0.34
+    assert found.parameters["rolling_resistance"].prior_mean == pytest.approx(0.05 * math.sqrt(2.0 / math.pi))  # not the median, 0.034
 
 
 @pytest.mark.slow
@@ -63,8 +67,7 @@ def test_wheel_without_eccentricity_is_a_poor_fit(run: str, tmp_path: Path) -> N
     (tmp_path / "wrong.toml").write_text(wrong)
     found = result(load_campaign(tmp_path / "wrong.toml"), run)
     assert found.status == "poor-fit"
-    assert found.runs[run].scatter_ratio > 10.0
-    assert any("alike" in reason for reason in found.reasons)
+    assert any("that is another motion" in reason for reason in found.reasons)
 
 
 def test_unbalanced_runs_agree_on_the_resisting_moment() -> None:

@@ -22,9 +22,10 @@ from estim.sampling.certificate import certify
 from estim.sampling.proposal import adapt_proposal
 from estim.words import tell
 
-RUNS = ["class-balanced_1", "class-unbalanced_1", "mixed-balanced_1", "mixed-unbalanced_1"]
-FURTHER = [*(f"class-balanced_{i}" for i in (2, 3, 4)), "class-unbalanced_2", "class-unbalanced_3", "mixed-balanced_2", "mixed-unbalanced_2"]
-RUNS += [pytest.param(run, marks=pytest.mark.statistics) for run in FURTHER]
+RUNS = ["class-balanced_1", "class-unbalanced_1"]
+COUNTS = {"class-balanced": 4, "class-unbalanced": 3, "mixed-balanced": 2, "mixed-unbalanced": 2}
+FURTHER = [f"{kind}_{i}" for kind, count in COUNTS.items() for i in range(1, count + 1)]
+RUNS += [pytest.param(run, marks=pytest.mark.statistics) for run in FURTHER if run not in RUNS]
 CAUGHT, AT_REST, N_DROPPED = 15.0, 0.3, 3  # rad, rad/s, frames
 
 

@@ -35,6 +35,7 @@ from numpy.typing import NDArray
 from estim.arrays import FloatArray
 from estim.calibration.experiment import Experiment
 from estim.calibration.jobs import spread
+from estim.calibration.kept_trials import KeptTrials, trials_key
 from estim.calibration.trial import (
     N_RANK,
     PROBABILITIES,
@@ -50,6 +51,7 @@ from estim.calibration.trial import (
 from estim.calibration.uniformity import LEAST_P, uniformity_p_value
 from estim.common import Amount, Finding, Kind, Label, Stream, stream
 from estim.fitting import Fit
+from estim.sampling import PieceStore
 
 IntArray = NDArray[np.int64]
 TrialProgress = Callable[[int], None]
@@ -121,19 +123,22 @@ class Calibration:
 
 
 def simulation_based_calibration(
-    design: Experiment, fit: Fit, *, n_trial: int, seed: int, jobs: int = 1, engine: Engine | None = None, progress: TrialProgress | None = None
+    design: Experiment, fit: Fit, *, n_trial: int, seed: int, jobs: int = 1, engine: Engine | None = None,
+    progress: TrialProgress | None = None, store: PieceStore | None = None,
 ) -> Calibration:
     """Ranks and coverage for `n_trial` truths drawn from the priors.
 
-    fit : of the real data; it tells which numbers of the report vary at all.  The same seed gives the same numbers for any `jobs`.
+    fit : of the real data; it tells which numbers of the report vary at all.  store : keeps the trials, and may resume.
+    The same seed gives the same numbers for any `jobs`.
 
-    Raises NumericalError where hardly any draw of the priors gives data.
+    Raises NumericalError where hardly any draw of the priors gives data, InputError where the store cannot be resumed.
     """
-    return _calibrate(Plan(design, "sbc", fit.values, tuple(_varying(fit)), engine or Engine(), seed), fit, n_trial, jobs, progress)
+    return _calibrate(Plan(design, "sbc", fit.values, tuple(_varying(fit)), engine or Engine(), seed), fit, n_trial, jobs, progress, store)
 
 
 def coverage(
-    design: Experiment, fit: Fit, *, n_trial: int, seed: int, jobs: int = 1, engine: Engine | None = None, progress: TrialProgress | None = None
+    design: Experiment, fit: Fit, *, n_trial: int, seed: int, jobs: int = 1, engine: Engine | None = None,
+    progress: TrialProgress | None = None, store: PieceStore | None = None,
 ) -> Calibration:
     """Coverage for `n_trial` repetitions of the experiment at the fitted values.
 
@@ -146,7 +151,7 @@ def coverage(
         draws, _, _ = posterior_draws(fit, chosen, stream(seed, Stream.CALIBRATION_TRUTH))
         bound = [fit.names.index(name) for name in fit.at_bound]
         truth[bound] = np.median(draws[:, bound], axis=0)
-    return _calibrate(Plan(design, "coverage", truth, tuple(_varying(fit)), chosen, seed), fit, n_trial, jobs, progress)
+    return _calibrate(Plan(design, "coverage", truth, tuple(_varying(fit)), chosen, seed), fit, n_trial, jobs, progress, store)
 
 
 def _varying(fit: Fit) -> dict[str, str]:
@@ -156,8 +161,13 @@ def _varying(fit: Fit) -> dict[str, str]:
     return reported_names(fit.problem, np.array([fit.values, fit.values + np.array(inward)]))
 
 
-def _calibrate(plan: Plan, fit: Fit, n_trial: int, jobs: int, progress: TrialProgress | None) -> Calibration:
-    trials = spread(partial(run_trial, plan), range(n_trial), jobs=jobs, progress=progress)
+def _calibrate(plan: Plan, fit: Fit, n_trial: int, jobs: int, progress: TrialProgress | None, store: PieceStore | None) -> Calibration:
+    if store is None:
+        trials = spread(partial(run_trial, plan), range(n_trial), jobs=jobs, progress=progress)
+    else:
+        kept = KeptTrials(store.open(trials_key(plan)), len(plan.reported))
+        known = kept.known(range(n_trial))
+        trials = spread(partial(run_trial, plan), range(n_trial), jobs=jobs, progress=progress, known=known, keep=kept.keep)
     return Calibration(
         what=plan.what, runs=tuple(run.name for run in plan.design.problem.runs), reported=_varying(fit),
         labels=reported_labels(fit.problem, fit.values),

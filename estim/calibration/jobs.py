@@ -15,7 +15,7 @@ import signal
 import sys
 import threading
 import warnings
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
 from itertools import islice
 from types import MappingProxyType
@@ -30,17 +30,22 @@ _task: Callable[[int], Any] | None = None  # of a worker process
 
 
 def spread(
-    task: Callable[[int], T], numbers: Sequence[int], *, jobs: int, progress: Callable[[int], None] | None = None
+    task: Callable[[int], T], numbers: Sequence[int], *, jobs: int, progress: Callable[[int], None] | None = None,
+    known: Mapping[int, T] = MappingProxyType({}), keep: Callable[[int, T], None] | None = None,
 ) -> list[T]:
     """`task(n)` for each of `numbers`, in their order, by `jobs` processes (1: this one).
 
-    progress : called with how many are done.  `task` must be picklable, read-only mappings included.
+    progress : called with how many are done.  known : those that are done already.  keep : called with each that is not.
+    `task` must be picklable, read-only mappings included.
 
     Raises NumericalError where a worker is killed, and another after the work was taken up again.
     """
-    done: dict[int, T] = {}
-    for n, result in _in_process(task, numbers) if jobs <= 1 else _in_pool(task, numbers, min(jobs, len(numbers))):
+    done: dict[int, T] = dict(known)
+    left = [n for n in numbers if n not in done]
+    for n, result in _in_process(task, left) if jobs <= 1 or not left else _in_pool(task, left, min(jobs, len(left))):
         done[n] = result
+        if keep is not None:
+            keep(n, result)
         if progress is not None:
             progress(len(done))
     return [done[n] for n in numbers]

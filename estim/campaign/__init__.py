@@ -6,5 +6,6 @@ from estim.campaign.bodies import gamma_of_body, gamma_origin
 from estim.campaign.campaign import Campaign, load_campaign
 from estim.campaign.campaign_file import CampaignFile, Kind, NoiseTable, checked
 from estim.campaign.design import load_design, simulate_campaign
+from estim.campaign.forced import as_complete
 from estim.campaign.noise_models import Candidate
 from estim.campaign.selection import way_back

@@ -3,15 +3,20 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator, Sequence
 
+import msgspec
 import numpy as np
 
 from estim.arrays import FloatArray
 from estim.campaign.campaign_file import NoiseTable
-from estim.campaign.levels import Levels, Path
+from estim.campaign.levels import Levels, Path, noise_level
 from estim.curves import size_with_blur
+from estim.explanation import Cause, Scanned
+from estim.problem import Problem
 from estim.reading import Run
 
+_EXPOSURES = (1.0, 0.5, 0.25)  # of the time between two frames
 _REACH = 3  # frames on either side over which a speed is taken: its error does not matter beside that of a reading
 
 
@@ -34,3 +39,26 @@ def relative_blur(table: NoiseTable, run: Run, size: FloatArray, levels: Levels,
     before, after = np.maximum(frames - _REACH, 0), np.minimum(frames + _REACH, t.size - 1)
     speed = (position[after] - position[before]) / (t[after] - t[before])
     return np.asarray(size_with_blur(size, speed, exposure) / size)
+
+
+def blurs(levels: Sequence[Levels], runs: Sequence[Run]) -> Iterator[tuple[float, NoiseTable]]:
+    """Exposures (s) that pictures may have had which the campaign does not say, each with the noise table that says it.
+
+    Of runs with one noise table, in m, whose readings have a fixed error; none elsewhere.
+    """
+    tables = [noise_level(of_run)[0] for of_run in levels]
+    first, data = tables[0], runs[0]
+    if any(table != first for table in tables[1:]) or first.exposure_s is not None or not isinstance(first.sigma_x_m, float):
+        return
+    if first.model == "independent" or any("t_s" not in run.columns or run.coordinate != "x_m" for run in runs):
+        return
+    interval = min(float(np.median(np.diff(run.columns["t_s"]))) for run in (data, *runs[1:]))
+    for share in _EXPOSURES:
+        yield share * interval, msgspec.structs.replace(first, exposure_s=share * interval)
+
+
+def blur_cause(problem: Problem, exposure: float) -> Cause:
+    """Motion blur as a candidate for what is missing; `problem` has it."""
+    lines = ("noise", f"exposure_s = {exposure:.3g}")
+    return Cause("blur", "motion blur: readings uncertain by what the body moves while a picture is exposed", problem, (), lines,
+                 scanned=Scanned("exposure", exposure, "s"))

@@ -12,9 +12,11 @@ from types import MappingProxyType
 
 import numpy as np
 
+from estim.campaign.blur import blur_cause, blurs
 from estim.campaign.campaign_file import CampaignFile, NoiseTable
+from estim.campaign.causes import Sketch, Surroundings, sketches
 from estim.campaign.effects import setting_of
-from estim.campaign.forced import fit_with_forces, force_scale, refuse_force
+from estim.campaign.forced import Circumstances, Stance, fit_with_forces, force_scale, refuse_force
 from estim.campaign.levels import Level, Levels, body_levels, noise_level, read_key
 from estim.campaign.noise_models import Candidate, noise_candidates
 from estim.campaign.plausible import check_speeds
@@ -22,6 +24,7 @@ from estim.campaign.points import Observed, observe
 from estim.campaign.quantities import EFFECTS, QUANTITIES, Kind
 from estim.common import Quantity, format_quantity
 from estim.curves import DisturbedMotion, DisturbedMotionCurve, DisturbedPhaseCurve, MotionCurve, PhaseCurve, RollingMotion, Setting
+from estim.explanation import Cause, Suspects
 from estim.fitting import Fit, fit_least_squares, scanned_fit
 from estim.problem import Curve, Normal, Observations, Parameter, Prior, Problem, TruncatedNormal, as_prior, shared_first
 from estim.reading import Run
@@ -57,24 +60,53 @@ class RollingStudy:
 
         noise : in place of the noise tables of the campaign.
         """
+        return self._posed(names, tables, noise=noise)
+
+    def suspects(self, names: Sequence[str], tables: Mapping[str, Run]) -> Suspects:
+        """The runs `names` as stated, and with what known physics, or the instruments, may add to them that the campaign does not say."""
+        plain = self._posed(names, tables, white=True)
+        known = []
+        for run in plain.runs:
+            levels = self.levels(run.name)
+            sources = {q: b.source for q, b in bind_quantities(self.source, levels, where=f"run '{run.name}'").items()}
+            reach = float(np.max(np.abs(run.y if run.positions else run.x)))
+            known.append(Surroundings(sources, total_mass(self.source, levels), reach, tables[run.name].coordinate == "theta_rad", run.positions))
+        found = []
+        for sketch in sketches(known):
+            problem = self._posed(names, tables, white=True, sketch=sketch)
+            own = tuple(name for name in problem.names if name not in plain.names)
+            found.append(Cause(sketch.name, sketch.words, problem, own, sketch.lines, begin=sketch.begin))
+        for interval, noise in blurs([self.levels(name) for name in names], [tables[name] for name in names]):
+            problem = self._posed(names, tables, white=True, noise=noise)
+            found.append(blur_cause(problem, interval))
+        return Suspects(plain, tuple(found))
+
+    def _posed(
+        self, names: Sequence[str], tables: Mapping[str, Run], *, noise: NoiseTable | None = None, white: bool = False, sketch: Sketch | None = None
+    ) -> Problem:
+        """white : with nothing that the curve may lack.  sketch : what is added to every run."""
         physics: dict[str, Parameter] = {}
         unknowns: dict[str, Parameter] = {}
         runs = []
         for name in names:
             levels = self.levels(name)
             bound = bind_quantities(self.source, levels, where=f"run '{name}'")
+            observed, mass = observe(tables[name], levels, noise=noise), total_mass(self.source, levels)
+            angular, sources = tables[name].coordinate == "theta_rad", {q: b.source for q, b in bound.items()}
+            setting = setting_of(levels, sources, mass, positions=observed.positions, angular=angular)
+            if sketch is not None:
+                bound |= {q: Bound(f"{q}[{name}]" if sketch.of_run else q, prior) for q, prior in sketch.priors.items()}
+                setting = sketch.setting(setting, mass) if sketch.disturbs else setting
             for quantity, b in bound.items():
                 if not isinstance(b.source, float):
                     kind = _KINDS[quantity]
                     physics.setdefault(b.name, Parameter(b.name, kind.unit, b.source, kind.meaning, kind.notation))
-            observed = observe(tables[name], levels, noise=noise)
             unknowns.update({p.name: p for p in observed.parameters})
-            mass = total_mass(self.source, levels)
             arguments = {q: b.source if isinstance(b.source, float) else b.name for q, b in bound.items()}
-            angular, sources = tables[name].coordinate == "theta_rad", {q: b.source for q, b in bound.items()}
-            setting = setting_of(levels, sources, mass, positions=observed.positions, angular=angular)
             posed = _observations(name, observed, arguments, mass, setting, angular=angular)
-            runs.append(replace(posed, force=force_scale(levels, observed, joint=len(names) > 1, replaced=noise is not None)))
+            circumstances = Circumstances(observed, joint=len(names) > 1, replaced=noise is not None)
+            stance = Stance(0.0) if white else force_scale(levels, circumstances)
+            runs.append(replace(posed, force=stance.scale, complete=stance.complete))
         return Problem((*shared_first(physics.values(), runs), *unknowns.values()), tuple(runs))
 
     def levels(self, name: str) -> Levels:

@@ -15,6 +15,7 @@ from estim.campaign.noise_models import Candidate
 from estim.campaign.own_curve import read_curve_study
 from estim.campaign.study import Study
 from estim.common import KINDS, InputError, code, markdown, table
+from estim.explanation import Suspects
 from estim.fitting import Fit
 from estim.problem import Problem
 from estim.reading import COLUMNS, Run, compare_intervals, read_run
@@ -75,6 +76,10 @@ class Campaign:
     def fit(self, problem: Problem, *, rng: np.random.Generator) -> Fit:
         """The posterior mode of a problem of this campaign.  Raises InputError where the data determine none."""
         return self.study.fit(problem, self.tables, rng=rng)
+
+    def suspects(self, names: Sequence[str]) -> Suspects:
+        """The runs `names` as stated, and with each thing that they may have beside it."""
+        return self.study.suspects(names, self.tables)
 
     def noise_models(self, name: str) -> tuple[Candidate, ...]:
         """The models of the noise that the data of a run allow.  Raises InputError where there is only one."""

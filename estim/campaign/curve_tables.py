@@ -63,6 +63,8 @@ class CurveTable(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
     u_y: float | str | ReadingErrorTable | None = None
     u_x: float | str | ReadingErrorTable | None = None
     robust: Literal["student-t", "mixture"] | None = None
+    deviation: float | None = None
+    correlated: bool | str | None = None
     window: RangeTable | None = None
     parameters: dict[str, float | str | ParameterTable] = {}
     errors: dict[str, float | ComponentTable] = {}
@@ -74,6 +76,8 @@ class CurveRunTable(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
     u_y: float | str | ReadingErrorTable | None = None
     u_x: float | str | ReadingErrorTable | None = None
     robust: Literal["student-t", "mixture"] | None = None
+    deviation: float | None = None
+    correlated: bool | str | None = None
     window: RangeTable | None = None
     parameters: dict[str, float | str | ParameterTable] = {}
 

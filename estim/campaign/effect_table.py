@@ -15,6 +15,7 @@ class EffectTable(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
     scale_x: Value | None = None
     scale_t: Value | None = None
     resisting_moment_n_m: Value | None = None
+    load_resistance: Value | None = None
     viscous_drag_per_s: Value | None = None
     quadratic_drag_per_m: Value | None = None
     moment_once_cos: Value | None = None

@@ -1,20 +1,21 @@
 """The unmodelled force of a campaign: what the key `unmodelled_force` says of a run, where it may stand, and the fit with it.
 
+Where nothing is said it stands beside the curve of every run that it goes with; elsewhere the curve is taken as complete, and the reason is kept.
 Two fits: one with white errors and a free start, which follows the data; one with the noise that `estim.deviation` makes at it.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from dataclasses import replace
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from estim.campaign.levels import Level, Levels
 from estim.campaign.points import Observed
-from estim.common import InputError
-from estim.deviation import BadFrames, Course, FreeStart, Rows, bad_frames, pose_force
+from estim.common import Finding, InputError, Kind
+from estim.deviation import FORCE_SCALE, BadFrames, Course, FreeStart, Rows, bad_frames, pose_force
 from estim.fitting import Fit, fit_least_squares, scanned_fit
 from estim.problem import Observations, Problem
 from estim.reading import Run
@@ -25,58 +26,133 @@ _ROUNDS, _STILL = 6, 0.1  # of fits in which bad frames are looked for; sds by w
 _LARGEST = 1.0  # a force as large as the weight is no small thing that was left out
 
 
-def force_scale(levels: Levels, observed: Observed, *, joint: bool, replaced: bool) -> float:
-    """Scale of the prior of an unmodelled force in units of the weight, 0 for none.
+@dataclass(frozen=True, eq=False)
+class Circumstances:
+    """What decides whether a force can stand beside the curve of a run.
 
     joint : whether the run is fit together with others.  replaced : whether its noise is not the one that the campaign states.
-    Raises InputError at the key's line where it does not go with the noise of the run, or is no share of the weight.
     """
-    level = next((level for level in levels if getattr(level.table, KEY) is not None), None)
-    if level is None or not level.table.unmodelled_force:
-        return 0.0
-    scale = float(level.table.unmodelled_force)
+
+    observed: Observed
+    joint: bool
+    replaced: bool
+
+    @property
+    def inferred(self) -> str:
+        """The first size of the noise that is inferred, "" where all are stated."""
+        return next((name.partition("[")[0] for name in self.observed.noise.parameters), "")
+
+
+@dataclass(frozen=True, eq=False)
+class Obstacle:
+    """Where a force does not go.  what : it does not go with.  instead : what to do where one was asked for."""
+
+    stands: Callable[[Circumstances], bool]
+    what: Callable[[Circumstances], str]
+    instead: str
+
+
+OBSTACLES = (
+    Obstacle(lambda c: c.observed.noise.robust, lambda _: "'robust' noise", "it takes the errors of the readings as normal"),
+    Obstacle(
+        lambda c: bool(np.any(c.observed.noise.x_gain() > 0.0)), lambda _: "errors of the positions of independent speeds",
+        "take their standard deviation out",
+    ),
+    Obstacle(
+        lambda c: bool(c.inferred), lambda c: f"a '{c.inferred}' that is inferred, which would swallow the force",
+        "state what the instrument does, or leave it out",
+    ),
+    Obstacle(lambda c: c.replaced, lambda _: "a comparison of noise models", "set it to 0 for that"),
+    Obstacle(lambda c: c.joint, lambda _: "a joint fit yet, which needs a force that runs share", "fit the runs one by one"),
+)
+
+
+@dataclass(frozen=True, eq=False)
+class Stance:
+    """scale : of the prior of a force, in units of the weight, 0 for none.  complete : why there is none; None where there is one."""
+
+    scale: float
+    complete: Finding | None = None
+
+
+def force_scale(levels: Levels, circumstances: Circumstances) -> Stance:
+    """Whether a force stands beside the curve of a run, and how large it may be: as stated, else the default wherever nothing is in its way.
+
+    Raises InputError at the key's line where one is asked for that has an obstacle, or is no share of the weight.
+    """
+    level = _stated(levels)
+    stated = None if level is None else level.table.unmodelled_force
+    if stated == 0.0:
+        return Stance(0.0, complete_as("as stated", levels.run.name))
+    obstacle = next((obstacle for obstacle in OBSTACLES if obstacle.stands(circumstances)), None)
+    if level is None or stated is None:
+        if obstacle is None:
+            return Stance(FORCE_SCALE)
+        return Stance(0.0, complete_as(f"an unmodelled force does not go with {obstacle.what(circumstances)}", levels.run.name))
+    scale = float(stated)
     if not (math.isfinite(scale) and 0.0 < scale <= _LARGEST):
-        raise _error(levels, level, "is a share of the weight: it must lie between 0 (none) and 1; 0.02 is a good choice", value=scale)
-    if observed.noise.robust:
-        raise _error(levels, level, "does not go with 'robust' noise: it takes the errors of the readings as normal")
-    if np.any(observed.noise.x_gain() > 0.0):
-        raise _error(levels, level, "does not go with errors of the positions of independent speeds: take their standard deviation out")
-    if observed.noise.parameters:
-        name = observed.noise.parameters[0].partition("[")[0]
-        rule = f"does not go with a '{name}' that is inferred, which would swallow the force: state what the instrument does, or leave it out"
-        raise _error(levels, level, rule)
-    if replaced:
-        raise _error(levels, level, "does not go with a comparison of noise models: set it to 0 for that")
-    if joint:
-        raise _error(levels, level, "does not go with a joint fit yet, which needs a force that runs share: fit the runs one by one")
-    return scale
+        raise _error(levels, level, "is a share of the weight: it must lie between 0 (none) and 1; where nothing is said it is 0.02", value=scale)
+    if obstacle is not None:
+        raise _error(levels, level, f"does not go with {obstacle.what(circumstances)}: {obstacle.instead}")
+    return Stance(scale)
+
+
+def complete_as(reason: str, run: str) -> Finding:
+    """That the curve of a run is taken as complete, and why."""
+    return Finding(Kind.CURVE_COMPLETE, run=run, names=(reason,))
 
 
 def refuse_force(levels: Levels, command: str) -> None:
     """Raises InputError where a run has an unmodelled force, which `command` does not know."""
-    level = next((level for level in levels if getattr(level.table, KEY) is not None), None)
+    level = _stated(levels)
     if level is not None and level.table.unmodelled_force:
         raise _error(levels, level, f"does not go with {command}, which takes the curve as complete: set it to 0 for that")
 
 
+def as_complete(problem: Problem, command: str) -> Problem:
+    """`problem` without the forces that nobody asked for, as `command` takes its curves."""
+    reason = f"{command} knows no unmodelled force"
+    runs = (replace(run, force=0.0, complete=complete_as(reason, run.name)) if run.force else run for run in problem.runs)
+    return replace(problem, runs=tuple(runs))
+
+
 def fit_with_forces(white: Fit, tables: Mapping[str, Run], levels: Mapping[str, Levels], *, rng: np.random.Generator) -> Fit:
-    """The posterior mode with the unmodelled force of every run that has one, from the fit `white` without.  Raises InputError."""
+    """The posterior mode with the unmodelled force of every run that has one, from the fit `white` without.
+
+    Where a run cannot be linearised the curves are taken as complete.  Raises InputError where its force was asked for.
+    """
     problem = white.problem
     courses = {run.name: _course(run, tables[run.name]) for run in problem.runs if run.force}
+    if white.singular:
+        return _unforced(white, {name: levels[name] for name in courses}, "some combination of the parameters is not determined at all")
     try:
         free, bad = _free_fit(white, courses, rng=rng)
         without = np.sqrt(np.diag(white.cov))
         forced = [run for run in problem.runs if run.force]
         posed = {run.name: pose_force(run, courses[run.name], problem, free.values, without=without, bad=bad[run.name]) for run in forced}
     except InputError as error:
-        name = next(iter(courses))
-        raise levels[name].error(f"cannot be linearised: {error.rule}; end the window before the body comes to rest", _path(levels[name])) from None
+        return _unforced(white, {name: levels[name] for name in courses}, error.rule)
     runs = tuple(replace(run, noise=posed[run.name].noise) if run.force else run for run in problem.runs)
     low, high = problem.support()
     start = np.clip(free.values + sum(one.step for one in posed.values()), low, high)
     fit = fit_least_squares(Problem(problem.parameters, runs), rng=rng, n_start=1, start=start)
     fit = scanned_fit(fit, rng=rng) if problem.n_par <= MAX_PARAMETERS else fit
-    return replace(fit, forces=tuple(one.found_at(fit.values - free.values) for one in posed.values()), symmetry=white.symmetry)
+    told = white.message if fit.success else fit.message  # of the many starts, of which the best led here
+    found = tuple(one.found_at(fit.values - free.values) for one in posed.values())
+    return replace(fit, forces=found, symmetry=white.symmetry, n_start=white.n_start, n_same=white.n_same, message=told)
+
+
+def _unforced(white: Fit, levels: Mapping[str, Levels], rule: str) -> Fit:
+    """The fit without forces, which cannot be linearised by `rule`.  Raises InputError where one was asked for."""
+    for asked in levels.values():
+        level = _stated(asked)
+        if level is not None:
+            raise _error(asked, level, f"cannot be linearised: {rule}")
+    runs = (
+        replace(run, force=0.0, complete=complete_as(f"an unmodelled force cannot be linearised: {rule}", run.name)) if run.force else run
+        for run in white.problem.runs
+    )
+    return replace(white, posterior=replace(white.posterior, problem=replace(white.problem, runs=tuple(runs))))
 
 
 def _free_fit(white: Fit, courses: Mapping[str, Course], *, rng: np.random.Generator) -> tuple[Fit, Mapping[str, BadFrames]]:
@@ -108,8 +184,9 @@ def _course(run: Observations, table: Run) -> Course:
     return Course(run.body, None, Rows(run.t, table.lines[kept], every))
 
 
-def _path(levels: Levels) -> tuple[str | int, ...]:
-    return next((*level.path, KEY) for level in levels if getattr(level.table, KEY) is not None)
+def _stated(levels: Levels) -> Level | None:
+    """The level that says how large a force may be, None where nothing is said."""
+    return next((level for level in levels if getattr(level.table, KEY) is not None), None)
 
 
 def _error(levels: Levels, level: Level, rule: str, *, value: object = None) -> InputError:

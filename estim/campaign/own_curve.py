@@ -38,10 +38,12 @@ from estim.campaign.curve_tables import (
     source_of,
 )
 from estim.campaign.noise_models import Candidate
+from estim.campaign.own_curve_lacks import order_columns, refuse_lacks
 from estim.campaign.own_curve_points import MIN_ROWS, CurvePoints
 from estim.common import InputError
 from estim.curves import AxisNames, Component, DistortedCurve, Formula, read_formula
-from estim.fitting import Fit, fit_optimum, is_resolved, no_scatter, silent_parameters
+from estim.explanation import Suspects
+from estim.fitting import Fit, fit_lacking, fit_optimum, is_resolved, no_scatter, silent_parameters
 from estim.problem import Curve, Parameter, Prior, Problem, shared_first
 from estim.reading import Places, Run, of_any_curve, read_table, run_of_table
 
@@ -92,7 +94,7 @@ class CurveStudy:
                 arguments[argument] = unknown_of_curve.name
                 parameters.setdefault(unknown_of_curve.name, unknown_of_curve)
             arguments |= {component: component for component in shared}
-            run, unknown = points.observe(curve, arguments, index, tables[name])
+            run, unknown = points.observe(curve, arguments, index, tables[name], joint=len(names) > 1)
             of_noise |= {parameter.name: parameter for parameter in unknown}
             observed.append(run)
         for name in of_noise:
@@ -100,6 +102,10 @@ class CurveStudy:
                 rule = "is the name of a quantity of the errors of y, which is unknown here: choose another"
                 raise self.source.places.error(rule, self._place(name))
         return Problem((*shared_first(parameters.values(), observed), *shared.values(), *of_noise.values()), tuple(observed))
+
+    def suspects(self, names: Sequence[str], tables: Mapping[str, Run]) -> Suspects:
+        """Nothing is known of what a user's own curve may lack but what readings may suffer."""
+        return Suspects(self.problem(names, tables))
 
     def fit(self, problem: Problem, tables: Mapping[str, Run], *, rng: np.random.Generator) -> Fit:
         """The posterior mode, found from afar.  Raises InputError where the data determine none."""
@@ -109,7 +115,7 @@ class CurveStudy:
             raise self._place_of(error, problem, tables) from None
         self._require_scatter(fit)
         self._require_determined(fit)
-        return fit
+        return fit_lacking(fit, rng=rng) if any(run.lacks is not None for run in problem.runs) else fit
 
     def check(self, name: str, tables: Mapping[str, Run]) -> None:
         """Raises InputError where the data of a run pose no problem."""
@@ -169,6 +175,7 @@ class CurveStudy:
 
     def require_draws(self, problem: Problem) -> None:
         """Raises InputError where the prior of a parameter is flat without limits, so that no true value can be drawn from it."""
+        refuse_lacks(self.source, self.table, self.runs, "estim calibrate")
         for parameter in problem.parameters:
             if not math.isfinite(parameter.prior.sd):
                 rule = "is flat without limits, so that nothing can be simulated: give it limits (low and high), or a prior"
@@ -270,7 +277,7 @@ def _read_run(study: CurveStudy, run: CurveRunTable) -> Run:
     errors = [entry for entry in (run.u_y, study.table.u_y) if entry is not None][:1]
     errors += [entry for entry in (run.u_x, study.table.u_x) if entry is not None][:1]
     columns = [entry.column for entry in errors if isinstance(entry, ReadingErrorTable) and entry.column is not None]
-    needed = [study.x_column, study.y_column, *columns]
+    needed = list(dict.fromkeys([study.x_column, study.y_column, *columns, *order_columns(study.table, run)]))
     with study.source.reading(path, needed):
         table = read_table(path, known=needed, min_rows=MIN_ROWS, shown_as=str(path), needed=needed)
     for column in columns:

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from estim.arrays import FloatArray
 from estim.campaign.campaign_file import CampaignFile, Value, read_value
 from estim.campaign.curve_tables import CurveRunTable, CurveTable, Place, ReadingErrorTable, axis_of, prior_table
+from estim.campaign.own_curve_lacks import check_lacks, read_lacks
 from estim.campaign.robust import shape_of
 from estim.common import Finding, InputError, Kind, Quantity
 from estim.curves import MAX_OBS, SIGMA, SIGMA_NOTATION, SIGMA_SPREAD, AxisNames, reading_noise
@@ -32,8 +33,10 @@ class CurvePoints:
     table: CurveTable
     runs: tuple[CurveRunTable, ...]
 
-    def observe(self, curve: Curve, arguments: Mapping[str, str | float], index: int, table: Run) -> tuple[Observations, tuple[Parameter, ...]]:
-        """The points of run number `index`, and what is unknown of their errors.  Raises InputError."""
+    def observe(
+        self, curve: Curve, arguments: Mapping[str, str | float], index: int, table: Run, *, joint: bool
+    ) -> tuple[Observations, tuple[Parameter, ...]]:
+        """The points of run number `index`, and what is unknown of their errors.  joint : whether other runs are fit with it.  Raises InputError."""
         x, y = table.columns[axis_of(self.table.x).column], table.columns[axis_of(self.table.y).column]
         order = np.argsort(x, kind="stable")
         inside, excluded = self._window(x, index)
@@ -43,16 +46,22 @@ class CurvePoints:
                 raise InputError(f"must be between {MIN_ROWS} and {MAX_OBS} (or state a window)", field="rows", value=kept.size, file=table.file)
             rule = f"must leave between {MIN_ROWS} and {MAX_OBS} of the {table.n_row} rows of {table.file} to fit"
             raise self.source.places.error(rule, ("runs", index, "window"), field="window", value=int(kept.size))
+        stated = self.table.u_y is not None or self.runs[index].u_y is not None
+        lacks = read_lacks(self.source, self.table, self.runs, index, table, kept=kept, stated=stated)
         scale, relative, unknown = self._errors(index, table, kept)
+        if lacks is not None and not stated:
+            scale, unknown = Scale(_roughness(y[kept])), ()  # the residuals say its size, together with what the curve lacks
         tails, further = shape_of(self.runs[index].robust or self.table.robust, f"[{table.name}]")
         noise = reading_noise(
             scale, relative, None, what=self.axes.y_name, relative_x=self._errors_of_x(index, table, kept, stated=not unknown), tails=tails
         )
+        if lacks is not None:
+            check_lacks(self.source, self.runs[index], index, lacks, noise, joint=joint)
         run = Observations(
             name=table.name, x=x[kept], y=y[kept], t=None, curve=curve, arguments=MappingProxyType(dict(arguments)),
             noise=noise, x_name=self.axes.x_name, x_unit=self.axes.x_unit,
             y_name=self.axes.y_name, y_unit=self.axes.y_unit, excluded=excluded,
-            excluded_points=np.column_stack([x[~inside], y[~inside]]), motion=None, words=plain_words(self.axes.y_name),
+            excluded_points=np.column_stack([x[~inside], y[~inside]]), motion=None, words=plain_words(self.axes.y_name), lacks=lacks,
         )
         return run, (*unknown, *further)
 

@@ -81,6 +81,7 @@ EFFECTS: Mapping[str, Kind] = MappingProxyType(
         "scale_x": _scale("δ_x", "scale_x", "common relative error of the readings of the position"),
         "scale_t": _scale("δ_t", "scale_t", "common relative error of the clock"),
         "moment": _effect("Q", "resisting_moment_n_m", "N m", "resisting moment, the same whatever the mass", low=0.0),
+        "load_resistance": _effect("c_N", "load_resistance", "1", "rolling resistance / the load that the ramp feels", low=0.0),
         "viscous_drag": _effect("k_v", "viscous_drag_per_s", "1/s", "force of drag / (M v)", low=0.0),
         "quadratic_drag": _effect("k_q", "quadratic_drag_per_m", "1/m", "force of drag / (M v²)", low=0.0),
         "moment_once_cos": _of_turn("a₁", "moment_once_cos", "resisting moment as cos θ / (M g R)"),

@@ -10,6 +10,7 @@ import numpy as np
 from estim.campaign.campaign_file import NoiseTable
 from estim.campaign.levels import Path
 from estim.campaign.noise_models import Candidate
+from estim.explanation import Suspects
 from estim.fitting import Fit
 from estim.problem import Problem
 from estim.reading import Run
@@ -24,6 +25,9 @@ class Study(Protocol):
 
     def problem(self, names: Sequence[str], tables: Mapping[str, Run], *, noise: NoiseTable | None = None) -> Problem:
         """The joint problem of the runs `names` with their tables.  noise : in place of the noise tables of the campaign."""
+
+    def suspects(self, names: Sequence[str], tables: Mapping[str, Run]) -> Suspects:
+        """The runs `names` as stated, and with what they may have beside it."""
 
     def fit(self, problem: Problem, tables: Mapping[str, Run], *, rng: np.random.Generator) -> Fit:
         """The posterior mode, where the data determine one."""

@@ -43,6 +43,7 @@ from estim.problem import MEASURED, LogNormal, Normal, Prior, Problem, Truncated
 P_CONFLICT = 0.01
 P_FLAGRANT = 1e-6  # then there is nothing to sample
 _LOOSER, _MOST_LOG_SD, _N_START = 100.0, 10.0, 6
+_HOPELESS = 100.0  # mean square of whitened residuals: no settling of weights makes 1 of it
 NOTE_BELOW = 0.05
 _LEAST = 0.01  # information of the data, in units of the prior's, below which there is nothing to compare
 _ALONE = 1e-9  # relative: eigenvalues below count as zero
@@ -142,7 +143,7 @@ def _explained(fit: Fit) -> Fit | None:
 def _fits(problem: Problem, start: FloatArray) -> Fit | None:
     """The fit from `start` (n_par,) if it passes the tests of residuals."""
     try:
-        fit = fit_least_squares(problem, rng=stream(0, Stream.FIT), n_start=1, start=start)
+        fit = fit_least_squares(problem, rng=stream(0, Stream.FIT), n_start=1, start=start, hopeless=_HOPELESS)
         return None if any(run.failed for run in check_goodness(fit, rng=stream(0, Stream.GOODNESS))) else fit
     except NumericalError:
         return None

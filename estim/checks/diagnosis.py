@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -10,8 +11,8 @@ import numpy as np
 from estim.arrays import FloatArray
 from estim.checks.conflict import Conflict, stated_values
 from estim.checks.consistency import Consistency
-from estim.checks.forces import force_finding as force_finding
-from estim.checks.forces import force_remarks, force_too_large
+from estim.checks.deviations import deviation_remarks
+from estim.checks.forces import beyond_their_priors, force_remarks
 from estim.checks.frames import bad_frames_found, too_many_bad_frames
 from estim.checks.goodness import P_FLOOR, P_POOR_FIT, SCATTER_LIMIT, Goodness
 from estim.checks.identifiability import Identifiability
@@ -67,8 +68,9 @@ def diagnose(
         [
             *([] if conflict.flagrant else _convergence(fit, chain)), *several_solutions(fit, modes),
             *_flat_directions(fit, identifiability), *_bounds(fit),
-            *failed_tests(goodness), *_methods(comparison), *_consistency(consistency), stated_values(fit, conflict), *too_many_outliers(fit),
-            *(finding for force in fit.forces for finding in (*too_many_bad_frames(force), *force_too_large(force))),
+            *failed_tests(goodness), *beyond_their_priors(fit.forces), *_methods(comparison), *_consistency(consistency),
+            stated_values(fit, conflict), *too_many_outliers(fit),
+            *(finding for force in fit.forces for finding in too_many_bad_frames(force)),
         ]
     )
     remarks = _remarks(fit, chain, goodness, conflict) + ([] if findings else large_influences(fit, influences))
@@ -147,11 +149,21 @@ def failed_tests(goodness: Sequence[Goodness]) -> list[Finding]:
     findings = []
     for run in goodness:
         for name in run.failed:
-            kind = Kind.RESIDUALS_ZERO if name == "zero" else Kind.RESIDUALS_TOO_LARGE if run.only_too_large else Kind.RESIDUALS_NOT_RANDOM
-            findings.append(Finding(kind, run=run.run, test=name, p=run.checks[name].p_value, numbers={"least": P_FLOOR}))
+            room = {"deviation": run.room} if math.isfinite(run.room) else {}
+            pattern = Kind.CURVE_LACKS if room else Kind.RESIDUALS_NOT_RANDOM
+            kind = Kind.RESIDUALS_ZERO if name == "zero" else Kind.RESIDUALS_TOO_LARGE if run.only_too_large else pattern
+            findings.append(Finding(kind, run=run.run, test=name, p=run.checks[name].p_value, numbers={"least": P_FLOOR, **room}))
         if run.scatter_ratio > SCATTER_LIMIT:
             findings.append(Finding(Kind.SCATTER_TOO_LARGE, run=run.run, size=run.scatter_ratio))
     return findings
+
+
+def covered_pattern(run: Goodness) -> list[Finding]:
+    """A pattern in the residuals that the stated error covers."""
+    if not run.covered:
+        return []
+    chi2 = run.checks["chi2"].statistic
+    return [Finding(Kind.PATTERN_COVERED, run=run.run, size=(chi2 / run.whitened.size) ** 0.5, numbers={"chi2": chi2}, names=run.covered)]
 
 
 def too_many_outliers(fit: Fit) -> list[Finding]:
@@ -169,11 +181,15 @@ def _remarks(fit: Fit, chain: Chain, goodness: Sequence[Goodness], conflict: Con
     found = [stated] if stated.kind is Kind.STATED_HARDLY else []
     found += same_curve(fit)
     found += [remark for force in fit.forces for remark in (*bad_frames_found(force), *force_remarks(force))]
+    runs = {run.name: run for run in fit.problem.runs}
+    for lack in fit.deviations:
+        found += deviation_remarks(lack, x_unit=runs[lack.run].x_unit, y_unit=runs[lack.run].y_unit)
     if fit.n_same < fit.n_start:
         found.append(Finding(Kind.STARTS_ELSEWHERE, size=fit.n_start - fit.n_same, numbers={"starts": fit.n_start}))
-    for good in goodness:
+    for good, run in zip(goodness, fit.problem.runs, strict=True):
+        found += covered_pattern(good)
         chi2 = good.checks.get("chi2")
-        if chi2 is not None and chi2.p_value > 1.0 - P_POOR_FIT:
+        if chi2 is not None and chi2.p_value > 1.0 - P_POOR_FIT and not good.covered and run.lacks is None:
             found.append(Finding(Kind.RESIDUALS_SMALL, run=good.run, test="chi2", p=1.0 - chi2.p_value, numbers={"least": P_FLOOR}))
         if good.scatter_ratio > 3.0:
             found.append(Finding(Kind.SCATTER_LARGE, run=good.run, size=good.scatter_ratio))

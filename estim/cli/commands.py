@@ -9,17 +9,18 @@ from __future__ import annotations
 import os
 import sys
 import warnings
-from collections.abc import Iterable
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
 
+from estim.cli.causes import say_causes, with_causes
+from estim.cli.comparing import compare as compare_models
 from estim.cli.terminal import NOT_OK, announced, conclude, counted, exit_code, groups_of, progress_bar, report_at, say, stores_of, write_files
 from estim.common import InputError, Stream, asked_to_stop, decide, ended_by_signals, stream
 
 if TYPE_CHECKING:
-    from estim.campaign import Campaign
     from estim.pipeline import Analysis
     from estim.reading import Unit
     from estim.studies import Drift, EnergyRecord
@@ -55,10 +56,11 @@ def cli() -> None:
     "[default: the marginal for more than 16 runs, and for `positions` with more than 12 unknowns]",
 )
 @click.option("--compare", is_flag=True, help="Fit with every model of the noise that the data allow, and tabulate them.")
+@click.option("--explain", is_flag=True, help="Tabulate what may be missing, each cause refit.  [default: where something is]")
 @click.option("--resume", is_flag=True, help="Continue a fit that was interrupted, from the draws kept in OUT/.checkpoint.")
 def fit(
     campaign: Path, runs: tuple[str, ...], joint: bool, max_steps: int, out: Path | None, seed: int, marginal: bool | None, compare: bool,
-    resume: bool,
+    explain: bool, resume: bool,
 ) -> None:
     """Fit runs of CAMPAIGN and write a report.
 
@@ -82,56 +84,36 @@ def fit(
     if marginal and not joint:
         raise InputError("needs --joint: one run has nothing to share", field="--marginal")
     click.get_current_context().with_resource(only_writer(folder / ".checkpoint"))
-    if compare:
-        if resume or marginal is not None:
-            raise InputError("does not go with --resume, --marginal or --full", field="--compare")
-        _compare(loaded, groups, folder, seed=seed, max_steps=max_steps)
-        return
     stop = click.get_current_context().with_resource(asked_to_stop())
+    if compare:
+        if explain or marginal is not None:
+            raise InputError("does not go with --explain, --marginal or --full", field="--compare")
+        _exit_unless(compare_models(loaded, groups, folder, seed=seed, max_steps=max_steps, resume=resume, stop=stop))
+        return
     stores = stores_of(folder, groups, joint=joint, resume=resume)
-    results = {}
+    results, explanations = {}, []
     for group, store in zip(groups, stores, strict=True):
         with progress_bar(", ".join(group), max_steps) as progress:
             analysis = analyse(
                 loaded, group, seed=seed, target=Target(max_step=max_steps), progress=progress, store=store, stop=stop, marginal=marginal
             )
+        analysis = with_causes(loaded, analysis, group, asked=explain)
         place = folder if len(groups) == 1 else folder / group[0]
         write_files(place, analysis_report(loaded, analysis, voice=Voice.COMMANDS), within=folder)
         if can_write_netcdf():
             write_files(place, {"draws.nc": to_netcdf(analysis)}, within=folder)
         results[group[0]] = result_of(loaded, analysis, voice=Voice.COMMANDS)
         conclude(", ".join(group), analysis.diagnosis.status, analysis.diagnosis.reasons, analysis.diagnosis.notes)
+        say_causes(analysis)
+        explanations += [] if analysis.explanation is None else [analysis.explanation]
     if len(groups) > 1:
-        write_files(folder, index_report(loaded, results))
+        write_files(folder, index_report(loaded, results, explanations))
     for store in stores:
         store.remove()
     report_at(folder / "report.md", loaded.source.outside())
     if not can_write_netcdf():
         say(f"no draws.nc (the draws, for ArviZ and xarray): {HOW_TO_GET}")
     _exit_unless(all(result.status == "ok" for result in results.values()))
-
-
-def _compare(campaign: Campaign, groups: Iterable[tuple[str, ...]], folder: Path, *, seed: int, max_steps: int) -> None:
-    """`estim fit --compare`: a table of models for each group, each model's own report beside it."""
-    from estim.reports import analysis_report, compare_report, folder_of
-    from estim.sampling import Target
-    from estim.studies import compare_noise
-    from estim.words import Voice
-
-    groups, none_ok = list(groups), False
-    for group in groups:
-        compared = compare_noise(
-            campaign, group, seed=seed, target=Target(max_step=max_steps), progress_of=lambda what: progress_bar(what, max_steps)
-        )
-        place = folder if len(groups) == 1 else folder / group[0]
-        for model in compared:
-            report = analysis_report(campaign, model.analysis, voice=Voice.COMMANDS)
-            write_files(place / folder_of(model.candidate.name), report, within=folder)
-            conclude(f"{', '.join(group)}, {model.candidate.name}", model.analysis.diagnosis.status, ())
-        write_files(place, compare_report(campaign, compared, seed=seed), within=folder)
-        report_at(place / "report.md", campaign.source.outside())
-        none_ok = none_ok or not any(model.analysis.diagnosis.ok for model in compared)
-    _exit_unless(not none_ok)
 
 
 @cli.command()
@@ -183,7 +165,7 @@ def energy(campaign: Path, runs: tuple[str, ...], joint: bool, max_steps: int, o
     loaded.study.require_speeds([name for group in groups for name in group], "estim energy")
     for group in groups:
         with progress_bar(", ".join(group), max_steps) as progress:
-            analyses.append(analyse(loaded, group, seed=seed, target=Target(max_step=max_steps), progress=progress))
+            analyses.append(analyse(loaded, group, seed=seed, target=Target(max_step=max_steps), progress=progress, complete="estim energy"))
         records.extend(energy_along(analyses[-1], rng=stream(seed, Stream.ENERGY)))
         drifts.append(drift_of(analyses[-1], rng=stream(seed, Stream.DRIFT)))
         conclude(", ".join(group), analyses[-1].diagnosis.status, analyses[-1].diagnosis.reasons)
@@ -230,8 +212,9 @@ def reanalyse(campaign: Path, max_steps: int, out: Path | None, seed: int) -> No
 @click.option("--jobs", type=click.IntRange(min=1), help="Processes.  [default: one for each core]")
 @_OUT
 @_SEED
+@click.option("--resume", is_flag=True, help="Continue a calibration that was interrupted, from the trials kept in OUT/.checkpoint.")
 def calibrate(
-    campaign: Path, runs: tuple[str, ...], joint: bool, simulations: int, what: str, jobs: int | None, out: Path | None, seed: int
+    campaign: Path, runs: tuple[str, ...], joint: bool, simulations: int, what: str, jobs: int | None, out: Path | None, seed: int, resume: bool
 ) -> None:
     """Check on simulated data whether the intervals for CAMPAIGN hold the truth as often as they say.
 
@@ -239,24 +222,28 @@ def calibrate(
     that processes were killed, twice (too little memory?): one line says so, and there is no report.
     """
     from estim.calibration import campaign_design, coverage, coverage_sentence, findings, simulation_based_calibration
-    from estim.campaign import load_campaign
+    from estim.campaign import as_complete, load_campaign
     from estim.reports import calibration_report
+    from estim.sampling import PieceStore, only_writer
     from estim.words import tell
 
     loaded = load_campaign(campaign)
     folder = out or Path("out") / campaign.resolve().parent.name / "calibration"
-    groups, trusted = groups_of(loaded, runs, joint=joint), True
+    groups, trusted, stores = groups_of(loaded, runs, joint=joint), True, []
     for group in groups:
         loaded.require_unknowns(loaded.problem(group), drawn=True)
     chosen = {"sbc": simulation_based_calibration, "coverage": coverage}
+    click.get_current_context().with_resource(only_writer(folder / ".checkpoint"))
     for group in groups:
-        fit = loaded.fit(loaded.problem(group), rng=stream(seed, Stream.CALIBRATION_FIT))
+        fit = loaded.fit(as_complete(loaded.problem(group), "estim calibrate"), rng=stream(seed, Stream.CALIBRATION_FIT))
         design = campaign_design(loaded, group, fitted=fit.values)
         calibrations = []
         for kind in ("sbc", "coverage") if what == "both" else (what,):
+            kept = folder / ".checkpoint" / f"{'joint-' * joint}{group[0]}-{kind}"
+            stores.append(PieceStore(kept, resume=resume, say=partial(say, err=True), within=folder))
             with counted(f"{', '.join(group)}: {kind}", simulations) as progress:
                 calibrations.append(
-                    chosen[kind](design, fit, n_trial=simulations, seed=seed, jobs=jobs or os.cpu_count() or 1, progress=progress)
+                    chosen[kind](design, fit, n_trial=simulations, seed=seed, jobs=jobs or os.cpu_count() or 1, progress=progress, store=stores[-1])
                 )
         place = folder if len(groups) == 1 else folder / group[0]
         write_files(place, calibration_report(loaded, calibrations), within=folder)
@@ -266,6 +253,8 @@ def calibrate(
             said = [] if calibration.what == "sbc" else [coverage_sentence(calibration, name) for name in calibration.reported]
             conclude(f"{', '.join(group)}, {calibration.what}", decide(found), [*map(tell, found), *said])
         report_at(place / "report.md", loaded.source.outside())
+    for store in stores:
+        store.remove()
     _exit_unless(trusted)
 
 

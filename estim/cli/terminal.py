@@ -64,6 +64,20 @@ def counted(what: str, total: int) -> Iterator[Callable[[int], None]]:
         yield show
 
 
+@contextmanager
+def pieces(what: str, unit: str) -> Iterator[Callable[[int, int], None]]:
+    """A progress bar on stderr for pieces of work whose number shows when the first is done."""
+    from tqdm import tqdm
+
+    with tqdm(desc=one_line(what), unit=unit, leave=False, disable=None, dynamic_ncols=True) as bar:
+
+        def show(done: int, total: int) -> None:
+            bar.total = total
+            bar.update(done - bar.n)
+
+        yield show
+
+
 def conclude(what: str, status: str, reasons: Iterable[str], notes: Iterable[str] = ()) -> None:
     say(f"{what}: {status}")
     for line in (*reasons, *(f"note: {text}" for text in notes)):

@@ -97,6 +97,7 @@ class Kind(StrEnum):
     RESIDUALS_TOO_LARGE = auto()
     RESIDUALS_NOT_RANDOM = auto()
     RESIDUALS_SMALL = auto()
+    PATTERN_COVERED = auto()
     CHI2_TOO_LARGE = auto()
     CHI2_SMALL = auto()
     SCATTER_TOO_LARGE = auto()
@@ -107,7 +108,20 @@ class Kind(StrEnum):
     FORCE_UNDECIDED = auto()
     FORCE_UNLIKELY = auto()
     FORCE_TOO_LARGE = auto()
+    FORCE_NOT_LINEAR = auto()
     NOISE_CONSERVATIVE = auto()
+    NOISE_LARGER = auto()
+    NOISE_TOO_LARGE = auto()
+    CURVE_COMPLETE = auto()
+    DEVIATION_FOUND = auto()
+    DEVIATION_UNDECIDED = auto()
+    DEVIATION_UNLIKELY = auto()
+    CURVE_LACKS = auto()
+    # candidates for it, each refit
+    CAUSE_NAMED = auto()
+    CAUSES_ALIKE = auto()
+    CAUSE_IN_PART = auto()
+    CAUSE_UNKNOWN = auto()
     # bad frames
     FRAME_OFF = auto()
     STEP_STAYS = auto()
@@ -164,8 +178,9 @@ _KINDS = {
     Status.MULTIMODAL: (Kind.SEVERAL_SOLUTIONS,),
     Status.NOT_IDENTIFIED: (Kind.DIRECTION_FLAT, Kind.SINGULAR, Kind.UNDETERMINED, Kind.LINE_NOT_RISING),
     Status.POOR_FIT: (
-        Kind.RESIDUALS_ZERO, Kind.RESIDUALS_TOO_LARGE, Kind.RESIDUALS_NOT_RANDOM, Kind.CHI2_TOO_LARGE, Kind.SCATTER_TOO_LARGE,
-        Kind.OUTLIERS_CROWD, Kind.FRAMES_CROWD, Kind.FORCE_TOO_LARGE, Kind.RUNS_DISAGREE, Kind.RUN_DISAGREES, Kind.RUNS_TIED, Kind.STATED_AND_CURVE,
+        Kind.RESIDUALS_ZERO, Kind.RESIDUALS_TOO_LARGE, Kind.RESIDUALS_NOT_RANDOM, Kind.CURVE_LACKS, Kind.CHI2_TOO_LARGE, Kind.SCATTER_TOO_LARGE,
+        Kind.FORCE_TOO_LARGE, Kind.FORCE_NOT_LINEAR, Kind.NOISE_TOO_LARGE,
+        Kind.OUTLIERS_CROWD, Kind.FRAMES_CROWD, Kind.RUNS_DISAGREE, Kind.RUN_DISAGREES, Kind.RUNS_TIED, Kind.STATED_AND_CURVE,
         Kind.GAMMA_TOO_LARGE, Kind.POINTS_SCATTER,
     ),
     Status.AT_BOUND: (Kind.PRESSED_EDGE, Kind.PRESSED_LIMIT),

@@ -32,6 +32,7 @@ class Stream(IntEnum):
     CALIBRATION_TRUTH = 13
     RANK_TRIALS = 14
     COVERAGE_TRIALS = 15
+    EXPLANATION = 16  # of what a curve lacks: null distributions
 
 
 def stream(seed: int, name: Stream, *index: int) -> np.random.Generator:

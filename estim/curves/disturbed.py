@@ -8,7 +8,7 @@ are the same to the last bits, and faster.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike
 from estim.arrays import FloatArray
 from estim.common import Notation
 from estim.curves.differences import with_gradient
-from estim.curves.rolling import RollingMotion, body_of, derived_of, from_release
+from estim.curves.rolling import SAG_TOLD, RollingMotion, body_of, derived_of, from_release
 from estim.problem import Derived, LocalCurve
 from model import (
     Body,
@@ -35,6 +35,7 @@ from model import (
 )
 
 _FORCES = {  # argument -> field of Forces
+    "load_resistance": "load_resistance",
     "viscous_drag": "viscous_drag", "quadratic_drag": "quadratic_drag", "moment_once_cos": "once_cos", "moment_once_sin": "once_sin",
     "moment_twice_cos": "twice_cos", "moment_twice_sin": "twice_sin", "phi_slope": "phi_slope",
 }
@@ -223,6 +224,14 @@ class DisturbedMotion(RollingMotion):
         true = known.true_position(from_release(x, arguments))
         kinetic = energy.kinetic_energy(length * true, length * v / known.gain(true), known.body, **place)
         return kinetic, energy.potential_energy(length * true, known.body, **place, g=known.motion["g"])
+
+    def _sag_in_time(self, t: FloatArray, x: FloatArray, arguments: Mapping[str, ArrayLike]) -> FloatArray:
+        since, depth = np.ravel(t - np.asarray(arguments["release_time"])), arguments.get("sag", 0.0)
+        way = float(np.max(np.abs(x - np.asarray(arguments["offset"]))) * np.asarray(self.metres(arguments)))
+        setting = self.setting if np.any(depth) else replace(self.setting, ramp=Place(way, 0.0))
+        sags = np.asarray(depth) + np.array([[0.0], [SAG_TOLD]])
+        read, _ = _state(since, _disturbed({**arguments, "sag": sags}, setting), self.angular)
+        return np.asarray(read[1] - read[0])
 
     def derived(self, arguments: Mapping[str, ArrayLike]) -> Mapping[str, Derived]:
         known = _disturbed(arguments, self.setting)

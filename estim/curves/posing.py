@@ -5,7 +5,7 @@ from __future__ import annotations
 import inspect
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from types import MappingProxyType
 from typing import Any
 
@@ -16,12 +16,14 @@ from estim.arrays import FloatArray
 from estim.common import InputError, Notation, read_quantity
 from estim.curves.formula import Formula, check_names, read_formula
 from estim.curves.function import PythonCurve, wrap_function
+from estim.curves.lacks import ask_lacks
 from estim.curves.shared_errors import Component, DistortedCurve
 from estim.problem import (
     GAUSSIAN,
     Correlated,
     Curve,
     Flat,
+    Lacks,
     LogNormal,
     Noise,
     Observations,
@@ -60,6 +62,7 @@ class CurveProblem:
     x, y : (n_obs,).  relative : (n_obs,) u_y, or 1 where it was not stated.  relative_x : (n_obs,) u_x, or None.
     cov : (n_obs, n_obs), or None.
     stated : whether the size of the errors is known.
+    lacks : what the curve may lack, None for nothing.
     fixed : argument of the curve -> its exact value.  text : the formula, or how the function is called.
     """
 
@@ -74,6 +77,12 @@ class CurveProblem:
     stated: bool
     axes: AxisNames
     fixed: Mapping[str, float]
+    lacks: Lacks | None = None
+
+    def with_lacks(self, sigma: float) -> Problem:
+        """`with_sigma` for a curve that may lack something."""
+        problem = self.with_sigma(sigma)
+        return Problem(problem.parameters, (replace(problem.runs[0], lacks=self.lacks),))
 
     def with_sigma(self, sigma: float) -> Problem:
         """The problem whose errors are `sigma` times u_y (or times 1)."""
@@ -127,6 +136,8 @@ def pose_curve(
     units: Mapping[str, str],
     axes: AxisNames,
     fixed: Mapping[str, float] = MappingProxyType({}),
+    deviation: float = 0.0,
+    correlated: ArrayLike | bool = False,
 ) -> CurveProblem:
     """The problem that the arguments of `fit_curve` pose.  Raises InputError where one of them breaks a rule."""
     _check_mappings(bounds=bounds, priors=priors, units=units, fixed=fixed)
@@ -164,6 +175,7 @@ def pose_curve(
         text=read.text if isinstance(read, Formula) else f"{getattr(curve, '__name__', type(curve).__name__)}(x, {', '.join((*names, *exact))})",
         curve=DistortedCurve(read, errors) if errors else read, parameters=everything, x=points["x"][order], y=points["y"][order],
         relative=relative[order], relative_x=relative_x, cov=ordered_cov, stated=stated, axes=axes, fixed=MappingProxyType(exact),
+        lacks=ask_lacks(deviation, correlated, order, stated=stated, exact_x=u_x is None),
     )
 
 

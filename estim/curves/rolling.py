@@ -16,7 +16,7 @@ from estim.arrays import FloatArray
 from estim.common import Notation
 from estim.curves.differences import with_gradient
 from estim.problem import CommonError, Derived, LocalCurve, Wording
-from model import Body, back_and_forth, energy, phase
+from model import Body, Forces, back_and_forth, energy, phase, sagging
 
 _BODY = ("radius", "gamma", "kappa", "rho", "trailing_fraction", "particle_gyration")
 _ZEROED = ("phi", "theta0")  # angles that an instrument may read with a common zero error
@@ -24,6 +24,7 @@ _KNOWN_AS = {"scale_t": "clock", "scale_x": "length", "sag": "sag"}  # argument 
 _TAKEN_AS_EXACT = {  # argument -> an error of it: of angles in rad, else as a share
     "radius": 0.01, "g": 1e-3, "gamma": 0.01, "kappa": 0.01, "phi": float(np.radians(0.1)), "theta0": float(np.radians(1.0)),
 }
+SAG_TOLD = 1e-3  # m, of a sag
 _MOTION = ("phi", "theta0", "rolling_resistance", "g")
 
 
@@ -168,15 +169,15 @@ class RollingMotion:
     def errors_in_common(
         self, x: FloatArray, y: FloatArray, local: LocalCurve, arguments: Mapping[str, ArrayLike], exact: Collection[str]
     ) -> tuple[CommonError, ...]:
-        """Angles of an encoder have no scale; a sag of the ramp is told for speeds alone.  What is inferred is no such error."""
+        """Angles of an encoder have no scale.  What is inferred is no such error."""
         slope = local.slope[0]
         clock = -0.01 * slope * (x - np.asarray(arguments["release_time"])) if self.in_time else -0.01 * y
         errors = [CommonError("clock", 0.01, "1", clock)]
         if not self.angular:
             length = 0.01 * (y - np.asarray(arguments["offset"])) if self.in_time else 0.01 * (y - from_release(x, arguments) * slope)
             errors.append(CommonError("length", 0.01, "1", length))
-        if not self.in_time:
-            errors.append(CommonError("sag", 1e-3, "m", self._sag(x, local.value[0], arguments)))
+        sag = self._sag_in_time(x, local.value[0], arguments) if self.in_time else self._sag(x, local.value[0], arguments)
+        errors.append(CommonError("sag", SAG_TOLD, "m", sag))
         for name, size in _TAKEN_AS_EXACT.items():
             value = np.asarray(arguments[name])
             if name in exact and np.all(value != 0.0):
@@ -189,11 +190,21 @@ class RollingMotion:
         """(n_obs,) change of the speeds where the ramp lies 1 mm lower in the middle of the way than a straight line: dv = v g h/(2 K)."""
         since = np.broadcast_to(from_release(x, arguments), (1, x.size))[0]
         length = float(np.max(np.abs(since)))
-        depth = 1e-3 * 4.0 * np.abs(since) / length * (1.0 - np.abs(since) / length)
+        depth = SAG_TOLD * 4.0 * np.abs(since) / length * (1.0 - np.abs(since) / length)
         kinetic, _ = self.energies(x, v, arguments)
         with np.errstate(divide="ignore", invalid="ignore"):  # at rest
             change = v * np.asarray(arguments["g"]) * depth / (2.0 * kinetic)
         return np.where(np.isfinite(change), change, 0.0).reshape(x.shape)
+
+    def _sag_in_time(self, t: FloatArray, x: FloatArray, arguments: Mapping[str, ArrayLike]) -> FloatArray:
+        """(n_obs,) the same of the positions x at times t, by the motion on a ramp that is a parabola from the release to the farthest point."""
+        since, unit = np.ravel(t - np.asarray(arguments["release_time"])), self.metres(arguments)
+        way = float(np.max(np.abs(x - np.asarray(arguments["offset"]))) * np.asarray(unit))
+        body, motion = body_of(arguments)
+        straight, _ = back_and_forth(since, body, **motion)
+        motion["phi"], bend = sagging(motion["phi"], SAG_TOLD, length=way, start=0.0)
+        bent, _ = back_and_forth(since, body, **motion, forces=Forces(phi_slope=bend))
+        return np.asarray((np.ravel(bent) - np.ravel(straight)) / np.asarray(unit))
 
     def end(self, arguments: Mapping[str, ArrayLike]) -> FloatArray:
         if self.in_time:

@@ -9,7 +9,7 @@ what matters and evaluates draws.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -37,6 +37,10 @@ class Shape:
     def covariance(self) -> FloatArray:
         """(n_obs, n_obs)."""
         return np.asarray(self.factor @ self.factor.T)
+
+    def times(self, scale: float) -> Shape:
+        """The shape whose unit amplitude is `scale`."""
+        return replace(self, factor=scale * self.factor)
 
 
 @dataclass(frozen=True, eq=False)

@@ -103,8 +103,7 @@ class MixtureErrors:
 
     def _stretch(self, raw: FloatArray, z: FloatArray) -> tuple[FloatArray, FloatArray]:
         """(n_draw,) what makes |stretch z|^2 twice the loss of log likelihood, and that; 1 and 0 where nothing is lost but rounding."""
-        highest = self.mixture.log_likelihood(np.zeros((1, raw.shape[1])))[0]
-        lost = 2.0 * (highest - self.mixture.log_likelihood(raw))
+        lost = 2.0 * (self.mixture.highest - self.mixture.log_likelihood(raw))
         square = np.sum(z**2, axis=1)
         told = (lost > 1e-9) & (square > 0.0)
         stretch = np.ones(lost.size)

@@ -121,7 +121,7 @@ def speed_response(
     speed = np.maximum(speed, floor)
     _moving(speed)
     lever = acceleration / (inertia * speed)
-    return Response(lever[:, None] * _work(along, x), lever)
+    return Response(lever[:, None] * work_along(along, x), lever)
 
 
 def position_response(along: Track, x: FloatArray, speed: FloatArray, inertia: FloatArray, *, acceleration: float) -> Response:
@@ -139,7 +139,7 @@ def position_response(along: Track, x: FloatArray, speed: FloatArray, inertia: F
     smooth = np.divide(since**1.5, inertia * speed**3, out=np.zeros_like(since), where=speed > 0.0)
     if not speed[0] > 0.0:  # released from rest
         smooth[0] = smooth[1]
-    work = np.column_stack([_work(along, along.fine), np.ones(since.size)])
+    work = np.column_stack([work_along(along, along.fine), np.ones(since.size)])
     weighted = work * smooth[:, None]
     middle = 0.5 * (q[1:] + q[:-1])
     rest = np.vstack([np.zeros(work.shape[1]), np.cumsum(2.0 * np.diff(weighted, axis=0) / middle[:, None], axis=0)])
@@ -227,7 +227,7 @@ def shared_force_shapes(
     return tuple(shapes)
 
 
-def _work(along: Track, x: FloatArray) -> FloatArray:
+def work_along(along: Track, x: FloatArray) -> FloatArray:
     """(n, n_node) F(x) = int f dx' from the release, for a force that is 1 at one node and falls to 0 at its neighbours."""
     step = along.nodes[1] - along.nodes[0]
     since = np.append(np.clip(x, along.start, along.end), along.start)[:, None] - along.nodes

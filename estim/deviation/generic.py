@@ -1,13 +1,17 @@
 """What a user's own curve lacks: a smooth deviation of y along x, or errors of readings that follow each other in time.
 
-- `deviation_shapes`: y = f(x) + d(x), d smooth over some part of the range of x (Matern-3/2), its constant left to the curve.
+- `deviation_shapes`: y = f(x) + d(x), d smooth over some part of the range of x (Matern-3/2).
 - `correlated_shapes`: errors whose neighbours are alike, AR(1) in continuous time, beside white ones.
 
-Both go into `diagonalise`, alone or together (`equally_probable`), with the grid of `amplitude_grid`.
+Both go into `diagonalise`, alone or together (`equally_probable`), each times the scale of its amplitude (`Shape.times`), with `relative_grid`.
+
+Nothing is taken out of d, neither its mean nor its slope: every parameter keeps the meaning that it has in the formula, and what a deviation
+has in common with the curve makes its parameters less certain.  Where the curve has a constant of its own, all other parameters are the same
+as with the mean of d taken out; where it has none, taking it out would claim that the curve is right on average.
 
 The rule of the stated error: where the residuals are far smaller than stated nothing is narrowed (`linearised` sees to that), and
-`stated_is_conservative` says so; if the innovations are white the result is sound, with the stated standard deviations and what the pattern
-adds.  (A pattern of 3.5 mm under a stated 5 cm says nothing of errors that all points share: narrowed to it, 68 % intervals cover 33-58 %.)
+`stated_is_conservative` says so.  (A pattern of 3.5 mm under a stated 5 cm says nothing of errors that all points share: narrowed to it, 68 %
+intervals cover 33-58 %.)  Where no size of the errors was stated, the residuals say it: all sizes are equally probable beforehand.
 """
 
 from __future__ import annotations
@@ -20,31 +24,36 @@ from estim.arrays import FloatArray
 from estim.common import InputError
 from estim.deviation.components import Shape
 from estim.deviation.grid import SCALES, Grid, prior_grid, track_lengths
-from estim.deviation.kernels import distances, exponential, matern32, root, without_mean
+from estim.deviation.kernels import distances, exponential, matern32, root
 from estim.deviation.linearised import Linearised
 
+DEVIATION, TIME = "deviation", "time"
 FREE_SCALES = (0.01, 0.016, 0.025, 0.04, 0.063, *SCALES)  # where an error may be stated for what no residual shows
-_TIMES_NOISE, _PART_OF_RANGE = 10.0, 0.02  # scale of the prior of the amplitude: the larger of 10 sds of a reading and 1/50 of the range of y
+_SMALLEST, _LARGEST, _N_SIZE = 0.01, 1.6, 60  # sizes of unstated errors, in units of the residuals' standard deviation
 _CONSERVATIVE = 0.5  # a stated error is conservative where the white noise is less than half of it
 _SURE = 0.95
 _N_TIME = 6
+_SPIKE = 0.2  # probability of no deviation beforehand: who asks for one has a reason
 
 
-def amplitude_grid(y: FloatArray, sd: FloatArray, *, scale: float | None = None) -> Grid:
-    """The grid for y (n_obs,) with standard deviations sd (n_obs,) of the readings.
+def relative_grid(*, stated: bool) -> Grid:
+    """The grid of amplitudes in units of their scale, and of sizes of the noise in units of what was stated, or of the residuals.
 
-    scale : of the half-normal prior of the amplitude, unit of y; by default the larger of 10 typical sds and a fiftieth of the range of y.
+    stated : whether the size of the errors was stated; else all sizes are equally probable in their logarithm.
     """
-    wide = max(_TIMES_NOISE * float(np.median(sd)), _PART_OF_RANGE * float(np.ptp(y))) if scale is None else scale
-    return prior_grid(wide, scales=FREE_SCALES)
+    grid = prior_grid(1.0, spike=_SPIKE, scales=FREE_SCALES)
+    if stated:
+        return grid
+    sizes = np.geomspace(_SMALLEST, _LARGEST, _N_SIZE)
+    return replace(grid, scales=sizes, log_scales=np.full(_N_SIZE, -np.log(_N_SIZE)))
 
 
 def deviation_shapes(x: FloatArray) -> tuple[Shape, ...]:
-    """Smooth deviations along x (n_obs,), over lengths about a sixth of its range; the mean over the points belongs to the curve."""
+    """Smooth deviations along x (n_obs,), over lengths about a sixth of its range."""
     apart = distances(x)
     lengths, log_prior = track_lengths(_extent(x, "x"))
     return tuple(
-        Shape("deviation", float(length), root(without_mean(matern32(apart, float(length)))), float(log))
+        Shape(DEVIATION, float(length), root(matern32(apart, float(length))), float(log))
         for length, log in zip(lengths, log_prior, strict=True)
     )
 
@@ -55,7 +64,7 @@ def correlated_shapes(t: FloatArray) -> tuple[Shape, ...]:
     extent = _extent(t, "t")
     step = float(np.median(np.diff(np.sort(t))))
     lengths = np.geomspace(max(step, 1e-3 * extent), extent / 3.0, _N_TIME)
-    return tuple(Shape("time", float(length), root(exponential(apart, float(length))), -float(np.log(_N_TIME))) for length in lengths)
+    return tuple(Shape(TIME, float(length), root(exponential(apart, float(length))), -float(np.log(_N_TIME))) for length in lengths)
 
 
 def equally_probable(*groups: tuple[Shape, ...]) -> tuple[Shape, ...]:

@@ -75,6 +75,10 @@ class Linearised:
         """P(a > 0): the probability that there is a deviation; above 0.95 it is an alarm (none false in 300 clean runs)."""
         return float(self.weights[self.deviation.column("amplitude") > 0.0].sum())
 
+    def p_noise(self, least: float) -> float:
+        """P(s >= least): the probability that the readings scatter by at least `least` times what was stated."""
+        return float(self.weights[self.scales >= least].sum())
+
     def quantiles(self, direction: ArrayLike, probabilities: ArrayLike) -> FloatArray:
         """(n_probability,) quantiles of direction . (p - p0), for a direction (n_par,)."""
         along = np.asarray(direction, dtype=float)
@@ -131,11 +135,14 @@ class Linearised:
         raise IndexError(k)
 
 
-def linearise(deviation: Deviation, residuals: FloatArray, jacobian: FloatArray, *, precision: FloatArray, pull: ArrayLike = 0.0) -> Linearised:
+def linearise(
+    deviation: Deviation, residuals: FloatArray, jacobian: FloatArray, *, precision: FloatArray, pull: ArrayLike = 0.0, stated: bool = True
+) -> Linearised:
     """The posterior of a curve that is linear about a point p0.
 
     residuals : (n_obs,) y - f(p0).  jacobian : (n_obs, n_par) df/dp at p0.
     precision : (n_par, n_par) inverse covariance of the prior, rows of zeros where it is flat.  pull : (n_par,) prior mean - p0.
+    stated : whether the size of the noise was stated, and is not to be narrowed.
 
     Small linear systematic effects (a push at release) may stand in further columns of `jacobian`, with their own precision.
     """
@@ -157,7 +164,7 @@ def linearise(deviation: Deviation, residuals: FloatArray, jacobian: FloatArray,
         misfit = white * square + gain @ np.square(seen) + offset - np.einsum("ki,ki->k", slope, step)
         log_volume = np.sum(np.log(variance), axis=1) - (n_obs - seen.size) * np.log(white) + np.linalg.slogdet(information)[1]
         log_likelihood = -0.5 * (misfit + log_volume)
-        serves = _at_least_stated(family)
+        serves = _at_least_stated(family) if stated else np.arange(family.amplitude.size)
         logs.append(family.log_prior + log_likelihood)
         own_steps.append(step)
         steps.append(step[serves])

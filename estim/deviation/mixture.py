@@ -9,15 +9,18 @@ release, the clock, the scale of length), each column times the standard deviati
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
+from scipy.linalg import block_diag
 
 from estim.arrays import FloatArray
 from estim.deviation.components import Deviation, Family
 from estim.deviation.linearised import Linearised
 
-_ROUGHNESS = 1e-5  # what the directions left out of a basis may add to the variances, relative to the noise and summed
+_ROUGHNESS = 1e-3  # what the directions left out of a basis may add to the variances, relative to the noise and summed
 
+_FEW = 16  # draws of which the calls cost more than the numbers
 _CHUNK = 256  # draws at once: what they need stays in the processor's cache
 
 
@@ -39,6 +42,18 @@ class Mixture:
     def n_component(self) -> int:
         return sum(family.amplitude.size for family in self.deviation.families)
 
+    @cached_property
+    def together(self) -> tuple[FloatArray, Terms]:
+        """The bases of all families side by side (n_obs, n_dir), and their terms as those of one."""
+        gain = np.vstack([block_diag(*(terms.gain[:-2] for terms in self.terms)), np.hstack([terms.gain[-2:] for terms in self.terms])])
+        cross, cross_white = block_diag(*(terms.cross for terms in self.terms)), np.hstack([terms.cross_white for terms in self.terms])
+        return np.hstack([family.basis for family in self.deviation.families]), Terms(gain, cross, cross_white)
+
+    @cached_property
+    def highest(self) -> float:
+        """The log likelihood where all residuals are 0."""
+        return float(self.log_likelihood(np.zeros((1, self.deviation.n_obs)))[0])
+
     def log_likelihood(self, residuals: FloatArray, *, relative: FloatArray | None = None) -> FloatArray:
         """(n_draw,) of residuals (n_draw, n_obs), data minus curve.
 
@@ -58,6 +73,9 @@ class Mixture:
         """(n_draw, n_component) logarithm of each w_k N(r | 0, C_k + H H^T)."""
         z = self.deviation.whiten(np.atleast_2d(residuals))
         square, along = np.einsum("ij,ij->i", z, z), z @ self.columns
+        if relative is None and z.shape[0] <= _FEW:
+            basis, terms = self.together
+            return terms.log_density(square, z @ basis, along) - self.deviation.log_volume - 0.5 * z.shape[1] * np.log(2.0 * np.pi)
         parts = []
         for family, terms in zip(self.deviation.families, self.terms, strict=True):
             seen = z @ family.basis
@@ -93,13 +111,14 @@ class Mixture:
 
     def covariance(self, residuals: FloatArray) -> FloatArray:
         """(n_obs, n_obs) of the errors at residuals (n_obs,): sum of the C_k by their `shares`, and H H^T."""
-        share, start = self.shares(residuals), 0
-        whitened = self.columns @ self.columns.T
+        share, start, lifted = self.shares(residuals), 0, []
         for family in self.deviation.families:
             own = share[start : start + family.amplitude.size]
             start += own.size
-            whitened += (own @ np.square(family.scale)) * np.eye(residuals.size)
-            whitened += (own @ np.square(family.amplitude)) * (family.basis * family.spectrum) @ family.basis.T
+            lifted.append((own @ np.square(family.amplitude)) * family.spectrum)
+        basis = self.together[0]
+        whitened = self.columns @ self.columns.T + (basis * np.concatenate(lifted)) @ basis.T
+        whitened += (share @ np.square(self.deviation.column("scale"))) * np.eye(residuals.size)
         return self.deviation.unwhiten(whitened)
 
     def pointwise(self, residuals: FloatArray) -> FloatArray:
@@ -155,7 +174,7 @@ class Terms:
         return density
 
 
-def keep_probable(linearised: Linearised, *, columns: FloatArray | None = None, lost: float = 1e-3) -> Mixture:
+def keep_probable(linearised: Linearised, *, columns: FloatArray | None = None, lost: float = 5e-3) -> Mixture:
     """The mixture of the most probable components: those left out hold at most the posterior probability `lost` together.
 
     columns : (n_obs, n_column) shifts of the observations by one standard deviation of each small systematic effect; None for none.  Give them

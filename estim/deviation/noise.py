@@ -5,7 +5,7 @@ Everything that concerns readings is asked of the noise that was stated, `base`.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -103,7 +103,7 @@ class WithForce(Stated):
     mixture: Mixture
     whitener: FloatArray
     shift: FloatArray
-    bad: BadFrames = NONE
+    bad: BadFrames = field(default=NONE, kw_only=True)
 
     def likelihood(self, points: Points, named: Named) -> MixtureErrors:
         return MixtureErrors(self.bad.moved(points), self.mixture, self.whitener, self.shift)

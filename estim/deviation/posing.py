@@ -11,12 +11,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from estim.arrays import FloatArray
+from estim.deviation.completed import Completed
 from estim.deviation.components import Shape, diagonalise
 from estim.deviation.course import Along, Course
 from estim.deviation.force import force_shapes
 from estim.deviation.found import Force, find_force
 from estim.deviation.generic import stated_is_conservative
-from estim.deviation.grid import prior_grid
+from estim.deviation.grid import SCALES, prior_grid
 from estim.deviation.jumps import BadFrames, find_bad_frames
 from estim.deviation.linearised import Linearised, linearise
 from estim.deviation.mixture import keep_probable
@@ -37,7 +38,9 @@ class FoundForce:
     bad : frames that are shifted.  reading_unit : of them.  step : of a digital reading, 0 where there is none.
     moved : how far the posterior mode lies from the linearised mean, in sds of the parameter that is farthest off.
     noise : quantiles 0.16, 0.5, 0.84 of the size of the readings' noise in units of what was stated.
+    larger, too_large : probability that it is larger than stated, and as large as the grid goes, or more.
     conservative : whether the readings scatter by far less than stated.
+    completed : the curve together with the force, for bands; None where that is not known.
     """
 
     run: str
@@ -45,6 +48,8 @@ class FoundForce:
     scale: float
     force: Force
     noise: tuple[float, float, float]
+    larger: float
+    too_large: float
     conservative: bool
     without: Mapping[str, float]
     upright: float
@@ -54,6 +59,7 @@ class FoundForce:
     reading_unit: str
     step: float
     moved: float = 0.0
+    completed: Completed | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,14 +90,16 @@ def pose_force(run: Observations, course: Course, problem: Problem, values: Floa
     jacobian = np.column_stack([here.jacobian, columns[:, 1:]])
     linear = linearise(deviation, here.residuals, jacobian, precision=precision, pull=np.r_[here.pull, np.zeros(extra)])
     mixture = keep_probable(linear, columns=columns)
-    noise = WithForce(run.noise, mixture, _whitener(linear, columns), here.stated.shift, bad)
+    noise = WithForce(run.noise, mixture, _whitener(linear, columns), here.stated.shift, bad=bad)
     force = find_force(linear, here.along.track, here.along.response, radius=here.along.radian)
-    means, covs = _groups(linear, n)
-    position_unit = run.y_unit if run.positions else run.x_unit
+    means, covs = linear_groups(linear, n)
+    unit = run.y_unit if run.positions else run.x_unit
     found = FoundForce(
-        run.name, position_unit, run.force, force, linear.size("scale"), stated_is_conservative(linear),
-        dict(zip(problem.names, without.tolist(), strict=True)), here.along.upright, values + means, covs, bad,
-        position_unit if run.positions or run.noise.made_of_positions else run.y_unit, run.noise.size.step,
+        run=run.name, unit=unit, scale=run.force, force=force, noise=linear.size("scale"), larger=linear.p_noise(float(np.nextafter(1.0, 2.0))),
+        too_large=linear.p_noise(max(SCALES)), conservative=stated_is_conservative(linear),
+        without=dict(zip(problem.names, without.tolist(), strict=True)), upright=here.along.upright, means=values + means, covs=covs, bad=bad,
+        reading_unit=unit if run.positions or run.noise.made_of_positions else run.y_unit, step=run.noise.size.step,
+        completed=None if run.positions else Completed(run.points, run.body, mixture, here.stated.shift, here.along),
     )
     return Posed(noise, found, linear.mean[:n], linear.covariance[:n, :n])
 
@@ -133,8 +141,8 @@ def _linear(run: Observations, course: Course, problem: Problem, values: FloatAr
     return _Linear(points, named, along, stated, shapes, residuals, jacobian, *_priors(problem, values))
 
 
-def _groups(linear: Linearised, n_par: int) -> tuple[FloatArray, FloatArray]:
-    """Steps (n, n_par) and covariances (n, n_par, n_par) of the components in a few groups, from narrow to wide."""
+def linear_groups(linear: Linearised, n_par: int) -> tuple[FloatArray, FloatArray]:
+    """Steps (n, n_par) and covariances (n, n_par, n_par) of the components in a few groups, from narrow to wide; of the first parameters."""
     steps, covariances = linear.steps[:, :n_par], linear.covariances[:, :n_par, :n_par]
     order = np.argsort(np.linalg.slogdet(covariances)[1])
     below = np.cumsum(linear.weights[order])

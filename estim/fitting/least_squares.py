@@ -16,11 +16,12 @@ import numpy as np
 
 from estim.arrays import FloatArray
 from estim.common import Finding, InputError, NumericalError
-from estim.deviation import FoundForce
+from estim.deviation import FoundDeviation, FoundForce
 from estim.fitting.fisher_information import information
 from estim.problem import Observations, Posterior, Problem, Symmetry, informative
 
 MAX_ROUNDS = 60
+_FEW_ROUNDS = 6
 _SETTLED = 1e-4  # of a standard deviation, between two rounds
 _SAME_OPTIMUM = 0.5  # in minus log density
 _SAME_PLACE = 1.5  # standard deviations
@@ -49,7 +50,7 @@ class Fit:
     others : (n_other, n_par) other optima not much worse than the best, far from it and from each other.
     symmetry : what else draws the same curves, None where that was not asked.  aliases : other curves through the same points.
     singular : whether some combination of parameters is not determined at all, not even by the priors.
-    forces : what the curve of each run lacks, where that was asked (`estim.deviation`).
+    forces, deviations : what the curve of each run lacks, where that was asked (`estim.deviation`).
     success, message : whether the search settled, in words.  moved : standard deviations that its last round still moved a parameter.
     """
 
@@ -72,19 +73,33 @@ class Fit:
     symmetry: Symmetry | None = None
     aliases: tuple[Finding, ...] = ()
     forces: tuple[FoundForce, ...] = ()
+    deviations: tuple[FoundDeviation, ...] = ()
 
     @property
     def problem(self) -> Problem:
         return self.posterior.problem
 
+    @property
+    def further_starts(self) -> tuple[FloatArray, ...]:
+        """(n_par,) each, the centres of normal distributions that make up the posterior where a curve lacks something."""
+        return tuple(mean for force in self.forces for mean in force.means) + tuple(mean for lack in self.deviations for mean in lack.means)
 
-def fit_least_squares(problem: Problem, *, rng: np.random.Generator, n_start: int = 8, start: FloatArray | None = None) -> Fit:
+    @property
+    def further_covs(self) -> tuple[FloatArray, ...]:
+        """(n_par, n_par) each, their covariances."""
+        return tuple(cov for force in self.forces for cov in force.covs) + tuple(cov for lack in self.deviations for cov in lack.covs)
+
+
+def fit_least_squares(
+    problem: Problem, *, rng: np.random.Generator, n_start: int = 8, start: FloatArray | None = None, hopeless: float = math.inf
+) -> Fit:
     """The posterior mode of `problem`, from the best of `n_start` starts.
 
     start : (n_par,) where to start first; the centre of the priors if None.  The other starts are draws of the priors.
+    hopeless : mean square of the whitened residuals after the first rounds, beyond which the rest of the search is not worth its time.
 
-    Raises InputError where the problem has no unknowns, NumericalError where the curve is defined at no start or has no finite
-    derivatives where the search ends.
+    Raises InputError where the problem has no unknowns, NumericalError where the curve is defined at no start, has no finite
+    derivatives where the search ends, or stays beyond `hopeless`.
     """
     if problem.n_par == 0:
         raise InputError("leave nothing to fit: every quantity is exact; give at least one an uncertainty or a prior", field="parameters")
@@ -97,13 +112,26 @@ def fit_least_squares(problem: Problem, *, rng: np.random.Generator, n_start: in
         raise NumericalError(_NO_CURVATURE)
     objective = np.array([-_log_density(posterior, values) for values, posterior, _ in rough])
     best = int(np.nanargmin(objective))
-    values, posterior, moved = _settle(problem, rough[best][0], max_rounds=MAX_ROUNDS)
+    values, posterior, _ = rough[best]
+    if float(np.mean(posterior.size_residuals(values) ** 2)) > hopeless:
+        raise NumericalError(f"the curve stays far from the data: the mean square of the whitened residuals is above {hopeless:g}")
+    values, posterior, moved = _settle(problem, values, max_rounds=MAX_ROUNDS)
     if math.isnan(moved):
         raise NumericalError(_NO_CURVATURE)
     level = objective <= objective[best] + _SAME_OPTIMUM
     ends = [rough[i][0] for i in np.argsort(objective) if objective[i] <= objective[best] + WITHIN_REACH]
     same = [end for (end, _, _), equal in zip(rough, level, strict=True) if equal]
     return _describe(problem, posterior, values, moved, ends, n_start=len(rough), same=same)
+
+
+def refit(problem: Problem, start: FloatArray) -> Fit:
+    """The nearest mode of `problem` to `start` (n_par,), where that is known to be near.  Raises NumericalError."""
+    if not np.all(np.isfinite(problem.linearised(start).residuals(start))):
+        raise NumericalError("the fit cannot start: the curve is not defined there")
+    values, posterior, moved = _settle(problem, start, max_rounds=_FEW_ROUNDS)
+    if math.isnan(moved):
+        raise NumericalError(_NO_CURVATURE)
+    return _describe(problem, posterior, values, moved, [values], n_start=1, same=[values])
 
 
 def _prior_draw(problem: Problem, rng: np.random.Generator) -> FloatArray:
@@ -296,7 +324,7 @@ def _describe(
         message = "settled, but a combination of parameters is not determined at all: no standard deviations"
     return Fit(
         names=problem.names, values=values, cov=cov, sds=sds, at_bound=tuple(at_bound), posterior=posterior, chi2=chi2, dof=dof,
-        p_value=chi2_p(chi2, dof) if dof > 0 and not problem.noise_names and not robust else math.nan,
+        p_value=chi2_p(chi2, dof) if dof > 0 and all(run.stated for run in problem.runs) and not robust else math.nan,
         n_start=n_start, n_same=n_same, others=far_apart(values, ends, place),
         singular=singular, success=moved < _SETTLED, moved=moved, message=message,
     )

@@ -44,6 +44,25 @@ class Parameter:
         return self.notation or Notation(split_level(self.name)[0])
 
 
+MAX_LACKING = 1000  # points of a curve that may lack something: every length needs a decomposition of a matrix of that size
+
+
+@dataclass(frozen=True, eq=False)
+class Lacks:
+    """What a curve of the user's own may lack, before the data have a say.
+
+    deviation : scale of the prior of a smooth deviation of y along x, unit of y; 0 for none.
+    along : (n_obs,) times of the readings, or their places in order, along which their errors are correlated; None for independent ones.
+    along_unit : of these ("s", or "readings" where they are places in order).
+    stated : whether the size of the errors of the readings was stated; else the noise has a rough one, and the residuals say it.
+    """
+
+    deviation: float
+    along: FloatArray | None
+    along_unit: str
+    stated: bool
+
+
 @dataclass(frozen=True, eq=False)
 class Observations:
     """The speeds of one run that are fit, with their curve and noise.
@@ -55,6 +74,8 @@ class Observations:
     excluded_points : (n, 2) the (x, y) of those rows that have a speed, for figures.
     positions : whether they are positions of a body at known times rather than speeds at known positions.
     force : scale of the prior of an unmodelled force along the track, in units of the weight; 0 for none.
+    complete : why the curve is taken as complete, where a force could have been asked for.
+    lacks : what a plain curve may lack; None for nothing.
     motion : the body whose motion was measured; None for a plain curve.  words : how the measured numbers are spoken of.
     """
 
@@ -75,6 +96,13 @@ class Observations:
     words: Wording = POINTS
     positions: bool = False
     force: float = 0.0
+    complete: Finding | None = None
+    lacks: Lacks | None = None
+
+    @property
+    def stated(self) -> bool:
+        """Whether the size of its errors was stated."""
+        return not self.noise.parameters and (self.lacks is None or self.lacks.stated)
 
     @property
     def n_obs(self) -> int:

@@ -6,6 +6,7 @@ from estim.reports.analysis import analysis_report, index_report
 from estim.reports.calibration import calibration_report
 from estim.reports.comparison import compare_report, folder_of
 from estim.reports.energy import energy_report
+from estim.reports.explanation import explanation_lines
 from estim.reports.interop import HOW_TO_GET, can_write_netcdf, to_netcdf
 from estim.reports.line import line_report
 from estim.reports.reanalysis import reanalysis_report

@@ -15,15 +15,19 @@ from matplotlib.figure import Figure
 from estim.campaign import Campaign
 from estim.checks import P_CONFLICT, P_POOR_FIT, interval_cell, parameter_cells, value_cell
 from estim.common import KINDS, Label, Markdown, Notation, Status, format_quantity, format_rounded, signed
+from estim.explanation import Explanation, across_runs
 from estim.pipeline import Analysis
 from estim.reports import figures
 from estim.reports.consistency import consistency_text
 from estim.reports.consistency_figures import forest_figure
 from estim.reports.deviation import deviation_text
 from estim.reports.deviation_figures import force_figure
+from estim.reports.explanation import explanation_text, runs_text
 from estim.reports.identifiability import IdentifySection, identify_section
 from estim.reports.identifiability_figures import direction_figure, profile_figure, ridge_figure
 from estim.reports.labels import Labels
+from estim.reports.lacks import lacks_text
+from estim.reports.lacks_figures import lacks_figure
 from estim.reports.rendering import render
 from estim.reports.result import ParameterSummary, Result, RunSummary, Subject, result_of, to_json
 from estim.studies import determine
@@ -74,6 +78,8 @@ def analysis_report(campaign: Subject, analysis: Analysis, *, voice: Voice = Voi
         drawn["figures/consistency.png"] = partial(forest_figure, analysis.consistency, synthetic=synthetic, on_edge=on_edge)
     if analysis.fit.forces:
         drawn["figures/force.png"] = lambda: force_figure(analysis.fit.forces, analysis.problem.runs, synthetic=synthetic)
+    if analysis.fit.deviations:
+        drawn["figures/deviation.png"] = lambda: lacks_figure(analysis.fit.deviations, analysis.problem.runs, synthetic=synthetic)
     if analysis.problem.n_par > 1:
         drawn["figures/ridge.png"] = lambda: ridge_figure(analysis.fit, analysis.identifiability, analysis.chain.thinned(_RIDGE_DRAWS))
     consistency = ""
@@ -81,20 +87,24 @@ def analysis_report(campaign: Subject, analysis: Analysis, *, voice: Voice = Voi
         consistency = consistency_text(analysis.consistency, limits_only=not analysis.diagnosis.ok, on_edge=analysis.fit.at_bound)
     files = {name: figures.png(draw) for name, draw in drawn.items()}
     files["report.md"] = analysis_text(
-        result, section, consistency, figures.corner_words(analysis.problem), converged=analysis.chain.convergence.met
+        result, section, consistency, figures.corner_words(analysis.problem), converged=analysis.chain.convergence.met,
+        explanation="" if analysis.explanation is None else explanation_text(analysis.explanation),
     ).encode()
     files["result.json"] = to_json(result)
     return files
 
 
-def analysis_text(result: Result, section: IdentifySection, consistency: str, corner_words: Markdown, *, converged: bool) -> str:
+def analysis_text(
+    result: Result, section: IdentifySection, consistency: str, corner_words: Markdown, *, converged: bool, explanation: str = ""
+) -> str:
     """The Markdown report of one analysis.
 
     section : what it says about the data against the priors.  consistency : about several runs.  corner_words : below the corner figure.
-    converged : whether there are enough draws.
+    converged : whether there are enough draws.  explanation : of what may be missing, "" where that was not asked.
     """
     rows = [parameter_row(name, p, result) for name, p in result.parameters.items()]
     axes = list(dict.fromkeys((run.x, run.y) for run in result.runs.values()))
+    lacks = lacks_text(result.curve_deviation, result.labels) if result.curve_deviation else ""
     return render(
         "analysis.md.j2",
         result=result, kind=KINDS[result.kind], status_words=STATUS_WORDS[Status(result.status)], rows=rows,
@@ -103,7 +113,9 @@ def analysis_text(result: Result, section: IdentifySection, consistency: str, co
         meaningless=not Status(result.status).draws_count, limits_count=Status(result.status).limits_count,
         what_if=_what_if_rows(result), what_if_heads=[result.labels.symbol(name) for name in _moved_by_errors(result)],
         consistency=consistency, axes=axes, limits_only=result.status != "ok", converged=converged,
-        corner_words=corner_words, deviation=deviation_text(result.deviation, result.labels) if result.deviation else "",
+        corner_words=corner_words, lacks=lacks, explanation=explanation,
+        deviation=deviation_text(result.deviation, result.labels) if result.deviation else "",
+        said=[words for force in (result.deviation or {}).values() for words in (force.words, force.noise_words)] if result.status == "ok" else [],
         picture=" and ".join(f"{y} against {x}" for x, y in axes),
     )
 
@@ -133,15 +145,19 @@ def _shift_cell(shift: float | None) -> str:
     return signed(f"{shift:+.1f}") if abs(shift) >= _FELT else "0"
 
 
-def index_report(campaign: Campaign, results: Mapping[str, Result]) -> dict[str, bytes]:
-    """`report.md` that leads to the reports of runs fit one by one, each in a folder of its name."""
+def index_report(campaign: Campaign, results: Mapping[str, Result], explanations: Sequence[Explanation] = ()) -> dict[str, bytes]:
+    """`report.md` that leads to the reports of runs fit one by one, each in a folder of its name.
+
+    explanations : of what may be missing, of those runs of which it was asked.
+    """
     columns = list(dict.fromkeys(shown for result in results.values() for shown in result.labels.bare.values()))
     table = []
     for run, result in results.items():
         cells = {result.labels.bare[name]: value_cell(p, result.labels.parameters[name]) for name, p in result.parameters.items()}
         table.append((run, result.status, [cells.get(shown, "") if result.status == "ok" else "—" for shown in columns]))
+    causes = runs_text(across_runs(explanations)) if len(explanations) > 1 else ""
     heads = [shown.symbol + ("" if shown.unit == "1" else f" ({shown.unit})") for shown in columns]
-    text = render("index.md.j2", title=campaign.title, kind=KINDS[campaign.kind], heads=heads, table=table)
+    text = render("index.md.j2", title=campaign.title, kind=KINDS[campaign.kind], heads=heads, table=table, causes=causes)
     return {"report.md": text.encode()}
 
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import msgspec
 import numpy as np
 
-from estim.checks import force_finding
+from estim.checks import force_finding, noise_finding
 from estim.common import Markdown
 from estim.deviation import FoundForce
 from estim.pipeline import Analysis
@@ -42,6 +42,7 @@ class ForceSummary(msgspec.Struct, frozen=True):
     growth: dict[str, float]  # sd of each parameter over that with the stated noise and an exact start; empty where the status is not ok
     average: AverageResistance | None
     words: str
+    noise_words: str | None  # where the readings scatter plainly otherwise than stated
     x: list[float]
     low_95: list[float]
     low_68: list[float]
@@ -81,7 +82,7 @@ def deviation_text(forces: Mapping[str, ForceSummary], labels: Labels) -> Markdo
 
 
 def _summary(analysis: Analysis, found: FoundForce) -> ForceSummary:
-    force, problem = found.force, analysis.problem
+    force, problem, noise = found.force, analysis.problem, noise_finding(found)
     sds = dict(zip(problem.names, np.std(analysis.chain.flat, axis=0).tolist(), strict=True))
     ok = analysis.diagnosis.ok
     growth = {name: sds[name] / sd for name, sd in found.without.items() if sd > 0.0} if ok else {}
@@ -90,7 +91,8 @@ def _summary(analysis: Analysis, found: FoundForce) -> ForceSummary:
         prior_scale=found.scale, probability=force.probability, amplitude=list(force.amplitude),
         length=[None if np.isnan(one) else one for one in force.length], unit=found.unit, typical=force.typical, most=force.most,
         noise=list(found.noise), conservative=found.conservative, growth=growth, average=_average(analysis, found, sds) if ok else None,
-        words=tell(force_finding(found)), x=force.x.tolist(), low_95=low_95, low_68=low_68, median=median, high_68=high_68, high_95=high_95,
+        words=tell(force_finding(found)), noise_words=None if noise is None else tell(noise), x=force.x.tolist(),
+        low_95=low_95, low_68=low_68, median=median, high_68=high_68, high_95=high_95,
     )
 
 

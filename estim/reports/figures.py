@@ -73,7 +73,7 @@ def phase_figure(analysis: Analysis, *, synthetic: bool) -> Figure:
             _draw_bands(ax, bands, run.words.new)
         else:
             mode = curve_draws(analysis.problem, run, bands.x, analysis.fit.values[None, :])[0][0]
-            ax.plot(bands.x, mode, color=BLUE, lw=1.2, label="most probable curve")
+            ax.plot(bands.x, mode, color=BLUE, lw=1.2, label="most probable curve" + (", its force left out" if bands.completed else ""))
         _draw_points(ax, run)
         _draw_outliers(ax, run, analysis.outliers)
         _draw_bad_frames(ax, run, analysis.fit.forces)
@@ -101,12 +101,12 @@ def _low_end(values: FloatArray) -> float:
 
 def _draw_bands(ax: Axes, bands: Bands, new: str) -> None:
     probabilities = sorted(bands.credible, reverse=True)
-    widest = probabilities[0]
+    widest, with_force = probabilities[0], " with its force" if bands.completed else ""
     ax.fill_between(bands.x, *bands.predictive[widest], color=GREY, alpha=0.22, lw=0, label=f"{new}, {100 * widest:.0f} %")
     for probability, alpha in zip(probabilities, (0.30, 0.55), strict=True):
         low, high = bands.credible[probability]
         thin = np.median(high - low) < _LINE * np.ptp(bands.median)
-        name = f"the curve, {100 * probability:.0f} %" + (" (mostly under its line)" if thin else "")
+        name = f"the curve{with_force}, {100 * probability:.0f} %" + (" (mostly under its line)" if thin else "")
         ax.fill_between(bands.x, low, high, color=BLUE, alpha=alpha, lw=0, label=name)
     ax.plot(bands.x, bands.median, color=BLUE, lw=1.2, label="posterior median")
 

@@ -18,7 +18,7 @@ import msgspec
 import numpy as np
 
 from estim.arrays import FloatArray
-from estim.checks import Diagnosis, headline, parameter_cells, stated_values
+from estim.checks import Diagnosis, covered_pattern, headline, parameter_cells, stated_values
 from estim.common import as_json, one_line
 from estim.fitting import ProfileInterval
 from estim.pipeline import Analysis
@@ -26,7 +26,9 @@ from estim.problem import Observations
 from estim.reading import Run
 from estim.reports.bad_frames import BadFrame, bad_frames
 from estim.reports.deviation import ForceSummary, deviations
+from estim.reports.explanation import ExplanationSummary, explanation_summary
 from estim.reports.labels import Labels, labels_of, names_as_labels
+from estim.reports.lacks import DeviationSummary, curve_deviations
 from estim.reports.origin import origin_facts, origin_warnings, speed_facts
 from estim.sampling import Summary, number, summarise, summarise_parameter, trusted
 from estim.studies import Determination
@@ -122,9 +124,11 @@ class RunSummary(msgspec.Struct, frozen=True):
     y: str
     n_obs: int
     noise: str
+    complete: str | None  # why the curve is taken as complete, where an unmodelled force could have stood beside it
     excluded: list[str]
     checks: dict[str, CheckSummary]
     scatter_ratio: float | None
+    covered: str | None  # why tests that fail do not count; null where none fails, or they do
     facts: list[str]  # where an imported track comes from; what a fit of speeds takes as exact or leaves unused
     warnings: list[str]  # what is suspicious about the file
     robust: bool
@@ -178,7 +182,9 @@ class Result(msgspec.Struct, frozen=True, dict=True, rename={"schema_": "schema"
     sampling: Sampling
     certificate: CertificateSummary
     profile: dict[str, Profile] | None
+    curve_deviation: dict[str, DeviationSummary] | None  # of each run of a user's own curve, where it was asked for
     deviation: dict[str, ForceSummary] | None  # of each run, where an unmodelled force was asked for
+    explanation: ExplanationSummary | None  # candidates for what the curve lacks, where that was asked
     turning_point: dict[str, TurningPoint]
     runs: dict[str, RunSummary]
     provenance: Provenance
@@ -243,7 +249,7 @@ def result_of(campaign: Subject, analysis: Analysis, determination: Determinatio
             float(np.mean(chain.acceptance)), chain.convergence.message,
         ),
         certificate=_certificate(analysis), profile=None if determination is None else {i.name: _profile(i) for i in determination.intervals},
-        deviation=deviations(analysis),
+        curve_deviation=curve_deviations(analysis), deviation=deviations(analysis), explanation=explanation_summary(analysis.explanation),
         turning_point={
             b.run: _turning_point(b.end, run, diagnosis) for b, run in zip(analysis.bands, problem.runs, strict=True) if run.motion is not None
         },
@@ -273,7 +279,8 @@ def _certificate(analysis: Analysis) -> CertificateSummary:
     certificate, comparison = analysis.certificate, analysis.comparison
     if certificate is None:
         return CertificateSummary(comparison.verdict, comparison.reason, None, None, None, None, None, None, None)
-    evidence = certificate.reliable and not analysis.fit.forces and all(math.isfinite(p.prior.sd) for p in analysis.problem.parameters)
+    complete = not (analysis.fit.forces or analysis.fit.deviations)
+    evidence = certificate.reliable and complete and all(math.isfinite(p.prior.sd) for p in analysis.problem.parameters)
     return CertificateSummary(
         comparison.verdict, comparison.reason, certificate.method, number(certificate.k_hat), number(certificate.ess), certificate.n_draw,
         number(certificate.log_evidence) if evidence else None, number(certificate.u_log_evidence) if evidence else None,
@@ -305,9 +312,11 @@ def _run(campaign: Subject, analysis: Analysis, i: int) -> RunSummary:
     derived = run.derived(run.bind(analysis.problem.named(draws)))
     noise = run.noise.describe(x_unit=run.x_unit, y_unit=run.y_unit, words=run.words)
     return RunSummary(
-        file=one_line(table.file), x=run.x_label, y=run.y_label, n_obs=run.n_obs, noise=noise, excluded=[tell(why) for why in run.excluded],
+        file=one_line(table.file), x=run.x_label, y=run.y_label, n_obs=run.n_obs, noise=noise,
+        complete=None if run.complete is None else tell(run.complete), excluded=[tell(why) for why in run.excluded],
         checks={name: CheckSummary(c.statistic, c.p_value, c.meaning) for name, c in goodness.checks.items()},
-        scatter_ratio=number(goodness.scatter_ratio), facts=[*origin_facts(table, run, analysis.problem), *speed_facts(run)],
+        scatter_ratio=number(goodness.scatter_ratio), covered=next(map(tell, covered_pattern(goodness)), None),
+        facts=[*origin_facts(table, run, analysis.problem), *speed_facts(run)],
         warnings=list(origin_warnings(table, run, analysis.problem)), robust=run.noise.robust, outliers=_outliers(analysis, run),
         bad_frames=bad_frames(analysis.fit.forces, run.name),
         what=run.words.what,

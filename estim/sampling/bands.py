@@ -1,7 +1,8 @@
 """Bands along the curve from draws of the posterior.
 
-- credible: where the true curve lies with the stated probability, point by point.
-- predictive: where one more measured speed would lie at that position.
+- credible: where the true curve lies with the stated probability, point by point; together with the unmodelled force and the start, where the
+  fit has room for them.
+- predictive: where one more measured speed would lie at that position, with the noise of the readings as large as it was found to be.
 
 A draw whose motion ends before x has no speed there and counts as 0.  The grid is finer towards both ends, where the
 curve is steep.
@@ -9,13 +10,14 @@ curve is steep.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from estim.arrays import FloatArray
 from estim.common import PROBABILITIES
+from estim.deviation import Completed, FoundForce
 from estim.problem import Observations, Problem, reading_sd
 
 
@@ -26,6 +28,7 @@ class Bands:
     x : (n_x,) positions.  median : (n_x,) of the curve.
     credible, predictive : probability -> (2, n_x) lower and upper end.
     end : (n_draw,) where the motion ends, inf for draws in which it does not.
+    completed : whether the curve stands there with the force that it lacks and a free start.
     """
 
     run: str
@@ -34,13 +37,16 @@ class Bands:
     credible: Mapping[float, FloatArray]
     predictive: Mapping[float, FloatArray]
     end: FloatArray
+    completed: bool = False
 
 
 def posterior_bands(
-    problem: Problem, draws: FloatArray, *, rng: np.random.Generator, probabilities: tuple[float, ...] = PROBABILITIES, n_x: int = 200
+    problem: Problem, draws: FloatArray, *, rng: np.random.Generator, probabilities: tuple[float, ...] = PROBABILITIES, n_x: int = 200,
+    forces: Sequence[FoundForce] = (),
 ) -> tuple[Bands, ...]:
-    """Bands of every run of `problem` from posterior draws (n_draw, n_par)."""
-    return tuple(_bands(problem, run, draws, rng, probabilities, n_x) for run in problem.runs)
+    """Bands of every run of `problem` from posterior draws (n_draw, n_par).  forces : what the curves of some of them lack."""
+    completed = {found.run: found.completed for found in forces}
+    return tuple(_bands(problem, run, draws, completed.get(run.name), rng, probabilities, n_x) for run in problem.runs)
 
 
 def curve_grid(run: Observations, end: FloatArray, n_x: int) -> FloatArray:
@@ -65,21 +71,38 @@ def curve_draws(problem: Problem, run: Observations, x: FloatArray, draws: Float
 
 
 def _bands(
-    problem: Problem, run: Observations, draws: FloatArray, rng: np.random.Generator, probabilities: tuple[float, ...], n_x: int
+    problem: Problem, run: Observations, draws: FloatArray, completed: Completed | None, rng: np.random.Generator,
+    probabilities: tuple[float, ...], n_x: int,
 ) -> Bands:
     _, end = curve_draws(problem, run, run.x[:1], draws)
     x = curve_grid(run, end, n_x)
     curve, _ = curve_draws(problem, run, x, draws)
-    named = problem.named(draws)
+    named, scale = problem.named(draws), np.ones(draws.shape[0])
+    if completed is not None:
+        gained, scale = completed.gained(x, named, rng)
+        curve, end = _moved_on(x, curve, end, gained)
     reading = np.broadcast_to(reading_sd(run.noise, named), (draws.shape[0], run.n_obs)).mean(axis=1, keepdims=True)
-    sd = np.hypot(reading, run.noise.size.scatter.at(named))
+    sd = np.hypot(reading, run.noise.size.scatter.at(named)) * scale[:, None]
     # one error for all positions of a draw: the same interval at each x, and a smooth band
     new = curve + sd * rng.standard_normal((draws.shape[0], 1))
     return Bands(
         run=run.name, x=x, median=np.median(curve, axis=0), end=end,
         credible={p: _interval(curve, p) for p in probabilities},
-        predictive={p: _interval(new, p) for p in probabilities},
+        predictive={p: _interval(new, p) for p in probabilities}, completed=completed is not None,
     )
+
+
+def _moved_on(x: FloatArray, curve: FloatArray, end: FloatArray, gained: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """The curve (n_draw, n_x) and its end (n_draw,) with v^2 `gained` (n_draw, n_x); about the end v^2 falls like a straight line."""
+    inside = np.clip(np.sum(x < end[:, None], axis=1) - 1, 0, x.size - 1)
+    rows = np.arange(end.size)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        fall = np.square(curve[rows, inside]) / (end - x[inside])
+    fall = np.where(fall > 0.0, fall, np.inf)
+    ends = np.isfinite(end) & np.isfinite(fall)
+    beyond = np.where(ends[:, None] & (x > end[:, None]), np.where(ends, fall, 0.0)[:, None] * (x - np.where(ends, end, 0.0)[:, None]), 0.0)
+    square = np.square(curve) - beyond + gained
+    return np.sqrt(np.maximum(square, 0.0)), np.where(ends, end + gained[rows, inside] / fall, end)
 
 
 def _interval(values: FloatArray, probability: float) -> FloatArray:

@@ -13,12 +13,14 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
 
 from estim.arrays import FloatArray
 from estim.common import Finding, Kind, NumericalError
+from estim.sampling.ahead import Ahead, Moves
 from estim.sampling.checkpoint import Store
 from estim.sampling.diagnostics import effective_size, r_hat
 from estim.sampling.importance import K_HAT_LIMIT, kish_size, pareto_smoothed
@@ -122,7 +124,7 @@ def sample_posterior(
     n_par = len(posterior.names)
     n_walker = target.n_walker or max(4 * n_par, 32 if proposal is None else min(max(48, math.ceil(target.ess / 120.0)), 512))
     states, share = _first_points(posterior, start, cov, (target.n_ensemble, n_walker), rng, proposal)
-    samplers = [_sampler(posterior, n_walker, rng, proposal, share) for _ in states]
+    samplers = _samplers(posterior, (target.n_ensemble, n_walker), rng, proposal, share)
     walk = start_walk(posterior, samplers, list(states), target=target, rng=rng, store=store, stop=stop)
     n_step, tau_before, check = 0, math.nan, min(200 if proposal is None else _FIRST_CHECK, target.max_step)
     shortest_burn = 50 if proposal is None else 20
@@ -153,31 +155,24 @@ def sample_posterior(
     return Chain(posterior.names, kept, log_density, n_burn, acceptance, int(np.sum(~moved)), convergence)
 
 
-def _sampler(posterior: Density, n_walker: int, rng: np.random.Generator, proposal: Proposal | None, share: float) -> Any:
+def _samplers(posterior: Density, shape: tuple[int, int], rng: np.random.Generator, proposal: Proposal | None, share: float) -> list[Any]:
+    """A sampler for each ensemble.  shape : (n_ensemble, n_walker)."""
     import emcee
 
-    moves = [(emcee.moves.DEMove(), 0.8), (emcee.moves.DEMove(gamma0=1.0), 0.1), (emcee.moves.StretchMove(), 0.1)]
-    if proposal is not None:
-        moves = [(move, (1.0 - share) * weight) for move, weight in moves]
-        moves.append((emcee.moves.MHMove(independence(proposal), ndim=len(posterior.names)), share))
-    sampler = emcee.EnsembleSampler(n_walker, len(posterior.names), posterior.log_density, vectorize=True, moves=moves)
-    # emcee would start from NumPy's global state
-    sampler.random_state = np.random.RandomState(rng.integers(2**32, dtype=np.uint32)).get_state()
-    return sampler
+    others = [(emcee.moves.DEMove(), 0.8), (emcee.moves.DEMove(gamma0=1.0), 0.1), (emcee.moves.StretchMove(), 0.1)]
+    ahead = None if proposal is None else Ahead(proposal, share, shape, int(rng.integers(2**63)), posterior)
+    samplers: list[Any] = []
+    for ensemble in range(shape[0]):
+        moves: Any = others if ahead is None else Moves(ahead, ensemble, others, partial(_steps_of, samplers, ensemble))
+        sampler = emcee.EnsembleSampler(shape[1], len(posterior.names), posterior.log_density, vectorize=True, moves=moves)
+        # emcee would start from NumPy's global state
+        sampler.random_state = np.random.RandomState(rng.integers(2**32, dtype=np.uint32)).get_state()
+        samplers.append(sampler)
+    return samplers
 
 
-def independence(proposal: Proposal) -> Callable[[FloatArray, np.random.RandomState], tuple[FloatArray, FloatArray]]:
-    """Metropolis-Hastings steps to draws of `proposal`, in the form that emcee's MHMove takes: points, and log q(old) - log q(new).
-
-    Randomness comes from the sampler's own state alone, so that a chain that is taken up again goes on as it would have.
-    """
-
-    def propose(points: FloatArray, random: np.random.RandomState) -> tuple[FloatArray, FloatArray]:
-        seeded = np.random.default_rng(random.randint(0, 2**32, 4, dtype=np.uint32))
-        drawn = proposal.draw(seeded, points.shape[0])
-        return drawn, proposal.log_density(points) - proposal.log_density(drawn)
-
-    return propose
+def _steps_of(samplers: list[Any], ensemble: int) -> int:
+    return int(samplers[ensemble].iteration)
 
 
 def _first_points(

@@ -28,12 +28,17 @@ import numpy as np
 from estim.common import TEMPORARY, EstimError, InputError, held, names_in, read_file, remove_empty, remove_files, require_plain, write_whole
 from estim.sampling.chunk import Chunk, Layout, decode, encode, join
 from estim.sampling.fingerprint import Key, differences, digest_of
+from estim.sampling.fingerprint import fingerprint as fingerprint
+from estim.sampling.fingerprint import problem_key as problem_key
+from estim.sampling.pieces import Pieces as Pieces
+from estim.sampling.pieces import PieceStore as PieceStore
 
 _SCHEMA = "estim-checkpoint/1"
 _KEY = "key.json"
 _LARGEST_KEY = 2**24  # bytes
 _NAME = re.compile(r"(\d{6})-([0-9a-f]{64})\.npz", re.ASCII)
 _OWN = re.compile("|".join((re.escape(_KEY), _NAME.pattern, TEMPORARY.format(re.escape(_KEY)), TEMPORARY.format(_NAME.pattern))), re.ASCII)
+MARGINAL = "marginal"
 _ANEW = "fit without --resume to start anew"
 
 
@@ -68,6 +73,10 @@ class Store:
     @property
     def root(self) -> Path:
         return self.folder.parent if self.within is None else self.within
+
+    def beside(self, what: str) -> PieceStore:
+        """Where another computation of the same runs keeps its pieces."""
+        return PieceStore(self.folder.with_name(f"{self.folder.name}-{what}"), self.resume, self.say, self.root)
 
     def check(self) -> Key | None:
         """What the chain that is there depends on; None where there is no key, or one that another version of estim wrote.
@@ -134,6 +143,7 @@ class Store:
         """Remove the chain, when its results are written; what estim did not write stays, and so does what cannot be removed."""
         with contextlib.suppress(EstimError):
             remove_files(self.folder, self._own_files(), within=self.root)
+        self.beside(MARGINAL).remove()
         remove_empty(self.folder, within=self.root)
         remove_empty(self.folder.parent)
 

@@ -19,6 +19,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,6 +30,7 @@ from estim.fitting import Fit
 from estim.problem import Normal, Problem
 from estim.sampling.conditional import Expansion, RunTerm, expand, run_terms
 from estim.sampling.importance import K_HAT_LIMIT, difference, flattened, kish_size, pareto_smoothed, spread, systematic, u_log_mean
+from estim.sampling.kept_marginal import NOWHERE, Stages
 from estim.sampling.proposal import Proposal, lower_factor
 from estim.words import tell
 
@@ -114,8 +116,12 @@ class MarginalPosterior:
         return self.draws[systematic(np.exp(self.log_weights), n_draw, rng)]
 
 
-def sample_marginal(fit: Fit, *, rng: np.random.Generator, options: MarginalOptions | None = None) -> MarginalPosterior:
+def sample_marginal(
+    fit: Fit, *, rng: np.random.Generator, options: MarginalOptions | None = None, stages: Stages = NOWHERE
+) -> MarginalPosterior:
     """Draws of the posterior of a joint fit, through the marginal of its shared parameters.
+
+    stages : tells how far it is, and keeps what is done.
 
     Raises InputError where a run's noise is not normal or too many parameters have to be sampled, and NumericalError where
     the fit leaves a combination of parameters undetermined or the proposal finds no posterior mass.
@@ -126,9 +132,9 @@ def sample_marginal(fit: Fit, *, rng: np.random.Generator, options: MarginalOpti
     columns = sampled_columns(fit)
     terms = run_terms(fit, columns)
     target = _Marginal(fit.problem, columns, terms)
-    proposal, expansions = _adapt(fit, target, rng)
+    proposal, expansions = stages.adapted(len(terms), rng, lambda: _adapt(fit, target, rng, stages))
     shared = proposal.draw(rng, options.n_draw)
-    log_prior, by_run = target.terms_at(shared, expansions, n_node=options.n_node)
+    log_prior, by_run = target.terms_at(shared, expansions, n_node=options.n_node, stages=stages)
     log_proposal = proposal.log_density(shared)
     raw = log_prior + np.sum(by_run, axis=0) - log_proposal
     log_weights, k_hat, log_evidence = pareto_smoothed(raw)
@@ -139,7 +145,8 @@ def sample_marginal(fit: Fit, *, rng: np.random.Generator, options: MarginalOpti
     raw_all = np.full(min(options.n_check, options.n_draw), -np.inf)
     raw_all[first] = (log_prior - log_proposal)[first]
     refined = []
-    for term, expansion, log_marginal in zip(terms, expansions, by_run, strict=True):
+    for number, (term, expansion, log_marginal) in enumerate(zip(terms, expansions, by_run, strict=True), start=1):
+        stages.say(f"own parameters of run {number} of {len(terms)}")
         given, own_columns = target.given(term, shared), term.columns[term.own]
         own, log_q = term.draw_own(given, expansion, rng)
         excess = term.log_joint(given[first], own[first]) - log_q[first]
@@ -201,13 +208,17 @@ class _Marginal:
             log_p += self.problem.parameters[column].prior.log_density(shared[:, i])
         return log_p
 
-    def terms_at(self, shared: FloatArray, expansions: Sequence[Expansion], *, n_node: int) -> tuple[FloatArray, FloatArray]:
+    def terms_at(
+        self, shared: FloatArray, expansions: Sequence[Expansion], *, n_node: int, stages: Stages = NOWHERE
+    ) -> tuple[FloatArray, FloatArray]:
         """Log prior (n_draw,) of the sampled parameters, -inf outside its support, and the marginal (n_run, n_draw) of every run, 0 there."""
         log_p = self.log_prior(shared)
         inside = np.flatnonzero(np.isfinite(log_p))
         by_run = np.zeros((len(self.terms), shared.shape[0]))
-        for row, term, expansion in zip(by_run, self.terms, expansions, strict=True):
-            row[inside] = term.log_marginal(self.given(term, shared[inside]), expansion, n_node=n_node)
+        for i, (term, expansion) in enumerate(zip(self.terms, expansions, strict=True)):
+            stages.say(f"run {i + 1} of {len(self.terms)}")
+            log_marginal = partial(term.log_marginal, self.given(term, shared[inside]), expansion, n_node=n_node)
+            by_run[i, inside] = stages.of_run(i, inside.size, log_marginal)
         return log_p, by_run
 
     def log_density(self, shared: FloatArray, expansions: Sequence[Expansion], *, n_node: int) -> FloatArray:
@@ -216,7 +227,7 @@ class _Marginal:
         return np.asarray(log_p + np.sum(by_run, axis=0))
 
 
-def _adapt(fit: Fit, target: _Marginal, rng: np.random.Generator) -> tuple[Proposal, list[Expansion]]:
+def _adapt(fit: Fit, target: _Marginal, rng: np.random.Generator, stages: Stages) -> tuple[Proposal, list[Expansion]]:
     """A proposal with mean and covariance of the marginal, and the expansions of the runs over its bulk.
 
     Starts from the Gaussian approximation of the fit (the Schur complement of its information).  While its weights are poor they
@@ -229,7 +240,8 @@ def _adapt(fit: Fit, target: _Marginal, rng: np.random.Generator) -> tuple[Propo
     points = _pilot_points(target, mean, cov, rng)
     expansions = _expand_all(fit, target, points, regression, Proposal.single(mean, cov))
     settled = 0
-    for _ in range(_MOST_ROUNDS):
+    for number in range(1, _MOST_ROUNDS + 1):
+        stages.say(f"adapting to the marginal over runs, round {number}")
         proposal = Proposal.single(mean, cov)
         shared = proposal.draw(rng, _N_ADAPT)
         raw = target.log_density(shared, expansions, n_node=1) - proposal.log_density(shared)

@@ -18,6 +18,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -67,7 +68,11 @@ class Nodes:
 
     def quantile(self, p: float) -> FloatArray:
         """(n_par,) of the distribution of each parameter."""
-        return np.array([_quantile(cells, masses, p) for cells, masses in zip(self.cells, self.cell_masses, strict=True)])
+        return np.array([float(np.interp(p * below[-1], below, ends)) for ends, below in self._distributions])
+
+    @cached_property
+    def _distributions(self) -> list[tuple[FloatArray, FloatArray]]:
+        return [_distribution(cells, masses) for cells, masses in zip(self.cells, self.cell_masses, strict=True)]
 
 
 class TooManyNodesError(Exception):
@@ -252,14 +257,14 @@ def _cells(level: _Level, masses: FloatArray) -> tuple[FloatArray, FloatArray]:
     return np.column_stack([low.ravel(), np.repeat(level.width / _N_CELL, _N_CELL)]), parts
 
 
-def _quantile(cells: FloatArray, masses: FloatArray, p: float) -> float:
-    """Of a distribution that is flat in every cell: its distribution function is straight between the ends of cells."""
+def _distribution(cells: FloatArray, masses: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Ends of cells and the distribution function there, straight in between: a density that is flat in every cell."""
     ends = np.concatenate([cells[:, 0], cells[:, 0] + cells[:, 1]])
     slopes = np.concatenate([masses / cells[:, 1], -masses / cells[:, 1]])
     order = np.argsort(ends)
     ends, slope = ends[order], np.cumsum(slopes[order])
     below = np.concatenate([[0.0], np.cumsum(slope[:-1] * np.diff(ends))])
-    return float(np.interp(p * below[-1], np.maximum.accumulate(below), ends))
+    return ends, np.maximum.accumulate(below)
 
 
 def _interpolatory(nodes: FloatArray) -> FloatArray:

@@ -7,7 +7,7 @@ models of the same data: speeds and positions are not the same data.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from contextlib import AbstractContextManager
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,7 +15,7 @@ import numpy as np
 from estim.campaign import Campaign, Candidate
 from estim.checks import INFLUENTIAL, LeaveOneOut, difference, leave_one_out
 from estim.pipeline import Analysis, analyse
-from estim.sampling import Progress, Target
+from estim.sampling import Progress, Stop, Store, Target
 
 _LOO_DRAWS = 2000
 
@@ -40,20 +40,21 @@ class Compared:
 
 def compare_noise(
     campaign: Campaign, runs: Sequence[str], *, seed: int, target: Target | None = None,
-    progress_of: Callable[[str], AbstractContextManager[Progress]] | None = None,
+    progress_of: Callable[[str], AbstractContextManager[Progress]] | None = None, store_of: Callable[[str], Store | None] = lambda _: None,
+    stop: Stop | None = None,
 ) -> tuple[Compared, ...]:
     """Every candidate's analysis of `runs` (jointly), in the order of `Campaign.noise_models`.
+
+    store_of : name of a candidate -> where its chain is kept.  stop : ends early (`sample_posterior`).
 
     Raises InputError where the runs cannot be fit jointly, or where the noise table of the first one allows nothing to compare.
     """
     campaign.problem(runs)
     done = []
     for candidate in campaign.noise_models(runs[0]):
-        if progress_of is None:
-            analysis = analyse(campaign, runs, seed=seed, target=target, noise=candidate.table)
-        else:
-            with progress_of(candidate.name) as progress:
-                analysis = analyse(campaign, runs, seed=seed, target=target, progress=progress, noise=candidate.table)
+        store = store_of(candidate.name)
+        with nullcontext() if progress_of is None else progress_of(candidate.name) as progress:
+            analysis = analyse(campaign, runs, seed=seed, target=target, progress=progress, noise=candidate.table, store=store, stop=stop)
         done.append((candidate, analysis, leave_one_out(analysis.fit.posterior, analysis.chain.thinned(_LOO_DRAWS))))
     rows = []
     for candidate, analysis, loo in done:

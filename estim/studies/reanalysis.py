@@ -26,6 +26,7 @@ ProgressOf = Callable[[str], AbstractContextManager[Progress]]
 """Given what is being sampled, a context in which its progress is shown."""
 
 _OF_BODY = ("gamma", "kappa")
+_COMMAND = "estim reanalyse"
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,7 +70,7 @@ class Reanalysis:
 
 def reanalyse(campaign: Campaign, *, seed: int, target: Target, progress_of: ProgressOf) -> Reanalysis:
     """The reanalysis of a campaign; the same seed gives the same numbers.  Raises InputError."""
-    campaign.study.require_speeds(campaign.run_names, "estim reanalyse")
+    campaign.study.require_speeds(campaign.run_names, _COMMAND)
     paper, numbers = _published(campaign)
     line = None
     if campaign.source.line is not None:
@@ -79,7 +80,7 @@ def reanalyse(campaign: Campaign, *, seed: int, target: Target, progress_of: Pro
     singles = {}
     for name in campaign.run_names:
         with progress_of(name) as progress:
-            singles[name] = analyse(campaign, [name], seed=seed, target=target, progress=progress)
+            singles[name] = analyse(campaign, [name], seed=seed, target=target, progress=progress, complete=_COMMAND)
     bodies = []
     for body in dict.fromkeys(run.body for run in campaign.source.runs):
         with progress_of(f"{body}, all runs") as progress:
@@ -99,7 +100,7 @@ def _analyse_body(
     campaign: Campaign, body: str, singles: Mapping[str, Analysis], seed: int, target: Target, progress: Progress
 ) -> BodyAnalysis:
     runs = [run.name for run in campaign.source.runs if run.body == body]
-    joint = analyse(campaign, runs, seed=seed, target=target, progress=progress)
+    joint = analyse(campaign, runs, seed=seed, target=target, progress=progress, complete=_COMMAND)
     # a quantity stated for each run has no common value to narrow
     shared = [n for n in joint.problem.names if n.partition("[")[0] in _OF_BODY and all(n in singles[run].problem.names for run in runs)]
     return BodyAnalysis(

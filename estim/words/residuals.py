@@ -11,7 +11,7 @@ from estim.words.table import Table
 
 TESTS: Mapping[str, str] = MappingProxyType(
     {
-        "chi2": "the residuals are larger than the stated noise",
+        "chi2": "the residuals are larger than the noise",
         "runs": "the residuals change sign too seldom",
         "autocorrelation": "neighbouring residuals are alike",
         "trend": "the residuals drift along the run",
@@ -48,6 +48,15 @@ def _small(f: Finding) -> str:
     )
 
 
+def _covered(f: Finding) -> str:
+    failed = f"test{'s' if len(f.names) > 1 else ''} " + " and ".join(f"'{name}'" for name in f.names)
+    return (
+        f"{_of_run(f)}the stated error is conservative: the residuals are {f.size:.2g} of it and have a pattern ({failed}), but all of them "
+        f"together are smaller than one stated standard deviation (chi2 = {f.numbers['chi2']:.2g}); it is kept as stated, and {failed} "
+        f"{'do' if len(f.names) > 1 else 'does'} not count"
+    )
+
+
 def _few(f: Finding) -> str:
     share = f"{100.0 * f.numbers['coverage']:.0f} %"
     held = f"value ± standard error holds the true value in {share} of such experiments, not in 68 %"
@@ -72,9 +81,11 @@ WORDS: Table = MappingProxyType(
         Kind.RESIDUALS_ZERO: _failed,
         Kind.RESIDUALS_TOO_LARGE: _failed,
         Kind.RESIDUALS_NOT_RANDOM: _failed,
+        Kind.CURVE_LACKS: _failed,
         Kind.RESIDUALS_SMALL: lambda f: (
             f"{_of_run(f)}the residuals are smaller than the stated noise ({_p(f)}): is the stated sigma too large?"
         ),
+        Kind.PATTERN_COVERED: _covered,
         Kind.CHI2_TOO_LARGE: _too_large,
         Kind.CHI2_SMALL: _small,
         Kind.SCATTER_TOO_LARGE: lambda f: f"{_of_run(f)}the inferred scatter is {f.size:.0f} times what the instrument explains",

@@ -10,12 +10,12 @@ from enum import StrEnum, auto
 from types import MappingProxyType
 
 from estim.common import Finding, Kind
-from estim.words import agreement, draws, forces, frames, lines, parameters, residuals, rows, trials
+from estim.words import agreement, causes, deviations, draws, forces, frames, lines, parameters, residuals, rows, trials
 from estim.words.table import Table, filled
 
 _NOT_RANDOM = "look at the residuals: a bad frame, a wrong window, or physics that the curve lacks; the uncertainties assume random errors"
 _ONE_RUN = "fit the run that disagrees by itself, look at its file and its stated values; leave it out only for a reason found there"
-_SEED, _STEPS = "{seed}", "{steps}"
+_SEED, _STEPS, _DEVIATION, _CORRELATED = "{seed}", "{steps}", "{deviation}", "{correlated}"
 
 
 class Voice(StrEnum):
@@ -27,15 +27,15 @@ class Voice(StrEnum):
 
 _CHOICES = MappingProxyType(
     {
-        Voice.COMMANDS: {_SEED: "--seed", _STEPS: "--max-steps"},
-        Voice.PYTHON: {_SEED: "seed=", _STEPS: "target=Target(max_step=...)"},
+        Voice.COMMANDS: {_SEED: "--seed", _STEPS: "--max-steps", _CORRELATED: "correlated = true in [curve]"},
+        Voice.PYTHON: {_SEED: "seed=", _STEPS: "target=Target(max_step=...)", _CORRELATED: "correlated=True"},
     }
 )
 
 WORDS: Table = MappingProxyType(
     {
-        **parameters.WORDS, **draws.WORDS, **residuals.WORDS, **forces.WORDS, **frames.WORDS, **agreement.WORDS, **lines.WORDS, **trials.WORDS,
-        **rows.WORDS,
+        **parameters.WORDS, **draws.WORDS, **residuals.WORDS, **forces.WORDS, **deviations.WORDS, **causes.WORDS, **frames.WORDS,
+        **agreement.WORDS, **lines.WORDS, **trials.WORDS, **rows.WORDS,
     }
 )
 
@@ -61,13 +61,25 @@ ADVICE: Mapping[Kind, str] = MappingProxyType(
             "(in a [curve] table leave u_y out)"
         ),
         Kind.RESIDUALS_NOT_RANDOM: _NOT_RANDOM,
-        Kind.FORCE_TOO_LARGE: (
+        Kind.CURVE_LACKS: (
+            f"{_NOT_RANDOM}; or give them room: a smooth deviation from the curve ({_DEVIATION}, the size of it that would not surprise you, "
+            f"in the unit of y) or errors that follow each other ({_CORRELATED})"
+        ),
+        Kind.FORCE_NOT_LINEAR: (
             "fit a shorter piece of the motion (a window that ends at the turning point), or speeds in place of positions, and look for what is "
             "wrong with the ramp: the figure of the force shows where"
         ),
         Kind.FRAMES_CROWD: "look at the file and the window: a stretch that is another motion, or a stated error of the readings that is too small",
         Kind.CHI2_TOO_LARGE: "look at the residuals; where they are random, leave u_y out and their size says how large the errors are",
         Kind.SCATTER_TOO_LARGE: "the curve does not describe this motion, or the stated resolution of the instrument is far too good",
+        Kind.FORCE_TOO_LARGE: (
+            "look at the figure of the force: what was stated of body, tilt and start may be wrong, or something drives the body; where so large a "
+            "force is believable, state it by unmodelled_force"
+        ),
+        Kind.NOISE_TOO_LARGE: (
+            "look for readings that jump (counts lost, a mark that was taken for another) and leave them out by a window; else state how large the "
+            "error of a reading is"
+        ),
         Kind.OUTLIERS_CROWD: "leave out by a window what is not the motion; robust noise is for a minority of bad frames",
         Kind.RUNS_DISAGREE: _ONE_RUN,
         Kind.RUN_DISAGREES: _ONE_RUN,
@@ -101,7 +113,7 @@ def advice(finding: Finding, voice: Voice = Voice.PYTHON) -> str:
     words = ADVICE[finding.kind]
     for choice, name in _CHOICES[voice].items():
         words = words.replace(choice, name)
-    return words
+    return words.replace(_DEVIATION, f"deviation = {finding.numbers['deviation']:.1g}") if "deviation" in finding.numbers else words
 
 
 def advice_for(findings: Iterable[Finding], voice: Voice = Voice.PYTHON) -> list[str]:

@@ -1,0 +1,29 @@
+"""Whether the data show that a user's own curve lacks something, as findings."""
+
+from __future__ import annotations
+
+from estim.common import Finding, Kind
+from estim.deviation import FoundDeviation
+
+SURE = 0.99  # probability of a deviation beyond which it is said to be there
+_UNLIKELY = 0.5
+
+
+def deviation_finding(found: FoundDeviation, *, x_unit: str, y_unit: str) -> Finding:
+    """Whether there is a deviation, and as what it is read in numbers; names: the units of x, y and of what errors follow each other in."""
+    undecided = Kind.DEVIATION_UNDECIDED if found.probability > _UNLIKELY else Kind.DEVIATION_UNLIKELY
+    kind = Kind.DEVIATION_FOUND if found.probability > SURE else undecided
+    numbers = {"typical": found.visible.typical, "most": found.visible.most}
+    for name, size in (("smooth", found.smooth), ("correlated", found.correlated)):
+        if size is not None:
+            numbers[name] = size.share / found.probability if found.probability > 0.0 else 0.0
+            numbers |= {f"{name}_short": size.length[0], f"{name}_length": size.length[1], f"{name}_long": size.length[2]}
+            numbers |= {f"{name}_size": size.amplitude[1]}
+    return Finding(kind, run=found.run, p=found.probability, numbers=numbers, names=(x_unit, y_unit, found.lacks.along_unit))
+
+
+def deviation_remarks(found: FoundDeviation, *, x_unit: str, y_unit: str) -> tuple[Finding, ...]:
+    """What is worth a note: a deviation that is surely there, and readings that scatter far less than stated."""
+    told = deviation_finding(found, x_unit=x_unit, y_unit=y_unit)
+    conservative = (Finding(Kind.NOISE_CONSERVATIVE, run=found.run, size=found.noise[1]),) if found.conservative else ()
+    return ((told,) if told.kind is Kind.DEVIATION_FOUND else ()) + conservative

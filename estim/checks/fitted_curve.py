@@ -1,0 +1,64 @@
+"""What is wrong with a curve fitted by `fit_curve`, and what to know before using it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+from estim.arrays import FloatArray
+from estim.checks.deviations import deviation_finding as deviation_finding
+from estim.checks.diagnosis import covered_pattern, failed_tests
+from estim.checks.goodness import P_POOR_FIT, Goodness
+from estim.common import Amount, Finding, Kind
+from estim.fitting import FEW, PRESSED_BELOW, Fit, Optimum, coverage_of_sd, edge_of, pressed
+
+_FEW_DIGITS = 0.01  # standard deviations that rounding errors move a value by, worth a word
+
+
+def curve_findings(
+    fixed: Fit, best: Optimum, p_value: float, chi2: float, dof: int, goodness: Sequence[Goodness], *, estimated: bool
+) -> list[Finding]:
+    """Everything that is wrong with the fit itself.  fixed : with errors of a fixed size, which was `estimated` from the residuals or stated."""
+    found = []
+    if not best.settled and not best.singular:
+        found.append(Finding(Kind.STEP_UNSETTLED, size=best.step))
+    if best.singular:
+        found.append(Finding(Kind.UNDETERMINED))
+    found += pressed_limits(fixed, best.values, estimated=estimated)
+    if p_value < P_POOR_FIT:
+        found.append(Finding(Kind.CHI2_TOO_LARGE, p=p_value, size=chi2, numbers={"dof": dof}))
+    # the points have no run to be named, and chi2 was told above
+    return found + [_of_points(f) for f in failed_tests(goodness) if f.test and f.test != "chi2"]
+
+
+def _of_points(finding: Finding) -> Finding:
+    return replace(finding, run="", numbers={name: n for name, n in finding.numbers.items() if name == "deviation"})
+
+
+def pressed_limits(fit: Fit, values: FloatArray, *, estimated: bool = False) -> list[Finding]:
+    """Limits that the data contradict; values: (n_par,)."""
+    found = []
+    for name, p in pressed(fit, estimated=estimated).items():
+        if p < PRESSED_BELOW:
+            i = fit.names.index(name)
+            limit = edge_of(fit.problem.parameters[i].prior, float(values[i]))
+            found.append(Finding(Kind.PRESSED_LIMIT, p=p, parameters=(Amount(name, limit),)))
+    return found
+
+
+def curve_remarks(
+    best: Optimum, p_value: float, chi2: float, dof: int, goodness: Sequence[Goodness], *, stated: bool, perfect: bool
+) -> list[Finding]:
+    """What to know of a fit that may be ok.  stated : whether the size of the errors was.  perfect : whether there are residuals at all."""
+    found = []
+    if best.tolerance > _FEW_DIGITS and not perfect:
+        found.append(Finding(Kind.ROUNDING, size=best.tolerance))
+    if best.frail and not best.singular:
+        found.append(Finding(Kind.CANCELLATION))
+    if not stated and dof <= FEW and not perfect:
+        found.append(Finding(Kind.FEW_DEGREES, size=dof, numbers={"coverage": coverage_of_sd(dof)}))
+    covered = [replace(one, run="") for good in goodness for one in covered_pattern(good)]
+    found += covered
+    if stated and 1.0 - p_value < P_POOR_FIT and not covered:
+        found.append(Finding(Kind.CHI2_SMALL, p=1.0 - p_value, size=chi2, numbers={"dof": dof}))
+    return found

@@ -1,0 +1,29 @@
+"""What may be missing, at the command line: refit with a progress bar where something is, or where it was asked for, and said."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+from estim.cli.terminal import pieces, say
+
+if TYPE_CHECKING:
+    from estim.campaign import Campaign
+    from estim.pipeline import Analysis
+
+
+def with_causes(campaign: Campaign, analysis: Analysis, group: Sequence[str], *, asked: bool) -> Analysis:
+    """The analysis of the runs `group`, with candidates for what it lacks."""
+    from estim.pipeline import asks_for_a_cause, explained
+
+    if not (asked or asks_for_a_cause(analysis)):
+        return analysis
+    with pieces(f"{', '.join(group)}: what may be missing", "cause") as progress:
+        return explained(campaign, analysis, progress=progress)
+
+
+def say_causes(analysis: Analysis) -> None:
+    from estim.reports import explanation_lines
+
+    for line in () if analysis.explanation is None else explanation_lines(analysis.explanation):
+        say(f"  {line}")

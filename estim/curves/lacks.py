@@ -1,0 +1,36 @@
+"""What a user says in Python that a curve may lack: the arguments `deviation` and `correlated` of `fit_curve`."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from estim.common import InputError
+from estim.problem import MAX_LACKING, Lacks
+
+
+def ask_lacks(deviation: float, correlated: ArrayLike | bool, order: NDArray[np.int64], *, stated: bool, exact_x: bool) -> Lacks | None:
+    """What the curve of `fit_curve` may lack, None for nothing; order : (n_obs,) of the points by x.  Raises InputError."""
+    if not isinstance(deviation, int | float) or not (math.isfinite(deviation) and deviation >= 0.0):
+        raise InputError("is in the unit of y: it must be > 0, or 0 for none", field="deviation", value=deviation)
+    plain = isinstance(correlated, bool | np.bool_)
+    if not deviation and plain and not correlated:
+        return None
+    field = "deviation" if deviation else "correlated"
+    if not exact_x:
+        raise InputError("does not go with errors of x: leave out u_x", field=field)
+    if order.size > MAX_LACKING:
+        raise InputError(f"goes with at most {MAX_LACKING} points: take every so many of them", field=field, value=order.size)
+    if plain:
+        return Lacks(float(deviation), order.astype(float) if correlated else None, "readings" if correlated else "", stated)
+    try:
+        times = np.ravel(np.array(correlated, dtype=float))
+    except (TypeError, ValueError):
+        raise InputError("must be True, or the times of the points", field="correlated", value=correlated) from None
+    if not np.all(np.isfinite(times)):
+        raise InputError("must be finite", field="correlated", value=float(times[~np.isfinite(times)][0]))
+    if times.size != order.size or not float(np.ptp(times)) > 0.0:
+        raise InputError(f"must be True, or {order.size} times that are not all the same", field="correlated", value=times.size)
+    return Lacks(float(deviation), times[order], "in the unit of 'correlated'", stated)

@@ -1,0 +1,92 @@
+"""The curve of a run together with what it lacks: where the body was in truth, at draws of the parameters, for bands.
+
+    v^2 = f(x; p)^2 + 2 acceleration e(x)/D,    e(x) = E0 + int_0^x force dx'
+
+Given a draw p and a component of the mixture, e at all places is normal: its mean follows the residuals that p leaves, its spread is what
+the data leave open.  In v^2 this is exact also where the body hardly moves.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from estim.arrays import FloatArray
+from estim.deviation.components import Family
+from estim.deviation.course import Along
+from estim.deviation.force import force_kernel, work_along
+from estim.deviation.grid import START_SD
+from estim.deviation.kernels import without_mean
+from estim.deviation.mixture import Mixture
+from estim.problem import Motion, Named, Points
+
+
+@dataclass(frozen=True, eq=False)
+class Completed:
+    """What the curve of a run of speeds lacks, given the points.
+
+    mixture, shift : of `MixtureErrors`.  along : the track and the responses that the mixture was made with.
+    """
+
+    points: Points
+    motion: Motion
+    mixture: Mixture
+    shift: FloatArray
+    along: Along
+
+    def gained(self, x: FloatArray, named: Named, rng: np.random.Generator) -> tuple[FloatArray, FloatArray]:
+        """What start and force add to v^2 (n_draw, n_x) at places x, and the scale of the readings' noise (n_draw,), one of each for a draw.
+
+        One error for all places of a draw, so that bands are smooth.
+        """
+        residuals = np.atleast_2d(self.points.y - self.shift - self.points.value(named))
+        logs = self.mixture.log_components(residuals)
+        chosen = np.argmax(logs + rng.gumbel(size=logs.shape), axis=1)  # a component with its probability
+        energy, scale = np.zeros((chosen.size, x.size)), np.ones(chosen.size)
+        errors, z, start = rng.standard_normal((chosen.size, 1)), self.mixture.deviation.whiten(residuals), 0
+        for family in self.mixture.deviation.families:
+            unit = _Unit.of(self, family, x)
+            for k in range(family.amplitude.size):
+                own = np.flatnonzero(chosen == start + k)
+                if own.size:
+                    mean, sd = unit.given(self.mixture.columns, family, k, z[own])
+                    energy[own], scale[own] = mean + sd * errors[own], family.scale[k]
+            start += family.amplitude.size
+        arguments = self.points.bind(named)
+        metres = np.asarray(self.motion.metres(arguments))
+        lift = np.asarray(self.motion.gravity(arguments)) * metres / self.motion.energies(x, np.ones(x.size), arguments)[0]
+        return np.asarray(energy * lift), scale
+
+
+@dataclass(frozen=True, eq=False)
+class _Unit:
+    """Of the energy at places x: covariance (n_x, n_obs) with the whitened points and variance (n_x,), for a force of unit amplitude and a push."""
+
+    force: FloatArray
+    force_variance: FloatArray
+    push: FloatArray
+    push_variance: float
+
+    @classmethod
+    def of(cls, completed: Completed, family: Family, x: FloatArray) -> _Unit:
+        along, whiten = completed.along, completed.mixture.deviation.whiten
+        kernel = without_mean(force_kernel(along.track, family.length, radius=along.radian), along.track.weights)
+        done = work_along(along.track, x)
+        sd = START_SD * along.radian
+        return cls(whiten(done @ kernel @ along.response.force.T), np.einsum("ij,jk,ik->i", done, kernel, done), sd * whiten(along.push), sd**2)
+
+    def given(self, columns: FloatArray, family: Family, k: int, z: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Mean (n_draw, n_x) and standard deviation (n_x,) of the energy for whitened residuals z (n_draw, n_obs), under component k."""
+        white, strength = 1.0 / family.scale[k] ** 2, family.amplitude[k] ** 2
+        gain = 1.0 / (family.scale[k] ** 2 + strength * family.spectrum) - white
+
+        def solved(rows: FloatArray) -> FloatArray:
+            """Rows (n, n_obs) times the inverse of C_k."""
+            return white * rows + ((rows @ family.basis) * gain) @ family.basis.T
+
+        along = strength * self.force + self.push
+        answer, pushed = solved(along), solved(columns.T)
+        answer -= (answer @ columns) @ np.linalg.solve(np.eye(columns.shape[1]) + columns.T @ pushed.T, pushed)
+        variance = strength * self.force_variance + self.push_variance - np.einsum("ij,ij->i", answer, along)
+        return z @ answer.T, np.sqrt(np.maximum(variance, 0.0))

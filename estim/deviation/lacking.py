@@ -1,0 +1,209 @@
+"""From a fit of a user's own curve with independent errors to noise with what the curve lacks, made once and held.
+
+    fit with independent errors -> linearise -> which deviations are how probable -> `WithDeviation`, and the deviation for a reader
+
+The scale of a smooth deviation is the user's, who knows what y may be off by.  That of correlated errors is twice the residuals' standard
+deviation, or the stated one where that is larger: the prior is flat over all smaller sizes in any case.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from estim.arrays import FloatArray
+from estim.deviation.components import Deviation, diagonalise
+from estim.deviation.generic import (
+    DEVIATION,
+    TIME,
+    correlated_shapes,
+    deviation_shapes,
+    equally_probable,
+    relative_grid,
+    stated_is_conservative,
+)
+from estim.deviation.linearised import Linearised, linearise
+from estim.deviation.mixture import keep_probable
+from estim.deviation.noise import WithForce, normal_covariance
+from estim.deviation.posing import linear_groups
+from estim.deviation.visible import Visible, see_deviation
+from estim.problem import Lacks, Observations, Problem, Wording
+
+_TIMES_NOISE = 2.0  # scale of correlated errors
+_PROBABILITIES = (0.68, 0.95)
+Interval = tuple[float, float]
+
+
+@dataclass(frozen=True, eq=False)
+class WithDeviation(WithForce):
+    """Readings whose errors are a mixture that stays as it is.  lacks : what the user asked for."""
+
+    lacks: Lacks
+
+    def describe(self, *, x_unit: str, y_unit: str, words: Wording) -> str:
+        stated = self.base.describe(x_unit=x_unit, y_unit=y_unit, words=words)
+        if not self.lacks.stated:
+            stated = f"errors of {words.what}, their size summed over"
+        beside = ["a smooth deviation from the curve"] if self.lacks.deviation else []
+        beside += ["errors that follow each other"] if self.lacks.along is not None else []
+        return f"{stated}; beside it {' or '.join(beside)}"
+
+
+@dataclass(frozen=True, eq=False)
+class DeviationSize:
+    """One way to read what the curve lacks.
+
+    share : probability that it is there.  scale : of the prior of its amplitude, unit of y.
+    amplitude, length : quantiles 0.16, 0.5, 0.84 if it is there, in the units of y and of x (of a step where errors follow each other in order).
+    """
+
+    share: float
+    scale: float
+    amplitude: tuple[float, float, float]
+    length: tuple[float, float, float]
+
+
+@dataclass(frozen=True, eq=False)
+class FoundDeviation:
+    """What the curve of one run lacks.
+
+    lacks : what was asked for.  probability : P(amplitude > 0).  smooth, correlated : how it is read; None where it was not asked for.
+    visible : what of it the curve cannot make up for, with the points.
+    noise : quantiles 0.16, 0.5, 0.84 of the standard deviation of the noise beside it, in units of the stated one, or in the unit of y.
+    conservative : whether the readings scatter by far less than stated.
+    without : parameter -> its standard deviation with independent errors alone.
+    mean, sds : (n_par,) of the linearised posterior.  intervals : parameter -> probability (0.68, 0.95) -> its ends.
+    means, covs : (n, n_par), (n, n_par, n_par) of normal distributions that make it up, the narrowest first.
+    """
+
+    run: str
+    lacks: Lacks
+    probability: float
+    smooth: DeviationSize | None
+    correlated: DeviationSize | None
+    visible: Visible
+    noise: tuple[float, float, float]
+    conservative: bool
+    without: Mapping[str, float]
+    mean: FloatArray
+    cov: FloatArray
+    intervals: Mapping[str, Mapping[float, Interval]]
+    means: FloatArray
+    covs: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class PosedDeviation:
+    """noise : of the run, with what its curve lacks.  found : that, for a reader."""
+
+    noise: WithDeviation
+    found: FoundDeviation
+
+
+def pose_deviation(run: Observations, problem: Problem, values: FloatArray) -> PosedDeviation:
+    """What the curve of `run` lacks, linear about `values` (n_par,), those of a fit with independent errors.
+
+    Where other runs share parameters, what they say counts as theirs without a deviation.
+    """
+    lacks = run.lacks
+    assert lacks is not None, "asked for runs that may lack something"
+    named = problem.named(values)
+    stated = normal_covariance(run.noise, run.points, named)
+    residuals = run.y - stated.shift - np.ravel(np.broadcast_to(run.points.value(named), (1, run.n_obs)))
+    jacobian = run.points.gradient(named, problem.names)
+    precision, pull = _known(run, problem, values)
+    covariance = stated.covariance if lacks.stated else _sized(stated.covariance, residuals, len(run.curve_parameters))
+    scales = _scales(lacks, covariance, residuals)
+    deviation = _components(run, lacks, covariance, scales)
+    without = _sds(deviation.whiten(jacobian.T), precision)
+    linear = linearise(deviation, residuals, jacobian, precision=precision, pull=pull, stated=lacks.stated)
+    noise = WithDeviation(run.noise, keep_probable(linear), _whitener(linear, lacks), stated.shift, lacks)
+    means, covs = linear_groups(linear, problem.n_par)
+    sizes = {kind: _size(linear, kind, scale) for kind, scale in scales.items()}
+    unit = 1.0 if lacks.stated else float(np.sqrt(np.median(np.diag(covariance))))
+    low, middle, high = (unit * one for one in linear.size("scale"))
+    found = FoundDeviation(
+        run=run.name, lacks=lacks, probability=linear.p_deviation, smooth=sizes.get(DEVIATION), correlated=sizes.get(TIME),
+        visible=see_deviation(linear, run, scales), noise=(low, middle, high),
+        conservative=lacks.stated and stated_is_conservative(linear), without=dict(zip(problem.names, without.tolist(), strict=True)),
+        mean=values + linear.mean, cov=linear.covariance, intervals=_intervals(linear, problem, values), means=values + means, covs=covs,
+    )
+    return PosedDeviation(noise, found)
+
+
+def _sds(slopes: FloatArray, precision: FloatArray) -> FloatArray:
+    """(n_par,) standard deviations from whitened slopes (n_par, n_obs) and the precision of all else."""
+    information = slopes @ slopes.T + precision
+    scale = np.sqrt(np.diag(information))
+    scale[scale == 0.0] = 1.0
+    return np.asarray(np.sqrt(np.diag(np.linalg.pinv(information / np.outer(scale, scale), hermitian=True))) / scale)
+
+
+def _sized(covariance: FloatArray, residuals: FloatArray, n_par: int) -> FloatArray:
+    """A covariance (n_obs, n_obs) of unknown size, as large as the residuals (n_obs,)."""
+    squares = float(np.sum(np.square(residuals) / np.diag(covariance)))
+    return covariance * squares / max(1, residuals.size - n_par)
+
+
+def _components(run: Observations, lacks: Lacks, covariance: FloatArray, scales: Mapping[str, float]) -> Deviation:
+    groups = [deviation_shapes(run.x)] if lacks.deviation else []
+    groups += [correlated_shapes(lacks.along)] if lacks.along is not None else []
+    shapes = tuple(shape.times(scales[shape.kind]) for shape in equally_probable(*groups))
+    diagonal = np.diag(covariance)
+    base = diagonal if np.array_equal(covariance, np.diag(diagonal)) else covariance
+    return diagonalise(base, shapes, relative_grid(stated=lacks.stated))
+
+
+def _scales(lacks: Lacks, covariance: FloatArray, residuals: FloatArray) -> dict[str, float]:
+    """Kind -> scale of its amplitude, unit of y."""
+    typical = float(np.sqrt(np.median(np.diag(covariance))))
+    seen = _TIMES_NOISE * float(np.sqrt(np.mean(np.square(residuals))))
+    found = {DEVIATION: lacks.deviation} if lacks.deviation else {}
+    return found | ({TIME: max(seen, _TIMES_NOISE * typical)} if lacks.along is not None else {})
+
+
+def _known(run: Observations, problem: Problem, values: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Precision (n_par, n_par) and pull (n_par,) at `values` of the priors and of all other runs."""
+    priors = list(zip(problem.parameters, values, strict=True))
+    slope = np.array([p.prior.residual_slope(float(v)) for p, v in priors])
+    off = np.array([p.prior.residual(float(v)) for p, v in priors])
+    precision, push = np.diag(slope**2), -slope * off
+    named = problem.named(values)
+    for other in problem.runs:
+        if other is not run:
+            seen = other.likelihood(named).whitened(named, problem.names)
+            assert hasattr(seen, "root"), "every run has normal errors"
+            precision, push = precision + seen.root.T @ seen.root, push + seen.root.T @ seen.z
+    return precision, np.asarray(np.linalg.lstsq(precision, push, rcond=None)[0])
+
+
+def _whitener(linear: Linearised, lacks: Lacks) -> FloatArray:
+    """L^-1 with L L^T the most probable covariance; in units of the stated noise at least, where it was stated."""
+    size = min(float(linear.scales[linear.best]), 1.0) if lacks.stated else 1.0
+    return np.asarray(np.linalg.inv(np.linalg.cholesky(linear.best_covariance() / size**2)))
+
+
+def _size(linear: Linearised, kind: str, scale: float) -> DeviationSize:
+    mine = np.concatenate([np.where(f.amplitude > 0.0, f.kind == kind, False) for f in linear.deviation.families])
+    share = float(linear.weights[mine].sum())
+    if not share > 0.0:
+        return DeviationSize(0.0, scale, (np.nan, np.nan, np.nan), (np.nan, np.nan, np.nan))
+    alone = replace(linear, weights=np.where(mine, linear.weights, 0.0) / share)
+    low, middle, high = (scale * one for one in alone.size("amplitude"))
+    return DeviationSize(share, scale, (low, middle, high), alone.size("length"))
+
+
+def _intervals(linear: Linearised, problem: Problem, values: FloatArray) -> dict[str, dict[float, Interval]]:
+    """Equal-tailed, each inside the support of the parameter's prior."""
+    found = {}
+    for parameter, value, direction in zip(problem.parameters, values, np.eye(problem.n_par), strict=True):
+        low, high = parameter.prior.low, parameter.prior.high
+        below, above = (linear.probability_below(direction, edge - value) if np.isfinite(edge) else float(edge > 0) for edge in (low, high))
+        ends = {}
+        for p in _PROBABILITIES:
+            places = below + (above - below) * np.array([0.5 - 0.5 * p, 0.5 + 0.5 * p])
+            ends[p] = tuple(np.clip(value + linear.quantiles(direction, places), low, high).tolist())
+        found[parameter.name] = ends
+    return found

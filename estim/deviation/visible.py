@@ -1,0 +1,90 @@
+"""What the data show of a deviation: the part of it that the curve cannot make up for, with its band.
+
+A deviation shares its level, its slope and whatever else the parameters can imitate with the curve; how much of that is deviation nothing can
+tell.  Shown is the rest, the deviation about the curve that fits it best (least squares over the points, M = 1 - J (J^T C0^-1 J)^-1 J^T C0^-1):
+
+    d_k ~ N(0, a^2 K),    M d | data, k  normal, the parameters integrated out;    a mixture over the components k
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from estim.arrays import FloatArray
+from estim.deviation.components import Family
+from estim.deviation.found import BAND
+from estim.deviation.generic import DEVIATION
+from estim.deviation.kernels import distances, exponential, matern32
+from estim.deviation.linearised import Linearised, mixture_quantiles
+from estim.problem import Observations
+
+_LOST = 0.01
+
+
+@dataclass(frozen=True, eq=False)
+class Visible:
+    """The part of a deviation that shows, at the points, unit of y.
+
+    x : (n_obs,).  quantiles : (5, n_obs) at BAND.  mean : (n_obs,).  residuals : (n_obs,) of the curve that fits best.
+    """
+
+    x: FloatArray
+    quantiles: FloatArray
+    mean: FloatArray
+    residuals: FloatArray
+
+    @property
+    def typical(self) -> float:
+        """Root mean square of the mean."""
+        return float(np.sqrt(np.mean(np.square(self.mean))))
+
+    @property
+    def most(self) -> float:
+        """Largest size of the mean."""
+        return float(np.max(np.abs(self.mean)))
+
+
+def see_deviation(linear: Linearised, run: Observations, scales: Mapping[str, float]) -> Visible:
+    """What shows of the deviation of `run` under the posterior `linear`.  scales : kind -> unit of its amplitudes."""
+    deviation = linear.deviation
+    j = deviation.whiten(linear.jacobian.T)  # (n_par, n_obs) whitened
+    rest = _rest(deviation.whiten(np.eye(run.n_obs)), j, linear.jacobian)
+    r = deviation.whiten(linear.residuals)
+    order = np.argsort(linear.weights)[::-1]
+    kept = order[: 1 + int(np.searchsorted(np.cumsum(linear.weights[order]), 1.0 - _LOST))]
+    lacks = run.lacks
+    assert lacks is not None, "asked of runs that may lack something"
+    kernels: dict[tuple[str, float], tuple[FloatArray, FloatArray]] = {}
+    means, sds = np.zeros((kept.size, run.n_obs)), np.zeros((kept.size, run.n_obs))
+    for i, k in enumerate(kept):
+        family, place = linear.component(int(k))
+        amplitude = family.amplitude[place]
+        if amplitude == 0.0:
+            continue
+        key = (family.kind, family.length)
+        if key not in kernels:
+            kernels[key] = _seen(family, run.x if family.kind == DEVIATION or lacks.along is None else lacks.along, scales, rest)
+        kernel, prior = kernels[key]
+        variance = family.scale[place] ** 2 + amplitude**2 * family.spectrum
+        gain = amplitude**2 * deviation.whiten(kernel) @ family.basis / variance  # (n_obs, n_dir)
+        means[i] = gain @ (family.basis.T @ (r - linear.steps[k] @ j))
+        moved = gain @ (j @ family.basis).T
+        spread = amplitude**2 * prior - np.einsum("ij,ij->i", gain * variance, gain)
+        sds[i] = np.sqrt(np.maximum(spread + np.einsum("ip,pq,iq->i", moved, linear.covariances[k], moved), 0.0))
+    weights = linear.weights[kept] / linear.weights[kept].sum()
+    return Visible(run.x, mixture_quantiles(weights, means, sds, BAND), np.asarray(weights @ means), rest @ linear.residuals)
+
+
+def _rest(whitener: FloatArray, j: FloatArray, jacobian: FloatArray) -> FloatArray:
+    """(n_obs, n_obs) M; whitener: W as rows, j: (n_par, n_obs) whitened."""
+    return np.asarray(np.eye(jacobian.shape[0]) - jacobian @ np.linalg.pinv(j.T, rcond=1e-10) @ whitener.T)
+
+
+def _seen(family: Family, along: FloatArray, scales: Mapping[str, float], rest: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """M K (n_obs, n_obs) and the diagonal of M K M^T (n_obs,) for unit amplitude."""
+    correlation = matern32 if family.kind == DEVIATION else exponential
+    kernel = rest @ (scales[family.kind] ** 2 * correlation(distances(along), family.length))
+    return kernel, np.einsum("ij,ij->i", kernel, rest)

@@ -1,0 +1,64 @@
+"""One thing that may be missing: the problem with it, and the lines of a campaign that say it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from estim.arrays import FloatArray
+from estim.common import Label, Notation
+from estim.fitting import Fit
+from estim.problem import Problem
+
+
+@dataclass(frozen=True)
+class Scanned:
+    """A number of which some values were tried, in `unit`."""
+
+    name: str
+    value: float
+    unit: str = "1"
+
+    @property
+    def label(self) -> Label:
+        return Notation(self.name).label(self.unit)
+
+
+@dataclass(frozen=True, eq=False)
+class Cause:
+    """Something that the curve or the noise of a campaign lacks.
+
+    name : short, for files; several of one name are values of what is `scanned`, and the best of them counts.  words : what it is.
+    problem : with it.  parameters : its own.  lines : to be added to the campaign, the first a table.  remark : where no line says it.
+    begin : value of its parameters at which a search starts, where 0 is possible.
+    searched : how much a gain is less because the best of many places was looked for.
+    """
+
+    name: str
+    words: str
+    problem: Problem
+    parameters: tuple[str, ...]
+    lines: tuple[str, ...]
+    remark: str = ""
+    scanned: Scanned | None = None
+    searched: float = 0.0
+    begin: float = 0.0
+
+    @property
+    def n_number(self) -> int:
+        """How many numbers are adjusted beside those of the plain fit."""
+        return max(len(self.parameters), 1)
+
+    def starting(self, base: Fit, share: float) -> FloatArray:
+        """(n_par,) where a search starts: the mode without it, and its own parameters at `begin`, or at `share` of their sd where 0 is an edge."""
+        known = dict(zip(base.names, base.values, strict=True))
+        return np.array([known.get(p.name, share * p.prior.sd if p.prior.low == 0.0 else self.begin) for p in self.problem.parameters])
+
+
+@dataclass(frozen=True, eq=False)
+class Suspects:
+    """plain : runs with their stated noise, and nothing that a curve may lack.  causes : the same with one thing more each."""
+
+    plain: Problem
+    causes: tuple[Cause, ...] = ()

@@ -1,0 +1,202 @@
+"""What may be missing where a curve does not explain the data: each candidate refit by least squares, the one that gains most first.
+
+    gain = AIC of the fit as stated - AIC with the candidate,    AIC = -2 log L + sum of squared pulls of the priors + 2 (numbers that it adds)
+
+L at its largest over a size of the noise that is at least the stated one, so that no candidate is paid for taking up noise that was stated too
+small.  A candidate has a prior as wide as such a thing may be.  How to read it: a gain of 10 or more does not come by chance (`FOUND`; about 1 of
+100 clean recordings has one, with all candidates tried); candidates whose gains differ by less than 6 (odds of 20) cannot be told apart by these
+data (`TIED`).  One that is found is the whole story only where the residuals are random with it.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from estim.arrays import FloatArray
+from estim.checks import P_POOR_FIT, check_goodness
+from estim.common import Label, NumericalError
+from estim.deviation import AutoCorrelated
+from estim.explanation.bad_frames import frame_causes
+from estim.explanation.candidates import Cause, Scanned
+from estim.fitting import Fit, fit_least_squares, refit
+from estim.problem import Problem
+
+FOUND = 10.0  # gain
+TIED = 6.0  # difference of gains
+_CORRELATIONS = (0.3, 0.5, 0.7, 0.85, 0.95)
+_MOST_TESTED = 8  # candidates whose residuals are tested
+_SIZE = "chi2"  # the one test that is not of order
+_START, _NEAR = 0.1, 1e-2  # standard deviations of the prior of what cannot be negative: where a search starts, and where its direction is asked
+
+
+@dataclass(frozen=True)
+class Estimated:
+    """A number of a candidate in SI units, how it is shown, and its standard deviation (nan at the edge of what is possible)."""
+
+    name: str
+    value: float
+    sd: float
+    label: Label
+
+
+@dataclass(frozen=True, eq=False)
+class Candidate:
+    """One thing that may be missing, refit.
+
+    name, words, lines, remark : of its `Cause`.  gain : see above.  numbers : what was found of it.
+    p_order : probability of the residuals with it, by the worst of the tests of order; nan where that was not asked.
+    p_size : the same by chi-squared; nan where the size of the noise is inferred.
+    """
+
+    name: str
+    words: str
+    lines: tuple[str, ...]
+    remark: str
+    gain: float
+    numbers: tuple[Estimated, ...]
+    p_order: float = math.nan
+    p_size: float = math.nan
+
+    @property
+    def found(self) -> bool:
+        return self.gain >= FOUND
+
+    @property
+    def random(self) -> bool:
+        """Whether the residuals are in random order with it."""
+        return self.p_order >= P_POOR_FIT
+
+    @property
+    def as_large_as_stated(self) -> bool:
+        """Whether they are no larger than stated either."""
+        return not self.p_size < P_POOR_FIT
+
+
+@dataclass(frozen=True, eq=False)
+class Explanation:
+    """What may be missing of runs fit together, the strongest first.  plain : the fit without any of them, "" its name."""
+
+    runs: tuple[str, ...]
+    plain: Candidate
+    candidates: tuple[Candidate, ...]
+
+    @property
+    def found(self) -> tuple[Candidate, ...]:
+        return tuple(one for one in self.candidates if one.found)
+
+    @property
+    def tied(self) -> tuple[Candidate, ...]:
+        """The first and those that these data cannot tell from it; none where nothing is found."""
+        found = self.found
+        return tuple(one for one in found if one.gain > found[0].gain - TIED)
+
+
+def explain(
+    plain: Problem, causes: Sequence[Cause], *, rng: np.random.Generator, values: FloatArray | None = None,
+    progress: Callable[[int, int], None] | None = None,
+) -> Explanation:
+    """The candidates for what `plain` lacks: `causes`, readings that are alike in time, one bad frame.
+
+    plain : the runs with their stated noise alone.  values : (n_par,) where its fit may start.  progress : told how many of how many are done.
+    """
+    base = fit_least_squares(plain, rng=rng, n_start=1 if values is not None else 4, start=values)
+    every = [*(cause for cause in causes if not _pushed_below(cause, base)), *_alike(plain), *frame_causes(base)]
+    fits: dict[str, tuple[Candidate, Fit]] = {}
+    lowest = badness(base)
+    for done, cause in enumerate(every, start=1):
+        fit = _with(cause, base)
+        if fit is not None:
+            gain = lowest - badness(fit) - 2.0 * cause.n_number - cause.searched
+            candidate = Candidate(cause.name, cause.words, cause.lines, cause.remark, gain, _numbers(cause, fit))
+            if cause.name not in fits or candidate.gain > fits[cause.name][0].gain:
+                fits[cause.name] = candidate, fit
+        if progress is not None:
+            progress(done, len(every))
+    ordered = sorted(fits.values(), key=lambda pair: -pair[0].gain)
+    tested = [_tested(one, fit, rng) if i < _MOST_TESTED and one.found else one for i, (one, fit) in enumerate(ordered)]
+    names = tuple(run.name for run in plain.runs)
+    return Explanation(names, _tested(Candidate("", "", (), "", 0.0, ()), base, rng), tuple(tested))
+
+
+def badness(fit: Fit) -> float:
+    """-2 log L + sum of squared pulls of the priors, the noise of each run scaled up where it was stated too small."""
+    named = fit.problem.named(fit.values[None, :])
+    total = float(np.sum(fit.posterior.prior_residuals(fit.values) ** 2))
+    for run, likelihood in zip(fit.problem.runs, fit.posterior.likelihoods, strict=True):
+        total -= 2.0 * float(likelihood.log_likelihood(named)[0])
+        if likelihood.normal is not None:
+            chi2 = float(np.sum(likelihood.size_residuals(named)[0] ** 2))
+            larger = max(1.0, chi2 / run.n_obs)
+            total += chi2 / larger - chi2 + run.n_obs * math.log(larger)
+    return total
+
+
+def _alike(plain: Problem) -> Iterable[Cause]:
+    """Readings whose errors follow each other."""
+    if any(run.noise.robust or run.noise.x_gain().any() or not run.noise.size.reading_variance(_ones(plain)).any() for run in plain.runs):
+        return
+    for correlation in _CORRELATIONS:
+        runs = tuple(replace(run, noise=AutoCorrelated(run.noise, correlation)) for run in plain.runs)
+        yield Cause(
+            "correlated_errors", "errors of successive readings that are alike", Problem(plain.parameters, runs), (),
+            (), "an unmodelled force leaves room for them: unmodelled_force = 0.02", scanned=Scanned("correlation", correlation),
+        )
+
+
+def _ones(plain: Problem) -> dict[str, float]:
+    return dict.fromkeys(plain.names, 1.0)
+
+
+def _pushed_below(cause: Cause, base: Fit) -> bool:
+    """Whether the data would have a number that cannot be negative below 0: then it explains nothing, and a search would end slowly on its edge."""
+    if len(cause.parameters) != 1:
+        return False
+    i = cause.problem.names.index(cause.parameters[0])
+    prior = cause.problem.parameters[i].prior
+    if prior.low != 0.0:
+        return False
+    start = cause.starting(base, _NEAR)
+    posterior = cause.problem.linearised(start)
+    rows = posterior.jacobian(start)
+    scale = np.linalg.norm(rows, axis=0)
+    scale[scale == 0.0] = 1.0
+    step = -np.linalg.lstsq(rows / scale, posterior.residuals(start), rcond=None)[0] / scale
+    return bool(start[i] + step[i] <= 0.0)
+
+
+def _with(cause: Cause, base: Fit) -> Fit | None:
+    """The fit with a candidate, from that without; None where it cannot be had."""
+    try:
+        fit = refit(cause.problem, cause.starting(base, _START))
+    except NumericalError:
+        return None
+    return fit if math.isfinite(badness(fit)) else None
+
+
+def _numbers(cause: Cause, fit: Fit) -> tuple[Estimated, ...]:
+    if cause.scanned is not None:
+        return (Estimated(cause.scanned.name, cause.scanned.value, math.nan, cause.scanned.label),)
+    parameters = {p.name: p for p in cause.problem.parameters}
+    found = []
+    for name in cause.parameters:
+        i = fit.names.index(name)
+        found.append(Estimated(name, float(fit.values[i]), float(fit.sds[i]) * _larger(fit), parameters[name].label))
+    return tuple(found)
+
+
+def _larger(fit: Fit) -> float:
+    """Factor of the noise that the residuals ask for, 1 at least."""
+    n_data = sum(run.n_obs for run in fit.problem.runs)
+    chi2 = float(np.sum(fit.posterior.size_residuals(fit.values) ** 2))
+    return math.sqrt(max(1.0, chi2 / n_data))
+
+
+def _tested(candidate: Candidate, fit: Fit, rng: np.random.Generator) -> Candidate:
+    checks = [good.checks for good in check_goodness(fit, rng=rng)]
+    order = [check.p_value for of_run in checks for name, check in of_run.items() if name != _SIZE]
+    size = [of_run[_SIZE].p_value for of_run in checks if _SIZE in of_run]
+    return replace(candidate, p_order=min(order, default=math.nan), p_size=min(size, default=math.nan))

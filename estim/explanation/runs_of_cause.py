@@ -1,0 +1,81 @@
+"""Which runs ask for the same cause, and whether they agree about its size: a slip of one run is no law of the apparatus."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from estim.common import Finding, Kind, Label, split_level
+from estim.explanation.explaining import FOUND, Candidate, Explanation
+from estim.fitting import chi2_p
+
+
+@dataclass(frozen=True)
+class Mean:
+    """The weighted mean of a number over runs, with its standard deviation; SI units."""
+
+    value: float
+    sd: float
+    label: Label
+
+
+@dataclass(frozen=True, eq=False)
+class CauseOfRuns:
+    """A candidate in runs fit one by one.
+
+    found_in : the runs that show it by themselves.  n_run : of how many.  gain : the sum of all.
+    means : of its numbers.  p : probability of values that differ as much if all runs have the same; nan where no two can be compared.
+    """
+
+    name: str
+    words: str
+    found_in: tuple[str, ...]
+    n_run: int
+    gain: float
+    means: tuple[Mean, ...]
+    p: float
+
+
+def across_runs(explanations: Sequence[Explanation]) -> tuple[CauseOfRuns, ...]:
+    """The candidates that two runs or more show together, the strongest first; `explanations` are of single runs."""
+    by_name: dict[str, list[tuple[str, Candidate]]] = {}
+    for explanation in explanations:
+        for one in explanation.candidates:
+            by_name.setdefault(split_level(one.name)[0], []).append((explanation.runs[0], one))
+    found = []
+    for name, entries in by_name.items():
+        gain = sum(one.gain for _, one in entries)
+        if len(entries) > 1 and gain >= FOUND and entries[0][1].numbers and math.isfinite(entries[0][1].numbers[0].sd):
+            means, p = _together([one for _, one in entries])
+            showing = tuple(run for run, one in entries if one.found)
+            found.append(CauseOfRuns(name, entries[0][1].words, showing, len(explanations), gain, means, p))
+    return tuple(sorted(found, key=lambda one: -one.gain))
+
+
+def _together(candidates: Sequence[Candidate]) -> tuple[tuple[Mean, ...], float]:
+    means, chi2, dof = [], 0.0, 0
+    for numbers in zip(*(one.numbers for one in candidates), strict=True):
+        told = [one for one in numbers if one.sd > 0.0]  # nan: on an edge
+        if not told:
+            continue
+        values, weights = np.array([one.value for one in told]), np.array([one.sd for one in told]) ** -2.0
+        mean = float(np.sum(weights * values) / np.sum(weights))
+        means.append(Mean(mean, float(np.sum(weights) ** -0.5), numbers[0].label))
+        chi2, dof = chi2 + float(np.sum(weights * (values - mean) ** 2)), dof + len(told) - 1
+    return tuple(means), chi2_p(chi2, dof) if dof > 0 else math.nan
+
+
+def verdict(explanation: Explanation) -> Finding:
+    """What the candidates tell together."""
+    found, tied = explanation.found, explanation.tied
+    names, several = tuple(one.words for one in tied), len(tied) > 1
+    if not found:
+        kind = Kind.CAUSE_UNKNOWN
+    elif not any(one.random for one in tied):
+        kind = Kind.CAUSE_IN_PART
+    else:
+        kind = Kind.CAUSES_ALIKE if several else Kind.CAUSE_NAMED
+    return Finding(kind, size=found[0].gain if found else math.nan, names=names, numbers={"tried": len(explanation.candidates)})

@@ -1,0 +1,145 @@
+"""The section of a report on what may be missing; the text stands in `templates/explanation.md.j2`."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import msgspec
+
+from estim.checks import P_FLOOR
+from estim.common import Markdown, code, format_p, format_quantity, format_rounded, markdown, signed
+from estim.explanation import FOUND, TIED, Candidate, CauseOfRuns, Estimated, Explanation, verdict
+from estim.reports.rendering import render
+from estim.sampling import number
+from estim.words import tell
+
+_MOST_SHOWN = 6
+
+
+class EstimatedSummary(msgspec.Struct, frozen=True):
+    name: str
+    value: float  # SI units
+    sd: float | None  # none at the edge of what is possible, or where a few values were tried
+
+
+class CandidateSummary(msgspec.Struct, frozen=True):
+    """One thing that the curve may lack, refit by least squares."""
+
+    name: str
+    words: str
+    gain: float  # by how much AIC falls; 10 or more counts, differences below 6 do not
+    found: bool
+    numbers: list[EstimatedSummary]
+    p_order: float | None  # of the residuals with it, by the worst test of their order
+    p_size: float | None  # the same by chi-squared
+    lines: list[str]  # of the campaign file, the first a table
+    remark: str
+
+
+class ExplanationSummary(msgspec.Struct, frozen=True):
+    words: str
+    p_order: float | None  # of the residuals without any of them
+    p_size: float | None
+    candidates: list[CandidateSummary]
+
+
+@dataclass(frozen=True)
+class _Row:
+    words: str
+    gain: str
+    value: str
+    left: str
+    add: Markdown
+
+
+def explanation_summary(explanation: Explanation | None) -> ExplanationSummary | None:
+    """The record of the candidates, None where none were refit."""
+    if explanation is None:
+        return None
+    plain = explanation.plain
+    return ExplanationSummary(
+        tell(verdict(explanation)), number(plain.p_order), number(plain.p_size),
+        [
+            CandidateSummary(
+                one.name, one.words, one.gain, one.found, [EstimatedSummary(n.name, n.value, number(n.sd)) for n in one.numbers],
+                number(one.p_order), number(one.p_size), list(one.lines), one.remark,
+            )
+            for one in explanation.candidates
+        ],
+    )
+
+
+def explanation_text(explanation: Explanation) -> Markdown:
+    """Markdown fragment without a heading."""
+    found = explanation.found[:_MOST_SHOWN]
+    return render(
+        "explanation.md.j2", verdict=tell(verdict(explanation)), rows=[_row(one) for one in found], found=f"{FOUND:g}", tied=f"{TIED:g}",
+        more=len(explanation.found) - len(found), best=next(iter(explanation.candidates), None), lines=_to_add(explanation),
+        n_tried=len(explanation.candidates), left=_left(explanation.plain),
+    )
+
+
+def explanation_lines(explanation: Explanation) -> list[str]:
+    """The same for a terminal, line by line."""
+    said = [tell(verdict(explanation))]
+    for one in explanation.found[:_MOST_SHOWN]:
+        row = _row(one)
+        said.append(f"{row.gain:>7}  {one.words}: {row.value}; residuals then {row.left}")
+    to_add = _to_add(explanation)
+    if to_add:
+        said.append("to add (priors as wide as such a thing may be; what you measured of it is better):")
+        said += [f"    {line}" for line in to_add]
+    return said
+
+
+def runs_text(causes: Sequence[CauseOfRuns]) -> Markdown:
+    """Markdown fragment without a heading: which runs show which cause, and whether they agree."""
+    rows = [
+        (
+            one.words, signed(f"{one.gain:.0f}"), f"{len(one.found_in)} of {one.n_run}",
+            ", ".join(f"{m.label.symbol.partition('[')[0]} = {_quantity(m.value, m.sd, m.label.factor, m.label.unit)}" for m in one.means),
+            "n/a" if math.isnan(one.p) else format_p(one.p),
+        )
+        for one in causes[:_MOST_SHOWN]
+    ]
+    return render("causes_of_runs.md.j2", rows=rows)
+
+
+def _row(one: Candidate) -> _Row:
+    return _Row(one.words, signed(f"{one.gain:.0f}"), ", ".join(map(_value, one.numbers)), _left(one), _add_cell(one))
+
+
+def _value(n: Estimated) -> str:
+    if n.sd > 0.0:
+        return f"{n.label.symbol} = {_quantity(n.value, n.sd, n.label.factor, n.label.unit)}"
+    unit = "" if n.label.unit == "1" else f" {n.label.unit}"
+    return f"{n.label.symbol} about {format_rounded(n.value * n.label.factor, 0.1 * abs(n.value * n.label.factor))}{unit}"
+
+
+def _quantity(value: float, sd: float, factor: float, unit: str) -> str:
+    shown = format_quantity(value * factor, sd * factor)
+    return shown if unit == "1" else f"({shown}) {unit}"
+
+
+def _left(one: Candidate) -> str:
+    """How the residuals are with a candidate."""
+    if math.isnan(one.p_order):
+        return "not tested"
+    if not one.random:
+        return f"not random ({format_p(max(one.p_order, P_FLOOR))})"
+    return "random" if one.as_large_as_stated else "random, but larger than stated"
+
+
+def _add_cell(one: Candidate) -> Markdown:
+    if not one.lines:
+        return markdown(one.remark)
+    where, *lines = one.lines
+    return Markdown(f"{code(where)}: {', '.join(map(code, lines))}")
+
+
+def _to_add(explanation: Explanation) -> list[str]:
+    """Lines of the campaign that say the first candidate that has any."""
+    first = next((one for one in explanation.tied if one.lines), None)
+    return [] if first is None else list(first.lines)
