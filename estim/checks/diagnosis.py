@@ -191,7 +191,7 @@ def _remarks(fit: Fit, chain: Chain, goodness: Sequence[Goodness], conflict: Con
         chi2 = good.checks.get("chi2")
         if chi2 is not None and chi2.p_value > 1.0 - P_POOR_FIT and not good.covered and run.lacks is None:
             found.append(Finding(Kind.RESIDUALS_SMALL, run=good.run, test="chi2", p=1.0 - chi2.p_value, numbers={"least": P_FLOOR}))
-        if good.scatter_ratio > 3.0:
+        if 1.5 < good.scatter_ratio <= SCATTER_LIMIT:
             found.append(Finding(Kind.SCATTER_LARGE, run=good.run, size=good.scatter_ratio))
     for run in fit.problem.runs:
         readings = run.motion.instrument_readings if run.motion else ()

@@ -165,6 +165,7 @@ class Kind(StrEnum):
     OUTSIDE_TIMES = auto()
     OUTSIDE_POSITIONS = auto()
     OUTSIDE_WINDOW = auto()
+    ROWS_BETWEEN = auto()
     LEFT_OUT = auto()
     WAY_BACK = auto()
     BESIDE_RELEASE = auto()

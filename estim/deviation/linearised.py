@@ -207,6 +207,7 @@ def mixture_quantiles(weights: FloatArray, means: FloatArray, sds: FloatArray, p
     width = np.where(sds > 0.0, sds, np.finfo(float).tiny)
     for _ in range(36):
         middle = 0.5 * (low + high)
-        below = np.tensordot(weights, ndtr((middle[None] - means[:, None]) / width[:, None]), axes=1) < p
+        with np.errstate(over="ignore"):  # beside a component without any width
+            below = np.tensordot(weights, ndtr((middle[None] - means[:, None]) / width[:, None]), axes=1) < p
         low, high = np.where(below, middle, low), np.where(below, high, middle)
     return 0.5 * (low + high)

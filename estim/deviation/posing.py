@@ -33,7 +33,8 @@ class FoundForce:
     """The unmodelled force of one run.
 
     unit : of positions.  scale : of the prior of its amplitude.  force : in units of the weight.
-    without : parameter -> its standard deviation with the stated noise alone and an exact start.  upright : cosine of the tilt.
+    growth : parameter -> its standard deviation over that with the stated noise alone and an exact start, both linearised.
+    upright : cosine of the tilt.
     means, covs : (n, n_par), (n, n_par, n_par) of normal distributions that make up the linearised posterior, the narrowest first.
     bad : frames that are shifted.  reading_unit : of them.  step : of a digital reading, 0 where there is none.
     moved : how far the posterior mode lies from the linearised mean, in sds of the parameter that is farthest off.
@@ -51,7 +52,7 @@ class FoundForce:
     larger: float
     too_large: float
     conservative: bool
-    without: Mapping[str, float]
+    growth: Mapping[str, float]
     upright: float
     means: FloatArray
     covs: FloatArray
@@ -97,7 +98,7 @@ def pose_force(run: Observations, course: Course, problem: Problem, values: Floa
     found = FoundForce(
         run=run.name, unit=unit, scale=run.force, force=force, noise=linear.size("scale"), larger=linear.p_noise(float(np.nextafter(1.0, 2.0))),
         too_large=linear.p_noise(max(SCALES)), conservative=stated_is_conservative(linear),
-        without=dict(zip(problem.names, without.tolist(), strict=True)), upright=here.along.upright, means=values + means, covs=covs, bad=bad,
+        growth=_growth(problem, linear, without), upright=here.along.upright, means=values + means, covs=covs, bad=bad,
         reading_unit=unit if run.positions or run.noise.made_of_positions else run.y_unit, step=run.noise.size.step,
         completed=None if run.positions else Completed(run.points, run.body, mixture, here.stated.shift, here.along),
     )
@@ -139,6 +140,11 @@ def _linear(run: Observations, course: Course, problem: Problem, values: FloatAr
     jacobian = np.column_stack([points.gradient(named, problem.names), along.push])
     shapes = force_shapes(along.track, along.response, radius=along.radian)
     return _Linear(points, named, along, stated, shapes, residuals, jacobian, *_priors(problem, values))
+
+
+def _growth(problem: Problem, linear: Linearised, without: FloatArray) -> dict[str, float]:
+    sds = np.sqrt(np.diag(linear.covariance)[: problem.n_par])
+    return {name: float(sd / before) for name, sd, before in zip(problem.names, sds, without, strict=True) if before > 0.0}
 
 
 def linear_groups(linear: Linearised, n_par: int) -> tuple[FloatArray, FloatArray]:

@@ -18,8 +18,10 @@ import msgspec
 import numpy as np
 
 from estim.arrays import FloatArray
+from estim.campaign import USUAL_KEYS
 from estim.checks import Diagnosis, covered_pattern, headline, parameter_cells, stated_values
 from estim.common import as_json, one_line
+from estim.deviation import read_off
 from estim.fitting import ProfileInterval
 from estim.pipeline import Analysis
 from estim.problem import Observations
@@ -112,6 +114,17 @@ class WhatIf(msgspec.Struct, frozen=True):
     shifts: dict[str, float]  # parameter -> by how many posterior standard deviations it moves
 
 
+class UsualError(msgspec.Struct, frozen=True):
+    """A small error in common to all points that the campaign does not speak of, taken into the covariance; shares."""
+
+    run: str
+    error: str
+    key: str  # of the campaign, which says it instead; 0 leaves it out
+    prior_sd: float
+    mean: float | None  # what the data say of it, to first order
+    sd: float | None
+
+
 class CheckSummary(msgspec.Struct, frozen=True):
     statistic: float
     p_value: float
@@ -178,6 +191,7 @@ class Result(msgspec.Struct, frozen=True, dict=True, rename={"schema_": "schema"
     correlation: Correlation
     fit: FitSummary
     stated_values: StatedValues
+    usual_errors: list[UsualError]
     what_if: list[WhatIf]
     sampling: Sampling
     certificate: CertificateSummary
@@ -243,6 +257,12 @@ def result_of(campaign: Subject, analysis: Analysis, determination: Determinatio
             fit.chi2, fit.dof, number(fit.p_value), fit.message,
         ),
         stated_values=StatedValues(conflict.chi2, conflict.dof, conflict.p_value, dict(conflict.pulls), tell(stated_values(fit, conflict))),
+        usual_errors=[
+            UsualError(
+                one.run, one.name, USUAL_KEYS[one.name], one.prior_sd, one.mean if diagnosis.ok else None, one.sd if diagnosis.ok else None
+            )
+            for one in read_off(fit.posterior, fit.values, fit.cov)
+        ],
         what_if=[WhatIf(common_error(i.name, i.size), i.size, i.unit, list(i.runs), dict(i.shifts)) for i in analysis.influences],
         sampling=Sampling(
             chain.draws.shape[0], chain.draws.shape[2], chain.convergence.n_step, chain.n_burn, number(chain.convergence.tau),
