@@ -13,10 +13,10 @@ from estim.checks.conflict import Conflict, stated_values
 from estim.checks.consistency import Consistency
 from estim.checks.deviations import deviation_remarks
 from estim.checks.forces import beyond_their_priors, force_remarks
-from estim.checks.frames import bad_frames_found, too_many_bad_frames
 from estim.checks.goodness import P_FLOOR, P_POOR_FIT, SCATTER_LIMIT, Goodness
 from estim.checks.identifiability import Identifiability
 from estim.checks.modes import Modes
+from estim.checks.outliers import bad_frames_found, too_many_bad_frames
 from estim.checks.what_if import Influence, large_influences
 from estim.common import Amount, Finding, Kind, Status, decide, wrong
 from estim.fitting import MAX_ROUNDS, PRESSED_BELOW, Fit, edge_amount, limit_found, pressed
