@@ -11,7 +11,7 @@ from test_noise import DIFFERENTIATED
 from test_unmodelled_force import KEY, body, nearby
 
 from estim.campaign import Campaign, load_campaign
-from estim.checks.frames import bad_frames_found, too_many_bad_frames
+from estim.checks.outliers import bad_frames_found, too_many_bad_frames
 from estim.common import InputError
 from estim.deviation.components import Shape, diagonalise
 from estim.deviation.grid import prior_grid

@@ -12,11 +12,11 @@ from estim.arrays import FloatArray
 from estim.checks.conflict import Conflict, stated_values
 from estim.checks.consistency import Consistency
 from estim.checks.deviations import deviation_remarks
-from estim.checks.forces import beyond_their_priors, force_not_linear, force_remarks
-from estim.checks.frames import bad_frames_found, too_many_bad_frames
+from estim.checks.forces import beyond_their_priors, force_remarks
 from estim.checks.goodness import P_FLOOR, P_POOR_FIT, SCATTER_LIMIT, Goodness
 from estim.checks.identifiability import Identifiability
 from estim.checks.modes import Modes
+from estim.checks.outliers import bad_frames_found, too_many_bad_frames
 from estim.checks.what_if import Influence, large_influences
 from estim.common import Amount, Finding, Kind, Status, decide, wrong
 from estim.fitting import MAX_ROUNDS, PRESSED_BELOW, Fit, edge_amount, limit_found, pressed
@@ -70,7 +70,7 @@ def diagnose(
             *_flat_directions(fit, identifiability), *_bounds(fit),
             *failed_tests(goodness), *beyond_their_priors(fit.forces), *_methods(comparison), *_consistency(consistency),
             stated_values(fit, conflict), *too_many_outliers(fit),
-            *(finding for force in fit.forces for finding in (*too_many_bad_frames(force), *force_not_linear(force))),
+            *(finding for force in fit.forces for finding in too_many_bad_frames(force)),
         ]
     )
     remarks = _remarks(fit, chain, goodness, conflict) + ([] if findings else large_influences(fit, influences))

@@ -41,19 +41,14 @@ def force_remarks(found: FoundForce) -> tuple[Finding, ...]:
 
 
 def beyond_their_priors(forces: Iterable[FoundForce]) -> list[Finding]:
-    """The runs whose force, or whose scatter of the readings, is more than there is room for."""
+    """The runs whose force, or whose scatter of the readings, is more than there is room for, or more than the answer to it is linear."""
     found = []
     for one in forces:
         times, noise = one.force.amplitude[1] / one.scale, noise_finding(one)
         if times > FAR_LARGER:
             found.append(Finding(Kind.FORCE_TOO_LARGE, run=one.run, size=times, numbers={"share": one.force.typical, "runs": len(one.runs)}))
+        if one.force.probability > _UNLIKELY and one.moved > _LINEAR:
+            found.append(Finding(Kind.FORCE_NOT_LINEAR, run=one.run, size=one.moved, numbers={"runs": len(one.runs)}))
         if noise is not None and not noise.status.ok:
             found.append(noise)
     return found
-
-
-def force_not_linear(found: FoundForce) -> tuple[Finding, ...]:
-    """That the answer to the force is not linear in it, which every interval takes for granted."""
-    surely = found.force.probability > _UNLIKELY
-    told = Finding(Kind.FORCE_NOT_LINEAR, run=found.run, size=found.moved, numbers={"runs": len(found.runs)})
-    return (told,) if surely and found.moved > _LINEAR else ()

@@ -183,7 +183,7 @@ def _noises(group: _Lacking, linear: Linearised) -> dict[str, Noise]:
     if len(group.runs) == 1:
         (run,) = group.runs
         mixture = keep_probable(linear, columns=group.pushes)
-        return {run.name: WithForce(run.noise, mixture, whitener(linear, group.pushes), group.shift, BadFrames())}
+        return {run.name: WithForce(run.noise, mixture, whitener(linear, group.pushes), group.shift, bad=BadFrames())}
     names = [run.name for run in group.runs]
     return {run.name: Sharing(run.noise, tuple(name for name in names if name != run.name)) for run in group.runs}
 

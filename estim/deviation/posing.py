@@ -101,7 +101,7 @@ def pose_force(run: Observations, course: Course, problem: Problem, values: Floa
     jacobian = np.column_stack([here.jacobian, columns[:, 1:]])
     linear = linearise(deviation, here.residuals, jacobian, precision=precision, pull=np.r_[here.pull, np.zeros(extra)])
     mixture = keep_probable(linear, columns=columns)
-    noise = WithForce(run.noise, mixture, whitener(linear, columns), here.stated.shift, bad)
+    noise = WithForce(run.noise, mixture, whitener(linear, columns), here.stated.shift, bad=bad)
     force = find_force(linear, here.along.track, here.along.response, radius=here.along.radian)
     means, covs = linear_groups(linear, n)
     unit = run.y_unit if run.positions else run.x_unit
