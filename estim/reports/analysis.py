@@ -116,20 +116,20 @@ def analysis_text(
         consistency=consistency, axes=axes, limits_only=result.status != "ok", converged=converged,
         corner_words=corner_words, usual=[usual_row(one) for one in result.usual_errors], lacks=lacks, explanation=explanation,
         deviation=deviation_text(result.deviation, result.labels) if result.deviation else "",
-        complete=_why_complete(result),
+        complete=_complete(result),
         drawn=any(force.drawn for force in (result.deviation or {}).values()),
         said=[words for force in (result.deviation or {}).values() for words in (force.words, force.noise_words)] if result.status == "ok" else [],
         picture=" and ".join(f"{y} against {x}" for x, y in axes),
     )
 
 
-def _why_complete(result: Result) -> dict[str, list[str]]:
-    """Why curves are taken as complete -> the runs of which it is said."""
-    told: dict[str, list[str]] = {}
+def _complete(result: Result) -> dict[str, list[str]]:
+    """Each reason for which curves are taken as complete, and the runs."""
+    runs: dict[str, list[str]] = {}
     for name, run in result.runs.items():
         if run.complete is not None:
-            told.setdefault(run.complete, []).append(name)
-    return told
+            runs.setdefault(run.complete, []).append(name)
+    return runs
 
 
 def _moved_by_errors(result: Result) -> list[str]:
