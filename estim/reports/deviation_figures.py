@@ -24,7 +24,7 @@ def force_figure(forces: Sequence[FoundForce], runs: Sequence[Observations], *, 
         ax.plot(force.x, median, color=BLUE, lw=1.6, label="median")
         ax.axhline(0.0, color=GREY, lw=0.8)
         if force.back is not None:
-            ax.plot(force.x, 100.0 * force.back[2], color=ORANGE, lw=1.4, ls="--", label="median on the way back")
+            ax.plot(force.x, 100.0 * force.back[2], color=ORANGE, lw=1.4, ls="--", label="way back, median and 68 %")
             ax.plot(np.tile(force.x, (2, 1)).T, 100.0 * force.back[[1, 3]].T, color=ORANGE, lw=0.7, ls=":")
         place, label = (run.y, run.y_label) if run.positions else (run.x, run.x_label)
         ax.plot(place, 0.0 * place + 0.025, "|", color=INK, ms=6, transform=ax.get_xaxis_transform(), label="points that are fit")
