@@ -12,7 +12,7 @@ import pytest
 from scipy.optimize import approx_fprime
 from test_noise import CAMPAIGN, DIFFERENTIATED, INDEPENDENT, POSITIONS, TIMES, TRUTH
 
-from estim.campaign import Campaign, as_complete, load_campaign
+from estim.campaign import Campaign, as_complete, forced, load_campaign
 from estim.campaign.bodies import RollingStudy
 from estim.campaign.forced import fit_with_forces
 from estim.common import InputError
@@ -84,7 +84,7 @@ def nearby(campaign: Campaign) -> Fit:
 
 
 def test_positions_as_read_know_the_same_force(tmp_path: Path) -> None:
-    white, fit = nearby(body(tmp_path, noise=AS_READ)), nearby(body(tmp_path, noise=AS_READ, shared=KEY))
+    white, fit = nearby(body(tmp_path, noise=AS_READ, shared=OFF)), nearby(body(tmp_path, noise=AS_READ, shared=KEY))
     (found,) = fit.forces
     assert found.unit == "m"
     assert found.force.probability < 0.95
@@ -204,6 +204,22 @@ def test_joint_fits_and_other_commands_take_the_curve_as_complete(tmp_path: Path
     assert "a joint fit" in said(together)
     assert "estim energy" in said(energy)
     assert campaign.fit(energy, rng=np.random.default_rng(1)).forces == ()
+
+
+def test_a_run_that_cannot_be_linearised_is_fit_without_and_says_so_unless_a_force_was_asked_for(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def at_rest(*_: object, **__: object) -> None:
+        raise InputError("must be > 0 along the track", field="speed")
+
+    white = fitted(body(tmp_path, shared=OFF))
+    monkeypatch.setattr(forced, "pose_force", at_rest)
+    fit = fitted(body(tmp_path))
+    assert fit.forces == ()
+    assert np.array_equal(fit.values, white.values)
+    assert said(fit.problem) == "the curve is taken as complete: an unmodelled force cannot be linearised: must be > 0 along the track"
+    with pytest.raises(InputError, match=r"c\.toml:5: 'unmodelled_force' cannot be linearised: must be > 0"):
+        fitted(body(tmp_path, shared=KEY))
 
 
 def said(problem: Problem) -> str:

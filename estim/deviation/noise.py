@@ -5,14 +5,14 @@ Everything that concerns readings is asked of the noise that was stated, `base`.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 
 from estim.arrays import FloatArray
 from estim.deviation.course import Course
 from estim.deviation.errors import MixtureErrors
-from estim.deviation.jumps import NONE, BadFrames
+from estim.deviation.jumps import BadFrames
 from estim.deviation.mixture import Mixture
 from estim.problem import CorrelatedErrors, Likelihood, Named, Noise, Points, Scale, Size, Wording
 
@@ -94,23 +94,32 @@ class FreeStart(Stated):
 
 
 @dataclass(frozen=True, eq=False)
-class WithForce(Stated):
-    """Stated noise, a free start and an unmodelled force, as a mixture that stays as it is.
+class WithMixture(Stated):
+    """Stated noise together with what the curve lacks, as a mixture that stays as it is.
 
-    mixture, whitener, shift : of `MixtureErrors`.  bad : frames that are shifted.
+    mixture, whitener, shift : of `MixtureErrors`.
     """
 
     mixture: Mixture
     whitener: FloatArray
     shift: FloatArray
-    bad: BadFrames = field(default=NONE, kw_only=True)
 
     def likelihood(self, points: Points, named: Named) -> MixtureErrors:
-        return MixtureErrors(self.bad.moved(points), self.mixture, self.whitener, self.shift)
+        return MixtureErrors(points, self.mixture, self.whitener, self.shift)
 
     def for_search(self) -> Noise:
         """The stated noise alone."""
         return self.base
+
+
+@dataclass(frozen=True, eq=False)
+class WithForce(WithMixture):
+    """Stated noise, a free start and an unmodelled force.  bad : frames that are shifted."""
+
+    bad: BadFrames
+
+    def likelihood(self, points: Points, named: Named) -> MixtureErrors:
+        return super().likelihood(self.bad.moved(points), named)
 
     def describe(self, *, x_unit: str, y_unit: str, words: Wording) -> str:
         stated = self.base.describe(x_unit=x_unit, y_unit=y_unit, words=words)

@@ -15,7 +15,7 @@ from estim.common import Interrupted
 from estim.fitting import Fit
 from estim.sampling.chain import Progress
 from estim.sampling.conditional import Expansion
-from estim.sampling.fingerprint import sampling_key
+from estim.sampling.keys import sampling_key
 from estim.sampling.pieces import Pieces, PieceStore
 from estim.sampling.proposal import Proposal
 from estim.sampling.stepping import Stop
@@ -82,4 +82,4 @@ def _names(n_run: int) -> list[str]:
 
 def pieces_of(store: PieceStore, fit: Fit, rng: np.random.Generator, *, n_draw: int) -> Pieces:
     """The pieces of the marginal of a fit."""
-    return store.open(sampling_key(fit.posterior, settings={"n_draw": n_draw}, moves="marginal", rng=rng, starts=[fit.values, fit.cov]))
+    return store.under(sampling_key(fit.posterior, settings={"n_draw": n_draw}, moves="marginal", rng=rng, starts=[fit.values, fit.cov]))
