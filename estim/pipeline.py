@@ -125,7 +125,7 @@ def analyse(
     complete : what takes the curves as complete, without a force that nobody asked for ("estim energy"); "" for nothing.
     """
     problem = campaign.problem(runs, noise=noise)
-    problem = as_complete(problem, complete) if complete else problem
+    problem = as_complete(problem, complete) if complete else campaign.with_usual_errors(problem)
     campaign.require_unknowns(problem)
     fit = campaign.fit(problem, rng=stream(seed, Stream.FIT))
     analysis = analyse_fit(fit, seed=seed, target=target, progress=progress, store=store, stop=stop, marginal=marginal)

@@ -29,23 +29,23 @@ KEY = {"seed": {"": "1"}, "settings": {"what": "sbc"}}
 
 def test_a_piece_comes_back_as_it_was_and_a_torn_one_not_at_all(tmp_path: Path) -> None:
     store = PieceStore(tmp_path / "c" / "p", resume=True, within=tmp_path)
-    pieces = store.open(KEY)
+    pieces = store.under(KEY)
     pieces.keep("000001", {"a": np.arange(3.0)})
     pieces.keep("000002", {"a": np.arange(4.0)})
-    again = store.open(KEY)
+    again = store.under(KEY)
     assert np.array_equal(again.kept("000001")["a"], np.arange(3.0))
     assert again.kept("000003") is None
     torn = next((tmp_path / "c" / "p").glob("000002-*"))
     torn.write_bytes(torn.read_bytes()[:-1])
-    assert store.open(KEY).kept("000002") is None
+    assert store.under(KEY).kept("000002") is None
 
 
 def test_other_work_is_refused_with_what_differs_and_discarded_without_resume(tmp_path: Path) -> None:
     said: list[str] = []
-    PieceStore(tmp_path / "p", resume=True).open(KEY).keep("1", {"a": np.ones(1)})
+    PieceStore(tmp_path / "p", resume=True).under(KEY).keep("1", {"a": np.ones(1)})
     with pytest.raises(InputError, match=r"another seed \(1, now 2\)"):
-        PieceStore(tmp_path / "p", resume=True).open(KEY | {"seed": {"": "2"}})
-    pieces = PieceStore(tmp_path / "p", say=said.append).open(KEY)
+        PieceStore(tmp_path / "p", resume=True).under(KEY | {"seed": {"": "2"}})
+    pieces = PieceStore(tmp_path / "p", say=said.append).under(KEY)
     assert "discarded" in said[0]
     assert pieces.kept("1") is None
     (tmp_path / "p" / "mine.txt").write_text("stays")
@@ -54,10 +54,10 @@ def test_other_work_is_refused_with_what_differs_and_discarded_without_resume(tm
 
 
 def test_a_key_that_estim_has_not_written_is_refused(tmp_path: Path) -> None:
-    PieceStore(tmp_path / "p", resume=True).open(KEY).keep("1", {"a": np.ones(1)})
+    PieceStore(tmp_path / "p", resume=True).under(KEY).keep("1", {"a": np.ones(1)})
     (tmp_path / "p" / "key.json").write_text("[]")
     with pytest.raises(InputError, match="is damaged, or estim has not written it"):
-        PieceStore(tmp_path / "p", resume=True).open(KEY)
+        PieceStore(tmp_path / "p", resume=True).under(KEY)
 
 
 def test_what_is_known_is_not_done_again() -> None:

@@ -165,7 +165,7 @@ def _calibrate(plan: Plan, fit: Fit, n_trial: int, jobs: int, progress: TrialPro
     if store is None:
         trials = spread(partial(run_trial, plan), range(n_trial), jobs=jobs, progress=progress)
     else:
-        kept = KeptTrials(store.open(trials_key(plan)), len(plan.reported))
+        kept = KeptTrials(store.under(trials_key(plan)), len(plan.reported))
         known = kept.known(range(n_trial))
         trials = spread(partial(run_trial, plan), range(n_trial), jobs=jobs, progress=progress, known=known, keep=kept.keep)
     return Calibration(

@@ -8,4 +8,6 @@ from estim.campaign.campaign_file import CampaignFile, Kind, NoiseTable, checked
 from estim.campaign.design import load_design, simulate_campaign
 from estim.campaign.forced import as_complete
 from estim.campaign.noise_models import Candidate
+from estim.campaign.quantities import EFFECTS
 from estim.campaign.selection import way_back
+from estim.campaign.usual import USUAL_KEYS

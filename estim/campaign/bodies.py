@@ -22,6 +22,7 @@ from estim.campaign.noise_models import Candidate, noise_candidates
 from estim.campaign.plausible import check_speeds
 from estim.campaign.points import Observed, observe
 from estim.campaign.quantities import EFFECTS, QUANTITIES, Kind
+from estim.campaign.usual import with_usual_errors
 from estim.common import Quantity, format_quantity
 from estim.curves import DisturbedMotion, DisturbedMotionCurve, DisturbedPhaseCurve, MotionCurve, PhaseCurve, RollingMotion, Setting
 from estim.explanation import Cause, Suspects
@@ -108,6 +109,13 @@ class RollingStudy:
             stance = Stance(0.0) if white else force_scale(levels, circumstances)
             runs.append(replace(posed, force=stance.scale, complete=stance.complete))
         return Problem((*shared_first(physics.values(), runs), *unknowns.values()), tuple(runs))
+
+    def with_usual_errors(self, problem: Problem, tables: Mapping[str, Run]) -> Problem:
+        """Of a single run: with room for usual errors of clock and scale.  Runs fit together share these, and share no covariance: as they are."""
+        if len(problem.runs) > 1:
+            return problem
+        runs = (with_usual_errors(run, self.levels(run.name), angular=tables[run.name].coordinate == "theta_rad") for run in problem.runs)
+        return replace(problem, runs=tuple(runs))
 
     def levels(self, name: str) -> Levels:
         """The tables of the campaign file that speak of a run."""

@@ -22,7 +22,7 @@ from estim.reading import Run
 from estim.sampling import MAX_PARAMETERS
 
 KEY = "unmodelled_force"
-_ROUNDS = 4  # of fits in which bad frames are looked for
+_ROUNDS, _STILL = 6, 0.1  # of fits in which bad frames are looked for; sds by which the last of them may move
 _LARGEST = 1.0  # a force as large as the weight is no small thing that was left out
 
 
@@ -138,7 +138,7 @@ def fit_with_forces(white: Fit, tables: Mapping[str, Run], levels: Mapping[str, 
     fit = fit_least_squares(Problem(problem.parameters, runs), rng=rng, n_start=1, start=start)
     fit = scanned_fit(fit, rng=rng) if problem.n_par <= MAX_PARAMETERS else fit
     told = white.message if fit.success else fit.message  # of the many starts, of which the best led here
-    found = tuple(one.found for one in posed.values())
+    found = tuple(one.found_at(fit.values - free.values) for one in posed.values())
     return replace(fit, forces=found, symmetry=white.symmetry, n_start=white.n_start, n_same=white.n_same, message=told)
 
 
@@ -161,11 +161,12 @@ def _free_fit(white: Fit, courses: Mapping[str, Course], *, rng: np.random.Gener
     bad = {name: BadFrames() for name in courses}
     values = white.values
     for _ in range(_ROUNDS):
-        noises = {run.name: FreeStart(run.noise, courses[run.name], bad[run.name].columns(run.n_obs)) for run in problem.runs if run.force}
+        noises = {run.name: FreeStart(run.noise, courses[run.name], bad[run.name]) for run in problem.runs if run.force}
         runs = tuple(replace(run, noise=noises.get(run.name, run.noise)) for run in problem.runs)
         free = fit_least_squares(Problem(problem.parameters, runs), rng=rng, n_start=1, start=values)
-        found = {run.name: bad_frames(run, courses[run.name], problem, free.values) for run in problem.runs if run.force}
-        if all(found[name].same(bad[name]) for name in courses):
+        found = {run.name: bad_frames(run, courses[run.name], problem, free.values, known=bad[run.name]) for run in problem.runs if run.force}
+        still = np.max(np.abs(free.values - values) / np.sqrt(np.diag(free.cov))) < _STILL
+        if all(found[name].same(bad[name]) and (still or not found[name].jumps) for name in courses):
             break
         bad, values = found, free.values
     return free, found
@@ -174,11 +175,13 @@ def _free_fit(white: Fit, courses: Mapping[str, Course], *, rng: np.random.Gener
 def _course(run: Observations, table: Run) -> Course:
     """The motion of a run and its readings: all rows of the table where the points are made of them, else those that are fit."""
     t = table.columns.get("t_s")
-    if run.noise.made_of_positions and t is not None:
-        return Course(run.body, table.columns[table.coordinate], Rows(t, table.lines))
+    every = np.arange(run.n_obs)
     if run.t is None or t is None:
-        return Course(run.body, None, Rows(np.full(run.n_obs, np.nan), np.zeros(run.n_obs, dtype=np.int64)))
-    return Course(run.body, None, Rows(run.t, table.lines[np.searchsorted(t, run.t)]))
+        return Course(run.body, None, Rows(np.full(run.n_obs, np.nan), 0 * every, every))
+    kept = np.searchsorted(t, run.t)
+    if run.noise.made_of_positions:
+        return Course(run.body, table.columns[table.coordinate], Rows(t, table.lines, kept))
+    return Course(run.body, None, Rows(run.t, table.lines[kept], every))
 
 
 def _stated(levels: Levels) -> Level | None:

@@ -103,6 +103,10 @@ class CurveStudy:
                 raise self.source.places.error(rule, self._place(name))
         return Problem((*shared_first(parameters.values(), observed), *shared.values(), *of_noise.values()), tuple(observed))
 
+    def with_usual_errors(self, problem: Problem, tables: Mapping[str, Run]) -> Problem:
+        """What is usual of a user's own axes nobody knows (`[curve.shared_errors]` says it)."""
+        return problem
+
     def suspects(self, names: Sequence[str], tables: Mapping[str, Run]) -> Suspects:
         """Nothing is known of what a user's own curve may lack but what readings may suffer."""
         return Suspects(self.problem(names, tables))

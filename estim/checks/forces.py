@@ -11,6 +11,7 @@ FAR_LARGER = 2.5  # times the scale of its prior: an amplitude that one force in
 TOO_LARGE = 0.5  # probability that the noise is as large as its prior reaches, or more
 SURE = 0.95  # probability of a force beyond which it is said to be there; none of 300 simulated clean runs came so far
 _UNLIKELY = 0.5
+_LINEAR = 1.0  # sd: a mode that is farther from the linearised mean says that the answer to the force is not linear
 
 
 def force_finding(found: FoundForce) -> Finding:
@@ -39,12 +40,14 @@ def force_remarks(found: FoundForce) -> tuple[Finding, ...]:
 
 
 def beyond_their_priors(forces: Iterable[FoundForce]) -> list[Finding]:
-    """The runs whose force, or whose scatter of the readings, is more than there is room for."""
+    """The runs whose force, or whose scatter of the readings, is more than there is room for, or more than the answer to it is linear."""
     found = []
     for one in forces:
         times, noise = one.force.amplitude[1] / one.scale, noise_finding(one)
         if times > FAR_LARGER:
             found.append(Finding(Kind.FORCE_TOO_LARGE, run=one.run, size=times, numbers={"share": one.force.typical}))
+        if one.force.probability > _UNLIKELY and one.moved > _LINEAR:
+            found.append(Finding(Kind.FORCE_NOT_LINEAR, run=one.run, size=one.moved))
         if noise is not None and not noise.status.ok:
             found.append(noise)
     return found

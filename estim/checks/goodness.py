@@ -32,7 +32,7 @@ from estim.problem import Likelihood, Observations, reading_sd
 from estim.words import TESTS
 
 P_POOR_FIT = 1e-3
-SCATTER_LIMIT = 10.0
+SCATTER_LIMIT = 3.0  # times what the instrument explains: nine tenths of the variance would be something else
 _NO_ERRORS = 1e-9  # standard deviations; residuals that are all smaller are rounding errors
 _N_SIMULATED = 20_000
 _SLOW_ORDER, _SLOW_WEIGHT = 5, 4.0

@@ -11,3 +11,4 @@ from estim.deviation.jumps import BadFrames, Jump
 from estim.deviation.lacking import DeviationSize, FoundDeviation, pose_deviation
 from estim.deviation.noise import FreeStart
 from estim.deviation.posing import FoundForce, bad_frames, pose_force
+from estim.deviation.usual_errors import USUAL, WithUsualErrors, read_off

@@ -37,10 +37,11 @@ class Along:
 
 @dataclass(frozen=True, eq=False)
 class Rows:
-    """Where the readings of a run stand: t (n_row,) s, nan where unknown, and lines (n_row,) of the file."""
+    """Where the readings of a run stand: t (n_row,) s, nan where unknown, and lines (n_row,) of the file.  kept : (n_obs,) those of the points."""
 
     t: FloatArray
     lines: NDArray[np.int64]
+    kept: NDArray[np.int64]
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,7 +81,9 @@ class Course:
         matrix = noise.of_positions(points, named)
         reading = float(np.sqrt(np.ravel(noise.size.reading_variance(named))[0]))
         if matrix is not None and self.positions is not None:
-            return Frames(self.rows.t, self.positions, self.rows.lines, matrix, here.speed(self.positions), reading, True)
+            slope = here.row(points.curve.local(points.x, here.arguments).slope, points.x.size)
+            velocity = here.speed(self.positions)
+            return Frames(self.rows.t, self.positions, self.rows.lines, matrix, velocity, reading, True, self.rows.kept, slope)
         sd = float(np.hypot(reading * np.median(noise.reading_gain()), np.ravel(noise.size.scatter.at(named))[0]))
         alone = np.eye(points.x.size)
         if isinstance(points.curve, PositionCurve):

@@ -11,6 +11,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.linalg import solve_triangular
 
 from estim.arrays import FloatArray
 from estim.deviation.mixture import Mixture
@@ -78,8 +79,9 @@ class MixtureErrors:
 
     def information_root(self, named: Named, names: Sequence[str]) -> FloatArray:
         """Of errors with the covariance that the components have together at the point."""
-        lower = np.linalg.cholesky(self._covariance(named))
-        return np.asarray(np.linalg.solve(lower, -self.points.gradient(named, names)))
+        lower = np.linalg.cholesky(self.mixture.whitened_covariance(self._raw(named)[0]))
+        gradient = self.mixture.deviation.whiten(self.points.gradient(named, names).T).T
+        return np.asarray(solve_triangular(lower, -gradient, lower=True, check_finite=False))
 
     def information(self, named: Named, names: Sequence[str], ends: Ends) -> FloatArray:
         root = self.information_root(named, names)

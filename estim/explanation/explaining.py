@@ -28,6 +28,7 @@ from estim.problem import Problem
 FOUND = 10.0  # gain
 TIED = 6.0  # difference of gains
 _CORRELATIONS = (0.3, 0.5, 0.7, 0.85, 0.95)
+_UMBRELLA = "a smooth disturbance without a key of its own (an uneven track, readings whose errors follow each other)"
 _MOST_TESTED = 8  # candidates whose residuals are tested
 _SIZE = "chi2"  # the one test that is not of order
 _START, _NEAR = 0.1, 1e-2  # standard deviations of the prior of what cannot be negative: where a search starts, and where its direction is asked
@@ -142,8 +143,8 @@ def _alike(plain: Problem) -> Iterable[Cause]:
     for correlation in _CORRELATIONS:
         runs = tuple(replace(run, noise=AutoCorrelated(run.noise, correlation)) for run in plain.runs)
         yield Cause(
-            "correlated_errors", "errors of successive readings that are alike", Problem(plain.parameters, runs), (),
-            (), "an unmodelled force leaves room for them: unmodelled_force = 0.02", scanned=Scanned("correlation", correlation),
+            "correlated_errors", _UMBRELLA, Problem(plain.parameters, runs), (),
+            (), "an unmodelled force leaves room for it: unmodelled_force = 0.02", scanned=Scanned("correlation", correlation),
         )
 
 

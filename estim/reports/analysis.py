@@ -30,6 +30,7 @@ from estim.reports.lacks import lacks_text
 from estim.reports.lacks_figures import lacks_figure
 from estim.reports.rendering import render
 from estim.reports.result import ParameterSummary, Result, RunSummary, Subject, result_of, to_json
+from estim.reports.usual_errors import usual_row
 from estim.studies import determine
 from estim.words import STATUS_WORDS, Voice
 
@@ -113,11 +114,22 @@ def analysis_text(
         meaningless=not Status(result.status).draws_count, limits_count=Status(result.status).limits_count,
         what_if=_what_if_rows(result), what_if_heads=[result.labels.symbol(name) for name in _moved_by_errors(result)],
         consistency=consistency, axes=axes, limits_only=result.status != "ok", converged=converged,
-        corner_words=corner_words, lacks=lacks, explanation=explanation,
+        corner_words=corner_words, usual=[usual_row(one) for one in result.usual_errors], lacks=lacks, explanation=explanation,
         deviation=deviation_text(result.deviation, result.labels) if result.deviation else "",
+        complete=_complete(result),
+        drawn=any(force.drawn for force in (result.deviation or {}).values()),
         said=[words for force in (result.deviation or {}).values() for words in (force.words, force.noise_words)] if result.status == "ok" else [],
         picture=" and ".join(f"{y} against {x}" for x, y in axes),
     )
+
+
+def _complete(result: Result) -> dict[str, list[str]]:
+    """Each reason for which curves are taken as complete, and the runs."""
+    runs: dict[str, list[str]] = {}
+    for name, run in result.runs.items():
+        if run.complete is not None:
+            runs.setdefault(run.complete, []).append(name)
+    return runs
 
 
 def _moved_by_errors(result: Result) -> list[str]:

@@ -39,9 +39,10 @@ class ForceSummary(msgspec.Struct, frozen=True):
     most: float  # its largest size
     noise: list[float]  # quantiles 0.16, 0.5, 0.84 of the size of the noise of the readings, 1: as stated
     conservative: bool  # whether the readings scatter by far less than stated
-    growth: dict[str, float]  # sd of each parameter over that with the stated noise and an exact start; empty where the status is not ok
+    growth: dict[str, float]  # sd of each parameter over that with the stated noise and an exact start, linearised; empty where not ok
     average: AverageResistance | None
     words: str
+    drawn: bool  # whether the bands of the curve hold it
     noise_words: str | None  # where the readings scatter plainly otherwise than stated
     x: list[float]
     low_95: list[float]
@@ -85,13 +86,13 @@ def _summary(analysis: Analysis, found: FoundForce) -> ForceSummary:
     force, problem, noise = found.force, analysis.problem, noise_finding(found)
     sds = dict(zip(problem.names, np.std(analysis.chain.flat, axis=0).tolist(), strict=True))
     ok = analysis.diagnosis.ok
-    growth = {name: sds[name] / sd for name, sd in found.without.items() if sd > 0.0} if ok else {}
     low_95, low_68, median, high_68, high_95 = force.quantiles.tolist()
     return ForceSummary(
         prior_scale=found.scale, probability=force.probability, amplitude=list(force.amplitude),
         length=[None if np.isnan(one) else one for one in force.length], unit=found.unit, typical=force.typical, most=force.most,
-        noise=list(found.noise), conservative=found.conservative, growth=growth, average=_average(analysis, found, sds) if ok else None,
-        words=tell(force_finding(found)), noise_words=None if noise is None else tell(noise), x=force.x.tolist(),
+        noise=list(found.noise), conservative=found.conservative,
+        growth=dict(found.growth) if ok else {}, average=_average(analysis, found, sds) if ok else None,
+        words=tell(force_finding(found)), drawn=found.completed is not None, noise_words=None if noise is None else tell(noise), x=force.x.tolist(),
         low_95=low_95, low_68=low_68, median=median, high_68=high_68, high_95=high_95,
     )
 

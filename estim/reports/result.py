@@ -30,6 +30,7 @@ from estim.reports.explanation import ExplanationSummary, explanation_summary
 from estim.reports.labels import Labels, labels_of, names_as_labels
 from estim.reports.lacks import DeviationSummary, curve_deviations
 from estim.reports.origin import origin_facts, origin_warnings, speed_facts
+from estim.reports.usual_errors import UsualError, usual_errors
 from estim.sampling import Summary, number, summarise, summarise_parameter, trusted
 from estim.studies import Determination
 from estim.words import Voice, advice_for, common_error, tell
@@ -178,6 +179,7 @@ class Result(msgspec.Struct, frozen=True, dict=True, rename={"schema_": "schema"
     correlation: Correlation
     fit: FitSummary
     stated_values: StatedValues
+    usual_errors: list[UsualError]
     what_if: list[WhatIf]
     sampling: Sampling
     certificate: CertificateSummary
@@ -230,19 +232,19 @@ class Subject(Protocol):
 
 def result_of(campaign: Subject, analysis: Analysis, determination: Determination | None = None, *, voice: Voice = Voice.PYTHON) -> Result:
     """The record of an analysis, with its profile intervals if they were determined.  voice : to whom advice is given."""
-    problem, fit, chain, diagnosis = analysis.problem, analysis.fit, analysis.chain, analysis.diagnosis
-    flat, conflict = chain.flat, analysis.conflict
+    problem, fit, chain, diagnosis, conflict = analysis.problem, analysis.fit, analysis.chain, analysis.diagnosis, analysis.conflict
     result = Result(
         schema_=SCHEMA, title=campaign.title, kind=campaign.kind, formula=campaign.formula, status=diagnosis.status,
         reasons=list(diagnosis.reasons), advice=advice_for(diagnosis.findings, voice), notes=list(diagnosis.notes),
         parameters={p.name: _parameter(analysis, i) for i, p in enumerate(problem.parameters)},
-        correlation=Correlation(list(problem.names), np.atleast_2d(np.corrcoef(flat.T)).round(6).tolist()),
+        correlation=Correlation(list(problem.names), np.atleast_2d(np.corrcoef(chain.flat.T)).round(6).tolist()),
         fit=FitSummary(
             dict(zip(fit.names, fit.values.tolist(), strict=True)),
             {n: number(s) if diagnosis.ok else None for n, s in zip(fit.names, fit.sds, strict=True)},
             fit.chi2, fit.dof, number(fit.p_value), fit.message,
         ),
         stated_values=StatedValues(conflict.chi2, conflict.dof, conflict.p_value, dict(conflict.pulls), tell(stated_values(fit, conflict))),
+        usual_errors=usual_errors(analysis),
         what_if=[WhatIf(common_error(i.name, i.size), i.size, i.unit, list(i.runs), dict(i.shifts)) for i in analysis.influences],
         sampling=Sampling(
             chain.draws.shape[0], chain.draws.shape[2], chain.convergence.n_step, chain.n_burn, number(chain.convergence.tau),
@@ -307,8 +309,7 @@ def _turning_point(end: FloatArray, run: Observations, diagnosis: Diagnosis) -> 
 
 def _run(campaign: Subject, analysis: Analysis, i: int) -> RunSummary:
     run, goodness = analysis.problem.runs[i], analysis.goodness[i]
-    table = campaign.tables[run.name]
-    draws = analysis.chain.thinned(20_000)
+    table, draws = campaign.tables[run.name], analysis.chain.thinned(20_000)
     derived = run.derived(run.bind(analysis.problem.named(draws)))
     noise = run.noise.describe(x_unit=run.x_unit, y_unit=run.y_unit, words=run.words)
     return RunSummary(

@@ -43,7 +43,7 @@ class PieceStore:
     say: Callable[[str], object] = str
     within: Path | None = None
 
-    def open(self, key: Key) -> Pieces:
+    def under(self, key: Key) -> Pieces:
         """The pieces under `key`.
 
         Raises InputError where those that should be resumed depend on anything else, EstimError where none can be written.

@@ -36,6 +36,10 @@ WORDS: Table = MappingProxyType(
             f"run {f.run}: the force that would make up for what the curve lacks is {_share(f.numbers['share'])} of the weight (root mean square "
             f"along the track), {f.size:.2g} times what was expected of it: that is another motion"
         ),
+        Kind.FORCE_NOT_LINEAR: lambda f: (
+            f"run {f.run}: the force that the residuals ask for is so large that the motion no longer answers in proportion to it: the fit ends "
+            f"{f.size:.2g} standard deviations from what a proportional answer says, and no interval can be believed"
+        ),
         Kind.NOISE_CONSERVATIVE: lambda f: (
             f"run {f.run}: the stated error is conservative: the readings scatter by about {f.size:.2g} of it; it is kept as stated, and no "
             "interval is narrower for it"
