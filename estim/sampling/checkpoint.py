@@ -28,7 +28,7 @@ import numpy as np
 from estim.common import TEMPORARY, EstimError, InputError, held, names_in, read_file, remove_empty, remove_files, require_plain, write_whole
 from estim.sampling.chunk import Chunk, Layout, decode, encode, join
 from estim.sampling.fingerprint import Key, differences, digest_of
-from estim.sampling.fingerprint import fingerprint as fingerprint
+from estim.sampling.fingerprint import fingerprint as content_digest  # noqa: F401
 from estim.sampling.fingerprint import problem_key as problem_key
 from estim.sampling.pieces import Pieces as Pieces
 from estim.sampling.pieces import PieceStore as PieceStore
