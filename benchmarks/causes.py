@@ -37,7 +37,7 @@ CASES = {  # disturbance -> the candidate that is it
     "sag": (Disturbance("ramp sags 2 mm on .5 m", sagging(0.002, 0.5, 0.03)), "sag"),
     "once": (Disturbance("moment once per turn, .02", lambda r, b: replace(b, once=(0.02 * WEIGHT, r.uniform(0.0, 6.28)))), "moment_once"),
     "twice": (Disturbance("moment twice per turn, .02", lambda r, b: replace(b, twice=(0.02 * WEIGHT, r.uniform(0.0, 6.28)))), "moment_twice"),
-    "distortion": (Disturbance("image bowed by 20 mm", camera=Camera(bow=0.02)), "distortion"),
+    "distortion": (Disturbance("image bowed by 40 mm", camera=Camera(bow=0.04)), "distortion"),
     "load": (Disturbance("resistance .03 of the load", changed(load_resistance=0.03, rolling_resistance=0.0)), "load_resistance"),
     "alike": (Disturbance("AR(1) noise, .9", camera=Camera(noise=ar1(0.9))), "correlated_errors"),
     "blur": (DISTURBANCES["blur"], "blur"),

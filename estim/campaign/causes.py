@@ -16,7 +16,7 @@ from estim.curves import Place, Setting
 from estim.problem import HalfNormal, Normal, Prior
 
 _RESISTANCE = 0.01  # of the weight
-_SAG, _BOW = 0.005, 0.01  # of the length
+_SAG, _BOW = 0.005, 0.03  # of the length
 _PUSH = 0.05  # m/s: positions hardly depend on a speed about 0
 _RUN = "[[runs]]"
 
