@@ -34,7 +34,7 @@ def force_figure(forces: Sequence[FoundForce], runs: Sequence[Observations], *, 
         ax.plot(place, 0.0 * place + 0.025, "|", color=INK, ms=6, transform=ax.get_xaxis_transform(), label="points that are fit")
         ax.set(xlabel=label, ylabel="force (% of the weight)", xlim=(force.x[0], force.x[-1]))
         ax.set_title(f"{_title(found)}: P(amplitude > 0) = {force.probability:.3f}" + (" (SYNTHETIC data)" if synthetic else ""), fontsize=10)
-        ax.legend(fontsize=7.5, frameon=False, loc="upper left", bbox_to_anchor=(0.0, -0.18), ncols=4)
+        ax.legend(fontsize=7.5, frameon=False, loc="upper left", bbox_to_anchor=(0.0, -0.22), ncols=4)
     return figure
 
 
