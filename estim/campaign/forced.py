@@ -56,7 +56,7 @@ class Obstacle:
 
 
 OBSTACLES = (
-    Obstacle(lambda c: c.observed.noise.robust, lambda _: "'robust' noise", "it takes the errors of the readings as normal"),
+    Obstacle(lambda c: c.observed.noise.robust, lambda _: "'robust' noise", "leave that out: beside a force single bad frames are found and named"),
     Obstacle(
         lambda c: bool(np.any(c.observed.noise.x_gain() > 0.0)), lambda _: "errors of the positions of independent speeds",
         "take their standard deviation out",

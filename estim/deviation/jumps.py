@@ -14,7 +14,7 @@ is the Bayes factor for a pattern h of size N(0, S^2); S is 10, 100 or 1000 stan
 (one, two or three frames lost, one counted twice) it is exp(g s - q s^2/2).  A recording has a
 bad frame with probability 1/4 beforehand, shared evenly by all patterns; the best pattern is taken where the odds are above 1, and the scan begins
 anew.  Where nothing is wrong B_k is 1 on average, so the accused are at most a quarter (Markov's inequality); measured: 1 of 150 clean recordings,
-2 of 310 with other faults (ramp, correlated or uneven errors, blur, jitter).
+2 of 300 with other faults (ramp, correlated or uneven errors, blur, jitter).
 
 What was found stays in the posterior as one column of unknown size each: nothing is repaired, the data say how large it is.  Speeds by differences
 are evaluated where the readings were without the shift (`moved`), since the curve bends too sharply near a turning point for a linear law.
