@@ -40,6 +40,7 @@ from estim.fitting import Fit
 from estim.problem import Problem, folded
 from estim.sampling import (
     MAX_PARAMETERS,
+    MAX_TIED,
     Agreement,
     Bands,
     Certificate,
@@ -121,7 +122,8 @@ def analyse(
     noise : in place of the noise tables of the campaign.
     store, stop : keep the chain on disk, resume it, end it early (`sample_posterior`).
     marginal : whether a joint posterior is sampled through the marginal over runs; None: for more than 16 of them, and where the density
-        is slow (`positions`) and the chain has no proposal (more than 12 unknowns).
+        is slow (`positions`) and the chain has no proposal (more than 12 unknowns), or a quantity varies between runs; never where runs share
+        a force, which ties them together.
     complete : what takes the curves as complete, without a force that nobody asked for ("estim energy"); "" for nothing.
     """
     problem = campaign.problem(runs, noise=noise)
@@ -148,7 +150,8 @@ def analyse_fit(
         chain, comparison = marginal_chain(fit, target=target, rng=chain_rng, progress=progress, store=store, stop=stop)
     else:
         proposal, density = None, folded(fit.posterior, fit.symmetry, fit.values)
-        if problem.n_par <= MAX_PARAMETERS:
+        most = MAX_TIED if problem.shared else MAX_PARAMETERS
+        if problem.n_par <= most:
             if progress is not None:
                 progress(0, "second opinion")
             ends = optima(fit)
@@ -163,7 +166,8 @@ def analyse_fit(
         chain = sample_posterior(
             density, fit.values, fit.cov, target=target, rng=chain_rng, progress=progress, proposal=proposal, store=store, stop=stop
         )
-        comparison = no_comparison(fit.names, too_many(problem.n_par)) if certificate is None else compare_with_chain(certificate, chain)
+        missing = no_comparison(fit.names, too_many(problem.n_par, most))
+        comparison = missing if certificate is None else compare_with_chain(certificate, chain, most=most)
     goodness = check_goodness(fit, rng=stream(seed, Stream.GOODNESS)) if tested else untested(fit)
     identifiability = identify(fit)
     modes = find_modes(fit, chain.thinned(_MODE_DRAWS))
@@ -199,7 +203,8 @@ def _through_marginal(fit: Fit) -> bool:
         return False
     problem = fit.problem
     slow = any(run.positions for run in problem.runs) and problem.n_par > MAX_PARAMETERS
-    return len(problem.runs) > (1 if slow else _MANY_RUNS)
+    varying = any(p.between for p in problem.parameters)  # a spread and the shifts of the runs are hard for a chain, easy given each other
+    return len(problem.runs) > (1 if slow or varying else _MANY_RUNS)
 
 
 def sample_curve(fit: CurveFit, *, seed: int, target: Target | None = None, progress: Progress | None = None) -> Analysis:

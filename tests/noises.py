@@ -11,6 +11,7 @@ from scipy import stats
 from estim.curves.formula import read_formula
 from estim.deviation.components import Shape, diagonalise
 from estim.deviation.grid import prior_grid
+from estim.deviation.jumps import BadFrames
 from estim.deviation.linearised import linearise
 from estim.deviation.mixture import keep_probable
 from estim.deviation.noise import WithForce
@@ -225,7 +226,7 @@ def lacking() -> Case:
         for s, a, log in zip(family.scale, family.amplitude, family.log_prior, strict=True)
     ]
     best = parts[3][1]
-    noise = WithForce(Independent(Scale(0.08), Scale(), RELATIVE), mixture, np.linalg.inv(np.linalg.cholesky(best)), np.zeros(N))
+    noise = WithForce(Independent(Scale(0.08), Scale(), RELATIVE), mixture, np.linalg.inv(np.linalg.cholesky(best)), np.zeros(N), BadFrames())
     return Case(noise, {}, Mixed(line, parts, lambda named: best), mixed=True)
 
 

@@ -173,8 +173,8 @@ def test_one_place_prints_and_one_file_writes():
     assert {module for module, tree in TREES.items() if outputs(tree)} == printing
     assert not any(getattr(node, "attr", "") == "echo" for module in ESTIM for node in ast.walk(TREES[module]))  # `terminal.say` escapes
     storage = {f"estim.common.{node.name}" for node in TREES["estim.common.storage"].body if isinstance(node, ast.FunctionDef)}
-    writing = {"estim.cli.terminal", "estim.sampling.checkpoint", "estim.sampling.pieces"}
-    assert {m for m in ESTIM if storage & IMPORTS[m] and room(m) != "estim.common"} == writing
+    keeping = {"estim.cli.terminal", "estim.sampling.checkpoint", "estim.sampling.pieces"}
+    assert {m for m in ESTIM if storage & IMPORTS[m] and room(m) != "estim.common"} == keeping
     assert importers("pickle") | importers("shelve") <= {"estim.calibration.jobs"}  # between processes only, never from a file
     assert importers("h5py") <= {"estim.reports.interop"}  # a checkpoint that a reader holds open would stop its writer
 

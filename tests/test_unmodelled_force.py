@@ -10,11 +10,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 from scipy.optimize import approx_fprime
-from test_noise import CAMPAIGN, DIFFERENTIATED, INDEPENDENT, POSITIONS, TIMES
+from test_noise import CAMPAIGN, DIFFERENTIATED, INDEPENDENT, POSITIONS, TIMES, TRUTH
 
-from estim.campaign import Campaign, as_complete, load_campaign
+from estim.campaign import Campaign, as_complete, forced, load_campaign
+from estim.campaign.bodies import RollingStudy
+from estim.campaign.forced import fit_with_forces
 from estim.common import InputError
-from estim.fitting.least_squares import Fit
+from estim.fitting.least_squares import Fit, fit_least_squares
 from estim.pipeline import Analysis, analyse
 from estim.problem import Problem
 from estim.reports.analysis import analysis_report
@@ -69,7 +71,32 @@ def test_it_is_there_unless_the_campaign_says_0_and_a_stated_size_replaces_the_d
 AS_READ = '{model = "positions", sigma_x_m = 0.001}'
 
 
-@pytest.mark.parametrize("noise", [DIFFERENTIATED, INDEPENDENT.replace("independent\"", 'independent", derivative = "central"'), AS_READ])
+def nearby(campaign: Campaign) -> Fit:
+    """`fitted` from one start beside the truth."""
+    problem, rng = campaign.problem(["r"]), np.random.default_rng(1)
+    start = np.array([{**TRUTH, "release_time[r]": 0.0, "offset[r]": 0.0}[name] for name in problem.names])
+    white = fit_least_squares(problem, rng=rng, n_start=1, start=start)
+    if not problem.runs[0].force:
+        return white
+    study = campaign.study
+    assert isinstance(study, RollingStudy)
+    return fit_with_forces(white, campaign.tables, {"r": study.levels("r")}, rng=rng)
+
+
+def test_positions_as_read_know_the_same_force(tmp_path: Path) -> None:
+    white, fit = nearby(body(tmp_path, noise=AS_READ, shared=OFF)), nearby(body(tmp_path, noise=AS_READ, shared=KEY))
+    (found,) = fit.forces
+    assert found.unit == "m"
+    assert found.force.probability < 0.95
+    assert found.bad.jumps == ()
+    assert found.moved < 1.0
+    curve = [name in TRUTH for name in fit.names]
+    sds = np.sqrt(np.diag(white.cov))
+    assert np.all(np.abs(fit.values - white.values)[curve] < 2.0 * sds[curve])
+    assert np.all(np.sqrt(np.diag(fit.cov))[curve] < 2.5 * sds[curve])
+
+
+@pytest.mark.parametrize("noise", [DIFFERENTIATED, INDEPENDENT.replace("independent\"", 'independent", derivative = "central"')])
 def test_on_a_clean_run_it_finds_little_and_costs_little(tmp_path: Path, noise: str) -> None:
     white, fit = fitted(body(tmp_path, noise=noise, shared=OFF)), fitted(body(tmp_path, noise=noise))
     assert fit.success
@@ -153,11 +180,10 @@ def test_where_nobody_asked_for_it_the_curve_is_taken_as_complete_and_the_reason
     assert rule in tell(run.complete)
 
 
-def test_joint_fits_and_other_commands_refuse_it_where_it_is_stated(tmp_path: Path) -> None:
+def test_other_commands_refuse_it_where_it_is_stated(tmp_path: Path) -> None:
     campaign = wheel(tmp_path, KEY)
     place = r"wheel\.toml:9: 'unmodelled_force' does not go with"
-    with pytest.raises(InputError, match=f"{place} a joint fit"):
-        campaign.problem(["class-balanced_1", "class-balanced_2"])
+    assert [run.force for run in campaign.problem(["class-balanced_1", "class-balanced_2"]).runs] == [0.02, 0.02]
     with pytest.raises(InputError, match=f"{place} a comparison"):
         campaign.noise_models("class-balanced_1")
     with pytest.raises(InputError, match=f"{place} estim energy"):
@@ -177,6 +203,22 @@ def test_joint_fits_and_other_commands_take_the_curve_as_complete(tmp_path: Path
     assert "a joint fit" in said(together)
     assert "estim energy" in said(energy)
     assert campaign.fit(energy, rng=np.random.default_rng(1)).forces == ()
+
+
+def test_a_run_that_cannot_be_linearised_is_fit_without_and_says_so_unless_a_force_was_asked_for(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def at_rest(*_: object, **__: object) -> None:
+        raise InputError("must be > 0 along the track", field="speed")
+
+    white = fitted(body(tmp_path, shared=OFF))
+    monkeypatch.setattr(forced, "pose_force", at_rest)
+    fit = fitted(body(tmp_path))
+    assert fit.forces == ()
+    assert np.array_equal(fit.values, white.values)
+    assert said(fit.problem) == "the curve is taken as complete: an unmodelled force cannot be linearised: must be > 0 along the track"
+    with pytest.raises(InputError, match=r"c\.toml:5: 'unmodelled_force' cannot be linearised: must be > 0"):
+        fitted(body(tmp_path, shared=KEY))
 
 
 def said(problem: Problem) -> str:

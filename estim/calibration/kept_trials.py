@@ -10,7 +10,7 @@ from importlib.metadata import version
 import numpy as np
 
 from estim.calibration.trial import PROBABILITIES, Plan, Trial
-from estim.sampling import Key, Pieces, content_digest, problem_key
+from estim.sampling import Key, Pieces, fingerprint, problem_key
 
 _PACKAGES = ("estim", "numpy", "emcee", "scipy", "lmfit")
 
@@ -19,10 +19,10 @@ def trials_key(plan: Plan) -> Key:
     """What trials depend on; how many there are is no part of it."""
     return {
         **problem_key(plan.design.problem),
-        "settings": {"what": plan.what, "engine": str(plan.engine), "reported": content_digest(plan.reported)},
+        "settings": {"what": plan.what, "engine": str(plan.engine), "reported": fingerprint(plan.reported)},
         "seed": {"": str(plan.seed)},
         "versions": {package: version(package) for package in _PACKAGES},
-        "density": {"": content_digest((plan.design, plan.truth))},
+        "density": {"": fingerprint((plan.design, plan.truth))},
     }
 
 

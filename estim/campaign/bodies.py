@@ -12,16 +12,18 @@ from types import MappingProxyType
 
 import numpy as np
 
+from estim.campaign.between_runs import spreads_of, varied
 from estim.campaign.blur import blur_cause, blurs
 from estim.campaign.campaign_file import CampaignFile, NoiseTable
 from estim.campaign.causes import Sketch, Surroundings, sketches
 from estim.campaign.effects import setting_of
-from estim.campaign.forced import Circumstances, Stance, fit_with_forces, force_scale, refuse_force
+from estim.campaign.forced import KEY, Circumstances, Stance, fit_with_forces, force_scale, refuse_force
 from estim.campaign.levels import Level, Levels, body_levels, noise_level, read_key
 from estim.campaign.noise_models import Candidate, noise_candidates
 from estim.campaign.plausible import check_speeds
 from estim.campaign.points import Observed, observe
 from estim.campaign.quantities import EFFECTS, QUANTITIES, Kind
+from estim.campaign.shared_force import tied_points
 from estim.campaign.usual import with_usual_errors
 from estim.common import Quantity, format_quantity
 from estim.curves import DisturbedMotion, DisturbedMotionCurve, DisturbedPhaseCurve, MotionCurve, PhaseCurve, RollingMotion, Setting
@@ -89,10 +91,12 @@ class RollingStudy:
         physics: dict[str, Parameter] = {}
         unknowns: dict[str, Parameter] = {}
         runs = []
+        every = {name: observe(tables[name], self.levels(name), noise=noise) for name in names}
+        tied = tied_points({name: observed.y.size for name, observed in every.items()}, {name: self.levels(name) for name in names}, KEY)
         for name in names:
             levels = self.levels(name)
             bound = bind_quantities(self.source, levels, where=f"run '{name}'")
-            observed, mass = observe(tables[name], levels, noise=noise), total_mass(self.source, levels)
+            observed, mass = every[name], total_mass(self.source, levels)
             angular, sources = tables[name].coordinate == "theta_rad", {q: b.source for q, b in bound.items()}
             setting = setting_of(levels, sources, mass, positions=observed.positions, angular=angular)
             if sketch is not None:
@@ -105,10 +109,11 @@ class RollingStudy:
             unknowns.update({p.name: p for p in observed.parameters})
             arguments = {q: b.source if isinstance(b.source, float) else b.name for q, b in bound.items()}
             posed = _observations(name, observed, arguments, mass, setting, angular=angular)
-            circumstances = Circumstances(observed, joint=len(names) > 1, replaced=noise is not None)
+            circumstances = Circumstances(observed, joint=len(names) > 1, tied=tied[name], replaced=noise is not None)
             stance = Stance(0.0) if white else force_scale(levels, circumstances)
             runs.append(replace(posed, force=stance.scale, complete=stance.complete))
-        return Problem((*shared_first(physics.values(), runs), *unknowns.values()), tuple(runs))
+        further, every_run = varied(runs, {name: spreads_of(self.levels(name), _KINDS) for name in names})
+        return Problem((*shared_first([*physics.values(), *further], every_run), *unknowns.values()), every_run)
 
     def with_usual_errors(self, problem: Problem, tables: Mapping[str, Run]) -> Problem:
         """Of a single run: with room for usual errors of clock and scale.  Runs fit together share these, and share no covariance: as they are."""

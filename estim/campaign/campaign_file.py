@@ -80,6 +80,7 @@ class LevelTable(EffectTable, forbid_unknown_fields=True, frozen=True):
     offset_m: Value | None = None
     offset_rad: Value | None = None
     unmodelled_force: float | None = None
+    between_runs: dict[str, float] | None = None
     noise: NoiseTable | None = None
     window: WindowTable | None = None
 

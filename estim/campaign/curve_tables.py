@@ -66,6 +66,7 @@ class CurveTable(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
     deviation: float | None = None
     correlated: bool | str | None = None
     window: RangeTable | None = None
+    every: int | None = None
     parameters: dict[str, float | str | ParameterTable] = {}
     errors: dict[str, float | ComponentTable] = {}
 
@@ -79,6 +80,7 @@ class CurveRunTable(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
     deviation: float | None = None
     correlated: bool | str | None = None
     window: RangeTable | None = None
+    every: int | None = None
     parameters: dict[str, float | str | ParameterTable] = {}
 
 

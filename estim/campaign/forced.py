@@ -14,15 +14,16 @@ import numpy as np
 
 from estim.campaign.levels import Level, Levels
 from estim.campaign.points import Observed
+from estim.campaign.shared_force import MOST_POINTS, sharing_runs
 from estim.common import Finding, InputError, Kind
-from estim.deviation import FORCE_SCALE, BadFrames, Course, FreeStart, Rows, bad_frames, pose_force
+from estim.deviation import FORCE_SCALE, BadFrames, Course, FreeStart, JointlyPosed, Posed, Rows, bad_frames, pose_force, pose_forces
 from estim.fitting import Fit, fit_least_squares, scanned_fit
 from estim.problem import Observations, Problem
 from estim.reading import Run
 from estim.sampling import MAX_PARAMETERS
 
 KEY = "unmodelled_force"
-_ROUNDS = 4  # of fits in which bad frames are looked for
+_ROUNDS, _STILL = 6, 0.1  # of fits in which bad frames are looked for; sds by which the last of them may move
 _LARGEST = 1.0  # a force as large as the weight is no small thing that was left out
 
 
@@ -30,11 +31,13 @@ _LARGEST = 1.0  # a force as large as the weight is no small thing that was left
 class Circumstances:
     """What decides whether a force can stand beside the curve of a run.
 
-    joint : whether the run is fit together with others.  replaced : whether its noise is not the one that the campaign states.
+    joint : whether the run is fit together with others.  tied : number of points of those that would share its force, 0 where it shares none.
+    replaced : whether its noise is not the one that the campaign states.
     """
 
     observed: Observed
     joint: bool
+    tied: int
     replaced: bool
 
     @property
@@ -63,7 +66,11 @@ OBSTACLES = (
         "state what the instrument does, or leave it out",
     ),
     Obstacle(lambda c: c.replaced, lambda _: "a comparison of noise models", "set it to 0 for that"),
-    Obstacle(lambda c: c.joint, lambda _: "a joint fit yet, which needs a force that runs share", "fit the runs one by one"),
+    Obstacle(lambda c: c.joint and c.observed.positions, lambda _: "noise model 'positions' in a joint fit yet", "fit the runs one by one"),
+    Obstacle(
+        lambda c: c.tied > MOST_POINTS, lambda c: f"runs that share it and have {c.tied} points, more than {MOST_POINTS}",
+        "fit fewer runs, or say it at each run, which gives each a force of its own",
+    ),
 )
 
 
@@ -86,6 +93,8 @@ def force_scale(levels: Levels, circumstances: Circumstances) -> Stance:
         return Stance(0.0, complete_as("as stated", levels.run.name))
     obstacle = next((obstacle for obstacle in OBSTACLES if obstacle.stands(circumstances)), None)
     if level is None or stated is None:
+        if circumstances.joint:
+            return Stance(0.0, complete_as("a joint fit knows no unmodelled force that is not asked for", levels.run.name))
         if obstacle is None:
             return Stance(FORCE_SCALE)
         return Stance(0.0, complete_as(f"an unmodelled force does not go with {obstacle.what(circumstances)}", levels.run.name))
@@ -128,17 +137,21 @@ def fit_with_forces(white: Fit, tables: Mapping[str, Run], levels: Mapping[str, 
     try:
         free, bad = _free_fit(white, courses, rng=rng)
         without = np.sqrt(np.diag(white.cov))
-        forced = [run for run in problem.runs if run.force]
-        posed = {run.name: pose_force(run, courses[run.name], problem, free.values, without=without, bad=bad[run.name]) for run in forced}
+        posed: Posed | JointlyPosed
+        if len(problem.runs) > 1:
+            posed = pose_forces(sharing_runs(problem.runs, levels, KEY), courses, problem, free.values, without=without)
+        else:
+            (run,) = problem.runs
+            posed = pose_force(run, courses[run.name], problem, free.values, without=without, bad=bad[run.name])
     except InputError as error:
         return _unforced(white, {name: levels[name] for name in courses}, error.rule)
-    runs = tuple(replace(run, noise=posed[run.name].noise) if run.force else run for run in problem.runs)
+    runs = tuple(replace(run, noise=posed.noises.get(run.name, run.noise)) for run in problem.runs)
     low, high = problem.support()
-    start = np.clip(free.values + sum(one.step for one in posed.values()), low, high)
-    fit = fit_least_squares(Problem(problem.parameters, runs), rng=rng, n_start=1, start=start)
+    start = np.clip(free.values + posed.step, low, high)
+    fit = fit_least_squares(Problem(problem.parameters, runs, posed.shared), rng=rng, n_start=1, start=start)
     fit = scanned_fit(fit, rng=rng) if problem.n_par <= MAX_PARAMETERS else fit
     told = white.message if fit.success else fit.message  # of the many starts, of which the best led here
-    found = tuple(one.found for one in posed.values())
+    found = posed.found_at(fit.values - free.values)
     return replace(fit, forces=found, symmetry=white.symmetry, n_start=white.n_start, n_same=white.n_same, message=told)
 
 
@@ -156,16 +169,22 @@ def _unforced(white: Fit, levels: Mapping[str, Levels], rule: str) -> Fit:
 
 
 def _free_fit(white: Fit, courses: Mapping[str, Course], *, rng: np.random.Generator) -> tuple[Fit, Mapping[str, BadFrames]]:
-    """The fit with a free start and the shifts of the frames that it shows to be bad, which are looked for again until they are the same."""
+    """The fit with a free start and the shifts of the frames that it shows to be bad, which are looked for again until they are the same.
+
+    Frames of runs that are fit together are taken as good: each run by itself shows its bad ones.
+    """
     problem = white.problem
     bad = {name: BadFrames() for name in courses}
     values = white.values
     for _ in range(_ROUNDS):
-        noises = {run.name: FreeStart(run.noise, courses[run.name], bad[run.name].columns(run.n_obs)) for run in problem.runs if run.force}
+        noises = {run.name: FreeStart(run.noise, courses[run.name], bad[run.name]) for run in problem.runs if run.force}
         runs = tuple(replace(run, noise=noises.get(run.name, run.noise)) for run in problem.runs)
         free = fit_least_squares(Problem(problem.parameters, runs), rng=rng, n_start=1, start=values)
-        found = {run.name: bad_frames(run, courses[run.name], problem, free.values) for run in problem.runs if run.force}
-        if all(found[name].same(bad[name]) for name in courses):
+        if len(problem.runs) > 1:
+            return free, bad
+        found = {run.name: bad_frames(run, courses[run.name], problem, free.values, known=bad[run.name]) for run in problem.runs if run.force}
+        still = np.max(np.abs(free.values - values) / np.sqrt(np.diag(free.cov))) < _STILL
+        if all(found[name].same(bad[name]) and (still or not found[name].jumps) for name in courses):
             break
         bad, values = found, free.values
     return free, found
@@ -174,11 +193,13 @@ def _free_fit(white: Fit, courses: Mapping[str, Course], *, rng: np.random.Gener
 def _course(run: Observations, table: Run) -> Course:
     """The motion of a run and its readings: all rows of the table where the points are made of them, else those that are fit."""
     t = table.columns.get("t_s")
-    if run.noise.made_of_positions and t is not None:
-        return Course(run.body, table.columns[table.coordinate], Rows(t, table.lines))
+    every = np.arange(run.n_obs)
     if run.t is None or t is None:
-        return Course(run.body, None, Rows(np.full(run.n_obs, np.nan), np.zeros(run.n_obs, dtype=np.int64)))
-    return Course(run.body, None, Rows(run.t, table.lines[np.searchsorted(t, run.t)]))
+        return Course(run.body, None, Rows(np.full(run.n_obs, np.nan), 0 * every, every))
+    kept = np.searchsorted(t, run.t)
+    if run.noise.made_of_positions:
+        return Course(run.body, table.columns[table.coordinate], Rows(t, table.lines, kept))
+    return Course(run.body, None, Rows(run.t, table.lines[kept], every))
 
 
 def _stated(levels: Levels) -> Level | None:

@@ -42,7 +42,7 @@ def read_lacks(
         raise source.places.error("is in the unit of y: it must be > 0, or 0 for none", _path(run, index, "deviation"), value=scale)
     if kept.size > MAX_LACKING:
         key = _KEYS[0] if scale else _KEYS[1]
-        rule = f"goes with at most {MAX_LACKING} points: take every so many of them, or state a window"
+        rule = f"goes with at most {MAX_LACKING} points: say every = {math.ceil(kept.size / MAX_LACKING)} beside it, or state a window"
         raise source.places.error(rule, _path(run, index, key), value=int(kept.size))
     if not correlated:
         return Lacks(float(scale), None, "", stated)

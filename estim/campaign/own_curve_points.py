@@ -40,10 +40,12 @@ class CurvePoints:
         x, y = table.columns[axis_of(self.table.x).column], table.columns[axis_of(self.table.y).column]
         order = np.argsort(x, kind="stable")
         inside, excluded = self._window(x, index)
-        kept = order[inside[order]]
+        kept, between = self._every(order[inside[order]], index)
+        excluded += between
         if not MIN_ROWS <= kept.size <= MAX_OBS:
             if not excluded:
-                raise InputError(f"must be between {MIN_ROWS} and {MAX_OBS} (or state a window)", field="rows", value=kept.size, file=table.file)
+                rule = f"must be between {MIN_ROWS} and {MAX_OBS} (or state a window, or 'every')"
+                raise InputError(rule, field="rows", value=kept.size, file=table.file)
             rule = f"must leave between {MIN_ROWS} and {MAX_OBS} of the {table.n_row} rows of {table.file} to fit"
             raise self.source.places.error(rule, ("runs", index, "window"), field="window", value=int(kept.size))
         stated = self.table.u_y is not None or self.runs[index].u_y is not None
@@ -96,6 +98,17 @@ class CurvePoints:
         inside = (x >= low) & (x <= high)
         left_out = int(np.sum(~inside))
         return inside, (Finding(Kind.OUTSIDE_WINDOW, size=left_out),) if left_out else ()
+
+    def _every(self, kept: NDArray[np.int64], index: int) -> tuple[NDArray[np.int64], tuple[Finding, ...]]:
+        """Every so many of the points in order of x."""
+        run = self.runs[index]
+        every, path = (run.every, ("runs", index, "every")) if run.every is not None else (self.table.every, ("curve", "every"))
+        if every is None or every == 1:
+            return kept, ()
+        if every < 1:
+            raise self.source.places.error("takes one point of so many: it must be at least 1", path, value=every)
+        some = kept[::every]
+        return some, (Finding(Kind.ROWS_BETWEEN, size=kept.size - some.size, numbers={"every": every}),)
 
     def _errors(self, index: int, table: Run, kept: NDArray[np.int64]) -> tuple[Scale, FloatArray, tuple[Parameter, ...]]:
         """Scale and relative size (n_obs,) of the errors of y, and their unknown size if it is to be inferred."""

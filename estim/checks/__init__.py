@@ -1,5 +1,4 @@
-"""What can be wrong with a result, one file a question; `diagnosis` gathers the findings.
-Read `diagnosis` first."""
+"""What can be wrong with a result, one file a question; `diagnosis` gathers the findings.  Read it first."""
 
 from estim.checks.cells import headline, interval_cell, parameter_cells, value_cell
 from estim.checks.conflict import P_CONFLICT, Conflict, check_stated_values, stated_values
@@ -8,10 +7,9 @@ from estim.checks.cross_validation import INFLUENTIAL, LeaveOneOut, difference, 
 from estim.checks.diagnosis import Diagnosis, covered_pattern, diagnose, failed_tests, same_curve, sampling_findings, several_solutions
 from estim.checks.fitted_curve import curve_findings, curve_remarks, deviation_finding, pressed_limits
 from estim.checks.forces import SURE, force_finding, noise_finding
-from estim.checks.frames import bad_frames_found
 from estim.checks.goodness import P_FLOOR, P_POOR_FIT, Goodness, check_goodness, untested
 from estim.checks.identifiability import PRIOR_DOMINATED, Identifiability, identify
 from estim.checks.modes import Modes, find_modes, laplace_modes, optima
-from estim.checks.outliers import Outliers, find_outliers
+from estim.checks.outliers import Outliers, bad_frames_found, find_outliers
 from estim.checks.prior_sensitivity import CONFLICT, THRESHOLD, Sensitivity, power_scaling
 from estim.checks.what_if import Influence, influences

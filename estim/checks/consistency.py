@@ -11,8 +11,10 @@ which is the joint minimum of chi^2 minus the sum of the separate ones, with the
 
     D_r^2 = Q - Q without r                              chi^2 with  (rows of r - what only r determines)  degrees of freedom
 
-which is the squared Mahalanobis distance of run r from all others together.  Both are exact for a linear problem.  Which run disagrees:
-the one whose D_r^2 is least probable, after Holm's correction for asking every source; if without it the rest agrees, it is named.
+which is the squared Mahalanobis distance of run r from all others together.  Both are exact for a linear problem.  Runs that share an
+unmodelled force are not independent: they are one quadratic in copies of s, one for each run, and "without r" means that the copy of r is
+free (`estim.checks.sources`).  Which run disagrees: the one whose D_r^2 is least probable, after Holm's correction for asking every source;
+if without it the rest agrees, it is named.
 
 Separate fits are not needed: alone, a run leaves directions to its priors and leans on their edges, where a fit is no normal variable.
 Directions in which a source has less than 1 % of the information are left out: there it is all but silent, and far from linear.
@@ -29,14 +31,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from estim.arrays import FloatArray
-from estim.common import Finding, InputError, Kind, Label, NumericalError
+from estim.checks.sources import ALONE, PRIORS, Quadratic, Rows, copies_of, copies_of_priors, measurements, total_of
+from estim.common import Amount, Finding, InputError, Kind, Label, NumericalError
 from estim.fitting import Fit, chi2_p
 from estim.words import tell
 
 P_INCONSISTENT = 0.01  # after Holm's correction
-PRIORS = "stated values"
-_LEAST_SHARE = 0.01
-_ALONE = 1e-9  # relative: singular values below count as zero
 
 
 @dataclass(frozen=True)
@@ -73,6 +73,7 @@ class Consistency:
     used : parameter -> the runs that use it.
     chi2, dof, p_value : Q.  rows : one `Disagreement` a source, in the order of the runs, stated values last (if there are any).
     alone : run -> estimate from this run and the stated values; others : run -> from all but this run; joint : from all.
+    apart : the parameter about which the runs differ most, and by how much between them; None where no campaign lets it vary.
     suspects : sources without which the rest agrees, most suspicious first; more than one where the data cannot tell them apart.
     agree : whether nothing is wrong.
     """
@@ -88,6 +89,7 @@ class Consistency:
     alone: Mapping[str, SharedEstimate]
     others: Mapping[str, SharedEstimate]
     joint: SharedEstimate
+    apart: Amount | None
     suspects: tuple[str, ...]
     agree: bool
 
@@ -99,7 +101,9 @@ class Consistency:
             against_stated = self.suspects == (PRIORS,)
             kind = Kind.RUNS_TIED if len(self.suspects) > 1 else Kind.RUNS_AGAINST_STATED if against_stated else Kind.RUN_DISAGREES
         run = self.suspects[0] if kind is Kind.RUN_DISAGREES else ""
-        return Finding(kind, run=run, p=self.p_value, size=len(self.alone), names=self.suspects)
+        told = kind in (Kind.RUNS_DISAGREE, Kind.RUN_DISAGREES, Kind.RUNS_TIED) and self.apart is not None
+        apart = (self.apart,) if told and self.apart else ()
+        return Finding(kind, run=run, p=self.p_value, size=len(self.alone), names=self.suspects, parameters=apart)
 
     @property
     def verdict(self) -> str:
@@ -107,20 +111,11 @@ class Consistency:
         return tell(self.finding)
 
 
-@dataclass(frozen=True, eq=False)
-class _Source:
-    """Measurements t (n_row,) = design (n_row, n_shared) . (s - fit) with unit errors; no rows where it is all but silent."""
-
-    name: str
-    design: FloatArray
-    t: FloatArray
-
-
 def comparable(fit: Fit) -> bool:
     """Whether there is something to compare: several runs, a parameter of the curve in common, and a fit that determines all."""
     users = [run.parameters for run in fit.problem.runs]
-    shared = [name for name in fit.names if name not in fit.problem.noise_names and sum(name in used for used in users) > 1]
-    return len(users) > 1 and bool(shared) and not fit.singular
+    mean = [p.name for p in fit.problem.parameters if p.name not in fit.problem.noise_names and not p.between]
+    return len(users) > 1 and any(sum(name in used for used in users) > 1 for name in mean) and not fit.singular
 
 
 def check_consistency(fit: Fit) -> Consistency:
@@ -133,101 +128,58 @@ def check_consistency(fit: Fit) -> Consistency:
     problem = fit.problem
     noise = problem.noise_names
     users = [sum(name in run.parameters for run in problem.runs) for name in problem.names]
-    shared = np.array([i for i, name in enumerate(problem.names) if users[i] > 1 and name not in noise], dtype=np.int64)
+    shared = np.array([i for i, p in enumerate(problem.parameters) if users[i] > 1 and p.name not in noise and not p.between], dtype=np.int64)
     if shared.size == 0:
         raise InputError("must have a parameter of the curve in common to be compared", field="runs", value=", ".join(r.name for r in problem.runs))
     if fit.singular:
         raise NumericalError("runs cannot be compared around a fit that leaves a combination of parameters undetermined")
     names = [run.name for run in problem.runs]
-    full = [*_run_quadratics(fit, shared), _prior_quadratic(fit, shared)]
-    sources = [_measurements(name, information, score, full) for name, (information, score) in zip([*names, PRIORS], full, strict=True)]
-    judged = [source for source in sources if source.t.size]
-    chi2, rank = _residual(judged)
-    dof = sum(source.t.size for source in judged) - rank
-    rows = _holm([_one_against_others(source, judged, chi2, rank) for source in judged])
+    copies = [*(copies_of(fit, group, shared) for group in problem.groups), copies_of_priors(fit, shared)]
+    rows = measurements(copies, shared.size)
+    asked = [name for name in (*names, PRIORS) if rows.moves[name].size]
+    chi2, dof = rows.least()
+    judged = _holm([_one_against_others(name, rows) for name in asked])
     p_value = chi2_p(chi2, dof)
-    suspects = _suspects(rows, judged) if min(p_value, *(row.p_holm for row in rows)) < P_INCONSISTENT else ()
-    agree = p_value >= P_INCONSISTENT and all(row.p_holm >= P_INCONSISTENT for row in rows)
+    agree = p_value >= P_INCONSISTENT and all(row.p_holm >= P_INCONSISTENT for row in judged)
+    suspects = () if agree else _suspects(judged, rows)
     centre = fit.values[shared]
-    prior, total = full[-1], _sum(full)
+    total, prior = total_of([one.together for one in copies]), copies[-1].together
+    of = {name: one for one in copies for name in one.sources}
     return Consistency(
         shared=tuple(problem.names[i] for i in shared), units=tuple(problem.parameters[i].unit for i in shared),
         labels=tuple(problem.parameters[i].label for i in shared),
         used={problem.names[i]: tuple(run.name for run in problem.runs if problem.names[i] in run.parameters) for i in shared},
         chi2=chi2, dof=dof, p_value=p_value,
-        rows=rows, alone={name: _estimate(centre, _sum([one, prior])) for name, one in zip(names, full[:-1], strict=True)},
-        others={name: _estimate(centre, (total[0] - one[0], total[1] - one[1])) for name, one in zip(names, full[:-1], strict=True)},
-        joint=_estimate(centre, total), suspects=suspects, agree=agree,
+        rows=judged, alone={name: _estimate(centre, total_of([of[name].alone(name), prior])) for name in names},
+        others={
+            name: _estimate(centre, total_of([of[name].without(name), *(one.together for one in copies if one is not of[name])])) for name in names
+        },
+        joint=_estimate(centre, total), apart=_apart(fit, shared, [_estimate(centre, of[name].alone(name)) for name in names]),
+        suspects=suspects, agree=agree,
     )
 
 
-Quadratic = tuple[FloatArray, FloatArray]
-"""Information (d, d) and score (d,) at the fit: minus log density = -score . u + u . information . u/2 with u = s - fit."""
+def _apart(fit: Fit, shared: NDArray[np.int64], alone: Sequence[SharedEstimate]) -> Amount | None:
+    """The shared parameter whose values by each run alone differ most in their standard deviations, and the standard deviation between runs."""
+    if any(run.motion is None for run in fit.problem.runs):
+        return None
+    means, sds = np.array([one.mean for one in alone]), np.array([one.sd for one in alone])
+    weights = np.where(np.isfinite(means), np.square(sds, where=np.isfinite(sds), out=np.full(sds.shape, np.inf)) ** -1.0, 0.0)
+    values = np.where(np.isfinite(means), means, 0.0)
+    total = np.maximum(weights.sum(axis=0), np.finfo(float).tiny)
+    off = weights * np.square(values - np.sum(weights * values, axis=0) / total)
+    excess = np.sum(off, axis=0) / np.maximum(np.sum(weights > 0.0, axis=0) - 1, 1)
+    i = int(np.argmax(excess))
+    parameter, spread = fit.problem.parameters[shared[i]], float(np.sqrt(np.sum(off[:, i]) / total[i]))
+    return Amount(parameter.name, spread, parameter.label) if spread > 0.0 else None
 
 
-def _run_quadratics(fit: Fit, shared: NDArray[np.int64]) -> list[Quadratic]:
-    """Every run's quadratic in the shared parameters, its own parameters of the curve fitted with their priors."""
-    problem, posterior = fit.problem, fit.posterior
-    pulls, slopes = posterior.prior_residuals(fit.values), posterior.jacobian(fit.values)[problem.n_obs :]
-    quadratics = []
-    for run, (jacobian, residuals) in zip(problem.runs, posterior.scoring(fit.values), strict=True):
-        used = run.parameters
-        own = [i for i, name in enumerate(problem.names) if name in used and i not in shared and name not in problem.noise_names]
-        rows, z = np.vstack([jacobian, slopes[own]]), np.append(residuals, pulls[own])
-        data, mine = rows[:, shared], rows[:, own]
-        if own:  # what is left orthogonal to the own parameters
-            basis, singular, _ = np.linalg.svd(mine / _norms(mine), full_matrices=False)
-            basis = basis[:, singular > _ALONE * singular[0]]
-            data, z = data - basis @ (basis.T @ data), z - basis @ (basis.T @ z)
-        quadratics.append((data.T @ data, -data.T @ z))
-    return quadratics
-
-
-def _norms(matrix: FloatArray) -> FloatArray:
-    norms = np.sqrt(np.sum(matrix**2, axis=0))
-    return np.where(norms > 0.0, norms, 1.0)
-
-
-def _prior_quadratic(fit: Fit, shared: NDArray[np.int64]) -> Quadratic:
-    """The priors of the shared parameters as residuals; a uniform one says nothing."""
-    priors = [fit.problem.parameters[i].prior for i in shared]
-    pull = np.array([prior.residual(float(v)) for prior, v in zip(priors, fit.values[shared], strict=True)])
-    slope = np.array([prior.residual_slope(float(v)) for prior, v in zip(priors, fit.values[shared], strict=True)])
-    return np.diag(slope**2), -pull * slope
-
-
-def _sum(quadratics: Sequence[Quadratic]) -> Quadratic:
-    return np.asarray(sum(q[0] for q in quadratics)), np.asarray(sum(q[1] for q in quadratics))
-
-
-def _measurements(name: str, information: FloatArray, score: FloatArray, all_of_them: Sequence[Quadratic]) -> _Source:
-    """A quadratic as measurements with unit errors, in coordinates where all sources together have unit information."""
-    total = _sum(all_of_them)[0]
-    scale = np.sqrt(np.diag(total))
-    root = np.linalg.cholesky(total / np.outer(scale, scale) + _ALONE * np.eye(scale.size)) * scale[:, None]
-    inner = np.linalg.solve(root, np.linalg.solve(root, information).T)
-    shares, vectors = np.linalg.eigh(0.5 * (inner + inner.T))
-    kept = shares > _LEAST_SHARE
-    design = np.sqrt(shares[kept])[:, None] * vectors[:, kept].T
-    return _Source(name, design, (vectors[:, kept].T @ np.linalg.solve(root, score)) / np.sqrt(shares[kept]))
-
-
-def _residual(sources: Sequence[_Source]) -> tuple[float, int]:
-    """Smallest sum of squares of all measurements together, and the rank of their design."""
-    if not sources:
-        return 0.0, 0
-    design, t = np.vstack([s.design for s in sources]), np.concatenate([s.t for s in sources])
-    basis, singular, _ = np.linalg.svd(design, full_matrices=False)
-    basis = basis[:, singular > 1e-6]
-    return float(np.sum((t - basis @ (basis.T @ t)) ** 2)), int(basis.shape[1])
-
-
-def _one_against_others(source: _Source, judged: Sequence[_Source], chi2: float, rank: int) -> Disagreement:
-    rest, rest_rank = _residual([other for other in judged if other is not source])
-    dof = source.t.size - (rank - rest_rank)
-    distance2 = max(chi2 - rest, 0.0) if dof else 0.0
-    p_value = chi2_p(distance2, dof)
-    return Disagreement(source.name, distance2, dof, p_value, p_value)
+def _one_against_others(source: str, rows: Rows) -> Disagreement:
+    chi2, dof = rows.least()
+    rest, rest_dof = rows.least((source,))
+    distance2 = max(chi2 - rest, 0.0) if dof > rest_dof else 0.0
+    p_value = chi2_p(distance2, dof - rest_dof)
+    return Disagreement(source, distance2, dof - rest_dof, p_value, p_value)
 
 
 def _holm(rows: Sequence[Disagreement]) -> tuple[Disagreement, ...]:
@@ -242,13 +194,11 @@ def _holm(rows: Sequence[Disagreement]) -> tuple[Disagreement, ...]:
     return tuple(Disagreement(r.source, r.distance2, r.dof, r.p_value, corrected[i]) for i, r in enumerate(rows))
 
 
-def _suspects(rows: Sequence[Disagreement], judged: Sequence[_Source]) -> tuple[str, ...]:
+def _suspects(judged: Sequence[Disagreement], rows: Rows) -> tuple[str, ...]:
     """Sources without which the others agree, those least probable first; only those that explain it about as well as the best."""
     healing = []
-    for row in sorted(rows, key=lambda row: row.p_value):
-        rest = [source for source in judged if source.name != row.source]
-        chi2, rank = _residual(rest)
-        if chi2_p(chi2, sum(source.t.size for source in rest) - rank) >= P_INCONSISTENT and row.p_value < P_INCONSISTENT:
+    for row in sorted(judged, key=lambda row: row.p_value):
+        if chi2_p(*rows.least((row.source,))) >= P_INCONSISTENT and row.p_value < P_INCONSISTENT:
             healing.append(row)
     best = healing[0].p_value if healing else 0.0
     return tuple(row.source for row in healing if row.p_value <= 100.0 * best)
@@ -260,7 +210,7 @@ def _estimate(centre: FloatArray, quadratic: Quadratic) -> SharedEstimate:
     scale = np.sqrt(np.maximum(np.diag(information), 0.0))
     scale = np.where(scale > 0.0, scale, 1.0)
     values, vectors = np.linalg.eigh(information / np.outer(scale, scale))
-    known = values > _ALONE * max(float(values[-1]), 1.0)
+    known = values > ALONE * max(float(values[-1]), 1.0)
     inverse = (vectors[:, known] / values[known]) @ vectors[:, known].T
     undetermined = np.sum(vectors[:, ~known] ** 2, axis=1) > 1e-6
     mean = centre + (inverse @ (score / scale)) / scale

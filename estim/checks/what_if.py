@@ -101,7 +101,7 @@ def _jacobians(
         runs.append(replace(run, curve=_Shifted(run.curve, run.x, own), arguments={**run.arguments, **{name: name for name in own}}))
     further = tuple(Parameter(f"error of {name}", "1", Flat(-np.inf, np.inf, 0.0), name) for name in names)
     at = np.concatenate([values, np.zeros(len(names))])
-    both = Problem((*problem.parameters, *further), tuple(runs)).linearised(at).jacobian(at)
+    both = replace(problem, parameters=(*problem.parameters, *further), runs=tuple(runs)).linearised(at).jacobian(at)
     return both[:, : values.size], both[:, values.size :]
 
 

@@ -79,7 +79,6 @@ class Kind(StrEnum):
     WEIGHTS_UNEVEN = auto()
     WEIGHTS_MOVE = auto()
     WEIGHTS_AGREE = auto()
-    EXPANSION_ROUGH = auto()
     # what data and priors determine
     SEVERAL_SOLUTIONS = auto()
     SOLUTION = auto()
@@ -108,6 +107,7 @@ class Kind(StrEnum):
     FORCE_UNDECIDED = auto()
     FORCE_UNLIKELY = auto()
     FORCE_TOO_LARGE = auto()
+    FORCE_NOT_LINEAR = auto()
     NOISE_CONSERVATIVE = auto()
     NOISE_LARGER = auto()
     NOISE_TOO_LARGE = auto()
@@ -164,6 +164,7 @@ class Kind(StrEnum):
     OUTSIDE_TIMES = auto()
     OUTSIDE_POSITIONS = auto()
     OUTSIDE_WINDOW = auto()
+    ROWS_BETWEEN = auto()
     LEFT_OUT = auto()
     WAY_BACK = auto()
     BESIDE_RELEASE = auto()
@@ -178,7 +179,7 @@ _KINDS = {
     Status.NOT_IDENTIFIED: (Kind.DIRECTION_FLAT, Kind.SINGULAR, Kind.UNDETERMINED, Kind.LINE_NOT_RISING),
     Status.POOR_FIT: (
         Kind.RESIDUALS_ZERO, Kind.RESIDUALS_TOO_LARGE, Kind.RESIDUALS_NOT_RANDOM, Kind.CURVE_LACKS, Kind.CHI2_TOO_LARGE, Kind.SCATTER_TOO_LARGE,
-        Kind.FORCE_TOO_LARGE, Kind.NOISE_TOO_LARGE,
+        Kind.FORCE_TOO_LARGE, Kind.FORCE_NOT_LINEAR, Kind.NOISE_TOO_LARGE,
         Kind.OUTLIERS_CROWD, Kind.FRAMES_CROWD, Kind.RUNS_DISAGREE, Kind.RUN_DISAGREES, Kind.RUNS_TIED, Kind.STATED_AND_CURVE,
         Kind.GAMMA_TOO_LARGE, Kind.POINTS_SCATTER,
     ),

@@ -15,6 +15,7 @@ from estim.deviation.in_time import Moving, response_in_time
 from estim.deviation.jumps import Frames
 from estim.problem import Motion, Named, Noise, Points, PositionCurve
 
+_MOST_OFF = 1.5  # how far a measured speed may be from that of the curve, as a factor, and still be its speed with errors
 _SLOW = 0.05  # of the mean speed: at a point that is slower a force counts as if it were this fast
 _STEP = 2e-3  # rad, over which inertia and height of a body are smooth
 
@@ -37,10 +38,11 @@ class Along:
 
 @dataclass(frozen=True, eq=False)
 class Rows:
-    """Where the readings of a run stand: t (n_row,) s, nan where unknown, and lines (n_row,) of the file."""
+    """Where the readings of a run stand: t (n_row,) s, nan where unknown, and lines (n_row,) of the file.  kept : (n_obs,) those of the points."""
 
     t: FloatArray
     lines: NDArray[np.int64]
+    kept: NDArray[np.int64]
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,7 +82,9 @@ class Course:
         matrix = noise.of_positions(points, named)
         reading = float(np.sqrt(np.ravel(noise.size.reading_variance(named))[0]))
         if matrix is not None and self.positions is not None:
-            return Frames(self.rows.t, self.positions, self.rows.lines, matrix, here.speed(self.positions), reading, True)
+            slope = here.row(points.curve.local(points.x, here.arguments).slope, points.x.size)
+            velocity = here.speed(self.positions)
+            return Frames(self.rows.t, self.positions, self.rows.lines, matrix, velocity, reading, True, self.rows.kept, slope)
         sd = float(np.hypot(reading * np.median(noise.reading_gain()), np.ravel(noise.size.scatter.at(named))[0]))
         alone = np.eye(points.x.size)
         if isinstance(points.curve, PositionCurve):
@@ -138,7 +142,8 @@ def _differences(here: _Here, positions: FloatArray, matrix: FloatArray) -> tupl
     along = track(float(np.max(read)), start=here.start, first=float(np.min(read)))
     fine = _moving_on(here.points, along.fine, here.speed(along.fine))
     moved = position_response(along, read, fine, here.inertia(along.fine), acceleration=here.acceleration)
-    return along, moved.through(matrix[:, used])
+    there = np.interp(read, along.fine, fine)
+    return along, _by_differences(moved, matrix[:, used], read, there, here.points, here.speed(here.points.x))
 
 
 def _in_time(here: _Here, curve: PositionCurve) -> tuple[Track, Response]:
@@ -152,6 +157,23 @@ def _in_time(here: _Here, curve: PositionCurve) -> tuple[Track, Response]:
     step = _STEP * here.scalar(here.motion.radian)
     moving = Moving(state, release, float(np.max(t)), here.inertia, here.potential, here.acceleration, step)
     return response_in_time(moving, t)
+
+
+def _by_differences(response: Response, matrix: FloatArray, read: FloatArray, speed: FloatArray, points: Points, here: FloatArray) -> Response:
+    """What speeds by differences answer, from the response of the positions `read` (n_row,) that they are made of.
+
+    With delta x = v tau and the stencil S:  delta y_i = sum_j S_ij v_j (tau_j - tau_i) v_i/y_i.  A delay tau that all share moves nothing: so
+    the truncation of S, which comes back at the shifted place, drops out.  And S x = y has the errors of the readings: with them left in, a
+    large constant force could take up the noise.
+
+    speed : (n_row,) of the fit at `read`.  here : (n_obs,) of the curve at the points.
+    """
+    rows = np.array([int(np.argmin(np.abs(read - x))) for x in points.x])
+    across = matrix @ speed
+    ratio = np.clip(np.divide(here, points.y, out=np.ones_like(here), where=points.y > 0.0), 1.0 / _MOST_OFF, _MOST_OFF)
+    own = across / np.maximum(speed[rows], _SLOW * float(np.mean(speed)))
+    force = ratio[:, None] * (matrix @ response.force - own[:, None] * response.force[rows])
+    return Response(force, ratio * (matrix @ response.start - own * response.start[rows]))
 
 
 def _moving_on(points: Points, x: FloatArray, speed: FloatArray) -> FloatArray:

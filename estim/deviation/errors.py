@@ -11,21 +11,22 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.linalg import solve_triangular
 
 from estim.arrays import FloatArray
 from estim.deviation.mixture import Mixture
-from estim.problem import Ends, Linear, Named, Points, n_draws
+from estim.problem import Ends, Linear, Named, Points, StackedPoints, n_draws
 
 
 @dataclass(frozen=True, eq=False)
 class MixtureErrors:
-    """Points whose errors are a mixture.
+    """Points of a run, or of several below each other, whose errors are a mixture.
 
     shift : (n_obs,) mean of the errors, unit of y.
     whitener : (n_obs, n_obs) W, z = W r is white under the most probable covariance, in the order of the points.
     """
 
-    points: Points
+    points: Points | StackedPoints
     mixture: Mixture
     whitener: FloatArray
     shift: FloatArray
@@ -78,8 +79,9 @@ class MixtureErrors:
 
     def information_root(self, named: Named, names: Sequence[str]) -> FloatArray:
         """Of errors with the covariance that the components have together at the point."""
-        lower = np.linalg.cholesky(self._covariance(named))
-        return np.asarray(np.linalg.solve(lower, -self.points.gradient(named, names)))
+        lower = np.linalg.cholesky(self.mixture.whitened_covariance(self._raw(named)[0]))
+        gradient = self.mixture.deviation.whiten(self.points.gradient(named, names).T).T
+        return np.asarray(solve_triangular(lower, -gradient, lower=True, check_finite=False))
 
     def information(self, named: Named, names: Sequence[str], ends: Ends) -> FloatArray:
         root = self.information_root(named, names)

@@ -28,6 +28,7 @@ from estim.deviation.grid import track_lengths
 from estim.deviation.kernels import distances, matern32, root, sd_of_mean, turning, without_mean
 
 _N_NODE, _N_FINE = 121, 800
+OWN = (0.0, 0.1, 0.3, 1.0)  # amplitudes of the own forces of runs, in units of the one that they share
 FORCE = "force"
 _WAYS = {FORCE: 1.0, f"{FORCE}, another on the way back": 0.0}  # kind -> correlation between both ways
 
@@ -72,6 +73,12 @@ class Response:
     def through(self, matrix: FloatArray) -> Response:
         """The response of linear combinations matrix @ observations, such as A of speeds by differences."""
         return Response(matrix @ self.force, matrix @ self.start)
+
+    def carried(self, own: Track, common: Track) -> Response:
+        """The response to a force on the nodes of a `common` track that is at least as long; places count from the release of each."""
+        near = np.eye(common.nodes.size)
+        since, places = common.nodes - common.start, own.nodes - own.start
+        return Response(self.force @ np.array([np.interp(places, since, node) for node in near]).T, self.start)
 
     @classmethod
     def stacked(cls, responses: Sequence[Response]) -> Response:
@@ -208,7 +215,7 @@ def force_shapes(along: Track, response: Response, *, radius: float | None = Non
 
 
 def shared_force_shapes(
-    along: Track, responses: Sequence[Response], *, radius: float | None = None, own: tuple[float, ...] = (0.0, 0.1, 0.3, 1.0)
+    along: Track, responses: Sequence[Response], *, radius: float | None = None, own: tuple[float, ...] = OWN
 ) -> tuple[Shape, ...]:
     """One force that all runs on a track share, its mean removed, plus a plain one of each run; observations stacked in the order of the runs.
 

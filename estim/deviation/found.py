@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from estim.arrays import FloatArray
-from estim.deviation.force import FORCE, Response, Track, force_priors
+from estim.deviation.force import FORCE, Response, Track, force_kernel, force_priors
 from estim.deviation.linearised import Linearised, mixture_quantiles
 
 BAND = (0.025, 0.16, 0.5, 0.84, 0.975)
@@ -50,33 +52,15 @@ def find_force(linearised: Linearised, along: Track, response: Response, *, radi
     """The force under the posterior of `force_shapes`, or the shared one of `shared_force_shapes`; same track and radius.
 
     response : that of the run, or of all runs stacked (`Response.stacked`).
-
-    Given a component and the parameters p,  f ~ N(a^2 K L^T C^-1 (r - J p), a^2 K - a^4 K L^T C^-1 L K);  p is integrated out.
     """
-    deviation = linearised.deviation
-    r, j = deviation.whiten(linearised.residuals), deviation.whiten(linearised.jacobian.T).T
-    lever = deviation.whiten(response.force.T).T
-    order = np.argsort(linearised.weights)[::-1]
-    kept = order[: 1 + int(np.searchsorted(np.cumsum(linearised.weights[order]), 1.0 - _LOST))]
-    means, sds = np.zeros((kept.size, response.force.shape[1])), np.zeros((kept.size, response.force.shape[1]))
-    priors = {(prior.kind, prior.length): prior for prior in force_priors(along, radius=radius)}
-    elsewhere = 0.0
-    for i, k in enumerate(kept):
-        family, place = linearised.component(int(k))
-        amplitude, prior = family.amplitude[place], priors.get((family.kind, family.length)) or priors[FORCE, family.length]
-        kernel = prior.covariance
-        variance = family.scale[place] ** 2 + amplitude**2 * family.spectrum
-        gain = amplitude**2 * (kernel @ lever.T) @ family.basis / variance  # (n_node, n_obs) in the family's basis
-        means[i] = gain @ (family.basis.T @ (r - j @ linearised.steps[k]))
-        parameters = gain @ (family.basis.T @ j)
-        spread = amplitude**2 * np.diag(kernel) - np.einsum("ij,ij->i", gain * variance, gain)
-        spread += np.einsum("ip,pq,iq->i", parameters, linearised.covariances[k], parameters)
-        sds[i] = np.sqrt(np.maximum(spread, 0.0))
-        elsewhere += linearised.weights[k] * (amplitude * prior.elsewhere) ** 2
-    weights = linearised.weights[kept] / linearised.weights[kept].sum()
-    mean = weights @ means
-    sd = np.sqrt(np.maximum(weights @ (np.square(sds) + np.square(means - mean)), 0.0))
-    quantiles, n = mixture_quantiles(weights, means, sds, BAND), along.nodes.size
+    families = linearised.deviation.families
+    every = {(prior.kind, prior.length): prior for prior in force_priors(along, radius=radius)}
+    priors = [every.get((f.kind, f.length)) or every[FORCE, f.length] for f in families]
+    seen = _seen(linearised, response, [prior.covariance for prior in priors])
+    sizes = [(f.amplitude * prior.elsewhere) ** 2 for f, prior in zip(families, priors, strict=True)]
+    elsewhere = float(seen.weights @ np.concatenate(sizes)[seen.kept])
+    mean, sd = seen.mean_and_sd()
+    quantiles, n = mixture_quantiles(seen.weights, seen.means, seen.sds, BAND), along.nodes.size
     return Force(
         x=along.nodes,
         mean=mean[:n],
@@ -86,5 +70,79 @@ def find_force(linearised: Linearised, along: Track, response: Response, *, radi
         probability=linearised.p_deviation,
         amplitude=linearised.size("amplitude"),
         length=linearised.size("length"),
-        material_sd=float(np.sqrt(elsewhere / linearised.weights[kept].sum())),
+        material_sd=float(np.sqrt(elsewhere)),
     )
+
+
+@dataclass(frozen=True, eq=False)
+class OwnForce:
+    """What the force of one run adds to the one that runs share, in units of the weight.
+
+    x : (n_node,) m or rad, to the end of the run.  mean, sd : (n_node,).
+    """
+
+    run: str
+    x: FloatArray
+    mean: FloatArray
+    sd: FloatArray
+
+
+def find_own_force(
+    linearised: Linearised, along: Track, response: Response, *, run: str, end: float, ratios: Sequence[float], radius: float | None = None
+) -> OwnForce:
+    """The own force of one run under the posterior of `shared_force_shapes`.
+
+    response : that of the run, rows of 0 where other runs are stacked.  end : where the run ends.
+    ratios : of its amplitude to that of the shared one, one for each family.
+    """
+    families = linearised.deviation.families
+    kernels = {f.length: force_kernel(along, f.length, radius=radius) for f in families}
+    seen = _seen(linearised, response, [ratio**2 * kernels[f.length] for f, ratio in zip(families, ratios, strict=True)])
+    reached = along.nodes <= end
+    mean, sd = seen.mean_and_sd()
+    return OwnForce(run, along.nodes[reached], mean[reached], sd[reached])
+
+
+@dataclass(frozen=True, eq=False)
+class _Seen:
+    """A force at the nodes given each of the probable components, with the parameters p integrated out.
+
+    f | k ~ N(a^2 K L^T C^-1 (r - J p), a^2 K - a^4 K L^T C^-1 L K)
+
+    kept : (n_kept,) components.  weights : (n_kept,) of sum 1.  means, sds : (n_kept, n_node).
+    """
+
+    kept: NDArray[np.int64]
+    weights: FloatArray
+    means: FloatArray
+    sds: FloatArray
+
+    def mean_and_sd(self) -> tuple[FloatArray, FloatArray]:
+        """(n_node,) of the mixture."""
+        mean = self.weights @ self.means
+        return mean, np.sqrt(np.maximum(self.weights @ (np.square(self.sds) + np.square(self.means - mean)), 0.0))
+
+
+def _seen(linearised: Linearised, response: Response, kernels: Sequence[FloatArray]) -> _Seen:
+    """kernels : covariance (n_node, n_node) of the force for unit amplitude, one for each family."""
+    deviation = linearised.deviation
+    r, j = deviation.whiten(linearised.residuals), deviation.whiten(linearised.jacobian.T).T
+    lever = deviation.whiten(response.force.T).T
+    order = np.argsort(linearised.weights)[::-1]
+    kept = np.sort(order[: 1 + int(np.searchsorted(np.cumsum(linearised.weights[order]), 1.0 - _LOST))])
+    means, sds, start = [], [], 0
+    for family, kernel in zip(deviation.families, kernels, strict=True):
+        here = kept[(kept >= start) & (kept < start + family.amplitude.size)]
+        if here.size:
+            reach, seen, turned = (kernel @ lever.T) @ family.basis, family.basis.T @ r, family.basis.T @ j
+        for k in here:
+            square = family.amplitude[k - start] ** 2
+            variance = family.scale[k - start] ** 2 + square * family.spectrum
+            gain = square * reach / variance  # (n_node, n_dir)
+            parameters = gain @ turned
+            spread = square * np.diag(kernel) - np.einsum("ij,ij->i", gain * variance, gain)
+            spread += np.einsum("ip,pq,iq->i", parameters, linearised.covariances[k], parameters)
+            means.append(gain @ (seen - turned @ linearised.steps[k]))
+            sds.append(np.sqrt(np.maximum(spread, 0.0)))
+        start += family.amplitude.size
+    return _Seen(kept, linearised.weights[kept] / linearised.weights[kept].sum(), np.array(means), np.array(sds))

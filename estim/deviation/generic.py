@@ -32,7 +32,7 @@ FREE_SCALES = (0.01, 0.016, 0.025, 0.04, 0.063, *SCALES)  # where an error may b
 _SMALLEST, _LARGEST, _N_SIZE = 0.01, 1.6, 60  # sizes of unstated errors, in units of the residuals' standard deviation
 _CONSERVATIVE = 0.5  # a stated error is conservative where the white noise is less than half of it
 _SURE = 0.95
-_N_TIME = 6
+_N_TIME, _PART_OF_TIME = 6, 0.5  # of the duration: with a third, intervals under AR(1) errors of .9 and 40 points are too short
 _SPIKE = 0.2  # probability of no deviation beforehand: who asks for one has a reason
 
 
@@ -59,11 +59,11 @@ def deviation_shapes(x: FloatArray) -> tuple[Shape, ...]:
 
 
 def correlated_shapes(t: FloatArray) -> tuple[Shape, ...]:
-    """Errors correlated in time t (n_obs,), exp(-dt/l): lengths from the typical step to a third of the duration, equally probable."""
+    """Errors correlated in time t (n_obs,), exp(-dt/l): lengths from the typical step to half of the duration, equally probable."""
     apart = distances(t)
     extent = _extent(t, "t")
     step = float(np.median(np.diff(np.sort(t))))
-    lengths = np.geomspace(max(step, 1e-3 * extent), extent / 3.0, _N_TIME)
+    lengths = np.geomspace(max(step, 1e-3 * extent), _PART_OF_TIME * extent, _N_TIME)
     return tuple(Shape(TIME, float(length), root(exponential(apart, float(length))), -float(np.log(_N_TIME))) for length in lengths)
 
 

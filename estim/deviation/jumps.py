@@ -16,13 +16,14 @@ bad frame with probability 1/4 beforehand, shared evenly by all patterns; the be
 anew.  Where nothing is wrong B_k is 1 on average, so the accused are at most a quarter (Markov's inequality); measured: 1 of 150 clean recordings,
 2 of 310 with other faults (ramp, correlated or uneven errors, blur, jitter).
 
-What was found stays in the posterior as one column of unknown size each: nothing is repaired, the data say how large it is.
+What was found stays in the posterior as one column of unknown size each: nothing is repaired, the data say how large it is.  Speeds by differences
+are evaluated where the readings were without the shift (`moved`), since the curve bends too sharply near a turning point for a linear law.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,11 +32,14 @@ from estim.arrays import FloatArray
 from estim.deviation.components import Deviation
 from estim.deviation.linearised import Linearised, linearise
 from estim.deviation.mixture import compact
+from estim.problem import Points
 
 PRIOR = 0.25  # probability that a recording has a bad frame
 MOST = 6  # in one recording; beyond, it is not a matter of single frames
 _SIZES = (10.0, 100.0, 1000.0)  # of a pattern, in sds of a reading
 _LOST = (1.0, 2.0, 3.0, -1.0)  # frames, of a clock
+_SHIFTED = ("step", "frame")  # kinds in which positions are wrong
+_STILL = 2.5  # sds: a size below is none
 _WIDE = 30.0  # times what was found: sd of a size that is left to the data
 
 
@@ -46,6 +50,7 @@ class Frames:
     t : (n_row,) s, nan where unknown.  x : (n_row,) position or abscissa, for names.  lines : (n_row,) of the file, 0 where unknown.
     matrix : (n_obs, n_row).  velocity : (n_row,) of the fit, unit of a reading per s; zeros where time is not what was read.
     sd : of a typical reading.  in_sequence : whether readings follow each other, so that a shift can stay.
+    at : (n_obs,) row of the abscissa of each point, and slope (n_obs,) of the curve there; None where abscissas are not what is shifted.
     """
 
     t: FloatArray
@@ -55,6 +60,8 @@ class Frames:
     velocity: FloatArray
     sd: float
     in_sequence: bool
+    at: NDArray[np.int64] | None = None
+    slope: FloatArray | None = None
 
     @property
     def interval(self) -> float:
@@ -99,10 +106,21 @@ class Jump:
 
 @dataclass(frozen=True, eq=False)
 class BadFrames:
-    """jumps : in the order of time.  crowd : whether there are more than `MOST`."""
+    """jumps : in the order of time.  crowd : whether there are more than `MOST`.
+
+    shift_x, shift_y : (n_obs,) what they did to the points, as far as it is taken out before the curve is evaluated; None for nothing.
+    """
 
     jumps: tuple[Jump, ...] = ()
     crowd: bool = False
+    shift_x: FloatArray | None = None
+    shift_y: FloatArray | None = None
+
+    def moved(self, points: Points) -> Points:
+        """The points without the shifts that were found; the columns say how uncertain these are."""
+        if self.shift_x is None or self.shift_y is None:
+            return points
+        return replace(points, x=points.x - self.shift_x, y=points.y - self.shift_y)
 
     def same(self, other: BadFrames) -> bool:
         """Whether they are the same frames."""
@@ -113,12 +131,24 @@ class BadFrames:
         return np.column_stack([jump.column for jump in self.jumps]) if self.jumps else np.zeros((n_obs, 0))
 
 
+NONE = BadFrames()
+
+
 def find_bad_frames(
-    deviation: Deviation, frames: Frames, residuals: FloatArray, jacobian: FloatArray, *, precision: FloatArray, pull: FloatArray
+    deviation: Deviation, frames: Frames, residuals: FloatArray, jacobian: FloatArray, *, precision: FloatArray, pull: FloatArray,
+    known: BadFrames = NONE,
 ) -> BadFrames:
-    """The bad frames of a run, one after the other; the other arguments are those of `linearise`."""
+    """The bad frames of a run, one after the other; the other arguments are those of `linearise`.
+
+    known : found about another point of linearisation; those that now come out smaller than 2.5 of their sds are dropped.
+    """
     patterns = _patterns(frames)
-    found: list[tuple[Pattern, float, float, float]] = []
+    taken = 0.0 if frames.at is None else 1.0  # whether the points are those without what was known
+    before = {(jump.kind, jump.row): jump for jump in known.jumps}
+    found = [
+        (pattern, _WIDE * abs(jump.size), jump.probability, jump.share)
+        for pattern in patterns if (jump := before.get((pattern.kind, pattern.row))) is not None
+    ]
     n_par = jacobian.shape[1]
     crowd = False
     while True:
@@ -130,25 +160,41 @@ def find_bad_frames(
         total = float(np.logaddexp.reduce(logs))
         if total <= 0.0:
             break
-        if n == MOST:
+        if n >= MOST:
             crowd = True
             break
         best = int(np.argmax(logs))
         wide = _WIDE * max(abs(float(sizes[best])), (1.0 if patterns[best].whole else 10.0) * patterns[best].unit)
         found.append((patterns[best], wide, float(1.0 / (1.0 + np.exp(-min(total, 700.0)))), float(np.exp(logs[best] - total))))
     mean, sds = linear.mean[n_par:], np.sqrt(np.diag(linear.covariance)[n_par:])
-    jumps = [
-        _named(frames, pattern, wide, float(mean[i]), float(sds[i]), probability, share)
-        for i, (pattern, wide, probability, share) in enumerate(found)
-    ]
-    return BadFrames(tuple(sorted(jumps, key=lambda jump: jump.row)), crowd)
+    jumps = []
+    for i, (pattern, wide, probability, share) in enumerate(found):
+        jump = before.get((pattern.kind, pattern.row))
+        size = float(mean[i]) * wide + (taken * jump.size if jump is not None and jump.kind in _SHIFTED else 0.0)
+        if abs(size) > _STILL * float(sds[i]) * wide:
+            jumps.append(_named(frames, pattern, wide, size, float(sds[i]) * wide, probability, share))
+    jumps.sort(key=lambda jump: jump.row)
+    return BadFrames(tuple(jumps), crowd, *_shifts(frames, jumps))
 
 
-def _named(frames: Frames, pattern: Pattern, wide: float, mean: float, sd: float, probability: float, share: float) -> Jump:
+def _shifts(frames: Frames, jumps: Sequence[Jump]) -> tuple[FloatArray | None, FloatArray | None]:
+    """Of x and y of the points by the readings that are shifted."""
+    if frames.at is None or frames.slope is None or not jumps:
+        return None, None
+    rows = np.arange(frames.t.size)
+    shift = np.zeros(rows.size)
+    for jump in jumps:
+        if jump.kind in _SHIFTED:
+            shift += jump.size * (rows >= jump.row if jump.kind == "step" else rows == jump.row)
+    there = shift[frames.at]
+    return there, frames.matrix @ shift + frames.slope * there
+
+
+def _named(frames: Frames, pattern: Pattern, wide: float, size: float, sd: float, probability: float, share: float) -> Jump:
     row = pattern.row
     return Jump(
         pattern.kind, row, float(frames.t[row]), float(frames.x[row]), int(frames.lines[row]), float(frames.t[max(row - 1, 0)]),
-        frames.interval, mean * wide, sd * wide, probability, share, pattern.column * wide,
+        frames.interval, size, sd, probability, share, pattern.column * wide,
     )
 
 

@@ -26,7 +26,7 @@ from estim.deviation.generic import (
 )
 from estim.deviation.linearised import Linearised, linearise
 from estim.deviation.mixture import keep_probable
-from estim.deviation.noise import WithForce, normal_covariance
+from estim.deviation.noise import WithMixture, normal_covariance
 from estim.deviation.posing import linear_groups
 from estim.deviation.visible import Visible, see_deviation
 from estim.problem import Lacks, Observations, Problem, Wording
@@ -37,7 +37,7 @@ Interval = tuple[float, float]
 
 
 @dataclass(frozen=True, eq=False)
-class WithDeviation(WithForce):
+class WithDeviation(WithMixture):
     """Readings whose errors are a mixture that stays as it is.  lacks : what the user asked for."""
 
     lacks: Lacks

@@ -155,13 +155,14 @@ def linearise(
     for family in deviation.families:
         seen, turned = r @ family.basis, family.basis.T @ j
         variance, white = family.variances(), 1.0 / np.square(family.scale)
-        gain = 1.0 / variance - white[:, None]
+        known, outside = 1.0 / variance, float(seen.size < n_obs)  # nothing lies outside a basis that is complete, not even rounding errors
         pairs = (turned[:, :, None] * turned[:, None, :]).reshape(seen.size, n_par**2)
-        information = white[:, None, None] * whole + (gain @ pairs).reshape(-1, n_par, n_par) + precision
-        slope = white[:, None] * along + gain @ (turned * seen[:, None]) + pulled
+        rest = (outside * (whole - turned.T @ turned), outside * (along - seen @ turned), outside * (square - float(seen @ seen)))
+        information = white[:, None, None] * rest[0] + (known @ pairs).reshape(-1, n_par, n_par) + precision
+        slope = white[:, None] * rest[1] + known @ (turned * seen[:, None]) + pulled
         covariance = np.linalg.inv(information)
         step = np.einsum("kij,kj->ki", covariance, slope)
-        misfit = white * square + gain @ np.square(seen) + offset - np.einsum("ki,ki->k", slope, step)
+        misfit = white * rest[2] + known @ np.square(seen) + offset - np.einsum("ki,ki->k", slope, step)
         log_volume = np.sum(np.log(variance), axis=1) - (n_obs - seen.size) * np.log(white) + np.linalg.slogdet(information)[1]
         log_likelihood = -0.5 * (misfit + log_volume)
         serves = _at_least_stated(family) if stated else np.arange(family.amplitude.size)
@@ -207,6 +208,7 @@ def mixture_quantiles(weights: FloatArray, means: FloatArray, sds: FloatArray, p
     width = np.where(sds > 0.0, sds, np.finfo(float).tiny)
     for _ in range(36):
         middle = 0.5 * (low + high)
-        below = np.tensordot(weights, ndtr((middle[None] - means[:, None]) / width[:, None]), axes=1) < p
+        with np.errstate(over="ignore"):  # beside a component without any width
+            below = np.tensordot(weights, ndtr((middle[None] - means[:, None]) / width[:, None]), axes=1) < p
         low, high = np.where(below, middle, low), np.where(below, high, middle)
     return 0.5 * (low + high)

@@ -111,6 +111,10 @@ class Mixture:
 
     def covariance(self, residuals: FloatArray) -> FloatArray:
         """(n_obs, n_obs) of the errors at residuals (n_obs,): sum of the C_k by their `shares`, and H H^T."""
+        return self.deviation.unwhiten(self.whitened_covariance(residuals))
+
+    def whitened_covariance(self, residuals: FloatArray) -> FloatArray:
+        """The same of whitened observations."""
         share, start, lifted = self.shares(residuals), 0, []
         for family in self.deviation.families:
             own = share[start : start + family.amplitude.size]
@@ -118,8 +122,7 @@ class Mixture:
             lifted.append((own @ np.square(family.amplitude)) * family.spectrum)
         basis = self.together[0]
         whitened = self.columns @ self.columns.T + (basis * np.concatenate(lifted)) @ basis.T
-        whitened += (share @ np.square(self.deviation.column("scale"))) * np.eye(residuals.size)
-        return self.deviation.unwhiten(whitened)
+        return whitened + (share @ np.square(self.deviation.column("scale"))) * np.eye(residuals.size)
 
     def pointwise(self, residuals: FloatArray) -> FloatArray:
         """(n_draw, n_obs) log density of every point given all the other points of residuals (n_draw, n_obs).

@@ -12,6 +12,7 @@ import numpy as np
 from estim.arrays import FloatArray
 from estim.deviation.course import Course
 from estim.deviation.errors import MixtureErrors
+from estim.deviation.jumps import BadFrames
 from estim.deviation.mixture import Mixture
 from estim.problem import CorrelatedErrors, Likelihood, Named, Noise, Points, Scale, Size, Wording
 
@@ -74,16 +75,17 @@ class Stated:
 class FreeStart(Stated):
     """Stated noise, and an energy at release that is not quite 0: one more term of rank one in the covariance, and one for each bad frame.
 
-    columns : (n_obs, n_jump) what each does at one standard deviation of its size.
+    bad : the frames.
     """
 
     course: Course
-    columns: FloatArray
+    bad: BadFrames
 
     def likelihood(self, points: Points, named: Named) -> CorrelatedErrors:
+        points = self.bad.moved(points)
         stated = normal_covariance(self.base, points, named)
-        push = self.course.along(points, named, self.base).push
-        spectrum, basis = np.linalg.eigh(stated.covariance + np.outer(push, push) + self.columns @ self.columns.T)
+        columns = np.column_stack([self.course.along(points, named, self.base).push, self.bad.columns(points.x.size)])
+        spectrum, basis = np.linalg.eigh(stated.covariance + columns @ columns.T)
         rounding = np.finfo(float).eps * spectrum.size * spectrum[-1]
         return CorrelatedErrors(points, Size(Scale(1.0), Scale(), 0.0), basis, np.maximum(spectrum, rounding), stated.shift)
 
@@ -92,8 +94,8 @@ class FreeStart(Stated):
 
 
 @dataclass(frozen=True, eq=False)
-class WithForce(Stated):
-    """Stated noise, a free start and an unmodelled force, as a mixture that stays as it is.
+class WithMixture(Stated):
+    """Stated noise together with what the curve lacks, as a mixture that stays as it is.
 
     mixture, whitener, shift : of `MixtureErrors`.
     """
@@ -108,6 +110,16 @@ class WithForce(Stated):
     def for_search(self) -> Noise:
         """The stated noise alone."""
         return self.base
+
+
+@dataclass(frozen=True, eq=False)
+class WithForce(WithMixture):
+    """Stated noise, a free start and an unmodelled force.  bad : frames that are shifted."""
+
+    bad: BadFrames
+
+    def likelihood(self, points: Points, named: Named) -> MixtureErrors:
+        return super().likelihood(self.bad.moved(points), named)
 
     def describe(self, *, x_unit: str, y_unit: str, words: Wording) -> str:
         stated = self.base.describe(x_unit=x_unit, y_unit=y_unit, words=words)

@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -15,14 +15,14 @@ from estim.deviation.completed import Completed
 from estim.deviation.components import Shape, diagonalise
 from estim.deviation.course import Along, Course
 from estim.deviation.force import force_shapes
-from estim.deviation.found import Force, find_force
+from estim.deviation.found import Force, OwnForce, find_force
 from estim.deviation.generic import stated_is_conservative
 from estim.deviation.grid import SCALES, prior_grid
 from estim.deviation.jumps import BadFrames, find_bad_frames
 from estim.deviation.linearised import Linearised, linearise
 from estim.deviation.mixture import keep_probable
 from estim.deviation.noise import StatedErrors, WithForce, normal_covariance
-from estim.problem import Observations, Problem
+from estim.problem import Observations, Points, Prior, Problem
 
 _PARTS = (0.5, 0.9, 0.99, 0.999)  # of the linearised posterior: the wide components hold its tails
 _ANY_SCALE, _COARSE = (1.0, 1.6, 2.5, 4.0, 6.3, 10.0), 12  # where frames are judged the noise may be any larger than stated
@@ -30,15 +30,19 @@ _ANY_SCALE, _COARSE = (1.0, 1.6, 2.5, 4.0, 6.3, 10.0), 12  # where frames are ju
 
 @dataclass(frozen=True, eq=False)
 class FoundForce:
-    """The unmodelled force of one run.
+    """The unmodelled force of one run, or the one that several share.
 
+    run : its name, or what those that share the force have in common.
     unit : of positions.  scale : of the prior of its amplitude.  force : in units of the weight.
-    without : parameter -> its standard deviation with the stated noise alone and an exact start.  upright : cosine of the tilt.
+    growth : parameter -> its standard deviation over that with the stated noise alone and an exact start, both linearised.
+    upright : cosine of the tilt.
     means, covs : (n, n_par), (n, n_par, n_par) of normal distributions that make up the linearised posterior, the narrowest first.
     bad : frames that are shifted.  reading_unit : of them.  step : of a digital reading, 0 where there is none.
+    moved : how far the posterior mode lies from the linearised mean, in sds of the parameter that is farthest off.
     noise : quantiles 0.16, 0.5, 0.84 of the size of the readings' noise in units of what was stated.
     larger, too_large : probability that it is larger than stated, and as large as the grid goes, or more.
     conservative : whether the readings scatter by far less than stated.
+    runs : names of the runs that share the force, or the one that has it.  own : what each of several adds to it.
     completed : the curve together with the force, for bands; None where that is not known.
     """
 
@@ -50,13 +54,16 @@ class FoundForce:
     larger: float
     too_large: float
     conservative: bool
-    without: Mapping[str, float]
+    growth: Mapping[str, float]
     upright: float
     means: FloatArray
     covs: FloatArray
     bad: BadFrames
     reading_unit: str
     step: float
+    runs: tuple[str, ...]
+    own: tuple[OwnForce, ...] = ()
+    moved: float = 0.0
     completed: Completed | None = None
 
 
@@ -69,6 +76,16 @@ class Posed:
     step: FloatArray
     cov: FloatArray
 
+    shared = ()
+
+    @property
+    def noises(self) -> Mapping[str, WithForce]:
+        return {self.found.run: self.noise}
+
+    def found_at(self, step: FloatArray) -> tuple[FoundForce, ...]:
+        """What was found, where the mode lies `step` (n_par,) from the point of linearisation."""
+        return (replace(self.found, moved=float(np.max(np.abs(step - self.step) / np.sqrt(np.diag(self.cov))))),)
+
 
 def pose_force(run: Observations, course: Course, problem: Problem, values: FloatArray, *, without: FloatArray, bad: BadFrames) -> Posed:
     """The force of `run`, linear about `values` (n_par,), those of a fit with white errors and a free start.
@@ -76,7 +93,7 @@ def pose_force(run: Observations, course: Course, problem: Problem, values: Floa
     without : (n_par,) standard deviations with the stated noise alone and an exact start.  bad : frames whose shifts are unknown too.
     Raises InputError where the body hardly moves somewhere along the track.
     """
-    here = _linear(run, course, problem, values)
+    here = _linear(run, course, problem, values, bad)
     deviation = diagonalise(here.stated.covariance, here.shapes, prior_grid(run.force))
     columns = np.column_stack([here.along.push, bad.columns(run.n_obs)])
     n, extra = problem.n_par, columns.shape[1] - 1
@@ -84,34 +101,38 @@ def pose_force(run: Observations, course: Course, problem: Problem, values: Floa
     jacobian = np.column_stack([here.jacobian, columns[:, 1:]])
     linear = linearise(deviation, here.residuals, jacobian, precision=precision, pull=np.r_[here.pull, np.zeros(extra)])
     mixture = keep_probable(linear, columns=columns)
-    noise = WithForce(run.noise, mixture, _whitener(linear, columns), here.stated.shift)
+    noise = WithForce(run.noise, mixture, whitener(linear, columns), here.stated.shift, bad=bad)
     force = find_force(linear, here.along.track, here.along.response, radius=here.along.radian)
     means, covs = linear_groups(linear, n)
     unit = run.y_unit if run.positions else run.x_unit
     found = FoundForce(
         run=run.name, unit=unit, scale=run.force, force=force, noise=linear.size("scale"), larger=linear.p_noise(float(np.nextafter(1.0, 2.0))),
         too_large=linear.p_noise(max(SCALES)), conservative=stated_is_conservative(linear),
-        without=dict(zip(problem.names, without.tolist(), strict=True)), upright=here.along.upright, means=values + means, covs=covs, bad=bad,
-        reading_unit=unit if run.positions or run.noise.made_of_positions else run.y_unit, step=run.noise.size.step,
+        growth=growth_over(problem, linear, without), upright=here.along.upright, means=values + means, covs=covs, bad=bad,
+        reading_unit=unit if run.positions or run.noise.made_of_positions else run.y_unit, step=run.noise.size.step, runs=(run.name,),
         completed=None if run.positions else Completed(run.points, run.body, mixture, here.stated.shift, here.along),
     )
     return Posed(noise, found, linear.mean[:n], linear.covariance[:n, :n])
 
 
-def bad_frames(run: Observations, course: Course, problem: Problem, values: FloatArray) -> BadFrames:
-    """The frames of `run` that are shifted, linear about `values` as above.  Raises InputError as `pose_force` does."""
-    here = _linear(run, course, problem, values)
-    frames = course.frames(run.points, here.named, run.noise)
+def bad_frames(run: Observations, course: Course, problem: Problem, values: FloatArray, *, known: BadFrames) -> BadFrames:
+    """The frames of `run` that are shifted, linear about `values` as above.  Raises InputError as `pose_force` does.
+
+    known : what was found about other values: it is kept where it still has a size.
+    """
+    here = _linear(run, course, problem, values, known)
+    frames = course.frames(here.points, here.named, run.noise)
     if frames is None:
         return BadFrames()
     deviation = diagonalise(here.stated.covariance, here.shapes, prior_grid(run.force, scales=_ANY_SCALE, n_amplitude=_COARSE))
-    return find_bad_frames(deviation, frames, here.residuals, here.jacobian, precision=here.precision, pull=here.pull)
+    return find_bad_frames(deviation, frames, here.residuals, here.jacobian, precision=here.precision, pull=here.pull, known=known)
 
 
 @dataclass(frozen=True, eq=False)
 class _Linear:
     """A run, linear about values of its parameters; the energy at release is the last column of jacobian, precision and pull."""
 
+    points: Points
     named: Mapping[str, FloatArray]
     along: Along
     stated: StatedErrors
@@ -122,13 +143,18 @@ class _Linear:
     pull: FloatArray
 
 
-def _linear(run: Observations, course: Course, problem: Problem, values: FloatArray) -> _Linear:
-    named = problem.named(values)
-    along, stated = course.along(run.points, named, run.noise), normal_covariance(run.noise, run.points, named)
-    residuals = run.y - stated.shift - np.ravel(np.broadcast_to(run.points.value(named), (1, run.n_obs)))
-    jacobian = np.column_stack([run.points.gradient(named, problem.names), along.push])
+def _linear(run: Observations, course: Course, problem: Problem, values: FloatArray, bad: BadFrames) -> _Linear:
+    named, points = problem.named(values), bad.moved(run.points)
+    along, stated = course.along(points, named, run.noise), normal_covariance(run.noise, points, named)
+    residuals = points.y - stated.shift - np.ravel(np.broadcast_to(points.value(named), (1, run.n_obs)))
+    jacobian = np.column_stack([points.gradient(named, problem.names), along.push])
     shapes = force_shapes(along.track, along.response, radius=along.radian)
-    return _Linear(named, along, stated, shapes, residuals, jacobian, *_priors(problem, values))
+    return _Linear(points, named, along, stated, shapes, residuals, jacobian, *priors_at(problem, values))
+
+
+def growth_over(problem: Problem, linear: Linearised, without: FloatArray) -> dict[str, float]:
+    sds = np.sqrt(np.diag(linear.covariance)[: problem.n_par])
+    return {name: float(sd / before) for name, sd, before in zip(problem.names, sds, without, strict=True) if before > 0.0}
 
 
 def linear_groups(linear: Linearised, n_par: int) -> tuple[FloatArray, FloatArray]:
@@ -148,15 +174,23 @@ def linear_groups(linear: Linearised, n_par: int) -> tuple[FloatArray, FloatArra
     return np.array(means), np.array(covs)
 
 
-def _priors(problem: Problem, values: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Precision (n_par + 1, n_par + 1) and pull (n_par + 1,) of the priors at `values`, the energy at release last, in its own sds."""
+def priors_at(problem: Problem, values: FloatArray, *, n_start: int = 1) -> tuple[FloatArray, FloatArray]:
+    """Precision (n, n) and pull (n,) of the priors at `values`, n = n_par + n_start: the energies at release last, in their own sds."""
     priors = list(zip(problem.parameters, values, strict=True))
-    slope = np.array([p.prior.residual_slope(float(v)) for p, v in priors] + [1.0])
-    off = np.array([p.prior.residual(float(v)) for p, v in priors] + [0.0])
+    slope = np.array([_bounded(p.prior, float(v))[0] for p, v in priors] + [1.0] * n_start)
+    off = np.array([_bounded(p.prior, float(v))[1] for p, v in priors] + [0.0] * n_start)
     return np.diag(slope**2), -np.divide(off, slope, out=np.zeros_like(off), where=slope != 0.0)
 
 
-def _whitener(linear: Linearised, columns: FloatArray) -> FloatArray:
+def _bounded(prior: Prior, value: float) -> tuple[float, float]:
+    """Slope and residual of a prior at a value; of one without a pull, those of a normal prior of its centre and sd: a linear step stays inside."""
+    slope = prior.residual_slope(value)
+    if slope != 0.0 or not np.isfinite(prior.sd):
+        return slope, prior.residual(value)
+    return 1.0 / prior.sd, (value - prior.centre) / prior.sd
+
+
+def whitener(linear: Linearised, columns: FloatArray) -> FloatArray:
     """L^-1 with L L^T the most probable covariance and that of push and bad frames, in units of the stated noise at least."""
     size = min(float(linear.scales[linear.best]), 1.0)
     covariance = linear.best_covariance() / size**2 + columns @ columns.T

@@ -84,9 +84,10 @@ def usual_errors_of(noise: Noise) -> WithUsualErrors | None:
 def read_off(posterior: Posterior, values: FloatArray, cov: FloatArray) -> tuple[ReadOff, ...]:
     """What the data say of the usual errors of each run, to first order about the mode `values` (n_par,) with covariance `cov`."""
     problem, named, found = posterior.problem, posterior.problem.named(values), []
-    for run, likelihood in zip(problem.runs, posterior.likelihoods, strict=True):
+    for group, likelihood in zip(problem.groups, posterior.likelihoods, strict=True):
+        run, *others = group.runs
         noise, points = usual_errors_of(run.noise), run.points
-        if noise is None:
+        if noise is None or others:  # runs that are fit together have no usual errors in their noise
             continue
         residuals = likelihood.y - np.ravel(np.broadcast_to(points.value(named), (1, run.n_obs)))
         gradient = points.gradient(named, problem.names)

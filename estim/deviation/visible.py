@@ -57,23 +57,20 @@ def see_deviation(linear: Linearised, run: Observations, scales: Mapping[str, fl
     kept = order[: 1 + int(np.searchsorted(np.cumsum(linear.weights[order]), 1.0 - _LOST))]
     lacks = run.lacks
     assert lacks is not None, "asked of runs that may lack something"
-    kernels: dict[tuple[str, float], tuple[FloatArray, FloatArray]] = {}
-    means, sds = np.zeros((kept.size, run.n_obs)), np.zeros((kept.size, run.n_obs))
-    for i, k in enumerate(kept):
-        family, place = linear.component(int(k))
-        amplitude = family.amplitude[place]
-        if amplitude == 0.0:
-            continue
-        key = (family.kind, family.length)
-        if key not in kernels:
-            kernels[key] = _seen(family, run.x if family.kind == DEVIATION or lacks.along is None else lacks.along, scales, rest)
-        kernel, prior = kernels[key]
-        variance = family.scale[place] ** 2 + amplitude**2 * family.spectrum
-        gain = amplitude**2 * deviation.whiten(kernel) @ family.basis / variance  # (n_obs, n_dir)
-        means[i] = gain @ (family.basis.T @ (r - linear.steps[k] @ j))
-        moved = gain @ (j @ family.basis).T
-        spread = amplitude**2 * prior - np.einsum("ij,ij->i", gain * variance, gain)
-        sds[i] = np.sqrt(np.maximum(spread + np.einsum("ip,pq,iq->i", moved, linear.covariances[k], moved), 0.0))
+    means, sds, first = np.zeros((linear.weights.size, run.n_obs)), np.zeros((linear.weights.size, run.n_obs)), 0
+    for family in deviation.families:
+        some = kept[(kept >= first) & (kept < first + family.amplitude.size)]
+        place, first = some - first, first + family.amplitude.size
+        along = run.x if family.kind == DEVIATION or lacks.along is None else lacks.along
+        kernel, prior = _seen(family, along, scales, rest)
+        seen = deviation.whiten(kernel) @ family.basis  # (n_obs, n_dir)
+        precision, square = 1.0 / family.variances()[place], np.square(family.amplitude[place])[:, None]
+        off, turned = (r - linear.steps[some] @ j) @ family.basis, j @ family.basis
+        means[some] = square * ((off * precision) @ seen.T)
+        moved = square[:, :, None] * np.einsum("id,kd,pd->kip", seen, precision, turned, optimize=True)
+        spread = square * prior - np.square(square) * (precision @ np.square(seen).T)
+        sds[some] = np.sqrt(np.maximum(spread + np.einsum("kip,kpq,kiq->ki", moved, linear.covariances[some], moved, optimize=True), 0.0))
+    means, sds = means[kept], sds[kept]
     weights = linear.weights[kept] / linear.weights[kept].sum()
     return Visible(run.x, mixture_quantiles(weights, means, sds, BAND), np.asarray(weights @ means), rest @ linear.residuals)
 

@@ -124,8 +124,8 @@ def rounding(search: SeparableSearch, values: FloatArray | None = None) -> float
     """
     posterior = search.posterior
     named = posterior.problem.named(search.held)
-    runs = zip(posterior.problem.runs, posterior.likelihoods, strict=True)
-    data = 1e-28 * sum(likelihood.squared_size(run.y, named) for run, likelihood in runs)
+    groups = zip(posterior.problem.groups, posterior.likelihoods, strict=True)
+    data = 1e-28 * sum(likelihood.squared_size(group.y, named) for group, likelihood in groups)
     if values is None:
         return data
     terms = np.abs(search.jacobian(values)[: posterior.problem.n_obs] * values).sum(axis=1)

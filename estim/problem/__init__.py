@@ -8,7 +8,7 @@ from estim.problem.flat_prior import Flat
 from estim.problem.likelihood import Ends, Likelihood, Noise, NormalErrors, Points, n_draws, reading_sd
 from estim.problem.noise import CorrelatedErrors, Differentiated, Independent, Linear, Named, Scale, Size
 from estim.problem.observations import MAX_LACKING, Lacks, Observations, Parameter, n_uses, shared_first
-from estim.problem.posterior import Posterior, Problem, informative
+from estim.problem.posterior import Group, Posterior, Problem, StackedPoints, informative
 from estim.problem.priors import MEASURED, HalfNormal, LogNormal, Normal, Prior, TruncatedNormal, Uniform, as_prior
 from estim.problem.readings import Correlated, Readings, check_covariance
 from estim.problem.symmetry import Symmetry, folded, no_symmetry, same_curves

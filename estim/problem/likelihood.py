@@ -2,7 +2,8 @@
 
 - `Noise`: what was assumed of the errors of a run, before any curve: which unknowns, in which words.
 - `Likelihood`: what it makes of the points of a run and of their curve, with all that depends only weakly on the parameters (the slope of
-  the curve inside a covariance, the truncation of a stencil) taken at one set of values.  The posterior is a sum of these over the runs.
+  the curve inside a covariance, the truncation of a stencil) taken at one set of values.  The posterior is a sum of these over the
+  groups of runs (`estim.problem.group`), most of which hold one run.
 
 `estim.problem.independent`, `correlated` and `latent` have the likelihoods; nobody else knows which of them a run has.  What only some have
 is asked for and may be None: `Likelihood.normal`.
@@ -96,7 +97,10 @@ class NormalErrors(Protocol):
 
 
 class Likelihood(Protocol):
-    """The likelihood of one run.  Of draws `named` holds columns (n_draw, 1), else single values; `names` are all parameters of the problem."""
+    """The likelihood of one run, or of several that share what their curves lack.
+
+    Of draws `named` holds columns (n_draw, 1), else single values; `names` are all parameters of the problem.
+    """
 
     @property
     def y(self) -> FloatArray:

@@ -21,6 +21,7 @@ class Parameter:
     """One unknown: `name` as in results ("gamma[heavy]"), `unit` ("1", "rad", "m", ...), prior, and what it is.
 
     notation : how it is written; None: by its own name and in its own unit.
+    between : whether it is a standard deviation between runs, of which no run by itself says anything.
     """
 
     name: str
@@ -28,6 +29,7 @@ class Parameter:
     prior: Prior
     meaning: str
     notation: Notation | None = None
+    between: bool = False
 
     @property
     def label(self) -> Label:

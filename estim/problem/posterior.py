@@ -13,6 +13,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from estim.arrays import FloatArray
+from estim.common import InputError
+from estim.problem.group import Group as Group
+from estim.problem.group import SharedNoise, grouped
+from estim.problem.group import StackedPoints as StackedPoints
 from estim.problem.likelihood import Ends, Likelihood
 from estim.problem.observations import Observations, Parameter
 from estim.problem.priors import Prior, Uniform
@@ -20,10 +24,14 @@ from estim.problem.priors import Prior, Uniform
 
 @dataclass(frozen=True, eq=False)
 class Problem:
-    """Parameters and the runs they explain."""
+    """Parameters and the runs they explain.
+
+    shared : what ties runs together whose errors are not independent; empty where all are.
+    """
 
     parameters: tuple[Parameter, ...]
     runs: tuple[Observations, ...]
+    shared: tuple[SharedNoise, ...] = ()
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -37,10 +45,22 @@ class Problem:
     def n_obs(self) -> int:
         return sum(run.n_obs for run in self.runs)
 
+    @property
+    def groups(self) -> tuple[Group, ...]:
+        """The runs in groups that are independent of each other."""
+        return grouped(self.runs, self.shared)
+
     def restricted(self, runs: Sequence[Observations]) -> Problem:
-        """The problem of some runs alone: with those parameters that they depend on."""
-        used = frozenset[str]().union(*(run.parameters for run in runs))
-        return Problem(tuple(p for p in self.parameters if p.name in used), tuple(runs))
+        """The problem of some runs alone: with those parameters that they depend on.
+
+        Raises InputError where one of them shares something with a run that is left out.
+        """
+        used, names = frozenset[str]().union(*(run.parameters for run in runs)), {run.name for run in runs}
+        shared = tuple(noise for noise in self.shared if names.intersection(noise.runs))
+        for noise in shared:
+            if not names.issuperset(noise.runs):
+                raise InputError("share what their curves lack and cannot be taken apart", field="runs", value=", ".join(noise.runs))
+        return Problem(tuple(p for p in self.parameters if p.name in used), tuple(runs), shared)
 
     @property
     def noise_names(self) -> frozenset[str]:
@@ -68,19 +88,19 @@ class Problem:
     def linearised(self, values: FloatArray) -> Posterior:
         """The posterior with noise covariance and truncation taken at `values` (n_par,)."""
         named = self.named(values)
-        return Posterior(self, tuple(run.likelihood(named) for run in self.runs))
+        return Posterior(self, tuple(group.likelihood(named) for group in self.groups))
 
     def for_search(self) -> Problem:
         """What a search from afar takes in its place (`Noise.for_search`); itself where no run needs that."""
         noises = [run.noise.for_search() for run in self.runs]
-        if all(noise is run.noise for run, noise in zip(self.runs, noises, strict=True)):
+        if not self.shared and all(noise is run.noise for run, noise in zip(self.runs, noises, strict=True)):
             return self
         return Problem(self.parameters, tuple(replace(run, noise=noise) for run, noise in zip(self.runs, noises, strict=True)))
 
 
 @dataclass(frozen=True, eq=False)
 class Posterior:
-    """Posterior density of a problem, the likelihood of each run linearised at one point."""
+    """Posterior density of a problem, linearised at one point: one likelihood for each of its groups (`Problem.groups`), mostly of one run."""
 
     problem: Problem
     likelihoods: tuple[Likelihood, ...]
@@ -103,23 +123,32 @@ class Posterior:
         """(n_draw,) log likelihood, normalised, of draws (n_draw, n_par) inside the priors' support."""
         named = self.problem.named(draws)
         total = np.zeros(draws.shape[0])
-        for run in self.likelihoods:
-            total += run.log_likelihood(named)
+        for likelihood in self.likelihoods:
+            total += likelihood.log_likelihood(named)
         return total
 
+    def by_run(self, parts: Iterable[FloatArray]) -> tuple[FloatArray, ...]:
+        """Rows (n_obs, ...) of each group as those of each run, in the order of the runs."""
+        rows = {
+            run.name: own
+            for group, part in zip(self.problem.groups, parts, strict=True)
+            for run, own in zip(group.runs, group.split(part), strict=True)
+        }
+        return tuple(rows[run.name] for run in self.problem.runs)
+
     def pointwise(self, draws: FloatArray) -> tuple[FloatArray, ...]:
-        """For each run (n_draw, n_obs): log predictive density of every point given all the other points of its run.
+        """For each run (n_draw, n_obs): log predictive density of every point given all the other points of its run, or group of runs.
 
         Where errors are independent this is the log likelihood of the point (with errors of x: given the estimated distribution of the
         true abscissas, so that the terms do not quite sum to `log_likelihood`).
         """
         named = self.problem.named(draws)
-        return tuple(run.pointwise(named) for run in self.likelihoods)
+        return tuple(rows.T for rows in self.by_run(likelihood.pointwise(named).T for likelihood in self.likelihoods))
 
     def standardised(self, values: FloatArray) -> tuple[FloatArray, ...]:
         """For each run, (n_obs,) residuals over their standard deviations at `values` (n_par,), each independent of the others."""
         named = self._row(values)
-        return tuple(run.standardised(named)[0] for run in self.likelihoods)
+        return self.by_run(likelihood.standardised(named)[0] for likelihood in self.likelihoods)
 
     def residuals(self, values: FloatArray) -> FloatArray:
         """(n_obs + n_par,) residuals of all runs, then one for each prior: half their squares sum to minus the log density.
@@ -131,12 +160,12 @@ class Posterior:
     def residuals_at(self, draws: FloatArray) -> FloatArray:
         """(n_draw, n_obs) those of all runs at draws (n_draw, n_par)."""
         named = self.problem.named(draws)
-        return np.hstack([run.residuals(named) for run in self.likelihoods])
+        return np.hstack([rows.T for rows in self.by_run(likelihood.residuals(named).T for likelihood in self.likelihoods)])
 
     def size_residuals(self, values: FloatArray) -> FloatArray:
         """(n_obs,) residuals whose squares sum to chi^2: those of least squares, with errors of x the normal scores (`standardised`)."""
         named = self._row(values)
-        return np.concatenate([run.size_residuals(named)[0] for run in self.likelihoods])
+        return np.concatenate(self.by_run(likelihood.size_residuals(named)[0] for likelihood in self.likelihoods))
 
     def prior_residuals(self, values: FloatArray) -> FloatArray:
         """(n_par,) one residual for each prior; 0 for a uniform one."""
@@ -146,27 +175,28 @@ class Posterior:
         """(n_obs + n_par, n_par) derivatives of `residuals` at fixed noise parameters."""
         slopes = [p.prior.residual_slope(float(v)) for p, v in zip(self.problem.parameters, values, strict=True)]
         named = self.problem.named(values)
-        return np.vstack([*(run.jacobian(named, self.names) for run in self.likelihoods), np.diag(slopes)])
+        return np.vstack([*self.by_run(likelihood.jacobian(named, self.names) for likelihood in self.likelihoods), np.diag(slopes)])
 
     def scoring(self, values: FloatArray) -> tuple[tuple[FloatArray, FloatArray], ...]:
-        """For each run a Jacobian J (n, n_par) and residuals r (n,) in the curve's parameters for a step of least squares, n >= n_obs.
+        """For each group a Jacobian J (n, n_par) and residuals r (n,) in the curve's parameters for a step of least squares, n >= n_obs.
 
         J^T r is minus the gradient of the log likelihood; J^T J is the Fisher information where residuals of least squares (`residuals`)
         are far from normal (`Likelihood.creeps`), and that of `jacobian` elsewhere.
         """
         named = self.problem.named(values)
-        return tuple(run.scoring(named, self.names) for run in self.likelihoods)
+        return tuple(likelihood.scoring(named, self.names) for likelihood in self.likelihoods)
 
     def information_roots(self, values: FloatArray) -> tuple[FloatArray, ...]:
-        """For each run J (n, n_par) with J^T J the Fisher information of its data about the curve, the noise held."""
+        """For each group J (n, n_par) with J^T J the Fisher information of its data about the curve, the noise held."""
         named = self.problem.named(values)
-        return tuple(run.information_root(named, self.names) for run in self.likelihoods)
+        return tuple(likelihood.information_root(named, self.names) for likelihood in self.likelihoods)
 
     def information(self, values: FloatArray) -> FloatArray:
         """(n_par, n_par) Fisher information of the data about all parameters, without the priors."""
         named, total = self.problem.named(values), np.zeros((values.size, values.size))
-        for run, likelihood in zip(self.problem.runs, self.likelihoods, strict=True):
-            total += likelihood.information(named, self.names, self._ends(values, run.noise.parameters))
+        for group, likelihood in zip(self.problem.groups, self.likelihoods, strict=True):
+            chosen = {name for run in group.runs for name in run.noise.parameters}
+            total += likelihood.information(named, self.names, self._ends(values, chosen))
         return total
 
     def _row(self, values: FloatArray) -> dict[str, FloatArray]:

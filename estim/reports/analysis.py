@@ -25,6 +25,7 @@ from estim.reports.deviation_figures import force_figure
 from estim.reports.explanation import explanation_text, runs_text
 from estim.reports.identifiability import IdentifySection, identify_section
 from estim.reports.identifiability_figures import direction_figure, profile_figure, ridge_figure
+from estim.reports.joint_figures import together_figure
 from estim.reports.labels import Labels
 from estim.reports.lacks import lacks_text
 from estim.reports.lacks_figures import lacks_figure
@@ -77,6 +78,8 @@ def analysis_report(campaign: Subject, analysis: Analysis, *, voice: Voice = Voi
     if analysis.consistency is not None:
         on_edge = analysis.fit.at_bound
         drawn["figures/consistency.png"] = partial(forest_figure, analysis.consistency, synthetic=synthetic, on_edge=on_edge)
+    if len(analysis.problem.runs) > 1:
+        drawn["figures/residuals_together.png"] = lambda: together_figure(analysis.problem, analysis.goodness, synthetic=synthetic)
     if analysis.fit.forces:
         drawn["figures/force.png"] = lambda: force_figure(analysis.fit.forces, analysis.problem.runs, synthetic=synthetic)
     if analysis.fit.deviations:
@@ -116,9 +119,20 @@ def analysis_text(
         consistency=consistency, axes=axes, limits_only=result.status != "ok", converged=converged,
         corner_words=corner_words, usual=[usual_row(one) for one in result.usual_errors], lacks=lacks, explanation=explanation,
         deviation=deviation_text(result.deviation, result.labels) if result.deviation else "",
+        complete=_complete(result),
+        drawn=any(force.drawn for force in (result.deviation or {}).values()),
         said=[words for force in (result.deviation or {}).values() for words in (force.words, force.noise_words)] if result.status == "ok" else [],
         picture=" and ".join(f"{y} against {x}" for x, y in axes),
     )
+
+
+def _complete(result: Result) -> dict[str, list[str]]:
+    """Each reason for which curves are taken as complete, and the runs."""
+    runs: dict[str, list[str]] = {}
+    for name, run in result.runs.items():
+        if run.complete is not None:
+            runs.setdefault(run.complete, []).append(name)
+    return runs
 
 
 def _moved_by_errors(result: Result) -> list[str]:

@@ -39,9 +39,12 @@ class ForceSummary(msgspec.Struct, frozen=True):
     most: float  # its largest size
     noise: list[float]  # quantiles 0.16, 0.5, 0.84 of the size of the noise of the readings, 1: as stated
     conservative: bool  # whether the readings scatter by far less than stated
-    growth: dict[str, float]  # sd of each parameter over that with the stated noise and an exact start; empty where the status is not ok
+    runs: list[str]  # that share it; one where it is that of a run alone
+    own: dict[str, float]  # run -> root mean square of what it adds to a shared force; empty where none is shared
+    growth: dict[str, float]  # sd of each parameter over that with the stated noise and an exact start, linearised; empty where not ok
     average: AverageResistance | None
     words: str
+    drawn: bool  # whether the bands of the curve hold it
     noise_words: str | None  # where the readings scatter plainly otherwise than stated
     x: list[float]
     low_95: list[float]
@@ -62,7 +65,7 @@ class _Section:
 
 
 def deviations(analysis: Analysis) -> dict[str, ForceSummary] | None:
-    """Run -> its unmodelled force; None where none was asked for."""
+    """Run, or body of runs that share one -> its unmodelled force; None where none was asked for."""
     return {found.run: _summary(analysis, found) for found in analysis.fit.forces} or None
 
 
@@ -85,19 +88,20 @@ def _summary(analysis: Analysis, found: FoundForce) -> ForceSummary:
     force, problem, noise = found.force, analysis.problem, noise_finding(found)
     sds = dict(zip(problem.names, np.std(analysis.chain.flat, axis=0).tolist(), strict=True))
     ok = analysis.diagnosis.ok
-    growth = {name: sds[name] / sd for name, sd in found.without.items() if sd > 0.0} if ok else {}
     low_95, low_68, median, high_68, high_95 = force.quantiles.tolist()
     return ForceSummary(
         prior_scale=found.scale, probability=force.probability, amplitude=list(force.amplitude),
         length=[None if np.isnan(one) else one for one in force.length], unit=found.unit, typical=force.typical, most=force.most,
-        noise=list(found.noise), conservative=found.conservative, growth=growth, average=_average(analysis, found, sds) if ok else None,
-        words=tell(force_finding(found)), noise_words=None if noise is None else tell(noise), x=force.x.tolist(),
+        noise=list(found.noise), conservative=found.conservative, runs=list(found.runs),
+        own={one.run: float(np.sqrt(np.mean(np.square(one.mean)))) for one in found.own},
+        growth=dict(found.growth) if ok else {}, average=_average(analysis, found, sds) if ok else None,
+        words=tell(force_finding(found)), drawn=found.completed is not None, noise_words=None if noise is None else tell(noise), x=force.x.tolist(),
         low_95=low_95, low_68=low_68, median=median, high_68=high_68, high_95=high_95,
     )
 
 
 def _average(analysis: Analysis, found: FoundForce, sds: Mapping[str, float]) -> AverageResistance | None:
-    run = next(run for run in analysis.problem.runs if run.name == found.run)
+    run = next(run for run in analysis.problem.runs if run.name == found.runs[0])
     name = run.arguments.get(_AVERAGE)
     if not isinstance(name, str):
         return None

@@ -1,4 +1,4 @@
-"""Figure of the unmodelled force along the track of each run."""
+"""Figure of the unmodelled force along the track of each run, or of those that share one."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from matplotlib.figure import Figure
 from estim.deviation import FoundForce
 from estim.problem import Observations
 from estim.reports.figures import BLUE, GREY, INK, ORANGE, grid
+from estim.reports.joint_figures import RUN_COLOURS
 
 
 def force_figure(forces: Sequence[FoundForce], runs: Sequence[Observations], *, synthetic: bool) -> Figure:
@@ -17,7 +18,7 @@ def force_figure(forces: Sequence[FoundForce], runs: Sequence[Observations], *, 
     figure, axes = grid(len(forces), height=2.8)
     by_name = {run.name: run for run in runs}
     for ax, found in zip(axes, forces, strict=True):
-        run, force = by_name[found.run], found.force
+        several, force = [by_name[name] for name in found.runs], found.force
         low_95, low_68, median, high_68, high_95 = 100.0 * force.quantiles
         ax.fill_between(force.x, low_95, high_95, color=BLUE, alpha=0.18, lw=0, label="95 %")
         ax.fill_between(force.x, low_68, high_68, color=BLUE, alpha=0.38, lw=0, label="68 %")
@@ -26,9 +27,16 @@ def force_figure(forces: Sequence[FoundForce], runs: Sequence[Observations], *, 
         if force.back is not None:
             ax.plot(force.x, 100.0 * force.back[2], color=ORANGE, lw=1.4, ls="--", label="median on the way back")
             ax.plot(np.tile(force.x, (2, 1)).T, 100.0 * force.back[[1, 3]].T, color=ORANGE, lw=0.7, ls=":")
-        place, label = (run.y, run.y_label) if run.positions else (run.x, run.x_label)
+        for own, colour in zip(found.own, RUN_COLOURS[1:] * len(found.own), strict=False):
+            ax.plot(own.x, 100.0 * own.mean, color=colour, lw=0.8, label=f"{own.run} adds")
+        place = np.concatenate([run.y if run.positions else run.x for run in several])
+        label = several[0].y_label if several[0].positions else several[0].x_label
         ax.plot(place, 0.0 * place + 0.025, "|", color=INK, ms=6, transform=ax.get_xaxis_transform(), label="points that are fit")
         ax.set(xlabel=label, ylabel="force (% of the weight)", xlim=(force.x[0], force.x[-1]))
-        ax.set_title(f"{run.name}: P(amplitude > 0) = {force.probability:.3f}" + (" (SYNTHETIC data)" if synthetic else ""), fontsize=10)
-    axes[0].legend(fontsize=7.5, frameon=False, loc="best", ncols=4)
+        ax.set_title(f"{_title(found)}: P(amplitude > 0) = {force.probability:.3f}" + (" (SYNTHETIC data)" if synthetic else ""), fontsize=10)
+        ax.legend(fontsize=7.5, frameon=False, loc="upper left", bbox_to_anchor=(0.0, -0.18), ncols=4)
     return figure
+
+
+def _title(found: FoundForce) -> str:
+    return found.run if len(found.runs) == 1 else f"{found.run}, shared by {len(found.runs)} runs"

@@ -185,7 +185,7 @@ class Result(msgspec.Struct, frozen=True, dict=True, rename={"schema_": "schema"
     certificate: CertificateSummary
     profile: dict[str, Profile] | None
     curve_deviation: dict[str, DeviationSummary] | None  # of each run of a user's own curve, where it was asked for
-    deviation: dict[str, ForceSummary] | None  # of each run, where an unmodelled force was asked for
+    deviation: dict[str, ForceSummary] | None  # of each run, or body of runs that share one, where there is an unmodelled force
     explanation: ExplanationSummary | None  # candidates for what the curve lacks, where that was asked
     turning_point: dict[str, TurningPoint]
     runs: dict[str, RunSummary]

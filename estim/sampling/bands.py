@@ -80,7 +80,7 @@ def _bands(
     named, scale = problem.named(draws), np.ones(draws.shape[0])
     if completed is not None:
         gained, scale = completed.gained(x, named, rng)
-        curve, end = _moved_on(x, curve, end, gained)
+        curve, end = moved_on(x, curve, end, gained)
     reading = np.broadcast_to(reading_sd(run.noise, named), (draws.shape[0], run.n_obs)).mean(axis=1, keepdims=True)
     sd = np.hypot(reading, run.noise.size.scatter.at(named)) * scale[:, None]
     # one error for all positions of a draw: the same interval at each x, and a smooth band
@@ -92,7 +92,7 @@ def _bands(
     )
 
 
-def _moved_on(x: FloatArray, curve: FloatArray, end: FloatArray, gained: FloatArray) -> tuple[FloatArray, FloatArray]:
+def moved_on(x: FloatArray, curve: FloatArray, end: FloatArray, gained: FloatArray) -> tuple[FloatArray, FloatArray]:
     """The curve (n_draw, n_x) and its end (n_draw,) with v^2 `gained` (n_draw, n_x); about the end v^2 falls like a straight line."""
     inside = np.clip(np.sum(x < end[:, None], axis=1) - 1, 0, x.size - 1)
     rows = np.arange(end.size)

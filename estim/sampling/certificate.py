@@ -33,6 +33,7 @@ __all__ = ["Agreement", "Certificate", "Proposal", "adapt_proposal", "certify", 
 
 
 MAX_PARAMETERS = 12
+MAX_TIED = 20  # of runs that share a force: a chain is all that they have beside importance sampling, no marginal over runs
 IMPORTANCE = "importance sampling"
 MOST_DRAWS = 64_000
 PROBABILITIES = (0.025, 0.16, 0.5, 0.84, 0.975)
@@ -178,11 +179,13 @@ class _Column:
         return 0.5 * (self.at(min(p + u, 1.0)) - self.at(max(p - u, 0.0)))
 
 
-def compare_with_chain(certificate: Certificate, chain: Chain) -> Agreement:
+def compare_with_chain(certificate: Certificate, chain: Chain, *, most: int = MAX_PARAMETERS) -> Agreement:
     """Whether a chain and an independent certificate give the same means, standard deviations and ends of the 95 % intervals.
 
     A difference is called where it is both larger than 0.03 posterior sds (0.05 for the ends) and beyond what the Monte-Carlo errors of
     both allow; with all 4 n_par differences considered (Bonferroni) a true agreement is called in one case of 2000 at most.
+
+    most : parameters beyond which there is no verdict.
     """
     from scipy.stats import norm
 
@@ -197,6 +200,8 @@ def compare_with_chain(certificate: Certificate, chain: Chain) -> Agreement:
     z_ends, u_ends = (np.array(both) for both in zip(*(_end(certificate, chain, p) for p in ENDS), strict=True))
     zs = (mean - certificate.mean) / u_mean, (spread - certificate.sd) / u_sd, z_ends
     limit = float(norm.isf(_FALSE_ALARM / (8 * n_par)))
+    if n_par > most:
+        return Agreement(certificate.names, "missing", (too_many(n_par, most),), *differences, *zs, limit)
     verdict, told = _verdict(certificate, differences, zs, (u_mean / sd, u_sd / sd, u_ends / sd), limit)
     return Agreement(certificate.names, verdict, (told,), *differences, *zs, limit)
 
@@ -236,18 +241,15 @@ def chain_errors(chain: Chain) -> tuple[FloatArray, FloatArray]:
         return u_mean, of_squares / np.sqrt(effective_size(squares, "mean")) / (2.0 * spread)
 
 
-def too_many(n_par: int) -> Finding:
+def too_many(n_par: int, most: int = MAX_PARAMETERS) -> Finding:
     """Why there is no certificate."""
-    return Finding(Kind.TOO_MANY_PARAMETERS, size=n_par, numbers={"limit": MAX_PARAMETERS})
+    return Finding(Kind.TOO_MANY_PARAMETERS, size=n_par, numbers={"limit": most})
 
 
 def _verdict(
     certificate: Certificate, differences: Sequence[FloatArray], zs: Sequence[FloatArray], us: Sequence[FloatArray], limit: float
 ) -> tuple[str, Finding]:
     """us : the errors of the differences in posterior sds."""
-    n_par = len(certificate.names)
-    if n_par > MAX_PARAMETERS:
-        return "missing", too_many(n_par)
     if not certificate.reliable:
         numbers = {"limit": K_HAT_LIMIT, "draws": certificate.n_draw}
         return "missing", Finding(Kind.WEIGHTS_UNRELIABLE, size=certificate.k_hat, numbers=numbers)

@@ -1,6 +1,6 @@
 """A chain on disk, in chunks that survive whatever ends the process.
 
-A folder holds `key.json`, what the chain depends on (`estim.sampling.fingerprint`), and chunks `000000-DIGEST.npz`, `000001-DIGEST.npz`, ...
+A folder holds `key.json`, what the chain depends on (`estim.sampling.keys`), and chunks `000000-DIGEST.npz`, `000001-DIGEST.npz`, ...
 (`estim.sampling.chunk`).  The name holds the SHA-256 digest of the file's bytes, and each chunk names the digest of the one before it (the
 first one: of the key).  So a file that is torn, truncated or changed by the disk is recognised, and it and all after it are never
 read as data.  A digest is no proof of who wrote a file: what is whole is checked number by number before it is used, and what
@@ -27,9 +27,9 @@ import numpy as np
 
 from estim.common import TEMPORARY, EstimError, InputError, held, names_in, read_file, remove_empty, remove_files, require_plain, write_whole
 from estim.sampling.chunk import Chunk, Layout, decode, encode, join
-from estim.sampling.fingerprint import Key, differences, digest_of
-from estim.sampling.fingerprint import fingerprint as content_digest  # noqa: F401
-from estim.sampling.fingerprint import problem_key as problem_key
+from estim.sampling.keys import Key, differences, digest_of
+from estim.sampling.keys import fingerprint as fingerprint
+from estim.sampling.keys import problem_key as problem_key
 from estim.sampling.pieces import Pieces as Pieces
 from estim.sampling.pieces import PieceStore as PieceStore
 

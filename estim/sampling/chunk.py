@@ -43,7 +43,7 @@ class Layout:
 
     @classmethod
     def of(cls, settings: Mapping[str, str]) -> Layout | None:
-        """The layout that the settings of a key (`estim.sampling.fingerprint`) decide; None where they do not."""
+        """The layout that the settings of a key (`estim.sampling.keys`) decide; None where they do not."""
         texts = [settings.get(name, "") for name in ("n_ensemble", "n_walker", "n_par", "max_step")]
         sound = all(text.isascii() and text.isdecimal() and len(text) < 10 for text in texts)
         return cls(*(int(text) for text in texts)) if sound and all(int(text) for text in texts) else None

@@ -33,7 +33,8 @@ _ROWS = 512  # rows of a block: its arrays stay in the cache
 _LOG_2PI = math.log(2.0 * math.pi)
 _REACH = 4.0  # standard deviations of s within which the quadratic terms are used
 _N_REFINE, _WIDER = 10, 1.5
-_LONGEST_STEP = 3.0  # conditional standard deviations
+_ROUGH, _N_STEP = 0.1, 3  # error of polynomials from which modes are sought at each draw, and by how many steps
+_LONGEST_STEP, _FROM_AFAR = 3.0, 100.0  # conditional standard deviations
 _NOT_NORMAL = "must have plain normal noise for a marginal over runs: use the sampler"
 
 
@@ -80,13 +81,27 @@ class RunTerm:
                 log_p[inside] += self.posterior.log_likelihood(rows[inside])
         return log_p
 
+    def around(self, shared: FloatArray, expansion: Expansion) -> tuple[FloatArray, FloatArray]:
+        """Mode (n_draw, n_own) and root (n_draw, n_own, n_own) of the covariance of its own parameters at shared (n_draw, n_shared).
+
+        Where polynomials miss the modes by too much they are only where steps to the modes begin: own values that vary between runs follow
+        their spread by no polynomial.
+        """
+        mode, root = expansion.at(shared)
+        if not expansion.rough:
+            return mode, root
+        for _ in range(_N_STEP):
+            step, information = _gauss_newton(self, shared, mode, longest=_FROM_AFAR)
+            mode = _inside(mode + step, self.own_priors)
+        return mode, np.linalg.cholesky(np.linalg.inv(information))
+
     def log_marginal(self, shared: FloatArray, expansion: Expansion, *, n_node: int) -> FloatArray:
         """(n_draw,) m(s) at shared (n_draw, n_shared), with `n_node` Gauss-Hermite nodes along each of its own parameters.
 
         One node is Laplace's approximation, log p at the mode + (1/2) log det(2 pi covariance).
         """
         nodes, log_weights = hermite_nodes(n_node, self.own.size)
-        mode, root = expansion.at(shared)
+        mode, root = self.around(shared, expansion)
         n_draw, k = mode.shape
         own = mode[:, None, :] + np.einsum("nij,qj->nqi", root, nodes)
         repeated = np.repeat(shared, nodes.shape[0], axis=0)
@@ -96,7 +111,7 @@ class RunTerm:
 
     def draw_own(self, shared: FloatArray, expansion: Expansion, rng: np.random.Generator) -> tuple[FloatArray, FloatArray]:
         """Own parameters (n_draw, n_own) from the normal density around the mode at shared (n_draw, n_shared), and its log density there."""
-        mode, root = expansion.at(shared)
+        mode, root = self.around(shared, expansion)
         z = rng.standard_normal(mode.shape)
         log_q = -0.5 * np.sum(z**2, axis=1) - log_volume(root) - 0.5 * mode.shape[1] * _LOG_2PI
         return mode + np.einsum("nij,nj->ni", root, z), log_q
@@ -107,7 +122,7 @@ class RunTerm:
         Some steps of an independence sampler (Tierney, Ann. Stat. 22 (1994) 1701) whose proposal is the normal density around the mode, made
         wider: its weights are bounded where the distribution is skewed, and about half of the steps are taken.
         """
-        mode, root = expansion.at(shared)
+        mode, root = self.around(shared, expansion)
         excess = self.log_joint(shared, own) + 0.5 * np.sum(np.linalg.solve(_WIDER * root, (own - mode)[..., None])[..., 0] ** 2, axis=1)
         for _ in range(_N_REFINE):
             z = rng.standard_normal(own.shape)
@@ -133,6 +148,11 @@ class Expansion:
     n_own: int
     error: float
 
+    @property
+    def rough(self) -> bool:
+        """Whether the polynomials do no more than say where to begin."""
+        return self.error > _ROUGH
+
     def at(self, shared: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Mode (n_draw, n_own) and root (n_draw, n_own, n_own) of the covariance at shared (n_draw, n_shared)."""
         out = _features((shared - self.centre) @ self.whiten.T) @ self.coefficients
@@ -152,12 +172,12 @@ def run_terms(fit: Fit, sampled: IndexArray) -> tuple[RunTerm, ...]:
     """
     problem = fit.problem
     terms = []
-    for run, likelihood in zip(problem.runs, fit.posterior.likelihoods, strict=True):
-        alone = problem.restricted((run,))
+    for group, likelihood in zip(problem.groups, fit.posterior.likelihoods, strict=True):
+        alone = problem.restricted(group.runs)
         columns = np.array([problem.names.index(name) for name in alone.names], dtype=np.int64)
         given = np.isin(columns, sampled)
         if likelihood.normal is None:
-            raise InputError(_NOT_NORMAL, field="run", value=run.name)
+            raise InputError(_NOT_NORMAL, field="run", value=", ".join(run.name for run in group.runs))
         posterior = dataclasses.replace(fit.posterior, problem=alone, likelihoods=(likelihood,))
         term = RunTerm(posterior, likelihood.normal, columns, np.flatnonzero(given), np.flatnonzero(~given), fit.values[columns])
         _require_the_same(term)
@@ -218,7 +238,7 @@ def _features(z: FloatArray) -> FloatArray:
     return np.hstack([np.ones((n, 1)), z, near[:, i] * near[:, j]])
 
 
-def _gauss_newton(term: RunTerm, shared: FloatArray, own: FloatArray) -> tuple[FloatArray, FloatArray]:
+def _gauss_newton(term: RunTerm, shared: FloatArray, own: FloatArray, *, longest: float = _LONGEST_STEP) -> tuple[FloatArray, FloatArray]:
     """The step (n_point, n_own) towards the mode of the own parameters, and their information (n_point, n_own, n_own)."""
     k = term.own.size
     steps, informations = np.empty_like(own), np.empty((own.shape[0], k, k))
@@ -233,7 +253,7 @@ def _gauss_newton(term: RunTerm, shared: FloatArray, own: FloatArray) -> tuple[F
             information[:, i, i] += slope**2
         step = np.linalg.solve(information, gradient[..., None])[..., 0]
         length = np.sqrt(np.maximum(np.einsum("nk,nk->n", gradient, step), 0.0))
-        steps[block] = step * np.minimum(1.0, _LONGEST_STEP / np.maximum(length, 1e-300))[:, None]
+        steps[block] = step * np.minimum(1.0, longest / np.maximum(length, 1e-300))[:, None]
         informations[block] = information
     return steps, informations
 

@@ -15,7 +15,7 @@ from estim.common import Interrupted
 from estim.fitting import Fit
 from estim.sampling.chain import Progress
 from estim.sampling.conditional import Expansion
-from estim.sampling.fingerprint import sampling_key
+from estim.sampling.keys import sampling_key
 from estim.sampling.pieces import Pieces, PieceStore
 from estim.sampling.proposal import Proposal
 from estim.sampling.stepping import Stop

@@ -43,7 +43,6 @@ _N_ADAPT = 1000
 _N_POINT = 200
 _MOST_ROUNDS = 8
 _UNEVEN = 0.1  # spread of a run's log weights above which its own parameters are no normal variables: a shift of 0.08 of their sd
-_ROUGH = 0.3  # of a conditional standard deviation: worse expansions of the modes are reported
 
 
 @dataclass(frozen=True)
@@ -158,8 +157,8 @@ def sample_marginal(
     check, k_hat_all, log_evidence_all = pareto_smoothed(raw_all)
     shift, u_shift = difference(shared[: check.size], log_weights[: check.size], check)
     ess, ess_all = kish_size(log_weights), kish_size(check)
-    error = max((expansion.error for expansion in expansions), default=0.0)
-    trusted, told = _judge(k_hat, ess, k_hat_all, ess_all, shift, u_shift, error, n_node=options.n_node, exact=columns.size == fit.problem.n_par)
+    error = max((expansion.error for expansion in expansions if not expansion.rough), default=0.0)
+    trusted, told = _judge(k_hat, ess, k_hat_all, ess_all, shift, u_shift, n_node=options.n_node, exact=columns.size == fit.problem.n_par)
     return MarginalPosterior(
         names=fit.names, sampled=tuple(fit.names[i] for i in columns), draws=draws, log_weights=log_weights, k_hat=k_hat, ess=ess,
         log_evidence=log_evidence, u_log_evidence=u_log_mean(raw),
@@ -296,7 +295,7 @@ def _expand_all(fit: Fit, target: _Marginal, points: FloatArray, regression: Flo
 
 
 def _judge(
-    k_hat: float, ess: float, k_hat_all: float, ess_all: float, shift: float, u_shift: float, error: float, *, n_node: int, exact: bool
+    k_hat: float, ess: float, k_hat_all: float, ess_all: float, shift: float, u_shift: float, *, n_node: int, exact: bool
 ) -> tuple[bool, tuple[Finding, ...]]:
     """Whether the draws may be used, and why or why not."""
     wrong, notes = list[Finding](), list[Finding]()
@@ -312,8 +311,6 @@ def _judge(
         wrong.append(Finding(Kind.WEIGHTS_MOVE, size=shift, numbers={"u": u_shift, "nodes": n_node}))
     else:
         notes.append(Finding(Kind.WEIGHTS_AGREE, size=shift, numbers={"u": u_shift, "k_hat": k_hat_all}))
-    if error > _ROUGH:
-        notes.append(Finding(Kind.EXPANSION_ROUGH, size=error))
     if not wrong:
         notes.insert(0, Finding(Kind.MARGINAL_SAMPLED, size=ess, numbers={"k_hat": k_hat}))
     return not wrong, (*wrong, *notes)

@@ -1,6 +1,6 @@
 """What a computation in independent pieces has done, on disk: trials of a calibration, stages of a marginal.
 
-A folder holds `key.json`, what the pieces depend on (`estim.sampling.fingerprint`), and one archive a piece, `NAME-DIGEST.npz`, whose digest is
+A folder holds `key.json`, what the pieces depend on (`estim.sampling.keys`), and one archive a piece, `NAME-DIGEST.npz`, whose digest is
 that of its bytes and which holds the digest of the key.  A torn or changed file is no piece and is computed again.  Files are written whole, and
 of the folder's files only those with such names, plain ones, are read or removed.  Pieces may be done in any order, unlike the chunks of a chain.
 """
@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from estim.common import TEMPORARY, EstimError, InputError, names_in, read_file, remove_empty, remove_files, write_whole
-from estim.sampling.fingerprint import Key, differences, digest_of
+from estim.sampling.keys import Key, differences, digest_of
 
 _SCHEMA = "estim-pieces/1"
 _KEY = "key.json"

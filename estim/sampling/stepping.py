@@ -19,7 +19,7 @@ from estim.arrays import FloatArray
 from estim.common import InputError, Interrupted
 from estim.sampling.checkpoint import Record, Store
 from estim.sampling.chunk import Chunk
-from estim.sampling.fingerprint import sampling_key
+from estim.sampling.keys import sampling_key
 
 Stop = Callable[[], bool]
 """Called after every step; true asks sampling to save and end."""

@@ -5,10 +5,11 @@ from __future__ import annotations
 import math
 from types import MappingProxyType
 
-from estim.common import Finding, Kind
+from estim.common import Finding, Kind, split_level
 from estim.words.parameters import symbol, value_words
 from estim.words.table import Table
 
+_KEY_UNITS = MappingProxyType({"°": "_deg", "m": "_m", "1/s": "_per_s", "1/m": "_per_m", "°/m": "_deg_m", "N m": "_n_m", "m/s": "_m_s"})
 _SMALLEST = 1e-6  # smaller probabilities have no meaning for errors that are only nearly normal
 
 
@@ -27,7 +28,20 @@ def _pull(f: Finding) -> str:
 
 def _tied(f: Finding) -> str:
     named = ", ".join(f.names[:-1]) + f" and {f.names[-1]}"
-    return f"the runs do not agree about what they share (p = {f.p:.1g}), and these data cannot tell which is wrong among {named}"
+    return f"the runs do not agree about what they share (p = {f.p:.1g}), and these data cannot tell which is wrong among {named}{_let_it_vary(f)}"
+
+
+def _let_it_vary(f: Finding) -> str:
+    """The line that lets a quantity of the campaign vary between runs, where one is offered."""
+    if not f.parameters:
+        return ""
+    (apart,) = f.parameters
+    base, level = split_level(apart.name)
+    factor, unit = (apart.label.factor, apart.label.unit) if apart.label else (1.0, "1")
+    key = {"moment": "resisting_moment"}.get(base, base) + _KEY_UNITS.get(unit, "")
+    where = f"[bodies.{level[1:-1]}]" if level else "[shared]"
+    line = f"between_runs = {{{key} = {apart.value * factor:.2g}}}"
+    return f"; where runs differ by nature rather than by mistake, let {symbol(apart)} vary from run to run: {line}, under {where}"
 
 
 _SHARE, _MM, _DEGREES = (100.0, " %"), (1e3, " mm"), (180.0 / math.pi, "°")
@@ -70,11 +84,11 @@ WORDS: Table = MappingProxyType(
             f"the runs agree with each other but not with the stated values of what they share (p = {f.p:.1g})"
         ),
         Kind.RUN_DISAGREES: lambda f: (
-            f"run {f.run} disagrees with the others about what they share, which agree without it (p = {f.p:.1g} with it)"
+            f"run {f.run} disagrees with the others about what they share, which agree without it (p = {f.p:.1g} with it){_let_it_vary(f)}"
         ),
         Kind.RUNS_TIED: _tied,
         Kind.RUNS_DISAGREE: lambda f: (
-            f"the runs do not agree about what they share (p = {f.p:.1g}), and leaving out a single one does not heal it"
+            f"the runs do not agree about what they share (p = {f.p:.1g}), and leaving out a single one does not heal it{_let_it_vary(f)}"
         ),
     }
 )

@@ -57,10 +57,6 @@ def _missed(f: Finding) -> str:
     return f"the proposal misses part of the marginal of the shared parameters: k-hat {f.size:.2f} is not below {f.numbers['limit']}"
 
 
-def _rough(f: Finding) -> str:
-    return f"the runs' own parameters do not follow the shared ones smoothly (the expansion misses by {f.size:.1f} standard deviations)"
-
-
 WORDS: Table = MappingProxyType(
     {
         Kind.CHAIN_SHORT: lambda f: f"sampling stopped after {f.size:.0f} steps although {_parts(f)}",
@@ -94,6 +90,5 @@ WORDS: Table = MappingProxyType(
         Kind.WEIGHTS_UNEVEN: _uneven,
         Kind.WEIGHTS_MOVE: _move,
         Kind.WEIGHTS_AGREE: _weights_agree,
-        Kind.EXPANSION_ROUGH: _rough,
     }
 )

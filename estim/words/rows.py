@@ -29,4 +29,8 @@ def _left_out(f: Finding) -> str:
     return f"{f.size:.0f} {_WHY[f.kind]}"
 
 
-WORDS: Table = MappingProxyType({Kind.NO_DERIVATIVE: _without_speed, **dict.fromkeys(_WHY, _left_out)})
+def _between(f: Finding) -> str:
+    return f"{f.size:.0f} between: one of every {f.numbers['every']:.0f} is fit"
+
+
+WORDS: Table = MappingProxyType({Kind.NO_DERIVATIVE: _without_speed, Kind.ROWS_BETWEEN: _between, **dict.fromkeys(_WHY, _left_out)})

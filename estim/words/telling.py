@@ -65,6 +65,10 @@ ADVICE: Mapping[Kind, str] = MappingProxyType(
             f"{_NOT_RANDOM}; or give them room: a smooth deviation from the curve ({_DEVIATION}, the size of it that would not surprise you, "
             f"in the unit of y) or errors that follow each other ({_CORRELATED})"
         ),
+        Kind.FORCE_NOT_LINEAR: (
+            "fit a shorter piece of the motion (a window that ends at the turning point), or speeds in place of positions, and look for what is "
+            "wrong with the ramp: the figure of the force shows where"
+        ),
         Kind.FRAMES_CROWD: "look at the file and the window: a stretch that is another motion, or a stated error of the readings that is too small",
         Kind.CHI2_TOO_LARGE: "look at the residuals; where they are random, leave u_y out and their size says how large the errors are",
         Kind.SCATTER_TOO_LARGE: "the curve does not describe this motion, or the stated resolution of the instrument is far too good",

@@ -36,7 +36,8 @@ def problem_key(problem: Problem) -> Key:
         "data": {run.name: fingerprint((run.x, run.y, run.t)) for run in problem.runs},
         "model": {run.name: fingerprint((run.curve, run.arguments)) for run in problem.runs},
         "priors": {p.name: fingerprint(p.prior) for p in problem.parameters},
-        "noise": {run.name: fingerprint(run.noise) for run in problem.runs},
+        "noise": {run.name: fingerprint(run.noise) for run in problem.runs}
+        | {", ".join(shared.runs): fingerprint(shared) for shared in problem.shared},
         "parameters": {p.name: p.unit for p in problem.parameters},
     }
 

@@ -1,0 +1,102 @@
+"""Whose 68 % is 68 %, for a user's own curve: the tables of docs/statistics.md.
+
+    python benchmarks/curve_coverage.py lacks [N]         with and without `deviation` or `correlated` (N sets each, 300)
+    python benchmarks/curve_coverage.py conservative [N]  the stated error where it covers the pattern in the residuals (N sets a size, 1500)
+
+Curves that are linear in their parameters, errors made by Cholesky factors and recursions; a minute or a few.
+"""
+
+from __future__ import annotations
+
+import sys
+
+import numpy as np
+from scipy import stats
+
+from estim.checks.goodness import _pattern
+from estim.deviation.components import diagonalise
+from estim.deviation.generic import correlated_shapes, deviation_shapes, relative_grid
+from estim.deviation.linearised import linearise
+
+N_OBS = 60
+
+
+def design(curve: str, x: np.ndarray) -> np.ndarray:
+    wave = 6.0 * np.pi * x
+    columns = {
+        "line": [np.ones_like(x), x], "parabola": [np.ones_like(x), x, x**2], "sine": [np.ones_like(x), np.cos(wave), np.sin(wave), x * np.cos(wave)],
+    }
+    return np.column_stack(columns[curve])
+
+
+def smooth(x: np.ndarray, length: float) -> np.ndarray:
+    """Factor of a Matern-3/2 covariance."""
+    apart = np.sqrt(3.0) * np.abs(x[:, None] - x) / length
+    return np.linalg.cholesky((1.0 + apart) * np.exp(-apart) + 1e-9 * np.eye(x.size))
+
+
+def errors(kind: str, x: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+    """Errors whose white part has the standard deviation 1 (of AR(1): all of them)."""
+    white = rng.standard_normal(x.size)
+    if kind.startswith("AR"):
+        phi = float(kind.split()[1])
+        made = white.copy()
+        for i in range(1, x.size):
+            made[i] = phi * made[i - 1] + np.sqrt(1.0 - phi**2) * white[i]
+        return made
+    if kind == "wave 2":
+        return 2.0 * np.sqrt(2.0) * np.sin(4.0 * np.pi * x + rng.uniform(0.0, 2.0 * np.pi)) + white
+    if kind.startswith("smooth"):
+        return float(kind.split()[1]) * smooth(x, 0.2) @ rng.standard_normal(x.size) + white
+    return white
+
+
+def lacks(n_set: int) -> None:
+    rng = np.random.default_rng(7)
+    kinds = ("nothing", "AR .5", "AR .9", "smooth .5", "smooth 2", "wave 2")
+    cases = [(curve, kind, stated) for curve in ("line", "sine") for kind in kinds for stated in (True, False)]
+    for curve, kind, stated in cases:
+        for key in ("deviation", "correlated") if kind == "nothing" else ("correlated",) if kind.startswith("AR") else ("deviation",):
+            without, held = zip(*(_one(curve, kind, rng, key, stated=stated) for _ in range(n_set)), strict=True)
+            cells = [" ".join(f"{a:.0f}/{b:.0f}" for a, b in 100.0 * np.mean(table, axis=0)) for table in (without, held)]
+            print(f"{curve:5} {kind:10} {key:10} u_y {'stated' if stated else 'left out':8} | {' | '.join(cells)}", flush=True)
+
+
+def _one(curve: str, kind: str, rng: np.random.Generator, key: str, *, stated: bool) -> tuple[np.ndarray, np.ndarray]:
+    """(n_par, 2) whether 68 and 95 % intervals hold the truth, without the key and with it."""
+    x = np.linspace(0.0, 1.0, N_OBS)
+    jacobian, made = design(curve, x), errors(kind, x, rng)
+    off = np.linalg.lstsq(jacobian, made, rcond=None)[0]
+    residuals, n_par = made - jacobian @ off, jacobian.shape[1]
+    rms = float(np.sqrt(residuals @ residuals / (N_OBS - n_par)))
+    base = 1.0 if stated else rms
+    sds = base * np.sqrt(np.diag(np.linalg.inv(jacobian.T @ jacobian)))
+    times = stats.norm.ppf([0.84, 0.975]) if stated else stats.t.ppf([0.84, 0.975], N_OBS - n_par)
+    shapes = deviation_shapes(x) if key == "deviation" else correlated_shapes(np.arange(float(N_OBS)))
+    scale = float(f"{2.0 * np.sqrt(np.mean(residuals**2)):.1g}") if key == "deviation" else 2.0 * max(rms, base)
+    grid = diagonalise(np.full(N_OBS, base**2), tuple(shape.times(scale) for shape in shapes), relative_grid(stated=stated))
+    found = linearise(grid, residuals, jacobian, precision=np.zeros((n_par, n_par)), stated=stated)
+    places = np.array([found.probability_below(direction, -o) for direction, o in zip(np.eye(n_par), off, strict=True)])
+    return np.abs(off / sds)[:, None] < times, np.abs(places - 0.5)[:, None] < np.array([0.34, 0.475])
+
+
+def conservative(n_set: int) -> None:
+    rng = np.random.default_rng(8)
+    for curve, n, length in [(c, n, one) for c in ("line", "parabola", "sine") for n in (30, 100, 300) for one in (0.1, 0.4, 0.8)]:
+        x = np.linspace(0.0, 1.0, n)
+        basis, triangle = np.linalg.qr(design(curve, x))
+        back = np.linalg.inv(triangle)
+        size = np.repeat([0.05, 0.1, 0.2, 0.3], n_set)[:, None]
+        made = size * (rng.standard_normal((4 * n_set, n)) @ smooth(x, length).T) + 0.02 * rng.standard_normal((4 * n_set, n))
+        off = np.abs(made @ basis @ back.T) / np.linalg.norm(back, axis=1)
+        left = made - made @ basis @ basis.T
+        alike = np.sum(left[:, 1:] * left[:, :-1], axis=1) / np.sum(left**2, axis=1) > 3.3 / np.sqrt(n)
+        covered = alike & (np.array([_pattern(row) for row in left]) <= 1.0)
+        cells = ["/".join(f"{100.0 * np.min(np.mean(off[some] < q, axis=0)):.0f}" for q in (0.9945, 1.96)) for some in (alike, covered)]
+        print(f"{curve:8} {n:3} points, length {length}: all {cells[0]}; covered {np.sum(covered) / np.sum(alike):.2f}, {cells[1]}", flush=True)
+
+
+if __name__ == "__main__":
+    studies = {"lacks": (lacks, 300), "conservative": (conservative, 1500)}
+    study, default = studies[sys.argv[1]]
+    study(int(sys.argv[2]) if len(sys.argv) > 2 else default)

@@ -1,0 +1,94 @@
+"""Quantities that vary between runs: `between_runs = {phi_deg = 0.2}` under [shared] or a body.
+
+The value of each run is that of the quantity plus a normal deviation whose standard deviation is inferred: half-normal beforehand, of the scale that
+is said.  The quantity itself is then the mean of the runs.  Sampled as mean, spread and one standard normal shift a run.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from types import MappingProxyType
+from typing import cast
+
+from estim.campaign.levels import Level, Levels
+from estim.campaign.quantities import Kind
+from estim.common import Notation
+from estim.curves import VaryingCurve, VaryingMotion, shift_of, spread_of
+from estim.problem import HalfNormal, Normal, Observations, Parameter, SpeedCurve
+
+KEY = "between_runs"
+
+
+@dataclass(frozen=True)
+class Spread:
+    """How a quantity varies.  name : of the parameter of its standard deviation.  scale : of its half-normal prior, SI."""
+
+    quantity: str
+    kind: Kind
+    name: str
+    scale: float
+
+
+def spreads_of(levels: Levels, kinds: Mapping[str, Kind]) -> dict[str, Spread]:
+    """Quantity -> how it varies, by the most particular level that says so; not those that the run states for itself.
+
+    Raises InputError at the key's line for what is no quantity, is no scale, or stands at a run.
+    """
+    of_key = {key: (quantity, kind) for quantity, kind in kinds.items() for key in kind.keys}
+    found: dict[str, Spread] = {}
+    for level in levels:
+        for key, scale in (getattr(level.table, KEY) or {}).items():
+            path = (*level.path, KEY, key)
+            if level.path[0] == "runs":
+                raise levels.error("belongs under [shared] or a body, whose runs it is about", (*level.path, KEY))
+            if key not in of_key:
+                raise levels.error(f"must name a quantity ({', '.join(sorted(of_key))})", path)
+            quantity, kind = of_key[key]
+            if not (math.isfinite(scale) and scale > 0.0):
+                raise levels.error("is the scale of a standard deviation: it must be > 0", path, value=scale)
+            found.setdefault(quantity, Spread(quantity, kind, f"{quantity}_spread{level.suffix}", scale * kind.keys[key]))
+    run = next(iter(levels))
+    return {quantity: spread for quantity, spread in found.items() if not _said_by(run, spread.kind)}
+
+
+def varied(runs: Sequence[Observations], spreads: Mapping[str, Mapping[str, Spread]]) -> tuple[tuple[Parameter, ...], tuple[Observations, ...]]:
+    """The runs with values of their own where several of them share a spread, and the unknowns that these need.
+
+    spreads : run -> quantity -> how it varies.  A run that is fit alone has one value, and nothing that it could vary about.
+    """
+    names = [spread.name for run in runs for spread in spreads[run.name].values()]
+    unknowns: dict[str, Parameter] = {}
+    found = []
+    for run in runs:
+        own = {quantity: spread for quantity, spread in spreads[run.name].items() if names.count(spread.name) > 1}
+        for spread in own.values():
+            unknowns.setdefault(spread.name, _of_spread(spread))
+        for quantity, spread in own.items():
+            shift = f"{quantity}_shift[{run.name}]"
+            notation = Notation(f"z({spread.kind.notation.symbol})")
+            meaning = f"{spread.kind.meaning}: how far this run is from the mean, in standard deviations between runs"
+            unknowns[shift] = Parameter(shift, "1", Normal(0.0, 1.0), meaning, notation)
+        found.append(_varying(run, own) if own else run)
+    return tuple(unknowns.values()), tuple(found)
+
+
+def _of_spread(spread: Spread) -> Parameter:
+    kind = spread.kind
+    notation = Notation(f"s({kind.notation.symbol})", kind.notation.unit, kind.notation.factor)
+    return Parameter(spread.name, kind.unit, HalfNormal(spread.scale), f"{kind.meaning}: standard deviation between runs", notation, between=True)
+
+
+def _varying(run: Observations, own: Mapping[str, Spread]) -> Observations:
+    further = {spread_of(quantity): spread.name for quantity, spread in own.items()}
+    further |= {shift_of(quantity): f"{quantity}_shift[{run.name}]" for quantity in own}
+    quantities = tuple(own)
+    return replace(
+        run, curve=VaryingCurve(cast(SpeedCurve, run.curve), quantities), motion=VaryingMotion(run.body, quantities),
+        arguments=MappingProxyType({**run.arguments, **further}),
+    )
+
+
+def _said_by(run: Level, kind: Kind) -> bool:
+    return any(getattr(run.table, key) is not None for key in kind.keys)

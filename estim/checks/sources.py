@@ -1,0 +1,174 @@
+"""What each run of a joint fit says of what the runs share, apart from the others: a quadratic in copies of the shared parameters, one for each
+run; and all of it as measurements with unit errors.  `estim.checks.consistency` asks whether one value does for all copies."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import block_diag
+
+from estim.arrays import FloatArray
+from estim.fitting import Fit
+from estim.problem import Group
+
+PRIORS = "stated values"
+ALONE = 1e-9  # relative: singular values below count as zero
+_LEAST_SHARE = 0.01
+
+
+Quadratic = tuple[FloatArray, FloatArray]
+"""Information (d, d) and score (d,) at the fit: minus log density = -score . u + u . information . u/2 with u = s - fit."""
+
+
+@dataclass(frozen=True, eq=False)
+class Rows:
+    """Measurements t (n_row,) = design (n_row, n_shared) . s with unit errors, s common to all sources.
+
+    moves : source -> (n_row, n) what values of its own would do to t; no columns where it is all but silent.
+    """
+
+    t: FloatArray
+    design: FloatArray
+    moves: Mapping[str, FloatArray]
+
+    def least(self, freed: Sequence[str] = ()) -> tuple[float, int]:
+        """The smallest sum of squares where the sources `freed` have values of their own, and the number of measurements beyond unknowns."""
+        unknown = np.hstack([self.design, *(self.moves[name] for name in freed)])
+        basis, singular, _ = np.linalg.svd(unknown, full_matrices=False)
+        basis = basis[:, singular > 1e-6]
+        return float(np.sum((self.t - basis @ (basis.T @ self.t)) ** 2)), self.t.size - int(basis.shape[1])
+
+
+@dataclass(frozen=True, eq=False)
+class Copies:
+    """What some sources say of the shared parameters, each source with a copy of its own: a quadratic in all the copies at the fit.
+
+    sources : names.  information, score : (n_source n_shared, n_source n_shared), (n_source n_shared,) as in `Quadratic`.
+    """
+
+    sources: tuple[str, ...]
+    information: FloatArray
+    score: FloatArray
+
+    def of(self, name: str) -> NDArray[np.int64]:
+        """Places of the copy of a source."""
+        d = self.score.size // len(self.sources)
+        return np.arange(d) + d * self.sources.index(name)
+
+    @property
+    def together(self) -> Quadratic:
+        """With one value for all."""
+        return _tied(self.information, self.score, len(self.sources))
+
+    def alone(self, name: str) -> Quadratic:
+        """What one source says where the others may have any values."""
+        mine = self.of(name)
+        return _fitted(self.information, self.score, mine, np.setdiff1d(np.arange(self.score.size), mine))
+
+    def without(self, name: str) -> Quadratic:
+        """What the others say together where this one may have any value."""
+        mine = self.of(name)
+        if len(self.sources) == 1:
+            return np.zeros((mine.size, mine.size)), np.zeros(mine.size)
+        return _tied(*_fitted(self.information, self.score, np.setdiff1d(np.arange(self.score.size), mine), mine), len(self.sources) - 1)
+
+
+def _tied(information: FloatArray, score: FloatArray, n: int) -> Quadratic:
+    """A quadratic in `n` copies as one in their common value."""
+    d = score.size // n
+    return np.asarray(information.reshape(n, d, n, d).sum(axis=(0, 2))), np.asarray(score.reshape(n, d).sum(axis=0))
+
+
+def _fitted(information: FloatArray, score: FloatArray, kept: NDArray[np.int64], free: NDArray[np.int64]) -> Quadratic:
+    """A quadratic in those `kept`, the `free` ones fitted."""
+    if not free.size:
+        return information[np.ix_(kept, kept)], score[kept]
+    scale = np.sqrt(np.maximum(np.diag(information)[free], 0.0))
+    scale = np.where(scale > 0.0, scale, 1.0)
+    inverse = np.linalg.pinv(information[np.ix_(free, free)] / np.outer(scale, scale), rcond=ALONE, hermitian=True)
+    across = information[np.ix_(kept, free)] / scale @ inverse
+    return information[np.ix_(kept, kept)] - across @ (information[np.ix_(free, kept)] / scale[:, None]), score[kept] - across @ (score[free] / scale)
+
+
+def copies_of(fit: Fit, group: Group, shared: NDArray[np.int64]) -> Copies:
+    """The runs of a group, each with its own values of the shared parameters; their own parameters of the curve fitted with their priors."""
+    problem, noise = fit.problem, fit.problem.noise_names
+    common = [problem.names[i] for i in shared]
+    named: dict[str, FloatArray] = dict(problem.named(fit.values))
+    runs, copied = [], []
+    for run in group.runs:
+        renamed = {name: f"{name} of {run.name}" for name in common}
+        arguments = {a: renamed.get(source, source) if isinstance(source, str) else source for a, source in run.arguments.items()}
+        runs.append(replace(run, arguments=arguments))
+        copied += list(renamed.values())
+        named |= {copy: named[name] for name, copy in renamed.items()}
+    used = frozenset[str]().union(*(run.parameters for run in group.runs))
+    own = [i for i, p in enumerate(problem.parameters) if p.name in used and i not in shared and p.name not in noise and not p.between]
+    jacobian, residuals = Group(tuple(runs), group.shared).likelihood(named).scoring(named, [*copied, *(problem.names[i] for i in own)])
+    priors = [(problem.parameters[i].prior, float(fit.values[i])) for i in own]
+    slopes = np.hstack([np.zeros((len(own), len(copied))), np.diag([prior.residual_slope(value) for prior, value in priors])])
+    rows, z = np.vstack([jacobian, slopes]), np.append(residuals, [prior.residual(value) for prior, value in priors])
+    data, mine = rows[:, : len(copied)], rows[:, len(copied) :]
+    if own:  # what is left orthogonal to the own parameters
+        basis, singular, _ = np.linalg.svd(mine / _norms(mine), full_matrices=False)
+        basis = basis[:, singular > ALONE * singular[0]]
+        data, z = data - basis @ (basis.T @ data), z - basis @ (basis.T @ z)
+    return Copies(tuple(run.name for run in runs), data.T @ data, -data.T @ z)
+
+
+def _norms(matrix: FloatArray) -> FloatArray:
+    norms = np.sqrt(np.sum(matrix**2, axis=0))
+    return np.where(norms > 0.0, norms, 1.0)
+
+
+def copies_of_priors(fit: Fit, shared: NDArray[np.int64]) -> Copies:
+    """The priors of the shared parameters as residuals; a uniform one says nothing."""
+    priors = [fit.problem.parameters[i].prior for i in shared]
+    pull = np.array([prior.residual(float(v)) for prior, v in zip(priors, fit.values[shared], strict=True)])
+    slope = np.array([prior.residual_slope(float(v)) for prior, v in zip(priors, fit.values[shared], strict=True)])
+    return Copies((PRIORS,), np.diag(slope**2), -pull * slope)
+
+
+def total_of(quadratics: Sequence[Quadratic]) -> Quadratic:
+    return np.asarray(sum(q[0] for q in quadratics)), np.asarray(sum(q[1] for q in quadratics))
+
+
+def measurements(copies: Sequence[Copies], n_shared: int) -> Rows:
+    """Quadratics as measurements with unit errors, in coordinates where all sources together have unit information."""
+    total = total_of([one.together for one in copies])[0]
+    scale = np.sqrt(np.diag(total))
+    root = np.linalg.cholesky(total / np.outer(scale, scale) + ALONE * np.eye(n_shared)) * scale[:, None]
+    blocks = [_block(one, root) for one in copies]
+    above, n_row = 0, sum(t.size for t, _, _ in blocks)
+    moves = {}
+    for t, _, own in blocks:
+        for name, columns in own.items():
+            moves[name] = np.zeros((n_row, columns.shape[1]))
+            moves[name][above : above + t.size] = columns
+        above += t.size
+    return Rows(np.concatenate([t for t, _, _ in blocks]), np.vstack([design for _, design, _ in blocks]), moves)
+
+
+def _block(copies: Copies, root: FloatArray) -> tuple[FloatArray, FloatArray, dict[str, FloatArray]]:
+    """t, design and moves of the sources of one quadratic, in those directions in which each source alone says something."""
+    directions = []
+    for name in copies.sources:
+        inner = np.linalg.solve(root, np.linalg.solve(root, copies.alone(name)[0]).T)
+        shares, vectors = np.linalg.eigh(0.5 * (inner + inner.T))
+        directions.append(np.linalg.solve(root.T, vectors[:, shares > _LEAST_SHARE]))
+    told = block_diag(*directions)
+    spectrum, vectors = np.linalg.eigh(told.T @ copies.information @ told)
+    kept = spectrum > ALONE * np.max(spectrum, initial=0.0)
+    half = np.sqrt(spectrum[kept])
+    rows = half[:, None] * vectors[:, kept].T
+    t = vectors[:, kept].T @ (told.T @ copies.score) / half
+    # the common s moves each copy along its own directions alone
+    ends = np.cumsum([one.shape[1] for one in directions])[:-1]
+    moves = dict(zip(copies.sources, np.split(rows, ends, axis=1), strict=True))
+    design = np.zeros((t.size, root.shape[0]))
+    for name, one in zip(copies.sources, directions, strict=True):
+        design += moves[name] @ (root.T @ one).T
+    return t, design, moves

@@ -1,0 +1,219 @@
+"""Runs of a joint fit with unmodelled forces: what runs on one track share, and what each adds, made once at a white fit with free starts.
+
+    white fit -> the forces of each group of runs, linear about it -> how probable, beside what all other runs say -> noise that a chain samples under
+
+Runs that share a force have one likelihood of all their points (`Together`): the force couples them.  The track is that of the run that went
+farthest; places count from the release of each run.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.linalg import block_diag
+
+from estim.arrays import FloatArray
+from estim.common import InputError
+from estim.deviation.components import Deviation, diagonalise
+from estim.deviation.course import Along, Course
+from estim.deviation.errors import MixtureErrors
+from estim.deviation.force import OWN, Response, Track, force_shapes, shared_force_shapes
+from estim.deviation.found import OwnForce, find_force, find_own_force
+from estim.deviation.generic import stated_is_conservative
+from estim.deviation.grid import SCALES, prior_grid
+from estim.deviation.jumps import BadFrames
+from estim.deviation.linearised import Linearised, linearise
+from estim.deviation.mixture import Mixture, keep_probable
+from estim.deviation.noise import Stated, WithForce, normal_covariance
+from estim.deviation.posing import FoundForce, growth_over, linear_groups, priors_at, whitener
+from estim.problem import Likelihood, Named, Noise, Observations, Points, Problem, StackedPoints, Wording
+
+
+@dataclass(frozen=True, eq=False)
+class Together:
+    """Stated noise, free starts and forces of runs that share one, as a mixture over all their points.
+
+    mixture, whitener, shift : of `MixtureErrors`, the runs below each other.
+    """
+
+    runs: tuple[str, ...]
+    mixture: Mixture
+    whitener: FloatArray
+    shift: FloatArray
+
+    def likelihood(self, points: StackedPoints, named: Named) -> MixtureErrors:
+        return MixtureErrors(points, self.mixture, self.whitener, self.shift)
+
+
+@dataclass(frozen=True, eq=False)
+class Sharing(Stated):
+    """The noise of one of several runs that share a force; only all of them have a likelihood (`Together`)."""
+
+    others: tuple[str, ...]
+
+    def likelihood(self, points: Points, named: Named) -> Likelihood:
+        raise InputError("shares an unmodelled force and has no likelihood without them", field="run", value=", ".join(self.others))
+
+    def for_search(self) -> Noise:
+        """The stated noise alone."""
+        return self.base
+
+    def describe(self, *, x_unit: str, y_unit: str, words: Wording) -> str:
+        stated = self.base.describe(x_unit=x_unit, y_unit=y_unit, words=words)
+        return f"{stated}; beside it an unmodelled force along the track, shared with {', '.join(self.others)}, one of its own and a free start"
+
+
+@dataclass(frozen=True, eq=False)
+class JointlyPosed:
+    """noises : run -> its noise with the force.  shared : what ties runs together.  found : one force a group.
+
+    step, cov : (n_par,), (n_par, n_par) where the posterior of all runs then is, from the white fit, linearised.
+    """
+
+    noises: Mapping[str, Noise]
+    shared: tuple[Together, ...]
+    found: tuple[FoundForce, ...]
+    step: FloatArray
+    cov: FloatArray
+
+    def found_at(self, step: FloatArray) -> tuple[FoundForce, ...]:
+        """What was found, where the mode lies `step` (n_par,) from the point of linearisation."""
+        moved = float(np.max(np.abs(step - self.step) / np.sqrt(np.diag(self.cov))))
+        return tuple(replace(one, moved=moved) for one in self.found)
+
+
+@dataclass(frozen=True, eq=False)
+class _Lacking:
+    """A group of runs, linear about a white fit.
+
+    track : the longest.  responses : of each run, on its nodes.  pushes : (n_obs, n_run) what one sd of each energy at release does.
+    """
+
+    label: str
+    runs: tuple[Observations, ...]
+    alongs: tuple[Along, ...]
+    track: Track
+    responses: tuple[Response, ...]
+    deviation: Deviation
+    residuals: FloatArray
+    jacobian: FloatArray
+    pushes: FloatArray
+    shift: FloatArray
+
+    def beside(self, precision: FloatArray, pull: FloatArray) -> Linearised:
+        """The posterior of parameters and starts; precision, pull : (n_par, n_par), (n_par,) of all that is known beside."""
+        columns, n = np.column_stack([self.jacobian, self.pushes]), len(self.runs)
+        every = block_diag(precision, np.eye(n))  # each start in its own sds
+        return linearise(self.deviation, self.residuals, columns, precision=every, pull=np.append(pull, np.zeros(n)))
+
+
+Told = tuple[FloatArray, FloatArray]
+"""Information (n_par, n_par) and score (n_par,) at the white fit: what some runs say of the parameters."""
+
+
+def pose_forces(
+    groups: Mapping[str, Sequence[Observations]], courses: Mapping[str, Course], problem: Problem, values: FloatArray, *, without: FloatArray
+) -> JointlyPosed:
+    """The forces of `groups` of runs, linear about `values` (n_par,), those of a white fit with free starts.
+
+    groups : what the runs of a group have in common -> its runs, which share a force where there are several.  Other runs lack nothing.
+    without : (n_par,) standard deviations with the stated noise alone and exact starts.
+    Raises InputError where a body hardly moves somewhere along its track.
+    """
+    lacking = [_prepared(label, tuple(runs), courses, problem, values) for label, runs in groups.items()]
+    precision, pull = priors_at(problem, values, n_start=0)
+    prior = precision, precision @ pull
+    forced = {run.name for group in lacking for run in group.runs}
+    complete = [_told_by(run, problem, values) for run in problem.runs if run.name not in forced]
+    told = [_told(group.beside(precision, pull), prior) for group in lacking]
+    linear = [group.beside(*_as_prior([prior, *complete, *told[:i], *told[i + 1 :]])) for i, group in enumerate(lacking)]
+    noises: dict[str, Noise] = {}
+    for group, found in zip(lacking, linear, strict=True):
+        noises |= _noises(group, found)
+    shared = tuple(_together(group, found) for group, found in zip(lacking, linear, strict=True) if len(group.runs) > 1)
+    forces = tuple(_found(group, found, values, without, problem) for group, found in zip(lacking, linear, strict=True))
+    n = problem.n_par
+    return JointlyPosed(noises, shared, forces, linear[0].mean[:n], linear[0].covariance[:n, :n])
+
+
+def _prepared(label: str, runs: tuple[Observations, ...], courses: Mapping[str, Course], problem: Problem, values: FloatArray) -> _Lacking:
+    named = problem.named(values)
+    alongs = tuple(courses[run.name].along(run.points, named, run.noise) for run in runs)
+    stated = [normal_covariance(run.noise, run.points, named) for run in runs]
+    longest = max(alongs, key=lambda along: along.track.length).track
+    several = len(runs) > 1
+    responses = tuple(along.response.carried(along.track, longest) if several else along.response for along in alongs)
+    radius = alongs[0].radian
+    shapes = shared_force_shapes(longest, responses, radius=radius) if several else force_shapes(longest, responses[0], radius=radius)
+    shift, points = np.concatenate([one.shift for one in stated]), StackedPoints(tuple(run.points for run in runs))
+    return _Lacking(
+        label, runs, alongs, longest, responses, diagonalise(block_diag(*(one.covariance for one in stated)), shapes, prior_grid(runs[0].force)),
+        residuals=points.y - shift - points.value(named)[0], jacobian=points.gradient(named, problem.names),
+        pushes=block_diag(*(along.push[:, None] for along in alongs)), shift=shift,
+    )
+
+
+def _told_by(run: Observations, problem: Problem, values: FloatArray) -> Told:
+    """What a run without a force says."""
+    named = problem.named(values)
+    jacobian, residuals = run.likelihood(named).scoring(named, problem.names)
+    return jacobian.T @ jacobian, -jacobian.T @ residuals
+
+
+def _told(linear: Linearised, prior: Told) -> Told:
+    """What a group says beyond its prior, as one normal distribution."""
+    n_par = prior[1].size
+    information = np.linalg.inv(linear.covariance[:n_par, :n_par])
+    spectrum, basis = np.linalg.eigh(information - prior[0])
+    return (basis * np.maximum(spectrum, 0.0)) @ basis.T, information @ linear.mean[:n_par] - prior[1]
+
+
+def _as_prior(known: Sequence[Told]) -> Told:
+    """Precision and pull of what several sources say together."""
+    precision = np.sum([one[0] for one in known], axis=0)
+    scale = np.sqrt(np.maximum(np.diag(precision), 0.0))
+    scale = np.where(scale > 0.0, scale, 1.0)
+    pull = np.linalg.lstsq(precision / np.outer(scale, scale), np.sum([one[1] for one in known], axis=0) / scale, rcond=1e-12)[0] / scale
+    return precision, pull
+
+
+def _noises(group: _Lacking, linear: Linearised) -> dict[str, Noise]:
+    if len(group.runs) == 1:
+        (run,) = group.runs
+        mixture = keep_probable(linear, columns=group.pushes)
+        return {run.name: WithForce(run.noise, mixture, whitener(linear, group.pushes), group.shift, bad=BadFrames())}
+    names = [run.name for run in group.runs]
+    return {run.name: Sharing(run.noise, tuple(name for name in names if name != run.name)) for run in group.runs}
+
+
+def _together(group: _Lacking, linear: Linearised) -> Together:
+    names = tuple(run.name for run in group.runs)
+    return Together(names, keep_probable(linear, columns=group.pushes), whitener(linear, group.pushes), group.shift)
+
+
+def _found(group: _Lacking, linear: Linearised, values: FloatArray, without: FloatArray, problem: Problem) -> FoundForce:
+    run, along, several = group.runs[0], group.alongs[0], len(group.runs) > 1
+    force = find_force(linear, group.track, Response.stacked(group.responses), radius=along.radian)
+    means, covs = linear_groups(linear, problem.n_par)
+    used = frozenset[str]().union(*(run.parameters for run in group.runs))
+    growth = {name: factor for name, factor in growth_over(problem, linear, without).items() if name in used}
+    return FoundForce(
+        run=group.label, unit=run.y_unit if run.positions else run.x_unit, scale=run.force, force=force, noise=linear.size("scale"),
+        larger=linear.p_noise(float(np.nextafter(1.0, 2.0))), too_large=linear.p_noise(max(SCALES)),
+        conservative=stated_is_conservative(linear), growth=growth, upright=along.upright, means=values + means, covs=covs, bad=BadFrames(),
+        reading_unit=run.x_unit if run.noise.made_of_positions else run.y_unit, step=run.noise.size.step,
+        runs=tuple(run.name for run in group.runs), own=_own(group, linear) if several else (),
+    )
+
+
+def _own(group: _Lacking, linear: Linearised) -> tuple[OwnForce, ...]:
+    ratios = OWN * (len(linear.deviation.families) // len(OWN))  # the order of `shared_force_shapes`
+    found = []
+    for i, (run, along) in enumerate(zip(group.runs, group.alongs, strict=True)):
+        alone = [response if i == k else Response(0.0 * response.force, 0.0 * response.start) for k, response in enumerate(group.responses)]
+        end = group.track.start + along.track.length
+        found.append(find_own_force(linear, group.track, Response.stacked(alone), run=run.name, end=end, ratios=ratios, radius=along.radian))
+    return tuple(found)
+

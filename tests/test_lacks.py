@@ -1,0 +1,296 @@
+"""What a user's own curve lacks: the keys `deviation` and `correlated`, in a campaign and in Python."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from estim import fit_curve
+from estim.campaign import load_campaign
+from estim.cli.commands import cli
+from estim.common.errors import InputError
+from estim.deviation.components import diagonalise
+from estim.deviation.generic import correlated_shapes, deviation_shapes, relative_grid
+from estim.deviation.kernels import root, without_mean
+from estim.deviation.linearised import linearise
+from estim.deviation.visible import see_deviation
+from estim.fitting.lacking import fit_lacking
+from estim.fitting.optimum import fit_optimum
+from estim.problem.observations import Lacks
+
+LINE = """title = "a line with a wave"
+kind = "synthetic"
+[curve]
+expression = "a + b*x"
+x = {column = "t_s", name = "time t", unit = "s"}
+y = {column = "s_m", name = "distance s", unit = "m"}
+u_y = 0.01
+[curve.parameters]
+a = {start = 0.0, unit = "m", meaning = "place at the start"}
+b = {start = 1.0, unit = "m/s", meaning = "speed"}
+[[runs]]
+name = "first"
+file = "run.csv"
+[[runs]]
+name = "second"
+file = "run.csv"
+"""
+X = np.linspace(0.0, 2.0, 40)
+WAVE = 0.03 * np.sin(7.0 * X)
+
+
+def data(seed: int = 3) -> np.ndarray:
+    return 0.5 + 1.5 * X + WAVE + 0.01 * np.random.default_rng(seed).standard_normal(X.size)
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    rows = "\n".join(f"{t:.9f},{s:.9f},1.0,{2 * t + 1:.9f}" for t, s in zip(X, data(), strict=True))
+    (tmp_path / "rows.csv").write_text(rows)
+    return tmp_path
+
+
+def asked(folder: Path, keys: str, text: str = LINE) -> Path:
+    (folder / "campaign.toml").write_text(text.replace("[curve.parameters]", f"{keys}\n[curve.parameters]"))
+    if (folder / "rows.csv").exists():  # columns that are not used begin with _
+        head = ",".join(name if f'"{name}"' in keys else f"_{name}" for name in ("same", "clock"))
+        (folder / "run.csv").write_text(f"t_s,s_m,{head}\n{(folder / 'rows.csv').read_text()}\n")
+    return folder / "campaign.toml"
+
+
+def found(folder: Path, keys: str, rng: np.random.Generator):
+    campaign = load_campaign(asked(folder, keys))
+    return campaign.fit(campaign.problem(["first"]), rng=rng)
+
+
+def test_a_wave_is_found_with_its_size_and_widens_what_it_can_be_mistaken_for(folder, rng):
+    fit = found(folder, "deviation = 0.05", rng)
+    (lack,) = fit.deviations
+    assert lack.probability > 0.999
+    assert lack.smooth is not None
+    assert 0.01 < lack.smooth.amplitude[1] < 0.1
+    assert lack.correlated is None
+    # what shows of it is the wave without its straight line, to three sds of a smoothed reading
+    design = np.vander(X, 2)
+    rest = WAVE - design @ np.linalg.lstsq(design, WAVE, rcond=None)[0]
+    np.testing.assert_allclose(lack.visible.mean, rest, atol=0.015)
+    inside = (lack.visible.quantiles[0] < rest) & (rest < lack.visible.quantiles[4])
+    assert np.mean(inside) > 0.8
+    sds = np.sqrt(np.diag(lack.cov))
+    assert np.all(sds > 2.0 * np.array(list(lack.without.values())))
+    white = 0.01 * np.sqrt(np.diag(np.linalg.inv(design.T @ design)))
+    np.testing.assert_allclose(list(lack.without.values()), white[::-1], rtol=1e-6)
+    assert abs(lack.mean[1] - 1.5) < 3.0 * sds[1]
+
+
+def test_correlated_errors_follow_the_rows_or_a_column(folder, rng):
+    by_rows = found(folder, "correlated = true", rng).deviations[0]
+    by_clock = found(folder, 'correlated = "clock"', rng).deviations[0]
+    assert by_rows.lacks.along_unit == "readings"
+    np.testing.assert_array_equal(by_rows.lacks.along, np.arange(40.0))
+    assert by_rows.correlated is not None
+    assert by_clock.correlated is not None
+    np.testing.assert_allclose(by_clock.correlated.length, np.array(by_rows.correlated.length) * 4.0 / 39.0, rtol=1e-6)  # same steps, other unit
+    np.testing.assert_allclose(by_clock.cov, by_rows.cov, rtol=1e-6)
+
+
+@pytest.mark.parametrize("keys", ["deviation = 0.0", "correlated = false"])
+def test_what_is_not_asked_for_costs_nothing(folder, rng, keys):
+    fit = found(folder, keys, rng)
+    assert fit.deviations == ()
+    assert fit.problem.runs[0].lacks is None
+
+
+def test_a_run_has_the_last_word(folder):
+    text = LINE.replace('name = "second"\n', 'name = "second"\ndeviation = 0.0\ncorrelated = true\nevery = 2\n')
+    campaign = load_campaign(asked(folder, "deviation = 0.05", text))
+    first, second = (campaign.problem([name]).runs[0] for name in campaign.run_names)
+    assert first.lacks.deviation == 0.05
+    assert first.lacks.along is None
+    assert second.lacks.deviation == 0.0
+    np.testing.assert_array_equal(second.lacks.along, np.arange(0.0, 40.0, 2.0))
+    assert (first.n_obs, second.n_obs) == (40, 20)
+
+
+@pytest.mark.parametrize(("keys", "said"), [
+    ("deviation = -0.1", "must be > 0"),
+    ("deviation = nan", "must be > 0"),
+    ('correlated = "same"', "all the same"),
+    ('correlated = "none"', "none"),
+    ("deviation = 0.1\nu_x = 0.01", "u_x"),
+    ('deviation = 0.1\nrobust = "student-t"', "robust"),
+    ("every = 0", "at least 1"),
+])
+def test_what_does_not_go_together_is_refused_at_its_line(folder, keys, said):
+    with pytest.raises(InputError, match=said) as caught:
+        load_campaign(asked(folder, keys))
+    assert caught.value.line is not None
+
+
+def test_neither_an_uncertain_error_nor_a_joint_fit_nor_a_calibration_goes_with_a_deviation(folder):
+    with pytest.raises(InputError, match="leave 'u_y' out"):
+        load_campaign(asked(folder, "deviation = 0.1", LINE.replace("u_y = 0.01", 'u_y = "0.010(1)"')))
+    campaign = load_campaign(asked(folder, "deviation = 0.1"))
+    with pytest.raises(InputError, match="fit the runs one by one"):
+        campaign.problem(["first", "second"])
+    done = CliRunner().invoke(cli, ["calibrate", str(folder / "campaign.toml"), "--run", "first", "--out", str(folder / "out")])
+    assert isinstance(done.exception, InputError)
+    assert "takes the curve as complete" in str(done.exception)
+    load_campaign(asked(folder, "correlated = true")).problem(["first", "second"])
+
+
+def test_too_many_points_are_told_what_to_do(tmp_path):
+    rows = "\n".join(f"{i},{i * 1.5}" for i in range(2100))
+    (tmp_path / "run.csv").write_text(f"t_s,s_m\n{rows}\n")
+    with pytest.raises(InputError, match="every = 3"):
+        load_campaign(asked(tmp_path, "deviation = 0.1"))
+    assert load_campaign(asked(tmp_path, "deviation = 0.1\nevery = 3")).problem(["first"]).n_obs == 700
+
+
+def test_correlated_errors_of_a_joint_fit_widen_each_run(folder, rng):
+    campaign = load_campaign(asked(folder, "correlated = true"))
+    fit = campaign.fit(campaign.problem(["first", "second"]), rng=rng)
+    assert [one.run for one in fit.deviations] == ["first", "second"]
+    single = campaign.fit(campaign.problem(["first"]), rng=rng)
+    assert np.all(np.diag(fit.cov) < np.diag(single.cov))
+
+
+# --- in Python -----------------------------------------------------------------------------------------------------------------------------
+
+
+START = {"a": 0.0, "b": 1.0}
+
+
+def test_the_advice_leads_from_a_poor_fit_to_a_number():
+    poor = fit_curve("a + b*x", X, data(), start=START, u_y=0.01)
+    assert poor.status == "poor-fit"
+    (words,) = poor.advice
+    assert "(deviation = 0.05," in words
+    assert words in str(poor)
+    fit = fit_curve("a + b*x", X, data(), start=START, u_y=0.01, deviation=0.05)
+    assert fit.status == "ok"
+    assert abs(fit.values["b"] - 1.5) < 2.5 * fit.sds["b"]
+    assert fit.sds["b"] > 2.0 * poor.sds["b"]
+    assert fit.intervals["b"][0.95][0] < 1.5 < fit.intervals["b"][0.95][1]
+    assert fit.deviation is not None
+    assert "a smooth deviation from the curve" in fit.notes[-1]
+
+
+def test_an_outlier_is_no_smooth_deviation():
+    y = 0.5 + 1.5 * X + 0.01 * np.random.default_rng(5).standard_normal(X.size)
+    y[17] += 0.5
+    assert fit_curve("a + b*x", X, y, start=START, u_y=0.01, deviation=0.05).status == "poor-fit"
+
+
+def test_units_do_not_matter():
+    one = fit_curve("a + b*x", X, data(), start=START, deviation=0.05, correlated=True)
+    other = fit_curve("a + b*x", 1000.0 * X, 100.0 * data(), start={"a": 0.0, "b": 0.1}, deviation=5.0, correlated=1000.0 * X)
+    assert other.values["b"] == pytest.approx(0.1 * one.values["b"], rel=1e-6)
+    assert other.sds["b"] == pytest.approx(0.1 * one.sds["b"], rel=1e-6)
+    assert other.sigma == pytest.approx(100.0 * one.sigma, rel=1e-6)
+
+
+def test_where_nothing_is_missing_the_size_of_the_errors_is_that_of_the_residuals():
+    y = 0.5 + 1.5 * X + 0.01 * np.random.default_rng(11).standard_normal(X.size)
+    fit, plain = (fit_curve("a + b*x", X, y, start=START, deviation=scale) for scale in (0.01, 0.0))
+    assert fit.sigma == pytest.approx(plain.sigma, rel=0.1)
+    assert fit.sds["b"] < 2.5 * plain.sds["b"]
+    assert "P(amplitude > 0)" in fit.notes[-1]
+
+
+@pytest.mark.parametrize(("choices", "said"), [
+    ({"deviation": -1.0}, "deviation"), ({"deviation": "much"}, "deviation"), ({"correlated": [1.0, 2.0]}, "40 times"),
+    ({"correlated": np.zeros(40)}, "all the same"), ({"correlated": "t"}, "must be True"), ({"deviation": 1.0, "u_x": 0.1}, "u_x"),
+])
+def test_a_wrong_argument_is_named(choices, said):
+    with pytest.raises(InputError, match=said):
+        fit_curve("a + b*x", X, data(), start=START, u_y=0.01, **choices)
+
+
+# --- the mathematics -----------------------------------------------------------------------------------------------------------------------
+
+
+def test_a_constant_of_the_curve_takes_the_mean_of_a_deviation():
+    """With a constant among the parameters the others are the same whether the mean of the deviation is taken out or not."""
+    jacobian = np.vander(X, 3)
+    errors = WAVE - jacobian @ np.linalg.lstsq(jacobian, WAVE, rcond=None)[0]
+    plain = tuple(shape.times(0.1) for shape in deviation_shapes(X))
+    without = tuple(replace(shape, factor=root(without_mean(shape.covariance))) for shape in plain)
+    found = [
+        linearise(diagonalise(np.full(40, 1e-4), shapes, relative_grid(stated=True)), errors, jacobian, precision=np.zeros((3, 3)))
+        for shapes in (plain, without)
+    ]
+    np.testing.assert_allclose(found[0].covariance[:2, :2], found[1].covariance[:2, :2], rtol=1e-6)
+    np.testing.assert_allclose(found[0].mean[:2], found[1].mean[:2], rtol=1e-5)
+    assert found[0].covariance[2, 2] > 1.1 * found[1].covariance[2, 2]
+
+
+def test_what_shows_is_that_of_dense_matrices(folder):
+    """One component alone: regression on a normal process by dense inverses, the parameters integrated out under flat priors."""
+    run = load_campaign(asked(folder, "deviation = 0.05")).problem(["first"]).runs[0]
+    run = replace(run, lacks=Lacks(0.05, None, "", True))
+    (shape,) = [shape for shape in deviation_shapes(X) if 0.2 < shape.length < 0.25]
+    grid = relative_grid(stated=True)
+    single = replace(grid, amplitudes=np.array([0.8]), log_amplitudes=np.zeros(1), scales=np.ones(1), log_scales=np.zeros(1))
+    design, residuals = np.column_stack([np.ones(40), X]), run.y - 0.5 - 1.5 * X
+    linear = linearise(
+        diagonalise(np.full(40, 1e-4), (replace(shape.times(0.05), log_prior=0.0),), single), residuals, design, precision=np.zeros((2, 2))
+    )
+    seen = see_deviation(linear, run, {"deviation": 0.05})
+    scaled = np.sqrt(3.0) * np.abs(X[:, None] - X) / shape.length
+    kernel = 0.04**2 * (1.0 + scaled) * np.exp(-scaled)
+    plain = np.linalg.inv(kernel + 1e-4 * np.eye(40))
+    inverse = plain - plain @ design @ np.linalg.inv(design.T @ plain @ design) @ design.T @ plain
+    rest = np.eye(40) - design @ np.linalg.inv(design.T @ design) @ design.T
+    cov = rest @ (kernel - kernel @ inverse @ kernel) @ rest.T
+    np.testing.assert_allclose(seen.mean, rest @ kernel @ inverse @ residuals, atol=1e-6)
+    np.testing.assert_allclose(seen.quantiles[3] - seen.quantiles[2], 0.99446 * np.sqrt(np.diag(cov)), rtol=1e-3)
+
+
+def test_an_unstated_size_is_found_whatever_it_is(rng):
+    """The posterior of the size of white noise does not hang on where its grid begins."""
+    y = X + 0.02 * rng.standard_normal(40)
+    design = np.vander(X, 2)
+    shapes = tuple(shape.times(0.05) for shape in correlated_shapes(np.arange(40.0)))
+    rms = np.sqrt(np.sum((y - design @ np.linalg.lstsq(design, y, rcond=None)[0]) ** 2) / 38)
+    sizes = []
+    for unit in (rms, 2.0 * rms):
+        deviation = diagonalise(np.full(40, unit**2), shapes, relative_grid(stated=False))
+        linear = linearise(deviation, y, design, precision=np.zeros((2, 2)), stated=False)
+        sizes.append((unit * linear.size("scale")[1], linear.covariance[0, 0]))
+    np.testing.assert_allclose(sizes[0], sizes[1], rtol=0.05)
+
+
+def test_the_fit_is_the_mode_of_what_is_sampled(folder, rng):
+    campaign = load_campaign(asked(folder, "deviation = 0.05"))
+    problem = campaign.problem(["first"])
+    fit = fit_lacking(fit_optimum(problem, rng=rng), rng=rng)
+    near = fit.values + 1e-3 * np.sqrt(np.diag(fit.cov)) * rng.standard_normal((50, 2))
+    assert np.all(fit.posterior.log_density(near) <= fit.posterior.log_density(fit.values[None])[0] + 1e-9)
+
+
+@pytest.mark.statistics
+@pytest.mark.parametrize(("kind", "choices"), [("red", {"correlated": True}), ("smooth", {"deviation": 4.0})])
+@pytest.mark.parametrize("stated", [True, False])
+def test_intervals_hold_what_they_say(kind, choices, stated):
+    """A line, 40 points: AR(1) errors of .9, or a deviation of two standard deviations; without the keys, far too few."""
+    rng, n_run = np.random.default_rng(17), 80
+    apart = np.sqrt(3.0) * np.abs(X[:, None] - X) / 0.4
+    smooth = np.linalg.cholesky((1.0 + apart) * np.exp(-apart) + 1e-9 * np.eye(40))
+    red = np.linalg.cholesky(0.9 ** np.abs(np.subtract.outer(np.arange(40.0), np.arange(40.0))))
+    held = {(name, level): 0 for name in ("with", "without") for level in (0.68, 0.95)}
+    for _ in range(n_run):
+        errors = red @ rng.standard_normal(40) if kind == "red" else 2.0 * smooth @ rng.standard_normal(40) + rng.standard_normal(40)
+        y = 3.0 * X + errors
+        size = {"u_y": 1.0} if stated else {}
+        for name, keys in (("with", choices), ("without", {})):
+            ends = fit_curve("a + b*x", X, y, start=START, n_start=1, **size, **keys).intervals["b"]
+            for level, (low, high) in ends.items():
+                held[name, level] += low < 3.0 < high
+    assert abs(held["with", 0.68] / n_run - 0.68) < 3.0 * np.sqrt(0.68 * 0.32 / n_run) + 0.04
+    assert held["with", 0.95] / n_run > 0.95 - 3.0 * np.sqrt(0.95 * 0.05 / n_run)
+    assert held["without", 0.68] / n_run < 0.5
