@@ -20,6 +20,7 @@ from estim.words import tell
 
 N, SD = 24, 0.5
 T = np.arange(N) * 0.1
+WHEEL = Path(__file__).resolve().parents[1] / "data" / "wheel"
 CURVE = np.column_stack([np.ones(N), T, T**2])
 FLAT = np.zeros((3, 3))
 
@@ -152,3 +153,27 @@ def test_rows_that_are_left_out_as_stated_are_gone_and_counted(tmp_path: Path) -
         (tmp_path / "d.toml").write_text(text)
         with pytest.raises(InputError, match=rf"d\.toml:\d+: '.*' .*{rule}"):
             load_campaign(tmp_path / "d.toml")
+
+
+@pytest.mark.parametrize("counts", [5, -5])
+def test_counts_that_a_real_wheels_encoder_loses_are_named_and_its_moment_stays(tmp_path: Path, counts: int) -> None:
+    step, row, fits = 2.0 * np.pi / 500.0, 22, []
+    text = "\n".join(line for line in (WHEEL / "campaign.toml").read_text().splitlines() if not line.startswith("scatter"))
+    (tmp_path / "wheel.toml").write_text(text.replace('file = "', f'file = "{WHEEL}/').replace(f"{WHEEL}/class-balanced_2", "spoiled"))
+    lines = (WHEEL / "class-balanced_2.csv").read_text().splitlines()
+    head = next(i for i, line in enumerate(lines) if line.startswith("t_s"))
+    for lost in (0, counts):
+        rows = [line.split(",") for line in lines[head + 1 :]]
+        spoiled = [f"{t},{float(theta) + (lost * step if i >= row else 0.0):.6f}" for i, (t, theta, *_) in enumerate(rows)]
+        (tmp_path / "spoiled.csv").write_text("\n".join([*lines[: head + 1], *spoiled]))
+        campaign = load_campaign(tmp_path / "wheel.toml")
+        fits.append(campaign.fit(campaign.problem(["class-balanced_2"]), rng=np.random.default_rng(1)))
+    clean, found = fits
+    assert clean.forces[0].bad.jumps == ()
+    (jump,) = found.forces[0].bad.jumps
+    assert (jump.kind, jump.line) == ("step", head + 2 + row)
+    assert abs(jump.row - row) <= 1
+    assert jump.size / step == pytest.approx(counts, abs=3.0 * jump.sd / step)
+    i = clean.names.index("rolling_resistance")
+    assert abs(found.values[i] - clean.values[i]) < 0.7 * np.sqrt(found.cov[i, i])
+    assert "counts of the encoder" in tell(bad_frames_found(found.forces[0])[0])

@@ -24,6 +24,11 @@ def test_the_code_of_the_page_runs(project: Path, tmp_path: Path, monkeypatch: p
     assert abs(fit.values["T"] - 1.53) < 4 * fit.sds["T"]
     assert abs(cup.values["tau"] - 18.0) < 4 * cup.sds["tau"]
     assert cup.sds["room"] > 0.5
+    refused, honest = names["refused"], names["honest"]
+    assert (refused.status, honest.status) == ("poor-fit", "ok")
+    assert "deviation = 0.005" in refused.advice[0]
+    assert abs(honest.values["g"] - 9.81) < 2.0 * honest.sds["g"]
+    assert f"g = {honest.values['g']:.2f} ± {honest.sds['g']:.2f} m/s²" in (project / "docs" / "your-own-curve.md").read_text()
     assert capsys.readouterr().out.endswith("ok\n")
     assert "turning point" not in (tmp_path / "tea" / "report.md").read_text()
 

@@ -29,7 +29,7 @@ from estim.deviation.kernels import distances, matern32, root, sd_of_mean, turni
 
 _N_NODE, _N_FINE = 121, 800
 OWN = (0.0, 0.1, 0.3, 1.0)  # amplitudes of the own forces of runs, in units of the one that they share
-FORCE = "force"
+FORCE, TURN = "force", "force once and twice per turn"
 _WAYS = {FORCE: 1.0, f"{FORCE}, another on the way back": 0.0}  # kind -> correlation between both ways
 
 
@@ -184,24 +184,33 @@ class ForcePrior:
 
 
 def force_priors(along: Track, *, radius: float | None = None) -> tuple[ForcePrior, ...]:
-    """One for each of some six lengths, about a sixth of the track; where the body came back, the same force on both ways or another one.
+    """One for each of some six lengths, about a sixth of the track.
 
-    A ramp that is not flat acts the same on both ways, dirt on it changes its sign: half of each makes two forces that do not know of each other.
+    Where the body came back, positions tell small profiles from each other, and there are three kinds of each: the same force on both ways (a
+    ramp that is not flat), another one on the way back (dirt, which changes its sign, beside it), and a moment once and twice per turn alone.
     """
     found = []
     for length, log_prior in zip(*track_lengths(along.length), strict=True):
         kernel = force_kernel(along, float(length), radius=radius)
         elsewhere = sd_of_mean(kernel, along.weights)
-        out = without_mean(kernel, along.weights)
         if along.back is None:
-            found.append(ForcePrior(FORCE, float(length), float(log_prior), out, elsewhere))
+            found.append(ForcePrior(FORCE, float(length), float(log_prior), without_mean(kernel, along.weights), elsewhere))
             continue
-        mean = np.kron(np.eye(2), np.ones((along.nodes.size, 1))) @ block_diag(along.weights, along.back)
-        centred = np.eye(mean.shape[0]) - mean
         for kind, alike in _WAYS.items():
-            both = centred @ np.kron(np.array([[1.0, alike], [alike, 1.0]]), kernel) @ centred.T
-            found.append(ForcePrior(kind, float(length), float(log_prior - np.log(len(_WAYS))), both, elsewhere))
+            found.append(ForcePrior(kind, float(length), float(log_prior - np.log(3.0)), _on_both_ways(along, kernel, alike), elsewhere))
+    if along.back is not None:
+        apart, turn = distances(along.nodes), radius or along.length
+        kernel = turning(apart, turn, radius=turn) - matern32(apart, turn)
+        found.append(ForcePrior(TURN, turn, -float(np.log(3.0)), _on_both_ways(along, kernel, 1.0), sd_of_mean(kernel, along.weights)))
     return tuple(found)
+
+
+def _on_both_ways(along: Track, kernel: FloatArray, alike: float) -> FloatArray:
+    """(2 n_node, 2 n_node) of a force on the way out and one on the way back, of correlation `alike`, each without its mean."""
+    assert along.back is not None
+    mean = np.kron(np.eye(2), np.ones((along.nodes.size, 1))) @ block_diag(along.weights, along.back)
+    centred = np.eye(mean.shape[0]) - mean
+    return np.asarray(centred @ np.kron(np.array([[1.0, alike], [alike, 1.0]]), kernel) @ centred.T)
 
 
 def force_shapes(along: Track, response: Response, *, radius: float | None = None) -> tuple[Shape, ...]:

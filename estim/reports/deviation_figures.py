@@ -25,7 +25,7 @@ def force_figure(forces: Sequence[FoundForce], runs: Sequence[Observations], *, 
         ax.plot(force.x, median, color=BLUE, lw=1.6, label="median")
         ax.axhline(0.0, color=GREY, lw=0.8)
         if force.back is not None:
-            ax.plot(force.x, 100.0 * force.back[2], color=ORANGE, lw=1.4, ls="--", label="median on the way back")
+            ax.plot(force.x, 100.0 * force.back[2], color=ORANGE, lw=1.4, ls="--", label="way back, median and 68 %")
             ax.plot(np.tile(force.x, (2, 1)).T, 100.0 * force.back[[1, 3]].T, color=ORANGE, lw=0.7, ls=":")
         for own, colour in zip(found.own, RUN_COLOURS[1:] * len(found.own), strict=False):
             ax.plot(own.x, 100.0 * own.mean, color=colour, lw=0.8, label=f"{own.run} adds")
