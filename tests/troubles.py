@@ -21,7 +21,7 @@ def uniform(low: float, high: float) -> str:
 
 @dataclass(frozen=True)
 class Disk:
-    """What is said about one run of a disk (TOML values) whose truth is gamma 0.187, kappa 0.45, theta0, phi (degrees)."""
+    """What is said about one run of a disk (TOML values) whose truth is gamma 0.187, kappa 0.45, theta0, phi (degrees); its curve is complete."""
 
     gamma: str = '"0.187(10)"'
     kappa: str = uniform(0.0, 1.0)
@@ -42,6 +42,7 @@ class Disk:
 kind = "synthetic"
 [shared]
 g = 9.81
+unmodelled_force = 0
 noise = {{sigma_x_m = 0.001}}
 {self.more}
 [bodies.b]
