@@ -31,7 +31,7 @@ from estim.common.errors import EstimError, InputError, Interrupted
 from estim.fitting.least_squares import Fit, fit_least_squares
 from estim.problem.posterior import Posterior
 from estim.problem.priors import Normal
-from estim.sampling import fingerprint as fingerprints
+from estim.sampling import keys as fingerprints
 from estim.sampling import stepping
 from estim.sampling.chain import Chain, Target, sample_posterior
 from estim.sampling.checkpoint import Store, read_checkpoint
