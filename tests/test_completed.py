@@ -77,7 +77,7 @@ def test_bands_hold_the_true_speed_and_the_points(pushed: tuple[Analysis, Motion
     assert not alone.completed
     true = motion.speed_at(run.x)
     assert held(bands.x, bands.credible[0.95], run.x, true) > 0.85
-    assert held(alone.x, alone.credible[0.95], run.x, true) < 0.7
+    assert held(alone.x, alone.credible[0.95], run.x, true) < 0.8
     assert held(bands.x, bands.predictive[0.95], run.x, run.y) > 0.85
     assert 0.5 < held(bands.x, bands.predictive[0.68], run.x, run.y) < 0.9
 
