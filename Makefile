@@ -13,11 +13,11 @@ report: $(VENV)/.installed
 	@echo "open $(OUT)/report.md"
 
 test: $(VENV)/.installed
-	OMP_NUM_THREADS=1 $(BIN)/python -m pytest -n auto --dist loadgroup -m "not statistics"
+	OMP_NUM_THREADS=1 $(BIN)/python -m pytest -n auto -m "not statistics"
 
 # studies by repeated sampling: coverage of intervals, p-values of the tests, simulation-based calibration
 statistics: $(VENV)/.installed
-	OMP_NUM_THREADS=1 $(BIN)/python -m pytest -n auto --dist loadgroup -m statistics
+	OMP_NUM_THREADS=1 $(BIN)/python -m pytest -n auto -m statistics
 
 # the rendered report that the repository shows; a test compares it with a new one
 reports: $(VENV)/.installed

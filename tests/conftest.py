@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import signal
 from contextlib import nullcontext
-from functools import partial
+from functools import cache, partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -15,6 +15,9 @@ from matplotlib.figure import Figure
 from stand_ins import write as write_stand_ins
 
 if TYPE_CHECKING:
+    from xdist.remote import Producer
+    from xdist.scheduler import LoadScopeScheduling
+
     from estim.studies import Reanalysis
 
 signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell's background job ignores it, and so would what the tests start
@@ -43,7 +46,7 @@ def replica() -> Path:
 def reanalysed() -> Reanalysis:
     """The replica reanalysed as `estim reanalyse --seed 2` does, with fewer draws.
 
-    Mark what asks for it `xdist_group("replica")`, so that one process has it.
+    One process has it (`REANALYSED`).
     """
     from estim.campaign import load_campaign
     from estim.sampling import Target
@@ -69,6 +72,34 @@ def tracker_folder(request: pytest.FixtureRequest) -> Path:
 def real_files() -> list[Path]:
     """All real files of Tracker; none in a plain clone."""
     return sorted(path for path in REAL.rglob("*") if path.is_file())
+
+
+REANALYSED = (
+    "tests/test_replica.py", "tests/test_reanalysis.py::test_committed_report",
+    "tests/test_certify.py::test_chain_and_certificate_agree_for_the_runs",
+)
+
+
+@cache
+def _one_process(file: str) -> bool:
+    """Whether tests of a file share something that is made once for the file."""
+    text = (PROJECT / file).read_text()
+    return 'scope="module"' in text or "\n@cache\n" in text
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_make_scheduler(config: pytest.Config, log: Producer) -> LoadScopeScheduling:
+    """Tests that share something costly run in one process, all others wherever there is room."""
+    from xdist.scheduler import LoadScopeScheduling
+
+    class Together(LoadScopeScheduling):
+        def _split_scope(self, nodeid: str) -> str:
+            if nodeid.startswith(REANALYSED):
+                return "reanalysed"
+            file = nodeid.partition("::")[0]
+            return file if _one_process(file) else nodeid
+
+    return Together(config, log)
 
 
 @pytest.hookimpl(tryfirst=True)

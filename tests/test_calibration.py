@@ -361,7 +361,7 @@ def n_worker(parent):
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("number", "everybody"), [(signal.SIGINT, True), pytest.param(signal.SIGTERM, False, marks=pytest.mark.statistics)])
-def test_a_signal_to_stop_ends_the_command_with_130_and_leaves_nothing(tmp_path, number, everybody):
+def test_a_signal_to_stop_ends_the_command_with_130_and_leaves_what_can_be_resumed(tmp_path, number, everybody):
     if signal.getsignal(number) is signal.SIG_IGN:
         pytest.skip("the tests were started with this signal ignored (nohup), and so is what they start")
     load(tmp_path, '{model = "independent", sigma_v_m_s = 0.02}')
@@ -376,9 +376,9 @@ def test_a_signal_to_stop_ends_the_command_with_130_and_leaves_nothing(tmp_path,
         if running.poll() is None:
             os.killpg(running.pid, signal.SIGKILL)
     assert running.returncode == 130, complaints
-    assert complaints.splitlines()[-1] == "interrupted"
+    assert complaints.splitlines()[-1] == "interrupted: continue with --resume"
     assert "Traceback" not in complaints
-    assert not (tmp_path / "out").exists()
+    assert {path.name for path in (tmp_path / "out").glob("*")} <= {".checkpoint", ".lock"}
 
 
 OWN = """title = "A decay"

@@ -15,7 +15,6 @@ import pytest
 
 from estim.cli.commands import main
 
-pytestmark = pytest.mark.xdist_group("cli")  # one report for several of them
 Command = Callable[..., subprocess.CompletedProcess[str]]
 
 

@@ -65,7 +65,7 @@ def test_known_body_and_tilt_give_the_true_loss_in_metres_and_in_radians(tmp_pat
     losses = []
     for angular, noise in ((False, "{sigma_x_m = 0.001}"), (True, f"{{sigma_theta_rad = {SIGMA / 0.15}}}")):
         campaign = lossy_run(tmp_path, 0.01, noise, KNOWN, np.random.default_rng(4), angular=angular)
-        analysis = analyse(campaign, ["r"], seed=2, target=Target(ess=500))
+        analysis = analyse(campaign, ["r"], seed=2, target=Target(ess=500), complete="estim energy")
         (record,) = energy_along(analysis, rng=np.random.default_rng(1))
         drift = drift_of(analysis, rng=np.random.default_rng(1))
         losses.append(record.loss)

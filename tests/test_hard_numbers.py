@@ -49,7 +49,7 @@ def test_positions_in_a_wrong_unit_end_in_a_status(tmp_path: Path) -> None:
 def test_a_sigma_beyond_all_measure_is_refused_at_its_line(tmp_path: Path, sigma: str) -> None:
     path = Disk().write(tmp_path)
     path.write_text(path.read_text().replace("sigma_x_m = 0.001", f"sigma_x_m = {sigma}"))
-    with pytest.raises(InputError, match=r"campaign\.toml:5: 'sigma_x_m' must be 0 or between"):
+    with pytest.raises(InputError, match=r"campaign\.toml:6: 'sigma_x_m' must be 0 or between"):
         load_campaign(path)
 
 

@@ -25,7 +25,6 @@ from estim.sampling.chain import Target
 from estim.sampling.diagnostics import effective_size, r_hat
 from estim.words import advice, tell
 
-pytestmark = pytest.mark.xdist_group("interop")  # one chain for most of them
 NEEDED = "needs the extra arviz"
 
 

@@ -58,7 +58,6 @@ def test_swapped_columns_are_suspected(tmp_path: Path) -> None:
     assert "are the columns phi_deg and theta_min_deg swapped" in report
 
 
-@pytest.mark.xdist_group("line")
 def test_a_stated_gamma_that_the_line_contradicts_is_said_at_once(good: tuple[Result, str, dict], tmp_path: Path) -> None:
     done, report, result = line(tmp_path, PHI, RISING, u=(0.1, 0.5), gamma="0.400(1)")
     assert (done.exit_code, result["status"]) == (0, "ok")
@@ -68,7 +67,6 @@ def test_a_stated_gamma_that_the_line_contradicts_is_said_at_once(good: tuple[Re
     assert "disagree" not in agreeing.output + report
 
 
-@pytest.mark.xdist_group("line")
 def test_a_poor_line_gives_limits_and_nothing_else(good: tuple[Result, str, dict], tmp_path: Path) -> None:
     done, report, result = line(tmp_path, PHI, SCATTERED, u=(0.1, 0.5))
     assert (done.exit_code, result["status"]) == (3, "poor-fit")

@@ -168,7 +168,6 @@ def test_published_numbers_meet_what_was_found(project: Path) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.xdist_group("replica")
 @pytest.mark.usefixtures("unrendered")
 def test_committed_report_is_what_the_code_finds(project: Path, replica: Path, reanalysed: Reanalysis) -> None:
     """A new reanalysis agrees with `reports/replica` within Monte-Carlo error, and recovers the truth."""

@@ -15,7 +15,6 @@ RUNS = [f"heavy-0{i}" for i in (2, 4, 6, 8)] + [f"light-0{i}" for i in (1, 2, 3,
 
 
 @pytest.mark.slow
-@pytest.mark.xdist_group("replica")
 @pytest.mark.parametrize("run", RUNS)
 def test_every_run_recovers_its_true_parameters(replica: Path, reanalysed: Reanalysis, run: str) -> None:
     truth = tomllib.loads((replica / "truth.toml").read_text())

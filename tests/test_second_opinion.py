@@ -27,7 +27,6 @@ from estim.sampling.independent_check import certify_by_quadrature, second_opini
 from estim.sampling.proposal import adapt_proposal
 from estim.sampling.quadrature import COARSE, FINE, TooManyNodesError, integrate
 
-pytestmark = pytest.mark.xdist_group("two exponentials")  # one fit and one chain for most of them
 U_Y, SLOWEST, FASTEST, MOST = 0.02, 1.25, 20.0, 3.0
 
 
