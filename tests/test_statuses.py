@@ -196,8 +196,9 @@ def test_two_modes_are_told_from_a_bent_ridge(tmp_path: Path) -> None:
     for kappa in ("0.45", uniform(0.3, 0.6)):
         few = load_campaign(Disk("0.187", kappa, "4.0", uniform(10.0, 170.0), "window = {x_min_m = 0.0, x_max_m = 0.05}").write(tmp_path))
         assert len(analyse(few, ["r"], seed=1, target=Target(ess=1000.0)).modes.values) == 2
-    exact = replace(TROUBLES["flat direction"].campaign, more="scale_x = 0\nscale_t = 0")  # usual errors of both take the dips away
-    flat = load_campaign(exact.write(tmp_path))
+    path = TROUBLES["flat direction"].campaign.write(tmp_path)
+    path.write_text(path.read_text().replace("unmodelled_force = 0\n", "unmodelled_force = 0\nscale_x = 0\nscale_t = 0\n"))  # they take the dips away
+    flat = load_campaign(path)
     found = analyse(flat, ["r"], seed=1, target=Target(ess=1000.0))
     ends = [end for end in found.fit.others if _dips(found, end)]
     assert ends

@@ -210,6 +210,8 @@ def _level(frame: Frame, axis: int, rows: FloatArray, log_weights: FloatArray, r
         found, unfinished = walk(frame, axis, start.points, start.log_masses, top, direction, rule)
         panels += found
         is_open = is_open or unfinished
+    if not panels:
+        raise TooManyNodesError  # narrower than any step
     row = np.concatenate([p[0] for p in panels])
     ends = [np.concatenate([p[i] for p in panels]) for i in (1, 2)]  # points (n, n_par) at either end
     heights = [np.concatenate([p[i] for p in panels]) for i in (3, 4)]
