@@ -4,8 +4,9 @@
 
 L at its largest over a size of the noise that is at least the stated one, so that no candidate is paid for taking up noise that was stated too
 small.  A candidate has a prior as wide as such a thing may be.  How to read it: a gain of 10 or more does not come by chance (`FOUND`; about 1 of
-100 clean recordings has one, with all candidates tried); candidates whose gains differ by less than 6 (odds of 20) cannot be told apart by these
-data (`TIED`).  One that is found is the whole story only where the residuals are random with it.
+100 clean recordings has one, with all candidates tried); candidates whose gains differ by less than 10 (odds of 150) cannot be told apart by
+these data (`TIED`; a true cause was up to 9 behind a smooth alias of it).  One that is found is the whole story only where the residuals are
+random with it.
 """
 
 from __future__ import annotations
@@ -26,7 +27,7 @@ from estim.fitting import Fit, fit_least_squares, refit
 from estim.problem import Problem
 
 FOUND = 10.0  # gain
-TIED = 6.0  # difference of gains
+TIED = 10.0  # difference of gains
 _CORRELATIONS = (0.3, 0.5, 0.7, 0.85, 0.95)
 _UMBRELLA = "a smooth disturbance without a key of its own (an uneven track, readings whose errors follow each other)"
 _MOST_TESTED = 8  # candidates whose residuals are tested
