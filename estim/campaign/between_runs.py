@@ -12,7 +12,8 @@ from dataclasses import dataclass, replace
 from types import MappingProxyType
 from typing import cast
 
-from estim.campaign.levels import Level, Levels
+from estim.campaign.campaign_file import RunTable
+from estim.campaign.levels import Levels
 from estim.campaign.quantities import Kind
 from estim.common import Notation
 from estim.curves import VaryingCurve, VaryingMotion, shift_of, spread_of
@@ -34,7 +35,8 @@ class Spread:
 def spreads_of(levels: Levels, kinds: Mapping[str, Kind]) -> dict[str, Spread]:
     """Quantity -> how it varies, by the most particular level that says so; not those that the run states for itself.
 
-    Raises InputError at the key's line for what is no quantity, is no scale, or stands at a run.
+    Raises InputError at the key's line for what is no quantity, is no scale, stands at a run, or has nothing to vary: fewer than two of several
+    runs take the quantity from there.
     """
     of_key = {key: (quantity, kind) for quantity, kind in kinds.items() for key in kind.keys}
     found: dict[str, Spread] = {}
@@ -48,9 +50,12 @@ def spreads_of(levels: Levels, kinds: Mapping[str, Kind]) -> dict[str, Spread]:
             quantity, kind = of_key[key]
             if not (math.isfinite(scale) and scale > 0.0):
                 raise levels.error("is the scale of a standard deviation: it must be > 0", path, value=scale)
+            runs = [run for run in levels.source.runs if level.path[0] == "shared" or run.body == level.path[1]]
+            taking = sum(not _said_by(run, kind) for run in runs)
+            if taking < 2 <= len(runs):
+                raise levels.error(f"has nothing to vary: {taking} of {len(runs)} runs take it from here, the others state their own", path)
             found.setdefault(quantity, Spread(quantity, kind, f"{quantity}_spread{level.suffix}", scale * kind.keys[key]))
-    run = next(iter(levels))
-    return {quantity: spread for quantity, spread in found.items() if not _said_by(run, spread.kind)}
+    return {quantity: spread for quantity, spread in found.items() if not _said_by(levels.run, spread.kind)}
 
 
 def varied(runs: Sequence[Observations], spreads: Mapping[str, Mapping[str, Spread]]) -> tuple[tuple[Parameter, ...], tuple[Observations, ...]]:
@@ -90,5 +95,5 @@ def _varying(run: Observations, own: Mapping[str, Spread]) -> Observations:
     )
 
 
-def _said_by(run: Level, kind: Kind) -> bool:
-    return any(getattr(run.table, key) is not None for key in kind.keys)
+def _said_by(run: RunTable, kind: Kind) -> bool:
+    return any(getattr(run, key) is not None for key in kind.keys)
