@@ -50,7 +50,7 @@ def named(name: str, priors: str, noise: str, replica: int) -> tuple[bool, tuple
     with tempfile.TemporaryDirectory() as folder:
         write_campaign(Path(folder), CASES[name][0], priors=priors, noise=noise, rng=np.random.default_rng([7, key, replica]))
         suspects = load_campaign(Path(folder) / "campaign.toml").suspects(["r"])
-        found = explain(suspects.plain, suspects.causes, rng=np.random.default_rng(1))
+        found = explain(suspects, rng=np.random.default_rng(1))
     return bool(found.found), tuple(one.name for one in found.tied)
 
 

@@ -195,7 +195,7 @@ def explained(campaign: Campaign, analysis: Analysis, *, progress: Callable[[int
     suspects = campaign.suspects([run.name for run in analysis.problem.runs])
     values = analysis.fit.values if suspects.plain.names == analysis.fit.names else None
     rng = stream(analysis.seed, Stream.EXPLANATION)
-    return replace(analysis, explanation=explain(suspects.plain, suspects.causes, rng=rng, values=values, progress=progress))
+    return replace(analysis, explanation=explain(suspects, rng=rng, values=values, progress=progress))
 
 
 def _through_marginal(fit: Fit) -> bool:

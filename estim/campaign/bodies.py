@@ -82,7 +82,7 @@ class RollingStudy:
         for interval, noise in blurs([self.levels(name) for name in names], [tables[name] for name in names]):
             problem = self._posed(names, tables, white=True, noise=noise)
             found.append(blur_cause(problem, interval))
-        return Suspects(plain, tuple(found))
+        return Suspects(plain, "an unmodelled force beside the curve has room for it", tuple(found))
 
     def _posed(
         self, names: Sequence[str], tables: Mapping[str, Run], *, noise: NoiseTable | None = None, white: bool = False, sketch: Sketch | None = None

@@ -109,7 +109,7 @@ class CurveStudy:
 
     def suspects(self, names: Sequence[str], tables: Mapping[str, Run]) -> Suspects:
         """Nothing is known of what a user's own curve may lack but what readings may suffer."""
-        return Suspects(self.problem(names, tables))
+        return Suspects(self.problem(names, tables), "errors that follow each other have room for it: correlated = true under [curve]")
 
     def fit(self, problem: Problem, tables: Mapping[str, Run], *, rng: np.random.Generator) -> Fit:
         """The posterior mode, found from afar.  Raises InputError where the data determine none."""

@@ -58,7 +58,11 @@ class Cause:
 
 @dataclass(frozen=True, eq=False)
 class Suspects:
-    """plain : runs with their stated noise, and nothing that a curve may lack.  causes : the same with one thing more each."""
+    """plain : runs with their stated noise, and nothing that a curve may lack.  causes : the same with one thing more each.
+
+    room : what of a campaign has room for a smooth disturbance that has no key.
+    """
 
     plain: Problem
+    room: str
     causes: tuple[Cause, ...] = ()

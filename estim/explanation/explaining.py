@@ -12,7 +12,7 @@ random with it.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -22,7 +22,7 @@ from estim.checks import P_POOR_FIT, check_goodness
 from estim.common import Label, NumericalError
 from estim.deviation import AutoCorrelated
 from estim.explanation.bad_frames import frame_causes
-from estim.explanation.candidates import Cause, Scanned
+from estim.explanation.candidates import Cause, Scanned, Suspects
 from estim.fitting import Fit, fit_least_squares, refit
 from estim.problem import Problem
 
@@ -98,15 +98,15 @@ class Explanation:
 
 
 def explain(
-    plain: Problem, causes: Sequence[Cause], *, rng: np.random.Generator, values: FloatArray | None = None,
-    progress: Callable[[int, int], None] | None = None,
+    suspects: Suspects, *, rng: np.random.Generator, values: FloatArray | None = None, progress: Callable[[int, int], None] | None = None
 ) -> Explanation:
-    """The candidates for what `plain` lacks: `causes`, readings that are alike in time, one bad frame.
+    """The candidates for what runs lack: those of `suspects`, readings that are alike in time, one bad frame.
 
-    plain : the runs with their stated noise alone.  values : (n_par,) where its fit may start.  progress : told how many of how many are done.
+    values : (n_par,) where the fit without any of them may start.  progress : told how many of how many are done.
     """
+    plain = suspects.plain
     base = fit_least_squares(plain, rng=rng, n_start=1 if values is not None else 4, start=values)
-    every = [*(cause for cause in causes if not _pushed_below(cause, base)), *_alike(plain), *frame_causes(base)]
+    every = [*(cause for cause in suspects.causes if not _pushed_below(cause, base)), *_alike(suspects), *frame_causes(base)]
     fits: dict[str, tuple[Candidate, Fit]] = {}
     lowest = badness(base)
     for done, cause in enumerate(every, start=1):
@@ -137,15 +137,16 @@ def badness(fit: Fit) -> float:
     return total
 
 
-def _alike(plain: Problem) -> Iterable[Cause]:
+def _alike(suspects: Suspects) -> Iterable[Cause]:
     """Readings whose errors follow each other."""
+    plain = suspects.plain
     if any(run.noise.robust or run.noise.x_gain().any() or not run.noise.size.reading_variance(_ones(plain)).any() for run in plain.runs):
         return
     for correlation in _CORRELATIONS:
         runs = tuple(replace(run, noise=AutoCorrelated(run.noise, correlation)) for run in plain.runs)
         yield Cause(
             "correlated_errors", _UMBRELLA, Problem(plain.parameters, runs), (),
-            (), "an unmodelled force leaves room for it: unmodelled_force = 0.02", scanned=Scanned("correlation", correlation),
+            (), suspects.room, scanned=Scanned("correlation", correlation),
         )
 
 
