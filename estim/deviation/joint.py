@@ -27,7 +27,7 @@ from estim.deviation.jumps import BadFrames
 from estim.deviation.linearised import Linearised, linearise
 from estim.deviation.mixture import Mixture, keep_probable
 from estim.deviation.noise import Stated, WithForce, normal_covariance
-from estim.deviation.posing import FoundForce, growth_over, linear_groups, priors_at, whitener
+from estim.deviation.posing import FoundForce, Told, as_prior, growth_over, linear_groups, priors_at, told_by, whitener
 from estim.problem import Likelihood, Named, Noise, Observations, Points, Problem, StackedPoints, Wording
 
 
@@ -109,10 +109,6 @@ class _Lacking:
         return linearise(self.deviation, self.residuals, columns, precision=every, pull=np.append(pull, np.zeros(n)))
 
 
-Told = tuple[FloatArray, FloatArray]
-"""Information (n_par, n_par) and score (n_par,) at the white fit: what some runs say of the parameters."""
-
-
 def pose_forces(
     groups: Mapping[str, Sequence[Observations]], courses: Mapping[str, Course], problem: Problem, values: FloatArray, *, without: FloatArray
 ) -> JointlyPosed:
@@ -126,9 +122,9 @@ def pose_forces(
     precision, pull = priors_at(problem, values, n_start=0)
     prior = precision, precision @ pull
     forced = {run.name for group in lacking for run in group.runs}
-    complete = [_told_by(run, problem, values) for run in problem.runs if run.name not in forced]
+    complete = [told_by(run, problem, values) for run in problem.runs if run.name not in forced]
     told = [_told(group.beside(precision, pull), prior) for group in lacking]
-    linear = [group.beside(*_as_prior([prior, *complete, *told[:i], *told[i + 1 :]])) for i, group in enumerate(lacking)]
+    linear = [group.beside(*as_prior([prior, *complete, *told[:i], *told[i + 1 :]])) for i, group in enumerate(lacking)]
     noises: dict[str, Noise] = {}
     for group, found in zip(lacking, linear, strict=True):
         noises |= _noises(group, found)
@@ -155,28 +151,12 @@ def _prepared(label: str, runs: tuple[Observations, ...], courses: Mapping[str, 
     )
 
 
-def _told_by(run: Observations, problem: Problem, values: FloatArray) -> Told:
-    """What a run without a force says."""
-    named = problem.named(values)
-    jacobian, residuals = run.likelihood(named).scoring(named, problem.names)
-    return jacobian.T @ jacobian, -jacobian.T @ residuals
-
-
 def _told(linear: Linearised, prior: Told) -> Told:
     """What a group says beyond its prior, as one normal distribution."""
     n_par = prior[1].size
     information = np.linalg.inv(linear.covariance[:n_par, :n_par])
     spectrum, basis = np.linalg.eigh(information - prior[0])
     return (basis * np.maximum(spectrum, 0.0)) @ basis.T, information @ linear.mean[:n_par] - prior[1]
-
-
-def _as_prior(known: Sequence[Told]) -> Told:
-    """Precision and pull of what several sources say together."""
-    precision = np.sum([one[0] for one in known], axis=0)
-    scale = np.sqrt(np.maximum(np.diag(precision), 0.0))
-    scale = np.where(scale > 0.0, scale, 1.0)
-    pull = np.linalg.lstsq(precision / np.outer(scale, scale), np.sum([one[1] for one in known], axis=0) / scale, rcond=1e-12)[0] / scale
-    return precision, pull
 
 
 def _noises(group: _Lacking, linear: Linearised) -> dict[str, Noise]:
@@ -216,4 +196,3 @@ def _own(group: _Lacking, linear: Linearised) -> tuple[OwnForce, ...]:
         end = group.track.start + along.track.length
         found.append(find_own_force(linear, group.track, Response.stacked(alone), run=run.name, end=end, ratios=ratios, radius=along.radian))
     return tuple(found)
-

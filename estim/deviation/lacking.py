@@ -27,7 +27,7 @@ from estim.deviation.generic import (
 from estim.deviation.linearised import Linearised, linearise
 from estim.deviation.mixture import keep_probable
 from estim.deviation.noise import WithMixture, normal_covariance
-from estim.deviation.posing import linear_groups
+from estim.deviation.posing import as_prior, growth_over, linear_groups, told_by
 from estim.deviation.visible import Visible, see_deviation
 from estim.problem import Lacks, Observations, Problem, Wording
 
@@ -73,7 +73,7 @@ class FoundDeviation:
     visible : what of it the curve cannot make up for, with the points.
     noise : quantiles 0.16, 0.5, 0.84 of the standard deviation of the noise beside it, in units of the stated one, or in the unit of y.
     conservative : whether the readings scatter by far less than stated.
-    without : parameter -> its standard deviation with independent errors alone.
+    growth : parameter -> its standard deviation over that with independent errors alone, both linearised.
     mean, sds : (n_par,) of the linearised posterior.  intervals : parameter -> probability (0.68, 0.95) -> its ends.
     means, covs : (n, n_par), (n, n_par, n_par) of normal distributions that make it up, the narrowest first.
     """
@@ -86,7 +86,7 @@ class FoundDeviation:
     visible: Visible
     noise: tuple[float, float, float]
     conservative: bool
-    without: Mapping[str, float]
+    growth: Mapping[str, float]
     mean: FloatArray
     cov: FloatArray
     intervals: Mapping[str, Mapping[float, Interval]]
@@ -127,7 +127,7 @@ def pose_deviation(run: Observations, problem: Problem, values: FloatArray) -> P
     found = FoundDeviation(
         run=run.name, lacks=lacks, probability=linear.p_deviation, smooth=sizes.get(DEVIATION), correlated=sizes.get(TIME),
         visible=see_deviation(linear, run, scales), noise=(low, middle, high),
-        conservative=lacks.stated and stated_is_conservative(linear), without=dict(zip(problem.names, without.tolist(), strict=True)),
+        conservative=lacks.stated and stated_is_conservative(linear), growth=growth_over(problem, linear, without),
         mean=values + linear.mean, cov=linear.covariance, intervals=_intervals(linear, problem, values), means=values + means, covs=covs,
     )
     return PosedDeviation(noise, found)
@@ -169,14 +169,8 @@ def _known(run: Observations, problem: Problem, values: FloatArray) -> tuple[Flo
     priors = list(zip(problem.parameters, values, strict=True))
     slope = np.array([p.prior.residual_slope(float(v)) for p, v in priors])
     off = np.array([p.prior.residual(float(v)) for p, v in priors])
-    precision, push = np.diag(slope**2), -slope * off
-    named = problem.named(values)
-    for other in problem.runs:
-        if other is not run:
-            seen = other.likelihood(named).whitened(named, problem.names)
-            assert hasattr(seen, "root"), "every run has normal errors"
-            precision, push = precision + seen.root.T @ seen.root, push + seen.root.T @ seen.z
-    return precision, np.asarray(np.linalg.lstsq(precision, push, rcond=None)[0])
+    told = [told_by(other, problem, values) for other in problem.runs if other is not run]
+    return as_prior([(np.diag(slope**2), -slope * off), *told])
 
 
 def _whitener(linear: Linearised, lacks: Lacks) -> FloatArray:

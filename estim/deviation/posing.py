@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -26,6 +26,10 @@ from estim.problem import Observations, Points, Prior, Problem
 
 _PARTS = (0.5, 0.9, 0.99, 0.999)  # of the linearised posterior: the wide components hold its tails
 _ANY_SCALE, _COARSE = (1.0, 1.6, 2.5, 4.0, 6.3, 10.0), 12  # where frames are judged the noise may be any larger than stated
+
+
+Told = tuple[FloatArray, FloatArray]
+"""Information (n_par, n_par) and score (n_par,) at values of the parameters: what some runs, or their priors, say of them."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -150,6 +154,22 @@ def _linear(run: Observations, course: Course, problem: Problem, values: FloatAr
     jacobian = np.column_stack([points.gradient(named, problem.names), along.push])
     shapes = force_shapes(along.track, along.response, radius=along.radian)
     return _Linear(points, named, along, stated, shapes, residuals, jacobian, *priors_at(problem, values))
+
+
+def told_by(run: Observations, problem: Problem, values: FloatArray) -> Told:
+    """What a run says whose noise is known."""
+    named = problem.named(values)
+    jacobian, residuals = run.likelihood(named).scoring(named, problem.names)
+    return jacobian.T @ jacobian, -jacobian.T @ residuals
+
+
+def as_prior(known: Sequence[Told]) -> Told:
+    """Precision and pull of what several sources say together: of a normal prior with that information and score."""
+    precision = np.sum([one[0] for one in known], axis=0)
+    scale = np.sqrt(np.maximum(np.diag(precision), 0.0))
+    scale = np.where(scale > 0.0, scale, 1.0)
+    pull = np.linalg.lstsq(precision / np.outer(scale, scale), np.sum([one[1] for one in known], axis=0) / scale, rcond=1e-12)[0] / scale
+    return precision, pull
 
 
 def growth_over(problem: Problem, linear: Linearised, without: FloatArray) -> dict[str, float]:

@@ -39,7 +39,7 @@ class DeviationSummary(msgspec.Struct, frozen=True):
     noise: list[float]  # quantiles 0.16, 0.5, 0.84 of the independent errors, in units of the stated ones, or of y where none were stated
     stated: bool  # whether the size of the errors was stated
     conservative: bool  # whether the readings scatter by far less than stated
-    growth: dict[str, float]  # sd of each parameter over that with independent errors; empty where the status is not ok
+    growth: dict[str, float]  # sd of each parameter over that with independent errors, both linearised; empty where the status is not ok
     words: str
     x: list[float]
     low_95: list[float]
@@ -74,13 +74,12 @@ def lacks_text(found: Mapping[str, DeviationSummary], labels: Labels) -> Markdow
 def _summary(analysis: Analysis, found: FoundDeviation) -> DeviationSummary:
     problem, visible = analysis.problem, found.visible
     run = next(run for run in problem.runs if run.name == found.run)
-    sds = dict(zip(problem.names, np.std(analysis.chain.flat, axis=0).tolist(), strict=True))
     low_95, low_68, median, high_68, high_95 = visible.quantiles.tolist()
     return DeviationSummary(
         unit=run.y_unit, probability=found.probability, smooth=_size(found.smooth, run.x_unit),
         correlated=_size(found.correlated, found.lacks.along_unit),
         typical=visible.typical, most=visible.most, noise=list(found.noise), stated=found.lacks.stated, conservative=found.conservative,
-        growth={name: sds[name] / sd for name, sd in found.without.items() if sd > 0.0} if analysis.diagnosis.ok else {},
+        growth=dict(found.growth) if analysis.diagnosis.ok else {},
         words=tell(deviation_finding(found, x_unit=run.x_unit, y_unit=run.y_unit)),
         x=visible.x.tolist(), low_95=low_95, low_68=low_68, median=median, high_68=high_68, high_95=high_95,
     )
