@@ -9,4 +9,5 @@ from estim.fitting.lacking import fit_lacking, sds_beside_limits
 from estim.fitting.least_squares import MAX_ROUNDS, PERFECT, Fit, chi2_p, fit_least_squares, led_here, no_scatter, refit, silent_parameters
 from estim.fitting.optimum import N_START, Optimum, find_optimum, fit_optimum, is_resolved, scanned_fit, with_others
 from estim.fitting.profile import ProfileInterval, profile_intervals
+from estim.fitting.profile_descents import Start, minima
 from estim.fitting.profile_search import ProfileSearch, search_of
