@@ -309,3 +309,24 @@ def test_profile_of_a_replica_run_takes_few_calls_of_the_density(replica: Path, 
     found = profile_intervals(fit)
     assert sum(interval.x.size for interval in found) > 90
     assert len(calls) < 80
+
+
+@pytest.mark.parametrize("seed", [1, 19])
+def test_a_lowest_point_beside_an_edge_where_the_curve_is_not_defined_is_reached(seed: int) -> None:
+    """v x/(k + x) at x = 0 is not a number for k = 0, and there is the lowest point where v is small."""
+    y = X / (1.0 + X) + 0.4 * np.random.default_rng(seed).standard_normal(X.size)
+    priors = {"v": Uniform(0.0, 20.0), "k": Uniform(0.0, 20.0)}
+
+    def saturating(x, v, k):
+        with np.errstate(invalid="ignore"):
+            return v * x / (k + x)
+
+    by_v = profile_intervals(fitted(formula_problem(saturating, X, y, 0.4, priors)))[0]
+    k = np.geomspace(1e-9, 20.0, 20_001)
+    curve = X / (k[:, None] + X)
+
+    def lowest(v: float) -> float:
+        return float(np.min(np.sum(((y - v * curve) / 0.4) ** 2, axis=1)))
+
+    assert lowest(by_v.low[0.95]) - lowest(by_v.value) == pytest.approx(chi2.ppf(0.95, 1), abs=2e-3)
+    assert by_v.n_failed == 0

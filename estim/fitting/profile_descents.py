@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from estim.arrays import FloatArray
 from estim.fitting.profile_search import ProfileSearch
 
-_DAMPING = np.array([1e-9, 1e-3, 3e-2, 0.3, 3.0, 30.0, 1e3, 1e5])
+_DAMPING = np.array([1e-9, 1e-3, 3e-2, 0.3, 3.0, 30.0, 1e3, 1e5, 1e7])
 _SETTLED = 1e-7  # fall of the objective that the next step promises: an end moves by less than 1e-7 sd
 _ACCEPTABLE = 1e-4  # the same where no step leads further down
 _MAX_ITERATIONS = 60
