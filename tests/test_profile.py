@@ -311,7 +311,7 @@ def test_profile_of_a_replica_run_takes_few_calls_of_the_density(replica: Path, 
     assert len(calls) < 80
 
 
-@pytest.mark.parametrize("seed", [1, 19])
+@pytest.mark.parametrize("seed", [19, 33, 46])
 def test_a_lowest_point_beside_an_edge_where_the_curve_is_not_defined_is_reached(seed: int) -> None:
     """v x/(k + x) at x = 0 is not a number for k = 0, and there is the lowest point where v is small."""
     y = X / (1.0 + X) + 0.4 * np.random.default_rng(seed).standard_normal(X.size)

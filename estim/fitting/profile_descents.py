@@ -20,7 +20,8 @@ from numpy.typing import NDArray
 from estim.arrays import FloatArray
 from estim.fitting.profile_search import ProfileSearch
 
-_DAMPING = np.array([1e-9, 1e-3, 3e-2, 0.3, 3.0, 30.0, 1e3, 1e5, 1e7])
+_DAMPING = np.array([1e-9, 1e-3, 3e-2, 0.3, 3.0, 30.0, 1e3, 1e5])
+_SHARES = np.array([[0.99], [0.7], [0.3]])  # of a step that disappoints: beside an edge at which the density is zero
 _SETTLED = 1e-7  # fall of the objective that the next step promises: an end moves by less than 1e-7 sd
 _ACCEPTABLE = 1e-4  # the same where no step leads further down
 _MAX_ITERATIONS = 60
@@ -243,7 +244,8 @@ def _choose(search: ProfileSearch, descents: Sequence[_Descent]) -> None:
             continue
         trials = np.clip(values[k] + own * search.scale, search.low, search.high)
         trials[:, ~moving[k]] = values[k, ~moving[k]]
-        descent.trials, descent.more = trials[best : best + 1], np.delete(trials, best, axis=0)
+        part_way = values[k] + _SHARES * (trials[best] - values[k])
+        descent.trials, descent.more = trials[best : best + 1], np.vstack([np.delete(trials, best, axis=0), part_way])
 
 
 def _damped(metrics: FloatArray, slopes: FloatArray, moving: NDArray[np.bool_]) -> FloatArray:
