@@ -13,6 +13,7 @@ from matplotlib.lines import Line2D
 from estim.arrays import FloatArray
 from estim.checks import Identifiability
 from estim.common import InputError, signed
+from estim.distributions import chi2_quantile, normal_below
 from estim.fitting import Fit, ProfileInterval
 from estim.problem import Prior, Problem
 from estim.reports.figures import BLUE, GREEN, GREY, INK, ORANGE, new_figure
@@ -170,11 +171,9 @@ def prior_contour(draws: FloatArray, probability: float) -> tuple[FloatArray, Fl
     priors the ellipse of equal density.  A flat prior gets as wide as it would with a posterior that says nothing, not as
     narrow as one standard deviation of the other.
     """
-    from scipy.stats import chi2, norm
-
     angle = np.linspace(0.0, 2.0 * np.pi, 400)
-    z = math.sqrt(chi2.ppf(probability, 2)) * np.array([np.cos(angle), np.sin(angle)])
-    x, y = (np.quantile(column, p) for column, p in zip(draws.T, norm.cdf(z), strict=True))
+    z = math.sqrt(chi2_quantile(probability, 2)) * np.array([np.cos(angle), np.sin(angle)])
+    x, y = (np.quantile(column, p) for column, p in zip(draws.T, normal_below(z), strict=True))
     return x, y
 
 
@@ -209,7 +208,6 @@ def profile_figure(problem: Problem, intervals: Sequence[ProfileInterval], draws
 
 def _draw_profile(ax: Axes, interval: ProfileInterval, draws: FloatArray, factor: float) -> None:
     from scipy.interpolate import PchipInterpolator
-    from scipy.stats import chi2
 
     x, kept = np.unique(interval.x * factor, return_index=True)
     # the signed square root of a rise is nearly a straight line: smooth in between
@@ -218,7 +216,7 @@ def _draw_profile(ax: Axes, interval: ProfileInterval, draws: FloatArray, factor
         fine = np.linspace(x[0], x[-1], 300)
         ax.plot(fine, PchipInterpolator(x, root)(fine) ** 2, color=BLUE, lw=1.4)
     for p in interval.low:
-        level = float(chi2.ppf(p, 1))
+        level = float(chi2_quantile(p, 1))
         ax.axhline(level, color=GREY, lw=0.7, ls="--", zorder=1)
         for opened, end in ((interval.open_low[p], interval.low[p]), (interval.open_high[p], interval.high[p])):
             if not opened:
