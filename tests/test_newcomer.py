@@ -165,6 +165,7 @@ def test_tilt_is_read_as_it_was_written() -> None:
 
 @pytest.mark.slow
 @pytest.mark.usefixtures("undrawn")
+@pytest.mark.usefixtures("undrawn")
 def test_facts_and_warnings_of_a_file_stand_in_report_and_result(tmp_path: Path) -> None:
     from estim.pipeline import analyse
     from estim.reports.analysis import analysis_report
