@@ -127,7 +127,7 @@ def test_fit_interrupted_and_resumed_gives_the_same_bytes(fit: Fit, tmp_path: Pa
     assert written(tmp_path / "out") == reference
 
 
-@pytest.mark.usefixtures("undrawn")
+@pytest.mark.usefixtures("undrawn", "few_draws")
 def test_several_runs_go_on_with_the_one_that_was_interrupted(fit: Fit, tmp_path: Path) -> None:
     """The first of two is done when the signal comes."""
     folder = tmp_path / "out" / ".checkpoint"
