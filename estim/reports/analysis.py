@@ -8,9 +8,9 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
+from typing import TYPE_CHECKING
 
 import numpy as np
-from matplotlib.figure import Figure
 
 from estim.campaign import Campaign
 from estim.checks import P_CONFLICT, P_POOR_FIT, interval_cell, parameter_cells, value_cell
@@ -34,6 +34,9 @@ from estim.reports.result import ParameterSummary, Result, RunSummary, Subject, 
 from estim.reports.usual_errors import usual_row
 from estim.studies import determine
 from estim.words import STATUS_WORDS, Voice
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 _PRIOR_DOMINATED = 0.8
 _FELT = 0.05  # posterior standard deviations

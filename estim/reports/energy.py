@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
 
 import msgspec
 import numpy as np
-from matplotlib.figure import Figure
 
 from estim.campaign import Campaign
 from estim.common import KINDS, Quantity, as_json, format_quantity, gravest
@@ -17,6 +17,9 @@ from estim.reports.result import Provenance, provenance
 from estim.sampling import number
 from estim.studies import Drift, EnergyEstimate, EnergyRecord
 from estim.words import STATUS_WORDS
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 ENERGY_SCHEMA = "estim-energy/1"
 _ANYTHING = 1.0  # standard uncertainty of a ratio that says nothing

@@ -5,10 +5,10 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from functools import partial
+from typing import TYPE_CHECKING
 
 import msgspec
 import numpy as np
-from matplotlib.figure import Figure
 
 from estim.campaign import gamma_origin
 from estim.common import KINDS, as_json
@@ -33,6 +33,9 @@ from estim.reports.result import Provenance, Result, provenance, result_of
 from estim.sampling import number
 from estim.studies import BodyAnalysis, Reanalysis
 from estim.words import Voice
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 REANALYSIS_SCHEMA = "estim-reanalysis/1"
 
