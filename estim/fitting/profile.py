@@ -20,6 +20,7 @@ import numpy as np
 
 from estim.arrays import FloatArray
 from estim.common import InputError
+from estim.distributions import chi2_quantile, student_quantile
 from estim.fitting.least_squares import Fit
 from estim.fitting.profile_descents import Point, Start, minima, together
 from estim.fitting.profile_search import ProfileSearch, search_of
@@ -90,9 +91,7 @@ def profile_intervals(
     indices = [_index(fit, name) for name in (fit.names if names is None else names)]
     rises = _quantiles(probabilities, dof=1)
     if math.isfinite(dof):
-        from scipy import stats
-
-        rises = {p: float(stats.t.ppf(0.5 + 0.5 * p, dof)) ** 2 for p in rises}
+        rises = {p: float(student_quantile(0.5 + 0.5 * p, dof)) ** 2 for p in rises}
     search = search_of(fit)
     (mode,) = minima(search, [Start(fit.values, (), settled=_MODE_SETTLED)])
     return tuple(_intervals(fit, search, mode, indices, rises))
@@ -122,12 +121,10 @@ def _index(fit: Fit, name: str) -> int:
 
 
 def _quantiles(probabilities: Sequence[float], *, dof: int) -> dict[float, float]:
-    from scipy.stats import chi2
-
     for p in probabilities:
         if not 0.0 < p < 1.0:
             raise InputError("must lie between 0 and 1", field="probabilities", value=p)
-    return {p: float(chi2.ppf(p, dof)) for p in sorted(probabilities)}
+    return {p: float(chi2_quantile(p, dof)) for p in sorted(probabilities)}
 
 
 def _intervals(fit: Fit, search: ProfileSearch, mode: Point, indices: Sequence[int], rises: dict[float, float]) -> list[ProfileInterval]:

@@ -5,12 +5,12 @@ The text stands in `templates/`; every number in it comes from `result.Result`, 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
+from typing import TYPE_CHECKING
 
 import numpy as np
-from matplotlib.figure import Figure
 
 from estim.campaign import Campaign
 from estim.checks import P_CONFLICT, P_POOR_FIT, interval_cell, parameter_cells, value_cell
@@ -34,6 +34,9 @@ from estim.reports.result import ParameterSummary, Result, RunSummary, Subject, 
 from estim.reports.usual_errors import usual_row
 from estim.studies import determine
 from estim.words import STATUS_WORDS, Voice
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 _PRIOR_DOMINATED = 0.8
 _FELT = 0.05  # posterior standard deviations
@@ -119,19 +122,20 @@ def analysis_text(
         consistency=consistency, axes=axes, limits_only=result.status != "ok", converged=converged,
         corner_words=corner_words, usual=[usual_row(one) for one in result.usual_errors], lacks=lacks, explanation=explanation,
         deviation=deviation_text(result.deviation, result.labels) if result.deviation else "",
-        complete=_complete(result),
+        complete=complete_runs([result]),
         drawn=any(force.drawn for force in (result.deviation or {}).values()),
         said=[words for force in (result.deviation or {}).values() for words in (force.words, force.noise_words)] if result.status == "ok" else [],
         picture=" and ".join(f"{y} against {x}" for x, y in axes),
     )
 
 
-def _complete(result: Result) -> dict[str, list[str]]:
+def complete_runs(results: Iterable[Result]) -> dict[str, list[str]]:
     """Each reason for which curves are taken as complete, and the runs."""
     runs: dict[str, list[str]] = {}
-    for name, run in result.runs.items():
-        if run.complete is not None:
-            runs.setdefault(run.complete, []).append(name)
+    for result in results:
+        for name, run in result.runs.items():
+            if run.complete is not None:
+                runs.setdefault(run.complete, []).append(name)
     return runs
 
 

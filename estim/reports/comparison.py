@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 import msgspec
 import numpy as np
-from matplotlib.figure import Figure
 
 from estim.campaign import Campaign
 from estim.checks import INFLUENTIAL, value_cell
@@ -17,6 +17,9 @@ from estim.reports.rendering import render
 from estim.reports.result import provenance
 from estim.sampling import Summary, number, summarise_parameter, trusted
 from estim.studies import Compared
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 _BEHIND = 4.0  # difference of elpd below which models predict alike, whatever its error
 

@@ -4,18 +4,21 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
-from matplotlib.lines import Line2D
 
 from estim.arrays import FloatArray
 from estim.checks import Identifiability
 from estim.common import InputError, signed
+from estim.distributions import chi2_quantile, normal_below
 from estim.fitting import Fit, ProfileInterval
 from estim.problem import Prior, Problem
 from estim.reports.figures import BLUE, GREEN, GREY, INK, ORANGE, new_figure
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 _FLOOR = 1e-4  # of the axis of information: what is smaller is as good as nothing
 _TOP_RISE = 5.0
@@ -74,6 +77,7 @@ def ridge_figure(fit: Fit, found: Identifiability, draws: FloatArray, *, pair: t
     draws : (n_draw, n_par) of the posterior, 20 000 for smooth contours.  Raises InputError where there is only one parameter.
     """
     import corner
+    from matplotlib.lines import Line2D
 
     problem, weakest = fit.problem, found.directions[0]
     i, j = (fit.names.index(name) for name in pair or ridge_pair(found, draws))
@@ -170,11 +174,9 @@ def prior_contour(draws: FloatArray, probability: float) -> tuple[FloatArray, Fl
     priors the ellipse of equal density.  A flat prior gets as wide as it would with a posterior that says nothing, not as
     narrow as one standard deviation of the other.
     """
-    from scipy.stats import chi2, norm
-
     angle = np.linspace(0.0, 2.0 * np.pi, 400)
-    z = math.sqrt(chi2.ppf(probability, 2)) * np.array([np.cos(angle), np.sin(angle)])
-    x, y = (np.quantile(column, p) for column, p in zip(draws.T, norm.cdf(z), strict=True))
+    z = math.sqrt(chi2_quantile(probability, 2)) * np.array([np.cos(angle), np.sin(angle)])
+    x, y = (np.quantile(column, p) for column, p in zip(draws.T, normal_below(z), strict=True))
     return x, y
 
 
@@ -183,6 +185,8 @@ def profile_figure(problem: Problem, intervals: Sequence[ProfileInterval], draws
 
     draws : (n_draw, n_par) of the posterior.  At most 24 parameters are drawn.
     """
+    from matplotlib.lines import Line2D
+
     intervals = intervals[:_MAX_PROFILES]
     columns = min(3, len(intervals))
     rows = -(-len(intervals) // columns)
@@ -209,7 +213,6 @@ def profile_figure(problem: Problem, intervals: Sequence[ProfileInterval], draws
 
 def _draw_profile(ax: Axes, interval: ProfileInterval, draws: FloatArray, factor: float) -> None:
     from scipy.interpolate import PchipInterpolator
-    from scipy.stats import chi2
 
     x, kept = np.unique(interval.x * factor, return_index=True)
     # the signed square root of a rise is nearly a straight line: smooth in between
@@ -218,7 +221,7 @@ def _draw_profile(ax: Axes, interval: ProfileInterval, draws: FloatArray, factor
         fine = np.linspace(x[0], x[-1], 300)
         ax.plot(fine, PchipInterpolator(x, root)(fine) ** 2, color=BLUE, lw=1.4)
     for p in interval.low:
-        level = float(chi2.ppf(p, 1))
+        level = float(chi2_quantile(p, 1))
         ax.axhline(level, color=GREY, lw=0.7, ls="--", zorder=1)
         for opened, end in ((interval.open_low[p], interval.low[p]), (interval.open_high[p], interval.high[p])):
             if not opened:

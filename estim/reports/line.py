@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import math
+from typing import TYPE_CHECKING
 
 import msgspec
 import numpy as np
-from matplotlib.figure import Figure
 
 from estim.campaign import Campaign, gamma_origin
 from estim.checks import interval_cell
@@ -17,6 +17,9 @@ from estim.reports.rendering import render
 from estim.reports.result import Provenance, software_versions
 from estim.sampling import Summary, number, summarise, trusted
 from estim.words import STATUS_WORDS, Voice, advice_for
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 LINE_SCHEMA = "estim-line/1"
 _METHODS = {

@@ -5,19 +5,20 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from functools import partial
+from typing import TYPE_CHECKING
 
 import msgspec
 import numpy as np
-from matplotlib.figure import Figure
 
 from estim.campaign import gamma_origin
 from estim.common import KINDS, as_json
 from estim.reports import figures, reanalysis_figures
-from estim.reports.analysis import parameter_row
+from estim.reports.analysis import complete_runs, parameter_row
 from estim.reports.energy import (
     DriftSummary,
     EnergySummary,
     Value,
+    average_words,
     drift_words,
     energy_figure,
     percent,
@@ -32,6 +33,9 @@ from estim.reports.result import Provenance, Result, provenance, result_of
 from estim.sampling import number
 from estim.studies import BodyAnalysis, Reanalysis
 from estim.words import Voice
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 REANALYSIS_SCHEMA = "estim-reanalysis/1"
 
@@ -153,7 +157,9 @@ def reanalysis_text(result: ReanalysisResult, corner_words: Mapping[str, str]) -
         "reanalysis.md.j2", result=result, kind=KINDS[result.kind], line=None if result.line is None else line_values(result.line),
         shown=shown, rows={name: _rows(body.joint) for name, body in result.bodies.items()},
         trusted=any(body.joint.status == "ok" for body in result.bodies.values()), singles=_singles(result),
-        limit_words=limit_words, corner_words=corner_words, percent=percent, drift_words=drift_words,
+        limit_words=limit_words, corner_words=corner_words, percent=percent, drift_words=drift_words, average_words=average_words,
+        forces=[(name, force) for name, body in result.bodies.items() for force in (body.joint.deviation or {}).values()],
+        complete=complete_runs(result.runs.values()),
         notes=list(dict.fromkeys(note for body in result.bodies.values() for note in body.joint.notes)),
     )
 

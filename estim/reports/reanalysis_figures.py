@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
-from matplotlib.figure import Figure
-from matplotlib.ticker import FuncFormatter
 
 from estim.reports.figures import BLUE, COLOURS, GREY, INK, ORANGE, grid, new_figure
 from estim.sampling import curve_draws
 from estim.studies import BodyAnalysis, Narrowing
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 
 def overlay_figure(body: BodyAnalysis, *, synthetic: bool) -> Figure:
@@ -45,7 +47,7 @@ def width_figure(bodies: Sequence[BodyAnalysis], *, synthetic: bool) -> Figure:
             ax.plot(band.x, band.ratio, color=colour, lw=1.4, label=band.run)
         ax.axhline(1.0, color=GREY, lw=0.8, ls="--")
         ax.set_yscale("log")
-        ax.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+        ax.yaxis.set_major_formatter(lambda value, _: f"{value:g}")
         ax.set(xlabel=body.joint.problem.runs[0].x_label)
         ax.legend(fontsize=8, frameon=False, ncols=2, loc="upper center")
     axes[0].set_ylim(top=8.0)
