@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
-from matplotlib.figure import Figure
 
 from estim.calibration import COVERAGE_SDS, Calibration, edges, rank_counts, uniformity_band
 from estim.reports.figures import BLUE, GREY, INK, ORANGE, new_figure
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 
 def rank_figure(calibration: Calibration, *, synthetic: bool) -> Figure:

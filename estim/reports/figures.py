@@ -8,11 +8,9 @@ from __future__ import annotations
 
 import io
 from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
-from matplotlib.text import Text
 
 from estim.arrays import FloatArray
 from estim.campaign import way_back
@@ -22,6 +20,10 @@ from estim.deviation import FoundForce
 from estim.pipeline import Analysis
 from estim.problem import Observations, Prior, Problem, n_uses
 from estim.sampling import Bands, curve_draws
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 BLUE, ORANGE, GREEN, PURPLE, GREY, INK = "#0072B2", "#E69F00", "#009E73", "#CC79A7", "#8A8A8A", "#222222"
 COLOURS = (BLUE, ORANGE, GREEN, PURPLE, INK, GREY)
@@ -39,6 +41,7 @@ def png(draw: Callable[[], Figure]) -> bytes:
     Every text is shown literally; what matplotlib would take for mathematics is that only where `estim.common.labels` made it so.
     """
     from matplotlib import style
+    from matplotlib.text import Text
 
     buffer = io.BytesIO()
     with style.context("default"):
@@ -50,6 +53,8 @@ def png(draw: Callable[[], Figure]) -> bytes:
 
 
 def new_figure(height: float, width: float = _WIDTH) -> Figure:
+    from matplotlib.figure import Figure
+
     return Figure(figsize=(width, height), layout="constrained", facecolor="white")
 
 
@@ -167,6 +172,7 @@ def residual_figure(runs: Sequence[Observations], goodness: Sequence[Goodness], 
 def corner_figure(analysis: Analysis) -> Figure:
     """Marginal and joint posteriors of `corner_parameters`, with the prior (orange) beside each marginal."""
     import corner
+    from matplotlib.figure import Figure
     from matplotlib.ticker import MaxNLocator, ScalarFormatter
 
     chosen = corner_parameters(analysis.problem)

@@ -4,11 +4,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
-from matplotlib.lines import Line2D
 
 from estim.arrays import FloatArray
 from estim.checks import Identifiability
@@ -16,6 +14,10 @@ from estim.common import InputError, signed
 from estim.fitting import Fit, ProfileInterval
 from estim.problem import Prior, Problem
 from estim.reports.figures import BLUE, GREEN, GREY, INK, ORANGE, new_figure
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 _FLOOR = 1e-4  # of the axis of information: what is smaller is as good as nothing
 _TOP_RISE = 5.0
@@ -74,6 +76,7 @@ def ridge_figure(fit: Fit, found: Identifiability, draws: FloatArray, *, pair: t
     draws : (n_draw, n_par) of the posterior, 20 000 for smooth contours.  Raises InputError where there is only one parameter.
     """
     import corner
+    from matplotlib.lines import Line2D
 
     problem, weakest = fit.problem, found.directions[0]
     i, j = (fit.names.index(name) for name in pair or ridge_pair(found, draws))
@@ -183,6 +186,8 @@ def profile_figure(problem: Problem, intervals: Sequence[ProfileInterval], draws
 
     draws : (n_draw, n_par) of the posterior.  At most 24 parameters are drawn.
     """
+    from matplotlib.lines import Line2D
+
     intervals = intervals[:_MAX_PROFILES]
     columns = min(3, len(intervals))
     rows = -(-len(intervals) // columns)

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
-from matplotlib.figure import Figure
-from matplotlib.ticker import FuncFormatter
 
 from estim.reports.figures import BLUE, COLOURS, GREY, INK, ORANGE, grid, new_figure
 from estim.sampling import curve_draws
 from estim.studies import BodyAnalysis, Narrowing
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 
 def overlay_figure(body: BodyAnalysis, *, synthetic: bool) -> Figure:
@@ -38,6 +40,8 @@ def overlay_figure(body: BodyAnalysis, *, synthetic: bool) -> Figure:
 
 def width_figure(bodies: Sequence[BodyAnalysis], *, synthetic: bool) -> Figure:
     """Width of the posterior band relative to the propagated one along each run."""
+    from matplotlib.ticker import FuncFormatter
+
     figure = new_figure(3.2)
     axes = figure.subplots(1, len(bodies), squeeze=False, sharey=True)[0]
     for ax, body in zip(axes, bodies, strict=True):
