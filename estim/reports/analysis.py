@@ -20,10 +20,11 @@ from estim.fitting import ProfileInterval
 from estim.pipeline import Analysis
 from estim.reports.consistency import consistency_text
 from estim.reports.consistency_figures import forest_figure
+from estim.reports.corner_figures import corner_figure, corner_words
 from estim.reports.deviation import deviation_text
 from estim.reports.deviation_figures import force_figure
 from estim.reports.explanation import explanation_text, runs_text
-from estim.reports.figures import corner_figure, corner_words, phase_figure, residual_figure, trace_figure
+from estim.reports.figures import phase_figure, residual_figure
 from estim.reports.identifiability import IdentifySection, identify_section
 from estim.reports.identifiability_figures import direction_figure, profile_figure, ridge_figure
 from estim.reports.joint_figures import together_figure
@@ -33,6 +34,7 @@ from estim.reports.lacks_figures import lacks_figure
 from estim.reports.pages import Drawers, page
 from estim.reports.rendering import render
 from estim.reports.result import ParameterSummary, Result, RunSummary, Subject, result_of, to_json
+from estim.reports.trace_figures import trace_figure
 from estim.reports.usual_errors import usual_row
 from estim.studies import determine
 from estim.words import STATUS_WORDS, Voice

@@ -13,7 +13,7 @@ from estim.campaign import Campaign
 from estim.checks import INFLUENTIAL, value_cell
 from estim.common import KINDS, as_json
 from estim.problem import Parameter
-from estim.reports.figures import BLUE, INK, ORANGE, new_figure
+from estim.reports.figures import BLUE, ORANGE, name_ticks, new_figure
 from estim.reports.pages import page
 from estim.reports.rendering import render
 from estim.reports.result import provenance
@@ -106,7 +106,7 @@ def _figure(summaries: Sequence[ComparedSummary], common: Sequence[Parameter], *
                 ax.plot(ends[1], place, "<" if limit.side == "upper" else ">", color=colour, ms=5)
             elif mean is not None and sd is not None:
                 ax.errorbar(mean * shown.factor, place, xerr=sd * shown.factor, fmt="o", color=colour, ms=4, capsize=2)
-        ax.set_yticks(places, [s.name if i % 3 == 0 else "" for s in summaries], fontsize=7.5, color=INK)
+        name_ticks(ax.yaxis, places, [s.name if i % 3 == 0 else "" for s in summaries], fontsize=7.5)
         ax.set_ylim(-0.6, len(summaries) - 0.4)
         ax.set_xlabel(shown.axis, fontsize=9)
         ax.tick_params(axis="x", labelsize=7.5)

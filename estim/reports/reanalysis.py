@@ -13,6 +13,7 @@ import numpy as np
 from estim.campaign import gamma_origin
 from estim.common import KINDS, as_json
 from estim.reports.analysis import parameter_row
+from estim.reports.corner_figures import corner_figure, corner_words
 from estim.reports.energy import (
     DriftSummary,
     EnergySummary,
@@ -25,7 +26,7 @@ from estim.reports.energy import (
     summarise_energy,
     to_value,
 )
-from estim.reports.figures import corner_figure, corner_words, residual_figure
+from estim.reports.figures import residual_figure
 from estim.reports.line import LineResult, line_figure, line_result, line_values
 from estim.reports.pages import page
 from estim.reports.reanalysis_figures import narrowing_figure, overlay_figure, width_figure
