@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
-from matplotlib.figure import Figure
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 from stand_ins import write as write_stand_ins
 
 if TYPE_CHECKING:
@@ -132,7 +132,7 @@ PIXEL = (
 @pytest.fixture
 def unrendered(monkeypatch: pytest.MonkeyPatch) -> None:
     """Figures are made and not turned into pixels, half of the time of a report: for tests of numbers and text, whatever the figures have to show."""
-    monkeypatch.setattr(Figure, "savefig", lambda figure, file, **_: file.write(PIXEL))
+    monkeypatch.setattr(FigureCanvasAgg, "print_png", lambda canvas, file, **_: file.write(PIXEL))
 
 
 @pytest.fixture

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -12,6 +13,7 @@ from joint_runs import LINE, problem_of
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
+from matplotlib.image import imread
 from scipy.interpolate import RegularGridInterpolator
 
 from estim.campaign import load_campaign
@@ -40,6 +42,25 @@ def corner_of(problem: Problem, rng: np.random.Generator) -> Figure:
     figure = corner_figures.corner_figure(analysed(problem, 0.4 + 0.1 * rng.standard_normal((4000, problem.n_par))))
     FigureCanvasAgg(figure).draw()
     return figure
+
+
+def test_a_figure_is_drawn_once_where_a_layout_draws_it_twice_and_looks_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
+    def draw() -> Figure:
+        figure = figures.new_figure(3.0)
+        left, right = figure.subplots(1, 2)
+        left.plot([0.0, 1000.0], [1e-3, 1.0], label="a line")
+        right.set(yscale="log", ylim=(1e-3, 1e3), ylabel="far from the axis", title="title")
+        figure.legend(loc="outside lower center")
+        figure.suptitle("above all")
+        return figure
+
+    plain = io.BytesIO()
+    draw().savefig(plain, dpi=150)
+    calls, original = [], Figure.draw
+    monkeypatch.setattr(Figure, "draw", lambda figure, renderer: (calls.append(figure), original(figure, renderer))[1])
+    found = figures.png(draw)
+    assert len(calls) == 1
+    assert np.array_equal(*(imread(io.BytesIO(data), format="png") for data in (plain.getvalue(), found)))
 
 
 def single_run(n_par: int) -> Problem:
@@ -96,7 +117,7 @@ def test_a_far_narrower_prior_leaves_its_panel_and_enters_no_other(rng: np.rando
 
 
 def test_the_contours_hold_what_they_say(rng: np.random.Generator) -> None:
-    """Two independent normal quantities: regions of 68 and 95 % hold that share of fresh draws, to a few cells; those of what is smoothed hold 70 %."""
+    """Two independent normal quantities: regions of 68 and 95 % hold that share of fresh draws; levels of what is smoothed would hold 70 %."""
     x, y, *fresh = rng.standard_normal((4, 200_000))
     found = density_of(x, y, [(-4.6, 4.7), (-4.9, 4.8)], n_bin=40, smooth=1.0)
     at = RegularGridInterpolator((found.x, found.y), found.z)(np.clip(np.column_stack(fresh), -4.5, 4.5))

@@ -55,11 +55,11 @@ def png(draw: Callable[[], Figure]) -> bytes:
         for text in _texts(figure):
             text.set_text(mathtext(text.get_text()))
         figure.set_dpi(_DPI)
-        FigureCanvasAgg(figure)
+        canvas = FigureCanvasAgg(figure)
         if (layout := figure.get_layout_engine()) is not None:
             layout.execute(figure)
             figure.set_layout_engine("none")
-        figure.savefig(buffer, format="png", dpi=_DPI, metadata={"Software": None}, pil_kwargs={"compress_level": _COMPRESSION})
+        canvas.print_png(buffer, metadata={"Software": None}, pil_kwargs={"compress_level": _COMPRESSION})  # type: ignore[no-untyped-call]
     return buffer.getvalue()
 
 
