@@ -20,7 +20,7 @@ PROBABILITIES = (0.95, 0.68)
 class Density:
     """Smoothed number of draws per cell: z (n_bin + 2, n_bin + 2) at x and y (n_bin + 2,), the middles of the cells and the ends of their ranges.
 
-    levels : (2,), increasing; above them lie 95 and 68 % of the draws.
+    levels : (2,), increasing; above them lie 95 and 68 % of the density, and a little more of the draws, which smoothing spreads.
     """
 
     x: FloatArray
@@ -36,14 +36,14 @@ def density_of(x: FloatArray, y: FloatArray, ranges: Sequence[tuple[float, float
     counts, *edges = np.histogram2d(x, y, bins=n_bin, range=ranges)
     middles = [np.concatenate([edge[:1], 0.5 * (edge[1:] + edge[:-1]), edge[-1:]]) for edge in edges]
     smoothed = gaussian_filter(counts, smooth)
-    return Density(middles[0], middles[1], np.pad(smoothed, 1, mode="edge"), _levels(smoothed, counts))
+    return Density(middles[0], middles[1], np.pad(smoothed, 1, mode="edge"), _levels(smoothed))
 
 
-def _levels(smoothed: FloatArray, counts: FloatArray) -> FloatArray:
-    """The draws themselves are counted: smoothing spreads them, and a region that holds 68 % of what is spread holds more of them."""
-    order = np.argsort(smoothed, axis=None)[::-1]
-    held = np.cumsum(counts.ravel()[order])
-    low, high = smoothed.ravel()[order[np.searchsorted(held, np.array(PROBABILITIES) * held[-1])]]
+def _levels(smoothed: FloatArray) -> FloatArray:
+    """Not those that hold as many of the draws: across a narrow ridge the smoothed one is too wide, so such a region would be too short along it."""
+    ordered = np.sort(smoothed, axis=None)[::-1]
+    held = np.cumsum(ordered)
+    low, high = ordered[np.searchsorted(held, np.array(PROBABILITIES) * held[-1])]
     return np.array([min(low, high * (1.0 - 1e-4)), high])
 
 
