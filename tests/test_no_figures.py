@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import re
 import subprocess
 import sys
@@ -91,9 +92,18 @@ def test_nothing_that_draws_is_loaded_for_a_report_without_figures(replica: Path
     assert "![" not in (tmp_path / "report.md").read_text()
 
 
-def test_every_command_that_draws_can_do_without() -> None:
+def test_every_command_that_draws_can_do_without(project: Path) -> None:
     having = {name for name, command in cli.commands.items() if any(one.name == "no_figures" for one in command.params)}
     assert having == set(cli.commands) - {"simulate", "import"}
+    passed = [
+        (ast.unparse(call.func), {one.arg: ast.unparse(one.value) for one in call.keywords}.get("figures"))
+        for file in ("commands", "comparing")
+        for call in ast.walk(ast.parse((project / "estim" / "cli" / f"{file}.py").read_text()))
+        if isinstance(call, ast.Call) and ast.unparse(call.func).endswith(("_report", "compare_models"))
+    ]
+    asked = {"not no_figures", "figures", "drawn"}
+    assert {name for name, wanted in passed if wanted not in asked} == {"index_report", "write_report"}
+    assert len(passed) > 12
 
 
 REPORT = b"![a](figures/old.png)\n\n![b](figures/kept.png)\n\n![c](figures/of%20a.png)"
