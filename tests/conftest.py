@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from stand_ins import write as write_stand_ins
 
 if TYPE_CHECKING:
@@ -132,6 +131,8 @@ PIXEL = (
 @pytest.fixture
 def unrendered(monkeypatch: pytest.MonkeyPatch) -> None:
     """Figures are made and not turned into pixels, half of the time of a report: for tests of numbers and text, whatever the figures have to show."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+
     monkeypatch.setattr(FigureCanvasAgg, "print_png", lambda canvas, file, **_: file.write(PIXEL))
 
 

@@ -17,6 +17,7 @@ import numpy as np
 from estim.arrays import FloatArray
 from estim.common import Finding, InputError, NumericalError
 from estim.deviation import FoundDeviation, FoundForce
+from estim.distributions import chi2_tail
 from estim.fitting.fisher_information import information
 from estim.problem import Observations, Posterior, Problem, Symmetry, informative
 
@@ -332,6 +333,4 @@ def _describe(
 
 def chi2_p(chi2: float, dof: int) -> float:
     """Probability of a value of chi^2 at least as large; 1 without degrees of freedom."""
-    from scipy.stats import chi2 as distribution
-
-    return float(distribution.sf(chi2, dof)) if dof > 0 else 1.0
+    return float(chi2_tail(chi2, dof)) if dof > 0 else 1.0

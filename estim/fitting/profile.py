@@ -21,6 +21,7 @@ import numpy as np
 
 from estim.arrays import FloatArray
 from estim.common import InputError
+from estim.distributions import chi2_quantile, student_quantile
 from estim.fitting.least_squares import Fit
 from estim.fitting.profile_search import Point, ProfileSearch, search_of
 from estim.problem import Parameter
@@ -90,9 +91,7 @@ def profile_intervals(
     indices = [_index(fit, name) for name in (fit.names if names is None else names)]
     rises = _quantiles(probabilities, dof=1)
     if math.isfinite(dof):
-        from scipy import stats
-
-        rises = {p: float(stats.t.ppf(0.5 + 0.5 * p, dof)) ** 2 for p in rises}
+        rises = {p: float(student_quantile(0.5 + 0.5 * p, dof)) ** 2 for p in rises}
     search = search_of(fit)
     mode = search.minimise(fit.values, held=())
     return tuple(_interval(fit, search, mode, i, rises) for i in indices)
@@ -124,12 +123,10 @@ def _index(fit: Fit, name: str) -> int:
 
 
 def _quantiles(probabilities: Sequence[float], *, dof: int) -> dict[float, float]:
-    from scipy.stats import chi2
-
     for p in probabilities:
         if not 0.0 < p < 1.0:
             raise InputError("must lie between 0 and 1", field="probabilities", value=p)
-    return {p: float(chi2.ppf(p, dof)) for p in sorted(probabilities)}
+    return {p: float(chi2_quantile(p, dof)) for p in sorted(probabilities)}
 
 
 def _interval(fit: Fit, search: ProfileSearch, mode: Point, i: int, rises: dict[float, float]) -> ProfileInterval:

@@ -11,6 +11,7 @@ import numpy as np
 from estim.arrays import FloatArray
 from estim.checks import Identifiability
 from estim.common import InputError, signed
+from estim.distributions import chi2_quantile, normal_below
 from estim.fitting import Fit, ProfileInterval
 from estim.problem import Prior, Problem
 from estim.reports.contours import density_of, draw_contours
@@ -174,11 +175,9 @@ def prior_contour(draws: FloatArray, probability: float) -> tuple[FloatArray, Fl
     priors the ellipse of equal density.  A flat prior gets as wide as it would with a posterior that says nothing, not as
     narrow as one standard deviation of the other.
     """
-    from scipy.stats import chi2, norm
-
     angle = np.linspace(0.0, 2.0 * np.pi, 400)
-    z = math.sqrt(chi2.ppf(probability, 2)) * np.array([np.cos(angle), np.sin(angle)])
-    x, y = (np.quantile(column, p) for column, p in zip(draws.T, norm.cdf(z), strict=True))
+    z = math.sqrt(chi2_quantile(probability, 2)) * np.array([np.cos(angle), np.sin(angle)])
+    x, y = (np.quantile(column, p) for column, p in zip(draws.T, normal_below(z), strict=True))
     return x, y
 
 
@@ -215,7 +214,6 @@ def profile_figure(problem: Problem, intervals: Sequence[ProfileInterval], draws
 
 def _draw_profile(ax: Axes, interval: ProfileInterval, draws: FloatArray, factor: float) -> None:
     from scipy.interpolate import PchipInterpolator
-    from scipy.special import chdtri
 
     sides = ((interval.open_low, interval.low), (interval.open_high, interval.high))
     x, kept = np.unique(interval.x * factor, return_index=True)
@@ -224,7 +222,7 @@ def _draw_profile(ax: Axes, interval: ProfileInterval, draws: FloatArray, factor
     if x.size > 1:
         fine = np.linspace(x[0], x[-1], 300)
         ax.plot(fine, PchipInterpolator(x, root)(fine) ** 2, color=BLUE, lw=1.4)
-    levels = {p: float(chdtri(1.0, 1.0 - p)) for p in interval.low}
+    levels = {p: float(chi2_quantile(p, 1)) for p in interval.low}
     ax.hlines(list(levels.values()), 0.0, 1.0, color=GREY, lw=0.7, ls="--", zorder=1, transform=ax.get_yaxis_transform())
     closed = [(ends[p] * factor, level) for p, level in levels.items() for opened, ends in sides if not opened[p]]
     ax.vlines([end for end, _ in closed], 0.0, [level for _, level in closed], color=BLUE, lw=0.7, alpha=0.6)

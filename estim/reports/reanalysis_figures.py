@@ -40,7 +40,6 @@ def overlay_figure(body: BodyAnalysis, *, synthetic: bool) -> Figure:
 
 def width_figure(bodies: Sequence[BodyAnalysis], *, synthetic: bool) -> Figure:
     """Width of the posterior band relative to the propagated one along each run."""
-    from matplotlib.ticker import FuncFormatter
 
     figure = new_figure(3.2)
     axes = figure.subplots(1, len(bodies), squeeze=False, sharey=True)[0]
@@ -49,7 +48,7 @@ def width_figure(bodies: Sequence[BodyAnalysis], *, synthetic: bool) -> Figure:
             ax.plot(band.x, band.ratio, color=colour, lw=1.4, label=band.run)
         ax.axhline(1.0, color=GREY, lw=0.8, ls="--")
         ax.set_yscale("log")
-        ax.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+        ax.yaxis.set_major_formatter(lambda value, _: f"{value:g}")
         ax.set(xlabel=body.joint.problem.runs[0].x_label)
         ax.legend(fontsize=8, frameon=False, ncols=2, loc="upper center")
     axes[0].set_ylim(top=8.0)

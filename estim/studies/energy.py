@@ -19,9 +19,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.stats import chi2
 
 from estim.arrays import FloatArray
+from estim.distributions import chi2_tail
 from estim.fitting import Fit, fit_least_squares
 from estim.pipeline import Analysis
 from estim.problem import Observations, Problem, Uniform
@@ -128,7 +128,7 @@ def drift_of(analysis: Analysis, *, rng: np.random.Generator) -> Drift:
     without = fit_least_squares(none, rng=rng, n_start=2, start=analysis.fit.values[kept])
     gain = 2.0 * (_best(with_loss) - _best(without))
     limit = float(np.max(np.quantile(analysis.chain.flat[:, losses], 0.95, axis=0)))
-    return Drift(True, narrowing, gain, 0.5 * float(chi2.sf(max(gain, 0.0), 1)) if gain > 0.0 else 1.0, limit)
+    return Drift(True, narrowing, gain, 0.5 * float(chi2_tail(gain, 1)) if gain > 0.0 else 1.0, limit)
 
 
 def _best(fit: Fit) -> float:
