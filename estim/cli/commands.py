@@ -180,7 +180,9 @@ def energy(campaign: Path, runs: tuple[str, ...], joint: bool, max_steps: int, o
     records: list[EnergyRecord] = []
     drifts: list[Drift] = []
     groups = groups_of(loaded, runs, joint=joint)
-    loaded.study.require_speeds([name for group in groups for name in group], "estim energy")
+    names = [name for group in groups for name in group]
+    loaded.study.require_speeds(names, "estim energy")
+    loaded.study.require_complete(names, "estim energy")
     for group in groups:
         with progress_bar(", ".join(group), max_steps) as progress:
             analyses.append(analyse(loaded, group, seed=seed, target=Target(max_step=max_steps), progress=progress, complete="estim energy"))

@@ -5,7 +5,7 @@ The text stands in `templates/`; every number in it comes from `result.Result`, 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING
@@ -131,19 +131,20 @@ def analysis_text(
         consistency=consistency, axes=axes, limits_only=result.status != "ok", converged=converged,
         corner_words=corner_words, usual=[usual_row(one) for one in result.usual_errors], lacks=lacks, explanation=explanation,
         deviation=deviation_text(result.deviation, result.labels, pictures) if result.deviation else "",
-        complete=_complete(result),
+        complete=complete_runs([result]),
         drawn=any(force.drawn for force in (result.deviation or {}).values()),
         said=[words for force in (result.deviation or {}).values() for words in (force.words, force.noise_words)] if result.status == "ok" else [],
         picture=" and ".join(f"{y} against {x}" for x, y in axes),
     )
 
 
-def _complete(result: Result) -> dict[str, list[str]]:
+def complete_runs(results: Iterable[Result]) -> dict[str, list[str]]:
     """Each reason for which curves are taken as complete, and the runs."""
     runs: dict[str, list[str]] = {}
-    for name, run in result.runs.items():
-        if run.complete is not None:
-            runs.setdefault(run.complete, []).append(name)
+    for result in results:
+        for name, run in result.runs.items():
+            if run.complete is not None:
+                runs.setdefault(run.complete, []).append(name)
     return runs
 
 

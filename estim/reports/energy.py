@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from functools import partial
 from typing import TYPE_CHECKING
 
@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 ENERGY_SCHEMA = "estim-energy/1"
+_ANYTHING = 1.0  # standard uncertainty of a ratio that says nothing
 
 
 class Value(msgspec.Struct, frozen=True):
@@ -118,8 +119,16 @@ def shown(value: Value | None) -> str:
 
 
 def percent(value: Value) -> str:
-    """A ratio as text, in per cent."""
-    return "n/a" if value.value is None or value.u is None else format_quantity(100.0 * value.value, 100.0 * value.u) + " %"
+    """A ratio as text, in per cent; none where it is divided by what may be 0."""
+    return "n/a" if value.value is None or value.u is None or value.u > _ANYTHING else format_quantity(100.0 * value.value, 100.0 * value.u) + " %"
+
+
+def average_words(energies: Mapping[str, EnergySummary]) -> str:
+    """How far the energies are from that at release on average, in words: as shares of it, or of the largest kinetic energy where it may be 0."""
+    by_start = all(e.mean_relative.u is not None and e.mean_relative.u <= _ANYTHING for e in energies.values())
+    shares = [percent(e.mean_relative if by_start else e.mean_to_kinetic) for e in energies.values()]
+    of = "" if by_start else " of the largest kinetic energy"
+    return f"Averaged over the frames of a run, the energy differs from its value at release by {', '.join(shares)}{of} ({', '.join(energies)})."
 
 
 def energy_report(

@@ -12,12 +12,13 @@ import numpy as np
 
 from estim.campaign import gamma_origin
 from estim.common import KINDS, as_json
-from estim.reports.analysis import parameter_row
+from estim.reports.analysis import complete_runs, parameter_row
 from estim.reports.corner_figures import corner_figure, corner_words
 from estim.reports.energy import (
     DriftSummary,
     EnergySummary,
     Value,
+    average_words,
     drift_words,
     energy_figure,
     percent,
@@ -157,7 +158,9 @@ def reanalysis_text(result: ReanalysisResult, corner_words: Mapping[str, str], p
         "reanalysis.md.j2", pictures=pictures, result=result, kind=KINDS[result.kind], line=None if result.line is None else line_values(result.line),
         shown=shown, rows={name: _rows(body.joint) for name, body in result.bodies.items()},
         trusted=any(body.joint.status == "ok" for body in result.bodies.values()), singles=_singles(result),
-        limit_words=limit_words, corner_words=corner_words, percent=percent, drift_words=drift_words,
+        limit_words=limit_words, corner_words=corner_words, percent=percent, drift_words=drift_words, average_words=average_words,
+        forces=[(name, force) for name, body in result.bodies.items() for force in (body.joint.deviation or {}).values()],
+        complete=complete_runs(result.runs.values()),
         notes=list(dict.fromkeys(note for body in result.bodies.values() for note in body.joint.notes)),
     )
 
