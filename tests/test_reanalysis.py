@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import re
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -177,6 +178,10 @@ def test_committed_report_is_what_the_code_finds(project: Path, replica: Path, r
     new, old = json.loads(files["result.json"]), json.loads((committed / "result.json").read_text())
     assert set(new["statuses"].values()) == {"ok"}
     assert new["statuses"] == old["statuses"]
+    bare, shown = reanalysis_report(reanalysed, figures=False), re.findall(r"!\[[^\]]*\]\((\S+)\)", files["report.md"].decode())
+    assert bare == {"report.md": bare["report.md"], "result.json": files["result.json"]}
+    assert sorted(shown) == sorted(path for path in files if path.endswith(".png"))
+    assert b"figures/" not in bare["report.md"]
     truth = tomllib.loads((replica / "truth.toml").read_text())
     for body in old["bodies"]:
         a, b = (result["bodies"][body]["joint"]["parameters"] for result in (new, old))
