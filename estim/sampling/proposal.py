@@ -26,7 +26,7 @@ from estim.sampling.protocol import Density, log_density_in_batches
 DOF = 5.0  # tails heavier than those of most posteriors
 _WIDE_SHARE, _WIDE_FACTOR = 0.05, 2.0  # share and width (in sds of the whole) of the component that guards a mixture
 _FAR_SHARE, _FAR_FACTOR = 0.25, 3.0  # the same for `Proposal.widened`
-_TAIL_SHARE = 0.2  # of the draws from components that are told to be there: a rare wide part is seldom drawn, and then no chain leaves it soon
+_TAIL_SHARE = 0.4  # of the draws from components that are told to be there: a rare wide part is seldom drawn, and then no chain leaves it soon
 _GOOD_K_HAT = 0.5
 _MAX_ROUND = 12
 _EM_STEPS = 25
@@ -118,7 +118,7 @@ def adapt_proposal(
     """A proposal adapted to `density` from one component at each start.
 
     start : (n_par,) the fit.  cov : (n_par, n_par) the covariance there, used at the other `starts` (further modes) too where they have no `covs`.
-    covs : those of `starts`, whose components then keep a fifth of the draws whatever the rounds make of the others.
+    covs : those of `starts`, whose components then keep two fifths of the draws whatever the rounds make of the others.
     n_round : draws in each round, at least 500 for each start.  Where one Student-t gives uneven weights, mixtures of more are tried and
     kept if better.
 
