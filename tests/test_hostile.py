@@ -61,8 +61,7 @@ def plain(estim, monkeypatch: pytest.MonkeyPatch):
 
     def run(*arguments: str | Path) -> Done:
         with monkeypatch.context() as patched:
-            for module in ("calibration", "comparison", "figures"):
-                patched.setattr(f"estim.reports.{module}.png", lambda draw: PIXEL)
+            patched.setattr("estim.reports.figures.png", lambda draw: PIXEL)
             return estim(*arguments)
 
     return run

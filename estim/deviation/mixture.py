@@ -134,19 +134,20 @@ class Mixture:
         z = self.deviation.whiten(residuals)
         without, k = np.full(z.shape, -np.inf), 0
         plain = self.deviation.turned_back(np.eye(z.shape[1]))
-        along = z @ self.columns
+        along, back, own, whole = z @ self.columns, z @ plain, np.sum(plain**2, axis=0), self.columns.T @ self.columns
+        moved = plain.T @ self.columns
         for family in self.deviation.families:
-            seen, basis = z @ family.basis, plain.T @ family.basis
+            seen, basis, lying = z @ family.basis, plain.T @ family.basis, family.basis.T @ self.columns
+            squared = basis**2
             for variance, scale in zip(family.variances(), family.scale, strict=True):
                 gain = 1.0 / variance - 1.0 / scale**2
-                diagonal = np.sum(plain**2, axis=0) / scale**2 + basis**2 @ gain
-                solved = (z @ plain) / scale**2 + (seen * gain) @ basis.T
+                diagonal = own / scale**2 + squared @ gain
+                solved = back / scale**2 + (seen * gain) @ basis.T
                 if self.columns.shape[1]:
-                    turned = gain[:, None] * (family.basis.T @ self.columns)
-                    information = np.eye(self.columns.shape[1]) + self.columns.T @ self.columns / scale**2
-                    information += (family.basis.T @ self.columns).T @ turned
+                    turned = gain[:, None] * lying
+                    information = np.eye(self.columns.shape[1]) + whole / scale**2 + lying.T @ turned
                     root = np.linalg.inv(np.linalg.cholesky(information)).T
-                    pushed = (plain.T @ self.columns / scale**2 + basis @ turned) @ root
+                    pushed = (moved / scale**2 + basis @ turned) @ root
                     diagonal -= np.sum(pushed**2, axis=1)
                     solved -= (along / scale**2 + seen @ turned) @ root @ pushed.T
                 one = 0.5 * np.log(diagonal / (2.0 * np.pi)) - 0.5 * np.square(solved) / diagonal
