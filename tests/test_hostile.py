@@ -14,7 +14,7 @@ from typing import BinaryIO
 import pytest
 from conftest import PIXEL
 from hostile import MOVES, STRINGS, outline, raw, seen, shown
-from matplotlib.figure import Figure
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.text import Text
 from tracker_files import point_mass, trk
 
@@ -175,11 +175,11 @@ def texts_of_figures(monkeypatch: pytest.MonkeyPatch) -> list[str]:
     """Every text of every figure that is made from here on, none of which is turned into pixels."""
     texts: list[str] = []
 
-    def read(figure: Figure, file: BinaryIO, **_: object) -> None:
-        texts.extend(text.get_text() for text in figure.findobj(Text))
+    def read(canvas: FigureCanvasAgg, file: BinaryIO, **_: object) -> None:
+        texts.extend(text.get_text() for text in canvas.figure.findobj(Text))
         file.write(PIXEL)
 
-    monkeypatch.setattr(Figure, "savefig", read)
+    monkeypatch.setattr(FigureCanvasAgg, "print_png", read)
     return texts
 
 
