@@ -250,6 +250,28 @@ def test_the_command_line_starts_without_the_heavy_packages():
     assert ran.stdout.split() == []
 
 
+SLOW = {"scipy.stats", "scipy.optimize", "matplotlib", "lmfit", "emcee", "arviz_stats", "pandas", "xarray", "corner", "jinja2", "h5py"}
+COMMAND = "import sys; sys.argv = ['estim', *{words}]\nfrom estim.__main__ import main\ntry: main()\nexcept SystemExit as ended: print(ended.code)"
+REFUSED = COMMAND.format(words=["fit", "data/replica/campaign.toml", "--run", "nope"])
+
+
+@pytest.mark.parametrize(
+    ("code", "said", "without"),
+    [
+        (COMMAND.format(words=["--help"]), "0", HEAVY | SLOW),
+        ("import estim; print(estim.fit_line is estim.fit_curve, dir(estim) == estim.__all__)", "False True", SLOW),
+        (REFUSED, "2", SLOW),
+        ("import estim; print(estim.propagate_linear(lambda q: 2.0 * q['a'], [estim.Input('a', 1.0, 0.1, dof=5)]).value)", "2.0", SLOW),
+        ("import estim; print(estim.fit_line([0.0, 1.0, 2.0], [1.0, 3.0, 5.0], u_y=0.1).dof)", "1", SLOW - {"scipy.optimize"}),
+    ],
+)
+def test_what_is_slow_to_import_waits_until_it_is_used(code, said, without):
+    """In a process of its own: a refusal, a straight line or a budget must not wait for what fits and draws."""
+    code += f"\nimport sys; print(*sorted({without!r} & set(sys.modules)), sep=',')"
+    ran = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=PROJECT)
+    assert ran.stdout.splitlines()[-2:] == [said, ""]
+
+
 def test_importing_the_package_loads_none_of_its_stages():
     code = "import sys, estim; print(*sorted(m for m in sys.modules if m.startswith('estim.')))"
     ran = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=PROJECT)

@@ -136,14 +136,18 @@ def test_help_is_quick() -> None:
 
 @pytest.mark.usefixtures("undrawn")
 def test_capped_chains_of_several_runs_get_a_folder_each_and_an_index_and_exit_with_3(estim: Command, tmp_path: Path, replica: Path) -> None:
-    done = estim("fit", replica / "campaign.toml", "--run", "heavy-04", "--run", "heavy-06", "--out", tmp_path, "--max-steps", "60")
+    (tmp_path / "runs").symlink_to(replica / "runs")
+    text = (replica / "campaign.toml").read_text()
+    (tmp_path / "c.toml").write_text(text[: text.index("[line]")].replace("[shared]", "[shared]\nunmodelled_force = 0"))
+    out = tmp_path / "out"
+    done = estim("fit", tmp_path / "c.toml", "--run", "heavy-04", "--run", "heavy-06", "--out", out, "--max-steps", "60")
     assert done.returncode == 3
     assert "not-converged" in done.stdout
-    index = (tmp_path / "report.md").read_text()
+    index = (out / "report.md").read_text()
     for run in ("heavy-04", "heavy-06"):
         assert f"[{run}]({run}/report.md)" in index
-        assert (tmp_path / run / "result.json").exists()
-        report = (tmp_path / run / "report.md").read_text()
+        assert (out / run / "result.json").exists()
+        report = (out / run / "report.md").read_text()
         assert "## No headline number" in report
         assert "## Result" not in report
         assert "raise --max-steps" in report

@@ -218,12 +218,14 @@ def test_a_study_poses_and_fits_its_runs_and_knows_what_may_be_asked(campaign, r
     if study.formula is None:
         study.require_body()
         study.require_speeds(names, "a command")
+        study.require_complete(names, "a command")
         models = study.noise_models(names[0], campaign.tables[names[0]])
         assert len(models) > 1
         assert study.problem(names[:1], campaign.tables, noise=models[0].table).n_obs > 0
     else:
         refused = (
-            study.require_body, lambda: study.require_speeds(names, "a command"), lambda: study.noise_models(names[0], campaign.tables[names[0]]),
+            study.require_body, lambda: study.require_speeds(names, "a command"), lambda: study.require_complete(names, "a command"),
+            lambda: study.noise_models(names[0], campaign.tables[names[0]]),
         )
         for ask in refused:
             with pytest.raises(InputError, match=r"campaign\.toml:\d+: 'curve'"):

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import ast
 import json
+from pathlib import Path
 
 import pytest
 from hostile import LOOKS_LIKE_MARKDOWN, MOVES, STRINGS, outline, raw, seen, shown
@@ -12,7 +14,7 @@ from matplotlib.figure import Figure
 from estim.checks.cells import headline
 from estim.common.escaping import Markdown, as_json, code, destination, markdown, mathtext, one_line
 from estim.common.labels import Notation, table
-from estim.reports.figures import png
+from estim.reports.figures import name_ticks, png
 from estim.reports.rendering import cells
 
 PLACES = {
@@ -137,14 +139,37 @@ def test_figures_show_hostile_text_literally(text: str) -> None:
         ax.set_ylabel(Notation("k_on_1").label(title).axis)
         ax.plot([0, 1], label=f"run {title}")
         ax.legend()
-        drawn["title"] = ax.title
+        name_ticks(ax.xaxis, [0, 1], [title, "x"])
+        drawn.update(title=ax.title, label=ax.yaxis.label, curve=ax.get_legend().get_texts()[0], tick=ax.xaxis.get_major_ticks()[0].label1)
         return figure
 
     assert png(draw).startswith(b"\x89PNG")
-    shown_text, is_mathematics = drawn["title"]._preprocess_math(drawn["title"].get_text())
-    assert not is_mathematics or text == "$_{\\mathrm{x}}$"  # our own way of writing a subscript
-    if not is_mathematics:
-        assert " ".join(shown_text.split()) == shown(text).strip() or "\\$" in text
+    for name in ("title", "tick"):
+        shown_text, is_mathematics = drawn[name]._preprocess_math(drawn[name].get_text())
+        assert not is_mathematics or text == "$_{\\mathrm{x}}$"  # our own way of writing a subscript
+        if not is_mathematics:
+            assert " ".join(shown_text.split()) == shown(text).strip() or "\\$" in text
+    assert mathtext(text) in drawn["label"].get_text()
+    assert drawn["curve"].get_text() == mathtext(f"run {text}")
+
+
+def test_a_subfigure_and_a_note_are_written_literally_too() -> None:
+    figure = Figure(figsize=(2, 2), layout="constrained")
+    part = figure.subfigures(1, 2)[1]
+    ax = part.subplots()
+    note, above, beside = ax.annotate("$x$", (0.5, 0.5)), part.suptitle("$x$"), figure.supylabel("$x$")
+    part.legend(ax.plot([0, 1]), ["$x$"], loc="outside lower center")
+    png(lambda: figure)
+    assert [text.get_text() for text in (note, above, beside, part.legends[0].get_texts()[0])] == ["\\$x\\$"] * 4
+
+
+def test_ticks_with_names_go_through_the_one_place_that_writes_them_literally(project: Path) -> None:
+    for path in (project / "estim" / "reports").glob("*.py"):
+        for call in ast.walk(ast.parse(path.read_text())):
+            if isinstance(call, ast.Call) and isinstance(call.func, ast.Attribute):
+                named = call.func.attr in ("set_xticklabels", "set_yticklabels", "set_ticklabels")
+                assert not named, (path, call.lineno)
+                assert call.func.attr not in ("set_xticks", "set_yticks") or len(call.args) == 1, (path, call.lineno)
 
 
 @pytest.mark.parametrize(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -10,7 +11,10 @@ import numpy as np
 import pytest
 from joint_runs import LINE, problem_of
 from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
+from matplotlib.image import imread
+from scipy.interpolate import RegularGridInterpolator
 
 from estim.campaign import load_campaign
 from estim.common import Finding, Kind
@@ -19,19 +23,44 @@ from estim.curves.rolling import RollingMotion
 from estim.problem.observations import Parameter
 from estim.problem.posterior import Problem
 from estim.problem.priors import Normal, Uniform
-from estim.reports import figures
+from estim.reports import corner_figures, figures
+from estim.reports.contours import PROBABILITIES, density_of
 from estim.reports.reanalysis_figures import narrowing_figure
+from estim.reports.trace_figures import trace_figure
 from estim.sampling.bands import Bands
 from estim.studies.limits import Narrowing
 
 X = np.linspace(0.0, 1.0, 8)
 
 
+def analysed(problem: Problem, draws: np.ndarray) -> SimpleNamespace:
+    """As much of an analysis as a corner figure asks for."""
+    return SimpleNamespace(problem=problem, chain=SimpleNamespace(thinned=lambda n: draws))
+
+
 def corner_of(problem: Problem, rng: np.random.Generator) -> Figure:
-    draws = 0.4 + 0.1 * rng.standard_normal((4000, problem.n_par))
-    figure = figures.corner_figure(SimpleNamespace(problem=problem, chain=SimpleNamespace(thinned=lambda n: draws)))
+    figure = corner_figures.corner_figure(analysed(problem, 0.4 + 0.1 * rng.standard_normal((4000, problem.n_par))))
     FigureCanvasAgg(figure).draw()
     return figure
+
+
+def test_a_figure_is_drawn_once_where_a_layout_draws_it_twice_and_looks_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
+    def draw() -> Figure:
+        figure = figures.new_figure(3.0)
+        left, right = figure.subplots(1, 2)
+        left.plot([0.0, 1000.0], [1e-3, 1.0], label="a line")
+        right.set(yscale="log", ylim=(1e-3, 1e3), ylabel="far from the axis", title="title")
+        figure.legend(loc="outside lower center")
+        figure.suptitle("above all")
+        return figure
+
+    plain = io.BytesIO()
+    draw().savefig(plain, dpi=150)
+    calls, original = [], Figure.draw
+    monkeypatch.setattr(Figure, "draw", lambda figure, renderer: (calls.append(figure), original(figure, renderer))[1])
+    found = figures.png(draw)
+    assert len(calls) == 1
+    assert np.array_equal(*(imread(io.BytesIO(data), format="png") for data in (plain.getvalue(), found)))
 
 
 def single_run(n_par: int) -> Problem:
@@ -42,28 +71,129 @@ def single_run(n_par: int) -> Problem:
 @pytest.mark.parametrize("n_par", [1, 2, 3, 5, 7])
 def test_every_label_of_a_corner_figure_is_on_the_canvas_and_clear_of_the_ticks(n_par: int, rng: np.random.Generator) -> None:
     figure = corner_of(single_run(n_par), rng)
-    axes = np.array(figure.axes).reshape(n_par, n_par)
-    for axis in [*(ax.xaxis for ax in axes[-1]), *(ax.yaxis for ax in axes[1:, 0])]:
-        words, box = axis.label.get_text(), axis.label.get_window_extent()
-        assert words.startswith("parameter")
-        assert all(figure.bbox.contains(x, y) for x, y in box.corners()), words
-        assert not any(box.overlaps(tick.get_window_extent()) for tick in axis.get_ticklabels()), words
+    (ax,) = figure.axes
+    names = [text for text in ax.texts if text.get_text().startswith("parameter")]
+    numbers = [text.get_window_extent() for text in ax.texts if text not in names]
+    assert len(names) == 2 * n_par - 1
+    assert len(numbers) >= 2 * len(names)
+    for name in names:
+        box = name.get_window_extent()
+        assert all(figure.bbox.contains(x, y) for x, y in box.corners()), name
+        assert not any(box.overlaps(number) for number in numbers), name
 
 
 def test_tick_labels_of_neighbouring_panels_do_not_touch(rng: np.random.Generator) -> None:
-    axes = np.array(corner_of(single_run(7), rng).axes).reshape(7, 7)
-    below = [tick.get_window_extent() for ax in axes[-1] for tick in ax.xaxis.get_ticklabels()]
+    problem = single_run(7)
+    (ax,) = corner_of(problem, rng).axes
+    below = [text.get_window_extent() for text in ax.texts if text.get_rotation() == 45.0 and text.get_va() == "top"]
     # turned by 45 degrees their boxes overlap before they do: what counts is the distance of their centres across the text
     centres = [0.5 * (box.x0 + box.x1) for box in below]
-    assert np.min(np.diff(centres)) > 1.2 * 7.0 * axes[0, 0].figure.dpi / 72.0
-    for ax in axes[-1]:
-        low, high = ax.get_xlim()
-        assert all(low + 0.07 * (high - low) < tick < high - 0.07 * (high - low) for tick in ax.get_xticks())
+    assert len(centres) >= 14
+    assert np.min(np.diff(centres)) > 1.2 * 7.0 * ax.figure.dpi / 72.0
+    for column in corner_figures.columns_of(analysed(problem, 0.4 + 0.1 * rng.standard_normal((4000, 7)))):
+        shares = column.place(column.ticks)
+        assert np.all((shares > 0.07) & (shares < 0.93))
 
 
 def test_a_corner_figure_ends_where_the_prior_does(rng: np.random.Generator) -> None:
     problem = problem_of(LINE, {"slope": Uniform(0.35, 0.9), "bend": Normal(0.4, 0.2)}, {"offset": Normal(0.4, 0.1)}, X, [X], 0.1)
-    assert corner_of(problem, rng).axes[0].get_xlim()[0] == pytest.approx(0.35)
+    columns = corner_figures.columns_of(analysed(problem, 0.4 + 0.1 * rng.standard_normal((4000, problem.n_par))))
+    assert columns[0].low == 0.35
+    assert columns[1].low < 0.35
+
+
+def test_a_far_narrower_prior_leaves_its_panel_and_enters_no_other(rng: np.random.Generator) -> None:
+    """Drawn over the whole figure, its peak would stand in the panel above."""
+    run = problem_of(LINE, {name: Normal(0.4, 0.2) for name in ("slope", "bend", "offset")}, {}, X, [X], 0.1).runs[0]
+    problem = Problem(tuple(Parameter(name, "m", prior, "") for name, prior in (("a", Normal(0.4, 0.2)), ("b", Normal(0.4, 1e-3)))), (run,))
+    (ax,) = corner_of(problem, rng).axes
+    (priors,) = (lines for lines in ax.collections if to_hex(lines.get_edgecolor()[0]).upper() == figures.ORANGE)
+    path, transform = priors.get_transformed_clip_path_and_affine()
+    clip = transform.transform_path(path)
+    ends = ax.transData.transform(np.vstack(priors.get_segments()))
+    assert np.any(~clip.contains_points(ends))  # without the clip it would be seen
+    frames = clip.get_extents()
+    assert frames.height == pytest.approx(frames.width)
+
+
+def test_the_contours_hold_what_they_say_but_for_the_smoothing(rng: np.random.Generator) -> None:
+    """Two independent normal quantities: cells and kernel add their variance, s^2, and 1 - (1 - p)^(1 + s^2) of fresh draws lie inside."""
+    x, y, *fresh = rng.standard_normal((4, 200_000))
+    for n_bin, smooth in ((40, 1.0), (80, 1.5)):
+        found = density_of(x, y, [(-5.0, 5.0), (-4.8, 5.2)], n_bin=n_bin, smooth=smooth)
+        at = RegularGridInterpolator((found.x, found.y), found.z)(np.clip(np.column_stack(fresh), -4.8, 5.0))
+        variance = (smooth**2 + 1.0 / 12.0) * (10.0 / n_bin) ** 2
+        for level, probability in zip(found.levels, PROBABILITIES, strict=True):
+            assert np.mean(at > level) == pytest.approx(1.0 - (1.0 - probability) ** (1.0 + variance), abs=0.01)
+
+
+def test_contours_end_at_the_edge_and_not_before(rng: np.random.Generator) -> None:
+    found = density_of(np.abs(rng.standard_normal(50_000)), rng.standard_normal(50_000), [(0.0, 4.0), (-4.0, 4.0)], n_bin=30, smooth=1.2)
+    assert found.x[0] == 0.0
+    assert found.z[0].max() > 0.9 * found.z.max()
+    assert found.z.shape == (found.x.size, found.y.size)
+
+
+@pytest.mark.parametrize("draws", [np.zeros(4000), np.repeat([0.0, 1.0], [3900, 100])])
+def test_levels_increase_where_one_cell_holds_nearly_all(draws: np.ndarray) -> None:
+    found = density_of(draws, draws, [(-1.0, 2.0), (-1.0, 2.0)], n_bin=30, smooth=0.01)
+    low, high = found.levels
+    assert 0.0 < low < high <= found.z.max()
+
+
+@pytest.mark.parametrize(
+    ("ticks", "texts"),
+    [
+        ([57.5, 60.0, 62.5], ["57.5", "60.0", "62.5"]), ([0.005, 0.01, 0.015], ["0.005", "0.010", "0.015"]), ([-1.0, 0.0, 1.0], ["−1", "0", "1"]),
+        ([0.1 * 3 - 0.3, 0.2], ["0.0", "0.2"]), ([2e-6, 4e-6], ["2e-06", "4e-06"]), ([1.5e7, 2e7], ["1.5e+07", "2.0e+07"]),
+        ([1000.0, 2000.0], ["1000", "2000"]),
+        ([0.4, 0.4 + 1e-11], ["0.40000000000", "0.40000000001"]), ([], []),
+    ],
+)
+def test_ticks_have_as_many_digits_as_tell_them_apart(ticks: list[float], texts: list[str]) -> None:
+    assert figures.tick_texts(np.array(ticks)) == texts
+
+
+def trace_of(n_par: int, draws: np.ndarray) -> Figure:
+    chain = SimpleNamespace(draws=draws, n_burn=20)
+    figure = trace_figure(SimpleNamespace(problem=single_run(n_par), chain=chain))
+    FigureCanvasAgg(figure).draw()
+    return figure
+
+
+@pytest.mark.parametrize("n_par", [1, 6, 11])
+def test_every_parameter_has_a_strip_of_the_trace_with_its_name_clear_of_its_numbers(n_par: int, rng: np.random.Generator) -> None:
+    scale = 10.0 ** np.arange(-5, n_par - 5)
+    figure = trace_of(n_par, scale * rng.standard_normal((3, 50, 8, n_par)))
+    assert len(figure.axes) == (1 if n_par <= 8 else 2)
+    names = []
+    for ax in figure.axes:
+        ticks = ax.yaxis.get_major_ticks()
+        names += [tick.label1.get_text() for tick in ticks]
+        numbers = [tick.label1.get_window_extent() for tick in ax.yaxis.get_minor_ticks()]
+        assert len(numbers) >= 2 * len(ticks)
+        assert max(tick.label1.get_window_extent().x1 for tick in ticks) < min(box.x0 for box in numbers)
+    assert names == [f"parameter {i} (m)" for i in range(n_par)]
+
+
+def test_a_trace_lies_at_the_numbers_beside_it(rng: np.random.Generator) -> None:
+    draws = 5.0 + rng.standard_normal((2, 50, 8, 2))
+    draws[..., 1] *= 1000.0
+    (ax,) = trace_of(2, draws).axes
+    walkers, means, *_ = ax.collections
+    assert len(walkers.get_segments()) == len(means.get_segments()) == 4
+    ticks = {i: [] for i in (0, 1)}
+    for place, tick in zip(ax.yaxis.get_minorticklocs(), ax.yaxis.get_minor_ticks(), strict=True):
+        ticks[int(place)].append((place, float(tick.label1.get_text().replace("−", "-"))))
+    for k, segment in enumerate(walkers.get_segments()):
+        (place_0, value_0), *_, (place_1, value_1) = ticks[k // 2]
+        shown = value_0 + (segment[:, 1] - place_0) * (value_1 - value_0) / (place_1 - place_0)
+        assert shown == pytest.approx(draws[k % 2, :, 0, k // 2])
+        assert segment[:, 0] == pytest.approx(np.arange(20, 70))
+
+
+def test_chains_that_never_moved_are_drawn() -> None:
+    assert trace_of(1, np.full((2, 50, 8, 1), 0.3)).axes
 
 
 def test_runs_show_what_they_share_first_and_nothing_else_where_there_is_no_room(replica: Path) -> None:
@@ -71,11 +201,11 @@ def test_runs_show_what_they_share_first_and_nothing_else_where_there_is_no_room
     problem = campaign.problem(["heavy-02", "heavy-04"])
     shared = ("gamma[heavy]", "kappa[heavy]", "rolling_resistance", "radius")
     assert problem.names[:4] == shared
-    assert tuple(problem.names[i] for i in figures.corner_parameters(problem)) == shared
-    assert "Only 4 of the 8 parameters are drawn, those that runs share" in figures.corner_words(problem)
+    assert tuple(problem.names[i] for i in corner_figures.corner_parameters(problem)) == shared
+    assert "Only 4 of the 8 parameters are drawn, those that runs share" in corner_figures.corner_words(problem)
     single = campaign.problem(["heavy-04"])
-    assert len(figures.corner_parameters(single)) == single.n_par == 6
-    assert "Only" not in figures.corner_words(single)
+    assert len(corner_figures.corner_parameters(single)) == single.n_par == 6
+    assert "Only" not in corner_figures.corner_words(single)
 
 
 def test_frames_of_the_way_back_are_counted_and_no_marker_at_the_axis_is_cut(rng: np.random.Generator) -> None:
@@ -112,5 +242,4 @@ def test_narrowing_names_the_runs() -> None:
 @pytest.mark.parametrize("column", [np.zeros(4000), np.full(4000, 1e99), np.full(4000, 0.4) + 1e-16, -1e99 * (1.0 + 2e-16 * (np.arange(4000) % 3))])
 def test_a_corner_figure_survives_draws_that_are_all_but_equal(column: np.ndarray, rng: np.random.Generator) -> None:
     draws = np.column_stack([column, rng.standard_normal(4000)])
-    analysis = SimpleNamespace(problem=single_run(2), chain=SimpleNamespace(thinned=lambda n: draws))
-    assert figures.png(lambda: figures.corner_figure(analysis)).startswith(b"\x89PNG")
+    assert figures.png(lambda: corner_figures.corner_figure(analysed(single_run(2), draws))).startswith(b"\x89PNG")

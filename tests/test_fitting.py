@@ -6,11 +6,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from formulas import formula_problem
 from scipy.optimize import minimize
 
 from estim.campaign import load_campaign
+from estim.fitting import least_squares
 from estim.fitting.least_squares import fit_least_squares
 from estim.pipeline import analyse
+from estim.problem.priors import Normal
 from estim.sampling.chain import Target
 
 HEAD = """
@@ -127,3 +130,28 @@ def test_mode_of_the_replica_run_maximises_the_posterior(replica: Path, rng: np.
     best = fit.posterior.log_density(fit.values[None])[0]
     around = fit.values + 0.05 * rng.standard_normal((500, fit.values.size)) @ np.linalg.cholesky(fit.cov).T
     assert np.max(fit.posterior.log_density(around)) < best + 1e-4
+
+
+def test_starts_that_meet_go_on_as_one_to_the_mode_of_each_alone(replica: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Eight starts take few more searches than one, count as eight, and the mode is that of the first alone."""
+    problem = load_campaign(replica / "campaign.toml").problem(["light-02"])
+    alone = fit_least_squares(problem, rng=np.random.default_rng(4), n_start=1)
+    searches, fit_curve = [], least_squares._fit_curve
+
+    def counted(*given: object) -> np.ndarray:
+        searches.append(given)
+        return fit_curve(*given)
+
+    monkeypatch.setattr(least_squares, "_fit_curve", counted)
+    fit = fit_least_squares(problem, rng=np.random.default_rng(4), n_start=8)
+    assert (fit.n_start, fit.n_same) == (8, 8)
+    assert np.max(np.abs(fit.values - alone.values) / np.sqrt(np.diag(fit.cov))) < 1e-6
+    assert len(searches) < 8 + 8
+
+
+def test_starts_that_part_go_on_apart() -> None:
+    """a^2 measured as 1: starts on either side end on their own, and both are reported."""
+    problem = formula_problem(lambda x, a: a**2 * x, np.array([1.0]), np.array([1.0]), 0.1, {"a": Normal(0.0, 2.0)})
+    fit = fit_least_squares(problem, rng=np.random.default_rng(1), n_start=12, start=np.array([0.3]))
+    assert fit.others == pytest.approx(-fit.values[None], rel=1e-6)
+    assert 0 < fit.n_same < 12

@@ -14,6 +14,7 @@ from hypothesis import strategies as st
 from tracker_files import stored
 
 _SECONDS = 10.0
+READERS = [kind for kind in KINDS if kind not in ("imported", "robust", "curve", "formula")]  # those have the reader of "csv" or "toml"
 WORDS = (*TOKENS, b"t", b"x", b"y", b" ", b"t_s,x_m\n", b"0.1", b"1")
 QUICK = settings(max_examples=60, deadline=None, derandomize=True, database=None)
 
@@ -47,14 +48,14 @@ def test_many_damaged_files_give_a_record_or_one_line(kind: str) -> None:
         attempt(kind, sample(kind, random.Random(seed)))
 
 
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kind", READERS)
 @QUICK
 @given(data=st.binary(max_size=300))
 def test_any_bytes_give_a_record_or_one_line(kind: str, data: bytes) -> None:
     attempt(kind, data)
 
 
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kind", READERS)
 @QUICK
 @given(words=st.lists(st.sampled_from(WORDS) | st.text(max_size=5).map(str.encode), max_size=60))
 def test_any_words_give_a_record_or_one_line(kind: str, words: list[bytes]) -> None:

@@ -9,10 +9,13 @@ import sys
 from dataclasses import dataclass
 from pathlib import Path
 from types import SimpleNamespace
+from typing import BinaryIO
 
 import pytest
 from conftest import PIXEL
 from hostile import MOVES, STRINGS, outline, raw, seen, shown
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.text import Text
 from tracker_files import point_mass, trk
 
 from estim.cli.commands import main
@@ -58,8 +61,7 @@ def plain(estim, monkeypatch: pytest.MonkeyPatch):
 
     def run(*arguments: str | Path) -> Done:
         with monkeypatch.context() as patched:
-            for module in ("calibration", "comparison", "figures"):
-                patched.setattr(f"estim.reports.{module}.png", lambda draw: PIXEL)
+            patched.setattr("estim.reports.figures.png", lambda draw: PIXEL)
             return estim(*arguments)
 
     return run
@@ -168,6 +170,19 @@ def test_a_formula_with_hostile_texts(estim, plain, tmp_path: Path) -> None:
     assert shown(FILE.replace("/", "")) in seen(texts["report.md"])
 
 
+@pytest.fixture
+def texts_of_figures(monkeypatch: pytest.MonkeyPatch) -> list[str]:
+    """Every text of every figure that is made from here on, none of which is turned into pixels."""
+    texts: list[str] = []
+
+    def read(canvas: FigureCanvasAgg, file: BinaryIO, **_: object) -> None:
+        texts.extend(text.get_text() for text in canvas.figure.findobj(Text))
+        file.write(PIXEL)
+
+    monkeypatch.setattr(FigureCanvasAgg, "print_png", read)
+    return texts
+
+
 @pytest.mark.slow
 @pytest.mark.usefixtures("few_draws")
 @pytest.mark.parametrize(
@@ -181,7 +196,11 @@ def test_a_formula_with_hostile_texts(estim, plain, tmp_path: Path) -> None:
     ],
     ids=lambda command: " ".join(command[:2]),
 )
-def test_a_rolling_body_with_hostile_texts(estim, plain, tmp_path: Path, replica: Path, command: tuple[str, ...]) -> None:
+def test_a_rolling_body_with_hostile_texts(
+    estim, plain, tmp_path: Path, replica: Path, command: tuple[str, ...], request: pytest.FixtureRequest
+) -> None:
+    """The figure of the energy alone has a text of the campaign's: it is drawn, as those of a formula are above."""
+    in_figures = [] if command[0] == "energy" else request.getfixturevalue("texts_of_figures")
     hostile = body_campaign(tmp_path / FORGED.replace("/", ""), replica, FORGED, FILE.replace("/", ""))
     harmless = body_campaign(tmp_path / "harmless", replica, "word", "r.csv")
     done = estim(command[0], hostile, *command[1:], "--out", tmp_path / "a")
@@ -192,6 +211,8 @@ def test_a_rolling_body_with_hostile_texts(estim, plain, tmp_path: Path, replica
     assert done.out.count("\n") == twin.out.count("\n")
     texts = compare_with_harmless(tmp_path / "a", tmp_path / "b")
     assert shown(FORGED) in seen(texts["report.md"])
+    assert bool(in_figures) == (command[0] != "energy")
+    assert not any("Forged" in text or raw(text) for text in in_figures)
 
 
 def test_a_comparison_of_models_with_hostile_texts() -> None:

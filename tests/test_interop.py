@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from click.testing import CliRunner, Result
 from command_runner import runner
+from troubles import Formula
 
 import estim
 from estim.checks.cross_validation import leave_one_out
@@ -224,13 +225,13 @@ def test_missing_package_is_one_line_with_the_command_to_get_it(
     assert interop.can_write_netcdf() == (package == "pandas")
 
 
-def run_fit(out: Path, replica: Path) -> Result:
-    return runner().invoke(cli, ["fit", str(replica / "campaign.toml"), "--run", "heavy-04", "--max-steps", "60", "--out", str(out)])
+def run_fit(campaign: Path, out: Path, *more: str) -> Result:
+    return runner().invoke(cli, ["fit", str(campaign), *more, "--max-steps", "60", "--out", str(out)])
 
 
 @pytest.mark.usefixtures("undrawn")
 def test_fit_writes_the_draws_beside_the_report(tmp_path: Path, replica: Path, xarray: SimpleNamespace) -> None:
-    done = run_fit(tmp_path, replica)
+    done = run_fit(replica / "campaign.toml", tmp_path, "--run", "heavy-04")
     assert (done.exit_code, done.stderr) == (3, "")
     assert "draws.nc" not in done.stdout
     with xarray.open_datatree(tmp_path / "draws.nc", engine="h5netcdf") as tree:
@@ -240,13 +241,14 @@ def test_fit_writes_the_draws_beside_the_report(tmp_path: Path, replica: Path, x
 
 
 @pytest.mark.usefixtures("undrawn")
-def test_fit_without_the_extra_says_how_to_get_it_and_that_is_no_error(tmp_path: Path, replica: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_fit_without_the_extra_says_how_to_get_it_and_that_is_no_error(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("estim.reports.can_write_netcdf", lambda: False)
-    done = run_fit(tmp_path, replica)
+    line = Formula("a + b*x", "a = {start = 1.0}\nb = {start = 1.0}", lambda x: 1.0 + 2.0 * x).write(tmp_path)
+    done = run_fit(line, tmp_path / "out")
     assert (done.exit_code, done.stderr) == (3, "")
     assert done.stdout.splitlines()[-1] == "no draws.nc (the draws, for ArviZ and xarray): pip install 'estim[arviz]'"
-    assert (tmp_path / "report.md").exists()
-    assert not (tmp_path / "draws.nc").exists()
+    assert (tmp_path / "out" / "report.md").exists()
+    assert not list(tmp_path.rglob("draws.nc"))
 
 
 # --- notebooks

@@ -22,7 +22,7 @@ from troubles import Formula
 
 from estim.cli.commands import main
 from estim.common.errors import Interrupted
-from estim.common.interruption import asked_to_stop
+from estim.common.interruption import STOPPING, asked_to_stop
 from estim.sampling.chain import Target
 from estim.sampling.checkpoint import Record, read_checkpoint
 
@@ -66,14 +66,14 @@ def endless(words: tuple[str, ...], tmp_path: Path) -> Iterator[subprocess.Popen
 def fit(words: tuple[str, ...], capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> Fit:
     """The command in this process: exit code, what it says and what it complains of."""
 
-    def run(*options: str, until: tuple[str, int] | None = None) -> tuple[int, str, str]:
-        """until : a run, and the number of its new steps after which the process is asked to stop."""
+    def run(*options: str, until: tuple[str, int] | None = None, number: int = signal.SIGTERM) -> tuple[int, str, str]:
+        """until : a run, and the number of its new steps after which the process is asked to stop, by the signal `number`."""
         due, asked = Record.due, []
 
         def ask(record: Record) -> bool:
             asked.append(record.folder.name)
             if until is not None and asked.count(until[0]) == until[1]:
-                signal.raise_signal(signal.SIGTERM)
+                signal.raise_signal(number)
             return due(record)
 
         with monkeypatch.context() as patched:
@@ -96,15 +96,21 @@ def written(folder: Path) -> dict[str, bytes]:
     return {str(path.relative_to(folder)): path.read_bytes() for path in folder.rglob("*") if path.is_file() and path.suffix != ".nc"}
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
-def test_signal_ends_with_130_and_a_checkpoint(endless: subprocess.Popen[str], tmp_path: Path, number: int) -> None:
-    if signal.getsignal(number) is signal.SIG_IGN:
-        pytest.skip("the tests were started with this signal ignored (nohup), and so is what they start")
+def test_signal_of_another_process_ends_with_130_and_a_checkpoint(endless: subprocess.Popen[str], tmp_path: Path) -> None:
     seen = n_step(tmp_path, "r")
-    endless.send_signal(number)
+    endless.send_signal(signal.SIGTERM)  # the one that ends a process at once where nobody handles it, and that no shell ignores
     out, err = endless.communicate(timeout=PATIENCE)  # how soon: test_signal_that_nobody_asks_about_ends_the_work_after_a_second
     assert (endless.returncode, out, err) == (130, "", "interrupted: continue with --resume\n")
     assert n_step(tmp_path, "r") >= seen > 0
+    assert not (tmp_path / "out" / "report.md").exists()
+
+
+@pytest.mark.parametrize("number", STOPPING)
+def test_every_signal_to_stop_ends_with_130_and_a_checkpoint(fit: Fit, tmp_path: Path, number: int) -> None:
+    if signal.getsignal(number) is signal.SIG_IGN:
+        pytest.skip("the tests were started with this signal ignored (nohup)")
+    assert fit("--run", "r", until=("r", 7), number=number) == (130, "", "interrupted: continue with --resume\n")
+    assert n_step(tmp_path, "r") == 8
     assert not (tmp_path / "out" / "report.md").exists()
 
 
@@ -121,7 +127,7 @@ def test_fit_interrupted_and_resumed_gives_the_same_bytes(fit: Fit, tmp_path: Pa
     assert written(tmp_path / "out") == reference
 
 
-@pytest.mark.usefixtures("undrawn")
+@pytest.mark.usefixtures("undrawn", "few_draws")
 def test_several_runs_go_on_with_the_one_that_was_interrupted(fit: Fit, tmp_path: Path) -> None:
     """The first of two is done when the signal comes."""
     folder = tmp_path / "out" / ".checkpoint"

@@ -135,7 +135,7 @@ def test_evidence_of_many_solutions_is_that_of_a_grid(seed: int) -> None:
     assert found.diagnosis.status == "multimodal"
     assert found.certificate.log_evidence == pytest.approx(expected, abs=0.05)
     if seed == 1:  # in the second data set one solution holds 98 %
-        best_alone = sample_curve(fit_seven(seed, n_start=1), seed=1, target=Target(ess=500.0)).certificate.log_evidence
+        best_alone = sample_curve(fit_seven(seed, n_start=1), seed=1, target=Target(max_step=60)).certificate.log_evidence  # it needs no chain
         assert abs(best_alone - expected) > 0.15
 
 
@@ -159,14 +159,14 @@ def test_exchange_of_two_exponentials_is_named_and_no_second_solution() -> None:
 @pytest.mark.slow
 def test_draws_of_two_exponentials_describe_one_label() -> None:
     """Badly separated rates: without folding the draws wander from one label to the other and their means mean nothing."""
-    y = 2.0 * np.exp(-0.5 * T) + 3.0 * np.exp(-1.0 * T) + 0.03 * np.random.default_rng(4).standard_normal(T.size)
+    y = 2.0 * np.exp(-0.5 * T) + 3.0 * np.exp(-1.0 * T) + 0.06 * np.random.default_rng(4).standard_normal(T.size)
     bounds = {"a": (0.0, 8.0), "b": (0.0, 8.0), "k": (0.05, 4.0), "q": (0.05, 4.0)}
-    fit = fit_curve(TWO, T, y, start={"a": 1.0, "b": 1.0, "k": 0.3, "q": 2.0}, u_y=0.03, bounds=bounds)
-    found = sample_curve(fit, seed=1, target=Target(ess=500.0))
+    fit = fit_curve(TWO, T, y, start={"a": 1.0, "b": 1.0, "k": 0.3, "q": 2.0}, u_y=0.06, bounds=bounds)
+    found = sample_curve(fit, seed=1, target=Target(max_step=200))
     k, q = found.chain.flat[:, fit.names.index("k")], found.chain.flat[:, fit.names.index("q")]
     assert np.all(k < q)
     assert any("exchanged" in note for note in found.diagnosis.notes)
-    assert found.diagnosis.status != "multimodal"
+    assert len(found.modes.values) == 1
 
 
 def test_folded_posterior_keeps_the_whole_integral() -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import emcee
 import numpy as np
 import pytest
+from scipy.stats import multivariate_normal
 from targets import COV, Known, banana, bimodal, half_normal, normal
 
 from estim.sampling.ahead import Ahead, Moves
@@ -156,3 +157,24 @@ def test_capped_chain_with_a_proposal_says_that_it_did_not_converge(rng: np.rand
     short = sample_posterior(normal(COV), np.zeros(4), COV, target=Target(max_step=50), rng=rng, proposal=student(np.zeros(4), COV))
     assert not short.convergence.met
     assert short.convergence.n_step == 50
+
+
+def test_a_wide_part_that_is_told_keeps_its_share_of_the_draws(rng: np.random.Generator) -> None:
+    """Half a per cent of a posterior in twelve dimensions is four times as wide along two of them: seldom drawn, and no walker leaves it soon."""
+    d = 12
+    wide = np.diag([16.0, 16.0, *np.ones(d - 2)])
+
+    class Rare:
+        names = tuple(f"p{i}" for i in range(d))
+
+        def log_density(self, draws: np.ndarray) -> np.ndarray:
+            parts = [multivariate_normal(np.zeros(d), cov).logpdf(draws) for cov in (np.eye(d), wide)]
+            return np.logaddexp(np.log(0.995) + parts[0], np.log(0.005) + parts[1])
+
+    density, far = Rare(), rng.multivariate_normal(np.zeros(d), wide, size=4000)
+    largest = []
+    for covs in ([wide], []):
+        proposal = adapt_proposal(density, np.zeros(d), np.eye(d), rng=np.random.default_rng(1), starts=[np.zeros(d)], covs=covs)
+        largest.append(float(np.exp(np.max(density.log_density(far) - proposal.log_density(far)))))
+    assert largest[0] < 20.0
+    assert largest[1] > 500.0

@@ -165,12 +165,13 @@ def test_tilt_is_read_as_it_was_written() -> None:
 
 @pytest.mark.slow
 @pytest.mark.usefixtures("undrawn")
+@pytest.mark.usefixtures("undrawn")
 def test_facts_and_warnings_of_a_file_stand_in_report_and_result(tmp_path: Path) -> None:
     from estim.pipeline import analyse
     from estim.reports.analysis import analysis_report
     from estim.sampling.chain import Target
 
-    campaign, facts, warnings = tilted(tmp_path, 'phi_deg = "4.20(1)"')
+    campaign, facts, warnings = tilted(tmp_path, 'phi_deg = "4.20(1)"\nunmodelled_force = 0')
     files = analysis_report(campaign, analyse(campaign, ["r"], seed=1, target=Target(ess=200, max_step=200)))
     for text in (*facts, *warnings):
         assert text in files["report.md"].decode()

@@ -22,10 +22,12 @@ from estim.problem.observations import Parameter
 from estim.problem.priors import Normal
 from estim.reports import figures
 from estim.reports.analysis import index_report
+from estim.reports.corner_figures import corner_figure
 from estim.reports.curve import curve_report
 from estim.reports.identifiability_figures import direction_figure, profile_figure
 from estim.reports.labels import Labels
 from estim.reports.result import Result
+from estim.reports.trace_figures import trace_figure
 from estim.sampling.chain import Target
 from estim.sampling.summary import Summary
 from estim.studies import determine
@@ -79,7 +81,7 @@ def test_a_users_parameters_have_their_own_names_and_units_in_the_report(fit: Cu
 
 def test_a_users_parameters_have_their_own_names_and_units_in_figures(analysis: Analysis) -> None:
     drawn = {
-        "corner": figures.corner_figure(analysis), "traces": figures.trace_figure(analysis),
+        "corner": corner_figure(analysis), "traces": trace_figure(analysis),
         "profiles": profile_figure(analysis.problem, determine(analysis).intervals, analysis.chain.thinned(500)),
     }
     for name, figure in drawn.items():

@@ -16,7 +16,8 @@ from estim.campaign import load_campaign
 from estim.common.errors import InputError
 from estim.fitting.least_squares import Fit, fit_least_squares
 from estim.fitting.profile import contour, profile_intervals
-from estim.problem.posterior import Problem
+from estim.fitting.profile_search import search_of
+from estim.problem.posterior import Posterior, Problem
 from estim.problem.priors import HalfNormal, Normal, Uniform
 
 X = np.linspace(0.0, 2.0, 12)
@@ -263,3 +264,69 @@ def test_names_and_probabilities_are_checked(rng: np.random.Generator) -> None:
         profile_intervals(fit, probabilities=(95.0,))
     with pytest.raises(InputError, match="another parameter"):
         contour(fit, "a", "a")
+
+
+def test_walks_of_all_parameters_together_are_those_of_each_alone(rng: np.random.Generator) -> None:
+    """Two decays, whose walks need different numbers of points."""
+    y = np.exp(-0.6 * X) + 0.5 * np.exp(-3.0 * X) + 0.05 * rng.standard_normal(X.size)
+    priors = {"a": Uniform(0.0, 3.0), "k": Uniform(0.0, 8.0), "b": Uniform(0.0, 3.0), "q": Uniform(0.0, 8.0)}
+    fit = fitted(formula_problem(lambda x, a, k, b, q: a * np.exp(-k * x) + b * np.exp(-q * x), X, y, 0.05, priors))
+    together = profile_intervals(fit)
+    assert len({found.x.size for found in together}) > 1
+    for found, sd in zip(together, search_of(fit).scale, strict=True):
+        (alone,) = profile_intervals(fit, names=[found.name])
+        for p in (0.68, 0.95):
+            assert (alone.open_low[p], alone.open_high[p]) == (found.open_low[p], found.open_high[p])
+            assert alone.low[p] == pytest.approx(found.low[p], abs=1e-6 * sd)
+            assert alone.high[p] == pytest.approx(found.high[p], abs=1e-6 * sd)
+
+
+def test_runs_differentiated_each_in_its_own_parameters_give_the_whole_slope_and_curvature(replica: Path) -> None:
+    """Against differences of the whole density, at the fit and beside it."""
+    fit = fitted(load_campaign(replica / "campaign.toml").problem(["heavy-02", "heavy-04"]), n_start=1)
+    search = search_of(fit)
+    assert len(fit.posterior.likelihoods) == 2
+    points = np.clip(fit.values + np.array([[0.0], [0.4], [-0.3]]) * search.scale, search.low, search.high)
+    steps = 2e-3 * np.diag(search.scale)
+    for point, slope, curvature in zip(points, search.gradients(points), search.curvatures(points), strict=True):
+        inside = (point - search.low > 0.01 * search.scale) & (search.high - point > 0.01 * search.scale)
+        up, down = search.objectives(point + steps), search.objectives(point - steps)
+        np.testing.assert_allclose(slope[inside], ((up - down) / 4e-3)[inside], rtol=1e-3, atol=1e-3)
+        straight = (up - 2.0 * search.objective(point) + down)[inside] / 2e-3**2
+        np.testing.assert_allclose(np.diag(curvature)[inside], straight, rtol=0.02)
+
+
+def test_profile_of_a_replica_run_takes_few_calls_of_the_density(replica: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Walks that waited for each other would take thousands."""
+    fit = fitted(load_campaign(replica / "campaign.toml").problem(["heavy-04"]), n_start=2)
+    calls, log_density = [], Posterior.log_density
+
+    def counted(self: Posterior, draws: np.ndarray) -> np.ndarray:
+        calls.append(len(draws))
+        return log_density(self, draws)
+
+    monkeypatch.setattr(Posterior, "log_density", counted)
+    found = profile_intervals(fit)
+    assert sum(interval.x.size for interval in found) > 90
+    assert len(calls) < 80
+
+
+@pytest.mark.parametrize("seed", [19, 33, 46])
+def test_a_lowest_point_beside_an_edge_where_the_curve_is_not_defined_is_reached(seed: int) -> None:
+    """v x/(k + x) at x = 0 is not a number for k = 0, and there is the lowest point where v is small."""
+    y = X / (1.0 + X) + 0.4 * np.random.default_rng(seed).standard_normal(X.size)
+    priors = {"v": Uniform(0.0, 20.0), "k": Uniform(0.0, 20.0)}
+
+    def saturating(x, v, k):
+        with np.errstate(invalid="ignore"):
+            return v * x / (k + x)
+
+    by_v = profile_intervals(fitted(formula_problem(saturating, X, y, 0.4, priors)))[0]
+    k = np.geomspace(1e-9, 20.0, 20_001)
+    curve = X / (k[:, None] + X)
+
+    def lowest(v: float) -> float:
+        return float(np.min(np.sum(((y - v * curve) / 0.4) ** 2, axis=1)))
+
+    assert lowest(by_v.low[0.95]) - lowest(by_v.value) == pytest.approx(chi2.ppf(0.95, 1), abs=2e-3)
+    assert by_v.n_failed == 0

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import re
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -73,9 +74,9 @@ def test_a_run_depends_on_every_parameter_of_its_noise(tmp_path: Path, rng: np.r
         (tmp_path / f"{name}.csv").write_text("t_s,x_m,v_m_s\n" + rows + "\n")
     campaign = load_campaign(tmp_path / "c.toml")
     joint = campaign.problem(["r", "s"])
-    singles = [SimpleNamespace(fit=fit_least_squares(campaign.problem([name]), rng=rng, n_start=1)) for name in "rs"]
+    singles = [SimpleNamespace(fit=campaign.fit(campaign.problem([name]), rng=rng)) for name in "rs"]
     assert joint.restricted(joint.runs[1:]).names == ("gamma[heavy]", "kappa[heavy]", "theta0[s]", "scatter[s]", "sigma_x[s]")
-    found = narrowing(joint, singles, ["gamma[heavy]", "kappa[heavy]"], rng=rng)
+    found = narrowing(campaign.fit(joint, rng=rng), singles, ["gamma[heavy]", "kappa[heavy]"], fit_first=None)
     assert found.u[0] == pytest.approx(found.u_single[0], rel=1e-3)  # the first of them is the first alone
     assert np.all(found.u[1] < found.u[0])
 
@@ -177,6 +178,10 @@ def test_committed_report_is_what_the_code_finds(project: Path, replica: Path, r
     new, old = json.loads(files["result.json"]), json.loads((committed / "result.json").read_text())
     assert set(new["statuses"].values()) == {"ok"}
     assert new["statuses"] == old["statuses"]
+    bare, shown = reanalysis_report(reanalysed, figures=False), re.findall(r"!\[[^\]]*\]\((\S+)\)", files["report.md"].decode())
+    assert bare == {"report.md": bare["report.md"], "result.json": files["result.json"]}
+    assert sorted(shown) == sorted(path for path in files if path.endswith(".png"))
+    assert b"figures/" not in bare["report.md"]
     truth = tomllib.loads((replica / "truth.toml").read_text())
     for body in old["bodies"]:
         a, b = (result["bodies"][body]["joint"]["parameters"] for result in (new, old))

@@ -12,6 +12,7 @@ from click.testing import CliRunner
 from troubles import Formula, uniform
 
 from estim.cli.commands import cli
+from estim.cli.terminal import exit_code, say
 
 pytestmark = pytest.mark.skipif(not Path("/dev/full").exists(), reason="no /dev/full here")
 COMMAND = f'"{sys.executable}" -m estim'
@@ -55,10 +56,7 @@ def test_a_stream_that_cannot_be_written_costs_no_traceback(line: str, code: int
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("streams", "said"),
-    [
-        (">&- 2>&-", ""), (">/dev/full", "error: standard output: cannot be written (no space left on device)\n"), ("2>/dev/full", ""),
-        ("| true; exit ${PIPESTATUS[0]}", ""),
-    ],
+    [(">&- 2>&-", ""), (">/dev/full", "error: standard output: cannot be written (no space left on device)\n")],
 )
 def test_the_report_is_written_whoever_reads_what_is_said(streams: str, said: str, edge: Path, tmp_path: Path) -> None:
     done = shell(f'$F fit "{edge}/campaign.toml" --out out --max-steps 60 {streams}', cwd=tmp_path)
@@ -66,6 +64,34 @@ def test_the_report_is_written_whoever_reads_what_is_said(streams: str, said: st
     assert {path.name for path in (tmp_path / "out").iterdir()} >= {"report.md", "result.json", "figures"}
     assert (tmp_path / "out" / "report.md").read_text().startswith("# ")
     assert not [path for path in tmp_path.iterdir() if path.name != "out"]
+
+
+@pytest.mark.parametrize(
+    ("streams", "code", "said"),
+    [
+        ("2>/dev/full", 0, ""), ("2>&-", 0, ""), ("| true; exit ${PIPESTATUS[0]}", 141, "warning: the acceleration"),
+        ("2>/dev/full >/dev/full", 74, ""),
+    ],
+)
+def test_a_command_that_tells_and_warns_writes_its_file_whoever_reads_it(streams: str, code: int, said: str, tmp_path: Path) -> None:
+    (tmp_path / "a.txt").write_text("A\nt,x,y\n" + "".join(f"{0.1 * n:.1f},{0.1 * n * n:.3f},0.0\n" for n in range(9)))
+    done = shell("$E import a.txt -o new/run.csv " + streams, cwd=tmp_path)
+    assert (done.returncode, done.stderr.count("\n")) == (code, bool(said)), done
+    assert done.stderr.startswith(said)
+    assert (tmp_path / "new" / "run.csv").read_text().count("\n") > 9
+    assert {path.name for path in tmp_path.rglob("*")} == {"a.txt", "new", "run.csv"}
+
+
+@pytest.mark.parametrize(("full", "code"), [(True, 74), (False, 141)])
+@pytest.mark.parametrize("found", [0, 3])
+def test_what_a_command_found_outweighs_a_line_that_nobody_reads(full: bool, code: int, found: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    reader, writer = os.pipe()
+    os.close(reader)
+    with open("/dev/full" if full else writer, "w", encoding="utf-8") as stdout:
+        monkeypatch.setattr(sys, "stdout", stdout)
+        assert exit_code(lambda: say("one") or say("two") or found) == (found or code)
+    if full:
+        os.close(writer)
 
 
 @pytest.mark.slow

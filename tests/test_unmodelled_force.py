@@ -5,6 +5,7 @@ Where it does not go the curve is taken as complete and the report says why; the
 
 from __future__ import annotations
 
+import io
 from pathlib import Path
 
 import numpy as np
@@ -20,6 +21,7 @@ from estim.fitting.least_squares import Fit, fit_least_squares
 from estim.pipeline import Analysis, analyse
 from estim.problem import Problem
 from estim.reports.analysis import analysis_report
+from estim.reports.deviation_figures import force_figure
 from estim.reports.result import result_of
 from estim.sampling.chain import Target
 from estim.words import tell
@@ -142,9 +144,14 @@ def test_draws_are_those_of_the_linearised_answer_but_for_curvature(found: tuple
     assert np.sqrt(fit.cov[i, i]) == pytest.approx(draws[:, i].std(), rel=0.25)
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_a_report_says_and_draws_what_the_curve_lacks(found: tuple[Campaign, Analysis]) -> None:
+    """Of its figures that of the force is drawn, which no other test draws."""
     campaign, analysis = found
     files = analysis_report(campaign, analysis)
+    png = io.BytesIO()
+    force_figure(analysis.fit.forces, analysis.problem.runs, synthetic=False).savefig(png)
+    assert len(png.getvalue()) > 10_000
     text = files["report.md"].decode()
     assert "## What the curve lacks" in text
     assert "figures/force.png" in files
@@ -187,20 +194,19 @@ def test_other_commands_refuse_it_where_it_is_stated(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=f"{place} a comparison"):
         campaign.noise_models("class-balanced_1")
     with pytest.raises(InputError, match=f"{place} estim energy"):
-        campaign.study.require_speeds(["class-balanced_1"], "estim energy")
+        campaign.study.require_complete(["class-balanced_1"], "estim energy")
     with pytest.raises(InputError, match=f"{place} estim calibrate"):
         campaign.require_unknowns(campaign.problem(["class-balanced_1"]), drawn=True)
 
 
-def test_joint_fits_and_other_commands_take_the_curve_as_complete(tmp_path: Path) -> None:
+def test_a_joint_fit_has_forces_by_itself_and_other_commands_take_the_curve_as_complete(tmp_path: Path) -> None:
     campaign = wheel(tmp_path, "")
-    campaign.study.require_speeds(["class-balanced_1"], "estim energy")
+    campaign.study.require_complete(["class-balanced_1"], "estim energy")
     alone = campaign.problem(["class-balanced_1"])
     campaign.require_unknowns(alone, drawn=True)
     together = campaign.problem(["class-balanced_1", "class-balanced_2"])
     energy = as_complete(alone, "estim energy")
-    assert [run.force for run in (*alone.runs, *together.runs, *energy.runs)] == [0.02, 0.0, 0.0, 0.0]
-    assert "a joint fit" in said(together)
+    assert [run.force for run in (*alone.runs, *together.runs, *energy.runs)] == [0.02, 0.02, 0.02, 0.0]
     assert "estim energy" in said(energy)
     assert campaign.fit(energy, rng=np.random.default_rng(1)).forces == ()
 

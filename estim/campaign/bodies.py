@@ -158,13 +158,16 @@ class RollingStudy:
 
     def require_draws(self, problem: Problem) -> None:
         """Every prior of a rolling body can be drawn from; raises InputError for an unmodelled force, which simulated data lack."""
-        for run in problem.runs:
-            refuse_force(self.levels(run.name), "estim calibrate")
+        self.require_complete([run.name for run in problem.runs], "estim calibrate")
+
+    def require_complete(self, names: Sequence[str], command: str) -> None:
+        """Raises InputError where an unmodelled force was asked for, which `command` does not know."""
+        for name in names:
+            refuse_force(self.levels(name), command)
 
     def require_speeds(self, names: Sequence[str], command: str) -> None:
         """Raises InputError where a run is not fit as speeds with normal errors, which is what `command` knows."""
         for name in names:
-            refuse_force(self.levels(name), command)
             table, path, _ = noise_level(self.levels(name))
             if table.model == "positions":
                 raise self.source.places.error(

@@ -93,8 +93,6 @@ def force_scale(levels: Levels, circumstances: Circumstances) -> Stance:
         return Stance(0.0, complete_as("as stated", levels.run.name))
     obstacle = next((obstacle for obstacle in OBSTACLES if obstacle.stands(circumstances)), None)
     if level is None or stated is None:
-        if circumstances.joint:
-            return Stance(0.0, complete_as("a joint fit knows no unmodelled force that is not asked for", levels.run.name))
         if obstacle is None:
             return Stance(FORCE_SCALE)
         return Stance(0.0, complete_as(f"an unmodelled force does not go with {obstacle.what(circumstances)}", levels.run.name))

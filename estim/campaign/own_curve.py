@@ -143,6 +143,10 @@ class CurveStudy:
         """Raises InputError: there is no rolling body to speak of."""
         raise self.source.places.error("has no rolling body, so only estim fit knows what to do with it", ("curve",))
 
+    def require_complete(self, names: Sequence[str], command: str) -> None:
+        """Raises InputError: what a user's own curve may lack is no business of commands that know rolling bodies."""
+        self.require_body()
+
     def require_speeds(self, names: Sequence[str], command: str) -> None:
         """Raises InputError: points on a curve are no speeds."""
         self.require_body()

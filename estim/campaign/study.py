@@ -53,5 +53,8 @@ class Study(Protocol):
     def require_draws(self, problem: Problem) -> None:
         """Raises InputError where a prior cannot be drawn from."""
 
+    def require_complete(self, names: Sequence[str], command: str) -> None:
+        """Raises InputError where an unmodelled force was asked for, which `command` does not know."""
+
     def require_speeds(self, names: Sequence[str], command: str) -> None:
         """Raises InputError where a run is not fit as speeds with normal errors, which is what `command` knows."""

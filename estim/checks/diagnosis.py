@@ -21,7 +21,7 @@ from estim.checks.what_if import Influence, large_influences
 from estim.common import Amount, Finding, Kind, Status, decide, wrong
 from estim.fitting import MAX_ROUNDS, PRESSED_BELOW, Fit, edge_amount, limit_found, pressed
 from estim.problem import same_curves
-from estim.sampling import Agreement, Chain, effective_size, mcse_mean, r_hat
+from estim.sampling import Agreement, Chain, mcse_mean, mixing_of
 from estim.words import tell
 
 _FLAT = 0.05  # curvature of the log prior along a direction, 1 for a normal prior, below which it does not hold it
@@ -74,10 +74,10 @@ def diagnose(
         ]
     )
     remarks = _remarks(fit, chain, goodness, conflict) + ([] if findings else large_influences(fit, influences))
+    mixing = chain.mixing or mixing_of(chain.draws)
     return Diagnosis(
         status=decide(findings), findings=findings, remarks=tuple(remarks),
-        rhat=r_hat(chain.draws), ess_bulk=effective_size(chain.draws, "bulk"), ess_tail=effective_size(chain.draws, "tail"),
-        mcse=mcse_mean(chain.draws),
+        rhat=mixing.rhat, ess_bulk=mixing.ess_bulk, ess_tail=mixing.ess_tail, mcse=mcse_mean(chain.draws),
     )
 
 

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from estim.arrays import FloatArray
-from estim.fitting import Fit, ProfileSearch, information, search_of
+from estim.fitting import Fit, ProfileSearch, Start, information, minima, search_of
 
 _VALLEY = 2.0  # drop of the log density between two modes
 _N_RIDGE = 32  # points along a ridge
@@ -118,12 +118,12 @@ def _ridge(search: ProfileSearch, a: FloatArray, b: FloatArray) -> bool:
     """Whether it stays up along the ridge that starts at `a`, and that ridge meets `b`."""
     led = int(np.argmax(np.abs(b - a) / search.scale))
     highest = max(search.objective(a), search.objective(b)) + 2.0 * _VALLEY
-    before, here = a, a
+    before, here, near = a, a, None
     for at in np.linspace(a[led], b[led], _N_RIDGE + 1)[1:]:
         guess = 2.0 * here - before  # straight on
         guess[led] = at
-        point = search.minimise(guess, held=(led,))
-        if not point.objective <= highest:
+        (near,) = minima(search, [Start(guess, (led,), near)])
+        if not near.objective <= highest:
             return False
-        before, here = here, point.values
+        before, here = here, near.values
     return _level(search, here, b)

@@ -17,7 +17,20 @@ import click
 
 from estim.cli.causes import say_causes, with_causes
 from estim.cli.comparing import compare as compare_models
-from estim.cli.terminal import NOT_OK, announced, conclude, counted, exit_code, groups_of, progress_bar, report_at, say, stores_of, write_files
+from estim.cli.terminal import (
+    NOT_OK,
+    announced,
+    conclude,
+    counted,
+    exit_code,
+    groups_of,
+    progress_bar,
+    report_at,
+    say,
+    stores_of,
+    write_files,
+    write_report,
+)
 from estim.common import InputError, Stream, asked_to_stop, decide, ended_by_signals, stream
 
 if TYPE_CHECKING:
@@ -33,6 +46,7 @@ _OUT = click.option(
     help="Folder for the report, made if it is not there.  [default: out/ and the name of the campaign's folder]",
 )
 _SEED = click.option("--seed", type=click.IntRange(min=0, max=2**63 - 1), default=1, show_default=True, help="Seed of every random number.")
+_NO_FIGURES = click.option("--no-figures", is_flag=True, help="Write the report without figures, for its text and numbers alone: it is done sooner.")
 
 
 @click.group(context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100})
@@ -51,6 +65,7 @@ def cli() -> None:
 @_STEPS
 @_OUT
 @_SEED
+@_NO_FIGURES
 @click.option(
     "--marginal/--full", default=None, help="Sample a joint fit through the marginal over its runs, or all unknowns at once.  "
     "[default: the marginal for more than 16 runs, and for `positions` with more than 12 unknowns]",
@@ -60,7 +75,7 @@ def cli() -> None:
 @click.option("--resume", is_flag=True, help="Continue a fit that was interrupted, from the draws kept in OUT/.checkpoint.")
 def fit(
     campaign: Path, runs: tuple[str, ...], joint: bool, max_steps: int, out: Path | None, seed: int, marginal: bool | None, compare: bool,
-    explain: bool, resume: bool,
+    explain: bool, resume: bool, no_figures: bool,
 ) -> None:
     """Fit runs of CAMPAIGN and write a report.
 
@@ -88,7 +103,8 @@ def fit(
     if compare:
         if explain or marginal is not None:
             raise InputError("does not go with --explain, --marginal or --full", field="--compare")
-        _exit_unless(compare_models(loaded, groups, folder, seed=seed, max_steps=max_steps, resume=resume, stop=stop))
+        drawn = not no_figures
+        _exit_unless(compare_models(loaded, groups, folder, seed=seed, max_steps=max_steps, resume=resume, stop=stop, figures=drawn))
         return
     stores = stores_of(folder, groups, joint=joint, resume=resume)
     results, explanations = {}, []
@@ -99,7 +115,7 @@ def fit(
             )
         analysis = with_causes(loaded, analysis, group, asked=explain)
         place = folder if len(groups) == 1 else folder / group[0]
-        write_files(place, analysis_report(loaded, analysis, voice=Voice.COMMANDS), within=folder)
+        write_report(place, analysis_report(loaded, analysis, voice=Voice.COMMANDS, figures=not no_figures), within=folder)
         if can_write_netcdf():
             write_files(place, {"draws.nc": to_netcdf(analysis)}, within=folder)
         results[group[0]] = result_of(loaded, analysis, voice=Voice.COMMANDS)
@@ -107,7 +123,7 @@ def fit(
         say_causes(analysis)
         explanations += [] if analysis.explanation is None else [analysis.explanation]
     if len(groups) > 1:
-        write_files(folder, index_report(loaded, results, explanations))
+        write_report(folder, index_report(loaded, results, explanations))
     for store in stores:
         store.remove()
     report_at(folder / "report.md", loaded.source.outside())
@@ -120,7 +136,8 @@ def fit(
 @click.argument("campaign", type=click.Path(path_type=Path))
 @_OUT
 @_SEED
-def line(campaign: Path, out: Path | None, seed: int) -> None:
+@_NO_FIGURES
+def line(campaign: Path, out: Path | None, seed: int, no_figures: bool) -> None:
     """Fit the theta_min line of CAMPAIGN: sin(theta_min) against sin(phi), whose slope is 1/gamma."""
     from estim.campaign import gamma_of_body, load_campaign
     from estim.line import analyse_line, read_theta_min
@@ -135,7 +152,7 @@ def line(campaign: Path, out: Path | None, seed: int) -> None:
     with progress_bar("line", target.max_step) as progress:
         analysis = analyse_line(series, gamma_masses=gamma_of_body(loaded.source, series.body), seed=seed, target=target, progress=progress)
     folder = out or Path("out") / campaign.resolve().parent.name / "line"
-    write_files(folder, line_report(loaded, analysis, voice=Voice.COMMANDS))
+    write_report(folder, line_report(loaded, analysis, voice=Voice.COMMANDS, figures=not no_figures))
     conclude("line", analysis.status, [*analysis.reasons, *filter(None, (analysis.disagreement,))])
     report_at(folder / "report.md", loaded.source.outside(runs=False, line=True))
     _exit_unless(analysis.status.ok)
@@ -148,7 +165,8 @@ def line(campaign: Path, out: Path | None, seed: int) -> None:
 @_STEPS
 @_OUT
 @_SEED
-def energy(campaign: Path, runs: tuple[str, ...], joint: bool, max_steps: int, out: Path | None, seed: int) -> None:
+@_NO_FIGURES
+def energy(campaign: Path, runs: tuple[str, ...], joint: bool, max_steps: int, out: Path | None, seed: int, no_figures: bool) -> None:
     """Check the energy along the runs of CAMPAIGN: how much is lost, and is the loss steady?"""
     from estim.campaign import load_campaign
     from estim.pipeline import analyse
@@ -162,7 +180,9 @@ def energy(campaign: Path, runs: tuple[str, ...], joint: bool, max_steps: int, o
     records: list[EnergyRecord] = []
     drifts: list[Drift] = []
     groups = groups_of(loaded, runs, joint=joint)
-    loaded.study.require_speeds([name for group in groups for name in group], "estim energy")
+    names = [name for group in groups for name in group]
+    loaded.study.require_speeds(names, "estim energy")
+    loaded.study.require_complete(names, "estim energy")
     for group in groups:
         with progress_bar(", ".join(group), max_steps) as progress:
             analyses.append(analyse(loaded, group, seed=seed, target=Target(max_step=max_steps), progress=progress, complete="estim energy"))
@@ -170,7 +190,7 @@ def energy(campaign: Path, runs: tuple[str, ...], joint: bool, max_steps: int, o
         drifts.append(drift_of(analyses[-1], rng=stream(seed, Stream.DRIFT)))
         conclude(", ".join(group), analyses[-1].diagnosis.status, analyses[-1].diagnosis.reasons)
     folder = out or Path("out") / campaign.resolve().parent.name / "energy"
-    write_files(folder, energy_report(loaded, analyses, records, drifts, seed=seed))
+    write_report(folder, energy_report(loaded, analyses, records, drifts, seed=seed, figures=not no_figures))
     report_at(folder / "report.md", loaded.source.outside())
     _exit_unless(all(analysis.diagnosis.ok for analysis in analyses))
 
@@ -180,7 +200,8 @@ def energy(campaign: Path, runs: tuple[str, ...], joint: bool, max_steps: int, o
 @_STEPS
 @_OUT
 @_SEED
-def reanalyse(campaign: Path, max_steps: int, out: Path | None, seed: int) -> None:
+@_NO_FIGURES
+def reanalyse(campaign: Path, max_steps: int, out: Path | None, seed: int, no_figures: bool) -> None:
     """Everything that CAMPAIGN says, in one report.
 
     The theta_min line, each run by itself, the runs of each body together, energies, the propagated band beside the
@@ -196,7 +217,7 @@ def reanalyse(campaign: Path, max_steps: int, out: Path | None, seed: int) -> No
     loaded.study.require_body()
     result = run_reanalysis(loaded, seed=seed, target=Target(max_step=max_steps), progress_of=lambda what: announced(what, max_steps))
     folder = out or Path("out") / campaign.resolve().parent.name
-    write_files(folder, reanalysis_report(result, voice=Voice.COMMANDS))
+    write_report(folder, reanalysis_report(result, voice=Voice.COMMANDS, figures=not no_figures))
     for what, status in result.statuses.items():
         conclude(what, status, ())
     report_at(folder / "report.md", loaded.source.outside(line=True, published=True))
@@ -212,9 +233,11 @@ def reanalyse(campaign: Path, max_steps: int, out: Path | None, seed: int) -> No
 @click.option("--jobs", type=click.IntRange(min=1), help="Processes.  [default: one for each core]")
 @_OUT
 @_SEED
+@_NO_FIGURES
 @click.option("--resume", is_flag=True, help="Continue a calibration that was interrupted, from the trials kept in OUT/.checkpoint.")
 def calibrate(
-    campaign: Path, runs: tuple[str, ...], joint: bool, simulations: int, what: str, jobs: int | None, out: Path | None, seed: int, resume: bool
+    campaign: Path, runs: tuple[str, ...], joint: bool, simulations: int, what: str, jobs: int | None, out: Path | None, seed: int, resume: bool,
+    no_figures: bool,
 ) -> None:
     """Check on simulated data whether the intervals for CAMPAIGN hold the truth as often as they say.
 
@@ -246,7 +269,7 @@ def calibrate(
                     chosen[kind](design, fit, n_trial=simulations, seed=seed, jobs=jobs or os.cpu_count() or 1, progress=progress, store=stores[-1])
                 )
         place = folder if len(groups) == 1 else folder / group[0]
-        write_files(place, calibration_report(loaded, calibrations), within=folder)
+        write_report(place, calibration_report(loaded, calibrations, figures=not no_figures), within=folder)
         for calibration in calibrations:
             found = findings(calibration)
             trusted = trusted and decide(found).ok

@@ -6,14 +6,16 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from estim.cli.terminal import conclude, note, progress_bar, report_at, write_files
+from estim.cli.terminal import conclude, note, progress_bar, report_at, write_report
 
 if TYPE_CHECKING:
     from estim.campaign import Campaign
     from estim.sampling import Stop
 
 
-def compare(campaign: Campaign, groups: Sequence[tuple[str, ...]], folder: Path, *, seed: int, max_steps: int, resume: bool, stop: Stop) -> bool:
+def compare(
+    campaign: Campaign, groups: Sequence[tuple[str, ...]], folder: Path, *, seed: int, max_steps: int, resume: bool, stop: Stop, figures: bool
+) -> bool:
     """A table of models for each group, each model's own report beside it; whether each group has a model that is ok."""
     from estim.reports import analysis_report, compare_report, folder_of
     from estim.sampling import Store, Target
@@ -33,10 +35,10 @@ def compare(campaign: Campaign, groups: Sequence[tuple[str, ...]], folder: Path,
         )
         place = folder if len(groups) == 1 else folder / group[0]
         for model in compared:
-            report = analysis_report(campaign, model.analysis, voice=Voice.COMMANDS)
-            write_files(place / folder_of(model.candidate.name), report, within=folder)
+            report = analysis_report(campaign, model.analysis, voice=Voice.COMMANDS, figures=figures)
+            write_report(place / folder_of(model.candidate.name), report, within=folder)
             conclude(f"{', '.join(group)}, {model.candidate.name}", model.analysis.diagnosis.status, ())
-        write_files(place, compare_report(campaign, compared, seed=seed), within=folder)
+        write_report(place, compare_report(campaign, compared, seed=seed, figures=figures), within=folder)
         report_at(place / "report.md", campaign.source.outside())
         all_ok = all_ok and any(model.analysis.diagnosis.ok for model in compared)
     for store in stores:

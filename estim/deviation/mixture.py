@@ -20,6 +20,7 @@ from estim.deviation.linearised import Linearised
 
 _ROUGHNESS = 1e-3  # what the directions left out of a basis may add to the variances, relative to the noise and summed
 
+_FELT = 1e-13  # share of a component below which rounding hides it
 _FEW = 16  # draws of which the calls cost more than the numbers
 _CHUNK = 256  # draws at once: what they need stays in the processor's cache
 
@@ -100,13 +101,18 @@ class Mixture:
         for family in self.deviation.families:
             own = share[start : start + family.amplitude.size]
             start += own.size
-            white = 1.0 / np.square(family.scale)
-            gain = 1.0 / family.variances() - white[:, None]
+            felt = own > _FELT
+            if not felt.any():
+                continue
+            own = own[felt]
+            white = 1.0 / np.square(family.scale[felt])
+            gain = 1.0 / family.variances()[felt] - white[:, None]
             inverse += (family.basis * (own @ gain)) @ family.basis.T + (own @ white) * np.eye(residuals.size)
             if self.columns.shape[1]:
                 pushed = white[:, None, None] * self.columns + family.basis @ (gain[:, :, None] * (family.basis.T @ self.columns))
                 information = np.eye(self.columns.shape[1]) + np.einsum("ni,knj->kij", self.columns, pushed)
-                inverse -= np.einsum("k,kni,kmi->nm", own, np.linalg.solve(information, pushed.transpose(0, 2, 1)).transpose(0, 2, 1), pushed)
+                turned = np.linalg.solve(information, (own[:, None, None] * pushed).transpose(0, 2, 1))  # (k, i, m)
+                inverse -= np.tensordot(pushed, turned, axes=([0, 2], [0, 1]))
         return self.deviation.turned_back(self.deviation.turned_back(inverse).T)
 
     def covariance(self, residuals: FloatArray) -> FloatArray:
@@ -134,19 +140,20 @@ class Mixture:
         z = self.deviation.whiten(residuals)
         without, k = np.full(z.shape, -np.inf), 0
         plain = self.deviation.turned_back(np.eye(z.shape[1]))
-        along = z @ self.columns
+        along, back, own, whole = z @ self.columns, z @ plain, np.sum(plain**2, axis=0), self.columns.T @ self.columns
+        moved = plain.T @ self.columns
         for family in self.deviation.families:
-            seen, basis = z @ family.basis, plain.T @ family.basis
+            seen, basis, lying = z @ family.basis, plain.T @ family.basis, family.basis.T @ self.columns
+            squared = basis**2
             for variance, scale in zip(family.variances(), family.scale, strict=True):
                 gain = 1.0 / variance - 1.0 / scale**2
-                diagonal = np.sum(plain**2, axis=0) / scale**2 + basis**2 @ gain
-                solved = (z @ plain) / scale**2 + (seen * gain) @ basis.T
+                diagonal = own / scale**2 + squared @ gain
+                solved = back / scale**2 + (seen * gain) @ basis.T
                 if self.columns.shape[1]:
-                    turned = gain[:, None] * (family.basis.T @ self.columns)
-                    information = np.eye(self.columns.shape[1]) + self.columns.T @ self.columns / scale**2
-                    information += (family.basis.T @ self.columns).T @ turned
+                    turned = gain[:, None] * lying
+                    information = np.eye(self.columns.shape[1]) + whole / scale**2 + lying.T @ turned
                     root = np.linalg.inv(np.linalg.cholesky(information)).T
-                    pushed = (plain.T @ self.columns / scale**2 + basis @ turned) @ root
+                    pushed = (moved / scale**2 + basis @ turned) @ root
                     diagonal -= np.sum(pushed**2, axis=1)
                     solved -= (along / scale**2 + seen @ turned) @ root @ pushed.T
                 one = 0.5 * np.log(diagonal / (2.0 * np.pi)) - 0.5 * np.square(solved) / diagonal

@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 
 from estim.arrays import FloatArray
 from estim.common import Amount, Finding, Kind, format_quantity, format_rounded
+from estim.distributions import student_quantile, student_tail
 from estim.fitting.edges import edge_of
 from estim.fitting.least_squares import Fit
 from estim.fitting.optimum import Optimum
@@ -145,14 +146,9 @@ def shown_value(value: float, sd: float, ends: Ends, edges: tuple[float, float],
 
 def _quantile(probability: float, dofs: FloatArray) -> FloatArray:
     """(n_par,) half width of an interval in standard deviations."""
-    from scipy import stats
-
-    place = 0.5 + 0.5 * probability
-    return np.where(np.isfinite(dofs), stats.t.ppf(place, np.where(np.isfinite(dofs), dofs, 1.0)), stats.norm.ppf(place))
+    return student_quantile(0.5 + 0.5 * probability, dofs)
 
 
 def coverage_of_sd(dof: float) -> float:
     """Share of experiments in which value ± s holds the true value."""
-    from scipy import stats
-
-    return float(2.0 * stats.t.cdf(1.0, dof) - 1.0)
+    return 1.0 - 2.0 * float(student_tail(1.0, dof))

@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 
 from estim.arrays import FloatArray
 from estim.common import Amount, Finding, Kind
+from estim.distributions import normal_tail, student_tail
 from estim.fitting.least_squares import Fit
 from estim.problem import Prior
 from estim.words import one_sided
@@ -96,8 +97,6 @@ def pressed(fit: Fit, *, estimated: bool = False) -> Mapping[str, float]:
 
     estimated : whether the size of the noise, held here, was taken from the residuals.
     """
-    from scipy import stats
-
     problem, curve = fit.problem, curve_indices(fit)
     on_edge = [k for k, i in enumerate(curve) if fit.names[i] in fit.at_bound]
     if not on_edge or fit.singular:
@@ -120,9 +119,9 @@ def pressed(fit: Fit, *, estimated: bool = False) -> Mapping[str, float]:
         fall = max(0.0, here - passed.least(pull_rows, off)[1])
         if inferred:  # the size of the noise was taken from residuals that the edge has made larger
             fall *= dof / max(squares - fall, 1e-9 * squares)
-            found[parameter.name] = float(stats.t.sf(math.sqrt(fall), dof))
+            found[parameter.name] = float(student_tail(math.sqrt(fall), dof))
         else:
-            found[parameter.name] = float(stats.norm.sf(math.sqrt(fall)))
+            found[parameter.name] = float(normal_tail(math.sqrt(fall)))
     return found
 
 

@@ -17,21 +17,25 @@ import numpy as np
 from estim.arrays import FloatArray
 from estim.common import Finding, InputError, NumericalError
 from estim.deviation import FoundDeviation, FoundForce
+from estim.distributions import chi2_tail
 from estim.fitting.fisher_information import information
-from estim.problem import Observations, Posterior, Problem, Symmetry, informative
+from estim.problem import Posterior, Problem, Symmetry, informative
 
 MAX_ROUNDS = 60
 _FEW_ROUNDS = 6
 _SETTLED = 1e-4  # of a standard deviation, between two rounds
 _SAME_OPTIMUM = 0.5  # in minus log density
 _SAME_PLACE = 1.5  # standard deviations
+_TWINS = 0.2  # the same, after one round: nearer ends go on as one
+_ROUGH_ROUNDS = 4
 WITHIN_REACH = 12.0  # in minus log density: worse optima hold next to nothing of the posterior
 _NO_CURVATURE = "the fit ends where the curve has no finite derivatives in its parameters: are the units and the stated values right?"
 _N_FINISH, _FINE = 20, 1e-2
 _SILENT = 1e-11  # ratio of singular values
-_TAKES_PART = 0.2  # component of a unit direction
-PERFECT = 1e-12  # residuals below this share of y are rounding errors
 _FAR_APART = 3.0  # standard deviations, of any parameter
+
+_End = tuple[FloatArray, Posterior, float]
+"""Values, the posterior linearised there, and how far the last round moved."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,10 +108,11 @@ def fit_least_squares(
     if problem.n_par == 0:
         raise InputError("leave nothing to fit: every quantity is exact; give at least one an uncertainty or a prior", field="parameters")
     starts = np.vstack([problem.start() if start is None else start, *(_prior_draw(problem, rng) for _ in range(n_start - 1))])
-    starts = starts[[bool(np.all(np.isfinite(problem.linearised(s).residuals(s)))) for s in starts]]
-    if not starts.size:
+    begun = [(start, problem.linearised(start)) for start in starts]
+    begun = [(start, posterior) for start, posterior in begun if np.all(np.isfinite(posterior.residuals(start)))]
+    if not begun:
         raise NumericalError("the fit cannot start: the curve is not defined at the starting values, nor at draws of the priors")
-    rough = [end for start in starts if not math.isnan((end := _settle(problem, start, max_rounds=4))[2])]
+    rough = _rough_ends(begun)
     if not rough:
         raise NumericalError(_NO_CURVATURE)
     objective = np.array([-_log_density(posterior, values) for values, posterior, _ in rough])
@@ -115,7 +120,7 @@ def fit_least_squares(
     values, posterior, _ = rough[best]
     if float(np.mean(posterior.size_residuals(values) ** 2)) > hopeless:
         raise NumericalError(f"the curve stays far from the data: the mean square of the whitened residuals is above {hopeless:g}")
-    values, posterior, moved = _settle(problem, values, max_rounds=MAX_ROUNDS)
+    values, posterior, moved = _settle(values, posterior, max_rounds=MAX_ROUNDS)
     if math.isnan(moved):
         raise NumericalError(_NO_CURVATURE)
     level = objective <= objective[best] + _SAME_OPTIMUM
@@ -126,9 +131,10 @@ def fit_least_squares(
 
 def refit(problem: Problem, start: FloatArray) -> Fit:
     """The nearest mode of `problem` to `start` (n_par,), where that is known to be near.  Raises NumericalError."""
-    if not np.all(np.isfinite(problem.linearised(start).residuals(start))):
+    posterior = problem.linearised(start)
+    if not np.all(np.isfinite(posterior.residuals(start))):
         raise NumericalError("the fit cannot start: the curve is not defined there")
-    values, posterior, moved = _settle(problem, start, max_rounds=_FEW_ROUNDS)
+    values, posterior, moved = _settle(start, posterior, max_rounds=_FEW_ROUNDS)
     if math.isnan(moved):
         raise NumericalError(_NO_CURVATURE)
     return _describe(problem, posterior, values, moved, [values], n_start=1, same=[values])
@@ -142,20 +148,40 @@ def _log_density(posterior: Posterior, values: FloatArray) -> float:
     return float(posterior.log_density(values[None, :])[0])
 
 
-def _settle(problem: Problem, start: FloatArray, *, max_rounds: int) -> tuple[FloatArray, Posterior, float]:
-    """Rounds of (covariance at the values; curve; noise) until they settle: values, posterior, last move in sds (nan: no curvature there)."""
-    values = start.copy()
-    posterior = problem.linearised(values)
+def _rough_ends(starts: list[tuple[FloatArray, Posterior]]) -> list[_End]:
+    """Where each start leads in a few rounds, without those that meet no curvature; starts that the first round leads together go on as one."""
+    places: list[tuple[FloatArray, _End]] = []
+    ends = []
+    for start, begun in starts:
+        values, posterior, moved = _settle(start, begun, max_rounds=1)
+        if math.isnan(moved):
+            continue
+        scale = _spread(information(posterior, values))
+        twin = next((end for place, end in places if float(np.max(np.abs(values - place) / scale)) < _TWINS), None)
+        if twin is None:
+            twin = (values, posterior, moved) if moved < _SETTLED else _settle(values, posterior, max_rounds=_ROUGH_ROUNDS - 1)
+            places.append((values, twin))
+        ends.append(twin)
+    return [end for end in ends if not math.isnan(end[2])]
+
+
+def _spread(matrix: FloatArray) -> FloatArray:
+    """(n_par,) standard deviations from an information matrix, inf for what it says nothing of."""
+    scale = np.sqrt(np.diag(np.linalg.pinv(matrix, hermitian=True)))
+    return np.where(scale > 0.0, scale, np.inf)
+
+
+def _settle(values: FloatArray, posterior: Posterior, *, max_rounds: int) -> _End:
+    """Rounds of (curve; noise; covariance at the values) from a posterior linearised there until they settle; moved is nan without curvature."""
     moved = math.inf
     for _ in range(max_rounds):
         before = values
         values = _fit_noise(posterior, _fit_curve(posterior, values))
-        posterior = problem.linearised(values)
+        posterior = posterior.problem.linearised(values)
         matrix = information(posterior, values)
         if not np.all(np.isfinite(matrix)):
             return values, posterior, math.nan
-        scale = np.sqrt(np.diag(np.linalg.pinv(matrix, hermitian=True)))
-        moved = float(np.max(np.abs(values - before) / np.where(scale > 0.0, scale, np.inf), initial=0.0))
+        moved = float(np.max(np.abs(values - before) / _spread(matrix), initial=0.0))
         if moved < _SETTLED:
             break
     return values, posterior, moved
@@ -263,27 +289,6 @@ def led_here(n_same: int, n_start: int) -> str:
     return f"{n_same} of {n_start} starts led to this optimum" + ("" if n_same else ", a scan of the parameters did")
 
 
-def silent_parameters(fit: Fit) -> tuple[str, ...]:
-    """The parameters of the curve that the residuals of data and priors do not see, alone or in some combination.
-
-    From the singular values of the Jacobian with columns of unit length: the smallest, and those as small as it.
-    """
-    names = [name for name in fit.names if name not in fit.problem.noise_names]
-    columns = fit.posterior.jacobian(fit.values)[:, [fit.names.index(name) for name in names]]
-    scale = np.linalg.norm(columns, axis=0)
-    _, singular, right = np.linalg.svd(columns / np.where(scale > 0.0, scale, 1.0), full_matrices=True)
-    sizes = np.append(singular, np.zeros(len(names) - singular.size))
-    share = np.sqrt(np.sum(right[sizes <= max(_SILENT * sizes[0], 2.0 * sizes[-1])] ** 2, axis=0))
-    return tuple(name for name, part in zip(names, share, strict=True) if part > _TAKES_PART)
-
-
-def no_scatter(run: Observations, fit: Fit) -> bool:
-    """Whether the curve passes through every point of `run` to rounding errors, though it has fewer parameters than the run points."""
-    curve = np.broadcast_to(run.curve.value(run.x, run.bind(fit.problem.named(fit.values))), (1, run.n_obs))[0]
-    size = max(float(np.max(np.abs(run.y))), float(np.max(np.abs(curve))))
-    return run.n_obs > len(run.curve_parameters) and bool(np.max(np.abs(run.y - curve)) <= PERFECT * size)
-
-
 def far_apart(values: FloatArray, ends: list[FloatArray], scale: FloatArray) -> FloatArray:
     """(n_other, n_par) those of `ends` that lie more than some standard deviations from `values` and from each other."""
     kept = [values]
@@ -332,6 +337,4 @@ def _describe(
 
 def chi2_p(chi2: float, dof: int) -> float:
     """Probability of a value of chi^2 at least as large; 1 without degrees of freedom."""
-    from scipy.stats import chi2 as distribution
-
-    return float(distribution.sf(chi2, dof)) if dof > 0 else 1.0
+    return float(chi2_tail(chi2, dof)) if dof > 0 else 1.0

@@ -15,20 +15,21 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from itertools import pairwise
 
 import numpy as np
 
 from estim.arrays import FloatArray
 from estim.common import InputError
+from estim.distributions import chi2_quantile, student_quantile
 from estim.fitting.least_squares import Fit
-from estim.fitting.profile_search import Point, ProfileSearch, search_of
+from estim.fitting.profile_descents import Point, Start, minima, together
+from estim.fitting.profile_search import ProfileSearch, search_of
+from estim.fitting.profile_walks import crossing, dips, returns, walk
 from estim.problem import Parameter
 
 _BETTER = 0.02  # fall of the objective below the fit's that counts as another, better optimum
-_REACH = 40.0  # prior standard deviations beyond which nothing is looked for
+_MODE_SETTLED = 1e-9  # fall still promised at the mode
 _GRID_SETTLED = 1e-4  # fall still promised at a point of a contour grid, good enough for a figure
-_MAX_STEPS = 60  # of a walk to one side
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,12 +91,10 @@ def profile_intervals(
     indices = [_index(fit, name) for name in (fit.names if names is None else names)]
     rises = _quantiles(probabilities, dof=1)
     if math.isfinite(dof):
-        from scipy import stats
-
-        rises = {p: float(stats.t.ppf(0.5 + 0.5 * p, dof)) ** 2 for p in rises}
+        rises = {p: float(student_quantile(0.5 + 0.5 * p, dof)) ** 2 for p in rises}
     search = search_of(fit)
-    mode = search.minimise(fit.values, held=())
-    return tuple(_interval(fit, search, mode, i, rises) for i in indices)
+    (mode,) = minima(search, [Start(fit.values, (), settled=_MODE_SETTLED)])
+    return tuple(_intervals(fit, search, mode, indices, rises))
 
 
 def contour(fit: Fit, a: str, b: str, probabilities: tuple[float, ...] = (0.68, 0.95), *, n: int = 17) -> Contour:
@@ -105,11 +104,9 @@ def contour(fit: Fit, a: str, b: str, probabilities: tuple[float, ...] = (0.68, 
         raise InputError("must be another parameter than the first", field="b", value=b)
     levels = _quantiles(probabilities, dof=2)
     search = search_of(fit)
-    mode = search.minimise(fit.values, held=())
-    widest = {1.0: 1.1 * max(levels.values())}
+    (mode,) = minima(search, [Start(fit.values, (), settled=_MODE_SETTLED)])
     axes = []
-    for k in (i, j):
-        span = _interval(fit, search, mode, k, widest)
+    for span in _intervals(fit, search, mode, (i, j), {1.0: 1.1 * max(levels.values())}):
         # the mode is one of the nodes, so that the minimum is on the grid
         below = np.linspace(span.low[1.0], span.value, n // 2 + 1)
         axes.append(np.concatenate([below, np.linspace(span.value, span.high[1.0], n - n // 2)[1:]]))
@@ -124,42 +121,49 @@ def _index(fit: Fit, name: str) -> int:
 
 
 def _quantiles(probabilities: Sequence[float], *, dof: int) -> dict[float, float]:
-    from scipy.stats import chi2
-
     for p in probabilities:
         if not 0.0 < p < 1.0:
             raise InputError("must lie between 0 and 1", field="probabilities", value=p)
-    return {p: float(chi2.ppf(p, dof)) for p in sorted(probabilities)}
+    return {p: float(chi2_quantile(p, dof)) for p in sorted(probabilities)}
 
 
-def _interval(fit: Fit, search: ProfileSearch, mode: Point, i: int, rises: dict[float, float]) -> ProfileInterval:
-    parameter = fit.problem.parameters[i]
+def _intervals(fit: Fit, search: ProfileSearch, mode: Point, indices: Sequence[int], rises: dict[float, float]) -> list[ProfileInterval]:
+    """Those of the parameters at `indices`: both sides of all of them walk together, and then look for all their crossings together."""
     if not math.isfinite(mode.objective):
-        return _nowhere(parameter, float(mode.values[i]), rises)
-    ends: list[dict[float, float]] = []
-    opened: list[dict[float, bool]] = []
-    points = [mode]
-    pieces: set[float] = set()
-    others: list[Point] = [mode]
-    for sign in (-1.0, 1.0):
-        walk = _walk(search, mode, i, sign, max(rises.values()))
-        sides = {p: _crossing(search, walk, mode, i, rise) for p, rise in rises.items()}
-        pieces |= {p for p, rise in rises.items() if _returns(walk, mode, rise)}
-        others += [search.minimise(point.values, held=()) for point in _dips(walk)]
-        points += [point for side in sides.values() for point in side[1]] + walk[1:]
-        ends.append({p: float(walk[-1].values[i]) if end is None else end for p, (end, _) in sides.items()})
-        opened.append({p: end is None for p, (end, _) in sides.items()})
+        return [_nowhere(fit.problem.parameters[i], float(mode.values[i]), rises) for i in indices]
+    sides = [(i, sign) for i in indices for sign in (-1.0, 1.0)]
+    walks = together(search, [walk(search, mode, i, sign, max(rises.values())) for i, sign in sides])
+    crossed = together(search, [crossing(search, points, i, rise) for (i, _), points in zip(sides, walks, strict=True) for rise in rises.values()])
+    ends = [dict(zip(rises, crossed[k : k + len(rises)], strict=True)) for k in range(0, len(crossed), len(rises))]
+    valleys = [minima(search, [Start(point.values, (), point) for point in dips(points)]) for points in walks]
+    found = [_Side(*side) for side in zip(walks, ends, valleys, strict=True)]
+    return [_interval(fit, search, i, found[2 * k : 2 * k + 2], rises) for k, i in enumerate(indices)]
+
+
+@dataclass(frozen=True, eq=False)
+class _Side:
+    """A walk (first the mode), probability -> its crossing with the points that led there, and the minima of the valleys beside that of the mode."""
+
+    walk: list[Point]
+    ends: dict[float, tuple[float | None, list[Point]]]
+    valleys: list[Point]
+
+
+def _interval(fit: Fit, search: ProfileSearch, i: int, sides: Sequence[_Side], rises: dict[float, float]) -> ProfileInterval:
+    parameter, mode = fit.problem.parameters[i], sides[0].walk[0]
+    points = [mode, *(point for side in sides for _, own in side.ends.values() for point in own), *(p for side in sides for p in side.walk[1:])]
     points.sort(key=lambda point: float(point.values[i]))
     kept = [point for point in points if math.isfinite(point.objective)]
-    best = min([*kept, *others], key=lambda point: point.objective)
-    start = search.objective(fit.values)
-    fall = max(0.0, start - best.objective)
+    best = min([*kept, *(point for side in sides for point in side.valleys)], key=lambda point: point.objective)
+    fall = max(0.0, search.objective(fit.values) - best.objective)
     better = fall if fall > _BETTER else 0.0
+    low, high = ({p: float(side.walk[-1].values[i]) if end is None else end for p, (end, _) in side.ends.items()} for side in sides)
+    open_low, open_high = ({p: end is None for p, (end, _) in side.ends.items()} for side in sides)
     result = ProfileInterval(
-        name=parameter.name, value=float(mode.values[i]), low=ends[0], high=ends[1], open_low=opened[0], open_high=opened[1],
+        name=parameter.name, value=float(mode.values[i]), low=low, high=high, open_low=open_low, open_high=open_high,
         x=np.array([point.values[i] for point in kept]), rise=np.array([point.objective - mode.objective for point in kept]),
         found_better=better, better_values=best.values if better else None, n_failed=sum(not point.settled for point in points),
-        pieces=tuple(sorted(pieces)), sentence="",
+        pieces=tuple(sorted(p for p, rise in rises.items() if any(returns(side.walk, rise) for side in sides))), sentence="",
     )
     return _with_sentence(result, parameter)
 
@@ -172,88 +176,6 @@ def _nowhere(parameter: Parameter, value: float, rises: dict[float, float]) -> P
         name=parameter.name, value=value, low=everywhere, high=dict(everywhere), open_low=opened, open_high=dict(opened), x=np.array([value]),
         rise=np.zeros(1), found_better=0.0, better_values=None, n_failed=1, pieces=(), sentence=sentence,
     )
-
-
-def _walk(search: ProfileSearch, mode: Point, i: int, sign: float, rise: float) -> list[Point]:
-    """Points outward from the mode until the objective has risen by `rise`, to the edge of the prior, or out of reach."""
-    edge = float(search.high[i] if sign > 0.0 else search.low[i])
-    far = float(mode.values[i]) + sign * _REACH * float(search.prior_sd[i])
-    end = min(edge, far) if sign > 0.0 else max(edge, far)
-    points, step = [mode], 0.5 * float(search.scale[i])
-    while len(points) < _MAX_STEPS and points[-1].values[i] != end:
-        here = float(points[-1].values[i])
-        target = here + sign * step
-        if sign * (end - target) < 0.1 * step:
-            target = end
-        point = search.minimise(_predicted(search, points, i, target), held=(i,))
-        points.append(point)
-        if not point.objective - mode.objective < rise:
-            break
-        gained = math.sqrt(max(point.objective - mode.objective, 0.0)) - math.sqrt(max(points[-2].objective - mode.objective, 0.0))
-        if gained < 0.25:
-            step *= 1.6
-    return points
-
-
-def _predicted(search: ProfileSearch, points: Sequence[Point], i: int, target: float) -> FloatArray:
-    """Where the other parameters should be when parameter i is at `target`: on the line through the last two points."""
-    last = points[-1].values
-    if len(points) > 1 and points[-1].values[i] != points[-2].values[i]:
-        slope = (last - points[-2].values) / (last[i] - points[-2].values[i])
-    else:
-        slope = search.tangent(last, i)
-    values = np.clip(last + slope * (target - last[i]), search.low, search.high)
-    values[i] = target
-    # a prediction of zero density is worse than none
-    if not math.isfinite(search.objective(values)):
-        values = last.copy()
-        values[i] = target
-    return values
-
-
-def _crossing(search: ProfileSearch, walk: Sequence[Point], mode: Point, i: int, rise: float) -> tuple[float | None, list[Point]]:
-    """Where the objective passes `rise` for the last time on a walk (None: it does not), and the points computed to find it."""
-    from scipy.optimize import brentq
-
-    inside = [k for k, point in enumerate(walk) if point.objective - mode.objective < rise]
-    outer = max(inside, default=0) + 1
-    if outer >= len(walk):
-        return None, []
-    inner, beyond = walk[outer - 1], walk[outer]
-    found: list[Point] = []
-
-    def height(x: float) -> float:
-        """Square root of the rise, nearly a straight line, above the level."""
-        share = (x - inner.values[i]) / (beyond.values[i] - inner.values[i])
-        start = np.asarray(inner.values + share * (beyond.values - inner.values))
-        start[i] = x
-        if not math.isfinite(search.objective(start)):
-            start = inner.values.copy()
-            start[i] = x
-        point = inner if x == inner.values[i] else beyond if x == beyond.values[i] else search.minimise(start, held=(i,))
-        if point is not inner and point is not beyond:
-            found.append(point)
-        return _height(point, mode, rise)
-
-    end = brentq(height, float(inner.values[i]), float(beyond.values[i]), xtol=1e-8 * float(search.scale[i]), rtol=1e-14, disp=False)
-    return float(end), found
-
-
-def _height(point: Point, mode: Point, rise: float) -> float:
-    risen = point.objective - mode.objective
-    return min(math.sqrt(max(risen, 0.0)) if math.isfinite(risen) else math.inf, 4.0 * math.sqrt(rise)) - math.sqrt(rise)
-
-
-def _returns(walk: Sequence[Point], mode: Point, rise: float) -> bool:
-    """Whether the objective falls below `rise` again after it had risen above it."""
-    above = [point.objective - mode.objective >= rise for point in walk]
-    return any(before and not after for before, after in pairwise(above))
-
-
-def _dips(walk: Sequence[Point]) -> list[Point]:
-    """Points of a walk that lie lower than the point before and not higher than the one after: valleys beside that of the mode."""
-    triples = zip(walk, walk[1:], [*walk[2:], walk[-1]], strict=False)
-    return [here for before, here, after in triples if here.objective < before.objective - 1e-6 and here.objective <= after.objective]
 
 
 def _with_sentence(found: ProfileInterval, parameter: Parameter) -> ProfileInterval:
@@ -284,24 +206,26 @@ def _with_sentence(found: ProfileInterval, parameter: Parameter) -> ProfileInter
 
 
 def _grid(search: ProfileSearch, mode: Point, i: int, j: int, x: FloatArray, y: FloatArray) -> tuple[FloatArray, int]:
-    """Rise (n, n) over the grid, each point started from its neighbour towards the mode, and the number of failures."""
+    """Rise (n, n) over the grid, each point started from its neighbour towards the mode, a ring at a time, and the number of failures."""
     rise = np.full((x.size, y.size), np.inf)
     if not math.isfinite(mode.objective):
         return rise, rise.size
     centre = (int(np.argmin(np.abs(x - mode.values[i]))), int(np.argmin(np.abs(y - mode.values[j]))))
-    order = sorted(np.ndindex(x.size, y.size), key=lambda cell: max(abs(cell[0] - centre[0]), abs(cell[1] - centre[1])))
+    rings: dict[int, list[tuple[int, ...]]] = {}
+    for cell in np.ndindex(x.size, y.size):
+        rings.setdefault(max(abs(cell[0] - centre[0]), abs(cell[1] - centre[1])), []).append(cell)
     slopes = search.cov[:, [i, j]] @ np.linalg.inv(search.cov[np.ix_([i, j], [i, j])])
     done: dict[tuple[int, ...], Point] = {}
-    for cell in order:
-        near = tuple(int(c - np.sign(c - m)) for c, m in zip(cell, centre, strict=True))
-        start = done.get(near, mode)
-        target = np.array([x[cell[0]], y[cell[1]]])
-        values = start.values + slopes @ (target - start.values[[i, j]])
-        values = np.clip(values, search.low, search.high)
-        values[[i, j]] = target
-        if not math.isfinite(search.objective(values)):
-            values = start.values.copy()
-            values[[i, j]] = target
-        done[cell] = search.minimise(values, held=(i, j), settled=_GRID_SETTLED)
-        rise[cell] = done[cell].objective - mode.objective
+    for ring in sorted(rings):
+        starts = []
+        for cell in rings[ring]:
+            near = done.get(tuple(int(c - np.sign(c - m)) for c, m in zip(cell, centre, strict=True)), mode)
+            target = np.array([x[cell[0]], y[cell[1]]])
+            values = np.clip(near.values + slopes @ (target - near.values[[i, j]]), search.low, search.high)
+            instead = near.values.copy()
+            values[[i, j]] = instead[[i, j]] = target
+            starts.append(Start(values, (i, j), near, instead, settled=_GRID_SETTLED))
+        done |= zip(rings[ring], minima(search, starts), strict=True)
+    for cell, point in done.items():
+        rise[cell] = point.objective - mode.objective
     return rise, sum(not point.settled for point in done.values())

@@ -1,38 +1,24 @@
-"""The search inside a profile: the lowest -2 log density over some parameters while others are held.
+"""What a profile asks of a posterior: -2 log density and its derivatives, at many points in one call.
 
-Only the log density decides; it is differentiated by central differences of one vectorised call, so any likelihood will do.
-The Fisher information gives the metric.  Each iteration tries the Newton step at several dampings in one more call and takes the best
-(Levenberg-Marquardt with all its trials at once); bounds are kept by clipping and by leaving out parameters that push outward.
+Only the log density decides; it is differentiated by differences, so any likelihood will do.  Runs that are independent of each other
+are differentiated each in its own parameters alone.  The descents that use this are in `estim.fitting.profile_descents`.
 """
 
 from __future__ import annotations
 
-import math
-from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
 from estim.arrays import FloatArray
 from estim.fitting.fisher_information import data_information, information, prior_sds
 from estim.fitting.least_squares import Fit
-from estim.problem import Posterior
+from estim.problem import Likelihood, Posterior
 
 _STEP = 1e-3  # of a standard deviation, for differences: their error moves an optimum by 1e-6 sd
-_DAMPING = np.array([1e-9, 1e-3, 3e-2, 0.3, 3.0, 30.0, 1e3, 1e5])
-_SETTLED = 1e-9  # fall of the objective that the next step promises
-_ACCEPTABLE = 1e-4  # the same where no step leads further down
-_MAX_ITERATIONS = 60
-_PATIENCE = 8  # iterations after which the curvature is measured instead of taken from the Fisher information
-
-
-@dataclass(frozen=True, eq=False)
-class Point:
-    """values : (n_par,).  objective : -2 log density there, inf outside the support.  settled : whether it is a minimum."""
-
-    values: FloatArray
-    objective: float
-    settled: bool
+_CURVED = 2e-3  # the same for second differences
+_AT_ONCE = 512  # rows of a call: what they need stays small
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,7 +39,8 @@ class ProfileSearch:
     def objectives(self, draws: FloatArray) -> FloatArray:
         """(n_draw,) -2 log density, inf where it is not a number."""
         with np.errstate(all="ignore"):
-            minus = -2.0 * self.posterior.log_density(draws)
+            parts = [self.posterior.log_density(draws[k : k + _AT_ONCE]) for k in range(0, len(draws), _AT_ONCE)]
+        minus = -2.0 * np.concatenate([np.zeros(0), *parts])
         return np.where(np.isnan(minus), np.inf, minus)
 
     def objective(self, values: FloatArray) -> float:
@@ -65,98 +52,80 @@ class ProfileSearch:
         at_bound = ((values <= self.low) | (values >= self.high)) & (np.arange(values.size) != i)
         return np.where(at_bound, 0.0, slope)
 
-    def minimise(self, start: FloatArray, *, held: Sequence[int], settled: float = _SETTLED) -> Point:
-        """The lowest objective near `start` (n_par,) over the parameters not in `held`, until a step promises less than `settled`."""
-        values = np.clip(start, self.low, self.high)
-        values[list(held)] = start[list(held)]
-        free = np.array([k for k in range(values.size) if k not in held], dtype=int)
-        best = self.objective(values)
-        if not math.isfinite(best) or not free.size:
-            return Point(values, best, settled=math.isfinite(best))
-        for iteration in range(_MAX_ITERATIONS):
-            gradient = self._gradient(values, best, free)
-            outward = ((values[free] <= self.low[free]) & (gradient > 0.0)) | ((values[free] >= self.high[free]) & (gradient < 0.0))
-            moving = free[~outward]
-            if not moving.size:
-                return Point(values, best, settled=True)
-            steps, promise = self._steps(values, moving, gradient[~outward], curved=iteration >= _PATIENCE)
-            if promise < settled:
-                return Point(values, best, settled=True)
-            trials = np.repeat(values[None, :], len(steps), axis=0)
-            trials[:, moving] = np.clip(trials[:, moving] + steps, self.low[moving], self.high[moving])
-            heights = self.objectives(trials)
-            lowest = int(np.argmin(heights))
-            if not heights[lowest] < best:
-                return Point(values, best, settled=promise < _ACCEPTABLE)
-            values, best = trials[lowest], float(heights[lowest])
-        return Point(values, best, settled=False)
+    def gradients(self, points: FloatArray) -> FloatArray:
+        """(n_point, n_par) derivatives of the objective in standard deviations; one-sided at a bound and beside a hole in the density."""
+        up, down = np.minimum(points + _STEP * self.scale, self.high), np.maximum(points - _STEP * self.scale, self.low)
+        slopes = _quotients(self._priors(up), self._priors(points), self._priors(down), up, points, down)
+        for likelihood, own in self._groups:
+            n = own.size
+            rows = np.repeat(points[:, None, :], 1 + 2 * n, axis=1)
+            rows[:, 1 + np.arange(n), own], rows[:, 1 + n + np.arange(n), own] = up[:, own], down[:, own]
+            heights = self._heights(likelihood, own, rows)
+            above, below = heights[:, 1 : 1 + n], heights[:, 1 + n :]
+            slopes[:, own] += _quotients(above, heights[:, :1], below, up[:, own], points[:, own], down[:, own])
+        return slopes * self.scale
 
-    def _gradient(self, values: FloatArray, here: float, free: FloatArray) -> FloatArray:
-        """(n_free,) derivatives of the objective; one-sided at a bound and beside a hole in the density."""
-        n = free.size
-        draws = np.repeat(values[None, :], 2 * n, axis=0)
-        draws[np.arange(n), free] = np.minimum(values[free] + _STEP * self.scale[free], self.high[free])
-        draws[n + np.arange(n), free] = np.maximum(values[free] - _STEP * self.scale[free], self.low[free])
-        heights = self.objectives(draws)
-        above, below = heights[:n], heights[n:]
-        up, down = draws[np.arange(n), free], draws[n + np.arange(n), free]
-        up, above = np.where(np.isfinite(above), up, values[free]), np.where(np.isfinite(above), above, here)
-        down, below = np.where(np.isfinite(below), down, values[free]), np.where(np.isfinite(below), below, here)
-        return np.divide(above - below, up - down, out=np.zeros(n), where=up > down)
+    def information(self, values: FloatArray) -> FloatArray:
+        """(n_par, n_par) the second derivatives that the Fisher information expects at `values`, in standard deviations."""
+        with np.errstate(all="ignore"):
+            return np.asarray(2.0 * information(self.posterior, values) * np.outer(self.scale, self.scale))
 
-    def _steps(self, values: FloatArray, moving: FloatArray, gradient: FloatArray, *, curved: bool) -> tuple[FloatArray, float]:
-        """(n_step, n_moving) steps to try, and the largest fall of the objective that one of them promises."""
-        scale = self.scale[moving]
-        if curved:
-            metric = self._curvature(values, moving)
-        else:
-            with np.errstate(all="ignore"):
-                metric = 2.0 * information(self.posterior, values)[np.ix_(moving, moving)] * np.outer(scale, scale)
-        if not np.all(np.isfinite(metric)):
-            metric = 2.0 * np.eye(moving.size)
-        slope = gradient * scale
-        room = np.array([self.low[moving] - values[moving], self.high[moving] - values[moving]]) / scale
-        moves = _damped(metric, slope)
-        blocked = (moves[0] <= room[0]) | (moves[0] >= room[1])
-        if np.any(blocked):
-            # go to those bounds, and let the others make the best of it
-            ends = np.where(blocked, np.clip(moves[0], *room), 0.0)
-            rest = np.flatnonzero(~blocked)
-            constrained = np.repeat(ends[None, :], _DAMPING.size, axis=0)
-            constrained[:, rest] = _damped(metric[np.ix_(rest, rest)], (slope + metric @ ends)[rest])
-            moves = np.vstack([constrained, moves])
-        moves = np.clip(moves, *room)
-        fall = -moves @ slope - 0.5 * np.einsum("ki,ij,kj->k", moves, metric, moves)
-        return moves * scale, float(np.max(fall))
+    def curvatures(self, points: FloatArray) -> FloatArray:
+        """(n_point, n_par, n_par) second derivatives of the objective in standard deviations, made positive; nan beside a hole in the density."""
+        inward = np.where(points + 2.0 * _CURVED * self.scale < self.high, 1.0, -1.0)
+        steps = inward * (_CURVED * self.scale)
+        straight = self._priors(points + 2.0 * steps) - 2.0 * self._priors(points + steps) + self._priors(points)
+        metrics = straight[:, :, None] / _CURVED**2 * np.eye(self.scale.size)
+        for likelihood, own in self._groups:
+            n = own.size
+            one, other = np.triu_indices(n)
+            rows = np.repeat(points[:, None, :], 1 + n + one.size, axis=1)
+            rows[:, 1 + np.arange(n), own] += steps[:, own]
+            for axis in (one, other):
+                rows[:, 1 + n + np.arange(one.size), own[axis]] += steps[:, own[axis]]
+            heights = self._heights(likelihood, own, rows)
+            with np.errstate(invalid="ignore"):
+                mixed = heights[:, 1 + n :] - heights[:, 1 + one] - heights[:, 1 + other] + heights[:, :1]
+            mixed *= inward[:, own[one]] * inward[:, own[other]] / _CURVED**2
+            metrics[:, own[one], own[other]] += mixed
+            apart = one != other
+            metrics[:, own[other[apart]], own[one[apart]]] += mixed[:, apart]
+        sound = np.all(np.isfinite(metrics), axis=(1, 2))
+        stiffness, axes = np.linalg.eigh(np.where(sound[:, None, None], metrics, 0.0))
+        positive = (axes * np.abs(stiffness)[:, None, :]) @ axes.transpose(0, 2, 1)
+        return np.where(sound[:, None, None], positive, np.nan)
 
+    @cached_property
+    def _groups(self) -> tuple[tuple[Likelihood, FloatArray], ...]:
+        """The likelihood of each group of runs that depends on any parameter, and the indices of those."""
+        problem, found = self.posterior.problem, []
+        for group, likelihood in zip(problem.groups, self.posterior.likelihoods, strict=True):
+            used = frozenset[str]().union(*(run.parameters for run in group.runs))
+            found.append((likelihood, np.array([i for i, name in enumerate(problem.names) if name in used], dtype=int)))
+        return tuple((likelihood, own) for likelihood, own in found if own.size)
 
-    def _curvature(self, values: FloatArray, moving: FloatArray) -> FloatArray:
-        """(n_moving, n_moving) second derivatives of the objective, in standard deviations, made positive."""
-        n, h = moving.size, 0.02
-        inward = np.where(values + 2.0 * h * self.scale < self.high, 1.0, -1.0)[moving]
-        rows, columns = np.triu_indices(n)
-        draws = np.repeat(values[None, :], 1 + n + rows.size, axis=0)
-        draws[1 + np.arange(n), moving] += h * (inward * self.scale[moving])
-        for axis in (rows, columns):
-            draws[1 + n + np.arange(rows.size), moving[axis]] += h * (inward * self.scale[moving])[axis]
-        heights = self.objectives(draws)
-        with np.errstate(invalid="ignore"):
-            mixed = (heights[1 + n :] - heights[1 + rows] - heights[1 + columns] + heights[0]) * (inward[rows] * inward[columns]) / h**2
-        metric = np.zeros((n, n))
-        metric[rows, columns] = metric[columns, rows] = mixed
-        if not np.all(np.isfinite(metric)):
-            return metric
-        stiffness, axes = np.linalg.eigh(metric)
-        return np.asarray((axes * np.abs(stiffness)) @ axes.T)
+    def _heights(self, likelihood: Likelihood, own: FloatArray, rows: FloatArray) -> FloatArray:
+        """(n_point, n_row) -2 log likelihood of a group, inf where it is not a number, at rows (n_point, n_row, n_par)."""
+        flat = rows.reshape(-1, rows.shape[-1])
+        minus = np.empty(len(flat))
+        with np.errstate(all="ignore"):
+            for start in range(0, len(flat), _AT_ONCE):
+                some = flat[start : start + _AT_ONCE]
+                named = {self.posterior.names[i]: some[:, i : i + 1] for i in own}
+                minus[start : start + _AT_ONCE] = -2.0 * likelihood.log_likelihood(named)
+        return np.where(np.isnan(minus), np.inf, minus).reshape(rows.shape[:-1])
+
+    def _priors(self, points: FloatArray) -> FloatArray:
+        """(n_point, n_par) -2 log density of each prior."""
+        with np.errstate(all="ignore"):
+            return -2.0 * np.column_stack([p.prior.log_density(points[:, i]) for i, p in enumerate(self.posterior.problem.parameters)])
 
 
-def _damped(metric: FloatArray, slope: FloatArray) -> FloatArray:
-    """(n_damping, n) steps to the minimum of slope.z + z.metric.z/2, damped more and more, in standard deviations."""
-    stiffness, axes = np.linalg.eigh(0.5 * (metric + metric.T))
-    moves = -((axes.T @ slope) / (np.maximum(stiffness, 0.0) + _DAMPING[:, None])) @ axes.T
-    # no further than 5 standard deviations at once: beyond, the metric says nothing
-    length = np.max(np.abs(moves), axis=1, keepdims=True, initial=0.0)
-    return np.asarray(moves * np.minimum(1.0, 5.0 / np.maximum(length, 1e-300)))
+def _quotients(above: FloatArray, here: FloatArray, below: FloatArray, up: FloatArray, at: FloatArray, down: FloatArray) -> FloatArray:
+    """Difference quotients from `down` to `up`; from or to the middle where the density is zero on that side."""
+    up, above = np.where(np.isfinite(above), up, at), np.where(np.isfinite(above), above, here)
+    down, below = np.where(np.isfinite(below), down, at), np.where(np.isfinite(below), below, here)
+    return np.divide(above - below, up - down, out=np.zeros(up.shape), where=up > down)
 
 
 def search_of(fit: Fit) -> ProfileSearch:

@@ -17,7 +17,6 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy import optimize
 
 from estim.arrays import FloatArray
 from estim.common import InputError
@@ -157,6 +156,8 @@ def best_angle(points: ScaledPoints) -> tuple[float, float]:
     Directions repeat after pi: on that circle every minimum lies between two scanned angles where the score changes from
     plus to minus.
     """
+    from scipy.optimize import brentq
+
     fine = np.geomspace(1e-8, 1e-2, 13)
     even = (np.arange(180) + 0.5) * np.pi / 180.0
     scan = np.unique(np.concatenate([-even / 2, even / 2, fine, -fine, np.pi / 2 - fine, fine - np.pi / 2]))
@@ -168,7 +169,7 @@ def best_angle(points: ScaledPoints) -> tuple[float, float]:
         return float(profile(np.asarray(angle), points).score)
 
     brackets = np.flatnonzero((at.score[:-1] > 0.0) & (at.score[1:] <= 0.0))
-    roots = [optimize.brentq(score, scan[k], scan[k + 1], xtol=1e-300, rtol=1e-15) for k in brackets]
+    roots = [brentq(score, scan[k], scan[k + 1], xtol=1e-300, rtol=1e-15) for k in brackets]
     candidates = np.array([*roots, scan[int(np.argmin(at.chi2))]])  # the scanned one only where S does not depend on the angle
     angle = float(candidates[np.argmin(profile(candidates, points).chi2)])
     return (angle - np.pi if angle > np.pi / 2 else angle), contrast

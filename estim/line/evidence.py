@@ -7,11 +7,11 @@ its ``n_effective`` says whether to believe it (below a tenth of the draws: samp
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from scipy import stats
 
 from estim.arrays import FloatArray
 from estim.common import InputError
@@ -62,10 +62,10 @@ def _draw(
     posterior: LinePosterior, centre: FloatArray, cov: FloatArray, *, rng: np.random.Generator, n_draw: int
 ) -> WeightedDraws:
     factor = np.linalg.cholesky(cov)
-    unit = stats.multivariate_t(np.zeros(len(centre)), np.eye(len(centre)), df=PROPOSAL_DOF)
-    standard = np.atleast_2d(unit.rvs(size=n_draw, random_state=rng))
+    spread = np.sqrt(rng.chisquare(PROPOSAL_DOF, size=n_draw) / PROPOSAL_DOF)
+    standard = rng.standard_normal((n_draw, len(centre))) / spread[:, None]
     draws = centre + standard @ factor.T
-    log_ratio = posterior.log_density(draws) - unit.logpdf(standard) + np.log(np.diag(factor)).sum()
+    log_ratio = posterior.log_density(draws) - log_student(standard, PROPOSAL_DOF) + np.log(np.diag(factor)).sum()
     largest = float(np.max(log_ratio))
     ratio = np.exp(log_ratio - largest)
     mean = float(np.mean(ratio))
@@ -73,6 +73,13 @@ def _draw(
     draws.flags.writeable = weights.flags.writeable = False
     error = float(np.std(ratio)) / mean / n_draw**0.5
     return WeightedDraws(posterior.names, draws, weights, largest + float(np.log(mean)), error, float(1.0 / np.sum(weights**2)))
+
+
+def log_student(standard: FloatArray, dof: float) -> FloatArray:
+    """(n_draw,) log density of the multivariate t distribution of location 0 and unit shape at `standard` (n_draw, n_par)."""
+    n_par = standard.shape[1]
+    log_norm = math.lgamma(0.5 * (dof + n_par)) - math.lgamma(0.5 * dof) - 0.5 * n_par * math.log(dof * math.pi)
+    return log_norm - 0.5 * (dof + n_par) * np.log1p(np.sum(standard**2, axis=1) / dof)
 
 
 def credible_interval(sample: WeightedDraws, name: str, *, probability: float = 0.95) -> tuple[float, float]:

@@ -12,7 +12,6 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
-from scipy import optimize
 
 from estim.arrays import FloatArray
 from estim.line.angle import profile, scaled_points
@@ -58,6 +57,7 @@ def slope_interval(fit: LineFit, *, probability: float = 0.95, convention: str |
 
 def _angles_around(best: float, excess: Callable[[FloatArray], FloatArray]) -> tuple[float, float]:
     """Where ``excess``, negative at ``best``, first turns positive on either side before the vertical; -inf, inf if not."""
+    from scipy.optimize import brentq
 
     def scalar(angle: float) -> float:
         return float(excess(np.asarray(angle)))
@@ -74,5 +74,5 @@ def _angles_around(best: float, excess: Callable[[FloatArray], FloatArray]) -> t
             found.append(best)
             continue
         inner, outer = best + sign * steps[first - 1], best + sign * steps[first]
-        found.append(float(optimize.brentq(scalar, inner, outer, xtol=1e-300, rtol=1e-15)))
+        found.append(float(brentq(scalar, inner, outer, xtol=1e-300, rtol=1e-15)))
     return found[0], found[1]

@@ -30,10 +30,10 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy import stats
 
 from estim.arrays import FloatArray
 from estim.common import InputError, Markdown, format_quantity, markdown, table
+from estim.distributions import chi2_quantile, chi2_tail, student_quantile, student_tail
 from estim.line.angle import LineData, Profile, ScaledPoints, best_angle, line_data, profile, scaled_points
 
 CONVENTIONS: Mapping[str, str] = MappingProxyType(
@@ -107,7 +107,7 @@ def fit_line(
     angle, contrast = best_angle(points)
     best = profile(np.asarray(angle), points)
     chi2, dof = float(best.chi2), len(data.x) - 2
-    p_value = float("nan") if data.method == "ols" else float(stats.chi2.sf(chi2, dof))
+    p_value = float("nan") if data.method == "ols" else float(chi2_tail(chi2, dof))
     intercept, slope = points.line(angle, float(best.offset))
     vertical = abs(np.cos(angle)) < 1e-12
     if vertical:
@@ -184,7 +184,7 @@ def _recommendation(data: LineData, chi2: float, dof: int, p_value: float) -> tu
         reason = f"no uncertainties are stated: the scatter of the residuals is the only scale (Student's t, {dof} dof)"
         if chi2 <= data.x.size * (_ROUNDING * float(np.max(np.abs(data.y)))) ** 2:
             return "scaled", f"{reason}, and there is no scatter but rounding errors: nothing tells how large the errors are, state u_y"
-        held = 1.0 - 2.0 * float(stats.t.sf(1.0, dof))
+        held = 1.0 - 2.0 * float(student_tail(1.0, dof))
         few = f"; value ± standard error holds the truth in {100 * held:.0f} % of such experiments, coverage_factor() widens it to any level"
         return "scaled", reason + (few if dof <= _FEW else "")
     if p_value < POOR_FIT:
@@ -207,7 +207,7 @@ def _message(vertical: bool, contrast: float, chi2: float, dof: int, p_value: fl
         sentences.append("The best line is vertical: it has no slope and no intercept; exchange x and y.")
     elif not all(np.isfinite(value) for error in errors.values() for value in error):
         sentences.append("The points coincide along the line: it has no standard errors.")
-    if contrast < stats.chi2.isf(0.05, 1):
+    if contrast < chi2_quantile(0.95, 1):
         sentences.append(f"The data do not determine the line's direction: S varies by only {contrast:.2g} over all directions.")
     if p_value < POOR_FIT:
         sentences.append(f"Poor fit: S = {chi2:.4g} with {dof} degrees of freedom (p = {p_value:.2g}).")
@@ -314,7 +314,7 @@ def coverage_factor(fit: LineFit, *, probability: float, convention: str | None 
     tail = 0.5 * (1.0 - probability)
     standard_error(fit, convention)
     scaled = (fit.recommended if convention is None else convention) == "scaled"
-    return float(stats.t.isf(tail, fit.dof) if scaled else stats.norm.isf(tail))
+    return -float(student_quantile(tail, fit.dof if scaled else math.inf))
 
 
 def _reading_uncertainty(fit: LineFit, u: ArrayLike | None, field: str) -> FloatArray:

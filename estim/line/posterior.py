@@ -30,7 +30,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy import optimize
 
 from estim.arrays import FloatArray
 from estim.common import InputError
@@ -201,6 +200,8 @@ def line_mode(posterior: LinePosterior) -> LineMode:
     cov is all nan, and the message says so, where the density has no peak.
     Source: Nocedal and Wright 2006, Numerical Optimization, section 4.3 (scipy's trust-exact).
     """
+    from scipy.optimize import minimize
+
     start, step = posterior.start, posterior.step
     n_par = len(start)
     h = 1e-3
@@ -224,7 +225,7 @@ def line_mode(posterior: LinePosterior) -> LineMode:
         matrix[first, second] = matrix[second, first] = 0.25 * (both[0] - both[1] - both[2] + both[3])
         return np.asarray(matrix / h**2)
 
-    found = optimize.minimize(value, np.zeros(n_par), method="trust-exact", jac=gradient, hess=hessian, options={"gtol": 1e-4})
+    found = minimize(value, np.zeros(n_par), method="trust-exact", jac=gradient, hess=hessian, options={"gtol": 1e-4})
     curvature = hessian(found.x)
     peaked = bool(np.all(np.isfinite(curvature)) and np.all(np.linalg.eigvalsh(curvature) > 0.0))
     cov = np.linalg.inv(curvature) * np.outer(step, step) if peaked else np.full((n_par, n_par), np.nan)

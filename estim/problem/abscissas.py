@@ -26,6 +26,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from estim.arrays import FloatArray
+from estim.distributions import normal_below, normal_quantile, normal_tail
 from estim.problem.tails import Tails
 
 BoolArray = NDArray[np.bool_]
@@ -98,12 +99,10 @@ class Predictive:
 
     def normal_score(self, y: FloatArray, tails: Tails, named: Mapping[str, ArrayLike]) -> FloatArray:
         """(..., n_obs) y mapped to a standard normal variable through its distribution function."""
-        from scipy.special import ndtr, ndtri
-
         z = tails.normal_score((y[..., None] - self.mean) / np.sqrt(self.variance), deepened(tails, named))
         weight = np.exp(self.log_weight - summed(self.log_weight)[..., None])
-        below, above = np.sum(weight * ndtr(z), axis=-1), np.sum(weight * ndtr(-z), axis=-1)
-        return np.where(below < above, 1.0, -1.0) * ndtri(np.maximum(np.minimum(below, above), 1e-300))
+        below, above = np.sum(weight * normal_below(z), axis=-1), np.sum(weight * normal_tail(z), axis=-1)
+        return np.where(below < above, 1.0, -1.0) * normal_quantile(np.maximum(np.minimum(below, above), 1e-300))
 
 
 def deepened(tails: Tails, named: Mapping[str, ArrayLike]) -> dict[str, FloatArray]:

@@ -21,6 +21,7 @@ from numpy.typing import ArrayLike
 
 from estim.arrays import FloatArray
 from estim.common import InputError, Quantity
+from estim.distributions import normal_below, normal_tail
 
 _LOG_ROOT_2PI = 0.5 * math.log(2.0 * math.pi)
 _FAR = 8.0  # standard deviations beyond which a normal distribution has no probability that a number could show
@@ -141,10 +142,8 @@ class TruncatedNormal:
         return (self.low - self.mean) / self.scale, (self.high - self.mean) / self.scale
 
     def _mass(self) -> float:
-        from scipy.special import ndtr
-
         a, b = self._ends()
-        return float(ndtr(b) - ndtr(a)) if a < 0 else float(ndtr(-a) - ndtr(-b))
+        return float(normal_below(b) - normal_below(a)) if a < 0 else float(normal_tail(a) - normal_tail(b))
 
     @property
     def centre(self) -> float:

@@ -24,6 +24,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from estim.arrays import FloatArray
+from estim.distributions import normal_quantile, normal_tail, student_tail
 
 _LOG_ROOT_2PI = 0.5 * math.log(2.0 * math.pi)
 _FAR = 3.0  # a Student-t frame counts as an outlier where its own sd is more than this many sigmas
@@ -130,9 +131,7 @@ class StudentT:
         return math.nan
 
     def normal_score(self, z: FloatArray, values: Mapping[str, ArrayLike]) -> FloatArray:
-        from scipy.special import ndtri, stdtr
-
-        return -np.sign(z) * ndtri(np.maximum(stdtr(self.nu, -np.abs(z)), 1e-300))
+        return -np.sign(z) * normal_quantile(np.maximum(student_tail(np.abs(z), self.nu), 1e-300))
 
     def draw(self, rng: np.random.Generator, size: int, values: Mapping[str, ArrayLike]) -> FloatArray:
         return rng.standard_t(self.nu, size)
@@ -190,11 +189,9 @@ class Mixture:
         return float(np.squeeze(values[self.fraction]))
 
     def normal_score(self, z: FloatArray, values: Mapping[str, ArrayLike]) -> FloatArray:
-        from scipy.special import ndtr, ndtri
-
         fraction, width = np.asarray(values[self.fraction]), np.exp(np.asarray(values[self.log_width]))
-        tail = (1.0 - fraction) * ndtr(-np.abs(z)) + fraction * ndtr(-np.abs(z) / width)
-        return -np.sign(z) * ndtri(np.maximum(tail, 1e-300))
+        tail = (1.0 - fraction) * normal_tail(np.abs(z)) + fraction * normal_tail(np.abs(z) / width)
+        return -np.sign(z) * normal_quantile(np.maximum(tail, 1e-300))
 
     def draw(self, rng: np.random.Generator, size: int, values: Mapping[str, ArrayLike]) -> FloatArray:
         bad = rng.random(size) < np.ravel(values[self.fraction])

@@ -30,10 +30,10 @@ from typing import Literal, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.special import ndtr, stdtrit
 
 from estim.arrays import FloatArray
 from estim.common import InputError
+from estim.distributions import normal_tail, student_quantile
 
 Distribution = Literal["normal", "rectangular", "triangular", "arcsine", "t"]
 Correlation = Mapping[tuple[str, str], float] | ArrayLike
@@ -213,7 +213,7 @@ def standard_score(one: Input, z: FloatArray) -> FloatArray:
     """(x - value)/u at the normal quantile `z`, (n_draw,): the increasing, odd map from N(0, 1) to the input's distribution."""
     if one.distribution == "normal":
         return z
-    tail = ndtr(-np.abs(z))  # the probability in the nearer tail keeps its digits
+    tail = normal_tail(np.abs(z))  # the probability in the nearer tail keeps its digits
     if one.distribution == "rectangular":
         magnitude = math.sqrt(3.0) * (1.0 - 2.0 * tail)
     elif one.distribution == "triangular":
@@ -221,7 +221,7 @@ def standard_score(one: Input, z: FloatArray) -> FloatArray:
     elif one.distribution == "arcsine":
         magnitude = math.sqrt(2.0) * np.cos(math.pi * tail)
     else:
-        magnitude = -stdtrit(one.dof, tail)
+        magnitude = -student_quantile(tail, one.dof)
     return np.asarray(np.copysign(magnitude, z))
 
 

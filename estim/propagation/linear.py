@@ -24,10 +24,10 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import ndtri, stdtrit
 
 from estim.arrays import FloatArray
 from estim.common import InputError
+from estim.distributions import student_quantile
 from estim.propagation.evaluation import Gradient, MeasurementFunction, gradient
 from estim.propagation.inputs import Correlation, Input, check_inputs, correlation_matrix
 
@@ -109,9 +109,7 @@ def propagate_linear(
     covariance = components.T @ matrix @ components
     u = np.sqrt(np.maximum(np.diag(covariance), 0.0))
     dof, dof_notes = _effective_dof(checked, matrix, components, u)
-    k = np.where(
-        np.isinf(dof), ndtri(0.5 * (1.0 + probability)), stdtrit(np.where(np.isinf(dof), 1.0, dof), 0.5 * (1.0 + probability))
-    )
+    k = student_quantile(0.5 * (1.0 + probability), dof)
     return LinearResult(
         inputs=checked,
         correlation=matrix,

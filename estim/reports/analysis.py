@@ -5,35 +5,42 @@ The text stands in `templates/`; every number in it comes from `result.Result`, 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
+from typing import TYPE_CHECKING
 
 import numpy as np
-from matplotlib.figure import Figure
 
 from estim.campaign import Campaign
 from estim.checks import P_CONFLICT, P_POOR_FIT, interval_cell, parameter_cells, value_cell
 from estim.common import KINDS, Label, Markdown, Notation, Status, format_quantity, format_rounded, signed
 from estim.explanation import Explanation, across_runs
+from estim.fitting import ProfileInterval
 from estim.pipeline import Analysis
-from estim.reports import figures
 from estim.reports.consistency import consistency_text
 from estim.reports.consistency_figures import forest_figure
+from estim.reports.corner_figures import corner_figure, corner_words
 from estim.reports.deviation import deviation_text
 from estim.reports.deviation_figures import force_figure
 from estim.reports.explanation import explanation_text, runs_text
+from estim.reports.figures import phase_figure, residual_figure
 from estim.reports.identifiability import IdentifySection, identify_section
 from estim.reports.identifiability_figures import direction_figure, profile_figure, ridge_figure
 from estim.reports.joint_figures import together_figure
 from estim.reports.labels import Labels
 from estim.reports.lacks import lacks_text
 from estim.reports.lacks_figures import lacks_figure
+from estim.reports.pages import Drawers, page
 from estim.reports.rendering import render
 from estim.reports.result import ParameterSummary, Result, RunSummary, Subject, result_of, to_json
+from estim.reports.trace_figures import trace_figure
 from estim.reports.usual_errors import usual_row
 from estim.studies import determine
 from estim.words import STATUS_WORDS, Voice
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 _PRIOR_DOMINATED = 0.8
 _FELT = 0.05  # posterior standard deviations
@@ -58,22 +65,35 @@ class Row:
     mcse: str
 
 
-def analysis_report(campaign: Subject, analysis: Analysis, *, voice: Voice = Voice.PYTHON) -> dict[str, bytes]:
-    """`report.md`, `result.json` and `figures/*.png` of one analysis.  voice : to whom advice is given."""
+def analysis_report(campaign: Subject, analysis: Analysis, *, voice: Voice = Voice.PYTHON, figures: bool = True) -> dict[str, bytes]:
+    """`report.md`, `result.json` and `figures/*.png` of one analysis.  voice : to whom advice is given.  figures : whether there are any."""
     determination = determine(analysis)
     result = result_of(campaign, analysis, determination, voice=voice)
     section = identify_section(
         analysis.problem, analysis.identifiability, determination.intervals, determination.sensitivity,
         analysis.chain.thinned(_SECTION_DRAWS),
     )
-    synthetic = campaign.kind == "synthetic"
+
+    def text(pictures: Collection[str]) -> str:
+        agreement, on_edge = analysis.consistency, analysis.fit.at_bound
+        return analysis_text(
+            result, section, corner_words(analysis.problem), pictures, converged=analysis.chain.convergence.met,
+            consistency="" if agreement is None else consistency_text(agreement, pictures, limits_only=not analysis.diagnosis.ok, on_edge=on_edge),
+            explanation="" if analysis.explanation is None else explanation_text(analysis.explanation),
+        )
+
+    drawers = _drawers(analysis, determination.intervals, synthetic=campaign.kind == "synthetic")
+    return page(drawers, text, wanted=figures) | {"result.json": to_json(result)}
+
+
+def _drawers(analysis: Analysis, intervals: Sequence[ProfileInterval], *, synthetic: bool) -> Drawers:
     drawn: dict[str, Callable[[], Figure]] = {
-        "figures/phase.png": lambda: figures.phase_figure(analysis, synthetic=synthetic),
-        "figures/residuals.png": lambda: figures.residual_figure(analysis.problem.runs, analysis.goodness, synthetic=synthetic),
-        "figures/corner.png": lambda: figures.corner_figure(analysis),
-        "figures/traces.png": lambda: figures.trace_figure(analysis),
+        "figures/phase.png": lambda: phase_figure(analysis, synthetic=synthetic),
+        "figures/residuals.png": lambda: residual_figure(analysis.problem.runs, analysis.goodness, synthetic=synthetic),
+        "figures/corner.png": lambda: corner_figure(analysis),
+        "figures/traces.png": lambda: trace_figure(analysis),
         "figures/directions.png": lambda: direction_figure(analysis.problem, analysis.identifiability),
-        "figures/profiles.png": lambda: profile_figure(analysis.problem, determination.intervals, analysis.chain.thinned(_RIDGE_DRAWS)),
+        "figures/profiles.png": lambda: profile_figure(analysis.problem, intervals, analysis.chain.thinned(_RIDGE_DRAWS)),
     }
     if analysis.consistency is not None:
         on_edge = analysis.fit.at_bound
@@ -86,31 +106,23 @@ def analysis_report(campaign: Subject, analysis: Analysis, *, voice: Voice = Voi
         drawn["figures/deviation.png"] = lambda: lacks_figure(analysis.fit.deviations, analysis.problem.runs, synthetic=synthetic)
     if analysis.problem.n_par > 1:
         drawn["figures/ridge.png"] = lambda: ridge_figure(analysis.fit, analysis.identifiability, analysis.chain.thinned(_RIDGE_DRAWS))
-    consistency = ""
-    if analysis.consistency is not None:
-        consistency = consistency_text(analysis.consistency, limits_only=not analysis.diagnosis.ok, on_edge=analysis.fit.at_bound)
-    files = {name: figures.png(draw) for name, draw in drawn.items()}
-    files["report.md"] = analysis_text(
-        result, section, consistency, figures.corner_words(analysis.problem), converged=analysis.chain.convergence.met,
-        explanation="" if analysis.explanation is None else explanation_text(analysis.explanation),
-    ).encode()
-    files["result.json"] = to_json(result)
-    return files
+    return drawn
 
 
 def analysis_text(
-    result: Result, section: IdentifySection, consistency: str, corner_words: Markdown, *, converged: bool, explanation: str = ""
+    result: Result, section: IdentifySection, corner_words: Markdown, pictures: Collection[str], *, converged: bool, consistency: str,
+    explanation: str,
 ) -> str:
-    """The Markdown report of one analysis.
+    """The Markdown report of one analysis, with the figures at the paths `pictures`.
 
-    section : what it says about the data against the priors.  consistency : about several runs.  corner_words : below the corner figure.
-    converged : whether there are enough draws.  explanation : of what may be missing, "" where that was not asked.
+    section : what it says about the data against the priors.  corner_words : below the corner figure.  converged : whether there are enough draws.
+    consistency : about several runs, "" for one.  explanation : of what may be missing, "" where that was not asked.
     """
     rows = [parameter_row(name, p, result) for name, p in result.parameters.items()]
     axes = list(dict.fromkeys((run.x, run.y) for run in result.runs.values()))
-    lacks = lacks_text(result.curve_deviation, result.labels) if result.curve_deviation else ""
+    lacks = lacks_text(result.curve_deviation, result.labels, pictures) if result.curve_deviation else ""
     return render(
-        "analysis.md.j2",
+        "analysis.md.j2", pictures=pictures,
         result=result, kind=KINDS[result.kind], status_words=STATUS_WORDS[Status(result.status)], rows=rows,
         correlation=_correlation_table(result), derived=_derived_rows(result.runs, result.labels), limits=_what_limits(result),
         reject_below=P_POOR_FIT, conflict_below=P_CONFLICT, ends=_turning_rows(result), identify=section,
@@ -118,20 +130,21 @@ def analysis_text(
         what_if=_what_if_rows(result), what_if_heads=[result.labels.symbol(name) for name in _moved_by_errors(result)],
         consistency=consistency, axes=axes, limits_only=result.status != "ok", converged=converged,
         corner_words=corner_words, usual=[usual_row(one) for one in result.usual_errors], lacks=lacks, explanation=explanation,
-        deviation=deviation_text(result.deviation, result.labels) if result.deviation else "",
-        complete=_complete(result),
+        deviation=deviation_text(result.deviation, result.labels, pictures) if result.deviation else "",
+        complete=complete_runs([result]),
         drawn=any(force.drawn for force in (result.deviation or {}).values()),
         said=[words for force in (result.deviation or {}).values() for words in (force.words, force.noise_words)] if result.status == "ok" else [],
         picture=" and ".join(f"{y} against {x}" for x, y in axes),
     )
 
 
-def _complete(result: Result) -> dict[str, list[str]]:
+def complete_runs(results: Iterable[Result]) -> dict[str, list[str]]:
     """Each reason for which curves are taken as complete, and the runs."""
     runs: dict[str, list[str]] = {}
-    for name, run in result.runs.items():
-        if run.complete is not None:
-            runs.setdefault(run.complete, []).append(name)
+    for result in results:
+        for name, run in result.runs.items():
+            if run.complete is not None:
+                runs.setdefault(run.complete, []).append(name)
     return runs
 
 

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
+from typing import TYPE_CHECKING
 
 import msgspec
 import numpy as np
@@ -12,11 +13,14 @@ from estim.calibration import COVERAGE_SDS, UNIFORM_BELOW, Calibration, coverage
 from estim.campaign import Campaign
 from estim.common import KINDS, Markdown, as_json, decide
 from estim.reports.calibration_figures import coverage_figure, rank_figure
-from estim.reports.figures import png
+from estim.reports.pages import page
 from estim.reports.rendering import render
 from estim.reports.result import Provenance, provenance
 from estim.sampling import number
 from estim.words import direction_words, tell
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 SCHEMA = "estim-calibration/1"
 _AT = {"sbc": "priors", "coverage": "fit"}
@@ -56,21 +60,19 @@ class CalibrationRecord(msgspec.Struct, frozen=True, rename={"schema_": "schema"
     provenance: Provenance
 
 
-def calibration_report(campaign: Campaign, calibrations: Sequence[Calibration]) -> dict[str, bytes]:
-    """The files of one or two calibrations (ranks, coverage) of the same runs."""
-    files: dict[str, bytes] = {}
+def calibration_report(campaign: Campaign, calibrations: Sequence[Calibration], *, figures: bool = True) -> dict[str, bytes]:
+    """The files of one or two calibrations (ranks, coverage) of the same runs.  figures : whether there are any."""
+    drawers: dict[str, Callable[[], Figure]] = {}
     for calibration in calibrations:
         if calibration.what == "sbc":
-            files["figures/ranks.png"] = png(partial(rank_figure, calibration, synthetic=campaign.kind == "synthetic"))
-        files[f"figures/coverage-{_AT[calibration.what]}.png"] = png(partial(coverage_figure, calibration))
-    text = render(
-        "calibration.md.j2", title=campaign.title, kind=KINDS[campaign.kind], runs=", ".join(calibrations[0].runs), uniform_below=UNIFORM_BELOW,
-        coverage_sds=COVERAGE_SDS, parts=[_part(calibration) for calibration in calibrations],
+            drawers["figures/ranks.png"] = partial(rank_figure, calibration, synthetic=campaign.kind == "synthetic")
+        drawers[f"figures/coverage-{_AT[calibration.what]}.png"] = partial(coverage_figure, calibration)
+    text = partial(
+        render, "calibration.md.j2", title=campaign.title, kind=KINDS[campaign.kind], runs=", ".join(calibrations[0].runs),
+        uniform_below=UNIFORM_BELOW, coverage_sds=COVERAGE_SDS, parts=[_part(calibration) for calibration in calibrations],
     )
-    files["report.md"] = text.encode()
     records = {c.what: calibration_record(campaign, c) for c in calibrations}
-    files["calibration.json"] = as_json(records)
-    return files
+    return page(drawers, text, wanted=figures) | {"calibration.json": as_json(records)}
 
 
 def calibration_record(campaign: Campaign, c: Calibration) -> CalibrationRecord:

@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
-from matplotlib.figure import Figure
 
 from estim.calibration import COVERAGE_SDS, Calibration, edges, rank_counts, uniformity_band
-from estim.reports.figures import BLUE, GREY, INK, ORANGE, new_figure
+from estim.reports.figures import BLUE, GREY, INK, ORANGE, name_ticks, new_figure
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 
 def rank_figure(calibration: Calibration, *, synthetic: bool) -> Figure:
@@ -55,5 +59,5 @@ def coverage_figure(calibration: Calibration) -> Figure:
         ax.plot(100 * shares[off], rows[off], "D", color=ORANGE, ms=5)
         ax.set_xlabel(f"covered by the {p:.0%} interval (%)", fontsize=8)
         ax.tick_params(labelsize=7)
-    axes[0].set_yticks(rows, [calibration.labels[name].tex for name in names])
+    name_ticks(axes[0].yaxis, rows, [calibration.labels[name].tex for name in names])
     return figure

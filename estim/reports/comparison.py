@@ -3,20 +3,25 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import partial
+from typing import TYPE_CHECKING
 
 import msgspec
 import numpy as np
-from matplotlib.figure import Figure
 
 from estim.campaign import Campaign
 from estim.checks import INFLUENTIAL, value_cell
 from estim.common import KINDS, as_json
 from estim.problem import Parameter
-from estim.reports.figures import BLUE, INK, ORANGE, new_figure, png
+from estim.reports.figures import BLUE, ORANGE, name_ticks, new_figure
+from estim.reports.pages import page
 from estim.reports.rendering import render
 from estim.reports.result import provenance
 from estim.sampling import Summary, number, summarise_parameter, trusted
 from estim.studies import Compared
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 _BEHIND = 4.0  # difference of elpd below which models predict alike, whatever its error
 
@@ -39,22 +44,20 @@ class ComparedSummary(msgspec.Struct, frozen=True):
     influential: dict[str, list[float]]
 
 
-def compare_report(campaign: Campaign, compared: Sequence[Compared], *, seed: int) -> dict[str, bytes]:
-    """The files of a comparison, next to which each model's own report may stand in a folder of its name."""
+def compare_report(campaign: Campaign, compared: Sequence[Compared], *, seed: int, figures: bool = True) -> dict[str, bytes]:
+    """The files of a comparison, next to which each model's own report may stand in a folder of its name.  figures : whether there are any."""
     common = _common(compared)
     summaries = [_summary(c, common) for c in compared]
     runs = [run.name for run in compared[0].analysis.problem.runs]
-    text = render(
-        "compare.md.j2", title=campaign.title, runs=runs, kind=KINDS[campaign.kind], rows=summaries, cells=[_cells(s, common) for s in summaries],
+    text = partial(
+        render, "compare.md.j2", title=campaign.title, runs=runs, kind=KINDS[campaign.kind], rows=summaries,
+        cells=[_cells(s, common) for s in summaries],
         heads=[p.label.symbol + ("" if p.unit == "1" else f" ({p.label.unit})") for p in common],
         influential=INFLUENTIAL, behind=_BEHIND, folder=folder_of, several_data=len({s.data for s in summaries}) > 1,
     )
     record = {"title": campaign.title, "kind": campaign.kind, "runs": runs, "models": summaries, "provenance": provenance(campaign, runs, seed)}
-    return {
-        "report.md": text.encode(),
-        "comparison.json": as_json(record),
-        "figures/comparison.png": png(lambda: _figure(summaries, common, synthetic=campaign.kind == "synthetic")),
-    }
+    drawers = {"figures/comparison.png": partial(_figure, summaries, common, synthetic=campaign.kind == "synthetic")}
+    return page(drawers, text, wanted=figures) | {"comparison.json": as_json(record)}
 
 
 def folder_of(name: str) -> str:
@@ -103,7 +106,7 @@ def _figure(summaries: Sequence[ComparedSummary], common: Sequence[Parameter], *
                 ax.plot(ends[1], place, "<" if limit.side == "upper" else ">", color=colour, ms=5)
             elif mean is not None and sd is not None:
                 ax.errorbar(mean * shown.factor, place, xerr=sd * shown.factor, fmt="o", color=colour, ms=4, capsize=2)
-        ax.set_yticks(places, [s.name if i % 3 == 0 else "" for s in summaries], fontsize=7.5, color=INK)
+        name_ticks(ax.yaxis, places, [s.name if i % 3 == 0 else "" for s in summaries], fontsize=7.5)
         ax.set_ylim(-0.6, len(summaries) - 0.4)
         ax.set_xlabel(shown.axis, fontsize=9)
         ax.tick_params(axis="x", labelsize=7.5)

@@ -33,13 +33,16 @@ class EstimateRow:
     joint: str
 
 
-def consistency_text(consistency: Consistency, *, limits_only: bool = False, on_edge: Collection[str] = ()) -> Markdown:
+def consistency_text(
+    consistency: Consistency, pictures: Collection[str] = (), *, limits_only: bool = False, on_edge: Collection[str] = ()
+) -> Markdown:
     """Markdown fragment without a heading: verdict, table of sources, table of estimates, how to read them.
 
+    pictures : paths of the figures beside it.
     limits_only : leave out what all runs give together, where that is no result.  on_edge : parameters of which it is a limit and no value.
     """
     return render(
-        "consistency.md.j2",
+        "consistency.md.j2", pictures=pictures,
         consistency=consistency, sources=source_rows(consistency), estimates=estimate_rows(consistency, on_edge), reject_below=P_INCONSISTENT,
         limits_only=limits_only,
     )

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Collection
+from typing import TYPE_CHECKING
 
 import numpy as np
-from matplotlib.figure import Figure
 
 from estim.checks import Consistency
-from estim.reports.figures import BLUE, GREY, INK, ORANGE, new_figure
+from estim.reports.figures import BLUE, GREY, INK, ORANGE, name_ticks, new_figure
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 _MOST_ROWS = 64
 
@@ -42,7 +45,7 @@ def forest_figure(consistency: Consistency, *, synthetic: bool, on_edge: Collect
                 alone.mean[i] * shown.factor, place - 0.17, xerr=_bar(alone.sd[i] * shown.factor), fmt="o", ms=3.5, color=colour, lw=1.4,
                 label="this run and the stated values" if place == 0 else None,
             )
-        ax.set_yticks(range(len(runs)), runs, fontsize=7.5)
+        name_ticks(ax.yaxis, range(len(runs)), runs, fontsize=7.5)
         for tick, run in zip(ax.get_yticklabels(), runs, strict=True):
             tick.set_fontweight("bold" if run in wrong else "normal")
         ax.set_ylim(len(runs) - 0.4, -0.6)

@@ -37,10 +37,10 @@ class CurveSubject:
     tables: Mapping[str, Run]
 
 
-def curve_report(fit: CurveFit, analysis: Analysis, *, title: str, kind: Kind) -> dict[str, bytes]:
+def curve_report(fit: CurveFit, analysis: Analysis, *, title: str, kind: Kind, figures: bool = True) -> dict[str, bytes]:
     """`report.md`, `result.json` and `figures/*.png` of an analysis of a fitted curve.
 
-    kind : "measured", "synthetic" or "published": printed on the report.
+    kind : "measured", "synthetic" or "published": printed on the report.  figures : whether there are any.
     """
     if kind not in KINDS:
         raise InputError(f"must be one of {', '.join(KINDS)}", field="kind", value=kind)
@@ -53,4 +53,4 @@ def curve_report(fit: CurveFit, analysis: Analysis, *, title: str, kind: Kind) -
     )
     text = hashlib.sha256("; ".join([fit.text, *(f"{name} = {value!r}" for name, value in fit.fixed.items())]).encode()).hexdigest()
     subject = CurveSubject(title, kind, fit.text, "fit_curve", text, MappingProxyType({run.name: table}))
-    return analysis_report(subject, analysis)
+    return analysis_report(subject, analysis, figures=figures)

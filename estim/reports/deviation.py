@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 
 import msgspec
@@ -69,8 +69,8 @@ def deviations(analysis: Analysis) -> dict[str, ForceSummary] | None:
     return {found.run: _summary(analysis, found) for found in analysis.fit.forces} or None
 
 
-def deviation_text(forces: Mapping[str, ForceSummary], labels: Labels) -> Markdown:
-    """Markdown fragment without a heading."""
+def deviation_text(forces: Mapping[str, ForceSummary], labels: Labels, pictures: Collection[str]) -> Markdown:
+    """Markdown fragment without a heading.  pictures : paths of the figures beside it."""
     sections = []
     for run, force in forces.items():
         grown = [(labels.symbol(name), f"{factor:.2g}") for name, factor in force.growth.items()]
@@ -81,7 +81,7 @@ def deviation_text(forces: Mapping[str, ForceSummary], labels: Labels) -> Markdo
                 "" if average is None else f"{average.sd:.2g}", "" if average is None else f"{average.sd_material:.2g}",
             )
         )
-    return render("deviation.md.j2", sections=sections)
+    return render("deviation.md.j2", pictures=pictures, sections=sections)
 
 
 def _summary(analysis: Analysis, found: FoundForce) -> ForceSummary:

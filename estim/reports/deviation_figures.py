@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
-from matplotlib.figure import Figure
 
 from estim.deviation import FoundForce
 from estim.problem import Observations
 from estim.reports.figures import BLUE, GREY, INK, ORANGE, grid
 from estim.reports.joint_figures import RUN_COLOURS
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 
 def force_figure(forces: Sequence[FoundForce], runs: Sequence[Observations], *, synthetic: bool) -> Figure:

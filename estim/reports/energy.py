@@ -2,23 +2,29 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from functools import partial
+from typing import TYPE_CHECKING
 
 import msgspec
 import numpy as np
-from matplotlib.figure import Figure
 
 from estim.campaign import Campaign
 from estim.common import KINDS, Quantity, as_json, format_quantity, gravest
 from estim.pipeline import Analysis
-from estim.reports import figures
+from estim.reports.figures import COLOURS, GREY, MARKS, new_figure
+from estim.reports.pages import page
 from estim.reports.rendering import render
 from estim.reports.result import Provenance, provenance
 from estim.sampling import number
 from estim.studies import Drift, EnergyEstimate, EnergyRecord
 from estim.words import STATUS_WORDS
 
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
 ENERGY_SCHEMA = "estim-energy/1"
+_ANYTHING = 1.0  # standard uncertainty of a ratio that says nothing
 
 
 class Value(msgspec.Struct, frozen=True):
@@ -113,16 +119,24 @@ def shown(value: Value | None) -> str:
 
 
 def percent(value: Value) -> str:
-    """A ratio as text, in per cent."""
-    return "n/a" if value.value is None or value.u is None else format_quantity(100.0 * value.value, 100.0 * value.u) + " %"
+    """A ratio as text, in per cent; none where it is divided by what may be 0."""
+    return "n/a" if value.value is None or value.u is None or value.u > _ANYTHING else format_quantity(100.0 * value.value, 100.0 * value.u) + " %"
+
+
+def average_words(energies: Mapping[str, EnergySummary]) -> str:
+    """How far the energies are from that at release on average, in words: as shares of it, or of the largest kinetic energy where it may be 0."""
+    by_start = all(e.mean_relative.u is not None and e.mean_relative.u <= _ANYTHING for e in energies.values())
+    shares = [percent(e.mean_relative if by_start else e.mean_to_kinetic) for e in energies.values()]
+    of = "" if by_start else " of the largest kinetic energy"
+    return f"Averaged over the frames of a run, the energy differs from its value at release by {', '.join(shares)}{of} ({', '.join(energies)})."
 
 
 def energy_report(
-    campaign: Campaign, analyses: Sequence[Analysis], records: Sequence[EnergyRecord], drifts: Sequence[Drift], *, seed: int
+    campaign: Campaign, analyses: Sequence[Analysis], records: Sequence[EnergyRecord], drifts: Sequence[Drift], *, seed: int, figures: bool = True
 ) -> dict[str, bytes]:
     """`report.md`, `result.json` and `figures/energy.png`.
 
-    records : in the order of the analyses' runs.  drifts : one for each analysis.
+    records : in the order of the analyses' runs.  drifts : one for each analysis.  figures : whether there are any.
     """
     runs = [run for analysis in analyses for run in analysis.problem.runs]
     statuses = {run.name: analysis.diagnosis.status for analysis in analyses for run in analysis.problem.runs}
@@ -134,15 +148,12 @@ def energy_report(
         provenance(campaign, [run.name for run in runs], seed),
     )
     bad = frozenset(run for run, status in statuses.items() if status != "ok")
-    text = render(
-        "energy.md.j2", result=result, energies=result.energies, kind=KINDS[campaign.kind], status_words=STATUS_WORDS, shown=shown, percent=percent,
-        drift_words=drift_words,
+    drawers = {"figures/energy.png": partial(energy_figure, records, synthetic=campaign.kind == "synthetic", title=campaign.title, bad=bad)}
+    text = partial(
+        render, "energy.md.j2", result=result, energies=result.energies, kind=KINDS[campaign.kind], status_words=STATUS_WORDS, shown=shown,
+        percent=percent, drift_words=drift_words,
     )
-    return {
-        "report.md": text.encode(),
-        "result.json": as_json(result),
-        "figures/energy.png": figures.png(lambda: energy_figure(records, synthetic=campaign.kind == "synthetic", title=campaign.title, bad=bad)),
-    }
+    return page(drawers, text, wanted=figures) | {"result.json": as_json(result)}
 
 
 def energy_figure(records: Sequence[EnergyRecord], *, synthetic: bool, title: str, bad: frozenset[str] = frozenset()) -> Figure:
@@ -151,12 +162,12 @@ def energy_figure(records: Sequence[EnergyRecord], *, synthetic: bool, title: st
     Energies have a strip for each run: the bands of several runs in one panel hide each other.
     """
     n = len(records)
-    figure = figures.new_figure(3.0 + max(2.6, 0.95 * n))
+    figure = new_figure(3.0 + max(2.6, 0.95 * n))
     rows = figure.add_gridspec(2, 2, height_ratios=(2.8, max(2.6, 0.95 * n)))
     x_panel, v_panel = (figure.add_subplot(rows[0, i]) for i in (0, 1))
     energies, changes = (rows[1, i].subgridspec(n, 1).subplots(sharex=True, sharey=i == 1, squeeze=False)[:, 0] for i in (0, 1))
     timed = all(record.t is not None for record in records)
-    for record, colour, mark, strip, change in zip(records, figures.COLOURS * n, figures.MARKS * n, energies, changes, strict=False):
+    for record, colour, mark, strip, change in zip(records, COLOURS * n, MARKS * n, energies, changes, strict=False):
         t = record.t if timed and record.t is not None else record.x
         none = np.zeros_like(record.x)
         panels = ((x_panel, record.x, none), (v_panel, record.v, record.u_v), (strip, record.total, record.u_total))
@@ -164,7 +175,7 @@ def energy_figure(records: Sequence[EnergyRecord], *, synthetic: bool, title: st
             ax.plot(t, y, mark, color=colour, ms=2.5, label=record.run)
             if record.run not in bad:
                 ax.fill_between(t, y - u, y + u, color=colour, alpha=0.25, lw=0)
-        change.axhline(0.0, color=figures.GREY, lw=0.8)
+        change.axhline(0.0, color=GREY, lw=0.8)
         for ax in (strip, change):
             ax.set_title(record.run, fontsize=7, loc="right", pad=2)
             ax.tick_params(labelsize=7)

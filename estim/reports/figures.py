@@ -7,29 +7,36 @@ with any colour vision can tell apart.
 from __future__ import annotations
 
 import io
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
-from matplotlib.text import Text
+from numpy.typing import ArrayLike
 
 from estim.arrays import FloatArray
 from estim.campaign import way_back
 from estim.checks import Goodness, Outliers
-from estim.common import Markdown, mathtext
+from estim.common import mathtext, signed
 from estim.deviation import FoundForce
 from estim.pipeline import Analysis
-from estim.problem import Observations, Prior, Problem, n_uses
+from estim.problem import Observations
 from estim.sampling import Bands, curve_draws
 
+if TYPE_CHECKING:
+    from matplotlib.artist import Artist
+    from matplotlib.axes import Axes
+    from matplotlib.axis import Axis
+    from matplotlib.figure import Figure
+    from matplotlib.text import Text
+
 BLUE, ORANGE, GREEN, PURPLE, GREY, INK = "#0072B2", "#E69F00", "#009E73", "#CC79A7", "#8A8A8A", "#222222"
+PALE = "#AAD0E5"  # a third of the blue on white
 COLOURS = (BLUE, ORANGE, GREEN, PURPLE, INK, GREY)
+_DPI = 150
+_COMPRESSION = 4  # of 9; more costs time and saves next to nothing
 MARKS = ("o", "s", "^", "D", "v", "P")
-_WIDTH = 7.2
-MAX_CORNER = 7
+WIDTH = 7.2
 _MANY = 200  # points in one panel
-_NARROWEST = 1e-11  # part of a value that an axis is wide at least: what is narrower has too few numbers to draw
 _LINE = 0.01  # of the height of a curve: what a line hides
 
 
@@ -37,19 +44,59 @@ def png(draw: Callable[[], Figure]) -> bytes:
     """What `draw` draws, as PNG without a date in it: the same figure gives the same bytes, whatever a user's own style is.
 
     Every text is shown literally; what matplotlib would take for mathematics is that only where `estim.common.labels` made it so.
+    The parts are placed here, once: left to it, `savefig` would draw the whole figure for that and then a second time.
     """
     from matplotlib import style
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
 
     buffer = io.BytesIO()
     with style.context("default"):
         figure = draw()
-        for text in figure.findobj(Text):
+        for text in _texts(figure):
             text.set_text(mathtext(text.get_text()))
-        figure.savefig(buffer, format="png", dpi=150, metadata={"Software": None})
+        figure.set_dpi(_DPI)
+        canvas = FigureCanvasAgg(figure)
+        if (layout := figure.get_layout_engine()) is not None:
+            layout.execute(figure)
+            figure.set_layout_engine("none")
+        canvas.print_png(buffer, metadata={"Software": None}, pil_kwargs={"compress_level": _COMPRESSION})  # type: ignore[no-untyped-call]
     return buffer.getvalue()
 
 
-def new_figure(height: float, width: float = _WIDTH) -> Figure:
+def _texts(artist: Artist) -> Iterator[Text]:
+    """The texts of a figure but for those of ticks, which are written anew whenever they are drawn (`name_ticks`)."""
+    from matplotlib.axis import Axis
+    from matplotlib.text import Text
+
+    for part in artist.get_children():
+        if isinstance(part, Text):
+            yield part
+        elif isinstance(part, Axis):
+            yield part.label
+        else:
+            yield from _texts(part)
+
+
+def name_ticks(axis: Axis, places: ArrayLike, names: Sequence[str], *, fontsize: float = 10.0, rotation: float = 0.0) -> None:
+    """Ticks at `places` with `names`, shown literally as `png` shows all other text.  fontsize : points.  rotation : degrees."""
+    axis.set_ticks(places, [mathtext(name) for name in names], fontsize=fontsize, rotation=rotation)
+
+
+def tick_texts(ticks: FloatArray) -> list[str]:
+    """Numbers (n_tick,) with as many digits as tell them apart, all alike."""
+    largest = float(np.max(np.abs(ticks), initial=0.0))
+    apart = float(np.min(np.diff(ticks))) if ticks.size > 1 else largest
+    notation = "f" if 1e-4 <= largest < 1e6 or largest == 0.0 else "e"
+    for digits in range(17):
+        texts = [f"{tick + 0.0:.{digits}{notation}}" for tick in ticks]
+        if all(abs(float(text) - tick) <= 1e-3 * apart for text, tick in zip(texts, ticks, strict=True)):
+            break
+    return [signed(text) for text in texts]
+
+
+def new_figure(height: float, width: float = WIDTH) -> Figure:
+    from matplotlib.figure import Figure
+
     return Figure(figsize=(width, height), layout="constrained", facecolor="white")
 
 
@@ -161,96 +208,4 @@ def residual_figure(runs: Sequence[Observations], goodness: Sequence[Goodness], 
         left.set_title(run.name + (" (SYNTHETIC data)" if synthetic else ""), fontsize=10)
         right.set(xlabel=run.words.rows)
         right.set_title("line: expected", fontsize=8)
-    return figure
-
-
-def corner_figure(analysis: Analysis) -> Figure:
-    """Marginal and joint posteriors of `corner_parameters`, with the prior (orange) beside each marginal."""
-    import corner
-    from matplotlib.ticker import MaxNLocator, ScalarFormatter
-
-    chosen = corner_parameters(analysis.problem)
-    parameters = [analysis.problem.parameters[i] for i in chosen]
-    single = len(analysis.problem.runs) == 1
-    labels = [p.bare_label if single else p.label for p in parameters]
-    draws = analysis.chain.thinned(20_000)[:, chosen] * [shown.factor for shown in labels]
-    n = len(parameters)
-    size = max(0.75 * _WIDTH, 1.35 * n)
-    figure = Figure(figsize=(size, size), facecolor="white")
-    corner.corner(
-        draws, fig=figure, labels=[shown.axis for shown in labels], levels=(0.68, 0.95), color=BLUE, plot_datapoints=False,
-        fill_contours=True, smooth=1.2, bins=30, label_kwargs={"fontsize": 10 if single else 8.5}, hist_kwargs={"density": True},
-        range=[_reach(p.prior, column, shown.factor) for p, column, shown in zip(parameters, draws.T, labels, strict=True)],
-    )
-    figure.subplots_adjust(left=0.85 / size, right=1.0 - 0.15 / size, bottom=0.85 / size, top=1.0 - 0.15 / size)
-    axes = np.array(figure.axes).reshape(n, n)
-    beside = 0.55 / (size * axes[0, 0].get_position().width)  # 0.55 inches, whatever the size of a panel
-    for i, (parameter, shown) in enumerate(zip(parameters, labels, strict=True)):
-        low, high = axes[i, i].get_xlim()
-        grid_points = np.linspace(low, high, 200)
-        density = np.exp(parameter.prior.log_density(grid_points / shown.factor)) / shown.factor
-        if np.isfinite(parameter.prior.sd):  # an improper prior has no height to draw
-            top = axes[i, i].get_ylim()[1]
-            axes[i, i].plot(grid_points, density, color=ORANGE, lw=1.4)
-            axes[i, i].set_ylim(0.0, max(top, min(1.08 * float(density.max()), 2.0 * top)))  # a far narrower prior leaves the panel
-        ticks = MaxNLocator(4).tick_values(low, high)
-        ticks = ticks[np.abs(ticks - 0.5 * (low + high)) < 0.42 * (high - low)]  # clear of the next panel's
-        for axis in [*(ax.xaxis for ax in axes[i:, i]), *(ax.yaxis for ax in axes[i, :i])]:
-            axis.set_ticks(ticks)
-            axis.set_tick_params(labelsize=7)
-        for axis in (axes[-1, i].xaxis, *([axes[i, 0].yaxis] if i else [])):
-            axis.set_major_formatter(ScalarFormatter(useOffset=False))
-        axes[-1, i].xaxis.set_label_coords(0.5, -beside)
-        axes[i, 0].yaxis.set_label_coords(-beside, 0.5)
-    return figure
-
-
-def _reach(prior: Prior, draws: FloatArray, factor: float) -> tuple[float, float]:
-    """Ends of an axis: all but a thousandth of the draws (n_draw,) and a margin, no farther than the prior allows, yet apart as numbers."""
-    low, high = np.quantile(draws, [0.0005, 0.9995])
-    size = max(abs(low), abs(high)) or 1.0
-    margin = max(0.08 * (high - low), _NARROWEST * size)
-    return max(float(low - margin), prior.low * factor), min(float(high + margin), prior.high * factor)
-
-
-def corner_parameters(problem: Problem) -> list[int]:
-    """Places of the parameters that the corner figure shows: all, or where they are too many those that runs share."""
-    if problem.n_par <= MAX_CORNER:
-        return list(range(problem.n_par))
-    shared = [i for i, p in enumerate(problem.parameters) if n_uses(p.name, problem.runs) > 1]
-    return (shared if len(shared) > 1 else list(range(problem.n_par)))[:MAX_CORNER]
-
-
-def corner_words(problem: Problem) -> Markdown:
-    """The legend of the corner figure, with what it leaves out."""
-    words = Markdown("Blue: posterior, contours hold 68 and 95 %. Orange: prior.")
-    drawn = [problem.parameters[i].name for i in corner_parameters(problem)]
-    if len(drawn) == problem.n_par:
-        return words
-    which = "those that runs share" if all(n_uses(name, problem.runs) > 1 for name in drawn) else "the first ones"
-    return Markdown(f"{words} Only {len(drawn)} of the {problem.n_par} parameters are drawn, {which}; `result.json` has them all.")
-
-
-def trace_figure(analysis: Analysis) -> Figure:
-    """The mean of each ensemble's walkers, and a few single walkers behind, against the step."""
-    parameters, draws = analysis.problem.parameters, analysis.chain.draws
-    columns = 1 if len(parameters) <= 8 else 2
-    rows = -(-len(parameters) // columns)
-    figure = new_figure(0.95 * rows + 0.5)
-    axes = figure.subplots(rows, columns, squeeze=False, sharex=True)
-    steps = np.arange(draws.shape[1]) + analysis.chain.n_burn
-    every = max(1, draws.shape[1] // 1000)
-    for i, parameter in enumerate(parameters):
-        ax = axes.ravel(order="F")[i]
-        shown = parameter.label
-        for ensemble, colour in zip(draws[..., i] * shown.factor, (BLUE, ORANGE, GREEN, PURPLE) * 8, strict=False):
-            ax.plot(steps[::every], ensemble[::every, 0], color=colour, lw=0.4, alpha=0.35)
-            ax.plot(steps[::every], ensemble.mean(axis=1)[::every], color=colour, lw=1.0)
-        ax.set_ylabel(shown.axis, fontsize=8, rotation=0, ha="right", va="center")
-        ax.tick_params(labelsize=7)
-    for extra in axes.ravel(order="F")[len(parameters) :]:
-        extra.set_visible(False)
-    for ax in axes[-1]:
-        ax.set_xlabel("step")
-    figure.suptitle("bold: mean of an ensemble; faint: one of its walkers", fontsize=8)
     return figure

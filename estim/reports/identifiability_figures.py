@@ -4,23 +4,28 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
-from matplotlib.lines import Line2D
 
 from estim.arrays import FloatArray
 from estim.checks import Identifiability
 from estim.common import InputError, signed
+from estim.distributions import chi2_quantile, normal_below
 from estim.fitting import Fit, ProfileInterval
 from estim.problem import Prior, Problem
-from estim.reports.figures import BLUE, GREEN, GREY, INK, ORANGE, new_figure
+from estim.reports.contours import density_of, draw_contours
+from estim.reports.figures import BLUE, GREEN, GREY, INK, ORANGE, PALE, name_ticks, new_figure
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 _FLOOR = 1e-4  # of the axis of information: what is smaller is as good as nothing
 _TOP_RISE = 5.0
 _MAX_PROFILES = 24
 _PRIOR_DRAWS = 100_000
+_RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
 def direction_figure(problem: Problem, found: Identifiability) -> Figure:
@@ -38,9 +43,12 @@ def direction_figure(problem: Problem, found: Identifiability) -> Figure:
     left.axvline(1.0, color=INK, lw=1)
     left.set_xscale("log")
     left.set_xlim(_FLOOR, top)
+    first, last = math.ceil(math.log10(_FLOOR)), math.floor(math.log10(top))
+    powers = range(first, last + 1, 1 if last - first < 9 and n < 8 else 2 * -(-(last - first) // 18))
+    left.xaxis.set_ticks([], minor=True)
+    name_ticks(left.xaxis, [10.0**power for power in powers], ["10" + f"{power}".translate(_RAISED) for power in powers], fontsize=8)
     left.set_ylim(n - 0.5, -0.5)
-    left.set_yticks(places, [f"{k + 1}" for k in places], fontsize=8)
-    left.tick_params(axis="x", labelsize=8)
+    name_ticks(left.yaxis, places, [f"{k + 1}" for k in places], fontsize=8)
     left.set_xlabel("information of the data / of the prior", fontsize=8.5)
     left.set_ylabel("direction", fontsize=8.5)
     left.text(0.8, -0.6, "only the prior", color=ORANGE, ha="right", va="bottom", fontsize=8)
@@ -62,7 +70,7 @@ def _components(ax: Axes, vectors: FloatArray, symbols: list[str], *, upright: b
             colour = "white" if abs(vectors[row, column]) > 0.7 else INK
             text = signed(f"{vectors[row, column]:+.1f}")
             ax.text(column, row, text, ha="center", va="center", fontsize=7 if n < 10 else 6, color=colour)
-    ax.set_xticks(np.arange(n), symbols, fontsize=7 if upright else 9, rotation=90 if upright else 0)
+    name_ticks(ax.xaxis, np.arange(n), symbols, fontsize=7 if upright else 9, rotation=90 if upright else 0)
     ax.set_yticks([])
     ax.tick_params(axis="x", length=0)
     ax.set_title("components, in prior standard deviations", fontsize=8.5)
@@ -73,7 +81,7 @@ def ridge_figure(fit: Fit, found: Identifiability, draws: FloatArray, *, pair: t
 
     draws : (n_draw, n_par) of the posterior, 20 000 for smooth contours.  Raises InputError where there is only one parameter.
     """
-    import corner
+    from matplotlib.lines import Line2D
 
     problem, weakest = fit.problem, found.directions[0]
     i, j = (fit.names.index(name) for name in pair or ridge_pair(found, draws))
@@ -89,10 +97,7 @@ def ridge_figure(fit: Fit, found: Identifiability, draws: FloatArray, *, pair: t
     low, high = low - 0.04 * span, high + 0.04 * span
     figure = new_figure(4.2, width=5.6)
     ax = figure.subplots()
-    corner.hist2d(
-        points[:, 0], points[:, 1], ax=ax, levels=(0.68, 0.95), color=BLUE, plot_datapoints=False, fill_contours=True, plot_density=False,
-        smooth=1.3, bins=40, range=[(low[0], high[0]), (low[1], high[1])], contour_kwargs={"linewidths": 0.8},
-    )
+    draw_contours(ax, density_of(points[:, 0], points[:, 1], ((low[0], high[0]), (low[1], high[1])), n_bin=40, smooth=1.3), BLUE, PALE, lw=0.8)
     for probability, width in ((0.68, 1.8), (0.95, 1.2)):
         _draw_prior(ax, [problem.parameters[k].prior for k in (i, j)], priors, probability, width)
     centre = fit.values[[i, j]] * factors
@@ -170,11 +175,9 @@ def prior_contour(draws: FloatArray, probability: float) -> tuple[FloatArray, Fl
     priors the ellipse of equal density.  A flat prior gets as wide as it would with a posterior that says nothing, not as
     narrow as one standard deviation of the other.
     """
-    from scipy.stats import chi2, norm
-
     angle = np.linspace(0.0, 2.0 * np.pi, 400)
-    z = math.sqrt(chi2.ppf(probability, 2)) * np.array([np.cos(angle), np.sin(angle)])
-    x, y = (np.quantile(column, p) for column, p in zip(draws.T, norm.cdf(z), strict=True))
+    z = math.sqrt(chi2_quantile(probability, 2)) * np.array([np.cos(angle), np.sin(angle)])
+    x, y = (np.quantile(column, p) for column, p in zip(draws.T, normal_below(z), strict=True))
     return x, y
 
 
@@ -183,6 +186,8 @@ def profile_figure(problem: Problem, intervals: Sequence[ProfileInterval], draws
 
     draws : (n_draw, n_par) of the posterior.  At most 24 parameters are drawn.
     """
+    from matplotlib.lines import Line2D
+
     intervals = intervals[:_MAX_PROFILES]
     columns = min(3, len(intervals))
     rows = -(-len(intervals) // columns)
@@ -209,22 +214,20 @@ def profile_figure(problem: Problem, intervals: Sequence[ProfileInterval], draws
 
 def _draw_profile(ax: Axes, interval: ProfileInterval, draws: FloatArray, factor: float) -> None:
     from scipy.interpolate import PchipInterpolator
-    from scipy.stats import chi2
 
+    sides = ((interval.open_low, interval.low), (interval.open_high, interval.high))
     x, kept = np.unique(interval.x * factor, return_index=True)
     # the signed square root of a rise is nearly a straight line: smooth in between
     root = np.sqrt(np.maximum(interval.rise[kept], 0.0)) * np.where(x < interval.value * factor, -1.0, 1.0)
     if x.size > 1:
         fine = np.linspace(x[0], x[-1], 300)
         ax.plot(fine, PchipInterpolator(x, root)(fine) ** 2, color=BLUE, lw=1.4)
-    for p in interval.low:
-        level = float(chi2.ppf(p, 1))
-        ax.axhline(level, color=GREY, lw=0.7, ls="--", zorder=1)
-        for opened, end in ((interval.open_low[p], interval.low[p]), (interval.open_high[p], interval.high[p])):
-            if not opened:
-                ax.plot([end * factor] * 2, [0.0, level], color=BLUE, lw=0.7, alpha=0.6)
-    for sides, ends, anchor in ((interval.open_low, interval.low, "left"), (interval.open_high, interval.high, "right")):
-        for place in {ends[p] * factor for p in sides if sides[p]}:
+    levels = {p: float(chi2_quantile(p, 1)) for p in interval.low}
+    ax.hlines(list(levels.values()), 0.0, 1.0, color=GREY, lw=0.7, ls="--", zorder=1, transform=ax.get_yaxis_transform())
+    closed = [(ends[p] * factor, level) for p, level in levels.items() for opened, ends in sides if not opened[p]]
+    ax.vlines([end for end, _ in closed], 0.0, [level for _, level in closed], color=BLUE, lw=0.7, alpha=0.6)
+    for (opened, ends), anchor in zip(sides, ("left", "right"), strict=True):
+        for place in {ends[p] * factor for p in opened if opened[p]}:
             ax.axvline(place, color=ORANGE, lw=1.6)
             ax.annotate("open", (place, 0.97), (3 if anchor == "left" else -3, 0), xycoords=("data", "axes fraction"), textcoords="offset points",
                         ha=anchor, va="top", fontsize=6.5, color=ORANGE)

@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 
 from estim.arrays import FloatArray
 from estim.checks import Goodness
 from estim.problem import Observations, Problem
 from estim.reports.figures import BLUE, GREEN, GREY, INK, ORANGE, PURPLE, new_figure
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 _A_BIN, _MOST_BINS = 8, 24  # points of all runs in a bin of the mean at least, and bins at most
 RUN_COLOURS = (BLUE, ORANGE, GREEN, PURPLE, "#D55E00", "#56B4E9", "#8C6D31", "#6A3D9A")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 
 import msgspec
@@ -62,13 +62,13 @@ def curve_deviations(analysis: Analysis) -> dict[str, DeviationSummary] | None:
     return {found.run: _summary(analysis, found) for found in analysis.fit.deviations} or None
 
 
-def lacks_text(found: Mapping[str, DeviationSummary], labels: Labels) -> Markdown:
-    """Markdown fragment without a heading."""
+def lacks_text(found: Mapping[str, DeviationSummary], labels: Labels, pictures: Collection[str]) -> Markdown:
+    """Markdown fragment without a heading.  pictures : paths of the figures beside it."""
     sections = []
     for run, summary in found.items():
         grown = [(labels.symbol(name), f"{factor:.2g}") for name, factor in summary.growth.items()]
         sections.append(_Section(run, summary, "" if summary.unit == "1" else summary.unit, grown))
-    return render("lacks.md.j2", sections=sections)
+    return render("lacks.md.j2", pictures=pictures, sections=sections)
 
 
 def _summary(analysis: Analysis, found: FoundDeviation) -> DeviationSummary:

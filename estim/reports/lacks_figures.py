@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-
-from matplotlib.figure import Figure
+from typing import TYPE_CHECKING
 
 from estim.deviation import FoundDeviation
 from estim.problem import Observations
 from estim.reports.figures import BLUE, GREY, INK, grid
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 
 def lacks_figure(deviations: Sequence[FoundDeviation], runs: Sequence[Observations], *, synthetic: bool) -> Figure:

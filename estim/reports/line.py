@@ -3,20 +3,26 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Collection
+from functools import partial
+from typing import TYPE_CHECKING
 
 import msgspec
 import numpy as np
-from matplotlib.figure import Figure
 
 from estim.campaign import Campaign, gamma_origin
 from estim.checks import interval_cell
 from estim.common import KINDS, Markdown, Notation, Status, as_json, format_quantity, format_rounded, one_line, signed
 from estim.line import CONVENTIONS, LineAnalysis
-from estim.reports import figures
+from estim.reports.figures import BLUE, INK, ORANGE, new_figure
+from estim.reports.pages import page
 from estim.reports.rendering import render
 from estim.reports.result import Provenance, software_versions
 from estim.sampling import Summary, number, summarise, trusted
 from estim.words import STATUS_WORDS, Voice, advice_for
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 LINE_SCHEMA = "estim-line/1"
 _METHODS = {
@@ -140,19 +146,16 @@ def _bare_row(analysis: LineAnalysis, method: str) -> LineRow:
     return LineRow(fit.intercept, fit.slope, fit.chi2, fit.dof, number(fit.p_value), {}, None, None, None, None, None)
 
 
-def line_report(campaign: Campaign, analysis: LineAnalysis, *, voice: Voice = Voice.PYTHON) -> dict[str, bytes]:
-    """`report.md`, `result.json` and `figures/line.png`."""
+def line_report(campaign: Campaign, analysis: LineAnalysis, *, voice: Voice = Voice.PYTHON, figures: bool = True) -> dict[str, bytes]:
+    """`report.md`, `result.json` and `figures/line.png`.  voice : to whom advice is given.  figures : whether there are any."""
     result = line_result(campaign, analysis, voice=voice)
-    return {
-        "report.md": line_text(result).encode(),
-        "result.json": as_json(result),
-        "figures/line.png": figures.png(lambda: line_figure(analysis, synthetic=campaign.kind == "synthetic")),
-    }
+    drawers = {"figures/line.png": partial(line_figure, analysis, synthetic=campaign.kind == "synthetic")}
+    return page(drawers, partial(line_text, result), wanted=figures) | {"result.json": as_json(result)}
 
 
-def line_text(result: LineResult) -> str:
-    """The Markdown report of a line."""
-    return render("line.md.j2", **line_values(result))
+def line_text(result: LineResult, pictures: Collection[str]) -> str:
+    """The Markdown report of a line, with the figures at the paths `pictures`."""
+    return render("line.md.j2", pictures=pictures, **line_values(result))
 
 
 def line_values(result: LineResult) -> dict[str, object]:
@@ -225,7 +228,7 @@ def _error_cells(name: str, row: LineRow) -> list[tuple[str, ...]]:
 def line_figure(analysis: LineAnalysis, *, synthetic: bool) -> Figure:
     """Points with their uncertainties, the theory line from the masses, OLS, York, and the posterior band."""
     series = analysis.series
-    figure = figures.new_figure(4.6)
+    figure = new_figure(4.6)
     ax = figure.subplots()
     x = np.linspace(0.0, 1.08 * float(series.x.max()), 100)
     if analysis.status == "ok":
@@ -234,14 +237,14 @@ def line_figure(analysis: LineAnalysis, *, synthetic: bool) -> Figure:
         lines = draws[:, [names.index("intercept")]] + draws[:, [names.index("slope")]] * x
         for probability, alpha in ((0.95, 0.22), (0.68, 0.40)):
             low, high = np.quantile(lines, [0.5 - 0.5 * probability, 0.5 + 0.5 * probability], axis=0)
-            ax.fill_between(x, low, high, color=figures.BLUE, alpha=alpha, lw=0, label=f"posterior of the line, {probability:.0%}")
+            ax.fill_between(x, low, high, color=BLUE, alpha=alpha, lw=0, label=f"posterior of the line, {probability:.0%}")
     if analysis.gamma_masses is not None:
         gamma = analysis.gamma_masses
-        ax.plot(x, x / gamma.value, color=figures.ORANGE, lw=1.8, label=f"theory, γ = {format_quantity(gamma.value, gamma.u)} as stated")
-    ax.plot(x, analysis.ols.intercept + analysis.ols.slope * x, color=figures.INK, lw=1.2, ls="--", label="ordinary least squares")
-    ax.plot(x, analysis.york.intercept + analysis.york.slope * x, color=figures.BLUE, lw=1.6, label="York")
+        ax.plot(x, x / gamma.value, color=ORANGE, lw=1.8, label=f"theory, γ = {format_quantity(gamma.value, gamma.u)} as stated")
+    ax.plot(x, analysis.ols.intercept + analysis.ols.slope * x, color=INK, lw=1.2, ls="--", label="ordinary least squares")
+    ax.plot(x, analysis.york.intercept + analysis.york.slope * x, color=BLUE, lw=1.6, label="York")
     ax.errorbar(
-        series.x, series.y, xerr=series.u_x, yerr=series.u_y, fmt="o", color=figures.INK, ms=4, lw=1, capsize=0,
+        series.x, series.y, xerr=series.u_x, yerr=series.u_y, fmt="o", color=INK, ms=4, lw=1, capsize=0,
         label="measured, ± 1 standard uncertainty",
     )
     ax.set(xlabel="sin φ  (tilt of the ramp)", ylabel="sin θ_min  (smallest ascending angle)", xlim=(0.0, None))

@@ -3,21 +3,22 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from functools import partial
+from typing import TYPE_CHECKING
 
 import msgspec
 import numpy as np
-from matplotlib.figure import Figure
 
 from estim.campaign import gamma_origin
 from estim.common import KINDS, as_json
-from estim.reports import figures, reanalysis_figures
-from estim.reports.analysis import parameter_row
+from estim.reports.analysis import complete_runs, parameter_row
+from estim.reports.corner_figures import corner_figure, corner_words
 from estim.reports.energy import (
     DriftSummary,
     EnergySummary,
     Value,
+    average_words,
     drift_words,
     energy_figure,
     percent,
@@ -26,12 +27,18 @@ from estim.reports.energy import (
     summarise_energy,
     to_value,
 )
+from estim.reports.figures import residual_figure
 from estim.reports.line import LineResult, line_figure, line_result, line_values
+from estim.reports.pages import page
+from estim.reports.reanalysis_figures import narrowing_figure, overlay_figure, width_figure
 from estim.reports.rendering import render
 from estim.reports.result import Provenance, Result, provenance, result_of
 from estim.sampling import number
 from estim.studies import BodyAnalysis, Reanalysis
 from estim.words import Voice
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 REANALYSIS_SCHEMA = "estim-reanalysis/1"
 
@@ -123,37 +130,37 @@ def _body(r: Reanalysis, body: BodyAnalysis, voice: Voice) -> BodySummary:
     )
 
 
-def reanalysis_report(r: Reanalysis, *, voice: Voice = Voice.PYTHON) -> dict[str, bytes]:
-    """`report.md`, `result.json` and `figures/*.png`.  voice : to whom advice is given."""
+def reanalysis_report(r: Reanalysis, *, voice: Voice = Voice.PYTHON, figures: bool = True) -> dict[str, bytes]:
+    """`report.md`, `result.json` and `figures/*.png`.  voice : to whom advice is given.  figures : whether there are any."""
     result = reanalysis_result(r, voice=voice)
     synthetic = r.campaign.kind == "synthetic"
     drawn: dict[str, Callable[[], Figure]] = {}
     trusted = [body for body in r.bodies if body.joint.diagnosis.ok]
     if trusted:
-        drawn["narrowing"] = partial(reanalysis_figures.narrowing_figure, [body.narrowing for body in trusted], synthetic=synthetic)
-        drawn["widths"] = partial(reanalysis_figures.width_figure, trusted, synthetic=synthetic)
+        drawn["figures/narrowing.png"] = partial(narrowing_figure, [body.narrowing for body in trusted], synthetic=synthetic)
+        drawn["figures/widths.png"] = partial(width_figure, trusted, synthetic=synthetic)
     if r.line is not None:
-        drawn["line"] = partial(line_figure, r.line, synthetic=synthetic)
+        drawn["figures/line.png"] = partial(line_figure, r.line, synthetic=synthetic)
     for body in r.bodies:
-        drawn[f"phase-{body.body}"] = partial(reanalysis_figures.overlay_figure, body, synthetic=synthetic)
+        drawn[f"figures/phase-{body.body}.png"] = partial(overlay_figure, body, synthetic=synthetic)
         if body in trusted:
-            drawn[f"energy-{body.body}"] = partial(energy_figure, body.energies, synthetic=synthetic, title=body.body)
-        drawn[f"residuals-{body.body}"] = partial(figures.residual_figure, body.joint.problem.runs, body.joint.goodness, synthetic=synthetic)
-        drawn[f"corner-{body.body}"] = partial(figures.corner_figure, body.joint)
-    files = {f"figures/{name}.png": figures.png(draw) for name, draw in drawn.items()}
-    files["report.md"] = reanalysis_text(result, {body.body: figures.corner_words(body.joint.problem) for body in r.bodies}).encode()
-    files["result.json"] = as_json(result)
-    return files
+            drawn[f"figures/energy-{body.body}.png"] = partial(energy_figure, body.energies, synthetic=synthetic, title=body.body)
+        drawn[f"figures/residuals-{body.body}.png"] = partial(residual_figure, body.joint.problem.runs, body.joint.goodness, synthetic=synthetic)
+        drawn[f"figures/corner-{body.body}.png"] = partial(corner_figure, body.joint)
+    below = {body.body: corner_words(body.joint.problem) for body in r.bodies}
+    return page(drawn, partial(reanalysis_text, result, below), wanted=figures) | {"result.json": as_json(result)}
 
 
-def reanalysis_text(result: ReanalysisResult, corner_words: Mapping[str, str]) -> str:
-    """The Markdown report of a reanalysis; `corner_words`: body -> what stands below its corner figure."""
+def reanalysis_text(result: ReanalysisResult, corner_words: Mapping[str, str], pictures: Collection[str]) -> str:
+    """The Markdown report of a reanalysis, with the figures at the paths `pictures`; `corner_words`: body -> what stands below its corner figure."""
     limit_words = {name: _limit_words(body) if body.joint.status == "ok" else [] for name, body in result.bodies.items()}
     return render(
-        "reanalysis.md.j2", result=result, kind=KINDS[result.kind], line=None if result.line is None else line_values(result.line),
+        "reanalysis.md.j2", pictures=pictures, result=result, kind=KINDS[result.kind], line=None if result.line is None else line_values(result.line),
         shown=shown, rows={name: _rows(body.joint) for name, body in result.bodies.items()},
         trusted=any(body.joint.status == "ok" for body in result.bodies.values()), singles=_singles(result),
-        limit_words=limit_words, corner_words=corner_words, percent=percent, drift_words=drift_words,
+        limit_words=limit_words, corner_words=corner_words, percent=percent, drift_words=drift_words, average_words=average_words,
+        forces=[(name, force) for name, body in result.bodies.items() for force in (body.joint.deviation or {}).values()],
+        complete=complete_runs(result.runs.values()),
         notes=list(dict.fromkeys(note for body in result.bodies.values() for note in body.joint.notes)),
     )
 

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
-from matplotlib.figure import Figure
-from matplotlib.ticker import FuncFormatter
 
-from estim.reports.figures import BLUE, COLOURS, GREY, INK, ORANGE, grid, new_figure
+from estim.reports.figures import BLUE, COLOURS, GREY, INK, ORANGE, grid, name_ticks, new_figure
 from estim.sampling import curve_draws
 from estim.studies import BodyAnalysis, Narrowing
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 
 def overlay_figure(body: BodyAnalysis, *, synthetic: bool) -> Figure:
@@ -38,6 +40,7 @@ def overlay_figure(body: BodyAnalysis, *, synthetic: bool) -> Figure:
 
 def width_figure(bodies: Sequence[BodyAnalysis], *, synthetic: bool) -> Figure:
     """Width of the posterior band relative to the propagated one along each run."""
+
     figure = new_figure(3.2)
     axes = figure.subplots(1, len(bodies), squeeze=False, sharey=True)[0]
     for ax, body in zip(axes, bodies, strict=True):
@@ -45,7 +48,7 @@ def width_figure(bodies: Sequence[BodyAnalysis], *, synthetic: bool) -> Figure:
             ax.plot(band.x, band.ratio, color=colour, lw=1.4, label=band.run)
         ax.axhline(1.0, color=GREY, lw=0.8, ls="--")
         ax.set_yscale("log")
-        ax.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+        ax.yaxis.set_major_formatter(lambda value, _: f"{value:g}")
         ax.set(xlabel=body.joint.problem.runs[0].x_label)
         ax.legend(fontsize=8, frameon=False, ncols=2, loc="upper center")
     axes[0].set_ylim(top=8.0)
@@ -71,7 +74,7 @@ def narrowing_figure(tables: Sequence[Narrowing], *, synthetic: bool) -> Figure:
         top = 1.1 * float(np.max(shown[np.isfinite(shown)]))
         ax.set(ylabel=f"u({table.labels[i].tex})", ylim=(0.0, top), xlim=(0.6, len(count) + 0.4))
         upright = sum(len(run) for run in table.runs) > 36
-        ax.set_xticks(count, table.runs, fontsize=8, rotation=90 if upright else 0)
+        name_ticks(ax.xaxis, count, table.runs, fontsize=8, rotation=90 if upright else 0)
     for extra in axes[len(pairs) :]:
         extra.set_visible(False)
     axes[0].legend(fontsize=8, frameon=False)

@@ -6,7 +6,7 @@ What is `Markdown` already passes.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Collection, Iterable
 
 from estim.checks import P_FLOOR
 from estim.common import Markdown, code, destination, markdown, signed
@@ -27,9 +27,15 @@ def sentence(words: str) -> str:
     return words[:1].upper() + words[1:]
 
 
-def render(template: str, **values: object) -> Markdown:
-    """A template of `templates/` filled in."""
+def render(template: str, *, pictures: Collection[str] = (), **values: object) -> Markdown:
+    """A template of `templates/` filled in.
+
+    pictures : paths of the figures beside the report.  `{% call figure(alt, path) %} caption {% endcall %}` shows one of them, and nothing else.
+    """
     import jinja2
+
+    def figure(alt: str, path: str, caller: Callable[[], str] = str) -> Markdown:
+        return Markdown(f"![{markdown(alt)}]({destination(path)})" + (f"\n\n{caption}" if (caption := caller()) else "") if path in pictures else "")
 
     environment = jinja2.Environment(
         loader=jinja2.PackageLoader("estim.reports"), undefined=jinja2.StrictUndefined, trim_blocks=True, lstrip_blocks=True,
@@ -37,4 +43,4 @@ def render(template: str, **values: object) -> Markdown:
     )
     environment.filters["number"] = lambda v, digits=3: "n/a" if v is None else signed(f"{v:.{digits}g}")
     environment.filters |= {"signed": signed, "p": p_words, "cells": cells, "sentence": sentence, "code": code, "destination": destination}
-    return Markdown(environment.get_template(template).render(**values))
+    return Markdown(environment.get_template(template).render(pictures=pictures, figure=figure, **values))

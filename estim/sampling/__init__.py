@@ -6,7 +6,7 @@ from estim.sampling.bands import Bands, curve_draws, posterior_bands
 from estim.sampling.certificate import MAX_PARAMETERS, MAX_TIED, Agreement, Certificate, certify, compare_with_chain, no_comparison, too_many
 from estim.sampling.chain import Chain, Progress, Target, sample_posterior
 from estim.sampling.checkpoint import Key, Pieces, PieceStore, Store, fingerprint, only_writer, problem_key
-from estim.sampling.diagnostics import effective_size, mcse_mean, r_hat
+from estim.sampling.diagnostics import mcse_mean, mixing_of
 from estim.sampling.importance import K_HAT_LIMIT, pareto_smoothed
 from estim.sampling.independent_check import second_opinion
 from estim.sampling.marginal_draws import marginal_chain

@@ -22,6 +22,7 @@ import numpy as np
 
 from estim.arrays import FloatArray
 from estim.common import Amount, Finding, Kind
+from estim.distributions import normal_quantile
 from estim.sampling.chain import Chain
 from estim.sampling.diagnostics import effective_size
 from estim.sampling.importance import K_HAT_LIMIT, kish_size, pareto_smoothed, systematic, u_log_mean
@@ -187,8 +188,6 @@ def compare_with_chain(certificate: Certificate, chain: Chain, *, most: int = MA
 
     most : parameters beyond which there is no verdict.
     """
-    from scipy.stats import norm
-
     n_par = len(certificate.names)
     sd = np.where(certificate.sd > 0.0, certificate.sd, np.nan)
     flat = chain.flat
@@ -199,7 +198,7 @@ def compare_with_chain(certificate: Certificate, chain: Chain, *, most: int = MA
     differences = (mean - certificate.mean) / sd, (spread - certificate.sd) / sd, (np.quantile(flat, ENDS, axis=0) - ends) / sd
     z_ends, u_ends = (np.array(both) for both in zip(*(_end(certificate, chain, p) for p in ENDS), strict=True))
     zs = (mean - certificate.mean) / u_mean, (spread - certificate.sd) / u_sd, z_ends
-    limit = float(norm.isf(_FALSE_ALARM / (8 * n_par)))
+    limit = -float(normal_quantile(_FALSE_ALARM / (8 * n_par)))
     if n_par > most:
         return Agreement(certificate.names, "missing", (too_many(n_par, most),), *differences, *zs, limit)
     verdict, told = _verdict(certificate, differences, zs, (u_mean / sd, u_sd / sd, u_ends / sd), limit)

@@ -22,7 +22,7 @@ from estim.arrays import FloatArray
 from estim.common import Finding, Kind, NumericalError
 from estim.sampling.ahead import Ahead, Moves
 from estim.sampling.checkpoint import Store
-from estim.sampling.diagnostics import effective_size, r_hat
+from estim.sampling.diagnostics import Mixing, autocorrelation_time, mixing_of
 from estim.sampling.importance import K_HAT_LIMIT, kish_size, pareto_smoothed
 from estim.sampling.proposal import Proposal
 from estim.sampling.protocol import Density, log_density_in_batches
@@ -84,6 +84,7 @@ class Chain:
 
     draws : (n_ensemble, n_step, n_walker, n_par) after burn-in.  log_density : (n_ensemble, n_step, n_walker).
     n_burn : steps discarded.  acceptance : (n_ensemble,) mean share of accepted moves; stuck : walkers that never moved.
+    mixing : how well these draws mix, where that was asked already.
     """
 
     names: tuple[str, ...]
@@ -93,6 +94,7 @@ class Chain:
     acceptance: FloatArray
     stuck: int
     convergence: Convergence
+    mixing: Mixing | None = None
 
     @property
     def flat(self) -> FloatArray:
@@ -132,16 +134,17 @@ def sample_posterior(
         walk.advance(check)
         n_step = check
         chain = np.stack([sampler.get_chain() for sampler in samplers])
-        tau = _autocorrelation_time(chain)
+        tau = autocorrelation_time(chain)
         if proposal is not None and math.isnan(tau_before):
-            tau_before = _autocorrelation_time(chain[:, : n_step // 2])
+            tau_before = autocorrelation_time(chain[:, : n_step // 2])
         n_burn = int(min(max(shortest_burn, math.ceil(10.0 * tau)), n_step // 2)) if math.isfinite(tau) else n_step // 2
         enough = math.ceil(1.03 * target.n_tau * tau) if math.isfinite(tau) else 0
         if proposal is not None and n_step < min(enough, 3 * _FIRST_CHECK, target.max_step):
             # too short whatever else is said: go on at once to the length that is asked for
             tau_before, check = tau, min(target.max_step, max(enough, n_step + _FIRST_CHECK // 4))
             continue
-        convergence = _judge(chain[:, n_burn:], target, n_step=n_step, tau=tau, tau_before=tau_before)
+        mixing = mixing_of(chain[:, n_burn:])
+        convergence = _judge(mixing, target, n_step=n_step, tau=tau, tau_before=tau_before)
         if progress is not None:
             progress(n_step, convergence.message)
         if convergence.met or n_step >= target.max_step:
@@ -152,7 +155,7 @@ def sample_posterior(
     log_density = np.stack([sampler.get_log_prob()[n_burn:] for sampler in samplers])
     moved = np.any(kept[:, 1:] != kept[:, :-1], axis=(1, 3))
     acceptance = np.array([float(np.mean(sampler.acceptance_fraction)) for sampler in samplers])
-    return Chain(posterior.names, kept, log_density, n_burn, acceptance, int(np.sum(~moved)), convergence)
+    return Chain(posterior.names, kept, log_density, n_burn, acceptance, int(np.sum(~moved)), convergence, mixing)
 
 
 def _samplers(posterior: Density, shape: tuple[int, int], rng: np.random.Generator, proposal: Proposal | None, share: float) -> list[Any]:
@@ -217,20 +220,9 @@ def _square_root(cov: FloatArray) -> FloatArray:
     return np.asarray(vectors * np.sqrt(np.maximum(values, 0.0)))
 
 
-def _autocorrelation_time(chain: FloatArray) -> float:
-    """Longest integrated autocorrelation time, steps, averaged over the ensembles (the first axis); nan while it cannot be told."""
-    from emcee.autocorr import integrated_time
-
-    with np.errstate(invalid="ignore"):  # a walker that never moved has no autocorrelation: nan
-        times = np.array([integrated_time(ensemble, quiet=True, tol=0) for ensemble in chain])
-    return float(np.max(np.mean(times, axis=0))) if np.all(np.isfinite(times)) else math.nan
-
-
-def _judge(draws: FloatArray, target: Target, *, n_step: int, tau: float, tau_before: float) -> Convergence:
-    """The stopping criteria on draws (n_ensemble, n_step, n_walker, n_par)."""
-    rhat = float(np.max(r_hat(draws)))
-    bulk = float(np.min(effective_size(draws, "bulk")))
-    tail = float(np.min(effective_size(draws, "tail")))
+def _judge(mixing: Mixing, target: Target, *, n_step: int, tau: float, tau_before: float) -> Convergence:
+    """The stopping criteria on draws that mix so."""
+    rhat, bulk, tail = float(np.max(mixing.rhat)), float(np.min(mixing.ess_bulk)), float(np.min(mixing.ess_tail))
     moved = abs(tau - tau_before) / tau if math.isfinite(tau) and math.isfinite(tau_before) else math.inf
     lacking = list[Finding]()
     if not rhat < target.rhat:

@@ -2,9 +2,28 @@
 
 from __future__ import annotations
 
+import math
+from dataclasses import dataclass
+
 import numpy as np
 
 from estim.arrays import FloatArray
+
+_WINDOW = 5.0  # autocorrelation times
+
+
+@dataclass(frozen=True, eq=False)
+class Mixing:
+    """rhat, ess_bulk, ess_tail : (n_par,) `r_hat` and `effective_size` of some draws."""
+
+    rhat: FloatArray
+    ess_bulk: FloatArray
+    ess_tail: FloatArray
+
+
+def mixing_of(draws: FloatArray) -> Mixing:
+    """How well draws (n_ensemble, n_step, n_walker, n_par) mix."""
+    return Mixing(r_hat(draws), effective_size(draws, "bulk"), effective_size(draws, "tail"))
 
 
 def r_hat(draws: FloatArray) -> FloatArray:
@@ -32,6 +51,27 @@ def mcse_mean(draws: FloatArray) -> FloatArray:
     from arviz_stats.base import array_stats
 
     return np.array([float(array_stats.mcse(c, chain_axis=0, draw_axis=1, method="mean")) for c in _walkers(draws)])
+
+
+def autocorrelation_time(draws: FloatArray) -> float:
+    """Longest integrated autocorrelation time, steps, averaged over the ensembles; nan while it cannot be told.
+
+    As `emcee.autocorr.integrated_time`, the walkers transformed together.  draws (n_ensemble, n_step, n_walker, n_par).
+    """
+    with np.errstate(divide="ignore", invalid="ignore"):  # a walker that never moved has no autocorrelation: nan
+        times = np.array([[_integrated(ensemble[:, :, i]) for i in range(draws.shape[-1])] for ensemble in draws])
+    return float(np.max(np.mean(times, axis=0))) if np.all(np.isfinite(times)) else math.nan
+
+
+def _integrated(series: FloatArray) -> float:
+    """Integrated autocorrelation time of series (n_step, n_walker), in Sokal's window of five times itself."""
+    n_step = series.shape[0]
+    walkers = np.ascontiguousarray(series.T)
+    power = np.abs(np.fft.rfft(walkers - np.mean(walkers, axis=1, keepdims=True), n=2 << (n_step - 1).bit_length(), axis=1)) ** 2
+    acf = np.fft.irfft(power, axis=1)[:, :n_step]
+    times = 2.0 * np.cumsum(np.mean(acf / acf[:, :1], axis=0)) - 1.0
+    inside = np.arange(n_step) < _WINDOW * times
+    return float(times[np.argmin(inside) if np.any(inside) else n_step - 1])
 
 
 def _walkers(draws: FloatArray) -> list[FloatArray]:

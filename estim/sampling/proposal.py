@@ -26,6 +26,7 @@ from estim.sampling.protocol import Density, log_density_in_batches
 DOF = 5.0  # tails heavier than those of most posteriors
 _WIDE_SHARE, _WIDE_FACTOR = 0.05, 2.0  # share and width (in sds of the whole) of the component that guards a mixture
 _FAR_SHARE, _FAR_FACTOR = 0.25, 3.0  # the same for `Proposal.widened`
+_TAIL_SHARE = 0.4  # of the draws from components that are told to be there: a rare wide part is seldom drawn, and then no chain leaves it soon
 _GOOD_K_HAT = 0.5
 _MAX_ROUND = 12
 _EM_STEPS = 25
@@ -81,6 +82,12 @@ class Proposal:
             np.concatenate([self.factors, factor * lower_factor(scale)[None]]),
         )
 
+    def beside(self, means: FloatArray, factors: FloatArray) -> Proposal:
+        """A few of the draws from further components (n, n_par), (n, n_par, n_par)."""
+        n = len(means)
+        weights = np.append((1.0 - _TAIL_SHARE) * self.weights, np.full(n, _TAIL_SHARE / n))
+        return Proposal(weights, np.vstack([self.means, means]), np.concatenate([self.factors, factors]))
+
     def draw(self, rng: np.random.Generator, n: int) -> FloatArray:
         """(n, n_par) independent draws."""
         normal = rng.standard_normal((n, self.n_par)) / np.sqrt(rng.chisquare(DOF, n) / DOF)[:, None]
@@ -111,6 +118,7 @@ def adapt_proposal(
     """A proposal adapted to `density` from one component at each start.
 
     start : (n_par,) the fit.  cov : (n_par, n_par) the covariance there, used at the other `starts` (further modes) too where they have no `covs`.
+    covs : those of `starts`, whose components then keep two fifths of the draws whatever the rounds make of the others.
     n_round : draws in each round, at least 500 for each start.  Where one Student-t gives uneven weights, mixtures of more are tried and
     kept if better.
 
@@ -128,7 +136,7 @@ def adapt_proposal(
         candidate, better, candidate_draws, candidate_weights = _settle(density, split, rng, 4 * n_round)
         if better > 1.15 * quality:
             best, quality, draws, weights = candidate, better, candidate_draws, candidate_weights
-    return best
+    return best.beside(centres[1:], factors[1:]) if covs else best
 
 
 def _settle(density: Density, mixture: Proposal, rng: np.random.Generator, n_round: int) -> tuple[Proposal, float, FloatArray, FloatArray]:

@@ -19,9 +19,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.stats import chi2
 
 from estim.arrays import FloatArray
+from estim.distributions import chi2_tail
 from estim.fitting import Fit, fit_least_squares
 from estim.pipeline import Analysis
 from estim.problem import Observations, Problem, Uniform
@@ -117,18 +117,18 @@ def drift_of(analysis: Analysis, *, rng: np.random.Generator) -> Drift:
     sds = analysis.chain.flat.std(axis=0)
     narrowing = float(np.mean([sds[i] / problem.parameters[i].prior.sd for i in losses]))
     names = {problem.parameters[i].name for i in losses}
-    free = Problem(tuple(replace(p, prior=Uniform(0.0, 1.0)) if p.name in names else p for p in problem.parameters), problem.runs)
+    free = Problem(tuple(replace(p, prior=Uniform(0.0, 1.0)) if p.name in names else p for p in problem.parameters), problem.runs, problem.shared)
     held = tuple(
         replace(run, arguments={a: 0.0 if source in names else source for a, source in run.arguments.items()}) for run in problem.runs
     )
-    none = Problem(tuple(p for p in problem.parameters if p.name not in names), held)
+    none = Problem(tuple(p for p in problem.parameters if p.name not in names), held, problem.shared)
     # the flat prior on [0, 1] has log density 0
     kept = [i for i in range(problem.n_par) if i not in losses]
-    with_loss = fit_least_squares(free, rng=rng, n_start=2, start=analysis.fit.values)
-    without = fit_least_squares(none, rng=rng, n_start=2, start=analysis.fit.values[kept])
+    with_loss = fit_least_squares(free, rng=rng, n_start=1, start=analysis.fit.values)
+    without = fit_least_squares(none, rng=rng, n_start=1, start=analysis.fit.values[kept])
     gain = 2.0 * (_best(with_loss) - _best(without))
     limit = float(np.max(np.quantile(analysis.chain.flat[:, losses], 0.95, axis=0)))
-    return Drift(True, narrowing, gain, 0.5 * float(chi2.sf(max(gain, 0.0), 1)) if gain > 0.0 else 1.0, limit)
+    return Drift(True, narrowing, gain, 0.5 * float(chi2_tail(gain, 1)) if gain > 0.0 else 1.0, limit)
 
 
 def _best(fit: Fit) -> float:
@@ -137,18 +137,19 @@ def _best(fit: Fit) -> float:
 
 def energy_along(analysis: Analysis, *, rng: np.random.Generator, n_draw: int = 4000) -> tuple[EnergyRecord, ...]:
     """One EnergyRecord for each run of a fit."""
-    draws = analysis.chain.thinned(n_draw)
-    return tuple(_record(analysis, i, draws, rng) for i in range(len(analysis.problem.runs)))
+    draws, posterior = analysis.chain.thinned(n_draw), analysis.fit.posterior
+    speeds = posterior.by_run(likelihood.y for likelihood in posterior.likelihoods)
+    return tuple(_record(analysis, run, v, draws, rng) for run, v in zip(analysis.problem.runs, speeds, strict=True))
 
 
-def _record(analysis: Analysis, i: int, draws: FloatArray, rng: np.random.Generator) -> EnergyRecord:
-    run, likelihood, problem = analysis.problem.runs[i], analysis.fit.posterior.likelihoods[i], analysis.problem
+def _record(analysis: Analysis, run: Observations, v: FloatArray, draws: FloatArray, rng: np.random.Generator) -> EnergyRecord:
+    """v : (n_obs,) speeds, freed of the truncation of their stencil."""
+    problem = analysis.problem
     # the mode, not the mean: on a bent ridge the mean of the draws need not fit the data
     centre = problem.named(analysis.fit.values)
     at_mode, at_draws = run.bind(centre), run.bind(problem.named(draws))
-    v = likelihood.y
     fitted = np.ravel(np.broadcast_to(run.curve.value(run.x, at_mode), (1, run.n_obs)))
-    noise, u_kinetic, bias = _noise(run, fitted, centre)
+    noise, u_v, u_kinetic, bias = _noise(run, fitted, centre)
 
     def energies(arguments: Arguments) -> tuple[FloatArray, FloatArray]:
         kinetic, potential = run.body.energies(run.x, v, arguments)
@@ -167,7 +168,7 @@ def _record(analysis: Analysis, i: int, draws: FloatArray, rng: np.random.Genera
     loss = -(measured @ to_line[1])
     mass = math.nan if run.body.mass is None else run.body.mass
     return EnergyRecord(
-        run=run.name, t=run.t, x=metres * run.x, v=metres * v, u_v=metres * likelihood.sd(centre),
+        run=run.name, t=run.t, x=metres * run.x, v=metres * v, u_v=metres * u_v,
         kinetic=kinetic, potential=potential, total=kinetic + potential, u_kinetic=np.hypot(drawn_kinetic.std(axis=0), u_kinetic),
         u_potential=drawn_potential.std(axis=0), u_total=measured.std(axis=0), start=_estimate(start),
         relative=relative.mean(axis=0), u_relative=relative.std(axis=0), to_kinetic=to_kinetic.mean(axis=0), u_to_kinetic=to_kinetic.std(axis=0),
@@ -177,14 +178,14 @@ def _record(analysis: Analysis, i: int, draws: FloatArray, rng: np.random.Genera
     )
 
 
-def _noise(run: Observations, v: FloatArray, values: Mapping[str, ArrayLike]) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Of the total energy from reading errors: covariance (n_obs, n_obs); u of the kinetic part; its bias (n_obs,) each."""
+def _noise(run: Observations, v: FloatArray, values: Mapping[str, ArrayLike]) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    """From reading errors: covariance (n_obs, n_obs) of the total energy; u of the speeds and of the kinetic energy, its bias (n_obs,) each."""
     arguments = run.bind(values)
     by_x = _difference(lambda h: _total(run, run.x + h, v, arguments))
     by_v = _difference(lambda h: _total(run, run.x, v + h, arguments))
     cov, var_speed = run.noise.carried(by_x, by_v, values)
     inertia = np.divide(by_v, v, out=np.zeros_like(v), where=v != 0.0)  # T = D v^2/2
-    return cov, np.abs(by_v) * np.sqrt(var_speed), 0.5 * inertia * var_speed
+    return cov, np.sqrt(var_speed), np.abs(by_v) * np.sqrt(var_speed), 0.5 * inertia * var_speed
 
 
 def _total(run: Observations, x: FloatArray, v: FloatArray, arguments: Arguments) -> FloatArray:

@@ -7,14 +7,14 @@ degeneracy overlap and need not add up to 1.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from estim.arrays import FloatArray
 from estim.common import Label
-from estim.fitting import Fit, fit_least_squares, information
+from estim.fitting import Fit, information
 from estim.pipeline import Analysis
 from estim.problem import Problem, informative
 
@@ -72,12 +72,14 @@ def limits(fit: Fit, parameter: str) -> tuple[Limit, ...]:
     return tuple(sorted(found, key=lambda limit: -limit.share))
 
 
-def narrowing(problem: Problem, singles: Sequence[Analysis], names: Sequence[str], *, rng: np.random.Generator) -> Narrowing:
-    """How u of the shared parameters `names` falls as the runs of a joint problem are added one by one."""
-    rows = []
-    for n in range(1, len(problem.runs) + 1):
-        fit = fit_least_squares(problem.restricted(problem.runs[:n]), rng=rng, n_start=2)
-        rows.append([float(np.sqrt(fit.cov[fit.names.index(name), fit.names.index(name)])) for name in names])
+def narrowing(joint: Fit, singles: Sequence[Analysis], names: Sequence[str], *, fit_first: Callable[[int], Fit]) -> Narrowing:
+    """How u of the shared parameters `names` falls as the runs of a joint fit are added one by one.
+
+    fit_first : the fit of its first n runs together.
+    """
+    problem = joint.problem
+    fits = [singles[0].fit, *(fit_first(n) for n in range(2, len(problem.runs))), joint][-len(problem.runs) :]
+    rows = [[float(np.sqrt(fit.cov[fit.names.index(name), fit.names.index(name)])) for name in names] for fit in fits]
     alone = [[float(np.sqrt(a.fit.cov[a.fit.names.index(name), a.fit.names.index(name)])) for name in names] for a in singles]
     labels = tuple(problem.parameters[problem.names.index(name)].label for name in names)
     return Narrowing(tuple(names), labels, tuple(run.name for run in problem.runs), np.array(rows), np.array(alone), _prior_sds(problem, names))

@@ -13,6 +13,7 @@ import numpy as np
 
 from estim.campaign import Campaign, gamma_of_body, gamma_origin
 from estim.common import Quantity, Status, Stream, stream
+from estim.fitting import Fit
 from estim.line import LineAnalysis, analyse_line, read_theta_min
 from estim.pipeline import Analysis, analyse
 from estim.problem import informative
@@ -80,7 +81,7 @@ def reanalyse(campaign: Campaign, *, seed: int, target: Target, progress_of: Pro
     singles = {}
     for name in campaign.run_names:
         with progress_of(name) as progress:
-            singles[name] = analyse(campaign, [name], seed=seed, target=target, progress=progress, complete=_COMMAND)
+            singles[name] = analyse(campaign, [name], seed=seed, target=target, progress=progress)
     bodies = []
     for body in dict.fromkeys(run.body for run in campaign.source.runs):
         with progress_of(f"{body}, all runs") as progress:
@@ -100,14 +101,18 @@ def _analyse_body(
     campaign: Campaign, body: str, singles: Mapping[str, Analysis], seed: int, target: Target, progress: Progress
 ) -> BodyAnalysis:
     runs = [run.name for run in campaign.source.runs if run.body == body]
-    joint = analyse(campaign, runs, seed=seed, target=target, progress=progress, complete=_COMMAND)
+    joint = analyse(campaign, runs, seed=seed, target=target, progress=progress)
+
+    def fit_first(n: int) -> Fit:
+        return campaign.fit(campaign.problem(runs[:n]), rng=stream(seed, Stream.NARROWING))
+
     # a quantity stated for each run has no common value to narrow
     shared = [n for n in joint.problem.names if n.partition("[")[0] in _OF_BODY and all(n in singles[run].problem.names for run in runs)]
     return BodyAnalysis(
         body=body, gamma_masses=gamma_of_body(campaign.source, body), joint=joint, energies=energy_along(joint, rng=stream(seed, Stream.ENERGY)),
         drift=drift_of(joint, rng=stream(seed, Stream.DRIFT)),
         propagated=propagated_bands(joint, rng=stream(seed, Stream.PROPAGATED_BANDS)),
-        narrowing=narrowing(joint.problem, [singles[name] for name in runs], shared, rng=stream(seed, Stream.NARROWING)),
+        narrowing=narrowing(joint.fit, [singles[name] for name in runs], shared, fit_first=fit_first),
         limits=tuple(limit for name in shared for limit in limits(joint.fit, name)),
     )
 

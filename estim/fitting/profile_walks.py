@@ -1,0 +1,120 @@
+"""One side of a profile: the walk outward from the mode, where it crosses a level, and the valleys beside it.  Tasks of `profile_descents`."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from itertools import pairwise
+
+import numpy as np
+
+from estim.arrays import FloatArray
+from estim.fitting.profile_descents import Point, Start, Task
+from estim.fitting.profile_search import ProfileSearch
+
+_REACH = 40.0  # prior standard deviations beyond which nothing is looked for
+_MAX_STEPS = 60  # of a walk to one side
+_CLOSE = 1e-8  # standard deviations between two points that enclose a crossing
+_ON_LEVEL = 1e-6  # of the square root of the objective: the line through the two last points does the rest
+_MAX_CUTS = 100
+
+
+def walk(search: ProfileSearch, mode: Point, i: int, sign: float, rise: float) -> Task[list[Point]]:
+    """Points outward from the mode until the objective has risen by `rise`, to the edge of the prior, or out of reach."""
+    edge = float(search.high[i] if sign > 0.0 else search.low[i])
+    far = float(mode.values[i]) + sign * _REACH * float(search.prior_sd[i])
+    end = min(edge, far) if sign > 0.0 else max(edge, far)
+    points, step = [mode], 0.5 * float(search.scale[i])
+    while len(points) < _MAX_STEPS and points[-1].values[i] != end:
+        here = float(points[-1].values[i])
+        target = here + sign * step
+        if sign * (end - target) < 0.1 * step:
+            target = end
+        point = yield _ahead(search, points, i, target)
+        points.append(point)
+        if not point.objective - mode.objective < rise:
+            break
+        gained = math.sqrt(max(point.objective - mode.objective, 0.0)) - math.sqrt(max(points[-2].objective - mode.objective, 0.0))
+        if gained < 0.25:
+            step *= 1.6
+    return points
+
+
+def _ahead(search: ProfileSearch, points: Sequence[Point], i: int, target: float) -> Start:
+    """A start where the other parameters should be when parameter i is at `target`: on the line through the last two points."""
+    last = points[-1].values
+    if len(points) > 1 and points[-1].values[i] != points[-2].values[i]:
+        slope = (last - points[-2].values) / (last[i] - points[-2].values[i])
+    else:
+        slope = search.tangent(last, i)
+    values = np.clip(last + slope * (target - last[i]), search.low, search.high)
+    values[i] = target
+    return Start(values, (i,), points[-1], instead=_with(last, i, target))
+
+
+def crossing(search: ProfileSearch, points: Sequence[Point], i: int, rise: float) -> Task[tuple[float | None, list[Point]]]:
+    """Where the objective passes `rise` for the last time on a walk (None: it does not), and the points computed to find it.
+
+    False position with the weights of Anderson and Bjoerck, and the middle where three cuts have not halved what encloses the crossing.
+    """
+    mode = points[0]
+    inside = [k for k, point in enumerate(points) if point.objective - mode.objective < rise]
+    outer = max(inside, default=0) + 1
+    if outer >= len(points):
+        return None, []
+    inner, beyond = points[outer - 1], points[outer]
+    below, above = _height(inner, mode, rise), _height(beyond, mode, rise)
+    found: list[Point] = []
+    widths = [abs(float(beyond.values[i] - inner.values[i]))]
+    while len(found) < _MAX_CUTS and widths[-1] > _CLOSE * search.scale[i]:
+        share = below / (below - above)
+        if len(widths) > 3 and widths[-1] > 0.5 * widths[-4]:
+            share, widths = 0.5, widths[-1:]
+        values = inner.values + share * (beyond.values - inner.values)
+        near = inner if share < 0.5 else beyond
+        if not math.isfinite(near.objective):
+            near = inner
+        point = yield Start(values, (i,), near, instead=_with(inner.values, i, float(values[i])))
+        found.append(point)
+        height = _height(point, mode, rise)
+        if height < 0.0:
+            above *= _weight(height, below) if found[-2:-1] == [inner] else 1.0
+            inner, below = point, height
+        else:
+            below *= _weight(height, above) if found[-2:-1] == [beyond] else 1.0
+            beyond, above = point, height
+        widths.append(abs(float(beyond.values[i] - inner.values[i])))
+        if abs(height) < _ON_LEVEL:
+            break
+    below, above = _height(inner, mode, rise), _height(beyond, mode, rise)
+    share = below / (below - above)
+    return float(inner.values[i] + share * (beyond.values[i] - inner.values[i])), found
+
+
+def _weight(height: float, before: float) -> float:
+    kept = 1.0 - height / before
+    return kept if kept > 0.0 else 0.5
+
+
+def _with(values: FloatArray, i: int, value: float) -> FloatArray:
+    changed = values.copy()
+    changed[i] = value
+    return changed
+
+
+def _height(point: Point, mode: Point, rise: float) -> float:
+    """Square root of the rise of the objective, nearly a straight line, above that of the level."""
+    risen = point.objective - mode.objective
+    return min(math.sqrt(max(risen, 0.0)) if math.isfinite(risen) else math.inf, 4.0 * math.sqrt(rise)) - math.sqrt(rise)
+
+
+def returns(points: Sequence[Point], rise: float) -> bool:
+    """Whether the objective falls below `rise` again after it had risen above it."""
+    above = [point.objective - points[0].objective >= rise for point in points]
+    return any(before and not after for before, after in pairwise(above))
+
+
+def dips(points: Sequence[Point]) -> list[Point]:
+    """Points of a walk that lie lower than the point before and not higher than the one after: valleys beside that of the mode."""
+    triples = zip(points, points[1:], [*points[2:], points[-1]], strict=False)
+    return [here for before, here, after in triples if here.objective < before.objective - 1e-6 and here.objective <= after.objective]

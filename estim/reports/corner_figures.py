@@ -1,0 +1,181 @@
+"""Figure of all pairs of parameters: marginal and joint posteriors.
+
+Everything stands in one axes whose unit is the inch: an axes for each pair takes most of a second, nearly all of it for ticks that nobody sees.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from estim.arrays import FloatArray
+from estim.common import Label, Markdown
+from estim.pipeline import Analysis
+from estim.problem import Parameter, Prior, Problem, n_uses
+from estim.reports.contours import density_of, draw_contours
+from estim.reports.figures import BLUE, INK, ORANGE, PALE, WIDTH, tick_texts
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+MAX_CORNER = 7
+_NARROWEST = 1e-11  # part of a value that an axis is wide at least: what is narrower has too few numbers to draw
+_BEFORE, _BEHIND, _GAP = 0.85, 0.15, 0.05  # inches left of and below the panels, right of and above them; between two, as a share of a panel
+_LABEL, _TICK = 0.55, 3.5 / 72.0  # inches from the panels to the label of an axis; length of a tick
+_N_BIN, _SMOOTH = 30, 1.2
+
+
+@dataclass(frozen=True, eq=False)
+class Column:
+    """A parameter of the figure: draws (n_draw,), ends of its axis and ticks (n_tick,), in the unit that is shown."""
+
+    parameter: Parameter
+    label: Label
+    draws: FloatArray
+    low: float
+    high: float
+    ticks: FloatArray
+
+    def place(self, values: FloatArray) -> FloatArray:
+        """Where `values` stand along the axis, 0 at its beginning, 1 at its end."""
+        return (values - self.low) / (self.high - self.low)
+
+
+@dataclass(frozen=True)
+class _Panel:
+    """Left and lower edge and side of a square, in inches."""
+
+    left: float
+    bottom: float
+    side: float
+
+    def inside(self, x: FloatArray, y: FloatArray) -> FloatArray:
+        """(n, 2) points at shares x and y of the side, in inches."""
+        return np.column_stack([self.left + self.side * x, self.bottom + self.side * y])
+
+    @property
+    def frame(self) -> FloatArray:
+        return self.inside(np.array([0.0, 1.0, 1.0, 0.0, 0.0]), np.array([0.0, 0.0, 1.0, 1.0, 0.0]))
+
+
+def corner_figure(analysis: Analysis) -> Figure:
+    """Marginal and joint posteriors of `corner_parameters`, with the prior (orange) beside each marginal."""
+    from matplotlib.collections import LineCollection
+    from matplotlib.figure import Figure
+    from matplotlib.path import Path
+
+    columns = columns_of(analysis)
+    n = len(columns)
+    size = max(0.75 * WIDTH, 1.35 * n)
+    side = (size - _BEFORE - _BEHIND) / (n + _GAP * (n - 1))
+    panels = [[_Panel(_BEFORE + j * side * (1.0 + _GAP), _BEFORE + (n - 1 - i) * side * (1.0 + _GAP), side) for j in range(i + 1)] for i in range(n)]
+    figure = Figure(figsize=(size, size), facecolor="white")
+    ax = figure.add_axes((0.0, 0.0, 1.0, 1.0), xlim=(0.0, size), ylim=(0.0, size))
+    ax.set_axis_off()
+    marginals, priors = [], []
+    for i, row in enumerate(columns):
+        for j, column in enumerate(columns[:i]):
+            _draw_pair(ax, panels[i][j], column, row)
+        marginal, prior = _densities(row)
+        marginals.append(panels[i][i].inside(*marginal))
+        priors += [] if prior is None else [panels[i][i].inside(*prior)]
+    ax.add_collection(LineCollection(marginals, colors=BLUE, linewidths=1.0))
+    lines = LineCollection(priors, colors=ORANGE, linewidths=1.4)
+    ax.add_collection(lines)
+    lines.set_clip_path(Path.make_compound_path(*(Path(panels[i][i].frame) for i in range(n))), ax.transData)
+    ax.add_collection(LineCollection([panel.frame for row in panels for panel in row], colors=INK, linewidths=0.8, zorder=3))
+    ax.add_collection(LineCollection(_tick_marks(panels, columns), colors=INK, linewidths=0.8))
+    _write(ax, panels, columns, fontsize=10.0 if len(analysis.problem.runs) == 1 else 8.5)
+    return figure
+
+
+def columns_of(analysis: Analysis) -> list[Column]:
+    """What a corner figure shows, one entry a parameter."""
+    from matplotlib.ticker import MaxNLocator
+
+    chosen = corner_parameters(analysis.problem)
+    single = len(analysis.problem.runs) == 1
+    columns = []
+    for i, draws in zip(chosen, analysis.chain.thinned(20_000)[:, chosen].T, strict=True):
+        parameter = analysis.problem.parameters[i]
+        label = parameter.bare_label if single else parameter.label
+        low, high = _reach(parameter.prior, draws * label.factor, label.factor)
+        ticks = np.asarray(MaxNLocator(4).tick_values(low, high))
+        clear = np.abs(ticks - 0.5 * (low + high)) < 0.42 * (high - low)  # of the next panel's
+        columns.append(Column(parameter, label, draws * label.factor, low, high, ticks[clear]))
+    return columns
+
+
+def _draw_pair(ax: Axes, panel: _Panel, column: Column, row: Column) -> None:
+    found = density_of(column.draws, row.draws, [(column.low, column.high), (row.low, row.high)], n_bin=_N_BIN, smooth=_SMOOTH)
+    inches = panel.inside(column.place(found.x), row.place(found.y))
+    draw_contours(ax, replace(found, x=inches[:, 0], y=inches[:, 1]), BLUE, PALE, lw=1.0)
+
+
+def _densities(column: Column) -> tuple[tuple[FloatArray, FloatArray], tuple[FloatArray, FloatArray] | None]:
+    """Outline of the histogram and line of the prior, each as x and y in shares of the panel; None for a prior without a height."""
+    heights, edges = np.histogram(column.draws, bins=_N_BIN, range=(column.low, column.high), density=True)
+    top = 1.1 * float(heights.max())
+    x, y = np.linspace(column.low, column.high, 200), None
+    if np.isfinite(column.parameter.prior.sd):
+        y = np.exp(column.parameter.prior.log_density(x / column.label.factor)) / column.label.factor
+        top = max(top, min(1.08 * float(y.max()), 2.0 * top))  # a far narrower prior leaves the panel
+    outline = np.concatenate([[0.0], np.repeat(heights, 2), [0.0]])
+    return (column.place(np.repeat(edges, 2)), outline / top), None if y is None else (column.place(x), y / top)
+
+
+def _tick_marks(panels: list[list[_Panel]], columns: list[Column]) -> list[FloatArray]:
+    marks = []
+    for i, row in enumerate(panels):
+        for j, panel in enumerate(row):
+            below = panel.left + panel.side * columns[j].place(columns[j].ticks)
+            beside = panel.bottom + panel.side * columns[i].place(columns[i].ticks)
+            marks += [np.array([[x, panel.bottom], [x, panel.bottom - _TICK]]) for x in below]
+            marks += [np.array([[panel.left, y], [panel.left - _TICK, y]]) for y in beside if j < i]
+    return marks
+
+
+def _write(ax: Axes, panels: list[list[_Panel]], columns: list[Column], *, fontsize: float) -> None:
+    """Names and numbers below the lowest panels and beside the leftmost ones."""
+    for i, column in enumerate(columns):
+        below, beside = panels[-1][i], panels[i][0]
+        shares, texts = column.place(column.ticks), tick_texts(column.ticks)
+        for share, text in zip(shares, texts, strict=True):
+            ax.text(below.left + below.side * share, below.bottom - 2.0 * _TICK, text, fontsize=7, rotation=45, ha="center", va="top")
+        ax.text(below.left + 0.5 * below.side, below.bottom - _LABEL, column.label.axis, fontsize=fontsize, ha="center", va="top")
+        if i:
+            for share, text in zip(shares, texts, strict=True):
+                ax.text(beside.left - 2.0 * _TICK, beside.bottom + beside.side * share, text, fontsize=7, rotation=45, ha="right", va="center")
+            ax.text(
+                beside.left - _LABEL, beside.bottom + 0.5 * beside.side, column.label.axis, fontsize=fontsize, rotation=90,
+                rotation_mode="anchor", ha="center", va="bottom",
+            )
+
+
+def _reach(prior: Prior, draws: FloatArray, factor: float) -> tuple[float, float]:
+    """Ends of an axis: all but a thousandth of the draws (n_draw,) and a margin, no farther than the prior allows, yet apart as numbers."""
+    low, high = np.quantile(draws, [0.0005, 0.9995])
+    size = max(abs(low), abs(high)) or 1.0
+    margin = max(0.08 * (high - low), _NARROWEST * size)
+    return max(float(low - margin), prior.low * factor), min(float(high + margin), prior.high * factor)
+
+
+def corner_parameters(problem: Problem) -> list[int]:
+    """Places of the parameters that the corner figure shows: all, or where they are too many those that runs share."""
+    if problem.n_par <= MAX_CORNER:
+        return list(range(problem.n_par))
+    shared = [i for i, p in enumerate(problem.parameters) if n_uses(p.name, problem.runs) > 1]
+    return (shared if len(shared) > 1 else list(range(problem.n_par)))[:MAX_CORNER]
+
+
+def corner_words(problem: Problem) -> Markdown:
+    """The legend of the corner figure, with what it leaves out."""
+    words = Markdown("Blue: posterior, contours hold 68 and 95 %. Orange: prior.")
+    drawn = [problem.parameters[i].name for i in corner_parameters(problem)]
+    if len(drawn) == problem.n_par:
+        return words
+    which = "those that runs share" if all(n_uses(name, problem.runs) > 1 for name in drawn) else "the first ones"
+    return Markdown(f"{words} Only {len(drawn)} of the {problem.n_par} parameters are drawn, {which}; `result.json` has them all.")

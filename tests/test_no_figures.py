@@ -1,0 +1,147 @@
+"""Reports without figures: the same text and numbers, no link to what is not there, nothing that draws loaded, no figure of an earlier report."""
+
+from __future__ import annotations
+
+import ast
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from estim.campaign import load_campaign
+from estim.cli.commands import cli
+from estim.cli.terminal import write_report
+from estim.curve_fit import fit_curve
+from estim.line import analyse_line, read_theta_min
+from estim.pipeline import analyse, sample_curve
+from estim.reports import analysis_report, line_report
+from estim.reports.curve import curve_report
+from estim.reports.rendering import render
+from estim.sampling import Target
+
+IMAGE = re.compile(r"!\[[^\]]*\]\((\S+)\)\n(?:\n\*(?:[^*]|\*(?!\n\n))+\*\n)?")  # with its caption
+
+
+def shown(files: dict[str, bytes]) -> set[str]:
+    return set(IMAGE.findall(files["report.md"].decode()))
+
+
+def drawn(files: dict[str, bytes]) -> set[str]:
+    return {path for path in files if path.endswith(".png")}
+
+
+def lines(text: str) -> list[str]:
+    return [line for line in text.splitlines() if line]
+
+
+@pytest.mark.usefixtures("undrawn")
+@pytest.mark.parametrize(
+    ("runs", "some"), [(["heavy-04"], {"phase", "force", "ridge"}), (["heavy-02", "heavy-04"], {"consistency", "residuals_together"})]
+)
+def test_without_figures_a_report_is_the_same_but_for_images_captions_and_words_about_them(replica: Path, runs: list[str], some: set[str]) -> None:
+    campaign = load_campaign(replica / "campaign.toml")
+    analysis = analyse(campaign, runs, seed=1, target=Target(ess=400))
+    whole, bare = (analysis_report(campaign, analysis, figures=wanted) for wanted in (True, False))
+    assert shown(whole) == drawn(whole) >= {f"figures/{name}.png" for name in some}
+    assert bare == {"report.md": bare["report.md"], "result.json": whole["result.json"]}
+    text = IMAGE.sub("", whole["report.md"].decode()).replace(" and taken out of the figure", "")
+    assert lines(bare["report.md"].decode()) == lines(text)
+    assert " figure" not in text
+
+
+@pytest.mark.usefixtures("undrawn")
+def test_a_line_without_its_figure(replica: Path) -> None:
+    campaign = load_campaign(replica / "campaign.toml")
+    analysis = analyse_line(read_theta_min(campaign.source), gamma_masses=None, seed=1, target=Target(ess=400))
+    whole, bare = (line_report(campaign, analysis, figures=wanted) for wanted in (True, False))
+    assert shown(whole) == drawn(whole) == {"figures/line.png"}
+    assert bare == {"report.md": bare["report.md"], "result.json": whole["result.json"]}
+    assert lines(bare["report.md"].decode()) == lines(IMAGE.sub("", whole["report.md"].decode()))
+
+
+@pytest.mark.usefixtures("undrawn")
+def test_a_report_shows_no_figure_that_it_does_not_have() -> None:
+    """One parameter has no weakest direction to draw."""
+    x = [0.1 * i for i in range(8)]
+    fit = fit_curve("a*x", x, [2.0 * one for one in x], u_y=0.05, start={"a": 1.0})
+    files = curve_report(fit, sample_curve(fit, seed=1, target=Target(ess=400)), title="one", kind="synthetic")
+    assert shown(files) == drawn(files)
+
+
+def test_every_figure_of_every_template_is_asked_whether_it_is_there(project: Path) -> None:
+    for template in (project / "estim" / "reports" / "templates").glob("*.j2"):
+        assert "![" not in template.read_text(), template
+    assert render("consistency.md.j2", pictures=["figures/consistency.png"], **EMPTY).count("![") == 1
+    assert "![" not in render("consistency.md.j2", **EMPTY)
+
+
+EMPTY = {"consistency": {"agree": True, "verdict": "", "dof": 0}, "sources": [], "estimates": [], "reject_below": 0.0, "limits_only": True}
+
+
+def test_nothing_that_draws_is_loaded_for_a_report_without_figures(replica: Path, tmp_path: Path) -> None:
+    """lmfit and arviz_stats import the bare matplotlib, to know whether it is there; its figures take a quarter of a second to load."""
+    code = "import sys; from estim.cli.commands import cli; cli(sys.argv[1:], standalone_mode=False); print(*sorted(sys.modules))"
+    arguments = ["fit", replica / "campaign.toml", "--run", "heavy-04", "--out", tmp_path, "--no-figures"]
+    done = subprocess.run([sys.executable, "-c", code, *map(str, arguments)], capture_output=True, text=True, check=True)
+    loaded = set(done.stdout.splitlines()[-1].split())
+    assert {"estim.reports.figures", "jinja2"} <= loaded
+    assert not {"matplotlib.figure", "matplotlib.axes", "matplotlib.font_manager", "matplotlib.pyplot", "matplotlib.backends.backend_agg"} & loaded
+    assert not (tmp_path / "figures").exists()
+    assert "![" not in (tmp_path / "report.md").read_text()
+
+
+def test_every_command_that_draws_can_do_without(project: Path) -> None:
+    having = {name for name, command in cli.commands.items() if any(one.name == "no_figures" for one in command.params)}
+    assert having == set(cli.commands) - {"simulate", "import"}
+    passed = [
+        (ast.unparse(call.func), {one.arg: ast.unparse(one.value) for one in call.keywords}.get("figures"))
+        for file in ("commands", "comparing")
+        for call in ast.walk(ast.parse((project / "estim" / "cli" / f"{file}.py").read_text()))
+        if isinstance(call, ast.Call) and ast.unparse(call.func).endswith(("_report", "compare_models"))
+    ]
+    asked = {"not no_figures", "figures", "drawn"}
+    assert {name for name, wanted in passed if wanted not in asked} == {"index_report", "write_report"}
+    assert len(passed) > 12
+
+
+REPORT = b"![a](figures/old.png)\n\n![b](figures/kept.png)\n\n![c](figures/of%20a.png)"
+
+
+def test_figures_that_only_the_report_before_shows_are_removed_and_nothing_else(tmp_path: Path) -> None:
+    first = {"figures/old.png": b"1", "figures/kept.png": b"2", "figures/of a.png": b"3", "report.md": REPORT}
+    write_report(tmp_path, first)
+    (tmp_path / "figures" / "mine.png").write_bytes(b"of the user")
+    write_report(tmp_path, {"figures/kept.png": b"4", "report.md": b"![b](figures/kept.png)"})
+    assert {path.name for path in (tmp_path / "figures").iterdir()} == {"kept.png", "mine.png"}
+    write_report(tmp_path, {"report.md": b"text"})
+    assert {path.name for path in (tmp_path / "figures").iterdir()} == {"mine.png"}
+    write_report(tmp_path / "other", first)
+    write_report(tmp_path / "other", {"report.md": b"text"})
+    assert [path.name for path in (tmp_path / "other").iterdir()] == ["report.md"]
+
+
+def test_a_forged_report_removes_nothing_elsewhere(tmp_path: Path) -> None:
+    out, outside = tmp_path / "out", tmp_path / "x.png"
+    for path in (outside, out / "x.png", out / "figures" / "sub" / "x.png"):
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_bytes(b"x")
+    (out / "figures" / "link.png").symlink_to(outside)
+    names = ("..%2Fx.png", "../x.png", "..%2F..%2Fx.png", "sub/x.png", "sub%2Fx.png", "link.png", "%00.png", "%0a.png", "sub", "..%5Cx.png")
+    (out / "report.md").write_text("".join(f"![a](figures/{name})\n" for name in names))
+    write_report(out, {"report.md": b"text"})
+    assert outside.exists()
+    assert (out / "x.png").exists()
+    assert (out / "figures" / "sub" / "x.png").exists()
+    assert (out / "figures" / "link.png").is_symlink()
+
+
+def test_a_report_before_that_is_no_file_of_ours_has_no_figures(tmp_path: Path) -> None:
+    (tmp_path / "figures").mkdir()
+    (tmp_path / "figures" / "old.png").write_bytes(b"x")
+    (tmp_path / "elsewhere.md").write_bytes(REPORT)
+    (tmp_path / "report.md").symlink_to(tmp_path / "elsewhere.md")
+    write_report(tmp_path, {"report.md": b"text"})
+    assert (tmp_path / "figures" / "old.png").exists()
+    assert (tmp_path / "report.md").read_bytes() == b"text"
