@@ -5,6 +5,7 @@
 
 Each line: a disturbance of one run (`recordings.py`; the motion is solved by SciPy and shares no code with `model/`), analysed as
 `estim fit` does by default, with no hint; beside it, if asked for, what lmfit makes of the same recordings (`peers.py`).
+The true c_rr is its average over the track, drag and hills included.
 Shift: mean of (posterior mean - true value)/posterior sd over the replicas, whatever the status.
 Coverage: share of central 68 and 95 % intervals of the five quantities that hold the true value, among results with status `ok`; behind it the
 Monte-Carlo standard deviation, of the shares of single recordings.  Last column: share of results that are `ok` with some |z| > 4.
