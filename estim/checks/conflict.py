@@ -37,7 +37,7 @@ from numpy.typing import NDArray
 from estim.arrays import FloatArray
 from estim.checks.goodness import check_goodness
 from estim.common import Amount, Finding, Kind, NumericalError, Stream, stream
-from estim.fitting import Fit, around, chi2_p, curve_indices, fit_least_squares, information
+from estim.fitting import Fit, around, chi2_p, curve_indices, fit_least_squares
 from estim.problem import MEASURED, LogNormal, Normal, Prior, Problem, TruncatedNormal
 
 P_CONFLICT = 0.01
@@ -46,6 +46,7 @@ _LOOSER, _MOST_LOG_SD, _N_START = 100.0, 10.0, 6
 _HOPELESS = 100.0  # mean square of whitened residuals: no settling of weights makes 1 of it
 NOTE_BELOW = 0.05
 _LEAST = 0.01  # information of the data, in units of the prior's, below which there is nothing to compare
+_LEAST_OF_MIXTURE = 0.1  # the same where a mixture was taken as one normal distribution, a few per cent of whose covariance mean nothing
 _ALONE = 1e-9  # relative: eigenvalues below count as zero
 _TOO_FAR = 20.0  # pulls that an expansion around the mode cannot give
 _FAR = 2.0  # pulls worth naming, and how many of them at most
@@ -89,12 +90,13 @@ def check_stated_values(fit: Fit) -> Conflict:
         return Conflict(0.0, 0, 1.0, {})
     on_edge = np.array([fit.names[i] in fit.at_bound for i in curve])
     free = np.flatnonzero((slopes == 0.0) & ~on_edge)
-    data = (information(fit.posterior, fit.values)[np.ix_(curve, curve)]) - np.diag(slopes**2)
+    model = around(fit)
+    data = model.rows.T @ model.rows
     known = _without(data, stated, free) / np.outer(slopes[stated], slopes[stated])
     values, vectors = np.linalg.eigh(0.5 * (known + known.T))
-    kept = values > _LEAST
-    told = 1.0 - np.sum(vectors**2 / (1.0 + np.maximum(values, 0.0)), axis=1) > _LEAST  # 1 - u^2/s^2
-    model = around(fit)
+    least = _LEAST_OF_MIXTURE if fit.forces or fit.deviations else _LEAST
+    kept = values > least
+    told = 1.0 - np.sum(vectors**2 / (1.0 + np.maximum(values, 0.0)), axis=1) > least  # 1 - u^2/s^2
     pull_rows = np.zeros((stated.size, curve.size))
     pull_rows[np.arange(stated.size), stated] = slopes[stated]
     # a log-normal prior has its mode below its median, and it is the median that was stated

@@ -27,7 +27,7 @@ from estim.deviation.jumps import BadFrames
 from estim.deviation.linearised import Linearised, linearise
 from estim.deviation.mixture import Mixture, keep_probable
 from estim.deviation.noise import Stated, WithForce, normal_covariance
-from estim.deviation.posing import FoundForce, Told, as_prior, growth_over, linear_groups, priors_at, told_by, whitener
+from estim.deviation.posing import FoundForce, Told, as_prior, growth_over, linear_groups, priors_at, summed, told_beyond, told_by, whitener
 from estim.problem import Likelihood, Named, Noise, Observations, Points, Problem, StackedPoints, Wording
 
 
@@ -123,13 +123,14 @@ def pose_forces(
     prior = precision, precision @ pull
     forced = {run.name for group in lacking for run in group.runs}
     complete = [told_by(run, problem, values) for run in problem.runs if run.name not in forced]
-    told = [_told(group.beside(precision, pull), prior) for group in lacking]
+    told = [told_beyond(group.beside(precision, pull), prior) for group in lacking]
     linear = [group.beside(*as_prior([prior, *complete, *told[:i], *told[i + 1 :]])) for i, group in enumerate(lacking)]
     noises: dict[str, Noise] = {}
     for group, found in zip(lacking, linear, strict=True):
         noises |= _noises(group, found)
     shared = tuple(_together(group, found) for group, found in zip(lacking, linear, strict=True) if len(group.runs) > 1)
-    forces = tuple(_found(group, found, values, without, problem) for group, found in zip(lacking, linear, strict=True))
+    data = summed([*complete, *told])
+    forces = tuple(_found(group, found, values, without, problem, data) for group, found in zip(lacking, linear, strict=True))
     n = problem.n_par
     return JointlyPosed(noises, shared, forces, linear[0].mean[:n], linear[0].covariance[:n, :n])
 
@@ -151,14 +152,6 @@ def _prepared(label: str, runs: tuple[Observations, ...], courses: Mapping[str, 
     )
 
 
-def _told(linear: Linearised, prior: Told) -> Told:
-    """What a group says beyond its prior, as one normal distribution."""
-    n_par = prior[1].size
-    information = np.linalg.inv(linear.covariance[:n_par, :n_par])
-    spectrum, basis = np.linalg.eigh(information - prior[0])
-    return (basis * np.maximum(spectrum, 0.0)) @ basis.T, information @ linear.mean[:n_par] - prior[1]
-
-
 def _noises(group: _Lacking, linear: Linearised) -> dict[str, Noise]:
     if len(group.runs) == 1:
         (run,) = group.runs
@@ -173,7 +166,7 @@ def _together(group: _Lacking, linear: Linearised) -> Together:
     return Together(names, keep_probable(linear, columns=group.pushes), whitener(linear, group.pushes), group.shift)
 
 
-def _found(group: _Lacking, linear: Linearised, values: FloatArray, without: FloatArray, problem: Problem) -> FoundForce:
+def _found(group: _Lacking, linear: Linearised, values: FloatArray, without: FloatArray, problem: Problem, told: Told) -> FoundForce:
     run, along, several = group.runs[0], group.alongs[0], len(group.runs) > 1
     force = find_force(linear, group.track, Response.stacked(group.responses), radius=along.radian)
     means, covs = linear_groups(linear, problem.n_par)
@@ -182,7 +175,8 @@ def _found(group: _Lacking, linear: Linearised, values: FloatArray, without: Flo
     return FoundForce(
         run=group.label, unit=run.y_unit if run.positions else run.x_unit, scale=run.force, force=force, noise=linear.size("scale"),
         larger=linear.p_noise(float(np.nextafter(1.0, 2.0))), too_large=linear.p_noise(max(SCALES)),
-        conservative=stated_is_conservative(linear), growth=growth, upright=along.upright, means=values + means, covs=covs, bad=BadFrames(),
+        conservative=stated_is_conservative(linear), growth=growth, upright=along.upright, about=values, told=told,
+        means=values + means, covs=covs, bad=BadFrames(),
         reading_unit=run.x_unit if run.noise.made_of_positions else run.y_unit, step=run.noise.size.step,
         runs=tuple(run.name for run in group.runs), own=_own(group, linear) if several else (),
     )

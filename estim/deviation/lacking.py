@@ -27,7 +27,7 @@ from estim.deviation.generic import (
 from estim.deviation.linearised import Linearised, linearise
 from estim.deviation.mixture import keep_probable
 from estim.deviation.noise import WithMixture, normal_covariance
-from estim.deviation.posing import as_prior, growth_over, linear_groups, told_by
+from estim.deviation.posing import Told, as_prior, growth_over, linear_groups, told_beyond, told_by
 from estim.deviation.visible import Visible, see_deviation
 from estim.problem import Lacks, Observations, Problem, Wording
 
@@ -74,7 +74,9 @@ class FoundDeviation:
     noise : quantiles 0.16, 0.5, 0.84 of the standard deviation of the noise beside it, in units of the stated one, or in the unit of y.
     conservative : whether the readings scatter by far less than stated.
     growth : parameter -> its standard deviation over that with independent errors alone, both linearised.
-    mean, sds : (n_par,) of the linearised posterior.  intervals : parameter -> probability (0.68, 0.95) -> its ends.
+    mean, cov : (n_par,), (n_par, n_par) of the linearised posterior.
+    about, told : (n_par,) the point of linearisation, and what all data say there as one normal distribution, whatever the size of the deviation.
+    intervals : parameter -> probability (0.68, 0.95) -> its ends.
     means, covs : (n, n_par), (n, n_par, n_par) of normal distributions that make it up, the narrowest first.
     """
 
@@ -89,6 +91,8 @@ class FoundDeviation:
     growth: Mapping[str, float]
     mean: FloatArray
     cov: FloatArray
+    about: FloatArray
+    told: Told
     intervals: Mapping[str, Mapping[float, Interval]]
     means: FloatArray
     covs: FloatArray
@@ -113,7 +117,8 @@ def pose_deviation(run: Observations, problem: Problem, values: FloatArray) -> P
     stated = normal_covariance(run.noise, run.points, named)
     residuals = run.y - stated.shift - np.ravel(np.broadcast_to(run.points.value(named), (1, run.n_obs)))
     jacobian = run.points.gradient(named, problem.names)
-    precision, pull = _known(run, problem, values)
+    prior = _prior(problem, values)
+    precision, pull = as_prior([prior, *(told_by(other, problem, values) for other in problem.runs if other is not run)])
     covariance = stated.covariance if lacks.stated else _sized(stated.covariance, residuals, len(run.curve_parameters))
     scales = _scales(lacks, covariance, residuals)
     deviation = _components(run, lacks, covariance, scales)
@@ -128,7 +133,8 @@ def pose_deviation(run: Observations, problem: Problem, values: FloatArray) -> P
         run=run.name, lacks=lacks, probability=linear.p_deviation, smooth=sizes.get(DEVIATION), correlated=sizes.get(TIME),
         visible=see_deviation(linear, run, scales), noise=(low, middle, high),
         conservative=lacks.stated and stated_is_conservative(linear), growth=growth_over(problem, linear, without),
-        mean=values + linear.mean, cov=linear.covariance, intervals=_intervals(linear, problem, values), means=values + means, covs=covs,
+        mean=values + linear.mean, cov=linear.covariance, about=values,
+        told=told_beyond(linear, prior), intervals=_intervals(linear, problem, values), means=values + means, covs=covs,
     )
     return PosedDeviation(noise, found)
 
@@ -164,13 +170,12 @@ def _scales(lacks: Lacks, covariance: FloatArray, residuals: FloatArray) -> dict
     return found | ({TIME: max(seen, _TIMES_NOISE * typical)} if lacks.along is not None else {})
 
 
-def _known(run: Observations, problem: Problem, values: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Precision (n_par, n_par) and pull (n_par,) at `values` of the priors and of all other runs."""
+def _prior(problem: Problem, values: FloatArray) -> Told:
+    """What the priors say at `values`."""
     priors = list(zip(problem.parameters, values, strict=True))
     slope = np.array([p.prior.residual_slope(float(v)) for p, v in priors])
     off = np.array([p.prior.residual(float(v)) for p, v in priors])
-    told = [told_by(other, problem, values) for other in problem.runs if other is not run]
-    return as_prior([(np.diag(slope**2), -slope * off), *told])
+    return np.diag(slope**2), -slope * off
 
 
 def _whitener(linear: Linearised, lacks: Lacks) -> FloatArray:

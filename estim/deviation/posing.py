@@ -40,6 +40,7 @@ class FoundForce:
     unit : of positions.  scale : of the prior of its amplitude.  force : in units of the weight.
     growth : parameter -> its standard deviation over that with the stated noise alone and an exact start, both linearised.
     upright : cosine of the tilt.
+    about, told : (n_par,) the point of linearisation, and what all data say there as one normal distribution, whatever the size of forces.
     means, covs : (n, n_par), (n, n_par, n_par) of normal distributions that make up the linearised posterior, the narrowest first.
     bad : frames that are shifted.  reading_unit : of them.  step : of a digital reading, 0 where there is none.
     moved : how far the posterior mode lies from the linearised mean, in sds of the parameter that is farthest off.
@@ -60,6 +61,8 @@ class FoundForce:
     conservative: bool
     growth: Mapping[str, float]
     upright: float
+    about: FloatArray
+    told: Told
     means: FloatArray
     covs: FloatArray
     bad: BadFrames
@@ -108,11 +111,13 @@ def pose_force(run: Observations, course: Course, problem: Problem, values: Floa
     noise = WithForce(run.noise, mixture, whitener(linear, columns), here.stated.shift, bad=bad)
     force = find_force(linear, here.along.track, here.along.response, radius=here.along.radian)
     means, covs = linear_groups(linear, n)
+    prior = here.precision[:n, :n]
     unit = run.y_unit if run.positions else run.x_unit
     found = FoundForce(
         run=run.name, unit=unit, scale=run.force, force=force, noise=linear.size("scale"), larger=linear.p_noise(float(np.nextafter(1.0, 2.0))),
         too_large=linear.p_noise(max(SCALES)), conservative=stated_is_conservative(linear),
-        growth=growth_over(problem, linear, without), upright=here.along.upright, means=values + means, covs=covs, bad=bad,
+        growth=growth_over(problem, linear, without), upright=here.along.upright, about=values,
+        told=told_beyond(linear, (prior, prior @ here.pull[:n])), means=values + means, covs=covs, bad=bad,
         reading_unit=unit if run.positions or run.noise.made_of_positions else run.y_unit, step=run.noise.size.step, runs=(run.name,),
         completed=None if run.positions else Completed(run.points, run.body, mixture, here.stated.shift, here.along),
     )
@@ -163,12 +168,28 @@ def told_by(run: Observations, problem: Problem, values: FloatArray) -> Told:
     return jacobian.T @ jacobian, -jacobian.T @ residuals
 
 
+def told_beyond(linear: Linearised, prior: Told) -> Told:
+    """What observations say beyond the `prior` that they were linearised with, as one normal distribution; with it the mean is that of all."""
+    n_par = prior[1].size
+    cov, mean = linear.covariance[:n_par, :n_par], linear.mean[:n_par]
+    scale = np.sqrt(np.diag(cov))
+    beyond = np.linalg.inv(cov / np.outer(scale, scale)) - prior[0] * np.outer(scale, scale)
+    spectrum, basis = np.linalg.eigh(0.5 * (beyond + beyond.T))
+    information = (basis * np.maximum(spectrum, 0.0)) @ basis.T / np.outer(scale, scale)
+    return information, information @ mean + prior[0] @ mean - prior[1]
+
+
+def summed(known: Sequence[Told]) -> Told:
+    """What several sources say together."""
+    return np.sum([one[0] for one in known], axis=0), np.sum([one[1] for one in known], axis=0)
+
+
 def as_prior(known: Sequence[Told]) -> Told:
     """Precision and pull of what several sources say together: of a normal prior with that information and score."""
-    precision = np.sum([one[0] for one in known], axis=0)
+    precision, score = summed(known)
     scale = np.sqrt(np.maximum(np.diag(precision), 0.0))
     scale = np.where(scale > 0.0, scale, 1.0)
-    pull = np.linalg.lstsq(precision / np.outer(scale, scale), np.sum([one[1] for one in known], axis=0) / scale, rcond=1e-12)[0] / scale
+    pull = np.linalg.lstsq(precision / np.outer(scale, scale), score / scale, rcond=1e-12)[0] / scale
     return precision, pull
 
 

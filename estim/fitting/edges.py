@@ -72,15 +72,27 @@ def curve_indices(fit: Fit) -> Indices:
 
 
 def around(fit: Fit) -> Quadratic:
-    """The data's chi^2 in the parameters of the curve, the noise held at the fit."""
+    """The data's chi^2 in the parameters of the curve, the noise held at the fit.
+
+    Where what the curve lacks is summed over, that of the linearised posterior as a whole: the curvature at the mode is that of the most probable
+    sizes, and smaller ones than they allow for a good part of the probability.
+    """
     problem, posterior, curve = fit.problem, fit.posterior, curve_indices(fit)
     scale = np.sqrt(np.diag(fit.cov))[curve]
     scale = np.where(scale > 0.0, scale, 1.0)
-    blocks = [root[:, curve] for root in posterior.information_roots(fit.values)]
-    gradient = np.sum([jacobian.T @ residual for jacobian, residual in posterior.scoring(fit.values)], axis=0)[curve]
-    _, singular, right = np.linalg.svd(np.vstack(blocks) * scale, full_matrices=False)
+    whole = fit.forces or fit.deviations
+    if not whole:
+        rows = np.vstack([root[:, curve] for root in posterior.information_roots(fit.values)]) * scale
+        gradient = np.sum([jacobian.T @ residual for jacobian, residual in posterior.scoring(fit.values)], axis=0)[curve] * scale
+    else:
+        told, score = whole[0].told
+        information, score = told[np.ix_(curve, curve)] * np.outer(scale, scale), score[curve] * scale
+        spectrum, basis = np.linalg.eigh(information)
+        rows = (np.sqrt(np.maximum(spectrum, 0.0)) * basis).T
+        gradient = information @ ((fit.values - whole[0].about)[curve] / scale) - score
+    _, singular, right = np.linalg.svd(rows, full_matrices=False)
     seen = singular > math.sqrt(_ALONE) * singular[0]
-    aim = -(right @ (gradient * scale))[seen] / singular[seen]
+    aim = -(right @ gradient)[seen] / singular[seen]
     edges = [(problem.parameters[i].prior, float(fit.values[i])) for i in curve]
     low = np.array([min(prior.low - value, 0.0) for prior, value in edges])
     high = np.array([max(prior.high - value, 0.0) for prior, value in edges])
