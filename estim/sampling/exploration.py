@@ -18,7 +18,7 @@ from estim.arrays import FloatArray
 from estim.sampling.importance import log_sum_exp
 from estim.sampling.proposal import Proposal, grown, lower_factor
 from estim.sampling.protocol import Density, log_density_in_batches
-from estim.sampling.ridge import Support, climb, framed, reordered, separate_modes
+from estim.sampling.ridge import Frame, Support, climb, framed, reordered, separate_modes
 from estim.sampling.walk import Rule, follow
 
 _RULE = Rule(depth=10.0, fall=2.0, tolerance=1e-2)
@@ -37,27 +37,26 @@ def ridge_proposal(
     Raises NumericalError where the density is not a number.
     """
     frame = framed(density, start, cov, support)
-    means: list[FloatArray] = []
-    factors: list[FloatArray] = []
-    log_weights: list[float] = []
-    for mode in separate_modes(frame, starts):
-        for axis in range(frame.n_par):
-            here = reordered(frame, mode, axis)
-            points, log_masses = follow(here, _RULE)
-            gaps = np.gradient(points[:, 0]) if len(points) > 1 else np.array([here.factor[0, 0]])
-            slopes = np.gradient(points, axis=0) if len(points) > 1 else here.factor[:, :1].T
-            precisions = climb(here, points, 1, n_step=0).precisions
-            for point, gap, slope, precision, log_mass in zip(points, gaps, slopes, precisions, log_masses, strict=True):
-                scale = np.zeros((frame.n_par, frame.n_par))
-                if precision.size:
-                    scale[1:, 1:] = np.linalg.inv(precision)
-                scale += _OVERLAP**2 * np.outer(slope, slope)
-                means.append(here.original(point[None])[0])
-                back = np.argsort(here.order)
-                factors.append(lower_factor(scale[np.ix_(back, back)]))
-                log_weights.append(_POWER * log_mass + float(np.log(max(gap, 1e-300) / here.factor[0, 0])))
-    weights = np.array(log_weights)
-    return Proposal(np.exp(weights - log_sum_exp(weights)), np.array(means), np.array(factors))
+    return along_ridges(reordered(frame, separate_modes(frame, starts)))
+
+
+def along_ridges(frames: Frame) -> Proposal:
+    """Components along the ridges of the first parameter of stacked frames, all followed at once."""
+    row, points, log_masses = follow(frames, _RULE)
+    at = frames.rows(row)
+    precisions = climb(at, points, 1, n_step=0).precisions
+    scales = np.zeros((len(points), frames.n_par, frames.n_par))
+    scales[:, 1:, 1:] = np.linalg.inv(precisions)
+    first = at.factor[:, 0, 0]
+    gaps, slopes = first.copy(), at.factor[:, :, 0].copy()
+    for ridge in np.split(np.arange(row.size), np.flatnonzero(np.diff(row)) + 1):
+        if ridge.size > 1:
+            gaps[ridge], slopes[ridge] = np.gradient(points[ridge, 0]), np.gradient(points[ridge], axis=0)
+    scales += _OVERLAP**2 * slopes[:, :, None] * slopes[:, None, :]
+    back = np.argsort(at.order, axis=1)
+    factors = np.array([lower_factor(scale[np.ix_(order, order)]) for scale, order in zip(scales, back, strict=True)])
+    weights = _POWER * log_masses + np.log(np.maximum(gaps, 1e-300) / first)
+    return Proposal(np.exp(weights - log_sum_exp(weights)), at.original(points), factors)
 
 
 def both(a: Proposal, b: Proposal) -> Proposal:

@@ -35,6 +35,8 @@ class Frame:
 
     order : (n_par,) which parameter comes first.  centre : (n_par,) a mode.  factor : (n_par, n_par) lower Cholesky factor of a
     covariance.  low, high : (n_par,) limits, infinite where there are none.  All but `order` in the new order.
+
+    Several frames of one density stacked have one more axis in front of each, and then every point of (n, n_par) has a frame of its own.
     """
 
     density: Density
@@ -46,12 +48,22 @@ class Frame:
 
     @property
     def n_par(self) -> int:
-        return self.centre.size
+        return int(self.centre.shape[-1])
+
+    @property
+    def stacked(self) -> bool:
+        return self.order.ndim > 1
+
+    def rows(self, which: int | NDArray[np.int64]) -> Frame:
+        """These of stacked frames (one of them, not stacked, for a number); a single frame, which serves all points, as it is."""
+        if not self.stacked:
+            return self
+        return Frame(self.density, self.order[which], self.centre[which], self.factor[which], self.low[which], self.high[which])
 
     def original(self, points: FloatArray) -> FloatArray:
         """(n, n_par) the same points with the parameters in the density's own order."""
         points_there = np.empty_like(points)
-        points_there[:, self.order] = points
+        np.put_along_axis(points_there, np.broadcast_to(self.order, points.shape), points, axis=1)
         return points_there
 
     def heights(self, points: FloatArray) -> FloatArray:
@@ -60,7 +72,7 @@ class Frame:
         values = np.full(len(points), -np.inf)
         if np.any(inside):
             with np.errstate(all="ignore"):  # far from the mode a curve may overflow: no density there
-                values[inside] = log_density_in_batches(self.density, self.original(points[inside]))
+                values[inside] = log_density_in_batches(self.density, self.rows(np.flatnonzero(inside)).original(points[inside]))
         return values
 
 
@@ -84,7 +96,10 @@ class Summits:
 
 
 def climb(frame: Frame, points: FloatArray, n_held: int, *, n_step: int = 2) -> Summits:
-    """Conditional maxima from points (n, n_par), the first `n_held` parameters staying where they are."""
+    """Conditional maxima from points (n, n_par), the first `n_held` parameters staying where they are.
+
+    Points with frames of their own do not know of each other: each has the maximum that it would have alone.
+    """
     n_free = frame.n_par - n_held
     points = np.array(points)
     heights = frame.heights(points)
@@ -96,13 +111,18 @@ def climb(frame: Frame, points: FloatArray, n_held: int, *, n_step: int = 2) -> 
         step, _ = _bounded_step(frame, points[:, n_held:], gradient, precision, n_held)
         for shrink in (1.0, 0.3, 0.05):
             trial = points.copy()
-            trial[:, n_held:] = np.clip(points[:, n_held:] + shrink * step, frame.low[n_held:], frame.high[n_held:])
-            risen = frame.heights(trial)
+            trial[:, n_held:] = np.clip(points[:, n_held:] + shrink * step, frame.low[..., n_held:], frame.high[..., n_held:])
+            moved = np.flatnonzero(np.any(step != 0.0, axis=1))
+            risen = np.full(len(points), -np.inf)
+            risen[moved] = frame.rows(moved).heights(trial[moved])
             better = risen > heights
             points[better], heights[better] = trial[better], risen[better]
             step[better] = 0.0
-            if np.all(better | (np.abs(gradient[:, None] @ step[:, :, None]).ravel() < 1e-3)):
+            done = better | (np.abs(gradient[:, None] @ step[:, :, None]).ravel() < 1e-3)
+            if np.all(done):
                 break
+            if frame.stacked:
+                step[done] = 0.0
     gradient, precision, _ = _derivatives(frame, points, n_held, scales)
     _, pressed = _bounded_step(frame, points[:, n_held:], gradient, precision, n_held)
     return Summits(points, heights, _log_volume(frame, points[:, n_held:], gradient, precision, pressed, n_held), precision)
@@ -125,14 +145,18 @@ def framed(density: Density, start: FloatArray, cov: FloatArray, support: Suppor
         coefficients = np.polynomial.polynomial.polyfit(t[known], values[known], 2)
         bent[i] = np.max(np.abs(np.polynomial.polynomial.polyval(t[known], coefficients) - values[known]))
     order = np.argsort(-np.where(bent < 1e-7, 0.0, bent), kind="stable")
-    return rescaled(Frame(density, order, start[order], lower_factor(cov[np.ix_(order, order)]), low[order], high[order]))
+    factor = lower_factor(cov[np.ix_(order, order)])
+    return rescaled(Frame(density, order[None], start[None, order], factor[None], low[None, order], high[None, order])).rows(0)
 
 
-def reordered(frame: Frame, mode: FloatArray, axis: int) -> Frame:
-    """The frame around another mode (n_par,), with parameter number `axis` of it in front."""
-    order = np.array([axis, *(i for i in range(frame.n_par) if i != axis)])
-    cov = (frame.factor @ frame.factor.T)[np.ix_(order, order)]
-    return rescaled(Frame(frame.density, frame.order[order], mode[order], lower_factor(cov), frame.low[order], frame.high[order]))
+def reordered(frame: Frame, modes: FloatArray) -> Frame:
+    """Frames around modes (n_mode, n_par), stacked: for every mode one with each parameter in front, (n_mode n_par) in all."""
+    orders = np.array([[axis, *(i for i in range(frame.n_par) if i != axis)] for axis in range(frame.n_par)])
+    cov = frame.factor @ frame.factor.T
+    factors = np.array([lower_factor(cov[np.ix_(order, order)]) for order in orders])
+    centres = modes[:, orders].reshape(-1, frame.n_par)
+    order, n_mode = np.tile(orders, (len(modes), 1)), len(modes)
+    return rescaled(Frame(frame.density, frame.order[order], centres, np.tile(factors, (n_mode, 1, 1)), frame.low[order], frame.high[order]))
 
 
 def separate_modes(frame: Frame, starts: Sequence[FloatArray]) -> FloatArray:
@@ -147,27 +171,34 @@ def separate_modes(frame: Frame, starts: Sequence[FloatArray]) -> FloatArray:
     return found.points[kept]
 
 
-def rescaled(frame: Frame) -> Frame:
-    """The frame with the second derivatives at its centre (the slope towards a limit that the centre lies on) in place of its covariance."""
+def rescaled(frames: Frame) -> Frame:
+    """Stacked frames with the second derivatives at their centres (the slope towards a limit that a centre lies on) in place of covariances."""
+    centres, factors = frames.centre.copy(), frames.factor.copy()
+    rough = np.arange(len(centres))
     for _ in range(4):
-        frame = replace(frame, centre=climb(frame, frame.centre[None], 0).points[0])
-        gradient, precision, _ = _derivatives(frame, frame.centre[None], 0, np.ones((1, frame.n_par)))
-        _, pressed = _bounded_step(frame, frame.centre[None], gradient, precision, 0)
-        steep = np.diag(np.where(pressed[0], gradient[0], 0.0) ** 2)
-        factor = lower_factor(np.linalg.inv(precision[0] + steep))
-        if np.allclose(np.diag(factor), np.diag(frame.factor), rtol=0.1):
+        here = replace(frames, centre=centres, factor=factors).rows(rough)
+        here = replace(here, centre=climb(here, here.centre, 0).points)
+        centres[rough] = here.centre
+        gradient, precision, _ = _derivatives(here, here.centre, 0, np.ones_like(here.centre))
+        _, pressed = _bounded_step(here, here.centre, gradient, precision, 0)
+        steep = np.where(pressed, gradient, 0.0)[:, :, None] ** 2 * np.eye(frames.n_par)
+        found = np.array([lower_factor(cov) for cov in np.linalg.inv(precision + steep)])
+        sds, sds_before = (np.diagonal(factor, axis1=1, axis2=2) for factor in (found, here.factor))
+        changed = ~np.all(np.isclose(sds, sds_before, rtol=0.1), axis=1)
+        rough = rough[changed]
+        if rough.size == 0:
             break
-        frame = replace(frame, factor=factor)
-    return frame
+        factors[rough] = found[changed]
+    return replace(frames, centre=centres, factor=factors)
 
 
 def _derivatives(frame: Frame, points: FloatArray, n_held: int, scales: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Gradient (n, n_free) and minus the second derivatives (n, n_free, n_free), made positive, and new scales (n, n_free)."""
     n, n_free = scales.shape
-    base = frame.factor[n_held:, n_held:]
+    base = frame.factor[..., n_held:, n_held:]
     directions = base * scales[:, None, :]  # (n, n_free, direction)
     margin = 2.0 * _STEP * np.sum(np.abs(directions), axis=2)
-    low, high = frame.low[n_held:], frame.high[n_held:]
+    low, high = frame.low[..., n_held:], frame.high[..., n_held:]
     margin = np.minimum(margin, 0.49 * (high - low))
     centre = points.copy()
     centre[:, n_held:] = np.clip(points[:, n_held:], low + margin, high - margin)
@@ -176,7 +207,7 @@ def _derivatives(frame: Frame, points: FloatArray, n_held: int, scales: FloatArr
     moves = np.concatenate([np.zeros((1, n_free)), eye, -eye, eye[first] + eye[second], -eye[first] - eye[second]])
     stencil = np.repeat(centre[:, None], len(moves), axis=1)
     stencil[:, :, n_held:] += _STEP * np.einsum("mj,nij->nmi", moves, directions)
-    values = frame.heights(stencil.reshape(-1, frame.n_par)).reshape(n, -1)
+    values = frame.rows(np.repeat(np.arange(n), len(moves))).heights(stencil.reshape(-1, frame.n_par)).reshape(n, -1)
     known = np.all(np.isfinite(values), axis=1)
     values = np.where(known[:, None], values, 0.0)
     middle, plus, minus = values[:, :1], values[:, 1 : n_free + 1], values[:, n_free + 1 : 2 * n_free + 1]
@@ -202,7 +233,7 @@ def _derivatives(frame: Frame, points: FloatArray, n_held: int, scales: FloatArr
 
 def _bounded_step(frame: Frame, at: FloatArray, gradient: FloatArray, precision: FloatArray, n_held: int) -> tuple[FloatArray, Flags]:
     """(n, n_free) Newton steps that stay within the limits, and (n, n_free) which parameters are pressed against one."""
-    low, high = frame.low[n_held:], frame.high[n_held:]
+    low, high = frame.low[..., n_held:], frame.high[..., n_held:]
     pressed = ((at <= low) & (gradient < 0.0)) | ((at >= high) & (gradient > 0.0))
     fixed = np.where(pressed, 0.0, np.nan)
     step = np.zeros_like(at)
@@ -232,7 +263,7 @@ def _log_volume(frame: Frame, at: FloatArray, gradient: FloatArray, precision: F
     _, log_det = np.linalg.slogdet(matrix)
     covariance = np.linalg.inv(matrix)
     sd = np.sqrt(np.diagonal(covariance, axis1=1, axis2=2))
-    inside = np.log(ndtr((frame.high[n_held:] - at) / sd) - ndtr((frame.low[n_held:] - at) / sd))
+    inside = np.log(ndtr((frame.high[..., n_held:] - at) / sd) - ndtr((frame.low[..., n_held:] - at) / sd))
     # one pressed against a limit: its curvature with those that are not pressed re-optimised
     coupling = np.where(pressed[:, None, :], 0.0, precision)
     curvature = np.diagonal(precision, axis1=1, axis2=2) - np.einsum("nij,njk,nik->ni", coupling, covariance, coupling)

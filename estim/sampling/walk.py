@@ -30,70 +30,86 @@ class Rule:
 
 
 def walk(
-    frame: Frame, axis: int, start: FloatArray, start_masses: FloatArray, top: float, direction: float, rule: Rule
+    frame: Frame, axis: int, start: FloatArray, start_masses: FloatArray, top: float | FloatArray, direction: float | FloatArray, rule: Rule
 ) -> tuple[list[Panels], bool]:
-    """Panels (row, points at the left and the right end, log masses there) from `start` (n, n_par) on in one direction."""
-    edge = frame.high[axis] if direction > 0.0 else frame.low[axis]
+    """Panels (row, points at the left and the right end, log masses there) from `start` (n, n_par) on, and whether a walk found no end.
+
+    top, direction : one, or (n,).  frame : one, or n stacked.  All walks advance together.
+    """
+    tops, sense = np.broadcast_to(top, len(start)), np.broadcast_to(direction, len(start))
+    upwards = sense > 0.0
+    edge = np.where(upwards, frame.high[..., axis], frame.low[..., axis])
     active = np.arange(len(start))
     here, mass = start.copy(), start_masses.copy()
     before = start.copy()
-    first = frame.factor[axis, axis]
-    step = np.full(len(start), first)
+    first = np.broadcast_to(frame.factor[..., axis, axis], len(start))
+    along = np.broadcast_to(_along(frame, axis), start.shape)
+    step = first.copy()
     at_zero = np.zeros(len(start), dtype=bool)  # nothing lies behind: a limit that nobody stated
     panels: list[Panels] = []
-    lost = -np.inf  # log mass where a walk ended too early
+    open_end = np.zeros(len(start), dtype=bool)  # a walk ended too early
     for _ in range(_MOST_STEPS):
-        active = active[(np.abs(edge - here[active, axis]) > 1e-12 * first) & (mass[active] > top - rule.depth)]
-        stuck = active[(step[active] <= 1e-7 * first) & ~at_zero[active]]  # before a jump: what lies behind it is not known
-        lost = max(lost, *mass[stuck], -np.inf)
-        active = active[step[active] > 1e-7 * first]
+        active = active[(np.abs(edge - here[:, axis]) > 1e-12 * first)[active] & (mass > tops - rule.depth)[active]]
+        small = step[active] <= 1e-7 * first[active]
+        open_end[active[small & ~at_zero[active]]] = True  # before a jump: what lies behind it is not known
+        active = active[~small]
         if active.size == 0:
             break
-        here_, step_ = here[active], step[active]
-        at = here_[:, axis] + direction * step_
-        at = np.minimum(at, edge) if direction > 0.0 else np.maximum(at, edge)
+        own = frame.rows(active)
+        here_, step_, up = here[active], step[active], upwards[active]
+        at = here_[:, axis] + sense[active] * step_
+        at = np.where(up, np.minimum(at, edge[active]), np.maximum(at, edge[active]))
         length = here_[:, axis] - before[active, axis]
-        slope = np.where((length != 0.0)[:, None], (here_ - before[active]) / np.where(length == 0.0, 1.0, length)[:, None], _along(frame, axis))
+        slope = np.where((length != 0.0)[:, None], (here_ - before[active]) / np.where(length == 0.0, 1.0, length)[:, None], along[active])
         guess = here_ + slope * (at - here_[:, axis])[:, None]
         guess[:, : axis + 1] = here_[:, : axis + 1]
         guess[:, axis] = at
-        guess[:, axis + 1 :] = np.clip(guess[:, axis + 1 :], frame.low[axis + 1 :], frame.high[axis + 1 :])
-        nowhere = ~np.isfinite(frame.heights(guess))
+        guess[:, axis + 1 :] = np.clip(guess[:, axis + 1 :], own.low[..., axis + 1 :], own.high[..., axis + 1 :])
+        nowhere = ~np.isfinite(own.heights(guess))
         guess[nowhere, axis + 1 :] = here_[nowhere, axis + 1 :]
-        found = climb(frame, guess, axis + 1)
+        found = climb(own, guess, axis + 1)
         masses = found.log_masses
-        allowed = rule.fall + (top - mass[active]).clip(0.0)
+        allowed = rule.fall + (tops - mass)[active].clip(0.0)
         fall = mass[active] - masses
         at_zero[active] = np.isneginf(masses)
         taken = np.isfinite(masses) & (fall <= 1.5 * allowed)
         where = active[taken]
-        ends = (here_[taken], found.points[taken]) if direction > 0.0 else (found.points[taken], here_[taken])
-        values = (mass[where], masses[taken]) if direction > 0.0 else (masses[taken], mass[where])
-        panels.append((where, *ends, *values))
-        before[where], here[where], mass[where] = here_[taken], found.points[taken], masses[taken]
+        inner, outer, inner_mass, outer_mass, up = here_[taken], found.points[taken], mass[where], masses[taken], up[taken]
+        ends = np.where(up[:, None], inner, outer), np.where(up[:, None], outer, inner)
+        panels.append((where, *ends, np.where(up, inner_mass, outer_mass), np.where(up, outer_mass, inner_mass)))
+        before[where], here[where], mass[where] = inner, outer, outer_mass
         with np.errstate(divide="ignore", invalid="ignore"):
             better = np.sqrt(allowed / np.maximum(np.abs(fall), 1e-3))
         step[active] = step_ * np.where(taken, np.clip(better, 0.4, 2.0), np.where(np.isfinite(fall), np.clip(0.8 * better, 0.1, 0.5), 0.25))
-    return panels, max(lost, *mass[active], -np.inf) > top - 0.5 * rule.depth
+    open_end[active] = True
+    return panels, bool(np.any(mass[open_end] > tops[open_end] - 0.5 * rule.depth))
 
 
 def _along(frame: Frame, axis: int) -> FloatArray:
-    """(n_par,) how the inner parameters follow this one in the frame's covariance."""
-    column = np.zeros(frame.n_par)
-    column[axis:] = frame.factor[axis:, axis] / frame.factor[axis, axis]
+    """(n_par,) how the inner parameters follow this one in the frame's covariance; (n, n_par) for n stacked frames."""
+    column = np.zeros(frame.centre.shape)
+    column[..., axis:] = frame.factor[..., axis:, axis] / frame.factor[..., axis, axis, None]
     return column
 
 
-def follow(frame: Frame, rule: Rule) -> tuple[FloatArray, FloatArray]:
-    """Points (n, n_par) of the ridge along the frame's first parameter, from end to end, and their log masses relative to that of the mode."""
-    top = climb(frame, frame.centre[None], 1, n_step=0)
-    highest = float(top.log_masses[0])
-    points, masses = [top.points], [top.log_masses]
-    for direction in (-1.0, 1.0):
-        panels, _ = walk(frame, 0, top.points, top.log_masses, highest, direction, rule)
-        for _, left, right, left_mass, right_mass in panels:
-            points.append(right if direction > 0.0 else left)
-            masses.append(right_mass if direction > 0.0 else left_mass)
-    way, heights = np.concatenate(points), np.concatenate(masses)
-    order = np.argsort(way[:, 0])
-    return way[order], heights[order] - highest
+def follow(frames: Frame, rule: Rule) -> tuple[IntArray, FloatArray, FloatArray]:
+    """Points of the ridges along the first parameter of n stacked frames, both ways from their centres at once.
+
+    Returned: (n_point,) the frame of each; points (n_point, n_par), frame by frame, from end to end; their log masses (n_point,) relative to
+    that of their mode.
+    """
+    n = len(frames.centre)
+    top = climb(frames, frames.centre, 1, n_step=0)
+    whose = np.repeat(np.arange(n), 2)
+    sense = np.tile([-1.0, 1.0], n)
+    panels, _ = walk(frames.rows(whose), 0, top.points[whose], top.log_masses[whose], top.log_masses[whose], sense, rule)
+    rows, points, masses = [np.arange(n)], [top.points], [top.log_masses]
+    for walker, left, right, left_mass, right_mass in panels:
+        up = sense[walker] > 0.0
+        rows.append(whose[walker])
+        points.append(np.where(up[:, None], right, left))
+        masses.append(np.where(up, right_mass, left_mass))
+    row, way, heights = np.concatenate(rows), np.concatenate(points), np.concatenate(masses)
+    order = np.lexsort((way[:, 0], row))
+    row = row[order]
+    return row, way[order], heights[order] - top.log_masses[row]
