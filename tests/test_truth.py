@@ -3,16 +3,20 @@
 from __future__ import annotations
 
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from estim.campaign import load_campaign
+from estim.campaign import as_complete, load_campaign
+from estim.fitting import fit_least_squares
 from model import Body, trajectory
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "benchmarks"))
-from truth.recordings import BASE, DISTURBANCES, NOISES, PRIORS, SIGMA, write_campaign
+from truth.motion import solve
+from truth.peers import LEAST_SQUARES, intervals_of_lmfit
+from truth.recordings import BASE, DISTURBANCES, LONGEST, NOISES, PRIORS, SIGMA, write_campaign
 
 
 def recorded(folder, name, rng, *, priors="default", noise="speeds"):
@@ -54,3 +58,27 @@ def test_stated_values_scatter_about_the_true_ones(tmp_path, rng):
                 if parameter.name in ("phi[r]", "theta0[r]", "gamma[b]"):
                     pulls.append(parameter.prior.residual(truth[parameter.name]))
     assert np.std(pulls) == pytest.approx(1.0, abs=0.45)  # 5 sd of that of 60 pulls
+
+
+@pytest.mark.parametrize("name", ["viscous", "quadratic", "once", "ramp"])
+def test_the_average_resistance_alone_brings_a_body_to_rest_at_the_same_place(name):
+    """The energy that is lost on the way to the turning point does not depend on where it is lost."""
+    motion = solve(DISTURBANCES[name].motion(np.random.default_rng(2), BASE), LONGEST)
+    plain = solve(replace(BASE, rolling_resistance=motion.average_resistance(motion.first_rest)), LONGEST)
+    ends = [one(np.array([one.first_rest]))[0][0] for one in (motion, plain, solve(BASE, LONGEST))]
+    assert ends[0] == pytest.approx(ends[1], abs=2e-6)
+    assert abs(ends[0] - ends[2]) > 1e-4
+
+
+def test_intervals_of_lmfit_are_those_of_estim_s_least_squares_where_errors_are_as_stated(tmp_path, rng):
+    """The same residuals but for the correlation of neighbouring speeds: the values lie within a standard deviation, the widths are alike."""
+    truth, campaign, _, _ = recorded(tmp_path, "none", rng, priors="sharp")
+    found = intervals_of_lmfit(tmp_path, truth, slow=False, seed=1)[LEAST_SQUARES]
+    assert found is not None
+    fit = fit_least_squares(as_complete(campaign.problem(["r"]), "lmfit"), rng=rng)
+    for name, (narrow, wide) in zip(truth, found, strict=True):
+        i = fit.names.index(name)
+        sd = float(np.sqrt(fit.cov[i, i]))
+        assert abs(np.mean(narrow) - fit.values[i]) < 2.5 * sd
+        assert 0.5 < (narrow[1] - narrow[0]) / (2.0 * sd) < 2.0
+        assert wide[0] < narrow[0] < narrow[1] < wide[1]

@@ -1,25 +1,31 @@
-"""How far is a result off, and does it say so, when something is wrong that nobody told?  Writes a Markdown table.
+"""How far is a result off, and does it say so, when something is wrong that nobody told?  Writes two Markdown tables.
 
-    python benchmarks/truth [--replicas 20] [--only NAME ...] [--priors default sharp] [--noise speeds positions] [--jobs 2] [--seed 1]
-                            [--out benchmarks/RESULTS-truth.md] [--keep FOLDER]
+    python benchmarks/truth [--replicas 20] [--only NAME ...] [--priors default sharp] [--noise speeds positions] [--peers | --slow-peers]
+                            [--jobs 2] [--seed 1] [--log FILE] [--out FILE] [--keep FOLDER]
 
 Each line: a disturbance of one run (`recordings.py`; the motion is solved by SciPy and shares no code with `model/`), analysed as
-`estim fit` does by default, with no hint.  Shift: mean of (posterior mean - true value)/posterior sd over the replicas, whatever the status.
-Coverage: share of central 68 and 95 % intervals of the five quantities that hold the true value, among results with status `ok`.
-Last column: share of results that are `ok` with some |z| > 4.
+`estim fit` does by default, with no hint; beside it, if asked for, what lmfit makes of the same recordings (`peers.py`).
+The true c_rr is its average over the track, drag and hills included.
+Shift: mean of (posterior mean - true value)/posterior sd over the replicas, whatever the status.
+Coverage: share of central 68 and 95 % intervals of the five quantities that hold the true value, among results with status `ok`; behind it the
+Monte-Carlo standard deviation, of the shares of single recordings.  Last column: share of results that are `ok` with some |z| > 4.
+
+--log keeps every outcome as it comes, one line of JSON each; what it already holds is not made again.
 """
 
 from __future__ import annotations
 
 import argparse
 import hashlib
+import json
 import os
 import sys
 import tempfile
 import time
-from collections import Counter
-from concurrent.futures import ProcessPoolExecutor
-from dataclasses import dataclass
+from collections import Counter, defaultdict
+from collections.abc import Sequence
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from dataclasses import asdict, dataclass
 from itertools import product
 from pathlib import Path
 
@@ -31,65 +37,142 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 from estim.campaign import load_campaign
 from estim.common import EstimError
 from estim.pipeline import analyse
+from truth.peers import CENTRAL, intervals_of_lmfit
 from truth.recordings import DISTURBANCES, FREE, NOISES, PRIORS, write_campaign
 
 SYMBOLS = {"gamma": "γ", "kappa": "κ", "theta0": "θ₀", "phi": "φ", "rolling_resistance": "c_rr"}
-CENTRAL = (0.68, 0.95)
+ESTIM = "estim"
+
+
+@dataclass(frozen=True)
+class Case:
+    """One recording.  peers : 0, 1 for lmfit's least squares beside it, 2 for its profiles and emcee as well."""
+
+    name: str
+    priors: str
+    noise: str
+    replica: int
+    seed: int
+    peers: int = 0
+    keep: str | None = None
+
+    @property
+    def line(self) -> tuple[str, str, str]:
+        return self.name, self.priors, self.noise
 
 
 @dataclass(frozen=True)
 class Outcome:
-    """One replica: z and the share of draws below the true value, by name of the quantity; empty where the command refuses."""
+    """What one method makes of one recording; z, inside68 and inside95 of the quantities in the order of `FREE`, empty where it has no result."""
 
+    name: str
+    priors: str
+    noise: str
+    replica: int
+    seed: int
+    method: str
     status: str
-    z: tuple[float, ...] = ()
-    rank: tuple[float, ...] = ()
+    z: Sequence[float] = ()
+    inside68: Sequence[bool] = ()
+    inside95: Sequence[bool] = ()
     seconds: float = 0.0
 
 
-def outcome(case: tuple[str, str, str, int, int, str | None]) -> Outcome:
+def outcomes(case: Case) -> list[Outcome]:
     """Make one recording and analyse it."""
-    name, priors, noise, replica, seed, keep = case
     # a replica's noise is the same whatever else is run beside it
-    key = int.from_bytes(hashlib.sha256(f"{name} {priors} {noise}".encode()).digest()[:4], "big")
-    rng = np.random.default_rng([seed, key, replica])
+    key = int.from_bytes(hashlib.sha256(" ".join(case.line).encode()).digest()[:4], "big")
+    rng = np.random.default_rng([case.seed, key, case.replica])
     with tempfile.TemporaryDirectory() as temporary:
-        folder = Path(keep) / name / priors / noise / str(replica) if keep else Path(temporary)
+        folder = Path(case.keep, *case.line, str(case.replica)) if case.keep else Path(temporary)
         folder.mkdir(parents=True, exist_ok=True)
-        truth = write_campaign(folder, DISTURBANCES[name], priors=priors, noise=noise, rng=rng)
-        start = time.perf_counter()
-        try:
-            analysis = analyse(load_campaign(folder / "campaign.toml"), ["r"], seed=replica + 1)
-        except EstimError as error:
-            print(f"{name}, {priors}, {noise}, {replica}: {error}", file=sys.stderr)
-            return Outcome("refused", seconds=time.perf_counter() - start)
-        except Exception as error:
-            print(f"{name}, {priors}, {noise}, {replica}: {type(error).__name__}: {error}", file=sys.stderr)
-            return Outcome("CRASHED", seconds=time.perf_counter() - start)
+        truth = write_campaign(folder, DISTURBANCES[case.name], priors=case.priors, noise=case.noise, rng=rng)
+        found = [_by_default(case, folder, truth)]
+        if case.peers and case.noise == "speeds":
+            sides = intervals_of_lmfit(folder, truth, slow=case.peers > 1, seed=case.replica + 1)
+            for method, intervals in sides.items():
+                if intervals is None:
+                    found.append(_outcome(case, method, "no interval"))
+                    continue
+                inside = [[bool(low <= value <= high) for low, high in ends] for ends, value in zip(intervals, truth.values(), strict=True)]
+                found.append(_outcome(case, method, "given", (), [one[0] for one in inside], [one[1] for one in inside]))
+    return found
+
+
+def _outcome(
+    case: Case, method: str, status: str, z: Sequence[float] = (), inside68: Sequence[bool] = (), inside95: Sequence[bool] = (), seconds: float = 0.0
+) -> Outcome:
+    return Outcome(*case.line, case.replica, case.seed, method, status, z, inside68, inside95, seconds)
+
+
+def _by_default(case: Case, folder: Path, truth: dict[str, float]) -> Outcome:
+    start = time.process_time()
+    try:
+        analysis = analyse(load_campaign(folder / "campaign.toml"), ["r"], seed=case.replica + 1)
+    except EstimError as error:
+        print(f"{case}: {error}", file=sys.stderr)
+        return _outcome(case, ESTIM, "refused", seconds=time.process_time() - start)
+    except Exception as error:
+        print(f"{case}: {type(error).__name__}: {error}", file=sys.stderr)
+        return _outcome(case, ESTIM, "CRASHED", seconds=time.process_time() - start)
     draws = analysis.chain.flat
     columns = [draws[:, analysis.problem.names.index(parameter)] for parameter in truth]
-    z = tuple(float((c.mean() - true) / c.std()) for c, true in zip(columns, truth.values(), strict=True))
-    rank = tuple(float(np.mean(c < true)) for c, true in zip(columns, truth.values(), strict=True))
-    return Outcome(analysis.diagnosis.status, z, rank, time.perf_counter() - start)
+    z = [float((c.mean() - true) / c.std()) for c, true in zip(columns, truth.values(), strict=True)]
+    below = np.array([np.mean(c < true) for c, true in zip(columns, truth.values(), strict=True)])
+    inside = [[bool(one) for one in np.abs(below - 0.5) < 0.5 * p] for p in CENTRAL]
+    return _outcome(case, ESTIM, str(analysis.diagnosis.status), z, *inside, time.process_time() - start)
 
 
-def row(name: str, priors: str, noise: str, outcomes: list[Outcome]) -> str:
-    done = [o for o in outcomes if o.z]
+def row(name: str, priors: str, noise: str, found: Sequence[Outcome]) -> str:
+    done = [o for o in found if o.z]
     ok = [o for o in done if o.status == "ok"]
     z = np.array([o.z for o in done]).reshape(-1, len(FREE))
     shifts = [f"{m:+.1f}" if len(done) else "" for m in (z.mean(axis=0) if len(done) else np.zeros(len(FREE)))]
-    statuses = ", ".join(f"{status} {count}" for status, count in Counter(o.status for o in outcomes).most_common())
-    rank = np.array([o.rank for o in ok])
-    coverage = " / ".join(f"{np.mean(np.abs(rank - 0.5) < 0.5 * p):.0%}" for p in CENTRAL) if ok else ""
-    confident = sum(max(map(abs, o.z)) > 4.0 for o in ok) / len(outcomes)
-    seconds = f"{np.median([o.seconds for o in outcomes]):.1f}"
-    cells = [DISTURBANCES[name].words, priors, noise, *shifts, statuses, coverage, f"{confident:.0%}", seconds]
+    statuses = ", ".join(f"{status} {count}" for status, count in Counter(o.status for o in found).most_common())
+    confident = sum(max(map(abs, o.z)) > 4.0 for o in ok) / len(found)
+    seconds = f"{np.median([o.seconds for o in found]):.1f}"
+    cells = [DISTURBANCES[name].words, priors, noise, str(len(found)), *shifts, statuses, coverage(ok), f"{confident:.0%}", seconds]
     return "| " + " | ".join(cells) + " |"
 
 
-def heads() -> list[str]:
-    cells = ["disturbance", "priors", "read as", *SYMBOLS.values(), "status", "68 / 95 % among ok", "ok and some abs(z) > 4", "seconds, median"]
+def coverage(found: Sequence[Outcome]) -> str:
+    """Shares of intervals that hold the true value, with the Monte-Carlo sd: that of the mean over recordings, whose five intervals are alike."""
+    if not found:
+        return ""
+    cells = []
+    for each in (np.array([o.inside68 for o in found]), np.array([o.inside95 for o in found])):
+        own = each.mean(axis=1)
+        error = f"({np.std(own, ddof=1) / np.sqrt(own.size) * 100:.0f})" if own.size > 1 else ""
+        cells.append(f"{100 * own.mean():.0f}{error}")
+    return " / ".join(cells)
+
+
+def peer_row(name: str, priors: str, methods: Sequence[str], found: dict[str, list[Outcome]]) -> str:
+    cells = [DISTURBANCES[name].words, priors]
+    for method in methods:
+        mine = [o for o in found.get(method, []) if o.inside68]
+        if method == ESTIM:
+            mine = [o for o in mine if o.status == "ok"]
+        cells.append(f"{coverage(mine)}; {len(mine)} of {len(found.get(method, []))}" if method in found else "")
+    return "| " + " | ".join(cells) + " |"
+
+
+def heads(cells: Sequence[str]) -> list[str]:
     return ["| " + " | ".join(cells) + " |", "|" + "---|" * len(cells)]
+
+
+def tables(found: Sequence[Outcome]) -> list[str]:
+    by_line: dict[tuple[str, str, str], dict[str, list[Outcome]]] = defaultdict(lambda: defaultdict(list))
+    for o in found:
+        by_line[o.name, o.priors, o.noise][o.method].append(o)
+    order = sorted(by_line, key=lambda line: (list(NOISES).index(line[2]), list(DISTURBANCES).index(line[0]), list(PRIORS).index(line[1])))
+    cells = ["disturbance", "priors", "read as", "N", *SYMBOLS.values(), "status", "68 / 95 % among ok", "ok and some abs(z) > 4", "CPU s, median"]
+    lines = [*heads(cells), *(row(*line, by_line[line][ESTIM]) for line in order)]
+    methods = list(dict.fromkeys(o.method for o in found))
+    if len(methods) > 1:
+        lines += ["", *heads(["disturbance", "priors", *(f"{method}: 68 / 95 %; of" for method in methods)])]
+        lines += [peer_row(*line[:2], methods, by_line[line]) for line in order if len(by_line[line]) > 1]
+    return lines
 
 
 def main() -> None:
@@ -98,23 +181,28 @@ def main() -> None:
     parser.add_argument("--only", nargs="+", choices=DISTURBANCES, default=list(DISTURBANCES), metavar="NAME", help=", ".join(DISTURBANCES))
     parser.add_argument("--priors", nargs="+", choices=PRIORS, default=list(PRIORS))
     parser.add_argument("--noise", nargs="+", choices=NOISES, default=list(NOISES))
+    parser.add_argument("--peers", dest="peers", action="store_const", const=1, default=0, help="lmfit's least squares beside it")
+    parser.add_argument("--slow-peers", dest="peers", action="store_const", const=2, help="its conf_interval and emcee, too")
     parser.add_argument("--jobs", type=int, default=os.cpu_count() or 1)
     parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--out", type=Path, help="file for the table beside stdout")
+    parser.add_argument("--log", type=Path, help="file of outcomes, made longer")
+    parser.add_argument("--out", type=Path, help="file for the tables beside stdout")
     parser.add_argument("--keep", help="folder to keep campaigns and recordings in")
     chosen = parser.parse_args()
-    what = f"{chosen.replicas} replicas a line, seed {chosen.seed}.  Shifts of the mean in posterior standard deviations, mean over replicas: one of "
-    what += "random sign or phase (moments per turn, ramp, outliers) averages out there, not in the coverage."
-    lines = ["# What is wrong and untold: shift, status, coverage", "", f"Made by `python benchmarks/truth`: {what}", "", *heads()]
-    print(*lines, sep="\n", flush=True)
+    found = [Outcome(**json.loads(text)) for text in chosen.log.read_text().splitlines()] if chosen.log and chosen.log.exists() else []
+    made = {(o.name, o.priors, o.noise, o.replica, o.seed) for o in found}
+    kinds = list(product(range(chosen.replicas), chosen.only, chosen.priors, chosen.noise))  # a replica of each first, then the next
+    cases = [Case(*kind, replica, chosen.seed, chosen.peers, chosen.keep) for replica, *kind in kinds]
     with ProcessPoolExecutor(chosen.jobs) as pool:
-        kinds = list(product(chosen.only, chosen.priors, chosen.noise))
-        running = {kind: [pool.submit(outcome, (*kind, i, chosen.seed, chosen.keep)) for i in range(chosen.replicas)] for kind in kinds}
-        for kind, futures in running.items():
-            lines.append(row(*kind, [future.result() for future in futures]))
-            print(lines[-1], flush=True)
+        running = [pool.submit(outcomes, case) for case in cases if (*case.line, case.replica, case.seed) not in made]
+        for future in as_completed(running):
+            found += future.result()
+            if chosen.log:
+                with chosen.log.open("a", encoding="utf-8") as log:
+                    log.writelines(json.dumps(asdict(o)) + "\n" for o in future.result())
+    print(*tables(found), sep="\n")
     if chosen.out:
-        chosen.out.write_text("\n".join(lines) + "\n", encoding="utf-8")
+        chosen.out.write_text("\n".join(tables(found)) + "\n", encoding="utf-8")
 
 
 if __name__ == "__main__":

@@ -16,7 +16,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.integrate import solve_ivp
+from scipy.integrate import solve_ivp, trapezoid
 
 MOST_LEGS = 40
 
@@ -107,6 +107,20 @@ class Motion:
     def first_rest(self) -> float:
         """Time (s) of the first turning point; inf where there is none."""
         return self.legs[0][1] if len(self.legs) > 1 else math.inf
+
+    def average_resistance(self, last: float) -> float:
+        """The coefficient of rolling resistance that takes as much energy as all that resists, on the first way up to the time `last` (s).
+
+        That is: friction, drag, moments, gusts, and the ramp where it is steeper than phi.
+        """
+        truth = self.truth
+        t = np.linspace(0.0, min(last, self.legs[0][1]), 4001)
+        x, v = self(t)
+        theta, weight = truth.theta0 + x / truth.radius, truth.mass * truth.g
+        force = truth.viscous * v + truth.quadratic * v * np.abs(v) - np.array([truth.gusts(one) for one in x])
+        force += (truth.moment + truth.once[0] * np.cos(theta - truth.once[1]) + truth.twice[0] * np.cos(2.0 * theta - truth.twice[1])) / truth.radius
+        force += weight * (np.sin(truth.phi + np.array([truth.tilt(one) for one in x])) - math.sin(truth.phi))
+        return float(trapezoid(force, x) / (x[-1] - x[0])) / (weight * math.cos(truth.phi)) + truth.rolling_resistance + truth.load_resistance
 
     def speed_at(self, x: np.ndarray) -> np.ndarray:
         """Speed (m/s) on the first way at positions x (m), by root search in time; nan where it never gets."""

@@ -170,7 +170,10 @@ def film(disturbance: Disturbance, truth: Truth, rng: Rng) -> tuple[FloatArray, 
 
 
 def write_campaign(folder: Path, disturbance: Disturbance, *, priors: str, noise: str, rng: Rng) -> dict[str, float]:
-    """Write campaign.toml and run.csv to `folder`; the true values of what is fit."""
+    """Write campaign.toml and run.csv to `folder`; the true values of what is fit.
+
+    That of the rolling resistance is its average over the track, with all that resists beside it: what a fit with an unmodelled force calls c_rr.
+    """
     truth = disturbance.motion(rng, BASE)
     t, x = film(disturbance, truth, rng)
     table = "".join(f"{moment:.6f},{place:.6f}\n" for moment, place in zip(t, x, strict=True))
@@ -202,4 +205,4 @@ noise = {NOISES[noise]}
         encoding="utf-8",
     )
     found = {parameter: getattr(truth, name) for name, parameter in FREE.items()}
-    return {**found, FREE["rolling_resistance"]: truth.rolling_resistance + truth.load_resistance}
+    return {**found, FREE["rolling_resistance"]: solve(truth, LONGEST).average_resistance(float(t[-1]))}

@@ -20,6 +20,7 @@ from estim.deviation.linearised import Linearised
 
 _ROUGHNESS = 1e-3  # what the directions left out of a basis may add to the variances, relative to the noise and summed
 
+_FELT = 1e-13  # share of a component below which rounding hides it
 _FEW = 16  # draws of which the calls cost more than the numbers
 _CHUNK = 256  # draws at once: what they need stays in the processor's cache
 
@@ -100,13 +101,18 @@ class Mixture:
         for family in self.deviation.families:
             own = share[start : start + family.amplitude.size]
             start += own.size
-            white = 1.0 / np.square(family.scale)
-            gain = 1.0 / family.variances() - white[:, None]
+            felt = own > _FELT
+            if not felt.any():
+                continue
+            own = own[felt]
+            white = 1.0 / np.square(family.scale[felt])
+            gain = 1.0 / family.variances()[felt] - white[:, None]
             inverse += (family.basis * (own @ gain)) @ family.basis.T + (own @ white) * np.eye(residuals.size)
             if self.columns.shape[1]:
                 pushed = white[:, None, None] * self.columns + family.basis @ (gain[:, :, None] * (family.basis.T @ self.columns))
                 information = np.eye(self.columns.shape[1]) + np.einsum("ni,knj->kij", self.columns, pushed)
-                inverse -= np.einsum("k,kni,kmi->nm", own, np.linalg.solve(information, pushed.transpose(0, 2, 1)).transpose(0, 2, 1), pushed)
+                turned = np.linalg.solve(information, (own[:, None, None] * pushed).transpose(0, 2, 1))  # (k, i, m)
+                inverse -= np.tensordot(pushed, turned, axes=([0, 2], [0, 1]))
         return self.deviation.turned_back(self.deviation.turned_back(inverse).T)
 
     def covariance(self, residuals: FloatArray) -> FloatArray:

@@ -124,8 +124,8 @@ def drift_of(analysis: Analysis, *, rng: np.random.Generator) -> Drift:
     none = Problem(tuple(p for p in problem.parameters if p.name not in names), held, problem.shared)
     # the flat prior on [0, 1] has log density 0
     kept = [i for i in range(problem.n_par) if i not in losses]
-    with_loss = fit_least_squares(free, rng=rng, n_start=2, start=analysis.fit.values)
-    without = fit_least_squares(none, rng=rng, n_start=2, start=analysis.fit.values[kept])
+    with_loss = fit_least_squares(free, rng=rng, n_start=1, start=analysis.fit.values)
+    without = fit_least_squares(none, rng=rng, n_start=1, start=analysis.fit.values[kept])
     gain = 2.0 * (_best(with_loss) - _best(without))
     limit = float(np.max(np.quantile(analysis.chain.flat[:, losses], 0.95, axis=0)))
     return Drift(True, narrowing, gain, 0.5 * float(chi2_tail(gain, 1)) if gain > 0.0 else 1.0, limit)

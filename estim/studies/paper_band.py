@@ -88,7 +88,9 @@ def _band(analysis: Analysis, i: int, bands: Bands, rng: np.random.Generator) ->
     half = 0.5 * (high - low)
     mc_half = 0.5 * (drawn.symmetric.high - drawn.symmetric.low)
 
-    mc_bands = {p: np.quantile(drawn.draws, [0.5 - 0.5 * p, 0.5 + 0.5 * p], axis=0) for p in bands.credible}
+    places = [place for p in bands.credible for place in (0.5 - 0.5 * p, 0.5 + 0.5 * p)]
+    ends = np.quantile(drawn.draws, places, axis=0).reshape(-1, 2, x.size)
+    mc_bands = dict(zip(bands.credible, ends, strict=True))
 
     def on_grid(values: FloatArray) -> FloatArray:
         full = np.full(bands.x.size, np.nan)
