@@ -12,8 +12,9 @@ report: $(VENV)/.installed
 	$(BIN)/estim reanalyse $(CAMPAIGN) --out $(OUT)
 	@echo "open $(OUT)/report.md"
 
+# PYTHONDONTWRITEBYTECODE, where it is set, has every worker rewrite all tests and every process that they start compile all modules
 test: $(VENV)/.installed
-	OMP_NUM_THREADS=1 $(BIN)/python -m pytest -n auto -m "not statistics"
+	PYTHONDONTWRITEBYTECODE= OMP_NUM_THREADS=1 $(BIN)/python -m pytest -n auto -m "not statistics"
 
 # studies by repeated sampling: coverage of intervals, p-values of the tests, simulation-based calibration
 statistics: $(VENV)/.installed
