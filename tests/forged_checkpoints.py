@@ -98,7 +98,7 @@ TYPES: dict[str, Callable[[Any], Any]] = {
 ARRAYS = ("draws", "log_density", "accepted", "random_key", "random_place", "random_normal")
 for array in ARRAYS:
     for words, change in {**SHAPES, **TYPES}.items():
-        if array != "random_normal" or words not in ("flat", "transposed", "in Fortran order"):  # one axis: the same
+        if not array.startswith("random_") or words not in ("flat", "transposed", "in Fortran order"):  # one axis: the same
             CHUNKS[f"{array}: {words}"] = with_array(array, change)
 for array in ("draws", "log_density", "accepted", "random_normal"):
     for value in (np.nan, np.inf, -np.inf):
@@ -114,11 +114,11 @@ CHUNKS |= {
     "accepted: none": with_array("accepted", lambda a: a * 0), "accepted: every step and 41": with_array("accepted", lambda a: a + 41),
     "random_normal: 1e308": with_array("random_normal", filled(0, 1e308)), "random_normal: 41": with_array("random_normal", filled(0, -41.0)),
     "random_key: all 0": with_array("random_key", lambda a: a * 0), "random_key: all 1": with_array("random_key", filled(..., 2**32 - 1)),
-    "random_key: half of it 0": with_array("random_key", filled((0, slice(None, 312)), 0)),
-    "random_key: 10 words": with_array("random_key", lambda a: a[:, :10]),
-    "random_key: a million words": with_array("random_key", lambda a: np.resize(a, (2, 10**6))),
-    **{f"random_place: {n}": with_array("random_place", filled((0, 0), n)) for n in (-1, 625, 10**9, -(10**9), 2**31, 2**63 - 1, -(2**63))},
-    **{f"normal left over: {n}": with_array("random_place", filled((0, 1), n)) for n in (2, -1, 2**62)},
+    "random_key: half of it 0": with_array("random_key", filled(slice(None, 312), 0)),
+    "random_key: 10 words": with_array("random_key", lambda a: a[:10]),
+    "random_key: a million words": with_array("random_key", lambda a: np.resize(a, 10**6)),
+    **{f"random_place: {n}": with_array("random_place", filled(0, n)) for n in (-1, 625, 10**9, -(10**9), 2**31, 2**63 - 1, -(2**63))},
+    **{f"normal left over: {n}": with_array("random_place", filled(1, n)) for n in (2, -1, 2**62)},
     **{f"follows: {words}": with_array("follows", lambda a, b=b: np.array(b)) for words, b in {
         "another digest": "0" * 64, "no digest": "x" * 64, "empty": "", "number": 7, "many": ["0" * 64] * 2, "long": "0" * 10_000,
         "a control": "\x1b" * 64,

@@ -69,7 +69,7 @@ def test_inference_meets_physics_in_five_files():
     assert {m for m in importers("model") if m in ESTIM} == found
 
 
-@pytest.mark.parametrize(("package", "module"), [("lmfit", "estim.fitting.least_squares"), ("emcee", "estim.sampling.chain")])
+@pytest.mark.parametrize(("package", "module"), [("lmfit", "estim.fitting.least_squares"), ("emcee", "estim.sampling.ensembles")])
 def test_one_file_knows_each_engine(package, module):
     assert importers(package) == {module}
 

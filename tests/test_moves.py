@@ -11,6 +11,7 @@ from targets import COV, Known, banana, bimodal, half_normal, normal
 from estim.sampling.ahead import Ahead, Moves
 from estim.sampling.certificate import chain_errors
 from estim.sampling.chain import Chain, Convergence, Target, sample_posterior
+from estim.sampling.ensembles import Apart, sampler_of
 from estim.sampling.proposal import Proposal, adapt_proposal
 
 
@@ -35,16 +36,14 @@ CASES = {
 
 def move_alone(known: Known, proposal: Proposal, *, n_step: int, seed: int) -> Chain:
     """Two ensembles moved by nothing but independence moves; the first tenth discarded."""
-    ahead, samplers = Ahead(proposal, 1.0, (2, 60), seed, known), []
-    for i in range(2):
-        moves = Moves(ahead, i, (), lambda i=i: samplers[i].iteration)
-        sampler = emcee.EnsembleSampler(60, known.mean.size, known.log_density, vectorize=True, moves=moves)
-        sampler.random_state = np.random.RandomState(seed + i).get_state()
-        samplers.append(sampler)
-        points = proposal.draw(np.random.default_rng([seed, i]), 2000)
-        start = points[np.isfinite(known.log_density(points))][:60]
-        sampler.run_mcmc(start, n_step, skip_initial_state_check=True)
-    draws = np.array([sampler.get_chain(discard=n_step // 10) for sampler in samplers])
+    ahead, made = Ahead(proposal, 1.0, 120, seed, known), []
+    sampler = emcee.EnsembleSampler(120, known.mean.size, known.log_density, vectorize=True, moves=Moves(ahead, (), lambda: made[0].iteration))
+    made.append(sampler)
+    sampler.random_state = np.random.RandomState(seed).get_state()
+    points = proposal.draw(np.random.default_rng(seed), 4000)
+    start = points[np.isfinite(known.log_density(points))][:120]
+    sampler.run_mcmc(start, n_step, skip_initial_state_check=True)
+    draws = np.moveaxis(sampler.get_chain(discard=n_step // 10).reshape(-1, 2, 60, known.mean.size), 1, 0)
     return Chain(known.names, draws, np.zeros(draws.shape[:-1]), 0, np.ones(2), 0, Convergence(n_step, 1.0, 0.0, 0.0, 1.0, 0.0, True, ()))
 
 
@@ -132,11 +131,11 @@ def test_same_seed_same_draws_with_a_proposal_whatever_numpy_s_global_state() ->
 
 
 def test_what_is_proposed_follows_from_the_number_of_the_step_alone() -> None:
-    """A chain that is taken up again goes on as it would have, wherever it was cut; every step and ensemble has proposals of its own."""
+    """A chain that is taken up again goes on as it would have, wherever it was cut; every step has proposals of its own."""
     known, proposal = normal(COV), student(np.zeros(4), COV)
-    ahead, again = Ahead(proposal, 0.5, (2, 5), 4, known), Ahead(proposal, 0.5, (2, 5), 4, known)
-    through = [ahead.at(step, which) for step in range(50) for which in range(2)]
-    resumed = [again.at(step, which) for step in range(27, 50) for which in range(2)]
+    ahead, again = Ahead(proposal, 0.5, 10, 4, known), Ahead(proposal, 0.5, 10, 4, known)
+    through = [ahead.at(step) for step in range(100)]
+    resumed = [again.at(step) for step in range(54, 100)]
     made = [one for one in through if one is not None]
     assert 30 < len(made) < 70
     assert [one is None for one in through[54:]] == [one is None for one in resumed]
@@ -178,3 +177,24 @@ def test_a_wide_part_that_is_told_keeps_its_share_of_the_draws(rng: np.random.Ge
         largest.append(float(np.exp(np.max(density.log_density(far) - proposal.log_density(far)))))
     assert largest[0] < 20.0
     assert largest[1] > 500.0
+
+
+def test_ensembles_that_move_together_never_see_each_other() -> None:
+    """What R-hat compares: a difference between walkers of two ensembles would be a million."""
+    walkers = np.random.default_rng(1).standard_normal((40, 4))
+    walkers[20:] += 1e6
+    for move in (emcee.moves.DEMove(), emcee.moves.StretchMove()):
+        apart = Apart(move, 2)
+        apart.setup(walkers)
+        points, _ = apart.get_proposal(walkers[::2], [walkers[1::2]], np.random.RandomState(2))
+        assert np.min(np.max(np.abs(points - walkers[::2]), axis=1)) > 0.0
+        assert np.max(np.abs(points - walkers[::2])) < 30.0
+        move.setup(walkers)
+        assert np.max(np.abs(move.get_proposal(walkers[::2], [walkers[1::2]], np.random.RandomState(2))[0] - walkers[::2])) > 1e5
+
+
+def test_ensembles_that_start_alike_draw_their_own_numbers() -> None:
+    start = np.tile(np.random.default_rng(5).standard_normal((20, 4)), (2, 1))
+    sampler = sampler_of(normal(COV), (2, 20), None, seed=3)
+    sampler.run_mcmc(start, 30, skip_initial_state_check=True)
+    assert len(np.unique(sampler.get_last_sample().coords, axis=0)) == 40

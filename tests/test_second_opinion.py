@@ -79,7 +79,7 @@ def grid(n: int = 200) -> Truth:
 
 @cache
 def analysed(seed: int) -> Analysis:
-    return analyse_fit(two_exponentials(), seed=seed, target=Target(ess=6000.0))
+    return analyse_fit(two_exponentials(), seed=seed, target=Target(ess=7000.0))
 
 
 def share_below(chain: Chain, at: float) -> tuple[float, float]:

@@ -1,4 +1,4 @@
-"""Draws of a posterior: proposals, chains (the only file that imports emcee), checkpoints, a second computation, bands.
+"""Draws of a posterior: proposals, chains (`ensembles`: the only file that imports emcee), checkpoints, a second computation, bands.
 
 Read `chain` first, then `certificate`."""
 

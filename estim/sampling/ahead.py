@@ -1,4 +1,4 @@
-"""Independent moves of a chain, drawn and evaluated ahead: those of many steps and all ensembles in one batch.
+"""Independent moves of a chain, drawn and evaluated ahead: those of many steps and all walkers in one batch.
 
 An independence move proposes what does not depend on where a walker is (Tierney, Ann. Stat. 22 (1994) 1701), so that its density can be
 computed before.  Which steps make such a move, and what they propose, follow from a seed and the number of the step alone: a chain that is
@@ -25,8 +25,8 @@ _AHEAD = 20  # steps in a block
 class _Block:
     """Proposals of some steps; n_move of them independent.
 
-    place : (_AHEAD,) which of the moves a step makes, -1 for none.  points : (n_move, n_ensemble, n_walker, n_par).
-    log_density, log_ratio : (n_move, n_ensemble, n_walker), the latter less the log density of the proposal.
+    place : (_AHEAD,) which of the moves a step makes, -1 for none.  points : (n_move, n_walker, n_par).
+    log_density, log_ratio : (n_move, n_walker), the latter less the log density of the proposal.
     """
 
     number: int
@@ -38,33 +38,33 @@ class _Block:
 
 @dataclass(eq=False)
 class Ahead:
-    """What independence moves propose at each step of each ensemble.
+    """What independence moves propose at each step.
 
-    share : of the steps that make such a move.  shape : (n_ensemble, n_walker).  seed : of all proposals.
+    share : of the steps that make such a move.  n_walker : of all ensembles.  seed : of all proposals.
     """
 
     proposal: Proposal
     share: float
-    shape: tuple[int, int]
+    n_walker: int
     seed: int
     density: Density = field(compare=False)  # no part of the moves: a chain's key holds it by itself
     _block: _Block | None = field(default=None, compare=False)
 
-    def at(self, step: int, ensemble: int) -> tuple[FloatArray, FloatArray, FloatArray] | None:
+    def at(self, step: int) -> tuple[FloatArray, FloatArray, FloatArray] | None:
         """Points (n_walker, n_par), their log densities and those less the proposal's; None where `step` makes another move."""
         number, within = divmod(step, _AHEAD)
         if self._block is None or self._block.number != number:
             self._block = self._drawn(number)
         block, place = self._block, self._block.place[within]
-        return None if place < 0 else (block.points[place, ensemble], block.log_density[place, ensemble], block.log_ratio[place, ensemble])
+        return None if place < 0 else (block.points[place], block.log_density[place], block.log_ratio[place])
 
     def _drawn(self, number: int) -> _Block:
         rng = np.random.default_rng([self.seed, number])
         chosen = rng.random(_AHEAD) < self.share
         n_move = int(np.sum(chosen))
-        points = self.proposal.draw(rng, n_move * self.shape[0] * self.shape[1])
+        points = self.proposal.draw(rng, n_move * self.n_walker)
         log_density = log_density_in_batches(self.density, points) if n_move else np.zeros(0)
-        shape = (n_move, *self.shape)
+        shape = (n_move, self.n_walker)
         log_ratio = log_density - self.proposal.log_density(points)
         place = np.where(chosen, np.cumsum(chosen) - 1, -1)
         return _Block(number, place, points.reshape(*shape, self.proposal.n_par), log_density.reshape(shape), log_ratio.reshape(shape))
@@ -72,19 +72,18 @@ class Ahead:
 
 @dataclass(eq=False)
 class Moves:
-    """The moves of one ensemble, as emcee asks for them: independent ones where `ahead` has them, else one of `others`.
+    """The moves of the walkers, as emcee asks for them: independent ones where `ahead` has them, else one of `others`.
 
-    others : moves with their probabilities, sum 1.  n_step : of the steps that the ensemble has made.
+    others : moves with their probabilities, sum 1.  n_step : of the steps that the chain has made.
     """
 
     ahead: Ahead
-    ensemble: int
     others: Sequence[tuple[Any, float]]
     n_step: Callable[[], int] = field(compare=False)
 
     def propose(self, model: Any, state: Any) -> tuple[Any, NDArray[np.bool_]]:
         """The state after one step, and which walkers moved."""
-        proposed = self.ahead.at(self.n_step(), self.ensemble)
+        proposed = self.ahead.at(self.n_step())
         if proposed is None:
             which = model.random.choice(len(self.others), p=[weight for _, weight in self.others])
             return self.others[which][0].propose(model, state)

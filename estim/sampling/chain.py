@@ -1,4 +1,4 @@
-"""Draws from a posterior by emcee.  The only file that knows emcee.
+"""Draws from a posterior by emcee.
 
 Several independent ensembles of walkers start from the fit.  Sampling stops by itself when rank-normalised R-hat between
 the ensembles, effective sample sizes in bulk and tails, and the autocorrelation time all say that it is enough; a hard
@@ -13,14 +13,12 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import partial
-from typing import Any
 
 import numpy as np
 
 from estim.arrays import FloatArray
 from estim.common import Finding, Kind, NumericalError
-from estim.sampling.ahead import Ahead, Moves
+from estim.sampling.ahead import Ahead
 from estim.sampling.checkpoint import Store
 from estim.sampling.diagnostics import Mixing, autocorrelation_time, mixing_of
 from estim.sampling.importance import K_HAT_LIMIT, kish_size, pareto_smoothed
@@ -44,7 +42,7 @@ class Target:
     rhat : largest rank-normalised R-hat.  ess : smallest bulk and tail effective sample size (4000 gives the ends of a
     95 % interval to about 3 % of a standard deviation).  n_tau : length in autocorrelation times.
     max_step : hard cap on the steps of each ensemble.  n_ensemble, n_walker : ensembles and walkers in each
-    (0: four for each parameter, 32 at least; with a proposal 48 at least, and more for more effective draws).
+    (0: four for each parameter, 32 at least; with a proposal 48 at least, and more for more effective draws); an odd number gets one more.
     """
 
     rhat: float = 1.01
@@ -123,17 +121,21 @@ def sample_posterior(
 
     Raises InputError where the store cannot be resumed, EstimError where it cannot be written.
     """
+    from estim.sampling.ensembles import sampler_of
+
     n_par = len(posterior.names)
     n_walker = target.n_walker or max(4 * n_par, 32 if proposal is None else min(max(48, math.ceil(target.ess / 120.0)), 512))
-    states, share = _first_points(posterior, start, cov, (target.n_ensemble, n_walker), rng, proposal)
-    samplers = _samplers(posterior, (target.n_ensemble, n_walker), rng, proposal, share)
-    walk = start_walk(posterior, samplers, list(states), target=target, rng=rng, store=store, stop=stop)
+    shape = (target.n_ensemble, n_walker + n_walker % 2)
+    starts, share = _first_points(posterior, start, cov, shape, rng, proposal)
+    ahead = None if proposal is None else Ahead(proposal, share, shape[0] * shape[1], int(rng.integers(2**63)), posterior)
+    sampler = sampler_of(posterior, shape, ahead, seed=int(rng.integers(2**32)))
+    walk = start_walk(posterior, sampler, starts, target=target, rng=rng, store=store, stop=stop)
     n_step, tau_before, check = 0, math.nan, min(200 if proposal is None else _FIRST_CHECK, target.max_step)
     shortest_burn = 50 if proposal is None else 20
     while True:
         walk.advance(check)
         n_step = check
-        chain = np.stack([sampler.get_chain() for sampler in samplers])
+        chain = walk.draws
         tau = autocorrelation_time(chain)
         if proposal is not None and math.isnan(tau_before):
             tau_before = autocorrelation_time(chain[:, : n_step // 2])
@@ -152,36 +154,15 @@ def sample_posterior(
         tau_before = tau
         check = min(target.max_step, n_step + (max(200, n_step // 2) if proposal is None else max(60, n_step // 3)))
     kept = chain[:, n_burn:]
-    log_density = np.stack([sampler.get_log_prob()[n_burn:] for sampler in samplers])
     moved = np.any(kept[:, 1:] != kept[:, :-1], axis=(1, 3))
-    acceptance = np.array([float(np.mean(sampler.acceptance_fraction)) for sampler in samplers])
-    return Chain(posterior.names, kept, log_density, n_burn, acceptance, int(np.sum(~moved)), convergence, mixing)
-
-
-def _samplers(posterior: Density, shape: tuple[int, int], rng: np.random.Generator, proposal: Proposal | None, share: float) -> list[Any]:
-    """A sampler for each ensemble.  shape : (n_ensemble, n_walker)."""
-    import emcee
-
-    others = [(emcee.moves.DEMove(), 0.8), (emcee.moves.DEMove(gamma0=1.0), 0.1), (emcee.moves.StretchMove(), 0.1)]
-    ahead = None if proposal is None else Ahead(proposal, share, shape, int(rng.integers(2**63)), posterior)
-    samplers: list[Any] = []
-    for ensemble in range(shape[0]):
-        moves: Any = others if ahead is None else Moves(ahead, ensemble, others, partial(_steps_of, samplers, ensemble))
-        sampler = emcee.EnsembleSampler(shape[1], len(posterior.names), posterior.log_density, vectorize=True, moves=moves)
-        # emcee would start from NumPy's global state
-        sampler.random_state = np.random.RandomState(rng.integers(2**32, dtype=np.uint32)).get_state()
-        samplers.append(sampler)
-    return samplers
-
-
-def _steps_of(samplers: list[Any], ensemble: int) -> int:
-    return int(samplers[ensemble].iteration)
+    acceptance = np.mean(walk.accepted, axis=1) / n_step
+    return Chain(posterior.names, kept, walk.log_density[:, n_burn:], n_burn, acceptance, int(np.sum(~moved)), convergence, mixing)
 
 
 def _first_points(
     posterior: Density, start: FloatArray, cov: FloatArray, shape: tuple[int, int], rng: np.random.Generator, proposal: Proposal | None
-) -> tuple[list[FloatArray], float]:
-    """Starting points, (n_walker, n_par) for each ensemble, and the share of moves that `proposal` deserves.
+) -> tuple[FloatArray, float]:
+    """Starting points (n_ensemble, n_walker, n_par), and the share of moves that `proposal` deserves.
 
     shape : (n_ensemble, n_walker).  Points are weighted draws of the proposal, other ones for each ensemble, where its
     weights can be trusted, else scattered about the fit.  A proposal that is seldom accepted gets few of the moves.
@@ -197,8 +178,8 @@ def _first_points(
             efficiency = kish_size(log_weights) / log_weights.size
             chosen = [rng.choice(n_draw, n_walker, replace=False, p=part / np.sum(part)) for part in parts]
             points = [part[which] for part, which in zip(np.split(draws, n_ensemble), chosen, strict=True)]
-            return points, _PROPOSAL_SHARE * min(1.0, efficiency / _GOOD_EFFICIENCY)
-    return [_scatter(posterior, start, cov, n_walker, rng) for _ in range(n_ensemble)], _LEAST_SHARE
+            return np.array(points), _PROPOSAL_SHARE * min(1.0, efficiency / _GOOD_EFFICIENCY)
+    return np.array([_scatter(posterior, start, cov, n_walker, rng) for _ in range(n_ensemble)]), _LEAST_SHARE
 
 
 def _scatter(posterior: Density, start: FloatArray, cov: FloatArray, n_walker: int, rng: np.random.Generator) -> FloatArray:

@@ -39,7 +39,7 @@ class Layout:
     @property
     def largest(self) -> int:
         """Bytes that no chunk exceeds."""
-        return 8 * self.n_ensemble * (self.n_step * self.n_walker * (self.n_par + 1) + self.n_walker + _WORDS + 3) + _OVERHEAD
+        return 8 * self.n_ensemble * self.n_walker * (self.n_step * (self.n_par + 1) + 1) + 8 * (_WORDS + 3) + _OVERHEAD
 
     @classmethod
     def of(cls, settings: Mapping[str, str]) -> Layout | None:
@@ -51,13 +51,13 @@ class Layout:
 
 @dataclass(frozen=True, eq=False)
 class Chunk:
-    """Consecutive steps of every ensemble, and the samplers after the last of them.
+    """Consecutive steps of every ensemble, and the sampler after the last of them.
 
     draws : (n_ensemble, n_step, n_walker, n_par).  log_density : (n_ensemble, n_step, n_walker).  The last step holds
         the coordinates and log densities from which sampling goes on.
     accepted : (n_ensemble, n_walker) moves accepted since the start.
-    random_key : (n_ensemble, 624) uint32, random_place : (n_ensemble, 2) int64, random_normal : (n_ensemble,): the Mersenne
-        twisters' words, their positions with whether a normal number is left over, and that number.
+    random_key : (624,) uint32, random_place : (2,) int64, random_normal : (1,): the Mersenne twister's words, its position with whether a
+        normal number is left over, and that number.
     """
 
     draws: FloatArray
@@ -71,10 +71,10 @@ class Chunk:
     def n_step(self) -> int:
         return int(self.draws.shape[1])
 
-    def random_state(self, ensemble: int) -> tuple[Any, ...]:
+    def random_state(self) -> tuple[Any, ...]:
         """As `numpy.random.RandomState.set_state` takes it."""
-        place, left = (int(n) for n in self.random_place[ensemble])
-        return "MT19937", self.random_key[ensemble], place, left, float(self.random_normal[ensemble])
+        place, left = (int(n) for n in self.random_place)
+        return "MT19937", self.random_key, place, left, float(self.random_normal[0])
 
 
 _NAMES = tuple(field.name for field in fields(Chunk))
@@ -108,8 +108,7 @@ def decode(data: bytes, layout: Layout) -> tuple[Chunk, str]:
     walkers = (layout.n_ensemble, layout.n_walker)
     shapes: dict[str, tuple[int, ...]] = {
         "draws": (layout.n_ensemble, n_step, layout.n_walker, layout.n_par), "log_density": (layout.n_ensemble, n_step, layout.n_walker),
-        "accepted": walkers, "random_key": (layout.n_ensemble, _WORDS), "random_place": (layout.n_ensemble, 2), "random_normal": (layout.n_ensemble,),
-        "follows": (),
+        "accepted": walkers, "random_key": (_WORDS,), "random_place": (2,), "random_normal": (1,), "follows": (),
     }
     for name, shape in shapes.items():
         if arrays[name].shape != shape:
@@ -130,13 +129,13 @@ def _check_numbers(chunk: Chunk, layout: Layout) -> None:
     accepted = chunk.accepted
     if np.any((accepted < 0) | (accepted > layout.n_step) | (accepted != np.floor(accepted))):
         raise InputError(f"must be whole numbers from 0 to {layout.n_step}", field="accepted")
-    place, left = chunk.random_place.T
-    if np.any((place < 0) | (place > _WORDS)):  # beyond, the generator reads memory that is not its own
+    place, left = (int(n) for n in chunk.random_place)
+    if not 0 <= place <= _WORDS:  # beyond, the generator reads memory that is not its own
         raise InputError(f"must be from 0 to {_WORDS}", field="random_place")
-    if np.any((left != 0) & (left != 1)) or np.any(np.abs(chunk.random_normal) > _LARGEST_NORMAL):
+    if left not in (0, 1) or abs(float(chunk.random_normal[0])) > _LARGEST_NORMAL:
         raise InputError("cannot be a normal number left over", field="random_normal")
-    ones = np.mean(np.unpackbits(chunk.random_key.view(np.uint8), axis=1), axis=1)  # of 19 968 random bits: .5 with sd .0035
-    if np.any(np.abs(ones - 0.5) > 0.05):  # a generator whose words are all 0 draws 0 for ever, and a normal number never
+    ones = float(np.mean(np.unpackbits(chunk.random_key.view(np.uint8))))  # of 19 968 random bits: .5 with sd .0035
+    if abs(ones - 0.5) > 0.05:  # a generator whose words are all 0 draws 0 for ever, and a normal number never
         raise InputError("is not a state of the random numbers", field="random_key")
 
 

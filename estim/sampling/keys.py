@@ -13,13 +13,12 @@ import hashlib
 import json
 import sys
 import types
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from importlib.metadata import version
 from typing import Any
 
 import numpy as np
 
-from estim.arrays import FloatArray
 from estim.common import InputError, shorten
 from estim.problem import Problem
 
@@ -42,14 +41,12 @@ def problem_key(problem: Problem) -> Key:
     }
 
 
-def sampling_key(
-    density: object, *, settings: Mapping[str, object], moves: object, rng: np.random.Generator, starts: Iterable[FloatArray]
-) -> Key:
+def sampling_key(density: object, *, settings: Mapping[str, object], moves: object, rng: np.random.Generator, starts: object) -> Key:
     """The key of a chain of `density`.
 
     density : a `Posterior` (its problem is taken apart) or any other density, which is one part as a whole.
     settings : what decides length and layout of the chain.  moves : of the sampler.
-    starts : (n_walker, n_par) starting points of each ensemble.
+    starts : where it starts.
     """
     problem = getattr(density, "problem", None)
     seeds = getattr(rng.bit_generator, "seed_seq", None)
@@ -59,7 +56,7 @@ def sampling_key(
         "seed": {"": str(getattr(seeds, "entropy", None)), "stream": str(getattr(seeds, "spawn_key", None))},
         "versions": {package: version(package) for package in _PACKAGES},
         "moves": {"": fingerprint(moves)},
-        "starting points": {"": fingerprint(list(starts))},
+        "starting points": {"": fingerprint(starts)},
         "density": {"": fingerprint(density)},
     }
 

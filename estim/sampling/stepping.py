@@ -1,14 +1,13 @@
-"""Ensembles that advance together, kept on disk as they go, stopped where it is safe, and resumed bit for bit.
+"""A chain that advances, kept on disk as it goes, stopped where it is safe, and resumed bit for bit.
 
-It drives samplers that `estim.sampling.chain` made (emcee's, whose chain lies in `sampler.backend`), one step of each in turn, so
-that every ensemble has the same number of steps at any moment at which the chain may be cut.  An ensemble has its own
-random numbers: the order of the ensembles changes nothing.
+It drives a sampler that `estim.sampling.ensembles` made (emcee's, whose chain lies in `sampler.backend`), in which the walkers of all ensembles
+lie one after the other.
 """
 
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -39,80 +38,94 @@ class _State:
 
 
 class Walk:
-    """The ensembles on their way; `n_step` is how far they are."""
+    """The walkers on their way; `n_step` is how far they are."""
 
-    def __init__(self, samplers: Sequence[Any], starts: Sequence[Any], *, record: Record | None, stop: Stop | None) -> None:
-        self._samplers, self._states, self._record, self._stop = list(samplers), list(starts), record, stop
+    def __init__(self, sampler: Any, starts: FloatArray, *, record: Record | None, stop: Stop | None) -> None:
+        self._sampler, self._record, self._stop = sampler, record, stop
+        self._shape = starts.shape[:2]
+        self._state: Any = starts.reshape(-1, starts.shape[-1])
         self.n_step = 0
 
+    @property
+    def draws(self) -> FloatArray:
+        """(n_ensemble, n_step, n_walker, n_par) since the start."""
+        return self._apart(self._sampler.get_chain())
+
+    @property
+    def log_density(self) -> FloatArray:
+        """(n_ensemble, n_step, n_walker) of them."""
+        return self._apart(self._sampler.get_log_prob())
+
+    @property
+    def accepted(self) -> FloatArray:
+        """(n_ensemble, n_walker) moves accepted since the start."""
+        return np.asarray(self._sampler.backend.accepted.reshape(self._shape))
+
     def advance(self, n_step: int) -> None:
-        """Bring every ensemble to `n_step` steps: those that are kept first, then new ones, which are kept when this returns.
+        """Bring the walkers to `n_step` steps: those that are kept first, then new ones, which are kept when this returns.
 
         Raises Interrupted when asked to stop, with everything kept up to the last step; EstimError where it cannot be written.
         """
         self._replay(n_step)
-        walks = [
-            sampler.sample(state, iterations=n_step - self.n_step, skip_initial_state_check=True)
-            for sampler, state in zip(self._samplers, self._states, strict=True)
-        ]
+        walk = self._sampler.sample(self._state, iterations=n_step - self.n_step, skip_initial_state_check=True)
         while self.n_step < n_step:
-            self._states = [next(walk) for walk in walks]
+            self._state = next(walk)
             self.n_step += 1
             stopping = self._stop is not None and self._stop()
             if self._record is not None and (stopping or self.n_step == n_step or self._record.due()):
                 self._record.append(self._chunk(self._record.n_step))
             if stopping:
                 raise Interrupted
-        for walk in walks:
-            walk.close()
+        walk.close()
 
     def _replay(self, n_step: int) -> None:
-        """Put kept steps into the samplers, up to `n_step`; where they end, the samplers are as they were then."""
+        """Put kept steps into the sampler, up to `n_step`; where they end, the sampler is as it was then."""
         saved = None if self._record is None else self._record.saved
         if saved is None or self.n_step >= saved.n_step:
             return
         first, last = self.n_step, min(n_step, saved.n_step)
-        for i, sampler in enumerate(self._samplers):
-            backend = sampler.backend
-            backend.grow(last - first, None)
-            backend.chain[first:last] = saved.draws[i, first:last]
-            backend.log_prob[first:last] = saved.log_density[i, first:last]
-            backend.accepted[:] = saved.accepted[i]
-            backend.iteration = last
+        backend = self._sampler.backend
+        backend.grow(last - first, None)
+        backend.chain[first:last] = self._together(saved.draws[:, first:last])
+        backend.log_prob[first:last] = self._together(saved.log_density[:, first:last])
+        backend.accepted[:] = saved.accepted.ravel()
+        backend.iteration = last
         if last == saved.n_step:
-            self._states = [_State(saved.draws[i, -1], saved.log_density[i, -1], saved.random_state(i)) for i in range(len(self._samplers))]
+            coords, log_prob = self._together(saved.draws[:, -1:])[0], self._together(saved.log_density[:, -1:])[0]
+            self._state = _State(coords, log_prob, saved.random_state())
         self.n_step = last
 
     def _chunk(self, first: int) -> Chunk:
-        """The steps from `first` on, with the samplers as they are."""
-        samplers = self._samplers
-        states = [sampler.random_state for sampler in samplers]
+        """The steps from `first` on, with the sampler as it is."""
+        _, key, *place, normal = self._sampler.random_state
         return Chunk(
-            draws=np.stack([sampler.get_chain(discard=first) for sampler in samplers]),
-            log_density=np.stack([sampler.get_log_prob(discard=first) for sampler in samplers]),
-            accepted=np.stack([sampler.backend.accepted for sampler in samplers]),
-            random_key=np.stack([state[1] for state in states]),
-            random_place=np.array([[state[2], state[3]] for state in states], dtype=np.int64),
-            random_normal=np.array([state[4] for state in states], dtype=np.float64),
+            draws=self._apart(self._sampler.get_chain(discard=first)), log_density=self._apart(self._sampler.get_log_prob(discard=first)),
+            accepted=self.accepted, random_key=key, random_place=np.array(place, dtype=np.int64), random_normal=np.array([normal]),
         )
+
+    def _apart(self, steps: FloatArray) -> FloatArray:
+        """(n_ensemble, n_step, n_walker, ...) of steps (n_step, n_ensemble * n_walker, ...)."""
+        return np.ascontiguousarray(np.moveaxis(steps.reshape(len(steps), *self._shape, *steps.shape[2:]), 1, 0))
+
+    def _together(self, steps: FloatArray) -> FloatArray:
+        """The reverse of `_apart`."""
+        return np.moveaxis(steps, 0, 1).reshape(steps.shape[1], -1, *steps.shape[3:])
 
 
 def start_walk(
-    density: Any, samplers: Sequence[Any], starts: Sequence[Any], *, target: Any, rng: np.random.Generator, store: Store | None, stop: Stop | None
+    density: Any, sampler: Any, starts: FloatArray, *, target: Any, rng: np.random.Generator, store: Store | None, stop: Stop | None
 ) -> Walk:
-    """A walk from `starts` (for each ensemble (n_walker, n_par), or a state of emcee's), or from where `store` can resume it.
+    """A walk from `starts` (n_ensemble, n_walker, n_par), or from where `store` can resume it.
 
     target : the record of settings, any dataclass.  Raises InputError where the store holds a chain that depends on anything
     else, or whose log densities are not those of `density`: emcee trusts stored values, so every walker would freeze.
     """
     if store is None:
-        return Walk(samplers, starts, record=None, stop=stop)
-    points = [np.asarray(getattr(start, "coords", start)) for start in starts]
-    settings = {**dataclasses.asdict(target), "n_ensemble": len(points), "n_walker": points[0].shape[0], "n_par": points[0].shape[1]}
-    moves = [(sampler._moves, sampler._weights) for sampler in samplers]
-    key = sampling_key(density, settings=settings, moves=moves, rng=rng, starts=points)
+        return Walk(sampler, starts, record=None, stop=stop)
+    settings = {**dataclasses.asdict(target), **dict(zip(("n_ensemble", "n_walker", "n_par"), starts.shape, strict=True))}
+    key = sampling_key(density, settings=settings, moves=(sampler._moves, sampler._weights), rng=rng, starts=starts)
     record = store.record(key, accept=lambda folder, saved: _check_density(density, saved, folder))
-    return Walk(samplers, starts, record=record, stop=stop)
+    return Walk(sampler, starts, record=record, stop=stop)
 
 
 def _check_density(density: Any, saved: Chunk, folder: Path) -> None:

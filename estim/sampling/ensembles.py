@@ -1,0 +1,47 @@
+"""Ensembles of walkers that never see each other and move together: emcee's sampler and moves, with one call of the density for all of them.
+
+The only file that imports emcee.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import emcee
+import numpy as np
+
+from estim.arrays import FloatArray
+from estim.sampling.ahead import Ahead, Moves
+from estim.sampling.protocol import Density
+
+
+class Apart(emcee.moves.RedBlueMove):  # type: ignore[misc]
+    """A red-blue move of emcee that each of `n_ensemble` ensembles makes by itself; they lie one after the other, of even and equal size.
+
+    Every second walker moves by the others, then the others by these.  emcee shuffles the halves at each step; here they stay, as the walkers of
+    an ensemble must.
+    """
+
+    def __init__(self, move: emcee.moves.RedBlueMove, n_ensemble: int) -> None:
+        super().__init__(randomize_split=False, live_dangerously=True)  # the number of walkers in an ensemble is `sample_posterior`'s to choose
+        self.move, self.n_ensemble = move, n_ensemble
+
+    def setup(self, coords: FloatArray) -> None:
+        self.move.setup(coords)
+
+    def get_proposal(self, sample: FloatArray, complement: list[FloatArray], random: np.random.RandomState) -> tuple[FloatArray, FloatArray]:
+        halves = zip(np.split(sample, self.n_ensemble), np.split(np.concatenate(complement), self.n_ensemble), strict=True)
+        proposed = [self.move.get_proposal(half, [other], random) for half, other in halves]
+        return np.concatenate([points for points, _ in proposed]), np.concatenate([factors for _, factors in proposed])
+
+
+def sampler_of(density: Density, shape: tuple[int, int], ahead: Ahead | None, *, seed: int) -> emcee.EnsembleSampler:
+    """A sampler of all walkers.  shape : (n_ensemble, n_walker).  ahead : what independent moves propose, where there is something to propose."""
+    moves = [(emcee.moves.DEMove(), 0.8), (emcee.moves.DEMove(gamma0=1.0), 0.1), (emcee.moves.StretchMove(), 0.1)]
+    others = [(Apart(move, shape[0]), share) for move, share in moves]
+    made: list[emcee.EnsembleSampler] = []
+    chosen: Any = others if ahead is None else Moves(ahead, others, lambda: made[0].iteration)
+    sampler = emcee.EnsembleSampler(shape[0] * shape[1], len(density.names), density.log_density, vectorize=True, moves=chosen)
+    sampler.random_state = np.random.RandomState(seed).get_state()  # emcee would start from NumPy's global state
+    made.append(sampler)
+    return sampler
