@@ -1,4 +1,4 @@
-"""The whole analysis on one page: campaign -> problem -> fit -> draws -> second opinion -> diagnosis -> bands.
+"""The whole analysis on one page: campaign -> problem -> fit -> draws -> second opinion -> diagnosis; bands when a reader asks for them.
 
 Read this first.  Each stage takes records and returns one; each lives in the file of its verb.
 """
@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 from estim.campaign import Campaign, NoiseTable, as_complete
 from estim.checks import (
@@ -95,11 +96,16 @@ class Analysis:
     conflict: Conflict
     influences: tuple[Influence, ...]
     diagnosis: Diagnosis
-    bands: tuple[Bands, ...]
     seed: int
     title: str = ""
     kind: str = ""
     explanation: Explanation | None = None
+
+    @cached_property
+    def bands(self) -> tuple[Bands, ...]:
+        """Bands of every run."""
+        rng = stream(self.seed, Stream.BANDS)
+        return posterior_bands(self.problem, self.chain.thinned(_BAND_DRAWS), rng=rng, forces=self.fit.forces)
 
     def _repr_markdown_(self) -> str:
         """What a notebook shows: the values, or why there are none."""
@@ -178,9 +184,8 @@ def analyse_fit(
         fit, chain, goodness, comparison=comparison, identifiability=identifiability, modes=modes, consistency=consistency, conflict=conflict,
         influences=moved,
     )
-    bands = posterior_bands(problem, chain.thinned(_BAND_DRAWS), rng=stream(seed, Stream.BANDS), forces=fit.forces)
     return Analysis(
-        problem, fit, certificate, chain, comparison, goodness, identifiability, modes, outliers, consistency, conflict, moved, diagnosis, bands, seed
+        problem, fit, certificate, chain, comparison, goodness, identifiability, modes, outliers, consistency, conflict, moved, diagnosis, seed
     )
 
 
