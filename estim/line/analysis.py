@@ -21,7 +21,7 @@ from estim.line.interval import SlopeInterval, slope_interval
 from estim.line.least_squares import InversePrediction, LineFit, coverage_factor, fit_line, inverse_prediction, standard_error
 from estim.line.posterior import LinePosterior, line_posterior, mode_or_guess
 from estim.line.series import ThetaMinSeries
-from estim.sampling import Chain, Progress, Target, sample_posterior, summarise
+from estim.sampling import Chain, Progress, Target, adapt_proposal, sample_posterior, summarise
 from estim.words import advice_for, tell
 
 _INTERCEPT_SD = 0.1
@@ -124,7 +124,9 @@ def analyse_line(
         series.x, series.y, u_x=series.u_x, u_y=series.u_y, u_zero_x=series.u_zero_x, u_zero_y=series.u_zero_y, intercept_sd=_INTERCEPT_SD
     )
     mode = mode_or_guess(posterior)
-    chain = sample_posterior(posterior, mode.values, mode.cov, target=target or Target(), rng=stream(seed, Stream.LINE_CHAIN), progress=progress)
+    rng = stream(seed, Stream.LINE_CHAIN)
+    proposal = adapt_proposal(posterior, mode.values, mode.cov, rng=rng)
+    chain = sample_posterior(posterior, mode.values, mode.cov, target=target or Target(), rng=rng, progress=progress, proposal=proposal)
     exact = slope_interval(york)
     readings = {name: _read(fit, gamma_masses) for name, fit in (("ols", ols), ("weighted", weighted), ("york", york))}
     readings["posterior"] = _read_draws(chain, gamma_masses)
