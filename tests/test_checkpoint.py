@@ -526,9 +526,11 @@ def test_reader_in_a_loop_does_not_disturb_the_writer(whole: Chain, tmp_path: Pa
 
     reader = threading.Thread(target=read)
     reader.start()
-    chain = sampled(Store(tmp_path, interval=0.0))
-    done.set()
-    reader.join()
+    try:
+        chain = sampled(Store(tmp_path, interval=0.0))
+    finally:
+        done.set()
+        reader.join()
     assert same(chain, whole)
     assert not wrong
     assert seen == sorted(seen)

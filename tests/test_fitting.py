@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
 from formulas import formula_problem
 from scipy.optimize import minimize
+from scipy.special import expit
 
 from estim.campaign import load_campaign
 from estim.fitting import least_squares
@@ -155,3 +157,39 @@ def test_starts_that_part_go_on_apart() -> None:
     fit = fit_least_squares(problem, rng=np.random.default_rng(1), n_start=12, start=np.array([0.3]))
     assert fit.others == pytest.approx(-fit.values[None], rel=1e-6)
     assert 0 < fit.n_same < 12
+
+
+class Following:
+    """In place of a posterior whose covariance follows the curve: where a round leads from each place."""
+
+    def __init__(self, leads: Callable[[np.ndarray], np.ndarray], monkeypatch: pytest.MonkeyPatch) -> None:
+        self.rounds, self.problem = 0, self
+        monkeypatch.setattr(least_squares, "_fit_curve", lambda _, values: self.round(leads, values))
+        monkeypatch.setattr(least_squares, "_fit_noise", lambda _, values: values)
+        monkeypatch.setattr(least_squares, "information", lambda _, values: np.eye(values.size))
+
+    def round(self, leads: Callable[[np.ndarray], np.ndarray], values: np.ndarray) -> np.ndarray:
+        self.rounds += 1
+        return leads(values)
+
+    def linearised(self, _: np.ndarray) -> Following:
+        return self
+
+
+def test_rounds_that_go_to_and_fro_settle_where_they_lead_nowhere_else(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A weighted mean of 0 and 1, the weight of each the larger the farther the last mean lay from it: full rounds end in a cycle."""
+    leads = lambda mean: expit(-8.0 * (mean - 0.5))  # noqa: E731
+    cycle = [0.3]
+    for _ in range(60):
+        cycle.append(float(leads(cycle[-1])))
+    assert abs(cycle[-1] - cycle[-2]) > 0.5
+    values, _, moved = least_squares._settle(np.array([0.3]), Following(leads, monkeypatch), max_rounds=60)
+    assert moved < 1e-4
+    assert values[0] == pytest.approx(0.5, abs=1e-4)
+
+
+def test_rounds_across_a_jump_end_soon_and_do_not_pass_for_settled(monkeypatch: pytest.MonkeyPatch) -> None:
+    following = Following(lambda mean: np.where(mean < 0.5, 1.0, 0.0), monkeypatch)
+    *_, moved = least_squares._settle(np.array([0.3]), following, max_rounds=60)
+    assert moved > 0.4
+    assert following.rounds < 30

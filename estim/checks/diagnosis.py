@@ -19,7 +19,7 @@ from estim.checks.modes import Modes
 from estim.checks.outliers import bad_frames_found, too_many_bad_frames
 from estim.checks.what_if import Influence, large_influences
 from estim.common import Amount, Finding, Kind, Status, decide, wrong
-from estim.fitting import MAX_ROUNDS, PRESSED_BELOW, Fit, edge_amount, limit_found, pressed
+from estim.fitting import PRESSED_BELOW, Fit, edge_amount, limit_found, pressed
 from estim.problem import same_curves
 from estim.sampling import Agreement, Chain, mcse_mean, mixing_of
 from estim.words import tell
@@ -82,7 +82,7 @@ def diagnose(
 
 
 def _convergence(fit: Fit, chain: Chain) -> list[Finding]:
-    unsettled = [] if fit.success else [Finding(Kind.FIT_UNSETTLED, size=fit.moved, numbers={"rounds": MAX_ROUNDS})]
+    unsettled = [] if fit.success else [Finding(Kind.FIT_UNSETTLED, size=fit.moved)]
     return unsettled + sampling_findings(chain)
 
 

@@ -21,13 +21,14 @@ from estim.distributions import chi2_tail
 from estim.fitting.fisher_information import information
 from estim.problem import Posterior, Problem, Symmetry, informative
 
-MAX_ROUNDS = 60
+_MAX_ROUNDS = 60
 _FEW_ROUNDS = 6
 _SETTLED = 1e-4  # of a standard deviation, between two rounds
 _SAME_OPTIMUM = 0.5  # in minus log density
 _SAME_PLACE = 1.5  # standard deviations
 _TWINS = 0.2  # the same, after one round: nearer ends go on as one
 _ROUGH_ROUNDS = 4
+_LEAST_SHARE = 0.05
 WITHIN_REACH = 12.0  # in minus log density: worse optima hold next to nothing of the posterior
 _NO_CURVATURE = "the fit ends where the curve has no finite derivatives in its parameters: are the units and the stated values right?"
 _N_FINISH, _FINE = 20, 1e-2
@@ -120,7 +121,7 @@ def fit_least_squares(
     values, posterior, _ = rough[best]
     if float(np.mean(posterior.size_residuals(values) ** 2)) > hopeless:
         raise NumericalError(f"the curve stays far from the data: the mean square of the whitened residuals is above {hopeless:g}")
-    values, posterior, moved = _settle(values, posterior, max_rounds=MAX_ROUNDS)
+    values, posterior, moved = _settle(values, posterior, max_rounds=_MAX_ROUNDS)
     if math.isnan(moved):
         raise NumericalError(_NO_CURVATURE)
     level = objective <= objective[best] + _SAME_OPTIMUM
@@ -172,18 +173,27 @@ def _spread(matrix: FloatArray) -> FloatArray:
 
 
 def _settle(values: FloatArray, posterior: Posterior, *, max_rounds: int) -> _End:
-    """Rounds of (curve; noise; covariance at the values) from a posterior linearised there until they settle; moved is nan without curvature."""
-    moved = math.inf
-    for _ in range(max_rounds):
-        before = values
-        values = _fit_noise(posterior, _fit_curve(posterior, values))
+    """Rounds of (curve; noise; covariance at the values) from a posterior linearised there until they settle; moved is nan without curvature.
+
+    Where a covariance that follows the curve sends the rounds to and fro, they go part of the way; where they settle stays the same.
+    """
+    moved, share, step = math.inf, 1.0, np.zeros_like(values)
+    for n_round in range(max_rounds):
+        before, step_before, moved_before = values, step, moved
+        step = _fit_noise(posterior, _fit_curve(posterior, values)) - before
+        values = before + share * step if share < 1.0 else before + step
         posterior = posterior.problem.linearised(values)
         matrix = information(posterior, values)
         if not np.all(np.isfinite(matrix)):
             return values, posterior, math.nan
-        moved = float(np.max(np.abs(values - before) / _spread(matrix), initial=0.0))
+        scale = _spread(matrix)
+        moved = float(np.max(np.abs(step) / scale, initial=0.0))
         if moved < _SETTLED:
             break
+        if n_round >= _FEW_ROUNDS and moved > 0.5 * moved_before and (step / scale) @ (step_before / scale) < 0.0:
+            share *= 0.5
+            if share < _LEAST_SHARE:  # the covariance has a jump there: no place where it stays
+                break
     return values, posterior, moved
 
 
@@ -324,7 +334,7 @@ def _describe(
     n_same = len(same) if singular else sum(bool(np.max(np.abs(end - values) / place) < _SAME_PLACE) for end in same)
     message = f"settled; {led_here(n_same, n_start)}"
     if moved >= _SETTLED:
-        message = f"did not settle: the last of {MAX_ROUNDS} rounds still moved a parameter by {moved:.2g} standard deviations"
+        message = f"did not settle: its last round still moved a parameter by {moved:.2g} standard deviations"
     elif singular:
         message = "settled, but a combination of parameters is not determined at all: no standard deviations"
     return Fit(

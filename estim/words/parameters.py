@@ -106,8 +106,7 @@ def _limit(f: Finding) -> str:
 
 
 def _not_settled(f: Finding) -> str:
-    moved = f"the last of {f.numbers['rounds']:.0f} rounds still moved a parameter by {f.size:.2g} standard deviations"
-    return f"the least-squares fit did not settle: {moved}"
+    return f"the least-squares fit did not settle: its last round still moved a parameter by {f.size:.2g} standard deviations"
 
 
 WORDS: Table = MappingProxyType(
