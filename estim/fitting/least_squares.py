@@ -175,13 +175,12 @@ def _spread(matrix: FloatArray) -> FloatArray:
 def _settle(values: FloatArray, posterior: Posterior, *, max_rounds: int) -> _End:
     """Rounds of (curve; noise; covariance at the values) from a posterior linearised there until they settle; moved is nan without curvature.
 
-    Where a covariance that follows the curve sends the rounds to and fro, they go part of the way; where they settle stays the same.
-    """
+    Where a covariance that follows the curve sends the rounds to and fro, they go part of the way: to the same place."""
     moved, share, step = math.inf, 1.0, np.zeros_like(values)
     for n_round in range(max_rounds):
         before, step_before, moved_before = values, step, moved
         step = _fit_noise(posterior, _fit_curve(posterior, values)) - before
-        values = before + share * step if share < 1.0 else before + step
+        values = before + share * step
         posterior = posterior.problem.linearised(values)
         matrix = information(posterior, values)
         if not np.all(np.isfinite(matrix)):
