@@ -78,11 +78,15 @@ class Outcome:
     seconds: float = 0.0
 
 
+def generator(case: Case) -> np.random.Generator:
+    """The random numbers of one recording: a replica's noise is the same whatever else is run beside it."""
+    key = int.from_bytes(hashlib.sha256(" ".join(case.line).encode()).digest()[:4], "big")
+    return np.random.default_rng([case.seed, key, case.replica])
+
+
 def outcomes(case: Case) -> list[Outcome]:
     """Make one recording and analyse it."""
-    # a replica's noise is the same whatever else is run beside it
-    key = int.from_bytes(hashlib.sha256(" ".join(case.line).encode()).digest()[:4], "big")
-    rng = np.random.default_rng([case.seed, key, case.replica])
+    rng = generator(case)
     with tempfile.TemporaryDirectory() as temporary:
         folder = Path(case.keep, *case.line, str(case.replica)) if case.keep else Path(temporary)
         folder.mkdir(parents=True, exist_ok=True)
