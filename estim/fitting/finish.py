@@ -38,21 +38,23 @@ def finished(posterior: Posterior, values: FloatArray, free: list[int], *, toler
     return values
 
 
-def step_between(rows: FloatArray, aim: FloatArray, low: FloatArray, high: FloatArray) -> FloatArray:
+def step_between(rows: FloatArray, aim: FloatArray, low: FloatArray, high: FloatArray, *, silent: float = _SILENT) -> FloatArray:
     """(n_par,) step s of least |rows s + aim| with low <= s <= high; low <= 0 <= high.
 
-    rows : (n, n_par).  aim : (n,).  The free step, merely cut off at a limit, leads nowhere where parameters are correlated: what
-    the others do for the one that is held must be taken back.
+    The free step, merely cut off at a limit, leads nowhere where parameters are correlated: what the others do for the one that is held
+    must be taken back.
+
+    rows : (n, n_par).  aim : (n,).  silent : ratio of singular values of unit columns that counts as 0.
     """
     from scipy.optimize import lsq_linear
 
     scale = np.linalg.norm(rows, axis=0)
     scale[scale == 0.0] = 1.0
     scaled = rows / scale
-    step = np.asarray(np.linalg.lstsq(scaled, -aim, rcond=_SILENT)[0] / scale)
+    step = np.asarray(np.linalg.lstsq(scaled, -aim, rcond=silent)[0] / scale)
     if np.all((step >= low) & (step <= high)):
         return step
     # what the data are silent about stays where it is
-    silent = _SILENT * np.linalg.norm(scaled, 2) * np.eye(scale.size)
-    found = lsq_linear(np.vstack([scaled, silent]), np.append(-aim, np.zeros(scale.size)), bounds=(low * scale, high * scale), method="bvls")
+    still = silent * np.linalg.norm(scaled, 2) * np.eye(scale.size)
+    found = lsq_linear(np.vstack([scaled, still]), np.append(-aim, np.zeros(scale.size)), bounds=(low * scale, high * scale), method="bvls")
     return np.clip(found.x / scale, low, high)
