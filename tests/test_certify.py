@@ -14,6 +14,7 @@ from targets import COV, Known, banana, bimodal, box, exponential, half_normal, 
 from estim.campaign import load_campaign
 from estim.common.errors import NumericalError
 from estim.fitting.least_squares import Fit, fit_least_squares
+from estim.sampling import certificate as importance
 from estim.sampling import proposal
 from estim.sampling.certificate import PROBABILITIES, Certificate, certify, chain_errors, compare_with_chain
 from estim.sampling.chain import Chain, Convergence, Target, sample_posterior
@@ -77,8 +78,53 @@ def test_quantiles_are_those_of_the_half_normal_distribution(rng: np.random.Gene
 
     certificate = certificate_of(*TARGETS["half-normal"], rng=rng)
     for p in PROBABILITIES:
-        assert np.all(np.abs(certificate.quantiles[p] - halfnorm.ppf(p)) < 4.5 * certificate.mcse_quantiles[p])
-        assert np.all(certificate.mcse_quantiles[p] < 0.1)
+        assert np.all(np.abs(halfnorm.cdf(certificate.quantiles[p]) - p) < 4.5 * certificate.mcse_shares[p])
+        assert np.all(np.abs(certificate.quantiles[p] - halfnorm.ppf(p)) < 0.2)
+        assert np.all(certificate.mcse_shares[p] < 0.015)
+
+
+def test_errors_of_quantiles_are_the_scatter_of_repeated_runs_and_scatter_little_themselves(monkeypatch: pytest.MonkeyPatch) -> None:
+    """An error that is right on average and scatters by a fifth makes false alarms: the tails of the ratio are those of Student's t."""
+    from scipy.stats import norm
+
+    known, proposal, n_repeat, p = normal(np.eye(6)), Proposal.single(np.zeros(6), np.eye(6)), 60, np.array(PROBABILITIES)[:, None]
+
+    def repeated() -> tuple[np.ndarray, np.ndarray]:
+        """Deviations in stated errors, and those errors, both (n_repeat, n_probability, n_par)."""
+        runs = [certify(known, proposal, rng=np.random.default_rng([6, i])) for i in range(n_repeat)]
+        errors = np.array([[run.mcse_shares[q] for q in PROBABILITIES] for run in runs])
+        return np.array([norm.cdf([run.quantiles[q] for q in PROBABILITIES]) - p for run in runs]) / errors, errors
+
+    z, errors = repeated()
+    chance = 4.0 / math.sqrt(2.0 * n_repeat * 6)
+    assert np.all(np.abs(np.sqrt(np.mean(z**2, axis=(0, 2))) - 1.0) < chance)
+    assert np.max(np.std(errors, axis=0) / np.mean(errors, axis=0)) < 0.03
+
+    # the density at an end by the few draws within an error of it, and errors of draws that all weigh the same
+    def error_of_a_few(column: importance._Column, p: float) -> float:
+        u = math.sqrt(float(np.sum(column.weights**2 * ((column.values <= column.at(p)) - p) ** 2)))
+        return float(norm.pdf(norm.ppf(p))) * 0.5 * (column.at(min(p + u, 1.0)) - column.at(max(p - u, 0.0)))
+
+    naive = np.sqrt(p * (1.0 - p) / 8000.0)
+    assert np.all(np.sqrt(np.mean((z * errors / naive) ** 2, axis=(0, 2)))[1:4] > 1.0 + chance)
+    monkeypatch.setattr(importance._Column, "error_below", error_of_a_few)
+    _, noisy = repeated()
+    assert np.min((np.std(noisy, axis=0) / np.mean(noisy, axis=0))[[0, -1]]) > 0.12
+
+
+@pytest.mark.statistics
+def test_ends_of_a_short_chain_are_compared_in_errors_that_are_those_of_a_normal_deviate() -> None:
+    known, proposal, n_repeat = normal(np.eye(4)), Proposal.single(np.zeros(4), np.eye(4)), 400
+    runs = []
+    for i in range(n_repeat):
+        rng = np.random.default_rng([9, i])
+        chain = chain_of(autoregressive(rng, (4, 125, 24, 4), 0.4))
+        runs.append(compare_with_chain(certify(known, proposal, rng=rng), chain).z_ends)
+    z = np.abs(runs)
+    assert abs(np.sqrt(np.mean(z**2)) - 1.0) < 4.0 / math.sqrt(2.0 * z.size)
+    # one in a thousand beyond 3.29; three times that is far outside of chance
+    assert np.sum(z > 3.2905) < 0.001 * z.size + 4.0 * math.sqrt(0.001 * z.size)
+    assert np.max(z) < 4.7
 
 
 def test_resampled_draws_have_the_moments_of_the_weighted_ones(rng: np.random.Generator) -> None:

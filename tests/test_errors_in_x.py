@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.optimize import minimize
 
 from estim.calibration.experiment import PointDesign
 from estim.checks.goodness import check_goodness
@@ -267,3 +268,19 @@ def test_the_simulated_null_of_the_residuals_holds_for_a_line(line: Problem, rng
     np.testing.assert_allclose(ours.whitened, theirs.whitened, atol=1e-4)
     for name, check in ours.checks.items():
         assert check.p_value == pytest.approx(theirs.checks[name].p_value, abs=0.01)
+
+
+@pytest.mark.parametrize("seed", [15, 26, 40])
+def test_search_settles_where_a_limit_holds_a_parameter(seed: int) -> None:
+    """Steps that were merely cut off at the limit crept, and the fit was said to be up to 2.5 standard deviations from settled."""
+    rng = np.random.default_rng([77, seed])
+    x, (b, c) = np.linspace(0.0, 1.5, 12), rng.uniform(-0.3, 0.3, 2)
+    y = np.exp(-b * x) + c * x + 0.02 * rng.standard_normal(x.size)
+    start, bounds = {"a": 1.0, "b": 0.1, "c": 0.1}, dict.fromkeys("abc", (0.0, 5.0))
+    fit = fit_curve("a*exp(-b*x) + c*x", x + 0.03 * rng.standard_normal(x.size), y, u_y=0.02, u_x=0.03, start=start, bounds=bounds)
+    assert fit.status == "ok", fit.reasons
+    posterior = fit.fit.posterior
+    # a search without derivatives finds no better place
+    height = lambda values: float(np.sum(posterior.residuals(values) ** 2))  # noqa: E731
+    found = minimize(height, fit.fit.values, method="Nelder-Mead", bounds=[(0.0, 5.0)] * 3, tol=1e-10)
+    assert height(fit.fit.values) < found.fun + 1e-7

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable
 from pathlib import Path
 
@@ -13,6 +14,7 @@ from scipy.special import expit
 
 from estim.campaign import load_campaign
 from estim.fitting import least_squares
+from estim.fitting.finish import step_between
 from estim.fitting.least_squares import fit_least_squares
 from estim.pipeline import analyse
 from estim.problem.priors import Normal
@@ -193,3 +195,27 @@ def test_rounds_across_a_jump_end_soon_and_do_not_pass_for_settled(monkeypatch: 
     *_, moved = least_squares._settle(np.array([0.3]), following, max_rounds=60)
     assert moved > 0.4
     assert following.rounds < 30
+
+
+def test_step_between_limits_is_the_best_of_all_ways_to_hold_parameters_there(rng: np.random.Generator) -> None:
+    """Against every choice of which of three parameters are held at which limit; the free step cut off there is worse, and may be worse than none."""
+    nowhere = 0
+    for _ in range(200):
+        rows, aim = rng.standard_normal((6, 3)) @ np.array([[1.0, 0.9, 0.8], [0.0, 0.3, 0.5], [0.0, 0.0, 0.2]]), rng.standard_normal(6)
+        low, high = -rng.uniform(0.0, 0.5, 3) * rng.integers(0, 2, 3), rng.uniform(0.1, 0.5, 3)
+        best = np.inf
+        for sides in itertools.product((None, low, high), repeat=3):
+            step = np.array([0.0 if side is None else side[i] for i, side in enumerate(sides)])
+            free = [i for i, side in enumerate(sides) if side is None]
+            step[free] = np.linalg.lstsq(rows[:, free], -aim - rows @ step, rcond=None)[0] if free else []
+            if np.all((step >= low - 1e-12) & (step <= high + 1e-12)):
+                best = min(best, float(np.sum((rows @ step + aim) ** 2)))
+        found = step_between(rows, aim, low, high)
+        assert np.all((found >= low) & (found <= high))
+        assert np.sum((rows @ found + aim) ** 2) == pytest.approx(best, rel=1e-9)
+        cut = np.clip(np.linalg.lstsq(rows, -aim, rcond=None)[0], low, high)
+        nowhere += all(np.sum((rows @ (length * cut) + aim) ** 2) > np.sum(aim**2) for length in 0.5 ** np.arange(10))
+    assert nowhere > 5
+    # without limits that matter, the free step
+    free = np.linalg.lstsq(rows, -aim, rcond=None)[0]
+    assert step_between(rows, aim, np.full(3, -np.inf), np.full(3, np.inf)) == pytest.approx(free)

@@ -222,6 +222,12 @@ def test_quantiles_of_quadrature_are_those_of_a_truncated_correlated_normal_dist
     assert certificate is not None
     for p, quantile in certificate.quantiles.items():
         assert quantile == pytest.approx([halfnorm.ppf(p), skewnorm.ppf(p, 0.9 / np.sqrt(0.19))], abs=0.02)
+        shares = np.array([halfnorm.cdf(quantile[0]), skewnorm.cdf(quantile[1], 0.9 / np.sqrt(0.19))])
+        assert np.all(np.abs(shares - p) < 4.0 * certificate.mcse_shares[p] + 1e-3)
+        assert np.all(certificate.mcse_shares[p] < 5e-3)
+    # what lies below a quantile is its probability
+    nodes = integrate(cut, np.array([0.0, 0.0]), COV[:2, :2], rule=FINE, support=support)
+    assert nodes.below(nodes.quantile(0.16)) == pytest.approx([0.16, 0.16], abs=1e-9)
 
 
 def test_error_of_quadrature_is_honest_where_the_rule_is_too_coarse() -> None:

@@ -1,10 +1,11 @@
 """How far is a result off, and does it say so, when something is wrong that nobody told?  Writes two Markdown tables.
 
-    python benchmarks/truth [--replicas 20] [--only NAME ...] [--priors default sharp] [--noise speeds positions] [--peers | --slow-peers]
-                            [--jobs 2] [--seed 1] [--log FILE] [--out FILE] [--keep FOLDER]
+    python benchmarks/truth [--replicas 20] [--only NAME ...] [--priors default sharp] [--noise speeds positions | --joint]
+                            [--peers | --slow-peers] [--jobs 2] [--seed 1] [--log FILE] [--out FILE] [--keep FOLDER]
 
 Each line: a disturbance of one run (`recordings.py`; the motion is solved by SciPy and shares no code with `model/`), analysed as
 `estim fit` does by default, with no hint; beside it, if asked for, what lmfit makes of the same recordings (`peers.py`).
+--joint: three runs of one body at three tilts of one ramp instead, analysed as `estim fit --joint` does; θ₀ and φ count once for each run.
 The true c_rr is its average over the track, drag and hills included.
 Shift: mean of (posterior mean - true value)/posterior sd over the replicas, whatever the status.
 Coverage: share of central 68 and 95 % intervals of the five quantities that hold the true value, among results with status `ok`; behind it the
@@ -38,7 +39,7 @@ from estim.campaign import load_campaign
 from estim.common import EstimError
 from estim.pipeline import analyse
 from truth.peers import CENTRAL, intervals_of_lmfit
-from truth.recordings import DISTURBANCES, FREE, NOISES, PRIORS, write_campaign
+from truth.recordings import DISTURBANCES, FREE, JOINT, NOISES, OF_RUN, PRIORS, write_campaign
 
 SYMBOLS = {"gamma": "γ", "kappa": "κ", "theta0": "θ₀", "phi": "φ", "rolling_resistance": "c_rr"}
 ESTIM = "estim"
@@ -63,7 +64,10 @@ class Case:
 
 @dataclass(frozen=True)
 class Outcome:
-    """What one method makes of one recording; z, inside68 and inside95 of the quantities in the order of `FREE`, empty where it has no result."""
+    """What one method makes of one recording; z, inside68 and inside95 of the quantities in the order of `FREE`, θ₀ and φ of each run.
+
+    Empty where it has no result.
+    """
 
     name: str
     priors: str
@@ -78,11 +82,15 @@ class Outcome:
     seconds: float = 0.0
 
 
+def generator(case: Case) -> np.random.Generator:
+    """The random numbers of one recording: a replica's noise is the same whatever else is run beside it."""
+    key = int.from_bytes(hashlib.sha256(" ".join(case.line).encode()).digest()[:4], "big")
+    return np.random.default_rng([case.seed, key, case.replica])
+
+
 def outcomes(case: Case) -> list[Outcome]:
     """Make one recording and analyse it."""
-    # a replica's noise is the same whatever else is run beside it
-    key = int.from_bytes(hashlib.sha256(" ".join(case.line).encode()).digest()[:4], "big")
-    rng = np.random.default_rng([case.seed, key, case.replica])
+    rng = generator(case)
     with tempfile.TemporaryDirectory() as temporary:
         folder = Path(case.keep, *case.line, str(case.replica)) if case.keep else Path(temporary)
         folder.mkdir(parents=True, exist_ok=True)
@@ -108,7 +116,8 @@ def _outcome(
 def _by_default(case: Case, folder: Path, truth: dict[str, float]) -> Outcome:
     start = time.process_time()
     try:
-        analysis = analyse(load_campaign(folder / "campaign.toml"), ["r"], seed=case.replica + 1)
+        campaign = load_campaign(folder / "campaign.toml")
+        analysis = analyse(campaign, campaign.run_names, seed=case.replica + 1)
     except EstimError as error:
         print(f"{case}: {error}", file=sys.stderr)
         return _outcome(case, ESTIM, "refused", seconds=time.process_time() - start)
@@ -126,13 +135,20 @@ def _by_default(case: Case, folder: Path, truth: dict[str, float]) -> Outcome:
 def row(name: str, priors: str, noise: str, found: Sequence[Outcome]) -> str:
     done = [o for o in found if o.z]
     ok = [o for o in done if o.status == "ok"]
-    z = np.array([o.z for o in done]).reshape(-1, len(FREE))
+    z = np.array([by_quantity(o.z) for o in done]).reshape(-1, len(FREE))
     shifts = [f"{m:+.1f}" if len(done) else "" for m in (z.mean(axis=0) if len(done) else np.zeros(len(FREE)))]
     statuses = ", ".join(f"{status} {count}" for status, count in Counter(o.status for o in found).most_common())
     confident = sum(max(map(abs, o.z)) > 4.0 for o in ok) / len(found)
     seconds = f"{np.median([o.seconds for o in found]):.1f}"
     cells = [DISTURBANCES[name].words, priors, noise, str(len(found)), *shifts, statuses, coverage(ok), f"{confident:.0%}", seconds]
     return "| " + " | ".join(cells) + " |"
+
+
+def by_quantity(values: Sequence[float]) -> list[float]:
+    """One for each of `FREE`: the mean over the runs of what each of them has."""
+    n_run = 1 + (len(values) - len(FREE)) // len(OF_RUN)
+    ends = np.cumsum([n_run if name in OF_RUN else 1 for name in FREE])
+    return [float(np.mean(part)) for part in np.split(np.asarray(values), ends[:-1])]
 
 
 def coverage(found: Sequence[Outcome]) -> str:
@@ -165,7 +181,7 @@ def tables(found: Sequence[Outcome]) -> list[str]:
     by_line: dict[tuple[str, str, str], dict[str, list[Outcome]]] = defaultdict(lambda: defaultdict(list))
     for o in found:
         by_line[o.name, o.priors, o.noise][o.method].append(o)
-    order = sorted(by_line, key=lambda line: (list(NOISES).index(line[2]), list(DISTURBANCES).index(line[0]), list(PRIORS).index(line[1])))
+    order = sorted(by_line, key=lambda line: ([*NOISES, JOINT].index(line[2]), list(DISTURBANCES).index(line[0]), list(PRIORS).index(line[1])))
     cells = ["disturbance", "priors", "read as", "N", *SYMBOLS.values(), "status", "68 / 95 % among ok", "ok and some abs(z) > 4", "CPU s, median"]
     lines = [*heads(cells), *(row(*line, by_line[line][ESTIM]) for line in order)]
     methods = list(dict.fromkeys(o.method for o in found))
@@ -180,7 +196,9 @@ def main() -> None:
     parser.add_argument("--replicas", type=int, default=20)
     parser.add_argument("--only", nargs="+", choices=DISTURBANCES, default=list(DISTURBANCES), metavar="NAME", help=", ".join(DISTURBANCES))
     parser.add_argument("--priors", nargs="+", choices=PRIORS, default=list(PRIORS))
-    parser.add_argument("--noise", nargs="+", choices=NOISES, default=list(NOISES))
+    read = parser.add_mutually_exclusive_group()
+    read.add_argument("--noise", nargs="+", choices=NOISES, default=list(NOISES))
+    read.add_argument("--joint", dest="noise", action="store_const", const=[JOINT], help="three runs at three tilts of one ramp, fitted together")
     parser.add_argument("--peers", dest="peers", action="store_const", const=1, default=0, help="lmfit's least squares beside it")
     parser.add_argument("--slow-peers", dest="peers", action="store_const", const=2, help="its conf_interval and emcee, too")
     parser.add_argument("--jobs", type=int, default=os.cpu_count() or 1)

@@ -31,7 +31,7 @@ def intervals_of_lmfit(folder: Path, truth: Mapping[str, float], *, slow: bool, 
     problem = as_complete(load_campaign(folder / "campaign.toml").problem(["r"]), "lmfit")
     (run,) = problem.runs
     assert run.t is not None
-    table = np.loadtxt(folder / "run.csv", delimiter=",", skiprows=1)
+    table = np.loadtxt(folder / "r.csv", delimiter=",", skiprows=1)
     place = np.searchsorted(table[:, 0], run.t)
     u = SIGMA * math.sqrt(2.0) / (table[place + 1, 0] - table[place - 1, 0])
     keys = {p.name: f"p{i}" for i, p in enumerate(problem.parameters)}

@@ -1,4 +1,4 @@
-"""Recordings of a true motion as a laboratory would write them down: campaign.toml and a CSV of times and positions.
+"""Recordings of a true motion as a laboratory would write them down: campaign.toml and a CSV of times and positions for each run.
 
 A `Disturbance` is one thing that the plain analysis does not know of: of the motion (`truth`), of the camera, or of what is stated.
 Everything else is as stated: 30 frames/s, readings with a normal error of 1 mm, stated values that scatter about the true ones by
@@ -22,8 +22,8 @@ Rng = np.random.Generator
 
 SIGMA, INTERVAL, LONGEST, PICTURE = 0.001, 1.0 / 30.0, 3.0, 0.6  # m, s, s, m
 BASE = Truth(rolling_resistance=0.003)
-# true values of what is fit -> (name in the campaign, factor to its unit)
-FREE = {"gamma": "gamma[b]", "kappa": "kappa[b]", "theta0": "theta0[r]", "phi": "phi[r]", "rolling_resistance": "rolling_resistance"}
+FREE = ("gamma", "kappa", "theta0", "phi", "rolling_resistance")  # what is fit
+OF_RUN = ("theta0", "phi")
 # standard uncertainties of what is stated; None: uniform between 0 and 1
 PRIORS: Mapping[str, Mapping[str, float | None]] = {
     "default": {"phi": math.radians(0.4), "theta0": math.radians(1.5), "gamma": 0.010, "kappa": None, "radius": 0.0005, "g": 0.0},
@@ -33,6 +33,8 @@ NOISES = {
     "speeds": f'{{model = "differentiated", sigma_x_m = {SIGMA}, derivative = "central"}}',
     "positions": f'{{model = "positions", sigma_x_m = {SIGMA}}}',
 }
+JOINT = "speeds of 3 runs"  # in place of a noise: runs of one body at three tilts of one ramp
+TILTS = (-math.radians(1.0), 0.0, math.radians(1.0))  # to what the tilt is otherwise
 
 
 @dataclass(frozen=True)
@@ -169,40 +171,56 @@ def film(disturbance: Disturbance, truth: Truth, rng: Rng) -> tuple[FloatArray, 
     return camera.after(rng, (1.0 + camera.scale_t) * frames, x + camera.noise(rng, v))
 
 
-def write_campaign(folder: Path, disturbance: Disturbance, *, priors: str, noise: str, rng: Rng) -> dict[str, float]:
-    """Write campaign.toml and run.csv to `folder`; the true values of what is fit.
+def stated(name: str, u: float | None, truth: Truth, disturbance: Disturbance, rng: Rng) -> str:
+    """What is stated of one quantity with the uncertainty `u`, as TOML."""
+    value = getattr(BASE if name == "g" and "g" not in disturbance.factors else truth, name)
+    value = (value + (u or 0.0) * (rng.standard_normal() + disturbance.shifts.get(name, 0.0))) * disturbance.factors.get(name, 1.0)
+    return '{prior = "uniform", low = 0.0, high = 1.0}' if u is None else f"{value!r}" if u == 0.0 else f'"{value:.9f} +/- {u:.9f}"'
 
-    That of the rolling resistance is its average over the track, with all that resists beside it: what a fit with an unmodelled force calls c_rr.
+
+def write_campaign(folder: Path, disturbance: Disturbance, *, priors: str, noise: str, rng: Rng) -> dict[str, float]:
+    """Write campaign.toml and a table of each run to `folder`; the true values of what is fit: of the body, then of each run, as `FREE` has them.
+
+    That of the rolling resistance is its average over the (longest) track, with all that resists beside it: what a fit with an unmodelled force
+    calls c_rr.
+    noise : of `NOISES`, or `JOINT`.
     """
     truth = disturbance.motion(rng, BASE)
-    t, x = film(disturbance, truth, rng)
-    table = "".join(f"{moment:.6f},{place:.6f}\n" for moment, place in zip(t, x, strict=True))
-    (folder / "run.csv").write_text("t_s,x_m\n" + table, encoding="utf-8")
-    said = {}
-    for name, u in PRIORS[priors].items():
-        value = getattr(BASE if name == "g" and "g" not in disturbance.factors else truth, name)
-        value = (value + (u or 0.0) * (rng.standard_normal() + disturbance.shifts.get(name, 0.0))) * disturbance.factors.get(name, 1.0)
-        said[name] = '{prior = "uniform", low = 0.0, high = 1.0}' if u is None else f"{value!r}" if u == 0.0 else f'"{value:.9f} +/- {u:.9f}"'
+    runs = {f"r{i + 1}": replace(truth, phi=truth.phi + tilt) for i, tilt in enumerate(TILTS)} if noise == JOINT else {"r": truth}
+    last: dict[str, tuple[float, float]] = {}
+    for run, own in runs.items():
+        t, x = film(disturbance, own, rng)
+        table = "".join(f"{moment:.6f},{place:.6f}\n" for moment, place in zip(t, x, strict=True))
+        (folder / f"{run}.csv").write_text("t_s,x_m\n" + table, encoding="utf-8")
+        last[run] = float(x[-1]), float(t[-1])
+    owners = {name: runs.values() if name in OF_RUN else [truth] for name in PRIORS[priors]}
+    said = {name: [stated(name, u, own, disturbance, rng) for own in owners[name]] for name, u in PRIORS[priors].items()}
+    tables = "".join(
+        f"""[[runs]]
+name = "{run}"
+body = "b"
+file = "{run}.csv"
+phi_rad = {phi}
+theta0_rad = {theta0}
+noise = {NOISES["speeds" if noise == JOINT else noise]}
+"""
+        for run, phi, theta0 in zip(runs, said["phi"], said["theta0"], strict=True)
+    )
     (folder / "campaign.toml").write_text(
         f"""# SYNTHETIC data, solved by SciPy: {disturbance.words}.
 title = "{disturbance.words}"
 kind = "synthetic"
 [shared]
-g = {said["g"]}
-radius_m = {said["radius"]}
+g = {said["g"][0]}
+radius_m = {said["radius"][0]}
 rolling_resistance = {{prior = "half-normal", scale = 0.005}}
 [bodies.b]
-gamma = {said["gamma"]}
-kappa = {said["kappa"]}
-[[runs]]
-name = "r"
-body = "b"
-file = "run.csv"
-phi_rad = {said["phi"]}
-theta0_rad = {said["theta0"]}
-noise = {NOISES[noise]}
-""",
+gamma = {said["gamma"][0]}
+kappa = {said["kappa"][0]}
+{tables}""",
         encoding="utf-8",
     )
-    found = {parameter: getattr(truth, name) for name, parameter in FREE.items()}
-    return {**found, FREE["rolling_resistance"]: solve(truth, LONGEST).average_resistance(float(t[-1]))}
+    longest = max(last, key=last.__getitem__)
+    found = {"gamma[b]": truth.gamma, "kappa[b]": truth.kappa}
+    found |= {f"{name}[{run}]": getattr(own, name) for name in OF_RUN for run, own in runs.items()}
+    return {**found, "rolling_resistance": solve(runs[longest], LONGEST).average_resistance(last[longest][1])}

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from estim.arrays import FloatArray
+from estim.fitting.finish import step_between
 from estim.fitting.separable import RESOLVED, SeparableSearch, rounding
 
 _N_FINISH = 10  # steps by the information that end a search with errors of x
@@ -79,6 +80,9 @@ def stepped(search: SeparableSearch, values: FloatArray, *, most: int = 100) -> 
             step_size = 0.0
             break
         step, sds = gauss_newton(jacobian[:, moving], residual, resolved)
+        low, high = search.low[moving] - values[moving], search.high[moving] - values[moving]
+        if np.any((step < low) | (step > high)):
+            step = step_between(jacobian[:, moving], residual, low, high, silent=resolved)
         noise = math.sqrt(max(chi2, 10.0 * rounding(search, values), 1e-300) / max(1, residual.size - moving.size))
         size = float(np.max(np.abs(step) / np.where(sds > 0.0, sds, np.inf), initial=0.0)) / noise
         length, better = 1.0, False

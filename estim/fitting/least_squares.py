@@ -18,6 +18,7 @@ from estim.arrays import FloatArray
 from estim.common import Finding, InputError, NumericalError
 from estim.deviation import FoundDeviation, FoundForce
 from estim.distributions import chi2_tail
+from estim.fitting.finish import finished
 from estim.fitting.fisher_information import information
 from estim.problem import Posterior, Problem, Symmetry, informative
 
@@ -31,8 +32,7 @@ _ROUGH_ROUNDS = 4
 _LEAST_SHARE = 0.05
 WITHIN_REACH = 12.0  # in minus log density: worse optima hold next to nothing of the posterior
 _NO_CURVATURE = "the fit ends where the curve has no finite derivatives in its parameters: are the units and the stated values right?"
-_N_FINISH, _FINE = 20, 1e-2
-_SILENT = 1e-11  # ratio of singular values
+_FINE = 1e-2
 _FAR_APART = 3.0  # standard deviations, of any parameter
 
 _End = tuple[FloatArray, Posterior, float]
@@ -227,34 +227,7 @@ def _fit_curve(posterior: Posterior, values: FloatArray) -> FloatArray:
             residual, table, method="least_squares", scale_covar=False, calc_covar=False, jac=jacobian, x_scale="jac",
             ftol=tolerance, xtol=tolerance, gtol=1e-12, max_nfev=400, nan_policy="propagate",  # scipy steps back from where the curve is not defined
         )
-    return _finished(posterior, filled(result.params), free) if creeps else filled(result.params)
-
-
-def _finished(posterior: Posterior, values: FloatArray, free: list[int]) -> FloatArray:
-    """`values` after steps by the Fisher information, as long as they help and stay inside the priors' support."""
-    priors = posterior.problem.parameters
-    low, high = np.array([priors[i].prior.low for i in free]), np.array([priors[i].prior.high for i in free])
-    height = float(np.sum(posterior.residuals(values) ** 2))
-    for _ in range(_N_FINISH):
-        slopes = np.diag([p.prior.residual_slope(float(v)) for p, v in zip(priors, values, strict=True)])
-        pairs = [*posterior.scoring(values), (slopes, posterior.prior_residuals(values))]
-        rows, aim = np.vstack([pair[0] for pair in pairs])[:, free], np.concatenate([pair[1] for pair in pairs])
-        if not (np.all(np.isfinite(rows)) and np.all(np.isfinite(aim))):
-            break
-        scale = np.linalg.norm(rows, axis=0)
-        scale[scale == 0.0] = 1.0
-        step = np.linalg.lstsq(rows / scale, -aim, rcond=_SILENT)[0] / scale
-        length, reached = 1.0, math.inf
-        while length > 1e-3 and not reached < height:
-            trial = values.copy()
-            trial[free] = np.clip(values[free] + length * step, low, high)
-            reached, length = float(np.sum(posterior.residuals(trial) ** 2)), 0.5 * length
-        if not reached < height:
-            break
-        values, height = trial, reached
-        if float(np.linalg.norm(rows @ step)) < _FINE * _SETTLED:
-            break
-    return values
+    return finished(posterior, filled(result.params), free, tolerance=_FINE * _SETTLED) if creeps else filled(result.params)
 
 
 def _inside(value: float, low: float, high: float) -> float:

@@ -55,7 +55,8 @@ class Certificate:
     differences of two rules, and draws are nodes.
     log_evidence, u_log_evidence : log of the integral of exp(log_density), and its Monte-Carlo standard error.
     mean, sd, mcse_mean, mcse_sd : (n_par,) with the Monte-Carlo standard errors of both.
-    quantiles, mcse_quantiles : probability -> (n_par,).
+    quantiles : probability -> (n_par,).  mcse_shares : of the share of the posterior below each of them; as an error of the quantile itself
+        it would need a density there, which a few draws in a tail tell badly.
     draws : (4000, n_par) equally weighted, resampled with replacement, in random order.
     """
 
@@ -71,7 +72,7 @@ class Certificate:
     mcse_mean: FloatArray
     mcse_sd: FloatArray
     quantiles: Mapping[float, FloatArray]
-    mcse_quantiles: Mapping[float, FloatArray]
+    mcse_shares: Mapping[float, FloatArray]
     draws: FloatArray
 
     @property
@@ -150,7 +151,7 @@ def _summarise(
     columns = [_Column(draws[:, i], weights) for i in range(draws.shape[1])]
     for p in PROBABILITIES:
         quantiles[p] = np.array([column.at(p) for column in columns])
-        errors[p] = np.array([column.error(p) for column in columns])
+        errors[p] = np.array([column.error_below(p) for column in columns])
     resampled = draws[rng.permutation(systematic(weights, _N_RESAMPLED, rng))]
     resampled.flags.writeable = False
     return Certificate(
@@ -158,7 +159,7 @@ def _summarise(
         log_evidence=log_mean, u_log_evidence=u_log_mean(log_weights),
         mean=mean, sd=sd, mcse_mean=np.sqrt(squares @ deviation**2),
         mcse_sd=np.sqrt(squares @ (deviation**2 - variance) ** 2) / (2.0 * np.where(sd > 0.0, sd, np.nan)),  # 0: all weight on one draw
-        quantiles=MappingProxyType(quantiles), mcse_quantiles=MappingProxyType(errors), draws=resampled,
+        quantiles=MappingProxyType(quantiles), mcse_shares=MappingProxyType(errors), draws=resampled,
     )
 
 
@@ -173,11 +174,9 @@ class _Column:
     def at(self, p: float) -> float:
         return float(np.interp(p, self.below, self.values))
 
-    def error(self, p: float) -> float:
-        """Half the distance of the quantiles one standard error of the distribution function away."""
-        squares = self.weights**2
-        u = math.sqrt(float(np.sum(squares * ((self.values <= self.at(p)) - p) ** 2)))
-        return 0.5 * (self.at(min(p + u, 1.0)) - self.at(max(p - u, 0.0)))
+    def error_below(self, p: float) -> float:
+        """Standard error of the share below the quantile."""
+        return math.sqrt(float(np.sum(self.weights**2 * ((self.values <= self.at(p)) - p) ** 2)))
 
 
 def compare_with_chain(certificate: Certificate, chain: Chain, *, most: int = MAX_PARAMETERS) -> Agreement:
@@ -210,13 +209,11 @@ def _end(certificate: Certificate, chain: Chain, p: float) -> tuple[FloatArray, 
 
     z compares shares, not quantiles: that of the draws above the certificate's quantile with 1 - p.
     """
-    at, error, flat = certificate.quantiles[p], certificate.mcse_quantiles[p], chain.flat
+    at, flat = certificate.quantiles[p], chain.flat
     share = np.mean(flat > at, axis=0)
     # beyond the chain's own quantile, since there may be nothing beyond the certificate's
     size = effective_size((chain.draws > np.quantile(flat, p, axis=0)).astype(float), "mean")
-    # the certificate's error of a quantile as one of a share
-    of_certificate = 0.5 * np.mean((flat > at - error) & (flat <= at + error), axis=0)
-    u = np.hypot(np.sqrt(p * (1.0 - p) / size), of_certificate)
+    u = np.hypot(np.sqrt(p * (1.0 - p) / size), certificate.mcse_shares[p])
     spread = [0.5 * (np.quantile(flat[:, i], min(p + u[i], 1.0)) - np.quantile(flat[:, i], max(p - u[i], 0.0))) for i in range(at.size)]
     return np.asarray((share - (1.0 - p)) / u), np.array(spread)
 

@@ -27,6 +27,7 @@ QUADRATURE = "quadrature"
 _POINTS = 3e7  # nodes of a rule times observations: some seconds
 _SETTLED = 0.05  # posterior sds: a larger difference between the two rules proves nothing
 _LEAST_ERROR = 1e-4  # posterior sds: rounding, and what lies beyond the ends
+_LEAST_SHARE = 1e-5
 _N_RESAMPLED = 4000
 _AT_LIMIT = 0.05  # posterior sds
 _FAR, _CLOSE = 4.0, 0.01  # errors, and a difference (of log evidences, or in posterior sds), that prove nothing
@@ -108,7 +109,7 @@ def certify_by_quadrature(
 def _certificate(names: tuple[str, ...], fine: Nodes, coarse: Nodes, rng: np.random.Generator) -> Certificate:
     least = _LEAST_ERROR * fine.sd
     quantiles = {p: fine.quantile(p) for p in PROBABILITIES}
-    errors = {p: np.maximum(np.abs(quantiles[p] - coarse.quantile(p)), least) for p in PROBABILITIES}
+    errors = {p: np.maximum(np.abs(fine.below(coarse.quantile(p)) - p), _LEAST_SHARE) for p in PROBABILITIES}
     resampled = fine.points[rng.permutation(systematic(fine.masses, _N_RESAMPLED, rng))]
     resampled.flags.writeable = False
     return Certificate(
@@ -116,5 +117,5 @@ def _certificate(names: tuple[str, ...], fine: Nodes, coarse: Nodes, rng: np.ran
         log_evidence=fine.log_evidence, u_log_evidence=max(abs(fine.log_evidence - coarse.log_evidence), _LEAST_ERROR),
         mean=fine.mean, sd=fine.sd,
         mcse_mean=np.maximum(np.abs(fine.mean - coarse.mean), least), mcse_sd=np.maximum(np.abs(fine.sd - coarse.sd), least),
-        quantiles=MappingProxyType(quantiles), mcse_quantiles=MappingProxyType(errors), draws=resampled,
+        quantiles=MappingProxyType(quantiles), mcse_shares=MappingProxyType(errors), draws=resampled,
     )

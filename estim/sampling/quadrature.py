@@ -70,6 +70,11 @@ class Nodes:
         """(n_par,) of the distribution of each parameter."""
         return np.array([float(np.interp(p * below[-1], below, ends)) for ends, below in self._distributions])
 
+    def below(self, at: FloatArray) -> FloatArray:
+        """(n_par,) shares of the distribution of each parameter below at (n_par,)."""
+        pairs = zip(at, self._distributions, strict=True)
+        return np.array([float(np.interp(x, ends, below) / below[-1]) for x, (ends, below) in pairs])
+
     @cached_property
     def _distributions(self) -> list[tuple[FloatArray, FloatArray]]:
         return [_distribution(cells, masses) for cells, masses in zip(self.cells, self.cell_masses, strict=True)]
