@@ -37,7 +37,7 @@ from numpy.typing import NDArray
 from estim.arrays import FloatArray
 from estim.checks.goodness import check_goodness
 from estim.common import Amount, Finding, Kind, NumericalError, Stream, stream
-from estim.fitting import Fit, around, chi2_p, curve_indices, fit_least_squares
+from estim.fitting import Fit, around, chi2_p, curve_indices, fit_least_squares, refit
 from estim.problem import MEASURED, LogNormal, Normal, Prior, Problem, TruncatedNormal
 
 P_CONFLICT = 0.01
@@ -121,7 +121,7 @@ def _distance(problem: Problem, unstated: Fit, i: int) -> float:
     """Of one stated value from what data and all other stated values say, in standard deviations of that distance."""
     parameters = tuple(replace(p, prior=_loosened(p.prior)) if k == i else p for k, p in enumerate(problem.parameters))
     try:
-        others = fit_least_squares(replace(problem, parameters=parameters), rng=stream(0, Stream.FIT), n_start=1, start=unstated.values)
+        others = refit(replace(problem, parameters=parameters), unstated.values)
     except NumericalError:
         return 0.0
     prior = problem.parameters[i].prior

@@ -191,8 +191,8 @@ def _settle(values: FloatArray, posterior: Posterior, *, max_rounds: int) -> _En
             break
         if n_round >= _FEW_ROUNDS and moved > 0.5 * moved_before and (step / scale) @ (step_before / scale) < 0.0:
             share *= 0.5
-            if share < _LEAST_SHARE:  # the covariance has a jump there: no place where it stays
-                break
+        if share < _LEAST_SHARE:  # the covariance has a jump there: no place where it stays
+            break
     return values, posterior, moved
 
 
