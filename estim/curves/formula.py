@@ -144,8 +144,9 @@ def _compiled(tree: ast.expr) -> tuple[CodeType, dict[str, Any]]:
 def local_of(result: Any, x: FloatArray, arguments: Mapping[str, ArrayLike], names: Iterable[str]) -> LocalCurve:
     """The curve and its derivatives from a result on dual numbers, every array (n_draw, n_obs)."""
     partials = result.partials if isinstance(result, Dual) else {}
-    gradient = {name: _full(partials.get(name, 0.0), x, arguments) for name in names}
-    return LocalCurve(_full(plain(result), x, arguments), _full(partials.get("x", 0.0), x, arguments), gradient)
+    value = _full(plain(result), x, arguments)
+    slopes = {name: np.ascontiguousarray(np.broadcast_to(np.asarray(partials.get(name, 0.0), dtype=float), value.shape)) for name in ("x", *names)}
+    return LocalCurve(value, slopes["x"], {name: slopes[name] for name in names})
 
 
 def time_derivative_of(curve: Any, x: FloatArray, arguments: Mapping[str, ArrayLike], order: int) -> FloatArray:

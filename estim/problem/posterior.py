@@ -129,6 +129,8 @@ class Posterior:
 
     def by_run(self, parts: Iterable[FloatArray]) -> tuple[FloatArray, ...]:
         """Rows (n_obs, ...) of each group as those of each run, in the order of the runs."""
+        if len(self.problem.runs) == 1:
+            return tuple(parts)
         rows = {
             run.name: own
             for group, part in zip(self.problem.groups, parts, strict=True)
