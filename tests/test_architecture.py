@@ -7,6 +7,7 @@ import re
 import subprocess
 import sys
 from dataclasses import fields
+from functools import cache
 from graphlib import CycleError, TopologicalSorter
 from importlib import import_module
 from pathlib import Path
@@ -21,7 +22,6 @@ FILES = {
     for package in ("model", "estim")
     for path in sorted((PROJECT / package).rglob("*.py"))
 }
-TREES = {module: ast.parse(path.read_text()) for module, path in FILES.items()}
 MODEL = [m for m in FILES if m.startswith("model.")]
 ESTIM = [m for m in FILES if m.startswith("estim.")]
 HEAVY = {"lmfit", "emcee", "matplotlib", "arviz_stats", "corner", "jinja2", "tqdm", "scipy", "numpy", "uncertainties"}
@@ -39,11 +39,18 @@ def imported(tree):
     return names
 
 
-IMPORTS = {module: imported(tree) for module, tree in TREES.items()}
+@cache
+def trees():
+    return {module: ast.parse(path.read_text()) for module, path in FILES.items()}
+
+
+@cache
+def imports():
+    return {module: imported(tree) for module, tree in trees().items()}
 
 
 def packages(module):
-    return {name.split(".")[0] for name in IMPORTS[module]}
+    return {name.split(".")[0] for name in imports()[module]}
 
 
 def importers(package):
@@ -89,7 +96,7 @@ def room(name):
 def of_the_house(module):
     """The modules and pages of the project that a file imports from."""
     return {
-        node.module for node in ast.walk(TREES[module])
+        node.module for node in ast.walk(trees()[module])
         if isinstance(node, ast.ImportFrom) and node.module and node.module.split(".")[0] in ("model", "estim")
     }
 
@@ -114,7 +121,7 @@ def test_the_check_of_the_order_sees_an_arrow_up():
 
 
 def test_no_circles_inside_a_package():
-    graph = {m: {n for n in IMPORTS[m] if n in FILES and room(n) == room(m)} - {m} for m in FILES if not m.endswith("__init__")}
+    graph = {m: {n for n in imports()[m] if n in FILES and room(n) == room(m)} - {m} for m in FILES if not m.endswith("__init__")}
     try:
         assert len(list(TopologicalSorter(graph).static_order())) >= len(graph)
     except CycleError as error:
@@ -124,7 +131,7 @@ def test_no_circles_inside_a_package():
 def test_nobody_asks_which_kind_of_noise_it_is():
     kinds = {"Independent", "Differentiated", "Readings", "Correlated", "PointErrors", "CorrelatedErrors", "LatentErrors", "StudentT", "Mixture"}
     for module in ESTIM:
-        for node in ast.walk(TREES[module]):
+        for node in ast.walk(trees()[module]):
             if isinstance(node, ast.Call) and getattr(node.func, "id", "") in ("isinstance", "issubclass"):
                 assert not kinds & {getattr(part, "id", getattr(part, "attr", "")) for part in ast.walk(node.args[1])}, module
 
@@ -134,10 +141,10 @@ def test_a_page_is_short_and_offers_what_others_use():
     for page in PAGES:
         source = FILES[f"{page}.__init__"].read_text()
         assert len(source.splitlines()) <= 15, page
-        offered = {alias.name for node in ast.walk(TREES[f"{page}.__init__"]) if isinstance(node, ast.ImportFrom) for alias in node.names}
+        offered = {alias.name for node in ast.walk(trees()[f"{page}.__init__"]) if isinstance(node, ast.ImportFrom) for alias in node.names}
         files = {m.rpartition(".")[2] for m in FILES if m.startswith(f"{page}.")}
         assert not offered & files, f"{page}: a name must not be that of a file"
-        used = {name.rpartition(".")[2] for m in set(FILES) - FRONT if room(m) != page for name in IMPORTS[m] if name.rpartition(".")[0] == page}
+        used = {name.rpartition(".")[2] for m in set(FILES) - FRONT if room(m) != page for name in imports()[m] if name.rpartition(".")[0] == page}
         assert offered == used, page
 
 
@@ -170,11 +177,11 @@ def test_the_check_for_output_sees_output():
 
 def test_one_place_prints_and_one_file_writes():
     printing = {"estim.__main__", "estim.cli.output_streams", "estim.cli.terminal", "estim.common.storage"}
-    assert {module for module, tree in TREES.items() if outputs(tree)} == printing
-    assert not any(getattr(node, "attr", "") == "echo" for module in ESTIM for node in ast.walk(TREES[module]))  # `terminal.say` escapes
-    storage = {f"estim.common.{node.name}" for node in TREES["estim.common.storage"].body if isinstance(node, ast.FunctionDef)}
+    assert {module for module, tree in trees().items() if outputs(tree)} == printing
+    assert not any(getattr(node, "attr", "") == "echo" for module in ESTIM for node in ast.walk(trees()[module]))  # `terminal.say` escapes
+    storage = {f"estim.common.{node.name}" for node in trees()["estim.common.storage"].body if isinstance(node, ast.FunctionDef)}
     keeping = {"estim.cli.terminal", "estim.sampling.checkpoint", "estim.sampling.pieces"}
-    assert {m for m in ESTIM if storage & IMPORTS[m] and room(m) != "estim.common"} == keeping
+    assert {m for m in ESTIM if storage & imports()[m] and room(m) != "estim.common"} == keeping
     assert importers("pickle") | importers("shelve") <= {"estim.calibration.jobs"}  # between processes only, never from a file
     assert importers("h5py") <= {"estim.reports.interop"}  # a checkpoint that a reader holds open would stop its writer
 
@@ -195,7 +202,7 @@ def free_texts(tree):
 
 def test_a_finding_holds_facts_and_no_sentence():
     assert free_texts(ast.parse("Finding(kind, test=f'p = {p}')\nAmount('a b')\nFinding(kind, test='chi2', size=1.0)")) == [1, 2]
-    assert [m for m, tree in TREES.items() if free_texts(tree)] == []
+    assert [m for m, tree in trees().items() if free_texts(tree)] == []
     texts = {field.name for record in (Finding, Amount) for field in fields(record) if "str" in str(field.type)}
     assert texts == {"run", "test", "names", "name", "numbers"}  # names of runs, tests, arguments, parameters and numbers
 
@@ -237,11 +244,11 @@ def test_no_sentence_is_read_back():
     seen = "'a' in run.reason\nfit.message == 'b'\nreason.startswith('c')\nre.match('d', fact)\nstr(error).partition(' at ')\n"
     assert readings(ast.parse(seen)) == [1, 2, 3, 4, 5]
     assert readings(ast.parse("'a' in names\nstatus == 'ok'\nname.partition('[')\nfinding.kind is Kind.WAY_BACK\n")) == []
-    assert {m for m in ESTIM if readings(TREES[m])} == OF_OTHERS | FILLING
+    assert {m for m in ESTIM if readings(trees()[m])} == OF_OTHERS | FILLING
 
 
 def test_one_place_knows_to_which_status_a_finding_leads():
-    assert {m for m in ESTIM if "estim.common.kinds.LEADS_TO" in IMPORTS[m]} == {"estim.common.statuses"}
+    assert {m for m in ESTIM if "estim.common.kinds.LEADS_TO" in imports()[m]} == {"estim.common.statuses"}
 
 
 def test_the_command_line_starts_without_the_heavy_packages():
@@ -320,10 +327,10 @@ def test_files_stay_short():
 
 
 def test_every_file_opens_by_saying_what_it_is_for():
-    assert [module for module, tree in TREES.items() if not ast.get_docstring(tree)] == []
+    assert [module for module, tree in trees().items() if not ast.get_docstring(tree)] == []
 
 
 def test_no_file_swallows_every_error():
-    for module, tree in TREES.items():
+    for module, tree in trees().items():
         bare = [node.lineno for node in ast.walk(tree) if isinstance(node, ast.ExceptHandler) and node.type is None]
         assert not bare, module
