@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from estim.arrays import FloatArray
 from estim.fitting.separable import SeparableSearch
-from estim.problem import informative
+from estim.problem import informative, residuals_and_slopes
 
 _N_COARSE = 48  # places at which the speed of change is taken
 _SPACING = 0.35  # of a change of shape by its own size
@@ -38,7 +38,7 @@ def residuals_at(search: SeparableSearch, points: FloatArray) -> FloatArray:
     with np.errstate(all="ignore"):
         for first in range(0, max(1, points.shape[0]), rows):
             some = points[first : first + rows]
-            pulls = [np.array([problem.parameters[i].prior.residual(float(v)) for v in some[:, i]])[:, None] for i in pulling]
+            pulls = [residuals_and_slopes(problem.parameters[i].prior, some[:, i])[0][:, None] for i in pulling]
             parts.append(np.hstack([posterior.residuals_at(some), *pulls]))
     return np.vstack(parts)
 

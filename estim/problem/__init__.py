@@ -9,7 +9,7 @@ from estim.problem.likelihood import Ends, Likelihood, Noise, NormalErrors, Poin
 from estim.problem.noise import CorrelatedErrors, Differentiated, Independent, Linear, Named, Scale, Size
 from estim.problem.observations import MAX_LACKING, Lacks, Observations, Parameter, n_uses, shared_first
 from estim.problem.posterior import Group, Posterior, Problem, StackedPoints, informative
-from estim.problem.priors import MEASURED, HalfNormal, LogNormal, Normal, Prior, TruncatedNormal, Uniform, as_prior
+from estim.problem.priors import MEASURED, HalfNormal, LogNormal, Normal, Prior, TruncatedNormal, Uniform, as_prior, residuals_and_slopes
 from estim.problem.readings import Correlated, Readings, check_covariance
 from estim.problem.symmetry import Symmetry, folded, no_symmetry, same_curves
 from estim.problem.tails import GAUSSIAN, Mixture, StudentT, Tails

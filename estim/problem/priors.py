@@ -326,3 +326,12 @@ def as_prior(quantity: Quantity, *, low: float) -> Prior:
     """The prior that a measured value stands for: normal, impossible below the physical limit `low`."""
     near = quantity.value - low < _FAR * quantity.u
     return TruncatedNormal(quantity.value, quantity.u, low, float("inf")) if near else Normal(quantity.value, quantity.u, low)
+
+
+def residuals_and_slopes(prior: Prior, values: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """`residual` and `residual_slope` of a prior at values (n,): linear in the value for every prior but the log-normal one."""
+    if isinstance(prior, LogNormal):
+        return np.array([prior.residual(v) for v in values]), np.array([prior.residual_slope(v) for v in values])
+    centre = prior.centre
+    slope = prior.residual_slope(centre)
+    return prior.residual(centre) + slope * (values - centre), np.full(values.shape, slope)

@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from estim.arrays import FloatArray
 from estim.common import InputError
 from estim.fitting import Fit
-from estim.problem import LogNormal, NormalErrors, Observations, Posterior, Prior
+from estim.problem import NormalErrors, Observations, Posterior, Prior, residuals_and_slopes
 from estim.sampling.importance import log_sum_exp
 
 IndexArray = NDArray[np.int64]
@@ -248,7 +248,7 @@ def _gauss_newton(term: RunTerm, shared: FloatArray, own: FloatArray, *, longest
         gradient = np.einsum("nok,no->nk", jacobian, residuals) + 0.5 * np.einsum("nok,no->nk", spread, residuals**2 - 1.0)
         information = np.einsum("nok,nol->nkl", jacobian, jacobian) + 0.5 * np.einsum("nok,nol->nkl", spread, spread)
         for i, prior in enumerate(term.own_priors):
-            pull, slope = _prior_residual(prior, own[block, i])
+            pull, slope = residuals_and_slopes(prior, own[block, i])
             gradient[:, i] -= pull * slope
             information[:, i, i] += slope**2
         step = np.linalg.solve(information, gradient[..., None])[..., 0]
@@ -256,15 +256,6 @@ def _gauss_newton(term: RunTerm, shared: FloatArray, own: FloatArray, *, longest
         steps[block] = step * np.minimum(1.0, longest / np.maximum(length, 1e-300))[:, None]
         informations[block] = information
     return steps, informations
-
-
-def _prior_residual(prior: Prior, values: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Residual and its slope at values (n,): linear in the value for every prior but the log-normal one."""
-    if isinstance(prior, LogNormal):
-        return np.array([prior.residual(v) for v in values]), np.array([prior.residual_slope(v) for v in values])
-    centre = prior.centre
-    slope = prior.residual_slope(centre)
-    return prior.residual(centre) + slope * (values - centre), np.full(values.shape, slope)
 
 
 def _inside(own: FloatArray, priors: tuple[Prior, ...]) -> FloatArray:
