@@ -54,8 +54,11 @@ class PointErrors:
         return self.tails.outlier_probability(self.standardised(named), named)
 
     def jacobian(self, named: Named, names: Sequence[str]) -> FloatArray:
+        slopes = self._slopes(named, names)
+        if not self.tails.robust:  # the residuals are the standardised ones
+            return slopes
         z = np.broadcast_to(self.standardised(named), (1, self.y.size))[0]
-        return np.asarray(self.tails.deviance_residual(z, named)[1][:, None] * self._slopes(named, names))
+        return np.asarray(self.tails.deviance_residual(z, named)[1][:, None] * slopes)
 
     def scoring(self, named: Named, names: Sequence[str]) -> tuple[FloatArray, FloatArray]:
         return self.jacobian(named, names), np.broadcast_to(self.residuals(named), (1, self.y.size))[0]
