@@ -136,16 +136,20 @@ class Mixture:
         log sum_k w_k N_k(r) - log sum_k w_k N_k(r)/N_k(r_i | others), each N_k(r_i | others) normal with precision Q_ii and mean r_i - (Q r)_i/Q_ii
         """
         residuals = np.atleast_2d(residuals)
+        plain = self.deviation.turned_back(np.eye(residuals.shape[1]))
+        return np.vstack([self._pointwise(residuals[start : start + _CHUNK], plain) for start in range(0, len(residuals), _CHUNK)])
+
+    def _pointwise(self, residuals: FloatArray, plain: FloatArray) -> FloatArray:
         logs = self.log_components(residuals)
         z = self.deviation.whiten(residuals)
-        without, k = np.full(z.shape, -np.inf), 0
-        plain = self.deviation.turned_back(np.eye(z.shape[1]))
+        without, start = np.full(z.shape, -np.inf), 0
         along, back, own, whole = z @ self.columns, z @ plain, np.sum(plain**2, axis=0), self.columns.T @ self.columns
         moved = plain.T @ self.columns
         for family in self.deviation.families:
             seen, basis, lying = z @ family.basis, plain.T @ family.basis, family.basis.T @ self.columns
             squared = basis**2
-            for variance, scale in zip(family.variances(), family.scale, strict=True):
+            parts = np.empty((family.amplitude.size, *z.shape))
+            for part, variance, scale in zip(parts, family.variances(), family.scale, strict=True):
                 gain = 1.0 / variance - 1.0 / scale**2
                 diagonal = own / scale**2 + squared @ gain
                 solved = back / scale**2 + (seen * gain) @ basis.T
@@ -156,9 +160,13 @@ class Mixture:
                     pushed = (moved / scale**2 + basis @ turned) @ root
                     diagonal -= np.sum(pushed**2, axis=1)
                     solved -= (along / scale**2 + seen @ turned) @ root @ pushed.T
-                one = 0.5 * np.log(diagonal / (2.0 * np.pi)) - 0.5 * np.square(solved) / diagonal
-                np.logaddexp(without, logs[:, k : k + 1] - one, out=without)
-                k += 1
+                np.multiply(np.square(solved, out=solved), 0.5 / diagonal, out=part)
+                part -= 0.5 * np.log(diagonal / (2.0 * np.pi))
+            parts += logs[:, start : start + len(parts)].T[:, :, None]
+            start += len(parts)
+            highest = np.max(parts, axis=0)
+            np.exp(np.subtract(parts, highest, out=parts), out=parts)
+            np.logaddexp(without, highest + np.log(np.sum(parts, axis=0)), out=without)
         return np.asarray(np.logaddexp.reduce(logs, axis=1)[:, None] - without)
 
 
