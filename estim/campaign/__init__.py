@@ -2,7 +2,7 @@
 
 Read `bodies` first, `levels` for what runs share."""
 
-from estim.campaign.bodies import gamma_of_body, gamma_origin
+from estim.campaign.binding import gamma_of_body, gamma_origin
 from estim.campaign.campaign import Campaign, load_campaign
 from estim.campaign.campaign_file import CampaignFile, Kind, NoiseTable, checked
 from estim.campaign.design import load_design, simulate_campaign

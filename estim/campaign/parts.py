@@ -1,0 +1,198 @@
+"""Bodies built of parts: what the weighed pieces of a campaign file say of mass, gamma, kappa, rho and their like, with their uncertainties.
+
+A part stands once in the file, whatever bodies hold it, and is one input: bodies that share a piece share its error.  A part listed twice in a body
+is two pieces of the same weight, whose error is common too.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from types import MappingProxyType
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from estim.arrays import FloatArray
+from estim.campaign.campaign_file import CampaignFile, LevelTable
+from estim.campaign.part_table import NEEDED, PART_UNITS, POSSIBLE, PartTable
+from estim.common import InputError, Notation, Quantity, read_quantity
+from estim.propagation import Input, propagate_linear
+from model import Part, assemble, bolt, disk, ring, rod
+
+Path = tuple[str | int, ...]
+
+OUTPUTS: Mapping[str, tuple[Notation, str, str]] = MappingProxyType(
+    {  # what follows from the parts of a body: how it is written, unit, meaning
+        "mass": (Notation("M"), "kg", "total mass"),
+        "gamma": (Notation("γ"), "1", "distance of the centre of mass from the axle / R"),
+        "kappa": (Notation("κ"), "1", "inertia of the disk / (M_D R²)"),
+        "rho": (Notation("ρ"), "1", "distance of the particle from the axle / R"),
+        "particle_gyration": (Notation("k_P"), "1", "radius of gyration of the particle / R"),
+        "trailing_fraction": (Notation("τ"), "1", "share of the mass that does not rotate"),
+        "inertia_ratio": (Notation("j"), "1", "inertia of all that rotates / (M R²)"),
+        "direction": (Notation("δ", "°", float(np.degrees(1.0))), "rad", "direction of the centre of mass, from the mark of the angles"),
+    }
+)
+OF_PARTS = frozenset({"gamma", "kappa", "rho", "particle_gyration", "trailing_fraction"})  # quantities of a campaign among them
+
+
+@dataclass(frozen=True, eq=False)
+class PartedBody:
+    """A body given by its parts, ready to be propagated.
+
+    name : as shown.  inputs : name -> what was measured, exact numbers too; those of a shared part are the same for every body.
+    outputs : names of what `values` gives, those of `OUTPUTS` that are not 0 for this kind of body.
+    """
+
+    name: str
+    parts: tuple[tuple[str, PartTable], ...]
+    particle: tuple[int, ...]
+    radius: str
+    inputs: Mapping[str, Input]
+    outputs: tuple[str, ...]
+
+    def values(self, q: Mapping[str, Any]) -> tuple[ArrayLike, ...]:
+        """The outputs at the values `q` of the inputs, numbers or arrays of one shape."""
+        made = assemble([_part(name, table, q, q[self.radius]) for name, table in self.parts], q[self.radius], particle=self.particle)
+        body = made.body
+        found = {"inertia_ratio": body.inertia_ratio, "direction": made.direction}
+        every = [found[name] if name in found else getattr(body, name) for name in self.outputs]
+        return tuple(np.asarray(value) + 0.0 * np.asarray(body.mass) for value in every)
+
+
+def parted_body(source: CampaignFile, table: LevelTable, path: Path, radius: Input, *, name: str) -> PartedBody:
+    """The body whose parts `table` (at `path`) lists, rolling on `radius`.  Raises InputError with its line."""
+    listed = table.parts or []
+    for i, part in enumerate(listed):
+        if part not in source.parts:
+            known = ", ".join(source.parts) or "none defined"
+            raise source.places.error(f"must name parts ({known})", (*path, "parts", i), field="parts", value=part)
+    for i, part in enumerate(table.particle or []):
+        if part not in listed:
+            raise source.places.error("must name some of the parts of this body", (*path, "particle", i), field="particle", value=part)
+    parts = tuple((part, source.parts[part]) for part in listed)
+    if all(one.kind == "trailing" for _, one in parts):
+        raise source.places.error("must hold a part that rotates", (*path, "parts"))
+    inputs = {radius.name: radius}
+    for part, one in parts:
+        inputs |= _inputs(source, part, one)
+    particle = tuple(i for i, part in enumerate(listed) if part in (table.particle or ()))
+    angles = any(one.angle_deg is not None for _, one in parts)
+    off = particle or tuple(i for i, (_, one) in enumerate(parts) if one.distance_m is not None)
+    trailing = tuple(i for i, (_, one) in enumerate(parts) if one.kind == "trailing")
+    if len({*off, *trailing}) == len(parts):
+        raise source.places.error("must leave a part for the disk: say which are the particle, particle = [...]", (*path, "parts"))
+    silent = {out for out, there in {"particle_gyration": off, "trailing_fraction": trailing, "direction": angles}.items() if not there}
+    body = PartedBody(name, parts, particle, radius.name, MappingProxyType(inputs), tuple(out for out in OUTPUTS if out not in silent))
+    at = dict(zip(body.outputs, (float(np.asarray(v)) for v in _values(body)), strict=True))
+    if not all(np.isfinite(list(at.values()))) or at["kappa"] < 0.0 or at["rho"] <= 0.0:
+        rule = "make no body of disk and particle (is the particle on the axle, the disk far out of balance?): say which are it, particle = [...]"
+        raise source.places.error(rule, (*path, "parts"))
+    return body
+
+
+def _values(body: PartedBody) -> tuple[ArrayLike, ...]:
+    with np.errstate(all="ignore"):
+        return body.values({name: np.float64(one.value) for name, one in body.inputs.items()})
+
+
+def _inputs(source: CampaignFile, name: str, table: PartTable) -> dict[str, Input]:
+    """What was measured of a part, by "name.key"."""
+    path = ("parts", name)
+    for key in table.said:
+        if key not in POSSIBLE[table.kind]:
+            raise source.places.error(f"does not go with a part of kind '{table.kind}'", (*path, key))
+    for key in sorted(NEEDED[table.kind] - set(table.said)):
+        raise source.places.error(f"is missing for a part of kind '{table.kind}'", path, field=f"parts.{name}.{key}")
+    found = {}
+    for key in table.said:
+        try:
+            value = read_quantity(getattr(table, key), field=key)
+        except InputError as error:
+            raise source.places.error(error.rule, (*path, key), value=error.value) from None
+        if key != "angle_deg" and (value.value < 0.0 or (value.value == 0.0 and key == "mass_kg")):
+            raise source.places.error("must be > 0" if key == "mass_kg" else "must be >= 0", (*path, key), value=value.value)
+        found[f"{name}.{key}"] = Input(f"{name}.{key}", value.value, value.u, unit=PART_UNITS[key])
+    outer, inner = (found.get(f"{name}.{key}") for key in ("radius_m", "inner_radius_m"))
+    if outer is not None and inner is not None and inner.value > outer.value:
+        raise source.places.error("must be at most 'radius_m'", (*path, "inner_radius_m"), value=inner.value)
+    return found
+
+
+def _part(name: str, table: PartTable, q: Mapping[str, Any], body_radius: Any) -> Part:
+    def said(key: str, otherwise: Any = 0.0) -> Any:
+        return q[f"{name}.{key}"] if getattr(table, key) is not None else otherwise
+
+    square: Any = 0.0
+    if table.kind == "disk":
+        square = disk(said("radius_m", body_radius))
+    elif table.kind == "ring":
+        square = ring(said("radius_m", body_radius), said("inner_radius_m"))
+    elif table.kind == "rod":
+        square = rod(said("length_m"), said("diameter_m"))
+    elif table.kind == "bolt":
+        square = bolt(said("diameter_m"))
+    return Part(said("mass_kg"), square, said("distance_m"), np.radians(said("angle_deg")), table.kind != "trailing")
+
+
+def weighed(source: CampaignFile, path: Path, radius: Input) -> tuple[Mapping[str, Quantity], FloatArray]:
+    """What the parts listed at `path` give, by linear propagation: output -> value and standard uncertainty, and their correlations.
+
+    Raises InputError where the parts are wrong, or linear propagation has no answer.
+    """
+    return _weighed(source, path, radius.name, radius.value, radius.u)
+
+
+@lru_cache(maxsize=64)
+def _weighed(source: CampaignFile, path: Path, radius: str, value: float, u: float) -> tuple[Mapping[str, Quantity], FloatArray]:
+    table = source.shared
+    if path[0] != "shared":
+        table = source.runs[int(path[1])] if path[0] == "runs" else source.bodies[str(path[1])]
+    body = parted_body(source, table, path, Input(radius, value, u, unit="m"), name=str(path[-1]))
+    linear = propagate_linear(body.values, list(body.inputs.values()))
+    if not np.all(np.isfinite(linear.u)) or linear.notes:
+        why = linear.notes[0] if linear.notes else "no finite uncertainty"
+        raise source.places.error(f"leave no linear uncertainty ({why}): state gamma, kappa and rho in their place", (*path, "parts"))
+    found = {out: Quantity(float(v), float(s)) for out, v, s in zip(body.outputs, linear.value, linear.u, strict=True)}
+    return MappingProxyType(found), correlations(linear.covariance)
+
+
+def correlations(covariance: FloatArray) -> FloatArray:
+    """The correlation matrix of a covariance matrix; 0 beside what is exact."""
+    sd = np.sqrt(np.diag(covariance))
+    safe = np.where(sd > 0.0, sd, 1.0)
+    return np.asarray(np.where(np.eye(len(sd)) > 0.0, 1.0, covariance / np.outer(safe, safe)))
+
+
+def of_one_disk(source: CampaignFile, body: str) -> tuple[str, ...]:
+    """The bodies, in the order of the file, whose kappa is one number with that of `body`: they have the same disk, on the axle.
+
+    Those that state kappa or a radius of their own are none of them.
+    """
+    own = _disk(source, body)
+    return (body,) if own is None else tuple(other for other in source.bodies if _disk(source, other) == own)
+
+
+def _disk(source: CampaignFile, body: str) -> tuple[str, ...] | None:
+    table = source.bodies[body]
+    if table.parts is None or table.kappa is not None or table.radius_m is not None or not all(part in source.parts for part in table.parts):
+        return None
+    pieces = [(part, source.parts[part]) for part in table.parts]
+    turning = [(part, one) for part, one in pieces if one.kind != "trailing" and part not in (table.particle or ())]
+    if table.particle and any(one.distance_m is not None for _, one in turning):
+        return None
+    return tuple(sorted(part for part, one in turning if one.distance_m is None))
+
+
+def not_independent(found: Mapping[str, Quantity], correlation: FloatArray, stated: Iterable[str]) -> tuple[str, str, float] | None:
+    """The two of the quantities `stated` (which a fit takes from the parts) that are correlated most, and by how much; None for fewer than two."""
+    names: Sequence[str] = [name for name in found if name in set(stated) and found[name].u > 0.0]
+    pairs = [(a, b) for i, a in enumerate(names) for b in names[i + 1 :]]
+    order = list(found)
+    if not pairs:
+        return None
+    a, b = max(pairs, key=lambda pair: abs(correlation[order.index(pair[0]), order.index(pair[1])]))
+    return a, b, float(correlation[order.index(a), order.index(b)])
