@@ -14,7 +14,7 @@ import numpy as np
 from estim.arrays import FloatArray
 from estim.campaign.campaign_file import CampaignFile
 from estim.campaign.levels import Level, body_levels, read_key
-from estim.campaign.parts import OF_PARTS, OUTPUTS, not_independent, of_one_disk, weighed
+from estim.campaign.parts import OF_PARTS, OUTPUTS, PartedBody, not_independent, of_one_disk, parted_body, weighed
 from estim.campaign.quantities import EFFECTS, QUANTITIES, Kind
 from estim.common import Quantity, format_quantity, signed
 from estim.problem import Normal, Prior, TruncatedNormal, as_prior
@@ -99,11 +99,27 @@ def _bind(source: CampaignFile, levels: tuple[Level, ...], name: str, where: str
     raise source.places.error(rule + (" (or give the masses)" if name == "gamma" else ""), levels[0].path, field=next(iter(kind.keys)))
 
 
+def parted_bodies(source: CampaignFile) -> tuple[PartedBody, ...]:
+    """The bodies of a file that list their parts, in its order.  Raises InputError with its line."""
+    found = []
+    for name in source.bodies:
+        tables = body_levels(source, name)
+        home = next((level for level in tables if level.table.parts is not None), None)
+        if home is not None:
+            found.append(parted_body(source, home.table, home.path, _radius(source, tables), name=name))
+    return tuple(found)
+
+
 def _from_parts(source: CampaignFile, levels: tuple[Level, ...], level: Level) -> tuple[Mapping[str, Quantity], FloatArray]:
     """What the parts at `level` give, and its correlations."""
-    radius = _bind(source, levels, "radius", "its parts")
+    return weighed(source, level.path, _radius(source, levels))
+
+
+def _radius(source: CampaignFile, levels: tuple[Level, ...]) -> Input:
+    """The rolling radius, which is also that of parts that state none."""
+    radius = _bind(source, levels, "radius", "the body of these parts")
     value, u = (radius.source, 0.0) if isinstance(radius.source, float) else (radius.source.expectation, radius.source.sd)
-    return weighed(source, level.path, Input("radius_m" + radius.name.removeprefix("radius"), value, u, unit="m"))
+    return Input("radius_m" + radius.name.removeprefix("radius"), value, u, unit="m")
 
 
 def parts_fact(source: CampaignFile, levels: Iterable[Level]) -> str | None:

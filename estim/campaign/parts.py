@@ -6,7 +6,7 @@ is two pieces of the same weight, whose error is common too.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from types import MappingProxyType
@@ -19,10 +19,12 @@ from estim.arrays import FloatArray
 from estim.campaign.campaign_file import CampaignFile, LevelTable
 from estim.campaign.part_table import NEEDED, PART_UNITS, POSSIBLE, PartTable
 from estim.common import InputError, Notation, Quantity, read_quantity
-from estim.propagation import Input, propagate_linear
+from estim.propagation import Input, LinearResult, propagate_linear
 from model import Part, assemble, bolt, disk, ring, rod
 
 Path = tuple[str | int, ...]
+
+_MOST_PARTS, _ROUNDING = 100, 1e-9
 
 OUTPUTS: Mapping[str, tuple[Notation, str, str]] = MappingProxyType(
     {  # what follows from the parts of a body: how it is written, unit, meaning
@@ -33,7 +35,7 @@ OUTPUTS: Mapping[str, tuple[Notation, str, str]] = MappingProxyType(
         "particle_gyration": (Notation("k_P"), "1", "radius of gyration of the particle / R"),
         "trailing_fraction": (Notation("τ"), "1", "share of the mass that does not rotate"),
         "inertia_ratio": (Notation("j"), "1", "inertia of all that rotates / (M R²)"),
-        "direction": (Notation("δ", "°", float(np.degrees(1.0))), "rad", "direction of the centre of mass, from the mark of the angles"),
+        "direction": (Notation("δ", "°", float(np.degrees(1.0))), "rad", "direction of the centre of mass from the mark"),
     }
 )
 OF_PARTS = frozenset({"gamma", "kappa", "rho", "particle_gyration", "trailing_fraction"})  # quantities of a campaign among them
@@ -43,7 +45,8 @@ OF_PARTS = frozenset({"gamma", "kappa", "rho", "particle_gyration", "trailing_fr
 class PartedBody:
     """A body given by its parts, ready to be propagated.
 
-    name : as shown.  inputs : name -> what was measured, exact numbers too; those of a shared part are the same for every body.
+    name : as shown.  particle : numbers of its parts.
+    inputs : name -> what was measured, exact numbers too; those of a shared part are the same for every body.
     outputs : names of what `values` gives, those of `OUTPUTS` that are not 0 for this kind of body.
     """
 
@@ -66,6 +69,8 @@ class PartedBody:
 def parted_body(source: CampaignFile, table: LevelTable, path: Path, radius: Input, *, name: str) -> PartedBody:
     """The body whose parts `table` (at `path`) lists, rolling on `radius`.  Raises InputError with its line."""
     listed = table.parts or []
+    if not 1 <= len(listed) <= _MOST_PARTS:
+        raise source.places.error(f"must list 1 to {_MOST_PARTS} parts", (*path, "parts"), value=len(listed))
     for i, part in enumerate(listed):
         if part not in source.parts:
             known = ", ".join(source.parts) or "none defined"
@@ -79,19 +84,25 @@ def parted_body(source: CampaignFile, table: LevelTable, path: Path, radius: Inp
     inputs = {radius.name: radius}
     for part, one in parts:
         inputs |= _inputs(source, part, one)
-    particle = tuple(i for i, part in enumerate(listed) if part in (table.particle or ()))
+    named = tuple(i for i, part in enumerate(listed) if part in (table.particle or ()))
+    off = named or tuple(i for i, part in enumerate(listed) if _off_axle(inputs.get(f"{part}.distance_m")))
     angles = any(one.angle_deg is not None for _, one in parts)
-    off = particle or tuple(i for i, (_, one) in enumerate(parts) if one.distance_m is not None)
+    point = len(off) == 1 and parts[off[0]][1].kind == "point"
     trailing = tuple(i for i, (_, one) in enumerate(parts) if one.kind == "trailing")
     if len({*off, *trailing}) == len(parts):
         raise source.places.error("must leave a part for the disk: say which are the particle, particle = [...]", (*path, "parts"))
-    silent = {out for out, there in {"particle_gyration": off, "trailing_fraction": trailing, "direction": angles}.items() if not there}
-    body = PartedBody(name, parts, particle, radius.name, MappingProxyType(inputs), tuple(out for out in OUTPUTS if out not in silent))
+    silent = {out for out, there in {"particle_gyration": off and not point, "trailing_fraction": trailing, "direction": angles}.items() if not there}
+    body = PartedBody(name, parts, off, radius.name, MappingProxyType(inputs), tuple(out for out in OUTPUTS if out not in silent))
     at = dict(zip(body.outputs, (float(np.asarray(v)) for v in _values(body)), strict=True))
     if not all(np.isfinite(list(at.values()))) or at["kappa"] < 0.0 or at["rho"] <= 0.0:
         rule = "make no body of disk and particle (is the particle on the axle, the disk far out of balance?): say which are it, particle = [...]"
         raise source.places.error(rule, (*path, "parts"))
     return body
+
+
+def _off_axle(distance: Input | None) -> bool:
+    """Whether a part may be off the axle."""
+    return distance is not None and (distance.value, distance.u) != (0.0, 0.0)
 
 
 def _values(body: PartedBody) -> tuple[ArrayLike, ...]:
@@ -153,11 +164,23 @@ def _weighed(source: CampaignFile, path: Path, radius: str, value: float, u: flo
         table = source.runs[int(path[1])] if path[0] == "runs" else source.bodies[str(path[1])]
     body = parted_body(source, table, path, Input(radius, value, u, unit="m"), name=str(path[-1]))
     linear = propagate_linear(body.values, list(body.inputs.values()))
-    if not np.all(np.isfinite(linear.u)) or linear.notes:
-        why = linear.notes[0] if linear.notes else "no finite uncertainty"
-        raise source.places.error(f"leave no linear uncertainty ({why}): state gamma, kappa and rho in their place", (*path, "parts"))
-    found = {out: Quantity(float(v), float(s)) for out, v, s in zip(body.outputs, linear.value, linear.u, strict=True)}
+    if notes := notes_of(linear, body.values):
+        raise source.places.error(f"leave no linear uncertainty ({notes[0]}): state gamma, kappa and rho in their place", (*path, "parts"))
+    found = {out: Quantity(float(v), float(s)) for out, v, s in zip(body.outputs, linear.value, known_to(linear.value, linear.u), strict=True)}
     return MappingProxyType(found), correlations(linear.covariance)
+
+
+def notes_of(linear: LinearResult, values: Callable[[Mapping[str, Any]], Sequence[ArrayLike]]) -> tuple[str, ...]:
+    """What a reader must know of a linear result of `values`, those outputs aside that are exact but for rounding."""
+    kept = ~(linear.u <= _ROUNDING * np.abs(linear.value))
+    if not linear.notes or not np.any(kept):
+        return ()
+    return propagate_linear(lambda q: [v for v, keep in zip(values(q), kept, strict=True) if keep], linear.inputs).notes
+
+
+def known_to(value: FloatArray, u: FloatArray) -> FloatArray:
+    """Standard uncertainties, 0 where they are what rounding leaves of an exact value."""
+    return np.asarray(np.where(u <= _ROUNDING * np.abs(value), 0.0, u))
 
 
 def correlations(covariance: FloatArray) -> FloatArray:
