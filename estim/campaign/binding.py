@@ -15,7 +15,7 @@ from estim.arrays import FloatArray
 from estim.campaign.campaign_file import CampaignFile
 from estim.campaign.levels import Level, body_levels, read_key
 from estim.campaign.parts import OF_PARTS, OUTPUTS, PartedBody, not_independent, of_one_disk, parted_body, weighed
-from estim.campaign.quantities import EFFECTS, QUANTITIES, Kind
+from estim.campaign.quantities import EFFECTS, GRIP, QUANTITIES, Kind
 from estim.common import Quantity, format_quantity, signed
 from estim.problem import Normal, Prior, TruncatedNormal, as_prior
 from estim.propagation import Input
@@ -52,6 +52,14 @@ def gamma_origin(source: CampaignFile, body: str) -> str:
     if any(table.mass_particle_kg is not None for table in tables):
         return "from the masses"
     return "from the parts" if any(table.parts is not None for table in tables) else "as stated"
+
+
+def grip_of(source: CampaignFile, levels: Iterable[Level]) -> Prior | float | None:
+    """The coefficient of static friction, None where it is not said: no parameter, for no curve depends on it while the body rolls."""
+    for level in levels:
+        if level.table.friction is not None:
+            return _checked(source, read_key(source, level, "friction"), GRIP, (*level.path, "friction"))
+    return None
 
 
 def bind_quantities(source: CampaignFile, levels: Iterable[Level], *, where: str) -> dict[str, Bound]:

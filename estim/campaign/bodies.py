@@ -13,7 +13,7 @@ from types import MappingProxyType
 import numpy as np
 
 from estim.campaign.between_runs import spreads_of, varied
-from estim.campaign.binding import KINDS_OF_QUANTITIES, Bound, bind_quantities, total_mass
+from estim.campaign.binding import KINDS_OF_QUANTITIES, Bound, bind_quantities, grip_of, total_mass
 from estim.campaign.blur import blur_cause, blurs
 from estim.campaign.campaign_file import CampaignFile, NoiseTable
 from estim.campaign.causes import Sketch, Surroundings, sketches
@@ -28,7 +28,7 @@ from estim.campaign.usual import with_usual_errors
 from estim.curves import DisturbedMotion, DisturbedMotionCurve, DisturbedPhaseCurve, MotionCurve, PhaseCurve, RollingMotion, Setting
 from estim.explanation import Cause, Suspects
 from estim.fitting import Fit, fit_least_squares, scanned_fit
-from estim.problem import Curve, Observations, Parameter, Problem, shared_first
+from estim.problem import Curve, Observations, Parameter, Prior, Problem, shared_first
 from estim.reading import Run
 from estim.sampling import MAX_PARAMETERS
 
@@ -93,7 +93,7 @@ class RollingStudy:
                     physics.setdefault(b.name, Parameter(b.name, kind.unit, b.source, kind.meaning, kind.notation))
             unknowns.update({p.name: p for p in observed.parameters})
             arguments = {q: b.source if isinstance(b.source, float) else b.name for q, b in bound.items()}
-            posed = _observations(name, observed, arguments, mass, setting, angular=angular)
+            posed = _observations(name, observed, arguments, mass, setting, grip_of(self.source, levels), angular=angular)
             circumstances = Circumstances(observed, joint=len(names) > 1, tied=tied[name], replaced=noise is not None)
             stance = Stance(0.0) if white else force_scale(levels, circumstances)
             runs.append(replace(posed, force=stance.scale, complete=stance.complete))
@@ -163,7 +163,8 @@ class RollingStudy:
 
 
 def _observations(
-    name: str, observed: Observed, arguments: Mapping[str, str | float], mass: float | None, setting: Setting | None, *, angular: bool
+    name: str, observed: Observed, arguments: Mapping[str, str | float], mass: float | None, setting: Setting | None, grip: Prior | float | None,
+    *, angular: bool,
 ) -> Observations:
     """The points of a run with the curve that explains them: positions in time, or speeds along the way.
 
@@ -174,11 +175,11 @@ def _observations(
     axes = ("time t", "s", position, x_unit) if observed.positions else (position, x_unit, speed, y_unit)
     curve: Curve
     if setting is None:
-        motion = RollingMotion(angular, mass, observed.positions)
+        motion = RollingMotion(angular, mass, observed.positions, grip=grip)
         curve = (MotionCurve if observed.positions else PhaseCurve)(angular)
     else:
         reach = float(np.max(np.abs(observed.y if observed.positions else observed.x)))
-        motion = DisturbedMotion(angular, mass, observed.positions, setting, reach)
+        motion = DisturbedMotion(angular, mass, observed.positions, setting, reach, grip=grip)
         curve = (DisturbedMotionCurve if observed.positions else DisturbedPhaseCurve)(angular, setting)
     return Observations(
         name=name, x=observed.x, y=observed.y, t=observed.t, curve=curve,

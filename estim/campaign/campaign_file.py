@@ -79,6 +79,7 @@ class LevelTable(EffectTable, forbid_unknown_fields=True, frozen=True):
     theta0_zero_rad: Value | None = None
     rolling_resistance: Value | None = None
     g: Value | None = None
+    friction: Value | None = None
     release_time_s: Value | None = None
     offset_m: Value | None = None
     offset_rad: Value | None = None

@@ -34,6 +34,7 @@ from estim.reports.lacks_figures import lacks_figure
 from estim.reports.pages import Drawers, page
 from estim.reports.rendering import render
 from estim.reports.result import ParameterSummary, Result, RunSummary, Subject, result_of, to_json
+from estim.reports.rolling import rolling_rows
 from estim.reports.trace_figures import trace_figure
 from estim.reports.usual_errors import usual_row
 from estim.studies import determine
@@ -128,7 +129,7 @@ def analysis_text(
         reject_below=P_POOR_FIT, conflict_below=P_CONFLICT, ends=_turning_rows(result), identify=section,
         meaningless=not Status(result.status).draws_count, limits_count=Status(result.status).limits_count,
         what_if=_what_if_rows(result), what_if_heads=[result.labels.symbol(name) for name in _moved_by_errors(result)],
-        consistency=consistency, axes=axes, limits_only=result.status != "ok", converged=converged,
+        consistency=consistency, rolling=rolling_rows(result.rolling or {}), axes=axes, limits_only=result.status != "ok", converged=converged,
         corner_words=corner_words, usual=[usual_row(one) for one in result.usual_errors], lacks=lacks, explanation=explanation,
         deviation=deviation_text(result.deviation, result.labels, pictures) if result.deviation else "",
         complete=complete_runs([result]),
