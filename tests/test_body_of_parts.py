@@ -15,6 +15,7 @@ from estim.campaign.binding import gamma_of_body, gamma_origin, total_mass
 from estim.campaign.campaign_file import read_campaign_file
 from estim.campaign.levels import body_levels
 from estim.cli.commands import cli
+from estim.common import format_quantity
 from estim.studies import weigh
 from model import Body, trajectory
 
@@ -144,6 +145,10 @@ def campaign_of(tmp_path, text, *bodies):
     return load_campaign(path)
 
 
+def prior_of(name, priors):
+    return next(prior for parameter, prior in priors.items() if parameter.startswith(f"{name}["))
+
+
 UNEVEN = TWO.replace('kind = "disk"', 'kind = "disk"\nradius_m = "0.145(2)"', 1)
 
 
@@ -159,6 +164,21 @@ def test_a_fit_takes_them_as_stated_values_and_says_what_it_leaves_out(tmp_path,
     assert problem.runs[0].motion.mass == pytest.approx(0.37)
     assert len(campaign.tables["run0"].facts) == 1
     assert "are correlated, r = " in campaign.tables["run0"].facts[0]
+    body, u = Body(0.15, **{name: prior_of(name, priors).mean for name in ("gamma", "kappa", "rho", "particle_gyration")}), 0.0
+    for name, slope in body.inertia_ratio_gradient().items():
+        u = math.hypot(u, slope * (0.0 if name == "trailing_fraction" else prior_of(name, priors).sd))
+    assert f"{format_quantity(body.inertia_ratio, u)} by these values taken as independent" in campaign.tables["run0"].facts[0]
+
+
+def test_it_says_so_where_independent_values_make_the_inertia_too_certain(tmp_path):
+    """An error of the screw's distance moves gamma and rho alike, and j by the sum of what either does."""
+    text = TWO.replace('"0.140(2)"', '"0.140(7)"').replace('"0.300(6)"', "0.3").replace('"0.030(1)"', "0.03")
+    fact = campaign_of(tmp_path, text, "light").tables["run0"].facts[0]
+    share, rho, u = 0.03 / 0.33, 0.14 / 0.15, 0.007 / 0.15
+    inertia, apart = 0.5 * 0.3 / 0.33 + share * rho**2, math.hypot((rho - 0.5 / rho) * share * u, (share * 0.5 / rho + share * rho) * u)
+    assert apart < 0.9 * 2 * share * rho * u
+    assert f"j is {format_quantity(inertia, 2 * share * rho * u)} by the parts, {format_quantity(inertia, apart)} by these values" in fact
+    assert "r = +1.00" in fact or "r = 1.00" in fact
 
 
 def test_bodies_on_one_disk_have_one_kappa(tmp_path):

@@ -14,7 +14,7 @@ import numpy as np
 from estim.arrays import FloatArray
 from estim.campaign.campaign_file import CampaignFile
 from estim.campaign.levels import Level, body_levels, read_key
-from estim.campaign.parts import OF_PARTS, OUTPUTS, PartedBody, not_independent, of_one_disk, parted_body, weighed
+from estim.campaign.parts import OF_PARTS, OUTPUTS, PartedBody, not_independent, of_one_disk, parted_body, spread_apart, weighed
 from estim.campaign.quantities import EFFECTS, GRIP, QUANTITIES, Kind
 from estim.common import Quantity, format_quantity, signed
 from estim.problem import Normal, Prior, TruncatedNormal, as_prior
@@ -138,13 +138,16 @@ def parts_fact(source: CampaignFile, levels: Iterable[Level]) -> str | None:
         said = [level for level in tables if level.table.parts is not None or getattr(level.table, name) is not None]
         if said and getattr(said[0].table, name) is None:
             taken, home = [*taken, name], said[0]
-    pair = None if home is None else not_independent(*_from_parts(source, tables, home), taken)
+    found, correlation = ({}, None) if home is None else _from_parts(source, tables, home)
+    pair = None if correlation is None else not_independent(found, correlation, taken)
     if pair is None:
         return None
     first, second = (OUTPUTS[name][0].symbol for name in pair[:2])
+    inertia = found["inertia_ratio"]
     return (
         f"{first} and {second} come from the parts of the body; that they are correlated, r = {signed(f'{pair[2]:.2f}')}, is left out here, "
-        "and so is what they share with other bodies (`estim body` shows it)"
+        f"and so is what they share with other bodies (`estim body` shows it): j is {format_quantity(inertia.value, inertia.u)} by the parts, "
+        f"{format_quantity(inertia.value, spread_apart(found))} by these values taken as independent"
     )
 
 

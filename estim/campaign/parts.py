@@ -20,7 +20,7 @@ from estim.campaign.campaign_file import CampaignFile, LevelTable
 from estim.campaign.part_table import NEEDED, PART_UNITS, POSSIBLE, PartTable
 from estim.common import InputError, Notation, Quantity, read_quantity
 from estim.propagation import Input, LinearResult, propagate_linear
-from model import Part, assemble, bolt, disk, ring, rod
+from model import Body, Part, assemble, bolt, disk, ring, rod
 
 Path = tuple[str | int, ...]
 
@@ -219,3 +219,10 @@ def not_independent(found: Mapping[str, Quantity], correlation: FloatArray, stat
         return None
     a, b = max(pairs, key=lambda pair: abs(correlation[order.index(pair[0]), order.index(pair[1])]))
     return a, b, float(correlation[order.index(a), order.index(b)])
+
+
+def spread_apart(found: Mapping[str, Quantity]) -> float:
+    """Standard uncertainty that the inertia ratio j would have if the quantities it is made of were independent."""
+    own = {name: found.get(name, Quantity(0.0)) for name in OF_PARTS}
+    body = Body(1.0, **{name: one.value for name, one in own.items()})
+    return float(np.sqrt(sum((slope * own[name].u) ** 2 for name, slope in body.inertia_ratio_gradient().items())))
