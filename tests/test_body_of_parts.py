@@ -157,17 +157,24 @@ def test_a_fit_takes_them_as_stated_values_and_says_what_it_leaves_out(tmp_path,
     weighing = weigh(campaign.source, rng=rng)
     at, problem = found(weighing), campaign.problem(["run0"])
     priors = {p.name: p.prior for p in problem.parameters}
-    assert {"gamma[heavy]", "kappa[light+heavy]", "rho[heavy]", "particle_gyration[heavy]"} <= set(priors)
+    assert {"gamma[heavy]", "kappa[light+heavy]", "rho[heavy]"} <= set(priors)
+    assert problem.runs[0].arguments["particle_gyration"] == weighing.linear.value[at["particle_gyration[heavy]"]]  # j does not feel its error
     for name, output in {"gamma[heavy]": "gamma[heavy]", "kappa[light+heavy]": "kappa[heavy]", "rho[heavy]": "rho[heavy]"}.items():
         assert priors[name].mean == pytest.approx(weighing.linear.value[at[output]], rel=1e-12)
         assert priors[name].sd == pytest.approx(weighing.linear.u[at[output]], rel=1e-6)
     assert problem.runs[0].motion.mass == pytest.approx(0.37)
     assert len(campaign.tables["run0"].facts) == 1
     assert "are correlated, r = " in campaign.tables["run0"].facts[0]
-    body, u = Body(0.15, **{name: prior_of(name, priors).mean for name in ("gamma", "kappa", "rho", "particle_gyration")}), 0.0
-    for name, slope in body.inertia_ratio_gradient().items():
-        u = math.hypot(u, slope * (0.0 if name == "trailing_fraction" else prior_of(name, priors).sd))
+    gyration, u = problem.runs[0].arguments["particle_gyration"], 0.0
+    body = Body(0.15, **{name: prior_of(name, priors).mean for name in ("gamma", "kappa", "rho")}, particle_gyration=gyration)
+    for name in ("gamma", "kappa", "rho"):
+        u = math.hypot(u, body.inertia_ratio_gradient()[name] * prior_of(name, priors).sd)
     assert f"{format_quantity(body.inertia_ratio, u)} by these values taken as independent" in campaign.tables["run0"].facts[0]
+
+
+def test_a_radius_of_gyration_that_matters_is_an_unknown(tmp_path):
+    text = TWO.replace('diameter_m = "0.020(4)"', 'diameter_m = "0.12(4)"')
+    assert "particle_gyration[heavy]" in campaign_of(tmp_path, text, "heavy").problem(["run0"]).names
 
 
 def test_it_says_so_where_independent_values_make_the_inertia_too_certain(tmp_path):

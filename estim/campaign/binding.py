@@ -146,7 +146,7 @@ def parts_fact(source: CampaignFile, levels: Iterable[Level]) -> str | None:
     inertia = found["inertia_ratio"]
     return (
         f"{first} and {second} come from the parts of the body; that they are correlated, r = {signed(f'{pair[2]:.2f}')}, is left out here, "
-        f"and so is what they share with other bodies (`estim body` shows it): j is {format_quantity(inertia.value, inertia.u)} by the parts, "
+        f"and so is what they share with other bodies (estim body shows it): j is {format_quantity(inertia.value, inertia.u)} by the parts, "
         f"{format_quantity(inertia.value, spread_apart(found))} by these values taken as independent"
     )
 

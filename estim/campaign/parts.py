@@ -24,7 +24,8 @@ from model import Body, Part, assemble, bolt, disk, ring, rod
 
 Path = tuple[str | int, ...]
 
-_MOST_PARTS, _ROUNDING = 100, 1e-9
+_MOST_PARTS, _ROUNDING, _NEGLIGIBLE = 100, 1e-9, 0.05
+_HARDLY_MATTER = frozenset({"particle_gyration", "trailing_fraction"})
 
 OUTPUTS: Mapping[str, tuple[Notation, str, str]] = MappingProxyType(
     {  # what follows from the parts of a body: how it is written, unit, meaning
@@ -152,6 +153,7 @@ def _part(name: str, table: PartTable, q: Mapping[str, Any], body_radius: Any) -
 def weighed(source: CampaignFile, path: Path, radius: Input) -> tuple[Mapping[str, Quantity], FloatArray]:
     """What the parts listed at `path` give, by linear propagation: output -> value and standard uncertainty, and their correlations.
 
+    k_P and the trailing fraction are exact here where their uncertainty moves j by less than a twentieth of its own: no fit could tell.
     Raises InputError where the parts are wrong, or linear propagation has no answer.
     """
     return _weighed(source, path, radius.name, radius.value, radius.u)
@@ -167,6 +169,10 @@ def _weighed(source: CampaignFile, path: Path, radius: str, value: float, u: flo
     if notes := notes_of(linear, body.values):
         raise source.places.error(f"leave no linear uncertainty ({notes[0]}): state gamma, kappa and rho in their place", (*path, "parts"))
     found = {out: Quantity(float(v), float(s)) for out, v, s in zip(body.outputs, linear.value, known_to(linear.value, linear.u), strict=True)}
+    slopes = _ratios(found).inertia_ratio_gradient()
+    for out in _HARDLY_MATTER & set(found):
+        if abs(slopes[out]) * found[out].u < _NEGLIGIBLE * found["inertia_ratio"].u:
+            found[out] = Quantity(found[out].value)
     return MappingProxyType(found), correlations(linear.covariance)
 
 
@@ -223,6 +229,9 @@ def not_independent(found: Mapping[str, Quantity], correlation: FloatArray, stat
 
 def spread_apart(found: Mapping[str, Quantity]) -> float:
     """Standard uncertainty that the inertia ratio j would have if the quantities it is made of were independent."""
-    own = {name: found.get(name, Quantity(0.0)) for name in OF_PARTS}
-    body = Body(1.0, **{name: one.value for name, one in own.items()})
-    return float(np.sqrt(sum((slope * own[name].u) ** 2 for name, slope in body.inertia_ratio_gradient().items())))
+    slopes = _ratios(found).inertia_ratio_gradient()
+    return float(np.sqrt(sum((slope * found[name].u) ** 2 for name, slope in slopes.items() if name in found)))
+
+
+def _ratios(found: Mapping[str, Quantity]) -> Body:
+    return Body(1.0, **{name: found[name].value for name in OF_PARTS if name in found})
