@@ -76,23 +76,24 @@ def bolt(diameter: Quantity) -> Quantity:
     return diameter * diameter / 8.0
 
 
-def assemble(parts: Sequence[Part], radius: Quantity, *, particle: Collection[int] = ()) -> Assembly:
+def assemble(parts: Sequence[Part], radius: Quantity, *, particle: Collection[int] | None = None) -> Assembly:
     """The body of `parts` that rolls on `radius` (m).
 
-    particle : numbers of the parts that are spoken of as the particle; none for all that are off the axle.  Without any gamma is 0 and rho 1.
+    particle : numbers of the parts that are spoken of as the particle; None for all that are off the axle.
+    Without a particle what imbalance there is counts as one on the rim: rho is 1, and M_P gamma M.
     """
-    named = [i for i, part in enumerate(parts) if part.rotates and (i in particle if particle else not part.on_axle)]
+    named = [i for i, part in enumerate(parts) if part.rotates and (not part.on_axle if particle is None else i in particle)]
     turning = [part for part in parts if part.rotates]
     mass = _sum(part.mass for part in parts)
     along = _sum(part.mass * part.distance * np.cos(part.angle) for part in turning)
     across = _sum(part.mass * part.distance * np.sin(part.angle) for part in turning)
     inertia = _sum(part.mass * (part.square_gyration + np.square(part.distance)) for part in turning)
     trailing = _sum(part.mass for part in parts if not part.rotates)
-    mass_particle = _sum(parts[i].mass for i in named)
-    mass_disk = mass - trailing - mass_particle
     gamma = np.hypot(along, across) / (mass * radius)
+    mass_particle = _sum(parts[i].mass for i in named) if named else gamma * mass
+    mass_disk = mass - trailing - mass_particle
     rho, gyration = _particle([parts[i] for i in named], mass_particle, gamma * mass, radius)
-    own = mass_particle * (np.square(rho) + np.square(gyration)) if named else 0.0
+    own = mass_particle * (np.square(rho) + np.square(gyration))
     kappa = (inertia / np.square(radius) - own) / mass_disk
     body = Body(radius, gamma, kappa, rho, trailing / mass, gyration, mass)
     return Assembly(body, mass_disk, mass_particle, np.arctan2(across, along), inertia)

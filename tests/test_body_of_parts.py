@@ -116,6 +116,15 @@ def test_the_papers_device(rng):
     assert middle * 0.303 == pytest.approx(0.036, abs=0.001)
 
 
+def test_a_disk_that_may_be_off_its_centre_is_still_the_disk(tmp_path, rng):
+    """Its imbalance adds to that of the screw: u(gamma)^2 grows by (M_D u(centre)/(M R))^2."""
+    plain, off = (weigh(source_of(tmp_path, TWO.replace('"0.300(6)"', f'"0.300(6)"{more}')), rng=rng) for more in ("", '\ndistance_m = "0.0000(5)"'))
+    at = found(plain)
+    assert off.linear.value == pytest.approx(plain.linear.value, rel=1e-9)
+    more = 0.3 * 0.0005 / 0.33 / 0.15
+    assert off.linear.u[at["gamma[light]"]] == pytest.approx(math.hypot(plain.linear.u[at["gamma[light]"]], more), rel=1e-6)
+
+
 def test_what_is_not_linear_is_left_to_the_draws(tmp_path, rng):
     text = TWO.replace('distance_m = "0.140(2)"', 'distance_m = "0.010(8)"').replace('"disk", "screw", "weight"', '"disk", "screw"')
     weighing = weigh(source_of(tmp_path, text), rng=rng)
@@ -198,6 +207,11 @@ def test_bodies_on_one_disk_have_one_kappa(tmp_path):
 def test_bodies_on_disks_of_their_own_have_a_kappa_each(tmp_path, own):
     text = UNEVEN.replace('parts = ["disk", "screw", "weight"]', own if own.startswith("parts") else f'parts = ["disk", "screw", "weight"]\n{own}')
     names = campaign_of(tmp_path, text, "light", "heavy").problem(["run0", "run1"]).names
+    assert sorted(name for name in names if name.startswith("kappa")) == ["kappa[heavy]", "kappa[light]"]
+
+
+def test_a_disk_off_its_centre_has_a_kappa_that_is_the_bodys_own(tmp_path):
+    names = campaign_of(tmp_path, UNEVEN.replace('"0.300(6)"', '"0.300(6)"\ndistance_m = "0.000(1)"'), "light", "heavy").problem(["run0", "run1"]).names
     assert sorted(name for name in names if name.startswith("kappa")) == ["kappa[heavy]", "kappa[light]"]
 
 

@@ -92,10 +92,11 @@ def test_particle_and_disk_are_those_of_the_definitions(rng):
 def test_motion_does_not_know_what_is_called_the_particle(rng):
     parts = [part for _, part in some_body(rng)]
     x = np.linspace(0.01, 0.2, 7)
-    ways = [assemble(parts, R, particle=chosen).body for chosen in ((), (2,), (1, 4))]
+    ways = [assemble(parts, R, particle=chosen).body for chosen in (None, (2,), (1, 4), ())]
     speeds = [speed(x, body, phi=0.0, theta0=1.0) for body in ways]
     assert speeds[1] == pytest.approx(speeds[0], rel=1e-12)
     assert speeds[2] == pytest.approx(speeds[0], rel=1e-12)
+    assert speeds[3] == pytest.approx(speeds[0], rel=1e-12)
     assert ways[1].kappa != pytest.approx(ways[0].kappa, rel=1e-3)
 
 
@@ -111,6 +112,13 @@ def test_disk_with_a_point_on_its_rim_is_the_body_of_the_paper():
     body, expected = assemble([Part(0.303, 0.45 * R**2), Part(0.0697, 0.0, R)], R).body, Body.from_masses(R, 0.303, 0.0697, kappa=0.45)
     for field in dataclasses.fields(Body):
         assert getattr(body, field.name) == pytest.approx(getattr(expected, field.name), rel=1e-14), field.name
+
+
+def test_an_imbalance_without_a_particle_counts_as_one_on_the_rim():
+    found = assemble([Part(0.3, disk(R), 0.002), Part(0.1, disk(0.05))], R, particle=())
+    assert (found.body.rho, found.body.gamma) == pytest.approx((1.0, 0.3 * 0.002 / 0.4 / R))
+    assert found.body.inertia_ratio * 0.4 * R**2 == pytest.approx(0.3 * (R**2 / 2 + 0.002**2) + 0.1 * 0.05**2 / 2, rel=1e-12)
+    assert assemble([Part(0.3, disk(R))], R, particle=()).body.kappa == pytest.approx(0.5)
 
 
 def test_weights_opposite_to_each_other_balance():

@@ -102,8 +102,8 @@ def parted_body(source: CampaignFile, table: LevelTable, path: Path, radius: Inp
 
 
 def _off_axle(distance: Input | None) -> bool:
-    """Whether a part may be off the axle."""
-    return distance is not None and (distance.value, distance.u) != (0.0, 0.0)
+    """Whether a part is meant to be off the axle; "0.0000(5)" is a centre that is not quite on it."""
+    return distance is not None and distance.value != 0.0
 
 
 def _values(body: PartedBody) -> tuple[ArrayLike, ...]:
@@ -209,11 +209,11 @@ def _disk(source: CampaignFile, body: str) -> tuple[str, ...] | None:
     table = source.bodies[body]
     if table.parts is None or table.kappa is not None or table.radius_m is not None or not all(part in source.parts for part in table.parts):
         return None
-    pieces = [(part, source.parts[part]) for part in table.parts]
-    turning = [(part, one) for part, one in pieces if one.kind != "trailing" and part not in (table.particle or ())]
-    if table.particle and any(one.distance_m is not None for _, one in turning):
-        return None
-    return tuple(sorted(part for part, one in turning if one.distance_m is None))
+    turning = [part for part in table.parts if source.parts[part].kind != "trailing"]
+    inputs = {name: one for part in turning for name, one in _inputs(source, part, source.parts[part]).items()}
+    off = [part for part in turning if (part in table.particle if table.particle else _off_axle(inputs.get(f"{part}.distance_m")))]
+    rest = sorted(part for part in turning if part not in off)
+    return None if any(source.parts[part].distance_m is not None for part in rest) else tuple(rest)
 
 
 def not_independent(found: Mapping[str, Quantity], correlation: FloatArray, stated: Iterable[str]) -> tuple[str, str, float] | None:
