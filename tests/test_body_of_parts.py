@@ -211,7 +211,8 @@ def test_bodies_on_disks_of_their_own_have_a_kappa_each(tmp_path, own):
 
 
 def test_a_disk_off_its_centre_has_a_kappa_that_is_the_bodys_own(tmp_path):
-    names = campaign_of(tmp_path, UNEVEN.replace('"0.300(6)"', '"0.300(6)"\ndistance_m = "0.000(1)"'), "light", "heavy").problem(["run0", "run1"]).names
+    text = UNEVEN.replace('"0.300(6)"', '"0.300(6)"\ndistance_m = "0.000(1)"')
+    names = campaign_of(tmp_path, text, "light", "heavy").problem(["run0", "run1"]).names
     assert sorted(name for name in names if name.startswith("kappa")) == ["kappa[heavy]", "kappa[light]"]
 
 

@@ -18,6 +18,7 @@ from estim.pipeline import analyse
 from estim.problem.priors import Uniform
 from estim.reports.analysis import analysis_report
 from estim.reports.result import result_of
+from estim.reports.rolling_figures import rolling_figure
 from estim.words import tell
 from model import Body, trajectory
 
@@ -165,14 +166,32 @@ def test_the_report_says_it_and_the_result_is_not_moved(tmp_path):
     summary = result_of(campaign, analysis).rolling["a"]
     assert 0.05 < summary.probability < 0.95
     assert any("rolled without slipping with probability" in note for note in analysis.diagnosis.notes)
-    report = analysis_report(campaign, analysis, figures=False)["report.md"].decode()
-    assert "## Rolling without slipping" in report
+    files = analysis_report(campaign, analysis)
+    assert "## Rolling without slipping" in files["report.md"].decode()
+    assert "(figures/rolling.png)" in files["report.md"].decode()
+    assert files["figures/rolling.png"].startswith(b"\x89PNG")
     (tmp_path / "campaign.toml").write_text(TEXT.format(shared="", noise=""))
     plain = load_campaign(tmp_path / "campaign.toml")
     without = analyse(plain, ["a"], seed=1)
     assert np.array_equal(without.chain.flat, analysis.chain.flat)
     assert result_of(plain, without).rolling["a"].probability is None
-    assert "no friction stated" in analysis_report(plain, without, figures=False)["report.md"].decode()
+    report = analysis_report(plain, without, figures=False)["report.md"].decode()
+    assert "no friction stated" in report
+    assert "rolling.png" not in report
+
+
+def test_the_figure_shows_both_forces_and_the_stated_friction(tmp_path, rng):
+    campaign = campaign_of(tmp_path, 'friction = "0.14(2)"')
+    found, _ = rolled(campaign, rng, 300)
+    problem = campaign.problem(["a"])
+    draws = np.repeat(campaign.fit(problem, rng=rng).values[None, :], 50, axis=0)
+    (ax,) = rolling_figure(problem, draws, [found], synthetic=True).axes
+    lines = {line.get_label(): np.asarray(line.get_ydata()) for line in ax.lines}
+    assert set(lines) == {"N/(M g)", "|F|/N", "stated friction"}
+    assert np.max(lines["|F|/N"]) == pytest.approx(found.typical, rel=0.05)
+    assert np.min(lines["N/(M g)"]) == pytest.approx(np.median(found.least_normal), rel=0.01)
+    assert lines["stated friction"][0] == pytest.approx(0.14)
+    assert "SYNTHETIC" in ax.get_title()
 
 
 def test_a_curve_of_the_users_own_has_no_ramp(tmp_path):

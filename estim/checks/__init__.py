@@ -11,5 +11,5 @@ from estim.checks.identifiability import PRIOR_DOMINATED, Identifiability, ident
 from estim.checks.modes import Modes, find_modes, laplace_modes, optima
 from estim.checks.outliers import Outliers, bad_frames_found, find_outliers
 from estim.checks.prior_sensitivity import CONFLICT, THRESHOLD, Sensitivity, power_scaling
-from estim.checks.rolling import Rolling, check_rolling
+from estim.checks.rolling import Rolling, check_rolling, way_of
 from estim.checks.what_if import Influence, influences

@@ -72,11 +72,15 @@ def check_rolling(problem: Problem, draws: FloatArray, *, rng: np.random.Generat
     return tuple(found for run in problem.runs if (found := _of_run(run, run.bind(named), len(draws), rng)) is not None)
 
 
+def way_of(run: Observations) -> float:
+    """The farthest reading of a run, left out or not."""
+    return float(np.max(run.y if run.positions else np.concatenate([run.x, run.excluded_points[:, 0]])))
+
+
 def _of_run(run: Observations, arguments: Mapping[str, ArrayLike], n_draw: int, rng: np.random.Generator) -> Rolling | None:
     if run.motion is None:
         return None
-    farthest = float(np.max(run.y if run.positions else np.concatenate([run.x, run.excluded_points[:, 0]])))
-    footing = run.motion.footing(farthest, arguments)
+    footing = run.motion.footing(way_of(run), arguments)
     with np.errstate(invalid="ignore", divide="ignore"):
         needed = np.where(footing.normal > 0.0, np.abs(footing.friction) / footing.normal, np.where(np.isnan(footing.normal), -np.inf, np.inf))
     place = np.argmax(needed, axis=1)[:, None]
