@@ -12,6 +12,9 @@ fails before N = 0 unless F vanishes there, a body slips before it hops, whateve
 Rolling resistance and moments are torques here as everywhere: they act through H' alone.  Drag (k_1, k_2) is a force on the axle.  A trailing
 part is carried by the axle alone: where it rests on the ramp with a foot of its own, N and F are those of axle and foot together.
 
+Limits: J. E. Littlewood's hoop without mass (A Mathematician's Miscellany, 1953; W. F. D. Theron and M. F. Maritz, Math. Comput. Model. 47 (2008)
+1077), gamma = j = 1 on the level from rest at the top: N/(M g) = cos theta, F/N = tan(theta/2).
+
 Use `contact_forces` along a motion, `needed_friction` for the coefficient that it asks for, and `end_of_rolling` for where it ends, and why.
 """
 

@@ -152,6 +152,15 @@ def test_a_disturbed_motion_presses_as_the_plain_one_where_nothing_disturbs(angu
     assert np.nanmax(np.abs(pushed.normal - plain.normal)) > 0.01
 
 
+def test_what_comes_after_the_readings_that_are_fit_does_not_count(tmp_path, rng):
+    """The body turns round at 0.45 m; near the release it needs most."""
+    whole, _ = rolled(campaign_of(tmp_path), rng, 300)
+    text = (tmp_path / "campaign.toml").read_text()
+    (tmp_path / "campaign.toml").write_text(text + "window = {x_max_m = 0.03}\n")
+    start, _ = rolled(load_campaign(tmp_path / "campaign.toml"), rng, 300)
+    assert start.where < 0.031 < whole.where
+
+
 def test_nothing_is_said_of_what_lies_behind_a_turning_point():
     footing = RollingMotion(False).footing(2.0, BODY | {"phi": 0.001})
     there = np.isfinite(footing.normal[0])

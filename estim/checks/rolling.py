@@ -1,7 +1,8 @@
 """Whether a body rolled without slipping along the way that was measured: what friction that takes, against what was stated.
 
 The curve that is fit assumes rolling; a body that slips lags behind it.  For each posterior draw the forces of the ramp follow from the motion
-(`model.contact`), and with them the largest |F|/N from the release to the farthest reading.  Rolling held if the coefficient of friction is above it.
+(`model.contact`), and with them the largest |F|/N from the release to the farthest reading that is fit.  Rolling held if the coefficient of friction
+is above it.
 An unmodelled force beside the curve is not in it; it asks for about its own size more.
 """
 
@@ -73,8 +74,8 @@ def check_rolling(problem: Problem, draws: FloatArray, *, rng: np.random.Generat
 
 
 def way_of(run: Observations) -> float:
-    """The farthest reading of a run, left out or not."""
-    return float(np.max(run.y if run.positions else np.concatenate([run.x, run.excluded_points[:, 0]])))
+    """The farthest reading of a run that is fit: what comes after it, the fit knows nothing of."""
+    return float(np.max(run.y if run.positions else run.x))
 
 
 def _of_run(run: Observations, arguments: Mapping[str, ArrayLike], n_draw: int, rng: np.random.Generator) -> Rolling | None:
