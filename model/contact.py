@@ -139,7 +139,7 @@ def end_of_rolling(
         middle = 0.5 * (low + high)
         beyond = spare(middle) < 0.0
         low, high = np.where(beyond, low, middle), np.where(beyond, middle, high)
-    hops = np.isinf(mu) | (contact_forces(high, body, **place).normal < 0.0)
+    hops = contact_forces(high, body, **place).normal < 0.0
     why = np.where(ends, np.where(hops, End.HOPS, End.SLIPS), np.where(turn <= ramp, End.TURNS, End.RAMP))
     return np.where(ends, high, last), why
 

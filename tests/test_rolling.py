@@ -9,7 +9,7 @@ import pytest
 
 from estim import InputError, load_campaign
 from estim.campaign.binding import grip_of
-from estim.checks.rolling import Rolling, check_rolling, rolling_remarks
+from estim.checks.rolling import Rolling, check_rolling, rolling_remarks, way_of
 from estim.common import Kind
 from estim.curves.disturbed import DisturbedMotion, Setting
 from estim.curves.rolling import RollingMotion
@@ -159,6 +159,11 @@ def test_what_comes_after_the_readings_that_are_fit_does_not_count(tmp_path, rng
     (tmp_path / "campaign.toml").write_text(text + "window = {x_max_m = 0.03}\n")
     start, _ = rolled(load_campaign(tmp_path / "campaign.toml"), rng, 300)
     assert start.where < 0.031 < whole.where
+    in_time = text.replace("sigma_x_m = 0.001", 'sigma_x_m = 0.001, model = "positions"') + "window = {t_max_s = 0.31}\n"
+    (tmp_path / "campaign.toml").write_text(in_time)
+    campaign = load_campaign(tmp_path / "campaign.toml")
+    assert way_of(campaign.problem(["a"]).runs[0]) < 0.04
+    assert rolled(campaign, rng, 300)[0].where < 0.04
 
 
 def test_nothing_is_said_of_what_lies_behind_a_turning_point():
