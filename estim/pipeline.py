@@ -20,8 +20,10 @@ from estim.checks import (
     Influence,
     Modes,
     Outliers,
+    Rolling,
     check_consistency,
     check_goodness,
+    check_rolling,
     check_stated_values,
     comparable,
     diagnose,
@@ -65,6 +67,7 @@ from estim.words import advice_for
 _BAND_DRAWS = 4000
 _MODE_DRAWS = 20_000
 _OUTLIER_DRAWS = 1000
+_ROLLING_DRAWS = 400
 _A_FEW = 60  # steps, where data and stated values contradict each other: for figures alone
 _MANY_RUNS = 16  # beyond, the marginal over runs takes the place of a chain
 _FEW_RUNS = 4  # whose candidates are refit without being asked
@@ -79,6 +82,7 @@ class Analysis:
     consistency : whether several runs agree about what they share; None where that cannot be asked.
     conflict : whether the data agree with what was stated of the parameters.
     influences : what errors that no residual can show would do.
+    rolling : whether bodies rolled without slipping; none for a curve that is no body's.
     explanation : candidates for what the curve lacks, where that was asked.
     title, kind : of the campaign, "" where there is none.
     """
@@ -95,6 +99,7 @@ class Analysis:
     consistency: Consistency | None
     conflict: Conflict
     influences: tuple[Influence, ...]
+    rolling: tuple[Rolling, ...]
     diagnosis: Diagnosis
     seed: int
     title: str = ""
@@ -180,12 +185,14 @@ def analyse_fit(
     outliers = find_outliers(fit.posterior, chain.thinned(_OUTLIER_DRAWS))
     consistency = check_consistency(fit) if comparable(fit) else None
     moved = influences(fit)
+    rolling = check_rolling(problem, chain.thinned(_ROLLING_DRAWS), rng=stream(seed, Stream.FRICTION))
     diagnosis = diagnose(
         fit, chain, goodness, comparison=comparison, identifiability=identifiability, modes=modes, consistency=consistency, conflict=conflict,
-        influences=moved,
+        influences=moved, rolling=rolling,
     )
     return Analysis(
-        problem, fit, certificate, chain, comparison, goodness, identifiability, modes, outliers, consistency, conflict, moved, diagnosis, seed
+        problem, fit, certificate, chain, comparison, goodness, identifiability, modes, outliers, consistency, conflict, moved, rolling, diagnosis,
+        seed,
     )
 
 

@@ -1,23 +1,37 @@
 """Physics of an eccentric body rolling on an incline: NumPy only, SI units, radians.  Start with `model.body`."""
 
 from model.body import Body
+from model.contact import ContactForces, End, contact_forces, end_of_rolling, needed_friction
 from model.forces import Forces, moment_ratio, release_energy, release_speed, sagging, turn_amplitude, turn_components
 from model.motion import back_and_forth, trajectory, travel_time
+from model.parts import Assembly, Part, assemble, bolt, disk, ring, rod
 from model.phase import STANDARD_GRAVITY, angular_rate, ascends, speed, theta_max, theta_min, turning_angle, turning_point
 from model.readings import Readings, blurred_sigma
 
 __all__ = [
     "STANDARD_GRAVITY",
+    "Assembly",
     "Body",
+    "ContactForces",
+    "End",
     "Forces",
+    "Part",
     "Readings",
     "angular_rate",
     "ascends",
+    "assemble",
     "back_and_forth",
     "blurred_sigma",
+    "bolt",
+    "contact_forces",
+    "disk",
+    "end_of_rolling",
     "moment_ratio",
+    "needed_friction",
     "release_energy",
     "release_speed",
+    "ring",
+    "rod",
     "sagging",
     "speed",
     "theta_max",

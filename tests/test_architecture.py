@@ -71,8 +71,9 @@ def test_the_command_line_alone_knows_click():
     assert importers("click") == {"estim.cli.commands", "estim.cli.terminal"}
 
 
-def test_inference_meets_physics_in_five_files():
-    found = {"estim.campaign.bodies", "estim.campaign.design", "estim.campaign.quantities", "estim.curves.disturbed", "estim.curves.rolling"}
+def test_inference_meets_physics_in_six_files():
+    found = {f"estim.campaign.{name}" for name in ("binding", "design", "parts", "quantities")}
+    found |= {"estim.curves.disturbed", "estim.curves.rolling"}
     assert {m for m in importers("model") if m in ESTIM} == found
 
 

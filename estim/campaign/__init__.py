@@ -2,12 +2,13 @@
 
 Read `bodies` first, `levels` for what runs share."""
 
-from estim.campaign.bodies import gamma_of_body, gamma_origin
+from estim.campaign.binding import gamma_of_body, gamma_origin, parted_bodies
 from estim.campaign.campaign import Campaign, load_campaign
-from estim.campaign.campaign_file import CampaignFile, Kind, NoiseTable, checked
+from estim.campaign.campaign_file import CampaignFile, Kind, NoiseTable, checked, read_campaign_file
 from estim.campaign.design import load_design, simulate_campaign
 from estim.campaign.forced import as_complete
 from estim.campaign.noise_models import Candidate
+from estim.campaign.parts import OUTPUTS, PartedBody, correlations, known_to, notes_of
 from estim.campaign.quantities import EFFECTS
 from estim.campaign.selection import way_back
 from estim.campaign.usual import USUAL_KEYS

@@ -1,4 +1,4 @@
-"""The rolling body as the study of a campaign: its quantities, and the problems that its runs pose.  It and `design.py` import `model`.
+"""The rolling body as the study of a campaign: its quantities, and the problems that its runs pose.
 
 A quantity is looked up at the run, then at its body, then under [shared]; where it is found decides what is one unknown:
 "phi[heavy-04]" belongs to one run, "gamma[heavy]" to one body's runs, a bare "rolling_resistance" to all.
@@ -6,48 +6,33 @@ A quantity is looked up at the run, then at its body, then under [shared]; where
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from types import MappingProxyType
 
 import numpy as np
 
 from estim.campaign.between_runs import spreads_of, varied
+from estim.campaign.binding import KINDS_OF_QUANTITIES, Bound, bind_quantities, grip_of, total_mass
 from estim.campaign.blur import blur_cause, blurs
 from estim.campaign.campaign_file import CampaignFile, NoiseTable
 from estim.campaign.causes import Sketch, Surroundings, sketches
 from estim.campaign.effects import setting_of
 from estim.campaign.forced import KEY, Circumstances, Stance, fit_with_forces, force_scale, refuse_force
-from estim.campaign.levels import Level, Levels, body_levels, noise_level, read_key
+from estim.campaign.levels import Levels, noise_level
 from estim.campaign.noise_models import Candidate, noise_candidates
 from estim.campaign.plausible import check_speeds
 from estim.campaign.points import Observed, observe
-from estim.campaign.quantities import EFFECTS, QUANTITIES, Kind
 from estim.campaign.shared_force import tied_points
 from estim.campaign.usual import with_usual_errors
-from estim.common import Quantity, format_quantity
 from estim.curves import DisturbedMotion, DisturbedMotionCurve, DisturbedPhaseCurve, MotionCurve, PhaseCurve, RollingMotion, Setting
 from estim.explanation import Cause, Suspects
 from estim.fitting import Fit, fit_least_squares, scanned_fit
-from estim.problem import Curve, Normal, Observations, Parameter, Prior, Problem, TruncatedNormal, as_prior, shared_first
+from estim.problem import Curve, Observations, Parameter, Prior, Problem, shared_first
 from estim.reading import Run
 from estim.sampling import MAX_PARAMETERS
-from model import Body
 
 _MANY_RUNS, _STARTS, _FEW_STARTS = 16, 8, 2  # of the fit
-_KINDS: Mapping[str, Kind] = MappingProxyType({**QUANTITIES, **EFFECTS})
-
-
-_SAME_SDS, _SAME_SHARE = 5.0, 0.05  # how far a stated gamma may be from that of the masses
-_MASSES = ("mass_disk_kg", "mass_particle_kg", "mass_trailing_kg")
-
-
-@dataclass(frozen=True, eq=False)
-class Bound:
-    """A quantity of one run: a prior (then `name` is its parameter) or an exact value in SI units."""
-
-    name: str
-    source: float | Prior
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,15 +89,15 @@ class RollingStudy:
                 setting = sketch.setting(setting, mass) if sketch.disturbs else setting
             for quantity, b in bound.items():
                 if not isinstance(b.source, float):
-                    kind = _KINDS[quantity]
+                    kind = KINDS_OF_QUANTITIES[quantity]
                     physics.setdefault(b.name, Parameter(b.name, kind.unit, b.source, kind.meaning, kind.notation))
             unknowns.update({p.name: p for p in observed.parameters})
             arguments = {q: b.source if isinstance(b.source, float) else b.name for q, b in bound.items()}
-            posed = _observations(name, observed, arguments, mass, setting, angular=angular)
+            posed = _observations(name, observed, arguments, mass, setting, grip_of(self.source, levels), angular=angular)
             circumstances = Circumstances(observed, joint=len(names) > 1, tied=tied[name], replaced=noise is not None)
             stance = Stance(0.0) if white else force_scale(levels, circumstances)
             runs.append(replace(posed, force=stance.scale, complete=stance.complete))
-        further, every_run = varied(runs, {name: spreads_of(self.levels(name), _KINDS) for name in names})
+        further, every_run = varied(runs, {name: spreads_of(self.levels(name), KINDS_OF_QUANTITIES) for name in names})
         return Problem((*shared_first([*physics.values(), *further], every_run), *unknowns.values()), every_run)
 
     def with_usual_errors(self, problem: Problem, tables: Mapping[str, Run]) -> Problem:
@@ -178,7 +163,8 @@ class RollingStudy:
 
 
 def _observations(
-    name: str, observed: Observed, arguments: Mapping[str, str | float], mass: float | None, setting: Setting | None, *, angular: bool
+    name: str, observed: Observed, arguments: Mapping[str, str | float], mass: float | None, setting: Setting | None, grip: Prior | float | None,
+    *, angular: bool,
 ) -> Observations:
     """The points of a run with the curve that explains them: positions in time, or speeds along the way.
 
@@ -189,11 +175,11 @@ def _observations(
     axes = ("time t", "s", position, x_unit) if observed.positions else (position, x_unit, speed, y_unit)
     curve: Curve
     if setting is None:
-        motion = RollingMotion(angular, mass, observed.positions)
+        motion = RollingMotion(angular, mass, observed.positions, grip=grip)
         curve = (MotionCurve if observed.positions else PhaseCurve)(angular)
     else:
         reach = float(np.max(np.abs(observed.y if observed.positions else observed.x)))
-        motion = DisturbedMotion(angular, mass, observed.positions, setting, reach)
+        motion = DisturbedMotion(angular, mass, observed.positions, setting, reach, grip=grip)
         curve = (DisturbedMotionCurve if observed.positions else DisturbedPhaseCurve)(angular, setting)
     return Observations(
         name=name, x=observed.x, y=observed.y, t=observed.t, curve=curve,
@@ -202,128 +188,3 @@ def _observations(
         x_name=axes[0], x_unit=axes[1], y_name=axes[2], y_unit=axes[3], motion=motion, words=motion.words(),
         positions=observed.positions,
     )
-
-
-def gamma_of_body(source: CampaignFile, body: str) -> Quantity | None:
-    """gamma as stated for a body, from its masses or directly; None where it is not, or only guessed (no normal prior)."""
-    tables = body_levels(source, body)
-    if not any(getattr(level.table, key) is not None for level in tables for key in ("gamma", "mass_particle_kg")):
-        return None
-    stated = _bind(source, tables, "gamma", f"body '{body}'").source
-    if isinstance(stated, float):
-        return Quantity(stated)
-    return Quantity(stated.mean, stated.sd) if isinstance(stated, Normal | TruncatedNormal) else None
-
-
-def gamma_origin(source: CampaignFile, body: str) -> str:
-    """Where gamma of a body comes from, in words."""
-    weighed = any(level.table.mass_particle_kg is not None and level.table.gamma is None for level in body_levels(source, body))
-    return "from the masses" if weighed else "as stated"
-
-
-def bind_quantities(source: CampaignFile, levels: Iterable[Level], *, where: str) -> dict[str, Bound]:
-    """Every quantity of the phase curve as the tables of `levels` give it, effects where they are said and not 0; `where` names them in messages.
-
-    Raises InputError where one is missing, said twice at one level, or out of its physical range.
-    """
-    tables = tuple(levels)
-    bound = {name: _bind(source, tables, name, where) for name in QUANTITIES}
-    effects = {name: _bind(source, tables, name, where) for name in EFFECTS}
-    bound |= {name: b for name, b in effects.items() if b.source != 0.0}
-    centre = {name: b.source if isinstance(b.source, float) else b.source.centre for name, b in bound.items()}
-    others = centre["gamma"] / centre["rho"] + centre["trailing_fraction"]
-    if others > 1.0:
-        home = next((level for level in tables if level.table.gamma is not None), tables[0])
-        rule = "leaves no mass for the disk: gamma/rho + trailing_fraction must be at most 1"
-        raise source.places.error(rule, (*home.path, "gamma"), value=others)
-    return bound
-
-
-def _bind(source: CampaignFile, levels: tuple[Level, ...], name: str, where: str) -> Bound:
-    kind = _KINDS[name]
-    for level in levels:
-        said = [key for key in kind.keys if getattr(level.table, key) is not None]
-        weighed = [key for key in _MASSES if getattr(level.table, key) is not None]
-        if len(said) > 1:
-            raise source.places.error(f"must not stand beside '{said[0]}'", (*level.path, said[1]))
-        if said:
-            value = read_key(source, level, said[0], factor=kind.keys[said[0]])
-            if name == "gamma" and weighed:
-                _check_masses(source, levels, value, (*level.path, "gamma"), _bind(source, levels, "rho", where).source)
-            return Bound(name + level.suffix, _checked(source, value, kind, (*level.path, said[0])))
-        if weighed and name in ("gamma", "trailing_fraction"):
-            value = _from_masses(source, levels, name, _bind(source, levels, "rho", where).source)
-            return Bound(name + level.suffix, _checked(source, value, kind, (*level.path, weighed[0])))
-    if kind.default is not None:
-        return Bound(name, kind.default)
-    rule = f"is missing for {where}: say it there, for its body or under [shared]"
-    raise source.places.error(rule + (" (or give the masses)" if name == "gamma" else ""), levels[0].path, field=next(iter(kind.keys)))
-
-
-def _checked(source: CampaignFile, value: Quantity | Prior, kind: Kind, path: tuple[str | int, ...]) -> float | Prior:
-    """A number or a prior that respects the quantity's physical limit."""
-    centre = value.value if isinstance(value, Quantity) else value.centre
-    if centre < kind.low or (centre == 0.0 and not kind.zero):
-        raise source.places.error(f"must be {'>=' if kind.zero else '>'} {kind.low:g}", path, value=centre)
-    if abs(centre) > kind.high and kind.too_large:
-        raise source.places.error(kind.too_large, path, value=centre)
-    if abs(centre) > kind.high:
-        rule = f"must lie within {np.degrees(kind.high):.0f} degrees = {kind.high:.2f} rad (degrees go with the key {next(iter(kind.keys))})"
-        raise source.places.error(rule, path, value=f"{centre:.4g} rad")
-    if isinstance(value, Quantity):
-        return value.value if value.exact else as_prior(value, low=kind.low)
-    if isinstance(value, Normal):
-        return as_prior(Quantity(value.mean, value.sd), low=kind.low)
-    if value.low < kind.low:
-        raise source.places.error(f"must have a prior that does not reach below {kind.low:g}", path, value=value.describe())
-    return value
-
-
-def _mass(source: CampaignFile, levels: Iterable[Level], key: str) -> Quantity:
-    """One of the masses, from the most particular level that gives it."""
-    tables = tuple(levels)
-    level = next((level for level in tables if getattr(level.table, key) is not None), None)
-    if level is None:
-        if key == "mass_trailing_kg":
-            return Quantity(0.0)
-        home = next(t for t in tables if any(getattr(t.table, k) is not None for k in _MASSES))
-        raise source.places.error("is missing beside the other masses", (*home.path, key))
-    mass = read_key(source, level, key)
-    if not isinstance(mass, Quantity):
-        raise source.places.error("must be a number or a measured value, not a prior", (*level.path, key))
-    if mass.value < 0.0 or (mass.value == 0.0 and key == "mass_disk_kg"):
-        raise source.places.error("must be > 0" if key == "mass_disk_kg" else "must be >= 0", (*level.path, key), value=mass.value)
-    return mass
-
-
-def _from_masses(source: CampaignFile, levels: Iterable[Level], name: str, rho: float | Prior) -> Quantity:
-    """gamma or the trailing fraction with the uncertainty that follows from the masses (linear propagation)."""
-    from uncertainties import ufloat
-
-    tables = tuple(levels)
-    read = [_mass(source, tables, key) for key in _MASSES]
-    disk, particle, trailing = (m.value if m.exact else ufloat(m.value, m.u) for m in read)
-    distance = rho if isinstance(rho, float) else ufloat(rho.expectation, rho.sd)
-    try:
-        ratio = getattr(Body.from_masses(1.0, disk, particle, kappa=0.5, rho=distance, mass_trailing=trailing), name)
-        return Quantity(ratio) if isinstance(ratio, float) else Quantity(ratio.nominal_value, ratio.std_dev)
-    except (OverflowError, ZeroDivisionError):
-        home = next(t for t in tables if any(getattr(t.table, k) is not None for k in _MASSES))
-        raise source.places.error("is too far from the other masses to take a ratio", (*home.path, _MASSES[0])) from None
-
-
-def _check_masses(source: CampaignFile, levels: tuple[Level, ...], gamma: Quantity | Prior, path: tuple[str | int, ...], rho: float | Prior) -> None:
-    """Masses beside a stated gamma give the total mass only; raises InputError where they give another gamma."""
-    weighed = _from_masses(source, levels, "gamma", rho)
-    centre, sd = (gamma.value, gamma.u) if isinstance(gamma, Quantity) else (gamma.centre, gamma.sd)
-    if abs(weighed.value - centre) > _SAME_SDS * np.hypot(sd, weighed.u) + _SAME_SHARE * centre:
-        rule = f"contradicts the masses beside it, which give {format_quantity(weighed.value, weighed.u)}: say one of the two"
-        raise source.places.error(rule, path, value=centre)
-
-
-def total_mass(source: CampaignFile, levels: Iterable[Level]) -> float | None:
-    """Sum of the masses (kg) where they are given, else None."""
-    tables = tuple(levels)
-    if not any(getattr(level.table, key) is not None for level in tables for key in _MASSES):
-        return None
-    return sum(_mass(source, tables, key).value for key in _MASSES)

@@ -9,6 +9,7 @@ from types import MappingProxyType
 
 import numpy as np
 
+from estim.campaign.binding import parts_fact
 from estim.campaign.bodies import RollingStudy
 from estim.campaign.campaign_file import CampaignFile, NoiseTable, RunTable, read_campaign_file
 from estim.campaign.noise_models import Candidate
@@ -120,8 +121,9 @@ def load_campaign(path: str | Path) -> Campaign:
     if source.curve is not None:
         study, tables = read_curve_study(source, source.curve)
     else:
-        study, tables = RollingStudy(source), _read_runs(source)
-    tables = {name: _with_origin(source, tables[name], written) for name, written in source.files.items()}
+        rolling, read = RollingStudy(source), _read_runs(source)
+        study, tables = rolling, {name: _with_fact(run, parts_fact(source, rolling.levels(name))) for name, run in read.items()}
+    tables = {name: _with_fact(tables[name], source.out_of_folder(written)) for name, written in source.files.items()}
     campaign = Campaign(source, MappingProxyType(tables), study)
     for name in campaign.run_names:
         study.check(name, campaign.tables)
@@ -144,7 +146,6 @@ def _read(source: CampaignFile, path: Path, run: RunTable) -> Run:
         raise source.places.error(error.rule, ("runs", source.runs.index(run), "leave_out_s"), value=error.value) from None
 
 
-def _with_origin(source: CampaignFile, run: Run, written: str) -> Run:
-    """A run whose facts say so where its file lies outside the campaign's folder."""
-    said = source.out_of_folder(written)
+def _with_fact(run: Run, said: str | None) -> Run:
+    """A run with one more fact, where there is one."""
     return run if said is None else replace(run, facts=(*run.facts, said))

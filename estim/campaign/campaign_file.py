@@ -1,6 +1,6 @@
 """The campaign file: TOML to checked tables, with the line of every key for messages.
 
-`docs/campaign.md` explains the format to its users.  Here it is only read and checked; `estim.campaign.bodies` gives it meaning.
+`docs/campaign.md` explains the format to its users.  Here it is only read and checked; `estim.campaign.binding` gives it meaning.
 """
 
 from __future__ import annotations
@@ -17,6 +17,7 @@ from typing import Any, Literal, TypeVar
 import msgspec
 
 from estim.campaign.effect_table import EffectTable
+from estim.campaign.part_table import PartTable
 from estim.campaign.prior_table import PriorTable, Value, read_prior
 from estim.common import EXTREME, InputError, Quantity, extreme, first_alike, forms, read_quantity
 from estim.problem import Prior
@@ -66,6 +67,8 @@ class LevelTable(EffectTable, forbid_unknown_fields=True, frozen=True):
     mass_disk_kg: Value | None = None
     mass_particle_kg: Value | None = None
     mass_trailing_kg: Value | None = None
+    parts: list[str] | None = None
+    particle: list[str] | None = None
     phi_deg: Value | None = None
     phi_rad: Value | None = None
     theta0_deg: Value | None = None
@@ -76,6 +79,7 @@ class LevelTable(EffectTable, forbid_unknown_fields=True, frozen=True):
     theta0_zero_rad: Value | None = None
     rolling_resistance: Value | None = None
     g: Value | None = None
+    friction: Value | None = None
     release_time_s: Value | None = None
     offset_m: Value | None = None
     offset_rad: Value | None = None
@@ -121,6 +125,7 @@ class _TopTable(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_only
     kind: Kind
     published: str | None = None
     shared: dict[str, Any] = {}
+    parts: dict[str, dict[str, Any]] = {}
     bodies: dict[str, dict[str, Any]] = {}
     runs: list[dict[str, Any]] = []
     line: dict[str, Any] | None = None
@@ -161,6 +166,7 @@ class CampaignFile:
     files: Mapping[str, str]
     runs: tuple[RunTable, ...]
     line: LineTable | None
+    parts: Mapping[str, PartTable]
     curve: OwnCurve | None = None
 
     @property
@@ -208,18 +214,22 @@ class CampaignFile:
         return tuple(said for file in dict.fromkeys(written) if (said := self.out_of_folder(file)))
 
 
-def read_campaign_file(path: Path) -> CampaignFile:
-    """The campaign file at `path`.  Raises InputError with file, line, key, rule and value."""
+def read_campaign_file(path: Path, *, measured: bool = True) -> CampaignFile:
+    """The campaign file at `path`.  Raises InputError with file, line, key, rule and value.
+
+    measured : whether it must hold runs or a theta_min series; else its bodies will do.
+    """
     text, digest = read_text(path, shown_as=str(path), limit=TOML_BYTES)
     tree, places = parse_toml(text, str(path))
     top = checked(tree, _TopTable, places, ())
     if top.curve is not None:
         return _with_own_curve(path, digest, places, top)
+    parts = {name: checked(table, PartTable, places, ("parts", name)) for name, table in top.parts.items()}
     bodies = {name: checked(table, LevelTable, places, ("bodies", name)) for name, table in top.bodies.items()}
     runs = tuple(checked(table, RunTable, places, ("runs", i)) for i, table in enumerate(top.runs))
     line = None if top.line is None else checked(top.line, LineTable, places, ("line",))
     shared = checked(top.shared, LevelTable, places, ("shared",))
-    if not runs and line is None:
+    if measured and not runs and line is None:
         raise places.error("must hold at least one [[runs]] table or a [line] table", (), field="campaign")
     check_run_names([run.name for run in runs], places)
     check_body_names(bodies, places)
@@ -228,11 +238,12 @@ def read_campaign_file(path: Path) -> CampaignFile:
             raise places.error(f"must name one of the bodies ({', '.join(bodies) or 'none defined'})", ("runs", i, "body"), value=run.body)
     if line is not None and line.body not in bodies:
         raise places.error(f"must name one of the bodies ({', '.join(bodies) or 'none defined'})", ("line", "body"), value=line.body)
-    return CampaignFile(path, digest, places, top.title, top.kind, top.published, shared, bodies, {run.name: run.file for run in runs}, runs, line)
+    files = {run.name: run.file for run in runs}
+    return CampaignFile(path, digest, places, top.title, top.kind, top.published, shared, bodies, files, runs, line, parts)
 
 
 def _with_own_curve(path: Path, digest: str, places: Places, top: _TopTable) -> CampaignFile:
-    for key in ("shared", "bodies", "line", "published"):
+    for key in ("shared", "parts", "bodies", "line", "published"):
         if getattr(top, key):
             raise places.error("does not go with a [curve] table", (key,))
     if not top.runs:
@@ -240,7 +251,7 @@ def _with_own_curve(path: Path, digest: str, places: Places, top: _TopTable) -> 
     named = [checked(run, _CurveRun, places, ("runs", i)) for i, run in enumerate(top.runs)]
     check_run_names([run.name for run in named], places)
     files = {run.name: run.file for run in named}
-    return CampaignFile(path, digest, places, top.title, top.kind, None, LevelTable(), {}, files, (), None, OwnCurve(top.curve or {}, top.runs))
+    return CampaignFile(path, digest, places, top.title, top.kind, None, LevelTable(), {}, files, (), None, {}, OwnCurve(top.curve or {}, top.runs))
 
 
 def check_run_names(names: Sequence[str], places: Places) -> None:

@@ -71,6 +71,8 @@ def _scale(symbol: str, key: str, meaning: str) -> Kind:
     return _effect(symbol, key, "1", meaning, high=0.5, too_large="is a fraction of the reading (0.01 means 1 %) and must be at most 0.5")
 
 
+GRIP = Kind(Notation("μ"), {"friction": 1.0}, "1", None, "coefficient of static friction", 0.0, high=10.0, too_large="must be at most 10")
+
 EFFECTS: Mapping[str, Kind] = MappingProxyType(
     {
         "release_energy": _effect(

@@ -17,6 +17,7 @@ from estim.checks.goodness import P_FLOOR, P_POOR_FIT, SCATTER_LIMIT, Goodness
 from estim.checks.identifiability import Identifiability
 from estim.checks.modes import Modes
 from estim.checks.outliers import bad_frames_found, too_many_bad_frames
+from estim.checks.rolling import Rolling, rolling_remarks
 from estim.checks.what_if import Influence, large_influences
 from estim.common import Amount, Finding, Kind, Status, decide, wrong
 from estim.fitting import PRESSED_BELOW, Fit, edge_amount, limit_found, pressed
@@ -61,7 +62,7 @@ class Diagnosis:
 
 def diagnose(
     fit: Fit, chain: Chain, goodness: Sequence[Goodness], *, comparison: Agreement, identifiability: Identifiability, modes: Modes,
-    consistency: Consistency | None, conflict: Conflict, influences: Sequence[Influence],
+    consistency: Consistency | None, conflict: Conflict, influences: Sequence[Influence], rolling: Sequence[Rolling] = (),
 ) -> Diagnosis:
     """The status of a sampled fit."""
     findings = wrong(
@@ -73,7 +74,7 @@ def diagnose(
             *(finding for force in fit.forces for finding in too_many_bad_frames(force)),
         ]
     )
-    remarks = _remarks(fit, chain, goodness, conflict) + ([] if findings else large_influences(fit, influences))
+    remarks = _remarks(fit, chain, goodness, conflict) + ([] if findings else rolling_remarks(rolling) + large_influences(fit, influences))
     mixing = chain.mixing or mixing_of(chain.draws)
     return Diagnosis(
         status=decide(findings), findings=findings, remarks=tuple(remarks),

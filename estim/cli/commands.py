@@ -17,6 +17,7 @@ import click
 
 from estim.cli.causes import say_causes, with_causes
 from estim.cli.comparing import compare as compare_models
+from estim.cli.importing import import_run
 from estim.cli.terminal import (
     NOT_OK,
     announced,
@@ -31,6 +32,7 @@ from estim.cli.terminal import (
     write_files,
     write_report,
 )
+from estim.cli.weighing import say_bodies
 from estim.common import InputError, Stream, asked_to_stop, decide, ended_by_signals, stream
 
 if TYPE_CHECKING:
@@ -293,6 +295,15 @@ def simulate(design: Path, out: Path) -> None:
     say(f"synthetic campaign: {out / 'campaign.toml'} ({len(files)} files)")
 
 
+@cli.command()
+@click.argument("file", type=click.Path(path_type=Path))
+@_OUT
+@_SEED
+def body(file: Path, out: Path | None, seed: int) -> None:
+    """Mass, gamma, kappa and rho of the bodies in FILE (a campaign, or bodies alone) from their parts, with a budget."""
+    say_bodies(file, out or Path("out") / file.resolve().parent.name / "body", seed=seed)
+
+
 @cli.command("import")
 @click.argument("file", type=click.Path(path_type=Path))
 @click.option("--track", metavar="NAME", help="Name of the track.  [default: the only one]")
@@ -309,18 +320,9 @@ def import_file(
 
     What is suspicious goes to stderr and into the head of the CSV (docs/tracker.md).
     """
-    from estim.reading import Choices, import_track, read_release, run_table
+    from estim.reading import Choices, read_release
 
-    if out.resolve() == file.resolve():
-        raise InputError("must not be the file that is read", field="--out", value=str(out))
-    choices = Choices(track, along, unit, read_release(release), frame_ms, drop_duplicates)
-    imported = import_track(file, choices)
-    write_files(out.parent, {out.name: run_table(imported)})
-    for fact in imported.facts:
-        say(fact)
-    for warning in imported.warnings:
-        say(f"warning: {warning}", err=True)
-    say(f"run: {out} ({imported.t.size} rows)")
+    import_run(file, Choices(track, along, unit, read_release(release), frame_ms, drop_duplicates), out)
 
 
 def _exit_unless(ok: bool) -> None:
@@ -330,10 +332,7 @@ def _exit_unless(ok: bool) -> None:
 
 
 def main() -> None:
-    """Entry point: one line on stderr and an exit code in place of a traceback.
-
-    Warnings of NumPy and others are not for a user, who can do nothing about them: a result that is no number has a status.
-    """
+    """Entry point: one line on stderr and an exit code in place of a traceback; no warnings of NumPy, about which a user can do nothing."""
     if not sys.warnoptions:
         warnings.simplefilter("ignore")
     os.environ["MPLBACKEND"] = "agg"  # figures are files, whatever a user's sessions draw on

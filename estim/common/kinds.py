@@ -116,6 +116,11 @@ class Kind(StrEnum):
     DEVIATION_UNDECIDED = auto()
     DEVIATION_UNLIKELY = auto()
     CURVE_LACKS = auto()
+    # rolling without slipping
+    FRICTION_NEEDED = auto()
+    ROLLING_SURE = auto()
+    ROLLING_DOUBTFUL = auto()
+    ROLLING_HOPS = auto()
     # candidates for it, each refit
     CAUSE_NAMED = auto()
     CAUSES_ALIKE = auto()

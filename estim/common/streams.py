@@ -33,6 +33,8 @@ class Stream(IntEnum):
     RANK_TRIALS = 14
     COVERAGE_TRIALS = 15
     EXPLANATION = 16  # of what a curve lacks: null distributions
+    PARTS = 17  # of bodies
+    FRICTION = 18  # as stated
 
 
 def stream(seed: int, name: Stream, *index: int) -> np.random.Generator:

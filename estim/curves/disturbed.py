@@ -17,14 +17,15 @@ from numpy.typing import ArrayLike
 from estim.arrays import FloatArray
 from estim.common import Notation
 from estim.curves.differences import with_gradient
-from estim.curves.rolling import SAG_TOLD, RollingMotion, body_of, derived_of, from_release
-from estim.problem import Derived, LocalCurve
+from estim.curves.rolling import SAG_TOLD, RollingMotion, body_of, derived_of, footing_of, from_release
+from estim.problem import Derived, Footing, LocalCurve
 from model import (
     Body,
     Forces,
     Readings,
     back_and_forth,
     blurred_sigma,
+    contact_forces,
     energy,
     moment_ratio,
     phase,
@@ -216,6 +217,13 @@ class DisturbedMotion(RollingMotion):
 
     setting: Setting = Setting()
     reach: float = 1.0
+
+    def footing(self, farthest: float, arguments: Mapping[str, ArrayLike]) -> Footing:
+        known = _disturbed(arguments, self.setting)
+        along, way = self._way(farthest, arguments)
+        true = known.true_position(way)
+        contact = contact_forces(true if self.angular else true / np.asarray(known.body.radius), known.body, **known.acting)
+        return footing_of(along, contact.normal, contact.friction)
 
     def energies(self, x: FloatArray, v: FloatArray, arguments: Mapping[str, ArrayLike]) -> tuple[FloatArray, FloatArray]:
         known = _disturbed(arguments, self.setting)

@@ -6,7 +6,7 @@ Arguments of both are the quantities of a campaign; with `angular` positions are
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -15,8 +15,8 @@ from numpy.typing import ArrayLike
 from estim.arrays import FloatArray
 from estim.common import Notation
 from estim.curves.differences import with_gradient
-from estim.problem import CommonError, Derived, LocalCurve, Wording
-from model import Body, Forces, back_and_forth, energy, phase, sagging
+from estim.problem import CommonError, Derived, Footing, LocalCurve, Prior, Wording
+from model import Body, Forces, back_and_forth, contact_forces, energy, phase, sagging
 
 _BODY = ("radius", "gamma", "kappa", "rho", "trailing_fraction", "particle_gyration")
 _ZEROED = ("phi", "theta0")  # angles that an instrument may read with a common zero error
@@ -25,6 +25,7 @@ _TAKEN_AS_EXACT = {  # argument -> an error of it: of angles in rad, else as a s
     "radius": 0.01, "g": 1e-3, "gamma": 0.01, "kappa": 0.01, "phi": float(np.radians(0.1)), "theta0": float(np.radians(1.0)),
 }
 SAG_TOLD = 1e-3  # m, of a sag
+_N_FOOTING = 96  # places along the way
 _MOTION = ("phi", "theta0", "rolling_resistance", "g")
 
 
@@ -53,6 +54,14 @@ def derived_of(body: Body, motion: Mapping[str, Any], mass: float | None) -> dic
         meaning = "moment of the rolling resistance, c_rr M g R cos φ"
         derived["resisting_moment"] = Derived("N m", np.atleast_2d(moment), meaning, Notation("Q_rr"))
     return derived
+
+
+def footing_of(along: FloatArray, normal: FloatArray, friction: FloatArray) -> Footing:
+    """A footing that ends where the motion first does: behind a turning point the energy may be positive again."""
+    along, normal, friction = np.broadcast_arrays(along, np.atleast_2d(normal), np.atleast_2d(friction))
+    there = np.isfinite(normal)
+    over = np.logical_or.accumulate(np.logical_or.accumulate(there, axis=1) & ~there, axis=1)
+    return Footing(along, np.where(over, np.nan, normal), np.where(over, np.nan, friction))
 
 
 @dataclass(frozen=True, eq=False)
@@ -130,11 +139,13 @@ class RollingMotion:
 
     angular : positions are angles turned since release.  mass : kg, or None where the campaign does not say.
     in_time : whether positions were measured against time, so that the abscissa is a time, which has no end.
+    grip : coefficient of static friction as stated.
     """
 
     angular: bool
     mass: float | None = None
     in_time: bool = False
+    grip: Prior | float | None = field(default=None, kw_only=True)
 
     end_notation = Notation("x_t")
     instrument_readings = ("phi", "theta0")
@@ -150,6 +161,18 @@ class RollingMotion:
 
     def radian(self, arguments: Mapping[str, ArrayLike]) -> ArrayLike:
         return 1.0 if self.angular else arguments["radius"]
+
+    def footing(self, farthest: float, arguments: Mapping[str, ArrayLike]) -> Footing:
+        body, motion = body_of(arguments)
+        along, way = self._way(farthest, arguments)
+        contact = contact_forces(way if self.angular else way / np.asarray(body.radius), body, **motion)
+        return footing_of(along, contact.normal, contact.friction)
+
+    def _way(self, farthest: float, arguments: Mapping[str, ArrayLike]) -> tuple[FloatArray, FloatArray]:
+        """Readings from the release to `farthest`, and how far they are from the release, (n_draw, n) each."""
+        zero = np.atleast_2d(np.asarray(arguments.get("offset", 0.0), dtype=float))
+        way = np.maximum(farthest - zero, 0.0) * np.linspace(0.0, 1.0, _N_FOOTING)
+        return zero + way, way
 
     def energies(self, x: FloatArray, v: FloatArray, arguments: Mapping[str, ArrayLike]) -> tuple[FloatArray, FloatArray]:
         body, motion = body_of(arguments)

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 
 from estim.arrays import FloatArray
 from estim.common import Notation
-from estim.problem import CommonError, Derived, LocalCurve, Motion, SpeedCurve
+from estim.problem import CommonError, Derived, Footing, LocalCurve, Motion, Prior, SpeedCurve
 
 Arguments = Mapping[str, ArrayLike]
 
@@ -77,6 +77,13 @@ class VaryingMotion:
     @property
     def end_notation(self) -> Notation:
         return self.motion.end_notation
+
+    @property
+    def grip(self) -> Prior | float | None:
+        return self.motion.grip
+
+    def footing(self, farthest: float, arguments: Arguments) -> Footing:
+        return self.motion.footing(farthest, own_values(arguments, self.varied))
 
     def metres(self, arguments: Arguments) -> ArrayLike:
         return self.motion.metres(own_values(arguments, self.varied))

@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 
 from estim.arrays import FloatArray
 from estim.common import Label, Notation
+from estim.problem.priors import Prior
 
 EXACT = 2.3e-16  # relative error of derivatives that are exact but for rounding; a curve whose are not says so as `precision`
 
@@ -59,6 +60,18 @@ class CommonError:
     shift: FloatArray
 
 
+@dataclass(frozen=True, eq=False)
+class Footing:
+    """How a body presses on its ramp along the way from the release, all (n_draw, n).
+
+    along : position, as it is read.  normal, friction : N and F over the weight; nan where a draw does not get.
+    """
+
+    along: FloatArray
+    normal: FloatArray
+    friction: FloatArray
+
+
 class Curve(Protocol):
     """A curve; arguments are scalars or shaped (n_draw, 1), x is (n_obs,), results are (n_draw, n_obs)."""
 
@@ -99,6 +112,13 @@ class Motion(Protocol):
     @property
     def end_notation(self) -> Notation:
         """How the abscissa of `end` is written."""
+
+    @property
+    def grip(self) -> Prior | float | None:
+        """Coefficient of static friction as stated, None where it is not."""
+
+    def footing(self, farthest: float, arguments: Mapping[str, ArrayLike]) -> Footing:
+        """The force of the ramp from the release to the reading `farthest`, on the way there."""
 
     def metres(self, arguments: Mapping[str, ArrayLike]) -> ArrayLike:
         """Metres that one unit of position is worth."""

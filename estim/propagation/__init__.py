@@ -3,6 +3,7 @@
 Read `linear` first.  Stands alone on `common`."""
 
 from estim.propagation.inputs import Input
-from estim.propagation.linear import propagate_linear
-from estim.propagation.monte_carlo import propagate_monte_carlo
-from estim.propagation.uncertainty_budget import BudgetAlong, budget_along
+from estim.propagation.linear import LinearResult, propagate_linear
+from estim.propagation.monte_carlo import MonteCarloResult, propagate_monte_carlo
+from estim.propagation.uncertainty_budget import Budget, BudgetAlong, budget, budget_along
+from estim.propagation.validation import Validation, compare

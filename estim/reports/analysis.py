@@ -34,6 +34,8 @@ from estim.reports.lacks_figures import lacks_figure
 from estim.reports.pages import Drawers, page
 from estim.reports.rendering import render
 from estim.reports.result import ParameterSummary, Result, RunSummary, Subject, result_of, to_json
+from estim.reports.rolling import rolling_rows
+from estim.reports.rolling_figures import rolling_figure
 from estim.reports.trace_figures import trace_figure
 from estim.reports.usual_errors import usual_row
 from estim.studies import determine
@@ -44,7 +46,7 @@ if TYPE_CHECKING:
 
 _PRIOR_DOMINATED = 0.8
 _FELT = 0.05  # posterior standard deviations
-_RIDGE_DRAWS, _SECTION_DRAWS = 20_000, 4000
+_RIDGE_DRAWS, _SECTION_DRAWS, _ROLLING_DRAWS = 20_000, 4000, 1000
 
 
 @dataclass(frozen=True)
@@ -102,6 +104,10 @@ def _drawers(analysis: Analysis, intervals: Sequence[ProfileInterval], *, synthe
         drawn["figures/residuals_together.png"] = lambda: together_figure(analysis.problem, analysis.goodness, synthetic=synthetic)
     if analysis.fit.forces:
         drawn["figures/force.png"] = lambda: force_figure(analysis.fit.forces, analysis.problem.runs, synthetic=synthetic)
+    if analysis.diagnosis.ok and any(one.stated for one in analysis.rolling):
+        drawn["figures/rolling.png"] = lambda: rolling_figure(
+            analysis.problem, analysis.chain.thinned(_ROLLING_DRAWS), analysis.rolling, synthetic=synthetic
+        )
     if analysis.fit.deviations:
         drawn["figures/deviation.png"] = lambda: lacks_figure(analysis.fit.deviations, analysis.problem.runs, synthetic=synthetic)
     if analysis.problem.n_par > 1:
@@ -128,7 +134,7 @@ def analysis_text(
         reject_below=P_POOR_FIT, conflict_below=P_CONFLICT, ends=_turning_rows(result), identify=section,
         meaningless=not Status(result.status).draws_count, limits_count=Status(result.status).limits_count,
         what_if=_what_if_rows(result), what_if_heads=[result.labels.symbol(name) for name in _moved_by_errors(result)],
-        consistency=consistency, axes=axes, limits_only=result.status != "ok", converged=converged,
+        consistency=consistency, rolling=rolling_rows(result.rolling or {}), axes=axes, limits_only=result.status != "ok", converged=converged,
         corner_words=corner_words, usual=[usual_row(one) for one in result.usual_errors], lacks=lacks, explanation=explanation,
         deviation=deviation_text(result.deviation, result.labels, pictures) if result.deviation else "",
         complete=complete_runs([result]),

@@ -30,6 +30,8 @@ from estim.reports.explanation import ExplanationSummary, explanation_summary
 from estim.reports.labels import Labels, labels_of, names_as_labels
 from estim.reports.lacks import DeviationSummary, curve_deviations
 from estim.reports.origin import origin_facts, origin_warnings, speed_facts
+from estim.reports.outliers import Outlier, outliers
+from estim.reports.rolling import RollingSummary, rolling_summaries
 from estim.reports.usual_errors import UsualError, usual_errors
 from estim.sampling import Summary, number, summarise, summarise_parameter, trusted
 from estim.studies import Determination
@@ -73,15 +75,6 @@ class Profile(msgspec.Struct, frozen=True):
     open_low: bool  # at 95 %
     open_high: bool
     words: str
-
-
-class Outlier(msgspec.Struct, frozen=True):
-    """A frame that is more likely an outlier than not."""
-
-    row: int  # of the points that are fit, from 1
-    x: float
-    y: float
-    probability: float
 
 
 class FitSummary(msgspec.Struct, frozen=True):
@@ -187,6 +180,7 @@ class Result(msgspec.Struct, frozen=True, dict=True, rename={"schema_": "schema"
     curve_deviation: dict[str, DeviationSummary] | None  # of each run of a user's own curve, where it was asked for
     deviation: dict[str, ForceSummary] | None  # of each run, or body of runs that share one, where there is an unmodelled force
     explanation: ExplanationSummary | None  # candidates for what the curve lacks, where that was asked
+    rolling: dict[str, RollingSummary] | None  # of each run of a body: the friction that rolling without slipping takes
     turning_point: dict[str, TurningPoint]
     runs: dict[str, RunSummary]
     provenance: Provenance
@@ -252,6 +246,7 @@ def result_of(campaign: Subject, analysis: Analysis, determination: Determinatio
         ),
         certificate=_certificate(analysis), profile=None if determination is None else {i.name: _profile(i) for i in determination.intervals},
         curve_deviation=curve_deviations(analysis), deviation=deviations(analysis), explanation=explanation_summary(analysis.explanation),
+        rolling=rolling_summaries(analysis),
         turning_point={
             b.run: _turning_point(b.end, run, diagnosis) for b, run in zip(analysis.bands, problem.runs, strict=True) if run.motion is not None
         },
@@ -318,7 +313,7 @@ def _run(campaign: Subject, analysis: Analysis, i: int) -> RunSummary:
         checks={name: CheckSummary(c.statistic, c.p_value, c.meaning) for name, c in goodness.checks.items()},
         scatter_ratio=number(goodness.scatter_ratio), covered=next(map(tell, covered_pattern(goodness)), None),
         facts=[*origin_facts(table, run, analysis.problem), *speed_facts(run)],
-        warnings=list(origin_warnings(table, run, analysis.problem)), robust=run.noise.robust, outliers=_outliers(analysis, run),
+        warnings=list(origin_warnings(table, run, analysis.problem)), robust=run.noise.robust, outliers=outliers(analysis, run),
         bad_frames=bad_frames(analysis.fit.forces, run.name),
         what=run.words.what,
         derived={
@@ -326,13 +321,6 @@ def _run(campaign: Subject, analysis: Analysis, i: int) -> RunSummary:
             for name, d in derived.items() if np.size(d.values) > 1
         },
     )
-
-
-def _outliers(analysis: Analysis, run: Observations) -> list[Outlier]:
-    return [
-        Outlier(int(i) + 1, float(run.x[i]), float(run.y[i]), float(found.probability[i]))
-        for found in analysis.outliers if found.run == run.name for i in found.frames
-    ]
 
 
 def to_json(result: Result) -> bytes:

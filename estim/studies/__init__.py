@@ -7,3 +7,4 @@ from estim.studies.determination import Determination, determine
 from estim.studies.energy import Drift, EnergyEstimate, EnergyRecord, drift_of, energy_along
 from estim.studies.limits import Narrowing
 from estim.studies.reanalysis import BodyAnalysis, Reanalysis, reanalyse
+from estim.studies.weighing import Weighing, weigh

@@ -10,7 +10,7 @@ from enum import StrEnum, auto
 from types import MappingProxyType
 
 from estim.common import Finding, Kind
-from estim.words import agreement, causes, deviations, draws, forces, frames, lines, parameters, residuals, rows, trials
+from estim.words import agreement, causes, deviations, draws, forces, frames, lines, parameters, residuals, rolling, rows, trials
 from estim.words.table import Table, filled
 
 _NOT_RANDOM = "look at the residuals: a bad frame, a wrong window, or physics that the curve lacks; the uncertainties assume random errors"
@@ -35,7 +35,7 @@ _CHOICES = MappingProxyType(
 WORDS: Table = MappingProxyType(
     {
         **parameters.WORDS, **draws.WORDS, **residuals.WORDS, **forces.WORDS, **deviations.WORDS, **causes.WORDS, **frames.WORDS,
-        **agreement.WORDS, **lines.WORDS, **trials.WORDS, **rows.WORDS,
+        **agreement.WORDS, **lines.WORDS, **trials.WORDS, **rows.WORDS, **rolling.WORDS,
     }
 )
 

@@ -1,0 +1,132 @@
+"""Report and `result.json` of bodies given by their parts."""
+
+from __future__ import annotations
+
+import msgspec
+import numpy as np
+
+from estim.campaign import OUTPUTS, CampaignFile
+from estim.common import KINDS, as_json, format_quantity, one_line, signed
+from estim.reports.rendering import render
+from estim.reports.result import Correlation, Provenance, software_versions
+from estim.sampling import number
+from estim.studies import Weighing
+
+BODY_SCHEMA = "estim-body/1"
+_LEAST_SHARE = 0.5  # %, of what is told of a budget
+
+
+class BodyValue(msgspec.Struct, frozen=True):
+    """One quantity of a body: by linear propagation, by Monte Carlo, and the share (%) of each input in the linear variance."""
+
+    unit: str
+    meaning: str
+    value: float
+    u: float
+    mean: float | None  # of the draws
+    sd: float | None
+    low_95: float | None
+    high_95: float | None
+    linear_holds: bool
+    budget: dict[str, float]
+
+
+class BodyInput(msgspec.Struct, frozen=True):
+    """What was measured of the parts."""
+
+    value: float
+    u: float  # 0: exact
+    unit: str
+
+
+class BodySummary(msgspec.Struct, frozen=True):
+    """One body."""
+
+    parts: list[str]
+    values: dict[str, BodyValue]
+
+
+class BodyResult(msgspec.Struct, frozen=True, rename={"schema_": "schema"}):
+    """Everything of `estim body`; the report prints from it."""
+
+    schema_: str
+    title: str
+    kind: str
+    bodies: dict[str, BodySummary]
+    correlation: Correlation  # linear; names are "gamma[heavy]"
+    inputs: dict[str, BodyInput]
+    notes: list[str]
+    provenance: Provenance
+
+
+def body_result(source: CampaignFile, weighing: Weighing, *, seed: int) -> BodyResult:
+    """The record of bodies given by their parts."""
+    linear, drawn = weighing.linear, weighing.sampled
+    bodies = {body.name: BodySummary([part for part, _ in body.parts], {}) for body in weighing.bodies}
+    for i, (body, out) in enumerate(weighing.names):
+        _, unit, meaning = OUTPUTS[out]
+        bodies[body].values[out] = BodyValue(
+            unit, meaning, float(linear.value[i]), float(weighing.u[i]), number(drawn.mean[i]), number(drawn.u[i]), number(drawn.symmetric.low[i]),
+            number(drawn.symmetric.high[i]), bool(weighing.linear_holds[i]),
+            {row.input.name: round(row.share, 3) for row in weighing.budgets[i].rows if weighing.u[i] * row.input.u > 0.0},
+        )
+    uncertain = [i for i, u in enumerate(weighing.u) if u > 0.0]
+    names = [f"{weighing.names[i][1]}[{weighing.names[i][0]}]" for i in uncertain]
+    matrix = weighing.correlation[np.ix_(uncertain, uncertain)].round(6).tolist()
+    inputs = {one.name: BodyInput(one.value, one.u, one.unit) for one in linear.inputs}
+    at = Provenance(one_line(str(source.path)), source.sha256, {}, seed, software_versions())
+    return BodyResult(BODY_SCHEMA, source.title, source.kind, bodies, Correlation(names, matrix), inputs, list(weighing.notes), at)
+
+
+def body_report(source: CampaignFile, weighing: Weighing, *, seed: int) -> dict[str, bytes]:
+    """`report.md` and `result.json`."""
+    result = body_result(source, weighing, seed=seed)
+    text = render(
+        "body.md.j2", result=result, kind=KINDS[result.kind], values=_value_rows(result), budgets=_budgets(result),
+        correlation=_correlation_rows(result), inputs=[(name, format_quantity(one.value, one.u), one.unit) for name, one in result.inputs.items()],
+    )
+    return {"report.md": text.encode(), "result.json": as_json(result)}
+
+
+def body_lines(weighing: Weighing) -> list[str]:
+    """One line a body for a terminal: its values."""
+    lines: dict[str, list[str]] = {}
+    for i, (body, out) in enumerate(weighing.names):
+        notation, unit, _ = OUTPUTS[out]
+        factor, shown = (notation.factor, notation.unit) if notation.unit else (1.0, "" if unit == "1" else unit)
+        value = format_quantity(float(weighing.linear.value[i]) * factor, float(weighing.u[i]) * factor, plus_minus=False)
+        lines.setdefault(body, []).append(f"{notation.symbol} = {value} {shown}".rstrip())
+    return [f"{body}: {', '.join(values)}" for body, values in lines.items()]
+
+
+def _value_rows(result: BodyResult) -> list[tuple[str, ...]]:
+    rows: list[tuple[str, ...]] = []
+    for body, summary in result.bodies.items():
+        for out, v in summary.values.items():
+            label = OUTPUTS[out][0].label(v.unit)
+            drawn = "n/a" if v.mean is None or v.sd is None else format_quantity(v.mean * label.factor, v.sd * label.factor)
+            ends = [None if end is None else end * label.factor for end in (v.low_95, v.high_95)]
+            interval = "n/a" if None in ends or v.u == 0.0 else signed(f"[{ends[0]:.4g}, {ends[1]:.4g}]")
+            linear = format_quantity(v.value * label.factor, v.u * label.factor)
+            believe = "exact" if v.u == 0.0 else "both agree" if v.linear_holds else "Monte Carlo"
+            rows.append((body, label.symbol, v.meaning, linear, drawn, interval, "" if label.unit == "1" else label.unit, believe))
+    return rows
+
+
+def _budgets(result: BodyResult) -> dict[str, tuple[list[str], list[tuple[str, list[str]]]]]:
+    """For each body the symbols of what is uncertain, and a row for each input that says anything: its share of each variance."""
+    found = {}
+    for body, summary in result.bodies.items():
+        outs = [out for out, v in summary.values.items() if v.u > 0.0]
+        names = list(dict.fromkeys(name for out in outs for name, share in summary.values[out].budget.items() if share >= _LEAST_SHARE))
+        shares = {name: [summary.values[out].budget.get(name, 0.0) for out in outs] for name in names}
+        largest = sorted(names, key=lambda name: -max(shares[name]))
+        rows = [(name, [f"{share:.0f} %" if share >= _LEAST_SHARE else "" for share in shares[name]]) for name in largest]
+        found[body] = ([OUTPUTS[out][0].symbol for out in outs], rows)
+    return found
+
+
+def _correlation_rows(result: BodyResult) -> list[tuple[str, list[str]]]:
+    symbols = [f"{OUTPUTS[out][0].symbol}[{rest}" for out, _, rest in (name.partition("[") for name in result.correlation.names)]
+    cells = [[signed(f"{value:+.2f}") if j <= i else "" for j, value in enumerate(row)] for i, row in enumerate(result.correlation.matrix)]
+    return list(zip(symbols, cells, strict=True))

@@ -1,0 +1,70 @@
+"""Bodies from their parts: values by linear propagation and by Monte Carlo, which of them to believe, correlations and budgets.
+
+All bodies of a file are propagated together, so that what two of them share moves both.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from estim.arrays import FloatArray
+from estim.campaign import CampaignFile, PartedBody, correlations, known_to, notes_of, parted_bodies
+from estim.common import InputError
+from estim.propagation import Budget, LinearResult, MonteCarloResult, Validation, budget, compare, propagate_linear, propagate_monte_carlo
+
+_N_DRAW = 400_000
+_DIGITS = 1  # of the uncertainty, to which the linear interval is tested
+
+
+@dataclass(frozen=True, eq=False)
+class Weighing:
+    """What the parts of bodies say.
+
+    names : (body, output) of each of the (n_out,) outputs of `linear` and `sampled`.  budgets : (n_out,), of `linear`.
+    notes : of the linear result, what a reader must know.
+    """
+
+    bodies: tuple[PartedBody, ...]
+    names: tuple[tuple[str, str], ...]
+    linear: LinearResult
+    sampled: MonteCarloResult
+    validation: Validation
+    budgets: tuple[Budget, ...]
+    notes: tuple[str, ...]
+
+    @property
+    def linear_holds(self) -> NDArray[np.bool_]:
+        """(n_out,) whether the linear interval is that of the draws; else believe the draws."""
+        return self.validation.passes
+
+    @property
+    def u(self) -> FloatArray:
+        """(n_out,) linear standard uncertainties, 0 for what is exact."""
+        return known_to(self.linear.value, self.linear.u)
+
+    @property
+    def correlation(self) -> FloatArray:
+        """(n_out, n_out), linear; 0 beside what is exact."""
+        return correlations(self.linear.covariance)
+
+
+def weigh(source: CampaignFile, *, rng: np.random.Generator) -> Weighing:
+    """The bodies of a file that give `parts`.  Raises InputError where there is none, or they are wrong."""
+    bodies = parted_bodies(source)
+    if not bodies:
+        raise InputError('must hold a body with parts = ["...", ...], each a table [parts.NAME]', field="bodies", file=source.path)
+    inputs = list({name: one for body in bodies for name, one in body.inputs.items()}.values())
+
+    def values(q: Mapping[str, Any]) -> Sequence[ArrayLike]:
+        return [value for body in bodies for value in body.values(q)]
+
+    linear = propagate_linear(values, inputs)
+    sampled = propagate_monte_carlo(values, inputs, rng=rng, n_draw=_N_DRAW)
+    names = tuple((body.name, out) for body in bodies for out in body.outputs)
+    budgets = tuple(budget(linear, output=i) for i in range(len(names)))
+    return Weighing(bodies, names, linear, sampled, compare(linear, sampled, n_digits=_DIGITS), budgets, notes_of(linear, values))

@@ -1,0 +1,37 @@
+"""Rolling without slipping in words: how sure it is, or what friction it takes."""
+
+from __future__ import annotations
+
+import math
+from types import MappingProxyType
+
+from estim.common import Finding, Kind
+from estim.words.table import Table
+
+
+def _needs(f: Finding) -> str:
+    n = f.numbers
+    if math.isinf(n["typical"]):
+        return f"near {n['where']:.2g} {f.names[0]} no friction is enough: the ramp would have to pull"
+    enough = "no friction is enough with probability 95 %" if math.isinf(n["enough"]) else f"{n['enough']:.2g} is enough with probability 95 %"
+    return f"rolling asks for a coefficient of friction of about {n['typical']:.2g}, most near {n['where']:.2g} {f.names[0]}; {enough}"
+
+
+def _sure(p: float) -> str:
+    return "above 0.995" if p > 0.995 else f"{p:.2f}" if p >= 0.005 else "below 0.005"
+
+
+WORDS: Table = MappingProxyType(
+    {
+        Kind.FRICTION_NEEDED: lambda f: f"run {f.run}: {_needs(f)}",
+        Kind.ROLLING_SURE: lambda f: f"run {f.run}: it rolled without slipping with probability {_sure(f.p)} for the stated friction; {_needs(f)}",
+        Kind.ROLLING_DOUBTFUL: lambda f: (
+            f"run {f.run}: for the stated friction it rolled without slipping with probability {_sure(f.p)} only, and the curve is that of a body "
+            f"that does; {_needs(f)}"
+        ),
+        Kind.ROLLING_HOPS: lambda f: (
+            f"run {f.run}: on the curve that is fit the body would leave the ramp with probability {f.numbers['hops']:.2f}, and the curve is that of "
+            "a body that does not"
+        ),
+    }
+)
