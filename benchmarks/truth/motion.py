@@ -25,6 +25,10 @@ def nothing(_x: float) -> float:
     return 0.0
 
 
+def _dot(a: complex, b: complex) -> float:
+    return a.real * b.real + a.imag * b.imag
+
+
 @dataclass(frozen=True)
 class Truth:
     """Everything that is true of one run; SI units and radians.
@@ -62,23 +66,23 @@ class Truth:
         trailing = self.mass * self.trailing_fraction
         x, theta = self.radius * u, self.theta0 + u
         ramp, bend = self.phi + self.tilt(x), self.bend(x)
-        along, up = np.array([math.cos(ramp), math.sin(ramp)]), np.array([-math.sin(ramp), math.cos(ramp)])
+        along = complex(math.cos(ramp), math.sin(ramp))  # places in the plane of the motion as complex numbers: across + i up
+        up = 1j * along
+        arm = self.rho * self.radius * complex(math.cos(theta), -math.sin(theta))
         axle = self.radius * along, self.radius**2 * bend * up
-        arm = self.rho * self.radius
-        particle_place = axle[0] + arm * np.array([math.cos(theta), -math.sin(theta)]), axle[1] - arm * np.array([math.sin(theta), math.cos(theta)])
-        parts = ((disk + trailing, *axle), (particle, *particle_place))
+        parts = ((disk + trailing, *axle), (particle, axle[0] + arm, axle[1] - 1j * arm))
         inertia = (disk * self.kappa + particle * self.particle_gyration**2) * self.radius**2
-        generalised = sum(m * first @ first for m, first, _ in parts) + inertia
-        centrifugal = sum(m * first @ second for m, first, second in parts)
-        weight = -self.g * sum(m * first[1] for m, first, _ in parts)
+        generalised = sum(m * _dot(first, first) for m, first, _ in parts) + inertia
+        centrifugal = sum(m * _dot(first, second) for m, first, second in parts)
+        weight = -self.g * sum(m * first.imag for m, first, _ in parts)
         v = self.radius * rate
         moments = -sense * (self.moment + self.rolling_resistance * self.mass * self.g * math.cos(ramp) * self.radius)
         moments += self.radius * (self.gusts(x) - self.viscous * v - self.quadratic * v * abs(v))
         moments -= self.once[0] * math.cos(theta - self.once[1]) + self.twice[0] * math.cos(2.0 * theta - self.twice[1])
         # N = up.sum m (first u'' + second u'^2 + g) depends on u'': one linear equation
         grip = sense * self.load_resistance * self.radius
-        lever = grip * sum(m * up @ first for m, first, _ in parts)
-        still = grip * sum(m * (up @ second * rate**2 + self.g * up[1]) for m, _, second in parts)
+        lever = grip * sum(m * _dot(up, first) for m, first, _ in parts)
+        still = grip * sum(m * (_dot(up, second) * rate**2 + self.g * up.imag) for m, _, second in parts)
         return (weight + moments - still - centrifugal * rate**2) / (generalised + lever)
 
     def direction(self, u: float) -> float:
