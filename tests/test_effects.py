@@ -188,7 +188,7 @@ def test_a_moment_in_newton_metres_is_one_unknown_of_bodies_of_different_mass(tm
         recorded(tmp_path / name, Effect(Disturbance("moment", true), "", "", 0.0), "speeds")
         _, _, bodies = (tmp_path / name / "campaign.toml").read_text().partition("[bodies.b]")
         masses = f"mass_disk_kg = {0.813 * mass}\nmass_particle_kg = {0.187 * mass}"
-        for old, new in (("run.csv", f"{name}/run.csv"), ("r", name), ("b", name)):
+        for old, new in (("r.csv", f"{name}/r.csv"), ("r", name), ("b", name)):
             bodies = bodies.replace(f'"{old}"', f'"{new}"')
         runs.append(f"[bodies.{name}]\n{masses}{bodies}")
     shared, _, _ = (tmp_path / "light" / "campaign.toml").read_text().replace("scale = 0.005", "scale = 0.02").partition("[bodies.b]")
