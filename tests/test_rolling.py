@@ -97,7 +97,8 @@ def test_probability_is_that_of_two_normal_quantities(tmp_path, rng):
     assert 0.05 < expected < 0.95
     assert found.holds == pytest.approx(expected, abs=0.01)
     assert found.finding.kind is Kind.ROLLING_DOUBTFUL
-    assert rolling_remarks([found]) == [found.finding]
+    (remark,) = rolling_remarks([found])
+    assert (remark.kind, remark.run, remark.p) == (Kind.ROLLING_DOUBTFUL, "a", found.holds)
 
 
 TOLD = [("0.5", Kind.ROLLING_SURE, 0), ("0.02", Kind.ROLLING_DOUBTFUL, 1), (None, Kind.FRICTION_NEEDED, 0)]
