@@ -14,7 +14,7 @@ def _needs(f: Finding) -> str:
     if math.isinf(n["typical"]):
         return f"near {n['where']:.2g} {f.names[0]} no friction is enough: the ramp would have to pull"
     enough = "no friction is enough with probability 95 %" if math.isinf(n["enough"]) else f"{n['enough']:.2g} is enough with probability 95 %"
-    return f"rolling asks for a coefficient of friction of about {n['typical']:.2g}, most near {n['where']:.2g} {f.names[0]}; {enough}"
+    return f"rolling needs a coefficient of friction of about {n['typical']:.2g}, near {n['where']:.2g} {f.names[0]} on the way; {enough}"
 
 
 def _sure(p: float) -> str:
@@ -24,14 +24,16 @@ def _sure(p: float) -> str:
 WORDS: Table = MappingProxyType(
     {
         Kind.FRICTION_NEEDED: lambda f: f"run {f.run}: {_needs(f)}",
-        Kind.ROLLING_SURE: lambda f: f"run {f.run}: it rolled without slipping with probability {_sure(f.p)} for the stated friction; {_needs(f)}",
+        Kind.ROLLING_SURE: lambda f: (
+            f"run {f.run}: with the stated friction the probability that it rolled without slipping is {_sure(f.p)}; {_needs(f)}"
+        ),
         Kind.ROLLING_DOUBTFUL: lambda f: (
-            f"run {f.run}: for the stated friction it rolled without slipping with probability {_sure(f.p)} only, and the curve is that of a body "
-            f"that does; {_needs(f)}"
+            f"run {f.run}: with the stated friction the probability that it rolled without slipping is only {_sure(f.p)}, and the curve assumes "
+            f"that it did; {_needs(f)}"
         ),
         Kind.ROLLING_HOPS: lambda f: (
-            f"run {f.run}: on the curve that is fit the body would leave the ramp with probability {f.numbers['hops']:.2f}, and the curve is that of "
-            "a body that does not"
+            f"run {f.run}: on the fitted curve the body would leave the ramp with probability {f.numbers['hops']:.2f}, and the curve assumes that "
+            "it does not"
         ),
     }
 )
