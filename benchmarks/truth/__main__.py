@@ -11,7 +11,8 @@ Shift: mean of (posterior mean - true value)/posterior sd over the replicas, wha
 Coverage: share of central 68 and 95 % intervals of the five quantities that hold the true value, among results with status `ok`; behind it the
 Monte-Carlo standard deviation, of the shares of single recordings.  Last column: share of results that are `ok` with some |z| > 4.
 
---log keeps every outcome as it comes, one line of JSON each; what it already holds is not made again.
+--log keeps every outcome as it comes, one line of JSON each; what it already holds is not made again.  `outcomes.jsonl.gz` holds those of
+`RESULTS-truth.md`.
 """
 
 from __future__ import annotations
