@@ -242,6 +242,7 @@ MISTAKES = {
     "a key too many": ('distance_m = "0.140(2)"', 'distance_m = "0.140(2)"\nlength_m = 0.1', "does not go with a part of kind 'point'", 12),
     "no mass": ('"0.300(6)"', "0.0", "must be > 0", 7),
     "below zero": ('"0.140(2)"', "-0.14", "must be >= 0", 11),
+    "millimetres": ('"0.140(2)"', "140.0", r"must be at most 10 times the radius of the body, 0\.15 m: is it in metres\?", 11),
     "a quantity that is none": ('"0.140(2)"', '"about 0.14"', "must read like", 11),
     "masses beside": ('parts = ["disk", "screw"]', 'parts = ["disk", "screw"]\nmass_disk_kg = 0.3', "must not stand beside 'parts'", 19),
     "no disk": ('parts = ["disk", "screw"]', 'parts = ["screw"]', "must leave a part for the disk", 18),

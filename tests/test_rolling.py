@@ -147,7 +147,7 @@ def test_a_disturbed_motion_presses_as_the_plain_one_where_nothing_disturbs(angu
     plain = RollingMotion(angular).footing(farthest, BODY | {"offset": 0.01})
     other = DisturbedMotion(angular, None, False, Setting(), 1.0).footing(farthest, BODY | {"offset": 0.01, "moment_once_cos": 0.0, "scale_x": 0.0})
     assert other.normal == pytest.approx(plain.normal, rel=1e-12)
-    assert other.friction == pytest.approx(plain.friction, rel=1e-12)
+    assert other.needed == pytest.approx(plain.needed, rel=1e-12)
     assert other.along == pytest.approx(plain.along)
     pushed = DisturbedMotion(angular, None, False, Setting(), 1.0).footing(farthest, BODY | {"offset": 0.01, "release_energy": 0.1})
     assert np.nanmax(np.abs(pushed.normal - plain.normal)) > 0.01

@@ -25,6 +25,7 @@ from model import Body, Part, assemble, bolt, disk, ring, rod
 Path = tuple[str | int, ...]
 
 _MOST_PARTS, _ROUNDING, _NEGLIGIBLE = 100, 1e-9, 0.05
+_LARGEST = 10.0  # radii of the body: beyond, a length is in another unit
 _HARDLY_MATTER = frozenset({"particle_gyration", "trailing_fraction"})
 
 OUTPUTS: Mapping[str, tuple[Notation, str, str]] = MappingProxyType(
@@ -85,6 +86,7 @@ def parted_body(source: CampaignFile, table: LevelTable, path: Path, radius: Inp
     inputs = {radius.name: radius}
     for part, one in parts:
         inputs |= _inputs(source, part, one)
+    _require_metres(source, inputs, radius)
     named = tuple(i for i, part in enumerate(listed) if part in (table.particle or ()))
     off = named or tuple(i for i, part in enumerate(listed) if _off_axle(inputs.get(f"{part}.distance_m")))
     angles = any(one.angle_deg is not None for _, one in parts)
@@ -99,6 +101,15 @@ def parted_body(source: CampaignFile, table: LevelTable, path: Path, radius: Inp
         rule = "make no body of disk and particle (is the particle on the axle, the disk far out of balance?): say which are it, particle = [...]"
         raise source.places.error(rule, (*path, "parts"))
     return body
+
+
+def _require_metres(source: CampaignFile, inputs: Mapping[str, Input], radius: Input) -> None:
+    """Raises InputError for a length that no piece of a body of this radius has: one in millimetres."""
+    for name, one in inputs.items():
+        part, _, key = name.rpartition(".")
+        if name != radius.name and one.unit == "m" and one.value > _LARGEST * radius.value:
+            rule = f"must be at most {_LARGEST:g} times the radius of the body, {radius.value:g} m: is it in metres?"
+            raise source.places.error(rule, ("parts", part, key), value=one.value)
 
 
 def _off_axle(distance: Input | None) -> bool:

@@ -82,8 +82,7 @@ def _of_run(run: Observations, arguments: Mapping[str, ArrayLike], n_draw: int, 
     if run.motion is None:
         return None
     footing = run.motion.footing(way_of(run), arguments)
-    with np.errstate(invalid="ignore", divide="ignore"):
-        needed = np.where(footing.normal > 0.0, np.abs(footing.friction) / footing.normal, np.where(np.isnan(footing.normal), -np.inf, np.inf))
+    needed = np.where(np.isnan(footing.needed), -np.inf, footing.needed)
     place = np.argmax(needed, axis=1)[:, None]
     largest = np.take_along_axis(needed, place, axis=1)[:, 0]
     moves = np.isfinite(largest) | (largest > 0.0)

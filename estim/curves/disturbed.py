@@ -223,7 +223,7 @@ class DisturbedMotion(RollingMotion):
         along, way = self._way(farthest, arguments)
         true = known.true_position(way)
         contact = contact_forces(true if self.angular else true / np.asarray(known.body.radius), known.body, **known.acting)
-        return footing_of(along, contact.normal, contact.friction)
+        return footing_of(along, contact)
 
     def energies(self, x: FloatArray, v: FloatArray, arguments: Mapping[str, ArrayLike]) -> tuple[FloatArray, FloatArray]:
         known = _disturbed(arguments, self.setting)

@@ -16,7 +16,7 @@ from estim.arrays import FloatArray
 from estim.common import Notation
 from estim.curves.differences import with_gradient
 from estim.problem import CommonError, Derived, Footing, LocalCurve, Prior, Wording
-from model import Body, Forces, back_and_forth, contact_forces, energy, phase, sagging
+from model import Body, ContactForces, Forces, back_and_forth, contact_forces, energy, needed_friction, phase, sagging
 
 _BODY = ("radius", "gamma", "kappa", "rho", "trailing_fraction", "particle_gyration")
 _ZEROED = ("phi", "theta0")  # angles that an instrument may read with a common zero error
@@ -56,12 +56,12 @@ def derived_of(body: Body, motion: Mapping[str, Any], mass: float | None) -> dic
     return derived
 
 
-def footing_of(along: FloatArray, normal: FloatArray, friction: FloatArray) -> Footing:
+def footing_of(along: FloatArray, contact: ContactForces) -> Footing:
     """A footing that ends where the motion first does: behind a turning point the energy may be positive again."""
-    along, normal, friction = np.broadcast_arrays(along, np.atleast_2d(normal), np.atleast_2d(friction))
+    along, normal, needed = np.broadcast_arrays(along, np.atleast_2d(contact.normal), np.atleast_2d(needed_friction(contact)))
     there = np.isfinite(normal)
     over = np.logical_or.accumulate(np.logical_or.accumulate(there, axis=1) & ~there, axis=1)
-    return Footing(along, np.where(over, np.nan, normal), np.where(over, np.nan, friction))
+    return Footing(along, np.where(over, np.nan, normal), np.where(over, np.nan, needed))
 
 
 @dataclass(frozen=True, eq=False)
@@ -166,7 +166,7 @@ class RollingMotion:
         body, motion = body_of(arguments)
         along, way = self._way(farthest, arguments)
         contact = contact_forces(way if self.angular else way / np.asarray(body.radius), body, **motion)
-        return footing_of(along, contact.normal, contact.friction)
+        return footing_of(along, contact)
 
     def _way(self, farthest: float, arguments: Mapping[str, ArrayLike]) -> tuple[FloatArray, FloatArray]:
         """Readings from the release to `farthest`, and how far they are from the release, (n_draw, n) each."""

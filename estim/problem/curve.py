@@ -64,12 +64,13 @@ class CommonError:
 class Footing:
     """How a body presses on its ramp along the way from the release, all (n_draw, n).
 
-    along : position, as it is read.  normal, friction : N and F over the weight; nan where a draw does not get.
+    along : position, as it is read.  normal : N over the weight.  needed : the coefficient of friction that rolling needs there, |F|/N; inf where
+        the ramp would have to pull.  Both nan where a draw does not get.
     """
 
     along: FloatArray
     normal: FloatArray
-    friction: FloatArray
+    needed: FloatArray
 
 
 class Curve(Protocol):

@@ -30,10 +30,8 @@ def rolling_figure(problem: Problem, draws: FloatArray, rolling: Sequence[Rollin
     for ax, run in zip(axes, (run for run in problem.runs if run.name in stated), strict=True):
         footing = run.body.footing(way_of(run), run.bind(named))
         along = np.median(footing.along, axis=0)
-        with np.errstate(invalid="ignore", divide="ignore"):
-            needed = np.where(footing.normal > 0.0, np.abs(footing.friction) / footing.normal, np.nan)
         _band(ax, along, footing.normal, GREY, "N/(M g)")
-        _band(ax, along, needed, BLUE, "|F|/N")
+        _band(ax, along, np.where(np.isfinite(footing.needed), footing.needed, np.nan), BLUE, "|F|/N")
         _grip(ax, run.body)
         label = run.y_label if run.positions else run.x_label
         ax.set(xlabel=label, ylabel="share", ylim=(0.0, None), xlim=(along[0], along[-1]))
