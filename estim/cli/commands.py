@@ -18,6 +18,7 @@ import click
 from estim.cli.causes import say_causes, with_causes
 from estim.cli.comparing import compare as compare_models
 from estim.cli.importing import import_run
+from estim.cli.propagating import say_propagated
 from estim.cli.terminal import (
     NOT_OK,
     announced,
@@ -302,6 +303,16 @@ def simulate(design: Path, out: Path) -> None:
 def body(file: Path, out: Path | None, seed: int) -> None:
     """Mass, gamma, kappa and rho of the bodies in FILE (a campaign, or bodies alone) from their parts, with a budget."""
     say_bodies(file, out or Path("out") / file.resolve().parent.name / "body", seed=seed)
+
+
+@cli.command()
+@click.argument("file", type=click.Path(path_type=Path))
+@_OUT
+@_SEED
+@_NO_FIGURES
+def propagate(file: Path, out: Path | None, seed: int, no_figures: bool) -> None:
+    """Uncertainty of a measurement model FILE: the GUM and Monte Carlo side by side, with a budget (docs/propagation.md)."""
+    _exit_unless(say_propagated(file, out or Path("out") / file.stem, seed=seed, figures=not no_figures))
 
 
 @cli.command("import")

@@ -4,6 +4,7 @@ Which distribution to choose (GUM 4.3, JCGM 101 section 6):
 
 - ``normal``       a calibration certificate or a fit: value and standard uncertainty.  The default.
 - ``t``            the mean of a few readings (`Input.from_readings`): u = s/sqrt(n), dof = n - 1.
+- ``standardised-t``  Student's t whose standard deviation, not its scale, is u (NIST TN 1900 states it so); dof > 2.
 - ``rectangular``  only limits are known (a digital display, a tolerance, a rounding): u = half width/sqrt(3).
 - ``triangular``   limits, with the middle more likely (a sum of two equal roundings): u = half width/sqrt(6).
 - ``arcsine``      a quantity that oscillates between limits (room temperature, vibration): u = half width/sqrt(2).
@@ -55,6 +56,8 @@ class Input:
     distribution : see the top of this file; used by Monte Carlo only.
     dof : degrees of freedom of `u` (GUM G.3, G.4); used by the linear method, and by Monte Carlo for ``t`` only.
     unit : text, for tables.
+    group : inputs with one name here were read together: a multivariate t, for the scale of their errors is one unknown; all of them ``t``
+        with the same dof.  "" for none.
     shape : of the two trapezoids only, see the top of this file: 0 (triangle, rectangle) to 1.
 
     Raises InputError for a value that breaks one of these rules.
@@ -67,6 +70,7 @@ class Input:
     dof: float = math.inf
     unit: str = ""
     shape: float = 0.0
+    group: str = ""
 
     def __post_init__(self) -> None:
         if not isinstance(self.name, str) or not self.name:
@@ -84,6 +88,8 @@ class Input:
             raise InputError("must be > 0", field=f"{self.name}.dof", value=self.dof)
         if self.distribution == "t" and math.isinf(self.dof):
             raise InputError("must be finite for the t distribution", field=f"{self.name}.dof", value=self.dof)
+        if self.distribution == "standardised-t" and not 2.0 < self.dof < math.inf:
+            raise InputError("must be finite and > 2 for the standardised t distribution", field=f"{self.name}.dof", value=self.dof)
         if not 0.0 <= self.shape <= 1.0 or (self.shape > 0.0 and self.distribution not in SHAPED):
             rule = "must lie between 0 and 1, and be left out for all distributions but the trapezoids"
             raise InputError(rule, field=f"{self.name}.shape", value=self.shape)
@@ -132,6 +138,11 @@ class Input:
         return cls(name, float(sample.mean()), u, "t", float(sample.size - 1), unit)
 
     @property
+    def dof_of_u(self) -> float:
+        """Degrees of freedom of `u` for the linear method: infinite where u is the standard deviation of a stated distribution."""
+        return math.inf if self.distribution == "standardised-t" else self.dof
+
+    @property
     def standard_deviation(self) -> float:
         """Standard deviation of the distribution that Monte Carlo draws from, in `unit`; infinite for ``t`` with dof <= 2."""
         if self.distribution != "t" or self.u == 0.0:
@@ -147,6 +158,9 @@ def check_inputs(inputs: Sequence[Input]) -> tuple[Input, ...]:
     for position, one in enumerate(checked):
         if not isinstance(one, Input):
             raise InputError("must be an Input", field=f"inputs[{position}]", value=one)
+    for group in {one.group for one in checked} - {""}:
+        if {(one.distribution, one.dof) for one in checked if one.group == group} != {("t", next(o.dof for o in checked if o.group == group))}:
+            raise InputError("must be made of t distributions with the same dof", field="group", value=group)
     names = [one.name for one in checked]
     for name in names:
         if names.count(name) > 1:
@@ -194,7 +208,7 @@ def copula_matrix(inputs: Sequence[Input], correlation: FloatArray) -> FloatArra
     matrix = np.array(correlation)
     for i, j in combinations(range(len(inputs)), 2):
         first, second = inputs[i], inputs[j]
-        if matrix[i, j] != 0.0 and not (first.distribution == second.distribution == "normal"):
+        if matrix[i, j] != 0.0 and not (first.group and first.group == second.group) and not (first.distribution == second.distribution == "normal"):
             matrix[i, j] = matrix[j, i] = _copula_coefficient(first, second, float(matrix[i, j]))
     smallest = float(np.linalg.eigvalsh(matrix)[0])
     if smallest < -_PSD_TOLERANCE:
@@ -214,8 +228,11 @@ def draw_inputs(inputs: Sequence[Input], copula: FloatArray, *, rng: np.random.G
     if np.count_nonzero(ordered) > len(inputs):
         variance, axes = np.linalg.eigh(ordered)
         normal = (axes * np.sqrt(np.maximum(variance, 0.0))) @ axes.T @ normal
+    groups = sorted({one.group for one in inputs if one.group})
+    wider = {name: np.sqrt(dof / rng.chisquare(dof, n_draw)) for name in groups for dof in {one.dof for one in inputs if one.group == name}}
     drawn = {
-        inputs[i].name: inputs[i].value + inputs[i].u * standard_score(inputs[i], z) for i, z in zip(order, normal, strict=True)
+        inputs[i].name: inputs[i].value + inputs[i].u * (z * wider[inputs[i].group] if inputs[i].group else standard_score(inputs[i], z))
+        for i, z in zip(order, normal, strict=True)
     }
     return {one.name: drawn[one.name] for one in inputs}
 

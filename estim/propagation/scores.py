@@ -16,9 +16,10 @@ from estim.arrays import FloatArray
 from estim.distributions import normal_tail, student_quantile
 
 Distribution = Literal[
-    "normal", "rectangular", "triangular", "trapezoidal", "curvilinear-trapezoidal", "arcsine", "t", "exponential", "lognormal", "gamma"
+    "normal", "rectangular", "triangular", "trapezoidal", "curvilinear-trapezoidal", "arcsine", "t", "standardised-t", "exponential",
+    "lognormal", "gamma",
 ]
-SYMMETRIC = frozenset({"normal", "rectangular", "triangular", "trapezoidal", "curvilinear-trapezoidal", "arcsine", "t"})
+SYMMETRIC = frozenset({"normal", "rectangular", "triangular", "trapezoidal", "curvilinear-trapezoidal", "arcsine", "t", "standardised-t"})
 SHAPED = frozenset({"trapezoidal", "curvilinear-trapezoidal"})
 BOUNDED = ("rectangular", "triangular", "trapezoidal", "curvilinear-trapezoidal", "arcsine")
 POSITIVE = frozenset({"lognormal", "gamma"})
@@ -39,7 +40,7 @@ def half_width_in_u(distribution: str, shape: float) -> float:
 def score(z: FloatArray, distribution: str, *, dof: float, shape: float, relative: float) -> FloatArray:
     """(x - value)/u at the normal quantiles `z`, any shape.
 
-    dof : of ``t``.  shape : of the two trapezoids, see `Input`.  relative : u/value, of the lognormal and the gamma distribution.
+    dof : of the two t.  shape : of the two trapezoids, see `Input`.  relative : u/value, of the lognormal and the gamma distribution.
     """
     if distribution == "normal":
         return z
@@ -58,8 +59,9 @@ def score(z: FloatArray, distribution: str, *, dof: float, shape: float, relativ
 
 def _magnitude(tail: FloatArray, distribution: str, dof: float, shape: float) -> FloatArray:
     """Of a symmetric distribution: the score that is exceeded with probability `tail`, at most 1/2."""
-    if distribution == "t":
-        return np.asarray(-student_quantile(tail, dof))
+    if distribution in ("t", "standardised-t"):
+        scale = 1.0 if distribution == "t" else math.sqrt((dof - 2.0) / dof)
+        return np.asarray(-scale * student_quantile(tail, dof))
     width = half_width_in_u(distribution, shape)
     if distribution == "rectangular":
         return np.asarray(width * (1.0 - 2.0 * tail))
