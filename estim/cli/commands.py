@@ -9,12 +9,12 @@ from __future__ import annotations
 import os
 import sys
 import warnings
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
 
+from estim.cli.calibrating import run_calibrations
 from estim.cli.causes import say_causes, with_causes
 from estim.cli.comparing import compare as compare_models
 from estim.cli.importing import import_run
@@ -23,7 +23,6 @@ from estim.cli.terminal import (
     NOT_OK,
     announced,
     conclude,
-    counted,
     exit_code,
     groups_of,
     progress_bar,
@@ -34,7 +33,7 @@ from estim.cli.terminal import (
     write_report,
 )
 from estim.cli.weighing import say_bodies
-from estim.common import InputError, Stream, asked_to_stop, decide, ended_by_signals, stream
+from estim.common import InputError, Stream, asked_to_stop, ended_by_signals, stream
 
 if TYPE_CHECKING:
     from estim.pipeline import Analysis
@@ -247,41 +246,11 @@ def calibrate(
     Exit code 3 means that they do not; the report says which one is too narrow, too wide or biased.  Also
     that processes were killed, twice (too little memory?): one line says so, and there is no report.
     """
-    from estim.calibration import campaign_design, coverage, coverage_sentence, findings, simulation_based_calibration
-    from estim.campaign import as_complete, load_campaign
-    from estim.reports import calibration_report
-    from estim.sampling import PieceStore, only_writer
-    from estim.words import tell
-
-    loaded = load_campaign(campaign)
-    folder = out or Path("out") / campaign.resolve().parent.name / "calibration"
-    groups, trusted, stores = groups_of(loaded, runs, joint=joint), True, []
-    for group in groups:
-        loaded.require_unknowns(loaded.problem(group), drawn=True)
-    chosen = {"sbc": simulation_based_calibration, "coverage": coverage}
-    click.get_current_context().with_resource(only_writer(folder / ".checkpoint"))
-    for group in groups:
-        fit = loaded.fit(as_complete(loaded.problem(group), "estim calibrate"), rng=stream(seed, Stream.CALIBRATION_FIT))
-        design = campaign_design(loaded, group, fitted=fit.values)
-        calibrations = []
-        for kind in ("sbc", "coverage") if what == "both" else (what,):
-            kept = folder / ".checkpoint" / f"{'joint-' * joint}{group[0]}-{kind}"
-            stores.append(PieceStore(kept, resume=resume, say=partial(say, err=True), within=folder))
-            with counted(f"{', '.join(group)}: {kind}", simulations) as progress:
-                calibrations.append(
-                    chosen[kind](design, fit, n_trial=simulations, seed=seed, jobs=jobs or os.cpu_count() or 1, progress=progress, store=stores[-1])
-                )
-        place = folder if len(groups) == 1 else folder / group[0]
-        write_report(place, calibration_report(loaded, calibrations, figures=not no_figures), within=folder)
-        for calibration in calibrations:
-            found = findings(calibration)
-            trusted = trusted and decide(found).ok
-            said = [] if calibration.what == "sbc" else [coverage_sentence(calibration, name) for name in calibration.reported]
-            conclude(f"{', '.join(group)}, {calibration.what}", decide(found), [*map(tell, found), *said])
-        report_at(place / "report.md", loaded.source.outside())
-    for store in stores:
-        store.remove()
-    _exit_unless(trusted)
+    _exit_unless(
+        run_calibrations(
+            campaign, runs, joint=joint, simulations=simulations, what=what, jobs=jobs, out=out, seed=seed, resume=resume, figures=not no_figures
+        )
+    )
 
 
 @cli.command()

@@ -2,6 +2,6 @@
 
 Read `model_file` first, then `propagating`."""
 
-from estim.measurement.model_file import MeasurementModel, Output, Quantity, read_model
+from estim.measurement.model_file import read_model
 from estim.measurement.propagating import Propagation, propagate
 from estim.measurement.region import Region, ellipse

@@ -222,8 +222,8 @@ def measurement_report(propagation: Propagation, *, seed: int, figures: bool = T
     def text(*, pictures: Collection[str]) -> str:
         return render(
             "measurement.md.j2", pictures=pictures, result=result, percent=f"{100.0 * result.probability:g}", compared=_compared(result),
-            budgets={name: _budget(result, one) for name, one in result.outputs.items()}, validation=_validation(result), alone=len(result.outputs) == 1,
-            regions=_regions(result), inputs=_inputs(result), ok=result.status == Status.OK,
+            budgets={name: _budget(result, one) for name, one in result.outputs.items()}, validation=_validation(result),
+            alone=len(result.outputs) == 1, regions=_regions(result), inputs=_inputs(result), ok=result.status == Status.OK,
         )
 
     return page(drawers, text, wanted=figures) | {"result.json": as_json(result)}
@@ -253,9 +253,11 @@ def _compared(result: MeasurementResult) -> dict[str, list[tuple[str, ...]]]:
     for name, one in result.outputs.items():
         gum, drawn = one.gum, one.monte_carlo
         dof = "∞" if gum.dof is None else f"{gum.dof:.1f}"
-        rows = [("GUM", _cell(gum.value, gum.u), _cell(gum.u, gum.u), dof, f"{gum.k:.2f}", _cell(gum.U, gum.u), _ends([gum.low, gum.high], gum.u))]
+        rows: list[tuple[str, ...]] = []
+        ends: list[float | None] = [gum.low, gum.high]
+        rows.append(("GUM", _cell(gum.value, gum.u), _cell(gum.u, gum.u), dof, f"{gum.k:.2f}", _cell(gum.U, gum.u), _ends(ends, gum.u)))
         if gum.k_whole is not None and gum.dof is not None and gum.U_whole is not None and gum.value is not None and gum.dof != math.floor(gum.dof):
-            ends: list[float | None] = [gum.value - gum.U_whole, gum.value + gum.U_whole]
+            ends = [gum.value - gum.U_whole, gum.value + gum.U_whole]
             whole = max(math.floor(gum.dof), 1)
             rows.append(("GUM, ν_eff rounded down", "", "", str(whole), f"{gum.k_whole:.2f}", _cell(gum.U_whole, gum.u), _ends(ends, gum.u)))
         second = gum.u_second_order

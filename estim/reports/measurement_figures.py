@@ -59,7 +59,8 @@ def _distribution(ax: Axes, propagation: Propagation, i: int) -> None:
             ax.axvline(float(end), color=BLUE, lw=1.4, label=f"{percent} interval of the draws, {propagation.model.interval}" if j == 0 else None)
     if u > 0.0 and math.isfinite(value):
         left, right = ax.get_xlim()
-        x = np.linspace(min(left, float(linear.low[i])), max(right, float(linear.high[i])), 400)
+        room = 0.25 * float(linear.high[i] - linear.low[i])
+        x = np.linspace(min(left, float(linear.low[i]) - room), max(right, float(linear.high[i]) + room), 400)
         ax.plot(x, _density((x - value) / u, float(linear.dof[i])) / u, color=ORANGE, lw=1.6, label="the GUM's normal or t distribution")
         for j, end in enumerate((linear.low[i], linear.high[i])):
             ax.axvline(float(end), color=ORANGE, lw=1.4, ls="--", label=f"{percent} interval of the GUM" if j == 0 else None)

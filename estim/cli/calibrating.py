@@ -1,0 +1,54 @@
+"""`estim calibrate`: simulated campaigns, with the trials of each kept until its report is written."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable
+from functools import partial
+from pathlib import Path
+
+from estim.cli.terminal import conclude, counted, groups_of, report_at, say, write_report
+from estim.common import Stream, decide, stream
+
+
+def run_calibrations(
+    campaign: Path, runs: Iterable[str], *, joint: bool, simulations: int, what: str, jobs: int | None, out: Path | None, seed: int, resume: bool,
+    figures: bool,
+) -> bool:
+    """Calibrates each group of runs and writes its report; whether all intervals hold what they say."""
+    from estim.calibration import campaign_design, coverage, coverage_sentence, findings, simulation_based_calibration
+    from estim.campaign import as_complete, load_campaign
+    from estim.reports import calibration_report
+    from estim.sampling import PieceStore, only_writer
+    from estim.words import tell
+
+    loaded = load_campaign(campaign)
+    folder = out or Path("out") / campaign.resolve().parent.name / "calibration"
+    groups, trusted, stores = groups_of(loaded, runs, joint=joint), True, []
+    for group in groups:
+        loaded.require_unknowns(loaded.problem(group), drawn=True)
+    chosen = {"sbc": simulation_based_calibration, "coverage": coverage}
+    with only_writer(folder / ".checkpoint"):
+        for group in groups:
+            fit = loaded.fit(as_complete(loaded.problem(group), "estim calibrate"), rng=stream(seed, Stream.CALIBRATION_FIT))
+            design = campaign_design(loaded, group, fitted=fit.values)
+            calibrations = []
+            for kind in ("sbc", "coverage") if what == "both" else (what,):
+                kept = folder / ".checkpoint" / f"{'joint-' * joint}{group[0]}-{kind}"
+                stores.append(PieceStore(kept, resume=resume, say=partial(say, err=True), within=folder))
+                with counted(f"{', '.join(group)}: {kind}", simulations) as progress:
+                    processes = jobs or os.cpu_count() or 1
+                    calibrations.append(
+                        chosen[kind](design, fit, n_trial=simulations, seed=seed, jobs=processes, progress=progress, store=stores[-1])
+                    )
+            place = folder if len(groups) == 1 else folder / group[0]
+            write_report(place, calibration_report(loaded, calibrations, figures=figures), within=folder)
+            for calibration in calibrations:
+                found = findings(calibration)
+                trusted = trusted and decide(found).ok
+                said = [] if calibration.what == "sbc" else [coverage_sentence(calibration, name) for name in calibration.reported]
+                conclude(f"{', '.join(group)}, {calibration.what}", decide(found), [*map(tell, found), *said])
+            report_at(place / "report.md", loaded.source.outside())
+        for store in stores:
+            store.remove()
+    return trusted
