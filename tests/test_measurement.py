@@ -12,9 +12,11 @@ from __future__ import annotations
 
 import json
 import math
+import re
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
+from typing import get_args
 
 import numpy as np
 import pytest
@@ -24,9 +26,11 @@ from scipy import integrate, optimize, special, stats
 from estim.cli.commands import cli
 from estim.cli.terminal import exit_code
 from estim.common.errors import InputError
-from estim.measurement.model_file import read_model
+from estim.measurement.input_tables import InputTable
+from estim.measurement.model_file import _OutputTable, _TopTable, read_model
 from estim.measurement.propagating import propagate
 from estim.measurement.region import ellipse
+from estim.propagation.scores import Distribution
 from estim.reports.measurement import measurement_report
 from estim.reports.rounded import rounded
 
@@ -58,7 +62,7 @@ def test_the_end_gauge_of_gum_h1():
     assert round(round(stats.t.ppf(0.995, 16), 2) * round(linear.u[0])) == 93  # H.1.6 multiplies by u rounded to 32; without that it is 92
     d = [row.contribution for row in budget.rows if row.input.name.startswith("d:")]
     assert math.hypot(*d) == pytest.approx(9.7, abs=0.05)
-    dof = math.fsum(c**2 for c in d) ** 2 / math.fsum(c**4 / n for c, n in zip(sorted(d), (5, 24, 8), strict=True))
+    dof = round(math.hypot(*d), 1) ** 4 / math.fsum(c**4 / n for c, n in zip(sorted(d), (5, 24, 8), strict=True))
     assert dof == pytest.approx(25.6, abs=0.05)
     contributions = {row.input.name: row.contribution for row in budget.rows}
     assert contributions["d_theta"] == pytest.approx(16.6, abs=0.05)
@@ -258,6 +262,22 @@ def test_the_command_writes_report_figures_and_record(tmp_path):
     assert (record["schema"], record["status"]) == ("estim-propagation/1", "ok")
     assert record["outputs"]["dm"]["quoted"] == "Monte Carlo"
     assert sum(row["share"] for row in record["outputs"]["dm"]["budget"]) == pytest.approx(100.0)
+
+
+def test_the_example_of_the_docs_says_what_they_say(tmp_path, project):
+    page = (project / "docs" / "propagation.md").read_text()
+    toml, said = re.search(r"```toml\n(title.*?)```.*? says\n\n(.*?)\n\n", page, re.S).groups()
+    result = command("propagate", model(tmp_path, toml), "--out", tmp_path / "out", "--no-figures")
+    assert " ".join(said.split()) == result.output.splitlines()[0]
+    assert "| 47.2 | 2.01 | 0.00000546 |" in (tmp_path / "out" / "report.md").read_text()
+
+
+def test_every_key_stands_in_the_docs(project):
+    page = (project / "docs" / "propagation.md").read_text()
+    tables = (_TopTable, _OutputTable, InputTable)
+    keys = {key for table in tables for key in table.__struct_fields__}
+    assert {key for key in keys if not re.search(rf"[`\[ ]{key}\b", page)} == set()
+    assert {kind for kind in get_args(Distribution) if f"`{kind}`" not in page} == set()
 
 
 @pytest.mark.parametrize("name", FILES)

@@ -186,20 +186,22 @@ def statement(propagation: Propagation, i: int, quoted: str) -> str:
     what = f"{output.name}, {output.meaning}" if output.meaning else output.name
     percent = f"{100.0 * linear.probability:g} %"
     if quoted == "GUM":
-        u, k, dof = float(linear.u[i]), float(linear.k[i]), float(linear.dof[i])
+        value, u, k, dof = (float(one[i]) for one in (linear.value, linear.u, linear.k, linear.dof))
         if u == 0.0:
-            return f"{what}: {output.name} = {rounded(float(linear.value[i]), 0.0, 2)}{unit}, exact."
-        expanded = f"{rounded(float(linear.value[i]), k * u, 2)} ± {rounded(k * u, k * u, 2)}"
+            return f"{what}: {output.name} = {rounded(value, 0.0, 2)}{unit}, exact."
+        expanded = f"{rounded(value, k * u, 2)} ± {rounded(k * u, k * u, 2, beside=value)}"
         law = "the normal distribution" if dof > 1e6 else f"the t distribution with {dof:.3g} effective degrees of freedom"
         return (
             f"{what}: {output.name} = ({expanded}){unit}, where the number after ± is the expanded uncertainty U = k u, with the standard "
-            f"uncertainty u = {rounded(u, u, 2)}{unit} and the coverage factor k = {k:.2f} from {law} for a coverage probability of {percent}."
+            f"uncertainty u = {rounded(u, u, 2, beside=value)}{unit} and the coverage factor k = {k:.2f} from {law} "
+            f"for a coverage probability of {percent}."
         )
     if quoted == "Monte Carlo":
         low, high = (float(end[i]) for end in (propagation.interval.low, propagation.interval.high))
         scale = float(drawn.u[i]) if math.isfinite(drawn.u[i]) else 0.25 * (high - low)
+        mean = float(drawn.mean[i])
         best = (
-            f"{output.name} = {rounded(float(drawn.mean[i]), scale, 2)}{unit} with standard uncertainty u = {rounded(scale, scale, 2)}{unit} and"
+            f"{output.name} = {rounded(mean, scale, 2)}{unit} with standard uncertainty u = {rounded(scale, scale, 2, beside=mean)}{unit} and"
             if math.isfinite(drawn.u[i]) else f"{output.name} has no standard uncertainty (its tails are too long);"
         )
         kind = "probabilistically symmetric" if propagation.model.interval == "symmetric" else "shortest"
@@ -238,8 +240,8 @@ def measurement_lines(propagation: Propagation) -> list[str]:
     return found
 
 
-def _cell(value: float | None, u: float | None, digits: int = _DIGITS) -> str:
-    return "n/a" if value is None else rounded(value, u or 0.0, digits)
+def _cell(value: float | None, u: float | None, beside: float | None = None) -> str:
+    return "n/a" if value is None else rounded(value, u or 0.0, _DIGITS, beside=beside or 0.0)
 
 
 def _ends(ends: list[float | None], u: float | None) -> str:
@@ -253,23 +255,27 @@ def _compared(result: MeasurementResult) -> dict[str, list[tuple[str, ...]]]:
     for name, one in result.outputs.items():
         gum, drawn = one.gum, one.monte_carlo
         dof = "∞" if gum.dof is None else f"{gum.dof:.1f}"
+        half, own = _cell(gum.U, gum.u, gum.value), _ends([gum.low, gum.high], gum.u)
         rows: list[tuple[str, ...]] = []
-        ends: list[float | None] = [gum.low, gum.high]
-        rows.append(("GUM", _cell(gum.value, gum.u), _cell(gum.u, gum.u), dof, f"{gum.k:.2f}", _cell(gum.U, gum.u), _ends(ends, gum.u)))
-        if gum.k_whole is not None and gum.dof is not None and gum.U_whole is not None and gum.value is not None and gum.dof != math.floor(gum.dof):
-            ends = [gum.value - gum.U_whole, gum.value + gum.U_whole]
-            whole = max(math.floor(gum.dof), 1)
-            rows.append(("GUM, ν_eff rounded down", "", "", str(whole), f"{gum.k_whole:.2f}", _cell(gum.U_whole, gum.u), _ends(ends, gum.u)))
+        rows.append(("GUM", _cell(gum.value, gum.u), _cell(gum.u, gum.u, gum.value), dof, f"{gum.k:.2f}", half, own))
+        if gum.k_whole is not None and gum.dof is not None and gum.U_whole is not None and gum.dof != math.floor(gum.dof):
+            whole = str(max(math.floor(gum.dof), 1))
+            rows.append(("GUM, ν_eff rounded down", "", "", whole, f"{gum.k_whole:.2f}", *_expanded(gum.value, gum.U_whole, gum.u)))
         second = gum.u_second_order
-        if second is not None and gum.value is not None and abs(second - (gum.u or 0.0)) > 0.005 * second:
-            k = gum.k
-            ends = [gum.value - k * second, gum.value + k * second]
-            expanded = _cell(k * second, second)
-            rows.append(("GUM with terms of the next order", "", _cell(second, second), "", f"{k:.2f}", expanded, _ends(ends, second)))
-        rows.append(("Monte Carlo", _cell(drawn.mean, drawn.u), _cell(drawn.u, drawn.u), "", "", "", f"{_ends(drawn.symmetric, drawn.u)} symmetric"))
+        if second is not None and abs(second - (gum.u or 0.0)) > 0.005 * second:
+            ends = _expanded(gum.value, gum.k * second, second)
+            rows.append(("GUM with terms of the next order", "", _cell(second, second, gum.value), "", f"{gum.k:.2f}", *ends))
+        spread = _cell(drawn.u, drawn.u, drawn.mean)
+        rows.append(("Monte Carlo", _cell(drawn.mean, drawn.u), spread, "", "", "", f"{_ends(drawn.symmetric, drawn.u)} symmetric"))
         rows.append(("", "", "", "", "", "", f"{_ends(drawn.shortest, drawn.u)} shortest"))
         tables[name] = rows
     return tables
+
+
+def _expanded(value: float | None, half: float, u: float | None) -> tuple[str, str]:
+    """Cells of an expanded uncertainty and the interval that it makes."""
+    ends: list[float | None] = [None, None] if value is None else [value - half, value + half]
+    return _cell(half, u, value), _ends(ends, u)
 
 
 def _budget(result: MeasurementResult, one: OutputRecord) -> list[tuple[str, ...]]:
