@@ -19,6 +19,7 @@ from estim.cli.causes import say_causes, with_causes
 from estim.cli.comparing import compare as compare_models
 from estim.cli.importing import import_run
 from estim.cli.propagating import say_propagated
+from estim.cli.straight import say_straight_line
 from estim.cli.terminal import (
     NOT_OK,
     announced,
@@ -135,12 +136,32 @@ def fit(
 
 
 @cli.command()
-@click.argument("campaign", type=click.Path(path_type=Path))
+@click.argument("campaign", metavar="CAMPAIGN|FILE.csv", type=click.Path(path_type=Path))
+@click.option("--x", "x", metavar="NAME", help="Column of FILE.csv.  [default: x]")
+@click.option("--y", "y", metavar="NAME", help="[default: y]")
+@click.option("--ux", metavar="NAME|U", help="Standard uncertainties of x: a column, or a number.  [default: the column u_NAME, if there]")
+@click.option("--uy", metavar="NAME|U", help="The same of y.")
+@click.option("--correlation", metavar="NAME|R", help="Correlation of the two errors of a point.  [default: the column r_xy, if there]")
+@click.option("--predict", multiple=True, metavar="X0", help='y of the line at X0, which may be uncertain: "5.0(1)"; may be given several times.')
+@click.option("--inverse", multiple=True, metavar="Y0", help='x at which the line reaches a reading Y0: "10.5(5)"; may be given several times.')
 @_OUT
 @_SEED
 @_NO_FIGURES
-def line(campaign: Path, out: Path | None, seed: int, no_figures: bool) -> None:
-    """Fit the theta_min line of CAMPAIGN: sin(theta_min) against sin(phi), whose slope is 1/gamma."""
+def line(
+    campaign: Path, x: str | None, y: str | None, ux: str | None, uy: str | None, correlation: str | None, predict: tuple[str, ...],
+    inverse: tuple[str, ...], out: Path | None, seed: int, no_figures: bool,
+) -> None:
+    """Fit the theta_min line of CAMPAIGN (sin(theta_min) against sin(phi), slope 1/gamma), or a line through the points of FILE.csv.
+
+    A table may have errors in y, in both variables, correlated ones, or none (docs/straight-line.md).
+    """
+    names = (x, y, ux, uy, correlation)
+    if campaign.suffix.lower() != ".toml":
+        place = out or Path("out") / campaign.stem
+        _exit_unless(say_straight_line(campaign, names, place, predict=predict, inverse=inverse, figures=not no_figures))
+        return
+    if any((*names, *predict, *inverse)):
+        raise InputError("must be a table of points where columns are named or values asked for", field="FILE.csv", value=str(campaign))
     from estim.campaign import gamma_of_body, load_campaign
     from estim.line import analyse_line, read_theta_min
     from estim.reports import line_report

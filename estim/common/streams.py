@@ -35,7 +35,7 @@ class Stream(IntEnum):
     EXPLANATION = 16  # of what a curve lacks: null distributions
     PARTS = 17  # of bodies
     FRICTION = 18  # as stated
-    MEASUREMENT = 19  # models: propagated distributions
+    MEASUREMENT = 30  # models: propagated distributions
 
 
 def stream(seed: int, name: Stream, *index: int) -> np.random.Generator:

@@ -3,5 +3,6 @@
 Read `least_squares` first, `analysis` for the theta_min line."""
 
 from estim.line.analysis import LineAnalysis, analyse_line
-from estim.line.least_squares import CONVENTIONS
+from estim.line.least_squares import CONVENTIONS, confidence_band
 from estim.line.series import read_theta_min
+from estim.line.straight import Columns, StraightLine, straight_line

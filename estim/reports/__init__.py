@@ -1,6 +1,4 @@
-"""What a reader sees: Markdown, figures, result.json, ArviZ and pandas; one file a subject.
-
-Read `analysis` first."""
+"""What a reader sees: Markdown, figures, result.json, ArviZ and pandas; one file a subject.  Read `analysis` first."""
 
 from estim.reports.analysis import analysis_report, index_report
 from estim.reports.calibration import calibration_report
@@ -12,4 +10,5 @@ from estim.reports.line import line_report
 from estim.reports.measurement import measurement_lines, measurement_report
 from estim.reports.reanalysis import reanalysis_report
 from estim.reports.result import result_of
+from estim.reports.straight_line import straight_line_lines, straight_line_report
 from estim.reports.weighing import body_lines, body_report
