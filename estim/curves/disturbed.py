@@ -252,7 +252,7 @@ class DisturbedMotion(RollingMotion):
             found["energy_at_release"] = _derived("1", known.energy, "kinetic energy at release / (M g R)", Notation("E_0"))
         if self.in_time:
             unit = "rad" if self.angular else "m"
-            found["turning_point"] = _derived(unit, self._stop(arguments), "first turning point, from the release", self.end_notation)
+            found["turning_point"] = _derived(unit, self._stop(arguments), "first turning point, from the release, on the scale of the positions", self.end_notation)
         return found
 
     def _stop(self, arguments: Mapping[str, ArrayLike]) -> FloatArray:

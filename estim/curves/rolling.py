@@ -186,7 +186,7 @@ class RollingMotion:
         found = derived_of(*body_of(arguments), self.mass)
         if self.in_time:
             unit = "rad" if self.angular else "m"
-            found["turning_point"] = Derived(unit, np.atleast_2d(self._stop(arguments)), "first turning point, from the release", self.end_notation)
+            found["turning_point"] = Derived(unit, np.atleast_2d(self._stop(arguments)), "first turning point, from the release, on the scale of the positions", self.end_notation)
         return found
 
     def errors_in_common(

@@ -298,7 +298,7 @@ def _parameter(analysis: Analysis, i: int) -> ParameterSummary:
 
 def _turning_point(end: FloatArray, run: Observations, diagnosis: Diagnosis) -> TurningPoint:
     with np.errstate(invalid="ignore"):
-        summary = trusted(summarise(end, unit=run.x_unit, meaning="where the motion ends, from the release"), diagnosis.status)
+        summary = trusted(summarise(end, unit=run.x_unit, meaning="where the motion ends, from the release, on the scale of the positions"), diagnosis.status)
     return TurningPoint(**msgspec.structs.asdict(summary), never_stops=float(np.mean(~np.isfinite(end))))
 
 
