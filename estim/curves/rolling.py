@@ -41,6 +41,8 @@ def from_release(x: FloatArray, arguments: Mapping[str, ArrayLike]) -> FloatArra
     """Positions counted from the release: (n_obs,), or (n_draw, n_obs) where the zero of the positions is unknown."""
     return x - np.asarray(arguments["offset"]) if "offset" in arguments else x
 
+FIRST_TURNING = "first turning point, from the release, on the scale of the positions"
+
 
 def derived_of(body: Body, motion: Mapping[str, Any], mass: float | None) -> dict[str, Derived]:
     """What follows from a body and how it moves whatever was measured; `mass` in kg, or None."""
@@ -186,7 +188,7 @@ class RollingMotion:
         found = derived_of(*body_of(arguments), self.mass)
         if self.in_time:
             unit = "rad" if self.angular else "m"
-            found["turning_point"] = Derived(unit, np.atleast_2d(self._stop(arguments)), "first turning point, from the release, on the scale of the positions", self.end_notation)
+            found["turning_point"] = Derived(unit, np.atleast_2d(self._stop(arguments)), FIRST_TURNING, self.end_notation)
         return found
 
     def errors_in_common(

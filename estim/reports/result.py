@@ -298,7 +298,8 @@ def _parameter(analysis: Analysis, i: int) -> ParameterSummary:
 
 def _turning_point(end: FloatArray, run: Observations, diagnosis: Diagnosis) -> TurningPoint:
     with np.errstate(invalid="ignore"):
-        summary = trusted(summarise(end, unit=run.x_unit, meaning="where the motion ends, from the release, on the scale of the positions"), diagnosis.status)
+        meaning = "where the motion ends, from the release, on the scale of the positions"
+        summary = trusted(summarise(end, unit=run.x_unit, meaning=meaning), diagnosis.status)
     return TurningPoint(**msgspec.structs.asdict(summary), never_stops=float(np.mean(~np.isfinite(end))))
 
 
