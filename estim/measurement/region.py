@@ -46,8 +46,8 @@ class Region:
 def regions(linear: LinearResult, sampled: MonteCarloResult) -> tuple[Region, ...]:
     """A region for each pair of outputs with finite, not fully dependent draws; outputs (n_out,), n_out > 1.
 
-    Ellipse: k^2 = quantile of chi-squared with 2 degrees of freedom, and the quantile of the draws' own distances (JCGM 102, 6.5.2, 7.7.2).
-    Rectangle: k = normal quantile at 1 - (1 - p)/4, and the quantile of the larger standardised distance (JCGM 102, 6.5.3, 7.7.3).
+    Ellipse: k^2 = quantile of chi-squared with 2 degrees of freedom, and the quantile of the draws' own distances (JCGM 102, 6.5, 7.7).
+    Rectangle: k = normal quantile at 1 - (1 - p)/4, and the quantile of the larger standardised distance (JCGM 102, 6.5, 7.7).
     """
     found = []
     p = sampled.probability
