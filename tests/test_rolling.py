@@ -179,7 +179,7 @@ def test_nothing_is_said_of_what_lies_behind_a_turning_point():
 
 @pytest.mark.usefixtures("unrendered")
 def test_the_report_says_it_and_the_result_is_not_moved(tmp_path):
-    campaign = campaign_of(tmp_path, 'friction = "0.14(2)"')
+    campaign = campaign_of(tmp_path, f'{COMPLETE}\nfriction = "0.14(2)"')
     analysis = analyse(campaign, ["a"], seed=1, target=Target(ess=1000.0))
     assert analysis.diagnosis.ok
     summary = result_of(campaign, analysis).rolling["a"]
@@ -189,7 +189,7 @@ def test_the_report_says_it_and_the_result_is_not_moved(tmp_path):
     assert "## Rolling without slipping" in files["report.md"].decode()
     assert "(figures/rolling.png)" in files["report.md"].decode()
     assert files["figures/rolling.png"].startswith(b"\x89PNG")
-    (tmp_path / "campaign.toml").write_text(TEXT.format(shared="", noise=""))
+    (tmp_path / "campaign.toml").write_text(TEXT.format(shared=COMPLETE, noise=""))
     plain = load_campaign(tmp_path / "campaign.toml")
     without = analyse(plain, ["a"], seed=1, target=Target(ess=1000.0))
     assert np.array_equal(without.chain.flat, analysis.chain.flat)
