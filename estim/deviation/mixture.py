@@ -85,7 +85,10 @@ class Mixture:
                 parts.append(terms.log_density(square, seen, along))
             else:
                 parts.append(_rescaled(family, self.columns, square, seen, along, np.asarray(relative, dtype=float)))
-        return np.hstack(parts) - self.deviation.log_volume - 0.5 * z.shape[1] * np.log(2.0 * np.pi)
+        logs = np.hstack(parts)
+        logs -= self.deviation.log_volume
+        logs -= 0.5 * z.shape[1] * np.log(2.0 * np.pi)
+        return logs
 
     def shares(self, residuals: FloatArray) -> FloatArray:
         """(n_component,) probability of each component at residuals (n_obs,)."""
@@ -212,7 +215,10 @@ class Terms:
 
     def log_density(self, square: FloatArray, seen: FloatArray, along: FloatArray) -> FloatArray:
         """(n_draw, n_component) for |z|^2 (n_draw,), z basis (n_draw, n_dir) and z H (n_draw, n_column)."""
-        density = np.column_stack([np.square(seen), square, np.ones(square.size)]) @ self.gain
+        columns = np.empty((square.size, len(self.gain)))
+        np.square(seen, out=columns[:, :-2])
+        columns[:, -2], columns[:, -1] = square, 1.0
+        density = columns @ self.gain
         if along.shape[1]:
             explained = (seen @ self.cross + along @ self.cross_white).reshape(square.size, -1, along.shape[1])
             density += 0.5 * np.einsum("ikq,ikq->ik", explained, explained)
