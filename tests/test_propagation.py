@@ -403,6 +403,7 @@ def test_correlated_rectangular_inputs_propagate_with_the_linear_u(rng):
 # Monte Carlo: errors, stopping, undefined draws
 
 
+@pytest.mark.statistics
 def test_stated_monte_carlo_errors_are_the_scatter_of_repeated_runs():
     pulls = []
     for seed in range(60):
