@@ -37,6 +37,7 @@ from estim.campaign.curve_tables import (
     check_words,
     source_of,
 )
+from estim.campaign.curve_models import CurveModel
 from estim.campaign.noise_models import Candidate
 from estim.campaign.own_curve_lacks import order_columns, refuse_lacks
 from estim.campaign.own_curve_points import MIN_ROWS, CurvePoints
@@ -131,6 +132,14 @@ class CurveStudy:
     def noise_models(self, name: str, table: Run) -> tuple[Candidate, ...]:
         """Raises InputError: the tables of a curve state one noise."""
         raise self._only_noise()
+
+    def curve_models(self, names: Sequence[str], tables: Mapping[str, Run]) -> tuple[CurveModel, ...]:
+        """Raises InputError: the models that are compared are those of a rolling body."""
+        raise self.source.places.error("is a formula of your own; estim compare-models compares models of a rolling body", ("curve",))
+
+    def fit_model(self, model: CurveModel, tables: Mapping[str, Run], *, bad: Mapping[str, BadFrames], rng: np.random.Generator) -> Fit:
+        """The mode of the problem of a model."""
+        return self.fit(model.problem, tables, rng=rng)
 
     def _only_noise(self) -> InputError:
         return self.source.places.error("is fit with the noise that its own tables state: no other model to compare", ("curve",))
