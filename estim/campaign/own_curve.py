@@ -25,6 +25,7 @@ from typing import Any
 import numpy as np
 
 from estim.campaign.campaign_file import CampaignFile, NoiseTable, OwnCurve, checked
+from estim.campaign.curve_models import CurveModel
 from estim.campaign.curve_tables import (
     CurveRunTable,
     CurveTable,
@@ -37,12 +38,12 @@ from estim.campaign.curve_tables import (
     check_words,
     source_of,
 )
-from estim.campaign.curve_models import CurveModel
 from estim.campaign.noise_models import Candidate
 from estim.campaign.own_curve_lacks import order_columns, refuse_lacks
 from estim.campaign.own_curve_points import MIN_ROWS, CurvePoints
 from estim.common import InputError
 from estim.curves import AxisNames, Component, DistortedCurve, Formula, read_formula
+from estim.deviation import BadFrames
 from estim.explanation import Suspects
 from estim.fitting import Fit, fit_lacking, fit_optimum, is_resolved, no_scatter, silent_parameters
 from estim.problem import Curve, Parameter, Prior, Problem, shared_first

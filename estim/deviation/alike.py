@@ -18,6 +18,7 @@ from scipy.linalg import block_diag
 
 from estim.arrays import FloatArray
 from estim.deviation.components import Deviation, Shape, diagonalise
+from estim.deviation.errors import MixtureErrors
 from estim.deviation.grid import noise_grid
 from estim.deviation.joint import Sharing, Together
 from estim.deviation.jumps import BadFrames
@@ -25,7 +26,7 @@ from estim.deviation.linearised import Linearised, linearise
 from estim.deviation.mixture import keep_probable
 from estim.deviation.noise import WithForce, normal_covariance
 from estim.deviation.posing import as_prior, priors_at, told_beyond, told_by, whitener
-from estim.problem import Noise, Observations, Problem, StackedPoints, Wording
+from estim.problem import Named, Noise, Observations, Problem, StackedPoints, Wording
 
 
 class Roomy(WithForce):
@@ -50,7 +51,8 @@ class _Stacked:
     def beside(self, precision: FloatArray, pull: FloatArray) -> Linearised:
         n = self.columns.shape[1]
         every = block_diag(precision, np.eye(n)) if n else precision
-        return linearise(self.deviation, self.residuals, np.column_stack([self.jacobian, self.columns]), precision=every, pull=np.r_[pull, np.zeros(n)])
+        jacobian = np.column_stack([self.jacobian, self.columns])
+        return linearise(self.deviation, self.residuals, jacobian, precision=every, pull=np.r_[pull, np.zeros(n)])
 
 
 def pose_alike(
@@ -92,3 +94,14 @@ def _stack(runs: tuple[Observations, ...], problem: Problem, values: FloatArray,
         runs, own, diagonalise(block_diag(*(one.covariance for one in stated)), (nothing,), noise_grid()), points.y - shift - points.value(named)[0],
         points.gradient(named, problem.names), own.columns(n), shift,
     )
+
+
+def log_rescaled(errors: MixtureErrors, named: Named, *, scale: float, factor: float) -> FloatArray:
+    """(n_draw,) log of the likelihood with a prior of the size of the force `factor` times as wide, over that with the one of `scale`.
+
+    A component of amplitude a > 0 then counts exp{-a^2 (factor^-2 - 1)/(2 scale^2)}/factor times as much.
+    """
+    logs = errors.mixture.log_components(np.atleast_2d(errors.y - errors.points.value(named)))
+    size = errors.mixture.deviation.column("amplitude") / scale
+    heavier = np.where(size > 0.0, -0.5 * np.square(size) * (factor**-2 - 1.0) - np.log(factor), 0.0)
+    return np.asarray(np.logaddexp.reduce(logs + heavier, axis=1) - np.logaddexp.reduce(logs, axis=1))

@@ -51,6 +51,12 @@ class Predicted:
     p: float
 
     @property
+    def p_words(self) -> str:
+        """p, no smaller than the number of data sets can tell."""
+        least = 1.0 / self.again.size
+        return f"< {least:.1g}" if self.p <= least else f"{self.p:.2g}"
+
+    @property
     def brought_back(self) -> bool:
         return self.p >= P_NOT_BROUGHT_BACK
 
