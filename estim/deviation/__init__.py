@@ -1,7 +1,7 @@
 """What the curve lacks, as covariance: an unmodelled force along a track, a deviation of any curve, errors that are correlated in time.
 
 Read `components` first, then `force`, `posing` (a run), `joint` (several), `lacking` (a user's curve).  Imports `common` and `problem`."""
-from estim.deviation.alike import log_rescaled, pose_alike
+from estim.deviation.alike import log_rescaled, log_restarted, pose_alike
 from estim.deviation.autocorrelated import AutoCorrelated
 from estim.deviation.completed import Completed
 from estim.deviation.course import Course, Rows

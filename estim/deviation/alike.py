@@ -105,3 +105,15 @@ def log_rescaled(errors: MixtureErrors, named: Named, *, scale: float, factor: f
     size = errors.mixture.deviation.column("amplitude") / scale
     heavier = np.where(size > 0.0, -0.5 * np.square(size) * (factor**-2 - 1.0) - np.log(factor), 0.0)
     return np.asarray(np.logaddexp.reduce(logs + heavier, axis=1) - np.logaddexp.reduce(logs, axis=1))
+
+
+def log_restarted(errors: MixtureErrors, named: Named, *, n_run: int, factor: float) -> FloatArray:
+    """(n_draw,) log of the likelihood with free starts whose energies are `factor` times as wide beforehand, over that with them as they are.
+
+    factor : 0 for exactly at rest.  n_run : of the runs below each other, whose starts are the first columns.
+    """
+    size = np.ones(errors.mixture.columns.shape[1])
+    size[:n_run] = factor
+    residuals = np.atleast_2d(errors.y - errors.points.value(named))
+    moved = errors.mixture.with_columns(errors.mixture.columns * size)
+    return np.asarray(moved.log_likelihood(residuals) - errors.mixture.log_likelihood(residuals))

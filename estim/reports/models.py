@@ -10,7 +10,7 @@ import msgspec
 
 from estim.campaign import Campaign
 from estim.checks import INFLUENTIAL, value_cell
-from estim.common import KINDS, as_json, split_level
+from estim.common import KINDS, as_json, signed, split_level
 from estim.explanation import P_NOT_BROUGHT_BACK, Predicted
 from estim.problem import Parameter
 from estim.reports.models_figures import predictive_figure, values_figure
@@ -18,7 +18,7 @@ from estim.reports.pages import page
 from estim.reports.rendering import render
 from estim.reports.result import provenance
 from estim.sampling import Summary, number, summarise_parameter, trusted
-from estim.studies import ComparedModel, Ground, Lack, ModelComparison
+from estim.studies import FORCE, START, ComparedModel, Ground, Lack, ModelComparison, contains
 
 _OF_INTEREST = ("gamma", "kappa", "theta0")
 _LARGE = 1e6  # odds that nobody needs more exactly
@@ -36,6 +36,7 @@ _LACKS = {
     Lack.OTHER_NOISE: "its noise could not be given the room that the others have",
     Lack.IMPROPER: "a prior is no distribution",
 }
+_ROOM = {FORCE: "size of the unmodelled force", START: "energy of the free start"}
 
 
 class PredictedSummary(msgspec.Struct, frozen=True):
@@ -89,7 +90,8 @@ def models_report(campaign: Campaign, comparison: ModelComparison, *, seed: int,
         values=[(p.label.symbol, _unit(p), [_cell(s, p) for s in summaries]) for p in common],
         widths=_width_table(rows), predicted=_predicted_table(rows), shown="" if shown is None else shown.model.name,
         strange=() if shown is None else [one for one in shown.predicted if not one.brought_back], limit=P_NOT_BROUGHT_BACK, influential=INFLUENTIAL,
-        odds=odds_words, names=[row.model.name for row in rows],
+        odds=odds_words, lines=next((row.model.lines for row in rows if row.model.name == comparison.recommended), ()),
+        price=next((row.price_of_start for row in rows if row.model.forced), 0.0), names=[row.model.name for row in rows],
     )
     record = {
         "title": campaign.title, "kind": campaign.kind, "runs": runs, "recommended": comparison.recommended or None, "ground": str(comparison.ground),
@@ -125,10 +127,11 @@ def odds_words(behind: float) -> str:
 
 def _why_not(row: ComparedModel, chosen: ComparedModel | None) -> str:
     if not row.ok:
-        return f"{row.analysis.diagnosis.status}: {row.analysis.diagnosis.reasons[0]}" if row.analysis.diagnosis.reasons else "its result is not ok"
+        told = chosen is not None and chosen.lack is None and row.lack is None and row.odds > chosen.odds
+        odds = f"; odds against it of {odds_words(row.odds - chosen.odds)}" if told and chosen is not None else ""
+        return f"{row.analysis.diagnosis.status}: {row.analysis.diagnosis.reasons[0]}{odds}"
     if chosen is None:
         return "no model is recommended"
-    within = chosen.model.forced and (set(row.model.own) <= set(chosen.model.own) or row.model.name == "free-start")
     if row.lack is not None or chosen.lack is not None:
         ahead = chosen.behind - row.behind
         words = f"predicts {'better' if ahead > 0.0 else 'worse'} by {abs(ahead):.1f} (elpd)"
@@ -136,9 +139,7 @@ def _why_not(row: ComparedModel, chosen: ComparedModel | None) -> str:
         words = f"odds for it of {odds_words(chosen.odds - row.odds)}"
     else:
         words = f"odds against it of {odds_words(row.odds - chosen.odds)}"
-    if within:
-        return f"{words}; the recommended model contains it, and it claims besides that nothing is missing, which odds for it do not show"
-    return words
+    return f"contained in the recommended model; {words}" if contains(chosen, row) else words
 
 
 def _shown(rows: Sequence[ComparedModel]) -> ComparedModel | None:
@@ -168,7 +169,7 @@ def _summary(row: ComparedModel) -> ModelSummary:
         u_log_evidence=None if none else number(row.u_log_evidence), no_evidence="" if row.lack is None else _LACKS[row.lack],
         behind_evidence=None if none else number(row.odds), elpd=number(row.loo.elpd), behind_elpd=number(row.behind),
         se_behind_elpd=number(row.behind_se), influential=sum(int((k > INFLUENTIAL).sum()) for k in row.loo.k_hat),
-        widths=[WidthSummary(one.of or "unmodelled force", one.factor, number(one.change), number(one.u)) for one in row.widths],
+        widths=[WidthSummary(one.of, one.factor, number(one.change), number(one.u)) for one in row.widths],
         predicted=[_predicted(one) for one in row.predicted],
     )
 
@@ -195,9 +196,14 @@ def _width_table(rows: Sequence[ComparedModel]) -> list[tuple[str, str, list[str
     for row in rows:
         labels = {p.name: p.label.symbol for p in row.analysis.problem.parameters}
         for of in dict.fromkeys(one.of for one in row.widths):
-            changes = [f"{one.change:+.2f}".replace("-", "−") if math.isfinite(one.change) else "n/a" for one in row.widths if one.of == of]
-            found.append((row.model.name, labels.get(of, "size of the unmodelled force"), changes))
+            by_factor = {one.factor: one.change for one in row.widths if one.of == of}
+            changes = [_change(by_factor[factor]) if factor in by_factor else "" for factor in (0.0, 0.5, 2.0)]
+            found.append((row.model.name, labels.get(of, _ROOM.get(of, of)), changes))
     return found
+
+
+def _change(value: float) -> str:
+    return signed(f"{value:+.2f}") if math.isfinite(value) else "n/a"
 
 
 def _predicted_table(rows: Sequence[ComparedModel]) -> list[tuple[str, str, list[str]]]:

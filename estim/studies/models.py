@@ -2,6 +2,7 @@
 
 Log evidences (of the second computation, so with a Monte-Carlo error) and leave-one-out predictions are compared between models of the same
 points under noise with the same room.  An evidence depends on the width of the priors of what a model adds: each is made half and twice as wide.
+The room for the start, whose width is a convention, costs some units of log evidence a run; what it costs is known and held against no model.
 
 A model is told apart from another by odds of 20 (log evidence by 3: "strong", Kass and Raftery, J. Am. Stat. Assoc. 90 (1995) 773).  The default,
 with an unmodelled force and a free start, is left only for a model of something that it does not contain and that is told apart from all that do
@@ -19,10 +20,11 @@ from enum import StrEnum
 
 import numpy as np
 
+from estim.arrays import FloatArray
 from estim.campaign import Campaign, CurveModel
 from estim.checks import LeaveOneOut, difference, leave_one_out
 from estim.common import InputError, Stream, stream
-from estim.deviation import BadFrames, MixtureErrors, log_rescaled
+from estim.deviation import BadFrames, MixtureErrors, log_rescaled, log_restarted
 from estim.explanation import Predicted, predictive_checks
 from estim.pipeline import Analysis, analyse_fit
 from estim.problem import HalfNormal, LogNormal, Normal, Prior, TruncatedNormal
@@ -31,6 +33,7 @@ from estim.sampling import K_HAT_LIMIT, Progress, Stop, Store, Target, adapt_pro
 APART = 3.0  # of log evidence
 BEHIND, SES = 4.0, 2.0  # of elpd: less, or less than so many of its standard errors, decides nothing
 FACTORS = (0.5, 2.0)  # of the width of a prior
+FORCE, START = "the force", "the free start"  # what the default adds beside parameters
 _LOO_DRAWS, _WIDTH_DRAWS = 2000, 8000
 
 
@@ -55,7 +58,7 @@ class Lack(StrEnum):
 
 @dataclass(frozen=True)
 class Width:
-    """By how much the log evidence grows where the prior of one thing (a parameter, or "" for the size of the force) is `factor` times as wide."""
+    """By how much the log evidence grows where the prior of one thing (a parameter, `FORCE`, `START`) is `factor` times as wide; 0: exact."""
 
     of: str
     factor: float
@@ -87,6 +90,11 @@ class ComparedModel:
     @property
     def ok(self) -> bool:
         return self.analysis.diagnosis.ok
+
+    @property
+    def price_of_start(self) -> float:
+        """What its free start costs in log evidence, where exact starts would have more; 0 for a model without."""
+        return max((one.change for one in self.widths if one.of == START and one.factor == 0.0 and one.change > 0.0), default=0.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -167,23 +175,22 @@ def recommend(rows: Sequence[ComparedModel], *, by_evidence: bool) -> tuple[str,
     default = next((row for row in good if row.model.forced), None)
     if default is None:
         return best.model.name, Ground.BEST
-    contained = {row.model.name for row in good if row is default or _contains(default, row)}
+    contained = {row.model.name for row in good if row is default or contains(default, row)}
     if best.model.name in contained:
         return default.model.name, Ground.ROOM
-    rivals = [row for row in good if not set(best.model.own) <= set(row.model.own)]
-    if all(_apart(best, row, by_evidence=by_evidence) for row in rivals if row.model.name in contained):
+    if all(_apart(best, row, by_evidence=by_evidence) for row in good if row.model.name in contained):
         return best.model.name, Ground.SHOWN
     return default.model.name, Ground.UNDECIDED
 
 
-def _contains(default: ComparedModel, row: ComparedModel) -> bool:
+def contains(default: ComparedModel, row: ComparedModel) -> bool:
     """Whether a model with force and free start has all that another has."""
     return set(row.model.own) <= set(default.model.own) or row.model.name == "free-start"
 
 
 def _apart(better: ComparedModel, worse: ComparedModel, *, by_evidence: bool) -> bool:
     if by_evidence:
-        return worse.odds - better.odds >= APART
+        return worse.odds - worse.price_of_start - better.odds >= APART
     gain, se = difference(better.loo, worse.loo)
     return gain > max(BEHIND, SES * se)
 
@@ -215,22 +222,33 @@ def _widths(model: CurveModel, analysis: Analysis, *, rng: np.random.Generator) 
             wider = widened(prior, factor)
             if wider is None:
                 continue
-            log_weights, k_hat, change = pareto_smoothed(wider.log_density(draws[:, i]) - prior.log_density(draws[:, i]))
-            u = math.sqrt(max(float(np.sum(np.exp(2.0 * log_weights))) - 1.0 / log_weights.size, 0.0))
-            if k_hat > K_HAT_LIMIT:
-                change, u = _again(analysis, name, wider, rng)
-            found.append(Width(name, factor, change, u))
+            width = _width(name, factor, wider.log_density(draws[:, i]) - prior.log_density(draws[:, i]))
+            found.append(width if math.isfinite(width.change) else Width(name, factor, *_again(analysis, name, wider, rng)))
     if model.forced:
-        some = analysis.chain.thinned(_LOO_DRAWS)
-        named = fit.problem.named(some)
-        for factor in FACTORS:
-            ratio = np.zeros(some.shape[0])
-            for group, likelihood in zip(fit.problem.groups, fit.posterior.likelihoods, strict=True):
-                assert isinstance(likelihood, MixtureErrors), "asked before"
-                ratio += log_rescaled(likelihood, named, scale=group.runs[0].force, factor=factor)
-            mean = float(np.mean(np.exp(ratio)))
-            found.append(Width("", factor, math.log(mean), float(np.std(np.exp(ratio)) / math.sqrt(ratio.size)) / mean))
+        found += [_width(FORCE, factor, _log_ratio(analysis, FORCE, factor)) for factor in FACTORS]
+        found += [_width(START, factor, _log_ratio(analysis, START, factor)) for factor in (0.0, *FACTORS)]
     return tuple(found)
+
+
+def _width(of: str, factor: float, log_ratio: FloatArray) -> Width:
+    """From the posterior mean of new over old likelihood or prior (n_draw,); nan where too few draws tell."""
+    log_weights, k_hat, change = pareto_smoothed(log_ratio)
+    if k_hat > K_HAT_LIMIT:
+        return Width(of, factor, math.nan, math.nan)
+    return Width(of, factor, change, math.sqrt(max(float(np.sum(np.exp(2.0 * log_weights))) - 1.0 / log_weights.size, 0.0)))
+
+
+def _log_ratio(analysis: Analysis, of: str, factor: float) -> FloatArray:
+    """(n_draw,) of the likelihood with more or less room for a force, or for the start."""
+    fit, draws = analysis.fit, analysis.chain.thinned(_LOO_DRAWS)
+    ratio, named = np.zeros(draws.shape[0]), fit.problem.named(draws)
+    for group, likelihood in zip(fit.problem.groups, fit.posterior.likelihoods, strict=True):
+        assert isinstance(likelihood, MixtureErrors), "asked before"
+        if of == FORCE:
+            ratio += log_rescaled(likelihood, named, scale=group.runs[0].force, factor=factor)
+        else:
+            ratio += log_restarted(likelihood, named, n_run=len(group.runs), factor=factor)
+    return ratio
 
 
 def _again(analysis: Analysis, name: str, prior: Prior, rng: np.random.Generator) -> tuple[float, float]:
