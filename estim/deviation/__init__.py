@@ -11,5 +11,5 @@ from estim.deviation.jumps import BadFrames, Jump
 from estim.deviation.lacking import DeviationSize, FoundDeviation, pose_deviation
 from estim.deviation.noise import FreeStart
 from estim.deviation.posing import FoundForce, Posed, bad_frames, pose_force
-from estim.deviation.replicas import MixtureErrors, replicas
+from estim.deviation.repetition import MixtureErrors, replicas
 from estim.deviation.usual_errors import USUAL, WithUsualErrors, read_off

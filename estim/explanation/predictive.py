@@ -1,7 +1,7 @@
 """Does the model bring back what matters?  Data sets drawn from the posterior beside the one that was measured (posterior predictive checks).
 
 For each draw of the parameters the readings are made again, with what the curve lacks as the data leave it and with new noise
-(`estim.deviation.replicas`); each statistic T of them is compared with T of the data:
+(`estim.deviation.repetition`); each statistic T of them is compared with T of the data:
 
     p = 2 min{P(T_again >= T), P(T_again <= T)},    ties shared evenly                    Gelman, Meng, Stern, Stat. Sinica 6 (1996) 733
 

@@ -24,10 +24,10 @@ _OF_INTEREST = ("gamma", "kappa", "theta0")
 _LARGE = 1e6  # odds that nobody needs more exactly
 _WORTH = ((1.0, "hardly worth a mention"), (3.0, "positive"), (5.0, "strong"))  # of a log Bayes factor: Kass and Raftery 1995
 _GROUNDS = {
-    Ground.ROOM: "it has room for what a curve may lack, and no model of something that it does not contain has more evidence",
-    Ground.UNDECIDED: "{best} has more evidence, but these data do not tell it apart from models without what it adds",
+    Ground.ROOM: "it has room for what a curve may lack, and no model of something that it does not contain has more {what}",
+    Ground.UNDECIDED: "{best} has more {what}, but these data do not tell it apart from models without what it adds",
     Ground.SHOWN: "it adds something that the default does not contain, and the data tell it apart from every model without that",
-    Ground.BEST: "of the models that are ok it has the most evidence",
+    Ground.BEST: "of the models that are ok it has the most {what}",
     Ground.NONE: "no model is ok",
 }
 _LACKS = {
@@ -107,8 +107,8 @@ def ground_words(comparison: ModelComparison) -> str:
     """Why the recommended model is recommended."""
     good = [row for row in comparison.rows if row.ok]
     best = min(good, key=lambda row: row.odds if comparison.by_evidence else row.behind).model.name if good else ""
-    words = _GROUNDS[comparison.ground].format(best=best)
-    return words if comparison.by_evidence or not good else words.replace("evidence", "predictive density (LOO; not every model has an evidence)")
+    what = "evidence" if comparison.by_evidence else "predictive density (leave-one-out; not every model has an evidence)"
+    return _GROUNDS[comparison.ground].format(best=best, what=what)
 
 
 def verdicts(comparison: ModelComparison) -> list[tuple[str, str]]:
