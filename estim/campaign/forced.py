@@ -104,6 +104,14 @@ def force_scale(levels: Levels, circumstances: Circumstances) -> Stance:
     return Stance(scale)
 
 
+def possible_force(levels: Levels, circumstances: Circumstances) -> Stance:
+    """The same for a comparison of models: as stated, the default also where 0 is stated; none where there is an obstacle."""
+    level = _stated(levels)
+    if level is not None and not level.table.unmodelled_force and not any(obstacle.stands(circumstances) for obstacle in OBSTACLES):
+        return Stance(FORCE_SCALE)
+    return force_scale(levels, circumstances)
+
+
 def complete_as(reason: str, run: str) -> Finding:
     """That the curve of a run is taken as complete, and why."""
     return Finding(Kind.CURVE_COMPLETE, run=run, names=(reason,))

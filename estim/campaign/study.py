@@ -8,8 +8,10 @@ from typing import Protocol
 import numpy as np
 
 from estim.campaign.campaign_file import NoiseTable
+from estim.campaign.curve_models import CurveModel
 from estim.campaign.levels import Path
 from estim.campaign.noise_models import Candidate
+from estim.deviation import BadFrames
 from estim.explanation import Suspects
 from estim.fitting import Fit
 from estim.problem import Problem
@@ -43,6 +45,12 @@ class Study(Protocol):
 
     def noise_models(self, name: str, table: Run) -> tuple[Candidate, ...]:
         """The models of the noise that the data of a run allow, two at least."""
+
+    def curve_models(self, names: Sequence[str], tables: Mapping[str, Run]) -> tuple[CurveModel, ...]:
+        """The models of the runs `names` that can be compared, two at least."""
+
+    def fit_model(self, model: CurveModel, tables: Mapping[str, Run], *, bad: Mapping[str, BadFrames], rng: np.random.Generator) -> Fit:
+        """The posterior mode of one of them; bad : run -> frames that another model shows to be shifted."""
 
     def place_of_unknowns(self, name: str) -> Path:
         """Where in the file the unknowns of a run are declared."""

@@ -16,8 +16,9 @@ import click
 
 from estim.cli.calibrating import run_calibrations
 from estim.cli.causes import say_causes, with_causes
-from estim.cli.comparing import compare as compare_models
+from estim.cli.comparing import compare as compare_noise
 from estim.cli.importing import import_run
+from estim.cli.models import compare_models
 from estim.cli.propagating import say_propagated
 from estim.cli.straight import say_straight_line
 from estim.cli.terminal import (
@@ -52,7 +53,7 @@ _SEED = click.option("--seed", type=click.IntRange(min=0, max=2**63 - 1), defaul
 _NO_FIGURES = click.option("--no-figures", is_flag=True, help="Write the report without figures, for its text and numbers alone: it is done sooner.")
 
 
-@click.group(context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100})
+@click.group(context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100}, commands=[compare_models])
 @click.version_option(package_name="estim")
 def cli() -> None:
     """Uncertainties and Bayesian parameter estimation for lab experiments.
@@ -106,8 +107,7 @@ def fit(
     if compare:
         if explain or marginal is not None:
             raise InputError("does not go with --explain, --marginal or --full", field="--compare")
-        drawn = not no_figures
-        _exit_unless(compare_models(loaded, groups, folder, seed=seed, max_steps=max_steps, resume=resume, stop=stop, figures=drawn))
+        _exit_unless(compare_noise(loaded, groups, folder, seed=seed, max_steps=max_steps, resume=resume, stop=stop, figures=not no_figures))
         return
     stores = stores_of(folder, groups, joint=joint, resume=resume)
     results, explanations = {}, []

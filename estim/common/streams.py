@@ -35,6 +35,8 @@ class Stream(IntEnum):
     EXPLANATION = 16  # of what a curve lacks: null distributions
     PARTS = 17  # of bodies
     FRICTION = 18  # as stated
+    AGAIN = 19  # data sets drawn from a posterior
+    WIDTHS = 20  # of priors, in a comparison of models
     MEASUREMENT = 30  # models: propagated distributions
 
 

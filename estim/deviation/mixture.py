@@ -40,6 +40,10 @@ class Mixture:
     terms: tuple[Terms, ...]
     lost: float
 
+    def with_columns(self, columns: FloatArray) -> Mixture:
+        """The same components beside other small systematic effects, columns (n_obs, n_column), whitened."""
+        return Mixture(self.deviation, columns, tuple(_terms(family, columns) for family in self.deviation.families), self.lost)
+
     @property
     def n_component(self) -> int:
         return sum(family.amplitude.size for family in self.deviation.families)

@@ -6,5 +6,6 @@ from estim.studies.comparison import Compared, compare_noise
 from estim.studies.determination import Determination, determine
 from estim.studies.energy import Drift, EnergyEstimate, EnergyRecord, drift_of, energy_along
 from estim.studies.limits import Narrowing
+from estim.studies.models import FORCE, START, ComparedModel, Ground, Lack, ModelComparison, compare_models, contains
 from estim.studies.reanalysis import BodyAnalysis, Reanalysis, reanalyse
 from estim.studies.weighing import Weighing, weigh
