@@ -12,6 +12,7 @@ from types import MappingProxyType
 
 import numpy as np
 
+from estim.arrays import FloatArray
 from estim.campaign.between_runs import spreads_of, varied
 from estim.campaign.binding import KINDS_OF_QUANTITIES, Bound, bind_quantities, grip_of, total_mass
 from estim.campaign.blur import blur_cause, blurs
@@ -19,6 +20,7 @@ from estim.campaign.campaign_file import CampaignFile, NoiseTable
 from estim.campaign.causes import Sketch, Surroundings, sketches
 from estim.campaign.effects import setting_of
 from estim.campaign.forced import KEY, Circumstances, Stance, fit_with_forces, force_scale, refuse_force
+from estim.campaign.foreseen import foreseen_information
 from estim.campaign.levels import Levels, noise_level
 from estim.campaign.noise_models import Candidate, noise_candidates
 from estim.campaign.plausible import check_speeds
@@ -26,6 +28,7 @@ from estim.campaign.points import Observed, observe
 from estim.campaign.shared_force import tied_points
 from estim.campaign.usual import with_usual_errors
 from estim.curves import DisturbedMotion, DisturbedMotionCurve, DisturbedPhaseCurve, MotionCurve, PhaseCurve, RollingMotion, Setting
+from estim.deviation import ForceSize
 from estim.explanation import Cause, Suspects
 from estim.fitting import Fit, fit_least_squares, scanned_fit
 from estim.problem import Curve, Observations, Parameter, Prior, Problem, shared_first
@@ -118,6 +121,10 @@ class RollingStudy:
         if not any(run.force for run in problem.runs):
             return fit
         return fit_with_forces(fit, tables, {run.name: self.levels(run.name) for run in problem.runs}, rng=rng)
+
+    def foreseen(self, problem: Problem, tables: Mapping[str, Run], values: FloatArray, sizes: Mapping[str, ForceSize]) -> FloatArray:
+        """With an unmodelled force beside the curve of every run of known `sizes`.  Raises InputError where that cannot be linearised."""
+        return foreseen_information(problem, tables, {run.name: self.levels(run.name) for run in problem.runs}, values, sizes)
 
     def check(self, name: str, tables: Mapping[str, Run]) -> None:
         """Raises InputError where the data of a run cannot be what the campaign says of them."""

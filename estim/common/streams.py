@@ -35,6 +35,8 @@ class Stream(IntEnum):
     EXPLANATION = 16  # of what a curve lacks: null distributions
     PARTS = 17  # of bodies
     FRICTION = 18  # as stated
+    PLAN_FIT = 19
+    PLAN_DRAWS = 20  # against which linear theory is held
 
 
 def stream(seed: int, name: Stream, *index: int) -> np.random.Generator:

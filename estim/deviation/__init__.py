@@ -1,11 +1,11 @@
 """What the curve lacks, as covariance: an unmodelled force along a track, a deviation of any curve, errors that are correlated in time.
 
-Read `components` first, then `force`, then `posing` (a run) and `joint` (several): to the noise that a chain samples under; `lacking` for a
-user's own curve.  Imports `common` and `problem`."""
+Read `components` first, then `force`, `posing` (a run) and `joint` (several): to the noise that a chain samples under; `lacking` for own curves."""
 
 from estim.deviation.autocorrelated import AutoCorrelated
 from estim.deviation.completed import Completed
 from estim.deviation.course import Course, Rows
+from estim.deviation.expected import ForceSize, expected_root, force_sizes
 from estim.deviation.grid import FORCE_SCALE, SCALES
 from estim.deviation.joint import JointlyPosed, pose_forces
 from estim.deviation.jumps import BadFrames, Jump
