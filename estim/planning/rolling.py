@@ -19,7 +19,7 @@ from estim.problem import Observations, Problem
 from estim.reading import Run
 
 _BEYOND = 3  # frames behind the turning point
-_LONGER = 4.0  # times the duration of the run that it is like: how long a new run may take
+_LONGER = (1, 2, 4)  # times the duration of the run that it is like: how long a new run may take
 _MOST = 3000  # frames
 _ENDS = 1.02  # times the farthest reading, which has an error: where the ramp is taken to end
 _BEGUN = 0.02  # of the ramp: how far a body must have gone to show in which direction
@@ -123,14 +123,17 @@ def _measured_first(run: Observations, table: Run, named: Mapping[str, FloatArra
     t = table.columns["t_s"]
     dt = float(np.median(np.diff(t)))
     t = t[t >= release] if run.noise.made_of_positions else t
-    n = int(min(_LONGER * t.size, _MOST)) if run.noise.made_of_positions else t.size
-    t = t[0] + dt * np.arange(n)
-    x = follow(run, t - release, named) if run.noise.made_of_positions else _curve(run, t, named)
+    for longer in _LONGER if run.noise.made_of_positions else _LONGER[:1]:
+        n = min(longer * table.lines.size, _MOST)
+        t = t[0] + dt * np.arange(n)
+        x = follow(run, t - release, named) if run.noise.made_of_positions else _curve(run, t, named)
+        if np.max(x) > end or np.argmax(x) < n - 1:
+            break
     begun = np.flatnonzero(np.abs(x) > _BEGUN * end)
-    if not np.all(np.isfinite(x)) or not begun.size or x[begun[0]] < 0.0:
+    if not begun.size or x[begun[0]] < 0.0:
         raise InputError("it does not climb: the body rolls back, or stays, at its release", field="run")
-    out = np.flatnonzero(x > end)
-    last = int(out[0]) if out.size else n
+    out = np.flatnonzero(~(x <= end))  # a body that is gone has no place at all
+    last = int(out[0]) if out.size else x.size
     if run.noise.made_of_positions:
         last = min(last, int(np.argmax(x[:last])) + _BEYOND)
     remark = f"followed to the end of the ramp, {end:.2g} {'m' if table.coordinate == 'x_m' else 'rad'}" if out.size and out[0] <= last else ""
@@ -179,7 +182,7 @@ def _denser(places: FloatArray, frames: float) -> FloatArray:
 def _farther(run: Observations, places: FloatArray, named: Mapping[str, FloatArray], release: float, end: float, in_time: bool) -> FloatArray:
     """The places, and as many further ones as bring the body to `end`, or to its turning point."""
     step = float(np.median(np.diff(places)))
-    longer = np.append(places, places[-1] + step * np.arange(1, min(int(_LONGER * places.size), _MOST)))
+    longer = np.append(places, places[-1] + step * np.arange(1, min(_LONGER[-1] * places.size, _MOST)))
     if not in_time:
         x = longer
         moving = np.isfinite(_curve(run, longer, named))
