@@ -131,7 +131,8 @@ def wishes_of(basis: RollingBasis | CurveBasis) -> dict[str, Wish]:
     u = float(np.radians(0.4))
     steep = {"phi": Quantity(float(np.radians(8.0)), u), "theta0": Quantity(float(np.radians(75.0)), float(np.radians(1.5)))}
     found["run"] = Wish("a run at 8°, 75°", MORE, runs=(NewRun(name, like, steep),))
-    found["heavier"] = Wish("the disk with γ = 0.28(1), at 6°", MORE, runs=(NewRun(name, like, {"gamma": Quantity(0.28, 0.01), "phi": Quantity(0.105, u)}),))
+    heavier = {"gamma": Quantity(0.28, 0.01), "phi": Quantity(0.105, u)}
+    found["heavier"] = Wish("the disk with γ = 0.28(1), at 6°", MORE, runs=(NewRun(name, like, heavier),))
     found["together"] = replace(found["run"], group=BETTER, words="a run at 8°, 75°, and φ of the others to half")
     return found | {"together": replace(found["together"], u=dict(found["phi"].u))} if "phi" in found else found
 

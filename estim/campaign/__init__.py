@@ -1,4 +1,4 @@
-"""A campaign file bound to curves: levels, windows, which rows are fit with which noise; designs.  Read `bodies` first, `levels` for what runs share."""
+"""A campaign file bound to curves: levels, windows, noise, designs, variations.  Read `bodies` first, `levels` for what runs share."""
 
 from estim.campaign.binding import gamma_of_body, gamma_origin, parted_bodies
 from estim.campaign.campaign import Campaign, load_campaign

@@ -50,12 +50,15 @@ class PlanTable(msgspec.Struct, forbid_unknown_fields=True, frozen=True, rename=
     change: list[ChangeTable] = []
 
 
+NO_PLAN = PlanTable()
+
+
 def check_plan(plan: PlanTable, names: tuple[str, ...], places: Places, *, own_curve: bool = False) -> PlanTable:
     """The plan itself.  Raises InputError where a plan names what is not there, or asks for what cannot be counted."""
-    for key, stands in (("runs", own_curve), ("readings", not own_curve)):
-        if stands and getattr(plan, key):
-            other = "a rolling body (write [[plan.readings]])" if own_curve else "a curve of your own (write [[plan.runs]])"
-            raise places.error(f"goes with {other}", ("plan", key))
+    if own_curve and plan.runs:
+        raise places.error("goes with a rolling body (write [[plan.readings]])", ("plan", "runs", 0, "like"), field="plan.runs")
+    if plan.readings and not own_curve:
+        raise places.error("goes with a curve of your own (write [[plan.runs]])", ("plan", "readings", 0, "x"), field="plan.readings")
     for i, run in enumerate(plan.runs):
         if run.like not in names:
             raise places.error(f"must name one of the runs ({', '.join(names)})", ("plan", "runs", i, "like"), value=run.like)

@@ -17,7 +17,6 @@ from estim.problem import Parameter
 _HALF = 0.5
 _EXACT = 1e-4  # of a stated uncertainty
 _DOUBLINGS = 4
-_MOST_NEW = 16  # runs
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,7 +33,7 @@ class Way:
 
 @dataclass(frozen=True, eq=False)
 class Halving:
-    """The ways for one target, the enough ones first."""
+    """The ways for one target: those that are enough, stated quantities before data, then the others, the best first."""
 
     target: Parameter
     ways: tuple[Way, ...]
@@ -48,9 +47,10 @@ def ways_to_halve(basis: Basis, here: Outlook, targets: Sequence[Parameter], now
         ways = [_better(here, wish, target, sd) for wish in measured_better(here.problem, factor=1.0)]
         ways += _steps(basis, here, target, sd)
         more = [option for option in options if option.wish.group == MORE and (len(option.wish.runs) == 1 or option.wish.readings)]
+        more = [option for option in more if option.wish.runs or not option.wish.own] or more
         if more:
             ways.append(_many(basis, here, min(more, key=lambda option: option.ratio[k]), target, sd))
-        found.append(Halving(target, tuple(sorted(ways, key=lambda way: (not way.enough, way.ratio)))))
+        found.append(Halving(target, tuple(sorted(ways, key=lambda way: 0.0 if way.enough else way.ratio))))
     return tuple(found)
 
 
@@ -94,19 +94,26 @@ def _many(basis: Basis, here: Outlook, best: Option, target: Parameter, now: flo
         option = weigh(basis, here, several, [target], np.array([now]))
         return several.words, float("inf") if option.reason else float(option.ratio[0])
 
-    return _doubled(of)
+    return _doubled(of, between=True)
 
 
 def _more_often(wish: Wish, times: int) -> Wish:
     readings = tuple(Readings(one.run, one.x, one.n * times) for one in wish.readings)
-    return replace(wish, words=f"{wish.words}, {times} times as many", readings=readings)
+    return replace(wish, words=f"{wish.readings[0].n * times} further readings{wish.which}", readings=readings)
 
 
-def _doubled(of: Callable[[int], tuple[str, float]]) -> Way:
-    """The first of 2, 4, 8, 16 times that is enough, else the best of them that can be had."""
-    ways = []
+def _doubled(of: Callable[[int], tuple[str, float]], *, between: bool = False) -> Way:
+    """The first of 2, 4, 8, 16 times that is enough, else the best of them that can be had.  between: or the least number of times."""
+    ways: list[Way] = []
     for i in range(1, _DOUBLINGS + 1):
         ways.append(Way(*of(2**i)))
         if ways[-1].enough:
-            return ways[-1]
-    return min(ways, key=lambda way: way.ratio)
+            break
+    else:
+        return min(ways, key=lambda way: way.ratio)
+    low, high, least = 2 ** (i - 1), 2**i, ways[-1]
+    while between and high - low > 1:
+        middle = (low + high) // 2
+        way = Way(*of(middle))
+        low, high, least = (low, middle, way) if way.enough else (middle, high, least)
+    return least

@@ -57,6 +57,7 @@ def more_readings(basis: CurveBasis, here: Outlook, targets: Sequence[Parameter]
             for allowed in (inside, np.ones(inside.size, dtype=bool)):
                 x = float(f"{along.x[allowed][np.argmin(ratio[allowed])]:.3g}")
                 where = "" if along.inside[0] <= x <= along.inside[1] else ", outside the range so far"
-                words = f"{n} further reading{'s' * (n > 1)} at x = {x:g}" + (f" in {along.run}" if len(here.problem.runs) > 1 else "") + where
-                wishes[along.run, x] = Wish(words, MORE, readings=(Readings(along.run, x, n),))
+                which = f" at x = {x:g}" + (f" in {along.run}" if len(here.problem.runs) > 1 else "") + where
+                words = f"{n} further reading{'s' * (n > 1)}{which}"
+                wishes[along.run, x] = Wish(words, MORE, readings=(Readings(along.run, x, n),), which=which)
     return tuple(wishes.values())

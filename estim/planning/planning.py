@@ -11,14 +11,14 @@ says how far it is to be trusted.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
 from estim.arrays import FloatArray
 from estim.calibration import Engine, posterior_draws
-from estim.campaign import Campaign, as_complete
+from estim.campaign import Campaign, as_complete, quantity_of_key
 from estim.common import InputError, Stream, split_level, stream
 from estim.fitting import Fit
 from estim.planning.halving import Halving, ways_to_halve
@@ -27,10 +27,10 @@ from estim.planning.places import Along, more_readings, weigh_places
 from estim.planning.rolling import Outlook, RollingBasis, rolling_basis
 from estim.planning.suggestions import more_runs, planned_runs
 from estim.planning.weighing import Option, sds_with, weigh
-from estim.planning.wishes import OTHERWISE, Readings, Wish, better_words, measured_better, measured_otherwise
+from estim.planning.wishes import BETTER, MORE, OTHERWISE, Readings, Wish, better_words, measured_better, measured_otherwise
 from estim.problem import MEASURED, Flat, Parameter, Problem, Uniform, n_uses
 
-FAR = 0.25  # how far linear theory may be from the drawn posterior before it is not to be trusted
+FAR = 0.15  # how far linear theory may be from the drawn posterior before it is not to be trusted
 _ESS = 1000.0
 Progress = Callable[[int, int], None]
 
@@ -77,14 +77,16 @@ def plan(campaign: Campaign, names: Sequence[str], *, wanted: Sequence[str] = ()
     if any(run.positions for run in problem.runs):
         problem = as_complete(problem, "estim plan")
     campaign.require_unknowns(problem)
+    targets = targets_of(campaign, problem, wanted)
+    asked = (*_asked_changes(campaign, problem), *planned_runs(campaign), *_asked_readings(campaign, names))
     fit = campaign.fit(problem, rng=stream(seed, Stream.PLAN_FIT))
-    targets = targets_of(campaign, fit.problem, wanted)
     basis = rolling_basis(campaign, names, fit) if campaign.formula is None else CurveBasis(campaign, tuple(names), fit)
     nothing = Wish("as things are", OTHERWISE)
     here = basis.outlook(nothing)
     columns = [here.problem.names.index(p.name) for p in targets]
     now = sds_with(here, {}, targets)
-    wishes, done = _wishes(campaign, basis, here, now, targets), list[Option]()
+    suggested = _suggested(campaign, basis, here, targets) if campaign.source.plan.built_in else ()
+    wishes, done = (*asked, *suggested), list[Option]()
     for i, wish in enumerate(wishes):
         done.append(weigh(basis, here, wish, targets, now))
         if progress is not None:
@@ -119,33 +121,24 @@ def targets_of(campaign: Campaign, problem: Problem, wanted: Sequence[str]) -> t
     return tuple(unknown or [p for p in of_curve if not isinstance(p.prior, MEASURED)] or of_curve or problem.parameters)
 
 
-def _wishes(
-    campaign: Campaign, basis: RollingBasis | CurveBasis, here: Outlook, now: FloatArray, targets: Sequence[Parameter]
-) -> list[Wish]:
-    asked = [*_asked_changes(campaign, here.problem), *planned_runs(campaign), *_asked_readings(campaign, basis)]
-    if not campaign.source.plan.built_in:
-        return asked
-    if isinstance(basis, CurveBasis):
-        more = more_readings(basis, here, targets)
-    else:
-        more = more_runs(campaign, basis.fit)
-    return [*asked, *measured_better(here.problem), *measured_otherwise(moving=campaign.formula is None), *more]
+def _suggested(campaign: Campaign, basis: RollingBasis | CurveBasis, here: Outlook, targets: Sequence[Parameter]) -> tuple[Wish, ...]:
+    more = more_readings(basis, here, targets) if isinstance(basis, CurveBasis) else more_runs(campaign, basis.fit)
+    return (*measured_better(here.problem), *measured_otherwise(moving=campaign.formula is None), *more)
 
 
-def _asked_readings(campaign: Campaign, basis: RollingBasis | CurveBasis) -> list[Wish]:
+def _asked_readings(campaign: Campaign, names: Sequence[str]) -> list[Wish]:
     wishes = []
     for one in campaign.source.plan.readings:
-        run = one.run or basis.names[0]
-        if run in basis.names:
-            words = f"{one.n} further reading{'s' * (one.n > 1)} at x = {one.x:g}" + (f" in {run}" if len(basis.names) > 1 else "")
-            wishes.append(Wish(words, "more data", own=True, readings=(Readings(run, one.x, one.n),)))
+        run = one.run or names[0]
+        if run in names:
+            which = f" at x = {one.x:g}" + (f" in {run}" if len(names) > 1 else "")
+            words = f"{one.n} further reading{'s' * (one.n > 1)}{which}"
+            wishes.append(Wish(words, MORE, own=True, readings=(Readings(run, one.x, one.n),), which=which))
     return wishes
 
 
 def _asked_changes(campaign: Campaign, problem: Problem) -> list[Wish]:
     """What [[plan.change]] asks for.  Raises InputError with its line."""
-    from estim.campaign import quantity_of_key
-
     wishes = []
     for i, change in enumerate(campaign.source.plan.change):
         u: dict[str, float] = {}
@@ -166,7 +159,7 @@ def _asked_changes(campaign: Campaign, problem: Problem) -> list[Wish]:
         words += [f"{change.frames:g} times as many frames"] if change.frames != 1.0 else []
         words += [f"{change.reading_error:g} times the error of a reading"] if change.reading_error != 1.0 else []
         words += [f"{change.reach:g} times the way"] if change.reach != 1.0 else []
-        group = "a quantity measured better" if u and len(words) == len(change.u) else OTHERWISE
-        own = Wish(change.name or "; ".join(words), group, own=True, u=u, frames=change.frames, error=change.reading_error, reach=change.reach)
-        wishes.append(replace(own, words=f"{change.name} ({'; '.join(words)})") if change.name else own)
+        said = f"{change.name} ({'; '.join(words)})" if change.name else "; ".join(words)
+        group = BETTER if len(words) == len(change.u) else OTHERWISE
+        wishes.append(Wish(said, group, own=True, u=u, frames=change.frames, error=change.reading_error, reach=change.reach))
     return wishes

@@ -62,11 +62,10 @@ class RollingBasis:
         release = {name: self.release[old] for name in (*self.names, *like) if (old := like.get(name, name)) in self.release}
         tables, remarks, named = dict(changed.tables), list[str](), self.fit.problem.named(self.fit.values)
         for run in self.fit.problem.runs:
-            ramp = self.ramp[tables[run.name].coordinate]
-            tables[run.name] = _measured_again(run, tables[run.name], named, release.get(run.name, 0.0), wish, ramp)
-        old = {run.name: run for run in self.fit.problem.runs}
+            tables[run.name] = _measured_again(run, tables[run.name], named, release.get(run.name, 0.0), wish)
+        measured = {run.name: run for run in self.fit.problem.runs}
         for new in wish.runs:
-            posed = replace(old[new.like], arguments=MappingProxyType(self._arguments(old[new.like], new)))
+            posed = replace(measured[new.like], arguments=MappingProxyType(self._arguments(measured[new.like], new)))
             table, remark = _measured_first(posed, tables[new.name], named, release.get(new.name, 0.0), self.ramp)
             tables[new.name] = table
             remarks += [remark] if remark else []
@@ -106,7 +105,7 @@ def rolling_basis(campaign: Campaign, names: Sequence[str], fit: Fit) -> Rolling
     return RollingBasis(campaign, tuple(names), fit, release, MappingProxyType(force_sizes(fit.posterior, fit.values)), MappingProxyType(ramp))
 
 
-def _measured_again(run: Observations, table: Run, named: Mapping[str, FloatArray], release: float, wish: Wish, ramp: float) -> Run:
+def _measured_again(run: Observations, table: Run, named: Mapping[str, FloatArray], release: float, wish: Wish) -> Run:
     """The table of a run without its errors, with other frames, or followed farther."""
     where = "t_s" if run.noise.made_of_positions or run.positions else table.coordinate
     places = _denser(table.columns[where], wish.frames)
@@ -131,7 +130,7 @@ def _measured_first(run: Observations, table: Run, named: Mapping[str, FloatArra
             break
     begun = np.flatnonzero(np.abs(x) > _BEGUN * end)
     if not begun.size or x[begun[0]] < 0.0:
-        raise InputError("it does not climb: the body rolls back, or stays, at its release", field="run")
+        raise InputError("does not start: the body rolls back, or stays where it is released", field="run")
     out = np.flatnonzero(~(x <= end))  # a body that is gone has no place at all
     last = int(out[0]) if out.size else x.size
     if run.noise.made_of_positions:
@@ -145,7 +144,7 @@ def _speeds_first(run: Observations, table: Run, named: Mapping[str, FloatArray]
     places = np.linspace(float(np.min(x)), end, x.size)
     v = _curve(run, places, named)
     if not np.isfinite(v[1]):
-        raise InputError("it does not climb, or turns before the first place where speeds are measured", field="run")
+        raise InputError("does not start, or turns before the first place where speeds are measured", field="run")
     turned = np.flatnonzero(~np.isfinite(v))
     if turned.size:
         places = np.linspace(places[0], places[turned[0] - 1], x.size)

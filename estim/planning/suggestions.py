@@ -38,15 +38,16 @@ def planned_runs(campaign: Campaign) -> tuple[Wish, ...]:
         said = planned_quantities(campaign.source, table, i)
         new = tuple(NewRun(_free_name(campaign, i, k), table.like, said) for k in range(table.repeats))
         several = f"{table.repeats} runs" if table.repeats > 1 else "a run"
-        words = _run_words(several, campaign.study.body_of(table.like) or "", said) if said else f"{several} like {table.like}"
-        wishes.append(Wish(words, MORE, own=True, runs=new))
+        which = _which(campaign.study.body_of(table.like) or "", said) if said else f" like {table.like}"
+        wishes.append(Wish(several + which, MORE, own=True, runs=new, which=which))
     return tuple(wishes)
 
 
 def again(wish: Wish, times: int) -> Wish:
     """The wish with each of its runs so many times."""
     runs = tuple(NewRun(f"{run.name}.{k}", run.like, run.said) for run in wish.runs for k in range(times))
-    return Wish(f"{wish.words}, {times} times", MORE, wish.own, runs=runs)
+    words = f"{times * len(wish.runs)} runs{wish.which}" if wish.which else f"{wish.words}, {times} times"
+    return Wish(words, MORE, wish.own, runs=runs, which=wish.which)
 
 
 def _once_more(names: Sequence[str], campaign: Campaign) -> Wish:
@@ -58,8 +59,8 @@ def _other_runs(runs: Sequence[Observations], fit: Fit, named: Mapping[str, obje
     tilts, releases = ([float(_value(run, argument, named)) for run in runs] for argument in ("phi", "theta0"))
     middle = int(np.argsort(tilts)[len(tilts) // 2])
     like, tilt, release = runs[middle], tilts[middle], releases[middle]
-    u_tilt, u_release, gamma, u_gamma = (_stated_u(like, "phi", fit), _stated_u(like, "theta0", fit), _value(like, "gamma", named), _stated_u(like, "gamma", fit))
-    wishes = []
+    u_tilt, u_release, u_gamma = (_stated_u(like, argument, fit) for argument in ("phi", "theta0", "gamma"))
+    gamma, wishes = _value(like, "gamma", named), list[Wish]()
     for factor in _TILTS:
         for turn in _TURNS:
             angle = degrees(release) + turn
@@ -81,17 +82,18 @@ def _other_runs(runs: Sequence[Observations], fit: Fit, named: Mapping[str, obje
 
 def _run(number: str, like: Observations, said: Mapping[str, Quantity], body: str, tilt: float, release: float) -> Wish:
     shown = {"phi": Quantity(tilt), "theta0": Quantity(release)} | dict(said)
-    return Wish(_run_words("a run", body, shown), MORE, runs=(NewRun(f"{like.name}+{number}", like.name, said),))
+    which = _which(body, shown)
+    return Wish(f"a run{which}", MORE, runs=(NewRun(f"{like.name}+{number}", like.name, said),), which=which)
 
 
-def _run_words(what: str, body: str, said: Mapping[str, Quantity]) -> str:
+def _which(body: str, said: Mapping[str, Quantity]) -> str:
     places = []
     if "phi" in said:
         places.append(f"φ = {degrees(said['phi'].value):.2g}°")
     if "theta0" in said:
-        places.append(f"θ₀ = {degrees(said['theta0'].value):.3g}°")
-    which = f"the disk of {body} with γ = {said['gamma'].value:.2g}" if "gamma" in said else body
-    return f"{what} of {which}" + (f" at {', '.join(places)}" if places else "")
+        places.append(f"θ₀ = {degrees(said['theta0'].value):.0f}°")
+    whose = f"the disk of {body} with γ = {said['gamma'].value:.2g}" if "gamma" in said else body
+    return f" of {whose}" + (f" at {', '.join(places)}" if places else "")
 
 
 def _value(run: Observations, argument: str, named: Mapping[str, object]) -> float:

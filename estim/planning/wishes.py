@@ -33,7 +33,7 @@ class Wish:
     words : what it is, for a reader.  own : whether the campaign's [plan] asks for it.
     u : parameter -> standard uncertainty with which it would be stated, own unit.
     frames : times as many frames (readings of one's own curve).  error : times as large an error of a reading.  reach : times as far.
-    runs, readings : further ones.
+    runs, readings : further ones.  which : they are, where their number stands before it (" of heavy at φ = 4°"), for another number of them.
     """
 
     words: str
@@ -45,6 +45,7 @@ class Wish:
     reach: float = 1.0
     runs: tuple[NewRun, ...] = ()
     readings: tuple[Readings, ...] = ()
+    which: str = ""
 
 
 def by_quantity(parameters: Iterable[Parameter]) -> dict[str, tuple[Parameter, ...]]:
@@ -71,7 +72,7 @@ def better_words(parameters: Sequence[Parameter], u: Mapping[str, float]) -> str
     new = sorted({f"{u[p.name] * label.factor:.2g}" for p in parameters})
     old = sorted({f"{p.prior.sd * label.factor:.2g}" for p in parameters if isinstance(p.prior, MEASURED)})
     unit = "" if label.unit == "1" else label.unit if label.unit == "°" else f" {label.unit}"
-    several = f", all {len(parameters)}" if len(parameters) > 1 else ""
+    several = {1: "", 2: ", both"}.get(len(parameters), f", all {len(parameters)}")
     before = f" (from {_range(old)}{unit})" if old else ""
     return f"{label.symbol} to ±{_range(new)}{unit}{before}{several}"
 

@@ -9,6 +9,7 @@ from estim.reports.energy import energy_report
 from estim.reports.explanation import explanation_lines
 from estim.reports.interop import HOW_TO_GET, can_write_netcdf, to_netcdf
 from estim.reports.line import line_report
+from estim.reports.plan import plan_answers, plan_report, plan_status
 from estim.reports.reanalysis import reanalysis_report
 from estim.reports.result import result_of
 from estim.reports.weighing import body_lines, body_report
