@@ -13,7 +13,7 @@ from __future__ import annotations
 import argparse
 import sys
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from types import MappingProxyType
@@ -98,6 +98,10 @@ def fitted(campaign: Campaign, problem: Problem, start: FloatArray, rng: np.rand
     return fit_with_forces(white, campaign.tables, levels, rng=rng)
 
 
+def rms(rows: list[FloatArray]) -> FloatArray:
+    return np.asarray(np.sqrt(np.mean(np.square(rows), axis=0)))
+
+
 def achieved(basis: RollingBasis | CurveBasis, wish: Wish, targets: Sequence[Parameter], *, trials: int, seed: int, ess: float = 400.0) -> Achieved:
     """Trials of what a wish proposes."""
     there = basis.outlook(wish)
@@ -114,7 +118,8 @@ def achieved(basis: RollingBasis | CurveBasis, wish: Wish, targets: Sequence[Par
             continue
         sds.append(np.std(draws[:, columns], axis=0))
         off.append(np.mean(draws[:, columns], axis=0) - there.values[columns])
-    rms: Callable[[list[FloatArray]], FloatArray] = lambda rows: np.sqrt(np.mean(np.square(rows), axis=0))  # noqa: E731
+        if len(sds) % 20 == 0:
+            print(f"  {wish.words}, {len(sds)}: {rms(sds) / predicted} {rms(off) / predicted}", file=sys.stderr, flush=True)
     return Achieved(predicted, rms(sds) / predicted, rms(off) / predicted, len(sds), failed)
 
 
