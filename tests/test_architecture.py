@@ -68,7 +68,7 @@ def test_physics_needs_numpy_and_nothing_else():
 
 
 def test_the_command_line_alone_knows_click():
-    assert importers("click") == {"estim.cli.commands", "estim.cli.models", "estim.cli.terminal"}
+    assert importers("click") == {"estim.cli.commands", "estim.cli.models", "estim.cli.planning", "estim.cli.terminal"}
 
 
 def test_inference_meets_physics_in_six_files():

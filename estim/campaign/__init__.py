@@ -1,6 +1,4 @@
-"""A campaign file bound to curves: levels, windows, which rows are fit with which noise; designs of synthetic ones.
-
-Read `bodies` first, `levels` for what runs share."""
+"""A campaign file bound to curves: levels, windows, noise, designs, variations.  Read `bodies` first, `levels` for what runs share."""
 
 from estim.campaign.binding import gamma_of_body, gamma_origin, parted_bodies
 from estim.campaign.campaign import Campaign, load_campaign
@@ -13,3 +11,4 @@ from estim.campaign.parts import OUTPUTS, PartedBody, correlations, known_to, no
 from estim.campaign.quantities import EFFECTS
 from estim.campaign.selection import way_back
 from estim.campaign.usual import USUAL_KEYS
+from estim.campaign.variation import NewRun, axis_columns, otherwise, planned_quantities, quantity_of_key, with_own_gamma, with_runs, with_tables

@@ -12,6 +12,7 @@ from types import MappingProxyType
 
 import numpy as np
 
+from estim.arrays import FloatArray
 from estim.campaign.between_runs import spreads_of, varied
 from estim.campaign.binding import KINDS_OF_QUANTITIES, Bound, bind_quantities, grip_of, total_mass
 from estim.campaign.blur import blur_cause, blurs
@@ -20,6 +21,7 @@ from estim.campaign.causes import Sketch, Surroundings, sketches
 from estim.campaign.curve_models import ADDED, CurveModel, Outline, outlines
 from estim.campaign.effects import setting_of
 from estim.campaign.forced import KEY, Circumstances, Stance, fit_with_forces, force_scale, possible_force, refuse_force
+from estim.campaign.foreseen import foreseen_information
 from estim.campaign.levels import Levels, noise_level
 from estim.campaign.noise_models import Candidate, noise_candidates
 from estim.campaign.plausible import check_speeds
@@ -29,7 +31,7 @@ from estim.campaign.shared_force import tied_points
 from estim.campaign.unforced import fit_alike
 from estim.campaign.usual import with_usual_errors
 from estim.curves import DisturbedMotion, DisturbedMotionCurve, DisturbedPhaseCurve, MotionCurve, PhaseCurve, RollingMotion, Setting
-from estim.deviation import BadFrames
+from estim.deviation import BadFrames, ForceSize
 from estim.explanation import Cause, Suspects
 from estim.fitting import Fit, fit_least_squares, scanned_fit
 from estim.problem import Curve, Observations, Parameter, Prior, Problem, shared_first
@@ -162,6 +164,9 @@ class RollingStudy:
         """The mode with the stated noise alone."""
         fit = fit_least_squares(problem, rng=rng, n_start=_STARTS if len(problem.runs) <= _MANY_RUNS else _FEW_STARTS)
         return scanned_fit(fit, rng=rng) if problem.n_par <= MAX_PARAMETERS else fit
+    def foreseen(self, problem: Problem, tables: Mapping[str, Run], values: FloatArray, sizes: Mapping[str, ForceSize]) -> FloatArray:
+        """With an unmodelled force beside the curve of every run of known `sizes`.  Raises InputError where that cannot be linearised."""
+        return foreseen_information(problem, tables, {run.name: self.levels(run.name) for run in problem.runs}, values, sizes)
 
     def check(self, name: str, tables: Mapping[str, Run]) -> None:
         """Raises InputError where the data of a run cannot be what the campaign says of them."""

@@ -18,6 +18,7 @@ import msgspec
 
 from estim.campaign.effect_table import EffectTable
 from estim.campaign.part_table import PartTable
+from estim.campaign.plan_table import NO_PLAN, PlanTable, check_plan
 from estim.campaign.prior_table import PriorTable, Value, read_prior
 from estim.common import EXTREME, InputError, Quantity, extreme, first_alike, forms, read_quantity
 from estim.problem import Prior
@@ -130,6 +131,7 @@ class _TopTable(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_only
     runs: list[dict[str, Any]] = []
     line: dict[str, Any] | None = None
     curve: dict[str, Any] | None = None
+    plan: dict[str, Any] | None = None
 
 
 class _CurveRun(msgspec.Struct, frozen=True):
@@ -152,7 +154,7 @@ class CampaignFile:
     """A campaign file as read, structure checked, numbers not yet interpreted.
 
     files : run -> its file as written.  runs : of rolling bodies; empty where the curve is the user's own.
-    curve : None where the runs are of rolling bodies.
+    curve : None where the runs are of rolling bodies.  plan : what might be measured next.
     """
 
     path: Path
@@ -168,6 +170,7 @@ class CampaignFile:
     line: LineTable | None
     parts: Mapping[str, PartTable]
     curve: OwnCurve | None = None
+    plan: PlanTable = NO_PLAN
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -239,7 +242,8 @@ def read_campaign_file(path: Path, *, measured: bool = True) -> CampaignFile:
     if line is not None and line.body not in bodies:
         raise places.error(f"must name one of the bodies ({', '.join(bodies) or 'none defined'})", ("line", "body"), value=line.body)
     files = {run.name: run.file for run in runs}
-    return CampaignFile(path, digest, places, top.title, top.kind, top.published, shared, bodies, files, runs, line, parts)
+    plan = NO_PLAN if top.plan is None else check_plan(checked(top.plan, PlanTable, places, ("plan",)), tuple(files), places)
+    return CampaignFile(path, digest, places, top.title, top.kind, top.published, shared, bodies, files, runs, line, parts, plan=plan)
 
 
 def _with_own_curve(path: Path, digest: str, places: Places, top: _TopTable) -> CampaignFile:
@@ -251,7 +255,9 @@ def _with_own_curve(path: Path, digest: str, places: Places, top: _TopTable) -> 
     named = [checked(run, _CurveRun, places, ("runs", i)) for i, run in enumerate(top.runs)]
     check_run_names([run.name for run in named], places)
     files = {run.name: run.file for run in named}
-    return CampaignFile(path, digest, places, top.title, top.kind, None, LevelTable(), {}, files, (), None, {}, OwnCurve(top.curve or {}, top.runs))
+    plan = NO_PLAN if top.plan is None else checked(top.plan, PlanTable, places, ("plan",))
+    plan, curve = check_plan(plan, tuple(files), places, own_curve=True), OwnCurve(top.curve or {}, top.runs)
+    return CampaignFile(path, digest, places, top.title, top.kind, None, LevelTable(), {}, files, (), None, {}, curve, plan)
 
 
 def check_run_names(names: Sequence[str], places: Places) -> None:

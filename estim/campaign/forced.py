@@ -137,7 +137,7 @@ def fit_with_forces(white: Fit, tables: Mapping[str, Run], levels: Mapping[str, 
     Where a run cannot be linearised the curves are taken as complete.  Raises InputError where its force was asked for.
     """
     problem = white.problem
-    courses = {run.name: _course(run, tables[run.name]) for run in problem.runs if run.force}
+    courses = {run.name: course_of(run, tables[run.name]) for run in problem.runs if run.force}
     if white.singular:
         return _unforced(white, {name: levels[name] for name in courses}, "some combination of the parameters is not determined at all")
     try:
@@ -196,7 +196,7 @@ def _free_fit(white: Fit, courses: Mapping[str, Course], *, rng: np.random.Gener
     return free, found
 
 
-def _course(run: Observations, table: Run) -> Course:
+def course_of(run: Observations, table: Run) -> Course:
     """The motion of a run and its readings: all rows of the table where the points are made of them, else those that are fit."""
     t = table.columns.get("t_s")
     every = np.arange(run.n_obs)

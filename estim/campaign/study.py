@@ -7,11 +7,12 @@ from typing import Protocol
 
 import numpy as np
 
+from estim.arrays import FloatArray
 from estim.campaign.campaign_file import NoiseTable
 from estim.campaign.curve_models import CurveModel
 from estim.campaign.levels import Path
 from estim.campaign.noise_models import Candidate
-from estim.deviation import BadFrames
+from estim.deviation import BadFrames, ForceSize
 from estim.explanation import Suspects
 from estim.fitting import Fit
 from estim.problem import Problem
@@ -36,6 +37,12 @@ class Study(Protocol):
 
     def fit(self, problem: Problem, tables: Mapping[str, Run], *, rng: np.random.Generator) -> Fit:
         """The posterior mode, where the data determine one."""
+
+    def foreseen(self, problem: Problem, tables: Mapping[str, Run], values: FloatArray, sizes: Mapping[str, ForceSize]) -> FloatArray:
+        """(n_par, n_par) information at `values` that runs with `tables` would give, priors included.
+
+        sizes : run -> how large its unmodelled force is; runs without one have none.
+        """
 
     def check(self, name: str, tables: Mapping[str, Run]) -> None:
         """Raises InputError where the data of a run cannot be what the campaign says of them."""

@@ -38,6 +38,8 @@ class Stream(IntEnum):
     AGAIN = 19  # data sets drawn from a posterior
     WIDTHS = 20  # of priors, in a comparison of models
     MEASUREMENT = 30  # models: propagated distributions
+    PLAN_FIT = 31
+    PLAN_DRAWS = 32  # against which linear theory is held
 
 
 def stream(seed: int, name: Stream, *index: int) -> np.random.Generator:

@@ -1,10 +1,10 @@
-"""What the curve lacks, as covariance: an unmodelled force along a track, a deviation of any curve, errors that are correlated in time.
+"""What the curve lacks, as covariance: a force along a track, deviations, errors correlated in time.  Read `components` first, then `posing`."""
 
-Read `components` first, then `force`, `posing` (a run), `joint` (several), `lacking` (a user's curve).  Imports `common` and `problem`."""
 from estim.deviation.alike import log_rescaled, log_restarted, pose_alike
 from estim.deviation.autocorrelated import AutoCorrelated
 from estim.deviation.completed import Completed
 from estim.deviation.course import Course, Rows
+from estim.deviation.expected import ForceSize, expected_root, force_sizes
 from estim.deviation.grid import FORCE_SCALE, SCALES, START_SD
 from estim.deviation.joint import JointlyPosed, pose_forces
 from estim.deviation.jumps import BadFrames, Jump

@@ -7,9 +7,7 @@ from estim.reports.energy import energy_report
 from estim.reports.explanation import explanation_lines
 from estim.reports.interop import HOW_TO_GET, can_write_netcdf, to_netcdf
 from estim.reports.line import line_report
-from estim.reports.measurement import measurement_lines, measurement_report
-from estim.reports.models import ground_words, models_report, verdicts
+from estim.reports.others import body_lines, body_report, ground_words, measurement_lines, measurement_report, models_report, plan_answers
+from estim.reports.others import plan_report, plan_status, straight_line_lines, straight_line_report, verdicts
 from estim.reports.reanalysis import reanalysis_report
 from estim.reports.result import result_of
-from estim.reports.straight_line import straight_line_lines, straight_line_report
-from estim.reports.weighing import body_lines, body_report
