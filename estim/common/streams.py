@@ -35,6 +35,7 @@ class Stream(IntEnum):
     EXPLANATION = 16  # of what a curve lacks: null distributions
     PARTS = 17  # of bodies
     FRICTION = 18  # as stated
+    REGIMES = 19  # what is known of bodies that are mapped
 
 
 def stream(seed: int, name: Stream, *index: int) -> np.random.Generator:

@@ -4,4 +4,4 @@ Read `least_squares` first, `analysis` for the theta_min line."""
 
 from estim.line.analysis import LineAnalysis, analyse_line
 from estim.line.least_squares import CONVENTIONS
-from estim.line.series import read_theta_min
+from estim.line.series import ThetaMinSeries, read_theta_min

@@ -10,5 +10,6 @@ from estim.reports.explanation import explanation_lines
 from estim.reports.interop import HOW_TO_GET, can_write_netcdf, to_netcdf
 from estim.reports.line import line_report
 from estim.reports.reanalysis import reanalysis_report
+from estim.reports.regimes import fitted_values, map_lines, map_report
 from estim.reports.result import result_of
 from estim.reports.weighing import body_lines, body_report
