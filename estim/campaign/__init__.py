@@ -6,6 +6,7 @@ from estim.campaign.campaign_file import CampaignFile, Kind, NoiseTable, checked
 from estim.campaign.curve_models import CurveModel
 from estim.campaign.design import load_design, simulate_campaign
 from estim.campaign.forced import as_complete
+from estim.campaign.levels import body_levels
 from estim.campaign.noise_models import Candidate
 from estim.campaign.parts import OUTPUTS, PartedBody, correlations, known_to, notes_of
 from estim.campaign.quantities import EFFECTS

@@ -18,6 +18,7 @@ from estim.cli.calibrating import run_calibrations
 from estim.cli.causes import say_causes, with_causes
 from estim.cli.comparing import compare as compare_noise
 from estim.cli.importing import import_run
+from estim.cli.mapping import map_motions
 from estim.cli.models import compare_models
 from estim.cli.planning import plan_next
 from estim.cli.propagating import say_propagated
@@ -54,7 +55,7 @@ _SEED = click.option("--seed", type=click.IntRange(min=0, max=2**63 - 1), defaul
 _NO_FIGURES = click.option("--no-figures", is_flag=True, help="Write the report without figures, for its text and numbers alone: it is done sooner.")
 
 
-@click.group(context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100}, commands=[compare_models, plan_next])
+@click.group(context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100}, commands=[compare_models, plan_next, map_motions])
 @click.version_option(package_name="estim")
 def cli() -> None:
     """Uncertainties and Bayesian parameter estimation for lab experiments.

@@ -98,6 +98,7 @@ class Kind(StrEnum):
     RESIDUALS_SMALL = auto()
     PATTERN_COVERED = auto()
     NEIGHBOURS_ALIKE = auto()
+    NOISE_WITH_SPEED = auto()
     CHI2_TOO_LARGE = auto()
     CHI2_SMALL = auto()
     SCATTER_TOO_LARGE = auto()
@@ -122,6 +123,8 @@ class Kind(StrEnum):
     ROLLING_SURE = auto()
     ROLLING_DOUBTFUL = auto()
     ROLLING_HOPS = auto()
+    # the map of motions
+    RUN_OFF_MAP = auto()
     # candidates for it, each refit
     CAUSE_NAMED = auto()
     CAUSES_ALIKE = auto()
@@ -180,7 +183,7 @@ class Kind(StrEnum):
 _KINDS = {
     Status.NOT_CONVERGED: (Kind.FIT_UNSETTLED, Kind.STEP_UNSETTLED, Kind.CHAIN_SHORT, Kind.WALKERS_STUCK),
     Status.METHODS_DISAGREE: (Kind.METHODS_DIFFER, Kind.SLOPES_DIFFER),
-    Status.CONTRADICTION: (Kind.STATED_DISAGREE, Kind.RUNS_AGAINST_STATED),
+    Status.CONTRADICTION: (Kind.STATED_DISAGREE, Kind.RUNS_AGAINST_STATED, Kind.RUN_OFF_MAP),
     Status.MULTIMODAL: (Kind.SEVERAL_SOLUTIONS,),
     Status.NOT_IDENTIFIED: (Kind.DIRECTION_FLAT, Kind.SINGULAR, Kind.UNDETERMINED, Kind.LINE_NOT_RISING),
     Status.POOR_FIT: (

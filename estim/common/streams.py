@@ -40,6 +40,7 @@ class Stream(IntEnum):
     MEASUREMENT = 30  # models: propagated distributions
     PLAN_FIT = 31
     PLAN_DRAWS = 32  # against which linear theory is held
+    REGIMES = 33  # what is known of bodies that are mapped
 
 
 def stream(seed: int, name: Stream, *index: int) -> np.random.Generator:

@@ -6,6 +6,7 @@ from estim.curves.disturbed import DisturbedMotion, DisturbedMotionCurve, Distur
 from estim.curves.dual import Dual
 from estim.curves.formula import RESERVED, Formula, evaluate, read_formula
 from estim.curves.posing import MAX_OBS, SIGMA, SIGMA_NOTATION, SIGMA_SPREAD, AxisNames, CurveProblem, pose_curve, reading_noise
+from estim.curves.regimes import Fate, borders_of, farthest_stop, fate_at, placed, steepest_tilt, turning_contours
 from estim.curves.rolling import MotionCurve, PhaseCurve, RollingMotion
 from estim.curves.shared_errors import Component, DistortedCurve
 from estim.curves.varying import VaryingCurve, VaryingMotion, shift_of, spread_of

@@ -10,4 +10,5 @@ from estim.reports.line import line_report
 from estim.reports.others import body_lines, body_report, ground_words, measurement_lines, measurement_report, models_report, plan_answers
 from estim.reports.others import plan_report, plan_status, straight_line_lines, straight_line_report, verdicts
 from estim.reports.reanalysis import reanalysis_report
+from estim.reports.regimes import fitted_values, map_lines, map_report
 from estim.reports.result import result_of
