@@ -18,6 +18,7 @@ import click
 from estim.cli.causes import say_causes, with_causes
 from estim.cli.comparing import compare as compare_models
 from estim.cli.importing import import_run
+from estim.cli.release import fit_line_and_trials
 from estim.cli.terminal import (
     NOT_OK,
     announced,
@@ -140,24 +141,8 @@ def fit(
 @_SEED
 @_NO_FIGURES
 def line(campaign: Path, out: Path | None, seed: int, no_figures: bool) -> None:
-    """Fit the theta_min line of CAMPAIGN: sin(theta_min) against sin(phi), whose slope is 1/gamma."""
-    from estim.campaign import gamma_of_body, load_campaign
-    from estim.line import analyse_line, read_theta_min
-    from estim.reports import line_report
-    from estim.sampling import Target
-    from estim.words import Voice
-
-    loaded = load_campaign(campaign)
-    loaded.study.require_body()
-    series = read_theta_min(loaded.source)
-    target = Target()
-    with progress_bar("line", target.max_step) as progress:
-        analysis = analyse_line(series, gamma_masses=gamma_of_body(loaded.source, series.body), seed=seed, target=target, progress=progress)
-    folder = out or Path("out") / campaign.resolve().parent.name / "line"
-    write_report(folder, line_report(loaded, analysis, voice=Voice.COMMANDS, figures=not no_figures))
-    conclude("line", analysis.status, [*analysis.reasons, *filter(None, (analysis.disagreement,))])
-    report_at(folder / "report.md", loaded.source.outside(runs=False, line=True))
-    _exit_unless(analysis.status.ok)
+    """What sets CAMPAIGN's body climbing: the theta_min line (sin theta_min against sin phi, slope 1/gamma), and trials of release."""
+    _exit_unless(fit_line_and_trials(campaign, out, seed=seed, figures=not no_figures))
 
 
 @cli.command()

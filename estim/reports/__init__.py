@@ -11,4 +11,5 @@ from estim.reports.interop import HOW_TO_GET, can_write_netcdf, to_netcdf
 from estim.reports.line import line_report
 from estim.reports.reanalysis import reanalysis_report
 from estim.reports.result import result_of
+from estim.reports.trials import trials_report
 from estim.reports.weighing import body_lines, body_report

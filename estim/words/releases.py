@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from types import MappingProxyType
 
-from estim.common import Finding, Kind, format_quantity
+from estim.common import Finding, Kind, format_quantity, signed
 from estim.words.table import Table
 
 _LEARNT, _SILENT = 0.5, 0.9  # posterior sd / prior sd
@@ -40,7 +40,7 @@ def told_apart(shares: dict[str, float], correlation: float) -> list[str]:
     correlation : of the two in the posterior; nan where one of them is not free.
     """
     names = {"rolling_resistance": "c_rr", "release": "the release"}
-    said = []
+    said, shown = [], signed(f"{correlation:+.2f}")
     for name, share in shares.items():
         if name not in names:
             continue
@@ -49,11 +49,11 @@ def told_apart(shares: dict[str, float], correlation: float) -> list[str]:
     if math.isnan(correlation):
         said.append("only one of c_rr and the release is free here, so it takes up all that raises the angles, whatever the cause")
     elif correlation < -_LEARNT:
-        said.append(f"one of the two can stand in for the other (correlation {correlation:+.2f}): only their sum is known well")
+        said.append(f"one of the two can stand in for the other (correlation {shown}): only their sum is known well")
     elif max(shares.get(name, 0.0) for name in names) > _LEARNT:
-        said.append(f"the two are hardly correlated ({correlation:+.2f}) because their priors hold them, not because the trials tell them apart")
+        said.append(f"the two are hardly correlated ({shown}) because their priors hold them, not because the trials tell them apart")
     else:
-        said.append(f"the trials tell the two apart (correlation {correlation:+.2f})")
+        said.append(f"the trials tell the two apart (correlation {shown})")
     return said
 
 
