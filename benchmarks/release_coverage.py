@@ -8,7 +8,7 @@ their priors, gamma from 0.15 to 0.4.  "exponential": the release costs another 
 has one shift.  "large": it costs 3 degrees at every trial.  Ways: the posterior; the same with the release left out; the same without the errors
 of the tilts; York's line through the lowest angle that climbed at each tilt, with u = 1.5 degrees.  Bias: mean of estimate (median; 1/slope) over
 truth less 1.  Width: median of half of the 68 % interval, of the truth.  A bold number is more than 3 Monte-Carlo standard deviations from the
-stated probability.  Takes about 20 minutes on one core.
+stated probability.  Takes about half an hour on one core.
 """
 
 from __future__ import annotations

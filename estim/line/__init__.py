@@ -4,6 +4,7 @@ Read `least_squares` first, `analysis` for the theta_min line, `release` for tri
 
 from estim.line.analysis import LineAnalysis, analyse_line
 from estim.line.least_squares import CONVENTIONS
+from estim.line.release import effective_start
 from estim.line.release_analysis import UNKNOWNS, WAYS, TrialsAnalysis, analyse_trials
 from estim.line.series import read_theta_min
 from estim.line.trials import HIGH, LOW, read_trials

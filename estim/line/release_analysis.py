@@ -172,9 +172,9 @@ def analyse_trials(
     phi_mean = float(np.mean([tilt.phi for tilt in trials.tilts]))
     begins = effective_start(values, LOW, np.array([phi_mean]), posterior.resistance)[:, 0]
     above = begins - start_angle(math.sin(phi_mean) / values["gamma"])
-    free = [name for name in ("rolling_resistance", "release", "scatter") if name in values]
-    told = {
-        name: Told(float(values[name].std() / posterior.priors[name].sd), float(np.corrcoef(values[name], values["gamma"])[0, 1])) for name in free
+    told: dict[str, Told] = {
+        name: Told(float(values[name].std() / posterior.priors[name].sd), float(np.corrcoef(values[name], values["gamma"])[0, 1]))
+        for name in ("rolling_resistance", "release", "scatter") if name in values
     }
     both = "rolling_resistance" in values and "release" in values
     correlation = float(np.corrcoef(values["rolling_resistance"], values["release"])[0, 1]) if both else math.nan

@@ -123,8 +123,8 @@ def _ways(analysis: TrialsAnalysis, line: LineAnalysis | None) -> dict[str, WayR
 
 def _plain(gamma: Quantity) -> Summary:
     """A value and a standard uncertainty as a summary, normal."""
-    ends = [gamma.value + k * gamma.u for k in (0.0, -1.959964, -0.994458, 0.994458, 1.959964)]
-    return Summary("1", UNKNOWNS["gamma"][1], gamma.value, gamma.u, *ends)
+    q025, q16, q84, q975 = (gamma.value + k * gamma.u for k in (-1.959964, -0.994458, 0.994458, 1.959964))
+    return Summary("1", UNKNOWNS["gamma"][1], gamma.value, gamma.u, gamma.value, q025, q16, q84, q975)
 
 
 def _apart(analysis: TrialsAnalysis) -> list[float] | None:
@@ -180,8 +180,8 @@ def _unknown_cells(result: TrialsResult, name: str, label: Label) -> tuple[str, 
 def _way_cells(row: WayRow) -> tuple[str, str, str, str]:
     if not row.reliable:
         return "n/a (its importance weights cannot be trusted)", "", "", ""
-    shown = ("" if value is None else signed(f"{value:+.2f}") for value in (row.e_n, row.e_n_trials))
-    return value_cell(row.gamma, _GAMMA), interval_cell(row.gamma, _GAMMA), *shown
+    stated, trials = ("" if value is None else signed(f"{value:+.2f}") for value in (row.e_n, row.e_n_trials))
+    return value_cell(row.gamma, _GAMMA), interval_cell(row.gamma, _GAMMA), stated, trials
 
 
 def _threshold_cells(row: ThresholdRow) -> tuple[str, ...]:

@@ -10,7 +10,7 @@ import numpy as np
 
 from estim.arrays import FloatArray
 from estim.common import format_quantity
-from estim.line import HIGH, LOW, TrialsAnalysis
+from estim.line import HIGH, LOW, TrialsAnalysis, effective_start
 from estim.reports.figures import BLUE, GREY, INK, ORANGE, grid, new_figure
 
 if TYPE_CHECKING:
@@ -59,7 +59,7 @@ def _draw_starts(ax: Axes, analysis: TrialsAnalysis, end: str, phi: FloatArray) 
         ax.plot(np.degrees(phi), smallest if end == LOW else 180.0 - smallest, color=ORANGE, lw=1.8, label=label)
     for i, found in enumerate(one for one in analysis.thresholds if one.end == end):
         low, high = np.degrees(found.quantiles[[0, -1]])
-        label = "limit of the ascents, each tilt by itself, 95 %" if i == 0 else None
+        label = "limit of the ascents, each tilt by itself, 95 %" if i == 0 else "_"
         ax.plot([np.degrees(found.phi)] * 2, [low, high], color=GREY, lw=2.5, solid_capstyle="butt", zorder=3, label=label)
 
 
@@ -131,8 +131,8 @@ def _chances(analysis: TrialsAnalysis, phi: float, inside: FloatArray, end: str,
     """(n_draw, n_angle) chance of an ascent at a tilt read as `phi`, over the errors of such a reading, `inside` rad from the vertical at that end."""
     posterior, names = analysis.posterior, analysis.chain.names
     draws = analysis.chain.thinned(n_draw)
-    starts = analysis.starts(end, phi + analysis.trials.u_phi * posterior.nodes, most=n_draw)
-    starts = starts if end == LOW else np.pi - starts
+    values = {name: draws[:, i] for i, name in enumerate(names)}
+    starts = effective_start(values, end, posterior.true_tilts(phi), posterior.resistance)
     zero = draws[:, [names.index("zero_theta")]] * (1.0 if end == LOW else -1.0) if "zero_theta" in names else 0.0
     per_width = math.pi / math.sqrt(3.0) / draws[:, [names.index("scatter")]]
     total = np.zeros((len(draws), inside.size))
