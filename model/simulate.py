@@ -59,7 +59,7 @@ def simulate_trials(
     phi: ArrayLike, gamma: float, *, rolling_resistance: float = 0.0, u_phi: float, scatter: float, release: float, steady: bool = False,
     expected: float, n_trial: int, step: float, largest: bool = False, readings: FloatArray | None = None, rng: np.random.Generator,
 ) -> tuple[FloatArray, FloatArray, NDArray[np.bool_]]:
-    """Trials of release at the true tilts `phi` (n_tilt,): readings of the tilt, angles as set (rad), whether the body climbed, (n_tilt n_trial,) each.
+    """Trials of release at true tilts `phi` (n_tilt,): tilts as read and angles as set (rad), whether the body climbed; (n_tilt n_trial,) each.
 
     At each tilt up and down: the first angle is that which the `expected` gamma gives without any resistance, to a multiple of `step` (rad); after
     an ascent the next is one step lower, else one higher.  The body climbs where the angle, with a logistic error of sd `scatter`, is above

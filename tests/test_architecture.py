@@ -71,9 +71,9 @@ def test_the_command_line_alone_knows_click():
     assert importers("click") == {"estim.cli.commands", "estim.cli.terminal"}
 
 
-def test_inference_meets_physics_in_six_files():
+def test_inference_meets_physics_in_seven_files():
     found = {f"estim.campaign.{name}" for name in ("binding", "design", "parts", "quantities")}
-    found |= {"estim.curves.disturbed", "estim.curves.rolling"}
+    found |= {"estim.curves.disturbed", "estim.curves.rolling", "estim.line.release"}
     assert {m for m in importers("model") if m in ESTIM} == found
 
 

@@ -153,7 +153,8 @@ def release_posterior(trials: Trials, resistance: Prior | float, *, split: bool 
     nodes, (mean, shrinkage) = _nodes(trials), _tilts_of(trials)
     weights = np.exp(-0.5 * nodes**2)
     return ReleasePosterior(
-        tuple(priors), trials, priors, resistance if isinstance(resistance, float) else math.nan, mean, shrinkage, nodes, np.log(weights / weights.sum())
+        tuple(priors), trials, priors, resistance if isinstance(resistance, float) else math.nan, mean, shrinkage, nodes,
+        np.log(weights / weights.sum()),
     )
 
 

@@ -179,8 +179,8 @@ def analyse_trials(
     both = "rolling_resistance" in values and "release" in values
     correlation = float(np.corrcoef(values["rolling_resistance"], values["release"])[0, 1]) if both else math.nan
     return TrialsAnalysis(
-        trials, posterior, chain, agreement, ways, apart, thresholds(trials, values["scatter"]), Quantity(float(above.mean()), float(above.std(ddof=1))), phi_mean,
-        told, correlation, gamma_masses, findings, seed,
+        trials, posterior, chain, agreement, ways, apart, thresholds(trials, values["scatter"]),
+        Quantity(float(above.mean()), float(above.std(ddof=1))), phi_mean, told, correlation, gamma_masses, findings, seed,
     )
 
 

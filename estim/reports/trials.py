@@ -105,7 +105,8 @@ def _shown_prior(analysis: TrialsAnalysis, name: str) -> str:
     """The prior in the unit in which its unknown is shown."""
     trials, degrees = analysis.trials, math.degrees
     return {
-        "scatter": f"log-normal about {degrees(trials.u_theta):.3g}, within a factor of 4 with 95 %", "release": f"half-normal, scale {degrees(trials.release):.3g}",
+        "scatter": f"log-normal about {degrees(trials.u_theta):.3g}, within a factor of 4 with 95 %",
+        "release": f"half-normal, scale {degrees(trials.release):.3g}",
         "zero_phi": f"normal, sd {degrees(trials.u_zero_phi):.3g}", "zero_theta": f"normal, sd {degrees(trials.u_zero_theta):.3g}",
     }.get(name) or analysis.posterior.priors[name].describe()
 
@@ -132,7 +133,9 @@ def _apart(analysis: TrialsAnalysis) -> list[float] | None:
     return None if apart is None else [apart.difference.value, apart.difference.u, apart.sds, apart.e_n]
 
 
-def trials_files(campaign: Campaign, analysis: TrialsAnalysis, *, line: LineAnalysis | None, voice: Voice) -> tuple[Drawers, dict[str, object], bytes]:
+def trials_files(
+    campaign: Campaign, analysis: TrialsAnalysis, *, line: LineAnalysis | None, voice: Voice
+) -> tuple[Drawers, dict[str, object], bytes]:
     """Figures, what the template of the section needs, and `trials.json`."""
     result = trials_result(campaign, analysis, line=line, voice=voice)
     synthetic = campaign.kind == "synthetic"
@@ -157,14 +160,16 @@ def trials_values(result: TrialsResult) -> dict[str, object]:
     """What the section of a report needs."""
     status = Status(result.status)
     labels = {name: UNKNOWNS[name][2].label(UNKNOWNS[name][0]) for name in result.unknowns}
-    masses = None if result.gamma_masses is None or result.u_gamma_masses is None else format_quantity(result.gamma_masses, result.u_gamma_masses)
+    masses = None if result.gamma_masses is None else format_quantity(result.gamma_masses, result.u_gamma_masses)
     return {
         "result": result, "kind": KINDS[result.kind], "status_words": STATUS_WORDS[status], "meaningless": not status.draws_count,
-        "gamma": value_cell(result.unknowns["gamma"], _GAMMA) if status.ok else None, "gamma_interval": interval_cell(result.unknowns["gamma"], _GAMMA),
+        "gamma": value_cell(result.unknowns["gamma"], _GAMMA) if status.ok else None,
+        "gamma_interval": interval_cell(result.unknowns["gamma"], _GAMMA),
         "gamma_masses": masses, "unknowns": [_unknown_cells(result, name, label) for name, label in labels.items()],
         "ways": [(row.words, *_way_cells(row)) for row in result.ways.values()],
         "apart": None if result.ends_apart is None else (
-            format_quantity(result.ends_apart[0], result.ends_apart[1]), signed(f"{result.ends_apart[2]:+.1f}"), signed(f"{result.ends_apart[3]:+.2f}")
+            format_quantity(result.ends_apart[0], result.ends_apart[1]),
+            signed(f"{result.ends_apart[2]:+.1f}"), signed(f"{result.ends_apart[3]:+.2f}")
         ),
         "offset": None if result.offset is None else format_quantity(math.degrees(result.offset[0]), math.degrees(result.offset[1])),
         "phi_mean": f"{math.degrees(result.phi_mean):.2g}", "thresholds": [_threshold_cells(row) for row in result.thresholds],

@@ -102,7 +102,8 @@ def chances_figure(analysis: TrialsAnalysis, *, synthetic: bool) -> Figure:
             ax.fill_between(np.degrees(angles), *ends, color=BLUE, alpha=alpha, lw=0, label=label)
         ax.plot(np.degrees(angles), np.median(chance, axis=0), color=BLUE, lw=1.2)
         if len(trials.ends) > 1 and trials.u_zero_theta > 0.0:  # else the two ends have one curve
-            ax.plot(np.degrees(angles), np.median(_chances(analysis, tilt.phi, angles, HIGH), axis=0), color=ORANGE, lw=1.4, ls="--", label="above 90°")
+            middle = np.median(_chances(analysis, tilt.phi, angles, HIGH), axis=0)
+            ax.plot(np.degrees(angles), middle, color=ORANGE, lw=1.4, ls="--", label="median above 90°")
         for climbed, level, step in ((True, 1.0, -0.07), (False, 0.0, 0.07)):
             below: Counter[float] = Counter()
             for end in trials.ends:
@@ -128,7 +129,7 @@ def chances_figure(analysis: TrialsAnalysis, *, synthetic: bool) -> Figure:
 
 
 def _chances(analysis: TrialsAnalysis, phi: float, inside: FloatArray, end: str, *, n_draw: int = 300) -> FloatArray:
-    """(n_draw, n_angle) chance of an ascent at a tilt read as `phi`, over the errors of such a reading, `inside` rad from the vertical at that end."""
+    """(n_draw, n_angle) chance of an ascent at a tilt read as `phi`, over its errors, `inside` rad from the vertical at that end."""
     posterior, names = analysis.posterior, analysis.chain.names
     draws = analysis.chain.thinned(n_draw)
     values = {name: draws[:, i] for i, name in enumerate(names)}

@@ -44,7 +44,7 @@ def told_apart(shares: dict[str, float], correlation: float) -> list[str]:
     for name, share in shares.items():
         if name not in names:
             continue
-        verdict = "learnt from the trials" if share < _LEARNT else "what was assumed, hardly changed" if share > _SILENT else "partly what was assumed"
+        verdict = "learnt from the trials" if share < _LEARNT else "partly what was assumed" if share < _SILENT else "hardly more than was assumed"
         said.append(f"{names[name]}: {verdict} (posterior sd {100 * share:.0f} % of the prior's)")
     if math.isnan(correlation):
         said.append("only one of c_rr and the release is free here, so it takes up all that raises the angles, whatever the cause")
