@@ -48,17 +48,16 @@ from estim.sampling import (
     Bands,
     Certificate,
     Chain,
+    Optima,
     Progress,
     Stop,
     Store,
     Target,
-    adapt_proposal,
-    compare_with_chain,
+    certified_chain,
     marginal_chain,
     no_comparison,
     posterior_bands,
     sample_posterior,
-    second_opinion,
     summarise_parameter,
     too_many,
 )
@@ -151,34 +150,24 @@ def analyse_fit(
 ) -> Analysis:
     """What follows a fit, however its problem was posed.  tested : whether there are residuals to test."""
     target, problem, conflict = target or Target(), fit.problem, check_stated_values(fit)
-    chain_rng, proposal_rng = stream(seed, Stream.CHAIN), stream(seed, Stream.PROPOSAL)
-    certificate = None
+    certificate, chain_rng = None, stream(seed, Stream.CHAIN)
+    density = folded(fit.posterior, fit.symmetry, fit.values)
+    most = MAX_TIED if problem.shared else MAX_PARAMETERS
     if conflict.flagrant:
         few = replace(target, max_step=min(target.max_step, _A_FEW))
         chain = sample_posterior(fit.posterior, fit.values, fit.cov, target=few, rng=chain_rng, progress=progress)
         comparison = no_comparison(fit.names, Finding(Kind.NOT_SAMPLED))
     elif marginal if marginal is not None else _through_marginal(fit):
         chain, comparison = marginal_chain(fit, target=target, rng=chain_rng, progress=progress, store=store, stop=stop)
-    else:
-        proposal, density = None, folded(fit.posterior, fit.symmetry, fit.values)
-        most = MAX_TIED if problem.shared else MAX_PARAMETERS
-        if problem.n_par <= most:
-            if progress is not None:
-                progress(0, "second opinion")
-            ends = optima(fit)
-            starts, covs = tuple(ends.values[1:]), tuple(ends.covs[1:])
-            starts += fit.further_starts
-            covs += fit.further_covs
-            proposal = adapt_proposal(density, fit.values, fit.cov, rng=proposal_rng, starts=starts, covs=covs)
-            heavy = tuple(ends.values[1:][ends.shares[1:] > _NEGLIGIBLE])
-            certificate, proposal = second_opinion(
-                density, fit.values, fit.cov, proposal, rng=proposal_rng, starts=heavy, support=problem.support(), n_obs=problem.n_obs
-            )
-        chain = sample_posterior(
-            density, fit.values, fit.cov, target=target, rng=chain_rng, progress=progress, proposal=proposal, store=store, stop=stop
+    elif problem.n_par <= most:
+        pair = certified_chain(
+            density, _optima_of(fit), target=target, seed=seed, most=most, support=problem.support(), n_obs=problem.n_obs,
+            progress=progress, store=store, stop=stop,
         )
-        missing = no_comparison(fit.names, too_many(problem.n_par, most))
-        comparison = missing if certificate is None else compare_with_chain(certificate, chain, most=most)
+        certificate, chain, comparison = pair.certificate, pair.chain, pair.comparison
+    else:
+        chain = sample_posterior(density, fit.values, fit.cov, target=target, rng=chain_rng, progress=progress, store=store, stop=stop)
+        comparison = no_comparison(fit.names, too_many(problem.n_par, most))
     goodness = check_goodness(fit, rng=stream(seed, Stream.GOODNESS)) if tested else untested(fit)
     identifiability = identify(fit)
     modes = find_modes(fit, chain.thinned(_MODE_DRAWS))
@@ -194,6 +183,13 @@ def analyse_fit(
         problem, fit, certificate, chain, comparison, goodness, identifiability, modes, outliers, consistency, conflict, moved, rolling, diagnosis,
         seed,
     )
+
+
+def _optima_of(fit: Fit) -> Optima:
+    ends = optima(fit)
+    heavy = tuple(ends.values[1:][ends.shares[1:] > _NEGLIGIBLE])
+    starts, covs = (*ends.values[1:], *fit.further_starts), (*ends.covs[1:], *fit.further_covs)
+    return Optima(fit.values, fit.cov, starts, covs, heavy)
 
 
 def asks_for_a_cause(analysis: Analysis) -> bool:

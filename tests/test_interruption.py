@@ -154,7 +154,7 @@ def test_command_refuses_another_seed_and_says_so_in_one_line(fit: Fit, tmp_path
 def test_folder_that_cannot_be_written_is_known_before_sampling(fit: Fit, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "out").mkdir()
     (tmp_path / "out" / ".checkpoint").write_text("in the way")
-    monkeypatch.setattr("estim.pipeline.sample_posterior", lambda *_, **__: pytest.fail("it was sampled"))
+    monkeypatch.setattr("estim.sampling.certified.sample_posterior", lambda *_, **__: pytest.fail("it was sampled"))
     code, _, err = fit("--run", "r")
     assert code == 2
     assert err.startswith(f"error: {tmp_path / 'out' / '.checkpoint'}")

@@ -46,7 +46,7 @@ def never_sampled(monkeypatch: pytest.MonkeyPatch) -> None:
     def sampled(*_: object, **__: object) -> None:
         pytest.fail("it was sampled before it was refused")
 
-    monkeypatch.setattr("estim.pipeline.sample_posterior", sampled)
+    monkeypatch.setattr("estim.sampling.certified.sample_posterior", sampled)
 
 
 @pytest.mark.usefixtures("never_sampled")

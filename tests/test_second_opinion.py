@@ -7,6 +7,7 @@ long tail to 0.  `grid` integrates it over k, q and a by the midpoint rule, over
 from __future__ import annotations
 
 import dataclasses
+import re
 from collections.abc import Callable
 from functools import cache
 
@@ -15,11 +16,11 @@ import pytest
 from scipy.special import ndtr
 from targets import COV, Known, banana, bimodal, box, exponential, half_normal, normal
 
-from estim import pipeline
 from estim.curve_fit import fit_curve
 from estim.fitting.least_squares import Fit
 from estim.pipeline import Analysis, analyse_fit
-from estim.sampling.certificate import Certificate, certify, chain_errors, compare_with_chain
+from estim.sampling import certified
+from estim.sampling.certificate import Agreement, Certificate, certify, chain_errors, compare_with_chain
 from estim.sampling.chain import Chain, Target, sample_posterior
 from estim.sampling.diagnostics import effective_size
 from estim.sampling.exploration import both, ridge_proposal
@@ -152,13 +153,33 @@ def test_chain_without_a_tail_disagrees(monkeypatch: pytest.MonkeyPatch) -> None
     def sample_cut(posterior: object, *args: object, **choices: object) -> Chain:
         return sample_posterior(Cut(posterior, 0.85), *args, **choices)
 
-    monkeypatch.setattr(pipeline, "sample_posterior", sample_cut)
+    monkeypatch.setattr(certified, "sample_posterior", sample_cut)
     analysis = analyse_fit(two_exponentials(), seed=1)
     assert analysis.comparison.verdict == "disagree"
-    assert "chain and importance sampling differ in" in analysis.comparison.reason
+    assert "chain and importance sampling differ (and before, with other random numbers) in" in analysis.comparison.reason
     assert "of k by" in analysis.comparison.reason
     assert analysis.comparison.z_ends[0, 1] > analysis.comparison.limit
     assert any(finding.status == "methods-disagree" for finding in analysis.diagnosis.findings)
+
+
+def test_difference_that_does_not_come_back_was_chance(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The first pair is made to differ; the second, with other random numbers, is the result and says that there was a first."""
+    compared: list[Chain] = []
+
+    def compare(certificate: Certificate, chain: Chain, *, most: int) -> Agreement:
+        compared.append(chain)
+        shifted = dataclasses.replace(chain, draws=chain.draws + 0.3 * chain.flat.std(axis=0))
+        return compare_with_chain(certificate, shifted if len(compared) == 1 else chain, most=most)
+
+    monkeypatch.setattr(certified, "compare_with_chain", compare)
+    analysis = analyse_fit(two_exponentials(), seed=1)
+    first, second = compared
+    assert not np.array_equal(first.draws[0, :20], second.draws[0, :20])
+    assert analysis.chain is second
+    assert analysis.comparison.verdict == "agree"
+    chance = r"; both were computed twice, since the first pair differed by \d+\.\d Monte-Carlo errors, by chance$"
+    assert re.search(chance, analysis.comparison.reason)
+    assert not any(finding.status == "methods-disagree" for finding in analysis.diagnosis.findings)
 
 
 def test_tail_that_changes_no_moment_is_called_by_the_ends_of_the_interval(rng: np.random.Generator) -> None:

@@ -10,7 +10,9 @@ import numpy as np
 import pytest
 
 from estim.campaign import as_complete, load_campaign
+from estim.checks import borne_pattern, check_goodness
 from estim.fitting import finish, fit_least_squares
+from estim.words import tell
 from model import Body, trajectory
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "benchmarks"))
@@ -120,3 +122,21 @@ def test_three_runs_share_the_body_and_the_profile_of_the_ramp_and_nothing_else(
 def test_values_of_several_runs_are_averaged_by_quantity():
     assert by_quantity([1.0, 2.0, 3.0, 5.0, 7.0, 8.0, 8.0, 11.0, 13.0]) == [1.0, 2.0, 5.0, 9.0, 13.0]
     assert by_quantity([1.0, 2.0, 3.0, 4.0, 5.0]) == [1.0, 2.0, 3.0, 4.0, 5.0]
+
+
+def test_neighbours_that_are_alike_are_borne_beside_a_force_and_no_larger_than_stated(tmp_path: Path) -> None:
+    """Errors of successive readings that are correlated by 0.9: a note where a force takes up what they share, a failure where none does."""
+    case = Case("ar1-9", "default", "speeds", replica=4, seed=1)
+    _, campaign, _, _ = recorded(tmp_path, case.name, generator(case), priors=case.priors)
+    problem = campaign.with_usual_errors(campaign.problem(["r"]))
+    (borne,) = check_goodness(campaign.fit(problem, rng=np.random.default_rng(1)), rng=np.random.default_rng(1))
+    assert borne.alike == ("autocorrelation",)
+    assert borne.failed == ()
+    (finding,) = borne_pattern(borne)
+    assert finding.status.ok
+    assert "neighbouring residuals are alike (test 'autocorrelation'" in tell(finding)
+    drifting = {**borne.checks, "trend": replace(borne.checks["trend"], p_value=1e-4)}
+    assert replace(borne, checks=drifting).failed == ("autocorrelation", "trend")
+    assert replace(borne, checks={name: check for name, check in borne.checks.items() if name != "chi2"}).failed == ("autocorrelation",)
+    (plain,) = check_goodness(fit_least_squares(as_complete(problem, "test"), rng=np.random.default_rng(1)), rng=np.random.default_rng(1))
+    assert "autocorrelation" in plain.failed

@@ -159,8 +159,10 @@ def failed_tests(goodness: Sequence[Goodness]) -> list[Finding]:
     return findings
 
 
-def covered_pattern(run: Goodness) -> list[Finding]:
-    """A pattern in the residuals that the stated error covers."""
+def borne_pattern(run: Goodness) -> list[Finding]:
+    """A pattern in the residuals that the stated error covers, or that the intervals bear."""
+    if run.alike:
+        return [Finding(Kind.NEIGHBOURS_ALIKE, run=run.run, p=min(run.checks[name].p_value for name in run.alike), names=run.alike)]
     if not run.covered:
         return []
     chi2 = run.checks["chi2"].statistic
@@ -188,7 +190,7 @@ def _remarks(fit: Fit, chain: Chain, goodness: Sequence[Goodness], conflict: Con
     if fit.n_same < fit.n_start:
         found.append(Finding(Kind.STARTS_ELSEWHERE, size=fit.n_start - fit.n_same, numbers={"starts": fit.n_start}))
     for good, run in zip(goodness, fit.problem.runs, strict=True):
-        found += covered_pattern(good)
+        found += borne_pattern(good)
         chi2 = good.checks.get("chi2")
         if chi2 is not None and chi2.p_value > 1.0 - P_POOR_FIT and not good.covered and run.lacks is None:
             found.append(Finding(Kind.RESIDUALS_SMALL, run=good.run, test="chi2", p=1.0 - chi2.p_value, numbers={"least": P_FLOOR}))

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 from estim.arrays import FloatArray
 from estim.checks.deviations import deviation_finding as deviation_finding
-from estim.checks.diagnosis import covered_pattern, failed_tests
+from estim.checks.diagnosis import borne_pattern, failed_tests
 from estim.checks.goodness import P_POOR_FIT, Goodness
 from estim.common import Amount, Finding, Kind
 from estim.fitting import FEW, PRESSED_BELOW, Fit, Optimum, coverage_of_sd, edge_of, pressed
@@ -57,7 +57,7 @@ def curve_remarks(
         found.append(Finding(Kind.CANCELLATION))
     if not stated and dof <= FEW and not perfect:
         found.append(Finding(Kind.FEW_DEGREES, size=dof, numbers={"coverage": coverage_of_sd(dof)}))
-    covered = [replace(one, run="") for good in goodness for one in covered_pattern(good)]
+    covered = [replace(one, run="") for good in goodness for one in borne_pattern(good)]
     found += covered
     if stated and 1.0 - p_value < P_POOR_FIT and not covered:
         found.append(Finding(Kind.CHI2_SMALL, p=1.0 - p_value, size=chi2, numbers={"dof": dof}))

@@ -17,6 +17,10 @@ all of it together is smaller than one stated standard deviation,
 whatever the number of points, because the standard deviation of a parameter falls as 1/sqrt(n) and a pattern does not.  A parameter is then
 off by one of its standard deviations only if the part of the pattern that looks like the curve outweighs all that does not; the slow part
 weighs more because it is a sign of that.  docs/statistics.md has the coverage.
+
+Speeds made of positions, with an unmodelled force beside them, bear neighbours that are alike (errors of successive readings that follow each
+other), as long as they are no larger than stated and show neither a trend nor a bad point: differences take out what such errors share, the force
+takes up what is left, and the intervals hold what they say (docs/statistics.md).
 """
 
 from __future__ import annotations
@@ -36,6 +40,7 @@ SCATTER_LIMIT = 3.0  # times what the instrument explains: nine tenths of the va
 _NO_ERRORS = 1e-9  # standard deviations; residuals that are all smaller are rounding errors
 _N_SIMULATED = 20_000
 _SLOW_ORDER, _SLOW_WEIGHT = 5, 4.0
+_OF_NEIGHBOURS = frozenset(("runs", "autocorrelation"))
 P_FLOOR = 1.0 / (1.0 + _N_SIMULATED)  # a p-value of the tests below cannot come out smaller
 
 
@@ -59,6 +64,7 @@ class Goodness:
     pattern : size of all residuals together, chi2 + 4 slow, 1: as large as one standard deviation; times the number of runs that are fit
         together, since all of them may have it.
     room : scale of a smooth deviation that would hold the residuals, unit of y, of a curve of the user's that has none; else nan.
+    bears_neighbours : whether the intervals hold what they say although neighbouring residuals are alike.
     """
 
     run: str
@@ -69,6 +75,13 @@ class Goodness:
     scatter_ratio: float
     pattern: float
     room: float
+    bears_neighbours: bool = False
+
+    @property
+    def alike(self) -> tuple[str, ...]:
+        """Names of the tests of neighbours that fail, where they alone do and the intervals bear it."""
+        borne = self.bears_neighbours and "chi2" in self.checks and not self.covered and _OF_NEIGHBOURS.issuperset(self._below)
+        return self._below if borne else ()
 
     @property
     def covered(self) -> tuple[str, ...]:
@@ -85,7 +98,7 @@ class Goodness:
     @property
     def failed(self) -> tuple[str, ...]:
         """Names of the tests that the run fails."""
-        return () if self.covered else self._below
+        return () if self.covered or self.alike else self._below
 
     @property
     def _below(self) -> tuple[str, ...]:
@@ -110,12 +123,14 @@ def check_goodness(fit: Fit, *, rng: np.random.Generator) -> tuple[Goodness, ...
     shifts = (np.linalg.pinv(design / scale, rcond=1e-13) / scale[:, None]) @ np.vstack([*felt, of_priors])
     whitened = posterior.by_run(response.z for response in responses)
     simulated = posterior.by_run(response.moved(error, shifts) for response, error in zip(responses, by_group, strict=True))
+    forced = {name for force in fit.forces for name in force.runs}
     checked = []
     for run, z, null, (raw, sd) in zip(problem.runs, whitened, simulated, _raw_and_sd(fit, named), strict=True):
         empty = no_scatter(run, fit) or float(np.max(np.abs(z))) < _NO_ERRORS
         checks = {"zero": Check(0.0, P_FLOOR, TESTS["zero"])} if empty else _checks(z, null.T, stated=run.stated)
         pattern, room = len(problem.runs) * _pattern(z), _room(run, raw)
-        checked.append(Goodness(run.name, z, raw, sd, checks, _scatter_ratio(run, named), pattern=pattern, room=room))
+        bears = run.name in forced and run.noise.made_of_positions
+        checked.append(Goodness(run.name, z, raw, sd, checks, _scatter_ratio(run, named), pattern=pattern, room=room, bears_neighbours=bears))
     return tuple(checked)
 
 

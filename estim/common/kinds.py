@@ -97,6 +97,7 @@ class Kind(StrEnum):
     RESIDUALS_NOT_RANDOM = auto()
     RESIDUALS_SMALL = auto()
     PATTERN_COVERED = auto()
+    NEIGHBOURS_ALIKE = auto()
     CHI2_TOO_LARGE = auto()
     CHI2_SMALL = auto()
     SCATTER_TOO_LARGE = auto()

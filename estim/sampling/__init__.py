@@ -3,12 +3,12 @@
 Read `chain` first, then `certificate`."""
 
 from estim.sampling.bands import Bands, curve_draws, posterior_bands
-from estim.sampling.certificate import MAX_PARAMETERS, MAX_TIED, Agreement, Certificate, certify, compare_with_chain, no_comparison, too_many
+from estim.sampling.certificate import MAX_PARAMETERS, MAX_TIED, Agreement, Certificate, certify, no_comparison, too_many
+from estim.sampling.certified import Optima, certified_chain
 from estim.sampling.chain import Chain, Progress, Target, sample_posterior
 from estim.sampling.checkpoint import Key, Pieces, PieceStore, Store, fingerprint, only_writer, problem_key
 from estim.sampling.diagnostics import mcse_mean, mixing_of
 from estim.sampling.importance import K_HAT_LIMIT, pareto_smoothed
-from estim.sampling.independent_check import second_opinion
 from estim.sampling.marginal_draws import marginal_chain
 from estim.sampling.proposal import adapt_proposal
 from estim.sampling.stepping import Stop

@@ -18,7 +18,8 @@ def _stuck(f: Finding) -> str:
 
 
 def _differs(f: Finding) -> str:
-    return f"chain and {f.test} differ in " + " and ".join(filled(WORDS, part) for part in f.parts)
+    again = " (and before, with other random numbers)" if "before" in f.numbers else ""
+    return f"chain and {f.test} differ{again} in " + " and ".join(filled(WORDS, part) for part in f.parts)
 
 
 def _difference(f: Finding) -> str:
@@ -33,7 +34,9 @@ def _unreliable(f: Finding) -> str:
 
 def _agrees(f: Finding) -> str:
     words = "means, standard deviations and ends of the 95 % intervals agree within Monte-Carlo errors"
-    return f"{words}; largest difference {f.size:.3f} posterior standard deviations"
+    chance = "; both were computed twice, since the first pair differed by {:.1f} Monte-Carlo errors, by chance"
+    before = chance.format(f.numbers["before"]) if "before" in f.numbers else ""
+    return f"{words}; largest difference {f.size:.3f} posterior standard deviations{before}"
 
 
 def _move(f: Finding) -> str:

@@ -48,8 +48,20 @@ def _small(f: Finding) -> str:
     )
 
 
+def _tests(f: Finding) -> str:
+    return f"test{'s' if len(f.names) > 1 else ''} " + " and ".join(f"'{name}'" for name in f.names)
+
+
+def _alike(f: Finding) -> str:
+    return (
+        f"{_of_run(f)}neighbouring residuals are alike ({_tests(f)}, {_p(f)}), although they are no larger than stated: errors of successive "
+        "readings follow each other. The force takes up what they share, and in simulated runs of this kind the intervals held the true "
+        "values as often as they say"
+    )
+
+
 def _covered(f: Finding) -> str:
-    failed = f"test{'s' if len(f.names) > 1 else ''} " + " and ".join(f"'{name}'" for name in f.names)
+    failed = _tests(f)
     return (
         f"{_of_run(f)}the stated error is conservative: the residuals are {f.size:.2g} of it and have a pattern ({failed}), but all of them "
         f"together are smaller than one stated standard deviation (chi2 = {f.numbers['chi2']:.2g}); it is kept as stated, and {failed} "
@@ -86,6 +98,7 @@ WORDS: Table = MappingProxyType(
             f"{_of_run(f)}the residuals are smaller than the stated noise ({_p(f)}): is the stated sigma too large?"
         ),
         Kind.PATTERN_COVERED: _covered,
+        Kind.NEIGHBOURS_ALIKE: _alike,
         Kind.CHI2_TOO_LARGE: _too_large,
         Kind.CHI2_SMALL: _small,
         Kind.SCATTER_TOO_LARGE: lambda f: f"{_of_run(f)}the inferred scatter is {f.size:.0f} times what the instrument explains",

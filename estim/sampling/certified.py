@@ -1,0 +1,85 @@
+"""A chain and the second computation that it is compared with.
+
+Two computations of the same thing may differ by chance: one pair in 2000 is called (`compare_with_chain`).  Where one is, both are done once
+more with other random numbers.  A difference that comes back is told; one that does not was chance, and the second pair is the result.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+from estim.arrays import FloatArray
+from estim.common import Stream, stream
+from estim.sampling.certificate import Agreement, Certificate, compare_with_chain
+from estim.sampling.chain import Chain, Progress, Target, sample_posterior
+from estim.sampling.checkpoint import Store
+from estim.sampling.independent_check import second_opinion
+from estim.sampling.proposal import adapt_proposal
+from estim.sampling.protocol import Density
+from estim.sampling.ridge import Support
+from estim.sampling.stepping import Stop
+
+_TRIES = 2
+
+
+@dataclass(frozen=True, eq=False)
+class Optima:
+    """Where a density is known to be high: the fit, its covariance, and further optima.
+
+    starts, covs : of the further ones, for the proposal.  heavy : those of a share that quadrature has to look at.
+    """
+
+    value: FloatArray
+    cov: FloatArray
+    starts: Sequence[FloatArray] = ()
+    covs: Sequence[FloatArray] = ()
+    heavy: Sequence[FloatArray] = ()
+
+
+@dataclass(frozen=True, eq=False)
+class Certified:
+    """Draws, the same posterior without a chain, and whether both agree."""
+
+    chain: Chain
+    certificate: Certificate
+    comparison: Agreement
+
+
+def certified_chain(
+    density: Density, optima: Optima, *, target: Target, seed: int, most: int, support: Support | None, n_obs: int,
+    progress: Progress | None = None, store: Store | None = None, stop: Stop | None = None,
+) -> Certified:
+    """Draws of `density` with a second opinion.
+
+    most : parameters beyond which there is no verdict.  n_obs : observations, which say what one evaluation of the density costs.
+    store, stop : of the first chain (`sample_posterior`); a second one is short and starts anew.
+
+    Raises InputError where the store cannot be resumed, NumericalError where the density is not a number.
+    """
+    pairs: list[Certified] = []
+    for i in range(_TRIES):
+        if progress is not None:
+            progress(0, "second opinion" if not pairs else "chain and second opinion differ: both once more")
+        rng = stream(seed, Stream.PROPOSAL, *(() if i == 0 else (i,)))
+        adapted = adapt_proposal(density, optima.value, optima.cov, rng=rng, starts=optima.starts, covs=optima.covs)
+        certificate, proposal = second_opinion(
+            density, optima.value, optima.cov, adapted, rng=rng, starts=optima.heavy, support=support, n_obs=n_obs
+        )
+        chain = sample_posterior(
+            density, optima.value, optima.cov, target=target, rng=stream(seed, Stream.CHAIN, *(() if i == 0 else (i,))), progress=progress,
+            proposal=proposal, store=None if pairs else store, stop=stop,
+        )
+        pairs.append(Certified(chain, certificate, compare_with_chain(certificate, chain, most=most)))
+        if pairs[-1].comparison.verdict != "disagree":
+            break
+    first, last = pairs[0], pairs[-1]
+    if len(pairs) == 1 or last.comparison.verdict == "missing":
+        return first
+    return replace(last, comparison=_after(first.comparison, last.comparison))
+
+
+def _after(first: Agreement, last: Agreement) -> Agreement:
+    """`last`, with the largest difference of the first pair said beside it."""
+    errors = first.told[0].parts[0].numbers["errors"]
+    return replace(last, told=tuple(replace(one, numbers={**one.numbers, "before": errors}) for one in last.told))
