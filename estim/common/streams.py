@@ -35,7 +35,7 @@ class Stream(IntEnum):
     EXPLANATION = 16  # of what a curve lacks: null distributions
     PARTS = 17  # of bodies
     FRICTION = 18  # as stated
-    RELEASE_CHAIN = 19  # of trials of release
+    RELEASE_CHAIN = 19  # of trials of release: where it starts
     RELEASE_DRAWS = 20  # and their importance sampling
 
 

@@ -15,7 +15,8 @@ mean and variance are those of the readings (less u_phi^2, but not below it), pl
     m = mean + k (read - mean),   s = sqrt(k) u_phi,   k = spread^2/(spread^2 + u_phi^2),
 
 by the trapezoid rule, which converges exponentially for so smooth an integrand.  With k = 1 shallow lines are rewarded and gamma comes out too large,
-as for any line with errors in x (`estim.line.posterior`): by 4 % for the series of docs/statistics.md, whose 68 % intervals then cover 62 %.  Zero
+as for any line with errors in x (`estim.line.posterior`): for the series of
+docs/statistics.md the 68 % intervals then cover 62 to 63 %.  Zero
 errors of the two scales are further unknowns.
 
 Priors: gamma uniform in (0, 1), or one for each end (`split`); c_rr as the campaign states it; release half-normal; scatter log-normal about

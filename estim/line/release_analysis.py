@@ -157,7 +157,7 @@ def analyse_trials(
     resistance : prior of c_rr, or its exact value.  gamma_masses : gamma as stated, to compare with; it does not enter.
     """
     posterior = release_posterior(trials, resistance)
-    chain, agreement = sample(posterior, rng=stream(seed, Stream.RELEASE_CHAIN), target=target or Target(), progress=progress)
+    chain, agreement = sample(posterior, rng=stream(seed, Stream.RELEASE_CHAIN), seed=seed, target=target or Target(), progress=progress)
     values = {name: chain.flat[:, i] for i, name in enumerate(chain.names)}
     findings = _findings(trials, posterior, values, chain, agreement)
     ways = {"both": _way(values["gamma"], gamma_masses, True)}

@@ -6,18 +6,7 @@ import numpy as np
 
 from estim.arrays import FloatArray
 from estim.line.release import ReleasePosterior, rough_gamma
-from estim.sampling import (
-    Agreement,
-    Certificate,
-    Chain,
-    Progress,
-    Target,
-    adapt_proposal,
-    certify,
-    compare_with_chain,
-    sample_posterior,
-    second_opinion,
-)
+from estim.sampling import MAX_PARAMETERS, Agreement, Certificate, Chain, Optima, Progress, Target, adapt_proposal, certified_chain, certify
 
 _N_ROUGH = 2000
 _LOG_SD_GAMMA = 0.5  # of the first draws about a rough value
@@ -59,13 +48,16 @@ def weigh(posterior: ReleasePosterior, *, rng: np.random.Generator, n_draw: int 
     return certify(posterior, adapt_proposal(posterior, mean, cov, rng=rng), rng=rng, n_draw=n_draw, least_ess=least_ess)
 
 
-def sample(posterior: ReleasePosterior, *, rng: np.random.Generator, target: Target, progress: Progress | None) -> tuple[Chain, Agreement]:
-    """A chain of the posterior, and how it compares with quadrature or importance sampling."""
-    mean, cov = rough_start(posterior, rng)
-    adapted = adapt_proposal(posterior, mean, cov, rng=rng)
-    certificate, proposal = second_opinion(posterior, mean, cov, adapted, rng=rng, support=posterior.support, n_obs=_cost(posterior))
-    chain = sample_posterior(posterior, mean, cov, target=target, rng=rng, progress=progress, proposal=proposal)
-    return chain, compare_with_chain(certificate, chain)
+def sample(
+    posterior: ReleasePosterior, *, rng: np.random.Generator, seed: int, target: Target, progress: Progress | None
+) -> tuple[Chain, Agreement]:
+    """A chain of the posterior, and how it compares with quadrature or importance sampling.  rng : of the start.  seed : of the draws."""
+    optima = Optima(*rough_start(posterior, rng))
+    support, n_obs = posterior.support, _cost(posterior)
+    found = certified_chain(
+        posterior, optima, target=target, seed=seed, most=MAX_PARAMETERS, support=support, n_obs=n_obs, progress=progress
+    )
+    return found.chain, found.comparison
 
 
 def _cost(posterior: ReleasePosterior) -> int:
