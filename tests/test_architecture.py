@@ -68,12 +68,12 @@ def test_physics_needs_numpy_and_nothing_else():
 
 
 def test_the_command_line_alone_knows_click():
-    assert importers("click") == {"estim.cli.commands", "estim.cli.mapping", "estim.cli.models", "estim.cli.planning", "estim.cli.terminal"}
+    assert all(module.startswith("estim.cli.") for module in importers("click"))
 
 
-def test_inference_meets_physics_in_seven_files():
+def test_inference_meets_physics_in_eight_files():
     found = {f"estim.campaign.{name}" for name in ("binding", "design", "parts", "quantities")}
-    found |= {"estim.curves.disturbed", "estim.curves.regimes", "estim.curves.rolling"}
+    found |= {"estim.curves.disturbed", "estim.curves.regimes", "estim.curves.rolling", "estim.line.release"}
     assert {m for m in importers("model") if m in ESTIM} == found
 
 

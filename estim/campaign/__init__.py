@@ -1,6 +1,6 @@
 """A campaign file bound to curves: levels, windows, noise, designs, variations.  Read `bodies` first, `levels` for what runs share."""
 
-from estim.campaign.binding import gamma_of_body, gamma_origin, parted_bodies
+from estim.campaign.binding import gamma_of_body, gamma_origin, parted_bodies, resistance_of_body
 from estim.campaign.campaign import Campaign, load_campaign
 from estim.campaign.campaign_file import CampaignFile, Kind, NoiseTable, checked, read_campaign_file
 from estim.campaign.curve_models import CurveModel

@@ -3,12 +3,42 @@
 from __future__ import annotations
 
 import os
+import sys
 from collections.abc import Iterable
 from functools import partial
 from pathlib import Path
 
-from estim.cli.terminal import conclude, counted, groups_of, report_at, say, write_report
+import click
+
+from estim.cli.options import JOINT, NO_FIGURES, OUT, RUNS, SEED
+from estim.cli.terminal import NOT_OK, conclude, counted, groups_of, report_at, say, write_report
 from estim.common import Stream, decide, stream
+
+
+@click.command()
+@click.argument("campaign", type=click.Path(path_type=Path))
+@RUNS
+@JOINT
+@click.option("--simulations", type=click.IntRange(min=20), default=200, show_default=True, help="Simulated campaigns for each question.")
+@click.option("--what", type=click.Choice(["sbc", "coverage", "both"]), default="both", show_default=True, help="Truths from the priors, or the fit.")
+@click.option("--jobs", type=click.IntRange(min=1), help="Processes.  [default: one for each core]")
+@OUT
+@SEED
+@NO_FIGURES
+@click.option("--resume", is_flag=True, help="Continue a calibration that was interrupted, from the trials kept in OUT/.checkpoint.")
+def calibrate(
+    campaign: Path, runs: tuple[str, ...], joint: bool, simulations: int, what: str, jobs: int | None, out: Path | None, seed: int, resume: bool,
+    no_figures: bool,
+) -> None:
+    """Check on simulated data whether the intervals for CAMPAIGN hold the truth as often as they say.
+
+    Exit code 3 means that they do not; the report says which one is too narrow, too wide or biased.  Also
+    that processes were killed, twice (too little memory?): one line says so, and there is no report.
+    """
+    if not run_calibrations(
+        campaign, runs, joint=joint, simulations=simulations, what=what, jobs=jobs, out=out, seed=seed, resume=resume, figures=not no_figures
+    ):
+        sys.exit(NOT_OK)
 
 
 def run_calibrations(

@@ -14,15 +14,16 @@ from typing import TYPE_CHECKING
 
 import click
 
-from estim.cli.calibrating import run_calibrations
+from estim.cli.calibrating import calibrate
 from estim.cli.causes import say_causes, with_causes
 from estim.cli.comparing import compare as compare_noise
 from estim.cli.importing import import_run
+from estim.cli.line import line
 from estim.cli.mapping import map_motions
 from estim.cli.models import compare_models
+from estim.cli.options import JOINT, NO_FIGURES, OUT, RUNS, SEED, STEPS
 from estim.cli.planning import plan_next
 from estim.cli.propagating import say_propagated
-from estim.cli.straight import say_straight_line
 from estim.cli.terminal import (
     NOT_OK,
     announced,
@@ -44,18 +45,10 @@ if TYPE_CHECKING:
     from estim.reading import Unit
     from estim.studies import Drift, EnergyRecord
 
-_RUNS = click.option("--run", "runs", multiple=True, metavar="NAME", help="This run only; may be given several times.  [default: every run]")
-_JOINT = click.option("--joint", is_flag=True, help="Fit the runs together: what they share is one unknown.")
-_STEPS = click.option("--max-steps", type=click.IntRange(min=50), default=20_000, show_default=True, help="Hard cap on the sampler's steps.")
-_OUT = click.option(
-    "--out", type=click.Path(path_type=Path, file_okay=False),
-    help="Folder for the report, made if it is not there.  [default: out/ and the name of the campaign's folder]",
+@click.group(
+    context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100},
+    commands=[calibrate, compare_models, line, map_motions, plan_next],
 )
-_SEED = click.option("--seed", type=click.IntRange(min=0, max=2**63 - 1), default=1, show_default=True, help="Seed of every random number.")
-_NO_FIGURES = click.option("--no-figures", is_flag=True, help="Write the report without figures, for its text and numbers alone: it is done sooner.")
-
-
-@click.group(context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100}, commands=[compare_models, plan_next, map_motions])
 @click.version_option(package_name="estim")
 def cli() -> None:
     """Uncertainties and Bayesian parameter estimation for lab experiments.
@@ -66,12 +59,12 @@ def cli() -> None:
 
 @cli.command()
 @click.argument("campaign", type=click.Path(path_type=Path))
-@_RUNS
-@_JOINT
-@_STEPS
-@_OUT
-@_SEED
-@_NO_FIGURES
+@RUNS
+@JOINT
+@STEPS
+@OUT
+@SEED
+@NO_FIGURES
 @click.option(
     "--marginal/--full", default=None, help="Sample a joint fit through the marginal over its runs, or all unknowns at once.  "
     "[default: the marginal for more than 16 runs, and for `positions` with more than 12 unknowns]",
@@ -138,59 +131,13 @@ def fit(
 
 
 @cli.command()
-@click.argument("campaign", metavar="CAMPAIGN|FILE.csv", type=click.Path(path_type=Path))
-@click.option("--x", "x", metavar="NAME", help="Column of FILE.csv.  [default: x]")
-@click.option("--y", "y", metavar="NAME", help="[default: y]")
-@click.option("--ux", metavar="NAME|U", help="Standard uncertainties of x: a column, or a number.  [default: the column u_NAME, if there]")
-@click.option("--uy", metavar="NAME|U", help="The same of y.")
-@click.option("--correlation", metavar="NAME|R", help="Correlation of the two errors of a point.  [default: the column r_xy, if there]")
-@click.option("--predict", multiple=True, metavar="X0", help='y of the line at X0, which may be uncertain: "5.0(1)"; may be given several times.')
-@click.option("--inverse", multiple=True, metavar="Y0", help='x at which the line reaches a reading Y0: "10.5(5)"; may be given several times.')
-@_OUT
-@_SEED
-@_NO_FIGURES
-def line(
-    campaign: Path, x: str | None, y: str | None, ux: str | None, uy: str | None, correlation: str | None, predict: tuple[str, ...],
-    inverse: tuple[str, ...], out: Path | None, seed: int, no_figures: bool,
-) -> None:
-    """Fit the theta_min line of CAMPAIGN (sin(theta_min) against sin(phi), slope 1/gamma), or a line through the points of FILE.csv.
-
-    A table may have errors in y, in both variables, correlated ones, or none (docs/straight-line.md).
-    """
-    names = (x, y, ux, uy, correlation)
-    if campaign.suffix.lower() != ".toml":
-        place = out or Path("out") / campaign.stem
-        _exit_unless(say_straight_line(campaign, names, place, predict=predict, inverse=inverse, figures=not no_figures))
-        return
-    if any((*names, *predict, *inverse)):
-        raise InputError("must be a table of points where columns are named or values asked for", field="FILE.csv", value=str(campaign))
-    from estim.campaign import gamma_of_body, load_campaign
-    from estim.line import analyse_line, read_theta_min
-    from estim.reports import line_report
-    from estim.sampling import Target
-    from estim.words import Voice
-
-    loaded = load_campaign(campaign)
-    loaded.study.require_body()
-    series = read_theta_min(loaded.source)
-    target = Target()
-    with progress_bar("line", target.max_step) as progress:
-        analysis = analyse_line(series, gamma_masses=gamma_of_body(loaded.source, series.body), seed=seed, target=target, progress=progress)
-    folder = out or Path("out") / campaign.resolve().parent.name / "line"
-    write_report(folder, line_report(loaded, analysis, voice=Voice.COMMANDS, figures=not no_figures))
-    conclude("line", analysis.status, [*analysis.reasons, *filter(None, (analysis.disagreement,))])
-    report_at(folder / "report.md", loaded.source.outside(runs=False, line=True))
-    _exit_unless(analysis.status.ok)
-
-
-@cli.command()
 @click.argument("campaign", type=click.Path(path_type=Path))
-@_RUNS
-@_JOINT
-@_STEPS
-@_OUT
-@_SEED
-@_NO_FIGURES
+@RUNS
+@JOINT
+@STEPS
+@OUT
+@SEED
+@NO_FIGURES
 def energy(campaign: Path, runs: tuple[str, ...], joint: bool, max_steps: int, out: Path | None, seed: int, no_figures: bool) -> None:
     """Check the energy along the runs of CAMPAIGN: how much is lost, and is the loss steady?"""
     from estim.campaign import load_campaign
@@ -222,10 +169,10 @@ def energy(campaign: Path, runs: tuple[str, ...], joint: bool, max_steps: int, o
 
 @cli.command()
 @click.argument("campaign", type=click.Path(path_type=Path))
-@_STEPS
-@_OUT
-@_SEED
-@_NO_FIGURES
+@STEPS
+@OUT
+@SEED
+@NO_FIGURES
 def reanalyse(campaign: Path, max_steps: int, out: Path | None, seed: int, no_figures: bool) -> None:
     """Everything that CAMPAIGN says, in one report.
 
@@ -250,33 +197,6 @@ def reanalyse(campaign: Path, max_steps: int, out: Path | None, seed: int, no_fi
 
 
 @cli.command()
-@click.argument("campaign", type=click.Path(path_type=Path))
-@_RUNS
-@_JOINT
-@click.option("--simulations", type=click.IntRange(min=20), default=200, show_default=True, help="Simulated campaigns for each question.")
-@click.option("--what", type=click.Choice(["sbc", "coverage", "both"]), default="both", show_default=True, help="Truths from the priors, or the fit.")
-@click.option("--jobs", type=click.IntRange(min=1), help="Processes.  [default: one for each core]")
-@_OUT
-@_SEED
-@_NO_FIGURES
-@click.option("--resume", is_flag=True, help="Continue a calibration that was interrupted, from the trials kept in OUT/.checkpoint.")
-def calibrate(
-    campaign: Path, runs: tuple[str, ...], joint: bool, simulations: int, what: str, jobs: int | None, out: Path | None, seed: int, resume: bool,
-    no_figures: bool,
-) -> None:
-    """Check on simulated data whether the intervals for CAMPAIGN hold the truth as often as they say.
-
-    Exit code 3 means that they do not; the report says which one is too narrow, too wide or biased.  Also
-    that processes were killed, twice (too little memory?): one line says so, and there is no report.
-    """
-    _exit_unless(
-        run_calibrations(
-            campaign, runs, joint=joint, simulations=simulations, what=what, jobs=jobs, out=out, seed=seed, resume=resume, figures=not no_figures
-        )
-    )
-
-
-@cli.command()
 @click.argument("design", type=click.Path(path_type=Path))
 @click.option("--out", required=True, type=click.Path(path_type=Path, file_okay=False), help="Folder for the campaign.")
 def simulate(design: Path, out: Path) -> None:
@@ -290,8 +210,8 @@ def simulate(design: Path, out: Path) -> None:
 
 @cli.command()
 @click.argument("file", type=click.Path(path_type=Path))
-@_OUT
-@_SEED
+@OUT
+@SEED
 def body(file: Path, out: Path | None, seed: int) -> None:
     """Mass, gamma, kappa and rho of the bodies in FILE (a campaign, or bodies alone) from their parts, with a budget."""
     say_bodies(file, out or Path("out") / file.resolve().parent.name / "body", seed=seed)
@@ -299,9 +219,9 @@ def body(file: Path, out: Path | None, seed: int) -> None:
 
 @cli.command()
 @click.argument("file", type=click.Path(path_type=Path))
-@_OUT
-@_SEED
-@_NO_FIGURES
+@OUT
+@SEED
+@NO_FIGURES
 def propagate(file: Path, out: Path | None, seed: int, no_figures: bool) -> None:
     """Uncertainty of a measurement model FILE: the GUM and Monte Carlo side by side, with a budget (docs/propagation.md)."""
     _exit_unless(say_propagated(file, out or Path("out") / file.stem, seed=seed, figures=not no_figures))

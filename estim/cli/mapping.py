@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from estim.cli.options import NO_FIGURES, SEED
 from estim.cli.terminal import NOT_OK, conclude, pieces, report_at, say, write_report
 from estim.common import InputError, Quantity, decide, read_quantity
 
@@ -27,8 +28,8 @@ _MOST_FRICTION = 10.0
 @click.option(
     "--out", type=click.Path(path_type=Path, file_okay=False), help="Folder for the report.  [default: out/, the name of the campaign's folder, map/]"
 )
-@click.option("--seed", type=click.IntRange(min=0, max=2**63 - 1), default=1, show_default=True, help="Seed of every random number.")
-@click.option("--no-figures", is_flag=True, help="Write the report without figures, for its text and numbers alone: it is done sooner.")
+@SEED
+@NO_FIGURES
 def map_motions(
     campaign: Path, bodies: tuple[str, ...], ramp_length: float | None, friction: str | None, fitted: Path | None, out: Path | None, seed: int,
     no_figures: bool,

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from estim.cli.options import JOINT, NO_FIGURES, RUNS, SEED, STEPS
 from estim.cli.terminal import NOT_OK, conclude, groups_of, note, progress_bar, report_at, say, write_report
 from estim.common import asked_to_stop
 
@@ -18,16 +19,16 @@ if TYPE_CHECKING:
 
 @click.command("compare-models")
 @click.argument("campaign", type=click.Path(path_type=Path))
-@click.option("--run", "runs", multiple=True, metavar="NAME", help="This run only; may be given several times.  [default: every run]")
-@click.option("--joint", is_flag=True, help="Fit the runs together: what they share is one unknown.")
+@RUNS
+@JOINT
 @click.option("--model", "models", multiple=True, metavar="NAME", help="This model only; give two or more.  [default: all]")
-@click.option("--max-steps", type=click.IntRange(min=50), default=20_000, show_default=True, help="Hard cap on the sampler's steps.")
+@STEPS
 @click.option(
     "--out", type=click.Path(path_type=Path, file_okay=False),
     help="Folder for the report, made if it is not there.  [default: out/, the name of the campaign's folder and /models]",
 )
-@click.option("--seed", type=click.IntRange(min=0, max=2**63 - 1), default=1, show_default=True, help="Seed of every random number.")
-@click.option("--no-figures", is_flag=True, help="Write the report without figures, for its text and numbers alone: it is done sooner.")
+@SEED
+@NO_FIGURES
 @click.option("--resume", is_flag=True, help="Continue a comparison that was interrupted, from the draws kept in OUT/.checkpoint.")
 def compare_models(
     campaign: Path, runs: tuple[str, ...], joint: bool, models: tuple[str, ...], max_steps: int, out: Path | None, seed: int, no_figures: bool,

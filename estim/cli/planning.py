@@ -7,19 +7,20 @@ from pathlib import Path
 
 import click
 
+from estim.cli.options import NO_FIGURES, RUNS, SEED
 from estim.cli.terminal import NOT_OK, conclude, groups_of, pieces, report_at, write_report
 
 
 @click.command("plan")
 @click.argument("campaign", type=click.Path(path_type=Path))
-@click.option("--run", "runs", multiple=True, metavar="NAME", help="This run only; may be given several times.  [default: every run]")
+@RUNS
 @click.option("--for", "wanted", multiple=True, metavar="NAME", help="A quantity to know better; several times.  [default: those that are unknown]")
 @click.option(
     "--out", type=click.Path(path_type=Path, file_okay=False),
     help="Folder for the report, made if it is not there.  [default: out/, the name of the campaign's folder, plan]",
 )
-@click.option("--seed", type=click.IntRange(min=0, max=2**63 - 1), default=1, show_default=True, help="Seed of every random number.")
-@click.option("--no-figures", is_flag=True, help="Write the report without figures, for its text and numbers alone: it is done sooner.")
+@SEED
+@NO_FIGURES
 def plan_next(campaign: Path, runs: tuple[str, ...], wanted: tuple[str, ...], out: Path | None, seed: int, no_figures: bool) -> None:
     """What to measure next, to know the quantities of CAMPAIGN better.
 
