@@ -30,7 +30,7 @@ from estim.reports.energy import (
 from estim.reports.figures import residual_figure
 from estim.reports.line import LineResult, line_figure, line_result, line_values
 from estim.reports.pages import page
-from estim.reports.reanalysis_figures import narrowing_figure, overlay_figure, width_figure
+from estim.reports.reanalysis_figures import narrowing_figure, overlay_figure, tilts_figure, width_figure
 from estim.reports.rendering import render
 from estim.reports.result import Provenance, Result, provenance, result_of
 from estim.sampling import number
@@ -143,6 +143,8 @@ def reanalysis_report(r: Reanalysis, *, voice: Voice = Voice.PYTHON, figures: bo
         drawn["figures/line.png"] = partial(line_figure, r.line, synthetic=synthetic)
     for body in r.bodies:
         drawn[f"figures/phase-{body.body}.png"] = partial(overlay_figure, body, synthetic=synthetic)
+        if len(body.joint.problem.runs) > 1:
+            drawn[f"figures/tilts-{body.body}.png"] = partial(tilts_figure, body, synthetic=synthetic)
         if body in trusted:
             drawn[f"figures/energy-{body.body}.png"] = partial(energy_figure, body.energies, synthetic=synthetic, title=body.body)
         drawn[f"figures/residuals-{body.body}.png"] = partial(residual_figure, body.joint.problem.runs, body.joint.goodness, synthetic=synthetic)

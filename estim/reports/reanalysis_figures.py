@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from estim.reports.figures import BLUE, COLOURS, GREY, INK, ORANGE, grid, name_ticks, new_figure
+from estim.reports.figures import BLUE, COLOURS, GREY, INK, MARKS, ORANGE, grid, name_ticks, new_figure
+from estim.reports.joint_figures import RUN_COLOURS
 from estim.sampling import curve_draws
 from estim.studies import BodyAnalysis, Narrowing
 
@@ -35,6 +36,25 @@ def overlay_figure(body: BodyAnalysis, *, synthetic: bool) -> Figure:
         ax.set(xlabel=run.x_label, ylabel=run.y_label, xlim=(0.0, None), ylim=(0.0, None))
         ax.set_title(run.name + (" (SYNTHETIC data)" if synthetic else ""), fontsize=9)
     figure.legend(*axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=2, fontsize=8, frameon=False)
+    return figure
+
+
+def tilts_figure(body: BodyAnalysis, *, synthetic: bool) -> Figure:
+    """All runs of a body in one pair of axes: data, and of each curve the median and the 95 % band of the joint fit, the lowest tilt first."""
+    analysis = body.joint
+    named = analysis.problem.named(analysis.fit.values)
+    tilts = [float(np.degrees(np.ravel(run.bind(named)["phi"])[0])) for run in analysis.problem.runs]
+    figure = new_figure(4.4)
+    ax = figure.subplots()
+    for k, i in enumerate(np.argsort(tilts)):
+        run, bands, colour = analysis.problem.runs[i], analysis.bands[i], RUN_COLOURS[k % len(RUN_COLOURS)]
+        if analysis.diagnosis.ok:
+            ax.fill_between(bands.x, *bands.credible[0.95], color=colour, alpha=0.25, lw=0)
+            ax.plot(bands.x, bands.median, color=colour, lw=1.2)
+        ax.plot(run.x, run.y, MARKS[k % len(MARKS)], color=colour, ms=3.5, mec=INK, mew=0.3, label=f"{run.name}, φ = {tilts[i]:.1f}°", zorder=5)
+    ax.set(xlabel=analysis.problem.runs[0].x_label, ylabel=analysis.problem.runs[0].y_label, xlim=(0.0, None), ylim=(0.0, None))
+    ax.set_title(body.body + (" (SYNTHETIC data)" if synthetic else ""), fontsize=10)
+    figure.legend(loc="outside lower center", ncols=4, fontsize=8, frameon=False)
     return figure
 
 
