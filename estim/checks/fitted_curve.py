@@ -26,7 +26,8 @@ def curve_findings(
         found.append(Finding(Kind.UNDETERMINED))
     found += pressed_limits(fixed, best.values, estimated=estimated)
     if p_value < P_POOR_FIT:
-        found.append(Finding(Kind.CHI2_TOO_LARGE, p=p_value, size=chi2, numbers={"dof": dof}))
+        kind = Kind.COUNTS_SCATTER if any(run.noise.law is not None for run in fixed.problem.runs) else Kind.CHI2_TOO_LARGE
+        found.append(Finding(kind, p=p_value, size=chi2, numbers={"dof": dof}))
     # the points have no run to be named, and chi2 was told above
     return found + [_of_points(f) for f in failed_tests(goodness) if f.test and f.test != "chi2"]
 
@@ -60,5 +61,6 @@ def curve_remarks(
     covered = [replace(one, run="") for good in goodness for one in borne_pattern(good)]
     found += covered
     if stated and 1.0 - p_value < P_POOR_FIT and not covered:
-        found.append(Finding(Kind.CHI2_SMALL, p=1.0 - p_value, size=chi2, numbers={"dof": dof}))
+        kind = Kind.COUNTS_EVEN if any(good.counted for good in goodness) else Kind.CHI2_SMALL
+        found.append(Finding(kind, p=1.0 - p_value, size=chi2, numbers={"dof": dof}))
     return found

@@ -65,6 +65,7 @@ class Goodness:
         together, since all of them may have it.
     room : scale of a smooth deviation that would hold the residuals, unit of y, of a curve of the user's that has none; else nan.
     bears_neighbours : whether the intervals hold what they say although neighbouring residuals are alike.
+    counted : whether they are signed roots of the deviance of counts.
     """
 
     run: str
@@ -76,6 +77,7 @@ class Goodness:
     pattern: float
     room: float
     bears_neighbours: bool = False
+    counted: bool = False
 
     @property
     def alike(self) -> tuple[str, ...]:
@@ -130,7 +132,9 @@ def check_goodness(fit: Fit, *, rng: np.random.Generator) -> tuple[Goodness, ...
         checks = {"zero": Check(0.0, P_FLOOR, TESTS["zero"])} if empty else _checks(z, null.T, stated=run.stated)
         pattern, room = len(problem.runs) * _pattern(z), _room(run, raw)
         bears = run.name in forced and run.noise.made_of_positions
-        checked.append(Goodness(run.name, z, raw, sd, checks, _scatter_ratio(run, named), pattern=pattern, room=room, bears_neighbours=bears))
+        counted = run.noise.law is not None
+        ratio = _scatter_ratio(run, named)
+        checked.append(Goodness(run.name, z, raw, sd, checks, ratio, pattern=pattern, room=room, bears_neighbours=bears, counted=counted))
     return tuple(checked)
 
 
@@ -149,7 +153,7 @@ def _pattern(z: FloatArray) -> float:
 
 
 def _room(run: Observations, raw: FloatArray) -> float:
-    if run.motion is not None or run.lacks is not None:
+    if run.motion is not None or run.lacks is not None or run.noise.law is not None:
         return float("nan")
     return 2.0 * float(np.sqrt(np.mean(np.square(raw))))
 

@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike
 
 from estim.arrays import FloatArray
 from estim.common import InputError, Notation, read_quantity
+from estim.curves.counting import Counting, counted_points, read_counting, refuse_beside_counts, refuse_errors
 from estim.curves.formula import Formula, check_names, read_formula
 from estim.curves.function import PythonCurve, wrap_function
 from estim.curves.lacks import ask_lacks
@@ -21,6 +22,7 @@ from estim.curves.shared_errors import Component, DistortedCurve
 from estim.problem import (
     GAUSSIAN,
     Correlated,
+    Counts,
     Curve,
     Flat,
     Lacks,
@@ -62,7 +64,7 @@ class CurveProblem:
     x, y : (n_obs,).  relative : (n_obs,) u_y, or 1 where it was not stated.  relative_x : (n_obs,) u_x, or None.
     cov : (n_obs, n_obs), or None.
     stated : whether the size of the errors is known.
-    lacks : what the curve may lack, None for nothing.
+    lacks : what the curve may lack, None for nothing.  counted : the noise where y are counts, else None.
     fixed : argument of the curve -> its exact value.  text : the formula, or how the function is called.
     """
 
@@ -78,6 +80,7 @@ class CurveProblem:
     axes: AxisNames
     fixed: Mapping[str, float]
     lacks: Lacks | None = None
+    counted: Counts | None = None
 
     def with_lacks(self, sigma: float) -> Problem:
         """`with_sigma` for a curve that may lack something."""
@@ -100,7 +103,7 @@ class CurveProblem:
         return self.y - np.broadcast_to(self.curve.value(self.x, named), (1, self.x.size))[0]
 
     def _problem(self, sigma: Scale, further: tuple[Parameter, ...]) -> Problem:
-        noise = reading_noise(sigma, self.relative, self.cov, what=self.axes.y_name, relative_x=self.relative_x)
+        noise = self.counted or reading_noise(sigma, self.relative, self.cov, what=self.axes.y_name, relative_x=self.relative_x)
         arguments: dict[str, str | float] = {p.name: p.name for p in self.parameters}
         arguments.update(self.fixed)
         run = Observations(
@@ -124,7 +127,7 @@ def reading_noise(
 def pose_curve(
     curve: str | Callable[..., Any],
     x: ArrayLike,
-    y: ArrayLike,
+    y: ArrayLike | None,
     *,
     start: Mapping[str, float],
     u_y: ArrayLike | None,
@@ -138,10 +141,16 @@ def pose_curve(
     fixed: Mapping[str, float] = MappingProxyType({}),
     deviation: float = 0.0,
     correlated: ArrayLike | bool = False,
+    noise: Counting | str | None = None,
 ) -> CurveProblem:
     """The problem that the arguments of `fit_curve` pose.  Raises InputError where one of them breaks a rule."""
     _check_mappings(bounds=bounds, priors=priors, units=units, fixed=fixed)
     _check_words(units, errors, axes)
+    counted = None
+    if (counting := read_counting(noise)) is not None:
+        refuse_beside_counts(u_y=u_y, cov_y=cov_y, u_x=u_x, deviation=deviation or None, correlated=None if correlated is False else correlated)
+        counted = counted_points(counting, _column(x, "x"), None if y is None else _column(y, "y"), what=axes.y_name)
+        x, y = counted.x, counted.y
     points = {"x": _column(x, "x"), "y": _column(y, "y")}
     n_obs = points["x"].size
     if points["y"].size != n_obs:
@@ -163,7 +172,7 @@ def pose_curve(
     read = _curve(curve, points["x"], values, exact)
     parameters = _parameters(names, values, bounds, priors, units, exact)
     shared = _shared(errors, (*names, *exact), axes)
-    stated = u_y is not None or cov is not None
+    stated = u_y is not None or cov is not None or counted is not None
     everything = (*parameters, *shared)
     if not stated and SIGMA in (p.name for p in everything):
         raise InputError("is the name of the unknown standard deviation of y: choose another", field="start", value=SIGMA)
@@ -171,15 +180,20 @@ def pose_curve(
     if n_obs + pulls < len(everything) + (0 if stated else 1):
         rule = f"must have more points than parameters ({len(everything)})" + ("" if stated else ", one at least, where u_y is not given")
         raise InputError(rule if not stated else f"must have at least as many points as parameters ({len(everything)})", field="x", value=n_obs)
+    whole: Curve = DistortedCurve(read, errors) if errors else read
+    if counted is not None:
+        refuse_errors(counted, errors)
+        whole = counted.expected(whole)
     return CurveProblem(
         text=read.text if isinstance(read, Formula) else f"{getattr(curve, '__name__', type(curve).__name__)}(x, {', '.join((*names, *exact))})",
-        curve=DistortedCurve(read, errors) if errors else read, parameters=everything, x=points["x"][order], y=points["y"][order],
+        curve=whole, parameters=everything, x=points["x"][order], y=points["y"][order],
         relative=relative[order], relative_x=relative_x, cov=ordered_cov, stated=stated, axes=axes, fixed=MappingProxyType(exact),
         lacks=ask_lacks(deviation, correlated, order, stated=stated, exact_x=u_x is None),
+        counted=None if counted is None else counted.noise,
     )
 
 
-def _column(values: ArrayLike, field: str) -> FloatArray:
+def _column(values: ArrayLike | None, field: str) -> FloatArray:
     try:
         column = np.array(values, dtype=float)
     except (TypeError, ValueError):

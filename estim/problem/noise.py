@@ -33,7 +33,9 @@ from estim.problem.abscissas import true_abscissas
 from estim.problem.correlated import CorrelatedErrors as CorrelatedErrors
 from estim.problem.correlated import Linear as Linear
 from estim.problem.curve import SpeedCurve, Wording
-from estim.problem.derivative import Derivative
+from estim.problem.derivative import STENCILS as STENCILS
+from estim.problem.derivative import Derivative as Derivative
+from estim.problem.derivative import differentiate as differentiate
 from estim.problem.independent import PointErrors
 from estim.problem.latent import LatentErrors
 from estim.problem.likelihood import Likelihood, Points
@@ -62,11 +64,16 @@ class Independent:
     exposure: float = 0.0
 
     made_of_positions = False
+    law = None
 
     @property
     def size(self) -> Size:
         """Of the errors of y."""
         return Size(self.sigma, self.scatter, self.encoder_step)
+
+    @property
+    def trials(self) -> FloatArray:
+        return np.ones(self.relative.size)
 
     @property
     def parameters(self) -> tuple[str, ...]:
@@ -168,11 +175,16 @@ class Differentiated:
     outlier_parameters = ()
     robust = False
     made_of_positions = True
+    law = None
 
     @property
     def size(self) -> Size:
         """Of the errors of the positions, and of the scatter of the speeds."""
         return Size(self.sigma, self.scatter, self.encoder_step)
+
+    @property
+    def trials(self) -> FloatArray:
+        return np.ones(self.kept.size)
 
     @property
     def parameters(self) -> tuple[str, ...]:
