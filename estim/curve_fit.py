@@ -20,7 +20,6 @@ from estim.checks import (
     Goodness,
     check_goodness,
     check_stated_values,
-    counts_as_readings,
     curve_findings,
     curve_remarks,
     deviation_finding,
@@ -163,7 +162,7 @@ class CurveFit:
 
     def _summary(self) -> str:
         if self.sigma is None:
-            size = "chi2" if self.problem.runs[0].noise.law is None else "deviance"
+            size = "chi2" if self.problem.runs[0].noise.counted is None else "deviance"
             return f"{size} = {self.chi2:.4g}, dof = {self.dof}, p = {self.p_value:.2g}; {self.message}"
         return f"residual sd = {self.sigma:.4g} (estimated: u_y was not given), dof = {self.dof}; {self.message}"
 
@@ -303,9 +302,7 @@ def _concluded(posed: CurveProblem, best: Optimum, problem: Problem, *, sigma: f
     return CurveFit(
         names=names, values=dict(zip(names, best.values.tolist(), strict=True)), sds=dict(zip(names, found.sds.tolist(), strict=True)),
         intervals=found.intervals, cov=found.cov, chi2=chi2, dof=dof, p_value=p_value, sigma=sigma, status=decide(findings), findings=findings,
-        remarks=(*found.notes, *counts_as_readings(inner.problem.runs[0]), *curve_remarks(
-            best, p_value, chi2, dof, goodness, stated=sigma is None, perfect=perfect,
-        )),
+        remarks=(*found.notes, *curve_remarks(inner, best, p_value, chi2, dof, goodness, stated=sigma is None, perfect=perfect)),
         message=_message(best, sigma, perfect, [tell(f) for f in same_curve(inner)]), goodness=goodness,
         fit=inner, text=posed.text, fixed=posed.fixed,
     )

@@ -87,7 +87,7 @@ class CurvePoints:
         return Observations(
             name=table.name, x=points.x, y=points.y, t=None, curve=points.expected(curve), arguments=MappingProxyType(dict(arguments)),
             noise=points.noise, x_name=self.axes.x_name, x_unit=self.axes.x_unit, y_name=self.axes.y_name, y_unit=self.axes.y_unit,
-            excluded=excluded, excluded_points=left_out, motion=None, words=plain_words(self.axes.y_name),
+            excluded=excluded, excluded_points=left_out, motion=None, words=points.words,
         )
 
     def _errors_of_x(self, index: int, table: Run, kept: NDArray[np.int64], *, stated: bool) -> FloatArray | None:

@@ -10,7 +10,7 @@ import numpy as np
 
 from estim.arrays import FloatArray
 from estim.common import Finding, Kind
-from estim.problem import Observations, Readings
+from estim.problem import Observations, reading_sd
 
 _CLOSE = 0.01  # relative, of a root that was written with two or three digits
 
@@ -18,9 +18,9 @@ _CLOSE = 0.01  # relative, of a root that was written with two or three digits
 def counts_as_readings(run: Observations) -> list[Finding]:
     """A note where the y of a run look like counts with their square roots as errors."""
     noise = run.noise
-    if not isinstance(noise, Readings) or noise.sigma.parameter is not None or noise.tails.robust:
+    if run.motion is not None or noise.counted is not None or noise.parameters or noise.robust or run.lacks is not None:
         return []
-    return [Finding(Kind.COUNTS_AS_READINGS, run=run.name)] if _are_counts(run.y, noise.sigma.value * noise.relative) else []
+    return [Finding(Kind.COUNTS_AS_READINGS, run=run.name)] if _are_counts(run.y, np.ravel(reading_sd(noise, {}))) else []
 
 
 def _are_counts(y: FloatArray, u: FloatArray) -> bool:

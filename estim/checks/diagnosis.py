@@ -11,7 +11,7 @@ import numpy as np
 from estim.arrays import FloatArray
 from estim.checks.conflict import Conflict, stated_values
 from estim.checks.consistency import Consistency
-from estim.checks.counts import counts_as_readings as counts_as_readings
+from estim.checks.counts import counts_as_readings
 from estim.checks.deviations import deviation_remarks
 from estim.checks.forces import beyond_their_priors, force_remarks
 from estim.checks.goodness import P_FLOOR, P_POOR_FIT, SCATTER_LIMIT, Goodness

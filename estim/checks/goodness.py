@@ -132,7 +132,7 @@ def check_goodness(fit: Fit, *, rng: np.random.Generator) -> tuple[Goodness, ...
         checks = {"zero": Check(0.0, P_FLOOR, TESTS["zero"])} if empty else _checks(z, null.T, stated=run.stated)
         pattern, room = len(problem.runs) * _pattern(z), _room(run, raw)
         bears = run.name in forced and run.noise.made_of_positions
-        counted = run.noise.law is not None
+        counted = run.noise.counted is not None
         ratio = _scatter_ratio(run, named)
         checked.append(Goodness(run.name, z, raw, sd, checks, ratio, pattern=pattern, room=room, bears_neighbours=bears, counted=counted))
     return tuple(checked)
@@ -153,7 +153,7 @@ def _pattern(z: FloatArray) -> float:
 
 
 def _room(run: Observations, raw: FloatArray) -> float:
-    if run.motion is not None or run.lacks is not None or run.noise.law is not None:
+    if run.motion is not None or run.lacks is not None or run.noise.counted is not None:
         return float("nan")
     return 2.0 * float(np.sqrt(np.mean(np.square(raw))))
 

@@ -2,7 +2,7 @@
 
 Read `rolling` for the disk, `formula` for text.  Imports `common` and `problem`."""
 
-from estim.curves.counting import MAX_EVENTS, Binomial, CountedPoints, Counting, EventTimes, Poisson, counted_points, middles, not_a_count, read_counting
+from estim.curves.counting import MAX_EVENTS, Binomial, CountedPoints, Counting, EventTimes, Poisson, counted_points, not_a_count
 from estim.curves.disturbed import DisturbedMotion, DisturbedMotionCurve, DisturbedPhaseCurve, Place, Setting, energy_of_speed, size_with_blur
 from estim.curves.formula import Formula, read_formula
 from estim.curves.posing import MAX_OBS, SIGMA, SIGMA_NOTATION, SIGMA_SPREAD, AxisNames, CurveProblem, pose_curve, reading_noise

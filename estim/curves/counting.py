@@ -19,8 +19,9 @@ from numpy.typing import ArrayLike
 from estim.arrays import FloatArray
 from estim.common import InputError
 from estim.curves.binned import BinnedCurve
+from estim.curves.columns import column
 from estim.curves.shared_errors import Component
-from estim.problem import BINOMIAL, POISSON, Counts, Curve, Events
+from estim.problem import BINOMIAL, POISSON, Counts, Curve, Events, Wording, counted_words
 
 MAX_EVENTS = 100_000
 _WHOLE = 1e-9
@@ -46,7 +47,7 @@ class Binomial:
 class EventTimes:
     """Single events that were recorded wherever low <= x <= high.
 
-    cells : how many figures and tests have; None: about twice the root of the number of events.
+    cells : how many figures and tests have; None: about the root of the number of events.
     """
 
     low: float
@@ -67,26 +68,34 @@ class CountedPoints:
     bins: FloatArray | None
     total: float | None
 
+    @property
+    def words(self) -> Wording:
+        """How they are spoken of."""
+        if self.total is not None:
+            return counted_words("cells of events", "a new count")
+        law = self.noise.law.word
+        return counted_words("bins" if self.bins is not None else law, f"a new {law[:-1]}")
+
     def expected(self, curve: Curve) -> Curve:
         """The curve of the expectations of y."""
         return curve if self.bins is None else BinnedCurve(curve, self.bins[:, 0], self.bins[:, 1], self.total)
 
 
-def read_counting(noise: Any) -> Counting | None:
-    """The argument `noise` of `fit_curve`.  Raises InputError."""
-    if noise is None or isinstance(noise, Poisson | Binomial | EventTimes):
-        return noise
-    if isinstance(noise, str) and noise == "poisson":
-        return Poisson()
-    rule = 'must be "poisson", Poisson(bins=...), Binomial(trials=...) or EventTimes(low, high)'
-    raise InputError(rule, field="noise", value=noise)
+def ask_counts(noise: Any, x: ArrayLike, y: ArrayLike | None, *, what: str, **beside: object) -> CountedPoints | None:
+    """The points that the argument `noise` of `fit_curve` makes of x and y, None for readings.
 
-
-def refuse_beside_counts(**given: object) -> None:
-    """Raises InputError for an argument that speaks of errors of readings, which counts do not have."""
-    for field, value in given.items():
+    beside : arguments that speak of errors of readings, which counts do not have.  Raises InputError.
+    """
+    if noise is None:
+        return None
+    counting = Poisson() if isinstance(noise, str) and noise == "poisson" else noise
+    if not isinstance(counting, Poisson | Binomial | EventTimes):
+        rule = 'must be "poisson", Poisson(bins=...), Binomial(trials=...) or EventTimes(low, high)'
+        raise InputError(rule, field="noise", value=noise)
+    for field, value in beside.items():
         if value is not None:
             raise InputError("does not go with 'noise', which says how counts scatter: leave it out", field=field)
+    return counted_points(counting, column(x, "x"), None if y is None else column(y, "y"), what=what)
 
 
 def refuse_errors(points: CountedPoints, errors: Sequence[Component]) -> None:
@@ -117,7 +126,7 @@ def not_a_count(y: FloatArray) -> int | None:
     return int(np.argmax(bad)) if np.any(bad) else None
 
 
-def middles(bins: FloatArray) -> FloatArray:
+def _middles(bins: FloatArray) -> FloatArray:
     """(n_obs,) of bins (n_obs, 2)."""
     return np.asarray(0.5 * (bins[:, 0] + bins[:, 1]))
 
@@ -134,7 +143,7 @@ def _poisson(x: FloatArray, y: FloatArray, bins: ArrayLike | None, what: str) ->
     if np.any(overlap):
         k = int(np.argmax(overlap))
         raise InputError("must not overlap", field="bins", value=f"{edges[k].tolist()} and {edges[k + 1].tolist()}")
-    return CountedPoints(middles(edges), counts, Counts(POISSON, np.ones(x.size), counts, what, edges), edges, None)
+    return CountedPoints(_middles(edges), counts, Counts(POISSON, np.ones(x.size), counts, what, edges), edges, None)
 
 
 def _binomial(x: FloatArray, y: FloatArray, trials: ArrayLike, what: str) -> CountedPoints:
@@ -164,13 +173,13 @@ def _events(times: FloatArray, low: float, high: float, cells: int | None, what:
         raise InputError(rule, field="x", value=float(times[int(np.argmax(outside))]))
     if times.size > MAX_EVENTS:
         raise InputError(f"must be at most {MAX_EVENTS} times: count them in bins", field="x", value=times.size)
-    n_cell = cells or min(max(8, round(2.0 * math.sqrt(times.size))), 200)
+    n_cell = cells or min(max(8, round(math.sqrt(times.size))), 200)
     edges = np.linspace(low, high, n_cell + 1)
     ordered = np.sort(times)
     counts = np.histogram(ordered, edges)[0].astype(float)
     bins = np.column_stack([edges[:-1], edges[1:]])
     noise = Events(POISSON, np.ones(n_cell), counts, what, bins, times=ordered, window=(low, high))
-    return CountedPoints(middles(bins), counts, noise, bins, float(times.size))
+    return CountedPoints(_middles(bins), counts, noise, bins, float(times.size))
 
 
 def _require_counts(y: FloatArray, meaning: str) -> None:

@@ -14,7 +14,7 @@ from estim.deviation.course import Course
 from estim.deviation.errors import MixtureErrors
 from estim.deviation.jumps import BadFrames
 from estim.deviation.mixture import Mixture
-from estim.problem import CorrelatedErrors, Law, Likelihood, Named, Noise, Points, Scale, Size, Wording
+from estim.problem import CorrelatedErrors, Counted, Likelihood, Named, Noise, Points, Scale, Size, Wording
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,12 +36,8 @@ class Stated:
         return self.base.robust
 
     @property
-    def law(self) -> Law | None:
-        return self.base.law
-
-    @property
-    def trials(self) -> FloatArray:
-        return self.base.trials
+    def counted(self) -> Counted | None:
+        return self.base.counted
 
     @property
     def size(self) -> Size:

@@ -57,7 +57,7 @@ def spread(fixed: Fit, best: Optimum, *, dof: float, scale: float, unknown: bool
     sds = np.where(best.at_bound, np.nan, np.sqrt(np.diag(cov)))
     informed = np.square([p.prior.residual_slope(float(v)) for p, v in zip(fixed.problem.parameters, best.values, strict=True)])
     dofs = _degrees_of_freedom(cov, informed, dof) if math.isfinite(dof) else np.full(len(names), np.inf)
-    counted = any(run.noise.law is not None for run in fixed.problem.runs)
+    counted = any(run.noise.counted is not None for run in fixed.problem.runs)
     beside = _within_reach(fixed, np.where(best.at_bound, free, np.sqrt(np.diag(cov))), dofs)
     if not np.any(beside) and not counted:
         return Spread(cov, sds, _symmetric(names, best.values, sds, dofs), ())

@@ -17,7 +17,7 @@ import numpy as np
 
 from estim.arrays import FloatArray
 from estim.problem.curve import Wording
-from estim.problem.laws import Law, deviance_residual
+from estim.problem.laws import Counted, Law, deviance_residual
 from estim.problem.likelihood import Ends, Likelihood, Noise, Points
 from estim.problem.readings import Readings
 from estim.problem.size import Named, Scale, Size
@@ -144,14 +144,14 @@ class CountedResiduals:
 
 @dataclass(frozen=True, eq=False)
 class Counts:
-    """Counted readings; trials : (n_obs,), 1 where the law has none.  counted : (n_obs,) y as it was read.  what : is counted.
+    """Counted readings; trials : (n_obs,), 1 where the law has none.  seen : (n_obs,) y as it was read.  what : is counted.
 
     bins : (n_obs, 2) edges of the bins, None where a count belongs to one x.
     """
 
     law: Law
     trials: FloatArray
-    counted: FloatArray
+    seen: FloatArray
     what: str = "y"
     bins: FloatArray | None = None
 
@@ -161,10 +161,14 @@ class Counts:
     made_of_positions = False
     size = Size(Scale(1.0))
 
+    @property
+    def counted(self) -> Counted:
+        return Counted(self.law, self.trials, self.bins)
+
     @cached_property
     def typical(self) -> FloatArray:
         """(n_obs,) standard deviation of each reading, as far as it shows by itself."""
-        return self.law.guess(self.counted, self.trials)
+        return self.law.guess(self.seen, self.trials)
 
     def likelihood(self, points: Points, named: Named) -> Likelihood:
         return CountErrors(points, self.law, self.trials)

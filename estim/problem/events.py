@@ -24,8 +24,9 @@ from estim.problem.curve import Curve, LocalCurve, Wording
 from estim.problem.latent import rooted
 from estim.problem.laws import BINOMIAL as BINOMIAL
 from estim.problem.laws import POISSON as POISSON
+from estim.problem.laws import Counted as Counted
 from estim.problem.laws import Law as Law
-from estim.problem.likelihood import Ends, Likelihood, Points, n_draws
+from estim.problem.likelihood import Likelihood, Points, n_draws
 from estim.problem.size import Named
 
 _ROOM = 3.0  # a rate may vary by this factor's exponential within a cell
@@ -113,6 +114,10 @@ class Events(Counts):
 
     times: FloatArray
     window: tuple[float, float]
+
+    @property
+    def counted(self) -> Counted:
+        return Counted(self.law, self.trials, self.bins, single=True)
 
     def likelihood(self, points: Points, named: Named) -> Likelihood:
         assert self.bins is not None, "events have cells"

@@ -109,6 +109,20 @@ class Binomial:
 POISSON, BINOMIAL = Poisson(), Binomial()
 
 
+@dataclass(frozen=True, eq=False)
+class Counted:
+    """How the y of a run were counted.
+
+    trials : (n_obs,), 1 where the law has none.  bins : (n_obs, 2) edges, None where a count belongs to one x.
+    single : whether the likelihood uses the time of every event, and y are for figures and tests.
+    """
+
+    law: Law
+    trials: FloatArray
+    bins: FloatArray | None
+    single: bool = False
+
+
 def deviance_residual(law: Law, y: FloatArray, mean: FloatArray, size: FloatArray) -> FloatArray:
     """r with r^2/2 = log p(y | y) - log p(y | m), signed as y - m: least squares on it are the maximum of the likelihood."""
     with np.errstate(all="ignore"):

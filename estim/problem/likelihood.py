@@ -20,7 +20,7 @@ from numpy.typing import ArrayLike
 
 from estim.arrays import FloatArray
 from estim.problem.curve import Curve, LocalCurve, Wording
-from estim.problem.laws import Law
+from estim.problem.laws import Counted
 from estim.problem.size import Named, Size
 
 Ends = Mapping[str, tuple[Named, Named, float]]
@@ -203,12 +203,8 @@ class Noise(Instrument, Protocol):
         """Whether it leaves room for outliers."""
 
     @property
-    def law(self) -> Law | None:
-        """How counts scatter; None where y are readings, which have errors."""
-
-    @property
-    def trials(self) -> FloatArray:
-        """(n_obs,) of each count; 1 where there are none."""
+    def counted(self) -> Counted | None:
+        """How y were counted; None where they are readings, which have errors."""
 
     @property
     def size(self) -> Size:

@@ -64,16 +64,12 @@ class Independent:
     exposure: float = 0.0
 
     made_of_positions = False
-    law = None
+    counted = None
 
     @property
     def size(self) -> Size:
         """Of the errors of y."""
         return Size(self.sigma, self.scatter, self.encoder_step)
-
-    @property
-    def trials(self) -> FloatArray:
-        return np.ones(self.relative.size)
 
     @property
     def parameters(self) -> tuple[str, ...]:
@@ -175,16 +171,12 @@ class Differentiated:
     outlier_parameters = ()
     robust = False
     made_of_positions = True
-    law = None
+    counted = None
 
     @property
     def size(self) -> Size:
         """Of the errors of the positions, and of the scatter of the speeds."""
         return Size(self.sigma, self.scatter, self.encoder_step)
-
-    @property
-    def trials(self) -> FloatArray:
-        return np.ones(self.kept.size)
 
     @property
     def parameters(self) -> tuple[str, ...]:

@@ -55,12 +55,8 @@ class Correlated:
     outlier_parameters = ()
     robust = False
     made_of_positions = False
-    law = None
+    counted = None
     size = Size(Scale(1.0))
-
-    @property
-    def trials(self) -> FloatArray:
-        return np.ones(self.cov.shape[0])
 
     def likelihood(self, points: Points, named: Named) -> CorrelatedErrors:
         spectrum, basis = np.linalg.eigh(self.cov)

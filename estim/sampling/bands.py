@@ -81,8 +81,8 @@ def _bands(
     if completed is not None:
         gained, scale = completed.gained(x, named, rng)
         curve, end = moved_on(x, curve, end, gained)
-    if run.noise.law is not None:
-        new = run.noise.law.draw(curve, np.atleast_1d(np.rint(np.median(run.noise.trials))), rng)
+    if (counted := run.noise.counted) is not None:
+        new = counted.law.draw(curve, np.atleast_1d(np.rint(np.median(counted.trials))), rng)
     else:
         new = curve + _new_errors(run, named, scale, rng)
     median, credible = _intervals(curve, probabilities)

@@ -64,8 +64,8 @@ def _counts_as_readings(f: Finding) -> str:
     run = f"run {f.run}: " if f.run not in ("", "data") else ""
     return (
         f"{run}y are whole numbers and u_y their square roots: these are counts. Errors taken from the counts themselves pull the curve down, "
-        "and where counts are few the intervals hold far less than they say (an empty bin, left out, makes it worse). Fit them as counts, empty bins among "
-        'them: noise = {model = "poisson"} in [curve], noise="poisson" in Python, in place of u_y'
+        "and where counts are few the intervals hold far less than they say (an empty bin, left out, makes it worse). Fit them as counts, "
+        'empty bins among them: noise = {model = "poisson"} in [curve], noise="poisson" in Python, in place of u_y'
     )
 
 
