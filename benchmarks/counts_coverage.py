@@ -48,7 +48,8 @@ def by_profile(fit: Fit) -> Held:
 def by_posterior(fit: Fit) -> Held:
     """Central intervals under flat priors, by sums over a grid in all parameters."""
     sds, i = np.sqrt(np.diag(fit.cov)), fit.names.index("tau")
-    axes = [np.linspace(max(value - 6.0 * sd, 0.02), value + 9.0 * sd, 200 if k == i else 40) for k, (value, sd) in enumerate(zip(fit.values, sds, strict=True))]
+    ends = [(max(value - 6.0 * sd, 0.02), value + 9.0 * sd) for value, sd in zip(fit.values, sds, strict=True)]
+    axes = [np.linspace(low, high, 200 if k == i else 40) for k, (low, high) in enumerate(ends)]
     grid = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, fit.values.size)
     height = np.concatenate([fit.posterior.log_density(part) for part in np.array_split(grid, max(1, grid.shape[0] * 3000 // 10_000_000 + 1))])
     weight = np.exp(height - height.max()).reshape([axis.size for axis in axes]).sum(axis=tuple(k for k in range(len(axes)) if k != i))

@@ -293,7 +293,8 @@ def _read_run(study: CurveStudy, run: CurveRunTable) -> Run:
     errors = [entry for entry in (run.u_y, study.table.u_y) if entry is not None][:1]
     errors += [entry for entry in (run.u_x, study.table.u_x) if entry is not None][:1]
     columns = [entry.column for entry in errors if isinstance(entry, ReadingErrorTable) and entry.column is not None]
-    needed = list(dict.fromkeys([study.x_column, *([study.y_column] if study.y_column else []), *count_columns(study.table), *columns, *order_columns(study.table, run)]))
+    counted = [*([study.y_column] if study.y_column else []), *count_columns(study.table)]
+    needed = list(dict.fromkeys([study.x_column, *counted, *columns, *order_columns(study.table, run)]))
     with study.source.reading(path, needed):
         table = read_table(path, known=needed, min_rows=MIN_ROWS, shown_as=str(path), needed=needed)
     for column in columns:

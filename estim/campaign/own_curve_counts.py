@@ -73,7 +73,9 @@ def window_of_events(source: CampaignFile, window: RangeTable | None, path: Plac
     return window.min, window.max
 
 
-def read_counts(source: CampaignFile, curve: CurveTable, table: Run, kept: NDArray[np.int64], *, what: str, window: tuple[float, float]) -> CountedPoints:
+def read_counts(
+    source: CampaignFile, curve: CurveTable, table: Run, kept: NDArray[np.int64], *, what: str, window: tuple[float, float]
+) -> CountedPoints:
     """The points of a run; kept: rows that are fit.  Raises InputError with file and row."""
     assert curve.noise is not None, "asked where a campaign has counts"
     x_column, noise = axis_of(curve.x).column, curve.noise
@@ -87,6 +89,8 @@ def read_counts(source: CampaignFile, curve: CurveTable, table: Run, kept: NDArr
     except InputError as error:
         if error.file is not None:
             raise
+        if error.field == "y":
+            raise InputError(error.rule, field=axis_of(curve.y or "").column, file=table.file) from None
         raise source.places.error(error.rule, (*_PATH, str(error.field)) if error.field in ("bins", "trials") else _PATH, value=error.value) from None
 
 

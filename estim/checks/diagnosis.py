@@ -195,7 +195,8 @@ def _remarks(fit: Fit, chain: Chain, goodness: Sequence[Goodness], conflict: Con
         found += borne_pattern(good)
         chi2 = good.checks.get("chi2")
         if chi2 is not None and chi2.p_value > 1.0 - P_POOR_FIT and not good.covered and run.lacks is None:
-            found.append(Finding(Kind.COUNTS_EVEN if good.counted else Kind.RESIDUALS_SMALL, run=good.run, test="chi2", p=1.0 - chi2.p_value, numbers={"least": P_FLOOR}))
+            kind = Kind.COUNTS_EVEN if good.counted else Kind.RESIDUALS_SMALL
+            found.append(Finding(kind, run=good.run, test="chi2", p=1.0 - chi2.p_value, numbers={"least": P_FLOOR}))
         if 1.5 < good.scatter_ratio <= SCATTER_LIMIT:
             found.append(Finding(Kind.SCATTER_LARGE, run=good.run, size=good.scatter_ratio))
     for run in fit.problem.runs:

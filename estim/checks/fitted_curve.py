@@ -62,6 +62,6 @@ def curve_remarks(
     covered = [replace(one, run="") for good in goodness for one in borne_pattern(good)]
     found += covered
     if stated and 1.0 - p_value < P_POOR_FIT and not covered:
-        kind = Kind.COUNTS_EVEN if any(good.counted for good in goodness) else Kind.CHI2_SMALL
+        kind = Kind.COUNTS_EVEN if fit.problem.runs[0].noise.counted is not None else Kind.CHI2_SMALL
         found.append(Finding(kind, p=1.0 - p_value, size=chi2, numbers={"dof": dof}))
     return found

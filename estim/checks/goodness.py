@@ -119,7 +119,8 @@ def check_goodness(fit: Fit, *, rng: np.random.Generator) -> tuple[Goodness, ...
     scale = np.linalg.norm(design, axis=0)
     scale[scale == 0.0] = 1.0
     n_error = problem.n_obs + problem.n_par
-    errors = rng.standard_normal((n_error, min(_N_SIMULATED, int(4e7 / n_error))))
+    most = 8e6 if any(run.noise.counted is not None for run in problem.runs) else 4e7  # counts take longer to draw
+    errors = rng.standard_normal((n_error, min(_N_SIMULATED, int(most / n_error))))
     *by_group, of_priors = np.split(errors, np.cumsum([group.n_obs for group in problem.groups]))
     felt = [response.felt(error) for response, error in zip(responses, by_group, strict=True)]
     shifts = (np.linalg.pinv(design / scale, rcond=1e-13) / scale[:, None]) @ np.vstack([*felt, of_priors])

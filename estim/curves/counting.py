@@ -133,6 +133,8 @@ def _middles(bins: FloatArray) -> FloatArray:
 
 def _poisson(x: FloatArray, y: FloatArray, bins: ArrayLike | None, what: str) -> CountedPoints:
     _require_counts(y, "the number of events, not a rate or an average")
+    if not np.any(y):
+        raise InputError("are all 0, which no curve can be fit to: fewer than 3 events were expected in all (95 %)", field="y")
     order = np.argsort(x, kind="stable")
     if bins is None:
         return CountedPoints(x[order], y[order], Counts(POISSON, np.ones(x.size), y[order], what), None, None)

@@ -148,7 +148,8 @@ def pose_curve(
     _check_mappings(bounds=bounds, priors=priors, units=units, fixed=fixed)
     _check_words(units, errors, axes)
     counted = ask_counts(
-        noise, x, y, what=axes.y_name, u_y=u_y, cov_y=cov_y, u_x=u_x, deviation=deviation or None, correlated=None if correlated is False else correlated,
+        noise, x, y, what=axes.y_name, u_y=u_y, cov_y=cov_y, u_x=u_x, deviation=deviation or None,
+        correlated=None if correlated is False else correlated,
     )
     if counted is not None:
         x, y = counted.x, counted.y

@@ -32,6 +32,9 @@ class Law(Protocol):
     def log_density(self, y: FloatArray, mean: FloatArray, size: FloatArray) -> FloatArray:
         """log p(y | m), normalised."""
 
+    def deviance(self, y: FloatArray, mean: FloatArray, size: FloatArray) -> FloatArray:
+        """2 log p(y | y) - 2 log p(y | m)."""
+
     def variance(self, mean: FloatArray, size: FloatArray) -> FloatArray:
         """V of y."""
 
@@ -56,6 +59,9 @@ class Poisson:
         from scipy.special import gammaln
 
         return np.asarray(_y_log(y, mean) - mean - gammaln(y + 1.0))
+
+    def deviance(self, y: FloatArray, mean: FloatArray, size: FloatArray) -> FloatArray:
+        return np.asarray(2.0 * (_y_log(y, np.where(y > 0.0, y, 1.0)) - _y_log(y, mean) - (y - mean)))
 
     def variance(self, mean: FloatArray, size: FloatArray) -> FloatArray:
         return np.asarray(mean + 0.0 * size)
@@ -88,6 +94,11 @@ class Binomial:
         ways = gammaln(size + 1.0) - gammaln(hits + 1.0) - gammaln(misses + 1.0)
         return np.asarray(ways + _y_log(hits, mean) + _y_log(misses, 1.0 - mean))
 
+    def deviance(self, y: FloatArray, mean: FloatArray, size: FloatArray) -> FloatArray:
+        rest, of_rest = 1.0 - y, 1.0 - mean
+        hits = _y_log(y, np.where(y > 0.0, y, 1.0)) - _y_log(y, mean)
+        return np.asarray(2.0 * size * (hits + _y_log(rest, np.where(rest > 0.0, rest, 1.0)) - _y_log(rest, of_rest)))
+
     def variance(self, mean: FloatArray, size: FloatArray) -> FloatArray:
         return np.asarray(mean * (1.0 - mean) / size)
 
@@ -99,11 +110,11 @@ class Binomial:
         return rng.binomial(size.astype(np.int64), np.clip(mean, 0.0, 1.0)) / size
 
     def table(self, mean: float, size: float) -> tuple[FloatArray, FloatArray]:
-        from scipy.special import bdtr
+        from scipy.special import betainc
 
         middle, reach = size * mean, 9.0 * np.sqrt(size * mean * (1.0 - mean)) + 20.0
         hits = np.unique(np.floor(np.linspace(max(0.0, middle - reach), min(size, middle + reach), min(2 * int(reach) + 2, 4000))))
-        return hits / size, bdtr(hits, size, mean)
+        return hits / size, np.where(hits < size, betainc(np.maximum(size - hits, 1.0), hits + 1.0, 1.0 - mean), 1.0)
 
 
 POISSON, BINOMIAL = Poisson(), Binomial()
@@ -126,10 +137,9 @@ class Counted:
 def deviance_residual(law: Law, y: FloatArray, mean: FloatArray, size: FloatArray) -> FloatArray:
     """r with r^2/2 = log p(y | y) - log p(y | m), signed as y - m: least squares on it are the maximum of the likelihood."""
     with np.errstate(all="ignore"):
-        height = law.log_density(y, y + 0.0 * mean, size) - law.log_density(y, mean, size)
         close = (y - mean) ** 2 / law.variance(mean, size)
         small = np.abs(y - mean) < 1e-5 * mean  # there the difference of two logarithms is rounding
-        return np.asarray(np.sign(y - mean) * np.sqrt(np.where(small, close, 2.0 * np.maximum(height, 0.0))))
+        return np.asarray(np.sign(y - mean) * np.sqrt(np.where(small, close, np.maximum(law.deviance(y, mean, size), 0.0))))
 
 
 def _y_log(y: FloatArray, mean: FloatArray) -> FloatArray:
