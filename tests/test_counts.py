@@ -36,7 +36,7 @@ def test_one_count_has_the_profile_of_poisson_and_lies_within_garwood(n: int) ->
     for p in (0.68, 0.95):
         low, high = fit.intervals["m"][p]
         rise = stats.norm.ppf(0.5 + 0.5 * p) ** 2
-        brute = [optimize.brentq(lambda m: 2.0 * (m - n - n * math.log(m / n)) - rise, *ends) for ends in ((1e-9, n), (n, n + 40.0))]
+        brute = [optimize.brentq(lambda m, rise=rise: 2.0 * (m - n - n * math.log(m / n)) - rise, *ends) for ends in ((1e-9, n), (n, n + 40.0))]
         assert (low, high) == pytest.approx(brute, rel=1e-4)
         garwood = stats.chi2.ppf(0.5 - 0.5 * p, 2 * n) / 2.0, stats.chi2.ppf(0.5 + 0.5 * p, 2 * n + 2) / 2.0
         assert garwood[0] <= low < high <= garwood[1]
@@ -173,7 +173,8 @@ def test_roots_of_counts_as_errors_are_told(rng: np.random.Generator) -> None:
 @pytest.mark.parametrize(
     ("given", "words"),
     [
-        ({"noise": "gauss"}, "noise"), ({"noise": "poisson", "u_y": 1.0}, "'u_y' does not go"), ({"noise": "poisson", "y": [1, 2, 2.5]}, "value number 3"),
+        ({"noise": "gauss"}, "noise"), ({"noise": "poisson", "u_y": 1.0}, "'u_y' does not go"),
+        ({"noise": "poisson", "y": [1, 2, 2.5]}, "value number 3"),
         ({"noise": "poisson", "y": [1, -2, 3]}, "value number 2"), ({"noise": Poisson([0.0, 1.0])}, "edges"), ({"noise": Poisson(1.7)}, "overlap"),
         ({"noise": Poisson([[0, 0.5], [0.5, 0.9], [1.5, 2.5]])}, "number 2 does not"), ({"noise": Poisson(-1.0)}, "low one below"),
         ({"noise": Binomial(2)}, "exceed the trials"), ({"noise": Binomial(2.5)}, "whole"), ({"noise": Binomial([4, 4])}, "as many"),
@@ -245,9 +246,10 @@ def test_a_campaign_counts_as_python_does(tmp_path: Path, rng: np.random.Generat
 )
 def test_a_campaign_says_where_counts_are_wrong(tmp_path: Path, old: str, new: str, table: str, words: str) -> None:
     text = CAMPAIGN.replace(old, new)
+    header = ["low", "high" if '"high"' in text else "_high", "n" if '"n"' in text else "_n"]
+    path = written(tmp_path, text, ",".join(header) + "\n" + table)
     with pytest.raises(InputError, match=words):
-        header = ["low", "high" if '"high"' in text else "_high", "n" if '"n"' in text else "_n"]
-        load_campaign(written(tmp_path, text, ",".join(header) + "\n" + table)).problem(["one"])
+        load_campaign(path).problem(["one"])
 
 
 def test_the_muon_of_the_gallery_agrees_with_what_was_published() -> None:

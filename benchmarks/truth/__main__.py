@@ -1,12 +1,13 @@
 """How far is a result off, and does it say so, when something is wrong that nobody told?  Writes two Markdown tables.
 
     python benchmarks/truth [--replicas 20] [--only NAME ...] [--priors default sharp] [--noise speeds positions | --joint]
-                            [--peers | --slow-peers] [--jobs 2] [--seed 1] [--log FILE] [--out FILE] [--keep FOLDER]
+                            [--peers | --slow-peers] [--derived] [--jobs 2] [--seed 1] [--log FILE] [--out FILE] [--keep FOLDER]
 
 Each line: a disturbance of one run (`recordings.py`; the motion is solved by SciPy and shares no code with `model/`), analysed as
 `estim fit` does by default, with no hint; beside it, if asked for, what lmfit makes of the same recordings (`peers.py`).
 --joint: three runs of one body at three tilts of one ramp instead, analysed as `estim fit --joint` does; θ₀ and φ count once for each run.
 The true c_rr is its average over the track, drag and hills included.
+--derived: what follows from these, too: the inertia ratio j, the effective slope s and the turning point, as a method of its own.
 Shift: mean of (posterior mean - true value)/posterior sd over the replicas, whatever the status.
 Coverage: share of central 68 and 95 % intervals of the five quantities that hold the true value, among results with status `ok`; behind it the
 Monte-Carlo standard deviation, of the shares of single recordings.  Last column: share of results that are `ok` with some |z| > 4.
@@ -38,12 +39,13 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
 from estim.campaign import load_campaign
 from estim.common import EstimError
-from estim.pipeline import analyse
+from estim.pipeline import Analysis, analyse
+from truth.motion import solve
 from truth.peers import CENTRAL, intervals_of_lmfit
-from truth.recordings import DISTURBANCES, FREE, JOINT, NOISES, OF_RUN, PRIORS, write_campaign
+from truth.recordings import BASE, DISTURBANCES, FREE, JOINT, LONGEST, NOISES, OF_RUN, PRIORS, write_campaign
 
 SYMBOLS = {"gamma": "γ", "kappa": "κ", "theta0": "θ₀", "phi": "φ", "rolling_resistance": "c_rr"}
-ESTIM = "estim"
+ESTIM, OF_DRAWS = "estim", "estim: j, s, turning point"
 
 
 @dataclass(frozen=True)
@@ -57,6 +59,7 @@ class Case:
     seed: int
     peers: int = 0
     keep: str | None = None
+    derived: bool = False
 
     @property
     def line(self) -> tuple[str, str, str]:
@@ -96,7 +99,7 @@ def outcomes(case: Case) -> list[Outcome]:
         folder = Path(case.keep, *case.line, str(case.replica)) if case.keep else Path(temporary)
         folder.mkdir(parents=True, exist_ok=True)
         truth = write_campaign(folder, DISTURBANCES[case.name], priors=case.priors, noise=case.noise, rng=rng)
-        found = [_by_default(case, folder, truth)]
+        found = _by_default(case, folder, truth)
         if case.peers and case.noise == "speeds":
             sides = intervals_of_lmfit(folder, truth, slow=case.peers > 1, seed=case.replica + 1)
             for method, intervals in sides.items():
@@ -114,23 +117,47 @@ def _outcome(
     return Outcome(*case.line, case.replica, case.seed, method, status, z, inside68, inside95, seconds)
 
 
-def _by_default(case: Case, folder: Path, truth: dict[str, float]) -> Outcome:
+def _by_default(case: Case, folder: Path, truth: dict[str, float]) -> list[Outcome]:
     start = time.process_time()
     try:
         campaign = load_campaign(folder / "campaign.toml")
         analysis = analyse(campaign, campaign.run_names, seed=case.replica + 1)
     except EstimError as error:
         print(f"{case}: {error}", file=sys.stderr)
-        return _outcome(case, ESTIM, "refused", seconds=time.process_time() - start)
+        return [_outcome(case, ESTIM, "refused", seconds=time.process_time() - start)]
     except Exception as error:
         print(f"{case}: {type(error).__name__}: {error}", file=sys.stderr)
-        return _outcome(case, ESTIM, "CRASHED", seconds=time.process_time() - start)
-    draws = analysis.chain.flat
+        return [_outcome(case, ESTIM, "CRASHED", seconds=time.process_time() - start)]
+    draws, status = analysis.chain.flat, str(analysis.diagnosis.status)
     columns = [draws[:, analysis.problem.names.index(parameter)] for parameter in truth]
-    z = [float((c.mean() - true) / c.std()) for c, true in zip(columns, truth.values(), strict=True)]
-    below = np.array([np.mean(c < true) for c, true in zip(columns, truth.values(), strict=True)])
-    inside = [[bool(one) for one in np.abs(below - 0.5) < 0.5 * p] for p in CENTRAL]
-    return _outcome(case, ESTIM, str(analysis.diagnosis.status), z, *inside, time.process_time() - start)
+    found = [_outcome(case, ESTIM, status, *_against(columns, list(truth.values())), time.process_time() - start)]
+    if case.derived:
+        columns, true = _derived(case, analysis, truth)
+        found.append(_outcome(case, OF_DRAWS, status, *_against(columns, true)))
+    return found
+
+
+def _against(columns: Sequence[np.ndarray], truth: Sequence[float]) -> tuple[list[float], list[bool], list[bool]]:
+    """z, and whether the central 68 and 95 % intervals hold the true value, of each column of draws."""
+    z = [float((c.mean() - true) / c.std()) for c, true in zip(columns, truth, strict=True)]
+    below = np.array([np.mean(c < true) for c, true in zip(columns, truth, strict=True)])
+    narrow, wide = ([bool(one) for one in np.abs(below - 0.5) < 0.5 * p] for p in CENTRAL)
+    return z, narrow, wide
+
+
+def _derived(case: Case, analysis: Analysis, truth: dict[str, float]) -> tuple[list[np.ndarray], list[float]]:
+    """Draws and true values of the inertia ratio, the effective slope and, with what start and force add, the turning point (m).
+
+    The turning point as the camera's scale reads it.
+    """
+    (run,), gamma, kappa = analysis.problem.runs, truth["gamma[b]"], truth["kappa[b]"]
+    phi, c_rr = truth["phi[r]"], truth["rolling_resistance"]
+    disturbance = DISTURBANCES[case.name]
+    motion = solve(disturbance.motion(generator(case), BASE), LONGEST)
+    stops = (1.0 + disturbance.camera.scale_x) * float(motion(np.array([motion.first_rest]))[0][0])
+    true = [(1.0 - gamma) * kappa + gamma, np.sin(phi) + c_rr * np.cos(phi), stops]
+    derived, end = run.derived(run.bind(analysis.problem.named(analysis.chain.flat))), analysis.bands[0].end
+    return [np.ravel(derived["inertia_ratio"].values), np.ravel(derived["slope"].values), end[np.isfinite(end)]], true
 
 
 def row(name: str, priors: str, noise: str, found: Sequence[Outcome]) -> str:
@@ -202,6 +229,7 @@ def main() -> None:
     read.add_argument("--joint", dest="noise", action="store_const", const=[JOINT], help="three runs at three tilts of one ramp, fitted together")
     parser.add_argument("--peers", dest="peers", action="store_const", const=1, default=0, help="lmfit's least squares beside it")
     parser.add_argument("--slow-peers", dest="peers", action="store_const", const=2, help="its conf_interval and emcee, too")
+    parser.add_argument("--derived", action="store_true", help="what follows from the parameters, too (not with --joint)")
     parser.add_argument("--jobs", type=int, default=os.cpu_count() or 1)
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--log", type=Path, help="file of outcomes, made longer")
@@ -211,7 +239,7 @@ def main() -> None:
     found = [Outcome(**json.loads(text)) for text in chosen.log.read_text().splitlines()] if chosen.log and chosen.log.exists() else []
     made = {(o.name, o.priors, o.noise, o.replica, o.seed) for o in found}
     kinds = list(product(range(chosen.replicas), chosen.only, chosen.priors, chosen.noise))  # a replica of each first, then the next
-    cases = [Case(*kind, replica, chosen.seed, chosen.peers, chosen.keep) for replica, *kind in kinds]
+    cases = [Case(*kind, replica, chosen.seed, chosen.peers, chosen.keep, chosen.derived and JOINT not in chosen.noise) for replica, *kind in kinds]
     with ProcessPoolExecutor(chosen.jobs) as pool:
         running = [pool.submit(outcomes, case) for case in cases if (*case.line, case.replica, case.seed) not in made]
         for future in as_completed(running):

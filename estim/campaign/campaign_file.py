@@ -18,7 +18,9 @@ import msgspec
 
 from estim.campaign.effect_table import EffectTable
 from estim.campaign.part_table import PartTable
+from estim.campaign.plan_table import NO_PLAN, PlanTable, check_plan
 from estim.campaign.prior_table import PriorTable, Value, read_prior
+from estim.campaign.trial_table import TrialsTable
 from estim.common import EXTREME, InputError, Quantity, extreme, first_alike, forms, read_quantity
 from estim.problem import Prior
 from estim.reading import TOML_BYTES, Choices, Places, Unit, leads_out, parse_toml, read_text
@@ -129,7 +131,9 @@ class _TopTable(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_only
     bodies: dict[str, dict[str, Any]] = {}
     runs: list[dict[str, Any]] = []
     line: dict[str, Any] | None = None
+    trials: dict[str, Any] | None = None
     curve: dict[str, Any] | None = None
+    plan: dict[str, Any] | None = None
 
 
 class _CurveRun(msgspec.Struct, frozen=True):
@@ -152,7 +156,7 @@ class CampaignFile:
     """A campaign file as read, structure checked, numbers not yet interpreted.
 
     files : run -> its file as written.  runs : of rolling bodies; empty where the curve is the user's own.
-    curve : None where the runs are of rolling bodies.
+    curve : None where the runs are of rolling bodies.  plan : what might be measured next.
     """
 
     path: Path
@@ -168,6 +172,8 @@ class CampaignFile:
     line: LineTable | None
     parts: Mapping[str, PartTable]
     curve: OwnCurve | None = None
+    plan: PlanTable = NO_PLAN
+    trials: TrialsTable | None = None
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -209,7 +215,7 @@ class CampaignFile:
     def outside(self, *, runs: bool = True, line: bool = False, published: bool = False) -> tuple[str, ...]:
         """Such a sentence for each of these files."""
         written = list(self.files.values()) if runs else []
-        written += [self.line.file] if line and self.line is not None else []
+        written += [table.file for table in (self.line, self.trials) if line and table is not None]
         written += [self.published] if published and self.published is not None else []
         return tuple(said for file in dict.fromkeys(written) if (said := self.out_of_folder(file)))
 
@@ -228,22 +234,25 @@ def read_campaign_file(path: Path, *, measured: bool = True) -> CampaignFile:
     bodies = {name: checked(table, LevelTable, places, ("bodies", name)) for name, table in top.bodies.items()}
     runs = tuple(checked(table, RunTable, places, ("runs", i)) for i, table in enumerate(top.runs))
     line = None if top.line is None else checked(top.line, LineTable, places, ("line",))
+    trials = None if top.trials is None else checked(top.trials, TrialsTable, places, ("trials",))
     shared = checked(top.shared, LevelTable, places, ("shared",))
-    if measured and not runs and line is None:
-        raise places.error("must hold at least one [[runs]] table or a [line] table", (), field="campaign")
+    if measured and not runs and line is None and trials is None:
+        raise places.error("must hold at least one [[runs]] table, a [line] or a [trials] table", (), field="campaign")
     check_run_names([run.name for run in runs], places)
     check_body_names(bodies, places)
     for i, run in enumerate(runs):
         if run.body not in bodies:
             raise places.error(f"must name one of the bodies ({', '.join(bodies) or 'none defined'})", ("runs", i, "body"), value=run.body)
-    if line is not None and line.body not in bodies:
-        raise places.error(f"must name one of the bodies ({', '.join(bodies) or 'none defined'})", ("line", "body"), value=line.body)
+    for key, table in (("line", line), ("trials", trials)):
+        if table is not None and table.body not in bodies:
+            raise places.error(f"must name one of the bodies ({', '.join(bodies) or 'none defined'})", (key, "body"), value=table.body)
     files = {run.name: run.file for run in runs}
-    return CampaignFile(path, digest, places, top.title, top.kind, top.published, shared, bodies, files, runs, line, parts)
+    plan = NO_PLAN if top.plan is None else check_plan(checked(top.plan, PlanTable, places, ("plan",)), tuple(files), places)
+    return CampaignFile(path, digest, places, top.title, top.kind, top.published, shared, bodies, files, runs, line, parts, trials=trials, plan=plan)
 
 
 def _with_own_curve(path: Path, digest: str, places: Places, top: _TopTable) -> CampaignFile:
-    for key in ("shared", "parts", "bodies", "line", "published"):
+    for key in ("shared", "parts", "bodies", "line", "trials", "published"):
         if getattr(top, key):
             raise places.error("does not go with a [curve] table", (key,))
     if not top.runs:
@@ -251,7 +260,9 @@ def _with_own_curve(path: Path, digest: str, places: Places, top: _TopTable) -> 
     named = [checked(run, _CurveRun, places, ("runs", i)) for i, run in enumerate(top.runs)]
     check_run_names([run.name for run in named], places)
     files = {run.name: run.file for run in named}
-    return CampaignFile(path, digest, places, top.title, top.kind, None, LevelTable(), {}, files, (), None, {}, OwnCurve(top.curve or {}, top.runs))
+    plan = NO_PLAN if top.plan is None else checked(top.plan, PlanTable, places, ("plan",))
+    plan, curve = check_plan(plan, tuple(files), places, own_curve=True), OwnCurve(top.curve or {}, top.runs)
+    return CampaignFile(path, digest, places, top.title, top.kind, None, LevelTable(), {}, files, (), None, {}, curve, plan)
 
 
 def check_run_names(names: Sequence[str], places: Places) -> None:

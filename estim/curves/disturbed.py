@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike
 from estim.arrays import FloatArray
 from estim.common import Notation
 from estim.curves.differences import with_gradient
-from estim.curves.rolling import SAG_TOLD, RollingMotion, body_of, derived_of, footing_of, from_release
+from estim.curves.rolling import FIRST_TURNING, SAG_TOLD, RollingMotion, body_of, derived_of, footing_of, from_release
 from estim.problem import Derived, Footing, LocalCurve
 from model import (
     Body,
@@ -252,7 +252,7 @@ class DisturbedMotion(RollingMotion):
             found["energy_at_release"] = _derived("1", known.energy, "kinetic energy at release / (M g R)", Notation("E_0"))
         if self.in_time:
             unit = "rad" if self.angular else "m"
-            found["turning_point"] = _derived(unit, self._stop(arguments), "first turning point, from the release", self.end_notation)
+            found["turning_point"] = _derived(unit, self._stop(arguments), FIRST_TURNING, self.end_notation)
         return found
 
     def _stop(self, arguments: Mapping[str, ArrayLike]) -> FloatArray:

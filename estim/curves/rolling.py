@@ -25,6 +25,7 @@ _TAKEN_AS_EXACT = {  # argument -> an error of it: of angles in rad, else as a s
     "radius": 0.01, "g": 1e-3, "gamma": 0.01, "kappa": 0.01, "phi": float(np.radians(0.1)), "theta0": float(np.radians(1.0)),
 }
 SAG_TOLD = 1e-3  # m, of a sag
+FIRST_TURNING = "first turning point, from the release, on the scale of the positions"
 _N_FOOTING = 96  # places along the way
 _MOTION = ("phi", "theta0", "rolling_resistance", "g")
 
@@ -40,7 +41,6 @@ def body_of(arguments: Mapping[str, ArrayLike]) -> tuple[Body, dict[str, Any]]:
 def from_release(x: FloatArray, arguments: Mapping[str, ArrayLike]) -> FloatArray:
     """Positions counted from the release: (n_obs,), or (n_draw, n_obs) where the zero of the positions is unknown."""
     return x - np.asarray(arguments["offset"]) if "offset" in arguments else x
-
 
 def derived_of(body: Body, motion: Mapping[str, Any], mass: float | None) -> dict[str, Derived]:
     """What follows from a body and how it moves whatever was measured; `mass` in kg, or None."""
@@ -186,7 +186,7 @@ class RollingMotion:
         found = derived_of(*body_of(arguments), self.mass)
         if self.in_time:
             unit = "rad" if self.angular else "m"
-            found["turning_point"] = Derived(unit, np.atleast_2d(self._stop(arguments)), "first turning point, from the release", self.end_notation)
+            found["turning_point"] = Derived(unit, np.atleast_2d(self._stop(arguments)), FIRST_TURNING, self.end_notation)
         return found
 
     def errors_in_common(

@@ -2,21 +2,8 @@
 Read `posterior` first, then `noise` (which sigma is which) and `likelihood` (what is asked of it).  Imports `common` alone."""
 
 from estim.problem.abscissas import hide_the_range
-from estim.problem.curve import (
-    EXACT,
-    CommonError,
-    Curve,
-    Derived,
-    Footing,
-    LocalCurve,
-    Motion,
-    PositionCurve,
-    SpeedCurve,
-    Wording,
-    counted_words,
-    plain_words,
-)
-from estim.problem.events import BINOMIAL, POISSON, Counted, Counts, Events, Law
+from estim.problem.curve import EXACT, CommonError, Curve, Derived, Footing, LocalCurve, Motion, PositionCurve, SpeedCurve, Wording, plain_words
+from estim.problem.events import BINOMIAL, POISSON, Counted, Counts, Events, Law, counted_words
 from estim.problem.flat_prior import Flat
 from estim.problem.likelihood import Ends, Likelihood, Noise, NormalErrors, Points, n_draws, reading_sd
 from estim.problem.noise import STENCILS, CorrelatedErrors, Derivative, Differentiated, Independent, Linear, Named, Scale, Size, differentiate

@@ -10,13 +10,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 
 from estim.arrays import FloatArray
-from estim.problem.curve import Wording
+from estim.problem.curve import POINTS, Wording
 from estim.problem.laws import Counted, Law, deviance_residual
 from estim.problem.likelihood import Ends, Likelihood, Noise, Points
 from estim.problem.readings import Readings
@@ -207,3 +207,8 @@ class Counts:
         law = "Poisson" if self.law.word == "counts" else "binomial"
         where = "" if self.bins is None else ", the curve integrated over each bin"
         return f"{law} {self.law.word} of {self.what}, whose expectation is the curve{where}"
+
+
+def counted_words(what: str, new: str) -> Wording:
+    """How counts are spoken of: what they are, and one more of them."""
+    return replace(POINTS, what=what, new=new, rows=what)

@@ -172,11 +172,6 @@ def scales_of(x: FloatArray, y: FloatArray, local: LocalCurve) -> tuple[CommonEr
 POINTS = Wording("points", "reading", "a new point", "points", False)
 
 
-def counted_words(what: str, new: str) -> Wording:
-    """Of counts: what they are, and one more of them."""
-    return replace(POINTS, what=what, new=new, rows=what)
-
-
 def plain_words(y_name: str) -> Wording:
     """Of points on a curve that is no motion."""
     return replace(POINTS, new=f"a new {y_name}")

@@ -20,6 +20,7 @@ from estim.arrays import FloatArray
 from estim.common import InputError
 from estim.problem.counts import CountErrors
 from estim.problem.counts import Counts as Counts
+from estim.problem.counts import counted_words as counted_words
 from estim.problem.curve import Curve, LocalCurve, Wording
 from estim.problem.latent import rooted
 from estim.problem.laws import BINOMIAL as BINOMIAL

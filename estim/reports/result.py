@@ -18,7 +18,7 @@ import msgspec
 import numpy as np
 
 from estim.arrays import FloatArray
-from estim.checks import Diagnosis, borne_pattern, headline, parameter_cells, stated_values
+from estim.checks import Check, Diagnosis, Goodness, borne_pattern, headline, parameter_cells, stated_values
 from estim.common import as_json, one_line
 from estim.fitting import ProfileInterval
 from estim.pipeline import Analysis
@@ -298,7 +298,8 @@ def _parameter(analysis: Analysis, i: int) -> ParameterSummary:
 
 def _turning_point(end: FloatArray, run: Observations, diagnosis: Diagnosis) -> TurningPoint:
     with np.errstate(invalid="ignore"):
-        summary = trusted(summarise(end, unit=run.x_unit, meaning="where the motion ends, from the release"), diagnosis.status)
+        meaning = "where the motion ends, from the release, on the scale of the positions"
+        summary = trusted(summarise(end, unit=run.x_unit, meaning=meaning), diagnosis.status)
     return TurningPoint(**msgspec.structs.asdict(summary), never_stops=float(np.mean(~np.isfinite(end))))
 
 
@@ -310,7 +311,7 @@ def _run(campaign: Subject, analysis: Analysis, i: int) -> RunSummary:
     return RunSummary(
         file=one_line(table.file), x=run.x_label, y=run.y_label, n_obs=run.n_obs, noise=noise,
         complete=None if run.complete is None else tell(run.complete), excluded=[tell(why) for why in run.excluded],
-        checks={name: CheckSummary(c.statistic, c.p_value, c.meaning) for name, c in goodness.checks.items()},
+        checks={name: CheckSummary(c.statistic, c.p_value, c.meaning) for name, c in {**goodness.checks, **_speed_check(goodness)}.items()},
         scatter_ratio=number(goodness.scatter_ratio), covered=next(map(tell, borne_pattern(goodness)), None),
         facts=[*origin_facts(table, run, analysis.problem), *speed_facts(run)],
         warnings=list(origin_warnings(table, run, analysis.problem)), robust=run.noise.robust, outliers=outliers(analysis, run),
@@ -321,6 +322,10 @@ def _run(campaign: Subject, analysis: Analysis, i: int) -> RunSummary:
             for name, d in derived.items() if np.size(d.values) > 1
         },
     )
+
+
+def _speed_check(goodness: Goodness) -> dict[str, Check]:
+    return {} if goodness.speed is None else {"speed": goodness.speed}
 
 
 def to_json(result: Result) -> bytes:
