@@ -8,7 +8,7 @@ from __future__ import annotations
 import difflib
 import os
 import re
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,17 +17,16 @@ from typing import Any, Literal, TypeVar
 import msgspec
 
 from estim.campaign.effect_table import EffectTable
+from estim.campaign.name_rules import check_body_names, check_run_names
 from estim.campaign.part_table import PartTable
 from estim.campaign.plan_table import NO_PLAN, PlanTable, check_plan
 from estim.campaign.prior_table import PriorTable, Value, read_prior
 from estim.campaign.trial_table import TrialsTable
-from estim.common import EXTREME, InputError, Quantity, extreme, first_alike, forms, read_quantity
+from estim.common import EXTREME, InputError, Quantity, extreme, read_quantity
 from estim.problem import Prior
 from estim.reading import TOML_BYTES, Choices, Places, Unit, leads_out, parse_toml, read_text
 
 Kind = Literal["synthetic", "measured", "published"]
-_MAX_NAME = 100  # bytes
-_REPORT = ("report.md", "result.json", "draws.nc", "figures")  # what stands in the folder where a run gets its own
 
 _FIELDS = frozenset({  # that messages of readers name; any other may be a word of the file
     "header", "row", "rows", "byte", "text", "size", "number of lines", "XML", "archive", "track", "tracks", "t", "x", "y", "release", "along",
@@ -263,30 +262,6 @@ def _with_own_curve(path: Path, digest: str, places: Places, top: _TopTable) -> 
     plan = NO_PLAN if top.plan is None else checked(top.plan, PlanTable, places, ("plan",))
     plan, curve = check_plan(plan, tuple(files), places, own_curve=True), OwnCurve(top.curve or {}, top.runs)
     return CampaignFile(path, digest, places, top.title, top.kind, None, LevelTable(), {}, files, (), None, {}, curve, plan)
-
-
-def check_run_names(names: Sequence[str], places: Places) -> None:
-    """Names of runs are unique and can be names of folders beside the files of a report.  Raises InputError."""
-    for i, name in enumerate(names):
-        if len(name.encode()) > _MAX_NAME:
-            raise places.error(f"must be short enough for the name of a file: at most {_MAX_NAME} bytes", ("runs", i, "name"), value=name)
-        if any(form in _REPORT for form in forms(name)):
-            raise places.error("must not be the name of a file of the report", ("runs", i, "name"), value=name)
-        if not re.fullmatch(r"\w[\w.+-]*", name):
-            raise places.error("must be made of letters, digits and . _ + -, a letter or digit first", ("runs", i, "name"), value=name)
-    if found := first_alike(names):
-        later, first = found
-        line = places.lines.get(("runs", first, "name"))
-        rule = "must be unique" if names[later] == names[first] else "must differ from another name in more than case or letters that look alike"
-        raise places.error(rule if line is None else f"{rule} (the other stands on line {line})", ("runs", later, "name"), value=names[later])
-
-
-def check_body_names(names: Iterable[str], places: Places) -> None:
-    """Names of bodies can be part of the name of a figure's file.  Raises InputError."""
-    for name in names:
-        if not re.fullmatch(r"[^\W_][\w .+-]*", name) or len(name.encode()) > _MAX_NAME:
-            rule = f"must be made of letters, digits, blanks and . _ + -, a letter or digit first, at most {_MAX_NAME} bytes"
-            raise places.error(rule, ("bodies", name), field="bodies", value=name)
 
 
 T = TypeVar("T")

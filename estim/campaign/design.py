@@ -17,7 +17,8 @@ from typing import Any
 import msgspec
 import numpy as np
 
-from estim.campaign.campaign_file import check_body_names, check_run_names, checked
+from estim.campaign.campaign_file import checked
+from estim.campaign.name_rules import check_body_names, check_run_names
 from estim.common import one_line
 from estim.reading import TOML_BYTES, Places, parse_toml, read_text
 from model import Body, ascends, theta_min
