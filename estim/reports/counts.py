@@ -74,7 +74,7 @@ def _draw_counts(ax: Axes, run: Observations, mean: FloatArray, counted: Counted
         for level, width in zip(_LEVELS, (1.2, 3.5), strict=True):
             ax.vlines(run.x, *ends[level], color=BLUE, lw=width, alpha=0.55, label=f"where a {what} lies, {100 * level:.0f} %")
         ax.plot(run.x, mean, "_", color=BLUE, ms=9, mew=1.6, label="expected by the curve")
-        ax.plot(run.x, run.y, "o", color=INK, ms=3.5, label=f"{what}s", zorder=5)
+        ax.plot(run.x, run.y, "o", color=INK, ms=3.5, label=f"{what}s", zorder=5, clip_on=False)
         return
     for low, high, height in zip(edges[:, 0], edges[:, 1], run.y, strict=True):
         ax.fill_between([low, high], 0.0, height, color=GREY, alpha=0.3, lw=0)
@@ -84,7 +84,7 @@ def _draw_counts(ax: Axes, run: Observations, mean: FloatArray, counted: Counted
         low, high = (np.repeat(end, 2) for end in ends[level])
         ax.fill_between(x, low, high, color=BLUE, alpha=shade, lw=0, label=f"where a {what} lies, {100 * level:.0f} %")
     ax.plot(x, np.repeat(mean, 2), color=BLUE, lw=1.2, label="expected by the curve")
-    ax.plot(run.x, run.y, "o", color=INK, ms=2.5, zorder=5)
+    ax.plot(run.x, run.y, "o", color=INK, ms=2.5, zorder=5, clip_on=False)
 
 
 def _expected(fit: Fit, run: Observations) -> FloatArray:
