@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from estim.checks.goodness import check_goodness
     from estim.common.errors import EstimError, InputError
     from estim.curve_fit import CurveFit, fit_curve
+    from estim.curves.counting import Binomial, EventTimes, Poisson
     from estim.curves.posing import AxisNames
     from estim.curves.shared_errors import Component
     from estim.fitting.least_squares import fit_least_squares
@@ -41,13 +42,16 @@ if TYPE_CHECKING:
 _HOME = {
     "Analysis": "pipeline",
     "AxisNames": "curves.posing",
+    "Binomial": "curves.counting",
     "Campaign": "campaign.campaign",
     "Component": "curves.shared_errors",
     "CurveFit": "curve_fit",
     "EstimError": "common.errors",
+    "EventTimes": "curves.counting",
     "Input": "propagation.inputs",
     "InputError": "common.errors",
     "LineFit": "line.least_squares",
+    "Poisson": "curves.counting",
     "Target": "sampling.chain",
     "analyse": "pipeline",
     "analyse_line": "line.analysis",
@@ -85,13 +89,16 @@ _HOME = {
 __all__ = [
     "Analysis",
     "AxisNames",
+    "Binomial",
     "Campaign",
     "Component",
     "CurveFit",
     "EstimError",
+    "EventTimes",
     "Input",
     "InputError",
     "LineFit",
+    "Poisson",
     "Target",
     "analyse",
     "analyse_line",

@@ -31,7 +31,7 @@ from estim.checks import (
     stated_values,
 )
 from estim.common import Finding, Kind, Status, code, decide, markdown, one_line, table, wrong
-from estim.curves import AxisNames, Component, CurveProblem, pose_curve
+from estim.curves import AxisNames, Component, Counting, CurveProblem, pose_curve
 from estim.deviation import FoundDeviation
 from estim.fitting import (
     FEW,
@@ -162,14 +162,15 @@ class CurveFit:
 
     def _summary(self) -> str:
         if self.sigma is None:
-            return f"chi2 = {self.chi2:.4g}, dof = {self.dof}, p = {self.p_value:.2g}; {self.message}"
+            size = "chi2" if self.problem.runs[0].noise.counted is None else "deviance"
+            return f"{size} = {self.chi2:.4g}, dof = {self.dof}, p = {self.p_value:.2g}; {self.message}"
         return f"residual sd = {self.sigma:.4g} (estimated: u_y was not given), dof = {self.dof}; {self.message}"
 
 
 def fit_curve(
     curve: str | Callable[..., Any],
     x: ArrayLike,
-    y: ArrayLike,
+    y: ArrayLike | None,
     *,
     start: Mapping[str, float],
     u_y: ArrayLike | None = None,
@@ -185,6 +186,7 @@ def fit_curve(
     fixed: Mapping[str, float] | None = None,
     deviation: float = 0.0,
     correlated: ArrayLike | bool = False,
+    noise: Counting | str | None = None,
 ) -> CurveFit:
     """The curve fit to points x, y (n_obs,) by least squares.
 
@@ -201,6 +203,8 @@ def fit_curve(
     deviation : how large a smooth deviation of y from the curve would not surprise you (the scale of a half-normal prior, unit of y); 0 for none.
     correlated : whether errors of points that follow each other may be alike: True in the order given, or their times (n_obs,).
         With either, values, sds and intervals are those of a mixture over its size and length, linear in the parameters (`estim.deviation`).
+    noise : what y counts, in place of u_y: "poisson", or `Poisson(bins=...)`, `Binomial(trials=...)`, `EventTimes(low, high)` with y = None
+        (`estim.curves.counting`).  Intervals are then profiles of the likelihood, and chi2 is the deviance.
     rng : of the further starts and of the simulated tests; None always draws the same.  n_start : starts tried, 1 for the given one alone.
 
     Raises InputError where an argument breaks a rule.
@@ -210,7 +214,7 @@ def fit_curve(
         curve, x, y, start=start, u_y=u_y, cov_y=cov_y, u_x=u_x, bounds={} if bounds is None else bounds,
         priors={} if priors is None else priors, errors=tuple(errors), units={} if units is None else units,
         axes=AxisNames() if axes is None else axes, fixed={} if fixed is None else fixed,
-        deviation=deviation, correlated=correlated,
+        deviation=deviation, correlated=correlated, noise=noise,
     )
     complete = (_fit_stated if posed.stated else _fit_estimated)(posed, rng, n_start)
     found = complete.status not in (Status.NOT_IDENTIFIED, Status.NOT_CONVERGED) and complete.goodness
@@ -298,7 +302,7 @@ def _concluded(posed: CurveProblem, best: Optimum, problem: Problem, *, sigma: f
     return CurveFit(
         names=names, values=dict(zip(names, best.values.tolist(), strict=True)), sds=dict(zip(names, found.sds.tolist(), strict=True)),
         intervals=found.intervals, cov=found.cov, chi2=chi2, dof=dof, p_value=p_value, sigma=sigma, status=decide(findings), findings=findings,
-        remarks=(*found.notes, *curve_remarks(best, p_value, chi2, dof, goodness, stated=sigma is None, perfect=perfect)),
+        remarks=(*found.notes, *curve_remarks(inner, best, p_value, chi2, dof, goodness, stated=sigma is None, perfect=perfect)),
         message=_message(best, sigma, perfect, [tell(f) for f in same_curve(inner)]), goodness=goodness,
         fit=inner, text=posed.text, fixed=posed.fixed,
     )

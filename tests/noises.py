@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import stats
 
+from estim.curves.counting import EventTimes, counted_points
 from estim.curves.formula import read_formula
 from estim.deviation.components import Shape, diagonalise
 from estim.deviation.grid import prior_grid
@@ -15,7 +16,9 @@ from estim.deviation.jumps import BadFrames
 from estim.deviation.linearised import linearise
 from estim.deviation.mixture import keep_probable
 from estim.deviation.noise import WithForce
+from estim.problem.counts import Counts
 from estim.problem.derivative import STENCILS, differentiate
+from estim.problem.laws import BINOMIAL, POISSON
 from estim.problem.likelihood import Noise, Points
 from estim.problem.noise import Differentiated, Independent, Scale
 from estim.problem.readings import Correlated, Readings
@@ -105,6 +108,48 @@ class PointByPoint:
         return np.array([np.sum(chance * slope(lambda at: np.log(self.pdf(y, at)), named, name) ** 2) for name in named])
 
 
+class Counted:
+    """Counts or fractions y of `trials` with expectations mean(named); law(mean) : a distribution of SciPy of trials * y."""
+
+    def __init__(self, mean: Callable[[Named], np.ndarray], law: Callable[[np.ndarray], object], trials: float = 1.0) -> None:
+        self.mean, self.law, self.trials = mean, law, trials
+
+    def log_density(self, y: np.ndarray, named: Named) -> float:
+        return float(np.sum(self.pointwise(y, named)))
+
+    def pointwise(self, y: np.ndarray, named: Named) -> np.ndarray:
+        return self.law(self.mean(named)).logpmf(np.rint(self.trials * y))
+
+    def scores(self, y: np.ndarray, named: Named) -> np.ndarray:
+        most = self.law(y).logpmf(np.rint(self.trials * y))
+        return np.sign(y - self.mean(named)) * np.sqrt(2.0 * (most - self.law(self.mean(named)).logpmf(np.rint(self.trials * y))))
+
+    def information(self, named: Named) -> np.ndarray:
+        variance = self.law(self.mean(named)).var() / self.trials**2
+        return np.array([np.sum(slope(self.mean, named, name) ** 2 / variance) for name in named])
+
+
+class TimesOfEvents(Counted):
+    """Times of events in [0, 2] with the density (a + b t)/(2 a + 2 b), in cells between `edges`."""
+
+    def __init__(self, times: np.ndarray, edges: np.ndarray) -> None:
+        self.times, self.edges, self.trials, self.law = times, edges, 1.0, stats.poisson
+        self.mean = lambda named: self.times.size * np.diff(named["a"] * edges + named["b"] * edges**2 / 2.0) / (2.0 * (named["a"] + named["b"]))
+
+    def density(self, t: np.ndarray, named: Named) -> np.ndarray:
+        return (named["a"] + named["b"] * t) / (2.0 * (named["a"] + named["b"]))
+
+    def pointwise(self, y: np.ndarray, named: Named) -> np.ndarray:
+        logs = np.log(self.times.size * self.density(self.times, named))
+        return np.histogram(self.times, self.edges, weights=logs)[0] - self.mean(named)
+
+    def information(self, named: Named) -> np.ndarray:
+        t = np.linspace(0.0, 2.0, 20_001)
+        return np.array([
+            self.times.size * np.trapezoid(slope(lambda at: self.density(t, at), named, name) ** 2 / self.density(t, named), t) for name in named
+        ])
+
+
 def slope(value: Callable[[Named], np.ndarray], named: Named, name: str) -> np.ndarray:
     """Derivative of value(named) in a parameter, by a central difference."""
     low, high = (value({**named, name: named[name] + sign * 1e-5}) for sign in (-1.0, 1.0))
@@ -116,19 +161,26 @@ class Case:
     """A kind of noise, values of its parameters, and what it says of y.
 
     mixed : whether errors are normal with one of several covariances, of which readings know one.
+    unlike : whether y is no sum of the curve and an error.
     single : of points one by one where that is another thing than all together (errors of x).  within : what quadrature in estim may be off.
     """
 
     noise: Noise
     values: Named
-    brute: Normally | PointByPoint
+    brute: Normally | PointByPoint | Counted
     single: PointByPoint | None = None
     within: float = 1e-9
     outliers: bool = False
     mixed: bool = False
+    points: Points = POINTS
+    unlike: bool = False
 
     @property
-    def conditional(self) -> Normally | PointByPoint:
+    def y(self) -> np.ndarray:
+        return self.points.y
+
+    @property
+    def conditional(self) -> Normally | PointByPoint | Counted:
         return self.single or self.brute
 
     @property
@@ -230,6 +282,26 @@ def lacking() -> Case:
     return Case(noise, {}, Mixed(line, parts, lambda named: best), mixed=True)
 
 
+def counts() -> Case:
+    y = np.array([1.0, 2.0, 0.0, 3.0, 4.0, 3.0, 5.0])
+    points = Points(POINTS.curve, X, y, POINTS.arguments)
+    return Case(Counts(POISSON, np.ones(N), y), {}, Counted(line, stats.poisson), outliers=False, points=points, unlike=True)
+
+
+def fractions() -> Case:
+    y = np.array([1.0, 2.0, 0.0, 3.0, 6.0, 8.0, 7.0]) / 8.0
+    points = Points(read_formula("(a + b*x)/6"), X, y, POINTS.arguments)
+    brute = Counted(lambda named: line(named) / 6.0, lambda mean: stats.binom(8, mean), 8.0)
+    return Case(Counts(BINOMIAL, np.full(N, 8.0), y), {}, brute, points=points, unlike=True)
+
+
+def events() -> Case:
+    times = np.array([0.1, 0.35, 0.5, 0.9, 1.2, 1.25, 1.5, 1.55, 1.6, 1.9, 1.95])
+    counted = counted_points(EventTimes(0.0, 2.0, 4), times, None, what="events")
+    points = Points(counted.expected(POINTS.curve), counted.x, counted.y, POINTS.arguments)
+    return Case(counted.noise, {}, TimesOfEvents(times, np.linspace(0.0, 2.0, 5)), points=points, unlike=True)
+
+
 SCALES = Scale(parameter="s"), Scale(parameter="scatter")
 SIZES = {"s": 0.1, "scatter": 0.05}
 STATED = 0.01 * np.exp(-np.abs(X[:, None] - X) / 0.5) + 0.002 * np.eye(N)
@@ -249,6 +321,9 @@ CASES = {
     "differentiated, motion blur": differences(np.linspace(1.0, 3.0, N + 2)),
     "stated covariance": Case(Correlated(STATED), {}, Normally(line, lambda named: STATED)),
     "unmodelled force": lacking(),
+    "Poisson counts": counts(),
+    "binomial fractions": fractions(),
+    "event times": events(),
     "errors of x": Case(
         Readings(Scale(0.1), Scale(), np.ones(N), sigma_x=Scale(0.2)), {}, along_the_line(0.2, 0.1),
         smeared(0.2, 0.1, lambda named: (stats.norm.pdf, stats.norm.cdf)), within=3e-3,

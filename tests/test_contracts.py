@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from noises import CASES, POINTS, VALUES, Case, Y, line
+from noises import CASES, VALUES, Case, Y, line
 from scipy import stats
 
 from estim import Component, InputError
@@ -18,6 +18,7 @@ from estim.curves.function import wrap_function
 from estim.curves.rolling import MotionCurve, PhaseCurve, RollingMotion
 from estim.curves.shared_errors import DistortedCurve
 from estim.fitting.least_squares import Fit
+from estim.problem.counts import CountErrors
 from estim.problem.curve import POINTS as PLAIN
 from estim.problem.curve import Motion, SpeedCurve
 from estim.problem.likelihood import Likelihood, reading_sd
@@ -249,9 +250,9 @@ def check_of_draws(case: Case, noise: Likelihood) -> None:
     """The densities are those of brute force, at every draw; one draw gives the same as many."""
     rows = [{name: value * factor for name, value in case.here.items()} for factor in (1.0, 1.02, 0.97)]
     every = column(*rows)
-    assert noise.log_likelihood(every) == pytest.approx([case.brute.log_density(Y, row) for row in rows], abs=case.within)
+    assert noise.log_likelihood(every) == pytest.approx([case.brute.log_density(case.y, row) for row in rows], abs=case.within)
     for row, parts in zip(rows, noise.pointwise(every), strict=True):
-        assert parts == pytest.approx(case.conditional.pointwise(Y, row), abs=case.within)
+        assert parts == pytest.approx(case.conditional.pointwise(case.y, row), abs=case.within)
     for ask in (noise.log_likelihood, noise.pointwise, noise.standardised, noise.residuals, noise.size_residuals, noise.outlier_probability):
         for row, together in zip(rows, ask(every), strict=True):
             assert ask(column(row))[0] == pytest.approx(together, rel=1e-9)
@@ -276,7 +277,7 @@ def check_steps(case: Case, noise: Likelihood) -> None:
     root, curve = noise.information_root(here, names), np.ix_([0, 1], [0, 1])
     assert (root.T @ root)[curve] == pytest.approx(noise.information(here, names, {})[curve], rel=1e-6)
     whitened = noise.whitened(here, names)
-    assert whitened.z == pytest.approx(case.conditional.scores(Y, here), abs=case.within)
+    assert whitened.z == pytest.approx(case.conditional.scores(case.y, here), abs=case.within)
     assert whitened.root.shape[1] == len(names)
 
 
@@ -286,7 +287,7 @@ def check_size(case: Case, noise: Likelihood) -> None:
     ends = {n: (here | {n: here[n] - STEP}, here | {n: here[n] + STEP}, 2.0 * STEP) for n in case.noise.parameters}
     information = noise.information(here, names, ends)
     assert information == pytest.approx(information.T, rel=1e-9)
-    assert (noise.normal is None) == (case.outliers or case.mixed or case.single is not None)
+    assert (noise.normal is None) == (case.outliers or case.mixed or case.unlike or case.single is not None)
     if noise.normal is None:
         if case.single is None:
             assert np.diag(information) == pytest.approx(case.brute.information(here), rel=0.05)
@@ -312,10 +313,10 @@ def check_noise(case: Case, noise: Likelihood) -> None:
 
 @pytest.mark.parametrize("case", CASES.values(), ids=CASES)
 def test_noise_says_of_draws_and_at_a_point_what_brute_force_says(case: Case) -> None:
-    likelihood = case.noise.likelihood(POINTS, VALUES)
+    likelihood = case.noise.likelihood(case.points, VALUES)
     check_noise(case, likelihood)
     afar = case.noise.for_search()
-    assert not afar.likelihood(POINTS, VALUES).creeps
+    assert not afar.likelihood(case.points, VALUES).creeps
     assert (afar is case.noise) == (not likelihood.creeps)
     assert set(case.noise.parameters) == set(case.values)
     assert set(case.noise.outlier_parameters) <= set(case.noise.parameters)
@@ -324,7 +325,7 @@ def test_noise_says_of_draws_and_at_a_point_what_brute_force_says(case: Case) ->
     assert case.noise.describe(x_unit="m", y_unit="m/s", words=PLAIN)
 
 
-@pytest.mark.parametrize("name", [name for name, case in CASES.items() if case.single is None and not case.mixed])
+@pytest.mark.parametrize("name", [name for name, case in CASES.items() if case.single is None and not case.mixed and not case.unlike])
 def test_noise_reads_what_its_likelihood_expects(name: str, rng: np.random.Generator) -> None:
     case, here, ones = CASES[name], CASES[name].here, np.ones(Y.size)
     if not case.outliers:
@@ -337,6 +338,17 @@ def test_noise_reads_what_its_likelihood_expects(name: str, rng: np.random.Gener
         scores = np.array([case.brute.scores(case.noise.read(line(here), gain, here, rng), here) for _ in range(200)])
         assert stats.kstest(scores.ravel(), "norm").pvalue > 1e-3
         assert stats.kstest(1.4 * scores.ravel(), "norm").pvalue < 1e-3
+
+
+@pytest.mark.parametrize("name", [name for name, case in CASES.items() if case.unlike])
+def test_counts_scatter_as_their_law_says(name: str, rng: np.random.Generator) -> None:
+    case = CASES[name]
+    mean = np.ravel(case.points.value(case.here))
+    drawn = np.array([case.noise.read(mean, case.noise.reading_gain(), case.here, rng) for _ in range(4000)])
+    sd = case.noise.likelihood(case.points, VALUES).sd(case.here)
+    assert np.abs(drawn.mean(axis=0) - mean) == pytest.approx(0.0, abs=4.0 * np.max(sd) / np.sqrt(4000.0))
+    assert drawn.var(axis=0) == pytest.approx(sd**2, rel=0.15)
+    assert sd**2 == pytest.approx(case.brute.law(case.brute.mean(case.here)).var() / case.brute.trials**2)
 
 
 def without_the_norm(self, named):
@@ -371,13 +383,16 @@ WRONG = [
     ("independent, Student-t", "jacobian", too_steep), ("errors of x", "jacobian", too_steep), ("positions", "information", too_sure),
     ("unmodelled force", "log_likelihood", without_the_norm), ("unmodelled force", "pointwise", without_neighbours),
     ("unmodelled force", "jacobian", too_steep), ("unmodelled force", "information", too_sure),
+    ("Poisson counts", "log_likelihood", without_the_norm), ("event times", "pointwise", lambda self, named: CountErrors.pointwise(self, named)),
+    ("Poisson counts", "jacobian", too_steep), ("event times", "jacobian", too_steep), ("binomial fractions", "information", too_sure),
     ("independent, Student-t", "information", too_sure), ("stated covariance", "whitened", out_of_order),
 ]
 
 
 @pytest.mark.parametrize(("name", "member", "wrong"), WRONG, ids=[f"{name}: {member}" for name, member, _ in WRONG])
 def test_wrong_noise_breaks_the_contract(name: str, member: str, wrong) -> None:
-    case, right = CASES[name], CASES[name].noise.likelihood(POINTS, VALUES)
+    case = CASES[name]
+    right = case.noise.likelihood(case.points, VALUES)
     broken = type("Broken", (type(right),), {member: wrong})(**{field.name: getattr(right, field.name) for field in fields(right)})
     with pytest.raises(AssertionError):
         check_noise(case, broken)

@@ -56,10 +56,20 @@ class ComponentTable(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
     u: float
 
 
+class CountTable(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
+    """How y was counted, or that x are times of single events (`estim.campaign.own_curve_counts`)."""
+
+    model: Literal["poisson", "binomial", "event-times"]
+    bins: float | list[str] | None = None
+    trials: float | str | None = None
+    cells: int | None = None
+
+
 class CurveTable(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
     expression: str
     x: AxisTable | str
-    y: AxisTable | str
+    y: AxisTable | str | None = None
+    noise: CountTable | None = None
     u_y: float | str | ReadingErrorTable | None = None
     u_x: float | str | ReadingErrorTable | None = None
     robust: Literal["student-t", "mixture"] | None = None
@@ -86,6 +96,11 @@ class CurveRunTable(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
 
 def axis_of(written: AxisTable | str) -> AxisTable:
     return AxisTable(written) if isinstance(written, str) else written
+
+
+def y_axis(table: CurveTable) -> AxisTable:
+    """What y is; of single events, which have none, the numbers that figures show."""
+    return axis_of(table.y) if table.y is not None else AxisTable("", "events per cell")
 
 
 def _allowed(pattern: re.Pattern[str], text: str) -> bool:

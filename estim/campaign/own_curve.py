@@ -38,8 +38,10 @@ from estim.campaign.curve_tables import (
     check_variable,
     check_words,
     source_of,
+    y_axis,
 )
 from estim.campaign.noise_models import Candidate
+from estim.campaign.own_curve_counts import check_counts, count_columns
 from estim.campaign.own_curve_lacks import order_columns, refuse_lacks
 from estim.campaign.own_curve_points import MIN_ROWS, CurvePoints
 from estim.common import InputError
@@ -71,7 +73,7 @@ class CurveStudy:
 
     @property
     def y_column(self) -> str:
-        return axis_of(self.table.y).column
+        return y_axis(self.table).column
 
     def problem(self, names: Sequence[str], tables: Mapping[str, Run], *, noise: NoiseTable | None = None) -> Problem:
         """The joint problem of the runs `names` with their tables.  Raises InputError, also where other noise is asked for."""
@@ -191,6 +193,8 @@ class CurveStudy:
 
     def _require_scatter(self, fit: Fit) -> None:
         """Raises InputError where nothing is stated of the size of the errors, and the residuals are zero."""
+        if self.table.noise is not None:
+            return
         stated = {run.name for run in self.runs if self.table.u_y is not None or run.u_y is not None}
         for run in fit.problem.runs:
             if run.name not in stated and no_scatter(run, fit):
@@ -200,6 +204,9 @@ class CurveStudy:
     def require_draws(self, problem: Problem) -> None:
         """Raises InputError where the prior of a parameter is flat without limits, so that no true value can be drawn from it."""
         refuse_lacks(self.source, self.table, self.runs, "estim calibrate")
+        if self.table.noise is not None and self.table.y is None:
+            rule = "does not go with estim calibrate, which draws counts, not times: count them in bins (model = \"poisson\") for that"
+            raise self.source.places.error(rule, ("curve", "noise"))
         for parameter in problem.parameters:
             if not math.isfinite(parameter.prior.sd):
                 rule = "is flat without limits, so that nothing can be simulated: give it limits (low and high), or a prior"
@@ -208,7 +215,7 @@ class CurveStudy:
     def _place_of(self, error: InputError, problem: Problem, tables: Mapping[str, Run]) -> InputError:
         """An error of the search for an optimum with its place: the first row at which alone the curve is not finite at the start."""
         named = problem.named(problem.start())
-        for run in problem.runs:
+        for run in problem.runs if self.table.noise is None else ():
             with np.errstate(all="ignore"):
                 finite = np.broadcast_to(np.isfinite(run.curve.value(run.x, run.bind(named))), (1, run.n_obs))[0]
             if np.any(finite) and not np.all(finite):
@@ -271,7 +278,8 @@ def read_curve_study(source: CampaignFile, written_curve: OwnCurve) -> tuple[Cur
         formula = read_formula(table.expression)
     except InputError as error:
         raise places.error(error.rule, ("curve", "expression"), value=error.value) from None
-    x, y = axis_of(table.x), axis_of(table.y)
+    check_counts(source, table, runs)
+    x, y = axis_of(table.x), y_axis(table)
     check_words(source, table, runs, (x, y))
     check_variable(source, formula, x)
     check_parameters(source, formula, table, runs)
@@ -301,7 +309,8 @@ def _read_run(study: CurveStudy, run: CurveRunTable) -> Run:
     errors = [entry for entry in (run.u_y, study.table.u_y) if entry is not None][:1]
     errors += [entry for entry in (run.u_x, study.table.u_x) if entry is not None][:1]
     columns = [entry.column for entry in errors if isinstance(entry, ReadingErrorTable) and entry.column is not None]
-    needed = list(dict.fromkeys([study.x_column, study.y_column, *columns, *order_columns(study.table, run)]))
+    counted = [*([study.y_column] if study.y_column else []), *count_columns(study.table)]
+    needed = list(dict.fromkeys([study.x_column, *counted, *columns, *order_columns(study.table, run)]))
     with study.source.reading(path, needed):
         table = read_table(path, known=needed, min_rows=MIN_ROWS, shown_as=str(path), needed=needed)
     for column in columns:

@@ -12,11 +12,12 @@ from numpy.typing import NDArray
 
 from estim.arrays import FloatArray
 from estim.campaign.campaign_file import CampaignFile, Value, read_value
-from estim.campaign.curve_tables import CurveRunTable, CurveTable, Place, ReadingErrorTable, axis_of, prior_table
+from estim.campaign.curve_tables import CurveRunTable, CurveTable, Place, ReadingErrorTable, axis_of, prior_table, y_axis
+from estim.campaign.own_curve_counts import read_counts, window_of_events
 from estim.campaign.own_curve_lacks import check_lacks, read_lacks
 from estim.campaign.robust import shape_of
 from estim.common import Finding, InputError, Kind, Quantity
-from estim.curves import MAX_OBS, SIGMA, SIGMA_NOTATION, SIGMA_SPREAD, AxisNames, reading_noise
+from estim.curves import MAX_EVENTS, MAX_OBS, SIGMA, SIGMA_NOTATION, SIGMA_SPREAD, AxisNames, reading_noise
 from estim.fitting import PERFECT
 from estim.problem import Curve, LogNormal, Observations, Parameter, Prior, Scale, as_prior, hide_the_range, plain_words
 from estim.reading import Run
@@ -37,7 +38,9 @@ class CurvePoints:
         self, curve: Curve, arguments: Mapping[str, str | float], index: int, table: Run, *, joint: bool
     ) -> tuple[Observations, tuple[Parameter, ...]]:
         """The points of run number `index`, and what is unknown of their errors.  joint : whether other runs are fit with it.  Raises InputError."""
-        x, y = table.columns[axis_of(self.table.x).column], table.columns[axis_of(self.table.y).column]
+        if self.table.noise is not None:
+            return self._counted(curve, arguments, index, table), ()
+        x, y = table.columns[axis_of(self.table.x).column], table.columns[y_axis(self.table).column]
         order = np.argsort(x, kind="stable")
         inside, excluded = self._window(x, index)
         kept, between = self._every(order[inside[order]], index)
@@ -66,6 +69,26 @@ class CurvePoints:
             excluded_points=np.column_stack([x[~inside], y[~inside]]), motion=None, words=plain_words(self.axes.y_name), lacks=lacks,
         )
         return run, (*unknown, *further)
+
+    def _counted(self, curve: Curve, arguments: Mapping[str, str | float], index: int, table: Run) -> Observations:
+        """The points of run number `index` where y was counted.  Raises InputError."""
+        x = table.columns[axis_of(self.table.x).column]
+        inside, excluded = self._window(x, index)
+        run, kept, events = self.runs[index], np.flatnonzero(inside), self.table.y is None
+        path: Place = ("runs", index, "window") if run.window is not None else ("curve", "window")
+        window = window_of_events(self.source, run.window or self.table.window, path) if events else (0.0, 0.0)
+        if not MIN_ROWS <= kept.size <= (MAX_EVENTS if events else MAX_OBS):
+            rule = f"must be between {MIN_ROWS} and {MAX_EVENTS if events else MAX_OBS} (within the window, where one is stated)"
+            raise InputError(rule, field="rows", value=int(kept.size), file=table.file)
+        points = read_counts(self.source, self.table, table, kept, what=self.axes.y_name, window=window)
+        left_out = np.zeros((0, 2))
+        if not events and points.noise.law.word == "counts":
+            left_out = np.column_stack([x[~inside], table.columns[y_axis(self.table).column][~inside]])
+        return Observations(
+            name=table.name, x=points.x, y=points.y, t=None, curve=points.expected(curve), arguments=MappingProxyType(dict(arguments)),
+            noise=points.noise, x_name=self.axes.x_name, x_unit=self.axes.x_unit, y_name=self.axes.y_name, y_unit=self.axes.y_unit,
+            excluded=excluded, excluded_points=left_out, motion=None, words=points.words,
+        )
 
     def _errors_of_x(self, index: int, table: Run, kept: NDArray[np.int64], *, stated: bool) -> FloatArray | None:
         """(n_obs,) standard deviations of the abscissas, None where they are exact; `stated`: whether those of y are known."""
@@ -121,7 +144,7 @@ class CurvePoints:
             return Scale(1.0), table.columns[written.column][kept], ()
         if written is None:
             name = f"{SIGMA}[{run.name}]"
-            y = table.columns[axis_of(self.table.y).column][kept]
+            y = table.columns[y_axis(self.table).column][kept]
             prior: Prior = LogNormal(_roughness(y), SIGMA_SPREAD)
             meaning = "standard deviation of one reading, not stated"
             return Scale(parameter=name), ones, (Parameter(name, self.axes.y_unit, prior, meaning, SIGMA_NOTATION),)
@@ -134,7 +157,7 @@ class CurvePoints:
         if centre <= 0.0 or (not isinstance(read, Quantity) and read.low < 0.0):
             raise self.source.places.error("must be > 0, and a prior of it must not reach below 0", path, value=centre)
         if isinstance(read, Quantity) and read.exact:
-            if read.value < PERFECT * float(np.max(np.abs(table.columns[axis_of(self.table.y).column][kept]))):
+            if read.value < PERFECT * float(np.max(np.abs(table.columns[y_axis(self.table).column][kept]))):
                 raise self.source.places.error("must be above the last digit that a number of the size of y has here", path, value=read.value)
             return Scale(read.value), ones, ()
         inferred = as_prior(read, low=0.0) if isinstance(read, Quantity) else read

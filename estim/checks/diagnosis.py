@@ -11,6 +11,7 @@ import numpy as np
 from estim.arrays import FloatArray
 from estim.checks.conflict import Conflict, stated_values
 from estim.checks.consistency import Consistency
+from estim.checks.counts import counts_as_readings
 from estim.checks.deviations import deviation_remarks
 from estim.checks.forces import beyond_their_priors, force_remarks
 from estim.checks.goodness import P_FLOOR, P_POOR_FIT, P_TOLD, SCATTER_LIMIT, Goodness
@@ -152,7 +153,8 @@ def failed_tests(goodness: Sequence[Goodness]) -> list[Finding]:
         for name in run.failed:
             room = {"deviation": run.room} if math.isfinite(run.room) else {}
             pattern = Kind.CURVE_LACKS if room else Kind.RESIDUALS_NOT_RANDOM
-            kind = Kind.RESIDUALS_ZERO if name == "zero" else Kind.RESIDUALS_TOO_LARGE if run.only_too_large else pattern
+            larger = Kind.COUNTS_SCATTER if run.counted else Kind.RESIDUALS_TOO_LARGE
+            kind = Kind.RESIDUALS_ZERO if name == "zero" else larger if run.only_too_large else pattern
             findings.append(Finding(kind, run=run.run, test=name, p=run.checks[name].p_value, numbers={"least": P_FLOOR, **room}))
         if run.scatter_ratio > SCATTER_LIMIT:
             findings.append(Finding(Kind.SCATTER_TOO_LARGE, run=run.run, size=run.scatter_ratio))
@@ -193,12 +195,14 @@ def _remarks(fit: Fit, chain: Chain, goodness: Sequence[Goodness], conflict: Con
         found += borne_pattern(good)
         chi2 = good.checks.get("chi2")
         if chi2 is not None and chi2.p_value > 1.0 - P_POOR_FIT and not good.covered and run.lacks is None:
-            found.append(Finding(Kind.RESIDUALS_SMALL, run=good.run, test="chi2", p=1.0 - chi2.p_value, numbers={"least": P_FLOOR}))
+            kind = Kind.COUNTS_EVEN if good.counted else Kind.RESIDUALS_SMALL
+            found.append(Finding(kind, run=good.run, test="chi2", p=1.0 - chi2.p_value, numbers={"least": P_FLOOR}))
         if good.speed is not None and good.speed.p_value < P_TOLD:
             found.append(Finding(Kind.NOISE_WITH_SPEED, run=good.run, test="speed", p=good.speed.p_value, numbers={"least": P_FLOOR}))
         if 1.5 < good.scatter_ratio <= SCATTER_LIMIT:
             found.append(Finding(Kind.SCATTER_LARGE, run=good.run, size=good.scatter_ratio))
     for run in fit.problem.runs:
+        found += counts_as_readings(run)
         readings = run.motion.instrument_readings if run.motion else ()
         exact = tuple(name for name in readings if isinstance(run.arguments.get(name), float))
         if exact:

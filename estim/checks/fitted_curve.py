@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from estim.arrays import FloatArray
+from estim.checks.counts import counts_as_readings
 from estim.checks.deviations import deviation_finding as deviation_finding
 from estim.checks.diagnosis import borne_pattern, failed_tests
 from estim.checks.goodness import P_POOR_FIT, Goodness
@@ -26,7 +27,8 @@ def curve_findings(
         found.append(Finding(Kind.UNDETERMINED))
     found += pressed_limits(fixed, best.values, estimated=estimated)
     if p_value < P_POOR_FIT:
-        found.append(Finding(Kind.CHI2_TOO_LARGE, p=p_value, size=chi2, numbers={"dof": dof}))
+        kind = Kind.COUNTS_SCATTER if any(run.noise.counted is not None for run in fixed.problem.runs) else Kind.CHI2_TOO_LARGE
+        found.append(Finding(kind, p=p_value, size=chi2, numbers={"dof": dof}))
     # the points have no run to be named, and chi2 was told above
     return found + [_of_points(f) for f in failed_tests(goodness) if f.test and f.test != "chi2"]
 
@@ -47,10 +49,10 @@ def pressed_limits(fit: Fit, values: FloatArray, *, estimated: bool = False) -> 
 
 
 def curve_remarks(
-    best: Optimum, p_value: float, chi2: float, dof: int, goodness: Sequence[Goodness], *, stated: bool, perfect: bool
+    fit: Fit, best: Optimum, p_value: float, chi2: float, dof: int, goodness: Sequence[Goodness], *, stated: bool, perfect: bool
 ) -> list[Finding]:
     """What to know of a fit that may be ok.  stated : whether the size of the errors was.  perfect : whether there are residuals at all."""
-    found = []
+    found = [replace(one, run="") for run in fit.problem.runs for one in counts_as_readings(run)]
     if best.tolerance > _FEW_DIGITS and not perfect:
         found.append(Finding(Kind.ROUNDING, size=best.tolerance))
     if best.frail and not best.singular:
@@ -60,5 +62,6 @@ def curve_remarks(
     covered = [replace(one, run="") for good in goodness for one in borne_pattern(good)]
     found += covered
     if stated and 1.0 - p_value < P_POOR_FIT and not covered:
-        found.append(Finding(Kind.CHI2_SMALL, p=1.0 - p_value, size=chi2, numbers={"dof": dof}))
+        kind = Kind.COUNTS_EVEN if fit.problem.runs[0].noise.counted is not None else Kind.CHI2_SMALL
+        found.append(Finding(kind, p=1.0 - p_value, size=chi2, numbers={"dof": dof}))
     return found

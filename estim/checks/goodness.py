@@ -70,6 +70,7 @@ class Goodness:
         together, since all of them may have it.
     room : scale of a smooth deviation that would hold the residuals, unit of y, of a curve of the user's that has none; else nan.
     bears_neighbours : whether the intervals hold what they say although neighbouring residuals are alike.
+    counted : whether they are signed roots of the deviance of counts.
     """
 
     run: str
@@ -82,6 +83,7 @@ class Goodness:
     room: float
     bears_neighbours: bool = False
     speed: Check | None = None
+    counted: bool = False
 
     @property
     def alike(self) -> tuple[str, ...]:
@@ -123,7 +125,8 @@ def check_goodness(fit: Fit, *, rng: np.random.Generator) -> tuple[Goodness, ...
     scale = np.linalg.norm(design, axis=0)
     scale[scale == 0.0] = 1.0
     n_error = problem.n_obs + problem.n_par
-    errors = rng.standard_normal((n_error, min(_N_SIMULATED, int(4e7 / n_error))))
+    most = 8e6 if any(run.noise.counted is not None for run in problem.runs) else 4e7  # counts take longer to draw
+    errors = rng.standard_normal((n_error, min(_N_SIMULATED, int(most / n_error))))
     *by_group, of_priors = np.split(errors, np.cumsum([group.n_obs for group in problem.groups]))
     felt = [response.felt(error) for response, error in zip(responses, by_group, strict=True)]
     shifts = (np.linalg.pinv(design / scale, rcond=1e-13) / scale[:, None]) @ np.vstack([*felt, of_priors])
@@ -132,13 +135,17 @@ def check_goodness(fit: Fit, *, rng: np.random.Generator) -> tuple[Goodness, ...
     forced = {name for force in fit.forces for name in force.runs}
     checked = []
     for run, z, null, (raw, sd) in zip(problem.runs, whitened, simulated, _raw_and_sd(fit, named), strict=True):
-        empty = no_scatter(run, fit) or float(np.max(np.abs(z))) < _NO_ERRORS
+        empty = run.noise.counted is None and (no_scatter(run, fit) or float(np.max(np.abs(z))) < _NO_ERRORS)
         checks = {"zero": Check(0.0, P_FLOOR, TESTS["zero"])} if empty else _checks(z, null.T, stated=run.stated)
         speed = None if empty else _with_speed(z, null.T, _speeds(run, named))
         pattern, room = len(problem.runs) * _pattern(z), _room(run, raw)
         bears = run.name in forced and run.noise.made_of_positions
-        scatter = _scatter_ratio(run, named)
-        checked.append(Goodness(run.name, z, raw, sd, checks, scatter, pattern=pattern, room=room, bears_neighbours=bears, speed=speed))
+        scatter, counted = _scatter_ratio(run, named), run.noise.counted is not None
+        checked.append(
+            Goodness(
+                run.name, z, raw, sd, checks, scatter, pattern=pattern, room=room, bears_neighbours=bears, speed=speed, counted=counted
+            )
+        )
     return tuple(checked)
 
 
@@ -157,7 +164,7 @@ def _pattern(z: FloatArray) -> float:
 
 
 def _room(run: Observations, raw: FloatArray) -> float:
-    if run.motion is not None or run.lacks is not None:
+    if run.motion is not None or run.lacks is not None or run.noise.counted is not None:
         return float("nan")
     return 2.0 * float(np.sqrt(np.mean(np.square(raw))))
 

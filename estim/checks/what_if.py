@@ -98,7 +98,8 @@ def _jacobians(
     runs = []
     for run in problem.runs:
         own = {f"error of {name}": error.shift for name, error in errors[run.name].items()}
-        runs.append(replace(run, curve=_Shifted(run.curve, run.x, own), arguments={**run.arguments, **{name: name for name in own}}))
+        noise = run.noise if run.noise.counted is None else run.noise.for_search()  # counts as readings about as precise: their response is linear
+        runs.append(replace(run, curve=_Shifted(run.curve, run.x, own), arguments={**run.arguments, **{name: name for name in own}}, noise=noise))
     further = tuple(Parameter(f"error of {name}", "1", Flat(-np.inf, np.inf, 0.0), name) for name in names)
     at = np.concatenate([values, np.zeros(len(names))])
     both = replace(problem, parameters=(*problem.parameters, *further), runs=tuple(runs)).linearised(at).jacobian(at)

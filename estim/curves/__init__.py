@@ -2,6 +2,7 @@
 
 Read `rolling` for the disk, `formula` for text.  Imports `common` and `problem`."""
 
+from estim.curves.counting import MAX_EVENTS, Binomial, CountedPoints, Counting, EventTimes, Poisson, counted_points, not_a_count
 from estim.curves.disturbed import DisturbedMotion, DisturbedMotionCurve, DisturbedPhaseCurve, Place, Setting, energy_of_speed, size_with_blur
 from estim.curves.dual import Dual
 from estim.curves.formula import RESERVED, Formula, evaluate, read_formula

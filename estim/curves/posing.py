@@ -14,6 +14,8 @@ from numpy.typing import ArrayLike
 
 from estim.arrays import FloatArray
 from estim.common import InputError, Notation, read_quantity
+from estim.curves.columns import column, errors_of
+from estim.curves.counting import CountedPoints, Counting, ask_counts, refuse_errors
 from estim.curves.formula import Formula, check_names, read_formula
 from estim.curves.function import PythonCurve, wrap_function
 from estim.curves.lacks import ask_lacks
@@ -62,7 +64,7 @@ class CurveProblem:
     x, y : (n_obs,).  relative : (n_obs,) u_y, or 1 where it was not stated.  relative_x : (n_obs,) u_x, or None.
     cov : (n_obs, n_obs), or None.
     stated : whether the size of the errors is known.
-    lacks : what the curve may lack, None for nothing.
+    lacks : what the curve may lack, None for nothing.  counted : the points where y are counts, else None.
     fixed : argument of the curve -> its exact value.  text : the formula, or how the function is called.
     """
 
@@ -78,6 +80,7 @@ class CurveProblem:
     axes: AxisNames
     fixed: Mapping[str, float]
     lacks: Lacks | None = None
+    counted: CountedPoints | None = None
 
     def with_lacks(self, sigma: float) -> Problem:
         """`with_sigma` for a curve that may lack something."""
@@ -101,12 +104,13 @@ class CurveProblem:
 
     def _problem(self, sigma: Scale, further: tuple[Parameter, ...]) -> Problem:
         noise = reading_noise(sigma, self.relative, self.cov, what=self.axes.y_name, relative_x=self.relative_x)
+        noise = noise if self.counted is None else self.counted.noise
         arguments: dict[str, str | float] = {p.name: p.name for p in self.parameters}
         arguments.update(self.fixed)
         run = Observations(
             name="data", x=self.x, y=self.y, t=None, curve=self.curve, arguments=MappingProxyType(arguments), noise=noise, x_name=self.axes.x_name,
             x_unit=self.axes.x_unit, y_name=self.axes.y_name, y_unit=self.axes.y_unit, excluded=(), excluded_points=np.zeros((0, 2)),
-            motion=None, words=plain_words(self.axes.y_name),
+            motion=None, words=plain_words(self.axes.y_name) if self.counted is None else self.counted.words,
         )
         return Problem((*self.parameters, *further), (run,))
 
@@ -124,7 +128,7 @@ def reading_noise(
 def pose_curve(
     curve: str | Callable[..., Any],
     x: ArrayLike,
-    y: ArrayLike,
+    y: ArrayLike | None,
     *,
     start: Mapping[str, float],
     u_y: ArrayLike | None,
@@ -138,11 +142,18 @@ def pose_curve(
     fixed: Mapping[str, float] = MappingProxyType({}),
     deviation: float = 0.0,
     correlated: ArrayLike | bool = False,
+    noise: Counting | str | None = None,
 ) -> CurveProblem:
     """The problem that the arguments of `fit_curve` pose.  Raises InputError where one of them breaks a rule."""
     _check_mappings(bounds=bounds, priors=priors, units=units, fixed=fixed)
     _check_words(units, errors, axes)
-    points = {"x": _column(x, "x"), "y": _column(y, "y")}
+    counted = ask_counts(
+        noise, x, y, what=axes.y_name, u_y=u_y, cov_y=cov_y, u_x=u_x, deviation=deviation or None,
+        correlated=None if correlated is False else correlated,
+    )
+    if counted is not None:
+        x, y = counted.x, counted.y
+    points = {"x": column(x, "x"), "y": column(y, "y")}
     n_obs = points["x"].size
     if points["y"].size != n_obs:
         raise InputError(f"must have as many values as x ({n_obs})", field="y", value=points["y"].size)
@@ -152,7 +163,7 @@ def pose_curve(
     relative, cov = _errors_of_y(u_y, cov_y, n_obs)
     if u_x is not None and u_y is None:
         raise InputError("needs u_y beside it: the sizes of both errors cannot be told from the residuals", field="u_x")
-    relative_x = None if u_x is None else _errors_of(u_x, n_obs, "u_x")[order]
+    relative_x = None if u_x is None else errors_of(u_x, n_obs, "u_x")[order]
     if relative_x is not None and hide_the_range(points["x"][order], relative_x):
         spread = float(np.std(points["x"], ddof=1))
         rule = f"must be below the standard deviation of x, {spread:.4g}: points that may lie anywhere along x hold no curve"
@@ -163,7 +174,7 @@ def pose_curve(
     read = _curve(curve, points["x"], values, exact)
     parameters = _parameters(names, values, bounds, priors, units, exact)
     shared = _shared(errors, (*names, *exact), axes)
-    stated = u_y is not None or cov is not None
+    stated = u_y is not None or cov is not None or counted is not None
     everything = (*parameters, *shared)
     if not stated and SIGMA in (p.name for p in everything):
         raise InputError("is the name of the unknown standard deviation of y: choose another", field="start", value=SIGMA)
@@ -171,26 +182,17 @@ def pose_curve(
     if n_obs + pulls < len(everything) + (0 if stated else 1):
         rule = f"must have more points than parameters ({len(everything)})" + ("" if stated else ", one at least, where u_y is not given")
         raise InputError(rule if not stated else f"must have at least as many points as parameters ({len(everything)})", field="x", value=n_obs)
+    whole: Curve = DistortedCurve(read, errors) if errors else read
+    if counted is not None:
+        refuse_errors(counted, errors)
+        whole = counted.expected(whole)
     return CurveProblem(
         text=read.text if isinstance(read, Formula) else f"{getattr(curve, '__name__', type(curve).__name__)}(x, {', '.join((*names, *exact))})",
-        curve=DistortedCurve(read, errors) if errors else read, parameters=everything, x=points["x"][order], y=points["y"][order],
+        curve=whole, parameters=everything, x=points["x"][order], y=points["y"][order],
         relative=relative[order], relative_x=relative_x, cov=ordered_cov, stated=stated, axes=axes, fixed=MappingProxyType(exact),
         lacks=ask_lacks(deviation, correlated, order, stated=stated, exact_x=u_x is None),
+        counted=counted,
     )
-
-
-def _column(values: ArrayLike, field: str) -> FloatArray:
-    try:
-        column = np.array(values, dtype=float)
-    except (TypeError, ValueError):
-        raise InputError("must be a sequence of numbers", field=field, value=values) from None
-    if column.ndim != 1:
-        raise InputError("must be a sequence of numbers, one axis", field=field, value=column.shape)
-    bad = np.flatnonzero(~np.isfinite(column))
-    if bad.size:
-        raise InputError(f"must be finite; value number {bad[0] + 1} is not", field=field, value=float(column[bad[0]]))
-    column.setflags(write=False)
-    return column
 
 
 def _errors_of_y(u_y: ArrayLike | None, cov_y: ArrayLike | None, n_obs: int) -> tuple[FloatArray, FloatArray | None]:
@@ -202,17 +204,7 @@ def _errors_of_y(u_y: ArrayLike | None, cov_y: ArrayLike | None, n_obs: int) -> 
         return np.sqrt(np.diag(cov)), cov
     if u_y is None:
         return np.ones(n_obs), None
-    return _errors_of(u_y, n_obs, "u_y"), None
-
-
-def _errors_of(u: ArrayLike, n_obs: int, field: str) -> FloatArray:
-    """(n_obs,) standard deviations given as a number or one for each point."""
-    column = _column(np.full(n_obs, u) if np.ndim(u) == 0 else u, field)
-    if column.size != n_obs:
-        raise InputError(f"must be a number or have as many values as x ({n_obs})", field=field, value=column.size)
-    if np.any(column <= 0.0):
-        raise InputError(f"must be > 0; value number {int(np.argmax(column <= 0.0)) + 1} is not", field=field, value=float(column.min()))
-    return column
+    return errors_of(u_y, n_obs, "u_y"), None
 
 
 def _start(start: Mapping[str, float]) -> tuple[tuple[str, ...], dict[str, float]]:

@@ -14,7 +14,7 @@ from estim.deviation.course import Course
 from estim.deviation.errors import MixtureErrors
 from estim.deviation.jumps import BadFrames
 from estim.deviation.mixture import Mixture
-from estim.problem import CorrelatedErrors, Likelihood, Named, Noise, Points, Scale, Size, Wording
+from estim.problem import CorrelatedErrors, Counted, Likelihood, Named, Noise, Points, Scale, Size, Wording
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,6 +34,10 @@ class Stated:
     @property
     def robust(self) -> bool:
         return self.base.robust
+
+    @property
+    def counted(self) -> Counted | None:
+        return self.base.counted
 
     @property
     def size(self) -> Size:

@@ -140,6 +140,8 @@ def badness(fit: Fit) -> float:
 def _alike(suspects: Suspects) -> Iterable[Cause]:
     """Readings whose errors follow each other."""
     plain = suspects.plain
+    if any(run.noise.counted is not None for run in plain.runs):
+        return
     if any(run.noise.robust or run.noise.x_gain().any() or not run.noise.size.reading_variance(_ones(plain)).any() for run in plain.runs):
         return
     for correlation in _CORRELATIONS:

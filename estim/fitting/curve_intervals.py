@@ -5,6 +5,7 @@
   in 50 % of all experiments, and ± 1.82 s in 68 %.  A prior shares the work with the data, so that s is known better than they alone
   say: the degrees of freedom are dof/share^2 where `share` of s^2 is proportional to the estimated variance (Welch-Satterthwaite,
   JCGM 100:2008, G.4.1).
+- Where y was counted: profiles, with z of the normal distribution.  Few events make them lopsided.
 - Where an edge (of bounds or of a prior) is within reach of any interval: profiles (`estim.fitting.profile`) with the same quantiles.  An
   interval then ends at the edge.  The quantile stays the two-sided one there, so that intervals hold at least what they say wherever
   the truth lies (a one-sided one beside edges only would cover less: Feldman and Cousins, Phys. Rev. D 57 (1998) 3873).
@@ -56,8 +57,9 @@ def spread(fixed: Fit, best: Optimum, *, dof: float, scale: float, unknown: bool
     sds = np.where(best.at_bound, np.nan, np.sqrt(np.diag(cov)))
     informed = np.square([p.prior.residual_slope(float(v)) for p, v in zip(fixed.problem.parameters, best.values, strict=True)])
     dofs = _degrees_of_freedom(cov, informed, dof) if math.isfinite(dof) else np.full(len(names), np.inf)
+    counted = any(run.noise.counted is not None for run in fixed.problem.runs)
     beside = _within_reach(fixed, np.where(best.at_bound, free, np.sqrt(np.diag(cov))), dofs)
-    if not np.any(beside):
+    if not np.any(beside) and not counted:
         return Spread(cov, sds, _symmetric(names, best.values, sds, dofs), ())
     intervals, notes = _profiled(fixed, float(np.min(dofs))), list[Finding]()
     for i, (name, parameter) in enumerate(zip(names, fixed.problem.parameters, strict=True)):
@@ -66,7 +68,7 @@ def spread(fixed: Fit, best: Optimum, *, dof: float, scale: float, unknown: bool
         if best.at_bound[i] or distance < sds[i]:
             notes.append(Finding(Kind.AT_LIMIT if best.at_bound[i] else Kind.NEAR_LIMIT, parameters=(Amount(name, edge),)))
             sds[i] = np.nan
-        elif _lopsided(intervals[name], float(best.values[i]), float(sds[i]), float(dofs[i])):
+        elif np.any(beside) and _lopsided(intervals[name], float(best.values[i]), float(sds[i]), float(dofs[i])):
             notes.append(Finding(Kind.CUT_BY_LIMIT, parameters=(Amount(name),), names=tuple(np.array(names)[beside].tolist())))
             sds[i] = np.nan
     return Spread(cov, sds, intervals, tuple(notes))

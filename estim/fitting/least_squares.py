@@ -50,7 +50,8 @@ class Fit:
     at_bound : names of parameters whose mode lies on a bound of their prior.
     posterior : the density with covariances at the mode, as the sampler uses it.
     chi2 : whitened squares of the data (of normal scores, with errors of x) and of informative priors.  dof : their number minus the fitted
-        parameters of the curve.  p_value : P(chi2 or more); nan where the size of the noise was inferred or its tails are heavy (it proves nothing).
+        parameters of the curve.  p_value : P(chi2 or more); nan where the size of the noise was inferred or its tails are heavy (it proves
+        nothing), or y was counted (simulations say it).
     n_start, n_same : starts tried, and how many of them led to the best optimum.
     others : (n_other, n_par) other optima not much worse than the best, far from it and from each other.
     symmetry : what else draws the same curves, None where that was not asked.  aliases : other curves through the same points.
@@ -301,7 +302,7 @@ def _describe(
     pulls = [i for i in curve if informative(problem.parameters[i].prior)]
     chi2 = float(np.sum(posterior.size_residuals(values) ** 2) + np.sum(posterior.prior_residuals(values)[pulls] ** 2))
     dof = problem.n_obs + len(pulls) - len(curve)
-    robust = any(run.noise.robust for run in problem.runs)
+    unlike = any(run.noise.robust or run.noise.counted is not None for run in problem.runs)
     place = np.where(curvature > 0.0, curvature, np.inf)
     n_same = len(same) if singular else sum(bool(np.max(np.abs(end - values) / place) < _SAME_PLACE) for end in same)
     message = f"settled; {led_here(n_same, n_start)}"
@@ -311,7 +312,7 @@ def _describe(
         message = "settled, but a combination of parameters is not determined at all: no standard deviations"
     return Fit(
         names=problem.names, values=values, cov=cov, sds=sds, at_bound=tuple(at_bound), posterior=posterior, chi2=chi2, dof=dof,
-        p_value=chi2_p(chi2, dof) if dof > 0 and all(run.stated for run in problem.runs) and not robust else math.nan,
+        p_value=chi2_p(chi2, dof) if dof > 0 and all(run.stated for run in problem.runs) and not unlike else math.nan,
         n_start=n_start, n_same=n_same, others=far_apart(values, ends, place),
         singular=singular, success=moved < _SETTLED, moved=moved, message=message,
     )

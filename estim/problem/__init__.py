@@ -3,10 +3,10 @@ Read `posterior` first, then `noise` (which sigma is which) and `likelihood` (wh
 
 from estim.problem.abscissas import hide_the_range
 from estim.problem.curve import EXACT, CommonError, Curve, Derived, Footing, LocalCurve, Motion, PositionCurve, SpeedCurve, Wording, plain_words
-from estim.problem.derivative import STENCILS, Derivative, differentiate
+from estim.problem.events import BINOMIAL, POISSON, Counted, Counts, Events, Law, counted_words
 from estim.problem.flat_prior import Flat
 from estim.problem.likelihood import Ends, Likelihood, Noise, NormalErrors, Points, n_draws, reading_sd
-from estim.problem.noise import CorrelatedErrors, Differentiated, Independent, Linear, Named, Scale, Size
+from estim.problem.noise import STENCILS, CorrelatedErrors, Derivative, Differentiated, Independent, Linear, Named, Scale, Size, differentiate
 from estim.problem.observations import MAX_LACKING, Lacks, Observations, Parameter, n_uses, shared_first
 from estim.problem.posterior import Group, Posterior, Problem, StackedPoints, informative
 from estim.problem.priors import MEASURED, HalfNormal, LogNormal, Normal, Prior, TruncatedNormal, Uniform, as_prior, residuals_and_slopes

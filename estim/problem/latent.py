@@ -114,7 +114,7 @@ class LatentErrors:
     def scoring(self, named: Named, names: Sequence[str]) -> tuple[FloatArray, FloatArray]:
         kept = self._of_curve(names)
         score = np.where(kept, np.sum(self.scores(named, names, {}), axis=0), 0.0)
-        return _root(np.where(kept & kept[:, None], self.information(named, names, {}), 0.0), score, self.y.size)
+        return rooted(np.where(kept & kept[:, None], self.information(named, names, {}), 0.0), score, self.y.size)
 
     def information_root(self, named: Named, names: Sequence[str]) -> FloatArray:
         return self.scoring(named, names)[0]
@@ -281,7 +281,7 @@ class LatentErrors:
         return np.concatenate(parts)
 
 
-def _root(information: FloatArray, score: FloatArray, n: int) -> tuple[FloatArray, FloatArray]:
+def rooted(information: FloatArray, score: FloatArray, n: int) -> tuple[FloatArray, FloatArray]:
     """J (m, n_par) and r (m,), m >= n, with J^T J = information and J^T r = -score, rows of zeros added; nan where they are not finite."""
     if not (np.all(np.isfinite(information)) and np.all(np.isfinite(score))):
         return np.full((max(n, score.size), score.size), np.nan), np.full(max(n, score.size), np.nan)

@@ -20,6 +20,7 @@ from numpy.typing import ArrayLike
 
 from estim.arrays import FloatArray
 from estim.problem.curve import Curve, LocalCurve, Wording
+from estim.problem.laws import Counted
 from estim.problem.size import Named, Size
 
 Ends = Mapping[str, tuple[Named, Named, float]]
@@ -200,6 +201,10 @@ class Noise(Instrument, Protocol):
     @property
     def robust(self) -> bool:
         """Whether it leaves room for outliers."""
+
+    @property
+    def counted(self) -> Counted | None:
+        """How y were counted; None where they are readings, which have errors."""
 
     @property
     def size(self) -> Size:

@@ -33,7 +33,9 @@ from estim.problem.abscissas import true_abscissas
 from estim.problem.correlated import CorrelatedErrors as CorrelatedErrors
 from estim.problem.correlated import Linear as Linear
 from estim.problem.curve import SpeedCurve, Wording
-from estim.problem.derivative import Derivative
+from estim.problem.derivative import STENCILS as STENCILS
+from estim.problem.derivative import Derivative as Derivative
+from estim.problem.derivative import differentiate as differentiate
 from estim.problem.independent import PointErrors
 from estim.problem.latent import LatentErrors
 from estim.problem.likelihood import Likelihood, Points
@@ -62,6 +64,7 @@ class Independent:
     exposure: float = 0.0
 
     made_of_positions = False
+    counted = None
 
     @property
     def size(self) -> Size:
@@ -168,6 +171,7 @@ class Differentiated:
     outlier_parameters = ()
     robust = False
     made_of_positions = True
+    counted = None
 
     @property
     def size(self) -> Size:

@@ -55,6 +55,7 @@ class Correlated:
     outlier_parameters = ()
     robust = False
     made_of_positions = False
+    counted = None
     size = Size(Scale(1.0))
 
     def likelihood(self, points: Points, named: Named) -> CorrelatedErrors:

@@ -21,6 +21,7 @@ from estim.pipeline import Analysis
 from estim.reports.consistency import consistency_text
 from estim.reports.consistency_figures import forest_figure
 from estim.reports.corner_figures import corner_figure, corner_words
+from estim.reports.counts import counted_runs, counts_figure, counts_text
 from estim.reports.deviation import deviation_text
 from estim.reports.deviation_figures import force_figure
 from estim.reports.explanation import explanation_text, runs_text
@@ -81,7 +82,7 @@ def analysis_report(campaign: Subject, analysis: Analysis, *, voice: Voice = Voi
         return analysis_text(
             result, section, corner_words(analysis.problem), pictures, converged=analysis.chain.convergence.met,
             consistency="" if agreement is None else consistency_text(agreement, pictures, limits_only=not analysis.diagnosis.ok, on_edge=on_edge),
-            explanation="" if analysis.explanation is None else explanation_text(analysis.explanation),
+            explanation="" if analysis.explanation is None else explanation_text(analysis.explanation), counts=counts_text(analysis.fit, pictures),
         )
 
     drawers = _drawers(analysis, determination.intervals, synthetic=campaign.kind == "synthetic")
@@ -108,6 +109,8 @@ def _drawers(analysis: Analysis, intervals: Sequence[ProfileInterval], *, synthe
         drawn["figures/rolling.png"] = lambda: rolling_figure(
             analysis.problem, analysis.chain.thinned(_ROLLING_DRAWS), analysis.rolling, synthetic=synthetic
         )
+    if counted_runs(analysis.problem.runs):
+        drawn["figures/counts.png"] = lambda: counts_figure(analysis.fit, analysis.goodness, synthetic=synthetic)
     if analysis.fit.deviations:
         drawn["figures/deviation.png"] = lambda: lacks_figure(analysis.fit.deviations, analysis.problem.runs, synthetic=synthetic)
     if analysis.problem.n_par > 1:
@@ -117,7 +120,7 @@ def _drawers(analysis: Analysis, intervals: Sequence[ProfileInterval], *, synthe
 
 def analysis_text(
     result: Result, section: IdentifySection, corner_words: Markdown, pictures: Collection[str], *, converged: bool, consistency: str,
-    explanation: str,
+    explanation: str, counts: str = "",
 ) -> str:
     """The Markdown report of one analysis, with the figures at the paths `pictures`.
 
@@ -135,7 +138,7 @@ def analysis_text(
         meaningless=not Status(result.status).draws_count, limits_count=Status(result.status).limits_count,
         what_if=_what_if_rows(result), what_if_heads=[result.labels.symbol(name) for name in _moved_by_errors(result)],
         consistency=consistency, rolling=rolling_rows(result.rolling or {}), axes=axes, limits_only=result.status != "ok", converged=converged,
-        corner_words=corner_words, usual=[usual_row(one) for one in result.usual_errors], lacks=lacks, explanation=explanation,
+        corner_words=corner_words, usual=[usual_row(one) for one in result.usual_errors], lacks=lacks, explanation=explanation, counts=counts,
         deviation=deviation_text(result.deviation, result.labels, pictures) if result.deviation else "",
         complete=complete_runs([result]),
         drawn=any(force.drawn for force in (result.deviation or {}).values()),

@@ -160,7 +160,8 @@ def _draw_bands(ax: Axes, bands: Bands, new: str) -> None:
 
 def _draw_points(ax: Axes, run: Observations) -> None:
     many = run.n_obs > _MANY  # then points lie over one another, and under the curve
-    ax.plot(run.x, run.y, "o", color=INK, ms=1.5 if many else 3, label="data used", zorder=1.9 if many else 5, clip_on=False)
+    said = "data used" if run.noise.counted is None else f"{run.noise.counted.law.word} used"
+    ax.plot(run.x, run.y, "o", color=INK, ms=1.5 if many else 3, label=said, zorder=1.9 if many else 5, clip_on=False)
     if run.excluded_points.size:
         left = run.excluded_points
         near = (left[:, 0] >= _low_end(run.x)) & (left[:, 0] <= 1.1 * run.x.max()) & (left[:, 1] >= _low_end(run.y))

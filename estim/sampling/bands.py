@@ -81,14 +81,22 @@ def _bands(
     if completed is not None:
         gained, scale = completed.gained(x, named, rng)
         curve, end = moved_on(x, curve, end, gained)
-    reading = np.broadcast_to(reading_sd(run.noise, named), (draws.shape[0], run.n_obs)).mean(axis=1, keepdims=True)
-    sd = np.hypot(reading, run.noise.size.scatter.at(named)) * scale[:, None]
-    # one error for all positions of a draw: the same interval at each x, and a smooth band
-    new = curve + sd * rng.standard_normal((draws.shape[0], 1))
+    if (counted := run.noise.counted) is not None:
+        new = counted.law.draw(curve, np.atleast_1d(np.rint(np.median(counted.trials))), rng)
+    else:
+        new = curve + _new_errors(run, named, scale, rng)
     median, credible = _intervals(curve, probabilities)
     return Bands(
         run=run.name, x=x, median=median, end=end, credible=credible, predictive=_intervals(new, probabilities)[1], completed=completed is not None
     )
+
+
+def _new_errors(run: Observations, named: Mapping[str, FloatArray], scale: FloatArray, rng: np.random.Generator) -> FloatArray:
+    """(n_draw, 1) errors of one more reading: the same for all positions of a draw, for the same interval at each x, and a smooth band."""
+    n_draw = scale.size
+    reading = np.broadcast_to(reading_sd(run.noise, named), (n_draw, run.n_obs)).mean(axis=1, keepdims=True)
+    sd = np.hypot(reading, run.noise.size.scatter.at(named)) * scale[:, None]
+    return np.asarray(sd * rng.standard_normal((n_draw, 1)))
 
 
 def moved_on(x: FloatArray, curve: FloatArray, end: FloatArray, gained: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -49,6 +49,27 @@ def _small(f: Finding) -> str:
     )
 
 
+def _counts_scatter(f: Finding) -> str:
+    size = f"test '{f.test}', {_p(f)}"
+    if "dof" in f.numbers:
+        size = f"deviance = {f.size:.4g} for {f.numbers['dof']:.0f} degrees of freedom, {format_p(f.p)}"
+    return f"{_of_run(f)}the counts scatter more about the curve than independent events can ({size})"
+
+
+def _counts_even(f: Finding) -> str:
+    size = f"deviance = {f.size:.4g} for {f.numbers['dof']:.0f} degrees of freedom" if "dof" in f.numbers else _p(f)
+    return f"{_of_run(f)}the counts scatter less than independent events can ({size}): are they averages, scaled, smoothed or made by hand?"
+
+
+def _counts_as_readings(f: Finding) -> str:
+    run = f"run {f.run}: " if f.run not in ("", "data") else ""
+    return (
+        f"{run}y are whole numbers and u_y their square roots: these are counts. Errors taken from the counts themselves pull the curve down, "
+        "and where counts are few the intervals hold far less than they say (an empty bin, left out, makes it worse). Fit them as counts, "
+        'empty bins among them: noise = {model = "poisson"} in [curve], noise="poisson" in Python, in place of u_y'
+    )
+
+
 def _tests(f: Finding) -> str:
     return f"test{'s' if len(f.names) > 1 else ''} " + " and ".join(f"'{name}'" for name in f.names)
 
@@ -106,6 +127,9 @@ WORDS: Table = MappingProxyType(
         Kind.NEIGHBOURS_ALIKE: _alike,
         Kind.CHI2_TOO_LARGE: _too_large,
         Kind.CHI2_SMALL: _small,
+        Kind.COUNTS_SCATTER: _counts_scatter,
+        Kind.COUNTS_EVEN: _counts_even,
+        Kind.COUNTS_AS_READINGS: _counts_as_readings,
         Kind.SCATTER_TOO_LARGE: lambda f: f"{_of_run(f)}the inferred scatter is {f.size:.0f} times what the instrument explains",
         Kind.SCATTER_LARGE: lambda f: f"{_of_run(f)}the inferred scatter is {f.size:.1f} times what the instrument explains",
         Kind.OUTLIERS_CROWD: _crowd,

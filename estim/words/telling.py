@@ -71,6 +71,10 @@ ADVICE: Mapping[Kind, str] = MappingProxyType(
         ),
         Kind.FRAMES_CROWD: "look at the file and the window: a stretch that is another motion, or a stated error of the readings that is too small",
         Kind.CHI2_TOO_LARGE: "look at the residuals; where they are random, leave u_y out and their size says how large the errors are",
+        Kind.COUNTS_SCATTER: (
+            "look at the pulls: a wrong curve, a bin that is too wide for it, dead time, or events that come in bursts; "
+            "where none of it can be helped, fit the counts as readings with u_y left out, and their scatter says how large the errors are"
+        ),
         Kind.SCATTER_TOO_LARGE: "the curve does not describe this motion, or the stated resolution of the instrument is far too good",
         Kind.FORCE_TOO_LARGE: (
             "look at the figure of the force: what was stated of body, tilt and start may be wrong, or something drives the body; where so large a "

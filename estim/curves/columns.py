@@ -1,0 +1,34 @@
+"""Arrays that users give: one axis, finite numbers."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from estim.arrays import FloatArray
+from estim.common import InputError
+
+
+def column(values: ArrayLike | None, field: str) -> FloatArray:
+    """(n,) read-only.  Raises InputError naming `field`."""
+    try:
+        array = np.array(values, dtype=float)
+    except (TypeError, ValueError):
+        raise InputError("must be a sequence of numbers", field=field, value=values) from None
+    if array.ndim != 1:
+        raise InputError("must be a sequence of numbers, one axis", field=field, value=array.shape)
+    bad = np.flatnonzero(~np.isfinite(array))
+    if bad.size:
+        raise InputError(f"must be finite; value number {bad[0] + 1} is not", field=field, value=float(array[bad[0]]))
+    array.setflags(write=False)
+    return array
+
+
+def errors_of(u: ArrayLike, n_obs: int, field: str) -> FloatArray:
+    """(n_obs,) standard deviations given as a number or one for each point."""
+    sizes = column(np.full(n_obs, u) if np.ndim(u) == 0 else u, field)
+    if sizes.size != n_obs:
+        raise InputError(f"must be a number or have as many values as x ({n_obs})", field=field, value=sizes.size)
+    if np.any(sizes <= 0.0):
+        raise InputError(f"must be > 0; value number {int(np.argmax(sizes <= 0.0)) + 1} is not", field=field, value=float(sizes.min()))
+    return sizes

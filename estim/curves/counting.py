@@ -1,0 +1,212 @@
+"""What was counted, in place of an error of y: `Poisson`, `Binomial`, `EventTimes`, and the points that come of it.
+
+- `Poisson`: y is a number of events.  With `bins` the curve is their density along x, integrated over each bin; without, what is expected at x.
+- `Binomial`: y is the number of successes among `trials`; the curve is the probability of one.
+- `EventTimes`: x are the times of single events within a window; the curve is their density, whose own size has no say.  A background is part of
+  the formula ("exp(-x/tau) + b").
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from estim.arrays import FloatArray
+from estim.common import InputError
+from estim.curves.binned import BinnedCurve
+from estim.curves.columns import column
+from estim.curves.shared_errors import Component
+from estim.problem import BINOMIAL, POISSON, Counts, Curve, Events, Wording, counted_words
+
+MAX_EVENTS = 100_000
+_WHOLE = 1e-9
+_LARGEST = 1e15  # count that a float still tells from the next
+_TOUCH = 1e-9  # of a width: bins that overlap by less share an edge
+
+
+@dataclass(frozen=True, eq=False)
+class Poisson:
+    """Counts.  bins : None, the width of bins with x in their middle, or their edges: (n_obs + 1,) in order, or (n_obs, 2) low and high."""
+
+    bins: ArrayLike | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Binomial:
+    """Successes among `trials`, a number or (n_obs,)."""
+
+    trials: ArrayLike
+
+
+@dataclass(frozen=True, eq=False)
+class EventTimes:
+    """Single events that were recorded wherever low <= x <= high.
+
+    cells : how many figures and tests have; None: about the root of the number of events.
+    """
+
+    low: float
+    high: float
+    cells: int | None = None
+
+
+Counting = Poisson | Binomial | EventTimes
+
+
+@dataclass(frozen=True, eq=False)
+class CountedPoints:
+    """Points (n_obs,) in order of x whose y were counted.  bins : (n_obs, 2) edges, or None.  total : of events, where only their density counts."""
+
+    x: FloatArray
+    y: FloatArray
+    noise: Counts
+    bins: FloatArray | None
+    total: float | None
+
+    @property
+    def words(self) -> Wording:
+        """How they are spoken of."""
+        if self.total is not None:
+            return counted_words("cells of events", "a new count")
+        law = self.noise.law.word
+        return counted_words("bins" if self.bins is not None else law, f"a new {law[:-1]}")
+
+    def expected(self, curve: Curve) -> Curve:
+        """The curve of the expectations of y."""
+        return curve if self.bins is None else BinnedCurve(curve, self.bins[:, 0], self.bins[:, 1], self.total)
+
+
+def ask_counts(noise: Any, x: ArrayLike, y: ArrayLike | None, *, what: str, **beside: object) -> CountedPoints | None:
+    """The points that the argument `noise` of `fit_curve` makes of x and y, None for readings.
+
+    beside : arguments that speak of errors of readings, which counts do not have.  Raises InputError.
+    """
+    if noise is None:
+        return None
+    counting = Poisson() if isinstance(noise, str) and noise == "poisson" else noise
+    if not isinstance(counting, Poisson | Binomial | EventTimes):
+        rule = 'must be "poisson", Poisson(bins=...), Binomial(trials=...) or EventTimes(low, high)'
+        raise InputError(rule, field="noise", value=noise)
+    for field, value in beside.items():
+        if value is not None:
+            raise InputError("does not go with 'noise', which says how counts scatter: leave it out", field=field)
+    return counted_points(counting, column(x, "x"), None if y is None else column(y, "y"), what=what)
+
+
+def refuse_errors(points: CountedPoints, errors: Sequence[Component]) -> None:
+    """Raises InputError for an error in common that means nothing beside a density."""
+    for component in errors:
+        if component.kind == "zero_y" and points.bins is not None:
+            raise InputError("has no zero of y beside counts in bins: a background is part of the formula", field="errors", value=component.kind)
+        if component.kind == "scale_y" and points.total is not None:
+            raise InputError("has no scale of y where only the density of the events counts", field="errors", value=component.kind)
+
+
+def counted_points(noise: Counting, x: FloatArray, y: FloatArray | None, *, what: str) -> CountedPoints:
+    """The points of x and y (n_obs,) as counted.  Raises InputError naming x, y, bins, trials, low or high."""
+    if isinstance(noise, EventTimes):
+        if y is not None:
+            raise InputError("must be None where x are the times of single events", field="y")
+        return _events(x, float(noise.low), float(noise.high), noise.cells, what)
+    if y is None:
+        raise InputError("must hold the counts", field="y")
+    if isinstance(noise, Poisson):
+        return _poisson(x, y, noise.bins, what)
+    return _binomial(x, y, noise.trials, what)
+
+
+def not_a_count(y: FloatArray) -> int | None:
+    """Where y is first no whole number from 0; None if nowhere."""
+    bad = (y < 0.0) | (y > _LARGEST) | (np.abs(y - np.rint(y)) > _WHOLE)
+    return int(np.argmax(bad)) if np.any(bad) else None
+
+
+def _middles(bins: FloatArray) -> FloatArray:
+    """(n_obs,) of bins (n_obs, 2)."""
+    return np.asarray(0.5 * (bins[:, 0] + bins[:, 1]))
+
+
+def _poisson(x: FloatArray, y: FloatArray, bins: ArrayLike | None, what: str) -> CountedPoints:
+    _require_counts(y, "the number of events, not a rate or an average")
+    if not np.any(y):
+        raise InputError("are all 0, which no curve can be fit to: fewer than 3 events were expected in all (95 %)", field="y")
+    order = np.argsort(x, kind="stable")
+    if bins is None:
+        return CountedPoints(x[order], y[order], Counts(POISSON, np.ones(x.size), y[order], what), None, None)
+    edges = _edges(bins, x)[order]
+    place = np.argsort(edges[:, 0], kind="stable")
+    edges, counts = edges[place], y[order][place]
+    overlap = edges[:-1, 1] - edges[1:, 0] > _TOUCH * (edges[:-1, 1] - edges[:-1, 0])
+    if np.any(overlap):
+        k = int(np.argmax(overlap))
+        raise InputError("must not overlap", field="bins", value=f"{edges[k].tolist()} and {edges[k + 1].tolist()}")
+    return CountedPoints(_middles(edges), counts, Counts(POISSON, np.ones(x.size), counts, what, edges), edges, None)
+
+
+def _binomial(x: FloatArray, y: FloatArray, trials: ArrayLike, what: str) -> CountedPoints:
+    _require_counts(y, "the number of successes")
+    try:
+        size = np.array(np.broadcast_to(np.asarray(trials, dtype=float), y.shape))
+    except (TypeError, ValueError):
+        raise InputError(f"must be a number or have as many values as y ({y.size})", field="trials") from None
+    bad = not_a_count(size)
+    if bad is not None or np.any(size < 1.0):
+        bad = int(np.argmax(size < 1.0)) if bad is None else bad
+        raise InputError(f"must be whole and at least 1; value number {bad + 1} is not", field="trials", value=float(size[bad]))
+    if np.any(y > size):
+        bad = int(np.argmax(y > size))
+        raise InputError(f"must not exceed the trials; value number {bad + 1} does", field="y", value=float(y[bad]))
+    order = np.argsort(x, kind="stable")
+    share, size = (y / size)[order], size[order]
+    return CountedPoints(x[order], share, Counts(BINOMIAL, size, share, what), None, None)
+
+
+def _events(times: FloatArray, low: float, high: float, cells: int | None, what: str) -> CountedPoints:
+    if not (math.isfinite(low) and math.isfinite(high) and low < high):
+        raise InputError("must be finite, the low end below the high one", field="window", value=f"{low:g}, {high:g}")
+    outside = (times < low) | (times > high)
+    if np.any(outside):
+        rule = "must lie within the window; leave out what does not"
+        raise InputError(rule, field="x", value=float(times[int(np.argmax(outside))]))
+    if times.size > MAX_EVENTS:
+        raise InputError(f"must be at most {MAX_EVENTS} times: count them in bins", field="x", value=times.size)
+    n_cell = cells or min(max(8, round(math.sqrt(times.size))), 200)
+    edges = np.linspace(low, high, n_cell + 1)
+    ordered = np.sort(times)
+    counts = np.histogram(ordered, edges)[0].astype(float)
+    bins = np.column_stack([edges[:-1], edges[1:]])
+    noise = Events(POISSON, np.ones(n_cell), counts, what, bins, times=ordered, window=(low, high))
+    return CountedPoints(_middles(bins), counts, noise, bins, float(times.size))
+
+
+def _require_counts(y: FloatArray, meaning: str) -> None:
+    bad = not_a_count(y)
+    if bad is not None:
+        raise InputError(f"must hold whole numbers from 0 ({meaning}); value number {bad + 1} is not", field="y", value=float(y[bad]))
+
+
+def _edges(bins: ArrayLike, x: FloatArray) -> FloatArray:
+    """(n_obs, 2) in the order of x as it was given."""
+    try:
+        given = np.array(bins, dtype=float)
+    except (TypeError, ValueError):
+        raise InputError("must be a width or edges", field="bins") from None
+    if given.ndim == 0:
+        edges = np.column_stack([x - 0.5 * given, x + 0.5 * given])
+    elif given.shape == (x.size + 1,):
+        edges = np.column_stack([given[:-1], given[1:]])
+    elif given.shape == (x.size, 2):
+        edges = given
+    else:
+        raise InputError(f"must be a width, {x.size + 1} edges in order, or ({x.size}, 2) low and high edges", field="bins", value=given.shape)
+    if not (np.all(np.isfinite(edges)) and np.all(edges[:, 0] < edges[:, 1])):
+        raise InputError("must have finite edges, each low one below its high one", field="bins")
+    if np.any((x < edges[:, 0]) | (x > edges[:, 1])):
+        bad = int(np.argmax((x < edges[:, 0]) | (x > edges[:, 1])))
+        raise InputError(f"must hold their x; number {bad + 1} does not", field="bins", value=f"{x[bad]:g} in {edges[bad].tolist()}")
+    return edges

@@ -1,0 +1,214 @@
+"""Counted readings: how many events fell into each bin, or what fraction of trials succeeded.
+
+`Counts` is the noise, `CountErrors` what it makes of points and the curve of their expectations (`estim.problem.laws` says which y and which law).
+Residuals are signed roots of the deviance, so that least squares on them are the maximum of the likelihood; where counts are few they are far from
+linear, and steps by the Fisher information (`scoring`) finish: iteratively reweighted least squares (McCullagh and Nelder, Generalized Linear Models,
+2nd ed., 1989, section 2.5).  Tests see the same residuals against counts that are drawn at the fit.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from estim.arrays import FloatArray
+from estim.problem.curve import POINTS, Wording
+from estim.problem.laws import Counted, Law, deviance_residual
+from estim.problem.likelihood import Ends, Likelihood, Noise, Points
+from estim.problem.readings import Readings
+from estim.problem.size import Named, Scale, Size
+
+_LEAST = 1e-300  # expectation or variance, so that nothing is divided by 0
+
+
+@dataclass(frozen=True, eq=False)
+class CountErrors:
+    """Independent counts y (n_obs,) about the curve; trials : (n_obs,), 1 where the law has none."""
+
+    points: Points
+    law: Law
+    trials: FloatArray
+
+    creeps = True
+    normal = None
+
+    @property
+    def y(self) -> FloatArray:
+        return self.points.y
+
+    def log_likelihood(self, named: Named) -> FloatArray:
+        return np.asarray(np.sum(self.pointwise(named), axis=1))
+
+    def pointwise(self, named: Named) -> FloatArray:
+        return self.law.log_density(self.y, self._mean(named), self.trials)
+
+    def standardised(self, named: Named) -> FloatArray:
+        """Signed roots of the deviance, which are closer to normal than (y - m)/sd."""
+        return deviance_residual(self.law, self.y, self._mean(named), self.trials)
+
+    def residuals(self, named: Named) -> FloatArray:
+        return self.standardised(named)
+
+    def size_residuals(self, named: Named) -> FloatArray:
+        return self.standardised(named)
+
+    def outlier_probability(self, named: Named) -> FloatArray:
+        return np.zeros_like(self._mean(named))
+
+    def jacobian(self, named: Named, names: Sequence[str]) -> FloatArray:
+        mean, variance = self._mean(named)[0], self._variance(named)
+        r = self.standardised(named)[0]
+        near = np.abs(r) < 1e-6
+        with np.errstate(all="ignore"):
+            slope = np.where(near, -1.0 / np.sqrt(variance), (mean - self.y) / (variance * np.where(near, 1.0, r)))
+        return np.asarray(slope[:, None] * self.points.gradient(named, names))
+
+    def scoring(self, named: Named, names: Sequence[str]) -> tuple[FloatArray, FloatArray]:
+        return self._slopes(named, names), (self._mean(named)[0] - self.y) / self.sd(named)
+
+    def information_root(self, named: Named, names: Sequence[str]) -> FloatArray:
+        return self._slopes(named, names)
+
+    def information(self, named: Named, names: Sequence[str], ends: Ends) -> FloatArray:
+        root = self.information_root(named, names)
+        return np.asarray(root.T @ root)
+
+    def whitened(self, named: Named, names: Sequence[str]) -> CountedResiduals:
+        mean = self._mean(named)[0]
+        return CountedResiduals(self.law, self.y, mean, self.trials, self._slopes(named, names), self.sd(named))
+
+    def sd(self, named: Named) -> FloatArray:
+        return np.asarray(np.sqrt(self._variance(named)))
+
+    def squared_size(self, vector: FloatArray, named: Named) -> float:
+        return float(np.sum(np.square(vector / self.sd(named))))
+
+    def _mean(self, named: Named) -> FloatArray:
+        """(n_draw, n_obs) expectations."""
+        value = self.points.value(named)
+        return np.broadcast_to(value, (np.shape(value)[0] if np.ndim(value) == 2 else 1, self.y.size))
+
+    def _variance(self, named: Named) -> FloatArray:
+        return np.maximum(self.law.variance(self._mean(named)[0], self.trials), _LEAST)
+
+    def _slopes(self, named: Named, names: Sequence[str]) -> FloatArray:
+        """(n_obs, n_par) derivatives of the expectations over the standard deviations."""
+        return np.asarray(self.points.gradient(named, names) / self.sd(named)[:, None])
+
+
+@dataclass(frozen=True, eq=False)
+class CountedResiduals:
+    """Signed roots of the deviance as tests see them, and those of counts drawn at the fit, which move its expectations.
+
+    mean, sd : (n_obs,) at the fit.  root : (n_obs, n_par) derivatives of the mean over sd.
+    """
+
+    law: Law
+    y: FloatArray
+    mean: FloatArray
+    trials: FloatArray
+    root: FloatArray
+    sd: FloatArray
+
+    @property
+    def z(self) -> FloatArray:
+        return deviance_residual(self.law, self.y, self.mean, self.trials)
+
+    def felt(self, errors: FloatArray) -> FloatArray:
+        return np.asarray((self._counts(errors) - self.mean[:, None]) / self.sd[:, None])
+
+    def moved(self, errors: FloatArray, shifts: FloatArray) -> FloatArray:
+        """To first order, and by a factor where that would leave less than half of an expectation (of a fraction: of its complement)."""
+        by, mean, trials = self.sd[:, None] * (self.root @ shifts), self.mean[:, None], self.trials[:, None]
+        with np.errstate(all="ignore"):
+            slack = np.maximum(self.sd[:, None] ** 2 * trials, _LEAST)  # m, or m (1 - m)
+            moved = np.where(by > -0.5 * slack, mean + by, mean - slack * (1.0 - 0.5 * np.exp(2.0 * by / slack + 1.0)))
+            if math.isfinite(self.law.ceiling):
+                moved = np.where(by > 0.5 * slack, mean + slack * (1.0 - 0.5 * np.exp(1.0 - 2.0 * by / slack)), moved)
+        return deviance_residual(self.law, self._counts(errors), moved, trials)
+
+    def _counts(self, errors: FloatArray) -> FloatArray:
+        """(n_obs, n_sim) counts of the same rank as the standard normal errors."""
+        from scipy.special import ndtri
+
+        found = np.empty_like(errors)
+        for row, error, mean, size in zip(found, errors, self.mean.tolist(), self.trials.tolist(), strict=True):
+            y, below = self.law.table(max(mean, 0.0), size)
+            row[:] = y[np.minimum(np.searchsorted(ndtri(below), error), y.size - 1)]
+        return found
+
+
+@dataclass(frozen=True, eq=False)
+class Counts:
+    """Counted readings; trials : (n_obs,), 1 where the law has none.  seen : (n_obs,) y as it was read.  what : is counted.
+
+    bins : (n_obs, 2) edges of the bins, None where a count belongs to one x.
+    """
+
+    law: Law
+    trials: FloatArray
+    seen: FloatArray
+    what: str = "y"
+    bins: FloatArray | None = None
+
+    parameters = ()
+    outlier_parameters = ()
+    robust = False
+    made_of_positions = False
+    size = Size(Scale(1.0))
+
+    @property
+    def counted(self) -> Counted:
+        return Counted(self.law, self.trials, self.bins)
+
+    @cached_property
+    def typical(self) -> FloatArray:
+        """(n_obs,) standard deviation of each reading, as far as it shows by itself."""
+        return self.law.guess(self.seen, self.trials)
+
+    def likelihood(self, points: Points, named: Named) -> Likelihood:
+        return CountErrors(points, self.law, self.trials)
+
+    def of_positions(self, points: Points, named: Named) -> None:
+        """Not made of positions."""
+
+    def for_search(self) -> Noise:
+        """Readings about as precise: there linear parameters can be solved for."""
+        return Readings(Scale(1.0), Scale(0.0), self.typical, what=self.what)
+
+    def outlier_share(self, named: Named) -> float:
+        return float("nan")
+
+    def reading_gain(self) -> FloatArray:
+        return self.typical
+
+    def x_gain(self) -> FloatArray:
+        return np.zeros(self.trials.size)
+
+    def true_x(self, x: FloatArray, gain: FloatArray, named: Named, rng: np.random.Generator) -> FloatArray:
+        return x
+
+    def read_x(self, x: FloatArray, gain: FloatArray, named: Named, rng: np.random.Generator) -> FloatArray:
+        return x
+
+    def read(self, true: FloatArray, gain: FloatArray, named: Named, rng: np.random.Generator) -> FloatArray:
+        return self.law.draw(true, self.trials, rng)
+
+    def carried(self, by_x: FloatArray, by_y: FloatArray, named: Named) -> tuple[FloatArray, FloatArray]:
+        variance = np.square(self.typical)
+        return np.diag(by_y**2 * variance), variance
+
+    def describe(self, *, x_unit: str, y_unit: str, words: Wording) -> str:
+        """The noise in words."""
+        law = "Poisson" if self.law.word == "counts" else "binomial"
+        where = "" if self.bins is None else ", the curve integrated over each bin"
+        return f"{law} {self.law.word} of {self.what}, whose expectation is the curve{where}"
+
+
+def counted_words(what: str, new: str) -> Wording:
+    """How counts are spoken of: what they are, and one more of them."""
+    return replace(POINTS, what=what, new=new, rows=what)

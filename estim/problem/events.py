@@ -1,0 +1,141 @@
+"""Times of single events, without bins: the density of the events is a curve, normalised over a window.
+
+`Events` is the noise.  Its points are the numbers of events in cells of the window, which figures and tests show; the likelihood uses every time:
+
+    log L = sum_i log rate(t_i) - sum_k (expected number in cell k) + constant
+
+With the rate scaled so that as many events are expected in the window as there are, this is the likelihood of the times given their number.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Protocol, runtime_checkable
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from estim.arrays import FloatArray
+from estim.common import InputError
+from estim.problem.counts import CountErrors
+from estim.problem.counts import Counts as Counts
+from estim.problem.counts import counted_words as counted_words
+from estim.problem.curve import Curve, LocalCurve, Wording
+from estim.problem.latent import rooted
+from estim.problem.laws import BINOMIAL as BINOMIAL
+from estim.problem.laws import POISSON as POISSON
+from estim.problem.laws import Counted as Counted
+from estim.problem.laws import Law as Law
+from estim.problem.likelihood import Likelihood, Points, n_draws
+from estim.problem.size import Named
+
+_ROOM = 3.0  # a rate may vary by this factor's exponential within a cell
+
+
+@runtime_checkable
+class RateCurve(Curve, Protocol):
+    """A curve of expected numbers of events in cells that knows the rate within them."""
+
+    @property
+    def nodes(self) -> tuple[FloatArray, FloatArray]:
+        """Times and weights (n_node,) of its integrals over all cells."""
+
+    def rate(self, t: FloatArray, arguments: Mapping[str, ArrayLike]) -> FloatArray:
+        """(n_draw, n) events per unit of time at times t (n,), nan where it is nowhere a rate."""
+
+    def local_rate(self, t: FloatArray, arguments: Mapping[str, ArrayLike]) -> LocalCurve:
+        """The same with its gradient."""
+
+
+@dataclass(frozen=True, eq=False)
+class EventErrors(CountErrors):
+    """Events at `times` (n_event,) in cells, number first[k] to first[k + 1] of them in cell k; widths : (n_obs,) of the cells."""
+
+    times: FloatArray
+    first: NDArray[np.int64]
+    widths: FloatArray
+
+    def pointwise(self, named: Named) -> FloatArray:
+        """Of each cell: the density of the times of its events, and of their number."""
+        curve = self._rates
+        with np.errstate(all="ignore"):
+            logs = np.log(np.broadcast_to(curve.rate(self.times, self.points.bind(named)), (n_draws(named), self.times.size)))
+            return np.asarray(self._by_cell(logs) - self._mean(named))
+
+    def log_likelihood(self, named: Named) -> FloatArray:
+        return np.asarray(np.sum(self.pointwise(named), axis=1))
+
+    def residuals(self, named: Named) -> FloatArray:
+        """Up to a constant that keeps the squares positive: no density of single times is the highest."""
+        highest = _saturated(self.y, self.widths) + _ROOM * self.y + 1.0
+        with np.errstate(all="ignore"):
+            return np.asarray(np.sign(self.y - self._mean(named)) * np.sqrt(2.0 * np.maximum(highest - self.pointwise(named), 0.0)))
+
+    def jacobian(self, named: Named, names: Sequence[str]) -> FloatArray:
+        with np.errstate(all="ignore"):
+            return np.asarray(-self._scores(named, names) / self.residuals(named)[0][:, None])
+
+    def scoring(self, named: Named, names: Sequence[str]) -> tuple[FloatArray, FloatArray]:
+        return rooted(self.information(named, names, {}), np.sum(self._scores(named, names), axis=0), self.y.size)
+
+    def information_root(self, named: Named, names: Sequence[str]) -> FloatArray:
+        """(n_node, n_par): the information is the integral of the squared derivatives of the rate over the rate."""
+        times, weights = self._rates.nodes
+        rate, slopes = self._rate_and_slopes(times, named, names)
+        with np.errstate(all="ignore"):
+            return np.asarray(np.where(rate > 0.0, np.sqrt(weights / rate), 0.0)[:, None] * slopes)
+
+    def _scores(self, named: Named, names: Sequence[str]) -> FloatArray:
+        """(n_obs, n_par) derivatives of `pointwise`."""
+        rate, slopes = self._rate_and_slopes(self.times, named, names)
+        with np.errstate(all="ignore"):
+            return np.asarray(self._by_cell((slopes / rate[:, None]).T).T - self.points.gradient(named, names))
+
+    def _rate_and_slopes(self, times: FloatArray, named: Named, names: Sequence[str]) -> tuple[FloatArray, FloatArray]:
+        local = self._rates.local_rate(times, self.points.bind(named))
+        there = Points(self.points.curve, times, times, self.points.arguments)
+        return np.broadcast_to(local.value, (1, times.size))[0], there.gradients(local, names, 1)[0]
+
+    def _by_cell(self, of_events: FloatArray) -> FloatArray:
+        """Sums (n, n_obs) over the events (n, n_event) of each cell."""
+        total = np.concatenate([np.zeros((of_events.shape[0], 1)), np.cumsum(of_events, axis=1)], axis=1)
+        return np.asarray(np.diff(total[:, self.first], axis=1))
+
+    @property
+    def _rates(self) -> RateCurve:
+        if not isinstance(self.points.curve, RateCurve):
+            raise InputError("need a curve that knows their rate", field="event-times")
+        return self.points.curve
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Events(Counts):
+    """times : (n_event,) in order.  window : its ends."""
+
+    times: FloatArray
+    window: tuple[float, float]
+
+    @property
+    def counted(self) -> Counted:
+        return Counted(self.law, self.trials, self.bins, single=True)
+
+    def likelihood(self, points: Points, named: Named) -> Likelihood:
+        assert self.bins is not None, "events have cells"
+        first = np.append(np.searchsorted(self.times, self.bins[:, 0], side="left"), self.times.size)
+        first[0] = 0
+        return EventErrors(points, self.law, self.trials, self.times, first, np.diff(self.bins, axis=1)[:, 0])
+
+    def describe(self, *, x_unit: str, y_unit: str, words: Wording) -> str:
+        """The noise in words."""
+        unit = "" if x_unit == "1" else f" {x_unit}"
+        low, high = self.window
+        return (
+            f"{self.times.size} times of single events, unbinned, the curve normalised over the window from {low:.6g} to {high:.6g}{unit}; "
+            f"figures and tests count them in {self.trials.size} cells"
+        )
+
+
+def _saturated(y: FloatArray, widths: FloatArray) -> FloatArray:
+    """(n_obs,) log density where the rate is even in each cell and as high as its events are many."""
+    return np.where(y > 0.0, y * np.log(np.maximum(y, 1.0) / widths), 0.0) - y

@@ -1,0 +1,148 @@
+"""The laws of what is counted: how counts scatter about their expectation, which says how far.
+
+- `Poisson`: events in a bin or a fixed time; y is their number, m the number expected.
+- `Binomial`: y is the fraction of n trials that succeeded, m the probability of one.
+
+Each is an exponential family in its mean m: with V the variance of y, d log p/dm = (y - m)/V, and 1/V is the Fisher information about m.
+`size` (n_obs,) is the number of trials; a Poisson count has none, and 1 is given.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from estim.arrays import FloatArray
+
+
+class Law(Protocol):
+    """Functions of y and m, which broadcast with `size`; nan where m is no mean, and the density of what cannot be is -inf."""
+
+    @property
+    def word(self) -> str:
+        """What y is: "counts"."""
+
+    @property
+    def ceiling(self) -> float:
+        """What no mean exceeds."""
+
+    def log_density(self, y: FloatArray, mean: FloatArray, size: FloatArray) -> FloatArray:
+        """log p(y | m), normalised."""
+
+    def deviance(self, y: FloatArray, mean: FloatArray, size: FloatArray) -> FloatArray:
+        """2 log p(y | y) - 2 log p(y | m)."""
+
+    def variance(self, mean: FloatArray, size: FloatArray) -> FloatArray:
+        """V of y."""
+
+    def guess(self, y: FloatArray, size: FloatArray) -> FloatArray:
+        """Standard deviation of y where the mean is not known: never 0."""
+
+    def draw(self, mean: FloatArray, size: FloatArray, rng: np.random.Generator) -> FloatArray:
+        """y at random."""
+
+    def table(self, mean: float, size: float) -> tuple[FloatArray, FloatArray]:
+        """Values of y in order, all but impossible ones left out, and P(Y <= y)."""
+
+
+@dataclass(frozen=True)
+class Poisson:
+    """Numbers of independent events."""
+
+    word = "counts"
+    ceiling = math.inf
+
+    def log_density(self, y: FloatArray, mean: FloatArray, size: FloatArray) -> FloatArray:
+        from scipy.special import gammaln
+
+        return np.asarray(_y_log(y, mean) - mean - gammaln(y + 1.0))
+
+    def deviance(self, y: FloatArray, mean: FloatArray, size: FloatArray) -> FloatArray:
+        return np.asarray(2.0 * (_y_log(y, np.where(y > 0.0, y, 1.0)) - _y_log(y, mean) - (y - mean)))
+
+    def variance(self, mean: FloatArray, size: FloatArray) -> FloatArray:
+        return np.asarray(mean + 0.0 * size)
+
+    def guess(self, y: FloatArray, size: FloatArray) -> FloatArray:
+        return np.asarray(np.sqrt(y + 1.0))
+
+    def draw(self, mean: FloatArray, size: FloatArray, rng: np.random.Generator) -> FloatArray:
+        return rng.poisson(np.clip(mean, 0.0, 1e15)).astype(float)
+
+    def table(self, mean: float, size: float) -> tuple[FloatArray, FloatArray]:
+        from scipy.special import pdtr
+
+        reach = 9.0 * np.sqrt(mean) + 20.0
+        y = np.unique(np.floor(np.linspace(max(0.0, mean - reach), mean + reach, min(2 * int(reach) + 2, 4000))))
+        return y, pdtr(y, mean)
+
+
+@dataclass(frozen=True)
+class Binomial:
+    """Fractions of independent trials."""
+
+    word = "fractions"
+    ceiling = 1.0
+
+    def log_density(self, y: FloatArray, mean: FloatArray, size: FloatArray) -> FloatArray:
+        from scipy.special import gammaln
+
+        hits, misses = np.rint(size * y), np.rint(size * (1.0 - y))
+        ways = gammaln(size + 1.0) - gammaln(hits + 1.0) - gammaln(misses + 1.0)
+        return np.asarray(ways + _y_log(hits, mean) + _y_log(misses, 1.0 - mean))
+
+    def deviance(self, y: FloatArray, mean: FloatArray, size: FloatArray) -> FloatArray:
+        rest, of_rest = 1.0 - y, 1.0 - mean
+        hits = _y_log(y, np.where(y > 0.0, y, 1.0)) - _y_log(y, mean)
+        return np.asarray(2.0 * size * (hits + _y_log(rest, np.where(rest > 0.0, rest, 1.0)) - _y_log(rest, of_rest)))
+
+    def variance(self, mean: FloatArray, size: FloatArray) -> FloatArray:
+        return np.asarray(mean * (1.0 - mean) / size)
+
+    def guess(self, y: FloatArray, size: FloatArray) -> FloatArray:
+        share = (size * y + 1.0) / (size + 2.0)
+        return np.asarray(np.sqrt(share * (1.0 - share) / size))
+
+    def draw(self, mean: FloatArray, size: FloatArray, rng: np.random.Generator) -> FloatArray:
+        return rng.binomial(size.astype(np.int64), np.clip(mean, 0.0, 1.0)) / size
+
+    def table(self, mean: float, size: float) -> tuple[FloatArray, FloatArray]:
+        from scipy.special import betainc
+
+        middle, reach = size * mean, 9.0 * np.sqrt(size * mean * (1.0 - mean)) + 20.0
+        hits = np.unique(np.floor(np.linspace(max(0.0, middle - reach), min(size, middle + reach), min(2 * int(reach) + 2, 4000))))
+        return hits / size, np.where(hits < size, betainc(np.maximum(size - hits, 1.0), hits + 1.0, 1.0 - mean), 1.0)
+
+
+POISSON, BINOMIAL = Poisson(), Binomial()
+
+
+@dataclass(frozen=True, eq=False)
+class Counted:
+    """How the y of a run were counted.
+
+    trials : (n_obs,), 1 where the law has none.  bins : (n_obs, 2) edges, None where a count belongs to one x.
+    single : whether the likelihood uses the time of every event, and y are for figures and tests.
+    """
+
+    law: Law
+    trials: FloatArray
+    bins: FloatArray | None
+    single: bool = False
+
+
+def deviance_residual(law: Law, y: FloatArray, mean: FloatArray, size: FloatArray) -> FloatArray:
+    """r with r^2/2 = log p(y | y) - log p(y | m), signed as y - m: least squares on it are the maximum of the likelihood."""
+    with np.errstate(all="ignore"):
+        close = (y - mean) ** 2 / law.variance(mean, size)
+        small = np.abs(y - mean) < 1e-5 * mean  # there the difference of two logarithms is rounding
+        return np.asarray(np.sign(y - mean) * np.sqrt(np.where(small, close, np.maximum(law.deviance(y, mean, size), 0.0))))
+
+
+def _y_log(y: FloatArray, mean: FloatArray) -> FloatArray:
+    """y log(m), 0 for y = 0; nan for m < 0."""
+    with np.errstate(all="ignore"):
+        return np.asarray(np.where(mean < 0.0, np.nan, np.where(y > 0.0, y * np.log(mean), 0.0)))

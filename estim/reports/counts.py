@@ -1,0 +1,103 @@
+"""What was counted: the expectations of the curve beside the counts, as a figure and in words."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection, Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from estim.arrays import FloatArray
+from estim.checks import Goodness
+from estim.fitting import Fit
+from estim.problem import Counted, Law, Observations
+from estim.reports.figures import BLUE, GREY, INK, new_figure
+from estim.reports.rendering import render
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+_LEVELS = (0.95, 0.68)
+_FEW = 5.0  # expected events below which a bin says little by itself
+
+
+def counted_runs(runs: Sequence[Observations]) -> list[Observations]:
+    """Those of `runs` whose y were counted."""
+    return [run for run in runs if run.noise.counted is not None]
+
+
+def counts_text(fit: Fit, pictures: Collection[str]) -> str:
+    """The section of a report about the counts; "" where nothing was counted."""
+    rows, single = [], False
+    for run in fit.problem.runs:
+        if (counted := run.noise.counted) is None:
+            continue
+        mean, trials, single = _expected(fit, run), counted.trials, single or counted.single
+        scarce = np.minimum(mean, 1.0 - mean) if math.isfinite(counted.law.ceiling) else mean
+        few, empty = int(np.sum(trials * scarce < _FEW)), int(np.sum(run.y == 0.0))
+        rows.append((run.name, f"{np.sum(trials * run.y):.0f}", f"{np.sum(trials * mean):.1f}", str(run.n_obs), str(few), str(empty)))
+    return render("counts.md.j2", rows=rows, few=f"{_FEW:.0f}", events=single, pictures=pictures) if rows else ""
+
+
+def counts_figure(fit: Fit, goodness: Sequence[Goodness], *, synthetic: bool) -> Figure:
+    """Counts as bars or points, what the fitted curve expects, where a count would lie, and the pulls below."""
+    pairs = [(run, good, run.noise.counted) for run, good in zip(fit.problem.runs, goodness, strict=True) if run.noise.counted is not None]
+    figure = new_figure(4.4 * len(pairs))
+    axes = figure.subplots(2 * len(pairs), 1, squeeze=False, height_ratios=[3, 1] * len(pairs))[:, 0]
+    for k, (run, good, counted) in enumerate(pairs):
+        top, below = axes[2 * k], axes[2 * k + 1]
+        _draw_counts(top, run, _expected(fit, run), counted)
+        top.set_title(run.name + (" (SYNTHETIC data)" if synthetic else ""), fontsize=10)
+        top.set(ylabel=run.y_label)
+        top.set_ylim(bottom=0.0)
+        top.legend(fontsize=7.5, frameon=False, loc="best")
+        top.tick_params(labelbottom=False)
+        for sigma, shade in ((2.0, 0.14), (1.0, 0.26)):
+            below.axhspan(-sigma, sigma, color=GREY, alpha=shade, lw=0)
+        below.axhline(0.0, color=GREY, lw=0.8)
+        below.vlines(run.x, 0.0, good.whitened, color=INK, lw=0.8)
+        below.plot(run.x, good.whitened, "o", color=INK, ms=2.5)
+        reach = max(3.3, 1.1 * float(np.max(np.abs(good.whitened))))
+        below.set_ylim(-reach, reach)
+        below.set(xlabel=run.x_label, ylabel="pull")
+        below.sharex(top)
+    return figure
+
+
+def _draw_counts(ax: Axes, run: Observations, mean: FloatArray, counted: Counted) -> None:
+    law, edges = counted.law, counted.bins
+    what = "count" if law.word == "counts" else "fraction"
+    ends = {level: _interval(law, mean, counted.trials, level) for level in _LEVELS}
+    if edges is None:
+        for level, width in zip(_LEVELS, (1.2, 3.5), strict=True):
+            ax.vlines(run.x, *ends[level], color=BLUE, lw=width, alpha=0.55, label=f"where a {what} lies, {100 * level:.0f} %")
+        ax.plot(run.x, mean, "_", color=BLUE, ms=9, mew=1.6, label="expected by the curve")
+        ax.plot(run.x, run.y, "o", color=INK, ms=3.5, label=f"{what}s", zorder=5, clip_on=False)
+        return
+    for low, high, height in zip(edges[:, 0], edges[:, 1], run.y, strict=True):
+        ax.fill_between([low, high], 0.0, height, color=GREY, alpha=0.3, lw=0)
+    ax.fill_between([], [], [], color=GREY, alpha=0.3, lw=0, label="counted")
+    x = edges.ravel()
+    for level, shade in zip(_LEVELS, (0.18, 0.38), strict=True):
+        low, high = (np.repeat(end, 2) for end in ends[level])
+        ax.fill_between(x, low, high, color=BLUE, alpha=shade, lw=0, label=f"where a {what} lies, {100 * level:.0f} %")
+    ax.plot(x, np.repeat(mean, 2), color=BLUE, lw=1.2, label="expected by the curve")
+    ax.plot(run.x, run.y, "o", color=INK, ms=2.5, zorder=5, clip_on=False)
+
+
+def _expected(fit: Fit, run: Observations) -> FloatArray:
+    """(n_obs,) at the fit."""
+    return np.broadcast_to(run.curve.value(run.x, run.bind(fit.problem.named(fit.values))), (1, run.n_obs))[0]
+
+
+def _interval(law: Law, mean: FloatArray, trials: FloatArray, level: float) -> tuple[FloatArray, FloatArray]:
+    """Lowest and highest (n_obs,) of the counts that hold at least `level`, the rest shared between both sides."""
+    found = []
+    for m, size in zip(mean.tolist(), trials.tolist(), strict=True):
+        y, below = law.table(max(m, 0.0), size)
+        at = np.minimum(np.searchsorted(below, [0.5 - 0.5 * level, 0.5 + 0.5 * level]), y.size - 1)
+        found.append(y[at])
+    low, high = np.array(found).T
+    return low, high

@@ -1,0 +1,321 @@
+"""Counts, fractions and single events: against closed forms, SciPy and grids, which share no code with estim."""
+
+from __future__ import annotations
+
+import math
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy import optimize, stats
+
+from estim import Binomial, Component, EventTimes, InputError, Poisson, Target, curve_report, fit_curve, load_campaign, sample_curve
+from estim.common.kinds import Kind
+from estim.curves.counting import counted_points
+from estim.curves.formula import read_formula
+from estim.curves.posing import AxisNames, pose_curve
+from estim.fitting.least_squares import fit_least_squares
+from estim.fitting.profile import profile_intervals
+
+EDGES = np.linspace(0.0, 10.0, 21)
+MIDDLES = 0.5 * (EDGES[1:] + EDGES[:-1])
+DECAY = {"start": {"N": 100.0, "tau": 1.0}, "bounds": {"N": (0.0, None), "tau": (0.01, None)}}
+ALONE = {"start": {"tau": 1.0}, "bounds": {"tau": (0.01, None)}}
+
+
+def decays(n: int, rng: np.random.Generator, tau: float = 2.2, end: float = 10.0) -> np.ndarray:
+    return -tau * np.log1p(-rng.random(n) * -math.expm1(-end / tau))
+
+
+@pytest.mark.parametrize("n", [1, 4, 17])
+def test_one_count_has_the_profile_of_poisson_and_lies_within_garwood(n: int) -> None:
+    fit = fit_curve("m + 0*x", [0.0], [n], start={"m": 3.0}, bounds={"m": (0.0, None)}, noise="poisson")
+    assert fit.values["m"] == pytest.approx(n, rel=1e-6)
+    assert fit.sds["m"] == pytest.approx(math.sqrt(n), rel=1e-6) or math.isnan(fit.sds["m"])
+    for p in (0.68, 0.95):
+        low, high = fit.intervals["m"][p]
+        rise = stats.norm.ppf(0.5 + 0.5 * p) ** 2
+        brute = [optimize.brentq(lambda m, rise=rise: 2.0 * (m - n - n * math.log(m / n)) - rise, *ends) for ends in ((1e-9, n), (n, n + 40.0))]
+        assert (low, high) == pytest.approx(brute, rel=1e-4)
+        garwood = stats.chi2.ppf(0.5 - 0.5 * p, 2 * n) / 2.0, stats.chi2.ppf(0.5 + 0.5 * p, 2 * n + 2) / 2.0
+        assert garwood[0] <= low < high <= garwood[1]
+
+
+def test_no_count_at_all_is_refused_with_a_limit() -> None:
+    with pytest.raises(InputError, match="fewer than 3 events"):
+        fit_curve("m + 0*x", [0.0, 1.0], [0, 0], start={"m": 3.0}, noise="poisson")
+    assert -math.log(0.05) == pytest.approx(3.0, abs=0.005)
+
+
+def test_the_lifetime_of_single_times_in_a_long_window_is_their_mean(rng: np.random.Generator) -> None:
+    times = decays(200, rng, end=1e3)
+    fit = fit_curve("exp(-x/tau)", times, None, noise=EventTimes(0.0, 150.0, 40), **ALONE)
+    assert fit.values["tau"] == pytest.approx(times.mean(), rel=1e-8)
+    assert fit.sds["tau"] == pytest.approx(times.mean() / math.sqrt(200), rel=1e-6)
+    scaled = fit_curve("7*exp(-x/tau)", times, None, noise=EventTimes(0.0, 150.0, 40), **ALONE)
+    assert scaled.values["tau"] == pytest.approx(fit.values["tau"], rel=1e-9)
+
+
+def test_single_times_with_background_against_a_grid(rng: np.random.Generator) -> None:
+    times = np.concatenate([decays(150, rng), rng.uniform(0.0, 10.0, 60)])
+    fit = fit_curve("exp(-x/tau) + b", times, None, start={"tau": 1.0, "b": 0.05}, bounds={"b": (0.0, None), "tau": (0.05, None)},
+                    noise=EventTimes(0.0, 10.0))
+
+    def height(tau: float, b: float) -> float:
+        return float(np.sum(np.log((np.exp(-times / tau) + b) / (tau * -math.expm1(-10.0 / tau) + 10.0 * b))))
+
+    best = optimize.minimize(lambda v: -height(*v), [2.0, 0.1], method="Nelder-Mead", options={"xatol": 1e-8, "fatol": 1e-10})
+    assert [fit.values["tau"], fit.values["b"]] == pytest.approx(best.x, rel=1e-4)
+    rise = stats.norm.ppf(0.84) ** 2
+
+    def profile(tau: float) -> float:
+        inner = optimize.minimize_scalar(lambda b: -height(tau, b), bounds=(0.0, 2.0), method="bounded", options={"xatol": 1e-8})
+        return 2.0 * (inner.fun - best.fun) - rise
+
+    brute = optimize.brentq(profile, 0.5, best.x[0]), optimize.brentq(profile, best.x[0], 6.0)
+    assert fit.intervals["tau"][0.68] == pytest.approx(brute, rel=2e-3)
+
+
+def test_counts_in_bins_against_scipy_and_narrow_bins_against_single_times(rng: np.random.Generator) -> None:
+    times = decays(60, rng)
+    counts = np.histogram(times, EDGES)[0]
+    fit = fit_curve("N/tau*exp(-x/tau)", MIDDLES, counts, noise=Poisson(EDGES), **DECAY)
+
+    def minus(v: np.ndarray) -> float:
+        return -float(np.sum(stats.poisson.logpmf(counts, v[0] * -np.diff(np.exp(-EDGES / v[1])))))
+
+    best = optimize.minimize(minus, [60.0, 2.0], method="Nelder-Mead", options={"xatol": 1e-9, "fatol": 1e-12, "maxiter": 4000})
+    assert [fit.values["N"], fit.values["tau"]] == pytest.approx(best.x, rel=1e-5)
+    assert fit.chi2 == pytest.approx(2.0 * (best.fun + np.sum(stats.poisson.logpmf(counts, counts))), abs=1e-6)
+    narrow = np.linspace(0.0, 10.0, 501)
+    fine = fit_curve("N/tau*exp(-x/tau)", 0.5 * (narrow[1:] + narrow[:-1]), np.histogram(times, narrow)[0], noise=Poisson(0.02), n_start=1, **DECAY)
+    single = fit_curve("exp(-x/tau)", times, None, noise=EventTimes(0.0, 10.0), **ALONE)
+    assert fine.values["tau"] == pytest.approx(single.values["tau"], rel=1e-3)
+    assert fine.sds["tau"] == pytest.approx(single.sds["tau"], rel=1e-3)
+    wide, height = np.histogram(times, 4, (0.0, 10.0)), "2.5*N/tau*exp(-x/tau)"
+    integrated = fit_curve("N/tau*exp(-x/tau)", [1.25, 3.75, 6.25, 8.75], wide[0], noise=Poisson(2.5), n_start=1, **DECAY)
+    at_middles = fit_curve(height, [1.25, 3.75, 6.25, 8.75], wide[0], noise="poisson", n_start=1, **DECAY)
+    assert abs(integrated.values["N"] / 60.0 - 1.0) < 0.05 < abs(at_middles.values["N"] / 60.0 - 1.0)
+
+
+def test_bins_may_be_pairs_of_any_width_in_any_order(rng: np.random.Generator) -> None:
+    counts = np.histogram(decays(100, rng), EDGES)[0]
+    pairs = np.column_stack([EDGES[:-1], EDGES[1:]])
+    order = rng.permutation(20)
+    mixed = fit_curve("N/tau*exp(-x/tau)", MIDDLES[order], counts[order], noise=Poisson(pairs[order]), n_start=1, **DECAY)
+    plain = fit_curve("N/tau*exp(-x/tau)", MIDDLES, counts, noise=Poisson(0.5), n_start=1, **DECAY)
+    assert mixed.values == pytest.approx(plain.values, rel=1e-9)
+    joined = pairs.copy()[::2]
+    joined[:, 1] += 0.5
+    wide = fit_curve("N/tau*exp(-x/tau)", joined.mean(axis=1), counts[::2] + counts[1::2], noise=Poisson(joined), n_start=1, **DECAY)
+    assert wide.values["N"] == pytest.approx(plain.values["N"], rel=1e-2)
+
+
+def test_fractions_against_scipy(rng: np.random.Generator) -> None:
+    x, n = np.linspace(0.0, 9.0, 10), np.array([20, 5, 20, 30, 8, 20, 20, 12, 20, 20])
+    hits = rng.binomial(n, 1.0 / (1.0 + np.exp(-(x - 4.0) / 1.2)))
+    fit = fit_curve("1/(1 + exp(-(x - m)/w))", x, hits, start={"m": 3.0, "w": 1.0}, bounds={"w": (0.01, None)}, noise=Binomial(n))
+    best = optimize.minimize(
+        lambda v: -np.sum(stats.binom.logpmf(hits, n, 1.0 / (1.0 + np.exp(-(x - v[0]) / v[1])))), [4.0, 1.0], method="Nelder-Mead",
+        options={"xatol": 1e-8, "fatol": 1e-10},
+    )
+    assert [fit.values["m"], fit.values["w"]] == pytest.approx(best.x, rel=1e-4)
+
+
+def flat_problem(counts: np.ndarray):
+    return pose_curve(
+        "m + 0*x", np.arange(counts.size), counts, start={"m": 2.0}, bounds={"m": (0.0, None)}, priors={}, u_y=None, cov_y=None, u_x=None, errors=(),
+        units={}, axes=AxisNames(), noise="poisson",
+    ).with_sigma(1.0)
+
+
+def test_the_deviance_of_few_counts_has_the_p_value_that_it_says(rng: np.random.Generator) -> None:
+    """Simulated, where chi-squared would reject far too often or never."""
+    from estim.checks.goodness import check_goodness
+
+    simulated, by_chi2 = [], []
+    for _ in range(40):
+        problem = flat_problem(rng.poisson(0.7, 25))
+        fit = fit_least_squares(problem, rng=rng, n_start=1)
+        (good,) = check_goodness(fit, rng=rng)
+        simulated.append(good.checks["chi2"].p_value)
+        by_chi2.append(stats.chi2.sf(fit.chi2, 24))
+    assert stats.kstest(simulated, "uniform").pvalue > 1e-3
+    assert stats.kstest(by_chi2, "uniform").pvalue < 1e-3
+
+
+def test_counts_that_come_in_pairs_or_are_averages_are_told(rng: np.random.Generator) -> None:
+    pairs = fit_curve("m + 0*x", np.arange(60.0), 2 * rng.poisson(8.0, 60), start={"m": 10.0}, noise="poisson")
+    assert pairs.status == "poor-fit"
+    assert [f.kind for f in pairs.findings] == [Kind.COUNTS_SCATTER]
+    assert "scatter more" in pairs.reasons[0]
+    even = fit_curve("m + 0*x", np.arange(60.0), np.rint(rng.normal(50.0, 1.0, 60)), start={"m": 10.0}, noise="poisson")
+    assert even.status == "ok"
+    assert any("averages" in note for note in even.notes)
+
+
+def test_roots_of_counts_as_errors_are_told(rng: np.random.Generator) -> None:
+    counts = np.histogram(decays(300, rng), EDGES)[0]
+    some = counts > 0
+    keys = dict(DECAY, u_y=np.sqrt(counts[some]))
+    told = fit_curve("0.5*N/tau*exp(-x/tau)", MIDDLES[some], counts[some], **keys)
+    assert [f.kind for f in told.remarks] == [Kind.COUNTS_AS_READINGS]
+    assert 'noise="poisson"' in told.notes[0]
+    for quiet in (
+        fit_curve("0.5*N/tau*exp(-x/tau)", MIDDLES[some], counts[some] * 1.5, **keys),
+        fit_curve("0.5*N/tau*exp(-x/tau)", MIDDLES[some], counts[some], **dict(keys, u_y=1.3 * keys["u_y"])),
+        fit_curve("N/tau*exp(-x/tau)", MIDDLES, counts, noise=Poisson(0.5), **DECAY),
+    ):
+        assert Kind.COUNTS_AS_READINGS not in [f.kind for f in quiet.remarks]
+
+
+@pytest.mark.parametrize(
+    ("given", "words"),
+    [
+        ({"noise": "gauss"}, "noise"), ({"noise": "poisson", "u_y": 1.0}, "'u_y' does not go"),
+        ({"noise": "poisson", "y": [1, 2, 2.5]}, "value number 3"),
+        ({"noise": "poisson", "y": [1, -2, 3]}, "value number 2"), ({"noise": Poisson([0.0, 1.0])}, "edges"), ({"noise": Poisson(1.7)}, "overlap"),
+        ({"noise": Poisson([[0, 0.5], [0.5, 0.9], [1.5, 2.5]])}, "number 2 does not"), ({"noise": Poisson(-1.0)}, "low one below"),
+        ({"noise": Binomial(2)}, "exceed the trials"), ({"noise": Binomial(2.5)}, "whole"), ({"noise": Binomial([4, 4])}, "as many"),
+        ({"noise": EventTimes(0.0, 5.0)}, "must be None"), ({"noise": EventTimes(0.5, 5.0), "y": None}, "within the window"),
+        ({"noise": EventTimes(0.0, math.inf), "y": None}, "finite"), ({"y": None}, "'y'"), ({"noise": "poisson", "y": None}, "counts"),
+        ({"noise": Poisson(1.0), "errors": [Component("zero_y", 1.0)]}, "background"),
+        ({"noise": EventTimes(0.0, 5.0), "y": None, "errors": [Component("scale_y", 0.1)]}, "density"),
+    ],
+)
+def test_what_cannot_be_counted_is_refused(given, words: str) -> None:
+    y = given.pop("y") if "y" in given else [1, 2, 3]
+    with pytest.raises(InputError, match=re.escape(words)):
+        fit_curve("m*exp(-x)", [0.0, 1.0, 2.0], y, start={"m": 1.0}, **given)
+
+
+CAMPAIGN = """
+title = "decays"
+kind = "synthetic"
+[curve]
+expression = "N/tau*exp(-x/tau)"
+x = {column = "low", name = "time", unit = "s"}
+y = {column = "n", name = "events"}
+noise = {model = "poisson", bins = ["low", "high"]}
+[curve.parameters]
+N = {start = 50.0, low = 0.0}
+tau = {start = 1.0, low = 0.01, unit = "s"}
+[[runs]]
+name = "one"
+file = "one.csv"
+"""
+
+
+ROWS = "0.0,1.0,3\n1.0,2.0,2\n2.0,3.0,1\n"
+
+
+def written(folder: Path, text: str, table: str) -> Path:
+    (folder / "one.csv").write_text(table)
+    (folder / "campaign.toml").write_text(text)
+    return folder / "campaign.toml"
+
+
+def test_a_campaign_counts_as_python_does(tmp_path: Path, rng: np.random.Generator) -> None:
+    counts = np.histogram(decays(80, rng), EDGES)[0]
+    rows = "".join(f"{a},{b},{n}\n" for a, b, n in zip(EDGES[:-1], EDGES[1:], counts, strict=True))
+    campaign = load_campaign(written(tmp_path, CAMPAIGN, "low,high,n\n" + rows))
+    fit = campaign.fit(campaign.problem(["one"]), rng=rng)
+    python = fit_curve("N/tau*exp(-x/tau)", MIDDLES, counts, noise=Poisson(EDGES), **DECAY)
+    assert dict(zip(fit.names, fit.values, strict=True)) == pytest.approx(python.values, rel=1e-6)
+    assert math.isnan(fit.p_value)  # simulated instead
+    assert fit.problem.runs[0].words.what == "bins"
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "table", "words"),
+    [
+        ("", "", ROWS.replace("2.0,2\n", "2.0,2.5\n"), r"one\.csv:3: 'n' must be a whole number from 0 \(the number of events"),
+        ("", "", ROWS.replace("1.0,2.0,2", "1.0,1.0,2"), r"one\.csv:3: 'high' must be above 'low'"),
+        ("", "", ROWS.replace("1.0,2.0,2", "0.5,2.0,2"), r"campaign\.toml:8: .*must not overlap"),
+        ('bins = ["low", "high"]', "bins = -1.0", ROWS, r"campaign\.toml:8: .*width > 0"),
+        ('bins = ["low", "high"]', 'trials = "n"', ROWS, r"campaign\.toml:8: .*belongs to model"),
+        ("noise =", "u_y = 1.0\nnoise =", ROWS, r"campaign\.toml:8: 'u_y' does not go with 'noise'"),
+        ('y = {column = "n", name = "events"}\n', "", ROWS, r"'y' is missing"),
+        ('"poisson", bins = ["low", "high"]', '"event-times"', ROWS, r"'y' must be left out"),
+        ('"poisson", bins = ["low", "high"]', '"binomial"', ROWS, r"number of trials of each row"),
+        ('"poisson", bins = ["low", "high"]', '"binomial", trials = 2', ROWS, r"one\.csv:2: 'n' must not exceed"),
+        ('y = {column = "n", name = "events"}\nnoise = {model = "poisson", bins = ["low", "high"]}', 'noise = {model = "event-times"}',
+         ROWS, r"must state the 'min' and 'max'"),
+    ],
+)
+def test_a_campaign_says_where_counts_are_wrong(tmp_path: Path, old: str, new: str, table: str, words: str) -> None:
+    text = CAMPAIGN.replace(old, new)
+    header = ["low", "high" if '"high"' in text else "_high", "n" if '"n"' in text else "_n"]
+    path = written(tmp_path, text, ",".join(header) + "\n" + table)
+    with pytest.raises(InputError, match=words):
+        load_campaign(path).problem(["one"])
+
+
+def test_the_muon_of_the_gallery_agrees_with_what_was_published() -> None:
+    """2.118 +0.067 -0.094 µs, unbinned from 0.7 µs on (data/gallery/README.md); in bins nearly the same."""
+    found = {}
+    for name, run in (("muon", "muon"), ("muon_binned", "muon-binned")):
+        campaign = load_campaign(Path(__file__).parents[1] / "data" / "gallery" / f"{name}.toml")
+        fit = campaign.fit(campaign.problem([run]), rng=np.random.default_rng(1))
+        found[name] = dict(zip(fit.names, fit.values, strict=True))["tau"]
+    assert found["muon"] == pytest.approx(2.118, abs=0.067)
+    assert found["muon_binned"] == pytest.approx(found["muon"], abs=0.02)  # a third of the standard deviation
+
+
+def test_counts_have_a_section_in_the_report(rng: np.random.Generator) -> None:
+    x = np.arange(12.0)
+    fit = fit_curve("a + 0*x", x, rng.poisson(3.0, 12), start={"a": 2.0}, bounds={"a": (0.0, None)}, noise="poisson")
+    analysis = sample_curve(fit, seed=1, target=Target(ess=400))
+    report = curve_report(fit, analysis, title="Counts", kind="synthetic", figures=False)["report.md"].decode()
+    assert "## Counts" in report
+    assert "Deviance = " in report
+    draws = analysis.chain.flat[:, 0]
+    total = fit.problem.runs[0].y.sum()
+    exact = stats.gamma(total + 1.0, scale=1.0 / 12.0)  # a flat prior
+    assert draws.mean() == pytest.approx(exact.mean(), abs=5.0 * exact.std() / 20.0)
+    assert draws.std() == pytest.approx(exact.std(), rel=0.15)
+    low, high = analysis.bands[0].predictive[0.95]
+    assert np.all(low >= 0.0)
+    assert np.mean(stats.poisson(3.0).cdf(high) - stats.poisson(3.0).cdf(low - 1.0)) > 0.9
+
+
+def test_a_binned_curve_is_integrated_and_knows_its_derivatives() -> None:
+    curve = counted_points(Poisson(EDGES), MIDDLES, np.ones(20), what="y").expected(read_formula("N/tau*exp(-x/tau)"))
+    here = {"N": 50.0, "tau": 2.0}
+    assert curve.value(MIDDLES, here)[0] == pytest.approx(-50.0 * np.diff(np.exp(-EDGES / 2.0)), rel=1e-12)
+    for total in (None, 30.0):
+        binned = type(curve)(curve.density, curve.low, curve.high, total)
+        for name in ("N", "tau"):
+            ends = [binned.value(MIDDLES, here | {name: here[name] + s * 1e-5})[0] for s in (-1.0, 1.0)]
+            assert binned.local(MIDDLES, here).gradient[name][0] == pytest.approx((ends[1] - ends[0]) / 2e-5, rel=1e-6, abs=1e-8)
+            rates = [binned.rate(MIDDLES, here | {name: here[name] + s * 1e-5})[0] for s in (-1.0, 1.0)]
+            assert binned.local_rate(MIDDLES, here).gradient[name][0] == pytest.approx((rates[1] - rates[0]) / 2e-5, rel=1e-5, abs=1e-7)
+    assert binned.value(MIDDLES, here).sum() == pytest.approx(30.0)
+
+
+def holds(fit, p: float) -> bool:
+    (interval,) = profile_intervals(fit, names=["tau"], probabilities=(p,))
+    return bool(interval.low[p] < 2.2 < interval.high[p])
+
+
+@pytest.mark.statistics
+def test_intervals_of_counted_decays_hold_what_they_say_and_those_of_square_roots_do_not() -> None:
+    rng, n_trial, held = np.random.default_rng(3), 150, {"single": 0, "bins": 0, "roots": 0}
+    given = {"priors": {}, "errors": (), "units": {}, "axes": AxisNames(), "cov_y": None, "u_x": None}
+    for _ in range(n_trial):
+        times = decays(300, rng)
+        counts = np.histogram(times, EDGES)[0].astype(float)
+        some = counts > 0.0
+        both = {"start": {"N": 300.0, "tau": 2.2}, "bounds": DECAY["bounds"]}
+        posed = {
+            "single": pose_curve("exp(-x/tau)", times, None, start={"tau": 2.2}, bounds=ALONE["bounds"], u_y=None, noise=EventTimes(0, 10), **given),
+            "bins": pose_curve("N/tau*exp(-x/tau)", MIDDLES, counts, u_y=None, noise=Poisson(0.5), **both, **given),
+            "roots": pose_curve("0.5*N/tau*exp(-x/tau)", MIDDLES[some], counts[some], u_y=np.sqrt(counts[some]), **both, **given),
+        }
+        for name, problem in posed.items():
+            held[name] += holds(fit_least_squares(problem.with_sigma(1.0), rng=rng, n_start=1), 0.68)
+    error = math.sqrt(0.68 * 0.32 / n_trial)
+    assert held["single"] / n_trial == pytest.approx(0.68, abs=3.0 * error)
+    assert held["bins"] / n_trial == pytest.approx(0.68, abs=3.0 * error)
+    assert held["roots"] / n_trial < 0.68 - 3.0 * error
