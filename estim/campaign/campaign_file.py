@@ -10,7 +10,7 @@ import os
 import re
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal, TypeVar
 
@@ -130,6 +130,7 @@ class _TopTable(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_only
     runs: list[dict[str, Any]] = []
     line: dict[str, Any] | None = None
     curve: dict[str, Any] | None = None
+    derived: dict[str, Any] = {}
 
 
 class _CurveRun(msgspec.Struct, frozen=True):
@@ -153,6 +154,7 @@ class CampaignFile:
 
     files : run -> its file as written.  runs : of rolling bodies; empty where the curve is the user's own.
     curve : None where the runs are of rolling bodies.
+    derived : the raw `derived` table.
     """
 
     path: Path
@@ -168,6 +170,7 @@ class CampaignFile:
     line: LineTable | None
     parts: Mapping[str, PartTable]
     curve: OwnCurve | None = None
+    derived: Mapping[str, Any] = field(default_factory=dict)
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -185,7 +188,6 @@ class CampaignFile:
             rule = "cannot be found (no such file; names are relative to the folder of the campaign file)"
             raise self.places.error(rule, ("runs", index, "file"), value=written)
         return self.path.parent / written
-
 
     @contextmanager
     def reading(self, path: Path, columns: Collection[str] = ()) -> Iterator[None]:
@@ -239,7 +241,7 @@ def read_campaign_file(path: Path, *, measured: bool = True) -> CampaignFile:
     if line is not None and line.body not in bodies:
         raise places.error(f"must name one of the bodies ({', '.join(bodies) or 'none defined'})", ("line", "body"), value=line.body)
     files = {run.name: run.file for run in runs}
-    return CampaignFile(path, digest, places, top.title, top.kind, top.published, shared, bodies, files, runs, line, parts)
+    return CampaignFile(path, digest, places, top.title, top.kind, top.published, shared, bodies, files, runs, line, parts, None, top.derived)
 
 
 def _with_own_curve(path: Path, digest: str, places: Places, top: _TopTable) -> CampaignFile:
@@ -251,7 +253,8 @@ def _with_own_curve(path: Path, digest: str, places: Places, top: _TopTable) -> 
     named = [checked(run, _CurveRun, places, ("runs", i)) for i, run in enumerate(top.runs)]
     check_run_names([run.name for run in named], places)
     files = {run.name: run.file for run in named}
-    return CampaignFile(path, digest, places, top.title, top.kind, None, LevelTable(), {}, files, (), None, {}, OwnCurve(top.curve or {}, top.runs))
+    own = OwnCurve(top.curve or {}, top.runs)
+    return CampaignFile(path, digest, places, top.title, top.kind, None, LevelTable(), {}, files, (), None, {}, own, top.derived)
 
 
 def check_run_names(names: Sequence[str], places: Places) -> None:

@@ -7,4 +7,5 @@ from estim.curves.formula import Formula, read_formula
 from estim.curves.posing import MAX_OBS, SIGMA, SIGMA_NOTATION, SIGMA_SPREAD, AxisNames, CurveProblem, pose_curve, reading_noise
 from estim.curves.rolling import MotionCurve, PhaseCurve, RollingMotion
 from estim.curves.shared_errors import Component, DistortedCurve
+from estim.curves.sought import SoughtQuantity, check_sought, seek
 from estim.curves.varying import VaryingCurve, VaryingMotion, shift_of, spread_of

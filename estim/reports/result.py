@@ -25,6 +25,7 @@ from estim.pipeline import Analysis
 from estim.problem import Observations
 from estim.reading import Run
 from estim.reports.bad_frames import BadFrame, bad_frames
+from estim.reports.derived import derived_facts, derived_summaries
 from estim.reports.deviation import ForceSummary, deviations
 from estim.reports.explanation import ExplanationSummary, explanation_summary
 from estim.reports.labels import Labels, labels_of, names_as_labels
@@ -305,22 +306,18 @@ def _turning_point(end: FloatArray, run: Observations, diagnosis: Diagnosis) -> 
 
 def _run(campaign: Subject, analysis: Analysis, i: int) -> RunSummary:
     run, goodness = analysis.problem.runs[i], analysis.goodness[i]
-    table, draws = campaign.tables[run.name], analysis.chain.thinned(20_000)
-    derived = run.derived(run.bind(analysis.problem.named(draws)))
+    table = campaign.tables[run.name]
     noise = run.noise.describe(x_unit=run.x_unit, y_unit=run.y_unit, words=run.words)
     return RunSummary(
         file=one_line(table.file), x=run.x_label, y=run.y_label, n_obs=run.n_obs, noise=noise,
         complete=None if run.complete is None else tell(run.complete), excluded=[tell(why) for why in run.excluded],
         checks={name: CheckSummary(c.statistic, c.p_value, c.meaning) for name, c in goodness.checks.items()},
         scatter_ratio=number(goodness.scatter_ratio), covered=next(map(tell, borne_pattern(goodness)), None),
-        facts=[*origin_facts(table, run, analysis.problem), *speed_facts(run)],
+        facts=[*origin_facts(table, run, analysis.problem), *speed_facts(run), *derived_facts(analysis, run)],
         warnings=list(origin_warnings(table, run, analysis.problem)), robust=run.noise.robust, outliers=outliers(analysis, run),
         bad_frames=bad_frames(analysis.fit.forces, run.name),
         what=run.words.what,
-        derived={
-            name: trusted(summarise(np.ravel(d.values), unit=d.unit, meaning=d.meaning), analysis.diagnosis.status)
-            for name, d in derived.items() if np.size(d.values) > 1
-        },
+        derived=derived_summaries(analysis, run),
     )
 
 
