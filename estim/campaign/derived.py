@@ -79,5 +79,6 @@ def _sources(one: SoughtQuantity, problem: Problem, bodies: Mapping[str, str | N
         if len(sources) > 1:
             rule = f"names '{written}', which is not the same for all runs of '{level}': name a run"
             raise InputError(rule, field=one.name, value=one.text)
-        found |= {written: source for source in sources}
+        if sources:
+            found[written] = sources.pop()
     return found

@@ -110,3 +110,13 @@ def check_sought(sought: Iterable[SoughtQuantity], known: Collection[str], deriv
                 rule = f"names '{name}', which is neither a parameter nor a derived quantity before it ({', '.join(everything)})"
                 raise InputError(rule, field=quantity.name, value=quantity.text)
         everything.append(quantity.name)
+
+
+def seek_of_fit(derived: Mapping[str, str], units: Mapping[str, str], known: Collection[str]) -> tuple[SoughtQuantity, ...]:
+    """The quantities of a fit from Python: name -> formula; there is one run, and so no level.  Raises InputError."""
+    sought = tuple(seek(name, text, unit=units.get(name, "1")) for name, text in derived.items())
+    for one in sought:
+        if one.of_levels:
+            raise InputError("must use ( ), not [ ]: there are no runs to choose from", field=one.name, value=one.text)
+    check_sought(sought, known)
+    return sought

@@ -2,7 +2,7 @@
 Read `posterior` first, then `noise` (which sigma is which) and `likelihood` (what is asked of it).  Imports `common` alone."""
 
 from estim.problem.abscissas import hide_the_range
-from estim.problem.curve import EXACT, CommonError, Curve, Derived, Footing, LocalCurve, Motion, PositionCurve, Sought, SpeedCurve, Wording, plain_words
+from estim.problem.curve import EXACT, CommonError, Curve, Derived, Footing, LocalCurve, Motion, PositionCurve, SpeedCurve, Wording, plain_words
 from estim.problem.derivative import STENCILS, Derivative, differentiate
 from estim.problem.flat_prior import Flat
 from estim.problem.likelihood import Ends, Likelihood, Noise, NormalErrors, Points, n_draws, reading_sd

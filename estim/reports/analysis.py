@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from estim.campaign import Campaign
-from estim.checks import P_CONFLICT, P_POOR_FIT, interval_cell, parameter_cells, value_cell
+from estim.checks import P_CONFLICT, P_POOR_FIT, interval_cell, value_cell
 from estim.common import KINDS, Label, Markdown, Notation, Status, format_quantity, format_rounded, signed
 from estim.explanation import Explanation, across_runs
 from estim.fitting import ProfileInterval
@@ -21,6 +21,7 @@ from estim.pipeline import Analysis
 from estim.reports.consistency import consistency_text
 from estim.reports.consistency_figures import forest_figure
 from estim.reports.corner_figures import corner_figure, corner_words
+from estim.reports.derived import derived_rows
 from estim.reports.deviation import deviation_text
 from estim.reports.deviation_figures import force_figure
 from estim.reports.explanation import explanation_text, runs_text
@@ -28,12 +29,11 @@ from estim.reports.figures import phase_figure, residual_figure
 from estim.reports.identifiability import IdentifySection, identify_section
 from estim.reports.identifiability_figures import direction_figure, profile_figure, ridge_figure
 from estim.reports.joint_figures import together_figure
-from estim.reports.labels import Labels
 from estim.reports.lacks import lacks_text
 from estim.reports.lacks_figures import lacks_figure
 from estim.reports.pages import Drawers, page
 from estim.reports.rendering import render
-from estim.reports.result import ParameterSummary, Result, RunSummary, Subject, result_of, to_json
+from estim.reports.result import ParameterSummary, Result, Subject, result_of, to_json
 from estim.reports.rolling import rolling_rows
 from estim.reports.rolling_figures import rolling_figure
 from estim.reports.trace_figures import trace_figure
@@ -130,7 +130,7 @@ def analysis_text(
     return render(
         "analysis.md.j2", pictures=pictures,
         result=result, kind=KINDS[result.kind], status_words=STATUS_WORDS[Status(result.status)], rows=rows,
-        correlation=_correlation_table(result), derived=_derived_rows(result.runs, result.labels), limits=_what_limits(result),
+        correlation=_correlation_table(result), derived=derived_rows(result.runs, result.labels), limits=_what_limits(result),
         reject_below=P_POOR_FIT, conflict_below=P_CONFLICT, ends=_turning_rows(result), identify=section,
         meaningless=not Status(result.status).draws_count, limits_count=Status(result.status).limits_count,
         what_if=_what_if_rows(result), what_if_heads=[result.labels.symbol(name) for name in _moved_by_errors(result)],
@@ -185,9 +185,12 @@ def index_report(campaign: Campaign, results: Mapping[str, Result], explanations
     explanations : of what may be missing, of those runs of which it was asked.
     """
     columns = list(dict.fromkeys(shown for result in results.values() for shown in result.labels.bare.values()))
+    derived = {run: result.labels.derived[run] for run, result in results.items()}
+    columns += list(dict.fromkeys(derived[run][name] for run, result in results.items() for name in result.runs[run].sought))
     table = []
     for run, result in results.items():
         cells = {result.labels.bare[name]: value_cell(p, result.labels.parameters[name]) for name, p in result.parameters.items()}
+        cells |= {derived[run][name]: value_cell(result.runs[run].derived[name], derived[run][name]) for name in result.runs[run].sought}
         table.append((run, result.status, [cells.get(shown, "") if result.status == "ok" else "—" for shown in columns]))
     causes = runs_text(across_runs(explanations)) if len(explanations) > 1 else ""
     heads = [shown.symbol + ("" if shown.unit == "1" else f" ({shown.unit})") for shown in columns]
@@ -222,22 +225,6 @@ def _prior(p: ParameterSummary, shown: Label) -> str:
     if p.prior == "normal" and p.prior_mean is not None and p.prior_sd is not None:
         return f"{format_quantity(p.prior_mean * shown.factor, p.prior_sd * shown.factor)} (normal)"
     return p.prior + (f" {p.unit}" if p.unit != "1" and shown.factor != 1.0 else "")
-
-
-def _derived_rows(runs: Mapping[str, RunSummary], labels: Labels) -> list[tuple[str, str, str, str, str]]:
-    """Symbol, meaning, value, interval and unit of every derived quantity: once where the cells are the same for every run, else run by run."""
-    found: dict[str, dict[str, tuple[str, str, str, str]]] = {}
-    for run, summary in runs.items():
-        for name, d in summary.derived.items():
-            found.setdefault(name, {})[run] = parameter_cells(d, labels.derived[run][name])[1:]
-    rows = []
-    for name, cells in found.items():
-        symbol = labels.derived[next(iter(cells))][name].symbol
-        if len(cells) == len(runs) and len(set(cells.values())) == 1:
-            rows.append((symbol, *next(iter(cells.values()))))
-        else:
-            rows += [(f"{symbol}[{run}]", *shown) for run, shown in cells.items()]
-    return rows
 
 
 def _turning_rows(result: Result) -> list[tuple[str, str, str, str]]:

@@ -3,13 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from estim.arrays import FloatArray
+from estim.checks import parameter_cells
+from estim.common import Label
 from estim.pipeline import Analysis
 from estim.problem import Derived, Observations
+from estim.reports.labels import Labels
 from estim.sampling import Summary, summarise, trusted
+
+if TYPE_CHECKING:
+    from estim.reports.result import RunSummary
 
 _DRAWS = 20_000
 
@@ -33,6 +40,23 @@ def derived_summaries(analysis: Analysis, run: Observations) -> dict[str, Summar
     return found
 
 
+def sought_draws(analysis: Analysis) -> list[tuple[Label, FloatArray]]:
+    """Label and draws (n_draw,) of what a user wanted computed: once where it is the same for all runs, else run by run; all of it finite."""
+    runs, found = analysis.problem.runs, dict[str, dict[str, Derived]]()
+    for run in runs:
+        for name, derived in derived_draws(analysis, run).items():
+            if name in _sought(run) and derived.values.size > 1 and not _undefined(np.ravel(derived.values)):
+                found.setdefault(name, {})[run.name] = derived
+    columns = []
+    for by_run in found.values():
+        first = next(iter(by_run.values()))
+        if len(by_run) == len(runs) and all(np.array_equal(first.values, other.values) for other in by_run.values()):
+            columns.append((first.label, np.ravel(first.values)))
+        else:
+            columns += [(one.notation.label(one.unit, f"[{run}]"), np.ravel(one.values)) for run, one in by_run.items()]
+    return columns
+
+
 def derived_facts(analysis: Analysis, run: Observations) -> list[str]:
     """Why a quantity that was asked for is not in the table."""
     facts, found = [], derived_draws(analysis, run)
@@ -52,3 +76,23 @@ def _undefined(values: FloatArray) -> float:
 
 def _sought(run: Observations) -> set[str]:
     return {one.name for one in run.sought}
+
+
+def derived_rows(runs: Mapping[str, RunSummary], labels: Labels, *, sought: bool = False) -> list[tuple[str, str, str, str, str]]:
+    """Symbol, meaning, value, interval and unit of every derived quantity: once where the cells are the same for every run, else run by run.
+
+    sought : only what was asked for.
+    """
+    found: dict[str, dict[str, tuple[str, str, str, str]]] = {}
+    for run, summary in runs.items():
+        for name, d in summary.derived.items():
+            if not sought or name in summary.sought:
+                found.setdefault(name, {})[run] = parameter_cells(d, labels.derived[run][name])[1:]
+    rows = []
+    for name, cells in found.items():
+        symbol = labels.derived[next(iter(cells))][name].symbol
+        if len(cells) == len(runs) and len(set(cells.values())) == 1:
+            rows.append((symbol, *next(iter(cells.values()))))
+        else:
+            rows += [(f"{symbol}[{run}]", *shown) for run, shown in cells.items()]
+    return rows

@@ -25,7 +25,7 @@ from estim.pipeline import Analysis
 from estim.problem import Observations
 from estim.reading import Run
 from estim.reports.bad_frames import BadFrame, bad_frames
-from estim.reports.derived import derived_facts, derived_summaries
+from estim.reports.derived import derived_facts, derived_rows, derived_summaries
 from estim.reports.deviation import ForceSummary, deviations
 from estim.reports.explanation import ExplanationSummary, explanation_summary
 from estim.reports.labels import Labels, labels_of, names_as_labels
@@ -131,6 +131,7 @@ class RunSummary(msgspec.Struct, frozen=True):
     bad_frames: list[BadFrame]
     what: str  # what was fit: "speeds", "positions", ...
     derived: dict[str, Summary]
+    sought: list[str]  # those of `derived` that were asked for
 
 
 class TurningPoint(Summary, frozen=True, kw_only=True):
@@ -195,6 +196,7 @@ class Result(msgspec.Struct, frozen=True, dict=True, rename={"schema_": "schema"
     def _repr_markdown_(self) -> str:
         """What a notebook shows: the values, or why there are none."""
         rows = [parameter_cells(p, self.labels.parameters[name]) for name, p in self.parameters.items()]
+        rows += derived_rows(self.runs, self.labels, sought=True)
         title = f"{self.title}: {', '.join(self.runs)}"
         return headline(title, kind=self.kind, status=self.status, reasons=self.reasons, advice=self.advice, rows=rows)
 
@@ -306,7 +308,7 @@ def _turning_point(end: FloatArray, run: Observations, diagnosis: Diagnosis) -> 
 
 def _run(campaign: Subject, analysis: Analysis, i: int) -> RunSummary:
     run, goodness = analysis.problem.runs[i], analysis.goodness[i]
-    table = campaign.tables[run.name]
+    table, derived = campaign.tables[run.name], derived_summaries(analysis, run)
     noise = run.noise.describe(x_unit=run.x_unit, y_unit=run.y_unit, words=run.words)
     return RunSummary(
         file=one_line(table.file), x=run.x_label, y=run.y_label, n_obs=run.n_obs, noise=noise,
@@ -317,7 +319,7 @@ def _run(campaign: Subject, analysis: Analysis, i: int) -> RunSummary:
         warnings=list(origin_warnings(table, run, analysis.problem)), robust=run.noise.robust, outliers=outliers(analysis, run),
         bad_frames=bad_frames(analysis.fit.forces, run.name),
         what=run.words.what,
-        derived=derived_summaries(analysis, run),
+        derived=derived, sought=[one.name for one in run.sought if one.name in derived],
     )
 
 
