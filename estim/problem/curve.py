@@ -49,7 +49,7 @@ class Derived:
 class Sought(Protocol):
     """A quantity that a user wants computed from the parameters.
 
-    text : how it follows.  others : names beside the arguments of the run's curve -> parameter, or an exact number.
+    text : how it follows.  unit : of it.  others : names beside the arguments of the run's curve -> parameter, or an exact number.
     lacking : such names that nothing in this fit stands for, so that it cannot be computed.
     """
 
@@ -58,6 +58,9 @@ class Sought(Protocol):
 
     @property
     def text(self) -> str: ...
+
+    @property
+    def unit(self) -> str: ...
 
     @property
     def others(self) -> Mapping[str, str | float]: ...

@@ -18,6 +18,8 @@ from estim.common import KINDS, Label, Markdown, Notation, Status, format_quanti
 from estim.explanation import Explanation, across_runs
 from estim.fitting import ProfileInterval
 from estim.pipeline import Analysis
+from estim.reports.budget import Shares, budget_of, shares_of
+from estim.reports.budget_figures import budget_figure
 from estim.reports.consistency import consistency_text
 from estim.reports.consistency_figures import forest_figure
 from estim.reports.corner_figures import corner_figure, corner_words
@@ -70,7 +72,9 @@ class Row:
 def analysis_report(campaign: Subject, analysis: Analysis, *, voice: Voice = Voice.PYTHON, figures: bool = True) -> dict[str, bytes]:
     """`report.md`, `result.json` and `figures/*.png` of one analysis.  voice : to whom advice is given.  figures : whether there are any."""
     determination = determine(analysis)
-    result = result_of(campaign, analysis, determination, voice=voice)
+    budget = budget_of(analysis)
+    result = result_of(campaign, analysis, determination, budget=budget, voice=voice)
+    shares = None if budget is None else shares_of(analysis, budget, result.labels)
     section = identify_section(
         analysis.problem, analysis.identifiability, determination.intervals, determination.sensitivity,
         analysis.chain.thinned(_SECTION_DRAWS),
@@ -81,14 +85,14 @@ def analysis_report(campaign: Subject, analysis: Analysis, *, voice: Voice = Voi
         return analysis_text(
             result, section, corner_words(analysis.problem), pictures, converged=analysis.chain.convergence.met,
             consistency="" if agreement is None else consistency_text(agreement, pictures, limits_only=not analysis.diagnosis.ok, on_edge=on_edge),
-            explanation="" if analysis.explanation is None else explanation_text(analysis.explanation),
+            explanation="" if analysis.explanation is None else explanation_text(analysis.explanation), shares=shares,
         )
 
-    drawers = _drawers(analysis, determination.intervals, synthetic=campaign.kind == "synthetic")
+    drawers = _drawers(analysis, determination.intervals, shares, synthetic=campaign.kind == "synthetic")
     return page(drawers, text, wanted=figures) | {"result.json": to_json(result)}
 
 
-def _drawers(analysis: Analysis, intervals: Sequence[ProfileInterval], *, synthetic: bool) -> Drawers:
+def _drawers(analysis: Analysis, intervals: Sequence[ProfileInterval], shares: Shares | None, *, synthetic: bool) -> Drawers:
     drawn: dict[str, Callable[[], Figure]] = {
         "figures/phase.png": lambda: phase_figure(analysis, synthetic=synthetic),
         "figures/residuals.png": lambda: residual_figure(analysis.problem.runs, analysis.goodness, synthetic=synthetic),
@@ -97,6 +101,8 @@ def _drawers(analysis: Analysis, intervals: Sequence[ProfileInterval], *, synthe
         "figures/directions.png": lambda: direction_figure(analysis.problem, analysis.identifiability),
         "figures/profiles.png": lambda: profile_figure(analysis.problem, intervals, analysis.chain.thinned(_RIDGE_DRAWS)),
     }
+    if shares is not None:
+        drawn["figures/budget.png"] = partial(budget_figure, shares)
     if analysis.consistency is not None:
         on_edge = analysis.fit.at_bound
         drawn["figures/consistency.png"] = partial(forest_figure, analysis.consistency, synthetic=synthetic, on_edge=on_edge)
@@ -117,19 +123,20 @@ def _drawers(analysis: Analysis, intervals: Sequence[ProfileInterval], *, synthe
 
 def analysis_text(
     result: Result, section: IdentifySection, corner_words: Markdown, pictures: Collection[str], *, converged: bool, consistency: str,
-    explanation: str,
+    explanation: str, shares: Shares | None = None,
 ) -> str:
     """The Markdown report of one analysis, with the figures at the paths `pictures`.
 
     section : what it says about the data against the priors.  corner_words : below the corner figure.  converged : whether there are enough draws.
     consistency : about several runs, "" for one.  explanation : of what may be missing, "" where that was not asked.
+    shares : of the sources of uncertainty, None where there is no uncertainty to explain.
     """
     rows = [parameter_row(name, p, result) for name, p in result.parameters.items()]
     axes = list(dict.fromkeys((run.x, run.y) for run in result.runs.values()))
     lacks = lacks_text(result.curve_deviation, result.labels, pictures) if result.curve_deviation else ""
     return render(
         "analysis.md.j2", pictures=pictures,
-        result=result, kind=KINDS[result.kind], status_words=STATUS_WORDS[Status(result.status)], rows=rows,
+        budget=shares, result=result, kind=KINDS[result.kind], status_words=STATUS_WORDS[Status(result.status)], rows=rows,
         correlation=_correlation_table(result), derived=derived_rows(result.runs, result.labels), limits=_what_limits(result),
         reject_below=P_POOR_FIT, conflict_below=P_CONFLICT, ends=_turning_rows(result), identify=section,
         meaningless=not Status(result.status).draws_count, limits_count=Status(result.status).limits_count,

@@ -40,21 +40,31 @@ def derived_summaries(analysis: Analysis, run: Observations) -> dict[str, Summar
     return found
 
 
-def sought_draws(analysis: Analysis) -> list[tuple[Label, FloatArray]]:
-    """Label and draws (n_draw,) of what a user wanted computed: once where it is the same for all runs, else run by run; all of it finite."""
+def sought_columns(analysis: Analysis) -> dict[str, tuple[Derived, Label]]:
+    """What a user wanted computed, as values at draws (n_draw, 1) with its label: "g" where it is the same for all runs, else "g[run]"."""
     runs, found = analysis.problem.runs, dict[str, dict[str, Derived]]()
     for run in runs:
         for name, derived in derived_draws(analysis, run).items():
-            if name in _sought(run) and derived.values.size > 1 and not _undefined(np.ravel(derived.values)):
+            if name in _sought(run) and derived.values.size > 1:
                 found.setdefault(name, {})[run.name] = derived
-    columns = []
-    for by_run in found.values():
+    columns: dict[str, tuple[Derived, Label]] = {}
+    for name, by_run in found.items():
         first = next(iter(by_run.values()))
-        if len(by_run) == len(runs) and all(np.array_equal(first.values, other.values) for other in by_run.values()):
-            columns.append((first.label, np.ravel(first.values)))
+        if len(by_run) == len(runs) and all(np.array_equal(first.values, other.values, equal_nan=True) for other in by_run.values()):
+            columns[name] = (first, first.label)
         else:
-            columns += [(one.notation.label(one.unit, f"[{run}]"), np.ravel(one.values)) for run, one in by_run.items()]
+            columns |= {f"{name}[{run}]": (one, one.notation.label(one.unit, f"[{run}]")) for run, one in by_run.items()}
     return columns
+
+
+def sought_labels(analysis: Analysis) -> dict[str, Label]:
+    """Their labels."""
+    return {name: label for name, (_, label) in sought_columns(analysis).items()}
+
+
+def sought_draws(analysis: Analysis) -> list[tuple[Label, FloatArray]]:
+    """Label and draws (n_draw,) of those that have a value at every draw."""
+    return [(label, np.ravel(one.values)) for one, label in sought_columns(analysis).values() if not _undefined(np.ravel(one.values))]
 
 
 def derived_facts(analysis: Analysis, run: Observations) -> list[str]:

@@ -25,6 +25,7 @@ from estim.pipeline import Analysis
 from estim.problem import Observations
 from estim.reading import Run
 from estim.reports.bad_frames import BadFrame, bad_frames
+from estim.reports.budget import UncertaintyBudget, budget_of, budget_records
 from estim.reports.derived import derived_facts, derived_rows, derived_summaries
 from estim.reports.deviation import ForceSummary, deviations
 from estim.reports.explanation import ExplanationSummary, explanation_summary
@@ -35,7 +36,7 @@ from estim.reports.outliers import Outlier, outliers
 from estim.reports.rolling import RollingSummary, rolling_summaries
 from estim.reports.usual_errors import UsualError, usual_errors
 from estim.sampling import Summary, number, summarise, summarise_parameter, trusted
-from estim.studies import Determination
+from estim.studies import Budget, Determination
 from estim.words import Voice, advice_for, common_error, tell
 
 SCHEMA = "estim-result/1"
@@ -176,6 +177,7 @@ class Result(msgspec.Struct, frozen=True, dict=True, rename={"schema_": "schema"
     stated_values: StatedValues
     usual_errors: list[UsualError]
     what_if: list[WhatIf]
+    budget: dict[str, UncertaintyBudget] | None  # of each parameter of the curve and of what was sought; null where the status is not ok
     sampling: Sampling
     certificate: CertificateSummary
     profile: dict[str, Profile] | None
@@ -227,8 +229,13 @@ class Subject(Protocol):
         """Run -> its table."""
 
 
-def result_of(campaign: Subject, analysis: Analysis, determination: Determination | None = None, *, voice: Voice = Voice.PYTHON) -> Result:
-    """The record of an analysis, with its profile intervals if they were determined.  voice : to whom advice is given."""
+def result_of(
+    campaign: Subject, analysis: Analysis, determination: Determination | None = None, *, budget: Budget | None = None, voice: Voice = Voice.PYTHON
+) -> Result:
+    """The record of an analysis, with its profile intervals if they were determined.  budget : made here where it is None.
+
+    voice : to whom advice is given.
+    """
     problem, fit, chain, diagnosis, conflict = analysis.problem, analysis.fit, analysis.chain, analysis.diagnosis, analysis.conflict
     result = Result(
         schema_=SCHEMA, title=campaign.title, kind=campaign.kind, formula=campaign.formula, status=diagnosis.status,
@@ -243,6 +250,7 @@ def result_of(campaign: Subject, analysis: Analysis, determination: Determinatio
         stated_values=StatedValues(conflict.chi2, conflict.dof, conflict.p_value, dict(conflict.pulls), tell(stated_values(fit, conflict))),
         usual_errors=usual_errors(analysis),
         what_if=[WhatIf(common_error(i.name, i.size), i.size, i.unit, list(i.runs), dict(i.shifts)) for i in analysis.influences],
+        budget=budget_records(analysis, budget or budget_of(analysis)),
         sampling=Sampling(
             chain.draws.shape[0], chain.draws.shape[2], chain.convergence.n_step, chain.n_burn, number(chain.convergence.tau),
             float(np.mean(chain.acceptance)), chain.convergence.message,
