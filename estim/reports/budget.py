@@ -14,7 +14,7 @@ from estim.pipeline import Analysis
 from estim.reports.derived import sought_labels
 from estim.reports.labels import Labels
 from estim.sampling import number
-from estim.studies import READINGS, Budget, Source, uncertainty_budget
+from estim.studies import PRIOR, READINGS, STATED, Budget, Source, uncertainty_budget
 
 _DRAWS = 20_000
 _TOLD = 1e-3  # share of the variance below which a source goes with the others
@@ -29,7 +29,7 @@ _WORDS = {
 
 class UncertaintySource(msgspec.Struct, frozen=True):
     source: str  # a parameter whose stated value or prior it is, or a part of the errors of the readings
-    kind: str  # "stated", "common" (clock, scale: the default), "curve" (what it lacks, and its start), "readings"
+    kind: str  # "stated", "prior" (not a measured value's), "common" (clock, scale: the default), "curve" (what it lacks, its start), "readings"
     u: float  # standard uncertainty of the quantity, linear; of a stated value signed: how far the quantity moves if it grows by one of its own
     share: float  # of the variance, linear
     share_drawn: float | None  # the same from the draws; null where they do not tell
@@ -127,11 +127,12 @@ def _between(analysis: Analysis) -> set[str]:
 
 
 def _words(source: Source, budget: Budget, labels: Labels) -> str:
-    if source.kind != "stated":
+    if source.kind not in (STATED, PRIOR):
         return _WORDS[source.name]
     base = split_level(source.name)[0]
-    alike = [other.name for other in budget.sources if other.kind == "stated" and split_level(other.name)[0] == base]
-    return f"{labels.symbol(base)} of {len(alike)} runs or bodies, stated" if len(alike) > 2 else f"{labels.symbol(source.name)}, stated"
+    alike = [other.name for other in budget.sources if other.kind == source.kind and split_level(other.name)[0] == base]
+    shown = f"{labels.symbol(base)} of {len(alike)} runs or bodies" if len(alike) > 2 else labels.symbol(source.name)
+    return f"{shown}, {source.kind}"
 
 
 def _sd(value: float, label: Label) -> str:

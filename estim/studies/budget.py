@@ -29,16 +29,15 @@ from estim.deviation import USUAL, parts_of_errors
 from estim.fitting import Fit, linear_derived, prior_slopes
 from estim.problem import Normal, Observations, Problem
 
-READINGS = "readings"
-_STATED = "stated"
+READINGS, STATED, PRIOR = "readings", "stated", "prior"
 
 
 @dataclass(frozen=True, eq=False)
 class Source:
     """name : of a parameter whose prior it is, or of a part of the errors of the readings.
 
-    kind : "stated" (a measured value or another prior), "common" (an error in common that no residual shows), "curve" (what the curve lacks, and a
-        start that is not exact), "readings".
+    kind : "stated" (a measured value), "prior" (any other prior), "common" (an error in common that no residual shows), "curve" (what the curve
+        lacks, and a start that is not exact), "readings".
     """
 
     name: str
@@ -97,12 +96,13 @@ def uncertainty_budget(fit: Fit, draws: FloatArray) -> Budget | None:
     sds = np.sqrt(np.einsum("ij,ij->j", np.column_stack([q.gradient for q in quantities]), along))
     parts = parts_of_errors(fit.posterior, fit.values, along)
     rest = np.square(sds) - np.sum(stated**2, axis=0) - sum((part**2 for part in parts.values()), np.zeros(sds.size))
+    priors = [Source(fit.names[i], STATED if isinstance(problem.parameters[i].prior, Normal) else PRIOR) for i in told]
     further = [Source(name, "common" if name in USUAL else "curve") for name in parts]
     values = np.column_stack([q.of(draws) for q in quantities])
     drawn = [_drawn(problem.parameters[i].prior, draws[:, i], values) for i in told]
     nothing = np.full(sds.size, np.nan)
     return Budget(
-        sources=(*(Source(fit.names[i], _STATED) for i in told), *further, Source(READINGS, READINGS)),
+        sources=(*priors, *further, Source(READINGS, READINGS)),
         names=tuple(q.name for q in quantities),
         contributions=np.vstack([*stated, *parts.values(), np.sqrt(np.maximum(rest, 0.0))]),
         drawn=np.vstack([*drawn, *(nothing for _ in parts), nothing]),
