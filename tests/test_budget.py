@@ -116,14 +116,17 @@ def test_the_record_closes_and_the_report_shows_it(report: tuple[Budget, dict[st
     for part in result["budget"].values():
         total = sum(one["u"] ** 2 for one in part["sources"]) + part["others"] ** 2
         assert total == pytest.approx(part["sd_linear"] ** 2, rel=1e-9)
-    assert "## Where the uncertainty comes from" in text and "| clock, stated |" in text and "| root of the sum of squares |" in text
+    assert "## Where the uncertainty comes from" in text
+    assert "| clock, stated |" in text
+    assert "| root of the sum of squares |" in text
 
 
 def test_no_budget_without_a_result() -> None:
     fit = fit_curve("a*x", X, 3.0 * X**2 + 0.001 * np.sin(40 * X), u_y=0.01, start={"a": 1.0})
     analysis = sample_curve(fit, seed=2, target=Target(ess=300))
     files = curve_report(fit, analysis, title="Bad", kind="synthetic", figures=False)
-    assert fit.status == "poor-fit" and json.loads(files["result.json"])["budget"] is None
+    assert fit.status == "poor-fit"
+    assert json.loads(files["result.json"])["budget"] is None
     assert "Where the uncertainty comes from" not in files["report.md"].decode()
 
 

@@ -75,13 +75,16 @@ def test_the_uncertainty_of_g_is_that_of_the_slope_to_first_order() -> None:
     fit = line(4.0, 0.002, derived={"g": "4*pi**2/slope"}, units={"g": "m/s²"})
     assert fit.derived["g"].value == pytest.approx(4.0 * math.pi**2 / 4.0)
     assert fit.derived["g"].sd == pytest.approx(4.0 * math.pi**2 / 16.0 * fit.sds["slope"], rel=1e-4)
-    assert "g     = 9.87" in str(fit) and "m/s²" in str(fit) and "(derived, linear)" in str(fit)
+    assert "g     = 9.87" in str(fit)
+    assert "m/s²" in str(fit)
+    assert "(derived, linear)" in str(fit)
 
 
 def test_correlation_of_the_parameters_counts() -> None:
     fit = line(4.0, 0.1, derived={"end": "slope + c", "start": "c"})
     expected = math.sqrt(fit.cov.sum())
-    assert fit.derived["end"].sd == pytest.approx(expected) and expected < 0.9 * math.hypot(fit.sds["slope"], fit.sds["c"])
+    assert fit.derived["end"].sd == pytest.approx(expected)
+    assert expected < 0.9 * math.hypot(fit.sds["slope"], fit.sds["c"])
 
 
 def test_the_interval_of_a_bent_quantity_is_that_of_its_parameter() -> None:
@@ -95,20 +98,23 @@ def test_the_interval_of_a_bent_quantity_is_that_of_its_parameter() -> None:
 
 def test_a_pole_within_reach_leaves_no_interval() -> None:
     fit = line(1.0, 2.0, derived={"q": "1/slope"})
-    assert math.isnan(fit.derived["q"].interval[0.95][0]) and "q     = 1 (no uncertainty)" in str(fit)
+    assert math.isnan(fit.derived["q"].interval[0.95][0])
+    assert "q     = 1 (no uncertainty)" in str(fit)
 
 
 def test_what_depends_on_a_parameter_at_its_limit_has_no_plus_minus() -> None:
     x = np.linspace(0.0, 1.0, 20)
     y = 2.0 * x - 0.01 + 0.05 * np.random.default_rng(1).standard_normal(20)
     fit = fit_curve("a*x + b", x, y, u_y=0.05, start={"a": 1.0, "b": 1.0}, bounds={"b": (0.0, None)}, derived={"twice": "2*b", "half": "a/2"})
-    assert math.isnan(fit.sds["b"]) and math.isnan(fit.derived["twice"].sd)
+    assert math.isnan(fit.sds["b"])
+    assert math.isnan(fit.derived["twice"].sd)
 
 
 def test_a_fit_that_is_not_ok_shows_no_plus_minus() -> None:
     x = np.linspace(0.0, 1.0, 30)
     fit = fit_curve("a*x", x, 3.0 * x**2, u_y=0.01, start={"a": 1.0}, derived={"twice": "2*a"})
-    assert fit.status == "poor-fit" and "±" not in str(fit)
+    assert fit.status == "poor-fit"
+    assert "±" not in str(fit)
     assert "twice" in str(fit)
 
 
@@ -137,7 +143,9 @@ def test_draws_are_computed_as_by_hand(joint: tuple[Campaign, Analysis]) -> None
     for run, name in (("short", "slope[short]"), ("long", "slope[long]")):
         by_hand = 4.0 * np.pi**2 / draws[name]
         g, second = result.runs[run].derived["g"], result.runs[run].derived["second"]
-        assert g.mean == pytest.approx(by_hand.mean()) and g.sd == pytest.approx(by_hand.std(ddof=1)) and g.unit == "m/s²"
+        assert g.mean == pytest.approx(by_hand.mean())
+        assert g.sd == pytest.approx(by_hand.std(ddof=1))
+        assert g.unit == "m/s²"
         assert second.median == pytest.approx(np.median(2.0 * np.pi / np.sqrt(by_hand)))
     ratio = draws["slope[short]"] / draws["slope[long]"]
     assert result.runs["short"].derived["ratio"].q975 == pytest.approx(np.quantile(ratio, 0.975))
@@ -146,8 +154,10 @@ def test_draws_are_computed_as_by_hand(joint: tuple[Campaign, Analysis]) -> None
 def test_the_report_has_them_once_where_runs_agree_and_by_run_where_not(joint: tuple[Campaign, Analysis]) -> None:
     campaign, analysis = joint
     report = analysis_report(campaign, analysis, figures=False)["report.md"].decode()
-    assert "| ratio | slope[short]/slope[long] (derived) |" in report and "| g[short] | acceleration of free fall (derived) |" in report
-    assert "| impossible | log(c) (derived) | n/a | n/a |" in report and "has no value at" in report
+    assert "| ratio | slope[short]/slope[long] (derived) |" in report
+    assert "| g[short] | acceleration of free fall (derived) |" in report
+    assert "| impossible | log(c) (derived) | n/a | n/a |" in report
+    assert "has no value at" in report
     assert [column.label.symbol for column in columns_of(analysis)][-3:] == ["g[short]", "g[long]", "second[short]"]
 
 
@@ -163,7 +173,8 @@ def test_what_needs_another_run_is_left_out_and_says_so(folder: Path) -> None:
 def test_facts_name_what_is_missing(joint: tuple[Campaign, Analysis]) -> None:
     _, analysis = joint
     facts = derived_facts(analysis, analysis.problem.runs[0])
-    assert len(facts) == 1 and facts[0].startswith("impossible = log(c) has no value at")
+    assert len(facts) == 1
+    assert facts[0].startswith("impossible = log(c) has no value at")
 
 
 @pytest.mark.parametrize(
@@ -185,9 +196,11 @@ def test_a_mistake_in_the_table_is_told_with_its_line(folder: Path, old: str, ne
 
 def test_a_name_with_a_level_stands_for_one_quantity_wherever_it_is_stated() -> None:
     one = seek("d", "gamma[heavy] - gamma[light no. 2] + gamma_0*gamma[heavy]")
-    assert sorted(one.of_levels.values()) == [("gamma", "heavy"), ("gamma", "light no. 2")] and one.own == ("gamma_0",)
+    assert sorted(one.of_levels.values()) == [("gamma", "heavy"), ("gamma", "light no. 2")]
+    assert one.own == ("gamma_0",)
     found = one.of({"gamma[heavy]": 0.3, "gamma[light no. 2]": 0.1, "gamma_0": 2.0})
-    assert found is not None and found.values == pytest.approx(np.array([[0.8]]))
+    assert found is not None
+    assert found.values == pytest.approx(np.array([[0.8]]))
     assert one.of({"gamma[heavy]": 0.3, "gamma_0": 2.0}) is None
 
 
