@@ -4,20 +4,39 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from estim.arrays import FloatArray
 from estim.checks import Goodness
-from estim.common import Finding, Kind, Status, code, markdown, one_line, table
+from estim.common import Finding, InputError, Kind, Status, code, markdown, one_line, signed, table
 from estim.deviation import FoundDeviation
+from estim.distributions import student_quantile
 from estim.fitting import FEW, Ends, Fit, LinearDerived, linear_derived, shown_value
-from estim.problem import Problem
+from estim.problem import Problem, informative
 from estim.words import advice, advice_for, tell
 
 _ADVISED = (Kind.SEVERAL_SOLUTIONS, Kind.STEP_UNSETTLED)  # of which a reason says what to do as well
+
+
+_TOLD_CORRELATION = 0.1
+
+
+@dataclass(frozen=True, eq=False)
+class Prediction:
+    """The fitted curve at x (n,): value, its standard uncertainty u and the ends of its interval, all (n,), unit of y.
+
+    u, low, high : nan where the status is not ok, or a parameter has no standard deviation.
+    """
+
+    x: FloatArray
+    value: FloatArray
+    u: FloatArray
+    low: FloatArray
+    high: FloatArray
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,9 +103,65 @@ class CurveFit:
     def derived(self) -> Mapping[str, LinearDerived]:
         """Name -> what follows from the parameters by the formulas `derived`, linear about the fit; `sample_curve` computes it from draws."""
         unknown = [name for name, sd in self.sds.items() if not math.isfinite(sd)]
-        dof = math.inf if self.sigma is None or self.deviation is not None else self.dof
         values = np.array([self.values[name] for name in self.names])
-        return {one.name: one for one in linear_derived(self.problem.runs[0], self.names, values, self.cov, dof=dof, unknown=unknown)}
+        return {one.name: one for one in linear_derived(self.problem.runs[0], self.names, values, self.cov, dof=self._dof, unknown=unknown)}
+
+    def predict(self, x: ArrayLike, *, probability: float = 0.95) -> Prediction:
+        """The curve at x, a number or (n,), with the uncertainty of its parameters (linear; JCGM 100:2008, 5.2.2), not the scatter of a new reading.
+
+        probability : of the interval low to high, by Student's t where the size of the errors was estimated.  Raises InputError.
+        """
+        places = np.atleast_1d(np.asarray(x, dtype=float))
+        if places.ndim != 1 or not np.all(np.isfinite(places)):
+            raise InputError("must be finite numbers along one axis", field="x", value=x)
+        if not 0.0 < probability < 1.0:
+            raise InputError("must lie between 0 and 1", field="probability", value=probability)
+        points = replace(self.problem.runs[0].points, x=places, y=np.zeros(places.size))
+        value = np.array(np.broadcast_to(points.value(self.values), (1, places.size))[0])
+        gradient, known = points.gradient(self.values, self.names), self.status.ok and all(map(math.isfinite, self.sds.values()))
+        u = np.sqrt(np.einsum("ni,ij,nj->n", gradient, self.cov, gradient)) if known else np.full(places.size, np.nan)
+        half = float(student_quantile(0.5 + 0.5 * probability, np.array(self._dof))) * u
+        return Prediction(places, value, u, value - half, value + half)
+
+    @property
+    def aic(self) -> float:
+        """Akaike's criterion -2 ln L + 2 k; k counts an estimated size of the errors.  nan beside informative priors, which it does not know."""
+        return self._criterion(2.0)
+
+    @property
+    def bic(self) -> float:
+        """Schwarz's criterion -2 ln L + k ln n."""
+        return self._criterion(math.log(self.problem.n_obs))
+
+    @property
+    def r_squared(self) -> float:
+        """Share of the scatter of y about its mean that the curve explains, unweighted; no test of the curve."""
+        run = self.problem.runs[0]
+        off = run.y - np.broadcast_to(run.points.value(self.values), (1, run.n_obs))[0]
+        total = float(np.sum((run.y - run.y.mean()) ** 2))
+        return 1.0 - float(np.sum(off**2)) / total if total > 0.0 else math.nan
+
+    def summary(self) -> str:
+        """What `print` shows, with criteria for comparing curves on the same points, and correlations (where the status is ok)."""
+        lines = [str(self), f"AIC = {self.aic:.6g}, BIC = {self.bic:.6g}, R2 = {self.r_squared:.6g}, {self.problem.n_obs} points"]
+        matrix = self.correlation
+        pairs = [(float(matrix[i, j]), f"{a}, {b}") for i, a in enumerate(self.names) for j, b in enumerate(self.names[:i])]
+        told = sorted((pair for pair in pairs if abs(pair[0]) >= _TOLD_CORRELATION), key=lambda pair: -abs(pair[0]))
+        if self.status.ok and told:
+            lines += [f"correlations (those below {_TOLD_CORRELATION} are left out):", *(f"  {names}: {signed(f'{r:+.3f}')}" for r, names in told)]
+        return "\n".join(lines)
+
+    def _criterion(self, weight: float) -> float:
+        n, k = self.problem.n_obs, len(self.names)
+        if any(informative(p.prior) for p in self.problem.parameters if p.name in self.names):
+            return math.nan
+        if self.sigma is not None and self.deviation is None:
+            return n * (math.log(2.0 * math.pi * self.chi2 / n) + 1.0) + weight * (k + 1) if self.chi2 > 0.0 else -math.inf
+        return -2.0 * float(self.fit.posterior.log_likelihood(self.fit.values[None, :])[0]) + weight * k
+
+    @property
+    def _dof(self) -> float:
+        return math.inf if self.sigma is None or self.deviation is not None else self.dof
 
     @property
     def correlation(self) -> FloatArray:

@@ -192,12 +192,15 @@ def index_report(campaign: Campaign, results: Mapping[str, Result], explanations
     explanations : of what may be missing, of those runs of which it was asked.
     """
     columns = list(dict.fromkeys(shown for result in results.values() for shown in result.labels.bare.values()))
-    derived = {run: result.labels.derived[run] for run, result in results.items()}
-    columns += list(dict.fromkeys(derived[run][name] for run, result in results.items() for name in result.runs[run].sought))
+    derived = {
+        run: {result.labels.derived[own][name]: one.derived[name] for own, one in result.runs.items() for name in one.sought}
+        for run, result in results.items()
+    }
+    columns += list(dict.fromkeys(shown for found in derived.values() for shown in found))
     table = []
     for run, result in results.items():
         cells = {result.labels.bare[name]: value_cell(p, result.labels.parameters[name]) for name, p in result.parameters.items()}
-        cells |= {derived[run][name]: value_cell(result.runs[run].derived[name], derived[run][name]) for name in result.runs[run].sought}
+        cells |= {shown: value_cell(one, shown) for shown, one in derived[run].items()}
         table.append((run, result.status, [cells.get(shown, "") if result.status == "ok" else "—" for shown in columns]))
     causes = runs_text(across_runs(explanations)) if len(explanations) > 1 else ""
     heads = [shown.symbol + ("" if shown.unit == "1" else f" ({shown.unit})") for shown in columns]

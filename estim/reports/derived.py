@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING
+from typing import Protocol
 
 import numpy as np
 
@@ -15,10 +15,17 @@ from estim.problem import Derived, Observations
 from estim.reports.labels import Labels
 from estim.sampling import Summary, summarise, trusted
 
-if TYPE_CHECKING:
-    from estim.reports.result import RunSummary
-
 _DRAWS = 20_000
+
+
+class Told(Protocol):
+    """What the record of a run has of it.  sought : those of `derived` that were asked for."""
+
+    @property
+    def derived(self) -> dict[str, Summary]: ...
+
+    @property
+    def sought(self) -> list[str]: ...
 
 
 def derived_draws(analysis: Analysis, run: Observations) -> Mapping[str, Derived]:
@@ -88,7 +95,7 @@ def _sought(run: Observations) -> set[str]:
     return {one.name for one in run.sought}
 
 
-def derived_rows(runs: Mapping[str, RunSummary], labels: Labels, *, sought: bool = False) -> list[tuple[str, str, str, str, str]]:
+def derived_rows(runs: Mapping[str, Told], labels: Labels, *, sought: bool = False) -> list[tuple[str, str, str, str, str]]:
     """Symbol, meaning, value, interval and unit of every derived quantity: once where the cells are the same for every run, else run by run.
 
     sought : only what was asked for.
