@@ -118,10 +118,13 @@ def energy_terms(
 
 def _combined(coefficients: list[FloatArray], functions: tuple[FloatArray, ...]) -> FloatArray:
     """sum_i coefficients_i functions_i: a matrix product where coefficients are (n_draw, 1) and functions (n_obs,)."""
-    shape = np.broadcast_shapes(*(c.shape for c in coefficients))
-    if functions[0].ndim == 1 and len(shape) == 2 and shape[1] == 1:
-        columns = np.concatenate([np.broadcast_to(c, shape) for c in coefficients], axis=1)
-        return np.asarray(columns @ np.array(functions))
+    if functions[0].ndim == 1 and any(c.ndim == 2 for c in coefficients):
+        shape = np.broadcast(*coefficients).shape
+        if len(shape) == 2 and shape[1] == 1:
+            columns = np.empty((shape[0], len(coefficients)))
+            for i, c in enumerate(coefficients):
+                columns[:, i : i + 1] = c
+            return np.asarray(columns @ np.array(functions))
     return np.asarray(sum(c * f for c, f in zip(coefficients, functions, strict=True)))
 
 

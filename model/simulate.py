@@ -53,3 +53,31 @@ def simulate_theta_min(
     phi = np.asarray(phi, dtype=float)
     angle = theta_min(gamma, phi, rolling_resistance=rolling_resistance)
     return phi + u_phi * rng.standard_normal(phi.size), angle + u_theta_min * rng.standard_normal(phi.size)
+
+
+def simulate_trials(
+    phi: ArrayLike, gamma: float, *, rolling_resistance: float = 0.0, u_phi: float, scatter: float, release: float, steady: bool = False,
+    expected: float, n_trial: int, step: float, largest: bool = False, readings: FloatArray | None = None, rng: np.random.Generator,
+) -> tuple[FloatArray, FloatArray, NDArray[np.bool_]]:
+    """Trials of release at true tilts `phi` (n_tilt,): tilts as read and angles as set (rad), whether the body climbed; (n_tilt n_trial,) each.
+
+    At each tilt up and down: the first angle is that which the `expected` gamma gives without any resistance, to a multiple of `step` (rad); after
+    an ascent the next is one step lower, else one higher.  The body climbs where the angle, with a logistic error of sd `scatter`, is above
+    theta_min by more than the release costs: `release` (rad) at every trial if `steady`, else exponential with that mean.
+
+    largest : whether the angles are those of the other end, mirrored at 90 degrees.  readings : (n_tilt,) of the tilts, where they were taken
+    before.
+    Source of the scheme: Dixon and Mood 1948, J. Am. Stat. Assoc. 43, 109.
+    """
+    phi = np.asarray(phi, dtype=float)
+    read = phi + u_phi * rng.standard_normal(phi.size) if readings is None else readings
+    angles, climbed = np.zeros((phi.size, n_trial)), np.zeros((phi.size, n_trial), dtype=bool)
+    for i, smallest in enumerate(theta_min(gamma, phi, rolling_resistance=rolling_resistance)):
+        angle = step * np.round(np.arcsin(min(np.sin(read[i]) / expected, 1.0)) / step)
+        for k in range(n_trial):
+            cost = release * (1.0 if steady else rng.exponential())
+            angles[i, k] = angle
+            climbed[i, k] = angle + np.sqrt(3.0) / np.pi * scatter * rng.logistic() > smallest + cost
+            angle = np.clip(angle - step if climbed[i, k] else angle + step, 0.0, 0.5 * np.pi - step)
+    angles = np.pi - angles if largest else angles
+    return np.repeat(read, n_trial), angles.ravel(), climbed.ravel()

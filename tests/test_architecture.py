@@ -68,12 +68,12 @@ def test_physics_needs_numpy_and_nothing_else():
 
 
 def test_the_command_line_alone_knows_click():
-    assert importers("click") == {"estim.cli.commands", "estim.cli.terminal"}
+    assert all(module.startswith("estim.cli.") for module in importers("click"))
 
 
-def test_inference_meets_physics_in_six_files():
+def test_inference_meets_physics_in_eight_files():
     found = {f"estim.campaign.{name}" for name in ("binding", "design", "parts", "quantities")}
-    found |= {"estim.curves.disturbed", "estim.curves.rolling"}
+    found |= {"estim.curves.disturbed", "estim.curves.regimes", "estim.curves.rolling", "estim.line.release"}
     assert {m for m in importers("model") if m in ESTIM} == found
 
 
@@ -293,22 +293,19 @@ def test_physics_works_where_inference_is_not_installed():
     assert ran.stdout.split() == []
 
 
-NAMES = "import sys, estim, model, importlib\nfor name in sys.argv[2:]: importlib.import_module(name)\n"
-NAMES += "for name in (package := sys.modules[sys.argv[1]]).__all__: print(name, type(getattr(package, name)).__name__)"
+NAMES = "import sys, estim, model, importlib\nfor name in sys.argv[1:]: importlib.import_module(name)\n"
+NAMES += "for package in (estim, model):\n for name in package.__all__: print(package.__name__, name, type(getattr(package, name)).__name__)"
 
 
-@pytest.mark.parametrize("package", ["estim", "model"])
-def test_public_names_are_the_same_in_a_fresh_process_and_after_every_import(package):
+def test_public_names_are_the_same_in_a_fresh_process_and_after_every_import():
     modules = [module.removesuffix(".__init__") for module in FILES if not module.endswith("__main__")]
     fresh, after = (
-        subprocess.run([sys.executable, "-c", NAMES, package, *first], capture_output=True, text=True, check=True, cwd=PROJECT).stdout
+        subprocess.run([sys.executable, "-c", NAMES, *first], capture_output=True, text=True, check=True, cwd=PROJECT).stdout
         for first in ([], modules)
     )
     assert after == fresh
     assert "module" not in fresh.split()
-    if package == "estim":
-        assert "budget function\n" in fresh
-        assert "line_posterior function\n" in fresh
+    assert {"estim budget function", "estim line_posterior function", "model Body type"} <= set(fresh.splitlines())
 
 
 @pytest.mark.parametrize("package", ["estim", "model"])

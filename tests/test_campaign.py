@@ -540,7 +540,7 @@ def test_a_file_name_that_cannot_be_is_refused_in_words(load):
 
 
 def test_a_campaign_needs_something_to_do(load):
-    with pytest.raises(InputError, match=r"'campaign' must hold at least one \[\[runs\]\] table or a \[line\] table"):
+    with pytest.raises(InputError, match=r"'campaign' must hold at least one \[\[runs\]\] table, a \[line\] or a \[trials\] table"):
         load(base='title = "a"\nkind = "measured"\n')
 
 

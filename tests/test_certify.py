@@ -83,6 +83,7 @@ def test_quantiles_are_those_of_the_half_normal_distribution(rng: np.random.Gene
         assert np.all(certificate.mcse_shares[p] < 0.015)
 
 
+@pytest.mark.statistics
 def test_errors_of_quantiles_are_the_scatter_of_repeated_runs_and_scatter_little_themselves(monkeypatch: pytest.MonkeyPatch) -> None:
     """An error that is right on average and scatters by a fifth makes false alarms: the tails of the ratio are those of Student's t."""
     from scipy.stats import norm
@@ -367,7 +368,7 @@ def test_chain_and_certificate_agree_for_the_runs_of_the_replica_one_by_one_and_
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("which", ["class-unbalanced_1", "mixed-balanced_1", "banana", "half-normal"])
+@pytest.mark.parametrize("which", ["class-unbalanced_1", pytest.param("mixed-balanced_1", marks=pytest.mark.statistics), "banana", "half-normal"])
 def test_chain_and_certificate_agree(which: str, project: Path) -> None:
     rng = np.random.default_rng(17)
     if which in TARGETS:

@@ -517,7 +517,7 @@ def test_reader_in_a_loop_does_not_disturb_the_writer(whole: Chain, tmp_path: Pa
     done = threading.Event()
 
     def read() -> None:
-        while not done.is_set():
+        while not done.wait(0.002):
             kept = read_checkpoint(tmp_path)
             n_step = 0 if kept is None else kept.n_step
             seen.append(n_step)

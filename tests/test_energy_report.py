@@ -6,6 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import pytest
 from click.testing import CliRunner
 from troubles import Disk
 
@@ -24,6 +25,7 @@ def test_a_loss_is_called_measured_only_where_the_data_show_one() -> None:
     assert "c_rr ≤ 0.012 with probability 95 %" in null
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_speeds_of_the_wrong_sign_are_a_poor_fit_and_the_report_says_so_first(tmp_path: Path) -> None:
     """The curve comes to rest at once: no line of energies, no result, and no traceback."""
     path = Disk(more='rolling_resistance = {prior = "half-normal", scale = 0.005}').write(tmp_path)

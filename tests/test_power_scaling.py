@@ -75,6 +75,7 @@ def test_disagreement_is_the_distance_of_prior_and_data_in_their_own_uncertainty
     assert found.disagreement == pytest.approx(-3.0 / math.sqrt(1.25), abs=0.03)
 
 
+@pytest.mark.statistics
 def test_conflict_is_rare_where_the_truth_comes_from_the_prior(rng: np.random.Generator) -> None:
     """5 % of data drawn from prior and likelihood are called a conflict at |z| >= 2, within 3 Monte-Carlo errors."""
     z = []

@@ -403,6 +403,7 @@ def test_correlated_rectangular_inputs_propagate_with_the_linear_u(rng):
 # Monte Carlo: errors, stopping, undefined draws
 
 
+@pytest.mark.statistics
 def test_stated_monte_carlo_errors_are_the_scatter_of_repeated_runs():
     pulls = []
     for seed in range(60):
@@ -742,10 +743,10 @@ NOISE = np.random.default_rng(1)
         (lambda: Input("a", 1.0, -0.1), "'a.u' must be finite and >= 0: -0.1"),
         (lambda: Input("a", 1.0, math.inf), "'a.u' must be finite and >= 0: inf"),
         (lambda: Input("a", 1.0, None), "'a.u' must be a number"),
-        (
-            lambda: Input("a", 1.0, 0.1, "gauss"),
-            "'a.distribution' must be one of normal, rectangular, triangular, arcsine, t: gauss",
-        ),
+        (lambda: Input("a", 1.0, 0.1, "gauss"), "'a.distribution' must be one of normal, rectangular, triangular, trapezoidal, "),
+        (lambda: Input("a", -1.0, 0.1, "gamma"), "'a.value' must be > 0 for the gamma distribution: -1.0"),
+        (lambda: Input("a", 1.0, 0.1, "trapezoidal", shape=1.5), "'a.shape' must lie between 0 and 1"),
+        (lambda: Input("a", 1.0, 0.1, "normal", shape=0.5), "'a.shape' must lie between 0 and 1, and be left out"),
         (lambda: Input("a", 1.0, 0.1, dof=0), "'a.dof' must be > 0: 0.0"),
         (lambda: Input("a", 1.0, 0.1, dof=math.nan), "'a.dof' must be > 0: nan"),
         (lambda: Input("a", 1.0, 0.1, "t"), "'a.dof' must be finite for the t distribution: inf"),
@@ -753,7 +754,7 @@ NOISE = np.random.default_rng(1)
         (lambda: Input.from_half_width("a", 1.0, -1.0), "'a.half_width' must be finite and >= 0: -1.0"),
         (
             lambda: Input.from_half_width("a", 1.0, 1.0, distribution="normal"),
-            "'a.distribution' must be one of rectangular, triangular, arcsine: normal",
+            "'a.distribution' must be one of rectangular, triangular, trapezoidal, curvilinear-trapezoidal, arcsine: normal",
         ),
         (lambda: Input.from_readings("a", [1.0]), "'a.readings' must be a list of at least two: [1.0]"),
         (lambda: Input.from_readings("a", [1.0, math.nan]), "'a.readings' must be finite: [1.0, nan]"),

@@ -19,6 +19,7 @@ from estim.problem.priors import Uniform
 from estim.reports.analysis import analysis_report
 from estim.reports.result import result_of
 from estim.reports.rolling_figures import rolling_figure
+from estim.sampling import Target
 from estim.words import tell
 from model import Body, trajectory
 
@@ -44,6 +45,8 @@ file = "a.csv"
 phi_deg = "4.0(1)"
 theta0_deg = "60.0(5)"
 """
+
+COMPLETE = "unmodelled_force = 0"  # where no force is asked about
 
 
 def campaign_of(tmp_path, shared="", noise=""):
@@ -114,8 +117,8 @@ def test_what_is_told(tmp_path, rng, friction, kind, remarks):
 
 
 def test_positions_speak_of_the_same_motion(tmp_path, rng):
-    speeds, _ = rolled(campaign_of(tmp_path), rng)
-    positions, _ = rolled(campaign_of(tmp_path, noise=', model = "positions"'), rng)
+    speeds, _ = rolled(campaign_of(tmp_path, shared=COMPLETE), rng)
+    positions, _ = rolled(campaign_of(tmp_path, shared=COMPLETE, noise=', model = "positions"'), rng)
     assert np.median(positions.needed) == pytest.approx(np.median(speeds.needed), rel=0.02)
     assert positions.unit == "m"
 
@@ -155,7 +158,7 @@ def test_a_disturbed_motion_presses_as_the_plain_one_where_nothing_disturbs(angu
 
 def test_what_comes_after_the_readings_that_are_fit_does_not_count(tmp_path, rng):
     """The body turns round at 0.45 m; near the release it needs most."""
-    whole, _ = rolled(campaign_of(tmp_path), rng, 300)
+    whole, _ = rolled(campaign_of(tmp_path, shared=COMPLETE), rng, 300)
     text = (tmp_path / "campaign.toml").read_text()
     (tmp_path / "campaign.toml").write_text(text + "window = {x_max_m = 0.03}\n")
     start, _ = rolled(load_campaign(tmp_path / "campaign.toml"), rng, 300)
@@ -174,9 +177,10 @@ def test_nothing_is_said_of_what_lies_behind_a_turning_point():
     assert not np.any(np.diff(there.astype(int)) > 0)
 
 
+@pytest.mark.usefixtures("unrendered")
 def test_the_report_says_it_and_the_result_is_not_moved(tmp_path):
-    campaign = campaign_of(tmp_path, 'friction = "0.14(2)"')
-    analysis = analyse(campaign, ["a"], seed=1)
+    campaign = campaign_of(tmp_path, f'{COMPLETE}\nfriction = "0.14(2)"')
+    analysis = analyse(campaign, ["a"], seed=1, target=Target(ess=1000.0))
     assert analysis.diagnosis.ok
     summary = result_of(campaign, analysis).rolling["a"]
     assert 0.05 < summary.probability < 0.95
@@ -185,9 +189,9 @@ def test_the_report_says_it_and_the_result_is_not_moved(tmp_path):
     assert "## Rolling without slipping" in files["report.md"].decode()
     assert "(figures/rolling.png)" in files["report.md"].decode()
     assert files["figures/rolling.png"].startswith(b"\x89PNG")
-    (tmp_path / "campaign.toml").write_text(TEXT.format(shared="", noise=""))
+    (tmp_path / "campaign.toml").write_text(TEXT.format(shared=COMPLETE, noise=""))
     plain = load_campaign(tmp_path / "campaign.toml")
-    without = analyse(plain, ["a"], seed=1)
+    without = analyse(plain, ["a"], seed=1, target=Target(ess=1000.0))
     assert np.array_equal(without.chain.flat, analysis.chain.flat)
     assert result_of(plain, without).rolling["a"].probability is None
     report = analysis_report(plain, without, figures=False)["report.md"].decode()

@@ -86,7 +86,7 @@ def test_finding_keys_takes_time_in_proportion_to_the_text(case: str) -> None:
         return min(times)
 
     n = 200
-    while (short := seconds(n)) < 0.01 and n < 100_000:
+    while (short := seconds(n)) < 0.005 and n < 100_000:
         n *= 2
     assert seconds(4 * n) < 10.0 * max(short, 0.002)
 

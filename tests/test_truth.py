@@ -52,6 +52,7 @@ def test_every_disturbance_is_a_campaign_that_changes_something(tmp_path, name):
         assert (table, stated) != ((tmp_path / "r.csv").read_text(), plain)
 
 
+@pytest.mark.statistics
 def test_stated_values_scatter_about_the_true_ones(tmp_path, rng):
     pulls = []
     for priors in PRIORS:

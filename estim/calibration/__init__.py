@@ -10,5 +10,6 @@ from estim.calibration.calibration import (
     findings,
     simulation_based_calibration,
 )
-from estim.calibration.experiment import campaign_design
+from estim.calibration.experiment import campaign_design, follow, release_times
+from estim.calibration.trial import Engine, posterior_draws
 from estim.calibration.uniformity import edges, rank_counts, uniformity_band

@@ -126,6 +126,14 @@ def campaign_design(campaign: Campaign, names: Sequence[str], *, fitted: FloatAr
     problem = campaign.problem(names)
     if all(run.motion is None for run in problem.runs):
         return PointDesign(problem)
+    return CampaignDesign(campaign, tuple(names), problem, release_times(campaign, problem, fitted), analysed)
+
+
+def release_times(campaign: Campaign, problem: Problem, fitted: FloatArray) -> Mapping[str, float]:
+    """Run -> moment of release (s) on the clock of its data at `fitted` (n_par,), for differentiated runs.
+
+    Raises InputError for noise that cannot be simulated.
+    """
     release = {}
     for run in problem.runs:
         table = campaign.tables[run.name]
@@ -134,14 +142,14 @@ def campaign_design(campaign: Campaign, names: Sequence[str], *, fitted: FloatAr
         elif not run.positions and table.rate not in table.columns:
             rule = "cannot be simulated: independent errors of speeds that are computed from positions (use model = 'differentiated')"
             raise InputError(rule, field="model", value="independent", file=campaign.source.path)
-    return CampaignDesign(campaign, tuple(names), problem, MappingProxyType(release), analysed)
+    return MappingProxyType(release)
 
 
 def _columns(run: Observations, table: Run, named: Values, release: float, rng: np.random.Generator) -> dict[str, FloatArray] | None:
     """The columns of a table that are measured anew; None where the values give no data."""
     noise = run.noise
     if noise.made_of_positions:
-        x = _follow(run, table.columns["t_s"] - release, named)
+        x = follow(run, table.columns["t_s"] - release, named)
         if not np.all(np.isfinite(x)):
             return None
         return {table.coordinate: noise.read(x, np.ones(x.size), named, rng)}
@@ -171,7 +179,7 @@ def _scattered(run: Observations, truth: Observations, named: Values, rng: np.ra
     return replace(run, y=run.y + np.asarray(truth.noise.size.scatter.at(named)) * rng.standard_normal(run.n_obs))
 
 
-def _follow(run: Observations, since: FloatArray, named: Values) -> FloatArray:
+def follow(run: Observations, since: FloatArray, named: Values) -> FloatArray:
     """Positions at times since release, in their shape: (n_obs,) or (n, n_obs)."""
     if not isinstance(run.curve, Moving):
         raise InputError("cannot be simulated: its curve does not say where the body is in time", field="run", value=run.name)
@@ -186,7 +194,7 @@ def _release_time(run: Observations, named: Values) -> float:
     t, x = run.t, run.x
 
     def misfit(moments: ArrayLike) -> FloatArray:
-        return np.sum(np.square(_follow(run, t - np.reshape(moments, (-1, 1)), named) - x), axis=1)
+        return np.sum(np.square(follow(run, t - np.reshape(moments, (-1, 1)), named) - x), axis=1)
 
     span = float(t[-1] - t[0])
     moments = np.linspace(t[0] - 2.0 * span, t[0], _RELEASES)

@@ -54,6 +54,11 @@ def gamma_origin(source: CampaignFile, body: str) -> str:
     return "from the parts" if any(table.parts is not None for table in tables) else "as stated"
 
 
+def resistance_of_body(source: CampaignFile, body: str) -> Prior | float:
+    """c_rr as stated for a body: its prior, or an exact value; 0 where nothing is said."""
+    return _bind(source, body_levels(source, body), "rolling_resistance", f"body '{body}'").source
+
+
 def grip_of(source: CampaignFile, levels: Iterable[Level]) -> Prior | float | None:
     """The coefficient of static friction, None where it is not said: no parameter, for no curve depends on it while the body rolls."""
     for level in levels:

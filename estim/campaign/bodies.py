@@ -12,20 +12,26 @@ from types import MappingProxyType
 
 import numpy as np
 
+from estim.arrays import FloatArray
 from estim.campaign.between_runs import spreads_of, varied
 from estim.campaign.binding import KINDS_OF_QUANTITIES, Bound, bind_quantities, grip_of, total_mass
 from estim.campaign.blur import blur_cause, blurs
 from estim.campaign.campaign_file import CampaignFile, NoiseTable
 from estim.campaign.causes import Sketch, Surroundings, sketches
+from estim.campaign.curve_models import ADDED, CurveModel, Outline, outlines
 from estim.campaign.effects import setting_of
-from estim.campaign.forced import KEY, Circumstances, Stance, fit_with_forces, force_scale, refuse_force
+from estim.campaign.forced import KEY, Circumstances, Stance, fit_with_forces, force_scale, possible_force, refuse_force
+from estim.campaign.foreseen import foreseen_information
 from estim.campaign.levels import Levels, noise_level
 from estim.campaign.noise_models import Candidate, noise_candidates
 from estim.campaign.plausible import check_speeds
 from estim.campaign.points import Observed, observe
+from estim.campaign.quantities import EFFECTS
 from estim.campaign.shared_force import tied_points
+from estim.campaign.unforced import fit_alike
 from estim.campaign.usual import with_usual_errors
 from estim.curves import DisturbedMotion, DisturbedMotionCurve, DisturbedPhaseCurve, MotionCurve, PhaseCurve, RollingMotion, Setting
+from estim.deviation import BadFrames, ForceSize
 from estim.explanation import Cause, Suspects
 from estim.fitting import Fit, fit_least_squares, scanned_fit
 from estim.problem import Curve, Observations, Parameter, Prior, Problem, shared_first
@@ -53,14 +59,8 @@ class RollingStudy:
     def suspects(self, names: Sequence[str], tables: Mapping[str, Run]) -> Suspects:
         """The runs `names` as stated, and with what known physics, or the instruments, may add to them that the campaign does not say."""
         plain = self._posed(names, tables, white=True)
-        known = []
-        for run in plain.runs:
-            levels = self.levels(run.name)
-            sources = {q: b.source for q, b in bind_quantities(self.source, levels, where=f"run '{run.name}'").items()}
-            reach = float(np.max(np.abs(run.y if run.positions else run.x)))
-            known.append(Surroundings(sources, total_mass(self.source, levels), reach, tables[run.name].coordinate == "theta_rad", run.positions))
         found = []
-        for sketch in sketches(known):
+        for sketch in sketches(self._surroundings(plain, tables)):
             problem = self._posed(names, tables, white=True, sketch=sketch)
             own = tuple(name for name in problem.names if name not in plain.names)
             found.append(Cause(sketch.name, sketch.words, problem, own, sketch.lines, begin=sketch.begin))
@@ -69,10 +69,50 @@ class RollingStudy:
             found.append(blur_cause(problem, interval))
         return Suspects(plain, "an unmodelled force beside the curve has room for it", tuple(found))
 
+    def _surroundings(self, plain: Problem, tables: Mapping[str, Run], *, without: frozenset[str] = frozenset()) -> tuple[Surroundings, ...]:
+        """What is known of the runs; without : quantities that are taken as not said."""
+        known = []
+        for run in plain.runs:
+            levels = self.levels(run.name)
+            bound = bind_quantities(self.source, levels, where=f"run '{run.name}'")
+            sources = {q: b.source for q, b in bound.items() if q not in without}
+            reach = float(np.max(np.abs(run.y if run.positions else run.x)))
+            known.append(Surroundings(sources, total_mass(self.source, levels), reach, tables[run.name].coordinate == "theta_rad", run.positions))
+        return tuple(known)
+
+    def curve_models(self, names: Sequence[str], tables: Mapping[str, Run]) -> tuple[CurveModel, ...]:
+        """The models of the body of the runs `names` that can be compared, the simplest first."""
+        stated = self._posed(names, tables, compared=True)
+        forced = all(run.force for run in stated.runs)
+        known = self._surroundings(stated, tables, without=ADDED)
+        said = {q: source for run in self._surroundings(stated, tables) for q, source in run.sources.items() if source != 0.0}
+        every = {sketch.name: sketch for sketch in sketches(known)}
+        found, paper = [], frozenset[str]()
+        for outline in outlines(said, every, forced=forced):
+            problem = self._posed(names, tables, white=not forced, outline=outline, sketch=outline.sketch, compared=forced)
+            paper = paper or frozenset(problem.names)
+            own = tuple(name for name in problem.names if name not in paper)
+            lines = () if outline.sketch is None else outline.sketch.lines
+            found.append(CurveModel(outline.name, outline.words, problem, own, lines, outline.forced, forced))
+        return tuple(found)
+
+    def fit_model(self, model: CurveModel, tables: Mapping[str, Run], *, bad: Mapping[str, BadFrames], rng: np.random.Generator) -> Fit:
+        """The posterior mode of a model of the body; bad : run -> frames that are shifted, in models without a force."""
+        problem = self.with_usual_errors(model.problem, tables)
+        if model.forced or not model.roomy:
+            return self.fit(problem, tables, rng=rng)
+        levels = {run.name: self.levels(run.name) for run in problem.runs}
+        return fit_alike(self._white_fit(problem, rng=rng), levels, bad=bad, rng=rng)
+
     def _posed(
-        self, names: Sequence[str], tables: Mapping[str, Run], *, noise: NoiseTable | None = None, white: bool = False, sketch: Sketch | None = None
+        self, names: Sequence[str], tables: Mapping[str, Run], *, noise: NoiseTable | None = None, white: bool = False, sketch: Sketch | None = None,
+        outline: Outline | None = None, compared: bool = False,
     ) -> Problem:
-        """white : with nothing that the curve may lack.  sketch : what is added to every run."""
+        """white : with nothing that the curve may lack.  sketch : what is added to every run.  outline : what is left out of it.
+
+        compared : with room for a force wherever there can be one.
+        """
+        without = frozenset[str]() if outline is None else outline.without
         physics: dict[str, Parameter] = {}
         unknowns: dict[str, Parameter] = {}
         runs = []
@@ -81,6 +121,7 @@ class RollingStudy:
         for name in names:
             levels = self.levels(name)
             bound = bind_quantities(self.source, levels, where=f"run '{name}'")
+            bound = {q: Bound(q, 0.0) if q in without else b for q, b in bound.items() if not (q in without and q in EFFECTS)}
             observed, mass = every[name], total_mass(self.source, levels)
             angular, sources = tables[name].coordinate == "theta_rad", {q: b.source for q, b in bound.items()}
             setting = setting_of(levels, sources, mass, positions=observed.positions, angular=angular)
@@ -95,9 +136,10 @@ class RollingStudy:
             arguments = {q: b.source if isinstance(b.source, float) else b.name for q, b in bound.items()}
             posed = _observations(name, observed, arguments, mass, setting, grip_of(self.source, levels), angular=angular)
             circumstances = Circumstances(observed, joint=len(names) > 1, tied=tied[name], replaced=noise is not None)
-            stance = Stance(0.0) if white else force_scale(levels, circumstances)
+            stance = Stance(0.0) if white else (possible_force if compared else force_scale)(levels, circumstances)
             runs.append(replace(posed, force=stance.scale, complete=stance.complete))
-        further, every_run = varied(runs, {name: spreads_of(self.levels(name), KINDS_OF_QUANTITIES) for name in names})
+        spreads = {name: spreads_of(self.levels(name), KINDS_OF_QUANTITIES) for name in names}
+        further, every_run = varied(runs, {name: {q: one for q, one in own.items() if q not in without} for name, own in spreads.items()})
         return Problem((*shared_first([*physics.values(), *further], every_run), *unknowns.values()), every_run)
 
     def with_usual_errors(self, problem: Problem, tables: Mapping[str, Run]) -> Problem:
@@ -113,11 +155,18 @@ class RollingStudy:
 
     def fit(self, problem: Problem, tables: Mapping[str, Run], *, rng: np.random.Generator) -> Fit:
         """The posterior mode; where there are few parameters, scans through the range of each look for further ones."""
-        fit = fit_least_squares(problem, rng=rng, n_start=_STARTS if len(problem.runs) <= _MANY_RUNS else _FEW_STARTS)
-        fit = scanned_fit(fit, rng=rng) if problem.n_par <= MAX_PARAMETERS else fit
+        fit = self._white_fit(problem, rng=rng)
         if not any(run.force for run in problem.runs):
             return fit
         return fit_with_forces(fit, tables, {run.name: self.levels(run.name) for run in problem.runs}, rng=rng)
+
+    def _white_fit(self, problem: Problem, *, rng: np.random.Generator) -> Fit:
+        """The mode with the stated noise alone."""
+        fit = fit_least_squares(problem, rng=rng, n_start=_STARTS if len(problem.runs) <= _MANY_RUNS else _FEW_STARTS)
+        return scanned_fit(fit, rng=rng) if problem.n_par <= MAX_PARAMETERS else fit
+    def foreseen(self, problem: Problem, tables: Mapping[str, Run], values: FloatArray, sizes: Mapping[str, ForceSize]) -> FloatArray:
+        """With an unmodelled force beside the curve of every run of known `sizes`.  Raises InputError where that cannot be linearised."""
+        return foreseen_information(problem, tables, {run.name: self.levels(run.name) for run in problem.runs}, values, sizes)
 
     def check(self, name: str, tables: Mapping[str, Run]) -> None:
         """Raises InputError where the data of a run cannot be what the campaign says of them."""

@@ -12,12 +12,14 @@ import numpy as np
 from estim.campaign.binding import parts_fact
 from estim.campaign.bodies import RollingStudy
 from estim.campaign.campaign_file import CampaignFile, NoiseTable, RunTable, read_campaign_file
+from estim.campaign.curve_models import CurveModel
 from estim.campaign.derived import read_derived, with_derived
 from estim.campaign.noise_models import Candidate
 from estim.campaign.own_curve import read_curve_study
 from estim.campaign.study import Study
 from estim.common import KINDS, InputError, code, markdown, table
 from estim.curves import SoughtQuantity
+from estim.deviation import BadFrames
 from estim.explanation import Suspects
 from estim.fitting import Fit
 from estim.problem import Problem
@@ -101,6 +103,15 @@ class Campaign:
     def noise_models(self, name: str) -> tuple[Candidate, ...]:
         """The models of the noise that the data of a run allow.  Raises InputError where there is only one."""
         return self.study.noise_models(name, self.tables[name])
+
+    def curve_models(self, names: Sequence[str]) -> tuple[CurveModel, ...]:
+        """The models of the runs `names`, fit together, that can be compared, the simplest first.  Raises InputError where there is only one."""
+        self.problem(names)
+        return self.study.curve_models(names, self.tables)
+
+    def fit_model(self, model: CurveModel, *, bad: Mapping[str, BadFrames], rng: np.random.Generator) -> Fit:
+        """The posterior mode of one of them; bad : run -> frames that another model shows to be shifted."""
+        return self.study.fit_model(model, self.tables, bad=bad, rng=rng)
 
     def _repr_markdown_(self) -> str:
         """What a notebook shows: title, kind of data, and the runs with their points and unknowns."""

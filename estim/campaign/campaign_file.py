@@ -8,7 +8,7 @@ from __future__ import annotations
 import difflib
 import os
 import re
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -17,15 +17,16 @@ from typing import Any, Literal, TypeVar
 import msgspec
 
 from estim.campaign.effect_table import EffectTable
+from estim.campaign.name_rules import check_body_names, check_run_names
 from estim.campaign.part_table import PartTable
+from estim.campaign.plan_table import NO_PLAN, PlanTable, check_plan
 from estim.campaign.prior_table import PriorTable, Value, read_prior
-from estim.common import EXTREME, InputError, Quantity, extreme, first_alike, forms, read_quantity
+from estim.campaign.trial_table import TrialsTable
+from estim.common import EXTREME, InputError, Quantity, extreme, read_quantity
 from estim.problem import Prior
 from estim.reading import TOML_BYTES, Choices, Places, Unit, leads_out, parse_toml, read_text
 
 Kind = Literal["synthetic", "measured", "published"]
-_MAX_NAME = 100  # bytes
-_REPORT = ("report.md", "result.json", "draws.nc", "figures")  # what stands in the folder where a run gets its own
 
 _FIELDS = frozenset({  # that messages of readers name; any other may be a word of the file
     "header", "row", "rows", "byte", "text", "size", "number of lines", "XML", "archive", "track", "tracks", "t", "x", "y", "release", "along",
@@ -129,8 +130,10 @@ class _TopTable(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_only
     bodies: dict[str, dict[str, Any]] = {}
     runs: list[dict[str, Any]] = []
     line: dict[str, Any] | None = None
+    trials: dict[str, Any] | None = None
     curve: dict[str, Any] | None = None
     derived: dict[str, Any] = {}
+    plan: dict[str, Any] | None = None
 
 
 class _CurveRun(msgspec.Struct, frozen=True):
@@ -153,8 +156,7 @@ class CampaignFile:
     """A campaign file as read, structure checked, numbers not yet interpreted.
 
     files : run -> its file as written.  runs : of rolling bodies; empty where the curve is the user's own.
-    curve : None where the runs are of rolling bodies.
-    derived : the raw `derived` table.
+    curve : None where the runs are of rolling bodies.  plan : what might be measured next.  derived : the raw `derived` table.
     """
 
     path: Path
@@ -170,6 +172,8 @@ class CampaignFile:
     line: LineTable | None
     parts: Mapping[str, PartTable]
     curve: OwnCurve | None = None
+    plan: PlanTable = NO_PLAN
+    trials: TrialsTable | None = None
     derived: Mapping[str, Any] = field(default_factory=dict)
 
     @property
@@ -211,7 +215,7 @@ class CampaignFile:
     def outside(self, *, runs: bool = True, line: bool = False, published: bool = False) -> tuple[str, ...]:
         """Such a sentence for each of these files."""
         written = list(self.files.values()) if runs else []
-        written += [self.line.file] if line and self.line is not None else []
+        written += [table.file for table in (self.line, self.trials) if line and table is not None]
         written += [self.published] if published and self.published is not None else []
         return tuple(said for file in dict.fromkeys(written) if (said := self.out_of_folder(file)))
 
@@ -230,22 +234,28 @@ def read_campaign_file(path: Path, *, measured: bool = True) -> CampaignFile:
     bodies = {name: checked(table, LevelTable, places, ("bodies", name)) for name, table in top.bodies.items()}
     runs = tuple(checked(table, RunTable, places, ("runs", i)) for i, table in enumerate(top.runs))
     line = None if top.line is None else checked(top.line, LineTable, places, ("line",))
+    trials = None if top.trials is None else checked(top.trials, TrialsTable, places, ("trials",))
     shared = checked(top.shared, LevelTable, places, ("shared",))
-    if measured and not runs and line is None:
-        raise places.error("must hold at least one [[runs]] table or a [line] table", (), field="campaign")
+    if measured and not runs and line is None and trials is None:
+        raise places.error("must hold at least one [[runs]] table, a [line] or a [trials] table", (), field="campaign")
     check_run_names([run.name for run in runs], places)
     check_body_names(bodies, places)
     for i, run in enumerate(runs):
         if run.body not in bodies:
             raise places.error(f"must name one of the bodies ({', '.join(bodies) or 'none defined'})", ("runs", i, "body"), value=run.body)
-    if line is not None and line.body not in bodies:
-        raise places.error(f"must name one of the bodies ({', '.join(bodies) or 'none defined'})", ("line", "body"), value=line.body)
+    for key, table in (("line", line), ("trials", trials)):
+        if table is not None and table.body not in bodies:
+            raise places.error(f"must name one of the bodies ({', '.join(bodies) or 'none defined'})", (key, "body"), value=table.body)
     files = {run.name: run.file for run in runs}
-    return CampaignFile(path, digest, places, top.title, top.kind, top.published, shared, bodies, files, runs, line, parts, None, top.derived)
+    plan = NO_PLAN if top.plan is None else check_plan(checked(top.plan, PlanTable, places, ("plan",)), tuple(files), places)
+    return CampaignFile(
+        path, digest, places, top.title, top.kind, top.published, shared, bodies, files, runs, line, parts,
+        trials=trials, plan=plan, derived=top.derived,
+    )
 
 
 def _with_own_curve(path: Path, digest: str, places: Places, top: _TopTable) -> CampaignFile:
-    for key in ("shared", "parts", "bodies", "line", "published"):
+    for key in ("shared", "parts", "bodies", "line", "trials", "published"):
         if getattr(top, key):
             raise places.error("does not go with a [curve] table", (key,))
     if not top.runs:
@@ -253,32 +263,10 @@ def _with_own_curve(path: Path, digest: str, places: Places, top: _TopTable) -> 
     named = [checked(run, _CurveRun, places, ("runs", i)) for i, run in enumerate(top.runs)]
     check_run_names([run.name for run in named], places)
     files = {run.name: run.file for run in named}
-    own = OwnCurve(top.curve or {}, top.runs)
-    return CampaignFile(path, digest, places, top.title, top.kind, None, LevelTable(), {}, files, (), None, {}, own, top.derived)
-
-
-def check_run_names(names: Sequence[str], places: Places) -> None:
-    """Names of runs are unique and can be names of folders beside the files of a report.  Raises InputError."""
-    for i, name in enumerate(names):
-        if len(name.encode()) > _MAX_NAME:
-            raise places.error(f"must be short enough for the name of a file: at most {_MAX_NAME} bytes", ("runs", i, "name"), value=name)
-        if any(form in _REPORT for form in forms(name)):
-            raise places.error("must not be the name of a file of the report", ("runs", i, "name"), value=name)
-        if not re.fullmatch(r"\w[\w.+-]*", name):
-            raise places.error("must be made of letters, digits and . _ + -, a letter or digit first", ("runs", i, "name"), value=name)
-    if found := first_alike(names):
-        later, first = found
-        line = places.lines.get(("runs", first, "name"))
-        rule = "must be unique" if names[later] == names[first] else "must differ from another name in more than case or letters that look alike"
-        raise places.error(rule if line is None else f"{rule} (the other stands on line {line})", ("runs", later, "name"), value=names[later])
-
-
-def check_body_names(names: Iterable[str], places: Places) -> None:
-    """Names of bodies can be part of the name of a figure's file.  Raises InputError."""
-    for name in names:
-        if not re.fullmatch(r"[^\W_][\w .+-]*", name) or len(name.encode()) > _MAX_NAME:
-            rule = f"must be made of letters, digits, blanks and . _ + -, a letter or digit first, at most {_MAX_NAME} bytes"
-            raise places.error(rule, ("bodies", name), field="bodies", value=name)
+    plan = NO_PLAN if top.plan is None else checked(top.plan, PlanTable, places, ("plan",))
+    plan, curve = check_plan(plan, tuple(files), places, own_curve=True), OwnCurve(top.curve or {}, top.runs)
+    shared = LevelTable()
+    return CampaignFile(path, digest, places, top.title, top.kind, None, shared, {}, files, (), None, {}, curve, plan, derived=top.derived)
 
 
 T = TypeVar("T")

@@ -17,11 +17,12 @@ from typing import Any
 import msgspec
 import numpy as np
 
-from estim.campaign.campaign_file import check_body_names, check_run_names, checked
+from estim.campaign.campaign_file import checked
+from estim.campaign.name_rules import check_body_names, check_run_names
 from estim.common import one_line
 from estim.reading import TOML_BYTES, Places, parse_toml, read_text
 from model import Body, ascends, theta_min
-from model.simulate import film_time, frame_times, simulate_positions, simulate_theta_min
+from model.simulate import film_time, frame_times, simulate_positions, simulate_theta_min, simulate_trials
 
 _RANGES: Mapping[str, tuple[float, float]] = {
     "g": (1e-3, 1e3), "radius_m": (1e-4, 1e3), "mass_disk_kg": (1e-6, 1e6), "kappa": (0.0, 1.0), "ramp_length_m": (1e-4, 1e4),
@@ -68,6 +69,18 @@ class LineDesign(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
     phi_deg: list[float]
 
 
+class TrialsDesign(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
+    """Trials of release at both ends, as `model.simulate.simulate_trials` makes them."""
+
+    body: str
+    phi_deg: list[float]
+    expected_gamma: float
+    trials_each: int
+    step_deg: float
+    scatter_deg: float
+    release_deg: float
+
+
 class Design(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
     """A design as it stands in its TOML file; units are in the keys."""
 
@@ -79,6 +92,7 @@ class Design(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
     bodies: dict[str, BodyTable]
     runs: list[RunDesign]
     line: LineDesign
+    trials: TrialsDesign | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -134,14 +148,49 @@ def _check_runs(design: Design, places: Places) -> None:
         if not _FRAMES[0] <= n_frame <= _FRAMES[1]:
             rule = f"must give run '{run.name}' between {_FRAMES[0]} and {_FRAMES[1]} frames before it stops or passes the ramp's end"
             raise places.error(rule, ("instruments", "frames_per_second"), value=f"{n_frame:.4g} frames")
-    if design.line.body not in design.bodies:
-        raise places.error("must name one of the bodies", ("line", "body"), value=design.line.body)
-    if not all(abs(tilt) <= 90.0 for tilt in design.line.phi_deg):
-        raise places.error("must hold tilts within ±90", ("line", "phi_deg"))
-    smallest = theta_min(design.bodies[design.line.body].gamma, np.radians(design.line.phi_deg), rolling_resistance=resistance)
+    for key, series in (("line", design.line), ("trials", design.trials)):
+        if series is not None:
+            _check_series(design, key, series, places)
+    if design.trials is not None:
+        _check_trials(design.trials, places)
+
+
+def _check_series(design: Design, key: str, series: LineDesign | TrialsDesign, places: Places) -> None:
+    """The body is there and can ascend at every tilt."""
+    if series.body not in design.bodies:
+        raise places.error("must name one of the bodies", (key, "body"), value=series.body)
+    if not all(abs(tilt) <= 90.0 for tilt in series.phi_deg):
+        raise places.error("must hold tilts within ±90", (key, "phi_deg"))
+    gamma, resistance = design.bodies[series.body].gamma, design.constants.rolling_resistance
+    smallest = theta_min(gamma, np.radians(series.phi_deg), rolling_resistance=resistance)
     if np.any(np.isnan(smallest)):
-        steep = design.line.phi_deg[int(np.argmax(np.isnan(smallest)))]
-        raise places.error("must hold tilts at which the body can ascend", ("line", "phi_deg"), value=steep)
+        steep = series.phi_deg[int(np.argmax(np.isnan(smallest)))]
+        raise places.error("must hold tilts at which the body can ascend", (key, "phi_deg"), value=steep)
+
+
+def _check_trials(trials: TrialsDesign, places: Places) -> None:
+    limits = {
+        "expected_gamma": (0.001, 1.0), "trials_each": (1, 1000), "step_deg": (0.01, 45.0), "scatter_deg": (0.0, 45.0), "release_deg": (0.0, 45.0),
+    }
+    for key, (low, high) in limits.items():
+        if not low <= getattr(trials, key) <= high:
+            raise places.error(f"must lie between {low:g} and {high:g}", ("trials", key), value=getattr(trials, key))
+
+
+def _trials_csv(design: Design, trials: TrialsDesign, rng: np.random.Generator) -> str:
+    """Both ends at each tilt, with one reading of it."""
+    instruments = design.instruments
+    phi = np.radians(trials.phi_deg)
+    readings = np.radians(np.round(trials.phi_deg + instruments.u_phi_deg * rng.standard_normal(phi.size), 2))
+    rows = []
+    for largest in (False, True):
+        found = simulate_trials(
+            phi, design.bodies[trials.body].gamma, rolling_resistance=design.constants.rolling_resistance, u_phi=0.0,
+            scatter=float(np.radians(trials.scatter_deg)), release=float(np.radians(trials.release_deg)), expected=trials.expected_gamma,
+            n_trial=trials.trials_each, step=float(np.radians(trials.step_deg)), largest=largest, readings=readings, rng=rng,
+        )
+        rows += [f"{np.degrees(p):.2f},{np.degrees(a):.4g},{c:d}" for p, a, c in zip(*found, strict=True)]
+    return "\n".join(["phi_deg,theta_deg,climbed", *rows, ""])
 
 
 def simulate_campaign(loaded: LoadedDesign) -> dict[str, str]:
@@ -150,7 +199,7 @@ def simulate_campaign(loaded: LoadedDesign) -> dict[str, str]:
     Each run has its own random stream, so that adding one leaves the others as they are.
     """
     design = loaded.design
-    streams = iter(np.random.default_rng(design.seed).spawn(len(design.bodies) + len(design.runs) + 2))
+    streams = iter(np.random.default_rng(design.seed).spawn(len(design.bodies) + len(design.runs) + 3))
     stamp = f"# SYNTHETIC data: made by `estim simulate` from {one_line(loaded.name)} (SHA-256 {loaded.sha256}), seed {design.seed}.\n"
     shared_rng = next(streams)
     shared = _shared_lines(design, shared_rng)
@@ -163,6 +212,8 @@ def simulate_campaign(loaded: LoadedDesign) -> dict[str, str]:
         rng = next(streams)
         files[f"runs/{run.name}.csv"] = stamp + _run_csv(design, run, rng)
         tables.append(_run_table(design, run, rng))
+    if design.trials is not None:
+        files["trials.csv"] = stamp + _trials_csv(design, design.trials, next(streams))
     files["campaign.toml"] = stamp + _campaign_toml(design, shared, bodies, tables)
     files["truth.toml"] = stamp + _truth_toml(design)
     return files
@@ -254,6 +305,10 @@ def _campaign_toml(design: Design, shared: list[str], bodies: Mapping[str, list[
     blocks += [[f"[bodies.{_toml_key(name)}]", *lines] for name, lines in bodies.items()]
     blocks += [["[[runs]]", *lines] for lines in runs]
     blocks += [["[line]", 'file = "theta_min.csv"', f"body = {_toml_string(design.line.body)}"]]
+    if design.trials is not None:
+        u_phi, u_theta = design.instruments.u_phi_deg, design.instruments.u_theta_min_deg
+        named = ["[trials]", 'file = "trials.csv"', f"body = {_toml_string(design.trials.body)}"]
+        blocks.append([*named, f"u_phi_deg = {u_phi}", f"u_theta_deg = {u_theta}"])
     return "\n\n".join("\n".join(block) for block in blocks) + "\n"
 
 

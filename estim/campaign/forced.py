@@ -104,6 +104,14 @@ def force_scale(levels: Levels, circumstances: Circumstances) -> Stance:
     return Stance(scale)
 
 
+def possible_force(levels: Levels, circumstances: Circumstances) -> Stance:
+    """The same for a comparison of models: as stated, the default also where 0 is stated; none where there is an obstacle."""
+    level = _stated(levels)
+    if level is not None and not level.table.unmodelled_force and not any(obstacle.stands(circumstances) for obstacle in OBSTACLES):
+        return Stance(FORCE_SCALE)
+    return force_scale(levels, circumstances)
+
+
 def complete_as(reason: str, run: str) -> Finding:
     """That the curve of a run is taken as complete, and why."""
     return Finding(Kind.CURVE_COMPLETE, run=run, names=(reason,))
@@ -129,7 +137,7 @@ def fit_with_forces(white: Fit, tables: Mapping[str, Run], levels: Mapping[str, 
     Where a run cannot be linearised the curves are taken as complete.  Raises InputError where its force was asked for.
     """
     problem = white.problem
-    courses = {run.name: _course(run, tables[run.name]) for run in problem.runs if run.force}
+    courses = {run.name: course_of(run, tables[run.name]) for run in problem.runs if run.force}
     if white.singular:
         return _unforced(white, {name: levels[name] for name in courses}, "some combination of the parameters is not determined at all")
     try:
@@ -188,7 +196,7 @@ def _free_fit(white: Fit, courses: Mapping[str, Course], *, rng: np.random.Gener
     return free, found
 
 
-def _course(run: Observations, table: Run) -> Course:
+def course_of(run: Observations, table: Run) -> Course:
     """The motion of a run and its readings: all rows of the table where the points are made of them, else those that are fit."""
     t = table.columns.get("t_s")
     every = np.arange(run.n_obs)

@@ -24,7 +24,9 @@ from typing import Any
 
 import numpy as np
 
+from estim.arrays import FloatArray
 from estim.campaign.campaign_file import CampaignFile, NoiseTable, OwnCurve, checked
+from estim.campaign.curve_models import CurveModel
 from estim.campaign.curve_tables import (
     CurveRunTable,
     CurveTable,
@@ -42,8 +44,9 @@ from estim.campaign.own_curve_lacks import order_columns, refuse_lacks
 from estim.campaign.own_curve_points import MIN_ROWS, CurvePoints
 from estim.common import InputError
 from estim.curves import AxisNames, Component, DistortedCurve, Formula, read_formula
+from estim.deviation import BadFrames, ForceSize
 from estim.explanation import Suspects
-from estim.fitting import Fit, fit_lacking, fit_optimum, is_resolved, no_scatter, silent_parameters
+from estim.fitting import Fit, fit_lacking, fit_optimum, information, is_resolved, no_scatter, silent_parameters
 from estim.problem import Curve, Parameter, Prior, Problem, shared_first
 from estim.reading import Places, Run, of_any_curve, read_table, run_of_table
 
@@ -121,6 +124,11 @@ class CurveStudy:
         self._require_determined(fit)
         return fit_lacking(fit, rng=rng) if any(run.lacks is not None for run in problem.runs) else fit
 
+    def foreseen(self, problem: Problem, tables: Mapping[str, Run], values: FloatArray, sizes: Mapping[str, ForceSize]) -> FloatArray:
+        """Fisher information; what the curve may lack is not foreseen.  Raises InputError where the campaign asks for that."""
+        refuse_lacks(self.source, self.table, self.runs, "estim plan")
+        return information(problem.linearised(values), values)
+
     def check(self, name: str, tables: Mapping[str, Run]) -> None:
         """Raises InputError where the data of a run pose no problem."""
         self.problem([name], tables)
@@ -131,6 +139,14 @@ class CurveStudy:
     def noise_models(self, name: str, table: Run) -> tuple[Candidate, ...]:
         """Raises InputError: the tables of a curve state one noise."""
         raise self._only_noise()
+
+    def curve_models(self, names: Sequence[str], tables: Mapping[str, Run]) -> tuple[CurveModel, ...]:
+        """Raises InputError: the models that are compared are those of a rolling body."""
+        raise self.source.places.error("is a formula of your own; estim compare-models compares models of a rolling body", ("curve",))
+
+    def fit_model(self, model: CurveModel, tables: Mapping[str, Run], *, bad: Mapping[str, BadFrames], rng: np.random.Generator) -> Fit:
+        """The mode of the problem of a model."""
+        return self.fit(model.problem, tables, rng=rng)
 
     def _only_noise(self) -> InputError:
         return self.source.places.error("is fit with the noise that its own tables state: no other model to compare", ("curve",))

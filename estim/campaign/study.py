@@ -7,9 +7,12 @@ from typing import Protocol
 
 import numpy as np
 
+from estim.arrays import FloatArray
 from estim.campaign.campaign_file import NoiseTable
+from estim.campaign.curve_models import CurveModel
 from estim.campaign.levels import Path
 from estim.campaign.noise_models import Candidate
+from estim.deviation import BadFrames, ForceSize
 from estim.explanation import Suspects
 from estim.fitting import Fit
 from estim.problem import Problem
@@ -35,6 +38,12 @@ class Study(Protocol):
     def fit(self, problem: Problem, tables: Mapping[str, Run], *, rng: np.random.Generator) -> Fit:
         """The posterior mode, where the data determine one."""
 
+    def foreseen(self, problem: Problem, tables: Mapping[str, Run], values: FloatArray, sizes: Mapping[str, ForceSize]) -> FloatArray:
+        """(n_par, n_par) information at `values` that runs with `tables` would give, priors included.
+
+        sizes : run -> how large its unmodelled force is; runs without one have none.
+        """
+
     def check(self, name: str, tables: Mapping[str, Run]) -> None:
         """Raises InputError where the data of a run cannot be what the campaign says of them."""
 
@@ -43,6 +52,12 @@ class Study(Protocol):
 
     def noise_models(self, name: str, table: Run) -> tuple[Candidate, ...]:
         """The models of the noise that the data of a run allow, two at least."""
+
+    def curve_models(self, names: Sequence[str], tables: Mapping[str, Run]) -> tuple[CurveModel, ...]:
+        """The models of the runs `names` that can be compared, two at least."""
+
+    def fit_model(self, model: CurveModel, tables: Mapping[str, Run], *, bad: Mapping[str, BadFrames], rng: np.random.Generator) -> Fit:
+        """The posterior mode of one of them; bad : run -> frames that another model shows to be shifted."""
 
     def place_of_unknowns(self, name: str) -> Path:
         """Where in the file the unknowns of a run are declared."""

@@ -7,6 +7,9 @@ distribution of each statistic is therefore simulated with that projection in it
 What each test sees: `chi2` the size of the residuals (only where the size of the noise was stated); `runs` too few
 changes of sign; `autocorrelation` neighbours alike; `trend` a slow drift along the run; `largest` a single outlier.
 Residuals that are all zero have no pattern to test: they fail as such (`zero`).
+`speed` is told and fails nothing, for it does not bias the curve: whether residuals of a motion are larger where the body is fast, as those of
+blurred pictures are (paper, section IV: "at high speeds the image of the disk center becomes fuzzy").  Its statistic is
+sum |z| (v^2/mean(v^2) - 1)/sum |z|, large where the noise grows with the speed v of the fitted curve, whatever its size.
 An inferred scatter swallows chi2, so the scatter itself is compared with what the instrument explains.
 
 A stated error may be far larger than what the readings show, for what they all share: then a pattern in the residuals does no harm as long as
@@ -36,6 +39,7 @@ from estim.problem import Observations, reading_sd
 from estim.words import TESTS
 
 P_POOR_FIT = 1e-3
+P_TOLD = 5e-3  # of `speed`, below which it is told
 SCATTER_LIMIT = 3.0  # times what the instrument explains: nine tenths of the variance would be something else
 _NO_ERRORS = 1e-9  # standard deviations; residuals that are all smaller are rounding errors
 _N_SIMULATED = 20_000
@@ -60,6 +64,7 @@ class Goodness:
     whitened : (n_obs,) residuals with unit covariance, in order; heavy tails are mapped to normal scores.
     raw : (n_obs,) residuals in units of the ordinate.
     sd : (n_obs,) their standard deviations.
+    speed : whether the noise grows with the speed of a body; None where nothing moves.
     checks : name -> Check.  scatter_ratio : inferred scatter / instrument's share of the noise; nan where not inferred.
     pattern : size of all residuals together, chi2 + 4 slow, 1: as large as one standard deviation; times the number of runs that are fit
         together, since all of them may have it.
@@ -76,6 +81,7 @@ class Goodness:
     pattern: float
     room: float
     bears_neighbours: bool = False
+    speed: Check | None = None
 
     @property
     def alike(self) -> tuple[str, ...]:
@@ -128,9 +134,11 @@ def check_goodness(fit: Fit, *, rng: np.random.Generator) -> tuple[Goodness, ...
     for run, z, null, (raw, sd) in zip(problem.runs, whitened, simulated, _raw_and_sd(fit, named), strict=True):
         empty = no_scatter(run, fit) or float(np.max(np.abs(z))) < _NO_ERRORS
         checks = {"zero": Check(0.0, P_FLOOR, TESTS["zero"])} if empty else _checks(z, null.T, stated=run.stated)
+        speed = None if empty else _with_speed(z, null.T, _speeds(run, named))
         pattern, room = len(problem.runs) * _pattern(z), _room(run, raw)
         bears = run.name in forced and run.noise.made_of_positions
-        checked.append(Goodness(run.name, z, raw, sd, checks, _scatter_ratio(run, named), pattern=pattern, room=room, bears_neighbours=bears))
+        scatter = _scatter_ratio(run, named)
+        checked.append(Goodness(run.name, z, raw, sd, checks, scatter, pattern=pattern, room=room, bears_neighbours=bears, speed=speed))
     return tuple(checked)
 
 
@@ -181,6 +189,25 @@ def _checks(z: FloatArray, simulated: FloatArray, *, stated: bool) -> dict[str, 
         p = (1.0 + float(np.sum(null[name] >= statistic - 1e-12))) / (1.0 + null[name].size)
         checks[name] = Check(statistic, p, TESTS[name])
     return checks
+
+
+def _speeds(run: Observations, named: Mapping[str, FloatArray]) -> FloatArray | None:
+    """(n_obs,) speeds of the fitted curve at the points of a motion, in its own unit per second."""
+    if run.motion is None:
+        return None
+    arguments = run.bind(named)
+    found = run.curve.local(run.x, arguments).slope if run.positions else run.curve.value(run.x, arguments)
+    return np.abs(np.broadcast_to(found, (1, run.n_obs))[0])
+
+
+def _with_speed(z: FloatArray, simulated: FloatArray, v: FloatArray | None) -> Check | None:
+    """Whether z (n_obs,) is larger where the speed v (n_obs,) is, against simulated ones (n_sim, n_obs)."""
+    if v is None or not np.ptp(v) > 0.0:
+        return None
+    weight = np.square(v) / np.mean(np.square(v)) - 1.0
+    statistic, null = (np.abs(rows) @ weight / np.sum(np.abs(rows), axis=-1) for rows in (z, simulated))
+    p = (1.0 + float(np.sum(null >= statistic - 1e-12))) / (1.0 + null.size)
+    return Check(float(statistic), p, TESTS["speed"])
 
 
 def _statistics(z: FloatArray) -> dict[str, FloatArray]:

@@ -9,20 +9,25 @@ from __future__ import annotations
 import os
 import sys
 import warnings
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
 
+from estim.cli.calibrating import calibrate
 from estim.cli.causes import say_causes, with_causes
-from estim.cli.comparing import compare as compare_models
+from estim.cli.comparing import compare as compare_noise
 from estim.cli.importing import import_run
+from estim.cli.line import line
+from estim.cli.mapping import map_motions
+from estim.cli.models import compare_models
+from estim.cli.options import JOINT, NO_FIGURES, OUT, RUNS, SEED, STEPS
+from estim.cli.planning import plan_next
+from estim.cli.propagating import say_propagated
 from estim.cli.terminal import (
     NOT_OK,
     announced,
     conclude,
-    counted,
     exit_code,
     groups_of,
     progress_bar,
@@ -33,25 +38,17 @@ from estim.cli.terminal import (
     write_report,
 )
 from estim.cli.weighing import say_bodies
-from estim.common import InputError, Stream, asked_to_stop, decide, ended_by_signals, stream
+from estim.common import InputError, Stream, asked_to_stop, ended_by_signals, stream
 
 if TYPE_CHECKING:
     from estim.pipeline import Analysis
     from estim.reading import Unit
     from estim.studies import Drift, EnergyRecord
 
-_RUNS = click.option("--run", "runs", multiple=True, metavar="NAME", help="This run only; may be given several times.  [default: every run]")
-_JOINT = click.option("--joint", is_flag=True, help="Fit the runs together: what they share is one unknown.")
-_STEPS = click.option("--max-steps", type=click.IntRange(min=50), default=20_000, show_default=True, help="Hard cap on the sampler's steps.")
-_OUT = click.option(
-    "--out", type=click.Path(path_type=Path, file_okay=False),
-    help="Folder for the report, made if it is not there.  [default: out/ and the name of the campaign's folder]",
+@click.group(
+    context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100},
+    commands=[calibrate, compare_models, line, map_motions, plan_next],
 )
-_SEED = click.option("--seed", type=click.IntRange(min=0, max=2**63 - 1), default=1, show_default=True, help="Seed of every random number.")
-_NO_FIGURES = click.option("--no-figures", is_flag=True, help="Write the report without figures, for its text and numbers alone: it is done sooner.")
-
-
-@click.group(context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100})
 @click.version_option(package_name="estim")
 def cli() -> None:
     """Uncertainties and Bayesian parameter estimation for lab experiments.
@@ -62,12 +59,12 @@ def cli() -> None:
 
 @cli.command()
 @click.argument("campaign", type=click.Path(path_type=Path))
-@_RUNS
-@_JOINT
-@_STEPS
-@_OUT
-@_SEED
-@_NO_FIGURES
+@RUNS
+@JOINT
+@STEPS
+@OUT
+@SEED
+@NO_FIGURES
 @click.option(
     "--marginal/--full", default=None, help="Sample a joint fit through the marginal over its runs, or all unknowns at once.  "
     "[default: the marginal for more than 16 runs, and for `positions` with more than 12 unknowns]",
@@ -105,8 +102,7 @@ def fit(
     if compare:
         if explain or marginal is not None:
             raise InputError("does not go with --explain, --marginal or --full", field="--compare")
-        drawn = not no_figures
-        _exit_unless(compare_models(loaded, groups, folder, seed=seed, max_steps=max_steps, resume=resume, stop=stop, figures=drawn))
+        _exit_unless(compare_noise(loaded, groups, folder, seed=seed, max_steps=max_steps, resume=resume, stop=stop, figures=not no_figures))
         return
     stores = stores_of(folder, groups, joint=joint, resume=resume)
     results, explanations = {}, []
@@ -136,38 +132,12 @@ def fit(
 
 @cli.command()
 @click.argument("campaign", type=click.Path(path_type=Path))
-@_OUT
-@_SEED
-@_NO_FIGURES
-def line(campaign: Path, out: Path | None, seed: int, no_figures: bool) -> None:
-    """Fit the theta_min line of CAMPAIGN: sin(theta_min) against sin(phi), whose slope is 1/gamma."""
-    from estim.campaign import gamma_of_body, load_campaign
-    from estim.line import analyse_line, read_theta_min
-    from estim.reports import line_report
-    from estim.sampling import Target
-    from estim.words import Voice
-
-    loaded = load_campaign(campaign)
-    loaded.study.require_body()
-    series = read_theta_min(loaded.source)
-    target = Target()
-    with progress_bar("line", target.max_step) as progress:
-        analysis = analyse_line(series, gamma_masses=gamma_of_body(loaded.source, series.body), seed=seed, target=target, progress=progress)
-    folder = out or Path("out") / campaign.resolve().parent.name / "line"
-    write_report(folder, line_report(loaded, analysis, voice=Voice.COMMANDS, figures=not no_figures))
-    conclude("line", analysis.status, [*analysis.reasons, *filter(None, (analysis.disagreement,))])
-    report_at(folder / "report.md", loaded.source.outside(runs=False, line=True))
-    _exit_unless(analysis.status.ok)
-
-
-@cli.command()
-@click.argument("campaign", type=click.Path(path_type=Path))
-@_RUNS
-@_JOINT
-@_STEPS
-@_OUT
-@_SEED
-@_NO_FIGURES
+@RUNS
+@JOINT
+@STEPS
+@OUT
+@SEED
+@NO_FIGURES
 def energy(campaign: Path, runs: tuple[str, ...], joint: bool, max_steps: int, out: Path | None, seed: int, no_figures: bool) -> None:
     """Check the energy along the runs of CAMPAIGN: how much is lost, and is the loss steady?"""
     from estim.campaign import load_campaign
@@ -199,10 +169,10 @@ def energy(campaign: Path, runs: tuple[str, ...], joint: bool, max_steps: int, o
 
 @cli.command()
 @click.argument("campaign", type=click.Path(path_type=Path))
-@_STEPS
-@_OUT
-@_SEED
-@_NO_FIGURES
+@STEPS
+@OUT
+@SEED
+@NO_FIGURES
 def reanalyse(campaign: Path, max_steps: int, out: Path | None, seed: int, no_figures: bool) -> None:
     """Everything that CAMPAIGN says, in one report.
 
@@ -227,63 +197,6 @@ def reanalyse(campaign: Path, max_steps: int, out: Path | None, seed: int, no_fi
 
 
 @cli.command()
-@click.argument("campaign", type=click.Path(path_type=Path))
-@_RUNS
-@_JOINT
-@click.option("--simulations", type=click.IntRange(min=20), default=200, show_default=True, help="Simulated campaigns for each question.")
-@click.option("--what", type=click.Choice(["sbc", "coverage", "both"]), default="both", show_default=True, help="Truths from the priors, or the fit.")
-@click.option("--jobs", type=click.IntRange(min=1), help="Processes.  [default: one for each core]")
-@_OUT
-@_SEED
-@_NO_FIGURES
-@click.option("--resume", is_flag=True, help="Continue a calibration that was interrupted, from the trials kept in OUT/.checkpoint.")
-def calibrate(
-    campaign: Path, runs: tuple[str, ...], joint: bool, simulations: int, what: str, jobs: int | None, out: Path | None, seed: int, resume: bool,
-    no_figures: bool,
-) -> None:
-    """Check on simulated data whether the intervals for CAMPAIGN hold the truth as often as they say.
-
-    Exit code 3 means that they do not; the report says which one is too narrow, too wide or biased.  Also
-    that processes were killed, twice (too little memory?): one line says so, and there is no report.
-    """
-    from estim.calibration import campaign_design, coverage, coverage_sentence, findings, simulation_based_calibration
-    from estim.campaign import as_complete, load_campaign
-    from estim.reports import calibration_report
-    from estim.sampling import PieceStore, only_writer
-    from estim.words import tell
-
-    loaded = load_campaign(campaign)
-    folder = out or Path("out") / campaign.resolve().parent.name / "calibration"
-    groups, trusted, stores = groups_of(loaded, runs, joint=joint), True, []
-    for group in groups:
-        loaded.require_unknowns(loaded.problem(group), drawn=True)
-    chosen = {"sbc": simulation_based_calibration, "coverage": coverage}
-    click.get_current_context().with_resource(only_writer(folder / ".checkpoint"))
-    for group in groups:
-        fit = loaded.fit(as_complete(loaded.problem(group), "estim calibrate"), rng=stream(seed, Stream.CALIBRATION_FIT))
-        design = campaign_design(loaded, group, fitted=fit.values)
-        calibrations = []
-        for kind in ("sbc", "coverage") if what == "both" else (what,):
-            kept = folder / ".checkpoint" / f"{'joint-' * joint}{group[0]}-{kind}"
-            stores.append(PieceStore(kept, resume=resume, say=partial(say, err=True), within=folder))
-            with counted(f"{', '.join(group)}: {kind}", simulations) as progress:
-                calibrations.append(
-                    chosen[kind](design, fit, n_trial=simulations, seed=seed, jobs=jobs or os.cpu_count() or 1, progress=progress, store=stores[-1])
-                )
-        place = folder if len(groups) == 1 else folder / group[0]
-        write_report(place, calibration_report(loaded, calibrations, figures=not no_figures), within=folder)
-        for calibration in calibrations:
-            found = findings(calibration)
-            trusted = trusted and decide(found).ok
-            said = [] if calibration.what == "sbc" else [coverage_sentence(calibration, name) for name in calibration.reported]
-            conclude(f"{', '.join(group)}, {calibration.what}", decide(found), [*map(tell, found), *said])
-        report_at(place / "report.md", loaded.source.outside())
-    for store in stores:
-        store.remove()
-    _exit_unless(trusted)
-
-
-@cli.command()
 @click.argument("design", type=click.Path(path_type=Path))
 @click.option("--out", required=True, type=click.Path(path_type=Path, file_okay=False), help="Folder for the campaign.")
 def simulate(design: Path, out: Path) -> None:
@@ -297,11 +210,21 @@ def simulate(design: Path, out: Path) -> None:
 
 @cli.command()
 @click.argument("file", type=click.Path(path_type=Path))
-@_OUT
-@_SEED
+@OUT
+@SEED
 def body(file: Path, out: Path | None, seed: int) -> None:
     """Mass, gamma, kappa and rho of the bodies in FILE (a campaign, or bodies alone) from their parts, with a budget."""
     say_bodies(file, out or Path("out") / file.resolve().parent.name / "body", seed=seed)
+
+
+@cli.command()
+@click.argument("file", type=click.Path(path_type=Path))
+@OUT
+@SEED
+@NO_FIGURES
+def propagate(file: Path, out: Path | None, seed: int, no_figures: bool) -> None:
+    """Uncertainty of a measurement model FILE: the GUM and Monte Carlo side by side, with a budget (docs/propagation.md)."""
+    _exit_unless(say_propagated(file, out or Path("out") / file.stem, seed=seed, figures=not no_figures))
 
 
 @cli.command("import")

@@ -98,6 +98,7 @@ class Kind(StrEnum):
     RESIDUALS_SMALL = auto()
     PATTERN_COVERED = auto()
     NEIGHBOURS_ALIKE = auto()
+    NOISE_WITH_SPEED = auto()
     CHI2_TOO_LARGE = auto()
     CHI2_SMALL = auto()
     SCATTER_TOO_LARGE = auto()
@@ -122,6 +123,8 @@ class Kind(StrEnum):
     ROLLING_SURE = auto()
     ROLLING_DOUBTFUL = auto()
     ROLLING_HOPS = auto()
+    # the map of motions
+    RUN_OFF_MAP = auto()
     # candidates for it, each refit
     CAUSE_NAMED = auto()
     CAUSES_ALIKE = auto()
@@ -161,6 +164,11 @@ class Kind(StrEnum):
     GAMMA_TOO_LARGE = auto()
     POINTS_SCATTER = auto()
     GAMMA_DISAGREES = auto()
+    # trials of release
+    TRIALS_SILENT = auto()
+    TRIALS_SCATTER = auto()
+    TRIALS_DISAGREE = auto()
+    ENDS_DISAGREE = auto()
     # a calibration
     RANKS_UNEVEN = auto()
     COVERAGE_OFF = auto()
@@ -180,14 +188,14 @@ class Kind(StrEnum):
 _KINDS = {
     Status.NOT_CONVERGED: (Kind.FIT_UNSETTLED, Kind.STEP_UNSETTLED, Kind.CHAIN_SHORT, Kind.WALKERS_STUCK),
     Status.METHODS_DISAGREE: (Kind.METHODS_DIFFER, Kind.SLOPES_DIFFER),
-    Status.CONTRADICTION: (Kind.STATED_DISAGREE, Kind.RUNS_AGAINST_STATED),
+    Status.CONTRADICTION: (Kind.STATED_DISAGREE, Kind.RUNS_AGAINST_STATED, Kind.RUN_OFF_MAP),
     Status.MULTIMODAL: (Kind.SEVERAL_SOLUTIONS,),
-    Status.NOT_IDENTIFIED: (Kind.DIRECTION_FLAT, Kind.SINGULAR, Kind.UNDETERMINED, Kind.LINE_NOT_RISING),
+    Status.NOT_IDENTIFIED: (Kind.DIRECTION_FLAT, Kind.SINGULAR, Kind.UNDETERMINED, Kind.LINE_NOT_RISING, Kind.TRIALS_SILENT),
     Status.POOR_FIT: (
         Kind.RESIDUALS_ZERO, Kind.RESIDUALS_TOO_LARGE, Kind.RESIDUALS_NOT_RANDOM, Kind.CURVE_LACKS, Kind.CHI2_TOO_LARGE, Kind.SCATTER_TOO_LARGE,
         Kind.FORCE_TOO_LARGE, Kind.FORCE_NOT_LINEAR, Kind.NOISE_TOO_LARGE,
         Kind.OUTLIERS_CROWD, Kind.FRAMES_CROWD, Kind.RUNS_DISAGREE, Kind.RUN_DISAGREES, Kind.RUNS_TIED, Kind.STATED_AND_CURVE,
-        Kind.GAMMA_TOO_LARGE, Kind.POINTS_SCATTER,
+        Kind.GAMMA_TOO_LARGE, Kind.POINTS_SCATTER, Kind.TRIALS_SCATTER,
     ),
     Status.AT_BOUND: (Kind.PRESSED_EDGE, Kind.PRESSED_LIMIT),
     Status.NOT_CALIBRATED: (Kind.RANKS_UNEVEN, Kind.COVERAGE_OFF, Kind.TRIALS_FAILED),

@@ -35,6 +35,14 @@ class Stream(IntEnum):
     EXPLANATION = 16  # of what a curve lacks: null distributions
     PARTS = 17  # of bodies
     FRICTION = 18  # as stated
+    AGAIN = 19  # data sets drawn from a posterior
+    WIDTHS = 20  # of priors, in a comparison of models
+    MEASUREMENT = 30  # models: propagated distributions
+    PLAN_FIT = 31
+    PLAN_DRAWS = 32  # against which linear theory is held
+    REGIMES = 33  # what is known of bodies that are mapped
+    RELEASE_CHAIN = 34  # of trials of release: where it starts
+    RELEASE_DRAWS = 35  # and their importance sampling
 
 
 def stream(seed: int, name: Stream, *index: int) -> np.random.Generator:

@@ -77,6 +77,8 @@ _STEPS = frozenset(
 
 
 def _power_of_base(r: Any, a: Any, b: Any) -> Any:
+    if isinstance(b, int | float) and b == 0.0:  # not 0 times the infinity of 1/a at a = 0
+        return 0.0
     return b * np.power(a, b - 1.0)
 
 

@@ -239,8 +239,13 @@ def shared_force_shapes(
         shared, plain = stacked @ root(without_mean(kernel, along.weights)), root(kernel)
         each = block_diag(*(r.force @ plain for r in responses))
         log_each = float(log_prior - np.log(len(own)))
-        shapes += [Shape(f"force, own x {ratio:g}", float(length), np.hstack([shared, ratio * each]), log_each) for ratio in own]
+        shapes += [Shape(own_kind(ratio), float(length), np.hstack([shared, ratio * each]), log_each) for ratio in own]
     return tuple(shapes)
+
+
+def own_kind(ratio: float) -> str:
+    """The kind of a shared force whose runs have own forces `ratio` times as large."""
+    return f"{FORCE}, own x {ratio:g}"
 
 
 def work_along(along: Track, x: FloatArray) -> FloatArray:

@@ -58,17 +58,26 @@ def prior_grid(amplitude: float, *, spike: float = SPIKE, scales: tuple[float, .
         raise InputError("must be > 0 and hold 1", field="scales", value=str(scales))
     sizes = amplitude * np.geomspace(_LOWEST, _HIGHEST, n_amplitude)
     slab = _normalised(np.log(sizes) - 0.5 * np.square(sizes / amplitude))  # equal steps of log a: density times a
-    factors = np.array(scales, dtype=float)
-    wide = _normalised(-np.log1p(np.square(np.log(factors) / _SCALE_SPREAD)))  # Cauchy: an error stated far too large must show
+    factors, wide = _noise_scales(scales)
     if spike == 0.0:
         return Grid(sizes, slab, factors, wide)
     return Grid(np.r_[0.0, sizes], np.r_[np.log(spike), np.log1p(-spike) + slab], factors, wide)
+
+
+def noise_grid() -> Grid:
+    """The grid of the size of the noise alone, as beside a deviation, and no deviation."""
+    return Grid(np.zeros(1), np.zeros(1), *_noise_scales(SCALES))
 
 
 def track_lengths(track: float, *, n: int = _N_LENGTH) -> tuple[FloatArray, FloatArray]:
     """Lengths (n,) from a thirtieth to 0.6 of the track, in its unit, and their log prior probabilities: log-normal(track/6, 0.7)."""
     lengths = track * np.geomspace(_SHORTEST, _LONGEST, n)
     return lengths, _normalised(-0.5 * np.square(np.log(lengths * _PART / track) / _LENGTH_SPREAD))
+
+
+def _noise_scales(scales: tuple[float, ...]) -> tuple[FloatArray, FloatArray]:
+    factors = np.array(scales, dtype=float)
+    return factors, _normalised(-np.log1p(np.square(np.log(factors) / _SCALE_SPREAD)))  # Cauchy: an error stated far too large must show
 
 
 def _normalised(log_weight: FloatArray) -> FloatArray:

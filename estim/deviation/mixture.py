@@ -8,6 +8,7 @@ release, the clock, the scale of length), each column times the standard deviati
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -38,6 +39,10 @@ class Mixture:
     columns: FloatArray
     terms: tuple[Terms, ...]
     lost: float
+
+    def with_columns(self, columns: FloatArray) -> Mixture:
+        """The same components beside other small systematic effects, columns (n_obs, n_column), whitened."""
+        return Mixture(self.deviation, columns, tuple(_terms(family, columns) for family in self.deviation.families), self.lost)
 
     @property
     def n_component(self) -> int:
@@ -84,7 +89,10 @@ class Mixture:
                 parts.append(terms.log_density(square, seen, along))
             else:
                 parts.append(_rescaled(family, self.columns, square, seen, along, np.asarray(relative, dtype=float)))
-        return np.hstack(parts) - self.deviation.log_volume - 0.5 * z.shape[1] * np.log(2.0 * np.pi)
+        logs = np.hstack(parts)
+        logs -= self.deviation.log_volume
+        logs -= 0.5 * z.shape[1] * np.log(2.0 * np.pi)
+        return logs
 
     def shares(self, residuals: FloatArray) -> FloatArray:
         """(n_component,) probability of each component at residuals (n_obs,)."""
@@ -140,37 +148,63 @@ class Mixture:
         """
         residuals = np.atleast_2d(residuals)
         plain = self.deviation.turned_back(np.eye(residuals.shape[1]))
-        return np.vstack([self._pointwise(residuals[start : start + _CHUNK], plain) for start in range(0, len(residuals), _CHUNK)])
+        given = tuple(self._given(plain))
+        return np.vstack([self._pointwise(residuals[start : start + _CHUNK], plain, given) for start in range(0, len(residuals), _CHUNK)])
 
-    def _pointwise(self, residuals: FloatArray, plain: FloatArray) -> FloatArray:
+    def _given(self, plain: FloatArray) -> Iterator[tuple[_Given, ...]]:
+        """For each family, what `_pointwise` needs of each of its components whatever the residuals."""
+        own, whole, moved = np.sum(plain**2, axis=0), self.columns.T @ self.columns, plain.T @ self.columns
+        for family in self.deviation.families:
+            basis, lying = plain.T @ family.basis, family.basis.T @ self.columns
+            squared, found = basis**2, []
+            for variance, scale in zip(family.variances(), family.scale, strict=True):
+                gain = 1.0 / variance - 1.0 / scale**2
+                diagonal = own / scale**2 + squared @ gain
+                turned = gain[:, None] * lying
+                root = np.linalg.inv(np.linalg.cholesky(np.eye(len(whole)) + whole / scale**2 + lying.T @ turned)).T
+                pushed = (moved / scale**2 + basis @ turned) @ root
+                if len(whole):
+                    diagonal -= np.sum(pushed**2, axis=1)
+                found.append(_Given(scale, gain, turned, root, pushed, 0.5 / diagonal, 0.5 * np.log(diagonal / (2.0 * np.pi))))
+            yield tuple(found)
+
+    def _pointwise(self, residuals: FloatArray, plain: FloatArray, given: tuple[tuple[_Given, ...], ...]) -> FloatArray:
         logs = self.log_components(residuals)
         z = self.deviation.whiten(residuals)
         without, start = np.full(z.shape, -np.inf), 0
-        along, back, own, whole = z @ self.columns, z @ plain, np.sum(plain**2, axis=0), self.columns.T @ self.columns
-        moved = plain.T @ self.columns
-        for family in self.deviation.families:
-            seen, basis, lying = z @ family.basis, plain.T @ family.basis, family.basis.T @ self.columns
-            squared = basis**2
+        along, back = z @ self.columns, z @ plain
+        for family, each in zip(self.deviation.families, given, strict=True):
+            seen, basis = z @ family.basis, plain.T @ family.basis
             parts = np.empty((family.amplitude.size, *z.shape))
-            for part, variance, scale in zip(parts, family.variances(), family.scale, strict=True):
-                gain = 1.0 / variance - 1.0 / scale**2
-                diagonal = own / scale**2 + squared @ gain
-                solved = back / scale**2 + (seen * gain) @ basis.T
+            for part, one in zip(parts, each, strict=True):
+                solved = back / one.scale**2 + (seen * one.gain) @ basis.T
                 if self.columns.shape[1]:
-                    turned = gain[:, None] * lying
-                    information = np.eye(self.columns.shape[1]) + whole / scale**2 + lying.T @ turned
-                    root = np.linalg.inv(np.linalg.cholesky(information)).T
-                    pushed = (moved / scale**2 + basis @ turned) @ root
-                    diagonal -= np.sum(pushed**2, axis=1)
-                    solved -= (along / scale**2 + seen @ turned) @ root @ pushed.T
-                np.multiply(np.square(solved, out=solved), 0.5 / diagonal, out=part)
-                part -= 0.5 * np.log(diagonal / (2.0 * np.pi))
+                    solved -= (along / one.scale**2 + seen @ one.turned) @ one.root @ one.pushed.T
+                np.multiply(np.square(solved, out=solved), one.half, out=part)
+                part -= one.log
             parts += logs[:, start : start + len(parts)].T[:, :, None]
             start += len(parts)
             highest = np.max(parts, axis=0)
             np.exp(np.subtract(parts, highest, out=parts), out=parts)
             np.logaddexp(without, highest + np.log(np.sum(parts, axis=0)), out=without)
         return np.asarray(np.logaddexp.reduce(logs, axis=1)[:, None] - without)
+
+
+@dataclass(frozen=True, eq=False)
+class _Given:
+    """A component of a family, for the density of a point given the others.
+
+    scale : of the noise.  gain : (n_dir,).  turned : (n_dir, n_column).  root : (n_column, n_column).  pushed : (n_obs, n_column).
+    half, log : (n_obs,) half the variance of each point given the others, and half the logarithm of its inverse over 2 pi.
+    """
+
+    scale: float
+    gain: FloatArray
+    turned: FloatArray
+    root: FloatArray
+    pushed: FloatArray
+    half: FloatArray
+    log: FloatArray
 
 
 @dataclass(frozen=True, eq=False)
@@ -188,7 +222,10 @@ class Terms:
 
     def log_density(self, square: FloatArray, seen: FloatArray, along: FloatArray) -> FloatArray:
         """(n_draw, n_component) for |z|^2 (n_draw,), z basis (n_draw, n_dir) and z H (n_draw, n_column)."""
-        density = np.column_stack([np.square(seen), square, np.ones(square.size)]) @ self.gain
+        columns = np.empty((square.size, len(self.gain)))
+        np.square(seen, out=columns[:, :-2])
+        columns[:, -2], columns[:, -1] = square, 1.0
+        density = columns @ self.gain
         if along.shape[1]:
             explained = (seen @ self.cross + along @ self.cross_white).reshape(square.size, -1, along.shape[1])
             density += 0.5 * np.einsum("ikq,ikq->ik", explained, explained)

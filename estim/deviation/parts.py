@@ -13,6 +13,9 @@ import numpy as np
 
 from estim.arrays import FloatArray
 from estim.deviation.errors import MixtureErrors
+from estim.deviation.usual_errors import USUAL as USUAL
+from estim.deviation.usual_errors import WithUsualErrors as WithUsualErrors
+from estim.deviation.usual_errors import read_off as read_off
 from estim.deviation.usual_errors import usual_errors_of
 from estim.problem import Group, Likelihood, Named, Posterior
 

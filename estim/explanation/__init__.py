@@ -4,4 +4,5 @@ Read `explaining` first; the candidates of a rolling body stand in `estim.campai
 
 from estim.explanation.candidates import Cause, Scanned, Suspects
 from estim.explanation.explaining import FOUND, TIED, Candidate, Estimated, Explanation, explain
+from estim.explanation.predictive import P_NOT_BROUGHT_BACK, Predicted, predictive_checks
 from estim.explanation.runs_of_cause import CauseOfRuns, across_runs, verdict

@@ -1,7 +1,11 @@
-"""The straight line with errors in both variables: York, exact intervals, Bayesian; the theta_min series.
+"""The straight line with errors in both variables: York, exact intervals, Bayesian; the theta_min series; trials of release.
 
-Read `least_squares` first, `analysis` for the theta_min line."""
+Read `least_squares` first, `analysis` for the theta_min line, `release` for trials."""
 
 from estim.line.analysis import LineAnalysis, analyse_line
-from estim.line.least_squares import CONVENTIONS
-from estim.line.series import read_theta_min
+from estim.line.least_squares import CONVENTIONS, confidence_band
+from estim.line.series import ThetaMinSeries, read_theta_min
+from estim.line.straight import Columns, StraightLine, straight_line
+from estim.line.release import effective_start
+from estim.line.release_analysis import UNKNOWNS, WAYS, TrialsAnalysis, analyse_trials
+from estim.line.trials import HIGH, LOW, read_trials

@@ -4,6 +4,7 @@ Read `linear` first.  Stands alone on `common`."""
 
 from estim.propagation.inputs import Input
 from estim.propagation.linear import LinearResult, propagate_linear
-from estim.propagation.monte_carlo import MonteCarloResult, propagate_monte_carlo
+from estim.propagation.monte_carlo import BatchProgress, Interval, IntervalKind, MonteCarloResult, propagate_monte_carlo
+from estim.propagation.scores import BOUNDED, Distribution
 from estim.propagation.uncertainty_budget import Budget, BudgetAlong, budget, budget_along
 from estim.propagation.validation import Validation, compare

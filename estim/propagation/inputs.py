@@ -4,9 +4,14 @@ Which distribution to choose (GUM 4.3, JCGM 101 section 6):
 
 - ``normal``       a calibration certificate or a fit: value and standard uncertainty.  The default.
 - ``t``            the mean of a few readings (`Input.from_readings`): u = s/sqrt(n), dof = n - 1.
+- ``standardised-t``  Student's t whose standard deviation, not its scale, is u (NIST TN 1900 states it so); dof > 2.
 - ``rectangular``  only limits are known (a digital display, a tolerance, a rounding): u = half width/sqrt(3).
 - ``triangular``   limits, with the middle more likely (a sum of two equal roundings): u = half width/sqrt(6).
 - ``arcsine``      a quantity that oscillates between limits (room temperature, vibration): u = half width/sqrt(2).
+- ``trapezoidal``  limits, with a plateau in the middle (a sum of two unequal roundings); `shape` is the width of the plateau / that of the base.
+- ``curvilinear-trapezoidal``  limits that are themselves known only so well; `shape` is the error of the half width / half width (JCGM 101, 6.4.3).
+- ``exponential``  not negative, and only the mean is known (value = u, JCGM 101, 6.4.10); with another u it begins at value - u.
+- ``lognormal``, ``gamma``  a positive quantity, given by its mean and standard deviation.
 
 If it is unknown, take limits you would bet on and ``rectangular`` (`Input.from_half_width`).
 
@@ -26,19 +31,18 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations
-from typing import Literal, get_args
+from typing import get_args
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from estim.arrays import FloatArray
 from estim.common import InputError
-from estim.distributions import normal_tail, student_quantile
+from estim.propagation.scores import BOUNDED, POSITIVE, SHAPED, SYMMETRIC, Distribution, half_width_in_u, score
+from estim.propagation.skewed import skewed_coefficient
 
-Distribution = Literal["normal", "rectangular", "triangular", "arcsine", "t"]
 Correlation = Mapping[tuple[str, str], float] | ArrayLike
 
-_HALF_WIDTH_IN_U: dict[str, float] = {"rectangular": math.sqrt(3.0), "triangular": math.sqrt(6.0), "arcsine": math.sqrt(2.0)}
 _PSD_TOLERANCE = 1e-9  # smallest eigenvalue that still counts as zero
 
 
@@ -47,11 +51,14 @@ class Input:
     """One input quantity of a measurement function.
 
     name : how the function finds it.
-    value : the estimate, in `unit`; every distribution is symmetric about it.
+    value : the estimate, in `unit`: the mean of the distribution, and its middle where that is symmetric.
     u : standard uncertainty, in `unit`, >= 0; 0 is a constant.  The scale s/sqrt(n) for ``t``, else the standard deviation.
     distribution : see the top of this file; used by Monte Carlo only.
     dof : degrees of freedom of `u` (GUM G.3, G.4); used by the linear method, and by Monte Carlo for ``t`` only.
     unit : text, for tables.
+    group : inputs with one name here were read together: a multivariate t, for the scale of their errors is one unknown; all of them ``t``
+        with the same dof.  "" for none.
+    shape : of the two trapezoids only, see the top of this file: 0 (triangle, rectangle) to 1.
 
     Raises InputError for a value that breaks one of these rules.
     """
@@ -62,11 +69,13 @@ class Input:
     distribution: Distribution = "normal"
     dof: float = math.inf
     unit: str = ""
+    shape: float = 0.0
+    group: str = ""
 
     def __post_init__(self) -> None:
         if not isinstance(self.name, str) or not self.name:
             raise InputError("must be a non-empty text", field="name", value=self.name)
-        for field in ("value", "u", "dof"):
+        for field in ("value", "u", "dof", "shape"):
             object.__setattr__(self, field, _number(getattr(self, field), f"{self.name}.{field}"))
         if not math.isfinite(self.value):
             raise InputError("must be finite", field=f"{self.name}.value", value=self.value)
@@ -79,6 +88,13 @@ class Input:
             raise InputError("must be > 0", field=f"{self.name}.dof", value=self.dof)
         if self.distribution == "t" and math.isinf(self.dof):
             raise InputError("must be finite for the t distribution", field=f"{self.name}.dof", value=self.dof)
+        if self.distribution == "standardised-t" and not 2.0 < self.dof < math.inf:
+            raise InputError("must be finite and > 2 for the standardised t distribution", field=f"{self.name}.dof", value=self.dof)
+        if not 0.0 <= self.shape <= 1.0 or (self.shape > 0.0 and self.distribution not in SHAPED):
+            rule = "must lie between 0 and 1, and be left out for all distributions but the trapezoids"
+            raise InputError(rule, field=f"{self.name}.shape", value=self.shape)
+        if self.distribution in POSITIVE and not self.value > 0.0:
+            raise InputError(f"must be > 0 for the {self.distribution} distribution", field=f"{self.name}.value", value=self.value)
         if not isinstance(self.unit, str):
             raise InputError("must be a text", field=f"{self.name}.unit", value=self.unit)
 
@@ -92,14 +108,15 @@ class Input:
         distribution: Distribution = "rectangular",
         dof: float = math.inf,
         unit: str = "",
+        shape: float = 0.0,
     ) -> Input:
         """The quantity that lies within value +/- half_width for certain (GUM 4.3.7, 4.3.9; JCGM 101, 6.4.2-6.4.6)."""
-        if distribution not in _HALF_WIDTH_IN_U:
-            raise InputError(f"must be one of {', '.join(_HALF_WIDTH_IN_U)}", field=f"{name}.distribution", value=distribution)
+        if distribution not in BOUNDED:
+            raise InputError(f"must be one of {', '.join(BOUNDED)}", field=f"{name}.distribution", value=distribution)
         width = _number(half_width, f"{name}.half_width")
         if not (math.isfinite(width) and width >= 0.0):
             raise InputError("must be finite and >= 0", field=f"{name}.half_width", value=half_width)
-        return cls(name, value, width / _HALF_WIDTH_IN_U[distribution], distribution, dof, unit)
+        return cls(name, value, width / half_width_in_u(distribution, shape), distribution, dof, unit, shape)
 
     @classmethod
     def from_readings(cls, name: str, readings: ArrayLike, *, unit: str = "") -> Input:
@@ -121,6 +138,11 @@ class Input:
         return cls(name, float(sample.mean()), u, "t", float(sample.size - 1), unit)
 
     @property
+    def dof_of_u(self) -> float:
+        """Degrees of freedom of `u` for the linear method: infinite where u is the standard deviation of a stated distribution."""
+        return math.inf if self.distribution == "standardised-t" else self.dof
+
+    @property
     def standard_deviation(self) -> float:
         """Standard deviation of the distribution that Monte Carlo draws from, in `unit`; infinite for ``t`` with dof <= 2."""
         if self.distribution != "t" or self.u == 0.0:
@@ -136,6 +158,9 @@ def check_inputs(inputs: Sequence[Input]) -> tuple[Input, ...]:
     for position, one in enumerate(checked):
         if not isinstance(one, Input):
             raise InputError("must be an Input", field=f"inputs[{position}]", value=one)
+    for group in {one.group for one in checked} - {""}:
+        if {(one.distribution, one.dof) for one in checked if one.group == group} != {("t", next(o.dof for o in checked if o.group == group))}:
+            raise InputError("must be made of t distributions with the same dof", field="group", value=group)
     names = [one.name for one in checked]
     for name in names:
         if names.count(name) > 1:
@@ -183,7 +208,7 @@ def copula_matrix(inputs: Sequence[Input], correlation: FloatArray) -> FloatArra
     matrix = np.array(correlation)
     for i, j in combinations(range(len(inputs)), 2):
         first, second = inputs[i], inputs[j]
-        if matrix[i, j] != 0.0 and not (first.distribution == second.distribution == "normal"):
+        if matrix[i, j] != 0.0 and not (first.group and first.group == second.group) and not (first.distribution == second.distribution == "normal"):
             matrix[i, j] = matrix[j, i] = _copula_coefficient(first, second, float(matrix[i, j]))
     smallest = float(np.linalg.eigvalsh(matrix)[0])
     if smallest < -_PSD_TOLERANCE:
@@ -203,26 +228,19 @@ def draw_inputs(inputs: Sequence[Input], copula: FloatArray, *, rng: np.random.G
     if np.count_nonzero(ordered) > len(inputs):
         variance, axes = np.linalg.eigh(ordered)
         normal = (axes * np.sqrt(np.maximum(variance, 0.0))) @ axes.T @ normal
+    groups = sorted({one.group for one in inputs if one.group})
+    wider = {name: np.sqrt(dof / rng.chisquare(dof, n_draw)) for name in groups for dof in {one.dof for one in inputs if one.group == name}}
     drawn = {
-        inputs[i].name: inputs[i].value + inputs[i].u * standard_score(inputs[i], z) for i, z in zip(order, normal, strict=True)
+        inputs[i].name: inputs[i].value + inputs[i].u * (z * wider[inputs[i].group] if inputs[i].group else standard_score(inputs[i], z))
+        for i, z in zip(order, normal, strict=True)
     }
     return {one.name: drawn[one.name] for one in inputs}
 
 
 def standard_score(one: Input, z: FloatArray) -> FloatArray:
-    """(x - value)/u at the normal quantile `z`, (n_draw,): the increasing, odd map from N(0, 1) to the input's distribution."""
-    if one.distribution == "normal":
-        return z
-    tail = normal_tail(np.abs(z))  # the probability in the nearer tail keeps its digits
-    if one.distribution == "rectangular":
-        magnitude = math.sqrt(3.0) * (1.0 - 2.0 * tail)
-    elif one.distribution == "triangular":
-        magnitude = math.sqrt(6.0) * (1.0 - np.sqrt(2.0 * tail))
-    elif one.distribution == "arcsine":
-        magnitude = math.sqrt(2.0) * np.cos(math.pi * tail)
-    else:
-        magnitude = -student_quantile(tail, one.dof)
-    return np.asarray(np.copysign(magnitude, z))
+    """(x - value)/u at the normal quantile `z`, (n_draw,): the increasing map from N(0, 1) to the input's distribution."""
+    relative = one.u / one.value if one.distribution in POSITIVE else 0.0
+    return score(z, one.distribution, dof=one.dof, shape=one.shape, relative=relative)
 
 
 def _number(value: object, field: str) -> float:
@@ -279,10 +297,12 @@ def _copula_coefficient(first: Input, second: Input, target: float) -> float:
         if math.isinf(one.standard_deviation):
             rule = "cannot include a t distribution with dof <= 2 (it has no standard deviation)"
             raise InputError(rule, field="correlation", value=one.name)
+    if not (first.distribution in SYMMETRIC and second.distribution in SYMMETRIC):
+        return skewed_coefficient(lambda z: standard_score(first, z), lambda z: standard_score(second, z), target, (first.name, second.name))
     z, weight = _half_line()
     scores = [standard_score(one, z) * one.u / one.standard_deviation for one in (first, second)]
     product = _hermite(scores[0]) * _hermite(scores[1])
-    same = first.distribution == second.distribution and first.dof == second.dof
+    same = (first.distribution, first.dof, first.shape) == (second.distribution, second.dof, second.shape)
     largest = 1.0 if same else float(2.0 * np.sum(weight * scores[0] * scores[1]))
     if abs(target) > largest:
         rule = f"between '{first.name}' and '{second.name}' can be {largest:.4f} at most with these distributions"

@@ -147,7 +147,7 @@ def frozen(array: Any) -> FloatArray:
 
 def how_many(affected: NDArray[np.bool_], *, scalar: bool) -> str:
     """Text for the outputs concerned: empty for a scalar output, else "at 3 of 20 outputs: "."""
-    return "" if scalar else f"at {np.count_nonzero(affected)} of {affected.size} outputs: "
+    return "" if scalar or affected.size == 1 else f"at {np.count_nonzero(affected)} of {affected.size} outputs: "
 
 
 def _effective_dof(
@@ -156,7 +156,7 @@ def _effective_dof(
     """Effective degrees of freedom, (n_out,), and what is to be said about them."""
     reciprocal, notes = np.zeros_like(u), []
     for group in _correlated_groups(matrix):
-        all_dof = {inputs[i].dof for i in group}
+        all_dof = {inputs[i].dof_of_u for i in group}
         dof = min(all_dof)
         if len(all_dof) > 1:
             names = ", ".join(inputs[i].name for i in group)
@@ -196,7 +196,7 @@ def _derivative_notes(inputs: Sequence[Input], slopes: Gradient, components: Flo
         if one.u == 0.0:
             continue
         missing = ~np.isfinite(component) & ~undefined
-        rough = ~missing & ~undefined & (error * one.u > _INACCURATE * u)
+        rough = ~missing & ~undefined & (u > 0.0) & (error * one.u > _INACCURATE * u)
         bent = ~missing & ~undefined & (~np.isfinite(kink) | (np.abs(kink) * one.u > _KINK * u))
         for affected, text in (
             (

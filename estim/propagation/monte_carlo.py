@@ -316,7 +316,7 @@ def _input_notes(inputs: Sequence[Input]) -> list[str]:
             notes.append(
                 f"'{one.name}' (t, dof {one.dof:g}) has no standard deviation: mean and u may not settle, quote intervals only"
             )
-        if one.distribution != "t" and math.isfinite(one.dof):
+        if one.distribution not in ("t", "standardised-t") and math.isfinite(one.dof):
             notes.append(
                 f"'{one.name}' is drawn from a {one.distribution} distribution: its {one.dof:g} degrees of freedom play no part"
             )

@@ -103,7 +103,7 @@ def _sentence(
     affected = fails if status == "invalid" else open_
     excess = np.max(difference, axis=0) / np.where(tolerance > 0.0, tolerance, 1.0)
     worst = int(np.argmax(np.where(affected & np.isfinite(excess), excess, -1.0)))
-    where, which = how_many(affected, scalar=scalar), "" if scalar else f" (output {worst})"
+    where, which = how_many(affected, scalar=scalar), "" if scalar or affected.size == 1 else f" (output {worst})"
     by = f"its ends differ from Monte Carlo by {difference[0, worst]:.2g} (low) and {difference[1, worst]:.2g} (high){which}"
     limit = f"the tolerance is {tolerance[worst]:.2g} ({digits} of u)"
     if status == "invalid":

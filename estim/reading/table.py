@@ -65,9 +65,10 @@ class Table:
         return InputError(rule, field=field, value=self.columns[field][row].item(), file=self.file, line=int(self.lines[row]))
 
 
-def read_table(path: Path, *, known: Sequence[str], min_rows: int, shown_as: str, needed: Sequence[str] = ()) -> Table:
+def read_table(path: Path, *, known: Sequence[str], min_rows: int, shown_as: str, needed: Sequence[str] = (), skip_others: bool = False) -> Table:
     """The table of finite numbers in the CSV file at `path`, with columns out of `known`, those that are `needed` among them.
 
+    skip_others : whether columns that are not `known` are left unread, as if their names began with _; else they are refused.
     Raises InputError with file, line, field, rule and value.
     """
     text, digest = read_text(path, shown_as=shown_as)
@@ -83,6 +84,8 @@ def read_table(path: Path, *, known: Sequence[str], min_rows: int, shown_as: str
     for name in needed:
         if name not in names:
             raise InputError("is missing", field=name, file=shown_as, line=header_line, quoted=f"the header has {listed(names)}")
+    if skip_others:
+        names = [name if name in known or name.startswith("_") else f"_{i} {name}" for i, name in enumerate(names)]
     _check_names(names, known, shown_as, header_line)
     comments = _COMMENTS if header_text.lstrip().startswith("%") else _COMMENTS[:1]  # "%" is LabVIEW's
     data = [(number, line) for number, line in rows if number > header_line and not line.lstrip().startswith(comments)]

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from estim.campaign import Campaign
-from estim.checks import P_CONFLICT, P_POOR_FIT, interval_cell, value_cell
+from estim.checks import P_CONFLICT, P_POOR_FIT, P_TOLD, interval_cell, value_cell
 from estim.common import KINDS, Label, Markdown, Notation, Status, format_quantity, format_rounded, signed
 from estim.explanation import Explanation, across_runs
 from estim.fitting import ProfileInterval
@@ -138,7 +138,7 @@ def analysis_text(
         "analysis.md.j2", pictures=pictures,
         budget=shares, result=result, kind=KINDS[result.kind], status_words=STATUS_WORDS[Status(result.status)], rows=rows,
         correlation=_correlation_table(result), derived=derived_rows(result.runs, result.labels), limits=_what_limits(result),
-        reject_below=P_POOR_FIT, conflict_below=P_CONFLICT, ends=_turning_rows(result), identify=section,
+        reject_below=P_POOR_FIT, told_below=P_TOLD, conflict_below=P_CONFLICT, ends=_turning_rows(result), identify=section,
         meaningless=not Status(result.status).draws_count, limits_count=Status(result.status).limits_count,
         what_if=_what_if_rows(result), what_if_heads=[result.labels.symbol(name) for name in _moved_by_errors(result)],
         consistency=consistency, rolling=rolling_rows(result.rolling or {}), axes=axes, limits_only=result.status != "ok", converged=converged,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection
+from collections.abc import Collection, Mapping
 from functools import partial
 from typing import TYPE_CHECKING
 
@@ -13,11 +13,12 @@ import numpy as np
 from estim.campaign import Campaign, gamma_origin
 from estim.checks import interval_cell
 from estim.common import KINDS, Markdown, Notation, Status, as_json, format_quantity, format_rounded, one_line, signed
-from estim.line import CONVENTIONS, LineAnalysis
+from estim.line import CONVENTIONS, LineAnalysis, TrialsAnalysis
 from estim.reports.figures import BLUE, INK, ORANGE, new_figure
-from estim.reports.pages import page
+from estim.reports.pages import Drawers, page
 from estim.reports.rendering import render
 from estim.reports.result import Provenance, software_versions
+from estim.reports.trials import trials_files
 from estim.sampling import Summary, number, summarise, trusted
 from estim.words import STATUS_WORDS, Voice, advice_for
 
@@ -146,16 +147,25 @@ def _bare_row(analysis: LineAnalysis, method: str) -> LineRow:
     return LineRow(fit.intercept, fit.slope, fit.chi2, fit.dof, number(fit.p_value), {}, None, None, None, None, None)
 
 
-def line_report(campaign: Campaign, analysis: LineAnalysis, *, voice: Voice = Voice.PYTHON, figures: bool = True) -> dict[str, bytes]:
-    """`report.md`, `result.json` and `figures/line.png`.  voice : to whom advice is given.  figures : whether there are any."""
+def line_report(
+    campaign: Campaign, analysis: LineAnalysis, *, trials: TrialsAnalysis | None = None, voice: Voice = Voice.PYTHON, figures: bool = True
+) -> dict[str, bytes]:
+    """`report.md`, `result.json` and `figures/line.png`; with `trials` their section, `trials.json` and figures too.
+
+    voice : to whom advice is given.  figures : whether there are any.
+    """
     result = line_result(campaign, analysis, voice=voice)
-    drawers = {"figures/line.png": partial(line_figure, analysis, synthetic=campaign.kind == "synthetic")}
-    return page(drawers, partial(line_text, result), wanted=figures) | {"result.json": as_json(result)}
+    drawers: Drawers = {"figures/line.png": partial(line_figure, analysis, synthetic=campaign.kind == "synthetic")}
+    if trials is None:
+        return page(drawers, partial(line_text, result), wanted=figures) | {"result.json": as_json(result)}
+    of_trials, values, record = trials_files(campaign, trials, line=analysis, voice=voice)
+    text = partial(line_text, result, trials=values)
+    return page({**drawers, **of_trials}, text, wanted=figures) | {"result.json": as_json(result), "trials.json": record}
 
 
-def line_text(result: LineResult, pictures: Collection[str]) -> str:
-    """The Markdown report of a line, with the figures at the paths `pictures`."""
-    return render("line.md.j2", pictures=pictures, **line_values(result))
+def line_text(result: LineResult, pictures: Collection[str], *, trials: Mapping[str, object] | None = None) -> str:
+    """The Markdown report of a line, with the figures at the paths `pictures`, and the section of `trials` where there are any."""
+    return render("line.md.j2", pictures=pictures, trials=trials, **line_values(result))
 
 
 def line_values(result: LineResult) -> dict[str, object]:

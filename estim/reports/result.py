@@ -18,7 +18,7 @@ import msgspec
 import numpy as np
 
 from estim.arrays import FloatArray
-from estim.checks import Diagnosis, borne_pattern, headline, parameter_cells, stated_values
+from estim.checks import Check, Diagnosis, Goodness, borne_pattern, headline, parameter_cells, stated_values
 from estim.common import as_json, one_line
 from estim.fitting import ProfileInterval
 from estim.pipeline import Analysis
@@ -321,7 +321,7 @@ def _run(campaign: Subject, analysis: Analysis, i: int) -> RunSummary:
     return RunSummary(
         file=one_line(table.file), x=run.x_label, y=run.y_label, n_obs=run.n_obs, noise=noise,
         complete=None if run.complete is None else tell(run.complete), excluded=[tell(why) for why in run.excluded],
-        checks={name: CheckSummary(c.statistic, c.p_value, c.meaning) for name, c in goodness.checks.items()},
+        checks={name: CheckSummary(c.statistic, c.p_value, c.meaning) for name, c in {**goodness.checks, **_speed_check(goodness)}.items()},
         scatter_ratio=number(goodness.scatter_ratio), covered=next(map(tell, borne_pattern(goodness)), None),
         facts=[*origin_facts(table, run, analysis.problem), *speed_facts(run), *derived_facts(analysis, run)],
         warnings=list(origin_warnings(table, run, analysis.problem)), robust=run.noise.robust, outliers=outliers(analysis, run),
@@ -329,6 +329,10 @@ def _run(campaign: Subject, analysis: Analysis, i: int) -> RunSummary:
         what=run.words.what,
         derived=derived, sought=[one.name for one in run.sought if one.name in derived],
     )
+
+
+def _speed_check(goodness: Goodness) -> dict[str, Check]:
+    return {} if goodness.speed is None else {"speed": goodness.speed}
 
 
 def to_json(result: Result) -> bytes:

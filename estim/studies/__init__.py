@@ -6,6 +6,10 @@ from estim.studies.budget import PRIOR, READINGS, STATED, Budget, Source, uncert
 from estim.studies.comparison import Compared, compare_noise
 from estim.studies.determination import Determination, determine
 from estim.studies.energy import Drift, EnergyEstimate, EnergyRecord, drift_of, energy_along
+from estim.studies.known_values import FittedValues
 from estim.studies.limits import Narrowing
+from estim.studies.models import FORCE, START, ComparedModel, Ground, Lack, ModelComparison, compare_models, contains
 from estim.studies.reanalysis import BodyAnalysis, Reanalysis, reanalyse
+from estim.studies.regimes import BodyMap, map_bodies
+from estim.studies.run_places import RunPlace
 from estim.studies.weighing import Weighing, weigh

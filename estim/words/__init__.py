@@ -4,6 +4,8 @@ Read `telling` first.  It lies this low because records say what they found when
 
 from estim.words.agreement import common_error
 from estim.words.parameters import one_sided
+from estim.words.regimes import sure
+from estim.words.releases import told_apart
 from estim.words.residuals import TESTS
 from estim.words.statuses import STATUS_WORDS
 from estim.words.telling import Voice, advice, advice_for, tell

@@ -16,6 +16,7 @@ TESTS: Mapping[str, str] = MappingProxyType(
         "autocorrelation": "neighbouring residuals are alike",
         "trend": "the residuals drift along the run",
         "largest": "one residual is far larger than the others",
+        "speed": "the residuals are larger where the body is fast",
         "zero": "all residuals are zero but for rounding errors, as those of measurements never are: were the data computed?",
     }
 )
@@ -96,6 +97,10 @@ WORDS: Table = MappingProxyType(
         Kind.CURVE_LACKS: _failed,
         Kind.RESIDUALS_SMALL: lambda f: (
             f"{_of_run(f)}the residuals are smaller than the stated noise ({_p(f)}): is the stated sigma too large?"
+        ),
+        Kind.NOISE_WITH_SPEED: lambda f: (
+            f"{_of_run(f)}the readings scatter more where the body is fast ({_p(f)}): were the pictures blurred? State how long each was exposed, "
+            "exposure_s in the noise table"
         ),
         Kind.PATTERN_COVERED: _covered,
         Kind.NEIGHBOURS_ALIKE: _alike,

@@ -10,7 +10,7 @@ from enum import StrEnum, auto
 from types import MappingProxyType
 
 from estim.common import Finding, Kind
-from estim.words import agreement, causes, deviations, draws, forces, frames, lines, parameters, residuals, rolling, rows, trials
+from estim.words import agreement, causes, deviations, draws, forces, frames, lines, parameters, regimes, releases, residuals, rolling, rows, trials
 from estim.words.table import Table, filled
 
 _NOT_RANDOM = "look at the residuals: a bad frame, a wrong window, or physics that the curve lacks; the uncertainties assume random errors"
@@ -35,7 +35,7 @@ _CHOICES = MappingProxyType(
 WORDS: Table = MappingProxyType(
     {
         **parameters.WORDS, **draws.WORDS, **residuals.WORDS, **forces.WORDS, **deviations.WORDS, **causes.WORDS, **frames.WORDS,
-        **agreement.WORDS, **lines.WORDS, **trials.WORDS, **rows.WORDS, **rolling.WORDS,
+        **agreement.WORDS, **lines.WORDS, **trials.WORDS, **rows.WORDS, **rolling.WORDS, **regimes.WORDS, **releases.WORDS,
     }
 )
 
@@ -90,7 +90,14 @@ ADVICE: Mapping[Kind, str] = MappingProxyType(
             "a compromise between two that disagree is neither"
         ),
         Kind.STATED_AND_CURVE: _NOT_RANDOM,
+        Kind.RUN_OFF_MAP: (
+            "check its tilt (the sign too), its angle of release (which way it is counted) and gamma; a fit of the run says which of them is off"
+        ),
         Kind.GAMMA_TOO_LARGE: "are the columns phi_deg and theta_min_deg swapped, or is the unit of one of them wrong?",
+        Kind.TRIALS_SILENT: "set angles on both sides of where ascents begin: some must climb, some not, at two tilts or more",
+        Kind.TRIALS_SCATTER: (
+            "look for a trial whose outcome or angle is written down wrongly, and for a tilt read wrongly; else state a larger u_theta_deg"
+        ),
         Kind.POINTS_SCATTER: "check the uncertainties and look for a bad point",
         Kind.PRESSED_EDGE: (
             "if values beyond the edge are possible, widen the prior; if not, something else is wrong: a stated value, a scale, the curve"

@@ -1,0 +1,114 @@
+"""How often the intervals of gamma from trials of release hold the truth; prints a Markdown table.
+
+    python benchmarks/release_coverage.py [--repeats 1000] [--seed 1] [--cases fixed prior]
+
+20 trials in each series: 4 at each of 5 tilts (2, 3, 5, 6, 8 degrees, read with 0.4 degrees), up and down in steps of 2 degrees about the angle that
+a gamma known to 10 % gives.  "fixed": gamma 0.187, c_rr 0.002, scatter 1.5 degrees, release 1.5 degrees.  "prior": c_rr, scatter and release from
+their priors, gamma from 0.15 to 0.4.  "exponential": the release costs another amount at each trial, exponential with mean 3 degrees; the model
+has one shift.  "large": it costs 3 degrees at every trial.  Ways: the posterior; the same with the release left out; the same without the errors
+of the tilts; York's line through the lowest angle that climbed at each tilt, with u = 1.5 degrees.  Bias: mean of estimate (median; 1/slope) over
+truth less 1.  Width: median of half of the 68 % interval, of the truth.  A bold number is more than 3 Monte-Carlo standard deviations from the
+stated probability.  Takes about half an hour on one core.
+"""
+
+from __future__ import annotations
+
+import argparse
+import math
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+
+from estim.line.least_squares import coverage_factor, fit_line
+from estim.line.release import release_posterior
+from estim.line.release_draws import weigh
+from estim.line.trials import Trials, by_tilt
+from estim.problem import HalfNormal
+from model.simulate import simulate_trials
+
+FloatArray = NDArray[np.float64]
+DEGREE = math.pi / 180.0
+PROBABILITIES = (0.6827, 0.95)
+RESISTANCE, RELEASE, U_THETA, U_PHI = HalfNormal(0.005), 3.0 * DEGREE, 1.5 * DEGREE, 0.4 * DEGREE
+TILTS = np.array([2.0, 3.0, 5.0, 6.0, 8.0]) * DEGREE
+PAPER = {"gamma": 0.187, "rolling_resistance": 0.002, "scatter": 1.5 * DEGREE, "release": 1.5 * DEGREE}
+CASES = ("fixed", "prior", "exponential", "large")
+
+
+def truth_of(case: str, rng: np.random.Generator) -> dict[str, float]:
+    """True values of one series."""
+    if case == "prior":
+        scatter = release_posterior(empty(), RESISTANCE).priors["scatter"]
+        one = {"rolling_resistance": RESISTANCE, "scatter": scatter, "release": HalfNormal(RELEASE)}
+        return {"gamma": rng.uniform(0.15, 0.4)} | {name: float(prior.draw(rng, 1)[0]) for name, prior in one.items()}
+    return PAPER | ({} if case == "fixed" else {"release": 3.0 * DEGREE})
+
+
+def empty() -> Trials:
+    return Trials("disk", "", "", (), 0.0, U_THETA, RELEASE)
+
+
+def simulated(case: str, truth: dict[str, float], rng: np.random.Generator) -> Trials:
+    """A series of 20 trials."""
+    found = simulate_trials(
+        TILTS, truth["gamma"], rolling_resistance=truth["rolling_resistance"], u_phi=U_PHI, scatter=truth["scatter"], release=truth["release"],
+        steady=case != "exponential", expected=truth["gamma"] * math.exp(0.1 * rng.standard_normal()), n_trial=4, step=2.0 * DEGREE, rng=rng,
+    )
+    return replace(empty(), tilts=by_tilt(*found), u_phi=U_PHI)
+
+
+def ways(trials: Trials, truth: float, rng: np.random.Generator) -> dict[str, list[float]]:
+    """Way -> whether the truth lies in the 68 and 95 % intervals (0, 1), relative error, relative half width."""
+    variants = {"posterior": trials, "release left out": trials.without_release(), "tilts taken as exact": replace(trials, u_phi=0.0)}
+    held = {name: central(variant, truth, rng) for name, variant in variants.items()}
+    climbed = [(tilt.phi, float(tilt.theta[tilt.climbed].min())) for tilt in trials.tilts if np.any(tilt.climbed)]
+    if len(climbed) < 3:
+        return held
+    phi, theta = np.array(climbed).T
+    fit = fit_line(np.sin(phi), np.sin(theta), u_x=np.cos(phi) * U_PHI, u_y=np.cos(theta) * U_THETA)
+    u = fit.standard_errors["propagated"].u_slope
+    factors = [coverage_factor(fit, probability=p, convention="propagated") for p in PROBABILITIES]
+    inside = [float(abs(fit.slope - 1.0 / truth) < k * u) for k in factors]
+    return held | {"York, lowest ascents": [*inside, 1.0 / fit.slope / truth - 1.0, u / fit.slope**2 / truth]}
+
+
+def central(trials: Trials, truth: float, rng: np.random.Generator) -> list[float]:
+    """The same of the posterior, with its central intervals."""
+    found = weigh(release_posterior(trials, RESISTANCE), rng=rng, n_draw=4000, least_ess=1000.0)
+    gamma = found.draws[:, 0]
+    below, (low, middle, high) = float(np.mean(gamma < truth)), np.quantile(gamma, [0.16, 0.5, 0.84])
+    return [*(float(abs(below - 0.5) < 0.5 * p) for p in PROBABILITIES), middle / truth - 1.0, 0.5 * (high - low) / truth]
+
+
+def main() -> None:
+    """Print the table."""
+    parser = argparse.ArgumentParser(description="coverage of the intervals of gamma from trials of release")
+    parser.add_argument("--repeats", type=int, default=1000)
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--cases", nargs="+", choices=CASES, default=CASES)
+    chosen = parser.parse_args()
+    limits = [3.0 * (p * (1.0 - p) / chosen.repeats) ** 0.5 for p in PROBABILITIES]
+    print(f"{chosen.repeats} repeats; 3 Monte-Carlo sds: {100 * limits[0]:.1f} (68.3 %), {100 * limits[1]:.1f} (95 %)\n")
+    print("| truth | way | γ 68 | γ 95 | bias % | width % |\n|---|---|---|---|---|---|")
+    for k, case in enumerate(CASES):
+        if case not in chosen.cases:
+            continue
+        rng = np.random.default_rng([chosen.seed, k])
+        hits: dict[str, list[list[float]]] = {}
+        for _ in range(chosen.repeats):
+            truth = truth_of(case, rng)
+            for way, held in ways(simulated(case, truth, rng), truth["gamma"], rng).items():
+                hits.setdefault(way, []).append(held)
+        for way, held in hits.items():
+            shares, off, width = np.mean(np.array(held)[:, :2], axis=0), np.mean(np.array(held)[:, 2]), np.median(np.array(held)[:, 3])
+            texts = [f"**{100 * s:.1f}**" if abs(s - p) > m else f"{100 * s:.1f}" for s, p, m in zip(shares, PROBABILITIES, limits, strict=True)]
+            print(f"| {case} | {way} | {' | '.join(texts)} | {100 * off:+.1f} | {100 * width:.1f} |", flush=True)
+
+
+if __name__ == "__main__":
+    main()

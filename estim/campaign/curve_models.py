@@ -1,0 +1,95 @@
+"""The models of a rolling body that `estim compare-models` puts side by side, by the keys of a campaign; each a problem of the same points.
+
+    paper                 weight and inertia alone: no resistance, exactly at rest when released (arXiv 1403.7220)
+    rolling-resistance    and so on: the paper's model and one thing more, with the prior that the campaign states, else that of `estim fit --explain`
+    as-stated             all that the campaign states, where that is more than one of these
+    unmodelled-force      what the campaign states, with room for a force along the track and a free start: what `estim fit` does
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from estim.campaign.causes import Sketch
+from estim.deviation import START_SD
+from estim.problem import Prior, Problem
+
+GROUPS: Mapping[str, tuple[str, ...]] = {
+    "rolling-resistance": ("rolling_resistance",),
+    "load-resistance": ("load_resistance",),
+    "resisting-moment": ("moment",),
+    "viscous-drag": ("viscous_drag",),
+    "quadratic-drag": ("quadratic_drag",),
+    "moment-once": ("moment_once_cos", "moment_once_sin"),
+    "moment-twice": ("moment_twice_cos", "moment_twice_sin"),
+    "free-start": ("release_energy", "release_speed"),
+}
+"""Name of a model -> the quantities that it adds to the paper's."""
+
+WORDS: Mapping[str, str] = {
+    "rolling-resistance": "rolling resistance",
+    "load-resistance": "rolling resistance that follows the load on the ramp",
+    "resisting-moment": "a resisting moment (bearing, cord)",
+    "viscous-drag": "drag that grows with the speed",
+    "quadratic-drag": "drag that grows with the square of the speed (air)",
+    "moment-once": "a moment once per turn",
+    "moment-twice": "a moment twice per turn",
+    "free-start": "a start that is not from rest",
+}
+ADDED = frozenset(name for names in GROUPS.values() for name in names)
+_ALWAYS = {"rolling-resistance": "rolling_resistance", "viscous-drag": "viscous_drag", "quadratic-drag": "quadratic_drag", "free-start": "start"}
+PAPER, STATED, FORCE = "paper", "as-stated", "unmodelled-force"
+
+
+@dataclass(frozen=True, eq=False)
+class CurveModel:
+    """One model of some runs.
+
+    problem : of the same points as that of every other model.  own : names of the parameters that it adds to the paper's.
+    lines : what a campaign must say for it, beside what it says; empty where it says so already.
+    forced : whether it has an unmodelled force.  roomy : whether its noise has the room that it has beside a force (`estim.deviation.alike`).
+    """
+
+    name: str
+    words: str
+    problem: Problem
+    own: tuple[str, ...]
+    lines: tuple[str, ...]
+    forced: bool
+    roomy: bool
+
+
+@dataclass(frozen=True, eq=False)
+class Outline:
+    """A model before it is posed.  without : quantities that are left out.  sketch : what is added.  of_campaign : whether it is what is stated."""
+
+    name: str
+    words: str
+    without: frozenset[str]
+    sketch: Sketch | None
+    forced: bool = False
+    of_campaign: bool = False
+
+
+def outlines(stated: Mapping[str, float | Prior], sketches: Mapping[str, Sketch], *, forced: bool) -> tuple[Outline, ...]:
+    """The models of runs; stated : quantity -> number or prior of what the campaign says; sketches : name -> what it does not say but may have.
+
+    forced : whether an unmodelled force can stand beside the curve.
+    """
+    said = {quantity for quantity in ADDED if stated.get(quantity, 0.0) != 0.0}
+    found = [Outline(PAPER, "the paper's model: weight and inertia alone, from rest", ADDED, None, of_campaign=not said)]
+    for name, quantities in GROUPS.items():
+        kept, words = said.intersection(quantities), f"the paper's model with {WORDS[name]}"
+        if kept:
+            found.append(Outline(name, words, ADDED - kept, None, of_campaign=kept == said))
+        elif _ALWAYS.get(name) in sketches:
+            found.append(Outline(name, words, ADDED, sketches[_ALWAYS[name]]))
+    if said and not any(outline.of_campaign for outline in found):
+        found.append(Outline(STATED, "all that the campaign states", ADDED - said, None, of_campaign=True))
+    if forced:
+        what = next(outline.name for outline in found if outline.of_campaign)
+        start = f"a free start (energy ± {START_SD:g} of the weight times R)"
+        words = f"what the campaign states ({what}) with an unmodelled force and {start}: what estim fit does by default"
+        found.append(Outline(FORCE, words, ADDED - said, None, forced=True, of_campaign=True))
+    return tuple(found)

@@ -1,0 +1,84 @@
+"""`estim calibrate`: simulated campaigns, with the trials of each kept until its report is written."""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Iterable
+from functools import partial
+from pathlib import Path
+
+import click
+
+from estim.cli.options import JOINT, NO_FIGURES, OUT, RUNS, SEED
+from estim.cli.terminal import NOT_OK, conclude, counted, groups_of, report_at, say, write_report
+from estim.common import Stream, decide, stream
+
+
+@click.command()
+@click.argument("campaign", type=click.Path(path_type=Path))
+@RUNS
+@JOINT
+@click.option("--simulations", type=click.IntRange(min=20), default=200, show_default=True, help="Simulated campaigns for each question.")
+@click.option("--what", type=click.Choice(["sbc", "coverage", "both"]), default="both", show_default=True, help="Truths from the priors, or the fit.")
+@click.option("--jobs", type=click.IntRange(min=1), help="Processes.  [default: one for each core]")
+@OUT
+@SEED
+@NO_FIGURES
+@click.option("--resume", is_flag=True, help="Continue a calibration that was interrupted, from the trials kept in OUT/.checkpoint.")
+def calibrate(
+    campaign: Path, runs: tuple[str, ...], joint: bool, simulations: int, what: str, jobs: int | None, out: Path | None, seed: int, resume: bool,
+    no_figures: bool,
+) -> None:
+    """Check on simulated data whether the intervals for CAMPAIGN hold the truth as often as they say.
+
+    Exit code 3 means that they do not; the report says which one is too narrow, too wide or biased.  Also
+    that processes were killed, twice (too little memory?): one line says so, and there is no report.
+    """
+    if not run_calibrations(
+        campaign, runs, joint=joint, simulations=simulations, what=what, jobs=jobs, out=out, seed=seed, resume=resume, figures=not no_figures
+    ):
+        sys.exit(NOT_OK)
+
+
+def run_calibrations(
+    campaign: Path, runs: Iterable[str], *, joint: bool, simulations: int, what: str, jobs: int | None, out: Path | None, seed: int, resume: bool,
+    figures: bool,
+) -> bool:
+    """Calibrates each group of runs and writes its report; whether all intervals hold what they say."""
+    from estim.calibration import campaign_design, coverage, coverage_sentence, findings, simulation_based_calibration
+    from estim.campaign import as_complete, load_campaign
+    from estim.reports import calibration_report
+    from estim.sampling import PieceStore, only_writer
+    from estim.words import tell
+
+    loaded = load_campaign(campaign)
+    folder = out or Path("out") / campaign.resolve().parent.name / "calibration"
+    groups, trusted, stores = groups_of(loaded, runs, joint=joint), True, []
+    for group in groups:
+        loaded.require_unknowns(loaded.problem(group), drawn=True)
+    chosen = {"sbc": simulation_based_calibration, "coverage": coverage}
+    with only_writer(folder / ".checkpoint"):
+        for group in groups:
+            fit = loaded.fit(as_complete(loaded.problem(group), "estim calibrate"), rng=stream(seed, Stream.CALIBRATION_FIT))
+            design = campaign_design(loaded, group, fitted=fit.values)
+            calibrations = []
+            for kind in ("sbc", "coverage") if what == "both" else (what,):
+                kept = folder / ".checkpoint" / f"{'joint-' * joint}{group[0]}-{kind}"
+                stores.append(PieceStore(kept, resume=resume, say=partial(say, err=True), within=folder))
+                with counted(f"{', '.join(group)}: {kind}", simulations) as progress:
+                    processes = jobs or os.cpu_count() or 1
+                    calibrations.append(
+                        chosen[kind](design, fit, n_trial=simulations, seed=seed, jobs=processes, progress=progress, store=stores[-1])
+                    )
+            place = folder if len(groups) == 1 else folder / group[0]
+            write_report(place, calibration_report(loaded, calibrations, figures=figures), within=folder)
+            for calibration in calibrations:
+                found = findings(calibration)
+                trusted = trusted and decide(found).ok
+                said = [] if calibration.what == "sbc" else [coverage_sentence(calibration, name) for name in calibration.reported]
+                conclude(f"{', '.join(group)}, {calibration.what}", decide(found), [*map(tell, found), *said])
+            report_at(place / "report.md", loaded.source.outside())
+        for store in stores:
+            store.remove()
+    return trusted

@@ -1,0 +1,47 @@
+"""`estim line`: what sets a body climbing, or a line through any points."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import click
+
+from estim.cli.options import NO_FIGURES, OUT, SEED
+from estim.cli.release import fit_line_and_trials
+from estim.cli.straight import say_straight_line
+from estim.cli.terminal import NOT_OK
+from estim.common import InputError
+
+
+@click.command()
+@click.argument("campaign", metavar="CAMPAIGN|FILE.csv", type=click.Path(path_type=Path))
+@click.option("--x", "x", metavar="NAME", help="Column of FILE.csv.  [default: x]")
+@click.option("--y", "y", metavar="NAME", help="[default: y]")
+@click.option("--ux", metavar="NAME|U", help="Standard uncertainties of x: a column, or a number.  [default: the column u_NAME, if there]")
+@click.option("--uy", metavar="NAME|U", help="The same of y.")
+@click.option("--correlation", metavar="NAME|R", help="Correlation of the two errors of a point.  [default: the column r_xy, if there]")
+@click.option("--predict", multiple=True, metavar="X0", help='y of the line at X0, which may be uncertain: "5.0(1)"; may be given several times.')
+@click.option("--inverse", multiple=True, metavar="Y0", help='x at which the line reaches a reading Y0: "10.5(5)"; may be given several times.')
+@OUT
+@SEED
+@NO_FIGURES
+def line(
+    campaign: Path, x: str | None, y: str | None, ux: str | None, uy: str | None, correlation: str | None, predict: tuple[str, ...],
+    inverse: tuple[str, ...], out: Path | None, seed: int, no_figures: bool,
+) -> None:
+    """What sets CAMPAIGN's body climbing: its theta_min line and trials of release; or a line through the points of FILE.csv.
+
+    The theta_min line is sin(theta_min) against sin(phi), of slope 1/gamma.  A table may have errors in y, in both
+    variables, correlated ones, or none (docs/straight-line.md).
+    """
+    names = (x, y, ux, uy, correlation)
+    table = campaign.suffix.lower() != ".toml"
+    if not table and any((*names, *predict, *inverse)):
+        raise InputError("must be a table of points where columns are named or values asked for", field="FILE.csv", value=str(campaign))
+    if table:
+        ok = say_straight_line(campaign, names, out or Path("out") / campaign.stem, predict=predict, inverse=inverse, figures=not no_figures)
+    else:
+        ok = fit_line_and_trials(campaign, out, seed=seed, figures=not no_figures)
+    if not ok:
+        sys.exit(NOT_OK)

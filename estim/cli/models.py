@@ -1,0 +1,80 @@
+"""`estim compare-models`: models of the body side by side, with the chain of each kept until the table is written."""
+
+from __future__ import annotations
+
+import sys
+from contextlib import AbstractContextManager
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from estim.cli.options import JOINT, NO_FIGURES, RUNS, SEED, STEPS
+from estim.cli.terminal import NOT_OK, conclude, groups_of, note, progress_bar, report_at, say, write_report
+from estim.common import asked_to_stop
+
+if TYPE_CHECKING:
+    from estim.sampling import Progress, Store
+
+
+@click.command("compare-models")
+@click.argument("campaign", type=click.Path(path_type=Path))
+@RUNS
+@JOINT
+@click.option("--model", "models", multiple=True, metavar="NAME", help="This model only; give two or more.  [default: all]")
+@STEPS
+@click.option(
+    "--out", type=click.Path(path_type=Path, file_okay=False),
+    help="Folder for the report, made if it is not there.  [default: out/, the name of the campaign's folder and /models]",
+)
+@SEED
+@NO_FIGURES
+@click.option("--resume", is_flag=True, help="Continue a comparison that was interrupted, from the draws kept in OUT/.checkpoint.")
+def compare_models(
+    campaign: Path, runs: tuple[str, ...], joint: bool, models: tuple[str, ...], max_steps: int, out: Path | None, seed: int, no_figures: bool,
+    resume: bool,
+) -> None:
+    """Compare models of the body in CAMPAIGN: the paper's, with resistance, drag, a free start, an unmodelled force.
+
+    All explain the same readings; evidences, leave-one-out predictions and data sets drawn from each say what the data favour, and one model is
+    recommended (docs/models.md).  Exit code 3 means that no model is ok.
+    """
+    from estim.campaign import load_campaign
+    from estim.reports import ground_words, models_report, verdicts
+    from estim.sampling import Store, Target, only_writer
+    from estim.studies import compare_models as compare
+
+    loaded = load_campaign(campaign)
+    folder = out or Path("out") / campaign.resolve().parent.name / "models"
+    groups = groups_of(loaded, runs, joint=joint)
+    click.get_current_context().with_resource(only_writer(folder / ".checkpoint"))
+    stop = click.get_current_context().with_resource(asked_to_stop())
+    recommended, stores = True, []
+    for group in groups:
+
+        def store_of(name: str, group: tuple[str, ...] = group) -> Store:
+            place = folder / ".checkpoint" / f"models-{'joint-' * joint}{group[0]}-{name}"
+            stores.append(Store(place, resume=resume, say=note, within=folder))
+            return stores[-1]
+
+        def bar_of(name: str, what: str = ", ".join(group)) -> AbstractContextManager[Progress]:
+            return progress_bar(f"{what}: {name}", max_steps)
+
+        what = ", ".join(group)
+        comparison = compare(
+            loaded, group, seed=seed, target=Target(max_step=max_steps), chosen=models, progress_of=bar_of, store_of=store_of,
+            stop=stop,
+        )
+        place = folder if len(groups) == 1 else folder / group[0]
+        write_report(place, models_report(loaded, comparison, seed=seed, figures=not no_figures), within=folder)
+        for row in comparison.rows:
+            conclude(f"{what}, {row.model.name}", row.analysis.diagnosis.status, ())
+        say(f"{what}: recommended: {comparison.recommended or 'none'}: {ground_words(comparison)}")
+        for name, why in verdicts(comparison):
+            say(f"  not {name}: {why}")
+        report_at(place / "report.md", loaded.source.outside())
+        recommended = recommended and bool(comparison.recommended)
+    for store in stores:
+        store.remove()
+    if not recommended:
+        sys.exit(NOT_OK)

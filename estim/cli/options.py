@@ -1,0 +1,18 @@
+"""Options that several commands have, each in the same words."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+RUNS = click.option("--run", "runs", multiple=True, metavar="NAME", help="This run only; may be given several times.  [default: every run]")
+JOINT = click.option("--joint", is_flag=True, help="Fit the runs together: what they share is one unknown.")
+STEPS = click.option("--max-steps", type=click.IntRange(min=50), default=20_000, show_default=True, help="Hard cap on the sampler's steps.")
+OUT = click.option(
+    "--out", type=click.Path(path_type=Path, file_okay=False),
+    help="Folder for the report, made if it is not there.  [default: out/ and the name of the campaign's folder]",
+)
+SEED = click.option("--seed", type=click.IntRange(min=0, max=2**63 - 1), default=1, show_default=True, help="Seed of every random number.")
+NO_FIGURES = click.option("--no-figures", is_flag=True, help="Write the report without figures, for its text and numbers alone: it is done sooner.")
+

@@ -1,0 +1,45 @@
+"""`estim plan`: what to measure next."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import click
+
+from estim.cli.options import NO_FIGURES, RUNS, SEED
+from estim.cli.terminal import NOT_OK, conclude, groups_of, pieces, report_at, write_report
+
+
+@click.command("plan")
+@click.argument("campaign", type=click.Path(path_type=Path))
+@RUNS
+@click.option("--for", "wanted", multiple=True, metavar="NAME", help="A quantity to know better; several times.  [default: those that are unknown]")
+@click.option(
+    "--out", type=click.Path(path_type=Path, file_okay=False),
+    help="Folder for the report, made if it is not there.  [default: out/, the name of the campaign's folder, plan]",
+)
+@SEED
+@NO_FIGURES
+def plan_next(campaign: Path, runs: tuple[str, ...], wanted: tuple[str, ...], out: Path | None, seed: int, no_figures: bool) -> None:
+    """What to measure next, to know the quantities of CAMPAIGN better.
+
+    A ranked table of what might be added or measured better, with the uncertainty that each would leave, and what it
+    takes to halve it (docs/planning.md).  Exit code 3 means that linear theory, which these numbers come from, does not
+    hold here.
+    """
+    from estim.campaign import load_campaign
+    from estim.planning import plan
+    from estim.reports import plan_answers, plan_report, plan_status
+
+    loaded = load_campaign(campaign)
+    (names,) = groups_of(loaded, runs, joint=True)
+    with pieces("plan", "option") as progress:
+        found = plan(loaded, names, wanted=wanted, seed=seed, progress=progress)
+    folder = out or Path("out") / campaign.resolve().parent.name / "plan"
+    write_report(folder, plan_report(found, figures=not no_figures))
+    status, reasons = plan_status(found)
+    conclude("plan", status, [*plan_answers(found), *reasons])
+    report_at(folder / "report.md", loaded.source.outside())
+    if not status.ok:
+        sys.exit(NOT_OK)

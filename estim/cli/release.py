@@ -1,0 +1,43 @@
+"""`estim line`: the theta_min series and the trials of release of a campaign, in one report."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from estim.cli.terminal import conclude, progress_bar, report_at, write_report
+
+
+def fit_line_and_trials(campaign: Path, out: Path | None, *, seed: int, figures: bool) -> bool:
+    """Writes the report and says the outcome; whether all of it is ok."""
+    from estim.campaign import gamma_of_body, load_campaign, resistance_of_body
+    from estim.line import analyse_line, analyse_trials, read_theta_min, read_trials
+    from estim.reports import line_report, trials_report
+    from estim.sampling import Target
+    from estim.words import Voice
+
+    loaded = load_campaign(campaign)
+    loaded.study.require_body()
+    source, target = loaded.source, Target()
+    trials = None if source.trials is None else read_trials(source)
+    series = read_theta_min(source) if trials is None or source.line is not None else None
+    line = released = None
+    if series is not None:
+        with progress_bar("line", target.max_step) as progress:
+            line = analyse_line(series, gamma_masses=gamma_of_body(source, series.body), seed=seed, target=target, progress=progress)
+    if trials is not None:
+        resistance, gamma = resistance_of_body(source, trials.body), gamma_of_body(source, trials.body)
+        with progress_bar("trials", target.max_step) as progress:
+            released = analyse_trials(trials, resistance, gamma_masses=gamma, seed=seed, target=target, progress=progress)
+    files = {}
+    if line is not None:
+        files = line_report(loaded, line, trials=released, voice=Voice.COMMANDS, figures=figures)
+    elif released is not None:
+        files = trials_report(loaded, released, voice=Voice.COMMANDS, figures=figures)
+    folder = out or Path("out") / campaign.resolve().parent.name / "line"
+    write_report(folder, files)
+    if line is not None:
+        conclude("line", line.status, [*line.reasons, *filter(None, (line.disagreement,))])
+    if released is not None:
+        conclude("trials", released.status, [*released.reasons, *released.disagreements])
+    report_at(folder / "report.md", source.outside(runs=False, line=True))
+    return all(found.status.ok for found in (line, released) if found is not None)

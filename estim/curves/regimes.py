@@ -1,0 +1,108 @@
+"""What a rolling body does from rest at a tilt and an angle of release, for draws of what is known of it: borders, distances, friction.
+
+Arguments are those of the curves of `estim.curves.rolling`, scalars or (n_draw, 1).  Further forces, a push at the start and errors of the readings
+are not in it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from estim.arrays import FloatArray
+from estim.curves.rolling import body_of
+from estim.curves.varying import own_values, shift_of
+from model import friction_on_the_way, range_of_release, release_for_turn, release_that_rolls_on, turning_point
+
+Arguments = Mapping[str, ArrayLike]
+
+_BESIDE = 1e-7  # rad, from an angle at which it would stay
+
+
+@dataclass(frozen=True, eq=False)
+class Borders:
+    """Angles of release (rad) at which the motion changes, at given tilts, (n_draw, n_phi) each.
+
+    lowest, highest : between them it sets off with theta increasing.
+    rolls_on : from `lowest` to here it rolls on for ever.
+    passes : from `lowest` to here it passes the end of the ramp, of those that turn; `rolls_on` where none does.
+    """
+
+    lowest: FloatArray
+    highest: FloatArray
+    rolls_on: FloatArray
+    passes: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class Fate:
+    """What becomes of a release.
+
+    stop : m from the release to the turning point; 0 where it does not set off, inf where it rolls on for ever.
+    needed : largest coefficient of friction that rolling needs up to there, or to the end of the ramp; nan where it does not set off, inf where the
+        ramp would have to pull.
+    """
+
+    stop: FloatArray
+    needed: FloatArray
+
+
+def borders_of(arguments: Arguments, phi: FloatArray, *, ramp_end: float) -> Borders:
+    """The borders at true tilts phi (n_phi,) rad.  ramp_end : m from the release."""
+    body, motion = body_of(_own(arguments))
+    resistance = motion["rolling_resistance"]
+    lowest, highest = range_of_release(body.gamma, phi, rolling_resistance=resistance)
+    on = release_that_rolls_on(body.gamma, phi, rolling_resistance=resistance)
+    at_end = release_for_turn(ramp_end / np.asarray(body.radius), body.gamma, phi, rolling_resistance=resistance)
+    lowest, highest, on, at_end = np.broadcast_arrays(*np.atleast_2d(lowest, highest, on, at_end))
+    return Borders(lowest, highest, on, np.where(np.isnan(at_end), on, np.maximum(at_end, on)))
+
+
+def turning_contours(arguments: Arguments, phi: FloatArray, stops: FloatArray) -> FloatArray:
+    """(n_draw, n_stop, n_phi) rad, from where the body stops after `stops` (n_stop,) m at true tilts phi (n_phi,); nan where from nowhere."""
+    body, motion = body_of(_own(arguments))
+    radius, gamma, resistance = (np.atleast_2d(value)[..., None] for value in (body.radius, body.gamma, motion["rolling_resistance"]))
+    return release_for_turn(stops[:, None] / radius, gamma, phi, rolling_resistance=resistance)
+
+
+def steepest_tilt(arguments: Arguments) -> FloatArray:
+    """(n_draw, 1) rad, the tilt beyond which the body climbs from no angle of release: sin phi + c_rr cos phi = gamma.
+
+    phi = asin(gamma/sqrt(1 + c_rr^2)) - atan(c_rr)
+    """
+    body, motion = body_of(_own(arguments))
+    resistance = np.asarray(motion["rolling_resistance"], dtype=float)
+    return np.atleast_2d(np.arcsin(np.minimum(body.gamma / np.hypot(1.0, resistance), 1.0)) - np.arctan(resistance))
+
+
+def farthest_stop(arguments: Arguments, phi: FloatArray) -> FloatArray:
+    """(n_draw, n_phi) m, how far the body gets at true tilts phi (n_phi,) from the release from which it gets farthest, the least angle.
+
+    0 where it sets off from none, inf where it may roll on for ever.
+    """
+    body, motion = body_of(_own(arguments))
+    resistance = motion["rolling_resistance"]
+    lowest, _ = range_of_release(body.gamma, phi, rolling_resistance=resistance)
+    return np.atleast_2d(turning_point(body, phi=phi, theta0=lowest + _BESIDE, rolling_resistance=resistance))
+
+
+def fate_at(arguments: Arguments, phi: ArrayLike, theta0: ArrayLike, *, ramp_end: float, n_angle: int) -> Fate:
+    """What becomes of releases at true tilts and angles (n,) or (n_draw, 1) rad; results broadcast to (n_draw, n)."""
+    body, motion = body_of(_own(arguments))
+    place = {"phi": phi, "theta0": theta0, "rolling_resistance": motion["rolling_resistance"]}
+    stop = np.atleast_2d(turning_point(body, **place))
+    return Fate(stop, np.atleast_2d(friction_on_the_way(body, **place, ramp_end=ramp_end, n_angle=n_angle)))
+
+
+def placed(arguments: Arguments) -> tuple[FloatArray, FloatArray]:
+    """(true tilt, true angle of release) of a run, rad, (n_draw, 1) each: its readings with the common zero errors."""
+    _, motion = body_of(_own(arguments))
+    return np.atleast_2d(motion["phi"]), np.atleast_2d(motion["theta0"])
+
+
+def _own(arguments: Arguments) -> Arguments:
+    varied = [name for name in arguments if shift_of(name) in arguments]
+    return own_values(arguments, varied) if varied else arguments

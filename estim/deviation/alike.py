@@ -1,0 +1,119 @@
+"""Noise as it stands beside an unmodelled force, without the force: for curves that are to be compared with one that has it.
+
+A force comes with room for the size of the readings' noise (`grid`) and with the shifts of bad frames.  A curve without a force is compared with
+it on the same terms only where it has that room too:
+
+    L = sum_s w_s N(r | 0, s^2 C0 + H H^T),    H the shifts of bad frames
+
+Runs that would share a force share the size of their noise.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.linalg import block_diag
+
+from estim.arrays import FloatArray
+from estim.deviation.components import Deviation, Shape, diagonalise
+from estim.deviation.errors import MixtureErrors
+from estim.deviation.grid import noise_grid
+from estim.deviation.joint import Sharing, Together
+from estim.deviation.jumps import BadFrames
+from estim.deviation.linearised import Linearised, linearise
+from estim.deviation.mixture import keep_probable
+from estim.deviation.noise import WithForce, normal_covariance
+from estim.deviation.posing import as_prior, priors_at, told_beyond, told_by, whitener
+from estim.problem import Named, Noise, Observations, Problem, StackedPoints, Wording
+
+
+class Roomy(WithForce):
+    """Stated noise whose size has the room that it has beside a force, and bad frames."""
+
+    def describe(self, *, x_unit: str, y_unit: str, words: Wording) -> str:
+        return self.base.describe(x_unit=x_unit, y_unit=y_unit, words=words)
+
+
+@dataclass(frozen=True, eq=False)
+class _Stacked:
+    """Runs that have one size of the noise, linear about values of the parameters.  columns : (n_obs, n_jump) of bad frames.  shift : (n_obs,)."""
+
+    runs: tuple[Observations, ...]
+    bad: BadFrames
+    deviation: Deviation
+    residuals: FloatArray
+    jacobian: FloatArray
+    columns: FloatArray
+    shift: FloatArray
+
+    def beside(self, precision: FloatArray, pull: FloatArray) -> Linearised:
+        n = self.columns.shape[1]
+        every = block_diag(precision, np.eye(n)) if n else precision
+        jacobian = np.column_stack([self.jacobian, self.columns])
+        return linearise(self.deviation, self.residuals, jacobian, precision=every, pull=np.r_[pull, np.zeros(n)])
+
+
+def pose_alike(
+    groups: Sequence[Sequence[Observations]], problem: Problem, values: FloatArray, *, bad: Mapping[str, BadFrames]
+) -> tuple[Mapping[str, Noise], tuple[Together, ...]]:
+    """Run -> its noise, and what ties runs together; made about `values` (n_par,), those of a fit with the stated noise.
+
+    groups : runs that would share a force.  bad : run -> its bad frames, of runs that are fit alone.
+    """
+    stacked = [_stack(tuple(runs), problem, values, bad) for runs in groups]
+    precision, pull = priors_at(problem, values, n_start=0)
+    prior = precision, precision @ pull
+    posed = {run.name for group in stacked for run in group.runs}
+    others = [told_by(run, problem, values) for run in problem.runs if run.name not in posed]
+    told = [told_beyond(group.beside(precision, pull), prior) for group in stacked]
+    noises: dict[str, Noise] = {}
+    shared = []
+    for i, group in enumerate(stacked):
+        linear = group.beside(*as_prior([prior, *others, *told[:i], *told[i + 1 :]]))
+        mixture, white = keep_probable(linear, columns=group.columns), whitener(linear, group.columns)
+        names = tuple(run.name for run in group.runs)
+        if len(names) == 1:
+            (run,) = group.runs
+            noises[run.name] = Roomy(run.noise, mixture, white, group.shift, bad=group.bad)
+            continue
+        noises |= {run.name: Sharing(run.noise, tuple(name for name in names if name != run.name)) for run in group.runs}
+        shared.append(Together(names, mixture, white, group.shift))
+    return noises, tuple(shared)
+
+
+def _stack(runs: tuple[Observations, ...], problem: Problem, values: FloatArray, bad: Mapping[str, BadFrames]) -> _Stacked:
+    named = problem.named(values)
+    own = bad.get(runs[0].name, BadFrames()) if len(runs) == 1 else BadFrames()
+    points = StackedPoints(tuple(own.moved(run.points) for run in runs))
+    stated = [normal_covariance(run.noise, one, named) for run, one in zip(runs, points.runs, strict=True)]
+    shift, n = np.concatenate([one.shift for one in stated]), points.y.size
+    nothing = Shape("none", 1.0, np.zeros((n, 1)), 0.0)
+    return _Stacked(
+        runs, own, diagonalise(block_diag(*(one.covariance for one in stated)), (nothing,), noise_grid()), points.y - shift - points.value(named)[0],
+        points.gradient(named, problem.names), own.columns(n), shift,
+    )
+
+
+def log_rescaled(errors: MixtureErrors, named: Named, *, scale: float, factor: float) -> FloatArray:
+    """(n_draw,) log of the likelihood with a prior of the size of the force `factor` times as wide, over that with the one of `scale`.
+
+    A component of amplitude a > 0 then counts exp{-a^2 (factor^-2 - 1)/(2 scale^2)}/factor times as much.
+    """
+    logs = errors.mixture.log_components(np.atleast_2d(errors.y - errors.points.value(named)))
+    size = errors.mixture.deviation.column("amplitude") / scale
+    heavier = np.where(size > 0.0, -0.5 * np.square(size) * (factor**-2 - 1.0) - np.log(factor), 0.0)
+    return np.asarray(np.logaddexp.reduce(logs + heavier, axis=1) - np.logaddexp.reduce(logs, axis=1))
+
+
+def log_restarted(errors: MixtureErrors, named: Named, *, n_run: int, factor: float) -> FloatArray:
+    """(n_draw,) log of the likelihood with free starts whose energies are `factor` times as wide beforehand, over that with them as they are.
+
+    factor : 0 for exactly at rest.  n_run : of the runs below each other, whose starts are the first columns.
+    """
+    size = np.ones(errors.mixture.columns.shape[1])
+    size[:n_run] = factor
+    residuals = np.atleast_2d(errors.y - errors.points.value(named))
+    moved = errors.mixture.with_columns(errors.mixture.columns * size)
+    return np.asarray(moved.log_likelihood(residuals) - errors.mixture.log_likelihood(residuals))

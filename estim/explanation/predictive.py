@@ -1,0 +1,192 @@
+"""Does the model bring back what matters?  Data sets drawn from the posterior beside the one that was measured (posterior predictive checks).
+
+For each draw of the parameters the readings are made again, with what the curve lacks as the data leave it and with new noise
+(`estim.deviation.repetition`); each statistic T of them is compared with T of the data:
+
+    p = 2 min{P(T_again >= T), P(T_again <= T)},    ties shared evenly                    Gelman, Meng, Stern, Stat. Sinica 6 (1996) 733
+
+What was measured is used twice, for the fit and for the test, so that p is conservative: where the model is right it is nearer to 1/2 than a
+uniform number would be, and small values are rarer than they say (Bayarri, Berger, J. Am. Stat. Assoc. 95 (2000) 1127).  A small one counts.
+
+    largest_speed, its_place    of the speeds as measured
+    turning_point               where the straight line through v^2 of the last speeds ends, of a body that slows down
+    farthest                    of positions in time: the largest
+    energy                      kinetic and potential, last readings less first ones, in units of the largest kinetic energy of the curve
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from estim.arrays import FloatArray
+from estim.common import Label, Notation
+from estim.deviation import MixtureErrors, replicas
+from estim.problem import Likelihood, Named, Observations, Points, Posterior, StackedPoints
+
+P_NOT_BROUGHT_BACK = 0.01
+N_DRAW, _FEW = 1000, 100  # draws; those of a noise of which every draw has another covariance
+_PART, _LEAST = 8, 4  # the last and first eighth of the readings, four at least
+_SLOWED = 0.7  # of the largest speed: a body that is slower at the end is on its way to a turning point
+_SPEED_OVER, _LEAST_OVER = 12, 5  # speeds of positions: slopes over a twelfth of the frames, five at least
+
+
+@dataclass(frozen=True, eq=False)
+class Predicted:
+    """One statistic of one run.
+
+    name : short.  words : what it is.  label : how it is shown.  observed, again : (n_draw,) of the data and of the data sets, in SI units;
+    observed is one number where the parameters do not enter.  p : two-sided.
+    """
+
+    run: str
+    name: str
+    words: str
+    label: Label
+    observed: FloatArray
+    again: FloatArray
+    p: float
+
+    @property
+    def p_words(self) -> str:
+        """p, no smaller than the number of data sets can tell."""
+        least = 1.0 / self.again.size
+        return f"< {least:.1g}" if self.p <= least else f"{self.p:.2g}"
+
+    @property
+    def brought_back(self) -> bool:
+        return self.p >= P_NOT_BROUGHT_BACK
+
+
+_Statistic = Callable[[FloatArray], FloatArray]
+
+
+def predictive_checks(posterior: Posterior, draws: FloatArray, *, rng: np.random.Generator) -> tuple[Predicted, ...]:
+    """The statistics of every run of a body from posterior draws (n, n_par), at most 1000 of them; none of runs whose errors are not normal."""
+    problem = posterior.problem
+    found: dict[str, tuple[Predicted, ...]] = {}
+    for group, likelihood in zip(problem.groups, posterior.likelihoods, strict=True):
+        if any(run.motion is None for run in group.runs):
+            continue
+        some = draws[np.linspace(0, draws.shape[0] - 1, min(N_DRAW, draws.shape[0])).astype(int)]
+        drawn = _again(likelihood, problem.named, some, rng)
+        if drawn is None:
+            continue
+        again, used = drawn
+        points = _points(likelihood, group.runs)
+        for run, own, y in zip(group.runs, points, np.split(again, np.cumsum([run.n_obs for run in group.runs])[:-1], axis=1), strict=True):
+            found[run.name] = _of_run(run, own, y, own.bind(problem.named(used)))
+    return tuple(one for run in problem.runs for one in found.get(run.name, ()))
+
+
+def _points(likelihood: Likelihood, runs: tuple[Observations, ...]) -> tuple[Points, ...]:
+    """The points of each run as the likelihood has them: without the shifts of bad frames."""
+    if isinstance(likelihood, MixtureErrors):
+        return likelihood.points.runs if isinstance(likelihood.points, StackedPoints) else (likelihood.points,)
+    return tuple(run.points for run in runs)
+
+
+def _again(
+    likelihood: Likelihood, named: Callable[[FloatArray], Named], draws: FloatArray, rng: np.random.Generator
+) -> tuple[FloatArray, FloatArray] | None:
+    """Data sets (n_set, n_obs) and the draws (n_set, n_par) that they belong to; None where errors are not normal."""
+    if isinstance(likelihood, MixtureErrors):
+        return replicas(likelihood, named(draws), rng=rng), draws
+    normal, points = likelihood.normal, getattr(likelihood, "points", None)
+    if normal is None or points is None:
+        return None
+    few = draws[:: max(1, draws.shape[0] // _FEW)]
+    curve = np.broadcast_to(points.value(named(few)), (few.shape[0], points.y.size))
+    each = draws.shape[0] // few.shape[0]
+    sets = []
+    for one, values in zip(curve, few, strict=True):
+        lower = np.linalg.cholesky(normal.covariance(named(values)))
+        sets.append(one + points.y - likelihood.y + rng.standard_normal((each, one.size)) @ lower.T)
+    return np.vstack(sets), np.repeat(few, each, axis=0)
+
+
+def _of_run(run: Observations, points: Points, again: FloatArray, arguments: Mapping[str, ArrayLike]) -> tuple[Predicted, ...]:
+    if run.positions:
+        order = np.argsort(points.x)
+        x, measured, again = points.x[order], points.y[order], again[:, order]
+        over = min(max(_LEAST_OVER, x.size // _SPEED_OVER), x.size)
+        slope, mean = _sliding(x, over)
+        statistics = _of_motion(run, mean @ measured, slope @ measured, again @ mean.T, again @ slope.T, arguments, run.y_unit)
+        position = Notation("x").label(run.y_unit)
+        return (_compared(run, "farthest", "farthest reading", position, measured[None, :], again, lambda y: np.max(y, axis=1)), *statistics)
+    order = np.argsort(points.x, kind="stable")
+    return _of_motion(
+        run, points.x[order], points.y[order], np.broadcast_to(points.x[order], again.shape), again[:, order], arguments, run.x_unit
+    )
+
+
+def _of_motion(
+    run: Observations, x: FloatArray, v: FloatArray, xs: FloatArray, vs: FloatArray, arguments: Mapping[str, ArrayLike], unit: str
+) -> tuple[Predicted, ...]:
+    """Of a motion x, v (n,) and those again (n_set, n), in the order of the motion."""
+    here, speed = Notation("x").label(unit), Notation("v").label(f"{unit}/s")
+    first, last = _ends(x.size)
+    found = [_compared(run, "largest_speed", "largest speed", speed, v[None, :], vs, lambda y: np.max(np.abs(y), axis=1))]
+    top = int(np.argmax(np.abs(v)))
+    if first.stop <= top < x.size - (last.stop - last.start):
+        observed, again = x[[top]], np.take_along_axis(xs, np.argmax(np.abs(vs), axis=1)[:, None], axis=1)[:, 0]
+        found.append(_predicted(run, "its_place", "place of the largest speed", here, observed, again))
+        if not run.positions and np.mean(v[last]) < _SLOWED * v[top]:
+            end = x[last]
+            found.append(_compared(run, "turning_point", "turning point", here, v[None, last], vs[:, last], lambda y: _zero_of(end, y)))
+    scale = np.max(_energy(run, x, v, arguments)[0], axis=1, keepdims=True)
+    lost = [_change(run, *pair, arguments, first, last) / scale[:, 0] for pair in ((x, v), (xs, vs))]
+    percent = Notation("ΔE/T", "%", 100.0).label("1")
+    return (*found, _predicted(run, "energy", "energy at the end less at the start, of the largest kinetic energy", percent, lost[0], lost[1]))
+
+
+def _ends(n: int) -> tuple[slice, slice]:
+    some = min(max(_LEAST, n // _PART), n)
+    return slice(0, some), slice(n - some, n)
+
+
+def _energy(run: Observations, x: FloatArray, v: FloatArray, arguments: Mapping[str, ArrayLike]) -> tuple[FloatArray, FloatArray]:
+    kinetic, potential = run.body.energies(x, v, arguments)
+    n_set = max((np.shape(value)[0] for value in arguments.values() if np.ndim(value) == 2), default=1)
+    shape = (max(n_set, *(np.atleast_2d(part).shape[0] for part in (x, v))), x.shape[-1])
+    return np.broadcast_to(kinetic, shape), np.broadcast_to(potential, shape)
+
+
+def _change(run: Observations, x: FloatArray, v: FloatArray, arguments: Mapping[str, ArrayLike], first: slice, last: slice) -> FloatArray:
+    total = np.add(*_energy(run, x, v, arguments))
+    return np.asarray(total[:, last].mean(axis=1) - total[:, first].mean(axis=1))
+
+
+def _zero_of(x: FloatArray, v: FloatArray) -> FloatArray:
+    """(n_set,) where the straight line through v^2 (n_set, n) at x (n,) is 0; inf where it does not fall."""
+    off = x - x.mean()
+    square = np.square(v)
+    slope = square @ off / (off @ off)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return np.where(slope < 0.0, x.mean() - square.mean(axis=1) / slope, np.inf)
+
+
+def _sliding(t: FloatArray, over: int) -> tuple[FloatArray, FloatArray]:
+    """(n - over + 1, n) slopes of straight lines through `over` neighbours in t (n,), and their means."""
+    n = t.size - over + 1
+    slope, mean = np.zeros((n, t.size)), np.zeros((n, t.size))
+    for i in range(n):
+        near = slice(i, i + over)
+        off = t[near] - t[near].mean()
+        slope[i, near], mean[i, near] = off / (off @ off), 1.0 / over
+    return slope, mean
+
+
+def _compared(
+    run: Observations, name: str, words: str, label: Label, measured: FloatArray, again: FloatArray, statistic: _Statistic
+) -> Predicted:
+    return _predicted(run, name, words, label, statistic(measured), statistic(again))
+
+
+def _predicted(run: Observations, name: str, words: str, label: Label, observed: FloatArray, again: FloatArray) -> Predicted:
+    above, same = np.mean(again > observed), np.mean(again == observed)
+    p = 2.0 * float(min(above + 0.5 * same, 1.0 - above - 0.5 * same))
+    return Predicted(run.name, name, words, label, observed, again, max(p, 1.0 / again.size))

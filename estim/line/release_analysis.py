@@ -1,0 +1,213 @@
+"""Trials of release analysed: gamma from all trials, from each end alone, and without the release; what they tell apart.
+
+`analyse_trials` is the front door.  The headline is a chain with a second computation beside it; the others are importance sampling.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+
+import numpy as np
+
+from estim.arrays import FloatArray
+from estim.checks import PRIOR_DOMINATED, headline, parameter_cells, sampling_findings
+from estim.common import Finding, Kind, Notation, Quantity, Status, Stream, decide, e_n, stream, wrong
+from estim.line.release import FACTOR, ReleasePosterior, effective_start, release_posterior, start_angle
+from estim.line.release_draws import sample, weigh
+from estim.line.thresholds import Threshold, thresholds
+from estim.line.trials import HIGH, LOW, Trials
+from estim.problem import Prior
+from estim.sampling import Agreement, Chain, Progress, Summary, Target, summarise
+from estim.words import advice_for, tell
+
+WAYS = {"both": "all trials", LOW: "θ_min alone", HIGH: "θ_max alone", "free": "all trials, as if the release cost nothing"}
+DEGREE = Notation("", unit="°", factor=math.degrees(1.0))
+UNKNOWNS = MappingProxyType(
+    {
+        "gamma": ("1", "position of the centre of mass, in radii", Notation("γ")),
+        "rolling_resistance": ("1", "coefficient of rolling resistance", Notation("c_rr")),
+        "release": ("rad", "what the release by hand costs", Notation("δ", "°", DEGREE.factor)),
+        "scatter": ("rad", "standard deviation from trial to trial", Notation("σ", "°", DEGREE.factor)),
+        "zero_phi": ("rad", "zero error of the tilt", Notation("z_φ", "°", DEGREE.factor)),
+        "zero_theta": ("rad", "zero error of the angle", Notation("z_θ", "°", DEGREE.factor)),
+    }
+)
+
+
+@dataclass(frozen=True, eq=False)
+class Way:
+    """gamma by one way.  e_n : against the stated value, nan without one.  reliable : False where its importance weights cannot be trusted."""
+
+    gamma: Summary
+    e_n: float
+    reliable: bool
+
+    @property
+    def quantity(self) -> Quantity:
+        """Mean and standard deviation."""
+        return Quantity(self.gamma.mean or math.nan, self.gamma.sd or math.nan)
+
+
+@dataclass(frozen=True)
+class EndsApart:
+    """gamma from theta_min less gamma from theta_max, both from one posterior that shares all else (tilts, zeros, c_rr, release, scatter)."""
+
+    difference: Quantity
+
+    @property
+    def sds(self) -> float:
+        return self.difference.value / self.difference.u
+
+    @property
+    def e_n(self) -> float:
+        """The same at k = 2; within +-1 the two agree."""
+        return 0.5 * self.sds
+
+
+@dataclass(frozen=True)
+class Told:
+    """What the trials tell of one unknown: posterior over prior standard deviation, and correlation with gamma."""
+
+    share: float
+    with_gamma: float
+
+
+@dataclass(frozen=True, eq=False)
+class TrialsAnalysis:
+    """The trials of one body.
+
+    chain : draws of the unknowns.  agreement : with the second computation.  ways : gamma by each of WAYS that there is.
+    ends_apart : None without trials at both ends.  thresholds : at each tilt by itself.
+    offset : rad, how far ascents begin above asin(sin phi/gamma) at the mean tilt `phi_mean` (rad): release and resistance together.
+    told : unknown -> what the trials tell of it.  correlation : of c_rr and release, nan where one of them is not free.
+    findings : what is wrong; empty means ok.
+    """
+
+    trials: Trials
+    posterior: ReleasePosterior
+    chain: Chain
+    agreement: Agreement
+    ways: Mapping[str, Way]
+    ends_apart: EndsApart | None
+    thresholds: tuple[Threshold, ...]
+    offset: Quantity
+    phi_mean: float
+    told: Mapping[str, Told]
+    correlation: float
+    gamma_masses: Quantity | None
+    findings: tuple[Finding, ...]
+    seed: int
+
+    @property
+    def status(self) -> Status:
+        return decide(self.findings)
+
+    @property
+    def reasons(self) -> tuple[str, ...]:
+        return tuple(map(tell, self.findings))
+
+    @property
+    def disagreements(self) -> tuple[str, ...]:
+        """Where gamma of the trials and gamma as stated differ at k = 2, or gamma of the two ends; no fault of the trials by themselves."""
+        if not self.status.ok:
+            return ()
+        found, said = self.ways["both"], []
+        if self.gamma_masses is not None and abs(found.e_n) > 1.0:
+            gammas = (("trials", found.quantity), ("stated", self.gamma_masses))
+            said.append(Finding(Kind.TRIALS_DISAGREE, size=found.e_n, numbers=_numbers(gammas)))
+        if self.ends_apart is not None and abs(self.ends_apart.e_n) > 1.0:
+            apart = self.ends_apart
+            said.append(Finding(Kind.ENDS_DISAGREE, size=apart.e_n, numbers=_numbers((("apart", apart.difference),)) | {"sds": apart.sds}))
+        return tuple(map(tell, said))
+
+    def column(self, name: str) -> FloatArray:
+        """(n_draw,) draws of one unknown."""
+        return self.chain.flat[:, self.chain.names.index(name)]
+
+    def summary(self, name: str) -> Summary:
+        unit, meaning, _ = UNKNOWNS[name]
+        return summarise(self.column(name), unit=unit, meaning=meaning)
+
+    def starts(self, end: str, phi: FloatArray, *, most: int = 2000) -> FloatArray:
+        """(n_draw, n_phi) rad: where ascents begin at true tilts `phi`, of up to `most` draws, release included."""
+        draws = self.chain.thinned(most)
+        inside = effective_start({n: draws[:, i] for i, n in enumerate(self.chain.names)}, end, phi, self.posterior.resistance)
+        return inside if end == LOW else np.pi - inside
+
+    def _repr_markdown_(self) -> str:
+        """What a notebook shows: the values, or why there are none."""
+        rows = [parameter_cells(self.summary(name), UNKNOWNS[name][2].label(UNKNOWNS[name][0])) for name in self.chain.names]
+        title, advice = f"Trials of release of {self.trials.body}", advice_for(self.findings)
+        return headline(title, kind="", status=self.status, reasons=self.reasons, advice=advice, rows=rows)
+
+
+def _numbers(quantities: tuple[tuple[str, Quantity], ...]) -> dict[str, float]:
+    return {name: q.value for name, q in quantities} | {f"u_{name}": q.u for name, q in quantities}
+
+
+def analyse_trials(
+    trials: Trials, resistance: Prior | float, *, gamma_masses: Quantity | None, seed: int, target: Target | None = None,
+    progress: Progress | None = None,
+) -> TrialsAnalysis:
+    """Everything that trials of release say; the same seed gives the same numbers.
+
+    resistance : prior of c_rr, or its exact value.  gamma_masses : gamma as stated, to compare with; it does not enter.
+    """
+    posterior = release_posterior(trials, resistance)
+    chain, agreement = sample(posterior, rng=stream(seed, Stream.RELEASE_CHAIN), seed=seed, target=target or Target(), progress=progress)
+    values = {name: chain.flat[:, i] for i, name in enumerate(chain.names)}
+    findings = _findings(trials, posterior, values, chain, agreement)
+    ways = {"both": _way(values["gamma"], gamma_masses, True)}
+    apart = None
+    if decide(findings).draws_count:
+        variants = {end: trials.end(end) for end in trials.ends if len(trials.ends) > 1}
+        variants |= {"free": trials.without_release()} if trials.release > 0.0 else {}
+        for i, (name, variant) in enumerate(variants.items()):
+            found = weigh(release_posterior(variant, resistance), rng=stream(seed, Stream.RELEASE_DRAWS, i))
+            ways[name] = _way(found.draws[:, 0], gamma_masses, found.reliable)
+        apart = _ends_apart(trials, resistance, rng=stream(seed, Stream.RELEASE_DRAWS, len(variants))) if len(trials.ends) > 1 else None
+    phi_mean = float(np.mean([tilt.phi for tilt in trials.tilts]))
+    begins = effective_start(values, LOW, np.array([phi_mean]), posterior.resistance)[:, 0]
+    above = begins - start_angle(math.sin(phi_mean) / values["gamma"])
+    told: dict[str, Told] = {
+        name: Told(float(values[name].std() / posterior.priors[name].sd), float(np.corrcoef(values[name], values["gamma"])[0, 1]))
+        for name in ("rolling_resistance", "release", "scatter") if name in values
+    }
+    both = "rolling_resistance" in values and "release" in values
+    correlation = float(np.corrcoef(values["rolling_resistance"], values["release"])[0, 1]) if both else math.nan
+    return TrialsAnalysis(
+        trials, posterior, chain, agreement, ways, apart, thresholds(trials, values["scatter"]),
+        Quantity(float(above.mean()), float(above.std(ddof=1))), phi_mean, told, correlation, gamma_masses, findings, seed,
+    )
+
+
+def _way(gamma: FloatArray, gamma_masses: Quantity | None, reliable: bool) -> Way:
+    summary = summarise(gamma, unit="1", meaning=UNKNOWNS["gamma"][1])
+    found = Quantity(float(gamma.mean()), float(gamma.std(ddof=1)))
+    return Way(summary, math.nan if gamma_masses is None else e_n(found, gamma_masses), reliable)
+
+
+def _ends_apart(trials: Trials, resistance: Prior | float, *, rng: np.random.Generator) -> EndsApart | None:
+    """None where the importance weights cannot be trusted."""
+    found = weigh(release_posterior(trials, resistance, split=True), rng=rng)
+    difference = found.draws[:, 0] - found.draws[:, 1]
+    return EndsApart(Quantity(float(difference.mean()), float(difference.std(ddof=1)))) if found.reliable else None
+
+
+def _findings(
+    trials: Trials, posterior: ReleasePosterior, values: Mapping[str, FloatArray], chain: Chain, agreement: Agreement
+) -> tuple[Finding, ...]:
+    findings = sampling_findings(chain)
+    if agreement.verdict == "disagree":
+        findings.append(Finding(Kind.METHODS_DIFFER, parts=agreement.told))
+    share = float(values["gamma"].std() / posterior.priors["gamma"].sd)
+    if trials.n_climbed in (0, trials.n_trial) or share > PRIOR_DOMINATED:
+        findings.append(Finding(Kind.TRIALS_SILENT, size=trials.n_climbed, numbers={"n_trial": trials.n_trial, "share": share}))
+    typical = float(np.median(values["scatter"]))
+    if typical > FACTOR * trials.u_theta:
+        numbers = {"stated": math.degrees(trials.u_theta), "factor": FACTOR}
+        findings.append(Finding(Kind.TRIALS_SCATTER, size=math.degrees(typical), numbers=numbers))
+    return wrong(findings)

@@ -1,0 +1,162 @@
+"""A straight line through the points of any table: columns by name, predictions, and the abscissa at a measured ordinate (a calibration line)."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from estim.arrays import FloatArray
+from estim.common import InputError, Quantity, Status, read_number
+from estim.line.interval import SlopeInterval, slope_interval
+from estim.line.least_squares import POOR_FIT, LineFit, coverage_factor, fit_line, inverse_prediction, line_values, standard_error
+from estim.reading import read_table
+
+_MIN_ROWS = 3
+
+
+@dataclass(frozen=True, eq=False)
+class Columns:
+    """Names of columns; an uncertainty and a correlation may be one number for all points, None for the column "u_x", "u_y" or "r_xy" if there."""
+
+    x: str = "x"
+    y: str = "y"
+    u_x: str | None = None
+    u_y: str | None = None
+    r_xy: str | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Prediction:
+    """The line at x0.  u : of the line, with the uncertainty of x0.  u_reading : with that of one more reading too, nan where that is not known.
+
+    low, high and low_reading, high_reading : intervals for the probability of the line.
+    """
+
+    x0: Quantity
+    y: float
+    u: float
+    low: float
+    high: float
+    u_reading: float
+    low_reading: float
+    high_reading: float
+
+
+@dataclass(frozen=True, eq=False)
+class Inverse:
+    """The abscissa at which the line reaches y0.  u : linear.  low, high : Fieller's exact interval; infinite where the slope may be 0."""
+
+    y0: Quantity
+    x: float
+    u: float
+    low: float
+    high: float
+
+
+@dataclass(frozen=True, eq=False)
+class StraightLine:
+    """A line through the points of a table.  columns : as they were read, None for what was not there."""
+
+    path: Path
+    sha256: str
+    columns: Columns
+    fit: LineFit
+    slope: SlopeInterval
+    k: float
+    probability: float
+    predictions: tuple[Prediction, ...]
+    inverses: tuple[Inverse, ...]
+
+    @property
+    def status(self) -> Status:
+        if self.fit.p_value < POOR_FIT:
+            return Status.POOR_FIT
+        return Status.NOT_IDENTIFIED if self.fit.message else Status.OK
+
+
+def straight_line(
+    path: Path, columns: Columns, *, predict: Sequence[Quantity] = (), inverse: Sequence[Quantity] = (), probability: float = 0.95
+) -> StraightLine:
+    """The line through the CSV table at `path`.  Raises InputError with file, line, column, rule and value.
+
+    inverse : values of y with their uncertainties; a plain number has the scatter of the residuals where no uncertainties are known.
+    """
+    if columns.x == columns.y:
+        raise InputError("must name another column than --x", field="--y", value=columns.y)
+    wanted = replace(columns, u_x=columns.u_x or f"u_{columns.x}", u_y=columns.u_y or f"u_{columns.y}", r_xy=columns.r_xy or "r_xy")
+    named = [name for name in (wanted.x, wanted.y, wanted.u_x, wanted.u_y, wanted.r_xy) if name is not None and _number(name) is None]
+    needed = [name for name in (columns.x, columns.y, columns.u_x, columns.u_y, columns.r_xy) if name is not None and _number(name) is None]
+    table = read_table(path, known=named, min_rows=_MIN_ROWS, shown_as=str(path), needed=needed, skip_others=True)
+
+    def column(name: str | None) -> FloatArray | float | None:
+        return None if name is None else table.columns[name] if name in table.columns else _number(name)
+
+    def there(name: str | None) -> str | None:
+        return name if column(name) is not None else None
+
+    read = replace(wanted, u_x=there(wanted.u_x), u_y=there(wanted.u_y), r_xy=there(wanted.r_xy))
+    if read.u_x is None or read.u_y is None:
+        if columns.r_xy is not None:
+            raise InputError("needs uncertainties of x and y", field="--correlation", value=columns.r_xy)
+        read = replace(read, r_xy=None)
+    for key in ("u_x", "u_y"):
+        values = column(getattr(read, key))
+        if values is not None and np.any(np.asarray(values) <= 0.0):
+            bad = 0 if np.ndim(values) == 0 else int(np.argmax(np.asarray(values) <= 0.0))
+            if np.ndim(values) == 0:
+                raise InputError("must be > 0", field=f"--{key.replace('_', '')}", value=values)
+            raise table.error("must be > 0", str(getattr(read, key)), bad)
+    try:
+        correlation = column(read.r_xy)
+        fit = fit_line(
+            table.columns[read.x], table.columns[read.y], u_x=column(read.u_x), u_y=column(read.u_y), r_xy=0.0 if correlation is None else correlation
+        )
+    except InputError as error:
+        raise error.at(str(path)) from None
+    k = coverage_factor(fit, probability=probability)
+    predictions = tuple(_prediction(fit, x0, k) for x0 in predict)
+    inverses = tuple(_inverse(fit, y0, k, probability) for y0 in inverse)
+    return StraightLine(path, table.sha256, read, fit, slope_interval(fit, probability=probability), k, probability, predictions, inverses)
+
+
+def _number(text: str) -> float | None:
+    try:
+        return read_number(text)
+    except ValueError:
+        return None
+
+
+def _prediction(fit: LineFit, x0: Quantity, k: float) -> Prediction:
+    values = line_values(fit, x0.value)
+    y, u = float(values.values[0]), math.hypot(float(values.u[0]), fit.slope * x0.u)
+    reading = math.hypot(u, _of_one_reading(fit))
+    return Prediction(x0, y, u, y - k * u, y + k * u, reading, y - k * reading, y + k * reading)
+
+
+def _of_one_reading(fit: LineFit) -> float:
+    """Standard uncertainty of one more reading of y: the scatter of the residuals, or what all points state alike; nan where they differ."""
+    if fit.method == "ols":
+        return math.sqrt(fit.chi2 / fit.dof)
+    u = np.unique(fit.data.u_y)
+    scale = math.sqrt(fit.chi2 / fit.dof) if fit.recommended == "scaled" else 1.0
+    return scale * float(u[0]) if u.size == 1 else math.nan
+
+
+def _inverse(fit: LineFit, y0: Quantity, k: float, probability: float) -> Inverse:
+    """Fieller's interval: all x with (y0 - a - b x)^2 <= k^2 (u_y0^2 + u^2(a + b x)).  Source: Fieller 1954, J. R. Stat. Soc. B 16, 175."""
+    if y0.exact and fit.method != "ols":
+        raise InputError('must have an uncertainty, as "10.5(5)": the table knows those of its points only', field="--inverse", value=y0.value)
+    u_y0 = _of_one_reading(fit) if y0.exact else y0.u
+    linear = inverse_prediction(fit, y0.value, u_y0=u_y0, probability=probability)
+    error = standard_error(fit)
+    above = y0.value - fit.intercept - fit.slope * error.x_pivot
+    curvature = fit.slope**2 - k**2 * error.u_slope**2
+    room = above**2 - k**2 * (u_y0**2 + error.u_pivot**2)
+    if curvature <= 0.0:
+        return Inverse(Quantity(y0.value, u_y0), linear.x0, linear.u_x0, -math.inf, math.inf)
+    middle, half = above * fit.slope / curvature, math.sqrt(max((above * fit.slope) ** 2 - curvature * room, 0.0)) / curvature
+    return Inverse(Quantity(y0.value, u_y0), linear.x0, linear.u_x0, error.x_pivot + middle - half, error.x_pivot + middle + half)

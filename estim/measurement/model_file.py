@@ -1,0 +1,247 @@
+"""The file of a measurement model: TOML to formulas, inputs and their correlations, every mistake with its line.
+
+`docs/propagation.md` explains the format to its users.
+"""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import combinations
+from pathlib import Path
+from typing import Any, Literal
+
+import msgspec
+import numpy as np
+
+from estim.campaign import checked
+from estim.common import InputError
+from estim.curves import RESERVED, Formula, evaluate, read_formula
+from estim.measurement.input_tables import InputTable, inputs_of
+from estim.propagation import Input, IntervalKind
+from estim.reading import TOML_BYTES, Places, parse_toml, read_text
+
+_MOST_INPUTS, _MOST_OUTPUTS = 60, 12
+_LEAST_DRAWS, _MOST_DRAWS = 10_000, 10_000_000
+
+
+class _OutputTable(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_only=True):
+    formula: str
+    unit: str = "1"
+    meaning: str = ""
+    name: str | None = None
+
+
+class _CorrelationTable(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_only=True):
+    between: list[str]
+    r: float
+
+
+class _TopTable(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_only=True):
+    title: str
+    source: str = ""
+    measurand: dict[str, Any]
+    inputs: dict[str, dict[str, Any]]
+    correlations: list[_CorrelationTable] = []
+    simultaneous: list[list[str]] = []
+    probability: float = 0.95
+    digits: int = 2
+    interval: Literal["symmetric", "shortest"] = "symmetric"
+    draws: int | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Output:
+    """A measurand.  unit : "1" for a number."""
+
+    name: str
+    formula: Formula
+    unit: str
+    meaning: str
+
+
+@dataclass(frozen=True, eq=False)
+class Quantity:
+    """An input of the formulas: the sum of `parts`, independent inputs of the propagation, the first of which holds the value."""
+
+    name: str
+    unit: str
+    meaning: str
+    parts: tuple[Input, ...]
+    meanings: tuple[str, ...]  # of the parts
+
+    @property
+    def value(self) -> float:
+        return self.parts[0].value
+
+
+@dataclass(frozen=True, eq=False)
+class MeasurementModel:
+    """A measurement model as read.
+
+    correlation : of the parts of all quantities, in their order, None where there is none.  digits : of u, to which the Monte Carlo settles
+    and the GUM interval is tested.  draws : how many, None for as many as that takes.  interval : the Monte-Carlo interval that is quoted.
+    """
+
+    path: Path
+    sha256: str
+    title: str
+    source: str
+    outputs: tuple[Output, ...]
+    quantities: tuple[Quantity, ...]
+    correlation: Mapping[tuple[str, str], float] | None
+    probability: float
+    digits: int
+    draws: int | None
+    interval: IntervalKind
+
+    @property
+    def inputs(self) -> tuple[Input, ...]:
+        return tuple(part for quantity in self.quantities for part in quantity.parts)
+
+    def values(self, q: Mapping[str, Any]) -> list[Any]:
+        """Outputs at values of the inputs, numbers or arrays; a formula sees the outputs before it."""
+        symbols = {quantity.name: sum((q[part.name] for part in quantity.parts[1:]), start=q[quantity.name]) for quantity in self.quantities}
+        found = []
+        for output in self.outputs:
+            symbols[output.name] = evaluate(output.formula.tree, symbols)
+            found.append(symbols[output.name])
+        return found
+
+
+def read_model(path: Path) -> MeasurementModel:
+    """The measurement model in the TOML file at `path`.  Raises InputError with file, line, key, rule and value."""
+    text, digest = read_text(path, shown_as=str(path), limit=TOML_BYTES)
+    tree, places = parse_toml(text, str(path))
+    top = checked(tree, _TopTable, places, ())
+    _check_choices(top, places)
+    quantities = tuple(_quantity(name, table, places) for name, table in top.inputs.items())
+    if not 1 <= sum(len(quantity.parts) for quantity in quantities) <= _MOST_INPUTS:
+        raise places.error(f"must hold 1 to {_MOST_INPUTS} inputs, their components counted", ("inputs",))
+    outputs = _outputs(top, places)
+    _check_names(outputs, quantities, places)
+    correlation = _correlations(top, quantities, places)
+    quantities = tuple(_together(quantity, top.simultaneous) for quantity in quantities)
+    return MeasurementModel(
+        path, digest, top.title, top.source, outputs, quantities, correlation, top.probability, top.digits, top.draws,
+        top.interval,
+    )
+
+
+def _check_choices(top: _TopTable, places: Places) -> None:
+    if not 0.5 <= top.probability <= 0.9999:
+        raise places.error("must lie between 0.5 and 0.9999", ("probability",), value=top.probability)
+    if not 1 <= top.digits <= 4:
+        raise places.error("must be 1 to 4", ("digits",), value=top.digits)
+    if top.draws is not None and not _LEAST_DRAWS <= top.draws <= _MOST_DRAWS:
+        raise places.error(f"must lie between {_LEAST_DRAWS} and {_MOST_DRAWS}", ("draws",), value=top.draws)
+
+
+def _quantity(name: str, raw: Mapping[str, Any], places: Places) -> Quantity:
+    _check_name(name, ("inputs", name), places)
+    table = checked(dict(raw), InputTable, places, ("inputs", name))
+    try:
+        parts = inputs_of(name, table)
+    except InputError as error:
+        raise places.error(error.rule, ("inputs", name, *(error.field or "").split(".")), value=error.value) from None
+    return Quantity(name, table.unit, table.meaning, parts, (table.meaning, *(component.meaning for component in table.components.values())))
+
+
+def _outputs(top: _TopTable, places: Places) -> tuple[Output, ...]:
+    """One table `[measurand]`, or several `[measurand.NAME]`."""
+    alone = isinstance(top.measurand.get("formula"), str)
+    tables = {str(top.measurand.get("name", "y")): top.measurand} if alone else top.measurand
+    if not 1 <= len(tables) <= _MOST_OUTPUTS:
+        raise places.error(f"must hold a formula, or 1 to {_MOST_OUTPUTS} tables [measurand.NAME]", ("measurand",))
+    found = []
+    for name, raw in tables.items():
+        path = ("measurand",) if alone else ("measurand", name)
+        if not isinstance(raw, dict):
+            raise places.error("must be a table [measurand.NAME] with a formula, or stand beside 'formula'", path, field=f"measurand.{name}")
+        table = checked(raw, _OutputTable, places, path)
+        if table.name is not None and not alone:
+            raise places.error("does not go with several measurands: the table has the name", (*path, "name"))
+        _check_name(name, (*path, "name") if alone else path, places)
+        try:
+            formula = read_formula(table.formula, field="formula")
+        except InputError as error:
+            raise places.error(error.rule, (*path, "formula"), value=error.value) from None
+        found.append(Output(name, formula, table.unit, table.meaning))
+    return tuple(found)
+
+
+def _check_name(name: str, path: Sequence[str], places: Places) -> None:
+    if not name.isidentifier() or name.startswith("_") or (name in RESERVED and name != "x") or name == "power":
+        rule = "must be letters, digits and _, a letter first, and no constant or function of formulas (e, pi, sin, log, ...)"
+        raise places.error(rule, path, field="name", value=name)
+
+
+def _check_names(outputs: Sequence[Output], quantities: Sequence[Quantity], places: Places) -> None:
+    """Each formula names inputs and outputs above it, and every input is used."""
+    known = [quantity.name for quantity in quantities]
+    used: set[str] = set()
+    for output in outputs:
+        path = ("measurand", output.name, "formula") if ("measurand", output.name) in places.lines else ("measurand", "formula")
+        if output.name in known:
+            raise places.error("must not be the name of an input or of another measurand", path, field="name", value=output.name)
+        names = (*output.formula.names, *(("x",) if output.formula.uses_x else ()))
+        for name in names:
+            if name not in known:
+                close = difflib.get_close_matches(name, known, n=1)
+                hint = f" (did you mean '{close[0]}'?)" if close else ""
+                raise places.error(f"names no input and no measurand above it{hint}", path, value=name)
+        if not names:
+            raise places.error("must depend on an input", path, value=output.formula.text)
+        used.update(names)
+        known.append(output.name)
+    for quantity in quantities:
+        if quantity.name not in used:
+            raise places.error("is in no formula", ("inputs", quantity.name), field=f"inputs.{quantity.name}")
+
+
+def _correlations(top: _TopTable, quantities: Sequence[Quantity], places: Places) -> dict[tuple[str, str], float] | None:
+    """Stated correlations, and those of readings that were taken together (GUM 5.2.3, eq. 17)."""
+    parts = {part.name: part for quantity in quantities for part in quantity.parts}
+    pairs: dict[tuple[str, str], float] = {}
+    found: list[tuple[list[str], float, tuple[str | int, ...]]] = []
+    found += [(one.between, one.r, ("correlations", i)) for i, one in enumerate(top.correlations)]
+    for i, group in enumerate(top.simultaneous):
+        found += [([a, b], r, ("simultaneous", i)) for (a, b), r in _of_readings(top, group, places, ("simultaneous", i)).items()]
+    for between, r, path in found:
+        if len(between) != 2 or between[0] == between[1]:
+            raise places.error("must name two inputs", (*path, "between"), value=", ".join(between))
+        for name in between:
+            if name not in parts or parts[name].u == 0.0:
+                rule = 'must name inputs with an uncertainty of their own (a component as "input: component")'
+                raise places.error(rule, (*path, "between"), value=name)
+        if not -1.0 <= r <= 1.0:
+            raise places.error("must lie between -1 and 1", (*path, "r"), value=r)
+        if tuple(between) in pairs or tuple(reversed(between)) in pairs:
+            raise places.error("must give each pair once", (*path, "between"), value=", ".join(between))
+        pairs[between[0], between[1]] = r
+    return pairs or None
+
+
+def _together(quantity: Quantity, groups: Sequence[Sequence[str]]) -> Quantity:
+    """The quantity, its readings marked as taken together with those of its group."""
+    at = next((i for i, group in enumerate(groups) if quantity.name in group), None)
+    return quantity if at is None else replace(quantity, parts=(replace(quantity.parts[0], group=f"readings {at}"), *quantity.parts[1:]))
+
+
+def _of_readings(top: _TopTable, group: Sequence[str], places: Places, path: tuple[str | int, ...]) -> dict[tuple[str, str], float]:
+    lists = []
+    for name in group:
+        if sum(name in other for other in top.simultaneous) > 1 or list(group).count(name) > 1:
+            raise places.error("must name each input once", path, field="simultaneous", value=name)
+        readings = top.inputs.get(name, {}).get("readings")
+        if not isinstance(readings, list):
+            raise places.error("must name inputs that are given by readings", path, field="simultaneous", value=name)
+        lists.append(readings)
+    if len(group) < 2 or len({len(readings) for readings in lists}) != 1:
+        raise places.error("must name two inputs or more with equally many readings", path, field="simultaneous", value=", ".join(group))
+    with np.errstate(all="ignore"):
+        matrix = np.corrcoef(np.array(lists, dtype=float))
+    if not np.all(np.isfinite(matrix)):
+        raise places.error("must name inputs whose readings scatter", path, field="simultaneous", value=", ".join(group))
+    return {(group[i], group[j]): float(matrix[i, j]) for i, j in combinations(range(len(group)), 2)}

@@ -1,0 +1,119 @@
+"""What it would take to halve a standard deviation, by one thing alone."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from estim.arrays import FloatArray
+from estim.planning.rolling import Outlook
+from estim.planning.suggestions import again
+from estim.planning.weighing import Basis, Option, sds_with, weigh
+from estim.planning.wishes import MORE, OTHERWISE, Readings, Wish, better_words, by_quantity, measured_better
+from estim.problem import Parameter
+
+_HALF = 0.5
+_EXACT = 1e-4  # of a stated uncertainty
+_DOUBLINGS = 4
+
+
+@dataclass(frozen=True, eq=False)
+class Way:
+    """One way: `words` says how much of it, `ratio` what is reached: at most a half where it is enough."""
+
+    words: str
+    ratio: float
+
+    @property
+    def enough(self) -> bool:
+        return self.ratio <= _HALF + 1e-6
+
+
+@dataclass(frozen=True, eq=False)
+class Halving:
+    """The ways for one target: those that are enough, stated quantities before data, then the others, the best first."""
+
+    target: Parameter
+    ways: tuple[Way, ...]
+
+
+def ways_to_halve(basis: Basis, here: Outlook, targets: Sequence[Parameter], now: FloatArray, options: Sequence[Option]) -> tuple[Halving, ...]:
+    """For each target: each stated quantity measured better, more frames, smaller errors, and the best further run or reading many times."""
+    found = []
+    for k, target in enumerate(targets):
+        sd = float(now[k])
+        ways = [_better(here, wish, target, sd) for wish in measured_better(here.problem, factor=1.0)]
+        ways += _steps(basis, here, target, sd)
+        more = [option for option in options if option.wish.group == MORE and (len(option.wish.runs) == 1 or option.wish.readings)]
+        more = [option for option in more if option.wish.runs or not option.wish.own] or more
+        if more:
+            ways.append(_many(basis, here, min(more, key=lambda option: option.ratio[k]), target, sd))
+        found.append(Halving(target, tuple(sorted(ways, key=lambda way: 0.0 if way.enough else way.ratio))))
+    return tuple(found)
+
+
+def _better(here: Outlook, wish: Wish, target: Parameter, now: float) -> Way:
+    """A stated quantity as well known as it takes, or as it can be."""
+    parameters = [p for p in here.problem.parameters if p.name in wish.u]
+
+    def ratio(factor: float) -> float:
+        return float(sds_with(here, {name: factor * u for name, u in wish.u.items()}, [target])[0]) / now
+
+    least = ratio(_EXACT)
+    if least > _HALF:
+        name = next(iter(by_quantity(parameters)))
+        label = parameters[0].bare_label if len(parameters) > 1 else parameters[0].label
+        return Way(f"{label.symbol or name} exactly", least)
+    low, high = _EXACT, 1.0
+    for _ in range(40):
+        middle = float(np.sqrt(low * high))
+        low, high = (middle, high) if ratio(middle) <= _HALF else (low, middle)
+    rounded = {name: float(f"{low * u:.2g}") for name, u in wish.u.items()}
+    return Way(better_words(parameters, rounded), _HALF)
+
+
+def _steps(basis: Basis, here: Outlook, target: Parameter, now: float) -> list[Way]:
+    def of(frames: float = 1.0, error: float = 1.0) -> float:
+        option = weigh(basis, here, Wish("", OTHERWISE, frames=frames, error=error), [target], np.array([now]))
+        return float("inf") if option.reason else float(option.ratio[0])
+
+    what = "frames" if here.problem.runs[0].motion is not None else "readings"
+    return [
+        _doubled(lambda n: (f"{n} times as many {what}", of(frames=float(n)))),
+        _doubled(lambda n: (f"1/{n} of the error of a reading", of(error=1.0 / n))),
+    ]
+
+
+def _many(basis: Basis, here: Outlook, best: Option, target: Parameter, now: float) -> Way:
+    wish = best.wish
+
+    def of(n: int) -> tuple[str, float]:
+        several = again(wish, n) if wish.runs else _more_often(wish, n)
+        option = weigh(basis, here, several, [target], np.array([now]))
+        return several.words, float("inf") if option.reason else float(option.ratio[0])
+
+    return _doubled(of, between=True)
+
+
+def _more_often(wish: Wish, times: int) -> Wish:
+    readings = tuple(Readings(one.run, one.x, one.n * times) for one in wish.readings)
+    return replace(wish, words=f"{wish.readings[0].n * times} further readings{wish.which}", readings=readings)
+
+
+def _doubled(of: Callable[[int], tuple[str, float]], *, between: bool = False) -> Way:
+    """The first of 2, 4, 8, 16 times that is enough, else the best of them that can be had.  between: or the least number of times."""
+    ways: list[Way] = []
+    for i in range(1, _DOUBLINGS + 1):
+        ways.append(Way(*of(2**i)))
+        if ways[-1].enough:
+            break
+    else:
+        return min(ways, key=lambda way: way.ratio)
+    low, high, least = 2 ** (i - 1), 2**i, ways[-1]
+    while between and high - low > 1:
+        middle = (low + high) // 2
+        way = Way(*of(middle))
+        low, high, least = (low, middle, way) if way.enough else (middle, high, least)
+    return least

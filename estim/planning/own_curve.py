@@ -1,0 +1,115 @@
+"""A user's own curve with further readings: tables without errors, at the fit, and the problem that they pose."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from types import MappingProxyType
+from typing import Any
+
+import numpy as np
+
+from estim.arrays import FloatArray
+from estim.campaign import Campaign, axis_columns, with_tables
+from estim.common import InputError
+from estim.fitting import Fit
+from estim.planning.rolling import Outlook
+from estim.planning.wishes import Wish
+from estim.problem import Observations, Problem, Scale
+from estim.reading import Run
+
+_BEYOND = 0.25  # of the range of x on either side: how far readings may lie outside
+_PLACES = 61
+
+
+@dataclass(frozen=True, eq=False)
+class CurveBasis:
+    """A campaign of a user's own curve with the fit of some of its runs."""
+
+    campaign: Campaign
+    names: tuple[str, ...]
+    fit: Fit
+
+    def outlook(self, wish: Wish) -> Outlook:
+        """What the readings would say if the wish came true, its `u` left aside.  Raises InputError where that cannot be measured."""
+        x_column, y_column = axis_columns(self.campaign)
+        named, tables = self.fit.problem.named(self.fit.values), dict(self.campaign.tables)
+        for run in self.fit.problem.runs:
+            table = tables[run.name]
+            further = [readings for readings in wish.readings if readings.run == run.name]
+            rows = _every_so_often(table.columns[x_column], wish.frames)
+            rows = np.append(rows, [_nearest(table.columns[x_column], one.x) for one in further for _ in range(one.n)]).astype(int)
+            x = table.columns[x_column][rows].copy()
+            new = [one.x for one in further for _ in range(one.n)]
+            if new:
+                x[-len(new) :] = new
+            columns = {name: column[rows].copy() for name, column in table.columns.items()} | {x_column: x, y_column: _curve(run, x, named)}
+            tables[run.name] = _sorted(table, columns, x_column)
+        campaign = with_tables(self.campaign, tables)
+        problem = campaign.problem(self.names)
+        self._require_places(problem, wish)
+        problem, values = _errors_times(problem, self._values(problem), wish.error)
+        information = campaign.study.foreseen(problem, tables, values, {})
+        return Outlook(problem, values, information, campaign, MappingProxyType({}))
+
+    def _values(self, problem: Problem) -> FloatArray:
+        fitted = dict(zip(self.fit.names, self.fit.values, strict=True))
+        return np.array([fitted[name] for name in problem.names])
+
+    def _require_places(self, problem: Problem, wish: Wish) -> None:
+        for one in wish.readings:
+            run = next(run for run in problem.runs if run.name == one.run)
+            if not np.any(run.x == one.x):
+                raise InputError("lies outside the window, or between the points that are taken", field="x", value=one.x)
+            if not np.all(np.isfinite(run.y)):
+                raise InputError("the curve is not finite there", field="x", value=one.x)
+
+    def places(self, run: str) -> FloatArray:
+        """(n,) abscissas at which a further reading is weighed: over the range of the run, and a quarter of it on either side."""
+        x = next(one.x for one in self.fit.problem.runs if one.name == run)
+        low, high = float(np.min(x)), float(np.max(x))
+        beyond = _BEYOND * (high - low)
+        start = max(low - beyond, 0.0) if low >= 0.0 else low - beyond
+        return np.linspace(start, high + beyond, _PLACES)
+
+
+def _every_so_often(x: FloatArray, times: float) -> FloatArray:
+    """Rows, each as often as the factor says, spread evenly where that is no whole number."""
+    return np.floor(np.arange(round(x.size * times)) / times).astype(int).clip(0, x.size - 1)
+
+
+def _nearest(x: FloatArray, place: float) -> int:
+    return int(np.argmin(np.abs(x - place)))
+
+
+def _sorted(table: Run, columns: Mapping[str, FloatArray], x_column: str) -> Run:
+    order = np.argsort(columns[x_column], kind="stable")
+    arranged = {name: column[order] for name, column in columns.items()}
+    for column in arranged.values():
+        column.setflags(write=False)
+    return replace(table, columns=MappingProxyType(arranged), lines=np.arange(order.size))
+
+
+def _curve(run: Observations, x: FloatArray, named: Mapping[str, FloatArray]) -> FloatArray:
+    with np.errstate(all="ignore"):
+        y = np.array(np.broadcast_to(run.curve.value(x, run.bind(named)), (1, x.size))[0])
+    if not np.all(np.isfinite(y)):
+        raise InputError("the curve is not finite there", field="x")
+    return y
+
+
+def _errors_times(problem: Problem, values: FloatArray, factor: float) -> tuple[Problem, FloatArray]:
+    """The problem, and the values, with errors of the readings `factor` times as large, whether stated or inferred."""
+    if factor == 1.0:
+        return problem, values
+    runs, inferred = [], set[str]()
+    for run in problem.runs:
+        scale, noise = run.noise.size.sigma, run.noise
+        if scale.parameter is None:
+            smaller: Any = noise  # every noise of readings has a `sigma`
+            noise = replace(smaller, sigma=Scale(factor * scale.value))
+        else:
+            inferred.add(scale.parameter)
+        runs.append(replace(run, noise=noise))
+    times = np.array([factor if name in inferred else 1.0 for name in problem.names])
+    return replace(problem, runs=tuple(runs)), values * times

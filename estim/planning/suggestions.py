@@ -1,0 +1,118 @@
+"""Further runs that a campaign suggests, and those that its [plan] asks for."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from math import degrees, radians
+
+import numpy as np
+
+from estim.campaign import Campaign, NewRun, planned_quantities
+from estim.common import Quantity
+from estim.fitting import Fit
+from estim.planning.wishes import MORE, Wish
+from estim.problem import Observations
+
+_TILTS = (0.5, 1.0, 1.5, 2.0)  # times the middle one
+_TURNS = (-30.0, -15.0, 0.0, 15.0, 30.0)  # degrees beside the middle angle at release
+_GAMMAS = ((0.5, 0.5), (1.5, 1.0), (1.5, 1.5))  # times that of the body, and the tilt that goes with it
+_RELEASES = (1.0, 179.0)  # degrees, of a body that climbs
+
+
+def more_runs(campaign: Campaign, fit: Fit) -> tuple[Wish, ...]:
+    """Every run once more, all of them, and for each body runs on other ramps, from other angles, with other particles."""
+    runs, named = fit.problem.runs, fit.problem.named(fit.values)
+    wishes = [_once_more([run.name], campaign) for run in runs]
+    if len(runs) > 1:
+        wishes.append(_once_more([run.name for run in runs], campaign))
+    for body in dict.fromkeys(campaign.study.body_of(run.name) for run in runs):
+        own = [run for run in runs if campaign.study.body_of(run.name) == body]
+        wishes += _other_runs(own, fit, named, body or "")
+    return tuple(wishes)
+
+
+def planned_runs(campaign: Campaign) -> tuple[Wish, ...]:
+    """The runs that the campaign's [plan] asks for.  Raises InputError with its line."""
+    wishes = []
+    for i, table in enumerate(campaign.source.plan.runs):
+        said = planned_quantities(campaign.source, table, i)
+        new = tuple(NewRun(_free_name(campaign, i, k), table.like, said) for k in range(table.repeats))
+        several = f"{table.repeats} runs" if table.repeats > 1 else "a run"
+        which = _which(campaign.study.body_of(table.like) or "", said) if said else f" like {table.like}"
+        wishes.append(Wish(several + which, MORE, own=True, runs=new, which=which))
+    return tuple(wishes)
+
+
+def again(wish: Wish, times: int) -> Wish:
+    """The wish with each of its runs so many times."""
+    runs = tuple(NewRun(f"{run.name}.{k}", run.like, run.said) for run in wish.runs for k in range(times))
+    words = f"{times * len(wish.runs)} runs{wish.which}" if wish.which else f"{wish.words}, {times} times"
+    return Wish(words, MORE, wish.own, runs=runs, which=wish.which)
+
+
+def _once_more(names: Sequence[str], campaign: Campaign) -> Wish:
+    words = f"{names[0]} once more" if len(names) == 1 else f"every run once more ({len(names)} runs)"
+    return Wish(words, MORE, runs=tuple(NewRun(_free_name(campaign, i, 0), name, {}) for i, name in enumerate(names)))
+
+
+def _other_runs(runs: Sequence[Observations], fit: Fit, named: Mapping[str, object], body: str) -> list[Wish]:
+    tilts, releases = ([float(_value(run, argument, named)) for run in runs] for argument in ("phi", "theta0"))
+    middle = int(np.argsort(tilts)[len(tilts) // 2])
+    like, tilt, release = runs[middle], tilts[middle], releases[middle]
+    u_tilt, u_release, u_gamma = (_stated_u(like, argument, fit) for argument in ("phi", "theta0", "gamma"))
+    gamma, wishes = _value(like, "gamma", named), list[Wish]()
+    for factor in _TILTS:
+        for turn in _TURNS:
+            angle = degrees(release) + turn
+            if tilt > 0.0 and not _RELEASES[0] <= angle <= _RELEASES[1]:
+                continue
+            said = {} if turn == 0.0 else {"theta0": Quantity(radians(round(angle)), u_release)}
+            if factor != 1.0:
+                said["phi"] = Quantity(radians(_two_digits(degrees(tilt) * factor)), u_tilt)
+            if said:
+                wishes.append(_run(f"{len(wishes)}", like, said, body, tilt, radians(angle)))
+    if gamma > 0.0:
+        for share, factor in _GAMMAS:
+            said = {"gamma": Quantity(_two_digits(gamma * share), u_gamma)}
+            if factor != 1.0:
+                said["phi"] = Quantity(radians(_two_digits(degrees(tilt) * factor)), u_tilt)
+            wishes.append(_run(f"{len(wishes)}", like, said, body, tilt, release))
+    return wishes
+
+
+def _run(number: str, like: Observations, said: Mapping[str, Quantity], body: str, tilt: float, release: float) -> Wish:
+    shown = {"phi": Quantity(tilt), "theta0": Quantity(release)} | dict(said)
+    which = _which(body, shown)
+    return Wish(f"a run{which}", MORE, runs=(NewRun(f"{like.name}+{number}", like.name, said),), which=which)
+
+
+def _which(body: str, said: Mapping[str, Quantity]) -> str:
+    places = []
+    if "phi" in said:
+        places.append(f"φ = {degrees(said['phi'].value):.2g}°")
+    if "theta0" in said:
+        places.append(f"θ₀ = {degrees(said['theta0'].value):.0f}°")
+    whose = f"the disk of {body} with γ = {said['gamma'].value:.2g}" if "gamma" in said else body
+    return f" of {whose}" + (f" at {', '.join(places)}" if places else "")
+
+
+def _value(run: Observations, argument: str, named: Mapping[str, object]) -> float:
+    source = run.arguments[argument]
+    return float(np.ravel(np.asarray(named[source]))[0]) if isinstance(source, str) else source
+
+
+def _stated_u(run: Observations, argument: str, fit: Fit) -> float:
+    """The standard uncertainty with which a quantity of a run was stated; 0 for an exact one."""
+    source = run.arguments[argument]
+    return fit.problem.parameters[fit.names.index(source)].prior.sd if isinstance(source, str) else 0.0
+
+
+def _two_digits(value: float) -> float:
+    return float(f"{value:.2g}")
+
+
+def _free_name(campaign: Campaign, i: int, k: int) -> str:
+    name = f"planned-{i + 1}.{k + 1}"
+    while name in campaign.run_names:
+        name += "+"
+    return name

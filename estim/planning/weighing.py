@@ -1,0 +1,78 @@
+"""One thing that might be measured: what it would do to the standard deviations that matter."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from estim.arrays import FloatArray
+from estim.common import InputError
+from estim.planning.rolling import Outlook
+from estim.planning.wishes import Wish
+from estim.problem import MEASURED, Parameter
+
+
+class Basis(Protocol):
+    """What plans start from: a campaign and its fit."""
+
+    def outlook(self, wish: Wish) -> Outlook:
+        """What the runs would say if the wish came true, its `u` left aside.  Raises InputError where that cannot be measured."""
+
+
+@dataclass(frozen=True, eq=False)
+class Option:
+    """A wish and what comes of it.
+
+    u : (n_target,) expected standard deviations; empty where it cannot be measured, and `reason` says why.
+    ratio : (n_target,) of these to those as things are.  remarks : what is worth saying of it.
+    """
+
+    wish: Wish
+    u: FloatArray
+    ratio: FloatArray
+    reason: str = ""
+    remarks: tuple[str, ...] = ()
+
+    @property
+    def score(self) -> float:
+        """Geometric mean of the ratios: what options are ranked by."""
+        return float(np.exp(np.mean(np.log(self.ratio))))
+
+
+def weigh(basis: Basis, here: Outlook, wish: Wish, targets: Sequence[Parameter], now: FloatArray) -> Option:
+    """What the wish would do beside `here`, the campaign as it is, with standard deviations `now` (n_target,)."""
+    stays = wish.frames == wish.error == wish.reach == 1.0 and not wish.runs and not wish.readings
+    try:
+        there = here if stays else basis.outlook(wish)
+        u = sds_with(there, wish.u, targets)
+    except InputError as error:
+        return Option(wish, np.array([]), np.array([]), error.rule if not error.value else f"{error.field}: {error.rule}")
+    return Option(wish, u, u / now, remarks=there.remarks)
+
+
+def sds_with(there: Outlook, u: Mapping[str, float], targets: Sequence[Parameter]) -> FloatArray:
+    """(n_target,) standard deviations where quantities are stated with the uncertainties `u` in place of their own.
+
+    Raises InputError where the targets are not determined.
+    """
+    information = there.information.copy()
+    for name, sd in u.items():
+        i = there.problem.names.index(name)
+        prior = there.problem.parameters[i].prior
+        stated = prior.residual_slope(float(there.values[i])) if isinstance(prior, MEASURED) else 0.0
+        information[i, i] += 1.0 / sd**2 - stated**2
+    return sds_of(information, [there.problem.names.index(p.name) for p in targets])
+
+
+def sds_of(information: FloatArray, columns: Sequence[int]) -> FloatArray:
+    """(n,) standard deviations of the parameters in `columns`.  Raises InputError where they are not determined."""
+    scale = np.sqrt(np.maximum(np.diag(information), 1e-300))
+    try:
+        lower = np.linalg.cholesky(information / np.outer(scale, scale))
+    except np.linalg.LinAlgError:
+        raise InputError("data and what is stated do not determine every unknown", field="plan") from None
+    inverse = np.linalg.inv(lower)
+    return np.asarray(np.sqrt(np.sum(np.square(inverse), axis=0))[list(columns)] / scale[list(columns)])

@@ -1,0 +1,91 @@
+"""What might be measured next: one record for all of it, and the list that a campaign itself suggests."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from types import MappingProxyType
+from typing import Literal
+
+from estim.campaign import NewRun
+from estim.common import split_level
+from estim.problem import MEASURED, Parameter, Problem, n_uses
+
+Group = Literal["a quantity measured better", "the same runs, measured otherwise", "more data"]
+BETTER: Group = "a quantity measured better"
+OTHERWISE: Group = "the same runs, measured otherwise"
+MORE: Group = "more data"
+
+
+@dataclass(frozen=True, eq=False)
+class Readings:
+    """Further readings of a user's own curve: `n` of run `run` at abscissa `x`."""
+
+    run: str
+    x: float
+    n: int
+
+
+@dataclass(frozen=True, eq=False)
+class Wish:
+    """Something that might be measured; all of it together where several things are said.
+
+    words : what it is, for a reader.  own : whether the campaign's [plan] asks for it.
+    u : parameter -> standard uncertainty with which it would be stated, own unit.
+    frames : times as many frames (readings of one's own curve).  error : times as large an error of a reading.  reach : times as far.
+    runs, readings : further ones.  which : they are, where their number stands before it (" of heavy at φ = 4°"), for another number of them.
+    """
+
+    words: str
+    group: Group
+    own: bool = False
+    u: Mapping[str, float] = field(default_factory=lambda: MappingProxyType({}))
+    frames: float = 1.0
+    error: float = 1.0
+    reach: float = 1.0
+    runs: tuple[NewRun, ...] = ()
+    readings: tuple[Readings, ...] = ()
+    which: str = ""
+
+
+def by_quantity(parameters: Iterable[Parameter]) -> dict[str, tuple[Parameter, ...]]:
+    """Quantity -> its parameters at all levels."""
+    found: dict[str, list[Parameter]] = {}
+    for parameter in parameters:
+        found.setdefault(split_level(parameter.name)[0], []).append(parameter)
+    return {name: tuple(every) for name, every in found.items()}
+
+
+def measured_better(problem: Problem, *, factor: float = 0.5) -> tuple[Wish, ...]:
+    """For each quantity of the curves that was measured: `factor` times its stated uncertainty, wherever it stands."""
+    stated = [p for p in problem.parameters if isinstance(p.prior, MEASURED) and p.name not in problem.noise_names and n_uses(p.name, problem.runs)]
+    return tuple(
+        Wish(better_words(every, {p.name: factor * p.prior.sd for p in every}), BETTER, u={p.name: factor * p.prior.sd for p in every})
+        for every in by_quantity(stated).values()
+    )
+
+
+def better_words(parameters: Sequence[Parameter], u: Mapping[str, float]) -> str:
+    """'φ to ±0.2° (from 0.4°), in every run'."""
+    first = parameters[0]
+    label = first.bare_label if len(parameters) > 1 else first.label
+    new = sorted({f"{u[p.name] * label.factor:.2g}" for p in parameters})
+    old = sorted({f"{p.prior.sd * label.factor:.2g}" for p in parameters if isinstance(p.prior, MEASURED)})
+    unit = "" if label.unit == "1" else label.unit if label.unit == "°" else f" {label.unit}"
+    several = {1: "", 2: ", both"}.get(len(parameters), f", all {len(parameters)}")
+    before = f" (from {_range(old)}{unit})" if old else ""
+    return f"{label.symbol} to ±{_range(new)}{unit}{before}{several}"
+
+
+def _range(numbers: Sequence[str]) -> str:
+    return numbers[0] if len(numbers) == 1 else f"{min(numbers, key=float)}–{max(numbers, key=float)}"
+
+
+def measured_otherwise(*, moving: bool) -> tuple[Wish, ...]:
+    """Of every run: more frames, smaller errors, and (of a moving body) a longer way."""
+    frames, error = ("frames a second", "error of a reading") if moving else ("readings", "error of a reading")
+    wishes = [
+        Wish(f"twice as many {frames}", OTHERWISE, frames=2.0), Wish(f"four times as many {frames}", OTHERWISE, frames=4.0),
+        Wish(f"half the {error}", OTHERWISE, error=0.5),
+    ]
+    return (*wishes, Wish("1.5 times the way, where the body goes that far", OTHERWISE, reach=1.5)) if moving else tuple(wishes)

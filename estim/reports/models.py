@@ -1,0 +1,213 @@
+"""The report of models of a body side by side: `report.md`, `models.json` and figures."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from functools import partial
+
+import msgspec
+
+from estim.campaign import Campaign
+from estim.checks import INFLUENTIAL, value_cell
+from estim.common import KINDS, as_json, signed, split_level
+from estim.explanation import P_NOT_BROUGHT_BACK, Predicted
+from estim.problem import Parameter
+from estim.reports.models_figures import predictive_figure, values_figure
+from estim.reports.pages import page
+from estim.reports.rendering import render
+from estim.reports.result import provenance
+from estim.sampling import Summary, number, summarise_parameter, trusted
+from estim.studies import FORCE, START, ComparedModel, Ground, Lack, ModelComparison, contains
+
+_OF_INTEREST = ("gamma", "kappa", "theta0")
+_LARGE = 1e6  # odds that nobody needs more exactly
+_WORTH = ((1.0, "hardly worth a mention"), (3.0, "positive"), (5.0, "strong"))  # of a log Bayes factor: Kass and Raftery 1995
+_GROUNDS = {
+    Ground.ROOM: "it has room for what a curve may lack, and no model of something that it does not contain has more {what}",
+    Ground.UNDECIDED: "{best} has more {what}, but these data do not tell it apart from models without what it adds",
+    Ground.SHOWN: "it adds something that the default does not contain, and the data tell it apart from every model without that",
+    Ground.BEST: "of the models that are ok it has the most {what}",
+    Ground.NONE: "no model is ok",
+}
+_LACKS = {
+    Lack.MANY: "too many unknowns for a second computation",
+    Lack.UNRELIABLE: "not reliable (k-hat above 0.7)",
+    Lack.OTHER_NOISE: "its noise could not be given the room that the others have",
+    Lack.IMPROPER: "a prior is no distribution",
+}
+_ROOM = {FORCE: "size of the unmodelled force", START: "energy of the free start"}
+
+
+class PredictedSummary(msgspec.Struct, frozen=True):
+    run: str
+    statistic: str
+    unit: str
+    observed: float | None
+    q025: float | None
+    median: float | None
+    q975: float | None
+    p: float
+
+
+class WidthSummary(msgspec.Struct, frozen=True):
+    of: str
+    factor: float
+    change: float | None
+    u: float | None
+
+
+class ModelSummary(msgspec.Struct, frozen=True):
+    name: str
+    words: str
+    adds: list[str]
+    lines: list[str]
+    status: str
+    reasons: list[str]
+    posterior: dict[str, Summary]
+    log_evidence: float | None
+    u_log_evidence: float | None
+    no_evidence: str
+    behind_evidence: float | None
+    elpd: float | None
+    behind_elpd: float | None
+    se_behind_elpd: float | None
+    influential: int
+    widths: list[WidthSummary]
+    predicted: list[PredictedSummary]
+
+
+def models_report(campaign: Campaign, comparison: ModelComparison, *, seed: int, figures: bool = True) -> dict[str, bytes]:
+    """The files of a comparison of models.  figures : whether there are any."""
+    rows, problem = comparison.rows, comparison.rows[0].analysis.problem
+    common = _common(rows)
+    summaries = [_summary(row) for row in rows]
+    runs, synthetic = [run.name for run in problem.runs], campaign.kind == "synthetic"
+    shown = _shown(rows)
+    text = partial(
+        render, "models.md.j2", title=campaign.title, runs=runs, kind=KINDS[campaign.kind], rows=summaries, recommended=comparison.recommended,
+        ground=ground_words(comparison), verdicts=verdicts(comparison), by_evidence=comparison.by_evidence,
+        values=[(p.label.symbol, _unit(p), [_cell(s, p) for s in summaries]) for p in common],
+        widths=_width_table(rows), predicted=_predicted_table(rows), shown="" if shown is None else shown.model.name,
+        strange=() if shown is None else [one for one in shown.predicted if not one.brought_back], limit=P_NOT_BROUGHT_BACK, influential=INFLUENTIAL,
+        odds=odds_words, lines=next((row.model.lines for row in rows if row.model.name == comparison.recommended), ()),
+        price=next((row.price_of_start for row in rows if row.model.forced), 0.0), names=[row.model.name for row in rows],
+    )
+    record = {
+        "title": campaign.title, "kind": campaign.kind, "runs": runs, "recommended": comparison.recommended or None, "ground": str(comparison.ground),
+        "models": summaries, "provenance": provenance(campaign, runs, seed),
+    }
+    drawers = {"figures/values.png": partial(values_figure, summaries, common, comparison.recommended, synthetic=synthetic)}
+    if shown is not None and shown.predicted:
+        drawers["figures/predictive.png"] = partial(predictive_figure, shown.predicted, shown.model.name, synthetic=synthetic)
+    return page(drawers, text, wanted=figures) | {"models.json": as_json(record)}
+
+
+def ground_words(comparison: ModelComparison) -> str:
+    """Why the recommended model is recommended."""
+    good = [row for row in comparison.rows if row.ok]
+    best = min(good, key=lambda row: row.odds if comparison.by_evidence else row.behind).model.name if good else ""
+    what = "evidence" if comparison.by_evidence else "predictive density (leave-one-out; not every model has an evidence)"
+    return _GROUNDS[comparison.ground].format(best=best, what=what)
+
+
+def verdicts(comparison: ModelComparison) -> list[tuple[str, str]]:
+    """Each model that is not recommended, and why not."""
+    chosen = next((row for row in comparison.rows if row.model.name == comparison.recommended), None)
+    return [(row.model.name, _why_not(row, chosen)) for row in comparison.rows if row is not chosen]
+
+
+def odds_words(behind: float) -> str:
+    """A difference of log evidence as odds, and in words."""
+    odds = math.exp(min(abs(behind), 700.0))
+    shown = "more than a million" if odds > _LARGE else f"{odds:.2g}" if odds < 10.0 else f"{odds:,.0f}".replace(",", " ")
+    words = next((words for limit, words in _WORTH if abs(behind) < limit), "very strong")
+    return f"{shown} to 1 ({words})"
+
+
+def _why_not(row: ComparedModel, chosen: ComparedModel | None) -> str:
+    if not row.ok:
+        told = chosen is not None and chosen.lack is None and row.lack is None and row.odds > chosen.odds
+        odds = f"; odds against it of {odds_words(row.odds - chosen.odds)}" if told and chosen is not None else ""
+        return f"{row.analysis.diagnosis.status}: {row.analysis.diagnosis.reasons[0]}{odds}"
+    if chosen is None:
+        return "no model is recommended"
+    if row.lack is not None or chosen.lack is not None:
+        ahead = chosen.behind - row.behind
+        words = f"predicts {'better' if ahead > 0.0 else 'worse'} by {abs(ahead):.1f} (elpd)"
+    elif row.odds <= chosen.odds:
+        words = f"odds for it of {odds_words(chosen.odds - row.odds)}"
+    else:
+        words = f"odds against it of {odds_words(row.odds - chosen.odds)}"
+    return f"contained in the recommended model; {words}" if contains(chosen, row) else words
+
+
+def _shown(rows: Sequence[ComparedModel]) -> ComparedModel | None:
+    """The model whose data sets are drawn: the default, else what the campaign states, else the simplest."""
+    for name in ("unmodelled-force", "as-stated"):
+        if found := next((row for row in rows if row.model.name == name), None):
+            return found
+    return rows[0] if rows else None
+
+
+def _common(rows: Sequence[ComparedModel]) -> list[Parameter]:
+    """The quantities of interest that all models have."""
+    names = set.intersection(*(set(row.analysis.problem.names) for row in rows))
+    return [p for p in rows[0].analysis.problem.parameters if p.name in names and split_level(p.name)[0] in _OF_INTEREST]
+
+
+def _summary(row: ComparedModel) -> ModelSummary:
+    analysis, status = row.analysis, row.analysis.diagnosis.status
+    posterior = {
+        p.name: trusted(summarise_parameter(analysis.fit, p.name, draws), status)
+        for p, draws in zip(analysis.problem.parameters, analysis.chain.flat.T, strict=True)
+    }
+    none = row.lack is not None
+    return ModelSummary(
+        name=row.model.name, words=row.model.words, adds=list(row.model.own), lines=list(row.model.lines), status=status,
+        reasons=list(analysis.diagnosis.reasons), posterior=posterior, log_evidence=None if none else number(row.log_evidence),
+        u_log_evidence=None if none else number(row.u_log_evidence), no_evidence="" if row.lack is None else _LACKS[row.lack],
+        behind_evidence=None if none else number(row.odds), elpd=number(row.loo.elpd), behind_elpd=number(row.behind),
+        se_behind_elpd=number(row.behind_se), influential=sum(int((k > INFLUENTIAL).sum()) for k in row.loo.k_hat),
+        widths=[WidthSummary(one.of, one.factor, number(one.change), number(one.u)) for one in row.widths],
+        predicted=[_predicted(one) for one in row.predicted],
+    )
+
+
+def _predicted(one: Predicted) -> PredictedSummary:
+    import numpy as np
+
+    low, middle, high = (number(float(q)) for q in np.quantile(one.again, [0.025, 0.5, 0.975], method="nearest"))
+    unit = one.label.unit if one.label.factor == 1.0 else "1"
+    return PredictedSummary(one.run, one.name, unit, number(float(np.median(one.observed))), low, middle, high, one.p)
+
+
+def _unit(p: Parameter) -> str:
+    return "" if p.label.unit == "1" else p.label.unit
+
+
+def _cell(s: ModelSummary, p: Parameter) -> str:
+    return "—" if s.status != "ok" else value_cell(s.posterior[p.name], p.label)
+
+
+def _width_table(rows: Sequence[ComparedModel]) -> list[tuple[str, str, list[str]]]:
+    """Model, what, and the change of the log evidence for each factor."""
+    found = []
+    for row in rows:
+        labels = {p.name: p.label.symbol for p in row.analysis.problem.parameters}
+        for of in dict.fromkeys(one.of for one in row.widths):
+            by_factor = {one.factor: one.change for one in row.widths if one.of == of}
+            changes = [_change(by_factor[factor]) if factor in by_factor else "" for factor in (0.0, 0.5, 2.0)]
+            found.append((row.model.name, labels.get(of, _ROOM.get(of, of)), changes))
+    return found
+
+
+def _change(value: float) -> str:
+    return signed(f"{value:+.2f}") if math.isfinite(value) else "n/a"
+
+
+def _predicted_table(rows: Sequence[ComparedModel]) -> list[tuple[str, str, list[str]]]:
+    """Run, statistic, and p under each model."""
+    every = {(one.run, one.name): one.words for row in rows for one in row.predicted}
+    of_row = [{(one.run, one.name): one.p_words for one in row.predicted} for row in rows]
+    return [(run, words, [cells.get((run, name), "—") for cells in of_row]) for (run, name), words in every.items()]

@@ -1,0 +1,198 @@
+"""The report of a plan: what to measure next, `report.md`, `plan.json` and figures."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from functools import partial
+from typing import TYPE_CHECKING
+
+import msgspec
+import numpy as np
+
+from estim.common import KINDS, Status, as_json, format_quantity
+from estim.planning import FAR, MORE, Halving, Option, Plan
+from estim.problem import Parameter
+from estim.reports.pages import page
+from estim.reports.plan_figures import along_figure, ratio_figure
+from estim.reports.rendering import render
+from estim.reports.result import Provenance, provenance
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+SCHEMA = "estim-plan/1"
+_MOST_RUNS = 8  # suggested further runs that are shown
+_MOST_WAYS, _MOST_REFUSED = 3, 6
+_NOTHING = 0.02  # of a standard deviation: a gain below is none
+
+
+class TargetRecord(msgspec.Struct, frozen=True):
+    """One quantity that is wanted: its standard deviation as things are, by linear theory and of the drawn posterior."""
+
+    unit: str
+    value: float
+    u_linear: float
+    u_drawn: float
+    linear_holds: bool
+
+
+class OptionRecord(msgspec.Struct, frozen=True):
+    """What might be measured: expected standard deviation of each target, and that over the one as things are."""
+
+    what: str
+    group: str
+    asked: bool  # by the campaign's [plan]
+    u: dict[str, float]
+    ratio: dict[str, float]
+    remarks: list[str]
+
+
+class WayRecord(msgspec.Struct, frozen=True):
+    what: str
+    ratio: float
+
+
+class PlanRecord(msgspec.Struct, frozen=True, rename={"schema_": "schema"}):
+    """Every number of a plan; options are ranked, the best first."""
+
+    schema_: str
+    title: str
+    kind: str
+    status: str
+    reasons: list[str]
+    answers: list[str]
+    runs: list[str]
+    targets: dict[str, TargetRecord]
+    options: list[OptionRecord]
+    cannot_be_measured: dict[str, str]
+    to_halve: dict[str, list[WayRecord]]
+    provenance: Provenance
+
+
+def plan_status(plan: Plan) -> tuple[Status, list[str]]:
+    """Whether the plan may be trusted, and why not."""
+    reasons = [
+        f"linear theory gives u({p.label.symbol}) = {_size(p, plan.now[i])}, the drawn posterior has {_size(p, plan.drawn[i])}: the ratios are rough"
+        for i, p in enumerate(plan.targets) if p in plan.far
+    ]
+    return Status.METHODS_DISAGREE if reasons else Status.OK, reasons
+
+
+def plan_answers(plan: Plan) -> list[str]:
+    """What to do, in one sentence for each target."""
+    return [_answer(plan, halving, i) for i, halving in enumerate(plan.halving)]
+
+
+def plan_record(plan: Plan) -> PlanRecord:
+    """The record of a plan."""
+    status, reasons = plan_status(plan)
+    names = [p.name for p in plan.targets]
+    targets = {
+        p.name: TargetRecord(p.unit, float(plan.values[i]), float(plan.now[i]), float(plan.drawn[i]), p not in plan.far)
+        for i, p in enumerate(plan.targets)
+    }
+    options = [
+        OptionRecord(
+            o.wish.words, o.wish.group, o.wish.own, dict(zip(names, o.u.tolist(), strict=True)), dict(zip(names, o.ratio.tolist(), strict=True)),
+            list(o.remarks),
+        )
+        for o in plan.options
+    ]
+    ways = {h.target.name: [WayRecord(w.words, w.ratio) for w in h.ways if np.isfinite(w.ratio)] for h in plan.halving}
+    return PlanRecord(
+        SCHEMA, plan.campaign.title, plan.campaign.kind, status, reasons, plan_answers(plan), list(plan.names), targets, options,
+        {o.wish.words: o.reason for o in plan.refused}, ways, provenance(plan.campaign, list(plan.names), plan.seed),
+    )
+
+
+def plan_report(plan: Plan, *, figures: bool = True) -> dict[str, bytes]:
+    """`report.md`, `plan.json` and the figures.  figures : whether there are any."""
+    record, shown = plan_record(plan), shown_options(plan.options)
+    drawers: dict[str, Callable[[], Figure]] = {"figures/ratios.png": partial(ratio_figure, plan, shown)} if shown else {}
+    if plan.along:
+        drawers["figures/places.png"] = partial(along_figure, plan)
+    text = partial(
+        render, "plan.md.j2", record=record, kind=KINDS[record.kind], plan=plan, shown=[_row(o) for o in shown],
+        left_out=len(plan.options) - len(shown),
+        heads=[head for p in plan.targets for head in (f"u({p.label.symbol})" + _unit(p), "ratio")], now=_now_rows(plan), far=FAR,
+        refused=_refused(plan.refused), halving=[(h.target.label.symbol, _way_rows(h)) for h in plan.halving],
+    )
+    return page(drawers, text, wanted=figures) | {"plan.json": as_json(record)}
+
+
+def shown_options(options: Sequence[Option]) -> tuple[Option, ...]:
+    """All that was asked for, and of the further runs that were tried the best, one of each tilt."""
+    shown, seen = [], set[object]()
+    for option in options:
+        if option.wish.group == MORE and not option.wish.own:
+            run = option.wish.runs[0] if len(option.wish.runs) == 1 else None
+            alike = option.wish.words if run is None else (run.like, *(run.said[q].value for q in ("phi", "gamma") if q in run.said), bool(run.said))
+            if alike in seen or len(seen) == _MOST_RUNS:
+                continue
+            seen.add(alike)
+        shown.append(option)
+    return tuple(shown)
+
+
+def _answer(plan: Plan, halving: Halving, i: int) -> str:
+    target = halving.target
+    sd = _size(target, plan.now[i])
+    enough = [way.words for way in halving.ways if way.enough][:_MOST_WAYS]
+    idle = _idle(plan, i)
+    if enough:
+        return f"To halve u({target.label.symbol}) from {sd}: {', or '.join(enough)}{idle}."
+    best = min(plan.options, key=lambda option: option.ratio[i], default=None)
+    said = f"Nothing that was tried halves u({target.label.symbol}) = {sd} by itself"
+    if best is None or best.ratio[i] > 1.0 - _NOTHING:
+        return f"{said}, and nothing lessens it by 2 %."
+    return f"{said}; most is gained by {best.wish.words}, which leaves {100.0 * best.ratio[i]:.0f} % of it{idle}."
+
+
+def _idle(plan: Plan, i: int) -> str:
+    """What twice as many frames, or readings, gain."""
+    twice = next((o for o in plan.options if o.wish.frames == 2.0 and not o.wish.own), None)
+    if twice is None or twice.ratio[i] < 0.9:
+        return ""
+    gain = 100.0 * (1.0 - twice.ratio[i])
+    return f"; {twice.wish.words} {'gain nothing' if gain < 0.5 else f'gain {gain:.0f} %'}"
+
+
+def _size(p: Parameter, u: float) -> str:
+    label = p.label
+    return f"{u * label.factor:.2g}" + ("" if label.unit == "1" else label.unit if label.unit == "°" else f" {label.unit}")
+
+
+def _unit(p: Parameter) -> str:
+    return "" if p.label.unit == "1" else f" ({p.label.unit})"
+
+
+def _row(option: Option) -> tuple[str, list[tuple[float, float]], str]:
+    """Words, (u, ratio) of each target, remarks."""
+    remarks = [*(["asked for"] if option.wish.own else []), *option.remarks]
+    return option.wish.words, list(zip(option.u, option.ratio, strict=True)), "; ".join(remarks)
+
+
+def _now_rows(plan: Plan) -> list[tuple[str, ...]]:
+    rows = list[tuple[str, ...]]()
+    for i, p in enumerate(plan.targets):
+        value = format_quantity(plan.values[i] * p.label.factor, plan.drawn[i] * p.label.factor).split(" ± ")[0]
+        off = f"{plan.now[i] / plan.drawn[i]:.2f}"
+        rows.append((p.label.symbol, value, _size(p, plan.now[i]), _size(p, plan.drawn[i]), off))
+    return rows
+
+
+def _refused(options: Sequence[Option]) -> list[tuple[str, list[str], int]]:
+    """Why, what cannot be measured, and how many further ones of those that were tried."""
+    found: dict[str, list[Option]] = {}
+    for option in options:
+        found.setdefault(option.reason, []).append(option)
+    rows = []
+    for reason, alike in found.items():
+        words = [option.wish.words for option in sorted(alike, key=lambda option: not option.wish.own)]
+        n = max(_MOST_REFUSED, sum(option.wish.own for option in alike))
+        rows.append((reason, words[:n], len(words[n:])))
+    return rows
+
+
+def _way_rows(halving: Halving) -> list[tuple[str, str]]:
+    return [(way.words, f"{100.0 * way.ratio:.0f} %") for way in halving.ways if np.isfinite(way.ratio)]

@@ -1,0 +1,187 @@
+"""Report, figure and `result.json` of a straight line through any points."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection
+from functools import partial
+from typing import TYPE_CHECKING
+
+import msgspec
+import numpy as np
+
+from estim.common import Markdown, Status, as_json, format_quantity, one_line, signed
+from estim.line import CONVENTIONS, StraightLine, confidence_band
+from estim.reports.figures import BLUE, GREEN, INK, ORANGE, new_figure
+from estim.reports.pages import page
+from estim.reports.rendering import render
+from estim.reports.result import Provenance, software_versions
+from estim.reports.rounded import interval, rounded
+from estim.sampling import number
+from estim.words import STATUS_WORDS
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+STRAIGHT_SCHEMA = "estim-straight-line/1"
+_METHODS = {"ols": "ordinary least squares", "weighted": "weighted by u(y)", "york": "York: errors in both variables"}
+
+
+class PredictedPoint(msgspec.Struct, frozen=True):
+    """A prediction (x0 given, y found) or an inverse one (y0 given, x found); an end that is not finite is null."""
+
+    given: float
+    u_given: float
+    value: float
+    u: float
+    low: float | None
+    high: float | None
+    u_reading: float | None  # with one more reading of y
+
+
+class StraightLineResult(msgspec.Struct, frozen=True, rename={"schema_": "schema"}):
+    """Everything of `estim line FILE.csv`; the report prints from it."""
+
+    schema_: str
+    status: str
+    message: str
+    method: str
+    columns: dict[str, str | None]
+    n_obs: int
+    intercept: float | None
+    slope: float | None
+    chi2: float
+    dof: int
+    p_value: float | None
+    standard_errors: dict[str, list[float | None]]  # convention -> u(intercept), u(slope), covariance
+    recommended: str
+    reason: str
+    probability: float
+    k: float
+    slope_interval: list[float | None]
+    predictions: list[PredictedPoint]
+    inverses: list[PredictedPoint]
+    provenance: Provenance
+
+
+def straight_line_result(line: StraightLine) -> StraightLineResult:
+    """The record of a straight line."""
+    fit = line.fit
+    errors = {name: [number(e.u_intercept), number(e.u_slope), number(e.cov)] for name, e in fit.standard_errors.items()}
+    columns = {key: None if name is None else one_line(name) for key, name in vars(line.columns).items()}
+    predictions = [PredictedPoint(p.x0.value, p.x0.u, p.y, p.u, number(p.low), number(p.high), number(p.u_reading)) for p in line.predictions]
+    inverses = [PredictedPoint(p.y0.value, p.y0.u, p.x, p.u, number(p.low), number(p.high), None) for p in line.inverses]
+    name = one_line(str(line.path))
+    return StraightLineResult(
+        STRAIGHT_SCHEMA, line.status, fit.message, fit.method, columns, fit.data.x.size, number(fit.intercept), number(fit.slope), fit.chi2, fit.dof,
+        number(fit.p_value), errors, fit.recommended, fit.reason, line.probability, line.k, [number(line.slope.low), number(line.slope.high)],
+        predictions, inverses, Provenance(name, line.sha256, {name: line.sha256}, 0, software_versions()),
+    )
+
+
+def straight_line_report(line: StraightLine, *, figures: bool = True) -> dict[str, bytes]:
+    """`report.md`, `result.json` and `figures/line.png`.  figures : whether any are wanted."""
+    result = straight_line_result(line)
+
+    def text(*, pictures: Collection[str]) -> str:
+        used = result.recommended
+        rows = [
+            (convention, *(_pair(v, u, 3) for v, u in ((_nan(result.intercept), a), (_nan(result.slope), b))),
+             "n/a" if cov is None else signed(f"{cov:.4g}"), Markdown("**recommended**" if convention == used else ""))
+            for convention, (a, b, cov) in result.standard_errors.items()
+        ]
+        a, b, _ = result.standard_errors[used]
+        return render(
+            "straight_line.md.j2", pictures=pictures, result=result, ok=line.status.ok, status_words=STATUS_WORDS[line.status],
+            method=_METHODS[result.method], rows=rows, percent=f"{100.0 * result.probability:g}",
+            sources={name: CONVENTIONS[name] for name in errors},
+            equation=f"{result.columns['y']} = ({_pair(_nan(result.intercept), a)}) + ({_pair(_nan(result.slope), b)}) · {result.columns['x']}",
+            predictions=[_predicted(p) for p in result.predictions], inverses=[_predicted(p) for p in result.inverses],
+            uncertainties=_uncertainties(result), slope=_ends(result.slope_interval, b),
+        )
+
+    errors = result.standard_errors
+    return page({"figures/line.png": partial(straight_line_figure, line)}, text, wanted=figures) | {"result.json": as_json(result)}
+
+
+def straight_line_lines(line: StraightLine) -> list[str]:
+    """What a terminal is told of a line whose status is ok."""
+    fit, x, y = line.fit, line.columns.x, line.columns.y
+    error = fit.standard_errors[fit.recommended]
+    said = [f"intercept {_pair(fit.intercept, error.u_intercept)}, slope {_pair(fit.slope, error.u_slope)} ({fit.recommended})"]
+    percent = f"{100.0 * line.probability:g} %"
+    for one in line.predictions:
+        given = format_quantity(one.x0.value, one.x0.u or None)
+        said.append(f"{x} = {given}: {y} = {_pair(one.y, one.u)}, {percent} interval {interval(one.low, one.high, one.u, 3)}")
+    for p in line.inverses:
+        ends = interval(p.low, p.high, p.u, 3) if math.isfinite(p.low) else "unbounded"
+        said.append(f"{y} = {_pair(p.y0.value, p.y0.u)}: {x} = {_pair(p.x, p.u)}, {percent} interval {ends}")
+    return said
+
+
+def _pair(value: float, u: float | None, digits: int = 2) -> str:
+    """Value ± uncertainty to as many digits of it."""
+    known = u if u is not None else math.nan
+    return rounded(value, known, digits) + (f" ± {rounded(known, known, digits, beside=value)}" if known > 0.0 else "")
+
+
+def _nan(value: float | None) -> float:
+    return math.nan if value is None else value
+
+
+def _ends(ends: list[float | None], u: float | None) -> str:
+    low, high = ends
+    return "unbounded" if low is None or high is None else interval(low, high, u or 0.0, 3)
+
+
+def _predicted(p: PredictedPoint) -> tuple[str, ...]:
+    reading = "" if p.u_reading is None else f"{p.u_reading:.3g}"
+    return format_quantity(p.given, p.u_given or None), _pair(p.value, p.u), f"{p.u:.3g}", _ends([p.low, p.high], p.u), reading
+
+
+def _uncertainties(result: StraightLineResult) -> str:
+    said = [f"{key} from {name}" for key, name in (("u(x)", result.columns["u_x"]), ("u(y)", result.columns["u_y"])) if name is not None]
+    if result.columns["r_xy"] is not None and len(said) == 2:
+        said.append(f"their correlation from {result.columns['r_xy']}")
+    return ", ".join(said) or "no uncertainties: the scatter of the points is the only scale"
+
+
+def straight_line_figure(line: StraightLine) -> Figure:
+    """Points and line with its band above, residuals below; predictions marked."""
+    fit, data = line.fit, line.fit.data
+    figure = new_figure(5.4)
+    upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=(3, 1))
+    marks = [*(p.x0.value for p in line.predictions), *(p.x for p in line.inverses if math.isfinite(p.x))]
+    low, high = min(float(data.x.min()), *marks, math.inf), max(float(data.x.max()), *marks, -math.inf)
+    x = np.linspace(low - 0.05 * (high - low), high + 0.05 * (high - low), 200)
+    percent = f"{100.0 * line.probability:g} %"
+    bars = [None if named is None else u for named, u in ((line.columns.u_x, data.u_x), (line.columns.u_y, data.u_y))]
+    if math.isfinite(fit.slope):
+        if line.status is not Status.NOT_IDENTIFIED:
+            band = confidence_band(fit, x, probability=line.probability)
+            upper.fill_between(x, band.low, band.high, color=BLUE, alpha=0.25, lw=0, label=f"{percent} band of the line, point by point")
+        upper.plot(x, fit.intercept + fit.slope * x, color=BLUE, lw=1.5, label=_METHODS[fit.method])
+        residuals = data.y - fit.intercept - fit.slope * data.x
+        lower.axhline(0.0, color=BLUE, lw=1.2)
+        lower.errorbar(data.x, residuals, xerr=bars[0], yerr=bars[1], fmt="o", color=INK, ms=3.5, lw=0.9)
+    upper.errorbar(
+        data.x, data.y, xerr=bars[0], yerr=bars[1], fmt="o", color=INK, ms=4, lw=1,
+        label="points" + (", ± 1 standard uncertainty" if fit.method != "ols" else ""),
+    )
+    if line.status.ok:
+        for i, p in enumerate(line.predictions):
+            upper.errorbar(
+                p.x0.value, p.y, xerr=p.x0.u or None, yerr=[[p.y - p.low], [p.high - p.y]], fmt="s", color=ORANGE, mec=INK, ms=6, lw=2, zorder=5,
+                label=f"prediction, {percent}" if i == 0 else None,
+            )
+        for i, q in enumerate(line.inverses):
+            if math.isfinite(q.low):
+                upper.errorbar(
+                    q.x, q.y0.value, xerr=[[q.x - q.low], [q.high - q.x]], fmt="D", color=GREEN, mec=INK, ms=6, lw=2, zorder=5,
+                    label=f"inverse prediction, {percent}" if i == 0 else None,
+                )
+    upper.set(ylabel=line.columns.y)
+    lower.set(xlabel=line.columns.x, ylabel="residual")
+    upper.legend(fontsize=8, frameon=False, loc="best")
+    return figure
+

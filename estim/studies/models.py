@@ -1,0 +1,273 @@
+"""The same runs with several models of the body, side by side (`estim compare-models`): which one the data favour, and what each makes of the result.
+
+Log evidences (of the second computation, so with a Monte-Carlo error) and leave-one-out predictions are compared between models of the same
+points under noise with the same room.  An evidence depends on the width of the priors of what a model adds: each is made half and twice as wide.
+The room for the start, whose width is a convention, costs some units of log evidence a run; what it costs is known and held against no model.
+
+A model is told apart from another by odds of 20 (log evidence by 3: "strong", Kass and Raftery, J. Am. Stat. Assoc. 90 (1995) 773).  The default,
+with an unmodelled force and a free start, is left only for a model of something that it does not contain and that is told apart from all that do
+not have it.  A simpler model that the default contains is no reason to leave it: that no room was needed does not show that nothing is missing,
+and an interval of a model chosen by its own data is too narrow.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import AbstractContextManager, nullcontext
+from dataclasses import dataclass, replace
+from enum import StrEnum
+
+import numpy as np
+
+from estim.arrays import FloatArray
+from estim.campaign import Campaign, CurveModel
+from estim.checks import LeaveOneOut, difference, leave_one_out
+from estim.common import InputError, Stream, stream
+from estim.deviation import BadFrames, MixtureErrors, log_rescaled, log_restarted
+from estim.explanation import Predicted, predictive_checks
+from estim.pipeline import Analysis, analyse_fit
+from estim.problem import HalfNormal, LogNormal, Normal, Prior, TruncatedNormal
+from estim.sampling import K_HAT_LIMIT, Progress, Stop, Store, Target, adapt_proposal, certify, pareto_smoothed
+
+APART = 3.0  # of log evidence
+BEHIND, SES = 4.0, 2.0  # of elpd: less, or less than so many of its standard errors, decides nothing
+FACTORS = (0.5, 2.0)  # of the width of a prior
+FORCE, START = "the force", "the free start"  # what the default adds beside parameters
+_LOO_DRAWS, _WIDTH_DRAWS = 2000, 8000
+
+
+class Ground(StrEnum):
+    """Why a model is recommended."""
+
+    ROOM = "room"  # the default: what has more evidence is contained in it, or is the default itself
+    UNDECIDED = "undecided"  # the default: what has more evidence is not told apart
+    SHOWN = "shown"  # something that the default does not contain
+    BEST = "best"  # there is no default to fall back on
+    NONE = "none"  # no model is ok
+
+
+class Lack(StrEnum):
+    """Why a model has no evidence that can be compared."""
+
+    MANY = "many"  # too many unknowns for a second computation
+    UNRELIABLE = "unreliable"
+    OTHER_NOISE = "other-noise"  # its noise has not the room that the others have
+    IMPROPER = "improper"  # a prior that is no distribution
+
+
+@dataclass(frozen=True)
+class Width:
+    """By how much the log evidence grows where the prior of one thing (a parameter, `FORCE`, `START`) is `factor` times as wide; 0: exact."""
+
+    of: str
+    factor: float
+    change: float
+    u: float
+
+
+@dataclass(frozen=True, eq=False)
+class ComparedModel:
+    """A model with its analysis.
+
+    log_evidence, u_log_evidence : nan where there is none to compare, and then `lack` says why.
+    odds : log evidence below that of the best row; behind, behind_se : elpd below that of the best row, with its standard error.
+    widths : of everything that it adds.  predicted : of every run.
+    """
+
+    model: CurveModel
+    analysis: Analysis
+    loo: LeaveOneOut
+    log_evidence: float
+    u_log_evidence: float
+    lack: Lack | None
+    odds: float
+    behind: float
+    behind_se: float
+    widths: tuple[Width, ...]
+    predicted: tuple[Predicted, ...]
+
+    @property
+    def ok(self) -> bool:
+        return self.analysis.diagnosis.ok
+
+    @property
+    def price_of_start(self) -> float:
+        """What its free start costs in log evidence, where exact starts would have more; 0 for a model without."""
+        return max((one.change for one in self.widths if one.of == START and one.factor == 0.0 and one.change > 0.0), default=0.0)
+
+
+@dataclass(frozen=True, eq=False)
+class ModelComparison:
+    """rows : as `Campaign.curve_models` has them.  recommended : name, "" where none is.  ground : why.  by_evidence : else by elpd."""
+
+    rows: tuple[ComparedModel, ...]
+    recommended: str
+    ground: Ground
+    by_evidence: bool
+
+
+def compare_models(
+    campaign: Campaign, runs: Sequence[str], *, seed: int, target: Target | None = None, chosen: Sequence[str] = (),
+    progress_of: Callable[[str], AbstractContextManager[Progress]] | None = None, store_of: Callable[[str], Store | None] = lambda _: None,
+    stop: Stop | None = None,
+) -> ModelComparison:
+    """Every model of `runs`, fit jointly.  chosen : names of models, for those alone; empty for all.
+
+    Raises InputError where there is nothing to compare, or models would not have the same points.
+    """
+    every = campaign.curve_models(runs)
+    for name in chosen:
+        if name not in [model.name for model in every]:
+            raise InputError(f"must name one of the models ({', '.join(model.name for model in every)})", field="--model", value=name)
+    models = [model for model in every if not chosen or model.name in chosen]
+    if len(models) < 2:
+        raise InputError("must name two models or more", field="--model", value=", ".join(chosen))
+    check_same_points(models)
+    bad: Mapping[str, BadFrames] = {}
+    done: dict[str, tuple[Analysis, LeaveOneOut, tuple[Predicted, ...]]] = {}
+    for model in sorted(models, key=lambda model: not model.forced):  # it shows the bad frames that all have
+        store = store_of(model.name)
+        with nullcontext() if progress_of is None else progress_of(model.name) as progress:
+            if progress is not None:
+                progress(0, "fit")
+            fit = campaign.fit_model(model, bad=bad, rng=stream(seed, Stream.FIT))
+            bad = {found.run: found.bad for found in fit.forces if len(runs) == 1} if model.forced else bad
+            analysis = analyse_fit(fit, seed=seed, target=target, progress=progress, store=store, stop=stop)
+            analysis = replace(analysis, title=campaign.title, kind=campaign.kind)
+            loo = leave_one_out(fit.posterior, analysis.chain.thinned(_LOO_DRAWS))
+            done[model.name] = analysis, loo, predictive_checks(fit.posterior, analysis.chain.thinned(_LOO_DRAWS), rng=stream(seed, Stream.AGAIN))
+    return _compared(models, done, seed)
+
+
+def check_same_points(models: Sequence[CurveModel]) -> None:
+    """Raises InputError where a model has other points than the first one: densities of different data cannot be compared."""
+    first = models[0].problem.runs
+    for model in models[1:]:
+        for run, other in zip(model.problem.runs, first, strict=True):
+            if run.positions != other.positions or not (np.array_equal(run.x, other.x) and np.array_equal(run.y, other.y)):
+                raise InputError(f"has other points than {models[0].name}, and cannot be compared with it", field="model", value=model.name)
+
+
+def _compared(
+    models: Sequence[CurveModel], done: Mapping[str, tuple[Analysis, LeaveOneOut, tuple[Predicted, ...]]], seed: int
+) -> ModelComparison:
+    found = {model.name: _evidence(done[model.name][0], model) for model in models}
+    highest = max((value for value, _, lack in found.values() if lack is None), default=math.nan)
+    best = max((loo for _, loo, _ in done.values()), key=lambda loo: loo.elpd)
+    rows = []
+    for i, model in enumerate(models):
+        analysis, loo, predicted = done[model.name]
+        value, u, lack = found[model.name]
+        behind, se = (0.0, 0.0) if loo is best else difference(best, loo)
+        widths = () if lack is not None else _widths(model, analysis, rng=stream(seed, Stream.WIDTHS, i))
+        rows.append(ComparedModel(model, analysis, loo, value, u, lack, highest - value, behind, se, widths, predicted))
+    by_evidence = all(row.lack is None for row in rows if row.ok)
+    return ModelComparison(tuple(rows), *recommend(rows, by_evidence=by_evidence), by_evidence)
+
+
+def recommend(rows: Sequence[ComparedModel], *, by_evidence: bool) -> tuple[str, Ground]:
+    """The model to report, "" for none, and why."""
+    good = [row for row in rows if row.ok]
+    if not good:
+        return "", Ground.NONE
+    best = min(good, key=lambda row: row.odds if by_evidence else row.behind)
+    default = next((row for row in good if row.model.forced), None)
+    if default is None:
+        return best.model.name, Ground.BEST
+    contained = {row.model.name for row in good if row is default or contains(default, row)}
+    if best.model.name in contained:
+        return default.model.name, Ground.ROOM
+    if all(_apart(best, row, by_evidence=by_evidence) for row in good if row.model.name in contained):
+        return best.model.name, Ground.SHOWN
+    return default.model.name, Ground.UNDECIDED
+
+
+def contains(default: ComparedModel, row: ComparedModel) -> bool:
+    """Whether a model with force and free start has all that another has."""
+    return set(row.model.own) <= set(default.model.own) or row.model.name == "free-start"
+
+
+def _apart(better: ComparedModel, worse: ComparedModel, *, by_evidence: bool) -> bool:
+    if by_evidence:
+        return worse.odds - worse.price_of_start - better.odds >= APART
+    gain, se = difference(better.loo, worse.loo)
+    return gain > max(BEHIND, SES * se)
+
+
+def _evidence(analysis: Analysis, model: CurveModel) -> tuple[float, float, Lack | None]:
+    """Log evidence and its error, or why there is none to compare."""
+    certificate, likelihoods = analysis.certificate, analysis.fit.posterior.likelihoods
+    lack = None
+    if any(not math.isfinite(p.prior.sd) for p in analysis.problem.parameters):
+        lack = Lack.IMPROPER
+    elif model.roomy and not all(isinstance(likelihood, MixtureErrors) for likelihood in likelihoods):
+        lack = Lack.OTHER_NOISE
+    elif certificate is None:
+        lack = Lack.MANY
+    elif not certificate.reliable:
+        lack = Lack.UNRELIABLE
+    if lack is not None or certificate is None:
+        return math.nan, math.nan, lack
+    return certificate.log_evidence, certificate.u_log_evidence, None
+
+
+def _widths(model: CurveModel, analysis: Analysis, *, rng: np.random.Generator) -> tuple[Width, ...]:
+    """From the draws: the posterior mean of new over old prior; by a computation of its own where too few draws tell."""
+    fit, draws, found = analysis.fit, analysis.chain.thinned(_WIDTH_DRAWS), []
+    for name in model.own:
+        i = fit.names.index(name)
+        prior = fit.problem.parameters[i].prior
+        for factor in FACTORS:
+            wider = widened(prior, factor)
+            if wider is None:
+                continue
+            width = _width(name, factor, wider.log_density(draws[:, i]) - prior.log_density(draws[:, i]))
+            found.append(width if math.isfinite(width.change) else Width(name, factor, *_again(analysis, name, wider, rng)))
+    if model.forced:
+        found += [_width(FORCE, factor, _log_ratio(analysis, FORCE, factor)) for factor in FACTORS]
+        found += [_width(START, factor, _log_ratio(analysis, START, factor)) for factor in (0.0, *FACTORS)]
+    return tuple(found)
+
+
+def _width(of: str, factor: float, log_ratio: FloatArray) -> Width:
+    """From the posterior mean of new over old likelihood or prior (n_draw,); nan where too few draws tell."""
+    log_weights, k_hat, change = pareto_smoothed(log_ratio)
+    if k_hat > K_HAT_LIMIT:
+        return Width(of, factor, math.nan, math.nan)
+    return Width(of, factor, change, math.sqrt(max(float(np.sum(np.exp(2.0 * log_weights))) - 1.0 / log_weights.size, 0.0)))
+
+
+def _log_ratio(analysis: Analysis, of: str, factor: float) -> FloatArray:
+    """(n_draw,) of the likelihood with more or less room for a force, or for the start."""
+    fit, draws = analysis.fit, analysis.chain.thinned(_LOO_DRAWS)
+    ratio, named = np.zeros(draws.shape[0]), fit.problem.named(draws)
+    for group, likelihood in zip(fit.problem.groups, fit.posterior.likelihoods, strict=True):
+        assert isinstance(likelihood, MixtureErrors), "asked before"
+        if of == FORCE:
+            ratio += log_rescaled(likelihood, named, scale=group.runs[0].force, factor=factor)
+        else:
+            ratio += log_restarted(likelihood, named, n_run=len(group.runs), factor=factor)
+    return ratio
+
+
+def _again(analysis: Analysis, name: str, prior: Prior, rng: np.random.Generator) -> tuple[float, float]:
+    fit, certificate = analysis.fit, analysis.certificate
+    assert certificate is not None, "asked before"
+    parameters = tuple(replace(p, prior=prior) if p.name == name else p for p in fit.problem.parameters)
+    density = replace(fit.posterior, problem=replace(fit.problem, parameters=parameters))
+    once_more = certify(density, adapt_proposal(density, fit.values, fit.cov, rng=rng), rng=rng)
+    if not once_more.reliable:
+        return math.nan, math.nan
+    return once_more.log_evidence - certificate.log_evidence, math.hypot(once_more.u_log_evidence, certificate.u_log_evidence)
+
+
+def widened(prior: Prior, factor: float) -> Prior | None:
+    """A prior `factor` times as wide about the same place; None where a width has no such meaning (a range)."""
+    if isinstance(prior, HalfNormal):
+        return replace(prior, scale=factor * prior.scale)
+    if isinstance(prior, Normal | TruncatedNormal):
+        sd = factor * (prior.sd if isinstance(prior, Normal) else prior.scale)
+        bounded = math.isfinite(prior.low) or math.isfinite(prior.high)
+        return TruncatedNormal(prior.mean, sd, prior.low, prior.high) if bounded else Normal(prior.mean, sd)
+    return replace(prior, log_sd=factor * prior.log_sd) if isinstance(prior, LogNormal) else None

@@ -1,0 +1,44 @@
+"""Where the ramp ends, from the release: as asked for, as a campaign says, or as far as the runs were recorded."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from estim.campaign import CampaignFile, body_levels
+from estim.common import InputError
+
+
+@dataclass(frozen=True)
+class RampEnd:
+    """length : m from the release to the end.  origin : "asked", "stated" or "recorded"."""
+
+    length: float
+    origin: str
+
+    @property
+    def of(self) -> str:
+        """What it is the end of, in words."""
+        return "recorded way" if self.origin == "recorded" else "ramp"
+
+
+def ramp_end_of(source: CampaignFile, body: str, recorded: float, *, asked: float | None) -> RampEnd:
+    """The end of the ramp for a body.
+
+    asked : m, in place of all else.  Then `ramp_length_m` less `ramp_start_m` at the body or under [shared], then the longest recording (m).
+    Raises InputError where it is not positive.
+    """
+    if asked is not None:
+        if not (math.isfinite(asked) and asked > 0.0):
+            raise InputError("must be > 0 (m, from the release to the end of the ramp)", field="--ramp-length", value=asked)
+        return RampEnd(asked, "asked")
+    levels = body_levels(source, body)
+    level = next((level for level in levels if level.table.ramp_length_m is not None), None)
+    if level is None or level.table.ramp_length_m is None:
+        return RampEnd(recorded, "recorded")
+    start = next((one.table.ramp_start_m for one in levels if one.table.ramp_start_m is not None), 0.0)
+    length = level.table.ramp_length_m - start
+    if not (math.isfinite(length) and length > 0.0):
+        rule = "must be more than 'ramp_start_m', where the release is"
+        raise source.places.error(rule, (*level.path, "ramp_length_m"), value=level.table.ramp_length_m)
+    return RampEnd(length, "stated")

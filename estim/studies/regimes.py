@@ -1,0 +1,190 @@
+"""The map of what a body does from rest: does it climb, how far, does it turn on the ramp, roll over the top, slip or hop.
+
+Over the plane of true tilt and angle of release; the uncertainty of a border is that of what is known of the body, that of a run also of where it
+lies.  All of it comes from draws of what was stated, or of a fit.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from estim.arrays import FloatArray
+from estim.campaign import Campaign
+from estim.common import Finding, InputError, Quantity, Stream, stream
+from estim.curves import borders_of, farthest_stop, steepest_tilt, turning_contours
+from estim.problem import Observations, Prior, as_prior
+from estim.studies.friction_field import FIELD_DRAWS, FrictionField, friction_field
+from estim.studies.known_values import FittedValues, KnownValues, column, known_values
+from estim.studies.ramp_end import RampEnd, ramp_end_of
+from estim.studies.run_places import LEVELS, RunPlace, farthest_recorded, place_of
+
+_N_DRAW, _N_PHI = 2000, 361
+_STEPS, _CONTOURS = (0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0), 10  # m between contours, and how many at most
+_FAR_DRAWS, _FAR_EVERY = 300, 2  # of how far it gets, and every so many tilts
+_BEYOND, _SDS = 1.2, 3.5  # how far a map reaches: of the steepest tilt that is climbed, and beyond the runs
+_LEAST = math.radians(1.0)
+_STEEPEST = math.radians(80.0)
+
+
+@dataclass(frozen=True, eq=False)
+class BodyMap:
+    """The map of one body.
+
+    phi : (n_phi,) rad.  theta0_range : rad.
+    lowest, highest, rolls_on, passes : (5, n_phi) quantiles (`LEVELS`) of the borders (`estim.curves.Borders`).
+    stops : (n_stop,) m.  contours : (n_stop, n_phi) rad, the release from which the body turns after so far, at the medians of what is known of it;
+        nan where from none.
+    steepest : (5,) quantiles of the steepest tilt that the body climbs, rad.
+    farthest : (5, n) quantiles of how far it gets from the best release, m, at the tilts far_phi (n,) rad.
+    uphill, downhill : whether the map shows these tilts.  grip : (value, standard uncertainty) of the stated friction, None without.
+    left_out : symbols of what the campaign states beside, which the map leaves out.  known : what the draws come from.
+    """
+
+    body: str
+    phi: FloatArray
+    theta0_range: tuple[float, float]
+    lowest: FloatArray
+    highest: FloatArray
+    rolls_on: FloatArray
+    passes: FloatArray
+    stops: FloatArray
+    contours: FloatArray
+    steepest: FloatArray
+    far_phi: FloatArray
+    farthest: FloatArray
+    field: FrictionField
+    runs: tuple[RunPlace, ...]
+    end: RampEnd
+    grip: tuple[float, float] | None
+    left_out: tuple[str, ...]
+    known: KnownValues
+
+    @property
+    def uphill(self) -> bool:
+        return bool(self.phi[-1] > 0.0)
+
+    @property
+    def downhill(self) -> bool:
+        return bool(self.phi[0] < 0.0)
+
+    @property
+    def findings(self) -> tuple[Finding, ...]:
+        """What contradicts a recording; nothing where the values were fitted to it."""
+        return () if self.known.fitted else tuple(finding for place in self.runs for finding in place.findings)
+
+
+def map_bodies(
+    campaign: Campaign, bodies: Sequence[str] = (), *, ramp_length: float | None = None, friction: Quantity | None = None,
+    fitted: FittedValues | None = None, seed: int, progress: Callable[[int, int], None] | None = None,
+) -> tuple[BodyMap, ...]:
+    """The maps of `bodies`, or of every body of a campaign that has runs.
+
+    ramp_length (m from the release), friction : in place of what the campaign says.  fitted : a fit, in place of what was stated.
+    progress : called with pieces done and their number.  Raises InputError.
+    """
+    of_run = {name: campaign.study.body_of(name) for name in campaign.run_names}
+    chosen = tuple(dict.fromkeys(bodies)) or tuple(dict.fromkeys(body for body in of_run.values() if body is not None))
+    for body in chosen:
+        if body not in campaign.source.bodies:
+            raise InputError(f"must name one of the bodies ({', '.join(campaign.source.bodies)})", field="--body", value=body, file=campaign.path)
+        if body not in of_run.values():
+            raise InputError("has no [[runs]], and a map needs the tilt and the angle of one", field="--body", value=body, file=campaign.path)
+    names = [name for name, body in of_run.items() if body in chosen]
+    known = known_values(campaign, names, n_draw=_N_DRAW, seed=seed, fitted=fitted)
+    total = len(chosen) * FIELD_DRAWS
+
+    def told(before: int) -> Callable[[int], None]:
+        return lambda done: None if progress is None else progress(before + done, total)
+
+    return tuple(
+        _map_body(
+            campaign, body, [name for name in names if of_run[name] == body], known,
+            ramp_length=ramp_length, friction=friction, seed=seed, progress=told(i * FIELD_DRAWS),
+        )
+        for i, body in enumerate(chosen)
+    )
+
+
+def _map_body(
+    campaign: Campaign, body: str, names: Sequence[str], known: KnownValues, *, ramp_length: float | None, friction: Quantity | None, seed: int,
+    progress: Callable[[int], None],
+) -> BodyMap:
+    runs = [campaign.problem([name]).runs[0] for name in names]
+    arguments = {run.name: known.arguments(run) for run in runs}
+    first = arguments[names[0]]
+    recorded = {run.name: farthest_recorded(campaign, run) * float(np.median(_metres(run, arguments[run.name]))) for run in runs}
+    end = ramp_end_of(campaign.source, body, max(recorded.values()), asked=ramp_length)
+    grip = _grip(runs[0], friction, stream(seed, Stream.FRICTION), known.n_draw)
+    places = tuple(
+        place_of(run, arguments[run.name], ramp_end=end.length, farthest=recorded[run.name], grip=grip, n_draw=known.n_draw) for run in runs
+    )
+    steepest = steepest_tilt(first)
+    phi, theta0_range = _extent(places, float(np.median(steepest)))
+    borders = borders_of(first, phi, ramp_end=end.length)
+    far_phi = phi[::_FAR_EVERY]
+    farthest = farthest_stop(_first(first, _FAR_DRAWS), far_phi)
+    stops = _steps(float(np.max(farthest[np.isfinite(farthest)], initial=0.0)))
+    lowest, highest, rolls_on, passes = (np.quantile(b, LEVELS, axis=0) for b in (borders.lowest, borders.highest, borders.rolls_on, borders.passes))
+    return BodyMap(
+        body=body, phi=phi, theta0_range=theta0_range, lowest=lowest, highest=highest, rolls_on=rolls_on, passes=passes,
+        stops=stops, contours=turning_contours(_central(first), phi, stops)[0], steepest=np.quantile(steepest, LEVELS),
+        far_phi=far_phi, farthest=np.quantile(farthest, LEVELS, axis=0, method="higher"),
+        field=friction_field(first, (phi[0], phi[-1]), theta0_range, ramp_end=end.length, grip=grip, progress=progress),
+        runs=places, end=end, grip=None if grip is None else _stated(runs[0], friction), left_out=known.beside(runs), known=known,
+    )
+
+
+def _metres(run: Observations, arguments: Mapping[str, ArrayLike]) -> FloatArray:
+    """Metres that one unit of position is worth."""
+    return np.asarray(run.body.metres(arguments), dtype=float)
+
+
+def _first(arguments: Mapping[str, ArrayLike], n_draw: int) -> dict[str, ArrayLike]:
+    return {name: value if np.ndim(value) == 0 else np.asarray(value)[:n_draw] for name, value in arguments.items()}
+
+
+def _steps(farthest: float) -> FloatArray:
+    """(n_stop,) round distances up to the farthest, m."""
+    step = next((step for step in _STEPS if farthest / step <= _CONTOURS), _STEPS[-1])
+    return np.asarray(np.arange(1, max(int(np.ceil(farthest / step)), 2)) * step)
+
+
+def _central(arguments: Mapping[str, ArrayLike]) -> dict[str, ArrayLike]:
+    """The median of each argument, (1, 1)."""
+    columns = {name: np.asarray(value, dtype=float) for name, value in arguments.items()}
+    return {name: value if value.ndim == 0 else np.full((1, 1), np.median(value)) for name, value in columns.items()}
+
+
+def _stated(run: Observations, asked: Quantity | None) -> tuple[float, float]:
+    """The coefficient of static friction as stated, and its standard uncertainty."""
+    grip = run.body.grip
+    if asked is not None:
+        return asked.value, asked.u
+    return (grip.expectation, grip.sd) if isinstance(grip, Prior) else (float(grip or 0.0), 0.0)
+
+
+def _grip(run: Observations, asked: Quantity | None, rng: np.random.Generator, n_draw: int) -> FloatArray | None:
+    """(n_draw, 1) draws of the stated coefficient of friction."""
+    grip = run.body.grip if asked is None else asked.value if asked.exact else as_prior(asked, low=0.0)
+    if grip is None:
+        return None
+    return np.full((n_draw, 1), grip) if isinstance(grip, float) else column(grip.draw(rng, n_draw))
+
+
+def _extent(places: Sequence[RunPlace], steepest: float) -> tuple[FloatArray, tuple[float, float]]:
+    """Tilts (n_phi,) and the range of angles of release that a map shows, rad."""
+    tilts = [place.phi for place in places]
+    highest = max((value + _SDS * u for value, u in tilts if value >= 0.0), default=0.0)
+    lowest = min((value - _SDS * u for value, u in tilts if value < 0.0), default=0.0)
+    reach = _BEYOND * steepest
+    high = max(highest, reach, _LEAST) if highest > 0.0 else 0.0
+    low = min(lowest, -reach, -_LEAST) if lowest < 0.0 else 0.0
+    if low == high:  # level
+        low, high = -max(reach, _LEAST), max(reach, _LEAST)
+    inside = all(0.0 <= place.theta0[0] <= np.pi for place in places)
+    return np.linspace(max(low, -_STEEPEST), min(high, _STEEPEST), _N_PHI), (0.0, np.pi) if low == 0.0 and inside else (-0.5 * np.pi, 1.5 * np.pi)

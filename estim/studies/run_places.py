@@ -1,0 +1,107 @@
+"""Where the runs of a campaign lie on the map of motions: what each should do, and what its recording shows."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from estim.arrays import FloatArray
+from estim.campaign import Campaign
+from estim.checks import way_of
+from estim.common import Finding, Kind
+from estim.curves import fate_at, placed
+from estim.problem import Observations
+
+LEVELS = (0.025, 0.16, 0.5, 0.84, 0.975)
+_WAY = 96  # places on the way at which the friction is asked for
+_SURELY_NOT = 0.001  # probability below which a run cannot have done what its recording shows
+
+
+@dataclass(frozen=True, eq=False)
+class RunPlace:
+    """One run on the map.
+
+    phi, theta0 : true tilt and angle of release, (value, standard uncertainty), rad.
+    sets_off, on_ramp, passes, rolls_on : probabilities that it sets off, turns on the ramp, turns only beyond its end, never turns.
+    stop : (5,) quantiles (`LEVELS`) of the distance to the turning point among the draws that set off and turn, m; nan where half of them do not.
+    needed : median and 95 % quantile of the friction that rolling needs.  rolls : probability that the stated friction is enough, nan without.
+    hops : probability that the ramp would have to pull.
+    farthest : m, how far the recording shows it.  turned : whether it turns there.
+    agrees : probability of the draws to get as far as that, two-sided where it turned.
+    """
+
+    run: str
+    phi: tuple[float, float]
+    theta0: tuple[float, float]
+    sets_off: float
+    on_ramp: float
+    passes: float
+    rolls_on: float
+    stop: FloatArray
+    needed: tuple[float, float]
+    rolls: float
+    hops: float
+    farthest: float
+    turned: bool
+    agrees: float
+
+    @property
+    def findings(self) -> tuple[Finding, ...]:
+        """What contradicts the recording."""
+        if self.agrees >= _SURELY_NOT:
+            return ()
+        numbers = {"farthest": self.farthest, "expected": float(self.stop[2]), "sets_off": self.sets_off}
+        return (Finding(Kind.RUN_OFF_MAP, run=self.run, p=self.agrees, numbers=numbers),)
+
+
+def place_of(
+    run: Observations, arguments: Mapping[str, ArrayLike], *, ramp_end: float, farthest: float, grip: FloatArray | None, n_draw: int
+) -> RunPlace:
+    """Where a run lies and what follows.
+
+    arguments : of its curve, scalars or (n_draw, 1).  ramp_end, farthest : m from the release.  grip : (n_draw, 1) the stated friction, if any.
+    """
+    phi, theta0 = placed(arguments)
+    theta0 = np.mod(theta0 + 0.5 * np.pi, 2.0 * np.pi) - 0.5 * np.pi
+    fate = fate_at(arguments, phi, theta0, ramp_end=ramp_end, n_angle=_WAY)
+    stop, needed = (np.broadcast_to(np.ravel(values), n_draw) for values in (fate.stop, fate.needed))
+    sets_off, turns = stop > 0.0, (stop > 0.0) & np.isfinite(stop)
+    moving = needed[sets_off]
+    rolls = np.nan if grip is None or not moving.size else float(np.mean(moving <= grip[:, 0][sets_off]))
+    turned, off = _turned(run), np.full(len(LEVELS), np.nan)
+    beyond, before = float(np.mean(stop >= farthest)), float(np.mean(stop <= farthest))
+    return RunPlace(
+        run.name, (float(np.mean(phi)), float(np.std(phi))), _angle(theta0), float(np.mean(sets_off)), float(np.mean(turns & (stop <= ramp_end))),
+        float(np.mean(turns & (stop > ramp_end))), float(np.mean(np.isinf(stop))),
+        np.quantile(stop[turns], LEVELS) if np.mean(turns) > 0.5 else off,
+        (_high(moving, 0.5), _high(moving, 0.95)), rolls, float(np.mean(np.isinf(moving))) if moving.size else np.nan,
+        farthest, turned, min(1.0, 2.0 * min(beyond, before)) if turned else beyond,
+    )
+
+
+def _angle(theta0: FloatArray) -> tuple[float, float]:
+    """Mean and standard deviation of angles that may lie on either side of the cut."""
+    mean = float(np.angle(np.mean(np.exp(1j * theta0))))
+    return float(np.mod(mean + 0.5 * np.pi, 2.0 * np.pi) - 0.5 * np.pi), float(np.std(np.mod(theta0 - mean + np.pi, 2.0 * np.pi)))
+
+
+def _high(values: FloatArray, level: float) -> float:
+    return float(np.quantile(values, level, method="higher")) if values.size else np.nan
+
+
+def farthest_recorded(campaign: Campaign, run: Observations) -> float:
+    """How far the recording of a run goes, in its unit: as far as it is fit where a window was stated."""
+    if any(finding.kind in (Kind.OUTSIDE_POSITIONS, Kind.OUTSIDE_TIMES, Kind.OUTSIDE_WINDOW) for finding in run.excluded):
+        return way_of(run)
+    table = campaign.tables[run.name]
+    return float(np.max(table.columns[table.coordinate]))
+
+
+def _turned(run: Observations) -> bool:
+    """Whether the recording shows frames after the farthest."""
+    if run.positions:
+        return bool(np.argmax(run.y) < run.n_obs - 1)
+    return any(finding.kind is Kind.WAY_BACK for finding in run.excluded)

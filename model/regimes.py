@@ -1,0 +1,95 @@
+"""Where on the plane of tilt and angle of release a body that starts from rest does what: the borders between its motions.
+
+With V(theta)/(M g R) = gamma cos theta + theta s (energy lost to rolling resistance counted as height) a body sets off with theta increasing where
+gamma sin theta0 > s, and turns where V is V(theta0) again.  V has its hill tops at theta_min = asin(s/gamma) + 2 pi n and its valleys at
+theta_max = pi - theta_min.
+
+- It sets off between theta_min and theta_max; uphill (s > 0) that is the paper's condition for climbing.
+- It stops after a turn by u < 2 pi where W(theta0 + u) = 0, that is 2 gamma sin(theta0 + u/2) sin(u/2) = u s:
+
+      theta0 = pi - asin(u s/(2 gamma sin(u/2))) - u/2                  (`release_for_turn`)
+
+  The other solution of the sine is where a body thrown past theta0 would have come from.  The farther the release is beyond theta_min, the sooner
+  it stops.
+- Downhill (s < 0) it rolls on for ever where it starts higher than the next hill top (`release_that_rolls_on`); uphill it never does.
+
+All functions broadcast, as those of `model.phase`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import fields, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from model.body import Body
+from model.contact import contact_forces, needed_friction
+from model.phase import effective_slope, turning_angle
+
+FloatArray = NDArray[np.float64]
+
+_N_HALVING = 60
+_N_WAY = 48  # angles along the way
+
+
+def range_of_release(gamma: ArrayLike, phi: ArrayLike, *, rolling_resistance: ArrayLike = 0.0) -> tuple[FloatArray, FloatArray]:
+    """(theta_min, theta_max) in rad, between which a body sets off with theta increasing: within [-pi/2, 3 pi/2].
+
+    Both are pi/2 where it never does (s > gamma), and -pi/2 and 3 pi/2, the same angle, where it always does (s < -gamma).
+    """
+    slope, gamma = np.broadcast_arrays(effective_slope(phi, rolling_resistance), np.asarray(gamma, dtype=float))
+    sine = np.divide(slope, gamma, out=np.array(np.sign(slope)), where=np.abs(slope) < gamma)
+    lowest = np.arcsin(sine)
+    return lowest, np.pi - lowest
+
+
+def release_for_turn(angle: ArrayLike, gamma: ArrayLike, phi: ArrayLike, *, rolling_resistance: ArrayLike = 0.0) -> FloatArray:
+    """Angle of release (rad) from which the body stops after a turn by `angle` u (rad); nan where there is none.
+
+    theta0 = pi - asin(u s/(2 gamma sin(u/2))) - u/2;   none for u >= 2 pi, nor where it would not set off, or not get there
+    """
+    angle, gamma = np.asarray(angle, dtype=float), np.asarray(gamma, dtype=float)
+    slope = effective_slope(phi, rolling_resistance)
+    angle, gamma, slope = np.broadcast_arrays(angle, gamma, slope)
+    chord = 2.0 * gamma * np.sin(0.5 * angle)
+    possible = (angle > 0.0) & (angle < 2.0 * np.pi) & (np.abs(angle * slope) <= chord)
+    sine = np.divide(angle * slope, chord, out=np.zeros(chord.shape), where=possible)
+    release = np.pi - np.arcsin(sine) - 0.5 * angle
+    falls = (gamma * np.sin(release) > slope) & (gamma * np.sin(release + angle) <= slope)  # W rises from the release and falls where it stops
+    return np.where(possible & falls, release, np.nan)
+
+
+def release_that_rolls_on(gamma: ArrayLike, phi: ArrayLike, *, rolling_resistance: ArrayLike = 0.0) -> FloatArray:
+    """Angle of release (rad) up to which, from theta_min on, the body rolls over the next hill top and on for ever; beyond it turns.
+
+    V(theta0) = V(2 pi + theta_min), by halving between theta_min and theta_max.  theta_min where nothing rolls on (s >= 0), theta_max where all does.
+    """
+    slope, gamma = np.broadcast_arrays(effective_slope(phi, rolling_resistance), np.asarray(gamma, dtype=float))
+    lowest, highest = range_of_release(gamma, phi, rolling_resistance=rolling_resistance)
+    top = gamma * np.cos(lowest) + (2.0 * np.pi + lowest) * slope
+    low, high = lowest, highest
+    for _ in range(_N_HALVING if np.any(slope < 0.0) else 0):
+        middle = 0.5 * (low + high)
+        over = gamma * np.cos(middle) + middle * slope > top
+        low, high = np.where(over, middle, low), np.where(over, high, middle)
+    return np.where(slope >= 0.0, lowest, np.where(slope <= -gamma, highest, high))
+
+
+def friction_on_the_way(
+    body: Body, *, phi: ArrayLike, theta0: ArrayLike, ramp_end: ArrayLike, rolling_resistance: ArrayLike = 0.0, n_angle: int = _N_WAY
+) -> FloatArray:
+    """Largest coefficient of friction that rolling needs between the release and the turning point or `ramp_end` (m), whichever comes first.
+
+    inf where the body would hop; nan where it does not set off.  At `n_angle` places: the maximum is low by a share of some 1/n_angle^2.
+    """
+    turn = turning_angle(body, phi=phi, theta0=theta0, rolling_resistance=rolling_resistance)
+    last = np.minimum(turn, np.asarray(ramp_end) / np.asarray(body.radius))
+    ratios = {field.name: getattr(body, field.name) for field in fields(body) if field.name != "mass"}
+    wide = replace(body, **{name: np.asarray(value, dtype=float)[..., None] for name, value in ratios.items()})
+    places: dict[str, ArrayLike] = {"phi": phi, "theta0": theta0, "rolling_resistance": rolling_resistance}
+    at: dict[str, Any] = {name: np.asarray(value, dtype=float)[..., None] for name, value in places.items()}
+    needed = needed_friction(contact_forces(np.asarray(last)[..., None] * np.linspace(0.0, 1.0, n_angle), wide, **at))
+    largest = np.max(np.where(np.isnan(needed), -np.inf, needed), axis=-1)  # nan: at a turning point, by rounding
+    return np.where(last > 0.0, largest, np.nan)

@@ -1,0 +1,149 @@
+"""`estim line FILE.csv`: any points, against printed lines (headers of tests/reference/lines) and brute force.
+
+- ISO/TS 28037:2010, clause 6 (both examples) and 11.1 (inverse prediction).   York et al. 2004 with Pearson's data.
+- Hogg, Bovy, Lang, arXiv 1008.4686: exercise 1, points 5 to 20.   GUM (JCGM 100:2008), H.3.4: prediction of a thermometer's correction at 30 °C.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+from command_runner import runner
+from scipy import stats
+
+from estim.cli.commands import cli
+from estim.common.errors import InputError
+from estim.common.kinds import Status
+from estim.common.quantity import Quantity
+from estim.line.straight import Columns, straight_line
+
+REFERENCE = Path(__file__).resolve().parent / "reference"
+LINES = REFERENCE / "lines"
+
+
+def told(tmp_path, *arguments):
+    result = runner().invoke(cli, ["line", *map(str, arguments), "--out", str(tmp_path / "out"), "--no-figures"])
+    return result, tmp_path / "out"
+
+
+@pytest.mark.parametrize(
+    ("name", "y0", "a", "b", "cov", "x0", "u_x0"),
+    [
+        ("equal", Quantity(10.5, 0.5), (1.866667, 0.4654747), (1.757143, 0.1195229), -0.050, 4.913, 0.322),
+        ("unequal", Quantity(10.5, 1.0), (0.8852, 0.5297081), (2.0570, 0.1778920), -0.08227848, 4.674, 0.533),
+    ],
+)
+def test_lines_and_inverse_predictions_of_iso_28037(name, y0, a, b, cov, x0, u_x0):
+    line = straight_line(LINES / f"iso28037_sec6_{name}_weights.csv", Columns(), inverse=[y0])
+    error = line.fit.standard_errors["propagated"]
+    assert (line.fit.intercept, error.u_intercept) == pytest.approx(a, abs=5e-5)
+    assert (line.fit.slope, error.u_slope) == pytest.approx(b, abs=5e-5)
+    assert error.cov == pytest.approx(cov, rel=2e-5)
+    assert (line.inverses[0].x, line.inverses[0].u) == pytest.approx((x0, u_x0), abs=0.0006)
+    assert line.status is Status.OK
+
+
+def test_columns_by_name_give_yorks_line_and_other_columns_are_left_unread(tmp_path):
+    table = np.genfromtxt(LINES / "pearson_york.csv", delimiter=",", skip_header=2)
+    rows = [f"{x},point {i},{1 / math.sqrt(wx)},{y},{1 / math.sqrt(wy)}" for i, (x, y, wx, wy) in enumerate(table)]
+    path = tmp_path / "points.csv"
+    path.write_text("t,label,sd t,s,sd s\n" + "\n".join(rows) + "\n")
+    result, folder = told(tmp_path, path, "--x", "t", "--y", "s", "--ux", "sd t", "--uy", "sd s", "--predict", "5.0(1)")
+    assert result.exit_code == 0, result.output
+    record = json.loads((folder / "result.json").read_text())
+    assert (record["intercept"], record["slope"], record["chi2"]) == pytest.approx((5.47991022403, -0.48053340745, 11.8663531941), rel=1e-9)
+    assert record["standard_errors"]["york"][:2] == pytest.approx([0.294970735, 0.0579850090], rel=1e-7)
+    ua, ub, cov = record["standard_errors"]["propagated"]
+    predicted = record["predictions"][0]
+    assert predicted["value"] == pytest.approx(5.47991022403 - 5.0 * 0.48053340745)
+    assert predicted["u"] ** 2 == pytest.approx(ua**2 + 25 * ub**2 + 10 * cov + (0.1 * 0.48053340745) ** 2)
+    text = (folder / "report.md").read_text()
+    assert "York: errors in both variables (u(x) from sd t, u(y) from sd s)" in text
+    assert text.startswith("# s against t: a straight line")
+
+
+def test_hoggs_line_by_uncertainties_of_y(tmp_path):
+    lines = (LINES / "hogg_bovy_lang_2010_table1.csv").read_text().splitlines()
+    path = tmp_path / "hogg.csv"
+    path.write_text("\n".join(lines[:2] + lines[6:]) + "\n")
+    line = straight_line(path, Columns(u_y="sigma_y"))
+    error = line.fit.standard_errors["propagated"]
+    assert (line.fit.intercept, error.u_intercept, line.fit.slope, error.u_slope) == pytest.approx((34.04773, 18.24617, 2.23992, 0.10778), abs=6e-6)
+    both = straight_line(path, Columns(u_x="sigma_x", u_y="sigma_y", r_xy="rho_xy"))
+    assert (both.fit.method, both.columns.r_xy) == ("york", "rho_xy")
+
+
+def test_prediction_of_gum_h3(tmp_path):
+    rows = [line for line in (REFERENCE / "gum" / "gum_h3_table_h6.csv").read_text().splitlines() if not line.startswith("#")]
+    table = np.array([[float(cell) for cell in row.split(",")] for row in rows[1:]])
+    path = tmp_path / "thermometer.csv"
+    path.write_text("x,y\n" + "".join(f"{t - 20.0!r},{b!r}\n" for t, b in zip(table[:, -2].tolist(), table[:, -1].tolist(), strict=True)))
+    line = straight_line(path, Columns(), predict=[Quantity(10.0)])
+    assert (round(line.predictions[0].y, 4), round(line.predictions[0].u, 4)) == (-0.1494, 0.0041)
+    assert line.k == pytest.approx(stats.t.ppf(0.975, 9))
+
+
+def test_fiellers_interval_is_the_set_of_lines_that_explain_the_reading(tmp_path, rng):
+    """Of a slope known to 14 %: by brute force over abscissas; and it holds the truth where the linear one is lopsided."""
+    x = np.array([1.0, 2.0, 3.0, 4.0])
+    y = 0.5 + 0.8 * x + 0.25 * rng.standard_normal(4)
+    path = tmp_path / "p.csv"
+    path.write_text("x,y,u_y\n" + "".join(f"{a!r},{b!r},0.25\n" for a, b in zip(x.tolist(), y.tolist(), strict=True)))
+    line = straight_line(path, Columns(), inverse=[Quantity(5.0, 0.3)])
+    found, error = line.inverses[0], line.fit.standard_errors["propagated"]
+    grid = np.linspace(-50.0, 50.0, 1_000_001)
+    variance = 0.3**2 + error.u_intercept**2 + grid**2 * error.u_slope**2 + 2.0 * grid * error.cov
+    inside = grid[(5.0 - line.fit.intercept - line.fit.slope * grid) ** 2 <= line.k**2 * variance]
+    assert (found.low, found.high) == pytest.approx((inside.min(), inside.max()), abs=2e-4)
+    assert found.high - found.x > 1.1 * (found.x - found.low)
+    flat = tmp_path / "flat.csv"
+    flat.write_text("x,y,u_y\n1,1.0,1\n2,1.1,1\n3,0.9,1\n4,1.2,1\n")
+    assert math.isinf(straight_line(flat, Columns(), inverse=[Quantity(1.0, 0.1)]).inverses[0].high)
+
+
+def test_a_line_that_does_not_fit_has_no_result_and_exit_code_3(tmp_path):
+    path = tmp_path / "p.csv"
+    path.write_text("x,y,u_y\n1,1,0.01\n2,3,0.01\n3,2,0.01\n4,5,0.01\n")
+    result, folder = told(tmp_path, path, "--predict", 2)
+    assert result.exit_code == 3
+    assert "line: poor-fit" in result.output
+    text = (folder / "report.md").read_text()
+    assert "No headline number" in text
+    assert "Predictions" not in text
+
+
+@pytest.mark.parametrize(
+    ("text", "arguments", "message"),
+    [
+        ("x,y\n1,1\n2,2\n3,4\n", ["--x", "t"], "p.csv:1: 't' is missing (the header has"),
+        ("x,y\n1,1\n2,2\n3,4\n", ["--x", "y"], "'--y' must name another column than --x: y"),
+        ("x,y\n1,1\n2,2\n", [], "p.csv: 'rows' must hold at least 3 rows of numbers: 2"),
+        ("x,y,u_y\n1,1,0\n2,2,1\n3,4,1\n", [], "p.csv:2: 'u_y' must be > 0: 0.0"),
+        ("x,y\n1,1\n2,2\n3,4\n", ["--uy", "-1"], "'--uy' must be > 0: -1.0"),
+        ("x,y,u_y\n1,1,1\n2,2,1\n3,4,1\n", ["--inverse", "2"], "'--inverse' must have an uncertainty"),
+        ("x,y\n1,1\n2,2\n3,4\n", ["--predict", "two"], "'--predict' must read like"),
+        ("x,y,u_y\n1,1,1\n2,2,1\n3,4,1\n", ["--correlation", "0.5"], "'--correlation' needs uncertainties of x and y"),
+    ],
+)
+def test_a_mistake_is_told(tmp_path, text, arguments, message):
+    (tmp_path / "p.csv").write_text(text)
+    result, _ = told(tmp_path, tmp_path / "p.csv", *arguments)
+    assert isinstance(result.exception, InputError)
+    assert message in str(result.exception)
+
+
+def test_options_of_a_table_do_not_go_with_a_campaign(tmp_path, replica):
+    result, _ = told(tmp_path, replica / "campaign.toml", "--predict", 2)
+    assert "'FILE.csv' must be a table of points" in str(result.exception)
+
+
+def test_the_example_of_the_docs_says_what_they_say(tmp_path, project):
+    result, _ = told(tmp_path, LINES / "iso28037_sec6_unequal_weights.csv", "--inverse", "10.5(10)")
+    said = (project / "docs" / "straight-line.md").read_text()
+    for numbers in ("intercept 0.89 ± 0.53, slope 2.06 ± 0.18", "x = 4.67 ± 0.53"):
+        assert numbers in result.output
+        assert numbers in said
