@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -17,7 +17,6 @@ from numpy.typing import ArrayLike
 
 from estim.arrays import FloatArray
 from estim.checks import (
-    Goodness,
     check_goodness,
     check_stated_values,
     curve_findings,
@@ -30,13 +29,11 @@ from estim.checks import (
     several_solutions,
     stated_values,
 )
-from estim.common import Finding, Kind, Status, code, decide, markdown, one_line, table, wrong
+from estim.common import Kind, Status, decide, wrong
+from estim.curve_result import CurveFit as CurveFit
 from estim.curves import AxisNames, Component, Counting, CurveProblem, pose_curve
-from estim.deviation import FoundDeviation
 from estim.fitting import (
-    FEW,
     N_START,
-    Ends,
     Fit,
     Optimum,
     chi2_p,
@@ -45,126 +42,14 @@ from estim.fitting import (
     fit_least_squares,
     led_here,
     sds_beside_limits,
-    shown_value,
     spread,
     with_others,
 )
 from estim.problem import Prior, Problem, informative
-from estim.words import advice, advice_for, tell
+from estim.words import tell
 
 _ROUNDS = 60  # of the size of the errors, where priors make it matter
-_ADVISED = (Kind.SEVERAL_SOLUTIONS, Kind.STEP_UNSETTLED)  # of which a reason says what to do as well
 _PERFECT = 3e-14  # residuals below this share of y are rounding errors
-
-
-@dataclass(frozen=True, eq=False)
-class CurveFit:
-    """A fitted curve.
-
-    names : of the parameters, shared errors included.  values, sds : name -> best value and standard deviation (nan where a
-        symmetric one would be wrong: at a limit, where the data determine nothing or have no scatter; `notes` says which).
-    intervals : name -> probability (0.68, 0.95) -> (low, high), by Student's t where the size of the errors was estimated, by
-        profiles beside a limit (`estim.fitting.curve_intervals`); an end at the limit itself, or infinite, is open.  nan where there is none.
-    cov : (n_par, n_par) covariance matrix in the order of `names`.
-    chi2 : squared residuals over u_y, priors included; without u_y the plain sum of squared residuals (unit of y squared).  With u_x
-        a residual is the normal score of y, F^-1(P(Y < y | x)); for a line (y - f)/sqrt(u_y^2 + b^2 u_x^2) but for the shrinking of x.
-    dof : points and informative priors minus parameters.  p_value : P(chi2 or more), nan without u_y; with u_x from 20,000 simulated data sets.
-    sigma : standard deviation of one y estimated from the residuals, None where u_y was given.
-    findings : everything wrong, gravest first, and the status that follows.  remarks : what to know before using it, nothing wrong.
-    reasons, notes : the same in words.  message : how the search went.
-    goodness : tests of the residuals, in order of x; empty where the points are too few.
-    fixed : name -> exact value of the parameters that were not fit.
-    fit, problem : what sampling starts from; without u_y `problem` has `sigma_y` as a further parameter.
-    """
-
-    names: tuple[str, ...]
-    values: Mapping[str, float]
-    sds: Mapping[str, float]
-    intervals: Mapping[str, Ends]
-    cov: FloatArray
-    chi2: float
-    dof: int
-    p_value: float
-    sigma: float | None
-    status: Status
-    findings: tuple[Finding, ...]
-    remarks: tuple[Finding, ...]
-    message: str
-    goodness: tuple[Goodness, ...]
-    fit: Fit
-    text: str
-    fixed: Mapping[str, float]
-
-    @property
-    def reasons(self) -> tuple[str, ...]:
-        return tuple(f"{tell(f)}; {advice(f)}" if f.kind in _ADVISED else tell(f) for f in self.findings)
-
-    @property
-    def advice(self) -> tuple[str, ...]:
-        """What to do where the residuals have a pattern."""
-        return tuple(advice_for(f for f in self.findings if f.kind is Kind.CURVE_LACKS))
-
-    @property
-    def deviation(self) -> FoundDeviation | None:
-        """What the curve lacks, where `deviation` or `correlated` asked for it."""
-        return next(iter(self.fit.deviations), None)
-
-    @property
-    def notes(self) -> tuple[str, ...]:
-        return tuple(map(tell, self.remarks))
-
-    @property
-    def problem(self) -> Problem:
-        return self.fit.problem
-
-    @property
-    def correlation(self) -> FloatArray:
-        """(n_par, n_par) correlation matrix; nan beside a parameter without a standard deviation."""
-        sds = np.sqrt(np.diag(self.cov))
-        with np.errstate(invalid="ignore", divide="ignore"):
-            return self.cov / np.outer(sds, sds)
-
-    def __str__(self) -> str:
-        width = max(len(name) for name in self.names)
-        rows = [f"{name:<{width}} {f'{relation} {value}'.strip()}" for name, (relation, value) in self._rows()]
-        head = [f"{self.text}: {self.status}", *(f"  {reason}" for reason in self.reasons)]
-        head += [f"  what to do: {words}" for words in self.advice]
-        said = [*head, *rows, *self._fixed_words(), *(f"note: {note}" for note in self.notes)]
-        return "\n".join(map(one_line, [*said, self._summary()]))
-
-    def _repr_markdown_(self) -> str:
-        head = [f"{code(self.text)}: **{self.status}**", *(f"- {markdown(reason)}" for reason in self.reasons)]
-        head += [f"- What to do: {markdown(words)}" for words in self.advice]
-        rows = [(name, value) for name, (_, value) in self._rows()]
-        shown = ["", table(("parameter", "value and intervals"), rows)] if rows else []
-        notes = [*self._fixed_words(), *(f"Note: {note}" for note in self.notes)]
-        return "\n".join([*head, *shown, "", *(f"- {markdown(note)}" for note in notes), "", markdown(self._summary())])
-
-    def _fixed_words(self) -> list[str]:
-        return [f"{name} = {value:.10g} (fixed)" for name, value in self.fixed.items()]
-
-    def _rows(self) -> list[tuple[str, tuple[str, str]]]:
-        """Name, and relation and value in words; limits where the curve or an edge is contradicted, nothing where no number is a result."""
-        if self.status not in (Status.OK, Status.POOR_FIT, Status.AT_BOUND):
-            return []
-        few = self.sigma is not None and self.dof <= FEW
-        priors = {p.name: p.prior for p in self.problem.parameters}
-        return [
-            (
-                name,
-                shown_value(
-                    self.values[name], self.sds[name], self.intervals[name], (priors[name].low, priors[name].high), unit=_unit(self.problem, name),
-                    few=few, ok=self.status.ok,
-                ),
-            )
-            for name in self.names
-        ]
-
-    def _summary(self) -> str:
-        if self.sigma is None:
-            size = "chi2" if self.problem.runs[0].noise.counted is None else "deviance"
-            return f"{size} = {self.chi2:.4g}, dof = {self.dof}, p = {self.p_value:.2g}; {self.message}"
-        return f"residual sd = {self.sigma:.4g} (estimated: u_y was not given), dof = {self.dof}; {self.message}"
 
 
 def fit_curve(
@@ -187,6 +72,7 @@ def fit_curve(
     deviation: float = 0.0,
     correlated: ArrayLike | bool = False,
     noise: Counting | str | None = None,
+    derived: Mapping[str, str] | None = None,
 ) -> CurveFit:
     """The curve fit to points x, y (n_obs,) by least squares.
 
@@ -205,6 +91,7 @@ def fit_curve(
         With either, values, sds and intervals are those of a mixture over its size and length, linear in the parameters (`estim.deviation`).
     noise : what y counts, in place of u_y: "poisson", or `Poisson(bins=...)`, `Binomial(trials=...)`, `EventTimes(low, high)` with y = None
         (`estim.curves.counting`).  Intervals are then profiles of the likelihood, and chi2 is the deviance.
+    derived : name -> formula of the parameters, like {"g": "4*pi**2/slope"}; a formula may name those before it, `units` have its unit.
     rng : of the further starts and of the simulated tests; None always draws the same.  n_start : starts tried, 1 for the given one alone.
 
     Raises InputError where an argument breaks a rule.
@@ -214,7 +101,7 @@ def fit_curve(
         curve, x, y, start=start, u_y=u_y, cov_y=cov_y, u_x=u_x, bounds={} if bounds is None else bounds,
         priors={} if priors is None else priors, errors=tuple(errors), units={} if units is None else units,
         axes=AxisNames() if axes is None else axes, fixed={} if fixed is None else fixed,
-        deviation=deviation, correlated=correlated, noise=noise,
+        deviation=deviation, correlated=correlated, noise=noise, derived={} if derived is None else derived,
     )
     complete = (_fit_stated if posed.stated else _fit_estimated)(posed, rng, n_start)
     found = complete.status not in (Status.NOT_IDENTIFIED, Status.NOT_CONVERGED) and complete.goodness
@@ -340,8 +227,3 @@ def _message(best: Optimum, sigma: float | None, perfect: bool, same: list[str])
     elif sigma is not None:
         words.append("the size of the errors was estimated from the residuals")
     return "; ".join(words)
-
-
-def _unit(problem: Problem, name: str) -> str:
-    unit = next(p.unit for p in problem.parameters if p.name == name)
-    return "" if unit == "1" else unit

@@ -239,7 +239,7 @@ def test_the_command_line_writes_a_report_about_the_curve(folder: Path) -> None:
     assert "Voltage U (V) against time t (s)" in text
     for word in ("turning point", "speed", "mass", "radian", "frame"):
         assert word not in text, word
-    drawn = {"corner", "directions", "phase", "profiles", "residuals", "ridge", "traces"}
+    drawn = {"budget", "corner", "directions", "phase", "profiles", "residuals", "ridge", "traces"}
     assert {path.stem for path in (folder / "out" / "figures").iterdir()} == drawn
 
 

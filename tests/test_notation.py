@@ -151,7 +151,7 @@ def test_a_column_of_several_runs_holds_one_quantity() -> None:
     parameters = (Parameter("sigma_y", "1", Normal(0.0, 1.0), ""), Parameter("sigma_y[b]", "V", Normal(0.0, 1.0), "", Notation("σ_y")))
     results = {
         run: SimpleNamespace(
-            status="ok", parameters={p.name: Summary(p.unit, "", m, 0.1, m, m - 0.2, m - 0.1, m + 0.1, m + 0.2) for p, m in found},
+            status="ok", runs={}, parameters={p.name: Summary(p.unit, "", m, 0.1, m, m - 0.2, m - 0.1, m + 0.1, m + 0.2) for p, m in found},
             labels=Labels({p.name: p.label for p, _ in found}, {p.name: p.bare_label for p, _ in found}, {}),
         )
         for run, found in {"a": [(parameters[0], 1.0)], "b": [(parameters[0], 2.0), (parameters[1], 3.0)]}.items()

@@ -12,8 +12,8 @@ from estim.common.labels import Notation
 from estim.common.quantity import format_quantity, format_rounded, signed
 from estim.problem.observations import Parameter
 from estim.problem.priors import HalfNormal
-from estim.reports.analysis import _derived_rows
 from estim.reports.comparison import _cells
+from estim.reports.derived import derived_rows
 from estim.reports.labels import Labels
 from estim.reports.result import RunSummary
 from estim.sampling.summary import Summary, summarise
@@ -62,7 +62,7 @@ def test_what_is_the_same_for_every_run_is_stated_once(rng: np.random.Generator)
     blank = dict.fromkeys(RunSummary.__struct_fields__)
     runs = {name: RunSummary(**(blank | {"derived": {"inertia_ratio": j, "slope": s}})) for name, s in zip(("a", "b"), slopes, strict=True)}
     shown = {"inertia_ratio": Notation("j").label("1"), "slope": Notation("s").label("1")}
-    assert [row[0] for row in _derived_rows(runs, Labels({}, {}, dict.fromkeys(runs, shown)))] == ["j", "s[a]", "s[b]"]
+    assert [row[0] for row in derived_rows(runs, Labels({}, {}, dict.fromkeys(runs, shown)))] == ["j", "s[a]", "s[b]"]
 
 
 def test_the_table_of_models_prints_a_value_as_the_report_does(rng: np.random.Generator) -> None:

@@ -13,10 +13,12 @@ from estim.campaign.binding import parts_fact
 from estim.campaign.bodies import RollingStudy
 from estim.campaign.campaign_file import CampaignFile, NoiseTable, RunTable, read_campaign_file
 from estim.campaign.curve_models import CurveModel
+from estim.campaign.derived import read_derived, with_derived
 from estim.campaign.noise_models import Candidate
 from estim.campaign.own_curve import read_curve_study
 from estim.campaign.study import Study
 from estim.common import KINDS, InputError, code, markdown, table
+from estim.curves import SoughtQuantity
 from estim.deviation import BadFrames
 from estim.explanation import Suspects
 from estim.fitting import Fit
@@ -31,6 +33,7 @@ class Campaign:
     source: CampaignFile
     tables: Mapping[str, Run]
     study: Study
+    derived: tuple[SoughtQuantity, ...] = ()
 
     @property
     def title(self) -> str:
@@ -74,7 +77,16 @@ class Campaign:
         for name in names:
             if name not in self.run_names:
                 raise InputError(f"must name one of the runs ({', '.join(self.run_names)})", field="run", value=name, file=self.source.path)
-        return self.study.problem(names, self.tables, noise=noise)
+        try:
+            return with_derived(self.study.problem(names, self.tables, noise=noise), self.derived, self._bodies)
+        except InputError as error:
+            if error.file is not None or error.field not in {one.name for one in self.derived}:
+                raise
+            raise self.source.places.error(error.rule, ("derived", error.field), value=error.value) from None
+
+    @property
+    def _bodies(self) -> dict[str, str | None]:
+        return {name: self.study.body_of(name) for name in self.run_names}
 
     def fit(self, problem: Problem, *, rng: np.random.Generator) -> Fit:
         """The posterior mode of a problem of this campaign.  Raises InputError where the data determine none."""
@@ -135,9 +147,11 @@ def load_campaign(path: str | Path) -> Campaign:
         rolling, read = RollingStudy(source), _read_runs(source)
         study, tables = rolling, {name: _with_fact(run, parts_fact(source, rolling.levels(name))) for name, run in read.items()}
     tables = {name: _with_fact(tables[name], source.out_of_folder(written)) for name, written in source.files.items()}
-    campaign = Campaign(source, MappingProxyType(tables), study)
+    campaign = Campaign(source, MappingProxyType(tables), study, read_derived(source.derived, source.places))
     for name in campaign.run_names:
         study.check(name, campaign.tables)
+    if campaign.derived and campaign.run_names:
+        campaign.problem(campaign.run_names)
     return campaign
 
 

@@ -10,7 +10,7 @@ import os
 import re
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal, TypeVar
 
@@ -132,6 +132,7 @@ class _TopTable(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_only
     line: dict[str, Any] | None = None
     trials: dict[str, Any] | None = None
     curve: dict[str, Any] | None = None
+    derived: dict[str, Any] = {}
     plan: dict[str, Any] | None = None
 
 
@@ -155,7 +156,7 @@ class CampaignFile:
     """A campaign file as read, structure checked, numbers not yet interpreted.
 
     files : run -> its file as written.  runs : of rolling bodies; empty where the curve is the user's own.
-    curve : None where the runs are of rolling bodies.  plan : what might be measured next.
+    curve : None where the runs are of rolling bodies.  plan : what might be measured next.  derived : the raw `derived` table.
     """
 
     path: Path
@@ -173,6 +174,7 @@ class CampaignFile:
     curve: OwnCurve | None = None
     plan: PlanTable = NO_PLAN
     trials: TrialsTable | None = None
+    derived: Mapping[str, Any] = field(default_factory=dict)
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -190,7 +192,6 @@ class CampaignFile:
             rule = "cannot be found (no such file; names are relative to the folder of the campaign file)"
             raise self.places.error(rule, ("runs", index, "file"), value=written)
         return self.path.parent / written
-
 
     @contextmanager
     def reading(self, path: Path, columns: Collection[str] = ()) -> Iterator[None]:
@@ -247,7 +248,10 @@ def read_campaign_file(path: Path, *, measured: bool = True) -> CampaignFile:
             raise places.error(f"must name one of the bodies ({', '.join(bodies) or 'none defined'})", (key, "body"), value=table.body)
     files = {run.name: run.file for run in runs}
     plan = NO_PLAN if top.plan is None else check_plan(checked(top.plan, PlanTable, places, ("plan",)), tuple(files), places)
-    return CampaignFile(path, digest, places, top.title, top.kind, top.published, shared, bodies, files, runs, line, parts, trials=trials, plan=plan)
+    return CampaignFile(
+        path, digest, places, top.title, top.kind, top.published, shared, bodies, files, runs, line, parts,
+        trials=trials, plan=plan, derived=top.derived,
+    )
 
 
 def _with_own_curve(path: Path, digest: str, places: Places, top: _TopTable) -> CampaignFile:
@@ -261,7 +265,8 @@ def _with_own_curve(path: Path, digest: str, places: Places, top: _TopTable) -> 
     files = {run.name: run.file for run in named}
     plan = NO_PLAN if top.plan is None else checked(top.plan, PlanTable, places, ("plan",))
     plan, curve = check_plan(plan, tuple(files), places, own_curve=True), OwnCurve(top.curve or {}, top.runs)
-    return CampaignFile(path, digest, places, top.title, top.kind, None, LevelTable(), {}, files, (), None, {}, curve, plan)
+    shared = LevelTable()
+    return CampaignFile(path, digest, places, top.title, top.kind, None, shared, {}, files, (), None, {}, curve, plan, derived=top.derived)
 
 
 T = TypeVar("T")

@@ -17,6 +17,7 @@ from estim.campaign.prior_table import PriorKeys, PriorTable
 from estim.common import InputError, Quantity
 from estim.curves import SIGMA, Formula
 from estim.problem import Flat, Prior, as_prior
+from estim.reading import Places
 
 Place = tuple[str | int, ...]
 
@@ -106,6 +107,13 @@ def y_axis(table: CurveTable) -> AxisTable:
 def _allowed(pattern: re.Pattern[str], text: str) -> bool:
     """Whether `text` keeps to a pattern, and no mark but blanks of all kinds is invisible."""
     return pattern.fullmatch(text) is not None and " ".join(text.split()).isprintable()
+
+
+def check_printable(places: Places, path: Place, *, unit: str | None, name: str | None, meaning: str | None) -> None:
+    """Raises InputError where one of the words of a quantity cannot be shown; None for a word that was not said."""
+    for text, limits in ((unit, _UNIT), (name, _NAME), (meaning, _MEANING)):
+        if text is not None and not _allowed(limits, text):
+            raise places.error("must have a short unit, symbol and meaning that can be printed, without $ | \\ `", path, value=text)
 
 
 def check_words(source: CampaignFile, table: CurveTable, runs: Sequence[CurveRunTable], axes: Sequence[AxisTable]) -> None:

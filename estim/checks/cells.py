@@ -14,6 +14,7 @@ from estim.sampling import Summary
 from estim.words import STATUS_WORDS
 
 _LOPSIDED = 1.5
+_HEAVY = 2.0  # standard deviations over half of the 68 % interval: a ratio whose denominator comes near 0
 
 
 def value_cell(p: Summary, shown: Label) -> str:
@@ -30,11 +31,15 @@ def value_cell(p: Summary, shown: Label) -> str:
 
 
 def lopsided(p: Summary) -> bool:
-    """Whether one half of the 68 or of the 95 % interval is more than 1.5 times the other: then a symmetric ± misleads."""
+    """Whether one half of the 68 or of the 95 % interval is more than 1.5 times the other, or tails make the sd say little: then ± misleads."""
     if p.median is None or p.q16 is None or p.q84 is None or p.q025 is None or p.q975 is None:
         return False
     halves = ((p.median - p.q16, p.q84 - p.median), (p.median - p.q025, p.q975 - p.median))
-    return any(max(pair) > _LOPSIDED * min(pair) for pair in halves)
+    return _heavy(p) or any(max(pair) > _LOPSIDED * min(pair) for pair in halves)
+
+
+def _heavy(p: Summary) -> bool:
+    return p.sd is not None and p.q84 is not None and p.q16 is not None and p.sd > _HEAVY * 0.5 * (p.q84 - p.q16)
 
 
 def interval_cell(p: Summary, shown: Label) -> str:
@@ -45,7 +50,7 @@ def interval_cell(p: Summary, shown: Label) -> str:
         return f"[{low}, {high}]"
     if p.q025 is None or p.q975 is None:
         return "n/a"
-    u = (p.sd if p.sd is not None else 0.25 * (p.q975 - p.q025)) * shown.factor
+    u = (p.sd if p.sd is not None and not _heavy(p) else 0.25 * (p.q975 - p.q025)) * shown.factor
     return f"[{format_rounded(p.q025 * shown.factor, u)}, {format_rounded(p.q975 * shown.factor, u)}]"
 
 

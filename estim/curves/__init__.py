@@ -10,4 +10,5 @@ from estim.curves.posing import MAX_OBS, SIGMA, SIGMA_NOTATION, SIGMA_SPREAD, Ax
 from estim.curves.regimes import Fate, borders_of, farthest_stop, fate_at, placed, steepest_tilt, turning_contours
 from estim.curves.rolling import MotionCurve, PhaseCurve, RollingMotion
 from estim.curves.shared_errors import Component, DistortedCurve
+from estim.curves.sought import SoughtQuantity, check_sought, seek
 from estim.curves.varying import VaryingCurve, VaryingMotion, shift_of, spread_of

@@ -20,6 +20,7 @@ from estim.curves.formula import Formula, check_names, read_formula
 from estim.curves.function import PythonCurve, wrap_function
 from estim.curves.lacks import ask_lacks
 from estim.curves.shared_errors import Component, DistortedCurve
+from estim.curves.sought import SoughtQuantity, seek_of_fit
 from estim.problem import (
     GAUSSIAN,
     Correlated,
@@ -66,6 +67,7 @@ class CurveProblem:
     stated : whether the size of the errors is known.
     lacks : what the curve may lack, None for nothing.  counted : the points where y are counts, else None.
     fixed : argument of the curve -> its exact value.  text : the formula, or how the function is called.
+    sought : what is to be computed from the parameters.
     """
 
     text: str
@@ -81,6 +83,7 @@ class CurveProblem:
     fixed: Mapping[str, float]
     lacks: Lacks | None = None
     counted: CountedPoints | None = None
+    sought: tuple[SoughtQuantity, ...] = ()
 
     def with_lacks(self, sigma: float) -> Problem:
         """`with_sigma` for a curve that may lack something."""
@@ -110,7 +113,7 @@ class CurveProblem:
         run = Observations(
             name="data", x=self.x, y=self.y, t=None, curve=self.curve, arguments=MappingProxyType(arguments), noise=noise, x_name=self.axes.x_name,
             x_unit=self.axes.x_unit, y_name=self.axes.y_name, y_unit=self.axes.y_unit, excluded=(), excluded_points=np.zeros((0, 2)),
-            motion=None, words=plain_words(self.axes.y_name) if self.counted is None else self.counted.words,
+            motion=None, words=plain_words(self.axes.y_name) if self.counted is None else self.counted.words, sought=self.sought,
         )
         return Problem((*self.parameters, *further), (run,))
 
@@ -143,9 +146,10 @@ def pose_curve(
     deviation: float = 0.0,
     correlated: ArrayLike | bool = False,
     noise: Counting | str | None = None,
+    derived: Mapping[str, str] = MappingProxyType({}),
 ) -> CurveProblem:
     """The problem that the arguments of `fit_curve` pose.  Raises InputError where one of them breaks a rule."""
-    _check_mappings(bounds=bounds, priors=priors, units=units, fixed=fixed)
+    _check_mappings(bounds=bounds, priors=priors, units=units, fixed=fixed, derived=derived)
     _check_words(units, errors, axes)
     counted = ask_counts(
         noise, x, y, what=axes.y_name, u_y=u_y, cov_y=cov_y, u_x=u_x, deviation=deviation or None,
@@ -172,7 +176,7 @@ def pose_curve(
     names, values = _start(start)
     exact = _fixed(fixed, names)
     read = _curve(curve, points["x"], values, exact)
-    parameters = _parameters(names, values, bounds, priors, units, exact)
+    parameters = _parameters(names, values, bounds, priors, {name: unit for name, unit in units.items() if name not in derived}, exact)
     shared = _shared(errors, (*names, *exact), axes)
     stated = u_y is not None or cov is not None or counted is not None
     everything = (*parameters, *shared)
@@ -192,6 +196,7 @@ def pose_curve(
         relative=relative[order], relative_x=relative_x, cov=ordered_cov, stated=stated, axes=axes, fixed=MappingProxyType(exact),
         lacks=ask_lacks(deviation, correlated, order, stated=stated, exact_x=u_x is None),
         counted=counted,
+        sought=seek_of_fit(derived, units, [*names, *exact, *(p.name for p in shared)]),
     )
 
 

@@ -96,6 +96,10 @@ class MixtureErrors:
     def squared_size(self, vector: FloatArray, named: Named) -> float:
         return float(vector @ np.linalg.solve(self._covariance(named), vector))
 
+    def residuals_at(self, named: Named) -> FloatArray:
+        """(n_obs,) y - f for single values."""
+        return np.asarray(self._raw(named)[0])
+
     def _raw(self, named: Named) -> FloatArray:
         """(n_draw, n_obs) y - f."""
         return np.atleast_2d(self.y - self.points.value(named))

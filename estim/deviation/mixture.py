@@ -129,14 +129,17 @@ class Mixture:
 
     def whitened_covariance(self, residuals: FloatArray) -> FloatArray:
         """The same of whitened observations."""
+        basis, lifted, white = self.lifted(residuals)
+        return self.columns @ self.columns.T + (basis * lifted) @ basis.T + white * np.eye(residuals.size)
+
+    def lifted(self, residuals: FloatArray) -> tuple[FloatArray, FloatArray, float]:
+        """What that is made of, but for H: directions (n_obs, n_dir), the variances (n_dir,) that the deviation has there, and that of the noise."""
         share, start, lifted = self.shares(residuals), 0, []
         for family in self.deviation.families:
             own = share[start : start + family.amplitude.size]
             start += own.size
             lifted.append((own @ np.square(family.amplitude)) * family.spectrum)
-        basis = self.together[0]
-        whitened = self.columns @ self.columns.T + (basis * np.concatenate(lifted)) @ basis.T
-        return whitened + (share @ np.square(self.deviation.column("scale"))) * np.eye(residuals.size)
+        return self.together[0], np.concatenate(lifted), float(share @ np.square(self.deviation.column("scale")))
 
     def pointwise(self, residuals: FloatArray) -> FloatArray:
         """(n_draw, n_obs) log density of every point given all the other points of residuals (n_draw, n_obs).

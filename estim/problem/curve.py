@@ -46,6 +46,32 @@ class Derived:
         return self.notation.label(self.unit)
 
 
+class Sought(Protocol):
+    """A quantity that a user wants computed from the parameters.
+
+    text : how it follows.  unit : of it.  others : names beside the arguments of the run's curve -> parameter, or an exact number.
+    lacking : such names that nothing in this fit stands for, so that it cannot be computed.
+    """
+
+    @property
+    def name(self) -> str: ...
+
+    @property
+    def text(self) -> str: ...
+
+    @property
+    def unit(self) -> str: ...
+
+    @property
+    def others(self) -> Mapping[str, str | float]: ...
+
+    @property
+    def lacking(self) -> tuple[str, ...]: ...
+
+    def of(self, known: Mapping[str, ArrayLike]) -> Derived | None:
+        """Its values, where `known` has scalars or (n_draw, 1) of every name that it needs; None where it lacks one."""
+
+
 @dataclass(frozen=True, eq=False)
 class CommonError:
     """An error that all points of a run may have in common, which no residual shows.

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from estim.arrays import FloatArray
 from estim.common import Finding, InputError, Label, Notation, split_level
-from estim.problem.curve import POINTS, CommonError, Curve, Derived, Motion, Wording, scales_of
+from estim.problem.curve import POINTS, CommonError, Curve, Derived, Motion, Sought, Wording, scales_of
 from estim.problem.likelihood import Likelihood, Noise, Points
 from estim.problem.priors import Prior
 from estim.problem.size import Named
@@ -78,6 +78,7 @@ class Observations:
     force : scale of the prior of an unmodelled force along the track, in units of the weight; 0 for none.
     complete : why the curve is taken as complete, where a force could have been asked for.
     lacks : what a plain curve may lack; None for nothing.
+    sought : what a user wants computed from the parameters.
     motion : the body whose motion was measured; None for a plain curve.  words : how the measured numbers are spoken of.
     """
 
@@ -100,6 +101,7 @@ class Observations:
     force: float = 0.0
     complete: Finding | None = None
     lacks: Lacks | None = None
+    sought: tuple[Sought, ...] = ()
 
     @property
     def stated(self) -> bool:
@@ -157,12 +159,19 @@ class Observations:
         return self.motion.errors_in_common(self.x, self.y, local, arguments, exact)
 
     def derived(self, arguments: Mapping[str, ArrayLike]) -> Mapping[str, Derived]:
-        """Quantities that follow from the arguments of the curve and mean something to a reader."""
-        return {} if self.motion is None else self.motion.derived(arguments)
+        """Quantities that follow from the arguments of the curve (`bind`): those that mean something to a reader, and what was `sought`."""
+        found = {} if self.motion is None else dict(self.motion.derived(arguments))
+        for one in self.sought:
+            derived = one.of({**arguments, **{name: known.values for name, known in found.items()}})
+            if derived is not None:
+                found[one.name] = derived
+        return found
 
     def bind(self, values: Mapping[str, ArrayLike]) -> dict[str, ArrayLike]:
-        """Arguments of the curve for parameter values (scalars or (n_draw, 1))."""
-        return self.points.bind(values)
+        """Arguments of the curve for parameter values (scalars or (n_draw, 1)), and what else is needed for what was `sought`."""
+        others = {name: source for one in self.sought for name, source in one.others.items()}
+        known = {name: values.get(source) if isinstance(source, str) else source for name, source in others.items()}
+        return {**{name: value for name, value in known.items() if value is not None}, **self.points.bind(values)}
 
 
 def n_uses(name: str, runs: Sequence[Observations]) -> int:

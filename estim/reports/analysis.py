@@ -13,15 +13,18 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from estim.campaign import Campaign
-from estim.checks import P_CONFLICT, P_POOR_FIT, P_TOLD, interval_cell, parameter_cells, value_cell
+from estim.checks import P_CONFLICT, P_POOR_FIT, P_TOLD, interval_cell, value_cell
 from estim.common import KINDS, Label, Markdown, Notation, Status, format_quantity, format_rounded, signed
 from estim.explanation import Explanation, across_runs
 from estim.fitting import ProfileInterval
 from estim.pipeline import Analysis
+from estim.reports.budget import Shares, budget_of, shares_of
+from estim.reports.budget_figures import budget_figure
 from estim.reports.consistency import consistency_text
 from estim.reports.consistency_figures import forest_figure
 from estim.reports.corner_figures import corner_figure, corner_words
 from estim.reports.counts import counted_runs, counts_figure, counts_text
+from estim.reports.derived import derived_rows
 from estim.reports.deviation import deviation_text
 from estim.reports.deviation_figures import force_figure
 from estim.reports.explanation import explanation_text, runs_text
@@ -29,12 +32,11 @@ from estim.reports.figures import phase_figure, residual_figure
 from estim.reports.identifiability import IdentifySection, identify_section
 from estim.reports.identifiability_figures import direction_figure, profile_figure, ridge_figure
 from estim.reports.joint_figures import together_figure
-from estim.reports.labels import Labels
 from estim.reports.lacks import lacks_text
 from estim.reports.lacks_figures import lacks_figure
 from estim.reports.pages import Drawers, page
 from estim.reports.rendering import render
-from estim.reports.result import ParameterSummary, Result, RunSummary, Subject, result_of, to_json
+from estim.reports.result import ParameterSummary, Result, Subject, result_of, to_json
 from estim.reports.rolling import rolling_rows
 from estim.reports.rolling_figures import rolling_figure
 from estim.reports.trace_figures import trace_figure
@@ -71,7 +73,9 @@ class Row:
 def analysis_report(campaign: Subject, analysis: Analysis, *, voice: Voice = Voice.PYTHON, figures: bool = True) -> dict[str, bytes]:
     """`report.md`, `result.json` and `figures/*.png` of one analysis.  voice : to whom advice is given.  figures : whether there are any."""
     determination = determine(analysis)
-    result = result_of(campaign, analysis, determination, voice=voice)
+    budget = budget_of(analysis)
+    result = result_of(campaign, analysis, determination, budget=budget, voice=voice)
+    shares = None if budget is None else shares_of(analysis, budget, result.labels)
     section = identify_section(
         analysis.problem, analysis.identifiability, determination.intervals, determination.sensitivity,
         analysis.chain.thinned(_SECTION_DRAWS),
@@ -83,13 +87,14 @@ def analysis_report(campaign: Subject, analysis: Analysis, *, voice: Voice = Voi
             result, section, corner_words(analysis.problem), pictures, converged=analysis.chain.convergence.met,
             consistency="" if agreement is None else consistency_text(agreement, pictures, limits_only=not analysis.diagnosis.ok, on_edge=on_edge),
             explanation="" if analysis.explanation is None else explanation_text(analysis.explanation), counts=counts_text(analysis.fit, pictures),
+            shares=shares,
         )
 
-    drawers = _drawers(analysis, determination.intervals, synthetic=campaign.kind == "synthetic")
+    drawers = _drawers(analysis, determination.intervals, shares, synthetic=campaign.kind == "synthetic")
     return page(drawers, text, wanted=figures) | {"result.json": to_json(result)}
 
 
-def _drawers(analysis: Analysis, intervals: Sequence[ProfileInterval], *, synthetic: bool) -> Drawers:
+def _drawers(analysis: Analysis, intervals: Sequence[ProfileInterval], shares: Shares | None, *, synthetic: bool) -> Drawers:
     drawn: dict[str, Callable[[], Figure]] = {
         "figures/phase.png": lambda: phase_figure(analysis, synthetic=synthetic),
         "figures/residuals.png": lambda: residual_figure(analysis.problem.runs, analysis.goodness, synthetic=synthetic),
@@ -98,6 +103,8 @@ def _drawers(analysis: Analysis, intervals: Sequence[ProfileInterval], *, synthe
         "figures/directions.png": lambda: direction_figure(analysis.problem, analysis.identifiability),
         "figures/profiles.png": lambda: profile_figure(analysis.problem, intervals, analysis.chain.thinned(_RIDGE_DRAWS)),
     }
+    if shares is not None:
+        drawn["figures/budget.png"] = partial(budget_figure, shares)
     if analysis.consistency is not None:
         on_edge = analysis.fit.at_bound
         drawn["figures/consistency.png"] = partial(forest_figure, analysis.consistency, synthetic=synthetic, on_edge=on_edge)
@@ -120,20 +127,21 @@ def _drawers(analysis: Analysis, intervals: Sequence[ProfileInterval], *, synthe
 
 def analysis_text(
     result: Result, section: IdentifySection, corner_words: Markdown, pictures: Collection[str], *, converged: bool, consistency: str,
-    explanation: str, counts: str = "",
+    explanation: str, counts: str = "", shares: Shares | None = None,
 ) -> str:
     """The Markdown report of one analysis, with the figures at the paths `pictures`.
 
     section : what it says about the data against the priors.  corner_words : below the corner figure.  converged : whether there are enough draws.
     consistency : about several runs, "" for one.  explanation : of what may be missing, "" where that was not asked.
+    shares : of the sources of uncertainty, None where there is no uncertainty to explain.
     """
     rows = [parameter_row(name, p, result) for name, p in result.parameters.items()]
     axes = list(dict.fromkeys((run.x, run.y) for run in result.runs.values()))
     lacks = lacks_text(result.curve_deviation, result.labels, pictures) if result.curve_deviation else ""
     return render(
         "analysis.md.j2", pictures=pictures,
-        result=result, kind=KINDS[result.kind], status_words=STATUS_WORDS[Status(result.status)], rows=rows,
-        correlation=_correlation_table(result), derived=_derived_rows(result.runs, result.labels), limits=_what_limits(result),
+        budget=shares, result=result, kind=KINDS[result.kind], status_words=STATUS_WORDS[Status(result.status)], rows=rows,
+        correlation=_correlation_table(result), derived=derived_rows(result.runs, result.labels), limits=_what_limits(result),
         reject_below=P_POOR_FIT, told_below=P_TOLD, conflict_below=P_CONFLICT, ends=_turning_rows(result), identify=section,
         meaningless=not Status(result.status).draws_count, limits_count=Status(result.status).limits_count,
         what_if=_what_if_rows(result), what_if_heads=[result.labels.symbol(name) for name in _moved_by_errors(result)],
@@ -188,9 +196,15 @@ def index_report(campaign: Campaign, results: Mapping[str, Result], explanations
     explanations : of what may be missing, of those runs of which it was asked.
     """
     columns = list(dict.fromkeys(shown for result in results.values() for shown in result.labels.bare.values()))
+    derived = {
+        run: {result.labels.derived[own][name]: one.derived[name] for own, one in result.runs.items() for name in one.sought}
+        for run, result in results.items()
+    }
+    columns += list(dict.fromkeys(shown for found in derived.values() for shown in found))
     table = []
     for run, result in results.items():
         cells = {result.labels.bare[name]: value_cell(p, result.labels.parameters[name]) for name, p in result.parameters.items()}
+        cells |= {shown: value_cell(one, shown) for shown, one in derived[run].items()}
         table.append((run, result.status, [cells.get(shown, "") if result.status == "ok" else "—" for shown in columns]))
     causes = runs_text(across_runs(explanations)) if len(explanations) > 1 else ""
     heads = [shown.symbol + ("" if shown.unit == "1" else f" ({shown.unit})") for shown in columns]
@@ -225,22 +239,6 @@ def _prior(p: ParameterSummary, shown: Label) -> str:
     if p.prior == "normal" and p.prior_mean is not None and p.prior_sd is not None:
         return f"{format_quantity(p.prior_mean * shown.factor, p.prior_sd * shown.factor)} (normal)"
     return p.prior + (f" {p.unit}" if p.unit != "1" and shown.factor != 1.0 else "")
-
-
-def _derived_rows(runs: Mapping[str, RunSummary], labels: Labels) -> list[tuple[str, str, str, str, str]]:
-    """Symbol, meaning, value, interval and unit of every derived quantity: once where the cells are the same for every run, else run by run."""
-    found: dict[str, dict[str, tuple[str, str, str, str]]] = {}
-    for run, summary in runs.items():
-        for name, d in summary.derived.items():
-            found.setdefault(name, {})[run] = parameter_cells(d, labels.derived[run][name])[1:]
-    rows = []
-    for name, cells in found.items():
-        symbol = labels.derived[next(iter(cells))][name].symbol
-        if len(cells) == len(runs) and len(set(cells.values())) == 1:
-            rows.append((symbol, *next(iter(cells.values()))))
-        else:
-            rows += [(f"{symbol}[{run}]", *shown) for run, shown in cells.items()]
-    return rows
 
 
 def _turning_rows(result: Result) -> list[tuple[str, str, str, str]]:

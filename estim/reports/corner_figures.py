@@ -13,26 +13,31 @@ import numpy as np
 from estim.arrays import FloatArray
 from estim.common import Label, Markdown
 from estim.pipeline import Analysis
-from estim.problem import Parameter, Prior, Problem, n_uses
+from estim.problem import Prior, Problem, n_uses
 from estim.reports.contours import density_of, draw_contours
+from estim.reports.derived import sought_draws
 from estim.reports.figures import BLUE, INK, ORANGE, PALE, WIDTH, tick_texts
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-MAX_CORNER = 7
+MAX_CORNER, MAX_SOUGHT = 7, 3
 _NARROWEST = 1e-11  # part of a value that an axis is wide at least: what is narrower has too few numbers to draw
 _BEFORE, _BEHIND, _GAP = 0.85, 0.15, 0.05  # inches left of and below the panels, right of and above them; between two, as a share of a panel
 _LABEL, _TICK = 0.55, 3.5 / 72.0  # inches from the panels to the label of an axis; length of a tick
 _N_BIN, _SMOOTH = 30, 1.2
+_FAR = 4.0  # widths of the 68 % interval, beyond which no tail is drawn
 
 
 @dataclass(frozen=True, eq=False)
 class Column:
-    """A parameter of the figure: draws (n_draw,), ends of its axis and ticks (n_tick,), in the unit that is shown."""
+    """A parameter of the figure, or what follows from some: draws (n_draw,), ends of its axis and ticks (n_tick,), in the unit that is shown.
 
-    parameter: Parameter
+    prior : None for what follows from parameters.
+    """
+
+    prior: Prior | None
     label: Label
     draws: FloatArray
     low: float
@@ -94,19 +99,19 @@ def corner_figure(analysis: Analysis) -> Figure:
 
 def columns_of(analysis: Analysis) -> list[Column]:
     """What a corner figure shows, one entry a parameter."""
+    single = len(analysis.problem.runs) == 1
+    shown, draws = [analysis.problem.parameters[i] for i in corner_parameters(analysis.problem)], analysis.chain.thinned(20_000)
+    columns = [_column(p.prior, p.bare_label if single else p.label, draws[:, analysis.problem.names.index(p.name)]) for p in shown]
+    return columns + [_column(None, label, values) for label, values in sought_draws(analysis)[:MAX_SOUGHT]]
+
+
+def _column(prior: Prior | None, label: Label, draws: FloatArray) -> Column:
     from matplotlib.ticker import MaxNLocator
 
-    chosen = corner_parameters(analysis.problem)
-    single = len(analysis.problem.runs) == 1
-    columns = []
-    for i, draws in zip(chosen, analysis.chain.thinned(20_000)[:, chosen].T, strict=True):
-        parameter = analysis.problem.parameters[i]
-        label = parameter.bare_label if single else parameter.label
-        low, high = _reach(parameter.prior, draws * label.factor, label.factor)
-        ticks = np.asarray(MaxNLocator(4).tick_values(low, high))
-        clear = np.abs(ticks - 0.5 * (low + high)) < 0.42 * (high - low)  # of the next panel's
-        columns.append(Column(parameter, label, draws * label.factor, low, high, ticks[clear]))
-    return columns
+    low, high = _reach(prior, draws * label.factor, label.factor)
+    ticks = np.asarray(MaxNLocator(4).tick_values(low, high))
+    clear = np.abs(ticks - 0.5 * (low + high)) < 0.42 * (high - low)  # of the next panel's
+    return Column(prior, label, draws * label.factor, low, high, ticks[clear])
 
 
 def _draw_pair(ax: Axes, panel: _Panel, column: Column, row: Column) -> None:
@@ -120,8 +125,8 @@ def _densities(column: Column) -> tuple[tuple[FloatArray, FloatArray], tuple[Flo
     heights, edges = np.histogram(column.draws, bins=_N_BIN, range=(column.low, column.high), density=True)
     top = 1.1 * float(heights.max())
     x, y = np.linspace(column.low, column.high, 200), None
-    if np.isfinite(column.parameter.prior.sd):
-        y = np.exp(column.parameter.prior.log_density(x / column.label.factor)) / column.label.factor
+    if column.prior is not None and np.isfinite(column.prior.sd):
+        y = np.exp(column.prior.log_density(x / column.label.factor)) / column.label.factor
         top = max(top, min(1.08 * float(y.max()), 2.0 * top))  # a far narrower prior leaves the panel
     outline = np.concatenate([[0.0], np.repeat(heights, 2), [0.0]])
     return (column.place(np.repeat(edges, 2)), outline / top), None if y is None else (column.place(x), y / top)
@@ -155,12 +160,15 @@ def _write(ax: Axes, panels: list[list[_Panel]], columns: list[Column], *, fonts
             )
 
 
-def _reach(prior: Prior, draws: FloatArray, factor: float) -> tuple[float, float]:
+def _reach(prior: Prior | None, draws: FloatArray, factor: float) -> tuple[float, float]:
     """Ends of an axis: all but a thousandth of the draws (n_draw,) and a margin, no farther than the prior allows, yet apart as numbers."""
-    low, high = np.quantile(draws, [0.0005, 0.9995])
+    low, q16, q84, high = np.quantile(draws, [0.0005, 0.16, 0.84, 0.9995])
+    if prior is None:  # a ratio may have tails without end
+        low, high = max(low, q16 - _FAR * (q84 - q16)), min(high, q84 + _FAR * (q84 - q16))
     size = max(abs(low), abs(high)) or 1.0
     margin = max(0.08 * (high - low), _NARROWEST * size)
-    return max(float(low - margin), prior.low * factor), min(float(high + margin), prior.high * factor)
+    ends = (-np.inf, np.inf) if prior is None else (prior.low * factor, prior.high * factor)
+    return max(float(low - margin), ends[0]), min(float(high + margin), ends[1])
 
 
 def corner_parameters(problem: Problem) -> list[int]:
@@ -173,7 +181,8 @@ def corner_parameters(problem: Problem) -> list[int]:
 
 def corner_words(problem: Problem) -> Markdown:
     """The legend of the corner figure, with what it leaves out."""
-    words = Markdown("Blue: posterior, contours hold 68 and 95 %. Orange: prior.")
+    words = Markdown("Blue: posterior, contours hold 68 and 95 %. Orange: prior; what is derived from the parameters has none.")
+    words = words if any(run.sought for run in problem.runs) else Markdown("Blue: posterior, contours hold 68 and 95 %. Orange: prior.")
     drawn = [problem.parameters[i].name for i in corner_parameters(problem)]
     if len(drawn) == problem.n_par:
         return words

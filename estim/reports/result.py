@@ -25,6 +25,8 @@ from estim.pipeline import Analysis
 from estim.problem import Observations
 from estim.reading import Run
 from estim.reports.bad_frames import BadFrame, bad_frames
+from estim.reports.budget import UncertaintyBudget, budget_of, budget_records
+from estim.reports.derived import derived_facts, derived_rows, derived_summaries
 from estim.reports.deviation import ForceSummary, deviations
 from estim.reports.explanation import ExplanationSummary, explanation_summary
 from estim.reports.labels import Labels, labels_of, names_as_labels
@@ -34,7 +36,7 @@ from estim.reports.outliers import Outlier, outliers
 from estim.reports.rolling import RollingSummary, rolling_summaries
 from estim.reports.usual_errors import UsualError, usual_errors
 from estim.sampling import Summary, number, summarise, summarise_parameter, trusted
-from estim.studies import Determination
+from estim.studies import Budget, Determination
 from estim.words import Voice, advice_for, common_error, tell
 
 SCHEMA = "estim-result/1"
@@ -130,6 +132,7 @@ class RunSummary(msgspec.Struct, frozen=True):
     bad_frames: list[BadFrame]
     what: str  # what was fit: "speeds", "positions", ...
     derived: dict[str, Summary]
+    sought: list[str]  # those of `derived` that were asked for
 
 
 class TurningPoint(Summary, frozen=True, kw_only=True):
@@ -174,6 +177,7 @@ class Result(msgspec.Struct, frozen=True, dict=True, rename={"schema_": "schema"
     stated_values: StatedValues
     usual_errors: list[UsualError]
     what_if: list[WhatIf]
+    budget: dict[str, UncertaintyBudget] | None  # of each parameter of the curve and of what was sought; null where the status is not ok
     sampling: Sampling
     certificate: CertificateSummary
     profile: dict[str, Profile] | None
@@ -194,6 +198,7 @@ class Result(msgspec.Struct, frozen=True, dict=True, rename={"schema_": "schema"
     def _repr_markdown_(self) -> str:
         """What a notebook shows: the values, or why there are none."""
         rows = [parameter_cells(p, self.labels.parameters[name]) for name, p in self.parameters.items()]
+        rows += derived_rows(self.runs, self.labels, sought=True)
         title = f"{self.title}: {', '.join(self.runs)}"
         return headline(title, kind=self.kind, status=self.status, reasons=self.reasons, advice=self.advice, rows=rows)
 
@@ -224,8 +229,13 @@ class Subject(Protocol):
         """Run -> its table."""
 
 
-def result_of(campaign: Subject, analysis: Analysis, determination: Determination | None = None, *, voice: Voice = Voice.PYTHON) -> Result:
-    """The record of an analysis, with its profile intervals if they were determined.  voice : to whom advice is given."""
+def result_of(
+    campaign: Subject, analysis: Analysis, determination: Determination | None = None, *, budget: Budget | None = None, voice: Voice = Voice.PYTHON
+) -> Result:
+    """The record of an analysis, with its profile intervals if they were determined.  budget : made here where it is None.
+
+    voice : to whom advice is given.
+    """
     problem, fit, chain, diagnosis, conflict = analysis.problem, analysis.fit, analysis.chain, analysis.diagnosis, analysis.conflict
     result = Result(
         schema_=SCHEMA, title=campaign.title, kind=campaign.kind, formula=campaign.formula, status=diagnosis.status,
@@ -240,6 +250,7 @@ def result_of(campaign: Subject, analysis: Analysis, determination: Determinatio
         stated_values=StatedValues(conflict.chi2, conflict.dof, conflict.p_value, dict(conflict.pulls), tell(stated_values(fit, conflict))),
         usual_errors=usual_errors(analysis),
         what_if=[WhatIf(common_error(i.name, i.size), i.size, i.unit, list(i.runs), dict(i.shifts)) for i in analysis.influences],
+        budget=budget_records(analysis, budget or budget_of(analysis)),
         sampling=Sampling(
             chain.draws.shape[0], chain.draws.shape[2], chain.convergence.n_step, chain.n_burn, number(chain.convergence.tau),
             float(np.mean(chain.acceptance)), chain.convergence.message,
@@ -305,22 +316,18 @@ def _turning_point(end: FloatArray, run: Observations, diagnosis: Diagnosis) -> 
 
 def _run(campaign: Subject, analysis: Analysis, i: int) -> RunSummary:
     run, goodness = analysis.problem.runs[i], analysis.goodness[i]
-    table, draws = campaign.tables[run.name], analysis.chain.thinned(20_000)
-    derived = run.derived(run.bind(analysis.problem.named(draws)))
+    table, derived = campaign.tables[run.name], derived_summaries(analysis, run)
     noise = run.noise.describe(x_unit=run.x_unit, y_unit=run.y_unit, words=run.words)
     return RunSummary(
         file=one_line(table.file), x=run.x_label, y=run.y_label, n_obs=run.n_obs, noise=noise,
         complete=None if run.complete is None else tell(run.complete), excluded=[tell(why) for why in run.excluded],
         checks={name: CheckSummary(c.statistic, c.p_value, c.meaning) for name, c in {**goodness.checks, **_speed_check(goodness)}.items()},
         scatter_ratio=number(goodness.scatter_ratio), covered=next(map(tell, borne_pattern(goodness)), None),
-        facts=[*origin_facts(table, run, analysis.problem), *speed_facts(run)],
+        facts=[*origin_facts(table, run, analysis.problem), *speed_facts(run), *derived_facts(analysis, run)],
         warnings=list(origin_warnings(table, run, analysis.problem)), robust=run.noise.robust, outliers=outliers(analysis, run),
         bad_frames=bad_frames(analysis.fit.forces, run.name),
         what=run.words.what,
-        derived={
-            name: trusted(summarise(np.ravel(d.values), unit=d.unit, meaning=d.meaning), analysis.diagnosis.status)
-            for name, d in derived.items() if np.size(d.values) > 1
-        },
+        derived=derived, sought=[one.name for one in run.sought if one.name in derived],
     )
 
 

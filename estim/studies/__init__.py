@@ -2,6 +2,7 @@
 
 Read `reanalysis` first."""
 
+from estim.studies.budget import PRIOR, READINGS, STATED, Budget, Source, uncertainty_budget
 from estim.studies.comparison import Compared, compare_noise
 from estim.studies.determination import Determination, determine
 from estim.studies.energy import Drift, EnergyEstimate, EnergyRecord, drift_of, energy_along

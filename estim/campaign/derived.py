@@ -1,0 +1,84 @@
+"""`[derived]` of a campaign: quantities that follow from its parameters by formulas, the same for a rolling body and a user's own curve.
+
+    [derived]
+    g = "4*pi**2/slope"
+    heavier = {formula = "gamma[heavy] - gamma[light]", symbol = "Δγ", meaning = "difference of the two disks"}
+
+`docs/campaign.md` explains it to users.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any
+
+import msgspec
+
+from estim.campaign.campaign_file import checked
+from estim.campaign.curve_tables import check_printable
+from estim.common import InputError
+from estim.curves import SoughtQuantity, check_sought, seek
+from estim.problem import Observations, Problem
+from estim.reading import Places
+
+
+class DerivedTable(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
+    formula: str
+    unit: str = "1"
+    symbol: str | None = None
+    meaning: str | None = None
+
+
+def read_derived(raw: Mapping[str, Any], places: Places) -> tuple[SoughtQuantity, ...]:
+    """The quantities of a `[derived]` table.  Raises InputError with its place."""
+    found = []
+    for name, entry in raw.items():
+        path = ("derived", name)
+        kind: Any = DerivedTable if isinstance(entry, dict) else str
+        table = checked(entry, kind, places, path)
+        table = DerivedTable(table) if isinstance(table, str) else table
+        check_printable(places, path, unit=table.unit, name=table.symbol, meaning=table.meaning)
+        try:
+            found.append(seek(name, table.formula, unit=table.unit, symbol=table.symbol, meaning=table.meaning))
+        except InputError as error:
+            raise places.error(error.rule, path, value=error.value) from None
+    return tuple(found)
+
+
+def with_derived(problem: Problem, sought: tuple[SoughtQuantity, ...], bodies: Mapping[str, str | None]) -> Problem:
+    """`problem` whose runs know what was sought.  bodies : of all runs of the campaign, None where there are none.
+
+    Raises InputError with the quantity as field, where a formula names what no run has.
+    """
+    if not sought:
+        return problem
+    for run in problem.runs:
+        check_sought(sought, [name for name in run.arguments if " " not in name], _always(run, problem))
+    bound = tuple(one.bound(_sources(one, problem, bodies)) for one in sought)
+    return replace(problem, runs=tuple(replace(run, sought=bound) for run in problem.runs))
+
+
+def _always(run: Observations, problem: Problem) -> list[str]:
+    """What follows from the parameters of a run in any case."""
+    return list(run.derived(run.bind(problem.named(problem.start()))))
+
+
+def _sources(one: SoughtQuantity, problem: Problem, bodies: Mapping[str, str | None]) -> dict[str, str | float]:
+    """What each name with a level means among the runs of `problem`; nothing for a level that is not among them."""
+    found: dict[str, str | float] = {}
+    for written, (name, level) in one.of_levels.items():
+        if level not in bodies and level not in bodies.values():
+            raise InputError(f"names '{written}', but there is no run or body '{level}'", field=one.name, value=one.text)
+        runs = [run for run in problem.runs if level in (run.name, bodies[run.name])]
+        for run in runs:
+            if name not in run.arguments:
+                rule = f"names '{written}', but no run has '{name}' ({', '.join(run.arguments)}), and what is derived has no level"
+                raise InputError(rule, field=one.name, value=one.text)
+        sources = {run.arguments[name] for run in runs}
+        if len(sources) > 1:
+            rule = f"names '{written}', which is not the same for all runs of '{level}': name a run"
+            raise InputError(rule, field=one.name, value=one.text)
+        if sources:
+            found[written] = sources.pop()
+    return found

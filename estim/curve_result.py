@@ -1,0 +1,225 @@
+"""The record of a user's own curve, fitted (`estim.curve_fit.fit_curve` makes it): values, intervals, status, and how a person reads them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from estim.arrays import FloatArray
+from estim.checks import Goodness
+from estim.common import Finding, InputError, Kind, Status, code, markdown, one_line, signed, table
+from estim.deviation import FoundDeviation
+from estim.distributions import student_quantile
+from estim.fitting import FEW, Ends, Fit, LinearDerived, linear_derived, shown_value
+from estim.problem import Problem, informative
+from estim.words import advice, advice_for, tell
+
+_ADVISED = (Kind.SEVERAL_SOLUTIONS, Kind.STEP_UNSETTLED)  # of which a reason says what to do as well
+
+
+_TOLD_CORRELATION = 0.1
+
+
+@dataclass(frozen=True, eq=False)
+class Prediction:
+    """The fitted curve at x (n,): value, its standard uncertainty u and the ends of its interval, all (n,), unit of y.
+
+    u, low, high : nan where the status is not ok, or a parameter has no standard deviation.
+    """
+
+    x: FloatArray
+    value: FloatArray
+    u: FloatArray
+    low: FloatArray
+    high: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class CurveFit:
+    """A fitted curve.
+
+    names : of the parameters, shared errors included.  values, sds : name -> best value and standard deviation (nan where a
+        symmetric one would be wrong: at a limit, where the data determine nothing or have no scatter; `notes` says which).
+    intervals : name -> probability (0.68, 0.95) -> (low, high), by Student's t where the size of the errors was estimated, by
+        profiles beside a limit (`estim.fitting.curve_intervals`); an end at the limit itself, or infinite, is open.  nan where there is none.
+    cov : (n_par, n_par) covariance matrix in the order of `names`.
+    chi2 : squared residuals over u_y, priors included; without u_y the plain sum of squared residuals (unit of y squared).  With u_x
+        a residual is the normal score of y, F^-1(P(Y < y | x)); for a line (y - f)/sqrt(u_y^2 + b^2 u_x^2) but for the shrinking of x.
+    dof : points and informative priors minus parameters.  p_value : P(chi2 or more), nan without u_y; with u_x from 20,000 simulated data sets.
+    sigma : standard deviation of one y estimated from the residuals, None where u_y was given.
+    findings : everything wrong, gravest first, and the status that follows.  remarks : what to know before using it, nothing wrong.
+    reasons, notes : the same in words.  message : how the search went.
+    goodness : tests of the residuals, in order of x; empty where the points are too few.
+    fixed : name -> exact value of the parameters that were not fit.
+    fit, problem : what sampling starts from; without u_y `problem` has `sigma_y` as a further parameter.
+    """
+
+    names: tuple[str, ...]
+    values: Mapping[str, float]
+    sds: Mapping[str, float]
+    intervals: Mapping[str, Ends]
+    cov: FloatArray
+    chi2: float
+    dof: int
+    p_value: float
+    sigma: float | None
+    status: Status
+    findings: tuple[Finding, ...]
+    remarks: tuple[Finding, ...]
+    message: str
+    goodness: tuple[Goodness, ...]
+    fit: Fit
+    text: str
+    fixed: Mapping[str, float]
+
+    @property
+    def reasons(self) -> tuple[str, ...]:
+        return tuple(f"{tell(f)}; {advice(f)}" if f.kind in _ADVISED else tell(f) for f in self.findings)
+
+    @property
+    def advice(self) -> tuple[str, ...]:
+        """What to do where the residuals have a pattern."""
+        return tuple(advice_for(f for f in self.findings if f.kind is Kind.CURVE_LACKS))
+
+    @property
+    def deviation(self) -> FoundDeviation | None:
+        """What the curve lacks, where `deviation` or `correlated` asked for it."""
+        return next(iter(self.fit.deviations), None)
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        return tuple(map(tell, self.remarks))
+
+    @property
+    def problem(self) -> Problem:
+        return self.fit.problem
+
+    @cached_property
+    def derived(self) -> Mapping[str, LinearDerived]:
+        """Name -> what follows from the parameters by the formulas `derived`, linear about the fit; `sample_curve` computes it from draws."""
+        unknown = [name for name, sd in self.sds.items() if not math.isfinite(sd)]
+        values = np.array([self.values[name] for name in self.names])
+        return {one.name: one for one in linear_derived(self.problem.runs[0], self.names, values, self.cov, dof=self._dof, unknown=unknown)}
+
+    def predict(self, x: ArrayLike, *, probability: float = 0.95) -> Prediction:
+        """The curve at x, a number or (n,), with the uncertainty of its parameters (linear; JCGM 100:2008, 5.2.2), not the scatter of a new reading.
+
+        probability : of the interval low to high, by Student's t where the size of the errors was estimated.  Raises InputError.
+        """
+        places = np.atleast_1d(np.asarray(x, dtype=float))
+        if places.ndim != 1 or not np.all(np.isfinite(places)):
+            raise InputError("must be finite numbers along one axis", field="x", value=x)
+        if not 0.0 < probability < 1.0:
+            raise InputError("must lie between 0 and 1", field="probability", value=probability)
+        points = replace(self.problem.runs[0].points, x=places, y=np.zeros(places.size))
+        value = np.array(np.broadcast_to(points.value(self.values), (1, places.size))[0])
+        gradient, known = points.gradient(self.values, self.names), self.status.ok and all(map(math.isfinite, self.sds.values()))
+        u = np.sqrt(np.einsum("ni,ij,nj->n", gradient, self.cov, gradient)) if known else np.full(places.size, np.nan)
+        half = float(student_quantile(0.5 + 0.5 * probability, np.array(self._dof))) * u
+        return Prediction(places, value, u, value - half, value + half)
+
+    @property
+    def aic(self) -> float:
+        """Akaike's criterion -2 ln L + 2 k; k counts an estimated size of the errors.  nan beside informative priors, which it does not know."""
+        return self._criterion(2.0)
+
+    @property
+    def bic(self) -> float:
+        """Schwarz's criterion -2 ln L + k ln n."""
+        return self._criterion(math.log(self.problem.n_obs))
+
+    @property
+    def r_squared(self) -> float:
+        """Share of the scatter of y about its mean that the curve explains, unweighted; no test of the curve."""
+        run = self.problem.runs[0]
+        off = run.y - np.broadcast_to(run.points.value(self.values), (1, run.n_obs))[0]
+        total = float(np.sum((run.y - run.y.mean()) ** 2))
+        return 1.0 - float(np.sum(off**2)) / total if total > 0.0 else math.nan
+
+    def summary(self) -> str:
+        """What `print` shows, with criteria for comparing curves on the same points, and correlations (where the status is ok)."""
+        lines = [str(self), f"AIC = {self.aic:.6g}, BIC = {self.bic:.6g}, R2 = {self.r_squared:.6g}, {self.problem.n_obs} points"]
+        matrix = self.correlation
+        pairs = [(float(matrix[i, j]), f"{a}, {b}") for i, a in enumerate(self.names) for j, b in enumerate(self.names[:i])]
+        told = sorted((pair for pair in pairs if abs(pair[0]) >= _TOLD_CORRELATION), key=lambda pair: -abs(pair[0]))
+        if self.status.ok and told:
+            lines += [f"correlations (those below {_TOLD_CORRELATION} are left out):", *(f"  {names}: {signed(f'{r:+.3f}')}" for r, names in told)]
+        return "\n".join(lines)
+
+    def _criterion(self, weight: float) -> float:
+        n, k = self.problem.n_obs, len(self.names)
+        if any(informative(p.prior) for p in self.problem.parameters if p.name in self.names):
+            return math.nan
+        if self.sigma is not None and self.deviation is None:
+            return n * (math.log(2.0 * math.pi * self.chi2 / n) + 1.0) + weight * (k + 1) if self.chi2 > 0.0 else -math.inf
+        return -2.0 * float(self.fit.posterior.log_likelihood(self.fit.values[None, :])[0]) + weight * k
+
+    @property
+    def _dof(self) -> float:
+        return math.inf if self.sigma is None or self.deviation is not None else self.dof
+
+    @property
+    def correlation(self) -> FloatArray:
+        """(n_par, n_par) correlation matrix; nan beside a parameter without a standard deviation."""
+        sds = np.sqrt(np.diag(self.cov))
+        with np.errstate(invalid="ignore", divide="ignore"):
+            return self.cov / np.outer(sds, sds)
+
+    def __str__(self) -> str:
+        width = max(map(len, (*self.names, *self.derived)))
+        rows = [f"{name:<{width}} {f'{relation} {value}'.strip()}" for name, (relation, value) in self._rows()]
+        head = [f"{self.text}: {self.status}", *(f"  {reason}" for reason in self.reasons)]
+        head += [f"  what to do: {words}" for words in self.advice]
+        said = [*head, *rows, *self._fixed_words(), *(f"note: {note}" for note in self.notes)]
+        return "\n".join(map(one_line, [*said, self._summary()]))
+
+    def _repr_markdown_(self) -> str:
+        head = [f"{code(self.text)}: **{self.status}**", *(f"- {markdown(reason)}" for reason in self.reasons)]
+        head += [f"- What to do: {markdown(words)}" for words in self.advice]
+        rows = [(name, value) for name, (_, value) in self._rows()]
+        shown = ["", table(("parameter", "value and intervals"), rows)] if rows else []
+        notes = [*self._fixed_words(), *(f"Note: {note}" for note in self.notes)]
+        return "\n".join([*head, *shown, "", *(f"- {markdown(note)}" for note in notes), "", markdown(self._summary())])
+
+    def _fixed_words(self) -> list[str]:
+        return [f"{name} = {value:.10g} (fixed)" for name, value in self.fixed.items()]
+
+    def _rows(self) -> list[tuple[str, tuple[str, str]]]:
+        """Name, and relation and value in words; limits where the curve or an edge is contradicted, nothing where no number is a result."""
+        if self.status not in (Status.OK, Status.POOR_FIT, Status.AT_BOUND):
+            return []
+        few, anywhere = self.sigma is not None and self.dof <= FEW, (-math.inf, math.inf)
+        priors = {p.name: p.prior for p in self.problem.parameters}
+        return [
+            (
+                name,
+                shown_value(
+                    self.values[name], self.sds[name], self.intervals[name], (priors[name].low, priors[name].high), unit=_unit(self.problem, name),
+                    few=few, ok=self.status.ok,
+                ),
+            )
+            for name in self.names
+        ] + [
+            (name, (relation, f"{shown} ({'derived, linear' if math.isfinite(d.interval[0.95][0]) else 'derived; sample_curve may know one'})"))
+            for name, d in self.derived.items()
+            for relation, shown in [shown_value(d.value, d.sd, d.interval, anywhere, unit=_shown(d.unit), few=few, ok=self.status.ok)]
+        ]
+
+    def _summary(self) -> str:
+        if self.sigma is None:
+            size = "chi2" if self.problem.runs[0].noise.counted is None else "deviance"
+            return f"{size} = {self.chi2:.4g}, dof = {self.dof}, p = {self.p_value:.2g}; {self.message}"
+        return f"residual sd = {self.sigma:.4g} (estimated: u_y was not given), dof = {self.dof}; {self.message}"
+
+
+def _unit(problem: Problem, name: str) -> str:
+    return _shown(next(p.unit for p in problem.parameters if p.name == name))
+
+
+def _shown(unit: str) -> str:
+    return "" if unit == "1" else unit

@@ -1,0 +1,122 @@
+"""A quantity that follows from the parameters of a curve by a formula of the user's: `g = "4*pi**2/slope"`.
+
+A name in the formula is an argument of the curve as this run has it, or another quantity that follows from them, stated before this one.
+`name[level]` is the same of another run or body of the fit.  Several runs may make one name mean several things: then it is one quantity a run.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Collection, Iterable, Mapping
+from dataclasses import dataclass, field, replace
+from itertools import count
+from types import MappingProxyType
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from estim.common import InputError, Notation
+from estim.curves.formula import Formula, check_names, evaluate, read_formula
+from estim.curves.varying import own_values, shift_of
+from estim.problem import Derived
+
+_OF_LEVEL = re.compile(r"([^\W\d]\w*)\[([^\[\]]*)\]")
+_SHOWN = 60  # marks of a formula that stand for a meaning
+
+
+@dataclass(frozen=True, eq=False)
+class SoughtQuantity:
+    """What a user wants computed.
+
+    text : the formula as written.  formula : the same, with `symbols` in the place of names with a level.
+    symbols : name in the formula -> "gamma[heavy]" or, of this run, the name itself.
+    others : "gamma[heavy]" -> name of the parameter, or an exact number; empty until it is known which runs are fit together.
+    """
+
+    name: str
+    unit: str
+    notation: Notation
+    meaning: str
+    text: str
+    formula: Formula
+    symbols: Mapping[str, str]
+    others: Mapping[str, str | float] = field(default_factory=dict)
+
+    @property
+    def of_levels(self) -> dict[str, tuple[str, str]]:
+        """Names with a level -> name and level: "gamma[heavy]" -> ("gamma", "heavy")."""
+        found = {written: _OF_LEVEL.fullmatch(written) for written in self.symbols.values()}
+        return {written: (match[1], match[2].strip()) for written, match in found.items() if match}
+
+    @property
+    def lacking(self) -> tuple[str, ...]:
+        """Names that no run of this fit knows."""
+        return tuple(written for written in self.of_levels if written not in self.others)
+
+    @property
+    def own(self) -> tuple[str, ...]:
+        """Names without a level."""
+        return tuple(written for written in self.symbols.values() if "[" not in written)
+
+    def of(self, known: Mapping[str, ArrayLike]) -> Derived | None:
+        """Its values where `known` has scalars or (n_draw, 1) of every name; None where it lacks one.  nan where the formula has no value."""
+        varied = [name for name in known if shift_of(name) in known]
+        values = own_values(known, varied) if varied else known
+        if any(written not in values for written in self.symbols.values()):
+            return None
+        found = evaluate(self.formula.tree, {symbol: np.asarray(values[written], dtype=float) for symbol, written in self.symbols.items()})
+        return Derived(self.unit, np.atleast_2d(np.asarray(found, dtype=float)), self.meaning, self.notation)
+
+    def bound(self, others: Mapping[str, str | float]) -> SoughtQuantity:
+        """The same, with the sources of the names that have a level."""
+        return replace(self, others=MappingProxyType(dict(others)))
+
+
+def seek(name: str, text: object, *, unit: str = "1", symbol: str | None = None, meaning: str | None = None) -> SoughtQuantity:
+    """The quantity `name` that follows by the formula `text`.  Raises InputError."""
+    check_names([name], field="derived")
+    if not isinstance(text, str) or not text.strip():
+        raise InputError('must be a formula like "4*pi**2/slope"', field=name, value=text if text != "" else "''")
+    symbols: dict[str, str] = {}  # "gamma[heavy]" -> what stands for it
+
+    def stand_in(found: re.Match[str]) -> str:
+        written = f"{found[1]}[{found[2].strip()}]"
+        free = (f"{found[1]}_{i}" for i in count() if f"{found[1]}_{i}" not in text)
+        return symbols.setdefault(written, next(one for one in free if one not in symbols.values()))
+
+    plain = _OF_LEVEL.sub(stand_in, text)
+    try:
+        formula = read_formula(plain, field=name)
+    except InputError as error:
+        raise InputError(error.rule, field=name, value=text if error.value == " ".join(plain.split()) else error.value) from None
+    if formula.uses_x:
+        raise InputError("must not hold x: a derived quantity is one number, not a curve", field=name, value=text)
+    written = {stands: full for full, stands in symbols.items()}
+    shown = " ".join(text.split())
+    said = meaning or (shown if len(shown) <= _SHOWN else f"{shown[: _SHOWN - 3]}...")
+    places = MappingProxyType({one: written.get(one, one) for one in formula.names})
+    return SoughtQuantity(name, unit, Notation(symbol or name), said, shown, formula, places)
+
+
+def check_sought(sought: Iterable[SoughtQuantity], known: Collection[str], derived: Collection[str] = ()) -> None:
+    """Every name without a level is one of `known` (arguments of the curve), `derived` (what follows in any case) or of a quantity before it, and
+    no quantity has a name that is taken.  Raises InputError with the quantity as field."""
+    everything = [*known, *derived]
+    for quantity in sought:
+        if quantity.name in everything:
+            raise InputError("is the name of something else here: choose another", field=quantity.name)
+        for name in quantity.own:
+            if name not in everything:
+                rule = f"names '{name}', which is neither a parameter nor a derived quantity before it ({', '.join(everything)})"
+                raise InputError(rule, field=quantity.name, value=quantity.text)
+        everything.append(quantity.name)
+
+
+def seek_of_fit(derived: Mapping[str, str], units: Mapping[str, str], known: Collection[str]) -> tuple[SoughtQuantity, ...]:
+    """The quantities of a fit from Python: name -> formula; there is one run, and so no level.  Raises InputError."""
+    sought = tuple(seek(name, text, unit=units.get(name, "1")) for name, text in derived.items())
+    for one in sought:
+        if one.of_levels:
+            raise InputError("must use ( ), not [ ]: there are no runs to choose from", field=one.name, value=one.text)
+    check_sought(sought, known)
+    return sought

@@ -1,0 +1,144 @@
+"""Where the uncertainty of a result comes from, as a reader sees it: records for `result.json`, and the rows of a table of shares."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import msgspec
+import numpy as np
+
+from estim.arrays import FloatArray
+from estim.common import Label, format_rounded, split_level
+from estim.deviation import DEVIATION, FORCE, FRAMES, START
+from estim.pipeline import Analysis
+from estim.reports.derived import sought_labels
+from estim.reports.labels import Labels
+from estim.sampling import number
+from estim.studies import PRIOR, READINGS, STATED, Budget, Source, uncertainty_budget
+
+_DRAWS = 20_000
+_TOLD = 1e-3  # share of the variance below which a source goes with the others
+_BENT = 0.2
+MAX_QUANTITIES, MAX_SOURCES = 8, 10
+OTHERS = "all others"
+_WORDS = {
+    READINGS: "readings", "length": "length scale (default)", "clock": "clock (default)", FORCE: "unmodelled force",
+    DEVIATION: "what the curve lacks", START: "push at release", FRAMES: "bad frames",
+}
+
+
+class UncertaintySource(msgspec.Struct, frozen=True):
+    source: str  # a parameter whose stated value or prior it is, or a part of the errors of the readings
+    kind: str  # "stated", "prior" (not a measured value's), "common" (clock, scale: the default), "curve" (what it lacks, its start), "readings"
+    u: float  # standard uncertainty of the quantity, linear; of a stated value signed: how far the quantity moves if it grows by one of its own
+    share: float  # of the variance, linear
+    share_drawn: float | None  # the same from the draws; null where they do not tell
+
+
+class UncertaintyBudget(msgspec.Struct, frozen=True):
+    """Parts of the uncertainty of one parameter, or of what is derived; the squares of `u` and of `others` add up to that of `sd_linear`."""
+
+    unit: str
+    sd_linear: float
+    sd_posterior: float
+    sources: list[UncertaintySource]  # the largest first; those below a thousandth of the variance are `others`
+    others: float
+
+
+@dataclass(frozen=True, eq=False)
+class Shares:
+    """What a table and a figure show.
+
+    symbols : (n_quantity,).  sources : (n_source,) in words.  shares : (n_source, n_quantity) of the variance, columns add up to 1.
+    drawn : the same from draws, nan where they do not tell.  sums, posterior : (n_quantity,) standard deviations as text.
+    n_left : how many quantities are not shown.  bent : symbols of those whose sds differ by more than a fifth.
+    """
+
+    labels: tuple[Label, ...]
+    sources: tuple[str, ...]
+    shares: FloatArray
+    drawn: FloatArray
+    sums: tuple[str, ...]
+    posterior: tuple[str, ...]
+    n_left: int
+    bent: tuple[str, ...]
+
+    def cells(self) -> list[tuple[str, list[str]]]:
+        """Rows of a table: a source, and its share of each quantity with that of the draws in brackets."""
+        return [
+            (source, [_cell(a, b) for a, b in zip(linear, drawn, strict=True)])
+            for source, linear, drawn in zip(self.sources, self.shares, self.drawn, strict=True)
+        ]
+
+
+def budget_of(analysis: Analysis) -> Budget | None:
+    """None where the status allows no standard deviation, or there is no covariance."""
+    return uncertainty_budget(analysis.fit, analysis.chain.thinned(_DRAWS)) if analysis.diagnosis.ok else None
+
+
+def budget_records(analysis: Analysis, budget: Budget | None) -> dict[str, UncertaintyBudget] | None:
+    """One for each quantity of the budget; None where there is none."""
+    if budget is None:
+        return None
+    units = {one.name: one.unit for run in analysis.problem.runs for one in run.sought} | {p.name: p.unit for p in analysis.problem.parameters}
+    return {name: _record(budget, k, units.get(name) or units[name.partition("[")[0]]) for k, name in enumerate(budget.names)}
+
+
+def _record(budget: Budget, k: int, unit: str) -> UncertaintyBudget:
+    shares, drawn = budget.shares[:, k], budget.shares_drawn[:, k]
+    order = [int(i) for i in np.argsort(-shares, kind="stable") if shares[i] >= _TOLD]
+    sources = [
+        UncertaintySource(
+            budget.sources[i].name, budget.sources[i].kind, float(budget.contributions[i, k]), float(shares[i]), number(float(drawn[i]))
+        )
+        for i in order
+    ]
+    rest = float(np.sum(np.delete(shares, order)))
+    return UncertaintyBudget(unit, float(budget.sds[k]), float(budget.posterior[k]), sources, float(budget.sds[k]) * max(rest, 0.0) ** 0.5)
+
+
+def shares_of(analysis: Analysis, budget: Budget, labels: Labels) -> Shares:
+    """What is sought first, then the parameters that runs share; sources that are alike (the tilts of many runs) together, small ones too."""
+    shown = [*sought_labels(analysis).items(), *labels.parameters.items()]
+    known = [(name, label) for name, label in shown if name in budget.names and name not in _between(analysis)]
+    chosen = known[:MAX_QUANTITIES]
+    columns = [budget.names.index(name) for name, _ in chosen]
+    shares, drawn = budget.shares[:, columns], budget.shares_drawn[:, columns]
+    groups: dict[str, list[int]] = {}
+    for i, source in enumerate(budget.sources):
+        groups.setdefault(_words(source, budget, labels), []).append(i)
+    ordered = sorted(groups, key=lambda words: -float(np.max(np.sum(shares[groups[words]], axis=0))))
+    kept = [words for words in ordered[:MAX_SOURCES] if np.max(np.sum(shares[groups[words]], axis=0)) >= 0.005]
+    rows = [(words, groups[words]) for words in kept]
+    rest = [i for words in ordered if words not in kept for i in groups[words]]
+    rows += [(OTHERS, rest)] if rest else []
+    return Shares(
+        tuple(label for _, label in chosen), tuple(words for words, _ in rows), np.array([np.sum(shares[own], axis=0) for _, own in rows]),
+        np.array([np.sum(drawn[own], axis=0) for _, own in rows]),
+        tuple(_sd(budget.sds[k], label) for k, (_, label) in zip(columns, chosen, strict=True)),
+        tuple(_sd(budget.posterior[k], label) for k, (_, label) in zip(columns, chosen, strict=True)), len(known) - len(chosen),
+        tuple(label.symbol for k, (_, label) in zip(columns, chosen, strict=True) if not abs(budget.posterior[k] / budget.sds[k] - 1.0) <= _BENT),
+    )
+
+
+def _between(analysis: Analysis) -> set[str]:
+    """How far single runs are from the mean of all: no result."""
+    return {name for name in analysis.problem.names if split_level(name)[0].endswith("_shift")}
+
+
+def _words(source: Source, budget: Budget, labels: Labels) -> str:
+    if source.kind not in (STATED, PRIOR):
+        return _WORDS[source.name]
+    base = split_level(source.name)[0]
+    alike = [other.name for other in budget.sources if other.kind == source.kind and split_level(other.name)[0] == base]
+    shown = f"{labels.symbol(base)} of {len(alike)} runs or bodies" if len(alike) > 2 else labels.symbol(source.name)
+    return f"{shown}, {source.kind}"
+
+
+def _sd(value: float, label: Label) -> str:
+    return f"{format_rounded(value * label.factor, value * label.factor)} {'' if label.unit == '1' else label.unit}".strip()
+
+
+def _cell(share: float, drawn: float) -> str:
+    text = "< 1 %" if share < 0.005 else f"{100.0 * share:.0f} %"
+    return text if np.isnan(drawn) or share < 0.005 else f"{text} ({100.0 * drawn:.0f})"
