@@ -98,7 +98,7 @@ def test_every_command_that_draws_can_do_without(project: Path) -> None:
     assert having == set(cli.commands) - {"simulate", "import", "body"}
     passed = [
         (ast.unparse(call.func), {one.arg: ast.unparse(one.value) for one in call.keywords}.get("figures"))
-        for file in ("commands", "comparing")
+        for file in ("calibrating", "commands", "comparing", "mapping", "models", "planning", "propagating", "release", "straight")
         for call in ast.walk(ast.parse((project / "estim" / "cli" / f"{file}.py").read_text()))
         if isinstance(call, ast.Call) and ast.unparse(call.func).endswith(("_report", "compare_models"))
     ]

@@ -137,12 +137,13 @@ def analysis_text(
     """
     rows = [parameter_row(name, p, result) for name, p in result.parameters.items()]
     axes = list(dict.fromkeys((run.x, run.y) for run in result.runs.values()))
+    told_below = P_TOLD if any("speed" in run.checks for run in result.runs.values()) else None
     lacks = lacks_text(result.curve_deviation, result.labels, pictures) if result.curve_deviation else ""
     return render(
         "analysis.md.j2", pictures=pictures,
         budget=shares, result=result, kind=KINDS[result.kind], status_words=STATUS_WORDS[Status(result.status)], rows=rows,
         correlation=_correlation_table(result), derived=derived_rows(result.runs, result.labels), limits=_what_limits(result),
-        reject_below=P_POOR_FIT, told_below=P_TOLD, conflict_below=P_CONFLICT, ends=_turning_rows(result), identify=section,
+        reject_below=P_POOR_FIT, told_below=told_below, conflict_below=P_CONFLICT, ends=_turning_rows(result), identify=section,
         meaningless=not Status(result.status).draws_count, limits_count=Status(result.status).limits_count,
         what_if=_what_if_rows(result), what_if_heads=[result.labels.symbol(name) for name in _moved_by_errors(result)],
         consistency=consistency, rolling=rolling_rows(result.rolling or {}), axes=axes, limits_only=result.status != "ok", converged=converged,
