@@ -51,7 +51,7 @@ def sought_columns(analysis: Analysis) -> dict[str, tuple[Derived, Label]]:
     """What a user wanted computed, as values at draws (n_draw, 1) with its label: "g" where it is the same for all runs, else "g[run]"."""
     runs, found = analysis.problem.runs, dict[str, dict[str, Derived]]()
     for run in runs:
-        for name, derived in derived_draws(analysis, run).items():
+        for name, derived in (derived_draws(analysis, run) if run.sought else {}).items():
             if name in _sought(run) and derived.values.size > 1:
                 found.setdefault(name, {})[run.name] = derived
     columns: dict[str, tuple[Derived, Label]] = {}
