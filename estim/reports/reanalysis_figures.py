@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from estim.common import signed
 from estim.reports.figures import BLUE, COLOURS, GREY, INK, MARKS, ORANGE, grid, name_ticks, new_figure
 from estim.reports.joint_figures import RUN_COLOURS
 from estim.sampling import curve_draws
@@ -39,6 +40,10 @@ def overlay_figure(body: BodyAnalysis, *, synthetic: bool) -> Figure:
     return figure
 
 
+def _shown(tilt: float) -> str:
+    return signed(f"{tilt:.1f}")
+
+
 def tilts_figure(body: BodyAnalysis, *, synthetic: bool) -> Figure:
     """All runs of a body in one pair of axes: data, and of each curve the median and the 95 % band of the joint fit, the lowest tilt first."""
     analysis = body.joint
@@ -51,7 +56,7 @@ def tilts_figure(body: BodyAnalysis, *, synthetic: bool) -> Figure:
         if analysis.diagnosis.ok:
             ax.fill_between(bands.x, *bands.credible[0.95], color=colour, alpha=0.25, lw=0)
             ax.plot(bands.x, bands.median, color=colour, lw=1.2)
-        ax.plot(run.x, run.y, MARKS[k % len(MARKS)], color=colour, ms=3.5, mec=INK, mew=0.3, label=f"{run.name}, φ = {tilts[i]:.1f}°", zorder=5)
+        ax.plot(run.x, run.y, MARKS[k % len(MARKS)], color=colour, ms=3.5, mec=INK, mew=0.3, label=f"{run.name}, φ = {_shown(tilts[i])}°", zorder=5)
     ax.set(xlabel=analysis.problem.runs[0].x_label, ylabel=analysis.problem.runs[0].y_label, xlim=(0.0, None), ylim=(0.0, None))
     ax.set_title(body.body + (" (SYNTHETIC data)" if synthetic else ""), fontsize=10)
     figure.legend(loc="outside lower center", ncols=4, fontsize=8, frameon=False)
