@@ -16,7 +16,7 @@ from estim.words import tell
 from model import Body, trajectory
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "benchmarks"))
-from truth.__main__ import Case, by_quantity, generator
+from truth.__main__ import Case, against, by_quantity, generator
 from truth.motion import nothing, solve
 from truth.peers import LEAST_SQUARES, intervals_of_lmfit
 from truth.recordings import BASE, DISTURBANCES, JOINT, LONGEST, NOISES, PRIORS, SIGMA, write_campaign
@@ -141,3 +141,11 @@ def test_neighbours_that_are_alike_are_borne_beside_a_force_and_no_larger_than_s
     assert replace(borne, checks={name: check for name, check in borne.checks.items() if name != "chi2"}).failed == ("autocorrelation",)
     (plain,) = check_goodness(fit_least_squares(as_complete(problem, "test"), rng=np.random.default_rng(1)), rng=np.random.default_rng(1))
     assert "autocorrelation" in plain.failed
+
+
+def test_a_motion_that_never_stops_stops_beyond_every_place(rng: np.random.Generator) -> None:
+    stops = np.where(np.arange(4000) < 400, np.inf, rng.normal(0.4, 0.01, 4000))
+    (z, far), narrow, wide = against([stops, stops], [0.401, 0.5])
+    assert (narrow, wide) == ([True, False], [True, True])
+    assert -0.3 < z < 0.1
+    assert far < -9.0
