@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
+import sys
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
@@ -119,6 +120,36 @@ def test_shards_and_any_executor_give_the_same_bytes(three: Path, tmp_path: Path
     whole = files_in(tmp_path / "whole")
     assert len(whole) == 3
     assert files_in(tmp_path / "shards") == files_in(tmp_path / "threads") == whole
+
+
+def test_a_cluster_does_the_work_where_one_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A stand-in for dask.distributed: which address is asked, and that its executor does the work."""
+    asked: list[str] = []
+
+    class Client:
+        def __init__(self, address: str, timeout: str) -> None:
+            if address == "tcp://nowhere:1":
+                raise OSError("Timed out")
+            asked.append(address)
+            self.pool = ThreadPoolExecutor(1)
+
+        def __enter__(self):
+            return self
+
+        def __exit__(self, *_: object) -> None:
+            self.pool.shutdown()
+
+        def get_executor(self):
+            asked.append("executor")
+            return self.pool
+
+    monkeypatch.setitem(sys.modules, "distributed", type("distributed", (), {"Client": Client}))
+    only = campaign(tmp_path / "one", {"a": 2.0})
+    assert batch(only, "--out", tmp_path / "out", "--scheduler", "tcp://here:1", "--no-figures").exit_code == 0
+    assert asked == ["tcp://here:1", "executor"]
+    assert "cannot be reached (Timed out)" in str(batch(only, "--out", tmp_path / "no", "--scheduler", "tcp://nowhere:1").exception)
+    monkeypatch.setitem(sys.modules, "distributed", None)
+    assert "pip install 'estim[dask]'" in str(batch(only, "--out", tmp_path / "no", "--scheduler", "tcp://here:1").exception)
 
 
 def test_places_are_told_apart(tmp_path: Path) -> None:
