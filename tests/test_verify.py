@@ -14,7 +14,7 @@ from troubles import Disk
 
 from estim.cli.commands import cli
 from estim.common import InputError
-from estim.verification.differences import differences
+from estim.verification.comparing import differences
 
 MODEL = """\
 title = "A sum"
