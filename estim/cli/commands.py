@@ -88,7 +88,7 @@ def fit(
     """
     from estim.campaign import load_campaign
     from estim.pipeline import analyse
-    from estim.reports import HOW_TO_GET, analysis_report, can_write_netcdf, index_report, result_of, to_netcdf
+    from estim.reports import HOW_TO_GET, analysis_report, can_write_netcdf, index_report, result_lines, result_of, to_netcdf
     from estim.sampling import Target, only_writer
     from estim.words import Voice
 
@@ -117,7 +117,8 @@ def fit(
         if can_write_netcdf():
             write_files(place, {"draws.nc": to_netcdf(analysis)}, within=folder)
         results[group[0]] = result_of(loaded, analysis, voice=Voice.COMMANDS)
-        conclude(", ".join(group), analysis.diagnosis.status, analysis.diagnosis.reasons, analysis.diagnosis.notes)
+        shown = result_lines(results[group[0]]) if analysis.diagnosis.ok else analysis.diagnosis.reasons
+        conclude(", ".join(group), analysis.diagnosis.status, shown, analysis.diagnosis.notes)
         say_causes(analysis)
         explanations += [] if analysis.explanation is None else [analysis.explanation]
     if len(groups) > 1:

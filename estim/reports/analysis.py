@@ -14,7 +14,7 @@ import numpy as np
 
 from estim.campaign import Campaign
 from estim.checks import P_CONFLICT, P_POOR_FIT, P_TOLD, interval_cell, value_cell
-from estim.common import KINDS, Label, Markdown, Notation, Status, format_quantity, format_rounded, signed
+from estim.common import KINDS, Label, Markdown, Notation, Status, format_quantity, format_rounded, signed, significant, table
 from estim.explanation import Explanation, across_runs
 from estim.fitting import ProfileInterval
 from estim.pipeline import Analysis
@@ -22,6 +22,7 @@ from estim.reports.budget import Shares, budget_of, shares_of
 from estim.reports.budget_figures import budget_figure
 from estim.reports.consistency import consistency_text
 from estim.reports.consistency_figures import forest_figure
+from estim.reports.copying import copies_of
 from estim.reports.corner_figures import corner_figure, corner_words
 from estim.reports.counts import counted_runs, counts_figure, counts_text
 from estim.reports.derived import derived_rows
@@ -29,6 +30,7 @@ from estim.reports.deviation import deviation_text
 from estim.reports.deviation_figures import force_figure
 from estim.reports.explanation import explanation_text, runs_text
 from estim.reports.figures import phase_figure, residual_figure
+from estim.reports.first_screen import first_screen, opened_by
 from estim.reports.identifiability import IdentifySection, identify_section
 from estim.reports.identifiability_figures import direction_figure, profile_figure, ridge_figure
 from estim.reports.joint_figures import together_figure
@@ -136,11 +138,14 @@ def analysis_text(
     shares : of the sources of uncertainty, None where there is no uncertainty to explain.
     """
     rows = [parameter_row(name, p, result) for name, p in result.parameters.items()]
+    picture_words = " and ".join(f"{y} against {x}" for x, y in dict.fromkeys((run.x, run.y) for run in result.runs.values()))
     axes = list(dict.fromkeys((run.x, run.y) for run in result.runs.values()))
     told_below = P_TOLD if any("speed" in run.checks for run in result.runs.values()) else None
     lacks = lacks_text(result.curve_deviation, result.labels, pictures) if result.curve_deviation else ""
+    screen = first_screen(result)
     return render(
-        "analysis.md.j2", pictures=pictures,
+        "analysis.md.j2", pictures=pictures, opened=opened_by(result), screen=screen, screen_table=table(screen.head, screen.rows),
+        copies=copies_of(screen.estimates) if screen.estimates else None, picture_words=picture_words, caption=_caption(result),
         budget=shares, result=result, kind=KINDS[result.kind], status_words=STATUS_WORDS[Status(result.status)], rows=rows,
         correlation=_correlation_table(result), derived=derived_rows(result.runs, result.labels), limits=_what_limits(result),
         reject_below=P_POOR_FIT, told_below=told_below, conflict_below=P_CONFLICT, ends=_turning_rows(result), identify=section,
@@ -150,10 +155,20 @@ def analysis_text(
         corner_words=corner_words, usual=[usual_row(one) for one in result.usual_errors], lacks=lacks, explanation=explanation, counts=counts,
         deviation=deviation_text(result.deviation, result.labels, pictures) if result.deviation else "",
         complete=complete_runs([result]),
-        drawn=any(force.drawn for force in (result.deviation or {}).values()),
         said=[words for force in (result.deviation or {}).values() for words in (force.words, force.noise_words)] if result.status == "ok" else [],
-        picture=" and ".join(f"{y} against {x}" for x, y in axes),
     )
+
+
+def _caption(result: Result) -> str:
+    """What the marks of the main figure mean."""
+    points = "Points: data, crosses: left out."
+    forces = list((result.deviation or {}).values())
+    if result.status != "ok":
+        bare = ", without a force beside it and from rest" if forces else ""
+        return f"{points} Blue: the most probable curve{bare}; no bands: the status is not ok."
+    drawn = any(force.drawn for force in forces)
+    bare = " The curve is drawn without what it lacks." if result.curve_deviation or (forces and not drawn) else ""
+    return f"{points} Blue: the curve{' and the force it may lack' if drawn else ''}, 68 and 95 %. Grey: a new reading, 95 %.{bare}"
 
 
 def complete_runs(results: Iterable[Result]) -> dict[str, list[str]]:
@@ -232,7 +247,7 @@ def parameter_row(name: str, p: ParameterSummary, result: Result) -> Row:
         fit=fit, posterior=value_cell(p, shown), interval=interval_cell(p, shown),
         narrowing="" if not p.prior_sd or p.sd is None else f"{p.sd / p.prior_sd:.2f}",
         rhat="n/a" if p.rhat is None else f"{p.rhat:.4f}", ess=f"{p.ess_bulk or 0:.0f} / {p.ess_tail or 0:.0f}",
-        mcse="n/a" if p.mcse is None else f"{p.mcse * shown.factor:.2g} {'' if shown.unit == '1' else shown.unit}".strip(),
+        mcse="n/a" if p.mcse is None else f"{significant(p.mcse * shown.factor, 2)} {'' if shown.unit == '1' else shown.unit}".strip(),
     )
 
 

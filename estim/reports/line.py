@@ -165,7 +165,7 @@ def line_report(
 
 def line_text(result: LineResult, pictures: Collection[str], *, trials: Mapping[str, object] | None = None) -> str:
     """The Markdown report of a line, with the figures at the paths `pictures`, and the section of `trials` where there are any."""
-    return render("line.md.j2", pictures=pictures, trials=trials, **line_values(result))
+    return render("line.md.j2", pictures=pictures, trials=trials, opened=(), **line_values(result))
 
 
 def line_values(result: LineResult) -> dict[str, object]:
