@@ -199,7 +199,8 @@ def headline(
     minds : what to mind, a sentence each.
     """
     words = "" if status == Status.OK else f" — {STATUS_WORDS[Status(status)]}"
-    said = [f"**{markdown(title)}**" if title else "", KINDS.get(kind, ""), f"Status: **{status}**{words}" + (f"; {tests}" if tests else "")]
+    behind = words or (f"; {tests}" if tests else "")
+    said = [f"**{markdown(title)}**" if title else "", KINDS.get(kind, ""), f"Status: **{status}**{behind}"]
     if status == Status.OK:
         body = list(rows)
         said += [table(head, body) if body else "", f"Not measured here: {markdown(left)}." if left else ""]

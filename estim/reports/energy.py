@@ -10,7 +10,7 @@ import msgspec
 import numpy as np
 
 from estim.campaign import Campaign
-from estim.common import KINDS, Quantity, as_json, format_quantity, gravest
+from estim.common import KINDS, Quantity, as_json, format_p, format_quantity, gravest, percentage, significant, with_unit
 from estim.pipeline import Analysis
 from estim.reports.figures import COLOURS, GREY, MARKS, new_figure
 from estim.reports.pages import page
@@ -99,28 +99,41 @@ def drift_words(drift: DriftSummary) -> str:
             "This fit held the rolling resistance fixed, so the energies below agree with that by construction and say nothing on a loss: "
             "give rolling_resistance a prior."
         )
-    test = f"Allowing a loss improves χ² by {max(drift.gain, 0.0):.1f} (p = {drift.p_value:.2g} if there were none)"
+    test = f"Allowing a loss improves χ² by {max(drift.gain, 0.0):.1f} ({format_p(drift.p_value)} if there were none)"
     if drift.seen:
-        return f"{test}; the data narrow the rolling resistance to {drift.narrowing:.0%} of its prior, so the loss below is measured."
+        return f"{test}; the data narrow the rolling resistance to {percentage(drift.narrowing, 2)} of its prior, so the loss below is measured."
     if drift.determined and drift.limit is not None:
         return (
-            f"{test}: consistent with no loss. The data narrow the rolling resistance to {drift.narrowing:.0%} of its prior: "
-            f"c_rr ≤ {drift.limit:.2g} with probability 95 %; read the loss below as a limit, not as a measurement."
+            f"{test}: consistent with no loss. The data narrow the rolling resistance to {percentage(drift.narrowing, 2)} of its prior: "
+            f"c_rr ≤ {significant(drift.limit, 2)} with probability 95 %; read the loss below as a limit, not as a measurement."
         )
     return (
-        f"{test}. The data leave the rolling resistance about as uncertain as its prior ({drift.narrowing:.0%} of the prior's width): "
+        f"{test}. The data leave the rolling resistance about as uncertain as its prior ({percentage(drift.narrowing, 2)} of the prior's width): "
         "the loss below is what was assumed, not a measurement."
     )
 
 
-def shown(value: Value | None) -> str:
-    """A value as text, rounded by its uncertainty."""
-    return "n/a" if value is None or value.value is None else format_quantity(value.value, value.u)
+def energy_words(drift: DriftSummary) -> str:
+    """The same in a few words."""
+    if not drift.free or drift.p_value is None:
+        return "no loss can show, the rolling resistance was held fixed"
+    if drift.seen:
+        return f"a loss is measured ({format_p(drift.p_value)} if there were none)"
+    if drift.determined and drift.limit is not None:
+        return f"no loss is seen, c_rr ≤ {significant(drift.limit, 2)} (95 %)"
+    return "the loss is what was assumed, not a measurement"
+
+
+def shown(value: Value | None, factor: float = 1.0) -> str:
+    """A value as text, rounded by its uncertainty, in units of which one of its own has `factor`."""
+    return "n/a" if value is None or value.value is None else format_quantity(value.value * factor, None if value.u is None else value.u * factor)
 
 
 def percent(value: Value) -> str:
     """A ratio as text, in per cent; none where it is divided by what may be 0."""
-    return "n/a" if value.value is None or value.u is None or value.u > _ANYTHING else format_quantity(100.0 * value.value, 100.0 * value.u) + " %"
+    if value.value is None or value.u is None or value.u > _ANYTHING:
+        return "n/a"
+    return with_unit(format_quantity(100.0 * value.value, 100.0 * value.u), "%")
 
 
 def average_words(energies: Mapping[str, EnergySummary]) -> str:

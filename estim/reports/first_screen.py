@@ -30,7 +30,7 @@ _MOST_MINDS, _MOST_ERRORS = 2, 3
 
 @dataclass(frozen=True)
 class Screen:
-    """What stands first; every entry empty where the status is not ok, but for `title` and `tests`.
+    """What stands first; every entry but the title is empty where the status is not ok.
 
     estimates : of all parameters that are not a single run's among several, and what was sought.  head, rows : the table of those measured.
     left : the others in words.  elsewhere : which are single runs'.  minds : what to mind.
@@ -50,8 +50,6 @@ class Screen:
     @property
     def lines(self) -> list[str]:
         """What a terminal shows."""
-        if not self.estimates:
-            return [self.tests] if self.tests else []
         return screen_lines(self.estimates, tests=self.tests, minds=self.minds)
 
 
@@ -101,11 +99,11 @@ class Told(Protocol):
 def first_screen(result: Told) -> Screen:
     """The first screen of a result."""
     title = f"{result.title}: {', '.join(result.runs)}" if result.title else ", ".join(result.runs)
+    if result.status != "ok":
+        return Screen(title, "", (), (), (), "", "", (), "")
     counted = [check.p_value for run in result.runs.values() for name, check in run.checks.items() if name == "chi2"]
     p_curve = result.fit.p_value if result.fit.p_value is not None else counted[0] if len(counted) == 1 else None
     tests = p_sentence(p_curve, result.stated_values.p_value if result.stated_values.dof else None)
-    if result.status != "ok":
-        return Screen(title, tests, (), (), (), "", "", (), "")
     shown = [name for name in result.parameters if not _of_one_run(name, result)]
     estimates = tuple([_estimate(name, result) for name in shown] + _sought(result))
     head, rows = result_table(estimates)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Collection, Mapping
+from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING
 
@@ -11,8 +12,10 @@ import msgspec
 import numpy as np
 
 from estim.campaign import gamma_origin
-from estim.common import KINDS, as_json
-from estim.reports.analysis import complete_runs, parameter_row
+from estim.checks import Estimate, result_table
+from estim.common import KINDS, as_json, table, with_unit
+from estim.reports.analysis import Row, complete_runs, parameter_row
+from estim.reports.copying import copies_of
 from estim.reports.corner_figures import corner_figure, corner_words
 from estim.reports.energy import (
     DriftSummary,
@@ -21,6 +24,7 @@ from estim.reports.energy import (
     average_words,
     drift_words,
     energy_figure,
+    energy_words,
     percent,
     shown,
     summarise_drift,
@@ -28,7 +32,8 @@ from estim.reports.energy import (
     to_value,
 )
 from estim.reports.figures import residual_figure
-from estim.reports.line import LineResult, line_figure, line_result, line_values
+from estim.reports.first_screen import first_screen
+from estim.reports.line import LineResult, line_estimate, line_figure, line_result, line_values
 from estim.reports.pages import page
 from estim.reports.reanalysis_figures import narrowing_figure, overlay_figure, tilts_figure, width_figure
 from estim.reports.rendering import render
@@ -156,6 +161,12 @@ def reanalysis_report(r: Reanalysis, *, voice: Voice = Voice.PYTHON, figures: bo
 def reanalysis_text(result: ReanalysisResult, corner_words: Mapping[str, str], pictures: Collection[str]) -> str:
     """The Markdown report of a reanalysis, with the figures at the paths `pictures`; `corner_words`: body -> what stands below its corner figure."""
     limit_words = {name: _limit_words(body) if body.joint.status == "ok" else [] for name, body in result.bodies.items()}
+    screens = {name: first_screen(body.joint) for name, body in result.bodies.items() if body.joint.status == "ok"}
+    estimates = [
+        replace(one, summary=msgspec.structs.replace(one.summary, meaning=_how_many(result.bodies[name], name)))
+        for name, screen in screens.items() for one in screen.estimates
+    ] + _of_line(result)
+    head, rows = result_table(estimates)
     return render(
         "reanalysis.md.j2", pictures=pictures, result=result, kind=KINDS[result.kind], line=None if result.line is None else line_values(result.line),
         shown=shown, rows={name: _rows(body.joint) for name, body in result.bodies.items()},
@@ -164,7 +175,54 @@ def reanalysis_text(result: ReanalysisResult, corner_words: Mapping[str, str], p
         forces=[(name, force) for name, body in result.bodies.items() for force in (body.joint.deviation or {}).values()],
         complete=complete_runs(result.runs.values()),
         notes=list(dict.fromkeys(note for body in result.bodies.values() for note in body.joint.notes)),
+        status=_status_words(result), troubles=_troubles(result), screens=screens, found=table(head, rows), found_rows=rows,
+        copies=copies_of(estimates) if estimates else None,
+        lefts=_gathered({name: screen.left for name, screen in screens.items() if screen.left}), energies=_gathered(_energies(result)),
     )
+
+
+def _how_many(body: BodySummary, name: str) -> str:
+    n = len(body.runs_in_order)
+    return f"{n} runs of {name} together" if n > 1 else f"the run of {name}"
+
+
+def _energies(result: ReanalysisResult) -> dict[str, str]:
+    return {
+        name: energy_words(body.drift) + (f". {average_words(body.energies)}".rstrip(".") if body.drift.determined else "")
+        for name, body in result.bodies.items() if body.joint.status == "ok"
+    }
+
+
+def _gathered(words: Mapping[str, str]) -> dict[str, list[str]]:
+    """What is said -> of which bodies."""
+    names: dict[str, list[str]] = {}
+    for name, said in words.items():
+        names.setdefault(said, []).append(name)
+    return names
+
+
+def _of_line(result: ReanalysisResult) -> list[Estimate]:
+    """gamma of the line, whose points are other data than the runs."""
+    line = result.line
+    if line is None or line.status != "ok":
+        return []
+    own = f"gamma[{line.body}]"
+    true = next((body.joint.parameters[own].true for body in result.bodies.values() if own in body.joint.parameters), None)
+    return [line_estimate(line, true)]
+
+
+def _status_words(result: ReanalysisResult) -> str:
+    bad = [what for what, status in result.statuses.items() if status != "ok"]
+    n = len(result.statuses)
+    return f"ok, all {n} results" if not bad else f"{n - len(bad)} of {n} results ok"
+
+
+def _troubles(result: ReanalysisResult) -> list[tuple[str, str]]:
+    """What is not ok, and why."""
+    reasons = {f"run {name}": run.reasons for name, run in result.runs.items()}
+    reasons |= {f"joint fit of {name}": body.joint.reasons for name, body in result.bodies.items()}
+    reasons |= {} if result.line is None else {"line": result.line.reasons}
+    return [(f"{what}, {status}", "; ".join(reasons.get(what, []))) for what, status in result.statuses.items() if status != "ok"]
 
 
 def _rows(result: Result) -> list[object]:
@@ -176,9 +234,13 @@ def _singles(result: ReanalysisResult) -> list[tuple[str, str, list[str]]]:
     table = []
     for name, run in result.runs.items():
         rows = {row_name.partition("[")[0]: parameter_row(row_name, p, run) for row_name, p in run.parameters.items()}
-        cells = [f"{rows[key].posterior} {rows[key].unit}".strip() if key in rows else "" for key in ("gamma", "kappa", "theta0", "phi")]
+        cells = [_single_cell(rows[key], run) if key in rows else "" for key in ("gamma", "kappa", "theta0", "phi")]
         table.append((name, run.status, cells if run.status == "ok" else ["—"] * len(cells)))
     return table
+
+
+def _single_cell(row: Row, run: Result) -> str:
+    return with_unit(row.posterior, row.unit) if run.parameters[row.name].measured else "as stated"
 
 
 def _limit_words(body: BodySummary) -> list[str]:

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Collection, Iterable
 
 from estim.checks import P_FLOOR
-from estim.common import Markdown, code, destination, markdown, p_digits, percentage, signed, significant
+from estim.common import Markdown, code, destination, format_p, markdown, p_digits, percentage, signed, significant
 
 
 def p_words(p: float) -> str:
@@ -57,6 +57,6 @@ def render(template: str, *, pictures: Collection[str] = (), opened: Collection[
         keep_trailing_newline=True, autoescape=False, finalize=markdown,
     )
     environment.filters["number"] = lambda v, digits=3: "n/a" if v is None else significant(v, digits)
-    environment.filters |= {"signed": signed, "p": p_words, "percent": percentage}
+    environment.filters |= {"signed": signed, "p": p_words, "p_is": format_p, "percent": percentage}
     environment.filters |= {"cells": cells, "sentence": sentence, "code": code, "destination": destination}
     return Markdown(environment.get_template(template).render(pictures=pictures, figure=figure, fold=fold, **values))

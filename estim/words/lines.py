@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from types import MappingProxyType
 
-from estim.common import Finding, Kind, format_quantity
+from estim.common import Finding, Kind, format_p, format_quantity
 from estim.words.table import Table
 
 
@@ -19,7 +19,7 @@ def _slopes(f: Finding) -> str:
 
 
 def _scatter(f: Finding) -> str:
-    test = f"S = {f.size:.1f}, {f.numbers['dof']:.0f} degrees of freedom, p = {f.p:.1g}"
+    test = f"S = {f.size:.1f}, {f.numbers['dof']:.0f} degrees of freedom, {format_p(f.p)}"
     return f"the points scatter more than their uncertainties allow ({test})"
 
 

@@ -25,7 +25,7 @@ TESTS: Mapping[str, str] = MappingProxyType(
 def _p(f: Finding) -> str:
     """'p = 0.0002', or that it is as small as simulation can tell."""
     least = f.numbers.get("least", 0.0)
-    return f"p < {least:.1g}" if f.p <= least else f"p = {f.p:.1g}"
+    return format_p(f.p, least)
 
 
 def _of_run(f: Finding) -> str:
