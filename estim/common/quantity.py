@@ -143,8 +143,9 @@ def significant(value: float, digits: int = 3, *, least: float = 1e-4, powers: s
     if value == 0.0:
         return "0"
     mantissa, exponent = f"{value:.{digits - 1}e}".split("e")
-    if least <= abs(value) < 1e6:
-        return signed(f"{float(f'{mantissa}e{exponent}'):.{max(0, digits - 1 - int(exponent))}f}")
+    rounded = float(f"{mantissa}e{exponent}")
+    if least <= abs(rounded) < 1e6:
+        return signed(f"{rounded:.{max(0, digits - 1 - int(exponent))}f}")
     return signed(f"{mantissa}e{exponent}") if powers == "e" else f"{signed(mantissa)}×10{exponent_digits(int(exponent))}"
 
 

@@ -25,11 +25,12 @@ from estim.reports.consistency_figures import forest_figure
 from estim.reports.copying import copies_of
 from estim.reports.corner_figures import corner_figure, corner_words
 from estim.reports.counts import counted_runs, counts_figure, counts_text
+from estim.reports.curve_figures import phase_figure
 from estim.reports.derived import derived_rows
 from estim.reports.deviation import deviation_text
 from estim.reports.deviation_figures import force_figure
 from estim.reports.explanation import explanation_text, runs_text
-from estim.reports.figures import phase_figure, residual_figure
+from estim.reports.figures import residual_figure
 from estim.reports.first_screen import first_screen, opened_by
 from estim.reports.identifiability import IdentifySection, identify_section
 from estim.reports.identifiability_figures import direction_figure, profile_figure, ridge_figure

@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from estim.common import signed
-from estim.reports.figures import BLUE, COLOURS, GREY, INK, MARKS, ORANGE, grid, name_ticks, new_figure
+from estim.reports.figures import BLUE, COLOURS, GREY, INK, MARKS, ORANGE, name_ticks, new_figure
 from estim.reports.joint_figures import RUN_COLOURS
+from estim.reports.residual_panels import draw_faded, draw_points_with_bars, draw_residuals, panel_pairs, residuals_of
 from estim.sampling import curve_draws
 from estim.studies import BodyAnalysis, Narrowing
 
@@ -18,25 +19,31 @@ if TYPE_CHECKING:
 
 
 def overlay_figure(body: BodyAnalysis, *, synthetic: bool) -> Figure:
-    """Data, the propagated band of the stated inputs, and the posterior band of the joint fit."""
-    runs = body.joint.problem.runs
-    figure, axes = grid(len(runs), height=2.9)
+    """Data, the propagated band of the stated inputs, and the posterior band of the joint fit; below it all of them less the fit."""
+    runs, trusted = body.joint.problem.runs, body.joint.diagnosis.ok
+    figure, pairs = panel_pairs(len(runs), height=3.3)
     propagated = {band.run: band for band in body.propagated}
-    for ax, run, bands in zip(axes, runs, body.joint.bands, strict=True):
-        band = propagated.get(run.name)
+    for (ax, below), run, bands, residuals in zip(pairs, runs, body.joint.bands, residuals_of(body.joint), strict=True):
+        band, reach = propagated.get(run.name), 0.0
         if band is not None:
-            ax.fill_between(band.x, band.mc_low, band.mc_high, color=ORANGE, alpha=0.35, lw=0, label="stated inputs propagated, 68 %")
+            draw_faded(ax, band.x, band.mc_low, band.mc_high, ORANGE, alpha=0.4, label="stated inputs propagated, 68 %")
             ax.plot(band.x, band.value, color=ORANGE, lw=1.2, label="curve at the stated inputs")
-        if body.joint.diagnosis.ok:
+            fit = np.interp(band.x, bands.x, bands.median)
+            draw_faded(below, band.x, band.mc_low - fit, band.mc_high - fit, ORANGE, alpha=0.4)
+            below.plot(band.x, band.value - fit, color=ORANGE, lw=1.0)
+            reach = 1.3 * float(np.nanmedian(np.abs([band.mc_low - fit, band.mc_high - fit])))
+        if trusted:
             ax.fill_between(bands.x, *bands.credible[0.68], color=BLUE, alpha=0.6, lw=0)
             ax.plot(bands.x, bands.median, color=BLUE, lw=1.0, label="posterior, median and 68 % band")
         else:
             mode = curve_draws(body.joint.problem, run, bands.x, body.joint.fit.values[None, :])[0][0]
             ax.plot(bands.x, mode, color=BLUE, lw=1.0, label=f"most probable curve ({body.joint.diagnosis.status}: no band)")
-        ax.plot(run.x, run.y, "o", color=INK, ms=2.2, label="data used", zorder=5)
-        ax.set(xlabel=run.x_label, ylabel=run.y_label, xlim=(0.0, None), ylim=(0.0, None))
+        draw_points_with_bars(ax, residuals, label="data used")
+        draw_residuals(below, residuals, bands if trusted else None, reach=reach)
+        ax.set(ylabel=run.y_label, xlim=(0.0, None), ylim=(0.0, None))
         ax.set_title(run.name + (" (SYNTHETIC data)" if synthetic else ""), fontsize=9)
-    figure.legend(*axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=2, fontsize=8, frameon=False)
+    figure.legend(*pairs[0][0].get_legend_handles_labels(), loc="outside lower center", ncols=2, fontsize=8, frameon=False)
+    figure.align_ylabels()
     return figure
 
 
