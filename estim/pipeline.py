@@ -161,6 +161,8 @@ def analyse(
     problem = campaign.problem(runs, noise=noise)
     problem = as_complete(problem, complete) if complete else campaign.with_usual_errors(problem)
     campaign.require_unknowns(problem)
+    if progress is not None:
+        progress(0, "fit")
     fit = campaign.fit(problem, rng=stream(seed, Stream.FIT))
     analysis = analyse_fit(fit, seed=seed, target=target, progress=progress, store=store, stop=stop, marginal=marginal)
     return replace(analysis, title=campaign.title, kind=campaign.kind)
@@ -190,6 +192,8 @@ def analyse_fit(
     else:
         chain = sample_posterior(density, fit.values, fit.cov, target=target, rng=chain_rng, progress=progress, store=store, stop=stop)
         comparison = no_comparison(fit.names, too_many(problem.n_par, most))
+    if progress is not None:
+        progress(100, "checks")
     goodness = check_goodness(fit, rng=stream(seed, Stream.GOODNESS)) if tested else untested(fit)
     identifiability = identify(fit)
     modes = find_modes(fit, chain.thinned(_MODE_DRAWS))

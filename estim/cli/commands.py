@@ -107,13 +107,15 @@ def fit(
     stores = stores_of(folder, groups, joint=joint, resume=resume)
     results, explanations = {}, []
     for group, store in zip(groups, stores, strict=True):
-        with progress_bar(", ".join(group), max_steps) as progress:
+        with progress_bar(", ".join(group)) as progress:
             analysis = analyse(
                 loaded, group, seed=seed, target=Target(max_step=max_steps), progress=progress, store=store, stop=stop, marginal=marginal
             )
         analysis = with_causes(loaded, analysis, group, asked=explain)
         place = folder if len(groups) == 1 else folder / group[0]
-        write_report(place, analysis_report(loaded, analysis, voice=Voice.COMMANDS, figures=not no_figures), within=folder)
+        with progress_bar(", ".join(group)) as progress:
+            progress(100, "report and figures")
+            write_report(place, analysis_report(loaded, analysis, voice=Voice.COMMANDS, figures=not no_figures), within=folder)
         if can_write_netcdf():
             write_files(place, {"draws.nc": to_netcdf(analysis)}, within=folder)
         results[group[0]] = result_of(loaded, analysis, voice=Voice.COMMANDS)
@@ -157,7 +159,7 @@ def energy(campaign: Path, runs: tuple[str, ...], joint: bool, max_steps: int, o
     loaded.study.require_speeds(names, "estim energy")
     loaded.study.require_complete(names, "estim energy")
     for group in groups:
-        with progress_bar(", ".join(group), max_steps) as progress:
+        with progress_bar(", ".join(group)) as progress:
             analyses.append(analyse(loaded, group, seed=seed, target=Target(max_step=max_steps), progress=progress, complete="estim energy"))
         records.extend(energy_along(analyses[-1], rng=stream(seed, Stream.ENERGY)))
         drifts.append(drift_of(analyses[-1], rng=stream(seed, Stream.DRIFT)))
@@ -188,7 +190,7 @@ def reanalyse(campaign: Path, max_steps: int, out: Path | None, seed: int, no_fi
 
     loaded = load_campaign(campaign)
     loaded.study.require_body()
-    result = run_reanalysis(loaded, seed=seed, target=Target(max_step=max_steps), progress_of=lambda what: announced(what, max_steps))
+    result = run_reanalysis(loaded, seed=seed, target=Target(max_step=max_steps), progress_of=lambda what: announced(what))
     folder = out or Path("out") / campaign.resolve().parent.name
     write_report(folder, reanalysis_report(result, voice=Voice.COMMANDS, figures=not no_figures))
     for what, status in result.statuses.items():

@@ -22,11 +22,11 @@ def fit_line_and_trials(campaign: Path, out: Path | None, *, seed: int, figures:
     series = read_theta_min(source) if trials is None or source.line is not None else None
     line = released = None
     if series is not None:
-        with progress_bar("line", target.max_step) as progress:
+        with progress_bar("line") as progress:
             line = analyse_line(series, gamma_masses=gamma_of_body(source, series.body), seed=seed, target=target, progress=progress)
     if trials is not None:
         resistance, gamma = resistance_of_body(source, trials.body), gamma_of_body(source, trials.body)
-        with progress_bar("trials", target.max_step) as progress:
+        with progress_bar("trials") as progress:
             released = analyse_trials(trials, resistance, gamma_masses=gamma, seed=seed, target=target, progress=progress)
     files = {}
     if line is not None:

@@ -20,6 +20,7 @@ from estim.fitting import ProfileInterval
 from estim.pipeline import Analysis
 from estim.reports.budget import Shares, budget_of, shares_of
 from estim.reports.budget_figures import budget_figure
+from estim.reports.captions import alts_of, caption_of
 from estim.reports.consistency import consistency_text
 from estim.reports.consistency_figures import forest_figure
 from estim.reports.copying import copies_of
@@ -39,6 +40,7 @@ from estim.reports.lacks import lacks_text
 from estim.reports.lacks_figures import lacks_figure
 from estim.reports.pages import Drawers, page
 from estim.reports.rendering import render
+from estim.reports.residual_panels import misfit_words, residuals_of
 from estim.reports.result import ParameterSummary, Result, Subject, result_of, to_json
 from estim.reports.rolling import rolling_rows
 from estim.reports.rolling_figures import rolling_figure
@@ -87,21 +89,23 @@ def analysis_report(campaign: Subject, analysis: Analysis, *, voice: Voice = Voi
     def text(pictures: Collection[str]) -> str:
         agreement, on_edge = analysis.consistency, analysis.fit.at_bound
         return analysis_text(
-            result, section, corner_words(analysis.problem), pictures, converged=analysis.chain.convergence.met,
+            result, section, corner_words(analysis.problem, truth=bool(campaign.truth)), pictures, converged=analysis.chain.convergence.met,
             consistency="" if agreement is None else consistency_text(agreement, pictures, limits_only=not analysis.diagnosis.ok, on_edge=on_edge),
             explanation="" if analysis.explanation is None else explanation_text(analysis.explanation), counts=counts_text(analysis.fit, pictures),
-            shares=shares,
+            shares=shares, misfit=misfit_words(residuals_of(analysis)),
         )
 
-    drawers = _drawers(analysis, determination.intervals, shares, synthetic=campaign.kind == "synthetic")
-    return page(drawers, text, wanted=figures) | {"result.json": to_json(result)}
+    drawers = _drawers(analysis, determination.intervals, shares, synthetic=campaign.kind == "synthetic", truth=campaign.truth)
+    return page(drawers, text, wanted=figures, synthetic=campaign.kind == "synthetic") | {"result.json": to_json(result)}
 
 
-def _drawers(analysis: Analysis, intervals: Sequence[ProfileInterval], shares: Shares | None, *, synthetic: bool) -> Drawers:
+def _drawers(
+    analysis: Analysis, intervals: Sequence[ProfileInterval], shares: Shares | None, *, synthetic: bool, truth: Mapping[str, float]
+) -> Drawers:
     drawn: dict[str, Callable[[], Figure]] = {
         "figures/phase.png": lambda: phase_figure(analysis, synthetic=synthetic),
         "figures/residuals.png": lambda: residual_figure(analysis.problem.runs, analysis.goodness, synthetic=synthetic),
-        "figures/corner.png": lambda: corner_figure(analysis),
+        "figures/corner.png": lambda: corner_figure(analysis, truth),
         "figures/traces.png": lambda: trace_figure(analysis),
         "figures/directions.png": lambda: direction_figure(analysis.problem, analysis.identifiability),
         "figures/profiles.png": lambda: profile_figure(analysis.problem, intervals, analysis.chain.thinned(_RIDGE_DRAWS)),
@@ -110,7 +114,8 @@ def _drawers(analysis: Analysis, intervals: Sequence[ProfileInterval], shares: S
         drawn["figures/budget.png"] = partial(budget_figure, shares)
     if analysis.consistency is not None:
         on_edge = analysis.fit.at_bound
-        drawn["figures/consistency.png"] = partial(forest_figure, analysis.consistency, synthetic=synthetic, on_edge=on_edge)
+        edges = {p.name: (p.prior.low, p.prior.high) for p in analysis.problem.parameters}
+        drawn["figures/consistency.png"] = partial(forest_figure, analysis.consistency, synthetic=synthetic, on_edge=on_edge, edges=edges)
     if len(analysis.problem.runs) > 1:
         drawn["figures/residuals_together.png"] = lambda: together_figure(analysis.problem, analysis.goodness, synthetic=synthetic)
     if analysis.fit.forces:
@@ -130,23 +135,22 @@ def _drawers(analysis: Analysis, intervals: Sequence[ProfileInterval], shares: S
 
 def analysis_text(
     result: Result, section: IdentifySection, corner_words: Markdown, pictures: Collection[str], *, converged: bool, consistency: str,
-    explanation: str, counts: str = "", shares: Shares | None = None,
+    explanation: str, counts: str = "", shares: Shares | None = None, misfit: str = "",
 ) -> str:
     """The Markdown report of one analysis, with the figures at the paths `pictures`.
 
     section : what it says about the data against the priors.  corner_words : below the corner figure.  converged : whether there are enough draws.
     consistency : about several runs, "" for one.  explanation : of what may be missing, "" where that was not asked.
-    shares : of the sources of uncertainty, None where there is no uncertainty to explain.
+    shares : of the sources of uncertainty, None where there is no uncertainty to explain.  misfit : the largest, in words.
     """
     rows = [parameter_row(name, p, result) for name, p in result.parameters.items()]
-    picture_words = " and ".join(f"{y} against {x}" for x, y in dict.fromkeys((run.x, run.y) for run in result.runs.values()))
     axes = list(dict.fromkeys((run.x, run.y) for run in result.runs.values()))
     told_below = P_TOLD if any("speed" in run.checks for run in result.runs.values()) else None
     lacks = lacks_text(result.curve_deviation, result.labels, pictures) if result.curve_deviation else ""
     screen = first_screen(result)
     return render(
         "analysis.md.j2", pictures=pictures, opened=opened_by(result), screen=screen, screen_table=table(screen.head, screen.rows),
-        copies=copies_of(screen.estimates) if screen.estimates else None, picture_words=picture_words, caption=_caption(result),
+        copies=copies_of(screen.estimates) if screen.estimates else None, caption=caption_of(result), alts=alts_of(result, misfit),
         budget=shares, result=result, kind=KINDS[result.kind], status_words=STATUS_WORDS[Status(result.status)], rows=rows,
         correlation=_correlation_table(result), derived=derived_rows(result.runs, result.labels), limits=_what_limits(result),
         reject_below=P_POOR_FIT, told_below=told_below, conflict_below=P_CONFLICT, ends=_turning_rows(result), identify=section,
@@ -158,18 +162,6 @@ def analysis_text(
         complete=complete_runs([result]),
         said=[words for force in (result.deviation or {}).values() for words in (force.words, force.noise_words)] if result.status == "ok" else [],
     )
-
-
-def _caption(result: Result) -> str:
-    """What the marks of the main figure mean."""
-    points = "Points: data, crosses: left out."
-    forces = list((result.deviation or {}).values())
-    if result.status != "ok":
-        bare = ", without a force beside it and from rest" if forces else ""
-        return f"{points} Blue: the most probable curve{bare}; no bands: the status is not ok."
-    drawn = any(force.drawn for force in forces)
-    bare = " The curve is drawn without what it lacks." if result.curve_deviation or (forces and not drawn) else ""
-    return f"{points} Blue: the curve{' and the force it may lack' if drawn else ''}, 68 and 95 %. Grey: a new reading, 95 %.{bare}"
 
 
 def complete_runs(results: Iterable[Result]) -> dict[str, list[str]]:

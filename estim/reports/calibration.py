@@ -72,7 +72,7 @@ def calibration_report(campaign: Campaign, calibrations: Sequence[Calibration], 
         uniform_below=UNIFORM_BELOW, coverage_sds=COVERAGE_SDS, parts=[_part(calibration) for calibration in calibrations],
     )
     records = {c.what: calibration_record(campaign, c) for c in calibrations}
-    return page(drawers, text, wanted=figures) | {"calibration.json": as_json(records)}
+    return page(drawers, text, wanted=figures, synthetic=campaign.kind == "synthetic") | {"calibration.json": as_json(records)}
 
 
 def calibration_record(campaign: Campaign, c: Calibration) -> CalibrationRecord:

@@ -12,7 +12,8 @@ import numpy as np
 from estim.campaign import Campaign
 from estim.common import KINDS, Quantity, as_json, format_p, format_quantity, gravest, percentage, significant, with_unit
 from estim.pipeline import Analysis
-from estim.reports.figures import COLOURS, GREY, MARKS, new_figure
+from estim.reports.figures import GREY, MARKS, new_figure
+from estim.reports.joint_figures import RUN_COLOURS
 from estim.reports.pages import page
 from estim.reports.rendering import render
 from estim.reports.result import Provenance, provenance
@@ -166,7 +167,7 @@ def energy_report(
         render, "energy.md.j2", result=result, energies=result.energies, kind=KINDS[campaign.kind], status_words=STATUS_WORDS, shown=shown,
         percent=percent, drift_words=drift_words,
     )
-    return page(drawers, text, wanted=figures) | {"result.json": as_json(result)}
+    return page(drawers, text, wanted=figures, synthetic=campaign.kind == "synthetic") | {"result.json": as_json(result)}
 
 
 def energy_figure(records: Sequence[EnergyRecord], *, synthetic: bool, title: str, bad: frozenset[str] = frozenset()) -> Figure:
@@ -175,16 +176,21 @@ def energy_figure(records: Sequence[EnergyRecord], *, synthetic: bool, title: st
     Energies have a strip for each run: the bands of several runs in one panel hide each other.
     """
     n = len(records)
-    figure = new_figure(3.0 + max(2.6, 0.95 * n))
-    rows = figure.add_gridspec(2, 2, height_ratios=(2.8, max(2.6, 0.95 * n)))
-    x_panel, v_panel = (figure.add_subplot(rows[0, i]) for i in (0, 1))
-    energies, changes = (rows[1, i].subgridspec(n, 1).subplots(sharex=True, sharey=i == 1, squeeze=False)[:, 0] for i in (0, 1))
+    figure = new_figure(3.2 + max(2.6, 0.95 * n))
+    axes = figure.subplots(1 + n, 2, squeeze=False, height_ratios=(2.8, *[max(2.6, 0.95 * n) / n] * n))
+    (x_panel, v_panel), energies, changes = axes[0], axes[1:, 0], axes[1:, 1]
+    for column in (energies, changes):
+        for strip in column[:-1]:
+            strip.sharex(column[-1])
+            strip.tick_params(labelbottom=False)
+    for change in changes[1:]:
+        change.sharey(changes[0])
     timed = all(record.t is not None for record in records)
-    for record, colour, mark, strip, change in zip(records, COLOURS * n, MARKS * n, energies, changes, strict=False):
+    for record, colour, mark, strip, change in zip(records, RUN_COLOURS * n, MARKS * n, energies, changes, strict=False):
         t = record.t if timed and record.t is not None else record.x
         none = np.zeros_like(record.x)
         panels = ((x_panel, record.x, none), (v_panel, record.v, record.u_v), (strip, record.total, record.u_total))
-        for ax, y, u in (*panels, (change, record.relative, record.u_relative)):
+        for ax, y, u in (*panels, (change, 100.0 * record.relative, 100.0 * record.u_relative)):
             ax.plot(t, y, mark, color=colour, ms=2.5, label=record.run)
             if record.run not in bad:
                 ax.fill_between(t, y - u, y + u, color=colour, alpha=0.25, lw=0)
@@ -195,9 +201,9 @@ def energy_figure(records: Sequence[EnergyRecord], *, synthetic: bool, title: st
     along = "time t (s)" if timed else "position x (m)"
     x_panel.set(xlabel=along, ylabel="(a) position x (m)")
     v_panel.set(xlabel=along, ylabel="(b) speed v (m/s)")
-    for strips, name in ((energies, "(c) energy E/M (J/kg)"), (changes, "(d) (E − E₀)/E₀")):
+    for strips, name in ((energies, "(c) energy E/M (J/kg)"), (changes, "(d) (E − E₀)/E₀ (%)")):
         strips[-1].set_xlabel(along)
         strips[0].set_title(name, fontsize=9, loc="left", pad=2)
-    x_panel.legend(fontsize=8, frameon=False)
+    figure.legend(*x_panel.get_legend_handles_labels(), fontsize=8, frameon=False, loc="outside lower center", ncols=min(n, 6))
     figure.suptitle(title + (" (SYNTHETIC data)" if synthetic else ""), fontsize=10)
     return figure

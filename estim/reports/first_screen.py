@@ -108,7 +108,8 @@ def first_screen(result: Told) -> Screen:
     estimates = tuple([_estimate(name, result) for name in shown] + _sought(result))
     head, rows = result_table(estimates)
     elsewhere = list(dict.fromkeys(result.labels.symbol(split_level(name)[0]) for name in result.parameters if name not in shown))
-    minds = [words for words in (_limits(shown, result), _forces(result)) if words]
+    noise = [one.noise_words for one in (result.deviation or {}).values() if one.noise_words]
+    minds = [words for words in (_limits(shown, result), _forces(result), *noise) if words]
     return Screen(
         title, tests, estimates, head, tuple(rows), not_measured(estimates), listed(elsewhere) if elsewhere else "",
         tuple(minds[:_MOST_MINDS]), _sensitivity(result),

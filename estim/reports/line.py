@@ -12,7 +12,21 @@ import numpy as np
 
 from estim.campaign import Campaign, gamma_origin
 from estim.checks import Estimate, interval_cell, result_table
-from estim.common import KINDS, Markdown, Notation, Status, as_json, format_p, format_quantity, format_rounded, one_line, signed, significant, table
+from estim.common import (
+    KINDS,
+    Markdown,
+    Notation,
+    Status,
+    as_json,
+    format_p,
+    format_quantity,
+    format_rounded,
+    one_line,
+    percentage,
+    signed,
+    significant,
+    table,
+)
 from estim.line import CONVENTIONS, LineAnalysis, TrialsAnalysis
 from estim.reports.copying import copies_of
 from estim.reports.figures import BLUE, INK, ORANGE, new_figure
@@ -156,13 +170,14 @@ def line_report(
 
     voice : to whom advice is given.  figures : whether there are any.
     """
+    synthetic = campaign.kind == "synthetic"
     result, true = line_result(campaign, analysis, voice=voice), campaign.truth.get(f"gamma[{analysis.series.body}]")
-    drawers: Drawers = {"figures/line.png": partial(line_figure, analysis, synthetic=campaign.kind == "synthetic")}
+    drawers: Drawers = {"figures/line.png": partial(line_figure, analysis, synthetic=synthetic)}
     if trials is None:
-        return page(drawers, partial(line_text, result, true=true), wanted=figures) | {"result.json": as_json(result)}
+        return page(drawers, partial(line_text, result, true=true), wanted=figures, synthetic=synthetic) | {"result.json": as_json(result)}
     of_trials, values, record = trials_files(campaign, trials, line=analysis, voice=voice)
     text = partial(line_text, result, trials=values, true=true)
-    return page({**drawers, **of_trials}, text, wanted=figures) | {"result.json": as_json(result), "trials.json": record}
+    return page({**drawers, **of_trials}, text, wanted=figures, synthetic=synthetic) | {"result.json": as_json(result), "trials.json": record}
 
 
 def line_text(result: LineResult, pictures: Collection[str], *, trials: Mapping[str, object] | None = None, true: float | None = None) -> str:
@@ -269,7 +284,7 @@ def line_figure(analysis: LineAnalysis, *, synthetic: bool) -> Figure:
         lines = draws[:, [names.index("intercept")]] + draws[:, [names.index("slope")]] * x
         for probability, alpha in ((0.95, 0.22), (0.68, 0.40)):
             low, high = np.quantile(lines, [0.5 - 0.5 * probability, 0.5 + 0.5 * probability], axis=0)
-            ax.fill_between(x, low, high, color=BLUE, alpha=alpha, lw=0, label=f"posterior of the line, {probability:.0%}")
+            ax.fill_between(x, low, high, color=BLUE, alpha=alpha, lw=0, label=f"posterior of the line, {percentage(probability)}")
     if analysis.gamma_masses is not None:
         gamma = analysis.gamma_masses
         ax.plot(x, x / gamma.value, color=ORANGE, lw=1.8, label=f"theory, γ = {format_quantity(gamma.value, gamma.u)} as stated")
@@ -283,5 +298,5 @@ def line_figure(analysis: LineAnalysis, *, synthetic: bool) -> Figure:
     ax.set_ylabel(r"sin θ$_{\mathrm{min}}$  (smallest ascending angle)")
     ax.set_ylim(bottom=min(0.0, float(np.min(series.y - series.u_y))))
     ax.set_title(f"{series.body}" + (" (SYNTHETIC data)" if synthetic else ""), fontsize=10)
-    ax.legend(fontsize=8, frameon=False, loc="upper left")
+    figure.legend(fontsize=8, frameon=False, loc="outside lower center", ncols=2)
     return figure

@@ -13,7 +13,7 @@ import numpy as np
 
 from estim.campaign import gamma_origin
 from estim.checks import Estimate, result_table
-from estim.common import KINDS, as_json, table, with_unit
+from estim.common import KINDS, as_json, format_p, percentage, table, with_unit
 from estim.reports.analysis import Row, complete_runs, parameter_row
 from estim.reports.copying import copies_of
 from estim.reports.corner_figures import corner_figure, corner_words
@@ -153,9 +153,9 @@ def reanalysis_report(r: Reanalysis, *, voice: Voice = Voice.PYTHON, figures: bo
         if body in trusted:
             drawn[f"figures/energy-{body.body}.png"] = partial(energy_figure, body.energies, synthetic=synthetic, title=body.body)
         drawn[f"figures/residuals-{body.body}.png"] = partial(residual_figure, body.joint.problem.runs, body.joint.goodness, synthetic=synthetic)
-        drawn[f"figures/corner-{body.body}.png"] = partial(corner_figure, body.joint)
-    below = {body.body: corner_words(body.joint.problem) for body in r.bodies}
-    return page(drawn, partial(reanalysis_text, result, below), wanted=figures) | {"result.json": as_json(result)}
+        drawn[f"figures/corner-{body.body}.png"] = partial(corner_figure, body.joint, r.campaign.truth)
+    below = {body.body: corner_words(body.joint.problem, truth=bool(r.campaign.truth)) for body in r.bodies}
+    return page(drawn, partial(reanalysis_text, result, below), wanted=figures, synthetic=synthetic) | {"result.json": as_json(result)}
 
 
 def reanalysis_text(result: ReanalysisResult, corner_words: Mapping[str, str], pictures: Collection[str]) -> str:
@@ -177,6 +177,7 @@ def reanalysis_text(result: ReanalysisResult, corner_words: Mapping[str, str], p
         notes=list(dict.fromkeys(note for body in result.bodies.values() for note in body.joint.notes)),
         status=_status_words(result), troubles=_troubles(result), screens=screens, found=table(head, rows), found_rows=rows,
         copies=copies_of(estimates) if estimates else None,
+        energy_words=energy_words, narrowed=partial(_narrowed, result), tested=partial(_tested, result),
         lefts=_gathered({name: screen.left for name, screen in screens.items() if screen.left}), energies=_gathered(_energies(result)),
     )
 
@@ -184,6 +185,16 @@ def reanalysis_text(result: ReanalysisResult, corner_words: Mapping[str, str], p
 def _how_many(body: BodySummary, name: str) -> str:
     n = len(body.runs_in_order)
     return f"{n} runs of {name} together" if n > 1 else f"the run of {name}"
+
+
+def _narrowed(result: ReanalysisResult, name: str) -> str:
+    shares = [band.median_ratio for band in result.bodies[name].bands.values()]
+    return f"{percentage(min(shares))} to {percentage(max(shares))}" if shares else "an unknown part"
+
+
+def _tested(result: ReanalysisResult, name: str) -> str:
+    p = result.bodies[name].joint.fit.p_value
+    return "" if p is None else f": {format_p(p)} of their size"
 
 
 def _energies(result: ReanalysisResult) -> dict[str, str]:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from estim.common import signed
-from estim.reports.figures import BLUE, COLOURS, GREY, INK, MARKS, ORANGE, name_ticks, new_figure
+from estim.reports.figures import BLUE, GREY, INK, MARKS, ORANGE, name_ticks, new_figure
 from estim.reports.joint_figures import RUN_COLOURS
 from estim.reports.residual_panels import draw_faded, draw_points_with_bars, draw_residuals, panel_pairs, residuals_of
 from estim.sampling import curve_draws
@@ -76,15 +76,16 @@ def width_figure(bodies: Sequence[BodyAnalysis], *, synthetic: bool) -> Figure:
     figure = new_figure(3.2)
     axes = figure.subplots(1, len(bodies), squeeze=False, sharey=True)[0]
     for ax, body in zip(axes, bodies, strict=True):
-        for band, colour in zip(body.propagated, COLOURS * 4, strict=False):
-            ax.plot(band.x, band.ratio, color=colour, lw=1.4, label=band.run)
-        ax.axhline(1.0, color=GREY, lw=0.8, ls="--")
+        for k, band in enumerate(body.propagated):
+            style = ("-", "--", ":", "-.")[k // len(RUN_COLOURS) % 4]
+            ax.plot(band.x, 100.0 * band.ratio, color=RUN_COLOURS[k % len(RUN_COLOURS)], ls=style, lw=1.4, label=band.run)
+        ax.axhline(100.0, color=GREY, lw=0.8, ls="--")
         ax.set_yscale("log")
         ax.yaxis.set_major_formatter(lambda value, _: f"{value:g}")
         ax.set(xlabel=body.joint.problem.runs[0].x_label)
         ax.legend(fontsize=8, frameon=False, ncols=2, loc="upper center")
-    axes[0].set_ylim(top=8.0)
-    axes[0].set_ylabel("posterior / propagated width (68 %)")
+    axes[0].set_ylim(top=800.0)
+    axes[0].set_ylabel("posterior band, % of the propagated one")
     if synthetic:
         figure.suptitle("SYNTHETIC data", fontsize=9)
     return figure
@@ -109,7 +110,7 @@ def narrowing_figure(tables: Sequence[Narrowing], *, synthetic: bool) -> Figure:
         name_ticks(ax.xaxis, count, table.runs, fontsize=8, rotation=90 if upright else 0)
     for extra in axes[len(pairs) :]:
         extra.set_visible(False)
-    axes[0].legend(fontsize=8, frameon=False)
+    figure.legend(*axes[0].get_legend_handles_labels(), fontsize=8, frameon=False, loc="outside lower center", ncols=3)
     if synthetic:
         figure.suptitle("SYNTHETIC data", fontsize=9)
     return figure
