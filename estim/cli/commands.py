@@ -183,7 +183,7 @@ def reanalyse(campaign: Path, max_steps: int, out: Path | None, seed: int, no_fi
     posterior band, and published numbers beside reanalysed ones.
     """
     from estim.campaign import load_campaign
-    from estim.reports import reanalysis_report
+    from estim.reports import reanalysis_lines, reanalysis_report
     from estim.sampling import Target
     from estim.studies import reanalyse as run_reanalysis
     from estim.words import Voice
@@ -193,8 +193,9 @@ def reanalyse(campaign: Path, max_steps: int, out: Path | None, seed: int, no_fi
     result = run_reanalysis(loaded, seed=seed, target=Target(max_step=max_steps), progress_of=lambda what: announced(what))
     folder = out or Path("out") / campaign.resolve().parent.name
     write_report(folder, reanalysis_report(result, voice=Voice.COMMANDS, figures=not no_figures))
+    said = reanalysis_lines(result)
     for what, status in result.statuses.items():
-        conclude(what, status, ())
+        conclude(what, status, said.get(what, ()))
     report_at(folder / "report.md", loaded.source.outside(line=True, published=True))
     _exit_unless(all(status.ok for status in result.statuses.values()))
 

@@ -164,7 +164,7 @@ def with_unit(text: str, unit: str) -> str:
     """A number and its unit, brackets around more than one number: '0.447 m', '(3.86 ± 0.26)°'; the unit 1 is not written."""
     if unit in ("", "1") or text == "n/a":
         return text
-    return (f"({text})" if " " in text else text) + ("" if unit == "°" else " ") + unit
+    return (f"({text})" if " " in text and not text.startswith("(") else text) + ("" if unit == "°" else " ") + unit
 
 
 def signed(text: str) -> str:

@@ -11,7 +11,7 @@ import msgspec
 import numpy as np
 
 from estim.campaign import Campaign, gamma_origin
-from estim.checks import Estimate, interval_cell, result_table
+from estim.checks import Estimate, interval_cell, result_table, screen_lines
 from estim.common import (
     KINDS,
     Markdown,
@@ -191,6 +191,13 @@ def line_text(result: LineResult, pictures: Collection[str], *, trials: Mapping[
         "line.md.j2", pictures=pictures, opened=(), trials=trials, found=table(head, rows), copies=copies_of(shown) if shown else None,
         **line_values(result),
     )
+
+
+def line_lines(campaign: Campaign, analysis: LineAnalysis) -> list[str]:
+    """What a terminal says of a line whose status is ok."""
+    result = line_result(campaign, analysis)
+    resistance = f"c_rr = {_estimate(result.methods['posterior'].rolling_resistance)}, if all of the intercept is rolling resistance"
+    return screen_lines([line_estimate(result, campaign.truth.get(f"gamma[{analysis.series.body}]"))], minds=[resistance])
 
 
 def line_estimate(result: LineResult, true: float | None) -> Estimate:

@@ -12,8 +12,9 @@ import msgspec
 import numpy as np
 
 from estim.campaign import gamma_origin
-from estim.checks import Estimate, result_table
-from estim.common import KINDS, as_json, format_p, percentage, table, with_unit
+from estim.checks import Estimate, result_table, screen_lines
+from estim.common import KINDS, as_json, format_p, percentage, split_level, table, with_unit
+from estim.pipeline import Analysis
 from estim.reports.analysis import Row, complete_runs, parameter_row
 from estim.reports.copying import copies_of
 from estim.reports.corner_figures import corner_figure, corner_words
@@ -33,7 +34,7 @@ from estim.reports.energy import (
 )
 from estim.reports.figures import residual_figure
 from estim.reports.first_screen import first_screen
-from estim.reports.line import LineResult, line_estimate, line_figure, line_result, line_values
+from estim.reports.line import LineResult, line_estimate, line_figure, line_lines, line_result, line_values
 from estim.reports.pages import page
 from estim.reports.reanalysis_figures import narrowing_figure, overlay_figure, tilts_figure, width_figure
 from estim.reports.rendering import render
@@ -156,6 +157,18 @@ def reanalysis_report(r: Reanalysis, *, voice: Voice = Voice.PYTHON, figures: bo
         drawn[f"figures/corner-{body.body}.png"] = partial(corner_figure, body.joint, r.campaign.truth)
     below = {body.body: corner_words(body.joint.problem, truth=bool(r.campaign.truth)) for body in r.bodies}
     return page(drawn, partial(reanalysis_text, result, below), wanted=figures, synthetic=synthetic) | {"result.json": as_json(result)}
+
+
+def reanalysis_lines(r: Reanalysis) -> dict[str, list[str]]:
+    """What was analysed -> what a terminal says of it, for results that are ok: what the runs of a body share, and the line."""
+    found = {f"joint fit of {body.body}": screen_lines(_shared(body.joint)) for body in r.bodies if body.joint.diagnosis.ok}
+    return found | ({"line": line_lines(r.campaign, r.line)} if r.line is not None and r.line.status.ok else {})
+
+
+def _shared(joint: Analysis) -> list[Estimate]:
+    runs = {run.name for run in joint.problem.runs}
+    named = zip(joint.problem.names, joint.estimates, strict=True)
+    return [one for name, one in named if len(runs) == 1 or split_level(name)[1].strip("[]") not in runs]
 
 
 def reanalysis_text(result: ReanalysisResult, corner_words: Mapping[str, str], pictures: Collection[str]) -> str:

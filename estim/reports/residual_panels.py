@@ -34,13 +34,17 @@ class Residuals:
     sd: FloatArray
 
     @property
-    def words(self) -> str:
-        """'heavy-04: largest misfit 0.048 m/s, 2.1 sd, near 0.044 m'."""
+    def largest(self) -> float:
+        """The largest misfit, in standard deviations of a reading."""
+        return float(np.max(np.abs(self.rest) / self.sd))
+
+    def describe(self) -> str:
+        """'largest misfit 0.048 m/s, 2.1 sd, near 0.044 m'."""
         run, sds = self.run, np.abs(self.rest) / self.sd
         i = int(np.argmax(sds))
         size = with_unit(format_rounded(abs(float(self.rest[i])), float(self.sd[i])), run.y_unit)
         reach = 0.02 * float(np.ptp(run.x)) or 1.0
-        return f"{run.name}: largest misfit {size}, {sds[i]:.1f} sd, near {with_unit(format_rounded(float(run.x[i]), reach), run.x_unit)}"
+        return f"largest misfit {size}, {sds[i]:.1f} sd, near {with_unit(format_rounded(float(run.x[i]), reach), run.x_unit)}"
 
 
 def residuals_of(analysis: Analysis) -> list[Residuals]:
@@ -103,13 +107,13 @@ def draw_residuals(ax: Axes, residuals: Residuals, bands: Bands | None, *, reach
     top = max(1.15 * float(np.max(np.abs(rest) + (sd if run.n_obs <= _MANY else 0.0))), 2.5 * float(np.median(sd)), reach)
     ax.set_ylim(-top, top)
     unit = "" if run.y_unit == "1" else f" ({run.y_unit})"
-    ax.set(xlabel=run.x_label, ylabel=f"{_letter(run.y_label)} − fit{unit}")
+    ax.set(xlabel=run.x_label, ylabel=f"{_letter(run.y_name)} − fit{unit}")
 
 
-def _letter(label: str) -> str:
-    """The symbol in 'speed v (m/s)', or "data" where the label has none."""
-    words = label.partition(" (")[0].split(" ")
-    return words[-1] if len(words[-1]) == 1 else "data"
+def _letter(name: str) -> str:
+    """The symbol in "speed v", or "data" where the name has none."""
+    last = name.split(" ")[-1]
+    return last if len(last) == 1 else "data"
 
 
 def draw_faded(ax: Axes, x: FloatArray, low: FloatArray, high: FloatArray, colour: str, *, alpha: float, label: str = "") -> None:
@@ -130,5 +134,5 @@ def draw_faded(ax: Axes, x: FloatArray, low: FloatArray, high: FloatArray, colou
 
 def misfit_words(found: Sequence[Residuals]) -> str:
     """The largest misfit of the run that has the largest."""
-    worst = max(found, key=lambda one: float(np.max(np.abs(one.rest) / one.sd)))
-    return worst.words if len(found) > 1 else worst.words.partition(": ")[2]
+    worst = max(found, key=lambda one: one.largest)
+    return f"{worst.describe()}{f' of {worst.run.name}' if len(found) > 1 else ''}"
