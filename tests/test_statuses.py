@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from click.testing import CliRunner
+from matplotlib.collections import PolyCollection
 from troubles import TROUBLES, Disk, Formula, Trouble, uniform
 
 from estim.campaign import load_campaign
@@ -18,7 +19,7 @@ from estim.cli.commands import cli
 from estim.common.kinds import Status
 from estim.pipeline import Analysis, analyse
 from estim.problem.posterior import Posterior
-from estim.reports.figures import phase_figure
+from estim.reports.curve_figures import phase_figure
 from estim.sampling import certified
 from estim.sampling.certificate import Certificate
 from estim.sampling.chain import Target
@@ -163,9 +164,11 @@ def healthy(tmp_path_factory: pytest.TempPathFactory) -> Analysis:
 
 @pytest.mark.parametrize("status", Status)
 def test_only_an_ok_result_has_bands(status: Status, healthy: Analysis) -> None:
-    ax = phase_figure(replace(healthy, diagnosis=replace(healthy.diagnosis, status=status)), synthetic=True).axes[0]
-    texts = [text.get_text() for text in ax.get_legend().get_texts()]
-    assert bool(ax.collections) == (status == "ok")
+    figure = phase_figure(replace(healthy, diagnosis=replace(healthy.diagnosis, status=status)), synthetic=True)
+    ax, below = figure.axes
+    texts = [text.get_text() for text in figure.legends[0].get_texts()]
+    for panel in (ax, below):
+        assert any(isinstance(part, PolyCollection) for part in panel.collections) == (status == "ok")
     assert any("%" in text for text in texts) == (status == "ok")
     assert ax.get_title().endswith(")" if status == "ok" else status)
 

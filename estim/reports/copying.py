@@ -150,6 +150,8 @@ def _symbol(shown: Label) -> str:
     lowered = base.translate(_LOWERED)
     index = lowered[len(base.rstrip("₀₁₂₃₄₅₆₇₈₉")):]
     stem, underscore, below = base.rstrip("₀₁₂₃₄₅₆₇₈₉").partition("_")
+    if numbered := re.fullmatch(r"([A-Za-z]+?)(\d+)", stem):
+        stem, index = numbered[1], numbered[2] + index
     greek = _GREEK.get(stem, "")
     letter = rf"\{_VARIED.get(greek, greek)}" if greek else stem if len(stem) == 1 else rf"\mathrm{{{_escaped(stem)}}}"
     parts = (rf"\mathrm{{{_escaped(below)}}}" if underscore else "", index, rf"\text{{{_escaped(level[:-1])}}}" if bracket else "")

@@ -109,7 +109,7 @@ def first_screen(result: Told) -> Screen:
     head, rows = result_table(estimates)
     elsewhere = list(dict.fromkeys(result.labels.symbol(split_level(name)[0]) for name in result.parameters if name not in shown))
     noise = [one.noise_words for one in (result.deviation or {}).values() if one.noise_words]
-    minds = [words for words in (_limits(shown, result), _forces(result), *noise) if words]
+    minds = [words for words in (_warnings(result), _forces(result), _limits(shown, result), *noise) if words]
     return Screen(
         title, tests, estimates, head, tuple(rows), not_measured(estimates), listed(elsewhere) if elsewhere else "",
         tuple(minds[:_MOST_MINDS]), _sensitivity(result),
@@ -122,10 +122,11 @@ def result_lines(result: Told) -> list[str]:
 
 
 def opened_by(result: Told) -> frozenset[str]:
-    """The parts of a report that stand open: none where the result can be used, else the one that holds the reason."""
+    """The parts of a report that stand open: the one that holds the reason where there is no result, and what is suspicious about the data."""
+    doubtful = {"data"} if any(run.warnings or run.bad_frames or run.outliers for run in result.runs.values()) else set[str]()
     if result.status == "ok":
-        return frozenset({"curve"} if result.explanation is not None else ())
-    return frozenset({_WHERE.get(result.status, "computing")})
+        return frozenset(doubtful | ({"curve"} if result.explanation is not None else set()))
+    return frozenset(doubtful | {_WHERE.get(result.status, "computing")})
 
 
 def _of_one_run(name: str, result: Told) -> bool:
@@ -174,7 +175,21 @@ def _forces(result: Told) -> str:
         return f"the curve lacks a force, about {100.0 * max(one.typical for one in found):.2g} % of the weight; the intervals have room for it"
     if any(one.probability > _SURE for one in (result.curve_deviation or {}).values()):
         return "the curve lacks something that is larger than the errors; the intervals have room for it"
+    if any(run.complete is not None for run in result.runs.values()):
+        return "the curve is taken as complete: no interval has room for what it lacks"
     return ""
+
+
+def _warnings(result: Told) -> str:
+    """What is suspicious about the data, as a number: the part that says more stands open."""
+    runs = result.runs.values()
+    counts = (
+        (sum(len(run.warnings) for run in runs), "warning of a file", "warnings of files"),
+        (sum(len(run.bad_frames) for run in runs), "bad frame", "bad frames"),
+        (sum(len(run.outliers) for run in runs), "likely outlier", "likely outliers"),
+    )
+    said = [f"{n} {one if n == 1 else several}" for n, one, several in counts if n]
+    return f"{', '.join(said)}, see the data and noise" if said else ""
 
 
 def _sensitivity(result: Told) -> str:
@@ -183,5 +198,5 @@ def _sensitivity(result: Told) -> str:
     for one in result.what_if[:_MOST_ERRORS]:
         name = max(one.shifts, key=lambda parameter: abs(one.shifts[parameter]))
         if abs(one.shifts[name]) >= _FELT:
-            said.append(f"{one.error} {symbols[name].symbol} {signed(f'{one.shifts[name]:+.1f}')}")
+            said.append(f"{one.error}: {symbols[name].symbol} {signed(f'{one.shifts[name]:+.1f}')}")
     return "; ".join(said)
