@@ -13,15 +13,14 @@ from estim.reports.result import Result
 
 def caption_of(result: Result) -> str:
     """What the marks of the main figure mean."""
-    points = "Points: data with one sd of a reading (crosses: left out)."
+    points = "Points: data ± one sd (crosses: left out)."
     forces = list((result.deviation or {}).values())
     if result.status != "ok":
         bare = ", without a force beside it and from rest" if forces else ""
         return f"{points} Blue: the most probable curve{bare}; no bands: the status is not ok."
     drawn = any(force.drawn for force in forces)
-    bare = " The curve is drawn without what it lacks." if result.curve_deviation or (forces and not drawn) else ""
-    force = " and the force it may lack" if drawn else ""
-    return f"{points} Blue: the curve{force}, 68 and 95 %. Grey: a new reading, 95 %. Below: data less curve.{bare}"
+    force = " and the force it may lack" if drawn else " without what it may lack" if result.curve_deviation or forces else ""
+    return f"{points} Blue: the curve{force}, 68 and 95 %. Grey: a new reading, 95 %. Below: data less curve."
 
 
 def alts_of(result: Result, misfit: str) -> Mapping[str, str]:

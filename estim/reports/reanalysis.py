@@ -161,14 +161,14 @@ def reanalysis_report(r: Reanalysis, *, voice: Voice = Voice.PYTHON, figures: bo
 
 def reanalysis_lines(r: Reanalysis) -> dict[str, list[str]]:
     """What was analysed -> what a terminal says of it, for results that are ok: what the runs of a body share, and the line."""
-    found = {f"joint fit of {body.body}": screen_lines(_shared(body.joint)) for body in r.bodies if body.joint.diagnosis.ok}
+    found = {f"joint fit of {body.body}": screen_lines(_shared(body.joint, r.campaign.truth)) for body in r.bodies if body.joint.diagnosis.ok}
     return found | ({"line": line_lines(r.campaign, r.line)} if r.line is not None and r.line.status.ok else {})
 
 
-def _shared(joint: Analysis) -> list[Estimate]:
+def _shared(joint: Analysis, truth: Mapping[str, float]) -> list[Estimate]:
     runs = {run.name for run in joint.problem.runs}
     named = zip(joint.problem.names, joint.estimates, strict=True)
-    return [one for name, one in named if len(runs) == 1 or split_level(name)[1].strip("[]") not in runs]
+    return [replace(one, true=truth.get(name)) for name, one in named if len(runs) == 1 or split_level(name)[1].strip("[]") not in runs]
 
 
 def reanalysis_text(result: ReanalysisResult, corner_words: Mapping[str, str], pictures: Collection[str]) -> str:
@@ -181,15 +181,17 @@ def reanalysis_text(result: ReanalysisResult, corner_words: Mapping[str, str], p
     ] + _of_line(result)
     head, rows = result_table(estimates)
     return render(
-        "reanalysis.md.j2", pictures=pictures, result=result, kind=KINDS[result.kind], line=None if result.line is None else line_values(result.line),
-        shown=shown, rows={name: _rows(body.joint) for name, body in result.bodies.items()},
+        "reanalysis.md.j2", pictures=pictures, opened={"methods"}, result=result, kind=KINDS[result.kind],
+        line=None if result.line is None else line_values(result.line), shown=shown,
+        rows={name: _rows(body.joint) for name, body in result.bodies.items()},
         trusted=any(body.joint.status == "ok" for body in result.bodies.values()), singles=_singles(result),
         limit_words=limit_words, corner_words=corner_words, percent=percent, drift_words=drift_words, average_words=average_words,
         forces=[(name, force) for name, body in result.bodies.items() for force in (body.joint.deviation or {}).values()],
         complete=complete_runs(result.runs.values()),
         notes=list(dict.fromkeys(note for body in result.bodies.values() for note in body.joint.notes)),
         status=_status_words(result), troubles=_troubles(result), screens=screens, found=table(head, rows), found_rows=rows,
-        copies=copies_of(estimates) if estimates else None,
+        copies=copies_of([one for one in estimates if one.measured]) if rows else None,
+        sensitivity="; ".join(f"{name}, {screen.sensitivity}" for name, screen in screens.items() if screen.sensitivity),
         energy_words=energy_words, narrowed=partial(_narrowed, result), tested=partial(_tested, result),
         lefts=_gathered({name: screen.left for name, screen in screens.items() if screen.left}), energies=_gathered(_energies(result)),
     )
@@ -202,7 +204,7 @@ def _how_many(body: BodySummary, name: str) -> str:
 
 def _narrowed(result: ReanalysisResult, name: str) -> str:
     shares = [band.median_ratio for band in result.bodies[name].bands.values()]
-    return f"{percentage(min(shares))} to {percentage(max(shares))}" if shares else "an unknown part"
+    return f"between {percentage(min(shares))} and {percentage(max(shares))}" if shares else "an unknown part"
 
 
 def _tested(result: ReanalysisResult, name: str) -> str:
