@@ -216,3 +216,16 @@ def test_numbers_keep_their_units_on_one_line_and_code_stays_as_it_is() -> None:
     assert unbroken("(3 ± 1) m, 5 % of x\n`a = 1 ± 2`\n# 5 % x\n```\n1 ± 2\n```") == (
         "(3\u00a0±\u00a01)\u00a0m, 5\u00a0% of x\n`a = 1 ± 2`\n# 5 % x\n```\n1 ± 2\n```"
     )
+
+
+def test_the_sample_report_prints_on_six_pages_and_publishes_nothing_that_was_put_in() -> None:
+    report = (PROJECT / "reports" / "replica" / "report.md").read_text()
+    before_figures = report.partition("![")[0]
+    assert len(words(before_figures)) < 120
+    open_part = re.sub(r"<details>.*?</details>", "", report, flags=re.DOTALL)
+    assert pages(open_part) + 2 * 0.8 < 6.0  # two figures, each less than a page
+    published = report.partition("## Published and reanalysed")[2].partition("\n## ")[0]
+    assert "inertia parameter" in published
+    assert "radius of the disk" not in published
+    assert report.count("**recommended**") == 1
+    assert report.count("<details>") == report.count("</details>") > 5

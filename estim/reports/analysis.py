@@ -212,13 +212,22 @@ def index_report(campaign: Campaign, results: Mapping[str, Result], explanations
     columns += list(dict.fromkeys(shown for found in derived.values() for shown in found))
     table = []
     for run, result in results.items():
-        cells = {result.labels.bare[name]: value_cell(p, result.labels.parameters[name]) for name, p in result.parameters.items()}
+        cells = {result.labels.bare[name]: _index_cell(p, result.labels.bare[name]) for name, p in result.parameters.items()}
         cells |= {shown: value_cell(one, shown) for shown, one in derived[run].items()}
         table.append((run, result.status, [cells.get(shown, "") if result.status == "ok" else "—" for shown in columns]))
     causes = runs_text(across_runs(explanations)) if len(explanations) > 1 else ""
     heads = [shown.symbol + ("" if shown.unit == "1" else f" ({shown.unit})") for shown in columns]
     text = render("index.md.j2", title=campaign.title, kind=KINDS[campaign.kind], heads=heads, table=table, causes=causes)
     return {"report.md": text.encode()}
+
+
+def _index_cell(p: ParameterSummary, shown: Label) -> str:
+    """A value or a limit; "as stated" where the data say little more."""
+    if p.measured or p.limit is not None:
+        return value_cell(p, shown)
+    if p.upper_95 is not None:
+        return f"< {format_rounded(p.upper_95 * shown.factor, 0.25 * p.upper_95 * shown.factor)} (95 %)"
+    return "as stated"
 
 
 def parameter_row(name: str, p: ParameterSummary, result: Result) -> Row:

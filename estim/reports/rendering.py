@@ -47,7 +47,10 @@ def render(template: str, *, pictures: Collection[str] = (), opened: Collection[
     import jinja2
 
     def figure(alt: str, path: str, caller: Callable[[], str] = str) -> Markdown:
-        return Markdown(f"![{markdown(alt)}]({destination(path)})" + (f"\n\n{caption}" if (caption := caller()) else "") if path in pictures else "")
+        plain = alt.replace("[", "(").replace("]", ")")  # brackets inside those of an image are not for every program
+        if path not in pictures:
+            return Markdown("")
+        return Markdown(f"![{markdown(plain)}]({destination(path)})" + (f"\n\n{caption}" if (caption := caller()) else ""))
 
     def fold(key: str, title: str, caller: Callable[[], str]) -> Markdown:
         return folded(title, caller(), opened=key in opened)
