@@ -27,7 +27,9 @@ def alts_of(result: Result, misfit: str) -> Mapping[str, str]:
     """Name of a figure -> what it shows, as a finding; misfit : the largest, in words.  A figure without one gets no words."""
     axes = " and ".join(dict.fromkeys(f"{run.y} against {run.x}" for run in result.runs.values()))
     found: dict[str, str] = defaultdict(str)
-    found["phase"] = f"{axes}: {'the curve goes through the data' if result.status == 'ok' else 'data and curve'}, {misfit}"
+    bare = [force for force in (result.deviation or {}).values() if not force.drawn] + list((result.curve_deviation or {}).values())
+    how = "data and curve" if result.status != "ok" else "data and the curve without what it may lack" if bare else "the curve goes through the data"
+    found["phase"] = f"{axes}: {how}, {misfit}"
     least = min(((check.p_value, name) for run in result.runs.values() for name, check in run.checks.items()), default=None)
     worst = "" if least is None else f": of the tests, '{least[1]}' says most against the curve, {format_p(least[0])}"
     found["residuals"] = f"Whitened residuals{worst}"

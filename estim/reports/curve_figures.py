@@ -14,7 +14,7 @@ from estim.deviation import FoundForce
 from estim.pipeline import Analysis
 from estim.problem import Observations
 from estim.reports.figures import BLUE, GREY, INK, ORANGE
-from estim.reports.residual_panels import Residuals, draw_points_with_bars, draw_residuals, panel_pairs, residuals_of
+from estim.reports.residual_panels import Residuals, draw_points_with_bars, draw_residuals, panel_pairs, residuals_of, tidy_labels
 from estim.sampling import Bands, curve_draws
 
 if TYPE_CHECKING:
@@ -53,6 +53,7 @@ def phase_figure(analysis: Analysis, *, synthetic: bool) -> Figure:
             ax.set_ylim(bottom=_low_end(run.y))
     named = {text: handle for ax, _ in pairs for handle, text in zip(*ax.get_legend_handles_labels(), strict=True)}
     figure.legend(list(named.values()), list(named), fontsize=7.5, frameon=False, loc="outside lower center", ncols=4 if len(named) > 6 else 3)
+    tidy_labels(pairs)
     figure.align_ylabels()
     return figure
 

@@ -10,7 +10,7 @@ import numpy as np
 from estim.common import signed
 from estim.reports.figures import BLUE, GREY, INK, MARKS, ORANGE, name_ticks, new_figure
 from estim.reports.joint_figures import RUN_COLOURS
-from estim.reports.residual_panels import draw_faded, draw_points_with_bars, draw_residuals, panel_pairs, residuals_of
+from estim.reports.residual_panels import draw_faded, draw_points_with_bars, draw_residuals, panel_pairs, residuals_of, tidy_labels
 from estim.sampling import curve_draws
 from estim.studies import BodyAnalysis, Narrowing
 
@@ -42,6 +42,7 @@ def overlay_figure(body: BodyAnalysis, *, synthetic: bool) -> Figure:
         draw_residuals(below, residuals, bands if trusted else None, reach=reach)
         ax.set(ylabel=run.y_label, xlim=(0.0, None), ylim=(0.0, None))
         ax.set_title(run.name + (" (SYNTHETIC data)" if synthetic else ""), fontsize=9)
+    tidy_labels(pairs)
     figure.legend(*pairs[0][0].get_legend_handles_labels(), loc="outside lower center", ncols=2, fontsize=8, frameon=False)
     figure.align_ylabels()
     return figure

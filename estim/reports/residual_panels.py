@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 
 _MANY = 200  # points in one panel, beyond which bars hide the points
 _BAR = {"fmt": "o", "color": INK, "elinewidth": 0.7, "capsize": 0}
+_ROOMY = 6  # runs beyond which there are three columns
 _STEPS, _FADED = 24, 0.25  # pieces, and share of the way, in which a band fades
 
 
@@ -66,7 +67,7 @@ def residuals_of(analysis: Analysis) -> list[Residuals]:
 
 def panel_pairs(n: int, *, height: float) -> tuple[Figure, list[tuple[Axes, Axes]]]:
     """A figure with `n` pairs of panels, residuals below their curve; in columns where there are several.  height : inches of one pair."""
-    columns = 1 if n == 1 else 2 if n <= 6 else 3
+    columns = 1 if n == 1 else 2 if n <= _ROOMY else 3
     rows = -(-n // columns)
     figure = new_figure(rows * height * (1.0 if columns < 3 else 0.8) + 0.5)
     axes = figure.subplots(2 * rows, columns, squeeze=False, height_ratios=[2.6, 1.0] * rows)
@@ -78,6 +79,20 @@ def panel_pairs(n: int, *, height: float) -> tuple[Figure, list[tuple[Axes, Axes
         low.sharex(top)
         top.tick_params(labelbottom=False)
     return figure, pairs[:n]
+
+
+def tidy_labels(pairs: Sequence[tuple[Axes, Axes]]) -> None:
+    """Where panels are small their words are too, and what all of them share stands at the left alone."""
+    if len(pairs) <= _ROOMY:
+        return
+    for k, pair in enumerate(pairs):
+        for ax, first in zip(pair, pairs[0], strict=True):
+            ax.tick_params(labelsize=7)
+            ax.xaxis.label.set_fontsize(7.5)
+            ax.yaxis.label.set_fontsize(7.5)
+            ax.title.set_fontsize(8.5)
+            if k % 3 and ax.get_ylabel() == first.get_ylabel():
+                ax.set_ylabel("")
 
 
 def draw_points_with_bars(ax: Axes, residuals: Residuals, *, label: str) -> None:
