@@ -86,7 +86,7 @@ def width_figure(bodies: Sequence[BodyAnalysis], *, synthetic: bool) -> Figure:
         ax.set(xlabel=body.joint.problem.runs[0].x_label)
         ax.legend(fontsize=8, frameon=False, ncols=2, loc="upper center")
     axes[0].set_ylim(top=800.0)
-    axes[0].set_ylabel("posterior band, % of the propagated one")
+    axes[0].set_ylabel("posterior / propagated band (%)")
     if synthetic:
         figure.suptitle("SYNTHETIC data", fontsize=9)
     return figure
@@ -101,9 +101,9 @@ def narrowing_figure(tables: Sequence[Narrowing], *, synthetic: bool) -> Figure:
     for ax, (table, i) in zip(axes, pairs, strict=False):
         count = np.arange(1, len(table.runs) + 1)
         ax.plot(count, table.u[:, i], "o-", color=BLUE, label="runs up to this one together")
-        ax.plot(count, table.u_single[:, i], "s", color=ORANGE, label="this run alone", zorder=3, mfc="none", mew=1.6, ms=8)
+        ax.plot(count, table.u_single[:, i], "s", color=INK, label="this run alone", zorder=3, mfc="none", mew=1.6, ms=8)
         if np.isfinite(table.u_prior[i]):
-            ax.axhline(table.u_prior[i], ls=":", color=GREY, label="prior alone")
+            ax.axhline(table.u_prior[i], ls=":", color=ORANGE, lw=1.8, label="stated before")
         shown = np.array([*table.u[:, i], *table.u_single[:, i], table.u_prior[i]])
         top = 1.1 * float(np.max(shown[np.isfinite(shown)]))
         ax.set(ylabel=f"u({table.labels[i].tex})", ylim=(0.0, top), xlim=(0.6, len(count) + 0.4))

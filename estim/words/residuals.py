@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping
 from types import MappingProxyType
 
-from estim.common import Finding, Kind, format_p
+from estim.common import Finding, Kind, format_p, percentage
 from estim.words.table import Table
 
 TESTS: Mapping[str, str] = MappingProxyType(
@@ -98,7 +98,7 @@ def _few(f: Finding) -> str:
 
 
 def _crowd(f: Finding) -> str:
-    return f"run {f.run}: {f.size:.0%} of the frames would be outliers: it may be the others that are not the motion"
+    return f"run {f.run}: {percentage(f.size)} of the frames would be outliers: it may be the others that are not the motion"
 
 
 def _limit(where: str, f: Finding) -> str:
