@@ -17,6 +17,7 @@ from estim.reports.joint_figures import RUN_COLOURS
 from estim.reports.pages import page
 from estim.reports.rendering import render
 from estim.reports.result import Provenance, provenance
+from estim.reports.rounded import interval
 from estim.sampling import number
 from estim.studies import Drift, EnergyEstimate, EnergyRecord
 from estim.words import STATUS_WORDS
@@ -45,6 +46,13 @@ class EnergySummary(msgspec.Struct, frozen=True):
     loss_per_metre: Value  # J/(kg m)
     loss_interval_95: list[float | None]
     loss_force: Value  # N
+
+    @property
+    def loss_ends(self) -> str:
+        """The interval of the loss, rounded by its standard uncertainty."""
+        low, high = self.loss_interval_95
+        u = self.loss_per_metre.u
+        return "n/a" if low is None or high is None or u is None else interval(low, high, u, 2)
 
 
 class DriftSummary(msgspec.Struct, frozen=True):
@@ -165,7 +173,7 @@ def energy_report(
     drawers = {"figures/energy.png": partial(energy_figure, records, synthetic=campaign.kind == "synthetic", title=campaign.title, bad=bad)}
     text = partial(
         render, "energy.md.j2", result=result, energies=result.energies, kind=KINDS[campaign.kind], status_words=STATUS_WORDS, shown=shown,
-        percent=percent, drift_words=drift_words,
+        percent=percent, drift_words=drift_words, energy_words=energy_words,
     )
     return page(drawers, text, wanted=figures, synthetic=campaign.kind == "synthetic") | {"result.json": as_json(result)}
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Protocol
 
 from estim.checks import Estimate, not_measured, p_sentence, result_table, screen_lines
@@ -140,12 +140,19 @@ def _estimate(name: str, result: Told) -> Estimate:
 
 
 def _sought(result: Told) -> list[Estimate]:
-    """What a user wanted computed: once where it is the same for all runs."""
+    """What a user wanted computed: once where it is the same for all runs, else run by run."""
     found: dict[str, dict[str, Estimate]] = {}
     for run, one in result.runs.items():
         for name in one.sought:
             found.setdefault(name, {})[run] = Estimate(result.labels.derived[run][name], one.derived[name], "", True)
-    return [next(iter(by_run.values())) for by_run in found.values() if len({(e.summary.mean, e.summary.sd) for e in by_run.values()}) == 1]
+    shown = []
+    for by_run in found.values():
+        first = next(iter(by_run.values()))
+        if len(by_run) == len(result.runs) and len({(one.summary.mean, one.summary.sd) for one in by_run.values()}) == 1:
+            shown.append(first)
+        else:
+            shown += [replace(one, label=replace(one.label, symbol=f"{one.label.symbol}[{run}]")) for run, one in by_run.items()]
+    return shown
 
 
 def _limits(shown: Sequence[str], result: Told) -> str:
