@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 _SYNTHETIC = "SYNTHETIC"
-_CODE = re.compile(r"(^```.*?^```$|`[^`\n]*`|^#.*$)", re.DOTALL | re.MULTILINE)
+_CODE = re.compile(r"(^```.*?^```$|`[^`\n]*`|^#[^\n]*$)", re.DOTALL | re.MULTILINE)
 _BREAKS = re.compile(r"(?<=[\d)]) (?=(?:±|%|×|°|sd|mm|cm|m|s|kg|N|J|rad|Hz|deg)(?![\w]))|(?<=±) (?=\d)")
 
 Drawers = Mapping[str, "Callable[[], Figure]"]

@@ -7,9 +7,14 @@ What is `Markdown` already passes.
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterable
+from functools import cache
+from typing import TYPE_CHECKING
 
 from estim.checks import P_FLOOR
 from estim.common import Markdown, code, destination, format_p, markdown, p_digits, percentage, signed, significant
+
+if TYPE_CHECKING:
+    import jinja2
 
 
 def p_words(p: float) -> str:
@@ -44,8 +49,6 @@ def render(template: str, *, pictures: Collection[str] = (), opened: Collection[
     pictures : paths of the figures beside the report.  `{% call figure(alt, path) %} caption {% endcall %}` shows one of them, and nothing else.
     opened : keys of the parts that stand open.  `{% call fold(key, title) %} sections {% endcall %}` is folded unless its key is among them.
     """
-    import jinja2
-
     def figure(alt: str, path: str, caller: Callable[[], str] = str) -> Markdown:
         plain = alt.replace("[", "(").replace("]", ")")  # brackets inside those of an image are not for every program
         if path not in pictures:
@@ -55,6 +58,14 @@ def render(template: str, *, pictures: Collection[str] = (), opened: Collection[
     def fold(key: str, title: str, caller: Callable[[], str]) -> Markdown:
         return folded(title, caller(), opened=key in opened)
 
+    return Markdown(_environment().get_template(template).render(pictures=pictures, figure=figure, fold=fold, **values))
+
+
+@cache
+def _environment() -> jinja2.Environment:
+    """What compiles templates, each of them once."""
+    import jinja2
+
     environment = jinja2.Environment(
         loader=jinja2.PackageLoader("estim.reports"), undefined=jinja2.StrictUndefined, trim_blocks=True, lstrip_blocks=True,
         keep_trailing_newline=True, autoescape=False, finalize=markdown,
@@ -62,4 +73,4 @@ def render(template: str, *, pictures: Collection[str] = (), opened: Collection[
     environment.filters["number"] = lambda v, digits=3: "n/a" if v is None else significant(v, digits)
     environment.filters |= {"signed": signed, "p": p_words, "p_is": format_p, "percent": percentage}
     environment.filters |= {"cells": cells, "sentence": sentence, "code": code, "destination": destination}
-    return Markdown(environment.get_template(template).render(pictures=pictures, figure=figure, fold=fold, **values))
+    return environment
