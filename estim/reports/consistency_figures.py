@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from estim.checks import Consistency
-from estim.reports.figures import BLUE, GREY, INK, ORANGE, name_ticks, new_figure
+from estim.reports.figures import BLUE, GREY, INK, name_ticks, new_figure
+from estim.reports.residual_panels import VERMILION
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -22,7 +23,7 @@ def forest_figure(
 ) -> Figure:
     """One panel a shared parameter, one line a run; bars are one standard uncertainty, the shaded band is the joint fit.
 
-    Runs that disagree are orange.  Runs beyond the first 64 are not drawn.  edges : parameter -> ends of its prior, beyond which nothing is drawn.
+    Runs that disagree are vermilion.  Runs beyond the first 64 are not drawn.  edges : parameter -> ends of its prior, beyond which nothing is drawn.
     """
     panels = [(i, name, shown) for i, (name, shown) in enumerate(zip(consistency.shared, consistency.labels, strict=True))]
     columns = min(3, len(panels))
@@ -40,7 +41,7 @@ def forest_figure(
             ax.axvline(centre, color=GREY, lw=0.8)
         for place, run in enumerate(runs):
             others, alone = consistency.others[run], consistency.alone[run]
-            colour = ORANGE if run in wrong else BLUE
+            colour = VERMILION if run in wrong else BLUE
             value, bar = _within(others.mean[i] * shown.factor, others.sd[i] * shown.factor, low, high)
             ax.errorbar(
                 value, place + 0.17, xerr=bar, fmt="o", mfc="white", ms=3.5, color=INK, lw=0.9,

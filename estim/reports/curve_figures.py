@@ -13,8 +13,8 @@ from estim.checks import Outliers
 from estim.deviation import FoundForce
 from estim.pipeline import Analysis
 from estim.problem import Observations
-from estim.reports.figures import BLUE, GREY, INK, ORANGE
-from estim.reports.residual_panels import Residuals, draw_points_with_bars, draw_residuals, panel_pairs, residuals_of, tidy_labels
+from estim.reports.figures import BLUE, GREY, INK
+from estim.reports.residual_panels import VERMILION, Residuals, draw_points_with_bars, draw_residuals, panel_pairs, residuals_of, tidy_labels
 from estim.sampling import Bands, curve_draws
 
 if TYPE_CHECKING:
@@ -43,7 +43,7 @@ def phase_figure(analysis: Analysis, *, synthetic: bool) -> Figure:
         if trusted and stops.size > 0.5 * bands.end.size and np.median(stops) < 1.25 * run.x.max():
             left, middle, right = np.quantile(stops, [0.025, 0.5, 0.975])
             reach = [[middle - left], [right - middle]]
-            bar = ax.errorbar(middle, 0.0, xerr=reach, fmt="^", color=ORANGE, mec=INK, ms=8, lw=3, label="turning point, 95 %", zorder=6)
+            bar = ax.errorbar(middle, 0.0, xerr=reach, fmt="^", color=BLUE, mec=INK, ms=8, lw=3, label="turning point, 95 %", zorder=6)
             for part in (bar.lines[0], *bar.lines[2]):
                 part.set_clip_on(False)
         ax.set_ylabel(run.y_label)
@@ -94,7 +94,7 @@ def _draw_outliers(ax: Axes, run: Observations, outliers: Sequence[Outliers]) ->
     for found in outliers:
         if found.run == run.name and found.frames.size:
             at = found.frames
-            ax.plot(run.x[at], run.y[at], "o", mfc="none", mec=ORANGE, mew=1.6, ms=9, ls="", label="outlier", zorder=6)
+            ax.plot(run.x[at], run.y[at], "o", mfc="none", mec=VERMILION, mew=1.6, ms=9, ls="", label="outlier", zorder=6)
 
 
 def _draw_bad_frames(ax: Axes, run: Observations, forces: Sequence[FoundForce]) -> None:
@@ -103,4 +103,4 @@ def _draw_bad_frames(ax: Axes, run: Observations, forces: Sequence[FoundForce]) 
     jumps = [jump for found in forces if found.run == run.name for jump in found.bad.jumps]
     at = sorted({int(np.argmin(np.abs(times - (jump.x if run.t is None else jump.t)))) for jump in jumps})
     if at:
-        ax.plot(run.x[at], run.y[at], "o", mfc="none", mec=ORANGE, mew=1.6, ms=9, ls="", label="bad frame", zorder=6)
+        ax.plot(run.x[at], run.y[at], "o", mfc="none", mec=VERMILION, mew=1.6, ms=9, ls="", label="bad frame", zorder=6)

@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
+VERMILION = "#D55E00"  # what is wrong; orange is what was stated before
 _MANY = 200  # points in one panel, beyond which bars hide the points
 _BAR = {"fmt": "o", "color": INK, "elinewidth": 0.7, "capsize": 0}
 _ROOMY = 6  # runs beyond which there are three columns
