@@ -163,7 +163,7 @@ def test_a_column_of_several_runs_holds_one_quantity() -> None:
         )
         for run, found in {"a": [(parameters[0], 1.0)], "b": [(parameters[0], 2.0), (parameters[1], 3.0)]}.items()
     }
-    text = index_report(SimpleNamespace(title="Names", kind="synthetic"), results)["report.md"].decode()
+    text = index_report(SimpleNamespace(title="Names", kind="synthetic"), results)["report.md"].decode().replace("\u00a0", " ")
     assert "| run | status | sigma_y | σ_y (V) |" in text
     assert "| ok | 1.00 ± 0.10 |  |" in text
     assert "| ok | as stated | 3.00 ± 0.10 |" in text

@@ -42,7 +42,8 @@ class Written:
 
 def fit(campaign: Disk | Formula, folder: Path, *options: str) -> Written:
     done = CliRunner().invoke(cli, ["fit", str(campaign.write(folder)), "--out", str(folder / "out"), *options])
-    return Written(done.exit_code, done.output, (folder / "out" / "report.md").read_text(), json.loads((folder / "out" / "result.json").read_text()))
+    report = (folder / "out" / "report.md").read_text().replace("\u00a0", " ")
+    return Written(done.exit_code, done.output, report, json.loads((folder / "out" / "result.json").read_text()))
 
 
 _NOT_OF_THE_RESULT = ("stated before (prior)", "fitted, were it the cause")
@@ -189,7 +190,7 @@ def test_bad_runs_have_no_numbers_in_the_index(tmp_path: Path) -> None:
     path.write_text(text.replace("[[runs]]", f"{body}[[runs]]") + second)
     done = CliRunner().invoke(cli, ["fit", str(path), "--out", str(tmp_path / "out")])
     assert done.exit_code == 3
-    rows = {row[0]: row[1:] for row in tables((tmp_path / "out" / "report.md").read_text())[0]}
+    rows = {row[0]: row[1:] for row in tables((tmp_path / "out" / "report.md").read_text().replace("\u00a0", " "))[0]}
     assert rows["[r](r/report.md)"][0] == "at-bound"
     assert set(rows["[r](r/report.md)"][1:]) == {"—"}
     assert rows["[eccentric](eccentric/report.md)"][0] == "ok"
