@@ -138,7 +138,7 @@ TROUBLES = {
     ),
     "two signs": Trouble(
         Formula("a**2*x", f"a = {uniform(-3.0, 3.0)}", lambda x: 4.0 * x), Formula("a**2*x", f"a = {uniform(0.0, 3.0)}", lambda x: 4.0 * x),
-        "multimodal", r"a = -?2 \((4[5-9]|5[0-5])% of the posterior\); or a = -?2 \((4[5-9]|5[0-5])%", "a range that holds one of them",
+        "multimodal", r"a = -?2 \((4[5-9]|5[0-5]) % of the posterior\); or a = -?2 \((4[5-9]|5[0-5]) %", "a range that holds one of them",
     ),
     # the ramp stands at 4 degrees
     "wrong tilt": Trouble(
