@@ -17,6 +17,7 @@ from matplotlib.image import imread
 from scipy.interpolate import RegularGridInterpolator
 
 from estim.campaign import load_campaign
+from estim.checks import Outliers
 from estim.common import Finding, Kind
 from estim.common.labels import Notation
 from estim.curves.rolling import RollingMotion
@@ -214,11 +215,28 @@ def test_frames_of_the_way_back_are_counted_and_no_marker_at_the_axis_is_cut(rng
     excluded = (Finding(Kind.WAY_BACK, size=2), Finding(Kind.BESIDE_RELEASE, size=1))
     run = replace(run, x=X[1:], y=X[1:], excluded=excluded, excluded_points=left, words=RollingMotion(angular=False).words())
     figure = Figure()
-    figures._draw_points(ax := figure.subplots(), run)
+    figures._draw_points(ax := figure.subplots(), run, figures._far_off(run, ()))
     assert [text.get_text() for text in ax.texts] == ["2 frames of the way back (v < 0) not shown"]
     crosses = next(line for line in ax.lines if line.get_marker() == "x")
     assert crosses.get_xydata().tolist() == [[0.01, 0.0]]
     assert not crosses.get_clip_on()
+
+
+def test_neither_an_outlier_far_off_nor_what_was_left_out_presses_the_points_flat() -> None:
+    y = np.array([3.365, 3.361, 1.366, 3.363, 3.354, 3.364, 5.4, 3.380])
+    probability = np.array([0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.9])
+    left = np.array([[1.05, 3.36], [1.05, -150.0]])
+    run = replace(single_run(1).runs[0], x=X, y=y, excluded_points=left)
+    far = figures._far_off(run, [Outliers("other", np.ones(8)), Outliers(run.name, probability)])
+    assert np.flatnonzero(far).tolist() == [2, 6]
+    figures._draw_points(ax := Figure().subplots(), run, far)
+    figures._draw_outliers(ax, run, [Outliers(run.name, probability)], far)
+    low, high = ax.get_ylim()
+    assert 3.35 < low < 3.354 < 3.380 < high < 3.39
+    assert [text.get_text() for text in ax.texts] == ["1.366", "5.4"]
+    assert [name for name in ax.get_legend_handles_labels()[1] if name != "data used"] == ["data left out", "outlier", "outlier, far off"]
+    rolling = replace(run, words=RollingMotion(angular=False).words())
+    assert not np.any(figures._far_off(rolling, [Outliers(run.name, probability)]))
 
 
 def test_a_band_that_its_line_hides_is_called_so() -> None:

@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterator, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from estim.arrays import FloatArray
 from estim.campaign import way_back
@@ -38,6 +38,7 @@ MARKS = ("o", "s", "^", "D", "v", "P")
 WIDTH = 7.2
 _MANY = 200  # points in one panel
 _LINE = 0.01  # of the height of a curve: what a line hides
+_FAR = 3.0  # heights of all other points that an outlier is away from them, and is no longer drawn to scale
 
 
 def png(draw: Callable[[], Figure]) -> bytes:
@@ -121,8 +122,9 @@ def phase_figure(analysis: Analysis, *, synthetic: bool) -> Figure:
         else:
             mode = curve_draws(analysis.problem, run, bands.x, analysis.fit.values[None, :])[0][0]
             ax.plot(bands.x, mode, color=BLUE, lw=1.2, label="most probable curve" + (", its force left out" if bands.completed else ""))
-        _draw_points(ax, run)
-        _draw_outliers(ax, run, analysis.outliers)
+        far = _far_off(run, analysis.outliers)
+        _draw_points(ax, run, far)
+        _draw_outliers(ax, run, analysis.outliers, far)
         _draw_bad_frames(ax, run, analysis.fit.forces)
         stops = bands.end[np.isfinite(bands.end)]
         if trusted and stops.size > 0.5 * bands.end.size and np.median(stops) < 1.25 * run.x.max():
@@ -158,26 +160,45 @@ def _draw_bands(ax: Axes, bands: Bands, new: str) -> None:
     ax.plot(bands.x, bands.median, color=BLUE, lw=1.2, label="posterior median")
 
 
-def _draw_points(ax: Axes, run: Observations) -> None:
+def _far_off(run: Observations, outliers: Sequence[Outliers]) -> NDArray[np.bool_]:
+    """(n_obs,) which points would press all others flat: outliers of a user's own curve, some heights of the rest away from it."""
+    named = np.zeros(run.n_obs, dtype=bool)
+    for found in outliers:
+        if found.run == run.name and not run.words.from_release:
+            named[found.frames] = True
+    rest = run.y[~named]
+    away = np.maximum(rest.min() - run.y, run.y - rest.max()) if rest.size > 1 else np.zeros(run.n_obs)
+    return named & (away > _FAR * np.ptp(rest))
+
+
+def _draw_points(ax: Axes, run: Observations, far: NDArray[np.bool_]) -> None:
     many = run.n_obs > _MANY  # then points lie over one another, and under the curve
     said = "data used" if run.noise.counted is None else f"{run.noise.counted.law.word} used"
-    ax.plot(run.x, run.y, "o", color=INK, ms=1.5 if many else 3, label=said, zorder=1.9 if many else 5, clip_on=False)
+    ax.plot(run.x[~far], run.y[~far], "o", color=INK, ms=1.5 if many else 3, label=said, zorder=1.9 if many else 5, clip_on=False)
     if run.excluded_points.size:
         left = run.excluded_points
         near = (left[:, 0] >= _low_end(run.x)) & (left[:, 0] <= 1.1 * run.x.max()) & (left[:, 1] >= _low_end(run.y))
         if not run.words.from_release:
-            near = np.abs(left[:, 0] - np.mean([run.x.min(), run.x.max()])) <= 0.6 * np.ptp(run.x)
+            ends = np.array([(v.min(), v.max()) for v in (run.x, run.y[~far])])
+            near = np.all(np.abs(left - ends.mean(axis=1)) <= 0.6 * np.ptp(ends, axis=1), axis=1)  # others would press the data flat
         if np.any(near):
             ax.plot(left[near, 0], left[near, 1], "x", color=GREY, ms=4, label="data left out", zorder=3, clip_on=not run.words.from_release)
         if hidden := way_back(run.excluded):
             ax.text(0.99, 0.97, f"{hidden} frames of the way back (v < 0) not shown", transform=ax.transAxes, ha="right", va="top", fontsize=7.5)
 
 
-def _draw_outliers(ax: Axes, run: Observations, outliers: Sequence[Outliers]) -> None:
+def _draw_outliers(ax: Axes, run: Observations, outliers: Sequence[Outliers], far: NDArray[np.bool_]) -> None:
+    """A ring about each outlier; one that is far off is an arrow at the edge, with its y."""
     for found in outliers:
-        if found.run == run.name and found.frames.size:
-            at = found.frames
+        at = found.frames[~far[found.frames]] if found.run == run.name else found.frames[:0]
+        if at.size:
             ax.plot(run.x[at], run.y[at], "o", mfc="none", mec=ORANGE, mew=1.6, ms=9, ls="", label="outlier", zorder=6)
+    said, place = "outlier, far off", ax.get_xaxis_transform()
+    for x, y in zip(run.x[far], run.y[far], strict=True):
+        edge, up, mark, side = (0.03, 9, "v", "bottom") if y < run.y[~far].min() else (0.97, -9, "^", "top")
+        ax.plot(x, edge, mark, mfc="none", mec=ORANGE, mew=1.6, ms=8, ls="", label=said, zorder=6, transform=place)
+        ax.annotate(f"{y:.4g}", (x, edge), (0, up), xycoords=place, textcoords="offset points", fontsize=7.5, ha="center", va=side)
+        said = ""
 
 
 def _draw_bad_frames(ax: Axes, run: Observations, forces: Sequence[FoundForce]) -> None:
