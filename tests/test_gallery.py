@@ -127,6 +127,19 @@ def test_what_the_texts_say_is_so() -> None:
     assert "The 7 runs agree about what they share" in agree
 
 
+def test_reports_say_what_is_exact_and_what_may_be_done_about_blunders() -> None:
+    exact = {
+        (step, run): [fact for r in gallery.result_of(step, run)["runs"].values() for fact in r["facts"]]
+        for step, run in (("hubble", "through-origin"), ("hubble", "with-intercept"), ("falling_phone", "speed-squared"))
+    }
+    assert list(exact.values()) == [["K is fixed at 0"], [], ["n is fixed at 2", "T is fixed at 0.621"]]
+    normal, robust = (gallery.result_of("table_length", run)["advice"] for run in ("2m-ruler-normal", "2m-ruler"))
+    assert ['robust = "mixture" in [curve]' in line for line in normal] == [False, True]
+    assert robust == []
+    drifting = gallery.result_of("falling_phone", "speed-squared")["advice"]
+    assert not any("mixture" in line for line in drifting)  # a wrong curve is no blunder
+
+
 def test_a_published_value_has_the_uncertainty_of_its_side() -> None:
     number = {"value": 2.0, "u": [0.2, 0.1]}
     assert gallery.published(number, Quantity(1.0, 0.1)).u == 0.2
