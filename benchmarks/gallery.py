@@ -190,9 +190,9 @@ def anchor(title: str) -> str:
 
 
 def collected(step: Mapping[str, Any]) -> str:
-    """A table of one parameter of all runs that are ok: number of the run, value, and its standard deviation as a column that is not read."""
+    """A table of one parameter of all runs that are ok: number of the run, value, standard deviation."""
     names = step["collect"]
-    lines = [f"{names['x']},{names['y']},_u"]
+    lines = [f"{names['x']},{names['y']},{names['u']}"]
     for number, folder in enumerate(step["collect"]["runs"], 1):
         status, value, _ = found(step["name"], f"{folder}:{names['parameter']}")
         if status == "ok" and value is not None:
