@@ -85,7 +85,7 @@ def test_a_script_beside_its_own_model_is_told(tmp_path: Path, project: Path, re
 
 
 @pytest.mark.parametrize(("said", "threads"), [({}, "1"), ({"OPENBLAS_NUM_THREADS": "3"}, "3"), ({"OMP_NUM_THREADS": "2"}, None)])
-def test_one_thread_of_linear_algebra_unless_something_else_is_said(monkeypatch: pytest.MonkeyPatch, said: dict[str, str], threads: str | None) -> None:
+def test_one_thread_of_linear_algebra_unless_said(monkeypatch: pytest.MonkeyPatch, said: dict[str, str], threads: str | None) -> None:
     from estim.__main__ import main
 
     for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
