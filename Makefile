@@ -6,7 +6,7 @@ BIN := $(VENV)/bin
 CAMPAIGN := data/replica/campaign.toml
 OUT ?= out/replica
 
-.PHONY: report test statistics lint reports lock clean
+.PHONY: report test statistics lint reports gallery lock clean
 
 report: $(VENV)/.installed
 	$(BIN)/estim reanalyse $(CAMPAIGN) --out $(OUT)
@@ -24,6 +24,10 @@ statistics: $(VENV)/.installed
 reports: $(VENV)/.installed
 	$(BIN)/estim simulate data/replica/design.toml --out data/replica
 	$(BIN)/estim reanalyse $(CAMPAIGN) --out reports/replica
+
+# real experiments with published results: reports/gallery, in about two minutes
+gallery: $(VENV)/.installed
+	$(BIN)/python benchmarks/gallery.py
 
 lint: $(VENV)/.installed
 	$(BIN)/ruff check .

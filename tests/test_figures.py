@@ -18,6 +18,7 @@ from matplotlib.text import Text
 from scipy.interpolate import RegularGridInterpolator
 
 from estim.campaign import load_campaign
+from estim.checks import Outliers
 from estim.common import Finding, Kind
 from estim.common.labels import Notation
 from estim.curves.rolling import RollingMotion
@@ -29,12 +30,13 @@ from estim.reports.consistency_figures import _within
 from estim.reports.contours import PROBABILITIES, density_of
 from estim.reports.pages import marked, page
 from estim.reports.reanalysis_figures import narrowing_figure
-from estim.reports.residual_panels import Residuals, draw_faded, misfit_words, panel_pairs, residuals_of
+from estim.reports.residual_panels import Residuals, draw_faded, far_off, misfit_words, panel_pairs, residuals_of
 from estim.reports.trace_figures import trace_figure
 from estim.sampling.bands import Bands
 from estim.studies.limits import Narrowing
 
 X = np.linspace(0.0, 1.0, 8)
+NEAR = np.zeros(8, dtype=bool)  # points that are drawn to scale: all
 
 
 def analysed(problem: Problem, draws: np.ndarray) -> SimpleNamespace:
@@ -218,11 +220,28 @@ def test_frames_of_the_way_back_are_counted_and_no_marker_at_the_axis_is_cut(rng
     excluded = (Finding(Kind.WAY_BACK, size=2), Finding(Kind.BESIDE_RELEASE, size=1))
     run = replace(run, x=X[1:], y=X[1:], excluded=excluded, excluded_points=left, words=RollingMotion(angular=False).words())
     figure = Figure()
-    curve_figures._draw_points(ax := figure.subplots(), run, Residuals(run, np.zeros(run.n_obs), np.full(run.n_obs, 0.1)))
+    curve_figures._draw_points(ax := figure.subplots(), run, Residuals(run, np.zeros(7), np.full(7, 0.1), NEAR[1:]))
     assert [text.get_text() for text in ax.texts] == ["2 frames of the way back (v < 0) not shown"]
     crosses = next(line for line in ax.lines if line.get_marker() == "x")
     assert crosses.get_xydata().tolist() == [[0.01, 0.0]]
     assert not crosses.get_clip_on()
+
+
+def test_neither_an_outlier_far_off_nor_what_was_left_out_presses_the_points_flat() -> None:
+    y = np.array([3.365, 3.361, 1.366, 3.363, 3.354, 3.364, 5.4, 3.380])
+    probability = np.array([0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.9])
+    left = np.array([[1.05, 3.36], [1.05, -150.0]])
+    run = replace(single_run(1).runs[0], x=X, y=y, excluded_points=left)
+    far = far_off(run, [Outliers("other", np.ones(8)), Outliers(run.name, probability)])
+    assert np.flatnonzero(far).tolist() == [2, 6]
+    curve_figures._draw_points(ax := Figure().subplots(), run, Residuals(run, np.zeros(8), np.full(8, 1e-4), far))
+    curve_figures._draw_outliers(ax, run, [Outliers(run.name, probability)], far)
+    low, high = ax.get_ylim()
+    assert 3.35 < low < 3.354 < 3.380 < high < 3.39
+    assert [text.get_text() for text in ax.texts] == ["1.366", "5.4"]
+    assert [name for name in ax.get_legend_handles_labels()[1] if name != "data used"] == ["data left out", "outlier", "outlier, far off"]
+    rolling = replace(run, words=RollingMotion(angular=False).words())
+    assert not np.any(far_off(rolling, [Outliers(run.name, probability)]))
 
 
 def test_a_band_that_its_line_hides_is_called_so() -> None:
@@ -254,10 +273,10 @@ def test_residuals_are_data_less_the_curve_that_is_drawn_and_the_largest_is_said
     run = replace(run, x=X, y=2.0 * X, name="r", x_unit="m", y_unit="m/s")
     rest = np.zeros(X.size)
     rest[5] = -0.25
-    words = misfit_words([Residuals(run, rest, np.full(X.size, 0.1))])
+    words = misfit_words([Residuals(run, rest, np.full(X.size, 0.1), NEAR)])
     assert words == f"largest misfit 0.25 m/s, 2.5 sd, near {X[5]:.3f} m"
-    other = Residuals(replace(run, name="s"), 2.0 * rest, np.full(X.size, 0.1))
-    assert misfit_words([Residuals(run, rest, np.full(X.size, 0.1)), other]).endswith("of s")
+    other = Residuals(replace(run, name="s"), 2.0 * rest, np.full(X.size, 0.1), NEAR)
+    assert misfit_words([Residuals(run, rest, np.full(X.size, 0.1), NEAR), other]).endswith("of s")
 
 
 def test_counts_are_compared_with_the_median_of_their_curve_in_their_own_unit() -> None:
@@ -266,7 +285,7 @@ def test_counts_are_compared_with_the_median_of_their_curve_in_their_own_unit() 
     run = replace(problem.runs[0], x=X, y=3.0 * X + 0.1)
     posed = Problem(problem.parameters, (run,))
     fit, ok = SimpleNamespace(values=np.full(posed.n_par, 0.4)), SimpleNamespace(ok=True)
-    (found,) = residuals_of(SimpleNamespace(problem=posed, bands=[bands], fit=fit, diagnosis=ok))
+    (found,) = residuals_of(SimpleNamespace(problem=posed, bands=[bands], fit=fit, diagnosis=ok, outliers=()))
     assert found.rest == pytest.approx(0.1)
     assert found.sd == pytest.approx(0.1)  # what was stated of the readings
 

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from estim import fit_curve
 from estim.campaign import load_campaign
 from estim.checks.goodness import P_POOR_FIT, check_goodness
 from estim.fitting.least_squares import fit_least_squares
@@ -169,3 +170,23 @@ def test_stated_deviations_cover_where_the_pattern_is_called_covered(rng: np.ran
         assert np.mean(off[covered] < 0.9945) > 0.9
         assert np.mean(off[covered] < 1.96) > 0.98
         assert np.mean(off[~covered] < 0.9945) < 0.75
+
+
+CUBIC = {"start": {"a": 1.0, "b": 0.0, "c": 0.0, "d": 0.0}}
+
+
+@pytest.mark.parametrize("correlated", [False, True])
+def test_a_curve_that_can_take_every_slow_shape_shows_no_drift(correlated: bool) -> None:
+    """A cubic leaves nothing of the shapes of `trend` but rounding, or what the mixture of correlated errors leaves: no sign of a wrong curve."""
+    x = np.linspace(-0.8, 0.8, 17)
+    failed = []
+    for seed in range(6):
+        y = 5.0 - 1.5 * x**2 + 0.3 * x**3 + 0.02 * np.random.default_rng(seed).standard_normal(17)
+        failed.append(fit_curve("a + b*x + c*x**2 + d*x**3", x, y, correlated=correlated, **CUBIC).status)
+    assert failed == ["ok"] * 6
+
+
+def test_a_drift_that_the_curve_cannot_take_is_seen(rng: np.random.Generator) -> None:
+    x = np.linspace(-1.0, 1.0, 60)
+    fit = fit_curve("a + b*x", x, x + 0.3 * x**2 + 0.1 * rng.standard_normal(60), start={"a": 0.0, "b": 1.0})
+    assert "trend" in {finding.test for finding in fit.findings}

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import tomllib
 from pathlib import Path
 
 import numpy as np
@@ -36,13 +37,16 @@ def test_the_code_of_the_page_runs(project: Path, tmp_path: Path, monkeypatch: p
 def test_the_campaign_of_the_page_is_read(project: Path, tmp_path: Path) -> None:
     from estim.campaign import load_campaign
 
-    (text,) = blocks(project, "toml")
+    text, varying = blocks(project, "toml")
     (tmp_path / "campaign.toml").write_text(text)
     t = np.arange(0.0, 12.0, 0.1)
     for name in ("first", "second"):
         np.savetxt(tmp_path / f"{name}.csv", np.column_stack([t, np.cos(t)]), delimiter=",", header="t_s,angle_deg", comments="")
     problem = load_campaign(tmp_path / "campaign.toml").problem(["first", "second"])
     assert set(problem.names) == {"A[first]", "b", "T", "p[first]", "c", "A[second]", "p[second]", "scale_x"}
+    part, whole = (tomllib.loads(toml) for toml in (varying, (project / "data" / "gallery" / "michelson.toml").read_text()))
+    assert part["curve"]["expression"] == whole["curve"]["expression"]
+    assert {key: part["runs"][0]["parameters"]["z"][key] for key in ("prior", "mean", "sd")}.items() <= whole["runs"][0]["parameters"]["z"].items()
 
 
 def test_the_page_names_every_function(project: Path) -> None:

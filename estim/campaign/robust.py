@@ -15,10 +15,10 @@ def shape_of(robust: str | None, suffix: str) -> tuple[Tails, tuple[Parameter, .
     if robust == "mixture":
         fraction, width = f"outlier_fraction{suffix}", f"log_outlier_width{suffix}"
         return Mixture(fraction, width), (
-            Parameter(fraction, "1", Uniform(0.0, 0.5), "share of the frames that are outliers", Notation("outlier fraction")),
+            Parameter(fraction, "1", Uniform(0.0, 0.5), "share of the readings that are outliers", Notation("outlier fraction")),
             Parameter(
                 width, "1", TruncatedNormal(math.log(20.0), 1.0, math.log(3.0), math.inf),
-                "ln of the standard deviation of an outlier over that of a good frame", Notation("ln outlier width"),
+                "ln of the standard deviation of an outlier over that of a good one", Notation("ln outlier width"),
             ),
         )
     return GAUSSIAN, ()

@@ -198,7 +198,7 @@ class Mixture:
         return rng.standard_normal(size) * np.where(bad, np.exp(np.ravel(values[self.log_width])), 1.0)
 
     def describe(self) -> str:
-        return f"some frames ({self.fraction}) may be outliers, exp({self.log_width}) times less precise"
+        return f"some readings ({self.fraction}) may be outliers, exp({self.log_width}) times less precise"
 
 
 def score_information(

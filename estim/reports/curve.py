@@ -51,7 +51,6 @@ def curve_report(fit: CurveFit, analysis: Analysis, *, title: str, kind: Kind, f
     digest = hashlib.sha256(b"".join(np.ascontiguousarray(column).tobytes() for column in columns.values())).hexdigest()
     table = Run(
         name=run.name, file="(arrays)", sha256=digest, columns=MappingProxyType(columns), lines=np.arange(1, run.n_obs + 1),
-        facts=tuple(f"{name} is fixed at {value:.10g}" for name, value in fit.fixed.items()),
     )
     text = hashlib.sha256("; ".join([fit.text, *(f"{name} = {value!r}" for name, value in fit.fixed.items())]).encode()).hexdigest()
     subject = CurveSubject(title, kind, fit.text, "fit_curve", text, MappingProxyType({run.name: table}))

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from estim.arrays import FloatArray
 from estim.campaign import way_back
@@ -36,7 +37,7 @@ def phase_figure(analysis: Analysis, *, synthetic: bool) -> Figure:
             mode = curve_draws(analysis.problem, run, bands.x, analysis.fit.values[None, :])[0][0]
             ax.plot(bands.x, mode, color=BLUE, lw=1.2, label="most probable curve" + (", its force left out" if bands.completed else ""))
         _draw_points(ax, run, residuals)
-        _draw_outliers(ax, run, analysis.outliers)
+        _draw_outliers(ax, run, analysis.outliers, residuals.far)
         _draw_bad_frames(ax, run, analysis.fit.forces)
         draw_residuals(low, residuals, bands if trusted else None)
         stops = bands.end[np.isfinite(bands.end)]
@@ -83,18 +84,26 @@ def _draw_points(ax: Axes, run: Observations, residuals: Residuals) -> None:
         left = run.excluded_points
         near = (left[:, 0] >= _low_end(run.x)) & (left[:, 0] <= 1.1 * run.x.max()) & (left[:, 1] >= _low_end(run.y))
         if not run.words.from_release:
-            near = np.abs(left[:, 0] - np.mean([run.x.min(), run.x.max()])) <= 0.6 * np.ptp(run.x)
+            ends = np.array([(v.min(), v.max()) for v in (run.x, run.y[~residuals.far])])
+            near = np.all(np.abs(left - ends.mean(axis=1)) <= 0.6 * np.ptp(ends, axis=1), axis=1)  # others would press the data flat
         if np.any(near):
             ax.plot(left[near, 0], left[near, 1], "x", color=GREY, ms=4, label="data left out", zorder=3, clip_on=not run.words.from_release)
         if hidden := way_back(run.excluded):
             ax.text(0.99, 0.97, f"{hidden} frames of the way back (v < 0) not shown", transform=ax.transAxes, ha="right", va="top", fontsize=7.5)
 
 
-def _draw_outliers(ax: Axes, run: Observations, outliers: Sequence[Outliers]) -> None:
+def _draw_outliers(ax: Axes, run: Observations, outliers: Sequence[Outliers], far: NDArray[np.bool_]) -> None:
+    """A ring about each outlier; one that is far off is an arrow at the edge, with its y."""
     for found in outliers:
-        if found.run == run.name and found.frames.size:
-            at = found.frames
+        at = found.frames[~far[found.frames]] if found.run == run.name else found.frames[:0]
+        if at.size:
             ax.plot(run.x[at], run.y[at], "o", mfc="none", mec=VERMILION, mew=1.6, ms=9, ls="", label="outlier", zorder=6)
+    said, place = "outlier, far off", ax.get_xaxis_transform()
+    for x, y in zip(run.x[far], run.y[far], strict=True):
+        edge, up, mark, side = (0.03, 9, "v", "bottom") if y < run.y[~far].min() else (0.97, -9, "^", "top")
+        ax.plot(x, edge, mark, mfc="none", mec=VERMILION, mew=1.6, ms=8, ls="", label=said, zorder=6, transform=place)
+        ax.annotate(f"{y:.4g}", (x, edge), (0, up), xycoords=place, textcoords="offset points", fontsize=7.5, ha="center", va=side)
+        said = ""
 
 
 def _draw_bad_frames(ax: Axes, run: Observations, forces: Sequence[FoundForce]) -> None:

@@ -27,5 +27,5 @@ def lacks_figure(deviations: Sequence[FoundDeviation], runs: Sequence[Observatio
         ax.axhline(0.0, color=GREY, lw=0.8)
         ax.set(xlabel=run.x_label, ylabel=f"deviation of {run.y_label}", xlim=(visible.x[0], visible.x[-1]))
         ax.set_title(f"{run.name}: P(amplitude > 0) = {found.probability:.3f}" + (" (SYNTHETIC data)" if synthetic else ""), fontsize=10)
-    axes[0].legend(fontsize=7.5, frameon=False, loc="best", ncols=4)
+    figure.legend(*axes[0].get_legend_handles_labels(), fontsize=7.5, frameon=False, loc="outside lower center", ncols=4)
     return figure

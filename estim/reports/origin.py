@@ -16,8 +16,11 @@ _READING = 0.001  # m or rad, as an example
 
 
 def origin_facts(table: Run, run: Observations, problem: Problem) -> tuple[str, ...]:
-    """The facts of an imported track, and its tilt beside the stated one where both are known."""
+    """The facts of an imported track, its tilt beside the stated one where both are known, and what a user's own curve takes as exact."""
     stated = stated_phi(run, problem)
+    if not run.words.from_release:
+        exact = {name: value for name, value in run.arguments.items() if not isinstance(value, str)}
+        return (*table.facts, *(f"{name} is fixed at {value:.10g}" for name, value in exact.items()))
     if table.tilt is None or stated is None:
         return table.facts
     return (*table.facts, f"tilt measured from the track {_degrees(table.tilt)}, stated {_degrees(stated)}")

@@ -8,8 +8,10 @@ from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from estim.arrays import FloatArray
+from estim.checks import Outliers
 from estim.common import format_rounded, with_unit
 from estim.pipeline import Analysis
 from estim.problem import Observations, reading_sd
@@ -24,16 +26,21 @@ VERMILION = "#D55E00"  # what is wrong; orange is what was stated before
 _MANY = 200  # points in one panel, beyond which bars hide the points
 _BAR = {"fmt": "o", "color": INK, "elinewidth": 0.7, "capsize": 0}
 _ROOMY = 6  # runs beyond which there are three columns
+_FAR = 3.0  # heights of all other points that an outlier is away from them, and is no longer drawn to scale
 _STEPS, _FADED = 24, 0.25  # pieces, and share of the way, in which a band fades
 
 
 @dataclass(frozen=True, eq=False)
 class Residuals:
-    """Data less the curve that is drawn, and standard deviations of the readings, (n_obs,) each in the unit of y."""
+    """Data less the curve that is drawn, and standard deviations of the readings, (n_obs,) each in the unit of y.
+
+    far : (n_obs,) which points would press all others flat, and are not drawn to scale.
+    """
 
     run: Observations
     rest: FloatArray
     sd: FloatArray
+    far: NDArray[np.bool_]
 
     @property
     def largest(self) -> float:
@@ -62,8 +69,19 @@ def residuals_of(analysis: Analysis) -> list[Residuals]:
             sd = np.maximum(0.5 * np.interp(run.x, bands.x, high - low), 1e-300)
         else:
             sd = np.broadcast_to(np.hypot(reading_sd(run.noise, named), run.noise.size.scatter.at(named)), (1, run.n_obs))[0]
-        found.append(Residuals(run, run.y - curve, sd))
+        found.append(Residuals(run, run.y - curve, sd, far_off(run, analysis.outliers)))
     return found
+
+
+def far_off(run: Observations, outliers: Sequence[Outliers]) -> NDArray[np.bool_]:
+    """(n_obs,) which points would press all others flat: outliers of a user's own curve, some heights of the rest away from it."""
+    named = np.zeros(run.n_obs, dtype=bool)
+    for found in outliers:
+        if found.run == run.name and not run.words.from_release:
+            named[found.frames] = True
+    rest = run.y[~named]
+    away = np.maximum(rest.min() - run.y, run.y - rest.max()) if rest.size > 1 else np.zeros(run.n_obs)
+    return named & (away > _FAR * np.ptp(rest))
 
 
 def panel_pairs(n: int, *, height: float) -> tuple[Figure, list[tuple[Axes, Axes]]]:
@@ -98,16 +116,17 @@ def tidy_labels(pairs: Sequence[tuple[Axes, Axes]]) -> None:
 
 def draw_points_with_bars(ax: Axes, residuals: Residuals, *, label: str) -> None:
     """The data used, with one standard deviation of a reading; without bars where there are so many that they would hide the curve."""
-    run = residuals.run
+    run, near = residuals.run, ~residuals.far
     if run.n_obs > _MANY:
-        ax.plot(run.x, run.y, "o", color=INK, ms=1.5, label=label, zorder=1.9)
+        ax.plot(run.x[near], run.y[near], "o", color=INK, ms=1.5, label=label, zorder=1.9)
     else:
-        ax.errorbar(run.x, run.y, yerr=residuals.sd, ms=3, label=label, zorder=5, **_BAR)  # type: ignore[arg-type]
+        ax.errorbar(run.x[near], run.y[near], yerr=residuals.sd[near], ms=3, label=label, zorder=5, **_BAR)  # type: ignore[arg-type]
 
 
 def draw_residuals(ax: Axes, residuals: Residuals, bands: Bands | None, *, reach: float = 0.0) -> None:
     """Data less curve: points with their bars, and the bands about the curve; none where `bands` is None.  reach : the axis holds at least that."""
-    run, rest, sd = residuals.run, residuals.rest, residuals.sd
+    run, near = residuals.run, ~residuals.far
+    rest, sd = residuals.rest[near], residuals.sd[near]
     if bands is not None:
         for probability, colour, alpha in ((0.95, GREY, 0.22),):
             low, high = bands.predictive[probability]
@@ -117,9 +136,9 @@ def draw_residuals(ax: Axes, residuals: Residuals, bands: Bands | None, *, reach
             ax.fill_between(bands.x, low - bands.median, high - bands.median, color=BLUE, alpha=alpha, lw=0)
     ax.axhline(0.0, color=BLUE, lw=1.0)
     if run.n_obs > _MANY:
-        ax.plot(run.x, rest, "o", color=INK, ms=1.2, alpha=0.6, zorder=1.9)
+        ax.plot(run.x[near], rest, "o", color=INK, ms=1.2, alpha=0.6, zorder=1.9)
     else:
-        ax.errorbar(run.x, rest, yerr=sd, ms=2.5, zorder=5, **_BAR)  # type: ignore[arg-type]
+        ax.errorbar(run.x[near], rest, yerr=sd, ms=2.5, zorder=5, **_BAR)  # type: ignore[arg-type]
     top = max(1.15 * float(np.max(np.abs(rest) + (sd if run.n_obs <= _MANY else 0.0))), 2.5 * float(np.median(sd)), reach)
     ax.set_ylim(-top, top)
     unit = "" if run.y_unit == "1" else f" ({run.y_unit})"

@@ -15,7 +15,10 @@ from estim.words.table import Table, filled
 
 _NOT_RANDOM = "look at the residuals: a bad frame, a wrong window, or physics that the curve lacks; the uncertainties assume random errors"
 _ONE_RUN = "fit the run that disagrees by itself, look at its file and its stated values; leave it out only for a reason found there"
-_SEED, _STEPS, _DEVIATION, _CORRELATED = "{seed}", "{steps}", "{deviation}", "{correlated}"
+_SEED, _STEPS, _DEVIATION, _CORRELATED, _ROBUST = "{seed}", "{steps}", "{deviation}", "{correlated}", "{robust}"
+_ONE_FAR_OFF = (
+    f"look at the reading that is far off; where single readings may be blunders, allow for them ({_ROBUST}): each is named, and hardly counts"
+)
 
 
 class Voice(StrEnum):
@@ -27,8 +30,10 @@ class Voice(StrEnum):
 
 _CHOICES = MappingProxyType(
     {
-        Voice.COMMANDS: {_SEED: "--seed", _STEPS: "--max-steps", _CORRELATED: "correlated = true in [curve]"},
-        Voice.PYTHON: {_SEED: "seed=", _STEPS: "target=Target(max_step=...)", _CORRELATED: "correlated=True"},
+        Voice.COMMANDS: {
+            _SEED: "--seed", _STEPS: "--max-steps", _CORRELATED: "correlated = true in [curve]", _ROBUST: 'robust = "mixture" in [curve]',
+        },
+        Voice.PYTHON: {_SEED: "seed=", _STEPS: "target=Target(max_step=...)", _CORRELATED: "correlated=True", _ROBUST: 'robust="mixture"'},
     }
 )
 
@@ -121,7 +126,7 @@ def tell(finding: Finding) -> str:
 
 def advice(finding: Finding, voice: Voice = Voice.PYTHON) -> str:
     """What to do about a finding with which a result is not ok."""
-    words = ADVICE[finding.kind]
+    words = _ONE_FAR_OFF if finding.kind is Kind.CURVE_LACKS and finding.test == "largest" else ADVICE[finding.kind]
     for choice, name in _CHOICES[voice].items():
         words = words.replace(choice, name)
     return words.replace(_DEVIATION, f"deviation = {finding.numbers['deviation']:.1g}") if "deviation" in finding.numbers else words
