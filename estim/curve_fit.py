@@ -191,7 +191,7 @@ def _concluded(posed: CurveProblem, best: Optimum, problem: Problem, *, sigma: f
         intervals=found.intervals, cov=found.cov, chi2=chi2, dof=dof, p_value=p_value, sigma=sigma, status=decide(findings), findings=findings,
         remarks=(*found.notes, *curve_remarks(inner, best, p_value, chi2, dof, goodness, stated=sigma is None, perfect=perfect)),
         message=_message(best, sigma, perfect, [tell(f) for f in same_curve(inner)]), goodness=goodness,
-        fit=inner, text=posed.text, fixed=posed.fixed,
+        fit=inner, held=fixed, text=posed.text, fixed=posed.fixed,
     )
 
 

@@ -6,6 +6,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -13,30 +14,21 @@ from numpy.typing import ArrayLike
 from estim.arrays import FloatArray
 from estim.checks import Goodness
 from estim.common import Finding, InputError, Kind, Status, code, markdown, one_line, signed, table
+from estim.curve_figures import Prediction as Prediction
+from estim.curve_figures import Region, curve_figure, region_of
 from estim.deviation import FoundDeviation
 from estim.distributions import student_quantile
-from estim.fitting import FEW, Ends, Fit, LinearDerived, linear_derived, shown_value
+from estim.fitting import FEW, Ends, Fit, LinearDerived, contour, linear_derived, shown_value
 from estim.problem import Problem, informative
 from estim.words import advice, advice_for, tell
 
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
 _ADVISED = (Kind.SEVERAL_SOLUTIONS, Kind.STEP_UNSETTLED)  # of which a reason says what to do as well
-
-
 _TOLD_CORRELATION = 0.1
-
-
-@dataclass(frozen=True, eq=False)
-class Prediction:
-    """The fitted curve at x (n,): value, its standard uncertainty u and the ends of its interval, all (n,), unit of y.
-
-    u, low, high : nan where the status is not ok, or a parameter has no standard deviation.
-    """
-
-    x: FloatArray
-    value: FloatArray
-    u: FloatArray
-    low: FloatArray
-    high: FloatArray
+_ALONG = 401  # points along a drawn curve
+_TITLE = 60  # marks of a formula that a title has room for
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,6 +49,7 @@ class CurveFit:
     goodness : tests of the residuals, in order of x; empty where the points are too few.
     fixed : name -> exact value of the parameters that were not fit.
     fit, problem : what sampling starts from; without u_y `problem` has `sigma_y` as a further parameter.
+    held : the same optimum with errors of a fixed size, that of the residuals without u_y.
     """
 
     names: tuple[str, ...]
@@ -74,6 +67,7 @@ class CurveFit:
     message: str
     goodness: tuple[Goodness, ...]
     fit: Fit
+    held: Fit
     text: str
     fixed: Mapping[str, float]
 
@@ -122,6 +116,39 @@ class CurveFit:
         u = np.sqrt(np.einsum("ni,ij,nj->n", gradient, self.cov, gradient)) if known else np.full(places.size, np.nan)
         half = float(student_quantile(0.5 + 0.5 * probability, np.array(self._dof))) * u
         return Prediction(places, value, u, value - half, value + half)
+
+    def plot(self, figure: Figure | None = None) -> Figure:
+        """Points with their errors, the curve with its 68 % and 95 % bands, and the residuals in the unit of y.
+
+        figure : to draw in, as from `matplotlib.pyplot.figure`; a new one if None, which a notebook shows and `savefig` writes.
+        A curve whose status is not ok has no band.
+        """
+        run = self.problem.runs[0]
+        ends = (run.noise.counted.bins if run.noise.counted is not None else None, run.x)
+        low, high = (float(f(next(e for e in ends if e is not None))) for f in (np.min, np.max))
+        room = 0.0 if run.noise.counted is not None else 0.02 * (high - low)
+        x = np.linspace(low - room, high + room, _ALONG)
+        outer, inner = self.predict(x), self.predict(x, probability=0.68)
+        gain = np.zeros(run.n_obs) if run.noise.counted is not None else run.noise.reading_gain()
+        return curve_figure(
+            run, self.predict(run.x).value, outer, inner, sd=gain * (1.0 if self.sigma is None else self.sigma), sd_x=run.noise.x_gain(),
+            title=f"{self.text}: {self.status}" if len(self.text) <= _TITLE else str(self.status), figure=figure,
+        )
+
+    def contour(self, a: str, b: str, *, probabilities: tuple[float, ...] = (0.68, 0.95)) -> Region:
+        """Where the parameters a and b lie together, by profiles of the likelihood, beside the ellipses of the linear theory.
+
+        A notebook shows it; `.plot()` draws it.  Raises InputError for unknown names, and where the status is not ok or the curve may lack
+        something (`deviation`, `correlated`): then no region would hold what it says.
+        """
+        if not self.status.ok:
+            raise InputError(f"is asked of a fit whose status is {self.status}: no region of it would hold what it says", field="contour")
+        if self.deviation is not None:
+            raise InputError("is not known beside 'deviation' or 'correlated': use fit.cov, or sample_curve", field="contour")
+        found = contour(self.held, a, b, probabilities, dof=self._dof)
+        at = [self.names.index(name) for name in (a, b)]
+        known = {p.name: p.label for p in self.problem.parameters}
+        return region_of(found, best=np.array([self.values[a], self.values[b]]), cov=self.cov[np.ix_(at, at)], labels=(known[a], known[b]))
 
     @property
     def aic(self) -> float:

@@ -11,8 +11,8 @@ import numpy as np
 
 from estim.campaign import Campaign
 from estim.common import KINDS, Quantity, as_json, format_quantity, gravest
+from estim.drawing import COLOURS, GREY, MARKS, new_figure
 from estim.pipeline import Analysis
-from estim.reports.figures import COLOURS, GREY, MARKS, new_figure
 from estim.reports.pages import page
 from estim.reports.rendering import render
 from estim.reports.result import Provenance, provenance

@@ -13,8 +13,8 @@ import numpy as np
 from estim.campaign import Campaign, gamma_origin
 from estim.checks import interval_cell
 from estim.common import KINDS, Markdown, Notation, Status, as_json, format_quantity, format_rounded, one_line, signed
+from estim.drawing import BLUE, INK, ORANGE, new_figure
 from estim.line import CONVENTIONS, LineAnalysis, TrialsAnalysis
-from estim.reports.figures import BLUE, INK, ORANGE, new_figure
 from estim.reports.pages import Drawers, page
 from estim.reports.rendering import render
 from estim.reports.result import Provenance, software_versions

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from estim.common import signed
-from estim.reports.figures import BLUE, COLOURS, GREY, INK, MARKS, ORANGE, grid, name_ticks, new_figure
+from estim.drawing import BLUE, COLOURS, GREY, INK, MARKS, ORANGE, grid, name_ticks, new_figure
 from estim.reports.joint_figures import RUN_COLOURS
 from estim.sampling import curve_draws
 from estim.studies import BodyAnalysis, Narrowing

@@ -11,8 +11,8 @@ import msgspec
 import numpy as np
 
 from estim.common import Markdown, Status, as_json, format_quantity, one_line, signed
+from estim.drawing import BLUE, GREEN, INK, ORANGE, new_figure
 from estim.line import CONVENTIONS, StraightLine, confidence_band
-from estim.reports.figures import BLUE, GREEN, INK, ORANGE, new_figure
 from estim.reports.pages import page
 from estim.reports.rendering import render
 from estim.reports.result import Provenance, software_versions
