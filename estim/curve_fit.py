@@ -31,7 +31,7 @@ from estim.checks import (
 )
 from estim.common import Kind, Status, decide, wrong
 from estim.curve_result import CurveFit as CurveFit
-from estim.curves import AxisNames, Component, Counting, CurveProblem, pose_curve
+from estim.curves import AxisNames, Component, Counting, CurveProblem, called_by_name, pose_curve, provisional, started
 from estim.fitting import (
     N_START,
     Fit,
@@ -57,7 +57,7 @@ def fit_curve(
     x: ArrayLike,
     y: ArrayLike | None,
     *,
-    start: Mapping[str, float],
+    start: Mapping[str, float] | None = None,
     u_y: ArrayLike | None = None,
     bounds: Mapping[str, tuple[float | None, float | None]] | None = None,
     priors: Mapping[str, Prior | str] | None = None,
@@ -76,7 +76,8 @@ def fit_curve(
 ) -> CurveFit:
     """The curve fit to points x, y (n_obs,) by least squares.
 
-    curve : formula in x and parameters, or function curve(x, **parameters) that returns (n_obs,).
+    curve : formula in x and parameters, function curve(x, **parameters) that returns (n_obs,), or models by name, like "gaussian + line"
+        (`estim.curves.models`), whose starts are found from the points where `start` gives none.
     start : a starting value for each parameter that is fit; the order of magnitude and the sign matter, several further starts are tried.
     u_y : standard uncertainty of y, a number or (n_obs,).  cov_y : (n_obs, n_obs) covariance matrix in its place.
     u_x : standard uncertainty of x, a number or (n_obs,), beside u_y; None where x is exact.  The true abscissas are integrated out one by one
@@ -97,12 +98,17 @@ def fit_curve(
     Raises InputError where an argument breaks a rule.
     """
     rng = np.random.default_rng(1) if rng is None else rng
+    start, fixed = {} if start is None else start, {} if fixed is None else fixed
+    bounds, priors = {} if bounds is None else bounds, {} if priors is None else priors
+    named = called_by_name(curve, start, fixed)
+    begin, limits = (start, bounds) if named is None else provisional(named, start, bounds, priors, fixed)
     posed = pose_curve(
-        curve, x, y, start=start, u_y=u_y, cov_y=cov_y, u_x=u_x, bounds={} if bounds is None else bounds,
-        priors={} if priors is None else priors, errors=tuple(errors), units={} if units is None else units,
-        axes=AxisNames() if axes is None else axes, fixed={} if fixed is None else fixed,
-        deviation=deviation, correlated=correlated, noise=noise, derived={} if derived is None else derived,
+        curve if named is None else named.expression, x, y, start=begin, u_y=u_y, cov_y=cov_y, u_x=u_x, bounds=limits, priors=priors,
+        errors=tuple(errors), units={} if units is None else units, axes=AxisNames() if axes is None else axes, fixed=fixed, deviation=deviation,
+        correlated=correlated, noise=noise, derived={} if derived is None else derived,
     )
+    if named is not None:
+        posed = started(replace(posed, called=named.text), named, held=start)
     complete = (_fit_stated if posed.stated else _fit_estimated)(posed, rng, n_start)
     found = complete.status not in (Status.NOT_IDENTIFIED, Status.NOT_CONVERGED) and complete.goodness
     return _fit_lacking(posed, complete, rng) if posed.lacks is not None and found else complete
@@ -191,7 +197,7 @@ def _concluded(posed: CurveProblem, best: Optimum, problem: Problem, *, sigma: f
         intervals=found.intervals, cov=found.cov, chi2=chi2, dof=dof, p_value=p_value, sigma=sigma, status=decide(findings), findings=findings,
         remarks=(*found.notes, *curve_remarks(inner, best, p_value, chi2, dof, goodness, stated=sigma is None, perfect=perfect)),
         message=_message(best, sigma, perfect, [tell(f) for f in same_curve(inner)]), goodness=goodness,
-        fit=inner, held=fixed, text=posed.text, fixed=posed.fixed,
+        fit=inner, held=fixed, text=posed.text, fixed=posed.fixed, called=posed.called or posed.text,
     )
 
 

@@ -47,6 +47,7 @@ class CurveFit:
     findings : everything wrong, gravest first, and the status that follows.  remarks : what to know before using it, nothing wrong.
     reasons, notes : the same in words.  message : how the search went.
     goodness : tests of the residuals, in order of x; empty where the points are too few.
+    text : the formula, or how the function is called.  called : "gaussian + line" where the curve was asked for by name, else the same.
     fixed : name -> exact value of the parameters that were not fit.
     fit, problem : what sampling starts from; without u_y `problem` has `sigma_y` as a further parameter.
     held : the same optimum with errors of a fixed size, that of the residuals without u_y.
@@ -70,6 +71,7 @@ class CurveFit:
     held: Fit
     text: str
     fixed: Mapping[str, float]
+    called: str
 
     @property
     def reasons(self) -> tuple[str, ...]:
@@ -132,7 +134,7 @@ class CurveFit:
         gain = np.zeros(run.n_obs) if run.noise.counted is not None else run.noise.reading_gain()
         return curve_figure(
             run, self.predict(run.x).value, outer, inner, sd=gain * (1.0 if self.sigma is None else self.sigma), sd_x=run.noise.x_gain(),
-            title=f"{self.text}: {self.status}" if len(self.text) <= _TITLE else str(self.status), figure=figure,
+            title=f"{self.called}: {self.status}" if len(self.called) <= _TITLE else str(self.status), figure=figure,
         )
 
     def contour(self, a: str, b: str, *, probabilities: tuple[float, ...] = (0.68, 0.95)) -> Region:
@@ -200,13 +202,13 @@ class CurveFit:
     def __str__(self) -> str:
         width = max(map(len, (*self.names, *self.derived)))
         rows = [f"{name:<{width}} {f'{relation} {value}'.strip()}" for name, (relation, value) in self._rows()]
-        head = [f"{self.text}: {self.status}", *(f"  {reason}" for reason in self.reasons)]
+        head = [f"{self.called}: {self.status}", *(f"  {reason}" for reason in self.reasons)]
         head += [f"  what to do: {words}" for words in self.advice]
         said = [*head, *rows, *self._fixed_words(), *(f"note: {note}" for note in self.notes)]
         return "\n".join(map(one_line, [*said, self._summary()]))
 
     def _repr_markdown_(self) -> str:
-        head = [f"{code(self.text)}: **{self.status}**", *(f"- {markdown(reason)}" for reason in self.reasons)]
+        head = [f"{code(self.called)}: **{self.status}**", *(f"- {markdown(reason)}" for reason in self.reasons)]
         head += [f"- What to do: {markdown(words)}" for words in self.advice]
         rows = [(name, value) for name, (_, value) in self._rows()]
         shown = ["", table(("parameter", "value and intervals"), rows)] if rows else []

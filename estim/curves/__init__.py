@@ -6,6 +6,7 @@ from estim.curves.counting import MAX_EVENTS, Binomial, CountedPoints, Counting,
 from estim.curves.disturbed import DisturbedMotion, DisturbedMotionCurve, DisturbedPhaseCurve, Place, Setting, energy_of_speed, size_with_blur
 from estim.curves.dual import Dual
 from estim.curves.formula import RESERVED, Formula, evaluate, read_formula
+from estim.curves.named import called_by_name, provisional, started
 from estim.curves.posing import MAX_OBS, SIGMA, SIGMA_NOTATION, SIGMA_SPREAD, AxisNames, CurveProblem, pose_curve, reading_noise
 from estim.curves.regimes import Fate, borders_of, farthest_stop, fate_at, placed, steepest_tilt, turning_contours
 from estim.curves.rolling import MotionCurve, PhaseCurve, RollingMotion

@@ -66,7 +66,7 @@ class CurveProblem:
     cov : (n_obs, n_obs), or None.
     stated : whether the size of the errors is known.
     lacks : what the curve may lack, None for nothing.  counted : the points where y are counts, else None.
-    fixed : argument of the curve -> its exact value.  text : the formula, or how the function is called.
+    fixed : argument of the curve -> its exact value.  text : the formula, or how the function is called.  called : a name it is known by, if any.
     sought : what is to be computed from the parameters.
     """
 
@@ -84,6 +84,7 @@ class CurveProblem:
     lacks: Lacks | None = None
     counted: CountedPoints | None = None
     sought: tuple[SoughtQuantity, ...] = ()
+    called: str = ""
 
     def with_lacks(self, sigma: float) -> Problem:
         """`with_sigma` for a curve that may lack something."""
