@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import lmfit
 import numpy as np
 import pytest
 
-from estim import EventTimes, Poisson, fit_curve
+from estim import EventTimes, Poisson, fit_curve, load_campaign
 from estim.common import InputError
 from estim.curves.formula import read_formula
 from estim.curves.models import MODELS, read_model
+from estim.fitting import fit_optimum
 
 
 @pytest.mark.parametrize(("sigma", "gamma"), [(1.0, 0.5), (0.3, 0.1), (0.05, 0.4), (2.0, 0.2), (0.004, 1.0), (0.0, 0.7)])
@@ -200,3 +203,66 @@ SHAPES = {
         "center": low + length * rng.uniform(0.2, 0.8), "sigma": rng.choice([-1, 1]) * np.exp(rng.uniform(np.log(0.5 * step), np.log(length / 8))),
     },
 }
+
+
+CAMPAIGN = """
+title = "Two peaks"
+kind = "synthetic"
+[curve]
+model = "left_gaussian + right_gaussian + constant"
+x = {column = "e_keV", unit = "keV"}
+y = "rate"
+u_y = 0.5
+[curve.parameters]
+left_center = {unit = "keV"}
+c = 2.0
+[[runs]]
+name = "first"
+file = "first.csv"
+[[runs]]
+name = "second"
+file = "second.csv"
+[runs.parameters]
+left_amplitude = {}
+"""
+
+
+def campaign(folder: Path, text: str = CAMPAIGN) -> Path:
+    (folder / "campaign.toml").write_text(text)
+    rng, x = np.random.default_rng(4), np.linspace(0.0, 20.0, 81)
+    for name, area in (("first", 30.0), ("second", 50.0)):
+        peaks = area / 1.2 * np.exp(-0.5 * ((x - 8.0) / 1.2) ** 2) + 12.0 / 0.8 * np.exp(-0.5 * ((x - 12.0) / 0.8) ** 2)
+        y = 2.0 + peaks / np.sqrt(2.0 * np.pi) + 0.5 * rng.standard_normal(81)
+        np.savetxt(folder / f"{name}.csv", np.column_stack([x, y]), delimiter=",", header="e_keV,rate", comments="")
+    return folder / "campaign.toml"
+
+
+def test_a_campaign_may_name_its_model(tmp_path: Path) -> None:
+    problem = load_campaign(campaign(tmp_path)).problem(["first", "second"])
+    starts = {p.name: p.prior.centre for p in problem.parameters}
+    shared = {"left_center", "left_sigma", "right_amplitude", "right_center", "right_sigma"}
+    assert set(starts) == shared | {"left_amplitude[first]", "left_amplitude[second]"}
+    truth = {"left_center": 8.0, "left_sigma": 1.2, "right_center": 12.0, "left_amplitude[first]": 30.0, "left_amplitude[second]": 50.0}
+    assert {name: starts[name] for name in truth} == pytest.approx(truth, rel=0.1)
+    assert next(p for p in problem.parameters if p.name == "left_center").unit == "keV"
+    fit = fit_optimum(problem, rng=np.random.default_rng(1))
+    assert abs(dict(zip(fit.names, fit.values, strict=True))["left_amplitude[second]"] - 50.0) < 3.0
+
+
+@pytest.mark.parametrize(
+    ("written", "instead", "said"),
+    [
+        ("right_gaussian", "right_gausian", "5: 'model' must name a model .did you mean 'gaussian'"),
+        ("model", 'expression = "a*x"\nmodel', "4: 'curve' must have an 'expression', or a 'model' .*not both"),
+        ('model = "left_gaussian + right_gaussian + constant"', "", "4: 'curve' must have an 'expression', or a 'model'"),
+        ("c = 2.0", "d = 2.0", "11: 'd' is not in the formula"),
+    ],
+)
+def test_what_is_wrong_with_a_model_is_said_with_its_line(tmp_path: Path, written: str, instead: str, said: str) -> None:
+    with pytest.raises(InputError, match=said):
+        load_campaign(campaign(tmp_path, CAMPAIGN.replace(written, instead)))
+
+
+def test_the_page_has_every_model(project: Path) -> None:
+    page = (project / "docs" / "your-own-curve.md").read_text()
+    assert [name for name in MODELS if f"| `{name}`" not in page] == [f"polynomial{degree}" for degree in range(3, 8)]
