@@ -73,6 +73,7 @@ def fit_curve(
     correlated: ArrayLike | bool = False,
     noise: Counting | str | None = None,
     derived: Mapping[str, str] | None = None,
+    tied: Mapping[str, str] | None = None,
 ) -> CurveFit:
     """The curve fit to points x, y (n_obs,) by least squares.
 
@@ -92,6 +93,8 @@ def fit_curve(
         With either, values, sds and intervals are those of a mixture over its size and length, linear in the parameters (`estim.deviation`).
     noise : what y counts, in place of u_y: "poisson", or `Poisson(bins=...)`, `Binomial(trials=...)`, `EventTimes(low, high)` with y = None
         (`estim.curves.counting`).  Intervals are then profiles of the likelihood, and chi2 is the deviance.
+    tied : name -> formula of the parameters that the curve's parameter of that name follows, like {"right_sigma": "left_sigma", "b": "2*a"}; it
+        has neither start nor prior, and is told among what follows from the fit.
     derived : name -> formula of the parameters, like {"g": "4*pi**2/slope"}; a formula may name those before it, `units` have its unit.
     rng : of the further starts and of the simulated tests; None always draws the same.  n_start : starts tried, 1 for the given one alone.
 
@@ -100,12 +103,13 @@ def fit_curve(
     rng = np.random.default_rng(1) if rng is None else rng
     start, fixed = {} if start is None else start, {} if fixed is None else fixed
     bounds, priors = {} if bounds is None else bounds, {} if priors is None else priors
-    named = called_by_name(curve, start, fixed)
-    begin, limits = (start, bounds) if named is None else provisional(named, start, bounds, priors, fixed)
+    tied = {} if tied is None else tied
+    named = called_by_name(curve, start, fixed, tied)
+    begin, limits = (start, bounds) if named is None else provisional(named, start, bounds, priors, {*fixed, *tied})
     posed = pose_curve(
         curve if named is None else named.expression, x, y, start=begin, u_y=u_y, cov_y=cov_y, u_x=u_x, bounds=limits, priors=priors,
         errors=tuple(errors), units={} if units is None else units, axes=AxisNames() if axes is None else axes, fixed=fixed, deviation=deviation,
-        correlated=correlated, noise=noise, derived={} if derived is None else derived,
+        correlated=correlated, noise=noise, derived={} if derived is None else derived, tied=tied,
     )
     if named is not None:
         posed = started(replace(posed, called=named.text), named, held=start)
