@@ -31,7 +31,7 @@ from estim.checks import (
 )
 from estim.common import Kind, Status, decide, wrong
 from estim.curve_result import CurveFit as CurveFit
-from estim.curves import AxisNames, Component, Counting, CurveProblem, called_by_name, pose_curve, provisional, started
+from estim.curves import AxisNames, Component, Counting, CurveProblem, JointProblem, called_by_name, pose_curve, provisional, started
 from estim.fitting import (
     N_START,
     Fit,
@@ -113,12 +113,13 @@ def fit_curve(
     )
     if named is not None:
         posed = started(replace(posed, called=named.text), named, held=start)
-    complete = (_fit_stated if posed.stated else _fit_estimated)(posed, rng, n_start)
+    complete = (fit_stated if posed.stated else _fit_estimated)(posed, rng, n_start)
     found = complete.status not in (Status.NOT_IDENTIFIED, Status.NOT_CONVERGED) and complete.goodness
     return _fit_lacking(posed, complete, rng) if posed.lacks is not None and found else complete
 
 
-def _fit_stated(posed: CurveProblem, rng: np.random.Generator, n_start: int) -> CurveFit:
+def fit_stated(posed: CurveProblem | JointProblem, rng: np.random.Generator, n_start: int) -> CurveFit:
+    """The fit of points whose errors are stated."""
     problem = posed.with_sigma(1.0)
     best = find_optimum(problem, problem.start(), rng=rng, n_start=n_start)
     return _concluded(posed, best, problem, sigma=None, scale=1.0, rng=rng)
@@ -171,11 +172,13 @@ def _residual_sd(posed: CurveProblem, values: FloatArray) -> float:
     return max(math.sqrt(squares / max(1, posed.y.size + pulls - values.size)), _floor(posed))
 
 
-def _floor(posed: CurveProblem) -> float:
+def _floor(posed: CurveProblem | JointProblem) -> float:
     return _PERFECT * (float(np.max(np.abs(posed.y))) or 1.0)
 
 
-def _concluded(posed: CurveProblem, best: Optimum, problem: Problem, *, sigma: float | None, scale: float, rng: np.random.Generator) -> CurveFit:
+def _concluded(
+    posed: CurveProblem | JointProblem, best: Optimum, problem: Problem, *, sigma: float | None, scale: float, rng: np.random.Generator
+) -> CurveFit:
     """The record of an optimum of `problem`, whose covariance is to be multiplied by scale^2."""
     pulls = sum(informative(p.prior) for p in posed.parameters)
     dof = posed.y.size + pulls - len(posed.parameters)
@@ -189,7 +192,7 @@ def _concluded(posed: CurveProblem, best: Optimum, problem: Problem, *, sigma: f
     found = spread(fixed, best, dof=math.inf if sigma is None else dof, scale=scale, unknown=perfect and sigma is not None)
     tested = dof >= 1 and not perfect and not best.singular
     goodness = check_goodness(inner, rng=rng) if tested else ()
-    if goodness and inner.posterior.likelihoods[0].normal is None:  # chi^2 is only nearly what it is called
+    if goodness and any(one.normal is None for one in inner.posterior.likelihoods):  # chi^2 is only nearly what it is called
         p_value = goodness[0].checks["chi2"].p_value if "chi2" in goodness[0].checks else p_value
     conflict = None if best.singular else check_stated_values(inner)
     solutions = several_solutions(inner, laplace_modes(inner)) if inner.others.size else []
@@ -215,7 +218,9 @@ def _size(inner: Fit, best: Optimum) -> float:
     return float(np.sum(inner.posterior.size_residuals(best.values) ** 2) + np.sum(inner.posterior.prior_residuals(best.values) ** 2))
 
 
-def _inner_fit(posed: CurveProblem, best: Optimum, problem: Problem, sigma: float | None, rng: np.random.Generator) -> Fit:
+def _inner_fit(
+    posed: CurveProblem | JointProblem, best: Optimum, problem: Problem, sigma: float | None, rng: np.random.Generator
+) -> Fit:
     """The same optimum as the record that the tests and the sampler take, with the size of the errors unknown if it was not stated."""
     if sigma is None:
         start = best.values

@@ -9,7 +9,9 @@ from dataclasses import replace
 import numpy as np
 
 from estim.arrays import FloatArray
-from estim.curves.models import Limits, ModelSum, named_model, names_only, read_model
+from estim.curves.models import Limits, named_model, names_only
+from estim.curves.models import ModelSum as ModelSum
+from estim.curves.models import read_model as read_model
 from estim.curves.posing import CurveProblem
 from estim.curves.starts import find_starts
 from estim.problem import Flat, Parameter
