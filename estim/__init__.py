@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from estim.curve_fit import CurveFit, fit_curve
     from estim.curve_fits import fit_curves
     from estim.curves.counting import Binomial, EventTimes, Poisson
+    from estim.curves.differential import ode
     from estim.curves.joining import DataSet
     from estim.curves.posing import AxisNames
     from estim.curves.shared_errors import Component
@@ -74,6 +75,7 @@ _HOME = {
     "inverse_prediction": "line.least_squares",
     "line_posterior": "line.posterior",
     "load_campaign": "campaign.campaign",
+    "ode": "curves.differential",
     "posterior_bands": "sampling.bands",
     "prediction_band": "line.least_squares",
     "propagate_linear": "propagation.linear",
@@ -123,6 +125,7 @@ __all__ = [
     "inverse_prediction",
     "line_posterior",
     "load_campaign",
+    "ode",
     "posterior_bands",
     "prediction_band",
     "propagate_linear",

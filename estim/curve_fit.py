@@ -67,7 +67,7 @@ def fit_curve(
     errors: Sequence[Component] = (),
     units: Mapping[str, str] | None = None,
     axes: AxisNames | None = None,
-    n_start: int = N_START,
+    n_start: int | None = None,
     fixed: Mapping[str, float] | None = None,
     deviation: float = 0.0,
     correlated: ArrayLike | bool = False,
@@ -96,11 +96,13 @@ def fit_curve(
     tied : name -> formula of the parameters that the curve's parameter of that name follows, like {"right_sigma": "left_sigma", "b": "2*a"}; it
         has neither start nor prior, and is told among what follows from the fit.
     derived : name -> formula of the parameters, like {"g": "4*pi**2/slope"}; a formula may name those before it, `units` have its unit.
-    rng : of the further starts and of the simulated tests; None always draws the same.  n_start : starts tried, 1 for the given one alone.
+    rng : of the further starts and of the simulated tests; None always draws the same.  n_start : starts tried, 1 for the given one alone;
+        None: 8, and 1 for differential equations (`estim.ode`).
 
     Raises InputError where an argument breaks a rule.
     """
     rng = np.random.default_rng(1) if rng is None else rng
+    n_start = getattr(curve, "n_start", N_START) if n_start is None else n_start
     start, fixed = {} if start is None else start, {} if fixed is None else fixed
     bounds, priors = {} if bounds is None else bounds, {} if priors is None else priors
     tied = {} if tied is None else tied

@@ -28,7 +28,7 @@ def fit_curves(
     errors: Sequence[Component] = (),
     units: Mapping[str, str] | None = None,
     axes: AxisNames | None = None,
-    n_start: int = N_START,
+    n_start: int | None = None,
     fixed: Mapping[str, float] | None = None,
     derived: Mapping[str, str] | None = None,
     tied: Mapping[str, str] | None = None,
@@ -62,7 +62,8 @@ def fit_curves(
             parts[name] = posed if named is None else started(replace(posed, called=named.text), named, held=held)
         except InputError as error:
             raise InputError(f"of data set '{name}' {error.rule}", field=error.field, value=error.value) from None
-    return fit_stated(join(parts, shared=shared, common=[one.parameter_name for one in errors]), rng, n_start)
+    joint = join(parts, shared=shared, common=[one.parameter_name for one in errors])
+    return fit_stated(joint, rng, getattr(curve, "n_start", N_START) if n_start is None else n_start)
 
 
 def _checked(data: Mapping[str, DataSet]) -> list[str]:

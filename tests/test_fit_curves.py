@@ -70,7 +70,8 @@ def test_a_wrong_curve_is_refused_with_the_name_of_its_set() -> None:
 
 
 def test_what_is_said_of_one_set_has_the_last_word() -> None:
-    fit = fit_curves(FORMULA, SWINGS, shared=["tau"], start=START, fixed={"c[second]": 1.0}, priors={"A[first]": "5.0(1)"}, bounds={"tau": (0.1, 9.0)})
+    said = {"fixed": {"c[second]": 1.0}, "priors": {"A[first]": "5.0(1)"}, "bounds": {"tau": (0.1, 9.0)}}
+    fit = fit_curves(FORMULA, SWINGS, shared=["tau"], start=START, **said)  # type: ignore[arg-type]
     assert set(fit.names) == {"tau", "A[first]", "c[first]", "A[second]"}
     assert fit.fixed == {"c[second]": 1.0}
     assert fit.dof == 50 + 1 - 4
