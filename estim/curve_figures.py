@@ -163,6 +163,6 @@ def _draw_region(ax: Axes, region: Region) -> None:
     if any(np.all(np.isfinite(one)) for one in region.ellipses.values()):
         handles.append(Line2D([], [], color=ORANGE, lw=1.4, ls="--", label="linear theory"))
     handles.append(Line2D([], [], color="white", marker="o", mec=INK, ls="", label="best values"))
-    ax.legend(handles=handles, fontsize=8, frameon=False, loc="best")
+    ax.legend(handles=handles, fontsize=8, frameon=False, loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=len(handles))
     ax.set(xlabel=first.axis, ylabel=second.axis)
     ax.locator_params(axis="x", nbins=6)
