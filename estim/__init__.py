@@ -15,7 +15,10 @@ if TYPE_CHECKING:
     from estim.checks.goodness import check_goodness
     from estim.common.errors import EstimError, InputError
     from estim.curve_fit import CurveFit, fit_curve
+    from estim.curve_fits import fit_curves
     from estim.curves.counting import Binomial, EventTimes, Poisson
+    from estim.curves.differential import ode
+    from estim.curves.joining import DataSet
     from estim.curves.posing import AxisNames
     from estim.curves.shared_errors import Component
     from estim.fitting.least_squares import fit_least_squares
@@ -46,6 +49,7 @@ _HOME = {
     "Campaign": "campaign.campaign",
     "Component": "curves.shared_errors",
     "CurveFit": "curve_fit",
+    "DataSet": "curves.joining",
     "EstimError": "common.errors",
     "EventTimes": "curves.counting",
     "Input": "propagation.inputs",
@@ -65,11 +69,13 @@ _HOME = {
     "diagnose": "checks.diagnosis",
     "energy_along": "studies.energy",
     "fit_curve": "curve_fit",
+    "fit_curves": "curve_fits",
     "fit_least_squares": "fitting.least_squares",
     "fit_line": "line.least_squares",
     "inverse_prediction": "line.least_squares",
     "line_posterior": "line.posterior",
     "load_campaign": "campaign.campaign",
+    "ode": "curves.differential",
     "posterior_bands": "sampling.bands",
     "prediction_band": "line.least_squares",
     "propagate_linear": "propagation.linear",
@@ -93,6 +99,7 @@ __all__ = [
     "Campaign",
     "Component",
     "CurveFit",
+    "DataSet",
     "EstimError",
     "EventTimes",
     "Input",
@@ -112,11 +119,13 @@ __all__ = [
     "diagnose",
     "energy_along",
     "fit_curve",
+    "fit_curves",
     "fit_least_squares",
     "fit_line",
     "inverse_prediction",
     "line_posterior",
     "load_campaign",
+    "ode",
     "posterior_bands",
     "prediction_band",
     "propagate_linear",

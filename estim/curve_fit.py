@@ -31,7 +31,7 @@ from estim.checks import (
 )
 from estim.common import Kind, Status, decide, wrong
 from estim.curve_result import CurveFit as CurveFit
-from estim.curves import AxisNames, Component, Counting, CurveProblem, pose_curve
+from estim.curves import AxisNames, Component, Counting, CurveProblem, JointProblem, called_by_name, pose_curve, provisional, started
 from estim.fitting import (
     N_START,
     Fit,
@@ -57,7 +57,7 @@ def fit_curve(
     x: ArrayLike,
     y: ArrayLike | None,
     *,
-    start: Mapping[str, float],
+    start: Mapping[str, float] | None = None,
     u_y: ArrayLike | None = None,
     bounds: Mapping[str, tuple[float | None, float | None]] | None = None,
     priors: Mapping[str, Prior | str] | None = None,
@@ -67,16 +67,18 @@ def fit_curve(
     errors: Sequence[Component] = (),
     units: Mapping[str, str] | None = None,
     axes: AxisNames | None = None,
-    n_start: int = N_START,
+    n_start: int | None = None,
     fixed: Mapping[str, float] | None = None,
     deviation: float = 0.0,
     correlated: ArrayLike | bool = False,
     noise: Counting | str | None = None,
     derived: Mapping[str, str] | None = None,
+    tied: Mapping[str, str] | None = None,
 ) -> CurveFit:
     """The curve fit to points x, y (n_obs,) by least squares.
 
-    curve : formula in x and parameters, or function curve(x, **parameters) that returns (n_obs,).
+    curve : formula in x and parameters, function curve(x, **parameters) that returns (n_obs,), or models by name, like "gaussian + line"
+        (`estim.curves.models`), whose starts are found from the points where `start` gives none.
     start : a starting value for each parameter that is fit; the order of magnitude and the sign matter, several further starts are tried.
     u_y : standard uncertainty of y, a number or (n_obs,).  cov_y : (n_obs, n_obs) covariance matrix in its place.
     u_x : standard uncertainty of x, a number or (n_obs,), beside u_y; None where x is exact.  The true abscissas are integrated out one by one
@@ -91,24 +93,35 @@ def fit_curve(
         With either, values, sds and intervals are those of a mixture over its size and length, linear in the parameters (`estim.deviation`).
     noise : what y counts, in place of u_y: "poisson", or `Poisson(bins=...)`, `Binomial(trials=...)`, `EventTimes(low, high)` with y = None
         (`estim.curves.counting`).  Intervals are then profiles of the likelihood, and chi2 is the deviance.
+    tied : name -> formula of the parameters that the curve's parameter of that name follows, like {"right_sigma": "left_sigma", "b": "2*a"}; it
+        has neither start nor prior, and is told among what follows from the fit.
     derived : name -> formula of the parameters, like {"g": "4*pi**2/slope"}; a formula may name those before it, `units` have its unit.
-    rng : of the further starts and of the simulated tests; None always draws the same.  n_start : starts tried, 1 for the given one alone.
+    rng : of the further starts and of the simulated tests; None always draws the same.  n_start : starts tried, 1 for the given one alone;
+        None: 8, and 1 for differential equations (`estim.ode`).
 
     Raises InputError where an argument breaks a rule.
     """
     rng = np.random.default_rng(1) if rng is None else rng
+    n_start = getattr(curve, "n_start", N_START) if n_start is None else n_start
+    start, fixed = {} if start is None else start, {} if fixed is None else fixed
+    bounds, priors = {} if bounds is None else bounds, {} if priors is None else priors
+    tied = {} if tied is None else tied
+    named = called_by_name(curve, start, fixed, tied)
+    begin, limits = (start, bounds) if named is None else provisional(named, start, bounds, priors, {*fixed, *tied})
     posed = pose_curve(
-        curve, x, y, start=start, u_y=u_y, cov_y=cov_y, u_x=u_x, bounds={} if bounds is None else bounds,
-        priors={} if priors is None else priors, errors=tuple(errors), units={} if units is None else units,
-        axes=AxisNames() if axes is None else axes, fixed={} if fixed is None else fixed,
-        deviation=deviation, correlated=correlated, noise=noise, derived={} if derived is None else derived,
+        curve if named is None else named.expression, x, y, start=begin, u_y=u_y, cov_y=cov_y, u_x=u_x, bounds=limits, priors=priors,
+        errors=tuple(errors), units={} if units is None else units, axes=AxisNames() if axes is None else axes, fixed=fixed, deviation=deviation,
+        correlated=correlated, noise=noise, derived={} if derived is None else derived, tied=tied,
     )
-    complete = (_fit_stated if posed.stated else _fit_estimated)(posed, rng, n_start)
+    if named is not None:
+        posed = started(replace(posed, called=named.text), named, held=start)
+    complete = (fit_stated if posed.stated else _fit_estimated)(posed, rng, n_start)
     found = complete.status not in (Status.NOT_IDENTIFIED, Status.NOT_CONVERGED) and complete.goodness
     return _fit_lacking(posed, complete, rng) if posed.lacks is not None and found else complete
 
 
-def _fit_stated(posed: CurveProblem, rng: np.random.Generator, n_start: int) -> CurveFit:
+def fit_stated(posed: CurveProblem | JointProblem, rng: np.random.Generator, n_start: int) -> CurveFit:
+    """The fit of points whose errors are stated."""
     problem = posed.with_sigma(1.0)
     best = find_optimum(problem, problem.start(), rng=rng, n_start=n_start)
     return _concluded(posed, best, problem, sigma=None, scale=1.0, rng=rng)
@@ -161,11 +174,13 @@ def _residual_sd(posed: CurveProblem, values: FloatArray) -> float:
     return max(math.sqrt(squares / max(1, posed.y.size + pulls - values.size)), _floor(posed))
 
 
-def _floor(posed: CurveProblem) -> float:
+def _floor(posed: CurveProblem | JointProblem) -> float:
     return _PERFECT * (float(np.max(np.abs(posed.y))) or 1.0)
 
 
-def _concluded(posed: CurveProblem, best: Optimum, problem: Problem, *, sigma: float | None, scale: float, rng: np.random.Generator) -> CurveFit:
+def _concluded(
+    posed: CurveProblem | JointProblem, best: Optimum, problem: Problem, *, sigma: float | None, scale: float, rng: np.random.Generator
+) -> CurveFit:
     """The record of an optimum of `problem`, whose covariance is to be multiplied by scale^2."""
     pulls = sum(informative(p.prior) for p in posed.parameters)
     dof = posed.y.size + pulls - len(posed.parameters)
@@ -179,7 +194,7 @@ def _concluded(posed: CurveProblem, best: Optimum, problem: Problem, *, sigma: f
     found = spread(fixed, best, dof=math.inf if sigma is None else dof, scale=scale, unknown=perfect and sigma is not None)
     tested = dof >= 1 and not perfect and not best.singular
     goodness = check_goodness(inner, rng=rng) if tested else ()
-    if goodness and inner.posterior.likelihoods[0].normal is None:  # chi^2 is only nearly what it is called
+    if goodness and any(one.normal is None for one in inner.posterior.likelihoods):  # chi^2 is only nearly what it is called
         p_value = goodness[0].checks["chi2"].p_value if "chi2" in goodness[0].checks else p_value
     conflict = None if best.singular else check_stated_values(inner)
     solutions = several_solutions(inner, laplace_modes(inner)) if inner.others.size else []
@@ -191,7 +206,7 @@ def _concluded(posed: CurveProblem, best: Optimum, problem: Problem, *, sigma: f
         intervals=found.intervals, cov=found.cov, chi2=chi2, dof=dof, p_value=p_value, sigma=sigma, status=decide(findings), findings=findings,
         remarks=(*found.notes, *curve_remarks(inner, best, p_value, chi2, dof, goodness, stated=sigma is None, perfect=perfect)),
         message=_message(best, sigma, perfect, [tell(f) for f in same_curve(inner)]), goodness=goodness,
-        fit=inner, text=posed.text, fixed=posed.fixed,
+        fit=inner, held=fixed, text=posed.text, fixed=posed.fixed, called=posed.called or posed.text,
     )
 
 
@@ -205,7 +220,9 @@ def _size(inner: Fit, best: Optimum) -> float:
     return float(np.sum(inner.posterior.size_residuals(best.values) ** 2) + np.sum(inner.posterior.prior_residuals(best.values) ** 2))
 
 
-def _inner_fit(posed: CurveProblem, best: Optimum, problem: Problem, sigma: float | None, rng: np.random.Generator) -> Fit:
+def _inner_fit(
+    posed: CurveProblem | JointProblem, best: Optimum, problem: Problem, sigma: float | None, rng: np.random.Generator
+) -> Fit:
     """The same optimum as the record that the tests and the sampler take, with the size of the errors unknown if it was not stated."""
     if sigma is None:
         start = best.values

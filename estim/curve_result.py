@@ -6,6 +6,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -13,30 +14,21 @@ from numpy.typing import ArrayLike
 from estim.arrays import FloatArray
 from estim.checks import Goodness
 from estim.common import Finding, InputError, Kind, Status, code, format_p, markdown, one_line, signed, table
+from estim.curve_figures import Prediction as Prediction
+from estim.curve_figures import Region, curve_figure, region_of
 from estim.deviation import FoundDeviation
 from estim.distributions import student_quantile
-from estim.fitting import FEW, Ends, Fit, LinearDerived, linear_derived, shown_value
-from estim.problem import Problem, informative
+from estim.fitting import FEW, Ends, Fit, LinearDerived, contour, linear_derived, shown_value
+from estim.problem import Observations, Problem, informative
 from estim.words import advice, advice_for, tell
 
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
 _ADVISED = (Kind.SEVERAL_SOLUTIONS, Kind.STEP_UNSETTLED)  # of which a reason says what to do as well
-
-
 _TOLD_CORRELATION = 0.1
-
-
-@dataclass(frozen=True, eq=False)
-class Prediction:
-    """The fitted curve at x (n,): value, its standard uncertainty u and the ends of its interval, all (n,), unit of y.
-
-    u, low, high : nan where the status is not ok, or a parameter has no standard deviation.
-    """
-
-    x: FloatArray
-    value: FloatArray
-    u: FloatArray
-    low: FloatArray
-    high: FloatArray
+_ALONG = 401  # points along a drawn curve
+_TITLE = 60  # marks of a formula that a title has room for
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,8 +47,10 @@ class CurveFit:
     findings : everything wrong, gravest first, and the status that follows.  remarks : what to know before using it, nothing wrong.
     reasons, notes : the same in words.  message : how the search went.
     goodness : tests of the residuals, in order of x; empty where the points are too few.
+    text : the formula, or how the function is called.  called : "gaussian + line" where the curve was asked for by name, else the same.
     fixed : name -> exact value of the parameters that were not fit.
     fit, problem : what sampling starts from; without u_y `problem` has `sigma_y` as a further parameter.
+    held : the same optimum with errors of a fixed size, that of the residuals without u_y.
     """
 
     names: tuple[str, ...]
@@ -74,8 +68,10 @@ class CurveFit:
     message: str
     goodness: tuple[Goodness, ...]
     fit: Fit
+    held: Fit
     text: str
     fixed: Mapping[str, float]
+    called: str
 
     @property
     def reasons(self) -> tuple[str, ...]:
@@ -104,24 +100,64 @@ class CurveFit:
         """Name -> what follows from the parameters by the formulas `derived`, linear about the fit; `sample_curve` computes it from draws."""
         unknown = [name for name, sd in self.sds.items() if not math.isfinite(sd)]
         values = np.array([self.values[name] for name in self.names])
-        return {one.name: one for one in linear_derived(self.problem.runs[0], self.names, values, self.cov, dof=self._dof, unknown=unknown)}
+        found: dict[str, LinearDerived] = {}
+        for run in self.problem.runs:
+            for one in linear_derived(run, self.names, values, self.cov, dof=self._dof, unknown=unknown):
+                own = any("[" in name for name, slope in zip(self.names, one.gradient, strict=True) if slope != 0.0)
+                found.setdefault(f"{one.name}[{run.name}]" if own else one.name, one)
+        return found
 
-    def predict(self, x: ArrayLike, *, probability: float = 0.95) -> Prediction:
+    def predict(self, x: ArrayLike, *, probability: float = 0.95, data: str | None = None) -> Prediction:
         """The curve at x, a number or (n,), with the uncertainty of its parameters (linear; JCGM 100:2008, 5.2.2), not the scatter of a new reading.
 
-        probability : of the interval low to high, by Student's t where the size of the errors was estimated.  Raises InputError.
+        probability : of the interval low to high, by Student's t where the size of the errors was estimated.
+        data : name of the data set, where several were fit together.  Raises InputError.
         """
         places = np.atleast_1d(np.asarray(x, dtype=float))
         if places.ndim != 1 or not np.all(np.isfinite(places)):
             raise InputError("must be finite numbers along one axis", field="x", value=x)
         if not 0.0 < probability < 1.0:
             raise InputError("must lie between 0 and 1", field="probability", value=probability)
-        points = replace(self.problem.runs[0].points, x=places, y=np.zeros(places.size))
+        run = self._run(data)
+        points = replace(run.points, x=places, y=np.zeros(places.size))
         value = np.array(np.broadcast_to(points.value(self.values), (1, places.size))[0])
         gradient, known = points.gradient(self.values, self.names), self.status.ok and all(map(math.isfinite, self.sds.values()))
         u = np.sqrt(np.einsum("ni,ij,nj->n", gradient, self.cov, gradient)) if known else np.full(places.size, np.nan)
         half = float(student_quantile(0.5 + 0.5 * probability, np.array(self._dof))) * u
         return Prediction(places, value, u, value - half, value + half)
+
+    def plot(self, figure: Figure | None = None, *, data: str | None = None) -> Figure:
+        """Points with their errors, the curve with its 68 % and 95 % bands, and the residuals in the unit of y.
+
+        figure : to draw in, as from `matplotlib.pyplot.figure`; a new one if None, which a notebook shows and `savefig` writes.
+        data : name of the data set, where several were fit together.  A curve whose status is not ok has no band.
+        """
+        run = self._run(data)
+        ends = (run.noise.counted.bins if run.noise.counted is not None else None, run.x)
+        low, high = (float(f(next(e for e in ends if e is not None))) for f in (np.min, np.max))
+        room = 0.0 if run.noise.counted is not None else 0.02 * (high - low)
+        x = np.linspace(low - room, high + room, _ALONG)
+        outer, inner = (self.predict(x, probability=p, data=data) for p in (0.95, 0.68))
+        gain = np.zeros(run.n_obs) if run.noise.counted is not None else run.noise.reading_gain()
+        return curve_figure(
+            run, self.predict(run.x, data=data).value, outer, inner, sd=gain * (1.0 if self.sigma is None else self.sigma), sd_x=run.noise.x_gain(),
+            title=": ".join([*([data] if data else []), *([self.called] if len(self.called) <= _TITLE else []), str(self.status)]), figure=figure,
+        )
+
+    def contour(self, a: str, b: str, *, probabilities: tuple[float, ...] = (0.68, 0.95)) -> Region:
+        """Where the parameters a and b lie together, by profiles of the likelihood, beside the ellipses of the linear theory.
+
+        A notebook shows it; `.plot()` draws it.  Raises InputError for unknown names, and where the status is not ok or the curve may lack
+        something (`deviation`, `correlated`): then no region would hold what it says.
+        """
+        if not self.status.ok:
+            raise InputError(f"is asked of a fit whose status is {self.status}: no region of it would hold what it says", field="contour")
+        if self.deviation is not None:
+            raise InputError("is not known beside 'deviation' or 'correlated': use fit.cov, or sample_curve", field="contour")
+        found = contour(self.held, a, b, probabilities, dof=self._dof)
+        at = [self.names.index(name) for name in (a, b)]
+        known = {p.name: p.label for p in self.problem.parameters}
+        return region_of(found, best=np.array([self.values[a], self.values[b]]), cov=self.cov[np.ix_(at, at)], labels=(known[a], known[b]))
 
     @property
     def aic(self) -> float:
@@ -136,10 +172,11 @@ class CurveFit:
     @property
     def r_squared(self) -> float:
         """Share of the scatter of y about its mean that the curve explains, unweighted; no test of the curve."""
-        run = self.problem.runs[0]
-        off = run.y - np.broadcast_to(run.points.value(self.values), (1, run.n_obs))[0]
-        total = float(np.sum((run.y - run.y.mean()) ** 2))
-        return 1.0 - float(np.sum(off**2)) / total if total > 0.0 else math.nan
+        runs = self.problem.runs
+        off = sum(float(np.sum((run.y - np.broadcast_to(run.points.value(self.values), (1, run.n_obs))[0]) ** 2)) for run in runs)
+        every = np.concatenate([run.y for run in runs])
+        total = float(np.sum((every - every.mean()) ** 2))
+        return 1.0 - off / total if total > 0.0 else math.nan
 
     def summary(self) -> str:
         """What `print` shows, with criteria for comparing curves on the same points, and correlations (where the status is ok)."""
@@ -150,6 +187,12 @@ class CurveFit:
         if self.status.ok and told:
             lines += [f"correlations (those below {_TOLD_CORRELATION} are left out):", *(f"  {names}: {signed(f'{r:+.3f}')}" for r, names in told)]
         return "\n".join(lines)
+
+    def _run(self, data: str | None) -> Observations:
+        runs = {run.name: run for run in self.problem.runs}
+        if (data is None and len(runs) > 1) or (data is not None and data not in runs):
+            raise InputError(f"must be one of {', '.join(runs)}", field="data", value=data)
+        return self.problem.runs[0] if data is None else runs[data]
 
     def _criterion(self, weight: float) -> float:
         n, k = self.problem.n_obs, len(self.names)
@@ -173,13 +216,13 @@ class CurveFit:
     def __str__(self) -> str:
         width = max(map(len, (*self.names, *self.derived)))
         rows = [f"{name:<{width}} {f'{relation} {value}'.strip()}" for name, (relation, value) in self._rows()]
-        head = [f"{self.text}: {self.status}", *(f"  {reason}" for reason in self.reasons)]
+        head = [f"{self.called}: {self.status}", *(f"  {reason}" for reason in self.reasons)]
         head += [f"  what to do: {words}" for words in self.advice]
         said = [*head, *rows, *self._fixed_words(), *(f"note: {note}" for note in self.notes)]
         return "\n".join(map(one_line, [*said, self._summary()]))
 
     def _repr_markdown_(self) -> str:
-        head = [f"{code(self.text)}: **{self.status}**", *(f"- {markdown(reason)}" for reason in self.reasons)]
+        head = [f"{code(self.called)}: **{self.status}**", *(f"- {markdown(reason)}" for reason in self.reasons)]
         head += [f"- What to do: {markdown(words)}" for words in self.advice]
         rows = [(name, value) for name, (_, value) in self._rows()]
         shown = ["", table(("parameter", "value and intervals"), rows)] if rows else []
@@ -212,7 +255,7 @@ class CurveFit:
 
     def _summary(self) -> str:
         if self.sigma is None:
-            size = "chi2" if self.problem.runs[0].noise.counted is None else "deviance"
+            size = "chi2" if all(run.noise.counted is None for run in self.problem.runs) else "deviance"
             return f"{size} = {self.chi2:.4g}, dof = {self.dof}, {format_p(self.p_value)}; {self.message}"
         return f"residual sd = {self.sigma:.4g} (estimated: u_y was not given), dof = {self.dof}; {self.message}"
 

@@ -11,11 +11,11 @@ from scipy import stats
 
 from estim.checks.consistency import PRIORS, Consistency, check_consistency
 from estim.common.errors import InputError
+from estim.drawing import png
 from estim.fitting.least_squares import Fit, fit_least_squares
 from estim.problem.priors import HalfNormal, Normal, Prior, Uniform
 from estim.reports.consistency import consistency_text, estimate_rows
 from estim.reports.consistency_figures import forest_figure
-from estim.reports.figures import png
 from estim.reports.residual_panels import VERMILION
 
 X = np.linspace(0.0, 1.0, 8)

@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 from estim.checks.cells import headline
 from estim.common.escaping import Markdown, as_json, code, destination, markdown, mathtext, one_line
 from estim.common.labels import Notation, table
-from estim.reports.figures import name_ticks, png
+from estim.drawing import name_ticks, png
 from estim.reports.rendering import cells
 
 PLACES = {

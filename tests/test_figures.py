@@ -17,6 +17,7 @@ from matplotlib.image import imread
 from matplotlib.text import Text
 from scipy.interpolate import RegularGridInterpolator
 
+from estim import drawing
 from estim.campaign import load_campaign
 from estim.checks import Outliers
 from estim.common import Finding, Kind
@@ -25,7 +26,7 @@ from estim.curves.rolling import RollingMotion
 from estim.problem.observations import Parameter
 from estim.problem.posterior import Problem
 from estim.problem.priors import Normal, Uniform
-from estim.reports import corner_figures, curve_figures, figures
+from estim.reports import corner_figures, curve_figures
 from estim.reports.consistency_figures import _within
 from estim.reports.contours import PROBABILITIES, density_of
 from estim.reports.pages import marked, page
@@ -52,7 +53,7 @@ def corner_of(problem: Problem, rng: np.random.Generator) -> Figure:
 
 def test_a_figure_is_drawn_once_where_a_layout_draws_it_twice_and_looks_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
     def draw() -> Figure:
-        figure = figures.new_figure(3.0)
+        figure = drawing.new_figure(3.0)
         left, right = figure.subplots(1, 2)
         left.plot([0.0, 1000.0], [1e-3, 1.0], label="a line")
         right.set(yscale="log", ylim=(1e-3, 1e3), ylabel="far from the axis", title="title")
@@ -64,7 +65,7 @@ def test_a_figure_is_drawn_once_where_a_layout_draws_it_twice_and_looks_the_same
     draw().savefig(plain, dpi=150)
     calls, original = [], Figure.draw
     monkeypatch.setattr(Figure, "draw", lambda figure, renderer: (calls.append(figure), original(figure, renderer))[1])
-    found = figures.png(draw)
+    found = drawing.png(draw)
     assert len(calls) == 1
     assert np.array_equal(*(imread(io.BytesIO(data), format="png") for data in (plain.getvalue(), found)))
 
@@ -113,7 +114,7 @@ def test_a_far_narrower_prior_leaves_its_panel_and_enters_no_other(rng: np.rando
     run = problem_of(LINE, {name: Normal(0.4, 0.2) for name in ("slope", "bend", "offset")}, {}, X, [X], 0.1).runs[0]
     problem = Problem(tuple(Parameter(name, "m", prior, "") for name, prior in (("a", Normal(0.4, 0.2)), ("b", Normal(0.4, 1e-3)))), (run,))
     (ax,) = corner_of(problem, rng).axes
-    (priors,) = (lines for lines in ax.collections if to_hex(lines.get_edgecolor()[0]).upper() == figures.ORANGE)
+    (priors,) = (lines for lines in ax.collections if to_hex(lines.get_edgecolor()[0]).upper() == drawing.ORANGE)
     path, transform = priors.get_transformed_clip_path_and_affine()
     clip = transform.transform_path(path)
     ends = ax.transData.transform(np.vstack(priors.get_segments()))
@@ -157,7 +158,7 @@ def test_levels_increase_where_one_cell_holds_nearly_all(draws: np.ndarray) -> N
     ],
 )
 def test_ticks_have_as_many_digits_as_tell_them_apart(ticks: list[float], texts: list[str]) -> None:
-    assert figures.tick_texts(np.array(ticks)) == texts
+    assert drawing.tick_texts(np.array(ticks)) == texts
 
 
 def trace_of(n_par: int, draws: np.ndarray) -> Figure:
@@ -265,7 +266,7 @@ def test_narrowing_names_the_runs() -> None:
 @pytest.mark.parametrize("column", [np.zeros(4000), np.full(4000, 1e99), np.full(4000, 0.4) + 1e-16, -1e99 * (1.0 + 2e-16 * (np.arange(4000) % 3))])
 def test_a_corner_figure_survives_draws_that_are_all_but_equal(column: np.ndarray, rng: np.random.Generator) -> None:
     draws = np.column_stack([column, rng.standard_normal(4000)])
-    assert figures.png(lambda: corner_figures.corner_figure(analysed(single_run(2), draws))).startswith(b"\x89PNG")
+    assert drawing.png(lambda: corner_figures.corner_figure(analysed(single_run(2), draws))).startswith(b"\x89PNG")
 
 
 def test_residuals_are_data_less_the_curve_that_is_drawn_and_the_largest_is_said() -> None:
@@ -292,7 +293,7 @@ def test_counts_are_compared_with_the_median_of_their_curve_in_their_own_unit() 
 
 def test_a_band_that_fades_ends_nearly_unseen_and_nowhere_else() -> None:
     ax = Figure().subplots()
-    draw_faded(ax, X, X - 1.0, X + 1.0, figures.ORANGE, alpha=0.4)
+    draw_faded(ax, X, X - 1.0, X + 1.0, drawing.ORANGE, alpha=0.4)
     solid, *pieces = ax.collections
     alphas = [piece.get_alpha() for piece in pieces]
     assert solid.get_alpha() == 0.4
@@ -316,7 +317,7 @@ def test_every_run_has_its_residuals_right_below_its_curve(n: int, columns: int)
 
 def test_every_figure_of_synthetic_data_says_so_once() -> None:
     def plain(title: str = "", *, by_hand: bool = False) -> Figure:
-        figure = Figure() if by_hand else figures.new_figure(2.0)
+        figure = Figure() if by_hand else drawing.new_figure(2.0)
         figure.subplots().set_title("SYNTHETIC data" if title == "own" else "")
         if title == "above":
             figure.suptitle("bold: mean")

@@ -14,10 +14,10 @@ from estim.campaign import load_campaign
 from estim.checks.identifiability import identify
 from estim.checks.prior_sensitivity import CONFLICT, power_scaling
 from estim.common.errors import InputError
+from estim.drawing import png
 from estim.fitting.least_squares import Fit, fit_least_squares
 from estim.fitting.profile import profile_intervals
 from estim.problem.priors import Normal, Uniform
-from estim.reports.figures import png
 from estim.reports.identifiability import IdentifySection, identify_section
 from estim.reports.identifiability_figures import direction_figure, prior_contour, profile_figure, ridge_figure, ridge_pair
 from estim.reports.rendering import render

@@ -67,8 +67,9 @@ class CountTable(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
 
 
 class CurveTable(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
-    expression: str
     x: AxisTable | str
+    expression: str | None = None
+    model: str | None = None
     y: AxisTable | str | None = None
     noise: CountTable | None = None
     u_y: float | str | ReadingErrorTable | None = None

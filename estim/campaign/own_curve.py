@@ -43,9 +43,10 @@ from estim.campaign.curve_tables import (
 from estim.campaign.noise_models import Candidate
 from estim.campaign.own_curve_counts import check_counts, count_columns
 from estim.campaign.own_curve_lacks import order_columns, refuse_lacks
+from estim.campaign.own_curve_models import is_to_be_found, read_curve, started_runs, unknown_of
 from estim.campaign.own_curve_points import MIN_ROWS, CurvePoints
 from estim.common import InputError
-from estim.curves import AxisNames, Component, DistortedCurve, Formula, read_formula
+from estim.curves import AxisNames, Component, DistortedCurve, Formula, ModelSum
 from estim.deviation import BadFrames, ForceSize
 from estim.explanation import Suspects
 from estim.fitting import Fit, fit_lacking, fit_optimum, information, is_resolved, no_scatter, silent_parameters
@@ -62,6 +63,7 @@ class CurveStudy:
     axes: AxisNames
     table: CurveTable
     runs: tuple[CurveRunTable, ...]
+    named: ModelSum | None = None
 
     @property
     def formula(self) -> str:
@@ -87,6 +89,7 @@ class CurveStudy:
         observed, points = [], CurvePoints(self.source, self.axes, self.table, self.runs)
         indices = {name: [run.name for run in self.runs].index(name) for name in names}
         bound = {name: {argument: self._bind(argument, index) for argument in self.curve.names} for name, index in indices.items()}
+        sought: set[str] = set()
         uses = Counter(b.name for found in bound.values() for b in found.values() if isinstance(b, Parameter))
         for name, index in indices.items():
             arguments: dict[str, str | float] = {}
@@ -98,6 +101,7 @@ class CurveStudy:
                 unknown_of_curve = replace(b, name=f"{argument}[{name}]") if own else b
                 arguments[argument] = unknown_of_curve.name
                 parameters.setdefault(unknown_of_curve.name, unknown_of_curve)
+                sought |= {unknown_of_curve.name} if is_to_be_found(self.named, self._entry(argument, index)) else set()
             arguments |= {component: component for component in shared}
             run, unknown = points.observe(curve, arguments, index, tables[name], joint=len(names) > 1)
             of_noise |= {parameter.name: parameter for parameter in unknown}
@@ -106,7 +110,8 @@ class CurveStudy:
             if name in parameters or name in shared:
                 rule = "is the name of a quantity of the errors of y, which is unknown here: choose another"
                 raise self.source.places.error(rule, self._place(name))
-        return Problem((*shared_first(parameters.values(), observed), *shared.values(), *of_noise.values()), tuple(observed))
+        unknowns = started_runs(self.named, shared_first(parameters.values(), observed), observed, sought)
+        return Problem((*unknowns, *shared.values(), *of_noise.values()), tuple(observed))
 
     def with_usual_errors(self, problem: Problem, tables: Mapping[str, Run]) -> Problem:
         """What is usual of a user's own axes nobody knows (`[curve.shared_errors]` says it)."""
@@ -242,10 +247,18 @@ class CurveStudy:
                 written = [entry for entry in declared if isinstance(entry, ParameterTable)]
                 unit = next((entry.unit for entry in written if entry.unit is not None), "1")
                 meaning = next((entry.meaning for entry in written if entry.meaning is not None), "parameter of the curve")
+                if self.named is not None and is_to_be_found(self.named, table[name]):
+                    return Parameter(name + suffix, unit, unknown_of(self.named, name, table[name]), meaning)
                 source = self._read(table[name], (*path, name))
                 return source if isinstance(source, float) else Parameter(name + suffix, unit, source, meaning)
+        if self.named is not None:
+            return Parameter(name, "1", unknown_of(self.named, name, None), "parameter of the curve")
         rule = f"is missing for run '{run.name}': say it under [curve.parameters] or [runs.parameters], for example {name} = {{start = 1.0}}"
         raise self.source.places.error(rule, ("curve", "parameters"), field=name)
+
+    def _entry(self, name: str, index: int) -> float | str | ParameterTable | None:
+        """What the nearest level says of a parameter of one run."""
+        return self.runs[index].parameters.get(name, self.table.parameters.get(name))
 
     def _read(self, value: float | str | ParameterTable, path: Place) -> float | Prior:
         try:
@@ -274,17 +287,14 @@ def read_curve_study(source: CampaignFile, written_curve: OwnCurve, *, only: str
     table = checked(_with_names(written_curve.table, places, ("curve",)), CurveTable, places, ("curve",))
     written = [_with_names(run, places, ("runs", i)) for i, run in enumerate(written_curve.runs)]
     runs = tuple(checked(run, CurveRunTable, places, ("runs", i)) for i, run in enumerate(written))
-    try:
-        formula = read_formula(table.expression)
-    except InputError as error:
-        raise places.error(error.rule, ("curve", "expression"), value=error.value) from None
+    formula, named = read_curve(source, table)
     check_counts(source, table, runs)
     x, y = axis_of(table.x), y_axis(table)
     check_words(source, table, runs, (x, y))
     check_variable(source, formula, x)
     check_parameters(source, formula, table, runs)
     axes = AxisNames(x.name or x.column, x.unit, y.name or y.column, y.unit)
-    study = CurveStudy(source, formula, axes, table, runs)
+    study = CurveStudy(source, formula, axes, table, runs, named)
     return study, MappingProxyType({run.name: _read_run(study, run) for run in runs if only in (None, run.name)})
 
 

@@ -29,12 +29,12 @@ def curve_findings(
     if p_value < P_POOR_FIT:
         kind = Kind.COUNTS_SCATTER if any(run.noise.counted is not None for run in fixed.problem.runs) else Kind.CHI2_TOO_LARGE
         found.append(Finding(kind, p=p_value, size=chi2, numbers={"dof": dof}))
-    # the points have no run to be named, and chi2 was told above
-    return found + [_of_points(f) for f in failed_tests(goodness) if f.test and f.test != "chi2"]
+    # points alone have no run to be named, and chi2 was told above
+    return found + [_of_points(f, len(goodness)) for f in failed_tests(goodness) if f.test and f.test != "chi2"]
 
 
-def _of_points(finding: Finding) -> Finding:
-    return replace(finding, run="", numbers={name: n for name, n in finding.numbers.items() if name == "deviation"})
+def _of_points(finding: Finding, n_run: int) -> Finding:
+    return replace(finding, run=finding.run if n_run > 1 else "", numbers={name: n for name, n in finding.numbers.items() if name == "deviation"})
 
 
 def pressed_limits(fit: Fit, values: FloatArray, *, estimated: bool = False) -> list[Finding]:

@@ -3,7 +3,7 @@
 Which to use: `one_line` for a terminal and for messages; `markdown` for a report, whatever stands around the text (prose, a
 heading, a cell of a table, the text of a link); `code` where it should look like code; `destination` for where a link leads;
 `mathtext` for a figure; `as_json` for a record.  Templates need none of them: `estim.reports.rendering` puts every value through `markdown`, and
-`estim.reports.figures.png` every text through `mathtext`.
+`estim.drawing.png` every text through `mathtext`.
 """
 
 from __future__ import annotations

@@ -1,11 +1,12 @@
 """What can be fit: the rolling body, a formula in text, a Python function, with derivatives and errors common to all points.
-
 Read `rolling` for the disk, `formula` for text.  Imports `common` and `problem`."""
 
 from estim.curves.counting import MAX_EVENTS, Binomial, CountedPoints, Counting, EventTimes, Poisson, counted_points, not_a_count
 from estim.curves.disturbed import DisturbedMotion, DisturbedMotionCurve, DisturbedPhaseCurve, Place, Setting, energy_of_speed, size_with_blur
 from estim.curves.dual import Dual
 from estim.curves.formula import RESERVED, Formula, evaluate, read_formula
+from estim.curves.joining import DataSet, JointProblem, join, of_data_set
+from estim.curves.named import ModelSum, called_by_name, provisional, read_model, started, with_starts
 from estim.curves.posing import MAX_OBS, SIGMA, SIGMA_NOTATION, SIGMA_SPREAD, AxisNames, CurveProblem, pose_curve, reading_noise
 from estim.curves.regimes import Fate, borders_of, farthest_stop, fate_at, placed, steepest_tilt, turning_contours
 from estim.curves.rolling import MotionCurve, PhaseCurve, RollingMotion

@@ -32,7 +32,7 @@ FUNCTIONS: Mapping[str, tuple[str, int]] = MappingProxyType(
         "sin", "cos", "tan", "arcsin", "arccos", "arctan", "sinh", "cosh", "tanh", "arcsinh", "arccosh", "arctanh", "exp", "expm1", "log", "log1p",
         "log2", "log10", "sqrt", "cbrt", "abs", "sign", "floor", "ceil", "radians", "degrees", "erf", "erfc",
     )}
-    | {"asin": ("arcsin", 1), "acos": ("arccos", 1), "atan": ("arctan", 1), "ln": ("log", 1), "where": ("where", 3)}
+    | {"asin": ("arcsin", 1), "acos": ("arccos", 1), "atan": ("arctan", 1), "ln": ("log", 1), "where": ("where", 3), "voigt": ("voigt_profile", 3)}
     | {name: (name, 2) for name in ("arctan2", "hypot", "heaviside")} | {"atan2": ("arctan2", 2), "min": ("minimum", 2), "max": ("maximum", 2)}
 )  # name -> NumPy's or SciPy's name, number of arguments
 RESERVED = frozenset({"x", *CONSTANTS, *FUNCTIONS})
@@ -180,7 +180,8 @@ def _arrays(arguments: Mapping[str, ArrayLike], names: Iterable[str]) -> dict[st
 def _functions() -> dict[str, Any]:
     from scipy import special
 
-    named = {name: getattr(special if numpy_name in ("erf", "erfc") else np, numpy_name) for name, (numpy_name, _) in FUNCTIONS.items()}
+    of_scipy = ("erf", "erfc", "voigt_profile")
+    named = {name: getattr(special if numpy_name in of_scipy else np, numpy_name) for name, (numpy_name, _) in FUNCTIONS.items()}
     return named | {_POWER: np.power}
 
 

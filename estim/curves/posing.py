@@ -21,6 +21,7 @@ from estim.curves.function import PythonCurve, wrap_function
 from estim.curves.lacks import ask_lacks
 from estim.curves.shared_errors import Component, DistortedCurve
 from estim.curves.sought import SoughtQuantity, seek_of_fit
+from estim.curves.tied import TiedCurve, followed, only_for_ties, read_tied
 from estim.problem import (
     GAUSSIAN,
     Correlated,
@@ -66,7 +67,7 @@ class CurveProblem:
     cov : (n_obs, n_obs), or None.
     stated : whether the size of the errors is known.
     lacks : what the curve may lack, None for nothing.  counted : the points where y are counts, else None.
-    fixed : argument of the curve -> its exact value.  text : the formula, or how the function is called.
+    fixed : argument of the curve -> its exact value.  text : the formula, or how the function is called.  called : a name it is known by, if any.
     sought : what is to be computed from the parameters.
     """
 
@@ -84,6 +85,7 @@ class CurveProblem:
     lacks: Lacks | None = None
     counted: CountedPoints | None = None
     sought: tuple[SoughtQuantity, ...] = ()
+    called: str = ""
 
     def with_lacks(self, sigma: float) -> Problem:
         """`with_sigma` for a curve that may lack something."""
@@ -147,9 +149,10 @@ def pose_curve(
     correlated: ArrayLike | bool = False,
     noise: Counting | str | None = None,
     derived: Mapping[str, str] = MappingProxyType({}),
+    tied: Mapping[str, str] = MappingProxyType({}),
 ) -> CurveProblem:
     """The problem that the arguments of `fit_curve` pose.  Raises InputError where one of them breaks a rule."""
-    _check_mappings(bounds=bounds, priors=priors, units=units, fixed=fixed, derived=derived)
+    _check_mappings(bounds=bounds, priors=priors, units=units, fixed=fixed, derived=derived, tied=tied)
     _check_words(units, errors, axes)
     counted = ask_counts(
         noise, x, y, what=axes.y_name, u_y=u_y, cov_y=cov_y, u_x=u_x, deviation=deviation or None,
@@ -175,9 +178,14 @@ def pose_curve(
     ordered_cov = None if cov is None else cov[np.ix_(order, order)]
     names, values = _start(start)
     exact = _fixed(fixed, names)
-    read = _curve(curve, points["x"], values, exact)
-    parameters = _parameters(names, values, bounds, priors, {name: unit for name, unit in units.items() if name not in derived}, exact)
-    shared = _shared(errors, (*names, *exact), axes)
+    following, all_of = {**tied, **derived}, (*names, *exact)
+    ties = read_tied(tied, all_of)
+    unseen = only_for_ties(curve, ties) if ties else set()
+    begun, held = ({name: v for name, v in given.items() if name not in unseen} for given in (values, exact))
+    begun |= {name: float(followed(ties, {**values, **exact})[name]) for name in ties}
+    read = _curve(curve, points["x"], begun, held)
+    parameters = _parameters(names, values, bounds, priors, {name: unit for name, unit in units.items() if name not in following}, exact)
+    shared = _shared(errors, (*all_of, *ties), axes)
     stated = u_y is not None or cov is not None or counted is not None
     everything = (*parameters, *shared)
     if not stated and SIGMA in (p.name for p in everything):
@@ -186,17 +194,19 @@ def pose_curve(
     if n_obs + pulls < len(everything) + (0 if stated else 1):
         rule = f"must have more points than parameters ({len(everything)})" + ("" if stated else ", one at least, where u_y is not given")
         raise InputError(rule if not stated else f"must have at least as many points as parameters ({len(everything)})", field="x", value=n_obs)
-    whole: Curve = DistortedCurve(read, errors) if errors else read
+    whole: Curve = TiedCurve(read, ties) if ties else read
+    whole = DistortedCurve(whole, errors) if errors else whole
     if counted is not None:
         refuse_errors(counted, errors)
         whole = counted.expected(whole)
+    text = read.text if isinstance(read, Formula) else f"{getattr(curve, '__name__', type(curve).__name__)}(x, {', '.join((*begun, *held))})"
     return CurveProblem(
-        text=read.text if isinstance(read, Formula) else f"{getattr(curve, '__name__', type(curve).__name__)}(x, {', '.join((*names, *exact))})",
+        text=", ".join([text, *(f"{name} = {formula.text}" for name, formula in ties.items())]),
         curve=whole, parameters=everything, x=points["x"][order], y=points["y"][order],
         relative=relative[order], relative_x=relative_x, cov=ordered_cov, stated=stated, axes=axes, fixed=MappingProxyType(exact),
         lacks=ask_lacks(deviation, correlated, order, stated=stated, exact_x=u_x is None),
         counted=counted,
-        sought=seek_of_fit(derived, units, [*names, *exact, *(p.name for p in shared)]),
+        sought=seek_of_fit(following, units, [*all_of, *(p.name for p in shared)]),
     )
 
 

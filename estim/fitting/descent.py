@@ -107,13 +107,15 @@ def all_finite(jacobian: FloatArray, residual: FloatArray) -> bool:
 
 def _inside(values: FloatArray, low: FloatArray, high: FloatArray) -> FloatArray:
     """`values` moved strictly between the limits."""
-    inner = [edge + sign * 1e-9 * (1.0 + np.abs(np.where(np.isfinite(edge), edge, 0.0))) for edge, sign in ((low, 1.0), (high, -1.0))]
+    unit = np.where(values != 0.0, np.minimum(np.abs(values), 1.0), 1.0)
+    inner = [edge + sign * 1e-9 * (unit + np.abs(np.where(np.isfinite(edge), edge, 0.0))) for edge, sign in ((low, 1.0), (high, -1.0))]
     return np.clip(values, *inner)
 
 
 def near_bound(search: SeparableSearch, values: FloatArray, gradient: FloatArray) -> NDArray[np.bool_]:
     """Which parameters lie on a bound that the descent would push them across."""
-    margin = 1e-8 * (1.0 + np.abs(values))
+    unit = np.where(search.held != 0.0, np.minimum(np.abs(search.held), 1.0), 1.0)  # nanometres may be written in metres
+    margin = 1e-8 * (unit + np.abs(values))
     with np.errstate(invalid="ignore"):
         return ((values - search.low < margin) & (gradient > 0.0)) | ((search.high - values < margin) & (gradient < 0.0))
 

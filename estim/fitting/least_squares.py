@@ -223,7 +223,7 @@ def _fit_curve(posterior: Posterior, values: FloatArray) -> FloatArray:
 
     creeps = any(run.creeps for run in posterior.likelihoods)
     tolerance = 1e-5 if creeps else 1e-12  # steps by the information finish
-    with np.errstate(divide="ignore", invalid="ignore"):  # lmfit also inverts the Hessian, singular where the data are silent; not used
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):  # lmfit inverts the Hessian too, singular where the data are silent; not used
         result = lmfit.minimize(
             residual, table, method="least_squares", scale_covar=False, calc_covar=False, jac=jacobian, x_scale="jac",
             ftol=tolerance, xtol=tolerance, gtol=1e-12, max_nfev=400, nan_policy="propagate",  # scipy steps back from where the curve is not defined

@@ -67,7 +67,7 @@ class Contour:
     """Profile of two parameters on a grid.
 
     a, b : names.  x : (n,) values of a.  y : (n,) values of b.  rise : (n, n) objective above its minimum, rise[i, j] at
-    (x[i], y[j]), inf where the density is zero.  levels : probability -> rise (chi-squared with two degrees of freedom).
+    (x[i], y[j]), inf where the density is zero.  levels : probability -> rise (chi-squared with two degrees of freedom, or 2 F).
     n_failed : points at which the search over the other parameters did not settle.
     """
 
@@ -97,12 +97,20 @@ def profile_intervals(
     return tuple(_intervals(fit, search, mode, indices, rises))
 
 
-def contour(fit: Fit, a: str, b: str, probabilities: tuple[float, ...] = (0.68, 0.95), *, n: int = 17) -> Contour:
-    """Profile of the parameters `a` and `b` on an n x n grid that holds the widest contour.  Raises InputError for an unknown name."""
+def contour(
+    fit: Fit, a: str, b: str, probabilities: tuple[float, ...] = (0.68, 0.95), *, n: int = 17, dof: float = math.inf
+) -> Contour:
+    """Profile of the parameters `a` and `b` on an n x n grid that holds the widest contour.  Raises InputError for an unknown name.
+
+    dof : degrees of freedom from which the size of the errors, held here, was estimated; infinite if it was stated.  The rise is then twice
+        a quantile of Fisher's F with 2 and dof degrees of freedom, dof ((1 - P)^(-2/dof) - 1).
+    """
     i, j = _index(fit, a), _index(fit, b)
     if i == j:
         raise InputError("must be another parameter than the first", field="b", value=b)
     levels = _quantiles(probabilities, dof=2)
+    if math.isfinite(dof):
+        levels = {p: dof * math.expm1(-2.0 / dof * math.log1p(-p)) for p in levels}
     search = search_of(fit)
     (mode,) = minima(search, [Start(fit.values, (), settled=_MODE_SETTLED)])
     axes = []

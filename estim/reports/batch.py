@@ -14,9 +14,9 @@ import numpy as np
 
 from estim.batch import Row, Spread, spreads
 from estim.common import as_json, format_rounded, table
+from estim.drawing import BLUE, GREY, INK, ORANGE, new_figure
 from estim.pipeline import Analysis
 from estim.reports.analysis import analysis_report
-from estim.reports.figures import BLUE, GREY, INK, ORANGE, new_figure
 from estim.reports.pages import page
 from estim.reports.rendering import render
 from estim.reports.result import Subject, result_of, to_json

@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from estim.drawing import BLUE, GREEN, GREY, INK, ORANGE, PALE, PURPLE, name_ticks, new_figure
 from estim.reports.budget import OTHERS, Shares
-from estim.reports.figures import BLUE, GREEN, GREY, INK, ORANGE, PALE, PURPLE, name_ticks, new_figure
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -8,7 +8,7 @@ import numpy as np
 
 from estim.calibration import COVERAGE_SDS, Calibration, edges, rank_counts, uniformity_band
 from estim.common import percentage
-from estim.reports.figures import BLUE, GREY, INK, ORANGE, name_ticks, new_figure
+from estim.drawing import BLUE, GREY, INK, ORANGE, name_ticks, new_figure
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -12,8 +12,8 @@ import numpy as np
 from estim.campaign import Campaign
 from estim.checks import INFLUENTIAL, value_cell
 from estim.common import KINDS, as_json
+from estim.drawing import BLUE, ORANGE, name_ticks, new_figure
 from estim.problem import Parameter
-from estim.reports.figures import BLUE, ORANGE, name_ticks, new_figure
 from estim.reports.pages import page
 from estim.reports.rendering import render
 from estim.reports.result import provenance

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from estim.checks import Consistency
-from estim.reports.figures import BLUE, GREY, INK, name_ticks, new_figure
+from estim.drawing import BLUE, GREY, INK, name_ticks, new_figure
 from estim.reports.residual_panels import VERMILION
 
 if TYPE_CHECKING:

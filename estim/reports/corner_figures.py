@@ -14,11 +14,11 @@ import numpy as np
 
 from estim.arrays import FloatArray
 from estim.common import Label, Markdown
+from estim.drawing import BLUE, INK, ORANGE, PALE, WIDTH, tick_texts
 from estim.pipeline import Analysis
 from estim.problem import Prior, Problem, n_uses
 from estim.reports.contours import density_of, draw_contours
 from estim.reports.derived import sought_draws
-from estim.reports.figures import BLUE, INK, ORANGE, PALE, WIDTH, tick_texts
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

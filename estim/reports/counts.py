@@ -10,9 +10,9 @@ import numpy as np
 
 from estim.arrays import FloatArray
 from estim.checks import Goodness
+from estim.drawing import BLUE, GREY, INK, new_figure
 from estim.fitting import Fit
 from estim.problem import Counted, Law, Observations
-from estim.reports.figures import BLUE, GREY, INK, new_figure
 from estim.reports.rendering import render
 
 if TYPE_CHECKING:

@@ -46,6 +46,8 @@ def curve_report(fit: CurveFit, analysis: Analysis, *, title: str, kind: Kind, f
     """
     if kind not in KINDS:
         raise InputError(f"must be one of {', '.join(KINDS)}", field="kind", value=kind)
+    if len(fit.problem.runs) > 1:
+        raise InputError("is of one data set; a campaign file has reports of several (estim fit --joint)", field="fit")
     run = fit.problem.runs[0]
     columns = {"x": run.x, "y": run.y, "u_y": run.noise.reading_gain()}
     digest = hashlib.sha256(b"".join(np.ascontiguousarray(column).tobytes() for column in columns.values())).hexdigest()

@@ -12,9 +12,9 @@ from estim.arrays import FloatArray
 from estim.campaign import way_back
 from estim.checks import Outliers
 from estim.deviation import FoundForce
+from estim.drawing import BLUE, GREY, INK
 from estim.pipeline import Analysis
 from estim.problem import Observations
-from estim.reports.figures import BLUE, GREY, INK
 from estim.reports.residual_panels import VERMILION, Residuals, draw_points_with_bars, draw_residuals, panel_pairs, residuals_of, tidy_labels
 from estim.sampling import Bands, curve_draws
 

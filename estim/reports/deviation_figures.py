@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from estim.deviation import FoundForce
+from estim.drawing import BLUE, GREY, INK, ORANGE, grid
 from estim.problem import Observations
-from estim.reports.figures import BLUE, GREY, INK, ORANGE, grid
 from estim.reports.joint_figures import RUN_COLOURS
 
 if TYPE_CHECKING:

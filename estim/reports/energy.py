@@ -11,8 +11,8 @@ import numpy as np
 
 from estim.campaign import Campaign
 from estim.common import KINDS, Quantity, as_json, format_p, format_quantity, gravest, percentage, significant, with_unit
+from estim.drawing import GREY, MARKS, new_figure
 from estim.pipeline import Analysis
-from estim.reports.figures import GREY, MARKS, new_figure
 from estim.reports.joint_figures import RUN_COLOURS
 from estim.reports.pages import page
 from estim.reports.rendering import render

@@ -12,10 +12,10 @@ from estim.arrays import FloatArray
 from estim.checks import Identifiability
 from estim.common import InputError, signed
 from estim.distributions import chi2_quantile, normal_below
+from estim.drawing import BLUE, GREEN, GREY, INK, ORANGE, PALE, name_ticks, new_figure
 from estim.fitting import Fit, ProfileInterval
 from estim.problem import Prior, Problem
 from estim.reports.contours import density_of, draw_contours
-from estim.reports.figures import BLUE, GREEN, GREY, INK, ORANGE, PALE, name_ticks, new_figure
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -9,8 +9,8 @@ import numpy as np
 
 from estim.arrays import FloatArray
 from estim.checks import Goodness
+from estim.drawing import BLUE, GREEN, GREY, INK, ORANGE, PURPLE, new_figure
 from estim.problem import Observations, Problem
-from estim.reports.figures import BLUE, GREEN, GREY, INK, ORANGE, PURPLE, new_figure
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

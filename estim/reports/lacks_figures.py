@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from estim.deviation import FoundDeviation
+from estim.drawing import BLUE, GREY, INK, grid
 from estim.problem import Observations
-from estim.reports.figures import BLUE, GREY, INK, grid
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -27,9 +27,9 @@ from estim.common import (
     significant,
     table,
 )
+from estim.drawing import BLUE, INK, ORANGE, new_figure
 from estim.line import CONVENTIONS, LineAnalysis, TrialsAnalysis
 from estim.reports.copying import copies_of
-from estim.reports.figures import BLUE, INK, ORANGE, new_figure
 from estim.reports.pages import Drawers, page
 from estim.reports.rendering import render
 from estim.reports.result import Provenance, software_versions

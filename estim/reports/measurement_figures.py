@@ -9,8 +9,8 @@ import numpy as np
 from scipy import special
 
 from estim.arrays import FloatArray
+from estim.drawing import BLUE, GREEN, GREY, INK, ORANGE, PALE, grid, name_ticks, new_figure
 from estim.measurement import Propagation, Region, ellipse
-from estim.reports.figures import BLUE, GREEN, GREY, INK, ORANGE, PALE, grid, name_ticks, new_figure
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
+from estim.drawing import BLUE, GREY, INK, ORANGE, PALE, name_ticks, new_figure
 from estim.explanation import Predicted
 from estim.problem import Parameter
-from estim.reports.figures import BLUE, GREY, INK, ORANGE, PALE, name_ticks, new_figure
 from estim.sampling import Summary
 
 if TYPE_CHECKING:

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from estim.drawing import COLOURS, GREY, INK, MARKS, name_ticks, new_figure
 from estim.planning import Option, Plan
-from estim.reports.figures import COLOURS, GREY, INK, MARKS, name_ticks, new_figure
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from estim.common import signed
-from estim.reports.figures import BLUE, GREY, INK, MARKS, ORANGE, name_ticks, new_figure
+from estim.drawing import BLUE, GREY, INK, MARKS, ORANGE, name_ticks, new_figure
 from estim.reports.joint_figures import RUN_COLOURS
 from estim.reports.residual_panels import draw_faded, draw_points_with_bars, draw_residuals, panel_pairs, residuals_of, tidy_labels
 from estim.sampling import curve_draws

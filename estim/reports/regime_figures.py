@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from estim.arrays import FloatArray
 from estim.common import Notation, format_quantity
+from estim.drawing import BLUE, GREEN, INK, MARKS, ORANGE, PURPLE, new_figure
 from estim.line import ThetaMinSeries
-from estim.reports.figures import BLUE, GREEN, INK, MARKS, ORANGE, PURPLE, new_figure
 from estim.studies import BodyMap, RunPlace
 
 if TYPE_CHECKING:

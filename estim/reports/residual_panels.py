@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 from estim.arrays import FloatArray
 from estim.checks import Outliers
 from estim.common import format_rounded, with_unit
+from estim.drawing import BLUE, GREY, INK, new_figure
 from estim.pipeline import Analysis
 from estim.problem import Observations, reading_sd
-from estim.reports.figures import BLUE, GREY, INK, new_figure
 from estim.sampling import Bands, curve_draws
 
 if TYPE_CHECKING:

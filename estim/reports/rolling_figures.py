@@ -9,8 +9,8 @@ import numpy as np
 
 from estim.arrays import FloatArray
 from estim.checks import Rolling, way_of
+from estim.drawing import BLUE, GREY, ORANGE, grid
 from estim.problem import Motion, Problem
-from estim.reports.figures import BLUE, GREY, ORANGE, grid
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

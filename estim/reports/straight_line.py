@@ -12,9 +12,9 @@ import numpy as np
 
 from estim.checks import Estimate
 from estim.common import Markdown, Notation, Status, as_json, format_quantity, one_line, significant
+from estim.drawing import BLUE, GREEN, INK, ORANGE, new_figure
 from estim.line import CONVENTIONS, StraightLine, confidence_band
 from estim.reports.copying import copies_of
-from estim.reports.figures import BLUE, GREEN, INK, ORANGE, new_figure
 from estim.reports.pages import page
 from estim.reports.rendering import render
 from estim.reports.result import Provenance, software_versions

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from estim.arrays import FloatArray
+from estim.drawing import BLUE, GREEN, INK, ORANGE, PURPLE, name_ticks, new_figure, tick_texts
 from estim.pipeline import Analysis
-from estim.reports.figures import BLUE, GREEN, INK, ORANGE, PURPLE, name_ticks, new_figure, tick_texts
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

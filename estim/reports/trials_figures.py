@@ -10,8 +10,8 @@ import numpy as np
 
 from estim.arrays import FloatArray
 from estim.common import format_quantity
+from estim.drawing import BLUE, GREY, INK, ORANGE, grid, new_figure
 from estim.line import HIGH, LOW, TrialsAnalysis, effective_start
-from estim.reports.figures import BLUE, GREY, INK, ORANGE, grid, new_figure
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

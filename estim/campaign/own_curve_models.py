@@ -1,0 +1,69 @@
+"""A `[curve]` that names its model in place of a formula, and the starting values that it finds from the points.
+
+    [curve]
+    model = "left_gaussian + right_gaussian + line"
+
+Parameters need not be declared; an entry with neither start, value nor prior (`left_center = {unit = "nm"}`) says the level, unit and meaning.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+from dataclasses import replace
+
+from estim.campaign.campaign_file import CampaignFile
+from estim.campaign.curve_tables import CurveTable, ParameterTable
+from estim.common import InputError
+from estim.curves import Formula, ModelSum, provisional, read_formula, read_model, with_starts
+from estim.problem import Flat, Observations, Parameter
+
+
+def read_curve(source: CampaignFile, table: CurveTable) -> tuple[Formula, ModelSum | None]:
+    """The formula of a `[curve]` table, and the models that it names, if it does.  Raises InputError with its line."""
+    if (table.expression is None) == (table.model is None):
+        rule = "must have an 'expression', or a 'model' like \"gaussian + line\"" + ("" if table.model is None else ", not both")
+        raise source.places.error(rule, ("curve",))
+    key = "expression" if table.model is None else "model"
+    try:
+        named = None if table.model is None else read_model(table.model)
+        return read_formula(table.expression if named is None else named.expression), named
+    except InputError as error:
+        raise source.places.error(error.rule, ("curve", key), value=error.value) from None
+
+
+def is_to_be_found(named: ModelSum | None, entry: object) -> bool:
+    """Whether an entry of `parameters` (None: there is none) leaves the start to the points."""
+    if named is None:
+        return False
+    return entry is None or (isinstance(entry, ParameterTable) and entry.start is None and entry.value is None and entry.prior is None)
+
+
+def unknown_of(named: ModelSum, name: str, entry: object) -> Flat:
+    """The prior of a parameter whose start is to be found: flat within the limits of the entry, or of the model."""
+    low, high = named.limits.get(name, (None, None))
+    if isinstance(entry, ParameterTable):
+        low, high = low if entry.low is None else entry.low, high if entry.high is None else entry.high
+    start, limits = provisional(named, {}, {name: (low, high)}, (), ())
+    low, high = limits[name]
+    return Flat(float("-inf") if low is None else low, float("inf") if high is None else high, start[name])
+
+
+def started_runs(
+    named: ModelSum | None, parameters: Sequence[Parameter], runs: Sequence[Observations], sought: Collection[str]
+) -> tuple[Parameter, ...]:
+    """`parameters` with starts for those `sought`: from the points of the first run that has them.  Raises InputError."""
+    found = {p.name: p for p in parameters}
+    left = set(sought)
+    for run in runs:
+        names = {argument: source for argument, source in run.arguments.items() if isinstance(source, str) and source in found}
+        here = {argument for argument, source in names.items() if source in left}
+        if named is None or not here:
+            continue
+        own = tuple(replace(found[source], name=argument) for argument, source in names.items())
+        known = {argument: value for argument, value in run.arguments.items() if not isinstance(value, str)}
+        bins = None if run.noise.counted is None else run.noise.counted.bins
+        for one in with_starts(named, own, here, run.x, run.y, run.noise.reading_gain(), bins, known=known):
+            found[names[one.name]] = replace(one, name=names[one.name])
+        left -= {names[argument] for argument in here}
+    return tuple(found[p.name] for p in parameters)
+

@@ -1,0 +1,87 @@
+"""Parameters of a curve that follow from others: `tied={"right_sigma": "left_sigma", "b": "2*a"}`."""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Callable, Collection, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from estim.arrays import FloatArray
+from estim.common import InputError
+from estim.curves.dual import Dual, plain
+from estim.curves.formula import Formula, check_names, evaluate, read_formula
+from estim.problem import EXACT, Curve, LocalCurve
+
+
+@dataclass(frozen=True, eq=False)
+class TiedCurve:
+    """A curve some of whose arguments follow from the others; its own arguments are these others.
+
+    tied : argument of `curve` -> formula without x, each of the arguments or of those tied before it.
+    """
+
+    curve: Curve
+    tied: Mapping[str, Formula]
+
+    @property
+    def precision(self) -> float:
+        """Relative error of the derivatives."""
+        return getattr(self.curve, "precision", EXACT)
+
+    def value(self, x: FloatArray, arguments: Mapping[str, ArrayLike]) -> FloatArray:
+        return self.curve.value(x, followed(self.tied, arguments))
+
+    def local(self, x: FloatArray, arguments: Mapping[str, ArrayLike]) -> LocalCurve:
+        """The chain rule, exact."""
+        known: dict[str, Any] = {name: Dual(np.asarray(value, dtype=float)[()], {name: 1.0}) for name, value in arguments.items()}
+        for name, formula in self.tied.items():
+            known[name] = evaluate(formula.tree, known)
+        inner = self.curve.local(x, {name: plain(value) for name, value in known.items()})
+        gradient = {name: partial for name, partial in inner.gradient.items() if name not in self.tied}
+        for name in self.tied:
+            partials = known[name].partials if isinstance(known[name], Dual) else {}
+            for source, rate in partials.items():
+                gradient[source] = gradient.get(source, 0.0) + inner.gradient[name] * rate
+        return LocalCurve(inner.value, inner.slope, gradient)
+
+
+def followed(tied: Mapping[str, Formula], arguments: Mapping[str, ArrayLike]) -> dict[str, Any]:
+    """`arguments` with the tied ones."""
+    known = dict(arguments)
+    for name, formula in tied.items():
+        known[name] = evaluate(formula.tree, {symbol: np.asarray(known[symbol], dtype=float)[()] for symbol in formula.names})
+    return known
+
+
+def read_tied(tied: Mapping[str, str], names: Collection[str]) -> dict[str, Formula]:
+    """Name -> formula of the parameters `names` or of those before it.  Raises InputError naming `tied`."""
+    check_names(tied, field="tied")
+    read: dict[str, Formula] = {}
+    for name, text in tied.items():
+        if name in names:
+            raise InputError(f"names '{name}', which has a starting or a fixed value too: give it one of them", field="tied")
+        formula = read_formula(text, field=f"tied[{name}]")
+        if formula.uses_x:
+            raise InputError("must not hold x: it is one number, not a curve", field=f"tied[{name}]", value=text)
+        for symbol in formula.names:
+            if symbol not in names and symbol not in read:
+                rule = f"names '{symbol}', which is neither a parameter nor tied before it ({', '.join([*names, *read])})"
+                raise InputError(rule, field=f"tied[{name}]", value=text)
+        read[name] = formula
+    return read
+
+
+def only_for_ties(curve: str | Callable[..., Any], tied: Mapping[str, Formula]) -> set[str]:
+    """Names in the formulas of `tied` that the curve itself does not take."""
+    named = {symbol for formula in tied.values() for symbol in formula.names}
+    if not callable(curve):
+        return named - set(read_formula(curve, field="curve").names)
+    try:
+        takes = inspect.signature(curve).parameters.values()
+    except (TypeError, ValueError):
+        return set()
+    return set() if any(one.kind is one.VAR_KEYWORD for one in takes) else named - {one.name for one in takes}

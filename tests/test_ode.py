@@ -1,0 +1,76 @@
+"""Curves given by differential equations."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from estim import fit_curve, ode
+from estim.common import InputError
+from estim.curves.function import wrap_function
+
+T = np.linspace(-0.5, 1.5, 11)
+
+
+def damped(t, state, w, b):
+    return [state[1], -(w**2) * state[0] - 2.0 * b * state[1]]
+
+
+def closed(t, w, b, s0):
+    turned = np.sqrt(w**2 - b**2)
+    return s0 * np.exp(-b * t) * (np.cos(turned * t) + b / turned * np.sin(turned * t))
+
+
+VALUES = {"w": 3.0, "b": 0.2, "s0": 1.5}
+
+
+def test_a_damped_oscillation_is_that_in_closed_form_with_its_derivatives() -> None:
+    curve, exact = (wrap_function(one, tuple(VALUES), T, VALUES) for one in (ode(damped, ["s0", 0.0]), closed))
+    assert (curve.derivatives, curve.broadcasts, exact.derivatives) == ("complex", True, "dual")
+    ours, theirs = curve.local(T, VALUES), exact.local(T, VALUES)
+    assert ours.value == pytest.approx(theirs.value, abs=1e-8)
+    assert ours.slope == pytest.approx(theirs.slope, abs=1e-7)
+    for name in VALUES:
+        assert ours.gradient[name] == pytest.approx(theirs.gradient[name], abs=1e-7), name
+    draws = {name: value * np.array([[1.0], [1.1], [0.7]]) for name, value in VALUES.items()}
+    assert curve.value(T, draws) == pytest.approx(exact.value(T, draws), abs=1e-7)
+
+
+def test_a_fit_by_the_equation_is_that_by_its_solution() -> None:
+    y = 2.0 * np.exp(-1.3 * T) + 0.02 * np.random.default_rng(1).standard_normal(T.size)
+    start = {"y0": 1.0, "k": 1.0}
+    fits = [fit_curve(one, T, y, u_y=0.02, start=start, n_start=1) for one in (ode(lambda t, y, k: [-k * y[0]], ["y0"]), "y0*exp(-k*x)")]
+    assert fits[0].status == fits[1].status == "ok"
+    assert fits[0].values == pytest.approx(fits[1].values, rel=1e-5)
+    assert fits[0].sds == pytest.approx(fits[1].sds, rel=1e-3)
+    assert fit_curve(ode(lambda t, y, k: [-k], ["y0"]), T, y, u_y=0.02, start=start).status == "poor-fit"
+
+
+def test_what_is_observed_may_be_computed_and_need_no_complex_numbers() -> None:
+    free = ode(lambda t, s, g: [s[1], -abs(float(g))], ["h", 0.0], observed=lambda t, states, g: 100.0 * states[0])
+    values = {"h": 7.0, "g": 9.81}
+    curve = wrap_function(free, ("h", "g"), T[::3], values)
+    assert (curve.derivatives, curve.broadcasts) == ("differences", False)
+    found = curve.local(T[::3], values)
+    assert found.value[0] == pytest.approx(100.0 * (7.0 - 4.905 * T[::3] ** 2), rel=1e-8)
+    assert found.gradient["g"][0] == pytest.approx(-50.0 * T[::3] ** 2, rel=1e-6, abs=1e-8)
+
+
+def test_where_the_solution_ends_there_is_no_value() -> None:
+    found = ode(lambda t, y, a: [a * y[0] ** 2], [1.0])(np.array([0.5, 2.0]), a=1.0)
+    assert np.isnan(found).any()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        ({"start": []}, "'start' must be the state"),
+        ({"start": "s0"}, "'start' must be the state"),
+        ({"start": [0.0], "observed": 1}, "'observed' must be"),
+        ({"start": [0.0], "method": "LSODA"}, "'method' must be"),
+        ({"start": [0.0], "x0": np.inf}, "'x0' must be finite"),
+    ],
+)
+def test_what_is_wrong_is_said(arguments: dict[str, object], said: str) -> None:
+    with pytest.raises(InputError, match=said):
+        ode(damped, **arguments)  # type: ignore[arg-type]
