@@ -9,8 +9,9 @@ from __future__ import annotations
 import os
 import sys
 import warnings
+from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -37,6 +38,7 @@ from estim.cli.terminal import (
     write_files,
     write_report,
 )
+from estim.cli.tables import curve_options, load_or_make
 from estim.cli.weighing import say_bodies
 from estim.common import InputError, Stream, asked_to_stop, ended_by_signals, stream
 
@@ -58,13 +60,14 @@ def cli() -> None:
 
 
 @cli.command()
-@click.argument("campaign", type=click.Path(path_type=Path))
+@click.argument("campaign", metavar="CAMPAIGN|FILE", type=click.Path(path_type=Path))
 @RUNS
 @JOINT
 @STEPS
 @OUT
 @SEED
 @NO_FIGURES
+@curve_options
 @click.option(
     "--marginal/--full", default=None, help="Sample a joint fit through the marginal over its runs, or all unknowns at once.  "
     "[default: the marginal for more than 16 runs, and for `positions` with more than 12 unknowns]",
@@ -74,9 +77,12 @@ def cli() -> None:
 @click.option("--resume", is_flag=True, help="Continue a fit that was interrupted, from the draws kept in OUT/.checkpoint.")
 def fit(
     campaign: Path, runs: tuple[str, ...], joint: bool, max_steps: int, out: Path | None, seed: int, marginal: bool | None, compare: bool,
-    explain: bool, resume: bool, no_figures: bool,
+    explain: bool, resume: bool, no_figures: bool, said: Mapping[str, Any],
 ) -> None:
-    """Fit runs of CAMPAIGN and write a report.
+    """Fit runs of CAMPAIGN, or the points of a table FILE, and write a report.
+
+    A table needs no campaign: estim fit data.csv --formula "a*exp(-x/tau) + c" --start tau=2.  The report ends with the
+    campaign that says the same (docs/your-own-curve.md).
 
     Each run is fit by itself unless --joint is given.  Exit code 3 means that a result is not to be trusted; the
     report says why.  With the extra `arviz` installed the draws are written too, as draws.nc (docs/interop.md).
@@ -86,14 +92,12 @@ def fit(
     --resume an unfinished chain is discarded and a line says so.  If data, priors, noise, settings, seed or versions have
     changed, --resume refuses and says what differs (docs/long-runs.md).
     """
-    from estim.campaign import load_campaign
     from estim.pipeline import analyse
-    from estim.reports import HOW_TO_GET, analysis_report, can_write_netcdf, index_report, result_of, to_netcdf
+    from estim.reports import HOW_TO_GET, analysis_report, can_write_netcdf, index_report, result_of, to_netcdf, with_campaign
     from estim.sampling import Target, only_writer
     from estim.words import Voice
 
-    loaded = load_campaign(campaign)
-    folder = out or Path("out") / campaign.resolve().parent.name
+    loaded, folder = load_or_make(campaign, said, out)
     groups = groups_of(loaded, runs, joint=joint)
     if marginal and not joint:
         raise InputError("needs --joint: one run has nothing to share", field="--marginal")
@@ -113,7 +117,8 @@ def fit(
             )
         analysis = with_causes(loaded, analysis, group, asked=explain)
         place = folder if len(groups) == 1 else folder / group[0]
-        write_report(place, analysis_report(loaded, analysis, voice=Voice.COMMANDS, figures=not no_figures), within=folder)
+        files = analysis_report(loaded, analysis, voice=Voice.COMMANDS, figures=not no_figures)
+        write_report(place, with_campaign(files, loaded.source.written, file=campaign.name), within=folder)
         if can_write_netcdf():
             write_files(place, {"draws.nc": to_netcdf(analysis)}, within=folder)
         results[group[0]] = result_of(loaded, analysis, voice=Voice.COMMANDS)

@@ -5,6 +5,7 @@ The text stands in `templates/`; every number in it comes from `result.Result`, 
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
@@ -152,7 +153,7 @@ def analysis_text(
         complete=complete_runs([result]),
         drawn=any(force.drawn for force in (result.deviation or {}).values()),
         said=[words for force in (result.deviation or {}).values() for words in (force.words, force.noise_words)] if result.status == "ok" else [],
-        picture=" and ".join(f"{y} against {x}" for x, y in axes),
+        picture=" and ".join(f"{y} against {x}" for x, y in axes), x_named="x" in re.findall(r"\w+", result.formula or ""),
     )
 
 

@@ -1,0 +1,233 @@
+"""A campaign of one table, made of what was said on the command line: its text is what a file would hold, and is read like one.
+
+`estim fit data.csv --formula "a*exp(-x/tau)+c" --start tau=2` says so little that defaults fill in the rest, each of which the text shows.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from estim.campaign.campaign import Campaign, bound
+from estim.campaign.campaign_file import Kind, campaign_file_of
+from estim.campaign.curve_tables import variable_of
+from estim.campaign.toml_text import toml_key, toml_string
+from estim.common import InputError, listed, read_number, read_quantity, shorten
+from estim.curves import Formula, read_formula
+from estim.reading import Dialect, is_tracker_file, name_and_unit, no_names, read_layout
+
+_SAID = "command line"
+_TRACK_COLUMNS = ("t", "x", "y")
+_WORD = re.compile(r"[^\s$|\\`][^$|\\`\n]{0,18}")
+
+
+@dataclass(frozen=True, kw_only=True)
+class TableChoices:
+    """What is said of a table and its curve; None and empty: a default.
+
+    start : parameter -> "2.0" or "2.0 s".  low, high : parameter -> limit.  value : parameter -> an exact or a measured value, "9.81(2)".
+    u_x, u_y : a number, a number with its uncertainty, or a column.  window : lowest and highest x.
+    """
+
+    formula: str
+    start: Mapping[str, str] = field(default_factory=dict)
+    low: Mapping[str, str] = field(default_factory=dict)
+    high: Mapping[str, str] = field(default_factory=dict)
+    value: Mapping[str, str] = field(default_factory=dict)
+    x: str | None = None
+    y: str | None = None
+    u_x: str | None = None
+    u_y: str | None = None
+    window: tuple[float | None, float | None] | None = None
+    every: int | None = None
+    deviation: float | None = None
+    correlated: bool = False
+    title: str | None = None
+    kind: Kind = "measured"
+    track: str | None = None
+    release: str | None = None
+    dialect: Dialect = Dialect()
+
+
+@dataclass(frozen=True)
+class Axis:
+    """column : its name in the file, or before its unit.  name, unit : for figures, "" for none."""
+
+    column: str
+    name: str
+    unit: str
+
+    @property
+    def text(self) -> str:
+        """The axis as TOML."""
+        parts = [("column", self.column), ("name", self.name), ("unit", self.unit)]
+        return "{" + ", ".join(f"{key} = {toml_string(value)}" for key, value in parts if value and (key == "column" or _WORD.fullmatch(value))) + "}"
+
+
+def campaign_of_table(file: Path, choices: TableChoices) -> Campaign:
+    """The campaign that fits one curve to the table `file`.  Raises InputError where something is missing, with the option that says it."""
+    text = text_of_table(file, choices)
+    return bound(campaign_file_of(text, file.parent / f"({_SAID})", said=_SAID))
+
+
+def text_of_table(file: Path, choices: TableChoices) -> str:
+    """The TOML of that campaign, to be kept beside `file`."""
+    formula = read_formula(choices.formula, field="--formula")
+    x, y, u_y = _axes(file, choices)
+    said = (*choices.start, *choices.low, *choices.high, *choices.value)
+    variable = variable_of(formula, x.column, x.name, said)
+    if variable not in (None, "x"):
+        formula = formula.in_terms_of(variable)
+    starts = {**_linear_starts(formula, choices), **choices.start}
+    _check_parameters(formula, choices, starts)
+    lines = [f"title = {toml_string(choices.title or file.stem)}", f'kind = "{choices.kind}"', "", "[curve]", f"expression = {toml_string(formula.text)}"]
+    lines += [f"x = {x.text}", f"y = {y.text}", *(f"{key} = {_error_text(key, u)}" for key, u in (("u_y", u_y), ("u_x", choices.u_x)) if u is not None)]
+    if choices.window is not None:
+        ends = zip(("min", "max"), choices.window, strict=True)
+        lines.append("window = {" + ", ".join(f"{name} = {end!r}" for name, end in ends if end is not None) + "}")
+    lines += [f"{key} = {value}" for key in ("every", "deviation") if (value := getattr(choices, key)) is not None]
+    lines += (["correlated = true"] if choices.correlated else []) + dialect_lines(choices.dialect)
+    lines += ["", "[curve.parameters]", *(_parameter_line(name, starts, choices) for name in formula.names)]
+    lines += ["", "[[runs]]", f"name = {toml_string(run_name(file))}", f"file = {toml_string(file.name)}"]
+    lines += [] if choices.track is None else [f"track = {toml_string(choices.track)}"]
+    lines += [] if choices.release is None else [f"release = {_release_text(choices.release)}"]
+    return "\n".join(lines) + "\n"
+
+
+def dialect_lines(dialect: Dialect) -> list[str]:
+    """The keys of what is stated of a table."""
+    columns = [] if dialect.columns is None else ["columns = [" + ", ".join(map(toml_string, dialect.columns)) + "]"]
+    words = [f"{key} = {toml_string(value)}" for key in ("delimiter", "decimal", "encoding") if (value := getattr(dialect, key)) is not None]
+    skip = [] if dialect.skip_rows is None else [f"skip_rows = {dialect.skip_rows}"]
+    return columns + words + skip + ([] if dialect.header is None else [f"header = {str(dialect.header).lower()}"])
+
+
+def run_name(file: Path) -> str:
+    """The name of a file as that of a run."""
+    name = re.sub(r"[^\w.+-]+", "-", file.stem).lstrip("-.+")[:60] or "run"
+    return f"{name}-run" if name.lower() in ("figures", "report", "result", "draws") else name
+
+
+def _axes(file: Path, choices: TableChoices) -> tuple[Axis, Axis, str | None]:
+    """x, y, and the errors of y: as stated, or the two columns that there are, and the column u_NAME of y."""
+    if is_tracker_file(file):
+        if choices.y is None:
+            raise InputError(f"must name a column of the track: one of {', '.join(_TRACK_COLUMNS)}", field="--y")
+        units = {"t": "s", "t_s": "s"}
+        x, y = (Axis(column, "", units.get(column, "m")) for column in (choices.x or "t", choices.y))
+        return x, y, choices.u_y
+    asked = [name for name in (choices.x, choices.y) if name is not None]
+    layout = read_layout(file, choices.dialect, shown_as=str(file), needed=asked)
+    if not layout.names:
+        raise no_names(layout)
+    bare = [name_and_unit(name)[0] for name in layout.names]
+    usable = [i for i, name in enumerate(layout.names) if name and not name.startswith("_")]
+    values = [i for i in usable if not bare[i].startswith("u_")]
+    if len(asked) < 2 and len(values) != 2:
+        missing = " and ".join(option for option, said in (("--x", choices.x), ("--y", choices.y)) if said is None)
+        raise InputError(f"must be named by {missing}", field="column", quoted=f"there are {listed([layout.names[i] for i in usable])}", file=file)
+
+    def axis(wanted: str | None, default: int) -> Axis:
+        if wanted is None:
+            name, unit = name_and_unit(layout.names[default])
+            return Axis(layout.names[default], name if name != layout.names[default] else "", unit or layout.units[default])
+        exact = next((i for i, name in enumerate(layout.names) if name == wanted), None)
+        name, unit = name_and_unit(wanted)
+        if exact is None and unit and name in layout.names:  # --x "t_s [s]"
+            return Axis(name, "", unit)
+        place = exact if exact is not None else bare.index(wanted) if wanted in bare else None
+        stated = "" if place is None else name_and_unit(layout.names[place])[1] or layout.units[place]
+        return Axis(wanted, name if name != wanted else "", unit or stated)
+
+    others = [i for i in values if layout.names[i] not in (choices.x, choices.y) and bare[i] not in (choices.x, choices.y)]
+    x, y = axis(choices.x, others[0] if others else 0), axis(choices.y, others[-1] if others else 0)
+    u_y = choices.u_y
+    if u_y is None:
+        named = {f"u_{y.column}", f"u_{name_and_unit(y.column)[0]}"}
+        u_y = next((layout.names[i] for i in usable if layout.names[i] in named or bare[i] in named), None)
+    return x, y, u_y
+
+
+def _check_parameters(formula: Formula, choices: TableChoices, starts: Mapping[str, str]) -> None:
+    for option, given in (("--start", choices.start), ("--low", choices.low), ("--high", choices.high), ("--value", choices.value)):
+        for name in given:
+            if name not in formula.names:
+                raise InputError("names no parameter of the formula", field=option, value=name, quoted=", ".join(formula.names))
+    for name in choices.value:
+        if name in (*choices.start, *choices.low, *choices.high):
+            raise InputError("gives a parameter its value: leave out --start, --low and --high of it", field="--value", value=name)
+    missing = [name for name in formula.names if name not in starts and name not in choices.value]
+    if missing:
+        cure = " ".join(f"--start {name}=1" for name in missing)
+        rule = f"must give {' and '.join(missing)} a starting value of the right sign and size, for example {cure} (or --value for one that is known)"
+        raise InputError(rule, field="--start")
+
+
+def _linear_starts(formula: Formula, choices: TableChoices) -> dict[str, str]:
+    """1.0 for parameters without a start in which the curve is linear: they are solved for, so that their start does not matter."""
+    free = [name for name in formula.names if name not in choices.start and name not in choices.value]
+    rng = np.random.default_rng(1)
+    x, others = rng.uniform(0.5, 2.0, 16), {name: rng.uniform(0.5, 2.0) for name in formula.names}
+
+    def value(at: Mapping[str, float]) -> np.ndarray:
+        return formula.value(x, {**others, **at})[0]
+
+    linear: list[str] = []
+    for name in free:
+        tried = [*linear, name]
+        points = [{key: float(number) for key, number in zip(tried, rng.uniform(0.5, 2.0, len(tried)), strict=True)} for _ in range(2)]
+        middle = {key: 0.5 * (points[0][key] + points[1][key]) for key in tried}
+        ends, between = (value(points[0]) + value(points[1])) / 2.0, value(middle)
+        if np.all(np.isfinite(between)) and np.allclose(ends, between, rtol=1e-10, atol=1e-12):
+            linear.append(name)
+    return {name: "1.0" for name in linear}
+
+
+def _parameter_line(name: str, starts: Mapping[str, str], choices: TableChoices) -> str:
+    if name in choices.value:
+        quantity = read_quantity(choices.value[name], field=f"--value {name}")
+        return f"{toml_key(name)} = {quantity.value!r}" if quantity.exact else f"{toml_key(name)} = {toml_string(choices.value[name].strip())}"
+    number, _, unit = starts[name].strip().partition(" ")
+    keys = [f"start = {_number(number, f'--start {name}')!r}"]
+    keys += [f"{key} = {_number(given[name], f'--{key} {name}')!r}" for key, given in (("low", choices.low), ("high", choices.high)) if name in given]
+    keys += [f"unit = {toml_string(unit.strip())}"] if unit.strip() else []
+    return f"{toml_key(name)} = {{{', '.join(keys)}}}"
+
+
+def _number(text: str, option: str) -> float:
+    try:
+        value = read_number(text)
+    except ValueError:
+        raise InputError("must be a number", field=option, value=text) from None
+    if not np.isfinite(value):
+        raise InputError("must be finite", field=option, value=text)
+    return value
+
+
+def _error_text(key: str, written: str) -> str:
+    """The value of `u_x` or `u_y`: a number, a number with its uncertainty in quotes, or a column."""
+    if not re.match(r"\s*[+-]?[.\d]", written):
+        return f"{{column = {toml_string(written)}}}"
+    quantity = read_quantity(written, field=f"--{key.replace('_', '-')}")
+    return repr(quantity.value) if quantity.exact else toml_string(written.strip())
+
+
+def _release_text(written: str) -> str:
+    return toml_string(written) if written in ("first", "keep") else repr(_number(written, "--release"))
+
+
+def pairs(given: Sequence[str], option: str) -> dict[str, str]:
+    """NAME=VALUE, several of them.  Raises InputError."""
+    found: dict[str, str] = {}
+    for text in given:
+        name, mark, value = (part.strip() for part in text.partition("="))
+        if not (mark and name and value):
+            raise InputError("must be written NAME=VALUE", field=option, value=shorten(text))
+        if name in found:
+            raise InputError("is given twice", field=option, value=name)
+        found[name] = value
+    return found
