@@ -150,7 +150,7 @@ def test_shared_errors_are_one_parameter_of_all_runs(folder: Path, rng: np.rando
         ("u_y = 0.02", "window = {min = 9.5}", r"'window' must leave between 3"),
         ('"t_s"', '"time"', r"first.csv:1: 'time' is missing \(the header has t_s, u_V"),
         ('"t_s"', '"t"', r"first.csv:1: 't' is missing \(the header has t_s, u_V"),
-        ('"U0*exp(-x/tau) + offset"', '"U0*exp(-t/tau) + offset"', r":4: 'expression' must call its variable x, .* 't_s' here: write x for t"),
+        ('"U0*exp(-x/tau) + offset"', '"U0*exp(-time/tau) + t*offset"', r":4: 'expression' must call its variable x, .* 't_s' here: write x for t"),
         ('"U0*exp(-x/tau) + offset"', '"U0*exp(-T_S/tau) + offset"', r":4: 'expression' must call its variable x, .*: write x for T_S"),
         ("tau = {start", "t = {start = 1.0}\ntau = {start", r":10: 't' is not in the formula"),
         ('"u_V"', '"t_s"', r"'y' must name another column"),

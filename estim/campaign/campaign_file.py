@@ -232,7 +232,7 @@ def read_campaign_file(path: Path, *, measured: bool = True) -> CampaignFile:
 
 def campaign_file_of(text: str, path: Path, *, said: str) -> CampaignFile:
     """The campaign in a text that stands in no file, as if it did at `path`.  said : how errors name it.  Raises InputError."""
-    tree, places = parse_toml(text, said)
+    tree, _ = parse_toml(text, said)
     digest = hashlib.sha256(text.encode()).hexdigest()
     return replace(_checked_file(path, digest, tree, Places(said, {}), measured=True), written=text)
 

@@ -80,8 +80,8 @@ class CurveTable(DialectKeys, forbid_unknown_fields=True, frozen=True, kw_only=T
     correlated: bool | str | None = None
     window: RangeTable | None = None
     every: int | None = None
-    parameters: dict[str, float | str | ParameterTable] = {}
-    errors: dict[str, float | ComponentTable] = {}
+    parameters: dict[str, float | str | ParameterTable] = msgspec.field(default_factory=dict)
+    errors: dict[str, float | ComponentTable] = msgspec.field(default_factory=dict)
 
 
 class CurveRunTable(TrackKeys, forbid_unknown_fields=True, frozen=True, kw_only=True):
@@ -94,7 +94,7 @@ class CurveRunTable(TrackKeys, forbid_unknown_fields=True, frozen=True, kw_only=
     correlated: bool | str | None = None
     window: RangeTable | None = None
     every: int | None = None
-    parameters: dict[str, float | str | ParameterTable] = {}
+    parameters: dict[str, float | str | ParameterTable] = msgspec.field(default_factory=dict)
 
 
 def axis_of(written: AxisTable | str) -> AxisTable:
@@ -162,7 +162,7 @@ def variable_of(formula: Formula, column: str, name: str | None, given: Collecti
 
 def _called(column: str, name: str | None) -> set[str]:
     words = {column, column.partition("_")[0], name_and_unit(column)[0], *(name or "").split()}
-    return words | ({"t"} if any(word.lower().startswith("t") for word in words) else set())
+    return words | ({"t"} if any(word.lower() == "t" or word.lower().startswith(("time", "zeit")) for word in words) else set())
 
 
 def check_parameters(source: CampaignFile, formula: Formula, table: CurveTable, runs: Sequence[CurveRunTable]) -> None:

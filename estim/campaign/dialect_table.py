@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import msgspec
 
@@ -21,7 +22,7 @@ class DialectKeys(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
 
 def dialect_of(levels: Sequence[tuple[tuple[str | int, ...], DialectKeys]], places: Places) -> Dialect:
     """How a table is written by what the levels say of it, the first of them before the others.  Raises InputError at the key's line."""
-    said = {}
+    said: dict[str, Any] = {}
     for path, level in reversed(levels):
         said |= {key: (value, path) for key in DialectKeys.__struct_fields__ if (value := getattr(level, key)) is not None}
     columns = tuple(said["columns"][0]) if "columns" in said else None

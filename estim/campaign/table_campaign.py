@@ -18,7 +18,7 @@ from estim.campaign.curve_tables import variable_of
 from estim.campaign.toml_text import toml_key, toml_string
 from estim.common import InputError, listed, read_number, read_quantity, shorten
 from estim.curves import Formula, read_formula
-from estim.reading import Dialect, is_tracker_file, name_and_unit, no_names, read_layout
+from estim.reading import Dialect, Layout, is_tracker_file, name_and_unit, no_names, read_layout
 
 _SAID = "command line"
 _TRACK_COLUMNS = ("t", "x", "y")
@@ -50,7 +50,7 @@ class TableChoices:
     kind: Kind = "measured"
     track: str | None = None
     release: str | None = None
-    dialect: Dialect = Dialect()
+    dialect: Dialect = field(default_factory=Dialect)
 
 
 @dataclass(frozen=True)
@@ -77,15 +77,16 @@ def campaign_of_table(file: Path, choices: TableChoices) -> Campaign:
 def text_of_table(file: Path, choices: TableChoices) -> str:
     """The TOML of that campaign, to be kept beside `file`."""
     formula = read_formula(choices.formula, field="--formula")
-    x, y, u_y = _axes(file, choices)
     said = (*choices.start, *choices.low, *choices.high, *choices.value)
+    x, y, u_y = _axes(file, formula, choices, said)
     variable = variable_of(formula, x.column, x.name, said)
     if variable not in (None, "x"):
         formula = formula.in_terms_of(variable)
     starts = {**_linear_starts(formula, choices), **choices.start}
     _check_parameters(formula, choices, starts)
-    lines = [f"title = {toml_string(choices.title or file.stem)}", f'kind = "{choices.kind}"', "", "[curve]", f"expression = {toml_string(formula.text)}"]
-    lines += [f"x = {x.text}", f"y = {y.text}", *(f"{key} = {_error_text(key, u)}" for key, u in (("u_y", u_y), ("u_x", choices.u_x)) if u is not None)]
+    lines = [f"title = {toml_string(choices.title or file.stem)}", f'kind = "{choices.kind}"', ""]
+    lines += ["[curve]", f"expression = {toml_string(formula.text)}", f"x = {x.text}", f"y = {y.text}"]
+    lines += [f"{key} = {_error_text(key, u)}" for key, u in (("u_y", u_y), ("u_x", choices.u_x)) if u is not None]
     if choices.window is not None:
         ends = zip(("min", "max"), choices.window, strict=True)
         lines.append("window = {" + ", ".join(f"{name} = {end!r}" for name, end in ends if end is not None) + "}")
@@ -112,44 +113,56 @@ def run_name(file: Path) -> str:
     return f"{name}-run" if name.lower() in ("figures", "report", "result", "draws") else name
 
 
-def _axes(file: Path, choices: TableChoices) -> tuple[Axis, Axis, str | None]:
-    """x, y, and the errors of y: as stated, or the two columns that there are, and the column u_NAME of y."""
+def _axes(file: Path, formula: Formula, choices: TableChoices, said: Sequence[str]) -> tuple[Axis, Axis, str | None]:
+    """x, y, and the errors of y: as stated; else the column that the formula names and the column y, or the two that there are; and u_NAME of y."""
     if is_tracker_file(file):
         if choices.y is None:
             raise InputError(f"must name a column of the track: one of {', '.join(_TRACK_COLUMNS)}", field="--y")
-        units = {"t": "s", "t_s": "s"}
+        units = {"t": "s", "t_s": "s", "frame": "1"}
         x, y = (Axis(column, "", units.get(column, "m")) for column in (choices.x or "t", choices.y))
         return x, y, choices.u_y
     asked = [name for name in (choices.x, choices.y) if name is not None]
     layout = read_layout(file, choices.dialect, shown_as=str(file), needed=asked)
     if not layout.names:
         raise no_names(layout)
-    bare = [name_and_unit(name)[0] for name in layout.names]
-    usable = [i for i, name in enumerate(layout.names) if name and not name.startswith("_")]
-    values = [i for i in usable if not bare[i].startswith("u_")]
-    if len(asked) < 2 and len(values) != 2:
-        missing = " and ".join(option for option, said in (("--x", choices.x), ("--y", choices.y)) if said is None)
-        raise InputError(f"must be named by {missing}", field="column", quoted=f"there are {listed([layout.names[i] for i in usable])}", file=file)
+    usable = [name for name in layout.names if name and not name.startswith("_")]
+    values = [name for name in usable if not name_and_unit(name)[0].startswith("u_")]
+    x_name, y_name = choices.x, choices.y
+    if x_name is None:
+        called = [name for name in values if y_name not in (name, _bare(name)) and _names(formula, name, said)]
+        x_name = called[0] if len(called) == 1 else None
+    others = [name for name in values if not {name, _bare(name)} & {x_name, y_name}]
+    if y_name is None:
+        y_name = "y" if "y" in map(_bare, others) else others[-1] if len(values) == 2 else None
+    x_name = others[0] if x_name is None and len(values) == 2 else x_name
+    if x_name is None or y_name is None:
+        missing = " and ".join(option for option, name in (("--x", x_name), ("--y", y_name)) if name is None)
+        raise InputError(f"must be named by {missing}", field="column", quoted=f"there are {listed(usable)}", file=file)
+    x, y = _axis(x_name, layout), _axis(y_name, layout)
+    named = {f"u_{y.column}", f"u_{_bare(y.column)}"}
+    return x, y, choices.u_y or next((name for name in usable if {name, _bare(name)} & named), None)
 
-    def axis(wanted: str | None, default: int) -> Axis:
-        if wanted is None:
-            name, unit = name_and_unit(layout.names[default])
-            return Axis(layout.names[default], name if name != layout.names[default] else "", unit or layout.units[default])
-        exact = next((i for i, name in enumerate(layout.names) if name == wanted), None)
-        name, unit = name_and_unit(wanted)
-        if exact is None and unit and name in layout.names:  # --x "t_s [s]"
-            return Axis(name, "", unit)
-        place = exact if exact is not None else bare.index(wanted) if wanted in bare else None
-        stated = "" if place is None else name_and_unit(layout.names[place])[1] or layout.units[place]
-        return Axis(wanted, name if name != wanted else "", unit or stated)
 
-    others = [i for i in values if layout.names[i] not in (choices.x, choices.y) and bare[i] not in (choices.x, choices.y)]
-    x, y = axis(choices.x, others[0] if others else 0), axis(choices.y, others[-1] if others else 0)
-    u_y = choices.u_y
-    if u_y is None:
-        named = {f"u_{y.column}", f"u_{name_and_unit(y.column)[0]}"}
-        u_y = next((layout.names[i] for i in usable if layout.names[i] in named or bare[i] in named), None)
-    return x, y, u_y
+def _bare(name: str) -> str:
+    return name_and_unit(name)[0]
+
+
+def _names(formula: Formula, column: str, said: Sequence[str]) -> bool:
+    return _bare(column) == "x" if formula.uses_x else variable_of(formula, column, None, said) is not None
+
+
+def _axis(wanted: str, layout: Layout) -> Axis:
+    """The column called `wanted`, with its unit or without; a unit may also be stated here: "t_s [s]"."""
+    bare, stated = name_and_unit(wanted)
+    if wanted not in layout.names and stated and bare in layout.names:
+        return Axis(bare, "", stated)
+    place = next((i for i, name in enumerate(layout.names) if wanted in (name, _bare(name))), None)
+    unit = "" if place is None else _unit_of(layout, place)
+    return Axis(wanted, bare if bare != wanted else "", stated or unit)
+
+
+def _unit_of(layout: Layout, place: int) -> str:
+    return name_and_unit(layout.names[place])[1] or layout.units[place]
 
 
 def _check_parameters(formula: Formula, choices: TableChoices, starts: Mapping[str, str]) -> None:
@@ -184,7 +197,7 @@ def _linear_starts(formula: Formula, choices: TableChoices) -> dict[str, str]:
         ends, between = (value(points[0]) + value(points[1])) / 2.0, value(middle)
         if np.all(np.isfinite(between)) and np.allclose(ends, between, rtol=1e-10, atol=1e-12):
             linear.append(name)
-    return {name: "1.0" for name in linear}
+    return dict.fromkeys(linear, "1.0")
 
 
 def _parameter_line(name: str, starts: Mapping[str, str], choices: TableChoices) -> str:

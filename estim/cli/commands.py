@@ -25,6 +25,7 @@ from estim.cli.models import compare_models
 from estim.cli.options import JOINT, NO_FIGURES, OUT, RUNS, SEED, STEPS
 from estim.cli.planning import plan_next
 from estim.cli.propagating import say_propagated
+from estim.cli.tables import curve_options, load_or_make
 from estim.cli.terminal import (
     NOT_OK,
     announced,
@@ -38,7 +39,6 @@ from estim.cli.terminal import (
     write_files,
     write_report,
 )
-from estim.cli.tables import curve_options, load_or_make
 from estim.cli.weighing import say_bodies
 from estim.common import InputError, Stream, asked_to_stop, ended_by_signals, stream
 

@@ -1,4 +1,4 @@
-"""Options that say a table and its curve in place of a campaign file: `estim fit data.csv --formula ...`, and those that say how a table is written."""
+"""Options in place of a campaign file: those that say how a table is written, and those that say a curve (`estim fit data.csv --formula ...`)."""
 
 from __future__ import annotations
 
@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from estim.reading import Dialect
 
 _ENCODINGS = ("utf-8", "utf-16", "latin-1", "windows-1252", "windows-1250", "windows-1251", "iso-8859-15", "mac-roman", "cp437", "cp850")
+_AS_SAID = ("formula", "x", "y", "u_x", "u_y", "every", "deviation", "correlated", "title", "track", "release")
 _TABLES = (".csv", ".txt", ".tsv", ".dat", ".trk", ".trz", ".xls", ".xlsx", ".ods")
 
 _DIALECT = (
@@ -34,7 +35,7 @@ _CURVE = (
     click.option("--x", metavar="COLUMN", help='Column of x: "time [s]".  [default: the first of two]'),
     click.option("--y", metavar="COLUMN", help="Column of y.  [default: the other of two]"),
     click.option("--u-x", metavar="U|COLUMN", help="Standard uncertainty of x.  [default: x is exact]"),
-    click.option("--u-y", metavar="U|COLUMN", help="Standard uncertainty of y.  [default: the column u_NAME if there, else found from the residuals]"),
+    click.option("--u-y", metavar="U|COLUMN", help="Standard uncertainty of y.  [default: the column u_NAME if there, else by the residuals]"),
     click.option("--window", metavar="MIN:MAX", help="Range of x that is fit; either end may be left out."),
     click.option("--every", type=click.IntRange(min=1), metavar="N", help="Fit one of every N points, in order of x."),
     click.option("--deviation", type=float, metavar="D", help="A smooth deviation of y from the curve that would not surprise you."),
@@ -86,7 +87,8 @@ def load_or_make(file: Path, said: Mapping[str, Any], out: Path | None) -> tuple
     given = [f"--{name.replace('_', '-')}" for name, value in said.items() if value not in (None, (), False)]
     if said["formula"] is None:
         if given:
-            rule = "goes with --formula and a table; of a campaign the file says it" if file.suffix.lower() == ".toml" else "needs --formula beside it"
+            campaign = file.suffix.lower() == ".toml"
+            rule = "goes with --formula and a table; of a campaign the file says it" if campaign else "needs --formula beside it"
             raise InputError(rule, field=given[0])
         if file.suffix.lower() in _TABLES:
             rule = 'is a table, not a campaign: say --formula "a*x + b", or write a campaign for it (estim new NAME --from FILE)'
@@ -94,9 +96,12 @@ def load_or_make(file: Path, said: Mapping[str, Any], out: Path | None) -> tuple
         return load_campaign(file), out or Path("out") / file.resolve().parent.name
     if file.suffix.lower() == ".toml":
         raise InputError("goes with a table of points; of a campaign the file says the curve", field="--formula", value=said["formula"])
-    several = {name: pairs(said[name], f"--{name}") for name in ("start", "low", "high", "value")}
-    plain = {name: said[name] for name in ("formula", "x", "y", "u_x", "u_y", "every", "deviation", "correlated", "title", "track", "release")}
-    choices = TableChoices(**plain, **several, kind=said["kind"] or "measured", window=_window(said["window"]), dialect=dialect_of(said))
+    start, low, high, value = (pairs(said[name], f"--{name}") for name in ("start", "low", "high", "value"))
+    plain: dict[str, Any] = {name: said[name] for name in _AS_SAID}
+    choices = TableChoices(
+        **plain, start=start, low=low, high=high, value=value, kind=said["kind"] or "measured", window=_window(said["window"]),
+        dialect=dialect_of(said),
+    )
     return campaign_of_table(file, choices), out or Path("out") / file.stem
 
 

@@ -48,7 +48,8 @@ class Dialect:
         if self.columns is not None:
             named = [name for name in self.columns if name and not name.startswith("_")]
             if not named or len(set(named)) < len(named):
-                raise InputError("must name the columns from left to right, each by a name of its own", field="columns", value=", ".join(self.columns))
+                rule = "must name the columns from left to right, each by a name of its own"
+                raise InputError(rule, field="columns", value=", ".join(self.columns))
             if self.header:
                 raise InputError("must not be true beside 'columns', which give the names", field="header")
         elif self.header is False:

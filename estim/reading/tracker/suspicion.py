@@ -35,7 +35,7 @@ def suspicions(track: Track, ramp: Ramp, *, from_row: int = 0) -> tuple[str, ...
 
 def missing_frames(t: FloatArray) -> tuple[str, ...]:
     """What the times (s) of a track alone show."""
-    usual, steps = _steps(t)
+    steps = _steps(t)[1]
     missing = int(np.sum(np.maximum(np.rint(steps), 1.0) - 1.0))
     return (f"{missing} of {t.size + missing} frames are missing",) if missing else ()
 
