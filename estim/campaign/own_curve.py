@@ -47,7 +47,7 @@ from estim.campaign.own_curve_lacks import order_columns, refuse_lacks
 from estim.campaign.own_curve_points import MIN_ROWS, CurvePoints
 from estim.campaign.track_table import choices_of
 from estim.common import InputError
-from estim.curves import AxisNames, Component, DistortedCurve, Formula, read_formula
+from estim.curves import MAX_OBS, AxisNames, Component, DistortedCurve, Formula, read_formula
 from estim.deviation import BadFrames, ForceSize
 from estim.explanation import Suspects
 from estim.fitting import Fit, fit_lacking, fit_optimum, information, is_resolved, no_scatter, silent_parameters
@@ -104,6 +104,9 @@ class CurveStudy:
             run, unknown = points.observe(curve, arguments, index, tables[name], joint=len(names) > 1)
             of_noise |= {parameter.name: parameter for parameter in unknown}
             observed.append(run)
+        if len(observed) > 1 and sum(run.n_obs for run in observed) > MAX_OBS:
+            rule = f"must be at most {MAX_OBS} in a joint fit: say every = 2 or more, or fit the runs one by one"
+            raise self.source.places.error(rule, ("curve", "every"), field="points", value=sum(run.n_obs for run in observed))
         for name in of_noise:
             if name in parameters or name in shared:
                 rule = "is the name of a quantity of the errors of y, which is unknown here: choose another"
