@@ -18,7 +18,7 @@ from estim.campaign.curve_tables import variable_of
 from estim.campaign.toml_text import toml_key, toml_string
 from estim.common import InputError, listed, read_number, read_quantity, shorten
 from estim.curves import Formula, read_formula
-from estim.reading import Dialect, Layout, is_tracker_file, name_and_unit, no_names, read_layout
+from estim.reading import Dialect, Layout, is_tracker_file, name_and_unit, no_names, numeric_columns, read_layout
 
 _SAID = "command line"
 _TRACK_COLUMNS = ("t", "x", "y")
@@ -74,8 +74,8 @@ def campaign_of_table(file: Path, choices: TableChoices) -> Campaign:
     return bound(campaign_file_of(text, file.parent / f"({_SAID})", said=_SAID))
 
 
-def text_of_table(file: Path, choices: TableChoices) -> str:
-    """The TOML of that campaign, to be kept beside `file`."""
+def text_of_table(file: Path, choices: TableChoices, *, name: str | None = None) -> str:
+    """The TOML of that campaign, to be kept beside `file`, or where that is called `name`."""
     formula = read_formula(choices.formula, field="--formula")
     said = (*choices.start, *choices.low, *choices.high, *choices.value)
     x, y, u_y = _axes(file, formula, choices, said)
@@ -93,7 +93,7 @@ def text_of_table(file: Path, choices: TableChoices) -> str:
     lines += [f"{key} = {value}" for key in ("every", "deviation") if (value := getattr(choices, key)) is not None]
     lines += (["correlated = true"] if choices.correlated else []) + dialect_lines(choices.dialect)
     lines += ["", "[curve.parameters]", *(_parameter_line(name, starts, choices) for name in formula.names)]
-    lines += ["", "[[runs]]", f"name = {toml_string(run_name(file))}", f"file = {toml_string(file.name)}"]
+    lines += ["", "[[runs]]", f"name = {toml_string(run_name(file))}", f"file = {toml_string(name or file.name)}"]
     lines += [] if choices.track is None else [f"track = {toml_string(choices.track)}"]
     lines += [] if choices.release is None else [f"release = {_release_text(choices.release)}"]
     return "\n".join(lines) + "\n"
@@ -126,7 +126,7 @@ def _axes(file: Path, formula: Formula, choices: TableChoices, said: Sequence[st
     if not layout.names:
         raise no_names(layout)
     usable = [name for name in layout.names if name and not name.startswith("_")]
-    values = [name for name in usable if not name_and_unit(name)[0].startswith("u_")]
+    values = [name for name in numeric_columns(layout) if name in usable and not _bare(name).startswith("u_")]
     x_name, y_name = choices.x, choices.y
     if x_name is None:
         called = [name for name in values if y_name not in (name, _bare(name)) and _names(formula, name, said)]

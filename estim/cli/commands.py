@@ -22,6 +22,7 @@ from estim.cli.importing import import_run
 from estim.cli.line import line
 from estim.cli.mapping import map_motions
 from estim.cli.models import compare_models
+from estim.cli.new import new_campaign
 from estim.cli.options import JOINT, NO_FIGURES, OUT, RUNS, SEED, STEPS
 from estim.cli.planning import plan_next
 from estim.cli.propagating import say_propagated
@@ -49,7 +50,7 @@ if TYPE_CHECKING:
 
 @click.group(
     context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100},
-    commands=[calibrate, compare_models, line, map_motions, plan_next],
+    commands=[calibrate, compare_models, line, map_motions, new_campaign, plan_next],
 )
 @click.version_option(package_name="estim")
 def cli() -> None:

@@ -12,11 +12,11 @@ import click
 from estim.common import KINDS, InputError, read_number
 
 if TYPE_CHECKING:
-    from estim.campaign import Campaign
+    from estim.campaign import Campaign, TableChoices
     from estim.reading import Dialect
 
 _ENCODINGS = ("utf-8", "utf-16", "latin-1", "windows-1252", "windows-1250", "windows-1251", "iso-8859-15", "mac-roman", "cp437", "cp850")
-_AS_SAID = ("formula", "x", "y", "u_x", "u_y", "every", "deviation", "correlated", "title", "track", "release")
+_AS_SAID = ("x", "y", "u_x", "u_y", "every", "deviation", "correlated", "title", "track", "release")
 _TABLES = (".csv", ".txt", ".tsv", ".dat", ".trk", ".trz", ".xls", ".xlsx", ".ods")
 
 _DIALECT = (
@@ -82,7 +82,7 @@ def dialect_of(said: Mapping[str, Any]) -> Dialect:
 
 def load_or_make(file: Path, said: Mapping[str, Any], out: Path | None) -> tuple[Campaign, Path]:
     """The campaign in `file`, or the one that fits a formula to the table `file`; and the folder of its report."""
-    from estim.campaign import TableChoices, campaign_of_table, load_campaign, pairs
+    from estim.campaign import campaign_of_table, load_campaign
 
     given = [f"--{name.replace('_', '-')}" for name, value in said.items() if value not in (None, (), False)]
     if said["formula"] is None:
@@ -96,13 +96,19 @@ def load_or_make(file: Path, said: Mapping[str, Any], out: Path | None) -> tuple
         return load_campaign(file), out or Path("out") / file.resolve().parent.name
     if file.suffix.lower() == ".toml":
         raise InputError("goes with a table of points; of a campaign the file says the curve", field="--formula", value=said["formula"])
+    return campaign_of_table(file, choices_of_table(said)), out or Path("out") / file.stem
+
+
+def choices_of_table(said: Mapping[str, Any]) -> TableChoices:
+    """What the options say of a table and its curve; without a formula, an empty one.  Raises InputError naming the option."""
+    from estim.campaign import TableChoices, pairs
+
     start, low, high, value = (pairs(said[name], f"--{name}") for name in ("start", "low", "high", "value"))
     plain: dict[str, Any] = {name: said[name] for name in _AS_SAID}
-    choices = TableChoices(
-        **plain, start=start, low=low, high=high, value=value, kind=said["kind"] or "measured", window=_window(said["window"]),
-        dialect=dialect_of(said),
+    return TableChoices(
+        formula=said["formula"] or "", **plain, start=start, low=low, high=high, value=value, kind=said["kind"] or "measured",
+        window=_window(said["window"]), dialect=dialect_of(said),
     )
-    return campaign_of_table(file, choices), out or Path("out") / file.stem
 
 
 def _window(written: str | None) -> tuple[float | None, float | None] | None:

@@ -78,6 +78,14 @@ def no_names(layout: Layout) -> InputError:
     return InputError(rule, field="header", value=line.strip(), file=layout.file, line=number)
 
 
+def numeric_columns(layout: Layout) -> tuple[str, ...]:
+    """Names of the columns whose last row is a number, or nothing where the first is one; those that begin with _ left out."""
+    first, last = (split_row(line, layout.delimiter, layout.file, number) for number, line in (layout.rows[0], layout.rows[-1]))
+    rows = [cells + [""] * len(layout.names) for cells in (first, last)]
+    kept = [i for i, name in enumerate(layout.names) if name and not name.startswith("_")]
+    return tuple(layout.names[i] for i in kept if any(looks_like_a_number(cells[i]) for cells in rows))
+
+
 def _start(lines: Lines, delimiter: str, file: str) -> int:
     """Index of the first row of numbers: like the last row it has as many cells, with numbers (or nothing) in the same columns.
 
