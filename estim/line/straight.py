@@ -59,7 +59,7 @@ class Inverse:
 
 @dataclass(frozen=True, eq=False)
 class StraightLine:
-    """A line through the points of a table.  columns : as they were read, None for what was not there."""
+    """A line through the points of a table.  columns : as they were read, None for what was not there.  facts : how the table was read, in words."""
 
     path: Path
     sha256: str
@@ -70,6 +70,7 @@ class StraightLine:
     probability: float
     predictions: tuple[Prediction, ...]
     inverses: tuple[Inverse, ...]
+    facts: tuple[str, ...] = ()
 
     @property
     def status(self) -> Status:
@@ -122,7 +123,8 @@ def straight_line(
     k = coverage_factor(fit, probability=probability)
     predictions = tuple(_prediction(fit, x0, k) for x0 in predict)
     inverses = tuple(_inverse(fit, y0, k, probability) for y0 in inverse)
-    return StraightLine(path, table.sha256, read, fit, slope_interval(fit, probability=probability), k, probability, predictions, inverses)
+    slope = slope_interval(fit, probability=probability)
+    return StraightLine(path, table.sha256, read, fit, slope, k, probability, predictions, inverses, table.facts)
 
 
 def _number(text: str) -> float | None:

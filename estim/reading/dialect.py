@@ -19,7 +19,7 @@ Encoding = Literal["utf-8", "utf-16", "latin-1", "windows-1252", "windows-1250",
 
 DELIMITERS = ("\t", ";", ",", "|", " ")
 _WORDS = {"tab": "\t", "semicolon": ";", "comma": ",", "bar": "|", "blank": " ", "\\t": "\t"}
-_NUMBER = re.compile(r"[+-]?(\d+([.,]\d*)?|[.,]\d+)([eE][+-]?\d{1,4})?", re.ASCII)
+_NUMBER = re.compile(r"[+-]?(\d+(\.\d*|,\d+)?|[.,]\d+)([eE][+-]?\d{1,4})?", re.ASCII)
 _GROUPED = re.compile(r"[+-]?[1-9]\d{0,2},\d{3}", re.ASCII)  # one comma: 1,234 may be 1234
 _MISSING = frozenset({"", "nan", "na", "n/a", "-", "--", "null"})
 _NAMED_UNIT = re.compile(r"(.{1,60}?)\s*(?:\(([^()]{1,20})\)|\[([^\[\]]{1,20})\]|\s/\s*([^\s/]{1,20}))")
@@ -87,7 +87,7 @@ def shown_delimiter(line: str) -> str:
     if found := next((mark for mark in ("\t", ";", "|") if mark in line), None):
         return found
     words = line.split()
-    return " " if "," not in line or (len(words) > 1 and all(map(looks_like_a_number, words))) else ","
+    return " " if "," not in line or (len(words) > 1 and all(looks_like_a_number(word) for word in words if "," in word)) else ","
 
 
 def decimal_mark(rows: Sequence[tuple[int, Sequence[str]]], wanted: Sequence[int], stated: Decimal | None, file: str) -> str:
