@@ -32,7 +32,7 @@ def new_campaign(name: Path, file: Path | None, said: Mapping[str, Any]) -> None
     if path.exists() or path.is_symlink():
         raise InputError("is there already and is not overwritten", field="NAME", value=str(path))
     if file is None:
-        if not sys.stdin.isatty():
+        if not _in_a_terminal():
             raise InputError("must name the table to be fit (without it, questions are asked in a terminal)", field="--from")
         file, choices = _asked(said)
     else:
@@ -42,6 +42,10 @@ def new_campaign(name: Path, file: Path | None, said: Mapping[str, Any]) -> None
     guessed = "" if choices.formula else "; its curve is a guess: write yours"
     say(f"campaign: {path}{guessed}")
     say(f"fit it by: estim fit {path}")
+
+
+def _in_a_terminal() -> bool:
+    return sys.stdin.isatty()
 
 
 def _asked(said: Mapping[str, Any]) -> tuple[Path, TableChoices]:
