@@ -74,7 +74,7 @@ def test_a_table_is_read_as_it_is_written(tmp_path: Path, text: str, said: dict,
         ("t,y\n0,inf\n1,3\n2,3\n", {}, "a.csv:2: 'row' must be a row of numbers|'y' must be a number: inf"),
         ("t,y\n", {}, "a.csv:1: 'row' must hold numbers"),
         (b"PK\x03\x04 and so on", {}, "a.csv: 'file' must be a text file, not a workbook"),
-        ("t,y\n1,2\n".encode() + b"\xff\n", {"encoding": "utf-8"}, "'encoding' cannot be read as utf-8"),
+        (b"t,y\n1,2\n\xff\n", {"encoding": "utf-8"}, "'encoding' cannot be read as utf-8"),
         ("t,y\n1,2\n2,3\n", {"header": True, "skip_rows": 3}, "a.csv: has no rows of numbers"),
     ],
 )
@@ -138,23 +138,28 @@ def written(source: random.Random, t: list[float], y: list[float]) -> str:
     return "\n".join([*head, *(mark.join(row) for row in [names, *rows])]) + "\n"
 
 
+def tried(path: Path, text: str) -> tuple[dict[str, list[float]], str]:
+    """What is read, or why nothing is."""
+    try:
+        return read(path, text), ""
+    except InputError as error:
+        return {}, str(error)
+
+
 def test_every_dialect_gives_the_same_numbers_or_is_refused(tmp_path: Path) -> None:
     """Also with slips: a mark that is lost, doubled or changed for another never gives other numbers in as many rows."""
     source, read_plain, read_slips = random.Random(5), 0, 0
     for _ in range(400):
         t, y = ([source.choice((source.random(), source.randrange(9), 1e-7 * source.random(), -2.5)) for _ in range(5)] for _ in "ty")
         text = written(source, t, y)
-        try:
-            assert read(tmp_path / "a.csv", text) == {"t": t, "y": y}, text
-            read_plain += 1
-        except InputError as error:
-            assert re.search(r"--\w+|decimal commas\?", str(error)), text
+        found, refusal = tried(tmp_path / "a.csv", text)
+        assert found == {"t": t, "y": y} or re.search(r"--\w+|decimal commas\?", refusal), text
+        read_plain += bool(found)
         places = [i for i, mark in enumerate(text) if mark in ",.;|\t"]
         place = source.choice(places)
         slipped = text[:place] + source.choice(("", ",", ".", ";", text[place] * 2)) + text[place + 1 :]
-        try:
-            found = read(tmp_path / "a.csv", slipped)
-        except InputError:
+        found, _ = tried(tmp_path / "a.csv", slipped)
+        if not found:
             continue
         read_slips += 1
         different = sum(a != b for name, true in (("t", t), ("y", y)) for a, b in zip(found[name], true, strict=False))
@@ -178,7 +183,6 @@ def test_the_tables_of_other_people_are_read(real_files: list[Path]) -> None:
         assert table.lines.size == n, name
     nist = read_columns(shared / "nist_strd" / "Misra1a.dat", needed=("x", "y"), min_rows=3, shown_as="n", dialect=Dialect(columns=("y", "x")))
     np.testing.assert_array_equal(nist.columns["x"][[0, -1]], [77.6, 760.0])
+    destroyed, named = shared / "tracker" / "halfpipe" / "Klipp5.csv", Dialect(columns=("t", "x", "y", "v", "a"))
     with pytest.raises(InputError, match="decimal points and others with commas"):
-        read_columns(
-            shared / "tracker" / "halfpipe" / "Klipp5.csv", needed=("t", "y"), min_rows=3, shown_as="n", dialect=Dialect(columns=("t", "x", "y", "v", "a"))
-        )
+        read_columns(destroyed, needed=("t", "y"), min_rows=3, shown_as="n", dialect=named)

@@ -148,6 +148,21 @@ def test_columns_that_must_be_named_are_listed(table: Path) -> None:
     assert r"'column' must be named by --y (there are t, a, b)" in told("fit", table, "--formula", "k*t")
     table.write_text("t,U,u_U\n0.5,1,0.1\n1,2,0.1\n2,3,0.2\n")
     assert 'u_y = {column = "u_U"}' in text_of_table(table, TableChoices(formula="k*t"))
+    table.write_text("t,U,u_t,u_U\n0.5,1,0.1,0.1\n1,2,0.1,0.1\n2,3,0.1,0.2\n")
+    assert 'u_x = {column = "u_t"}' in text_of_table(table, TableChoices(formula="k*t"))
+    assert "u_x" not in text_of_table(table, TableChoices(formula="k*t", correlated=True))
+    assert "u_x = 0.2\n" in text_of_table(table, TableChoices(formula="k*t", u_x="0.2"))
+
+
+def test_the_command_of_the_page_gives_what_was_put_in(project: Path, tmp_path: Path) -> None:
+    page, data = (project / "docs" / "your-own-curve.md").read_text(), project / "data" / "trials"
+    (formula,) = re.findall(r'estim fit data/trials/theta_min\.csv --formula "(.*?)" --start gamma=0\.3 --low gamma=0\.15', page)
+    choices = TableChoices(formula=formula, start={"gamma": "0.3"}, low={"gamma": "0.15"}, kind="synthetic")
+    problem = campaign_of_table(data / "theta_min.csv", choices).problem(["theta_min"])
+    assert problem.runs[0].noise.x_gain()[0] == 0.4
+    fit = fit_optimum(problem, rng=np.random.default_rng(1))
+    assert abs(fit.values[0] - 0.187) < 3.0 * fit.sds[0]
+    assert f"{fit.values[0]:.2f}" == "0.18"
 
 
 def test_a_campaign_says_how_its_tables_are_written(table: Path) -> None:
@@ -228,7 +243,7 @@ def test_enough_residuals_are_simulated_of_any_number_of_points() -> None:
 
 def test_what_needs_a_dense_matrix_keeps_its_limit(table: Path) -> None:
     x = np.linspace(0.0, 1.0, 3001)
-    with pytest.raises(InputError, match="'x' must have between 1 and 3000 values; .*every so many"):
+    with pytest.raises(InputError, match=r"'x' must have between 1 and 3000 values; .*every so many"):
         fit_curve("a*x", x, x, u_y=0.1, u_x=0.1, start={"a": 1.0})
     table.write_text("x,y\n" + "".join(f"{value},{value}\n" for value in x))
     with pytest.raises(InputError, match="'rows' must be between 3 and 3000 where x has errors: say every = 2"):

@@ -78,7 +78,7 @@ def text_of_table(file: Path, choices: TableChoices, *, name: str | None = None)
     """The TOML of that campaign, to be kept beside `file`, or where that is called `name`."""
     formula = read_formula(choices.formula, field="--formula")
     said = (*choices.start, *choices.low, *choices.high, *choices.value)
-    x, y, u_y = _axes(file, formula, choices, said)
+    x, y, u_x, u_y = _axes(file, formula, choices, said)
     variable = variable_of(formula, x.column, x.name, said)
     if variable not in (None, "x"):
         formula = formula.in_terms_of(variable)
@@ -86,7 +86,7 @@ def text_of_table(file: Path, choices: TableChoices, *, name: str | None = None)
     _check_parameters(formula, choices, starts)
     lines = [f"title = {toml_string(choices.title or file.stem)}", f'kind = "{choices.kind}"', ""]
     lines += ["[curve]", f"expression = {toml_string(formula.text)}", f"x = {x.text}", f"y = {y.text}"]
-    lines += [f"{key} = {_error_text(key, u)}" for key, u in (("u_y", u_y), ("u_x", choices.u_x)) if u is not None]
+    lines += [f"{key} = {_error_text(key, u)}" for key, u in (("u_y", u_y), ("u_x", u_x)) if u is not None]
     if choices.window is not None:
         ends = zip(("min", "max"), choices.window, strict=True)
         lines.append("window = {" + ", ".join(f"{name} = {end!r}" for name, end in ends if end is not None) + "}")
@@ -113,14 +113,14 @@ def run_name(file: Path) -> str:
     return f"{name}-run" if name.lower() in ("figures", "report", "result", "draws") else name
 
 
-def _axes(file: Path, formula: Formula, choices: TableChoices, said: Sequence[str]) -> tuple[Axis, Axis, str | None]:
-    """x, y, and the errors of y: as stated; else the column that the formula names and the column y, or the two that there are; and u_NAME of y."""
+def _axes(file: Path, formula: Formula, choices: TableChoices, said: Sequence[str]) -> tuple[Axis, Axis, str | None, str | None]:
+    """x, y, u_x and u_y: as stated; else the column that the formula names and the column y, or the two that there are, and their columns u_NAME."""
     if is_tracker_file(file):
         if choices.y is None:
             raise InputError(f"must name a column of the track: one of {', '.join(_TRACK_COLUMNS)}", field="--y")
         units = {"t": "s", "t_s": "s", "frame": "1"}
         x, y = (Axis(column, "", units.get(column, "m")) for column in (choices.x or "t", choices.y))
-        return x, y, choices.u_y
+        return x, y, choices.u_x, choices.u_y
     asked = [name for name in (choices.x, choices.y) if name is not None]
     layout = read_layout(file, choices.dialect, shown_as=str(file), needed=asked)
     if not layout.names:
@@ -139,8 +139,16 @@ def _axes(file: Path, formula: Formula, choices: TableChoices, said: Sequence[st
         missing = " and ".join(option for option, name in (("--x", x_name), ("--y", y_name)) if name is None)
         raise InputError(f"must be named by {missing}", field="column", quoted=f"there are {listed(usable)}", file=file)
     x, y = _axis(x_name, layout), _axis(y_name, layout)
-    named = {f"u_{y.column}", f"u_{_bare(y.column)}"}
-    return x, y, choices.u_y or next((name for name in usable if {name, _bare(name)} & named), None)
+    u_x, u_y = choices.u_x, choices.u_y or _uncertainty_of(y, usable)
+    if u_x is None and u_y is not None and not (choices.deviation or choices.correlated):
+        u_x = _uncertainty_of(x, usable)
+    return x, y, u_x, u_y
+
+
+def _uncertainty_of(axis: Axis, columns: Sequence[str]) -> str | None:
+    """The column u_NAME of an axis, if it is there."""
+    named = {f"u_{axis.column}", f"u_{_bare(axis.column)}"}
+    return next((name for name in columns if {name, _bare(name)} & named), None)
 
 
 def _bare(name: str) -> str:

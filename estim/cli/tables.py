@@ -34,7 +34,7 @@ _CURVE = (
     click.option("--value", multiple=True, metavar="NAME=VALUE", help='A parameter that is known: g=9.81 is exact, g="9.81(2)" was measured.'),
     click.option("--x", metavar="COLUMN", help='Column of x: "time [s]".  [default: the first of two]'),
     click.option("--y", metavar="COLUMN", help="Column of y.  [default: the other of two]"),
-    click.option("--u-x", metavar="U|COLUMN", help="Standard uncertainty of x.  [default: x is exact]"),
+    click.option("--u-x", metavar="U|COLUMN", help="Standard uncertainty of x.  [default: the column u_NAME if there, else x is exact]"),
     click.option("--u-y", metavar="U|COLUMN", help="Standard uncertainty of y.  [default: the column u_NAME if there, else by the residuals]"),
     click.option("--window", metavar="MIN:MAX", help="Range of x that is fit; either end may be left out."),
     click.option("--every", type=click.IntRange(min=1), metavar="N", help="Fit one of every N points, in order of x."),
