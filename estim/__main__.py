@@ -5,6 +5,7 @@ A file beside the data that has the name of a module is not imported, or named i
 
 from __future__ import annotations
 
+import os
 import sys
 
 from estim.namesakes import forget_working_folder, found_instead, in_the_way, namesake_behind
@@ -12,8 +13,14 @@ from estim.namesakes import forget_working_folder, found_instead, in_the_way, na
 _BAD_INPUT = 2  # `estim.cli.commands.BAD_INPUT`, which cannot be imported yet
 
 
+_THREADS = ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")  # read when NumPy is loaded
+
+
 def main() -> None:
     """Run the command line.  Exits with 2 and one line on stderr where a file is in the way of a module."""
+    if "OMP_NUM_THREADS" not in os.environ:
+        for name in _THREADS:  # the matrices are small: a second thread of linear algebra only waits for the first
+            os.environ.setdefault(name, "1")
     file = found_instead("model")
     if not file:
         try:

@@ -166,7 +166,8 @@ def back_and_forth(
     """Position (m) and velocity (m/s, negative on the way back) at times `t` after release, each (n_draw, n_obs).
 
     At rest at 0 before release.  Where the body stops it starts back, unless rolling resistance holds it: then it stays.
-    The way back from theta_t at tilt phi is, seen in a mirror, a release at -theta_t with tilt -phi.
+    The way back from theta_t at tilt phi is, seen in a mirror, a release at -theta_t with tilt -phi.  nan where a leg is too
+    long to be resolved (hundreds of turns).
 
     t : (n_obs,) or (n_draw, n_obs) s.  Parameters scalars or (n_draw, 1).  n_leg : nan after so many legs.
     release_speed : m/s at t = 0, either sign.  forces : what else acts.  With either, by series to 1e-9 m (`model.driven`).
@@ -184,13 +185,14 @@ def back_and_forth(
     for leg in range(n_leg):
         dx, rate, end, reach = _leg(t, body, phi=phi, theta0=theta0, rolling_resistance=rolling_resistance, g=g, n_node=n_node)
         here = (t > 0.0) if leg else np.ones(t.shape, dtype=bool)
-        inside = t <= end
+        inside = (t <= 0.0) | (t <= end)
         x = np.where(here & inside, start + sign * dx, x)
         v = np.where(here & inside, sign * rate, v)
-        stop = np.where(np.isfinite(end), reach, 0.0)
+        rest = np.where(np.isnan(end), np.nan, 0.0)
+        stop = np.where(np.isinf(end), 0.0, reach + rest)
         start = start + sign * np.asarray(body.radius) * stop
         x = np.where(here & ~inside, start, x)
-        v = np.where(here & ~inside, 0.0, v)
+        v = np.where(here & ~inside, rest, v)
         t = np.where((reach > 0.0) & np.isfinite(end), np.maximum(t - end, 0.0), 0.0)
         if not np.any(t > 0.0):
             return x, v
@@ -203,8 +205,8 @@ def _leg(
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
     """One way from rest to rest: x (m) and v (m/s) at `t`, the time (s) it ends and the angle (rad) turned by then.
 
-    Both ends are (n_draw, 1): inf where it never stops, 0 where it does not start.  At rest at 0 for t <= 0; x and v
-    after the end have no meaning.
+    Both ends are (n_draw, 1): inf where it never stops, 0 where it does not start, the first nan where the clock is not
+    resolved.  At rest at 0 for t <= 0; x and v after the end have no meaning.
     """
     radius = np.asarray(body.radius, dtype=float)
     phi, theta0, resistance, g, stop = _columns(body, phi, theta0, rolling_resistance, g)
@@ -223,7 +225,7 @@ def _leg(
 
 
 def _invert(t: FloatArray, clock: FloatArray, pace: FloatArray, end: FloatArray) -> FloatArray:
-    """z (n_draw, n_obs) at which the clock shows `t`, by Newton steps inside a bracket; nan where they do not settle."""
+    """z (n_draw, n_obs) at which the clock shows `t`, by Newton steps inside a bracket; nan where they do not settle or `end` (n_draw, 1) is nan."""
     low, high, z = _bracket(t, clock, pace, np.broadcast_shapes(end.shape, t.shape))
     for _ in range(_MOST_STEPS):
         ahead = _evaluate(z, clock) - t
@@ -236,7 +238,7 @@ def _invert(t: FloatArray, clock: FloatArray, pace: FloatArray, end: FloatArray)
         # the error left after a Newton step is of the order of its square
         if np.nanmax(moved, initial=0.0) < _SETTLED:
             break
-    return np.where(moved < 10.0 * _SETTLED, z, np.nan)
+    return np.where((moved < 10.0 * _SETTLED) & np.isfinite(end), z, np.nan)
 
 
 def _bracket(t: FloatArray, clock: FloatArray, pace: FloatArray, shape: tuple[int, ...]) -> tuple[FloatArray, FloatArray, FloatArray]:

@@ -13,9 +13,9 @@ from pathlib import Path
 
 import pytest
 
-from estim.calibration.jobs import spread
 from estim.common.errors import NumericalError
 from estim.common.interruption import STOPPING, ended_by_signals
+from estim.common.jobs import spread
 
 pytestmark = pytest.mark.skipif(not hasattr(signal, "SIGKILL"), reason="needs signals")
 PATIENCE = 120.0  # s, for what happens at once unless it never does
@@ -50,7 +50,7 @@ HOLDING = """
 import os, sys, time
 sys.path.insert(0, os.path.dirname(__file__))
 from functools import partial
-from estim.calibration.jobs import spread
+from estim.common.jobs import spread
 
 def hold(fifo, n):
     with open(fifo, "w") as file:
@@ -101,7 +101,7 @@ def test_workers_end_with_a_parent_that_is_killed(tmp_path: Path, project: Path)
 
 SPREADING = """
 from math import factorial
-from estim.calibration.jobs import spread
+from estim.common.jobs import spread
 
 if __name__ == "__main__":
     print(spread(factorial, range(4), jobs=2))

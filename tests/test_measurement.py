@@ -3,9 +3,9 @@
 Printed values and where they stand:
 - JCGM 100:2008 (GUM): H.1 (l 838 nm, u 32 nm, 16 degrees of freedom, U99 93 nm; with the next order 34 nm), H.2 (tables H.3, H.4).
 - JCGM 101:2008 (GUM Supplement 1): 9.2 (tables 2-4), 9.3 (table 6), 9.4 (tables 7, 8), 9.5 (table 11).
-- JCGM 102:2011 (GUM Supplement 2): 9.3 (tables 6, 7).
+- JCGM 102:2011 (GUM Supplement 2): 9.2 (9.2.2, 9.2.4), 9.3 (tables 6, 7), 9.4 (9.4.2.2, 9.4.2.5).
 - NIST TN 1900: E3, E11, E13 (Monte Carlo).   NPL report DEM-ES-011: table 9.2.
-S1 9.3 and 9.5, S2 9.3 and TN 1900 are quoted at second hand, inputs too: a digit that surprises should be looked up in the document.
+S1 9.3 and 9.5, S2 and TN 1900 are quoted at second hand, inputs too: a digit that surprises should be looked up in the document.
 The intervals of 9.4 are those of exact distributions, computed here without a draw.
 """
 
@@ -166,6 +166,28 @@ def test_gauge_block_of_gum_s1_95():
     assert printed(36, 0.5, drawn.u[0], drawn.u_error[0])
     assert printed(745, 0.5, interval.low[0], interval.low_error[0])
     assert printed(932, 0.5, interval.high[0], interval.high_error[0])
+
+
+@pytest.mark.parametrize(("name", "variance", "r"), [("1", 2.0, 0.5), ("3", 10.0, 0.9)])
+def test_sums_with_a_common_term_of_gum_s2_92(name, variance, r):
+    found = done(f"s2-additive-{name}")
+    assert found.linear.u**2 == pytest.approx([variance, variance])
+    assert found.regions[0].correlation[0] == pytest.approx(r)
+    assert np.corrcoef(found.sampled.draws.T)[0, 1] == pytest.approx(r, abs=4.0 * (1.0 - r * r) / math.sqrt(len(found.sampled.draws)))
+    assert np.all(np.abs(found.sampled.u - math.sqrt(variance)) < 4.0 * found.sampled.u_error)
+
+
+def test_six_sets_of_readings_of_gum_s2_94():
+    """S2 gives n sets of N readings a t of n - N = 3 degrees of freedom (5.3.2), estim one of n - 1 = 5: standard deviations apart by sqrt(3)."""
+    found = done("s2-impedance")
+    assert all(map(printed, (127.732, 219.847, 254.260), (0.0015, 0.0005, 0.0005), found.linear.value))  # R is 127.7307 from the readings
+    assert all(map(printed, (0.058, 0.241, 0.193), [0.0005] * 3, found.linear.u))
+    r = [region.correlation[0] for region in found.regions]
+    assert all(map(printed, (-0.588, -0.485, 0.993), [0.0005] * 3, r))
+    assert printed(0.00749, 0.000005, 1.0 - r[2])
+    printed_by_draws = np.array([0.130, 0.540, 0.431])
+    assert np.all(np.abs(math.sqrt(3.0) * stats.t(5).std() * found.linear.u - printed_by_draws) < 0.0006)
+    assert np.all(np.abs(found.sampled.u - stats.t(5).std() * found.linear.u) < 5.0 * found.sampled.u_error)
 
 
 @pytest.mark.parametrize(

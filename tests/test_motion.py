@@ -143,6 +143,24 @@ def test_the_wheel_is_known_as_long_as_it_rolls(last):
     assert travel_time(x, WHEEL, **DOWN)[0] == pytest.approx(t, abs=1e-6)
 
 
+def test_a_way_too_long_to_be_resolved_is_nan_and_not_a_place():
+    t = np.array([-1.0, 20.0, 300.0])
+    assert np.isfinite(back_and_forth(t[:2], WHEEL, **DOWN)[0]).all()
+    for known in back_and_forth(t, WHEEL, **DOWN):
+        assert np.isnan(known[0]).tolist() == [False, True, True]
+
+
+def test_a_turn_that_is_not_resolved_is_nan_and_not_rest(monkeypatch):
+    # so close to the crest at its turning point that 48 points do not do
+    run = {"phi": math.radians(4.0), "theta0": 1e-2 + math.asin(math.sin(math.radians(4.0)) / 0.187), "g": 9.81}
+    t = np.array([0.0, 0.4, 20.0])
+    assert np.isfinite(back_and_forth(t, PAPER, **run)[0]).all()
+    monkeypatch.setattr("model.motion._MOST_NODES", 48)
+    monkeypatch.setattr("model.motion._UNRESOLVED", 1e-40)
+    for known in back_and_forth(t, PAPER, **run):
+        assert np.isnan(known[0]).tolist() == [False, True, True]
+
+
 @pytest.mark.parametrize("above", [1e-2, 1e-3, 1e-4])
 def test_a_body_that_barely_rolls_over_the_top_is_followed_through_its_slowest_moment(above):
     # W at the first minimum (sin theta = s/gamma) is just above 0 for a slope a little steeper than the one that stops it there

@@ -82,3 +82,18 @@ def test_a_script_beside_its_own_model_is_told(tmp_path: Path, project: Path, re
     done = run(["script.py"], project, cwd=tmp_path)
     assert done.stdout == "line\n"
     assert done.stderr.splitlines()[-1].startswith(f"ImportError: {tmp_path / 'model.py'}: is in the way: ")
+
+
+@pytest.mark.parametrize(("said", "threads"), [({}, "1"), ({"OPENBLAS_NUM_THREADS": "3"}, "3"), ({"OMP_NUM_THREADS": "2"}, None)])
+def test_one_thread_of_linear_algebra_unless_said(monkeypatch: pytest.MonkeyPatch, said: dict[str, str], threads: str | None) -> None:
+    from estim.__main__ import main
+
+    for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
+        monkeypatch.setenv(name, "")  # restored afterwards
+        monkeypatch.delenv(name)
+    for name, value in said.items():
+        monkeypatch.setenv(name, value)
+    seen: list[str | None] = []
+    monkeypatch.setattr("estim.cli.commands.main", lambda: seen.append(os.environ.get("OPENBLAS_NUM_THREADS")))
+    main()
+    assert seen == [threads]

@@ -14,9 +14,9 @@ import pytest
 from click.testing import CliRunner
 from joint_runs import DECAY, problem_of
 
-from estim.calibration.jobs import spread
 from estim.cli.commands import cli
 from estim.common.errors import InputError, Interrupted
+from estim.common.jobs import spread
 from estim.fitting.least_squares import Fit, fit_least_squares
 from estim.problem.priors import Normal
 from estim.sampling.chain import Target

@@ -1,7 +1,8 @@
 """`estim line FILE.csv`: any points, against printed lines (headers of tests/reference/lines) and brute force.
 
-- ISO/TS 28037:2010, clause 6 (both examples) and 11.1 (inverse prediction).   York et al. 2004 with Pearson's data.
-- Hogg, Bovy, Lang, arXiv 1008.4686: exercise 1, points 5 to 20.   GUM (JCGM 100:2008), H.3.4: prediction of a thermometer's correction at 30 °C.
+- ISO/TS 28037:2010, 6.3 (both examples, p. 13 and 15), 7.4 (p. 21), annex E (p. 58-59) and 11.1 (inverse prediction), by way of GTC's manual.
+- York et al. 2004 with Pearson's data.   Hogg, Bovy, Lang, arXiv 1008.4686: exercise 1, points 5 to 20.
+- GUM (JCGM 100:2008), H.3.4: prediction of a thermometer's correction at 30 °C.
 """
 
 from __future__ import annotations
@@ -45,6 +46,26 @@ def test_lines_and_inverse_predictions_of_iso_28037(name, y0, a, b, cov, x0, u_x
     assert error.cov == pytest.approx(cov, rel=2e-5)
     assert (line.inverses[0].x, line.inverses[0].u) == pytest.approx((x0, u_x0), abs=0.0006)
     assert line.status is Status.OK
+
+
+def test_errors_in_both_variables_of_iso_28037():
+    """7.4 prints York's convention; the propagated uncertainties are those that GTC 2 (MSL) gives for the same points."""
+    line = straight_line(LINES / "iso28037_sec7_errors_in_both.csv", Columns())
+    york, whole = line.fit.standard_errors["york"], line.fit.standard_errors["propagated"]
+    assert (line.fit.intercept, line.fit.slope, line.fit.chi2) == pytest.approx((0.5788, 2.1597, 2.743), abs=5e-4)
+    assert (york.u_intercept, york.u_slope, york.cov) == pytest.approx((0.4764, 0.1355, -0.0577), abs=5e-5)
+    assert (whole.u_intercept, whole.u_slope, whole.cov) == pytest.approx((0.480359046511757, 0.136246483136605, -0.0586143419560877), rel=1e-8)
+    assert line.fit.recommended == "propagated"
+
+
+def test_unknown_uncertainties_of_y_of_iso_28037():
+    """Annex E, before its factor sqrt((m - 2)/(m - 4)) = 1.41, which stands for degrees of freedom that estim states instead."""
+    line = straight_line(LINES / "iso28037_annex_e.csv", Columns())
+    error = line.fit.standard_errors["scaled"]
+    assert (line.fit.intercept, error.u_intercept) == pytest.approx((1.172, 0.159), abs=5e-4)
+    assert (line.fit.slope, error.u_slope) == pytest.approx((1.964, 0.041), abs=5e-4)
+    assert error.cov == pytest.approx(-0.006, abs=5e-4)
+    assert line.fit.dof == 4
 
 
 def test_columns_by_name_give_yorks_line_and_other_columns_are_left_unread(tmp_path):

@@ -34,7 +34,6 @@ from numpy.typing import NDArray
 
 from estim.arrays import FloatArray
 from estim.calibration.experiment import Experiment
-from estim.calibration.jobs import spread
 from estim.calibration.kept_trials import KeptTrials, trials_key
 from estim.calibration.trial import (
     N_RANK,
@@ -49,7 +48,7 @@ from estim.calibration.trial import (
     stated_only,
 )
 from estim.calibration.uniformity import LEAST_P, uniformity_p_value
-from estim.common import Amount, Finding, Kind, Label, Stream, stream
+from estim.common import Amount, Finding, Kind, Label, Stream, spread, stream
 from estim.fitting import Fit
 from estim.sampling import PieceStore
 

@@ -65,7 +65,7 @@ class Campaign:
 
     @property
     def run_names(self) -> tuple[str, ...]:
-        return self.source.names
+        return tuple(name for name in self.source.names if name in self.tables)
 
     def problem(self, names: Sequence[str], *, noise: NoiseTable | None = None) -> Problem:
         """The joint problem of the runs `names`: what they share is one parameter.  Raises InputError.
@@ -132,25 +132,27 @@ class Campaign:
             self.study.require_draws(problem)
 
 
-def load_campaign(path: str | Path) -> Campaign:
+def load_campaign(path: str | Path, *, only: str | None = None) -> Campaign:
     """The campaign in the TOML file at `path`, with the tables of its runs.
+
+    only : the one run that is read, as if there were no other; None: all of them.
 
     Raises InputError with file, line, field, rule and value for whatever breaks a rule; every run is posed as a problem
     once, so that a mistake in any of them shows at once.
     """
-    return bound(read_campaign_file(Path(path)))
+    return bound(read_campaign_file(Path(path)), only=only)
 
 
-def bound(source: CampaignFile) -> Campaign:
-    """The campaign of a file that was read, with the tables of its runs.  Raises InputError."""
+def bound(source: CampaignFile, *, only: str | None = None) -> Campaign:
+    """The campaign of a file that was read, with the tables of its runs, or of the run `only`.  Raises InputError."""
     study: Study
     tables: Mapping[str, Run]
     if source.curve is not None:
-        study, tables = read_curve_study(source, source.curve)
+        study, tables = read_curve_study(source, source.curve, only=only)
     else:
-        rolling, read = RollingStudy(source), _read_runs(source)
+        rolling, read = RollingStudy(source), _read_runs(source, only)
         study, tables = rolling, {name: _with_fact(run, parts_fact(source, rolling.levels(name))) for name, run in read.items()}
-    tables = {name: _with_fact(tables[name], source.out_of_folder(written)) for name, written in source.files.items()}
+    tables = {name: _with_fact(tables[name], source.out_of_folder(source.files[name])) for name in source.files if name in tables}
     campaign = Campaign(source, MappingProxyType(tables), study, read_derived(source.derived, source.places))
     for name in campaign.run_names:
         study.check(name, campaign.tables)
@@ -159,9 +161,9 @@ def bound(source: CampaignFile) -> Campaign:
     return campaign
 
 
-def _read_runs(source: CampaignFile) -> Mapping[str, Run]:
-    files = {run.name: source.file_of(i) for i, run in enumerate(source.runs)}
-    return compare_intervals({run.name: _read(source, files[run.name], run) for run in source.runs})
+def _read_runs(source: CampaignFile, only: str | None) -> Mapping[str, Run]:
+    chosen = {run: i for i, run in enumerate(source.runs) if only in (None, run.name)}
+    return compare_intervals({run.name: _read(source, source.file_of(i), run) for run, i in chosen.items()})
 
 
 def _read(source: CampaignFile, path: Path, run: RunTable) -> Run:

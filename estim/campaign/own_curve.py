@@ -270,8 +270,8 @@ class CurveStudy:
         return tuple(components)
 
 
-def read_curve_study(source: CampaignFile, written_curve: OwnCurve) -> tuple[CurveStudy, Mapping[str, Run]]:
-    """The curve of a campaign and the tables of its runs.
+def read_curve_study(source: CampaignFile, written_curve: OwnCurve, *, only: str | None = None) -> tuple[CurveStudy, Mapping[str, Run]]:
+    """The curve of a campaign and the tables of its runs, or of one `only`.
 
     Raises InputError with file, line, field, rule and value for whatever breaks a rule.
     """
@@ -290,7 +290,7 @@ def read_curve_study(source: CampaignFile, written_curve: OwnCurve) -> tuple[Cur
     check_parameters(source, formula, table, runs)
     axes = AxisNames(x.name or x.column, x.unit, y.name or y.column, y.unit)
     study = CurveStudy(source, formula, axes, table, runs)
-    return study, MappingProxyType({run.name: _read_run(study, run) for run in runs})
+    return study, MappingProxyType({run.name: _read_run(study, run) for run in runs if only in (None, run.name)})
 
 
 def _with_names(raw: Mapping[str, Any], places: Places, path: Place) -> dict[str, Any]:

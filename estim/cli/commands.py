@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from estim.cli.batching import batch
 from estim.cli.calibrating import calibrate
 from estim.cli.causes import say_causes, with_causes
 from estim.cli.comparing import compare as compare_noise
@@ -50,7 +51,7 @@ if TYPE_CHECKING:
 
 @click.group(
     context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100},
-    commands=[calibrate, compare_models, line, map_motions, new_campaign, plan_next],
+    commands=[batch, calibrate, compare_models, line, map_motions, new_campaign, plan_next],
 )
 @click.version_option(package_name="estim")
 def cli() -> None:

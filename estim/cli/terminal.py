@@ -56,11 +56,11 @@ def _code(command: Callable[[], object]) -> int:
 
 
 @contextmanager
-def counted(what: str, total: int) -> Iterator[Callable[[int], None]]:
+def counted(what: str, total: int, unit: str = "campaign") -> Iterator[Callable[[int], None]]:
     """A progress bar on stderr for a number of equal pieces of work, which are kept: Ctrl-C raises Interrupted, after which they are resumed."""
     from tqdm import tqdm
 
-    with tqdm(total=total, desc=one_line(what), unit="campaign", leave=False, disable=None, dynamic_ncols=True) as bar:
+    with tqdm(total=total, desc=one_line(what), unit=unit, leave=False, disable=None, dynamic_ncols=True) as bar:
 
         def show(done: int) -> None:
             bar.update(done - bar.n)

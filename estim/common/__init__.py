@@ -4,7 +4,8 @@ Read `statuses` and `kinds` first.  Imports nothing of `estim`."""
 
 from estim.common.errors import EstimError, InputError, Interrupted, NumericalError, listed, shorten
 from estim.common.escaping import Markdown, as_json, code, destination, markdown, mathtext, one_line
-from estim.common.interruption import STOPPING, asked_to_stop, ended_by_signals
+from estim.common.interruption import asked_to_stop, ended_by_signals
+from estim.common.jobs import spread
 from estim.common.kinds import Kind, Status
 from estim.common.labels import KINDS, Label, Notation, split_level, table
 from estim.common.lookalikes import first_alike, forms

@@ -22,15 +22,13 @@ def with_gradient(
     columns = {name: np.asarray(value, dtype=float) for name, value in arguments.items()}
     shape = np.broadcast_shapes(*(value.shape for value in columns.values()), (1, 1))
     names, n = tuple(columns), shape[0]
-    steps = {name: step * np.maximum(np.abs(np.broadcast_to(v, shape)), _SMALLEST) for name, v in columns.items()}
+    full = {name: np.broadcast_to(value, shape) for name, value in columns.items()}
+    steps = {name: step * np.maximum(np.abs(value), _SMALLEST) for name, value in full.items()}
     # the point itself, then a step up and a step down in each argument
-    stacked = {
-        name: np.concatenate(
-            [np.broadcast_to(v, shape)]
-            + [np.broadcast_to(v, shape) + sign * steps[name] * (other == name) for other in names for sign in (1.0, -1.0)]
-        )
-        for name, v in columns.items()
-    }
+    stacked = {name: np.tile(value, (2 * len(names) + 1, 1)) for name, value in full.items()}
+    for i, name in enumerate(names):
+        stacked[name][(2 * i + 1) * n : (2 * i + 2) * n] += steps[name]
+        stacked[name][(2 * i + 2) * n : (2 * i + 3) * n] -= steps[name]
     found = function(stacked)
     gradient = {
         name: (found[0][(2 * i + 1) * n : (2 * i + 2) * n] - found[0][(2 * i + 2) * n : (2 * i + 3) * n]) / (2.0 * steps[name])

@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any, ClassVar, Protocol, runtime_checkable
 
 import numpy as np
@@ -121,6 +122,12 @@ class Normal:
         return "normal"
 
 
+@lru_cache(maxsize=4096)
+def _moments(prior: TruncatedNormal) -> tuple[float, float]:
+    """Expectation and standard deviation, which SciPy takes half a millisecond for."""
+    return float(prior.frozen().mean()), float(prior.frozen().std())
+
+
 @dataclass(frozen=True)
 class TruncatedNormal:
     """Normal with mean and standard deviation `scale` before it is cut to [low, high]."""
@@ -152,13 +159,13 @@ class TruncatedNormal:
 
     @property
     def expectation(self) -> float:
-        return float(self._frozen().mean())
+        return _moments(self)[0]
 
     @property
     def sd(self) -> float:
-        return float(self._frozen().std())
+        return _moments(self)[1]
 
-    def _frozen(self) -> Any:
+    def frozen(self) -> Any:
         from scipy.stats import truncnorm
 
         return truncnorm(*self._ends(), loc=self.mean, scale=self.scale)
@@ -176,7 +183,7 @@ class TruncatedNormal:
         return 1.0 / self.scale
 
     def draw(self, rng: np.random.Generator, size: int) -> FloatArray:
-        return np.asarray(self._frozen().rvs(size=size, random_state=rng))
+        return np.asarray(self.frozen().rvs(size=size, random_state=rng))
 
     def describe(self) -> str:
         whole = f"normal, {self.mean:.4g} ± {self.scale:.4g}"

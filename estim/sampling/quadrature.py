@@ -209,15 +209,11 @@ def _level(frame: Frame, axis: int, rows: FloatArray, log_weights: FloatArray, r
     top = float(np.max(start.log_masses))
     if not np.isfinite(top):
         raise TooManyNodesError
-    panels: list[tuple[IntArray, FloatArray, FloatArray, FloatArray, FloatArray]] = []
-    is_open = False
-    for direction in (-1.0, 1.0):
-        found, unfinished = walk(frame, axis, start.points, start.log_masses, top, direction, rule)
-        panels += found
-        is_open = is_open or unfinished
+    whose, sense = np.tile(np.arange(len(rows)), 2), np.repeat([-1.0, 1.0], len(rows))  # both ways at once
+    panels, is_open = walk(frame, axis, start.points[whose], start.log_masses[whose], top, sense, rule)
     if not panels:
         raise TooManyNodesError  # narrower than any step
-    row = np.concatenate([p[0] for p in panels])
+    row = whose[np.concatenate([p[0] for p in panels])]
     ends = [np.concatenate([p[i] for p in panels]) for i in (1, 2)]  # points (n, n_par) at either end
     heights = [np.concatenate([p[i] for p in panels]) for i in (3, 4)]
     kept: list[_Level] = []

@@ -95,14 +95,20 @@ class Summits:
         return self.heights + self.log_volumes
 
 
-def climb(frame: Frame, points: FloatArray, n_held: int, *, n_step: int = 2) -> Summits:
+def climb(frame: Frame, points: FloatArray, n_held: int, *, n_step: int = 2, otherwise: FloatArray | None = None) -> Summits:
     """Conditional maxima from points (n, n_par), the first `n_held` parameters staying where they are.
+
+    otherwise : (n, n_par) where the others begin where the density at `points` is zero or no number.
 
     Points with frames of their own do not know of each other: each has the maximum that it would have alone.
     """
     n_free = frame.n_par - n_held
     points = np.array(points)
     heights = frame.heights(points)
+    if otherwise is not None and not np.all(np.isfinite(heights)):
+        nowhere = np.flatnonzero(~np.isfinite(heights))
+        points[nowhere, n_held:] = otherwise[nowhere, n_held:]
+        heights[nowhere] = frame.rows(nowhere).heights(points[nowhere])
     if n_free == 0 or len(points) == 0:
         return Summits(points, heights, np.zeros(len(points)), np.zeros((len(points), n_free, n_free)))
     scales = np.ones((len(points), n_free))

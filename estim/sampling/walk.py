@@ -65,9 +65,7 @@ def walk(
         guess[:, : axis + 1] = here_[:, : axis + 1]
         guess[:, axis] = at
         guess[:, axis + 1 :] = np.clip(guess[:, axis + 1 :], own.low[..., axis + 1 :], own.high[..., axis + 1 :])
-        nowhere = ~np.isfinite(own.heights(guess))
-        guess[nowhere, axis + 1 :] = here_[nowhere, axis + 1 :]
-        found = climb(own, guess, axis + 1)
+        found = climb(own, guess, axis + 1, otherwise=here_)
         masses = found.log_masses
         allowed = rule.fall + (tops - mass)[active].clip(0.0)
         fall = mass[active] - masses

@@ -1,4 +1,4 @@
-"""The same function for many numbers, spread over processes.
+"""The same function for many numbers (or other small things), spread over processes.
 
 Workers are spawned (no state is inherited by chance), compute with one thread each, and leave Ctrl-C and the end of a terminal to
 the parent, which waits for the calls under way and raises it.  They end with their parent, however it ends.  Where one of them is
@@ -15,34 +15,43 @@ import signal
 import sys
 import threading
 import warnings
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
 from itertools import islice
 from types import MappingProxyType
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
-from estim.common import STOPPING, NumericalError
+from estim.common.errors import NumericalError
+from estim.common.interruption import STOPPING
 
+if TYPE_CHECKING:
+    from concurrent.futures import Executor
+
+K = TypeVar("K", bound=Hashable)
 T = TypeVar("T")
 
 _THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS", "NUMEXPR_NUM_THREADS")
-_task: Callable[[int], Any] | None = None  # of a worker process
+_task: Callable[[Any], Any] | None = None  # of a worker process
 
 
 def spread(
-    task: Callable[[int], T], numbers: Sequence[int], *, jobs: int, progress: Callable[[int], None] | None = None,
-    known: Mapping[int, T] = MappingProxyType({}), keep: Callable[[int, T], None] | None = None,
+    task: Callable[[K], T], numbers: Sequence[K], *, jobs: int, executor: Executor | None = None, progress: Callable[[int], None] | None = None,
+    known: Mapping[K, T] = MappingProxyType({}), keep: Callable[[K, T], None] | None = None,
 ) -> list[T]:
-    """`task(n)` for each of `numbers`, in their order, by `jobs` processes (1: this one).
+    """`task(n)` for each of `numbers`, in their order, by `jobs` processes (1: this one), or by `executor`, which takes care of its own workers.
 
     progress : called with how many are done.  known : those that are done already.  keep : called with each that is not.
     `task` must be picklable, read-only mappings included.
 
     Raises NumericalError where a worker is killed, and another after the work was taken up again.
     """
-    done: dict[int, T] = dict(known)
+    done: dict[K, T] = dict(known)
     left = [n for n in numbers if n not in done]
-    for n, result in _in_process(task, left) if jobs <= 1 or not left else _in_pool(task, left, min(jobs, len(left))):
+    if executor is not None:
+        results = _through(executor, task, left)
+    else:
+        results = _in_process(task, left) if jobs <= 1 or not left else _in_pool(task, left, min(jobs, len(left)))
+    for n, result in results:
         done[n] = result
         if keep is not None:
             keep(n, result)
@@ -51,12 +60,25 @@ def spread(
     return [done[n] for n in numbers]
 
 
-def _in_process(task: Callable[[int], T], numbers: Sequence[int]) -> Iterator[tuple[int, T]]:
+def _in_process(task: Callable[[K], T], numbers: Sequence[K]) -> Iterator[tuple[K, T]]:
     for n in numbers:
         yield n, task(n)
 
 
-def _in_pool(task: Callable[[int], T], numbers: Sequence[int], jobs: int) -> Iterator[tuple[int, T]]:
+def _through(executor: Executor, task: Callable[[K], T], numbers: Sequence[K]) -> Iterator[tuple[K, T]]:
+    """By an executor of the caller's: all are submitted, since it may have any number of workers; those that wait are given up on an error."""
+    from concurrent.futures import as_completed
+
+    futures = {executor.submit(task, n): n for n in numbers}
+    try:
+        for future in as_completed(futures):
+            yield futures[future], future.result()
+    finally:
+        for future in futures:
+            future.cancel()
+
+
+def _in_pool(task: Callable[[K], T], numbers: Sequence[K], jobs: int) -> Iterator[tuple[K, T]]:
     from concurrent.futures.process import BrokenProcessPool
 
     missing = dict.fromkeys(numbers)
@@ -71,12 +93,12 @@ def _in_pool(task: Callable[[int], T], numbers: Sequence[int], jobs: int) -> Ite
     raise NumericalError(f"a worker process was killed, twice: is there memory for {jobs} processes?  Fewer take less ('jobs')")
 
 
-def _by_workers(task: Callable[[int], T], numbers: Sequence[int], jobs: int) -> Iterator[tuple[int, T]]:
+def _by_workers(task: Callable[[K], T], numbers: Sequence[K], jobs: int) -> Iterator[tuple[K, T]]:
     from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
     from multiprocessing import get_context
 
     waiting = iter(numbers)
-    futures: dict[Future[T], int] = {}
+    futures: dict[Future[T], K] = {}
 
     def submit(pool: ProcessPoolExecutor, count: int) -> None:
         futures.update({pool.submit(_call, n): n for n in islice(waiting, count)})
@@ -127,7 +149,7 @@ def _environment_of_workers() -> Iterator[None]:
                 os.environ[name] = value
 
 
-def _pickled(task: Callable[[int], Any]) -> bytes:
+def _pickled(task: Callable[[Any], Any]) -> bytes:
     """`task` as bytes; read-only mappings, which pickle does not know, included."""
     buffer = io.BytesIO()
     pickler = pickle.Pickler(buffer, protocol=pickle.HIGHEST_PROTOCOL)
@@ -166,6 +188,6 @@ def _end_with_parent() -> None:
     os._exit(1)
 
 
-def _call(n: int) -> Any:
+def _call(n: Any) -> Any:
     assert _task is not None
     return _task(n)

@@ -1,0 +1,112 @@
+"""What is kept of a run in a batch: a line of the table, and the file that says from what its result was made."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Mapping
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+import msgspec
+
+from estim.batch.units import Unit
+from estim.campaign import Campaign
+from estim.common import EstimError, as_json, read_file, split_level, write_whole
+
+ROW = "row.json"
+_LARGEST = 2**24
+_PACKAGES = ("estim", "numpy", "scipy", "lmfit", "emcee")
+
+
+class Value(msgspec.Struct, frozen=True):
+    """mean, sd, q025, q975 : of the posterior, SI units.  informed : whether the data narrowed what was stated."""
+
+    mean: float
+    sd: float
+    q025: float
+    q975: float
+    unit: str
+    informed: bool
+
+
+class Row(msgspec.Struct, frozen=True):
+    """One run: its status, its values where that is ok, else the first reason; `error` where there is no result at all.
+
+    kind : of the data, "measured" or "synthetic"; "" where there is no result.
+    key : digest of what the result depends on.  seconds : of one processor.
+    """
+
+    campaign: str
+    run: str
+    place: str
+    kind: str
+    status: str
+    reason: str
+    error: str
+    values: dict[str, Value]
+    seconds: float
+    key: str
+
+    @property
+    def name(self) -> str:
+        return f"{self.campaign}: {self.run}" if self.run else self.campaign
+
+
+_NARROWED = 0.8  # posterior sd over prior sd: above, the data say nothing about it
+
+
+def key_of(campaign: Campaign, run: str, settings: Mapping[str, object]) -> str:
+    """Digest of everything that decides the numbers: the campaign's file, the data, seed and settings, versions."""
+    parts = {
+        "campaign": campaign.sha256, "data": campaign.tables[run].sha256, "run": run,
+        "settings": {name: str(value) for name, value in settings.items()},
+        "versions": {package: version(package) for package in _PACKAGES},
+    }
+    return hashlib.sha256(json.dumps(parts, sort_keys=True).encode()).hexdigest()
+
+
+def row_of(unit: Unit, result: bytes, *, key: str, seconds: float) -> Row:
+    """The row of a `result.json`."""
+    record = json.loads(result)
+    return Row(
+        str(unit.campaign), unit.run, unit.place, record["kind"], record["status"], next(iter(record["reasons"]), ""), "",
+        _values(record) if record["status"] == "ok" else {}, seconds, key,
+    )
+
+
+def _values(record: Mapping[str, Any]) -> dict[str, Value]:
+    found: dict[str, Value] = {}
+    for name, p in record["parameters"].items():
+        if p["mean"] is not None and p["sd"] is not None:
+            informed = p["prior_sd"] is None or p["sd"] < _NARROWED * p["prior_sd"]
+            found[split_level(name)[0]] = Value(p["mean"], p["sd"], p["q025"], p["q975"], p["unit"], informed)
+    for run in record["runs"].values():
+        for name in run["sought"]:
+            p = run["derived"][name]
+            if p["mean"] is not None and p["sd"] is not None:
+                found[name] = Value(p["mean"], p["sd"], p["q025"], p["q975"], p["unit"], True)
+    return found
+
+
+def failed(unit: Unit, error: str, seconds: float = 0.0) -> Row:
+    """A run without a result."""
+    return Row(str(unit.campaign), unit.run, unit.place, "", "", "", error, {}, seconds, "")
+
+
+def keep(folder: Path, row: Row, files: Mapping[str, bytes]) -> None:
+    """Write what was made of a run, and its row last: where that stands, all is whole and of its key."""
+    for name, data in files.items():
+        write_whole(folder / row.place / name, data, within=folder)
+    write_whole(folder / row.place / ROW, as_json(row), within=folder)
+
+
+def kept(folder: Path, unit: Unit, key: str) -> Row | None:
+    """The row of a result that is there and was made from the same things; None where it has to be made."""
+    try:
+        data = read_file(folder / unit.place / ROW, at_most=_LARGEST, within=folder)
+        row = None if data is None else msgspec.json.decode(data, type=Row)
+    except (EstimError, msgspec.DecodeError, UnicodeDecodeError):
+        return None
+    return row if row is not None and row.key == key else None

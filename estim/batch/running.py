@@ -1,0 +1,84 @@
+"""The runs of a batch, each analysed as `estim fit` does it, its files written by the process that made them."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, dataclass
+from functools import lru_cache
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from estim.batch.rows import Row, failed, keep, kept, key_of, row_of
+from estim.batch.units import Unit
+from estim.campaign import Campaign, load_campaign
+from estim.common import EstimError, spread
+from estim.pipeline import Analysis, analyse
+from estim.sampling import Target
+
+if TYPE_CHECKING:
+    from concurrent.futures import Executor
+
+RESULT = "result.json"
+Report = Callable[[Campaign, Analysis], Mapping[str, bytes]]
+"""What is written of an analysis, path -> bytes; `result.json` among it.  A function that can be pickled."""
+
+
+@dataclass(frozen=True)
+class Settings:
+    """seed : of every run, as of `estim fit`.  max_step : of the sampler.  ess : effective draws wanted.  kind : a name for what is written."""
+
+    kind: str = "result"
+    seed: int = 1
+    max_step: int = 20_000
+    ess: float = Target().ess
+
+
+@dataclass(frozen=True)
+class _Work:
+    folder: Path
+    settings: Settings
+    report: Report
+    resume: bool
+
+    def __call__(self, unit: Unit) -> Row:
+        """The row of one run.  Whatever goes wrong with it is told in its row, and stops no other."""
+        began = time.process_time()
+        try:
+            return self._done(unit, began)
+        except EstimError as error:
+            return failed(unit, str(error), time.process_time() - began)
+        except Exception as error:  # a fault of estim's own: the night's work goes on
+            return failed(unit, f"fault of the program, please report it: {type(error).__name__}: {error}", time.process_time() - began)
+
+    def _done(self, unit: Unit, began: float) -> Row:
+        campaign = _campaign(unit.campaign, unit.run)
+        key = key_of(campaign, unit.run, asdict(self.settings))
+        if self.resume and (row := kept(self.folder, unit, key)) is not None:
+            return row
+        target = Target(max_step=self.settings.max_step, ess=self.settings.ess)
+        files = self.report(campaign, analyse(campaign, [unit.run], seed=self.settings.seed, target=target))
+        row = row_of(unit, files[RESULT], key=key, seconds=time.process_time() - began)
+        keep(self.folder, row, files)
+        return row
+
+
+@lru_cache(maxsize=1)
+def _campaign(path: Path, run: str) -> Campaign:
+    return load_campaign(path, only=run) if run else load_campaign(path)
+
+
+def run_batch(
+    units: Sequence[Unit], folder: Path, *, report: Report, settings: Settings | None = None, resume: bool = False, jobs: int = 1,
+    executor: Executor | None = None, progress: Callable[[int], None] | None = None,
+) -> list[Row]:
+    """A row for each unit, in their order; their files are in `folder`, which all processes must see.
+
+    resume : keep the results there that were made from the same campaign, data, settings and versions.
+    executor : does the work in place of `jobs` processes of this machine: any of `concurrent.futures`, `Client.get_executor()` of
+    dask.distributed, `mpi4py.futures.MPIPoolExecutor`.  The results are the same to the last bit.
+    progress : called with the number that is done.
+
+    Raises NumericalError where processes of this machine are killed twice.
+    """
+    return spread(_Work(folder, settings or Settings(), report, resume), units, jobs=jobs, executor=executor, progress=progress)

@@ -1,0 +1,98 @@
+"""What a batch consists of: the runs of campaigns, each with a place of its own for its result."""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from estim.campaign import read_campaign_file
+from estim.common import EstimError, InputError
+
+_CAMPAIGN = "campaign.toml"
+_SHARD = re.compile(r"([1-9]\d{0,5})/([1-9]\d{0,5})", re.ASCII)
+_UNSAFE = re.compile(r"[^\w.+-]+", re.ASCII)
+
+
+@dataclass(frozen=True)
+class Unit:
+    """One run.
+
+    run : "" where the campaign cannot be read, so that nobody knows its runs.  place : where its result goes, below the folder of the batch.
+    """
+
+    campaign: Path
+    run: str
+    place: str
+
+    @property
+    def name(self) -> str:
+        return f"{self.campaign}: {self.run}" if self.run else str(self.campaign)
+
+
+def campaigns_in(paths: Iterable[Path]) -> list[Path]:
+    """The campaign files meant by `paths`: files as they are, and every `campaign.toml` in a folder and below.  Raises InputError."""
+    found: dict[Path, None] = {}
+    for path in paths:
+        if path.is_dir():
+            inside = sorted(place / _CAMPAIGN for place in _folders(path) if (place / _CAMPAIGN).is_file())
+            if not inside:
+                raise InputError(f"holds no {_CAMPAIGN}, nor does a folder below; name the files", field="folder", value=str(path))
+            found |= dict.fromkeys(inside)
+        elif path.exists():
+            found[path] = None
+        else:
+            raise InputError("cannot be found (no such file or folder)", field="campaign", value=str(path))
+    return list(found)
+
+
+def _folders(root: Path) -> list[Path]:
+    return [Path(place) for place, _, _ in os.walk(root)]
+
+
+def units_of(paths: Iterable[Path]) -> tuple[Unit, ...]:
+    """The runs of all campaigns meant by `paths`, in their order.  A campaign that cannot be read is one unit, which will say why.
+
+    Raises InputError where a path is no file or folder, or no run is left.
+    """
+    campaigns = campaigns_in(paths)
+    names = _names(campaigns)
+    units: list[Unit] = []
+    for path in campaigns:
+        try:
+            runs = read_campaign_file(path).names
+        except EstimError:
+            runs = ("",)
+        units += [Unit(path, run, f"{names[path]}/{run}" if run else names[path]) for run in runs]
+    if not units:
+        raise InputError("must have at least one run", field="campaign", value=", ".join(map(str, campaigns)))
+    return tuple(units)
+
+
+def _names(campaigns: Sequence[Path]) -> dict[Path, str]:
+    """A folder for each: its place below what all have in common, without what is the same in every name."""
+    full = {path: path.resolve() for path in campaigns}
+    root = Path(os.path.commonpath([path.parent for path in full.values()]))
+    names: dict[Path, str] = {}
+    for path, resolved in full.items():
+        parts = list(resolved.relative_to(root).with_suffix("").parts)
+        if resolved.name == _CAMPAIGN:
+            parts = parts[:-1] or [root.name]
+        name = wanted = "/".join(_UNSAFE.sub("-", part) or "-" for part in parts)
+        number = 2
+        while name.casefold() in {other.casefold() for other in names.values()}:
+            name, number = f"{wanted}-{number}", number + 1
+        names[path] = name
+    return names
+
+
+def shard_of(units: Sequence[Unit], text: str | None) -> tuple[Unit, ...]:
+    """Part I of N of the units, by `text` "I/N", every N-th of them; all of them for None.  Raises InputError."""
+    if text is None:
+        return tuple(units)
+    match = _SHARD.fullmatch(text)
+    if match is None or int(match[1]) > int(match[2]):
+        raise InputError("must be I/N with 1 <= I <= N, as in 3/16", field="--shard", value=text)
+    return tuple(units[int(match[1]) - 1 :: int(match[2])])

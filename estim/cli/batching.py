@@ -1,0 +1,84 @@
+"""`estim batch`: many runs one by one."""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from estim.cli.options import NO_FIGURES, SEED, STEPS
+from estim.cli.terminal import NOT_OK, counted, report_at, say, write_report
+from estim.common import InputError
+
+if TYPE_CHECKING:
+    from concurrent.futures import Executor
+
+
+_PATIENCE = "10s"
+
+
+@contextmanager
+def cluster(address: str | None) -> Iterator[Executor | None]:
+    """The executor of the Dask cluster at `address`; None for None.  Raises InputError where it cannot be had."""
+    if address is None:
+        yield None
+        return
+    try:
+        from distributed import Client
+    except ImportError:
+        raise InputError("needs dask.distributed: pip install 'estim[dask]'", field="--scheduler", value=address) from None
+    try:
+        client = Client(address, timeout=_PATIENCE)
+    except (OSError, ValueError) as error:
+        raise InputError(f"cannot be reached ({str(error).splitlines()[0]})", field="--scheduler", value=address) from None
+    with client:
+        yield client.get_executor()
+
+
+@click.command()
+@click.argument("paths", nargs=-1, required=True, metavar="CAMPAIGN|FOLDER...", type=click.Path(path_type=Path))
+@click.option("--jobs", type=click.IntRange(min=1), help="Processes.  [default: one for each core]")
+@click.option("--shard", metavar="I/N", help="Every N-th run only, from the I-th, for job arrays.  At the end once more without, with --resume.")
+@click.option("--scheduler", metavar="ADDRESS", help="A Dask cluster does the work: the address of its scheduler (extra `dask`).")
+@click.option("--reports", is_flag=True, help="A whole report for each run, with figures, in place of result.json alone.")
+@STEPS
+@click.option("--out", type=click.Path(path_type=Path, file_okay=False), default=Path("out/batch"), show_default=True, help="Folder for the results.")
+@SEED
+@NO_FIGURES
+@click.option("--resume", is_flag=True, help="Keep the results that are there and were made from the same files, settings and versions.")
+def batch(
+    paths: tuple[Path, ...], jobs: int | None, shard: str | None, scheduler: str | None, reports: bool, max_steps: int, out: Path, seed: int,
+    no_figures: bool, resume: bool,
+) -> None:
+    """Fit the runs of many campaigns one by one, each as `estim fit` does.
+
+    A FOLDER stands for every campaign.toml in it and below.  Each result is written as it comes; a file that cannot be
+    read, or a run that fails, is told in its line and stops no other.  At the end there are summary.csv, a report with
+    what scatters and what stands apart, and a figure (docs/batch.md).  Exit code 3: some run is not ok.
+    """
+    from estim.batch import Settings, run_batch, shard_of, units_of
+    from estim.reports import batch_line, batch_report, full_files, lean_files
+    from estim.sampling import only_writer
+
+    units = shard_of(units_of(path.resolve() if scheduler else path for path in paths), shard)  # a worker elsewhere has another working folder
+    settings, processes = Settings("report" if reports else "result", seed, max_steps), jobs or os.cpu_count() or 1
+    lock = ".batch" if shard is None else f".batch-{shard.replace('/', '-of-')}"
+    with only_writer(out / lock), cluster(scheduler) as executor, counted("batch", len(units), unit="run") as progress:
+        rows = run_batch(
+            units, out.resolve(), report=full_files if reports else lean_files, settings=settings, resume=resume, jobs=processes, executor=executor,
+            progress=progress,
+        )
+    place = out if shard is None else out / f"shard-{shard.replace('/', '-of-')}"
+    write_report(place, batch_report(rows, figures=not no_figures), within=out)
+    for row in rows:
+        if row.error:
+            say(f"error: {row.run}: {row.error}" if row.run else f"error: {row.error}", err=True)
+    say(f"{len(rows)} runs: {batch_line(rows)}")
+    report_at(place / "report.md", ())
+    if any(row.status != "ok" for row in rows):
+        sys.exit(NOT_OK)

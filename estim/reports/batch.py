@@ -1,0 +1,147 @@
+"""The overview of a batch: a table for people, one for programs, and a figure in which what stands apart is named."""
+
+from __future__ import annotations
+
+import csv
+import io
+import math
+from collections import Counter
+from collections.abc import Collection, Sequence
+from pathlib import PurePath
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from estim.batch import Row, Spread, spreads
+from estim.common import as_json, format_rounded, table
+from estim.pipeline import Analysis
+from estim.reports.analysis import analysis_report
+from estim.reports.figures import BLUE, GREY, INK, ORANGE, new_figure
+from estim.reports.pages import page
+from estim.reports.rendering import render
+from estim.reports.result import Subject, result_of, to_json
+from estim.words import Voice
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+_PANELS, _INFORMED = 4, 0.5  # at most so many quantities, of which the data say something in at least half of the runs
+_BARS = 200  # runs; of more, error bars would be one black band
+_LISTED = 100  # rows of a table that people read
+_NAMED = 6  # texts in a panel
+
+
+def lean_files(campaign: Subject, analysis: Analysis) -> dict[str, bytes]:
+    """`result.json` alone, which is all that the table of a batch needs."""
+    return {"result.json": to_json(result_of(campaign, analysis, voice=Voice.COMMANDS))}
+
+
+def full_files(campaign: Subject, analysis: Analysis) -> dict[str, bytes]:
+    """What `estim fit` writes, figures and all."""
+    return analysis_report(campaign, analysis, voice=Voice.COMMANDS)
+
+
+def batch_report(rows: Sequence[Row], *, figures: bool = True) -> dict[str, bytes]:
+    """`report.md`, `summary.csv`, `summary.json` and, where there is something to draw, `figures/overview.png`."""
+    found = spreads(rows)
+    shown = [one for one in found if one.informed >= _INFORMED][:_PANELS]
+
+    def text(pictures: Collection[str]) -> str:
+        return _text(rows, found, pictures)
+
+    drawers = {"figures/overview.png": lambda: overview_figure(rows, shown)} if shown else {}
+    return page(drawers, text, wanted=figures) | {"summary.csv": _csv(rows, found), "summary.json": as_json(list(rows))}
+
+
+def batch_line(rows: Sequence[Row]) -> str:
+    """How many of each status, in one line."""
+    return ", ".join(f"{number} {status}" for status, number in _counts(rows))
+
+
+def _counts(rows: Sequence[Row]) -> list[tuple[str, int]]:
+    counted = Counter(row.status or "without a result" for row in rows)
+    return sorted(counted.items(), key=lambda item: (item[0] != "ok", -item[1]))
+
+
+def _text(rows: Sequence[Row], found: Sequence[Spread], pictures: Collection[str]) -> str:
+    quantities = [
+        (
+            one.name, one.unit, f"{len(one.rows)}", *_numbers(one), f"{100.0 * one.informed:.0f}",
+            ", ".join(rows[i].name for i in one.apart[:_NAMED]) + (" and others" if len(one.apart) > _NAMED else "") or "none",
+        )
+        for one in found
+    ]
+    heads = ("quantity", "unit", "runs", "median", "scatter", "typical sd", "narrowed (%)", "stand apart")
+    bad = [(row.campaign, row.run, row.status or "no result", row.error or row.reason) for row in rows if row.status != "ok"]
+    return render(
+        "batch.md.j2", pictures=pictures, n=len(rows), counts=_counts(rows), synthetic=synthetic_words(rows),
+        seconds=sum(row.seconds for row in rows),
+        quantities=table(heads, quantities) if quantities else "",
+        bad=table(("campaign", "run", "status", "why"), bad[:_LISTED]) if bad else "", left=max(len(bad) - _LISTED, 0),
+    )
+
+
+def _numbers(one: Spread) -> tuple[str, str, str]:
+    size = one.typical if one.typical > 0.0 else abs(one.median)
+    scatter = format_rounded(one.scatter, 0.1 * size) if math.isfinite(one.scatter) else "fewer than 5"
+    return format_rounded(one.median, 0.1 * size), scatter, format_rounded(one.typical, 0.1 * size)
+
+
+def _csv(rows: Sequence[Row], found: Sequence[Spread]) -> bytes:
+    """A line for each run; of each quantity mean, sd and the ends of the 95 % interval in SI units, empty where there is none."""
+    names = sorted(one.name for one in found)
+    units = {one.name: one.unit for one in found}
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    heads = [f"{name} [{units[name]}]" if units[name] != "1" else name for name in names]
+    columns = [f"{head}{end}" for head in heads for end in ("", " sd", " q025", " q975")]
+    writer.writerow(["campaign", "run", "status", "why", "cpu_s", *columns])
+    for row in rows:
+        cells: list[object] = []
+        for name in names:
+            value = row.values.get(name)
+            cells += [""] * 4 if value is None else [value.mean, value.sd, value.q025, value.q975]
+        told = [_cell(row.campaign), _cell(row.run), row.status or "no result", _cell(row.error or row.reason)]
+        writer.writerow([*told, f"{row.seconds:.2f}", *cells])
+    return text.getvalue().encode()
+
+
+def _cell(text: str) -> str:
+    """Text that no spreadsheet takes for a formula."""
+    return f"'{text}" if text.startswith(("=", "+", "-", "@", "\t", "\r")) else text
+
+
+def synthetic_words(rows: Sequence[Row]) -> str:
+    """Which data are synthetic; "" where none are."""
+    n, of = sum(row.kind == "synthetic" for row in rows), sum(bool(row.kind) for row in rows)
+    return "" if n == 0 else "SYNTHETIC data" if n == of else f"SYNTHETIC data in {n} of {of} runs"
+
+
+def overview_figure(rows: Sequence[Row], shown: Sequence[Spread]) -> Figure:
+    """Each quantity against the number of the run; a run that is not ok is a cross at the bottom, what stands apart is named."""
+    figure = new_figure(0.7 + 1.5 * len(shown))
+    axes = figure.subplots(len(shown), 1, sharex=True, squeeze=False)[:, 0]
+    bad = np.array([i + 1 for i, row in enumerate(rows) if row.status != "ok"])
+    for ax, one in zip(axes, shown, strict=True):
+        at = np.array(one.rows) + 1
+        apart = np.isin(np.array(one.rows), one.apart)
+        ax.axhline(one.median, color=GREY, linewidth=0.8)
+        for chosen, colour, mark in ((~apart, BLUE, "o"), (apart, ORANGE, "D")):
+            if len(rows) <= _BARS:
+                ax.errorbar(at[chosen], one.mean[chosen], one.sd[chosen], fmt=mark, color=colour, markersize=3.5, linewidth=0.8, capsize=0)
+            else:
+                ax.plot(at[chosen], one.mean[chosen], mark, color=colour, markersize=2.0, markeredgewidth=0.0)
+        for i in one.apart[:_NAMED]:
+            name = rows[i].run or PurePath(rows[i].campaign).name
+            value = one.mean[one.rows.index(i)]
+            ax.annotate(name, (i + 1, value), xytext=(4, 3), textcoords="offset points", fontsize=7, color=INK)
+        if bad.size:
+            ax.plot(bad, np.full(bad.size, 0.04), "x", color=INK, markersize=3.5, markeredgewidth=0.8, transform=ax.get_xaxis_transform())
+        ax.set_ylabel(f"{one.name}" + ("" if one.unit == "1" else f" ({one.unit})"), fontsize=9)
+        ax.tick_params(labelsize=8)
+        ax.margins(y=0.15)
+    if synthetic := synthetic_words(rows):
+        figure.suptitle(synthetic, fontsize=9)
+    axes[-1].set_xlabel("number of the run" + (" (cross at the bottom: not ok)" if bad.size else ""), fontsize=9)
+    axes[-1].set_xlim(0.4, len(rows) + 0.6)
+    return figure

@@ -1,0 +1,197 @@
+"""`estim batch`: many runs one by one, whatever befalls any of them, and the same numbers however the work is spread."""
+
+from __future__ import annotations
+
+import csv
+import json
+import sys
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from command_runner import runner
+
+from estim.batch import Row, Settings, run_batch, shard_of, spreads, units_of
+from estim.batch.rows import Value
+from estim.cli.commands import cli
+from estim.common import InputError
+from estim.reports import batch_report, lean_files
+
+QUICK = Settings(ess=300.0)
+TIMES = np.arange(0.0, 3.0, 0.25)
+
+
+def campaign(folder: Path, runs: dict[str, float], kind: str = "synthetic") -> Path:
+    """Straight lines of the slopes `runs`, each with its own noise."""
+    folder.mkdir(parents=True)
+    text = f'title = "{folder.name}"\nkind = "{kind}"\n[curve]\nexpression = "a + b*x"\nx = {{column = "t", unit = "s"}}\n'
+    text += 'y = {column = "y", unit = "m"}\nu_y = 0.1\n[curve.parameters]\na = {start = 0.0}\nb = {start = 1.0, unit = "m/s"}\n'
+    for i, (name, slope) in enumerate(runs.items()):
+        y = 1.0 + slope * TIMES + 0.1 * np.random.default_rng(i).standard_normal(TIMES.size)
+        (folder / f"{name}.csv").write_text("t,y\n" + "".join(f"{t},{v:.6f}\n" for t, v in zip(TIMES, y, strict=True)))
+        text += f'[[runs]]\nname = "{name}"\nfile = "{name}.csv"\n'
+    (folder / "campaign.toml").write_text(text)
+    return folder / "campaign.toml"
+
+
+@pytest.fixture
+def three(tmp_path: Path) -> Path:
+    return campaign(tmp_path / "in" / "spring", {"a": 2.0, "b": 2.0, "c": 2.0}).parent
+
+
+def batch(*arguments: object):
+    return runner().invoke(cli, ["batch", *map(str, arguments), "--jobs", "1"])
+
+
+def files_in(folder: Path) -> dict[str, bytes]:
+    return {str(path.relative_to(folder)): path.read_bytes() for path in sorted(folder.rglob("result.json"))}
+
+
+def test_one_bad_file_stops_no_other_and_is_told(three: Path, tmp_path: Path) -> None:
+    (three / "b.csv").write_text("t,y\n0.0,1.0\n0.5,word\n" + "".join(f"{t},{t}\n" for t in range(1, 9)))
+    (tmp_path / "in" / "worse").mkdir()
+    (tmp_path / "in" / "worse" / "campaign.toml").write_text("title = 3\n")
+    done = batch(tmp_path / "in", "--out", tmp_path / "out")
+    assert done.exit_code == 3
+    assert "4 runs: 2 ok, 2 without a result" in done.output
+    assert "error: b: " in done.output
+    assert "b.csv:3: 'y' must be a number" in done.output
+    assert "worse/campaign.toml:1: 'title' must be text" in done.output
+    with (tmp_path / "out" / "summary.csv").open() as file:
+        lines = {line["run"]: line for line in csv.DictReader(file)}
+    assert [lines[name]["status"] for name in ("a", "b", "c", "")] == ["ok", "no result", "ok", "no result"]
+    assert abs(float(lines["a"]["b [m/s]"]) - 2.0) < 4.0 * float(lines["a"]["b [m/s] sd"])
+    assert (lines["a"]["why"], lines["b"]["b [m/s]"]) == ("", "")
+    report = (tmp_path / "out" / "report.md").read_text()
+    assert report.index("SYNTHETIC data") < report.index("## Quantities") < report.index("## Not ok")
+    assert "![" in report
+    assert (tmp_path / "out" / "figures" / "overview.png").stat().st_size > 5000
+    assert sorted(files_in(tmp_path / "out")) == ["spring/a/result.json", "spring/c/result.json"]
+
+
+def test_a_run_in_a_batch_has_the_numbers_of_the_run_alone(three: Path, tmp_path: Path) -> None:
+    batch(three, "--out", tmp_path / "out", "--no-figures")
+    runner().invoke(cli, ["fit", str(three / "campaign.toml"), "--run", "b", "--out", str(tmp_path / "alone"), "--no-figures"])
+    alone = json.loads((tmp_path / "alone" / "result.json").read_text())
+    assert json.loads((tmp_path / "out" / "spring" / "b" / "result.json").read_text()) == {**alone, "profile": None}  # not computed for a table
+
+
+def test_what_is_there_stays_and_what_changed_is_done_again(three: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    units, out = units_of([three]), tmp_path / "out"
+    first = run_batch(units, out, report=lean_files, settings=QUICK)
+    (three / "b.csv").write_text((three / "b.csv").read_text().replace("0.0,", "0.00,"))
+    (out / "spring" / "c" / "row.json").write_text("{")  # torn
+    done: list[str] = []
+
+    def counting(subject, analysis):
+        done.append(analysis.problem.runs[0].name)
+        return lean_files(subject, analysis)
+
+    again = run_batch(units, out, report=counting, settings=QUICK, resume=True)
+    assert done == ["b", "c"]
+    assert [row.values for row in again] == [row.values for row in first]
+    run_batch(units, out, report=counting, settings=replace(QUICK, seed=2), resume=True)
+    assert done == ["b", "c", "a", "b", "c"]
+
+
+def test_a_fault_of_the_program_is_a_line_and_not_the_end(three: Path, tmp_path: Path) -> None:
+    def broken(subject, analysis):
+        if analysis.problem.runs[0].name == "b":
+            raise ZeroDivisionError("by nought")
+        return lean_files(subject, analysis)
+
+    rows = run_batch(units_of([three]), tmp_path, report=broken, settings=QUICK)
+    assert [row.status for row in rows] == ["ok", "", "ok"]
+    assert "ZeroDivisionError: by nought" in rows[1].error
+
+
+def test_shards_and_any_executor_give_the_same_bytes(three: Path, tmp_path: Path) -> None:
+    units = units_of([three])
+    run_batch(units, tmp_path / "whole", report=lean_files, settings=QUICK)
+    for part in ("1/2", "2/2"):
+        run_batch(shard_of(units, part), tmp_path / "shards", report=lean_files, settings=QUICK)
+    with ThreadPoolExecutor(2) as executor:
+        seen: list[int] = []
+        rows = run_batch(units, tmp_path / "threads", report=lean_files, settings=QUICK, executor=executor, progress=seen.append)
+    assert [row.run for row in rows] == ["a", "b", "c"]
+    assert seen == [1, 2, 3]
+    whole = files_in(tmp_path / "whole")
+    assert len(whole) == 3
+    assert files_in(tmp_path / "shards") == files_in(tmp_path / "threads") == whole
+
+
+def test_a_cluster_does_the_work_where_one_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A stand-in for dask.distributed: which address is asked, and that its executor does the work."""
+    asked: list[str] = []
+
+    class Client:
+        def __init__(self, address: str, timeout: str) -> None:
+            if address == "tcp://nowhere:1":
+                raise OSError("Timed out")
+            asked.append(address)
+            self.pool = ThreadPoolExecutor(1)
+
+        def __enter__(self):
+            return self
+
+        def __exit__(self, *_: object) -> None:
+            self.pool.shutdown()
+
+        def get_executor(self):
+            asked.append("executor")
+            return self.pool
+
+    monkeypatch.setitem(sys.modules, "distributed", type("distributed", (), {"Client": Client}))
+    only = campaign(tmp_path / "one", {"a": 2.0})
+    assert batch(only, "--out", tmp_path / "out", "--scheduler", "tcp://here:1", "--no-figures").exit_code == 0
+    assert asked == ["tcp://here:1", "executor"]
+    assert "cannot be reached (Timed out)" in str(batch(only, "--out", tmp_path / "no", "--scheduler", "tcp://nowhere:1").exception)
+    monkeypatch.setitem(sys.modules, "distributed", None)
+    assert "pip install 'estim[dask]'" in str(batch(only, "--out", tmp_path / "no", "--scheduler", "tcp://here:1").exception)
+
+
+def test_places_are_told_apart(tmp_path: Path) -> None:
+    for path in ("x/day 1/campaign.toml", "x/day-1/campaign.toml", "x/extra.toml"):
+        (tmp_path / path).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / path).write_text("title = 3")
+    units = units_of([tmp_path / "x", tmp_path / "x" / "extra.toml", tmp_path / "x"])
+    assert [unit.place for unit in units] == ["day-1", "day-1-2", "extra"]
+    assert [unit.place for unit in units_of([tmp_path / "x" / "extra.toml"])] == ["extra"]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "rule"),
+    [
+        (["empty"], "'folder' holds no campaign.toml"), (["full", "--shard", "3/2"], "'--shard' must be I/N"),
+        (["full", "--shard", "0/2"], "'--shard' must be I/N"), (["nothing-there"], "cannot be found"),
+    ],
+)
+def test_what_is_no_batch_is_refused(tmp_path: Path, arguments: list[str], rule: str) -> None:
+    (tmp_path / "empty").mkdir()
+    campaign(tmp_path / "full", {"a": 2.0})
+    done = batch(tmp_path / arguments[0], *arguments[1:], "--out", tmp_path / "out")
+    assert isinstance(done.exception, InputError)
+    assert rule in str(done.exception)
+    assert not (tmp_path / "out").exists()
+
+
+def rows_of(means: np.ndarray, sd: float, *, informed: bool = True) -> list[Row]:
+    values = [Value(float(m), sd, float(m - 2 * sd), float(m + 2 * sd), "m", informed) for m in means]
+    return [Row("c.toml", f"r{i}", f"c/r{i}", "measured", "ok", "", "", {"a": v}, 1.0, "") for i, v in enumerate(values)]
+
+
+def test_what_stands_apart_is_named_and_what_scatters_is_not() -> None:
+    means = np.random.default_rng(5).normal(3.0, 0.5, 400)
+    (clean,) = spreads(rows_of(means, 0.1))
+    assert clean.apart == ()
+    assert clean.scatter == pytest.approx(0.5, abs=4.0 * 1.17 * 0.5 / 20.0)  # the estimator's sd is 1.17 sigma/sqrt(n)
+    assert clean.median == pytest.approx(3.0, abs=4.0 * 1.25 * 0.5 / 20.0)
+    means[17] += 4.0
+    (spoiled,) = spreads(rows_of(means, 0.1))
+    assert spoiled.apart == (17,)
+    assert spreads(rows_of(means, 0.1, informed=False))[0].apart == ()
+    text = batch_report(rows_of(means, 0.1), figures=False)["report.md"].decode()
+    assert "c.toml: r17" in text
+    assert "SYNTHETIC" not in text
