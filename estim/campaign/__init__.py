@@ -6,7 +6,7 @@ from estim.campaign.campaign_file import CampaignFile, Kind, NoiseTable, checked
 from estim.campaign.design import load_design, simulate_campaign
 from estim.campaign.forced import as_complete
 from estim.campaign.levels import body_levels
-from estim.campaign.others import Candidate, CurveModel, TableChoices, campaign_of_table, columns_of, new_campaign, pairs, way_back
+from estim.campaign.others import Candidate, CurveModel, TableChoices, campaign_of_table, columns_of, drafted_campaign, pairs, way_back
 from estim.campaign.parts import OUTPUTS, PartedBody, correlations, known_to, notes_of
 from estim.campaign.quantities import EFFECTS
 from estim.campaign.usual import USUAL_KEYS

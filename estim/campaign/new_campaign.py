@@ -25,7 +25,7 @@ _MORE = """# window = {min = 0.0, max = 10.0}    # in x
 # correlated = true                   # errors follow each other in the order of the rows"""
 
 
-def new_campaign(file: Path, choices: TableChoices, *, within: Path) -> str:
+def drafted_campaign(file: Path, choices: TableChoices, *, within: Path) -> str:
     """The text of a campaign in the folder `within` that fits a curve to `file`; without a formula, a guess to be replaced.
 
     Raises InputError where the table cannot be read as it would be.

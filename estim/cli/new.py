@@ -26,7 +26,7 @@ def new_campaign(name: Path, file: Path | None, said: Mapping[str, Any]) -> None
 
     Its curve is a guess unless --formula says one.  Without --from, questions are asked in the terminal.  No file is overwritten.
     """
-    from estim.campaign import new_campaign as text_of
+    from estim.campaign import drafted_campaign
 
     path = name if name.suffix.lower() == ".toml" else name.with_name(f"{name.name}.toml")
     if path.exists() or path.is_symlink():
@@ -37,7 +37,7 @@ def new_campaign(name: Path, file: Path | None, said: Mapping[str, Any]) -> None
         file, choices = _asked(said)
     else:
         choices = choices_of_table(said)
-    text = text_of(file, choices, within=path.parent)
+    text = drafted_campaign(file, choices, within=path.parent)
     write_files(path.parent, {path.name: text.encode()})
     guessed = "" if choices.formula else "; its curve is a guess: write yours"
     say(f"campaign: {path}{guessed}")
