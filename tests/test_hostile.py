@@ -289,11 +289,9 @@ def test_errors_quote_hostile_text_on_one_line(estim, tmp_path: Path, replica: P
             assert (done.code, done.one_line) == (2, True), (arguments, done)
 
 
-@pytest.mark.parametrize("text", MOVES, ids=ascii)
+@pytest.mark.parametrize("text", [move for move in MOVES if move != "\n"], ids=ascii)
 def test_errors_of_a_table_quote_its_cells_on_one_line(estim, tmp_path: Path, text: str) -> None:
     for header, cell in (("t,y", text), (f"t,y,{text}", "1.0")):
-        if not cell.strip():  # no value: such a row is left out
-            continue
         path = curve_campaign(tmp_path / f"{len(list(tmp_path.iterdir()))}", "word", "r.csv")
         (path.parent / "r.csv").write_bytes(f"{header}\n0.0,{cell}\n".encode() + b"1.0,2.0\n" * 12)
         done = estim("fit", path, "--out", tmp_path / "out")
