@@ -17,7 +17,7 @@ NAMED = 0.5  # a frame is named as an outlier above this probability
 _KINDS = MappingProxyType({"frame": Kind.FRAME_OFF, "step": Kind.STEP_STAYS, "clock": Kind.FRAMES_LOST})
 
 
-_MANY_OBS, _BLOCK = 3000, 4_000_000  # points; values at once where there are more
+_BLOCK = 4_000_000  # values at once, of many points
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,7 +46,7 @@ def find_outliers(posterior: Posterior, draws: FloatArray) -> tuple[Outliers, ..
 
 def _average(likelihood: Likelihood, problem: Problem, draws: FloatArray) -> FloatArray:
     """(n_obs,) mean over draws; of many points a few draws at a time."""
-    some = draws.shape[0] if problem.n_obs <= _MANY_OBS else max(1, _BLOCK // problem.n_obs)
+    some = max(1, _BLOCK // problem.n_obs) if problem.many else draws.shape[0]
     parts = [likelihood.outlier_probability(problem.named(draws[i : i + some])).sum(axis=0) for i in range(0, draws.shape[0], some)]
     return np.asarray(np.sum(parts, axis=0) / draws.shape[0] if len(parts) > 1 else parts[0] / draws.shape[0])
 

@@ -26,7 +26,6 @@ _DECADES = 2.0  # to either side of the start, where there are no limits
 _PRIOR_SDS = 5.0
 _STEP, _WIDE = 1e-6, 1e-4  # of a parameter's size: for first and for mixed second differences
 _N_STEP = 14
-_MANY_OBS = 3000  # beyond, a few starts at a time are solved
 _BATCH = 400_000  # residuals in one call
 
 
@@ -56,7 +55,7 @@ def solved_at(search: SeparableSearch, points: FloatArray) -> FloatArray:
     if not search.linear.size:
         return points
     some = max(1, _BATCH // search.posterior.problem.n_obs)
-    if search.posterior.problem.n_obs > _MANY_OBS and points.shape[0] > some:
+    if search.posterior.problem.many and points.shape[0] > some:
         return np.vstack([solved_at(search, points[i : i + some]) for i in range(0, points.shape[0], some)])
     base, columns = _tangents(search, points, search.linear, 1.0)
     with np.errstate(all="ignore"):

@@ -45,6 +45,11 @@ class Problem:
         return len(self.parameters)
 
     @property
+    def many(self) -> bool:
+        """Whether a run has so many points that only a few draws are computed at once."""
+        return any(run.n_obs > _MANY_OBS for run in self.runs)
+
+    @property
     def n_obs(self) -> int:
         return sum(run.n_obs for run in self.runs)
 
@@ -124,7 +129,7 @@ class Posterior:
 
     def log_likelihood(self, draws: FloatArray) -> FloatArray:
         """(n_draw,) log likelihood, normalised, of draws (n_draw, n_par) inside the priors' support."""
-        some = max(1, _BLOCK // self.problem.n_obs) if self.problem.n_obs > _MANY_OBS else draws.shape[0]
+        some = max(1, _BLOCK // self.problem.n_obs) if self.problem.many else draws.shape[0]
         if draws.shape[0] > some:
             return np.concatenate([self.log_likelihood(draws[i : i + some]) for i in range(0, draws.shape[0], some)])
         named = self.problem.named(draws)
