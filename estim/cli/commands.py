@@ -25,6 +25,7 @@ from estim.cli.mapping import map_motions
 from estim.cli.models import compare_models
 from estim.cli.new import new_campaign
 from estim.cli.options import JOINT, NO_FIGURES, OUT, RUNS, SEED, STEPS
+from estim.cli.origin import Ledger
 from estim.cli.planning import plan_next
 from estim.cli.propagating import say_propagated
 from estim.cli.tables import curve_options, load_or_make
@@ -41,6 +42,7 @@ from estim.cli.terminal import (
     write_files,
     write_report,
 )
+from estim.cli.verifying import diff, verify
 from estim.cli.weighing import say_bodies
 from estim.common import InputError, Stream, asked_to_stop, ended_by_signals, stream
 
@@ -51,7 +53,7 @@ if TYPE_CHECKING:
 
 @click.group(
     context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100},
-    commands=[batch, calibrate, compare_models, line, map_motions, new_campaign, plan_next],
+    commands=[batch, calibrate, compare_models, line, map_motions, new_campaign, plan_next, verify, diff],
 )
 @click.version_option(package_name="estim")
 def cli() -> None:
@@ -59,6 +61,8 @@ def cli() -> None:
 
     Start with `estim fit CAMPAIGN`: a campaign is one TOML file that says what was measured (docs/campaign.md).
     """
+    context = click.get_current_context()
+    context.obj = context.with_resource(Ledger())
 
 
 @cli.command()

@@ -12,6 +12,7 @@ from urllib.parse import unquote
 
 import click
 
+from estim.cli.origin import with_origin
 from estim.cli.output_streams import outlets
 from estim.common import EstimError, InputError, Interrupted, NumericalError, names_in, one_line, read_file, remove_empty, remove_files, write_whole
 
@@ -123,9 +124,10 @@ def write_files(folder: Path, files: Mapping[str, bytes], *, within: Path | None
 
 
 def write_report(folder: Path, files: Mapping[str, bytes], *, within: Path | None = None) -> None:
-    """Write a report whole; then remove the figures that only the report before it shows, which would pass for figures of this one."""
+    """Write a report whole, and how it was made; then remove the figures that only the report before it shows, which would pass for its own."""
     before = _pictures_of(folder / "report.md", within or folder)
-    write_files(folder, files, within=within)
+    part = "" if within is None else folder.relative_to(within).as_posix()
+    write_files(folder, with_origin(files, "" if part == "." else part), within=within)
     for name in before - {Path(path).name for path in files}:
         with suppress(EstimError):  # what is no plain file is none of ours
             remove_files(folder / "figures", [name], within=within or folder)

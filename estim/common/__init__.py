@@ -1,6 +1,4 @@
-"""What every room may use: errors, quantities with their uncertainties, labels and units, the statuses, the one file that writes.
-
-Read `statuses` and `kinds` first.  Imports nothing of `estim`."""
+"""What every room may use: errors, quantities, labels and units, statuses, the one file that writes.  Read `statuses` and `kinds` first."""
 
 from estim.common.errors import EstimError, InputError, Interrupted, NumericalError, listed, shorten
 from estim.common.escaping import Markdown, as_json, code, destination, markdown, mathtext, one_line
@@ -11,5 +9,6 @@ from estim.common.labels import KINDS, Label, Notation, split_level, table
 from estim.common.lookalikes import first_alike, forms
 from estim.common.quantity import EXTREME, Quantity, e_n, extreme, format_p, format_quantity, format_rounded, read_number, read_quantity, signed
 from estim.common.statuses import PROBABILITIES, Amount, Finding, decide, gravest, wrong
-from estim.common.storage import TEMPORARY, held, names_in, read_file, remove_empty, remove_files, require_plain, write_whole
+from estim.common.storage import TEMPORARY, held, names_in, note_input, noted_inputs, read_file, remove_empty, remove_files, require_plain
+from estim.common.storage import write_whole
 from estim.common.streams import Stream, stream

@@ -12,10 +12,12 @@ Only plain files are read or removed, by names that the caller knows for its own
 from __future__ import annotations
 
 import contextlib
+import hashlib
 import os
 import stat
 import sys
 from collections.abc import Iterable, Iterator
+from contextvars import ContextVar
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -58,6 +60,27 @@ class _Place:
             return os.stat(path, dir_fd=folder, follow_symlinks=False)
         except FileNotFoundError:
             return None
+
+
+_NOTED: ContextVar[dict[str, str] | None] = ContextVar("_NOTED", default=None)
+
+
+@contextlib.contextmanager
+def noted_inputs() -> Iterator[dict[str, str]]:
+    """Every input file that is read within the block: its path as it was asked for -> SHA-256 of its bytes."""
+    noted: dict[str, str] = {}
+    token = _NOTED.set(noted)
+    try:
+        yield noted
+    finally:
+        _NOTED.reset(token)
+
+
+def note_input(path: Path, data: bytes) -> None:
+    """Tells the blocks of `noted_inputs` under way that an input file was read."""
+    noted = _NOTED.get()
+    if noted is not None:
+        noted[str(path)] = hashlib.sha256(data).hexdigest()
 
 
 def write_whole(path: Path, data: bytes, *, within: Path | None = None) -> None:

@@ -13,7 +13,7 @@ import re
 import stat
 from pathlib import Path
 
-from estim.common import InputError
+from estim.common import InputError, note_input
 
 MAX_BYTES = 64 * 1024**2
 TOML_BYTES = 256 * 1024  # limit for files that people write
@@ -40,6 +40,7 @@ def read_bytes(path: Path, *, shown_as: str, limit: int = MAX_BYTES) -> bytes:
         raise InputError(f"cannot be read ({error})", file=shown_as) from None
     if len(data) > limit:
         raise _too_large(limit, f"more than {limit}", shown_as)
+    note_input(path, data)
     return data
 
 

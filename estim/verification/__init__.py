@@ -1,0 +1,6 @@
+"""Reports compared: what differs between a report and its recomputation, or between two results.
+
+Read `comparing` first.  Only `cli` may import it."""
+
+from estim.verification.comparing import differences
+from estim.verification.results import compare_results

@@ -1,0 +1,149 @@
+"""`estim verify`: what was tampered with is found and named.  `estim diff`: what differs between two analyses."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+from command_runner import runner
+from troubles import Disk
+
+from estim.cli.commands import cli
+from estim.common import InputError
+from estim.verification.comparing import differences
+
+MODEL = """\
+title = "A sum"
+draws = 10000
+[measurand]
+formula = "a + b"
+unit = "m"
+[inputs]
+a = {value = 1.0, u = 0.1}
+b = {value = 2.0, u = 0.2}
+"""
+
+
+def run(*arguments: object):
+    return runner().invoke(cli, [str(argument) for argument in arguments])
+
+
+@pytest.fixture
+def model(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A report of the model in `model.toml`, in `out`; the working folder holds both."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "model.toml").write_text(MODEL)
+    assert run("propagate", "model.toml", "--out", "out", "--seed", "3").exit_code == 0
+    return tmp_path
+
+
+def changed(path: Path, before: str, after: str) -> None:
+    text = path.read_text()
+    assert before in text
+    path.write_text(text.replace(before, after, 1))
+
+
+def resealed(folder: Path, name: str) -> None:
+    """The digest in origin.json forged as well."""
+    origin = json.loads((folder / "origin.json").read_text())
+    origin["outputs"][name] = hashlib.sha256((folder / name).read_bytes()).hexdigest()
+    (folder / "origin.json").write_text(json.dumps(origin))
+
+
+def forged_report(folder: Path) -> None:
+    changed(folder / "out" / "report.md", "3.00", "3.10")
+    resealed(folder / "out", "report.md")
+
+
+def other_figure(folder: Path) -> None:
+    pictures = sorted((folder / "out" / "figures").glob("*.png"))
+    data = pictures[0].read_bytes()
+    pictures[0].write_bytes(data[:-20] + bytes([data[-20] ^ 1]) + data[-19:])
+
+
+TAMPERINGS: dict[str, tuple[Callable[[Path], object], str]] = {
+    "a digit of the report": (lambda f: changed(f / "out" / "report.md", "3.00", "3.10"), "report.md, line"),
+    "a digit of the report, its digest forged": (forged_report, "report.md, line"),
+    "a digit of the result": (lambda f: changed(f / "out" / "result.json", '"value": 3.0', '"value": 3.1'), "value: '3.1', recomputed '3'"),
+    "a word of the result": (lambda f: changed(f / "out" / "result.json", '"A sum"', '"A Sum"'), "title: 'A Sum', recomputed 'A sum'"),
+    "a figure": (other_figure, ".png is not as it was written"),
+    "a figure taken away": (lambda f: next((f / "out" / "figures").glob("*.png")).unlink(), ".png is missing"),
+    "an uncertainty stated": (lambda f: changed(f / "model.toml", "u = 0.2", "u = 0.3"), "the input model.toml is not the one"),
+    "the formula": (lambda f: changed(f / "model.toml", "a + b", "a - b"), "the input model.toml is not the one"),
+    "the seed": (lambda f: changed(f / "out" / "origin.json", '"3"', '"4"'), "Monte Carlo"),
+}
+
+
+def test_a_report_as_it_was_made_is_verified_from_anywhere(model: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    for place in (model, model / "out", Path("/")):
+        monkeypatch.chdir(place)
+        done = run("verify", model / "out")
+        assert done.exit_code == 0, done.output
+        assert "recomputing: estim propagate model.toml --seed 3" in done.output
+    assert "Made by `estim propagate model.toml --seed 3`" in (model / "out" / "report.md").read_text()
+
+
+@pytest.mark.parametrize("name", TAMPERINGS)
+def test_what_was_tampered_with_is_found_and_named(name: str, model: Path) -> None:
+    tamper, named = TAMPERINGS[name]
+    tamper(model)
+    done = run("verify", "out")
+    assert done.exit_code == 3
+    assert named in done.output, done.output
+    assert "not verified" in done.output
+
+
+@pytest.mark.usefixtures("undrawn", "few_draws")
+def test_a_datum_and_a_prior_are_found_and_what_they_move(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    Disk().write(tmp_path)
+    assert run("fit", "campaign.toml", "--out", "first", "--no-figures").exit_code == 0
+    assert run("verify", "first").exit_code == 0
+    text = (tmp_path / "r.csv").read_text().splitlines()
+    t, x = text[12].split(",")
+    (tmp_path / "r.csv").write_text("\n".join([*text[:12], f"{t},{float(x) + 0.0005:.6f}", *text[13:]]) + "\n")
+    found = run("verify", "first")
+    assert found.exit_code == 3
+    assert "the input r.csv is not the one" in found.output
+    assert "campaign.toml is not the one" not in found.output
+    changed(tmp_path / "campaign.toml", '"0.187(10)"', '"0.187(5)"')
+    found = run("verify", "first")
+    assert "the input campaign.toml is not the one" in found.output
+    assert "prior_sd: '0.01', recomputed '0.005'" in found.output
+    assert run("fit", "campaign.toml", "--out", "second", "--no-figures").exit_code == 0
+    apart = run("diff", "first", "second")
+    assert apart.exit_code == 0
+    for words in ("the campaign file", "data: r.csv differs", "gamma[b]: ", "sd x 0."):
+        assert words in apart.output, apart.output
+    assert "same" not in apart.output
+    assert run("diff", "first", "first/result.json").output == "the results are the same\n"
+
+
+def test_what_cannot_be_verified_is_one_line(model: Path) -> None:
+    (model / "empty").mkdir()
+    shutil.move(model / "model.toml", model / "moved.toml")
+    for arguments, rule in (
+        (("verify", "empty"), "holds no origin.json"), (("verify", "out"), "'input' cannot be found"),
+        (("diff", "out", "empty"), "'result' cannot be found"),
+        (("diff", "out", "moved.toml"), "must be a result.json of estim"),
+    ):
+        done = run(*arguments)
+        assert isinstance(done.exception, InputError)
+        assert rule in str(done.exception)
+
+
+def test_numbers_that_chance_moves_are_told_from_others() -> None:
+    def result(mean: float, sd: float) -> bytes:
+        return json.dumps({"parameters": {"a": {"mean": mean, "sd": sd, "mcse": 0.01, "unit": "m"}}, "p": 0.5}).encode()
+
+    (one,) = differences("result.json", result(1.0, 0.5), result(1.03, 0.5))
+    assert (one.where, one.by_chance) == ("parameters.a.mean", True)
+    (far,) = differences("result.json", result(1.0, 0.5), result(1.2, 0.5))
+    assert far.by_chance is False
+    assert differences("result.json", result(1.0, 0.5), result(1.0 + 1e-13, 0.5)) == []
+    (other,) = differences("result.json", b'{"p": 0.5}', b'{"p": 0.6}')
+    assert other.by_chance is None
