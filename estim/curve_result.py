@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from estim.arrays import FloatArray
 from estim.checks import Goodness
-from estim.common import Finding, InputError, Kind, Status, code, markdown, one_line, signed, table
+from estim.common import Finding, InputError, Kind, Status, code, format_p, markdown, one_line, signed, table
 from estim.deviation import FoundDeviation
 from estim.distributions import student_quantile
 from estim.fitting import FEW, Ends, Fit, LinearDerived, linear_derived, shown_value
@@ -213,7 +213,7 @@ class CurveFit:
     def _summary(self) -> str:
         if self.sigma is None:
             size = "chi2" if self.problem.runs[0].noise.counted is None else "deviance"
-            return f"{size} = {self.chi2:.4g}, dof = {self.dof}, p = {self.p_value:.2g}; {self.message}"
+            return f"{size} = {self.chi2:.4g}, dof = {self.dof}, {format_p(self.p_value)}; {self.message}"
         return f"residual sd = {self.sigma:.4g} (estimated: u_y was not given), dof = {self.dof}; {self.message}"
 
 

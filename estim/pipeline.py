@@ -15,6 +15,7 @@ from estim.checks import (
     Conflict,
     Consistency,
     Diagnosis,
+    Estimate,
     Goodness,
     Identifiability,
     Influence,
@@ -27,13 +28,18 @@ from estim.checks import (
     check_stated_values,
     comparable,
     diagnose,
+    estimates_of,
     find_modes,
     find_outliers,
     headline,
     identify,
     influences,
+    not_measured,
     optima,
-    parameter_cells,
+    p_sentence,
+    print_lines,
+    result_table,
+    screen_lines,
     untested,
 )
 from estim.common import Finding, InputError, Kind, Status, Stream, stream
@@ -58,7 +64,6 @@ from estim.sampling import (
     no_comparison,
     posterior_bands,
     sample_posterior,
-    summarise_parameter,
     too_many,
 )
 from estim.words import advice_for
@@ -111,15 +116,32 @@ class Analysis:
         rng = stream(self.seed, Stream.BANDS)
         return posterior_bands(self.problem, self.chain.thinned(_BAND_DRAWS), rng=rng, forces=self.fit.forces)
 
+    @cached_property
+    def estimates(self) -> tuple[Estimate, ...]:
+        """Every parameter with what was stated of it; none where the status is not ok."""
+        return estimates_of(self.problem, self.fit, self.chain.flat) if self.diagnosis.ok else ()
+
+    @property
+    def _title(self) -> str:
+        return ": ".join(part for part in (self.title, ", ".join(run.name for run in self.problem.runs)) if part)
+
+    @property
+    def _tests(self) -> str:
+        return p_sentence(self.fit.p_value, self.conflict.p_value if self.conflict.dof else None)
+
+    def __str__(self) -> str:
+        """What `print` shows: the values that the data give, beside what had been stated, or why there are none."""
+        return print_lines(
+            self._title, status=self.diagnosis.status, reasons=self.diagnosis.reasons, advice=advice_for(self.diagnosis.findings),
+            shown=screen_lines(self.estimates, tests=self._tests),
+        )
+
     def _repr_markdown_(self) -> str:
-        """What a notebook shows: the values, or why there are none."""
-        rows = [
-            parameter_cells(summarise_parameter(self.fit, p.name, draws), p.label)
-            for p, draws in zip(self.problem.parameters, self.chain.flat.T if self.diagnosis.ok else (), strict=False)
-        ]
+        """What a notebook shows: the same."""
+        head, rows = result_table(self.estimates)
         return headline(
-            ": ".join(part for part in (self.title, ", ".join(run.name for run in self.problem.runs)) if part), kind=self.kind,
-            status=self.diagnosis.status, reasons=self.diagnosis.reasons, advice=advice_for(self.diagnosis.findings), rows=rows,
+            self._title, kind=self.kind, status=self.diagnosis.status, reasons=self.diagnosis.reasons, advice=advice_for(self.diagnosis.findings),
+            head=head, rows=rows, tests=self._tests, left=not_measured(self.estimates),
         )
 
 
@@ -139,6 +161,8 @@ def analyse(
     problem = campaign.problem(runs, noise=noise)
     problem = as_complete(problem, complete) if complete else campaign.with_usual_errors(problem)
     campaign.require_unknowns(problem)
+    if progress is not None:
+        progress(0, "fit")
     fit = campaign.fit(problem, rng=stream(seed, Stream.FIT))
     analysis = analyse_fit(fit, seed=seed, target=target, progress=progress, store=store, stop=stop, marginal=marginal)
     return replace(analysis, title=campaign.title, kind=campaign.kind)
@@ -168,6 +192,8 @@ def analyse_fit(
     else:
         chain = sample_posterior(density, fit.values, fit.cov, target=target, rng=chain_rng, progress=progress, store=store, stop=stop)
         comparison = no_comparison(fit.names, too_many(problem.n_par, most))
+    if progress is not None:
+        progress(100, "checks")
     goodness = check_goodness(fit, rng=stream(seed, Stream.GOODNESS)) if tested else untested(fit)
     identifiability = identify(fit)
     modes = find_modes(fit, chain.thinned(_MODE_DRAWS))

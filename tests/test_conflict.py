@@ -118,7 +118,7 @@ def test_a_wrong_stated_value_is_no_ok(tmp_path: Path) -> None:
     assert result["status"] == "contradiction"
     (reason,) = (r for r in result["reasons"] if "stated before" in r)
     assert "φ[r] was stated as 6 °" in reason
-    report = (tmp_path / "out" / "report.md").read_text()
+    report = (tmp_path / "out" / "report.md").read_text().replace("\u00a0", " ")
     assert "## Do data and stated values agree?" in report
     assert reason in report
 

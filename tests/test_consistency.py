@@ -15,7 +15,8 @@ from estim.fitting.least_squares import Fit, fit_least_squares
 from estim.problem.priors import HalfNormal, Normal, Prior, Uniform
 from estim.reports.consistency import consistency_text, estimate_rows
 from estim.reports.consistency_figures import forest_figure
-from estim.reports.figures import ORANGE, png
+from estim.reports.figures import png
+from estim.reports.residual_panels import VERMILION
 
 X = np.linspace(0.0, 1.0, 8)
 STATED = {"slope": Normal(1.0, 0.4), "bend": Normal(0.0, 0.4)}
@@ -181,6 +182,6 @@ def test_figure_marks_the_run_that_disagrees(rng: np.random.Generator) -> None:
     bold = [tick.get_text() for tick in figure.axes[0].get_yticklabels() if tick.get_fontweight() == "bold"]
     assert bold == ["r2"]
     colours = [line.get_color() for line in figure.axes[0].get_lines()]
-    assert colours.count(ORANGE) == 1
+    assert colours.count(VERMILION) == 1
     assert png(lambda: figure)[:4] == b"\x89PNG"
     assert len(estimate_rows(found)) == 10

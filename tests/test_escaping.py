@@ -68,7 +68,7 @@ def test_the_test_sees_a_forgery() -> None:
         "[0.181, 0.199]",
         "[−0.1, 2.0e-05]",
         "< 0.0107 (open below)",
-        "p < 5e-05",
+        "p < 5e-5",
         "-0.5",
         "(r − 1)/2",
         "C#",

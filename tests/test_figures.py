@@ -14,6 +14,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
 from matplotlib.image import imread
+from matplotlib.text import Text
 from scipy.interpolate import RegularGridInterpolator
 
 from estim.campaign import load_campaign
@@ -23,9 +24,12 @@ from estim.curves.rolling import RollingMotion
 from estim.problem.observations import Parameter
 from estim.problem.posterior import Problem
 from estim.problem.priors import Normal, Uniform
-from estim.reports import corner_figures, figures
+from estim.reports import corner_figures, curve_figures, figures
+from estim.reports.consistency_figures import _within
 from estim.reports.contours import PROBABILITIES, density_of
+from estim.reports.pages import marked, page
 from estim.reports.reanalysis_figures import narrowing_figure
+from estim.reports.residual_panels import Residuals, draw_faded, misfit_words, panel_pairs, residuals_of
 from estim.reports.trace_figures import trace_figure
 from estim.sampling.bands import Bands
 from estim.studies.limits import Narrowing
@@ -214,7 +218,7 @@ def test_frames_of_the_way_back_are_counted_and_no_marker_at_the_axis_is_cut(rng
     excluded = (Finding(Kind.WAY_BACK, size=2), Finding(Kind.BESIDE_RELEASE, size=1))
     run = replace(run, x=X[1:], y=X[1:], excluded=excluded, excluded_points=left, words=RollingMotion(angular=False).words())
     figure = Figure()
-    figures._draw_points(ax := figure.subplots(), run)
+    curve_figures._draw_points(ax := figure.subplots(), run, Residuals(run, np.zeros(run.n_obs), np.full(run.n_obs, 0.1)))
     assert [text.get_text() for text in ax.texts] == ["2 frames of the way back (v < 0) not shown"]
     crosses = next(line for line in ax.lines if line.get_marker() == "x")
     assert crosses.get_xydata().tolist() == [[0.01, 0.0]]
@@ -226,7 +230,7 @@ def test_a_band_that_its_line_hides_is_called_so() -> None:
     for half, hidden in ((0.001, True), (0.1, False)):
         band = np.array([x - half, x + half])
         bands = Bands("r", x, x, {0.68: band, 0.95: band}, {0.68: band, 0.95: band}, np.array([1.0]))
-        figures._draw_bands(ax := Figure().subplots(), bands, "a new point")
+        curve_figures._draw_bands(ax := Figure().subplots(), bands, "a new point")
         names = [name for name in ax.get_legend_handles_labels()[1] if name.startswith("the curve")]
         assert [("under its line" in name) for name in names] == [hidden] * 2
 
@@ -243,3 +247,84 @@ def test_narrowing_names_the_runs() -> None:
 def test_a_corner_figure_survives_draws_that_are_all_but_equal(column: np.ndarray, rng: np.random.Generator) -> None:
     draws = np.column_stack([column, rng.standard_normal(4000)])
     assert figures.png(lambda: corner_figures.corner_figure(analysed(single_run(2), draws))).startswith(b"\x89PNG")
+
+
+def test_residuals_are_data_less_the_curve_that_is_drawn_and_the_largest_is_said() -> None:
+    run = single_run(1).runs[0]
+    run = replace(run, x=X, y=2.0 * X, name="r", x_unit="m", y_unit="m/s")
+    rest = np.zeros(X.size)
+    rest[5] = -0.25
+    words = misfit_words([Residuals(run, rest, np.full(X.size, 0.1))])
+    assert words == f"largest misfit 0.25 m/s, 2.5 sd, near {X[5]:.3f} m"
+    other = Residuals(replace(run, name="s"), 2.0 * rest, np.full(X.size, 0.1))
+    assert misfit_words([Residuals(run, rest, np.full(X.size, 0.1)), other]).endswith("of s")
+
+
+def test_counts_are_compared_with_the_median_of_their_curve_in_their_own_unit() -> None:
+    bands = Bands("r", X, 3.0 * X, {}, {0.68: np.array([3.0 * X - 0.2, 3.0 * X + 0.2])}, np.array([np.inf]))
+    problem = single_run(1)
+    run = replace(problem.runs[0], x=X, y=3.0 * X + 0.1)
+    posed = Problem(problem.parameters, (run,))
+    fit, ok = SimpleNamespace(values=np.full(posed.n_par, 0.4)), SimpleNamespace(ok=True)
+    (found,) = residuals_of(SimpleNamespace(problem=posed, bands=[bands], fit=fit, diagnosis=ok))
+    assert found.rest == pytest.approx(0.1)
+    assert found.sd == pytest.approx(0.1)  # what was stated of the readings
+
+
+def test_a_band_that_fades_ends_nearly_unseen_and_nowhere_else() -> None:
+    ax = Figure().subplots()
+    draw_faded(ax, X, X - 1.0, X + 1.0, figures.ORANGE, alpha=0.4)
+    solid, *pieces = ax.collections
+    alphas = [piece.get_alpha() for piece in pieces]
+    assert solid.get_alpha() == 0.4
+    assert alphas == sorted(alphas, reverse=True)
+    assert alphas[-1] < 0.02
+    assert solid.get_paths()[0].vertices[:, 0].max() == pytest.approx(0.75)
+
+
+@pytest.mark.parametrize(("n", "columns"), [(1, 1), (2, 2), (4, 2), (7, 3)])
+def test_every_run_has_its_residuals_right_below_its_curve(n: int, columns: int) -> None:
+    figure, pairs = panel_pairs(n, height=3.0)
+    FigureCanvasAgg(figure).draw()
+    assert len(pairs) == n
+    for top, low in pairs:
+        above, below = top.get_position(), low.get_position()
+        assert (above.x0, above.x1) == pytest.approx((below.x0, below.x1), abs=1e-3)
+        assert below.y1 < above.y0
+        assert above.height > 2.0 * below.height > 0.0
+    assert len({round(top.get_position().x0, 3) for top, _ in pairs}) == min(n, columns)
+
+
+def test_every_figure_of_synthetic_data_says_so_once() -> None:
+    def plain(title: str = "", *, by_hand: bool = False) -> Figure:
+        figure = Figure() if by_hand else figures.new_figure(2.0)
+        figure.subplots().set_title("SYNTHETIC data" if title == "own" else "")
+        if title == "above":
+            figure.suptitle("bold: mean")
+        return figure
+
+    for title, by_hand in (("", False), ("", True), ("own", False), ("above", False)):
+        figure = marked(lambda title=title, by_hand=by_hand: plain(title, by_hand=by_hand))
+        assert sum("SYNTHETIC" in text.get_text() for text in figure.findobj(Text)) == 1
+    shown = []
+    page({"figures/a.png": plain}, lambda pictures: shown.append(list(pictures)) or "", wanted=True, synthetic=False)
+    assert shown == [["figures/a.png"]]
+    assert not any("SYNTHETIC" in text.get_text() for text in plain().findobj(Text))
+
+
+def test_true_values_are_drawn_in_every_panel_that_holds_them(rng: np.random.Generator) -> None:
+    problem = single_run(3)
+    draws = 0.4 + 0.1 * rng.standard_normal((4000, 3))
+    count = []
+    for truth in ({}, {"parameter 0": 0.4}, {"parameter 0": 40.0}):
+        figure = corner_figures.corner_figure(analysed(problem, draws), truth)
+        dashed = [c for c in figure.axes[0].collections if c.get_linestyle() not in ([(0.0, None)], [(0, None)])]
+        count.append(sum(len(c.get_segments()) for c in dashed))
+    assert count == [0, 3, 0]  # down its column; no parameter stands left of the first
+
+
+def test_bars_of_the_consistency_figure_end_at_the_edge_of_the_prior() -> None:
+    value, ((left,), (right,)) = _within(0.002, 0.004, 0.0, np.inf)
+    assert (value, left, right) == (0.002, 0.002, 0.004)
+    assert _within(-0.001, 0.004, 0.0, np.inf)[0] == 0.0
+    assert _within(1.0, 0.5, -np.inf, np.inf) == (1.0, [[0.5], [0.5]])

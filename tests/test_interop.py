@@ -255,16 +255,19 @@ def test_fit_without_the_extra_says_how_to_get_it_and_that_is_no_error(tmp_path:
 
 
 def test_notebook_shows_the_values_that_the_report_has(campaign: estim.Campaign, analysis: Analysis) -> None:
-    from estim.reports.analysis import parameter_row
+    from estim.checks import value_cell
 
     result = estim.result_of(campaign, analysis)
-    shown = analysis._repr_markdown_()
-    assert shown == result._repr_markdown_()
-    assert "SYNTHETIC" in shown
-    assert "**ok**" in shown
-    for name, p in result.parameters.items():
-        row = parameter_row(name, p, result)
-        assert f"| {row.symbol} | {row.meaning} | {row.posterior} | {row.interval} | {row.unit} |" in shown
+    for shown in (analysis._repr_markdown_(), result._repr_markdown_(), str(analysis), str(result)):
+        assert "**ok**" in shown or ": ok" in shown
+        table, _, left = shown.partition("ot measured here: ")
+        for name, p in result.parameters.items():
+            row, symbol = value_cell(p, result.labels.parameters[name]), name.partition("[")[0]
+            assert (row in table) == (symbol in ("kappa", "phi")), name
+            assert (row in left) == (symbol in ("gamma", "theta0", "radius")), name
+        assert "c_rr < 0.01" in left
+    assert "SYNTHETIC" in analysis._repr_markdown_()
+    assert "true 0.45 (+0.8 sd)" in str(result)
 
 
 @pytest.mark.parametrize("status", [status for status in Status if not status.ok])
@@ -284,7 +287,7 @@ def test_notebook_shows_campaigns_and_own_curves(campaign: estim.Campaign, own_c
     assert "SYNTHETIC" in shown
     assert all(f"| {name} |" in shown for name in campaign.run_names)
     assert "| heavy-04 | heavy | runs/heavy-04.csv | 35 |" in shown
-    assert "| b | parameter of the curve |" in own_curve._repr_markdown_()
+    assert "| b, parameter of the curve |" in own_curve._repr_markdown_()
 
 
 def test_notebook_shows_lines(campaign: estim.Campaign) -> None:

@@ -28,7 +28,7 @@ def line(
     (folder / "l.csv").write_text("phi_deg,theta_min_deg,u_phi_deg,u_theta_min_deg\n" + rows)
     done = CliRunner().invoke(cli, ["line", str(folder / "c.toml"), "--out", str(folder / "out")])
     assert done.exception is None or isinstance(done.exception, SystemExit), done.exception
-    return done, (folder / "out" / "report.md").read_text(), json.loads((folder / "out" / "result.json").read_text())
+    return done, (folder / "out" / "report.md").read_text().replace("\u00a0", " "), json.loads((folder / "out" / "result.json").read_text())
 
 
 @pytest.fixture(scope="module")

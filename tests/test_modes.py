@@ -36,7 +36,7 @@ def test_aliases_within_the_bounds_are_several_solutions() -> None:
     assert fit.status == "multimodal"
     frequencies = sorted([fit.values["f"], *fit.fit.others[:, 1]])
     assert frequencies == pytest.approx([0.13, 0.87, 1.13, 1.87], abs=1e-3)
-    assert fit.reasons[0].count("25% of the posterior") == 4
+    assert fit.reasons[0].count("25 % of the posterior") == 4
     assert "a range that holds one of them" in fit.reasons[0]
     unstated = swing(bounds={"f": (0.0, 2.0)}, u_y=None)
     assert unstated.status == "multimodal"

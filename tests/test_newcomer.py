@@ -103,8 +103,8 @@ def test_wrong_run_is_told_as_the_option_it_was_given_by(tmp_path: Path) -> None
 
 
 def test_least_p_value_is_told_as_a_limit() -> None:
-    assert p_words(P_FLOOR) == "< 5e-05"
-    assert p_words(2.0 * P_FLOOR) == "0.0001"
+    assert p_words(P_FLOOR) == "< 5e-5"
+    assert p_words(2.0 * P_FLOOR) == "0.00010"
     assert p_words(0.031) == "0.031"
 
 

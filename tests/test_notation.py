@@ -26,10 +26,10 @@ from estim.reports.corner_figures import corner_figure
 from estim.reports.curve import curve_report
 from estim.reports.identifiability_figures import direction_figure, profile_figure
 from estim.reports.labels import Labels
+from estim.reports.parameters import ParameterSummary
 from estim.reports.result import Result
 from estim.reports.trace_figures import trace_figure
 from estim.sampling.chain import Target
-from estim.sampling.summary import Summary
 from estim.studies import determine
 
 UNITS = {"slope": "m/s", "offset": "m", "phi": "rad", "g": "1", "kappa": "V", "theta0": "rad"}  # names that the rolling body has too
@@ -146,20 +146,27 @@ def test_a_rolling_body_has_its_symbols_and_degrees(replica: Path) -> None:
     }
 
 
+def summary(unit: str, mean: float, *, measured: bool) -> ParameterSummary:
+    return ParameterSummary(
+        unit, "", mean, 0.1, mean, mean - 0.2, mean - 0.1, mean + 0.1, mean + 0.2, prior="", prior_mean=None, prior_sd=None, ess_bulk=None,
+        ess_tail=None, rhat=None, mcse=None, stated="", measured=measured, upper_95=None, true=None,
+    )
+
+
 def test_a_column_of_several_runs_holds_one_quantity() -> None:
     """A user's parameter may have the name of a standard deviation that another run infers."""
     parameters = (Parameter("sigma_y", "1", Normal(0.0, 1.0), ""), Parameter("sigma_y[b]", "V", Normal(0.0, 1.0), "", Notation("σ_y")))
     results = {
         run: SimpleNamespace(
-            status="ok", runs={}, parameters={p.name: Summary(p.unit, "", m, 0.1, m, m - 0.2, m - 0.1, m + 0.1, m + 0.2) for p, m in found},
+            status="ok", runs={}, parameters={p.name: summary(p.unit, m, measured=p.name != "sigma_y" or run == "a") for p, m in found},
             labels=Labels({p.name: p.label for p, _ in found}, {p.name: p.bare_label for p, _ in found}, {}),
         )
         for run, found in {"a": [(parameters[0], 1.0)], "b": [(parameters[0], 2.0), (parameters[1], 3.0)]}.items()
     }
-    text = index_report(SimpleNamespace(title="Names", kind="synthetic"), results)["report.md"].decode()
+    text = index_report(SimpleNamespace(title="Names", kind="synthetic"), results)["report.md"].decode().replace("\u00a0", " ")
     assert "| run | status | sigma_y | σ_y (V) |" in text
     assert "| ok | 1.00 ± 0.10 |  |" in text
-    assert "| ok | 2.00 ± 0.10 | 3.00 ± 0.10 |" in text
+    assert "| ok | as stated | 3.00 ± 0.10 |" in text
 
 
 def test_a_parameter_that_nobody_wrote_otherwise_is_shown_as_it_is() -> None:

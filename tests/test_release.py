@@ -153,7 +153,7 @@ def campaign(folder: Path, rows: str, *, trials: str = "u_phi_deg = 0.4\nu_theta
 def line(path: Path, out: Path) -> tuple[Result, str, dict]:
     done = CliRunner().invoke(cli, ["line", str(path), "--out", str(out)])
     assert done.exception is None or isinstance(done.exception, SystemExit), done.exception
-    return done, (out / "report.md").read_text(), json.loads((out / "trials.json").read_text())
+    return done, (out / "report.md").read_text().replace("\u00a0", " "), json.loads((out / "trials.json").read_text())
 
 
 EXACT = "u_phi_deg = 0\nu_theta_deg = 1.5\n"

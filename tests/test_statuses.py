@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from click.testing import CliRunner
+from matplotlib.collections import PolyCollection
 from troubles import TROUBLES, Disk, Formula, Trouble, uniform
 
 from estim.campaign import load_campaign
@@ -18,7 +19,7 @@ from estim.cli.commands import cli
 from estim.common.kinds import Status
 from estim.pipeline import Analysis, analyse
 from estim.problem.posterior import Posterior
-from estim.reports.figures import phase_figure
+from estim.reports.curve_figures import phase_figure
 from estim.sampling import certified
 from estim.sampling.certificate import Certificate
 from estim.sampling.chain import Target
@@ -41,7 +42,8 @@ class Written:
 
 def fit(campaign: Disk | Formula, folder: Path, *options: str) -> Written:
     done = CliRunner().invoke(cli, ["fit", str(campaign.write(folder)), "--out", str(folder / "out"), *options])
-    return Written(done.exit_code, done.output, (folder / "out" / "report.md").read_text(), json.loads((folder / "out" / "result.json").read_text()))
+    report = (folder / "out" / "report.md").read_text().replace("\u00a0", " ")
+    return Written(done.exit_code, done.output, report, json.loads((folder / "out" / "result.json").read_text()))
 
 
 _NOT_OF_THE_RESULT = ("stated before (prior)", "fitted, were it the cause")
@@ -163,9 +165,11 @@ def healthy(tmp_path_factory: pytest.TempPathFactory) -> Analysis:
 
 @pytest.mark.parametrize("status", Status)
 def test_only_an_ok_result_has_bands(status: Status, healthy: Analysis) -> None:
-    ax = phase_figure(replace(healthy, diagnosis=replace(healthy.diagnosis, status=status)), synthetic=True).axes[0]
-    texts = [text.get_text() for text in ax.get_legend().get_texts()]
-    assert bool(ax.collections) == (status == "ok")
+    figure = phase_figure(replace(healthy, diagnosis=replace(healthy.diagnosis, status=status)), synthetic=True)
+    ax, below = figure.axes
+    texts = [text.get_text() for text in figure.legends[0].get_texts()]
+    for panel in (ax, below):
+        assert any(isinstance(part, PolyCollection) for part in panel.collections) == (status == "ok")
     assert any("%" in text for text in texts) == (status == "ok")
     assert ax.get_title().endswith(")" if status == "ok" else status)
 
@@ -186,7 +190,7 @@ def test_bad_runs_have_no_numbers_in_the_index(tmp_path: Path) -> None:
     path.write_text(text.replace("[[runs]]", f"{body}[[runs]]") + second)
     done = CliRunner().invoke(cli, ["fit", str(path), "--out", str(tmp_path / "out")])
     assert done.exit_code == 3
-    rows = {row[0]: row[1:] for row in tables((tmp_path / "out" / "report.md").read_text())[0]}
+    rows = {row[0]: row[1:] for row in tables((tmp_path / "out" / "report.md").read_text().replace("\u00a0", " "))[0]}
     assert rows["[r](r/report.md)"][0] == "at-bound"
     assert set(rows["[r](r/report.md)"][1:]) == {"—"}
     assert rows["[eccentric](eccentric/report.md)"][0] == "ok"

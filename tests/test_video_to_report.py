@@ -112,7 +112,7 @@ def test_neighbouring_frames_of_a_whole_fall_are_not_independent_and_the_report_
     assert np.sum(residuals[1:] * residuals[:-1]) / np.sum(residuals**2) > 0.4  # 0 for independent errors
     done, result, _ = fitted(tmp_path, WHOLE)
     assert (done.exit_code, result["status"]) == (3, "poor-fit")
-    assert any("neighbouring residuals are alike" in reason and "p < 5e-05" in reason for reason in result["reasons"])
+    assert any("neighbouring residuals are alike" in reason and "p < 5e-5" in reason for reason in result["reasons"])
     (tmp_path / "a1.csv").write_text("t_s,x_m\n" + "\n".join(f"{a!r},{b!r}" for a, b in zip(t[::3].tolist(), x[::3].tolist(), strict=True)))
     thinned = analyse(load_campaign(tmp_path / "campaign.toml"), ["a1"], seed=1, target=Target(ess=1000.0)).diagnosis
     assert thinned.status == "ok", thinned.reasons

@@ -112,8 +112,8 @@ def test_a_status_is_a_word_too() -> None:
 
 def test_one_finding_is_said_in_the_units_of_a_reader() -> None:
     edge = Finding(Kind.PRESSED_EDGE, p=0.004, parameters=(Amount("theta0[r]", math.radians(30.0), ANGLE.label("rad", "[r]")),))
-    assert tell(edge) == "θ₀[r] lies at the edge of its prior, 30 °, and the data ask for values beyond it (p = 0.004)"
+    assert tell(edge) == "θ₀[r] lies at the edge of its prior, 30 °, and the data ask for values beyond it (p = 0.0040)"
     limit = Finding(Kind.PRESSED_LIMIT, p=0.004, parameters=(Amount("b", 0.25),))
-    assert tell(limit) == "b lies on its limit 0.25, and the data ask for values beyond it (p = 0.004): is the limit right?"
+    assert tell(limit) == "b lies on its limit 0.25, and the data ask for values beyond it (p = 0.0040): is the limit right?"
     failed = Finding(Kind.RESIDUALS_NOT_RANDOM, run="r", test="runs", p=5e-5, numbers={"least": 5e-5})
-    assert tell(failed) == "run r: the residuals change sign too seldom (test 'runs', p < 5e-05)"
+    assert tell(failed) == "run r: the residuals change sign too seldom (test 'runs', p < 5e-5)"

@@ -122,7 +122,7 @@ TROUBLES = {
     # the true gamma, 0.187, lies beyond what was thought possible; a little beyond (0.185) it is a limit and no trouble
     "gamma at its bound": Trouble(
         Disk(gamma=uniform(0.0, 0.175)), Disk(gamma=uniform(0.0, 0.185)),
-        "at-bound", r"γ\[b\] lies at the edge of its prior, 0\.175, and the data ask for values beyond it \(p = 0\.005\)$", "widen the prior",
+        "at-bound", r"γ\[b\] lies at the edge of its prior, 0\.175, and the data ask for values beyond it \(p = 0\.0053\)$", "widen the prior",
     ),
     # (gamma, s, 1 + j) scaled together leave the speed unchanged, and nothing says how large one of them is
     "flat direction": Trouble(
@@ -138,7 +138,7 @@ TROUBLES = {
     ),
     "two signs": Trouble(
         Formula("a**2*x", f"a = {uniform(-3.0, 3.0)}", lambda x: 4.0 * x), Formula("a**2*x", f"a = {uniform(0.0, 3.0)}", lambda x: 4.0 * x),
-        "multimodal", r"a = -?2 \((4[5-9]|5[0-5])% of the posterior\); or a = -?2 \((4[5-9]|5[0-5])%", "a range that holds one of them",
+        "multimodal", r"a = -?2 \((4[5-9]|5[0-5]) % of the posterior\); or a = -?2 \((4[5-9]|5[0-5]) %", "a range that holds one of them",
     ),
     # the ramp stands at 4 degrees
     "wrong tilt": Trouble(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from types import MappingProxyType
 
@@ -17,6 +17,7 @@ from estim.campaign.derived import read_derived, with_derived
 from estim.campaign.noise_models import Candidate
 from estim.campaign.own_curve import read_curve_study
 from estim.campaign.study import Study
+from estim.campaign.truth import read_truth
 from estim.common import KINDS, InputError, code, markdown, table
 from estim.curves import SoughtQuantity
 from estim.deviation import BadFrames
@@ -28,12 +29,16 @@ from estim.reading import COLUMNS, Run, compare_intervals, read_run
 
 @dataclass(frozen=True, eq=False)
 class Campaign:
-    """A campaign and the tables of its runs, read and checked.  `problem` poses the inference for some of its runs."""
+    """A campaign and the tables of its runs, read and checked.  `problem` poses the inference for some of its runs.
+
+    truth : parameter -> true value, of synthetic data where it is known; no fit uses it.
+    """
 
     source: CampaignFile
     tables: Mapping[str, Run]
     study: Study
     derived: tuple[SoughtQuantity, ...] = ()
+    truth: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def title(self) -> str:
@@ -153,7 +158,7 @@ def bound(source: CampaignFile, *, only: str | None = None) -> Campaign:
         rolling, read = RollingStudy(source), _read_runs(source, only)
         study, tables = rolling, {name: _with_fact(run, parts_fact(source, rolling.levels(name))) for name, run in read.items()}
     tables = {name: _with_fact(tables[name], source.out_of_folder(source.files[name])) for name in source.files if name in tables}
-    campaign = Campaign(source, MappingProxyType(tables), study, read_derived(source.derived, source.places))
+    campaign = Campaign(source, MappingProxyType(tables), study, read_derived(source.derived, source.places), read_truth(source))
     for name in campaign.run_names:
         study.check(name, campaign.tables)
     if campaign.derived and campaign.run_names:

@@ -1,5 +1,6 @@
 """What can be wrong with a result, one file a question; `diagnosis` gathers the findings.  Read it first."""
-from estim.checks.cells import headline, interval_cell, parameter_cells, value_cell
+from estim.checks.cells import Estimate, estimates_of, headline, interval_cell, is_measured, not_measured, p_sentence, parameter_cells
+from estim.checks.cells import print_lines, result_table, screen_lines, stated_words, upper_limit, value_cell
 from estim.checks.conflict import P_CONFLICT, Conflict, check_stated_values, stated_values
 from estim.checks.consistency import P_INCONSISTENT, PRIORS, Consistency, SharedEstimate, check_consistency, comparable
 from estim.checks.cross_validation import INFLUENTIAL, LeaveOneOut, difference, leave_one_out
@@ -10,6 +11,5 @@ from estim.checks.goodness import P_FLOOR, P_POOR_FIT, P_TOLD, Check, Goodness, 
 from estim.checks.identifiability import PRIOR_DOMINATED, Identifiability, identify
 from estim.checks.modes import Modes, find_modes, laplace_modes, optima
 from estim.checks.outliers import Outliers, bad_frames_found, find_outliers
-from estim.checks.prior_sensitivity import CONFLICT, THRESHOLD, Sensitivity, power_scaling
 from estim.checks.rolling import Rolling, check_rolling, way_of
-from estim.checks.what_if import Influence, influences
+from estim.checks.others import CONFLICT, THRESHOLD, Influence, Sensitivity, influences, power_scaling

@@ -2,17 +2,28 @@
 
 Reports print their cells from here, and so does a notebook: a record's `_repr_markdown_` returns `headline(...)`.  It draws
 nothing and takes milliseconds.
+
+A quantity that the data leave nearly as uncertain as it was (posterior sd above 0.8 of the prior's) was not measured here: its number is the one
+that was put in.  One that may be zero has an upper limit.  Neither stands among the results.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
 
-from estim.common import KINDS, Label, Status, format_quantity, format_rounded, markdown, table
-from estim.fitting import limit_cell
-from estim.sampling import Summary
+import numpy as np
+
+from estim.arrays import FloatArray
+from estim.checks.identifiability import PRIOR_DOMINATED
+from estim.common import KINDS, Label, Status, format_p, format_quantity, format_rounded, markdown, signed, table, with_unit
+from estim.fitting import Fit, limit_cell
+from estim.problem import Normal, Prior, Problem
+from estim.sampling import Summary, summarise_parameter
 from estim.words import STATUS_WORDS
 
+_CLEAR = 2.0  # standard deviations from zero, below which a quantity that cannot be negative may be zero
+_EVEN = 0.05  # standard deviations: what is nearer to the truth is "0.0"
 _LOPSIDED = 1.5
 _HEAVY = 2.0  # standard deviations over half of the 68 % interval: a ratio whose denominator comes near 0
 
@@ -59,18 +70,148 @@ def parameter_cells(p: Summary, shown: Label) -> tuple[str, str, str, str, str]:
     return shown.symbol, p.meaning, value_cell(p, shown), interval_cell(p, shown), "" if shown.unit == "1" else shown.unit
 
 
-def headline(
-    title: str, *, kind: str, status: str, reasons: Sequence[str], advice: Sequence[str], rows: Iterable[tuple[str, str, str, str, str]]
-) -> str:
-    """Markdown: title, kind of data, status, and the table of `rows` (`parameter_cells`), or without it the reasons where the status is not ok.
+@dataclass(frozen=True)
+class Estimate:
+    """One quantity.
 
-    kind : "measured", "synthetic" or "published"; "" where nobody has said it.
+    stated : what was said of it before the data, with its unit; "" for nothing.  measured : whether the data say something of it.
+    upper : 95 % limit of what may be zero, in its own unit; None for all others.  true : of synthetic data, None where it is not known.
+    """
+
+    label: Label
+    summary: Summary
+    stated: str
+    measured: bool
+    upper: float | None = None
+    true: float | None = None
+
+    @property
+    def value(self) -> str:
+        """'(3.86 ± 0.26)°', or '< 0.0101 (95 %)'."""
+        shown, p = self.label, self.summary
+        if p.limit is not None:
+            return limit_cell(p.limit, shown.factor, shown.unit)
+        if self.upper is not None:
+            return f"< {with_unit(format_rounded(self.upper * shown.factor, 0.25 * self.upper * shown.factor), shown.unit)} (95 %)"
+        return with_unit(value_cell(p, shown), shown.unit)
+
+    @property
+    def relation(self) -> str:
+        """'κ = 0.55 ± 0.12', or 'c_rr < 0.0101 (95 %)'."""
+        return f"{self.label.symbol}{' ' if self.value[:1] in '<>' else ' = '}{self.value}"
+
+    @property
+    def truth(self) -> str:
+        """The true value, and how far the result is from it; "" where it is not known."""
+        if self.true is None:
+            return ""
+        shown, p = self.label, self.summary
+        text = with_unit(signed(f"{self.true * shown.factor:.6g}"), shown.unit)
+        if p.mean is None or not p.sd or self.upper is not None:
+            return text
+        pull = (p.mean - self.true) / p.sd
+        return f"{text} ({signed(f'{pull:+.1f}') if abs(pull) >= _EVEN else '0.0'} sd)"
+
+
+def is_measured(summary: Summary, prior: Prior, upper: float | None) -> bool:
+    """Whether the data have a say: neither a limit nor known hardly better than before."""
+    if summary.limit is not None or upper is not None:
+        return False
+    return summary.sd is None or not np.isfinite(prior.sd) or summary.sd <= PRIOR_DOMINATED * prior.sd
+
+
+def upper_limit(summary: Summary, prior: Prior, draws: FloatArray) -> float | None:
+    """The 95 % limit of a quantity that cannot be negative and may be zero, from its draws (n_draw,); None for any other."""
+    if prior.low != 0.0 or summary.mean is None or summary.sd is None or summary.mean > _CLEAR * summary.sd:
+        return None
+    return float(np.quantile(draws, 0.95))
+
+
+def stated_words(prior: Prior, unit: str, shown: Label) -> str:
+    """What was stated before: '(3.7 ± 0.4)°', 'uniform in [0, 1]', or "" for nothing."""
+    if isinstance(prior, Normal):
+        return with_unit(format_quantity(prior.centre * shown.factor, prior.sd * shown.factor), shown.unit)
+    if not np.isfinite(prior.sd):
+        return ""
+    return prior.describe() + (f" {unit}" if unit != "1" else "")
+
+
+def estimates_of(problem: Problem, fit: Fit, draws: FloatArray) -> tuple[Estimate, ...]:
+    """Every parameter, from draws of its posterior (n_draw, n_par); symbols without levels where there is one run."""
+    found = []
+    for parameter, own in zip(problem.parameters, draws.T, strict=True):
+        summary, shown = summarise_parameter(fit, parameter.name, own), parameter.bare_label if len(problem.runs) == 1 else parameter.label
+        upper = upper_limit(summary, parameter.prior, own)
+        measured = is_measured(summary, parameter.prior, upper)
+        found.append(Estimate(shown, summary, stated_words(parameter.prior, parameter.unit, shown), measured, upper))
+    return tuple(found)
+
+
+def result_table(estimates: Iterable[Estimate]) -> tuple[tuple[str, ...], list[tuple[str, ...]]]:
+    """Head and rows of the quantities that the data measure; columns that would be empty are left out."""
+    shown = [one for one in estimates if one.measured]
+    columns = [
+        ("", [f"{one.label.symbol}, {one.summary.meaning}" if one.summary.meaning else one.label.symbol for one in shown]),
+        ("from these data", [one.value for one in shown]),
+        ("stated before", [one.stated for one in shown]),
+        ("true", [one.truth for one in shown]),
+    ]
+    kept = [(head, cells) for head, cells in columns if any(cells)]
+    return tuple(head for head, _ in kept), list(zip(*(cells for _, cells in kept), strict=True))
+
+
+def not_measured(estimates: Iterable[Estimate]) -> str:
+    """'γ = 0.192 ± 0.009 (stated 0.193 ± 0.010); c_rr < 0.0101 (95 %)', or "" where the data measure everything."""
+    said = []
+    for one in estimates:
+        if not one.measured:
+            limited = one.value[:1] in "<>"
+            said.append(one.relation + (f" (stated {one.stated})" if one.stated and not limited else ""))
+    return "; ".join(said)
+
+
+def p_sentence(p_curve: float | None, p_stated: float | None) -> str:
+    """'curve against data p = 0.91, data against stated values p = 0.068'; what was not tested is left out."""
+    tests = (("curve against data", p_curve), ("data against stated values", p_stated))
+    return ", ".join(f"{words} {format_p(p)}" for words, p in tests if p is not None and np.isfinite(p))
+
+
+def screen_lines(estimates: Sequence[Estimate], *, tests: str = "", minds: Sequence[str] = ()) -> list[str]:
+    """What a terminal shows of a trusted result, one line each."""
+    width = max((len(one.relation) for one in estimates if one.measured), default=0)
+    lines = [tests] if tests else []
+    for one in estimates:
+        if one.measured:
+            beside = [f"stated {one.stated}" if one.stated else "", f"true {one.truth}" if one.truth else ""]
+            behind = "; ".join(part for part in beside if part)
+            lines.append(f"{one.relation:<{width}}   {behind}".rstrip())
+    left = not_measured(estimates)
+    return [*lines, *([f"not measured here: {left}"] if left else []), *minds]
+
+
+def headline(
+    title: str, *, kind: str, status: str, reasons: Sequence[str], advice: Sequence[str], rows: Iterable[Sequence[str]],
+    head: Sequence[str] = ("", "", "posterior", "95 % interval", "unit"), tests: str = "", left: str = "", minds: Sequence[str] = (),
+) -> str:
+    """Markdown: title, kind of data, status with its `tests`, and the table of `rows`, or without it the reasons where the status is not ok.
+
+    kind : "measured", "synthetic" or "published"; "" where nobody has said it.  left : what was not measured (`not_measured`).
+    minds : what to mind, a sentence each.
     """
     words = "" if status == Status.OK else f" — {STATUS_WORDS[Status(status)]}"
-    said = [f"**{markdown(title)}**" if title else "", KINDS.get(kind, ""), f"Status: **{status}**{words}"]
+    behind = words or (f"; {tests}" if tests else "")
+    said = [f"**{markdown(title)}**" if title else "", KINDS.get(kind, ""), f"Status: **{status}**{behind}"]
     if status == Status.OK:
-        said.append(table(("", "", "posterior", "95 % interval", "unit"), rows))
+        body = list(rows)
+        said += [table(head, body) if body else "", f"Not measured here: {markdown(left)}." if left else ""]
+        said.append("\n".join(f"- {markdown(item)}" for item in minds))
     else:
         items = [*reasons, *(f"What to do: {words}" for words in dict.fromkeys(advice))]
         said.append("\n".join(f"- {markdown(item)}" for item in items))
     return "\n\n".join(part for part in said if part)
+
+
+def print_lines(title: str, *, status: str, reasons: Sequence[str], advice: Sequence[str], shown: Sequence[str]) -> str:
+    """What `print` shows: title and status, then the lines `shown` (`screen_lines`), or why there are no values."""
+    said = shown if status == Status.OK else [*reasons, *(f"what to do: {words}" for words in dict.fromkeys(advice))]
+    return "\n".join([f"{title}: {status}", *(f"  {line}" for line in said)])

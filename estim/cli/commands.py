@@ -99,7 +99,7 @@ def fit(
     changed, --resume refuses and says what differs (docs/long-runs.md).
     """
     from estim.pipeline import analyse
-    from estim.reports import HOW_TO_GET, analysis_report, can_write_netcdf, index_report, result_of, to_netcdf, with_campaign
+    from estim.reports import HOW_TO_GET, analysis_report, can_write_netcdf, index_report, result_lines, result_of, to_netcdf, with_campaign
     from estim.sampling import Target, only_writer
     from estim.words import Voice
 
@@ -117,18 +117,21 @@ def fit(
     stores = stores_of(folder, groups, joint=joint, resume=resume)
     results, explanations = {}, []
     for group, store in zip(groups, stores, strict=True):
-        with progress_bar(", ".join(group), max_steps) as progress:
+        with progress_bar(", ".join(group)) as progress:
             analysis = analyse(
                 loaded, group, seed=seed, target=Target(max_step=max_steps), progress=progress, store=store, stop=stop, marginal=marginal
             )
         analysis = with_causes(loaded, analysis, group, asked=explain)
         place = folder if len(groups) == 1 else folder / group[0]
-        files = analysis_report(loaded, analysis, voice=Voice.COMMANDS, figures=not no_figures)
-        write_report(place, with_campaign(files, loaded.source.written, file=campaign.name), within=folder)
+        with progress_bar(", ".join(group)) as progress:
+            progress(100, "report and figures")
+            files = analysis_report(loaded, analysis, voice=Voice.COMMANDS, figures=not no_figures)
+            write_report(place, with_campaign(files, loaded.source.written, file=campaign.name), within=folder)
         if can_write_netcdf():
             write_files(place, {"draws.nc": to_netcdf(analysis)}, within=folder)
         results[group[0]] = result_of(loaded, analysis, voice=Voice.COMMANDS)
-        conclude(", ".join(group), analysis.diagnosis.status, analysis.diagnosis.reasons, analysis.diagnosis.notes)
+        shown = result_lines(results[group[0]]) if analysis.diagnosis.ok else analysis.diagnosis.reasons
+        conclude(", ".join(group), analysis.diagnosis.status, shown, analysis.diagnosis.notes)
         say_causes(analysis)
         explanations += [] if analysis.explanation is None else [analysis.explanation]
     if len(groups) > 1:
@@ -167,7 +170,7 @@ def energy(campaign: Path, runs: tuple[str, ...], joint: bool, max_steps: int, o
     loaded.study.require_speeds(names, "estim energy")
     loaded.study.require_complete(names, "estim energy")
     for group in groups:
-        with progress_bar(", ".join(group), max_steps) as progress:
+        with progress_bar(", ".join(group)) as progress:
             analyses.append(analyse(loaded, group, seed=seed, target=Target(max_step=max_steps), progress=progress, complete="estim energy"))
         records.extend(energy_along(analyses[-1], rng=stream(seed, Stream.ENERGY)))
         drifts.append(drift_of(analyses[-1], rng=stream(seed, Stream.DRIFT)))
@@ -191,18 +194,19 @@ def reanalyse(campaign: Path, max_steps: int, out: Path | None, seed: int, no_fi
     posterior band, and published numbers beside reanalysed ones.
     """
     from estim.campaign import load_campaign
-    from estim.reports import reanalysis_report
+    from estim.reports import reanalysis_lines, reanalysis_report
     from estim.sampling import Target
     from estim.studies import reanalyse as run_reanalysis
     from estim.words import Voice
 
     loaded = load_campaign(campaign)
     loaded.study.require_body()
-    result = run_reanalysis(loaded, seed=seed, target=Target(max_step=max_steps), progress_of=lambda what: announced(what, max_steps))
+    result = run_reanalysis(loaded, seed=seed, target=Target(max_step=max_steps), progress_of=lambda what: announced(what))
     folder = out or Path("out") / campaign.resolve().parent.name
     write_report(folder, reanalysis_report(result, voice=Voice.COMMANDS, figures=not no_figures))
+    said = reanalysis_lines(result)
     for what, status in result.statuses.items():
-        conclude(what, status, ())
+        conclude(what, status, said.get(what, ()))
     report_at(folder / "report.md", loaded.source.outside(line=True, published=True))
     _exit_unless(all(status.ok for status in result.statuses.values()))
 

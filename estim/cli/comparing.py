@@ -30,7 +30,7 @@ def compare(
             return stores[-1]
 
         compared = compare_noise(
-            campaign, group, seed=seed, target=Target(max_step=max_steps), progress_of=lambda what: progress_bar(what, max_steps),
+            campaign, group, seed=seed, target=Target(max_step=max_steps), progress_of=progress_bar,
             store_of=store_of, stop=stop,
         )
         place = folder if len(groups) == 1 else folder / group[0]

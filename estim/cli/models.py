@@ -58,7 +58,7 @@ def compare_models(
             return stores[-1]
 
         def bar_of(name: str, what: str = ", ".join(group)) -> AbstractContextManager[Progress]:
-            return progress_bar(f"{what}: {name}", max_steps)
+            return progress_bar(f"{what}: {name}")
 
         what = ", ".join(group)
         comparison = compare(

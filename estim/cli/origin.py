@@ -12,7 +12,7 @@ from pathlib import Path
 
 import click
 
-from estim.common import InputError, as_json, code, noted_inputs, read_file
+from estim.common import InputError, as_json, code, inputs_read, read_file
 
 ORIGIN = "origin.json"
 _SCHEMA = "estim-origin/1"
@@ -44,7 +44,7 @@ class Ledger:
     """What the command under way has read so far; kept in click's context, so that nobody has to pass it on."""
 
     def __init__(self) -> None:
-        self._noting = noted_inputs()
+        self._noting = inputs_read()
         self.inputs: Mapping[str, str] = {}
 
     def __enter__(self) -> Ledger:

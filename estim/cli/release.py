@@ -11,7 +11,7 @@ def fit_line_and_trials(campaign: Path, out: Path | None, *, seed: int, figures:
     """Writes the report and says the outcome; whether all of it is ok."""
     from estim.campaign import gamma_of_body, load_campaign, resistance_of_body
     from estim.line import analyse_line, analyse_trials, read_theta_min, read_trials
-    from estim.reports import line_report, trials_report
+    from estim.reports import line_lines, line_report, trials_report
     from estim.sampling import Target
     from estim.words import Voice
 
@@ -22,11 +22,11 @@ def fit_line_and_trials(campaign: Path, out: Path | None, *, seed: int, figures:
     series = read_theta_min(source) if trials is None or source.line is not None else None
     line = released = None
     if series is not None:
-        with progress_bar("line", target.max_step) as progress:
+        with progress_bar("line") as progress:
             line = analyse_line(series, gamma_masses=gamma_of_body(source, series.body), seed=seed, target=target, progress=progress)
     if trials is not None:
         resistance, gamma = resistance_of_body(source, trials.body), gamma_of_body(source, trials.body)
-        with progress_bar("trials", target.max_step) as progress:
+        with progress_bar("trials") as progress:
             released = analyse_trials(trials, resistance, gamma_masses=gamma, seed=seed, target=target, progress=progress)
     files = {}
     if line is not None:
@@ -36,7 +36,8 @@ def fit_line_and_trials(campaign: Path, out: Path | None, *, seed: int, figures:
     folder = out or Path("out") / campaign.resolve().parent.name / "line"
     write_report(folder, files)
     if line is not None:
-        conclude("line", line.status, [*line.reasons, *filter(None, (line.disagreement,))])
+        said = line_lines(loaded, line) if line.status.ok else line.reasons
+        conclude("line", line.status, [*said, *filter(None, (line.disagreement,))])
     if released is not None:
         conclude("trials", released.status, [*released.reasons, *released.disagreements])
     report_at(folder / "report.md", source.outside(runs=False, line=True))

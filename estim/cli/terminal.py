@@ -93,22 +93,23 @@ def conclude(what: str, status: str, reasons: Iterable[str], notes: Iterable[str
 
 
 @contextmanager
-def announced(what: str, max_steps: int) -> Iterator[Progress]:
+def announced(what: str) -> Iterator[Progress]:
     """A progress bar, and a line when it is done, for a command of several minutes."""
-    with progress_bar(what, max_steps) as progress:
+    with progress_bar(what) as progress:
         yield progress
     say(f"sampled: {what}")
 
 
 @contextmanager
-def progress_bar(what: str, max_steps: int) -> Iterator[Progress]:
-    """A progress bar on stderr that says what sampling still lacks."""
+def progress_bar(what: str) -> Iterator[Progress]:
+    """A progress bar on stderr: the share of the draws needed, and what is being done or still lacks."""
     from tqdm import tqdm
 
-    with tqdm(total=max_steps, desc=one_line(what), unit="step", leave=False, disable=None, dynamic_ncols=True) as bar:
+    words = "{desc} {bar:20} {n_fmt} % of the draws needed, {elapsed}{postfix}"
+    with tqdm(total=100, desc=one_line(what), bar_format=words, leave=False, disable=None, dynamic_ncols=True) as bar:
 
-        def show(step: int, message: str) -> None:
-            bar.n = step
+        def show(percent: int, message: str) -> None:
+            bar.n = percent
             bar.set_postfix_str(one_line(message[:60]), refresh=True)
 
         yield show

@@ -7,8 +7,8 @@ from estim.common.jobs import spread
 from estim.common.kinds import Kind, Status
 from estim.common.labels import KINDS, Label, Notation, split_level, table
 from estim.common.lookalikes import first_alike, forms
-from estim.common.quantity import EXTREME, Quantity, e_n, extreme, format_p, format_quantity, format_rounded, read_number, read_quantity, signed
+from estim.common.quantity import EXTREME, Quantity, e_n, extreme, format_p, format_quantity, format_rounded, p_digits, percentage
+from estim.common.quantity import read_number, read_quantity, signed, significant, with_unit
 from estim.common.statuses import PROBABILITIES, Amount, Finding, decide, gravest, wrong
-from estim.common.storage import TEMPORARY, held, names_in, note_input, noted_inputs, read_file, remove_empty, remove_files, require_plain
-from estim.common.storage import write_whole
+from estim.common.storage import TEMPORARY, held, inputs_read, names_in, note_input, read_file, remove_empty, remove_files, require_plain, write_whole
 from estim.common.streams import Stream, stream

@@ -16,6 +16,7 @@ from estim.common.errors import InputError
 _NUMBER = re.compile(r"[+-]?((\d+(\.\d*)?|\.\d+)(e[+-]?\d+)?|nan|inf|infinity)", re.ASCII | re.IGNORECASE)
 
 _LEAST_P = 1e-6
+_RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 _LONGEST = 200  # characters of a quantity; the library's pattern takes time as the square of a row of blanks
 EXTREME = "must be 0 or between 1e-100 and 1e100 in size"
 
@@ -119,9 +120,51 @@ def format_rounded(value: float, u: float) -> str:
     return signed(f"{value:.{decimals}f}")
 
 
-def format_p(p: float) -> str:
-    """'p = 0.03', or 'p < 1e-06': smaller probabilities have no meaning for errors that are only nearly normal."""
-    return f"p = {p:.1g}" if p > _LEAST_P else f"p < {_LEAST_P:.0e}"
+def format_p(p: float, least: float = _LEAST_P) -> str:
+    """'p = 0.030', or 'p < 1e-6': smaller probabilities have no meaning for errors that are only nearly normal.
+
+    least : the smallest that is told, for instance because simulation can tell no less.
+    """
+    return f"p = {p_digits(p)}" if p > least else f"p < {p_digits(least, 1)}"
+
+
+def p_digits(p: float, digits: int = 2) -> str:
+    """A probability: '0.20', '0.00030', '5e-5'."""
+    return re.sub(r"e([+-])0*(?=\d)", lambda found: "e" + found[1].replace("+", ""), significant(p, digits, least=1e-4, powers="e"))
+
+
+def significant(value: float, digits: int = 3, *, least: float = 1e-4, powers: str = "×10") -> str:
+    """`value` to as many significant digits, zeros at the end kept ("0.090"); sizes below `least` or from 1e6 on as powers of ten ("5.5×10⁻⁵").
+
+    powers : "×10" for that, "e" for "5.5e-05".
+    """
+    if not math.isfinite(value):
+        return "n/a"
+    if value == 0.0:
+        return "0"
+    mantissa, exponent = f"{value:.{digits - 1}e}".split("e")
+    rounded = float(f"{mantissa}e{exponent}")
+    if least <= abs(rounded) < 1e6:
+        return signed(f"{rounded:.{max(0, digits - 1 - int(exponent))}f}")
+    return signed(f"{mantissa}e{exponent}") if powers == "e" else f"{signed(mantissa)}×10{exponent_digits(int(exponent))}"
+
+
+def exponent_digits(exponent: int) -> str:
+    """'⁻⁵'."""
+    return str(exponent).translate(_RAISED)
+
+
+def percentage(share: float, digits: int = 2) -> str:
+    """A share as '8.6 %', '106 %', '0.30 %'."""
+    size = abs(100.0 * share)
+    return f"{significant(100.0 * share, max(digits, 1 + math.floor(math.log10(size))) if size >= 1.0 else digits)} %"
+
+
+def with_unit(text: str, unit: str) -> str:
+    """A number and its unit, brackets around more than one number: '0.447 m', '(3.86 ± 0.26)°'; the unit 1 is not written."""
+    if unit in ("", "1") or text == "n/a":
+        return text
+    return (f"({text})" if " " in text and not text.startswith("(") else text) + ("" if unit == "°" else " ") + unit
 
 
 def signed(text: str) -> str:

@@ -66,7 +66,7 @@ _NOTED: ContextVar[dict[str, str] | None] = ContextVar("_NOTED", default=None)
 
 
 @contextlib.contextmanager
-def noted_inputs() -> Iterator[dict[str, str]]:
+def inputs_read() -> Iterator[dict[str, str]]:
     """Every input file that is read within the block: its path as it was asked for -> SHA-256 of its bytes."""
     noted: dict[str, str] = {}
     token = _NOTED.set(noted)
@@ -77,7 +77,7 @@ def noted_inputs() -> Iterator[dict[str, str]]:
 
 
 def note_input(path: Path, data: bytes) -> None:
-    """Tells the blocks of `noted_inputs` under way that an input file was read."""
+    """Tells the blocks of `inputs_read` under way that an input file was read."""
     noted = _NOTED.get()
     if noted is not None:
         noted[str(path)] = hashlib.sha256(data).hexdigest()

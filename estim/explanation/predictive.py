@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from estim.arrays import FloatArray
-from estim.common import Label, Notation
+from estim.common import Label, Notation, p_digits
 from estim.deviation import MixtureErrors, replicas
 from estim.problem import Likelihood, Named, Observations, Points, Posterior, StackedPoints
 
@@ -54,7 +54,7 @@ class Predicted:
     def p_words(self) -> str:
         """p, no smaller than the number of data sets can tell."""
         least = 1.0 / self.again.size
-        return f"< {least:.1g}" if self.p <= least else f"{self.p:.2g}"
+        return f"< {p_digits(least, 1)}" if self.p <= least else p_digits(self.p)
 
     @property
     def brought_back(self) -> bool:

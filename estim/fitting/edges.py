@@ -149,9 +149,9 @@ def limit_of(fit: Fit, name: str, draws: FloatArray) -> Limit | None:
     return Limit("upper" if upper else "lower", float(edge), float(ends[0]), float(ends[1]))
 
 
-def limit_cell(limit: Limit, factor: float) -> str:
+def limit_cell(limit: Limit, factor: float, unit: str = "1") -> str:
     """'< 0.31 (95 %)', in units of which one SI unit has `factor`."""
-    return one_sided(limit.side, limit.limit_95, limit.edge, factor=factor)
+    return one_sided(limit.side, limit.limit_95, limit.edge, factor=factor, unit=unit if unit == "°" else "" if unit == "1" else f" {unit}")
 
 
 def limit_found(fit: Fit, name: str, draws: FloatArray) -> Finding:

@@ -19,7 +19,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from estim.arrays import FloatArray
-from estim.common import InputError
+from estim.common import InputError, percentage
 from estim.distributions import chi2_quantile, student_quantile
 from estim.fitting.least_squares import Fit
 from estim.fitting.profile_descents import Point, Start, minima, together
@@ -181,7 +181,7 @@ def _nowhere(parameter: Parameter, value: float, rises: dict[float, float]) -> P
 def _with_sentence(found: ProfileInterval, parameter: Parameter) -> ProfileInterval:
     shown = parameter.label
     unit = "" if shown.unit == "1" else f" {shown.unit}"
-    intervals = [f"{p:.0%} [{found.low[p] * shown.factor:.4g}, {found.high[p] * shown.factor:.4g}]{unit}" for p in found.low]
+    intervals = [f"{percentage(p)} [{found.low[p] * shown.factor:.4g}, {found.high[p] * shown.factor:.4g}]{unit}" for p in found.low]
     said = ["; ".join(intervals)]
     prior = parameter.prior
     for side, opened, ends, edge in (("below", found.open_low, found.low, prior.low), ("above", found.open_high, found.high, prior.high)):
@@ -190,14 +190,14 @@ def _with_sentence(found: ProfileInterval, parameter: Parameter) -> ProfileInter
             continue
         end = ends[which[0]]
         place = f"{end * shown.factor:.3g}{unit}"
-        size = "" if len(which) == len(opened) else " for " + " and ".join(f"{p:.0%}" for p in which)
+        size = "" if len(which) == len(opened) else " for " + " and ".join(f"{percentage(p)}" for p in which)
         if end != edge:
             said.append(f"open {side}{size}: no limit as far as {place}, where the search ended")
         elif abs(found.value - edge) < 1e-3 * (max(found.high.values()) - min(found.low.values())):
             said.append(f"open {side}{size}: the mode lies at the edge {place} of the prior")
         else:
             said.append(f"open {side}{size}: no limit {'above' if side == 'below' else 'below'} the edge {place} of the prior")
-    said += [f"the {p:.0%} region has more than one piece; the interval spans them" for p in found.pieces]
+    said += [f"the {percentage(p)} region has more than one piece; the interval spans them" for p in found.pieces]
     if found.found_better:
         said.append(f"a better point than the fit was met on the way (minus twice the log density lower by {found.found_better:.2g})")
     if found.n_failed:

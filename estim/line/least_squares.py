@@ -32,7 +32,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from estim.arrays import FloatArray
-from estim.common import InputError, Markdown, format_quantity, markdown, table
+from estim.common import InputError, Markdown, format_p, format_quantity, markdown, table
 from estim.distributions import chi2_quantile, chi2_tail, student_quantile, student_tail
 from estim.line.angle import LineData, Profile, ScaledPoints, best_angle, line_data, profile, scaled_points
 
@@ -85,7 +85,7 @@ class LineFit:
             )
             for name, u in self.standard_errors.items()
         ]
-        fit = f"S = {self.chi2:.4g}, {self.dof} degrees of freedom" + ("" if math.isnan(self.p_value) else f", p = {self.p_value:.2g}")
+        fit = f"S = {self.chi2:.4g}, {self.dof} degrees of freedom" + ("" if math.isnan(self.p_value) else f", {format_p(self.p_value)}")
         parts = (f"Line, method {self.method}: {fit}", markdown(self.message), table(("convention", "intercept", "slope"), rows))
         return "\n\n".join(part for part in (*parts, f"Quote **{self.recommended}**: {markdown(self.reason)}.") if part)
 
@@ -189,13 +189,13 @@ def _recommendation(data: LineData, chi2: float, dof: int, p_value: float) -> tu
         return "scaled", reason + (few if dof <= _FEW else "")
     if p_value < POOR_FIT:
         return "scaled", (
-            f"S/dof = {chi2 / dof:.3g} (p = {p_value:.2g}): the stated uncertainties do not explain the scatter; scaling assumes "
+            f"S/dof = {chi2 / dof:.3g} ({format_p(p_value)}): the stated uncertainties do not explain the scatter; scaling assumes "
             "that all are too small by one factor, a Bayesian line with intrinsic scatter that something was left out"
         )
     if data.method == "weighted":
         return "propagated", "x is exact and S agrees with the stated uncertainties, so they are propagated as they are"
     return "propagated", (
-        f"the stated uncertainties are not rejected by the scatter (p = {p_value:.2g}), so they need no scaling; the york "
+        f"the stated uncertainties are not rejected by the scatter ({format_p(p_value)}), so they need no scaling; the york "
         "convention is too small where the errors along the line are not small against the range"
     )
 
@@ -210,7 +210,7 @@ def _message(vertical: bool, contrast: float, chi2: float, dof: int, p_value: fl
     if contrast < chi2_quantile(0.95, 1):
         sentences.append(f"The data do not determine the line's direction: S varies by only {contrast:.2g} over all directions.")
     if p_value < POOR_FIT:
-        sentences.append(f"Poor fit: S = {chi2:.4g} with {dof} degrees of freedom (p = {p_value:.2g}).")
+        sentences.append(f"Poor fit: S = {chi2:.4g} with {dof} degrees of freedom ({format_p(p_value)}).")
     return " ".join(sentences)
 
 

@@ -15,21 +15,25 @@ import numpy as np
 
 from estim.campaign import Campaign
 from estim.checks import P_CONFLICT, P_POOR_FIT, P_TOLD, interval_cell, value_cell
-from estim.common import KINDS, Label, Markdown, Notation, Status, format_quantity, format_rounded, signed
+from estim.common import KINDS, Label, Markdown, Notation, Status, format_quantity, format_rounded, signed, significant, table
 from estim.explanation import Explanation, across_runs
 from estim.fitting import ProfileInterval
 from estim.pipeline import Analysis
 from estim.reports.budget import Shares, budget_of, shares_of
 from estim.reports.budget_figures import budget_figure
+from estim.reports.captions import alts_of, caption_of
 from estim.reports.consistency import consistency_text
 from estim.reports.consistency_figures import forest_figure
+from estim.reports.copying import copies_of
 from estim.reports.corner_figures import corner_figure, corner_words
 from estim.reports.counts import counted_runs, counts_figure, counts_text
+from estim.reports.curve_figures import phase_figure
 from estim.reports.derived import derived_rows
 from estim.reports.deviation import deviation_text
 from estim.reports.deviation_figures import force_figure
 from estim.reports.explanation import explanation_text, runs_text
-from estim.reports.figures import phase_figure, residual_figure
+from estim.reports.figures import residual_figure
+from estim.reports.first_screen import first_screen, opened_by
 from estim.reports.identifiability import IdentifySection, identify_section
 from estim.reports.identifiability_figures import direction_figure, profile_figure, ridge_figure
 from estim.reports.joint_figures import together_figure
@@ -37,6 +41,7 @@ from estim.reports.lacks import lacks_text
 from estim.reports.lacks_figures import lacks_figure
 from estim.reports.pages import Drawers, page
 from estim.reports.rendering import render
+from estim.reports.residual_panels import misfit_words, residuals_of
 from estim.reports.result import ParameterSummary, Result, Subject, result_of, to_json
 from estim.reports.rolling import rolling_rows
 from estim.reports.rolling_figures import rolling_figure
@@ -85,21 +90,23 @@ def analysis_report(campaign: Subject, analysis: Analysis, *, voice: Voice = Voi
     def text(pictures: Collection[str]) -> str:
         agreement, on_edge = analysis.consistency, analysis.fit.at_bound
         return analysis_text(
-            result, section, corner_words(analysis.problem), pictures, converged=analysis.chain.convergence.met,
+            result, section, corner_words(analysis.problem, truth=bool(campaign.truth)), pictures, converged=analysis.chain.convergence.met,
             consistency="" if agreement is None else consistency_text(agreement, pictures, limits_only=not analysis.diagnosis.ok, on_edge=on_edge),
             explanation="" if analysis.explanation is None else explanation_text(analysis.explanation), counts=counts_text(analysis.fit, pictures),
-            shares=shares,
+            shares=shares, misfit=misfit_words(residuals_of(analysis)),
         )
 
-    drawers = _drawers(analysis, determination.intervals, shares, synthetic=campaign.kind == "synthetic")
-    return page(drawers, text, wanted=figures) | {"result.json": to_json(result)}
+    drawers = _drawers(analysis, determination.intervals, shares, synthetic=campaign.kind == "synthetic", truth=campaign.truth)
+    return page(drawers, text, wanted=figures, synthetic=campaign.kind == "synthetic") | {"result.json": to_json(result)}
 
 
-def _drawers(analysis: Analysis, intervals: Sequence[ProfileInterval], shares: Shares | None, *, synthetic: bool) -> Drawers:
+def _drawers(
+    analysis: Analysis, intervals: Sequence[ProfileInterval], shares: Shares | None, *, synthetic: bool, truth: Mapping[str, float]
+) -> Drawers:
     drawn: dict[str, Callable[[], Figure]] = {
         "figures/phase.png": lambda: phase_figure(analysis, synthetic=synthetic),
         "figures/residuals.png": lambda: residual_figure(analysis.problem.runs, analysis.goodness, synthetic=synthetic),
-        "figures/corner.png": lambda: corner_figure(analysis),
+        "figures/corner.png": lambda: corner_figure(analysis, truth),
         "figures/traces.png": lambda: trace_figure(analysis),
         "figures/directions.png": lambda: direction_figure(analysis.problem, analysis.identifiability),
         "figures/profiles.png": lambda: profile_figure(analysis.problem, intervals, analysis.chain.thinned(_RIDGE_DRAWS)),
@@ -108,7 +115,8 @@ def _drawers(analysis: Analysis, intervals: Sequence[ProfileInterval], shares: S
         drawn["figures/budget.png"] = partial(budget_figure, shares)
     if analysis.consistency is not None:
         on_edge = analysis.fit.at_bound
-        drawn["figures/consistency.png"] = partial(forest_figure, analysis.consistency, synthetic=synthetic, on_edge=on_edge)
+        edges = {p.name: (p.prior.low, p.prior.high) for p in analysis.problem.parameters}
+        drawn["figures/consistency.png"] = partial(forest_figure, analysis.consistency, synthetic=synthetic, on_edge=on_edge, edges=edges)
     if len(analysis.problem.runs) > 1:
         drawn["figures/residuals_together.png"] = lambda: together_figure(analysis.problem, analysis.goodness, synthetic=synthetic)
     if analysis.fit.forces:
@@ -128,20 +136,22 @@ def _drawers(analysis: Analysis, intervals: Sequence[ProfileInterval], shares: S
 
 def analysis_text(
     result: Result, section: IdentifySection, corner_words: Markdown, pictures: Collection[str], *, converged: bool, consistency: str,
-    explanation: str, counts: str = "", shares: Shares | None = None,
+    explanation: str, counts: str = "", shares: Shares | None = None, misfit: str = "",
 ) -> str:
     """The Markdown report of one analysis, with the figures at the paths `pictures`.
 
     section : what it says about the data against the priors.  corner_words : below the corner figure.  converged : whether there are enough draws.
     consistency : about several runs, "" for one.  explanation : of what may be missing, "" where that was not asked.
-    shares : of the sources of uncertainty, None where there is no uncertainty to explain.
+    shares : of the sources of uncertainty, None where there is no uncertainty to explain.  misfit : the largest, in words.
     """
     rows = [parameter_row(name, p, result) for name, p in result.parameters.items()]
     axes = list(dict.fromkeys((run.x, run.y) for run in result.runs.values()))
     told_below = P_TOLD if any("speed" in run.checks for run in result.runs.values()) else None
     lacks = lacks_text(result.curve_deviation, result.labels, pictures) if result.curve_deviation else ""
+    screen = first_screen(result)
     return render(
-        "analysis.md.j2", pictures=pictures,
+        "analysis.md.j2", pictures=pictures, opened=opened_by(result), screen=screen, screen_table=table(screen.head, screen.rows),
+        copies=copies_of(screen.estimates) if screen.estimates else None, caption=caption_of(result), alts=alts_of(result, misfit),
         budget=shares, result=result, kind=KINDS[result.kind], status_words=STATUS_WORDS[Status(result.status)], rows=rows,
         correlation=_correlation_table(result), derived=derived_rows(result.runs, result.labels), limits=_what_limits(result),
         reject_below=P_POOR_FIT, told_below=told_below, conflict_below=P_CONFLICT, ends=_turning_rows(result), identify=section,
@@ -151,9 +161,8 @@ def analysis_text(
         corner_words=corner_words, usual=[usual_row(one) for one in result.usual_errors], lacks=lacks, explanation=explanation, counts=counts,
         deviation=deviation_text(result.deviation, result.labels, pictures) if result.deviation else "",
         complete=complete_runs([result]),
-        drawn=any(force.drawn for force in (result.deviation or {}).values()),
         said=[words for force in (result.deviation or {}).values() for words in (force.words, force.noise_words)] if result.status == "ok" else [],
-        picture=" and ".join(f"{y} against {x}" for x, y in axes), x_named="x" in re.findall(r"\w+", result.formula or ""),
+        x_named="x" in re.findall(r"\w+", result.formula or ""),
     )
 
 
@@ -205,13 +214,22 @@ def index_report(campaign: Campaign, results: Mapping[str, Result], explanations
     columns += list(dict.fromkeys(shown for found in derived.values() for shown in found))
     table = []
     for run, result in results.items():
-        cells = {result.labels.bare[name]: value_cell(p, result.labels.parameters[name]) for name, p in result.parameters.items()}
+        cells = {result.labels.bare[name]: _index_cell(p, result.labels.bare[name]) for name, p in result.parameters.items()}
         cells |= {shown: value_cell(one, shown) for shown, one in derived[run].items()}
         table.append((run, result.status, [cells.get(shown, "") if result.status == "ok" else "—" for shown in columns]))
     causes = runs_text(across_runs(explanations)) if len(explanations) > 1 else ""
     heads = [shown.symbol + ("" if shown.unit == "1" else f" ({shown.unit})") for shown in columns]
     text = render("index.md.j2", title=campaign.title, kind=KINDS[campaign.kind], heads=heads, table=table, causes=causes)
     return {"report.md": text.encode()}
+
+
+def _index_cell(p: ParameterSummary, shown: Label) -> str:
+    """A value or a limit; "as stated" where the data say little more."""
+    if p.measured or p.limit is not None:
+        return value_cell(p, shown)
+    if p.upper_95 is not None:
+        return f"< {format_rounded(p.upper_95 * shown.factor, 0.25 * p.upper_95 * shown.factor)} (95 %)"
+    return "as stated"
 
 
 def parameter_row(name: str, p: ParameterSummary, result: Result) -> Row:
@@ -233,7 +251,7 @@ def parameter_row(name: str, p: ParameterSummary, result: Result) -> Row:
         fit=fit, posterior=value_cell(p, shown), interval=interval_cell(p, shown),
         narrowing="" if not p.prior_sd or p.sd is None else f"{p.sd / p.prior_sd:.2f}",
         rhat="n/a" if p.rhat is None else f"{p.rhat:.4f}", ess=f"{p.ess_bulk or 0:.0f} / {p.ess_tail or 0:.0f}",
-        mcse="n/a" if p.mcse is None else f"{p.mcse * shown.factor:.2g} {'' if shown.unit == '1' else shown.unit}".strip(),
+        mcse="n/a" if p.mcse is None else f"{significant(p.mcse * shown.factor, 2)} {'' if shown.unit == '1' else shown.unit}".strip(),
     )
 
 

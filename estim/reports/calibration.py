@@ -11,7 +11,7 @@ import numpy as np
 
 from estim.calibration import COVERAGE_SDS, UNIFORM_BELOW, Calibration, coverage_sentence, direction, findings
 from estim.campaign import Campaign
-from estim.common import KINDS, Markdown, as_json, decide
+from estim.common import KINDS, Markdown, as_json, decide, p_digits
 from estim.reports.calibration_figures import coverage_figure, rank_figure
 from estim.reports.pages import page
 from estim.reports.rendering import render
@@ -72,7 +72,7 @@ def calibration_report(campaign: Campaign, calibrations: Sequence[Calibration], 
         uniform_below=UNIFORM_BELOW, coverage_sds=COVERAGE_SDS, parts=[_part(calibration) for calibration in calibrations],
     )
     records = {c.what: calibration_record(campaign, c) for c in calibrations}
-    return page(drawers, text, wanted=figures) | {"calibration.json": as_json(records)}
+    return page(drawers, text, wanted=figures, synthetic=campaign.kind == "synthetic") | {"calibration.json": as_json(records)}
 
 
 def calibration_record(campaign: Campaign, c: Calibration) -> CalibrationRecord:
@@ -100,7 +100,7 @@ def _part(c: Calibration) -> Mapping[str, object]:
         off = [abs(s - p) > COVERAGE_SDS * u for s, p, u in zip(share, c.probabilities, c.share_sd(), strict=True)]
         covered = [Markdown(f"**{100 * s:.1f} %**") if o else f"{100 * s:.1f} %" for s, o in zip(share, off, strict=True)]
         how = direction_words(direction(c, name)) or "—"
-        rows.append((c.labels[name].symbol, "n/a" if np.isnan(p_value) else f"{p_value:.2g}", *covered, how))
+        rows.append((c.labels[name].symbol, "n/a" if np.isnan(p_value) else p_digits(p_value), *covered, how))
     sd = 100 * c.share_sd()
     return {
         "what": c.what, "at": _AT[c.what], "findings": [tell(f) for f in findings(c)], "rows": rows, "sds": [f"{u:.1f}" for u in sd],

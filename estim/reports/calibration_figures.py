@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from estim.calibration import COVERAGE_SDS, Calibration, edges, rank_counts, uniformity_band
+from estim.common import percentage
 from estim.reports.figures import BLUE, GREY, INK, ORANGE, name_ticks, new_figure
 
 if TYPE_CHECKING:
@@ -57,7 +58,7 @@ def coverage_figure(calibration: Calibration) -> Figure:
         off = np.abs(shares - p) > COVERAGE_SDS * sd
         ax.plot(100 * shares[~off], rows[~off], "o", color=BLUE, ms=4)
         ax.plot(100 * shares[off], rows[off], "D", color=ORANGE, ms=5)
-        ax.set_xlabel(f"covered by the {p:.0%} interval (%)", fontsize=8)
+        ax.set_xlabel(f"covered by the {percentage(p)} interval (%)", fontsize=8)
         ax.tick_params(labelsize=7)
     name_ticks(axes[0].yaxis, rows, [calibration.labels[name].tex for name in names])
     return figure

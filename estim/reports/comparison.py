@@ -57,7 +57,7 @@ def compare_report(campaign: Campaign, compared: Sequence[Compared], *, seed: in
     )
     record = {"title": campaign.title, "kind": campaign.kind, "runs": runs, "models": summaries, "provenance": provenance(campaign, runs, seed)}
     drawers = {"figures/comparison.png": partial(_figure, summaries, common, synthetic=campaign.kind == "synthetic")}
-    return page(drawers, text, wanted=figures) | {"comparison.json": as_json(record)}
+    return page(drawers, text, wanted=figures, synthetic=campaign.kind == "synthetic") | {"comparison.json": as_json(record)}
 
 
 def folder_of(name: str) -> str:

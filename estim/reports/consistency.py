@@ -6,7 +6,7 @@ from collections.abc import Collection
 from dataclasses import dataclass
 
 from estim.checks import P_INCONSISTENT, PRIORS, Consistency, SharedEstimate
-from estim.common import Label, Markdown, format_quantity
+from estim.common import Label, Markdown, format_quantity, p_digits
 from estim.reports.rendering import render
 
 
@@ -53,7 +53,7 @@ def source_rows(consistency: Consistency) -> list[SourceRow]:
     return [
         SourceRow(
             source=Markdown(f"*{row.source}*") if row.source == PRIORS else row.source, distance2=f"{row.distance2:.1f}" if row.dof else "—",
-            dof=str(row.dof), p_value=f"{row.p_value:.2g}" if row.dof else "—", p_holm=f"{row.p_holm:.2g}" if row.dof else "—",
+            dof=str(row.dof), p_value=p_digits(row.p_value) if row.dof else "—", p_holm=p_digits(row.p_holm) if row.dof else "—",
         )
         for row in consistency.rows
     ]

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Mapping
+from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from estim.checks import Consistency
-from estim.reports.figures import BLUE, GREY, INK, ORANGE, name_ticks, new_figure
+from estim.reports.figures import BLUE, GREY, INK, name_ticks, new_figure
+from estim.reports.residual_panels import VERMILION
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -16,10 +18,12 @@ if TYPE_CHECKING:
 _MOST_ROWS = 64
 
 
-def forest_figure(consistency: Consistency, *, synthetic: bool, on_edge: Collection[str] = ()) -> Figure:
+def forest_figure(
+    consistency: Consistency, *, synthetic: bool, on_edge: Collection[str] = (), edges: Mapping[str, tuple[float, float]] = MappingProxyType({})
+) -> Figure:
     """One panel a shared parameter, one line a run; bars are one standard uncertainty, the shaded band is the joint fit.
 
-    Runs that disagree are orange.  Runs beyond the first 64 are not drawn.
+    Runs that disagree are vermilion.  Runs beyond the first 64 are not drawn.  edges : parameter -> ends of its prior, beyond which nothing is drawn.
     """
     panels = [(i, name, shown) for i, (name, shown) in enumerate(zip(consistency.shared, consistency.labels, strict=True))]
     columns = min(3, len(panels))
@@ -30,19 +34,22 @@ def forest_figure(consistency: Consistency, *, synthetic: bool, on_edge: Collect
     wrong = {row.source for row in consistency.rows if row.source in consistency.suspects}
     for ax, (i, name, shown) in zip(axes, panels, strict=False):
         runs = consistency.used[name][:_MOST_ROWS]
+        low, high = (edge * shown.factor for edge in edges.get(name, (-np.inf, np.inf)))
         centre, sd = consistency.joint.mean[i] * shown.factor, consistency.joint.sd[i] * shown.factor
         if name not in on_edge:  # there all runs together give a limit
-            ax.axvspan(centre - sd, centre + sd, color=GREY, alpha=0.25, lw=0, label="all")
+            ax.axvspan(max(centre - sd, low), min(centre + sd, high), color=GREY, alpha=0.25, lw=0, label="all")
             ax.axvline(centre, color=GREY, lw=0.8)
         for place, run in enumerate(runs):
             others, alone = consistency.others[run], consistency.alone[run]
-            colour = ORANGE if run in wrong else BLUE
+            colour = VERMILION if run in wrong else BLUE
+            value, bar = _within(others.mean[i] * shown.factor, others.sd[i] * shown.factor, low, high)
             ax.errorbar(
-                others.mean[i] * shown.factor, place + 0.17, xerr=_bar(others.sd[i] * shown.factor), fmt="o", mfc="white", ms=3.5, color=INK, lw=0.9,
+                value, place + 0.17, xerr=bar, fmt="o", mfc="white", ms=3.5, color=INK, lw=0.9,
                 label="all but this run" if place == 0 else None,
             )
+            value, bar = _within(alone.mean[i] * shown.factor, alone.sd[i] * shown.factor, low, high)
             ax.errorbar(
-                alone.mean[i] * shown.factor, place - 0.17, xerr=_bar(alone.sd[i] * shown.factor), fmt="o", ms=3.5, color=colour, lw=1.4,
+                value, place - 0.17, xerr=bar, fmt="o", ms=3.5, color=colour, lw=1.4,
                 label="this run and the stated values" if place == 0 else None,
             )
         name_ticks(ax.yaxis, range(len(runs)), runs, fontsize=7.5)
@@ -50,8 +57,7 @@ def forest_figure(consistency: Consistency, *, synthetic: bool, on_edge: Collect
             tick.set_fontweight("bold" if run in wrong else "normal")
         ax.set_ylim(len(runs) - 0.4, -0.6)
         ax.tick_params(axis="x", labelsize=7.5)
-        ax.locator_params(axis="x", nbins=4)
-        ax.locator_params(axis="x", nbins=5)
+        ax.locator_params(axis="x", nbins=3)
         ax.set_xlabel(shown.axis, fontsize=9)
     for extra in axes[len(panels) :]:
         extra.set_visible(False)
@@ -61,5 +67,7 @@ def forest_figure(consistency: Consistency, *, synthetic: bool, on_edge: Collect
     return figure
 
 
-def _bar(sd: float) -> float:
-    return float(sd) if np.isfinite(sd) else 0.0
+def _within(value: float, sd: float, low: float, high: float) -> tuple[float, list[list[float]]]:
+    """A value and the ends of its bar, no farther than the edges."""
+    reach, value = (float(sd) if np.isfinite(sd) else 0.0), float(np.clip(value, low, high))
+    return value, [[min(reach, value - low)], [min(reach, high - value)]]

@@ -5,7 +5,9 @@ Everything stands in one axes whose unit is the inch: an axes for each pair take
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -34,7 +36,7 @@ _FAR = 4.0  # widths of the 68 % interval, beyond which no tail is drawn
 class Column:
     """A parameter of the figure, or what follows from some: draws (n_draw,), ends of its axis and ticks (n_tick,), in the unit that is shown.
 
-    prior : None for what follows from parameters.
+    prior : None for what follows from parameters.  true : of synthetic data, in the unit that is shown; None where it is not known.
     """
 
     prior: Prior | None
@@ -43,6 +45,7 @@ class Column:
     low: float
     high: float
     ticks: FloatArray
+    true: float | None = None
 
     def place(self, values: FloatArray) -> FloatArray:
         """Where `values` stand along the axis, 0 at its beginning, 1 at its end."""
@@ -66,13 +69,16 @@ class _Panel:
         return self.inside(np.array([0.0, 1.0, 1.0, 0.0, 0.0]), np.array([0.0, 0.0, 1.0, 1.0, 0.0]))
 
 
-def corner_figure(analysis: Analysis) -> Figure:
-    """Marginal and joint posteriors of `corner_parameters`, with the prior (orange) beside each marginal."""
+def corner_figure(analysis: Analysis, truth: Mapping[str, float] = MappingProxyType({})) -> Figure:
+    """Marginal and joint posteriors of `corner_parameters`, with the prior (orange) beside each marginal.
+
+    truth : parameter -> true value of synthetic data, a dashed line.
+    """
     from matplotlib.collections import LineCollection
     from matplotlib.figure import Figure
     from matplotlib.path import Path
 
-    columns = columns_of(analysis)
+    columns = columns_of(analysis, truth)
     n = len(columns)
     size = max(0.75 * WIDTH, 1.35 * n)
     side = (size - _BEFORE - _BEHIND) / (n + _GAP * (n - 1))
@@ -93,25 +99,27 @@ def corner_figure(analysis: Analysis) -> Figure:
     lines.set_clip_path(Path.make_compound_path(*(Path(panels[i][i].frame) for i in range(n))), ax.transData)
     ax.add_collection(LineCollection([panel.frame for row in panels for panel in row], colors=INK, linewidths=0.8, zorder=3))
     ax.add_collection(LineCollection(_tick_marks(panels, columns), colors=INK, linewidths=0.8))
+    ax.add_collection(LineCollection(_true_lines(panels, columns), colors=INK, linewidths=0.9, linestyles=(0, (3, 2)), zorder=4))
     _write(ax, panels, columns, fontsize=10.0 if len(analysis.problem.runs) == 1 else 8.5)
     return figure
 
 
-def columns_of(analysis: Analysis) -> list[Column]:
-    """What a corner figure shows, one entry a parameter."""
+def columns_of(analysis: Analysis, truth: Mapping[str, float] = MappingProxyType({})) -> list[Column]:
+    """What a corner figure shows, one entry a parameter.  truth : parameter -> true value."""
     single = len(analysis.problem.runs) == 1
     shown, draws = [analysis.problem.parameters[i] for i in corner_parameters(analysis.problem)], analysis.chain.thinned(20_000)
-    columns = [_column(p.prior, p.bare_label if single else p.label, draws[:, analysis.problem.names.index(p.name)]) for p in shown]
+    names = analysis.problem.names
+    columns = [_column(p.prior, p.bare_label if single else p.label, draws[:, names.index(p.name)], truth.get(p.name)) for p in shown]
     return columns + [_column(None, label, values) for label, values in sought_draws(analysis)[:MAX_SOUGHT]]
 
 
-def _column(prior: Prior | None, label: Label, draws: FloatArray) -> Column:
+def _column(prior: Prior | None, label: Label, draws: FloatArray, true: float | None = None) -> Column:
     from matplotlib.ticker import MaxNLocator
 
     low, high = _reach(prior, draws * label.factor, label.factor)
     ticks = np.asarray(MaxNLocator(4).tick_values(low, high))
     clear = np.abs(ticks - 0.5 * (low + high)) < 0.42 * (high - low)  # of the next panel's
-    return Column(prior, label, draws * label.factor, low, high, ticks[clear])
+    return Column(prior, label, draws * label.factor, low, high, ticks[clear], None if true is None else true * label.factor)
 
 
 def _draw_pair(ax: Axes, panel: _Panel, column: Column, row: Column) -> None:
@@ -132,6 +140,18 @@ def _densities(column: Column) -> tuple[tuple[FloatArray, FloatArray], tuple[Flo
     return (column.place(np.repeat(edges, 2)), outline / top), None if y is None else (column.place(x), y / top)
 
 
+def _true_lines(panels: list[list[_Panel]], columns: list[Column]) -> list[FloatArray]:
+    """The true values across every panel that they lie in."""
+    both, lines = np.array([0.0, 1.0]), []
+    for i, row in enumerate(panels):
+        for j, panel in enumerate(row):
+            for across, column in ((True, columns[j]), (False, columns[i])):
+                if column.true is not None and column.low <= column.true <= column.high and (across or j < i):
+                    at = np.full(2, float(column.place(np.array(column.true))))
+                    lines.append(panel.inside(at, both) if across else panel.inside(both, at))
+    return lines
+
+
 def _tick_marks(panels: list[list[_Panel]], columns: list[Column]) -> list[FloatArray]:
     marks = []
     for i, row in enumerate(panels):
@@ -149,11 +169,14 @@ def _write(ax: Axes, panels: list[list[_Panel]], columns: list[Column], *, fonts
         below, beside = panels[-1][i], panels[i][0]
         shares, texts = column.place(column.ticks), tick_texts(column.ticks)
         for share, text in zip(shares, texts, strict=True):
-            ax.text(below.left + below.side * share, below.bottom - 2.0 * _TICK, text, fontsize=7, rotation=45, ha="center", va="top")
+            ax.text(
+                below.left + below.side * share + _TICK, below.bottom - 1.6 * _TICK, text, fontsize=7, rotation=45, rotation_mode="anchor",
+                ha="right", va="top",
+            )
         ax.text(below.left + 0.5 * below.side, below.bottom - _LABEL, column.label.axis, fontsize=fontsize, ha="center", va="top")
         if i:
             for share, text in zip(shares, texts, strict=True):
-                ax.text(beside.left - 2.0 * _TICK, beside.bottom + beside.side * share, text, fontsize=7, rotation=45, ha="right", va="center")
+                ax.text(beside.left - 2.0 * _TICK, beside.bottom + beside.side * share, text, fontsize=7, ha="right", va="center")
             ax.text(
                 beside.left - _LABEL, beside.bottom + 0.5 * beside.side, column.label.axis, fontsize=fontsize, rotation=90,
                 rotation_mode="anchor", ha="center", va="bottom",
@@ -179,10 +202,11 @@ def corner_parameters(problem: Problem) -> list[int]:
     return (shared if len(shared) > 1 else list(range(problem.n_par)))[:MAX_CORNER]
 
 
-def corner_words(problem: Problem) -> Markdown:
-    """The legend of the corner figure, with what it leaves out."""
+def corner_words(problem: Problem, *, truth: bool = False) -> Markdown:
+    """The legend of the corner figure, with what it leaves out.  truth : whether true values are drawn."""
     words = Markdown("Blue: posterior, contours hold 68 and 95 %. Orange: prior; what is derived from the parameters has none.")
     words = words if any(run.sought for run in problem.runs) else Markdown("Blue: posterior, contours hold 68 and 95 %. Orange: prior.")
+    words = Markdown(f"{words} Dashed: the true values.") if truth else words
     drawn = [problem.parameters[i].name for i in corner_parameters(problem)]
     if len(drawn) == problem.n_par:
         return words

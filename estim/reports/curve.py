@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from types import MappingProxyType
 
 import numpy as np
@@ -26,7 +26,8 @@ from estim.reports.analysis import analysis_report
 class CurveSubject:
     """A fitted curve as what a report is about: arrays in place of files.
 
-    tables : run -> its columns as a table.  sha256 : digest of the formula and of what is fixed in it.
+    tables : run -> its columns as a table.  truth : parameter -> its true value, of synthetic data where it is known.
+    sha256 : digest of the formula and of what is fixed in it.
     """
 
     title: str
@@ -35,6 +36,7 @@ class CurveSubject:
     path: str
     sha256: str
     tables: Mapping[str, Run]
+    truth: Mapping[str, float] = field(default_factory=dict)
 
 
 def curve_report(fit: CurveFit, analysis: Analysis, *, title: str, kind: Kind, figures: bool = True) -> dict[str, bytes]:

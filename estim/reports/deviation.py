@@ -9,7 +9,7 @@ import msgspec
 import numpy as np
 
 from estim.checks import force_finding, noise_finding
-from estim.common import Markdown
+from estim.common import Markdown, significant
 from estim.deviation import FoundForce
 from estim.pipeline import Analysis
 from estim.reports.labels import Labels
@@ -73,12 +73,12 @@ def deviation_text(forces: Mapping[str, ForceSummary], labels: Labels, pictures:
     """Markdown fragment without a heading.  pictures : paths of the figures beside it."""
     sections = []
     for run, force in forces.items():
-        grown = [(labels.symbol(name), f"{factor:.2g}") for name, factor in force.growth.items()]
+        grown = [(labels.symbol(name), significant(factor, 2)) for name, factor in force.growth.items()]
         average = force.average
         sections.append(
             _Section(
                 run, force, grown, "" if average is None else labels.symbol(average.parameter),
-                "" if average is None else f"{average.sd:.2g}", "" if average is None else f"{average.sd_material:.2g}",
+                "" if average is None else significant(average.sd, 2), "" if average is None else significant(average.sd_material, 2),
             )
         )
     return render("deviation.md.j2", pictures=pictures, sections=sections)

@@ -10,12 +10,14 @@ import msgspec
 import numpy as np
 
 from estim.campaign import Campaign
-from estim.common import KINDS, Quantity, as_json, format_quantity, gravest
+from estim.common import KINDS, Quantity, as_json, format_p, format_quantity, gravest, percentage, significant, with_unit
 from estim.pipeline import Analysis
-from estim.reports.figures import COLOURS, GREY, MARKS, new_figure
+from estim.reports.figures import GREY, MARKS, new_figure
+from estim.reports.joint_figures import RUN_COLOURS
 from estim.reports.pages import page
 from estim.reports.rendering import render
 from estim.reports.result import Provenance, provenance
+from estim.reports.rounded import interval
 from estim.sampling import number
 from estim.studies import Drift, EnergyEstimate, EnergyRecord
 from estim.words import STATUS_WORDS
@@ -44,6 +46,13 @@ class EnergySummary(msgspec.Struct, frozen=True):
     loss_per_metre: Value  # J/(kg m)
     loss_interval_95: list[float | None]
     loss_force: Value  # N
+
+    @property
+    def loss_ends(self) -> str:
+        """The interval of the loss, rounded by its standard uncertainty."""
+        low, high = self.loss_interval_95
+        u = self.loss_per_metre.u
+        return "n/a" if low is None or high is None or u is None else interval(low, high, u, 2)
 
 
 class DriftSummary(msgspec.Struct, frozen=True):
@@ -99,28 +108,41 @@ def drift_words(drift: DriftSummary) -> str:
             "This fit held the rolling resistance fixed, so the energies below agree with that by construction and say nothing on a loss: "
             "give rolling_resistance a prior."
         )
-    test = f"Allowing a loss improves χ² by {max(drift.gain, 0.0):.1f} (p = {drift.p_value:.2g} if there were none)"
+    test = f"Allowing a loss improves χ² by {max(drift.gain, 0.0):.1f} ({format_p(drift.p_value)} if there were none)"
     if drift.seen:
-        return f"{test}; the data narrow the rolling resistance to {drift.narrowing:.0%} of its prior, so the loss below is measured."
+        return f"{test}; the data narrow the rolling resistance to {percentage(drift.narrowing, 2)} of its prior, so the loss below is measured."
     if drift.determined and drift.limit is not None:
         return (
-            f"{test}: consistent with no loss. The data narrow the rolling resistance to {drift.narrowing:.0%} of its prior: "
-            f"c_rr ≤ {drift.limit:.2g} with probability 95 %; read the loss below as a limit, not as a measurement."
+            f"{test}: consistent with no loss. The data narrow the rolling resistance to {percentage(drift.narrowing, 2)} of its prior: "
+            f"c_rr ≤ {significant(drift.limit, 2)} with probability 95 %; read the loss below as a limit, not as a measurement."
         )
     return (
-        f"{test}. The data leave the rolling resistance about as uncertain as its prior ({drift.narrowing:.0%} of the prior's width): "
+        f"{test}. The data leave the rolling resistance about as uncertain as its prior ({percentage(drift.narrowing, 2)} of the prior's width): "
         "the loss below is what was assumed, not a measurement."
     )
 
 
-def shown(value: Value | None) -> str:
-    """A value as text, rounded by its uncertainty."""
-    return "n/a" if value is None or value.value is None else format_quantity(value.value, value.u)
+def energy_words(drift: DriftSummary) -> str:
+    """The same in a few words."""
+    if not drift.free or drift.p_value is None:
+        return "no loss can show, the rolling resistance was held fixed"
+    if drift.seen:
+        return f"a loss is measured ({format_p(drift.p_value)} if there were none)"
+    if drift.determined and drift.limit is not None:
+        return f"no loss is seen, c_rr ≤ {significant(drift.limit, 2)} (95 %)"
+    return "the loss is what was assumed, not a measurement"
+
+
+def shown(value: Value | None, factor: float = 1.0) -> str:
+    """A value as text, rounded by its uncertainty, in units of which one of its own has `factor`."""
+    return "n/a" if value is None or value.value is None else format_quantity(value.value * factor, None if value.u is None else value.u * factor)
 
 
 def percent(value: Value) -> str:
     """A ratio as text, in per cent; none where it is divided by what may be 0."""
-    return "n/a" if value.value is None or value.u is None or value.u > _ANYTHING else format_quantity(100.0 * value.value, 100.0 * value.u) + " %"
+    if value.value is None or value.u is None or value.u > _ANYTHING:
+        return "n/a"
+    return with_unit(format_quantity(100.0 * value.value, 100.0 * value.u), "%")
 
 
 def average_words(energies: Mapping[str, EnergySummary]) -> str:
@@ -151,9 +173,9 @@ def energy_report(
     drawers = {"figures/energy.png": partial(energy_figure, records, synthetic=campaign.kind == "synthetic", title=campaign.title, bad=bad)}
     text = partial(
         render, "energy.md.j2", result=result, energies=result.energies, kind=KINDS[campaign.kind], status_words=STATUS_WORDS, shown=shown,
-        percent=percent, drift_words=drift_words,
+        percent=percent, drift_words=drift_words, energy_words=energy_words,
     )
-    return page(drawers, text, wanted=figures) | {"result.json": as_json(result)}
+    return page(drawers, text, wanted=figures, synthetic=campaign.kind == "synthetic") | {"result.json": as_json(result)}
 
 
 def energy_figure(records: Sequence[EnergyRecord], *, synthetic: bool, title: str, bad: frozenset[str] = frozenset()) -> Figure:
@@ -162,16 +184,21 @@ def energy_figure(records: Sequence[EnergyRecord], *, synthetic: bool, title: st
     Energies have a strip for each run: the bands of several runs in one panel hide each other.
     """
     n = len(records)
-    figure = new_figure(3.0 + max(2.6, 0.95 * n))
-    rows = figure.add_gridspec(2, 2, height_ratios=(2.8, max(2.6, 0.95 * n)))
-    x_panel, v_panel = (figure.add_subplot(rows[0, i]) for i in (0, 1))
-    energies, changes = (rows[1, i].subgridspec(n, 1).subplots(sharex=True, sharey=i == 1, squeeze=False)[:, 0] for i in (0, 1))
+    figure = new_figure(3.2 + max(2.6, 0.95 * n))
+    axes = figure.subplots(1 + n, 2, squeeze=False, height_ratios=(2.8, *[max(2.6, 0.95 * n) / n] * n))
+    (x_panel, v_panel), energies, changes = axes[0], axes[1:, 0], axes[1:, 1]
+    for column in (energies, changes):
+        for strip in column[:-1]:
+            strip.sharex(column[-1])
+            strip.tick_params(labelbottom=False)
+    for change in changes[1:]:
+        change.sharey(changes[0])
     timed = all(record.t is not None for record in records)
-    for record, colour, mark, strip, change in zip(records, COLOURS * n, MARKS * n, energies, changes, strict=False):
+    for record, colour, mark, strip, change in zip(records, RUN_COLOURS * n, MARKS * n, energies, changes, strict=False):
         t = record.t if timed and record.t is not None else record.x
         none = np.zeros_like(record.x)
         panels = ((x_panel, record.x, none), (v_panel, record.v, record.u_v), (strip, record.total, record.u_total))
-        for ax, y, u in (*panels, (change, record.relative, record.u_relative)):
+        for ax, y, u in (*panels, (change, 100.0 * record.relative, 100.0 * record.u_relative)):
             ax.plot(t, y, mark, color=colour, ms=2.5, label=record.run)
             if record.run not in bad:
                 ax.fill_between(t, y - u, y + u, color=colour, alpha=0.25, lw=0)
@@ -182,9 +209,9 @@ def energy_figure(records: Sequence[EnergyRecord], *, synthetic: bool, title: st
     along = "time t (s)" if timed else "position x (m)"
     x_panel.set(xlabel=along, ylabel="(a) position x (m)")
     v_panel.set(xlabel=along, ylabel="(b) speed v (m/s)")
-    for strips, name in ((energies, "(c) energy E/M (J/kg)"), (changes, "(d) (E − E₀)/E₀")):
+    for strips, name in ((energies, "(c) energy E/M (J/kg)"), (changes, "(d) (E − E₀)/E₀ (%)")):
         strips[-1].set_xlabel(along)
         strips[0].set_title(name, fontsize=9, loc="left", pad=2)
-    x_panel.legend(fontsize=8, frameon=False)
+    figure.legend(*x_panel.get_legend_handles_labels(), fontsize=8, frameon=False, loc="outside lower center", ncols=min(n, 6))
     figure.suptitle(title + (" (SYNTHETIC data)" if synthetic else ""), fontsize=10)
     return figure

@@ -9,7 +9,7 @@ import numpy as np
 
 from estim.arrays import FloatArray
 from estim.checks import CONFLICT, PRIOR_DOMINATED, THRESHOLD, Identifiability, Sensitivity
-from estim.common import Label, Markdown, format_rounded, signed
+from estim.common import Label, Markdown, format_rounded, signed, significant
 from estim.fitting import ProfileInterval
 from estim.problem import Problem
 
@@ -52,11 +52,11 @@ def identify_section(
     for i, (parameter, interval, leaning) in enumerate(zip(problem.parameters, intervals, sensitivity, strict=True)):
         shown = parameter.label
         sd = float(posterior_sds[i])
-        prior_sd = f"{parameter.prior.sd * shown.factor:.2g}" if np.isfinite(parameter.prior.sd) else "flat"
+        prior_sd = significant(parameter.prior.sd * shown.factor, 2) if np.isfinite(parameter.prior.sd) else "flat"
         rows.append(
             IdentifyRow(
                 symbol=shown.symbol, unit="" if shown.unit == "1" else shown.unit, prior_sd=prior_sd,
-                posterior_sd=f"{sd * shown.factor:.2g}",
+                posterior_sd=significant(sd * shown.factor, 2),
                 ratio=f"{sd / parameter.prior.sd:.2f}" if np.isfinite(parameter.prior.sd) else "—",
                 profile_68=_cell(interval, 0.68, sd, shown), profile_95=_cell(interval, 0.95, sd, shown),
                 verdict=_verdict(problem, leaning, float(draws[:, i].mean())),

@@ -113,7 +113,7 @@ def summary_frame(result: Result) -> pd.DataFrame:
 
     rows = {name: msgspec.structs.asdict(p) | _limit_columns(p.limit) for name, p in result.parameters.items()}
     frame = DataFrame.from_dict(rows, orient="index")
-    numbers = [c for c in frame.columns if c not in ("unit", "meaning", "prior", "limit")]
+    numbers = [c for c in frame.columns if c not in ("unit", "meaning", "prior", "limit", "stated", "measured")]
     frame[numbers] = frame[numbers].astype(float)
     frame.index.name = "parameter"
     frame.attrs.update(title=result.title, kind=_shown_kind(result.kind), status=result.status, reasons=list(result.reasons))

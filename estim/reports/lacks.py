@@ -9,7 +9,7 @@ import msgspec
 import numpy as np
 
 from estim.checks import deviation_finding
-from estim.common import Markdown
+from estim.common import Markdown, significant
 from estim.deviation import DeviationSize, FoundDeviation
 from estim.pipeline import Analysis
 from estim.reports.labels import Labels
@@ -66,7 +66,7 @@ def lacks_text(found: Mapping[str, DeviationSummary], labels: Labels, pictures: 
     """Markdown fragment without a heading.  pictures : paths of the figures beside it."""
     sections = []
     for run, summary in found.items():
-        grown = [(labels.symbol(name), f"{factor:.2g}") for name, factor in summary.growth.items()]
+        grown = [(labels.symbol(name), significant(factor, 2)) for name, factor in summary.growth.items()]
         sections.append(_Section(run, summary, "" if summary.unit == "1" else summary.unit, grown))
     return render("lacks.md.j2", pictures=pictures, sections=sections)
 

@@ -11,9 +11,24 @@ import msgspec
 import numpy as np
 
 from estim.campaign import Campaign, gamma_origin
-from estim.checks import interval_cell
-from estim.common import KINDS, Markdown, Notation, Status, as_json, format_quantity, format_rounded, one_line, signed
+from estim.checks import Estimate, interval_cell, result_table, screen_lines
+from estim.common import (
+    KINDS,
+    Markdown,
+    Notation,
+    Status,
+    as_json,
+    format_p,
+    format_quantity,
+    format_rounded,
+    one_line,
+    percentage,
+    signed,
+    significant,
+    table,
+)
 from estim.line import CONVENTIONS, LineAnalysis, TrialsAnalysis
+from estim.reports.copying import copies_of
 from estim.reports.figures import BLUE, INK, ORANGE, new_figure
 from estim.reports.pages import Drawers, page
 from estim.reports.rendering import render
@@ -25,6 +40,7 @@ from estim.words import STATUS_WORDS, Voice, advice_for
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+_LARGEST_LOG_ODDS = 200.0
 LINE_SCHEMA = "estim-line/1"
 _METHODS = {
     "ols": "ordinary least squares (the paper's)",
@@ -154,18 +170,40 @@ def line_report(
 
     voice : to whom advice is given.  figures : whether there are any.
     """
-    result = line_result(campaign, analysis, voice=voice)
-    drawers: Drawers = {"figures/line.png": partial(line_figure, analysis, synthetic=campaign.kind == "synthetic")}
+    synthetic = campaign.kind == "synthetic"
+    result, true = line_result(campaign, analysis, voice=voice), campaign.truth.get(f"gamma[{analysis.series.body}]")
+    drawers: Drawers = {"figures/line.png": partial(line_figure, analysis, synthetic=synthetic)}
     if trials is None:
-        return page(drawers, partial(line_text, result), wanted=figures) | {"result.json": as_json(result)}
+        return page(drawers, partial(line_text, result, true=true), wanted=figures, synthetic=synthetic) | {"result.json": as_json(result)}
     of_trials, values, record = trials_files(campaign, trials, line=analysis, voice=voice)
-    text = partial(line_text, result, trials=values)
-    return page({**drawers, **of_trials}, text, wanted=figures) | {"result.json": as_json(result), "trials.json": record}
+    text = partial(line_text, result, trials=values, true=true)
+    return page({**drawers, **of_trials}, text, wanted=figures, synthetic=synthetic) | {"result.json": as_json(result), "trials.json": record}
 
 
-def line_text(result: LineResult, pictures: Collection[str], *, trials: Mapping[str, object] | None = None) -> str:
-    """The Markdown report of a line, with the figures at the paths `pictures`, and the section of `trials` where there are any."""
-    return render("line.md.j2", pictures=pictures, trials=trials, **line_values(result))
+def line_text(result: LineResult, pictures: Collection[str], *, trials: Mapping[str, object] | None = None, true: float | None = None) -> str:
+    """The Markdown report of a line, with the figures at the paths `pictures`, and the section of `trials` where there are any.
+
+    true : gamma of synthetic data, where it is known.
+    """
+    shown = [line_estimate(result, true)] if result.status == "ok" else []
+    head, rows = result_table(shown)
+    return render(
+        "line.md.j2", pictures=pictures, opened=(), trials=trials, found=table(head, rows), copies=copies_of(shown) if shown else None,
+        **line_values(result),
+    )
+
+
+def line_lines(campaign: Campaign, analysis: LineAnalysis) -> list[str]:
+    """What a terminal says of a line whose status is ok."""
+    result = line_result(campaign, analysis)
+    resistance = f"c_rr = {_estimate(result.methods['posterior'].rolling_resistance)}, if all of the intercept is rolling resistance"
+    return screen_lines([line_estimate(result, campaign.truth.get(f"gamma[{analysis.series.body}]"))], minds=[resistance])
+
+
+def line_estimate(result: LineResult, true: float | None) -> Estimate:
+    """gamma of a line whose status is ok, beside what was stated.  true : of synthetic data, where it is known."""
+    summary = msgspec.structs.replace(result.posterior["gamma"], meaning=f"1/slope of the θ_min line of {result.body}")
+    return Estimate(Notation("γ").label("1", "[line]"), summary, _estimate(result.gamma_masses) if result.gamma_masses else "", True, None, true)
 
 
 def line_values(result: LineResult) -> dict[str, object]:
@@ -184,7 +222,7 @@ def line_values(result: LineResult) -> dict[str, object]:
         }
     return shared | {
         "methods": [_method_cells(name, result.methods[name]) for name in _METHODS],
-        "errors": [cells for name in ("ols", "weighted", "york") for cells in _error_cells(name, result.methods[name])],
+        "errors": [cells for name in ("york", "weighted", "ols") for cells in _error_cells(name, result.methods[name])],
         "gamma": _estimate(result.methods["posterior"].gamma),
         "resistance": _estimate(result.methods["posterior"].rolling_resistance), "reason": result.methods["york"].reason,
         "steepest": format_quantity(math.degrees(steepest.value), math.degrees(steepest.u)),
@@ -201,12 +239,17 @@ def _best_cells(name: str, row: LineRow) -> tuple[str, ...]:
 
 
 def evidence_words(log_bayes_factor: float) -> str:
-    """The strength of the evidence in the words of Kass and Raftery 1995."""
-    side = "for an intercept" if log_bayes_factor > 0 else "for a line through the origin"
-    for limit, words in ((1.0, "no evidence worth a mention"), (3.0, f"positive evidence {side}"), (5.0, f"strong evidence {side}")):
+    """The odds, and the strength of the evidence in the words of Kass and Raftery 1995."""
+    odds = math.exp(min(abs(log_bayes_factor), _LARGEST_LOG_ODDS))
+    towards = "an intercept" if log_bayes_factor > 0 else "a line through the origin"
+    return f"{significant(odds, 2)} : 1 for {towards}, {_strength(log_bayes_factor)}"
+
+
+def _strength(log_bayes_factor: float) -> str:
+    for limit, words in ((1.0, "no evidence worth a mention"), (3.0, "positive evidence"), (5.0, "strong evidence")):
         if abs(log_bayes_factor) < limit:
             return words
-    return f"very strong evidence {side}"
+    return "very strong evidence"
 
 
 def _estimate(estimate: LineEstimate | None) -> str:
@@ -222,14 +265,15 @@ def _method_cells(name: str, row: LineRow) -> tuple[str, ...]:
 
 
 def _fit_words(row: LineRow) -> str:
-    return "" if row.p_value is None else f"{row.chi2:.1f}/{row.dof}, p = {row.p_value:.2g}"
+    return "" if row.p_value is None else f"{row.chi2:.1f}/{row.dof}, {format_p(row.p_value)}"
 
 
 def _error_cells(name: str, row: LineRow) -> list[tuple[str, ...]]:
     cells = []
     for convention, (u_intercept, u_slope, _) in row.standard_errors.items():
         u_gamma = u_slope / row.slope**2
-        mark = Markdown("**recommended**" if convention == row.recommended else "")
+        used = convention == row.recommended
+        mark = Markdown("**recommended**" if used and name == "york" else "" if not used else "the one to use for this fit")
         numbers = (format_rounded(u, u) for u in (u_intercept, u_slope, u_gamma))
         cells.append((_METHODS[name], convention, *numbers, mark))
     return cells
@@ -247,7 +291,7 @@ def line_figure(analysis: LineAnalysis, *, synthetic: bool) -> Figure:
         lines = draws[:, [names.index("intercept")]] + draws[:, [names.index("slope")]] * x
         for probability, alpha in ((0.95, 0.22), (0.68, 0.40)):
             low, high = np.quantile(lines, [0.5 - 0.5 * probability, 0.5 + 0.5 * probability], axis=0)
-            ax.fill_between(x, low, high, color=BLUE, alpha=alpha, lw=0, label=f"posterior of the line, {probability:.0%}")
+            ax.fill_between(x, low, high, color=BLUE, alpha=alpha, lw=0, label=f"posterior of the line, {percentage(probability)}")
     if analysis.gamma_masses is not None:
         gamma = analysis.gamma_masses
         ax.plot(x, x / gamma.value, color=ORANGE, lw=1.8, label=f"theory, γ = {format_quantity(gamma.value, gamma.u)} as stated")
@@ -261,5 +305,5 @@ def line_figure(analysis: LineAnalysis, *, synthetic: bool) -> Figure:
     ax.set_ylabel(r"sin θ$_{\mathrm{min}}$  (smallest ascending angle)")
     ax.set_ylim(bottom=min(0.0, float(np.min(series.y - series.u_y))))
     ax.set_title(f"{series.body}" + (" (SYNTHETIC data)" if synthetic else ""), fontsize=10)
-    ax.legend(fontsize=8, frameon=False, loc="upper left")
+    figure.legend(fontsize=8, frameon=False, loc="outside lower center", ncols=2)
     return figure

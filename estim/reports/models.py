@@ -100,7 +100,7 @@ def models_report(campaign: Campaign, comparison: ModelComparison, *, seed: int,
     drawers = {"figures/values.png": partial(values_figure, summaries, common, comparison.recommended, synthetic=synthetic)}
     if shown is not None and shown.predicted:
         drawers["figures/predictive.png"] = partial(predictive_figure, shown.predicted, shown.model.name, synthetic=synthetic)
-    return page(drawers, text, wanted=figures) | {"models.json": as_json(record)}
+    return page(drawers, text, wanted=figures, synthetic=campaign.kind == "synthetic") | {"models.json": as_json(record)}
 
 
 def ground_words(comparison: ModelComparison) -> str:

@@ -2,13 +2,19 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Collection, Mapping
+from functools import partial
 from typing import TYPE_CHECKING, Protocol
 
 from estim.reports import figures
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+
+_SYNTHETIC = "SYNTHETIC"
+_CODE = re.compile(r"(^```.*?^```$|`[^`\n]*`|^#[^\n]*$)", re.DOTALL | re.MULTILINE)
+_BREAKS = re.compile(r"(?<=[\d)]) (?=(?:±|%|×|°|sd|mm|cm|m|s|kg|N|J|rad|Hz|deg)(?![\w]))|(?<=±) (?=\d)")
 
 Drawers = Mapping[str, "Callable[[], Figure]"]
 """Path of a figure -> what draws it."""
@@ -20,7 +26,33 @@ class Text(Protocol):
     def __call__(self, *, pictures: Collection[str]) -> str: ...
 
 
-def page(drawers: Drawers, text: Text, *, wanted: bool) -> dict[str, bytes]:
-    """The figures and `report.md`, path -> bytes; without figures where they are not `wanted`."""
+def unbroken(text: str) -> str:
+    """Markdown whose numbers keep their "±", "%" and units on one line; code stays as it is."""
+    return "".join(part if i % 2 else _BREAKS.sub("\u00a0", part) for i, part in enumerate(_CODE.split(text)))
+
+
+def marked(draw: Callable[[], Figure]) -> Figure:
+    """A figure that says of its data that they are SYNTHETIC, where none of its titles does."""
+    from matplotlib.text import Text as Words
+
+    figure = draw()
+    if any(isinstance(one, Words) and _SYNTHETIC in one.get_text() for one in figure.findobj(Words)):
+        return figure
+    said = figure.get_suptitle()
+    if said:
+        figure.suptitle(f"{said}; {_SYNTHETIC} data", fontsize=8)
+    elif figure.get_layout_engine() is None:  # placed by hand
+        figure.text(0.98, 0.99, f"{_SYNTHETIC} data", ha="right", va="top", fontsize=9)
+    else:
+        figure.suptitle(f"{_SYNTHETIC} data", fontsize=9)
+    return figure
+
+
+def page(drawers: Drawers, text: Text, *, wanted: bool, synthetic: bool = False) -> dict[str, bytes]:
+    """The figures and `report.md`, path -> bytes; without figures where they are not `wanted`.
+
+    synthetic : whether data are; then every figure says so.
+    """
     drawn = drawers if wanted else {}
-    return {path: figures.png(draw) for path, draw in drawn.items()} | {"report.md": text(pictures=drawn.keys()).encode()}
+    shown = {path: figures.png(partial(marked, draw) if synthetic else draw) for path, draw in drawn.items()}
+    return shown | {"report.md": unbroken(text(pictures=drawn.keys())).encode()}

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Collection, Mapping
+from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING
 
@@ -11,8 +12,11 @@ import msgspec
 import numpy as np
 
 from estim.campaign import gamma_origin
-from estim.common import KINDS, as_json
-from estim.reports.analysis import complete_runs, parameter_row
+from estim.checks import Estimate, result_table, screen_lines
+from estim.common import KINDS, as_json, format_p, percentage, split_level, table, with_unit
+from estim.pipeline import Analysis
+from estim.reports.analysis import Row, complete_runs, parameter_row
+from estim.reports.copying import copies_of
 from estim.reports.corner_figures import corner_figure, corner_words
 from estim.reports.energy import (
     DriftSummary,
@@ -21,6 +25,7 @@ from estim.reports.energy import (
     average_words,
     drift_words,
     energy_figure,
+    energy_words,
     percent,
     shown,
     summarise_drift,
@@ -28,7 +33,8 @@ from estim.reports.energy import (
     to_value,
 )
 from estim.reports.figures import residual_figure
-from estim.reports.line import LineResult, line_figure, line_result, line_values
+from estim.reports.first_screen import first_screen
+from estim.reports.line import LineResult, line_estimate, line_figure, line_lines, line_result, line_values
 from estim.reports.pages import page
 from estim.reports.reanalysis_figures import narrowing_figure, overlay_figure, tilts_figure, width_figure
 from estim.reports.rendering import render
@@ -148,23 +154,101 @@ def reanalysis_report(r: Reanalysis, *, voice: Voice = Voice.PYTHON, figures: bo
         if body in trusted:
             drawn[f"figures/energy-{body.body}.png"] = partial(energy_figure, body.energies, synthetic=synthetic, title=body.body)
         drawn[f"figures/residuals-{body.body}.png"] = partial(residual_figure, body.joint.problem.runs, body.joint.goodness, synthetic=synthetic)
-        drawn[f"figures/corner-{body.body}.png"] = partial(corner_figure, body.joint)
-    below = {body.body: corner_words(body.joint.problem) for body in r.bodies}
-    return page(drawn, partial(reanalysis_text, result, below), wanted=figures) | {"result.json": as_json(result)}
+        drawn[f"figures/corner-{body.body}.png"] = partial(corner_figure, body.joint, r.campaign.truth)
+    below = {body.body: corner_words(body.joint.problem, truth=bool(r.campaign.truth)) for body in r.bodies}
+    return page(drawn, partial(reanalysis_text, result, below), wanted=figures, synthetic=synthetic) | {"result.json": as_json(result)}
+
+
+def reanalysis_lines(r: Reanalysis) -> dict[str, list[str]]:
+    """What was analysed -> what a terminal says of it, for results that are ok: what the runs of a body share, and the line."""
+    found = {f"joint fit of {body.body}": screen_lines(_shared(body.joint, r.campaign.truth)) for body in r.bodies if body.joint.diagnosis.ok}
+    return found | ({"line": line_lines(r.campaign, r.line)} if r.line is not None and r.line.status.ok else {})
+
+
+def _shared(joint: Analysis, truth: Mapping[str, float]) -> list[Estimate]:
+    runs = {run.name for run in joint.problem.runs}
+    named = zip(joint.problem.names, joint.estimates, strict=True)
+    return [replace(one, true=truth.get(name)) for name, one in named if len(runs) == 1 or split_level(name)[1].strip("[]") not in runs]
 
 
 def reanalysis_text(result: ReanalysisResult, corner_words: Mapping[str, str], pictures: Collection[str]) -> str:
     """The Markdown report of a reanalysis, with the figures at the paths `pictures`; `corner_words`: body -> what stands below its corner figure."""
     limit_words = {name: _limit_words(body) if body.joint.status == "ok" else [] for name, body in result.bodies.items()}
+    screens = {name: first_screen(body.joint) for name, body in result.bodies.items() if body.joint.status == "ok"}
+    estimates = [
+        replace(one, summary=msgspec.structs.replace(one.summary, meaning=_how_many(result.bodies[name], name)))
+        for name, screen in screens.items() for one in screen.estimates
+    ] + _of_line(result)
+    head, rows = result_table(estimates)
     return render(
-        "reanalysis.md.j2", pictures=pictures, result=result, kind=KINDS[result.kind], line=None if result.line is None else line_values(result.line),
-        shown=shown, rows={name: _rows(body.joint) for name, body in result.bodies.items()},
+        "reanalysis.md.j2", pictures=pictures, opened={"methods"}, result=result, kind=KINDS[result.kind],
+        line=None if result.line is None else line_values(result.line), shown=shown,
+        rows={name: _rows(body.joint) for name, body in result.bodies.items()},
         trusted=any(body.joint.status == "ok" for body in result.bodies.values()), singles=_singles(result),
         limit_words=limit_words, corner_words=corner_words, percent=percent, drift_words=drift_words, average_words=average_words,
         forces=[(name, force) for name, body in result.bodies.items() for force in (body.joint.deviation or {}).values()],
         complete=complete_runs(result.runs.values()),
         notes=list(dict.fromkeys(note for body in result.bodies.values() for note in body.joint.notes)),
+        status=_status_words(result), troubles=_troubles(result), screens=screens, found=table(head, rows), found_rows=rows,
+        copies=copies_of([one for one in estimates if one.measured]) if rows else None,
+        sensitivity="; ".join(f"{name}, {screen.sensitivity}" for name, screen in screens.items() if screen.sensitivity),
+        energy_words=energy_words, narrowed=partial(_narrowed, result), tested=partial(_tested, result),
+        lefts=_gathered({name: screen.left for name, screen in screens.items() if screen.left}), energies=_gathered(_energies(result)),
     )
+
+
+def _how_many(body: BodySummary, name: str) -> str:
+    n = len(body.runs_in_order)
+    return f"{n} runs of {name} together" if n > 1 else f"the run of {name}"
+
+
+def _narrowed(result: ReanalysisResult, name: str) -> str:
+    shares = [band.median_ratio for band in result.bodies[name].bands.values()]
+    return f"between {percentage(min(shares))} and {percentage(max(shares))}" if shares else "an unknown part"
+
+
+def _tested(result: ReanalysisResult, name: str) -> str:
+    p = result.bodies[name].joint.fit.p_value
+    return "" if p is None else f": {format_p(p)} of their size"
+
+
+def _energies(result: ReanalysisResult) -> dict[str, str]:
+    return {
+        name: energy_words(body.drift) + (f". {average_words(body.energies)}".rstrip(".") if body.drift.determined else "")
+        for name, body in result.bodies.items() if body.joint.status == "ok"
+    }
+
+
+def _gathered(words: Mapping[str, str]) -> dict[str, list[str]]:
+    """What is said -> of which bodies."""
+    names: dict[str, list[str]] = {}
+    for name, said in words.items():
+        names.setdefault(said, []).append(name)
+    return names
+
+
+def _of_line(result: ReanalysisResult) -> list[Estimate]:
+    """gamma of the line, whose points are other data than the runs."""
+    line = result.line
+    if line is None or line.status != "ok":
+        return []
+    own = f"gamma[{line.body}]"
+    true = next((body.joint.parameters[own].true for body in result.bodies.values() if own in body.joint.parameters), None)
+    return [line_estimate(line, true)]
+
+
+def _status_words(result: ReanalysisResult) -> str:
+    bad = [what for what, status in result.statuses.items() if status != "ok"]
+    n = len(result.statuses)
+    return f"ok, all {n} results" if not bad else f"{n - len(bad)} of {n} results ok"
+
+
+def _troubles(result: ReanalysisResult) -> list[tuple[str, str]]:
+    """What is not ok, and why."""
+    reasons = {f"run {name}": run.reasons for name, run in result.runs.items()}
+    reasons |= {f"joint fit of {name}": body.joint.reasons for name, body in result.bodies.items()}
+    reasons |= {} if result.line is None else {"line": result.line.reasons}
+    return [(f"{what}, {status}", "; ".join(reasons.get(what, []))) for what, status in result.statuses.items() if status != "ok"]
 
 
 def _rows(result: Result) -> list[object]:
@@ -176,9 +260,13 @@ def _singles(result: ReanalysisResult) -> list[tuple[str, str, list[str]]]:
     table = []
     for name, run in result.runs.items():
         rows = {row_name.partition("[")[0]: parameter_row(row_name, p, run) for row_name, p in run.parameters.items()}
-        cells = [f"{rows[key].posterior} {rows[key].unit}".strip() if key in rows else "" for key in ("gamma", "kappa", "theta0", "phi")]
+        cells = [_single_cell(rows[key], run) if key in rows else "" for key in ("gamma", "kappa", "theta0", "phi")]
         table.append((name, run.status, cells if run.status == "ok" else ["—"] * len(cells)))
     return table
+
+
+def _single_cell(row: Row, run: Result) -> str:
+    return with_unit(row.posterior, row.unit) if run.parameters[row.name].measured else "as stated"
 
 
 def _limit_words(body: BodySummary) -> list[str]:

@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from estim.common import signed
-from estim.reports.figures import BLUE, COLOURS, GREY, INK, MARKS, ORANGE, grid, name_ticks, new_figure
+from estim.reports.figures import BLUE, GREY, INK, MARKS, ORANGE, name_ticks, new_figure
 from estim.reports.joint_figures import RUN_COLOURS
+from estim.reports.residual_panels import draw_faded, draw_points_with_bars, draw_residuals, panel_pairs, residuals_of, tidy_labels
 from estim.sampling import curve_draws
 from estim.studies import BodyAnalysis, Narrowing
 
@@ -18,25 +19,32 @@ if TYPE_CHECKING:
 
 
 def overlay_figure(body: BodyAnalysis, *, synthetic: bool) -> Figure:
-    """Data, the propagated band of the stated inputs, and the posterior band of the joint fit."""
-    runs = body.joint.problem.runs
-    figure, axes = grid(len(runs), height=2.9)
+    """Data, the propagated band of the stated inputs, and the posterior band of the joint fit; below it all of them less the fit."""
+    runs, trusted = body.joint.problem.runs, body.joint.diagnosis.ok
+    figure, pairs = panel_pairs(len(runs), height=3.3)
     propagated = {band.run: band for band in body.propagated}
-    for ax, run, bands in zip(axes, runs, body.joint.bands, strict=True):
-        band = propagated.get(run.name)
+    for (ax, below), run, bands, residuals in zip(pairs, runs, body.joint.bands, residuals_of(body.joint), strict=True):
+        band, reach = propagated.get(run.name), 0.0
         if band is not None:
-            ax.fill_between(band.x, band.mc_low, band.mc_high, color=ORANGE, alpha=0.35, lw=0, label="stated inputs propagated, 68 %")
+            draw_faded(ax, band.x, band.mc_low, band.mc_high, ORANGE, alpha=0.4, label="stated inputs propagated, 68 %")
             ax.plot(band.x, band.value, color=ORANGE, lw=1.2, label="curve at the stated inputs")
-        if body.joint.diagnosis.ok:
+            fit = np.interp(band.x, bands.x, bands.median)
+            draw_faded(below, band.x, band.mc_low - fit, band.mc_high - fit, ORANGE, alpha=0.4)
+            below.plot(band.x, band.value - fit, color=ORANGE, lw=1.0)
+            reach = 1.3 * float(np.nanmedian(np.abs([band.mc_low - fit, band.mc_high - fit])))
+        if trusted:
             ax.fill_between(bands.x, *bands.credible[0.68], color=BLUE, alpha=0.6, lw=0)
             ax.plot(bands.x, bands.median, color=BLUE, lw=1.0, label="posterior, median and 68 % band")
         else:
             mode = curve_draws(body.joint.problem, run, bands.x, body.joint.fit.values[None, :])[0][0]
             ax.plot(bands.x, mode, color=BLUE, lw=1.0, label=f"most probable curve ({body.joint.diagnosis.status}: no band)")
-        ax.plot(run.x, run.y, "o", color=INK, ms=2.2, label="data used", zorder=5)
-        ax.set(xlabel=run.x_label, ylabel=run.y_label, xlim=(0.0, None), ylim=(0.0, None))
+        draw_points_with_bars(ax, residuals, label="data used")
+        draw_residuals(below, residuals, bands if trusted else None, reach=reach)
+        ax.set(ylabel=run.y_label, xlim=(0.0, None), ylim=(0.0, None))
         ax.set_title(run.name + (" (SYNTHETIC data)" if synthetic else ""), fontsize=9)
-    figure.legend(*axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=2, fontsize=8, frameon=False)
+    tidy_labels(pairs)
+    figure.legend(*pairs[0][0].get_legend_handles_labels(), loc="outside lower center", ncols=2, fontsize=8, frameon=False)
+    figure.align_ylabels()
     return figure
 
 
@@ -69,15 +77,16 @@ def width_figure(bodies: Sequence[BodyAnalysis], *, synthetic: bool) -> Figure:
     figure = new_figure(3.2)
     axes = figure.subplots(1, len(bodies), squeeze=False, sharey=True)[0]
     for ax, body in zip(axes, bodies, strict=True):
-        for band, colour in zip(body.propagated, COLOURS * 4, strict=False):
-            ax.plot(band.x, band.ratio, color=colour, lw=1.4, label=band.run)
-        ax.axhline(1.0, color=GREY, lw=0.8, ls="--")
+        for k, band in enumerate(body.propagated):
+            style = ("-", "--", ":", "-.")[k // len(RUN_COLOURS) % 4]
+            ax.plot(band.x, 100.0 * band.ratio, color=RUN_COLOURS[k % len(RUN_COLOURS)], ls=style, lw=1.4, label=band.run)
+        ax.axhline(100.0, color=GREY, lw=0.8, ls="--")
         ax.set_yscale("log")
         ax.yaxis.set_major_formatter(lambda value, _: f"{value:g}")
         ax.set(xlabel=body.joint.problem.runs[0].x_label)
         ax.legend(fontsize=8, frameon=False, ncols=2, loc="upper center")
-    axes[0].set_ylim(top=8.0)
-    axes[0].set_ylabel("posterior / propagated width (68 %)")
+    axes[0].set_ylim(top=800.0)
+    axes[0].set_ylabel("posterior / propagated band (%)")
     if synthetic:
         figure.suptitle("SYNTHETIC data", fontsize=9)
     return figure
@@ -92,9 +101,9 @@ def narrowing_figure(tables: Sequence[Narrowing], *, synthetic: bool) -> Figure:
     for ax, (table, i) in zip(axes, pairs, strict=False):
         count = np.arange(1, len(table.runs) + 1)
         ax.plot(count, table.u[:, i], "o-", color=BLUE, label="runs up to this one together")
-        ax.plot(count, table.u_single[:, i], "s", color=ORANGE, label="this run alone", zorder=3, mfc="none", mew=1.6, ms=8)
+        ax.plot(count, table.u_single[:, i], "s", color=INK, label="this run alone", zorder=3, mfc="none", mew=1.6, ms=8)
         if np.isfinite(table.u_prior[i]):
-            ax.axhline(table.u_prior[i], ls=":", color=GREY, label="prior alone")
+            ax.axhline(table.u_prior[i], ls=":", color=ORANGE, lw=1.8, label="stated before")
         shown = np.array([*table.u[:, i], *table.u_single[:, i], table.u_prior[i]])
         top = 1.1 * float(np.max(shown[np.isfinite(shown)]))
         ax.set(ylabel=f"u({table.labels[i].tex})", ylim=(0.0, top), xlim=(0.6, len(count) + 0.4))
@@ -102,7 +111,7 @@ def narrowing_figure(tables: Sequence[Narrowing], *, synthetic: bool) -> Figure:
         name_ticks(ax.xaxis, count, table.runs, fontsize=8, rotation=90 if upright else 0)
     for extra in axes[len(pairs) :]:
         extra.set_visible(False)
-    axes[0].legend(fontsize=8, frameon=False)
+    figure.legend(*axes[0].get_legend_handles_labels(), fontsize=8, frameon=False, loc="outside lower center", ncols=3)
     if synthetic:
         figure.suptitle("SYNTHETIC data", fontsize=9)
     return figure

@@ -134,7 +134,7 @@ def map_report(
         parts=[(found, result.bodies[found.body], _run_rows(result.bodies[found.body]), _tilt_rows(result.bodies[found.body])) for found in maps],
         origins=_ORIGINS, spread=_spread_words, degrees=_degrees, line_body=None if line is None else line.body, quantity=format_quantity,
     )
-    return page(drawers, text, wanted=figures) | {"result.json": as_json(result)}
+    return page(drawers, text, wanted=figures, synthetic=campaign.kind == "synthetic") | {"result.json": as_json(result)}
 
 
 def map_lines(found: BodyMap) -> list[str]:

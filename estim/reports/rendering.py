@@ -7,14 +7,19 @@ What is `Markdown` already passes.
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterable
+from functools import cache
+from typing import TYPE_CHECKING
 
 from estim.checks import P_FLOOR
-from estim.common import Markdown, code, destination, markdown, signed
+from estim.common import Markdown, code, destination, format_p, markdown, p_digits, percentage, signed, significant
+
+if TYPE_CHECKING:
+    import jinja2
 
 
 def p_words(p: float) -> str:
-    """A p-value for a table: '0.031', or '< 5e-05' where it is the least that simulation can tell."""
-    return f"< {P_FLOOR:.1g}" if p <= P_FLOOR else f"{p:.2g}"
+    """A p-value for a table: '0.031', or '< 5e-5' where it is the least that simulation can tell."""
+    return f"< {p_digits(P_FLOOR, 1)}" if p <= P_FLOOR else p_digits(p)
 
 
 def cells(row: Iterable[object]) -> Markdown:
@@ -27,20 +32,45 @@ def sentence(words: str) -> str:
     return words[:1].upper() + words[1:]
 
 
-def render(template: str, *, pictures: Collection[str] = (), **values: object) -> Markdown:
+def folded(title: str, body: str, *, opened: bool) -> Markdown:
+    """A part of a report that a reader opens, or one that stands `opened`; nothing where it is empty.
+
+    GitHub wants blank lines around Markdown inside; a program that knows no such tags shows everything.
+    """
+    inside = body.strip("\n")
+    if not inside.strip():
+        return Markdown("")
+    return Markdown(inside if opened else f"<details>\n<summary><b>{markdown(title)}</b></summary>\n\n{inside}\n\n</details>")
+
+
+def render(template: str, *, pictures: Collection[str] = (), opened: Collection[str] = (), **values: object) -> Markdown:
     """A template of `templates/` filled in.
 
     pictures : paths of the figures beside the report.  `{% call figure(alt, path) %} caption {% endcall %}` shows one of them, and nothing else.
+    opened : keys of the parts that stand open.  `{% call fold(key, title) %} sections {% endcall %}` is folded unless its key is among them.
     """
-    import jinja2
-
     def figure(alt: str, path: str, caller: Callable[[], str] = str) -> Markdown:
-        return Markdown(f"![{markdown(alt)}]({destination(path)})" + (f"\n\n{caption}" if (caption := caller()) else "") if path in pictures else "")
+        plain = alt.replace("[", "(").replace("]", ")")  # brackets inside those of an image are not for every program
+        if path not in pictures:
+            return Markdown("")
+        return Markdown(f"![{markdown(plain)}]({destination(path)})" + (f"\n\n{caption}" if (caption := caller()) else ""))
+
+    def fold(key: str, title: str, caller: Callable[[], str]) -> Markdown:
+        return folded(title, caller(), opened=key in opened)
+
+    return Markdown(_environment().get_template(template).render(pictures=pictures, figure=figure, fold=fold, **values))
+
+
+@cache
+def _environment() -> jinja2.Environment:
+    """What compiles templates, each of them once."""
+    import jinja2
 
     environment = jinja2.Environment(
         loader=jinja2.PackageLoader("estim.reports"), undefined=jinja2.StrictUndefined, trim_blocks=True, lstrip_blocks=True,
         keep_trailing_newline=True, autoescape=False, finalize=markdown,
     )
-    environment.filters["number"] = lambda v, digits=3: "n/a" if v is None else signed(f"{v:.{digits}g}")
-    environment.filters |= {"signed": signed, "p": p_words, "cells": cells, "sentence": sentence, "code": code, "destination": destination}
-    return Markdown(environment.get_template(template).render(pictures=pictures, figure=figure, **values))
+    environment.filters["number"] = lambda v, digits=3: "n/a" if v is None else significant(v, digits)
+    environment.filters |= {"signed": signed, "p": p_words, "p_is": format_p, "percent": percentage}
+    environment.filters |= {"cells": cells, "sentence": sentence, "code": code, "destination": destination}
+    return environment

@@ -18,148 +18,44 @@ import msgspec
 import numpy as np
 
 from estim.arrays import FloatArray
-from estim.checks import Check, Diagnosis, Goodness, borne_pattern, headline, parameter_cells, stated_values
+from estim.checks import Check, Diagnosis, Goodness, borne_pattern, headline, print_lines, stated_values
 from estim.common import as_json, one_line
 from estim.fitting import ProfileInterval
 from estim.pipeline import Analysis
 from estim.problem import Observations
 from estim.reading import Run
-from estim.reports.bad_frames import BadFrame, bad_frames
+from estim.reports.bad_frames import bad_frames
 from estim.reports.budget import UncertaintyBudget, budget_of, budget_records
-from estim.reports.derived import derived_facts, derived_rows, derived_summaries
+from estim.reports.derived import derived_facts, derived_summaries
 from estim.reports.deviation import ForceSummary, deviations
 from estim.reports.explanation import ExplanationSummary, explanation_summary
+from estim.reports.first_screen import first_screen
 from estim.reports.labels import Labels, labels_of, names_as_labels
 from estim.reports.lacks import DeviationSummary, curve_deviations
 from estim.reports.origin import origin_facts, origin_warnings, speed_facts
-from estim.reports.outliers import Outlier, outliers
+from estim.reports.outliers import outliers
+from estim.reports.parameters import ParameterSummary, parameter_summary
+from estim.reports.records import (
+    CertificateSummary,
+    CheckSummary,
+    Correlation,
+    FitSummary,
+    Profile,
+    Provenance,
+    RunSummary,
+    Sampling,
+    StatedValues,
+    TurningPoint,
+    WhatIf,
+)
 from estim.reports.rolling import RollingSummary, rolling_summaries
 from estim.reports.usual_errors import UsualError, usual_errors
-from estim.sampling import Summary, number, summarise, summarise_parameter, trusted
+from estim.sampling import number, summarise, trusted
 from estim.studies import Budget, Determination
 from estim.words import Voice, advice_for, common_error, tell
 
 SCHEMA = "estim-result/1"
 _PACKAGES = ("estim", "numpy", "scipy", "lmfit", "emcee", "arviz-stats", "uncertainties")
-
-
-class ParameterSummary(Summary, frozen=True, kw_only=True):
-    prior: str
-    prior_mean: float | None
-    prior_sd: float | None
-    ess_bulk: float | None
-    ess_tail: float | None
-    rhat: float | None
-    mcse: float | None
-
-
-class CertificateSummary(msgspec.Struct, frozen=True):
-    """A second computation of the posterior, without a chain, and what comparing it with the chain says."""
-
-    verdict: str
-    reason: str
-    method: str | None  # "quadrature" (n_draw: nodes; no k_hat, no ess) or "importance sampling"
-    k_hat: float | None
-    ess: float | None
-    n_draw: int | None
-    log_evidence: float | None
-    u_log_evidence: float | None
-    largest_difference: float | None  # of means, sds and ends of 95 % intervals, in posterior sds
-
-
-class Profile(msgspec.Struct, frozen=True):
-    """Profile-posterior interval: how far a parameter can move with all others re-optimised; an open side has no limit."""
-
-    low_68: float
-    high_68: float
-    low_95: float
-    high_95: float
-    open_low: bool  # at 95 %
-    open_high: bool
-    words: str
-
-
-class FitSummary(msgspec.Struct, frozen=True):
-    values: dict[str, float]
-    sds: dict[str, float | None]
-    chi2: float
-    dof: int
-    p_value: float | None
-    message: str
-
-
-class StatedValues(msgspec.Struct, frozen=True):
-    """The data against what was stated of the parameters before."""
-
-    chi2: float
-    dof: int
-    p_value: float
-    pulls: dict[str, float]  # distance from what all else says, in its standard deviations
-    words: str
-
-
-class WhatIf(msgspec.Struct, frozen=True):
-    """What an error in common to all points, which no residual shows, would do."""
-
-    error: str  # in words
-    size: float  # in `unit`; "1": a share
-    unit: str
-    runs: list[str]
-    shifts: dict[str, float]  # parameter -> by how many posterior standard deviations it moves
-
-
-class CheckSummary(msgspec.Struct, frozen=True):
-    statistic: float
-    p_value: float
-    meaning: str
-
-
-class RunSummary(msgspec.Struct, frozen=True):
-    file: str
-    x: str  # what is on the axes, with units
-    y: str
-    n_obs: int
-    noise: str
-    complete: str | None  # why the curve is taken as complete, where an unmodelled force could have stood beside it
-    excluded: list[str]
-    checks: dict[str, CheckSummary]
-    scatter_ratio: float | None
-    covered: str | None  # why tests that fail do not count; null where none fails, or they do
-    facts: list[str]  # where an imported track comes from; what a fit of speeds takes as exact or leaves unused
-    warnings: list[str]  # what is suspicious about the file
-    robust: bool
-    outliers: list[Outlier]
-    bad_frames: list[BadFrame]
-    what: str  # what was fit: "speeds", "positions", ...
-    derived: dict[str, Summary]
-    sought: list[str]  # those of `derived` that were asked for
-
-
-class TurningPoint(Summary, frozen=True, kw_only=True):
-    never_stops: float  # share of the draws in which the body does not stop
-
-
-class Sampling(msgspec.Struct, frozen=True):
-    n_ensemble: int
-    n_walker: int
-    n_step: int
-    n_burn: int
-    autocorrelation_time: float | None
-    acceptance: float
-    message: str
-
-
-class Correlation(msgspec.Struct, frozen=True):
-    names: list[str]
-    matrix: list[list[float]]
-
-
-class Provenance(msgspec.Struct, frozen=True):
-    campaign: str
-    campaign_sha256: str
-    data_sha256: dict[str, str]
-    seed: int
-    versions: dict[str, str]
 
 
 class Result(msgspec.Struct, frozen=True, dict=True, rename={"schema_": "schema"}):
@@ -196,11 +92,17 @@ class Result(msgspec.Struct, frozen=True, dict=True, rename={"schema_": "schema"
         return names_as_labels({name: p.unit for name, p in self.parameters.items()}, derived)
 
     def _repr_markdown_(self) -> str:
-        """What a notebook shows: the values, or why there are none."""
-        rows = [parameter_cells(p, self.labels.parameters[name]) for name, p in self.parameters.items()]
-        rows += derived_rows(self.runs, self.labels, sought=True)
-        title = f"{self.title}: {', '.join(self.runs)}"
-        return headline(title, kind=self.kind, status=self.status, reasons=self.reasons, advice=self.advice, rows=rows)
+        """What a notebook shows: the values that the data give, beside what had been stated, or why there are none."""
+        screen = first_screen(self)
+        return headline(
+            screen.title, kind=self.kind, status=self.status, reasons=self.reasons, advice=self.advice, head=screen.head, rows=screen.rows,
+            tests=screen.tests, left=screen.left, minds=screen.minds,
+        )
+
+    def __str__(self) -> str:
+        """What `print` shows: the same in plain lines."""
+        screen = first_screen(self)
+        return print_lines(screen.title, status=self.status, reasons=self.reasons, advice=self.advice, shown=screen.lines)
 
 
 class Subject(Protocol):
@@ -228,6 +130,10 @@ class Subject(Protocol):
     def tables(self) -> Mapping[str, Run]:
         """Run -> its table."""
 
+    @property
+    def truth(self) -> Mapping[str, float]:
+        """Parameter -> true value of synthetic data, as far as it is known."""
+
 
 def result_of(
     campaign: Subject, analysis: Analysis, determination: Determination | None = None, *, budget: Budget | None = None, voice: Voice = Voice.PYTHON
@@ -240,7 +146,7 @@ def result_of(
     result = Result(
         schema_=SCHEMA, title=campaign.title, kind=campaign.kind, formula=campaign.formula, status=diagnosis.status,
         reasons=list(diagnosis.reasons), advice=advice_for(diagnosis.findings, voice), notes=list(diagnosis.notes),
-        parameters={p.name: _parameter(analysis, i) for i, p in enumerate(problem.parameters)},
+        parameters={p.name: parameter_summary(campaign.truth, analysis, i) for i, p in enumerate(problem.parameters)},
         correlation=Correlation(list(problem.names), np.atleast_2d(np.corrcoef(chain.flat.T)).round(6).tolist()),
         fit=FitSummary(
             dict(zip(fit.names, fit.values.tolist(), strict=True)),
@@ -293,17 +199,6 @@ def _certificate(analysis: Analysis) -> CertificateSummary:
         comparison.verdict, comparison.reason, certificate.method, number(certificate.k_hat), number(certificate.ess), certificate.n_draw,
         number(certificate.log_evidence) if evidence else None, number(certificate.u_log_evidence) if evidence else None,
         number(comparison.largest_difference) if comparison.verdict != "missing" else None,
-    )
-
-
-def _parameter(analysis: Analysis, i: int) -> ParameterSummary:
-    parameter, diagnosis = analysis.problem.parameters[i], analysis.diagnosis
-    summary = trusted(summarise_parameter(analysis.fit, parameter.name, analysis.chain.flat[:, i]), diagnosis.status)
-    return ParameterSummary(
-        **msgspec.structs.asdict(summary), prior=parameter.prior.describe(),
-        prior_mean=number(parameter.prior.expectation),
-        prior_sd=number(parameter.prior.sd), ess_bulk=number(diagnosis.ess_bulk[i]), ess_tail=number(diagnosis.ess_tail[i]),
-        rhat=number(diagnosis.rhat[i]), mcse=number(diagnosis.mcse[i]),
     )
 
 

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 import msgspec
 import numpy as np
 
-from estim.common import signed
+from estim.common import signed, significant
 from estim.pipeline import Analysis
 from estim.sampling import number
 from estim.words import tell
@@ -52,4 +52,4 @@ def rolling_rows(rolling: Mapping[str, RollingSummary]) -> list[tuple[str, str, 
 
 
 def _size(friction: float | None) -> str:
-    return "no friction is enough" if friction is None else f"{friction:.2g}"
+    return "no friction is enough" if friction is None else significant(friction, 2)

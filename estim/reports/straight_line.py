@@ -10,19 +10,22 @@ from typing import TYPE_CHECKING
 import msgspec
 import numpy as np
 
-from estim.common import Markdown, Status, as_json, format_quantity, one_line, signed
+from estim.checks import Estimate
+from estim.common import Markdown, Notation, Status, as_json, format_quantity, one_line, significant
 from estim.line import CONVENTIONS, StraightLine, confidence_band
+from estim.reports.copying import copies_of
 from estim.reports.figures import BLUE, GREEN, INK, ORANGE, new_figure
 from estim.reports.pages import page
 from estim.reports.rendering import render
 from estim.reports.result import Provenance, software_versions
 from estim.reports.rounded import interval, rounded
-from estim.sampling import number
+from estim.sampling import Summary, number
 from estim.words import STATUS_WORDS
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+_COPIED = 0.95  # probability of the interval in the table to copy
 STRAIGHT_SCHEMA = "estim-straight-line/1"
 _METHODS = {"ols": "ordinary least squares", "weighted": "weighted by u(y)", "york": "York: errors in both variables"}
 
@@ -87,7 +90,7 @@ def straight_line_report(line: StraightLine, *, figures: bool = True) -> dict[st
         used = result.recommended
         rows = [
             (convention, *(_pair(v, u, 3) for v, u in ((_nan(result.intercept), a), (_nan(result.slope), b))),
-             "n/a" if cov is None else signed(f"{cov:.4g}"), Markdown("**recommended**" if convention == used else ""))
+             "n/a" if cov is None else significant(cov, 3), Markdown("**recommended**" if convention == used else ""))
             for convention, (a, b, cov) in result.standard_errors.items()
         ]
         a, b, _ = result.standard_errors[used]
@@ -98,10 +101,22 @@ def straight_line_report(line: StraightLine, *, figures: bool = True) -> dict[st
             equation=f"{result.columns['y']} = ({_pair(_nan(result.intercept), a)}) + ({_pair(_nan(result.slope), b)}) · {result.columns['x']}",
             predictions=[_predicted(p) for p in result.predictions], inverses=[_predicted(p) for p in result.inverses], facts=line.facts,
             uncertainties=_uncertainties(result), slope=_ends(result.slope_interval, b),
+            opened={"methods"} if not line.status.ok else (), copies=copies_of(_estimates(result)) if line.status.ok else None,
         )
 
     errors = result.standard_errors
     return page({"figures/line.png": partial(straight_line_figure, line)}, text, wanted=figures) | {"result.json": as_json(result)}
+
+
+def _estimates(result: StraightLineResult) -> list[Estimate]:
+    """Intercept and slope with the recommended standard errors."""
+    found = []
+    for name, value, u in zip(("intercept", "slope"), (result.intercept, result.slope), result.standard_errors[result.recommended], strict=False):
+        if value is not None and u is not None:
+            half = result.k * u
+            low, high = (value - half, value + half) if result.probability == _COPIED else (None, None)
+            found.append(Estimate(Notation(name).label("1"), Summary("1", "", value, u, value, low, value - u, value + u, high), "", True))
+    return found
 
 
 def straight_line_lines(line: StraightLine) -> list[str]:
@@ -182,6 +197,6 @@ def straight_line_figure(line: StraightLine) -> Figure:
                 )
     upper.set(ylabel=line.columns.y)
     lower.set(xlabel=line.columns.x, ylabel="residual")
-    upper.legend(fontsize=8, frameon=False, loc="best")
+    figure.legend(*upper.get_legend_handles_labels(), fontsize=8, frameon=False, loc="outside lower center", ncols=2)
     return figure
 

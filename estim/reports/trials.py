@@ -148,7 +148,7 @@ def trials_files(
 def trials_report(campaign: Campaign, analysis: TrialsAnalysis, *, voice: Voice = Voice.PYTHON, figures: bool = True) -> dict[str, bytes]:
     """`report.md`, `trials.json` and the figures of trials by themselves.  voice : to whom advice is given.  figures : whether there are any."""
     drawers, values, record = trials_files(campaign, analysis, line=None, voice=voice)
-    return page(drawers, partial(trials_text, values), wanted=figures) | {"trials.json": record}
+    return page(drawers, partial(trials_text, values), wanted=figures, synthetic=campaign.kind == "synthetic") | {"trials.json": record}
 
 
 def trials_text(values: Mapping[str, object], pictures: Collection[str]) -> str:

@@ -32,7 +32,7 @@ _PROPOSAL_SHARE, _LEAST_SHARE = 0.8, 0.1  # of the moves: for a proposal whose w
 _GOOD_EFFICIENCY = 0.3  # effective share of its draws from which a proposal gets the full share of moves
 
 Progress = Callable[[int, str], None]
-"""Called with the steps done so far and a few words on how far sampling is."""
+"""Called with the share of the draws needed that there are, in per cent, and a few words on what is being done or still lacks."""
 
 
 @dataclass(frozen=True)
@@ -148,7 +148,7 @@ def sample_posterior(
         mixing = mixing_of(chain[:, n_burn:])
         convergence = _judge(mixing, target, n_step=n_step, tau=tau, tau_before=tau_before)
         if progress is not None:
-            progress(n_step, convergence.message)
+            progress(_percent(convergence, target), "sampling" if convergence.met else f"sampling: {convergence.message}")
         if convergence.met or n_step >= target.max_step:
             break
         tau_before = tau
@@ -199,6 +199,15 @@ def _scatter(posterior: Density, start: FloatArray, cov: FloatArray, n_walker: i
 def _square_root(cov: FloatArray) -> FloatArray:
     values, vectors = np.linalg.eigh(cov)
     return np.asarray(vectors * np.sqrt(np.maximum(values, 0.0)))
+
+
+def _percent(convergence: Convergence, target: Target) -> int:
+    """How much of the draws needed there is: by the criterion that is farthest from met, 100 where all are."""
+    if convergence.met:
+        return 100
+    shares = (convergence.ess_bulk / target.ess, convergence.ess_tail / target.ess, convergence.n_step / (target.n_tau * convergence.tau))
+    least = min(shares) if all(map(math.isfinite, shares)) else 0.0
+    return min(99, int(100.0 * least))
 
 
 def _judge(mixing: Mixing, target: Target, *, n_step: int, tau: float, tau_before: float) -> Convergence:

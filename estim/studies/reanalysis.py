@@ -124,9 +124,9 @@ def _found(campaign: Campaign, line: LineAnalysis | None, bodies: list[BodyAnaly
         draws = b.joint.chain.flat
         if b.gamma_masses is not None:
             found.append(("gamma", b.body, b.gamma_masses, gamma_origin(campaign.source, b.body) + " in this campaign"))
-        for i, name in enumerate(b.joint.problem.names):
+        for i, (name, estimate) in enumerate(zip(b.joint.problem.names, b.joint.estimates, strict=False)):
             base = name.partition("[")[0]
-            if base in ("gamma", "kappa", "radius") and b.joint.diagnosis.ok and name not in b.joint.fit.at_bound:
+            if base in ("gamma", "kappa", "radius") and estimate.measured:  # what the data leave as it was stated is no second opinion
                 value = Quantity(float(draws[:, i].mean()), float(draws[:, i].std(ddof=1)))
                 given = informative(b.joint.problem.parameters[i].prior)
                 found.append((base, b.body, value, f"{len(b.energies)} runs of {b.body} together" + (", stated value as prior" if given else "")))

@@ -5,19 +5,17 @@ from __future__ import annotations
 import math
 from types import MappingProxyType
 
-from estim.common import Finding, Kind, split_level
+from estim.common import Finding, Kind, format_p, split_level
 from estim.words.parameters import symbol, value_words
 from estim.words.table import Table
 
 _KEY_UNITS = MappingProxyType({"°": "_deg", "m": "_m", "1/s": "_per_s", "1/m": "_per_m", "°/m": "_deg_m", "N m": "_n_m", "m/s": "_m_s"})
-_SMALLEST = 1e-6  # smaller probabilities have no meaning for errors that are only nearly normal
 
 
 def _stated(verb: str, f: Finding) -> str:
     parts = [_pull(part) for part in f.parts]
     one_of = "; each of these, or the scale of the data, may be what is wrong" if len(parts) > 1 else ""
-    p = f"p = {f.p:.2g}" if f.p > _SMALLEST else f"p < {_SMALLEST:.0e}"
-    return f"the data {verb} with what was stated before ({p}){': ' if parts else ''}{'; '.join(parts)}{one_of}"
+    return f"the data {verb} with what was stated before ({format_p(f.p)}){': ' if parts else ''}{'; '.join(parts)}{one_of}"
 
 
 def _pull(f: Finding) -> str:
@@ -28,7 +26,7 @@ def _pull(f: Finding) -> str:
 
 def _tied(f: Finding) -> str:
     named = ", ".join(f.names[:-1]) + f" and {f.names[-1]}"
-    return f"the runs do not agree about what they share (p = {f.p:.1g}), and these data cannot tell which is wrong among {named}{_let_it_vary(f)}"
+    return f"the runs do not agree about what they share ({format_p(f.p)}), and these data cannot tell which is wrong among {named}{_let_it_vary(f)}"
 
 
 def _let_it_vary(f: Finding) -> str:
@@ -69,7 +67,7 @@ def _common(f: Finding) -> str:
 WORDS: Table = MappingProxyType(
     {
         Kind.STATED_UNCOMPARED: "the data say next to nothing about what was stated before: there is nothing to compare",
-        Kind.STATED_AGREE: lambda f: f"the data agree with what was stated before (p = {f.p:.2g})",
+        Kind.STATED_AGREE: lambda f: f"the data agree with what was stated before ({format_p(f.p)})",
         Kind.STATED_HARDLY: lambda f: _stated("hardly agree", f),
         Kind.STATED_DISAGREE: lambda f: _stated("do not agree", f),
         Kind.STATED_AND_CURVE: lambda f: _stated("do not agree", f) + "; but the curve does not explain them with other values either",
@@ -79,16 +77,16 @@ WORDS: Table = MappingProxyType(
             f"errors that no residual shows would move the result, in posterior standard deviations: {'; '.join(map(_common, f.parts))}"
         ),
         Kind.RUNS_UNCOMPARED: "the runs have nothing in common that two of them determine: there is nothing to compare",
-        Kind.RUNS_AGREE: lambda f: f"the {f.size:.0f} runs agree about what they share (p = {f.p:.2g})",
+        Kind.RUNS_AGREE: lambda f: f"the {f.size:.0f} runs agree about what they share ({format_p(f.p)})",
         Kind.RUNS_AGAINST_STATED: lambda f: (
-            f"the runs agree with each other but not with the stated values of what they share (p = {f.p:.1g})"
+            f"the runs agree with each other but not with the stated values of what they share ({format_p(f.p)})"
         ),
         Kind.RUN_DISAGREES: lambda f: (
-            f"run {f.run} disagrees with the others about what they share, which agree without it (p = {f.p:.1g} with it){_let_it_vary(f)}"
+            f"run {f.run} disagrees with the others about what they share, which agree without it ({format_p(f.p)} with it){_let_it_vary(f)}"
         ),
         Kind.RUNS_TIED: _tied,
         Kind.RUNS_DISAGREE: lambda f: (
-            f"the runs do not agree about what they share (p = {f.p:.1g}), and leaving out a single one does not heal it{_let_it_vary(f)}"
+            f"the runs do not agree about what they share ({format_p(f.p)}), and leaving out a single one does not heal it{_let_it_vary(f)}"
         ),
     }
 )

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from types import MappingProxyType
 
-from estim.common import Finding, Kind, format_quantity
+from estim.common import Finding, Kind, format_p, format_quantity, percentage
 from estim.words.table import Table
 
 
 def _not_rising(f: Finding) -> str:
     shown = f"[{f.numbers['low']:.3g}, {f.numbers['high']:.3g}]"
-    return f"the points do not determine a rising line: the exact {f.numbers['probability']:.0%} interval of its slope is {shown}"
+    return f"the points do not determine a rising line: the exact {percentage(f.numbers['probability'])} interval of its slope is {shown}"
 
 
 def _slopes(f: Finding) -> str:
@@ -19,7 +19,7 @@ def _slopes(f: Finding) -> str:
 
 
 def _scatter(f: Finding) -> str:
-    test = f"S = {f.size:.1f}, {f.numbers['dof']:.0f} degrees of freedom, p = {f.p:.1g}"
+    test = f"S = {f.size:.1f}, {f.numbers['dof']:.0f} degrees of freedom, {format_p(f.p)}"
     return f"the points scatter more than their uncertainties allow ({test})"
 
 

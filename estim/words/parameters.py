@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from types import MappingProxyType
 
-from estim.common import Amount, Finding, Kind, Label, format_p, format_rounded
+from estim.common import Amount, Finding, Kind, Label, format_p, format_rounded, percentage
 from estim.words.table import Table
 
 _PLACES = {math.pi: "pi", 2.0 * math.pi: "2 pi", 0.5 * math.pi: "pi/2"}
@@ -38,7 +38,7 @@ def _equal(f: Finding) -> str:
 
 
 def _solution(f: Finding) -> str:
-    return f"{_equal(f)} ({f.size:.0%} of the posterior)"
+    return f"{_equal(f)} ({percentage(f.size)} of the posterior)"
 
 
 def _several(f: Finding) -> str:

@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping
 from types import MappingProxyType
 
-from estim.common import Finding, Kind, format_p
+from estim.common import Finding, Kind, format_p, percentage
 from estim.words.table import Table
 
 TESTS: Mapping[str, str] = MappingProxyType(
@@ -25,7 +25,7 @@ TESTS: Mapping[str, str] = MappingProxyType(
 def _p(f: Finding) -> str:
     """'p = 0.0002', or that it is as small as simulation can tell."""
     least = f.numbers.get("least", 0.0)
-    return f"p < {least:.1g}" if f.p <= least else f"p = {f.p:.1g}"
+    return format_p(f.p, least)
 
 
 def _of_run(f: Finding) -> str:
@@ -98,7 +98,7 @@ def _few(f: Finding) -> str:
 
 
 def _crowd(f: Finding) -> str:
-    return f"run {f.run}: {f.size:.0%} of the frames would be outliers: it may be the others that are not the motion"
+    return f"run {f.run}: {percentage(f.size)} of the frames would be outliers: it may be the others that are not the motion"
 
 
 def _limit(where: str, f: Finding) -> str:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from types import MappingProxyType
 
-from estim.common import Finding, Kind
+from estim.common import Finding, Kind, format_p
 from estim.words.table import Table
 
 _DIRECTIONS = MappingProxyType(
@@ -25,7 +25,7 @@ def direction_words(direction: str) -> str:
 
 
 def _uneven(f: Finding) -> str:
-    return f"{f.parameters[0].name}: {direction_words(f.test) or 'uneven'} (ranks not uniform, p = {f.p:.1g})"
+    return f"{f.parameters[0].name}: {direction_words(f.test) or 'uneven'} (ranks not uniform, {format_p(f.p)})"
 
 
 def _coverage(f: Finding) -> str:

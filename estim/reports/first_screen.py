@@ -1,0 +1,209 @@
+"""The first screen of a report, and what the terminal and `print` say at the end: what the data gave, what they did not, and what to mind."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Protocol
+
+from estim.checks import Estimate, not_measured, p_sentence, result_table, screen_lines
+from estim.common import listed, signed, split_level
+from estim.reports.budget import UncertaintyBudget
+from estim.reports.deviation import ForceSummary
+from estim.reports.explanation import ExplanationSummary
+from estim.reports.labels import Labels
+from estim.reports.lacks import DeviationSummary
+from estim.reports.parameters import ParameterSummary
+from estim.reports.records import Correlation, FitSummary, RunSummary, StatedValues, WhatIf
+from estim.studies import PRIOR, READINGS, STATED
+
+_HALF = 0.5  # share of the variance from which one source is what limits
+_TIED = 0.6  # correlation that is worth its number
+_FELT = 0.05  # posterior standard deviations
+_SURE = 0.95  # probability of a force that the curve lacks
+_WHERE = {
+    "poor-fit": "curve", "contradiction": "values", "at-bound": "limits", "not-identified": "limits", "multimodal": "limits",
+    "not-converged": "computing", "methods-disagree": "computing",
+}
+_MOST_MINDS, _MOST_ERRORS = 2, 3
+
+
+@dataclass(frozen=True)
+class Screen:
+    """What stands first; every entry but the title is empty where the status is not ok.
+
+    estimates : of all parameters that are not a single run's among several, and what was sought.  head, rows : the table of those measured.
+    left : the others in words.  elsewhere : which are single runs'.  minds : what to mind.
+    sensitivity : what errors would do that no residual shows.
+    """
+
+    title: str
+    tests: str
+    estimates: tuple[Estimate, ...]
+    head: tuple[str, ...]
+    rows: tuple[tuple[str, ...], ...]
+    left: str
+    elsewhere: str
+    minds: tuple[str, ...]
+    sensitivity: str
+
+    @property
+    def lines(self) -> list[str]:
+        """What a terminal shows."""
+        return screen_lines(self.estimates, tests=self.tests, minds=self.minds)
+
+
+class Told(Protocol):
+    """What a result holds that the first screen shows; `estim.reports.result.Result` is one."""
+
+    @property
+    def title(self) -> str: ...
+
+    @property
+    def status(self) -> str: ...
+
+    @property
+    def runs(self) -> Mapping[str, RunSummary]: ...
+
+    @property
+    def parameters(self) -> Mapping[str, ParameterSummary]: ...
+
+    @property
+    def labels(self) -> Labels: ...
+
+    @property
+    def fit(self) -> FitSummary: ...
+
+    @property
+    def stated_values(self) -> StatedValues: ...
+
+    @property
+    def correlation(self) -> Correlation: ...
+
+    @property
+    def budget(self) -> Mapping[str, UncertaintyBudget] | None: ...
+
+    @property
+    def what_if(self) -> Sequence[WhatIf]: ...
+
+    @property
+    def deviation(self) -> Mapping[str, ForceSummary] | None: ...
+
+    @property
+    def curve_deviation(self) -> Mapping[str, DeviationSummary] | None: ...
+
+    @property
+    def explanation(self) -> ExplanationSummary | None: ...
+
+
+def first_screen(result: Told) -> Screen:
+    """The first screen of a result."""
+    title = f"{result.title}: {', '.join(result.runs)}" if result.title else ", ".join(result.runs)
+    if result.status != "ok":
+        return Screen(title, "", (), (), (), "", "", (), "")
+    counted = [check.p_value for run in result.runs.values() for name, check in run.checks.items() if name == "chi2"]
+    p_curve = result.fit.p_value if result.fit.p_value is not None else counted[0] if len(counted) == 1 else None
+    tests = p_sentence(p_curve, result.stated_values.p_value if result.stated_values.dof else None)
+    shown = [name for name in result.parameters if not _of_one_run(name, result)]
+    estimates = tuple([_estimate(name, result) for name in shown] + _sought(result))
+    head, rows = result_table(estimates)
+    elsewhere = list(dict.fromkeys(result.labels.symbol(split_level(name)[0]) for name in result.parameters if name not in shown))
+    noise = [one.noise_words for one in (result.deviation or {}).values() if one.noise_words]
+    minds = [words for words in (_warnings(result), _forces(result), _limits(shown, result), *noise) if words]
+    return Screen(
+        title, tests, estimates, head, tuple(rows), not_measured(estimates), listed(elsewhere) if elsewhere else "",
+        tuple(minds[:_MOST_MINDS]), _sensitivity(result),
+    )
+
+
+def result_lines(result: Told) -> list[str]:
+    """What a terminal says of a result whose status is ok."""
+    return first_screen(result).lines
+
+
+def opened_by(result: Told) -> frozenset[str]:
+    """The parts of a report that stand open: the one that holds the reason where there is no result, and what is suspicious about the data."""
+    doubtful = {"data"} if any(run.warnings or run.bad_frames or run.outliers for run in result.runs.values()) else set[str]()
+    if result.status == "ok":
+        return frozenset(doubtful | ({"curve"} if result.explanation is not None else set()))
+    return frozenset(doubtful | {_WHERE.get(result.status, "computing")})
+
+
+def _of_one_run(name: str, result: Told) -> bool:
+    return len(result.runs) > 1 and split_level(name)[1].strip("[]") in result.runs
+
+
+def _estimate(name: str, result: Told) -> Estimate:
+    p = result.parameters[name]
+    shown = (result.labels.bare if len(result.runs) == 1 else result.labels.parameters)[name]
+    return Estimate(shown, p, p.stated, bool(p.measured), p.upper_95, p.true)
+
+
+def _sought(result: Told) -> list[Estimate]:
+    """What a user wanted computed: once where it is the same for all runs, else run by run."""
+    found: dict[str, dict[str, Estimate]] = {}
+    for run, one in result.runs.items():
+        for name in one.sought:
+            found.setdefault(name, {})[run] = Estimate(result.labels.derived[run][name], one.derived[name], "", True)
+    shown = []
+    for by_run in found.values():
+        first = next(iter(by_run.values()))
+        if len(by_run) == len(result.runs) and len({(one.summary.mean, one.summary.sd) for one in by_run.values()}) == 1:
+            shown.append(first)
+        else:
+            shown += [replace(one, label=replace(one.label, symbol=f"{one.label.symbol}[{run}]")) for run, one in by_run.items()]
+    return shown
+
+
+def _limits(shown: Sequence[str], result: Told) -> str:
+    """What holds back the first quantity that the data measure: one thing that was stated, or the readings."""
+    symbols = result.labels.bare if len(result.runs) == 1 else result.labels.parameters
+    for name in shown:
+        budget = (result.budget or {}).get(name)
+        if budget is None or not result.parameters[name].measured or not budget.sources:
+            continue
+        first, symbol = budget.sources[0], symbols[name].symbol
+        if first.share < _HALF or first.source == name:
+            continue
+        if first.kind == READINGS and result.stated_values.dof:
+            return f"the readings are {100.0 * first.share:.0f} % of the variance of {symbol}: more or better ones narrow it"
+        if first.kind in (STATED, PRIOR) and first.source in symbols:
+            other = symbols[first.source].symbol
+            r = result.correlation.matrix[result.correlation.names.index(name)][result.correlation.names.index(first.source)]
+            tied = f"{symbol} and {other} are tied ({signed(f'{r:+.2f}')})" if abs(r) >= _TIED else f"{symbol} leans on what was stated of {other}"
+            return f"{tied}: measure {other} better, not more frames"
+    return ""
+
+
+def _forces(result: Told) -> str:
+    """Whether the curve lacks something for sure."""
+    found = [one for one in (result.deviation or {}).values() if one.probability > _SURE]
+    if found:
+        return f"the curve lacks a force, about {100.0 * max(one.typical for one in found):.2g} % of the weight; the intervals have room for it"
+    if any(one.probability > _SURE for one in (result.curve_deviation or {}).values()):
+        return "the curve lacks something that is larger than the errors; the intervals have room for it"
+    if any(run.complete is not None for run in result.runs.values()):
+        return "the curve is taken as complete: no interval has room for what it lacks"
+    return ""
+
+
+def _warnings(result: Told) -> str:
+    """What is suspicious about the data, as a number: the part that says more stands open."""
+    runs = result.runs.values()
+    counts = (
+        (sum(len(run.warnings) for run in runs), "warning of a file", "warnings of files"),
+        (sum(len(run.bad_frames) for run in runs), "bad frame", "bad frames"),
+        (sum(len(run.outliers) for run in runs), "likely outlier", "likely outliers"),
+    )
+    said = [f"{n} {one if n == 1 else several}" for n, one, several in counts if n]
+    return f"{', '.join(said)}, see the data and noise" if said else ""
+
+
+def _sensitivity(result: Told) -> str:
+    """'1 % of the clock κ +0.3; 1 mm of sag θ₀ +0.9': the parameter that each error moves most, in posterior standard deviations."""
+    symbols, said = result.labels.bare if len(result.runs) == 1 else result.labels.parameters, []
+    for one in result.what_if[:_MOST_ERRORS]:
+        name = max(one.shifts, key=lambda parameter: abs(one.shifts[parameter]))
+        if abs(one.shifts[name]) >= _FELT:
+            said.append(f"{one.error}: {symbols[name].symbol} {signed(f'{one.shifts[name]:+.1f}')}")
+    return "; ".join(said)

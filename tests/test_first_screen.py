@@ -1,0 +1,233 @@
+"""What a reader meets first: results of the data apart from what had been put in, limits for what may be zero, everything else folded."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+
+import msgspec
+import numpy as np
+import pytest
+
+from estim.campaign import load_campaign
+from estim.checks.cells import Estimate, is_measured, not_measured, p_sentence, result_table, screen_lines, stated_words, upper_limit
+from estim.common.errors import InputError
+from estim.common.labels import Notation
+from estim.common.quantity import format_p, p_digits, percentage, significant, with_unit
+from estim.pipeline import Analysis, analyse
+from estim.problem.priors import HalfNormal, Normal, Uniform
+from estim.reports.analysis import analysis_report
+from estim.reports.copying import _symbol, _unit, copies_of
+from estim.reports.first_screen import first_screen, opened_by
+from estim.reports.line import evidence_words
+from estim.reports.pages import unbroken
+from estim.reports.rendering import folded
+from estim.reports.result import Result, result_of
+from estim.sampling.chain import Convergence, Target, _percent
+from estim.sampling.summary import Summary, summarise
+
+PROJECT = Path(__file__).parents[1]
+REPLICA = PROJECT / "data" / "replica" / "campaign.toml"
+PLAIN = Notation("c_rr").label("1")
+
+
+@cache
+def fitted() -> tuple[Analysis, Result, str]:
+    campaign = load_campaign(REPLICA)
+    analysis = analyse(campaign, ["heavy-04"], seed=1, target=Target(ess=1000.0))
+    return analysis, result_of(campaign, analysis), analysis_report(campaign, analysis, figures=False)["report.md"].decode()
+
+
+def words(text: str) -> list[str]:
+    """Those with two letters or more, neither of a figure nor of a link."""
+    return [word for word in re.sub(r"!\[[^\]]*\]\([^)]*\)|[*_#|`]", " ", text).split() if re.search(r"[^\W\d_]{2,}", word)]
+
+
+def pages(text: str) -> float:
+    """Printed: 55 lines of 90 characters."""
+    return sum(max(1, -(-len(line) // 90)) for line in text.splitlines()) / 55.0
+
+
+def test_the_first_screen_is_short_and_has_the_result_the_rest_is_folded() -> None:
+    *_, report = fitted()
+    first, folds = report.partition("<details>")[0], re.findall(r"<summary><b>(.*?)</b></summary>\n\n.*?\n\n</details>", report, re.DOTALL)
+    assert len(words(first)) < 120
+    assert len(folds) == 6
+    assert "| κ, inertia of the disk / (M_D R²) |" in first
+    assert "p\u00a0=\u00a0" not in first
+    assert pages(first) + 0.5 < 3.0  # the main figure takes half a page
+    open_part = re.sub(r"<details>.*?</details>", "", report, flags=re.DOTALL)
+    assert pages(report) > 3.0 > pages(open_part)
+
+
+def test_what_the_data_leave_as_it_was_is_no_result(rng: np.random.Generator) -> None:
+    prior = Normal(1.0, 0.1)
+    for ratio, measured in ((0.79, True), (0.81, False)):
+        assert is_measured(summary(1.0 + ratio * 0.1 * standard(rng)), prior, None) is measured
+    result = fitted()[1]
+    for name, p in result.parameters.items():
+        expected = p.limit is None and p.upper_95 is None and p.sd <= 0.8 * p.prior_sd
+        assert p.measured is expected, name
+    screen = first_screen(result)
+    assert [row[0].partition(",")[0] for row in screen.rows] == ["κ", "φ"]
+    assert all(f"{symbol} = " in screen.left for symbol in ("γ", "R"))
+    assert "(stated 0.193 ± 0.010)" in screen.left
+
+
+def standard(rng: np.random.Generator) -> np.ndarray:
+    draws = rng.standard_normal(4000)
+    return (draws - draws.mean()) / draws.std(ddof=1)
+
+
+def summary(draws: np.ndarray) -> Summary:
+    return summarise(draws, unit="1", meaning="a quantity")
+
+
+def test_what_may_be_zero_has_an_upper_limit(rng: np.random.Generator) -> None:
+    draws = np.abs(rng.standard_normal(20_000)) * 0.005
+    prior = HalfNormal(0.005)
+    limit = upper_limit(summary(draws), prior, draws)
+    assert limit == pytest.approx(1.96 * 0.005, rel=0.03)  # of a folded normal the 95 % quantile is 1.96 sd
+    shown = Estimate(PLAIN, summary(draws), "half-normal", False, limit)
+    assert re.fullmatch(r"c_rr < 0\.00\d+ \(95 %\)", shown.relation)
+    sure = 0.02 + 0.003 * standard(rng)
+    assert upper_limit(summary(sure), prior, sure) is None
+    assert upper_limit(summary(draws), Normal(0.0, 1.0), draws) is None  # may be negative
+    assert upper_limit(summary(draws), Uniform(-1.0, 1.0), draws) is None
+
+
+def test_values_stand_beside_what_was_stated_and_what_is_true(rng: np.random.Generator) -> None:
+    degrees = Notation("φ", "°", 180.0 / np.pi).label("rad")
+    draws = np.radians(4.0 + 0.25 * standard(rng))
+    one = Estimate(degrees, summary(draws), stated_words(Normal(np.radians(3.7), np.radians(0.4)), "rad", degrees), True, None, np.radians(3.5))
+    head, ((meaning, value, stated, true),) = result_table([one])
+    assert head == ("", "from these data", "stated before", "true")
+    assert (meaning, value, stated, true) == ("φ, a quantity", "(4.00 ± 0.25)°", "(3.7 ± 0.4)°", "3.5° (+2.0 sd)")
+    bare = replace(one, stated="", true=None)
+    assert result_table([bare])[0] == ("", "from these data")
+    assert screen_lines([one], tests="p") == ["p", "φ = (4.00 ± 0.25)°   stated (3.7 ± 0.4)°; true 3.5° (+2.0 sd)"]
+    assert not_measured([one]) == ""
+    assert not_measured([replace(one, measured=False)]) == "φ = (4.00 ± 0.25)° (stated (3.7 ± 0.4)°)"
+    assert stated_words(Uniform(0.0, 1.0), "1", PLAIN) == "uniform in [0, 1]"
+
+
+def test_true_values_stand_in_a_file_beside_synthetic_data_alone(tmp_path: Path) -> None:
+    assert fitted()[1].parameters["kappa[heavy]"].true == 0.45
+    text = REPLICA.read_text().replace('file = "', f'file = "{REPLICA.parent}/')
+    (tmp_path / "truth.toml").write_text('"kappa[heavy]" = 0.4\nradius = 0.15\n')
+    (tmp_path / "c.toml").write_text(text)
+    assert load_campaign(tmp_path / "c.toml").truth == {"kappa[heavy]": 0.4, "radius": 0.15}
+    (tmp_path / "c.toml").write_text(text.replace('"synthetic"', '"measured"'))
+    assert load_campaign(tmp_path / "c.toml").truth == {}
+    (tmp_path / "c.toml").write_text(text)
+    (tmp_path / "truth.toml").write_text('radius = 0.15\n"kappa[heavy]" = "0.4"\n')
+    with pytest.raises(InputError, match=r"truth.toml:2: 'kappa\[heavy\]' must be a finite number"):
+        load_campaign(tmp_path / "c.toml")
+
+
+def test_the_part_with_the_reason_stands_open() -> None:
+    result = fitted()[1]
+    assert opened_by(result) == frozenset()
+    for status, key in (("poor-fit", "curve"), ("contradiction", "values"), ("not-converged", "computing"), ("not-identified", "limits")):
+        assert opened_by(msgspec.structs.replace(result, status=status)) == {key}
+    assert folded("a <b>", "text\n", opened=False) == "<details>\n<summary><b>a &lt;b></b></summary>\n\ntext\n\n</details>"
+    assert folded("a", "text\n", opened=True) == "text"
+    assert folded("a", "\n", opened=False) == ""
+
+
+def test_results_are_copied_as_siunitx_reads_them(rng: np.random.Generator) -> None:
+    tau = Notation("tau").label("µs")
+    one = Estimate(tau, summary(2.07 + 0.05 * standard(rng)), "", True)
+    large = Estimate(Notation("N").label("1"), summary(4196.0 + 83.0 * standard(rng)), "", False)
+    small = Estimate(Notation("I₀").label("A"), summary(1.2e-6 + 1e-7 * standard(rng)), "", True)
+    copies = copies_of([one, large, small])
+    assert copies.plain.splitlines()[1:-1] == ["tau = (2.07 ± 0.05) µs", "N = (4.20 ± 0.08)×10³ (not measured here)", "I₀ = (1.20 ± 0.10)×10⁻⁶ A"]
+    assert copies.brackets.splitlines()[1:-1] == [
+        r"$\tau = \qty{2.07(5)}{\micro\second}$", r"$N = \num{4.20(8)e3}$  % not measured here", r"$I_{0} = \qty{1.20(10)e-6}{\ampere}$",
+    ]
+    assert copies.plus_minus.splitlines()[1:-1] == [
+        r"$\tau = \qty{2.07 +- 0.05}{\micro\second}$", r"$N = \num{4.20 +- 0.08 e3}$  % not measured here",
+        r"$I_{0} = \qty{1.20 +- 0.10 e-6}{\ampere}$",
+    ]
+    assert copies.table.splitlines()[1] == "quantity,value,u,low_95,high_95,unit,measured"
+    assert copies.table.splitlines()[2].startswith("tau,2.07,0.05,1.9")
+    assert copies.table.splitlines()[3].endswith(",,no")
+
+
+@pytest.mark.parametrize(
+    ("unit", "written"),
+    [("m/s²", r"\metre\per\second\tothe{2}"), ("1/µs", r"\per\micro\second"), ("N m", r"\newton\metre"), ("mm", r"\milli\metre"), ("1", ""),
+     ("m s⁻²", r"\metre\per\second\tothe{2}"), ("°", r"\degree"), ("min", r"\minute"), ("furlong_2", r"\text{furlong\_2}"), ("kg", r"\kilo\gram")],
+)
+def test_units_are_written_in_words_of_siunitx_or_as_text(unit: str, written: str) -> None:
+    assert _unit(unit) == written
+
+
+def test_symbols_are_written_as_mathematics() -> None:
+    level = Notation("θ₀").label("rad", "[heavy_04]")
+    assert _symbol(level) == r"\theta_{0,\text{heavy\_04}}"
+    assert _symbol(PLAIN) == r"c_{\mathrm{rr}}"
+    assert _symbol(Notation("E₀").label("1")) == _symbol(Notation("E0").label("1")) == "E_{0}"
+
+
+@pytest.mark.parametrize(
+    ("value", "digits", "shown"),
+    [(0.09, 2, "0.090"), (0.2, 2, "0.20"), (5.46e-5, 3, "5.46×10⁻⁵"), (-0.004, 2, "−0.0040"), (24.0, 2, "24"), (120.0, 2, "120"), (0.0, 2, "0"),
+     (9.9995e-5, 2, "0.00010"), (1.5e7, 2, "1.5×10⁷"), (float("nan"), 2, "n/a")],
+)
+def test_significant_digits_keep_their_zeros(value: float, digits: int, shown: str) -> None:
+    assert significant(value, digits) == shown
+
+
+def test_probabilities_and_shares_are_written_one_way() -> None:
+    assert [format_p(p) for p in (0.9, 0.91, 0.0003, 1e-9)] == ["p = 0.90", "p = 0.91", "p = 0.00030", "p < 1e-6"]
+    assert format_p(5e-5, 5e-5) == "p < 5e-5"
+    assert p_digits(2e-5) == "2.0e-5"
+    assert [percentage(share) for share in (1.06, 0.086, 0.003, 0.95)] == ["106 %", "8.6 %", "0.30 %", "95 %"]
+    pairs = (("10.4 ± 0.5", "°"), ("0.4", "m"), ("1 ± 2", "1"), ("n/a", "m"), ("(1.2 ± 0.1)×10⁻⁶", "A"))
+    assert [with_unit(*pair) for pair in pairs] == ["(10.4 ± 0.5)°", "0.4 m", "1 ± 2", "n/a", "(1.2 ± 0.1)×10⁻⁶ A"]
+    assert p_sentence(0.91, None) == "curve against data p = 0.91"
+    assert evidence_words(-1.06) == "2.9 : 1 for a line through the origin, positive evidence"
+    assert evidence_words(6.0).startswith("400 : 1 for an intercept, very strong")
+
+
+def test_progress_is_the_share_of_the_draws_needed_by_the_criterion_farthest_from_met() -> None:
+    at = Convergence(n_step=300, rhat=1.005, ess_bulk=3000.0, ess_tail=1000.0, tau=3.0, tau_moved=0.0, met=False, told=())
+    assert _percent(at, Target(ess=4000.0)) == 25
+    assert _percent(replace(at, n_step=30), Target(ess=4000.0)) == 20  # of 50 autocorrelation times
+    assert _percent(replace(at, ess_tail=9000.0, ess_bulk=9000.0, n_step=900), Target(ess=4000.0)) == 99  # R-hat is still too large
+    assert _percent(replace(at, met=True), Target(ess=4000.0)) == 100
+    assert _percent(replace(at, tau=float("nan")), Target(ess=4000.0)) == 0
+
+
+def test_what_python_prints_is_what_the_terminal_says() -> None:
+    analysis, result, _ = fitted()
+    assert first_screen(result).lines[1:3] == screen_lines(estimates_with_truth(analysis), tests="p")[1:3]
+
+
+def estimates_with_truth(analysis: Analysis) -> list[Estimate]:
+    truth = load_campaign(REPLICA).truth
+    return [replace(one, true=truth[name]) for one, name in zip(analysis.estimates, analysis.problem.names, strict=True)]
+
+
+def test_numbers_keep_their_units_on_one_line_and_code_stays_as_it_is() -> None:
+    assert unbroken("# 5 % x\n(3 ± 1) m, 5 % of x\n`a = 1 ± 2`\n# 5 % x\n```\n1 ± 2\n```\n2 ± 1") == (
+        "# 5 % x\n(3\u00a0±\u00a01)\u00a0m, 5\u00a0% of x\n`a = 1 ± 2`\n# 5 % x\n```\n1 ± 2\n```\n2\u00a0±\u00a01"
+    )
+    *_, report = fitted()
+    assert "0.55\u00a0±\u00a00.12" in report.partition("<details>")[0]
+
+
+def test_the_sample_report_prints_on_six_pages_and_publishes_nothing_that_was_put_in() -> None:
+    report = (PROJECT / "reports" / "replica" / "report.md").read_text()
+    before_figures = report.partition("![")[0]
+    assert len(words(before_figures)) < 120
+    open_part = re.sub(r"<details>.*?</details>", "", report, flags=re.DOTALL)
+    assert pages(open_part) + 2 * 0.8 < 6.0  # two figures, each less than a page
+    published = report.partition("## Published and reanalysed")[2].partition("\n## ")[0]
+    assert "inertia parameter" in published
+    assert "radius of the disk" not in published
+    assert report.count("**recommended**") == 1
+    assert report.count("<details>") == report.count("</details>") > 5
