@@ -150,7 +150,7 @@ def test_shared_errors_are_one_parameter_of_all_runs(folder: Path, rng: np.rando
         ("u_y = 0.02", "window = {min = 9.5}", r"'window' must leave between 3"),
         ('"t_s"', '"time"', r"first.csv:1: 'time' is missing \(the header has t_s, u_V"),
         ('"t_s"', '"t"', r"first.csv:1: 't' is missing \(the header has t_s, u_V"),
-        ('"U0*exp(-x/tau) + offset"', '"U0*exp(-t/tau) + offset"', r":4: 'expression' must call its variable x, .* 't_s' here: write x for t"),
+        ('"U0*exp(-x/tau) + offset"', '"U0*exp(-time/tau) + t*offset"', r":4: 'expression' must call its variable x, .* 't_s' here: write x for t"),
         ('"U0*exp(-x/tau) + offset"', '"U0*exp(-T_S/tau) + offset"', r":4: 'expression' must call its variable x, .*: write x for T_S"),
         ("tau = {start", "t = {start = 1.0}\ntau = {start", r":10: 't' is not in the formula"),
         ('"u_V"', '"t_s"', r"'y' must name another column"),
@@ -230,13 +230,13 @@ def test_the_command_line_writes_a_report_about_the_curve(folder: Path) -> None:
     load(folder)
     ran = CliRunner().invoke(cli, ["fit", str(folder / "campaign.toml"), "--run", "first", "--out", str(folder / "out")])
     assert ran.exit_code == 0, ran.output
-    text = (folder / "out" / "report.md").read_text()
+    text = (folder / "out" / "report.md").read_text().replace("\u00a0", " ")
     result = json.loads((folder / "out" / "result.json").read_text())
     assert result["status"] == "ok"
     assert result["formula"] == "U0*exp(-x/tau) + offset"
     assert result["turning_point"] == {}
     assert "| tau | time constant |" in text
-    assert "Voltage U (V) against time t (s)" in text
+    assert "voltage U (V) against time t (s)" in text
     for word in ("turning point", "speed", "mass", "radian", "frame"):
         assert word not in text, word
     drawn = {"budget", "corner", "directions", "phase", "profiles", "residuals", "ridge", "traces"}

@@ -143,15 +143,19 @@ def test_an_export_is_told_from_a_table_of_the_project(mark: str) -> None:
 # refused
 
 MIXED = text(";", comma=True).replace("1,200E-01", "0.12")
+NO_NAMES = (
+    "a.txt:1: 'header' must have a line of column names with t and x or y, as Tracker exports it,"
+    " or be fit as any table (estim fit FILE --columns t,x,y)"
+)
 REFUSED = {
     "empty": ("", "a.txt: must not be empty: its size is 0"),
     "blank": ("\n# t,x\n", "a.txt: 'header' must have a line of column names with t and x or y, as Tracker exports it: nothing"),
-    "no names but 0.0": ("0.0\t0.1\n0.1\t0.2\n", "a.txt:1: 'header' must have a line of column names with t and x or y, as Tracker exports it: 0.0"),
+    "no names but 0.0": ("0.0\t0.1\n0.1\t0.2\n", f"{NO_NAMES}: 0.0"),
     "no names but 12.5": ("12.5;0.1\n", "a.txt:1: 'header' must have a line of column names"),
     "begins with a date": ("2019-02-17;0.1\n", "a.txt:1: 'row' begins with a date and the line of column names is gone; a spreadsheet"),
     "begins with a day": ("12.mai;0.1\n", "a.txt:1: 'row' begins with a date and the line of column names is gone; a spreadsheet"),
     "maybe decimal commas": ("t,x,n,m\n" + "".join(f"{n},5,1,2\n" for n in range(6)), "a.txt:2: 'row' may hold decimal commas: every cell"),
-    "no names": ("1;2;3\n", "a.txt:1: 'header' must have a line of column names with t and x or y, as Tracker exports it: 1;2;3"),
+    "no names": ("1;2;3\n", f"{NO_NAMES}: 1;2;3"),
     "estim's own": ("t_s,x_m\n0,1\n", "a.txt:1: 'header' is a table of estim already: name it in a campaign as it is: t_s,x_m"),
     "only v": (text(names="t v a b"), "a.txt:1: 'header' must have a line of column names with t and x or y"),
     "two x": (text(names="t x x v"), "a.txt:2: 'x' stands twice in the header"),

@@ -3,13 +3,11 @@
 from estim.campaign.binding import gamma_of_body, gamma_origin, parted_bodies, resistance_of_body
 from estim.campaign.campaign import Campaign, load_campaign
 from estim.campaign.campaign_file import CampaignFile, Kind, NoiseTable, checked, read_campaign_file
-from estim.campaign.curve_models import CurveModel
 from estim.campaign.design import load_design, simulate_campaign
 from estim.campaign.forced import as_complete
 from estim.campaign.levels import body_levels
-from estim.campaign.noise_models import Candidate
+from estim.campaign.others import Candidate, CurveModel, TableChoices, campaign_of_table, columns_of, drafted_campaign, pairs, way_back
 from estim.campaign.parts import OUTPUTS, PartedBody, correlations, known_to, notes_of
 from estim.campaign.quantities import EFFECTS
-from estim.campaign.selection import way_back
 from estim.campaign.usual import USUAL_KEYS
 from estim.campaign.variation import NewRun, axis_columns, otherwise, planned_quantities, quantity_of_key, with_own_gamma, with_runs, with_tables

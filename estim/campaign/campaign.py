@@ -145,7 +145,11 @@ def load_campaign(path: str | Path, *, only: str | None = None) -> Campaign:
     Raises InputError with file, line, field, rule and value for whatever breaks a rule; every run is posed as a problem
     once, so that a mistake in any of them shows at once.
     """
-    source = read_campaign_file(Path(path))
+    return bound(read_campaign_file(Path(path)), only=only)
+
+
+def bound(source: CampaignFile, *, only: str | None = None) -> Campaign:
+    """The campaign of a file that was read, with the tables of its runs, or of the run `only`.  Raises InputError."""
     study: Study
     tables: Mapping[str, Run]
     if source.curve is not None:

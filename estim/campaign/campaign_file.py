@@ -6,11 +6,12 @@
 from __future__ import annotations
 
 import difflib
+import hashlib
 import os
 import re
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Literal, TypeVar
 
@@ -21,6 +22,7 @@ from estim.campaign.name_rules import check_body_names, check_run_names
 from estim.campaign.part_table import PartTable
 from estim.campaign.plan_table import NO_PLAN, PlanTable, check_plan
 from estim.campaign.prior_table import PriorTable, Value, read_prior
+from estim.campaign.track_table import choices_of
 from estim.campaign.trial_table import TrialsTable
 from estim.common import EXTREME, InputError, Quantity, extreme, read_quantity
 from estim.problem import Prior
@@ -105,11 +107,7 @@ class RunTable(LevelTable, forbid_unknown_fields=True, frozen=True, kw_only=True
     @property
     def choices(self) -> Choices | None:
         """How a file of the program Tracker is to be read; None where nothing is said."""
-        said = (self.track, self.along, self.unit, self.release, self.frame_ms, self.drop_duplicates)
-        if all(value is None for value in said):
-            return None
-        along, release = "fit" if self.along is None else self.along, "first" if self.release is None else self.release
-        return Choices(self.track, along, self.unit, release, self.frame_ms, bool(self.drop_duplicates))
+        return choices_of(self)
 
 
 class LineTable(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_only=True):
@@ -157,6 +155,7 @@ class CampaignFile:
 
     files : run -> its file as written.  runs : of rolling bodies; empty where the curve is the user's own.
     curve : None where the runs are of rolling bodies.  plan : what might be measured next.  derived : the raw `derived` table.
+    written : the text of a campaign that stands in no file, else "".
     """
 
     path: Path
@@ -175,6 +174,7 @@ class CampaignFile:
     plan: PlanTable = NO_PLAN
     trials: TrialsTable | None = None
     derived: Mapping[str, Any] = field(default_factory=dict)
+    written: str = ""
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -227,6 +227,17 @@ def read_campaign_file(path: Path, *, measured: bool = True) -> CampaignFile:
     """
     text, digest = read_text(path, shown_as=str(path), limit=TOML_BYTES)
     tree, places = parse_toml(text, str(path))
+    return _checked_file(path, digest, tree, places, measured=measured)
+
+
+def campaign_file_of(text: str, path: Path, *, said: str) -> CampaignFile:
+    """The campaign in a text that stands in no file, as if it did at `path`.  said : how errors name it.  Raises InputError."""
+    tree, _ = parse_toml(text, said)
+    digest = hashlib.sha256(text.encode()).hexdigest()
+    return replace(_checked_file(path, digest, tree, Places(said, {}), measured=True), written=text)
+
+
+def _checked_file(path: Path, digest: str, tree: dict[str, Any], places: Places, *, measured: bool) -> CampaignFile:
     top = checked(tree, _TopTable, places, ())
     if top.curve is not None:
         return _with_own_curve(path, digest, places, top)

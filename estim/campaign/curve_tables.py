@@ -7,17 +7,19 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from typing import Literal
 
 import msgspec
 
 from estim.campaign.campaign_file import CampaignFile, read_value
+from estim.campaign.dialect_table import DialectKeys
 from estim.campaign.prior_table import PriorKeys, PriorTable
+from estim.campaign.track_table import TrackKeys
 from estim.common import InputError, Quantity
 from estim.curves import SIGMA, Formula
 from estim.problem import Flat, Prior, as_prior
-from estim.reading import Places
+from estim.reading import Places, name_and_unit
 
 Place = tuple[str | int, ...]
 
@@ -66,7 +68,7 @@ class CountTable(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
     cells: int | None = None
 
 
-class CurveTable(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
+class CurveTable(DialectKeys, forbid_unknown_fields=True, frozen=True, kw_only=True):
     x: AxisTable | str
     expression: str | None = None
     model: str | None = None
@@ -79,11 +81,11 @@ class CurveTable(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
     correlated: bool | str | None = None
     window: RangeTable | None = None
     every: int | None = None
-    parameters: dict[str, float | str | ParameterTable] = {}
-    errors: dict[str, float | ComponentTable] = {}
+    parameters: dict[str, float | str | ParameterTable] = msgspec.field(default_factory=dict)
+    errors: dict[str, float | ComponentTable] = msgspec.field(default_factory=dict)
 
 
-class CurveRunTable(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
+class CurveRunTable(TrackKeys, forbid_unknown_fields=True, frozen=True, kw_only=True):
     name: str
     file: str
     u_y: float | str | ReadingErrorTable | None = None
@@ -93,7 +95,7 @@ class CurveRunTable(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
     correlated: bool | str | None = None
     window: RangeTable | None = None
     every: int | None = None
-    parameters: dict[str, float | str | ParameterTable] = {}
+    parameters: dict[str, float | str | ParameterTable] = msgspec.field(default_factory=dict)
 
 
 def axis_of(written: AxisTable | str) -> AxisTable:
@@ -134,14 +136,34 @@ def check_words(source: CampaignFile, table: CurveTable, runs: Sequence[CurveRun
                         raise source.places.error(rule, (*path, "parameters", name), value=text)
 
 
-def check_variable(source: CampaignFile, formula: Formula, axis: AxisTable) -> None:
-    """A formula without x whose parameter is called like the abscissa takes the variable for a parameter.  Raises InputError."""
-    column = axis.column.lower()
-    called = {"t", "time", column, column.partition("_")[0], *(axis.name or "").lower().split()}
-    taken = [name for name in formula.names if name.lower() in called]
-    if taken and not formula.uses_x:
+def with_variable(source: CampaignFile, formula: Formula, axis: AxisTable, table: CurveTable, runs: Sequence[CurveRunTable]) -> Formula:
+    """The formula with its abscissa: x, or a name that the column of x bears (t, where that is `t_s` or `time`) and no parameter has.
+
+    Raises InputError for a formula without x that has a parameter called like the abscissa, or several.
+    """
+    given = {*table.parameters, *(name for run in runs for name in run.parameters)}
+    variable = variable_of(formula, axis.column, axis.name, given)
+    if variable is not None:
+        return formula if variable == "x" else formula.in_terms_of(variable)
+    alike = {"t", "time", *(word.lower() for word in _called(axis.column, axis.name))}
+    taken = [name for name in formula.names if name.lower() in alike]
+    if taken:
         rule = f"must call its variable x, which is the column '{axis.column}' here: write x for {taken[0]}"
         raise source.places.error(rule, ("curve", "expression"), value=formula.text)
+    return formula
+
+
+def variable_of(formula: Formula, column: str, name: str | None, given: Collection[str]) -> str | None:
+    """How a formula calls its abscissa: x, or else as its `column` or its `name` is called, where no parameter `given` is; None where it does not."""
+    if formula.uses_x:
+        return "x"
+    called = [found for found in formula.names if found in _called(column, name) and found not in given]
+    return called[0] if len(called) == 1 else None
+
+
+def _called(column: str, name: str | None) -> set[str]:
+    words = {column, column.partition("_")[0], name_and_unit(column)[0], *(name or "").split()}
+    return words | ({"t"} if any(word.lower() == "t" or word.lower().startswith(("time", "zeit")) for word in words) else set())
 
 
 def check_parameters(source: CampaignFile, formula: Formula, table: CurveTable, runs: Sequence[CurveRunTable]) -> None:

@@ -6,9 +6,7 @@ values, each the truth plus a normal error of its stated uncertainty.
 
 from __future__ import annotations
 
-import json
 import math
-import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -19,6 +17,7 @@ import numpy as np
 
 from estim.campaign.campaign_file import checked
 from estim.campaign.name_rules import check_body_names, check_run_names
+from estim.campaign.toml_text import toml_key, toml_string
 from estim.common import one_line
 from estim.reading import TOML_BYTES, Places, parse_toml, read_text
 from model import Body, ascends, theta_min
@@ -269,7 +268,7 @@ def _body_lines(design: Design, body: BodyTable, mass_disk: str, rng: np.random.
 def _run_table(design: Design, run: RunDesign, rng: np.random.Generator) -> list[str]:
     return [
         f'name = "{run.name}"',
-        f"body = {_toml_string(run.body)}",
+        f"body = {toml_string(run.body)}",
         f'file = "runs/{run.name}.csv"',
         f"phi_deg = {_measured(run.phi_deg, design.instruments.u_phi_deg, rng)}",
         f"theta0_deg = {_measured(run.theta0_deg, design.instruments.u_theta0_deg, rng)}",
@@ -300,25 +299,16 @@ def _theta_min_csv(design: Design, rng: np.random.Generator) -> str:
 
 def _campaign_toml(design: Design, shared: list[str], bodies: Mapping[str, list[str]], runs: list[list[str]]) -> str:
     blocks = [
-        [f"title = {_toml_string(design.title)}", 'kind = "synthetic"', f"published = {_toml_string(design.published)}"], ["[shared]", *shared],
+        [f"title = {toml_string(design.title)}", 'kind = "synthetic"', f"published = {toml_string(design.published)}"], ["[shared]", *shared],
     ]
-    blocks += [[f"[bodies.{_toml_key(name)}]", *lines] for name, lines in bodies.items()]
+    blocks += [[f"[bodies.{toml_key(name)}]", *lines] for name, lines in bodies.items()]
     blocks += [["[[runs]]", *lines] for lines in runs]
-    blocks += [["[line]", 'file = "theta_min.csv"', f"body = {_toml_string(design.line.body)}"]]
+    blocks += [["[line]", 'file = "theta_min.csv"', f"body = {toml_string(design.line.body)}"]]
     if design.trials is not None:
         u_phi, u_theta = design.instruments.u_phi_deg, design.instruments.u_theta_min_deg
-        named = ["[trials]", 'file = "trials.csv"', f"body = {_toml_string(design.trials.body)}"]
+        named = ["[trials]", 'file = "trials.csv"', f"body = {toml_string(design.trials.body)}"]
         blocks.append([*named, f"u_phi_deg = {u_phi}", f"u_theta_deg = {u_theta}"])
     return "\n\n".join("\n".join(block) for block in blocks) + "\n"
-
-
-def _toml_string(text: str) -> str:
-    """`text` as a basic TOML string: JSON's escapes are valid ones, and a mark that does not print is written as one."""
-    return "".join(mark if mark.isprintable() else f"\\U{ord(mark):08x}" for mark in json.dumps(text, ensure_ascii=False))
-
-
-def _toml_key(name: str) -> str:
-    return name if re.fullmatch(r"[A-Za-z0-9_-]+", name) else _toml_string(name)
 
 
 def _truth_toml(design: Design) -> str:
@@ -326,7 +316,7 @@ def _truth_toml(design: Design) -> str:
     lines = ["# The true values.  No fit reads this file; tests compare with it.", ""]
     lines += [f"radius = {constants.radius_m}", f"rolling_resistance = {constants.rolling_resistance}", f"g = {constants.g}"]
     for name, body in design.bodies.items():
-        lines += [f"{_toml_string(f'gamma[{name}]')} = {body.gamma}", f"{_toml_string(f'kappa[{name}]')} = {constants.kappa}"]
+        lines += [f"{toml_string(f'gamma[{name}]')} = {body.gamma}", f"{toml_string(f'kappa[{name}]')} = {constants.kappa}"]
     for run in design.runs:
         lines += [f'"theta0[{run.name}]" = {np.radians(run.theta0_deg):.12f}', f'"phi[{run.name}]" = {np.radians(run.phi_deg):.12f}']
     return "\n".join(lines) + "\n"

@@ -35,23 +35,25 @@ from estim.campaign.curve_tables import (
     ReadingErrorTable,
     axis_of,
     check_parameters,
-    check_variable,
     check_words,
     source_of,
+    with_variable,
     y_axis,
 )
+from estim.campaign.dialect_table import DialectKeys, dialect_of
 from estim.campaign.noise_models import Candidate
 from estim.campaign.own_curve_counts import check_counts, count_columns
 from estim.campaign.own_curve_lacks import order_columns, refuse_lacks
 from estim.campaign.own_curve_models import is_to_be_found, read_curve, started_runs, unknown_of
 from estim.campaign.own_curve_points import MIN_ROWS, CurvePoints
+from estim.campaign.track_table import choices_of
 from estim.common import InputError
-from estim.curves import AxisNames, Component, DistortedCurve, Formula, ModelSum
+from estim.curves import MAX_OBS, AxisNames, Component, DistortedCurve, Formula, ModelSum
 from estim.deviation import BadFrames, ForceSize
 from estim.explanation import Suspects
 from estim.fitting import Fit, fit_lacking, fit_optimum, information, is_resolved, no_scatter, silent_parameters
 from estim.problem import Curve, Parameter, Prior, Problem, shared_first
-from estim.reading import Places, Run, of_any_curve, read_table, run_of_table
+from estim.reading import Choices, Places, Run, is_tracker_file, of_any_curve, read_columns, run_of_table, track_columns
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,6 +108,9 @@ class CurveStudy:
             run, unknown = points.observe(curve, arguments, index, tables[name], joint=len(names) > 1)
             of_noise |= {parameter.name: parameter for parameter in unknown}
             observed.append(run)
+        if len(observed) > 1 and sum(run.n_obs for run in observed) > MAX_OBS:
+            rule = f"must be at most {MAX_OBS} in a joint fit: say every = 2 or more, or fit the runs one by one"
+            raise self.source.places.error(rule, ("curve", "every"), field="points", value=sum(run.n_obs for run in observed))
         for name in of_noise:
             if name in parameters or name in shared:
                 rule = "is the name of a quantity of the errors of y, which is unknown here: choose another"
@@ -291,7 +296,7 @@ def read_curve_study(source: CampaignFile, written_curve: OwnCurve, *, only: str
     check_counts(source, table, runs)
     x, y = axis_of(table.x), y_axis(table)
     check_words(source, table, runs, (x, y))
-    check_variable(source, formula, x)
+    formula = with_variable(source, formula, x, table, runs)
     check_parameters(source, formula, table, runs)
     axes = AxisNames(x.name or x.column, x.unit, y.name or y.column, y.unit)
     study = CurveStudy(source, formula, axes, table, runs, named)
@@ -315,14 +320,20 @@ def _with_names(raw: Mapping[str, Any], places: Places, path: Place) -> dict[str
 
 
 def _read_run(study: CurveStudy, run: CurveRunTable) -> Run:
-    path = study.source.file_of(study.runs.index(run))
+    index = study.runs.index(run)
+    path, dialect = study.source.file_of(index), dialect_of(((("runs", index), run), (("curve",), study.table)), study.source.places)
     errors = [entry for entry in (run.u_y, study.table.u_y) if entry is not None][:1]
     errors += [entry for entry in (run.u_x, study.table.u_x) if entry is not None][:1]
     columns = [entry.column for entry in errors if isinstance(entry, ReadingErrorTable) and entry.column is not None]
     counted = [*([study.y_column] if study.y_column else []), *count_columns(study.table)]
     needed = list(dict.fromkeys([study.x_column, *counted, *columns, *order_columns(study.table, run)]))
+    choices = choices_of(run) or (Choices() if is_tracker_file(path) else None)
+    if choices is not None and any(getattr(run, key) is not None for key in DialectKeys.__struct_fields__):
+        raise study.source.places.error("does not go with a file of Tracker, which says itself how it is written", ("runs", index), field="columns")
     with study.source.reading(path, needed):
-        table = read_table(path, known=needed, min_rows=MIN_ROWS, shown_as=str(path), needed=needed)
+        table = track_columns(path, choices, needed=needed, shown_as=str(path)) if choices is not None else read_columns(
+            path, needed=needed, min_rows=MIN_ROWS, shown_as=str(path), dialect=dialect
+        )
     for column in columns:
         if np.any(table.columns[column] <= 0.0):
             raise table.error("must be > 0", column, int(np.argmax(table.columns[column] <= 0.0)))

@@ -17,7 +17,7 @@ from estim.campaign.own_curve_counts import read_counts, window_of_events
 from estim.campaign.own_curve_lacks import check_lacks, read_lacks
 from estim.campaign.robust import shape_of
 from estim.common import Finding, InputError, Kind, Quantity
-from estim.curves import MAX_EVENTS, MAX_OBS, SIGMA, SIGMA_NOTATION, SIGMA_SPREAD, AxisNames, reading_noise
+from estim.curves import MAX_DENSE, MAX_EVENTS, MAX_OBS, SIGMA, SIGMA_NOTATION, SIGMA_SPREAD, AxisNames, reading_noise
 from estim.fitting import PERFECT
 from estim.problem import Curve, LogNormal, Observations, Parameter, Prior, Scale, as_prior, hide_the_range, plain_words
 from estim.reading import Run
@@ -45,11 +45,15 @@ class CurvePoints:
         inside, excluded = self._window(x, index)
         kept, between = self._every(order[inside[order]], index)
         excluded += between
-        if not MIN_ROWS <= kept.size <= MAX_OBS:
+        dense = self.table.u_x is not None or self.runs[index].u_x is not None
+        most = MAX_DENSE if dense else MAX_OBS
+        if not MIN_ROWS <= kept.size <= most:
+            cure = f"say every = {-(-kept.size * max(1, self._step(index)) // most)}, or state a window"
+            cure = f": {cure}" if kept.size > most else ""
             if not excluded:
-                rule = f"must be between {MIN_ROWS} and {MAX_OBS} (or state a window, or 'every')"
+                rule = f"must be between {MIN_ROWS} and {most}{' where x has errors' if dense else ''}{cure}"
                 raise InputError(rule, field="rows", value=kept.size, file=table.file)
-            rule = f"must leave between {MIN_ROWS} and {MAX_OBS} of the {table.n_row} rows of {table.file} to fit"
+            rule = f"must leave between {MIN_ROWS} and {most} of the {table.n_row} rows of {table.file} to fit{cure}"
             raise self.source.places.error(rule, ("runs", index, "window"), field="window", value=int(kept.size))
         stated = self.table.u_y is not None or self.runs[index].u_y is not None
         lacks = read_lacks(self.source, self.table, self.runs, index, table, kept=kept, stated=stated)
@@ -77,8 +81,8 @@ class CurvePoints:
         run, kept, events = self.runs[index], np.flatnonzero(inside), self.table.y is None
         path: Place = ("runs", index, "window") if run.window is not None else ("curve", "window")
         window = window_of_events(self.source, run.window or self.table.window, path) if events else (0.0, 0.0)
-        if not MIN_ROWS <= kept.size <= (MAX_EVENTS if events else MAX_OBS):
-            rule = f"must be between {MIN_ROWS} and {MAX_EVENTS if events else MAX_OBS} (within the window, where one is stated)"
+        if not MIN_ROWS <= kept.size <= (MAX_EVENTS if events else MAX_DENSE):
+            rule = f"must be between {MIN_ROWS} and {MAX_EVENTS if events else MAX_DENSE} (within the window, where one is stated)"
             raise InputError(rule, field="rows", value=int(kept.size), file=table.file)
         points = read_counts(self.source, self.table, table, kept, what=self.axes.y_name, window=window)
         left_out = np.zeros((0, 2))
@@ -121,6 +125,10 @@ class CurvePoints:
         inside = (x >= low) & (x <= high)
         left_out = int(np.sum(~inside))
         return inside, (Finding(Kind.OUTSIDE_WINDOW, size=left_out),) if left_out else ()
+
+    def _step(self, index: int) -> int:
+        """One of how many points is fit."""
+        return self.runs[index].every or self.table.every or 1
 
     def _every(self, kept: NDArray[np.int64], index: int) -> tuple[NDArray[np.int64], tuple[Finding, ...]]:
         """Every so many of the points in order of x."""

@@ -28,7 +28,7 @@ takes up what is left, and the intervals hold what they say (docs/statistics.md)
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -42,6 +42,8 @@ P_POOR_FIT = 1e-3
 P_TOLD = 5e-3  # of `speed`, below which it is told
 SCATTER_LIMIT = 3.0  # times what the instrument explains: nine tenths of the variance would be something else
 _NO_ERRORS = 1e-9  # standard deviations; residuals that are all smaller are rounding errors
+_LEAST_SIMULATED = 2600  # a p-value below P_POOR_FIT can come out
+_SMALLER = 4  # blocks, by which many points take less memory
 _N_SIMULATED = 20_000
 _SLOW_ORDER, _SLOW_WEIGHT = 5, 4.0
 _NO_DRIFT = 0.5  # standard deviations of a slow shape in independent residuals
@@ -125,20 +127,25 @@ def check_goodness(fit: Fit, *, rng: np.random.Generator) -> tuple[Goodness, ...
     design = np.vstack([*(response.root for response in responses), pulls])
     scale = np.linalg.norm(design, axis=0)
     scale[scale == 0.0] = 1.0
+    inverse = np.linalg.pinv(design / scale, rcond=1e-13) / scale[:, None]
     n_error = problem.n_obs + problem.n_par
     most = 8e6 if any(run.noise.counted is not None for run in problem.runs) else 4e7  # counts take longer to draw
-    errors = rng.standard_normal((n_error, min(_N_SIMULATED, int(most / n_error))))
-    *by_group, of_priors = np.split(errors, np.cumsum([group.n_obs for group in problem.groups]))
-    felt = [response.felt(error) for response, error in zip(responses, by_group, strict=True)]
-    shifts = (np.linalg.pinv(design / scale, rcond=1e-13) / scale[:, None]) @ np.vstack([*felt, of_priors])
     whitened = posterior.by_run(response.z for response in responses)
-    simulated = posterior.by_run(response.moved(error, shifts) for response, error in zip(responses, by_group, strict=True))
+    speeds = [_speeds(run, named) for run in problem.runs]
+    drawn = []
+    for n_draw in _blocks(int(most / n_error)):
+        errors = rng.standard_normal((n_error, n_draw))
+        *by_group, of_priors = np.split(errors, np.cumsum([group.n_obs for group in problem.groups]))
+        felt = [response.felt(error) for response, error in zip(responses, by_group, strict=True)]
+        shifts = inverse @ np.vstack([*felt, of_priors])
+        simulated = posterior.by_run(response.moved(error, shifts) for response, error in zip(responses, by_group, strict=True))
+        drawn.append([(_statistics(null.T), _slower(null.T, v)) for null, v in zip(simulated, speeds, strict=True)])
     forced = {name for force in fit.forces for name in force.runs}
     checked = []
-    for run, z, null, (raw, sd) in zip(problem.runs, whitened, simulated, _raw_and_sd(fit, named), strict=True):
+    for i, (run, z, (raw, sd)) in enumerate(zip(problem.runs, whitened, _raw_and_sd(fit, named), strict=True)):
         empty = run.noise.counted is None and (no_scatter(run, fit) or float(np.max(np.abs(z))) < _NO_ERRORS)
-        checks = {"zero": Check(0.0, P_FLOOR, TESTS["zero"])} if empty else _checks(z, null.T, stated=run.stated)
-        speed = None if empty else _with_speed(z, null.T, _speeds(run, named))
+        checks = {"zero": Check(0.0, P_FLOOR, TESTS["zero"])} if empty else _checks(z, [block[i][0] for block in drawn], stated=run.stated)
+        speed = None if empty else _with_speed(z, [block[i][1] for block in drawn], speeds[i])
         pattern, room = len(problem.runs) * _pattern(z), _room(run, raw)
         bears = run.name in forced and run.noise.made_of_positions
         scatter, counted = _scatter_ratio(run, named), run.noise.counted is not None
@@ -186,9 +193,18 @@ def _scatter_ratio(run: Observations, named: Mapping[str, FloatArray]) -> float:
     return float(named[size.scatter.parameter]) / instrument
 
 
-def _checks(z: FloatArray, simulated: FloatArray, *, stated: bool) -> dict[str, Check]:
-    """Statistics of z (n_obs,) against simulated ones (n_sim, n_obs); every statistic is large when the model is wrong."""
-    observed, null = _statistics(z[None, :]), _statistics(simulated)
+def _blocks(at_once: int) -> list[int]:
+    """How many residuals are simulated, by turns that fit into memory: as many as fit at once, and enough for the least p-value that counts."""
+    if at_once >= _LEAST_SIMULATED:
+        return [min(_N_SIMULATED, at_once)]
+    some = max(1, at_once // _SMALLER)
+    return [some] * -(-_LEAST_SIMULATED // some)
+
+
+def _checks(z: FloatArray, simulated: Sequence[Mapping[str, FloatArray]], *, stated: bool) -> dict[str, Check]:
+    """Statistics of z (n_obs,) against simulated ones, block by block; every statistic is large when the model is wrong."""
+    observed = _statistics(z[None, :])
+    null = {name: np.concatenate([block[name] for block in simulated]) for name in observed}
     checks = {}
     for name in observed:
         if name == "chi2" and not stated:
@@ -210,14 +226,21 @@ def _speeds(run: Observations, named: Mapping[str, FloatArray]) -> FloatArray | 
     return np.abs(np.broadcast_to(found, (1, run.n_obs))[0])
 
 
-def _with_speed(z: FloatArray, simulated: FloatArray, v: FloatArray | None) -> Check | None:
-    """Whether z (n_obs,) is larger where the speed v (n_obs,) is, against simulated ones (n_sim, n_obs)."""
+def _slower(z: FloatArray, v: FloatArray | None) -> FloatArray:
+    """(n,) how much larger each row of z (n, n_obs) is where the speed v (n_obs,) is; nothing where there is none, or one speed."""
     if v is None or not np.ptp(v) > 0.0:
-        return None
+        return np.zeros(0)
     weight = np.square(v) / np.mean(np.square(v)) - 1.0
-    statistic, null = (np.abs(rows) @ weight / np.sum(np.abs(rows), axis=-1) for rows in (z, simulated))
-    p = (1.0 + float(np.sum(null >= statistic - 1e-12))) / (1.0 + null.size)
-    return Check(float(statistic), p, TESTS["speed"])
+    return np.asarray(np.abs(z) @ weight / np.sum(np.abs(z), axis=-1))
+
+
+def _with_speed(z: FloatArray, simulated: Sequence[FloatArray], v: FloatArray | None) -> Check | None:
+    """Whether z (n_obs,) is larger where the speed v (n_obs,) is, against simulated statistics, block by block."""
+    null, observed = np.concatenate(simulated), _slower(z[None, :], v)
+    if not null.size:
+        return None
+    p = (1.0 + float(np.sum(null >= observed[0] - 1e-12))) / (1.0 + null.size)
+    return Check(float(observed[0]), p, TESTS["speed"])
 
 
 def _statistics(z: FloatArray) -> dict[str, FloatArray]:

@@ -11,10 +11,13 @@ from numpy.typing import NDArray
 from estim.arrays import FloatArray
 from estim.common import Finding, Kind
 from estim.deviation import FoundForce, Jump
-from estim.problem import Posterior
+from estim.problem import Likelihood, Posterior, Problem
 
 NAMED = 0.5  # a frame is named as an outlier above this probability
 _KINDS = MappingProxyType({"frame": Kind.FRAME_OFF, "step": Kind.STEP_STAYS, "clock": Kind.FRAMES_LOST})
+
+
+_BLOCK = 4_000_000  # values at once, of many points
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,12 +35,20 @@ class Outliers:
 
 def find_outliers(posterior: Posterior, draws: FloatArray) -> tuple[Outliers, ...]:
     """One record for each run with robust noise, averaged over posterior draws (n_draw, n_par)."""
-    named = posterior.problem.named(draws)
-    by_run = posterior.by_run(likelihood.outlier_probability(named).mean(axis=0) for likelihood in posterior.likelihoods)
+    if not any(run.noise.robust for run in posterior.problem.runs):
+        return ()
+    by_run = posterior.by_run(_average(likelihood, posterior.problem, draws) for likelihood in posterior.likelihoods)
     return tuple(
         Outliers(run.name, probability)
         for run, probability in zip(posterior.problem.runs, by_run, strict=True) if run.noise.robust
     )
+
+
+def _average(likelihood: Likelihood, problem: Problem, draws: FloatArray) -> FloatArray:
+    """(n_obs,) mean over draws; of many points a few draws at a time."""
+    some = max(1, _BLOCK // problem.n_obs) if problem.many else draws.shape[0]
+    parts = [likelihood.outlier_probability(problem.named(draws[i : i + some])).sum(axis=0) for i in range(0, draws.shape[0], some)]
+    return np.asarray(np.sum(parts, axis=0) / draws.shape[0] if len(parts) > 1 else parts[0] / draws.shape[0])
 
 
 def bad_frame(run: str, unit: str, step: float, jump: Jump) -> Finding:

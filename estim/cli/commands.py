@@ -9,8 +9,9 @@ from __future__ import annotations
 import os
 import sys
 import warnings
+from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -22,10 +23,12 @@ from estim.cli.importing import import_run
 from estim.cli.line import line
 from estim.cli.mapping import map_motions
 from estim.cli.models import compare_models
+from estim.cli.new import new_campaign
 from estim.cli.options import JOINT, NO_FIGURES, OUT, RUNS, SEED, STEPS
 from estim.cli.origin import Ledger
 from estim.cli.planning import plan_next
 from estim.cli.propagating import say_propagated
+from estim.cli.tables import curve_options, load_or_make
 from estim.cli.terminal import (
     NOT_OK,
     announced,
@@ -50,7 +53,7 @@ if TYPE_CHECKING:
 
 @click.group(
     context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100},
-    commands=[batch, calibrate, compare_models, line, map_motions, plan_next, verify, diff],
+    commands=[batch, calibrate, compare_models, line, map_motions, new_campaign, plan_next, verify, diff],
 )
 @click.version_option(package_name="estim")
 def cli() -> None:
@@ -63,13 +66,14 @@ def cli() -> None:
 
 
 @cli.command()
-@click.argument("campaign", type=click.Path(path_type=Path))
+@click.argument("campaign", metavar="CAMPAIGN|FILE", type=click.Path(path_type=Path))
 @RUNS
 @JOINT
 @STEPS
 @OUT
 @SEED
 @NO_FIGURES
+@curve_options
 @click.option(
     "--marginal/--full", default=None, help="Sample a joint fit through the marginal over its runs, or all unknowns at once.  "
     "[default: the marginal for more than 16 runs, and for `positions` with more than 12 unknowns]",
@@ -79,9 +83,12 @@ def cli() -> None:
 @click.option("--resume", is_flag=True, help="Continue a fit that was interrupted, from the draws kept in OUT/.checkpoint.")
 def fit(
     campaign: Path, runs: tuple[str, ...], joint: bool, max_steps: int, out: Path | None, seed: int, marginal: bool | None, compare: bool,
-    explain: bool, resume: bool, no_figures: bool,
+    explain: bool, resume: bool, no_figures: bool, said: Mapping[str, Any],
 ) -> None:
-    """Fit runs of CAMPAIGN and write a report.
+    """Fit runs of CAMPAIGN, or the points of a table FILE, and write a report.
+
+    A table needs no campaign: estim fit data.csv --formula "a*exp(-x/tau) + c" --start tau=2.  The report ends with the
+    campaign that says the same (docs/your-own-curve.md).
 
     Each run is fit by itself unless --joint is given.  Exit code 3 means that a result is not to be trusted; the
     report says why.  With the extra `arviz` installed the draws are written too, as draws.nc (docs/interop.md).
@@ -91,14 +98,12 @@ def fit(
     --resume an unfinished chain is discarded and a line says so.  If data, priors, noise, settings, seed or versions have
     changed, --resume refuses and says what differs (docs/long-runs.md).
     """
-    from estim.campaign import load_campaign
     from estim.pipeline import analyse
-    from estim.reports import HOW_TO_GET, analysis_report, can_write_netcdf, index_report, result_lines, result_of, to_netcdf
+    from estim.reports import HOW_TO_GET, analysis_report, can_write_netcdf, index_report, result_lines, result_of, to_netcdf, with_campaign
     from estim.sampling import Target, only_writer
     from estim.words import Voice
 
-    loaded = load_campaign(campaign)
-    folder = out or Path("out") / campaign.resolve().parent.name
+    loaded, folder = load_or_make(campaign, said, out)
     groups = groups_of(loaded, runs, joint=joint)
     if marginal and not joint:
         raise InputError("needs --joint: one run has nothing to share", field="--marginal")
@@ -120,7 +125,8 @@ def fit(
         place = folder if len(groups) == 1 else folder / group[0]
         with progress_bar(", ".join(group)) as progress:
             progress(100, "report and figures")
-            write_report(place, analysis_report(loaded, analysis, voice=Voice.COMMANDS, figures=not no_figures), within=folder)
+            files = analysis_report(loaded, analysis, voice=Voice.COMMANDS, figures=not no_figures)
+            write_report(place, with_campaign(files, loaded.source.written, file=campaign.name), within=folder)
         if can_write_netcdf():
             write_files(place, {"draws.nc": to_netcdf(analysis)}, within=folder)
         results[group[0]] = result_of(loaded, analysis, voice=Voice.COMMANDS)

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 import click
 
 from estim.cli.options import NO_FIGURES, OUT, SEED
 from estim.cli.release import fit_line_and_trials
 from estim.cli.straight import say_straight_line
+from estim.cli.tables import dialect_of, dialect_options
 from estim.cli.terminal import NOT_OK
 from estim.common import InputError
 
@@ -23,12 +26,13 @@ from estim.common import InputError
 @click.option("--correlation", metavar="NAME|R", help="Correlation of the two errors of a point.  [default: the column r_xy, if there]")
 @click.option("--predict", multiple=True, metavar="X0", help='y of the line at X0, which may be uncertain: "5.0(1)"; may be given several times.')
 @click.option("--inverse", multiple=True, metavar="Y0", help='x at which the line reaches a reading Y0: "10.5(5)"; may be given several times.')
+@dialect_options
 @OUT
 @SEED
 @NO_FIGURES
 def line(
     campaign: Path, x: str | None, y: str | None, ux: str | None, uy: str | None, correlation: str | None, predict: tuple[str, ...],
-    inverse: tuple[str, ...], out: Path | None, seed: int, no_figures: bool,
+    inverse: tuple[str, ...], out: Path | None, seed: int, no_figures: bool, dialect: Mapping[str, Any],
 ) -> None:
     """What sets CAMPAIGN's body climbing: its theta_min line and trials of release; or a line through the points of FILE.csv.
 
@@ -37,10 +41,11 @@ def line(
     """
     names = (x, y, ux, uy, correlation)
     table = campaign.suffix.lower() != ".toml"
-    if not table and any((*names, *predict, *inverse)):
+    if not table and any((*names, *predict, *inverse, *dialect.values())):
         raise InputError("must be a table of points where columns are named or values asked for", field="FILE.csv", value=str(campaign))
     if table:
-        ok = say_straight_line(campaign, names, out or Path("out") / campaign.stem, predict=predict, inverse=inverse, figures=not no_figures)
+        folder, written = out or Path("out") / campaign.stem, dialect_of(dialect)
+        ok = say_straight_line(campaign, names, folder, predict=predict, inverse=inverse, figures=not no_figures, dialect=written)
     else:
         ok = fit_line_and_trials(campaign, out, seed=seed, figures=not no_figures)
     if not ok:

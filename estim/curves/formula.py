@@ -9,6 +9,7 @@ the same evaluation gives the exact derivatives.
 from __future__ import annotations
 
 import ast
+import copy
 import difflib
 import re
 import warnings
@@ -51,12 +52,18 @@ _COMPARISONS = (ast.Lt, ast.LtE, ast.Gt, ast.GtE)
 class Formula:
     """A formula that was read and found harmless; it keeps to `estim.problem.curve.Curve`, and x may differ from draw to draw.
 
-    text : as written.  names : its parameters in order of appearance.  tree : what `evaluate` takes.
+    text : as written.  names : its parameters in order of appearance.  tree : what `evaluate` takes.  variable : how x is called in the text.
     """
 
     text: str
     names: tuple[str, ...]
     tree: ast.expr
+    variable: str = "x"
+
+    def in_terms_of(self, variable: str) -> Formula:
+        """The same formula with its parameter `variable` as the abscissa, for one that does not use x."""
+        tree = _Renamed(variable).visit(copy.deepcopy(self.tree))
+        return Formula(self.text, tuple(name for name in self.names if name != variable), tree, variable)
 
     @property
     def uses_x(self) -> bool:
@@ -73,6 +80,16 @@ class Formula:
     def time_derivative(self, x: FloatArray, arguments: Mapping[str, ArrayLike], order: int) -> FloatArray:
         symbols = _arrays(arguments, self.names)
         return time_derivative_of(lambda position: evaluate(self.tree, {"x": position, **symbols}), x, arguments, order)
+
+
+class _Renamed(ast.NodeTransformer):
+    """A name becomes x."""
+
+    def __init__(self, name: str) -> None:
+        self.name = name
+
+    def visit_Name(self, node: ast.Name) -> ast.Name:
+        return ast.copy_location(ast.Name("x", ast.Load()), node) if node.id == self.name else node
 
 
 def read_formula(text: object, *, field: str = "expression") -> Formula:

@@ -46,7 +46,8 @@ from estim.problem import (
 
 SIGMA, SIGMA_NOTATION = "sigma_y", Notation("σ_y")
 SIGMA_SPREAD = 3.0  # standard deviation of ln sigma where nothing is known of it: a factor 20 either way
-MAX_OBS = 3000  # covariances are dense matrices
+MAX_OBS = 100_000  # of independent errors of y alone, which cost in proportion to the points
+MAX_DENSE = 3000  # of a covariance matrix, errors of x, counts
 
 
 @dataclass(frozen=True)
@@ -64,8 +65,7 @@ class CurveProblem:
     """A curve, its parameters and the points in order of x.
 
     x, y : (n_obs,).  relative : (n_obs,) u_y, or 1 where it was not stated.  relative_x : (n_obs,) u_x, or None.
-    cov : (n_obs, n_obs), or None.
-    stated : whether the size of the errors is known.
+    cov : (n_obs, n_obs), or None.  stated : whether the size of the errors is known.
     lacks : what the curve may lack, None for nothing.  counted : the points where y are counts, else None.
     fixed : argument of the curve -> its exact value.  text : the formula, or how the function is called.  called : a name it is known by, if any.
     sought : what is to be computed from the parameters.
@@ -164,8 +164,10 @@ def pose_curve(
     n_obs = points["x"].size
     if points["y"].size != n_obs:
         raise InputError(f"must have as many values as x ({n_obs})", field="y", value=points["y"].size)
-    if not 1 <= n_obs <= MAX_OBS:
-        raise InputError(f"must have between 1 and {MAX_OBS} values", field="x", value=n_obs)
+    most = MAX_DENSE if cov_y is not None or u_x is not None or counted is not None else MAX_OBS
+    if not 1 <= n_obs <= most:
+        cure = "" if n_obs <= most or most == MAX_OBS else "; with independent errors of y alone, 100000: take every so many of the points"
+        raise InputError(f"must have between 1 and {most} values{cure}", field="x", value=n_obs)
     order = np.argsort(points["x"], kind="stable")
     relative, cov = _errors_of_y(u_y, cov_y, n_obs)
     if u_x is not None and u_y is None:

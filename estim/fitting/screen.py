@@ -54,6 +54,9 @@ def solved_at(search: SeparableSearch, points: FloatArray) -> FloatArray:
     """`points` (n_point, n_par) with their linear parameters at the least-squares solution, well enough to compare them."""
     if not search.linear.size:
         return points
+    some = max(1, _BATCH // search.posterior.problem.n_obs)
+    if search.posterior.problem.many and points.shape[0] > some:
+        return np.vstack([solved_at(search, points[i : i + some]) for i in range(0, points.shape[0], some)])
     base, columns = _tangents(search, points, search.linear, 1.0)
     with np.errstate(all="ignore"):
         step = _solve(columns, -base)

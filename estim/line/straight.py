@@ -13,7 +13,7 @@ from estim.arrays import FloatArray
 from estim.common import InputError, Quantity, Status, read_number
 from estim.line.interval import SlopeInterval, slope_interval
 from estim.line.least_squares import POOR_FIT, LineFit, coverage_factor, fit_line, inverse_prediction, line_values, standard_error
-from estim.reading import read_table
+from estim.reading import Dialect, read_columns
 
 _MIN_ROWS = 3
 
@@ -59,7 +59,7 @@ class Inverse:
 
 @dataclass(frozen=True, eq=False)
 class StraightLine:
-    """A line through the points of a table.  columns : as they were read, None for what was not there."""
+    """A line through the points of a table.  columns : as they were read, None for what was not there.  facts : how the table was read, in words."""
 
     path: Path
     sha256: str
@@ -70,6 +70,7 @@ class StraightLine:
     probability: float
     predictions: tuple[Prediction, ...]
     inverses: tuple[Inverse, ...]
+    facts: tuple[str, ...] = ()
 
     @property
     def status(self) -> Status:
@@ -79,18 +80,20 @@ class StraightLine:
 
 
 def straight_line(
-    path: Path, columns: Columns, *, predict: Sequence[Quantity] = (), inverse: Sequence[Quantity] = (), probability: float = 0.95
+    path: Path, columns: Columns, *, predict: Sequence[Quantity] = (), inverse: Sequence[Quantity] = (), probability: float = 0.95,
+    dialect: Dialect | None = None,
 ) -> StraightLine:
     """The line through the CSV table at `path`.  Raises InputError with file, line, column, rule and value.
 
     inverse : values of y with their uncertainties; a plain number has the scatter of the residuals where no uncertainties are known.
+    dialect : how the table is written, as far as that is stated.
     """
     if columns.x == columns.y:
         raise InputError("must name another column than --x", field="--y", value=columns.y)
     wanted = replace(columns, u_x=columns.u_x or f"u_{columns.x}", u_y=columns.u_y or f"u_{columns.y}", r_xy=columns.r_xy or "r_xy")
     named = [name for name in (wanted.x, wanted.y, wanted.u_x, wanted.u_y, wanted.r_xy) if name is not None and _number(name) is None]
     needed = [name for name in (columns.x, columns.y, columns.u_x, columns.u_y, columns.r_xy) if name is not None and _number(name) is None]
-    table = read_table(path, known=named, min_rows=_MIN_ROWS, shown_as=str(path), needed=needed, skip_others=True)
+    table = read_columns(path, needed=needed, optional=named, min_rows=_MIN_ROWS, shown_as=str(path), dialect=dialect)
 
     def column(name: str | None) -> FloatArray | float | None:
         return None if name is None else table.columns[name] if name in table.columns else _number(name)
@@ -120,7 +123,8 @@ def straight_line(
     k = coverage_factor(fit, probability=probability)
     predictions = tuple(_prediction(fit, x0, k) for x0 in predict)
     inverses = tuple(_inverse(fit, y0, k, probability) for y0 in inverse)
-    return StraightLine(path, table.sha256, read, fit, slope_interval(fit, probability=probability), k, probability, predictions, inverses)
+    slope = slope_interval(fit, probability=probability)
+    return StraightLine(path, table.sha256, read, fit, slope, k, probability, predictions, inverses, table.facts)
 
 
 def _number(text: str) -> float | None:

@@ -21,6 +21,9 @@ from estim.problem.likelihood import Ends, Likelihood
 from estim.problem.observations import Observations, Parameter
 from estim.problem.priors import Prior, Uniform
 
+_MANY_OBS = 3000
+_BLOCK = 4_000_000  # values of the curve computed at once where there are more points than that
+
 
 @dataclass(frozen=True, eq=False)
 class Problem:
@@ -40,6 +43,11 @@ class Problem:
     @property
     def n_par(self) -> int:
         return len(self.parameters)
+
+    @property
+    def many(self) -> bool:
+        """Whether a run has so many points that only a few draws are computed at once."""
+        return any(run.n_obs > _MANY_OBS for run in self.runs)
 
     @property
     def n_obs(self) -> int:
@@ -121,6 +129,9 @@ class Posterior:
 
     def log_likelihood(self, draws: FloatArray) -> FloatArray:
         """(n_draw,) log likelihood, normalised, of draws (n_draw, n_par) inside the priors' support."""
+        some = max(1, _BLOCK // self.problem.n_obs) if self.problem.many else draws.shape[0]
+        if draws.shape[0] > some:
+            return np.concatenate([self.log_likelihood(draws[i : i + some]) for i in range(0, draws.shape[0], some)])
         named = self.problem.named(draws)
         total = np.zeros(draws.shape[0])
         for likelihood in self.likelihoods:

@@ -19,6 +19,7 @@ MAX_BYTES = 64 * 1024**2
 TOML_BYTES = 256 * 1024  # limit for files that people write
 _LINE_END = re.compile(r"\r\n|\n|\r")
 _HIDDEN_ROWS = re.compile(r"(?:\A|(?<=[\r\n]))[^\S\r\n]*[#%][^\r\n]*\r(?![\r\n])")
+_NO_TEXT = (b"PK\x03\x04", b"\xd0\xcf\x11\xe0", b"%PDF", b"\x1f\x8b")
 _UTF_16 = (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
 
 
@@ -75,10 +76,37 @@ def read_text(path: Path, *, shown_as: str, limit: int = MAX_BYTES) -> tuple[str
         text = data.decode("utf-8-sig")
     except UnicodeDecodeError as error:
         raise not_utf8(data, error, shown_as) from None
+    return _without_nulls(text, shown_as), hashlib.sha256(data).hexdigest()
+
+
+def _without_nulls(text: str, file: str) -> str:
     if "\0" in text:
         line = len(_LINE_END.findall(text[: text.index("\0")])) + 1
-        raise InputError("must not hold a null character (UTF-16 without its mark, or a damaged file)", field="text", file=shown_as, line=line)
-    return text, hashlib.sha256(data).hexdigest()
+        raise InputError("must not hold a null character (UTF-16 without its mark, or a damaged file)", field="text", file=file, line=line)
+    return text
+
+
+def read_any_text(path: Path, *, shown_as: str, encoding: str | None = None) -> tuple[str, str, str]:
+    """Text of a table of anybody's making, the SHA-256 of its bytes, and how it was read where that is not plain ("" for UTF-8).
+
+    encoding : as stated; None: UTF-8, UTF-16 with its mark, else Windows-1252, in which numbers are the same as in every other kind of Latin text.
+    Raises InputError where the file is no text.
+    """
+    data = read_bytes(path, shown_as=shown_as)
+    if data.startswith(_NO_TEXT):
+        raise InputError("must be a text file, not a workbook, an archive or a PDF: save its table as CSV", field="file", file=shown_as)
+    note = f"read as {encoding}, as stated" if encoding is not None else ""
+    try:
+        text = data.decode(encoding or ("utf-16" if data.startswith(_UTF_16) else "utf-8-sig")).removeprefix("\ufeff")
+    except UnicodeDecodeError as error:
+        if encoding is not None or data.startswith(_UTF_16):
+            raise InputError(f"cannot be read as {encoding or 'utf-16'}", field="encoding", file=shown_as) from None
+        try:
+            text = data.decode("windows-1252")
+        except UnicodeDecodeError:
+            raise not_utf8(data, error, shown_as) from None
+        note = "not UTF-8: read as Windows-1252 (state the encoding if letters of a name look wrong)"
+    return _without_nulls(text, shown_as), hashlib.sha256(data).hexdigest(), note
 
 
 def not_utf8(data: bytes, error: UnicodeDecodeError, file: str) -> InputError:

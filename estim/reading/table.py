@@ -39,7 +39,7 @@ DECIMAL_COMMAS = (
 )
 _MAX_LINE = 100_000  # characters
 _MAX_ROWS = 1_000_000
-_NOTE = "# warning: "  # what `estim import` found suspicious, kept with the numbers
+NOTE = "# warning: "  # what `estim import` found suspicious, kept with the numbers
 IMPORTED = "# made by estim import"  # first line of what it writes
 
 
@@ -65,10 +65,9 @@ class Table:
         return InputError(rule, field=field, value=self.columns[field][row].item(), file=self.file, line=int(self.lines[row]))
 
 
-def read_table(path: Path, *, known: Sequence[str], min_rows: int, shown_as: str, needed: Sequence[str] = (), skip_others: bool = False) -> Table:
+def read_table(path: Path, *, known: Sequence[str], min_rows: int, shown_as: str, needed: Sequence[str] = ()) -> Table:
     """The table of finite numbers in the CSV file at `path`, with columns out of `known`, those that are `needed` among them.
 
-    skip_others : whether columns that are not `known` are left unread, as if their names began with _; else they are refused.
     Raises InputError with file, line, field, rule and value.
     """
     text, digest = read_text(path, shown_as=shown_as)
@@ -84,8 +83,6 @@ def read_table(path: Path, *, known: Sequence[str], min_rows: int, shown_as: str
     for name in needed:
         if name not in names:
             raise InputError("is missing", field=name, file=shown_as, line=header_line, quoted=f"the header has {listed(names)}")
-    if skip_others:
-        names = [name if name in known or name.startswith("_") else f"_{i} {name}" for i, name in enumerate(names)]
     _check_names(names, known, shown_as, header_line)
     comments = _COMMENTS if header_text.lstrip().startswith("%") else _COMMENTS[:1]  # "%" is LabVIEW's
     data = [(number, line) for number, line in rows if number > header_line and not line.lstrip().startswith(comments)]
@@ -100,16 +97,16 @@ def read_table(path: Path, *, known: Sequence[str], min_rows: int, shown_as: str
     lines = np.array(numbers)
     for array in (*columns.values(), lines):
         array.setflags(write=False)
-    warnings = tuple(line[len(_NOTE) :].strip() for _, line in rows if line.startswith(_NOTE))
-    return Table(shown_as, digest, header_line, MappingProxyType(columns), lines, warnings, _facts(rows, header_line))
+    warnings = tuple(line[len(NOTE) :].strip() for _, line in rows if line.startswith(NOTE))
+    return Table(shown_as, digest, header_line, MappingProxyType(columns), lines, warnings, facts_of(rows, header_line))
 
 
-def _facts(rows: Sequence[tuple[int, str]], header_line: int) -> tuple[str, ...]:
+def facts_of(rows: Sequence[tuple[int, str]], header_line: int) -> tuple[str, ...]:
     """What the head of a file that `estim import` made says of where it comes from."""
     head = [line for number, line in rows if number < header_line]
     if not head or head[0].strip() != IMPORTED:
         return ()
-    return tuple(line.lstrip("# ").strip() for line in head[1:] if not line.startswith(_NOTE))
+    return tuple(line.lstrip("# ").strip() for line in head[1:] if not line.startswith(NOTE))
 
 
 def numbered_lines(text: str, *, file: str) -> list[tuple[int, str]]:

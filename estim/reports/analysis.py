@@ -5,6 +5,7 @@ The text stands in `templates/`; every number in it comes from `result.Result`, 
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
@@ -161,6 +162,7 @@ def analysis_text(
         deviation=deviation_text(result.deviation, result.labels, pictures) if result.deviation else "",
         complete=complete_runs([result]),
         said=[words for force in (result.deviation or {}).values() for words in (force.words, force.noise_words)] if result.status == "ok" else [],
+        x_named="x" in re.findall(r"\w+", result.formula or ""),
     )
 
 

@@ -171,7 +171,7 @@ def _limits(shown: Sequence[str], result: Told) -> str:
             other = symbols[first.source].symbol
             r = result.correlation.matrix[result.correlation.names.index(name)][result.correlation.names.index(first.source)]
             tied = f"{symbol} and {other} are tied ({signed(f'{r:+.2f}')})" if abs(r) >= _TIED else f"{symbol} leans on what was stated of {other}"
-            return f"{tied}: measure {other} better, not more frames"
+            return f"{tied}: measure {other} better, not more readings"
     return ""
 
 

@@ -38,6 +38,7 @@ HOW_TO_GET = "pip install 'estim[arviz]'"
 _NETCDF = ("xarray", "h5netcdf", "h5py")
 _COORDINATES = ("chain", "draw", "step", "walker")
 _PRIOR_DRAWS = 4000
+_MOST_POINTWISE = 10_000  # points
 _POINTWISE_DRAWS, _POINTWISE_NUMBERS = 4000, 4_000_000  # of the log likelihood of every point: draws, and draws times points
 
 
@@ -53,7 +54,7 @@ def to_datatree(analysis: Analysis) -> xarray.DataTree:
     sample_stats : `lp` (chain, draw), log posterior density up to the evidence; `acceptance` (chain,), share of accepted moves.
     log_likelihood : each run by its name, (chain, draw, point[RUN]): log density of every point given the others of its run
         (`Posterior.pointwise`), as leave-one-out takes it, for at most 4000 draws, evenly spread (fewer for more than
-        1000 points).
+        1000 points); left out for more than 10000 points, of which it would be hundreds of megabytes.
     observed_data : each run by its name, what was fit.  constant_data : its abscissas `x[RUN]`, and times `t[RUN]` if there are any.
     prior : independent draws of each prior (chain, draw); a parameter whose prior is improper has none.
     attributes : title, kind ("SYNTHETIC" in capitals), status, reasons, seed, how chains were made, versions.
@@ -67,9 +68,11 @@ def to_datatree(analysis: Analysis) -> xarray.DataTree:
     order = time_halves_order(*analysis.chain.draws.shape[1:3])
     groups = {
         "/": _empty(analysis), "/posterior": _posterior(analysis, order), "/sample_stats": _sample_stats(analysis, order),
-        "/log_likelihood": _log_likelihood(analysis, order), "/prior": _prior(analysis), "/observed_data": _observed_data(analysis),
+        "/prior": _prior(analysis), "/observed_data": _observed_data(analysis),
         "/constant_data": _constant_data(analysis),
     }
+    if analysis.problem.n_obs <= _MOST_POINTWISE:
+        groups["/log_likelihood"] = _log_likelihood(analysis, order)
     return DataTree.from_dict(groups)
 
 

@@ -99,7 +99,7 @@ def straight_line_report(line: StraightLine, *, figures: bool = True) -> dict[st
             method=_METHODS[result.method], rows=rows, percent=f"{100.0 * result.probability:g}",
             sources={name: CONVENTIONS[name] for name in errors},
             equation=f"{result.columns['y']} = ({_pair(_nan(result.intercept), a)}) + ({_pair(_nan(result.slope), b)}) · {result.columns['x']}",
-            predictions=[_predicted(p) for p in result.predictions], inverses=[_predicted(p) for p in result.inverses],
+            predictions=[_predicted(p) for p in result.predictions], inverses=[_predicted(p) for p in result.inverses], facts=line.facts,
             uncertainties=_uncertainties(result), slope=_ends(result.slope_interval, b),
             opened={"methods"} if not line.status.ok else (), copies=copies_of(_estimates(result)) if line.status.ok else None,
         )

@@ -213,7 +213,7 @@ def _no_header(lines: Lines, file: str) -> InputError:
         day = _as_day(cells[0])
         what = "mixes decimal points and commas" if len(marks) == 2 else "begins with a date"
         return InputError(f"{what} and the line of column names is gone; {_SPREADSHEET}", field="row", quoted=day, value=line, file=file, line=number)
-    return InputError(rule, field="header", value=line, file=file, line=number)
+    return InputError(f"{rule}, or be fit as any table (estim fit FILE --columns t,x,y)", field="header", value=line, file=file, line=number)
 
 
 def _as_day(cell: str) -> str:

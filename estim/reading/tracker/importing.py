@@ -11,18 +11,19 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from types import MappingProxyType
 from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from estim.arrays import FloatArray
-from estim.common import InputError, Quantity, one_line, read_number
+from estim.common import InputError, Quantity, listed, one_line, read_number
 from estim.reading.input_file import read_bytes
-from estim.reading.table import IMPORTED
+from estim.reading.table import IMPORTED, Table
 from estim.reading.tracker.export import is_export, read_export
 from estim.reading.tracker.ramp import Ramp, run_along
-from estim.reading.tracker.suspicion import suspicions
+from estim.reading.tracker.suspicion import missing_frames, suspicions
 from estim.reading.tracker.track import Track, Unit
 from estim.reading.tracker.trk import read_tracker
 
@@ -53,7 +54,7 @@ class Imported:
     """A run made of a track.
 
     rows : (n,) rows of the track from the release on.  t : (n,) s, as in the file.  x : (n,) m along the ramp since the release.
-    facts, warnings : where it comes from, and what is suspicious, in words.
+    facts, warnings : where it comes from, and what is suspicious, in words.  source, release : those of the facts that say the file and x = 0.
     """
 
     track: Track
@@ -63,6 +64,8 @@ class Imported:
     x: FloatArray
     facts: tuple[str, ...]
     warnings: tuple[str, ...]
+    source: tuple[str, ...]
+    release: str
 
     @property
     def tilt(self) -> Quantity | None:
@@ -103,7 +106,29 @@ def import_track(path: Path, choices: Choices, *, shown_as: str | None = None) -
         array.setflags(write=False)
     source = (f"track '{track.name}' of {track.file}", f"SHA-256 {track.sha256}", *track.calibration)
     facts = (*source, f"direction {ramp.direction}", *_tilt(ramp), release)
-    return Imported(track, ramp, rows, t, x, facts, (*track.warnings, *suspicions(track, ramp, from_row=first)))
+    return Imported(track, ramp, rows, t, x, facts, (*track.warnings, *suspicions(track, ramp, from_row=first)), source, release)
+
+
+def track_columns(path: Path, choices: Choices, *, needed: Sequence[str], shown_as: str) -> Table:
+    """Columns of a file of Tracker for any curve: `t` (s), `x`, `y` (m, calibrated axes) and `frame`, as Tracker names them; `t_s`, `x_m` and
+    `across_m` as in a run, along the direction and counted from the release.  Rows before a stated release are left out.
+
+    Raises InputError with file, field, rule and value.
+    """
+    imported = import_track(path, choices, shown_as=shown_as)
+    track, rows = imported.track, imported.rows
+    frames = None if track.frames is None else track.frames.astype(np.float64)
+    held = {"t": track.t, "x": track.x, "y": track.y, "frame": frames, "across_m": imported.ramp.across}
+    found = {name: column[rows] for name, column in held.items() if column is not None} | {"t_s": imported.t, "x_m": imported.x}
+    for name in needed:
+        if name not in found:
+            raise InputError("is missing", field=name, quoted=f"a track has {listed(list(found))}", file=shown_as)
+    for column in found.values():
+        column.setflags(write=False)
+    along = bool({"x_m", "across_m"} & set(needed))
+    facts = imported.facts if along else (*imported.source, *([imported.release] if rows[0] else []))
+    warnings = imported.warnings if along else (*track.warnings, *missing_frames(imported.t))
+    return Table(shown_as, track.sha256, 0, MappingProxyType({name: found[name] for name in needed}), track.lines[rows], warnings, facts)
 
 
 def read_release(text: str) -> Literal["first", "keep"] | float:

@@ -33,6 +33,13 @@ def suspicions(track: Track, ramp: Ramp, *, from_row: int = 0) -> tuple[str, ...
     return tuple(found)
 
 
+def missing_frames(t: FloatArray) -> tuple[str, ...]:
+    """What the times (s) of a track alone show."""
+    steps = _steps(t)[1]
+    missing = int(np.sum(np.maximum(np.rint(steps), 1.0) - 1.0))
+    return (f"{missing} of {t.size + missing} frames are missing",) if missing else ()
+
+
 def of_any_curve(warnings: Iterable[str]) -> tuple[str, ...]:
     """Those of `warnings` that matter where the curve is the user's own, which has no release and fits no speeds made of positions."""
     return tuple(words for words in warnings if not any(said in words for said in (_NOT_THE_RELEASE, _EARLIER_WORDS, _SPEEDS_MADE)))

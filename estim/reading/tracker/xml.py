@@ -95,7 +95,12 @@ class Element:
 
 
 def parse_tracker_xml(data: bytes, *, file: str) -> Element:
-    """The root object of the XML text `data`.  Raises InputError with the line."""
+    """The root object of the XML text `data`.  Raises InputError with the line.
+
+    Letters in Windows-1252 under the declaration of UTF-8 are read as what they are: names of tracks alone hold any.
+    """
+    if ((said := _ENCODING.match(data)) is None or said[1].lower() in (b"utf-8", b"utf8")) and not data.startswith((b"\xff\xfe", b"\xfe\xff")):
+        data = _as_utf8(data)
     top: list[Element] = []
     stack: list[Element] = []
     count = 0
@@ -143,6 +148,18 @@ def parse_tracker_xml(data: bytes, *, file: str) -> Element:
     except (LookupError, ValueError) as error:  # an encoding that is unknown or not supported
         raise InputError("cannot be decoded", field="XML", quoted=str(error), file=file) from None
     return top[0]
+
+
+def _as_utf8(data: bytes) -> bytes:
+    """UTF-8 as it is; text in Windows-1252 turned into it; what is neither as it is, for the parser to refuse."""
+    try:
+        data.decode("utf-8")
+    except UnicodeDecodeError:
+        try:
+            return data.decode("windows-1252").encode()
+        except UnicodeDecodeError:
+            return data
+    return data
 
 
 def _check_utf8(data: bytes, file: str) -> None:

@@ -1,0 +1,62 @@
+"""A campaign file to begin with: what a table shows, a first guess at a curve, and comments that say what else may stand there."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import replace
+from pathlib import Path
+
+from estim.campaign.table_campaign import TableChoices, campaign_of_table, text_of_table
+from estim.common import InputError, listed
+from estim.reading import is_tracker_file, no_names, numeric_columns, read_layout
+
+GUESS = "a + b*x"  # linear, so that any start will do
+_GUESS_OF_TRACK = "a + b*x + c*x**2"
+_COMMENTS = {
+    "kind": '"measured", "synthetic" or "published": printed on every report',
+    "expression": "the curve: x and the parameters below",
+    "every": "one of so many points, in order of x",
+    "[curve.parameters]": 'start: the right sign and size; low, high: limits; or a value: g = 9.81 (exact), g = "9.81(2)" (measured)',
+    "file": "beside this file, or a path from here",
+}
+_MORE = """# window = {min = 0.0, max = 10.0}    # in x
+# errors = {zero_y = 0.01}            # of all points together: zero_x, zero_y, scale_x, scale_y
+# deviation = 0.01                    # a smooth deviation of y from the curve that would not surprise you
+# correlated = true                   # errors follow each other in the order of the rows"""
+
+
+def drafted_campaign(file: Path, choices: TableChoices, *, within: Path) -> str:
+    """The text of a campaign in the folder `within` that fits a curve to `file`; without a formula, a guess to be replaced.
+
+    Raises InputError where the table cannot be read as it would be.
+    """
+    if is_tracker_file(file):
+        choices = replace(choices, x=choices.x or "t_s", y=choices.y or "x_m", formula=choices.formula or _GUESS_OF_TRACK)
+        columns = "t, x, y (s and m, in the calibrated axes), frame; t_s, x_m and across_m, along the motion, from the release"
+    else:
+        found = columns_of(file, choices)
+        columns = listed(found)
+        if (choices.x is None or choices.y is None) and len(found) < 2:
+            raise InputError("has fewer than two columns of numbers", field="columns", quoted=columns, file=file)
+        rest = [name for name in found if name not in (choices.x, choices.y)]
+        x = choices.x or rest[0]
+        y = choices.y or next(name for name in rest if name != x)
+        choices = replace(choices, x=x, y=y, formula=choices.formula or GUESS)
+    campaign_of_table(file, choices)
+    name = Path(os.path.relpath(file, within)).as_posix()
+    lines = [f"# Columns of numbers in {file.name}: {columns}".replace("\n", " ")]
+    for line in text_of_table(file, choices, name=name).splitlines():
+        key = line.partition(" =")[0]
+        lines.append(f"{line}    # {_COMMENTS[key]}" if key in _COMMENTS else line)
+        if key == "y":
+            lines += [] if choices.u_y is not None else ["# u_y = 0.02    # standard uncertainty of one y; left out: found from the residuals"]
+            lines += _MORE.splitlines()
+    return "\n".join(lines) + "\n"
+
+
+def columns_of(file: Path, choices: TableChoices) -> tuple[str, ...]:
+    """Names of the columns of a table that hold numbers.  Raises InputError."""
+    layout = read_layout(file, choices.dialect, shown_as=str(file), needed=[name for name in (choices.x, choices.y) if name is not None])
+    if not layout.names:
+        raise no_names(layout)
+    return numeric_columns(layout)

@@ -1,0 +1,254 @@
+"""A campaign of one table, made of what was said on the command line: its text is what a file would hold, and is read like one.
+
+`estim fit data.csv --formula "a*exp(-x/tau)+c" --start tau=2` says so little that defaults fill in the rest, each of which the text shows.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from estim.campaign.campaign import Campaign, bound
+from estim.campaign.campaign_file import Kind, campaign_file_of
+from estim.campaign.curve_tables import variable_of
+from estim.campaign.toml_text import toml_key, toml_string
+from estim.common import InputError, listed, read_number, read_quantity, shorten
+from estim.curves import Formula, read_formula
+from estim.reading import Dialect, Layout, is_tracker_file, name_and_unit, no_names, numeric_columns, read_layout
+
+_SAID = "command line"
+_TRACK_COLUMNS = ("t", "x", "y")
+_WORD = re.compile(r"[^\s$|\\`][^$|\\`\n]{0,18}")
+
+
+@dataclass(frozen=True, kw_only=True)
+class TableChoices:
+    """What is said of a table and its curve; None and empty: a default.
+
+    start : parameter -> "2.0" or "2.0 s".  low, high : parameter -> limit.  value : parameter -> an exact or a measured value, "9.81(2)".
+    u_x, u_y : a number, a number with its uncertainty, or a column.  window : lowest and highest x.
+    """
+
+    formula: str
+    start: Mapping[str, str] = field(default_factory=dict)
+    low: Mapping[str, str] = field(default_factory=dict)
+    high: Mapping[str, str] = field(default_factory=dict)
+    value: Mapping[str, str] = field(default_factory=dict)
+    x: str | None = None
+    y: str | None = None
+    u_x: str | None = None
+    u_y: str | None = None
+    window: tuple[float | None, float | None] | None = None
+    every: int | None = None
+    deviation: float | None = None
+    correlated: bool = False
+    title: str | None = None
+    kind: Kind = "measured"
+    track: str | None = None
+    release: str | None = None
+    dialect: Dialect = field(default_factory=Dialect)
+
+
+@dataclass(frozen=True)
+class Axis:
+    """column : its name in the file, or before its unit.  name, unit : for figures, "" for none."""
+
+    column: str
+    name: str
+    unit: str
+
+    @property
+    def text(self) -> str:
+        """The axis as TOML."""
+        parts = [("column", self.column), ("name", self.name), ("unit", self.unit)]
+        return "{" + ", ".join(f"{key} = {toml_string(value)}" for key, value in parts if value and (key == "column" or _WORD.fullmatch(value))) + "}"
+
+
+def campaign_of_table(file: Path, choices: TableChoices) -> Campaign:
+    """The campaign that fits one curve to the table `file`.  Raises InputError where something is missing, with the option that says it."""
+    text = text_of_table(file, choices)
+    return bound(campaign_file_of(text, file.parent / f"({_SAID})", said=_SAID))
+
+
+def text_of_table(file: Path, choices: TableChoices, *, name: str | None = None) -> str:
+    """The TOML of that campaign, to be kept beside `file`, or where that is called `name`."""
+    formula = read_formula(choices.formula, field="--formula")
+    said = (*choices.start, *choices.low, *choices.high, *choices.value)
+    x, y, u_x, u_y = _axes(file, formula, choices, said)
+    variable = variable_of(formula, x.column, x.name, said)
+    if variable not in (None, "x"):
+        formula = formula.in_terms_of(variable)
+    starts = {**_linear_starts(formula, choices), **choices.start}
+    _check_parameters(formula, choices, starts)
+    lines = [f"title = {toml_string(choices.title or file.stem)}", f'kind = "{choices.kind}"', ""]
+    lines += ["[curve]", f"expression = {toml_string(formula.text)}", f"x = {x.text}", f"y = {y.text}"]
+    lines += [f"{key} = {_error_text(key, u)}" for key, u in (("u_y", u_y), ("u_x", u_x)) if u is not None]
+    if choices.window is not None:
+        ends = zip(("min", "max"), choices.window, strict=True)
+        lines.append("window = {" + ", ".join(f"{name} = {end!r}" for name, end in ends if end is not None) + "}")
+    lines += [f"{key} = {value}" for key in ("every", "deviation") if (value := getattr(choices, key)) is not None]
+    lines += (["correlated = true"] if choices.correlated else []) + dialect_lines(choices.dialect)
+    lines += ["", "[curve.parameters]", *(_parameter_line(name, starts, choices) for name in formula.names)]
+    lines += ["", "[[runs]]", f"name = {toml_string(run_name(file))}", f"file = {toml_string(name or file.name)}"]
+    lines += [] if choices.track is None else [f"track = {toml_string(choices.track)}"]
+    lines += [] if choices.release is None else [f"release = {_release_text(choices.release)}"]
+    return "\n".join(lines) + "\n"
+
+
+def dialect_lines(dialect: Dialect) -> list[str]:
+    """The keys of what is stated of a table."""
+    columns = [] if dialect.columns is None else ["columns = [" + ", ".join(map(toml_string, dialect.columns)) + "]"]
+    words = [f"{key} = {toml_string(value)}" for key in ("delimiter", "decimal", "encoding") if (value := getattr(dialect, key)) is not None]
+    skip = [] if dialect.skip_rows is None else [f"skip_rows = {dialect.skip_rows}"]
+    return columns + words + skip + ([] if dialect.header is None else [f"header = {str(dialect.header).lower()}"])
+
+
+def run_name(file: Path) -> str:
+    """The name of a file as that of a run."""
+    name = re.sub(r"[^\w.+-]+", "-", file.stem).lstrip("-.+")[:60] or "run"
+    return f"{name}-run" if name.lower() in ("figures", "report", "result", "draws") else name
+
+
+def _axes(file: Path, formula: Formula, choices: TableChoices, said: Sequence[str]) -> tuple[Axis, Axis, str | None, str | None]:
+    """x, y, u_x and u_y: as stated; else the column that the formula names and the column y, or the two that there are, and their columns u_NAME."""
+    if is_tracker_file(file):
+        if choices.y is None:
+            raise InputError(f"must name a column of the track: one of {', '.join(_TRACK_COLUMNS)}", field="--y")
+        units = {"t": "s", "t_s": "s", "frame": "1"}
+        x, y = (Axis(column, "", units.get(column, "m")) for column in (choices.x or "t", choices.y))
+        return x, y, choices.u_x, choices.u_y
+    asked = [name for name in (choices.x, choices.y) if name is not None]
+    layout = read_layout(file, choices.dialect, shown_as=str(file), needed=asked)
+    if not layout.names:
+        raise no_names(layout)
+    usable = [name for name in layout.names if name and not name.startswith("_")]
+    values = [name for name in numeric_columns(layout) if name in usable and not _bare(name).startswith("u_")]
+    x_name, y_name = choices.x, choices.y
+    if x_name is None:
+        called = [name for name in values if y_name not in (name, _bare(name)) and _names(formula, name, said)]
+        x_name = called[0] if len(called) == 1 else None
+    others = [name for name in values if not {name, _bare(name)} & {x_name, y_name}]
+    if y_name is None:
+        y_name = "y" if "y" in map(_bare, others) else others[-1] if len(values) == 2 else None
+    x_name = others[0] if x_name is None and len(values) == 2 else x_name
+    if x_name is None or y_name is None:
+        missing = " and ".join(option for option, name in (("--x", x_name), ("--y", y_name)) if name is None)
+        raise InputError(f"must be named by {missing}", field="column", quoted=f"there are {listed(usable)}", file=file)
+    x, y = _axis(x_name, layout), _axis(y_name, layout)
+    u_x, u_y = choices.u_x, choices.u_y or _uncertainty_of(y, usable)
+    if u_x is None and u_y is not None and not (choices.deviation or choices.correlated):
+        u_x = _uncertainty_of(x, usable)
+    return x, y, u_x, u_y
+
+
+def _uncertainty_of(axis: Axis, columns: Sequence[str]) -> str | None:
+    """The column u_NAME of an axis, if it is there."""
+    named = {f"u_{axis.column}", f"u_{_bare(axis.column)}"}
+    return next((name for name in columns if {name, _bare(name)} & named), None)
+
+
+def _bare(name: str) -> str:
+    return name_and_unit(name)[0]
+
+
+def _names(formula: Formula, column: str, said: Sequence[str]) -> bool:
+    return _bare(column) == "x" if formula.uses_x else variable_of(formula, column, None, said) is not None
+
+
+def _axis(wanted: str, layout: Layout) -> Axis:
+    """The column called `wanted`, with its unit or without; a unit may also be stated here: "t_s [s]"."""
+    bare, stated = name_and_unit(wanted)
+    if wanted not in layout.names and stated and bare in layout.names:
+        return Axis(bare, "", stated)
+    place = next((i for i, name in enumerate(layout.names) if wanted in (name, _bare(name))), None)
+    unit = "" if place is None else _unit_of(layout, place)
+    return Axis(wanted, bare if bare != wanted else "", stated or unit)
+
+
+def _unit_of(layout: Layout, place: int) -> str:
+    return name_and_unit(layout.names[place])[1] or layout.units[place]
+
+
+def _check_parameters(formula: Formula, choices: TableChoices, starts: Mapping[str, str]) -> None:
+    for option, given in (("--start", choices.start), ("--low", choices.low), ("--high", choices.high), ("--value", choices.value)):
+        for name in given:
+            if name not in formula.names:
+                raise InputError("names no parameter of the formula", field=option, value=name, quoted=", ".join(formula.names))
+    for name in choices.value:
+        if name in (*choices.start, *choices.low, *choices.high):
+            raise InputError("gives a parameter its value: leave out --start, --low and --high of it", field="--value", value=name)
+    missing = [name for name in formula.names if name not in starts and name not in choices.value]
+    if missing:
+        cure = " ".join(f"--start {name}=1" for name in missing)
+        rule = f"must give {' and '.join(missing)} a starting value of the right sign and size, for example {cure} (or --value for one that is known)"
+        raise InputError(rule, field="--start")
+
+
+def _linear_starts(formula: Formula, choices: TableChoices) -> dict[str, str]:
+    """1.0 for parameters without a start in which the curve is linear: they are solved for, so that their start does not matter."""
+    free = [name for name in formula.names if name not in choices.start and name not in choices.value]
+    rng = np.random.default_rng(1)
+    x, others = rng.uniform(0.5, 2.0, 16), {name: rng.uniform(0.5, 2.0) for name in formula.names}
+
+    def value(at: Mapping[str, float]) -> np.ndarray:
+        return formula.value(x, {**others, **at})[0]
+
+    linear: list[str] = []
+    for name in free:
+        tried = [*linear, name]
+        points = [{key: float(number) for key, number in zip(tried, rng.uniform(0.5, 2.0, len(tried)), strict=True)} for _ in range(2)]
+        middle = {key: 0.5 * (points[0][key] + points[1][key]) for key in tried}
+        ends, between = (value(points[0]) + value(points[1])) / 2.0, value(middle)
+        if np.all(np.isfinite(between)) and np.allclose(ends, between, rtol=1e-10, atol=1e-12):
+            linear.append(name)
+    return dict.fromkeys(linear, "1.0")
+
+
+def _parameter_line(name: str, starts: Mapping[str, str], choices: TableChoices) -> str:
+    if name in choices.value:
+        quantity = read_quantity(choices.value[name], field=f"--value {name}")
+        return f"{toml_key(name)} = {quantity.value!r}" if quantity.exact else f"{toml_key(name)} = {toml_string(choices.value[name].strip())}"
+    number, _, unit = starts[name].strip().partition(" ")
+    keys = [f"start = {_number(number, f'--start {name}')!r}"]
+    keys += [f"{key} = {_number(given[name], f'--{key} {name}')!r}" for key, given in (("low", choices.low), ("high", choices.high)) if name in given]
+    keys += [f"unit = {toml_string(unit.strip())}"] if unit.strip() else []
+    return f"{toml_key(name)} = {{{', '.join(keys)}}}"
+
+
+def _number(text: str, option: str) -> float:
+    try:
+        value = read_number(text)
+    except ValueError:
+        raise InputError("must be a number", field=option, value=text) from None
+    if not np.isfinite(value):
+        raise InputError("must be finite", field=option, value=text)
+    return value
+
+
+def _error_text(key: str, written: str) -> str:
+    """The value of `u_x` or `u_y`: a number, a number with its uncertainty in quotes, or a column."""
+    if not re.match(r"\s*[+-]?[.\d]", written):
+        return f"{{column = {toml_string(written)}}}"
+    quantity = read_quantity(written, field=f"--{key.replace('_', '-')}")
+    return repr(quantity.value) if quantity.exact else toml_string(written.strip())
+
+
+def _release_text(written: str) -> str:
+    return toml_string(written) if written in ("first", "keep") else repr(_number(written, "--release"))
+
+
+def pairs(given: Sequence[str], option: str) -> dict[str, str]:
+    """NAME=VALUE, several of them.  Raises InputError."""
+    found: dict[str, str] = {}
+    for text in given:
+        name, mark, value = (part.strip() for part in text.partition("="))
+        if not (mark and name and value):
+            raise InputError("must be written NAME=VALUE", field=option, value=shorten(text))
+        if name in found:
+            raise InputError("is given twice", field=option, value=name)
+        found[name] = value
+    return found

@@ -1,0 +1,67 @@
+"""`estim new`: a campaign file to begin with."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from estim.cli.tables import choices_of_table, curve_options
+from estim.cli.terminal import say, write_files
+from estim.common import InputError
+
+if TYPE_CHECKING:
+    from estim.campaign import TableChoices
+
+
+@click.command("new")
+@click.argument("name", type=click.Path(path_type=Path))
+@click.option("--from", "file", type=click.Path(path_type=Path), metavar="FILE", help="The table, .trk or .trz to be fit.  [default: asked for]")
+@curve_options
+def new_campaign(name: Path, file: Path | None, said: Mapping[str, Any]) -> None:
+    """Write NAME.toml, a commented campaign for the table FILE, for `estim fit`.
+
+    Its curve is a guess unless --formula says one.  Without --from, questions are asked in the terminal.  No file is overwritten.
+    """
+    from estim.campaign import drafted_campaign
+
+    path = name if name.suffix.lower() == ".toml" else name.with_name(f"{name.name}.toml")
+    if path.exists() or path.is_symlink():
+        raise InputError("is there already and is not overwritten", field="NAME", value=str(path))
+    if file is None:
+        if not _in_a_terminal():
+            raise InputError("must name the table to be fit (without it, questions are asked in a terminal)", field="--from")
+        file, choices = _asked(said)
+    else:
+        choices = choices_of_table(said)
+    text = drafted_campaign(file, choices, within=path.parent)
+    write_files(path.parent, {path.name: text.encode()})
+    guessed = "" if choices.formula else "; its curve is a guess: write yours"
+    say(f"campaign: {path}{guessed}")
+    say(f"fit it by: estim fit {path}")
+
+
+def _in_a_terminal() -> bool:
+    return sys.stdin.isatty()
+
+
+def _asked(said: Mapping[str, Any]) -> tuple[Path, TableChoices]:
+    """The file and the choices by questions and answers; what was said by options is not asked."""
+    from estim.campaign import columns_of
+
+    answers = dict(said)
+    file = Path(click.prompt("Table (or .trk) to be fit"))
+    if file.suffix.lower() not in (".trk", ".trz"):
+        say(f"columns: {', '.join(columns_of(file, choices_of_table(answers)))}")
+    for key, question in (("x", "Column of x"), ("y", "Column of y"), ("formula", "Curve, in x and its parameters, as a*exp(-x/tau) + c")):
+        answers[key] = answers[key] or click.prompt(question)
+    if answers["u_y"] is None:
+        answers["u_y"] = click.prompt("Standard uncertainty of one y (empty: by the residuals)", default="", show_default=False) or None
+    if not answers["start"]:
+        written = click.prompt("Starting values, as tau=2 A=1 (only of parameters that are not linear)", default="", show_default=False)
+        answers["start"] = tuple(written.replace(",", " ").split())
+    answers["title"] = answers["title"] or click.prompt("Title", default=file.stem)
+    return file, choices_of_table(answers)

@@ -1,0 +1,81 @@
+"""Columns by name out of tables of other people's making: any delimiter, header, decimal mark and number of further columns.
+
+What the lines show beyond doubt is taken from them; the rest is asked for by one line that says the cure (`dialect`).  Rows without a value in
+one of the columns are left out, and the table says so.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from types import MappingProxyType
+
+import numpy as np
+
+from estim.common import EXTREME, InputError, extreme
+from estim.reading.dialect import Dialect, decimal_mark, is_missing, number_in, place_of, split_row
+from estim.reading.layout import Layout, cells_differ, no_names, read_layout
+from estim.reading.table import DECIMAL_COMMAS, Table, may_be_decimal_commas
+
+
+def read_columns(
+    path: Path, *, needed: Sequence[str], min_rows: int, shown_as: str, dialect: Dialect | None = None, optional: Sequence[str] = ()
+) -> Table:
+    """The columns `needed` of the table at `path`, and those of `optional` that it has; all others are left unread.
+
+    Raises InputError with file, line, field, rule and value; where the file may be read in two ways, the rule names the key that settles it.
+    """
+    dialect = dialect or Dialect()
+    layout = read_layout(path, dialect, shown_as=shown_as, needed=needed)
+    if not layout.names:
+        raise no_names(layout)
+    needed = [*needed, *(name for name in optional if name in layout.names and name not in needed)]
+    places = [place_of(name, layout.names, shown_as, layout.header_line) for name in needed]
+    unsaid = layout.delimiter == "," and dialect.delimiter is None and dialect.decimal is None
+    if unsaid and len(layout.names) > len(set(places)) and may_be_decimal_commas(line for _, line in layout.rows):
+        number, line = layout.rows[0]
+        rule = f'{DECIMAL_COMMAS}, or say --decimal point (decimal = "point" in a campaign)'
+        raise InputError(rule, field="row", value=line, file=shown_as, line=number)
+    rows = [(number, _row(line, layout, shown_as, number)) for number, line in layout.rows]
+    mark = decimal_mark(rows, places, dialect.decimal, shown_as)
+    numbers, values, left_out = [], [], dict[str, list[int]]()
+    for number, cells in rows:
+        blank = next((name for name, place in zip(needed, places, strict=True) if is_missing(cells[place])), None)
+        if blank is not None:
+            left_out.setdefault(blank, []).append(number)
+            continue
+        numbers.append(number)
+        values.append([_value(cells[place], name, mark, shown_as, number) for name, place in zip(needed, places, strict=True)])
+    facts = [*layout.facts, *(_left_out(name, lines) for name, lines in left_out.items())]
+    if len(values) < min_rows:
+        raise InputError(f"must hold at least {min_rows} rows of numbers", field="rows", value=len(values), file=shown_as)
+    table = np.array(values)
+    columns = {name: table[:, i].copy() for i, name in enumerate(needed)}
+    at = np.array(numbers)
+    for array in (*columns.values(), at):
+        array.setflags(write=False)
+    return Table(shown_as, layout.sha256, layout.header_line or 0, MappingProxyType(columns), at, layout.warnings, tuple(facts))
+
+
+def _row(line: str, layout: Layout, file: str, number: int) -> list[str]:
+    cells = split_row(line, layout.delimiter, file, number)
+    width = len(layout.names)
+    if len(cells) > width and not any(cells[width:]):
+        cells = cells[:width]
+    if len(cells) != width:
+        raise cells_differ(len(cells), width, layout.delimiter, file, number)
+    return cells
+
+
+def _value(cell: str, name: str, mark: str, file: str, line: int) -> float:
+    value = number_in(cell, name, mark, file, line)
+    if not np.isfinite(value):
+        raise InputError("must be finite", field=name, value=cell, file=file, line=line)
+    if extreme(value):
+        raise InputError(EXTREME, field=name, value=cell, file=file, line=line)
+    return value
+
+
+def _left_out(name: str, lines: Sequence[int]) -> str:
+    shown = f"line {lines[0]}" if len(lines) == 1 else f"lines {lines[0]} to {lines[-1]}" if len(lines) > 3 else "lines " + ", ".join(map(str, lines))
+    return f"{len(lines)} {'row' if len(lines) == 1 else 'rows'} without a value of '{name}' left out ({shown})"

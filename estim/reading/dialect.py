@@ -1,0 +1,154 @@
+"""How a table of numbers is written: what a person states of it, and what its lines show.
+
+Nothing is guessed that two people might read in two ways: such a file is refused with the key that settles it.
+"""
+
+from __future__ import annotations
+
+import csv
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+from estim.common import InputError, listed, read_number
+from estim.reading.table import split_cells
+
+Decimal = Literal["point", "comma"]
+Encoding = Literal["utf-8", "utf-16", "latin-1", "windows-1252", "windows-1250", "windows-1251", "iso-8859-15", "mac-roman", "cp437", "cp850"]
+
+DELIMITERS = ("\t", ";", ",", "|", " ")
+_WORDS = {"tab": "\t", "semicolon": ";", "comma": ",", "bar": "|", "blank": " ", "\\t": "\t"}
+_NUMBER = re.compile(r"[+-]?(\d+(\.\d*|,\d+)?|[.,]\d+)([eE][+-]?\d{1,4})?", re.ASCII)
+_GROUPED = re.compile(r"[+-]?[1-9]\d{0,2},\d{3}", re.ASCII)  # one comma: 1,234 may be 1234
+_MISSING = frozenset({"", "nan", "na", "n/a", "-", "--", "null"})
+_NAMED_UNIT = re.compile(r"(.{1,60}?)\s*(?:\(([^()]{1,20})\)|\[([^\[\]]{1,20})\]|\s/\s*([^\s/]{1,20}))")
+
+
+@dataclass(frozen=True)
+class Dialect:
+    """What is stated of a table; None: what its lines show.
+
+    columns : names of all columns from left to right, in place of a header.  delimiter : what separates the cells, or its name (`tab`).
+    skip_rows : lines left unread at the top.  header : whether the line after those holds the names, whatever it looks like.
+    """
+
+    columns: tuple[str, ...] | None = None
+    delimiter: str | None = None
+    decimal: Decimal | None = None
+    skip_rows: int | None = None
+    header: bool | None = None
+    encoding: Encoding | None = None
+
+    def __post_init__(self) -> None:
+        if self.delimiter is not None and self.mark not in DELIMITERS:
+            raise InputError(f"must be one of {', '.join(_WORDS)[:-4]}", field="delimiter", value=self.delimiter)
+        if self.skip_rows is not None and self.skip_rows < 0:
+            raise InputError("must be a number of lines, 0 or more", field="skip_rows", value=self.skip_rows)
+        if self.columns is not None:
+            named = [name for name in self.columns if name and not name.startswith("_")]
+            if not named or len(set(named)) < len(named):
+                rule = "must name the columns from left to right, each by a name of its own"
+                raise InputError(rule, field="columns", value=", ".join(self.columns))
+            if self.header:
+                raise InputError("must not be true beside 'columns', which give the names", field="header")
+        elif self.header is False:
+            raise InputError("is missing: a table without a line of names needs them", field="columns")
+
+    @property
+    def mark(self) -> str | None:
+        """The delimiter as one character."""
+        return None if self.delimiter is None else _WORDS.get(self.delimiter, self.delimiter)
+
+
+def looks_like_a_number(cell: str) -> bool:
+    """Whether a cell is a number with a decimal point or a decimal comma."""
+    return _NUMBER.fullmatch(cell) is not None
+
+
+def is_missing(cell: str) -> bool:
+    """Whether a cell says that there is no value."""
+    return cell.lower() in _MISSING
+
+
+def name_and_unit(cell: str) -> tuple[str, str]:
+    """("U", "mV") for `U (mV)`, `U [mV]` and `U / mV`; the unit is "" where the name states none."""
+    found = _NAMED_UNIT.fullmatch(cell.strip())
+    return (cell.strip(), "") if found is None else (found[1].strip(), next(part for part in found.groups()[1:] if part).strip())
+
+
+def cells_of(line: str, delimiter: str) -> list[str]:
+    """The cells of a line, blanks around them taken off.  Raises csv.Error where quotes do not enclose whole cells."""
+    return line.split() if delimiter == " " else split_cells(line, delimiter)
+
+
+def shown_delimiter(line: str) -> str:
+    """What separates the cells of a row of data, by the row alone: tabs, semicolons and bars always do, commas unless they are in numbers."""
+    if found := next((mark for mark in ("\t", ";", "|") if mark in line), None):
+        return found
+    words = line.split()
+    return " " if "," not in line or (len(words) > 1 and all(looks_like_a_number(word) for word in words if "," in word)) else ","
+
+
+def decimal_mark(rows: Sequence[tuple[int, Sequence[str]]], wanted: Sequence[int], stated: Decimal | None, file: str) -> str:
+    """The decimal mark of the numbers in the columns `wanted`.  rows : line and cells.
+
+    Raises InputError where points and commas are mixed, or commas may part thousands.
+    """
+    if stated is not None:
+        return {"point": ".", "comma": ","}[stated]
+    first: dict[str, tuple[int, str]] = {}
+    told = False
+    for number, cells in rows:
+        for place in wanted:
+            cell = cells[place]
+            mark = next((m for m in ",." if m in cell), None)
+            if mark is None or not looks_like_a_number(cell):
+                continue
+            first.setdefault(mark, (number, cell))
+            told = told or (mark == "," and _GROUPED.fullmatch(cell) is None)
+    if len(first) == 2:
+        line, cell = max(first.values())
+        rule = "has numbers with decimal points and others with commas: write them alike, or state which of the two is the decimal mark"
+        raise InputError(f"{rule} (--decimal point or comma; decimal = ... in a campaign)", field="row", value=cell, file=file, line=line)
+    if "," in first and not told:
+        told = any(looks_like_a_number(cell) and "," in cell and not _GROUPED.fullmatch(cell) for _, cells in rows for cell in cells)
+        if not told:
+            line, cell = first[","]
+            rule = 'may part thousands or be a decimal comma, in every number that has one: say --decimal comma (decimal = "comma" in a campaign)'
+            raise InputError(f"{rule}, or write the numbers without thousands", field="comma", value=cell, file=file, line=line)
+    return "," if "," in first else "."
+
+
+def number_in(cell: str, name: str, mark: str, file: str, line: int) -> float:
+    """The number in a cell that is not missing.  Raises InputError."""
+    try:
+        if looks_like_a_number(cell) and ("," if mark == "." else ".") not in cell:
+            return read_number(cell.replace(",", "."))
+    except ValueError:
+        pass
+    hint = ""
+    if looks_like_a_number(cell):
+        hint = " with a decimal point, not a comma" if mark == "." else " with a decimal comma, not a point"
+    elif re.fullmatch(r"[+-]?\d{1,3}([., ']\d{3})+([.,]\d*)?", cell, re.ASCII):
+        hint = " without marks between thousands"
+    raise InputError(f"must be a number{hint}", field=name, value=cell, file=file, line=line)
+
+
+def split_row(line: str, delimiter: str, file: str, number: int) -> list[str]:
+    """`cells_of` with the place in its error."""
+    try:
+        return cells_of(line, delimiter)
+    except csv.Error as error:
+        raise InputError(f"cannot be split into cells ({error})", field="row", value=line, file=file, line=number) from None
+
+
+def place_of(name: str, names: Sequence[str], file: str, line: int | None) -> int:
+    """Where the column `name` is: called just so, or so before its unit.  Raises InputError listing what there is."""
+    places = [i for i, found in enumerate(names) if found == name] or [i for i, found in enumerate(names) if name_and_unit(found)[0] == name]
+    if not places:
+        raise InputError("is missing", field=name, file=file, line=line, quoted=f"the header has {listed([found for found in names if found])}")
+    if len(places) > 1:
+        rule = "stands twice in the header: name all columns from left to right (--columns a,b,c; columns = [...] in a campaign)"
+        raise InputError(rule, field=name, file=file, line=line)
+    return places[0]

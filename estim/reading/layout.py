@@ -1,0 +1,211 @@
+"""Where the numbers of a table are: the line of names, a line of units, the first row, what stands above them."""
+
+from __future__ import annotations
+
+import csv
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from estim.common import InputError
+from estim.reading.dialect import Dialect, cells_of, is_missing, looks_like_a_number, name_and_unit, shown_delimiter, split_row
+from estim.reading.input_file import read_any_text
+from estim.reading.table import NOTE, facts_of, numbered_lines
+
+Lines = list[tuple[int, str]]
+
+_RULE = re.compile(r"[-=_+|\s]+")  # a line drawn below the header
+_UNITS = (
+    "s ms us ns ps min h d m cm mm um nm km kg g mg N mN kN Pa hPa kPa MPa bar mbar J mJ kJ eV keV MeV W mW kW V mV kV uV A mA uA nA pA Ohm ohm kOhm "
+    "Hz kHz MHz GHz K C F H uF nF pF mH uH T mT uT G Wb lx cd lm dB Bq kBq Sv mol l L ml mL deg rad mrad sr px frame frames counts count arb a.u. au "
+    "% ° °C °F Ω kΩ MΩ Å ′ ″ 1"
+)
+_SYMBOLS = frozenset(_UNITS.split())
+_SEPARATORS = re.compile(r"[/*·⋅^ ()\[\]]|[-−]?\d+|[⁻¹²³]+")
+
+
+@dataclass(frozen=True, eq=False)
+class Layout:
+    """Where the numbers of a table are.
+
+    names : of the columns, () where the file has none.  header_line : where they stand.  units : column -> its unit, as the header says.
+    rows : the lines from the first row of numbers on, comments taken out.  notes : how the file was read, where that is not plain.
+    """
+
+    file: str
+    sha256: str
+    delimiter: str
+    names: tuple[str, ...]
+    header_line: int | None
+    units: tuple[str, ...]
+    rows: Lines
+    warnings: tuple[str, ...]
+    facts: tuple[str, ...]
+
+    @property
+    def width(self) -> int:
+        """How many columns there are."""
+        return len(self.names) or len(split_row(self.rows[0][1], self.delimiter, self.file, self.rows[0][0]))
+
+
+def read_layout(path: Path, dialect: Dialect, *, shown_as: str, needed: Sequence[str] = ()) -> Layout:
+    """How the table at `path` is laid out.  needed : names of columns that tell the header from other lines.  Raises InputError."""
+    text, digest, note = read_any_text(path, shown_as=shown_as, encoding=dialect.encoding)
+    lines = numbered_lines(text, file=shown_as)
+    below = [(number, line) for number, line in lines if number > (dialect.skip_rows or 0)]
+    plain = [(number, line) for number, line in below if not line.lstrip().startswith("#")]
+    if not plain:
+        raise InputError("has no rows of numbers" + (" below the lines that are skipped" if dialect.skip_rows else ""), file=shown_as)
+    delimiter = dialect.mark or shown_delimiter(plain[-1][1])
+    start = 0 if dialect.header is False else 1 if dialect.header else _start(plain, delimiter, shown_as)
+    rows = [(number, line) for number, line in plain[start:]]
+    if not rows:
+        raise InputError("has no rows of numbers below the line of names", file=shown_as)
+    percent = any(line.lstrip().startswith("%") for _, line in plain[:start])
+    rows = [(number, line) for number, line in rows if not (percent and line.lstrip().startswith("%"))]
+    width, least = _widths(rows, delimiter)
+    names, header_line, units = _header(plain[:start], below, rows[0][0], delimiter, (least, width), dialect, needed, shown_as)
+    facts = (*facts_of(lines, header_line or rows[0][0]), *([note] if note else []))
+    warnings = tuple(line[len(NOTE) :].strip() for _, line in lines if line.startswith(NOTE))
+    return Layout(shown_as, digest, delimiter, names, header_line, units, rows, warnings, facts)
+
+
+def no_names(layout: Layout) -> InputError:
+    """What to say of a table whose columns have no names."""
+    rule = f"has no line of column names: name its {layout.width} columns from left to right (--columns a,b,...; columns = [...] in a campaign)"
+    number, line = layout.rows[0]
+    return InputError(rule, field="header", value=line.strip(), file=layout.file, line=number)
+
+
+def numeric_columns(layout: Layout) -> tuple[str, ...]:
+    """Names of the columns whose last row is a number, or nothing where the first is one; those that begin with _ left out."""
+    first, last = (split_row(line, layout.delimiter, layout.file, number) for number, line in (layout.rows[0], layout.rows[-1]))
+    rows = [cells + [""] * len(layout.names) for cells in (first, last)]
+    kept = [i for i, name in enumerate(layout.names) if name and not name.startswith("_")]
+    return tuple(layout.names[i] for i in kept if any(looks_like_a_number(cells[i]) for cells in rows))
+
+
+def _start(lines: Lines, delimiter: str, file: str) -> int:
+    """Index of the first row of numbers: like the last row it has as many cells, with numbers (or nothing) in the same columns.
+
+    Raises InputError where rows above it look like data.
+    """
+    shape = _shape(lines[-1][1], delimiter)
+    wanted = [place for place, cell in enumerate(_cells(lines[-1][1], delimiter)) if looks_like_a_number(cell)]
+    for first, (_, line) in enumerate(lines):  # noqa: B007
+        cells = _cells(line, delimiter)
+        alike = shape & _shape(line, delimiter) and all(place >= len(cells) or _may_be_value(cells[place]) for place in wanted)
+        if alike and any(map(looks_like_a_number, cells)):
+            break
+    else:
+        number, line = lines[-1]
+        raise InputError("must hold numbers: the last line holds none", field="row", value=line, file=file, line=number)
+    for number, line in lines[:first]:
+        cells = [cell for cell in _cells(line, delimiter) if cell]
+        if len(cells) > 1 and all(map(looks_like_a_number, cells)):
+            rule = "is a row with another number of cells than the last one: say how many lines stand above the table (--skip-rows, skip_rows)"
+            raise InputError(rule, field="row", value=line, file=file, line=number)
+    return first
+
+
+def _may_be_value(cell: str) -> bool:
+    return looks_like_a_number(cell) or is_missing(cell)
+
+
+def _shape(line: str, delimiter: str) -> set[int]:
+    """Number of cells of a line, with and without blank ones at its end."""
+    cells = _cells(line, delimiter)
+    return {len(cells), len(_trimmed(cells))}
+
+
+def _cells(line: str, delimiter: str) -> list[str]:
+    """Cells of a line that need not be a row; one cell where it cannot be split."""
+    try:
+        return cells_of(line, delimiter)
+    except csv.Error:
+        return [line]
+
+
+def _trimmed(cells: list[str]) -> list[str]:
+    while cells and not cells[-1]:
+        cells = cells[:-1]
+    return cells
+
+
+def _widths(rows: Lines, delimiter: str) -> tuple[int, int]:
+    """Most cells that a row has, with and without blank ones at its end."""
+    split = [_cells(line, delimiter) for _, line in rows]
+    return max(map(len, split)), max(len(_trimmed(cells)) for cells in split)
+
+
+def _header(
+    above: Lines, below: Lines, first: int, delimiter: str, widths: tuple[int, int], dialect: Dialect, needed: Sequence[str], file: str
+) -> tuple[tuple[str, ...], int | None, tuple[str, ...]]:
+    """Names of the columns, their line and their units.  above : lines over the numbers; below : all lines with comments; first : line of numbers."""
+    if not dialect.header:
+        _refuse_half_a_row(above, delimiter, widths, file)
+    if dialect.columns is not None:
+        if not widths[0] <= len(dialect.columns) <= widths[1]:
+            rule = f"must name all {widths[0]} columns from left to right"
+            raise InputError(rule, field="columns", value=", ".join(dialect.columns), file=file, line=first)
+        return dialect.columns, None, ("",) * len(dialect.columns)
+    if dialect.header:
+        (number, line), cells = above[0], _trimmed(_cells(above[0][1].strip().lstrip("%# "), delimiter))
+        if not widths[0] <= len(cells) <= widths[1]:
+            raise cells_differ(widths[0], len(cells), delimiter, file, first)
+        return tuple(cells), number, tuple(name_and_unit(cell)[1] for cell in cells)
+    units: list[str] = []
+    for i, (number, line) in reversed(list(enumerate(above))):
+        percent = line.lstrip().startswith("%")
+        cells = _trimmed(_cells(line.strip().lstrip("% ") if percent else line, delimiter))
+        fits = widths[0] <= len(cells) <= widths[1] and not any(map(looks_like_a_number, cells))
+        if _RULE.fullmatch(line) or (percent and not fits):
+            continue
+        over = _trimmed(_cells(above[i - 1][1], delimiter)) if i else []
+        below_names = _are_units(cells) or (_all_in(needed, over) and not _all_in(needed, cells))
+        if fits and not units and widths[0] <= len(over) <= widths[1] and below_names:
+            units = cells
+            continue
+        if not fits and any(name in cells for name in needed):
+            raise cells_differ(widths[0], len(cells), delimiter, file, first)
+        return _named(cells, units, number) if fits else ((), None, ())
+    comments = [(number, line.lstrip("# \t").rstrip()) for number, line in below if number < first and line.lstrip().startswith("#")]
+    for number, line in comments[-1:]:
+        cells = _cells(line, delimiter)
+        if widths[0] <= len(cells) <= widths[1] and not any(map(looks_like_a_number, cells)):
+            return _named(cells, [], number)
+    return (), None, ()
+
+
+def _refuse_half_a_row(above: Lines, delimiter: str, widths: tuple[int, int], file: str) -> None:
+    """Raises InputError where the line over the first row looks like one more, with something in it that is no number."""
+    number, line = next((one for one in reversed(above) if not _RULE.fullmatch(one[1])), (0, ""))
+    cells = _trimmed(_cells(line, delimiter))
+    if not widths[0] <= len(cells) <= widths[1] or line.lstrip().startswith("%") or all(cell in _SYMBOLS for cell in cells):
+        return
+    if any(re.match(r"[+-]?[.,]?\d", cell) for cell in cells):
+        rule = "must be a row of numbers, like those below it, or of names (if it is neither: --skip-rows, skip_rows)"
+        raise InputError(rule, field="row", value=line, file=file, line=number)
+
+
+def _named(cells: list[str], units: list[str], line: int) -> tuple[tuple[str, ...], int, tuple[str, ...]]:
+    """Names, their line, and units: those in the names, or of a line of their own."""
+    told = units + [""] * len(cells)
+    return tuple(cells), line, tuple(name_and_unit(cell)[1] or unit.strip("()[] ") for cell, unit in zip(cells, told, strict=False))
+
+
+def _all_in(needed: Sequence[str], cells: Sequence[str]) -> bool:
+    return bool(needed) and all(name in cells or name in [name_and_unit(cell)[0] for cell in cells] for name in needed)
+
+
+def _are_units(cells: Sequence[str]) -> bool:
+    """Whether a line below the names says units alone."""
+    words = [part for cell in cells for part in _SEPARATORS.split(cell.replace("µ", "u").replace("μ", "u")) if part]
+    return all(word in _SYMBOLS for word in words) and any(cells)
+
+
+def cells_differ(cells: int, width: int, delimiter: str, file: str, line: int) -> InputError:
+    commas = delimiter == "," and cells == 2 * width
+    hint = " (decimal commas? write decimal points, or separate the cells by semicolons)" if commas else ""
+    return InputError(f"must have {width} cells{hint}", field="row", value=cells, file=file, line=line)

@@ -1,0 +1,250 @@
+"""A fit of a table by one command: it is the campaign that its report prints; `estim new` writes one to begin with; many points."""
+
+from __future__ import annotations
+
+import json
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+from command_runner import runner
+from tracker_files import point_mass, trk
+
+from estim import fit_curve
+from estim.campaign import TableChoices, campaign_of_table, load_campaign
+from estim.campaign.table_campaign import text_of_table
+from estim.checks.goodness import _blocks
+from estim.cli.commands import cli
+from estim.common.errors import EstimError, InputError
+from estim.fitting.optimum import fit_optimum
+
+FORMULA = "a*exp(-x/tau) + c"
+
+
+@pytest.fixture
+def table(tmp_path: Path, rng: np.random.Generator) -> Path:
+    t = np.linspace(0.0, 10.0, 41)
+    u = 2.0 * np.exp(-t / 3.0) + 0.5 + 0.02 * rng.standard_normal(t.size)
+    rows = "\n".join(f"{a:.3f};{b:.6f};x".replace(".", ",") for a, b in zip(t, u, strict=True))
+    (tmp_path / "data.csv").write_text(f"Logger 7\ntime [s];U (V);note\n{rows}\n")
+    return tmp_path / "data.csv"
+
+
+def told(*arguments: object) -> str:
+    """The one line that a command is refused with."""
+    done = runner().invoke(cli, [str(argument) for argument in arguments], standalone_mode=False)
+    assert isinstance(done.exception, EstimError), done.output
+    return str(done.exception)
+
+
+def test_one_command_is_the_campaign_that_its_report_prints(table: Path) -> None:
+    out = table.parent / "out"
+    arguments = ["fit", table, "--formula", FORMULA, "--start", "tau=1 s", "--low", "tau=0", "--u-y", "0.02", "--out", out, "--no-figures"]
+    done = runner().invoke(cli, [str(argument) for argument in arguments], standalone_mode=False)
+    assert (done.exception, done.output.splitlines()[0]) == (None, "data: ok")
+    report = (out / "report.md").read_text()
+    (text,) = re.findall(r"```toml\n(.*?)```", report, flags=re.S)
+    (table.parent / "kept.toml").write_text(text)
+    kept, result = load_campaign(table.parent / "kept.toml"), json.loads((out / "result.json").read_text())
+    fit = kept.fit(kept.problem(["data"]), rng=np.random.default_rng(1))
+    assert result["parameters"]["tau"]["unit"] == "s"
+    assert result["runs"]["data"]["x"] == "time (s)"
+    assert result["runs"]["data"]["y"] == "U (V)"
+    for name, true in (("a", 2.0), ("tau", 3.0), ("c", 0.5)):
+        value, sd = fit.values[fit.names.index(name)], result["fit"]["sds"][name]
+        assert result["fit"]["values"][name] == pytest.approx(value, abs=1e-6 * sd)
+        assert abs(value - true) < 4.0 * sd
+    assert result["provenance"]["campaign_sha256"] == kept.sha256
+
+
+def test_a_wrong_curve_ends_with_3(table: Path) -> None:
+    arguments = ["fit", str(table), "--formula", "a + b*x", "--u-y", "0.02", "--out", str(table.parent / "out"), "--no-figures"]
+    done = runner().invoke(cli, arguments, standalone_mode=False)
+    assert "data: poor-fit" in done.output
+    assert done.exit_code == 3
+
+
+def test_every_option_is_a_key_of_the_campaign(table: Path) -> None:
+    choices = TableChoices(
+        formula="a*exp(-x/tau) + c + g*k", start={"tau": "2"}, low={"tau": "0"}, high={"tau": "9"}, value={"g": "9.81(2)", "k": "0"}, x="time",
+        y="U (V)", u_y="0.02", window=(None, 8.0), every=2, title="T", kind="synthetic",
+    )
+    text = text_of_table(table, choices)
+    for line in (
+        'title = "T"', 'kind = "synthetic"', 'x = {column = "time", unit = "s"}', 'y = {column = "U (V)", name = "U", unit = "V"}', "u_y = 0.02",
+        "window = {max = 8.0}", "every = 2", "tau = {start = 2.0, low = 0.0, high = 9.0}", 'g = "9.81(2)"', "k = 0.0", "a = {start = 1.0}",
+    ):
+        assert line in text.splitlines()
+    problem = campaign_of_table(table, choices).problem(["data"])
+    assert problem.names == ("a", "tau", "c", "g")
+    assert problem.n_obs == 17
+
+
+@pytest.mark.parametrize(
+    ("formula", "needed"),
+    [("a + b*x + c*x**2", []), ("a*exp(-x/tau) + c", ["tau"]), ("a*b*x", ["b"]), ("A*sin(w*x) + B*cos(w*x)", ["w"]), ("a*log(x/b)", ["b"])],
+)
+def test_a_start_is_asked_for_where_it_matters(table: Path, formula: str, needed: list[str]) -> None:
+    if not needed:
+        assert len(campaign_of_table(table, TableChoices(formula=formula)).problem(["data"]).names) == 4
+        return
+    with pytest.raises(InputError, match=f"'--start' must give {' and '.join(needed)} a starting value .* --start {needed[0]}=1"):
+        campaign_of_table(table, TableChoices(formula=formula))
+    campaign_of_table(table, TableChoices(formula=formula, start=dict.fromkeys(needed, "1")))
+
+
+def test_the_start_of_a_linear_parameter_does_not_matter(table: Path) -> None:
+    table.write_text("x,y\n" + "".join(f"{x},{3e6 * x - 4e-3}\n" for x in (0.5, 1.0, 2.0, 3.0)))
+    problem = campaign_of_table(table, TableChoices(formula="a + b*x", u_y="1e-3")).problem(["data"])
+    assert fit_optimum(problem, rng=np.random.default_rng(1)).values == pytest.approx([-4e-3, 3e6], rel=1e-6)
+
+
+def test_a_formula_may_be_one_in_t(table: Path) -> None:
+    in_x, in_t = (
+        campaign_of_table(table, TableChoices(formula=f"a*exp(-{name}/tau) + c", start={"tau": "1"})).problem(["data"]) for name in ("x", "t")
+    )
+    assert in_x.names == in_t.names
+    values = in_x.start()
+    np.testing.assert_array_equal(*(one.runs[0].curve.local(one.runs[0].x, one.named(values)).value for one in (in_x, in_t)))
+    slopes = [one.runs[0].curve.local(one.runs[0].x, one.named(values)) for one in (in_x, in_t)]
+    np.testing.assert_array_equal(slopes[0].slope, slopes[1].slope)
+    with pytest.raises(InputError, match="--start"):
+        campaign_of_table(table, TableChoices(formula="a*exp(-s/tau)", start={"tau": "1"}))  # not how the column is called
+    t_is_known = TableChoices(formula="a*exp(-t/tau)*x", start={"tau": "1", "t": "1"})
+    assert "t" in campaign_of_table(table, t_is_known).problem(["data"]).names
+
+
+@pytest.mark.parametrize(
+    ("arguments", "says"),
+    [
+        ([], r"'CAMPAIGN\|FILE' is a table, not a campaign: say --formula"),
+        (["--start", "a=1"], "'--start' needs --formula beside it"),
+        (["--formula", "a*x", "--start", "b=1"], r"'--start' names no parameter of the formula \(a\): b"),
+        (["--formula", "a*x", "--start", "a"], "'--start' must be written NAME=VALUE: a"),
+        (["--formula", "a*x", "--start", "a=one"], "'--start a' must be a number: one"),
+        (["--formula", "a*x", "--value", "a=1", "--low", "a=0"], "'--value' gives a parameter its value"),
+        (["--formula", "a*x", "--y", "I"], r"data.csv:2: 'I' is missing \(the header has time \[s\], U \(V\), note"),
+        (["--formula", "a*open(x)"], "'--formula' calls 'open'"),
+        (["--formula", "a*x", "--window", "3"], "'--window' must be written MIN:MAX"),
+        (["--formula", "a*x", "--delimiter", "%"], "'--delimiter' must be one of tab"),
+        (["--formula", "a*x", "--decimal", "point"], r"data.csv:3: 'time \[s\]' must be a number with a decimal point, not a comma"),
+        (["--formula", "a*x", "--u-y", "none"], "data.csv:2: 'none' is missing"),
+    ],
+)
+def test_what_is_missing_is_one_line_with_the_option(table: Path, arguments: list[str], says: str) -> None:
+    assert re.search(says, told("fit", table, *arguments, "--out", table.parent / "out"))
+    assert not (table.parent / "out").exists()
+
+
+def test_options_of_a_table_do_not_go_with_a_campaign(table: Path) -> None:
+    for option in (["--formula", "a*x"], ["--columns", "a,b"]):
+        assert "of a campaign the file says" in told("fit", table.with_suffix(".toml"), *option)
+
+
+def test_columns_that_must_be_named_are_listed(table: Path) -> None:
+    table.write_text("t,a,b\n0.5,1,2\n1,2,3\n2,3,4\n")
+    assert r"'column' must be named by --y (there are t, a, b)" in told("fit", table, "--formula", "k*t")
+    table.write_text("t,U,u_U\n0.5,1,0.1\n1,2,0.1\n2,3,0.2\n")
+    assert 'u_y = {column = "u_U"}' in text_of_table(table, TableChoices(formula="k*t"))
+    table.write_text("t,U,u_t,u_U\n0.5,1,0.1,0.1\n1,2,0.1,0.1\n2,3,0.1,0.2\n")
+    assert 'u_x = {column = "u_t"}' in text_of_table(table, TableChoices(formula="k*t"))
+    assert "u_x" not in text_of_table(table, TableChoices(formula="k*t", correlated=True))
+    assert "u_x = 0.2\n" in text_of_table(table, TableChoices(formula="k*t", u_x="0.2"))
+
+
+def test_the_command_of_the_page_gives_what_was_put_in(project: Path, tmp_path: Path) -> None:
+    page, data = (project / "docs" / "your-own-curve.md").read_text(), project / "data" / "trials"
+    (formula,) = re.findall(r'estim fit data/trials/theta_min\.csv --formula "(.*?)" --start gamma=0\.3 --low gamma=0\.15', page)
+    choices = TableChoices(formula=formula, start={"gamma": "0.3"}, low={"gamma": "0.15"}, kind="synthetic")
+    problem = campaign_of_table(data / "theta_min.csv", choices).problem(["theta_min"])
+    assert problem.runs[0].noise.x_gain()[0] == 0.4
+    fit = fit_optimum(problem, rng=np.random.default_rng(1))
+    assert abs(fit.values[0] - 0.187) < 3.0 * fit.sds[0]
+    assert f"{fit.values[0]:.2f}" == "0.18"
+
+
+def test_a_campaign_says_how_its_tables_are_written(table: Path) -> None:
+    (table.parent / "raw.txt").write_text("top\n" + "".join(f"{i},5 {2 * i},25 9,5\n" for i in range(6)))
+    head = 'title = "T"\nkind = "synthetic"\n[curve]\nexpression = "a*x + b"\nx = "t"\ny = "U"\n'
+    text = head + '[curve.parameters]\na = {start = 1.0}\nb = {start = 1.0}\n[[runs]]\nname = "r"\nfile = "raw.txt"\n'
+    path = table.parent / "c.toml"
+    path.write_text(text + 'columns = ["t", "U", "_"]\nskip_rows = 1\ndecimal = "comma"\ndelimiter = "blank"\n')
+    np.testing.assert_array_equal(load_campaign(path).tables["r"].columns["U"], 2 * np.arange(6) + 0.25)
+    for key, says in (("skip_rows = -1", r"c\.toml:14: 'skip_rows' must be"), ('columns = ["t", "t"]', r"c\.toml:14: 'columns' must name"),
+                      ("header = false", r"c\.toml:\d+: 'columns' is missing"), ('decimal = "dot"', r"c\.toml:14: 'decimal' ")):
+        path.write_text(f"{text}\n{key}\n")
+        with pytest.raises(InputError, match=says):
+            load_campaign(path)
+
+
+def test_a_track_has_both_coordinates_and_those_along_its_way(tmp_path: Path) -> None:
+    points = {n: (100.0 + 50.0 * 0.3 * n, 200.0 - 50.0 * 0.4 * n) for n in range(12)}
+    (tmp_path / "clip.trk").write_text(trk(point_mass("ball", points)))
+    for y, factor in (("x", 0.3), ("y", 0.4), ("x_m", 0.5)):
+        choices = TableChoices(formula="a + v*t", y=y, release="0.08" if y == "x_m" else None)
+        run = campaign_of_table(tmp_path / "clip.trk", choices).problem(["clip"]).runs[0]
+        start = 2 if y == "x_m" else 0
+        np.testing.assert_allclose(run.x, 0.04 * np.arange(start, 12), atol=1e-12)
+        np.testing.assert_allclose(run.y, factor * np.arange(12 - start), atol=1e-9)
+    assert "'--y' must name a column of the track" in told("fit", tmp_path / "clip.trk", "--formula", "a*t")
+    with pytest.raises(InputError, match=r"'v' is missing \(a track has t, x, y, frame"):
+        campaign_of_table(tmp_path / "clip.trk", TableChoices(formula="a*t", y="v"))
+
+
+def test_new_writes_a_campaign_that_can_be_fit_and_overwrites_nothing(table: Path) -> None:
+    folder = table.parent / "new"
+    folder.mkdir()
+    done = runner().invoke(cli, ["new", str(folder / "c"), "--from", str(table)], standalone_mode=False)
+    assert done.exception is None, done.exception
+    text = (folder / "c.toml").read_text()
+    assert text.startswith("# Columns of numbers in data.csv: time [s], U (V)\n")
+    assert 'file = "../data.csv"' in text
+    assert load_campaign(folder / "c.toml").problem(["data"]).names == ("a", "b", "sigma_y[data]")
+    assert "is there already and is not overwritten" in told("new", folder / "c", "--from", table)
+    assert (folder / "c.toml").read_text() == text
+    assert "'--from' must name the table" in told("new", folder / "d")
+    assert "cannot be read" in told("new", folder / "d", "--from", folder / "none.csv")
+    assert not (folder / "d.toml").exists()
+
+
+def test_new_asks_in_a_terminal(table: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("estim.cli.new._in_a_terminal", lambda: True)
+    answers = "\n".join([str(table), "time", "U", FORMULA, "0.02", "tau=2", "Discharge"]) + "\n"
+    done = runner().invoke(cli, ["new", str(table.parent / "c.toml")], input=answers, standalone_mode=False)
+    assert done.exception is None, done.output
+    assert "columns: time [s], U (V)" in done.output
+    loaded = load_campaign(table.parent / "c.toml")
+    assert (loaded.title, loaded.problem(["data"]).names) == ("Discharge", ("a", "tau", "c"))
+
+
+@pytest.mark.parametrize(("bump", "fits"), [(0.0, True), (0.1, False)])
+def test_of_many_points_a_wrong_curve_is_found_block_by_block(
+    rng: np.random.Generator, monkeypatch: pytest.MonkeyPatch, bump: float, fits: bool
+) -> None:
+    monkeypatch.setattr("estim.checks.goodness._blocks", lambda at_once: [600] * 5)
+    x = np.linspace(0.0, 1.0, 3500)
+    y = 1.0 + 2.0 * x + bump * np.sin(9.0 * x) + rng.standard_normal(x.size)
+    fit = fit_curve("a + b*x", x, y, u_y=1.0, start={"a": 1.0, "b": 1.0})
+    assert (fit.status == "ok") == fits
+    density = fit.fit.posterior.log_likelihood(np.tile([1.0, 2.0], (2400, 1)))
+    assert density == pytest.approx(np.full(2400, np.sum(-0.5 * (y - 1.0 - 2.0 * x) ** 2 - 0.5 * np.log(2.0 * np.pi))))
+
+
+def test_enough_residuals_are_simulated_of_any_number_of_points() -> None:
+    assert _blocks(1_000_000) == [20_000]
+    assert _blocks(13_333) == [13_333]
+    for at_once in (1, 3, 400, 2599):
+        blocks = _blocks(at_once)
+        assert sum(blocks) >= 2600
+        assert max(blocks) <= at_once
+
+
+def test_what_needs_a_dense_matrix_keeps_its_limit(table: Path) -> None:
+    x = np.linspace(0.0, 1.0, 3001)
+    with pytest.raises(InputError, match=r"'x' must have between 1 and 3000 values; .*every so many"):
+        fit_curve("a*x", x, x, u_y=0.1, u_x=0.1, start={"a": 1.0})
+    table.write_text("x,y\n" + "".join(f"{value},{value}\n" for value in x))
+    with pytest.raises(InputError, match="'rows' must be between 3 and 3000 where x has errors: say every = 2"):
+        campaign_of_table(table, TableChoices(formula="a*x", u_y="0.1", u_x="0.1"))
+    campaign_of_table(table, TableChoices(formula="a*x", u_y="0.1", u_x="0.1", every=2))
