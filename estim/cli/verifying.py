@@ -97,7 +97,7 @@ def _compare(folder: Path, made: Path, origin: Origin) -> list[str]:
     others = {name: (old, now.versions.get(name)) for name, old in origin.versions.items() if now.versions.get(name) != old}
     told += [f"note: made with {name} {old}, recomputed with {new}" for name, (old, new) in others.items()]
     n_before = len(told)
-    for name in sorted(origin.outputs.keys() | now.outputs.keys()):
+    for name in origin.outputs:
         before, after = (read_file(place / name, at_most=_LARGEST, within=place) for place in (folder, made))
         if before is None or after is None:
             told.append(f"{name}: " + ("is missing" if before is None else "is not made any more"))
