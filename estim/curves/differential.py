@@ -13,6 +13,7 @@ from estim.common import InputError
 
 Method = Literal["DOP853", "RK45", "Radau", "BDF"]
 _TOLERANCE = 1e-10
+_MOST = 100_000  # evaluations of a right side on one way: some 10,000 steps, after which there is no solution
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,14 +97,18 @@ class OdeCurve:
         """(n_state, n_draw, n) at places from x0 on, None where the solver does not get to their end."""
         from scipy.integrate import solve_ivp
 
+        left = iter(range(_MOST))
+
         def rate(at: float, y: Any) -> Any:
+            if next(left, None) is None:
+                raise ValueError("too many steps")
             return self._rate(at, y.reshape(state.shape), own).ravel()
 
         with np.errstate(all="ignore"):
             try:
                 ends, smallest = (self.x0, float(places[-1])), _TOLERANCE * size.ravel()
                 solved = solve_ivp(rate, ends, state.ravel(), method=self.method, t_eval=places, rtol=_TOLERANCE, atol=smallest)
-            except ValueError:  # of a solver that meets infinite numbers
+            except ValueError:  # of a solver that meets infinite numbers, or of too many steps
                 return None
         return solved.y.reshape(*state.shape, places.size) if solved.status == 0 and np.all(np.isfinite(solved.y)) else None
 

@@ -21,6 +21,8 @@ Indices = NDArray[np.int64]
 _SAFETY = 20.0
 RESOLVED = _SAFETY * EXACT  # `SeparableSearch.resolved` where derivatives are exact
 _TERM_ROUNDING = 1e-15  # relative rounding error of a term of the curve
+_STRAIGHT = 1e-4  # of the largest residual: a first look, with room for rounding
+
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,16 +106,22 @@ def _linear(posterior: Posterior, start: FloatArray, free: list[int], low: Float
         trial = [*found, i]
         if math.isfinite(low[i]) or math.isfinite(high[i]) or not np.all(np.isfinite(reference[:, i])):
             continue
-        same = True
-        for _ in range(2):
-            moved = start.copy()
-            moved[trial] += (1.0 + np.abs(start[trial])) * rng.uniform(0.3, 1.5, len(trial)) * rng.choice([-1.0, 1.0], len(trial))
-            columns = posterior.jacobian(moved)[:, trial]
-            size = np.max(np.abs(reference[:, trial]), axis=0)
-            same = same and bool(np.all(np.abs(columns - reference[:, trial]) <= 1e-9 * size))
-        if same and np.any(reference[:, i] != 0.0):
+        moves = [(1.0 + np.abs(start[trial])) * rng.uniform(0.3, 1.5, len(trial)) * rng.choice([-1.0, 1.0], len(trial)) for _ in range(2)]
+        columns = reference[:, trial]
+        if np.any(reference[:, i] != 0.0) and all(_stays_straight(posterior, start, trial, move, columns) for move in moves):
             found = trial
     return found
+
+
+def _stays_straight(posterior: Posterior, start: FloatArray, trial: list[int], move: FloatArray, columns: FloatArray) -> bool:
+    """Whether the derivatives `columns` (n, n_trial) are the same after a move; residuals first, which cost a part of their derivatives."""
+    moved = start.copy()
+    moved[trial] += move
+    before, expected = posterior.residuals(start), columns @ move
+    size = max(float(np.max(np.abs(before))), float(np.max(np.abs(expected))))
+    if not np.all(np.abs(posterior.residuals(moved) - before - expected) <= _STRAIGHT * size):
+        return False
+    return bool(np.all(np.abs(posterior.jacobian(moved)[:, trial] - columns) <= 1e-9 * np.max(np.abs(columns), axis=0)))
 
 
 def rounding(search: SeparableSearch, values: FloatArray | None = None) -> float:
