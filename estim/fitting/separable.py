@@ -24,7 +24,6 @@ _TERM_ROUNDING = 1e-15  # relative rounding error of a term of the curve
 _STRAIGHT = 1e-4  # of the largest residual: a first look, with room for rounding
 
 
-
 @dataclass(frozen=True, eq=False)
 class SeparableSearch:
     """The posterior's least squares over its curve parameters: limits, and which of them enter linearly."""
