@@ -100,6 +100,22 @@ def test_the_start_of_a_linear_parameter_does_not_matter(table: Path) -> None:
     assert fit_optimum(problem, rng=np.random.default_rng(1)).values == pytest.approx([-4e-3, 3e6], rel=1e-6)
 
 
+def test_a_curve_by_name_needs_no_starts(tmp_path: Path) -> None:
+    x = np.linspace(500.0, 520.0, 81)
+    y = 7.0 * np.exp(-0.5 * ((x - 509.3) / 1.2) ** 2) + 0.02 * x - 7.0 + 0.1 * np.random.default_rng(4).standard_normal(x.size)
+    path = tmp_path / "peak.csv"
+    path.write_text("wavelength [nm],U\n" + "".join(f"{a:.2f},{b:.4f}\n" for a, b in zip(x, y, strict=True)))
+    text = text_of_table(path, TableChoices(formula="gaussian + line", u_y="0.1", low={"sigma": "0.5"}))
+    assert 'model = "gaussian + line"' in text
+    assert text.partition("[curve.parameters]")[2].split("\n\n")[0].strip() == "sigma = {low = 0.5}"
+    campaign = campaign_of_table(path, TableChoices(formula="gaussian + line", u_y="0.1"))
+    fit = campaign.fit(campaign.problem(campaign.run_names), rng=np.random.default_rng(1))
+    named = dict(zip(fit.names, zip(fit.values, np.sqrt(np.diag(fit.cov)), strict=True), strict=True))
+    for name, truth in (("center", 509.3), ("sigma", 1.2), ("slope", 0.02)):
+        assert abs(named[name][0] - truth) < 4.0 * named[name][1]
+    assert "model" not in text_of_table(path, TableChoices(formula="line*x + gaussian", u_y="0.1"))
+
+
 def test_a_formula_may_be_one_in_t(table: Path) -> None:
     in_x, in_t = (
         campaign_of_table(table, TableChoices(formula=f"a*exp(-{name}/tau) + c", start={"tau": "1"})).problem(["data"]) for name in ("x", "t")

@@ -17,7 +17,7 @@ from estim.campaign.campaign_file import Kind, campaign_file_of
 from estim.campaign.curve_tables import variable_of
 from estim.campaign.toml_text import toml_key, toml_string
 from estim.common import InputError, listed, read_number, read_quantity, shorten
-from estim.curves import Formula, read_formula
+from estim.curves import Formula, called_by_name, read_formula
 from estim.reading import Dialect, Layout, is_tracker_file, name_and_unit, no_names, numeric_columns, read_layout
 
 _SAID = "command line"
@@ -76,23 +76,26 @@ def campaign_of_table(file: Path, choices: TableChoices) -> Campaign:
 
 def text_of_table(file: Path, choices: TableChoices, *, name: str | None = None) -> str:
     """The TOML of that campaign, to be kept beside `file`, or where that is called `name`."""
-    formula = read_formula(choices.formula, field="--formula")
     said = (*choices.start, *choices.low, *choices.high, *choices.value)
+    asked = called_by_name(choices.formula, [*said, "x", "t"])
+    formula = read_formula(choices.formula if asked is None else asked.expression, field="--formula")
     x, y, u_x, u_y = _axes(file, formula, choices, said)
     variable = variable_of(formula, x.column, x.name, said)
     if variable not in (None, "x"):
         formula = formula.in_terms_of(variable)
-    starts = {**_linear_starts(formula, choices), **choices.start}
-    _check_parameters(formula, choices, starts)
-    lines = [f"title = {toml_string(choices.title or file.stem)}", f'kind = "{choices.kind}"', ""]
-    lines += ["[curve]", f"expression = {toml_string(formula.text)}", f"x = {x.text}", f"y = {y.text}"]
+    starts = {**_linear_starts(formula, choices), **choices.start} if asked is None else dict(choices.start)
+    _check_parameters(formula, choices, starts, sought=asked is not None)
+    lines = [f"title = {toml_string(choices.title or file.stem)}", f'kind = "{choices.kind}"', "", "[curve]"]
+    lines += [f"expression = {toml_string(formula.text)}" if asked is None else f"model = {toml_string(asked.text)}"]
+    lines += [f"x = {x.text}", f"y = {y.text}"]
     lines += [f"{key} = {_error_text(key, u)}" for key, u in (("u_y", u_y), ("u_x", u_x)) if u is not None]
     if choices.window is not None:
         ends = zip(("min", "max"), choices.window, strict=True)
         lines.append("window = {" + ", ".join(f"{name} = {end!r}" for name, end in ends if end is not None) + "}")
     lines += [f"{key} = {value}" for key in ("every", "deviation") if (value := getattr(choices, key)) is not None]
     lines += (["correlated = true"] if choices.correlated else []) + dialect_lines(choices.dialect)
-    lines += ["", "[curve.parameters]", *(_parameter_line(name, starts, choices) for name in formula.names)]
+    named = [_parameter_line(name, starts, choices) for name in formula.names if asked is None or name in said]
+    lines += ["", "[curve.parameters]", *named] if named else []
     lines += ["", "[[runs]]", f"name = {toml_string(run_name(file))}", f"file = {toml_string(name or file.name)}"]
     lines += [] if choices.track is None else [f"track = {toml_string(choices.track)}"]
     lines += [] if choices.release is None else [f"release = {_release_text(choices.release)}"]
@@ -173,7 +176,8 @@ def _unit_of(layout: Layout, place: int) -> str:
     return name_and_unit(layout.names[place])[1] or layout.units[place]
 
 
-def _check_parameters(formula: Formula, choices: TableChoices, starts: Mapping[str, str]) -> None:
+def _check_parameters(formula: Formula, choices: TableChoices, starts: Mapping[str, str], *, sought: bool) -> None:
+    """sought : whether starts are found from the points."""
     for option, given in (("--start", choices.start), ("--low", choices.low), ("--high", choices.high), ("--value", choices.value)):
         for name in given:
             if name not in formula.names:
@@ -182,7 +186,7 @@ def _check_parameters(formula: Formula, choices: TableChoices, starts: Mapping[s
         if name in (*choices.start, *choices.low, *choices.high):
             raise InputError("gives a parameter its value: leave out --start, --low and --high of it", field="--value", value=name)
     missing = [name for name in formula.names if name not in starts and name not in choices.value]
-    if missing:
+    if missing and not sought:
         cure = " ".join(f"--start {name}=1" for name in missing)
         rule = f"must give {' and '.join(missing)} a starting value of the right sign and size, for example {cure} (or --value for one that is known)"
         raise InputError(rule, field="--start")
@@ -212,8 +216,8 @@ def _parameter_line(name: str, starts: Mapping[str, str], choices: TableChoices)
     if name in choices.value:
         quantity = read_quantity(choices.value[name], field=f"--value {name}")
         return f"{toml_key(name)} = {quantity.value!r}" if quantity.exact else f"{toml_key(name)} = {toml_string(choices.value[name].strip())}"
-    number, _, unit = starts[name].strip().partition(" ")
-    keys = [f"start = {_number(number, f'--start {name}')!r}"]
+    number, _, unit = starts.get(name, "").strip().partition(" ")
+    keys = [f"start = {_number(number, f'--start {name}')!r}"] if number else []
     keys += [f"{key} = {_number(given[name], f'--{key} {name}')!r}" for key, given in (("low", choices.low), ("high", choices.high)) if name in given]
     keys += [f"unit = {toml_string(unit.strip())}"] if unit.strip() else []
     return f"{toml_key(name)} = {{{', '.join(keys)}}}"

@@ -27,7 +27,7 @@ _DIALECT = (
     click.option("--encoding", type=click.Choice(_ENCODINGS), help="How FILE writes letters.  [default: UTF-8, or what its first bytes say]"),
 )
 _CURVE = (
-    click.option("--formula", metavar="TEXT", help='Fit this curve to the table FILE, no campaign needed: "a*exp(-x/tau) + c".'),
+    click.option("--formula", metavar="TEXT", help='Fit this curve to the table FILE: "a*exp(-x/tau) + c", or a name: "gaussian + line".'),
     click.option("--start", multiple=True, metavar="NAME=VALUE", help='Starting value of a parameter, with a unit if you like: tau="2 s".'),
     click.option("--low", multiple=True, metavar="NAME=VALUE", help="Lower limit of a parameter."),
     click.option("--high", multiple=True, metavar="NAME=VALUE", help="Upper limit of a parameter."),
