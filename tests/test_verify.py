@@ -136,6 +136,18 @@ def test_what_cannot_be_verified_is_one_line(model: Path) -> None:
         assert rule in str(done.exception)
 
 
+@pytest.mark.parametrize(
+    "command", [["import", "x.trk", "-o", "stolen.csv"], ["simulate", "d.toml"], ["propagate", "model.toml", "--out", "elsewhere"], []]
+)
+def test_a_forged_command_is_not_run(command: list[str], model: Path) -> None:
+    origin = json.loads((model / "out" / "origin.json").read_text())
+    (model / "out" / "origin.json").write_text(json.dumps({**origin, "command": command}))
+    done = run("verify", "out")
+    assert isinstance(done.exception, InputError)
+    assert "must name a command that makes a report, and no place" in str(done.exception)
+    assert sorted(path.name for path in model.iterdir()) == ["model.toml", "out"]
+
+
 def test_numbers_that_chance_moves_are_told_from_others() -> None:
     def result(mean: float, sd: float) -> bytes:
         return json.dumps({"parameters": {"a": {"mean": mean, "sd": sd, "mcse": 0.01, "unit": "m"}}, "p": 0.5}).encode()

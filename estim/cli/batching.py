@@ -78,7 +78,7 @@ def batch(
     for row in rows:
         if row.error:
             say(f"error: {row.run}: {row.error}" if row.run else f"error: {row.error}", err=True)
-    say(f"{len(rows)} runs: {batch_line(rows)}")
+    say(f"{len(rows)} run{'s' if len(rows) != 1 else ''}: {batch_line(rows)}")
     report_at(place / "report.md", ())
     if any(row.status != "ok" for row in rows):
         sys.exit(NOT_OK)

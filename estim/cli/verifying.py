@@ -14,12 +14,14 @@ from typing import Any
 
 import click
 
-from estim.cli.origin import Origin, read_origin
+from estim.cli.origin import ORIGIN, Origin, read_origin
 from estim.cli.terminal import NOT_OK, say
 from estim.common import EstimError, InputError, format_rounded, read_file
 
 _LARGEST = 2**28
 _TOLD = 12  # differences of one kind that are told one by one
+_MAKING_REPORTS = frozenset({"fit", "line", "energy", "reanalyse", "calibrate", "compare-models", "map", "plan", "propagate", "body", "batch"})
+_CHOICES_OF_PLACE = ("--out", "-o", "--scheduler")
 _FAR = 0.1  # sds: what moved by less is told together
 
 
@@ -34,6 +36,7 @@ def verify(report: Path, root: Path | None) -> None:
     """
     folder = report if report.is_dir() else report.parent
     origin = read_origin(folder)
+    _check_command(origin, folder)
     place = root or _root_of(folder, origin)
     wrong = [*_changed_outputs(folder, origin), *_changed_inputs(place, origin)]
     for line in wrong:
@@ -48,6 +51,13 @@ def verify(report: Path, root: Path | None) -> None:
         say(f"not verified: {folder}")
         sys.exit(NOT_OK)
     say(f"verified: {folder} follows from its inputs; compared: {_listed(list(origin.outputs))}")
+
+
+def _check_command(origin: Origin, folder: Path) -> None:
+    """Raises InputError unless the command is one that makes a report, in a folder that is not its own choice: the origin may be somebody else's."""
+    named = [word for word in origin.command[1:] if word.startswith(_CHOICES_OF_PLACE)]
+    if not origin.command or origin.command[0] not in _MAKING_REPORTS or named:
+        raise InputError("must name a command that makes a report, and no place", field="command", value=origin.line, file=str(folder / ORIGIN))
 
 
 def _root_of(folder: Path, origin: Origin) -> Path:
