@@ -278,6 +278,9 @@ def test_residuals_are_data_less_the_curve_that_is_drawn_and_the_largest_is_said
     assert words == f"largest misfit 0.25 m/s, 2.5 sd, near {X[5]:.3f} m"
     other = Residuals(replace(run, name="s"), 2.0 * rest, np.full(X.size, 0.1), NEAR)
     assert misfit_words([Residuals(run, rest, np.full(X.size, 0.1), NEAR), other]).endswith("of s")
+    rest[2] = 0.1
+    aside = misfit_words([Residuals(run, rest, np.full(X.size, 0.1), NEAR, (5,))])
+    assert aside == f"largest misfit (outliers aside) 0.10 m/s, 1.0 sd, near {X[2]:.3f} m"
 
 
 def test_counts_are_compared_with_the_median_of_their_curve_in_their_own_unit() -> None:

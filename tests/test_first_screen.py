@@ -170,6 +170,7 @@ def test_symbols_are_written_as_mathematics() -> None:
     assert _symbol(level) == r"\theta_{0,\text{heavy\_04}}"
     assert _symbol(PLAIN) == r"c_{\mathrm{rr}}"
     assert _symbol(Notation("E₀").label("1")) == _symbol(Notation("E0").label("1")) == "E_{0}"
+    assert _symbol(Notation("outlier fraction").label("1")) == r"\mathrm{outlier\ fraction}"
 
 
 @pytest.mark.parametrize(

@@ -13,7 +13,7 @@ from estim.reports.result import Result
 
 def caption_of(result: Result) -> str:
     """What the marks of the main figure mean."""
-    points = "Points: data ± one sd (crosses: left out)."
+    points = "Points: data ± one sd" + (" (crosses: left out)." if any(run.excluded for run in result.runs.values()) else ".")
     forces = list((result.deviation or {}).values())
     if result.status != "ok":
         bare = ", without a force beside it and from rest" if forces else ""

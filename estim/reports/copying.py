@@ -153,10 +153,15 @@ def _symbol(shown: Label) -> str:
     if numbered := re.fullmatch(r"([A-Za-z]+?)(\d+)", stem):
         stem, index = numbered[1], numbered[2] + index
     greek = _GREEK.get(stem, "")
-    letter = rf"\{_VARIED.get(greek, greek)}" if greek else stem if len(stem) == 1 else rf"\mathrm{{{_escaped(stem)}}}"
-    parts = (rf"\mathrm{{{_escaped(below)}}}" if underscore else "", index, rf"\text{{{_escaped(level[:-1])}}}" if bracket else "")
+    letter = rf"\{_VARIED.get(greek, greek)}" if greek else stem if len(stem) == 1 else rf"\mathrm{{{_upright(stem)}}}"
+    parts = (rf"\mathrm{{{_upright(below)}}}" if underscore else "", index, rf"\text{{{_escaped(level[:-1])}}}" if bracket else "")
     low = ",".join(filter(None, parts))
     return letter + (f"_{{{low}}}" if low else "")
+
+
+def _upright(text: str) -> str:
+    """The text in mathematics, which forgets blanks."""
+    return _escaped(text).replace(" ", r"\ ")
 
 
 def _escaped(text: str) -> str:

@@ -35,25 +35,35 @@ class Residuals:
     """Data less the curve that is drawn, and standard deviations of the readings, (n_obs,) each in the unit of y.
 
     far : (n_obs,) which points would press all others flat, and are not drawn to scale.
+    bad : numbers of the points that are named as outliers, which count for no misfit.
     """
 
     run: Observations
     rest: FloatArray
     sd: FloatArray
     far: NDArray[np.bool_]
+    bad: tuple[int, ...] = ()
+
+    @property
+    def sds(self) -> FloatArray:
+        """(n_obs,) sizes of the misfits in standard deviations of a reading, 0 for outliers."""
+        found = np.abs(self.rest) / self.sd
+        found[list(self.bad)] = 0.0
+        return np.asarray(found)
 
     @property
     def largest(self) -> float:
         """The largest misfit, in standard deviations of a reading."""
-        return float(np.max(np.abs(self.rest) / self.sd))
+        return float(np.max(self.sds))
 
     def describe(self) -> str:
         """'largest misfit 0.048 m/s, 2.1 sd, near 0.044 m'."""
-        run, sds = self.run, np.abs(self.rest) / self.sd
+        run, sds = self.run, self.sds
         i = int(np.argmax(sds))
         size = with_unit(format_rounded(abs(float(self.rest[i])), float(self.sd[i])), run.y_unit)
         reach = 0.02 * float(np.ptp(run.x)) or 1.0
-        return f"largest misfit {size}, {sds[i]:.1f} sd, near {with_unit(format_rounded(float(run.x[i]), reach), run.x_unit)}"
+        aside = " (outliers aside)" if self.bad else ""
+        return f"largest misfit{aside} {size}, {sds[i]:.1f} sd, near {with_unit(format_rounded(float(run.x[i]), reach), run.x_unit)}"
 
 
 def residuals_of(analysis: Analysis) -> list[Residuals]:
@@ -69,7 +79,8 @@ def residuals_of(analysis: Analysis) -> list[Residuals]:
             sd = np.maximum(0.5 * np.interp(run.x, bands.x, high - low), 1e-300)
         else:
             sd = np.broadcast_to(np.hypot(reading_sd(run.noise, named), run.noise.size.scatter.at(named)), (1, run.n_obs))[0]
-        found.append(Residuals(run, run.y - curve, sd, far_off(run, analysis.outliers)))
+        bad = tuple(int(frame) for one in analysis.outliers if one.run == run.name for frame in one.frames)
+        found.append(Residuals(run, run.y - curve, sd, far_off(run, analysis.outliers), bad))
     return found
 
 
