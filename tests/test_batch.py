@@ -152,6 +152,12 @@ def test_a_cluster_does_the_work_where_one_is_named(tmp_path: Path, monkeypatch:
     assert "pip install 'estim[dask]'" in str(batch(only, "--out", tmp_path / "no", "--scheduler", "tcp://here:1").exception)
 
 
+def test_a_campaign_without_runs_is_a_line_of_its_own(project: Path, tmp_path: Path) -> None:
+    (row,) = run_batch(units_of([project / "data" / "trials"]), tmp_path, report=lean_files, settings=QUICK)
+    assert row.status == ""
+    assert row.error.endswith("campaign.toml: 'campaign' has no [[runs]]")
+
+
 def test_places_are_told_apart(tmp_path: Path) -> None:
     for path in ("x/day 1/campaign.toml", "x/day-1/campaign.toml", "x/extra.toml"):
         (tmp_path / path).parent.mkdir(parents=True, exist_ok=True)

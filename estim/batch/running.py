@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 from estim.batch.rows import Row, failed, keep, kept, key_of, row_of
 from estim.batch.units import Unit
 from estim.campaign import Campaign, load_campaign
-from estim.common import EstimError, spread
+from estim.common import EstimError, InputError, spread
 from estim.pipeline import Analysis, analyse
 from estim.sampling import Target
 
@@ -53,6 +53,8 @@ class _Work:
 
     def _done(self, unit: Unit, began: float) -> Row:
         campaign = _campaign(unit.campaign, unit.run)
+        if not unit.run:
+            raise InputError("has no [[runs]]", field="campaign", file=str(unit.campaign))
         key = key_of(campaign, unit.run, asdict(self.settings))
         if self.resume and (row := kept(self.folder, unit, key)) is not None:
             return row

@@ -20,7 +20,7 @@ _UNSAFE = re.compile(r"[^\w.+-]+", re.ASCII)
 class Unit:
     """One run.
 
-    run : "" where the campaign cannot be read, so that nobody knows its runs.  place : where its result goes, below the folder of the batch.
+    run : "" where the campaign cannot be read, or has no runs.  place : where its result goes, below the folder of the batch.
     """
 
     campaign: Path
@@ -53,21 +53,19 @@ def _folders(root: Path) -> list[Path]:
 
 
 def units_of(paths: Iterable[Path]) -> tuple[Unit, ...]:
-    """The runs of all campaigns meant by `paths`, in their order.  A campaign that cannot be read is one unit, which will say why.
+    """The runs of all campaigns meant by `paths`, in their order.  A campaign that cannot be read or has no runs is one unit, which will say so.
 
-    Raises InputError where a path is no file or folder, or no run is left.
+    Raises InputError where a path is no file or folder.
     """
     campaigns = campaigns_in(paths)
     names = _names(campaigns)
     units: list[Unit] = []
     for path in campaigns:
         try:
-            runs = read_campaign_file(path).names
+            runs = read_campaign_file(path).names or ("",)
         except EstimError:
             runs = ("",)
         units += [Unit(path, run, f"{names[path]}/{run}" if run else names[path]) for run in runs]
-    if not units:
-        raise InputError("must have at least one run", field="campaign", value=", ".join(map(str, campaigns)))
     return tuple(units)
 
 
