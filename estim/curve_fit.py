@@ -31,7 +31,19 @@ from estim.checks import (
 )
 from estim.common import Kind, Status, decide, wrong
 from estim.curve_result import CurveFit as CurveFit
-from estim.curves import AxisNames, Component, Counting, CurveProblem, JointProblem, called_by_name, pose_curve, provisional, started
+from estim.curves import (
+    AxisNames,
+    Component,
+    Counting,
+    CurveProblem,
+    JointProblem,
+    Plain,
+    called_by_name,
+    pose_curve,
+    provisional,
+    started,
+    without_units,
+)
 from estim.fitting import (
     N_START,
     Fit,
@@ -96,6 +108,7 @@ def fit_curve(
     tied : name -> formula of the parameters that the curve's parameter of that name follows, like {"right_sigma": "left_sigma", "b": "2*a"}; it
         has neither start nor prior, and is told among what follows from the fit.
     derived : name -> formula of the parameters, like {"g": "4*pi**2/slope"}; a formula may name those before it, `units` have its unit.
+    x, y, u_x, u_y, start, fixed and bounds may be quantities of pint: the fit is then in SI base units (`estim.curves.quantities`).
     rng : of the further starts and of the simulated tests; None always draws the same.  n_start : starts tried, 1 for the given one alone;
         None: 8, and 1 for differential equations (`estim.ode`).
 
@@ -105,12 +118,14 @@ def fit_curve(
     n_start = getattr(curve, "n_start", N_START) if n_start is None else n_start
     start, fixed = {} if start is None else start, {} if fixed is None else fixed
     bounds, priors = {} if bounds is None else bounds, {} if priors is None else priors
-    tied = {} if tied is None else tied
+    tied, units, axes = {} if tied is None else tied, {} if units is None else units, AxisNames() if axes is None else axes
+    plain = without_units(Plain(x, y, u_x, u_y, start, fixed, bounds, units, axes))
+    start, fixed, bounds = plain.start, plain.fixed, plain.bounds
     named = called_by_name(curve, start, fixed, tied)
     begin, limits = (start, bounds) if named is None else provisional(named, start, bounds, priors, {*fixed, *tied})
     posed = pose_curve(
-        curve if named is None else named.expression, x, y, start=begin, u_y=u_y, cov_y=cov_y, u_x=u_x, bounds=limits, priors=priors,
-        errors=tuple(errors), units={} if units is None else units, axes=AxisNames() if axes is None else axes, fixed=fixed, deviation=deviation,
+        curve if named is None else named.expression, plain.x, plain.y, start=begin, u_y=plain.u_y, cov_y=cov_y, u_x=plain.u_x, bounds=limits,
+        priors=priors, errors=tuple(errors), units=plain.units, axes=plain.axes, fixed=fixed, deviation=deviation,
         correlated=correlated, noise=noise, derived={} if derived is None else derived, tied=tied,
     )
     if named is not None:

@@ -1,5 +1,4 @@
-"""What can be fit: the rolling body, a formula in text, a Python function, with derivatives and errors common to all points.
-Read `rolling` for the disk, `formula` for text.  Imports `common` and `problem`."""
+"""What can be fit, with derivatives and errors common to all points.  Read `rolling` for the disk, `formula` for text."""
 
 from estim.curves.counting import MAX_EVENTS, Binomial, CountedPoints, Counting, EventTimes, Poisson, counted_points, not_a_count
 from estim.curves.disturbed import DisturbedMotion, DisturbedMotionCurve, DisturbedPhaseCurve, Place, Setting, energy_of_speed, size_with_blur
@@ -8,6 +7,7 @@ from estim.curves.formula import RESERVED, Formula, evaluate, read_formula
 from estim.curves.joining import DataSet, JointProblem, join, of_data_set
 from estim.curves.named import ModelSum, called_by_name, provisional, read_model, started, with_starts
 from estim.curves.posing import MAX_DENSE, MAX_OBS, SIGMA, SIGMA_NOTATION, SIGMA_SPREAD, AxisNames, CurveProblem, pose_curve, reading_noise
+from estim.curves.quantities import Plain, without_units
 from estim.curves.regimes import Fate, borders_of, farthest_stop, fate_at, placed, steepest_tilt, turning_contours
 from estim.curves.rolling import MotionCurve, PhaseCurve, RollingMotion
 from estim.curves.shared_errors import Component, DistortedCurve

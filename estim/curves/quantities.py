@@ -1,0 +1,84 @@
+"""Quantities of the package pint, if a user passes some: numbers in SI base units, and the names of those.
+
+Nothing of pint is imported: what has `magnitude` and `to_base_units` is a quantity.  All become numbers in base units, so that a formula means
+the same whatever mixture of units it is given; what has no unit stays as it is.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+from estim.common import InputError
+from estim.curves.posing import AxisNames
+
+_PLAIN = ("", "1", "dimensionless")
+
+
+@dataclass(frozen=True)
+class Plain:
+    """Arguments of a fit without units, and the units of the parameters and axes."""
+
+    x: Any
+    y: Any
+    u_x: Any
+    u_y: Any
+    start: Mapping[str, Any]
+    fixed: Mapping[str, Any]
+    bounds: Mapping[str, Any]
+    units: Mapping[str, str]
+    axes: AxisNames
+
+
+def without_units(given: Plain) -> Plain:
+    """The arguments in SI base units; as they are where none is a quantity.  Raises InputError where two that belong together differ in kind."""
+    if not any(map(_is_quantity, _all(given))):
+        return given
+    x, x_unit = _base(given.x)
+    y, y_unit = _base(given.y)
+    u_x, u_y = (_same(name, value, unit) for name, value, unit in (("u_x", given.u_x, x_unit), ("u_y", given.u_y, y_unit)))
+    units, plain = dict(given.units), []
+    for named in (given.start, given.fixed):
+        values = {}
+        for name, value in named.items():
+            values[name], unit = _base(value)
+            if unit is not None:
+                units[name] = unit
+        plain.append(values)
+    bounds = {name: tuple(_same(name, end, units.get(name)) for end in ends) if _is_pair(ends) else ends for name, ends in given.bounds.items()}
+    axes = given.axes if x_unit is None else replace(given.axes, x_unit=x_unit)
+    axes = axes if y_unit is None else replace(axes, y_unit=y_unit)
+    return Plain(x, y, u_x, u_y, plain[0], plain[1], bounds, units, axes)
+
+
+def _all(given: Plain) -> Iterator[Any]:
+    """Whatever may be a quantity, of arguments that nobody has checked yet."""
+    yield from (given.x, given.y, given.u_x, given.u_y)
+    for named in (given.start, given.fixed, given.bounds):
+        for value in named.values() if isinstance(named, Mapping) else ():
+            yield from value if _is_pair(value) else (value,)
+
+
+def _is_pair(value: object) -> bool:
+    return isinstance(value, tuple | list)
+
+
+def _is_quantity(value: object) -> bool:
+    return hasattr(value, "magnitude") and hasattr(value, "to_base_units")
+
+
+def _base(value: Any) -> tuple[Any, str | None]:
+    """Numbers in base units and the name of their unit; the value and None where it is no quantity."""
+    if not _is_quantity(value):
+        return value, None
+    found = value.to_base_units()
+    name = f"{found.units:~P}"
+    return found.magnitude, "1" if name in _PLAIN else name
+
+
+def _same(name: str, value: Any, unit: str | None) -> Any:
+    number, own = _base(value)
+    if own is not None and own != (unit or "1"):
+        raise InputError(f"must be of the same kind as what it belongs to, which is in {unit or '1'}", field=name, value=str(value))
+    return number
