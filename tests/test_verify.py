@@ -8,9 +8,9 @@ import shutil
 from collections.abc import Callable
 from pathlib import Path
 
+import numpy as np
 import pytest
 from command_runner import runner
-from troubles import Disk
 
 from estim.cli.commands import cli
 from estim.common import InputError
@@ -97,27 +97,47 @@ def test_what_was_tampered_with_is_found_and_named(name: str, model: Path) -> No
     assert "not verified" in done.output
 
 
+LINE = """\
+title = "A line"
+kind = "synthetic"
+[curve]
+expression = "a + b*x"
+x = "x"
+y = "y"
+u_y = 0.1
+[curve.parameters]
+a = {start = 0.0}
+b = "2.0(2)"
+[[runs]]
+name = "r"
+file = "r.csv"
+"""
+
+
 @pytest.mark.usefixtures("undrawn", "few_draws")
 def test_a_datum_and_a_prior_are_found_and_what_they_move(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
-    Disk().write(tmp_path)
+    (tmp_path / "campaign.toml").write_text(LINE)
+    x = np.linspace(0.0, 3.0, 20)
+    y = 1.0 + 2.0 * x + 0.1 * np.random.default_rng(2).standard_normal(x.size)
+    (tmp_path / "r.csv").write_text("x,y\n" + "".join(f"{a:.6f},{b:.6f}\n" for a, b in zip(x, y, strict=True)))
     assert run("fit", "campaign.toml", "--out", "first", "--no-figures").exit_code == 0
     assert run("verify", "first").exit_code == 0
     text = (tmp_path / "r.csv").read_text().splitlines()
-    t, x = text[12].split(",")
-    (tmp_path / "r.csv").write_text("\n".join([*text[:12], f"{t},{float(x) + 0.0005:.6f}", *text[13:]]) + "\n")
+    at, value = text[12].split(",")
+    (tmp_path / "r.csv").write_text("\n".join([*text[:12], f"{at},{float(value) + 0.05:.6f}", *text[13:]]) + "\n")
     found = run("verify", "first")
     assert found.exit_code == 3
     assert "the input r.csv is not the one" in found.output
     assert "campaign.toml is not the one" not in found.output
-    changed(tmp_path / "campaign.toml", '"0.187(10)"', '"0.187(5)"')
+    changed(tmp_path / "campaign.toml", '"2.0(2)"', '"2.0(1)"')
     found = run("verify", "first")
     assert "the input campaign.toml is not the one" in found.output
-    assert "prior_sd: '0.01', recomputed '0.005'" in found.output
+    assert "prior_sd: '0.2', recomputed '0.1'" in found.output
     assert run("fit", "campaign.toml", "--out", "second", "--no-figures").exit_code == 0
     apart = run("diff", "first", "second")
     assert apart.exit_code == 0
-    for words in ("the campaign file", "data: r.csv differs", "gamma[b]: ", "sd x 0."):
+    for words in ("the campaign file", "data: r.csv differs", "estimates moved by at most 0.1 sd"):
         assert words in apart.output, apart.output
     assert "same" not in apart.output
     assert run("diff", "first", "first/result.json").output == "the results are the same\n"
