@@ -95,6 +95,19 @@ def test_what_is_there_stays_and_what_changed_is_done_again(three: Path, tmp_pat
     assert done == ["b", "c", "a", "b", "c"]
 
 
+def test_a_run_that_was_changed_is_read_again_and_one_that_fails_keeps_no_older_result(tmp_path: Path) -> None:
+    path = campaign(tmp_path / "one", {"a": 2.0})
+    units, out = units_of([path]), tmp_path / "out"
+    (first,) = run_batch(units, out, report=lean_files, settings=QUICK)
+    table = (path.parent / "a.csv").read_text()
+    (path.parent / "a.csv").write_text(table.replace("\n0.0,", "\n0.0,-"))
+    (second,) = run_batch(units, out, report=lean_files, settings=QUICK)
+    assert second.values != first.values
+    (path.parent / "a.csv").write_text("t,y\n0,nothing\n")
+    (third,) = run_batch(units, out, report=lean_files, settings=QUICK)
+    assert (third.status, list(files_in(out))) == ("", [])
+
+
 def test_a_fault_of_the_program_is_a_line_and_not_the_end(three: Path, tmp_path: Path) -> None:
     def broken(subject, analysis):
         if analysis.problem.runs[0].name == "b":

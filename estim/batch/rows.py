@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Mapping
+from contextlib import suppress
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -13,9 +14,9 @@ import msgspec
 
 from estim.batch.units import Unit
 from estim.campaign import Campaign
-from estim.common import EstimError, as_json, read_file, split_level, write_whole
+from estim.common import EstimError, as_json, read_file, remove_files, split_level, write_whole
 
-ROW = "row.json"
+ROW, RESULT = "row.json", "result.json"
 _LARGEST = 2**24
 _PACKAGES = ("estim", "numpy", "scipy", "lmfit", "emcee")
 
@@ -54,9 +55,6 @@ class Row(msgspec.Struct, frozen=True):
         return f"{self.campaign}: {self.run}" if self.run else self.campaign
 
 
-_NARROWED = 0.8  # posterior sd over prior sd: above, the data say nothing about it
-
-
 def key_of(campaign: Campaign, run: str, settings: Mapping[str, object]) -> str:
     """Digest of everything that decides the numbers: the campaign's file, the data, seed and settings, versions."""
     parts = {
@@ -80,8 +78,7 @@ def _values(record: Mapping[str, Any]) -> dict[str, Value]:
     found: dict[str, Value] = {}
     for name, p in record["parameters"].items():
         if p["mean"] is not None and p["sd"] is not None:
-            informed = p["prior_sd"] is None or p["sd"] < _NARROWED * p["prior_sd"]
-            found[split_level(name)[0]] = Value(p["mean"], p["sd"], p["q025"], p["q975"], p["unit"], informed)
+            found[split_level(name)[0]] = Value(p["mean"], p["sd"], p["q025"], p["q975"], p["unit"], p["measured"])
     for run in record["runs"].values():
         for name in run["sought"]:
             p = run["derived"][name]
@@ -100,6 +97,12 @@ def keep(folder: Path, row: Row, files: Mapping[str, bytes]) -> None:
     for name, data in files.items():
         write_whole(folder / row.place / name, data, within=folder)
     write_whole(folder / row.place / ROW, as_json(row), within=folder)
+
+
+def forget(folder: Path, unit: Unit) -> None:
+    """Remove what an earlier batch made of a run that has no result now, and that would pass for one."""
+    with suppress(EstimError):  # what is no plain file is none of ours
+        remove_files(folder / unit.place, [ROW, RESULT], within=folder)
 
 
 def kept(folder: Path, unit: Unit, key: str) -> Row | None:

@@ -5,11 +5,10 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass
-from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from estim.batch.rows import Row, failed, keep, kept, key_of, row_of
+from estim.batch.rows import RESULT, Row, failed, forget, keep, kept, key_of, row_of
 from estim.batch.units import Unit
 from estim.campaign import Campaign, load_campaign
 from estim.common import EstimError, InputError, spread
@@ -19,7 +18,6 @@ from estim.sampling import Target
 if TYPE_CHECKING:
     from concurrent.futures import Executor
 
-RESULT = "result.json"
 Report = Callable[[Campaign, Analysis], Mapping[str, bytes]]
 """What is written of an analysis, path -> bytes; `result.json` among it.  A function that can be pickled."""
 
@@ -47,12 +45,14 @@ class _Work:
         try:
             return self._done(unit, began)
         except EstimError as error:
-            return failed(unit, str(error), time.process_time() - began)
+            said = str(error)
         except Exception as error:  # a fault of estim's own: the night's work goes on
-            return failed(unit, f"fault of the program, please report it: {type(error).__name__}: {error}", time.process_time() - began)
+            said = f"fault of the program, please report it: {type(error).__name__}: {error}"
+        forget(self.folder, unit)
+        return failed(unit, said, time.process_time() - began)
 
     def _done(self, unit: Unit, began: float) -> Row:
-        campaign = _campaign(unit.campaign, unit.run)
+        campaign = load_campaign(unit.campaign, only=unit.run or None)
         if not unit.run:
             raise InputError("has no [[runs]]", field="campaign", file=str(unit.campaign))
         key = key_of(campaign, unit.run, asdict(self.settings))
@@ -63,11 +63,6 @@ class _Work:
         row = row_of(unit, files[RESULT], key=key, seconds=time.process_time() - began)
         keep(self.folder, row, files)
         return row
-
-
-@lru_cache(maxsize=1)
-def _campaign(path: Path, run: str) -> Campaign:
-    return load_campaign(path, only=run) if run else load_campaign(path)
 
 
 def run_batch(
