@@ -164,6 +164,12 @@ def test_a_cluster_does_the_work_where_one_is_named(tmp_path: Path, monkeypatch:
     assert "pip install 'estim[dask]'" in str(batch(only, "--out", tmp_path / "no", "--scheduler", "tcp://here:1").exception)
 
 
+def test_verify_knows_what_other_processes_have_read(three: Path, tmp_path: Path) -> None:
+    assert runner().invoke(cli, ["batch", str(three), "--jobs", "2", "--out", str(tmp_path / "out"), "--no-figures"]).exit_code == 0
+    inputs = json.loads((tmp_path / "out" / "origin.json").read_text())["inputs"]
+    assert {Path(path).name for path in inputs} == {"campaign.toml", "a.csv", "b.csv", "c.csv"}
+
+
 def test_a_campaign_without_runs_is_a_line_of_its_own(project: Path, tmp_path: Path) -> None:
     (row,) = run_batch(units_of([project / "data" / "trials"]), tmp_path, report=lean_files, settings=QUICK)
     assert row.status == ""

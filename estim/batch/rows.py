@@ -49,6 +49,7 @@ class Row(msgspec.Struct, frozen=True):
     values: dict[str, Value]
     seconds: float
     key: str
+    inputs: dict[str, str] = {}  # path of each file that was read -> SHA-256 of its bytes
 
     @property
     def name(self) -> str:

@@ -8,10 +8,12 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import msgspec
+
 from estim.batch.rows import RESULT, Row, failed, forget, keep, kept, key_of, row_of
 from estim.batch.units import Unit
 from estim.campaign import Campaign, load_campaign
-from estim.common import EstimError, InputError, spread
+from estim.common import EstimError, InputError, inputs_read, spread
 from estim.pipeline import Analysis, analyse
 from estim.sampling import Target
 
@@ -41,6 +43,11 @@ class _Work:
 
     def __call__(self, unit: Unit) -> Row:
         """The row of one run.  Whatever goes wrong with it is told in its row, and stops no other."""
+        with inputs_read() as inputs:
+            row = self._row(unit)
+        return msgspec.structs.replace(row, inputs=inputs)
+
+    def _row(self, unit: Unit) -> Row:
         began = time.process_time()
         try:
             return self._done(unit, began)

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 import click
 
 from estim.cli.options import NO_FIGURES, SEED, STEPS
+from estim.cli.origin import note_of_others
 from estim.cli.terminal import NOT_OK, counted, report_at, say, write_report
 from estim.common import InputError
 
@@ -73,6 +74,8 @@ def batch(
             units, out.resolve(), report=full_files if reports else lean_files, settings=settings, resume=resume, jobs=processes, executor=executor,
             progress=progress,
         )
+    for row in rows:
+        note_of_others(row.inputs)
     place = out if shard is None else out / f"shard-{shard.replace('/', '-of-')}"
     write_report(place, batch_report(rows, figures=not no_figures), within=out)
     for row in rows:

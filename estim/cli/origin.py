@@ -45,7 +45,7 @@ class Ledger:
 
     def __init__(self) -> None:
         self._noting = inputs_read()
-        self.inputs: Mapping[str, str] = {}
+        self.inputs: dict[str, str] = {}
 
     def __enter__(self) -> Ledger:
         self.inputs = self._noting.__enter__()
@@ -53,6 +53,13 @@ class Ledger:
 
     def __exit__(self, *trouble: object) -> None:
         self._noting.__exit__(None, None, None)
+
+
+def note_of_others(inputs: Mapping[str, str]) -> None:
+    """Adds what other processes have read for the command under way."""
+    ledger = click.get_current_context().find_object(Ledger)
+    if ledger is not None:
+        ledger.inputs.update(inputs)
 
 
 def with_origin(files: Mapping[str, bytes], part: str) -> dict[str, bytes]:
