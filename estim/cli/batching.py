@@ -6,11 +6,13 @@ import os
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
 
+from estim.cli.formats import FORMAT, chosen
 from estim.cli.options import NO_FIGURES, SEED, STEPS
 from estim.cli.origin import note_of_others
 from estim.cli.terminal import NOT_OK, counted, report_at, say, write_report
@@ -51,6 +53,7 @@ def cluster(address: str | None) -> Iterator[Executor | None]:
 @click.option("--out", type=click.Path(path_type=Path, file_okay=False), default=Path("out/batch"), show_default=True, help="Folder for the results.")
 @SEED
 @NO_FIGURES
+@FORMAT
 @click.option("--resume", is_flag=True, help="Keep the results that are there and were made from the same files, settings and versions.")
 def batch(
     paths: tuple[Path, ...], jobs: int | None, shard: str | None, scheduler: str | None, reports: bool, max_steps: int, out: Path, seed: int,
@@ -67,12 +70,12 @@ def batch(
     from estim.sampling import only_writer
 
     units = shard_of(units_of(path.resolve() if scheduler else path for path in paths), shard)  # a worker elsewhere has another working folder
-    settings, processes = Settings("report" if reports else "result", seed, max_steps), jobs or os.cpu_count() or 1
+    kind, written = ("-".join(("report", *chosen())), partial(full_files, formats=chosen())) if reports else ("result", lean_files)
+    settings, processes = Settings(kind, seed, max_steps), jobs or os.cpu_count() or 1
     lock = ".batch" if shard is None else f".batch-{shard.replace('/', '-of-')}"
     with only_writer(out / lock), cluster(scheduler) as executor, counted("batch", len(units), unit="run") as progress:
         rows = run_batch(
-            units, out.resolve(), report=full_files if reports else lean_files, settings=settings, resume=resume, jobs=processes, executor=executor,
-            progress=progress,
+            units, out.resolve(), report=written, settings=settings, resume=resume, jobs=processes, executor=executor, progress=progress,
         )
     for row in rows:
         note_of_others(row.inputs)

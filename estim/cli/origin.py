@@ -12,6 +12,7 @@ from pathlib import Path
 
 import click
 
+from estim.cli.formats import chosen, in_formats
 from estim.common import InputError, as_json, code, inputs_read, read_file
 
 ORIGIN = "origin.json"
@@ -71,7 +72,7 @@ def with_origin(files: Mapping[str, bytes], part: str) -> dict[str, bytes]:
     versions = {"python": sys.version.split()[0]} | {package: version(package) for package in _PACKAGES}
     command, inputs = [_plain(text) for text in _arguments(context)], {_plain(path): digest for path, digest in sorted(ledger.inputs.items())}
     line = f"\n---\n\nMade by {code(shlex.join(['estim', *command]))}; `estim verify` recomputes this report from the same files.\n"
-    signed = {name: data + line.encode() if name == "report.md" else data for name, data in files.items()}
+    signed = in_formats({name: data + line.encode() if name == "report.md" else data for name, data in files.items()})
     digests = {name: hashlib.sha256(data).hexdigest() for name, data in sorted(signed.items())}
     return {**signed, ORIGIN: as_json(Origin(_SCHEMA, command, part, inputs, digests, versions))}
 
@@ -86,7 +87,8 @@ def _arguments(context: click.Context) -> list[str]:
     said: list[str] = []
     plain: list[str] = []
     for parameter in context.command.params:
-        value, name = context.params.get(parameter.name or ""), parameter.name or ""
+        name = parameter.name or ""
+        value = chosen() if name == "formats" else context.params.get(name)
         if isinstance(parameter, click.Argument):
             plain += [str(item) for item in (value if isinstance(value, tuple) else (value,)) if item is not None]
         elif isinstance(parameter, click.Option) and name not in _OF_THE_MOMENT and value != parameter.get_default(context):

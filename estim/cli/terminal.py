@@ -12,7 +12,8 @@ from urllib.parse import unquote
 
 import click
 
-from estim.cli.origin import with_origin
+from estim.cli.formats import WRITTEN
+from estim.cli.origin import read_origin, with_origin
 from estim.cli.output_streams import outlets
 from estim.common import EstimError, InputError, Interrupted, NumericalError, names_in, one_line, read_file, remove_empty, remove_files, write_whole
 
@@ -125,10 +126,13 @@ def write_files(folder: Path, files: Mapping[str, bytes], *, within: Path | None
 
 
 def write_report(folder: Path, files: Mapping[str, bytes], *, within: Path | None = None) -> None:
-    """Write a report whole, and how it was made; then remove the figures that only the report before it shows, which would pass for its own."""
-    before = _pictures_of(folder / "report.md", within or folder)
+    """Write a report whole, and how it was made; then remove what would pass for its own: figures and formats of the report before it."""
+    before, formats = _pictures_of(folder / "report.md", within or folder), _formats_of(folder)
     part = "" if within is None else folder.relative_to(within).as_posix()
-    write_files(folder, with_origin(files, "" if part == "." else part), within=within)
+    made = with_origin(files, "" if part == "." else part)
+    write_files(folder, made, within=within)
+    with suppress(EstimError):
+        remove_files(folder, formats - made.keys(), within=within)
     for name in before - {Path(path).name for path in files}:
         with suppress(EstimError):  # what is no plain file is none of ours
             remove_files(folder / "figures", [name], within=within or folder)
@@ -140,6 +144,13 @@ def _pictures_of(report: Path, within: Path) -> set[str]:
     with suppress(EstimError):
         names = {unquote(name.decode()) for name in _PICTURE.findall(read_file(report, at_most=_LONGEST_REPORT, within=within) or b"")}
         return {name for name in names if name.isprintable() and Path(name).name == name}
+    return set()
+
+
+def _formats_of(folder: Path) -> set[str]:
+    """Which formats the report in `folder` was written in besides Markdown, by its own word."""
+    with suppress(EstimError):
+        return set(WRITTEN & read_origin(folder).outputs.keys())
     return set()
 
 
