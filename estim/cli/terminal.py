@@ -13,7 +13,8 @@ from urllib.parse import unquote
 import click
 
 from estim.cli.formats import WRITTEN
-from estim.cli.origin import read_origin, with_origin
+from estim.cli.origin import with_origin
+from estim.cli.origin_record import read_origin
 from estim.cli.output_streams import outlets
 from estim.common import EstimError, InputError, Interrupted, NumericalError, names_in, one_line, read_file, remove_empty, remove_files, write_whole
 
