@@ -176,7 +176,7 @@ def reanalysis_text(result: ReanalysisResult, corner_words: Mapping[str, str], p
     limit_words = {name: _limit_words(body) if body.joint.status == "ok" else [] for name, body in result.bodies.items()}
     screens = {name: first_screen(body.joint) for name, body in result.bodies.items() if body.joint.status == "ok"}
     estimates = [
-        replace(one, summary=msgspec.structs.replace(one.summary, meaning=_how_many(result.bodies[name], name)))
+        replace(one, summary=msgspec.structs.replace(one.summary, meaning=_how_many(result.bodies[name])))
         for name, screen in screens.items() for one in screen.estimates
     ] + _of_line(result)
     head, rows = result_table(estimates)
@@ -199,9 +199,9 @@ def reanalysis_text(result: ReanalysisResult, corner_words: Mapping[str, str], p
     )
 
 
-def _how_many(body: BodySummary, name: str) -> str:
+def _how_many(body: BodySummary) -> str:
     n = len(body.runs_in_order)
-    return f"{n} runs of {name} together" if n > 1 else f"the run of {name}"
+    return f"{n} runs" if n > 1 else f"the run {body.runs_in_order[0]}"
 
 
 def _narrowed(result: ReanalysisResult, name: str) -> str:
