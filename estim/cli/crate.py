@@ -6,7 +6,6 @@ instrument, and for objects the files that were read, which need not lie in the 
 
 from __future__ import annotations
 
-import html
 import json
 import os
 import re
@@ -18,7 +17,7 @@ from typing import Any
 from urllib.parse import quote, unquote
 
 from estim.cli.origin_record import ORIGIN, Origin
-from estim.common import KINDS, as_json
+from estim.common import KINDS, as_json, unescaped
 
 CRATE = "ro-crate-metadata.json"
 _SPECIFICATION = "https://w3id.org/ro/crate/1.2"
@@ -41,7 +40,7 @@ def crate_of(files: Mapping[str, bytes], origin: Origin, *, day: str | None = No
     """
     report = files.get("report.md", b"").decode()
     kind = _kind(report)
-    shown = {unquote(path): _read(words) for words, path in _FIGURE.findall(report)}
+    shown = {unquote(path): unescaped(words) for words, path in _FIGURE.findall(report)}
     parts = [_part(path, files[path], shown.get(path, "")) for path in sorted(files)]
     parts.append({"@id": ORIGIN, "@type": "File", "name": ORIGIN, "description": _WORDS[ORIGIN], "encodingFormat": _TYPES[".json"]})
     read = [
@@ -104,12 +103,7 @@ def _named(entities: list[dict[str, Any]]) -> list[dict[str, str]]:
 
 def _title(report: str) -> str:
     """The title as it is read."""
-    return _read(report.partition("\n")[0].removeprefix("# "))
-
-
-def _read(markdown: str) -> str:
-    """A line of Markdown without its escapes."""
-    return html.unescape(re.sub(r"\\([!-/:-@\[-`{-~])", r"\1", markdown)).replace("\u00a0", " ")
+    return unescaped(report.partition("\n")[0].removeprefix("# ")).replace("\u00a0", " ")
 
 
 def _kind(report: str) -> str:
