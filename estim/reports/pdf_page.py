@@ -8,13 +8,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from weasyprint import HTML, URLFetcher
-
 from estim.reports.html_page import html_page
 
 
 def pdf_page(files: Mapping[str, bytes], *, lang: str = "en") -> bytes:
-    """`report.pdf` of the files of a report (path -> bytes).  lang : the language of the report (BCP 47)."""
+    """`report.pdf` of the files of a report (path -> bytes).  lang : the language of the report (BCP 47).  Raises ImportError without the extra `pdf`."""
+    from weasyprint import HTML, URLFetcher
+
     page = html_page(files, lang=lang, paper=True).decode()
     nothing_from_elsewhere = URLFetcher(allowed_protocols={"data"})
     return bytes(HTML(string=page, url_fetcher=nothing_from_elsewhere).write_pdf(pdf_variant="pdf/ua-1"))
