@@ -21,7 +21,7 @@ from estim.cli.commands import cli
 from estim.common import InputError, markdown
 from estim.reports import with_formats
 from estim.reports.html_page import html_page
-from estim.reports.rendering import folded
+from estim.reports.rendering import folded, render
 
 PROJECT = Path(__file__).parents[1]
 VOID = {"meta", "img", "input", "br", "hr"}
@@ -120,6 +120,15 @@ def test_a_page_can_be_found_one_s_way_in(report: tuple[dict[str, bytes], Page])
     assert len(page.all("details")) - bool(targets) == files["report.md"].count(b"<details>")
     assert len(targets) >= files["report.md"].count(b"<details>")
     assert len(page.all("div")) >= len(page.all("table"))
+
+
+def test_html_ends_at_a_blank_line_in_every_report() -> None:
+    """Else Markdown takes what follows a folded part for HTML (CommonMark 0.31, section 4.6)."""
+    body = {"n": 1, "counts": [], "synthetic": "", "seconds": 1.0, "quantities": "| a |", "bad": "| b |", "left": 0}
+    made = render("batch.md.j2", pictures=["figures/overview.png"], **body)
+    assert "</details>" in made
+    for text in (made, *(path.read_text() for path in (PROJECT / "reports").rglob("report.md"))):
+        assert not re.search(r"(?:</details>|\.png\))\n[^\n]|[^\n]\n<details>", text)
 
 
 def test_folded_parts_figures_and_tables_are_made_of_markdown() -> None:
