@@ -133,10 +133,11 @@ def test_html_ends_at_a_blank_line_in_every_report() -> None:
 
 def test_folded_parts_figures_and_tables_are_made_of_markdown() -> None:
     text = f"# T\n\n## Standing\n\n![a *finding*](figures/a.png)\n\n*Its caption, γ = 1.*\n\n{folded('Inner', '## Inner', opened=False)}\n"
-    text += f"\n{folded('Other', '## Another' + chr(10) * 2 + '### Deeper', opened=False)}\n\n| | b |\n|---|---|\n| [r](x/report.md) | 1.0 ± 0.1 |\n"
+    text += f"\n{folded('Other', '## Another' + chr(10) * 2 + '### Deeper', opened=False)}\n"
+    text += f"\n{folded('Third', '### First of all', opened=False)}\n\n| | b |\n|---|---|\n| [r](x/report.md) | 1.0 ± 0.1 |\n"
     page = page_of(text, **{"figures/a.png": PIXEL})
     headings = [tag for tag, _ in page.tags if re.fullmatch("h[1-6]", tag)]
-    assert headings == ["h1", "h2", "h2", "h2", "h3", "h4"]  # "Inner" once, as the title of its part
+    assert headings == ["h1", "h2", "h2", "h2", "h3", "h4", "h2", "h3"]  # "Inner" once, as the title of its part
     assert [tag for tag, _ in page.tags if tag.startswith("fig")] == ["figure", "figcaption"]
     assert page.all("img")[0]["alt"] == "a finding"
     assert [link["href"] for link in page.all("a")][-1] == "x/report.html"
