@@ -106,8 +106,9 @@ def straight_line(
         if columns.r_xy is not None:
             raise InputError("needs uncertainties of x and y", field="--correlation", value=columns.r_xy)
         read = replace(read, r_xy=None)
-    for key in ("u_x", "u_y"):
+    for key, of in (("u_x", read.x), ("u_y", read.y)):
         values = column(getattr(read, key))
+        table.require_unit(str(getattr(read, key)), of)
         if values is not None and np.any(np.asarray(values) <= 0.0):
             bad = 0 if np.ndim(values) == 0 else int(np.argmax(np.asarray(values) <= 0.0))
             if np.ndim(values) == 0:
