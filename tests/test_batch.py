@@ -9,6 +9,7 @@ import sys
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import msgspec
 import numpy as np
@@ -16,7 +17,7 @@ import pytest
 from command_runner import runner
 
 from estim.batch import Row, Settings, run_batch, shard_of, spreads, units_of
-from estim.batch.rows import Value, keep, kept
+from estim.batch.rows import Value, keep, kept, key_of
 from estim.batch.units import Unit
 from estim.cli.commands import cli
 from estim.common import InputError, write_whole
@@ -138,6 +139,17 @@ def test_nothing_of_an_earlier_batch_stands_beside_what_is_made_now(tmp_path: Pa
     (path.parent / "a.csv").write_text("t,y\n0,nothing\n")
     run_batch(units, out, report=pictures, settings=QUICK)
     assert list((out / "one" / "a").rglob("*")) == []
+
+
+def test_whatever_decides_a_result_decides_whether_it_is_kept(monkeypatch: pytest.MonkeyPatch) -> None:
+    def key(*, campaign="c", data="d", truth=1.0, run="a", seed=1):
+        tables = {name: SimpleNamespace(sha256=data) for name in "ab"}
+        return key_of(SimpleNamespace(sha256=campaign, tables=tables, truth={"p": truth}), run, {"seed": seed})  # type: ignore[arg-type]
+
+    keys = [key(), key(campaign="C"), key(data="D"), key(truth=2.0), key(run="b"), key(seed=2)]
+    assert key() == keys[0]
+    monkeypatch.setattr("estim.batch.rows.version", lambda package: f"next {package}")
+    assert len({*keys, key()}) == 7
 
 
 def test_a_row_stands_only_beside_its_own_result(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -297,6 +309,7 @@ def test_what_stands_apart_is_named_and_what_scatters_is_not() -> None:
     (spoiled,) = spreads(rows_of(means, 0.1))
     assert spoiled.apart == (17,)
     assert spreads(rows_of(means, 0.1, informed=False))[0].apart == ()
+    assert spreads(rows_of(means, 2.0))[0].apart == ()  # their own uncertainties are that large
     text = batch_report(rows_of(means, 0.1), figures=False)["report.md"].decode()
     assert "c.toml: r17" in text
     assert "SYNTHETIC" not in text

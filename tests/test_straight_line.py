@@ -156,6 +156,9 @@ def test_a_line_that_does_not_fit_has_no_result_and_exit_code_3(tmp_path):
     [
         ("x,y\n1,1\n2,2\n3,4\n", ["--x", "t"], "p.csv:1: 't' is missing (the header has"),
         ("x,y\n1,1\n2,2\n3,4\n", ["--x", "y"], "'--y' must name another column than --x: y"),
+        ("x,y\n1,1\n2,2\n3,3\n4,4\n", [], "p.csv: 'y' has no scatter about a line but rounding errors"),
+        ("x,y\n1,0.1\n2,0.2\n3,0.3\n4,0.4\n", [], "p.csv: 'y' has no scatter about a line but rounding errors"),
+        ("x,y\n1,0\n2,0\n3,0\n", [], "p.csv: 'y' has no scatter about a line but rounding errors"),
         ("x,y\n1,1\n2,2\n", [], "p.csv: 'rows' must hold at least 3 rows of numbers: 2"),
         ("x,y,u_y\n1,1,0\n2,2,1\n3,4,1\n", [], "p.csv:2: 'u_y' must be > 0: 0.0"),
         ("x,y\n1,1\n2,2\n3,4\n", ["--uy", "-1"], "'--uy' must be > 0: -1.0"),

@@ -233,6 +233,11 @@ def test_new_writes_a_campaign_that_can_be_fit_and_overwrites_nothing(table: Pat
     assert not (folder / "d.toml").exists()
 
 
+@pytest.mark.parametrize("name", ["", "."])
+def test_new_needs_the_name_of_a_file(name: str, table: Path) -> None:
+    assert "'NAME' must be the name of a file" in told("new", name, "--from", table)
+
+
 def test_new_asks_in_a_terminal(table: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("estim.cli.new._in_a_terminal", lambda: True)
     answers = "\n".join([str(table), "time", "U", FORMULA, "0.02", "tau=2", "Discharge"]) + "\n"

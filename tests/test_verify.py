@@ -192,6 +192,14 @@ def test_a_forged_command_is_not_run(command: list[str], model: Path) -> None:
     assert sorted(path.name for path in model.iterdir()) == ["model.toml", "out"]
 
 
+def test_a_command_that_makes_no_report_verifies_none(model: Path) -> None:
+    origin = json.loads((model / "out" / "origin.json").read_text())
+    (model / "out" / "origin.json").write_text(json.dumps({**origin, "command": ["propagate", "--help"]}))
+    done = run("verify", "out")
+    assert done.exit_code == 3
+    assert "cannot be recomputed: the command makes no such report" in done.output
+
+
 def test_numbers_that_chance_moves_are_told_from_others() -> None:
     def result(mean: float, sd: float) -> bytes:
         return json.dumps({"parameters": {"a": {"mean": mean, "sd": sd, "mcse": 0.01, "unit": "m"}}, "p": 0.5}).encode()

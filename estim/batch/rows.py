@@ -60,9 +60,9 @@ class Row(msgspec.Struct, frozen=True):
 
 
 def key_of(campaign: Campaign, run: str, settings: Mapping[str, object]) -> str:
-    """Digest of everything that decides the numbers: the campaign's file, the data, seed and settings, versions."""
+    """Digest of everything that decides the result: the campaign's file, the data, true values, seed and settings, versions."""
     parts = {
-        "campaign": campaign.sha256, "data": campaign.tables[run].sha256, "run": run,
+        "campaign": campaign.sha256, "data": campaign.tables[run].sha256, "run": run, "truth": dict(campaign.truth),
         "settings": {name: str(value) for name, value in settings.items()},
         "versions": {package: version(package) for package in _PACKAGES},
     }

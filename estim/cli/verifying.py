@@ -44,6 +44,8 @@ def verify(report: Path, root: Path | None) -> None:
     say(f"recomputing: {origin.line}")
     with tempfile.TemporaryDirectory() as made:
         trouble = _recompute(origin, Path(made), place)
+        if not trouble and not (Path(made) / origin.part / ORIGIN).is_file():
+            trouble = "cannot be recomputed: the command makes no such report"
         moved = [trouble] if trouble else _compare(folder, Path(made) / origin.part, origin)
     for line in moved:
         say(line)

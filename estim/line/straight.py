@@ -16,6 +16,7 @@ from estim.line.least_squares import POOR_FIT, LineFit, coverage_factor, fit_lin
 from estim.reading import Dialect, read_columns
 
 _MIN_ROWS = 3
+_PERFECT = 3e-14  # misfits below this share of y are rounding errors
 
 
 @dataclass(frozen=True, eq=False)
@@ -121,6 +122,9 @@ def straight_line(
         )
     except InputError as error:
         raise error.at(str(path)) from None
+    if fit.method == "ols" and fit.chi2 <= table.lines.size * (_PERFECT * float(np.max(np.abs(table.columns[read.y])))) ** 2:
+        rule = "has no scatter about a line but rounding errors (computed values, not readings?): nothing tells how large its errors are"
+        raise InputError(f"{rule}; give --uy", field=read.y, file=table.file)
     k = coverage_factor(fit, probability=probability)
     predictions = tuple(_prediction(fit, x0, k) for x0 in predict)
     inverses = tuple(_inverse(fit, y0, k, probability) for y0 in inverse)
