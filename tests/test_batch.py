@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import hashlib
 import json
+import shutil
 import sys
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
@@ -19,6 +20,7 @@ from command_runner import runner
 from estim.batch import Row, Settings, run_batch, shard_of, spreads, units_of
 from estim.batch.rows import Value, keep, kept, key_of
 from estim.batch.units import Unit
+from estim.campaign import load_campaign
 from estim.cli.commands import cli
 from estim.common import InputError, write_whole
 from estim.reports import batch_report, lean_files
@@ -261,6 +263,18 @@ def test_verify_knows_what_other_processes_have_read(three: Path, tmp_path: Path
     assert runner().invoke(cli, ["batch", str(three), "--jobs", "2", "--out", str(tmp_path / "out"), "--no-figures"]).exit_code == 0
     inputs = json.loads((tmp_path / "out" / "origin.json").read_text())["inputs"]
     assert {Path(path).name for path in inputs} == {"campaign.toml", "a.csv", "b.csv", "c.csv"}
+
+
+def test_a_quantity_that_follows_from_other_runs_too_stops_none(project: Path, tmp_path: Path) -> None:
+    """As `estim fit --run` leaves it out where the other runs are not fit."""
+    shutil.copytree(project / "data" / "replica", tmp_path / "replica")
+    file = tmp_path / "replica" / "campaign.toml"
+    file.write_text(file.read_text() + '\n[derived]\nratio = "gamma[heavy]/gamma[light]"\nown = "2*gamma"\n')
+    for run in ("light-01", "heavy-02"):
+        campaign = load_campaign(file, only=run)
+        assert campaign.run_names == (run,)
+        (sought,) = {one.sought for one in campaign.problem([run]).runs}
+        assert [(one.name, one.lacking != ()) for one in sought] == [("ratio", True), ("own", False)]
 
 
 def test_a_campaign_without_runs_is_a_line_of_its_own(project: Path, tmp_path: Path) -> None:
