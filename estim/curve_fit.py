@@ -41,6 +41,7 @@ from estim.curves import (
     called_by_name,
     pose_curve,
     provisional,
+    refuse_quantities,
     started,
     without_units,
 )
@@ -119,6 +120,7 @@ def fit_curve(
     start, fixed = {} if start is None else start, {} if fixed is None else fixed
     bounds, priors = {} if bounds is None else bounds, {} if priors is None else priors
     tied, units, axes = {} if tied is None else tied, {} if units is None else units, AxisNames() if axes is None else axes
+    refuse_quantities(cov_y=cov_y, deviation=deviation, correlated=correlated)
     plain = without_units(Plain(x, y, u_x, u_y, start, fixed, bounds, units, axes))
     start, fixed, bounds = plain.start, plain.fixed, plain.bounds
     named = called_by_name(curve, start, fixed, tied)

@@ -89,6 +89,9 @@ def test_counts_and_readings_may_be_fit_together() -> None:
     [
         ({"shared": ["B"]}, "'shared' names 'B'"),
         ({"start": {**START, "A[third]": 1.0}}, "'start' names a data set that there is not"),
+        ({"start": {**START, "A[second": 1.0}}, "'start' names a data set that there is not"),
+        ({"priors": {"tau[second]": "9.0(1)"}}, "'priors' speaks of one data set, but 'tau' is shared by all"),
+        ({"bounds": {"tau[first]": (0.0, 1.0)}}, "'bounds' speaks of one data set, but 'tau' is shared by all"),
         ({"data": {"a": DataSet(T, T)}}, "needs u_y, cov_y or noise"),
         ({"data": {"a[1]": DataSet(T, T, u_y=1.0)}}, r"without \[ and \]"),
         ({"data": {"a": (T, T)}}, "must be a DataSet"),

@@ -337,6 +337,9 @@ HEAD = 'title = "t"\n[measurand]\nformula = "a*b"\n[inputs]\nb = {value = 1, u =
 @pytest.mark.parametrize(
     ("text", "message"),
     [
+        (HEAD + "a = {readings = [1.1, 1.1, 1.1]}\n", ":6: 'readings' are all the same, so that their scatter tells no uncertainty"),
+        (HEAD + "a = {value = 0, u_percent = 5}\n", ":6: 'u_percent' means nothing where the value is 0: state u"),
+        (HEAD + "a = {value = 0, components = {p = {u_percent = 5}}}\n", ":6: 'u_percent' means nothing where the value is 0: state u"),
         (HEAD + "a = {value = 1, u = -1}\n", ":6: 'u' must be > 0 (leave it out for an exact value): -1"),
         (HEAD + "a = {value = 1, u = 0.1, half_width = 2}\n", ":6: 'half_width' does not go with 'u': state the uncertainty once"),
         (HEAD + "a = {value = 1, U = 0.1}\n", ":6: 'k' must stand beside 'U', an expanded uncertainty"),

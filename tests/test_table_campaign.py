@@ -158,6 +158,15 @@ def test_options_of_a_table_do_not_go_with_a_campaign(table: Path) -> None:
         assert "of a campaign the file says" in told("fit", table.with_suffix(".toml"), *option)
 
 
+def test_units_of_the_header_are_those_of_the_column_that_is_read(table: Path) -> None:
+    table.write_text("t [ms],t,y [V],u_y [mV]\n0.5,1,2,5\n1,2,3,5\n2,3,4,5\n3,4,5.1,5\n")
+    assert 'x = {column = "t"}\n' in text_of_table(table, TableChoices(formula="a*x", x="t", y="y", u_y="0.1"))
+    assert 'x = {column = "t [ms]", name = "t", unit = "ms"}' in text_of_table(table, TableChoices(formula="a*x", x="t [ms]", y="y", u_y="0.1"))
+    for u_y in ([], ["--u-y", "u_y"]):
+        said = told("fit", table, "--formula", "a*x", "--x", "t", "--y", "y", *u_y)
+        assert re.search(r"data.csv:1: 'u_y( \[mV\])?' must be in the unit of 'y', V", said)
+
+
 def test_columns_that_must_be_named_are_listed(table: Path) -> None:
     table.write_text("t,a,b\n0.5,1,2\n1,2,3\n2,3,4\n")
     assert r"'column' must be named by --y (there are t, a, b)" in told("fit", table, "--formula", "k*t")
@@ -222,6 +231,11 @@ def test_new_writes_a_campaign_that_can_be_fit_and_overwrites_nothing(table: Pat
     assert "'--from' must name the table" in told("new", folder / "d")
     assert "cannot be read" in told("new", folder / "d", "--from", folder / "none.csv")
     assert not (folder / "d.toml").exists()
+
+
+@pytest.mark.parametrize("name", ["", "."])
+def test_new_needs_the_name_of_a_file(name: str, table: Path) -> None:
+    assert "'NAME' must be the name of a file" in told("new", name, "--from", table)
 
 
 def test_new_asks_in_a_terminal(table: Path, monkeypatch: pytest.MonkeyPatch) -> None:

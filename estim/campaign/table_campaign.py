@@ -167,7 +167,8 @@ def _axis(wanted: str, layout: Layout) -> Axis:
     bare, stated = name_and_unit(wanted)
     if wanted not in layout.names and stated and bare in layout.names:
         return Axis(bare, "", stated)
-    place = next((i for i, name in enumerate(layout.names) if wanted in (name, _bare(name))), None)
+    called = (*(name == wanted for name in layout.names), *(_bare(name) == wanted for name in layout.names))
+    place = called.index(True) % len(layout.names) if any(called) else None
     unit = "" if place is None else _unit_of(layout, place)
     return Axis(wanted, bare if bare != wanted else "", stated or unit)
 

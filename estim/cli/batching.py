@@ -6,6 +6,7 @@ import os
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -13,7 +14,7 @@ import click
 
 from estim.cli.options import NO_FIGURES, SEED, STEPS
 from estim.cli.origin import note_of_others
-from estim.cli.terminal import NOT_OK, counted, report_at, say, write_report
+from estim.cli.terminal import NOT_OK, counted, report_at, say, write_files, write_report
 from estim.common import InputError
 
 if TYPE_CHECKING:
@@ -63,21 +64,23 @@ def batch(
     what scatters and what stands apart, and a figure (docs/batch.md).  Exit code 3: some run is not ok.
     """
     from estim.batch import Settings, run_batch, shard_of, units_of
-    from estim.reports import batch_line, batch_report, full_files, lean_files
+    from estim.reports import batch_line, batch_report, batch_times, full_files, lean_files
     from estim.sampling import only_writer
 
     units = shard_of(units_of(path.resolve() if scheduler else path for path in paths), shard)  # a worker elsewhere has another working folder
-    settings, processes = Settings("report" if reports else "result", seed, max_steps), jobs or os.cpu_count() or 1
+    kind = "result" if not reports else "report without figures" if no_figures else "report"
+    settings, processes = Settings(kind, seed, max_steps), jobs or os.cpu_count() or 1
     lock = ".batch" if shard is None else f".batch-{shard.replace('/', '-of-')}"
     with only_writer(out / lock), cluster(scheduler) as executor, counted("batch", len(units), unit="run") as progress:
         rows = run_batch(
-            units, out.resolve(), report=full_files if reports else lean_files, settings=settings, resume=resume, jobs=processes, executor=executor,
-            progress=progress,
+            units, out.resolve(), report=partial(full_files, figures=not no_figures) if reports else lean_files, settings=settings, resume=resume,
+            jobs=processes, executor=executor, progress=progress,
         )
     for row in rows:
         note_of_others(row.inputs)
     place = out if shard is None else out / f"shard-{shard.replace('/', '-of-')}"
     write_report(place, batch_report(rows, figures=not no_figures), within=out)
+    write_files(place, batch_times(rows), within=out)
     for row in rows:
         if row.error:
             say(f"error: {row.run}: {row.error}" if row.run else f"error: {row.error}", err=True)
