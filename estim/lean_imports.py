@@ -12,10 +12,12 @@ import builtins
 import sys
 from collections.abc import Callable, Sequence
 from importlib import import_module
-from importlib.abc import Loader
 from importlib.machinery import ModuleSpec, PathFinder
 from types import ModuleType
-from typing import Any
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from importlib.abc import Loader
 
 _PAGES = frozenset({"lmfit", "arviz_stats"})
 _LEFT = {  # file -> modules of which it imports names
@@ -47,11 +49,11 @@ class _Finder:
         spec = PathFinder.find_spec(name, path, target)
         if spec is None or spec.loader is None or (name in _PAGES and spec.submodule_search_locations is None):
             return spec
-        spec.loader = _Lean(spec.loader)
+        spec.loader = _Lean(spec.loader)  # type: ignore[assignment]
         return spec
 
 
-class _Lean(Loader):
+class _Lean:
     def __init__(self, real: Loader) -> None:
         self._real = real
 
