@@ -63,8 +63,8 @@ def as_png(figure: Figure) -> bytes:
     if (layout := figure.get_layout_engine()) is not None:
         layout.execute(figure)
         figure.set_layout_engine("none")
-    canvas.draw()
-    drawn = Image.fromarray(np.asarray(canvas.buffer_rgba()))
+    canvas.draw()  # type: ignore[no-untyped-call]
+    drawn = Image.fromarray(np.asarray(canvas.buffer_rgba()))  # type: ignore[no-untyped-call]
     opaque = drawn.getextrema()[-1] == (255, 255)
     (drawn.convert("RGB") if opaque else drawn).save(buffer, format="png", dpi=(_DPI, _DPI), compress_level=_COMPRESSION)
     return buffer.getvalue()
