@@ -48,13 +48,14 @@ def png(draw: Callable[[], Figure]) -> bytes:
 
 def show_literally(figure: Figure) -> None:
     """Marks every text of a finished figure as no mathematics but where `estim.common.labels` made it so.  To be done once."""
-    for text in _texts(figure):
+    for text in texts_of(figure):
         text.set_text(mathtext(text.get_text()))
 
 
 def as_png(figure: Figure) -> bytes:
     """A figure as PNG.  Its parts are placed here, once: left to it, `savefig` would draw the whole figure for that and then a second time."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from PIL import Image
 
     buffer = io.BytesIO()
     figure.set_dpi(_DPI)
@@ -62,7 +63,10 @@ def as_png(figure: Figure) -> bytes:
     if (layout := figure.get_layout_engine()) is not None:
         layout.execute(figure)
         figure.set_layout_engine("none")
-    canvas.print_png(buffer, metadata={"Software": None}, pil_kwargs={"compress_level": _COMPRESSION})  # type: ignore[no-untyped-call]
+    canvas.draw()  # type: ignore[no-untyped-call]
+    drawn = Image.fromarray(np.asarray(canvas.buffer_rgba()))  # type: ignore[no-untyped-call]
+    opaque = drawn.getextrema()[-1] == (255, 255)
+    (drawn.convert("RGB") if opaque else drawn).save(buffer, format="png", dpi=(_DPI, _DPI), compress_level=_COMPRESSION)
     return buffer.getvalue()
 
 
@@ -93,7 +97,7 @@ def _notebook_figure() -> type[Figure]:
     return NotebookFigure
 
 
-def _texts(artist: Artist) -> Iterator[Text]:
+def texts_of(artist: Artist) -> Iterator[Text]:
     """The texts of a figure but for those of ticks, which are written anew whenever they are drawn (`name_ticks`)."""
     from matplotlib.axis import Axis
     from matplotlib.text import Text
@@ -104,7 +108,7 @@ def _texts(artist: Artist) -> Iterator[Text]:
         elif isinstance(part, Axis):
             yield part.label
         else:
-            yield from _texts(part)
+            yield from texts_of(part)
 
 
 def name_ticks(axis: Axis, places: ArrayLike, names: Sequence[str], *, fontsize: float = 10.0, rotation: float = 0.0) -> None:

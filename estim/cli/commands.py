@@ -45,6 +45,7 @@ from estim.cli.terminal import (
 from estim.cli.verifying import diff, verify
 from estim.cli.weighing import say_bodies
 from estim.common import InputError, Stream, asked_to_stop, ended_by_signals, stream
+from estim.lean_imports import import_lean
 
 if TYPE_CHECKING:
     from estim.pipeline import Analysis
@@ -273,6 +274,7 @@ def main() -> None:
     """Entry point: one line on stderr and an exit code in place of a traceback; no warnings of NumPy, about which a user can do nothing."""
     if not sys.warnoptions:
         warnings.simplefilter("ignore")
+    import_lean()
     os.environ["MPLBACKEND"] = "agg"  # figures are files, whatever a user's sessions draw on
     sys.exit(exit_code(_run))
 

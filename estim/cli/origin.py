@@ -7,7 +7,6 @@ import shlex
 import sys
 from collections.abc import Mapping
 from dataclasses import dataclass
-from importlib.metadata import version
 from pathlib import Path
 
 import click
@@ -64,6 +63,8 @@ def note_of_others(inputs: Mapping[str, str]) -> None:
 
 def with_origin(files: Mapping[str, bytes], part: str) -> dict[str, bytes]:
     """`files` of a report and `origin.json`, where a command is under way."""
+    from importlib.metadata import version
+
     context = click.get_current_context(silent=True)
     ledger = None if context is None else context.find_object(Ledger)
     if context is None or ledger is None:

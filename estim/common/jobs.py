@@ -23,6 +23,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 from estim.common.errors import NumericalError
 from estim.common.interruption import STOPPING
+from estim.lean_imports import import_lean, is_lean
 
 if TYPE_CHECKING:
     from concurrent.futures import Executor
@@ -107,7 +108,7 @@ def _by_workers(task: Callable[[K], T], numbers: Sequence[K], jobs: int) -> Iter
     with ExitStack() as stack:
         stack.enter_context(_environment_of_workers())
         with _interrupts_held():  # a process of multiprocessing's own is started here
-            pool = stack.enter_context(ProcessPoolExecutor(jobs, get_context("spawn"), _start, (_pickled(task),)))
+            pool = stack.enter_context(ProcessPoolExecutor(jobs, get_context("spawn"), _start, (_pickled(task), is_lean())))
         try:
             with _interrupts_held():
                 submit(pool, 2 * jobs)
@@ -166,9 +167,11 @@ def _read_only(mapping: dict[Any, Any]) -> MappingProxyType[Any, Any]:
     return MappingProxyType(mapping)
 
 
-def _start(task: bytes) -> None:
-    """Prepare a worker process."""
+def _start(task: bytes, lean: bool) -> None:
+    """Prepare a worker process.  lean : whether its parent is the command line's own."""
     global _task
+    if lean:
+        import_lean()
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     if hasattr(signal, "pthread_sigmask"):
         signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGTERM})  # held when this process was started; its parent ends it so

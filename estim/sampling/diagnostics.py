@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from estim.arrays import FloatArray
+from estim.sampling.normal_scores import folded, in_halves, normal_scores
 
 _WINDOW = 5.0  # autocorrelation times
 
@@ -34,14 +35,22 @@ def r_hat(draws: FloatArray) -> FloatArray:
     from arviz_stats.base import array_stats
 
     n_ensemble, _, _, n_par = draws.shape
+    hats = np.empty(n_par)
     with np.errstate(divide="ignore", invalid="ignore"):  # nan where no walker moved
-        return np.array([float(array_stats.rhat(draws[..., i].reshape(n_ensemble, -1), chain_axis=0, draw_axis=1)) for i in range(n_par)])
+        for i in range(n_par):
+            values = in_halves(draws[..., i].reshape(n_ensemble, -1))
+            parts = (normal_scores(values), normal_scores(folded(values)))
+            hats[i] = max(float(array_stats.rhat(part, chain_axis=0, draw_axis=1, method="split")) for part in parts)
+    return hats
 
 
 def effective_size(draws: FloatArray, method: str) -> FloatArray:
     """(n_par,) effective sample size, `method` "bulk" or "tail", with every walker of every ensemble as a chain."""
     from arviz_stats.base import array_stats
 
+    if method == "bulk":
+        scores = (normal_scores(in_halves(c)) for c in _walkers(draws))
+        return np.array([float(array_stats.ess(c, chain_axis=0, draw_axis=1, method="mean")) for c in scores])
     prob = (0.05, 0.95) if method == "tail" else None
     return np.array([float(array_stats.ess(c, chain_axis=0, draw_axis=1, method=method, prob=prob)) for c in _walkers(draws)])
 
