@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from estim.cli.formats import FORMAT, chosen
 from estim.cli.options import NO_FIGURES, SEED, STEPS
 from estim.cli.origin import note_of_others
 from estim.cli.terminal import NOT_OK, counted, report_at, say, write_files, write_report
@@ -52,6 +53,7 @@ def cluster(address: str | None) -> Iterator[Executor | None]:
 @click.option("--out", type=click.Path(path_type=Path, file_okay=False), default=Path("out/batch"), show_default=True, help="Folder for the results.")
 @SEED
 @NO_FIGURES
+@FORMAT
 @click.option("--resume", is_flag=True, help="Keep the results that are there and were made from the same files, settings and versions.")
 def batch(
     paths: tuple[Path, ...], jobs: int | None, shard: str | None, scheduler: str | None, reports: bool, max_steps: int, out: Path, seed: int,
@@ -68,13 +70,14 @@ def batch(
     from estim.sampling import only_writer
 
     units = shard_of(units_of(path.resolve() if scheduler else path for path in paths), shard)  # a worker elsewhere has another working folder
-    kind = "result" if not reports else "report without figures" if no_figures else "report"
+    figures, formats = not no_figures, chosen()
+    kind = "-".join(("report", *formats, *(() if figures else ("without figures",)))) if reports else "result"
+    written = partial(full_files, figures=figures, formats=formats) if reports else lean_files
     settings, processes = Settings(kind, seed, max_steps), jobs or os.cpu_count() or 1
     lock = ".batch" if shard is None else f".batch-{shard.replace('/', '-of-')}"
     with only_writer(out / lock), cluster(scheduler) as executor, counted("batch", len(units), unit="run") as progress:
         rows = run_batch(
-            units, out.resolve(), report=partial(full_files, figures=not no_figures) if reports else lean_files, settings=settings, resume=resume,
-            jobs=processes, executor=executor, progress=progress,
+            units, out.resolve(), report=written, settings=settings, resume=resume, jobs=processes, executor=executor, progress=progress,
         )
     for row in rows:
         note_of_others(row.inputs)

@@ -9,6 +9,7 @@ from typing import Any
 
 import click
 
+from estim.cli.formats import FORMAT
 from estim.cli.options import NO_FIGURES, OUT, SEED
 from estim.cli.release import fit_line_and_trials
 from estim.cli.straight import say_straight_line
@@ -30,6 +31,7 @@ from estim.common import InputError
 @OUT
 @SEED
 @NO_FIGURES
+@FORMAT
 def line(
     campaign: Path, x: str | None, y: str | None, ux: str | None, uy: str | None, correlation: str | None, predict: tuple[str, ...],
     inverse: tuple[str, ...], out: Path | None, seed: int, no_figures: bool, dialect: Mapping[str, Any],

@@ -4,15 +4,28 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
 
+from estim.cli.formats import WRITTEN
 from estim.cli.origin import with_origin
+from estim.cli.origin_record import read_origin
 from estim.cli.output_streams import outlets
-from estim.common import EstimError, InputError, Interrupted, NumericalError, names_in, one_line, pictures_of, remove_pictures, write_whole
+from estim.common import (
+    EstimError,
+    InputError,
+    Interrupted,
+    NumericalError,
+    names_in,
+    one_line,
+    pictures_of,
+    remove_files,
+    remove_pictures,
+    write_whole,
+)
 
 if TYPE_CHECKING:
     from estim.campaign import Campaign
@@ -121,11 +134,23 @@ def write_files(folder: Path, files: Mapping[str, bytes], *, within: Path | None
 
 
 def write_report(folder: Path, files: Mapping[str, bytes], *, within: Path | None = None) -> None:
-    """Write a report whole, and how it was made; then remove the figures that only the report before it shows, which would pass for its own."""
-    before = pictures_of(folder / "report.md", within=within or folder)
+    """Write a report whole, and how it was made; then remove what would pass for its own: figures and formats of the report before it."""
+    before, formats = pictures_of(folder / "report.md", within=within or folder), _formats_of(folder)
     part = "" if within is None else folder.relative_to(within).as_posix()
-    write_files(folder, with_origin(files, "" if part == "." else part), within=within)
+    made = with_origin(files, "" if part == "." else part)
+    write_files(folder, made, within=within)
+    with suppress(EstimError):
+        remove_files(folder, formats - made.keys(), within=within)
     remove_pictures(folder, before - {Path(path).name for path in files}, within=within or folder)
+
+
+
+
+def _formats_of(folder: Path) -> set[str]:
+    """Which formats the report in `folder` was written in besides Markdown, by its own word."""
+    with suppress(EstimError):
+        return set(WRITTEN & read_origin(folder).outputs.keys())
+    return set()
 
 
 def report_at(path: Path, outside: Iterable[str]) -> None:

@@ -5,6 +5,7 @@ from estim.reports.comparison import compare_report, folder_of
 from estim.reports.energy import energy_report
 from estim.reports.explanation import explanation_lines
 from estim.reports.first_screen import result_lines
+from estim.reports.formats import with_formats
 from estim.reports.interop import HOW_TO_GET, can_write_netcdf, to_netcdf
 from estim.reports.line import line_lines, line_report
 from estim.reports.others import body_lines, body_report, fitted_values, ground_words, map_lines, map_report, measurement_lines, measurement_report
