@@ -6,35 +6,30 @@ import json
 import types
 from typing import Any, Literal, Union, get_args, get_origin
 
-import msgspec
-from tables import CAMPAIGN, CURVE_RUN, ROLLING_ONLY, Key, all_tables, is_table, keys_of
+from tables import CAMPAIGN, CURVE_RUN, ROLLING_ONLY, RUN, Key, all_tables, is_table, keys_of
 
 _NAMES = {float: "number", int: "integer", str: "string", bool: "boolean"}
 _TITLE = "Campaign file of estim"
 
 
 def campaign_schema() -> str:
-    """The schema as JSON; the alternatives are rolling bodies, and a curve of the user's own."""
+    """The schema as JSON.  What a run holds depends on whether there is a `curve`: said by `if`, so that an editor marks the slip alone."""
     top = keys_of(CAMPAIGN)
-    rolling = [key for key in top if key.name != "curve"]
-    own = [_of_own_curve(key) for key in top if key.name not in ROLLING_ONLY]
+    found = _object(top)
+    rolling, own = ({key.name: _property(key) for key in keys_of(table)} for table in (RUN, CURVE_RUN))
+    either = {name: held for name, held in (own | rolling).items() if rolling.get(name, held) == own.get(name, held)}
+    found["properties"]["runs"] |= {"items": {"type": "object", "properties": either, "required": ["name", "file"]}}  # for completion
+    of_curve = {"runs": {"type": "array", "minItems": 1, "items": _schema_of(CURVE_RUN)}} | dict.fromkeys(ROLLING_ONLY, False)
     schema = {
         "$schema": "http://json-schema.org/draft-07/schema#",
         "title": _TITLE,
-        "anyOf": [{"$ref": "#/definitions/RollingBodies"}, {"$ref": "#/definitions/OwnCurve"}],
-        "definitions": {
-            "RollingBodies": _object(rolling),
-            "OwnCurve": _object(own),
-            **{table.__name__: _object(keys_of(table)) for table in sorted(all_tables()[1:], key=lambda table: table.__name__)},
-        },
+        **found,
+        "if": {"required": ["curve"]},
+        "then": {"properties": of_curve, "required": ["runs"]},
+        "else": {"properties": {"runs": {"items": _schema_of(RUN)}}},
+        "definitions": {table.__name__: _object(keys_of(table)) for table in sorted(all_tables()[1:], key=lambda table: table.__name__)},
     }
     return json.dumps(schema, indent=1, ensure_ascii=False) + "\n"
-
-
-def _of_own_curve(key: Key) -> Key:
-    """A key of the top as a campaign with a curve has it."""
-    holds = list[CURVE_RUN] if key.name == "runs" else key.holds  # type: ignore[valid-type]
-    return Key(key.name, key.owner, holds, msgspec.NODEFAULT if key.name in ("curve", "runs") else key.default)
 
 
 def _object(keys: Any) -> dict[str, Any]:
