@@ -11,7 +11,7 @@ import numpy as np
 from estim.common import InputError
 from estim.curve_fit import fit_stated
 from estim.curve_result import CurveFit
-from estim.curves import AxisNames, Component, CurveProblem, DataSet, called_by_name, join, of_data_set, pose_curve, provisional, started
+from estim.curves import AxisNames, Component, CurveProblem, DataSet, join, of_data_set, pose_curve, provisional, started, unstarted
 from estim.fitting import N_START
 from estim.problem import Prior
 
@@ -49,7 +49,7 @@ def fit_curves(
         said = {"start": start, "bounds": bounds, "priors": priors, "fixed": fixed}
         own = {field: of_data_set({} if given is None else given, name, names, field) for field, given in said.items()}
         begin = {one: value for one, value in own["start"].items() if one not in own["fixed"]}
-        named = called_by_name(curve, begin, own["fixed"], tied or {})
+        named = unstarted(curve, begin, own["fixed"], tied or {})
         limits = own["bounds"]
         if named is not None:
             held, (begin, limits) = begin, provisional(named, begin, own["bounds"], own["priors"], {*own["fixed"], *(tied or {})})
@@ -59,7 +59,7 @@ def fit_curves(
                 bounds=limits, priors=own["priors"], errors=tuple(errors), units=units or {}, axes=AxisNames() if axes is None else axes,
                 fixed=own["fixed"], noise=points.noise, derived=derived or {}, tied=tied or {},
             )
-            parts[name] = posed if named is None else started(replace(posed, called=named.text), named, held=held)
+            parts[name] = posed if named is None else started(replace(posed, called=named.called), named, held=held)
         except InputError as error:
             raise InputError(f"of data set '{name}' {error.rule}", field=error.field, value=error.value) from None
     joint = join(parts, shared=shared, common=[one.parameter_name for one in errors])
