@@ -244,6 +244,9 @@ def test_a_campaign_may_name_its_model(tmp_path: Path) -> None:
     truth = {"left_center": 8.0, "left_sigma": 1.2, "right_center": 12.0, "left_amplitude[first]": 30.0, "left_amplitude[second]": 50.0}
     assert {name: starts[name] for name in truth} == pytest.approx(truth, rel=0.1)
     assert next(p for p in problem.parameters if p.name == "left_center").unit == "keV"
+    begun = CAMPAIGN.replace("c = 2.0", "c = 2.0\nleft_sigma = {start = 1.0}\nright_sigma = {start = 1.0, low = -5.0}")
+    told = {p.name: p.prior for p in load_campaign(campaign(tmp_path, begun)).problem(["first", "second"]).parameters}
+    assert (told["left_sigma"].low, told["right_sigma"].low) == (0.0, -5.0)  # the model's limit, and one that was stated
 
 
 @pytest.mark.parametrize(
@@ -253,6 +256,8 @@ def test_a_campaign_may_name_its_model(tmp_path: Path) -> None:
         ("model", 'expression = "a*x"\nmodel', "4: 'curve' must have an 'expression', or a 'model' .*not both"),
         ('model = "left_gaussian + right_gaussian + constant"', "", "4: 'curve' must have an 'expression', or a 'model'"),
         ("c = 2.0", "d = 2.0", "11: 'd' is not in the formula"),
+        ("c = 2.0", "c = 2.0\nleft_sigma = {start = -1.0}", r"12: 'left_sigma' 'start' must lie within \[0, inf\]: -1"),
+        ("c = 2.0", "c = 2.0\nleft_sigma = {low = 3.0, high = 1.0}", "12: 'left_sigma' 'low' must be below 'high': 3"),
     ],
 )
 def test_what_is_wrong_with_a_model_is_said_with_its_line(tmp_path: Path, written: str, instead: str, said: str) -> None:

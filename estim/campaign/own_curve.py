@@ -44,7 +44,7 @@ from estim.campaign.dialect_table import DialectKeys, dialect_of
 from estim.campaign.noise_models import Candidate
 from estim.campaign.own_curve_counts import check_counts, count_columns
 from estim.campaign.own_curve_lacks import order_columns, refuse_lacks
-from estim.campaign.own_curve_models import is_to_be_found, read_curve, started_runs, unknown_of
+from estim.campaign.own_curve_models import is_to_be_found, read_curve, started_runs, unknown_of, within_limits
 from estim.campaign.own_curve_points import MIN_ROWS, CurvePoints
 from estim.campaign.track_table import choices_of
 from estim.common import InputError
@@ -252,8 +252,6 @@ class CurveStudy:
                 written = [entry for entry in declared if isinstance(entry, ParameterTable)]
                 unit = next((entry.unit for entry in written if entry.unit is not None), "1")
                 meaning = next((entry.meaning for entry in written if entry.meaning is not None), "parameter of the curve")
-                if self.named is not None and is_to_be_found(self.named, table[name]):
-                    return Parameter(name + suffix, unit, unknown_of(self.named, name, table[name]), meaning)
                 source = self._read(table[name], (*path, name))
                 return source if isinstance(source, float) else Parameter(name + suffix, unit, source, meaning)
         if self.named is not None:
@@ -267,7 +265,10 @@ class CurveStudy:
 
     def _read(self, value: float | str | ParameterTable, path: Place) -> float | Prior:
         try:
-            return source_of(value, str(path[-1]))
+            name = str(path[-1])
+            if self.named is not None and is_to_be_found(self.named, value):
+                return unknown_of(self.named, name, value)
+            return source_of(within_limits(self.named, name, value), name)
         except InputError as error:
             rule = error.rule if error.field in (None, path[-1]) else f"'{error.field}' {error.rule}"
             raise self.source.places.error(rule, path, value=error.value) from None
