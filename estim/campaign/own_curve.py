@@ -169,7 +169,7 @@ class CurveStudy:
 
     def require_body(self) -> None:
         """Raises InputError: there is no rolling body to speak of."""
-        raise self.source.places.error("has no rolling body, so only estim fit knows what to do with it", ("curve",))
+        raise self.source.places.error("has no rolling body, which this command is about", ("curve",))
 
     def require_complete(self, names: Sequence[str], command: str) -> None:
         """Raises InputError: what a user's own curve may lack is no business of commands that know rolling bodies."""
