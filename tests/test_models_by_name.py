@@ -12,6 +12,7 @@ from estim import EventTimes, Poisson, fit_curve, load_campaign
 from estim.common import InputError
 from estim.curves.formula import read_formula
 from estim.curves.models import MODELS, read_model
+from estim.curves.starts import find_starts
 
 
 @pytest.mark.parametrize(("sigma", "gamma"), [(1.0, 0.5), (0.3, 0.1), (0.05, 0.4), (2.0, 0.2), (0.004, 1.0), (0.0, 0.7)])
@@ -102,6 +103,24 @@ def test_starts_priors_bounds_and_fixed_values_of_the_user_hold() -> None:
     assert both.values["a_center"] == pytest.approx(5.0, abs=0.05)
     assert both.called == "a_gaussian + b_gaussian"
     assert str(both).startswith("a_gaussian + b_gaussian: ok")
+
+
+@pytest.mark.parametrize(
+    ("text", "true"),
+    [
+        ("oscillation", {"amplitude": 3.0, "phase": 1.0, "frequency": 0.11}),
+        ("damped_oscillation", {"amplitude": 3.0, "phase": -2.0, "frequency": 0.17, "damping": 0.05}),
+        ("logistic + constant", {"amplitude": 3.0, "center": 12.0, "sigma": 1.5, "c": 1.0}),
+        ("a_gaussian + b_lorentzian", {"a_amplitude": 9.0, "a_center": 6.0, "a_sigma": 1.4, "b_amplitude": 4.0, "b_center": 14.0, "b_sigma": 0.9}),
+    ],
+)
+def test_without_noise_the_start_is_the_curve(text: str, true: dict[str, float]) -> None:
+    """A search afterwards would hide a start of the wrong sign or phase."""
+    asked, x = read_model(text), np.linspace(0.0, 20.0, 120)
+    formula = read_formula(asked.expression)
+    y = formula.value(x, true)[0]
+    start = find_starts(asked, x, y, np.ones(x.size), known={}, limits=asked.limits)
+    assert formula.value(x, start)[0] == pytest.approx(y, abs=1e-3 * float(np.ptp(y)))
 
 
 def test_widths_in_metres_of_things_in_nanometres_are_found() -> None:
