@@ -105,11 +105,21 @@ def test_starts_priors_bounds_and_fixed_values_of_the_user_hold() -> None:
     assert str(both).startswith("a_gaussian + b_gaussian: ok")
 
 
+def test_starts_weigh_the_points_by_their_errors() -> None:
+    asked, x, rng = read_model("gaussian"), np.linspace(0.0, 20.0, 120), np.random.default_rng(2)
+    true = {"amplitude": 9.0, "center": 6.0, "sigma": 1.4}
+    u = np.where(np.arange(x.size) % 3 == 0, 100.0, 0.01)
+    y = read_formula(asked.expression).value(x, true)[0] + u * rng.standard_normal(x.size)
+    start = find_starts(asked, x, y, u, known={}, limits=asked.limits)
+    assert start == pytest.approx(true, rel=0.05)
+
+
 @pytest.mark.parametrize(
     ("text", "true"),
     [
         ("oscillation", {"amplitude": 3.0, "phase": 1.0, "frequency": 0.11}),
         ("damped_oscillation", {"amplitude": 3.0, "phase": -2.0, "frequency": 0.17, "damping": 0.05}),
+        ("a_exponential + b_exponential", {"a_amplitude": 8.0, "a_decay": 1.5, "b_amplitude": 3.0, "b_decay": 5.0}),
         ("logistic + constant", {"amplitude": 3.0, "center": 12.0, "sigma": 1.5, "c": 1.0}),
         ("a_gaussian + b_lorentzian", {"a_amplitude": 9.0, "a_center": 6.0, "a_sigma": 1.4, "b_amplitude": 4.0, "b_center": 14.0, "b_sigma": 0.9}),
     ],
