@@ -178,6 +178,14 @@ def test_a_row_stands_only_beside_its_own_result(tmp_path: Path, monkeypatch: py
         assert kept(tmp_path, unit, "one") is None
 
 
+@pytest.mark.parametrize(("status", "error", "code"), [("ok", "", 0), ("poor-fit", "", 3), ("", "cannot be read", 3)])
+def test_one_run_that_is_not_ok_ends_the_command_with_3(status: str, error: str, code: int, three: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    rows = rows_of(np.array([1.0, 1.1]), 0.1)
+    rows[1] = msgspec.structs.replace(rows[1], status=status, error=error)
+    monkeypatch.setattr("estim.batch.run_batch", lambda *_, **__: rows)
+    assert batch(three, "--out", three.parent / "out", "--no-figures").exit_code == code
+
+
 def test_one_name_in_two_units_is_two_quantities() -> None:
     rows = rows_of(np.array([1.0, 1.1]), 0.1)
     other = [replace_row(row, unit="V", mean=100.0 + i) for i, row in enumerate(rows)]

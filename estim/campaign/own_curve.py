@@ -44,7 +44,7 @@ from estim.campaign.dialect_table import DialectKeys, dialect_of
 from estim.campaign.noise_models import Candidate
 from estim.campaign.own_curve_counts import check_counts, count_columns
 from estim.campaign.own_curve_lacks import order_columns, refuse_lacks
-from estim.campaign.own_curve_models import is_to_be_found, read_curve, started_runs, unknown_of
+from estim.campaign.own_curve_models import is_to_be_found, read_curve, started_runs, unknown_of, within_limits
 from estim.campaign.own_curve_points import MIN_ROWS, CurvePoints
 from estim.campaign.track_table import choices_of
 from estim.common import InputError
@@ -172,7 +172,7 @@ class CurveStudy:
 
     def require_body(self) -> None:
         """Raises InputError: there is no rolling body to speak of."""
-        raise self.source.places.error("has no rolling body, so only estim fit knows what to do with it", ("curve",))
+        raise self.source.places.error("has no rolling body, which this command is about", ("curve",))
 
     def require_complete(self, names: Sequence[str], command: str) -> None:
         """Raises InputError: what a user's own curve may lack is no business of commands that know rolling bodies."""
@@ -269,7 +269,9 @@ class CurveStudy:
     def _read(self, value: float | str | ParameterTable, path: Place) -> float | Prior:
         try:
             name = str(path[-1])
-            return unknown_of(self.asked, name, value) if is_to_be_found(self.asked, value) else source_of(value, name)
+            if is_to_be_found(self.asked, value):
+                return unknown_of(self.asked, name, value)
+            return source_of(within_limits(self.asked, name, value), name)
         except InputError as error:
             rule = error.rule if error.field in (None, path[-1]) else f"'{error.field}' {error.rule}"
             raise self.source.places.error(rule, path, value=error.value) from None
