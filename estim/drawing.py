@@ -55,7 +55,6 @@ def show_literally(figure: Figure) -> None:
 def as_png(figure: Figure) -> bytes:
     """A figure as PNG.  Its parts are placed here, once: left to it, `savefig` would draw the whole figure for that and then a second time."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from PIL import Image
 
     buffer = io.BytesIO()
     figure.set_dpi(_DPI)
@@ -63,10 +62,7 @@ def as_png(figure: Figure) -> bytes:
     if (layout := figure.get_layout_engine()) is not None:
         layout.execute(figure)
         figure.set_layout_engine("none")
-    canvas.draw()  # type: ignore[no-untyped-call]
-    drawn = Image.fromarray(np.asarray(canvas.buffer_rgba()))  # type: ignore[no-untyped-call]
-    opaque = drawn.getextrema()[-1] == (255, 255)
-    (drawn.convert("RGB") if opaque else drawn).save(buffer, format="png", dpi=(_DPI, _DPI), compress_level=_COMPRESSION)
+    canvas.print_png(buffer, metadata={"Software": None}, pil_kwargs={"compress_level": _COMPRESSION})  # type: ignore[no-untyped-call]
     return buffer.getvalue()
 
 

@@ -216,7 +216,7 @@ def test_reanalyse_survives_what_has_no_band_and_nothing_in_common(estim: Comman
         'phi_deg = 4.0\ntheta0_deg = {prior = "uniform", low = 50.0, high = 70.0}\nkappa = {prior = "uniform", low = 0.0, high = 1.0}\n'
         "noise = {sigma_x_m = 0.001}\n"
     )
-    done = estim("reanalyse", tmp_path / "c.toml", "--out", tmp_path / "out")
+    done = estim("reanalyse", tmp_path / "c.toml", "--jobs", "1", "--out", tmp_path / "out")
     assert done.returncode == 0, done.stderr
     report = (tmp_path / "out" / "report.md").read_text()
     assert "held the rolling resistance fixed" in report

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 import click
 
 from estim.cli.formats import FORMAT, chosen
-from estim.cli.options import NO_FIGURES, SEED, STEPS
+from estim.cli.options import JOBS, NO_FIGURES, SEED, STEPS
 from estim.cli.origin import note_of_others
 from estim.cli.terminal import NOT_OK, counted, report_at, say, write_files, write_report
 from estim.common import InputError
@@ -45,7 +45,7 @@ def cluster(address: str | None) -> Iterator[Executor | None]:
 
 @click.command()
 @click.argument("paths", nargs=-1, required=True, metavar="CAMPAIGN|FOLDER...", type=click.Path(path_type=Path))
-@click.option("--jobs", type=click.IntRange(min=1), help="Processes.  [default: one for each core]")
+@JOBS
 @click.option("--shard", metavar="I/N", help="Every N-th run only, from the I-th, for job arrays.  At the end once more without, with --resume.")
 @click.option("--scheduler", metavar="ADDRESS", help="A Dask cluster does the work: the address of its scheduler (extra `dask`).")
 @click.option("--reports", is_flag=True, help="A whole report for each run, with figures, in place of result.json alone.")

@@ -25,7 +25,7 @@ from estim.cli.line import line
 from estim.cli.mapping import map_motions
 from estim.cli.models import compare_models
 from estim.cli.new import new_campaign
-from estim.cli.options import JOINT, NO_FIGURES, OUT, RUNS, SEED, STEPS
+from estim.cli.options import JOBS, JOINT, NO_FIGURES, OUT, RUNS, SEED, STEPS
 from estim.cli.origin import Ledger
 from estim.cli.planning import plan_next
 from estim.cli.propagating import say_propagated
@@ -188,15 +188,16 @@ def energy(campaign: Path, runs: tuple[str, ...], joint: bool, max_steps: int, o
 @cli.command()
 @click.argument("campaign", type=click.Path(path_type=Path))
 @STEPS
+@JOBS
 @OUT
 @SEED
 @NO_FIGURES
 @FORMAT
-def reanalyse(campaign: Path, max_steps: int, out: Path | None, seed: int, no_figures: bool) -> None:
+def reanalyse(campaign: Path, max_steps: int, jobs: int | None, out: Path | None, seed: int, no_figures: bool) -> None:
     """Everything that CAMPAIGN says, in one report.
 
     The theta_min line, each run by itself, the runs of each body together, energies, the propagated band beside the
-    posterior band, and published numbers beside reanalysed ones.
+    posterior band, and published numbers beside reanalysed ones.  The numbers are the same for any number of --jobs.
     """
     from estim.campaign import load_campaign
     from estim.reports import reanalysis_lines, reanalysis_report
@@ -206,7 +207,8 @@ def reanalyse(campaign: Path, max_steps: int, out: Path | None, seed: int, no_fi
 
     loaded = load_campaign(campaign)
     loaded.study.require_body()
-    result = run_reanalysis(loaded, seed=seed, target=Target(max_step=max_steps), progress_of=lambda what: announced(what))
+    processes = jobs or os.cpu_count() or 1
+    result = run_reanalysis(loaded, seed=seed, target=Target(max_step=max_steps), progress_of=announced, jobs=processes)
     folder = out or Path("out") / campaign.resolve().parent.name
     write_report(folder, reanalysis_report(result, voice=Voice.COMMANDS, figures=not no_figures))
     said = reanalysis_lines(result)
