@@ -55,7 +55,8 @@ def required(data: bytes) -> None:
     root = found[head["about"]["@id"]]
     assert root["@id"] == "./"
     assert root["@type"] == "Dataset"
-    assert all(isinstance(root[name], str) and root[name] for name in ("name", "description", "license", "datePublished"))
+    assert all(isinstance(root[name], str) and root[name] for name in ("name", "description", "datePublished"))
+    assert all(found[root["license"]["@id"]][name] for name in ("name", "description"))
     assert date.fromisoformat(root["datePublished"])
     files = {name for name, one in found.items() if one["@type"] == "File" and not name.startswith("#")}
     assert {part["@id"] for part in root["hasPart"]} == files
@@ -78,6 +79,8 @@ def test_a_crate_has_what_the_specification_requires_and_says_what_was_done() ->
     assert found["figures/a%20b.png"]["description"] == "it *rises*"
     assert made["name"] == "estim fit 'my data.toml'"
     assert [found[one["@id"]]["localPath"] for one in made["object"]] == ["my data.toml", "../x.csv"]
+    assert found["#python"]["url"].startswith("https://")
+    assert found["#input-1"]["encodingFormat"] == "application/toml"
     assert found["#input-2"]["sha256"] == "cd" * 32
     for path, content in PIECES.items():
         (part,) = (one for name, one in found.items() if unquote(name) == path)

@@ -5,10 +5,10 @@ from __future__ import annotations
 import ast
 import json
 import re
+import zlib
 from base64 import b64decode
 from dataclasses import dataclass, field
 from html.parser import HTMLParser
-from importlib.util import find_spec
 from itertools import pairwise
 from pathlib import Path
 
@@ -20,6 +20,7 @@ from hostile import STRINGS
 from estim.cli.commands import cli
 from estim.common import InputError, markdown
 from estim.reports import with_formats
+from estim.reports.html_page import html_page
 from estim.reports.rendering import folded
 
 PROJECT = Path(__file__).parents[1]
@@ -209,11 +210,43 @@ def test_a_page_of_the_report_before_does_not_stay(model: Path) -> None:
 
 
 def test_what_is_missing_is_said_before_anything_is_computed(model: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("estim.cli.formats.find_spec", lambda name: None if name == "markdown_it" else find_spec(name))
-    done = run("propagate", "model.toml", "--out", "out", "--format", "html")
-    assert isinstance(done.exception, InputError)
-    assert str(done.exception) == "'--format' needs a package that is not installed: pip install 'markdown-it-py': html"
-    assert not (model / "out").exists()
+    for trouble, said in ((ImportError, "needs the package weasyprint: pip install 'estim[pdf]'"), (OSError, "needs libraries that weasyprint")):
+
+        def missing(name: str, trouble: type[Exception] = trouble) -> None:
+            raise trouble(name)
+
+        monkeypatch.setattr("estim.cli.formats.import_module", missing)
+        done = run("propagate", "model.toml", "--out", "out", "--format", "pdf")
+        assert isinstance(done.exception, InputError)
+        assert said in str(done.exception)
+        assert "or print report.html with a browser" in str(done.exception)
+        assert not (model / "out").exists()
+
+
+def test_on_paper_what_is_folded_follows_as_an_appendix() -> None:
+    files = files_of("gallery/filament")
+    folds = re.findall(rb"<summary><b>(.*?)</b></summary>", files["report.md"])
+    page = seen(html_page(files, paper=True))
+    assert not page.all("details", "nav", "input", "summary")
+    standing, _, appendix = page.text.partition("Appendix: parts that are folded on the page")
+    assert "from these data" in standing
+    assert "recomputes this report" in standing
+    assert all(title.decode() in appendix and title.decode() not in standing for title in folds)
+    assert sorted(re.findall(r"\d+\.\d+", page.text)) == sorted(re.findall(r"\d+\.\d+", seen(html_page(files)).text))
+
+
+def test_the_pdf_has_the_pages_the_title_the_figures_words_and_is_made_again_alike(model: Path) -> None:
+    pytest.importorskip("weasyprint", exc_type=ImportError)
+    assert run("propagate", "model.toml", "--out", "out", "--format", "pdf").exit_code == 0
+    pdf = (model / "out" / "report.pdf").read_bytes()
+    assert pdf.startswith(b"%PDF-1.")
+    inside = b"".join(zlib.decompress(one) for one in re.findall(rb"/FlateDecode[^>]*>>\nstream\n(.*?)\nendstream", pdf, re.DOTALL))
+    assert b"/StructTreeRoot" in inside + pdf
+    assert b"/Lang (en)" in inside + pdf
+    assert b"pdfuaid" in inside + pdf
+    done = run("verify", "out")
+    assert done.exit_code == 0, done.output
+    assert "drawn otherwise" not in done.output
 
 
 def test_every_command_that_writes_a_report_has_formats() -> None:

@@ -22,6 +22,7 @@ from typing import get_args
 import numpy as np
 import pytest
 from command_runner import runner
+from report_words import first_screen, words
 from scipy import integrate, optimize, special, stats
 
 from estim.cli.commands import cli
@@ -288,6 +289,8 @@ def test_the_command_writes_report_figures_and_record(tmp_path):
     assert result.exit_code == 0, result.output
     assert "dm = 1.234 mg with standard uncertainty u = 0.07" in result.output
     text = (folder / "report.md").read_text()
+    assert "figures/distribution.png" in first_screen(text)
+    assert len(words(first_screen(text))) < 120
     for cell in ("1.2340 | 0.0539", "[1.1285, 1.3395]", "0.0750", "GUM's interval does not hold: believe the Monte Carlo", "kg/m³"):
         assert cell in text, cell
     assert {path.name for path in (folder / "figures").iterdir()} == {"distribution.png", "budget.png"}

@@ -6,7 +6,6 @@ instrument, and for objects the files that were read, which need not lie in the 
 
 from __future__ import annotations
 
-import html
 import json
 import os
 import re
@@ -18,18 +17,26 @@ from typing import Any
 from urllib.parse import quote, unquote
 
 from estim.cli.origin_record import ORIGIN, Origin
-from estim.common import KINDS, as_json
+from estim.common import KINDS, as_json, unescaped
 
 CRATE = "ro-crate-metadata.json"
 _SPECIFICATION = "https://w3id.org/ro/crate/1.2"
 _TYPES = {
-    ".md": "text/markdown", ".html": "text/html", ".pdf": "application/pdf", ".json": "application/json", ".csv": "text/csv", ".png": "image/png",
+    ".md": "text/markdown", ".html": "text/html", ".pdf": "application/pdf", ".json": "application/json", ".png": "image/png",
+    ".csv": "text/csv", ".txt": "text/plain", ".toml": "application/toml", ".trk": "application/xml",
+}
+_HOMES = {
+    "python": "https://www.python.org", "numpy": "https://numpy.org", "scipy": "https://scipy.org", "lmfit": "https://lmfit.github.io/lmfit-py/",
+    "emcee": "https://emcee.readthedocs.io",
 }
 _WORDS = {
     "report.md": "the report", "report.html": "the report as one page", "report.pdf": "the report for printing",
     "result.json": "every number of the report, in SI units and radians", ORIGIN: "how the report was made",
 }
-_LICENSE = "None is stated here: whoever measured the data says how this report and what it was made from may be used."
+_LICENSE = {
+    "@id": "#licence", "@type": "CreativeWork", "name": "no licence stated",
+    "description": "Whoever measured the data says how this report and what it was made from may be used.",
+}
 _FIGURE = re.compile(r"!\[((?:[^\]\\]|\\.)*)\]\(([^)\s]+)\)")
 _SYNTHETIC = re.compile(r"SYNTHETIC data[^.:*]*")
 
@@ -41,22 +48,24 @@ def crate_of(files: Mapping[str, bytes], origin: Origin, *, day: str | None = No
     """
     report = files.get("report.md", b"").decode()
     kind = _kind(report)
-    shown = {unquote(path): _read(words) for words, path in _FIGURE.findall(report)}
+    shown = {unquote(path): unescaped(words) for words, path in _FIGURE.findall(report)}
     parts = [_part(path, files[path], shown.get(path, "")) for path in sorted(files)]
     parts.append({"@id": ORIGIN, "@type": "File", "name": ORIGIN, "description": _WORDS[ORIGIN], "encodingFormat": _TYPES[".json"]})
     read = [
-        {"@id": f"#input-{i + 1}", "@type": "File", "name": PurePosixPath(path).name, "localPath": path, "sha256": digest}
+        {
+            "@id": f"#input-{i + 1}", "@type": "File", "name": PurePosixPath(path).name, "localPath": path, "encodingFormat": _type(path),
+            "sha256": digest,
+        }
         for i, (path, digest) in enumerate(origin.inputs.items())
     ]
-    versions = origin.versions.items()
-    tools: list[dict[str, Any]] = [{"@id": f"#{name}", "@type": "SoftwareApplication", "name": name, "version": number} for name, number in versions]
+    tools = [_tool(name, number) for name, number in origin.versions.items()]
     for tool in tools:
         if tool["name"] == "estim":
             tool["softwareRequirements"] = [{"@id": other["@id"]} for other in tools if other is not tool]
     root = {
         "@id": "./", "@type": "Dataset", "name": _title(report) or origin.line,
-        "description": f"{kind} Report and figures, made by: {origin.line}".strip(), "datePublished": day or _today(), "license": _LICENSE,
-        "hasPart": _named(parts), "mentions": {"@id": "#made"},
+        "description": f"{kind} Report and figures, made by: {origin.line}".strip(), "datePublished": day or _today(),
+        "license": {"@id": _LICENSE["@id"]}, "hasPart": _named(parts), "mentions": {"@id": "#made"},
     }
     if _SYNTHETIC.search(kind):
         root["keywords"] = "synthetic data"
@@ -65,7 +74,7 @@ def crate_of(files: Mapping[str, bytes], origin: Origin, *, day: str | None = No
         "result": _named(parts),
     }
     head = {"@id": CRATE, "@type": "CreativeWork", "conformsTo": {"@id": _SPECIFICATION}, "about": {"@id": "./"}}
-    return as_json({"@context": f"{_SPECIFICATION}/context", "@graph": [head, root, *parts, made, *tools, *read]})
+    return as_json({"@context": f"{_SPECIFICATION}/context", "@graph": [head, root, *parts, made, *tools, *read, _LICENSE]})
 
 
 def crate_troubles(read: Callable[[str], bytes | None], origin: Origin) -> list[str]:
@@ -94,8 +103,17 @@ def _part(path: str, data: bytes, shown: str) -> dict[str, Any]:
     words = shown or _WORDS.get(path, name.stem)
     return {
         "@id": quote(path, safe="/.-_+~", errors="surrogateescape"), "@type": "File", "name": name.name, "description": words,
-        "encodingFormat": _TYPES.get(name.suffix, "application/octet-stream"), "contentSize": str(len(data)), "sha256": sha256(data).hexdigest(),
+        "encodingFormat": _type(path), "contentSize": str(len(data)), "sha256": sha256(data).hexdigest(),
     }
+
+
+def _type(path: str) -> str:
+    return _TYPES.get(PurePosixPath(path).suffix.lower(), "application/octet-stream")
+
+
+def _tool(name: str, number: str) -> dict[str, Any]:
+    home = {"url": _HOMES[name]} if name in _HOMES else {}
+    return {"@id": f"#{name}", "@type": "SoftwareApplication", "name": name, "version": number, **home}
 
 
 def _named(entities: list[dict[str, Any]]) -> list[dict[str, str]]:
@@ -104,12 +122,7 @@ def _named(entities: list[dict[str, Any]]) -> list[dict[str, str]]:
 
 def _title(report: str) -> str:
     """The title as it is read."""
-    return _read(report.partition("\n")[0].removeprefix("# "))
-
-
-def _read(markdown: str) -> str:
-    """A line of Markdown without its escapes."""
-    return html.unescape(re.sub(r"\\([!-/:-@\[-`{-~])", r"\1", markdown)).replace("\u00a0", " ")
+    return unescaped(report.partition("\n")[0].removeprefix("# ")).replace("\u00a0", " ")
 
 
 def _kind(report: str) -> str:

@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from importlib.util import find_spec
+from importlib import import_module
 
 import click
 
 from estim.common import InputError
 
 _KEY = "estim.formats"
-_NEEDS = {"html": ("markdown_it", "markdown-it-py")}
+_BROWSER = "or print report.html with a browser"
+_NEEDS = {"html": ("markdown_it", "pip install markdown-it-py"), "pdf": ("weasyprint", f"pip install 'estim[pdf]'; {_BROWSER}")}
+
+_LIBRARIES = "Pango: docs/reports.md says where from"
 
 WRITTEN = frozenset(f"report.{name}" for name in _NEEDS)
 """Names of all files that can stand beside `report.md` and say the same."""
@@ -22,16 +25,20 @@ def _noted(context: click.Context, _option: click.Parameter, formats: tuple[str,
     Raises InputError, before anything is computed, where one cannot be made.
     """
     for name in formats:
-        module, package = _NEEDS[name]
-        if find_spec(module) is None:
-            raise InputError(f"needs a package that is not installed: pip install '{package}'", field="--format", value=name)
+        module, remedy = _NEEDS[name]
+        try:
+            import_module(module)
+        except ImportError:
+            raise InputError(f"needs the package {module}: {remedy}", field="--format", value=name) from None
+        except OSError:  # of a package that calls libraries of the system
+            raise InputError(f"needs libraries that {module} does not find ({_LIBRARIES}); {_BROWSER}", field="--format", value=name) from None
     context.meta[_KEY] = formats
     return formats
 
 
 FORMAT = click.option(
     "--format", "formats", type=click.Choice(list(_NEEDS)), multiple=True, expose_value=False, callback=_noted,
-    help="Beside report.md write report.html too: one file with all figures in it.",
+    help="Beside report.md: report.html, one file with all figures in it, or report.pdf; may be given twice.",
 )
 
 

@@ -124,6 +124,10 @@ def _compare(folder: Path, made: Path, origin: Origin) -> list[str]:
         if before is None or after is None:
             told.append(f"{name}: " + ("is missing" if before is None else "is not made any more"))
             continue
+        if name.endswith(".pdf"):
+            if before != after:
+                say(f"note: {name} is drawn otherwise now, as other fonts do: not compared")
+            continue
         found = differences(name, before, after)
         chance = [one for one in found if one.by_chance]
         if chance:

@@ -21,4 +21,10 @@ def _html(files: Files) -> bytes:
     return html_page(files)
 
 
-_MAKERS: dict[str, Callable[[Files], bytes]] = {"html": _html}
+def _pdf(files: Files) -> bytes:
+    from estim.reports.pdf_page import pdf_page
+
+    return pdf_page(files)
+
+
+_MAKERS: dict[str, Callable[[Files], bytes]] = {"html": _html, "pdf": _pdf}

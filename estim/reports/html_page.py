@@ -12,7 +12,7 @@ import struct
 from base64 import b64encode
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from html import escape, unescape
+from html import escape
 from importlib.resources import files as package_files
 from typing import TYPE_CHECKING, Any
 from urllib.parse import unquote
@@ -20,12 +20,13 @@ from urllib.parse import unquote
 from markdown_it import MarkdownIt
 from markdown_it.renderer import RendererHTML
 
+from estim.common import unescaped
+from estim.reports.markdown_tokens import END, FOLD, apart, arranged
+
 if TYPE_CHECKING:
     from markdown_it.token import Token
 
-_FOLD = re.compile(r"<details>\n<summary><b>([^\n]*)</b></summary>\s*")
-_NUMBER = 24  # marks
-_END = re.compile(r"</details>\s*")
+_NUMBER, _WIDE = 24, 7  # marks of a number on one line; columns of a table that is smaller on paper
 
 _POLICY = "default-src 'none'; style-src 'unsafe-inline'; img-src data:; base-uri 'none'; form-action 'none'"
 _PAGE = """<!DOCTYPE html>
@@ -54,6 +55,7 @@ _CONTENTS = """<nav aria-label="Contents">
 </nav>
 """
 _SWITCH = '<p class="all"><label><input type="checkbox" id="all"> open every part, for printing too</label></p>\n'
+_APPENDIX = "Appendix: parts that are folded on the page"
 _LEFT_OUT = '<p class="left-out">Parts that are folded on the page are not printed.</p>\n'
 
 
@@ -75,19 +77,21 @@ class _State:
     title: str = ""
     summary: str = ""
     n_table: int = 0
+    paper: bool = False
 
 
-def html_page(files: Mapping[str, bytes], *, lang: str = "en") -> bytes:
+def html_page(files: Mapping[str, bytes], *, lang: str = "en", paper: bool = False) -> bytes:
     """`report.html` of the files of a report (path -> bytes; `report.md` and the figures that it shows).
 
     lang : the language of the report (BCP 47), for what reads it aloud or hyphenates it.
+    paper : for a printer: nothing to open or to click, and what is folded stands open in an appendix that begins a page.
     """
-    state = _State(files)
+    state = _State(files, paper=paper)
     body = _rendered(files["report.md"].decode(), state)
     style = package_files("estim.reports").joinpath("templates", "page.css").read_text(encoding="utf-8")
-    folds = any(entry.folded for entry in state.entries)
+    folds = not paper and any(entry.folded for entry in state.entries)
     entries = "".join(f'<li><a href="#{entry.place}">{escape(entry.words)}</a></li>\n' for entry in state.entries)
-    contents = _CONTENTS.format(entries=entries, switch=_SWITCH if folds else "") if entries else ""
+    contents = _CONTENTS.format(entries=entries, switch=_SWITCH if folds else "") if entries and not paper else ""
     page = _PAGE.format(
         lang=escape(lang), policy=_POLICY, title=escape(state.title), style=style, contents=contents, body=body,
         left_out=_LEFT_OUT if folds else "",
@@ -97,55 +101,13 @@ def html_page(files: Mapping[str, bytes], *, lang: str = "en") -> bytes:
 
 def _rendered(text: str, state: _State) -> str:
     parser = MarkdownIt("commonmark", {"html": True}, renderer_cls=_Renderer).enable("table")
-    tokens = _arranged(parser.parse(text))
-    return str(parser.renderer.render(tokens, parser.options, {"state": state}))
-
-
-def _arranged(tokens: Sequence[Token]) -> list[Token]:
-    """The tokens with an image that stands alone as a figure, the italics below it as its caption, no part's title twice."""
-    left: list[Token] = []
-    i, summary = 0, ""
-    while i < len(tokens):
-        token = tokens[i]
-        if token.type == "html_block":
-            found = _FOLD.fullmatch(token.content)
-            summary = _words(found[1]) if found else ""
-        elif token.type == "heading_open":
-            if summary and tokens[i + 1].content == summary:
-                i, summary = i + 3, ""
-                continue
-            summary = ""
-        elif _alone(tokens, i, "image"):
-            captioned = _alone(tokens, i + 3, "em")
-            token.type, token.meta = "figure_open", {"captioned": captioned}
-            tokens[i + 2].type = "figure_image_close" if captioned else "figure_close"
-            if captioned:
-                tokens[i + 3].type, tokens[i + 5].type = "caption_open", "figure_close"
-                tokens[i + 5].meta = {"captioned": True}
-                inline = tokens[i + 4]
-                inline.children = (inline.children or [])[1:-1]
-                left += tokens[i : i + 6]
-                i += 6
-                continue
-        left.append(token)
-        i += 1
-    return left
-
-
-def _alone(tokens: Sequence[Token], i: int, kind: str) -> bool:
-    """Whether a paragraph begins at `i` that is one image, or all in italics."""
-    if i + 2 >= len(tokens) or tokens[i].type != "paragraph_open":
-        return False
-    inside = tokens[i + 1].children or []
-    if kind == "image":
-        return [one.type for one in inside] == ["image"]
-    ends = [k for k, one in enumerate(inside) if one.type == "em_close" and one.level == 0]
-    return bool(inside) and inside[0].type == "em_open" and ends == [len(inside) - 1]
-
-
-def _words(text: str) -> str:
-    """The title of a folded part as it is read."""
-    return unescape(re.sub(r"\\([!-/:-@\[-`{-~])", r"\1", text))
+    tokens, env = arranged(parser.parse(text)), {"state": state}
+    if not state.paper:
+        return str(parser.renderer.render(tokens, parser.options, env))
+    standing, folded = apart(tokens)
+    appendix = str(parser.renderer.render(folded, parser.options, env))
+    heading = f'<h2 class="appendix">{_APPENDIX}</h2>\n' if folded else ""
+    return str(parser.renderer.render(standing, parser.options, env)) + heading + appendix
 
 
 def _size(png: bytes) -> tuple[int, int]:
@@ -160,13 +122,15 @@ class _Renderer(RendererHTML):
     def html_block(self, tokens: Sequence[Token], i: int, options: Any, env: Any) -> str:
         state: _State = env["state"]
         content = tokens[i].content
-        if found := _FOLD.fullmatch(content):
-            state.summary = _words(found[1])
+        if found := FOLD.fullmatch(content):
+            state.summary = unescaped(found[1])
+            if state.paper:
+                return f"<section>\n<h2>{escape(state.summary)}</h2>\n"
             place = self._entry(state, state.summary, folded=True)
             return f'<details id="{place}">\n<summary><h2>{escape(state.summary)}</h2></summary>\n<div class="part">\n'
-        if _END.fullmatch(content) and state.summary:
+        if END.fullmatch(content) and state.summary:
             state.summary = ""
-            return "</div>\n</details>\n"
+            return "</section>\n" if state.paper else "</div>\n</details>\n"
         return f"<p>{escape(content)}</p>\n"
 
     def html_inline(self, tokens: Sequence[Token], i: int, options: Any, env: Any) -> str:
@@ -217,8 +181,11 @@ class _Renderer(RendererHTML):
         return f'<a href="{escape(where)}">'
 
     def table_open(self, tokens: Sequence[Token], i: int, options: Any, env: Any) -> str:
-        env["state"].n_table += 1
-        return f'<div class="table" role="region" aria-label="Table {env["state"].n_table}" tabindex="0"><table>\n'
+        state: _State = env["state"]
+        state.n_table += 1
+        row = next(k for k in range(i, len(tokens)) if tokens[k].type == "tr_close")
+        kind = ' class="wide"' if sum(token.type == "th_open" for token in tokens[i:row]) >= _WIDE else ""
+        return f'<div class="table" role="region" aria-label="Table {state.n_table}" tabindex="0"><table{kind}>\n'
 
     def table_close(self, tokens: Sequence[Token], i: int, options: Any, env: Any) -> str:
         return "</table></div>\n"
