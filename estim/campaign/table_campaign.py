@@ -119,7 +119,7 @@ def _axes(file: Path, formula: Formula, choices: TableChoices, said: Sequence[st
     """x, y, u_x and u_y: as stated; else the column that the formula names and the column y, or the two that there are, and their columns u_NAME."""
     if is_tracker_file(file):
         if choices.y is None:
-            raise InputError("must name a column of the track: x or y (its axes), or x_m (distance along the motion, from the first point)", field="--y")
+            raise InputError("must name a column of the track: x or y (its axes), or x_m (along the motion, from its first point)", field="--y")
         units = {"t": "s", "t_s": "s", "frame": "1"}
         x, y = (Axis(column, "", units.get(column, "m")) for column in (choices.x or "t", choices.y))
         return x, y, choices.u_x, choices.u_y
