@@ -35,7 +35,7 @@ def test_commands_of_the_readme_run(project: Path, tmp_path: Path, monkeypatch: 
     for command in others:
         done = CliRunner().invoke(cli, shlex.split(command))
         assert (done.exit_code, done.output.partition("\n")[0]) == (0, "tea: ok"), done.output
-    refused = CliRunner().invoke(cli, shlex.split(others[0].replace("room + excess*exp(-t/tau)", "a + b*t").replace('--start tau="10 min"', "")))
+    refused = CliRunner().invoke(cli, shlex.split(others[0].replace("c + a*exp(-t/tau)", "a + b*t").replace("--start tau=10", "")))
     assert (refused.exit_code, refused.output.partition("\n")[0]) == (3, "tea: poor-fit"), "the README says so of a straight line"
 
 
