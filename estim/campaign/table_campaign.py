@@ -188,7 +188,6 @@ def _check_parameters(formula: Formula, choices: TableChoices, starts: Mapping[s
     if missing and not sought:
         cure = " ".join(f"--start {name}=1" for name in missing)
         rule = f"must give {' and '.join(missing)} a starting value of the right sign and size, for example {cure} (or --value for one that is known)"
-        rule += "" if formula.uses_x else "; the column of x is called x in the formula, or by its name"
         raise InputError(rule, field="--start")
 
 
