@@ -277,3 +277,19 @@ def test_what_needs_a_dense_matrix_keeps_its_limit(table: Path) -> None:
     with pytest.raises(InputError, match="'rows' must be between 3 and 3000 where x has errors: say every = 2"):
         campaign_of_table(table, TableChoices(formula="a*x", u_y="0.1", u_x="0.1"))
     campaign_of_table(table, TableChoices(formula="a*x", u_y="0.1", u_x="0.1", every=2))
+
+
+def test_a_word_of_the_columns_name_may_stand_for_x(tmp_path: Path) -> None:
+    rows = "".join(f"{x},{2.0 * np.sqrt(x / 9.8):.4f}\n" for x in range(1, 12))
+    (tmp_path / "p.csv").write_text(f"rod length l (m),10 periods (s)\n{rows}")
+    for said, column in (({}, "rod length l (m)"), ({"x": "rod length l", "y": "10 periods"}, "rod length l")):
+        choices = TableChoices(formula="2*sqrt(l/g)", start={"g": "1"}, **said)
+        assert f'x = {{column = "{column}", name = "rod length l", unit = "m"}}' in text_of_table(tmp_path / "p.csv", choices)
+        assert campaign_of_table(tmp_path / "p.csv", choices).problem(["p"]).names[0] == "g"
+
+
+def test_a_track_without_a_column_of_y_is_told_which_there_are(tmp_path: Path) -> None:
+    (tmp_path / "a.trk").write_text(trk(point_mass("A", {n: (100.0 + n * n, 150.0) for n in range(8)})))
+    with pytest.raises(InputError, match=r"'--y' must name a column of the track: x or y .* or x_m"):
+        campaign_of_table(tmp_path / "a.trk", TableChoices(formula="a + b*t"))
+    assert campaign_of_table(tmp_path / "a.trk", TableChoices(formula="a + b*t", y="x_m")).problem(["a"]).n_obs == 8
