@@ -42,13 +42,13 @@ from estim.campaign.curve_tables import (
 )
 from estim.campaign.dialect_table import DialectKeys, dialect_of
 from estim.campaign.noise_models import Candidate
-from estim.campaign.own_curve_counts import check_counts, count_columns
+from estim.campaign.own_curve_counts import check_counts, count_columns, is_density
 from estim.campaign.own_curve_lacks import order_columns, refuse_lacks
 from estim.campaign.own_curve_models import is_to_be_found, read_curve, started_runs, unknown_of, within_limits
 from estim.campaign.own_curve_points import MIN_ROWS, CurvePoints
 from estim.campaign.track_table import choices_of
 from estim.common import InputError
-from estim.curves import MAX_OBS, AxisNames, BareFormula, Component, DistortedCurve, Formula, ModelSum, Unstarted
+from estim.curves import MAX_OBS, AxisNames, BareFormula, Component, DistortedCurve, Formula, ModelSum, Unstarted, units_of
 from estim.deviation import BadFrames, ForceSize
 from estim.explanation import Suspects
 from estim.fitting import Fit, fit_lacking, fit_optimum, information, is_resolved, no_scatter, silent_parameters
@@ -66,6 +66,7 @@ class CurveStudy:
     table: CurveTable
     runs: tuple[CurveRunTable, ...]
     asked: Unstarted
+    units: Mapping[str, str]
 
     @property
     def formula(self) -> str:
@@ -253,12 +254,12 @@ class CurveStudy:
         for path, table, suffix in levels:
             if name in table:
                 written = [entry for entry in declared if isinstance(entry, ParameterTable)]
-                unit = next((entry.unit for entry in written if entry.unit is not None), "1")
+                unit = next((entry.unit for entry in written if entry.unit is not None), self.units.get(name, "1"))
                 meaning = next((entry.meaning for entry in written if entry.meaning is not None), "parameter of the curve")
                 source = self._read(table[name], (*path, name))
                 return source if isinstance(source, float) else Parameter(name + suffix, unit, source, meaning)
         if isinstance(self.asked, ModelSum):
-            return Parameter(name, "1", unknown_of(self.asked, name, None), "parameter of the curve")
+            return Parameter(name, self.units.get(name, "1"), unknown_of(self.asked, name, None), "parameter of the curve")
         rule = f"is missing for run '{run.name}': say it under [curve.parameters] or [runs.parameters], as {name} = {{start = 1.0}}, or {name} = {{}}"
         raise self.source.places.error(rule, ("curve", "parameters"), field=name)
 
@@ -303,7 +304,8 @@ def read_curve_study(source: CampaignFile, written_curve: OwnCurve, *, only: str
     formula = with_variable(source, formula, x, table, runs)
     check_parameters(source, formula, table, runs)
     axes = AxisNames(x.name or x.column, x.unit, y.name or y.column, y.unit)
-    study = CurveStudy(source, formula, axes, table, runs, BareFormula(formula) if named is None else named)
+    units = units_of(formula, axes, formula.names, density=is_density(table))
+    study = CurveStudy(source, formula, axes, table, runs, BareFormula(formula) if named is None else named, MappingProxyType(units))
     return study, MappingProxyType({run.name: _read_run(study, run) for run in runs if only in (None, run.name)})
 
 

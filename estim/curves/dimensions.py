@@ -24,10 +24,15 @@ _X, _Y = "(x)", "(y)"
 _MOST_DIGITS = 1000  # of the denominator of an exponent
 
 
-def dimensions_of(formula: Formula) -> dict[str, Dimension]:
-    """Name -> unit of each parameter that the formula determines."""
+def dimensions_of(formula: Formula, *, density: bool = False, strict: bool = False) -> dict[str, Dimension]:
+    """Name -> unit of each parameter that the formula determines.
+
+    density : whether the whole has the unit of y over that of x.  strict : nothing where an equation contradicts another.
+    """
     system = _System()
-    system.equal(_dimension(formula.tree, system), {_Y: Fraction(1)})
+    system.equal(_dimension(formula.tree, system), {_Y: Fraction(1), **({_X: Fraction(-1)} if density else {})})
+    if strict and system.contradicted:
+        return {}
     found = {name: system.reduced({name: Fraction(1)}) for name in formula.names}
     return {name: (float(row.get(_X, 0)), float(row.get(_Y, 0))) for name, row in found.items() if not set(row) - {_X, _Y}}
 
@@ -38,6 +43,7 @@ class _System:
 
     solved: dict[str, _Row] = field(default_factory=dict)
     made: int = 0
+    contradicted: bool = False
 
     def fresh(self) -> _Row:
         self.made += 1
@@ -55,6 +61,7 @@ class _System:
         row = self.reduced(_sum(left, right, Fraction(-1)))
         unknown = next((name for name in row if name not in (_X, _Y)), None)
         if unknown is None:
+            self.contradicted |= bool(row)
             return
         factor = row.pop(unknown)
         self.solved[unknown] = {name: -share / factor for name, share in row.items()}
