@@ -72,6 +72,23 @@ def test_what_the_data_leave_as_it_was_is_no_result(rng: np.random.Generator) ->
     assert "(stated 0.193 ± 0.010)" in screen.left
 
 
+def test_what_to_mind_is_what_limits_most_and_a_force_that_is_sure() -> None:
+    result = fitted()[1]
+    assert result.budget is not None
+    assert result.deviation is not None
+    (budget, force), symbol = (result.budget["kappa[heavy]"], result.deviation["heavy-04"]), "are tied"
+
+    def minds(share: float, probability: float) -> str:
+        limited = msgspec.structs.replace(budget, sources=[msgspec.structs.replace(budget.sources[0], share=share), *budget.sources[1:]])
+        sure = msgspec.structs.replace(force, probability=probability)
+        return "; ".join(first_screen(msgspec.structs.replace(result, budget={"kappa[heavy]": limited}, deviation={"heavy-04": sure})).minds)
+
+    assert symbol in minds(0.51, 0.9)
+    assert symbol not in minds(0.49, 0.9)
+    assert "the curve lacks a force" in minds(0.51, 0.96)
+    assert "the curve lacks a force" not in minds(0.51, 0.94)
+
+
 def standard(rng: np.random.Generator) -> np.ndarray:
     draws = rng.standard_normal(4000)
     return (draws - draws.mean()) / draws.std(ddof=1)
@@ -150,6 +167,10 @@ def test_results_are_copied_as_siunitx_reads_them(rng: np.random.Generator) -> N
     assert copies.table.splitlines()[1] == "quantity,value,u,low_95,high_95,unit,measured"
     assert copies.table.splitlines()[2].startswith("tau,2.07,0.05,1.9")
     assert copies.table.splitlines()[3].endswith(",,no")
+    tilt = Estimate(Notation("φ", "°", 180.0 / np.pi).label("rad"), summary(np.radians(4.0 + 0.25 * standard(rng))), "", True)
+    symbol, value, u, low, high, *rest = copies_of([tilt]).table.splitlines()[2].split(",")
+    assert (symbol, value, u, rest) == ("φ", "4", "0.25", ["°", "yes"])
+    assert (float(low), float(high)) == pytest.approx((3.51, 4.49), abs=0.03)
 
 
 @pytest.mark.parametrize(

@@ -13,9 +13,9 @@ from typing import TYPE_CHECKING
 import click
 
 from estim.cli.formats import FORMAT, chosen
-from estim.cli.options import NO_FIGURES, SEED, STEPS
+from estim.cli.options import JOBS, NO_FIGURES, SEED, STEPS
 from estim.cli.origin import note_of_others
-from estim.cli.terminal import NOT_OK, counted, report_at, say, write_report
+from estim.cli.terminal import NOT_OK, counted, report_at, say, write_files, write_report
 from estim.common import InputError
 
 if TYPE_CHECKING:
@@ -45,7 +45,7 @@ def cluster(address: str | None) -> Iterator[Executor | None]:
 
 @click.command()
 @click.argument("paths", nargs=-1, required=True, metavar="CAMPAIGN|FOLDER...", type=click.Path(path_type=Path))
-@click.option("--jobs", type=click.IntRange(min=1), help="Processes.  [default: one for each core]")
+@JOBS
 @click.option("--shard", metavar="I/N", help="Every N-th run only, from the I-th, for job arrays.  At the end once more without, with --resume.")
 @click.option("--scheduler", metavar="ADDRESS", help="A Dask cluster does the work: the address of its scheduler (extra `dask`).")
 @click.option("--reports", is_flag=True, help="A whole report for each run, with figures, in place of result.json alone.")
@@ -66,11 +66,13 @@ def batch(
     what scatters and what stands apart, and a figure (docs/batch.md).  Exit code 3: some run is not ok.
     """
     from estim.batch import Settings, run_batch, shard_of, units_of
-    from estim.reports import batch_line, batch_report, full_files, lean_files
+    from estim.reports import batch_line, batch_report, batch_times, full_files, lean_files
     from estim.sampling import only_writer
 
     units = shard_of(units_of(path.resolve() if scheduler else path for path in paths), shard)  # a worker elsewhere has another working folder
-    kind, written = ("-".join(("report", *chosen())), partial(full_files, formats=chosen())) if reports else ("result", lean_files)
+    figures, formats = not no_figures, chosen()
+    kind = "-".join(("report", *formats, *(() if figures else ("without figures",)))) if reports else "result"
+    written = partial(full_files, figures=figures, formats=formats) if reports else lean_files
     settings, processes = Settings(kind, seed, max_steps), jobs or os.cpu_count() or 1
     lock = ".batch" if shard is None else f".batch-{shard.replace('/', '-of-')}"
     with only_writer(out / lock), cluster(scheduler) as executor, counted("batch", len(units), unit="run") as progress:
@@ -81,6 +83,7 @@ def batch(
         note_of_others(row.inputs)
     place = out if shard is None else out / f"shard-{shard.replace('/', '-of-')}"
     write_report(place, batch_report(rows, figures=not no_figures), within=out)
+    write_files(place, batch_times(rows), within=out)
     for row in rows:
         if row.error:
             say(f"error: {row.run}: {row.error}" if row.run else f"error: {row.error}", err=True)

@@ -11,7 +11,7 @@ from pathlib import Path
 import click
 
 from estim.cli.formats import FORMAT
-from estim.cli.options import JOINT, NO_FIGURES, OUT, RUNS, SEED
+from estim.cli.options import JOBS, JOINT, NO_FIGURES, OUT, RUNS, SEED
 from estim.cli.terminal import NOT_OK, conclude, counted, groups_of, report_at, say, write_report
 from estim.common import Stream, decide, stream
 
@@ -22,7 +22,7 @@ from estim.common import Stream, decide, stream
 @JOINT
 @click.option("--simulations", type=click.IntRange(min=20), default=200, show_default=True, help="Simulated campaigns for each question.")
 @click.option("--what", type=click.Choice(["sbc", "coverage", "both"]), default="both", show_default=True, help="Truths from the priors, or the fit.")
-@click.option("--jobs", type=click.IntRange(min=1), help="Processes.  [default: one for each core]")
+@JOBS
 @OUT
 @SEED
 @NO_FIGURES

@@ -25,7 +25,7 @@ from estim.cli.line import line
 from estim.cli.mapping import map_motions
 from estim.cli.models import compare_models
 from estim.cli.new import new_campaign
-from estim.cli.options import JOINT, NO_FIGURES, OUT, RUNS, SEED, STEPS
+from estim.cli.options import JOBS, JOINT, NO_FIGURES, OUT, RUNS, SEED, STEPS
 from estim.cli.origin import Ledger
 from estim.cli.planning import plan_next
 from estim.cli.propagating import say_propagated
@@ -46,6 +46,7 @@ from estim.cli.terminal import (
 from estim.cli.verifying import diff, verify
 from estim.cli.weighing import say_bodies
 from estim.common import InputError, Stream, asked_to_stop, ended_by_signals, stream
+from estim.lean_imports import import_lean
 
 if TYPE_CHECKING:
     from estim.pipeline import Analysis
@@ -60,7 +61,8 @@ if TYPE_CHECKING:
 def cli() -> None:
     """Uncertainties and Bayesian parameter estimation for lab experiments.
 
-    Start with `estim fit CAMPAIGN`: a campaign is one TOML file that says what was measured (docs/campaign.md).
+    Start with a table, estim fit data.csv --formula "a*exp(-x/tau) + c" --start tau=2, or with a campaign, one TOML file that
+    says what was measured: estim new NAME --from data.csv, then estim fit NAME.toml (docs/README.md).
     """
     context = click.get_current_context()
     context.obj = context.with_resource(Ledger())
@@ -187,15 +189,16 @@ def energy(campaign: Path, runs: tuple[str, ...], joint: bool, max_steps: int, o
 @cli.command()
 @click.argument("campaign", type=click.Path(path_type=Path))
 @STEPS
+@JOBS
 @OUT
 @SEED
 @NO_FIGURES
 @FORMAT
-def reanalyse(campaign: Path, max_steps: int, out: Path | None, seed: int, no_figures: bool) -> None:
+def reanalyse(campaign: Path, max_steps: int, jobs: int | None, out: Path | None, seed: int, no_figures: bool) -> None:
     """Everything that CAMPAIGN says, in one report.
 
     The theta_min line, each run by itself, the runs of each body together, energies, the propagated band beside the
-    posterior band, and published numbers beside reanalysed ones.
+    posterior band, and published numbers beside reanalysed ones.  The numbers are the same for any number of --jobs.
     """
     from estim.campaign import load_campaign
     from estim.reports import reanalysis_lines, reanalysis_report
@@ -205,7 +208,8 @@ def reanalyse(campaign: Path, max_steps: int, out: Path | None, seed: int, no_fi
 
     loaded = load_campaign(campaign)
     loaded.study.require_body()
-    result = run_reanalysis(loaded, seed=seed, target=Target(max_step=max_steps), progress_of=lambda what: announced(what))
+    processes = jobs or os.cpu_count() or 1
+    result = run_reanalysis(loaded, seed=seed, target=Target(max_step=max_steps), progress_of=announced, jobs=processes)
     folder = out or Path("out") / campaign.resolve().parent.name
     write_report(folder, reanalysis_report(result, voice=Voice.COMMANDS, figures=not no_figures))
     said = reanalysis_lines(result)
@@ -279,6 +283,7 @@ def main() -> None:
     """Entry point: one line on stderr and an exit code in place of a traceback; no warnings of NumPy, about which a user can do nothing."""
     if not sys.warnoptions:
         warnings.simplefilter("ignore")
+    import_lean()
     os.environ["MPLBACKEND"] = "agg"  # figures are files, whatever a user's sessions draw on
     sys.exit(exit_code(_run))
 

@@ -7,7 +7,6 @@ import shlex
 import sys
 from collections.abc import Mapping
 from dataclasses import replace
-from importlib.metadata import version
 
 import click
 
@@ -44,6 +43,8 @@ def note_of_others(inputs: Mapping[str, str]) -> None:
 
 def with_origin(files: Mapping[str, bytes], part: str) -> dict[str, bytes]:
     """`files` of a report, the formats asked for, `origin.json` and the description for archives, where a command is under way."""
+    from importlib.metadata import version
+
     context = click.get_current_context(silent=True)
     ledger = None if context is None else context.find_object(Ledger)
     if context is None or ledger is None:

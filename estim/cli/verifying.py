@@ -9,7 +9,7 @@ import json
 import sys
 import tempfile
 from collections.abc import Iterator, Sequence
-from pathlib import Path
+from pathlib import Path, PurePosixPath
 from typing import Any
 
 import click
@@ -45,6 +45,8 @@ def verify(report: Path, root: Path | None) -> None:
     say(f"recomputing: {origin.line}")
     with tempfile.TemporaryDirectory() as made:
         trouble = _recompute(origin, Path(made), place)
+        if not trouble and not (Path(made) / origin.part / ORIGIN).is_file():
+            trouble = "cannot be recomputed: the command makes no such report"
         moved = [trouble] if trouble else _compare(folder, Path(made) / origin.part, origin)
     for line in moved:
         say(line)
@@ -55,10 +57,17 @@ def verify(report: Path, root: Path | None) -> None:
 
 
 def _check_command(origin: Origin, folder: Path) -> None:
-    """Raises InputError unless the command is one that makes a report, in a folder that is not its own choice: the origin may be somebody else's."""
+    """Raises InputError unless the command is one that makes a report, in a folder that is not its own choice: the origin may be somebody else's.
+
+    Nor may its part and outputs lead out of what the command makes: the report could be compared with itself.
+    """
     named = [word for word in origin.command[1:] if word.startswith(_CHOICES_OF_PLACE)]
     if not origin.command or origin.command[0] not in _MAKING_REPORTS or named:
         raise InputError("must name a command that makes a report, and no place", field="command", value=origin.line, file=str(folder / ORIGIN))
+    for field, places in (("part", [origin.part]), ("outputs", origin.outputs)):
+        for place in places:
+            if PurePosixPath(place).is_absolute() or ".." in PurePosixPath(place).parts or Path(place).is_absolute():
+                raise InputError("must lie within what the command writes", field=field, value=place, file=str(folder / ORIGIN))
 
 
 def _root_of(folder: Path, origin: Origin) -> Path:
@@ -109,6 +118,7 @@ def _compare(folder: Path, made: Path, origin: Origin) -> list[str]:
     others = {name: (old, now.versions.get(name)) for name, old in origin.versions.items() if now.versions.get(name) != old}
     told += [f"note: made with {name} {old}, recomputed with {new}" for name, (old, new) in others.items()]
     n_before = len(told)
+    told += [f"{name}: is made now, and {ORIGIN} does not name it" for name in now.outputs if name not in origin.outputs]
     for name in (name for name in origin.outputs if name != CRATE):  # it only describes the others
         before, after = (read_file(place / name, at_most=_LARGEST, within=place) for place in (folder, made))
         if before is None or after is None:
@@ -151,6 +161,8 @@ def diff(first: Path, second: Path) -> None:
         say(f"{one.name}: {values}{unit}, moved by {one.shift:+.2f} sd, sd x {one.ratio:.2f}")
     if len(pair.estimates) > len(far):
         say(f"{len(pair.estimates) - len(far)} estimates moved by at most {_FAR} sd, their sds by at most 10 %")
+    if pair.others:
+        say(f"other entries that differ: {_listed(pair.others)}")
     for what, names in (("the first alone has", pair.lost), ("the second alone has", pair.gained)):
         if names:
             say(f"{what}: {_listed(names)}")

@@ -12,7 +12,7 @@ from estim.reports.html_page import html_page
 
 
 def pdf_page(files: Mapping[str, bytes], *, lang: str = "en") -> bytes:
-    """`report.pdf` of the files of a report (path -> bytes).  lang : its language (BCP 47).  Raises ImportError without the extra `pdf`."""
+    """`report.pdf` of the files of a report (path -> bytes).  lang : the language of the report (BCP 47).  ImportError without the extra `pdf`."""
     from weasyprint import HTML, URLFetcher
 
     page = html_page(files, lang=lang, paper=True).decode()
