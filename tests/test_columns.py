@@ -188,3 +188,15 @@ def test_the_tables_of_other_people_are_read(real_files: list[Path]) -> None:
     destroyed, named = shared / "tracker" / "halfpipe" / "Klipp5.csv", Dialect(columns=("t", "x", "y", "v", "a"))
     with pytest.raises(InputError, match="decimal points and others with commas"):
         read_columns(destroyed, needed=("t", "y"), min_rows=3, shown_as="n", dialect=named)
+
+
+def test_uncertainties_in_another_unit_than_their_column_are_refused(tmp_path: Path) -> None:
+    def table(head: str, **said):
+        (tmp_path / "a.csv").write_text(f"{head}\n1,2,3\n4,5,6\n")
+        return read_columns(tmp_path / "a.csv", needed=("t", "y", "u_y"), min_rows=2, shown_as="a.csv", dialect=Dialect(**said))
+
+    for head, said in (("t,y [V],u_y [mV]", {}), ("x,x,x", {"columns": ("t", "y (V)", "u_y (%)")}), ("t,y,u_y\ns,V,mV", {})):
+        with pytest.raises(InputError, match=r"a\.csv(:[12])?: 'u_y' must be in the unit of 'y', V; write it in that unit, or name the columns"):
+            table(head, **said).require_unit("u_y", "y")
+    for head, said in (("t,y [V],u_y [V]", {}), ("t,y [V],u_y", {}), ("t,y,u_y [V]", {}), ("t,y [µm],u_y [um]", {}), ("t,y,u_y\ns,V,V", {})):
+        table(head, **said).require_unit("u_y", "y")

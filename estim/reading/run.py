@@ -45,6 +45,7 @@ class Run:
     facts : where an imported track comes from and how x was made of it, in words; also for a CSV made by `estim import`.
     tilt : rad, of an imported track against the x axis of its video, positive uphill; None where it is not known.
     left_out : how many rows of the file were left out by `without`.
+    interval : s between frames, of an imported run of a campaign; None of others.
     """
 
     name: str
@@ -56,6 +57,7 @@ class Run:
     facts: tuple[str, ...] = ()
     tilt: Quantity | None = None
     left_out: int = 0
+    interval: float | None = None
 
     @property
     def n_row(self) -> int:
@@ -138,10 +140,11 @@ def _imported(track: Imported, name: str) -> Run:
 
 
 def compare_intervals(runs: Mapping[str, Run]) -> dict[str, Run]:
-    """The same runs, by name, with a warning on each imported one whose frame interval is not that of most of them."""
+    """The same runs, by name, each imported one with its frame interval, and a warning where that is not the interval of most of them."""
     intervals = {name: float(np.median(np.diff(run.columns["t_s"]))) for name, run in runs.items() if run.facts and "t_s" in run.columns}
     odd = odd_intervals(intervals)
-    return {name: replace(run, warnings=(*run.warnings, odd[name])) if name in odd else run for name, run in runs.items()}
+    warnings = {name: (*run.warnings, odd[name]) if name in odd else run.warnings for name, run in runs.items()}
+    return {name: replace(run, warnings=warnings[name], interval=intervals.get(name)) for name, run in runs.items()}
 
 
 def _check_numbers(table: Table) -> None:
