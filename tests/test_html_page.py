@@ -124,7 +124,7 @@ def test_a_page_can_be_found_one_s_way_in(report: tuple[dict[str, bytes], Page])
 
 def test_html_ends_at_a_blank_line_in_every_report() -> None:
     """Else Markdown takes what follows a folded part for HTML (CommonMark 0.31, section 4.6)."""
-    body = {"n": 1, "counts": [], "synthetic": "", "seconds": 1.0, "quantities": "| a |", "bad": "| b |", "left": 0}
+    body = {"n": 1, "counts": [], "synthetic": "", "seconds": 1.0, "quantities": "| a |", "bad": "| b |", "left": 0, "odd": "| c |"}
     made = render("batch.md.j2", pictures=["figures/overview.png"], **body)
     assert "</details>" in made
     for text in (made, *(path.read_text() for path in (PROJECT / "reports").rglob("report.md"))):
@@ -266,4 +266,4 @@ def test_every_command_that_writes_a_report_has_formats() -> None:
         path.stem for path in (PROJECT / "estim" / "cli").glob("*.py")
         if any(isinstance(node, ast.Call) and ast.unparse(node.func) == "write_files" for node in ast.walk(ast.parse(path.read_text())))
     }
-    assert writing == {"commands", "importing", "new", "terminal"}  # draws.nc, what is no report, and `write_report`
+    assert writing == {"batching", "commands", "importing", "new", "terminal"}  # a batch's times, draws.nc, what is no report, and `write_report`
