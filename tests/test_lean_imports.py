@@ -61,6 +61,19 @@ except AttributeError as error: print("none" in str(error))
     assert lines[12:] == ["True", "True", "True"]
 
 
+def test_what_is_not_installed_is_missed_as_ever() -> None:
+    code = """
+import sys
+from estim import lean_imports
+lean_imports.import_lean()
+lean_imports.find_spec = lambda name: None
+sys.modules["pandas"] = None
+from lmfit.minimizer import HAS_PANDAS
+print(HAS_PANDAS)
+"""
+    assert said(code) == ["False"]
+
+
 @pytest.mark.parametrize("n_step", [120, 7])
 def test_our_normal_scores_are_those_of_arviz_to_the_last_bit(rng: np.random.Generator, n_step: int) -> None:
     """Ties (walkers that stay) and an odd number of draws included; scores without the mean of equal ranks would differ."""
