@@ -5,10 +5,7 @@ from __future__ import annotations
 import subprocess
 import sys
 
-import numpy as np
 import pytest
-
-from estim.sampling.diagnostics import effective_size, r_hat
 
 
 def said(code: str) -> list[str]:
@@ -72,17 +69,3 @@ from lmfit.minimizer import HAS_PANDAS
 print(HAS_PANDAS)
 """
     assert said(code) == ["False"]
-
-
-@pytest.mark.parametrize("n_step", [120, 7])
-def test_our_normal_scores_are_those_of_arviz_to_the_last_bit(rng: np.random.Generator, n_step: int) -> None:
-    """Ties (walkers that stay) and an odd number of draws included; scores without the mean of equal ranks would differ."""
-    from arviz_stats.base import array_stats
-
-    draws = np.round(np.cumsum(rng.standard_normal((3, n_step, 5, 2)), axis=1), 1)
-    draws[:, 3:5] = draws[:, 2:3]
-    hats = [array_stats.rhat(draws[..., i].reshape(3, -1), chain_axis=0, draw_axis=1) for i in range(2)]
-    np.testing.assert_array_equal(r_hat(draws), np.array(hats, dtype=float))
-    walkers = np.moveaxis(draws, 1, 2).reshape(-1, n_step, 2)
-    sizes = [array_stats.ess(walkers[..., i], chain_axis=0, draw_axis=1, method="bulk") for i in range(2)]
-    np.testing.assert_array_equal(effective_size(draws, "bulk"), np.array(sizes, dtype=float))

@@ -19,6 +19,7 @@ from estim.cli.batching import batch
 from estim.cli.calibrating import calibrate
 from estim.cli.causes import say_causes, with_causes
 from estim.cli.comparing import compare as compare_noise
+from estim.cli.formats import FORMAT
 from estim.cli.importing import import_run
 from estim.cli.line import line
 from estim.cli.mapping import map_motions
@@ -60,7 +61,8 @@ if TYPE_CHECKING:
 def cli() -> None:
     """Uncertainties and Bayesian parameter estimation for lab experiments.
 
-    Start with `estim fit CAMPAIGN`: a campaign is one TOML file that says what was measured (docs/campaign.md).
+    Start with a table, estim fit data.csv --formula "a*exp(-x/tau) + c" --start tau=2, or with a campaign, one TOML file that
+    says what was measured: estim new NAME --from data.csv, then estim fit NAME.toml (docs/README.md).
     """
     context = click.get_current_context()
     context.obj = context.with_resource(Ledger())
@@ -74,6 +76,7 @@ def cli() -> None:
 @OUT
 @SEED
 @NO_FIGURES
+@FORMAT
 @curve_options
 @click.option(
     "--marginal/--full", default=None, help="Sample a joint fit through the marginal over its runs, or all unknowns at once.  "
@@ -153,6 +156,7 @@ def fit(
 @OUT
 @SEED
 @NO_FIGURES
+@FORMAT
 def energy(campaign: Path, runs: tuple[str, ...], joint: bool, max_steps: int, out: Path | None, seed: int, no_figures: bool) -> None:
     """Check the energy along the runs of CAMPAIGN: how much is lost, and is the loss steady?"""
     from estim.campaign import load_campaign
@@ -189,6 +193,7 @@ def energy(campaign: Path, runs: tuple[str, ...], joint: bool, max_steps: int, o
 @OUT
 @SEED
 @NO_FIGURES
+@FORMAT
 def reanalyse(campaign: Path, max_steps: int, jobs: int | None, out: Path | None, seed: int, no_figures: bool) -> None:
     """Everything that CAMPAIGN says, in one report.
 
@@ -230,6 +235,7 @@ def simulate(design: Path, out: Path) -> None:
 @click.argument("file", type=click.Path(path_type=Path))
 @OUT
 @SEED
+@FORMAT
 def body(file: Path, out: Path | None, seed: int) -> None:
     """Mass, gamma, kappa and rho of the bodies in FILE (a campaign, or bodies alone) from their parts, with a budget."""
     say_bodies(file, out or Path("out") / file.resolve().parent.name / "body", seed=seed)
@@ -240,6 +246,7 @@ def body(file: Path, out: Path | None, seed: int) -> None:
 @OUT
 @SEED
 @NO_FIGURES
+@FORMAT
 def propagate(file: Path, out: Path | None, seed: int, no_figures: bool) -> None:
     """Uncertainty of a measurement model FILE: the GUM and Monte Carlo side by side, with a budget (docs/propagation.md)."""
     _exit_unless(say_propagated(file, out or Path("out") / file.stem, seed=seed, figures=not no_figures))
