@@ -8,11 +8,11 @@ import sys
 from collections.abc import Mapping
 from dataclasses import dataclass
 from importlib.metadata import version
-from pathlib import Path
+from pathlib import Path, PurePosixPath
 
 import click
 
-from estim.common import InputError, as_json, code, inputs_read, read_file
+from estim.common import EstimError, InputError, as_json, code, inputs_read, read_file
 
 ORIGIN = "origin.json"
 _SCHEMA = "estim-origin/1"
@@ -100,6 +100,20 @@ def _option(option: click.Option, value: object) -> list[str]:
         return [chosen[-1]] if chosen else []
     values = value if isinstance(value, tuple) and option.multiple else (value,)
     return [text for item in values if item is not None for text in (option.opts[-1], str(item))]
+
+
+def written_before(folder: Path) -> dict[str, str]:
+    """Files of the report that stands in `folder`, with their digests; none where none of ours does."""
+    try:
+        outputs = read_origin(folder).outputs
+    except EstimError:
+        return {}
+    return {name: digest for name, digest in outputs.items() if inside(name)}
+
+
+def inside(name: str) -> bool:
+    """Whether a path that somebody may have written leads no way out of its folder."""
+    return not (PurePosixPath(name).is_absolute() or Path(name).is_absolute() or ".." in PurePosixPath(name).parts)
 
 
 def read_origin(folder: Path) -> Origin:
