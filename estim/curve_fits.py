@@ -17,13 +17,13 @@ from estim.curves import (
     CurveProblem,
     DataSet,
     Plain,
-    called_by_name,
     join,
     of_data_set,
     pose_curve,
     provisional,
     refuse_quantities,
     started,
+    unstarted,
     without_units,
 )
 from estim.fitting import N_START
@@ -67,7 +67,7 @@ def fit_curves(
         seen = AxisNames() if axes is None else axes
         plain = without_units(Plain(points.x, points.y, points.u_x, points.u_y, own["start"], own["fixed"], own["bounds"], units or {}, seen))
         begin = {one: value for one, value in plain.start.items() if one not in plain.fixed}
-        named = called_by_name(curve, begin, plain.fixed, tied or {})
+        named = unstarted(curve, begin, plain.fixed, tied or {})
         limits = plain.bounds
         if named is not None:
             held, (begin, limits) = begin, provisional(named, begin, plain.bounds, own["priors"], {*plain.fixed, *(tied or {})})
@@ -77,7 +77,7 @@ def fit_curves(
                 bounds=limits, priors=own["priors"], errors=tuple(errors), units=plain.units, axes=plain.axes,
                 fixed=plain.fixed, noise=points.noise, derived=derived or {}, tied=tied or {},
             )
-            parts[name] = posed if named is None else started(replace(posed, called=named.text), named, held=held)
+            parts[name] = posed if named is None else started(replace(posed, called=named.called), named, held=held)
         except InputError as error:
             raise InputError(f"of data set '{name}' {error.rule}", field=error.field, value=error.value) from None
     if len({(part.axes.x_unit, part.axes.y_unit) for part in parts.values()}) > 1:

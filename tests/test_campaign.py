@@ -459,8 +459,8 @@ MISTAKES = {
         "[[runs]]\nname = \"h4\"", '[line]\nfile = "l.csv"\nbody = "x"\n[[runs]]\nname = "h4"', 'body = "x"',
         "'body' must name one of the bodies",
     ),
-    "syntax error": ('phi_deg = "4.0(4)"', "phi_deg = 4.0(4)", "phi_deg", "'campaign' is not valid TOML ("),
-    "key twice": ("g = 9.81", "g = 9.81\ng = 9.8", "g = 9.8\n", "'campaign' is not valid TOML ("),
+    "syntax error": ('phi_deg = "4.0(4)"', "phi_deg = 4.0(4)", "phi_deg", "'file' is not valid TOML ("),
+    "key twice": ("g = 9.81", "g = 9.81\ng = 9.8", "g = 9.8\n", "'file' is not valid TOML ("),
 }  # fmt: skip
 
 

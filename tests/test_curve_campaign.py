@@ -133,7 +133,7 @@ def test_shared_errors_are_one_parameter_of_all_runs(folder: Path, rng: np.rando
         ("tau = {start", "lambda_ = {start", r":10: 'lambda_' is not in the formula"),
         ("low = 0.0", "low = 3.0", r":10: 'tau' 'start' must lie within"),
         ("low = 0.0", "high = 3.0, low = 4.0", r":10: 'tau' 'low' must be below"),
-        ("start = 1.0, low", "low", r":10: 'tau' needs a 'start'"),
+        ("start = 1.0, low", "sd = 1.0, low", r":10: 'tau' 'sd' goes with a 'prior'"),
         ("start = 1.0, low", "stat = 1.0, low", r":10: 'stat' is not a known key here \(did you mean 'start'"),
         ("u_y = 0.02", "u_y = -0.02", r":7: 'u_y' must be > 0"),
         ("u_y = 0.02", "u_y = {column = \"none\"}", r"first.csv:1: '.*' is"),

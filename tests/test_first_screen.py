@@ -10,6 +10,7 @@ from pathlib import Path
 import msgspec
 import numpy as np
 import pytest
+from report_words import words
 
 from estim.campaign import load_campaign
 from estim.checks.cells import Estimate, is_measured, not_measured, p_sentence, result_table, screen_lines, stated_words, upper_limit
@@ -38,11 +39,6 @@ def fitted() -> tuple[Analysis, Result, str]:
     campaign = load_campaign(REPLICA)
     analysis = analyse(campaign, ["heavy-04"], seed=1, target=Target(ess=1000.0))
     return analysis, result_of(campaign, analysis), analysis_report(campaign, analysis, figures=False)["report.md"].decode()
-
-
-def words(text: str) -> list[str]:
-    """Those with two letters or more, neither of a figure nor of a link."""
-    return [word for word in re.sub(r"!\[[^\]]*\]\([^)]*\)|[*_#|`]", " ", text).split() if re.search(r"[^\W\d_]{2,}", word)]
 
 
 def pages(text: str) -> float:
@@ -249,6 +245,7 @@ def test_the_sample_report_prints_on_six_pages_and_publishes_nothing_that_was_pu
     report = (PROJECT / "reports" / "replica" / "report.md").read_text()
     before_figures = report.partition("![")[0]
     assert len(words(before_figures)) < 120
+    assert len(words(report.partition("<details>")[0])) < 120
     open_part = re.sub(r"<details>.*?</details>", "", report, flags=re.DOTALL)
     assert pages(open_part) + 2 * 0.8 < 6.0  # two figures, each less than a page
     published = report.partition("## Published and reanalysed")[2].partition("\n## ")[0]

@@ -13,6 +13,7 @@ import pytest
 from command_runner import runner
 
 from estim.cli.commands import cli
+from estim.cli.crate import CRATE
 from estim.common import InputError
 from estim.verification import compare_results, differences
 
@@ -185,7 +186,7 @@ def test_what_only_an_earlier_report_has_goes_with_it_unless_somebody_changed_it
     origin["outputs"] |= {"../elsewhere.csv": hashlib.sha256(b"old").hexdigest(), str(model / "elsewhere.csv"): hashlib.sha256(b"old").hexdigest()}
     (out / "origin.json").write_text(json.dumps(origin))
     assert run("propagate", "model.toml", "--out", "out", "--no-figures").exit_code == 0
-    assert sorted(path.name for path in out.iterdir()) == ["edited.csv", "mine.txt", "origin.json", "report.md", "result.json"]
+    assert sorted(path.name for path in out.iterdir()) == ["edited.csv", "mine.txt", "origin.json", "report.md", "result.json", CRATE]
     assert (model / "elsewhere.csv").exists()
     shutil.copy(model / "elsewhere.csv", out / "report.md")
     (out / "origin.json").write_text("{")  # no origin of ours says what is ours

@@ -12,7 +12,8 @@ from typing import TYPE_CHECKING
 
 import click
 
-from estim.cli.options import NO_FIGURES, SEED, STEPS
+from estim.cli.formats import FORMAT, chosen
+from estim.cli.options import JOBS, NO_FIGURES, SEED, STEPS
 from estim.cli.origin import note_of_others
 from estim.cli.terminal import NOT_OK, counted, report_at, say, write_files, write_report
 from estim.common import InputError
@@ -44,7 +45,7 @@ def cluster(address: str | None) -> Iterator[Executor | None]:
 
 @click.command()
 @click.argument("paths", nargs=-1, required=True, metavar="CAMPAIGN|FOLDER...", type=click.Path(path_type=Path))
-@click.option("--jobs", type=click.IntRange(min=1), help="Processes.  [default: one for each core]")
+@JOBS
 @click.option("--shard", metavar="I/N", help="Every N-th run only, from the I-th, for job arrays.  At the end once more without, with --resume.")
 @click.option("--scheduler", metavar="ADDRESS", help="A Dask cluster does the work: the address of its scheduler (extra `dask`).")
 @click.option("--reports", is_flag=True, help="A whole report for each run, with figures, in place of result.json alone.")
@@ -52,6 +53,7 @@ def cluster(address: str | None) -> Iterator[Executor | None]:
 @click.option("--out", type=click.Path(path_type=Path, file_okay=False), default=Path("out/batch"), show_default=True, help="Folder for the results.")
 @SEED
 @NO_FIGURES
+@FORMAT
 @click.option("--resume", is_flag=True, help="Keep the results that are there and were made from the same files, settings and versions.")
 def batch(
     paths: tuple[Path, ...], jobs: int | None, shard: str | None, scheduler: str | None, reports: bool, max_steps: int, out: Path, seed: int,
@@ -68,13 +70,14 @@ def batch(
     from estim.sampling import only_writer
 
     units = shard_of(units_of(path.resolve() if scheduler else path for path in paths), shard)  # a worker elsewhere has another working folder
-    kind = "result" if not reports else "report without figures" if no_figures else "report"
+    figures, formats = not no_figures, chosen()
+    kind = "-".join(("report", *formats, *(() if figures else ("without figures",)))) if reports else "result"
+    written = partial(full_files, figures=figures, formats=formats) if reports else lean_files
     settings, processes = Settings(kind, seed, max_steps), jobs or os.cpu_count() or 1
     lock = ".batch" if shard is None else f".batch-{shard.replace('/', '-of-')}"
     with only_writer(out / lock), cluster(scheduler) as executor, counted("batch", len(units), unit="run") as progress:
         rows = run_batch(
-            units, out.resolve(), report=partial(full_files, figures=not no_figures) if reports else lean_files, settings=settings, resume=resume,
-            jobs=processes, executor=executor, progress=progress,
+            units, out.resolve(), report=written, settings=settings, resume=resume, jobs=processes, executor=executor, progress=progress,
         )
     for row in rows:
         note_of_others(row.inputs)

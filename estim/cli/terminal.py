@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING
 
 import click
 
-from estim.cli.origin import with_origin, written_before
+from estim.cli.origin import with_origin
+from estim.cli.origin_record import written_before
 from estim.cli.output_streams import outlets
 from estim.common import (
     EstimError,
@@ -141,12 +142,13 @@ def write_report(folder: Path, files: Mapping[str, bytes], *, within: Path | Non
     """
     before, others = pictures_of(folder / "report.md", within=within or folder), written_before(folder)
     part = "" if within is None else folder.relative_to(within).as_posix()
-    write_files(folder, with_origin(files, "" if part == "." else part), within=within)
+    made = with_origin(files, "" if part == "." else part)
+    write_files(folder, made, within=within)
     remove_pictures(folder, before - {Path(path).name for path in files}, within=within or folder)
     for name, digest in others.items():
         with suppress(EstimError):  # what is no plain file is none of ours
             place = folder / name
-            if name not in files and sha256(read_file(place, at_most=_LARGEST, within=within or folder) or b"").hexdigest() == digest:
+            if name not in made and sha256(read_file(place, at_most=_LARGEST, within=within or folder) or b"").hexdigest() == digest:
                 remove_files(place.parent, [place.name], within=within or folder)
 
 

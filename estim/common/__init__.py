@@ -1,7 +1,7 @@
 """What every room may use: errors, quantities, labels and units, statuses, the one file that writes.  Read `statuses` and `kinds` first."""
 
 from estim.common.errors import EstimError, InputError, Interrupted, NumericalError, listed, shorten
-from estim.common.escaping import Markdown, as_json, code, destination, markdown, mathtext, one_line
+from estim.common.escaping import Markdown, as_json, code, destination, markdown, mathtext, one_line, unescaped
 from estim.common.interruption import asked_to_stop, ended_by_signals
 from estim.common.jobs import spread
 from estim.common.kinds import Kind, Status

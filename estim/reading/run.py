@@ -17,7 +17,15 @@ from numpy.typing import NDArray
 from estim.arrays import FloatArray
 from estim.common import InputError, Quantity
 from estim.reading.table import Table, read_table
-from estim.reading.tracker.importing import Choices, Imported, import_track, is_export_file, is_tracker_file, stated_tilt
+from estim.reading.tracker.importing import (
+    Choices,
+    Imported,
+    import_track,
+    is_export_file,
+    is_tracker_file,
+    refuse_bare_export,
+    stated_tilt,
+)
 from estim.reading.tracker.suspicion import odd_intervals
 from estim.reading.tracker.track import LEAST_STEP, MOST
 
@@ -93,13 +101,17 @@ class Run:
 def read_run(path: Path, *, name: str, shown_as: str | None = None, choices: Choices | None = None) -> Run:
     """The run in the file at `path`; `shown_as` is how messages and reports name the file.
 
-    A .trk, a .trz, a text export of Tracker, and any file for which there are `choices`, is imported (`importing`).
+    A .trk, a .trz, a text export of Tracker, and any file for which there are `choices`, is imported (`importing`).  Without
+    `choices` a table of `t` and `x` alone is refused, since nothing shows whether its x is counted from the release.
 
     Raises InputError with file, line, field, rule and value for anything that is not a table of finite numbers with
     known columns, one of `x_m` and `theta_rad` among them, and times that increase.
     """
     if choices is not None or is_tracker_file(path) or is_export_file(path):
-        return _imported(import_track(path, choices or Choices(), shown_as=shown_as or str(path)), name)
+        imported = import_track(path, choices or Choices(), shown_as=shown_as or str(path))
+        if choices is None and not is_tracker_file(path):
+            refuse_bare_export(path, shown_as or str(path))
+        return _imported(imported, name)
     table = read_table(path, known=COLUMNS, min_rows=_MIN_ROWS, shown_as=shown_as or str(path))
     names = set(table.columns)
     shown = ", ".join(table.columns)

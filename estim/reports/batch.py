@@ -18,6 +18,7 @@ from estim.common import as_json, format_rounded, table
 from estim.drawing import BLUE, GREY, INK, ORANGE, new_figure
 from estim.pipeline import Analysis
 from estim.reports.analysis import analysis_report
+from estim.reports.formats import with_formats
 from estim.reports.pages import page
 from estim.reports.rendering import render
 from estim.reports.result import Subject, result_of, to_json
@@ -37,9 +38,9 @@ def lean_files(campaign: Subject, analysis: Analysis) -> dict[str, bytes]:
     return {"result.json": to_json(result_of(campaign, analysis, voice=Voice.COMMANDS))}
 
 
-def full_files(campaign: Subject, analysis: Analysis, *, figures: bool = True) -> dict[str, bytes]:
+def full_files(campaign: Subject, analysis: Analysis, *, figures: bool = True, formats: Sequence[str] = ()) -> dict[str, bytes]:
     """The whole report of a run."""
-    return analysis_report(campaign, analysis, voice=Voice.COMMANDS, figures=figures)
+    return with_formats(analysis_report(campaign, analysis, voice=Voice.COMMANDS, figures=figures), formats)
 
 
 def batch_report(rows: Sequence[Row], *, figures: bool = True) -> dict[str, bytes]:
