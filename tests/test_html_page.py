@@ -256,4 +256,4 @@ def test_every_command_that_writes_a_report_has_formats() -> None:
         path.stem for path in (PROJECT / "estim" / "cli").glob("*.py")
         if any(isinstance(node, ast.Call) and ast.unparse(node.func) == "write_files" for node in ast.walk(ast.parse(path.read_text())))
     }
-    assert writing == {"commands", "importing", "new", "terminal"}  # draws.nc, what is no report, and `write_report`
+    assert writing == {"batching", "commands", "importing", "new", "terminal"}  # times.csv, draws.nc, what is no report, and `write_report`
