@@ -15,9 +15,6 @@ _NEEDS = {"html": ("markdown_it", "pip install markdown-it-py"), "pdf": ("weasyp
 
 _LIBRARIES = "Pango: docs/reports.md says where from"
 
-WRITTEN = frozenset(f"report.{name}" for name in _NEEDS)
-"""Names of all files that can stand beside `report.md` and say the same."""
-
 
 def _noted(context: click.Context, _option: click.Parameter, formats: tuple[str, ...]) -> tuple[str, ...]:
     """Keeps the formats with the command, so that nobody has to pass them on.
