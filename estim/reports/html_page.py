@@ -144,11 +144,10 @@ class _Renderer(RendererHTML):
             return "<h1>"
         place = self._entry(state, words, folded=False) if level == 2 and not state.summary else ""
         mark = f' id="{place}"' if place else ""
-        return f"<h{level + bool(state.summary)}{mark}>"
+        return f"<h{_level(tokens[i])}{mark}>"
 
     def heading_close(self, tokens: Sequence[Token], i: int, options: Any, env: Any) -> str:
-        level = int(tokens[i].tag[1])
-        return f"</h{level + bool(env['state'].summary) if level > 1 else 1}>\n"
+        return f"</h{_level(tokens[i])}>\n"
 
     def _entry(self, state: _State, words: str, *, folded: bool) -> str:
         place = f"part-{len(state.entries) + 1}"
@@ -203,6 +202,10 @@ class _Renderer(RendererHTML):
 
     def fence(self, tokens: Sequence[Token], i: int, options: Any, env: Any) -> str:
         return f'<pre tabindex="0"><code>{escape(tokens[i].content)}</code></pre>\n'
+
+
+def _level(heading: Token) -> int:
+    return int(heading.meta.get("level", heading.tag[1]))
 
 
 def _plain(token: Token) -> str:

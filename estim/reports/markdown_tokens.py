@@ -44,7 +44,23 @@ def arranged(tokens: Sequence[Token]) -> list[Token]:
                 continue
         left.append(token)
         i += 1
+    _levelled(left)
     return left
+
+
+def _levelled(tokens: Sequence[Token]) -> None:
+    """Notes with each heading of a folded part its level below the title of the part, which is of level 2."""
+    inside: list[Token] | None = None
+    for token in tokens:
+        if token.type == "html_block" and FOLD.fullmatch(token.content):
+            inside = []
+        elif token.type == "html_block" and inside is not None:
+            least = min((int(heading.tag[1]) for heading in inside), default=0)
+            for heading in inside:
+                heading.meta = {"level": int(heading.tag[1]) - least + 3}
+            inside = None
+        elif token.type in ("heading_open", "heading_close") and inside is not None:
+            inside.append(token)
 
 
 def apart(tokens: Sequence[Token]) -> tuple[list[Token], list[Token]]:
