@@ -27,6 +27,7 @@ _RUNAWAY = (
     "the walkers run away to infinity: neither the data nor a prior hold every parameter, so that no posterior exists to draw from; "
     "give limits (low, high) or a prior"
 )
+_FAR = 1e100  # beyond, in any unit
 _SPREAD = 1000  # draws of the whole chain that are computed again
 _SAME = 1e-8  # relative: the log density of the same draw in a batch of another size differs by rounding
 
@@ -76,8 +77,8 @@ class Walk:
         while self.n_step < n_step:
             try:
                 self._state = next(walk)
-            except ValueError as error:
-                if "infinite" not in str(error):
+            except ValueError:  # of emcee, where a walker is asked to go to infinity
+                if np.max(np.abs(self._state.coords)) < _FAR:
                     raise
                 raise NumericalError(_RUNAWAY) from None
             self.n_step += 1
