@@ -40,6 +40,7 @@ from estim.curves import (
     Plain,
     pose_curve,
     provisional,
+    refuse_quantities,
     started,
     unstarted,
     without_units,
@@ -120,6 +121,7 @@ def fit_curve(
     start, fixed = {} if start is None else start, {} if fixed is None else fixed
     bounds, priors = {} if bounds is None else bounds, {} if priors is None else priors
     tied, units, axes = {} if tied is None else tied, {} if units is None else units, AxisNames() if axes is None else axes
+    refuse_quantities(cov_y=cov_y, deviation=deviation, correlated=correlated)
     plain = without_units(Plain(x, y, u_x, u_y, start, fixed, bounds, units, axes))
     start, fixed, bounds = plain.start, plain.fixed, plain.bounds
     named = unstarted(curve, start, fixed, tied)

@@ -63,6 +63,7 @@ from estim.sampling import (
     marginal_chain,
     no_comparison,
     posterior_bands,
+    proposed_chain,
     sample_posterior,
     too_many,
 )
@@ -190,7 +191,7 @@ def analyse_fit(
         )
         certificate, chain, comparison = pair.certificate, pair.chain, pair.comparison
     else:
-        chain = sample_posterior(density, fit.values, fit.cov, target=target, rng=chain_rng, progress=progress, store=store, stop=stop)
+        chain = proposed_chain(density, _optima_of(fit), target=target, seed=seed, progress=progress, store=store, stop=stop)
         comparison = no_comparison(fit.names, too_many(problem.n_par, most))
     if progress is not None:
         progress(100, "checks")
@@ -236,9 +237,8 @@ def _through_marginal(fit: Fit) -> bool:
     if any(run.normal is None for run in fit.posterior.likelihoods):
         return False
     problem = fit.problem
-    slow = any(run.positions for run in problem.runs) and problem.n_par > MAX_PARAMETERS
     varying = any(p.between for p in problem.parameters)  # a spread and the shifts of the runs are hard for a chain, easy given each other
-    return len(problem.runs) > (1 if slow or varying else _MANY_RUNS)
+    return len(problem.runs) > 1 and (varying or problem.n_par > MAX_PARAMETERS)
 
 
 def sample_curve(fit: CurveFit, *, seed: int, target: Target | None = None, progress: Progress | None = None) -> Analysis:

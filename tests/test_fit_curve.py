@@ -258,6 +258,13 @@ def test_a_perfect_curve_is_no_reason_to_fail() -> None:
     assert "±" not in str(fit)
 
 
+def test_points_without_scatter_and_a_parameter_at_its_limit_are_no_reason_to_fail() -> None:
+    fit = fit_curve("gaussian + constant", T, np.ones(T.size))
+    assert fit.status == "ok"
+    assert "through every point" in fit.message
+    assert all(math.isnan(sd) for sd in fit.sds.values())
+
+
 @pytest.mark.slow
 def test_exact_points_with_stated_errors_can_be_sampled() -> None:
     x = np.linspace(0.0, 1.0, 5)

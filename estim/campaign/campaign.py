@@ -92,7 +92,7 @@ class Campaign:
 
     @property
     def _bodies(self) -> dict[str, str | None]:
-        return {name: self.study.body_of(name) for name in self.run_names}
+        return {name: self.study.body_of(name) for name in self.source.names}
 
     def fit(self, problem: Problem, *, rng: np.random.Generator) -> Fit:
         """The posterior mode of a problem of this campaign.  Raises InputError where the data determine none."""

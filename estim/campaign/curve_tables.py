@@ -49,6 +49,9 @@ class ReadingErrorTable(PriorKeys, forbid_unknown_fields=True, frozen=True, kw_o
     column: str | None = None
 
 
+_PRIOR = PriorKeys.__struct_fields__
+
+
 class RangeTable(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
     min: float | None = None
     max: float | None = None
@@ -128,6 +131,9 @@ def check_words(source: CampaignFile, table: CurveTable, runs: Sequence[CurveRun
         raise source.places.error("must name another column than x", ("curve", "y"), value=axes[1].column)
     levels: list[tuple[Place, CurveTable | CurveRunTable]] = [(("curve",), table), *((("runs", i), run) for i, run in enumerate(runs))]
     for path, level in levels:
+        for key, error in (("u_y", level.u_y), ("u_x", level.u_x)):
+            if isinstance(error, ReadingErrorTable) and error.column is not None and any(getattr(error, one) is not None for one in _PRIOR):
+                raise source.places.error("must be a 'column' or have a 'prior', not both", (*path, key))
         for name, entry in level.parameters.items():
             if isinstance(entry, ParameterTable):
                 for text, limits in ((entry.unit, _UNIT), (entry.meaning, _MEANING)):

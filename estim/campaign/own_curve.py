@@ -44,7 +44,7 @@ from estim.campaign.dialect_table import DialectKeys, dialect_of
 from estim.campaign.noise_models import Candidate
 from estim.campaign.own_curve_counts import check_counts, count_columns, is_density
 from estim.campaign.own_curve_lacks import order_columns, refuse_lacks
-from estim.campaign.own_curve_models import is_to_be_found, read_curve, started_runs, unknown_of
+from estim.campaign.own_curve_models import is_to_be_found, read_curve, started_runs, unknown_of, within_limits
 from estim.campaign.own_curve_points import MIN_ROWS, CurvePoints
 from estim.campaign.track_table import choices_of
 from estim.common import InputError
@@ -173,7 +173,7 @@ class CurveStudy:
 
     def require_body(self) -> None:
         """Raises InputError: there is no rolling body to speak of."""
-        raise self.source.places.error("has no rolling body, so only estim fit knows what to do with it", ("curve",))
+        raise self.source.places.error("has no rolling body, which this command is about", ("curve",))
 
     def require_complete(self, names: Sequence[str], command: str) -> None:
         """Raises InputError: what a user's own curve may lack is no business of commands that know rolling bodies."""
@@ -270,7 +270,9 @@ class CurveStudy:
     def _read(self, value: float | str | ParameterTable, path: Place) -> float | Prior:
         try:
             name = str(path[-1])
-            return unknown_of(self.asked, name, value) if is_to_be_found(self.asked, value) else source_of(value, name)
+            if is_to_be_found(self.asked, value):
+                return unknown_of(self.asked, name, value)
+            return source_of(within_limits(self.asked, name, value), name)
         except InputError as error:
             rule = error.rule if error.field in (None, path[-1]) else f"'{error.field}' {error.rule}"
             raise self.source.places.error(rule, path, value=error.value) from None
@@ -326,11 +328,11 @@ def _with_names(raw: Mapping[str, Any], places: Places, path: Place) -> dict[str
 def _read_run(study: CurveStudy, run: CurveRunTable) -> Run:
     index = study.runs.index(run)
     path, dialect = study.source.file_of(index), dialect_of(((("runs", index), run), (("curve",), study.table)), study.source.places)
-    errors = [entry for entry in (run.u_y, study.table.u_y) if entry is not None][:1]
-    errors += [entry for entry in (run.u_x, study.table.u_x) if entry is not None][:1]
-    columns = [entry.column for entry in errors if isinstance(entry, ReadingErrorTable) and entry.column is not None]
+    errors = [(entry, study.y_column) for entry in (run.u_y, study.table.u_y) if entry is not None][:1]
+    errors += [(entry, study.x_column) for entry in (run.u_x, study.table.u_x) if entry is not None][:1]
+    columns = [(entry.column, of) for entry, of in errors if isinstance(entry, ReadingErrorTable) and entry.column is not None]
     counted = [*([study.y_column] if study.y_column else []), *count_columns(study.table)]
-    needed = list(dict.fromkeys([study.x_column, *counted, *columns, *order_columns(study.table, run)]))
+    needed = list(dict.fromkeys([study.x_column, *counted, *(u for u, _ in columns), *order_columns(study.table, run)]))
     choices = choices_of(run) or (Choices() if is_tracker_file(path) else None)
     if choices is not None and any(getattr(run, key) is not None for key in DialectKeys.__struct_fields__):
         raise study.source.places.error("does not go with a file of Tracker, which says itself how it is written", ("runs", index), field="columns")
@@ -338,7 +340,8 @@ def _read_run(study: CurveStudy, run: CurveRunTable) -> Run:
         table = track_columns(path, choices, needed=needed, shown_as=str(path)) if choices is not None else read_columns(
             path, needed=needed, min_rows=MIN_ROWS, shown_as=str(path), dialect=dialect
         )
-    for column in columns:
+    for column, of in columns:
+        table.require_unit(column, of)
         if np.any(table.columns[column] <= 0.0):
             raise table.error("must be > 0", column, int(np.argmax(table.columns[column] <= 0.0)))
     return replace(run_of_table(table, run.name), warnings=of_any_curve(table.warnings))

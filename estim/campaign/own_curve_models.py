@@ -12,6 +12,8 @@ from __future__ import annotations
 from collections.abc import Collection, Sequence
 from dataclasses import replace
 
+import msgspec
+
 from estim.campaign.campaign_file import CampaignFile
 from estim.campaign.curve_tables import CurveTable, ParameterTable, refuse_keys
 from estim.common import InputError
@@ -48,6 +50,14 @@ def unknown_of(asked: Unstarted, name: str, entry: object) -> Flat:
     start, limits = provisional(asked, {}, {name: (low, high)}, (), ())
     low, high = limits[name]
     return Flat(float("-inf") if low is None else low, float("inf") if high is None else high, start[name])
+
+
+def within_limits(asked: Unstarted, name: str, entry: float | str | ParameterTable) -> float | str | ParameterTable:
+    """An entry with a start keeps to the limits of its model, where it states none itself."""
+    if not isinstance(entry, ParameterTable) or entry.start is None:
+        return entry
+    low, high = asked.limits.get(name, (None, None))
+    return msgspec.structs.replace(entry, low=low if entry.low is None else entry.low, high=high if entry.high is None else entry.high)
 
 
 def started_runs(

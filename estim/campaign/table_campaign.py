@@ -21,7 +21,6 @@ from estim.curves import Formula, called_by_name, linear_in, read_formula
 from estim.reading import Dialect, Layout, is_tracker_file, name_and_unit, no_names, numeric_columns, read_layout
 
 _SAID = "command line"
-_TRACK_COLUMNS = ("t", "x", "y")
 _ABSCISSAS = ("x", "t", "time")
 _WORD = re.compile(r"[^\s$|\\`][^$|\\`\n]{0,18}")
 
@@ -121,7 +120,7 @@ def _axes(file: Path, formula: Formula, choices: TableChoices, said: Sequence[st
     """x, y, u_x and u_y: as stated; else the column that the formula names and the column y, or the two that there are, and their columns u_NAME."""
     if is_tracker_file(file):
         if choices.y is None:
-            raise InputError(f"must name a column of the track: one of {', '.join(_TRACK_COLUMNS)}", field="--y")
+            raise InputError("must name a column of the track: x or y (its axes), or x_m (along the motion, from its first point)", field="--y")
         units = {"t": "s", "t_s": "s", "frame": "1"}
         x, y = (Axis(column, "", units.get(column, "m")) for column in (choices.x or "t", choices.y))
         return x, y, choices.u_x, choices.u_y
@@ -169,9 +168,10 @@ def _axis(wanted: str, layout: Layout) -> Axis:
     bare, stated = name_and_unit(wanted)
     if wanted not in layout.names and stated and bare in layout.names:
         return Axis(bare, "", stated)
-    place = next((i for i, name in enumerate(layout.names) if wanted in (name, _bare(name))), None)
+    called = (*(name == wanted for name in layout.names), *(_bare(name) == wanted for name in layout.names))
+    place = called.index(True) % len(layout.names) if any(called) else None
     unit = "" if place is None else _unit_of(layout, place)
-    return Axis(wanted, bare if bare != wanted else "", stated or unit)
+    return Axis(wanted, bare if bare != wanted or " " in bare else "", stated or unit)  # a word of a name may stand for x in the formula
 
 
 def _unit_of(layout: Layout, place: int) -> str:

@@ -17,6 +17,7 @@ from estim.line.stated_errors import Correlated, stated_covariance
 from estim.reading import Dialect, read_columns
 
 _MIN_ROWS = 3
+_PERFECT = 3e-14  # misfits below this share of y are rounding errors
 
 
 @dataclass(frozen=True, eq=False)
@@ -114,8 +115,9 @@ def straight_line(
         if columns.r_xy is not None:
             raise InputError("needs uncertainties of x and y", field="--correlation", value=columns.r_xy)
         read = replace(read, r_xy=None)
-    for key in ("u_x", "u_y"):
+    for key, of in (("u_x", read.x), ("u_y", read.y)):
         values = column(getattr(read, key))
+        table.require_unit(str(getattr(read, key)), of)
         if values is not None and np.any(np.asarray(values) <= 0.0):
             bad = 0 if np.ndim(values) == 0 else int(np.argmax(np.asarray(values) <= 0.0))
             if np.ndim(values) == 0:
@@ -130,6 +132,9 @@ def straight_line(
             fit = fit_line(x, y, u_x=column(read.u_x), u_y=column(read.u_y), r_xy=r)
     except InputError as error:
         raise error if error.file is not None else error.at(str(path)) from None
+    if fit.method == "ols" and fit.chi2 <= table.lines.size * (_PERFECT * float(np.max(np.abs(table.columns[read.y])))) ** 2:
+        rule = "has no scatter about a line but rounding errors (computed values, not readings?): nothing tells how large its errors are"
+        raise InputError(f"{rule}; give --uy", field=read.y, file=table.file)
     k = coverage_factor(fit, probability=probability)
     predictions = tuple(_prediction(fit, x0, k) for x0 in predict)
     inverses = tuple(_inverse(fit, y0, k, probability) for y0 in inverse)

@@ -14,7 +14,7 @@ from types import MappingProxyType
 import numpy as np
 
 from estim.common import EXTREME, InputError, extreme
-from estim.reading.dialect import Dialect, decimal_mark, is_missing, number_in, place_of, split_row
+from estim.reading.dialect import Dialect, decimal_mark, is_column, is_missing, name_and_unit, number_in, place_of, split_row
 from estim.reading.layout import Layout, cells_differ, no_names, read_layout
 from estim.reading.table import DECIMAL_COMMAS, Table, may_be_decimal_commas, own_name
 
@@ -30,7 +30,7 @@ def read_columns(
     layout = read_layout(path, dialect, shown_as=shown_as, needed=needed)
     if not layout.names:
         raise no_names(layout)
-    needed = [*needed, *(name for name in optional if name in layout.names and name not in needed)]
+    needed = [*needed, *(name for name in optional if name not in needed and is_column(name, layout.names))]
     places = [place_of(name, layout.names, shown_as, layout.header_line) for name in needed]
     unsaid = layout.delimiter == "," and dialect.delimiter is None and dialect.decimal is None
     if unsaid and len(layout.names) > len(set(places)) and may_be_decimal_commas(line for _, line in layout.rows):
@@ -52,10 +52,11 @@ def read_columns(
         raise InputError(f"must hold at least {min_rows} rows of numbers", field="rows", value=len(values), file=shown_as)
     table = np.array(values)
     columns = {name: table[:, i].copy() for i, name in enumerate(needed)}
+    units = {name: name_and_unit(layout.names[place])[1] or layout.units[place] for name, place in zip(needed, places, strict=True)}
     at = np.array(numbers)
     for array in (*columns.values(), at):
         array.setflags(write=False)
-    return Table(shown_as, layout.sha256, layout.header_line or 0, MappingProxyType(columns), at, layout.warnings, tuple(facts))
+    return Table(shown_as, layout.sha256, layout.header_line or 0, MappingProxyType(columns), at, layout.warnings, tuple(facts), units)
 
 
 def read_known_columns(path: Path, *, known: Sequence[str], min_rows: int, shown_as: str, dialect: Dialect) -> Table:
