@@ -1,5 +1,4 @@
 """The posterior mode: least squares (the only file that knows lmfit), optima found from afar, profiles, Fisher information.
-
 Read `least_squares` first."""
 
 from estim.fitting.arrow import MANY, linear_response
