@@ -6,7 +6,7 @@ BIN := $(VENV)/bin
 CAMPAIGN := data/replica/campaign.toml
 OUT ?= out/replica
 
-.PHONY: report test statistics lint reports gallery bench lock clean
+.PHONY: report test statistics lint reports gallery bench docs lock clean
 
 report: $(VENV)/.installed
 	$(BIN)/estim reanalyse $(CAMPAIGN) --out $(OUT)
@@ -33,6 +33,10 @@ gallery: $(VENV)/.installed
 PEERS ?= $(BIN)/python
 bench: $(VENV)/.installed
 	$(BIN)/python benchmarks/bench.py --peers $(PEERS)
+
+# docs/reference from the code: commands, keys, schema, Python; a test says when it is stale
+docs: $(VENV)/.installed
+	$(BIN)/python docs/generate
 
 lint: $(VENV)/.installed
 	$(BIN)/ruff check .

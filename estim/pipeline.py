@@ -63,6 +63,7 @@ from estim.sampling import (
     marginal_chain,
     no_comparison,
     posterior_bands,
+    proposed_chain,
     sample_posterior,
     too_many,
 )
@@ -188,7 +189,7 @@ def analyse_fit(
         )
         certificate, chain, comparison = pair.certificate, pair.chain, pair.comparison
     else:
-        chain = sample_posterior(density, fit.values, fit.cov, target=target, rng=chain_rng, progress=progress, store=store, stop=stop)
+        chain = proposed_chain(density, _optima_of(fit), target=target, seed=seed, progress=progress, store=store, stop=stop)
         comparison = no_comparison(fit.names, too_many(problem.n_par, most))
     if progress is not None:
         progress(100, "checks")

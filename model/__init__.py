@@ -3,7 +3,7 @@
 from model.body import Body
 from model.contact import ContactForces, End, contact_forces, end_of_rolling, needed_friction
 from model.forces import Forces, moment_ratio, release_energy, release_speed, sagging, turn_amplitude, turn_components
-from model.motion import back_and_forth, trajectory, travel_time
+from model.motion import back_and_forth, positions_at, trajectory, travel_time
 from model.parts import Assembly, Part, assemble, bolt, disk, ring, rod
 from model.phase import STANDARD_GRAVITY, angular_rate, ascends, speed, theta_max, theta_min, turning_angle, turning_point
 from model.readings import Readings, blurred_sigma
@@ -30,6 +30,7 @@ __all__ = [
     "friction_on_the_way",
     "moment_ratio",
     "needed_friction",
+    "positions_at",
     "range_of_release",
     "release_energy",
     "release_for_turn",

@@ -137,6 +137,15 @@ def test_close_to_release_the_speed_keeps_its_digits():
     assert speed(x, PAPER, phi=phi, theta0=theta0, g=9.81) == pytest.approx(math.sqrt(2 * acceleration * x), rel=1e-9)
 
 
+def test_every_turn_has_the_digits_of_longer_numbers():
+    """Against sines and cosines of 64-bit mantissas, also where tan(u/4) is huge: errors of some units in the last place of a term of order 1."""
+    angle = np.concatenate([np.linspace(-20.0, 40.0, 2001), 2.0 * np.pi * np.arange(-3.0, 7.0), 2.0 * np.pi + np.array([-1e-9, 1e-9])])
+    theta0, phi, long = np.radians(60.0), np.radians(4.0), angle.astype(np.longdouble)
+    work = 0.187 * (np.cos(np.longdouble(theta0)) - np.cos(theta0 + long)) - long * np.sin(np.longdouble(phi))
+    exact = work / (1.0 + PAPER.inertia_ratio + 2.0 * 0.187 * np.cos(theta0 + phi + long))
+    assert np.max(np.abs(energy_ratio(angle, PAPER, phi=phi, theta0=theta0) - exact)) < 5e-15
+
+
 # gradients
 
 

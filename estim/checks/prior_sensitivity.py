@@ -3,7 +3,7 @@
 The posterior with prior^alpha (or likelihood^alpha) in place of the prior is reached from the draws at hand by Pareto-smoothed
 importance weights prior^(alpha - 1), for alpha = 0.8 and 1.25; how far a marginal moves is the cumulative Jensen-Shannon distance
 per doubling of alpha.  Above 0.05 it counts as sensitive, about a shift by 0.3 standard deviations (Kallioinen, Paananen, Buerkner,
-Vehtari, Stat. Comput. 34 (2024) 57).  Distances and smoothing are those of arviz-stats.
+Vehtari, Stat. Comput. 34 (2024) 57).  Tests hold the distances against arviz-stats.
 
 Sensitivity to both is what two sources of like weight show, and what two that disagree show.  They are told apart by
 
@@ -18,6 +18,7 @@ A uniform prior has no power to scale: its sensitivity is 0 however much its edg
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -26,6 +27,8 @@ from estim.arrays import FloatArray
 from estim.fitting import MANY
 from estim.problem import Posterior, Prior, Problem
 from estim.sampling import K_HAT_LIMIT, pareto_smoothed
+
+Weights = tuple[FloatArray, FloatArray]
 
 THRESHOLD = 0.05
 _ALPHAS = (0.8, 1.25)
@@ -72,9 +75,9 @@ def power_scaling(problem: Problem, posterior: Posterior, draws: FloatArray, *, 
     rows, beside = [], _beside(problem)
     for i, name in enumerate(problem.names):
         column = draws[:, i]
-        by_prior = {problem.names[k]: _distance(column, alone[k]) for k in beside[i]}
+        s_prior, s_likelihood, *each_alone = _distances(column, [prior, likelihood, *(alone[k] for k in beside[i])])
+        by_prior = {problem.names[k]: found for k, found in zip(beside[i], each_alone, strict=True)}
         strongest = max(by_prior, key=lambda other: by_prior[other])
-        s_prior, s_likelihood = _distance(column, prior), _distance(column, likelihood)
         z = _disagreement(problem.parameters[i].prior, column)
         rows.append(
             Sensitivity(
@@ -98,7 +101,7 @@ def _beside(problem: Problem) -> list[list[int]]:
     return [sorted(one) for one in found]
 
 
-def _weights(log_density: FloatArray) -> tuple[tuple[FloatArray, FloatArray] | None, float]:
+def _weights(log_density: FloatArray) -> tuple[Weights | None, float]:
     """Smoothed normalised weights (n_draw,) for the two powers, and the larger Pareto k (inf: raw weights); None where nothing scales."""
     if np.ptp(log_density) < 1e-12:
         return None, -math.inf
@@ -106,13 +109,38 @@ def _weights(log_density: FloatArray) -> tuple[tuple[FloatArray, FloatArray] | N
     return (np.exp(found[0][0]), np.exp(found[1][0])), max(k_hat for _, k_hat, _ in found)
 
 
-def _distance(column: FloatArray, weights: tuple[FloatArray, FloatArray] | None) -> float:
-    """Cumulative Jensen-Shannon distance per doubling of the power, of one marginal."""
-    from arviz_stats.base import array_stats
+def _distances(column: FloatArray, weights: Sequence[Weights | None]) -> list[float]:
+    """Cumulative Jensen-Shannon distance per doubling of the power, of one marginal (n_draw,), for each pair of `weights`; 0 for None.
 
-    if weights is None or np.ptp(column) == 0.0:
-        return 0.0
-    return float(array_stats.power_scale_sense(column[None], weights[0][None], weights[1][None], *_ALPHAS, chain_axis=0, draw_axis=1))
+    The larger of those from below and from above, averaged over the two powers.
+    """
+    found, told = [0.0] * len(weights), [k for k, pair in enumerate(weights) if pair is not None]
+    if np.ptp(column) == 0.0 or not told:
+        return found
+    order = np.argsort(column)
+    widths = np.diff(column[order])
+    both = np.array([one for pair in weights if pair is not None for one in pair])[:, order]
+    distances = np.maximum(_jensen_shannon(both, widths), _jensen_shannon(both[:, ::-1], widths[::-1]))
+    per_doubling = distances.reshape(-1, 2) / np.abs(np.log2(_ALPHAS))
+    for k, distance in zip(told, np.mean(per_doubling, axis=1), strict=True):
+        found[k] = float(distance)
+    return found
+
+
+def _jensen_shannon(weights: FloatArray, widths: FloatArray) -> FloatArray:
+    """(n,) distances between draws of equal weight and with `weights` (n, n_draw), both in order, `widths` (n_draw - 1,) apart.
+
+    Nguyen, Vreeken, ECML PKDD (2015) 173: sqrt of the sum of both divergences of the distribution functions P and Q, over their integrals.
+    """
+    n_draw = weights.shape[1]
+    p = np.linspace(1.0 / n_draw, 1.0 - 1.0 / n_draw, n_draw - 1)
+    q = np.cumsum(weights / np.sum(weights, axis=1, keepdims=True), axis=1)[:, :-1]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        middle = np.log2(0.5 * (p + q))
+        own, other = p * (np.log2(p) - middle), np.where(q > 0.0, q * (np.log2(q) - middle), 0.0)
+    area, areas = p @ widths, q @ widths
+    tilt = (areas - area) / (2.0 * np.log(2.0))
+    return np.asarray(np.sqrt((np.maximum(own @ widths + tilt, 0.0) + np.maximum(other @ widths - tilt, 0.0)) / (area + areas)))
 
 
 def _disagreement(prior: Prior, column: FloatArray) -> float:

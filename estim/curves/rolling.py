@@ -16,7 +16,7 @@ from estim.arrays import FloatArray
 from estim.common import Notation
 from estim.curves.differences import with_gradient
 from estim.problem import CommonError, Derived, Footing, LocalCurve, Prior, Wording
-from model import Body, ContactForces, Forces, back_and_forth, contact_forces, energy, needed_friction, phase, sagging
+from model import Body, ContactForces, Forces, back_and_forth, contact_forces, energy, needed_friction, phase, positions_at, sagging
 
 _BODY = ("radius", "gamma", "kappa", "rho", "trailing_fraction", "particle_gyration")
 _ZEROED = ("phi", "theta0")  # angles that an instrument may read with a common zero error
@@ -91,7 +91,7 @@ class PhaseCurve:
         """(n_draw, n_obs) position at times `since` release (s), back and forth."""
         body, motion = body_of(arguments)
         phi, theta0, resistance, g = (motion[name] for name in _MOTION)
-        x, _ = back_and_forth(since, body, phi=phi, theta0=theta0, rolling_resistance=resistance, g=g)
+        x = positions_at(since, body, phi=phi, theta0=theta0, rolling_resistance=resistance, g=g)
         return np.atleast_2d(x) / (np.asarray(body.radius) if self.angular else 1.0)
 
     def time_derivative(self, x: FloatArray, arguments: Mapping[str, ArrayLike], order: int) -> FloatArray:
@@ -116,7 +116,10 @@ class MotionCurve:
     angular: bool
 
     def value(self, x: FloatArray, arguments: Mapping[str, ArrayLike]) -> FloatArray:
-        return self.state(x, arguments)[0]
+        body, motion = body_of(arguments)
+        place = {name: motion[name] for name in _MOTION}
+        position = positions_at(x - np.asarray(arguments["release_time"]), body, **place)
+        return np.asarray(position / (np.asarray(body.radius) if self.angular else 1.0) + np.asarray(arguments["offset"]))
 
     def local(self, x: FloatArray, arguments: Mapping[str, ArrayLike]) -> LocalCurve:
         """The gradient is by central differences of a position that is exact to about 1e-12."""

@@ -1,5 +1,4 @@
-"""The posterior mode: least squares (the only file that knows lmfit), optima found from afar, profiles, Fisher information.
-Read `least_squares` first."""
+"""The posterior mode: least squares (the only file that knows lmfit), far optima, profiles, Fisher information.  Read `least_squares` first."""
 
 from estim.fitting.arrow import MANY, linear_response
 from estim.fitting.curve_intervals import FEW, Ends, coverage_of_sd, shown_value, spread

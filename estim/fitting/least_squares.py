@@ -219,28 +219,29 @@ def _fit_curve(posterior: Posterior, values: FloatArray) -> FloatArray:
         return values
     if many(problem):
         return descend_by_runs(posterior, values, free)
-    import lmfit
+    from lmfit.minimizer import minimize
+    from lmfit.parameter import Parameters
 
-    table = lmfit.Parameters()
+    table = Parameters()
     for i in free:
         prior = problem.parameters[i].prior
         table.add(f"p{i}", value=_inside(float(values[i]), prior.low, prior.high), min=prior.low, max=prior.high)
 
-    def filled(parameters: lmfit.Parameters) -> FloatArray:
+    def filled(parameters: Parameters) -> FloatArray:
         full = values.copy()
         full[free] = [parameters[f"p{i}"].value for i in free]
         return full
 
-    residual: Callable[[lmfit.Parameters], FloatArray] = lambda parameters: posterior.residuals(filled(parameters))  # noqa: E731
+    residual: Callable[[Parameters], FloatArray] = lambda parameters: posterior.residuals(filled(parameters))  # noqa: E731
 
-    def jacobian(parameters: lmfit.Parameters) -> FloatArray:
+    def jacobian(parameters: Parameters) -> FloatArray:
         columns = posterior.jacobian(filled(parameters))[:, free]
         return np.where(np.isfinite(columns), columns, 0.0)  # a point beside the edge of where the curve is defined has no say in the step
 
     creeps = any(run.creeps for run in posterior.likelihoods)
     tolerance = 1e-5 if creeps else 1e-12  # steps by the information finish
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):  # lmfit inverts the Hessian too, singular where the data are silent; not used
-        result = lmfit.minimize(
+        result = minimize(
             residual, table, method="least_squares", scale_covar=False, calc_covar=False, jac=jacobian, x_scale="jac",
             ftol=tolerance, xtol=tolerance, gtol=1e-12, max_nfev=400, nan_policy="propagate",  # scipy steps back from where the curve is not defined
         )

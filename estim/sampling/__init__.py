@@ -4,7 +4,7 @@ Read `chain` first, then `certificate`."""
 
 from estim.sampling.bands import Bands, curve_draws, posterior_bands
 from estim.sampling.certificate import MAX_PARAMETERS, MAX_TIED, Agreement, Certificate, certify, no_comparison, too_many
-from estim.sampling.certified import Optima, certified_chain
+from estim.sampling.certified import Optima, certified_chain, proposed_chain
 from estim.sampling.chain import Chain, Progress, Target, sample_posterior
 from estim.sampling.checkpoint import Key, Pieces, PieceStore, Store, fingerprint, only_writer, problem_key
 from estim.sampling.diagnostics import mcse_mean, mixing_of

@@ -21,6 +21,7 @@ from estim.sampling.ridge import Support
 from estim.sampling.stepping import Stop
 
 _TRIES = 2
+_MOST_PROPOSED = 40  # parameters: of more, hardly a draw of a proposal is accepted
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,6 +78,25 @@ def certified_chain(
     if len(pairs) == 1 or last.comparison.verdict == "missing":
         return first
     return replace(last, comparison=_after(first.comparison, last.comparison))
+
+
+def proposed_chain(
+    density: Density, optima: Optima, *, target: Target, seed: int, progress: Progress | None = None, store: Store | None = None,
+    stop: Stop | None = None,
+) -> Chain:
+    """A chain without a second computation, for more parameters than that is made for; most of its moves propose from an adapted proposal.
+
+    Raises InputError where the store cannot be resumed, NumericalError where the density is not a number.
+    """
+    proposal = None
+    if optima.value.size <= _MOST_PROPOSED:
+        if progress is not None:
+            progress(0, "proposal")
+        rng = stream(seed, Stream.PROPOSAL)
+        proposal = adapt_proposal(density, optima.value, optima.cov, rng=rng, starts=optima.starts, covs=optima.covs)
+    return sample_posterior(
+        density, optima.value, optima.cov, target=target, rng=stream(seed, Stream.CHAIN), progress=progress, proposal=proposal, store=store, stop=stop
+    )
 
 
 def _after(first: Agreement, last: Agreement) -> Agreement:

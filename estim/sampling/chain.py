@@ -42,7 +42,7 @@ class Target:
     rhat : largest rank-normalised R-hat.  ess : smallest bulk and tail effective sample size (4000 gives the ends of a
     95 % interval to about 3 % of a standard deviation).  n_tau : length in autocorrelation times.
     max_step : hard cap on the steps of each ensemble.  n_ensemble, n_walker : ensembles and walkers in each
-    (0: four for each parameter, 32 at least; with a proposal 48 at least, and more for more effective draws); an odd number gets one more.
+    (0: four for each parameter, 32 at least; with a proposal two, 48 at least, and more for more effective draws); an odd number gets one more.
     """
 
     rhat: float = 1.01
@@ -124,7 +124,8 @@ def sample_posterior(
     from estim.sampling.ensembles import sampler_of
 
     n_par = len(posterior.names)
-    n_walker = target.n_walker or max(4 * n_par, 32 if proposal is None else min(max(48, math.ceil(target.ess / 120.0)), 512))
+    enough = min(max(48, math.ceil(target.ess / 120.0)), 512)
+    n_walker = target.n_walker or (max(4 * n_par, 32) if proposal is None else max(2 * n_par + 4, enough))  # half of them span all directions
     shape = (target.n_ensemble, n_walker + n_walker % 2)
     starts, share = _first_points(posterior, start, cov, shape, rng, proposal)
     ahead = None if proposal is None else Ahead(proposal, share, shape[0] * shape[1], int(rng.integers(2**63)), posterior)

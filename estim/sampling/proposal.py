@@ -28,6 +28,7 @@ _WIDE_SHARE, _WIDE_FACTOR = 0.05, 2.0  # share and width (in sds of the whole) o
 _FAR_SHARE, _FAR_FACTOR = 0.25, 3.0  # the same for `Proposal.widened`
 _TAIL_SHARE = 0.4  # of the draws from components that are told to be there: a rare wide part is seldom drawn, and then no chain leaves it soon
 _GOOD_K_HAT = 0.5
+_EVEN_ENOUGH = 0.4  # effective share of the draws from which one Student-t will do
 _MAX_ROUND = 12
 _EM_STEPS = 25
 
@@ -98,8 +99,11 @@ class Proposal:
 
     def distances(self, draws: FloatArray) -> FloatArray:
         """(n_component, n_draw) squared distances from the centres in units of the scale matrices."""
-        whitened = (draws - self.means[:, None]) @ np.swapaxes(self._inverse_factors, 1, 2)
-        return np.asarray(np.einsum("kni,kni->kn", whitened, whitened))
+        columns, found = np.ascontiguousarray(draws.T), np.empty((self.weights.size, draws.shape[0]))
+        for mean, inverse, distance in zip(self.means, self._inverse_factors, found, strict=True):
+            whitened = inverse @ (columns - mean[:, None])
+            np.sum(np.square(whitened, out=whitened), axis=0, out=distance)
+        return found
 
     def component_log_densities(self, draws: FloatArray) -> FloatArray:
         """(n_component, n_draw) log of weight times density of each component."""
@@ -130,7 +134,7 @@ def adapt_proposal(
     mixture = Proposal(np.full(len(centres), 1.0 / len(centres)), centres, factors)
     best, quality, draws, weights = _settle(density, _shrunk(density, mixture, rng), rng, n_round)
     for n_component in (4, 8):
-        if quality > 0.4:
+        if quality > _EVEN_ENOUGH * min(1.0, 6.0 / mixture.n_par):  # the weights of normal densities are the less even the more parameters there are
             break
         split = _split(draws, weights, max(n_component, len(centres) + 1), rng)
         candidate, better, candidate_draws, candidate_weights = _settle(density, split, rng, 4 * n_round)
