@@ -6,7 +6,7 @@ BIN := $(VENV)/bin
 CAMPAIGN := data/replica/campaign.toml
 OUT ?= out/replica
 
-.PHONY: report test statistics lint reports gallery docs lock clean
+.PHONY: report test statistics lint reports gallery bench docs lock clean
 
 report: $(VENV)/.installed
 	$(BIN)/estim reanalyse $(CAMPAIGN) --out $(OUT)
@@ -28,6 +28,11 @@ reports: $(VENV)/.installed
 # real experiments with published results: reports/gallery, in about two minutes
 gallery: $(VENV)/.installed
 	$(BIN)/python benchmarks/gallery.py
+
+# against other samplers, and in the size of the problem: benchmarks/RESULTS.md; PEERS is a Python that has estim, dynesty and bumps
+PEERS ?= $(BIN)/python
+bench: $(VENV)/.installed
+	$(BIN)/python benchmarks/bench.py --peers $(PEERS)
 
 # docs/reference from the code: commands, keys, schema, Python; a test says when it is stale
 docs: $(VENV)/.installed

@@ -74,7 +74,6 @@ _MODE_DRAWS = 20_000
 _OUTLIER_DRAWS = 1000
 _ROLLING_DRAWS = 400
 _A_FEW = 60  # steps, where data and stated values contradict each other: for figures alone
-_MANY_RUNS = 16  # beyond, the marginal over runs takes the place of a chain
 _FEW_RUNS = 4  # whose candidates are refit without being asked
 _NEGLIGIBLE = 1e-3  # share of an optimum that quadrature has no part for: the border of a light one may cut a heavy one beside it
 
@@ -154,9 +153,8 @@ def analyse(
 
     noise : in place of the noise tables of the campaign.
     store, stop : keep the chain on disk, resume it, end it early (`sample_posterior`).
-    marginal : whether a joint posterior is sampled through the marginal over runs; None: for more than 16 of them, and where the density
-        is slow (`positions`) and the chain has no proposal (more than 12 unknowns), or a quantity varies between runs; never where runs share
-        a force, which ties them together.
+    marginal : whether a joint posterior is sampled through the marginal over runs; None: where the chain has no proposal (more than 12
+        unknowns), or a quantity varies between runs; never where runs share a force, which ties them together.
     complete : what takes the curves as complete, without a force that nobody asked for ("estim energy"); "" for nothing.
     """
     problem = campaign.problem(runs, noise=noise)

@@ -12,6 +12,7 @@ import re
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
+from functools import lru_cache
 from pathlib import Path
 from typing import Any, Literal, TypeVar
 
@@ -226,6 +227,11 @@ def read_campaign_file(path: Path, *, measured: bool = True) -> CampaignFile:
     measured : whether it must hold runs or a theta_min series; else its bodies will do.
     """
     text, digest = read_text(path, shown_as=str(path), limit=TOML_BYTES)
+    return _of_text(path, text, digest, measured)
+
+
+@lru_cache(maxsize=1)  # a batch reads the same text anew for each of thousands of runs
+def _of_text(path: Path, text: str, digest: str, measured: bool) -> CampaignFile:
     tree, places = parse_toml(text, str(path))
     return _checked_file(path, digest, tree, places, measured=measured)
 

@@ -24,8 +24,8 @@ from estim.problem import Posterior, Problem
 
 MANY = 16
 _MOST_STEPS = 200
-_SETTLED = 1e-20  # what a step promises, in chi^2
 _ROUNDING = 1e-13  # of chi^2
+_SHORTER = 0.1  # what a step promises, of the step before
 _LEAST_DAMPING, _FACTOR, _MOST_DAMPING = 1e-6, 10.0, 1e12
 _HELD_ROUNDS = 4
 
@@ -123,7 +123,7 @@ def descend_by_runs(posterior: Posterior, values: FloatArray, free: Sequence[int
     low, high = problem.support()
     moving = np.isin(np.arange(problem.n_par), list(free))
     values = np.where(moving, np.clip(values, low, high), values)
-    height, damping, scale = _height(posterior, values), 0.0, np.zeros(problem.n_par)
+    height, damping, scale, before = _height(posterior, values), 0.0, np.zeros(problem.n_par), math.inf
     for _ in range(_MOST_STEPS):
         with np.errstate(all="ignore"):
             pairs = posterior.narrow_scoring(values)
@@ -137,15 +137,15 @@ def descend_by_runs(posterior: Posterior, values: FloatArray, free: Sequence[int
             step, promise = _step(rows, slopes, pulls, np.sqrt(damping) * scale, low - values, high - values, moving)
             trial = np.where(moving, np.clip(values + step, low, high), values)
             reached = _height(posterior, trial)
-            if reached < height or promise < _SETTLED:
+            if reached < height or promise < _ROUNDING * height:
                 break
-            if reached <= height * (1.0 + _ROUNDING) and promise < _ROUNDING * height:
-                return trial if reached <= height else values
             damping = max(_FACTOR * damping, _LEAST_DAMPING)
             if damping > _MOST_DAMPING:
                 return values
-        if promise < _SETTLED:
-            break
+        if promise < _ROUNDING * height:  # the sum of squares has no say any more: on while the steps get shorter
+            if not (promise < _SHORTER * before and math.isfinite(reached)):
+                break
+            before = promise
         damping = damping / _FACTOR if damping > _LEAST_DAMPING else 0.0
         values, height = trial, reached
     return values

@@ -1,0 +1,391 @@
+"""What certified draws cost, against other samplers and in the size of the problem; writes RESULTS.md and scaling.png beside this file.
+
+    make bench
+    OMP_NUM_THREADS=1 python benchmarks/bench.py [--peers PYTHON] [--only peers|scaling] [--most-runs 64]
+
+PYTHON is that of an environment of its own in which estim, dynesty and bumps are installed; what is not there is named as not run.
+
+The posterior: run light-01 of data/replica as `estim fit` poses it, six parameters.  Each method runs in a process of its own, one after the other,
+from the start of Python to 4,000 effective draws of the worst parameter: imports, campaign and the fit that all start from included.  All use the
+same density; what takes many points at once is given them.  The certified posterior includes its second computation.  Right: means and standard
+deviations within 4.5 Monte-Carlo errors of a reference of 400,000 weighted draws.  Times are told as ratios within one run of this file.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import math
+import os
+import platform
+import resource
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+HERE = Path(__file__).resolve().parent
+sys.path.insert(0, str(HERE.parent))
+
+CAMPAIGN, RUN = HERE.parent / "data" / "replica" / "campaign.toml", "light-01"
+ESS, SEED = 4000.0, 1
+_MOST_SECONDS = 300.0  # of a processor, after which a method is given up
+_ERRORS = 4.5
+NAMES = {
+    "estim": "estim, certified", "emcee": "emcee, vectorised", "lmfit": "lmfit's emcee", "dynesty": "dynesty", "bumps": "bumps (DREAM)",
+}
+NOT_RUN = {"PyMC + nutpie": "its gradients need the density written anew in its own language"}
+
+Measured = dict[str, Any]
+
+
+def posed() -> Any:
+    """The fit of the run."""
+    from estim import load_campaign
+    from estim.common import Stream, stream
+
+    campaign = load_campaign(CAMPAIGN)
+    return campaign.fit(campaign.problem([RUN]), rng=stream(SEED, Stream.FIT))
+
+
+def described(draws: np.ndarray) -> tuple[float, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Effective draws of the worst parameter, means, sds and their errors; draws (n_chain, n_step, n_par)."""
+    from arviz_stats.base import array_stats
+
+    chains = [draws[:, :, i] for i in range(draws.shape[2])]
+    ess = min(float(array_stats.ess(c, chain_axis=0, draw_axis=1, method="bulk")) for c in chains)
+    errors = [[float(array_stats.mcse(c, chain_axis=0, draw_axis=1, method=m)) for c in chains] for m in ("mean", "sd")]
+    flat = draws.reshape(-1, draws.shape[2])
+    return ess, flat.mean(axis=0), flat.std(axis=0), np.array(errors[0]), np.array(errors[1])
+
+
+def weighted(draws: np.ndarray, log_weights: np.ndarray) -> tuple[float, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """The same of weighted independent draws (n, n_par)."""
+    w = np.exp(log_weights - np.max(log_weights))
+    w /= w.sum()
+    mean = w @ draws
+    square = (draws - mean) ** 2
+    sd = np.sqrt(w @ square)
+    u_mean = np.sqrt(w**2 @ square)
+    u_sd = np.sqrt(w**2 @ (square - sd**2) ** 2) / (2.0 * sd)
+    return float(1.0 / np.sum(w**2)), mean, sd, u_mean, u_sd
+
+
+def by_estim(fit: Any, _: float) -> tuple[Any, ...]:
+    from estim.pipeline import analyse_fit
+    from estim.sampling import Target
+
+    analysis = analyse_fit(fit, seed=SEED, target=Target(ess=ESS))
+    chain = analysis.chain
+    draws = np.moveaxis(chain.draws, 1, 2)
+    return described(draws.reshape(-1, *draws.shape[2:]))
+
+
+def by_emcee(fit: Any, most: float) -> tuple[Any, ...]:
+    import emcee
+
+    rng, n = np.random.default_rng(SEED), 64
+    sampler = emcee.EnsembleSampler(n, len(fit.names), fit.posterior.log_density, vectorize=True)
+    sampler.random_state = np.random.RandomState(SEED).get_state()
+    state, began, steps = scattered(fit, n, rng), time.process_time(), 1000
+    while True:
+        state = sampler.run_mcmc(state, steps)
+        kept = sampler.get_chain()[sampler.iteration // 5 :]
+        found = described(np.swapaxes(kept, 0, 1))
+        if found[0] >= ESS or time.process_time() - began > most:
+            return found
+        steps = int(min(4.0, 1.1 * ESS / max(found[0], 1.0)) * sampler.iteration) - sampler.iteration + 200
+
+
+def by_lmfit(fit: Any, most: float) -> tuple[Any, ...]:
+    import lmfit
+
+    table = lmfit.Parameters()
+    for i, parameter in enumerate(fit.problem.parameters):
+        prior = parameter.prior
+        value = min(max(float(fit.values[i]), prior.low + 1e-9), prior.high - 1e-9)
+        table.add(f"p{i}", value=value, min=prior.low, max=prior.high)
+
+    def density(parameters: Any) -> float:
+        return float(fit.posterior.log_density(np.array([[p.value for p in parameters.values()]]))[0])
+
+    rng, n = np.random.default_rng(SEED), 64
+    fitter = lmfit.Minimizer(density, table, nan_policy="omit")
+    position, began, steps, done = scattered(fit, n, rng), time.process_time(), 400, 0
+    while True:
+        result = fitter.emcee(
+            table, steps=steps, nwalkers=n, burn=0, pos=position if done == 0 else None, reuse_sampler=done > 0, float_behavior="posterior",
+            progress=False, is_weighted=True, seed=SEED,
+        )
+        chain = result.chain
+        done = chain.shape[0]
+        found = described(np.swapaxes(chain[done // 5 :], 0, 1))
+        used = time.process_time() - began
+        if found[0] >= ESS or used > most:
+            return found
+        steps = max(200, int(min(2.0, 1.1 * ESS / max(found[0], 1.0) - 1.0, (most - used) / used) * done))
+
+
+def by_dynesty(fit: Any, _: float) -> tuple[Any, ...]:
+    import dynesty
+
+    rng = np.random.default_rng(SEED)
+    grids = []
+    for parameter in fit.problem.parameters:  # the quantiles of each prior, by a table
+        draws = np.sort(parameter.prior.draw(np.random.default_rng(0), 1_000_001))
+        grids.append(draws)
+    at = np.linspace(0.0, 1.0, 1_000_001)
+
+    def likelihood(values: np.ndarray) -> float:
+        found = float(fit.posterior.log_likelihood(values[None, :])[0])
+        return found if math.isfinite(found) else -1e300
+
+    sampler = dynesty.NestedSampler(likelihood, lambda u: np.array([np.interp(a, at, g) for a, g in zip(u, grids, strict=True)]), len(grids),
+                                    nlive=1000, rstate=rng)
+    sampler.run_nested(print_progress=False)
+    result = sampler.results
+    return weighted(np.asarray(result.samples), np.asarray(result.logwt))
+
+
+def by_bumps(fit: Any, _: float) -> tuple[Any, ...]:
+    from bumps.fitters import fit as run
+    from bumps.names import FitProblem
+    from bumps.pdfwrapper import VectorPDF
+
+    def minus(p: np.ndarray) -> float:
+        found = float(fit.posterior.log_density(np.asarray(p)[None, :])[0])
+        return -found if math.isfinite(found) else 1e300
+
+    scale = np.sqrt(np.diag(fit.cov))
+    model = VectorPDF(lambda z: minus(fit.values + scale * z), p=np.zeros(len(scale)), dof=len(scale))
+    for parameter, prior, value, s in zip(model.parameters().values() if isinstance(model.parameters(), dict) else model.parameters(),
+                                          [p.prior for p in fit.problem.parameters], fit.values, scale, strict=True):
+        parameter.range(max((prior.low - value) / s, -12.0), min((prior.high - value) / s, 12.0))
+    result = run(FitProblem(model), method="dream", samples=60_000, burn=300, pop=10, verbose=False)
+    _, points, _ = result.state.chains()
+    draws = np.swapaxes(np.asarray(points), 0, 1)
+    return described(fit.values + scale * draws)
+
+
+def scattered(fit: Any, n: int, rng: np.random.Generator) -> np.ndarray:
+    """(n, n_par) walkers about the fit where the density is finite."""
+    points = rng.multivariate_normal(fit.values, fit.cov, size=50 * n)
+    return np.asarray(points[np.isfinite(fit.posterior.log_density(points))][:n])
+
+
+METHODS: dict[str, Callable[[Any, float], tuple[Any, ...]]] = {
+    "estim": by_estim, "emcee": by_emcee, "lmfit": by_lmfit, "dynesty": by_dynesty, "bumps": by_bumps,
+}
+
+
+def one(name: str) -> Measured:
+    """What a method finds, in this process."""
+    fit = posed()
+    began, cpu = time.perf_counter(), time.process_time()
+    ess, mean, sd, u_mean, u_sd = METHODS[name](fit, _MOST_SECONDS)
+    sampling, cpu = time.perf_counter() - began, time.process_time() - cpu
+    return {
+        "ess": ess, "mean": list(mean), "sd": list(sd), "u_mean": list(u_mean), "u_sd": list(u_sd), "sampling": sampling, "sampling_cpu": cpu,
+    }
+
+
+def reference() -> Measured:
+    """400,000 draws from a wide proposal adapted to the posterior, weighted."""
+    from estim.sampling import adapt_proposal, pareto_smoothed
+
+    fit = posed()
+    rng = np.random.default_rng(987)
+    proposal = adapt_proposal(fit.posterior, fit.values, fit.cov, rng=rng)
+    draws = proposal.draw(rng, 400_000)
+    density = np.concatenate([fit.posterior.log_density(part) for part in np.array_split(draws, 100)])
+    smoothed, k_hat, _ = pareto_smoothed(density - proposal.log_density(draws))
+    ess, mean, sd, u_mean, u_sd = weighted(draws, smoothed)
+    return {"ess": ess, "k_hat": k_hat, "mean": list(mean), "sd": list(sd), "u_mean": list(u_mean), "u_sd": list(u_sd), "names": list(fit.names)}
+
+
+def in_a_process(python: str, *arguments: str) -> Measured:
+    """What this file prints in a process of its own, with its wall and CPU seconds from start to end and its peak memory in MB."""
+    before, began = resource.getrusage(resource.RUSAGE_CHILDREN), time.perf_counter()
+    command = [python, str(Path(__file__).resolve()), *arguments]
+    environment = {**os.environ, "OMP_NUM_THREADS": "1", "MPLBACKEND": "Agg"}
+    process = subprocess.run(command, capture_output=True, text=True, env=environment, check=False)
+    wall, after = time.perf_counter() - began, resource.getrusage(resource.RUSAGE_CHILDREN)
+    if process.returncode:
+        return {"failed": (process.stderr.strip().splitlines() or ["no words"])[-1]}
+    cpu = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
+    return {**json.loads(process.stdout.strip().splitlines()[-1]), "wall": wall, "cpu": cpu}
+
+
+def off(found: Measured, true: Measured) -> float:
+    """Largest deviation of a mean or standard deviation from the reference, in Monte-Carlo errors of both."""
+    worst = 0.0
+    for value in ("mean", "sd"):
+        error = np.hypot(found[f"u_{value}"], true[f"u_{value}"])
+        worst = max(worst, float(np.max(np.abs(np.array(found[value]) - true[value]) / error)))
+    return worst
+
+
+def peers_table(python: str, peers: str) -> list[str]:
+    true = reference()
+    rows, ours = [], None
+    for name, words in NAMES.items():
+        found = in_a_process(peers if name in ("dynesty", "bumps") else python, "--method", name)
+        print(name, {key: value for key, value in found.items() if not isinstance(value, list)}, flush=True)
+        if "failed" in found:
+            rows.append(f"| {words} | not run: {found['failed']} | | | | |")
+            continue
+        full = max(1.0, ESS / found["ess"])  # of the sampling, to reach the effective draws asked for
+        fixed = (found["wall"] - found["sampling"], found["cpu"] - found["sampling_cpu"])
+        wall, cpu = fixed[0] + full * found["sampling"], fixed[1] + full * found["sampling_cpu"]
+        ours = ours or (wall, cpu)
+        deviation = off(found, true)
+        told = "" if full == 1.0 else f" ({found['ess']:.0f} reached, times scaled)"
+        rows.append(
+            f"| {words} | {wall:.1f} s ({wall / ours[0]:.1f}) | {cpu:.1f} s ({cpu / ours[1]:.1f}) | {found['ess'] / found['sampling_cpu']:.0f} "
+            f"| {deviation:.1f} | {'yes' if deviation < _ERRORS else '**no**'}{told} |"
+        )
+    rows += [f"| {name} | not run: {why} | | | | |" for name, why in NOT_RUN.items()]
+    return [
+        f"Reference: {true['ess']:.0f} effective draws, k-hat {true['k_hat']:.2f}; parameters {', '.join(true['names'])}.", "",
+        "| method | wall to 4,000 effective draws (ratio) | CPU (ratio) | effective draws per CPU s of sampling | off by, MC errors | right |",
+        "|---|---|---|---|---|---|", *rows,
+    ]
+
+
+def campaign_of_runs(folder: Path, n_run: int) -> Path:
+    """A synthetic campaign of `n_run` runs of the two disks of data/replica, without unmodelled forces."""
+    design = (HERE.parent / "data" / "replica" / "design.toml").read_text()
+    head, line = design.split("[[runs]]")[0], design[design.index("[line]") :]
+    rng = np.random.default_rng(n_run)
+    runs = []
+    for i in range(n_run):
+        body, (low, high) = (("heavy", (2.0, 8.0)), ("light", (1.0, 4.0)))[i % 2]
+        phi, theta0 = rng.uniform(low, high), rng.uniform(55.0, 80.0)
+        runs.append(f'[[runs]]\nname = "{body}-{i:04d}"\nbody = "{body}"\nphi_deg = {phi:.2f}\ntheta0_deg = {theta0:.1f}\n')
+    path = folder / f"design{n_run}.toml"
+    path.write_text(head + "".join(runs) + line)
+    out = folder / f"runs{n_run}"
+    subprocess.run([sys.executable, "-m", "estim", "simulate", str(path), "--out", str(out)], cwd=HERE.parent, check=True, capture_output=True)
+    campaign = out / "campaign.toml"
+    campaign.write_text(campaign.read_text().replace("g = 9.81\n", "g = 9.81\nunmodelled_force = 0\n", 1))
+    return campaign
+
+
+def joint(path: str) -> Measured:
+    """The joint analysis of all runs of a campaign with its report, without figures."""
+    from estim import load_campaign
+    from estim.pipeline import analyse
+    from estim.reports import analysis_report
+
+    began = time.process_time()
+    campaign = load_campaign(Path(path))
+    analysis = analyse(campaign, campaign.run_names, seed=SEED)
+    analysed = time.process_time() - began
+    analysis_report(campaign, analysis, figures=False)
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024.0
+    return {"analysis": analysed, "seconds": time.process_time() - began, "memory": peak, "status": str(analysis.diagnosis.status)}
+
+
+def frames(n_obs: str) -> Measured:
+    """A damped oscillation of `n_obs` points through `estim.fit_curve`, with draws where there are at most 3,000."""
+    import estim
+
+    rng, t = np.random.default_rng(SEED), np.linspace(0.0, 20.0, int(n_obs))
+    y = 2.0 * np.exp(-t / 15.0) * np.cos(3.0 * t + 0.4) + 0.05 * rng.standard_normal(t.size)
+    began = time.process_time()
+    fit = estim.fit_curve("a*exp(-x/tau)*cos(w*x + p)", t, y, u_y=0.05, start={"a": 1.8, "tau": 12.0, "w": 3.02, "p": 0.3})
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024.0
+    return {"seconds": time.process_time() - began, "memory": peak, "status": str(fit.status)}
+
+
+def slope(sizes: list[int], seconds: list[float], least: int) -> float:
+    """Exponent of seconds against sizes, of those of at least `least`."""
+    used = [i for i, n in enumerate(sizes) if n >= least]
+    return float(np.polyfit(np.log([sizes[i] for i in used]), np.log([seconds[i] for i in used]), 1)[0]) if len(used) > 1 else math.nan
+
+
+def scaling_table(python: str, most_runs: int) -> list[str]:
+    lines, drawn = [], {}
+    studies = {
+        "joint runs": ([n for n in (1, 4, 16, 64, 256, 1000) if n <= most_runs], 16),
+        "frames": ([30, 300, 3000, 30_000, 100_000], 3000),
+    }
+    with tempfile.TemporaryDirectory() as folder:
+        for study, (sizes, least) in studies.items():
+            found = []
+            for n in sizes:
+                argument = str(campaign_of_runs(Path(folder), n)) if study == "joint runs" else str(n)
+                found.append(in_a_process(python, "--joint" if study == "joint runs" else "--frames", argument))
+                print(study, n, found[-1], flush=True)
+            kept = [(n, one) for n, one in zip(sizes, found, strict=True) if "failed" not in one]
+            exponent = slope([n for n, _ in kept], [one["seconds"] for _, one in kept], least)
+            drawn[study] = ([n for n, _ in kept], [one["seconds"] for _, one in kept], [one["memory"] for _, one in kept], exponent, least)
+            rows = [
+                f"| {n} | {one['seconds']:.2f} | {one['memory']:.0f} | {one['status']} |" if "failed" not in one else f"| {n} | | | {one['failed']} |"
+                for n, one in zip(sizes, found, strict=True)
+            ]
+            lines += ["", f"### {study}", "", f"Exponent from {least} on: {exponent:.2f}.", "", f"| {study} | CPU s | peak memory MB | status |",
+                      "|---|---|---|---|", *rows]
+    draw_scaling(drawn)
+    return [*lines, "", "![scaling](scaling.png)"]
+
+
+def draw_scaling(drawn: dict[str, tuple[list[int], list[float], list[float], float, int]]) -> None:
+    from estim.drawing import BLUE, GREY, ORANGE, as_png, new_figure
+
+    figure = new_figure(3.4)
+    for ax, (study, (sizes, seconds, memory, exponent, least)) in zip(figure.subplots(1, len(drawn), squeeze=False)[0], drawn.items(), strict=True):
+        ax.loglog(sizes, seconds, "o-", color=BLUE, label="CPU time (s)")
+        ax.loglog(sizes, memory, "s--", color=ORANGE, label="peak memory (MB)")
+        if math.isfinite(exponent):
+            from_here = [n for n in sizes if n >= least]
+            line = seconds[sizes.index(from_here[-1])] * (np.array(from_here) / from_here[-1]) ** exponent
+            ax.loglog(from_here, line, ":", color=GREY, lw=2.5, label=f"slope {exponent:.2f}")
+        ax.set(xlabel=f"number of {study}")
+        ax.legend(fontsize=8, frameon=False)
+    (HERE / "scaling.png").write_bytes(as_png(figure))
+
+
+def versions(python: str) -> str:
+    names = ["numpy", "scipy", "emcee", "lmfit", "dynesty", "bumps"]
+    asked = f"import importlib.metadata as m\nfor n in {names!r}:\n try: print(n, m.version(n))\n except m.PackageNotFoundError: pass"
+    return ", ".join(subprocess.run([python, "-c", asked], capture_output=True, text=True, check=False).stdout.split("\n")).strip(", ")
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--method", choices=METHODS)
+    parser.add_argument("--joint")
+    parser.add_argument("--frames")
+    parser.add_argument("--peers", default=sys.executable)
+    parser.add_argument("--only", choices=("peers", "scaling"))
+    parser.add_argument("--most-runs", type=int, default=256)
+    asked = parser.parse_args()
+    for told, measure in ((asked.method, one), (asked.joint, joint), (asked.frames, frames)):
+        if told:
+            print(json.dumps(measure(told)))
+            return
+    parts = HERE / "RESULTS.md"
+    try:
+        head = f"estim {version('estim')}"
+    except PackageNotFoundError:
+        head = "estim"
+    text = [
+        "# Benchmarks", "", "Made by `make bench` (benchmarks/bench.py says what is measured).  Trust the ratios: the machine was shared.", "",
+        f"{head}, Python {platform.python_version()}, {versions(asked.peers)}; {os.cpu_count()} cores.",
+    ]
+    if asked.only != "scaling":
+        text += ["", "## To 4,000 effective draws of six parameters", "", *peers_table(sys.executable, asked.peers)]
+    if asked.only != "peers":
+        text += ["", "## Scaling", *scaling_table(sys.executable, asked.most_runs)]
+    parts.write_text("\n".join(text) + "\n")
+
+
+if __name__ == "__main__":
+    main()

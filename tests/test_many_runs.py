@@ -1,0 +1,157 @@
+"""Least squares run by run against dense ones, closed forms and bounded linear least squares; what reports of many runs leave out."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from joint_runs import DECAY, LINE, problem_of
+from scipy.optimize import lsq_linear
+
+from estim import load_campaign
+from estim.campaign.campaign_file import read_campaign_file
+from estim.checks.goodness import Check, Goodness
+from estim.checks.prior_sensitivity import power_scaling
+from estim.fitting import arrow
+from estim.fitting.fisher_information import information
+from estim.fitting.least_squares import _fit_curve, fit_least_squares
+from estim.problem.posterior import Problem
+from estim.problem.priors import Normal, Uniform
+from estim.reports.residual_panels import MOST_DRAWN, drawn_runs
+
+X = np.linspace(0.0, 1.0, 9)
+MANY = arrow.MANY + 4
+REPLICA = Path(__file__).parents[1] / "data" / "replica" / "campaign.toml"
+
+
+def lines(n: int, rng: np.random.Generator, slope: Normal | Uniform) -> tuple[Problem, np.ndarray]:
+    """Lines of one slope and bend with offsets of their own, and their ordinates (n, n_obs)."""
+    ys = np.array([1.3 * X + 0.2 * X**2 + rng.normal(0.0, 0.7) + 0.2 * rng.standard_normal(X.size) for _ in range(n)])
+    return problem_of(LINE, {"slope": slope, "bend": Normal(0.0, 1.0)}, {"offset": Normal(0.0, 0.7)}, X, list(ys), 0.2), ys
+
+
+def dense(ys: np.ndarray, slope_row: tuple[float, float] | None) -> tuple[np.ndarray, np.ndarray]:
+    """Design and target of the same least squares, written out.  slope_row : 1/sd and mean/sd of the prior of the slope, if it pulls."""
+    n = len(ys)
+    design, target = np.zeros((n * X.size, n + 2)), ys.ravel() / 0.2
+    for i in range(n):
+        rows = slice(i * X.size, (i + 1) * X.size)
+        design[rows, 0], design[rows, 1], design[rows, 2 + i] = X / 0.2, X**2 / 0.2, 1.0 / 0.2
+    priors = np.diag([slope_row[0] if slope_row else 0.0, 1.0, *[1.0 / 0.7] * n])
+    return np.vstack([design, priors]), np.concatenate([target, [slope_row[1] if slope_row else 0.0], np.zeros(n + 1)])
+
+
+def test_lines_of_many_runs_have_the_mode_and_covariance_of_linear_algebra(rng):
+    problem, ys = lines(MANY, rng, Normal(1.0, 0.5))
+    fit = fit_least_squares(problem, rng=rng, n_start=1)
+    design, target = dense(ys, (2.0, 2.0))
+    expected, cov = np.linalg.lstsq(design, target, rcond=None)[0], np.linalg.inv(design.T @ design)
+    assert arrow.many(problem)
+    assert np.allclose(fit.values, expected, rtol=0.0, atol=1e-10)
+    assert np.allclose(fit.cov, cov, rtol=1e-9, atol=1e-12)
+    # a model whose runs share their offset ends elsewhere
+    assert not np.allclose(np.linalg.lstsq(design[:, :3], target, rcond=None)[0][:2], expected[:2], atol=1e-2)
+
+
+def test_a_slope_beyond_its_range_ends_at_the_limit_and_the_others_make_the_best_of_it(rng):
+    problem, ys = lines(MANY, rng, Uniform(0.0, 0.8))
+    found = arrow.descend_by_runs(problem.linearised(problem.start()), problem.start(), range(problem.n_par))
+    design, target = dense(ys, None)
+    low, high = np.full(problem.n_par, -np.inf), np.full(problem.n_par, np.inf)
+    low[0], high[0] = 0.0, 0.8
+    expected = lsq_linear(design, target, bounds=(low, high), method="bvls").x
+    assert found[0] == pytest.approx(0.8, abs=1e-12)
+    assert np.allclose(found, expected, rtol=0.0, atol=1e-9)
+    cut_off = np.clip(np.linalg.lstsq(design, target, rcond=None)[0], low, high)
+    assert not np.allclose(found, cut_off, atol=1e-3)
+
+
+def test_eight_runs_end_where_dense_least_squares_do_to_eight_digits(rng):
+    ys = [rng.normal(2.0, 0.1) * np.exp(-1.5 * X) + 0.02 * rng.standard_normal(X.size) for _ in range(8)]
+    problem = problem_of(DECAY, {"rate": Normal(1.0, 1.0)}, {"size": Uniform(0.0, 10.0)}, X, ys, 0.02)
+    posterior = problem.linearised(problem.start())
+    one_by_one, together = arrow.descend_by_runs(posterior, problem.start(), range(problem.n_par)), _fit_curve(posterior, problem.start())
+    assert not arrow.many(problem)
+    assert np.allclose(one_by_one, together, rtol=1e-8, atol=0.0)
+
+
+def test_eight_runs_of_the_replica_end_where_dense_least_squares_do():
+    campaign = load_campaign(REPLICA)
+    problem = campaign.problem(campaign.run_names)
+    problem = replace(problem, runs=tuple(replace(run, force=0.0) for run in problem.runs))
+    posterior = problem.linearised(problem.start())
+    free = range(problem.n_par)
+    one_by_one, together = arrow.descend_by_runs(posterior, problem.start(), free), _fit_curve(posterior, problem.start())
+    matrix = information(posterior, together)
+    assert np.max(np.abs(one_by_one - together) * np.sqrt(np.diag(matrix))) < 1e-5
+    assert arrow._height(posterior, one_by_one) <= arrow._height(posterior, together) * (1.0 + 1e-13)
+    inverse = arrow.inverse_by_runs(matrix, problem)
+    assert inverse is not None
+    assert np.allclose(inverse @ matrix, np.eye(problem.n_par), atol=1e-7)
+
+
+def test_what_is_not_positive_has_no_inverse_by_runs(rng):
+    problem, _ = lines(MANY, rng, Normal(1.0, 0.5))
+    matrix = information(problem.linearised(problem.start()), problem.start())
+    matrix[3, 3] = 0.0
+    assert arrow.inverse_by_runs(matrix, problem) is None
+
+
+def test_derivatives_of_each_run_in_its_own_parameters_are_those_of_differences(rng):
+    problem, _ = lines(5, rng, Normal(1.0, 0.5))
+    posterior, at, step = problem.linearised(problem.start()), problem.start() + 0.1, 1e-5
+    columns = [(posterior.residuals(at + step * e) - posterior.residuals(at - step * e)) / (2.0 * step) for e in np.eye(problem.n_par)]
+    assert np.allclose(posterior.jacobian(at), np.column_stack(columns), atol=1e-6)
+    assert [used.tolist() for used in problem.columns] == [[0, 1, 2 + i] for i in range(5)]
+
+
+def test_response_to_errors_is_the_same_run_by_run_and_dense(rng, monkeypatch):
+    problem, _ = lines(MANY, rng, Normal(1.0, 0.5))
+    posterior = problem.linearised(problem.start())
+    roots, slopes = posterior.narrow_jacobians(problem.start()), posterior.prior_slopes(problem.start())
+    errors, of_priors = [rng.standard_normal((X.size, 3)) for _ in roots], rng.standard_normal((problem.n_par, 3))
+    by_runs = arrow.linear_response(roots, problem.columns, slopes)(errors, of_priors)
+    monkeypatch.setattr(arrow, "MANY", 1000)
+    assert np.allclose(by_runs, arrow.linear_response(roots, problem.columns, slopes)(errors, of_priors), atol=1e-11)
+
+
+def test_parameters_of_which_nothing_is_said_stay_where_they_are():
+    rows = [arrow.Rows(np.array([0, i]), np.array([[1.0, 0.0], [2.0, 0.0]]), np.array([[1.0], [2.0]])) for i in (1, 2)]
+    assert np.allclose(arrow.solve_by_runs(rows, np.zeros(3), np.zeros((3, 1)))[:, 0], [1.0, 0.0, 0.0])
+
+
+def test_many_runs_share_the_foremost_parameters(rng):
+    problem, _ = lines(MANY, rng, Normal(1.0, 0.5))
+    assert problem.foremost(5) == [0, 1, 2, 3, 4]
+    assert problem.foremost(problem.n_par) == list(range(problem.n_par))
+
+
+def test_of_many_runs_priors_are_asked_for_where_a_run_needs_both(rng):
+    problem, _ = lines(MANY, rng, Normal(1.0, 0.5))
+    draws = problem.start() + 0.1 * rng.standard_normal((200, problem.n_par))
+    found = power_scaling(problem, problem.linearised(problem.start()), draws)
+    assert list(found[2].by_prior) == ["slope", "bend", "offset[0]"]
+    assert len(found[0].by_prior) == problem.n_par
+
+
+def test_of_many_runs_those_are_drawn_that_the_curve_explains_worst():
+    def judged(i: int) -> Goodness:
+        p_value = 0.001 if i >= 30 else 0.5
+        return Goodness(f"r{i}", np.zeros(2), np.zeros(2), np.ones(2), {"chi2": Check(0.0, p_value, "")}, np.nan, 0.0, np.nan)
+
+    drawn = drawn_runs([judged(i) for i in range(40)])
+    assert len(drawn) == MOST_DRAWN
+    assert set(range(30, 40)) < set(drawn)
+    assert drawn == sorted(drawn)
+    assert drawn_runs([judged(i) for i in range(8)]) == list(range(8))
+
+
+def test_a_campaign_file_that_changes_is_read_anew(tmp_path):
+    path = tmp_path / "campaign.toml"
+    path.write_text(REPLICA.read_text())
+    first = read_campaign_file(path)
+    assert read_campaign_file(path) is first
+    path.write_text(REPLICA.read_text().replace("Synthetic replica", "Another"))
+    assert read_campaign_file(path).title.startswith("Another")
