@@ -6,7 +6,7 @@ BIN := $(VENV)/bin
 CAMPAIGN := data/replica/campaign.toml
 OUT ?= out/replica
 
-.PHONY: report test statistics lint reports gallery lock clean
+.PHONY: report test statistics lint reports gallery docs lock clean
 
 report: $(VENV)/.installed
 	$(BIN)/estim reanalyse $(CAMPAIGN) --out $(OUT)
@@ -28,6 +28,10 @@ reports: $(VENV)/.installed
 # real experiments with published results: reports/gallery, in about two minutes
 gallery: $(VENV)/.installed
 	$(BIN)/python benchmarks/gallery.py
+
+# docs/reference from the code: commands, keys, schema, Python; a test says when it is stale
+docs: $(VENV)/.installed
+	$(BIN)/python docs/generate
 
 lint: $(VENV)/.installed
 	$(BIN)/ruff check .

@@ -10,6 +10,7 @@ together stay below 3 MB.
 from __future__ import annotations
 
 import argparse
+import hashlib
 import io
 import json
 import math
@@ -19,12 +20,15 @@ import sys
 import textwrap
 import tomllib
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
-from estim.common import Quantity, e_n, format_quantity, signed
+from estim.cli.crate import CRATE, crate_of
+from estim.cli.origin_record import ORIGIN, read_origin
+from estim.common import Quantity, as_json, e_n, format_quantity, signed
 
 PROJECT = Path(__file__).resolve().parents[1]
 DATA, REPORTS = PROJECT / "data" / "gallery", PROJECT / "reports" / "gallery"
@@ -35,7 +39,7 @@ numbers of its tables are read from the `result.json` of the reports.
 ± is one standard uncertainty. E_n = (reanalysed − published)/√(U₁² + U₂²) with U = 2 u (ISO 13528): between −1 and +1 the two agree. Where no
 uncertainty is published, E_n counts that of the reanalysis alone. A published value that comes from *the same data* is no second measurement: its E_n
 only compares two analyses. A dash stands where the status of a result is not `ok`: there is no number to quote, and the report says why."""
-_COLOURS, _SHRUNK, _SHRUNK_TRACES = 48, 0.66, 0.45
+_COLOURS, _SHRUNK, _SHRUNK_TRACES = 48, 0.64, 0.45
 
 
 def experiments() -> list[dict[str, Any]]:
@@ -55,7 +59,7 @@ def run(experiment: Mapping[str, Any]) -> None:
         for figure in folder_of(step).rglob("*.png"):
             figure.write_bytes(smaller(figure.read_bytes(), _SHRUNK_TRACES if figure.stem == "traces" else _SHRUNK))
         for origin in folder_of(step).rglob("origin.json"):
-            origin.write_text(without_figures(origin.read_text(encoding="utf-8")), encoding="utf-8")
+            describe_anew(origin.parent)
         if "collect" in step:
             (DATA / step["collect"]["file"]).write_text(collected(step), encoding="utf-8")
     if "overview" in experiment:
@@ -66,11 +70,13 @@ def folder_of(step: Mapping[str, Any]) -> Path:
     return REPORTS / str(step["name"])
 
 
-def without_figures(origin: str) -> str:
-    """What `estim verify` compares with: text and numbers; the figures are no longer as they were drawn."""
-    record = json.loads(origin)
-    record["outputs"] = {name: digest for name, digest in record["outputs"].items() if not name.endswith(".png")}
-    return json.dumps(record, indent=1, ensure_ascii=False) + "\n"
+def describe_anew(folder: Path) -> None:
+    """The files that describe a report, after its figures were made smaller: `estim verify` compares text and numbers only."""
+    origin = read_origin(folder)
+    crate = crate_of({name: (folder / name).read_bytes() for name in origin.outputs if name != CRATE}, origin)
+    (folder / CRATE).write_bytes(crate)
+    outputs = {name: digest for name, digest in origin.outputs.items() if not name.endswith(".png")} | {CRATE: hashlib.sha256(crate).hexdigest()}
+    (folder / ORIGIN).write_bytes(as_json(replace(origin, outputs=outputs)))
 
 
 def smaller(png: bytes, scale: float) -> bytes:

@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     from estim.propagation.uncertainty_budget import budget, budget_along
     from estim.propagation.validation import compare
     from estim.reports.analysis import analysis_report
-    from estim.reports.curve import curve_report
+    from estim.reports.curve import curve_report, write_curve_report
     from estim.reports.interop import summary_frame, to_datatree, to_frame, to_netcdf
     from estim.reports.result import result_of
     from estim.sampling.bands import posterior_bands
@@ -90,6 +90,7 @@ _HOME = {
     "to_datatree": "reports.interop",
     "to_frame": "reports.interop",
     "to_netcdf": "reports.interop",
+    "write_curve_report": "reports.curve",
 }
 
 __all__ = [
@@ -140,6 +141,7 @@ __all__ = [
     "to_datatree",
     "to_frame",
     "to_netcdf",
+    "write_curve_report",
 ]
 
 

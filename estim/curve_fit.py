@@ -38,10 +38,11 @@ from estim.curves import (
     CurveProblem,
     JointProblem,
     Plain,
-    called_by_name,
     pose_curve,
     provisional,
+    refuse_quantities,
     started,
+    unstarted,
     without_units,
 )
 from estim.fitting import (
@@ -91,7 +92,8 @@ def fit_curve(
 
     curve : formula in x and parameters, function curve(x, **parameters) that returns (n_obs,), or models by name, like "gaussian + line"
         (`estim.curves.models`), whose starts are found from the points where `start` gives none.
-    start : a starting value for each parameter that is fit; the order of magnitude and the sign matter, several further starts are tried.
+    start : starting values; the order of magnitude and the sign matter, several further starts are tried.  Those that a formula or models by name
+        lack are found from the points; a function needs one for each parameter that is fit.
     u_y : standard uncertainty of y, a number or (n_obs,).  cov_y : (n_obs, n_obs) covariance matrix in its place.
     u_x : standard uncertainty of x, a number or (n_obs,), beside u_y; None where x is exact.  The true abscissas are integrated out one by one
         under a normal distribution fitted to the x (`estim.problem.abscissas`); values are the maximum of that likelihood and cov its inverse Fisher
@@ -119,9 +121,10 @@ def fit_curve(
     start, fixed = {} if start is None else start, {} if fixed is None else fixed
     bounds, priors = {} if bounds is None else bounds, {} if priors is None else priors
     tied, units, axes = {} if tied is None else tied, {} if units is None else units, AxisNames() if axes is None else axes
+    refuse_quantities(cov_y=cov_y, deviation=deviation, correlated=correlated)
     plain = without_units(Plain(x, y, u_x, u_y, start, fixed, bounds, units, axes))
     start, fixed, bounds = plain.start, plain.fixed, plain.bounds
-    named = called_by_name(curve, start, fixed, tied)
+    named = unstarted(curve, start, fixed, tied)
     begin, limits = (start, bounds) if named is None else provisional(named, start, bounds, priors, {*fixed, *tied})
     posed = pose_curve(
         curve if named is None else named.expression, plain.x, plain.y, start=begin, u_y=plain.u_y, cov_y=cov_y, u_x=plain.u_x, bounds=limits,
@@ -129,7 +132,7 @@ def fit_curve(
         correlated=correlated, noise=noise, derived={} if derived is None else derived, tied=tied,
     )
     if named is not None:
-        posed = started(replace(posed, called=named.text), named, held=start)
+        posed = started(replace(posed, called=named.called), named, held=start)
     complete = (fit_stated if posed.stated else _fit_estimated)(posed, rng, n_start)
     found = complete.status not in (Status.NOT_IDENTIFIED, Status.NOT_CONVERGED) and complete.goodness
     return _fit_lacking(posed, complete, rng) if posed.lacks is not None and found else complete

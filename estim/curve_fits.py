@@ -11,7 +11,21 @@ import numpy as np
 from estim.common import InputError
 from estim.curve_fit import fit_stated
 from estim.curve_result import CurveFit
-from estim.curves import AxisNames, Component, CurveProblem, DataSet, called_by_name, join, of_data_set, pose_curve, provisional, started
+from estim.curves import (
+    AxisNames,
+    Component,
+    CurveProblem,
+    DataSet,
+    Plain,
+    join,
+    of_data_set,
+    pose_curve,
+    provisional,
+    refuse_quantities,
+    started,
+    unstarted,
+    without_units,
+)
 from estim.fitting import N_START
 from estim.problem import Prior
 
@@ -43,27 +57,42 @@ def fit_curves(
     Raises InputError where an argument breaks a rule.
     """
     names = _checked(data)
+    _check_shared({"start": start, "bounds": bounds, "priors": priors}, shared)
     rng = np.random.default_rng(1) if rng is None else rng
     parts: dict[str, CurveProblem] = {}
     for name, points in data.items():
         said = {"start": start, "bounds": bounds, "priors": priors, "fixed": fixed}
         own = {field: of_data_set({} if given is None else given, name, names, field) for field, given in said.items()}
-        begin = {one: value for one, value in own["start"].items() if one not in own["fixed"]}
-        named = called_by_name(curve, begin, own["fixed"], tied or {})
-        limits = own["bounds"]
+        refuse_quantities(cov_y=points.cov_y)
+        seen = AxisNames() if axes is None else axes
+        plain = without_units(Plain(points.x, points.y, points.u_x, points.u_y, own["start"], own["fixed"], own["bounds"], units or {}, seen))
+        begin = {one: value for one, value in plain.start.items() if one not in plain.fixed}
+        named = unstarted(curve, begin, plain.fixed, tied or {})
+        limits = plain.bounds
         if named is not None:
-            held, (begin, limits) = begin, provisional(named, begin, own["bounds"], own["priors"], {*own["fixed"], *(tied or {})})
+            held, (begin, limits) = begin, provisional(named, begin, plain.bounds, own["priors"], {*plain.fixed, *(tied or {})})
         try:
             posed = pose_curve(
-                curve if named is None else named.expression, points.x, points.y, start=begin, u_y=points.u_y, cov_y=points.cov_y, u_x=points.u_x,
-                bounds=limits, priors=own["priors"], errors=tuple(errors), units=units or {}, axes=AxisNames() if axes is None else axes,
-                fixed=own["fixed"], noise=points.noise, derived=derived or {}, tied=tied or {},
+                curve if named is None else named.expression, plain.x, plain.y, start=begin, u_y=plain.u_y, cov_y=points.cov_y, u_x=plain.u_x,
+                bounds=limits, priors=own["priors"], errors=tuple(errors), units=plain.units, axes=plain.axes,
+                fixed=plain.fixed, noise=points.noise, derived=derived or {}, tied=tied or {},
             )
-            parts[name] = posed if named is None else started(replace(posed, called=named.text), named, held=held)
+            parts[name] = posed if named is None else started(replace(posed, called=named.called), named, held=held)
         except InputError as error:
             raise InputError(f"of data set '{name}' {error.rule}", field=error.field, value=error.value) from None
+    if len({(part.axes.x_unit, part.axes.y_unit) for part in parts.values()}) > 1:
+        raise InputError("must have x and y in the same units: quantities in all data sets, or in none", field="data", value=", ".join(names))
     joint = join(parts, shared=shared, common=[one.parameter_name for one in errors])
     return fit_stated(joint, rng, getattr(curve, "n_start", N_START) if n_start is None else n_start)
+
+
+def _check_shared(given: Mapping[str, Mapping[str, Any] | None], shared: Collection[str]) -> None:
+    """What all data sets share is not one thing for one of them."""
+    for field, said in given.items():
+        for written in said if isinstance(said, Mapping) else ():
+            parameter, _, level = str(written).partition("[")
+            if level and parameter in shared:
+                raise InputError(f"speaks of one data set, but '{parameter}' is shared by all", field=field, value=written)
 
 
 def _checked(data: Mapping[str, DataSet]) -> list[str]:

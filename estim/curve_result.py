@@ -16,6 +16,7 @@ from estim.checks import Goodness
 from estim.common import Finding, InputError, Kind, Status, code, format_p, markdown, one_line, signed, table
 from estim.curve_figures import Prediction as Prediction
 from estim.curve_figures import Region, curve_figure, region_of
+from estim.curves import refuse_quantities
 from estim.deviation import FoundDeviation
 from estim.distributions import student_quantile
 from estim.fitting import FEW, Ends, Fit, LinearDerived, contour, linear_derived, shown_value
@@ -113,6 +114,7 @@ class CurveFit:
         probability : of the interval low to high, by Student's t where the size of the errors was estimated.
         data : name of the data set, where several were fit together.  Raises InputError.
         """
+        refuse_quantities(x=x)
         places = np.atleast_1d(np.asarray(x, dtype=float))
         if places.ndim != 1 or not np.all(np.isfinite(places)):
             raise InputError("must be finite numbers along one axis", field="x", value=x)

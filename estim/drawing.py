@@ -48,7 +48,7 @@ def png(draw: Callable[[], Figure]) -> bytes:
 
 def show_literally(figure: Figure) -> None:
     """Marks every text of a finished figure as no mathematics but where `estim.common.labels` made it so.  To be done once."""
-    for text in _texts(figure):
+    for text in texts_of(figure):
         text.set_text(mathtext(text.get_text()))
 
 
@@ -93,7 +93,7 @@ def _notebook_figure() -> type[Figure]:
     return NotebookFigure
 
 
-def _texts(artist: Artist) -> Iterator[Text]:
+def texts_of(artist: Artist) -> Iterator[Text]:
     """The texts of a figure but for those of ticks, which are written anew whenever they are drawn (`name_ticks`)."""
     from matplotlib.axis import Axis
     from matplotlib.text import Text
@@ -104,7 +104,7 @@ def _texts(artist: Artist) -> Iterator[Text]:
         elif isinstance(part, Axis):
             yield part.label
         else:
-            yield from _texts(part)
+            yield from texts_of(part)
 
 
 def name_ticks(axis: Axis, places: ArrayLike, names: Sequence[str], *, fontsize: float = 10.0, rotation: float = 0.0) -> None:

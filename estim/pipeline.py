@@ -237,9 +237,8 @@ def _through_marginal(fit: Fit) -> bool:
     if any(run.normal is None for run in fit.posterior.likelihoods):
         return False
     problem = fit.problem
-    slow = any(run.positions for run in problem.runs) and problem.n_par > MAX_PARAMETERS
     varying = any(p.between for p in problem.parameters)  # a spread and the shifts of the runs are hard for a chain, easy given each other
-    return len(problem.runs) > (1 if slow or varying else _MANY_RUNS)
+    return len(problem.runs) > 1 and (varying or problem.n_par > MAX_PARAMETERS)
 
 
 def sample_curve(fit: CurveFit, *, seed: int, target: Target | None = None, progress: Progress | None = None) -> Analysis:

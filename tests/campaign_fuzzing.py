@@ -347,6 +347,8 @@ def make(seed: int) -> Case:
             words += ["--joint"]
         if command in ("fit", "energy", "reanalyse"):
             words += ["--max-steps", "50"]
+        if command == "reanalyse":
+            words += ["--jobs", "1"]
         if command == "calibrate":
             words += ["--simulations", "20", "--jobs", "1", "--what", "sbc"]
     full = command in ("line", "fit", "energy") and base in ("disk", "own") and source.randrange(FULL) == 0

@@ -183,8 +183,8 @@ def test_one_place_prints_and_one_file_writes():
     assert not any(getattr(node, "attr", "") == "echo" for module in ESTIM for node in ast.walk(trees()[module]))  # `terminal.say` escapes
     storage = {f"estim.common.{node.name}" for node in trees()["estim.common.storage"].body if isinstance(node, ast.FunctionDef)}
     storage -= {"estim.common.note_input", "estim.common.inputs_read"}  # which keep no file
-    keeping = {"estim.batch.rows", "estim.cli.origin", "estim.cli.terminal", "estim.cli.verifying", "estim.sampling.checkpoint"}
-    keeping |= {"estim.sampling.pieces"}
+    keeping = {"estim.batch.rows", "estim.cli.origin_record", "estim.cli.terminal", "estim.cli.verifying", "estim.sampling.checkpoint"}
+    keeping |= {"estim.reports.curve", "estim.sampling.pieces"}  # a report asked for in Python has no command line to write it
     assert {m for m in ESTIM if storage & imports()[m] and room(m) != "estim.common"} == keeping
     assert importers("pickle") | importers("shelve") <= {"estim.common.jobs"}  # between processes only, never from a file
     assert importers("h5py") <= {"estim.reports.interop"}  # a checkpoint that a reader holds open would stop its writer
@@ -269,7 +269,7 @@ REFUSED = COMMAND.format(words=["fit", "data/replica/campaign.toml", "--run", "n
 @pytest.mark.parametrize(
     ("code", "said", "without"),
     [
-        (COMMAND.format(words=["--help"]), "0", HEAVY | SLOW),
+        *((COMMAND.format(words=[word]), "0", HEAVY | SLOW) for word in ("--help", "--version")),
         ("import estim; print(estim.fit_line is estim.fit_curve, dir(estim) == estim.__all__)", "False True", SLOW),
         (REFUSED, "2", SLOW),
         ("import estim; print(estim.propagate_linear(lambda q: 2.0 * q['a'], [estim.Input('a', 1.0, 0.1, dof=5)]).value)", "2.0", SLOW),

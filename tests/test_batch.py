@@ -3,20 +3,26 @@
 from __future__ import annotations
 
 import csv
+import hashlib
 import json
+import shutil
 import sys
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
+import msgspec
 import numpy as np
 import pytest
 from command_runner import runner
 
 from estim.batch import Row, Settings, run_batch, shard_of, spreads, units_of
-from estim.batch.rows import Value
+from estim.batch.rows import Value, keep, kept, key_of
+from estim.batch.units import Unit
+from estim.campaign import load_campaign
 from estim.cli.commands import cli
-from estim.common import InputError
+from estim.common import InputError, write_whole
 from estim.reports import batch_report, lean_files
 
 QUICK = Settings(ess=300.0)
@@ -119,6 +125,103 @@ def test_a_fault_of_the_program_is_a_line_and_not_the_end(three: Path, tmp_path:
     assert "ZeroDivisionError: by nought" in rows[1].error
 
 
+def pictures(subject, analysis):
+    """A whole report, as far as files go."""
+    return {**lean_files(subject, analysis), "report.md": b"![a](figures/a.png)", "figures/a.png": b"a picture"}
+
+
+def test_nothing_of_an_earlier_batch_stands_beside_what_is_made_now(tmp_path: Path) -> None:
+    path = campaign(tmp_path / "one", {"a": 2.0})
+    units, out = units_of([path]), tmp_path / "out"
+    run_batch(units, out, report=pictures, settings=QUICK)
+    assert {p.name for p in (out / "one" / "a").rglob("*.*")} == {"a.png", "report.md", "result.json", "row.json"}
+    run_batch(units, out, report=lean_files, settings=QUICK)
+    assert {p.name for p in (out / "one" / "a").rglob("*")} == {"result.json", "row.json"}
+    run_batch(units, out, report=pictures, settings=QUICK)
+    (path.parent / "a.csv").write_text("t,y\n0,nothing\n")
+    run_batch(units, out, report=pictures, settings=QUICK)
+    assert list((out / "one" / "a").rglob("*")) == []
+
+
+def test_whatever_decides_a_result_decides_whether_it_is_kept(monkeypatch: pytest.MonkeyPatch) -> None:
+    def key(*, campaign="c", data="d", truth=1.0, run="a", seed=1):
+        tables = {name: SimpleNamespace(sha256=data) for name in "ab"}
+        return key_of(SimpleNamespace(sha256=campaign, tables=tables, truth={"p": truth}), run, {"seed": seed})  # type: ignore[arg-type]
+
+    keys = [key(), key(campaign="C"), key(data="D"), key(truth=2.0), key(run="b"), key(seed=2)]
+    assert key() == keys[0]
+    monkeypatch.setattr("estim.batch.rows.version", lambda package: f"next {package}")
+    assert len({*keys, key()}) == 7
+
+
+def test_a_row_stands_only_beside_its_own_result(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (plain,) = rows_of(np.array([1.0]), 0.1)
+    unit = Unit(Path("c.toml"), "r0", plain.place)
+    rows = {text: msgspec.structs.replace(plain, key=text, digest=hashlib.sha256(text.encode()).hexdigest()) for text in ("one", "two")}
+    keep(tmp_path, rows["one"], {"result.json": b"one"})
+    assert kept(tmp_path, unit, "one") == rows["one"]
+    assert kept(tmp_path, unit, "two") is None
+
+    def killed(target: Path, data: bytes, *, within: Path) -> None:
+        if target.name == "row.json":
+            raise KeyboardInterrupt
+        write_whole(target, data, within=within)
+
+    with monkeypatch.context() as patched:
+        patched.setattr("estim.batch.rows.write_whole", killed)
+        with pytest.raises(KeyboardInterrupt):
+            keep(tmp_path, rows["two"], {"result.json": b"two"})
+    assert kept(tmp_path, unit, "one") is None
+    for spoil in (lambda file: file.write_bytes(b"other"), lambda file: file.unlink()):
+        keep(tmp_path, rows["one"], {"result.json": b"one"})
+        spoil(tmp_path / plain.place / "result.json")
+        assert kept(tmp_path, unit, "one") is None
+
+
+@pytest.mark.parametrize(("status", "error", "code"), [("ok", "", 0), ("poor-fit", "", 3), ("", "cannot be read", 3)])
+def test_one_run_that_is_not_ok_ends_the_command_with_3(status: str, error: str, code: int, three: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    rows = rows_of(np.array([1.0, 1.1]), 0.1)
+    rows[1] = msgspec.structs.replace(rows[1], status=status, error=error)
+    monkeypatch.setattr("estim.batch.run_batch", lambda *_, **__: rows)
+    assert batch(three, "--out", three.parent / "out", "--no-figures").exit_code == code
+
+
+def test_one_name_in_two_units_is_two_quantities() -> None:
+    rows = rows_of(np.array([1.0, 1.1]), 0.1)
+    other = [replace_row(row, unit="V", mean=100.0 + i) for i, row in enumerate(rows)]
+    assert [(one.name, one.unit, one.rows, one.median) for one in spreads([*rows, *other])] == [
+        ("a", "m", (0, 1), 1.05), ("a", "V", (2, 3), 100.5),
+    ]
+    table = list(csv.DictReader(batch_report([*rows, *other], figures=False)["summary.csv"].decode().splitlines()))
+    assert [(line["a [m]"], line["a [V]"]) for line in table] == [("1.0", ""), ("1.1", ""), ("", "100.0"), ("", "101.0")]
+
+
+def replace_row(row: Row, *, unit: str, mean: float) -> Row:
+    return msgspec.structs.replace(row, values={"a": msgspec.structs.replace(row.values["a"], unit=unit, mean=mean)})
+
+
+def test_a_frame_interval_unlike_those_of_most_runs_is_told_in_the_batch() -> None:
+    rows = [msgspec.structs.replace(row, interval=dt) for row, dt in zip(rows_of(np.full(4, 1.0), 0.1), (0.04, 0.04, 0.02, None), strict=True)]
+    text = batch_report(rows, figures=False)["report.md"].decode().replace("\u00a0", " ")
+    assert "| c.toml | r2 | the frames are 0.02 s apart, those of most runs 0.04 s: is the frame rate right? |" in text
+    elsewhere = [msgspec.structs.replace(row, campaign=f"{i}.toml") for i, row in enumerate(rows)]
+    assert "the frames are" not in batch_report(elsewhere, figures=False)["report.md"].decode()
+
+
+@pytest.mark.usefixtures("few_draws")
+def test_a_batch_is_verified_and_its_reports_have_figures_only_where_they_are_wanted(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    campaign(tmp_path / "one", {"a": 2.0})
+    done = batch("one", "--reports", "--no-figures", "--out", "out")
+    assert done.exit_code == 0
+    assert "1 run: 1 ok (" in done.output
+    assert (tmp_path / "out" / "one" / "a" / "report.md").is_file()
+    assert not list((tmp_path / "out").rglob("*.png"))
+    assert (tmp_path / "out" / "times.csv").read_text().startswith("campaign,run,cpu_s\none/campaign.toml,a,")
+    checked = runner().invoke(cli, ["verify", "out"])
+    assert checked.exit_code == 0, checked.output
+
+
 def test_shards_and_any_executor_give_the_same_bytes(three: Path, tmp_path: Path) -> None:
     units = units_of([three])
     run_batch(units, tmp_path / "whole", report=lean_files, settings=QUICK)
@@ -170,6 +273,18 @@ def test_verify_knows_what_other_processes_have_read(three: Path, tmp_path: Path
     assert {Path(path).name for path in inputs} == {"campaign.toml", "a.csv", "b.csv", "c.csv"}
 
 
+def test_a_quantity_that_follows_from_other_runs_too_stops_none(project: Path, tmp_path: Path) -> None:
+    """As `estim fit --run` leaves it out where the other runs are not fit."""
+    shutil.copytree(project / "data" / "replica", tmp_path / "replica")
+    file = tmp_path / "replica" / "campaign.toml"
+    file.write_text(file.read_text() + '\n[derived]\nratio = "gamma[heavy]/gamma[light]"\nown = "2*gamma"\n')
+    for run in ("light-01", "heavy-02"):
+        campaign = load_campaign(file, only=run)
+        assert campaign.run_names == (run,)
+        (sought,) = {one.sought for one in campaign.problem([run]).runs}
+        assert [(one.name, one.lacking != ()) for one in sought] == [("ratio", True), ("own", False)]
+
+
 def test_a_campaign_without_runs_is_a_line_of_its_own(project: Path, tmp_path: Path) -> None:
     (row,) = run_batch(units_of([project / "data" / "trials"]), tmp_path, report=lean_files, settings=QUICK)
     assert row.status == ""
@@ -216,6 +331,7 @@ def test_what_stands_apart_is_named_and_what_scatters_is_not() -> None:
     (spoiled,) = spreads(rows_of(means, 0.1))
     assert spoiled.apart == (17,)
     assert spreads(rows_of(means, 0.1, informed=False))[0].apart == ()
+    assert spreads(rows_of(means, 2.0))[0].apart == ()  # their own uncertainties are that large
     text = batch_report(rows_of(means, 0.1), figures=False)["report.md"].decode()
     assert "c.toml: r17" in text
     assert "SYNTHETIC" not in text

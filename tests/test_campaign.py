@@ -5,12 +5,16 @@ from __future__ import annotations
 import math
 import re
 
+import msgspec
 import numpy as np
 import pytest
 from uncertainties import ufloat
 
 from estim import InputError, load_campaign
+from estim.campaign.campaign_file import RunTable
+from estim.campaign.dialect_table import DialectKeys
 from estim.campaign.selection import Window, select
+from estim.campaign.track_table import TrackKeys
 from estim.common import Kind
 from estim.problem.noise import Differentiated, Independent
 from estim.problem.priors import HalfNormal, LogNormal, Normal, TruncatedNormal, Uniform
@@ -455,8 +459,8 @@ MISTAKES = {
         "[[runs]]\nname = \"h4\"", '[line]\nfile = "l.csv"\nbody = "x"\n[[runs]]\nname = "h4"', 'body = "x"',
         "'body' must name one of the bodies",
     ),
-    "syntax error": ('phi_deg = "4.0(4)"', "phi_deg = 4.0(4)", "phi_deg", "'campaign' is not valid TOML ("),
-    "key twice": ("g = 9.81", "g = 9.81\ng = 9.8", "g = 9.8\n", "'campaign' is not valid TOML ("),
+    "syntax error": ('phi_deg = "4.0(4)"', "phi_deg = 4.0(4)", "phi_deg", "'file' is not valid TOML ("),
+    "key twice": ("g = 9.81", "g = 9.81\ng = 9.8", "g = 9.8\n", "'file' is not valid TOML ("),
 }  # fmt: skip
 
 
@@ -672,3 +676,12 @@ def test_rows_that_cannot_be_fit_are_told_without_a_window(load, folder, change,
     assert "window" not in str(caught.value)
     with pytest.raises(InputError, match=r"campaign\.toml:\d+: 'window' must leave between 5 and 3000 of the \d+ rows of .*h4\.csv to fit: \d"):
         load((RUN_H4, RUN_H4 + "window = {x_min_m = 0.0}\n"))
+
+
+def test_the_keys_of_tracks_are_the_same_for_bodies_and_for_curves() -> None:
+    """msgspec allows a record one base with fields, so that the keys stand in two."""
+    of_runs = {one.name: (one.type, one.default) for one in msgspec.structs.fields(RunTable)}
+    of_tracks = {one.name: (one.type, one.default) for one in msgspec.structs.fields(TrackKeys)}
+    own = of_tracks.keys() - set(DialectKeys.__struct_fields__)
+    assert own == {"track", "along", "unit", "release", "frame_ms", "drop_duplicates"}
+    assert {name: of_runs[name] for name in own} == {name: of_tracks[name] for name in own}

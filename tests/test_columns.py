@@ -45,6 +45,7 @@ def read(path: Path, data: str | bytes, needed: tuple[str, ...] = ("t", "y"), *,
         ("9 9 9\nt y\n1 2\n3 4\n", {"skip_rows": 1}, [1, 3], [2, 4]),
         ("t,y,n\n1,2,3\n4,5,6\n", {"delimiter": "comma"}, [1, 4], [2, 5]),
         ("time,t,y\n1.0,2,3\n4,5,6\n", {}, [2, 5], [3, 6]),
+        ("Group 3;;\nt;10 periods (s);y\n0,5;8,9;1\n1;9,1;2\n", {}, [0.5, 1], [1, 2]),
     ],
 )
 def test_a_table_is_read_as_it_is_written(tmp_path: Path, text: str, said: dict, t: list[float], y: list[float]) -> None:
@@ -69,6 +70,7 @@ def test_a_table_is_read_as_it_is_written(tmp_path: Path, text: str, said: dict,
         ("t,y\n0.1,1\n0.2\n0.3,2\n", {}, "a.csv:3: 'row' must have 2 cells: 1"),
         ("t,y\n0.0,1.0,3\n0.2,2\n0.3,2\n", {}, "a.csv:2: 'row' is a row with another number of cells .*--skip-rows"),
         ("t,y\n0.1,1x\n0.2,2\n0.3,2\n", {}, "a.csv:2: 'row' must be a row of numbers"),
+        ("t,y\n10 s (or so),1\n0.2,2\n0.3,2\n", {}, "a.csv:2: 'row' must be a row of numbers.* names, which begin with a letter"),
         ("t,y\n0.1,1\n0.2,2x\n0.3,2\n", {}, "a.csv:3: 'y' must be a number: 2x"),
         ("t,y\n0,1\n% 1,2\n1,3\n2,3\n", {}, "a.csv:3: 't' must be a number: % 1"),
         ("t,y\n0,inf\n1,3\n2,3\n", {}, "a.csv:2: 'row' must be a row of numbers|'y' must be a number: inf"),
@@ -186,3 +188,15 @@ def test_the_tables_of_other_people_are_read(real_files: list[Path]) -> None:
     destroyed, named = shared / "tracker" / "halfpipe" / "Klipp5.csv", Dialect(columns=("t", "x", "y", "v", "a"))
     with pytest.raises(InputError, match="decimal points and others with commas"):
         read_columns(destroyed, needed=("t", "y"), min_rows=3, shown_as="n", dialect=named)
+
+
+def test_uncertainties_in_another_unit_than_their_column_are_refused(tmp_path: Path) -> None:
+    def table(head: str, **said):
+        (tmp_path / "a.csv").write_text(f"{head}\n1,2,3\n4,5,6\n")
+        return read_columns(tmp_path / "a.csv", needed=("t", "y", "u_y"), min_rows=2, shown_as="a.csv", dialect=Dialect(**said))
+
+    for head, said in (("t,y [V],u_y [mV]", {}), ("x,x,x", {"columns": ("t", "y (V)", "u_y (%)")}), ("t,y,u_y\ns,V,mV", {})):
+        with pytest.raises(InputError, match=r"a\.csv(:[12])?: 'u_y' must be in the unit of 'y', V; write it in that unit, or name the columns"):
+            table(head, **said).require_unit("u_y", "y")
+    for head, said in (("t,y [V],u_y [V]", {}), ("t,y [V],u_y", {}), ("t,y,u_y [V]", {}), ("t,y [µm],u_y [um]", {}), ("t,y,u_y\ns,V,V", {})):
+        table(head, **said).require_unit("u_y", "y")

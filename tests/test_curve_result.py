@@ -53,6 +53,16 @@ def test_criteria_differ_between_curves_as_those_of_lmfit() -> None:
     assert line.r_squared == pytest.approx(np.corrcoef(X, Y)[0, 1] ** 2)
 
 
+def test_with_errors_of_unknown_size_it_is_that_of_the_most_probable_size() -> None:
+    """-2 ln L at the maximum in the size too, which counts as a parameter."""
+    from scipy import stats
+
+    fit = fit_curve("a*x + b", X, Y, start=START)
+    left = Y - np.polyval(np.polyfit(X, Y, 1), X)
+    best = float(np.sum(stats.norm.logpdf(left, scale=np.sqrt(np.mean(left**2)))))
+    assert fit.aic == pytest.approx(-2.0 * best + 2.0 * 3)
+
+
 def test_with_stated_errors_the_criterion_is_chi2_and_the_normalisation() -> None:
     fit = fit_curve("a*x + b", X, Y, u_y=0.2, start=START)
     assert fit.aic == pytest.approx(fit.chi2 + 14 * math.log(2.0 * math.pi * 0.04) + 4.0)

@@ -10,6 +10,7 @@ from pathlib import Path
 import msgspec
 import numpy as np
 import pytest
+from report_words import words
 
 from estim.campaign import load_campaign
 from estim.checks.cells import Estimate, is_measured, not_measured, p_sentence, result_table, screen_lines, stated_words, upper_limit
@@ -38,11 +39,6 @@ def fitted() -> tuple[Analysis, Result, str]:
     campaign = load_campaign(REPLICA)
     analysis = analyse(campaign, ["heavy-04"], seed=1, target=Target(ess=1000.0))
     return analysis, result_of(campaign, analysis), analysis_report(campaign, analysis, figures=False)["report.md"].decode()
-
-
-def words(text: str) -> list[str]:
-    """Those with two letters or more, neither of a figure nor of a link."""
-    return [word for word in re.sub(r"!\[[^\]]*\]\([^)]*\)|[*_#|`]", " ", text).split() if re.search(r"[^\W\d_]{2,}", word)]
 
 
 def pages(text: str) -> float:
@@ -74,6 +70,23 @@ def test_what_the_data_leave_as_it_was_is_no_result(rng: np.random.Generator) ->
     assert [row[0].partition(",")[0] for row in screen.rows] == ["κ", "φ"]
     assert all(f"{symbol} = " in screen.left for symbol in ("γ", "R"))
     assert "(stated 0.193 ± 0.010)" in screen.left
+
+
+def test_what_to_mind_is_what_limits_most_and_a_force_that_is_sure() -> None:
+    result = fitted()[1]
+    assert result.budget is not None
+    assert result.deviation is not None
+    (budget, force), symbol = (result.budget["kappa[heavy]"], result.deviation["heavy-04"]), "are tied"
+
+    def minds(share: float, probability: float) -> str:
+        limited = msgspec.structs.replace(budget, sources=[msgspec.structs.replace(budget.sources[0], share=share), *budget.sources[1:]])
+        sure = msgspec.structs.replace(force, probability=probability)
+        return "; ".join(first_screen(msgspec.structs.replace(result, budget={"kappa[heavy]": limited}, deviation={"heavy-04": sure})).minds)
+
+    assert symbol in minds(0.51, 0.9)
+    assert symbol not in minds(0.49, 0.9)
+    assert "the curve lacks a force" in minds(0.51, 0.96)
+    assert "the curve lacks a force" not in minds(0.51, 0.94)
 
 
 def standard(rng: np.random.Generator) -> np.ndarray:
@@ -154,6 +167,10 @@ def test_results_are_copied_as_siunitx_reads_them(rng: np.random.Generator) -> N
     assert copies.table.splitlines()[1] == "quantity,value,u,low_95,high_95,unit,measured"
     assert copies.table.splitlines()[2].startswith("tau,2.07,0.05,1.9")
     assert copies.table.splitlines()[3].endswith(",,no")
+    tilt = Estimate(Notation("φ", "°", 180.0 / np.pi).label("rad"), summary(np.radians(4.0 + 0.25 * standard(rng))), "", True)
+    symbol, value, u, low, high, *rest = copies_of([tilt]).table.splitlines()[2].split(",")
+    assert (symbol, value, u, rest) == ("φ", "4", "0.25", ["°", "yes"])
+    assert (float(low), float(high)) == pytest.approx((3.51, 4.49), abs=0.03)
 
 
 @pytest.mark.parametrize(
@@ -225,6 +242,7 @@ def test_the_sample_report_prints_on_six_pages_and_publishes_nothing_that_was_pu
     report = (PROJECT / "reports" / "replica" / "report.md").read_text()
     before_figures = report.partition("![")[0]
     assert len(words(before_figures)) < 120
+    assert len(words(report.partition("<details>")[0])) < 120
     open_part = re.sub(r"<details>.*?</details>", "", report, flags=re.DOTALL)
     assert pages(open_part) + 2 * 0.8 < 6.0  # two figures, each less than a page
     published = report.partition("## Published and reanalysed")[2].partition("\n## ")[0]

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.optimize import least_squares
 
-from estim import DataSet, Poisson, fit_curve, fit_curves, load_campaign
+from estim import Component, DataSet, Poisson, fit_curve, fit_curves, load_campaign
 from estim.common import InputError
 from estim.fitting import fit_optimum
 
@@ -84,11 +84,29 @@ def test_counts_and_readings_may_be_fit_together() -> None:
     assert fit.sds["tau"] < fit_curve(FORMULA, T, SWINGS["first"].y, u_y=0.1, start=START).sds["tau"]
 
 
+def test_an_error_of_all_points_is_one_unknown_of_all_data_sets() -> None:
+    """Against the whole covariance matrix: every y has 0.5 in common."""
+    fit = fit_curves(FORMULA, SWINGS, shared=["tau"], start=START, errors=[Component("zero_y", 0.5, "offset")])
+    assert [name for name in fit.names if "offset" in name] == ["offset"]
+    x, y = (np.concatenate([getattr(s, axis) for s in SWINGS.values()]) for axis in "xy")
+    second = np.arange(y.size) >= T.size
+    cov = np.diag(np.where(second, 0.05, 0.1) ** 2) + 0.25
+    at = [fit.values[name] for name in ("tau", "A[first]", "c[first]", "A[second]", "c[second]")]
+    e = np.exp(-x / at[0])
+    amplitude = np.where(second, at[3], at[1])
+    jacobian = np.column_stack([amplitude * e * x / at[0] ** 2, ~second * e, ~second, second * e, second])
+    sds = np.sqrt(np.diag(np.linalg.inv(jacobian.T @ np.linalg.solve(cov, jacobian))))
+    assert [fit.sds[name] for name in ("tau", "A[first]", "c[first]", "A[second]", "c[second]")] == pytest.approx(sds, rel=1e-3)
+
+
 @pytest.mark.parametrize(
     ("change", "said"),
     [
         ({"shared": ["B"]}, "'shared' names 'B'"),
         ({"start": {**START, "A[third]": 1.0}}, "'start' names a data set that there is not"),
+        ({"start": {**START, "A[second": 1.0}}, "'start' names a data set that there is not"),
+        ({"priors": {"tau[second]": "9.0(1)"}}, "'priors' speaks of one data set, but 'tau' is shared by all"),
+        ({"bounds": {"tau[first]": (0.0, 1.0)}}, "'bounds' speaks of one data set, but 'tau' is shared by all"),
         ({"data": {"a": DataSet(T, T)}}, "needs u_y, cov_y or noise"),
         ({"data": {"a[1]": DataSet(T, T, u_y=1.0)}}, r"without \[ and \]"),
         ({"data": {"a": (T, T)}}, "must be a DataSet"),

@@ -192,7 +192,7 @@ def texts_of_figures(monkeypatch: pytest.MonkeyPatch) -> list[str]:
         ("fit", "--max-steps", "60"),
         ("line",),
         ("energy", "--max-steps", "60"),
-        ("reanalyse", "--max-steps", "60"),
+        ("reanalyse", "--max-steps", "60", "--jobs", "1"),
         ("calibrate", "--simulations", "20", "--what", "sbc", "--jobs", "1"),
     ],
     ids=lambda command: " ".join(command[:2]),

@@ -397,3 +397,21 @@ noise = {{sigma_x_m = 0.002}}
         reach = f"{50.0 * a * ((n - 2) / 30.0) ** 2:.4g}"  # the last frame that has a speed
     with pytest.raises(InputError, match=rf"kulefullbane\.txt: 'x_m' reaches {reach} m, .* is it in cm or mm, or the time not in s\?$"):
         load_campaign(tmp_path / "c.toml")
+
+
+BARE = "t,x\n0,0.01\n0.1,0.02\n0.2,0.04\n0.3,0.07\n0.4,0.11\n"
+
+
+def test_a_table_of_t_and_x_alone_is_not_taken_for_an_export_whose_zero_moves(write) -> None:
+    """Nothing in such a file shows whether x is counted from the release (a table) or from the first point (a track)."""
+    for text, line in ((BARE, 1), (f"# by hand\n{BARE.replace(',', ';')}", 2), (BARE.replace("t,x", "t (s),x (m)"), 1), (BARE.replace("x", "y"), 1)):
+        with pytest.raises(InputError, match=rf"^a\.csv:{line}: 'header' may be a table or an export .* write t_s,x_m .* release = \"first\""):
+            read_run(write(text), name="r", shown_as="a.csv")
+    stated = [
+        read_run(write(text), name="r", choices=choices)
+        for text, choices in (
+            (BARE, Choices(release="keep", along="x")), (BARE, Choices(release="first")), (f"mass A\n{BARE}", None),
+            (BARE.replace("t,x", "t_s,x_m"), None),
+        )
+    ]  # fmt: skip
+    assert [round(run.columns["x_m"][0].item(), 9) for run in stated] == [0.01, 0.0, 0.0, 0.01]

@@ -9,7 +9,8 @@ import pytest
 from scipy import stats
 
 from estim.common.errors import InputError
-from estim.propagation.inputs import Input, copula_matrix, correlation_matrix, draw_inputs, standard_score
+from estim.propagation.copula import copula_matrix, draw_inputs, standard_score
+from estim.propagation.inputs import Input, correlation_matrix
 
 SIGMA = math.sqrt(math.log1p(0.4**2))
 

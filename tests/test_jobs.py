@@ -7,10 +7,13 @@ import select
 import signal
 import subprocess
 import sys
+import time
 from functools import partial
 from math import factorial
 from pathlib import Path
+from types import MappingProxyType
 
+import numpy as np
 import pytest
 
 from estim.common.errors import NumericalError
@@ -97,6 +100,33 @@ def test_workers_end_with_a_parent_that_is_killed(tmp_path: Path, project: Path)
         parent.wait()
         for pid in workers:
             os.kill(pid, signal.SIGKILL)
+
+
+def last_for_ever(n: int) -> int:
+    if n:
+        time.sleep(3600.0)
+    return n
+
+
+def test_an_impatient_caller_that_is_interrupted_waits_for_no_call() -> None:
+    """Between two results, as Ctrl-C may come; an error of a call is the same."""
+
+    def interrupted(n: int, result: int) -> None:
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        spread(last_for_ever, range(3), jobs=2, keep=interrupted, patient=False)
+
+
+class Held:
+    """What a read-only mapping is part of, which pickle does not know by itself."""
+
+    def __init__(self, n: int) -> None:
+        self.values = MappingProxyType({n: np.float64(n) / 3.0})
+
+
+def test_results_may_hold_read_only_mappings() -> None:
+    assert [dict(held.values) for held in spread(Held, range(2), jobs=2)] == [{0: 0.0}, {1: np.float64(1.0) / 3.0}]
 
 
 SPREADING = """

@@ -22,6 +22,7 @@ from typing import get_args
 import numpy as np
 import pytest
 from command_runner import runner
+from report_words import first_screen, words
 from scipy import integrate, optimize, special, stats
 
 from estim.cli.commands import cli
@@ -178,16 +179,25 @@ def test_sums_with_a_common_term_of_gum_s2_92(name, variance, r):
 
 
 def test_six_sets_of_readings_of_gum_s2_94():
-    """S2 gives n sets of N readings a t of n - N = 3 degrees of freedom (5.3.2), estim one of n - 1 = 5: standard deviations apart by sqrt(3)."""
+    """S2 gives n sets of N readings a t of n - N = 3 degrees of freedom (5.3.2), estim by default one of n - 1 = 5: sds apart by sqrt(3)."""
     found = done("s2-impedance")
     assert all(map(printed, (127.732, 219.847, 254.260), (0.0015, 0.0005, 0.0005), found.linear.value))  # R is 127.7307 from the readings
     assert all(map(printed, (0.058, 0.241, 0.193), [0.0005] * 3, found.linear.u))
     r = [region.correlation[0] for region in found.regions]
     assert all(map(printed, (-0.588, -0.485, 0.993), [0.0005] * 3, r))
     assert printed(0.00749, 0.000005, 1.0 - r[2])
-    printed_by_draws = np.array([0.130, 0.540, 0.431])
-    assert np.all(np.abs(math.sqrt(3.0) * stats.t(5).std() * found.linear.u - printed_by_draws) < 0.0006)
-    assert np.all(np.abs(found.sampled.u - stats.t(5).std() * found.linear.u) < 5.0 * found.sampled.u_error)
+    assert all(one.dof == 5.0 and one.drawn_dof == 3.0 for one in found.model.inputs)
+    wider = {one.standard_deviation / one.u for one in found.model.inputs}  # the draws' own u settles slowly: no fourth moment
+    assert all(map(printed, (0.130, 0.540, 0.431), [0.0006] * 3, max(wider) * found.linear.u))
+    assert max(wider) - min(wider) < 1e-12
+    interval = found.sampled.symmetric
+    at_975 = stats.t(3).ppf(0.975) * math.sqrt(5.0 / 3.0) * found.linear.u
+    assert np.all(np.abs(interval.high - found.linear.value - at_975) < 5.0 * interval.high_error + 0.002 * found.linear.u)
+    own = [replace(quantity, parts=(replace(quantity.parts[0], joint_dof=0.0),)) for quantity in found.model.quantities]
+    default = propagate(replace(found.model, quantities=tuple(own)), rng=np.random.default_rng(1)).sampled.symmetric
+    assert np.all(default.high < interval.high - 20.0 * interval.high_error)
+    narrow = stats.t(5).ppf(0.975) * found.linear.u
+    assert np.all(np.abs(default.high - found.linear.value - narrow) < 5.0 * default.high_error + 0.002 * found.linear.u)
 
 
 @pytest.mark.parametrize(
@@ -279,6 +289,8 @@ def test_the_command_writes_report_figures_and_record(tmp_path):
     assert result.exit_code == 0, result.output
     assert "dm = 1.234 mg with standard uncertainty u = 0.07" in result.output
     text = (folder / "report.md").read_text()
+    assert "figures/distribution.png" in first_screen(text)
+    assert len(words(first_screen(text))) < 120
     for cell in ("1.2340 | 0.0539", "[1.1285, 1.3395]", "0.0750", "GUM's interval does not hold: believe the Monte Carlo", "kg/m³"):
         assert cell in text, cell
     assert {path.name for path in (folder / "figures").iterdir()} == {"distribution.png", "budget.png"}
@@ -328,6 +340,9 @@ HEAD = 'title = "t"\n[measurand]\nformula = "a*b"\n[inputs]\nb = {value = 1, u =
 @pytest.mark.parametrize(
     ("text", "message"),
     [
+        (HEAD + "a = {readings = [1.1, 1.1, 1.1]}\n", ":6: 'readings' are all the same, so that their scatter tells no uncertainty"),
+        (HEAD + "a = {value = 0, u_percent = 5}\n", ":6: 'u_percent' means nothing where the value is 0: state u"),
+        (HEAD + "a = {value = 0, components = {p = {u_percent = 5}}}\n", ":6: 'u_percent' means nothing where the value is 0: state u"),
         (HEAD + "a = {value = 1, u = -1}\n", ":6: 'u' must be > 0 (leave it out for an exact value): -1"),
         (HEAD + "a = {value = 1, u = 0.1, half_width = 2}\n", ":6: 'half_width' does not go with 'u': state the uncertainty once"),
         (HEAD + "a = {value = 1, U = 0.1}\n", ":6: 'k' must stand beside 'U', an expanded uncertainty"),
@@ -343,6 +358,13 @@ HEAD = 'title = "t"\n[measurand]\nformula = "a*b"\n[inputs]\nb = {value = 1, u =
         (HEAD + 'a = {value = 1}\n[[correlations]]\nbetween = ["a", "b"]\nr = 0.5\n', ":8: 'between' must name inputs with an uncertainty"),
         (HEAD + 'a = {value = 1, u = 1}\n[[correlations]]\nbetween = ["a", "b"]\nr = 1.5\n', ":9: 'r' must lie between -1 and 1: 1.5"),
         ('simultaneous = [["a", "b"]]\n' + HEAD + "a = {readings = [1, 2]}\n", ":1: 'simultaneous' must name inputs that are given by readings: b"),
+        ('simultaneous_dof = "n - N"\n' + HEAD + "a = {readings = [1, 2]}\n", ":1: 'simultaneous_dof' needs 'simultaneous': n - N"),
+        ('simultaneous_dof = "n"\n' + HEAD + "a = {readings = [1, 2]}\n", ":1: 'simultaneous_dof' "),
+        (
+            'simultaneous = [["a", "b"]]\nsimultaneous_dof = "n - N"\n'
+            + HEAD[:HEAD.index("b =")] + "a = {readings = [1, 2]}\nb = {readings = [1, 3]}\n",
+            ":2: 'simultaneous_dof' needs more sets of readings than inputs, here 2 sets of 2",
+        ),
         (HEAD.replace("formula", 'name = "pi"\nformula') + "a = {value = 1}\n", ":3: 'name' must be letters, digits and _"),
         ("probability = 1.5\n" + HEAD + "a = {value = 1}\n", ":1: 'probability' must lie between 0.5 and 0.9999: 1.5"),
         (HEAD + "a = {value = 1, components = {p = {u = -1}}}\n", ":6: 'u' must be > 0"),

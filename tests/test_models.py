@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 from command_runner import runner
 from joint_runs import LINE, problem_of
+from report_words import first_screen, words
 from scipy.stats import gaussian_kde, multivariate_normal
 from test_noise import CAMPAIGN, DIFFERENTIATED, TIMES
 
@@ -238,6 +239,9 @@ def test_the_command_writes_a_report_and_says_what_is_recommended(tmp_path: Path
     report, record = (tmp_path / "out" / "report.md").read_text(), json.loads((tmp_path / "out" / "models.json").read_text())
     assert "**Recommended: rolling-resistance**" in report
     assert '`rolling_resistance = {prior = "half-normal", scale = 0.01}`' in report
+    first = first_screen(report)
+    assert "figures/values.png" in first
+    assert len(words(first)) < 120
     assert record["recommended"] == "rolling-resistance"
     assert [row["name"] for row in record["models"]] == ["paper", "rolling-resistance"]
     assert {path.name for path in (tmp_path / "out" / "figures").iterdir()} == {"values.png", "predictive.png"}

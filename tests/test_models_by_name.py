@@ -12,6 +12,7 @@ from estim import EventTimes, Poisson, fit_curve, load_campaign
 from estim.common import InputError
 from estim.curves.formula import read_formula
 from estim.curves.models import MODELS, read_model
+from estim.curves.starts import find_starts
 
 
 @pytest.mark.parametrize(("sigma", "gamma"), [(1.0, 0.5), (0.3, 0.1), (0.05, 0.4), (2.0, 0.2), (0.004, 1.0), (0.0, 0.7)])
@@ -102,6 +103,34 @@ def test_starts_priors_bounds_and_fixed_values_of_the_user_hold() -> None:
     assert both.values["a_center"] == pytest.approx(5.0, abs=0.05)
     assert both.called == "a_gaussian + b_gaussian"
     assert str(both).startswith("a_gaussian + b_gaussian: ok")
+
+
+def test_starts_weigh_the_points_by_their_errors() -> None:
+    asked, x, rng = read_model("gaussian"), np.linspace(0.0, 20.0, 120), np.random.default_rng(2)
+    true = {"amplitude": 9.0, "center": 6.0, "sigma": 1.4}
+    u = np.where(np.arange(x.size) % 3 == 0, 100.0, 0.01)
+    y = read_formula(asked.expression).value(x, true)[0] + u * rng.standard_normal(x.size)
+    start = find_starts(asked, x, y, u, known={}, limits=asked.limits)
+    assert start == pytest.approx(true, rel=0.05)
+
+
+@pytest.mark.parametrize(
+    ("text", "true"),
+    [
+        ("oscillation", {"amplitude": 3.0, "phase": 1.0, "frequency": 0.11}),
+        ("damped_oscillation", {"amplitude": 3.0, "phase": -2.0, "frequency": 0.17, "damping": 0.05}),
+        ("a_exponential + b_exponential", {"a_amplitude": 8.0, "a_decay": 1.5, "b_amplitude": 3.0, "b_decay": 5.0}),
+        ("logistic + constant", {"amplitude": 3.0, "center": 12.0, "sigma": 1.5, "c": 1.0}),
+        ("a_gaussian + b_lorentzian", {"a_amplitude": 9.0, "a_center": 6.0, "a_sigma": 1.4, "b_amplitude": 4.0, "b_center": 14.0, "b_sigma": 0.9}),
+    ],
+)
+def test_without_noise_the_start_is_the_curve(text: str, true: dict[str, float]) -> None:
+    """A search afterwards would hide a start of the wrong sign or phase."""
+    asked, x = read_model(text), np.linspace(0.0, 20.0, 120)
+    formula = read_formula(asked.expression)
+    y = formula.value(x, true)[0]
+    start = find_starts(asked, x, y, np.ones(x.size), known={}, limits=asked.limits)
+    assert formula.value(x, start)[0] == pytest.approx(y, abs=1e-3 * float(np.ptp(y)))
 
 
 def test_widths_in_metres_of_things_in_nanometres_are_found() -> None:
@@ -244,6 +273,9 @@ def test_a_campaign_may_name_its_model(tmp_path: Path) -> None:
     truth = {"left_center": 8.0, "left_sigma": 1.2, "right_center": 12.0, "left_amplitude[first]": 30.0, "left_amplitude[second]": 50.0}
     assert {name: starts[name] for name in truth} == pytest.approx(truth, rel=0.1)
     assert next(p for p in problem.parameters if p.name == "left_center").unit == "keV"
+    begun = CAMPAIGN.replace("c = 2.0", "c = 2.0\nleft_sigma = {start = 1.0}\nright_sigma = {start = 1.0, low = -5.0}")
+    told = {p.name: p.prior for p in load_campaign(campaign(tmp_path, begun)).problem(["first", "second"]).parameters}
+    assert (told["left_sigma"].low, told["right_sigma"].low) == (0.0, -5.0)  # the model's limit, and one that was stated
 
 
 @pytest.mark.parametrize(
@@ -253,6 +285,8 @@ def test_a_campaign_may_name_its_model(tmp_path: Path) -> None:
         ("model", 'expression = "a*x"\nmodel', "4: 'curve' must have an 'expression', or a 'model' .*not both"),
         ('model = "left_gaussian + right_gaussian + constant"', "", "4: 'curve' must have an 'expression', or a 'model'"),
         ("c = 2.0", "d = 2.0", "11: 'd' is not in the formula"),
+        ("c = 2.0", "c = 2.0\nleft_sigma = {start = -1.0}", r"12: 'left_sigma' 'start' must lie within \[0, inf\]: -1"),
+        ("c = 2.0", "c = 2.0\nleft_sigma = {low = 3.0, high = 1.0}", "12: 'left_sigma' 'low' must be below 'high': 3"),
     ],
 )
 def test_what_is_wrong_with_a_model_is_said_with_its_line(tmp_path: Path, written: str, instead: str, said: str) -> None:

@@ -69,6 +69,7 @@ def test_where_the_solution_ends_there_is_no_value() -> None:
         ({"start": [0.0], "observed": 1}, "'observed' must be"),
         ({"start": [0.0], "method": "LSODA"}, "'method' must be"),
         ({"start": [0.0], "x0": np.inf}, "'x0' must be finite"),
+        ({"start": [0.0], "x0": "0"}, "'x0' must be finite"),
     ],
 )
 def test_what_is_wrong_is_said(arguments: dict[str, object], said: str) -> None:

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from click.testing import CliRunner
+from report_words import first_screen, words
 
 from estim.campaign import NewRun, load_campaign
 from estim.cli.commands import cli
@@ -262,7 +263,8 @@ def test_the_command_ranks_what_was_asked_for_and_says_where_linear_theory_fails
     report = (tmp_path / "out" / "report.md").read_text()
     assert "a better protractor (φ[heavy-04] to ±0.1° (from 0.4°))" in report
     assert "the drawn posterior has" in report
-    assert "figures/ratios.png" in report
+    assert "figures/ratios.png" in first_screen(report)
+    assert len(words(first_screen(report))) < 120
     assert (tmp_path / "out" / "figures" / "ratios.png").exists()
 
 

@@ -18,8 +18,9 @@ from scipy import stats
 from uncertainties import correlated_values_norm, correlation_matrix, umath
 
 from estim.common.errors import InputError
+from estim.propagation.copula import copula_matrix, draw_inputs, standard_score
 from estim.propagation.evaluation import gradient
-from estim.propagation.inputs import Input, copula_matrix, draw_inputs, standard_score
+from estim.propagation.inputs import Input
 from estim.propagation.inputs import correlation_matrix as checked_correlation
 from estim.propagation.linear import propagate_linear
 from estim.propagation.monte_carlo import coverage_interval, numerical_tolerance, propagate_monte_carlo

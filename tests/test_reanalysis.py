@@ -5,6 +5,8 @@ from __future__ import annotations
 import json
 import math
 import re
+from collections.abc import Iterator
+from contextlib import contextmanager, nullcontext
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -12,6 +14,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from test_noise import CAMPAIGN, POSITIONS, TIMES
+from troubles import Disk
 
 from estim.campaign import Campaign, gamma_of_body, load_campaign
 from estim.common.errors import InputError
@@ -23,11 +26,12 @@ from estim.pipeline import analyse
 from estim.problem.posterior import Problem
 from estim.problem.priors import Normal
 from estim.reports.reanalysis import reanalysis_report
+from estim.sampling import Progress
 from estim.sampling.chain import Target
 from estim.studies.limits import limits, narrowing
 from estim.studies.paper_band import propagated_bands
 from estim.studies.published import compare_published, read_published
-from estim.studies.reanalysis import Reanalysis
+from estim.studies.reanalysis import Reanalysis, reanalyse
 
 QUICK = Target(ess=300, max_step=800)
 
@@ -77,9 +81,27 @@ def test_a_run_depends_on_every_parameter_of_its_noise(tmp_path: Path, rng: np.r
     first = SimpleNamespace(fit=campaign.fit(campaign.problem(["r"]), rng=rng))
     assert joint.restricted(joint.runs[1:]).names == ("gamma[heavy]", "kappa[heavy]", "theta0[s]", "scatter[s]", "sigma_x[s]")
     # of the second alone nothing is asked
-    found = narrowing(campaign.fit(joint, rng=rng), [first, first], ["gamma[heavy]", "kappa[heavy]"], fit_first=None)
+    found = narrowing(campaign.fit(joint, rng=rng), [first, first], ["gamma[heavy]", "kappa[heavy]"], firsts=())
     assert found.u[0] == pytest.approx(found.u_single[0], rel=1e-3)  # the first of them is the first alone
     assert np.all(found.u[1] < found.u[0])
+
+
+def test_any_number_of_processes_gives_the_same_report(tmp_path: Path) -> None:
+    """Every byte, so that nothing depends on who did what, or when: a run by itself, and all runs of its body."""
+    campaign = load_campaign(Disk().write(tmp_path))
+    told: list[tuple[int, str]] = []
+
+    @contextmanager
+    def listened(what: str) -> Iterator[Progress]:
+        told.append((0, what))
+        yield lambda percent, message: told.append((percent, message))
+
+    few = Target(max_step=60, n_walker=24)
+    alone = reanalyse(campaign, seed=1, target=few, progress_of=lambda _: nullcontext(lambda percent, message: None))
+    spread_out = reanalyse(campaign, seed=1, target=few, progress_of=listened, jobs=2)
+    assert reanalysis_report(alone, figures=False) == reanalysis_report(spread_out, figures=False)
+    assert told[0] == (0, "2 fits, 2 at once")
+    assert [percent for percent, _ in told] == [0, 50, 100]
 
 
 def test_propagated_band_is_that_of_brute_force(campaign: Campaign, rng: np.random.Generator) -> None:

@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from command_runner import runner
+from report_words import first_screen, words
 
 from estim.campaign import load_campaign
 from estim.cli.commands import cli
@@ -222,6 +223,9 @@ def test_the_command_maps_what_a_run_should_do(tmp_path: Path) -> None:
     report = (tmp_path / "out" / "report.md").read_text().replace("\u00a0", " ")
     names = {f"figures/{name}-heavy.png" for name in ("map", "friction", "reach")}
     assert all(f"]({name})" in report and (tmp_path / "out" / name).stat().st_size > 10_000 for name in names)
+    first = first_screen(report)
+    assert "figures/map-heavy.png" in first
+    assert len(words(first)) < 120
     run = result["bodies"]["heavy"]["runs"]["a"]
     assert run["words"] in said
     assert run["words"] in report

@@ -87,6 +87,20 @@ def test_columns_by_name_give_yorks_line_and_other_columns_are_left_unread(tmp_p
     assert text.startswith("# s against t: a straight line")
 
 
+def test_columns_of_uncertainties_are_found_before_their_unit_and_must_have_that_of_their_column(tmp_path):
+    path = tmp_path / "points.csv"
+    rows = "".join(f"{x},{y},0.1,0.2\n" for x, y in ((0, 1.0), (1, 2.1), (2, 2.9), (3, 4.1), (4, 5.0)))
+    path.write_text("t [s],s [m],u_t [s],u_s [m]\n" + rows)
+    line = straight_line(path, Columns("t", "s"))
+    assert (line.columns.u_x, line.columns.u_y, line.fit.method) == ("u_t", "u_s", "york")
+    path.write_text("t [s],s [m],u_t [s],u_s [mm]\n" + rows)
+    with pytest.raises(InputError, match=r"points\.csv:1: 'u_s' must be in the unit of 's', m"):
+        straight_line(path, Columns("t", "s"))
+    with pytest.raises(InputError, match="must be in the unit"):
+        straight_line(path, Columns("t", "s", u_y="u_s"))
+    assert straight_line(path, Columns("t", "s", u_y="0.2")).fit.method == "york"
+
+
 def test_hoggs_line_by_uncertainties_of_y(tmp_path):
     lines = (LINES / "hogg_bovy_lang_2010_table1.csv").read_text().splitlines()
     path = tmp_path / "hogg.csv"
@@ -142,6 +156,9 @@ def test_a_line_that_does_not_fit_has_no_result_and_exit_code_3(tmp_path):
     [
         ("x,y\n1,1\n2,2\n3,4\n", ["--x", "t"], "p.csv:1: 't' is missing (the header has"),
         ("x,y\n1,1\n2,2\n3,4\n", ["--x", "y"], "'--y' must name another column than --x: y"),
+        ("x,y\n1,1\n2,2\n3,3\n4,4\n", [], "p.csv: 'y' has no scatter about a line but rounding errors"),
+        ("x,y\n1,0.1\n2,0.2\n3,0.3\n4,0.4\n", [], "p.csv: 'y' has no scatter about a line but rounding errors"),
+        ("x,y\n1,0\n2,0\n3,0\n", [], "p.csv: 'y' has no scatter about a line but rounding errors"),
         ("x,y\n1,1\n2,2\n", [], "p.csv: 'rows' must hold at least 3 rows of numbers: 2"),
         ("x,y,u_y\n1,1,0\n2,2,1\n3,4,1\n", [], "p.csv:2: 'u_y' must be > 0: 0.0"),
         ("x,y\n1,1\n2,2\n3,4\n", ["--uy", "-1"], "'--uy' must be > 0: -1.0"),

@@ -81,17 +81,23 @@ def test_every_option_is_a_key_of_the_campaign(table: Path) -> None:
     assert problem.n_obs == 17
 
 
+def test_a_parameter_may_be_called_like_a_column(tmp_path: Path) -> None:
+    (tmp_path / "fall.csv").write_text("t,x,v\n" + "".join(f"{0.1 * i:g},{i**2:g},{2 * i:g}\n" for i in range(9)))
+    text = text_of_table(tmp_path / "fall.csv", TableChoices(formula="x0 + v*t + a*t**2/2", y="x"))
+    assert 'x = {column = "t"}' in text.splitlines()
+    assert "v = {start = 1.0}" in text.splitlines()
+
+
 @pytest.mark.parametrize(
-    ("formula", "needed"),
-    [("a + b*x + c*x**2", []), ("a*exp(-x/tau) + c", ["tau"]), ("a*b*x", ["b"]), ("A*sin(w*x) + B*cos(w*x)", ["w"]), ("a*log(x/b)", ["b"])],
+    ("formula", "said"),
+    [
+        ("a + b*x + c*x**2", "a = {start = 1.0}"), ("a*exp(-x/tau) + c", "tau = {}"), ("a*b*x", "b = {}"),
+        ("A*sin(w*x) + B*cos(w*x)", "w = {}"), ("a*log(x/b)", "b = {}"),
+    ],
 )
-def test_a_start_is_asked_for_where_it_matters(table: Path, formula: str, needed: list[str]) -> None:
-    if not needed:
-        assert len(campaign_of_table(table, TableChoices(formula=formula)).problem(["data"]).names) == 4
-        return
-    with pytest.raises(InputError, match=f"'--start' must give {' and '.join(needed)} a starting value .* --start {needed[0]}=1"):
-        campaign_of_table(table, TableChoices(formula=formula))
-    campaign_of_table(table, TableChoices(formula=formula, start=dict.fromkeys(needed, "1")))
+def test_starts_are_left_to_the_points_unless_they_do_not_matter(table: Path, formula: str, said: str) -> None:
+    assert said in text_of_table(table, TableChoices(formula=formula)).splitlines()
+    assert "b = {start = 3.0}" in text_of_table(table, TableChoices(formula="a*exp(-b*x) + c", start={"b": "3"})).splitlines()
 
 
 def test_the_start_of_a_linear_parameter_does_not_matter(table: Path) -> None:
@@ -125,7 +131,7 @@ def test_a_formula_may_be_one_in_t(table: Path) -> None:
     np.testing.assert_array_equal(*(one.runs[0].curve.local(one.runs[0].x, one.named(values)).value for one in (in_x, in_t)))
     slopes = [one.runs[0].curve.local(one.runs[0].x, one.named(values)) for one in (in_x, in_t)]
     np.testing.assert_array_equal(slopes[0].slope, slopes[1].slope)
-    with pytest.raises(InputError, match="--start"):
+    with pytest.raises(InputError, match=r"'--formula' holds neither x nor the name of its column, .* --start: a.exp"):
         campaign_of_table(table, TableChoices(formula="a*exp(-s/tau)", start={"tau": "1"}))  # not how the column is called
     t_is_known = TableChoices(formula="a*exp(-t/tau)*x", start={"tau": "1", "t": "1"})
     assert "t" in campaign_of_table(table, t_is_known).problem(["data"]).names
@@ -156,6 +162,15 @@ def test_what_is_missing_is_one_line_with_the_option(table: Path, arguments: lis
 def test_options_of_a_table_do_not_go_with_a_campaign(table: Path) -> None:
     for option in (["--formula", "a*x"], ["--columns", "a,b"]):
         assert "of a campaign the file says" in told("fit", table.with_suffix(".toml"), *option)
+
+
+def test_units_of_the_header_are_those_of_the_column_that_is_read(table: Path) -> None:
+    table.write_text("t [ms],t,y [V],u_y [mV]\n0.5,1,2,5\n1,2,3,5\n2,3,4,5\n3,4,5.1,5\n")
+    assert 'x = {column = "t"}\n' in text_of_table(table, TableChoices(formula="a*x", x="t", y="y", u_y="0.1"))
+    assert 'x = {column = "t [ms]", name = "t", unit = "ms"}' in text_of_table(table, TableChoices(formula="a*x", x="t [ms]", y="y", u_y="0.1"))
+    for u_y in ([], ["--u-y", "u_y"]):
+        said = told("fit", table, "--formula", "a*x", "--x", "t", "--y", "y", *u_y)
+        assert re.search(r"data.csv:1: 'u_y( \[mV\])?' must be in the unit of 'y', V", said)
 
 
 def test_columns_that_must_be_named_are_listed(table: Path) -> None:
@@ -224,6 +239,11 @@ def test_new_writes_a_campaign_that_can_be_fit_and_overwrites_nothing(table: Pat
     assert not (folder / "d.toml").exists()
 
 
+@pytest.mark.parametrize("name", ["", "."])
+def test_new_needs_the_name_of_a_file(name: str, table: Path) -> None:
+    assert "'NAME' must be the name of a file" in told("new", name, "--from", table)
+
+
 def test_new_asks_in_a_terminal(table: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("estim.cli.new._in_a_terminal", lambda: True)
     answers = "\n".join([str(table), "time", "U", FORMULA, "0.02", "tau=2", "Discharge"]) + "\n"
@@ -264,3 +284,19 @@ def test_what_needs_a_dense_matrix_keeps_its_limit(table: Path) -> None:
     with pytest.raises(InputError, match="'rows' must be between 3 and 3000 where x has errors: say every = 2"):
         campaign_of_table(table, TableChoices(formula="a*x", u_y="0.1", u_x="0.1"))
     campaign_of_table(table, TableChoices(formula="a*x", u_y="0.1", u_x="0.1", every=2))
+
+
+def test_a_word_of_the_columns_name_may_stand_for_x(tmp_path: Path) -> None:
+    rows = "".join(f"{x},{2.0 * np.sqrt(x / 9.8):.4f}\n" for x in range(1, 12))
+    (tmp_path / "p.csv").write_text(f"rod length l (m),10 periods (s)\n{rows}")
+    for said, column in (({}, "rod length l (m)"), ({"x": "rod length l", "y": "10 periods"}, "rod length l")):
+        choices = TableChoices(formula="2*sqrt(l/g)", start={"g": "1"}, **said)
+        assert f'x = {{column = "{column}", name = "rod length l", unit = "m"}}' in text_of_table(tmp_path / "p.csv", choices)
+        assert campaign_of_table(tmp_path / "p.csv", choices).problem(["p"]).names[0] == "g"
+
+
+def test_a_track_without_a_column_of_y_is_told_which_there_are(tmp_path: Path) -> None:
+    (tmp_path / "a.trk").write_text(trk(point_mass("A", {n: (100.0 + n * n, 150.0) for n in range(8)})))
+    with pytest.raises(InputError, match=r"'--y' must name a column of the track: x or y .* or x_m"):
+        campaign_of_table(tmp_path / "a.trk", TableChoices(formula="a + b*t"))
+    assert campaign_of_table(tmp_path / "a.trk", TableChoices(formula="a + b*t", y="x_m")).problem(["a"]).n_obs == 8

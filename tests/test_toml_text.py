@@ -107,7 +107,7 @@ def test_a_syntax_error_is_told_with_its_line(tmp_path) -> None:
     """Marks that are no ends of lines do not count, and a key that speaks of a line is not taken for the place."""
     text = 'title = "a" # \u2028 \x85\n"k (at line 7, column 1)" = 1\n"k (at line 7, column 1)" = 2\n'
     (tmp_path / "c.toml").write_text(text, encoding="utf-8")
-    with pytest.raises(InputError, match=r"c\.toml:3: 'campaign' is not valid TOML \(Cannot overwrite a value\)$"):
+    with pytest.raises(InputError, match=r"c\.toml:3: 'file' is not valid TOML \(Cannot overwrite a value\)$"):
         load_campaign(tmp_path / "c.toml")
 
 

@@ -257,7 +257,7 @@ def bomb() -> bytes:
 
 ARCHIVES = {
     "not an archive": (lambda: b"no", "a.trz: cannot be read as an archive (it has no end)"),
-    "no trk": (lambda: stored(GOOD, name="notes.txt"), "a.trz: 'archive' must hold exactly one .trk (it holds none)"),
+    "no trk": (lambda: stored(GOOD, name="notes.txt"), "a.trz: 'archive' must hold a .trk (it holds none)"),
     "truncated": (lambda: stored(GOOD)[:-30], "a.trz: cannot be read as an archive"),
     "damaged": (lambda: stored(GOOD).replace(b"PK\x03\x04", b"PK\x03\x05"), "a.trz: cannot be read as an archive"),
     "bomb": (bomb, "when it is unpacked: clip.trk"),
@@ -281,5 +281,22 @@ def test_archive_with_several_trk_lists_them(write, count: int, more: str) -> No
     with zipfile.ZipFile(stream, "w") as archive:
         for name in (*names, "__MACOSX/._a.trk"):
             archive.writestr(name, GOOD)
-    with pytest.raises(InputError, match=rf"must hold exactly one .trk \(it holds {', '.join(names[:20])}{more}\)$"):
+    with pytest.raises(InputError, match=rf"'track' must say which of several .trk: .* \(it holds {', '.join(names[:20])}{more}\)$"):
         read_tracker(write(stream.getvalue(), "a.trz"))
+
+
+def test_one_of_several_trk_in_an_archive_is_read_by_its_name(write) -> None:
+    stream, two = io.BytesIO(), trk(point_mass("A", LINE), point_mass("B", {frame: (x, y + 9.0) for frame, (x, y) in LINE.items()}))
+    with zipfile.ZipFile(stream, "w") as archive:
+        archive.writestr("first.trk", GOOD)
+        archive.writestr("day 2/second.trk", two)
+    path = write(stream.getvalue(), "a.trz")
+    first = read_tracker(path, track="first.trk")
+    assert first.name == "A"
+    np.testing.assert_array_equal(first.x, read_tracker(write(GOOD), track="A").x)
+    second = read_tracker(path, track="day 2/second.trk/B")
+    np.testing.assert_array_equal(second.y, read_tracker(write(two), track="B").y)
+    with pytest.raises(InputError, match="'track' must be named, as there are several"):
+        read_tracker(path, track="day 2/second.trk")
+    with pytest.raises(InputError, match=r"'track' must say which of several \.trk"):
+        read_tracker(path, track="third.trk")

@@ -14,7 +14,7 @@ from command_runner import runner
 
 from estim.cli.commands import cli
 from estim.common import InputError
-from estim.verification.comparing import differences
+from estim.verification import compare_results, differences
 
 MODEL = """\
 title = "A sum"
@@ -65,11 +65,18 @@ def other_figure(folder: Path) -> None:
     pictures[0].write_bytes(data[:-20] + bytes([data[-20] ^ 1]) + data[-19:])
 
 
+def other_layout(folder: Path) -> None:
+    """The same result in other bytes."""
+    file = folder / "out" / "result.json"
+    file.write_text(json.dumps(json.loads(file.read_text())))
+
+
 TAMPERINGS: dict[str, tuple[Callable[[Path], object], str]] = {
     "a digit of the report": (lambda f: changed(f / "out" / "report.md", "3.00", "3.10"), "report.md, line"),
     "a digit of the report, its digest forged": (forged_report, "report.md, line"),
     "a digit of the result": (lambda f: changed(f / "out" / "result.json", '"value": 3.0', '"value": 3.1'), "value: '3.1', recomputed '3'"),
     "a word of the result": (lambda f: changed(f / "out" / "result.json", '"A sum"', '"A Sum"'), "title: 'A Sum', recomputed 'A sum'"),
+    "the layout of the result": (other_layout, "result.json is not as it was written"),
     "a figure": (other_figure, ".png is not as it was written"),
     "a figure taken away": (lambda f: next((f / "out" / "figures").glob("*.png")).unlink(), ".png is missing"),
     "an uncertainty stated": (lambda f: changed(f / "model.toml", "u = 0.2", "u = 0.3"), "the input model.toml is not the one"),
@@ -85,6 +92,30 @@ def test_a_report_as_it_was_made_is_verified_from_anywhere(model: Path, monkeypa
         assert done.exit_code == 0, done.output
         assert "recomputing: estim propagate model.toml --seed 3" in done.output
     assert "Made by `estim propagate model.toml --seed 3`" in (model / "out" / "report.md").read_text()
+
+
+def unnamed(folder: Path, **changes: object) -> None:
+    """A forged report whose origin keeps silent about it, or points back at it."""
+    changed(folder / "out" / "report.md", "3.00", "3.10")
+    origin = json.loads((folder / "out" / "origin.json").read_text())
+    (folder / "out" / "origin.json").write_text(json.dumps({**origin, **changes}))
+
+
+def test_a_report_that_its_origin_does_not_name_is_not_verified(model: Path) -> None:
+    unnamed(model, outputs={})
+    done = run("verify", "out")
+    assert done.exit_code == 3
+    assert "report.md: is made now, and origin.json does not name it" in done.output
+
+
+def test_a_report_is_not_compared_with_itself(model: Path) -> None:
+    for field, value in (("part", str(model / "out")), ("part", "../out"), ("outputs", {str(model / "out" / "report.md"): ""})):
+        unnamed(model, **{field: value})
+        done = run("verify", "out")
+        assert isinstance(done.exception, InputError)
+        assert f"'{field}' must lie within what the command writes" in str(done.exception)
+        shutil.rmtree(model / "out")
+        assert run("propagate", "model.toml", "--out", "out", "--seed", "3", "--no-figures").exit_code == 0
 
 
 @pytest.mark.parametrize("name", TAMPERINGS)
@@ -168,14 +199,58 @@ def test_a_forged_command_is_not_run(command: list[str], model: Path) -> None:
     assert sorted(path.name for path in model.iterdir()) == ["model.toml", "out"]
 
 
+def test_a_command_that_makes_no_report_verifies_none(model: Path) -> None:
+    origin = json.loads((model / "out" / "origin.json").read_text())
+    (model / "out" / "origin.json").write_text(json.dumps({**origin, "command": ["propagate", "--help"]}))
+    done = run("verify", "out")
+    assert done.exit_code == 3
+    assert "cannot be recomputed: the command makes no such report" in done.output
+
+
 def test_numbers_that_chance_moves_are_told_from_others() -> None:
     def result(mean: float, sd: float) -> bytes:
         return json.dumps({"parameters": {"a": {"mean": mean, "sd": sd, "mcse": 0.01, "unit": "m"}}, "p": 0.5}).encode()
 
     (one,) = differences("result.json", result(1.0, 0.5), result(1.03, 0.5))
     assert (one.where, one.by_chance) == ("parameters.a.mean", True)
-    (far,) = differences("result.json", result(1.0, 0.5), result(1.2, 0.5))
-    assert far.by_chance is False
+    for mean in (1.1, 1.2):  # 7 and 14 Monte-Carlo errors of the difference
+        (far,) = differences("result.json", result(1.0, 0.5), result(mean, 0.5))
+        assert far.by_chance is False
     assert differences("result.json", result(1.0, 0.5), result(1.0 + 1e-13, 0.5)) == []
     (other,) = differences("result.json", b'{"p": 0.5}', b'{"p": 0.6}')
     assert other.by_chance is None
+
+
+def test_every_kind_of_result_is_compared(model: Path) -> None:
+    assert run("diff", "out", "out").output == "the results are the same\n"
+    changed(model / "model.toml", "value = 2.0", "value = 5.0")
+    assert run("propagate", "model.toml", "--out", "other", "--no-figures").exit_code == 0
+    told = run("diff", "out", "other").output
+    assert "y.gum: 3.000 +- 0.224 -> 6.000 +- 0.224 m, moved by +13.42 sd, sd x 1.00" in told
+    assert "the same" not in told
+
+
+def test_what_is_no_estimate_is_compared_too() -> None:
+    one = {"schema": "estim-x/1", "status": "ok", "notes": ["a"], "parameters": {"a": {"mean": 1.0, "sd": 0.1, "unit": "m"}}}
+    other = {**one, "notes": ["b"]}
+    assert compare_results(one, dict(one)).same
+    assert compare_results(one, other).others == ("notes[0]",)
+    bad = {**one, "status": "poor-fit", "parameters": {"a": {"mean": None, "sd": None, "unit": "m"}}}
+    pair = compare_results(one, bad)
+    assert (pair.inputs, pair.lost, pair.same) == (("status: ok and poor-fit",), ("a",), False)
+    runs = [{**one, "provenance": {"data_sha256": {"a/run.csv": digest, "b/run.csv": "z"}}} for digest in "xy"]
+    assert compare_results(*runs).inputs == ("data: a/run.csv differs",)
+
+
+@pytest.mark.parametrize("record", ['{"provenance": null}', '{"provenance": 3}', '{"provenance": {"data_sha256": [1]}}', '{"a": 1e999}'])
+def test_a_result_written_by_hand_is_no_traceback(record: str, model: Path) -> None:
+    (model / "hand.json").write_text(record.replace("{", '{"schema": "estim-x", ', 1))
+    assert run("diff", "hand.json", "out").exit_code == 0
+
+
+def test_tables_are_compared_cell_by_cell() -> None:
+    before, now = b"run,a [m]\nr,1.0\ns,2.0\n", b"run,a [m]\nr,1.00000000000001\ns,2.5\n"
+    (one,) = differences("summary.csv", before, now)
+    assert (one.where, one.before, one.now) == ("line 3, a [m]", "2.0", "2.5")
+    assert differences("summary.csv", before, b"run,b [m]\nr,1.0\ns,2.0\n") != []
+    assert differences("summary.csv", before, before + b"t,1.0\n") != []

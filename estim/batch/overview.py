@@ -9,6 +9,7 @@ import numpy as np
 
 from estim.arrays import FloatArray
 from estim.batch.rows import Row
+from estim.reading import odd_intervals
 
 _FEWEST = 5  # values from which a spread means something
 _APART = 5.0  # of the spread and the own uncertainty together
@@ -37,16 +38,29 @@ class Spread:
 
 
 def spreads(rows: Sequence[Row]) -> list[Spread]:
-    """Each quantity that a run which is ok has a value of, those that the data determine most often first."""
-    found: dict[str, list[int]] = {}
+    """Each quantity that a run which is ok has a value of, those that the data determine most often first.
+
+    A name that stands for different units in different campaigns is as many quantities.
+    """
+    found: dict[tuple[str, str], list[int]] = {}
     for i, row in enumerate(rows):
-        for name in row.values:
-            found.setdefault(name, []).append(i)
-    made = [_spread(name, rows, chosen) for name, chosen in found.items()]
+        for name, value in row.values.items():
+            found.setdefault((name, value.unit), []).append(i)
+    made = [_spread(name, unit, rows, chosen) for (name, unit), chosen in found.items()]
     return sorted(made, key=lambda one: -one.informed * len(one.rows))
 
 
-def _spread(name: str, rows: Sequence[Row], chosen: Sequence[int]) -> Spread:
+def odd_runs(rows: Sequence[Row]) -> list[tuple[Row, str]]:
+    """Runs whose frame interval is not that of most runs of their campaign, each with a sentence: what no run shows by itself."""
+    of_campaign: dict[str, dict[int, float]] = {}
+    for i, row in enumerate(rows):
+        if row.interval is not None:
+            of_campaign.setdefault(row.campaign, {})[i] = row.interval
+    said = {int(i): words for found in of_campaign.values() for i, words in odd_intervals({str(i): dt for i, dt in found.items()}).items()}
+    return [(rows[i], said[i]) for i in sorted(said)]
+
+
+def _spread(name: str, unit: str, rows: Sequence[Row], chosen: Sequence[int]) -> Spread:
     values = [rows[i].values[name] for i in chosen]
     mean, sd = np.array([v.mean for v in values]), np.array([v.sd for v in values])
     median = float(np.median(mean))
@@ -54,4 +68,4 @@ def _spread(name: str, rows: Sequence[Row], chosen: Sequence[int]) -> Spread:
     informed = np.array([v.informed for v in values])
     far = informed & (np.abs(mean - median) > _APART * np.hypot(scatter, sd))
     apart = tuple(i for i, beyond in zip(chosen, far.tolist(), strict=True) if beyond)
-    return Spread(name, values[0].unit, tuple(chosen), mean, sd, float(np.mean(informed)), median, scatter, float(np.median(sd)), apart)
+    return Spread(name, unit, tuple(chosen), mean, sd, float(np.mean(informed)), median, scatter, float(np.median(sd)), apart)

@@ -14,10 +14,10 @@ import msgspec
 
 from estim.batch.units import Unit
 from estim.campaign import Campaign
-from estim.common import EstimError, as_json, read_file, remove_files, split_level, write_whole
+from estim.common import EstimError, as_json, pictures_of, read_file, remove_files, remove_pictures, split_level, write_whole
 
-ROW, RESULT = "row.json", "result.json"
-_LARGEST = 2**24
+ROW, RESULT, REPORT = "row.json", "result.json", "report.md"
+_LARGEST, _LARGEST_RESULT = 2**24, 2**28
 _PACKAGES = ("estim", "numpy", "scipy", "lmfit", "emcee")
 
 
@@ -36,7 +36,8 @@ class Row(msgspec.Struct, frozen=True):
     """One run: its status, its values where that is ok, else the first reason; `error` where there is no result at all.
 
     kind : of the data, "measured" or "synthetic"; "" where there is no result.
-    key : digest of what the result depends on.  seconds : of one processor.
+    key : digest of what the result depends on.  digest : SHA-256 of `result.json`.  seconds : of one processor.
+    interval : s between frames, of a run that was imported from a video; None of others.
     """
 
     campaign: str
@@ -49,6 +50,8 @@ class Row(msgspec.Struct, frozen=True):
     values: dict[str, Value]
     seconds: float
     key: str
+    digest: str = ""
+    interval: float | None = None
     inputs: dict[str, str] = {}  # path of each file that was read -> SHA-256 of its bytes
 
     @property
@@ -57,21 +60,21 @@ class Row(msgspec.Struct, frozen=True):
 
 
 def key_of(campaign: Campaign, run: str, settings: Mapping[str, object]) -> str:
-    """Digest of everything that decides the numbers: the campaign's file, the data, seed and settings, versions."""
+    """Digest of everything that decides the result: the campaign's file, the data, true values, seed and settings, versions."""
     parts = {
-        "campaign": campaign.sha256, "data": campaign.tables[run].sha256, "run": run,
+        "campaign": campaign.sha256, "data": campaign.tables[run].sha256, "run": run, "truth": dict(campaign.truth),
         "settings": {name: str(value) for name, value in settings.items()},
         "versions": {package: version(package) for package in _PACKAGES},
     }
     return hashlib.sha256(json.dumps(parts, sort_keys=True).encode()).hexdigest()
 
 
-def row_of(unit: Unit, result: bytes, *, key: str, seconds: float) -> Row:
+def row_of(unit: Unit, result: bytes, *, key: str, seconds: float, interval: float | None) -> Row:
     """The row of a `result.json`."""
     record = json.loads(result)
     return Row(
         str(unit.campaign), unit.run, unit.place, record["kind"], record["status"], next(iter(record["reasons"]), ""), "",
-        _values(record) if record["status"] == "ok" else {}, seconds, key,
+        _values(record) if record["status"] == "ok" else {}, seconds, key, hashlib.sha256(result).hexdigest(), interval,
     )
 
 
@@ -94,16 +97,20 @@ def failed(unit: Unit, error: str, seconds: float = 0.0) -> Row:
 
 
 def keep(folder: Path, row: Row, files: Mapping[str, bytes]) -> None:
-    """Write what was made of a run, and its row last: where that stands, all is whole and of its key."""
+    """Write what was made of a run in place of what was there, and its row last: where that stands, all is whole and of its key."""
+    forget(folder, row.place)
     for name, data in files.items():
         write_whole(folder / row.place / name, data, within=folder)
     write_whole(folder / row.place / ROW, as_json(row), within=folder)
 
 
-def forget(folder: Path, unit: Unit) -> None:
-    """Remove what an earlier batch made of a run that has no result now, and that would pass for one."""
-    with suppress(EstimError):  # what is no plain file is none of ours
-        remove_files(folder / unit.place, [ROW, RESULT], within=folder)
+def forget(folder: Path, place: str) -> None:
+    """Remove what an earlier batch made of a run, which would pass for what is made now; its row first, so that no row stands without the rest."""
+    pictures = pictures_of(folder / place / REPORT, within=folder)
+    for name in (ROW, RESULT, REPORT):
+        with suppress(EstimError):  # what is no plain file is none of ours
+            remove_files(folder / place, [name], within=folder)
+    remove_pictures(folder / place, pictures, within=folder)
 
 
 def kept(folder: Path, unit: Unit, key: str) -> Row | None:
@@ -111,6 +118,9 @@ def kept(folder: Path, unit: Unit, key: str) -> Row | None:
     try:
         data = read_file(folder / unit.place / ROW, at_most=_LARGEST, within=folder)
         row = None if data is None else msgspec.json.decode(data, type=Row)
+        result = read_file(folder / unit.place / RESULT, at_most=_LARGEST_RESULT, within=folder)
     except (EstimError, msgspec.DecodeError, UnicodeDecodeError):
         return None
-    return row if row is not None and row.key == key else None
+    if row is None or row.key != key or result is None or hashlib.sha256(result).hexdigest() != row.digest:
+        return None
+    return row

@@ -55,7 +55,7 @@ class _Work:
             said = str(error)
         except Exception as error:  # a fault of estim's own: the night's work goes on
             said = f"fault of the program, please report it: {type(error).__name__}: {error}"
-        forget(self.folder, unit)
+        forget(self.folder, unit.place)
         return failed(unit, said, time.process_time() - began)
 
     def _done(self, unit: Unit, began: float) -> Row:
@@ -67,7 +67,8 @@ class _Work:
             return row
         target = Target(max_step=self.settings.max_step, ess=self.settings.ess)
         files = self.report(campaign, analyse(campaign, [unit.run], seed=self.settings.seed, target=target))
-        row = row_of(unit, files[RESULT], key=key, seconds=time.process_time() - began)
+        seconds, interval = time.process_time() - began, campaign.tables[unit.run].interval
+        row = row_of(unit, files[RESULT], key=key, seconds=seconds, interval=interval)
         keep(self.folder, row, files)
         return row
 

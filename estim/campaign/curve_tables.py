@@ -49,6 +49,9 @@ class ReadingErrorTable(PriorKeys, forbid_unknown_fields=True, frozen=True, kw_o
     column: str | None = None
 
 
+_PRIOR = PriorKeys.__struct_fields__
+
+
 class RangeTable(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
     min: float | None = None
     max: float | None = None
@@ -128,6 +131,9 @@ def check_words(source: CampaignFile, table: CurveTable, runs: Sequence[CurveRun
         raise source.places.error("must name another column than x", ("curve", "y"), value=axes[1].column)
     levels: list[tuple[Place, CurveTable | CurveRunTable]] = [(("curve",), table), *((("runs", i), run) for i, run in enumerate(runs))]
     for path, level in levels:
+        for key, error in (("u_y", level.u_y), ("u_x", level.u_x)):
+            if isinstance(error, ReadingErrorTable) and error.column is not None and any(getattr(error, one) is not None for one in _PRIOR):
+                raise source.places.error("must be a 'column' or have a 'prior', not both", (*path, key))
         for name, entry in level.parameters.items():
             if isinstance(entry, ParameterTable):
                 for text, limits in ((entry.unit, _UNIT), (entry.meaning, _MEANING)):
@@ -178,17 +184,15 @@ def check_parameters(source: CampaignFile, formula: Formula, table: CurveTable, 
 
 
 def source_of(value: float | str | ParameterTable, field: str) -> float | Prior:
-    """An exact number, or the prior of an unknown."""
-    if isinstance(value, ParameterTable) and value.value is None and value.prior is None:
-        if value.start is None:
-            raise InputError("needs a 'start', a 'value' or a 'prior'", field=field)
-        _refuse_keys(value, ("mean", "sd", "scale", "median", "log_sd"), "goes with a 'prior'")
+    """An exact number, or the prior of an unknown; an entry with neither start, value nor prior is not asked."""
+    if isinstance(value, ParameterTable) and value.start is not None and value.value is None and value.prior is None:
+        refuse_keys(value, ("mean", "sd", "scale", "median", "log_sd"), "goes with a 'prior'")
         return Flat(-math.inf if value.low is None else value.low, math.inf if value.high is None else value.high, value.start)
     if isinstance(value, ParameterTable) and value.prior is not None:
-        _refuse_keys(value, ("start", "value"), "must not stand beside 'prior'")
+        refuse_keys(value, ("start", "value"), "must not stand beside 'prior'")
         read = read_value(prior_table(value, field), factor=1.0, field=field)
     elif isinstance(value, ParameterTable):
-        _refuse_keys(value, ("start", "low", "high", "mean", "sd", "scale", "median", "log_sd"), "must not stand beside 'value'")
+        refuse_keys(value, ("start", "low", "high", "mean", "sd", "scale", "median", "log_sd"), "must not stand beside 'value'")
         read = read_value(value.value if value.value is not None else 0.0, factor=1.0, field=field)
     else:
         read = read_value(value, factor=1.0, field=field)
@@ -197,7 +201,8 @@ def source_of(value: float | str | ParameterTable, field: str) -> float | Prior:
     return read
 
 
-def _refuse_keys(table: ParameterTable, keys: Sequence[str], rule: str) -> None:
+def refuse_keys(table: ParameterTable, keys: Sequence[str], rule: str) -> None:
+    """Raises InputError where one of the keys is said."""
     for key in keys:
         if getattr(table, key) is not None:
             raise InputError(rule, field=key)

@@ -42,13 +42,13 @@ from estim.campaign.curve_tables import (
 )
 from estim.campaign.dialect_table import DialectKeys, dialect_of
 from estim.campaign.noise_models import Candidate
-from estim.campaign.own_curve_counts import check_counts, count_columns
+from estim.campaign.own_curve_counts import check_counts, count_columns, is_density
 from estim.campaign.own_curve_lacks import order_columns, refuse_lacks
-from estim.campaign.own_curve_models import is_to_be_found, read_curve, started_runs, unknown_of
+from estim.campaign.own_curve_models import is_to_be_found, read_curve, started_runs, unknown_of, within_limits
 from estim.campaign.own_curve_points import MIN_ROWS, CurvePoints
 from estim.campaign.track_table import choices_of
 from estim.common import InputError
-from estim.curves import MAX_OBS, AxisNames, Component, DistortedCurve, Formula, ModelSum
+from estim.curves import MAX_OBS, AxisNames, BareFormula, Component, DistortedCurve, Formula, ModelSum, Unstarted, units_of
 from estim.deviation import BadFrames, ForceSize
 from estim.explanation import Suspects
 from estim.fitting import Fit, fit_lacking, fit_optimum, information, is_resolved, no_scatter, silent_parameters
@@ -65,7 +65,8 @@ class CurveStudy:
     axes: AxisNames
     table: CurveTable
     runs: tuple[CurveRunTable, ...]
-    named: ModelSum | None = None
+    asked: Unstarted
+    units: Mapping[str, str]
 
     @property
     def formula(self) -> str:
@@ -103,7 +104,7 @@ class CurveStudy:
                 unknown_of_curve = replace(b, name=f"{argument}[{name}]") if own else b
                 arguments[argument] = unknown_of_curve.name
                 parameters.setdefault(unknown_of_curve.name, unknown_of_curve)
-                sought |= {unknown_of_curve.name} if is_to_be_found(self.named, self._entry(argument, index)) else set()
+                sought |= {unknown_of_curve.name} if is_to_be_found(self.asked, self._entry(argument, index)) else set()
             arguments |= {component: component for component in shared}
             run, unknown = points.observe(curve, arguments, index, tables[name], joint=len(names) > 1)
             of_noise |= {parameter.name: parameter for parameter in unknown}
@@ -115,7 +116,10 @@ class CurveStudy:
             if name in parameters or name in shared:
                 rule = "is the name of a quantity of the errors of y, which is unknown here: choose another"
                 raise self.source.places.error(rule, self._place(name))
-        unknowns = started_runs(self.named, shared_first(parameters.values(), observed), observed, sought)
+        try:
+            unknowns = started_runs(self.asked, shared_first(parameters.values(), observed), observed, sought)
+        except InputError as error:
+            raise error.at(self.source.path, self.source.places.lines.get(("curve", "parameters"))) from None
         return Problem((*unknowns, *shared.values(), *of_noise.values()), tuple(observed))
 
     def with_usual_errors(self, problem: Problem, tables: Mapping[str, Run]) -> Problem:
@@ -169,7 +173,7 @@ class CurveStudy:
 
     def require_body(self) -> None:
         """Raises InputError: there is no rolling body to speak of."""
-        raise self.source.places.error("has no rolling body, so only estim fit knows what to do with it", ("curve",))
+        raise self.source.places.error("has no rolling body, which this command is about", ("curve",))
 
     def require_complete(self, names: Sequence[str], command: str) -> None:
         """Raises InputError: what a user's own curve may lack is no business of commands that know rolling bodies."""
@@ -250,15 +254,13 @@ class CurveStudy:
         for path, table, suffix in levels:
             if name in table:
                 written = [entry for entry in declared if isinstance(entry, ParameterTable)]
-                unit = next((entry.unit for entry in written if entry.unit is not None), "1")
+                unit = next((entry.unit for entry in written if entry.unit is not None), self.units.get(name, "1"))
                 meaning = next((entry.meaning for entry in written if entry.meaning is not None), "parameter of the curve")
-                if self.named is not None and is_to_be_found(self.named, table[name]):
-                    return Parameter(name + suffix, unit, unknown_of(self.named, name, table[name]), meaning)
                 source = self._read(table[name], (*path, name))
                 return source if isinstance(source, float) else Parameter(name + suffix, unit, source, meaning)
-        if self.named is not None:
-            return Parameter(name, "1", unknown_of(self.named, name, None), "parameter of the curve")
-        rule = f"is missing for run '{run.name}': say it under [curve.parameters] or [runs.parameters], for example {name} = {{start = 1.0}}"
+        if isinstance(self.asked, ModelSum):
+            return Parameter(name, self.units.get(name, "1"), unknown_of(self.asked, name, None), "parameter of the curve")
+        rule = f"is missing for run '{run.name}': say it under [curve.parameters] or [runs.parameters], as {name} = {{start = 1.0}}, or {name} = {{}}"
         raise self.source.places.error(rule, ("curve", "parameters"), field=name)
 
     def _entry(self, name: str, index: int) -> float | str | ParameterTable | None:
@@ -267,7 +269,10 @@ class CurveStudy:
 
     def _read(self, value: float | str | ParameterTable, path: Place) -> float | Prior:
         try:
-            return source_of(value, str(path[-1]))
+            name = str(path[-1])
+            if is_to_be_found(self.asked, value):
+                return unknown_of(self.asked, name, value)
+            return source_of(within_limits(self.asked, name, value), name)
         except InputError as error:
             rule = error.rule if error.field in (None, path[-1]) else f"'{error.field}' {error.rule}"
             raise self.source.places.error(rule, path, value=error.value) from None
@@ -299,7 +304,8 @@ def read_curve_study(source: CampaignFile, written_curve: OwnCurve, *, only: str
     formula = with_variable(source, formula, x, table, runs)
     check_parameters(source, formula, table, runs)
     axes = AxisNames(x.name or x.column, x.unit, y.name or y.column, y.unit)
-    study = CurveStudy(source, formula, axes, table, runs, named)
+    units = units_of(formula, axes, formula.names, density=is_density(table))
+    study = CurveStudy(source, formula, axes, table, runs, BareFormula(formula) if named is None else named, MappingProxyType(units))
     return study, MappingProxyType({run.name: _read_run(study, run) for run in runs if only in (None, run.name)})
 
 
@@ -322,11 +328,11 @@ def _with_names(raw: Mapping[str, Any], places: Places, path: Place) -> dict[str
 def _read_run(study: CurveStudy, run: CurveRunTable) -> Run:
     index = study.runs.index(run)
     path, dialect = study.source.file_of(index), dialect_of(((("runs", index), run), (("curve",), study.table)), study.source.places)
-    errors = [entry for entry in (run.u_y, study.table.u_y) if entry is not None][:1]
-    errors += [entry for entry in (run.u_x, study.table.u_x) if entry is not None][:1]
-    columns = [entry.column for entry in errors if isinstance(entry, ReadingErrorTable) and entry.column is not None]
+    errors = [(entry, study.y_column) for entry in (run.u_y, study.table.u_y) if entry is not None][:1]
+    errors += [(entry, study.x_column) for entry in (run.u_x, study.table.u_x) if entry is not None][:1]
+    columns = [(entry.column, of) for entry, of in errors if isinstance(entry, ReadingErrorTable) and entry.column is not None]
     counted = [*([study.y_column] if study.y_column else []), *count_columns(study.table)]
-    needed = list(dict.fromkeys([study.x_column, *counted, *columns, *order_columns(study.table, run)]))
+    needed = list(dict.fromkeys([study.x_column, *counted, *(u for u, _ in columns), *order_columns(study.table, run)]))
     choices = choices_of(run) or (Choices() if is_tracker_file(path) else None)
     if choices is not None and any(getattr(run, key) is not None for key in DialectKeys.__struct_fields__):
         raise study.source.places.error("does not go with a file of Tracker, which says itself how it is written", ("runs", index), field="columns")
@@ -334,7 +340,8 @@ def _read_run(study: CurveStudy, run: CurveRunTable) -> Run:
         table = track_columns(path, choices, needed=needed, shown_as=str(path)) if choices is not None else read_columns(
             path, needed=needed, min_rows=MIN_ROWS, shown_as=str(path), dialect=dialect
         )
-    for column in columns:
+    for column, of in columns:
+        table.require_unit(column, of)
         if np.any(table.columns[column] <= 0.0):
             raise table.error("must be > 0", column, int(np.argmax(table.columns[column] <= 0.0)))
     return replace(run_of_table(table, run.name), warnings=of_any_curve(table.warnings))

@@ -34,6 +34,11 @@ def count_columns(table: CurveTable) -> list[str]:
     return [*named, *([noise.trials] if isinstance(noise.trials, str) else [])]
 
 
+def is_density(table: CurveTable) -> bool | None:
+    """Whether the curve is y per unit of x; None where it is known up to a factor."""
+    return None if table.noise is not None and table.noise.model == "event-times" else table.noise is not None and table.noise.bins is not None
+
+
 def check_counts(source: CampaignFile, table: CurveTable, runs: Sequence[CurveRunTable]) -> None:
     """Raises InputError at the key where the table `noise` and the keys beside it do not go together, or y is missing."""
     noise, places = table.noise, source.places

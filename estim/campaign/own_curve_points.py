@@ -156,8 +156,8 @@ class CurvePoints:
             prior: Prior = LogNormal(_roughness(y), SIGMA_SPREAD)
             meaning = "standard deviation of one reading, not stated"
             return Scale(parameter=name), ones, (Parameter(name, self.axes.y_unit, prior, meaning, SIGMA_NOTATION),)
-        value: Value = written if not isinstance(written, ReadingErrorTable) else prior_table(written, str(path[-1]))
         try:
+            value: Value = written if not isinstance(written, ReadingErrorTable) else prior_table(written, str(path[-1]))
             read = read_value(value, factor=1.0, field="u_y")
         except InputError as error:
             raise self.source.places.error(error.rule, path, value=error.value) from None

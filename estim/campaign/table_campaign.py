@@ -17,11 +17,11 @@ from estim.campaign.campaign_file import Kind, campaign_file_of
 from estim.campaign.curve_tables import variable_of
 from estim.campaign.toml_text import toml_key, toml_string
 from estim.common import InputError, listed, read_number, read_quantity, shorten
-from estim.curves import Formula, called_by_name, read_formula
+from estim.curves import Formula, called_by_name, linear_in, read_formula
 from estim.reading import Dialect, Layout, is_tracker_file, name_and_unit, no_names, numeric_columns, read_layout
 
 _SAID = "command line"
-_TRACK_COLUMNS = ("t", "x", "y")
+_ABSCISSAS = ("x", "t", "time")
 _WORD = re.compile(r"[^\s$|\\`][^$|\\`\n]{0,18}")
 
 
@@ -83,8 +83,8 @@ def text_of_table(file: Path, choices: TableChoices, *, name: str | None = None)
     variable = variable_of(formula, x.column, x.name, said)
     if variable not in (None, "x"):
         formula = formula.in_terms_of(variable)
-    starts = {**_linear_starts(formula, choices), **choices.start} if asked is None else dict(choices.start)
-    _check_parameters(formula, choices, starts, sought=asked is not None)
+    starts = _starts(formula, choices) if asked is None else dict(choices.start)
+    _check_parameters(formula, choices)
     lines = [f"title = {toml_string(choices.title or file.stem)}", f'kind = "{choices.kind}"', "", "[curve]"]
     lines += [f"expression = {toml_string(formula.text)}" if asked is None else f"model = {toml_string(asked.text)}"]
     lines += [f"x = {x.text}", f"y = {y.text}"]
@@ -120,7 +120,7 @@ def _axes(file: Path, formula: Formula, choices: TableChoices, said: Sequence[st
     """x, y, u_x and u_y: as stated; else the column that the formula names and the column y, or the two that there are, and their columns u_NAME."""
     if is_tracker_file(file):
         if choices.y is None:
-            raise InputError(f"must name a column of the track: one of {', '.join(_TRACK_COLUMNS)}", field="--y")
+            raise InputError("must name a column of the track: x or y (its axes), or x_m (along the motion, from its first point)", field="--y")
         units = {"t": "s", "t_s": "s", "frame": "1"}
         x, y = (Axis(column, "", units.get(column, "m")) for column in (choices.x or "t", choices.y))
         return x, y, choices.u_x, choices.u_y
@@ -133,6 +133,7 @@ def _axes(file: Path, formula: Formula, choices: TableChoices, said: Sequence[st
     x_name, y_name = choices.x, choices.y
     if x_name is None:
         called = [name for name in values if y_name not in (name, _bare(name)) and _names(formula, name, said)]
+        called = [name for name in called if _bare(name).lower() in _ABSCISSAS] or called  # a parameter may be called like a column too
         x_name = called[0] if len(called) == 1 else None
     others = [name for name in values if not {name, _bare(name)} & {x_name, y_name}]
     if y_name is None:
@@ -167,17 +168,17 @@ def _axis(wanted: str, layout: Layout) -> Axis:
     bare, stated = name_and_unit(wanted)
     if wanted not in layout.names and stated and bare in layout.names:
         return Axis(bare, "", stated)
-    place = next((i for i, name in enumerate(layout.names) if wanted in (name, _bare(name))), None)
+    called = (*(name == wanted for name in layout.names), *(_bare(name) == wanted for name in layout.names))
+    place = called.index(True) % len(layout.names) if any(called) else None
     unit = "" if place is None else _unit_of(layout, place)
-    return Axis(wanted, bare if bare != wanted else "", stated or unit)
+    return Axis(wanted, bare if bare != wanted or " " in bare else "", stated or unit)  # a word of a name may stand for x in the formula
 
 
 def _unit_of(layout: Layout, place: int) -> str:
     return name_and_unit(layout.names[place])[1] or layout.units[place]
 
 
-def _check_parameters(formula: Formula, choices: TableChoices, starts: Mapping[str, str], *, sought: bool) -> None:
-    """sought : whether starts are found from the points."""
+def _check_parameters(formula: Formula, choices: TableChoices) -> None:
     for option, given in (("--start", choices.start), ("--low", choices.low), ("--high", choices.high), ("--value", choices.value)):
         for name in given:
             if name not in formula.names:
@@ -185,31 +186,16 @@ def _check_parameters(formula: Formula, choices: TableChoices, starts: Mapping[s
     for name in choices.value:
         if name in (*choices.start, *choices.low, *choices.high):
             raise InputError("gives a parameter its value: leave out --start, --low and --high of it", field="--value", value=name)
-    missing = [name for name in formula.names if name not in starts and name not in choices.value]
-    if missing and not sought:
-        cure = " ".join(f"--start {name}=1" for name in missing)
-        rule = f"must give {' and '.join(missing)} a starting value of the right sign and size, for example {cure} (or --value for one that is known)"
-        raise InputError(rule, field="--start")
 
 
-def _linear_starts(formula: Formula, choices: TableChoices) -> dict[str, str]:
-    """1.0 for parameters without a start in which the curve is linear: they are solved for, so that their start does not matter."""
+def _starts(formula: Formula, choices: TableChoices) -> dict[str, str]:
+    """The starts that were said, and 1.0 for the others if the curve is linear in all of them: they are solved for, so that it does not matter."""
     free = [name for name in formula.names if name not in choices.start and name not in choices.value]
-    rng = np.random.default_rng(1)
-    x, others = rng.uniform(0.5, 2.0, 16), {name: rng.uniform(0.5, 2.0) for name in formula.names}
-
-    def value(at: Mapping[str, float]) -> np.ndarray:
-        return formula.value(x, {**others, **at})[0]
-
-    linear: list[str] = []
-    for name in free:
-        tried = [*linear, name]
-        points = [{key: float(number) for key, number in zip(tried, rng.uniform(0.5, 2.0, len(tried)), strict=True)} for _ in range(2)]
-        middle = {key: 0.5 * (points[0][key] + points[1][key]) for key in tried}
-        ends, between = (value(points[0]) + value(points[1])) / 2.0, value(middle)
-        if np.all(np.isfinite(between)) and np.allclose(ends, between, rtol=1e-10, atol=1e-12):
-            linear.append(name)
-    return dict.fromkeys(linear, "1.0")
+    straight = len(linear_in(formula, free)) == len(free)
+    if not straight and not formula.uses_x:
+        rule = "holds neither x nor the name of its column, so that nothing shows where its parameters lie: write x, or give each a --start"
+        raise InputError(rule, field="--formula", value=formula.text)
+    return {**(dict.fromkeys(free, "1.0") if straight else {}), **choices.start}
 
 
 def _parameter_line(name: str, starts: Mapping[str, str], choices: TableChoices) -> str:

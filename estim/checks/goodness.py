@@ -34,7 +34,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from estim.arrays import FloatArray
-from estim.fitting import Fit, no_scatter
+from estim.fitting import MANY, Fit, linear_response, no_scatter
 from estim.problem import Observations, reading_sd
 from estim.words import TESTS
 
@@ -121,15 +121,16 @@ def check_goodness(fit: Fit, *, rng: np.random.Generator) -> tuple[Goodness, ...
     problem, posterior = fit.problem, fit.posterior
     named = problem.named(fit.values)
     noise = np.array([name in problem.noise_names for name in problem.names])
-    responses = [likelihood.whitened(named, problem.names) for likelihood in posterior.likelihoods]
-    pulls = np.diag([p.prior.residual_slope(float(v)) for p, v in zip(problem.parameters, fit.values, strict=True)])
+    columns = problem.columns
+    responses = [
+        likelihood.whitened(named, [problem.names[i] for i in used]) for likelihood, used in zip(posterior.likelihoods, columns, strict=True)
+    ]
+    pulls = posterior.prior_slopes(fit.values)
     pulls[noise] = 0.0
-    design = np.vstack([*(response.root for response in responses), pulls])
-    scale = np.linalg.norm(design, axis=0)
-    scale[scale == 0.0] = 1.0
-    inverse = np.linalg.pinv(design / scale, rcond=1e-13) / scale[:, None]
+    shifts_by = linear_response([response.root for response in responses], columns, pulls)
     n_error = problem.n_obs + problem.n_par
-    most = 8e6 if any(run.noise.counted is not None for run in problem.runs) else 4e7  # counts take longer to draw
+    counted = any(run.noise.counted is not None for run in problem.runs)  # they take longer to draw
+    most = 8e6 if counted or len(problem.groups) > MANY else 4e7
     whitened = posterior.by_run(response.z for response in responses)
     speeds = [_speeds(run, named) for run in problem.runs]
     drawn = []
@@ -137,8 +138,9 @@ def check_goodness(fit: Fit, *, rng: np.random.Generator) -> tuple[Goodness, ...
         errors = rng.standard_normal((n_error, n_draw))
         *by_group, of_priors = np.split(errors, np.cumsum([group.n_obs for group in problem.groups]))
         felt = [response.felt(error) for response, error in zip(responses, by_group, strict=True)]
-        shifts = inverse @ np.vstack([*felt, of_priors])
-        simulated = posterior.by_run(response.moved(error, shifts) for response, error in zip(responses, by_group, strict=True))
+        shifts = shifts_by(felt, of_priors)
+        moved = (response.moved(error, shifts[used]) for response, error, used in zip(responses, by_group, columns, strict=True))
+        simulated = posterior.by_run(moved)
         drawn.append([(_statistics(null.T), _slower(null.T, v)) for null, v in zip(simulated, speeds, strict=True)])
     forced = {name for force in fit.forces for name in force.runs}
     checked = []

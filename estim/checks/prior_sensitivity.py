@@ -24,6 +24,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from estim.arrays import FloatArray
+from estim.fitting import MANY
 from estim.problem import Posterior, Prior, Problem
 from estim.sampling import K_HAT_LIMIT, pareto_smoothed
 
@@ -46,7 +47,8 @@ class Sensitivity:
     """What one parameter's posterior leans on.
 
     prior, likelihood : distance per doubling of all priors together, and of the likelihood.
-    by_prior : name -> the same for the prior of that parameter alone, every parameter in order.
+    by_prior : name -> the same for the prior of that parameter alone, in order: every parameter, or of many runs those that some run needs together
+        with this one (any other is felt through these alone).
     strongest : the name of the single prior that matters most, None where none is above the threshold.
     disagreement : z above; 0 where the data narrow the prior by less than 5 %.
     k_hat : largest Pareto k of the weights used for `prior` and `likelihood`.
@@ -70,11 +72,11 @@ def power_scaling(problem: Problem, posterior: Posterior, draws: FloatArray, *, 
     likelihood, likelihood_k = _weights(posterior.log_likelihood(draws))
     alone = [_weights(column)[0] for column in each.T]
     k_hat = max(prior_k, likelihood_k)
-    rows = []
+    rows, beside = [], _beside(problem)
     for i, name in enumerate(problem.names):
         column = draws[:, i]
-        s_prior, s_likelihood, *each_alone = _distances(column, [prior, likelihood, *alone])
-        by_prior = dict(zip(problem.names, each_alone, strict=True))
+        s_prior, s_likelihood, *each_alone = _distances(column, [prior, likelihood, *(alone[k] for k in beside[i])])
+        by_prior = {problem.names[k]: found for k, found in zip(beside[i], each_alone, strict=True)}
         strongest = max(by_prior, key=lambda other: by_prior[other])
         z = _disagreement(problem.parameters[i].prior, column)
         rows.append(
@@ -85,6 +87,18 @@ def power_scaling(problem: Problem, posterior: Posterior, draws: FloatArray, *, 
             )
         )
     return tuple(rows)
+
+
+def _beside(problem: Problem) -> list[list[int]]:
+    """For each parameter the places of those whose priors are asked for by themselves."""
+    every = range(problem.n_par)
+    if len(problem.groups) <= MANY:
+        return [list(every) for _ in every]
+    found = [{i} for i in every]
+    for used in problem.columns:
+        for i in used.tolist():
+            found[i].update(used.tolist())
+    return [sorted(one) for one in found]
 
 
 def _weights(log_density: FloatArray) -> tuple[Weights | None, float]:

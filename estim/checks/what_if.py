@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike
 
 from estim.arrays import FloatArray
 from estim.common import Amount, Finding, Kind
-from estim.fitting import Fit, curve_indices
+from estim.fitting import Fit, curve_indices, linear_response
 from estim.problem import CommonError, Curve, Flat, LocalCurve, Parameter, Problem, SpeedCurve
 
 TOLD_FROM = 0.5  # posterior standard deviations
@@ -77,11 +77,8 @@ def influences(fit: Fit) -> tuple[Influence, ...]:
     problem, named = fit.problem, fit.problem.named(fit.values)
     errors = {run.name: {error.name: error for error in run.errors_in_common(run.bind(named))} for run in problem.runs}
     kinds = {name: error for of_run in errors.values() for name, error in of_run.items()}
-    jacobian, moved = _jacobians(problem, fit.values, errors, tuple(kinds))
-    scale = np.linalg.norm(jacobian, axis=0)
-    scale[scale == 0.0] = 1.0
     # an error that moves the data as a parameter moves the curve moves that parameter by as much
-    steps = np.linalg.lstsq(jacobian / scale, moved, rcond=None)[0] / scale[:, None] / fit.sds[:, None]
+    steps = _moved(problem, fit.values, errors, tuple(kinds)) / fit.sds[:, None]
     found = [
         Influence(
             name, error.size, error.unit, tuple(run for run in errors if name in errors[run]), {fit.names[i]: float(steps[i, k]) for i in inside}
@@ -91,10 +88,10 @@ def influences(fit: Fit) -> tuple[Influence, ...]:
     return tuple(sorted((one for one in found if np.isfinite(one.largest)), key=lambda one: -one.largest))
 
 
-def _jacobians(
+def _moved(
     problem: Problem, values: FloatArray, errors: Mapping[str, Mapping[str, CommonError]], names: Sequence[str]
-) -> tuple[FloatArray, FloatArray]:
-    """Derivatives of the residuals in the parameters (n, n_par) and in the errors `names` (n, n_error), each taken as one more parameter."""
+) -> FloatArray:
+    """(n_par, n_error) how far each of the errors `names` moves the least squares, taken as one more parameter of the curves."""
     runs = []
     for run in problem.runs:
         own = {f"error of {name}": error.shift for name, error in errors[run.name].items()}
@@ -102,8 +99,17 @@ def _jacobians(
         runs.append(replace(run, curve=_Shifted(run.curve, run.x, own), arguments={**run.arguments, **{name: name for name in own}}, noise=noise))
     further = tuple(Parameter(f"error of {name}", "1", Flat(-np.inf, np.inf, 0.0), name) for name in names)
     at = np.concatenate([values, np.zeros(len(names))])
-    both = replace(problem, parameters=(*problem.parameters, *further), runs=tuple(runs)).linearised(at).jacobian(at)
-    return both[:, : values.size], both[:, values.size :]
+    posterior = replace(problem, parameters=(*problem.parameters, *further), runs=tuple(runs)).linearised(at)
+    roots, effects, columns = [], [], []
+    for jacobian, used in zip(posterior.narrow_jacobians(at), posterior.problem.columns, strict=True):
+        of_error = used >= values.size
+        effect = np.zeros((len(jacobian), len(names)))
+        effect[:, used[of_error] - values.size] = jacobian[:, of_error]
+        roots.append(jacobian[:, ~of_error])
+        effects.append(effect)
+        columns.append(used[~of_error])
+    slopes = posterior.prior_slopes(at)[: values.size]
+    return linear_response(roots, columns, slopes)(effects, np.zeros((values.size, len(names))))
 
 
 def large_influences(fit: Fit, found: Sequence[Influence]) -> list[Finding]:

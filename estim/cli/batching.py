@@ -6,14 +6,16 @@ import os
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
 
-from estim.cli.options import NO_FIGURES, SEED, STEPS
+from estim.cli.formats import FORMAT, chosen
+from estim.cli.options import JOBS, NO_FIGURES, SEED, STEPS
 from estim.cli.origin import note_of_others
-from estim.cli.terminal import NOT_OK, counted, report_at, say, write_report
+from estim.cli.terminal import NOT_OK, counted, report_at, say, write_files, write_report
 from estim.common import InputError
 
 if TYPE_CHECKING:
@@ -43,7 +45,7 @@ def cluster(address: str | None) -> Iterator[Executor | None]:
 
 @click.command()
 @click.argument("paths", nargs=-1, required=True, metavar="CAMPAIGN|FOLDER...", type=click.Path(path_type=Path))
-@click.option("--jobs", type=click.IntRange(min=1), help="Processes.  [default: one for each core]")
+@JOBS
 @click.option("--shard", metavar="I/N", help="Every N-th run only, from the I-th, for job arrays.  At the end once more without, with --resume.")
 @click.option("--scheduler", metavar="ADDRESS", help="A Dask cluster does the work: the address of its scheduler (extra `dask`).")
 @click.option("--reports", is_flag=True, help="A whole report for each run, with figures, in place of result.json alone.")
@@ -51,6 +53,7 @@ def cluster(address: str | None) -> Iterator[Executor | None]:
 @click.option("--out", type=click.Path(path_type=Path, file_okay=False), default=Path("out/batch"), show_default=True, help="Folder for the results.")
 @SEED
 @NO_FIGURES
+@FORMAT
 @click.option("--resume", is_flag=True, help="Keep the results that are there and were made from the same files, settings and versions.")
 def batch(
     paths: tuple[Path, ...], jobs: int | None, shard: str | None, scheduler: str | None, reports: bool, max_steps: int, out: Path, seed: int,
@@ -63,21 +66,24 @@ def batch(
     what scatters and what stands apart, and a figure (docs/batch.md).  Exit code 3: some run is not ok.
     """
     from estim.batch import Settings, run_batch, shard_of, units_of
-    from estim.reports import batch_line, batch_report, full_files, lean_files
+    from estim.reports import batch_line, batch_report, batch_times, full_files, lean_files
     from estim.sampling import only_writer
 
     units = shard_of(units_of(path.resolve() if scheduler else path for path in paths), shard)  # a worker elsewhere has another working folder
-    settings, processes = Settings("report" if reports else "result", seed, max_steps), jobs or os.cpu_count() or 1
+    figures, formats = not no_figures, chosen()
+    kind = "-".join(("report", *formats, *(() if figures else ("without figures",)))) if reports else "result"
+    written = partial(full_files, figures=figures, formats=formats) if reports else lean_files
+    settings, processes = Settings(kind, seed, max_steps), jobs or os.cpu_count() or 1
     lock = ".batch" if shard is None else f".batch-{shard.replace('/', '-of-')}"
     with only_writer(out / lock), cluster(scheduler) as executor, counted("batch", len(units), unit="run") as progress:
         rows = run_batch(
-            units, out.resolve(), report=full_files if reports else lean_files, settings=settings, resume=resume, jobs=processes, executor=executor,
-            progress=progress,
+            units, out.resolve(), report=written, settings=settings, resume=resume, jobs=processes, executor=executor, progress=progress,
         )
     for row in rows:
         note_of_others(row.inputs)
     place = out if shard is None else out / f"shard-{shard.replace('/', '-of-')}"
     write_report(place, batch_report(rows, figures=not no_figures), within=out)
+    write_files(place, batch_times(rows), within=out)
     for row in rows:
         if row.error:
             say(f"error: {row.run}: {row.error}" if row.run else f"error: {row.error}", err=True)

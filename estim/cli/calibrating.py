@@ -10,7 +10,8 @@ from pathlib import Path
 
 import click
 
-from estim.cli.options import JOINT, NO_FIGURES, OUT, RUNS, SEED
+from estim.cli.formats import FORMAT
+from estim.cli.options import JOBS, JOINT, NO_FIGURES, OUT, RUNS, SEED
 from estim.cli.terminal import NOT_OK, conclude, counted, groups_of, report_at, say, write_report
 from estim.common import Stream, decide, stream
 
@@ -21,10 +22,11 @@ from estim.common import Stream, decide, stream
 @JOINT
 @click.option("--simulations", type=click.IntRange(min=20), default=200, show_default=True, help="Simulated campaigns for each question.")
 @click.option("--what", type=click.Choice(["sbc", "coverage", "both"]), default="both", show_default=True, help="Truths from the priors, or the fit.")
-@click.option("--jobs", type=click.IntRange(min=1), help="Processes.  [default: one for each core]")
+@JOBS
 @OUT
 @SEED
 @NO_FIGURES
+@FORMAT
 @click.option("--resume", is_flag=True, help="Continue a calibration that was interrupted, from the trials kept in OUT/.checkpoint.")
 def calibrate(
     campaign: Path, runs: tuple[str, ...], joint: bool, simulations: int, what: str, jobs: int | None, out: Path | None, seed: int, resume: bool,

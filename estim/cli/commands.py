@@ -19,12 +19,13 @@ from estim.cli.batching import batch
 from estim.cli.calibrating import calibrate
 from estim.cli.causes import say_causes, with_causes
 from estim.cli.comparing import compare as compare_noise
+from estim.cli.formats import FORMAT
 from estim.cli.importing import import_run
 from estim.cli.line import line
 from estim.cli.mapping import map_motions
 from estim.cli.models import compare_models
 from estim.cli.new import new_campaign
-from estim.cli.options import JOINT, NO_FIGURES, OUT, RUNS, SEED, STEPS
+from estim.cli.options import JOBS, JOINT, NO_FIGURES, OUT, RUNS, SEED, STEPS
 from estim.cli.origin import Ledger
 from estim.cli.planning import plan_next
 from estim.cli.propagating import say_propagated
@@ -45,6 +46,7 @@ from estim.cli.terminal import (
 from estim.cli.verifying import diff, verify
 from estim.cli.weighing import say_bodies
 from estim.common import InputError, Stream, asked_to_stop, ended_by_signals, stream
+from estim.lean_imports import import_lean
 
 if TYPE_CHECKING:
     from estim.pipeline import Analysis
@@ -59,7 +61,8 @@ if TYPE_CHECKING:
 def cli() -> None:
     """Uncertainties and Bayesian parameter estimation for lab experiments.
 
-    Start with `estim fit CAMPAIGN`: a campaign is one TOML file that says what was measured (docs/campaign.md).
+    Start with a table, estim fit data.csv --formula "a*exp(-x/tau) + c" --start tau=2, or with a campaign, one TOML file that
+    says what was measured: estim new NAME --from data.csv, then estim fit NAME.toml (docs/README.md).
     """
     context = click.get_current_context()
     context.obj = context.with_resource(Ledger())
@@ -73,6 +76,7 @@ def cli() -> None:
 @OUT
 @SEED
 @NO_FIGURES
+@FORMAT
 @curve_options
 @click.option(
     "--marginal/--full", default=None, help="Sample a joint fit through the marginal over its runs, or all unknowns at once.  "
@@ -152,6 +156,7 @@ def fit(
 @OUT
 @SEED
 @NO_FIGURES
+@FORMAT
 def energy(campaign: Path, runs: tuple[str, ...], joint: bool, max_steps: int, out: Path | None, seed: int, no_figures: bool) -> None:
     """Check the energy along the runs of CAMPAIGN: how much is lost, and is the loss steady?"""
     from estim.campaign import load_campaign
@@ -184,14 +189,16 @@ def energy(campaign: Path, runs: tuple[str, ...], joint: bool, max_steps: int, o
 @cli.command()
 @click.argument("campaign", type=click.Path(path_type=Path))
 @STEPS
+@JOBS
 @OUT
 @SEED
 @NO_FIGURES
-def reanalyse(campaign: Path, max_steps: int, out: Path | None, seed: int, no_figures: bool) -> None:
+@FORMAT
+def reanalyse(campaign: Path, max_steps: int, jobs: int | None, out: Path | None, seed: int, no_figures: bool) -> None:
     """Everything that CAMPAIGN says, in one report.
 
     The theta_min line, each run by itself, the runs of each body together, energies, the propagated band beside the
-    posterior band, and published numbers beside reanalysed ones.
+    posterior band, and published numbers beside reanalysed ones.  The numbers are the same for any number of --jobs.
     """
     from estim.campaign import load_campaign
     from estim.reports import reanalysis_lines, reanalysis_report
@@ -201,7 +208,8 @@ def reanalyse(campaign: Path, max_steps: int, out: Path | None, seed: int, no_fi
 
     loaded = load_campaign(campaign)
     loaded.study.require_body()
-    result = run_reanalysis(loaded, seed=seed, target=Target(max_step=max_steps), progress_of=lambda what: announced(what))
+    processes = jobs or os.cpu_count() or 1
+    result = run_reanalysis(loaded, seed=seed, target=Target(max_step=max_steps), progress_of=announced, jobs=processes)
     folder = out or Path("out") / campaign.resolve().parent.name
     write_report(folder, reanalysis_report(result, voice=Voice.COMMANDS, figures=not no_figures))
     said = reanalysis_lines(result)
@@ -227,6 +235,7 @@ def simulate(design: Path, out: Path) -> None:
 @click.argument("file", type=click.Path(path_type=Path))
 @OUT
 @SEED
+@FORMAT
 def body(file: Path, out: Path | None, seed: int) -> None:
     """Mass, gamma, kappa and rho of the bodies in FILE (a campaign, or bodies alone) from their parts, with a budget."""
     say_bodies(file, out or Path("out") / file.resolve().parent.name / "body", seed=seed)
@@ -237,6 +246,7 @@ def body(file: Path, out: Path | None, seed: int) -> None:
 @OUT
 @SEED
 @NO_FIGURES
+@FORMAT
 def propagate(file: Path, out: Path | None, seed: int, no_figures: bool) -> None:
     """Uncertainty of a measurement model FILE: the GUM and Monte Carlo side by side, with a budget (docs/propagation.md)."""
     _exit_unless(say_propagated(file, out or Path("out") / file.stem, seed=seed, figures=not no_figures))
@@ -273,6 +283,7 @@ def main() -> None:
     """Entry point: one line on stderr and an exit code in place of a traceback; no warnings of NumPy, about which a user can do nothing."""
     if not sys.warnoptions:
         warnings.simplefilter("ignore")
+    import_lean()
     os.environ["MPLBACKEND"] = "agg"  # figures are files, whatever a user's sessions draw on
     sys.exit(exit_code(_run))
 

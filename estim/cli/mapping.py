@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from estim.cli.formats import FORMAT
 from estim.cli.options import NO_FIGURES, SEED
 from estim.cli.terminal import NOT_OK, conclude, pieces, report_at, say, write_report
 from estim.common import InputError, Quantity, decide, read_quantity
@@ -30,6 +31,7 @@ _MOST_FRICTION = 10.0
 )
 @SEED
 @NO_FIGURES
+@FORMAT
 def map_motions(
     campaign: Path, bodies: tuple[str, ...], ramp_length: float | None, friction: str | None, fitted: Path | None, out: Path | None, seed: int,
     no_figures: bool,

@@ -28,6 +28,8 @@ def new_campaign(name: Path, file: Path | None, said: Mapping[str, Any]) -> None
     """
     from estim.campaign import drafted_campaign
 
+    if not name.name:
+        raise InputError("must be the name of a file", field="NAME", value=str(name))
     path = name if name.suffix.lower() == ".toml" else name.with_name(f"{name.name}.toml")
     if path.exists() or path.is_symlink():
         raise InputError("is there already and is not overwritten", field="NAME", value=str(path))

@@ -1,4 +1,4 @@
-"""How a report was made, kept beside it as `origin.json`: command, inputs and outputs with their digests, versions.  `estim verify` reads it."""
+"""How a report was made, kept beside it: command, inputs and outputs with their digests, versions.  `estim verify` reads it."""
 
 from __future__ import annotations
 
@@ -6,38 +6,17 @@ import hashlib
 import shlex
 import sys
 from collections.abc import Mapping
-from dataclasses import dataclass
-from importlib.metadata import version
-from pathlib import Path
+from dataclasses import replace
 
 import click
 
-from estim.common import InputError, as_json, code, inputs_read, read_file
+from estim.cli.crate import CRATE, crate_of
+from estim.cli.formats import chosen, in_formats
+from estim.cli.origin_record import ORIGIN, SCHEMA, Origin
+from estim.common import as_json, code, inputs_read
 
-ORIGIN = "origin.json"
-_SCHEMA = "estim-origin/1"
-_LARGEST = 2**24
 _PACKAGES = ("estim", "numpy", "scipy", "lmfit", "emcee")
 _OF_THE_MOMENT = frozenset({"out", "resume", "jobs", "scheduler"})  # options that change no number
-
-
-@dataclass(frozen=True)
-class Origin:
-    """command : arguments of `estim`, without those that change no number.  part : folder of this report within what the command writes.
-
-    inputs, outputs : path (of outputs: within the folder) -> SHA-256 of its bytes.
-    """
-
-    schema: str
-    command: list[str]
-    part: str
-    inputs: dict[str, str]
-    outputs: dict[str, str]
-    versions: dict[str, str]
-
-    @property
-    def line(self) -> str:
-        return shlex.join(["estim", *self.command])
 
 
 class Ledger:
@@ -63,7 +42,9 @@ def note_of_others(inputs: Mapping[str, str]) -> None:
 
 
 def with_origin(files: Mapping[str, bytes], part: str) -> dict[str, bytes]:
-    """`files` of a report and `origin.json`, where a command is under way."""
+    """`files` of a report, the formats asked for, `origin.json` and the description for archives, where a command is under way."""
+    from importlib.metadata import version
+
     context = click.get_current_context(silent=True)
     ledger = None if context is None else context.find_object(Ledger)
     if context is None or ledger is None:
@@ -71,9 +52,12 @@ def with_origin(files: Mapping[str, bytes], part: str) -> dict[str, bytes]:
     versions = {"python": sys.version.split()[0]} | {package: version(package) for package in _PACKAGES}
     command, inputs = [_plain(text) for text in _arguments(context)], {_plain(path): digest for path, digest in sorted(ledger.inputs.items())}
     line = f"\n---\n\nMade by {code(shlex.join(['estim', *command]))}; `estim verify` recomputes this report from the same files.\n"
-    signed = {name: data + line.encode() if name == "report.md" else data for name, data in files.items()}
+    signed = in_formats({name: data + line.encode() if name == "report.md" else data for name, data in files.items()})
     digests = {name: hashlib.sha256(data).hexdigest() for name, data in sorted(signed.items())}
-    return {**signed, ORIGIN: as_json(Origin(_SCHEMA, command, part, inputs, digests, versions))}
+    origin = Origin(SCHEMA, command, part, inputs, digests, versions)
+    crate = crate_of(signed, origin)
+    outputs = digests | {CRATE: hashlib.sha256(crate).hexdigest()}
+    return {**signed, CRATE: crate, ORIGIN: as_json(replace(origin, outputs=dict(sorted(outputs.items()))))}
 
 
 def _plain(text: str) -> str:
@@ -86,7 +70,8 @@ def _arguments(context: click.Context) -> list[str]:
     said: list[str] = []
     plain: list[str] = []
     for parameter in context.command.params:
-        value, name = context.params.get(parameter.name or ""), parameter.name or ""
+        name = parameter.name or ""
+        value = chosen() if name == "formats" else context.params.get(name)
         if isinstance(parameter, click.Argument):
             plain += [str(item) for item in (value if isinstance(value, tuple) else (value,)) if item is not None]
         elif isinstance(parameter, click.Option) and name not in _OF_THE_MOMENT and value != parameter.get_default(context):
@@ -100,20 +85,3 @@ def _option(option: click.Option, value: object) -> list[str]:
         return [chosen[-1]] if chosen else []
     values = value if isinstance(value, tuple) and option.multiple else (value,)
     return [text for item in values if item is not None for text in (option.opts[-1], str(item))]
-
-
-def read_origin(folder: Path) -> Origin:
-    """The origin of the report in `folder`.  Raises InputError where there is none, or it is none of estim's."""
-    path = folder / ORIGIN
-    data = read_file(path, at_most=_LARGEST, within=folder)
-    if data is None:
-        raise InputError(f"holds no {ORIGIN}: it is no report of this version of estim", field="report", value=str(folder))
-    import msgspec
-
-    try:
-        origin = msgspec.json.decode(data, type=Origin)
-    except (msgspec.DecodeError, UnicodeDecodeError) as error:
-        raise InputError(f"is no origin of a report ({str(error).splitlines()[0]})", file=str(path)) from None
-    if origin.schema != _SCHEMA:
-        raise InputError(f"must be {_SCHEMA}", field="schema", value=origin.schema, file=str(path))
-    return origin

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import click
 
+from estim.cli.formats import FORMAT
 from estim.cli.options import NO_FIGURES, RUNS, SEED
 from estim.cli.terminal import NOT_OK, conclude, groups_of, pieces, report_at, write_report
 
@@ -21,6 +22,7 @@ from estim.cli.terminal import NOT_OK, conclude, groups_of, pieces, report_at, w
 )
 @SEED
 @NO_FIGURES
+@FORMAT
 def plan_next(campaign: Path, runs: tuple[str, ...], wanted: tuple[str, ...], out: Path | None, seed: int, no_figures: bool) -> None:
     """What to measure next, to know the quantities of CAMPAIGN better.
 

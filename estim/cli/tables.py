@@ -28,7 +28,7 @@ _DIALECT = (
 )
 _CURVE = (
     click.option("--formula", metavar="TEXT", help='Fit this curve to the table FILE: "a*exp(-x/tau) + c", or a name: "gaussian + line".'),
-    click.option("--start", multiple=True, metavar="NAME=VALUE", help='Starting value of a parameter, with a unit if you like: tau="2 s".'),
+    click.option("--start", multiple=True, metavar="NAME=VALUE", help='Starting value of a parameter: tau="2 s".  [default: from the points]'),
     click.option("--low", multiple=True, metavar="NAME=VALUE", help="Lower limit of a parameter."),
     click.option("--high", multiple=True, metavar="NAME=VALUE", help="Upper limit of a parameter."),
     click.option("--value", multiple=True, metavar="NAME=VALUE", help='A parameter that is known: g=9.81 is exact, g="9.81(2)" was measured.'),

@@ -2,27 +2,36 @@
 
 from __future__ import annotations
 
-import re
 import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
-from urllib.parse import unquote
 
 import click
 
+from estim.cli.formats import WRITTEN
 from estim.cli.origin import with_origin
+from estim.cli.origin_record import read_origin
 from estim.cli.output_streams import outlets
-from estim.common import EstimError, InputError, Interrupted, NumericalError, names_in, one_line, read_file, remove_empty, remove_files, write_whole
+from estim.common import (
+    EstimError,
+    InputError,
+    Interrupted,
+    NumericalError,
+    names_in,
+    one_line,
+    pictures_of,
+    remove_files,
+    remove_pictures,
+    write_whole,
+)
 
 if TYPE_CHECKING:
     from estim.campaign import Campaign
     from estim.sampling import Progress, Store
 
 BAD_INPUT, NOT_OK, INTERRUPTED = 2, 3, 130  # exit codes; those of streams are in `output_streams`
-_LONGEST_REPORT = 2**26  # bytes; what is longer is no report of ours
-_PICTURE = re.compile(rb"\]\(figures/([\w%.+~-]+\.png)\)")
 
 
 def say(line: str, *, err: bool = False) -> None:
@@ -125,21 +134,22 @@ def write_files(folder: Path, files: Mapping[str, bytes], *, within: Path | None
 
 
 def write_report(folder: Path, files: Mapping[str, bytes], *, within: Path | None = None) -> None:
-    """Write a report whole, and how it was made; then remove the figures that only the report before it shows, which would pass for its own."""
-    before = _pictures_of(folder / "report.md", within or folder)
+    """Write a report whole, and how it was made; then remove what would pass for its own: figures and formats of the report before it."""
+    before, formats = pictures_of(folder / "report.md", within=within or folder), _formats_of(folder)
     part = "" if within is None else folder.relative_to(within).as_posix()
-    write_files(folder, with_origin(files, "" if part == "." else part), within=within)
-    for name in before - {Path(path).name for path in files}:
-        with suppress(EstimError):  # what is no plain file is none of ours
-            remove_files(folder / "figures", [name], within=within or folder)
-    remove_empty(folder / "figures", within=within or folder)
-
-
-def _pictures_of(report: Path, within: Path) -> set[str]:
-    """Names of the figures that a report shows; none where there is no report, or what stands there cannot be one of ours."""
+    made = with_origin(files, "" if part == "." else part)
+    write_files(folder, made, within=within)
     with suppress(EstimError):
-        names = {unquote(name.decode()) for name in _PICTURE.findall(read_file(report, at_most=_LONGEST_REPORT, within=within) or b"")}
-        return {name for name in names if name.isprintable() and Path(name).name == name}
+        remove_files(folder, formats - made.keys(), within=within)
+    remove_pictures(folder, before - {Path(path).name for path in files}, within=within or folder)
+
+
+
+
+def _formats_of(folder: Path) -> set[str]:
+    """Which formats the report in `folder` was written in besides Markdown, by its own word."""
+    with suppress(EstimError):
+        return set(WRITTEN & read_origin(folder).outputs.keys())
     return set()
 
 

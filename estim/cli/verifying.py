@@ -9,12 +9,13 @@ import json
 import sys
 import tempfile
 from collections.abc import Iterator, Sequence
-from pathlib import Path
+from pathlib import Path, PurePosixPath
 from typing import Any
 
 import click
 
-from estim.cli.origin import ORIGIN, Origin, read_origin
+from estim.cli.crate import CRATE, crate_troubles
+from estim.cli.origin_record import ORIGIN, Origin, read_origin
 from estim.cli.terminal import NOT_OK, say
 from estim.common import EstimError, InputError, format_rounded, read_file
 
@@ -44,6 +45,8 @@ def verify(report: Path, root: Path | None) -> None:
     say(f"recomputing: {origin.line}")
     with tempfile.TemporaryDirectory() as made:
         trouble = _recompute(origin, Path(made), place)
+        if not trouble and not (Path(made) / origin.part / ORIGIN).is_file():
+            trouble = "cannot be recomputed: the command makes no such report"
         moved = [trouble] if trouble else _compare(folder, Path(made) / origin.part, origin)
     for line in moved:
         say(line)
@@ -54,10 +57,17 @@ def verify(report: Path, root: Path | None) -> None:
 
 
 def _check_command(origin: Origin, folder: Path) -> None:
-    """Raises InputError unless the command is one that makes a report, in a folder that is not its own choice: the origin may be somebody else's."""
+    """Raises InputError unless the command is one that makes a report, in a folder that is not its own choice: the origin may be somebody else's.
+
+    Nor may its part and outputs lead out of what the command makes: the report could be compared with itself.
+    """
     named = [word for word in origin.command[1:] if word.startswith(_CHOICES_OF_PLACE)]
     if not origin.command or origin.command[0] not in _MAKING_REPORTS or named:
         raise InputError("must name a command that makes a report, and no place", field="command", value=origin.line, file=str(folder / ORIGIN))
+    for field, places in (("part", [origin.part]), ("outputs", origin.outputs)):
+        for place in places:
+            if PurePosixPath(place).is_absolute() or ".." in PurePosixPath(place).parts or Path(place).is_absolute():
+                raise InputError("must lie within what the command writes", field=field, value=place, file=str(folder / ORIGIN))
 
 
 def _root_of(folder: Path, origin: Origin) -> Path:
@@ -77,6 +87,7 @@ def _changed_outputs(folder: Path, origin: Origin) -> Iterator[str]:
             yield f"changed: {name} is missing"
         elif hashlib.sha256(data).hexdigest() != digest:
             yield f"changed: {name} is not as it was written"
+    yield from crate_troubles(lambda name: read_file(folder / name, at_most=_LARGEST, within=folder), origin)
 
 
 def _changed_inputs(place: Path, origin: Origin) -> Iterator[str]:
@@ -107,10 +118,15 @@ def _compare(folder: Path, made: Path, origin: Origin) -> list[str]:
     others = {name: (old, now.versions.get(name)) for name, old in origin.versions.items() if now.versions.get(name) != old}
     told += [f"note: made with {name} {old}, recomputed with {new}" for name, (old, new) in others.items()]
     n_before = len(told)
-    for name in origin.outputs:
+    told += [f"{name}: is made now, and {ORIGIN} does not name it" for name in now.outputs if name not in origin.outputs]
+    for name in (name for name in origin.outputs if name != CRATE):  # it only describes the others
         before, after = (read_file(place / name, at_most=_LARGEST, within=place) for place in (folder, made))
         if before is None or after is None:
             told.append(f"{name}: " + ("is missing" if before is None else "is not made any more"))
+            continue
+        if name.endswith(".pdf"):
+            if before != after:
+                say(f"note: {name} is drawn otherwise now, as other fonts do: not compared")
             continue
         found = differences(name, before, after)
         chance = [one for one in found if one.by_chance]
@@ -145,6 +161,8 @@ def diff(first: Path, second: Path) -> None:
         say(f"{one.name}: {values}{unit}, moved by {one.shift:+.2f} sd, sd x {one.ratio:.2f}")
     if len(pair.estimates) > len(far):
         say(f"{len(pair.estimates) - len(far)} estimates moved by at most {_FAR} sd, their sds by at most 10 %")
+    if pair.others:
+        say(f"other entries that differ: {_listed(pair.others)}")
     for what, names in (("the first alone has", pair.lost), ("the second alone has", pair.gained)):
         if names:
             say(f"{what}: {_listed(names)}")

@@ -8,6 +8,7 @@ heading, a cell of a table, the text of a link); `code` where it should look lik
 
 from __future__ import annotations
 
+import html
 import json
 import re
 from urllib.parse import quote
@@ -68,6 +69,11 @@ def _escaped(found: re.Match[str]) -> str:
     if inside := found["index"] or found["interval"]:
         return f"[{_SPECIAL.sub(_escaped, inside)}]"
     return "".join({"<": "&lt;", "&": "&amp;"}.get(mark, f"\\{mark}") for mark in found[0])
+
+
+def unescaped(line: str) -> str:
+    """The text that a line of Markdown made by `markdown` shows."""
+    return html.unescape(re.sub(r"\\([!-/:-@\[-`{-~])", r"\1", line))
 
 
 def code(text: object) -> Markdown:

@@ -23,9 +23,10 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 from estim.common.errors import NumericalError
 from estim.common.interruption import STOPPING
+from estim.lean_imports import import_lean, is_lean
 
 if TYPE_CHECKING:
-    from concurrent.futures import Executor
+    from concurrent.futures import Executor, ProcessPoolExecutor
 
 K = TypeVar("K", bound=Hashable)
 T = TypeVar("T")
@@ -36,12 +37,13 @@ _task: Callable[[Any], Any] | None = None  # of a worker process
 
 def spread(
     task: Callable[[K], T], numbers: Sequence[K], *, jobs: int, executor: Executor | None = None, progress: Callable[[int], None] | None = None,
-    known: Mapping[K, T] = MappingProxyType({}), keep: Callable[[K, T], None] | None = None,
+    known: Mapping[K, T] = MappingProxyType({}), keep: Callable[[K, T], None] | None = None, patient: bool = True,
 ) -> list[T]:
     """`task(n)` for each of `numbers`, in their order, by `jobs` processes (1: this one), or by `executor`, which takes care of its own workers.
 
     progress : called with how many are done.  known : those that are done already.  keep : called with each that is not.
-    `task` must be picklable, read-only mappings included.
+    `task` must be picklable, read-only mappings included; so must what it returns.  patient : whether an error or an interrupt
+    waits for the calls that are under way, so that they are kept; else they are given up.
 
     Raises NumericalError where a worker is killed, and another after the work was taken up again.
     """
@@ -50,7 +52,7 @@ def spread(
     if executor is not None:
         results = _through(executor, task, left)
     else:
-        results = _in_process(task, left) if jobs <= 1 or not left else _in_pool(task, left, min(jobs, len(left)))
+        results = _in_process(task, left) if jobs <= 1 or not left else _in_pool(task, left, min(jobs, len(left)), patient)
     for n, result in results:
         done[n] = result
         if keep is not None:
@@ -78,13 +80,13 @@ def _through(executor: Executor, task: Callable[[K], T], numbers: Sequence[K]) -
             future.cancel()
 
 
-def _in_pool(task: Callable[[K], T], numbers: Sequence[K], jobs: int) -> Iterator[tuple[K, T]]:
+def _in_pool(task: Callable[[K], T], numbers: Sequence[K], jobs: int, patient: bool) -> Iterator[tuple[K, T]]:
     from concurrent.futures.process import BrokenProcessPool
 
     missing = dict.fromkeys(numbers)
     for n_worker in (jobs, max(jobs // 2, 1)):
         try:
-            for n, result in _by_workers(task, list(missing), n_worker):
+            for n, result in _by_workers(task, list(missing), n_worker, patient):
                 del missing[n]
                 yield n, result
         except BrokenProcessPool:
@@ -93,12 +95,12 @@ def _in_pool(task: Callable[[K], T], numbers: Sequence[K], jobs: int) -> Iterato
     raise NumericalError(f"a worker process was killed, twice: is there memory for {jobs} processes?  Fewer take less ('jobs')")
 
 
-def _by_workers(task: Callable[[K], T], numbers: Sequence[K], jobs: int) -> Iterator[tuple[K, T]]:
+def _by_workers(task: Callable[[K], T], numbers: Sequence[K], jobs: int, patient: bool) -> Iterator[tuple[K, T]]:
     from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
     from multiprocessing import get_context
 
     waiting = iter(numbers)
-    futures: dict[Future[T], K] = {}
+    futures: dict[Future[bytes], K] = {}
 
     def submit(pool: ProcessPoolExecutor, count: int) -> None:
         futures.update({pool.submit(_call, n): n for n in islice(waiting, count)})
@@ -107,17 +109,27 @@ def _by_workers(task: Callable[[K], T], numbers: Sequence[K], jobs: int) -> Iter
     with ExitStack() as stack:
         stack.enter_context(_environment_of_workers())
         with _interrupts_held():  # a process of multiprocessing's own is started here
-            pool = stack.enter_context(ProcessPoolExecutor(jobs, get_context("spawn"), _start, (_pickled(task),)))
+            pool = stack.enter_context(ProcessPoolExecutor(jobs, get_context("spawn"), _start, (_pickled(task), is_lean())))
         try:
             with _interrupts_held():
                 submit(pool, 2 * jobs)
             while futures:
                 done, _ = wait(futures, return_when=FIRST_COMPLETED)
                 for future in sorted(done, key=lambda f: f.exception() is not None):  # what was computed, first
-                    yield futures.pop(future), future.result()
+                    yield futures.pop(future), pickle.loads(future.result())
                     submit(pool, 1)
+        except BaseException:  # where the caller was interrupted between two results this is GeneratorExit
+            if not patient:
+                _end(pool)
+            raise
         finally:
             pool.shutdown(cancel_futures=True)
+
+
+def _end(pool: ProcessPoolExecutor) -> None:
+    """Ends the workers, as `terminate_workers` does from Python 3.14 on."""
+    for process in list(pool._processes.values()):
+        process.terminate()
 
 
 @contextmanager
@@ -149,12 +161,12 @@ def _environment_of_workers() -> Iterator[None]:
                 os.environ[name] = value
 
 
-def _pickled(task: Callable[[Any], Any]) -> bytes:
-    """`task` as bytes; read-only mappings, which pickle does not know, included."""
+def _pickled(thing: object) -> bytes:
+    """`thing` as bytes; read-only mappings, which pickle does not know, included."""
     buffer = io.BytesIO()
     pickler = pickle.Pickler(buffer, protocol=pickle.HIGHEST_PROTOCOL)
     pickler.dispatch_table = copyreg.dispatch_table | {MappingProxyType: _reduced}
-    pickler.dump(task)
+    pickler.dump(thing)
     return buffer.getvalue()
 
 
@@ -166,9 +178,11 @@ def _read_only(mapping: dict[Any, Any]) -> MappingProxyType[Any, Any]:
     return MappingProxyType(mapping)
 
 
-def _start(task: bytes) -> None:
-    """Prepare a worker process."""
+def _start(task: bytes, lean: bool) -> None:
+    """Prepare a worker process.  lean : whether its parent is the command line's own."""
     global _task
+    if lean:
+        import_lean()
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     if hasattr(signal, "pthread_sigmask"):
         signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGTERM})  # held when this process was started; its parent ends it so
@@ -188,6 +202,6 @@ def _end_with_parent() -> None:
     os._exit(1)
 
 
-def _call(n: Any) -> Any:
+def _call(n: Any) -> bytes:
     assert _task is not None
-    return _task(n)
+    return _pickled(_task(n))

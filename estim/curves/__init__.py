@@ -5,9 +5,9 @@ from estim.curves.disturbed import DisturbedMotion, DisturbedMotionCurve, Distur
 from estim.curves.dual import Dual
 from estim.curves.formula import RESERVED, Formula, evaluate, read_formula
 from estim.curves.joining import DataSet, JointProblem, join, of_data_set
-from estim.curves.named import ModelSum, called_by_name, provisional, read_model, started, with_starts
-from estim.curves.posing import MAX_DENSE, MAX_OBS, SIGMA, SIGMA_NOTATION, SIGMA_SPREAD, AxisNames, CurveProblem, pose_curve, reading_noise
-from estim.curves.quantities import Plain, without_units
+from estim.curves.named import BareFormula, ModelSum, Unstarted, called_by_name, linear_in, provisional, read_model, started, unstarted, with_starts
+from estim.curves.posing import MAX_DENSE, MAX_OBS, SIGMA, SIGMA_NOTATION, SIGMA_SPREAD, AxisNames, CurveProblem, pose_curve, reading_noise, units_of
+from estim.curves.quantities import Plain, refuse_quantities, without_units
 from estim.curves.regimes import Fate, borders_of, farthest_stop, fate_at, placed, steepest_tilt, turning_contours
 from estim.curves.rolling import MotionCurve, PhaseCurve, RollingMotion
 from estim.curves.shared_errors import Component, DistortedCurve

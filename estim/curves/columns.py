@@ -11,6 +11,8 @@ from estim.common import InputError
 
 def column(values: ArrayLike | None, field: str) -> FloatArray:
     """(n,) read-only.  Raises InputError naming `field`."""
+    if hasattr(values, "to_base_units"):
+        raise InputError("must be plain numbers here, not quantities with units", field=field, value=str(values))
     try:
         array = np.array(values, dtype=float)
     except (TypeError, ValueError):

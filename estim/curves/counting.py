@@ -76,6 +76,11 @@ class CountedPoints:
         law = self.noise.law.word
         return counted_words("bins" if self.bins is not None else law, f"a new {law[:-1]}")
 
+    @property
+    def density(self) -> bool | None:
+        """Whether the curve is y per unit of x; None where it is known up to a factor."""
+        return None if self.total is not None else self.bins is not None
+
     def expected(self, curve: Curve) -> Curve:
         """The curve of the expectations of y."""
         return curve if self.bins is None else BinnedCurve(curve, self.bins[:, 0], self.bins[:, 1], self.total)

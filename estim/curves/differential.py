@@ -132,7 +132,7 @@ def ode(
         raise InputError('must be the state at x0, numbers or names of parameters, like ["s0", 0.0]', field="start", value=start)
     if not callable(observed) and observed not in range(len(entries)):
         raise InputError(f"must be a function or the number of an entry of the state, 0 to {len(entries) - 1}", field="observed", value=observed)
-    if not math.isfinite(x0):
+    if not isinstance(x0, int | float) or not math.isfinite(x0):
         raise InputError("must be finite", field="x0", value=x0)
     if method not in ("DOP853", "RK45", "Radau", "BDF"):
         raise InputError("must be DOP853, RK45, Radau or BDF", field="method", value=method)

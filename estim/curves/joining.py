@@ -106,10 +106,10 @@ def of_data_set(given: Mapping[str, Any], name: str, everyone: Sequence[str], fi
         raise InputError("must be a mapping from names of parameters", field=field, value=given)
     own: dict[str, Any] = {}
     for written, value in given.items():
-        parameter, _, level = str(written).partition("[")
-        if level and level.removesuffix("]") not in everyone:
+        parameter, mark, level = str(written).partition("[")
+        if mark and (not level.endswith("]") or level[:-1] not in everyone):
             raise InputError(f"names a data set that there is not ({', '.join(everyone)})", field=field, value=written)
-        if not level:
+        if not mark:
             own.setdefault(parameter, value)
         elif level == f"{name}]":
             own[parameter] = value

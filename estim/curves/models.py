@@ -93,6 +93,10 @@ class ModelSum:
     terms: tuple[Term, ...]
 
     @property
+    def called(self) -> str:
+        return self.text
+
+    @property
     def expression(self) -> str:
         return " + ".join(term.expression for term in self.terms)
 

@@ -1,20 +1,58 @@
-"""A curve asked for by name: what stands in for its starts until there are points, and the starts that these give."""
+"""A curve whose starts are left to the points, a model by name or a formula: what stands in for them until there are points, and what these give."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Collection, Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from estim.arrays import FloatArray
+from estim.curves.formula import Formula, read_formula
+from estim.curves.guesses import guess_starts
 from estim.curves.models import Limits, named_model, names_only
 from estim.curves.models import ModelSum as ModelSum
 from estim.curves.models import read_model as read_model
 from estim.curves.posing import CurveProblem
+from estim.curves.projected import linear_in as linear_in
 from estim.curves.starts import find_starts
 from estim.problem import Flat, Parameter
+
+
+@dataclass(frozen=True, eq=False)
+class BareFormula:
+    """A formula of the user's, some of whose parameters have no start; it is asked what a `ModelSum` is."""
+
+    formula: Formula
+
+    @property
+    def expression(self) -> str:
+        return self.formula.text
+
+    @property
+    def called(self) -> str:
+        return ""
+
+    @property
+    def parameters(self) -> tuple[str, ...]:
+        return self.formula.names
+
+    @property
+    def limits(self) -> dict[str, Limits]:
+        return {}
+
+
+Unstarted = ModelSum | BareFormula
+
+
+def unstarted(curve: object, start: Collection[str], fixed: Collection[str], tied: Collection[str]) -> Unstarted | None:
+    """What finds the starts that are not given, of models by name or of a formula of x; None where none is missing, or nothing can."""
+    asked = called_by_name(curve, start, fixed, tied)
+    if asked is not None or tied or not (isinstance(curve, str) and curve.strip() and isinstance(start, Mapping) and isinstance(fixed, Mapping)):
+        return asked
+    formula = read_formula(curve, field="curve")
+    return BareFormula(formula) if formula.uses_x and {*formula.names} - {*start, *fixed} else None
 
 
 def called_by_name(curve: object, *named: Collection[str]) -> ModelSum | None:
@@ -29,7 +67,7 @@ def called_by_name(curve: object, *named: Collection[str]) -> ModelSum | None:
 
 
 def provisional(
-    asked: ModelSum, start: Mapping[str, float], bounds: Mapping[str, Limits], priors: Collection[str], fixed: Collection[str]
+    asked: Unstarted, start: Mapping[str, float], bounds: Mapping[str, Limits], priors: Collection[str], fixed: Collection[str]
 ) -> tuple[dict[str, float], dict[str, Limits]]:
     """Starts, those of the user and others within limits, and limits, those of the user and of the models."""
     free = [name for name in asked.parameters if name not in fixed]
@@ -37,7 +75,7 @@ def provisional(
     return {name: _inside(limits.get(name)) for name in free} | dict(start), limits
 
 
-def started(posed: CurveProblem, asked: ModelSum, *, held: Collection[str]) -> CurveProblem:
+def started(posed: CurveProblem, asked: Unstarted, *, held: Collection[str]) -> CurveProblem:
     """The problem with starts found from its points but for the parameters `held`, whose starts are the user's.  Raises InputError."""
     counted = posed.counted
     gain, bins = (posed.relative, None) if counted is None else (counted.noise.reading_gain(), counted.bins)
@@ -48,7 +86,7 @@ def started(posed: CurveProblem, asked: ModelSum, *, held: Collection[str]) -> C
 
 
 def with_starts(
-    asked: ModelSum, parameters: tuple[Parameter, ...], sought: Collection[str], x: FloatArray, y: FloatArray, gain: FloatArray,
+    asked: Unstarted, parameters: tuple[Parameter, ...], sought: Collection[str], x: FloatArray, y: FloatArray, gain: FloatArray,
     bins: FloatArray | None, *, known: Mapping[str, float],
 ) -> tuple[Parameter, ...]:
     """`parameters`, named as in the models, with starts for those `sought`, which have flat priors; the others are held where they start.
@@ -59,7 +97,11 @@ def with_starts(
     width = np.ones(y.size) if bins is None else bins[:, 1] - bins[:, 0]
     centres = {p.name: p.prior.centre for p in parameters if p.name in asked.parameters and p.name not in sought}
     limits = {p.name: (_finite(p.prior.low), _finite(p.prior.high)) for p in parameters if p.name in sought}
-    found = find_starts(asked, x, y / width, gain / width, known={**centres, **known}, limits=limits)
+    held = {**centres, **known}
+    if isinstance(asked, ModelSum):
+        found = find_starts(asked, x, y / width, gain / width, known=held, limits=limits)
+    else:
+        found = guess_starts(asked.formula, x, y / width, gain / width, known=held, limits=limits)
     return tuple(replace(p, prior=Flat(p.prior.low, p.prior.high, found[p.name])) if p.name in sought else p for p in parameters)
 
 

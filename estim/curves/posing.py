@@ -22,6 +22,8 @@ from estim.curves.lacks import ask_lacks
 from estim.curves.shared_errors import Component, DistortedCurve
 from estim.curves.sought import SoughtQuantity, seek_of_fit
 from estim.curves.tied import TiedCurve, followed, only_for_ties, read_tied
+from estim.curves.units import AxisNames as AxisNames
+from estim.curves.units import units_of as units_of
 from estim.problem import (
     GAUSSIAN,
     Correlated,
@@ -48,16 +50,6 @@ SIGMA, SIGMA_NOTATION = "sigma_y", Notation("σ_y")
 SIGMA_SPREAD = 3.0  # standard deviation of ln sigma where nothing is known of it: a factor 20 either way
 MAX_OBS = 100_000  # of independent errors of y alone, which cost in proportion to the points
 MAX_DENSE = 3000  # of a covariance matrix, errors of x, counts
-
-
-@dataclass(frozen=True)
-class AxisNames:
-    """What x and y are, for figures and tables; unit "1" for a pure number."""
-
-    x_name: str = "x"
-    x_unit: str = "1"
-    y_name: str = "y"
-    y_unit: str = "1"
 
 
 @dataclass(frozen=True, eq=False)
@@ -186,7 +178,9 @@ def pose_curve(
     begun, held = ({name: v for name, v in given.items() if name not in unseen} for given in (values, exact))
     begun |= {name: float(followed(ties, {**values, **exact})[name]) for name in ties}
     read = _curve(curve, points["x"], begun, held)
-    parameters = _parameters(names, values, bounds, priors, {name: unit for name, unit in units.items() if name not in following}, exact)
+    said = units_of(read, axes, names, density=counted is not None and counted.density)
+    said |= {name: unit for name, unit in units.items() if name not in following}
+    parameters = _parameters(names, values, bounds, priors, said, exact)
     shared = _shared(errors, (*all_of, *ties), axes)
     stated = u_y is not None or cov is not None or counted is not None
     everything = (*parameters, *shared)

@@ -1,14 +1,17 @@
 """Quantities of the package pint, if a user passes some: numbers in SI base units, and the names of those.
 
 Nothing of pint is imported: what has `magnitude` and `to_base_units` is a quantity.  All become numbers in base units, so that a formula means
-the same whatever mixture of units it is given; what has no unit stays as it is.
+the same whatever mixture of units it is given; what has no unit stays as it is, but for errors and limits of what has one: there it is refused.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
+
+import numpy as np
 
 from estim.common import InputError
 from estim.curves.posing import AxisNames
@@ -32,12 +35,15 @@ class Plain:
 
 
 def without_units(given: Plain) -> Plain:
-    """The arguments in SI base units; as they are where none is a quantity.  Raises InputError where two that belong together differ in kind."""
+    """The arguments in SI base units; as they are where none is a quantity.
+
+    Raises InputError where two that belong together differ in kind, or only one has a unit.
+    """
     if not any(map(_is_quantity, _all(given))):
         return given
     x, x_unit = _base(given.x)
     y, y_unit = _base(given.y)
-    u_x, u_y = (_same(name, value, unit) for name, value, unit in (("u_x", given.u_x, x_unit), ("u_y", given.u_y, y_unit)))
+    u_x, u_y = (_size(name, value, unit) for name, value, unit in (("u_x", given.u_x, x_unit), ("u_y", given.u_y, y_unit)))
     units, plain = dict(given.units), []
     for named in (given.start, given.fixed):
         values = {}
@@ -77,8 +83,24 @@ def _base(value: Any) -> tuple[Any, str | None]:
     return found.magnitude, "1" if name in _PLAIN else name
 
 
+def refuse_quantities(**given: object) -> None:
+    """Raises InputError for quantities where only plain numbers are taken, which would lose their unit."""
+    for field, value in given.items():
+        if _is_quantity(value):
+            raise InputError("must be plain numbers, in SI base units where x and y have units", field=field, value=str(value))
+
+
+def _size(name: str, value: Any, unit: str | None) -> Any:
+    """Standard uncertainties, which are differences."""
+    if getattr(value, "_is_multiplicative", True) is False:
+        raise InputError("must be a difference, as delta_degC is one of temperatures in degC", field=name, value=str(value))
+    return None if value is None else _same(name, value, unit)
+
+
 def _same(name: str, value: Any, unit: str | None) -> Any:
     number, own = _base(value)
+    if own is None and unit not in (None, "1") and not (value is None or (np.ndim(value) == 0 and value in (0, math.inf, -math.inf))):
+        raise InputError(f"must have a unit, since what it belongs to has one ({unit})", field=name, value=str(value))
     if own is not None and own != (unit or "1"):
         raise InputError(f"must be of the same kind as what it belongs to, which is in {unit or '1'}", field=name, value=str(value))
     return number

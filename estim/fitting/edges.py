@@ -130,7 +130,7 @@ def pressed(fit: Fit, *, estimated: bool = False) -> Mapping[str, float]:
             passed.high[k] = math.inf
         fall = max(0.0, here - passed.least(pull_rows, off)[1])
         if inferred:  # the size of the noise was taken from residuals that the edge has made larger
-            fall *= dof / max(squares - fall, 1e-9 * squares)
+            fall *= dof / max(squares - fall, 1e-9 * squares) if fall > 0.0 else 0.0  # no squares, nothing to fall
             found[parameter.name] = float(student_tail(math.sqrt(fall), dof))
         else:
             found[parameter.name] = float(normal_tail(math.sqrt(fall)))

@@ -3,7 +3,7 @@
 Priors enter as residuals, sigmas are absolute (`scale_covar=False`), the Jacobian is analytic, and the search starts
 from several points.  The covariance of the noise depends weakly on the curve, so the fit is repeated with it taken at
 the last result until nothing moves (iteratively reweighted least squares); inferred noise parameters are updated in
-turn by maximising the same posterior.
+turn by maximising the same posterior.  More than 16 independent runs are fit run by run (`estim.fitting.arrow`), not by lmfit.
 """
 
 from __future__ import annotations
@@ -18,6 +18,7 @@ from estim.arrays import FloatArray
 from estim.common import Finding, InputError, NumericalError
 from estim.deviation import FoundDeviation, FoundForce
 from estim.distributions import chi2_tail
+from estim.fitting.arrow import descend_by_runs, inverse_by_runs, many
 from estim.fitting.finish import finished
 from estim.fitting.fisher_information import information
 from estim.problem import Posterior, Problem, Symmetry, informative
@@ -33,6 +34,7 @@ _LEAST_SHARE = 0.05
 WITHIN_REACH = 12.0  # in minus log density: worse optima hold next to nothing of the posterior
 _NO_CURVATURE = "the fit ends where the curve has no finite derivatives in its parameters: are the units and the stated values right?"
 _FINE = 1e-2
+_ILL = 1e12  # condition of the information, columns of unit length
 _FAR_APART = 3.0  # standard deviations, of any parameter
 
 _End = tuple[FloatArray, Posterior, float]
@@ -158,7 +160,7 @@ def _rough_ends(starts: list[tuple[FloatArray, Posterior]]) -> list[_End]:
         values, posterior, moved = _settle(start, begun, max_rounds=1)
         if math.isnan(moved):
             continue
-        scale = _spread(information(posterior, values))
+        scale = _spread(information(posterior, values), posterior.problem)
         twin = next((end for place, end in places if float(np.max(np.abs(values - place) / scale)) < _TWINS), None)
         if twin is None:
             twin = (values, posterior, moved) if moved < _SETTLED else _settle(values, posterior, max_rounds=_ROUGH_ROUNDS - 1)
@@ -167,9 +169,21 @@ def _rough_ends(starts: list[tuple[FloatArray, Posterior]]) -> list[_End]:
     return [end for end in ends if not math.isnan(end[2])]
 
 
-def _spread(matrix: FloatArray) -> FloatArray:
+def _inverse(matrix: FloatArray, problem: Problem) -> FloatArray:
+    """(n_par, n_par) inverse of an information matrix of the problem, of what it says something of."""
+    found = inverse_by_runs(matrix, problem) if many(problem) else None
+    return np.asarray(np.linalg.pinv(matrix, hermitian=True)) if found is None else found
+
+
+def _condition(matrix: FloatArray, inverse: FloatArray, problem: Problem) -> float:
+    """Ratio of the largest to the smallest eigenvalue of an information matrix; of that of many runs a bound, where it is no large one."""
+    bound = float(np.linalg.norm(matrix, 1) * np.linalg.norm(inverse, 1)) if many(problem) else math.inf
+    return bound if bound < _ILL else float(np.linalg.cond(matrix))
+
+
+def _spread(matrix: FloatArray, problem: Problem) -> FloatArray:
     """(n_par,) standard deviations from an information matrix, inf for what it says nothing of."""
-    scale = np.sqrt(np.diag(np.linalg.pinv(matrix, hermitian=True)))
+    scale = np.sqrt(np.diag(_inverse(matrix, problem)))
     return np.where(scale > 0.0, scale, np.inf)
 
 
@@ -186,7 +200,7 @@ def _settle(values: FloatArray, posterior: Posterior, *, max_rounds: int) -> _En
         matrix = information(posterior, values)
         if not np.all(np.isfinite(matrix)):
             return values, posterior, math.nan
-        scale = _spread(matrix)
+        scale = _spread(matrix, posterior.problem)
         moved = float(np.max(np.abs(step) / scale, initial=0.0))
         if moved < _SETTLED:
             break
@@ -199,32 +213,35 @@ def _settle(values: FloatArray, posterior: Posterior, *, max_rounds: int) -> _En
 
 def _fit_curve(posterior: Posterior, values: FloatArray) -> FloatArray:
     """The parameters of the curve that minimise the squared residuals, noise parameters held."""
-    import lmfit
-
     problem = posterior.problem
     free = [i for i, p in enumerate(problem.parameters) if p.name not in problem.noise_names]
     if not free:
         return values
-    table = lmfit.Parameters()
+    if many(problem):
+        return descend_by_runs(posterior, values, free)
+    from lmfit.minimizer import minimize
+    from lmfit.parameter import Parameters
+
+    table = Parameters()
     for i in free:
         prior = problem.parameters[i].prior
         table.add(f"p{i}", value=_inside(float(values[i]), prior.low, prior.high), min=prior.low, max=prior.high)
 
-    def filled(parameters: lmfit.Parameters) -> FloatArray:
+    def filled(parameters: Parameters) -> FloatArray:
         full = values.copy()
         full[free] = [parameters[f"p{i}"].value for i in free]
         return full
 
-    residual: Callable[[lmfit.Parameters], FloatArray] = lambda parameters: posterior.residuals(filled(parameters))  # noqa: E731
+    residual: Callable[[Parameters], FloatArray] = lambda parameters: posterior.residuals(filled(parameters))  # noqa: E731
 
-    def jacobian(parameters: lmfit.Parameters) -> FloatArray:
+    def jacobian(parameters: Parameters) -> FloatArray:
         columns = posterior.jacobian(filled(parameters))[:, free]
         return np.where(np.isfinite(columns), columns, 0.0)  # a point beside the edge of where the curve is defined has no say in the step
 
     creeps = any(run.creeps for run in posterior.likelihoods)
     tolerance = 1e-5 if creeps else 1e-12  # steps by the information finish
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):  # lmfit inverts the Hessian too, singular where the data are silent; not used
-        result = lmfit.minimize(
+        result = minimize(
             residual, table, method="least_squares", scale_covar=False, calc_covar=False, jac=jacobian, x_scale="jac",
             ftol=tolerance, xtol=tolerance, gtol=1e-12, max_nfev=400, nan_policy="propagate",  # scipy steps back from where the curve is not defined
         )
@@ -287,8 +304,9 @@ def _describe(
     matrix = information(posterior, values)
     spread = np.sqrt(np.maximum(np.diag(matrix), 1e-300))
     scaled = matrix / np.outer(spread, spread)
-    singular = float(np.linalg.cond(scaled)) > 1e12
-    cov = np.linalg.pinv(scaled, hermitian=True) / np.outer(spread, spread)
+    inverse = _inverse(scaled, problem)
+    singular = _condition(scaled, inverse, problem) > _ILL
+    cov = inverse / np.outer(spread, spread)
     curvature = np.sqrt(np.diag(cov))
     sds = np.full(problem.n_par, np.nan) if singular else curvature.copy()
     at_bound = []

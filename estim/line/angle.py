@@ -20,6 +20,7 @@ from numpy.typing import ArrayLike
 
 from estim.arrays import FloatArray
 from estim.common import InputError
+from estim.line.joint_errors import check_joint, joint_profile
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,13 +32,16 @@ class LineData:
     u_x: FloatArray  # standard uncertainties of x; 0 where x is exact
     u_y: FloatArray  # standard uncertainties of y; all 1 for "ols", where only their ratios count
     r_xy: FloatArray  # correlation of the x and y errors of one point
-    method: str  # "ols", "weighted" or "york": which uncertainties were given
+    method: str  # "ols", "weighted", "york" or "correlated": which uncertainties were given
+    cov: FloatArray | None = None  # (2 n_obs, 2 n_obs) covariance of x, then y, where errors of points are correlated
 
 
 def line_data(
-    x: ArrayLike, y: ArrayLike, *, u_x: ArrayLike | None = None, u_y: ArrayLike | None = None, r_xy: ArrayLike = 0.0
+    x: ArrayLike, y: ArrayLike, *, u_x: ArrayLike | None = None, u_y: ArrayLike | None = None, r_xy: ArrayLike = 0.0, cov: ArrayLike | None = None
 ) -> LineData:
     """The points of a line, checked once; arguments and rules as in ``fit_line``.  Raises InputError."""
+    if cov is not None:
+        return _correlated_data(x, y, u_x, u_y, cov)
     x_, y_ = _vector(x, "x", None), _vector(y, "y", None)
     n_obs = len(x_)
     if len(y_) != n_obs:
@@ -63,6 +67,21 @@ def line_data(
     if np.ptp(y_) == 0.0 and not np.any(uy):
         raise InputError("must not all be equal where y is exact", field="y", value=float(y_[0]))
     return LineData(x_, y_, ux, uy, r, method)
+
+
+def _correlated_data(x: ArrayLike, y: ArrayLike, u_x: ArrayLike | None, u_y: ArrayLike | None, cov: ArrayLike) -> LineData:
+    if u_x is not None or u_y is not None:
+        raise InputError("holds all uncertainties: leave out u_x, u_y and r_xy", field="cov")
+    n = np.size(x)
+    try:
+        matrix = np.asarray(cov, dtype=np.float64)
+    except (TypeError, ValueError):
+        raise InputError("must be numbers", field="cov") from None
+    joint = check_joint(matrix, n)
+    u = np.sqrt(np.diag(joint))
+    plain = line_data(x, y, u_x=u[:n], u_y=u[n:])
+    size = np.where(plain.u_x * plain.u_y > 0.0, plain.u_x * plain.u_y, 1.0)
+    return LineData(plain.x, plain.y, plain.u_x, plain.u_y, np.diag(joint[:n, n:]) / size, "correlated", joint)
 
 
 def _vector(values: ArrayLike, field: str, n_obs: int | None) -> FloatArray:
@@ -92,6 +111,7 @@ class ScaledPoints(NamedTuple):
     cov_xy: FloatArray  # (n_obs,)
     origin: tuple[float, float]  # mean of x and y in their own units
     scale: tuple[float, float]  # spread of x and y in their own units
+    cov: FloatArray | None = None  # (2 n_obs, 2 n_obs) of x, then y, where errors of points are correlated
 
     def line(self, angle: float, offset: float) -> tuple[float, float]:
         """Intercept and slope in the units of the data, of the line with that angle and distance from the origin."""
@@ -105,8 +125,10 @@ def scaled_points(data: LineData) -> ScaledPoints:
     x0, y0 = float(np.mean(data.x)), float(np.mean(data.y))
     scale_x, scale_y = _spread(data.x, data.u_x), _spread(data.y, data.u_y)
     u_x, u_y = data.u_x / scale_x, data.u_y / scale_y
+    units = np.repeat([scale_x, scale_y], data.x.size)
+    cov = None if data.cov is None else data.cov / np.outer(units, units)
     return ScaledPoints(
-        (data.x - x0) / scale_x, (data.y - y0) / scale_y, u_x**2, u_y**2, data.r_xy * u_x * u_y, (x0, y0), (scale_x, scale_y)
+        (data.x - x0) / scale_x, (data.y - y0) / scale_y, u_x**2, u_y**2, data.r_xy * u_x * u_y, (x0, y0), (scale_x, scale_y), cov
     )
 
 
@@ -135,6 +157,9 @@ def profile(angle: FloatArray, points: ScaledPoints) -> Profile:
     angle : any shape, rad, in scaled units.
     Source: York et al. 2004, eqs. (3)-(5), rotated; the score as in Kleibergen 2002, Econometrica 70, 1781.
     """
+    if points.cov is not None:
+        found = joint_profile(np.ravel(angle), points.x, points.y, points.cov)
+        return Profile(*(values.reshape(np.shape(angle)) for values in found))
     s, c = np.sin(angle)[..., None], np.cos(angle)[..., None]
     variance = s * s * points.var_x - 2.0 * s * c * points.cov_xy + c * c * points.var_y
     # a point exact in x alone has no variance across a vertical line: its floor is the rounding of the angle

@@ -6,9 +6,10 @@ What to use when:
   information on the uncertainty, so intervals use Student's t.
 - only y uncertain: give ``u_y`` ("weighted", ISO/TS 28037 clause 6).
 - x and y uncertain: give ``u_x`` and ``u_y``, and ``r_xy`` if the two errors of a point are correlated ("york").
+- errors of different points correlated: give ``cov``, the covariance matrix of all x, then all y ("correlated", ISO/TS 28037 clauses 9 and 10).
 
-``u_x``, ``u_y`` are standard uncertainties (one sd) of the readings of each point, independent between points.  A zero offset
-common to all points, or scatter beyond the stated uncertainties, is for ``bayesian_line.py``.
+``u_x``, ``u_y`` are standard uncertainties (one sd) of the readings of each point, independent between points.  An error
+common to all points is part of ``cov`` (`joint_errors`); scatter beyond the stated uncertainties is for ``posterior.py``.
 
 All three methods are one computation, described in ``line_profile.py``; it needs no starting values and cannot diverge.
 
@@ -35,6 +36,7 @@ from estim.arrays import FloatArray
 from estim.common import InputError, Markdown, format_p, format_quantity, markdown, table
 from estim.distributions import chi2_quantile, chi2_tail, student_quantile, student_tail
 from estim.line.angle import LineData, Profile, ScaledPoints, best_angle, line_data, profile, scaled_points
+from estim.line.joint_errors import propagated_joint
 
 CONVENTIONS: Mapping[str, str] = MappingProxyType(
     {
@@ -91,18 +93,19 @@ class LineFit:
 
 
 def fit_line(
-    x: ArrayLike, y: ArrayLike, *, u_x: ArrayLike | None = None, u_y: ArrayLike | None = None, r_xy: ArrayLike = 0.0
+    x: ArrayLike, y: ArrayLike, *, u_x: ArrayLike | None = None, u_y: ArrayLike | None = None, r_xy: ArrayLike = 0.0, cov: ArrayLike | None = None
 ) -> LineFit:
     """The line of least S = sum (y_i - a - b x_i)^2 / (u_y^2 - 2 b r u_x u_y + b^2 u_x^2), the global minimum over a and b.
 
     x, y : (n_obs,), n_obs >= 3 (two points leave nothing to check).  u_x, u_y : (n_obs,) or one number, unit of x, y; None
     means exact if the other is given.  r_xy : (n_obs,) or one number in (-1, 1).
-    Standard errors: "york", "propagated", "scaled" for method "york"; the first two are the same for "weighted", which has
+    cov : (2 n_obs, 2 n_obs) covariance of all x, then all y, in place of the three; S is then d^T C^-1 d with C the covariance of y - b x.
+    Standard errors: "york", "propagated", "scaled" for methods "york" and "correlated"; the first two are the same for "weighted", which has
     "propagated" and "scaled"; "ols" has "scaled".
     Raises InputError for data that break a rule.
     Source: York, Evensen, Lopez Martinez and De Basabe Delgado 2004, Am. J. Phys. 72, 367, eq. (1) for S.
     """
-    data = line_data(x, y, u_x=u_x, u_y=u_y, r_xy=r_xy)
+    data = line_data(x, y, u_x=u_x, u_y=u_y, r_xy=r_xy, cov=cov)
     points = scaled_points(data)
     angle, contrast = best_angle(points)
     best = profile(np.asarray(angle), points)
@@ -133,7 +136,7 @@ def fit_line(
 
 
 def _names(method: str) -> tuple[str, ...]:
-    return {"ols": ("scaled",), "weighted": ("propagated", "scaled"), "york": ("york", "propagated", "scaled")}[method]
+    return {"ols": ("scaled",), "weighted": ("propagated", "scaled")}.get(method, ("york", "propagated", "scaled"))
 
 
 def _standard_errors(points: ScaledPoints, angle: float, best: Profile, *, method: str, scale: float) -> dict[str, StandardError]:
@@ -164,6 +167,8 @@ def _propagated(points: ScaledPoints, b: float, a: float) -> FloatArray:
 
     Source: Krystek and Anton 2007, Meas. Sci. Technol. 18, 3438, section 4.
     """
+    if points.cov is not None:
+        return propagated_joint(points.x, points.y, points.cov, b, a)
     x, d = points.x, points.y - a - b * points.x
     v = np.maximum(points.var_y - 2.0 * b * points.cov_xy + b * b * points.var_x, 1e-30 * (points.var_x + points.var_y))
     v1, v2 = 2.0 * (b * points.var_x - points.cov_xy), 2.0 * points.var_x

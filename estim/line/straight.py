@@ -13,9 +13,11 @@ from estim.arrays import FloatArray
 from estim.common import InputError, Quantity, Status, read_number
 from estim.line.interval import SlopeInterval, slope_interval
 from estim.line.least_squares import POOR_FIT, LineFit, coverage_factor, fit_line, inverse_prediction, line_values, standard_error
+from estim.line.stated_errors import Correlated, stated_covariance
 from estim.reading import Dialect, read_columns
 
 _MIN_ROWS = 3
+_PERFECT = 3e-14  # misfits below this share of y are rounding errors
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,7 +61,10 @@ class Inverse:
 
 @dataclass(frozen=True, eq=False)
 class StraightLine:
-    """A line through the points of a table.  columns : as they were read, None for what was not there.  facts : how the table was read, in words."""
+    """A line through the points of a table.  columns : as they were read, None for what was not there.  facts : how the table was read, in words.
+
+    correlated : what is stated of errors that points share, in words.
+    """
 
     path: Path
     sha256: str
@@ -71,6 +76,7 @@ class StraightLine:
     predictions: tuple[Prediction, ...]
     inverses: tuple[Inverse, ...]
     facts: tuple[str, ...] = ()
+    correlated: tuple[str, ...] = ()
 
     @property
     def status(self) -> Status:
@@ -81,13 +87,14 @@ class StraightLine:
 
 def straight_line(
     path: Path, columns: Columns, *, predict: Sequence[Quantity] = (), inverse: Sequence[Quantity] = (), probability: float = 0.95,
-    dialect: Dialect | None = None,
+    dialect: Dialect | None = None, correlated: Correlated | None = None,
 ) -> StraightLine:
     """The line through the CSV table at `path`.  Raises InputError with file, line, column, rule and value.
 
     inverse : values of y with their uncertainties; a plain number has the scatter of the residuals where no uncertainties are known.
-    dialect : how the table is written, as far as that is stated.
+    dialect : how the table is written, as far as that is stated.  correlated : errors that points share.
     """
+    stated = correlated or Correlated()
     if columns.x == columns.y:
         raise InputError("must name another column than --x", field="--y", value=columns.y)
     wanted = replace(columns, u_x=columns.u_x or f"u_{columns.x}", u_y=columns.u_y or f"u_{columns.y}", r_xy=columns.r_xy or "r_xy")
@@ -102,12 +109,15 @@ def straight_line(
         return name if column(name) is not None else None
 
     read = replace(wanted, u_x=there(wanted.u_x), u_y=there(wanted.u_y), r_xy=there(wanted.r_xy))
+    if stated.cov is not None or stated.cov_x is not None or stated.cov_y is not None:
+        read = _in_their_place(columns, read, stated)
     if read.u_x is None or read.u_y is None:
         if columns.r_xy is not None:
             raise InputError("needs uncertainties of x and y", field="--correlation", value=columns.r_xy)
         read = replace(read, r_xy=None)
-    for key in ("u_x", "u_y"):
+    for key, of in (("u_x", read.x), ("u_y", read.y)):
         values = column(getattr(read, key))
+        table.require_unit(str(getattr(read, key)), of)
         if values is not None and np.any(np.asarray(values) <= 0.0):
             bad = 0 if np.ndim(values) == 0 else int(np.argmax(np.asarray(values) <= 0.0))
             if np.ndim(values) == 0:
@@ -115,16 +125,33 @@ def straight_line(
             raise table.error("must be > 0", str(getattr(read, key)), bad)
     try:
         correlation = column(read.r_xy)
-        fit = fit_line(
-            table.columns[read.x], table.columns[read.y], u_x=column(read.u_x), u_y=column(read.u_y), r_xy=0.0 if correlation is None else correlation
-        )
+        x, y, r = table.columns[read.x], table.columns[read.y], 0.0 if correlation is None else correlation
+        if stated:
+            fit = fit_line(x, y, cov=stated_covariance(stated, x, y, column(read.u_x), column(read.u_y), r, dialect or Dialect()))
+        else:
+            fit = fit_line(x, y, u_x=column(read.u_x), u_y=column(read.u_y), r_xy=r)
     except InputError as error:
-        raise error.at(str(path)) from None
+        raise error if error.file is not None else error.at(str(path)) from None
+    if fit.method == "ols" and fit.chi2 <= table.lines.size * (_PERFECT * float(np.max(np.abs(table.columns[read.y])))) ** 2:
+        rule = "has no scatter about a line but rounding errors (computed values, not readings?): nothing tells how large its errors are"
+        raise InputError(f"{rule}; give --uy", field=read.y, file=table.file)
     k = coverage_factor(fit, probability=probability)
     predictions = tuple(_prediction(fit, x0, k) for x0 in predict)
     inverses = tuple(_inverse(fit, y0, k, probability) for y0 in inverse)
     slope = slope_interval(fit, probability=probability)
-    return StraightLine(path, table.sha256, read, fit, slope, k, probability, predictions, inverses, table.facts)
+    return StraightLine(path, table.sha256, read, fit, slope, k, probability, predictions, inverses, table.facts, tuple(stated.words))
+
+
+def _in_their_place(columns: Columns, read: Columns, stated: Correlated) -> Columns:
+    """The columns without those of uncertainties that a matrix holds.  Raises InputError where one of these was named."""
+    held = ("u_x", "u_y") if stated.cov is not None else tuple(key for key in ("u_x", "u_y") if getattr(stated, f"cov_{key[-1]}") is not None)
+    for key in (*held, "r_xy"):
+        if getattr(columns, key) is not None:
+            option = {"u_x": "--ux", "u_y": "--uy", "r_xy": "--correlation"}[key]
+            raise InputError("does not go with a covariance matrix, which holds it", field=option, value=getattr(columns, key))
+    if stated.cov is not None and (stated.cov_x is not None or stated.cov_y is not None):
+        raise InputError("does not go with --cov, which holds it", field="--cov-x" if stated.cov_x is not None else "--cov-y")
+    return replace(read, u_x=None if "u_x" in held else read.u_x, u_y=None if "u_y" in held else read.u_y, r_xy=None)
 
 
 def _number(text: str) -> float | None:
@@ -143,6 +170,8 @@ def _prediction(fit: LineFit, x0: Quantity, k: float) -> Prediction:
 
 def _of_one_reading(fit: LineFit) -> float:
     """Standard uncertainty of one more reading of y: the scatter of the residuals, or what all points state alike; nan where they differ."""
+    if fit.method == "correlated":
+        return math.nan
     if fit.method == "ols":
         return math.sqrt(fit.chi2 / fit.dof)
     u = np.unique(fit.data.u_y)

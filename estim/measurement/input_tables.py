@@ -54,6 +54,9 @@ def inputs_of(name: str, table: InputTable) -> tuple[Input, ...]:
         _refuse(table, "readings", "value", "u", "u_percent", "U", "k", "half_width", "low", "high", "distribution", "dof", "relative_u_of_u")
         base = _named("readings", lambda: Input.from_readings(name, table.readings or [], unit=table.unit))
         value = base.value
+        if not table.components and len(set(table.readings)) == 1:
+            rule = "are all the same, so that their scatter tells no uncertainty: state the resolution too"
+            raise InputError(f"{rule}, as components.resolution = {{half_width = 0.5}}", field="readings", value=table.readings[0])
     else:
         value, u, half = _value(table)
         base = _stated(name, table, value, unit=table.unit, u=u, half_width=half, may_be_exact=True)
@@ -108,6 +111,8 @@ def _stated(
     distribution = _distribution(table, bounded=half_width is not None, dof=dof)
     if table.u_percent is not None:
         u = abs(value if scale is None else scale) * table.u_percent / 100.0
+        if u == 0.0:
+            raise InputError("means nothing where the value is 0: state u", field="u_percent", value=table.u_percent)
     elif table.U is not None:
         u = table.U / (table.k or 1.0)
     elif table.u is not None:

@@ -45,6 +45,7 @@ class _TopTable(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_only
     inputs: dict[str, dict[str, Any]]
     correlations: list[_CorrelationTable] = []
     simultaneous: list[list[str]] = []
+    simultaneous_dof: Literal["n - 1", "n - N"] = "n - 1"
     probability: float = 0.95
     digits: int = 2
     interval: Literal["symmetric", "shortest"] = "symmetric"
@@ -122,7 +123,8 @@ def read_model(path: Path) -> MeasurementModel:
     outputs = _outputs(top, places)
     _check_names(outputs, quantities, places)
     correlation = _correlations(top, quantities, places)
-    quantities = tuple(_together(quantity, top.simultaneous) for quantity in quantities)
+    _check_sets(top, places)
+    quantities = tuple(_together(quantity, top) for quantity in quantities)
     return MeasurementModel(
         path, digest, top.title, top.source, outputs, quantities, correlation, top.probability, top.digits, top.draws,
         top.interval,
@@ -223,10 +225,26 @@ def _correlations(top: _TopTable, quantities: Sequence[Quantity], places: Places
     return pairs or None
 
 
-def _together(quantity: Quantity, groups: Sequence[Sequence[str]]) -> Quantity:
+def _check_sets(top: _TopTable, places: Places) -> None:
+    """n - N degrees of freedom must be left (JCGM 102, 5.3.2)."""
+    if top.simultaneous_dof == "n - 1":
+        return
+    if not top.simultaneous:
+        raise places.error("needs 'simultaneous'", ("simultaneous_dof",), value=top.simultaneous_dof)
+    for group in top.simultaneous:
+        n = len(top.inputs[group[0]]["readings"])
+        if n <= len(group):
+            raise places.error(f"needs more sets of readings than inputs, here {n} sets of {len(group)}", ("simultaneous_dof",))
+
+
+def _together(quantity: Quantity, top: _TopTable) -> Quantity:
     """The quantity, its readings marked as taken together with those of its group."""
-    at = next((i for i, group in enumerate(groups) if quantity.name in group), None)
-    return quantity if at is None else replace(quantity, parts=(replace(quantity.parts[0], group=f"readings {at}"), *quantity.parts[1:]))
+    at = next((i for i, group in enumerate(top.simultaneous) if quantity.name in group), None)
+    if at is None:
+        return quantity
+    own, *others = quantity.parts
+    joint_dof = own.dof + 1.0 - len(top.simultaneous[at]) if top.simultaneous_dof == "n - N" else 0.0
+    return replace(quantity, parts=(replace(own, group=f"readings {at}", joint_dof=joint_dof), *others))
 
 
 def _of_readings(top: _TopTable, group: Sequence[str], places: Places, path: tuple[str | int, ...]) -> dict[tuple[str, str], float]:

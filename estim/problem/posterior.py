@@ -9,8 +9,10 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
+from numpy.typing import NDArray
 
 from estim.arrays import FloatArray
 from estim.common import InputError
@@ -36,7 +38,7 @@ class Problem:
     runs: tuple[Observations, ...]
     shared: tuple[SharedNoise, ...] = ()
 
-    @property
+    @cached_property
     def names(self) -> tuple[str, ...]:
         return tuple(p.name for p in self.parameters)
 
@@ -53,10 +55,26 @@ class Problem:
     def n_obs(self) -> int:
         return sum(run.n_obs for run in self.runs)
 
-    @property
+    @cached_property
     def groups(self) -> tuple[Group, ...]:
         """The runs in groups that are independent of each other."""
         return grouped(self.runs, self.shared)
+
+    @cached_property
+    def columns(self) -> tuple[NDArray[np.int64], ...]:
+        """For each group (n_used,) the places of the parameters that it depends on."""
+        place = {name: i for i, name in enumerate(self.names)}
+        used = (frozenset[str]().union(*(run.parameters for run in group.runs)) for group in self.groups)
+        return tuple(np.array(sorted(place[name] for name in names if name in place), dtype=np.int64) for names in used)
+
+    def foremost(self, most: int) -> list[int]:
+        """Places of at most `most` parameters: all of them, or those that groups of runs share and then the first of the others, in order."""
+        if self.n_par <= most:
+            return list(range(self.n_par))
+        uses = np.zeros(self.n_par, dtype=int)
+        for used in self.columns:
+            uses[used] += 1
+        return sorted(np.argsort(uses == 1, kind="stable")[:most].tolist())
 
     def restricted(self, runs: Sequence[Observations]) -> Problem:
         """The problem of some runs alone: with those parameters that they depend on.
@@ -70,7 +88,7 @@ class Problem:
                 raise InputError("share what their curves lack and cannot be taken apart", field="runs", value=", ".join(noise.runs))
         return Problem(tuple(p for p in self.parameters if p.name in used), tuple(runs), shared)
 
-    @property
+    @cached_property
     def noise_names(self) -> frozenset[str]:
         """Parameters of the noise: they enter the covariance, not the curve."""
         return frozenset(name for run in self.runs for name in run.noise.parameters)
@@ -186,30 +204,57 @@ class Posterior:
 
     def jacobian(self, values: FloatArray) -> FloatArray:
         """(n_obs + n_par, n_par) derivatives of `residuals` at fixed noise parameters."""
-        slopes = [p.prior.residual_slope(float(v)) for p, v in zip(self.problem.parameters, values, strict=True)]
+        parts = self.by_run(map(self._widened, self.narrow_jacobians(values), self.problem.columns))
+        return np.vstack([*parts, np.diag(self.prior_slopes(values))])
+
+    def narrow_jacobians(self, values: FloatArray) -> tuple[FloatArray, ...]:
+        """For each group (n_obs, n_used) derivatives of its residuals in the parameters that it depends on (`Problem.columns`)."""
         named = self.problem.named(values)
-        return np.vstack([*self.by_run(likelihood.jacobian(named, self.names) for likelihood in self.likelihoods), np.diag(slopes)])
+        return tuple(likelihood.jacobian(named, names) for likelihood, names in zip(self.likelihoods, self._used, strict=True))
+
+    def prior_slopes(self, values: FloatArray) -> FloatArray:
+        """(n_par,) derivatives of `prior_residuals`."""
+        return np.array([p.prior.residual_slope(float(v)) for p, v in zip(self.problem.parameters, values, strict=True)])
+
+    @cached_property
+    def _used(self) -> tuple[tuple[str, ...], ...]:
+        """For each group the names of the parameters that it depends on: derivatives in all others are 0."""
+        return tuple(tuple(self.names[i] for i in columns) for columns in self.problem.columns)
+
+    def _widened(self, part: FloatArray, columns: NDArray[np.int64]) -> FloatArray:
+        """(n, n_par) derivatives in all parameters from those (n, n_used) in `columns`."""
+        if columns.size == self.problem.n_par:
+            return part
+        wide = np.zeros((len(part), self.problem.n_par))
+        wide[:, columns] = part
+        return wide
 
     def scoring(self, values: FloatArray) -> tuple[tuple[FloatArray, FloatArray], ...]:
-        """For each group a Jacobian J (n, n_par) and residuals r (n,) in the curve's parameters for a step of least squares, n >= n_obs.
+        """For each group a Jacobian J (n, n_par) and residuals r (n,) in the curve's parameters for a step of least squares, n >= n_obs."""
+        parts = zip(self.narrow_scoring(values), self.problem.columns, strict=True)
+        return tuple((self._widened(jacobian, columns), residuals) for (jacobian, residuals), columns in parts)
+
+    def narrow_scoring(self, values: FloatArray) -> tuple[tuple[FloatArray, FloatArray], ...]:
+        """The same with J (n, n_used) in the parameters that each group depends on (`Problem.columns`).
 
         J^T r is minus the gradient of the log likelihood; J^T J is the Fisher information where residuals of least squares (`residuals`)
         are far from normal (`Likelihood.creeps`), and that of `jacobian` elsewhere.
         """
         named = self.problem.named(values)
-        return tuple(likelihood.scoring(named, self.names) for likelihood in self.likelihoods)
+        return tuple(likelihood.scoring(named, names) for likelihood, names in zip(self.likelihoods, self._used, strict=True))
 
     def information_roots(self, values: FloatArray) -> tuple[FloatArray, ...]:
         """For each group J (n, n_par) with J^T J the Fisher information of its data about the curve, the noise held."""
         named = self.problem.named(values)
-        return tuple(likelihood.information_root(named, self.names) for likelihood in self.likelihoods)
+        parts = (likelihood.information_root(named, names) for likelihood, names in zip(self.likelihoods, self._used, strict=True))
+        return tuple(map(self._widened, parts, self.problem.columns))
 
     def information(self, values: FloatArray) -> FloatArray:
         """(n_par, n_par) Fisher information of the data about all parameters, without the priors."""
         named, total = self.problem.named(values), np.zeros((values.size, values.size))
-        for group, likelihood in zip(self.problem.groups, self.likelihoods, strict=True):
+        for group, likelihood, names, columns in zip(self.problem.groups, self.likelihoods, self._used, self.problem.columns, strict=True):
             chosen = {name for run in group.runs for name in run.noise.parameters}
-            total += likelihood.information(named, self.names, self._ends(values, chosen))
+            total[np.ix_(columns, columns)] += likelihood.information(named, names, self._ends(values, chosen))
         return total
 
     def _row(self, values: FloatArray) -> dict[str, FloatArray]:

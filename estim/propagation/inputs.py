@@ -30,7 +30,6 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from itertools import combinations
 from typing import get_args
 
 import numpy as np
@@ -38,12 +37,11 @@ from numpy.typing import ArrayLike
 
 from estim.arrays import FloatArray
 from estim.common import InputError
-from estim.propagation.scores import BOUNDED, POSITIVE, SHAPED, SYMMETRIC, Distribution, half_width_in_u, score
-from estim.propagation.skewed import skewed_coefficient
+from estim.propagation.scores import BOUNDED, POSITIVE, SHAPED, Distribution, half_width_in_u
 
 Correlation = Mapping[tuple[str, str], float] | ArrayLike
 
-_PSD_TOLERANCE = 1e-9  # smallest eigenvalue that still counts as zero
+PSD_TOLERANCE = 1e-9  # smallest eigenvalue that still counts as zero
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,6 +56,8 @@ class Input:
     unit : text, for tables.
     group : inputs with one name here were read together: a multivariate t, for the scale of their errors is one unknown; all of them ``t``
         with the same dof.  "" for none.
+    joint_dof : degrees of freedom of that multivariate t where they are not `dof`: n - N for n sets of N readings (JCGM 102, 5.3.2); its
+        scale is then u sqrt(dof/joint_dof).  For Monte Carlo only; 0 for `dof`.
     shape : of the two trapezoids only, see the top of this file: 0 (triangle, rectangle) to 1.
 
     Raises InputError for a value that breaks one of these rules.
@@ -71,11 +71,12 @@ class Input:
     unit: str = ""
     shape: float = 0.0
     group: str = ""
+    joint_dof: float = 0.0
 
     def __post_init__(self) -> None:
         if not isinstance(self.name, str) or not self.name:
             raise InputError("must be a non-empty text", field="name", value=self.name)
-        for field in ("value", "u", "dof", "shape"):
+        for field in ("value", "u", "dof", "shape", "joint_dof"):
             object.__setattr__(self, field, _number(getattr(self, field), f"{self.name}.{field}"))
         if not math.isfinite(self.value):
             raise InputError("must be finite", field=f"{self.name}.value", value=self.value)
@@ -90,6 +91,8 @@ class Input:
             raise InputError("must be finite for the t distribution", field=f"{self.name}.dof", value=self.dof)
         if self.distribution == "standardised-t" and not 2.0 < self.dof < math.inf:
             raise InputError("must be finite and > 2 for the standardised t distribution", field=f"{self.name}.dof", value=self.dof)
+        if not 0.0 <= self.joint_dof < math.inf or (self.joint_dof and not self.group):
+            raise InputError("must be a number > 0, and be left out for an input of no group", field=f"{self.name}.joint_dof", value=self.joint_dof)
         if not 0.0 <= self.shape <= 1.0 or (self.shape > 0.0 and self.distribution not in SHAPED):
             rule = "must lie between 0 and 1, and be left out for all distributions but the trapezoids"
             raise InputError(rule, field=f"{self.name}.shape", value=self.shape)
@@ -143,11 +146,21 @@ class Input:
         return math.inf if self.distribution == "standardised-t" else self.dof
 
     @property
+    def drawn_dof(self) -> float:
+        """Degrees of freedom of the t distribution that Monte Carlo draws from."""
+        return self.joint_dof or self.dof
+
+    @property
+    def drawn_scale(self) -> float:
+        """Scale of the distribution that Monte Carlo draws from, in `unit`: u, but for a `joint_dof`."""
+        return self.u * math.sqrt(self.dof / self.joint_dof) if self.joint_dof else self.u
+
+    @property
     def standard_deviation(self) -> float:
         """Standard deviation of the distribution that Monte Carlo draws from, in `unit`; infinite for ``t`` with dof <= 2."""
         if self.distribution != "t" or self.u == 0.0:
             return self.u
-        return self.u * math.sqrt(self.dof / (self.dof - 2.0)) if self.dof > 2.0 else math.inf
+        return self.drawn_scale * math.sqrt(self.drawn_dof / (self.drawn_dof - 2.0)) if self.drawn_dof > 2.0 else math.inf
 
 
 def check_inputs(inputs: Sequence[Input]) -> tuple[Input, ...]:
@@ -159,7 +172,8 @@ def check_inputs(inputs: Sequence[Input]) -> tuple[Input, ...]:
         if not isinstance(one, Input):
             raise InputError("must be an Input", field=f"inputs[{position}]", value=one)
     for group in {one.group for one in checked} - {""}:
-        if {(one.distribution, one.dof) for one in checked if one.group == group} != {("t", next(o.dof for o in checked if o.group == group))}:
+        kinds = {(one.distribution, one.dof, one.drawn_dof) for one in checked if one.group == group}
+        if len(kinds) > 1 or next(iter(kinds))[0] != "t":
             raise InputError("must be made of t distributions with the same dof", field="group", value=group)
     names = [one.name for one in checked]
     for name in names:
@@ -188,59 +202,12 @@ def correlation_matrix(inputs: Sequence[Input], correlation: Correlation | None)
         if one.u == 0.0 and np.count_nonzero(matrix[i]) > 1:
             raise InputError("must be 0 for a constant (u = 0)", field="correlation", value=one.name)
     smallest = float(np.linalg.eigvalsh(matrix)[0])
-    if smallest < -_PSD_TOLERANCE:
+    if smallest < -PSD_TOLERANCE:
         raise InputError(
             "must have no negative eigenvalue (no quantities are correlated like this)", field="correlation", value=smallest
         )
     matrix.flags.writeable = False
     return matrix
-
-
-def copula_matrix(inputs: Sequence[Input], correlation: FloatArray) -> FloatArray:
-    """Correlation matrix of the normal variates whose transforms to the inputs' distributions have `correlation`, (n_in, n_in).
-
-    With g = sum_k a_k h_k(z) the standardised quantile transform (h_k the orthonormal Hermite polynomials) the correlation
-    of two inputs is sum_k a_k b_k rho^k; it is solved for rho pair by pair.  Two normal quantities: rho = r; two rectangular
-    ones: rho = 2 sin(pi r/6).
-
-    Raises InputError where the marginal distributions cannot have the correlation asked for, or not all of them together.
-    """
-    matrix = np.array(correlation)
-    for i, j in combinations(range(len(inputs)), 2):
-        first, second = inputs[i], inputs[j]
-        if matrix[i, j] != 0.0 and not (first.group and first.group == second.group) and not (first.distribution == second.distribution == "normal"):
-            matrix[i, j] = matrix[j, i] = _copula_coefficient(first, second, float(matrix[i, j]))
-    smallest = float(np.linalg.eigvalsh(matrix)[0])
-    if smallest < -_PSD_TOLERANCE:
-        rule = "cannot be reached by a normal copula of these distributions (negative eigenvalue)"
-        raise InputError(rule, field="correlation", value=smallest)
-    return matrix
-
-
-def draw_inputs(inputs: Sequence[Input], copula: FloatArray, *, rng: np.random.Generator, n_draw: int) -> dict[str, FloatArray]:
-    """Draws of each input, name -> (n_draw,), in the input's unit.
-
-    The normal variates are taken in the order of the names, so the order in which inputs are listed changes no draw.
-    """
-    order = sorted(range(len(inputs)), key=lambda i: inputs[i].name)
-    normal = rng.standard_normal((len(inputs), n_draw))
-    ordered = copula[np.ix_(order, order)]
-    if np.count_nonzero(ordered) > len(inputs):
-        variance, axes = np.linalg.eigh(ordered)
-        normal = (axes * np.sqrt(np.maximum(variance, 0.0))) @ axes.T @ normal
-    groups = sorted({one.group for one in inputs if one.group})
-    wider = {name: np.sqrt(dof / rng.chisquare(dof, n_draw)) for name in groups for dof in {one.dof for one in inputs if one.group == name}}
-    drawn = {
-        inputs[i].name: inputs[i].value + inputs[i].u * (z * wider[inputs[i].group] if inputs[i].group else standard_score(inputs[i], z))
-        for i, z in zip(order, normal, strict=True)
-    }
-    return {one.name: drawn[one.name] for one in inputs}
-
-
-def standard_score(one: Input, z: FloatArray) -> FloatArray:
-    """(x - value)/u at the normal quantile `z`, (n_draw,): the increasing map from N(0, 1) to the input's distribution."""
-    relative = one.u / one.value if one.distribution in POSITIVE else 0.0
-    return score(z, one.distribution, dof=one.dof, shape=one.shape, relative=relative)
 
 
 def _number(value: object, field: str) -> float:
@@ -288,44 +255,3 @@ def _checked_matrix(names: list[str], given: ArrayLike) -> FloatArray:
     if not np.allclose(matrix, matrix.T, rtol=0.0, atol=1e-12):
         raise InputError("must be symmetric", field="correlation", value=given)
     return np.asarray(0.5 * (matrix + matrix.T))
-
-
-def _copula_coefficient(first: Input, second: Input, target: float) -> float:
-    from scipy.optimize import brentq
-
-    for one in (first, second):
-        if math.isinf(one.standard_deviation):
-            rule = "cannot include a t distribution with dof <= 2 (it has no standard deviation)"
-            raise InputError(rule, field="correlation", value=one.name)
-    if not (first.distribution in SYMMETRIC and second.distribution in SYMMETRIC):
-        return skewed_coefficient(lambda z: standard_score(first, z), lambda z: standard_score(second, z), target, (first.name, second.name))
-    z, weight = _half_line()
-    scores = [standard_score(one, z) * one.u / one.standard_deviation for one in (first, second)]
-    product = _hermite(scores[0]) * _hermite(scores[1])
-    same = (first.distribution, first.dof, first.shape) == (second.distribution, second.dof, second.shape)
-    largest = 1.0 if same else float(2.0 * np.sum(weight * scores[0] * scores[1]))
-    if abs(target) > largest:
-        rule = f"between '{first.name}' and '{second.name}' can be {largest:.4f} at most with these distributions"
-        raise InputError(rule, field="correlation", value=target)
-    powers = 2 * np.arange(product.size) + 1
-    product[-1] += largest - product.sum()  # the terms left out, so that rho = 1 gives the largest correlation exactly
-    magnitude = brentq(lambda rho: float(np.sum(product * rho**powers)) - abs(target), 0.0, 1.0, xtol=1e-14)
-    return math.copysign(float(magnitude), target)
-
-
-def _half_line() -> tuple[FloatArray, FloatArray]:
-    step = 0.01
-    z = -step * (np.arange(1200, dtype=np.float64) + 0.5)
-    return z, np.asarray(step * np.exp(-0.5 * z**2) / math.sqrt(2.0 * math.pi), dtype=np.float64)
-
-
-def _hermite(score: FloatArray, n_odd: int = 40) -> FloatArray:
-    """Coefficients of an odd function on the orthonormal Hermite polynomials of degree 1, 3, 5, ...: (n_odd,)."""
-    z, weight = _half_line()
-    coefficients = np.empty(n_odd)
-    below, here = np.zeros_like(z), np.ones_like(z)
-    for degree in range(2 * n_odd):
-        if degree % 2 == 1:
-            coefficients[degree // 2] = 2.0 * np.sum(weight * score * here)
-        below, here = here, (z * here - math.sqrt(degree) * below) / math.sqrt(degree + 1)
-    return coefficients

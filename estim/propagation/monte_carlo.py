@@ -22,8 +22,9 @@ from numpy.typing import NDArray
 
 from estim.arrays import FloatArray
 from estim.common import InputError
+from estim.propagation.copula import copula_matrix, draw_inputs
 from estim.propagation.evaluation import MeasurementFunction, evaluate_draws, evaluate_point
-from estim.propagation.inputs import Correlation, Input, check_inputs, copula_matrix, correlation_matrix, draw_inputs
+from estim.propagation.inputs import Correlation, Input, check_inputs, correlation_matrix
 from estim.propagation.linear import check_probability, frozen, how_many
 from estim.propagation.tail_index import NO_MEAN, NO_VARIANCE, tail_index
 
@@ -314,7 +315,7 @@ def _input_notes(inputs: Sequence[Input]) -> list[str]:
             continue
         if math.isinf(one.standard_deviation):
             notes.append(
-                f"'{one.name}' (t, dof {one.dof:g}) has no standard deviation: mean and u may not settle, quote intervals only"
+                f"'{one.name}' (t, dof {one.drawn_dof:g}) has no standard deviation: mean and u may not settle, quote intervals only"
             )
         if one.distribution not in ("t", "standardised-t") and math.isfinite(one.dof):
             notes.append(

@@ -10,5 +10,5 @@ from estim.reading.run import COLUMNS, Run, compare_intervals, read_run, run_of_
 from estim.reading.table import Table, read_table
 from estim.reading.toml import Places, parse_toml
 from estim.reading.tracker.importing import Choices, import_track, is_tracker_file, read_release, run_table, track_columns
-from estim.reading.tracker.suspicion import of_any_curve
+from estim.reading.tracker.suspicion import odd_intervals, of_any_curve
 from estim.reading.tracker.track import Unit

@@ -143,6 +143,11 @@ def split_row(line: str, delimiter: str, file: str, number: int) -> list[str]:
         raise InputError(f"cannot be split into cells ({error})", field="row", value=line, file=file, line=number) from None
 
 
+def is_column(name: str, names: Sequence[str]) -> bool:
+    """Whether a column is called `name`, just so or before its unit."""
+    return any(name in (found, name_and_unit(found)[0]) for found in names)
+
+
 def place_of(name: str, names: Sequence[str], file: str, line: int | None) -> int:
     """Where the column `name` is: called just so, or so before its unit.  Raises InputError listing what there is."""
     places = [i for i, found in enumerate(names) if found == name] or [i for i, found in enumerate(names) if name_and_unit(found)[0] == name]

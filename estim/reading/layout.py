@@ -48,6 +48,8 @@ class Layout:
         """How many columns there are."""
         return len(self.names) or len(split_row(self.rows[0][1], self.delimiter, self.file, self.rows[0][0]))
 
+_NAMED_BY_A_NUMBER = re.compile(r"\d[^()\[\]]{0,20}[^\W\d_]{3}[^()\[\]]{0,20}[(\[][^()\[\]]{0,9}[^\W\d_][^()\[\]]{0,9}[)\]]")  # 10 periods (s)
+
 
 def read_layout(path: Path, dialect: Dialect, *, shown_as: str, needed: Sequence[str] = ()) -> Layout:
     """How the table at `path` is laid out.  needed : names of columns that tell the header from other lines.  Raises InputError."""
@@ -184,8 +186,8 @@ def _refuse_half_a_row(above: Lines, delimiter: str, widths: tuple[int, int], fi
     cells = _trimmed(_cells(line, delimiter))
     if not widths[0] <= len(cells) <= widths[1] or line.lstrip().startswith("%") or all(cell in _SYMBOLS for cell in cells):
         return
-    if any(re.match(r"[+-]?[.,]?\d", cell) for cell in cells):
-        rule = "must be a row of numbers, like those below it, or of names (if it is neither: --skip-rows, skip_rows)"
+    if any(re.match(r"[+-]?[.,]?\d", cell) and not _NAMED_BY_A_NUMBER.fullmatch(cell) for cell in cells):
+        rule = "must be a row of numbers, like those below it, or of names, which begin with a letter (if it is neither: --skip-rows, skip_rows)"
         raise InputError(rule, field="row", value=line, file=file, line=number)
 
 

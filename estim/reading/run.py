@@ -16,8 +16,18 @@ from numpy.typing import NDArray
 
 from estim.arrays import FloatArray
 from estim.common import InputError, Quantity
+from estim.reading.columns import read_known_columns
+from estim.reading.dialect import Dialect
 from estim.reading.table import Table, read_table
-from estim.reading.tracker.importing import Choices, Imported, import_track, is_export_file, is_tracker_file, stated_tilt
+from estim.reading.tracker.importing import (
+    Choices,
+    Imported,
+    import_track,
+    is_export_file,
+    is_tracker_file,
+    refuse_bare_export,
+    stated_tilt,
+)
 from estim.reading.tracker.suspicion import odd_intervals
 from estim.reading.tracker.track import LEAST_STEP, MOST
 
@@ -37,6 +47,7 @@ class Run:
     facts : where an imported track comes from and how x was made of it, in words; also for a CSV made by `estim import`.
     tilt : rad, of an imported track against the x axis of its video, positive uphill; None where it is not known.
     left_out : how many rows of the file were left out by `without`.
+    interval : s between frames, of an imported run of a campaign; None of others.
     """
 
     name: str
@@ -48,6 +59,7 @@ class Run:
     facts: tuple[str, ...] = ()
     tilt: Quantity | None = None
     left_out: int = 0
+    interval: float | None = None
 
     @property
     def n_row(self) -> int:
@@ -88,17 +100,30 @@ class Run:
         return "v_m_s" if self.coordinate == "x_m" else "omega_rad_s"
 
 
-def read_run(path: Path, *, name: str, shown_as: str | None = None, choices: Choices | None = None) -> Run:
+def read_run(path: Path, *, name: str, shown_as: str | None = None, choices: Choices | None = None, dialect: Dialect | None = None) -> Run:
     """The run in the file at `path`; `shown_as` is how messages and reports name the file.
 
-    A .trk, a .trz, a text export of Tracker, and any file for which there are `choices`, is imported (`importing`).
+    dialect : how the table is written, where that is stated; its columns may then be among others, and are called as below, or "time (s)".
+
+    A .trk, a .trz, a text export of Tracker, and any file for which there are `choices`, is imported (`importing`).  Without
+    `choices` a table of `t` and `x` alone is refused, since nothing shows whether its x is counted from the release.
 
     Raises InputError with file, line, field, rule and value for anything that is not a table of finite numbers with
     known columns, one of `x_m` and `theta_rad` among them, and times that increase.
     """
-    if choices is not None or is_tracker_file(path) or is_export_file(path):
-        return _imported(import_track(path, choices or Choices(), shown_as=shown_as or str(path)), name)
-    table = read_table(path, known=COLUMNS, min_rows=_MIN_ROWS, shown_as=shown_as or str(path))
+    stated = dialect is not None and dialect != Dialect()
+    if stated and (choices is not None or is_tracker_file(path)):
+        rule = "goes with tables, not with a file of Tracker, which says itself how it is written"
+        raise InputError(rule, field="columns", file=shown_as or str(path))
+    if not stated and (choices is not None or is_tracker_file(path) or is_export_file(path)):
+        imported = import_track(path, choices or Choices(), shown_as=shown_as or str(path))
+        if choices is None and not is_tracker_file(path):
+            refuse_bare_export(path, shown_as or str(path))
+        return _imported(imported, name)
+    if dialect is not None and stated:
+        table = read_known_columns(path, known=COLUMNS, min_rows=_MIN_ROWS, shown_as=shown_as or str(path), dialect=dialect)
+    else:
+        table = read_table(path, known=COLUMNS, min_rows=_MIN_ROWS, shown_as=shown_as or str(path))
     names = set(table.columns)
     shown = ", ".join(table.columns)
     if ("x_m" in names) == ("theta_rad" in names):
@@ -126,10 +151,11 @@ def _imported(track: Imported, name: str) -> Run:
 
 
 def compare_intervals(runs: Mapping[str, Run]) -> dict[str, Run]:
-    """The same runs, by name, with a warning on each imported one whose frame interval is not that of most of them."""
+    """The same runs, by name, each imported one with its frame interval, and a warning where that is not the interval of most of them."""
     intervals = {name: float(np.median(np.diff(run.columns["t_s"]))) for name, run in runs.items() if run.facts and "t_s" in run.columns}
     odd = odd_intervals(intervals)
-    return {name: replace(run, warnings=(*run.warnings, odd[name])) if name in odd else run for name, run in runs.items()}
+    warnings = {name: (*run.warnings, odd[name]) if name in odd else run.warnings for name, run in runs.items()}
+    return {name: replace(run, warnings=warnings[name], interval=intervals.get(name)) for name, run in runs.items()}
 
 
 def _check_numbers(table: Table) -> None:

@@ -12,7 +12,7 @@ import csv
 import math
 import re
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from types import MappingProxyType
 
@@ -49,7 +49,7 @@ class Table:
 
     file : how messages name it.  header_line : line of the column names.  sha256 : of the file's bytes.
     warnings : texts of the comment lines "# warning: ...".  facts : the other comments above the header of a file that
-    `estim import` made; empty for other files.
+    `estim import` made; empty for other files.  units : column -> unit that the header states, "" for none; empty where no header may.
     """
 
     file: str
@@ -59,10 +59,18 @@ class Table:
     lines: NDArray[np.int64]
     warnings: tuple[str, ...] = ()
     facts: tuple[str, ...] = ()
+    units: Mapping[str, str] = field(default_factory=dict)
 
-    def error(self, rule: str, field: str, row: int) -> InputError:
-        """An InputError for the cell of column `field` in `row`."""
-        return InputError(rule, field=field, value=self.columns[field][row].item(), file=self.file, line=int(self.lines[row]))
+    def require_unit(self, u: str, of: str) -> None:
+        """Raises InputError where the header states one unit for the column `u` of uncertainties, and another for the column that they are of."""
+        stated, wanted = (self.units.get(name, "").strip().replace("\u00b5", "u").replace("\u03bc", "u") for name in (u, of))
+        if stated and wanted and stated != wanted:
+            rule = f"must be in the unit of '{of}', {self.units[of]}; write it in that unit, or name the columns without units by --columns"
+            raise InputError(f"{rule} (columns = [...] in a campaign)", field=u, value=self.units[u], file=self.file, line=self.header_line or None)
+
+    def error(self, rule: str, name: str, row: int) -> InputError:
+        """An InputError for the cell of column `name` in `row`."""
+        return InputError(rule, field=name, value=self.columns[name][row].item(), file=self.file, line=int(self.lines[row]))
 
 
 def read_table(path: Path, *, known: Sequence[str], min_rows: int, shown_as: str, needed: Sequence[str] = ()) -> Table:
@@ -135,7 +143,7 @@ def _delimiter(header: str) -> str:
 def _names(line: str, known: Sequence[str]) -> list[str]:
     """Column names on a line, in our spelling; empty where the line is no header."""
     cells = [cell.strip() for cell in line.lstrip("%# ").split(_delimiter(line))]
-    names = [_OTHER_NAMES.get(cell.lower(), cell) for cell in cells]
+    names = [own_name(cell) for cell in cells]
     commented = line.lstrip().startswith(_COMMENTS)
     if commented:
         return names if all(name in known for name in names) else []
@@ -148,6 +156,11 @@ def _is_number(text: str) -> bool:
     except ValueError:
         return False
     return True
+
+
+def own_name(cell: str) -> str:
+    """A column name in our spelling: "Time (s)" is t_s."""
+    return _OTHER_NAMES.get(cell.strip().lower(), cell.strip())
 
 
 def split_cells(line: str, delimiter: str) -> list[str]:

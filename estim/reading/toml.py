@@ -57,11 +57,11 @@ def parse_toml(text: str, file: str) -> tuple[dict[str, Any], Places]:
     except tomllib.TOMLDecodeError as error:
         message, _, place = str(error).rpartition(" (at ")
         found = re.match(r"line (\d+), column \d+\)", place)
-        raise InputError("is not valid TOML", quoted=message, file=file, field="campaign", line=int(found[1]) if found else None) from None
+        raise InputError("is not valid TOML", quoted=message, file=file, field="file", line=int(found[1]) if found else None) from None
     except ValueError as error:  # a whole number of thousands of digits
-        raise InputError("is not valid TOML", quoted=str(error), file=file, field="campaign") from None
+        raise InputError("is not valid TOML", quoted=str(error), file=file, field="file") from None
     except RecursionError:
-        raise InputError("is nested too deeply", file=file, field="campaign") from None
+        raise InputError("is nested too deeply", file=file, field="file") from None
 
 
 def _depth(tree: object) -> int:

@@ -41,7 +41,7 @@ from estim.reports.lacks import lacks_text
 from estim.reports.lacks_figures import lacks_figure
 from estim.reports.pages import Drawers, page
 from estim.reports.rendering import render
-from estim.reports.residual_panels import misfit_words, residuals_of
+from estim.reports.residual_panels import MOST_DRAWN, drawn_runs, misfit_words, residuals_of
 from estim.reports.result import ParameterSummary, Result, Subject, result_of, to_json
 from estim.reports.rolling import rolling_rows
 from estim.reports.rolling_figures import rolling_figure
@@ -54,6 +54,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 _PRIOR_DOMINATED = 0.8
+_MOST_DIRECTIONS, _MOST_CORRELATED = 60, 40  # parameters, beyond which a figure of directions, or a table of all correlations, is not for reading
 _FELT = 0.05  # posterior standard deviations
 _RIDGE_DRAWS, _SECTION_DRAWS, _ROLLING_DRAWS = 20_000, 4000, 1000
 
@@ -103,35 +104,40 @@ def analysis_report(campaign: Subject, analysis: Analysis, *, voice: Voice = Voi
 def _drawers(
     analysis: Analysis, intervals: Sequence[ProfileInterval], shares: Shares | None, *, synthetic: bool, truth: Mapping[str, float]
 ) -> Drawers:
-    drawn: dict[str, Callable[[], Figure]] = {
+    drawn = drawn_runs(analysis.goodness)
+    figures: dict[str, Callable[[], Figure]] = {
         "figures/phase.png": lambda: phase_figure(analysis, synthetic=synthetic),
-        "figures/residuals.png": lambda: residual_figure(analysis.problem.runs, analysis.goodness, synthetic=synthetic),
+        "figures/residuals.png": lambda: residual_figure(
+            [analysis.problem.runs[i] for i in drawn], [analysis.goodness[i] for i in drawn], synthetic=synthetic
+        ),
         "figures/corner.png": lambda: corner_figure(analysis, truth),
         "figures/traces.png": lambda: trace_figure(analysis),
-        "figures/directions.png": lambda: direction_figure(analysis.problem, analysis.identifiability),
-        "figures/profiles.png": lambda: profile_figure(analysis.problem, intervals, analysis.chain.thinned(_RIDGE_DRAWS)),
     }
+    if analysis.problem.n_par <= _MOST_DIRECTIONS:
+        figures["figures/directions.png"] = lambda: direction_figure(analysis.problem, analysis.identifiability)
+    if intervals:
+        figures["figures/profiles.png"] = lambda: profile_figure(analysis.problem, intervals, analysis.chain.thinned(_RIDGE_DRAWS))
     if shares is not None:
-        drawn["figures/budget.png"] = partial(budget_figure, shares)
+        figures["figures/budget.png"] = partial(budget_figure, shares)
     if analysis.consistency is not None:
         on_edge = analysis.fit.at_bound
         edges = {p.name: (p.prior.low, p.prior.high) for p in analysis.problem.parameters}
-        drawn["figures/consistency.png"] = partial(forest_figure, analysis.consistency, synthetic=synthetic, on_edge=on_edge, edges=edges)
+        figures["figures/consistency.png"] = partial(forest_figure, analysis.consistency, synthetic=synthetic, on_edge=on_edge, edges=edges)
     if len(analysis.problem.runs) > 1:
-        drawn["figures/residuals_together.png"] = lambda: together_figure(analysis.problem, analysis.goodness, synthetic=synthetic)
+        figures["figures/residuals_together.png"] = lambda: together_figure(analysis.problem, analysis.goodness, synthetic=synthetic)
     if analysis.fit.forces:
-        drawn["figures/force.png"] = lambda: force_figure(analysis.fit.forces, analysis.problem.runs, synthetic=synthetic)
+        figures["figures/force.png"] = lambda: force_figure(analysis.fit.forces, analysis.problem.runs, synthetic=synthetic)
     if analysis.diagnosis.ok and any(one.stated for one in analysis.rolling):
-        drawn["figures/rolling.png"] = lambda: rolling_figure(
+        figures["figures/rolling.png"] = lambda: rolling_figure(
             analysis.problem, analysis.chain.thinned(_ROLLING_DRAWS), analysis.rolling, synthetic=synthetic
         )
     if counted_runs(analysis.problem.runs):
-        drawn["figures/counts.png"] = lambda: counts_figure(analysis.fit, analysis.goodness, synthetic=synthetic)
+        figures["figures/counts.png"] = lambda: counts_figure(analysis.fit, analysis.goodness, synthetic=synthetic)
     if analysis.fit.deviations:
-        drawn["figures/deviation.png"] = lambda: lacks_figure(analysis.fit.deviations, analysis.problem.runs, synthetic=synthetic)
+        figures["figures/deviation.png"] = lambda: lacks_figure(analysis.fit.deviations, analysis.problem.runs, synthetic=synthetic)
     if analysis.problem.n_par > 1:
-        drawn["figures/ridge.png"] = lambda: ridge_figure(analysis.fit, analysis.identifiability, analysis.chain.thinned(_RIDGE_DRAWS))
-    return drawn
+        figures["figures/ridge.png"] = lambda: ridge_figure(analysis.fit, analysis.identifiability, analysis.chain.thinned(_RIDGE_DRAWS))
+    return figures
 
 
 def analysis_text(
@@ -162,6 +168,8 @@ def analysis_text(
         deviation=deviation_text(result.deviation, result.labels, pictures) if result.deviation else "",
         complete=complete_runs([result]),
         said=[words for force in (result.deviation or {}).values() for words in (force.words, force.noise_words)] if result.status == "ok" else [],
+        drawn=MOST_DRAWN if len(result.runs) > MOST_DRAWN else None,
+        uncorrelated=len(result.parameters) - _MOST_CORRELATED if len(result.correlation.names) > _MOST_CORRELATED else 0,
         x_named="x" in re.findall(r"\w+", result.formula or ""),
     )
 
@@ -271,8 +279,9 @@ def _turning_rows(result: Result) -> list[tuple[str, str, str, str]]:
 
 
 def _correlation_table(result: Result) -> list[tuple[str, list[str]]]:
-    symbols = [result.labels.symbol(name) for name in result.correlation.names]
-    cells = [[signed(f"{value:+.2f}") if j <= i else "" for j, value in enumerate(row)] for i, row in enumerate(result.correlation.matrix)]
+    symbols = [result.labels.symbol(name) for name in result.correlation.names][:_MOST_CORRELATED]
+    rows = [row[:_MOST_CORRELATED] for row in result.correlation.matrix[:_MOST_CORRELATED]]
+    cells = [[signed(f"{value:+.2f}") if j <= i else "" for j, value in enumerate(row)] for i, row in enumerate(rows)]
     return list(zip(symbols, cells, strict=True))
 
 

@@ -10,13 +10,15 @@ from collections.abc import Collection, Sequence
 from pathlib import PurePath
 from typing import TYPE_CHECKING
 
+import msgspec
 import numpy as np
 
-from estim.batch import Row, Spread, spreads
+from estim.batch import Row, Spread, odd_runs, spreads
 from estim.common import as_json, format_rounded, table
 from estim.drawing import BLUE, GREY, INK, ORANGE, new_figure
 from estim.pipeline import Analysis
 from estim.reports.analysis import analysis_report
+from estim.reports.formats import with_formats
 from estim.reports.pages import page
 from estim.reports.rendering import render
 from estim.reports.result import Subject, result_of, to_json
@@ -36,9 +38,9 @@ def lean_files(campaign: Subject, analysis: Analysis) -> dict[str, bytes]:
     return {"result.json": to_json(result_of(campaign, analysis, voice=Voice.COMMANDS))}
 
 
-def full_files(campaign: Subject, analysis: Analysis) -> dict[str, bytes]:
-    """What `estim fit` writes, figures and all."""
-    return analysis_report(campaign, analysis, voice=Voice.COMMANDS)
+def full_files(campaign: Subject, analysis: Analysis, *, figures: bool = True, formats: Sequence[str] = ()) -> dict[str, bytes]:
+    """The whole report of a run."""
+    return with_formats(analysis_report(campaign, analysis, voice=Voice.COMMANDS, figures=figures), formats)
 
 
 def batch_report(rows: Sequence[Row], *, figures: bool = True) -> dict[str, bytes]:
@@ -50,12 +52,21 @@ def batch_report(rows: Sequence[Row], *, figures: bool = True) -> dict[str, byte
         return _text(rows, found, pictures)
 
     drawers = {"figures/overview.png": lambda: overview_figure(rows, shown)} if shown else {}
-    return page(drawers, text, wanted=figures) | {"summary.csv": _csv(rows, found), "summary.json": as_json(list(rows))}
+    return page(drawers, text, wanted=figures) | {"summary.csv": _csv(rows, found), "summary.json": _json(rows)}
+
+
+def batch_times(rows: Sequence[Row]) -> dict[str, bytes]:
+    """`times.csv`: seconds of one processor for each run.  It is no part of the report, which says what follows from the inputs."""
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(["campaign", "run", "cpu_s"])
+    writer.writerows([_cell(row.campaign), _cell(row.run), f"{row.seconds:.2f}"] for row in rows)
+    return {"times.csv": text.getvalue().encode()}
 
 
 def batch_line(rows: Sequence[Row]) -> str:
-    """How many of each status, in one line."""
-    return ", ".join(f"{number} {status}" for status, number in _counts(rows))
+    """How many of each status, and what they took, in one line."""
+    return ", ".join(f"{number} {status}" for status, number in _counts(rows)) + f" ({sum(row.seconds for row in rows):.3g} s of processor time)"
 
 
 def _counts(rows: Sequence[Row]) -> list[tuple[str, int]]:
@@ -75,7 +86,7 @@ def _text(rows: Sequence[Row], found: Sequence[Spread], pictures: Collection[str
     bad = [(row.campaign, row.run, row.status or "no result", row.error or row.reason) for row in rows if row.status != "ok"]
     return render(
         "batch.md.j2", pictures=pictures, n=len(rows), counts=_counts(rows), synthetic=synthetic_words(rows),
-        seconds=sum(row.seconds for row in rows),
+        odd=table(("campaign", "run", "what"), [(row.campaign, row.run, said) for row, said in odd_runs(rows)[:_LISTED]]) if odd_runs(rows) else "",
         quantities=table(heads, quantities) if quantities else "",
         bad=table(("campaign", "run", "status", "why"), bad[:_LISTED]) if bad else "", left=max(len(bad) - _LISTED, 0),
     )
@@ -89,21 +100,24 @@ def _numbers(one: Spread) -> tuple[str, str, str]:
 
 def _csv(rows: Sequence[Row], found: Sequence[Spread]) -> bytes:
     """A line for each run; of each quantity mean, sd and the ends of the 95 % interval in SI units, empty where there is none."""
-    names = sorted(one.name for one in found)
-    units = {one.name: one.unit for one in found}
+    names = sorted((one.name, one.unit) for one in found)
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
-    heads = [f"{name} [{units[name]}]" if units[name] != "1" else name for name in names]
+    heads = [f"{name} [{unit}]" if unit != "1" else name for name, unit in names]
     columns = [f"{head}{end}" for head in heads for end in ("", " sd", " q025", " q975")]
-    writer.writerow(["campaign", "run", "status", "why", "cpu_s", *columns])
+    writer.writerow(["campaign", "run", "status", "why", *columns])
     for row in rows:
         cells: list[object] = []
-        for name in names:
+        for name, unit in names:
             value = row.values.get(name)
-            cells += [""] * 4 if value is None else [value.mean, value.sd, value.q025, value.q975]
-        told = [_cell(row.campaign), _cell(row.run), row.status or "no result", _cell(row.error or row.reason)]
-        writer.writerow([*told, f"{row.seconds:.2f}", *cells])
+            cells += [""] * 4 if value is None or value.unit != unit else [value.mean, value.sd, value.q025, value.q975]
+        writer.writerow([_cell(row.campaign), _cell(row.run), row.status or "no result", _cell(row.error or row.reason), *cells])
     return text.getvalue().encode()
+
+
+def _json(rows: Sequence[Row]) -> bytes:
+    """The rows without their times."""
+    return as_json([{name: value for name, value in msgspec.to_builtins(row).items() if name != "seconds"} for row in rows])
 
 
 def _cell(text: str) -> str:

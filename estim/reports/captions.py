@@ -20,7 +20,7 @@ def caption_of(result: Result) -> str:
         return f"{points} Blue: the most probable curve{bare}; no bands: the status is not ok."
     drawn = any(force.drawn for force in forces)
     force = " and the force it may lack" if drawn else " without what it may lack" if result.curve_deviation or forces else ""
-    return f"{points} Blue: the curve{force}, 68 and 95 %. Grey: a new reading, 95 %. Below: data less curve."
+    return f"{points} Blue: the curve{force}, 68 and 95 %. Grey: a new reading, 95 %."
 
 
 def alts_of(result: Result, misfit: str) -> Mapping[str, str]:

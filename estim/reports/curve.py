@@ -1,6 +1,10 @@
 """What follows a fitted curve: draws of its posterior, diagnosis, bands and a report, the same as for a campaign.
 
     fit = fit_curve(...)
+    analysis = write_curve_report(fit, "cooling", title="Cooling", kind="measured")
+
+or, in two steps:
+
     analysis = sample_curve(fit, seed=1)
     files = curve_report(fit, analysis, title="Cooling", kind="measured")     # relative path -> bytes
 """
@@ -10,16 +14,19 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from pathlib import Path
 from types import MappingProxyType
 
 import numpy as np
 
 from estim.campaign import Kind
-from estim.common import KINDS, InputError
+from estim.common import KINDS, InputError, write_whole
 from estim.curve_fit import CurveFit
-from estim.pipeline import Analysis
+from estim.pipeline import Analysis, sample_curve
+from estim.problem import Observations
 from estim.reading import Run
 from estim.reports.analysis import analysis_report
+from estim.sampling import Target
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,14 +53,28 @@ def curve_report(fit: CurveFit, analysis: Analysis, *, title: str, kind: Kind, f
     """
     if kind not in KINDS:
         raise InputError(f"must be one of {', '.join(KINDS)}", field="kind", value=kind)
-    if len(fit.problem.runs) > 1:
-        raise InputError("is of one data set; a campaign file has reports of several (estim fit --joint)", field="fit")
-    run = fit.problem.runs[0]
+    tables = {run.name: _table_of(run) for run in fit.problem.runs}
+    text = hashlib.sha256("; ".join([fit.text, *(f"{name} = {value!r}" for name, value in fit.fixed.items())]).encode()).hexdigest()
+    subject = CurveSubject(title, kind, fit.text, "fit_curve", text, MappingProxyType(tables))
+    return analysis_report(subject, analysis, figures=figures)
+
+
+def write_curve_report(
+    fit: CurveFit, folder: str | Path, *, title: str, kind: Kind, seed: int = 1, target: Target | None = None, figures: bool = True
+) -> Analysis:
+    """The draws of a fitted curve, of one data set or of several, whose report is written into `folder`: `report.md`, `result.json`, `figures/`.
+
+    seed : the same one gives the same numbers.  target : of the sampling (`estim.Target`).  Files of these names that are there are replaced, each
+    whole.  Raises InputError.
+    """
+    analysis = sample_curve(fit, seed=seed, target=target)
+    for name, data in curve_report(fit, analysis, title=title, kind=kind, figures=figures).items():
+        write_whole(Path(folder) / name, data)
+    return analysis
+
+
+def _table_of(run: Observations) -> Run:
+    """The points of a data set as the table that a file would hold."""
     columns = {"x": run.x, "y": run.y, "u_y": run.noise.reading_gain()}
     digest = hashlib.sha256(b"".join(np.ascontiguousarray(column).tobytes() for column in columns.values())).hexdigest()
-    table = Run(
-        name=run.name, file="(arrays)", sha256=digest, columns=MappingProxyType(columns), lines=np.arange(1, run.n_obs + 1),
-    )
-    text = hashlib.sha256("; ".join([fit.text, *(f"{name} = {value!r}" for name, value in fit.fixed.items())]).encode()).hexdigest()
-    subject = CurveSubject(title, kind, fit.text, "fit_curve", text, MappingProxyType({run.name: table}))
-    return analysis_report(subject, analysis, figures=figures)
+    return Run(name=run.name, file="(arrays)", sha256=digest, columns=MappingProxyType(columns), lines=np.arange(1, run.n_obs + 1))

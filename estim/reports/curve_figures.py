@@ -15,7 +15,16 @@ from estim.deviation import FoundForce
 from estim.drawing import BLUE, GREY, INK
 from estim.pipeline import Analysis
 from estim.problem import Observations
-from estim.reports.residual_panels import VERMILION, Residuals, draw_points_with_bars, draw_residuals, panel_pairs, residuals_of, tidy_labels
+from estim.reports.residual_panels import (
+    VERMILION,
+    Residuals,
+    draw_points_with_bars,
+    draw_residuals,
+    drawn_runs,
+    panel_pairs,
+    residuals_of,
+    tidy_labels,
+)
 from estim.sampling import Bands, curve_draws
 
 if TYPE_CHECKING:
@@ -27,10 +36,11 @@ _LINE = 0.01  # of the height of a curve: what a line hides
 
 def phase_figure(analysis: Analysis, *, synthetic: bool) -> Figure:
     """Speed against position: data, median curve, credible and predictive bands, turning point; below it data less curve in the unit of y."""
-    runs = analysis.problem.runs
-    figure, pairs = panel_pairs(len(runs), height=4.9 if len(runs) == 1 else 3.5)
+    drawn, found = drawn_runs(analysis.goodness), residuals_of(analysis)
+    figure, pairs = panel_pairs(len(drawn), height=4.9 if len(drawn) == 1 else 3.5)
     trusted = analysis.diagnosis.ok
-    for (ax, low), run, bands, residuals in zip(pairs, runs, analysis.bands, residuals_of(analysis), strict=True):
+    for (ax, low), i in zip(pairs, drawn, strict=True):
+        run, bands, residuals = analysis.problem.runs[i], analysis.bands[i], found[i]
         if trusted:
             _draw_bands(ax, bands, run.words.new)
         else:

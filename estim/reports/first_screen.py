@@ -25,7 +25,7 @@ _WHERE = {
     "poor-fit": "curve", "contradiction": "values", "at-bound": "limits", "not-identified": "limits", "multimodal": "limits",
     "not-converged": "computing", "methods-disagree": "computing",
 }
-_MOST_MINDS, _MOST_ERRORS = 2, 3
+MOST_MINDS, _MOST_ERRORS = 2, 3
 
 
 @dataclass(frozen=True)
@@ -112,7 +112,7 @@ def first_screen(result: Told) -> Screen:
     minds = [words for words in (_warnings(result), _forces(result), _limits(shown, result), *noise) if words]
     return Screen(
         title, tests, estimates, head, tuple(rows), not_measured(estimates), listed(elsewhere) if elsewhere else "",
-        tuple(minds[:_MOST_MINDS]), _sensitivity(result),
+        tuple(minds[:MOST_MINDS]), sensitivity_words([result]),
     )
 
 
@@ -199,11 +199,13 @@ def _warnings(result: Told) -> str:
     return f"{', '.join(said)}, see the data and noise" if said else ""
 
 
-def _sensitivity(result: Told) -> str:
-    """'1 % of the clock κ +0.3; 1 mm of sag θ₀ +0.9': the parameter that each error moves most, in posterior standard deviations."""
-    symbols, said = result.labels.bare if len(result.runs) == 1 else result.labels.parameters, []
-    for one in result.what_if[:_MOST_ERRORS]:
-        name = max(one.shifts, key=lambda parameter: abs(one.shifts[parameter]))
-        if abs(one.shifts[name]) >= _FELT:
-            said.append(f"{one.error}: {symbols[name].symbol} {signed(f'{one.shifts[name]:+.1f}')}")
-    return "; ".join(said)
+def sensitivity_words(results: Sequence[Told]) -> str:
+    """'1 % of the clock κ +0.3; 1 mm of sag θ₀ +0.9': the parameter of `results` that each error moves most, in posterior standard deviations."""
+    found: dict[str, tuple[float, str]] = {}
+    for result in results:
+        symbols = result.labels.bare if len(result.runs) == 1 else result.labels.parameters
+        for one in result.what_if[:_MOST_ERRORS]:
+            name = max(one.shifts, key=lambda parameter: abs(one.shifts[parameter]))
+            found[one.error] = max(found.get(one.error, (0.0, "")), (one.shifts[name], symbols[name].symbol), key=lambda moved: abs(moved[0]))
+    felt = {error: moved for error, moved in found.items() if abs(moved[0]) >= _FELT}
+    return "; ".join(f"{error}: {symbol} {signed(f'{shift:+.1f}')}" for error, (shift, symbol) in felt.items())

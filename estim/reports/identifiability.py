@@ -46,10 +46,12 @@ class IdentifySection:
 def identify_section(
     problem: Problem, found: Identifiability, intervals: Sequence[ProfileInterval], sensitivity: Sequence[Sensitivity], draws: FloatArray
 ) -> IdentifySection:
-    """The section of a report; `intervals` with probabilities 0.68 and 0.95, and `sensitivity`, of every parameter; draws (n_draw, n_par)."""
+    """The section of a report; `intervals` with probabilities 0.68 and 0.95 of some parameters, `sensitivity` of every one; draws (n_draw, n_par)."""
+    profiles = {interval.name: interval for interval in intervals}
     posterior_sds = draws.std(axis=0, ddof=1)
     rows, doubts = [], []
-    for i, (parameter, interval, leaning) in enumerate(zip(problem.parameters, intervals, sensitivity, strict=True)):
+    for i, (parameter, leaning) in enumerate(zip(problem.parameters, sensitivity, strict=True)):
+        interval = profiles.get(parameter.name)
         shown = parameter.label
         sd = float(posterior_sds[i])
         prior_sd = significant(parameter.prior.sd * shown.factor, 2) if np.isfinite(parameter.prior.sd) else "flat"
@@ -62,7 +64,7 @@ def identify_section(
                 verdict=_verdict(problem, leaning, float(draws[:, i].mean())),
             )
         )
-        if interval.n_failed or interval.found_better or interval.pieces:
+        if interval is not None and (interval.n_failed or interval.found_better or interval.pieces):
             doubts.append(interval.sentence)
     k_hat = max((s.k_hat for s in sensitivity), default=-np.inf)
     if k_hat >= 0.7:
@@ -70,8 +72,10 @@ def identify_section(
     return IdentifySection(found.sentences, tuple(rows), tuple(doubts), PRIOR_DOMINATED, THRESHOLD)
 
 
-def _cell(interval: ProfileInterval, p: float, sd: float, shown: Label) -> str:
-    """'[0.181, 0.199]', '< 0.0107' or '> 0.3' where one side is open, 'open' where both are."""
+def _cell(interval: ProfileInterval | None, p: float, sd: float, shown: Label) -> str:
+    """'[0.181, 0.199]', '< 0.0107' or '> 0.3' where one side is open, 'open' where both are; '—' where it was not computed."""
+    if interval is None:
+        return "—"
     low, high = (format_rounded(end * shown.factor, sd * shown.factor) for end in (interval.low[p], interval.high[p]))
     if interval.open_low[p] and interval.open_high[p]:
         return "open on both sides"

@@ -27,6 +27,7 @@ from numpy.typing import NDArray
 from estim.common import InputError, Stream, one_line, stream
 from estim.fitting import Limit
 from estim.pipeline import Analysis
+from estim.reports.netcdf import Group, as_netcdf
 from estim.reports.result import Result, software_versions
 
 if TYPE_CHECKING:
@@ -35,7 +36,7 @@ if TYPE_CHECKING:
 
 
 HOW_TO_GET = "pip install 'estim[arviz]'"
-_NETCDF = ("xarray", "h5netcdf", "h5py")
+_NETCDF = ("h5netcdf", "h5py")
 _COORDINATES = ("chain", "draw", "step", "walker")
 _PRIOR_DRAWS = 4000
 _MOST_POINTWISE = 10_000  # points
@@ -63,17 +64,9 @@ def to_datatree(analysis: Analysis) -> xarray.DataTree:
     """
     if find_spec("xarray") is None:
         raise InputError(f"is not installed: {HOW_TO_GET}", field="xarray")
-    from xarray import DataTree
+    from xarray import Dataset, DataTree
 
-    order = time_halves_order(*analysis.chain.draws.shape[1:3])
-    groups = {
-        "/": _empty(analysis), "/posterior": _posterior(analysis, order), "/sample_stats": _sample_stats(analysis, order),
-        "/prior": _prior(analysis), "/observed_data": _observed_data(analysis),
-        "/constant_data": _constant_data(analysis),
-    }
-    if analysis.problem.n_obs <= _MOST_POINTWISE:
-        groups["/log_likelihood"] = _log_likelihood(analysis, order)
-    return DataTree.from_dict(groups)
+    return DataTree.from_dict({path: Dataset(one.variables, one.coordinates, one.attributes) for path, one in _groups(analysis).items()})
 
 
 def to_netcdf(analysis: Analysis) -> bytes:
@@ -81,7 +74,7 @@ def to_netcdf(analysis: Analysis) -> bytes:
     for package in _NETCDF:
         if find_spec(package) is None:
             raise InputError(f"is not installed: {HOW_TO_GET}", field=package)
-    return bytes(to_datatree(analysis).to_netcdf(engine="h5netcdf"))
+    return as_netcdf(_groups(analysis))
 
 
 def to_frame(analysis: Analysis) -> pd.DataFrame:
@@ -148,48 +141,53 @@ def _said(analysis: Analysis) -> dict[str, Any]:
     }
 
 
-def _empty(analysis: Analysis) -> xarray.Dataset:
-    from xarray import Dataset
+def _groups(analysis: Analysis) -> dict[str, Group]:
+    order = time_halves_order(*analysis.chain.draws.shape[1:3])
+    groups = {
+        "/": _empty(analysis), "/posterior": _posterior(analysis, order), "/sample_stats": _sample_stats(analysis, order),
+        "/prior": _prior(analysis), "/observed_data": _observed_data(analysis),
+        "/constant_data": _constant_data(analysis),
+    }
+    if analysis.problem.n_obs <= _MOST_POINTWISE:
+        groups["/log_likelihood"] = _log_likelihood(analysis, order)
+    return groups
 
+
+def _empty(analysis: Analysis) -> Group:
     said = _said(analysis) | {"title": one_line(analysis.title), "reasons": "\n".join(analysis.diagnosis.reasons)}
     versions = {f"version_{package.replace('-', '_')}": number for package, number in software_versions().items()}
     draws = "chain: ensemble of walkers; draw: earlier half then later half of the steps, each walker by walker"
-    return Dataset(attrs={**said, "seed": analysis.seed, "sampling": analysis.chain.convergence.message, "draws": draws, **versions})
+    return Group(attributes={**said, "seed": analysis.seed, "sampling": analysis.chain.convergence.message, "draws": draws, **versions})
 
 
-def _coordinates(analysis: Analysis, order: NDArray[np.intp]) -> dict[str, Any]:
+def _coordinates(analysis: Analysis, order: NDArray[np.intp]) -> dict[str, tuple[tuple[str, ...], NDArray[np.intp]]]:
     n_ensemble, _, n_walker, _ = analysis.chain.draws.shape
     return {
-        "chain": np.arange(n_ensemble), "draw": np.arange(order.size), "step": ("draw", order // n_walker), "walker": ("draw", order % n_walker),
+        "chain": (("chain",), np.arange(n_ensemble)), "draw": (("draw",), np.arange(order.size)), "step": (("draw",), order // n_walker),
+        "walker": (("draw",), order % n_walker),
     }
 
 
-def _posterior(analysis: Analysis, order: NDArray[np.intp]) -> xarray.Dataset:
-    from xarray import Dataset
-
+def _posterior(analysis: Analysis, order: NDArray[np.intp]) -> Group:
     chain = analysis.chain
     draws = chain.draws.reshape(chain.draws.shape[0], -1, len(chain.names))[:, order]
     variables = {
         _variable(p.name, "parameter"): (("chain", "draw"), draws[..., i], _about(p.unit, p.meaning))
         for i, p in enumerate(analysis.problem.parameters)
     }
-    return Dataset(variables, coords=_coordinates(analysis, order))
+    return Group(variables, _coordinates(analysis, order))
 
 
-def _sample_stats(analysis: Analysis, order: NDArray[np.intp]) -> xarray.Dataset:
-    from xarray import Dataset
-
+def _sample_stats(analysis: Analysis, order: NDArray[np.intp]) -> Group:
     log_density = analysis.chain.log_density.reshape(analysis.chain.log_density.shape[0], -1)[:, order]
     variables = {
         "lp": (("chain", "draw"), log_density, _about("1", "log posterior density up to the evidence")),
         "acceptance": (("chain",), analysis.chain.acceptance, _about("1", "share of accepted moves")),
     }
-    return Dataset(variables, coords=_coordinates(analysis, order))
+    return Group(variables, _coordinates(analysis, order))
 
 
-def _log_likelihood(analysis: Analysis, order: NDArray[np.intp]) -> xarray.Dataset:
-    from xarray import Dataset
-
+def _log_likelihood(analysis: Analysis, order: NDArray[np.intp]) -> Group:
     draws = analysis.chain.draws.reshape(analysis.chain.draws.shape[0], -1, analysis.chain.draws.shape[-1])
     n_chain = draws.shape[0]
     n_draw = min(_POINTWISE_DRAWS, max(400, _POINTWISE_NUMBERS // analysis.problem.n_obs))
@@ -200,12 +198,10 @@ def _log_likelihood(analysis: Analysis, order: NDArray[np.intp]) -> xarray.Datas
         _variable(run.name, "run"): (("chain", "draw", _dim(run.name)), terms.reshape(n_chain, kept.size, -1), _about("1", meaning))
         for run, terms in zip(analysis.problem.runs, pointwise, strict=True)
     }
-    return Dataset(variables, coords={"chain": np.arange(n_chain), "draw": kept})
+    return Group(variables, {"chain": (("chain",), np.arange(n_chain)), "draw": (("draw",), kept)})
 
 
-def _prior(analysis: Analysis) -> xarray.Dataset:
-    from xarray import Dataset
-
+def _prior(analysis: Analysis) -> Group:
     rng = stream(analysis.seed, Stream.PRIOR)
     variables, improper = {}, []
     for p in analysis.problem.parameters:
@@ -214,24 +210,21 @@ def _prior(analysis: Analysis) -> xarray.Dataset:
             variables[_variable(p.name, "parameter")] = (("chain", "draw"), p.prior.draw(rng, _PRIOR_DRAWS)[None], about)
         else:
             improper.append(p.name)
-    return Dataset(variables, coords={"chain": [0], "draw": np.arange(_PRIOR_DRAWS)}, attrs={"improper": ", ".join(improper)})
+    coordinates = {"chain": (("chain",), np.zeros(1, dtype=int)), "draw": (("draw",), np.arange(_PRIOR_DRAWS))}
+    return Group(variables, coordinates, {"improper": ", ".join(improper)})
 
 
-def _observed_data(analysis: Analysis) -> xarray.Dataset:
-    from xarray import Dataset
-
-    return Dataset({_variable(run.name, "run"): ((_dim(run.name),), run.y, _about(run.y_unit, run.y_name)) for run in analysis.problem.runs})
+def _observed_data(analysis: Analysis) -> Group:
+    return Group({_variable(run.name, "run"): ((_dim(run.name),), run.y, _about(run.y_unit, run.y_name)) for run in analysis.problem.runs})
 
 
-def _constant_data(analysis: Analysis) -> xarray.Dataset:
-    from xarray import Dataset
-
+def _constant_data(analysis: Analysis) -> Group:
     variables = {}
     for run in analysis.problem.runs:
         variables[f"x[{run.name}]"] = ((_dim(run.name),), run.x, _about(run.x_unit, run.x_name))
         if run.t is not None:
             variables[f"t[{run.name}]"] = ((_dim(run.name),), run.t, _about("s", "time"))
-    return Dataset(variables)
+    return Group(variables)
 
 
 def _variable(name: str, what: str) -> str:

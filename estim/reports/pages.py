@@ -7,6 +7,7 @@ from collections.abc import Callable, Collection, Mapping
 from functools import partial
 from typing import TYPE_CHECKING, Protocol
 
+from estim.drawing import texts_of
 from estim.reports import figures
 
 if TYPE_CHECKING:
@@ -33,10 +34,8 @@ def unbroken(text: str) -> str:
 
 def marked(draw: Callable[[], Figure]) -> Figure:
     """A figure that says of its data that they are SYNTHETIC, where none of its titles does."""
-    from matplotlib.text import Text as Words
-
     figure = draw()
-    if any(isinstance(one, Words) and _SYNTHETIC in one.get_text() for one in figure.findobj(Words)):
+    if any(_SYNTHETIC in one.get_text() for one in texts_of(figure)):
         return figure
     said = figure.get_suptitle()
     if said:

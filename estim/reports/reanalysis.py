@@ -33,7 +33,7 @@ from estim.reports.energy import (
     to_value,
 )
 from estim.reports.figures import residual_figure
-from estim.reports.first_screen import first_screen
+from estim.reports.first_screen import MOST_MINDS, first_screen, sensitivity_words
 from estim.reports.line import LineResult, line_estimate, line_figure, line_lines, line_result, line_values
 from estim.reports.pages import page
 from estim.reports.reanalysis_figures import narrowing_figure, overlay_figure, tilts_figure, width_figure
@@ -176,7 +176,7 @@ def reanalysis_text(result: ReanalysisResult, corner_words: Mapping[str, str], p
     limit_words = {name: _limit_words(body) if body.joint.status == "ok" else [] for name, body in result.bodies.items()}
     screens = {name: first_screen(body.joint) for name, body in result.bodies.items() if body.joint.status == "ok"}
     estimates = [
-        replace(one, summary=msgspec.structs.replace(one.summary, meaning=_how_many(result.bodies[name], name)))
+        replace(one, summary=msgspec.structs.replace(one.summary, meaning=_how_many(result.bodies[name])))
         for name, screen in screens.items() for one in screen.estimates
     ] + _of_line(result)
     head, rows = result_table(estimates)
@@ -191,15 +191,17 @@ def reanalysis_text(result: ReanalysisResult, corner_words: Mapping[str, str], p
         notes=list(dict.fromkeys(note for body in result.bodies.values() for note in body.joint.notes)),
         status=_status_words(result), troubles=_troubles(result), screens=screens, found=table(head, rows), found_rows=rows,
         copies=copies_of([one for one in estimates if one.measured]) if rows else None,
-        sensitivity="; ".join(f"{name}, {screen.sensitivity}" for name, screen in screens.items() if screen.sensitivity),
+        sensitivity=sensitivity_words([body.joint for body in result.bodies.values() if body.joint.status == "ok"]),
+        minds=[(name, words) for i in range(MOST_MINDS) for name, screen in screens.items() for words in screen.minds[i : i + 1]],
+        most_minds=MOST_MINDS,
         energy_words=energy_words, narrowed=partial(_narrowed, result), tested=partial(_tested, result),
         lefts=_gathered({name: screen.left for name, screen in screens.items() if screen.left}), energies=_gathered(_energies(result)),
     )
 
 
-def _how_many(body: BodySummary, name: str) -> str:
+def _how_many(body: BodySummary) -> str:
     n = len(body.runs_in_order)
-    return f"{n} runs of {name} together" if n > 1 else f"the run of {name}"
+    return f"{n} runs" if n > 1 else f"the run {body.runs_in_order[0]}"
 
 
 def _narrowed(result: ReanalysisResult, name: str) -> str:

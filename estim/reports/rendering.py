@@ -56,7 +56,8 @@ def render(template: str, *, pictures: Collection[str] = (), opened: Collection[
         return Markdown(f"![{markdown(plain)}]({destination(path)})" + (f"\n\n{caption}" if (caption := caller()) else ""))
 
     def fold(key: str, title: str, caller: Callable[[], str]) -> Markdown:
-        return folded(title, caller(), opened=key in opened)
+        body = folded(title, caller(), opened=key in opened)
+        return Markdown(f"{body}\n") if body else body  # a template loses the end of the line of its tag, and HTML ends at a blank line
 
     return Markdown(_environment().get_template(template).render(pictures=pictures, figure=figure, fold=fold, **values))
 

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from estim.arrays import FloatArray
-from estim.checks import Outliers
+from estim.checks import Goodness, Outliers
 from estim.common import format_rounded, with_unit
 from estim.drawing import BLUE, GREY, INK, new_figure
 from estim.pipeline import Analysis
@@ -25,6 +25,7 @@ if TYPE_CHECKING:
 VERMILION = "#D55E00"  # what is wrong; orange is what was stated before
 _MANY = 200  # points in one panel, beyond which bars hide the points
 _BAR = {"fmt": "o", "color": INK, "elinewidth": 0.7, "capsize": 0}
+MOST_DRAWN = 16  # runs
 _ROOMY = 6  # runs beyond which there are three columns
 _FAR = 3.0  # heights of all other points that an outlier is away from them, and is no longer drawn to scale
 _STEPS, _FADED = 24, 0.25  # pieces, and share of the way, in which a band fades
@@ -64,6 +65,14 @@ class Residuals:
         reach = 0.02 * float(np.ptp(run.x)) or 1.0
         aside = " (outliers aside)" if self.bad else ""
         return f"largest misfit{aside} {size}, {sds[i]:.1f} sd, near {with_unit(format_rounded(float(run.x[i]), reach), run.x_unit)}"
+
+
+def drawn_runs(goodness: Sequence[Goodness]) -> list[int]:
+    """Places of the runs that have panels of their own: all, or where they are too many those that the curve explains worst, in their order."""
+    if len(goodness) <= MOST_DRAWN:
+        return list(range(len(goodness)))
+    worst = [min((check.p_value for check in good.checks.values()), default=1.0) for good in goodness]
+    return sorted(np.argsort(worst, kind="stable")[:MOST_DRAWN].tolist())
 
 
 def residuals_of(analysis: Analysis) -> list[Residuals]:

@@ -27,7 +27,10 @@ if TYPE_CHECKING:
 
 _COPIED = 0.95  # probability of the interval in the table to copy
 STRAIGHT_SCHEMA = "estim-straight-line/1"
-_METHODS = {"ols": "ordinary least squares", "weighted": "weighted by u(y)", "york": "York: errors in both variables"}
+_METHODS = {
+    "ols": "ordinary least squares", "weighted": "weighted by u(y)", "york": "York: errors in both variables",
+    "correlated": "generalised distance regression: errors of points correlated",
+}
 
 
 class PredictedPoint(msgspec.Struct, frozen=True):
@@ -50,6 +53,7 @@ class StraightLineResult(msgspec.Struct, frozen=True, rename={"schema_": "schema
     message: str
     method: str
     columns: dict[str, str | None]
+    correlated: list[str]  # what is stated of errors that points share
     n_obs: int
     intercept: float | None
     slope: float | None
@@ -76,8 +80,9 @@ def straight_line_result(line: StraightLine) -> StraightLineResult:
     inverses = [PredictedPoint(p.y0.value, p.y0.u, p.x, p.u, number(p.low), number(p.high), None) for p in line.inverses]
     name = one_line(str(line.path))
     return StraightLineResult(
-        STRAIGHT_SCHEMA, line.status, fit.message, fit.method, columns, fit.data.x.size, number(fit.intercept), number(fit.slope), fit.chi2, fit.dof,
-        number(fit.p_value), errors, fit.recommended, fit.reason, line.probability, line.k, [number(line.slope.low), number(line.slope.high)],
+        STRAIGHT_SCHEMA, line.status, fit.message, fit.method, columns, [one_line(words) for words in line.correlated], fit.data.x.size,
+        number(fit.intercept), number(fit.slope), fit.chi2, fit.dof, number(fit.p_value),
+        errors, fit.recommended, fit.reason, line.probability, line.k, [number(line.slope.low), number(line.slope.high)],
         predictions, inverses, Provenance(name, line.sha256, {name: line.sha256}, 0, software_versions()),
     )
 
@@ -158,6 +163,7 @@ def _uncertainties(result: StraightLineResult) -> str:
     said = [f"{key} from {name}" for key, name in (("u(x)", result.columns["u_x"]), ("u(y)", result.columns["u_y"])) if name is not None]
     if result.columns["r_xy"] is not None and len(said) == 2:
         said.append(f"their correlation from {result.columns['r_xy']}")
+    said += result.correlated
     return ", ".join(said) or "no uncertainties: the scatter of the points is the only scale"
 
 
@@ -170,7 +176,7 @@ def straight_line_figure(line: StraightLine) -> Figure:
     low, high = min(float(data.x.min()), *marks, math.inf), max(float(data.x.max()), *marks, -math.inf)
     x = np.linspace(low - 0.05 * (high - low), high + 0.05 * (high - low), 200)
     percent = f"{100.0 * line.probability:g} %"
-    bars = [None if named is None else u for named, u in ((line.columns.u_x, data.u_x), (line.columns.u_y, data.u_y))]
+    bars = [u if np.any(u > 0.0) and fit.method != "ols" else None for u in (data.u_x, data.u_y)]
     if math.isfinite(fit.slope):
         if line.status is not Status.NOT_IDENTIFIED:
             band = confidence_band(fit, x, probability=line.probability)

@@ -17,24 +17,27 @@ if TYPE_CHECKING:
 _MARGIN = 0.07  # of the height of a strip, above and below what is drawn
 _FONTSIZE, _WIDTH_OF_DIGIT = 7.0, 0.62  # of the numbers of a strip; in font sizes, at most
 _MOST_STEPS = 1000
+_MOST_STRIPS = 40
 
 
 def trace_figure(analysis: Analysis) -> Figure:
     """The mean of each ensemble's walkers, and one of its walkers behind, against the step."""
     parameters, draws = analysis.problem.parameters, analysis.chain.draws
-    columns = 1 if len(parameters) <= 8 else 2
-    rows = -(-len(parameters) // columns)
+    places = analysis.problem.foremost(_MOST_STRIPS)
+    columns = 1 if len(places) <= 8 else 2
+    rows = -(-len(places) // columns)
     figure = new_figure(0.85 * rows + 0.7)
     every = max(1, draws.shape[1] // _MOST_STEPS)
     steps = (np.arange(draws.shape[1]) + analysis.chain.n_burn)[::every].astype(float)
     for k, ax in enumerate(figure.subplots(1, columns, squeeze=False)[0]):
-        here = range(k * rows, min((k + 1) * rows, len(parameters)))
+        here = places[k * rows : (k + 1) * rows]
         shown = [parameters[i].label for i in here]
         walkers = [draws[:, ::every, 0, i] * label.factor for i, label in zip(here, shown, strict=True)]
         means = [draws[..., i].mean(axis=2)[:, ::every] * label.factor for i, label in zip(here, shown, strict=True)]
         _draw_strips(ax, steps, walkers, means, names=[label.axis for label in shown])
         ax.set(xlabel="step", ylim=(rows, 0.0))
-    figure.suptitle("bold: mean of an ensemble; faint: one of its walkers", fontsize=8)
+    some = f"; {len(places)} of {len(parameters)} parameters" if len(places) < len(parameters) else ""
+    figure.suptitle(f"bold: mean of an ensemble; faint: one of its walkers{some}", fontsize=8)
     return figure
 
 

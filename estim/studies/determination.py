@@ -9,11 +9,16 @@ from estim.fitting import ProfileInterval, profile_intervals
 from estim.pipeline import Analysis
 
 _DRAWS = 4000
+_MOST_PROFILES = 24
+_MOST_PARAMETERS = 150  # beyond, each search over all the others takes too long, and their posterior is as good as normal
 
 
 @dataclass(frozen=True, eq=False)
 class Determination:
-    """Profile intervals and prior sensitivity of every parameter."""
+    """Profile intervals, of those parameters that a report has room for, and prior sensitivity of every parameter.
+
+    intervals : in the order of the parameters; of many those that runs share and some more, of very many none.
+    """
 
     intervals: tuple[ProfileInterval, ...]
     sensitivity: tuple[Sensitivity, ...]
@@ -22,6 +27,8 @@ class Determination:
 def determine(analysis: Analysis) -> Determination:
     """What the data can tell about each parameter of an analysis."""
     draws = analysis.chain.thinned(_DRAWS)
-    intervals = profile_intervals(analysis.fit)
+    problem = analysis.problem
+    few = problem.foremost(_MOST_PROFILES) if problem.n_par <= _MOST_PARAMETERS else []
+    intervals = profile_intervals(analysis.fit, names=[problem.names[i] for i in few]) if few else ()
     sensitivity = power_scaling(analysis.problem, analysis.fit.posterior, draws)
     return Determination(intervals, sensitivity)

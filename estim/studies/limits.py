@@ -7,7 +7,7 @@ degeneracy overlap and need not add up to 1.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -72,13 +72,13 @@ def limits(fit: Fit, parameter: str) -> tuple[Limit, ...]:
     return tuple(sorted(found, key=lambda limit: -limit.share))
 
 
-def narrowing(joint: Fit, singles: Sequence[Analysis], names: Sequence[str], *, fit_first: Callable[[int], Fit]) -> Narrowing:
+def narrowing(joint: Fit, singles: Sequence[Analysis], names: Sequence[str], *, firsts: Sequence[Fit]) -> Narrowing:
     """How u of the shared parameters `names` falls as the runs of a joint fit are added one by one.
 
-    fit_first : the fit of its first n runs together.
+    firsts : the fits of its first two, three, ... runs together, without that of all.
     """
     problem = joint.problem
-    fits = [singles[0].fit, *(fit_first(n) for n in range(2, len(problem.runs))), joint][-len(problem.runs) :]
+    fits = [singles[0].fit, *firsts, joint][-len(problem.runs) :]
     rows = [[float(np.sqrt(fit.cov[fit.names.index(name), fit.names.index(name)])) for name in names] for fit in fits]
     alone = [[float(np.sqrt(a.fit.cov[a.fit.names.index(name), a.fit.names.index(name)])) for name in names] for a in singles]
     labels = tuple(problem.parameters[problem.names.index(name)].label for name in names)

@@ -8,13 +8,14 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from estim.campaign import Campaign, gamma_of_body, gamma_origin
-from estim.common import Quantity, Status, Stream, stream
+from estim.common import Quantity, Status, Stream, spread, stream
 from estim.fitting import Fit
-from estim.line import LineAnalysis, analyse_line, read_theta_min
+from estim.line import LineAnalysis, ThetaMinSeries, analyse_line, read_theta_min
 from estim.pipeline import Analysis, analyse
 from estim.problem import informative
 from estim.sampling import Progress, Target
@@ -69,24 +70,99 @@ class Reanalysis:
         return found | ({} if self.line is None else {"line": self.line.status})
 
 
-def reanalyse(campaign: Campaign, *, seed: int, target: Target, progress_of: ProgressOf) -> Reanalysis:
-    """The reanalysis of a campaign; the same seed gives the same numbers.  Raises InputError."""
+@dataclass(frozen=True, eq=False)
+class _Together:
+    """Of the runs of a body, what needs no other fit.  firsts : the first two, three, ... of them, without all."""
+
+    joint: Analysis
+    energies: tuple[EnergyRecord, ...]
+    drift: Drift
+    propagated: tuple[PropagatedBand, ...]
+    firsts: tuple[Fit, ...]
+
+
+_Piece = tuple[str, str]
+"""What is done by itself: ("line", ""), ("run", its name) or ("body", its name)."""
+
+
+@dataclass(frozen=True, eq=False)
+class _Work:
+    """What becomes of a piece; the same whichever process does it."""
+
+    campaign: Campaign
+    series: ThetaMinSeries | None
+    seed: int
+    target: Target
+
+    @property
+    def pieces(self) -> tuple[_Piece, ...]:
+        bodies = dict.fromkeys(run.body for run in self.campaign.source.runs)
+        runs = tuple(("run", name) for name in self.campaign.run_names)
+        return (*((("line", ""),) if self.series is not None else ()), *runs, *(("body", body) for body in bodies))
+
+    def runs_of(self, body: str) -> list[str]:
+        return [run.name for run in self.campaign.source.runs if run.body == body]
+
+    def __call__(self, piece: _Piece, progress: Progress | None = None) -> LineAnalysis | Analysis | _Together:
+        kind, name = piece
+        if kind == "line":
+            assert self.series is not None
+            gamma = gamma_of_body(self.campaign.source, self.series.body)
+            return analyse_line(self.series, gamma_masses=gamma, seed=self.seed, target=self.target, progress=progress)
+        if kind == "run":
+            return analyse(self.campaign, [name], seed=self.seed, target=self.target, progress=progress)
+        return self._together(self.runs_of(name), progress)
+
+    def _together(self, runs: Sequence[str], progress: Progress | None) -> _Together:
+        joint = analyse(self.campaign, runs, seed=self.seed, target=self.target, progress=progress)
+        firsts = (self.campaign.fit(self.campaign.problem(runs[:n]), rng=stream(self.seed, Stream.NARROWING)) for n in range(2, len(runs)))
+        return _Together(
+            joint, energies=energy_along(joint, rng=stream(self.seed, Stream.ENERGY)), drift=drift_of(joint, rng=stream(self.seed, Stream.DRIFT)),
+            propagated=propagated_bands(joint, rng=stream(self.seed, Stream.PROPAGATED_BANDS)), firsts=tuple(firsts),
+        )
+
+
+def reanalyse(campaign: Campaign, *, seed: int, target: Target, progress_of: ProgressOf, jobs: int = 1) -> Reanalysis:
+    """The reanalysis of a campaign by `jobs` processes; the same seed gives the same numbers, however many there are.
+
+    Raises InputError; NumericalError where processes are killed, twice.
+    """
     campaign.study.require_speeds(campaign.run_names, _COMMAND)
     paper, numbers = _published(campaign)
-    line = None
-    if campaign.source.line is not None:
-        series = read_theta_min(campaign.source)
-        with progress_of("line") as progress:
-            line = analyse_line(series, gamma_masses=gamma_of_body(campaign.source, series.body), seed=seed, target=target, progress=progress)
-    singles = {}
-    for name in campaign.run_names:
-        with progress_of(name) as progress:
-            singles[name] = analyse(campaign, [name], seed=seed, target=target, progress=progress)
-    bodies = []
-    for body in dict.fromkeys(run.body for run in campaign.source.runs):
-        with progress_of(f"{body}, all runs") as progress:
-            bodies.append(_analyse_body(campaign, body, singles, seed, target, progress))
+    work = _Work(campaign, None if campaign.source.line is None else read_theta_min(campaign.source), seed, target)
+    done = _one_by_one(work, progress_of) if jobs == 1 else _at_once(work, progress_of, jobs)
+    line = done.get(("line", ""))
+    singles = {name: done["run", name] for kind, name in work.pieces if kind == "run"}
+    bodies = [_body(campaign, name, done[kind, name], [singles[run] for run in work.runs_of(name)]) for kind, name in work.pieces if kind == "body"]
     return Reanalysis(campaign, line, singles, tuple(bodies), paper, compare_published(numbers, _found(campaign, line, bodies)), seed)
+
+
+def _one_by_one(work: _Work, progress_of: ProgressOf) -> dict[_Piece, Any]:
+    done = {}
+    for piece in work.pieces:
+        with progress_of(_shown(piece)) as progress:
+            done[piece] = work(piece, progress)
+    return done
+
+
+def _at_once(work: _Work, progress_of: ProgressOf, jobs: int) -> dict[_Piece, Any]:
+    """Those that take longest first: the runs that are many together."""
+    pieces = sorted(work.pieces, key=lambda piece: -len(work.runs_of(piece[1])))
+    with progress_of(f"{len(pieces)} fits, {min(jobs, len(pieces))} at once") as progress:
+        n_done = 0
+
+        def tell(piece: _Piece, _: object) -> None:
+            nonlocal n_done
+            n_done += 1
+            progress(100 * n_done // len(pieces), f"{_shown(piece)}: done")
+
+        found = spread(work, pieces, jobs=jobs, keep=tell, patient=False)
+    return dict(zip(pieces, found, strict=True))
+
+
+def _shown(piece: _Piece) -> str:
+    kind, name = piece
+    return {"line": "line", "run": name, "body": f"{name}, all runs"}[kind]
 
 
 def _published(campaign: Campaign) -> tuple[str, Sequence[PublishedNumber]]:
@@ -97,22 +173,13 @@ def _published(campaign: Campaign) -> tuple[str, Sequence[PublishedNumber]]:
         return read_published(campaign.published)
 
 
-def _analyse_body(
-    campaign: Campaign, body: str, singles: Mapping[str, Analysis], seed: int, target: Target, progress: Progress
-) -> BodyAnalysis:
-    runs = [run.name for run in campaign.source.runs if run.body == body]
-    joint = analyse(campaign, runs, seed=seed, target=target, progress=progress)
-
-    def fit_first(n: int) -> Fit:
-        return campaign.fit(campaign.problem(runs[:n]), rng=stream(seed, Stream.NARROWING))
-
+def _body(campaign: Campaign, body: str, together: _Together, singles: Sequence[Analysis]) -> BodyAnalysis:
+    joint = together.joint
     # a quantity stated for each run has no common value to narrow
-    shared = [n for n in joint.problem.names if n.partition("[")[0] in _OF_BODY and all(n in singles[run].problem.names for run in runs)]
+    shared = [n for n in joint.problem.names if n.partition("[")[0] in _OF_BODY and all(n in single.problem.names for single in singles)]
     return BodyAnalysis(
-        body=body, gamma_masses=gamma_of_body(campaign.source, body), joint=joint, energies=energy_along(joint, rng=stream(seed, Stream.ENERGY)),
-        drift=drift_of(joint, rng=stream(seed, Stream.DRIFT)),
-        propagated=propagated_bands(joint, rng=stream(seed, Stream.PROPAGATED_BANDS)),
-        narrowing=narrowing(joint.fit, [singles[name] for name in runs], shared, fit_first=fit_first),
+        body=body, gamma_masses=gamma_of_body(campaign.source, body), joint=joint, energies=together.energies, drift=together.drift,
+        propagated=together.propagated, narrowing=narrowing(joint.fit, singles, shared, firsts=together.firsts),
         limits=tuple(limit for name in shared for limit in limits(joint.fit, name)),
     )
 

@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import PurePath
 from typing import Any
 
-_LAYERS = ("parameters", "derived")  # keys that say nothing in a name
+from estim.verification.comparing import different_values, is_number
+
+_LAYERS = ("parameters", "derived", "outputs")  # keys that say nothing in a name
+_TOLD = ("schema", "kind", "formula", "status", "provenance")  # told as inputs
 
 
 @dataclass(frozen=True)
@@ -32,50 +36,73 @@ class Moved:
 
 @dataclass(frozen=True)
 class ResultPair:
-    """inputs : words on what went into one and not into the other, or differs.  estimates : of both, those that moved most first.
+    """inputs : words on what went into one and not into the other, or differs, and on the status.  estimates : of both, those that moved most first.
 
-    lost, gained : names that only the first or only the second has.
+    others : where else they differ, in notes and tests, say.  lost, gained : estimates that only the first or only the second has.
     """
 
     inputs: tuple[str, ...]
     estimates: tuple[Moved, ...]
+    others: tuple[str, ...]
     lost: tuple[str, ...]
     gained: tuple[str, ...]
 
     @property
     def same(self) -> bool:
-        return not (self.inputs or self.lost or self.gained) and all(one.first == one.second for one in self.estimates)
+        return not (self.inputs or self.others or self.lost or self.gained) and all(one.first == one.second for one in self.estimates)
 
 
 def compare_results(first: Mapping[str, Any], second: Mapping[str, Any]) -> ResultPair:
     """Two `result.json` of any kind, decoded."""
-    a, b = dict(_estimates("", first)), dict(_estimates("", second))
-    both = [Moved(name, a[name][2], a[name][:2], b[name][:2]) for name in a if name in b]
+    a, b = ({one.name: one for one in _estimates("", "", "", record)} for record in (first, second))
+    both = [Moved(name, a[name].unit, a[name].value, b[name].value) for name in a if name in b]
     both.sort(key=lambda one: -abs(one.shift) if math.isfinite(one.shift) else 0.0)
     gained, lost = tuple(name for name in b if name not in a), tuple(name for name in a if name not in b)
-    return ResultPair(tuple(_inputs(first, second)), tuple(both), lost, gained)
+    told = [one.place for one in (*a.values(), *b.values())]
+    others = [where for where in different_values(first, second) if _root(where) not in _TOLD and not _within(where, told)]
+    return ResultPair(tuple(_inputs(first, second)), tuple(both), tuple(others), lost, gained)
 
 
-def _estimates(path: str, node: object) -> Iterator[tuple[str, tuple[float, float, str]]]:
+def _root(where: str) -> str:
+    return where.partition(".")[0].partition("[")[0]
+
+
+def _within(where: str, places: Sequence[str]) -> bool:
+    return any(where == place or where.startswith(f"{place}.") for place in places)
+
+
+@dataclass(frozen=True)
+class _Estimate:
+    """name : for people.  place : where it stands in the record.  value : with its standard deviation or standard uncertainty."""
+
+    name: str
+    place: str
+    unit: str
+    value: tuple[float, float]
+
+
+def _estimates(name: str, place: str, unit: str, node: object) -> Iterator[_Estimate]:
+    """mean and sd, or value and u, wherever they stand together; the unit may stand further out."""
     if not isinstance(node, dict):
         return
-    mean, sd = node.get("mean"), node.get("sd")
-    if isinstance(mean, int | float) and isinstance(sd, int | float) and "unit" in node:
-        yield path, (float(mean), float(sd), str(node["unit"]))
-        return
+    unit = node["unit"] if isinstance(node.get("unit"), str) else unit
+    for value, spread in (("mean", "sd"), ("value", "u"), ("mean", "u")):
+        if is_number(node.get(value)) and is_number(node.get(spread)):
+            yield _Estimate(name, place, unit, (float(node[value]), float(node[spread])))
+            return
     for key, inner in node.items():
-        place = path if key in _LAYERS else f"{path}.{key}" if path else key
-        yield from _estimates(place, inner)
+        shown = name if key in _LAYERS else f"{name}.{key}" if name else key
+        yield from _estimates(shown, f"{place}.{key}" if place else key, unit, inner)
 
 
 def _inputs(first: Mapping[str, Any], second: Mapping[str, Any]) -> Iterator[str]:
-    for key in ("schema", "kind", "formula"):
+    for key in _TOLD[:-1]:
         if first.get(key) != second.get(key):
             yield f"{key}: {first.get(key)} and {second.get(key)}"
-    a, b = first.get("provenance", {}), second.get("provenance", {})
+    a, b = (_table(record, "provenance") for record in (first, second))
     if a.get("campaign_sha256") != b.get("campaign_sha256"):
         yield f"the campaign file: {a.get('campaign')} and {b.get('campaign')} differ"
-    data = [{PurePath(path).name: digest for path, digest in p.get("data_sha256", {}).items()} for p in (a, b)]
+    data = [_data(p) for p in (a, b)]
     for name in sorted(data[0].keys() | data[1].keys()):
         if name not in data[0] or name not in data[1]:
             yield f"data: {name} is in the {'first' if name in data[0] else 'second'} alone"
@@ -83,7 +110,20 @@ def _inputs(first: Mapping[str, Any], second: Mapping[str, Any]) -> Iterator[str
             yield f"data: {name} differs"
     if a.get("seed") != b.get("seed"):
         yield f"seed: {a.get('seed')} and {b.get('seed')}"
-    versions = [p.get("versions", {}) for p in (a, b)]
+    versions = [_table(p, "versions") for p in (a, b)]
     for name in sorted(versions[0].keys() | versions[1].keys()):
         if versions[0].get(name) != versions[1].get(name):
             yield f"version of {name}: {versions[0].get(name)} and {versions[1].get(name)}"
+
+
+def _table(record: Mapping[str, Any], key: str) -> Mapping[str, Any]:
+    """A table in a record, which somebody may have written by hand."""
+    found = record.get(key)
+    return found if isinstance(found, dict) else {}
+
+
+def _data(provenance: Mapping[str, Any]) -> dict[str, Any]:
+    """Digests of the data by the names of the files, which may lie elsewhere now; by their paths where two have one name."""
+    digests = _table(provenance, "data_sha256")
+    count = Counter(PurePath(path).name for path in digests)
+    return {path if count[PurePath(path).name] > 1 else PurePath(path).name: digest for path, digest in digests.items()}

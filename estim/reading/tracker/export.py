@@ -55,6 +55,17 @@ def is_export(text: str) -> bool:
     return any(_is_header(line) for line in lines[:_SEARCHED])
 
 
+def bare_header(text: str) -> tuple[int, str] | None:
+    """Number and text of the line of names of an export with one coordinate and no name of a track above it, as any table may begin; else None."""
+    lines = [(n, line) for n, line in enumerate(lines_of(text[:20_000]), start=1) if line.strip() and not line.lstrip().startswith(("#", "%"))]
+    for i, (number, line) in enumerate(lines[:_SEARCHED]):
+        if _is_header(line):
+            names = [_named(cell)[0] for cell in _split(line, _delimiter(line))]
+            named = _track_names(lines[:i], _delimiter(line), len(names)) != [("unnamed", 0)]
+            return None if named or {"x", "y"} <= set(names) else (number, line)
+    return None
+
+
 def read_export(
     path: Path, *, track: str | None = None, unit: str | None = None, drop_duplicates: bool = False, shown_as: str | None = None
 ) -> Track:

@@ -21,7 +21,7 @@ from estim.arrays import FloatArray
 from estim.common import InputError, Quantity, listed, one_line, read_number
 from estim.reading.input_file import read_bytes
 from estim.reading.table import IMPORTED, Table
-from estim.reading.tracker.export import is_export, read_export
+from estim.reading.tracker.export import bare_header, is_export, read_export
 from estim.reading.tracker.ramp import Ramp, run_along
 from estim.reading.tracker.suspicion import missing_frames, suspicions
 from estim.reading.tracker.track import Track, Unit
@@ -83,6 +83,15 @@ def is_export_file(path: Path) -> bool:
         return is_export(read_bytes(path, shown_as=str(path))[:20_000].decode("utf-8-sig", errors="replace"))
     except InputError:
         return False
+
+
+def refuse_bare_export(path: Path, shown_as: str) -> None:
+    """Raises InputError for a text export that may as well be a table of times and distances: read as a track, its zero would move."""
+    found = bare_header(read_bytes(path, shown_as=shown_as)[:20_000].decode("utf-8-sig", errors="replace"))
+    if found is not None:
+        line, header = found
+        rule = "may be a table or an export of Tracker, which is counted from its first point: for a table write t_s,x_m (s, m from the release), "
+        raise InputError(f'{rule}for an export say release = "first" in the run', field="header", value=header, file=shown_as, line=line)
 
 
 def import_track(path: Path, choices: Choices, *, shown_as: str | None = None) -> Imported:

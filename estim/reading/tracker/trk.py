@@ -60,7 +60,7 @@ class _Clip:
 def read_tracker(
     path: Path, *, track: str | None = None, unit: str | None = None, frame_ms: float | None = None, shown_as: str | None = None
 ) -> Track:
-    """The point mass `track` of the .trk or .trz file at `path`; without a name, the only one.
+    """The point mass `track` of the .trk or .trz file at `path`; without a name, the only one.  Of one of several .trk in a .trz: "NAME.trk/mass A".
 
     unit : of the calibrated lengths, where the file's own statement is wrong.  frame_ms : duration of a frame, where the
     file contradicts the video (a film taken at high speed).  Raises InputError with file, line, field, rule and value.
@@ -68,7 +68,8 @@ def read_tracker(
     file = shown_as or str(path)
     archive = path.suffix.lower() == ".trz"
     data = read_bytes(path, shown_as=file, limit=_MAX_ARCHIVE if archive else _MAX_BYTES)
-    panel = parse_tracker_xml(unpack_trz(data, file=file) if archive else data, file=file)
+    text, track = unpack_trz(data, track, file=file) if archive else (data, track)
+    panel = parse_tracker_xml(text, file=file)
     if not panel.kind.endswith(".TrackerPanel"):
         raise InputError("must be the TrackerPanel of a .trk file", field="object", value=panel.kind, file=file, line=panel.line)
     name, points = _choose(panel, track)

@@ -171,16 +171,18 @@ def _check_utf8(data: bytes, file: str) -> None:
             raise not_utf8(data, error, file) from None
 
 
-def unpack_trz(data: bytes, *, file: str) -> bytes:
-    """The one .trk inside the .trz archive `data`, at most 64 MiB.  Raises InputError."""
+def unpack_trz(data: bytes, track: str | None, *, file: str) -> tuple[bytes, str | None]:
+    """The .trk inside the .trz archive `data`, at most 64 MiB, and the name of the track in it.
+
+    Where there are several, `track` is "NAME.trk" or "NAME.trk/mass A".  Raises InputError.
+    """
     _check_directory(data, file)
     try:
         with zipfile.ZipFile(io.BytesIO(data)) as archive:
             found = [i for i in archive.infolist() if i.filename.lower().endswith(".trk") and not i.filename.startswith("__MACOSX/")]
-            if len(found) != 1:
-                names = listed([info.filename for info in found]) or "none"
-                raise InputError("must hold exactly one .trk", field="archive", quoted=f"it holds {names}", file=file)
-            info = found[0]
+            if not found:
+                raise InputError("must hold a .trk", field="archive", quoted="it holds none", file=file)
+            info, track = _member(found, track, file)
             if info.flag_bits & 1 or info.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
                 rule = "must hold a .trk without a password, compressed in the ordinary way"
                 raise InputError(rule, field="archive", value=info.filename, file=file)
@@ -193,7 +195,18 @@ def unpack_trz(data: bytes, *, file: str) -> bytes:
         raise InputError("cannot be read as an archive", quoted=str(error) or type(error).__name__, file=file) from None
     if len(content) > limit:
         raise InputError(f"grows beyond {limit / 1024**2:.0f} MiB when it is unpacked", field="archive", value=info.filename, file=file)
-    return content
+    return content, track
+
+
+def _member(found: list[zipfile.ZipInfo], track: str | None, file: str) -> tuple[zipfile.ZipInfo, str | None]:
+    """The .trk that `track` begins with, or the only one, and the rest of `track`.  Raises InputError."""
+    for info in found:
+        if track is not None and (track == info.filename or track.startswith(f"{info.filename}/")):
+            return info, track[len(info.filename) + 1 :] or None
+    if len(found) == 1:
+        return found[0], track
+    rule = 'must say which of several .trk: "NAME.trk", or "NAME.trk/mass A" where that holds several tracks'
+    raise InputError(rule, field="track", quoted=f"it holds {listed([info.filename for info in found])}", file=file)
 
 
 def _check_directory(data: bytes, file: str) -> None:

@@ -1,0 +1,142 @@
+"""In which unit each parameter of a formula must be, as a power of that of x times a power of that of y.
+
+`a*exp(-x/tau)` adds up only if tau is in the unit of x and a in that of y.  Sums have terms of one unit, functions take and give pure numbers,
+the whole has the unit of y: each is a linear equation of exponents.  Numbers are pure, unless the equations before them say otherwise:
+an equation that contradicts those before it is dropped, since a formula may hold numbers with units of their own (`cos(2*pi*x/12)`, x in months).
+"""
+
+from __future__ import annotations
+
+import ast
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from fractions import Fraction
+
+from estim.curves.formula import CONSTANTS, Formula
+
+Dimension = tuple[float, float]
+"""Powers of the unit of x and of that of y."""
+
+_Row = dict[str, Fraction]  # name of an unknown exponent -> its coefficient; "" is the constant (of x, of y)
+_SAME = ("abs", "hypot", "minimum", "maximum", "min", "max", "floor", "ceil")
+_ROOTS = {"sqrt": Fraction(1, 2), "cbrt": Fraction(1, 3)}
+_X, _Y = "(x)", "(y)"
+_MOST_DIGITS = 1000  # of the denominator of an exponent
+
+
+def dimensions_of(formula: Formula, *, density: bool = False, strict: bool = False) -> dict[str, Dimension]:
+    """Name -> unit of each parameter that the formula determines.
+
+    density : whether the whole has the unit of y over that of x.  strict : nothing where an equation contradicts another.
+    """
+    system = _System()
+    system.equal(_dimension(formula.tree, system), {_Y: Fraction(1), **({_X: Fraction(-1)} if density else {})})
+    if strict and system.contradicted:
+        return {}
+    found = {name: system.reduced({name: Fraction(1)}) for name in formula.names}
+    return {name: (float(row.get(_X, 0)), float(row.get(_Y, 0))) for name, row in found.items() if not set(row) - {_X, _Y}}
+
+
+@dataclass
+class _System:
+    """Solved equations: unknown -> what it is in terms of others, of the unit of x and of that of y."""
+
+    solved: dict[str, _Row] = field(default_factory=dict)
+    made: int = 0
+    contradicted: bool = False
+
+    def fresh(self) -> _Row:
+        self.made += 1
+        return {f"({self.made})": Fraction(1)}
+
+    def reduced(self, row: Mapping[str, Fraction]) -> _Row:
+        found: _Row = {}
+        for name, factor in row.items():
+            for other, share in self.solved.get(name, {name: Fraction(1)}).items():
+                found[other] = found.get(other, Fraction(0)) + factor * share
+        return {name: factor for name, factor in found.items() if factor}
+
+    def equal(self, left: Mapping[str, Fraction], right: Mapping[str, Fraction]) -> None:
+        """Adds an equation, unless it contradicts the others."""
+        row = self.reduced(_sum(left, right, Fraction(-1)))
+        unknown = next((name for name in row if name not in (_X, _Y)), None)
+        if unknown is None:
+            self.contradicted |= bool(row)
+            return
+        factor = row.pop(unknown)
+        self.solved[unknown] = {name: -share / factor for name, share in row.items()}
+        self.solved = {name: self.reduced(rest) for name, rest in self.solved.items()}
+
+
+def _dimension(node: ast.expr, system: _System) -> _Row:
+    match node:
+        case ast.Constant():
+            return {}
+        case ast.Name(id="x"):
+            return {_X: Fraction(1)}
+        case ast.Name(id=name):
+            return {} if name in CONSTANTS else {name: Fraction(1)}
+        case ast.UnaryOp(operand=operand):
+            return _dimension(operand, system)
+        case ast.BinOp(left=left, op=op, right=right):
+            first, second = _dimension(left, system), _dimension(right, system)
+            if isinstance(op, ast.Mult | ast.Div):
+                return _sum(first, second, Fraction(1 if isinstance(op, ast.Mult) else -1))
+            system.equal(first, second)
+            return first if first or not second else second
+        case ast.Call(func=ast.Name(id="power"), args=[base, exponent]):
+            return _power(base, exponent, system)
+        case ast.Call(func=ast.Name(id=name), args=arguments):
+            return _call(name, [_dimension(one, system) for one in arguments if not _is_choice(one, system)], system)
+    return system.fresh()
+
+
+def _power(base: ast.expr, exponent: ast.expr, system: _System) -> _Row:
+    of_base, of_exponent = _dimension(base, system), _dimension(exponent, system)
+    number = _number(exponent)
+    if number is not None:
+        return {name: factor * number for name, factor in of_base.items()}
+    system.equal(of_exponent, {})
+    if not set(system.reduced(of_base)) & {_X, _Y}:
+        system.equal(of_base, {})
+        return {}
+    return system.fresh()  # x**n, whose unit changes with n
+
+
+def _call(name: str, arguments: list[_Row], system: _System) -> _Row:
+    if name in _ROOTS:
+        return {one: factor * _ROOTS[name] for one, factor in arguments[0].items()}
+    if name in _SAME or name in ("where", "arctan2", "atan2", "voigt"):
+        for other in arguments[1:]:
+            system.equal(arguments[0], other)
+        if name == "voigt":
+            return {one: -factor for one, factor in arguments[0].items()}
+        return {} if name in ("arctan2", "atan2") else arguments[0]
+    for one in arguments:
+        system.equal(one, {})
+    return {}
+
+
+def _is_choice(node: ast.expr, system: _System) -> bool:
+    """Whether this is the condition of a `where`; its sides have one unit."""
+    if isinstance(node, ast.Compare):
+        system.equal(_dimension(node.left, system), _dimension(node.comparators[0], system))
+    return isinstance(node, ast.Compare)
+
+
+def _number(node: ast.expr) -> Fraction | None:
+    match node:
+        case ast.Constant(value=float(value)):
+            return Fraction(value).limit_denominator(_MOST_DIGITS)
+        case ast.UnaryOp(op=op, operand=operand):
+            found = _number(operand)
+            return None if found is None else -found if isinstance(op, ast.USub) else found
+        case ast.BinOp(left=left, op=ast.Div(), right=right):
+            first, second = _number(left), _number(right)
+            return None if first is None or not second else first / second
+    return None
+
+
+def _sum(left: Mapping[str, Fraction], right: Mapping[str, Fraction], factor: Fraction) -> _Row:
+    names = {**left, **right}
+    return {name: value for name in names if (value := left.get(name, Fraction(0)) + factor * right.get(name, Fraction(0)))}

@@ -1,0 +1,99 @@
+"""What is stated of errors that points of a table share: files with covariance matrices, and errors common to all readings of an axis."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from estim.arrays import FloatArray
+from estim.common import InputError, read_number
+from estim.line.joint_errors import MOST_POINTS, Common, joint_covariance, with_common
+from estim.line.least_squares import fit_line
+from estim.reading import Dialect, read_columns
+
+
+@dataclass(frozen=True)
+class Correlated:
+    """cov : file with the covariance matrix of all x, then all y.  cov_x, cov_y : of one axis alone.  common : errors that all readings share."""
+
+    cov: Path | None = None
+    cov_x: Path | None = None
+    cov_y: Path | None = None
+    common: tuple[Common, ...] = ()
+
+    @property
+    def words(self) -> list[str]:
+        """What is stated, for a report."""
+        files = (("x, then y,", self.cov), ("x", self.cov_x), ("y", self.cov_y))
+        said = [f"covariances of {what} from {path.name}" for what, path in files if path is not None]
+        return said + [f"{_size(one)} of {one.axis}, shared by all points" for one in self.common]
+
+    def __bool__(self) -> bool:
+        return bool(self.words)
+
+
+def _size(one: Common) -> str:
+    return f"{100.0 * one.u:g} % of the scale" if one.relative else f"{one.u:g} of the zero"
+
+
+def common_error(axis: str, text: str) -> Common:
+    """An error common to all readings: "0.1" in the unit of the axis, or "2%" of the reading.  Raises InputError."""
+    number = text.strip().removesuffix("%")
+    try:
+        u = read_number(number.strip())
+    except ValueError:
+        raise InputError("must be a number, or a share like 2%", field=f"--common-{axis}", value=text) from None
+    if not 0.0 < u < float("inf"):
+        raise InputError("must be > 0", field=f"--common-{axis}", value=text)
+    relative = number != text.strip()
+    return Common(axis, u / 100.0 if relative else u, relative)
+
+
+def stated_covariance(
+    stated: Correlated, x: FloatArray, y: FloatArray, u_x: FloatArray | float | None, u_y: FloatArray | float | None, r_xy: FloatArray | float,
+    dialect: Dialect,
+) -> FloatArray:
+    """(2 n_obs, 2 n_obs) covariance of x, then y.
+
+    u_x, u_y, r_xy : of each point alone.  An error of the scale of y is taken at the values of the line that is found without it: taken at the
+    readings, it would draw the line towards the smaller ones (Peelle's pertinent puzzle).  Raises InputError.
+    """
+    n = x.size
+    if n > MOST_POINTS:
+        raise InputError(f"goes with at most {MOST_POINTS} points", field="covariance", value=n)
+    if stated.cov is not None:
+        return with_common(read_matrix(stated.cov, 2 * n, "all x, then all y", dialect), stated.common, x, y)
+    own = [np.broadcast_to(0.0 if u is None else np.asarray(u, dtype=float), n) for u in (u_x, u_y)]
+    cov_x, cov_y = (None if path is None else read_matrix(path, n, axis, dialect) for path, axis in ((stated.cov_x, "x"), (stated.cov_y, "y")))
+    if u_x is None and u_y is None and cov_x is None and cov_y is None:
+        raise InputError("needs the uncertainty of each reading beside it: --uy, --ux, or a matrix", field=f"--common-{stated.common[0].axis}")
+    joint = joint_covariance(own[0], own[1], np.broadcast_to(r_xy, n), cov_x=cov_x, cov_y=cov_y)
+    at = y
+    if any(one.relative and one.axis == "y" for one in stated.common):
+        alone = fit_line(x, y, cov=with_common(joint, [one for one in stated.common if not one.relative], x, y))
+        at = alone.intercept + alone.slope * x
+    return with_common(joint, stated.common, x, at)
+
+
+def read_matrix(path: Path, size: int, what: str, dialect: Dialect) -> FloatArray:
+    """(size, size) numbers from a table without names, or with a line of them.  Raises InputError."""
+    names = tuple(f"{i + 1}" for i in range(size))
+    rule = f"must have {size} rows and {size} columns of covariances: those of {what}, in the order of the rows that are fit"
+    written = Dialect(names, dialect.delimiter, dialect.decimal, None, None, dialect.encoding)
+    try:
+        table = read_columns(path, needed=names, min_rows=1, shown_as=str(path), dialect=written)
+    except InputError as error:
+        if error.field not in ("columns", "row"):
+            raise
+        raise InputError(rule, field="matrix", file=path, line=error.line) from None
+    if table.lines.size != size:
+        raise InputError(rule, field="matrix", value=f"{table.lines.size} rows", file=path)
+    return np.column_stack([table.columns[name] for name in names])
+
+
+def commons(x: Sequence[str], y: Sequence[str]) -> tuple[Common, ...]:
+    """The errors of both axes as they are written.  Raises InputError."""
+    return (*(common_error("x", text) for text in x), *(common_error("y", text) for text in y))

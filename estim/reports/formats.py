@@ -1,0 +1,30 @@
+"""A report in other formats than Markdown, each made of the files of the report alone.  What makes one is loaded when it is asked for."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+
+Files = Mapping[str, bytes]
+
+
+def with_formats(files: Files, formats: Iterable[str]) -> dict[str, bytes]:
+    """`files` of a report (path -> bytes) and, in each of `formats` ("html", "pdf"), `report.html` or `report.pdf` of its `report.md`."""
+    made = dict(files)
+    for name in formats if "report.md" in files else ():
+        made[f"report.{name}"] = _MAKERS[name](files)
+    return made
+
+
+def _html(files: Files) -> bytes:
+    from estim.reports.html_page import html_page
+
+    return html_page(files)
+
+
+def _pdf(files: Files) -> bytes:
+    from estim.reports.pdf_page import pdf_page
+
+    return pdf_page(files)
+
+
+_MAKERS: dict[str, Callable[[Files], bytes]] = {"html": _html, "pdf": _pdf}
