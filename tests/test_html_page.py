@@ -24,6 +24,7 @@ from estim.reports.html_page import html_page
 from estim.reports.rendering import folded
 
 PROJECT = Path(__file__).parents[1]
+BROKEN = re.compile(r"(?:</details>|\.png\))\n[^\n]|[^\n]\n<details>")
 VOID = {"meta", "img", "input", "br", "hr"}
 REPORTS = ("replica", "gallery/filament", "gallery/wheel", "gallery/cavendish", "gallery/muon_binned")
 
@@ -122,12 +123,19 @@ def test_a_page_can_be_found_one_s_way_in(report: tuple[dict[str, bytes], Page])
     assert len(page.all("div")) >= len(page.all("table"))
 
 
+def test_html_ends_at_a_blank_line_in_every_report() -> None:
+    """Else Markdown takes what follows a folded part for HTML (CommonMark 0.31, section 4.6)."""
+    for text in (path.read_text() for path in (PROJECT / "reports").rglob("report.md")):
+        assert not BROKEN.search(text)
+
+
 def test_folded_parts_figures_and_tables_are_made_of_markdown() -> None:
     text = f"# T\n\n## Standing\n\n![a *finding*](figures/a.png)\n\n*Its caption, γ = 1.*\n\n{folded('Inner', '## Inner', opened=False)}\n"
-    text += f"\n{folded('Other', '## Another' + chr(10) * 2 + '### Deeper', opened=False)}\n\n| | b |\n|---|---|\n| [r](x/report.md) | 1.0 ± 0.1 |\n"
+    text += f"\n{folded('Other', '## Another' + chr(10) * 2 + '### Deeper', opened=False)}\n"
+    text += f"\n{folded('Third', '### First of all', opened=False)}\n\n| | b |\n|---|---|\n| [r](x/report.md) | 1.0 ± 0.1 |\n"
     page = page_of(text, **{"figures/a.png": PIXEL})
     headings = [tag for tag, _ in page.tags if re.fullmatch("h[1-6]", tag)]
-    assert headings == ["h1", "h2", "h2", "h2", "h3", "h4"]  # "Inner" once, as the title of its part
+    assert headings == ["h1", "h2", "h2", "h2", "h3", "h4", "h2", "h3"]  # "Inner" once, as the title of its part
     assert [tag for tag, _ in page.tags if tag.startswith("fig")] == ["figure", "figcaption"]
     assert page.all("img")[0]["alt"] == "a finding"
     assert [link["href"] for link in page.all("a")][-1] == "x/report.html"
@@ -188,6 +196,7 @@ def test_verify_remakes_the_page_and_finds_a_digit_changed_in_it(model: Path) ->
     origin = json.loads((model / "out" / "origin.json").read_text())
     assert origin["command"] == ["propagate", "model.toml", "--format", "html"]
     assert "report.html" in origin["outputs"]
+    assert not BROKEN.search((model / "out" / "report.md").read_text())
     assert "<title>A &lt;sum&gt;" in (model / "out" / "report.html").read_text()
     assert run("verify", "out").exit_code == 0
     page = (model / "out" / "report.html").read_text()
@@ -256,4 +265,4 @@ def test_every_command_that_writes_a_report_has_formats() -> None:
         path.stem for path in (PROJECT / "estim" / "cli").glob("*.py")
         if any(isinstance(node, ast.Call) and ast.unparse(node.func) == "write_files" for node in ast.walk(ast.parse(path.read_text())))
     }
-    assert writing == {"batching", "commands", "importing", "new", "terminal"}  # times.csv, draws.nc, what is no report, and `write_report`
+    assert writing == {"batching", "commands", "importing", "new", "terminal"}  # draws.nc, times, what is no report, and `write_report`

@@ -35,7 +35,7 @@ def _noted(context: click.Context, _option: click.Parameter, formats: tuple[str,
 
 FORMAT = click.option(
     "--format", "formats", type=click.Choice(list(_NEEDS)), multiple=True, expose_value=False, callback=_noted,
-    help="Beside report.md: report.html, one file with all figures in it, or report.pdf; may be given twice.",
+    help="Beside report.md: report.html, one file with all figures in it, or report.pdf.",
 )
 
 
