@@ -1,9 +1,9 @@
-"""What lmfit, emcee and arviz-stats load for features that no command uses, left until it is used: in the command line's own processes alone.
+"""What other packages load for features that no command uses, left until it is used: in the command line's own processes alone.
 
-lmfit's front page loads matplotlib and pandas, arviz-stats' xarray and scipy.signal, all three scipy.stats: a second, for tools that no fit
-calls.  Nothing is taken away, everything is found when it is first used: the page of a package is run when something of it is asked for
-(`_Page`), and a name that one of their files imports stands for the real one (`_Name`).  No other file sees a stand-in.  In a user's Python,
-where estim is a guest, imports are as everywhere; so they are for what has been imported already.
+lmfit's front page loads matplotlib, pandas and dill, that of arviz-stats xarray and scipy.signal, both and emcee load scipy.stats: a second,
+for tools that no fit calls.  Nothing is taken away, everything is found when it is first used: the page of a package is run when something
+of it is asked for (`_Page`), and a name that one of their files imports stands for the real one (`_Name`).  No other file sees a stand-in.
+In a user's Python, where estim is a guest, imports are as everywhere; so they are for what has been imported already.
 """
 
 from __future__ import annotations
@@ -13,6 +13,7 @@ import sys
 from collections.abc import Callable, Sequence
 from importlib import import_module
 from importlib.machinery import ModuleSpec, PathFinder
+from importlib.util import find_spec
 from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
@@ -22,12 +23,13 @@ if TYPE_CHECKING:
 _PAGES = frozenset({"lmfit", "arviz_stats"})
 _LEFT = {  # file -> modules of which it imports names
     "emcee.moves.kde": frozenset({"scipy.stats"}),
-    "lmfit.jsonutils": frozenset({"pandas"}),
+    "lmfit.jsonutils": frozenset({"dill", "pandas"}),
     "lmfit.minimizer": frozenset({"pandas", "scipy.stats"}),
     "arviz_stats.base": frozenset({"arviz_stats.base.dataarray"}),
     "arviz_stats.base.core": frozenset({"scipy.interpolate", "scipy.stats"}),
     "arviz_stats.base.density": frozenset({"scipy.signal", "scipy.signal.windows"}),
     "arviz_stats.base.diagnostics": frozenset({"scipy"}),  # `from scipy import stats`
+    "scipy.optimize._shgo": frozenset({"scipy"}),  # `from scipy import spatial`
 }
 
 
@@ -83,11 +85,11 @@ class _Page(ModuleType):
 
 
 def _importing(left: frozenset[str]) -> Callable[..., Any]:
-    """The `__import__` of a file which leaves some modules, unless they are there already."""
+    """The `__import__` of a file which leaves some modules, unless they are there already, or not installed."""
 
     def find(name: str, *rest: Any) -> Any:
-        ready = name != "scipy" and name in sys.modules
-        return _Module(name) if name in left and not ready else builtins.__import__(name, *rest)
+        later = name in left and (name == "scipy" or name not in sys.modules) and find_spec(name.partition(".")[0]) is not None
+        return _Module(name) if later else builtins.__import__(name, *rest)
 
     return find
 

@@ -269,7 +269,7 @@ REFUSED = COMMAND.format(words=["fit", "data/replica/campaign.toml", "--run", "n
 @pytest.mark.parametrize(
     ("code", "said", "without"),
     [
-        (COMMAND.format(words=["--help"]), "0", HEAVY | SLOW),
+        *((COMMAND.format(words=[word]), "0", HEAVY | SLOW) for word in ("--help", "--version")),
         ("import estim; print(estim.fit_line is estim.fit_curve, dir(estim) == estim.__all__)", "False True", SLOW),
         (REFUSED, "2", SLOW),
         ("import estim; print(estim.propagate_linear(lambda q: 2.0 * q['a'], [estim.Input('a', 1.0, 0.1, dof=5)]).value)", "2.0", SLOW),

@@ -45,6 +45,9 @@ import arviz_stats, numpy, xarray
 draws = numpy.random.default_rng(1).normal(size=(4, 100))
 one = xarray.DataArray(draws, dims=["chain", "draw"])
 print(*[round(float(found), 6) for found in (array_stats.ess(draws), dataarray_stats.ess(one), arviz_stats.ess(draws))])
+from scipy.optimize import shgo
+print(bool(shgo(lambda x: float(x[0] ** 2), [(-1.0, 2.0)], sampling_method="simplicial").success))
+print(lmfit.Parameters().loads(lmfit.Parameters().dumps()) == lmfit.Parameters())
 try: arviz_stats.none
 except AttributeError as error: print("none" in str(error))
 """
@@ -52,4 +55,17 @@ except AttributeError as error: print("none" in str(error))
     assert lines[:5] == ["1", "False", "False", "False", "False"]
     assert lines[5:9] == ["2.0", "True", "True", "True"]
     assert len(set(lines[9:12])) == 1
-    assert lines[12:] == ["True"]
+    assert lines[12:] == ["True", "True", "True"]
+
+
+def test_what_is_not_installed_is_missed_as_ever() -> None:
+    code = """
+import sys
+from estim import lean_imports
+lean_imports.import_lean()
+lean_imports.find_spec = lambda name: None
+sys.modules["pandas"] = None
+from lmfit.minimizer import HAS_PANDAS
+print(HAS_PANDAS)
+"""
+    assert said(code) == ["False"]

@@ -194,7 +194,7 @@ def test_intervals_hold_what_they_say_and_those_without_the_correlations_do_not(
     rng = np.random.default_rng(12)
     shared = [Common("y", 0.3), Common("x", 0.1), Common("y", 0.03, relative=True)]
     cov = with_common(joint_covariance(np.full(N, 0.15), np.full(N, 0.1), np.full(N, 0.4)), shared, TRUE, 1.0 + 0.7 * TRUE)
-    n, inside, blind, slopes = 2000, 0, 0, 0
+    n, inside, blind, slopes = 1000, 0, 0, 0
     for _ in range(n):
         x, y = drawn(rng, cov)
         fit = fit_line(x, y, cov=cov)

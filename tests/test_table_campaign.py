@@ -81,6 +81,13 @@ def test_every_option_is_a_key_of_the_campaign(table: Path) -> None:
     assert problem.n_obs == 17
 
 
+def test_a_parameter_may_be_called_like_a_column(tmp_path: Path) -> None:
+    (tmp_path / "fall.csv").write_text("t,x,v\n" + "".join(f"{0.1 * i:g},{i**2:g},{2 * i:g}\n" for i in range(9)))
+    text = text_of_table(tmp_path / "fall.csv", TableChoices(formula="x0 + v*t + a*t**2/2", y="x"))
+    assert 'x = {column = "t"}' in text.splitlines()
+    assert "v = {start = 1.0}" in text.splitlines()
+
+
 @pytest.mark.parametrize(
     ("formula", "said"),
     [

@@ -61,6 +61,8 @@ def _default(value: Any) -> str:
 
 
 def _signature(name: str, thing: Any) -> str:
+    if inspect.isclass(thing) and issubclass(thing, Enum):
+        return "\n".join(f"{name}.{member.name}" for member in thing)
     signature = inspect.signature(thing)
     parts, starred = [], False
     for parameter in signature.parameters.values():

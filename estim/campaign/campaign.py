@@ -14,6 +14,7 @@ from estim.campaign.bodies import RollingStudy
 from estim.campaign.campaign_file import CampaignFile, NoiseTable, RunTable, read_campaign_file
 from estim.campaign.curve_models import CurveModel
 from estim.campaign.derived import read_derived, with_derived
+from estim.campaign.dialect_table import dialect_of
 from estim.campaign.noise_models import Candidate
 from estim.campaign.own_curve import read_curve_study
 from estim.campaign.study import Study
@@ -24,7 +25,7 @@ from estim.deviation import BadFrames
 from estim.explanation import Suspects
 from estim.fitting import Fit
 from estim.problem import Problem
-from estim.reading import COLUMNS, Run, compare_intervals, read_run
+from estim.reading import COLUMNS, Run, compare_intervals, is_tracker_file, read_run
 
 
 @dataclass(frozen=True, eq=False)
@@ -172,8 +173,10 @@ def _read_runs(source: CampaignFile, only: str | None) -> Mapping[str, Run]:
 
 
 def _read(source: CampaignFile, path: Path, run: RunTable) -> Run:
+    levels = ((("runs", source.runs.index(run)), run), (("bodies", run.body), source.bodies[run.body]), (("shared",), source.shared))
+    dialect = dialect_of(levels[:1] if is_tracker_file(path) or run.choices is not None else levels, source.places)
     with source.reading(path, COLUMNS):
-        table = read_run(path, name=run.name, shown_as=str(path), choices=run.choices)
+        table = read_run(path, name=run.name, shown_as=str(path), choices=run.choices, dialect=dialect)
     if not run.leave_out_s:
         return table
     try:

@@ -1,13 +1,12 @@
-"""Keys of a campaign for what is known beside weight and plain rolling resistance; each may stand at every level."""
+"""Keys of a campaign for what is known beside weight and plain rolling resistance, and for how tables are written; each may stand at every level."""
 
 from __future__ import annotations
 
-import msgspec
-
+from estim.campaign.dialect_table import DialectKeys
 from estim.campaign.prior_table import Value
 
 
-class EffectTable(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
+class EffectTable(DialectKeys, forbid_unknown_fields=True, frozen=True):
     """What none of them says is taken as exactly zero."""
 
     release_energy: Value | None = None

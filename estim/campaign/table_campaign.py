@@ -21,6 +21,7 @@ from estim.curves import Formula, called_by_name, linear_in, read_formula
 from estim.reading import Dialect, Layout, is_tracker_file, name_and_unit, no_names, numeric_columns, read_layout
 
 _SAID = "command line"
+_ABSCISSAS = ("x", "t", "time")
 _WORD = re.compile(r"[^\s$|\\`][^$|\\`\n]{0,18}")
 
 
@@ -132,6 +133,7 @@ def _axes(file: Path, formula: Formula, choices: TableChoices, said: Sequence[st
     x_name, y_name = choices.x, choices.y
     if x_name is None:
         called = [name for name in values if y_name not in (name, _bare(name)) and _names(formula, name, said)]
+        called = [name for name in called if _bare(name).lower() in _ABSCISSAS] or called  # a parameter may be called like a column too
         x_name = called[0] if len(called) == 1 else None
     others = [name for name in values if not {name, _bare(name)} & {x_name, y_name}]
     if y_name is None:

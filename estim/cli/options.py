@@ -15,5 +15,4 @@ OUT = click.option(
 )
 SEED = click.option("--seed", type=click.IntRange(min=0, max=2**63 - 1), default=1, show_default=True, help="Seed of every random number.")
 NO_FIGURES = click.option("--no-figures", is_flag=True, help="Write the report without figures, for its text and numbers alone: it is done sooner.")
-
 JOBS = click.option("--jobs", type=click.IntRange(min=1), help="Processes.  [default: one for each core]")

@@ -7,6 +7,7 @@ one of the columns are left out, and the table says so.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from types import MappingProxyType
 
@@ -15,7 +16,7 @@ import numpy as np
 from estim.common import EXTREME, InputError, extreme
 from estim.reading.dialect import Dialect, decimal_mark, is_column, is_missing, name_and_unit, number_in, place_of, split_row
 from estim.reading.layout import Layout, cells_differ, no_names, read_layout
-from estim.reading.table import DECIMAL_COMMAS, Table, may_be_decimal_commas
+from estim.reading.table import DECIMAL_COMMAS, Table, may_be_decimal_commas, own_name
 
 
 def read_columns(
@@ -56,6 +57,24 @@ def read_columns(
     for array in (*columns.values(), at):
         array.setflags(write=False)
     return Table(shown_as, layout.sha256, layout.header_line or 0, MappingProxyType(columns), at, layout.warnings, tuple(facts), units)
+
+
+def read_known_columns(path: Path, *, known: Sequence[str], min_rows: int, shown_as: str, dialect: Dialect) -> Table:
+    """The columns of the table at `path` that are called as one of `known`, or as other programs call these; all others are left unread.
+
+    Raises InputError as `read_columns` does, and where a column has an uncertain place.
+    """
+    layout = read_layout(path, dialect, shown_as=shown_as)
+    if not layout.names:
+        raise no_names(layout)
+    called = {name: ours for name in layout.names if (ours := own_name(name)) in known}
+    if len(set(called.values())) < len(called):
+        raise InputError("has two columns that are called alike", field="header", value=", ".join(called), file=shown_as, line=layout.header_line)
+    if not called:
+        rule = f"must hold columns that are called {', '.join(known)} (or name all columns: columns = [...])"
+        raise InputError(rule, field="header", value=", ".join(layout.names), file=shown_as, line=layout.header_line)
+    table = read_columns(path, needed=list(called), min_rows=min_rows, shown_as=shown_as, dialect=dialect)
+    return replace(table, columns=MappingProxyType({called[name]: column for name, column in table.columns.items()}))
 
 
 def _row(line: str, layout: Layout, file: str, number: int) -> list[str]:

@@ -16,6 +16,8 @@ from numpy.typing import NDArray
 
 from estim.arrays import FloatArray
 from estim.common import InputError, Quantity
+from estim.reading.columns import read_known_columns
+from estim.reading.dialect import Dialect
 from estim.reading.table import Table, read_table
 from estim.reading.tracker.importing import (
     Choices,
@@ -98,8 +100,10 @@ class Run:
         return "v_m_s" if self.coordinate == "x_m" else "omega_rad_s"
 
 
-def read_run(path: Path, *, name: str, shown_as: str | None = None, choices: Choices | None = None) -> Run:
+def read_run(path: Path, *, name: str, shown_as: str | None = None, choices: Choices | None = None, dialect: Dialect | None = None) -> Run:
     """The run in the file at `path`; `shown_as` is how messages and reports name the file.
+
+    dialect : how the table is written, where that is stated; its columns may then be among others, and are called as below, or "time (s)".
 
     A .trk, a .trz, a text export of Tracker, and any file for which there are `choices`, is imported (`importing`).  Without
     `choices` a table of `t` and `x` alone is refused, since nothing shows whether its x is counted from the release.
@@ -107,12 +111,19 @@ def read_run(path: Path, *, name: str, shown_as: str | None = None, choices: Cho
     Raises InputError with file, line, field, rule and value for anything that is not a table of finite numbers with
     known columns, one of `x_m` and `theta_rad` among them, and times that increase.
     """
-    if choices is not None or is_tracker_file(path) or is_export_file(path):
+    stated = dialect is not None and dialect != Dialect()
+    if stated and (choices is not None or is_tracker_file(path)):
+        rule = "goes with tables, not with a file of Tracker, which says itself how it is written"
+        raise InputError(rule, field="columns", file=shown_as or str(path))
+    if not stated and (choices is not None or is_tracker_file(path) or is_export_file(path)):
         imported = import_track(path, choices or Choices(), shown_as=shown_as or str(path))
         if choices is None and not is_tracker_file(path):
             refuse_bare_export(path, shown_as or str(path))
         return _imported(imported, name)
-    table = read_table(path, known=COLUMNS, min_rows=_MIN_ROWS, shown_as=shown_as or str(path))
+    if dialect is not None and stated:
+        table = read_known_columns(path, known=COLUMNS, min_rows=_MIN_ROWS, shown_as=shown_as or str(path), dialect=dialect)
+    else:
+        table = read_table(path, known=COLUMNS, min_rows=_MIN_ROWS, shown_as=shown_as or str(path))
     names = set(table.columns)
     shown = ", ".join(table.columns)
     if ("x_m" in names) == ("theta_rad" in names):

@@ -143,7 +143,7 @@ def _delimiter(header: str) -> str:
 def _names(line: str, known: Sequence[str]) -> list[str]:
     """Column names on a line, in our spelling; empty where the line is no header."""
     cells = [cell.strip() for cell in line.lstrip("%# ").split(_delimiter(line))]
-    names = [_OTHER_NAMES.get(cell.lower(), cell) for cell in cells]
+    names = [own_name(cell) for cell in cells]
     commented = line.lstrip().startswith(_COMMENTS)
     if commented:
         return names if all(name in known for name in names) else []
@@ -156,6 +156,11 @@ def _is_number(text: str) -> bool:
     except ValueError:
         return False
     return True
+
+
+def own_name(cell: str) -> str:
+    """A column name in our spelling: "Time (s)" is t_s."""
+    return _OTHER_NAMES.get(cell.strip().lower(), cell.strip())
 
 
 def split_cells(line: str, delimiter: str) -> list[str]:
