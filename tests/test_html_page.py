@@ -265,4 +265,4 @@ def test_every_command_that_writes_a_report_has_formats() -> None:
         path.stem for path in (PROJECT / "estim" / "cli").glob("*.py")
         if any(isinstance(node, ast.Call) and ast.unparse(node.func) == "write_files" for node in ast.walk(ast.parse(path.read_text())))
     }
-    assert writing == {"batching", "commands", "importing", "new", "terminal"}  # draws.nc, times, what is no report, and `write_report`
+    assert writing == {"batching", "commands", "importing", "new", "terminal"}  # a batch's times, draws.nc, what is no report, and `write_report`
