@@ -31,7 +31,7 @@ from estim.reports.consistency_figures import _within
 from estim.reports.contours import PROBABILITIES, density_of
 from estim.reports.pages import marked, page
 from estim.reports.reanalysis_figures import narrowing_figure
-from estim.reports.residual_panels import Residuals, draw_faded, far_off, misfit_words, panel_pairs, residuals_of
+from estim.reports.residual_panels import Residuals, draw_faded, draw_residuals, far_off, misfit_words, panel_pairs, residuals_of
 from estim.reports.trace_figures import trace_figure
 from estim.sampling.bands import Bands
 from estim.studies.limits import Narrowing
@@ -303,6 +303,18 @@ def test_a_band_that_fades_ends_nearly_unseen_and_nowhere_else() -> None:
     assert alphas == sorted(alphas, reverse=True)
     assert alphas[-1] < 0.02
     assert solid.get_paths()[0].vertices[:, 0].max() == pytest.approx(0.75)
+
+
+@pytest.mark.parametrize(("name", "own", "label"), [
+    ("speed v", False, "v − fit (m/s)"), ("energy per cm² and s", True, "data − fit (m/s)"), ("U", True, "U − fit (m/s)"),
+    ("current", True, "data − fit (m/s)"),
+])
+def test_the_axis_of_residuals_names_a_symbol_only_where_there_is_one(name: str, own: bool, label: str) -> None:
+    run = single_run(1).runs[0]
+    run = replace(run, x=X, y=2.0 * X, y_name=name, y_unit="m/s", motion=None if own else SimpleNamespace())
+    ax = Figure().add_subplot()
+    draw_residuals(ax, Residuals(run, np.linspace(-0.1, 0.1, X.size), np.full(X.size, 0.1), NEAR), None)
+    assert ax.get_ylabel() == label
 
 
 @pytest.mark.parametrize(("n", "columns"), [(1, 1), (2, 2), (4, 2), (7, 3)])
