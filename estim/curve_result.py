@@ -115,7 +115,10 @@ class CurveFit:
         data : name of the data set, where several were fit together.  Raises InputError.
         """
         refuse_quantities(x=x)
-        places = np.atleast_1d(np.asarray(x, dtype=float))
+        try:
+            places = np.atleast_1d(np.asarray(x, dtype=float))
+        except (TypeError, ValueError):
+            raise InputError("must be numbers", field="x", value=x) from None
         if places.ndim != 1 or not np.all(np.isfinite(places)):
             raise InputError("must be finite numbers along one axis", field="x", value=x)
         if not 0.0 < probability < 1.0:

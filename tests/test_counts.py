@@ -17,6 +17,7 @@ from estim.curves.formula import read_formula
 from estim.curves.posing import AxisNames, pose_curve
 from estim.fitting.least_squares import fit_least_squares
 from estim.fitting.profile import profile_intervals
+from estim.problem import BINOMIAL, POISSON
 
 EDGES = np.linspace(0.0, 10.0, 21)
 MIDDLES = 0.5 * (EDGES[1:] + EDGES[:-1])
@@ -40,6 +41,13 @@ def test_one_count_has_the_profile_of_poisson_and_lies_within_garwood(n: int) ->
         assert (low, high) == pytest.approx(brute, rel=1e-4)
         garwood = stats.chi2.ppf(0.5 - 0.5 * p, 2 * n) / 2.0, stats.chi2.ppf(0.5 + 0.5 * p, 2 * n + 2) / 2.0
         assert garwood[0] <= low < high <= garwood[1]
+
+
+def test_densities_are_those_of_scipy() -> None:
+    y, mean, n = np.array([0.0, 3.0, 7.0]), np.array([0.4, 2.5, 9.0]), np.array([5.0, 8.0, 7.0])
+    assert POISSON.log_density(y, mean, n) == pytest.approx(stats.poisson.logpmf(y, mean))
+    hits, share = np.array([0.0, 3.0, 7.0]), np.array([0.1, 0.4, 0.8])
+    assert BINOMIAL.log_density(hits / n, share, n) == pytest.approx(stats.binom.logpmf(hits, n, share))
 
 
 def test_no_count_at_all_is_refused_with_a_limit() -> None:
@@ -177,6 +185,10 @@ def test_roots_of_counts_as_errors_are_told(rng: np.random.Generator) -> None:
         ({"noise": "poisson", "y": [1, 2, 2.5]}, "value number 3"),
         ({"noise": "poisson", "y": [1, -2, 3]}, "value number 2"), ({"noise": Poisson([0.0, 1.0])}, "edges"), ({"noise": Poisson(1.7)}, "overlap"),
         ({"noise": Poisson([[0, 0.5], [0.5, 0.9], [1.5, 2.5]])}, "number 2 does not"), ({"noise": Poisson(-1.0)}, "low one below"),
+        ({"noise": Binomial(math.nan)}, "'trials' must be finite"), ({"noise": Binomial([4, 4, math.inf])}, "'trials' must be finite"),
+        ({"noise": EventTimes(0.0, 5.0, -1), "y": None}, "'cells' must be a whole number"),
+        ({"noise": EventTimes(0.0, 5.0, 1), "y": None}, "'cells' must be"), ({"noise": EventTimes(0.0, 5.0, 2.5), "y": None}, "'cells' must be"),
+        ({"noise": EventTimes("a", 5.0), "y": None}, "'low' must be a number"),
         ({"noise": Binomial(2)}, "exceed the trials"), ({"noise": Binomial(2.5)}, "whole"), ({"noise": Binomial([4, 4])}, "as many"),
         ({"noise": EventTimes(0.0, 5.0)}, "must be None"), ({"noise": EventTimes(0.5, 5.0), "y": None}, "within the window"),
         ({"noise": EventTimes(0.0, math.inf), "y": None}, "finite"), ({"y": None}, "'y'"), ({"noise": "poisson", "y": None}, "counts"),

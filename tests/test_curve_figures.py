@@ -56,6 +56,8 @@ def test_no_region_of_a_fit_that_is_not_to_be_trusted() -> None:
     good = fit_curve("m*x + c", X, Y, u_y=5.0, start={"m": 1.0, "c": 0.0}, deviation=0.1)
     with pytest.raises(InputError, match="deviation"):
         good.contour("m", "c")
+    with pytest.raises(InputError, match="'probabilities' must hold one at least"):
+        fit_curve("m*x + c", X, Y, u_y=5.0, start={"m": 1.0, "c": 0.0}).contour("m", "c", probabilities=())
 
 
 def test_a_figure_has_points_band_and_residuals_in_the_unit_of_y(decay: CurveFit) -> None:

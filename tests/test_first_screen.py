@@ -105,6 +105,9 @@ def test_what_may_be_zero_has_an_upper_limit(rng: np.random.Generator) -> None:
     assert limit == pytest.approx(1.96 * 0.005, rel=0.03)  # of a folded normal the 95 % quantile is 1.96 sd
     shown = Estimate(PLAIN, summary(draws), "half-normal", False, limit)
     assert re.fullmatch(r"c_rr < 0\.00\d+ \(95 %\)", shown.relation)
+    for sds, limited in ((1.9, True), (2.1, False)):
+        near = sds * 0.003 + 0.003 * standard(rng)
+        assert (upper_limit(summary(near), prior, near) is not None) is limited
     sure = 0.02 + 0.003 * standard(rng)
     assert upper_limit(summary(sure), prior, sure) is None
     assert upper_limit(summary(draws), Normal(0.0, 1.0), draws) is None  # may be negative

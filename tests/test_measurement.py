@@ -340,6 +340,13 @@ HEAD = 'title = "t"\n[measurand]\nformula = "a*b"\n[inputs]\nb = {value = 1, u =
 @pytest.mark.parametrize(
     ("text", "message"),
     [
+        (HEAD + 'a = "1.0(1)"\n', ":6: 'a' must be a table, like {value = 1.0, u = 0.1}: 1.0(1)"),
+        (HEAD + "a = [1]\n", ":6: 'a' must be a table, like {value = 1.0, u = 0.1}"),
+        (
+            'simultaneous = [["a", "b"]]\n' + HEAD.replace("{value = 1, u = 0.1}", "{readings = [1, 2, 3]}")
+            + "a = {readings = [0.1, 0.1, 0.1], components = {r = {half_width = 0.05}}}\n",
+            ":1: 'simultaneous' must name inputs whose readings scatter",
+        ),
         (HEAD + "a = {readings = [1.1, 1.1, 1.1]}\n", ":6: 'readings' are all the same, so that their scatter tells no uncertainty"),
         (HEAD + "a = {value = 0, u_percent = 5}\n", ":6: 'u_percent' means nothing where the value is 0: state u"),
         (HEAD + "a = {value = 0, components = {p = {u_percent = 5}}}\n", ":6: 'u_percent' means nothing where the value is 0: state u"),

@@ -247,6 +247,24 @@ u = {phi_deg = 0.1}
 '''
 
 
+def test_what_the_data_refuse_is_no_ground_for_a_plan(tmp_path: Path) -> None:
+    """A line through a parabola: stated errors say nothing of what further readings would do."""
+    x = np.linspace(0.0, 5.0, 30)
+    y = 1.0 + x**2 + 0.05 * np.random.default_rng(3).standard_normal(30)
+    (tmp_path / "r.csv").write_text("x,y\n" + "".join(f"{a},{b}\n" for a, b in zip(x, y, strict=True)))
+    text = 'title = "t"\nkind = "synthetic"\n[curve]\nexpression = "a + b*x{}"\nx = "x"\ny = "y"\nu_y = 0.05\n[curve.parameters]\n'
+    text += 'a = {{start = 1.0}}\nb = {{start = 1.0}}\n{}[[runs]]\nname = "r"\nfile = "r.csv"\n'
+    for more, known, code in (("", "", 3), (" + c*x**2", "c = {start = 1.0}\n", 0)):
+        (tmp_path / "campaign.toml").write_text(text.format(more, known))
+        done = CliRunner().invoke(cli, ["plan", str(tmp_path / "campaign.toml"), "--out", str(tmp_path / "out"), "--no-figures"])
+        assert done.exit_code == code, done.output
+        assert ("plan: poor-fit" in done.output) is bool(code)
+        assert ("To halve" in done.output) is not bool(code)
+        record = json.loads((tmp_path / "out" / "plan.json").read_text())
+        assert (record["status"], record["answers"] == []) == (("poor-fit", True) if code else ("ok", False))
+        assert ("first see what `estim fit` says" in (tmp_path / "out" / "report.md").read_text()) is bool(code)
+
+
 def test_the_command_ranks_what_was_asked_for_and_says_where_linear_theory_fails(tmp_path: Path, replica: Path, unrendered: None) -> None:
     """One run by itself: the posterior of kappa has a long tail, which linear theory does not know."""
     path = changed(tmp_path, replica, more=ASKED)

@@ -76,7 +76,8 @@ def test_ridges_followed_together_are_those_followed_one_by_one(name: str, repli
         of_ridge, one = row == i, single.rows(0)
         way, masses = ridge_alone(one)
         np.testing.assert_allclose(points[of_ridge] / sds[one.order], way / sds[one.order], rtol=0.0, atol=ROUNDING)
-        np.testing.assert_allclose(log_masses[of_ridge], masses, rtol=0.0, atol=ROUNDING)
+        slope = np.sqrt(2.0 * np.maximum(-masses, 0.5))  # of a normal log density where it lies so deep, per standard deviation
+        assert np.all(np.abs(log_masses[of_ridge] - masses) < ROUNDING * slope)
         alone = along_ridges(single)
         np.testing.assert_allclose(together.means[of_ridge] / sds, one.original(way) / sds, rtol=0.0, atol=ROUNDING)
         np.testing.assert_allclose(together.factors[of_ridge] / sds[:, None], alone.factors / sds[:, None], rtol=0.0, atol=10.0 * ROUNDING)

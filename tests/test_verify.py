@@ -13,6 +13,7 @@ import pytest
 from command_runner import runner
 
 from estim.cli.commands import cli
+from estim.cli.crate import CRATE
 from estim.common import InputError
 from estim.verification import compare_results, differences
 
@@ -172,6 +173,25 @@ def test_a_datum_and_a_prior_are_found_and_what_they_move(tmp_path: Path, monkey
         assert words in apart.output, apart.output
     assert "same" not in apart.output
     assert run("diff", "first", "first/result.json").output == "the results are the same\n"
+
+
+def test_what_only_an_earlier_report_has_goes_with_it_unless_somebody_changed_it(model: Path) -> None:
+    out = model / "out"
+    (out / "mine.txt").write_text("a note")
+    origin = json.loads((out / "origin.json").read_text())
+    for name, kept in (("old.csv", "old"), ("edited.csv", "other")):
+        (out / name).write_text(kept)
+        origin["outputs"][name] = hashlib.sha256(b"old").hexdigest()
+    (model / "elsewhere.csv").write_text("old")
+    origin["outputs"] |= {"../elsewhere.csv": hashlib.sha256(b"old").hexdigest(), str(model / "elsewhere.csv"): hashlib.sha256(b"old").hexdigest()}
+    (out / "origin.json").write_text(json.dumps(origin))
+    assert run("propagate", "model.toml", "--out", "out", "--no-figures").exit_code == 0
+    assert sorted(path.name for path in out.iterdir()) == ["edited.csv", "mine.txt", "origin.json", "report.md", "result.json", CRATE]
+    assert (model / "elsewhere.csv").exists()
+    shutil.copy(model / "elsewhere.csv", out / "report.md")
+    (out / "origin.json").write_text("{")  # no origin of ours says what is ours
+    assert run("propagate", "model.toml", "--out", "out", "--no-figures").exit_code == 0
+    assert (out / "edited.csv").exists()
 
 
 def test_what_cannot_be_verified_is_one_line(model: Path) -> None:

@@ -16,7 +16,7 @@ _COMMENTS = {
     "kind": '"measured", "synthetic" or "published": printed on every report',
     "expression": "the curve: x and the parameters below",
     "every": "one of so many points, in order of x",
-    "[curve.parameters]": 'start: the right sign and size; low, high: limits; or a value: g = 9.81 (exact), g = "9.81(2)" (measured)',
+    "[curve.parameters]": '{}: found from the points; or start = 1.0; low, high: limits; or a value: g = 9.81 (exact), g = "9.81(2)" (measured)',
     "file": "beside this file, or a path from here",
 }
 _MORE = """# window = {min = 0.0, max = 10.0}    # in x

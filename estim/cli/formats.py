@@ -15,9 +15,6 @@ _NEEDS = {"html": ("markdown_it", "pip install markdown-it-py"), "pdf": ("weasyp
 
 _LIBRARIES = "Pango: docs/reports.md says where from"
 
-WRITTEN = frozenset(f"report.{name}" for name in _NEEDS)
-"""Names of all files that can stand beside `report.md` and say the same."""
-
 
 def _noted(context: click.Context, _option: click.Parameter, formats: tuple[str, ...]) -> tuple[str, ...]:
     """Keeps the formats with the command, so that nobody has to pass them on.
@@ -38,7 +35,7 @@ def _noted(context: click.Context, _option: click.Parameter, formats: tuple[str,
 
 FORMAT = click.option(
     "--format", "formats", type=click.Choice(list(_NEEDS)), multiple=True, expose_value=False, callback=_noted,
-    help="Beside report.md: report.html, one file with all figures in it, or report.pdf; may be given twice.",
+    help="Beside report.md: report.html, one file with all figures in it, or report.pdf.",
 )
 
 

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import shlex
 from dataclasses import dataclass
-from pathlib import Path
+from pathlib import Path, PurePosixPath
 
-from estim.common import InputError, read_file
+from estim.common import EstimError, InputError, read_file
 
 ORIGIN = "origin.json"
 SCHEMA = "estim-origin/1"
@@ -47,3 +47,17 @@ def read_origin(folder: Path) -> Origin:
     if origin.schema != SCHEMA:
         raise InputError(f"must be {SCHEMA}", field="schema", value=origin.schema, file=str(path))
     return origin
+
+
+def written_before(folder: Path) -> dict[str, str]:
+    """Files of the report that stands in `folder`, with their digests; none where none of ours does."""
+    try:
+        outputs = read_origin(folder).outputs
+    except EstimError:
+        return {}
+    return {name: digest for name, digest in outputs.items() if inside(name)}
+
+
+def inside(name: str) -> bool:
+    """Whether a path that somebody may have written leads no way out of its folder."""
+    return not (PurePosixPath(name).is_absolute() or Path(name).is_absolute() or ".." in PurePosixPath(name).parts)

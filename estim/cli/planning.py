@@ -28,7 +28,7 @@ def plan_next(campaign: Path, runs: tuple[str, ...], wanted: tuple[str, ...], ou
 
     A ranked table of what might be added or measured better, with the uncertainty that each would leave, and what it
     takes to halve it (docs/planning.md).  Exit code 3 means that linear theory, which these numbers come from, does not
-    hold here.
+    hold here, or that the data refuse the curve as stated.
     """
     from estim.campaign import load_campaign
     from estim.planning import plan

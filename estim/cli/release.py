@@ -11,7 +11,7 @@ def fit_line_and_trials(campaign: Path, out: Path | None, *, seed: int, figures:
     """Writes the report and says the outcome; whether all of it is ok."""
     from estim.campaign import gamma_of_body, load_campaign, resistance_of_body
     from estim.line import analyse_line, analyse_trials, read_theta_min, read_trials
-    from estim.reports import line_lines, line_report, trials_report
+    from estim.reports import line_lines, line_report, trials_lines, trials_report
     from estim.sampling import Target
     from estim.words import Voice
 
@@ -39,6 +39,7 @@ def fit_line_and_trials(campaign: Path, out: Path | None, *, seed: int, figures:
         said = line_lines(loaded, line) if line.status.ok else line.reasons
         conclude("line", line.status, [*said, *filter(None, (line.disagreement,))])
     if released is not None:
-        conclude("trials", released.status, [*released.reasons, *released.disagreements])
+        told = trials_lines(loaded, released) if released.status.ok else released.reasons
+        conclude("trials", released.status, [*told, *released.disagreements])
     report_at(folder / "report.md", source.outside(runs=False, line=True))
     return all(found.status.ok for found in (line, released) if found is not None)

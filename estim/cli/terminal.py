@@ -5,14 +5,14 @@ from __future__ import annotations
 import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
+from hashlib import sha256
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
 
-from estim.cli.formats import WRITTEN
 from estim.cli.origin import with_origin
-from estim.cli.origin_record import read_origin
+from estim.cli.origin_record import written_before
 from estim.cli.output_streams import outlets
 from estim.common import (
     EstimError,
@@ -22,6 +22,7 @@ from estim.common import (
     names_in,
     one_line,
     pictures_of,
+    read_file,
     remove_files,
     remove_pictures,
     write_whole,
@@ -31,6 +32,7 @@ if TYPE_CHECKING:
     from estim.campaign import Campaign
     from estim.sampling import Progress, Store
 
+_LARGEST = 2**28  # bytes of a file of a report
 BAD_INPUT, NOT_OK, INTERRUPTED = 2, 3, 130  # exit codes; those of streams are in `output_streams`
 
 
@@ -134,23 +136,20 @@ def write_files(folder: Path, files: Mapping[str, bytes], *, within: Path | None
 
 
 def write_report(folder: Path, files: Mapping[str, bytes], *, within: Path | None = None) -> None:
-    """Write a report whole, and how it was made; then remove what would pass for its own: figures and formats of the report before it."""
-    before, formats = pictures_of(folder / "report.md", within=within or folder), _formats_of(folder)
+    """Write a report whole, and how it was made; then remove what only the report before it has, which would pass for its own.
+
+    Those are its figures, and files that its origin names and nobody has changed since.
+    """
+    before, others = pictures_of(folder / "report.md", within=within or folder), written_before(folder)
     part = "" if within is None else folder.relative_to(within).as_posix()
     made = with_origin(files, "" if part == "." else part)
     write_files(folder, made, within=within)
-    with suppress(EstimError):
-        remove_files(folder, formats - made.keys(), within=within)
     remove_pictures(folder, before - {Path(path).name for path in files}, within=within or folder)
-
-
-
-
-def _formats_of(folder: Path) -> set[str]:
-    """Which formats the report in `folder` was written in besides Markdown, by its own word."""
-    with suppress(EstimError):
-        return set(WRITTEN & read_origin(folder).outputs.keys())
-    return set()
+    for name, digest in others.items():
+        with suppress(EstimError):  # what is no plain file is none of ours
+            place = folder / name
+            if name not in made and sha256(read_file(place, at_most=_LARGEST, within=within or folder) or b"").hexdigest() == digest:
+                remove_files(place.parent, [place.name], within=within or folder)
 
 
 def report_at(path: Path, outside: Iterable[str]) -> None:

@@ -9,13 +9,13 @@ import json
 import sys
 import tempfile
 from collections.abc import Iterator, Sequence
-from pathlib import Path, PurePosixPath
+from pathlib import Path
 from typing import Any
 
 import click
 
 from estim.cli.crate import CRATE, crate_troubles
-from estim.cli.origin_record import ORIGIN, Origin, read_origin
+from estim.cli.origin_record import ORIGIN, Origin, inside, read_origin
 from estim.cli.terminal import NOT_OK, say
 from estim.common import EstimError, InputError, format_rounded, read_file
 
@@ -66,7 +66,7 @@ def _check_command(origin: Origin, folder: Path) -> None:
         raise InputError("must name a command that makes a report, and no place", field="command", value=origin.line, file=str(folder / ORIGIN))
     for field, places in (("part", [origin.part]), ("outputs", origin.outputs)):
         for place in places:
-            if PurePosixPath(place).is_absolute() or ".." in PurePosixPath(place).parts or Path(place).is_absolute():
+            if not inside(place):
                 raise InputError("must lie within what the command writes", field=field, value=place, file=str(folder / ORIGIN))
 
 

@@ -43,6 +43,7 @@ class Stream(IntEnum):
     REGIMES = 33  # what is known of bodies that are mapped
     RELEASE_CHAIN = 34  # of trials of release: where it starts
     RELEASE_DRAWS = 35  # and their importance sampling
+    PLAN_TESTS = 36  # null distributions of the tests of what is planned from
 
 
 def stream(seed: int, name: Stream, *index: int) -> np.random.Generator:

@@ -24,6 +24,7 @@ from estim.curves.shared_errors import Component
 from estim.problem import BINOMIAL, POISSON, Counts, Curve, Events, Wording, counted_words
 
 MAX_EVENTS = 100_000
+_MOST_CELLS = 1000
 _WHOLE = 1e-9
 _LARGEST = 1e15  # count that a float still tells from the next
 _TOUCH = 1e-9  # of a width: bins that overlap by less share an edge
@@ -117,6 +118,11 @@ def counted_points(noise: Counting, x: FloatArray, y: FloatArray | None, *, what
     if isinstance(noise, EventTimes):
         if y is not None:
             raise InputError("must be None where x are the times of single events", field="y")
+        for field, end in (("low", noise.low), ("high", noise.high)):
+            if not isinstance(end, int | float):
+                raise InputError("must be a number", field=field, value=end)
+        if noise.cells is not None and not (isinstance(noise.cells, int) and 2 <= noise.cells <= _MOST_CELLS):
+            raise InputError(f"must be a whole number from 2 to {_MOST_CELLS}", field="cells", value=noise.cells)
         return _events(x, float(noise.low), float(noise.high), noise.cells, what)
     if y is None:
         raise InputError("must hold the counts", field="y")
@@ -159,6 +165,8 @@ def _binomial(x: FloatArray, y: FloatArray, trials: ArrayLike, what: str) -> Cou
         size = np.array(np.broadcast_to(np.asarray(trials, dtype=float), y.shape))
     except (TypeError, ValueError):
         raise InputError(f"must be a number or have as many values as y ({y.size})", field="trials") from None
+    if not np.all(np.isfinite(size)):
+        raise InputError("must be finite", field="trials", value=float(size[~np.isfinite(size)][0]))
     bad = not_a_count(size)
     if bad is not None or np.any(size < 1.0):
         bad = int(np.argmax(size < 1.0)) if bad is None else bad

@@ -108,6 +108,8 @@ def contour(
     i, j = _index(fit, a), _index(fit, b)
     if i == j:
         raise InputError("must be another parameter than the first", field="b", value=b)
+    if not probabilities:
+        raise InputError("must hold one at least", field="probabilities")
     levels = _quantiles(probabilities, dof=2)
     if math.isfinite(dof):
         levels = {p: dof * math.expm1(-2.0 / dof * math.log1p(-p)) for p in levels}

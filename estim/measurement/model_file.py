@@ -42,7 +42,7 @@ class _TopTable(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_only
     title: str
     source: str = ""
     measurand: dict[str, Any]
-    inputs: dict[str, dict[str, Any]]
+    inputs: dict[str, Any]
     correlations: list[_CorrelationTable] = []
     simultaneous: list[list[str]] = []
     simultaneous_dof: Literal["n - 1", "n - N"] = "n - 1"
@@ -140,8 +140,10 @@ def _check_choices(top: _TopTable, places: Places) -> None:
         raise places.error(f"must lie between {_LEAST_DRAWS} and {_MOST_DRAWS}", ("draws",), value=top.draws)
 
 
-def _quantity(name: str, raw: Mapping[str, Any], places: Places) -> Quantity:
+def _quantity(name: str, raw: Any, places: Places) -> Quantity:
     _check_name(name, ("inputs", name), places)
+    if not isinstance(raw, dict):
+        raise places.error("must be a table, like {value = 1.0, u = 0.1}", ("inputs", name), value=raw)
     table = checked(dict(raw), InputTable, places, ("inputs", name))
     try:
         parts = inputs_of(name, table)
@@ -260,6 +262,6 @@ def _of_readings(top: _TopTable, group: Sequence[str], places: Places, path: tup
         raise places.error("must name two inputs or more with equally many readings", path, field="simultaneous", value=", ".join(group))
     with np.errstate(all="ignore"):
         matrix = np.corrcoef(np.array(lists, dtype=float))
-    if not np.all(np.isfinite(matrix)):
+    if not np.all(np.isfinite(matrix)) or any(len(set(readings)) == 1 for readings in lists):
         raise places.error("must name inputs whose readings scatter", path, field="simultaneous", value=", ".join(group))
     return {(group[i], group[j]): float(matrix[i, j]) for i, j in combinations(range(len(group)), 2)}

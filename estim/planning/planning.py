@@ -19,7 +19,8 @@ import numpy as np
 from estim.arrays import FloatArray
 from estim.calibration import Engine, posterior_draws
 from estim.campaign import Campaign, as_complete, quantity_of_key
-from estim.common import InputError, Stream, split_level, stream
+from estim.checks import check_goodness, check_stated_values, failed_tests, stated_values
+from estim.common import Finding, InputError, Stream, split_level, stream, wrong
 from estim.fitting import Fit
 from estim.planning.halving import Halving, ways_to_halve
 from estim.planning.own_curve import CurveBasis
@@ -43,7 +44,7 @@ class Plan:
     now : (n_target,) standard deviations as things are, by linear theory.  drawn : (n_target,) those of the drawn posterior of the data at hand.
     how : what drew it.  options : everything that was weighed, the best first.  refused : what cannot be measured.
     halving : for each target what would halve its standard deviation.  along : of a user's own curve, one further reading at each place.
-    force : whether an unmodelled force is part of the errors.
+    force : whether an unmodelled force is part of the errors.  findings : what is wrong with the fit that all this comes from.
     """
 
     campaign: Campaign
@@ -59,6 +60,7 @@ class Plan:
     halving: tuple[Halving, ...]
     along: tuple[Along, ...]
     force: bool
+    findings: tuple[Finding, ...]
     seed: int
 
     @property
@@ -80,6 +82,8 @@ def plan(campaign: Campaign, names: Sequence[str], *, wanted: Sequence[str] = ()
     targets = targets_of(campaign, problem, wanted)
     asked = (*_asked_changes(campaign, problem), *planned_runs(campaign), *_asked_readings(campaign, names))
     fit = campaign.fit(problem, rng=stream(seed, Stream.PLAN_FIT))
+    tested = failed_tests(check_goodness(fit, rng=stream(seed, Stream.PLAN_TESTS)))
+    findings = wrong([*tested, stated_values(fit, check_stated_values(fit))])
     basis = rolling_basis(campaign, names, fit) if campaign.formula is None else CurveBasis(campaign, tuple(names), fit)
     nothing = Wish("as things are", OTHERWISE)
     here = basis.outlook(nothing)
@@ -98,7 +102,7 @@ def plan(campaign: Campaign, names: Sequence[str], *, wanted: Sequence[str] = ()
     along = weigh_places(basis, here, targets) if isinstance(basis, CurveBasis) else ()
     return Plan(
         campaign, tuple(names), fit, targets, here.values[columns], now, drawn, how, tuple(possible),
-        tuple(option for option in done if option.reason), halving, along, bool(getattr(basis, "sizes", {})), seed,
+        tuple(option for option in done if option.reason), halving, along, bool(getattr(basis, "sizes", {})), findings, seed,
     )
 
 

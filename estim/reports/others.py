@@ -9,11 +9,11 @@ from estim.reports.models import ground_words, models_report, verdicts
 from estim.reports.plan import plan_answers, plan_report, plan_status
 from estim.reports.regimes import fitted_values, map_lines, map_report
 from estim.reports.straight_line import straight_line_lines, straight_line_report
-from estim.reports.trials import trials_report
+from estim.reports.trials import trials_lines, trials_report
 from estim.reports.weighing import body_lines, body_report
 
 __all__ = [
     "batch_line", "batch_report", "batch_times", "body_lines", "body_report", "calibration_report", "fitted_values", "full_files", "ground_words",
     "lean_files", "map_lines", "map_report", "measurement_lines", "measurement_report", "models_report", "plan_answers", "plan_report",
-    "plan_status", "straight_line_lines", "straight_line_report", "trials_report", "verdicts", "with_campaign", "with_formats",
+    "plan_status", "straight_line_lines", "straight_line_report", "trials_lines", "trials_report", "verdicts", "with_campaign", "with_formats",
 ]

@@ -9,13 +9,14 @@ from typing import TYPE_CHECKING
 import msgspec
 import numpy as np
 
-from estim.common import KINDS, Status, as_json, format_quantity
+from estim.common import KINDS, Status, as_json, decide, format_quantity
 from estim.planning import FAR, MORE, Halving, Option, Plan
 from estim.problem import Parameter
 from estim.reports.pages import page
 from estim.reports.plan_figures import along_figure, ratio_figure
 from estim.reports.rendering import render
 from estim.reports.result import Provenance, provenance
+from estim.words import tell
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -70,7 +71,9 @@ class PlanRecord(msgspec.Struct, frozen=True, rename={"schema_": "schema"}):
 
 
 def plan_status(plan: Plan) -> tuple[Status, list[str]]:
-    """Whether the plan may be trusted, and why not."""
+    """Whether the plan may be trusted, and why not: it can be no better than the fit that it comes from."""
+    if plan.findings:
+        return decide(plan.findings), [tell(f) for f in plan.findings]
     reasons = [
         f"linear theory gives u({p.label.symbol}) = {_size(p, plan.now[i])}, the drawn posterior has {_size(p, plan.drawn[i])}: the ratios are rough"
         for i, p in enumerate(plan.targets) if p in plan.far
@@ -79,8 +82,8 @@ def plan_status(plan: Plan) -> tuple[Status, list[str]]:
 
 
 def plan_answers(plan: Plan) -> list[str]:
-    """What to do, in one sentence for each target."""
-    return [_answer(plan, halving, i) for i, halving in enumerate(plan.halving)]
+    """What to do, in one sentence for each target; nothing where the data contradict what is planned from."""
+    return [] if plan.findings else [_answer(plan, halving, i) for i, halving in enumerate(plan.halving)]
 
 
 def plan_record(plan: Plan) -> PlanRecord:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import msgspec
 
 from estim.campaign import Campaign, gamma_origin
-from estim.checks import interval_cell, parameter_cells, value_cell
+from estim.checks import Estimate, interval_cell, parameter_cells, screen_lines, value_cell
 from estim.common import KINDS, Label, Notation, Quantity, Status, as_json, e_n, format_quantity, one_line, signed
 from estim.line import UNKNOWNS, WAYS, LineAnalysis, TrialsAnalysis
 from estim.reports.pages import Drawers, page
@@ -149,6 +149,13 @@ def trials_report(campaign: Campaign, analysis: TrialsAnalysis, *, voice: Voice 
     """`report.md`, `trials.json` and the figures of trials by themselves.  voice : to whom advice is given.  figures : whether there are any."""
     drawers, values, record = trials_files(campaign, analysis, line=None, voice=voice)
     return page(drawers, partial(trials_text, values), wanted=figures, synthetic=campaign.kind == "synthetic") | {"trials.json": record}
+
+
+def trials_lines(campaign: Campaign, analysis: TrialsAnalysis) -> list[str]:
+    """What a terminal says of trials whose status is ok."""
+    masses, true = analysis.gamma_masses, campaign.truth.get(f"gamma[{analysis.trials.body}]")
+    stated = "" if masses is None else format_quantity(masses.value, masses.u)
+    return screen_lines([Estimate(Notation("γ").label("1", "[trials]"), analysis.summary("gamma"), stated, True, None, true)])
 
 
 def trials_text(values: Mapping[str, object], pictures: Collection[str]) -> str:

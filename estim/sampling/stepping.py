@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from estim.arrays import FloatArray
-from estim.common import InputError, Interrupted
+from estim.common import InputError, Interrupted, NumericalError
 from estim.sampling.checkpoint import Record, Store
 from estim.sampling.chunk import Chunk
 from estim.sampling.keys import sampling_key
@@ -23,6 +23,11 @@ from estim.sampling.keys import sampling_key
 Stop = Callable[[], bool]
 """Called after every step; true asks sampling to save and end."""
 
+_RUNAWAY = (
+    "the walkers run away to infinity: neither the data nor a prior hold every parameter, so that no posterior exists to draw from; "
+    "give limits (low, high) or a prior"
+)
+_FAR = 1e100  # beyond, in any unit
 _SPREAD = 1000  # draws of the whole chain that are computed again
 _SAME = 1e-8  # relative: the log density of the same draw in a batch of another size differs by rounding
 
@@ -64,12 +69,18 @@ class Walk:
     def advance(self, n_step: int) -> None:
         """Bring the walkers to `n_step` steps: those that are kept first, then new ones, which are kept when this returns.
 
-        Raises Interrupted when asked to stop, with everything kept up to the last step; EstimError where it cannot be written.
+        Raises Interrupted when asked to stop, with everything kept up to the last step; EstimError where it cannot be written; NumericalError
+        where the walkers run away, so that there is no posterior.
         """
         self._replay(n_step)
         walk = self._sampler.sample(self._state, iterations=n_step - self.n_step, skip_initial_state_check=True)
         while self.n_step < n_step:
-            self._state = next(walk)
+            try:
+                self._state = next(walk)
+            except ValueError:  # of emcee, where a walker is asked to go to infinity
+                if np.max(np.abs(self._state.coords)) < _FAR:
+                    raise
+                raise NumericalError(_RUNAWAY) from None
             self.n_step += 1
             stopping = self._stop is not None and self._stop()
             if self._record is not None and (stopping or self.n_step == n_step or self._record.due()):
