@@ -63,7 +63,8 @@ def phase_figure(analysis: Analysis, *, synthetic: bool) -> Figure:
             ax.set_xlim(left=_low_end(run.x))
             ax.set_ylim(bottom=_low_end(run.y))
     named = {text: handle for ax, _ in pairs for handle, text in zip(*ax.get_legend_handles_labels(), strict=True)}
-    figure.legend(list(named.values()), list(named), fontsize=7.5, frameon=False, loc="outside lower center", ncols=4 if len(named) > 6 else 3)
+    columns = 4 if len(named) > 6 and max(map(len, named)) < 30 else 3
+    figure.legend(list(named.values()), list(named), fontsize=7.5, frameon=False, loc="outside lower center", ncols=columns)
     tidy_labels(pairs)
     figure.align_ylabels()
     return figure

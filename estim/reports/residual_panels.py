@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 VERMILION = "#D55E00"  # what is wrong; orange is what was stated before
 _MANY = 200  # points in one panel, beyond which bars hide the points
 _BAR = {"fmt": "o", "color": INK, "elinewidth": 0.7, "capsize": 0}
-MOST_DRAWN = 16  # runs
+MOST_DRAWN = 15  # runs
 _ROOMY = 6  # runs beyond which there are three columns
 _FAR = 3.0  # heights of all other points that an outlier is away from them, and is no longer drawn to scale
 _STEPS, _FADED = 24, 0.25  # pieces, and share of the way, in which a band fades
