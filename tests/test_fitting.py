@@ -162,7 +162,9 @@ def test_starts_that_part_go_on_apart() -> None:
 
 
 class Following:
-    """In place of a posterior whose covariance follows the curve: where a round leads from each place."""
+    """In place of a posterior whose covariance follows the curve, and of its problem: where a round leads from each place."""
+
+    groups = ((0,),)
 
     def __init__(self, leads: Callable[[np.ndarray], np.ndarray], monkeypatch: pytest.MonkeyPatch) -> None:
         self.rounds, self.problem = 0, self
