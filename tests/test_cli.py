@@ -221,3 +221,12 @@ def test_reanalyse_survives_what_has_no_band_and_nothing_in_common(estim: Comman
     report = (tmp_path / "out" / "report.md").read_text()
     assert "held the rolling resistance fixed" in report
     assert "taken as exact" in report
+
+
+@pytest.mark.parametrize(("file", "folder"), [
+    ("replica/campaign.toml", "out/replica/line"), ("gallery/muon.toml", "out/muon/line"), ("gallery/a.b.toml", "out/a.b/line"),
+])
+def test_two_campaigns_of_one_folder_have_folders_of_their_own(tmp_path: Path, file: str, folder: str) -> None:
+    from estim.cli.options import out_folder
+
+    assert out_folder(tmp_path / file, "line") == Path(folder)

@@ -11,7 +11,7 @@ from pathlib import Path
 import click
 
 from estim.cli.formats import FORMAT
-from estim.cli.options import JOBS, JOINT, NO_FIGURES, OUT, RUNS, SEED
+from estim.cli.options import JOBS, JOINT, NO_FIGURES, OUT, RUNS, SEED, out_folder
 from estim.cli.terminal import NOT_OK, conclude, counted, groups_of, report_at, say, write_report
 from estim.common import Stream, decide, stream
 
@@ -55,7 +55,7 @@ def run_calibrations(
     from estim.words import tell
 
     loaded = load_campaign(campaign)
-    folder = out or Path("out") / campaign.resolve().parent.name / "calibration"
+    folder = out or out_folder(campaign, "calibration")
     groups, trusted, stores = groups_of(loaded, runs, joint=joint), True, []
     for group in groups:
         loaded.require_unknowns(loaded.problem(group), drawn=True)

@@ -25,7 +25,7 @@ from estim.cli.line import line
 from estim.cli.mapping import map_motions
 from estim.cli.models import compare_models
 from estim.cli.new import new_campaign
-from estim.cli.options import JOBS, JOINT, NO_FIGURES, OUT, RUNS, SEED, STEPS
+from estim.cli.options import JOBS, JOINT, NO_FIGURES, OUT, RUNS, SEED, STEPS, out_folder
 from estim.cli.origin import Ledger
 from estim.cli.planning import plan_next
 from estim.cli.propagating import say_propagated
@@ -180,7 +180,7 @@ def energy(campaign: Path, runs: tuple[str, ...], joint: bool, max_steps: int, o
         records.extend(energy_along(analyses[-1], rng=stream(seed, Stream.ENERGY)))
         drifts.append(drift_of(analyses[-1], rng=stream(seed, Stream.DRIFT)))
         conclude(", ".join(group), analyses[-1].diagnosis.status, analyses[-1].diagnosis.reasons)
-    folder = out or Path("out") / campaign.resolve().parent.name / "energy"
+    folder = out or out_folder(campaign, "energy")
     write_report(folder, energy_report(loaded, analyses, records, drifts, seed=seed, figures=not no_figures))
     report_at(folder / "report.md", loaded.source.outside())
     _exit_unless(all(analysis.diagnosis.ok for analysis in analyses))
@@ -210,7 +210,7 @@ def reanalyse(campaign: Path, max_steps: int, jobs: int | None, out: Path | None
     loaded.study.require_body()
     processes = jobs or os.cpu_count() or 1
     result = run_reanalysis(loaded, seed=seed, target=Target(max_step=max_steps), progress_of=announced, jobs=processes)
-    folder = out or Path("out") / campaign.resolve().parent.name
+    folder = out or out_folder(campaign, "reanalysis")
     write_report(folder, reanalysis_report(result, voice=Voice.COMMANDS, figures=not no_figures))
     said = reanalysis_lines(result)
     for what, status in result.statuses.items():
@@ -238,7 +238,7 @@ def simulate(design: Path, out: Path) -> None:
 @FORMAT
 def body(file: Path, out: Path | None, seed: int) -> None:
     """Mass, gamma, kappa and rho of the bodies in FILE (a campaign, or bodies alone) from their parts, with a budget."""
-    say_bodies(file, out or Path("out") / file.resolve().parent.name / "body", seed=seed)
+    say_bodies(file, out or out_folder(file, "body"), seed=seed)
 
 
 @cli.command()

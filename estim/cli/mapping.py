@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import click
 
 from estim.cli.formats import FORMAT
-from estim.cli.options import NO_FIGURES, SEED
+from estim.cli.options import NO_FIGURES, SEED, out_folder
 from estim.cli.terminal import NOT_OK, conclude, pieces, report_at, say, write_report
 from estim.common import InputError, Quantity, decide, read_quantity
 
@@ -27,7 +27,7 @@ _MOST_FRICTION = 10.0
 @click.option("--friction", metavar="MU", help='Coefficient of static friction, "0.30(5)".  [default: the key friction]')
 @click.option("--fit", "fitted", type=click.Path(path_type=Path), help="Folder of a fit of CAMPAIGN: its values in place of the stated ones.")
 @click.option(
-    "--out", type=click.Path(path_type=Path, file_okay=False), help="Folder for the report.  [default: out/, the name of the campaign's folder, map/]"
+    "--out", type=click.Path(path_type=Path, file_okay=False), help="Folder for the report.  [default: out/, the name of the campaign, map/]"
 )
 @SEED
 @NO_FIGURES
@@ -51,7 +51,7 @@ def map_motions(
     loaded.study.require_body()
     line = None if loaded.source.line is None else read_theta_min(loaded.source)
     values = None if fitted is None else _fitted(loaded, fitted)
-    folder = out or Path("out") / campaign.resolve().parent.name / "map"
+    folder = out or out_folder(campaign, "map")
     with pieces("map", "piece") as progress:
         maps = map_bodies(loaded, bodies, ramp_length=ramp_length, friction=_grip(friction), fitted=values, seed=seed, progress=progress)
     write_report(folder, map_report(loaded, maps, line, seed=seed, voice=Voice.COMMANDS, figures=not no_figures))

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import click
 
 from estim.cli.formats import FORMAT
-from estim.cli.options import JOINT, NO_FIGURES, RUNS, SEED, STEPS
+from estim.cli.options import JOINT, NO_FIGURES, RUNS, SEED, STEPS, out_folder
 from estim.cli.terminal import NOT_OK, conclude, groups_of, note, progress_bar, report_at, say, write_report
 from estim.common import asked_to_stop
 
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 @STEPS
 @click.option(
     "--out", type=click.Path(path_type=Path, file_okay=False),
-    help="Folder for the report, made if it is not there.  [default: out/, the name of the campaign's folder and /models]",
+    help="Folder for the report, made if it is not there.  [default: out/, the name of the campaign, models/]",
 )
 @SEED
 @NO_FIGURES
@@ -47,7 +47,7 @@ def compare_models(
     from estim.studies import compare_models as compare
 
     loaded = load_campaign(campaign)
-    folder = out or Path("out") / campaign.resolve().parent.name / "models"
+    folder = out or out_folder(campaign, "models")
     groups = groups_of(loaded, runs, joint=joint)
     click.get_current_context().with_resource(only_writer(folder / ".checkpoint"))
     stop = click.get_current_context().with_resource(asked_to_stop())

@@ -6,13 +6,21 @@ from pathlib import Path
 
 import click
 
+WHERE = "default: out/ and the name of the campaign, that of its folder where the file is called campaign.toml"
+
 RUNS = click.option("--run", "runs", multiple=True, metavar="NAME", help="This run only; may be given several times.  [default: every run]")
 JOINT = click.option("--joint", is_flag=True, help="Fit the runs together: what they share is one unknown.")
 STEPS = click.option("--max-steps", type=click.IntRange(min=50), default=20_000, show_default=True, help="Hard cap on the sampler's steps.")
 OUT = click.option(
     "--out", type=click.Path(path_type=Path, file_okay=False),
-    help="Folder for the report, made if it is not there.  [default: out/ and the name of the campaign's folder]",
+    help=f"Folder for the report, made if it is not there.  [{WHERE}]",
 )
 SEED = click.option("--seed", type=click.IntRange(min=0, max=2**63 - 1), default=1, show_default=True, help="Seed of every random number.")
 NO_FIGURES = click.option("--no-figures", is_flag=True, help="Write the report without figures, for its text and numbers alone: it is done sooner.")
 JOBS = click.option("--jobs", type=click.IntRange(min=1), help="Processes.  [default: one for each core]")
+
+
+def out_folder(campaign: Path, *parts: str) -> Path:
+    """Where the report of a campaign goes by default, its `parts` within: two campaigns in one folder do not share it."""
+    name = campaign.resolve().parent.name if campaign.stem == "campaign" else campaign.stem
+    return Path("out", name, *parts)

@@ -8,7 +8,7 @@ from pathlib import Path
 import click
 
 from estim.cli.formats import FORMAT
-from estim.cli.options import NO_FIGURES, RUNS, SEED
+from estim.cli.options import NO_FIGURES, RUNS, SEED, out_folder
 from estim.cli.terminal import NOT_OK, conclude, groups_of, pieces, report_at, write_report
 
 
@@ -18,7 +18,7 @@ from estim.cli.terminal import NOT_OK, conclude, groups_of, pieces, report_at, w
 @click.option("--for", "wanted", multiple=True, metavar="NAME", help="A quantity to know better; several times.  [default: those that are unknown]")
 @click.option(
     "--out", type=click.Path(path_type=Path, file_okay=False),
-    help="Folder for the report, made if it is not there.  [default: out/, the name of the campaign's folder, plan]",
+    help="Folder for the report, made if it is not there.  [default: out/, the name of the campaign, plan/]",
 )
 @SEED
 @NO_FIGURES
@@ -38,7 +38,7 @@ def plan_next(campaign: Path, runs: tuple[str, ...], wanted: tuple[str, ...], ou
     (names,) = groups_of(loaded, runs, joint=True)
     with pieces("plan", "option") as progress:
         found = plan(loaded, names, wanted=wanted, seed=seed, progress=progress)
-    folder = out or Path("out") / campaign.resolve().parent.name / "plan"
+    folder = out or out_folder(campaign, "plan")
     write_report(folder, plan_report(found, figures=not no_figures))
     status, reasons = plan_status(found)
     conclude("plan", status, [*plan_answers(found), *reasons])

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from estim.cli.options import out_folder
 from estim.cli.terminal import conclude, progress_bar, report_at, write_report
 
 
@@ -33,7 +34,7 @@ def fit_line_and_trials(campaign: Path, out: Path | None, *, seed: int, figures:
         files = line_report(loaded, line, trials=released, voice=Voice.COMMANDS, figures=figures)
     elif released is not None:
         files = trials_report(loaded, released, voice=Voice.COMMANDS, figures=figures)
-    folder = out or Path("out") / campaign.resolve().parent.name / "line"
+    folder = out or out_folder(campaign, "line")
     write_report(folder, files)
     if line is not None:
         said = line_lines(loaded, line) if line.status.ok else line.reasons

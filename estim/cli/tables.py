@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from estim.cli.options import out_folder
 from estim.common import KINDS, InputError, read_number
 
 if TYPE_CHECKING:
@@ -93,7 +94,7 @@ def load_or_make(file: Path, said: Mapping[str, Any], out: Path | None) -> tuple
         if file.suffix.lower() in _TABLES:
             rule = 'is a table, not a campaign: say --formula "a*x + b", or write a campaign for it (estim new NAME --from FILE)'
             raise InputError(rule, field="CAMPAIGN|FILE", value=str(file))
-        return load_campaign(file), out or Path("out") / file.resolve().parent.name
+        return load_campaign(file), out or out_folder(file)
     if file.suffix.lower() == ".toml":
         raise InputError("goes with a table of points; of a campaign the file says the curve", field="--formula", value=said["formula"])
     return campaign_of_table(file, choices_of_table(said)), out or Path("out") / file.stem
