@@ -1,9 +1,9 @@
 """What other packages load for features that no command uses, left until it is used: in the command line's own processes alone.
 
-lmfit's front page loads matplotlib, pandas and dill, that of arviz-stats xarray and scipy.signal, both and emcee load scipy.stats: a second,
-for tools that no fit calls.  Nothing is taken away, everything is found when it is first used: the page of a package is run when something
-of it is asked for (`_Page`), and a name that one of their files imports stands for the real one (`_Name`).  No other file sees a stand-in.
-In a user's Python, where estim is a guest, imports are as everywhere; so they are for what has been imported already.
+lmfit's front page loads matplotlib, pandas and dill, lmfit and emcee load scipy.stats: most of a second, for tools that no fit calls.
+Nothing is taken away, everything is found when it is first used: the page of a package is run when something of it is asked for (`_Page`),
+and a name that one of their files imports stands for the real one (`_Name`).  No other file sees a stand-in.  In a user's Python, where
+estim is a guest, imports are as everywhere; so they are for what has been imported already.
 """
 
 from __future__ import annotations
@@ -20,15 +20,11 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from importlib.abc import Loader
 
-_PAGES = frozenset({"lmfit", "arviz_stats"})
+_PAGES = frozenset({"lmfit"})
 _LEFT = {  # file -> modules of which it imports names
     "emcee.moves.kde": frozenset({"scipy.stats"}),
     "lmfit.jsonutils": frozenset({"dill", "pandas"}),
     "lmfit.minimizer": frozenset({"pandas", "scipy.stats"}),
-    "arviz_stats.base": frozenset({"arviz_stats.base.dataarray"}),
-    "arviz_stats.base.core": frozenset({"scipy.interpolate", "scipy.stats"}),
-    "arviz_stats.base.density": frozenset({"scipy.signal", "scipy.signal.windows"}),
-    "arviz_stats.base.diagnostics": frozenset({"scipy"}),  # `from scipy import stats`
     "scipy.optimize._shgo": frozenset({"scipy"}),  # `from scipy import spatial`
 }
 
