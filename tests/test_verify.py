@@ -109,6 +109,19 @@ def test_a_report_that_its_origin_does_not_name_is_not_verified(model: Path) -> 
     assert "report.md: is made now, and origin.json does not name it" in done.output
 
 
+def test_figures_may_go_unnamed_together_and_that_is_said(model: Path) -> None:
+    """As where they were made smaller for a repository (reports/gallery)."""
+    origin = json.loads((model / "out" / "origin.json").read_text())
+    pictures = [name for name in origin["outputs"] if name.endswith(".png")]
+    for left, code in ((pictures[1:], 3), ([], 0)):
+        kept = {name: digest for name, digest in origin["outputs"].items() if name in left or name not in pictures}
+        (model / "out" / "origin.json").write_text(json.dumps({**origin, "outputs": kept}))
+        done = run("verify", "out")
+        assert done.exit_code == code, done.output
+        assert ("text and numbers are compared, figures are not" in done.output) == (not left)
+        assert (f"{pictures[0]}: is made now" in done.output) is bool(left)
+
+
 def test_a_report_is_not_compared_with_itself(model: Path) -> None:
     for field, value in (("part", str(model / "out")), ("part", "../out"), ("outputs", {str(model / "out" / "report.md"): ""})):
         unnamed(model, **{field: value})
