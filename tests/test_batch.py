@@ -127,14 +127,14 @@ def test_a_fault_of_the_program_is_a_line_and_not_the_end(three: Path, tmp_path:
 
 def pictures(subject, analysis):
     """A whole report, as far as files go."""
-    return {**lean_files(subject, analysis), "report.md": b"![a](figures/a.png)", "figures/a.png": b"a picture"}
+    return {**lean_files(subject, analysis), "report.md": b"![a](figures/a.png)", "report.html": b"a page", "figures/a.png": b"a picture"}
 
 
 def test_nothing_of_an_earlier_batch_stands_beside_what_is_made_now(tmp_path: Path) -> None:
     path = campaign(tmp_path / "one", {"a": 2.0})
     units, out = units_of([path]), tmp_path / "out"
     run_batch(units, out, report=pictures, settings=QUICK)
-    assert {p.name for p in (out / "one" / "a").rglob("*.*")} == {"a.png", "report.md", "result.json", "row.json"}
+    assert {p.name for p in (out / "one" / "a").rglob("*.*")} == {"a.png", "report.html", "report.md", "result.json", "row.json"}
     run_batch(units, out, report=lean_files, settings=QUICK)
     assert {p.name for p in (out / "one" / "a").rglob("*")} == {"result.json", "row.json"}
     run_batch(units, out, report=pictures, settings=QUICK)

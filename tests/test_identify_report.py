@@ -13,7 +13,6 @@ from matplotlib.path import Path as Polygon
 from estim.campaign import load_campaign
 from estim.checks.identifiability import identify
 from estim.checks.prior_sensitivity import CONFLICT, power_scaling
-from estim.common.errors import InputError
 from estim.drawing import png
 from estim.fitting.least_squares import Fit, fit_least_squares
 from estim.fitting.profile import profile_intervals
@@ -73,11 +72,12 @@ def test_template_says_every_sentence_and_row(replica: Path, rng: np.random.Gene
 def test_ridge_is_drawn_between_gamma_and_kappa(replica: Path, rng: np.random.Generator) -> None:
     fit = heavy_04(replica)
     found, draws = identify(fit), posterior_draws(fit, rng)
-    assert ridge_pair(found, draws) == ("gamma[heavy]", "kappa[heavy]")
-    ax = ridge_figure(fit, found, draws).axes[0]
+    pair = ridge_pair(found, draws)
+    assert pair == ("gamma[heavy]", "kappa[heavy]")
+    ax = ridge_figure(fit, found, draws, pair).axes[0]
     assert (ax.get_xlabel(), ax.get_ylabel()) == ("γ", "κ")
     # the same numbers give the same picture
-    assert png(lambda: ridge_figure(fit, found, draws)) == png(lambda: ridge_figure(fit, found, draws))
+    assert png(lambda: ridge_figure(fit, found, draws, pair)) == png(lambda: ridge_figure(fit, found, draws, pair))
 
 
 def test_figures_survive_a_direction_that_nothing_holds(rng: np.random.Generator) -> None:
@@ -86,8 +86,10 @@ def test_figures_survive_a_direction_that_nothing_holds(rng: np.random.Generator
     a = rng.random(2000)
     draws = np.column_stack([a, np.clip(1.0 - a + 0.03 * rng.standard_normal(2000), 0.0, 1.0)])
     found = identify(fit)
+    pair = ridge_pair(found, draws)
+    assert pair == ("a", "b")
     for draw in (
-        lambda: direction_figure(problem, found), lambda: ridge_figure(fit, found, draws),
+        lambda: direction_figure(problem, found), lambda: ridge_figure(fit, found, draws, pair),
         lambda: profile_figure(problem, profile_intervals(fit), draws),
     ):
         assert png(draw).startswith(b"\x89PNG")
@@ -101,8 +103,17 @@ def test_one_parameter_has_no_ridge_but_the_other_figures(rng: np.random.Generat
     draws = posterior_draws(fit, rng)
     assert png(lambda: direction_figure(fit.problem, identify(fit))).startswith(b"\x89PNG")
     assert png(lambda: profile_figure(fit.problem, profile_intervals(fit), draws)).startswith(b"\x89PNG")
-    with pytest.raises(InputError, match="two parameters"):
-        ridge_figure(fit, identify(fit), draws)
+    assert ridge_pair(identify(fit), draws) is None
+
+
+def test_a_direction_of_one_parameter_alone_has_no_ridge(rng: np.random.Generator) -> None:
+    """It was drawn as a parameter against itself."""
+    half = np.concatenate([np.ones(6), np.zeros(6)])
+    problem = formula_problem(
+        lambda x, a, b: a * half + b * (1.0 - half) + 0.0 * x, X, np.ones(12), 0.1, {"a": Normal(1.0, 0.5), "b": Normal(1.0, 5.0)}
+    )
+    fit = fit_least_squares(problem, rng=rng, n_start=1)
+    assert ridge_pair(identify(fit), posterior_draws(fit, rng)) is None
 
 
 def test_contours_of_the_prior_hold_their_joint_probability_and_are_as_wide_as_those_of_a_posterior(rng: np.random.Generator) -> None:

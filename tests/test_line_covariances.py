@@ -159,6 +159,10 @@ def test_an_error_of_the_scale_does_not_draw_the_line_down(table: Path) -> None:
     table.write_text(scattered)
     plain, scaled = (said_of(table, *way)[1] for way in ((), ("--common-y", "50%")))
     assert scaled["intercept"] + 6.5 * scaled["slope"] == pytest.approx(plain["intercept"] + 6.5 * plain["slope"], rel=0.02)
+    both = table.parent / "both.csv"
+    both.write_text("\n".join(",".join(f"{value:g}" for value in row) for row in np.diag(np.repeat([0.0, 4.0], 12))) + "\n")
+    by_file = said_of(table, "--cov", str(both), "--common-y", "50%")[1]
+    assert (by_file["intercept"], by_file["slope"]) == pytest.approx((scaled["intercept"], scaled["slope"]), rel=1e-9)
     y = np.array([10.0 + 2.0 * (-1) ** t for t in range(1, 13)])
     own = joint_covariance(np.zeros(12), np.full(12, 2.0), np.zeros(12))
     drawn_down = fit_line(np.arange(1.0, 13.0), y, cov=with_common(own, [Common("y", 0.5, relative=True)], y, y))

@@ -17,6 +17,7 @@ from estim.campaign import Campaign
 from estim.common import EstimError, as_json, pictures_of, read_file, remove_files, remove_pictures, split_level, write_whole
 
 ROW, RESULT, REPORT = "row.json", "result.json", "report.md"
+_FORMATS = ("report.html", "report.pdf")
 _LARGEST, _LARGEST_RESULT = 2**24, 2**28
 _PACKAGES = ("estim", "numpy", "scipy", "lmfit", "emcee")
 
@@ -107,7 +108,7 @@ def keep(folder: Path, row: Row, files: Mapping[str, bytes]) -> None:
 def forget(folder: Path, place: str) -> None:
     """Remove what an earlier batch made of a run, which would pass for what is made now; its row first, so that no row stands without the rest."""
     pictures = pictures_of(folder / place / REPORT, within=folder)
-    for name in (ROW, RESULT, REPORT):
+    for name in (ROW, RESULT, REPORT, *_FORMATS):
         with suppress(EstimError):  # what is no plain file is none of ours
             remove_files(folder / place, [name], within=folder)
     remove_pictures(folder / place, pictures, within=folder)

@@ -61,7 +61,7 @@ if TYPE_CHECKING:
 def cli() -> None:
     """Uncertainties and Bayesian parameter estimation for lab experiments.
 
-    Start with a table, estim fit data.csv --formula "a*exp(-x/tau) + c" --start tau=2, or with a campaign, one TOML file that
+    Start with a table, estim fit data.csv --formula "a*exp(-x/tau) + c", or with a campaign, one TOML file that
     says what was measured: estim new NAME --from data.csv, then estim fit NAME.toml (docs/README.md).
     """
     context = click.get_current_context()

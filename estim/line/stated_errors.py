@@ -65,17 +65,25 @@ def stated_covariance(
     if n > MOST_POINTS:
         raise InputError(f"goes with at most {MOST_POINTS} points", field="covariance", value=n)
     if stated.cov is not None:
-        return with_common(read_matrix(stated.cov, 2 * n, "all x, then all y", dialect), stated.common, x, y)
-    own = [np.broadcast_to(0.0 if u is None else np.asarray(u, dtype=float), n) for u in (u_x, u_y)]
-    cov_x, cov_y = (None if path is None else read_matrix(path, n, axis, dialect) for path, axis in ((stated.cov_x, "x"), (stated.cov_y, "y")))
-    if u_x is None and u_y is None and cov_x is None and cov_y is None:
-        raise InputError("needs the uncertainty of each reading beside it: --uy, --ux, or a matrix", field=f"--common-{stated.common[0].axis}")
-    joint = joint_covariance(own[0], own[1], np.broadcast_to(r_xy, n), cov_x=cov_x, cov_y=cov_y)
+        joint = read_matrix(stated.cov, 2 * n, "all x, then all y", dialect)
+    else:
+        joint = _own_errors(stated, n, u_x, u_y, r_xy, dialect)
     at = y
     if any(one.relative and one.axis == "y" for one in stated.common):
         alone = fit_line(x, y, cov=with_common(joint, [one for one in stated.common if not one.relative], x, y))
         at = alone.intercept + alone.slope * x
     return with_common(joint, stated.common, x, at)
+
+
+def _own_errors(
+    stated: Correlated, n: int, u_x: FloatArray | float | None, u_y: FloatArray | float | None, r_xy: FloatArray | float, dialect: Dialect
+) -> FloatArray:
+    """(2 n, 2 n) covariance of each point alone, or of the axes whose matrix is stated."""
+    own = [np.broadcast_to(0.0 if u is None else np.asarray(u, dtype=float), n) for u in (u_x, u_y)]
+    cov_x, cov_y = (None if path is None else read_matrix(path, n, axis, dialect) for path, axis in ((stated.cov_x, "x"), (stated.cov_y, "y")))
+    if u_x is None and u_y is None and cov_x is None and cov_y is None:
+        raise InputError("needs the uncertainty of each reading beside it: --uy, --ux, or a matrix", field=f"--common-{stated.common[0].axis}")
+    return joint_covariance(own[0], own[1], np.broadcast_to(r_xy, n), cov_x=cov_x, cov_y=cov_y)
 
 
 def read_matrix(path: Path, size: int, what: str, dialect: Dialect) -> FloatArray:

@@ -35,7 +35,7 @@ from estim.reports.explanation import explanation_text, runs_text
 from estim.reports.figures import residual_figure
 from estim.reports.first_screen import first_screen, opened_by
 from estim.reports.identifiability import IdentifySection, identify_section
-from estim.reports.identifiability_figures import direction_figure, profile_figure, ridge_figure
+from estim.reports.identifiability_figures import direction_figure, profile_figure, ridge_figure, ridge_pair
 from estim.reports.joint_figures import together_figure
 from estim.reports.lacks import lacks_text
 from estim.reports.lacks_figures import lacks_figure
@@ -135,8 +135,9 @@ def _drawers(
         figures["figures/counts.png"] = lambda: counts_figure(analysis.fit, analysis.goodness, synthetic=synthetic)
     if analysis.fit.deviations:
         figures["figures/deviation.png"] = lambda: lacks_figure(analysis.fit.deviations, analysis.problem.runs, synthetic=synthetic)
-    if analysis.problem.n_par > 1:
-        figures["figures/ridge.png"] = lambda: ridge_figure(analysis.fit, analysis.identifiability, analysis.chain.thinned(_RIDGE_DRAWS))
+    draws = analysis.chain.thinned(_RIDGE_DRAWS)
+    if (pair := ridge_pair(analysis.identifiability, draws)) is not None:
+        figures["figures/ridge.png"] = partial(ridge_figure, analysis.fit, analysis.identifiability, draws, pair)
     return figures
 
 

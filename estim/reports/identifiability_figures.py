@@ -10,7 +10,7 @@ import numpy as np
 
 from estim.arrays import FloatArray
 from estim.checks import Identifiability
-from estim.common import InputError, signed
+from estim.common import signed
 from estim.distributions import chi2_quantile, normal_below
 from estim.drawing import BLUE, GREEN, GREY, INK, ORANGE, PALE, name_ticks, new_figure
 from estim.fitting import Fit, ProfileInterval
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 _FLOOR = 1e-4  # of the axis of information: what is smaller is as good as nothing
 _TOP_RISE = 5.0
-_MAX_PROFILES = 24
+_MIXED = 1e-4  # product of two components and their correlation, below which a direction is that of one parameter
 _PRIOR_DRAWS = 100_000
 _RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
@@ -76,15 +76,15 @@ def _components(ax: Axes, vectors: FloatArray, symbols: list[str], *, upright: b
     ax.set_title("components, in prior standard deviations", fontsize=8.5)
 
 
-def ridge_figure(fit: Fit, found: Identifiability, draws: FloatArray, *, pair: tuple[str, str] | None = None) -> Figure:
-    """Posterior and prior of the two parameters (`pair`, or those of `ridge_pair`) with the weakest direction between them.
+def ridge_figure(fit: Fit, found: Identifiability, draws: FloatArray, pair: tuple[str, str]) -> Figure:
+    """Posterior and prior of two parameters (those of `ridge_pair`) with the weakest direction between them.
 
-    draws : (n_draw, n_par) of the posterior, 20 000 for smooth contours.  Raises InputError where there is only one parameter.
+    draws : (n_draw, n_par) of the posterior, 20 000 for smooth contours.
     """
     from matplotlib.lines import Line2D
 
     problem, weakest = fit.problem, found.directions[0]
-    i, j = (fit.names.index(name) for name in pair or ridge_pair(found, draws))
+    i, j = (fit.names.index(name) for name in pair)
     single = len(problem.runs) == 1
     shown = [problem.parameters[k].bare_label if single else problem.parameters[k].label for k in (i, j)]
     factors = np.array([s.factor for s in shown])
@@ -125,17 +125,17 @@ def ridge_figure(fit: Fit, found: Identifiability, draws: FloatArray, *, pair: t
     return figure
 
 
-def ridge_pair(found: Identifiability, draws: FloatArray) -> tuple[str, str]:
+def ridge_pair(found: Identifiability, draws: FloatArray) -> tuple[str, str] | None:
     """The two parameters between which the weakest direction is a visible ridge: both move along it, and the posterior correlates them.
 
-    Raises InputError where there is only one parameter.
+    None where it is that of one parameter alone.
     """
-    if len(found.names) < 2:
-        raise InputError("a ridge needs two parameters", field="names", value=found.names)
     spread = draws.std(axis=0)
-    correlation = np.cov(draws.T) / np.outer(spread, spread)
+    correlation = np.atleast_2d(np.cov(draws.T)) / np.outer(spread, spread)
     along = found.directions[0].vector
     mixed = np.triu(np.abs(np.outer(along, along) * correlation), k=1)
+    if not np.max(mixed) > _MIXED:
+        return None
     i, j = np.unravel_index(int(np.argmax(mixed)), mixed.shape)
     return found.names[i], found.names[j]
 
@@ -184,11 +184,10 @@ def prior_contour(draws: FloatArray, probability: float) -> tuple[FloatArray, Fl
 def profile_figure(problem: Problem, intervals: Sequence[ProfileInterval], draws: FloatArray) -> Figure:
     """How the objective rises with each parameter, all others re-optimised, with posterior quantiles below.
 
-    draws : (n_draw, n_par) of the posterior.  At most 24 parameters are drawn.
+    draws : (n_draw, n_par) of the posterior.
     """
     from matplotlib.lines import Line2D
 
-    intervals = intervals[:_MAX_PROFILES]
     columns = min(3, len(intervals))
     rows = -(-len(intervals) // columns)
     figure = new_figure(1.75 * rows + 0.35)
