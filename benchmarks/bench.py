@@ -23,182 +23,23 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Callable
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
-from typing import Any
 
 import numpy as np
+from bench_samplers import ESS, HERE, METHODS, MOST_SECONDS, SEED, Measured, by_emcee, one, posed
 
-HERE = Path(__file__).resolve().parent
-sys.path.insert(0, str(HERE.parent))
-
-CAMPAIGN, RUN = HERE.parent / "data" / "replica" / "campaign.toml", "light-01"
-ESS, SEED = 4000.0, 1
-_MOST_SECONDS = 300.0  # of a processor, after which a method is given up
 _ERRORS = 4.5
 NAMES = {
     "estim": "estim, certified", "emcee": "emcee, vectorised", "lmfit": "lmfit's emcee", "dynesty": "dynesty", "bumps": "bumps (DREAM)",
 }
 NOT_RUN = {"PyMC + nutpie": "its gradients need the density written anew in its own language"}
 
-Measured = dict[str, Any]
-
-
-def posed() -> Any:
-    """The fit of the run."""
-    from estim import load_campaign
-    from estim.common import Stream, stream
-
-    campaign = load_campaign(CAMPAIGN)
-    return campaign.fit(campaign.problem([RUN]), rng=stream(SEED, Stream.FIT))
-
-
-def described(draws: np.ndarray) -> tuple[float, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Effective draws of the worst parameter, means, sds and their errors; draws (n_chain, n_step, n_par)."""
-    from arviz_stats.base import array_stats
-
-    chains = [draws[:, :, i] for i in range(draws.shape[2])]
-    ess = min(float(array_stats.ess(c, chain_axis=0, draw_axis=1, method="bulk")) for c in chains)
-    errors = [[float(array_stats.mcse(c, chain_axis=0, draw_axis=1, method=m)) for c in chains] for m in ("mean", "sd")]
-    flat = draws.reshape(-1, draws.shape[2])
-    return ess, flat.mean(axis=0), flat.std(axis=0), np.array(errors[0]), np.array(errors[1])
-
-
-def weighted(draws: np.ndarray, log_weights: np.ndarray) -> tuple[float, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """The same of weighted independent draws (n, n_par)."""
-    w = np.exp(log_weights - np.max(log_weights))
-    w /= w.sum()
-    mean = w @ draws
-    square = (draws - mean) ** 2
-    sd = np.sqrt(w @ square)
-    u_mean = np.sqrt(w**2 @ square)
-    u_sd = np.sqrt(w**2 @ (square - sd**2) ** 2) / (2.0 * sd)
-    return float(1.0 / np.sum(w**2)), mean, sd, u_mean, u_sd
-
-
-def by_estim(fit: Any, _: float) -> tuple[Any, ...]:
-    from estim.pipeline import analyse_fit
-    from estim.sampling import Target
-
-    analysis = analyse_fit(fit, seed=SEED, target=Target(ess=ESS))
-    chain = analysis.chain
-    draws = np.moveaxis(chain.draws, 1, 2)
-    return described(draws.reshape(-1, *draws.shape[2:]))
-
-
-def by_emcee(fit: Any, most: float, *, wanted: float = ESS, seed: int = SEED) -> tuple[Any, ...]:
-    import emcee
-
-    rng, n = np.random.default_rng(seed), 64
-    sampler = emcee.EnsembleSampler(n, len(fit.names), fit.posterior.log_density, vectorize=True)
-    sampler.random_state = np.random.RandomState(seed).get_state()
-    state, began, steps = scattered(fit, n, rng), time.process_time(), 1000
-    while True:
-        state = sampler.run_mcmc(state, steps)
-        kept = sampler.get_chain()[sampler.iteration // 5 :]
-        found = described(np.swapaxes(kept, 0, 1))
-        if found[0] >= wanted or time.process_time() - began > most:
-            return found
-        steps = int(min(4.0, 1.1 * wanted / max(found[0], 1.0)) * sampler.iteration) - sampler.iteration + 200
-
-
-def by_lmfit(fit: Any, most: float) -> tuple[Any, ...]:
-    import lmfit
-
-    table = lmfit.Parameters()
-    for i, parameter in enumerate(fit.problem.parameters):
-        prior = parameter.prior
-        value = min(max(float(fit.values[i]), prior.low + 1e-9), prior.high - 1e-9)
-        table.add(f"p{i}", value=value, min=prior.low, max=prior.high)
-
-    def density(parameters: Any) -> float:
-        return float(fit.posterior.log_density(np.array([[p.value for p in parameters.values()]]))[0])
-
-    rng, n = np.random.default_rng(SEED), 64
-    fitter = lmfit.Minimizer(density, table, nan_policy="omit")
-    position, began, steps, done = scattered(fit, n, rng), time.process_time(), 400, 0
-    while True:
-        result = fitter.emcee(
-            table, steps=steps, nwalkers=n, burn=0, pos=position if done == 0 else None, reuse_sampler=done > 0, float_behavior="posterior",
-            progress=False, is_weighted=True, seed=SEED,
-        )
-        chain = result.chain
-        done = chain.shape[0]
-        found = described(np.swapaxes(chain[done // 5 :], 0, 1))
-        used = time.process_time() - began
-        if found[0] >= ESS or used > most:
-            return found
-        steps = max(200, int(min(2.0, 1.1 * ESS / max(found[0], 1.0) - 1.0, (most - used) / used) * done))
-
-
-def by_dynesty(fit: Any, _: float) -> tuple[Any, ...]:
-    import dynesty
-
-    rng = np.random.default_rng(SEED)
-    grids = []
-    for parameter in fit.problem.parameters:  # the quantiles of each prior, by a table
-        draws = np.sort(parameter.prior.draw(np.random.default_rng(0), 1_000_001))
-        grids.append(draws)
-    at = np.linspace(0.0, 1.0, 1_000_001)
-
-    def likelihood(values: np.ndarray) -> float:
-        found = float(fit.posterior.log_likelihood(values[None, :])[0])
-        return found if math.isfinite(found) else -1e300
-
-    sampler = dynesty.NestedSampler(likelihood, lambda u: np.array([np.interp(a, at, g) for a, g in zip(u, grids, strict=True)]), len(grids),
-                                    nlive=1000, rstate=rng)
-    sampler.run_nested(print_progress=False)
-    result = sampler.results
-    return weighted(np.asarray(result.samples), np.asarray(result.logwt))
-
-
-def by_bumps(fit: Any, _: float) -> tuple[Any, ...]:
-    from bumps.fitters import fit as run
-    from bumps.names import FitProblem
-    from bumps.pdfwrapper import VectorPDF
-
-    def minus(p: np.ndarray) -> float:
-        found = float(fit.posterior.log_density(np.asarray(p)[None, :])[0])
-        return -found if math.isfinite(found) else 1e300
-
-    scale = np.sqrt(np.diag(fit.cov))
-    model = VectorPDF(lambda z: minus(fit.values + scale * z), p=np.zeros(len(scale)), dof=len(scale))
-    for parameter, prior, value, s in zip(model.parameters().values() if isinstance(model.parameters(), dict) else model.parameters(),
-                                          [p.prior for p in fit.problem.parameters], fit.values, scale, strict=True):
-        parameter.range(max((prior.low - value) / s, -12.0), min((prior.high - value) / s, 12.0))
-    result = run(FitProblem(model), method="dream", samples=60_000, burn=300, pop=10, verbose=False)
-    _, points, _ = result.state.chains()
-    draws = np.swapaxes(np.asarray(points), 0, 1)
-    return described(fit.values + scale * draws)
-
-
-def scattered(fit: Any, n: int, rng: np.random.Generator) -> np.ndarray:
-    """(n, n_par) walkers about the fit where the density is finite."""
-    points = rng.multivariate_normal(fit.values, fit.cov, size=50 * n)
-    return np.asarray(points[np.isfinite(fit.posterior.log_density(points))][:n])
-
-
-METHODS: dict[str, Callable[[Any, float], tuple[Any, ...]]] = {
-    "estim": by_estim, "emcee": by_emcee, "lmfit": by_lmfit, "dynesty": by_dynesty, "bumps": by_bumps,
-}
-
-
-def one(name: str) -> Measured:
-    """What a method finds, in this process."""
-    fit = posed()
-    began, cpu = time.perf_counter(), time.process_time()
-    ess, mean, sd, u_mean, u_sd = METHODS[name](fit, _MOST_SECONDS)
-    sampling, cpu = time.perf_counter() - began, time.process_time() - cpu
-    return {
-        "ess": ess, "mean": list(mean), "sd": list(sd), "u_mean": list(u_mean), "u_sd": list(u_sd), "sampling": sampling, "sampling_cpu": cpu,
-    }
-
 
 def reference() -> Measured:
     """emcee with ten times as many effective draws as are asked for: it shares no code with ours."""
     fit = posed()
-    ess, mean, sd, u_mean, u_sd = by_emcee(fit, 10.0 * _MOST_SECONDS, wanted=10.0 * ESS, seed=987)
+    ess, mean, sd, u_mean, u_sd = by_emcee(fit, 10.0 * MOST_SECONDS, wanted=10.0 * ESS, seed=987)
     return {"ess": ess, "mean": list(mean), "sd": list(sd), "u_mean": list(u_mean), "u_sd": list(u_sd), "names": list(fit.names)}
 
 
