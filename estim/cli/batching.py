@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 import click
 
 from estim.cli.formats import FORMAT, chosen
+from estim.cli.language import LANG
 from estim.cli.options import JOBS, NO_FIGURES, SEED, STEPS
 from estim.cli.origin import note_of_others
 from estim.cli.terminal import NOT_OK, counted, report_at, say, write_files, write_report
@@ -54,6 +55,7 @@ def cluster(address: str | None) -> Iterator[Executor | None]:
 @SEED
 @NO_FIGURES
 @FORMAT
+@LANG
 @click.option("--resume", is_flag=True, help="Keep the results that are there and were made from the same files, settings and versions.")
 def batch(
     paths: tuple[Path, ...], jobs: int | None, shard: str | None, scheduler: str | None, reports: bool, max_steps: int, out: Path, seed: int,

@@ -21,6 +21,7 @@ from estim.cli.causes import say_causes, with_causes
 from estim.cli.comparing import compare as compare_noise
 from estim.cli.formats import FORMAT
 from estim.cli.importing import import_run
+from estim.cli.language import LANG
 from estim.cli.line import line
 from estim.cli.mapping import map_motions
 from estim.cli.models import compare_models
@@ -77,6 +78,7 @@ def cli() -> None:
 @SEED
 @NO_FIGURES
 @FORMAT
+@LANG
 @curve_options
 @click.option(
     "--marginal/--full", default=None, help="Sample a joint fit through the marginal over its runs, or all unknowns at once.  "
@@ -157,6 +159,7 @@ def fit(
 @SEED
 @NO_FIGURES
 @FORMAT
+@LANG
 def energy(campaign: Path, runs: tuple[str, ...], joint: bool, max_steps: int, out: Path | None, seed: int, no_figures: bool) -> None:
     """Check the energy along the runs of CAMPAIGN: how much is lost, and is the loss steady?"""
     from estim.campaign import load_campaign
@@ -194,6 +197,7 @@ def energy(campaign: Path, runs: tuple[str, ...], joint: bool, max_steps: int, o
 @SEED
 @NO_FIGURES
 @FORMAT
+@LANG
 def reanalyse(campaign: Path, max_steps: int, jobs: int | None, out: Path | None, seed: int, no_figures: bool) -> None:
     """Everything that CAMPAIGN says, in one report.
 
@@ -236,6 +240,7 @@ def simulate(design: Path, out: Path) -> None:
 @OUT
 @SEED
 @FORMAT
+@LANG
 def body(file: Path, out: Path | None, seed: int) -> None:
     """Mass, gamma, kappa and rho of the bodies in FILE (a campaign, or bodies alone) from their parts, with a budget."""
     say_bodies(file, out or out_folder(file, "body"), seed=seed)
@@ -247,6 +252,7 @@ def body(file: Path, out: Path | None, seed: int) -> None:
 @SEED
 @NO_FIGURES
 @FORMAT
+@LANG
 def propagate(file: Path, out: Path | None, seed: int, no_figures: bool) -> None:
     """Uncertainty of a measurement model FILE: the GUM and Monte Carlo side by side, with a budget (docs/propagation.md)."""
     _exit_unless(say_propagated(file, out or Path("out") / file.stem, seed=seed, figures=not no_figures))

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import click
 
 from estim.cli.formats import FORMAT
+from estim.cli.language import LANG
 from estim.cli.options import NO_FIGURES, SEED, out_folder
 from estim.cli.terminal import NOT_OK, conclude, pieces, report_at, say, write_report
 from estim.common import InputError, Quantity, decide, read_quantity
@@ -32,6 +33,7 @@ _MOST_FRICTION = 10.0
 @SEED
 @NO_FIGURES
 @FORMAT
+@LANG
 def map_motions(
     campaign: Path, bodies: tuple[str, ...], ramp_length: float | None, friction: str | None, fitted: Path | None, out: Path | None, seed: int,
     no_figures: bool,

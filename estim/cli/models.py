@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import click
 
 from estim.cli.formats import FORMAT
+from estim.cli.language import LANG
 from estim.cli.options import JOINT, NO_FIGURES, RUNS, SEED, STEPS, out_folder
 from estim.cli.terminal import NOT_OK, conclude, groups_of, note, progress_bar, report_at, say, write_report
 from estim.common import asked_to_stop
@@ -31,6 +32,7 @@ if TYPE_CHECKING:
 @SEED
 @NO_FIGURES
 @FORMAT
+@LANG
 @click.option("--resume", is_flag=True, help="Continue a comparison that was interrupted, from the draws kept in OUT/.checkpoint.")
 def compare_models(
     campaign: Path, runs: tuple[str, ...], joint: bool, models: tuple[str, ...], max_steps: int, out: Path | None, seed: int, no_figures: bool,

@@ -8,6 +8,7 @@ from pathlib import Path
 import click
 
 from estim.cli.formats import FORMAT
+from estim.cli.language import LANG
 from estim.cli.options import NO_FIGURES, RUNS, SEED, out_folder
 from estim.cli.terminal import NOT_OK, conclude, groups_of, pieces, report_at, write_report
 
@@ -23,6 +24,7 @@ from estim.cli.terminal import NOT_OK, conclude, groups_of, pieces, report_at, w
 @SEED
 @NO_FIGURES
 @FORMAT
+@LANG
 def plan_next(campaign: Path, runs: tuple[str, ...], wanted: tuple[str, ...], out: Path | None, seed: int, no_figures: bool) -> None:
     """What to measure next, to know the quantities of CAMPAIGN better.
 
