@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from estim.arrays import FloatArray
-from estim.common import Amount, Finding, Kind, format_quantity, format_rounded
+from estim.common import Amount, Finding, Kind, format_quantity, format_rounded, phrase
 from estim.distributions import student_quantile, student_tail
 from estim.fitting.edges import edge_of
 from estim.fitting.least_squares import Fit
@@ -128,22 +128,28 @@ def shown_value(value: float, sd: float, ends: Ends, edges: tuple[float, float],
     low, high = ends[PROBABILITIES[-1]]
     behind = f" {unit}" if unit else ""
     if math.isnan(low) or math.isnan(high):
-        return "=", f"{format_quantity(value)}{behind} (no uncertainty)"
+        return "=", phrase("{value} (no uncertainty)", value=format_quantity(value) + behind)
     closed = [low != edges[0] and math.isfinite(low), high != edges[1] and math.isfinite(high)]
     if not any(closed):
-        return "", f"anywhere in [{low:.6g}, {high:.6g}]{behind}"
-    level = "95 %" if ok else "95 %, if the curve and the errors were right"
+        return "", phrase("anywhere in [{low:.6g}, {high:.6g}]{unit}", low=low, high=high, unit=behind)
+    level = "95 %" if ok else phrase("95 %, if the curve and the errors were right")
     size = sd if math.isfinite(sd) else 0.25 * (high - low) if all(closed) else 0.25 * abs((high if closed[1] else low) - value)
     if not all(closed):
         return "", f"< {format_rounded(high, size)}{behind} ({level})" if closed[1] else f"> {format_rounded(low, size)}{behind} ({level})"
-    intervals = ", ".join(f"{p:.0%} in [{format_rounded(a, size)}, {format_rounded(b, size)}]".replace("%", " %") for p, (a, b) in ends.items())
+    intervals = ", ".join(_within(f"{100.0 * p:.0f} % ", a, b, size) for p, (a, b) in ends.items())
     if not ok:
-        return "", f"in [{format_rounded(low, size)}, {format_rounded(high, size)}]{behind} ({level})"
+        return "", f"{_within('', low, high, size)}{behind} ({level})"
     if not math.isfinite(sd):
         return "=", f"{format_rounded(value, size)}{behind}, {intervals}"
     if few:
-        return "=", f"{format_rounded(value, sd)}{behind} (standard error {format_rounded(sd, sd)}), {intervals}"
+        error = phrase(" (standard error {sd})", sd=format_rounded(sd, sd))
+        return "=", f"{format_rounded(value, sd)}{behind}{error}, {intervals}"
     return "=", f"{format_quantity(value, sd)}{behind}, {intervals}"
+
+
+def _within(share: str, low: float, high: float, size: float) -> str:
+    """'95 % in [1.2, 1.4]'."""
+    return phrase("{share}in [{low}, {high}]", share=share, low=format_rounded(low, size), high=format_rounded(high, size))
 
 
 def _quantile(probability: float, dofs: FloatArray) -> FloatArray:

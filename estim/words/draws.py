@@ -27,7 +27,7 @@ def _differs(f: Finding) -> str:
 def _difference(f: Finding) -> str:
     return phrase(
         "the {what} of {name} by {size:+.3f} posterior standard deviations ({errors:.1f} Monte-Carlo errors)",
-        what=phrase(f.test), name=f.parameters[0].name, size=f.size, errors=f.numbers["errors"],
+        what=f.test, name=f.parameters[0].name, size=f.size, errors=f.numbers["errors"],
     )
 
 

@@ -72,6 +72,6 @@ WORDS: Table = MappingProxyType(
             "{who}: the readings scatter by {size:.2g} times what was stated or more, a force that the curve lacks taken out (probability {p:.2f})",
             who=_who(f), size=f.size, p=f.p,
         ),
-        Kind.CURVE_COMPLETE: lambda f: phrase("the curve is taken as complete: {why}", why=phrase(f.names[0])),
+        Kind.CURVE_COMPLETE: lambda f: phrase("the curve is taken as complete: {why}", why=f.names[0]),
     }
 )
