@@ -33,7 +33,7 @@ from estim.reports.deviation import deviation_text
 from estim.reports.deviation_figures import force_figure
 from estim.reports.explanation import explanation_text, runs_text
 from estim.reports.figures import residual_figure
-from estim.reports.first_screen import first_screen, opened_by
+from estim.reports.first_screen import first_reasons, first_screen, opened_by
 from estim.reports.identifiability import IdentifySection, identify_section
 from estim.reports.identifiability_figures import direction_figure, profile_figure, ridge_figure, ridge_pair
 from estim.reports.joint_figures import together_figure
@@ -48,7 +48,7 @@ from estim.reports.rolling_figures import rolling_figure
 from estim.reports.trace_figures import trace_figure
 from estim.reports.usual_errors import usual_row
 from estim.studies import determine
-from estim.words import STATUS_WORDS, Voice
+from estim.words import STATUS_WORDS, Voice, first_step
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -94,7 +94,7 @@ def analysis_report(campaign: Subject, analysis: Analysis, *, voice: Voice = Voi
             result, section, corner_words(analysis.problem, truth=bool(campaign.truth)), pictures, converged=analysis.chain.convergence.met,
             consistency="" if agreement is None else consistency_text(agreement, pictures, limits_only=not analysis.diagnosis.ok, on_edge=on_edge),
             explanation="" if analysis.explanation is None else explanation_text(analysis.explanation), counts=counts_text(analysis.fit, pictures),
-            shares=shares, misfit=misfit_words(residuals_of(analysis)),
+            shares=shares, misfit=misfit_words(residuals_of(analysis)), first_step=first_step(analysis.diagnosis.findings, voice),
         )
 
     drawers = _drawers(analysis, determination.intervals, shares, synthetic=campaign.kind == "synthetic", truth=campaign.truth)
@@ -143,13 +143,14 @@ def _drawers(
 
 def analysis_text(
     result: Result, section: IdentifySection, corner_words: Markdown, pictures: Collection[str], *, converged: bool, consistency: str,
-    explanation: str, counts: str = "", shares: Shares | None = None, misfit: str = "",
+    explanation: str, counts: str = "", shares: Shares | None = None, misfit: str = "", first_step: str = "",
 ) -> str:
     """The Markdown report of one analysis, with the figures at the paths `pictures`.
 
     section : what it says about the data against the priors.  corner_words : below the corner figure.  converged : whether there are enough draws.
     consistency : about several runs, "" for one.  explanation : of what may be missing, "" where that was not asked.
     shares : of the sources of uncertainty, None where there is no uncertainty to explain.  misfit : the largest, in words.
+    first_step : what to do first where the status is not ok.
     """
     rows = [parameter_row(name, p, result) for name, p in result.parameters.items()]
     axes = list(dict.fromkeys((run.x, run.y) for run in result.runs.values()))
@@ -167,7 +168,7 @@ def analysis_text(
         consistency=consistency, rolling=rolling_rows(result.rolling or {}), axes=axes, limits_only=result.status != "ok", converged=converged,
         corner_words=corner_words, usual=[usual_row(one) for one in result.usual_errors], lacks=lacks, explanation=explanation, counts=counts,
         deviation=deviation_text(result.deviation, result.labels, pictures) if result.deviation else "",
-        complete=complete_runs([result]),
+        complete=complete_runs([result]), first_step=first_step, reasons=first_reasons(result.reasons),
         said=[words for force in (result.deviation or {}).values() for words in (force.words, force.noise_words)] if result.status == "ok" else [],
         drawn=MOST_DRAWN if len(result.runs) > MOST_DRAWN else None,
         uncorrelated=len(result.parameters) - _MOST_CORRELATED if len(result.correlation.names) > _MOST_CORRELATED else 0,

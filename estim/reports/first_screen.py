@@ -6,6 +6,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Protocol
 
+import numpy as np
+
 from estim.checks import Estimate, not_measured, p_sentence, result_table, screen_lines
 from estim.common import listed, signed, split_level
 from estim.reports.budget import UncertaintyBudget
@@ -26,6 +28,7 @@ _WHERE = {
     "not-converged": "computing", "methods-disagree": "computing",
 }
 MOST_MINDS, _MOST_ERRORS = 2, 3
+_MOST_REASONS, _MOST_WORDS = 3, 60  # of reasons why there is no result
 
 
 @dataclass(frozen=True)
@@ -119,6 +122,12 @@ def first_screen(result: Told) -> Screen:
 def result_lines(result: Told) -> list[str]:
     """What a terminal says of a result whose status is ok."""
     return first_screen(result).lines
+
+
+def first_reasons(reasons: Sequence[str]) -> list[str]:
+    """Those of `reasons`, gravest first, that the first screen has room for: one at least."""
+    length = np.cumsum([len(words.split()) for words in reasons])
+    return list(reasons[: max(1, min(_MOST_REASONS, int(np.sum(length <= _MOST_WORDS))))])
 
 
 def opened_by(result: Told) -> frozenset[str]:
