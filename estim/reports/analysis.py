@@ -15,7 +15,7 @@ import numpy as np
 
 from estim.campaign import Campaign
 from estim.checks import P_CONFLICT, P_POOR_FIT, P_TOLD, interval_cell, value_cell
-from estim.common import KINDS, Label, Markdown, Notation, Status, format_quantity, format_rounded, signed, significant, table
+from estim.common import KINDS, Label, Markdown, Notation, Status, format_quantity, format_rounded, phrase, signed, significant, table
 from estim.explanation import Explanation, across_runs
 from estim.fitting import ProfileInterval
 from estim.pipeline import Analysis
@@ -239,7 +239,7 @@ def _index_cell(p: ParameterSummary, shown: Label) -> str:
         return value_cell(p, shown)
     if p.upper_95 is not None:
         return f"< {format_rounded(p.upper_95 * shown.factor, 0.25 * p.upper_95 * shown.factor)} (95 %)"
-    return "as stated"
+    return phrase("as stated")
 
 
 def parameter_row(name: str, p: ParameterSummary, result: Result) -> Row:
@@ -251,9 +251,10 @@ def parameter_row(name: str, p: ParameterSummary, result: Result) -> Row:
     if not ok:
         fit = format_rounded(value * shown.factor, 0.1 * size * shown.factor)
     elif p.limit is not None:
-        fit = f"{format_rounded(p.limit.edge * shown.factor, 0.25 * abs(p.limit.limit_95 - p.limit.edge) * shown.factor)} (its edge)"
+        edge = format_rounded(p.limit.edge * shown.factor, 0.25 * abs(p.limit.limit_95 - p.limit.edge) * shown.factor)
+        fit = phrase("{value} (its edge)", value=edge)
     elif sd is None:
-        fit = f"{format_rounded(value * shown.factor, (p.sd or 0.0) * shown.factor)} (no symmetric sd)"
+        fit = phrase("{value} (no symmetric sd)", value=format_rounded(value * shown.factor, (p.sd or 0.0) * shown.factor))
     else:
         fit = format_quantity(value * shown.factor, sd * shown.factor)
     return Row(
@@ -267,7 +268,7 @@ def parameter_row(name: str, p: ParameterSummary, result: Result) -> Row:
 
 def _prior(p: ParameterSummary, shown: Label) -> str:
     if p.prior == "normal" and p.prior_mean is not None and p.prior_sd is not None:
-        return f"{format_quantity(p.prior_mean * shown.factor, p.prior_sd * shown.factor)} (normal)"
+        return phrase("{value} (normal)", value=format_quantity(p.prior_mean * shown.factor, p.prior_sd * shown.factor))
     return p.prior + (f" {p.unit}" if p.unit != "1" and shown.factor != 1.0 else "")
 
 
@@ -295,17 +296,21 @@ def _what_limits(result: Result) -> str:
     matrix = np.abs(np.array(result.correlation.matrix)) - np.eye(len(result.correlation.names))
     sentences = []
     if weak:
-        sentences.append(f"The data say little beyond the prior about {_listed(weak)}: what was stated there is what comes out.")
+        sentences.append(
+            phrase("The data say little beyond the prior about {names}: what was stated there is what comes out.", names=_listed(weak))
+        )
     if matrix.size > 1 and matrix.max() > 0.8:
         i, j = np.unravel_index(int(np.argmax(matrix)), matrix.shape)
         names = [result.labels.symbol(result.correlation.names[k]) for k in (j, i)]
         strength = signed(f"{result.correlation.matrix[i][j]:+.2f}")
         sentences.append(
-            f"{names[0]} and {names[1]} are correlated by {strength}: the data fix a combination of the two better "
-            "than either, so a better independent value of one improves the other."
+            phrase(
+                "{one} and {other} are correlated by {r}: the data fix a combination of the two better "
+                "than either, so a better independent value of one improves the other.", one=names[0], other=names[1], r=strength,
+            )
         )
     return " ".join(sentences)
 
 
 def _listed(words: Sequence[str]) -> str:
-    return words[0] if len(words) == 1 else ", ".join(words[:-1]) + " and " + words[-1]
+    return words[0] if len(words) == 1 else phrase("{names} and {last}", names=", ".join(words[:-1]), last=words[-1])
