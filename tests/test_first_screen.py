@@ -227,7 +227,7 @@ def test_progress_is_the_share_of_the_draws_needed_by_the_criterion_farthest_fro
 
 
 def test_the_first_screen_has_the_gravest_reasons_and_room_for_one_at_least() -> None:
-    short, long = "two words", "word " * 70
+    short, long = "two words", "word " * 80
     assert first_reasons([short] * 5) == [short] * 3
     assert first_reasons([long, short]) == [long]
     assert first_reasons([short, long, short]) == [short]

@@ -28,7 +28,7 @@ _WHERE = {
     "not-converged": "computing", "methods-disagree": "computing",
 }
 MOST_MINDS, _MOST_ERRORS = 2, 3
-_MOST_REASONS, _MOST_WORDS = 3, 60  # of reasons why there is no result
+_MOST_REASONS, _MOST_LETTERS = 3, 380  # of reasons why there is no result
 
 
 @dataclass(frozen=True)
@@ -126,8 +126,8 @@ def result_lines(result: Told) -> list[str]:
 
 def first_reasons(reasons: Sequence[str]) -> list[str]:
     """Those of `reasons`, gravest first, that the first screen has room for: one at least."""
-    length = np.cumsum([len(words.split()) for words in reasons])
-    return list(reasons[: max(1, min(_MOST_REASONS, int(np.sum(length <= _MOST_WORDS))))])
+    length = np.cumsum([len(words) for words in reasons])
+    return list(reasons[: max(1, min(_MOST_REASONS, int(np.sum(length <= _MOST_LETTERS))))])
 
 
 def opened_by(result: Told) -> frozenset[str]:
