@@ -14,7 +14,7 @@ import msgspec
 import numpy as np
 
 from estim.batch import Row, Spread, odd_runs, spreads
-from estim.common import as_json, format_rounded, table
+from estim.common import as_json, format_rounded, phrase, table
 from estim.drawing import BLUE, GREY, INK, ORANGE, new_figure
 from estim.pipeline import Analysis
 from estim.reports.analysis import analysis_report
@@ -128,7 +128,7 @@ def _cell(text: str) -> str:
 def synthetic_words(rows: Sequence[Row]) -> str:
     """Which data are synthetic; "" where none are."""
     n, of = sum(row.kind == "synthetic" for row in rows), sum(bool(row.kind) for row in rows)
-    return "" if n == 0 else "SYNTHETIC data" if n == of else f"SYNTHETIC data in {n} of {of} runs"
+    return "" if n == 0 else phrase("SYNTHETIC data") if n == of else phrase("SYNTHETIC data in {n} of {of} runs", n=n, of=of)
 
 
 def overview_figure(rows: Sequence[Row], shown: Sequence[Spread]) -> Figure:
@@ -156,6 +156,7 @@ def overview_figure(rows: Sequence[Row], shown: Sequence[Spread]) -> Figure:
         ax.margins(y=0.15)
     if synthetic := synthetic_words(rows):
         figure.suptitle(synthetic, fontsize=9)
-    axes[-1].set_xlabel("number of the run" + (" (cross at the bottom: not ok)" if bad.size else ""), fontsize=9)
+    said = phrase("number of the run (cross at the bottom: not ok)") if bad.size else phrase("number of the run")
+    axes[-1].set_xlabel(said, fontsize=9)
     axes[-1].set_xlim(0.4, len(rows) + 0.6)
     return figure

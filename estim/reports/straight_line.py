@@ -11,7 +11,7 @@ import msgspec
 import numpy as np
 
 from estim.checks import Estimate
-from estim.common import Markdown, Notation, Status, as_json, format_quantity, one_line, significant
+from estim.common import Markdown, Notation, Status, as_json, format_quantity, later, one_line, phrase, significant
 from estim.drawing import BLUE, GREEN, INK, ORANGE, new_figure
 from estim.line import CONVENTIONS, StraightLine, confidence_band
 from estim.reports.copying import copies_of
@@ -28,8 +28,8 @@ if TYPE_CHECKING:
 _COPIED = 0.95  # probability of the interval in the table to copy
 STRAIGHT_SCHEMA = "estim-straight-line/1"
 _METHODS = {
-    "ols": "ordinary least squares", "weighted": "weighted by u(y)", "york": "York: errors in both variables",
-    "correlated": "generalised distance regression: errors of points correlated",
+    "ols": later("ordinary least squares"), "weighted": later("weighted by u(y)"), "york": later("York: errors in both variables"),
+    "correlated": later("generalised distance regression: errors of points correlated"),
 }
 
 
@@ -180,29 +180,30 @@ def straight_line_figure(line: StraightLine) -> Figure:
     if math.isfinite(fit.slope):
         if line.status is not Status.NOT_IDENTIFIED:
             band = confidence_band(fit, x, probability=line.probability)
-            upper.fill_between(x, band.low, band.high, color=BLUE, alpha=0.25, lw=0, label=f"{percent} band of the line, point by point")
-        upper.plot(x, fit.intercept + fit.slope * x, color=BLUE, lw=1.5, label=_METHODS[fit.method])
+            said = phrase("{percent} band of the line, point by point", percent=percent)
+            upper.fill_between(x, band.low, band.high, color=BLUE, alpha=0.25, lw=0, label=said)
+        upper.plot(x, fit.intercept + fit.slope * x, color=BLUE, lw=1.5, label=phrase(_METHODS[fit.method]))
         residuals = data.y - fit.intercept - fit.slope * data.x
         lower.axhline(0.0, color=BLUE, lw=1.2)
         lower.errorbar(data.x, residuals, xerr=bars[0], yerr=bars[1], fmt="o", color=INK, ms=3.5, lw=0.9)
     upper.errorbar(
         data.x, data.y, xerr=bars[0], yerr=bars[1], fmt="o", color=INK, ms=4, lw=1,
-        label="points" + (", ± 1 standard uncertainty" if fit.method != "ols" else ""),
+        label=phrase("points, ± 1 standard uncertainty") if fit.method != "ols" else phrase("points"),
     )
     if line.status.ok:
         for i, p in enumerate(line.predictions):
             upper.errorbar(
                 p.x0.value, p.y, xerr=p.x0.u or None, yerr=[[p.y - p.low], [p.high - p.y]], fmt="s", color=ORANGE, mec=INK, ms=6, lw=2, zorder=5,
-                label=f"prediction, {percent}" if i == 0 else None,
+                label=phrase("prediction, {percent}", percent=percent) if i == 0 else None,
             )
         for i, q in enumerate(line.inverses):
             if math.isfinite(q.low):
                 upper.errorbar(
                     q.x, q.y0.value, xerr=[[q.x - q.low], [q.high - q.x]], fmt="D", color=GREEN, mec=INK, ms=6, lw=2, zorder=5,
-                    label=f"inverse prediction, {percent}" if i == 0 else None,
+                    label=phrase("inverse prediction, {percent}", percent=percent) if i == 0 else None,
                 )
     upper.set(ylabel=line.columns.y)
-    lower.set(xlabel=line.columns.x, ylabel="residual")
+    lower.set(xlabel=line.columns.x, ylabel=phrase("residual"))
     figure.legend(*upper.get_legend_handles_labels(), fontsize=8, frameon=False, loc="outside lower center", ncols=2)
     return figure
 
