@@ -164,13 +164,14 @@ def draw_residuals(ax: Axes, residuals: Residuals, bands: Bands | None, *, reach
     top = max(1.15 * float(np.max(np.abs(rest) + (sd if run.n_obs <= _MANY else 0.0))), 2.5 * float(np.median(sd)), reach)
     ax.set_ylim(-top, top)
     unit = "" if run.y_unit == "1" else f" ({run.y_unit})"
-    ax.set(xlabel=run.x_label, ylabel=phrase("{data} − fit", data=_symbol(run)) + unit)
+    symbol = _symbol(run)
+    ax.set(xlabel=run.x_label, ylabel=(phrase("{symbol} − fit", symbol=symbol) if symbol else phrase("data − fit")) + unit)
 
 
 def _symbol(run: Observations) -> str:
-    """The v of "speed v", or a user's own name of one letter; else "data": a longer name is no symbol, and may end in a unit."""
+    """The v of "speed v", or a user's own name of one letter; else "": a longer name is no symbol, and may end in a unit."""
     name = run.y_name if run.motion is None else run.y_name.split(" ")[-1]
-    return name if len(name) == 1 else phrase("data")
+    return name if len(name) == 1 else ""
 
 
 def draw_faded(ax: Axes, x: FloatArray, low: FloatArray, high: FloatArray, colour: str, *, alpha: float, label: str = "") -> None:
