@@ -128,7 +128,9 @@ def _cell(text: str) -> str:
 def synthetic_words(rows: Sequence[Row]) -> str:
     """Which data are synthetic; "" where none are."""
     n, of = sum(row.kind == "synthetic" for row in rows), sum(bool(row.kind) for row in rows)
-    return "" if n == 0 else phrase("SYNTHETIC data") if n == of else phrase("SYNTHETIC data in {n} of {of} runs", n=n, of=of)
+    if n == 0:
+        return ""
+    return phrase("SYNTHETIC data") if n == of else phrase("SYNTHETIC data in {n} of {total} runs", n=n, total=of)
 
 
 def overview_figure(rows: Sequence[Row], shown: Sequence[Spread]) -> Figure:
