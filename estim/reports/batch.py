@@ -164,6 +164,7 @@ def overview_figure(rows: Sequence[Row], shown: Sequence[Spread]) -> Figure:
         ax.margins(y=0.15)
     if synthetic := synthetic_words(rows):
         figure.suptitle(synthetic, fontsize=9)
-    axes[-1].set_xlabel("number of the run" + (" (cross at the bottom: not ok)" if bad.size else ""), fontsize=9)
+    said = phrase("number of the run (cross at the bottom: not ok)") if bad.size else phrase("number of the run")
+    axes[-1].set_xlabel(said, fontsize=9)
     axes[-1].set_xlim(0.4, len(rows) + 0.6)
     return figure

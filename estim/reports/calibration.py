@@ -11,7 +11,7 @@ import numpy as np
 
 from estim.calibration import COVERAGE_SDS, UNIFORM_BELOW, Calibration, coverage_sentence, direction, findings
 from estim.campaign import Campaign
-from estim.common import KINDS, Markdown, as_json, decide, later, p_digits, phrase
+from estim.common import Markdown, as_json, decide, kind_words, later, p_digits, phrase
 from estim.reports.calibration_figures import coverage_figure, rank_figure
 from estim.reports.pages import page
 from estim.reports.rendering import render
@@ -69,7 +69,7 @@ def calibration_report(campaign: Campaign, calibrations: Sequence[Calibration], 
             drawers["figures/ranks.png"] = partial(rank_figure, calibration, synthetic=campaign.kind == "synthetic")
         drawers[f"figures/coverage-{_AT[calibration.what]}.png"] = partial(coverage_figure, calibration)
     text = partial(
-        render, "calibration.md.j2", title=campaign.title, kind=KINDS[campaign.kind], runs=", ".join(calibrations[0].runs),
+        render, "calibration.md.j2", title=campaign.title, kind=kind_words(campaign.kind), runs=", ".join(calibrations[0].runs),
         uniform_below=UNIFORM_BELOW, coverage_sds=COVERAGE_SDS, parts=[_part(calibration) for calibration in calibrations],
     )
     records = {c.what: calibration_record(campaign, c) for c in calibrations}

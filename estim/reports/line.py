@@ -13,7 +13,6 @@ import numpy as np
 from estim.campaign import Campaign, gamma_origin
 from estim.checks import Estimate, interval_cell, result_table, screen_lines
 from estim.common import (
-    KINDS,
     Markdown,
     Notation,
     Status,
@@ -21,6 +20,7 @@ from estim.common import (
     format_p,
     format_quantity,
     format_rounded,
+    kind_words,
     later,
     one_line,
     percentage,
@@ -29,7 +29,7 @@ from estim.common import (
     significant,
     table,
 )
-from estim.drawing import BLUE, INK, ORANGE, new_figure
+from estim.drawing import BLUE, INK, ORANGE, new_figure, titled
 from estim.line import CONVENTIONS, LineAnalysis, TrialsAnalysis
 from estim.reports.copying import copies_of
 from estim.reports.pages import Drawers, page
@@ -212,7 +212,7 @@ def line_estimate(result: LineResult, true: float | None) -> Estimate:
 def line_values(result: LineResult) -> dict[str, object]:
     """What the template of a line needs."""
     shared: dict[str, object] = {
-        "result": result, "kind": KINDS[result.kind], "status_words": STATUS_WORDS[Status(result.status)],
+        "result": result, "kind": kind_words(result.kind), "status_words": STATUS_WORDS[Status(result.status)],
         "meaningless": not Status(result.status).draws_count,
         "gamma_masses": _estimate(result.gamma_masses), "sources": _sources(), "methods": [], "best": [], "errors": [], "limits": [],
         "line_shown": _line_shown, **dict.fromkeys(("gamma", "resistance", "reason", "steepest", "zero_phi", "zero_theta", "evidence")),
@@ -307,19 +307,20 @@ def line_figure(analysis: LineAnalysis, *, synthetic: bool) -> Figure:
         lines = draws[:, [names.index("intercept")]] + draws[:, [names.index("slope")]] * x
         for probability, alpha in ((0.95, 0.22), (0.68, 0.40)):
             low, high = np.quantile(lines, [0.5 - 0.5 * probability, 0.5 + 0.5 * probability], axis=0)
-            ax.fill_between(x, low, high, color=BLUE, alpha=alpha, lw=0, label=f"posterior of the line, {percentage(probability)}")
+            ax.fill_between(x, low, high, color=BLUE, alpha=alpha, lw=0, label=phrase("posterior of the line, {p}", p=percentage(probability)))
     if analysis.gamma_masses is not None:
         gamma = analysis.gamma_masses
-        ax.plot(x, x / gamma.value, color=ORANGE, lw=1.8, label=f"theory, γ = {format_quantity(gamma.value, gamma.u)} as stated")
-    ax.plot(x, analysis.ols.intercept + analysis.ols.slope * x, color=INK, lw=1.2, ls="--", label="ordinary least squares")
+        said = phrase("theory, γ = {gamma} as stated", gamma=format_quantity(gamma.value, gamma.u))
+        ax.plot(x, x / gamma.value, color=ORANGE, lw=1.8, label=said)
+    ax.plot(x, analysis.ols.intercept + analysis.ols.slope * x, color=INK, lw=1.2, ls="--", label=phrase("ordinary least squares"))
     ax.plot(x, analysis.york.intercept + analysis.york.slope * x, color=BLUE, lw=1.6, label="York")
     ax.errorbar(
         series.x, series.y, xerr=series.u_x, yerr=series.u_y, fmt="o", color=INK, ms=4, lw=1, capsize=0,
-        label="measured, ± 1 standard uncertainty",
+        label=phrase("measured, ± 1 standard uncertainty"),
     )
-    ax.set(xlabel="sin φ  (tilt of the ramp)", ylabel="sin θ_min  (smallest ascending angle)", xlim=(0.0, None))
-    ax.set_ylabel(r"sin θ$_{\mathrm{min}}$  (smallest ascending angle)")
+    ax.set(xlabel=phrase("sin φ  (tilt of the ramp)"), xlim=(0.0, None))
+    ax.set_ylabel(phrase("sin {theta_min}  (smallest ascending angle)", theta_min=Notation("θ_min").label("rad").tex))
     ax.set_ylim(bottom=min(0.0, float(np.min(series.y - series.u_y))))
-    ax.set_title(f"{series.body}" + (" (SYNTHETIC data)" if synthetic else ""), fontsize=10)
+    ax.set_title(titled(series.body, synthetic=synthetic), fontsize=10)
     figure.legend(fontsize=8, frameon=False, loc="outside lower center", ncols=2)
     return figure

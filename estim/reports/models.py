@@ -10,7 +10,7 @@ import msgspec
 
 from estim.campaign import Campaign
 from estim.checks import INFLUENTIAL, value_cell
-from estim.common import KINDS, as_json, later, phrase, signed, split_level
+from estim.common import as_json, kind_words, later, phrase, signed, split_level
 from estim.explanation import P_NOT_BROUGHT_BACK, Predicted
 from estim.problem import Parameter
 from estim.reports.models_figures import predictive_figure, values_figure
@@ -85,7 +85,7 @@ def models_report(campaign: Campaign, comparison: ModelComparison, *, seed: int,
     runs, synthetic = [run.name for run in problem.runs], campaign.kind == "synthetic"
     shown = _shown(rows)
     text = partial(
-        render, "models.md.j2", title=campaign.title, runs=runs, kind=KINDS[campaign.kind], rows=summaries, recommended=comparison.recommended,
+        render, "models.md.j2", title=campaign.title, runs=runs, kind=kind_words(campaign.kind), rows=summaries, recommended=comparison.recommended,
         ground=ground_words(comparison), verdicts=verdicts(comparison), by_evidence=comparison.by_evidence,
         values=[(p.label.symbol, _unit(p), [_cell(s, p) for s in summaries]) for p in common],
         widths=_width_table(rows), predicted=_predicted_table(rows), shown="" if shown is None else shown.model.name,

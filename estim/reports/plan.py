@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import msgspec
 import numpy as np
 
-from estim.common import KINDS, Status, as_json, decide, format_quantity, phrase
+from estim.common import Status, as_json, decide, format_quantity, kind_words, phrase
 from estim.planning import FAR, MORE, Halving, Option, Plan
 from estim.problem import Parameter
 from estim.reports.pages import page
@@ -118,7 +118,7 @@ def plan_report(plan: Plan, *, figures: bool = True) -> dict[str, bytes]:
     if plan.along:
         drawers["figures/places.png"] = partial(along_figure, plan)
     text = partial(
-        render, "plan.md.j2", record=record, kind=KINDS[record.kind], plan=plan, shown=[_row(o) for o in shown],
+        render, "plan.md.j2", record=record, kind=kind_words(record.kind), plan=plan, shown=[_row(o) for o in shown],
         left_out=len(plan.options) - len(shown),
         heads=[head for p in plan.targets for head in (f"u({p.label.symbol})" + _unit(p), phrase("ratio"))], now=_now_rows(plan), far=FAR,
         refused=_refused(plan.refused), halving=[(h.target.label.symbol, _way_rows(h)) for h in plan.halving],

@@ -13,7 +13,7 @@ import numpy as np
 
 from estim.campaign import gamma_origin
 from estim.checks import Estimate, result_table, screen_lines
-from estim.common import KINDS, as_json, format_p, percentage, phrase, split_level, table, with_unit
+from estim.common import as_json, format_p, kind_words, percentage, phrase, split_level, table, with_unit
 from estim.pipeline import Analysis
 from estim.reports.analysis import Row, complete_runs, parameter_row
 from estim.reports.copying import copies_of
@@ -181,7 +181,7 @@ def reanalysis_text(result: ReanalysisResult, corner_words: Mapping[str, str], p
     ] + _of_line(result)
     head, rows = result_table(estimates)
     return render(
-        "reanalysis.md.j2", pictures=pictures, opened={"methods"}, result=result, kind=KINDS[result.kind],
+        "reanalysis.md.j2", pictures=pictures, opened={"methods"}, result=result, kind=kind_words(result.kind),
         line=None if result.line is None else line_values(result.line), shown=shown,
         rows={name: _rows(body.joint) for name, body in result.bodies.items()},
         trusted=any(body.joint.status == "ok" for body in result.bodies.values()), singles=_singles(result),

@@ -11,7 +11,8 @@ import numpy as np
 
 from estim.arrays import FloatArray
 from estim.campaign import Campaign
-from estim.common import KINDS, as_json, decide, format_quantity, later, one_line, phrase, signed
+from estim.common import as_json, decide, format_quantity, kind_words, later, one_line, phrase, signed
+from estim.drawing import titled
 from estim.line import ThetaMinSeries
 from estim.reports.kept_fit import fitted_values as fitted_values
 from estim.reports.pages import page
@@ -123,14 +124,14 @@ def map_report(
     result = map_result(campaign, maps, seed=seed, voice=voice)
     drawers: dict[str, Callable[[], Figure]] = {}
     for found in maps:
-        title = found.body + (" (SYNTHETIC data)" if campaign.kind == "synthetic" else "")
+        title = titled(found.body, synthetic=campaign.kind == "synthetic")
         own = line if line is not None and line.body == found.body else None
         drawers[f"figures/map-{found.body}.png"] = partial(regime_figure, found, own, title=title)
         drawers[f"figures/friction-{found.body}.png"] = partial(friction_figure, found, title=title)
         if found.uphill:
             drawers[f"figures/reach-{found.body}.png"] = partial(reach_figure, found, title=title)
     text = partial(
-        render, "map.md.j2", result=result, kind=KINDS[campaign.kind], status_words=STATUS_WORDS,
+        render, "map.md.j2", result=result, kind=kind_words(campaign.kind), status_words=STATUS_WORDS,
         parts=[(found, result.bodies[found.body], _run_rows(result.bodies[found.body]), _tilt_rows(result.bodies[found.body])) for found in maps],
         origins={origin: phrase(words) for origin, words in _ORIGINS.items()},
         spread=_spread_words, degrees=_degrees, line_body=None if line is None else line.body, quantity=format_quantity,

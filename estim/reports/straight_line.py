@@ -184,29 +184,30 @@ def straight_line_figure(line: StraightLine) -> Figure:
     if math.isfinite(fit.slope):
         if line.status is not Status.NOT_IDENTIFIED:
             band = confidence_band(fit, x, probability=line.probability)
-            upper.fill_between(x, band.low, band.high, color=BLUE, alpha=0.25, lw=0, label=f"{percent} band of the line, point by point")
-        upper.plot(x, fit.intercept + fit.slope * x, color=BLUE, lw=1.5, label=_METHODS[fit.method])
+            said = phrase("{percent} band of the line, point by point", percent=percent)
+            upper.fill_between(x, band.low, band.high, color=BLUE, alpha=0.25, lw=0, label=said)
+        upper.plot(x, fit.intercept + fit.slope * x, color=BLUE, lw=1.5, label=phrase(_METHODS[fit.method]))
         residuals = data.y - fit.intercept - fit.slope * data.x
         lower.axhline(0.0, color=BLUE, lw=1.2)
         lower.errorbar(data.x, residuals, xerr=bars[0], yerr=bars[1], fmt="o", color=INK, ms=3.5, lw=0.9)
     upper.errorbar(
         data.x, data.y, xerr=bars[0], yerr=bars[1], fmt="o", color=INK, ms=4, lw=1,
-        label="points" + (", ± 1 standard uncertainty" if fit.method != "ols" else ""),
+        label=phrase("points, ± 1 standard uncertainty") if fit.method != "ols" else phrase("points"),
     )
     if line.status.ok:
         for i, p in enumerate(line.predictions):
             upper.errorbar(
                 p.x0.value, p.y, xerr=p.x0.u or None, yerr=[[p.y - p.low], [p.high - p.y]], fmt="s", color=ORANGE, mec=INK, ms=6, lw=2, zorder=5,
-                label=f"prediction, {percent}" if i == 0 else None,
+                label=phrase("prediction, {percent}", percent=percent) if i == 0 else None,
             )
         for i, q in enumerate(line.inverses):
             if math.isfinite(q.low):
                 upper.errorbar(
                     q.x, q.y0.value, xerr=[[q.x - q.low], [q.high - q.x]], fmt="D", color=GREEN, mec=INK, ms=6, lw=2, zorder=5,
-                    label=f"inverse prediction, {percent}" if i == 0 else None,
+                    label=phrase("inverse prediction, {percent}", percent=percent) if i == 0 else None,
                 )
     upper.set(ylabel=line.columns.y)
-    lower.set(xlabel=line.columns.x, ylabel="residual")
+    lower.set(xlabel=line.columns.x, ylabel=phrase("residual"))
     figure.legend(*upper.get_legend_handles_labels(), fontsize=8, frameon=False, loc="outside lower center", ncols=2)
     return figure
 

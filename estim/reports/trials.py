@@ -11,7 +11,7 @@ import msgspec
 
 from estim.campaign import Campaign, gamma_origin
 from estim.checks import Estimate, interval_cell, parameter_cells, screen_lines, value_cell
-from estim.common import KINDS, Label, Notation, Quantity, Status, as_json, e_n, format_quantity, later, one_line, phrase, signed
+from estim.common import Label, Notation, Quantity, Status, as_json, e_n, format_quantity, kind_words, later, one_line, phrase, signed
 from estim.line import UNKNOWNS, WAYS, LineAnalysis, TrialsAnalysis
 from estim.reports.pages import Drawers, page
 from estim.reports.rendering import render
@@ -170,7 +170,7 @@ def trials_values(result: TrialsResult) -> dict[str, object]:
     labels = {name: UNKNOWNS[name][2].label(UNKNOWNS[name][0]) for name in result.unknowns}
     masses = None if result.gamma_masses is None else format_quantity(result.gamma_masses, result.u_gamma_masses)
     return {
-        "result": result, "kind": KINDS[result.kind], "status_words": STATUS_WORDS[status], "meaningless": not status.draws_count,
+        "result": result, "kind": kind_words(result.kind), "status_words": STATUS_WORDS[status], "meaningless": not status.draws_count,
         "gamma": value_cell(result.unknowns["gamma"], _GAMMA) if status.ok else None,
         "gamma_interval": interval_cell(result.unknowns["gamma"], _GAMMA),
         "gamma_masses": masses, "unknowns": [_unknown_cells(result, name, label) for name, label in labels.items()],
