@@ -15,7 +15,7 @@ import numpy as np
 
 from estim.campaign import Campaign
 from estim.checks import P_CONFLICT, P_POOR_FIT, P_TOLD, interval_cell, value_cell
-from estim.common import KINDS, Label, Markdown, Notation, Status, format_quantity, format_rounded, phrase, signed, significant, table
+from estim.common import Label, Markdown, Notation, Status, format_quantity, format_rounded, kind_words, phrase, signed, significant, table
 from estim.explanation import Explanation, across_runs
 from estim.fitting import ProfileInterval
 from estim.pipeline import Analysis
@@ -160,7 +160,7 @@ def analysis_text(
     return render(
         "analysis.md.j2", pictures=pictures, opened=opened_by(result), screen=screen, screen_table=table(screen.head, screen.rows),
         copies=copies_of(screen.estimates) if screen.estimates else None, caption=caption_of(result), alts=alts_of(result, misfit),
-        budget=shares, result=result, kind=KINDS[result.kind], status_words=STATUS_WORDS[Status(result.status)], rows=rows,
+        budget=shares, result=result, kind=kind_words(result.kind), status_words=STATUS_WORDS[Status(result.status)], rows=rows,
         correlation=_correlation_table(result), derived=derived_rows(result.runs, result.labels), limits=_what_limits(result),
         reject_below=P_POOR_FIT, told_below=told_below, conflict_below=P_CONFLICT, ends=_turning_rows(result), identify=section,
         meaningless=not Status(result.status).draws_count, limits_count=Status(result.status).limits_count,
@@ -229,7 +229,7 @@ def index_report(campaign: Campaign, results: Mapping[str, Result], explanations
         table.append((run, result.status, [cells.get(shown, "") if result.status == "ok" else "—" for shown in columns]))
     causes = runs_text(across_runs(explanations)) if len(explanations) > 1 else ""
     heads = [shown.symbol + ("" if shown.unit == "1" else f" ({shown.unit})") for shown in columns]
-    text = render("index.md.j2", title=campaign.title, kind=KINDS[campaign.kind], heads=heads, table=table, causes=causes)
+    text = render("index.md.j2", title=campaign.title, kind=kind_words(campaign.kind), heads=heads, table=table, causes=causes)
     return {"report.md": text.encode()}
 
 

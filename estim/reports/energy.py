@@ -10,8 +10,8 @@ import msgspec
 import numpy as np
 
 from estim.campaign import Campaign
-from estim.common import KINDS, Quantity, as_json, format_p, format_quantity, gravest, percentage, phrase, significant, with_unit
-from estim.drawing import GREY, MARKS, new_figure
+from estim.common import Quantity, as_json, format_p, format_quantity, gravest, kind_words, percentage, phrase, significant, with_unit
+from estim.drawing import GREY, MARKS, new_figure, titled
 from estim.pipeline import Analysis
 from estim.reports.joint_figures import RUN_COLOURS
 from estim.reports.pages import page
@@ -180,7 +180,7 @@ def energy_report(
     bad = frozenset(run for run, status in statuses.items() if status != "ok")
     drawers = {"figures/energy.png": partial(energy_figure, records, synthetic=campaign.kind == "synthetic", title=campaign.title, bad=bad)}
     text = partial(
-        render, "energy.md.j2", result=result, energies=result.energies, kind=KINDS[campaign.kind], status_words=STATUS_WORDS, shown=shown,
+        render, "energy.md.j2", result=result, energies=result.energies, kind=kind_words(campaign.kind), status_words=STATUS_WORDS, shown=shown,
         percent=percent, drift_words=drift_words, energy_words=energy_words,
     )
     return page(drawers, text, wanted=figures, synthetic=campaign.kind == "synthetic") | {"result.json": as_json(result)}
@@ -214,12 +214,12 @@ def energy_figure(records: Sequence[EnergyRecord], *, synthetic: bool, title: st
         for ax in (strip, change):
             ax.set_title(record.run, fontsize=7, loc="right", pad=2)
             ax.tick_params(labelsize=7)
-    along = "time t (s)" if timed else "position x (m)"
-    x_panel.set(xlabel=along, ylabel="(a) position x (m)")
-    v_panel.set(xlabel=along, ylabel="(b) speed v (m/s)")
-    for strips, name in ((energies, "(c) energy E/M (J/kg)"), (changes, "(d) (E − E₀)/E₀ (%)")):
+    along = f"{phrase('time t')} (s)" if timed else f"{phrase('position x')} (m)"
+    x_panel.set(xlabel=along, ylabel=phrase("(a) position x (m)"))
+    v_panel.set(xlabel=along, ylabel=phrase("(b) speed v (m/s)"))
+    for strips, name in ((energies, phrase("(c) energy E/M (J/kg)")), (changes, "(d) (E − E₀)/E₀ (%)")):
         strips[-1].set_xlabel(along)
         strips[0].set_title(name, fontsize=9, loc="left", pad=2)
     figure.legend(*x_panel.get_legend_handles_labels(), fontsize=8, frameon=False, loc="outside lower center", ncols=min(n, 6))
-    figure.suptitle(title + (" (SYNTHETIC data)" if synthetic else ""), fontsize=10)
+    figure.suptitle(titled(title, synthetic=synthetic), fontsize=10)
     return figure
