@@ -16,7 +16,21 @@ import numpy as np
 
 from estim.arrays import FloatArray
 from estim.checks.identifiability import PRIOR_DOMINATED
-from estim.common import KINDS, Label, Status, format_p, format_quantity, format_rounded, later, markdown, phrase, signed, table, with_unit
+from estim.common import (
+    KINDS,
+    Label,
+    Status,
+    format_p,
+    format_quantity,
+    format_rounded,
+    kind_words,
+    later,
+    markdown,
+    phrase,
+    signed,
+    table,
+    with_unit,
+)
 from estim.fitting import Fit, limit_cell
 from estim.problem import Normal, Prior, Problem
 from estim.sampling import Summary, summarise_parameter
@@ -166,7 +180,8 @@ def not_measured(estimates: Iterable[Estimate]) -> str:
     for one in estimates:
         if not one.measured:
             limited = one.value[:1] in "<>"
-            said.append(one.relation + (f" ({phrase('stated {value}', value=one.stated)})" if one.stated and not limited else ""))
+            before = phrase("as stated") if one.stated == one.value else phrase("stated {value}", value=one.stated)
+            said.append(one.relation + (f" ({before})" if one.stated and not limited else ""))
     return "; ".join(said)
 
 
@@ -200,7 +215,8 @@ def headline(
     """
     words = "" if status == Status.OK else f" — {STATUS_WORDS[Status(status)]}"
     behind = words or (f"; {tests}" if tests else "")
-    said = [f"**{markdown(title)}**" if title else "", KINDS.get(kind, ""), phrase("Status: **{status}**{behind}", status=status, behind=behind)]
+    line = phrase("Status: **{status}**{behind}", status=status, behind=behind)
+    said = [f"**{markdown(title)}**" if title else "", kind_words(kind) if kind in KINDS else "", line]
     if status == Status.OK:
         body = list(rows)
         heads = ("", "", phrase("posterior"), phrase("95 % interval"), phrase("unit")) if head is None else head

@@ -128,28 +128,23 @@ def shown_value(value: float, sd: float, ends: Ends, edges: tuple[float, float],
     low, high = ends[PROBABILITIES[-1]]
     behind = f" {unit}" if unit else ""
     if math.isnan(low) or math.isnan(high):
-        return "=", phrase("{value} (no uncertainty)", value=format_quantity(value) + behind)
+        return "=", f"{format_quantity(value)}{behind} ({phrase('no uncertainty')})"
     closed = [low != edges[0] and math.isfinite(low), high != edges[1] and math.isfinite(high)]
     if not any(closed):
-        return "", phrase("anywhere in [{low:.6g}, {high:.6g}]{unit}", low=low, high=high, unit=behind)
+        return "", phrase("anywhere in {range}", range=f"[{low:.6g}, {high:.6g}]{behind}")
     level = "95 %" if ok else phrase("95 %, if the curve and the errors were right")
     size = sd if math.isfinite(sd) else 0.25 * (high - low) if all(closed) else 0.25 * abs((high if closed[1] else low) - value)
     if not all(closed):
         return "", f"< {format_rounded(high, size)}{behind} ({level})" if closed[1] else f"> {format_rounded(low, size)}{behind} ({level})"
-    intervals = ", ".join(_within(f"{100.0 * p:.0f} % ", a, b, size) for p, (a, b) in ends.items())
+    spans = {p: f"[{format_rounded(a, size)}, {format_rounded(b, size)}]" for p, (a, b) in ends.items()}
+    intervals = ", ".join(phrase("{p:.0f} % in {interval}", p=100.0 * p, interval=span) for p, span in spans.items())
     if not ok:
-        return "", f"{_within('', low, high, size)}{behind} ({level})"
+        return "", phrase("in {interval} ({level})", interval=f"[{format_rounded(low, size)}, {format_rounded(high, size)}]{behind}", level=level)
     if not math.isfinite(sd):
         return "=", f"{format_rounded(value, size)}{behind}, {intervals}"
     if few:
-        error = phrase(" (standard error {sd})", sd=format_rounded(sd, sd))
-        return "=", f"{format_rounded(value, sd)}{behind}{error}, {intervals}"
+        return "=", f"{format_rounded(value, sd)}{behind} ({phrase('standard error')} {format_rounded(sd, sd)}), {intervals}"
     return "=", f"{format_quantity(value, sd)}{behind}, {intervals}"
-
-
-def _within(share: str, low: float, high: float, size: float) -> str:
-    """'95 % in [1.2, 1.4]'."""
-    return phrase("{share}in [{low}, {high}]", share=share, low=format_rounded(low, size), high=format_rounded(high, size))
 
 
 def _quantile(probability: float, dofs: FloatArray) -> FloatArray:

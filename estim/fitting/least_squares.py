@@ -286,8 +286,14 @@ def _fit_noise(posterior: Posterior, values: FloatArray) -> FloatArray:
 
 def led_here(n_same: int, n_start: int) -> str:
     """How many starts ended at the optimum, in words."""
-    led = phrase("{k} of {n} starts led to this optimum", k=n_same, n=n_start)
-    return led + ("" if n_same else phrase(", a scan of the parameters did"))
+    if n_same:
+        return phrase("{n} of {of} starts led to this optimum", n=n_same, of=n_start)
+    return phrase("0 of {of} starts led to this optimum, a scan of the parameters did", of=n_start)
+
+
+def settled(led: str) -> str:
+    """What a fit says that settled, with the words of `led_here`."""
+    return phrase("settled; {led}", led=led)
 
 
 def far_apart(values: FloatArray, ends: list[FloatArray], scale: FloatArray) -> FloatArray:
@@ -324,9 +330,9 @@ def _describe(
     unlike = any(run.noise.robust or run.noise.counted is not None for run in problem.runs)
     place = np.where(curvature > 0.0, curvature, np.inf)
     n_same = len(same) if singular else sum(bool(np.max(np.abs(end - values) / place) < _SAME_PLACE) for end in same)
-    message = phrase("settled; {led}", led=led_here(n_same, n_start))
+    message = settled(led_here(n_same, n_start))
     if moved >= _SETTLED:
-        message = phrase("did not settle: its last round still moved a parameter by {moved:.2g} standard deviations", moved=moved)
+        message = phrase("did not settle: its last round still moved a parameter by {sds:.2g} standard deviations", sds=moved)
     elif singular:
         message = phrase("settled, but a combination of parameters is not determined at all: no standard deviations")
     return Fit(
