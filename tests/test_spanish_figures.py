@@ -34,7 +34,8 @@ def _spanish() -> Iterator[None]:
 
 
 def words_of(figure: Figure) -> list[Text]:
-    """The texts that are seen but for numbers of ticks, the figure drawn."""
+    """The texts that are seen but for numbers of ticks, the figure drawn as in a report."""
+    figure.set_dpi(150)
     FigureCanvasAgg(figure).draw()
     return [text for text in texts_of(figure) if text.get_visible() and text.get_text().strip()]
 
