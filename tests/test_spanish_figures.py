@@ -41,8 +41,8 @@ def words_of(figure: Figure) -> list[Text]:
 
 
 def off_the_canvas(figure: Figure) -> list[str]:
-    width, height = figure.get_size_inches() * figure.dpi
     boxes = [(text.get_text(), text.get_window_extent()) for text in words_of(figure)]
+    width, height = figure.get_size_inches() * figure.dpi
     return [words for words, box in boxes if box.x0 < -1.0 or box.y0 < -1.0 or box.x1 > width + 1.0 or box.y1 > height + 1.0]
 
 
