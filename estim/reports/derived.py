@@ -79,18 +79,22 @@ def derived_facts(analysis: Analysis, run: Observations) -> list[str]:
     facts, found = [], derived_draws(analysis, run)
     for one in run.sought:
         if one.lacking:
-            lacking = ", ".join(one.lacking)
-            facts.append(phrase(
-                "{name} = {text} is left out: this fit has no {lacking} (--joint fits runs together)", name=one.name, text=one.text, lacking=lacking
-            ))  # fmt: skip
+            facts.append(
+                phrase(
+                    "{name} = {text} is left out: this fit has no {lacking} (--joint fits runs together)",
+                    name=one.name, text=one.text, lacking=", ".join(one.lacking),
+                )
+            )
         elif one.name in found and found[one.name].values.size == 1:
             value = found[one.name].values[0, 0]
             facts.append(phrase("{name} = {value:.10g}, exact: it follows from exact values alone", name=one.name, value=value))
         elif one.name in found and (share := _undefined(np.ravel(found[one.name].values))) > 0.0:
-            facts.append(phrase(
-                "{name} = {text} has no value at {share:.2g} % of the draws, so no interval is given", name=one.name, text=one.text,
-                share=100.0 * share,
-            ))  # fmt: skip
+            facts.append(
+                phrase(
+                    "{name} = {text} has no value at {share:.2g} % of the draws, so no interval is given",
+                    name=one.name, text=one.text, share=100.0 * share,
+                )
+            )
     return facts
 
 
