@@ -180,7 +180,8 @@ def not_measured(estimates: Iterable[Estimate]) -> str:
     for one in estimates:
         if not one.measured:
             limited = one.value[:1] in "<>"
-            said.append(one.relation + (f" ({phrase('stated {value}', value=one.stated)})" if one.stated and not limited else ""))
+            before = phrase("as stated") if one.stated == one.value else phrase("stated {value}", value=one.stated)
+            said.append(one.relation + (f" ({before})" if one.stated and not limited else ""))
     return "; ".join(said)
 
 
