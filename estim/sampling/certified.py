@@ -91,7 +91,7 @@ def proposed_chain(
     proposal = None
     if optima.value.size <= _MOST_PROPOSED:
         if progress is not None:
-            progress(0, "proposal")
+            progress(0, phrase("proposal"))
         rng = stream(seed, Stream.PROPOSAL)
         proposal = adapt_proposal(density, optima.value, optima.cov, rng=rng, starts=optima.starts, covs=optima.covs)
     return sample_posterior(
