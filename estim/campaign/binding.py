@@ -16,7 +16,7 @@ from estim.campaign.campaign_file import CampaignFile
 from estim.campaign.levels import Level, body_levels, read_key
 from estim.campaign.parts import OF_PARTS, OUTPUTS, PartedBody, not_independent, of_one_disk, parted_body, spread_apart, weighed
 from estim.campaign.quantities import EFFECTS, GRIP, QUANTITIES, Kind
-from estim.common import Quantity, format_quantity, signed
+from estim.common import Quantity, format_quantity, phrase, signed
 from estim.problem import Normal, Prior, TruncatedNormal, as_prior
 from estim.propagation import Input
 from model import Body
@@ -50,8 +50,8 @@ def gamma_origin(source: CampaignFile, body: str) -> str:
     """Where gamma of a body comes from, in words."""
     tables = [level.table for level in body_levels(source, body) if level.table.gamma is None]
     if any(table.mass_particle_kg is not None for table in tables):
-        return "from the masses"
-    return "from the parts" if any(table.parts is not None for table in tables) else "as stated"
+        return phrase("from the masses")
+    return phrase("from the parts") if any(table.parts is not None for table in tables) else phrase("as stated")
 
 
 def resistance_of_body(source: CampaignFile, body: str) -> Prior | float:

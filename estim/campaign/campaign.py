@@ -19,7 +19,7 @@ from estim.campaign.noise_models import Candidate
 from estim.campaign.own_curve import read_curve_study
 from estim.campaign.study import Study
 from estim.campaign.truth import read_truth
-from estim.common import KINDS, InputError, code, markdown, table
+from estim.common import InputError, code, kind_words, markdown, table
 from estim.curves import SoughtQuantity
 from estim.deviation import BadFrames
 from estim.explanation import Suspects
@@ -125,7 +125,7 @@ class Campaign:
         for name in self.run_names:
             problem = self.problem([name])
             rows.append((name, self.study.body_of(name) or "", self.source.files[name], f"{problem.n_obs}", ", ".join(problem.names)))
-        parts = [f"**{markdown(self.title)}**", KINDS[self.kind], code(f"y = {self.formula}") if self.formula else ""]
+        parts = [f"**{markdown(self.title)}**", kind_words(self.kind), code(f"y = {self.formula}") if self.formula else ""]
         return "\n\n".join([*filter(None, parts), table(("run", "body", "file", "points that are fit", "unknowns"), rows)])
 
     def require_unknowns(self, problem: Problem, *, drawn: bool = False) -> None:

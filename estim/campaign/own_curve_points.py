@@ -70,7 +70,7 @@ class CurvePoints:
             name=table.name, x=x[kept], y=y[kept], t=None, curve=curve, arguments=MappingProxyType(dict(arguments)),
             noise=noise, x_name=self.axes.x_name, x_unit=self.axes.x_unit,
             y_name=self.axes.y_name, y_unit=self.axes.y_unit, excluded=excluded,
-            excluded_points=np.column_stack([x[~inside], y[~inside]]), motion=None, words=plain_words(self.axes.y_name), lacks=lacks,
+            excluded_points=np.column_stack([x[~inside], y[~inside]]), motion=None, words=plain_words(), lacks=lacks,
         )
         return run, (*unknown, *further)
 

@@ -16,7 +16,7 @@ import numpy as np
 
 from estim.arrays import FloatArray
 from estim.checks.identifiability import PRIOR_DOMINATED
-from estim.common import KINDS, Label, Status, format_p, format_quantity, format_rounded, markdown, signed, table, with_unit
+from estim.common import KINDS, Label, Status, format_p, format_quantity, format_rounded, kind_words, markdown, signed, table, with_unit
 from estim.fitting import Fit, limit_cell
 from estim.problem import Normal, Prior, Problem
 from estim.sampling import Summary, summarise_parameter
@@ -166,7 +166,8 @@ def not_measured(estimates: Iterable[Estimate]) -> str:
     for one in estimates:
         if not one.measured:
             limited = one.value[:1] in "<>"
-            said.append(one.relation + (f" (stated {one.stated})" if one.stated and not limited else ""))
+            before = "as stated" if one.stated == one.value else f"stated {one.stated}"
+            said.append(one.relation + (f" ({before})" if one.stated and not limited else ""))
     return "; ".join(said)
 
 
@@ -200,7 +201,7 @@ def headline(
     """
     words = "" if status == Status.OK else f" — {STATUS_WORDS[Status(status)]}"
     behind = words or (f"; {tests}" if tests else "")
-    said = [f"**{markdown(title)}**" if title else "", KINDS.get(kind, ""), f"Status: **{status}**{behind}"]
+    said = [f"**{markdown(title)}**" if title else "", kind_words(kind) if kind in KINDS else "", f"Status: **{status}**{behind}"]
     if status == Status.OK:
         body = list(rows)
         said += [table(head, body) if body else "", f"Not measured here: {markdown(left)}." if left else ""]

@@ -107,7 +107,7 @@ class CurveProblem:
         run = Observations(
             name="data", x=self.x, y=self.y, t=None, curve=self.curve, arguments=MappingProxyType(arguments), noise=noise, x_name=self.axes.x_name,
             x_unit=self.axes.x_unit, y_name=self.axes.y_name, y_unit=self.axes.y_unit, excluded=(), excluded_points=np.zeros((0, 2)),
-            motion=None, words=plain_words(self.axes.y_name) if self.counted is None else self.counted.words, sought=self.sought,
+            motion=None, words=plain_words() if self.counted is None else self.counted.words, sought=self.sought,
         )
         return Problem((*self.parameters, *further), (run,))
 

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from estim.arrays import FloatArray
-from estim.common import Notation
+from estim.common import Notation, later
 from estim.curves.differences import with_gradient
 from estim.problem import CommonError, Derived, Footing, LocalCurve, Prior, Wording
 from model import Body, ContactForces, Forces, back_and_forth, contact_forces, energy, needed_friction, phase, positions_at, sagging
@@ -245,4 +245,4 @@ class RollingMotion:
     def words(self) -> Wording:
         """How the measured numbers are called."""
         what = (("positions", "angles") if self.in_time else ("speeds", "angular rates"))[self.angular]
-        return Wording(what, "angle" if self.angular else "position", "a new point", "frames", True)
+        return Wording(what, "angle" if self.angular else "position", later("a new point"), later("frames"), True)

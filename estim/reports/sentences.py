@@ -44,7 +44,8 @@ def _each(source: str, of: Callable[[str], str]) -> str:
         if block:
             before = " ".join(line.strip() for line in block)
             after = of(before) if _has_words(before) else before
-            out.extend(block if after == before else [after])
+            indent = block[0][: len(block[0]) - len(block[0].lstrip())]  # of an item below another
+            out.extend(block if after == before else [indent + after])
             block.clear()
 
     for line in source.split("\n"):

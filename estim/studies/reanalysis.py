@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from estim.campaign import Campaign, gamma_of_body, gamma_origin
-from estim.common import Quantity, Status, Stream, spread, stream
+from estim.common import Quantity, Status, Stream, phrase, spread, stream
 from estim.fitting import Fit
 from estim.line import LineAnalysis, ThetaMinSeries, analyse_line, read_theta_min
 from estim.pipeline import Analysis, analyse
@@ -190,20 +190,23 @@ def _found(campaign: Campaign, line: LineAnalysis | None, bodies: list[BodyAnaly
     for b in bodies:
         draws = b.joint.chain.flat
         if b.gamma_masses is not None:
-            found.append(("gamma", b.body, b.gamma_masses, gamma_origin(campaign.source, b.body) + " in this campaign"))
+            found.append(("gamma", b.body, b.gamma_masses, phrase("{origin} in this campaign", origin=gamma_origin(campaign.source, b.body))))
         for i, (name, estimate) in enumerate(zip(b.joint.problem.names, b.joint.estimates, strict=False)):
             base = name.partition("[")[0]
             if base in ("gamma", "kappa", "radius") and estimate.measured:  # what the data leave as it was stated is no second opinion
                 value = Quantity(float(draws[:, i].mean()), float(draws[:, i].std(ddof=1)))
-                given = informative(b.joint.problem.parameters[i].prior)
-                found.append((base, b.body, value, f"{len(b.energies)} runs of {b.body} together" + (", stated value as prior" if given else "")))
+                how = phrase("{n} runs of {body} together", n=len(b.energies), body=b.body)
+                if informative(b.joint.problem.parameters[i].prior):
+                    how = phrase("{n} runs of {body} together, stated value as prior", n=len(b.energies), body=b.body)
+                found.append((base, b.body, value, how))
         if b.joint.diagnosis.ok and b.drift.determined:
             worst = max(b.energies, key=lambda e: abs(e.extreme_relative.value)).extreme_relative
             means = [e.mean_relative for e in b.energies]
             mean, u = float(np.mean([abs(m.value) for m in means])), float(np.mean([m.u for m in means]))
-            found.append(("energy_change_mean", b.body, Quantity(mean, u), f"mean size over the runs of {b.body}"))
-            found.append(("energy_change_extreme", b.body, Quantity(abs(worst.value), worst.u), f"largest over the runs of {b.body}"))
+            over, most = phrase("mean size over the runs of {body}", body=b.body), phrase("largest over the runs of {body}", body=b.body)
+            found.append(("energy_change_mean", b.body, Quantity(mean, u), over))
+            found.append(("energy_change_extreme", b.body, Quantity(abs(worst.value), worst.u), most))
     if line is not None and line.status == "ok":
-        found.append(("gamma_line", line.series.body, line.readings["york"].gamma, "York line"))
-        found.append(("gamma_line", line.series.body, line.readings["posterior"].gamma, "Bayesian line"))
+        found.append(("gamma_line", line.series.body, line.readings["york"].gamma, phrase("York line")))
+        found.append(("gamma_line", line.series.body, line.readings["posterior"].gamma, phrase("Bayesian line")))
     return found
