@@ -13,15 +13,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 
 from estim.arrays import FloatArray
 from estim.common import NumericalError
+from estim.sampling.folding import Folding, folding, unfolded
 from estim.sampling.importance import flattened, kish_size, pareto_smoothed
-from estim.sampling.protocol import Density, log_density_in_batches
+from estim.sampling.protocol import Density, Support, log_density_in_batches
 
 DOF = 5.0  # tails heavier than those of most posteriors
 _WIDE_SHARE, _WIDE_FACTOR = 0.05, 2.0  # share and width (in sds of the whole) of the component that guards a mixture
@@ -44,6 +45,7 @@ class Proposal:
     weights: FloatArray
     means: FloatArray
     factors: FloatArray
+    limits: Support | None = None
 
     @property
     def n_par(self) -> int:
@@ -59,6 +61,14 @@ class Proposal:
         d = self.n_par
         unit = math.lgamma(0.5 * (DOF + d)) - math.lgamma(0.5 * DOF) - 0.5 * d * math.log(DOF * math.pi)
         return np.log(self.weights) + unit - np.sum(np.log(np.diagonal(self.factors, axis1=1, axis2=2)), axis=1)
+
+    @cached_property
+    def _folding(self) -> Folding | None:
+        """None where nothing folds."""
+        if self.limits is None:
+            return None
+        found = folding(self.means, self.factors, *self.limits)
+        return found if any(found.edges) else None
 
     @classmethod
     def single(cls, mean: FloatArray, scale: FloatArray) -> Proposal:
@@ -80,21 +90,30 @@ class Proposal:
         """A `share` of the draws from one more component."""
         return Proposal(
             np.append((1.0 - share) * self.weights, share), np.vstack([self.means, mean]),
-            np.concatenate([self.factors, factor * lower_factor(scale)[None]]),
+            np.concatenate([self.factors, factor * lower_factor(scale)[None]]), self.limits,
         )
+
+    def unfolded(self) -> Proposal:
+        """The proposal whose folds have the moments that this one has without."""
+        if self.limits is None:
+            return self
+        means, factors = zip(*(unfolded(mean, factor, *self.limits) for mean, factor in zip(self.means, self.factors, strict=True)), strict=True)
+        return replace(self, means=np.array(means), factors=np.array(factors))
 
     def beside(self, means: FloatArray, factors: FloatArray) -> Proposal:
         """A few of the draws from further components (n, n_par), (n, n_par, n_par)."""
         n = len(means)
         weights = np.append((1.0 - _TAIL_SHARE) * self.weights, np.full(n, _TAIL_SHARE / n))
-        return Proposal(weights, np.vstack([self.means, means]), np.concatenate([self.factors, factors]))
+        return Proposal(weights, np.vstack([self.means, means]), np.concatenate([self.factors, factors]), self.limits)
 
     def draw(self, rng: np.random.Generator, n: int) -> FloatArray:
         """(n, n_par) independent draws."""
         normal = rng.standard_normal((n, self.n_par)) / np.sqrt(rng.chisquare(DOF, n) / DOF)[:, None]
-        if self.weights.size == 1:
+        if self.weights.size == 1 and self._folding is None:
             return self.means[0] + normal @ self.factors[0].T
         which = rng.choice(self.weights.size, n, p=self.weights)
+        if self._folding is not None:
+            return self._folding.points(normal, which)
         return self.means[which] + np.einsum("nij,nj->ni", self.factors[which], normal)
 
     def distances(self, draws: FloatArray) -> FloatArray:
@@ -111,13 +130,23 @@ class Proposal:
 
     def log_density(self, draws: FloatArray) -> FloatArray:
         """(n_draw,) normalised log density at draws (n_draw, n_par)."""
+        if self._folding is not None:
+            return self._folded_log_density(self._folding, draws)
         parts = self.component_log_densities(draws)
         return parts[0] if parts.shape[0] == 1 else np.logaddexp.reduce(parts, axis=0)
+
+    def _folded_log_density(self, folds: Folding, draws: FloatArray) -> FloatArray:
+        columns = np.ascontiguousarray(draws.T[folds.order])
+        power, top = 0.5 * (DOF + self.n_par), float(np.max(self._log_heights))
+        total = np.zeros(len(draws))
+        for k, height in enumerate(self._log_heights):
+            total += math.exp(height - top) * np.sum((1.0 + folds.distances(columns, k) / DOF) ** -power, axis=0)
+        return np.log(total) + top
 
 
 def adapt_proposal(
     density: Density, start: FloatArray, cov: FloatArray, *, rng: np.random.Generator, starts: Sequence[FloatArray] = (),
-    covs: Sequence[FloatArray] = (), n_round: int = 2000,
+    covs: Sequence[FloatArray] = (), n_round: int = 2000, support: Support | None = None,
 ) -> Proposal:
     """A proposal adapted to `density` from one component at each start.
 
@@ -131,12 +160,12 @@ def adapt_proposal(
     centres = np.vstack([start, *starts])
     n_round = max(n_round, 500 * len(centres))
     factors = np.stack([lower_factor(one) for one in (cov, *(covs or [cov] * len(starts)))])
-    mixture = Proposal(np.full(len(centres), 1.0 / len(centres)), centres, factors)
+    mixture = Proposal(np.full(len(centres), 1.0 / len(centres)), centres, factors, support)
     best, quality, draws, weights = _settle(density, _shrunk(density, mixture, rng), rng, n_round)
     for n_component in (4, 8):
         if quality > _EVEN_ENOUGH * min(1.0, 6.0 / mixture.n_par):  # the weights of normal densities are the less even the more parameters there are
             break
-        split = _split(draws, weights, max(n_component, len(centres) + 1), rng)
+        split = _split(draws, weights, max(n_component, len(centres) + 1), rng, support)
         candidate, better, candidate_draws, candidate_weights = _settle(density, split, rng, 4 * n_round)
         if better > 1.15 * quality:
             best, quality, draws, weights = candidate, better, candidate_draws, candidate_weights
@@ -158,7 +187,7 @@ def _settle(density: Density, mixture: Proposal, rng: np.random.Generator, n_rou
         if len(found) > 2 and 0.05 < quality < 1.1 * max(f[1] for f in found[:-1]):
             break
         mixture = _fit(mixture, draws, weights)
-        proposal = _guarded(mixture, draws, weights)
+        proposal = _guarded(mixture.unfolded(), draws, weights)
     if not found:
         raise NumericalError("importance sampling cannot start: the posterior density is zero or not finite everywhere around the fit")
     return max(found, key=lambda f: f[1])
@@ -192,14 +221,16 @@ def _fit(mixture: Proposal, draws: FloatArray, weights: FloatArray) -> Proposal:
             means.append(mean)
             factors.append(lower_factor((pull[k][:, None] * deviation).T @ deviation / size[k] + floor))
         before = mixture
-        mixture = Proposal(size[kept] / np.sum(size[kept]), np.array(means), np.array(factors))
+        mixture = Proposal(size[kept] / np.sum(size[kept]), np.array(means), np.array(factors), mixture.limits)
         settled = kept.size == before.weights.size and np.max(np.abs(mixture.weights - before.weights)) < 1e-3
         if settled and np.max(before.distances(mixture.means).diagonal()) < 1e-5:
             break
     return mixture
 
 
-def _split(draws: FloatArray, weights: FloatArray, n_component: int, rng: np.random.Generator) -> Proposal:
+def _split(
+    draws: FloatArray, weights: FloatArray, n_component: int, rng: np.random.Generator, limits: Support | None
+) -> Proposal:
     """A mixture of equal components centred on draws that lie far from each other, each a part of the whole in width."""
     mean, cov = _covariance(draws, weights)
     factor = lower_factor(cov)
@@ -212,7 +243,7 @@ def _split(draws: FloatArray, weights: FloatArray, n_component: int, rng: np.ran
             break
         centres.append(int(rng.choice(weights.size, p=chance / np.sum(chance))))
     n = len(centres)
-    start = Proposal(np.full(n, 1.0 / n), draws[centres], np.stack([n ** (-1.0 / draws.shape[1]) * factor] * n))
+    start = Proposal(np.full(n, 1.0 / n), draws[centres], np.stack([n ** (-1.0 / draws.shape[1]) * factor] * n), limits)
     return _fit(start, draws, weights)
 
 
@@ -223,10 +254,10 @@ def _guarded(mixture: Proposal, draws: FloatArray, weights: FloatArray) -> Propo
     return mixture._with(*_covariance(draws, weights), _WIDE_SHARE, _WIDE_FACTOR)
 
 
-def grown(draws: FloatArray, n_component: int, rng: np.random.Generator) -> Proposal:
+def grown(draws: FloatArray, n_component: int, rng: np.random.Generator, limits: Support | None = None) -> Proposal:
     """A mixture fitted to draws (n_draw, n_par) of equal weight that come from elsewhere, with the component that guards it."""
     weights = np.full(len(draws), 1.0 / len(draws))
-    return _guarded(_split(draws, weights, n_component, rng), draws, weights)
+    return _guarded(_split(draws, weights, n_component, rng, limits).unfolded(), draws, weights)
 
 
 def _shrunk(density: Density, mixture: Proposal, rng: np.random.Generator) -> Proposal:
@@ -234,7 +265,7 @@ def _shrunk(density: Density, mixture: Proposal, rng: np.random.Generator) -> Pr
     for _ in range(30):
         if np.mean(np.isfinite(density.log_density(mixture.draw(rng, 500)))) >= 0.02:
             break
-        mixture = Proposal(mixture.weights, mixture.means, 0.5 * mixture.factors)
+        mixture = replace(mixture, factors=0.5 * mixture.factors)
     return mixture
 
 
