@@ -15,8 +15,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from estim.arrays import FloatArray
+from estim.sampling.factors import lower_factor
 from estim.sampling.importance import log_sum_exp
-from estim.sampling.proposal import Proposal, grown, lower_factor
+from estim.sampling.proposal import Proposal, grown
 from estim.sampling.protocol import Density, Support, log_density_in_batches
 from estim.sampling.ridge import Frame, climb, framed, reordered, separate_modes
 from estim.sampling.walk import Rule, follow
@@ -61,7 +62,10 @@ def along_ridges(frames: Frame) -> Proposal:
 
 def both(a: Proposal, b: Proposal) -> Proposal:
     """Half of the draws from each."""
-    return Proposal(0.5 * np.concatenate([a.weights, b.weights]), np.vstack([a.means, b.means]), np.concatenate([a.factors, b.factors]), a.limits)
+    return Proposal(
+        0.5 * np.concatenate([a.weights, b.weights]), np.vstack([a.means, b.means]), np.concatenate([a.factors, b.factors]), a.limits,
+        a.bend, np.concatenate([a.follows, b.follows]),
+    )
 
 
 def repaired(

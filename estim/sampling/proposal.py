@@ -1,9 +1,9 @@
 """A proposal adapted to a posterior: a Student-t distribution with 5 degrees of freedom, or a small mixture of them.
 
-It lives in the space of the parameters themselves.  Draws outside the support of the priors have weight 0: a hard edge
-costs the share of draws behind it and nothing else, since a Student-t density is finite and positive at the edge, so
-weights stay bounded there (transformed parameters would put the edge at infinity, where the tails of the transformed
-posterior decide).
+It lives in the space of the parameters themselves.  A Student-t density is finite and positive at a hard edge, so that weights stay
+bounded there (transformed parameters would put the edge at infinity, where the tails of the transformed posterior decide).  What
+leaks over the edge is folded back (`estim.sampling.folding`); the rest of the draws outside the support have weight 0.
+A ridge that bends is made straight first (`estim.sampling.bending`).  Both keep the density exact; only where limits are told.
 
 `adapt_proposal` starts from the fit and maximises sum_i w_i log q(x_i) over weighted draws of the round before: EM steps
 for Student-t mixtures (Cappe, Douc, Guillin, Marin, Robert, Statistics and Computing 18 (2008) 447, section 4).
@@ -17,9 +17,12 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
+from numpy.typing import NDArray
 
 from estim.arrays import FloatArray
 from estim.common import NumericalError
+from estim.sampling.bending import Bend, bend_of
+from estim.sampling.factors import lower_factor
 from estim.sampling.folding import Folding, folding, unfolded
 from estim.sampling.importance import flattened, kish_size, pareto_smoothed
 from estim.sampling.protocol import Density, Support, log_density_in_batches
@@ -30,6 +33,7 @@ _FAR_SHARE, _FAR_FACTOR = 0.25, 3.0  # the same for `Proposal.widened`
 _TAIL_SHARE = 0.4  # of the draws from components that are told to be there: a rare wide part is seldom drawn, and then no chain leaves it soon
 _GOOD_K_HAT = 0.5
 _EVEN_ENOUGH = 0.4  # effective share of the draws from which one Student-t will do
+_FREE = 8.0  # standard deviations from the next limit: a parameter that may follow a bend
 _MAX_ROUND = 12
 _EM_STEPS = 25
 
@@ -40,12 +44,15 @@ class Proposal:
 
     weights : (n_component,), sum 1.  means : (n_component, n_par).
     factors : (n_component, n_par, n_par) lower Cholesky factors of the scale matrices (covariance = 5/3 of it).
+    limits : (n_par,) each, at which draws are folded.  bend, bent : what the components (n_component,) of a bent ridge follow.
     """
 
     weights: FloatArray
     means: FloatArray
     factors: FloatArray
     limits: Support | None = None
+    bend: Bend | None = None
+    bent: NDArray[np.bool_] | None = None
 
     @property
     def n_par(self) -> int:
@@ -63,12 +70,20 @@ class Proposal:
         return np.log(self.weights) + unit - np.sum(np.log(np.diagonal(self.factors, axis1=1, axis2=2)), axis=1)
 
     @cached_property
+    def follows(self) -> NDArray[np.bool_]:
+        """(n_component,) which components are bent."""
+        return np.zeros(self.weights.size, dtype=bool) if self.bent is None else self.bent
+
+    @cached_property
     def _folding(self) -> Folding | None:
         """None where nothing folds."""
         if self.limits is None:
             return None
-        found = folding(self.means, self.factors, *self.limits)
-        return found if any(found.edges) else None
+        low, high = (np.tile(limit, (self.weights.size, 1)) for limit in self.limits)
+        if self.bend is not None:  # a limit of what is moved by a bend is no limit of the straight one
+            moved = self.follows[:, None] & (self.bend.shift != 0.0)
+            low[moved], high[moved] = -np.inf, np.inf
+        return folding(self.means, self.factors, low, high)
 
     @classmethod
     def single(cls, mean: FloatArray, scale: FloatArray) -> Proposal:
@@ -90,8 +105,12 @@ class Proposal:
         """A `share` of the draws from one more component."""
         return Proposal(
             np.append((1.0 - share) * self.weights, share), np.vstack([self.means, mean]),
-            np.concatenate([self.factors, factor * lower_factor(scale)[None]]), self.limits,
+            np.concatenate([self.factors, factor * lower_factor(scale)[None]]), self.limits, self.bend, np.append(self.follows, False),
         )
+
+    def following(self, bend: Bend | None) -> Proposal:
+        """All components bent."""
+        return self if bend is None else replace(self, bend=bend, bent=np.ones(self.weights.size, dtype=bool))
 
     def unfolded(self) -> Proposal:
         """The proposal whose folds have the moments that this one has without."""
@@ -104,17 +123,22 @@ class Proposal:
         """A few of the draws from further components (n, n_par), (n, n_par, n_par)."""
         n = len(means)
         weights = np.append((1.0 - _TAIL_SHARE) * self.weights, np.full(n, _TAIL_SHARE / n))
-        return Proposal(weights, np.vstack([self.means, means]), np.concatenate([self.factors, factors]), self.limits)
+        return Proposal(
+            weights, np.vstack([self.means, means]), np.concatenate([self.factors, factors]), self.limits, self.bend,
+            np.append(self.follows, [False] * n),
+        )
 
     def draw(self, rng: np.random.Generator, n: int) -> FloatArray:
         """(n, n_par) independent draws."""
         normal = rng.standard_normal((n, self.n_par)) / np.sqrt(rng.chisquare(DOF, n) / DOF)[:, None]
-        if self.weights.size == 1 and self._folding is None:
+        if self.weights.size == 1 and self._folding is None and self.bend is None:
             return self.means[0] + normal @ self.factors[0].T
         which = rng.choice(self.weights.size, n, p=self.weights)
         if self._folding is not None:
-            return self._folding.points(normal, which)
-        return self.means[which] + np.einsum("nij,nj->ni", self.factors[which], normal)
+            points = self._folding.points(normal, which)
+        else:
+            points = self.means[which] + np.einsum("nij,nj->ni", self.factors[which], normal)
+        return points if self.bend is None else np.where(self.follows[which, None], self.bend.bent(points), points)
 
     def distances(self, draws: FloatArray) -> FloatArray:
         """(n_component, n_draw) squared distances from the centres in units of the scale matrices."""
@@ -133,15 +157,23 @@ class Proposal:
         if self._folding is not None:
             return self._folded_log_density(self._folding, draws)
         parts = self.component_log_densities(draws)
+        if self.bend is not None:
+            straight = self.component_log_densities(self.bend.straight(draws))
+            parts = np.where(self.follows[:, None], straight, parts)
         return parts[0] if parts.shape[0] == 1 else np.logaddexp.reduce(parts, axis=0)
 
     def _folded_log_density(self, folds: Folding, draws: FloatArray) -> FloatArray:
         columns = np.ascontiguousarray(draws.T[folds.order])
+        straight = columns if self.bend is None else np.ascontiguousarray(self.bend.straight(draws).T[folds.order])
         power, top = 0.5 * (DOF + self.n_par), float(np.max(self._log_heights))
-        total = np.zeros(len(draws))
-        for k, height in enumerate(self._log_heights):
-            total += math.exp(height - top) * np.sum((1.0 + folds.distances(columns, k) / DOF) ** -power, axis=0)
-        return np.log(total) + top
+        total, beyond = np.zeros(len(draws)), np.full(len(draws), -np.inf)
+        for k, height in enumerate(self._log_heights - top):
+            falls = 1.0 + folds.distances(straight if self.follows[k] else columns, k) / DOF
+            total += math.exp(height) * np.sum(falls**-power, axis=0)
+            if not np.all(total > 0.0):  # so far away that only logarithms know it
+                least = np.min(falls, axis=0)
+                beyond = np.logaddexp(beyond, height - power * np.log(least) + np.log(np.sum((falls / least) ** -power, axis=0)))
+        return top + np.where(total > 0.0, np.log(np.where(total > 0.0, total, 1.0)), beyond)
 
 
 def adapt_proposal(
@@ -152,6 +184,7 @@ def adapt_proposal(
 
     start : (n_par,) the fit.  cov : (n_par, n_par) the covariance there, used at the other `starts` (further modes) too where they have no `covs`.
     covs : those of `starts`, whose components then keep two fifths of the draws whatever the rounds make of the others.
+    support : limits of the parameters, at which the proposal is folded.
     n_round : draws in each round, at least 500 for each start.  Where one Student-t gives uneven weights, mixtures of more are tried and
     kept if better.
 
@@ -165,8 +198,8 @@ def adapt_proposal(
     for n_component in (4, 8):
         if quality > _EVEN_ENOUGH * min(1.0, 6.0 / mixture.n_par):  # the weights of normal densities are the less even the more parameters there are
             break
-        split = _split(draws, weights, max(n_component, len(centres) + 1), rng, support)
-        candidate, better, candidate_draws, candidate_weights = _settle(density, split, rng, 4 * n_round)
+        split = _split(draws, weights, max(n_component, len(centres) + 1), rng)
+        candidate, better, candidate_draws, candidate_weights = _settle(density, replace(split, limits=support), rng, 4 * n_round)
         if better > 1.15 * quality:
             best, quality, draws, weights = candidate, better, candidate_draws, candidate_weights
     return best.beside(centres[1:], factors[1:]) if covs else best
@@ -186,8 +219,10 @@ def _settle(density: Density, mixture: Proposal, rng: np.random.Generator, n_rou
         found.append((proposal, quality, draws, weights))
         if len(found) > 2 and 0.05 < quality < 1.1 * max(f[1] for f in found[:-1]):
             break
-        mixture = _fit(mixture, draws, weights)
-        proposal = _guarded(mixture.unfolded(), draws, weights)
+        bend = _bend_at(mixture.limits, draws, weights)
+        straight = draws if bend is None else bend.straight(draws)
+        mixture = _fit(mixture, straight, weights)
+        proposal = _guarded(mixture.unfolded().following(bend), straight, weights)
     if not found:
         raise NumericalError("importance sampling cannot start: the posterior density is zero or not finite everywhere around the fit")
     return max(found, key=lambda f: f[1])
@@ -197,6 +232,15 @@ def _quality(log_ratio: FloatArray) -> float:
     """Effective share of weighted draws; a third of it where k-hat shows that a tail is missed."""
     share = kish_size(log_ratio) / log_ratio.size
     return share if pareto_smoothed(log_ratio)[1] <= _GOOD_K_HAT else share / 3.0
+
+
+def _bend_at(limits: Support | None, draws: FloatArray, weights: FloatArray) -> Bend | None:
+    """The bend of weighted draws, of the parameters that have no limit near."""
+    if limits is None:
+        return None
+    mean, cov = _covariance(draws, weights)
+    least = _FREE * np.sqrt(np.diag(cov))
+    return bend_of(draws, weights, (mean - limits[0] > least) & (limits[1] - mean > least))
 
 
 def _fit(mixture: Proposal, draws: FloatArray, weights: FloatArray) -> Proposal:
@@ -228,9 +272,7 @@ def _fit(mixture: Proposal, draws: FloatArray, weights: FloatArray) -> Proposal:
     return mixture
 
 
-def _split(
-    draws: FloatArray, weights: FloatArray, n_component: int, rng: np.random.Generator, limits: Support | None
-) -> Proposal:
+def _split(draws: FloatArray, weights: FloatArray, n_component: int, rng: np.random.Generator) -> Proposal:
     """A mixture of equal components centred on draws that lie far from each other, each a part of the whole in width."""
     mean, cov = _covariance(draws, weights)
     factor = lower_factor(cov)
@@ -243,7 +285,7 @@ def _split(
             break
         centres.append(int(rng.choice(weights.size, p=chance / np.sum(chance))))
     n = len(centres)
-    start = Proposal(np.full(n, 1.0 / n), draws[centres], np.stack([n ** (-1.0 / draws.shape[1]) * factor] * n), limits)
+    start = Proposal(np.full(n, 1.0 / n), draws[centres], np.stack([n ** (-1.0 / draws.shape[1]) * factor] * n))
     return _fit(start, draws, weights)
 
 
@@ -255,9 +297,15 @@ def _guarded(mixture: Proposal, draws: FloatArray, weights: FloatArray) -> Propo
 
 
 def grown(draws: FloatArray, n_component: int, rng: np.random.Generator, limits: Support | None = None) -> Proposal:
-    """A mixture fitted to draws (n_draw, n_par) of equal weight that come from elsewhere, with the component that guards it."""
+    """A mixture fitted to draws (n_draw, n_par) of equal weight that come from elsewhere, with the component that guards it.
+
+    limits : of the parameters; then it is folded there, and bent where the draws are.
+    """
     weights = np.full(len(draws), 1.0 / len(draws))
-    return _guarded(_split(draws, weights, n_component, rng, limits).unfolded(), draws, weights)
+    bend = _bend_at(limits, draws, weights)
+    straight = draws if bend is None else bend.straight(draws)
+    mixture = replace(_split(straight, weights, n_component, rng), limits=limits)
+    return _guarded(mixture.unfolded().following(bend), straight, weights)
 
 
 def _shrunk(density: Density, mixture: Proposal, rng: np.random.Generator) -> Proposal:
@@ -273,15 +321,3 @@ def _covariance(draws: FloatArray, weights: FloatArray) -> tuple[FloatArray, Flo
     mean = weights @ draws
     deviation = draws - mean
     return mean, (weights[:, None] * deviation).T @ deviation
-
-
-def lower_factor(cov: FloatArray) -> FloatArray:
-    """Lower Cholesky factor of a covariance; directions without any variance get a millionth of the others'."""
-    sds = np.sqrt(np.maximum(np.diag(cov), 0.0))
-    sds = np.where(sds > 0.0, sds, 1e-6 * max(float(np.max(sds)), 1e-140))
-    values, vectors = np.linalg.eigh(cov / np.outer(sds, sds))
-    root = vectors * np.sqrt(np.maximum(values, 1e-10))
-    # R of the QR decomposition of root^T is a Cholesky factor even where round-off spoils the matrix itself
-    upper = np.asarray(np.linalg.qr(root.T, mode="r"))
-    lower = upper.T * np.sign(np.diag(upper))
-    return np.asarray(sds[:, None] * lower)

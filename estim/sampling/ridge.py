@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from scipy.special import erfcx, ndtr
 
 from estim.arrays import FloatArray
-from estim.sampling.proposal import lower_factor
+from estim.sampling.factors import lower_factor
 from estim.sampling.protocol import Density, Support, log_density_in_batches
 
 Flags = NDArray[np.bool_]
