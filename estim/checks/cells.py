@@ -215,8 +215,8 @@ def headline(
     """
     words = "" if status == Status.OK else f" — {STATUS_WORDS[Status(status)]}"
     behind = words or (f"; {tests}" if tests else "")
-    line = phrase("Status: **{status}**{behind}", status=status, behind=behind)
-    said = [f"**{markdown(title)}**" if title else "", kind_words(kind) if kind in KINDS else "", line]
+    said = [f"**{markdown(title)}**" if title else "", kind_words(kind) if kind in KINDS else ""]
+    said.append(phrase("Status: **{status}**{behind}", status=status, behind=behind))
     if status == Status.OK:
         body = list(rows)
         heads = ("", "", phrase("posterior"), phrase("95 % interval"), phrase("unit")) if head is None else head
