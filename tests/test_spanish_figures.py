@@ -34,14 +34,15 @@ def _spanish() -> Iterator[None]:
 
 
 def words_of(figure: Figure) -> list[Text]:
-    """The texts that are seen but for numbers of ticks, the figure drawn."""
+    """The texts that are seen but for numbers of ticks, the figure drawn as in a report."""
+    figure.set_dpi(150)
     FigureCanvasAgg(figure).draw()
     return [text for text in texts_of(figure) if text.get_visible() and text.get_text().strip()]
 
 
 def off_the_canvas(figure: Figure) -> list[str]:
-    width, height = figure.get_size_inches() * figure.dpi
     boxes = [(text.get_text(), text.get_window_extent()) for text in words_of(figure)]
+    width, height = figure.get_size_inches() * figure.dpi
     return [words for words, box in boxes if box.x0 < -1.0 or box.y0 < -1.0 or box.x1 > width + 1.0 or box.y1 > height + 1.0]
 
 

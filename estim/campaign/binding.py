@@ -149,10 +149,12 @@ def parts_fact(source: CampaignFile, levels: Iterable[Level]) -> str | None:
         return None
     first, second = (OUTPUTS[name][0].symbol for name in pair[:2])
     inertia = found["inertia_ratio"]
-    return (
-        f"{first} and {second} come from the parts of the body; that they are correlated, r = {signed(f'{pair[2]:.2f}')}, is left out here, "
-        f"and so is what they share with other bodies (estim body shows it): j is {format_quantity(inertia.value, inertia.u)} by the parts, "
-        f"{format_quantity(inertia.value, spread_apart(found))} by these values taken as independent"
+    return phrase(
+        "{first} and {second} come from the parts of the body; that they are correlated, r = {r}, is left out here, "
+        "and so is what they share with other bodies (estim body shows it): j is {by_parts} by the parts, "
+        "{apart} by these values taken as independent",
+        first=first, second=second, r=signed(f"{pair[2]:.2f}"), by_parts=format_quantity(inertia.value, inertia.u),
+        apart=format_quantity(inertia.value, spread_apart(found)),
     )
 
 

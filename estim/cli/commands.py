@@ -46,7 +46,7 @@ from estim.cli.terminal import (
 )
 from estim.cli.verifying import diff, verify
 from estim.cli.weighing import say_bodies
-from estim.common import InputError, Stream, asked_to_stop, ended_by_signals, stream
+from estim.common import InputError, Stream, asked_to_stop, ended_by_signals, phrase, stream
 from estim.lean_imports import import_lean
 
 if TYPE_CHECKING:
@@ -130,7 +130,7 @@ def fit(
         analysis = with_causes(loaded, analysis, group, asked=explain)
         place = folder if len(groups) == 1 else folder / group[0]
         with progress_bar(", ".join(group)) as progress:
-            progress(100, "report and figures")
+            progress(100, phrase("report and figures"))
             files = analysis_report(loaded, analysis, voice=Voice.COMMANDS, figures=not no_figures)
             write_report(place, with_campaign(files, loaded.source.written, file=campaign.name), within=folder)
         if can_write_netcdf():
@@ -146,7 +146,7 @@ def fit(
         store.remove()
     report_at(folder / "report.md", loaded.source.outside())
     if not can_write_netcdf():
-        say(f"no draws.nc (the draws, for ArviZ and xarray): {HOW_TO_GET}")
+        say(phrase("no draws.nc (the draws, for ArviZ and xarray): {how}", how=HOW_TO_GET))
     _exit_unless(all(result.status == "ok" for result in results.values()))
 
 

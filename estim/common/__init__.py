@@ -6,7 +6,7 @@ from estim.common.jobs import spread
 from estim.common.kinds import Kind, Status
 from estim.common.labels import KINDS, Label, Notation, kind_words, split_level, table
 from estim.common.lookalikes import first_alike, forms
-from estim.common.phrases import LANGUAGES, language, later, phrase, spoken
+from estim.common.phrases import LANGUAGES, Said, language, later, phrase, spoken
 from estim.common.pictures import pictures_of, remove_pictures
 from estim.common.quantity import EXTREME, Quantity, e_n, extreme, format_p, format_quantity, format_rounded, p_digits, percentage
 from estim.common.quantity import read_number, read_quantity, signed, significant, with_unit

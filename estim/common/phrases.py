@@ -9,16 +9,18 @@ from __future__ import annotations
 
 import re
 import tomllib
-from collections.abc import Iterator, Mapping
+from collections.abc import Hashable, Iterator, Mapping
 from contextlib import contextmanager
 from contextvars import ContextVar
 from functools import cache
 from importlib.resources import files
 from types import MappingProxyType
+from typing import TypeVar
 
 LANGUAGES = MappingProxyType({"en": "English", "es": "español"})
 _ENGLISH = "en"
 _LANGUAGE: ContextVar[str] = ContextVar("language", default=_ENGLISH)
+K = TypeVar("K", bound=Hashable)
 _SPACES = re.compile(r"\s+")
 
 
@@ -46,6 +48,22 @@ def phrase(english: str, /, **values: object) -> str:
 def later(english: str) -> str:
     """`english`, for `phrase` to look up where it is used."""
     return english
+
+
+class Said(Mapping[K, str]):
+    """A table of English sentences, each said in the language that is spoken where it is looked up."""
+
+    def __init__(self, english: Mapping[K, str]) -> None:
+        self._english = MappingProxyType(dict(english))
+
+    def __getitem__(self, key: K) -> str:
+        return phrase(self._english[key])
+
+    def __iter__(self) -> Iterator[K]:
+        return iter(self._english)
+
+    def __len__(self) -> int:
+        return len(self._english)
 
 
 @cache

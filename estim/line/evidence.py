@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from estim.arrays import FloatArray
-from estim.common import InputError
+from estim.common import InputError, phrase
 from estim.line.posterior import LineMode, LinePosterior, mode_or_guess, without_intercept
 
 PROPOSAL_DOF = 5.0  # of the Student-t proposal: tails heavier than those of the posterior
@@ -113,5 +113,5 @@ def intercept_evidence(posterior: LinePosterior, *, rng: np.random.Generator, n_
         free.log_evidence - fixed.log_evidence,
         float(np.hypot(free.u_log_evidence, fixed.u_log_evidence)),
         posterior.intercept_sd,
-        "The importance weights are uneven: the Monte-Carlo error is itself uncertain; use more draws." if poor else "",
+        phrase("The importance weights are uneven: the Monte-Carlo error is itself uncertain; use more draws.") if poor else "",
     )

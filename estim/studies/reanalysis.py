@@ -148,13 +148,13 @@ def _one_by_one(work: _Work, progress_of: ProgressOf) -> dict[_Piece, Any]:
 def _at_once(work: _Work, progress_of: ProgressOf, jobs: int) -> dict[_Piece, Any]:
     """Those that take longest first: the runs that are many together."""
     pieces = sorted(work.pieces, key=lambda piece: -len(work.runs_of(piece[1])))
-    with progress_of(f"{len(pieces)} fits, {min(jobs, len(pieces))} at once") as progress:
+    with progress_of(phrase("{n} fits, {jobs} at once", n=len(pieces), jobs=min(jobs, len(pieces)))) as progress:
         n_done = 0
 
         def tell(piece: _Piece, _: object) -> None:
             nonlocal n_done
             n_done += 1
-            progress(100 * n_done // len(pieces), f"{_shown(piece)}: done")
+            progress(100 * n_done // len(pieces), phrase("{what}: done", what=_shown(piece)))
 
         found = spread(work, pieces, jobs=jobs, keep=tell, patient=False)
     return dict(zip(pieces, found, strict=True))
@@ -162,7 +162,7 @@ def _at_once(work: _Work, progress_of: ProgressOf, jobs: int) -> dict[_Piece, An
 
 def _shown(piece: _Piece) -> str:
     kind, name = piece
-    return {"line": "line", "run": name, "body": f"{name}, all runs"}[kind]
+    return {"line": phrase("line"), "run": name, "body": phrase("{name}, all runs", name=name)}[kind]
 
 
 def _published(campaign: Campaign) -> tuple[str, Sequence[PublishedNumber]]:
