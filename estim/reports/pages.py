@@ -41,7 +41,8 @@ def marked(draw: Callable[[], Figure]) -> Figure:
     said = figure.get_suptitle()
     at_top = [legend for legend in figure.legends if getattr(legend, "_outside_loc", None) == "upper"]
     if at_top:  # where a title of the figure would lie
-        at_top[0].set_title(phrase("SYNTHETIC data"), prop={"size": 9})
+        at_top[0].set_title(phrase("SYNTHETIC data"))
+        at_top[0].get_title().set_fontsize(9)
     elif said:
         figure.suptitle(phrase("{title}; SYNTHETIC data", title=said), fontsize=8)
     elif figure.get_layout_engine() is None:  # placed by hand
