@@ -77,11 +77,6 @@ class Identifiability:
     n_learnt: float
     sentences: tuple[str, ...]
 
-    @property
-    def of_prior(self) -> tuple[Direction, ...]:
-        """The directions about which the data say less than the prior."""
-        return tuple(d for d in self.directions if d.held_by != "data")
-
 
 def identify(fit: Fit, *, known: Mapping[str, FloatArray] | None = None) -> Identifiability:
     """What the data of `fit` can tell, direction by direction.

@@ -16,6 +16,7 @@ from estim.drawing import BLUE, GREEN, GREY, INK, ORANGE, PALE, name_ticks, new_
 from estim.fitting import Fit, ProfileInterval
 from estim.problem import Prior, Problem
 from estim.reports.contours import density_of, draw_contours
+from estim.reports.smoothing import monotone
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -213,15 +214,13 @@ def profile_figure(problem: Problem, intervals: Sequence[ProfileInterval], draws
 
 
 def _draw_profile(ax: Axes, interval: ProfileInterval, draws: FloatArray, factor: float) -> None:
-    from scipy.interpolate import PchipInterpolator
-
     sides = ((interval.open_low, interval.low), (interval.open_high, interval.high))
     x, kept = np.unique(interval.x * factor, return_index=True)
     # the signed square root of a rise is nearly a straight line: smooth in between
     root = np.sqrt(np.maximum(interval.rise[kept], 0.0)) * np.where(x < interval.value * factor, -1.0, 1.0)
     if x.size > 1:
         fine = np.linspace(x[0], x[-1], 300)
-        ax.plot(fine, PchipInterpolator(x, root)(fine) ** 2, color=BLUE, lw=1.4)
+        ax.plot(fine, monotone(x, root, fine) ** 2, color=BLUE, lw=1.4)
     levels = {p: float(chi2_quantile(p, 1)) for p in interval.low}
     ax.hlines(list(levels.values()), 0.0, 1.0, color=GREY, lw=0.7, ls="--", zorder=1, transform=ax.get_yaxis_transform())
     closed = [(ends[p] * factor, level) for p, level in levels.items() for opened, ends in sides if not opened[p]]

@@ -16,8 +16,7 @@ from estim.sampling.chain import Chain, Progress, Target, sample_posterior
 from estim.sampling.checkpoint import Store
 from estim.sampling.independent_check import second_opinion
 from estim.sampling.proposal import adapt_proposal
-from estim.sampling.protocol import Density
-from estim.sampling.ridge import Support
+from estim.sampling.protocol import Density, Support
 from estim.sampling.stepping import Stop
 
 _TRIES = 2
@@ -63,7 +62,7 @@ def certified_chain(
         if progress is not None:
             progress(0, phrase("second opinion") if not pairs else phrase("chain and second opinion differ: both once more"))
         rng = stream(seed, Stream.PROPOSAL, *(() if i == 0 else (i,)))
-        adapted = adapt_proposal(density, optima.value, optima.cov, rng=rng, starts=optima.starts, covs=optima.covs)
+        adapted = adapt_proposal(density, optima.value, optima.cov, rng=rng, starts=optima.starts, covs=optima.covs, support=support)
         certificate, proposal = second_opinion(
             density, optima.value, optima.cov, adapted, rng=rng, starts=optima.heavy, support=support, n_obs=n_obs
         )

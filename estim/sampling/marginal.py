@@ -29,9 +29,10 @@ from estim.common import Finding, InputError, Kind, NumericalError, phrase
 from estim.fitting import Fit
 from estim.problem import Normal, Problem
 from estim.sampling.conditional import Expansion, RunTerm, expand, run_terms
+from estim.sampling.factors import lower_factor
 from estim.sampling.importance import K_HAT_LIMIT, difference, flattened, kish_size, pareto_smoothed, spread, systematic, u_log_mean
 from estim.sampling.kept_marginal import NOWHERE, Stages
-from estim.sampling.proposal import Proposal, lower_factor
+from estim.sampling.proposal import Proposal
 from estim.words import tell
 
 IndexArray = NDArray[np.int64]
