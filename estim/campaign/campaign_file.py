@@ -209,10 +209,9 @@ class CampaignFile:
         path = self.path.parent / written
         if not leads_out(path, self.path.parent):
             return None
-        home, target = os.path.realpath(self.path.parent), os.path.realpath(path)
-        plain = os.path.normpath(os.path.join(home, written)) == target
-        link = "" if plain else phrase(": a link leads to {place}", place=os.path.relpath(target, home))
-        return phrase("{file} lies outside the folder of the campaign", file=written) + link
+        home, end = os.path.realpath(self.path.parent), os.path.realpath(path)
+        link = phrase(": a link leads to {place}", place=os.path.relpath(end, home))
+        return phrase("{file} lies outside the folder of the campaign", file=written) + link * (os.path.normpath(os.path.join(home, written)) != end)
 
     def outside(self, *, runs: bool = True, line: bool = False, published: bool = False) -> tuple[str, ...]:
         """Such a sentence for each of these files."""
