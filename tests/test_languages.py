@@ -9,6 +9,7 @@ import re
 import string
 import tomllib
 from collections.abc import Iterator, Mapping
+from dataclasses import asdict
 from functools import cache
 from pathlib import Path
 
@@ -17,8 +18,10 @@ import pytest
 from command_runner import runner
 
 from estim.batch import Settings
+from estim.batch.rows import key_of
+from estim.campaign import load_campaign
 from estim.cli.commands import cli
-from estim.common import LANGUAGES, phrases, spoken
+from estim.common import LANGUAGES, phrase, phrases, spoken
 from estim.curve_fit import CurveFit, fit_curve
 from estim.pipeline import sample_curve
 from estim.reports.curve import curve_report
@@ -144,7 +147,17 @@ def test_every_template_can_be_compiled_in_the_language(language: str) -> None:
 
 NEIGHBOURS = re.compile(r"[A-Za-z]{2,},? [A-Za-z]{2,}")
 NOT_FOR_READERS = re.compile(r"^(phrase|later|InputError|NumericalError|EstimError|error|warn|compile|getLogger)$")
-ALLOWED: dict[str, str] = {}  # text -> why a reader never sees it, or should see it as it is
+ALLOWED = {  # why a reader never sees a text, or sees it as it is -> such texts
+    "a place in a figure": r"(outside )?(lower|upper) (left|right|center)|offset points|axes fraction",
+    "HTML, whose words are put in": r"<[^W].*",
+    "a page's own rule of safety": r"default-src .*",
+    "to be typed": r"pip install .*",
+    "a name, the same in Spanish": r"Monte Carlo",
+    "a key of result.json or of the statuses": r"posterior sd|joint fit of \{\}",
+    "a key of a table in the program": r"(climbs|turns) (on|past|beyond)|recorded way|importance sampling",
+    "a cell of a table for programs": r"no result",
+    "an attribute of draws.nc, for programs": r"not stated",
+}
 
 
 def unsaid(path: Path) -> Iterator[tuple[int, str]]:
@@ -188,8 +201,9 @@ def _unsaid(node: ast.AST, described: set[int]) -> Iterator[tuple[int, str]]:
 
 @pytest.mark.parametrize("folder", ["words", "reports"])
 def test_whatever_a_reader_sees_is_said_by_phrase(folder: str) -> None:
-    found = [(path, line, text) for path in sorted((ESTIM / folder).rglob("*.py")) for line, text in unsaid(path)]
-    assert not [f"{path.relative_to(ROOT)}:{line}: {text}" for path, line, text in found if text not in ALLOWED]
+    allowed = re.compile("|".join(f"(?:{form})" for form in ALLOWED.values()), re.DOTALL)
+    found = [(path, line, text) for path in sorted((ESTIM / folder).rglob("*.py")) for line, text in unsaid(path) if not allowed.fullmatch(text)]
+    assert not [f"{path.relative_to(ROOT)}:{line}: {text}" for path, line, text in found]
 
 
 def test_a_sentence_that_is_not_said_by_phrase_is_found(tmp_path: Path) -> None:
@@ -237,14 +251,22 @@ def left_in_english(text: str) -> list[str]:
     return sorted(set(re.findall(r"[A-Za-z]{3,}", text)) - NAMES)
 
 
-NAMES = frozenset()  # shown as they are in every language
+NAMES = frozenset(  # shown as they are in every language
+    {
+        "Thing", "data",  # the title and the run, which the user names
+        "chi", "runs", "autocorrelation", "trend", "largest",  # tests
+        "poor", "fit",  # a status
+        "deviation",  # an argument
+        "estim", "python", "numpy", "scipy", "lmfit", "emcee", "arviz", "stats", "uncertainties",
+    }
+)
 
 
-@pytest.fixture(scope="module")
-def fitted() -> CurveFit:
+def fitted(bend: float = 0.0) -> CurveFit:
+    """A line through points of a line, or of a parabola."""
     x = np.linspace(0.0, 5.0, 12)
-    noise = np.random.default_rng(3).standard_normal(x.size)
-    return fit_curve("a*x + b", x, 2.0 * x + 1.0 + 0.1 * noise, u_y=0.1)
+    noise = np.random.default_rng(4).standard_normal(x.size)
+    return fit_curve("a*x + b", x, 2.0 * x + bend * x**2 + 1.0 + 0.1 * noise, u_y=0.1)
 
 
 def report_of(fit: CurveFit) -> dict[str, bytes]:
@@ -253,34 +275,38 @@ def report_of(fit: CurveFit) -> dict[str, bytes]:
 
 
 @pytest.mark.usefixtures("wide")
-def test_nothing_of_a_report_stays_in_english(fitted: CurveFit) -> None:
+@pytest.mark.parametrize(("bend", "status"), [(0.0, "ok"), (1.0, "poor-fit")])
+def test_nothing_of_a_report_stays_in_english(bend: float, status: str) -> None:
     with spoken("xx"):
-        files = report_of(fitted)
-    assert left_in_english(files["report.md"].decode()) == []
+        files = report_of(fitted(bend))
+    report = files["report.md"].decode()
+    assert f": {status}" in report
+    assert left_in_english(report) == []
 
 
-def test_english_is_the_same_whatever_was_spoken_before(fitted: CurveFit) -> None:
-    before = report_of(fitted)
+@pytest.mark.usefixtures("wide")
+def test_what_stays_in_english_is_found() -> None:
+    with spoken("xx"):
+        said = phrase("the data agree with what was stated before ({p})", p="p = 0.2 or so")
+    assert left_in_english(said) == []
+    assert left_in_english(f"{said}, and this") == ["and", "this"]
+
+
+def test_english_is_the_same_whatever_was_spoken_before() -> None:
+    fit = fitted()
+    before = report_of(fit)
     for language in OTHERS:
         with spoken(language):
-            other = report_of(fitted)
+            other = report_of(fit)
         assert other["report.md"] != before["report.md"]
-    assert report_of(fitted) == before
-
-
-@pytest.mark.parametrize("language", OTHERS)
-def test_numbers_names_and_statuses_are_those_of_english(language: str, fitted: CurveFit) -> None:
-    english = json.loads(report_of(fitted)["result.json"])
-    with spoken(language):
-        other = json.loads(report_of(fitted)["result.json"])
-    assert shape_of(other) == shape_of(english)
-    assert other["status"] == english["status"]
+        assert shape_of(json.loads(other["result.json"])) == shape_of(json.loads(before["result.json"]))
+    assert report_of(fit) == before
 
 
 def shape_of(record: object) -> object:
-    """Keys and numbers of a record; its texts are left out."""
+    """Keys, statuses and numbers of a record; its other texts are left out."""
     if isinstance(record, dict):
-        return {key: shape_of(value) for key, value in record.items() if key != "provenance"}
+        return {key: value if key == "status" else shape_of(value) for key, value in record.items()}
     if isinstance(record, list):
         return [shape_of(value) for value in record]
     return None if isinstance(record, str) else record
@@ -313,14 +339,13 @@ def test_a_report_is_verified_in_its_own_language(tmp_path: Path, monkeypatch: p
     assert english != spanish
     verified = run("verify", "es")
     assert (verified.exit_code, verified.stdout.splitlines()[-1][:9]) == (0, "verified:")
-    (tmp_path / "es" / "report.md").write_text(spanish.replace("incertidumbre", "certidumbre", 1))
+    (tmp_path / "es" / "report.md").write_text(spanish.replace("ncertidumbre", "ncertidumbr", 1))
     assert run("verify", "es").exit_code == 3
 
 
-def test_a_batch_does_not_keep_results_of_another_language(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(tmp_path)
-    keys = []
-    for language in ("en", "es"):
+def test_a_batch_does_not_keep_results_of_another_language(replica: Path) -> None:
+    campaign, keys = load_campaign(replica / "campaign.toml"), []
+    for language in ("en", "es", "en"):
         with spoken(language):
-            keys.append(Settings())
-    assert keys[0] != keys[1] == Settings(language="es")
+            keys.append(key_of(campaign, "light-01", asdict(Settings())))
+    assert keys[0] == keys[2] != keys[1]
