@@ -205,7 +205,7 @@ def reanalyse(campaign: Path, max_steps: int, jobs: int | None, out: Path | None
     posterior band, and published numbers beside reanalysed ones.  The numbers are the same for any number of --jobs.
     """
     from estim.campaign import load_campaign
-    from estim.reports import reanalysis_lines, reanalysis_report
+    from estim.reports import called, reanalysis_lines, reanalysis_report
     from estim.sampling import Target
     from estim.studies import reanalyse as run_reanalysis
     from estim.words import Voice
@@ -218,7 +218,7 @@ def reanalyse(campaign: Path, max_steps: int, jobs: int | None, out: Path | None
     write_report(folder, reanalysis_report(result, voice=Voice.COMMANDS, figures=not no_figures))
     said = reanalysis_lines(result)
     for what, status in result.statuses.items():
-        conclude(what, status, said.get(what, ()))
+        conclude(called(result, what), status, said.get(what, ()))
     report_at(folder / "report.md", loaded.source.outside(line=True, published=True))
     _exit_unless(all(status.ok for status in result.statuses.values()))
 
