@@ -112,7 +112,7 @@ def plan(campaign: Campaign, names: Sequence[str], *, wanted: Sequence[str] = ()
     halving = ways_to_halve(basis, here, targets, now, possible)
     along = weigh_places(basis, here, targets) if isinstance(basis, CurveBasis) else ()
     return Plan(
-        campaign, tuple(names), fit, targets, here.values[columns], now, drawn, phrase(how), tuple(possible),
+        campaign, tuple(names), fit, targets, here.values[columns], now, drawn, how, tuple(possible),
         tuple(option for option in done if option.reason), halving, along, bool(getattr(basis, "sizes", {})), findings, seed,
     )
 
