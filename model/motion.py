@@ -6,11 +6,12 @@ The time is t = integral of dx/v, singular at the release and at a turning point
     no turning point in reach:   theta = theta0 + L w^2,  w in [0, 1]    (L: as far as is asked for)
 
 dt/du (dt/dw) is smooth, so it is interpolated at Chebyshev points and integrated in closed form; the inverse t -> x is
-a few Newton steps on that polynomial.  Everything is vectorised over draws: parameters as scalars or (n_draw, 1).
+read off a table of that polynomial and its derivatives.  Everything is vectorised over draws: parameters as scalars or (n_draw, 1).
 """
 
 from __future__ import annotations
 
+from dataclasses import dataclass, replace
 from functools import cache
 from typing import Any
 
@@ -26,7 +27,12 @@ from model.phase import STANDARD_GRAVITY, effective_slope, energy_ratio, turning
 FloatArray = NDArray[Any]
 
 _FEWEST_NODES = 48
-_TABLE = 97  # points of the table that starts the inversion of a clock
+_BLOCK = 8192  # points at once: what they need stays in the processor's cache
+_TABLE = 97  # points of the table by which a clock is inverted
+_KNOTS = np.linspace(-1.0, 1.0, _TABLE)
+_WIDTH = 2.0 / (_TABLE - 1)
+_HALFWAY = _KNOTS[:-1:4] + 0.5 * _WIDTH  # where the table is tried
+_CLOSE = 1e-10  # of z: what it may be off there
 _MOST_NODES = 4096
 _NEGLIGIBLE = 1e-11  # of the largest coefficient
 _UNRESOLVED = 1e-8
@@ -204,26 +210,60 @@ def _states(
     t = np.atleast_1d(np.asarray(t, dtype=float))
     if t.size == 0:
         return np.zeros(t.shape), np.zeros(t.shape)
-    phi, theta0 = np.asarray(phi, dtype=float), np.asarray(theta0, dtype=float)
+    place = {"phi": phi, "theta0": theta0, "rolling_resistance": rolling_resistance, "g": g}
+    columns = [*place.values(), *vars(body).values(), *([t] if t.ndim == 2 else [])]
+    n_draw = max((np.shape(column)[0] for column in columns if np.ndim(column) == 2), default=1)
+    rows = max(1, _BLOCK // t.shape[-1])
+    if n_draw <= rows:
+        return _legs(t, body, place, n_leg=n_leg, n_node=n_node, speeds=speeds)
+    parts = []
+    for first in range(0, n_draw, rows):
+        some = slice(first, first + rows)
+        own = replace(body, **{name: _of(value, some) for name, value in vars(body).items()})
+        parts.append(_legs(_of(t, some), own, {name: _of(value, some) for name, value in place.items()}, n_leg=n_leg, n_node=n_node, speeds=speeds))
+    return np.concatenate([x for x, _ in parts]), np.concatenate([v for _, v in parts])
+
+
+def _of(value: Any, some: slice) -> Any:
+    """The part of a column (n_draw, n) that belongs to some draws; what all draws have in common as it is."""
+    return value[some] if np.ndim(value) == 2 and np.shape(value)[0] > 1 else value
+
+
+def _legs(t: FloatArray, body: Body, place: dict[str, Any], *, n_leg: int, n_node: int | None, speeds: bool) -> tuple[FloatArray, FloatArray]:
+    """`_states` of a few draws, each way from where the one before it ended."""
+    phi, theta0 = np.asarray(place["phi"], dtype=float), np.asarray(place["theta0"], dtype=float)
     x = v = start = np.zeros((1, 1))
+    late = np.ones(t.shape[-1], dtype=bool)  # the times that are not over for every draw
     sign = 1.0
     for leg in range(n_leg):
-        place: dict[str, Any] = {"phi": phi, "theta0": theta0, "rolling_resistance": rolling_resistance, "g": g}
-        dx, rate, end, reach = _leg(t, body, **place, n_node=n_node, speeds=speeds)
-        here = (t > 0.0) if leg else np.ones(t.shape, dtype=bool)
-        inside = (t <= 0.0) | (t <= end)
-        x = np.where(here & inside, start + sign * dx, x)
-        v = np.where(here & inside, sign * rate, v)
+        now = t[..., late]
+        dx, rate, end, reach = _leg(now, body, **{**place, "phi": phi, "theta0": theta0}, n_node=n_node, speeds=speeds)
+        here = (now > 0.0) if leg else np.ones(now.shape, dtype=bool)
+        inside = (now <= 0.0) | (now <= end)
         rest = np.where(np.isnan(end), np.nan, 0.0)
         stop = np.where(np.isinf(end), 0.0, reach + rest)
-        start = start + sign * np.asarray(body.radius) * stop
-        x = np.where(here & ~inside, start, x)
-        v = np.where(here & ~inside, rest, v)
-        t = np.where((reach > 0.0) & np.isfinite(end), np.maximum(t - end, 0.0), 0.0)
-        if not np.any(t > 0.0):
+        stopped = start + sign * np.asarray(body.radius) * stop
+        x = _put(x, late, here, np.where(inside, start + sign * dx, stopped))
+        v = _put(v, late, here, np.where(inside, sign * rate, rest))
+        start = stopped
+        after = np.where((reach > 0.0) & np.isfinite(end), np.maximum(now - end, 0.0), 0.0)
+        going = np.any(after > 0.0, axis=0)
+        if not going.any():
             return x, v
+        t = np.zeros(x.shape)
+        t[:, late] = after
+        late = late.copy()
+        late[late] = going
         theta0, phi, sign = -(theta0 + stop), -phi, -sign
     return np.where(t > 0.0, np.nan, x), np.where(t > 0.0, np.nan, v)
+
+
+def _put(values: FloatArray, columns: NDArray[np.bool_], where: NDArray[np.bool_], new: FloatArray) -> FloatArray:
+    """`values` with `new` (n_draw, n_column) in some columns, where it says so."""
+    if columns.all():
+        return np.where(where, new, values)
+    values[:, columns] = np.where(where, new, values[:, columns])
+    return values
 
 
 def _leg(
@@ -253,49 +293,97 @@ def _leg(
 
 
 def _invert(t: FloatArray, clock: FloatArray, pace: FloatArray, end: FloatArray) -> FloatArray:
-    """z (n_draw, n_obs) at which the clock shows `t`, by Newton steps inside a bracket; nan where they do not settle or `end` (n_draw, 1) is nan.
+    """z (n_draw, n_obs) at which the clock shows `t`, nan where that is not known or `end` (n_draw, 1) is nan.
 
-    The first step takes the slope of the cubic that it starts from, which is as good where that is close.
+    Read off a table by polynomials of degree five; Newton steps finish the draws whose table is too coarse for that.
     """
-    low, high, z, slope = _bracket(t, clock, pace, np.broadcast_shapes(end.shape, t.shape))
-    for step in range(_MOST_STEPS):
+    table = _tabulated(clock, pace, end.shape[0])
+    t = np.broadcast_to(t, np.broadcast_shapes(end.shape, t.shape))
+    z, low = table.at(t)
+    coarse = np.flatnonzero(~table.close())
+    if coarse.size:
+        z = z.copy()
+        z[coarse] = _finished(t[coarse], table.inside(t, z, low, coarse), clock[:, coarse % clock.shape[1]], pace[:, coarse % clock.shape[1]])
+    return np.where(np.isfinite(end), z, np.nan)
+
+
+def _finished(t: FloatArray, inside: tuple[FloatArray, FloatArray, FloatArray], clock: FloatArray, pace: FloatArray) -> FloatArray:
+    """z by Newton steps from a guess inside a bracket, (n_draw, n_obs) each; nan where they do not settle."""
+    low, high, z = inside
+    for _ in range(_MOST_STEPS):
         ahead = _evaluate(z, clock) - t
         low, high = np.where(ahead <= 0.0, z, low), np.where(ahead >= 0.0, z, high)
         with np.errstate(divide="ignore", invalid="ignore"):
-            newton = z - (ahead * slope if step == 0 else ahead / _evaluate(z, pace))
+            newton = z - ahead / _evaluate(z, pace)
         z_next = np.where((newton >= low) & (newton <= high), newton, 0.5 * (low + high))
         moved = np.abs(z_next - z)
         z = z_next
         # the error left after a step is of the order of its square
         if np.nanmax(moved, initial=0.0) < _SETTLED:
             break
-    return np.where((moved < 10.0 * _SETTLED) & np.isfinite(end), z, np.nan)
+    return np.where(moved < 10.0 * _SETTLED, z, np.nan)
 
 
-def _bracket(
-    t: FloatArray, clock: FloatArray, pace: FloatArray, shape: tuple[int, ...]
-) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Ends of an interval that holds z, a first guess inside and dz/dt there, (n_draw, n_obs) each: a cubic through a table of the clock."""
-    knots, polynomials = _knots(clock.shape[0] - 1)
-    width = knots[1] - knots[0]
-    draws = (shape[0], _TABLE)
-    table = np.broadcast_to(np.maximum.accumulate(clock.T @ polynomials, axis=1), draws)  # (n_draw, n_knot)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        inverse = np.broadcast_to(1.0 / (pace.T @ polynomials[: pace.shape[0]]), draws).ravel()  # dz/dt
-    t = np.broadcast_to(t, shape)
-    place = _places(table, t)
-    at, times = place + _TABLE * np.arange(shape[0])[:, None], table.ravel()
-    before, low = times.take(at), knots.take(place)
-    step = times.take(at + 1) - before
-    with np.errstate(divide="ignore", invalid="ignore"):
-        s = np.clip((t - before) / step, 0.0, 1.0)
-        rise, fall = step * inverse.take(at), step * inverse.take(at + 1)
-        bend, twist = 3.0 * width - 2.0 * rise - fall, rise + fall - 2.0 * width
-        z = low + s * (rise + s * (bend + s * twist))
-        slope = (rise + s * (2.0 * bend + 3.0 * s * twist)) / step
-    z = np.where((z >= low) & (z <= low + width), z, low + 0.5 * width)
-    outside = (t <= table[:, :1]) | (t >= table[:, -1:])
-    return np.where(outside, -1.0, low - 1e-9), np.where(outside, 1.0, low + width + 1e-9), np.clip(z, -1.0, 1.0), slope
+@dataclass(frozen=True, eq=False)
+class _Table:
+    """Clocks at equidistant z.  times, first, second : (n_draw, n_knot) t, dz/dt and d^2z/dt^2.  halfway : (n_draw, n_half) t between some knots."""
+
+    times: FloatArray
+    first: FloatArray
+    second: FloatArray
+    halfway: FloatArray
+
+    def at(self, t: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """z (n_draw, n_obs) at times t, and the knot below it; each polynomial takes t, dz/dt and d^2z/dt^2 from both of its ends."""
+        place = _places(self.times, t)
+        at, low = place + _TABLE * np.arange(len(self.times))[:, None], _KNOTS.take(place)
+        before = self.times.take(at)
+        step = self.times.take(at + 1) - before
+        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+            s = np.clip((t - before) / step, 0.0, 1.0)
+            rise, fall = step * self.first.take(at), step * self.first.take(at + 1)
+            square = step * step
+            bend, bent = 0.5 * square * self.second.take(at), 0.5 * square * self.second.take(at + 1)
+            rest, turn, twist = _WIDTH - rise - bend, fall - rise - 2.0 * bend, bent - bend
+            cubic, fifth = 10.0 * rest - 4.0 * turn + twist, 6.0 * rest - 3.0 * turn + twist
+            z = low + s * (rise + s * (bend + s * (cubic + s * (rest - cubic - fifth + s * fifth))))
+        return np.where((z >= low) & (z <= low + _WIDTH), z, low + 0.5 * _WIDTH), low
+
+    def close(self) -> NDArray[np.bool_]:
+        """(n_draw,) whether z read off between knots is right."""
+        return np.asarray(np.max(np.abs(self.at(self.halfway)[0] - _HALFWAY), axis=1) < _CLOSE)
+
+    def inside(self, t: FloatArray, z: FloatArray, low: FloatArray, rows: NDArray[np.int64]) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Ends of an interval that holds z, and z, of some draws."""
+        outside = ((t <= self.times[:, :1]) | (t >= self.times[:, -1:]))[rows]
+        below = low[rows]
+        return np.where(outside, -1.0, below - 1e-9), np.where(outside, 1.0, below + _WIDTH + 1e-9), np.clip(z[rows], -1.0, 1.0)
+
+
+def _tabulated(clock: FloatArray, pace: FloatArray, n_draw: int) -> _Table:
+    polynomials, halfway = _polynomials(clock.shape[0] - 1)
+    change = _derivative(pace)
+    times = np.maximum.accumulate(clock.T @ polynomials, axis=1)
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+        first = 1.0 / (pace.T @ polynomials[: pace.shape[0]])
+        second = -(change.T @ polynomials[: change.shape[0]]) * first * first * first
+    shape = (n_draw, _TABLE)
+    return _Table(
+        *(np.ascontiguousarray(np.broadcast_to(each, shape)) for each in (times, first, second)),
+        np.broadcast_to(clock.T @ halfway, (n_draw, _HALFWAY.size)),
+    )
+
+
+def _derivative(coefficients: FloatArray) -> FloatArray:
+    """Of Chebyshev series (n, n_draw), by  c'_{k-1} = c'_{k+1} + 2 k c_k."""
+    n = coefficients.shape[0]
+    weighted = 2.0 * np.arange(n)[:, None] * coefficients
+    found = np.zeros((max(n - 1, 1), coefficients.shape[1]))
+    for parity in (0, 1):
+        own = weighted[1 + parity :: 2]
+        found[parity::2][: len(own)] = np.cumsum(own[::-1], axis=0)[::-1]
+    found[0] *= 0.5
+    return found
 
 
 def _places(table: FloatArray, t: FloatArray) -> NDArray[np.int64]:
@@ -310,10 +398,9 @@ def _places(table: FloatArray, t: FloatArray) -> NDArray[np.int64]:
 
 
 @cache
-def _knots(degree: int) -> tuple[FloatArray, FloatArray]:
-    """Equidistant points in [-1, 1] and the Chebyshev polynomials there, (degree + 1, n_knot)."""
-    knots = np.linspace(-1.0, 1.0, _TABLE)
-    return knots, np.ascontiguousarray(chebyshev.chebvander(knots, degree).T)
+def _polynomials(degree: int) -> tuple[FloatArray, FloatArray]:
+    """The Chebyshev polynomials (degree + 1, n) at the knots, and between some of them."""
+    return np.ascontiguousarray(chebyshev.chebvander(_KNOTS, degree).T), np.ascontiguousarray(chebyshev.chebvander(_HALFWAY, degree).T)
 
 
 def _evaluate(z: FloatArray, coefficients: FloatArray) -> FloatArray:
