@@ -11,34 +11,26 @@ read off a table of that polynomial and its derivatives.  Everything is vectoris
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-from functools import cache
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from numpy.polynomial import chebyshev
 from numpy.typing import ArrayLike, NDArray
 
 from model.body import Body
 from model.driven import driven_motion
 from model.forces import Forces
+from model.inversion import evaluate, invert
 from model.phase import STANDARD_GRAVITY, effective_slope, energy_ratio, turning_angle
 
 FloatArray = NDArray[Any]
 
 _FEWEST_NODES = 48
-_BLOCK = 8192  # points at once: what they need stays in the processor's cache
-_TABLE = 97  # points of the table by which a clock is inverted
-_KNOTS = np.linspace(-1.0, 1.0, _TABLE)
-_WIDTH = 2.0 / (_TABLE - 1)
-_HALFWAY = _KNOTS[:-1:4] + 0.5 * _WIDTH  # where the table is tried
-_CLOSE = 1e-10  # of z: what it may be off there
+_BLOCK = 1000000
 _MOST_NODES = 4096
 _NEGLIGIBLE = 1e-11  # of the largest coefficient
 _UNRESOLVED = 1e-8
 _ROUND_OFF = 1e-15  # smaller coefficients change no digit
-_MOST_STEPS = 80
-_SETTLED = 1e-7
 
 
 def _clock(
@@ -148,7 +140,7 @@ def travel_time(
     share = np.clip(angle / np.where(reach > 0, reach, 1.0), 0.0, 1.0)
     z = np.where(turns, 4.0 / np.pi * np.arcsin(np.sqrt(share)), 2.0 * np.sqrt(share)) - 1.0
     possible = (angle >= 0.0) & (angle <= reach * (1.0 + 1e-12)) & (reach > 0.0)  # the turning point itself, rounded, included
-    return np.where(possible, _evaluate(z, clock), np.nan)
+    return np.where(possible, evaluate(z, clock), np.nan)
 
 
 def trajectory(
@@ -281,7 +273,7 @@ def _leg(
     reach = np.where(turns, stop, _farthest(t, body, phi, resistance, g))
     clock, pace = _clock(body, reach=reach, turns=turns, **keywords, n_node=n_node)
     end = np.sum(clock, axis=0)[:, None]  # every Chebyshev polynomial is 1 at z = 1
-    z = _invert(t, clock, pace, end)
+    z = invert(t, clock, pace, end)
     angle, remainder = _substitution(z, reach, turns)
     v: FloatArray = np.full((1, 1), np.nan)
     if speeds:
@@ -290,122 +282,6 @@ def _leg(
     moving = (t > 0.0) & (reach > 0.0)
     still = np.where(reach > 0.0, 0.0, np.where(t > 0.0, np.nan, 0.0))
     return np.where(moving, radius * angle, still), np.where(moving, v, still), np.where(turns, np.where(stop > 0.0, end, 0.0), np.inf), stop
-
-
-def _invert(t: FloatArray, clock: FloatArray, pace: FloatArray, end: FloatArray) -> FloatArray:
-    """z (n_draw, n_obs) at which the clock shows `t`, nan where that is not known or `end` (n_draw, 1) is nan.
-
-    Read off a table by polynomials of degree five; Newton steps finish the draws whose table is too coarse for that.
-    """
-    table = _tabulated(clock, pace, end.shape[0])
-    t = np.broadcast_to(t, np.broadcast_shapes(end.shape, t.shape))
-    z, low = table.at(t)
-    coarse = np.flatnonzero(~table.close())
-    if coarse.size:
-        z = z.copy()
-        z[coarse] = _finished(t[coarse], table.inside(t, z, low, coarse), clock[:, coarse % clock.shape[1]], pace[:, coarse % clock.shape[1]])
-    return np.where(np.isfinite(end), z, np.nan)
-
-
-def _finished(t: FloatArray, inside: tuple[FloatArray, FloatArray, FloatArray], clock: FloatArray, pace: FloatArray) -> FloatArray:
-    """z by Newton steps from a guess inside a bracket, (n_draw, n_obs) each; nan where they do not settle."""
-    low, high, z = inside
-    for _ in range(_MOST_STEPS):
-        ahead = _evaluate(z, clock) - t
-        low, high = np.where(ahead <= 0.0, z, low), np.where(ahead >= 0.0, z, high)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            newton = z - ahead / _evaluate(z, pace)
-        z_next = np.where((newton >= low) & (newton <= high), newton, 0.5 * (low + high))
-        moved = np.abs(z_next - z)
-        z = z_next
-        # the error left after a step is of the order of its square
-        if np.nanmax(moved, initial=0.0) < _SETTLED:
-            break
-    return np.where(moved < 10.0 * _SETTLED, z, np.nan)
-
-
-@dataclass(frozen=True, eq=False)
-class _Table:
-    """Clocks at equidistant z.  times, first, second : (n_draw, n_knot) t, dz/dt and d^2z/dt^2.  halfway : (n_draw, n_half) t between some knots."""
-
-    times: FloatArray
-    first: FloatArray
-    second: FloatArray
-    halfway: FloatArray
-
-    def at(self, t: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """z (n_draw, n_obs) at times t, and the knot below it; each polynomial takes t, dz/dt and d^2z/dt^2 from both of its ends."""
-        place = _places(self.times, t)
-        at, low = place + _TABLE * np.arange(len(self.times))[:, None], _KNOTS.take(place)
-        before = self.times.take(at)
-        step = self.times.take(at + 1) - before
-        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-            s = np.clip((t - before) / step, 0.0, 1.0)
-            rise, fall = step * self.first.take(at), step * self.first.take(at + 1)
-            square = step * step
-            bend, bent = 0.5 * square * self.second.take(at), 0.5 * square * self.second.take(at + 1)
-            rest, turn, twist = _WIDTH - rise - bend, fall - rise - 2.0 * bend, bent - bend
-            cubic, fifth = 10.0 * rest - 4.0 * turn + twist, 6.0 * rest - 3.0 * turn + twist
-            z = low + s * (rise + s * (bend + s * (cubic + s * (rest - cubic - fifth + s * fifth))))
-        return np.where((z >= low) & (z <= low + _WIDTH), z, low + 0.5 * _WIDTH), low
-
-    def close(self) -> NDArray[np.bool_]:
-        """(n_draw,) whether z read off between knots is right."""
-        return np.asarray(np.max(np.abs(self.at(self.halfway)[0] - _HALFWAY), axis=1) < _CLOSE)
-
-    def inside(self, t: FloatArray, z: FloatArray, low: FloatArray, rows: NDArray[np.int64]) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Ends of an interval that holds z, and z, of some draws."""
-        outside = ((t <= self.times[:, :1]) | (t >= self.times[:, -1:]))[rows]
-        below = low[rows]
-        return np.where(outside, -1.0, below - 1e-9), np.where(outside, 1.0, below + _WIDTH + 1e-9), np.clip(z[rows], -1.0, 1.0)
-
-
-def _tabulated(clock: FloatArray, pace: FloatArray, n_draw: int) -> _Table:
-    polynomials, halfway = _polynomials(clock.shape[0] - 1)
-    change = _derivative(pace)
-    times = np.maximum.accumulate(clock.T @ polynomials, axis=1)
-    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-        first = 1.0 / (pace.T @ polynomials[: pace.shape[0]])
-        second = -(change.T @ polynomials[: change.shape[0]]) * first * first * first
-    shape = (n_draw, _TABLE)
-    return _Table(
-        *(np.ascontiguousarray(np.broadcast_to(each, shape)) for each in (times, first, second)),
-        np.broadcast_to(clock.T @ halfway, (n_draw, _HALFWAY.size)),
-    )
-
-
-def _derivative(coefficients: FloatArray) -> FloatArray:
-    """Of Chebyshev series (n, n_draw), by  c'_{k-1} = c'_{k+1} + 2 k c_k."""
-    n = coefficients.shape[0]
-    weighted = 2.0 * np.arange(n)[:, None] * coefficients
-    found = np.zeros((max(n - 1, 1), coefficients.shape[1]))
-    for parity in (0, 1):
-        own = weighted[1 + parity :: 2]
-        found[parity::2][: len(own)] = np.cumsum(own[::-1], axis=0)[::-1]
-    found[0] *= 0.5
-    return found
-
-
-def _places(table: FloatArray, t: FloatArray) -> NDArray[np.int64]:
-    """(n_draw, n_obs) the interval of each draw's rising table (n_draw, n_knot) that holds its t: one search, the draws behind each other."""
-    first, last = table[:, :1], table[:, -1:]
-    if np.isnan(last).any():
-        return _places(np.nan_to_num(table), t)
-    lengths = last - first
-    offset = np.concatenate([np.zeros((1, 1)), np.cumsum(lengths + np.max(lengths) + 1.0, axis=0)[:-1]]) - first
-    found = np.searchsorted((table + offset).ravel(), (np.minimum(np.maximum(t, first), last) + offset).ravel(), side="right").reshape(t.shape)
-    return np.minimum(np.maximum(found - (1 + _TABLE * np.arange(len(table))[:, None]), 0), _TABLE - 2)
-
-
-@cache
-def _polynomials(degree: int) -> tuple[FloatArray, FloatArray]:
-    """The Chebyshev polynomials (degree + 1, n) at the knots, and between some of them."""
-    return np.ascontiguousarray(chebyshev.chebvander(_KNOTS, degree).T), np.ascontiguousarray(chebyshev.chebvander(_HALFWAY, degree).T)
-
-
-def _evaluate(z: FloatArray, coefficients: FloatArray) -> FloatArray:
-    """Chebyshev series of each draw at its own z: z (n_draw, n_obs), coefficients (n, n_draw) -> (n_draw, n_obs)."""
-    return chebyshev.chebval(z.T, coefficients[:, None, :], tensor=False).T
 
 
 def _farthest(t: FloatArray, body: Body, phi: FloatArray, rolling_resistance: FloatArray, g: FloatArray) -> FloatArray:
