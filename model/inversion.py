@@ -103,10 +103,8 @@ def _tabulated(clock: FloatArray, pace: FloatArray, n_draw: int) -> _Table:
         first = 1.0 / (pace.T @ polynomials[: pace.shape[0]])
         second = -(change.T @ polynomials[: change.shape[0]]) * first * first * first
     shape = (n_draw, knots.size)
-    return _Table(
-        knots, *(np.ascontiguousarray(np.broadcast_to(each, shape)) for each in (times, first, second)),
-        np.broadcast_to(clock.T @ halfway, (n_draw, halfway.shape[1])),
-    )
+    times, first, second = (np.ascontiguousarray(np.broadcast_to(each, shape)) for each in (times, first, second))
+    return _Table(knots, times, first, second, np.broadcast_to(clock.T @ halfway, (n_draw, halfway.shape[1])))
 
 
 def _derivative(coefficients: FloatArray) -> FloatArray:
@@ -137,7 +135,8 @@ def _places(table: FloatArray, t: FloatArray) -> NDArray[np.int64]:
 def _polynomials(degree: int) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Knots in [-1, 1], and the Chebyshev polynomials (degree + 1, n) there and between some of them."""
     knots = np.linspace(-1.0, 1.0, _COARSE if degree <= _FEW else _FINE)
-    return knots, *(np.ascontiguousarray(chebyshev.chebvander(at, degree).T) for at in (knots, _between(knots)))
+    there, between = (np.ascontiguousarray(chebyshev.chebvander(at, degree).T) for at in (knots, _between(knots)))
+    return knots, there, between
 
 
 def _between(knots: FloatArray) -> FloatArray:

@@ -22,7 +22,7 @@ class AutoCorrelated(Stated):
     def likelihood(self, points: Points, named: Named) -> CorrelatedErrors:
         stated = self.base.likelihood(points, named)
         matrix = self.base.of_positions(points, named)
-        lever = np.diag(self.base.reading_gain()) if matrix is None else matrix
+        lever = np.diag(self.base.reading_gain()) if matrix is None else matrix.dense()
         steps = np.arange(lever.shape[1])
         covariance = lever @ self.correlation ** np.abs(np.subtract.outer(steps, steps)) @ lever.T
         spectrum, basis = np.linalg.eigh(covariance)

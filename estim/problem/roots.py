@@ -1,0 +1,273 @@
+"""Triangular roots L of covariances C = L L^T, without the matrix where it is large.
+
+`Band` where only neighbours are correlated: independent points, speeds made of neighbouring positions.  `Beside` where a few causes move all
+points beside that: an error of the clock, a push at the start, a force along the track.  `Dense` for any other matrix, and for up to `DENSE` points,
+where one product of matrices is faster than many small ones.
+
+L is the same triangle in each: whitened residuals stand in the order of the points, each what is new in a point given those before it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Protocol
+
+import numpy as np
+from scipy.linalg import cholesky_banded, solve_triangular
+from scipy.linalg.lapack import dtbtrs
+
+from estim.arrays import FloatArray
+
+DENSE = 500
+_BLOCK, _ROWS = 64, 512
+
+
+class Root(Protocol):
+    """L (n_obs, n_obs).  Rows are (..., n_obs)."""
+
+    @property
+    def n_obs(self) -> int: ...
+
+    @property
+    def log_volume(self) -> float:
+        """Half the logarithm of the determinant of C."""
+
+    @property
+    def variances(self) -> FloatArray:
+        """(n_obs,) diagonal of C."""
+
+    @property
+    def precisions(self) -> FloatArray:
+        """(n_obs,) diagonal of C^-1."""
+
+    def whiten(self, rows: FloatArray) -> FloatArray:
+        """L^-1 r of each row r."""
+
+    def turned_back(self, rows: FloatArray) -> FloatArray:
+        """L^-T r of each row r: what is a slope in whitened points as a slope in the points."""
+
+    def coloured(self, rows: FloatArray) -> FloatArray:
+        """L r of each row r."""
+
+    def times(self, factor: float) -> Root:
+        """factor L."""
+
+
+def covariance_of(root: Root) -> FloatArray:
+    """C (n_obs, n_obs), for few points."""
+    return np.asarray(root.lower @ root.lower.T) if isinstance(root, Dense) else _squared(root.coloured(np.eye(root.n_obs)))
+
+
+def _squared(rows: FloatArray) -> FloatArray:
+    return np.asarray(rows.T @ rows)
+
+
+@dataclass(frozen=True, eq=False)
+class Dense:
+    """lower : L."""
+
+    lower: FloatArray
+
+    @classmethod
+    def of(cls, covariance: FloatArray) -> Dense:
+        """Raises LinAlgError where it is not positive definite."""
+        return cls(np.asarray(np.linalg.cholesky(covariance), dtype=float))
+
+    @property
+    def n_obs(self) -> int:
+        return len(self.lower)
+
+    @property
+    def log_volume(self) -> float:
+        return float(np.sum(np.log(np.diag(self.lower))))
+
+    @property
+    def variances(self) -> FloatArray:
+        return np.asarray(np.sum(self.lower**2, axis=1))
+
+    @property
+    def precisions(self) -> FloatArray:
+        return np.asarray(np.sum(self._whitener**2, axis=1))
+
+    @cached_property
+    def _whitener(self) -> FloatArray:
+        """L^-T."""
+        return np.ascontiguousarray(solve_triangular(self.lower, np.eye(self.n_obs), lower=True).T)
+
+    def whiten(self, rows: FloatArray) -> FloatArray:
+        return rows @ self._whitener
+
+    def turned_back(self, rows: FloatArray) -> FloatArray:
+        return rows @ self._whitener.T
+
+    def coloured(self, rows: FloatArray) -> FloatArray:
+        return rows @ self.lower.T
+
+    def times(self, factor: float) -> Dense:
+        return Dense(factor * self.lower)
+
+
+@dataclass(frozen=True, eq=False)
+class Band:
+    """lower : (n_band + 1, n_obs), [d, i] the element (i + d, i) of L."""
+
+    lower: FloatArray
+
+    @classmethod
+    def of(cls, bands: FloatArray) -> Band:
+        """Of a covariance in bands (n_band + 1, n_obs); one that rounding leaves indefinite is lifted by as much.  Raises LinAlgError."""
+        if len(bands) == 1:
+            if not np.all(bands > 0.0):
+                raise np.linalg.LinAlgError("must be positive definite")
+            return cls(np.sqrt(bands))
+        try:
+            return cls(cholesky_banded(bands, lower=True))
+        except np.linalg.LinAlgError:
+            lifted = bands.copy()
+            lifted[0] += 4.0 * np.finfo(float).eps * bands.shape[1] * np.max(bands[0])
+            return cls(cholesky_banded(lifted, lower=True))
+
+    @property
+    def n_obs(self) -> int:
+        return self.lower.shape[1]
+
+    @property
+    def log_volume(self) -> float:
+        return float(np.sum(np.log(self.lower[0])))
+
+    @property
+    def variances(self) -> FloatArray:
+        found = np.zeros(self.n_obs)
+        for d, band in enumerate(self.lower):
+            found[d:] += band[: self.n_obs - d] ** 2
+        return found
+
+    @property
+    def precisions(self) -> FloatArray:
+        if len(self.lower) == 1:
+            return np.asarray(1.0 / self.lower[0] ** 2)
+        found = np.empty(self.n_obs)
+        for start in range(0, self.n_obs, _ROWS):
+            some = np.arange(start, min(start + _ROWS, self.n_obs))
+            single = np.zeros((some.size, self.n_obs))
+            single[np.arange(some.size), some] = 1.0
+            found[some] = np.sum(self.whiten(single) ** 2, axis=1)
+        return found
+
+    def whiten(self, rows: FloatArray) -> FloatArray:
+        return rows / self.lower[0] if len(self.lower) == 1 else self._solved(rows, "N")
+
+    def turned_back(self, rows: FloatArray) -> FloatArray:
+        return rows / self.lower[0] if len(self.lower) == 1 else self._solved(rows, "T")
+
+    def _solved(self, rows: FloatArray, trans: str) -> FloatArray:
+        flat = np.asarray(rows, dtype=float).reshape(-1, self.n_obs)
+        found, _ = dtbtrs(self.lower, flat.T, uplo="L", trans=trans)  # (n_obs, n) in the order of Fortran: no copy but the one it solves in
+        return np.asarray(found.T.reshape(rows.shape))
+
+    def coloured(self, rows: FloatArray) -> FloatArray:
+        found = rows * self.lower[0]
+        for d in range(1, len(self.lower)):
+            found[..., d:] += rows[..., :-d] * self.lower[d, :-d]
+        return np.asarray(found)
+
+    def times(self, factor: float) -> Band:
+        return Band(factor * self.lower)
+
+
+@dataclass(frozen=True, eq=False)
+class Beside:
+    """L = L_base M with M M^T = I + H H^T, H (n_obs, n_cause) what independent causes of unit size do to whitened points.
+
+    M is never written down.  With c the causes given the points before a block, c ~ N(m, P), a block b of points has M_b M_b^T = I + H_b P H_b^T, and
+    passes on P H_b^T M_b^-T =: G_b of what is new in it (a Kalman filter whose state stands still).
+
+    causes : H.  parts : M_b, and gains : G_b, (n_cause, n_block), of each block.
+    """
+
+    base: Root
+    causes: FloatArray
+    parts: tuple[FloatArray, ...]
+    gains: tuple[FloatArray, ...]
+
+    @classmethod
+    def of(cls, base: Root, causes: FloatArray) -> Beside:
+        known, parts, gains = np.eye(causes.shape[1]), [], []
+        for start in range(0, len(causes), _BLOCK):
+            own = causes[start : start + _BLOCK]
+            carried = known @ own.T
+            parts.append(np.asarray(np.linalg.cholesky(np.eye(len(own)) + own @ carried), dtype=float))
+            gains.append(solve_triangular(parts[-1], carried.T, lower=True, check_finite=False).T)
+            known = known - gains[-1] @ gains[-1].T
+        return cls(base, causes, tuple(parts), tuple(gains))
+
+    @property
+    def n_obs(self) -> int:
+        return len(self.causes)
+
+    @property
+    def log_volume(self) -> float:
+        return self.base.log_volume + float(sum(np.sum(np.log(np.diag(part))) for part in self.parts))
+
+    @property
+    def variances(self) -> FloatArray:
+        return np.asarray(self.base.variances + np.sum(self.base.coloured(self.causes.T) ** 2, axis=0))
+
+    @property
+    def precisions(self) -> FloatArray:
+        lower = np.linalg.cholesky(np.eye(self.causes.shape[1]) + self.causes.T @ self.causes)
+        back = solve_triangular(lower, self.base.turned_back(self.causes.T), lower=True, check_finite=False)
+        return np.asarray(self.base.precisions - np.sum(back**2, axis=0))
+
+    def whiten(self, rows: FloatArray) -> FloatArray:
+        z = np.array(self.base.whiten(rows), dtype=float).reshape(-1, self.n_obs).T
+        known = np.zeros((self.causes.shape[1], z.shape[1]))
+        for some, own, part, gain in self._blocks():
+            z[some] = solve_triangular(part, z[some] - own @ known, lower=True, check_finite=False)
+            known += gain @ z[some]
+        return np.asarray(z.T.reshape(rows.shape))
+
+    def turned_back(self, rows: FloatArray) -> FloatArray:
+        y = np.array(rows, dtype=float).reshape(-1, self.n_obs).T
+        later = np.zeros((self.causes.shape[1], y.shape[1]))
+        for some, own, part, gain in reversed(self._blocks()):
+            y[some] = solve_triangular(part, y[some] - gain.T @ later, lower=True, trans="T", check_finite=False)
+            later += own.T @ y[some]
+        return self.base.turned_back(y.T.reshape(rows.shape))
+
+    def coloured(self, rows: FloatArray) -> FloatArray:
+        z = np.asarray(rows, dtype=float).reshape(-1, self.n_obs).T
+        found, known = np.empty(z.shape), np.zeros((self.causes.shape[1], z.shape[1]))
+        for some, own, part, gain in self._blocks():
+            found[some] = part @ z[some] + own @ known
+            known += gain @ z[some]
+        return self.base.coloured(found.T.reshape(rows.shape))
+
+    def times(self, factor: float) -> Beside:
+        return Beside(self.base.times(factor), self.causes, self.parts, self.gains)
+
+    def _blocks(self) -> list[tuple[slice, FloatArray, FloatArray, FloatArray]]:
+        starts = range(0, self.n_obs, _BLOCK)
+        somes = [slice(start, start + _BLOCK) for start in starts]
+        return [(some, self.causes[some], part, gain) for some, part, gain in zip(somes, self.parts, self.gains, strict=True)]
+
+
+def root_of(covariance: FloatArray) -> Root:
+    """Of variances (n_obs,) or a covariance (n_obs, n_obs).  Raises LinAlgError where it is not positive definite."""
+    return Band.of(covariance[None, :]) if covariance.ndim == 1 else Dense.of(covariance)
+
+
+def beside(base: Root, causes: FloatArray) -> Root:
+    """The root of L (I + H H^T) L^T for L of `base` and the causes H (n_obs, n_cause) in whitened points."""
+    if causes.shape[1] == 0:
+        return base
+    if base.n_obs > DENSE:
+        return Beside.of(base, causes)
+    inner = np.asarray(np.linalg.cholesky(np.eye(base.n_obs) + causes @ causes.T), dtype=float)
+    return Dense(base.coloured(inner.T).T)
+
+
+def with_columns(base: Root, columns: FloatArray) -> Root:
+    """The root of C + H H^T for columns H (n_obs, n_cause) in the unit of the points."""
+    return beside(base, base.whiten(columns.T).T)
