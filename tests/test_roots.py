@@ -76,3 +76,15 @@ def test_differences_are_the_matrix_that_they_stand_for():
     np.testing.assert_allclose(matrix.times(few).dense(), dense * few, rtol=1e-12)
     np.testing.assert_allclose(matrix.of(np.array([3, 7])).dense(), dense[[3, 7]], rtol=1e-12)
     np.testing.assert_array_equal(matrix.used, np.any(dense != 0.0, axis=0))
+
+
+@pytest.mark.parametrize("correlation", [0.3, 0.85])
+def test_errors_that_follow_each_other_are_cut_where_nothing_is_left(correlation):
+    matrix = _stencil(400)
+    apart = np.abs(np.subtract.outer(np.arange(matrix.n_row), np.arange(matrix.n_row)))
+    dense = matrix.dense() @ correlation**apart @ matrix.dense().T
+    root = Band.of(matrix.covariance(correlation))
+    assert len(root.lower) < 230
+    np.testing.assert_allclose(covariance_of(root), dense, rtol=0.0, atol=1e-12 * np.max(dense))
+    rows = np.random.default_rng(1).standard_normal((2, root.n_obs))
+    np.testing.assert_allclose(root.whiten(rows), np.linalg.solve(np.linalg.cholesky(dense), rows.T).T, rtol=1e-9, atol=1e-9)

@@ -9,6 +9,8 @@ from numpy.typing import NDArray
 
 from estim.arrays import FloatArray
 
+_NOTHING = 1e-14
+
 
 @dataclass(frozen=True, eq=False)
 class Differences:
@@ -69,14 +71,19 @@ class Differences:
         found[self.places[self.weights != 0.0]] = True
         return found
 
-    def covariance(self) -> FloatArray:
-        """A A^T in bands (n_band + 1, n_obs), [d, i] its element (i + d, i); rows must stand in the order of their places."""
+    def covariance(self, correlation: float = 0.0) -> FloatArray:
+        """A R A^T in bands (n_band + 1, n_obs), [d, i] its element (i + d, i), with R_jk = correlation^|j - k|; below 1e-14 R counts as 0.
+
+        Rows must stand in the order of their places.
+        """
         n, bands = len(self.places), []
+        reach = int(np.log(_NOTHING) / np.log(correlation)) if correlation else 0
         first, last = np.min(self.places, axis=1), np.maximum.accumulate(np.max(self.places, axis=1))
+        powers = np.append(correlation ** np.arange(reach + 1), 0.0)
         for d in range(n):
-            if d and not np.any(first[d:] <= last[: n - d]):
+            if d and not np.any(first[d:] <= last[: n - d] + reach):
                 break
-            same = self.places[d:, :, None] == self.places[: n - d, None, :]
+            apart = np.abs(self.places[d:, :, None] - self.places[: n - d, None, :])
             bands.append(np.zeros(n))
-            bands[-1][: n - d] = np.einsum("ia,iab,ib->i", self.weights[d:], same, self.weights[: n - d])
+            bands[-1][: n - d] = np.einsum("ia,iab,ib->i", self.weights[d:], powers[np.minimum(apart, reach + 1)], self.weights[: n - d])
         return np.array(bands)

@@ -163,6 +163,8 @@ class Band:
 
     def _solved(self, rows: FloatArray, trans: str) -> FloatArray:
         flat = np.asarray(rows, dtype=float).reshape(-1, self.n_obs)
+        if not flat.size:  # SciPy's wrapper writes beyond an empty array
+            return flat.reshape(rows.shape)
         found, _ = dtbtrs(self.lower, flat.T, uplo="L", trans=trans)  # (n_obs, n) in the order of Fortran: no copy but the one it solves in
         return np.asarray(found.T.reshape(rows.shape))
 
@@ -193,13 +195,13 @@ class Beside:
 
     @classmethod
     def of(cls, base: Root, causes: FloatArray) -> Beside:
-        known, parts, gains = np.eye(causes.shape[1]), [], []
+        told, parts, gains = np.eye(causes.shape[1]), [], []
         for start in range(0, len(causes), _BLOCK):
             own = causes[start : start + _BLOCK]
-            carried = known @ own.T
+            carried = np.linalg.solve(told, own.T)
             parts.append(np.asarray(np.linalg.cholesky(np.eye(len(own)) + own @ carried), dtype=float))
             gains.append(solve_triangular(parts[-1], carried.T, lower=True, check_finite=False).T)
-            known = known - gains[-1] @ gains[-1].T
+            told = told + own.T @ own  # P^-1: loses no digits where causes are large
         return cls(base, causes, tuple(parts), tuple(gains))
 
     @property
