@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 FloatArray = NDArray[Any]
 
-_FEW, _COARSE, _FINE = 64, 97, 385  # degree up to which the table of a clock has so many knots, and beyond
+_FEW, _COARSE, _FINE = 64, 65, 385  # degree up to which the table of a clock has so many knots, and beyond
 _CLOSE = 1e-10  # of z: what a table may be off
 _MOST_STEPS = 80
 _SETTLED = 1e-7
