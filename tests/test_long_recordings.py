@@ -12,8 +12,8 @@ from estim import load_campaign
 from estim.campaign.forced import course_of
 from estim.deviation import BadFrames, FreeStart, bad_frames, pose_force, usual_errors
 from estim.deviation import noise as lacking
+from estim.problem import besides
 from estim.problem import noise as stated
-from estim.problem import roots
 from estim.problem.rooted import RootErrors
 from model import Body, positions_at
 
@@ -54,7 +54,7 @@ theta0_deg = "20.0(1.5)"
 
 def _posed(path: Path, monkeypatch: pytest.MonkeyPatch, dense: int):
     """Free start, force and bad frames about one point, where more than `dense` points go by roots."""
-    for module in (stated, lacking, usual_errors, roots):
+    for module in (stated, lacking, usual_errors, besides):
         monkeypatch.setattr(module, "DENSE", dense)
     campaign = load_campaign(path)
     problem = campaign.with_usual_errors(campaign.problem(["long"]))

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from estim.problem import STENCILS, differentiate
-from estim.problem.roots import Band, Beside, Dense, covariance_of
+from estim.problem.besides import Beside
+from estim.problem.roots import Band, Dense, Stacked, covariance_of
 
 
 def _stencil(n, name="central", rng=None):
@@ -32,6 +33,8 @@ def _roots(n=300):
     yield pytest.param(Beside.of(once, once.whiten(columns[:, 2:].T).T), dense + columns @ columns.T, id="beside-twice")
     yield pytest.param(Beside.of(Band.of(size[None] ** 2), causes), np.diag(size**2) + columns @ columns.T, id="beside-points")
     yield pytest.param(Dense.of(dense), dense, id="dense")
+    both = np.block([[dense, np.zeros((len(dense), 2))], [np.zeros((2, len(dense))), np.diag([4.0, 9.0])]])
+    yield pytest.param(Stacked((band, Band.of(np.array([[4.0, 9.0]])))), both, id="stacked")
 
 
 @pytest.mark.parametrize(("root", "dense"), list(_roots()))

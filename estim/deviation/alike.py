@@ -24,9 +24,9 @@ from estim.deviation.joint import Sharing, Together
 from estim.deviation.jumps import BadFrames
 from estim.deviation.linearised import Linearised, linearise
 from estim.deviation.mixture import keep_probable
-from estim.deviation.noise import WithForce, normal_covariance, stacked_root
+from estim.deviation.noise import WithForce, normal_covariance
 from estim.deviation.posing import as_prior, likely_root, priors_at, told_beyond, told_by
-from estim.problem import Named, Noise, Observations, Problem, StackedPoints, Wording
+from estim.problem import Named, Noise, Observations, Problem, StackedPoints, Wording, stacked_root
 
 
 class Roomy(WithForce):

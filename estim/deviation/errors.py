@@ -66,9 +66,7 @@ class MixtureErrors:
         slopes = -stretch * self.likely.whiten(gradient.T).T
         if not lost > 0.0:
             return np.asarray(slopes)
-        deviation = self.mixture.deviation
-        pulled = deviation.turned_back(self.mixture.precision(raw[0]).times(deviation.whiten(raw[0])))
-        turning = pulled / lost - self.likely.turned_back(z[0]) / (z[0] @ z[0])
+        turning = self.mixture.pull(raw[0]) / lost - self.likely.turned_back(z[0]) / (z[0] @ z[0])
         return np.asarray(slopes - stretch * np.outer(z[0], turning @ gradient))
 
     def scoring(self, named: Named, names: Sequence[str]) -> tuple[FloatArray, FloatArray]:

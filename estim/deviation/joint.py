@@ -15,7 +15,7 @@ import numpy as np
 from scipy.linalg import block_diag
 
 from estim.arrays import FloatArray
-from estim.common import InputError
+from estim.common import InputError, phrase
 from estim.deviation.components import Deviation, diagonalise
 from estim.deviation.course import Along, Course
 from estim.deviation.errors import MixtureErrors
@@ -26,9 +26,9 @@ from estim.deviation.grid import SCALES, prior_grid
 from estim.deviation.jumps import BadFrames
 from estim.deviation.linearised import Linearised, linearise
 from estim.deviation.mixture import Mixture, keep_probable
-from estim.deviation.noise import Stated, WithForce, normal_covariance, stacked_root
+from estim.deviation.noise import Stated, WithForce, normal_covariance
 from estim.deviation.posing import FoundForce, Told, as_prior, growth_over, likely_root, linear_groups, priors_at, summed, told_beyond, told_by
-from estim.problem import Likelihood, Named, Noise, Observations, Points, Problem, Root, StackedPoints, Wording
+from estim.problem import Likelihood, Named, Noise, Observations, Points, Problem, Root, StackedPoints, Wording, stacked_root
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,7 +62,10 @@ class Sharing(Stated):
 
     def describe(self, *, x_unit: str, y_unit: str, words: Wording) -> str:
         stated = self.base.describe(x_unit=x_unit, y_unit=y_unit, words=words)
-        return f"{stated}; beside it an unmodelled force along the track, shared with {', '.join(self.others)}, one of its own and a free start"
+        return phrase(
+            "{stated}; beside it an unmodelled force along the track, shared with {others}, one of its own and a free start",
+            stated=stated, others=", ".join(self.others),
+        )
 
 
 @dataclass(frozen=True, eq=False)

@@ -19,6 +19,7 @@ from estim.arrays import FloatArray
 from estim.deviation.components import Deviation, Family
 from estim.deviation.linearised import Linearised
 from estim.deviation.precision import Precision
+from estim.deviation.terms import Terms, terms_of
 from estim.problem import Root, beside
 
 _ROUGHNESS = 1e-3  # what the directions left out of a basis may add to the variances, relative to the noise and summed
@@ -45,7 +46,7 @@ class Mixture:
 
     def with_columns(self, columns: FloatArray) -> Mixture:
         """The same components beside other small systematic effects, columns (n_obs, n_column), whitened."""
-        return Mixture(self.deviation, columns, tuple(_terms(family, columns) for family in self.deviation.families), self.lost)
+        return Mixture(self.deviation, columns, tuple(terms_of(family, columns) for family in self.deviation.families), self.lost)
 
     @property
     def n_component(self) -> int:
@@ -82,16 +83,18 @@ class Mixture:
         """(n_draw, n_component) logarithm of each w_k N(r | 0, C_k + H H^T)."""
         z = self.deviation.whiten(np.atleast_2d(residuals))
         square, along = np.einsum("ij,ij->i", z, z), z @ self.columns
+        basis, terms = self.together
+        seen = z @ basis
         if relative is None and z.shape[0] <= _FEW:
-            basis, terms = self.together
-            return terms.log_density(square, z @ basis, along) - self.deviation.root.log_volume - 0.5 * z.shape[1] * np.log(2.0 * np.pi)
-        parts = []
-        for family, terms in zip(self.deviation.families, self.terms, strict=True):
-            seen = z @ family.basis
+            return terms.log_density(square, seen, along) - self.deviation.root.log_volume - 0.5 * z.shape[1] * np.log(2.0 * np.pi)
+        parts, start = [], 0
+        for family, own_terms in zip(self.deviation.families, self.terms, strict=True):
+            own = seen[:, start : start + family.spectrum.size]
+            start += family.spectrum.size
             if relative is None:
-                parts.append(terms.log_density(square, seen, along))
+                parts.append(own_terms.log_density(square, own, along))
             else:
-                parts.append(_rescaled(family, self.columns, square, seen, along, np.asarray(relative, dtype=float)))
+                parts.append(_rescaled(family, self.columns, square, own, along, np.asarray(relative, dtype=float)))
         logs = np.hstack(parts)
         logs -= self.deviation.root.log_volume
         logs -= 0.5 * z.shape[1] * np.log(2.0 * np.pi)
@@ -127,6 +130,30 @@ class Mixture:
                 turned = np.linalg.solve(information, (own[:, None, None] * pushed).transpose(0, 2, 1))  # (k, i, m)
                 core -= np.tensordot(pushed, turned, axes=([0, 2], [0, 1]))
         return Precision(white, span, core)
+
+    def pull(self, residuals: FloatArray) -> FloatArray:
+        """(n_obs,) Q r of the same Q at residuals (n_obs,), which is not made for it."""
+        share, start = self.shares(residuals), 0
+        z = self.deviation.whiten(residuals)
+        along, whole, pull = z @ self.columns, self.columns.T @ self.columns, np.zeros(residuals.size)
+        for family in self.deviation.families:
+            own = share[start : start + family.amplitude.size]
+            start += own.size
+            felt = own > _FELT
+            if not felt.any():
+                continue
+            own = own[felt]
+            white = 1.0 / np.square(family.scale[felt])
+            gain = 1.0 / family.variances()[felt] - white[:, None]
+            seen, lying = z @ family.basis, family.basis.T @ self.columns
+            shifts = np.zeros((own.size, self.columns.shape[1]))
+            if self.columns.shape[1]:
+                information = np.eye(self.columns.shape[1]) + white[:, None, None] * whole + np.einsum("mi,km,mj->kij", lying, gain, lying)
+                explained = white[:, None] * along + (gain * seen) @ lying
+                shifts = np.linalg.solve(information, explained[..., None])[..., 0]
+            left = own[:, None] * gain * (seen - shifts @ lying.T)
+            pull += (own @ white) * z + family.basis @ np.sum(left, axis=0) - self.columns @ ((own * white) @ shifts)
+        return self.deviation.turned_back(pull)
 
     def variances(self, residuals: FloatArray) -> FloatArray:
         """(n_obs,) of the errors at residuals (n_obs,): the diagonal of the sum of the C_k by their `shares`, and H H^T."""
@@ -227,31 +254,6 @@ class _Given:
     log: FloatArray
 
 
-@dataclass(frozen=True, eq=False)
-class Terms:
-    """Constants of a family: log density = [(z basis)^2, |z|^2, 1] gain + |explained|^2/2.
-
-    gain : (n_dir + 2, n_component).
-    cross, cross_white : (n_dir, n_component * n_column), (n_column, n_component * n_column), with (z basis) cross + (z H) cross_white
-    the part of z that H explains, in units of its own standard deviation.
-    """
-
-    gain: FloatArray
-    cross: FloatArray
-    cross_white: FloatArray
-
-    def log_density(self, square: FloatArray, seen: FloatArray, along: FloatArray) -> FloatArray:
-        """(n_draw, n_component) for |z|^2 (n_draw,), z basis (n_draw, n_dir) and z H (n_draw, n_column)."""
-        columns = np.empty((square.size, len(self.gain)))
-        np.square(seen, out=columns[:, :-2])
-        columns[:, -2], columns[:, -1] = square, 1.0
-        density = columns @ self.gain
-        if along.shape[1]:
-            explained = (seen @ self.cross + along @ self.cross_white).reshape(square.size, -1, along.shape[1])
-            density += 0.5 * np.einsum("ikq,ikq->ik", explained, explained)
-        return density
-
-
 def keep_probable(linearised: Linearised, *, columns: FloatArray | None = None, lost: float = 5e-3) -> Mixture:
     """The mixture of the most probable components: those left out hold at most the posterior probability `lost` together.
 
@@ -271,7 +273,7 @@ def keep_probable(linearised: Linearised, *, columns: FloatArray | None = None, 
             families.append(compact(merged(family.chosen(chosen))))
     shifts = np.zeros((n_obs, 0)) if columns is None else deviation.whiten(columns.T).T
     kept = Deviation(deviation.root, tuple(families))
-    return Mixture(kept, shifts, tuple(_terms(family, shifts) for family in families), float(linearised.weights[dropped].sum()))
+    return Mixture(kept, shifts, tuple(terms_of(family, shifts) for family in families), float(linearised.weights[dropped].sum()))
 
 
 def merged(family: Family) -> Family:
@@ -290,22 +292,6 @@ def compact(family: Family) -> Family:
     used = order[: int(np.sum(beyond > _ROUGHNESS))]
     basis = np.ascontiguousarray(family.basis[:, used])
     return Family(family.kind, family.length, basis, family.spectrum[used], family.amplitude, family.scale, family.log_prior)
-
-
-def _terms(family: Family, columns: FloatArray) -> Terms:
-    n_dir, n_column = family.spectrum.size, columns.shape[1]
-    inverse = 1.0 / np.square(family.scale)
-    variance = family.variances()
-    gain = 1.0 / variance - inverse[:, None]
-    log_norm = family.log_prior - 0.5 * np.sum(np.log(variance), axis=1) + 0.5 * (columns.shape[0] - n_dir) * np.log(inverse)
-    turned = family.basis.T @ columns
-    information = np.eye(n_column) + inverse[:, None, None] * (columns.T @ columns) + np.einsum("mi,km,mj->kij", turned, gain, turned)
-    lower = np.linalg.cholesky(information)
-    log_norm -= np.sum(np.log(np.diagonal(lower, axis1=1, axis2=2)), axis=1)
-    root = np.linalg.inv(lower).transpose(0, 2, 1)  # (n_component, n_column, n_column), b root has unit covariance
-    cross = np.einsum("km,mi,kij->mkj", gain, turned, root).reshape(n_dir, inverse.size * n_column)
-    cross_white = np.einsum("k,kij->ikj", inverse, root).reshape(n_column, inverse.size * n_column)
-    return Terms(np.vstack([-0.5 * gain.T, -0.5 * inverse, log_norm]), cross, cross_white)
 
 
 def _rescaled(

@@ -5,13 +5,12 @@ Everything that concerns readings is asked of the noise that was stated, `base`.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.linalg import block_diag
 
 from estim.arrays import FloatArray
+from estim.common import phrase
 from estim.deviation.course import Course
 from estim.deviation.errors import MixtureErrors
 from estim.deviation.jumps import BadFrames
@@ -31,7 +30,6 @@ from estim.problem import (
     Size,
     Wording,
     covariance_of,
-    root_of,
     with_columns,
 )
 
@@ -148,7 +146,7 @@ class WithForce(WithMixture):
 
     def describe(self, *, x_unit: str, y_unit: str, words: Wording) -> str:
         stated = self.base.describe(x_unit=x_unit, y_unit=y_unit, words=words)
-        return f"{stated}; beside it an unmodelled force along the track and a free start"
+        return phrase("{stated}; beside it an unmodelled force along the track and a free start", stated=stated)
 
 
 @dataclass(frozen=True, eq=False)
@@ -169,8 +167,3 @@ def normal_covariance(base: Noise, points: Points, named: Named) -> StatedErrors
     likelihood: Likelihood = base.likelihood(points, named)
     assert likelihood.normal is not None, "asked where a campaign is read"
     return StatedErrors(likelihood.normal.root(named), points.y - likelihood.y)
-
-
-def stacked_root(roots: Sequence[Root]) -> Root:
-    """Of runs below each other."""
-    return roots[0] if len(roots) == 1 else root_of(block_diag(*(covariance_of(root) for root in roots)))

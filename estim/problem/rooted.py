@@ -8,15 +8,16 @@ from dataclasses import dataclass
 import numpy as np
 
 from estim.arrays import FloatArray
+from estim.problem.besides import DENSE as DENSE
+from estim.problem.besides import beside as beside
+from estim.problem.besides import with_columns as with_columns
 from estim.problem.differences import Differences as Differences
 from estim.problem.likelihood import Ends, NormalErrors, Points, n_draws
-from estim.problem.roots import DENSE as DENSE
 from estim.problem.roots import Band as Band
 from estim.problem.roots import Root as Root
-from estim.problem.roots import beside as beside
 from estim.problem.roots import covariance_of as covariance_of
 from estim.problem.roots import root_of as root_of
-from estim.problem.roots import with_columns as with_columns
+from estim.problem.roots import stacked_root as stacked_root
 from estim.problem.size import Named, Scale, Size
 from estim.problem.tails import GAUSSIAN
 from estim.problem.whitened import Linear
