@@ -6,12 +6,13 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.linalg import solve_triangular
+from scipy.linalg.lapack import dtrtrs
 
 from estim.arrays import FloatArray
 from estim.problem.roots import Dense, Root
 
 DENSE = 500  # points, up to which one product of whole matrices is faster than many small ones
-_BLOCK = 64
+_BLOCK = 128
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,7 +36,7 @@ class Beside:
         for start in range(0, len(causes), _BLOCK):
             own = causes[start : start + _BLOCK]
             carried = np.linalg.solve(told, own.T)
-            parts.append(np.asarray(np.linalg.cholesky(np.eye(len(own)) + own @ carried), dtype=float))
+            parts.append(np.asfortranarray(np.linalg.cholesky(np.eye(len(own)) + own @ carried), dtype=float))
             gains.append(solve_triangular(parts[-1], carried.T, lower=True, check_finite=False).T)
             told = told + own.T @ own  # P^-1: loses no digits where causes are large
         return cls(base, causes, tuple(parts), tuple(gains))
@@ -62,7 +63,7 @@ class Beside:
         z = np.array(self.base.whiten(rows), dtype=float).reshape(-1, self.n_obs).T
         known = np.zeros((self.causes.shape[1], z.shape[1]))
         for some, own, part, gain in self._blocks():
-            z[some] = solve_triangular(part, z[some] - own @ known, lower=True, check_finite=False)
+            z[some] = _solved(part, z[some] - own @ known)
             known += gain @ z[some]
         return np.asarray(z.T.reshape(rows.shape))
 
@@ -70,7 +71,7 @@ class Beside:
         y = np.array(rows, dtype=float).reshape(-1, self.n_obs).T
         later = np.zeros((self.causes.shape[1], y.shape[1]))
         for some, own, part, gain in reversed(self._blocks()):
-            y[some] = solve_triangular(part, y[some] - gain.T @ later, lower=True, trans="T", check_finite=False)
+            y[some] = _solved(part, y[some] - gain.T @ later, transposed=True)
             later += own.T @ y[some]
         return self.base.turned_back(y.T.reshape(rows.shape))
 
@@ -89,6 +90,13 @@ class Beside:
         starts = range(0, self.n_obs, _BLOCK)
         somes = [slice(start, start + _BLOCK) for start in starts]
         return [(some, self.causes[some], part, gain) for some, part, gain in zip(somes, self.parts, self.gains, strict=True)]
+
+
+def _solved(lower: FloatArray, columns: FloatArray, *, transposed: bool = False) -> FloatArray:
+    """The columns (n, m) solved by a triangle, without what `scipy.linalg.solve_triangular` asks of it each time."""
+    if not columns.size:  # SciPy's wrapper writes beyond an empty array
+        return columns
+    return np.asarray(dtrtrs(lower, columns, lower=1, trans=int(transposed))[0])
 
 
 def beside(base: Root, causes: FloatArray) -> Root:
