@@ -8,10 +8,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from estim import load_campaign
+from estim import fit_curve, load_campaign
 from estim.campaign.forced import course_of
+from estim.checks import goodness
 from estim.deviation import BadFrames, FreeStart, bad_frames, pose_force, usual_errors
 from estim.deviation import noise as lacking
+from estim.fitting import screen
 from estim.problem import besides
 from estim.problem import noise as stated
 from estim.problem.rooted import RootErrors
@@ -106,3 +108,23 @@ def test_where_the_covariance_does_not_stay_the_same_a_recording_has_at_most_300
     recording(tmp_path, NOISES["speeds"], 3300, more=", scatter = {prior = \"half-normal\", scale = 0.1}")
     with pytest.raises(Exception, match="'rows to fit' must be at most 3000: state a window for run 'long': 3"):
         load_campaign(path).problem(["long"])
+
+
+def test_many_residuals_are_simulated_in_pieces_and_few_at_once():
+    assert goodness._pieces([20_000], 300) == [20_000]
+    pieces = goodness._pieces(goodness._blocks(400), 100_000)
+    assert sum(pieces) == sum(goodness._blocks(400)) >= 2600
+    assert max(pieces) * 100_000 <= goodness._PIECE
+
+
+def test_a_scan_of_many_points_in_pieces_finds_the_same(monkeypatch):
+    rng, t = np.random.default_rng(1), np.linspace(0.0, 20.0, 400)
+    y = 2.0 * np.exp(-t / 15.0) * np.cos(3.0 * t + 0.4) + 0.05 * rng.standard_normal(t.size)
+    start = {"a": 1.8, "tau": 12.0, "w": 3.02, "p": 0.3}
+    found = []
+    for batch in (400_000, 2_000):
+        monkeypatch.setattr(screen, "_BATCH", batch)
+        found.append(fit_curve("a*exp(-x/tau)*cos(w*x + p)", t, y, u_y=0.05, start=start))
+    one, other = found
+    for name in start:
+        assert one.values[name] == pytest.approx(other.values[name], rel=1e-12)
