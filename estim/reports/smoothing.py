@@ -1,4 +1,4 @@
-"""Smooth lines and smooth histograms for figures: a few lines each, in place of packages of SciPy that take longer to load than all figures to draw."""
+"""Smooth lines and smooth histograms for figures: a few lines each, where packages of SciPy would take long to load."""
 
 from __future__ import annotations
 
