@@ -52,7 +52,7 @@ def corner_of(problem: Problem, rng: np.random.Generator) -> Figure:
 
 
 def test_ticks_found_once_are_where_they_were(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Where a range changes with the place (shared axes, one aspect), numbers carry an offset or a scale is logarithmic; drawn twice, as a notebook may."""
+    """Where a range changes with the place (shared axes, one aspect), with an offset, a logarithmic scale; drawn twice, as a notebook may."""
 
     def draw() -> Figure:
         figure = drawing.new_figure(4.0)
