@@ -1,4 +1,4 @@
-"""Smooth lines and smooth histograms for figures: a few lines each, where packages of SciPy would take long to load."""
+"""Smooth lines and smooth histograms for figures, a few lines each: the packages of SciPy that have them take longer to load than figures to draw."""
 
 from __future__ import annotations
 
