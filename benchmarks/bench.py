@@ -169,7 +169,8 @@ def scaling_table(python: str, most_runs: int) -> list[str]:
             ]
             head = ["", f"### {study}"] if lines else [f"### {study}"]
             lines += [
-                *head, "", f"Exponent from {least} on: {exponent:.2f}.", "", f"| {study} | CPU s | peak memory MB | status |", "|---|---|---|---|", *rows,
+                *head, "", f"Exponent from {least} on: {exponent:.2f}.", "",
+                f"| {study} | CPU s | peak memory MB | status |", "|---|---|---|---|", *rows,
             ]
     draw_scaling(drawn)
     return [*lines, "", "![scaling](scaling.png)"]
