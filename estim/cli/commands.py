@@ -6,6 +6,7 @@ the same); 74 what was done could not be said on stdout (a full disk); 130 inter
 
 from __future__ import annotations
 
+import gc
 import os
 import sys
 import warnings
@@ -53,6 +54,9 @@ if TYPE_CHECKING:
     from estim.pipeline import Analysis
     from estim.reading import Unit
     from estim.studies import Drift, EnergyRecord
+
+_RARELY = 50_000  # objects made before those that only point at each other are looked for: modules and figures are made of many that stay
+
 
 @click.group(
     context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100},
@@ -290,6 +294,7 @@ def main() -> None:
     if not sys.warnoptions:
         warnings.simplefilter("ignore")
     import_lean()
+    gc.set_threshold(_RARELY, *gc.get_threshold()[1:])
     os.environ["MPLBACKEND"] = "agg"  # figures are files, whatever a user's sessions draw on
     sys.exit(exit_code(_run))
 
