@@ -25,7 +25,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from estim.arrays import FloatArray
-from estim.common import Finding, InputError, Kind, NumericalError
+from estim.common import Finding, InputError, Kind, NumericalError, phrase
 from estim.fitting import Fit
 from estim.problem import Normal, Problem
 from estim.sampling.conditional import Expansion, RunTerm, expand, run_terms
@@ -146,7 +146,7 @@ def sample_marginal(
     raw_all[first] = (log_prior - log_proposal)[first]
     refined = []
     for number, (term, expansion, log_marginal) in enumerate(zip(terms, expansions, by_run, strict=True), start=1):
-        stages.say(f"own parameters of run {number} of {len(terms)}")
+        stages.say(phrase("own parameters of run {k} of {n}", k=number, n=len(terms)))
         given, own_columns = target.given(term, shared), term.columns[term.own]
         own, log_q = term.draw_own(given, expansion, rng)
         excess = term.log_joint(given[first], own[first]) - log_q[first]
@@ -216,7 +216,7 @@ class _Marginal:
         inside = np.flatnonzero(np.isfinite(log_p))
         by_run = np.zeros((len(self.terms), shared.shape[0]))
         for i, (term, expansion) in enumerate(zip(self.terms, expansions, strict=True)):
-            stages.say(f"run {i + 1} of {len(self.terms)}")
+            stages.say(phrase("run {k} of {n}", k=i + 1, n=len(self.terms)))
             log_marginal = partial(term.log_marginal, self.given(term, shared[inside]), expansion, n_node=n_node)
             by_run[i, inside] = stages.of_run(i, inside.size, log_marginal)
         return log_p, by_run
@@ -241,7 +241,7 @@ def _adapt(fit: Fit, target: _Marginal, rng: np.random.Generator, stages: Stages
     expansions = _expand_all(fit, target, points, regression, Proposal.single(mean, cov))
     settled = 0
     for number in range(1, _MOST_ROUNDS + 1):
-        stages.say(f"adapting to the marginal over runs, round {number}")
+        stages.say(phrase("adapting to the marginal over runs, round {k}", k=number))
         proposal = Proposal.single(mean, cov)
         shared = proposal.draw(rng, _N_ADAPT)
         raw = target.log_density(shared, expansions, n_node=1) - proposal.log_density(shared)
