@@ -28,6 +28,9 @@ from estim.words import tell
 
 _FLAT = 0.05  # curvature of the log prior along a direction, 1 for a normal prior, below which it does not hold it
 
+_HELD_FELT = 0.2  # standard deviations of a parameter, by which a run whose covariance is held may move those of others
+_ALIKE = 0.3  # the same, from which on it is told that runs count alike
+
 _CROWD = 0.35  # share of outliers beyond which they may be another motion, and the frames called good a part of it
 
 _MOST_TOLD = 5  # separate solutions that are listed
@@ -75,7 +78,9 @@ def diagnose(
             *(finding for force in fit.forces for finding in too_many_bad_frames(force)),
         ]
     )
-    remarks = _remarks(fit, chain, goodness, conflict) + ([] if findings else rolling_remarks(rolling) + large_influences(fit, influences))
+    told = [part for part in comparison.told if part.kind is Kind.RUNS_COUNT_ALIKE and part.size > _ALIKE]
+    remarks = _held(fit, Kind.COVARIANCE_HELD) + told + _remarks(fit, chain, goodness, conflict)
+    remarks += [] if findings else rolling_remarks(rolling) + large_influences(fit, influences)
     mixing = chain.mixing or mixing_of(chain.draws)
     return Diagnosis(
         status=decide(findings), findings=findings, remarks=tuple(remarks),
@@ -85,7 +90,16 @@ def diagnose(
 
 def _convergence(fit: Fit, chain: Chain) -> list[Finding]:
     unsettled = [] if fit.success else [Finding(Kind.FIT_UNSETTLED, size=fit.moved)]
-    return unsettled + sampling_findings(chain)
+    return unsettled + _held(fit, Kind.FIT_UNSETTLED) + sampling_findings(chain)
+
+
+def _held(fit: Fit, kind: Kind) -> list[Finding]:
+    """The runs whose covariance was held, where other parameters feel that (the fit did not settle), or where they do not (a note)."""
+    felt = max((held.felt for held in fit.held), default=0.0)
+    if not fit.held or (felt > _HELD_FELT) != (kind is Kind.FIT_UNSETTLED):
+        return []
+    names = tuple(name for held in fit.held for name in held.runs)
+    return [Finding(kind, size=max(held.off for held in fit.held), numbers={"felt": felt}, names=names)]
 
 
 def sampling_findings(chain: Chain) -> list[Finding]:

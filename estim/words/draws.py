@@ -87,6 +87,10 @@ WORDS: Table = MappingProxyType(
         Kind.MARGINAL_SAMPLED: lambda f: (
             f"the marginal of the shared parameters was sampled well (k-hat {f.numbers['k_hat']:.2f}, {f.size:.0f} effective draws)"
         ),
+        Kind.RUNS_COUNT_ALIKE: lambda f: (
+            f"each of the {f.numbers['runs']:.0f} runs counts by its best fit for given shared parameters; flat weights of all values of its own "
+            f"would move a shared parameter by {f.size:.2g} standard deviations, the more the more runs there are"
+        ),
         Kind.MARGINAL_MISSED: _missed,
         Kind.MARGINAL_DRAWS_FEW: lambda f: f"only {f.size:.0f} effective draws (at least {f.numbers['limit']:.0f} are needed): raise n_draw",
         Kind.WEIGHTS_EXACT: "every parameter was sampled: nothing is integrated out, the weights are exact",

@@ -8,6 +8,7 @@ from types import MappingProxyType
 from estim.common import Amount, Finding, Kind, Label, format_p, format_rounded, percentage
 from estim.words.table import Table
 
+_MOST_NAMED = 5
 _PLACES = {math.pi: "pi", 2.0 * math.pi: "2 pi", 0.5 * math.pi: "pi/2"}
 
 
@@ -105,13 +106,24 @@ def _limit(f: Finding) -> str:
     return f"{edge.label.symbol} {cell}: its most probable value is the edge of its range, {value_words(edge)}"
 
 
+def _held(f: Finding) -> str:
+    which, more = ", ".join(f.names[:_MOST_NAMED]), f" and {len(f.names) - _MOST_NAMED} more" if len(f.names) > _MOST_NAMED else ""
+    return (
+        f"the covariance of {which}{more} was held, because it swings with the curve: its own values may be off by {f.size:.2g} of their standard "
+        f"deviations, all others by {f.numbers['felt']:.1g}"
+    )
+
+
 def _not_settled(f: Finding) -> str:
+    if f.names:
+        return f"the least-squares fit did not settle: {_held(f)}"
     return f"the least-squares fit did not settle: its last round still moved a parameter by {f.size:.2g} standard deviations"
 
 
 WORDS: Table = MappingProxyType(
     {
         Kind.FIT_UNSETTLED: _not_settled,
+        Kind.COVARIANCE_HELD: _held,
         Kind.STEP_UNSETTLED: lambda f: f"the search did not settle: its last step was {f.size:.2g} standard deviations",
         Kind.STARTS_ELSEWHERE: lambda f: f"{f.size:.0f} of {f.numbers['starts']:.0f} starts of the fit ended elsewhere than at the best optimum",
         Kind.EXCHANGED: _exchanged,
