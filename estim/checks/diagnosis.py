@@ -14,7 +14,7 @@ from estim.checks.consistency import Consistency
 from estim.checks.counts import counts_as_readings
 from estim.checks.deviations import deviation_remarks
 from estim.checks.forces import beyond_their_priors, force_remarks
-from estim.checks.goodness import P_FLOOR, P_POOR_FIT, P_TOLD, SCATTER_LIMIT, Goodness
+from estim.checks.goodness import P_FLOOR, P_TOLD, SCATTER_LIMIT, Goodness
 from estim.checks.identifiability import Identifiability
 from estim.checks.modes import Modes
 from estim.checks.outliers import bad_frames_found, too_many_bad_frames
@@ -208,10 +208,10 @@ def _remarks(fit: Fit, chain: Chain, goodness: Sequence[Goodness], conflict: Con
     for good, run in zip(goodness, fit.problem.runs, strict=True):
         found += borne_pattern(good)
         chi2 = good.checks.get("chi2")
-        if chi2 is not None and chi2.p_value > 1.0 - P_POOR_FIT and not good.covered and run.lacks is None:
+        if chi2 is not None and chi2.p_value > 1.0 - good.level and not good.covered and run.lacks is None:
             kind = Kind.COUNTS_EVEN if good.counted else Kind.RESIDUALS_SMALL
             found.append(Finding(kind, run=good.run, test="chi2", p=1.0 - chi2.p_value, numbers={"least": P_FLOOR}))
-        if good.speed is not None and good.speed.p_value < P_TOLD:
+        if good.speed is not None and good.speed.p_value < P_TOLD / good.among:
             found.append(Finding(Kind.NOISE_WITH_SPEED, run=good.run, test="speed", p=good.speed.p_value, numbers={"least": P_FLOOR}))
         if 1.5 < good.scatter_ratio <= SCATTER_LIMIT:
             found.append(Finding(Kind.SCATTER_LARGE, run=good.run, size=good.scatter_ratio))
