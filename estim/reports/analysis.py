@@ -39,6 +39,7 @@ from estim.reports.identifiability_figures import direction_figure, profile_figu
 from estim.reports.joint_figures import together_figure
 from estim.reports.lacks import lacks_text
 from estim.reports.lacks_figures import lacks_figure
+from estim.reports.long_tables import shortened
 from estim.reports.pages import Drawers, page
 from estim.reports.rendering import render
 from estim.reports.residual_panels import MOST_DRAWN, drawn_runs, misfit_words, residuals_of
@@ -98,7 +99,8 @@ def analysis_report(campaign: Subject, analysis: Analysis, *, voice: Voice = Voi
         )
 
     drawers = _drawers(analysis, determination.intervals, shares, synthetic=campaign.kind == "synthetic", truth=campaign.truth)
-    return page(drawers, text, wanted=figures, synthetic=campaign.kind == "synthetic") | {"result.json": to_json(result)}
+    files = page(drawers, text, wanted=figures, synthetic=campaign.kind == "synthetic")
+    return files | shortened(files["report.md"].decode()) | {"result.json": to_json(result)}
 
 
 def _drawers(
