@@ -92,11 +92,11 @@ def peers_table(python: str, peers: str) -> list[str]:
     ]
 
 
-def campaign_of_runs(folder: Path, n_run: int) -> Path:
-    """A synthetic campaign of `n_run` runs of the two disks of data/replica, without unmodelled forces."""
+def campaign_of_runs(folder: Path, n_run: int, seed: int | None = None) -> Path:
+    """A synthetic campaign of `n_run` runs of the two disks of data/replica, without unmodelled forces.  seed : of the angles, `n_run` for None."""
     design = (HERE.parent / "data" / "replica" / "design.toml").read_text()
     head, line = design.split("[[runs]]")[0], design[design.index("[line]") :]
-    rng = np.random.default_rng(n_run)
+    rng = np.random.default_rng(n_run if seed is None else seed)
     runs = []
     for i in range(n_run):
         body, (low, high) = (("heavy", (2.0, 8.0)), ("light", (1.0, 4.0)))[i % 2]

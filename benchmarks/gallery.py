@@ -1,10 +1,10 @@
 """The gallery: real experiments with published results, each analysed by the ordinary command, and an index of what came out.
 
-    python benchmarks/gallery.py [--only muon,hubble] [--index]
+    python benchmarks/gallery.py [--only muon,hubble,es/filament] [--index]
 
-`data/gallery/gallery.toml` names the experiments; reports go to reports/gallery/NAME, the index to reports/gallery/README.md.  Every number of the
-index is read from a result.json.  --index: nothing is computed anew.  Figures are made smaller (fewer points and colours), so that all reports
-together stay below 3 MB.
+`data/gallery/gallery.toml` names the experiments; reports go to reports/gallery/NAME, the index to reports/gallery/README.md, samples in Spanish to
+reports/es/NAME.  Every number of the index is read from a result.json.  --index: nothing is computed anew.  Figures are made smaller (fewer points
+and colours), so that all reports together stay below 3 MB.
 """
 
 from __future__ import annotations
@@ -32,6 +32,10 @@ from estim.common import Quantity, as_json, e_n, format_quantity, signed
 
 PROJECT = Path(__file__).resolve().parents[1]
 DATA, REPORTS = PROJECT / "data" / "gallery", PROJECT / "reports" / "gallery"
+IN_SPANISH = {
+    "replica-light-01": "fit data/replica/campaign.toml --run light-01 --lang es",
+    "filament": "fit data/gallery/filament.toml --lang es",
+}
 HEAD = """\
 Real data ([whose they are](../../data/gallery/README.md)), each analysed by the commands above its figure. `make gallery` makes this page; the
 numbers of its tables are read from the `result.json` of the reports.
@@ -48,22 +52,27 @@ def experiments() -> list[dict[str, Any]]:
 
 
 def run(experiment: Mapping[str, Any]) -> None:
-    """Runs the commands of an experiment; exit code 3, a result that is not to be trusted, is a result."""
+    """Runs the commands of an experiment."""
     for step in experiment["step"]:
-        words = [sys.executable, "-m", "estim", *step["command"].split(), "--out", str(folder_of(step).relative_to(PROJECT))]
-        code = subprocess.run(words, cwd=PROJECT, check=False).returncode
-        if code not in (0, 3):
-            raise SystemExit(f"{step['command']}: exit code {code}")
-        for draws in folder_of(step).rglob("draws.nc"):
-            draws.unlink()
-        for figure in folder_of(step).rglob("*.png"):
-            figure.write_bytes(smaller(figure.read_bytes(), _SHRUNK_TRACES if figure.stem == "traces" else _SHRUNK))
-        for origin in folder_of(step).rglob("origin.json"):
-            describe_anew(origin.parent)
+        make(step["command"], folder_of(step))
         if "collect" in step:
             (DATA / step["collect"]["file"]).write_text(collected(step), encoding="utf-8")
     if "overview" in experiment:
         (REPORTS / experiment["figure"]).write_bytes(overview(experiment["overview"]))
+
+
+def make(command: str, folder: Path) -> None:
+    """The report of a command, small; exit code 3, a result that is not to be trusted, is a result."""
+    words = [sys.executable, "-m", "estim", *command.split(), "--out", str(folder.relative_to(PROJECT))]
+    code = subprocess.run(words, cwd=PROJECT, check=False).returncode
+    if code not in (0, 3):
+        raise SystemExit(f"{command}: exit code {code}")
+    for draws in folder.rglob("draws.nc"):
+        draws.unlink()
+    for figure in folder.rglob("*.png"):
+        figure.write_bytes(smaller(figure.read_bytes(), _SHRUNK_TRACES if figure.stem == "traces" else _SHRUNK))
+    for origin in folder.rglob("origin.json"):
+        describe_anew(origin.parent)
 
 
 def folder_of(step: Mapping[str, Any]) -> Path:
@@ -224,6 +233,9 @@ def main() -> None:
     for experiment in experiments():
         if not options.index and (not wanted or wanted & {step["name"] for step in experiment["step"]}):
             run(experiment)
+    for name, command in IN_SPANISH.items():
+        if not options.index and (not wanted or f"es/{name}" in wanted):
+            make(command, PROJECT / "reports" / "es" / name)
     REPORTS.mkdir(parents=True, exist_ok=True)
     (REPORTS / "README.md").write_text(index(), encoding="utf-8")
 

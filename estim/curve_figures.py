@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from estim.arrays import FloatArray
-from estim.common import Label
+from estim.common import Label, phrase
 from estim.drawing import BLUE, GREY, INK, ORANGE, PALE, handed_out
 from estim.fitting import Contour
 from estim.problem import Observations
@@ -101,15 +101,15 @@ def curve_figure(
         bars = run.n_obs <= MANY and counts is None
         errors = {"yerr": sd if bars and np.any(sd > 0.0) else None, "xerr": sd_x if bars and np.any(sd_x > 0.0) else None}
         style = {"fmt": "o", "color": INK, "ms": 3.5 if run.n_obs <= MANY else 1.8, "elinewidth": 0.9, "capsize": 0}
-        said = "counts" if counts is not None else "data" + (" ± u" if bars and np.any(sd > 0.0) else "")
+        said = phrase("counts") if counts is not None else phrase("data ± u") if bars and np.any(sd > 0.0) else phrase("data")
         upper.errorbar(run.x, run.y, **errors, **style, label=said, zorder=5 if bars else 1.9)
         if counts is not None:
             scatter = np.sqrt(counts.law.variance(at_points, counts.trials))
             at = run.x if counts.bins is None else counts.bins.ravel()
             scatter = scatter if counts.bins is None else np.repeat(scatter, 2)
-            lower.fill_between(at, -scatter, scatter, color=GREY, alpha=0.25, lw=0, label="± sd of a count")
+            lower.fill_between(at, -scatter, scatter, color=GREY, alpha=0.25, lw=0, label=phrase("± sd of a count"))
         elif not bars and np.any(sd > 0.0):
-            lower.fill_between(run.x, -sd, sd, color=GREY, alpha=0.25, lw=0, label="± u of a reading")
+            lower.fill_between(run.x, -sd, sd, color=GREY, alpha=0.25, lw=0, label=phrase("± u of a reading"))
         lower.fill_between(curve.x, curve.low - curve.value, curve.high - curve.value, color=BLUE, alpha=0.3, lw=0)
         lower.axhline(0.0, color=BLUE, lw=1.2)
         lower.errorbar(run.x, run.y - at_points, yerr=errors["yerr"], **style, zorder=5)
@@ -117,7 +117,7 @@ def curve_figure(
             lower.legend(fontsize=7.5, frameon=False, loc="best")
         unit = "" if run.y_unit == "1" else f" ({run.y_unit})"
         upper.set(ylabel=run.y_label)
-        lower.set(xlabel=run.x_label, ylabel=f"residual{unit}")
+        lower.set(xlabel=run.x_label, ylabel=phrase("residual") + unit)
         upper.set_title(title, fontsize=10, pad=20)
         upper.legend(fontsize=8, frameon=False, loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=4, borderaxespad=0.1)
         own.align_ylabels([upper, lower])
@@ -127,9 +127,9 @@ def curve_figure(
 
 def _draw_curve(ax: Axes, curve: Prediction, inner: Prediction) -> None:
     if np.any(np.isfinite(curve.low)):
-        ax.fill_between(curve.x, curve.low, curve.high, color=BLUE, alpha=0.22, lw=0, label="the curve, 95 %")
-        ax.fill_between(curve.x, inner.low, inner.high, color=BLUE, alpha=0.40, lw=0, label="the curve, 68 %")
-    ax.plot(curve.x, curve.value, color=BLUE, lw=1.3, label="best curve")
+        ax.fill_between(curve.x, curve.low, curve.high, color=BLUE, alpha=0.22, lw=0, label=phrase("the curve, {p:.0f} %", p=95))
+        ax.fill_between(curve.x, inner.low, inner.high, color=BLUE, alpha=0.40, lw=0, label=phrase("the curve, {p:.0f} %", p=68))
+    ax.plot(curve.x, curve.value, color=BLUE, lw=1.3, label=phrase("best curve"))
 
 
 def _refined(region: Region, a: FloatArray, b: FloatArray) -> FloatArray:
@@ -158,11 +158,11 @@ def _draw_region(ax: Axes, region: Region) -> None:
     for ellipse in region.ellipses.values():
         ax.plot(ellipse[:, 0] * first.factor, ellipse[:, 1] * second.factor, color=ORANGE, lw=1.4, ls="--")
     ax.plot(region.best[0] * first.factor, region.best[1] * second.factor, "o", color="white", mec=INK, ms=5)
-    names = [f"profile, {100 * p:.0f} %" for p in sorted(region.levels)]
+    names = [phrase("profile, {p:.0f} %", p=100 * p) for p in sorted(region.levels)]
     handles: list[Artist] = [Patch(facecolor=shade, edgecolor=INK, label=name) for shade, name in zip(shades, names, strict=False)]
     if any(np.all(np.isfinite(one)) for one in region.ellipses.values()):
-        handles.append(Line2D([], [], color=ORANGE, lw=1.4, ls="--", label="linear theory"))
-    handles.append(Line2D([], [], color="white", marker="o", mec=INK, ls="", label="best values"))
+        handles.append(Line2D([], [], color=ORANGE, lw=1.4, ls="--", label=phrase("linear theory")))
+    handles.append(Line2D([], [], color="white", marker="o", mec=INK, ls="", label=phrase("best values")))
     ax.legend(handles=handles, fontsize=8, frameon=False, loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=len(handles))
     ax.set(xlabel=first.axis, ylabel=second.axis)
     ax.locator_params(axis="x", nbins=6)

@@ -29,7 +29,7 @@ from estim.checks import (
     several_solutions,
     stated_values,
 )
-from estim.common import Kind, Status, decide, wrong
+from estim.common import Kind, Status, decide, phrase, wrong
 from estim.curve_result import CurveFit as CurveFit
 from estim.curves import (
     AxisNames,
@@ -55,6 +55,7 @@ from estim.fitting import (
     fit_least_squares,
     led_here,
     sds_beside_limits,
+    settled,
     spread,
     with_others,
 )
@@ -249,7 +250,8 @@ def _inner_fit(
     fit = fit_least_squares(problem, rng=rng, n_start=1, start=start)
     values = fit.values.copy()
     values[: best.values.size] = best.values
-    words = f"{'settled' if best.settled else 'did not settle'}; {led_here(best.n_same, best.n_start)}"
+    led = led_here(best.n_same, best.n_start)
+    words = settled(led) if best.settled else phrase("did not settle; {led}", led=led)
     posterior = problem.linearised(values)
     fit = replace(fit, values=values, posterior=posterior, n_start=best.n_start, n_same=best.n_same, success=best.settled, message=words)
     return with_others(fit, best, rng)
@@ -258,7 +260,7 @@ def _inner_fit(
 def _message(best: Optimum, sigma: float | None, perfect: bool, same: list[str]) -> str:
     words = [led_here(best.n_same, best.n_start), *same]
     if perfect:
-        words.append("the curve passes through every point to rounding error")
+        words.append(phrase("the curve passes through every point to rounding error"))
     elif sigma is not None:
-        words.append("the size of the errors was estimated from the residuals")
+        words.append(phrase("the size of the errors was estimated from the residuals"))
     return "; ".join(words)

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 
 from estim.arrays import FloatArray
 from estim.checks import Goodness
-from estim.common import Finding, InputError, Kind, Status, code, format_p, markdown, one_line, signed, table
+from estim.common import Finding, InputError, Kind, Status, code, format_p, markdown, one_line, phrase, signed, table
 from estim.curve_figures import Prediction as Prediction
 from estim.curve_figures import Region, curve_figure, region_of
 from estim.curves import refuse_quantities
@@ -185,12 +185,14 @@ class CurveFit:
 
     def summary(self) -> str:
         """What `print` shows, with criteria for comparing curves on the same points, and correlations (where the status is ok)."""
-        lines = [str(self), f"AIC = {self.aic:.6g}, BIC = {self.bic:.6g}, R2 = {self.r_squared:.6g}, {self.problem.n_obs} points"]
+        criteria = f"AIC = {self.aic:.6g}, BIC = {self.bic:.6g}, R2 = {self.r_squared:.6g}"
+        lines = [str(self), f"{criteria}, {phrase('{n} points', n=self.problem.n_obs)}"]
         matrix = self.correlation
         pairs = [(float(matrix[i, j]), f"{a}, {b}") for i, a in enumerate(self.names) for j, b in enumerate(self.names[:i])]
         told = sorted((pair for pair in pairs if abs(pair[0]) >= _TOLD_CORRELATION), key=lambda pair: -abs(pair[0]))
         if self.status.ok and told:
-            lines += [f"correlations (those below {_TOLD_CORRELATION} are left out):", *(f"  {names}: {signed(f'{r:+.3f}')}" for r, names in told)]
+            lines.append(phrase("correlations (those below {size} are left out):", size=_TOLD_CORRELATION))
+            lines += [f"  {names}: {signed(f'{r:+.3f}')}" for r, names in told]
         return "\n".join(lines)
 
     def _run(self, data: str | None) -> Observations:
@@ -222,20 +224,20 @@ class CurveFit:
         width = max(map(len, (*self.names, *self.derived)))
         rows = [f"{name:<{width}} {f'{relation} {value}'.strip()}" for name, (relation, value) in self._rows()]
         head = [f"{self.called}: {self.status}", *(f"  {reason}" for reason in self.reasons)]
-        head += [f"  what to do: {words}" for words in self.advice]
-        said = [*head, *rows, *self._fixed_words(), *(f"note: {note}" for note in self.notes)]
+        head += [f"  {phrase('what to do: {words}', words=words)}" for words in self.advice]
+        said = [*head, *rows, *self._fixed_words(), *(phrase("note: {words}", words=note) for note in self.notes)]
         return "\n".join(map(one_line, [*said, self._summary()]))
 
     def _repr_markdown_(self) -> str:
         head = [f"{code(self.called)}: **{self.status}**", *(f"- {markdown(reason)}" for reason in self.reasons)]
-        head += [f"- What to do: {markdown(words)}" for words in self.advice]
+        head += [f"- {phrase('What to do:')} {markdown(words)}" for words in self.advice]
         rows = [(name, value) for name, (_, value) in self._rows()]
-        shown = ["", table(("parameter", "value and intervals"), rows)] if rows else []
-        notes = [*self._fixed_words(), *(f"Note: {note}" for note in self.notes)]
+        shown = ["", table((phrase("parameter"), phrase("value and intervals")), rows)] if rows else []
+        notes = [*self._fixed_words(), *(phrase("Note: {words}", words=note) for note in self.notes)]
         return "\n".join([*head, *shown, "", *(f"- {markdown(note)}" for note in notes), "", markdown(self._summary())])
 
     def _fixed_words(self) -> list[str]:
-        return [f"{name} = {value:.10g} (fixed)" for name, value in self.fixed.items()]
+        return [f"{name} = {value:.10g} ({phrase('fixed')})" for name, value in self.fixed.items()]
 
     def _rows(self) -> list[tuple[str, tuple[str, str]]]:
         """Name, and relation and value in words; limits where the curve or an edge is contradicted, nothing where no number is a result."""
@@ -253,16 +255,20 @@ class CurveFit:
             )
             for name in self.names
         ] + [
-            (name, (relation, f"{shown} ({'derived, linear' if math.isfinite(d.interval[0.95][0]) else 'derived; sample_curve may know one'})"))
+            (name, (relation, f"{shown} ({_derived_words(d)})"))
             for name, d in self.derived.items()
             for relation, shown in [shown_value(d.value, d.sd, d.interval, anywhere, unit=_shown(d.unit), few=few, ok=self.status.ok)]
         ]
 
     def _summary(self) -> str:
         if self.sigma is None:
-            size = "chi2" if all(run.noise.counted is None for run in self.problem.runs) else "deviance"
+            size = "chi2" if all(run.noise.counted is None for run in self.problem.runs) else phrase("deviance")
             return f"{size} = {self.chi2:.4g}, dof = {self.dof}, {format_p(self.p_value)}; {self.message}"
-        return f"residual sd = {self.sigma:.4g} (estimated: u_y was not given), dof = {self.dof}; {self.message}"
+        return f"{phrase('residual sd = {sd:.4g} (estimated: u_y was not given)', sd=self.sigma)}, dof = {self.dof}; {self.message}"
+
+
+def _derived_words(found: LinearDerived) -> str:
+    return phrase("derived, linear") if math.isfinite(found.interval[0.95][0]) else phrase("derived; sample_curve may know one")
 
 
 def _unit(problem: Problem, name: str) -> str:

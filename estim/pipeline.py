@@ -42,7 +42,7 @@ from estim.checks import (
     screen_lines,
     untested,
 )
-from estim.common import Finding, InputError, Kind, Status, Stream, stream
+from estim.common import Finding, InputError, Kind, Status, Stream, phrase, stream
 from estim.curve_fit import CurveFit
 from estim.explanation import Explanation, explain
 from estim.fitting import Fit
@@ -161,7 +161,7 @@ def analyse(
     problem = as_complete(problem, complete) if complete else campaign.with_usual_errors(problem)
     campaign.require_unknowns(problem)
     if progress is not None:
-        progress(0, "fit")
+        progress(0, phrase("fit"))
     fit = campaign.fit(problem, rng=stream(seed, Stream.FIT))
     analysis = analyse_fit(fit, seed=seed, target=target, progress=progress, store=store, stop=stop, marginal=marginal)
     return replace(analysis, title=campaign.title, kind=campaign.kind)
@@ -192,7 +192,7 @@ def analyse_fit(
         chain = proposed_chain(density, _optima_of(fit), target=target, seed=seed, progress=progress, store=store, stop=stop)
         comparison = no_comparison(fit.names, too_many(problem.n_par, most))
     if progress is not None:
-        progress(100, "checks")
+        progress(100, phrase("checks"))
     goodness = check_goodness(fit, rng=stream(seed, Stream.GOODNESS)) if tested else untested(fit)
     identifiability = identify(fit)
     modes = find_modes(fit, chain.thinned(_MODE_DRAWS))

@@ -128,7 +128,10 @@ def _combined(coefficients: list[FloatArray], functions: tuple[FloatArray, ...])
             for i, c in enumerate(coefficients):
                 columns[:, i : i + 1] = c
             return np.asarray(columns @ np.array(functions))
-    return np.asarray(sum(c * f for c, f in zip(coefficients, functions, strict=True)))
+    total, *others = (np.asarray(c * f) for c, f in zip(coefficients, functions, strict=True))
+    for part in others:
+        total = np.add(total, part, out=part) if total.shape == part.shape else np.asarray(total + part)
+    return total
 
 
 def energy_ratio_derivatives(

@@ -13,3 +13,9 @@ def words(text: str) -> list[str]:
 def first_screen(report: str) -> str:
     """A report up to its first folded part."""
     return report.partition("<details>")[0]
+
+
+def printed_words(text: str) -> list[str]:
+    """Everything that a reader meets between blanks, numbers too, but for figures and addresses."""
+    plain = re.sub(r"\]\([^)]*\)", " ", re.sub(r"!\[[^\]]*\]\([^)]*\)", " ", text))
+    return [word for word in re.sub(r"[*_#|`]", " ", plain).split() if re.search(r"\w", word)]

@@ -21,6 +21,7 @@ from test_html_page import MODEL
 from estim.cli.commands import cli
 from estim.cli.crate import crate_of, crate_troubles
 from estim.cli.origin_record import Origin
+from estim.common import kind_words, spoken
 
 CRATE = "ro-crate-metadata.json"
 PIECES = {
@@ -103,6 +104,15 @@ def test_measured_data_are_not_called_synthetic_and_a_build_can_be_repeated(monk
     assert root["datePublished"] == "1970-01-02"
     some = entities(crate_of({"report.md": b"# t\n\n**SYNTHETIC data in 1 of 2 runs.**\n"}, ORIGIN))["./"]
     assert some["description"].startswith("SYNTHETIC data in 1 of 2 runs. ")
+
+
+def test_a_report_in_another_language_says_of_what_kind_its_data_are_too() -> None:
+    with spoken("es"):
+        synthetic, measured = kind_words("synthetic"), kind_words("measured")
+    root = entities(crate_of({"report.md": f"# t\n\n{synthetic}\n".encode()}, ORIGIN))["./"]
+    assert root["description"].startswith("Datos SINTÉTICOS: generados por un programa, no medidos. ")
+    assert root["keywords"] == "synthetic data"
+    assert "keywords" not in entities(crate_of({"report.md": f"# t\n\n{measured}\n".encode()}, ORIGIN))["./"]
 
 
 def run(*arguments: object):

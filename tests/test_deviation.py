@@ -100,6 +100,7 @@ def test_the_precision_is_the_slope_of_the_likelihood(rng):
     step = 1e-5 * np.eye(n)
     slope = (mixture.log_likelihood(r + step) - mixture.log_likelihood(r - step)) / 2e-5
     np.testing.assert_allclose(-mixture.precision(r) @ r, slope, rtol=1e-5, atol=1e-6)
+    np.testing.assert_allclose(mixture.pull(r), mixture.precision(r) @ r, rtol=1e-9, atol=1e-11)
 
 
 def test_what_is_left_out_is_no_more_than_stated(rng):

@@ -14,6 +14,7 @@ from report_words import words
 
 from estim.campaign import load_campaign
 from estim.checks.cells import Estimate, is_measured, not_measured, p_sentence, result_table, screen_lines, stated_words, upper_limit
+from estim.common import Finding, Kind
 from estim.common.errors import InputError
 from estim.common.labels import Notation
 from estim.common.quantity import format_p, p_digits, percentage, significant, with_unit
@@ -21,13 +22,15 @@ from estim.pipeline import Analysis, analyse
 from estim.problem.priors import HalfNormal, Normal, Uniform
 from estim.reports.analysis import analysis_report
 from estim.reports.copying import _symbol, _unit, copies_of
-from estim.reports.first_screen import first_screen, opened_by
+from estim.reports.first_screen import first_reasons, first_screen, opened_by
 from estim.reports.line import evidence_words
 from estim.reports.pages import unbroken
 from estim.reports.rendering import folded
 from estim.reports.result import Result, result_of
 from estim.sampling.chain import Convergence, Target, _percent
 from estim.sampling.summary import Summary, summarise
+from estim.words import first_step
+from estim.words.telling import ADVICE
 
 PROJECT = Path(__file__).parents[1]
 REPLICA = PROJECT / "data" / "replica" / "campaign.toml"
@@ -223,6 +226,25 @@ def test_progress_is_the_share_of_the_draws_needed_by_the_criterion_farthest_fro
     assert _percent(replace(at, tau=float("nan")), Target(ess=4000.0)) == 0
 
 
+def test_the_first_screen_has_the_gravest_reasons_and_room_for_one_at_least() -> None:
+    short, long = "two words", "word " * 80
+    assert first_reasons([short] * 5) == [short] * 3
+    assert first_reasons([long, short]) == [long]
+    assert first_reasons([short, long, short]) == [short]
+    assert first_reasons([]) == []
+
+
+def test_what_to_do_first_is_short_and_one_reading_far_off_comes_before_physics() -> None:
+    size, far, order = (Finding(Kind.CURVE_LACKS, run="r", test=test, p=1e-5, numbers={"deviation": 1.0}) for test in ("chi2", "largest", "runs"))
+    assert first_step([]) == ""
+    assert first_step([size, far]) == "look at the reading that is far off"
+    assert "physics" in first_step([size, far, order])
+    assert "physics" in first_step([order])
+    assert "check what was stated" in first_step([Finding(Kind.STATED_DISAGREE), size, far])
+    for kind in ADVICE:
+        assert len(first_step([Finding(kind)]).split()) <= 30, kind
+
+
 def test_what_python_prints_is_what_the_terminal_says() -> None:
     analysis, result, _ = fitted()
     assert first_screen(result).lines[1:3] == screen_lines(estimates_with_truth(analysis), tests="p")[1:3]
@@ -238,7 +260,7 @@ def test_numbers_keep_their_units_on_one_line_and_code_stays_as_it_is() -> None:
         "# 5 % x\n(3\u00a0±\u00a01)\u00a0m, 5\u00a0% of x\n`a = 1 ± 2`\n# 5 % x\n```\n1 ± 2\n```\n2\u00a0±\u00a01"
     )
     *_, report = fitted()
-    assert "0.55\u00a0±\u00a00.12" in report.partition("<details>")[0]
+    assert re.search("0\\.5\\d\u00a0±\u00a00\\.1\\d", report.partition("<details>")[0])
 
 
 def test_the_sample_report_prints_on_six_pages_and_publishes_nothing_that_was_put_in() -> None:

@@ -14,7 +14,7 @@ from estim.campaign import load_campaign
 from estim.fitting import fit_least_squares
 from estim.problem import folded
 from estim.sampling.exploration import along_ridges, ridge_proposal
-from estim.sampling.proposal import lower_factor
+from estim.sampling.factors import lower_factor
 from estim.sampling.protocol import Density
 from estim.sampling.ridge import Frame, Support, climb, framed, reordered, rescaled, separate_modes
 from estim.sampling.walk import Rule, follow, walk

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 from matplotlib.collections import PolyCollection
+from report_words import first_screen, printed_words
 from troubles import TROUBLES, Disk, Formula, Trouble, uniform
 
 from estim.campaign import load_campaign
@@ -94,6 +95,8 @@ def test_trouble_leads_to_its_status_and_to_no_headline_number(name: str, tmp_pa
         assert f"- {words}\n" in written.report
         assert words in written.output or words in written.result["advice"]
     assert_no_headline(written, trouble.status)
+    assert len(printed_words(first_screen(written.report).partition("![")[0])) <= 120
+    assert "To do first: " in first_screen(written.report)
     if name == "wrong tilt":
         assert_said_before_any_cost(written)
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -13,7 +13,7 @@ import msgspec
 from estim.batch.rows import RESULT, Row, failed, forget, keep, kept, key_of, row_of
 from estim.batch.units import Unit
 from estim.campaign import Campaign, load_campaign
-from estim.common import EstimError, InputError, inputs_read, spread
+from estim.common import EstimError, InputError, inputs_read, language, phrase, spread
 from estim.pipeline import Analysis, analyse
 from estim.sampling import Target
 
@@ -26,12 +26,16 @@ Report = Callable[[Campaign, Analysis], Mapping[str, bytes]]
 
 @dataclass(frozen=True)
 class Settings:
-    """seed : of every run, as of `estim fit`.  max_step : of the sampler.  ess : effective draws wanted.  kind : a name for what is written."""
+    """seed : of every run, as of `estim fit`.  max_step : of the sampler.  ess : effective draws wanted.  kind : a name for what is written.
+
+    language : of the words in it; `spoken` chooses it.
+    """
 
     kind: str = "result"
     seed: int = 1
     max_step: int = 20_000
     ess: float = Target().ess
+    language: str = field(default_factory=language)
 
 
 @dataclass(frozen=True)
@@ -54,7 +58,7 @@ class _Work:
         except EstimError as error:
             said = str(error)
         except Exception as error:  # a fault of estim's own: the night's work goes on
-            said = f"fault of the program, please report it: {type(error).__name__}: {error}"
+            said = phrase("fault of the program, please report it: {error}", error=f"{type(error).__name__}: {error}")
         forget(self.folder, unit.place)
         return failed(unit, said, time.process_time() - began)
 

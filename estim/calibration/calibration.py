@@ -48,7 +48,7 @@ from estim.calibration.trial import (
     stated_only,
 )
 from estim.calibration.uniformity import LEAST_P, uniformity_p_value
-from estim.common import Amount, Finding, Kind, Label, Stream, spread, stream
+from estim.common import Amount, Finding, Kind, Label, Stream, phrase, spread, stream
 from estim.fitting import Fit
 from estim.sampling import PieceStore
 
@@ -227,4 +227,7 @@ def coverage_sentence(calibration: Calibration, name: str) -> str:
     p, held = calibration.probabilities[0], float(calibration.share(name)[0])
     n = calibration.n_trial
     sd = np.sqrt(max(held * (1.0 - held), 0.25 / n) / n)
-    return f"your {p * 100:.0f} % interval of {name} covered {100 * held:.0f} ± {max(100 * sd, 0.1):.2g} % of {n} simulated truths"
+    return phrase(
+        "your {p:.0f} % interval of {name} covered {held:.0f} ± {sd:.2g} % of {n} simulated truths",
+        p=p * 100, name=name, held=100 * held, sd=max(100 * sd, 0.1), n=n,
+    )

@@ -15,7 +15,7 @@ from typing import cast
 from estim.campaign.campaign_file import RunTable
 from estim.campaign.levels import Levels
 from estim.campaign.quantities import Kind
-from estim.common import Notation
+from estim.common import Notation, phrase
 from estim.curves import VaryingCurve, VaryingMotion, shift_of, spread_of
 from estim.problem import HalfNormal, Normal, Observations, Parameter, SpeedCurve
 
@@ -73,7 +73,7 @@ def varied(runs: Sequence[Observations], spreads: Mapping[str, Mapping[str, Spre
         for quantity, spread in own.items():
             shift = f"{quantity}_shift[{run.name}]"
             notation = Notation(f"z({spread.kind.notation.symbol})")
-            meaning = f"{spread.kind.meaning}: how far this run is from the mean, in standard deviations between runs"
+            meaning = phrase("{meaning}: how far this run is from the mean, in standard deviations between runs", meaning=spread.kind.meaning)
             unknowns[shift] = Parameter(shift, "1", Normal(0.0, 1.0), meaning, notation)
         found.append(_varying(run, own) if own else run)
     return tuple(unknowns.values()), tuple(found)
@@ -82,7 +82,8 @@ def varied(runs: Sequence[Observations], spreads: Mapping[str, Mapping[str, Spre
 def _of_spread(spread: Spread) -> Parameter:
     kind = spread.kind
     notation = Notation(f"s({kind.notation.symbol})", kind.notation.unit, kind.notation.factor)
-    return Parameter(spread.name, kind.unit, HalfNormal(spread.scale), f"{kind.meaning}: standard deviation between runs", notation, between=True)
+    meaning = phrase("{meaning}: standard deviation between runs", meaning=kind.meaning)
+    return Parameter(spread.name, kind.unit, HalfNormal(spread.scale), meaning, notation, between=True)
 
 
 def _varying(run: Observations, own: Mapping[str, Spread]) -> Observations:

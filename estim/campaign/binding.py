@@ -16,7 +16,7 @@ from estim.campaign.campaign_file import CampaignFile
 from estim.campaign.levels import Level, body_levels, read_key
 from estim.campaign.parts import OF_PARTS, OUTPUTS, PartedBody, not_independent, of_one_disk, parted_body, spread_apart, weighed
 from estim.campaign.quantities import EFFECTS, GRIP, QUANTITIES, Kind
-from estim.common import Quantity, format_quantity, signed
+from estim.common import Quantity, format_quantity, phrase, signed
 from estim.problem import Normal, Prior, TruncatedNormal, as_prior
 from estim.propagation import Input
 from model import Body
@@ -50,8 +50,8 @@ def gamma_origin(source: CampaignFile, body: str) -> str:
     """Where gamma of a body comes from, in words."""
     tables = [level.table for level in body_levels(source, body) if level.table.gamma is None]
     if any(table.mass_particle_kg is not None for table in tables):
-        return "from the masses"
-    return "from the parts" if any(table.parts is not None for table in tables) else "as stated"
+        return phrase("from the masses")
+    return phrase("from the parts") if any(table.parts is not None for table in tables) else phrase("as stated")
 
 
 def resistance_of_body(source: CampaignFile, body: str) -> Prior | float:
@@ -149,10 +149,12 @@ def parts_fact(source: CampaignFile, levels: Iterable[Level]) -> str | None:
         return None
     first, second = (OUTPUTS[name][0].symbol for name in pair[:2])
     inertia = found["inertia_ratio"]
-    return (
-        f"{first} and {second} come from the parts of the body; that they are correlated, r = {signed(f'{pair[2]:.2f}')}, is left out here, "
-        f"and so is what they share with other bodies (estim body shows it): j is {format_quantity(inertia.value, inertia.u)} by the parts, "
-        f"{format_quantity(inertia.value, spread_apart(found))} by these values taken as independent"
+    return phrase(
+        "{first} and {second} come from the parts of the body; that they are correlated, r = {r}, is left out here, "
+        "and so is what they share with other bodies (estim body shows it): j is {by_parts} by the parts, "
+        "{apart} by these values taken as independent",
+        first=first, second=second, r=signed(f"{pair[2]:.2f}"), by_parts=format_quantity(inertia.value, inertia.u),
+        apart=format_quantity(inertia.value, spread_apart(found)),
     )
 
 

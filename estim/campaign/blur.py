@@ -11,6 +11,7 @@ import numpy as np
 from estim.arrays import FloatArray
 from estim.campaign.campaign_file import NoiseTable
 from estim.campaign.levels import Levels, Path, noise_level
+from estim.common import phrase
 from estim.curves import size_with_blur
 from estim.explanation import Cause, Scanned
 from estim.problem import Problem
@@ -60,5 +61,5 @@ def blurs(levels: Sequence[Levels], runs: Sequence[Run]) -> Iterator[tuple[float
 def blur_cause(problem: Problem, exposure: float) -> Cause:
     """Motion blur as a candidate for what is missing; `problem` has it."""
     lines = ("noise", f"exposure_s = {exposure:.3g}")
-    return Cause("blur", "motion blur: readings uncertain by what the body moves while a picture is exposed", problem, (), lines,
+    return Cause("blur", phrase("motion blur: readings uncertain by what the body moves while a picture is exposed"), problem, (), lines,
                  scanned=Scanned("exposure", exposure, "s"))

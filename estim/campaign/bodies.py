@@ -30,6 +30,7 @@ from estim.campaign.quantities import EFFECTS
 from estim.campaign.shared_force import tied_points
 from estim.campaign.unforced import fit_alike
 from estim.campaign.usual import with_usual_errors
+from estim.common import later, phrase
 from estim.curves import DisturbedMotion, DisturbedMotionCurve, DisturbedPhaseCurve, MotionCurve, PhaseCurve, RollingMotion, Setting
 from estim.deviation import BadFrames, ForceSize
 from estim.explanation import Cause, Suspects
@@ -67,7 +68,7 @@ class RollingStudy:
         for interval, noise in blurs([self.levels(name) for name in names], [tables[name] for name in names]):
             problem = self._posed(names, tables, white=True, noise=noise)
             found.append(blur_cause(problem, interval))
-        return Suspects(plain, "an unmodelled force beside the curve has room for it", tuple(found))
+        return Suspects(plain, phrase("an unmodelled force beside the curve has room for it"), tuple(found))
 
     def _surroundings(self, plain: Problem, tables: Mapping[str, Run], *, without: frozenset[str] = frozenset()) -> tuple[Surroundings, ...]:
         """What is known of the runs; without : quantities that are taken as not said."""
@@ -219,9 +220,9 @@ def _observations(
 
     setting : None for the plain motion.
     """
-    position, x_unit = ("angle turned θ − θ₀", "rad") if angular else ("position x", "m")
-    speed, y_unit = ("angular rate ω", "rad/s") if angular else ("speed v", "m/s")
-    axes = ("time t", "s", position, x_unit) if observed.positions else (position, x_unit, speed, y_unit)
+    position, x_unit = (later("angle turned θ − θ₀"), "rad") if angular else (later("position x"), "m")
+    speed, y_unit = (later("angular rate ω"), "rad/s") if angular else (later("speed v"), "m/s")
+    axes = (later("time t"), "s", position, x_unit) if observed.positions else (position, x_unit, speed, y_unit)
     curve: Curve
     if setting is None:
         motion = RollingMotion(angular, mass, observed.positions, grip=grip)

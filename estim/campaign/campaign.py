@@ -19,13 +19,15 @@ from estim.campaign.noise_models import Candidate
 from estim.campaign.own_curve import read_curve_study
 from estim.campaign.study import Study
 from estim.campaign.truth import read_truth
-from estim.common import KINDS, InputError, code, markdown, table
+from estim.common import InputError, code, kind_words, later, markdown, phrase, table
 from estim.curves import SoughtQuantity
 from estim.deviation import BadFrames
 from estim.explanation import Suspects
 from estim.fitting import Fit
 from estim.problem import Problem
 from estim.reading import COLUMNS, Run, compare_intervals, is_tracker_file, read_run
+
+_HEADS = (later("run"), later("body"), later("file"), later("points that are fit"), later("unknowns"))
 
 
 @dataclass(frozen=True, eq=False)
@@ -125,8 +127,8 @@ class Campaign:
         for name in self.run_names:
             problem = self.problem([name])
             rows.append((name, self.study.body_of(name) or "", self.source.files[name], f"{problem.n_obs}", ", ".join(problem.names)))
-        parts = [f"**{markdown(self.title)}**", KINDS[self.kind], code(f"y = {self.formula}") if self.formula else ""]
-        return "\n\n".join([*filter(None, parts), table(("run", "body", "file", "points that are fit", "unknowns"), rows)])
+        parts = [f"**{markdown(self.title)}**", kind_words(self.kind), code(f"y = {self.formula}") if self.formula else ""]
+        return "\n\n".join([*filter(None, parts), table([phrase(head) for head in _HEADS], rows)])
 
     def require_unknowns(self, problem: Problem, *, drawn: bool = False) -> None:
         """Raises InputError where every quantity of a problem of this campaign is exact, or (`drawn`) a prior cannot be drawn from."""

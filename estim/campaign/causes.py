@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from estim.campaign.quantities import EFFECTS
-from estim.common import format_rounded
+from estim.common import format_rounded, phrase
 from estim.curves import Place, Setting
 from estim.problem import HalfNormal, Normal, Prior
 
@@ -83,7 +83,7 @@ def sketches(runs: Sequence[Surroundings]) -> tuple[Sketch, ...]:
 def _start(runs: Sequence[Surroundings]) -> Iterator[Sketch]:
     if any(run.exact(name) != 0.0 for run in runs for name in ("release_energy", "release_speed")):
         return
-    words = "a start that is not from rest, or not at x = 0"
+    words = phrase("a start that is not from rest, or not at x = 0")
     if all(run.positions for run in runs):
         yield Sketch("start", words, {"release_speed": Normal(0.0, 0.1)}, (_RUN, 'release_speed_m_s = "0.00(10)"'), of_run=True, begin=_PUSH)
     elif not any(run.positions for run in runs):
@@ -93,60 +93,66 @@ def _start(runs: Sequence[Surroundings]) -> Iterator[Sketch]:
 def _forces(runs: Sequence[Surroundings]) -> Iterator[Sketch]:
     shared = "[shared]"
     yield Sketch(
-        "rolling_resistance", "rolling resistance", {"rolling_resistance": HalfNormal(_RESISTANCE)},
+        "rolling_resistance", phrase("rolling resistance"), {"rolling_resistance": HalfNormal(_RESISTANCE)},
         (shared, f'rolling_resistance = {{prior = "half-normal", scale = {_RESISTANCE:g}}}'),
     )
     yield Sketch(
-        "load_resistance", "rolling resistance that follows the load on the ramp", {"load_resistance": HalfNormal(_RESISTANCE)},
+        "load_resistance", phrase("rolling resistance that follows the load on the ramp"), {"load_resistance": HalfNormal(_RESISTANCE)},
         (shared, f'load_resistance = {{prior = "half-normal", scale = {_RESISTANCE:g}}}'),
     )
     if all(run.mass is not None for run in runs):
         weights = [(run.mass or 0.0) * run.centre("g") * run.centre("radius") for run in runs]
         scale = float(format_rounded(_RESISTANCE * max(weights), 0.1 * _RESISTANCE * max(weights)))
         yield Sketch(
-            "resisting_moment", "a resisting moment (bearing, cord)", {"moment": HalfNormal(scale)},
+            "resisting_moment", phrase("a resisting moment (bearing, cord)"), {"moment": HalfNormal(scale)},
             (shared, f'resisting_moment_n_m = {{prior = "half-normal", scale = {scale:g}}}'),
         )
     yield Sketch(
-        "viscous_drag", "drag that grows with the speed", {"viscous_drag": HalfNormal(0.2)},
+        "viscous_drag", phrase("drag that grows with the speed"), {"viscous_drag": HalfNormal(0.2)},
         (shared, 'viscous_drag_per_s = {prior = "half-normal", scale = 0.2}'),
     )
     yield Sketch(
-        "quadratic_drag", "drag that grows with the square of the speed (air)", {"quadratic_drag": HalfNormal(0.2)},
+        "quadratic_drag", phrase("drag that grows with the square of the speed (air)"), {"quadratic_drag": HalfNormal(0.2)},
         (shared, 'quadratic_drag_per_m = {prior = "half-normal", scale = 0.2}'),
     )
-    for times in ("once", "twice"):
+    of_turns = {
+        "once": phrase("a moment once per turn (out of round, a bent axle)"),
+        "twice": phrase("a moment twice per turn (out of round, a bent axle)"),
+    }
+    for times, words in of_turns.items():
         names = (f"moment_{times}_cos", f"moment_{times}_sin")
         yield Sketch(
-            f"moment_{times}", f"a moment {times} per turn (out of round, a bent axle)", {name: Normal(0.0, 0.01) for name in names},
+            f"moment_{times}", words, {name: Normal(0.0, 0.01) for name in names},
             (shared, *(f'{name} = "0.000(10)"' for name in names)),
         )
 
 
 def _instruments(runs: Sequence[Surroundings]) -> Iterator[Sketch]:
     shared, degree = "[shared]", float(np.radians(1.0))
-    yield Sketch("clock", "a clock that is off (scale_t)", {"scale_t": Normal(0.0, 0.02)}, (shared, 'scale_t = "0.000(20)"'))
+    yield Sketch("clock", phrase("a clock that is off (scale_t)"), {"scale_t": Normal(0.0, 0.02)}, (shared, 'scale_t = "0.000(20)"'))
     if not any(run.angular for run in runs):
-        yield Sketch("length_scale", "a length scale that is off (scale_x)", {"scale_x": Normal(0.0, 0.02)}, (shared, 'scale_x = "0.000(20)"'))
+        words = phrase("a length scale that is off (scale_x)")
+        yield Sketch("length_scale", words, {"scale_x": Normal(0.0, 0.02)}, (shared, 'scale_x = "0.000(20)"'))
         length = _length(runs)
         bow = float(format_rounded(_BOW * length, 0.1 * _BOW * length))
         yield Sketch(
-            "distortion", "a picture that is bowed (lens, camera not square to the ramp)", {"distortion": Normal(0.0, bow)},
+            "distortion", phrase("a picture that is bowed (lens, camera not square to the ramp)"), {"distortion": Normal(0.0, bow)},
             (shared, f'distortion_m = "0 +/- {bow:g}"', f"picture_length_m = {length:g}", "picture_start_m = 0"), picture=Place(length, 0.0),
         )
-    yield Sketch("angle_at_release", "θ₀ read with an error that was not stated", {"theta0_zero": Normal(0.0, 3.0 * degree)}, (
+    yield Sketch("angle_at_release", phrase("θ₀ read with an error that was not stated"), {"theta0_zero": Normal(0.0, 3.0 * degree)}, (
         shared, 'theta0_zero_deg = "0.0(30)"'))
-    yield Sketch("tilt", "φ read with an error that was not stated", {"phi_zero": Normal(0.0, degree)}, (shared, 'phi_zero_deg = "0.0(10)"'))
+    yield Sketch("tilt", phrase("φ read with an error that was not stated"), {"phi_zero": Normal(0.0, degree)}, (shared, 'phi_zero_deg = "0.0(10)"'))
 
 
 def _ramp(runs: Sequence[Surroundings]) -> Iterator[Sketch]:
     degree, length = float(np.radians(1.0)), _length(runs)
     yield Sketch(
-        "bend", "a ramp whose tilt changes along the way", {"phi_slope": Normal(0.0, 2.0 * degree)}, ("[shared]", 'phi_slope_deg_m = "0.0(20)"')
+        "bend", phrase("a ramp whose tilt changes along the way"), {"phi_slope": Normal(0.0, 2.0 * degree)},
+        ("[shared]", 'phi_slope_deg_m = "0.0(20)"'),
     )
     sag = float(format_rounded(_SAG * length, 0.1 * _SAG * length))
     yield Sketch(
-        "sag", "a ramp that sags between its ends", {"sag": Normal(0.0, sag)},
+        "sag", phrase("a ramp that sags between its ends"), {"sag": Normal(0.0, sag)},
         ("[shared]", f'sag_m = "0 +/- {sag:g}"', f"ramp_length_m = {length:g}", "ramp_start_m = 0"), ramp=Place(length, 0.0),
     )
 

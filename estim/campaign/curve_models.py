@@ -12,6 +12,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from estim.campaign.causes import Sketch
+from estim.common import Said, later, phrase
 from estim.deviation import START_SD
 from estim.problem import Prior, Problem
 
@@ -27,16 +28,16 @@ GROUPS: Mapping[str, tuple[str, ...]] = {
 }
 """Name of a model -> the quantities that it adds to the paper's."""
 
-WORDS: Mapping[str, str] = {
-    "rolling-resistance": "rolling resistance",
-    "load-resistance": "rolling resistance that follows the load on the ramp",
-    "resisting-moment": "a resisting moment (bearing, cord)",
-    "viscous-drag": "drag that grows with the speed",
-    "quadratic-drag": "drag that grows with the square of the speed (air)",
-    "moment-once": "a moment once per turn",
-    "moment-twice": "a moment twice per turn",
-    "free-start": "a start that is not from rest",
-}
+WORDS: Mapping[str, str] = Said({
+    "rolling-resistance": later("rolling resistance"),
+    "load-resistance": later("rolling resistance that follows the load on the ramp"),
+    "resisting-moment": later("a resisting moment (bearing, cord)"),
+    "viscous-drag": later("drag that grows with the speed"),
+    "quadratic-drag": later("drag that grows with the square of the speed (air)"),
+    "moment-once": later("a moment once per turn"),
+    "moment-twice": later("a moment twice per turn"),
+    "free-start": later("a start that is not from rest"),
+})
 ADDED = frozenset(name for names in GROUPS.values() for name in names)
 _ALWAYS = {"rolling-resistance": "rolling_resistance", "viscous-drag": "viscous_drag", "quadratic-drag": "quadratic_drag", "free-start": "start"}
 PAPER, STATED, FORCE = "paper", "as-stated", "unmodelled-force"
@@ -78,18 +79,21 @@ def outlines(stated: Mapping[str, float | Prior], sketches: Mapping[str, Sketch]
     forced : whether an unmodelled force can stand beside the curve.
     """
     said = {quantity for quantity in ADDED if stated.get(quantity, 0.0) != 0.0}
-    found = [Outline(PAPER, "the paper's model: weight and inertia alone, from rest", ADDED, None, of_campaign=not said)]
+    found = [Outline(PAPER, phrase("the paper's model: weight and inertia alone, from rest"), ADDED, None, of_campaign=not said)]
     for name, quantities in GROUPS.items():
-        kept, words = said.intersection(quantities), f"the paper's model with {WORDS[name]}"
+        kept, words = said.intersection(quantities), phrase("the paper's model with {what}", what=WORDS[name])
         if kept:
             found.append(Outline(name, words, ADDED - kept, None, of_campaign=kept == said))
         elif _ALWAYS.get(name) in sketches:
             found.append(Outline(name, words, ADDED, sketches[_ALWAYS[name]]))
     if said and not any(outline.of_campaign for outline in found):
-        found.append(Outline(STATED, "all that the campaign states", ADDED - said, None, of_campaign=True))
+        found.append(Outline(STATED, phrase("all that the campaign states"), ADDED - said, None, of_campaign=True))
     if forced:
         what = next(outline.name for outline in found if outline.of_campaign)
-        start = f"a free start (energy ± {START_SD:g} of the weight times R)"
-        words = f"what the campaign states ({what}) with an unmodelled force and {start}: what estim fit does by default"
+        words = phrase(
+            "what the campaign states ({what}) with an unmodelled force and a free start (energy ± {sd:g} of the weight times R): "
+            "what estim fit does by default",
+            what=what, sd=START_SD,
+        )
         found.append(Outline(FORCE, words, ADDED - said, None, forced=True, of_campaign=True))
     return tuple(found)

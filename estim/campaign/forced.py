@@ -15,7 +15,7 @@ import numpy as np
 from estim.campaign.levels import Level, Levels
 from estim.campaign.points import Observed
 from estim.campaign.shared_force import MOST_POINTS, sharing_runs
-from estim.common import Finding, InputError, Kind
+from estim.common import Finding, InputError, Kind, later, phrase
 from estim.deviation import FORCE_SCALE, BadFrames, Course, FreeStart, JointlyPosed, Posed, Rows, bad_frames, pose_force, pose_forces
 from estim.fitting import Fit, fit_least_squares, scanned_fit
 from estim.problem import Observations, Problem
@@ -45,30 +45,35 @@ class Circumstances:
         """The first size of the noise that is inferred, "" where all are stated."""
         return next((name.partition("[")[0] for name in self.observed.noise.parameters), "")
 
+    @property
+    def named(self) -> dict[str, object]:
+        """What the words of an obstacle may name."""
+        return {"inferred": self.inferred, "tied": self.tied, "most": MOST_POINTS}
+
 
 @dataclass(frozen=True, eq=False)
 class Obstacle:
     """Where a force does not go.  what : it does not go with.  instead : what to do where one was asked for."""
 
     stands: Callable[[Circumstances], bool]
-    what: Callable[[Circumstances], str]
+    what: str
     instead: str
 
 
 OBSTACLES = (
-    Obstacle(lambda c: c.observed.noise.robust, lambda _: "'robust' noise", "leave that out: beside a force single bad frames are found and named"),
+    Obstacle(lambda c: c.observed.noise.robust, later("'robust' noise"), "leave that out: beside a force single bad frames are found and named"),
     Obstacle(
-        lambda c: bool(np.any(c.observed.noise.x_gain() > 0.0)), lambda _: "errors of the positions of independent speeds",
+        lambda c: bool(np.any(c.observed.noise.x_gain() > 0.0)), later("errors of the positions of independent speeds"),
         "take their standard deviation out",
     ),
     Obstacle(
-        lambda c: bool(c.inferred), lambda c: f"a '{c.inferred}' that is inferred, which would swallow the force",
+        lambda c: bool(c.inferred), later("a '{inferred}' that is inferred, which would swallow the force"),
         "state what the instrument does, or leave it out",
     ),
-    Obstacle(lambda c: c.replaced, lambda _: "a comparison of noise models", "set it to 0 for that"),
-    Obstacle(lambda c: c.joint and c.observed.positions, lambda _: "noise model 'positions' in a joint fit yet", "fit the runs one by one"),
+    Obstacle(lambda c: c.replaced, later("a comparison of noise models"), "set it to 0 for that"),
+    Obstacle(lambda c: c.joint and c.observed.positions, later("noise model 'positions' in a joint fit yet"), "fit the runs one by one"),
     Obstacle(
-        lambda c: c.tied > MOST_POINTS, lambda c: f"runs that share it and have {c.tied} points, more than {MOST_POINTS}",
+        lambda c: c.tied > MOST_POINTS, later("runs that share it and have {tied} points, more than {most}"),
         "fit fewer runs, or say it at each run, which gives each a force of its own",
     ),
 )
@@ -90,17 +95,18 @@ def force_scale(levels: Levels, circumstances: Circumstances) -> Stance:
     level = _stated(levels)
     stated = None if level is None else level.table.unmodelled_force
     if stated == 0.0:
-        return Stance(0.0, complete_as("as stated", levels.run.name))
+        return Stance(0.0, complete_as(phrase("as stated"), levels.run.name))
     obstacle = next((obstacle for obstacle in OBSTACLES if obstacle.stands(circumstances)), None)
     if level is None or stated is None:
         if obstacle is None:
             return Stance(FORCE_SCALE)
-        return Stance(0.0, complete_as(f"an unmodelled force does not go with {obstacle.what(circumstances)}", levels.run.name))
+        reason = phrase("an unmodelled force does not go with {what}", what=phrase(obstacle.what, **circumstances.named))
+        return Stance(0.0, complete_as(reason, levels.run.name))
     scale = float(stated)
     if not (math.isfinite(scale) and 0.0 < scale <= _LARGEST):
         raise _error(levels, level, "is a share of the weight: it must lie between 0 (none) and 1; where nothing is said it is 0.02", value=scale)
     if obstacle is not None:
-        raise _error(levels, level, f"does not go with {obstacle.what(circumstances)}: {obstacle.instead}")
+        raise _error(levels, level, f"does not go with {obstacle.what.format(**circumstances.named)}: {obstacle.instead}")
     return Stance(scale)
 
 
@@ -126,7 +132,7 @@ def refuse_force(levels: Levels, command: str) -> None:
 
 def as_complete(problem: Problem, command: str) -> Problem:
     """`problem` without the forces that nobody asked for, as `command` takes its curves."""
-    reason = f"{command} knows no unmodelled force"
+    reason = phrase("{command} knows no unmodelled force", command=command)
     runs = (replace(run, force=0.0, complete=complete_as(reason, run.name)) if run.force else run for run in problem.runs)
     return replace(problem, runs=tuple(runs))
 
@@ -139,7 +145,7 @@ def fit_with_forces(white: Fit, tables: Mapping[str, Run], levels: Mapping[str, 
     problem = white.problem
     courses = {run.name: course_of(run, tables[run.name]) for run in problem.runs if run.force}
     if white.singular:
-        return _unforced(white, {name: levels[name] for name in courses}, "some combination of the parameters is not determined at all")
+        return _unforced(white, {name: levels[name] for name in courses}, later("some combination of the parameters is not determined at all"))
     try:
         free, bad = _free_fit(white, courses, rng=rng)
         without = np.sqrt(np.diag(white.cov))
@@ -167,8 +173,9 @@ def _unforced(white: Fit, levels: Mapping[str, Levels], rule: str) -> Fit:
         level = _stated(asked)
         if level is not None:
             raise _error(asked, level, f"cannot be linearised: {rule}")
+    reason = phrase("an unmodelled force cannot be linearised: {rule}", rule=phrase(rule))
     runs = (
-        replace(run, force=0.0, complete=complete_as(f"an unmodelled force cannot be linearised: {rule}", run.name)) if run.force else run
+        replace(run, force=0.0, complete=complete_as(reason, run.name)) if run.force else run
         for run in white.problem.runs
     )
     return replace(white, posterior=replace(white.posterior, problem=replace(white.problem, runs=tuple(runs))))

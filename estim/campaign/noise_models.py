@@ -11,6 +11,7 @@ import numpy as np
 
 from estim.campaign.campaign_file import NoiseTable
 from estim.campaign.levels import Levels, noise_level
+from estim.common import phrase
 from estim.problem import Noise
 from estim.reading import Run
 
@@ -40,22 +41,22 @@ def noise_candidates(levels: Levels, data: Run, posed: Callable[[NoiseTable], No
             model="positions", encoder_step_rad=table.encoder_step_rad, exposure_s=table.exposure_s, scatter=of_positions,
             **{position: getattr(table, position)},
         )
-        found += _with_tails("positions", "positions as read, in time", plain)
+        found += _with_tails("positions", phrase("positions as read, in time"), plain)
     if "t_s" in data.columns and read:
         differentiated = NoiseTable(
             model="differentiated", derivative=table.derivative, encoder_step_rad=table.encoder_step_rad,
             exposure_s=table.exposure_s, scatter=of_speeds, **{position: getattr(table, position)},
         )
-        found.append(Candidate("differentiated", "speeds by differences, with the covariance that follows", differentiated))
+        found.append(Candidate("differentiated", phrase("speeds by differences, with the covariance that follows"), differentiated))
         size = _independent_size(posed(differentiated))
         if size > 0.0 and data.rate not in data.columns:
             plain = NoiseTable(model="independent", derivative=table.derivative or "central", scatter=of_speeds)
             naive = msgspec.structs.replace(plain, **{speed: size})
-            found.append(Candidate("independent", "the same speeds as if their errors were independent (they are not)", naive))
+            found.append(Candidate("independent", phrase("the same speeds as if their errors were independent (they are not)"), naive))
     if data.rate in data.columns and (getattr(table, speed) is not None or "sigma_v_m_s" in data.columns or of_speeds is not None):
         sigma_x = getattr(table, position) if table.model == "independent" else None
         plain = NoiseTable(model="independent", scatter=of_speeds, **{speed: getattr(table, speed), position: sigma_x})
-        found += _with_tails("independent", "speeds as measured", plain)
+        found += _with_tails("independent", phrase("speeds as measured"), plain)
     if len(found) < 2:
         rule = f"allows one model at most for run '{levels.run.name}': nothing to compare (times and '{position}' would allow several)"
         raise levels.error(rule, path, field="noise")
@@ -63,7 +64,7 @@ def noise_candidates(levels: Levels, data: Run, posed: Callable[[NoiseTable], No
 
 
 def _with_tails(name: str, words: str, plain: NoiseTable) -> list[Candidate]:
-    shapes: dict[str, str] = {"student-t": "Student-t tails", "mixture": "some frames outliers"}
+    shapes: dict[str, str] = {"student-t": phrase("Student-t tails"), "mixture": phrase("some frames outliers")}
     robust = [Candidate(f"{name}, {shape}", f"{words}; {tails}", msgspec.structs.replace(plain, robust=shape)) for shape, tails in shapes.items()]
     return [Candidate(name, words, plain), *robust]
 

@@ -47,7 +47,7 @@ from estim.campaign.own_curve_lacks import order_columns, refuse_lacks
 from estim.campaign.own_curve_models import is_to_be_found, read_curve, started_runs, unknown_of, within_limits
 from estim.campaign.own_curve_points import MIN_ROWS, CurvePoints
 from estim.campaign.track_table import choices_of
-from estim.common import InputError
+from estim.common import InputError, phrase
 from estim.curves import MAX_OBS, AxisNames, BareFormula, Component, DistortedCurve, Formula, ModelSum, Unstarted, units_of
 from estim.deviation import BadFrames, ForceSize
 from estim.explanation import Suspects
@@ -128,7 +128,7 @@ class CurveStudy:
 
     def suspects(self, names: Sequence[str], tables: Mapping[str, Run]) -> Suspects:
         """Nothing is known of what a user's own curve may lack but what readings may suffer."""
-        return Suspects(self.problem(names, tables), "errors that follow each other have room for it: correlated = true under [curve]")
+        return Suspects(self.problem(names, tables), phrase("errors that follow each other have room for it: correlated = true under [curve]"))
 
     def fit(self, problem: Problem, tables: Mapping[str, Run], *, rng: np.random.Generator) -> Fit:
         """The posterior mode, found from afar.  Raises InputError where the data determine none."""
@@ -255,11 +255,11 @@ class CurveStudy:
             if name in table:
                 written = [entry for entry in declared if isinstance(entry, ParameterTable)]
                 unit = next((entry.unit for entry in written if entry.unit is not None), self.units.get(name, "1"))
-                meaning = next((entry.meaning for entry in written if entry.meaning is not None), "parameter of the curve")
+                meaning = next((entry.meaning for entry in written if entry.meaning is not None), phrase("parameter of the curve"))
                 source = self._read(table[name], (*path, name))
                 return source if isinstance(source, float) else Parameter(name + suffix, unit, source, meaning)
         if isinstance(self.asked, ModelSum):
-            return Parameter(name, self.units.get(name, "1"), unknown_of(self.asked, name, None), "parameter of the curve")
+            return Parameter(name, self.units.get(name, "1"), unknown_of(self.asked, name, None), phrase("parameter of the curve"))
         rule = f"is missing for run '{run.name}': say it under [curve.parameters] or [runs.parameters], as {name} = {{start = 1.0}}, or {name} = {{}}"
         raise self.source.places.error(rule, ("curve", "parameters"), field=name)
 

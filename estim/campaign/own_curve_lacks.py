@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from estim.campaign.campaign_file import CampaignFile
 from estim.campaign.curve_tables import CurveRunTable, CurveTable, Place, axis_of
-from estim.common import InputError
+from estim.common import InputError, phrase
 from estim.problem import MAX_LACKING, Lacks, Noise
 from estim.reading import Run
 
@@ -50,7 +50,7 @@ def read_lacks(
     if not float(np.ptp(along)) > 0.0:
         raise source.places.error("must name a column that is not all the same", _path(run, index, "correlated"), value=correlated)
     x = axis_of(curve.x)
-    unit = "readings" if correlated is True else x.unit if correlated == x.column else f"of column '{correlated}'"
+    unit = phrase("readings") if correlated is True else x.unit if correlated == x.column else phrase("of column '{column}'", column=correlated)
     return Lacks(float(scale or 0.0), along, unit, stated)
 
 

@@ -16,7 +16,7 @@ from estim.campaign.curve_tables import CurveRunTable, CurveTable, Place, Readin
 from estim.campaign.own_curve_counts import read_counts, window_of_events
 from estim.campaign.own_curve_lacks import check_lacks, read_lacks
 from estim.campaign.robust import shape_of
-from estim.common import Finding, InputError, Kind, Quantity
+from estim.common import Finding, InputError, Kind, Quantity, phrase
 from estim.curves import MAX_DENSE, MAX_EVENTS, MAX_OBS, SIGMA, SIGMA_NOTATION, SIGMA_SPREAD, AxisNames, reading_noise
 from estim.fitting import PERFECT
 from estim.problem import Curve, LogNormal, Observations, Parameter, Prior, Scale, as_prior, hide_the_range, plain_words
@@ -70,7 +70,7 @@ class CurvePoints:
             name=table.name, x=x[kept], y=y[kept], t=None, curve=curve, arguments=MappingProxyType(dict(arguments)),
             noise=noise, x_name=self.axes.x_name, x_unit=self.axes.x_unit,
             y_name=self.axes.y_name, y_unit=self.axes.y_unit, excluded=excluded,
-            excluded_points=np.column_stack([x[~inside], y[~inside]]), motion=None, words=plain_words(self.axes.y_name), lacks=lacks,
+            excluded_points=np.column_stack([x[~inside], y[~inside]]), motion=None, words=plain_words(), lacks=lacks,
         )
         return run, (*unknown, *further)
 
@@ -154,7 +154,7 @@ class CurvePoints:
             name = f"{SIGMA}[{run.name}]"
             y = table.columns[y_axis(self.table).column][kept]
             prior: Prior = LogNormal(_roughness(y), SIGMA_SPREAD)
-            meaning = "standard deviation of one reading, not stated"
+            meaning = phrase("standard deviation of one reading, not stated")
             return Scale(parameter=name), ones, (Parameter(name, self.axes.y_unit, prior, meaning, SIGMA_NOTATION),)
         try:
             value: Value = written if not isinstance(written, ReadingErrorTable) else prior_table(written, str(path[-1]))
@@ -169,7 +169,7 @@ class CurvePoints:
                 raise self.source.places.error("must be above the last digit that a number of the size of y has here", path, value=read.value)
             return Scale(read.value), ones, ()
         inferred = as_prior(read, low=0.0) if isinstance(read, Quantity) else read
-        unknown = Parameter(SIGMA + suffix, self.axes.y_unit, inferred, "standard deviation of one reading", SIGMA_NOTATION)
+        unknown = Parameter(SIGMA + suffix, self.axes.y_unit, inferred, phrase("standard deviation of one reading"), SIGMA_NOTATION)
         return Scale(parameter=unknown.name), ones, (unknown,)
 
 

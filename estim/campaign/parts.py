@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike
 from estim.arrays import FloatArray
 from estim.campaign.campaign_file import CampaignFile, LevelTable
 from estim.campaign.part_table import NEEDED, PART_UNITS, POSSIBLE, PartTable
-from estim.common import InputError, Notation, Quantity, read_quantity
+from estim.common import InputError, Notation, Quantity, later, read_quantity
 from estim.propagation import Input, LinearResult, propagate_linear
 from model import Body, Part, assemble, bolt, disk, ring, rod
 
@@ -30,14 +30,14 @@ _HARDLY_MATTER = frozenset({"particle_gyration", "trailing_fraction"})
 
 OUTPUTS: Mapping[str, tuple[Notation, str, str]] = MappingProxyType(
     {  # what follows from the parts of a body: how it is written, unit, meaning
-        "mass": (Notation("M"), "kg", "total mass"),
-        "gamma": (Notation("γ"), "1", "distance of the centre of mass from the axle / R"),
-        "kappa": (Notation("κ"), "1", "inertia of the disk / (M_D R²)"),
-        "rho": (Notation("ρ"), "1", "distance of the particle from the axle / R"),
-        "particle_gyration": (Notation("k_P"), "1", "radius of gyration of the particle / R"),
-        "trailing_fraction": (Notation("τ"), "1", "share of the mass that does not rotate"),
-        "inertia_ratio": (Notation("j"), "1", "inertia of all that rotates / (M R²)"),
-        "direction": (Notation("δ", "°", float(np.degrees(1.0))), "rad", "direction of the centre of mass from the mark"),
+        "mass": (Notation("M"), "kg", later("total mass")),
+        "gamma": (Notation("γ"), "1", later("distance of the centre of mass from the axle / R")),
+        "kappa": (Notation("κ"), "1", later("inertia of the disk / (M_D R²)")),
+        "rho": (Notation("ρ"), "1", later("distance of the particle from the axle / R")),
+        "particle_gyration": (Notation("k_P"), "1", later("radius of gyration of the particle / R")),
+        "trailing_fraction": (Notation("τ"), "1", later("share of the mass that does not rotate")),
+        "inertia_ratio": (Notation("j"), "1", later("inertia of all that rotates / (M R²)")),
+        "direction": (Notation("δ", "°", float(np.degrees(1.0))), "rad", later("direction of the centre of mass from the mark")),
     }
 )
 OF_PARTS = frozenset({"gamma", "kappa", "rho", "particle_gyration", "trailing_fraction"})  # quantities of a campaign among them

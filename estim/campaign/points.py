@@ -18,7 +18,7 @@ from estim.campaign.levels import Levels, Path, noise_level, read_at
 from estim.campaign.plausible import check_reading_error
 from estim.campaign.robust import shape_of
 from estim.campaign.selection import Selection, Window, check_count, select
-from estim.common import Finding, InputError, Kind, Notation, Quantity
+from estim.common import Finding, InputError, Kind, Notation, Quantity, phrase
 from estim.problem import (
     STENCILS,
     Derivative,
@@ -109,12 +109,12 @@ def _differentiated(run: Run, levels: Levels, table: NoiseTable, path: Path, suf
     units = _UNITS[run.coordinate]
     _need_times(run, "differentiated", levels, path)
     step = _encoder_step(table, levels, path)
-    sigma, parameter = _scale(table, units.position_sigma, units.position, levels, path, suffix, "one position reading")
+    sigma, parameter = _scale(table, units.position_sigma, units.position, levels, path, suffix, phrase("standard deviation of one position reading"))
     typical = _typical(sigma, parameter, step)
     if typical == 0.0:
         wanted = f"'{units.position_sigma}'" + (" or 'encoder_step_rad'" if units.position == "rad" else "")
         raise levels.error(f"needs {wanted} for differentiated noise", path, field="noise")
-    scatter, scatter_parameter = _scale(table, "scatter", units.speed, levels, path, suffix, "further independent error of each speed")
+    scatter, scatter_parameter = _scale(table, "scatter", units.speed, levels, path, suffix, phrase("further independent error of each speed"))
     check_reading_error(sigma, units.position_sigma, run.columns[run.coordinate], levels, path)
     if "sigma_x_m" in run.columns:
         rule = f"is not used: differentiated noise takes one '{units.position_sigma}' for all positions; start the column's name with _ to skip it"
@@ -147,9 +147,9 @@ def _independent(run: Run, levels: Levels, table: NoiseTable, path: Path, suffix
     else:
         rule = f"needs measured speeds: the run's file has no {rate} column (or a 'derivative' to compute them)"
         raise levels.error(rule, (*path, "model"), value="independent")
-    sigma, parameter = _scale(table, units.speed_sigma, units.speed, levels, path, suffix, "one speed")
-    scatter, scatter_parameter = _scale(table, "scatter", units.speed, levels, path, suffix, "further independent error of each speed")
-    sigma_x, x_parameter = _scale(table, units.position_sigma, units.position, levels, path, suffix, "one position")
+    sigma, parameter = _scale(table, units.speed_sigma, units.speed, levels, path, suffix, phrase("standard deviation of one speed"))
+    scatter, scatter_parameter = _scale(table, "scatter", units.speed, levels, path, suffix, phrase("further independent error of each speed"))
+    sigma_x, x_parameter = _scale(table, units.position_sigma, units.position, levels, path, suffix, phrase("standard deviation of one position"))
     tails, tail_parameters = shape_of(table.robust, suffix)
     typical_x = _typical(sigma_x, x_parameter, 0.0)
     sigma_x, relative_x = _by_row(run, "sigma_x_m", sigma_x, typical_x > 0.0, units.position, levels, (*path, units.position_sigma))
@@ -185,8 +185,8 @@ def _positions(run: Run, levels: Levels, table: NoiseTable, path: Path, suffix: 
     units = _UNITS[run.coordinate]
     _need_times(run, "positions", levels, path)
     step = _encoder_step(table, levels, path)
-    sigma, parameter = _scale(table, units.position_sigma, units.position, levels, path, suffix, "one position reading")
-    scatter, scatter_parameter = _scale(table, "scatter", units.position, levels, path, suffix, "further independent error of each position")
+    sigma, parameter = _scale(table, units.position_sigma, units.position, levels, path, suffix, phrase("standard deviation of one position reading"))
+    scatter, scatter_parameter = _scale(table, "scatter", units.position, levels, path, suffix, phrase("further independent error of each position"))
     tails, tail_parameters = shape_of(table.robust, suffix)
     check_reading_error(sigma, units.position_sigma, run.columns[run.coordinate], levels, path)
     said = _typical(sigma, parameter, 0.0) > 0.0
@@ -207,7 +207,7 @@ def _positions(run: Run, levels: Levels, table: NoiseTable, path: Path, suffix: 
         relative = blur if relative is None else blur * relative
     early = float(x[0] - 0.5 * (x[-1] - x[0]))
     sources, unknowns = {}, []
-    release = Parameter("release_time", "s", Uniform(early, float(started)), "moment of release on the clock of the data", Notation("t₀"))
+    release = Parameter("release_time", "s", Uniform(early, float(started)), phrase("moment of release on the clock of the data"), Notation("t₀"))
     for key, unknown in (("release_time_s", release), (units.offset, _offset(units, zero))):
         sources[unknown.name], of_level = _nuisance(levels, key, unknown)
         unknowns.append(of_level)
@@ -275,7 +275,7 @@ def _stated_offset(levels: Levels, units: _Units) -> tuple[dict[str, str | float
 
 
 def _offset(units: _Units, sd: float) -> Parameter:
-    return Parameter("offset", units.position, Normal(0.0, sd), "reading of the position at release", Notation("x₀"))
+    return Parameter("offset", units.position, Normal(0.0, sd), phrase("reading of the position at release"), Notation("x₀"))
 
 
 def _nuisance(levels: Levels, key: str, unknown: Parameter) -> tuple[str | float, Parameter | None]:
@@ -294,7 +294,7 @@ def _nuisance(levels: Levels, key: str, unknown: Parameter) -> tuple[str | float
 
 
 def _scale(
-    table: NoiseTable, key: str, unit: str, levels: Levels, path: Path, suffix: str, of_what: str
+    table: NoiseTable, key: str, unit: str, levels: Levels, path: Path, suffix: str, meaning: str
 ) -> tuple[Scale, Parameter | None]:
     """A standard deviation of the noise table: fixed, or a parameter where it has an uncertainty or a prior."""
     written = getattr(table, key)
@@ -311,7 +311,6 @@ def _scale(
     if prior.low == 0.0 and key != "scatter" and isinstance(prior, HalfNormal) is False and prior.centre <= 0.0:
         raise levels.error("must be > 0", (*path, key), value=prior.centre)
     name, symbol = _SCALES[key]
-    meaning = f"standard deviation of {of_what}" if key != "scatter" else of_what
     return Scale(parameter=name + suffix), Parameter(name + suffix, unit, prior, meaning, Notation(symbol))
 
 

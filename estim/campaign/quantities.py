@@ -11,7 +11,7 @@ from types import MappingProxyType
 
 import numpy as np
 
-from estim.common import Notation
+from estim.common import Notation, later, phrase
 from model import STANDARD_GRAVITY
 
 _DEGREE = float(np.pi / 180.0)
@@ -29,32 +29,39 @@ class Kind:
     keys: Mapping[str, float]
     unit: str
     default: float | None
-    meaning: str
+    english: str  # its meaning
     low: float = -np.inf
     zero: bool = True  # whether 0 is possible
     high: float = np.inf  # of the size
     too_large: str = ""  # the rule for what is beyond; "" for an angle
 
+    @property
+    def meaning(self) -> str:
+        """What it is, in the language that is spoken."""
+        return phrase(self.english)
+
 
 QUANTITIES: Mapping[str, Kind] = MappingProxyType(
     {
-        "gamma": Kind(Notation("γ"), {"gamma": 1.0}, "1", None, "distance of the centre of mass from the axle / R", 0.0),
-        "kappa": Kind(Notation("κ"), {"kappa": 1.0}, "1", None, "inertia of the disk / (M_D R²)", 0.0),
-        "theta0": Kind(_angle("θ₀"), {"theta0_deg": _DEGREE, "theta0_rad": 1.0}, "rad", None, "angle of the particle at release", high=2.0 * np.pi),
-        "phi": Kind(_angle("φ"), {"phi_deg": _DEGREE, "phi_rad": 1.0}, "rad", None, "tilt of the ramp", high=0.5 * np.pi),
+        "gamma": Kind(Notation("γ"), {"gamma": 1.0}, "1", None, later("distance of the centre of mass from the axle / R"), 0.0),
+        "kappa": Kind(Notation("κ"), {"kappa": 1.0}, "1", None, later("inertia of the disk / (M_D R²)"), 0.0),
+        "theta0": Kind(
+            _angle("θ₀"), {"theta0_deg": _DEGREE, "theta0_rad": 1.0}, "rad", None, later("angle of the particle at release"), high=2.0 * np.pi
+        ),
+        "phi": Kind(_angle("φ"), {"phi_deg": _DEGREE, "phi_rad": 1.0}, "rad", None, later("tilt of the ramp"), high=0.5 * np.pi),
         "theta0_zero": Kind(
-            _angle("δθ₀"), {"theta0_zero_deg": _DEGREE, "theta0_zero_rad": 1.0}, "rad", 0.0, "common zero error: added to the angle at release",
-            high=0.5 * np.pi,
+            _angle("δθ₀"), {"theta0_zero_deg": _DEGREE, "theta0_zero_rad": 1.0}, "rad", 0.0,
+            later("common zero error: added to the angle at release"), high=0.5 * np.pi,
         ),
         "phi_zero": Kind(
-            _angle("δφ"), {"phi_zero_deg": _DEGREE, "phi_zero_rad": 1.0}, "rad", 0.0, "common zero error: added to the tilt", high=0.5 * np.pi
+            _angle("δφ"), {"phi_zero_deg": _DEGREE, "phi_zero_rad": 1.0}, "rad", 0.0, later("common zero error: added to the tilt"), high=0.5 * np.pi
         ),
-        "rolling_resistance": Kind(Notation("c_rr"), {"rolling_resistance": 1.0}, "1", 0.0, "coefficient of rolling resistance", 0.0),
-        "radius": Kind(Notation("R"), {"radius_m": 1.0}, "m", None, "radius of the disk", 0.0, False),
-        "rho": Kind(Notation("ρ"), {"rho": 1.0}, "1", 1.0, "distance of the particle from the axle / R", 0.0, False),
-        "trailing_fraction": Kind(Notation("τ"), {"trailing_fraction": 1.0}, "1", 0.0, "share of the mass that does not rotate", 0.0),
-        "particle_gyration": Kind(Notation("k_P"), {"particle_gyration": 1.0}, "1", 0.0, "radius of gyration of the particle / R", 0.0),
-        "g": Kind(Notation("g"), {"g": 1.0}, "m/s²", STANDARD_GRAVITY, "acceleration of free fall", 0.0, False),
+        "rolling_resistance": Kind(Notation("c_rr"), {"rolling_resistance": 1.0}, "1", 0.0, later("coefficient of rolling resistance"), 0.0),
+        "radius": Kind(Notation("R"), {"radius_m": 1.0}, "m", None, later("radius of the disk"), 0.0, False),
+        "rho": Kind(Notation("ρ"), {"rho": 1.0}, "1", 1.0, later("distance of the particle from the axle / R"), 0.0, False),
+        "trailing_fraction": Kind(Notation("τ"), {"trailing_fraction": 1.0}, "1", 0.0, later("share of the mass that does not rotate"), 0.0),
+        "particle_gyration": Kind(Notation("k_P"), {"particle_gyration": 1.0}, "1", 0.0, later("radius of gyration of the particle / R"), 0.0),
+        "g": Kind(Notation("g"), {"g": 1.0}, "m/s²", STANDARD_GRAVITY, later("acceleration of free fall"), 0.0, False),
     }
 )
 
@@ -71,30 +78,30 @@ def _scale(symbol: str, key: str, meaning: str) -> Kind:
     return _effect(symbol, key, "1", meaning, high=0.5, too_large="is a fraction of the reading (0.01 means 1 %) and must be at most 0.5")
 
 
-GRIP = Kind(Notation("μ"), {"friction": 1.0}, "1", None, "coefficient of static friction", 0.0, high=10.0, too_large="must be at most 10")
+GRIP = Kind(Notation("μ"), {"friction": 1.0}, "1", None, later("coefficient of static friction"), 0.0, high=10.0, too_large="must be at most 10")
 
 EFFECTS: Mapping[str, Kind] = MappingProxyType(
     {
         "release_energy": _effect(
-            "E₀", "release_energy", "1", "kinetic energy at release / (M g R)", high=100.0,
+            "E₀", "release_energy", "1", later("kinetic energy at release / (M g R)"), high=100.0,
             too_large="is a share of the weight times R, and must be at most 100",
         ),
-        "release_speed": _effect("v₀", "release_speed_m_s", "m/s", "speed of the axle at release"),
-        "scale_x": _scale("δ_x", "scale_x", "common relative error of the readings of the position"),
-        "scale_t": _scale("δ_t", "scale_t", "common relative error of the clock"),
-        "moment": _effect("Q", "resisting_moment_n_m", "N m", "resisting moment, the same whatever the mass", low=0.0),
-        "load_resistance": _effect("c_N", "load_resistance", "1", "rolling resistance / the load that the ramp feels", low=0.0),
-        "viscous_drag": _effect("k_v", "viscous_drag_per_s", "1/s", "force of drag / (M v)", low=0.0),
-        "quadratic_drag": _effect("k_q", "quadratic_drag_per_m", "1/m", "force of drag / (M v²)", low=0.0),
-        "moment_once_cos": _of_turn("a₁", "moment_once_cos", "resisting moment as cos θ / (M g R)"),
-        "moment_once_sin": _of_turn("b₁", "moment_once_sin", "resisting moment as sin θ / (M g R)"),
-        "moment_twice_cos": _of_turn("a₂", "moment_twice_cos", "resisting moment as cos 2θ / (M g R)"),
-        "moment_twice_sin": _of_turn("b₂", "moment_twice_sin", "resisting moment as sin 2θ / (M g R)"),
+        "release_speed": _effect("v₀", "release_speed_m_s", "m/s", later("speed of the axle at release")),
+        "scale_x": _scale("δ_x", "scale_x", later("common relative error of the readings of the position")),
+        "scale_t": _scale("δ_t", "scale_t", later("common relative error of the clock")),
+        "moment": _effect("Q", "resisting_moment_n_m", "N m", later("resisting moment, the same whatever the mass"), low=0.0),
+        "load_resistance": _effect("c_N", "load_resistance", "1", later("rolling resistance / the load that the ramp feels"), low=0.0),
+        "viscous_drag": _effect("k_v", "viscous_drag_per_s", "1/s", later("force of drag / (M v)"), low=0.0),
+        "quadratic_drag": _effect("k_q", "quadratic_drag_per_m", "1/m", later("force of drag / (M v²)"), low=0.0),
+        "moment_once_cos": _of_turn("a₁", "moment_once_cos", later("resisting moment as cos θ / (M g R)")),
+        "moment_once_sin": _of_turn("b₁", "moment_once_sin", later("resisting moment as sin θ / (M g R)")),
+        "moment_twice_cos": _of_turn("a₂", "moment_twice_cos", later("resisting moment as cos 2θ / (M g R)")),
+        "moment_twice_sin": _of_turn("b₂", "moment_twice_sin", later("resisting moment as sin 2θ / (M g R)")),
         "phi_slope": Kind(
             Notation("φ′", "°/m", float(np.degrees(1.0))), {"phi_slope_deg_m": _DEGREE, "phi_slope_rad_m": 1.0}, "rad/m", 0.0,
-            "change of the tilt along the ramp",
+            later("change of the tilt along the ramp"),
         ),
-        "sag": _effect("sag", "sag_m", "m", "how deep the ramp sags in its middle"),
-        "distortion": _effect("bow", "distortion_m", "m", "shift of the middle of the picture"),
+        "sag": _effect("sag", "sag_m", "m", later("how deep the ramp sags in its middle")),
+        "distortion": _effect("bow", "distortion_m", "m", later("shift of the middle of the picture")),
     }
 )

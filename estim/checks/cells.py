@@ -16,7 +16,21 @@ import numpy as np
 
 from estim.arrays import FloatArray
 from estim.checks.identifiability import PRIOR_DOMINATED
-from estim.common import KINDS, Label, Status, format_p, format_quantity, format_rounded, markdown, signed, table, with_unit
+from estim.common import (
+    KINDS,
+    Label,
+    Status,
+    format_p,
+    format_quantity,
+    format_rounded,
+    kind_words,
+    later,
+    markdown,
+    phrase,
+    signed,
+    table,
+    with_unit,
+)
 from estim.fitting import Fit, limit_cell
 from estim.problem import Normal, Prior, Problem
 from estim.sampling import Summary, summarise_parameter
@@ -110,7 +124,7 @@ class Estimate:
         if p.mean is None or not p.sd or self.upper is not None:
             return text
         pull = (p.mean - self.true) / p.sd
-        return f"{text} ({signed(f'{pull:+.1f}') if abs(pull) >= _EVEN else '0.0'} sd)"
+        return phrase("{value} ({pull} sd)", value=text, pull=signed(f"{pull:+.1f}") if abs(pull) >= _EVEN else "0.0")
 
 
 def is_measured(summary: Summary, prior: Prior, upper: float | None) -> bool:
@@ -152,9 +166,9 @@ def result_table(estimates: Iterable[Estimate]) -> tuple[tuple[str, ...], list[t
     shown = [one for one in estimates if one.measured]
     columns = [
         ("", [f"{one.label.symbol}, {one.summary.meaning}" if one.summary.meaning else one.label.symbol for one in shown]),
-        ("from these data", [one.value for one in shown]),
-        ("stated before", [one.stated for one in shown]),
-        ("true", [one.truth for one in shown]),
+        (phrase("from these data"), [one.value for one in shown]),
+        (phrase("stated before"), [one.stated for one in shown]),
+        (phrase("true"), [one.truth for one in shown]),
     ]
     kept = [(head, cells) for head, cells in columns if any(cells)]
     return tuple(head for head, _ in kept), list(zip(*(cells for _, cells in kept), strict=True))
@@ -166,14 +180,15 @@ def not_measured(estimates: Iterable[Estimate]) -> str:
     for one in estimates:
         if not one.measured:
             limited = one.value[:1] in "<>"
-            said.append(one.relation + (f" (stated {one.stated})" if one.stated and not limited else ""))
+            before = phrase("as stated") if one.stated == one.value else phrase("stated {value}", value=one.stated)
+            said.append(one.relation + (f" ({before})" if one.stated and not limited else ""))
     return "; ".join(said)
 
 
 def p_sentence(p_curve: float | None, p_stated: float | None) -> str:
     """'curve against data p = 0.91, data against stated values p = 0.068'; what was not tested is left out."""
-    tests = (("curve against data", p_curve), ("data against stated values", p_stated))
-    return ", ".join(f"{words} {format_p(p)}" for words, p in tests if p is not None and np.isfinite(p))
+    tests = ((later("curve against data {p}"), p_curve), (later("data against stated values {p}"), p_stated))
+    return ", ".join(phrase(words, p=format_p(p)) for words, p in tests if p is not None and np.isfinite(p))
 
 
 def screen_lines(estimates: Sequence[Estimate], *, tests: str = "", minds: Sequence[str] = ()) -> list[str]:
@@ -182,16 +197,16 @@ def screen_lines(estimates: Sequence[Estimate], *, tests: str = "", minds: Seque
     lines = [tests] if tests else []
     for one in estimates:
         if one.measured:
-            beside = [f"stated {one.stated}" if one.stated else "", f"true {one.truth}" if one.truth else ""]
+            beside = [phrase("stated {value}", value=one.stated) if one.stated else "", phrase("true {value}", value=one.truth) if one.truth else ""]
             behind = "; ".join(part for part in beside if part)
             lines.append(f"{one.relation:<{width}}   {behind}".rstrip())
     left = not_measured(estimates)
-    return [*lines, *([f"not measured here: {left}"] if left else []), *minds]
+    return [*lines, *([phrase("not measured here: {left}", left=left)] if left else []), *minds]
 
 
 def headline(
     title: str, *, kind: str, status: str, reasons: Sequence[str], advice: Sequence[str], rows: Iterable[Sequence[str]],
-    head: Sequence[str] = ("", "", "posterior", "95 % interval", "unit"), tests: str = "", left: str = "", minds: Sequence[str] = (),
+    head: Sequence[str] | None = None, tests: str = "", left: str = "", minds: Sequence[str] = (),
 ) -> str:
     """Markdown: title, kind of data, status with its `tests`, and the table of `rows`, or without it the reasons where the status is not ok.
 
@@ -200,18 +215,20 @@ def headline(
     """
     words = "" if status == Status.OK else f" — {STATUS_WORDS[Status(status)]}"
     behind = words or (f"; {tests}" if tests else "")
-    said = [f"**{markdown(title)}**" if title else "", KINDS.get(kind, ""), f"Status: **{status}**{behind}"]
+    said = [f"**{markdown(title)}**" if title else "", kind_words(kind) if kind in KINDS else ""]
+    said.append(phrase("Status: **{status}**{behind}", status=status, behind=behind))
     if status == Status.OK:
         body = list(rows)
-        said += [table(head, body) if body else "", f"Not measured here: {markdown(left)}." if left else ""]
+        heads = ("", "", phrase("posterior"), phrase("95 % interval"), phrase("unit")) if head is None else head
+        said += [table(heads, body) if body else "", phrase("Not measured here: {left}.", left=markdown(left)) if left else ""]
         said.append("\n".join(f"- {markdown(item)}" for item in minds))
     else:
-        items = [*reasons, *(f"What to do: {words}" for words in dict.fromkeys(advice))]
+        items = [*reasons, *(phrase("What to do: {words}", words=words) for words in dict.fromkeys(advice))]
         said.append("\n".join(f"- {markdown(item)}" for item in items))
     return "\n\n".join(part for part in said if part)
 
 
 def print_lines(title: str, *, status: str, reasons: Sequence[str], advice: Sequence[str], shown: Sequence[str]) -> str:
     """What `print` shows: title and status, then the lines `shown` (`screen_lines`), or why there are no values."""
-    said = shown if status == Status.OK else [*reasons, *(f"what to do: {words}" for words in dict.fromkeys(advice))]
+    said = shown if status == Status.OK else [*reasons, *(phrase("what to do: {words}", words=words) for words in dict.fromkeys(advice))]
     return "\n".join([f"{title}: {status}", *(f"  {line}" for line in said)])

@@ -21,7 +21,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from estim.arrays import FloatArray
-from estim.common import Amount, Finding, InputError, Kind
+from estim.common import Amount, Finding, InputError, Kind, phrase
 from estim.fitting import Fit, data_information, prior_sds, prior_slopes
 from estim.problem import Problem
 from estim.words import tell
@@ -76,11 +76,6 @@ class Identifiability:
     prior_dominated: tuple[str, ...]
     n_learnt: float
     sentences: tuple[str, ...]
-
-    @property
-    def of_prior(self) -> tuple[Direction, ...]:
-        """The directions about which the data say less than the prior."""
-        return tuple(d for d in self.directions if d.held_by != "data")
 
 
 def identify(fit: Fit, *, known: Mapping[str, FloatArray] | None = None) -> Identifiability:
@@ -150,18 +145,24 @@ def _sentences(
     n = len(directions)
     free = [d for d in directions if d.held_by == "nothing"]
     prior = [d for d in directions if d.held_by == "prior"]
-    said = [f"Not identified by data nor prior: {d.words}." for d in free]
-    count = f"The data tell {n_learnt:.1f} of {n} combinations of the parameters"
-    said.append(f"{count}; every one is held by the data." if not free and not prior else f"{count}; the rest comes from what was stated before.")
+    said = [phrase("Not identified by data nor prior: {words}.", words=d.words) for d in free]
+    count = {"learnt": n_learnt, "n": n}
+    if free or prior:
+        said.append(phrase("The data tell {learnt:.1f} of {n} combinations of the parameters; the rest comes from what was stated before.", **count))
+    else:
+        said.append(phrase("The data tell {learnt:.1f} of {n} combinations of the parameters; every one is held by the data.", **count))
     said += [f"{words[:1].upper()}{words[1:]}." for words in recognised]
-    said += [f"Only the prior holds: {d.words}." for d in prior]
+    said += [phrase("Only the prior holds: {words}.", words=d.words) for d in prior]
     if dominated:
         parameters = {p.name: p for p in problem.parameters}
         symbols = [parameters[name].label.symbol for name in dominated]
-        verb = "is" if len(symbols) == 1 else "are"
-        said.append(f"{_listed(symbols)} {verb} known hardly better than before (posterior sd above {PRIOR_DOMINATED} of the prior's).")
+        named = {"symbols": _listed(symbols), "share": PRIOR_DOMINATED}
+        if len(symbols) == 1:
+            said.append(phrase("{symbols} is known hardly better than before (posterior sd above {share} of the prior's).", **named))
+        else:
+            said.append(phrase("{symbols} are known hardly better than before (posterior sd above {share} of the prior's).", **named))
     return tuple(said)
 
 
 def _listed(words: list[str]) -> str:
-    return words[0] if len(words) == 1 else f"{', '.join(words[:-1])} and {words[-1]}"
+    return words[0] if len(words) == 1 else phrase("{names} and {last}", names=", ".join(words[:-1]), last=words[-1])

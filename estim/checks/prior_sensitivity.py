@@ -24,6 +24,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from estim.arrays import FloatArray
+from estim.common import later
 from estim.fitting import MANY
 from estim.problem import Posterior, Prior, Problem
 from estim.sampling import K_HAT_LIMIT, pareto_smoothed
@@ -34,12 +35,12 @@ THRESHOLD = 0.05
 _ALPHAS = (0.8, 1.25)
 _CONFLICT = 2.0  # of z
 
-DETERMINED = "determined by the data"
-PRIOR_MATTERS = "the prior matters"
-BOTH_MATTER = "data and prior both matter"
-CONFLICT = "data and prior disagree (conflict)"
-WEAK = "weak likelihood"
-UNRELIABLE = "cannot be told from these draws"
+DETERMINED = later("determined by the data")
+PRIOR_MATTERS = later("the prior matters")
+BOTH_MATTER = later("data and prior both matter")
+CONFLICT = later("data and prior disagree (conflict)")
+WEAK = later("weak likelihood")
+UNRELIABLE = later("cannot be told from these draws")
 
 
 @dataclass(frozen=True, eq=False)

@@ -11,10 +11,11 @@ from numpy.typing import NDArray
 from scipy.linalg import block_diag
 
 from estim.arrays import FloatArray
+from estim.common import later
 from estim.fitting import Fit
 from estim.problem import Group
 
-PRIORS = "stated values"
+PRIORS = later("stated values")
 ALONE = 1e-9  # relative: singular values below count as zero
 _LEAST_SHARE = 0.01
 

@@ -13,10 +13,11 @@ from typing import TYPE_CHECKING
 import click
 
 from estim.cli.formats import FORMAT, chosen
+from estim.cli.language import LANG
 from estim.cli.options import JOBS, NO_FIGURES, SEED, STEPS
 from estim.cli.origin import note_of_others
 from estim.cli.terminal import NOT_OK, counted, report_at, say, write_files, write_report
-from estim.common import InputError
+from estim.common import InputError, phrase
 
 if TYPE_CHECKING:
     from concurrent.futures import Executor
@@ -54,6 +55,7 @@ def cluster(address: str | None) -> Iterator[Executor | None]:
 @SEED
 @NO_FIGURES
 @FORMAT
+@LANG
 @click.option("--resume", is_flag=True, help="Keep the results that are there and were made from the same files, settings and versions.")
 def batch(
     paths: tuple[Path, ...], jobs: int | None, shard: str | None, scheduler: str | None, reports: bool, max_steps: int, out: Path, seed: int,
@@ -75,7 +77,7 @@ def batch(
     written = partial(full_files, figures=figures, formats=formats) if reports else lean_files
     settings, processes = Settings(kind, seed, max_steps), jobs or os.cpu_count() or 1
     lock = ".batch" if shard is None else f".batch-{shard.replace('/', '-of-')}"
-    with only_writer(out / lock), cluster(scheduler) as executor, counted("batch", len(units), unit="run") as progress:
+    with only_writer(out / lock), cluster(scheduler) as executor, counted(phrase("batch"), len(units), unit=phrase("run")) as progress:
         rows = run_batch(
             units, out.resolve(), report=written, settings=settings, resume=resume, jobs=processes, executor=executor, progress=progress,
         )
@@ -87,7 +89,8 @@ def batch(
     for row in rows:
         if row.error:
             say(f"error: {row.run}: {row.error}" if row.run else f"error: {row.error}", err=True)
-    say(f"{len(rows)} run{'s' if len(rows) != 1 else ''}: {batch_line(rows)}")
+    said = {"n": len(rows), "what": batch_line(rows)}
+    say(phrase("{n} runs: {what}", **said) if len(rows) != 1 else phrase("{n} run: {what}", **said))
     report_at(place / "report.md", ())
     if any(row.status != "ok" for row in rows):
         sys.exit(NOT_OK)

@@ -11,6 +11,7 @@ from pathlib import Path
 import click
 
 from estim.cli.formats import FORMAT
+from estim.cli.language import LANG
 from estim.cli.options import JOBS, JOINT, NO_FIGURES, OUT, RUNS, SEED, out_folder
 from estim.cli.terminal import NOT_OK, conclude, counted, groups_of, report_at, say, write_report
 from estim.common import Stream, decide, stream
@@ -27,6 +28,7 @@ from estim.common import Stream, decide, stream
 @SEED
 @NO_FIGURES
 @FORMAT
+@LANG
 @click.option("--resume", is_flag=True, help="Continue a calibration that was interrupted, from the trials kept in OUT/.checkpoint.")
 def calibrate(
     campaign: Path, runs: tuple[str, ...], joint: bool, simulations: int, what: str, jobs: int | None, out: Path | None, seed: int, resume: bool,

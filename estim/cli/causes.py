@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from estim.cli.terminal import pieces, say
+from estim.common import phrase
 
 if TYPE_CHECKING:
     from estim.campaign import Campaign
@@ -18,7 +19,7 @@ def with_causes(campaign: Campaign, analysis: Analysis, group: Sequence[str], *,
 
     if not (asked or asks_for_a_cause(analysis)):
         return analysis
-    with pieces(f"{', '.join(group)}: what may be missing", "cause") as progress:
+    with pieces(phrase("{runs}: what may be missing", runs=", ".join(group)), phrase("cause")) as progress:
         return explained(campaign, analysis, progress=progress)
 
 

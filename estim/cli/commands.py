@@ -21,6 +21,7 @@ from estim.cli.causes import say_causes, with_causes
 from estim.cli.comparing import compare as compare_noise
 from estim.cli.formats import FORMAT
 from estim.cli.importing import import_run
+from estim.cli.language import LANG
 from estim.cli.line import line
 from estim.cli.mapping import map_motions
 from estim.cli.models import compare_models
@@ -46,7 +47,7 @@ from estim.cli.terminal import (
 )
 from estim.cli.verifying import diff, verify
 from estim.cli.weighing import say_bodies
-from estim.common import InputError, Stream, asked_to_stop, ended_by_signals, stream
+from estim.common import InputError, Stream, asked_to_stop, ended_by_signals, phrase, stream
 from estim.lean_imports import import_lean
 
 if TYPE_CHECKING:
@@ -78,6 +79,7 @@ def cli() -> None:
 @SEED
 @NO_FIGURES
 @FORMAT
+@LANG
 @curve_options
 @click.option(
     "--marginal/--full", default=None, help="Sample a joint fit through the marginal over its runs, or all unknowns at once.  "
@@ -129,7 +131,7 @@ def fit(
         analysis = with_causes(loaded, analysis, group, asked=explain)
         place = folder if len(groups) == 1 else folder / group[0]
         with progress_bar(together(group)) as progress:
-            progress(100, "report and figures")
+            progress(100, phrase("report and figures"))
             files = analysis_report(loaded, analysis, voice=Voice.COMMANDS, figures=not no_figures)
             write_report(place, with_campaign(files, loaded.source.written, file=campaign.name), within=folder)
         if can_write_netcdf():
@@ -145,7 +147,7 @@ def fit(
         store.remove()
     report_at(folder / "report.md", loaded.source.outside())
     if not can_write_netcdf():
-        say(f"no draws.nc (the draws, for ArviZ and xarray): {HOW_TO_GET}")
+        say(phrase("no draws.nc (the draws, for ArviZ and xarray): {how}", how=HOW_TO_GET))
     _exit_unless(all(result.status == "ok" for result in results.values()))
 
 
@@ -158,6 +160,7 @@ def fit(
 @SEED
 @NO_FIGURES
 @FORMAT
+@LANG
 def energy(campaign: Path, runs: tuple[str, ...], joint: bool, max_steps: int, out: Path | None, seed: int, no_figures: bool) -> None:
     """Check the energy along the runs of CAMPAIGN: how much is lost, and is the loss steady?"""
     from estim.campaign import load_campaign
@@ -195,6 +198,7 @@ def energy(campaign: Path, runs: tuple[str, ...], joint: bool, max_steps: int, o
 @SEED
 @NO_FIGURES
 @FORMAT
+@LANG
 def reanalyse(campaign: Path, max_steps: int, jobs: int | None, out: Path | None, seed: int, no_figures: bool) -> None:
     """Everything that CAMPAIGN says, in one report.
 
@@ -237,6 +241,7 @@ def simulate(design: Path, out: Path) -> None:
 @OUT
 @SEED
 @FORMAT
+@LANG
 def body(file: Path, out: Path | None, seed: int) -> None:
     """Mass, gamma, kappa and rho of the bodies in FILE (a campaign, or bodies alone) from their parts, with a budget."""
     say_bodies(file, out or out_folder(file, "body"), seed=seed)
@@ -248,6 +253,7 @@ def body(file: Path, out: Path | None, seed: int) -> None:
 @SEED
 @NO_FIGURES
 @FORMAT
+@LANG
 def propagate(file: Path, out: Path | None, seed: int, no_figures: bool) -> None:
     """Uncertainty of a measurement model FILE: the GUM and Monte Carlo side by side, with a budget (docs/propagation.md)."""
     _exit_unless(say_propagated(file, out or Path("out") / file.stem, seed=seed, figures=not no_figures))

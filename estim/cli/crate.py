@@ -9,7 +9,7 @@ from __future__ import annotations
 import json
 import os
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from datetime import UTC, datetime
 from hashlib import sha256
 from pathlib import PurePosixPath
@@ -17,7 +17,7 @@ from typing import Any
 from urllib.parse import quote, unquote
 
 from estim.cli.origin_record import ORIGIN, Origin
-from estim.common import KINDS, as_json, unescaped
+from estim.common import KINDS, LANGUAGES, as_json, kind_words, phrase, spoken, unescaped
 
 CRATE = "ro-crate-metadata.json"
 _SPECIFICATION = "https://w3id.org/ro/crate/1.2"
@@ -38,7 +38,6 @@ _LICENSE = {
     "description": "Whoever measured the data says how this report and what it was made from may be used.",
 }
 _FIGURE = re.compile(r"!\[((?:[^\]\\]|\\.)*)\]\(([^)\s]+)\)")
-_SYNTHETIC = re.compile(r"SYNTHETIC data[^.:*]*")
 
 
 def crate_of(files: Mapping[str, bytes], origin: Origin, *, day: str | None = None) -> bytes:
@@ -67,7 +66,7 @@ def crate_of(files: Mapping[str, bytes], origin: Origin, *, day: str | None = No
         "description": f"{kind} Report and figures, made by: {origin.line}".strip(), "datePublished": day or _today(),
         "license": {"@id": _LICENSE["@id"]}, "hasPart": _named(parts), "mentions": {"@id": "#made"},
     }
-    if _SYNTHETIC.search(kind):
+    if _synthetic(kind):
         root["keywords"] = "synthetic data"
     made = {
         "@id": "#made", "@type": "CreateAction", "name": origin.line, "instrument": {"@id": "#estim"}, "object": _named(read),
@@ -126,11 +125,25 @@ def _title(report: str) -> str:
 
 
 def _kind(report: str) -> str:
-    """What the report says of the kind of its data, or ""."""
-    said = next((words for words in KINDS.values() if words in report), "")
-    if not said and (found := _SYNTHETIC.search(report)):
-        said = f"{found[0]}."
-    return said.replace("**", "")
+    """What the report says of the kind of its data, in its language, or ""."""
+    said = next((words for words in _in_every_language(lambda: [kind_words(kind) for kind in KINDS]) if words in report), "")
+    return (said or _synthetic(report)).replace("**", "")
+
+
+def _synthetic(text: str) -> str:
+    """What a text says of data made by a program, up to the end of its clause, or ""."""
+    said = _in_every_language(lambda: [phrase("SYNTHETIC data")])
+    found = (re.search(rf"(?i:{words[0]}){re.escape(words[1:])}[^.:*]*", text) for words in said)
+    return next((f"{one[0]}." for one in found if one), "")
+
+
+def _in_every_language(say: Callable[[], Iterable[str]]) -> list[str]:
+    """What `say` says in each: a report has one, whoever reads it."""
+    found: list[str] = []
+    for name in LANGUAGES:
+        with spoken(name):
+            found += say()
+    return found
 
 
 def _today() -> str:

@@ -10,6 +10,7 @@ from typing import Any
 import click
 
 from estim.cli.formats import FORMAT
+from estim.cli.language import LANG
 from estim.cli.options import NO_FIGURES, OUT, SEED
 from estim.cli.release import fit_line_and_trials
 from estim.cli.straight import SharedErrors, say_straight_line
@@ -37,6 +38,7 @@ from estim.common import InputError
 @SEED
 @NO_FIGURES
 @FORMAT
+@LANG
 def line(
     campaign: Path, x: str | None, y: str | None, ux: str | None, uy: str | None, correlation: str | None, cov: Path | None,
     cov_x: Path | None, cov_y: Path | None, common_x: tuple[str, ...], common_y: tuple[str, ...], predict: tuple[str, ...], inverse: tuple[str, ...],

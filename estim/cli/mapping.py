@@ -9,9 +9,10 @@ from typing import TYPE_CHECKING
 import click
 
 from estim.cli.formats import FORMAT
+from estim.cli.language import LANG
 from estim.cli.options import NO_FIGURES, SEED, out_folder
 from estim.cli.terminal import NOT_OK, conclude, pieces, report_at, say, write_report
-from estim.common import InputError, Quantity, decide, read_quantity
+from estim.common import InputError, Quantity, decide, phrase, read_quantity
 
 if TYPE_CHECKING:
     from estim.campaign import Campaign
@@ -32,6 +33,7 @@ _MOST_FRICTION = 10.0
 @SEED
 @NO_FIGURES
 @FORMAT
+@LANG
 def map_motions(
     campaign: Path, bodies: tuple[str, ...], ramp_length: float | None, friction: str | None, fitted: Path | None, out: Path | None, seed: int,
     no_figures: bool,
@@ -52,7 +54,7 @@ def map_motions(
     line = None if loaded.source.line is None else read_theta_min(loaded.source)
     values = None if fitted is None else _fitted(loaded, fitted)
     folder = out or out_folder(campaign, "map")
-    with pieces("map", "piece") as progress:
+    with pieces(phrase("map"), phrase("piece")) as progress:
         maps = map_bodies(loaded, bodies, ramp_length=ramp_length, friction=_grip(friction), fitted=values, seed=seed, progress=progress)
     write_report(folder, map_report(loaded, maps, line, seed=seed, voice=Voice.COMMANDS, figures=not no_figures))
     for found in maps:

@@ -10,9 +10,10 @@ from typing import TYPE_CHECKING
 import click
 
 from estim.cli.formats import FORMAT
+from estim.cli.language import LANG
 from estim.cli.options import JOINT, NO_FIGURES, RUNS, SEED, STEPS, out_folder
 from estim.cli.terminal import NOT_OK, conclude, groups_of, note, progress_bar, report_at, say, write_report
-from estim.common import asked_to_stop
+from estim.common import asked_to_stop, phrase
 
 if TYPE_CHECKING:
     from estim.sampling import Progress, Store
@@ -31,6 +32,7 @@ if TYPE_CHECKING:
 @SEED
 @NO_FIGURES
 @FORMAT
+@LANG
 @click.option("--resume", is_flag=True, help="Continue a comparison that was interrupted, from the draws kept in OUT/.checkpoint.")
 def compare_models(
     campaign: Path, runs: tuple[str, ...], joint: bool, models: tuple[str, ...], max_steps: int, out: Path | None, seed: int, no_figures: bool,
@@ -71,9 +73,9 @@ def compare_models(
         write_report(place, models_report(loaded, comparison, seed=seed, figures=not no_figures), within=folder)
         for row in comparison.rows:
             conclude(f"{what}, {row.model.name}", row.analysis.diagnosis.status, ())
-        say(f"{what}: recommended: {comparison.recommended or 'none'}: {ground_words(comparison)}")
+        say(phrase("{what}: recommended: {name}: {why}", what=what, name=comparison.recommended or phrase("none"), why=ground_words(comparison)))
         for name, why in verdicts(comparison):
-            say(f"  not {name}: {why}")
+            say(phrase("  not {name}: {why}", name=name, why=why))
         report_at(place / "report.md", loaded.source.outside())
         recommended = recommended and bool(comparison.recommended)
     for store in stores:

@@ -13,9 +13,10 @@ import click
 from estim.cli.crate import CRATE, crate_of
 from estim.cli.formats import chosen, in_formats
 from estim.cli.origin_record import ORIGIN, SCHEMA, Origin
-from estim.common import as_json, code, inputs_read
+from estim.common import as_json, code, inputs_read, language
 
 _PACKAGES = ("estim", "numpy", "scipy", "lmfit", "emcee")
+_KEPT = {"formats": chosen, "lang": language}  # options that the command does not take itself
 _OF_THE_MOMENT = frozenset({"out", "resume", "jobs", "scheduler"})  # options that change no number
 
 
@@ -71,7 +72,7 @@ def _arguments(context: click.Context) -> list[str]:
     plain: list[str] = []
     for parameter in context.command.params:
         name = parameter.name or ""
-        value = chosen() if name == "formats" else context.params.get(name)
+        value = _KEPT[name]() if name in _KEPT else context.params.get(name)
         if isinstance(parameter, click.Argument):
             plain += [str(item) for item in (value if isinstance(value, tuple) else (value,)) if item is not None]
         elif isinstance(parameter, click.Option) and name not in _OF_THE_MOMENT and value != parameter.get_default(context):

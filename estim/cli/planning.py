@@ -8,8 +8,10 @@ from pathlib import Path
 import click
 
 from estim.cli.formats import FORMAT
+from estim.cli.language import LANG
 from estim.cli.options import NO_FIGURES, RUNS, SEED, out_folder
 from estim.cli.terminal import NOT_OK, conclude, groups_of, pieces, report_at, write_report
+from estim.common import phrase
 
 
 @click.command("plan")
@@ -23,6 +25,7 @@ from estim.cli.terminal import NOT_OK, conclude, groups_of, pieces, report_at, w
 @SEED
 @NO_FIGURES
 @FORMAT
+@LANG
 def plan_next(campaign: Path, runs: tuple[str, ...], wanted: tuple[str, ...], out: Path | None, seed: int, no_figures: bool) -> None:
     """What to measure next, to know the quantities of CAMPAIGN better.
 
@@ -36,12 +39,12 @@ def plan_next(campaign: Path, runs: tuple[str, ...], wanted: tuple[str, ...], ou
 
     loaded = load_campaign(campaign)
     (names,) = groups_of(loaded, runs, joint=True)
-    with pieces("plan", "option") as progress:
+    with pieces(phrase("plan"), phrase("option")) as progress:
         found = plan(loaded, names, wanted=wanted, seed=seed, progress=progress)
     folder = out or out_folder(campaign, "plan")
     write_report(folder, plan_report(found, figures=not no_figures))
     status, reasons = plan_status(found)
-    conclude("plan", status, [*plan_answers(found), *reasons])
+    conclude(phrase("plan"), status, [*plan_answers(found), *reasons])
     report_at(folder / "report.md", loaded.source.outside())
     if not status.ok:
         sys.exit(NOT_OK)

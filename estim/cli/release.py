@@ -6,6 +6,7 @@ from pathlib import Path
 
 from estim.cli.options import out_folder
 from estim.cli.terminal import conclude, progress_bar, report_at, write_report
+from estim.common import phrase
 
 
 def fit_line_and_trials(campaign: Path, out: Path | None, *, seed: int, figures: bool) -> bool:
@@ -23,11 +24,11 @@ def fit_line_and_trials(campaign: Path, out: Path | None, *, seed: int, figures:
     series = read_theta_min(source) if trials is None or source.line is not None else None
     line = released = None
     if series is not None:
-        with progress_bar("line") as progress:
+        with progress_bar(phrase("line")) as progress:
             line = analyse_line(series, gamma_masses=gamma_of_body(source, series.body), seed=seed, target=target, progress=progress)
     if trials is not None:
         resistance, gamma = resistance_of_body(source, trials.body), gamma_of_body(source, trials.body)
-        with progress_bar("trials") as progress:
+        with progress_bar(phrase("trials")) as progress:
             released = analyse_trials(trials, resistance, gamma_masses=gamma, seed=seed, target=target, progress=progress)
     files = {}
     if line is not None:
@@ -38,9 +39,9 @@ def fit_line_and_trials(campaign: Path, out: Path | None, *, seed: int, figures:
     write_report(folder, files)
     if line is not None:
         said = line_lines(loaded, line) if line.status.ok else line.reasons
-        conclude("line", line.status, [*said, *filter(None, (line.disagreement,))])
+        conclude(phrase("line"), line.status, [*said, *filter(None, (line.disagreement,))])
     if released is not None:
         told = trials_lines(loaded, released) if released.status.ok else released.reasons
-        conclude("trials", released.status, [*told, *released.disagreements])
+        conclude(phrase("trials"), released.status, [*told, *released.disagreements])
     report_at(folder / "report.md", source.outside(runs=False, line=True))
     return all(found.status.ok for found in (line, released) if found is not None)

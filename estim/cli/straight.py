@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 from estim.cli.terminal import conclude, report_at, write_report
-from estim.common import read_quantity
+from estim.common import phrase, read_quantity
 
 if TYPE_CHECKING:
     from estim.reading import Dialect
@@ -38,6 +38,6 @@ def say_straight_line(
     shared = Correlated(errors.cov, errors.cov_x, errors.cov_y, commons(errors.common_x, errors.common_y))
     line = straight_line(file, columns, predict=at, inverse=back, dialect=dialect, correlated=shared)
     write_report(folder, straight_line_report(line, figures=figures))
-    conclude("line", line.status, straight_line_lines(line) if line.status.ok else [line.fit.message], line.facts)
+    conclude(phrase("line"), line.status, straight_line_lines(line) if line.status.ok else [line.fit.message], line.facts)
     report_at(folder / "report.md", ())
     return line.status.ok

@@ -21,6 +21,7 @@ from estim.common import (
     NumericalError,
     names_in,
     one_line,
+    phrase,
     pictures_of,
     read_file,
     remove_files,
@@ -69,11 +70,11 @@ def _code(command: Callable[[], object]) -> int:
 
 
 @contextmanager
-def counted(what: str, total: int, unit: str = "campaign") -> Iterator[Callable[[int], None]]:
+def counted(what: str, total: int, unit: str = "") -> Iterator[Callable[[int], None]]:
     """A progress bar on stderr for a number of equal pieces of work, which are kept: Ctrl-C raises Interrupted, after which they are resumed."""
     from tqdm import tqdm
 
-    with tqdm(total=total, desc=one_line(what), unit=unit, leave=False, disable=None, dynamic_ncols=True) as bar:
+    with tqdm(total=total, desc=one_line(what), unit=unit or phrase("campaign"), leave=False, disable=None, dynamic_ncols=True) as bar:
 
         def show(done: int) -> None:
             bar.update(done - bar.n)
@@ -100,7 +101,7 @@ def pieces(what: str, unit: str) -> Iterator[Callable[[int, int], None]]:
 
 def conclude(what: str, status: str, reasons: Iterable[str], notes: Iterable[str] = ()) -> None:
     say(f"{what}: {status}")
-    for line in (*reasons, *(f"note: {text}" for text in notes)):
+    for line in (*reasons, *(phrase("note: {text}", text=text) for text in notes)):
         say(f"  {line}")
 
 
@@ -109,7 +110,7 @@ def announced(what: str) -> Iterator[Progress]:
     """A progress bar, and a line when it is done, for a command of several minutes."""
     with progress_bar(what) as progress:
         yield progress
-    say(f"sampled: {what}")
+    say(phrase("sampled: {what}", what=what))
 
 
 @contextmanager
@@ -117,7 +118,7 @@ def progress_bar(what: str) -> Iterator[Progress]:
     """A progress bar on stderr: the share of the draws needed, and what is being done or still lacks."""
     from tqdm import tqdm
 
-    words = "{desc} {bar:20} {n_fmt} % of the draws needed, {elapsed}{postfix}"
+    words = phrase("{desc} {bar:20} {n_fmt} % of the draws needed, {elapsed}{postfix}")
     with tqdm(total=100, desc=one_line(what), bar_format=words, leave=False, disable=None, dynamic_ncols=True) as bar:
 
         def show(percent: int, message: str) -> None:
@@ -156,8 +157,8 @@ def write_report(folder: Path, files: Mapping[str, bytes], *, within: Path | Non
 def report_at(path: Path, outside: Iterable[str]) -> None:
     """Where the report stands, and which of the files that were read lie outside the campaign's folder."""
     for said in outside:
-        say(f"note: {said}")
-    say(f"report: {path}")
+        say(phrase("note: {text}", text=said))
+    say(phrase("report: {path}", path=path))
 
 
 def note(line: str) -> None:
@@ -185,7 +186,9 @@ def stores_of(folder: Path, groups: Sequence[tuple[str, ...]], *, joint: bool, r
 
 def together(runs: Sequence[str]) -> str:
     """The runs of a fit as they are named on the screen."""
-    return ", ".join(runs) if len(runs) <= _MOST_NAMED else f"{runs[0]}, {runs[1]} ... {runs[-1]} ({len(runs)} runs)"
+    return ", ".join(runs) if len(runs) <= _MOST_NAMED else phrase(
+        "{first}, {second} ... {last} ({n} runs)", first=runs[0], second=runs[1], last=runs[-1], n=len(runs)
+    )
 
 
 def groups_of(campaign: Campaign, runs: Iterable[str], *, joint: bool) -> list[tuple[str, ...]]:

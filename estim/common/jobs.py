@@ -17,12 +17,14 @@ import threading
 import warnings
 from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
+from functools import partial
 from itertools import islice
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from estim.common.errors import NumericalError
 from estim.common.interruption import STOPPING
+from estim.common.phrases import language, spoken
 from estim.lean_imports import import_lean, is_lean
 
 if TYPE_CHECKING:
@@ -48,6 +50,7 @@ def spread(
     Raises NumericalError where a worker is killed, and another after the work was taken up again.
     """
     done: dict[K, T] = dict(known)
+    task = partial(_speaking, task, language())
     left = [n for n in numbers if n not in done]
     if executor is not None:
         results = _through(executor, task, left)
@@ -60,6 +63,12 @@ def spread(
         if progress is not None:
             progress(len(done))
     return [done[n] for n in numbers]
+
+
+def _speaking(task: Callable[[K], T], language: str, n: K) -> T:
+    """`task(n)` in a process that may have another language."""
+    with spoken(language):
+        return task(n)
 
 
 def _in_process(task: Callable[[K], T], numbers: Sequence[K]) -> Iterator[tuple[K, T]]:

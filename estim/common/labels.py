@@ -10,11 +10,12 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 from estim.common.escaping import LETTERS, Markdown, markdown
+from estim.common.phrases import later, phrase
 
 KINDS = {
-    "synthetic": Markdown("**SYNTHETIC data**: made by a program, not measured."),
-    "measured": Markdown("Measured data."),
-    "published": Markdown("Data taken from a publication."),
+    "synthetic": later("**SYNTHETIC data**: made by a program, not measured."),
+    "measured": later("Measured data."),
+    "published": later("Data taken from a publication."),
 }
 _SUBSCRIPT = re.compile(rf"(?<=[^_])_((?:[{LETTERS}]+_)*[{LETTERS}]+)$")
 
@@ -52,6 +53,11 @@ class Notation:
 def subscripted(symbol: str) -> str:
     """A symbol as a figure shows it: what follows an underscore is a subscript, where mathematics has the letters."""
     return _SUBSCRIPT.sub(lambda found: "$_{\\mathrm{" + found[1].replace("_", r"\_") + "}}$", symbol)
+
+
+def kind_words(kind: str) -> Markdown:
+    """What a report says of the kind of its data, one of `KINDS`."""
+    return Markdown(phrase(KINDS[kind]))
 
 
 def split_level(name: str) -> tuple[str, str]:

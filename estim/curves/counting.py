@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from estim.arrays import FloatArray
-from estim.common import InputError
+from estim.common import InputError, later
 from estim.curves.binned import BinnedCurve
 from estim.curves.columns import column
 from estim.curves.shared_errors import Component
@@ -73,9 +73,9 @@ class CountedPoints:
     def words(self) -> Wording:
         """How they are spoken of."""
         if self.total is not None:
-            return counted_words("cells of events", "a new count")
-        law = self.noise.law.word
-        return counted_words("bins" if self.bins is not None else law, f"a new {law[:-1]}")
+            return counted_words(later("cells of events"), later("a new count"))
+        law = self.noise.law
+        return counted_words(later("bins") if self.bins is not None else law.word, law.new)
 
     @property
     def density(self) -> bool | None:

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from estim.arrays import FloatArray
-from estim.common import Notation
+from estim.common import Notation, later, phrase
 from estim.curves.differences import with_gradient
 from estim.curves.rolling import FIRST_TURNING, SAG_TOLD, RollingMotion, body_of, derived_of, footing_of, from_release
 from estim.problem import Derived, Footing, LocalCurve
@@ -43,6 +43,10 @@ _FORCES = {  # argument -> field of Forces
 _READINGS = {"scale_x": "scale_x", "scale_t": "scale_t", "distortion": "bow"}  # argument -> field of Readings
 _STEP = 1e-4  # relative, of differences: motion under any force is good to 1e-10 or so
 _DEGREES = float(np.degrees(1.0))
+_SIZES = {"once": later("size of the moment once per turn / (M g R)"), "twice": later("size of the moment twice per turn / (M g R)")}
+_PHASES = {
+    "once": later("phase of the moment once per turn, largest at θ"), "twice": later("phase of the moment twice per turn, largest at 2 θ"),
+}
 
 
 @dataclass(frozen=True)
@@ -247,12 +251,12 @@ class DisturbedMotion(RollingMotion):
         if known.forces is not None:
             found |= _of_forces(known, arguments, found.get("resisting_moment"))
         if "release_energy" in arguments:
-            found["speed_at_release"] = _derived("m/s", known.speed, "speed at release, from the energy there", Notation("v_0"))
+            found["speed_at_release"] = _derived("m/s", known.speed, phrase("speed at release, from the energy there"), Notation("v_0"))
         elif "release_speed" in arguments:
-            found["energy_at_release"] = _derived("1", known.energy, "kinetic energy at release / (M g R)", Notation("E_0"))
+            found["energy_at_release"] = _derived("1", known.energy, phrase("kinetic energy at release / (M g R)"), Notation("E_0"))
         if self.in_time:
             unit = "rad" if self.angular else "m"
-            found["turning_point"] = _derived(unit, self._stop(arguments), FIRST_TURNING, self.end_notation)
+            found["turning_point"] = _derived(unit, self._stop(arguments), phrase(FIRST_TURNING), self.end_notation)
         return found
 
     def _stop(self, arguments: Mapping[str, ArrayLike]) -> FloatArray:
@@ -277,16 +281,15 @@ def _of_forces(known: _Disturbed, arguments: Mapping[str, ArrayLike], rolling: D
     forces = known.forces or Forces()
     if "moment" in arguments:
         slope = phase.effective_slope(known.motion["phi"], known.motion["rolling_resistance"]) + np.asarray(forces.moment)
-        found["slope"] = _derived("1", slope, "effective slope sin φ + c_rr cos φ + Q/(M g R)", Notation("s"))
+        found["slope"] = _derived("1", slope, phrase("effective slope sin φ + c_rr cos φ + Q/(M g R)"), Notation("s"))
         if rolling is not None:
             whole = rolling.values + np.asarray(arguments["moment"])
-            found["resisting_moment"] = _derived("N m", whole, "moment of all resistance, c_rr M g R cos φ + Q", Notation("Q_all"))
+            found["resisting_moment"] = _derived("N m", whole, phrase("moment of all resistance, c_rr M g R cos φ + Q"), Notation("Q_all"))
     for k, (_, cosine, sine) in zip(("once", "twice"), forces.turning, strict=True):
         if f"moment_{k}_cos" in arguments or f"moment_{k}_sin" in arguments:
             size, angle = turn_amplitude(cosine, sine)
-            where = "largest at θ" if k == "once" else "largest at 2 θ"
-            found[f"moment_{k}"] = _derived("1", size, f"size of the moment {k} per turn / (M g R)", Notation(f"a_{k}"))
-            found[f"moment_{k}_phase"] = _derived("rad", angle, f"phase of the moment {k} per turn, {where}", Notation(f"p_{k}", "°", _DEGREES))
+            found[f"moment_{k}"] = _derived("1", size, phrase(_SIZES[k]), Notation(f"a_{k}"))
+            found[f"moment_{k}_phase"] = _derived("rad", angle, phrase(_PHASES[k]), Notation(f"p_{k}", "°", _DEGREES))
     return found
 
 

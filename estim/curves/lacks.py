@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from estim.common import InputError
+from estim.common import InputError, phrase
 from estim.problem import MAX_LACKING, Lacks
 
 
@@ -33,4 +33,4 @@ def ask_lacks(deviation: float, correlated: ArrayLike | bool, order: NDArray[np.
         raise InputError("must be finite", field="correlated", value=float(times[~np.isfinite(times)][0]))
     if times.size != order.size or not float(np.ptp(times)) > 0.0:
         raise InputError(f"must be True, or {order.size} times that are not all the same", field="correlated", value=times.size)
-    return Lacks(float(deviation), times[order], "in the unit of 'correlated'", stated)
+    return Lacks(float(deviation), times[order], phrase("in the unit of 'correlated'"), stated)

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from estim.arrays import FloatArray
-from estim.common import InputError, Notation, read_quantity
+from estim.common import InputError, Notation, phrase, read_quantity
 from estim.curves.columns import column, errors_of
 from estim.curves.counting import CountedPoints, Counting, ask_counts, refuse_errors
 from estim.curves.formula import Formula, check_names, read_formula
@@ -91,7 +91,7 @@ class CurveProblem:
     def with_unknown_sigma(self, typical: float) -> Problem:
         """The problem in which the common standard deviation of y is one more parameter, known to be about `typical` to a factor 20."""
         unit = self.axes.y_unit
-        unknown = Parameter(SIGMA, unit, LogNormal(typical, SIGMA_SPREAD), "standard deviation of one y", SIGMA_NOTATION)
+        unknown = Parameter(SIGMA, unit, LogNormal(typical, SIGMA_SPREAD), phrase("standard deviation of one y"), SIGMA_NOTATION)
         return self._problem(Scale(parameter=SIGMA), (unknown,))
 
     def residuals(self, values: FloatArray) -> FloatArray:
@@ -107,7 +107,7 @@ class CurveProblem:
         run = Observations(
             name="data", x=self.x, y=self.y, t=None, curve=self.curve, arguments=MappingProxyType(arguments), noise=noise, x_name=self.axes.x_name,
             x_unit=self.axes.x_unit, y_name=self.axes.y_name, y_unit=self.axes.y_unit, excluded=(), excluded_points=np.zeros((0, 2)),
-            motion=None, words=plain_words(self.axes.y_name) if self.counted is None else self.counted.words, sought=self.sought,
+            motion=None, words=plain_words() if self.counted is None else self.counted.words, sought=self.sought,
         )
         return Problem((*self.parameters, *further), (run,))
 
@@ -307,7 +307,7 @@ def _parameters(
         if name in bounds:
             raise InputError(f"must not be given beside a prior for '{name}': cut the prior instead", field="bounds")
     return tuple(
-        Parameter(name, units.get(name, "1"), _prior(name, start[name], bounds.get(name), priors.get(name)), "parameter of the curve")
+        Parameter(name, units.get(name, "1"), _prior(name, start[name], bounds.get(name), priors.get(name)), phrase("parameter of the curve"))
         for name in names
     )
 

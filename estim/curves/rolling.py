@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from estim.arrays import FloatArray
-from estim.common import Notation
+from estim.common import Notation, later, phrase
 from estim.curves.differences import with_gradient
 from estim.problem import CommonError, Derived, Footing, LocalCurve, Prior, Wording
 from model import Body, ContactForces, Forces, back_and_forth, contact_forces, energy, needed_friction, phase, positions_at, sagging
@@ -25,7 +25,7 @@ _TAKEN_AS_EXACT = {  # argument -> an error of it: of angles in rad, else as a s
     "radius": 0.01, "g": 1e-3, "gamma": 0.01, "kappa": 0.01, "phi": float(np.radians(0.1)), "theta0": float(np.radians(1.0)),
 }
 SAG_TOLD = 1e-3  # m, of a sag
-FIRST_TURNING = "first turning point, from the release, on the scale of the positions"
+FIRST_TURNING = later("first turning point, from the release, on the scale of the positions")
 _N_FOOTING = 96  # places along the way
 _MOTION = ("phi", "theta0", "rolling_resistance", "g")
 
@@ -46,12 +46,12 @@ def derived_of(body: Body, motion: Mapping[str, Any], mass: float | None) -> dic
     """What follows from a body and how it moves whatever was measured; `mass` in kg, or None."""
     phi, resistance = np.asarray(motion["phi"]), np.asarray(motion["rolling_resistance"])
     derived = {
-        "inertia_ratio": Derived("1", np.atleast_2d(body.inertia_ratio), "inertia of all that rotates / (M R²)", Notation("j")),
-        "slope": Derived("1", np.atleast_2d(phase.effective_slope(phi, resistance)), "effective slope sin φ + c_rr cos φ", Notation("s")),
+        "inertia_ratio": Derived("1", np.atleast_2d(body.inertia_ratio), phrase("inertia of all that rotates / (M R²)"), Notation("j")),
+        "slope": Derived("1", np.atleast_2d(phase.effective_slope(phi, resistance)), phrase("effective slope sin φ + c_rr cos φ"), Notation("s")),
     }
     if mass is not None:
         moment = resistance * mass * np.asarray(motion["g"]) * body.radius * np.cos(phi)
-        meaning = "moment of the rolling resistance, c_rr M g R cos φ"
+        meaning = phrase("moment of the rolling resistance, c_rr M g R cos φ")
         derived["resisting_moment"] = Derived("N m", np.atleast_2d(moment), meaning, Notation("Q_rr"))
     return derived
 
@@ -189,7 +189,7 @@ class RollingMotion:
         found = derived_of(*body_of(arguments), self.mass)
         if self.in_time:
             unit = "rad" if self.angular else "m"
-            found["turning_point"] = Derived(unit, np.atleast_2d(self._stop(arguments)), FIRST_TURNING, self.end_notation)
+            found["turning_point"] = Derived(unit, np.atleast_2d(self._stop(arguments)), phrase(FIRST_TURNING), self.end_notation)
         return found
 
     def errors_in_common(
@@ -244,5 +244,5 @@ class RollingMotion:
 
     def words(self) -> Wording:
         """How the measured numbers are called."""
-        what = (("positions", "angles") if self.in_time else ("speeds", "angular rates"))[self.angular]
-        return Wording(what, "angle" if self.angular else "position", "a new point", "frames", True)
+        what = ((later("positions"), later("angles")) if self.in_time else (later("speeds"), later("angular rates")))[self.angular]
+        return Wording(what, later("angle") if self.angular else later("position"), later("a new point"), later("frames"), True)

@@ -18,15 +18,15 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from estim.arrays import FloatArray
-from estim.common import InputError
+from estim.common import InputError, later, phrase
 from estim.problem import EXACT, Curve, LocalCurve, Normal, Parameter
 
 KINDS = ("zero_y", "scale_y", "zero_x", "scale_x")
 _MEANINGS = {
-    "zero_y": "common zero error of y",
-    "scale_y": "common relative error of y",
-    "zero_x": "common zero error of x",
-    "scale_x": "common relative error of x",
+    "zero_y": later("common zero error of y"),
+    "scale_y": later("common relative error of y"),
+    "zero_x": later("common zero error of x"),
+    "scale_x": later("common relative error of x"),
 }
 
 
@@ -53,7 +53,7 @@ class Component:
     def parameter(self, *, x_unit: str, y_unit: str) -> Parameter:
         """The nuisance parameter of this error."""
         unit = "1" if self.kind.startswith("scale") else y_unit if self.kind.endswith("y") else x_unit
-        return Parameter(self.parameter_name, unit, Normal(0.0, float(self.u)), _MEANINGS[self.kind])
+        return Parameter(self.parameter_name, unit, Normal(0.0, float(self.u)), phrase(_MEANINGS[self.kind]))
 
 
 @dataclass(frozen=True, eq=False)

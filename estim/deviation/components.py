@@ -10,6 +10,7 @@ what matters and evaluates draws.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -84,9 +85,19 @@ class Deviation:
     def n_obs(self) -> int:
         return self.whitener.shape[0]
 
+    @cached_property
+    def _apart(self) -> tuple[slice, ...]:
+        """Stretches of the observations that a whitener (n_obs, n_obs) does not mix: the runs, where several are stacked."""
+        place, mixed = np.arange(self.n_obs), self.whitener != 0.0
+        last = self.n_obs - 1 - np.argmax((mixed | mixed.T)[:, ::-1], axis=1)
+        ends = np.flatnonzero(np.maximum.accumulate(np.maximum(last, place)) == place) + 1
+        return tuple(slice(start, end) for start, end in zip([0, *ends[:-1].tolist()], ends.tolist(), strict=True))
+
     def whiten(self, rows: FloatArray) -> FloatArray:
         """Rows (..., n_obs) of observations in units of the stated noise, without its correlation."""
-        return rows * self.whitener if self.whitener.ndim == 1 else rows @ self.whitener
+        if self.whitener.ndim == 1:
+            return rows * self.whitener
+        return np.concatenate([rows[..., part] @ self.whitener[part, part] for part in self._apart], axis=-1)
 
     def turned_back(self, rows: FloatArray) -> FloatArray:
         """Rows (..., n_obs) times W^-1: what is a slope in whitened observations as a slope in the observations."""

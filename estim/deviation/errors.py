@@ -67,7 +67,7 @@ class MixtureErrors:
         slopes = -stretch * (self.whitener @ gradient)
         if not lost > 0.0:
             return np.asarray(slopes)
-        turning = self.mixture.precision(raw[0]) @ raw[0] / lost - self.whitener.T @ z[0] / (z[0] @ z[0])
+        turning = self.mixture.pull(raw[0]) / lost - self.whitener.T @ z[0] / (z[0] @ z[0])
         return np.asarray(slopes - stretch * np.outer(z[0], turning @ gradient))
 
     def scoring(self, named: Named, names: Sequence[str]) -> tuple[FloatArray, FloatArray]:

@@ -15,7 +15,7 @@ import numpy as np
 from scipy.linalg import block_diag
 
 from estim.arrays import FloatArray
-from estim.common import InputError
+from estim.common import InputError, phrase
 from estim.deviation.components import Deviation, diagonalise
 from estim.deviation.course import Along, Course
 from estim.deviation.errors import MixtureErrors
@@ -62,7 +62,10 @@ class Sharing(Stated):
 
     def describe(self, *, x_unit: str, y_unit: str, words: Wording) -> str:
         stated = self.base.describe(x_unit=x_unit, y_unit=y_unit, words=words)
-        return f"{stated}; beside it an unmodelled force along the track, shared with {', '.join(self.others)}, one of its own and a free start"
+        return phrase(
+            "{stated}; beside it an unmodelled force along the track, shared with {others}, one of its own and a free start",
+            stated=stated, others=", ".join(self.others),
+        )
 
 
 @dataclass(frozen=True, eq=False)

@@ -14,6 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from estim.arrays import FloatArray
+from estim.common import phrase
 from estim.deviation.components import Deviation, diagonalise
 from estim.deviation.generic import (
     DEVIATION,
@@ -45,10 +46,10 @@ class WithDeviation(WithMixture):
     def describe(self, *, x_unit: str, y_unit: str, words: Wording) -> str:
         stated = self.base.describe(x_unit=x_unit, y_unit=y_unit, words=words)
         if not self.lacks.stated:
-            stated = f"errors of {words.what}, their size summed over"
-        beside = ["a smooth deviation from the curve"] if self.lacks.deviation else []
-        beside += ["errors that follow each other"] if self.lacks.along is not None else []
-        return f"{stated}; beside it {' or '.join(beside)}"
+            stated = phrase("errors of {what}, their size summed over", what=phrase(words.what))
+        beside = [phrase("a smooth deviation from the curve")] if self.lacks.deviation else []
+        beside += [phrase("errors that follow each other")] if self.lacks.along is not None else []
+        return phrase("{stated}; beside it {what}", stated=stated, what=phrase(" or ").join(beside))
 
 
 @dataclass(frozen=True, eq=False)

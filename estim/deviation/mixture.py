@@ -79,16 +79,18 @@ class Mixture:
         """(n_draw, n_component) logarithm of each w_k N(r | 0, C_k + H H^T)."""
         z = self.deviation.whiten(np.atleast_2d(residuals))
         square, along = np.einsum("ij,ij->i", z, z), z @ self.columns
+        basis, terms = self.together
+        seen = z @ basis
         if relative is None and z.shape[0] <= _FEW:
-            basis, terms = self.together
-            return terms.log_density(square, z @ basis, along) - self.deviation.log_volume - 0.5 * z.shape[1] * np.log(2.0 * np.pi)
-        parts = []
-        for family, terms in zip(self.deviation.families, self.terms, strict=True):
-            seen = z @ family.basis
+            return terms.log_density(square, seen, along) - self.deviation.log_volume - 0.5 * z.shape[1] * np.log(2.0 * np.pi)
+        parts, start = [], 0
+        for family, own_terms in zip(self.deviation.families, self.terms, strict=True):
+            own = seen[:, start : start + family.spectrum.size]
+            start += family.spectrum.size
             if relative is None:
-                parts.append(terms.log_density(square, seen, along))
+                parts.append(own_terms.log_density(square, own, along))
             else:
-                parts.append(_rescaled(family, self.columns, square, seen, along, np.asarray(relative, dtype=float)))
+                parts.append(_rescaled(family, self.columns, square, own, along, np.asarray(relative, dtype=float)))
         logs = np.hstack(parts)
         logs -= self.deviation.log_volume
         logs -= 0.5 * z.shape[1] * np.log(2.0 * np.pi)
@@ -122,6 +124,30 @@ class Mixture:
                 turned = np.linalg.solve(information, (own[:, None, None] * pushed).transpose(0, 2, 1))  # (k, i, m)
                 inverse -= np.tensordot(pushed, turned, axes=([0, 2], [0, 1]))
         return self.deviation.turned_back(self.deviation.turned_back(inverse).T)
+
+    def pull(self, residuals: FloatArray) -> FloatArray:
+        """(n_obs,) Q r of the same Q at residuals (n_obs,), which is not made for it."""
+        share, start = self.shares(residuals), 0
+        z = self.deviation.whiten(residuals)
+        along, whole, pull = z @ self.columns, self.columns.T @ self.columns, np.zeros(residuals.size)
+        for family in self.deviation.families:
+            own = share[start : start + family.amplitude.size]
+            start += own.size
+            felt = own > _FELT
+            if not felt.any():
+                continue
+            own = own[felt]
+            white = 1.0 / np.square(family.scale[felt])
+            gain = 1.0 / family.variances()[felt] - white[:, None]
+            seen, lying = z @ family.basis, family.basis.T @ self.columns
+            shifts = np.zeros((own.size, self.columns.shape[1]))
+            if self.columns.shape[1]:
+                information = np.eye(self.columns.shape[1]) + white[:, None, None] * whole + np.einsum("mi,km,mj->kij", lying, gain, lying)
+                explained = white[:, None] * along + (gain * seen) @ lying
+                shifts = np.linalg.solve(information, explained[..., None])[..., 0]
+            left = own[:, None] * gain * (seen - shifts @ lying.T)
+            pull += (own @ white) * z + family.basis @ np.sum(left, axis=0) - self.columns @ ((own * white) @ shifts)
+        return self.deviation.turned_back(pull)
 
     def covariance(self, residuals: FloatArray) -> FloatArray:
         """(n_obs, n_obs) of the errors at residuals (n_obs,): sum of the C_k by their `shares`, and H H^T."""

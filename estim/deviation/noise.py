@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from estim.arrays import FloatArray
+from estim.common import phrase
 from estim.deviation.course import Course
 from estim.deviation.errors import MixtureErrors
 from estim.deviation.jumps import BadFrames
@@ -127,7 +128,7 @@ class WithForce(WithMixture):
 
     def describe(self, *, x_unit: str, y_unit: str, words: Wording) -> str:
         stated = self.base.describe(x_unit=x_unit, y_unit=y_unit, words=words)
-        return f"{stated}; beside it an unmodelled force along the track and a free start"
+        return phrase("{stated}; beside it an unmodelled force along the track and a free start", stated=stated)
 
 
 @dataclass(frozen=True, eq=False)

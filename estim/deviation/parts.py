@@ -12,6 +12,7 @@ from __future__ import annotations
 import numpy as np
 
 from estim.arrays import FloatArray
+from estim.common import later
 from estim.deviation.errors import MixtureErrors
 from estim.deviation.usual_errors import USUAL as USUAL
 from estim.deviation.usual_errors import WithUsualErrors as WithUsualErrors
@@ -19,7 +20,7 @@ from estim.deviation.usual_errors import read_off as read_off
 from estim.deviation.usual_errors import usual_errors_of
 from estim.problem import Group, Likelihood, Named, Posterior
 
-FORCE, DEVIATION, START, FRAMES = "unmodelled force", "what the curve lacks", "start", "bad frames"
+FORCE, DEVIATION, START, FRAMES = later("unmodelled force"), later("what the curve lacks"), later("start"), later("bad frames")
 
 
 def parts_of_errors(posterior: Posterior, values: FloatArray, along: FloatArray) -> dict[str, FloatArray]:

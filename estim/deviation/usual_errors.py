@@ -17,6 +17,7 @@ from functools import partial
 import numpy as np
 
 from estim.arrays import FloatArray
+from estim.common import later, phrase
 from estim.deviation.noise import Stated
 from estim.problem import CorrelatedErrors, Likelihood, Motion, Named, Noise, Points, Posterior, Scale, Size, Wording
 
@@ -55,11 +56,11 @@ class WithUsualErrors(Stated):
 
     def describe(self, *, x_unit: str, y_unit: str, words: Wording) -> str:
         stated = self.base.describe(x_unit=x_unit, y_unit=y_unit, words=words)
-        sizes = " and ".join(f"{100.0 * sd:.2g} % of the {_WORDS[name]}" for name, sd in self.sds.items())
-        return f"{stated}; beside it {sizes} in common to all (the default where nothing is said)"
+        sizes = phrase(" and ").join(phrase(_WORDS[name], size=100.0 * sd) for name, sd in self.sds.items())
+        return phrase("{stated}; beside it {sizes} in common to all (the default where nothing is said)", stated=stated, sizes=sizes)
 
 
-_WORDS = {"length": "length scale", "clock": "clock"}
+_WORDS = {"length": later("{size:.2g} % of the length scale"), "clock": later("{size:.2g} % of the clock")}
 
 
 @dataclass(frozen=True)

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from estim.arrays import FloatArray
-from estim.common import Notation
+from estim.common import Notation, phrase
 from estim.explanation.candidates import Cause
 from estim.fitting import Fit
 from estim.problem import Curve, Flat, LocalCurve, Parameter, Problem, SpeedCurve
@@ -84,11 +84,13 @@ def _cause(problem: Problem, index: int, frame: int, pattern: FloatArray, n_fram
     name = f"reading_{frame + 1}[{run.name}]"
     of_positions = run.noise.made_of_positions or run.positions
     unit = run.y_unit if run.positions or not of_positions else run.x_unit
-    unknown = Parameter(name, unit, Flat(-math.inf, math.inf, 0.0), "error of one reading", Notation(f"e_{frame + 1}"))
+    unknown = Parameter(name, unit, Flat(-math.inf, math.inf, 0.0), phrase("error of one reading"), Notation(f"e_{frame + 1}"))
     displaced = replace(run, curve=Displaced(run.curve, run.x, pattern), arguments={**run.arguments, _ARGUMENT: name})
     runs = (*problem.runs[:index], displaced, *problem.runs[index + 1 :])
-    which = f"number {frame + 1} of the {'rows' if run.noise.made_of_positions else 'points that are fit'}"
-    words = f"one bad reading, {which}" + (f" of run {run.name}" if len(problem.runs) > 1 else "")
-    remark = "look at that frame, and put # before its line if it is bad"
+    words = phrase("one bad reading, number {n} of the points that are fit", n=frame + 1)
+    if run.noise.made_of_positions:
+        words = phrase("one bad reading, number {n} of the rows", n=frame + 1)
+    words += phrase(" of run {run}", run=run.name) if len(problem.runs) > 1 else ""
+    remark = phrase("look at that frame, and put # before its line if it is bad")
     with_error = Problem((*problem.parameters, unknown), runs)
     return Cause(f"bad_frame[{run.name}]", words, with_error, (name,), (), remark, searched=2.0 * math.log(n_frame))

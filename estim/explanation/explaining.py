@@ -19,7 +19,7 @@ import numpy as np
 
 from estim.arrays import FloatArray
 from estim.checks import P_POOR_FIT, check_goodness
-from estim.common import Label, NumericalError
+from estim.common import Label, NumericalError, later, phrase
 from estim.deviation import AutoCorrelated
 from estim.explanation.bad_frames import frame_causes
 from estim.explanation.candidates import Cause, Scanned, Suspects
@@ -29,7 +29,7 @@ from estim.problem import Problem
 FOUND = 10.0  # gain
 TIED = 10.0  # difference of gains
 _CORRELATIONS = (0.3, 0.5, 0.7, 0.85, 0.95)
-_UMBRELLA = "a smooth disturbance without a key of its own (an uneven track, readings whose errors follow each other)"
+_UMBRELLA = later("a smooth disturbance without a key of its own (an uneven track, readings whose errors follow each other)")
 _MOST_TESTED = 8  # candidates whose residuals are tested
 _SIZE = "chi2"  # the one test that is not of order
 _START, _NEAR = 0.1, 1e-2  # standard deviations of the prior of what cannot be negative: where a search starts, and where its direction is asked
@@ -147,7 +147,7 @@ def _alike(suspects: Suspects) -> Iterable[Cause]:
     for correlation in _CORRELATIONS:
         runs = tuple(replace(run, noise=AutoCorrelated(run.noise, correlation)) for run in plain.runs)
         yield Cause(
-            "correlated_errors", _UMBRELLA, Problem(plain.parameters, runs), (),
+            "correlated_errors", phrase(_UMBRELLA), Problem(plain.parameters, runs), (),
             (), suspects.room, scanned=Scanned("correlation", correlation),
         )
 

@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from estim.arrays import FloatArray
-from estim.common import Label, Notation, p_digits
+from estim.common import Label, Notation, p_digits, phrase
 from estim.deviation import MixtureErrors, replicas
 from estim.problem import Likelihood, Named, Observations, Points, Posterior, StackedPoints
 
@@ -116,7 +116,7 @@ def _of_run(run: Observations, points: Points, again: FloatArray, arguments: Map
         slope, mean = _sliding(x, over)
         statistics = _of_motion(run, mean @ measured, slope @ measured, again @ mean.T, again @ slope.T, arguments, run.y_unit)
         position = Notation("x").label(run.y_unit)
-        return (_compared(run, "farthest", "farthest reading", position, measured[None, :], again, lambda y: np.max(y, axis=1)), *statistics)
+        return (_compared(run, "farthest", phrase("farthest reading"), position, measured[None, :], again, lambda y: np.max(y, axis=1)), *statistics)
     order = np.argsort(points.x, kind="stable")
     return _of_motion(
         run, points.x[order], points.y[order], np.broadcast_to(points.x[order], again.shape), again[:, order], arguments, run.x_unit
@@ -129,18 +129,19 @@ def _of_motion(
     """Of a motion x, v (n,) and those again (n_set, n), in the order of the motion."""
     here, speed = Notation("x").label(unit), Notation("v").label(f"{unit}/s")
     first, last = _ends(x.size)
-    found = [_compared(run, "largest_speed", "largest speed", speed, v[None, :], vs, lambda y: np.max(np.abs(y), axis=1))]
+    found = [_compared(run, "largest_speed", phrase("largest speed"), speed, v[None, :], vs, lambda y: np.max(np.abs(y), axis=1))]
     top = int(np.argmax(np.abs(v)))
     if first.stop <= top < x.size - (last.stop - last.start):
         observed, again = x[[top]], np.take_along_axis(xs, np.argmax(np.abs(vs), axis=1)[:, None], axis=1)[:, 0]
-        found.append(_predicted(run, "its_place", "place of the largest speed", here, observed, again))
+        found.append(_predicted(run, "its_place", phrase("place of the largest speed"), here, observed, again))
         if not run.positions and np.mean(v[last]) < _SLOWED * v[top]:
             end = x[last]
-            found.append(_compared(run, "turning_point", "turning point", here, v[None, last], vs[:, last], lambda y: _zero_of(end, y)))
+            found.append(_compared(run, "turning_point", phrase("turning point"), here, v[None, last], vs[:, last], lambda y: _zero_of(end, y)))
     scale = np.max(_energy(run, x, v, arguments)[0], axis=1, keepdims=True)
     lost = [_change(run, *pair, arguments, first, last) / scale[:, 0] for pair in ((x, v), (xs, vs))]
     percent = Notation("ΔE/T", "%", 100.0).label("1")
-    return (*found, _predicted(run, "energy", "energy at the end less at the start, of the largest kinetic energy", percent, lost[0], lost[1]))
+    words = phrase("energy at the end less at the start, of the largest kinetic energy")
+    return (*found, _predicted(run, "energy", words, percent, lost[0], lost[1]))
 
 
 def _ends(n: int) -> tuple[slice, slice]:

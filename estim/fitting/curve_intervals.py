@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from estim.arrays import FloatArray
-from estim.common import Amount, Finding, Kind, format_quantity, format_rounded
+from estim.common import Amount, Finding, Kind, format_quantity, format_rounded, phrase
 from estim.distributions import student_quantile, student_tail
 from estim.fitting.edges import edge_of
 from estim.fitting.least_squares import Fit
@@ -128,21 +128,22 @@ def shown_value(value: float, sd: float, ends: Ends, edges: tuple[float, float],
     low, high = ends[PROBABILITIES[-1]]
     behind = f" {unit}" if unit else ""
     if math.isnan(low) or math.isnan(high):
-        return "=", f"{format_quantity(value)}{behind} (no uncertainty)"
+        return "=", f"{format_quantity(value)}{behind} ({phrase('no uncertainty')})"
     closed = [low != edges[0] and math.isfinite(low), high != edges[1] and math.isfinite(high)]
     if not any(closed):
-        return "", f"anywhere in [{low:.6g}, {high:.6g}]{behind}"
-    level = "95 %" if ok else "95 %, if the curve and the errors were right"
+        return "", phrase("anywhere in {range}", range=f"[{low:.6g}, {high:.6g}]{behind}")
+    level = "95 %" if ok else phrase("95 %, if the curve and the errors were right")
     size = sd if math.isfinite(sd) else 0.25 * (high - low) if all(closed) else 0.25 * abs((high if closed[1] else low) - value)
     if not all(closed):
         return "", f"< {format_rounded(high, size)}{behind} ({level})" if closed[1] else f"> {format_rounded(low, size)}{behind} ({level})"
-    intervals = ", ".join(f"{p:.0%} in [{format_rounded(a, size)}, {format_rounded(b, size)}]".replace("%", " %") for p, (a, b) in ends.items())
+    spans = {p: f"[{format_rounded(a, size)}, {format_rounded(b, size)}]" for p, (a, b) in ends.items()}
+    intervals = ", ".join(phrase("{p:.0f} % in {interval}", p=100.0 * p, interval=span) for p, span in spans.items())
     if not ok:
-        return "", f"in [{format_rounded(low, size)}, {format_rounded(high, size)}]{behind} ({level})"
+        return "", phrase("in {interval} ({level})", interval=f"[{format_rounded(low, size)}, {format_rounded(high, size)}]{behind}", level=level)
     if not math.isfinite(sd):
         return "=", f"{format_rounded(value, size)}{behind}, {intervals}"
     if few:
-        return "=", f"{format_rounded(value, sd)}{behind} (standard error {format_rounded(sd, sd)}), {intervals}"
+        return "=", f"{format_rounded(value, sd)}{behind} ({phrase('standard error')} {format_rounded(sd, sd)}), {intervals}"
     return "=", f"{format_quantity(value, sd)}{behind}, {intervals}"
 
 

@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from estim.arrays import FloatArray
-from estim.common import Finding, InputError, NumericalError
+from estim.common import Finding, InputError, NumericalError, phrase
 from estim.deviation import FoundDeviation, FoundForce
 from estim.distributions import chi2_tail
 from estim.fitting.arrow import descend_by_runs, inverse_by_runs, many
@@ -276,7 +276,14 @@ def _inside(value: float, low: float, high: float) -> float:
 
 def led_here(n_same: int, n_start: int) -> str:
     """How many starts ended at the optimum, in words."""
-    return f"{n_same} of {n_start} starts led to this optimum" + ("" if n_same else ", a scan of the parameters did")
+    if n_same:
+        return phrase("{n} of {of} starts led to this optimum", n=n_same, of=n_start)
+    return phrase("0 of {of} starts led to this optimum, a scan of the parameters did", of=n_start)
+
+
+def settled(led: str) -> str:
+    """What a fit says that settled, with the words of `led_here`."""
+    return phrase("settled; {led}", led=led)
 
 
 def far_apart(values: FloatArray, ends: list[FloatArray], scale: FloatArray) -> FloatArray:
@@ -313,11 +320,11 @@ def _describe(
     unlike = any(run.noise.robust or run.noise.counted is not None for run in problem.runs)
     place = np.where(curvature > 0.0, curvature, np.inf)
     n_same = len(same) if singular else sum(bool(np.max(np.abs(end - values) / place) < _SAME_PLACE) for end in same)
-    message = f"settled; {led_here(n_same, n_start)}"
+    message = settled(led_here(n_same, n_start))
     if moved >= _SETTLED:
-        message = f"did not settle: its last round still moved a parameter by {moved:.2g} standard deviations"
+        message = phrase("did not settle: its last round still moved a parameter by {sds:.2g} standard deviations", sds=moved)
     elif singular:
-        message = "settled, but a combination of parameters is not determined at all: no standard deviations"
+        message = phrase("settled, but a combination of parameters is not determined at all: no standard deviations")
     return Fit(
         names=problem.names, values=values, cov=cov, sds=sds, at_bound=tuple(at_bound), posterior=posterior, chi2=chi2, dof=dof,
         p_value=chi2_p(chi2, dof) if dof > 0 and all(run.stated for run in problem.runs) and not unlike else math.nan,

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from estim.arrays import FloatArray
 from estim.common import Finding, InputError
 from estim.fitting.descent import all_finite, descend, inverse_information, near_bound, stepped
-from estim.fitting.least_squares import WITHIN_REACH, Fit, far_apart, fit_least_squares, led_here
+from estim.fitting.least_squares import WITHIN_REACH, Fit, far_apart, fit_least_squares, led_here, settled
 from estim.fitting.screen import chi2_at, further_optima, solved_at
 from estim.fitting.separable import RESOLVED, SeparableSearch, rounding, set_apart
 from estim.fitting.solutions import MOST_OTHERS, PLACE, SAME, End, chi2_limit, choose, distance, distinct_ends, is_at, is_close, spread_at
@@ -163,7 +163,7 @@ def fit_optimum(problem: Problem, *, rng: np.random.Generator) -> Fit:
     if not problem.noise_names and not np.any(best.at_bound):
         sds = np.where(np.isfinite(fit.sds), np.sqrt(np.diag(best.cov)), np.nan)
         fit = replace(fit, values=best.values, cov=best.cov, sds=sds, singular=best.frail)
-    words = fit.message if fit.singular or not fit.success else f"settled; {led_here(best.n_same, best.n_start)}"
+    words = fit.message if fit.singular or not fit.success else settled(led_here(best.n_same, best.n_start))
     return replace(fit, n_start=best.n_start, n_same=best.n_same, message=words)
 
 
@@ -197,7 +197,7 @@ def scanned_fit(fit: Fit, *, rng: np.random.Generator) -> Fit:
     better = [one for one in refitted if one.success and float(fit.posterior.log_density(np.vstack([one.values, fit.values])) @ [1.0, -1.0]) > 0.5]
     if better:
         best = max(better, key=lambda one: float(fit.posterior.log_density(one.values[None, :])[0]))
-        fit = replace(best, n_start=fit.n_start, n_same=0, message=f"settled; {led_here(0, fit.n_start)}")
+        fit = replace(best, n_start=fit.n_start, n_same=0, message=settled(led_here(0, fit.n_start)))
     ranked = [values for values, height in sorted(ends, key=lambda end: -end[1]) if height > highest - WITHIN_REACH]
     scale = np.where(np.diag(fit.cov) > 0.0, np.sqrt(np.diag(fit.cov)), np.inf)
     return replace(fit, others=far_apart(fit.values, ranked, scale))

@@ -19,7 +19,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from estim.arrays import FloatArray
-from estim.common import InputError, percentage
+from estim.common import InputError, later, percentage, phrase
 from estim.distributions import chi2_quantile, student_quantile
 from estim.fitting.least_squares import Fit
 from estim.fitting.profile_descents import Point, Start, minima, together
@@ -181,11 +181,23 @@ def _interval(fit: Fit, search: ProfileSearch, i: int, sides: Sequence[_Side], r
 def _nowhere(parameter: Parameter, value: float, rises: dict[float, float]) -> ProfileInterval:
     """The record where there is no minimum to start from."""
     everywhere, opened = dict.fromkeys(rises, value), dict.fromkeys(rises, True)
-    sentence = f"{parameter.label.symbol}: no interval, the posterior density is zero or not a number at the fit"
+    sentence = phrase("{symbol}: no interval, the posterior density is zero or not a number at the fit", symbol=parameter.label.symbol)
     return ProfileInterval(
         name=parameter.name, value=value, low=everywhere, high=dict(everywhere), open_low=opened, open_high=dict(opened), x=np.array([value]),
         rise=np.zeros(1), found_better=0.0, better_values=None, n_failed=1, pieces=(), sentence=sentence,
     )
+
+
+_BELOW = (
+    later("open below{size}: no limit as far as {place}, where the search ended"),
+    later("open below{size}: the mode lies at the edge {place} of the prior"),
+    later("open below{size}: no limit above the edge {place} of the prior"),
+)
+_ABOVE = (
+    later("open above{size}: no limit as far as {place}, where the search ended"),
+    later("open above{size}: the mode lies at the edge {place} of the prior"),
+    later("open above{size}: no limit below the edge {place} of the prior"),
+)
 
 
 def _with_sentence(found: ProfileInterval, parameter: Parameter) -> ProfileInterval:
@@ -194,24 +206,25 @@ def _with_sentence(found: ProfileInterval, parameter: Parameter) -> ProfileInter
     intervals = [f"{percentage(p)} [{found.low[p] * shown.factor:.4g}, {found.high[p] * shown.factor:.4g}]{unit}" for p in found.low]
     said = ["; ".join(intervals)]
     prior = parameter.prior
-    for side, opened, ends, edge in (("below", found.open_low, found.low, prior.low), ("above", found.open_high, found.high, prior.high)):
+    for words, opened, ends, edge in ((_BELOW, found.open_low, found.low, prior.low), (_ABOVE, found.open_high, found.high, prior.high)):
         which = [p for p in opened if opened[p]]
         if not which:
             continue
         end = ends[which[0]]
         place = f"{end * shown.factor:.3g}{unit}"
-        size = "" if len(which) == len(opened) else " for " + " and ".join(f"{percentage(p)}" for p in which)
+        size = "" if len(which) == len(opened) else phrase(" for {levels}", levels=phrase(" and ").join(f"{percentage(p)}" for p in which))
         if end != edge:
-            said.append(f"open {side}{size}: no limit as far as {place}, where the search ended")
+            said.append(phrase(words[0], size=size, place=place))
         elif abs(found.value - edge) < 1e-3 * (max(found.high.values()) - min(found.low.values())):
-            said.append(f"open {side}{size}: the mode lies at the edge {place} of the prior")
+            said.append(phrase(words[1], size=size, place=place))
         else:
-            said.append(f"open {side}{size}: no limit {'above' if side == 'below' else 'below'} the edge {place} of the prior")
-    said += [f"the {percentage(p)} region has more than one piece; the interval spans them" for p in found.pieces]
+            said.append(phrase(words[2], size=size, place=place))
+    said += [phrase("the {p} region has more than one piece; the interval spans them", p=percentage(p)) for p in found.pieces]
     if found.found_better:
-        said.append(f"a better point than the fit was met on the way (minus twice the log density lower by {found.found_better:.2g})")
+        better = phrase("a better point than the fit was met on the way (minus twice the log density lower by {by:.2g})", by=found.found_better)
+        said.append(better)
     if found.n_failed:
-        said.append(f"the search over the other parameters did not settle at {found.n_failed} points")
+        said.append(phrase("the search over the other parameters did not settle at {n} points", n=found.n_failed))
     return replace(found, sentence=f"{shown.symbol}: " + "; ".join(said))
 
 

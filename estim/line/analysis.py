@@ -14,7 +14,7 @@ import numpy as np
 
 from estim.arrays import FloatArray
 from estim.checks import headline, parameter_cells
-from estim.common import Finding, Kind, Notation, Quantity, Status, Stream, decide, e_n, stream
+from estim.common import Finding, Kind, Notation, Quantity, Status, Stream, decide, e_n, phrase, stream
 from estim.line.evidence import InterceptEvidence, intercept_evidence
 from estim.line.findings import line_findings
 from estim.line.interval import SlopeInterval, slope_interval
@@ -88,14 +88,16 @@ class LineAnalysis:
     def _repr_markdown_(self) -> str:
         """What a notebook shows: the values, or why there are none."""
         quantities = (
-            ("intercept", self.chain.flat[:, self.chain.names.index("intercept")], "sin θ_min at φ = 0"), ("γ", self.gamma_draws, "1/slope"),
-            ("c_rr", self.resistance_draws, "intercept · γ, if all of it is rolling resistance"),
+            (phrase("intercept"), self.chain.flat[:, self.chain.names.index("intercept")], phrase("sin θ_min at φ = 0")),
+            ("γ", self.gamma_draws, phrase("1/slope")),
+            ("c_rr", self.resistance_draws, phrase("intercept · γ, if all of it is rolling resistance")),
         )
         rows = [
             parameter_cells(summarise(values, unit="1", meaning=meaning), Notation(symbol).label("1")) for symbol, values, meaning in quantities
         ]
         return headline(
-            f"θ_min line of {self.series.body}", kind="", status=self.status, reasons=self.reasons, advice=advice_for(self.findings),
+            phrase("θ_min line of {body}", body=self.series.body), kind="",
+            status=self.status, reasons=self.reasons, advice=advice_for(self.findings),
             rows=rows,
         )
 

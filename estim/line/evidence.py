@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from estim.arrays import FloatArray
-from estim.common import InputError
+from estim.common import InputError, phrase
 from estim.line.posterior import LineMode, LinePosterior, mode_or_guess, without_intercept
 
 PROPOSAL_DOF = 5.0  # of the Student-t proposal: tails heavier than those of the posterior
@@ -82,20 +82,6 @@ def log_student(standard: FloatArray, dof: float) -> FloatArray:
     return log_norm - 0.5 * (dof + n_par) * np.log1p(np.sum(standard**2, axis=1) / dof)
 
 
-def credible_interval(sample: WeightedDraws, name: str, *, probability: float = 0.95) -> tuple[float, float]:
-    """Equal-tailed interval of one parameter.  Raises InputError for a name or probability that is not one."""
-    if name not in sample.names:
-        raise InputError(f"must be one of {', '.join(sample.names)}", field="name", value=name)
-    if not 0.0 < probability < 1.0:
-        raise InputError("must lie between 0 and 1", field="probability", value=probability)
-    values = sample.draws[:, sample.names.index(name)]
-    order = np.argsort(values)
-    below = np.cumsum(sample.weights[order]) - 0.5 * sample.weights[order]
-    tail = 0.5 * (1.0 - probability)
-    low, high = np.interp([tail, 1.0 - tail], below, values[order])
-    return float(low), float(high)
-
-
 def intercept_evidence(posterior: LinePosterior, *, rng: np.random.Generator, n_draw: int = 8000) -> InterceptEvidence:
     """log evidence of the line with a normal intercept minus log evidence of the line through the origin.
 
@@ -113,5 +99,5 @@ def intercept_evidence(posterior: LinePosterior, *, rng: np.random.Generator, n_
         free.log_evidence - fixed.log_evidence,
         float(np.hypot(free.u_log_evidence, fixed.u_log_evidence)),
         posterior.intercept_sd,
-        "The importance weights are uneven: the Monte-Carlo error is itself uncertain; use more draws." if poor else "",
+        phrase("The importance weights are uneven: the Monte-Carlo error is itself uncertain; use more draws.") if poor else "",
     )

@@ -14,6 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from estim.arrays import FloatArray
+from estim.common import phrase
 from estim.line.angle import profile, scaled_points
 from estim.line.least_squares import LineFit, coverage_factor
 
@@ -51,7 +52,7 @@ def slope_interval(fit: LineFit, *, probability: float = 0.95, convention: str |
     best = float(np.arctan(fit.slope * points.scale[0] / points.scale[1]))
     low, high = _angles_around(best, excess)
     if not np.isfinite(low) or not np.isfinite(high):
-        return SlopeInterval(-np.inf, np.inf, probability, "Unbounded: the points do not exclude a vertical line.")
+        return SlopeInterval(-np.inf, np.inf, probability, phrase("Unbounded: the points do not exclude a vertical line."))
     return SlopeInterval(points.line(low, 0.0)[1], points.line(high, 0.0)[1], probability, "")
 
 

@@ -33,23 +33,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from estim.arrays import FloatArray
-from estim.common import InputError, Markdown, format_p, format_quantity, markdown, table
-from estim.distributions import chi2_quantile, chi2_tail, student_quantile, student_tail
+from estim.common import InputError, Markdown, format_p, format_quantity, markdown, phrase, table
+from estim.distributions import chi2_quantile, chi2_tail, student_quantile
 from estim.line.angle import LineData, Profile, ScaledPoints, best_angle, line_data, profile, scaled_points
+from estim.line.conventions import POOR_FIT, recommendation
 from estim.line.joint_errors import propagated_joint
-
-CONVENTIONS: Mapping[str, str] = MappingProxyType(
-    {
-        "york": "York et al. 2004, Am. J. Phys. 72, 367, eq. (13): from the adjusted points, stated uncertainties taken as true",
-        "propagated": "Kalantar 1992, Meas. Sci. Technol. 3, 1113; Krystek and Anton 2007, Meas. Sci. Technol. 18, 3438: the "
-        "uncertainties of all data propagated through the minimum; for exact x ISO/TS 28037:2010, 6.2",
-        "scaled": "York 1966, Can. J. Phys. 44, 1079 (for exact x the Birge ratio; without uncertainties GUM H.3): scaled by "
-        "sqrt(S/(n - 2)), so only the ratios of the stated uncertainties count; Student's t with n - 2 degrees of freedom",
-    }
-)
-_FEW = 10  # degrees of freedom up to which value ± standard error holds less than 66 %
-_ROUNDING = 3e-14  # residuals below this share of y are rounding errors
-POOR_FIT = 0.01  # p-value of S below which the stated uncertainties are not believed
 
 
 class StandardError(NamedTuple):
@@ -87,9 +75,12 @@ class LineFit:
             )
             for name, u in self.standard_errors.items()
         ]
-        fit = f"S = {self.chi2:.4g}, {self.dof} degrees of freedom" + ("" if math.isnan(self.p_value) else f", {format_p(self.p_value)}")
-        parts = (f"Line, method {self.method}: {fit}", markdown(self.message), table(("convention", "intercept", "slope"), rows))
-        return "\n\n".join(part for part in (*parts, f"Quote **{self.recommended}**: {markdown(self.reason)}.") if part)
+        fit = phrase("S = {chi2:.4g}, {dof} degrees of freedom", chi2=self.chi2, dof=self.dof)
+        fit += "" if math.isnan(self.p_value) else f", {format_p(self.p_value)}"
+        head = (phrase("convention"), phrase("intercept"), phrase("slope"))
+        parts = (phrase("Line, method {method}: {fit}", method=self.method, fit=fit), markdown(self.message), table(head, rows))
+        quoted = phrase("Quote **{name}**: {reason}.", name=self.recommended, reason=markdown(self.reason))
+        return "\n\n".join(part for part in (*parts, quoted) if part)
 
 
 def fit_line(
@@ -119,7 +110,7 @@ def fit_line(
         errors = dict.fromkeys(_names(data.method), StandardError(*[float("nan")] * 5))
     else:
         errors = _standard_errors(points, angle, best, method=data.method, scale=float(np.sqrt(chi2 / dof)))
-    recommended, reason = _recommendation(data, chi2, dof, p_value)
+    recommended, reason = recommendation(data, chi2, dof, p_value)
     return LineFit(
         intercept=intercept,
         slope=slope,
@@ -183,39 +174,19 @@ def _propagated(points: ScaledPoints, b: float, a: float) -> FloatArray:
     return np.asarray(inverse @ middle @ inverse)
 
 
-def _recommendation(data: LineData, chi2: float, dof: int, p_value: float) -> tuple[str, str]:
-    """The convention to quote and why."""
-    if data.method == "ols":
-        reason = f"no uncertainties are stated: the scatter of the residuals is the only scale (Student's t, {dof} dof)"
-        if chi2 <= data.x.size * (_ROUNDING * float(np.max(np.abs(data.y)))) ** 2:
-            return "scaled", f"{reason}, and there is no scatter but rounding errors: nothing tells how large the errors are, state u_y"
-        held = 1.0 - 2.0 * float(student_tail(1.0, dof))
-        few = f"; value ± standard error holds the truth in {100 * held:.0f} % of such experiments, coverage_factor() widens it to any level"
-        return "scaled", reason + (few if dof <= _FEW else "")
-    if p_value < POOR_FIT:
-        return "scaled", (
-            f"S/dof = {chi2 / dof:.3g} ({format_p(p_value)}): the stated uncertainties do not explain the scatter; scaling assumes "
-            "that all are too small by one factor, a Bayesian line with intrinsic scatter that something was left out"
-        )
-    if data.method == "weighted":
-        return "propagated", "x is exact and S agrees with the stated uncertainties, so they are propagated as they are"
-    return "propagated", (
-        f"the stated uncertainties are not rejected by the scatter ({format_p(p_value)}), so they need no scaling; the york "
-        "convention is too small where the errors along the line are not small against the range"
-    )
-
-
 def _message(vertical: bool, contrast: float, chi2: float, dof: int, p_value: float, errors: Mapping[str, StandardError]) -> str:
     """What a reader must know before using the numbers; "" if nothing."""
     sentences = []
     if vertical:
-        sentences.append("The best line is vertical: it has no slope and no intercept; exchange x and y.")
+        sentences.append(phrase("The best line is vertical: it has no slope and no intercept; exchange x and y."))
     elif not all(np.isfinite(value) for error in errors.values() for value in error):
-        sentences.append("The points coincide along the line: it has no standard errors.")
+        sentences.append(phrase("The points coincide along the line: it has no standard errors."))
     if contrast < chi2_quantile(0.95, 1):
-        sentences.append(f"The data do not determine the line's direction: S varies by only {contrast:.2g} over all directions.")
+        sentences.append(
+            phrase("The data do not determine the line's direction: S varies by only {contrast:.2g} over all directions.", contrast=contrast)
+        )
     if p_value < POOR_FIT:
-        sentences.append(f"Poor fit: S = {chi2:.4g} with {dof} degrees of freedom ({format_p(p_value)}).")
+        sentences.append(phrase("Poor fit: S = {chi2:.4g} with {dof} degrees of freedom ({p}).", chi2=chi2, dof=dof, p=format_p(p_value)))
     return " ".join(sentences)
 
 

@@ -32,7 +32,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from estim.arrays import FloatArray
-from estim.common import InputError
+from estim.common import InputError, phrase
 from estim.line.angle import LineData, line_data, scaled_points
 from estim.line.least_squares import fit_line
 
@@ -231,7 +231,7 @@ def line_mode(posterior: LinePosterior) -> LineMode:
     cov = np.linalg.inv(curvature) * np.outer(step, step) if peaked else np.full((n_par, n_par), np.nan)
     steepness = gradient(found.x)
     distance = float(np.sqrt(steepness @ np.linalg.solve(curvature, steepness))) if peaked else np.inf
-    message = "" if distance < 1e-2 else "The search for the mode did not converge to a peak of the posterior density."
+    message = "" if distance < 1e-2 else phrase("The search for the mode did not converge to a peak of the posterior density.")
     values = np.asarray(start + step * found.x)
     values.flags.writeable = cov.flags.writeable = False
     return LineMode(values, cov, message)

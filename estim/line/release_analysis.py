@@ -14,7 +14,7 @@ import numpy as np
 
 from estim.arrays import FloatArray
 from estim.checks import PRIOR_DOMINATED, headline, parameter_cells, sampling_findings
-from estim.common import Finding, Kind, Notation, Quantity, Status, Stream, decide, e_n, stream, wrong
+from estim.common import Finding, Kind, Notation, Quantity, Said, Status, Stream, decide, e_n, later, phrase, stream, wrong
 from estim.line.release import FACTOR, ReleasePosterior, effective_start, release_posterior, start_angle
 from estim.line.release_draws import sample, weigh
 from estim.line.thresholds import Threshold, thresholds
@@ -23,16 +23,21 @@ from estim.problem import Prior
 from estim.sampling import Agreement, Chain, Progress, Summary, Target, summarise
 from estim.words import advice_for, tell
 
-WAYS = {"both": "all trials", LOW: "θ_min alone", HIGH: "θ_max alone", "free": "all trials, as if the release cost nothing"}
+WAYS: Mapping[str, str] = Said(
+    {
+        "both": later("all trials"), LOW: later("θ_min alone"), HIGH: later("θ_max alone"),
+        "free": later("all trials, as if the release cost nothing"),
+    }
+)
 DEGREE = Notation("", unit="°", factor=math.degrees(1.0))
 UNKNOWNS = MappingProxyType(
     {
-        "gamma": ("1", "position of the centre of mass, in radii", Notation("γ")),
-        "rolling_resistance": ("1", "coefficient of rolling resistance", Notation("c_rr")),
-        "release": ("rad", "what the release by hand costs", Notation("δ", "°", DEGREE.factor)),
-        "scatter": ("rad", "standard deviation from trial to trial", Notation("σ", "°", DEGREE.factor)),
-        "zero_phi": ("rad", "zero error of the tilt", Notation("z_φ", "°", DEGREE.factor)),
-        "zero_theta": ("rad", "zero error of the angle", Notation("z_θ", "°", DEGREE.factor)),
+        "gamma": ("1", later("position of the centre of mass, in radii"), Notation("γ")),
+        "rolling_resistance": ("1", later("coefficient of rolling resistance"), Notation("c_rr")),
+        "release": ("rad", later("what the release by hand costs"), Notation("δ", "°", DEGREE.factor)),
+        "scatter": ("rad", later("standard deviation from trial to trial"), Notation("σ", "°", DEGREE.factor)),
+        "zero_phi": ("rad", later("zero error of the tilt"), Notation("z_φ", "°", DEGREE.factor)),
+        "zero_theta": ("rad", later("zero error of the angle"), Notation("z_θ", "°", DEGREE.factor)),
     }
 )
 
@@ -140,7 +145,7 @@ class TrialsAnalysis:
     def _repr_markdown_(self) -> str:
         """What a notebook shows: the values, or why there are none."""
         rows = [parameter_cells(self.summary(name), UNKNOWNS[name][2].label(UNKNOWNS[name][0])) for name in self.chain.names]
-        title, advice = f"Trials of release of {self.trials.body}", advice_for(self.findings)
+        title, advice = phrase("Trials of release of {body}", body=self.trials.body), advice_for(self.findings)
         return headline(title, kind="", status=self.status, reasons=self.reasons, advice=advice, rows=rows)
 
 

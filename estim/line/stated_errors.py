@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from estim.arrays import FloatArray
-from estim.common import InputError, read_number
+from estim.common import InputError, phrase, read_number
 from estim.line.joint_errors import MOST_POINTS, Common, joint_covariance, with_common
 from estim.line.least_squares import fit_line
 from estim.reading import Dialect, read_columns
@@ -27,16 +27,18 @@ class Correlated:
     @property
     def words(self) -> list[str]:
         """What is stated, for a report."""
-        files = (("x, then y,", self.cov), ("x", self.cov_x), ("y", self.cov_y))
-        said = [f"covariances of {what} from {path.name}" for what, path in files if path is not None]
-        return said + [f"{_size(one)} of {one.axis}, shared by all points" for one in self.common]
+        files = ((phrase("x, then y,"), self.cov), ("x", self.cov_x), ("y", self.cov_y))
+        said = [phrase("covariances of {what} from {file}", what=what, file=path.name) for what, path in files if path is not None]
+        return said + [_shared(one) for one in self.common]
 
     def __bool__(self) -> bool:
         return bool(self.words)
 
 
-def _size(one: Common) -> str:
-    return f"{100.0 * one.u:g} % of the scale" if one.relative else f"{one.u:g} of the zero"
+def _shared(one: Common) -> str:
+    if one.relative:
+        return phrase("{size:g} % of the scale of {axis}, shared by all points", size=100.0 * one.u, axis=one.axis)
+    return phrase("{size:g} of the zero of {axis}, shared by all points", size=one.u, axis=one.axis)
 
 
 def common_error(axis: str, text: str) -> Common:

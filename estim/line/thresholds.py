@@ -40,11 +40,6 @@ class Threshold:
     n_climbed: int
     quantiles: FloatArray
 
-    @property
-    def bracketed(self) -> bool:
-        """Whether both outcomes were seen."""
-        return 0 < self.n_climbed < self.n_trial
-
 
 def thresholds(trials: Trials, scatter: FloatArray) -> tuple[Threshold, ...]:
     """The threshold at each end of each tilt where there are trials, by end and tilt.

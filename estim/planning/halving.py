@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from estim.arrays import FloatArray
+from estim.common import phrase
 from estim.planning.rolling import Outlook
 from estim.planning.suggestions import again
 from estim.planning.weighing import Basis, Option, sds_with, weigh
@@ -65,7 +66,7 @@ def _better(here: Outlook, wish: Wish, target: Parameter, now: float) -> Way:
     if least > _HALF:
         name = next(iter(by_quantity(parameters)))
         label = parameters[0].bare_label if len(parameters) > 1 else parameters[0].label
-        return Way(f"{label.symbol or name} exactly", least)
+        return Way(phrase("{symbol} exactly", symbol=label.symbol or name), least)
     low, high = _EXACT, 1.0
     for _ in range(40):
         middle = float(np.sqrt(low * high))
@@ -79,10 +80,10 @@ def _steps(basis: Basis, here: Outlook, target: Parameter, now: float) -> list[W
         option = weigh(basis, here, Wish("", OTHERWISE, frames=frames, error=error), [target], np.array([now]))
         return float("inf") if option.reason else float(option.ratio[0])
 
-    what = "frames" if here.problem.runs[0].motion is not None else "readings"
+    more = phrase("{n} times as many readings") if here.problem.runs[0].motion is None else phrase("{n} times as many frames")
     return [
-        _doubled(lambda n: (f"{n} times as many {what}", of(frames=float(n)))),
-        _doubled(lambda n: (f"1/{n} of the error of a reading", of(error=1.0 / n))),
+        _doubled(lambda n: (more.format(n=n), of(frames=float(n)))),
+        _doubled(lambda n: (phrase("1/{n} of the error of a reading", n=n), of(error=1.0 / n))),
     ]
 
 
@@ -99,7 +100,7 @@ def _many(basis: Basis, here: Outlook, best: Option, target: Parameter, now: flo
 
 def _more_often(wish: Wish, times: int) -> Wish:
     readings = tuple(Readings(one.run, one.x, one.n * times) for one in wish.readings)
-    return replace(wish, words=f"{wish.readings[0].n * times} further readings{wish.which}", readings=readings)
+    return replace(wish, words=phrase("{n} further readings{which}", n=wish.readings[0].n * times, which=wish.which), readings=readings)
 
 
 def _doubled(of: Callable[[int], tuple[str, float]], *, between: bool = False) -> Way:

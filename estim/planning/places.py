@@ -8,11 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from estim.arrays import FloatArray
-from estim.common import InputError
+from estim.common import InputError, phrase
 from estim.planning.own_curve import CurveBasis
 from estim.planning.rolling import Outlook
 from estim.planning.weighing import sds_of
-from estim.planning.wishes import MORE, Readings, Wish
+from estim.planning.wishes import MORE, Readings, Wish, further_readings, which_place
 from estim.problem import Parameter
 
 
@@ -56,8 +56,8 @@ def more_readings(basis: CurveBasis, here: Outlook, targets: Sequence[Parameter]
         for ratio in along.ratio:
             for allowed in (inside, np.ones(inside.size, dtype=bool)):
                 x = float(f"{along.x[allowed][np.argmin(ratio[allowed])]:.3g}")
-                where = "" if along.inside[0] <= x <= along.inside[1] else ", outside the range so far"
-                which = f" at x = {x:g}" + (f" in {along.run}" if len(here.problem.runs) > 1 else "") + where
-                words = f"{n} further reading{'s' * (n > 1)}{which}"
+                where = "" if along.inside[0] <= x <= along.inside[1] else phrase(", outside the range so far")
+                which = which_place(x, along.run if len(here.problem.runs) > 1 else "") + where
+                words = further_readings(n, which)
                 wishes[along.run, x] = Wish(words, MORE, readings=(Readings(along.run, x, n),), which=which)
     return tuple(wishes.values())

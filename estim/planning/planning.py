@@ -20,7 +20,7 @@ from estim.arrays import FloatArray
 from estim.calibration import Engine, posterior_draws
 from estim.campaign import Campaign, as_complete, quantity_of_key
 from estim.checks import check_goodness, check_stated_values, failed_tests, stated_values
-from estim.common import Finding, InputError, Stream, split_level, stream, wrong
+from estim.common import Finding, InputError, Stream, phrase, split_level, stream, wrong
 from estim.fitting import Fit
 from estim.planning.halving import Halving, ways_to_halve
 from estim.planning.own_curve import CurveBasis
@@ -28,7 +28,18 @@ from estim.planning.places import Along, more_readings, weigh_places
 from estim.planning.rolling import Outlook, RollingBasis, rolling_basis
 from estim.planning.suggestions import more_runs, planned_runs
 from estim.planning.weighing import Option, sds_with, weigh
-from estim.planning.wishes import BETTER, MORE, OTHERWISE, Readings, Wish, better_words, measured_better, measured_otherwise
+from estim.planning.wishes import (
+    BETTER,
+    MORE,
+    OTHERWISE,
+    Readings,
+    Wish,
+    better_words,
+    further_readings,
+    measured_better,
+    measured_otherwise,
+    which_place,
+)
 from estim.problem import MEASURED, Flat, Parameter, Problem, Uniform, n_uses
 
 FAR = 0.15  # how far linear theory may be from the drawn posterior before it is not to be trusted
@@ -85,7 +96,7 @@ def plan(campaign: Campaign, names: Sequence[str], *, wanted: Sequence[str] = ()
     tested = failed_tests(check_goodness(fit, rng=stream(seed, Stream.PLAN_TESTS)))
     findings = wrong([*tested, stated_values(fit, check_stated_values(fit))])
     basis = rolling_basis(campaign, names, fit) if campaign.formula is None else CurveBasis(campaign, tuple(names), fit)
-    nothing = Wish("as things are", OTHERWISE)
+    nothing = Wish(phrase("as things are"), OTHERWISE)
     here = basis.outlook(nothing)
     columns = [here.problem.names.index(p.name) for p in targets]
     now = sds_with(here, {}, targets)
@@ -135,9 +146,8 @@ def _asked_readings(campaign: Campaign, names: Sequence[str]) -> list[Wish]:
     for one in campaign.source.plan.readings:
         run = one.run or names[0]
         if run in names:
-            which = f" at x = {one.x:g}" + (f" in {run}" if len(names) > 1 else "")
-            words = f"{one.n} further reading{'s' * (one.n > 1)}{which}"
-            wishes.append(Wish(words, MORE, own=True, readings=(Readings(run, one.x, one.n),), which=which))
+            which = which_place(one.x, run if len(names) > 1 else "")
+            wishes.append(Wish(further_readings(one.n, which), MORE, own=True, readings=(Readings(run, one.x, one.n),), which=which))
     return wishes
 
 
@@ -160,9 +170,9 @@ def _asked_changes(campaign: Campaign, problem: Problem) -> list[Wish]:
             new = {p.name: size * factor for p in hit}
             u |= new
             words.append(better_words(hit, new))
-        words += [f"{change.frames:g} times as many frames"] if change.frames != 1.0 else []
-        words += [f"{change.reading_error:g} times the error of a reading"] if change.reading_error != 1.0 else []
-        words += [f"{change.reach:g} times the way"] if change.reach != 1.0 else []
+        words += [phrase("{n:g} times as many frames", n=change.frames)] if change.frames != 1.0 else []
+        words += [phrase("{n:g} times the error of a reading", n=change.reading_error)] if change.reading_error != 1.0 else []
+        words += [phrase("{n:g} times the way", n=change.reach)] if change.reach != 1.0 else []
         said = f"{change.name} ({'; '.join(words)})" if change.name else "; ".join(words)
         group = BETTER if len(words) == len(change.u) else OTHERWISE
         wishes.append(Wish(said, group, own=True, u=u, frames=change.frames, error=change.reading_error, reach=change.reach))

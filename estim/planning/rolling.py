@@ -11,7 +11,7 @@ import numpy as np
 from estim.arrays import FloatArray
 from estim.calibration import follow, release_times
 from estim.campaign import Campaign, NewRun, as_complete, otherwise, with_own_gamma, with_runs, with_tables
-from estim.common import InputError, split_level
+from estim.common import InputError, phrase, split_level
 from estim.deviation import ForceSize, force_sizes
 from estim.fitting import Fit
 from estim.planning.wishes import Wish
@@ -135,7 +135,8 @@ def _measured_first(run: Observations, table: Run, named: Mapping[str, FloatArra
     last = int(out[0]) if out.size else x.size
     if run.noise.made_of_positions:
         last = min(last, int(np.argmax(x[:last])) + _BEYOND)
-    remark = f"followed to the end of the ramp, {end:.2g} {'m' if table.coordinate == 'x_m' else 'rad'}" if out.size and out[0] <= last else ""
+    followed = phrase("followed to the end of the ramp, {end:.2g} {unit}", end=end, unit="m" if table.coordinate == "x_m" else "rad")
+    remark = followed if out.size and out[0] <= last else ""
     return _table(run, table, t[:last], "t_s", named, release, 1.0), remark
 
 

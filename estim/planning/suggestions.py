@@ -8,7 +8,7 @@ from math import degrees, radians
 import numpy as np
 
 from estim.campaign import Campaign, NewRun, planned_quantities
-from estim.common import Quantity
+from estim.common import Quantity, phrase
 from estim.fitting import Fit
 from estim.planning.wishes import MORE, Wish
 from estim.problem import Observations
@@ -46,12 +46,14 @@ def planned_runs(campaign: Campaign) -> tuple[Wish, ...]:
 def again(wish: Wish, times: int) -> Wish:
     """The wish with each of its runs so many times."""
     runs = tuple(NewRun(f"{run.name}.{k}", run.like, run.said) for run in wish.runs for k in range(times))
-    words = f"{times * len(wish.runs)} runs{wish.which}" if wish.which else f"{wish.words}, {times} times"
+    words = phrase("{words}, {n} times", words=wish.words, n=times)
+    if wish.which:
+        words = phrase("{n} runs{which}", n=times * len(wish.runs), which=wish.which)
     return Wish(words, MORE, wish.own, runs=runs, which=wish.which)
 
 
 def _once_more(names: Sequence[str], campaign: Campaign) -> Wish:
-    words = f"{names[0]} once more" if len(names) == 1 else f"every run once more ({len(names)} runs)"
+    words = phrase("{run} once more", run=names[0]) if len(names) == 1 else phrase("every run once more ({n} runs)", n=len(names))
     return Wish(words, MORE, runs=tuple(NewRun(_free_name(campaign, i, 0), name, {}) for i, name in enumerate(names)))
 
 
@@ -92,8 +94,8 @@ def _which(body: str, said: Mapping[str, Quantity]) -> str:
         places.append(f"φ = {degrees(said['phi'].value):.2g}°")
     if "theta0" in said:
         places.append(f"θ₀ = {degrees(said['theta0'].value):.0f}°")
-    whose = f"the disk of {body} with γ = {said['gamma'].value:.2g}" if "gamma" in said else body
-    return f" of {whose}" + (f" at {', '.join(places)}" if places else "")
+    whose = phrase("the disk of {body} with γ = {gamma:.2g}", body=body, gamma=said["gamma"].value) if "gamma" in said else body
+    return phrase(" of {whose} at {places}", whose=whose, places=", ".join(places)) if places else phrase(" of {whose}", whose=whose)
 
 
 def _value(run: Observations, argument: str, named: Mapping[str, object]) -> float:

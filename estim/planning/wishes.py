@@ -8,7 +8,7 @@ from types import MappingProxyType
 from typing import Literal
 
 from estim.campaign import NewRun
-from estim.common import split_level
+from estim.common import phrase, split_level
 from estim.problem import MEASURED, Parameter, Problem, n_uses
 
 Group = Literal["a quantity measured better", "the same runs, measured otherwise", "more data"]
@@ -72,9 +72,10 @@ def better_words(parameters: Sequence[Parameter], u: Mapping[str, float]) -> str
     new = sorted({f"{u[p.name] * label.factor:.2g}" for p in parameters})
     old = sorted({f"{p.prior.sd * label.factor:.2g}" for p in parameters if isinstance(p.prior, MEASURED)})
     unit = "" if label.unit == "1" else label.unit if label.unit == "°" else f" {label.unit}"
-    several = {1: "", 2: ", both"}.get(len(parameters), f", all {len(parameters)}")
-    before = f" (from {_range(old)}{unit})" if old else ""
-    return f"{label.symbol} to ±{_range(new)}{unit}{before}{several}"
+    n = len(parameters)
+    several = "" if n == 1 else phrase(", both") if n == 2 else phrase(", all {n}", n=n)
+    before = phrase(" (from {size})", size=f"{_range(old)}{unit}") if old else ""
+    return phrase("{symbol} to ±{size}{before}{several}", symbol=label.symbol, size=f"{_range(new)}{unit}", before=before, several=several)
 
 
 def _range(numbers: Sequence[str]) -> str:
@@ -83,9 +84,20 @@ def _range(numbers: Sequence[str]) -> str:
 
 def measured_otherwise(*, moving: bool) -> tuple[Wish, ...]:
     """Of every run: more frames, smaller errors, and (of a moving body) a longer way."""
-    frames, error = ("frames a second", "error of a reading") if moving else ("readings", "error of a reading")
-    wishes = [
-        Wish(f"twice as many {frames}", OTHERWISE, frames=2.0), Wish(f"four times as many {frames}", OTHERWISE, frames=4.0),
-        Wish(f"half the {error}", OTHERWISE, error=0.5),
-    ]
-    return (*wishes, Wish("1.5 times the way, where the body goes that far", OTHERWISE, reach=1.5)) if moving else tuple(wishes)
+    half = Wish(phrase("half the error of a reading"), OTHERWISE, error=0.5)
+    if not moving:
+        twice, fourfold = phrase("twice as many readings"), phrase("four times as many readings")
+        return Wish(twice, OTHERWISE, frames=2.0), Wish(fourfold, OTHERWISE, frames=4.0), half
+    twice, fourfold = phrase("twice as many frames a second"), phrase("four times as many frames a second")
+    farther = Wish(phrase("1.5 times the way, where the body goes that far"), OTHERWISE, reach=1.5)
+    return Wish(twice, OTHERWISE, frames=2.0), Wish(fourfold, OTHERWISE, frames=4.0), half, farther
+
+
+def which_place(x: float, run: str) -> str:
+    """' at x = 3 in run-1', where further readings are; run : "" for the only one."""
+    return phrase(" at x = {x:g} in {run}", x=x, run=run) if run else phrase(" at x = {x:g}", x=x)
+
+
+def further_readings(n: int, which: str) -> str:
+    """'3 further readings at x = 3'."""
+    return phrase("{n} further readings{which}", n=n, which=which) if n > 1 else phrase("{n} further reading{which}", n=n, which=which)

@@ -16,6 +16,7 @@ from functools import cached_property
 import numpy as np
 
 from estim.arrays import FloatArray
+from estim.common import phrase
 from estim.problem.curve import POINTS, Wording
 from estim.problem.laws import Counted, Law, deviance_residual
 from estim.problem.likelihood import Ends, Likelihood, Noise, Points
@@ -204,9 +205,10 @@ class Counts:
 
     def describe(self, *, x_unit: str, y_unit: str, words: Wording) -> str:
         """The noise in words."""
-        law = "Poisson" if self.law.word == "counts" else "binomial"
-        where = "" if self.bins is None else ", the curve integrated over each bin"
-        return f"{law} {self.law.word} of {self.what}, whose expectation is the curve{where}"
+        where = "" if self.bins is None else phrase(", the curve integrated over each bin")
+        if self.law.word == "counts":
+            return phrase("Poisson counts of {what}, whose expectation is the curve", what=self.what) + where
+        return phrase("binomial {law} of {what}, whose expectation is the curve", law=phrase(self.law.word), what=self.what) + where
 
 
 def counted_words(what: str, new: str) -> Wording:

@@ -12,7 +12,7 @@ from typing import Protocol, runtime_checkable
 from numpy.typing import ArrayLike
 
 from estim.arrays import FloatArray
-from estim.common import Label, Notation
+from estim.common import Label, Notation, later
 from estim.problem.priors import Prior
 
 EXACT = 2.3e-16  # relative error of derivatives that are exact but for rounding; a curve whose are not says so as `precision`
@@ -178,7 +178,8 @@ class Motion(Protocol):
 class Wording:
     """How the measured numbers of a run are spoken of, and drawn.
 
-    what : all of them.  reading : one that the instrument gave.  new : one more of them, for the legend of a predictive band.
+    what : all of them.  reading : one that the instrument gave.
+    new : one more of them, for the legend of a predictive band, where {y} is the name of the ordinate.
     rows : what they are counted in.
     from_release : whether axes begin at 0, where the motion is released; else where the data begin.
     """
@@ -195,9 +196,9 @@ def scales_of(x: FloatArray, y: FloatArray, local: LocalCurve) -> tuple[CommonEr
     return (CommonError("scale_x", 0.01, "1", -0.01 * x * local.slope[0]), CommonError("scale_y", 0.01, "1", 0.01 * y))
 
 
-POINTS = Wording("points", "reading", "a new point", "points", False)
+POINTS = Wording("points", "reading", later("a new point"), later("points"), False)
 
 
-def plain_words(y_name: str) -> Wording:
+def plain_words() -> Wording:
     """Of points on a curve that is no motion."""
-    return replace(POINTS, new=f"a new {y_name}")
+    return replace(POINTS, new=later("a new {y}"))

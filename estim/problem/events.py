@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from estim.arrays import FloatArray
-from estim.common import InputError
+from estim.common import InputError, phrase
 from estim.problem.counts import CountErrors
 from estim.problem.counts import Counts as Counts
 from estim.problem.counts import counted_words as counted_words
@@ -130,9 +130,10 @@ class Events(Counts):
         """The noise in words."""
         unit = "" if x_unit == "1" else f" {x_unit}"
         low, high = self.window
-        return (
-            f"{self.times.size} times of single events, unbinned, the curve normalised over the window from {low:.6g} to {high:.6g}{unit}; "
-            f"figures and tests count them in {self.trials.size} cells"
+        return phrase(
+            "{n} times of single events, unbinned, the curve normalised over the window from {low:.6g} to {high:.6g}{unit}; "
+            "figures and tests count them in {cells} cells",
+            n=self.times.size, low=low, high=high, unit=unit, cells=self.trials.size,
         )
 
 

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from estim.arrays import FloatArray
-from estim.common import InputError
+from estim.common import InputError, phrase
 from estim.problem.priors import Uniform
 
 
@@ -59,7 +59,7 @@ class Flat(Uniform):
 
     def describe(self) -> str:
         if self.proper:
-            return f"uniform in [{self.low:.4g}, {self.high:.4g}]"
+            return phrase("uniform in [{low:.4g}, {high:.4g}]", low=self.low, high=self.high)
         if math.isfinite(self.low):
-            return f"flat above {self.low:.4g}"
-        return f"flat below {self.high:.4g}" if math.isfinite(self.high) else "flat, no limits"
+            return phrase("flat above {low:.4g}", low=self.low)
+        return phrase("flat below {high:.4g}", high=self.high) if math.isfinite(self.high) else phrase("flat, no limits")

@@ -16,6 +16,7 @@ from typing import Protocol
 import numpy as np
 
 from estim.arrays import FloatArray
+from estim.common import later
 
 
 class Law(Protocol):
@@ -24,6 +25,14 @@ class Law(Protocol):
     @property
     def word(self) -> str:
         """What y is: "counts"."""
+
+    @property
+    def new(self) -> str:
+        """One more of them: "a new count"."""
+
+    @property
+    def used(self) -> str:
+        """Those that are fit: "counts used"."""
 
     @property
     def ceiling(self) -> float:
@@ -52,7 +61,7 @@ class Law(Protocol):
 class Poisson:
     """Numbers of independent events."""
 
-    word = "counts"
+    word, new, used = later("counts"), later("a new count"), later("counts used")
     ceiling = math.inf
 
     def log_density(self, y: FloatArray, mean: FloatArray, size: FloatArray) -> FloatArray:
@@ -84,7 +93,7 @@ class Poisson:
 class Binomial:
     """Fractions of independent trials."""
 
-    word = "fractions"
+    word, new, used = later("fractions"), later("a new fraction"), later("fractions used")
     ceiling = 1.0
 
     def log_density(self, y: FloatArray, mean: FloatArray, size: FloatArray) -> FloatArray:

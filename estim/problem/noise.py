@@ -28,7 +28,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from estim.arrays import FloatArray
-from estim.common import InputError
+from estim.common import InputError, phrase
 from estim.problem.abscissas import true_abscissas
 from estim.problem.correlated import CorrelatedErrors as CorrelatedErrors
 from estim.problem.correlated import Linear as Linear
@@ -130,22 +130,25 @@ class Independent:
         """The noise in words."""
         sizes = []
         if self.sigma.parameter is not None:
-            sizes.append(f"their standard deviation {self.sigma.parameter} inferred")
+            sizes.append(phrase("their standard deviation {name} inferred", name=self.sigma.parameter))
         elif self.exposure:
-            sizes.append(f"standard deviations from {self.sigma.value * np.min(self.relative):.4g} {y_unit} upwards by {_blur_words(self.exposure)}")
+            least = self.sigma.value * np.min(self.relative)
+            blur = _blur_words(self.exposure)
+            sizes.append(phrase("standard deviations from {least:.4g} {unit} upwards by {blur}", least=least, unit=y_unit, blur=blur))
         elif np.ptp(self.relative) > 0.0:
-            sizes.append("standard deviations as stated row by row")
+            sizes.append(phrase("standard deviations as stated row by row"))
         elif self.sigma.value:
-            sizes.append(f"standard deviation {self.sigma.value * self.relative[0]:.4g} {y_unit}")
+            sizes.append(phrase("standard deviation {size:.4g} {unit}", size=self.sigma.value * self.relative[0], unit=y_unit))
         if self.encoder_step:
-            sizes.append(f"an encoder step of {self.encoder_step:.4g} {y_unit}")
+            sizes.append(phrase("an encoder step of {size:.4g} {unit}", size=self.encoder_step, unit=y_unit))
         if self.sigma_x is not None:
-            size = "as stated row by row" if self.relative_x is not None else f"{self.sigma_x.value:.4g} {x_unit}"
-            size = size if self.sigma_x.parameter is None else f"{self.sigma_x.parameter}, inferred"
-            sizes.append(f"errors of the abscissas of standard deviation {size}")
+            size = phrase("as stated row by row") if self.relative_x is not None else f"{self.sigma_x.value:.4g} {x_unit}"
+            size = size if self.sigma_x.parameter is None else phrase("{name}, inferred", name=self.sigma_x.parameter)
+            sizes.append(phrase("errors of the abscissas of standard deviation {size}", size=size))
         shape = self.tails.describe()
         further = _scatter_words(self.scatter, words.what, y_unit) + (f"; {shape}" if shape else "")
-        return f"independent errors of the {words.what}; {' and '.join(sizes)}{further}"
+        what, sizes_of = phrase(words.what), phrase(" and ").join(sizes)
+        return phrase("independent errors of the {what}; {sizes}", what=what, sizes=sizes_of) + further
 
 
 @dataclass(frozen=True, eq=False)
@@ -242,25 +245,25 @@ class Differentiated:
         """The noise in words."""
         readings = []
         if self.encoder_step:
-            readings.append(f"an encoder step of {self.encoder_step:.4g} {x_unit}")
+            readings.append(phrase("an encoder step of {size:.4g} {unit}", size=self.encoder_step, unit=x_unit))
         if self.sigma.parameter is not None:
-            readings.append(f"an inferred standard deviation {self.sigma.parameter}")
+            readings.append(phrase("an inferred standard deviation {name}", name=self.sigma.parameter))
         elif self.sigma.value:
-            readings.append(f"a standard deviation of {self.sigma.value:.4g} {x_unit}")
+            readings.append(phrase("a standard deviation of {size:.4g} {unit}", size=self.sigma.value, unit=x_unit))
         if self.exposure:
             readings.append(_blur_words(self.exposure))
-        return (
-            f"{words.what} by the {self.derivative.stencil.name} derivative of {words.reading}s, with its exact covariance; "
-            f"{words.reading} readings with "
-            + " and ".join(readings) + _scatter_words(self.scatter, words.what, y_unit)
-        )
+        return phrase(
+            "{what} by the {stencil} derivative of {reading}s, with its exact covariance; {reading} readings with {sizes}",
+            what=phrase(words.what), stencil=phrase(self.derivative.stencil.name), reading=phrase(words.reading),
+            sizes=phrase(" and ").join(readings),
+        ) + _scatter_words(self.scatter, words.what, y_unit)
 
 
 def _blur_words(exposure: float) -> str:
-    return f"the motion blur of an exposure of {exposure:.4g} s"
+    return phrase("the motion blur of an exposure of {exposure:.4g} s", exposure=exposure)
 
 
 def _scatter_words(scatter: Scale, what: str, unit: str) -> str:
     if scatter.parameter is not None:
-        return f"; a further independent scatter of the {what} inferred"
-    return f"; a further independent scatter of {scatter.value:.4g} {unit}" if scatter.value else ""
+        return phrase("; a further independent scatter of the {what} inferred", what=phrase(what))
+    return phrase("; a further independent scatter of {size:.4g} {unit}", size=scatter.value, unit=unit) if scatter.value else ""

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from estim.arrays import FloatArray
-from estim.common import Finding, InputError, Label, Notation, split_level
+from estim.common import Finding, InputError, Label, Notation, phrase, split_level
 from estim.problem.curve import POINTS, CommonError, Curve, Derived, Motion, Sought, Wording, scales_of
 from estim.problem.likelihood import Likelihood, Noise, Points
 from estim.problem.priors import Prior
@@ -124,11 +124,16 @@ class Observations:
 
     @property
     def x_label(self) -> str:
-        return self.x_name if self.x_unit == "1" else f"{self.x_name} ({self.x_unit})"
+        return self._label(self.x_name, self.x_unit)
 
     @property
     def y_label(self) -> str:
-        return self.y_name if self.y_unit == "1" else f"{self.y_name} ({self.y_unit})"
+        return self._label(self.y_name, self.y_unit)
+
+    def _label(self, name: str, unit: str) -> str:
+        """A body's axes have names of ours, those of a plain curve are the user's."""
+        said = name if self.motion is None else phrase(name)
+        return said if unit == "1" else f"{said} ({unit})"
 
     @property
     def points(self) -> Points:

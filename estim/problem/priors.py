@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from estim.arrays import FloatArray
-from estim.common import InputError, Quantity
+from estim.common import InputError, Quantity, phrase
 from estim.distributions import normal_below, normal_tail
 
 _LOG_ROOT_2PI = 0.5 * math.log(2.0 * math.pi)
@@ -119,7 +119,7 @@ class Normal:
         return self.mean + self.sd * rng.standard_normal(size)
 
     def describe(self) -> str:
-        return "normal"
+        return phrase("normal")
 
 
 @lru_cache(maxsize=4096)
@@ -186,12 +186,12 @@ class TruncatedNormal:
         return np.asarray(self.frozen().rvs(size=size, random_state=rng))
 
     def describe(self) -> str:
-        whole = f"normal, {self.mean:.4g} ± {self.scale:.4g}"
+        said = {"mean": self.mean, "scale": self.scale, "low": self.low, "high": self.high}
         if math.isinf(self.high):
-            return f"{whole}, cut below {self.low:.4g}"
+            return phrase("normal, {mean:.4g} ± {scale:.4g}, cut below {low:.4g}", **said)
         if math.isinf(self.low):
-            return f"{whole}, cut above {self.high:.4g}"
-        return f"{whole}, cut to [{self.low:.4g}, {self.high:.4g}]"
+            return phrase("normal, {mean:.4g} ± {scale:.4g}, cut above {high:.4g}", **said)
+        return phrase("normal, {mean:.4g} ± {scale:.4g}, cut to [{low:.4g}, {high:.4g}]", **said)
 
 
 @dataclass(frozen=True)
@@ -233,7 +233,7 @@ class Uniform:
         return rng.uniform(self.low, self.high, size)
 
     def describe(self) -> str:
-        return f"uniform in [{self.low:.4g}, {self.high:.4g}]"
+        return phrase("uniform in [{low:.4g}, {high:.4g}]", low=self.low, high=self.high)
 
 
 @dataclass(frozen=True)
@@ -274,7 +274,7 @@ class HalfNormal:
         return self.scale * np.abs(rng.standard_normal(size))
 
     def describe(self) -> str:
-        return f"half-normal, scale {self.scale:.4g}"
+        return phrase("half-normal, scale {scale:.4g}", scale=self.scale)
 
 
 @dataclass(frozen=True)
@@ -322,7 +322,7 @@ class LogNormal:
         return self.median * np.exp(self.log_sd * rng.standard_normal(size))
 
     def describe(self) -> str:
-        return f"log-normal, median {self.median:.4g}, log sd {self.log_sd:.3g}"
+        return phrase("log-normal, median {median:.4g}, log sd {log_sd:.3g}", median=self.median, log_sd=self.log_sd)
 
 
 MEASURED = Normal | TruncatedNormal | LogNormal

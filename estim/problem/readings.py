@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from estim.arrays import FloatArray
-from estim.common import InputError
+from estim.common import InputError, phrase
 from estim.problem.correlated import CorrelatedErrors
 from estim.problem.curve import Wording
 from estim.problem.likelihood import Points
@@ -29,16 +29,17 @@ class Readings(Independent):
         """The noise in words."""
         y_unit = "" if y_unit == "1" else y_unit
         if self.sigma.parameter is not None:
-            size = f"their standard deviation {self.sigma.parameter} inferred"
+            size = phrase("their standard deviation {name} inferred", name=self.sigma.parameter)
         elif np.ptp(self.relative) > 0.0:
-            size = "standard deviations as stated row by row"
+            size = phrase("standard deviations as stated row by row")
         else:
-            size = f"standard deviation {self.sigma.value * self.relative[0]:.4g} {y_unit}".rstrip()
+            size = phrase("standard deviation {size:.4g} {unit}", size=self.sigma.value * self.relative[0], unit=y_unit).rstrip()
         further = "; " + self.tails.describe() if self.tails.robust else ""
         if self.relative_x is not None:
             unit = "" if x_unit == "1" else x_unit
-            further = f"; errors of x of standard deviation about {np.median(self.relative_x):.4g} {unit}".rstrip() + further
-        return f"independent errors of {self.what}; {size}{further}"
+            size_x = float(np.median(self.relative_x))
+            further = phrase("; errors of x of standard deviation about {size:.4g} {unit}", size=size_x, unit=unit).rstrip() + further
+        return phrase("independent errors of {what}; {size}", what=self.what, size=size) + further
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,8 +94,8 @@ class Correlated:
     def describe(self, *, x_unit: str, y_unit: str, words: Wording) -> str:
         """The noise in words."""
         y_unit = "" if y_unit == "1" else y_unit
-        size = f"standard deviations about {np.median(self.reading_gain()):.4g} {y_unit}".strip()
-        return f"correlated errors of {self.what} with the stated covariance matrix; {size}"
+        size = phrase("standard deviations about {size:.4g} {unit}", size=float(np.median(self.reading_gain())), unit=y_unit).strip()
+        return phrase("correlated errors of {what} with the stated covariance matrix; {size}", what=self.what, size=size)
 
 
 def check_covariance(cov: ArrayLike, n_obs: int, *, field: str) -> FloatArray:

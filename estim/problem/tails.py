@@ -24,6 +24,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from estim.arrays import FloatArray
+from estim.common import phrase
 from estim.distributions import normal_quantile, normal_tail, student_tail
 
 _LOG_ROOT_2PI = 0.5 * math.log(2.0 * math.pi)
@@ -137,7 +138,7 @@ class StudentT:
         return rng.standard_t(self.nu, size)
 
     def describe(self) -> str:
-        return f"Student-t tails ({self.nu:g} degrees of freedom, σ is the scale of the core)"
+        return phrase("Student-t tails ({nu:g} degrees of freedom, σ is the scale of the core)", nu=self.nu)
 
 
 @dataclass(frozen=True)
@@ -198,7 +199,7 @@ class Mixture:
         return rng.standard_normal(size) * np.where(bad, np.exp(np.ravel(values[self.log_width])), 1.0)
 
     def describe(self) -> str:
-        return f"some readings ({self.fraction}) may be outliers, exp({self.log_width}) times less precise"
+        return phrase("some readings ({fraction}) may be outliers, exp({width}) times less precise", fraction=self.fraction, width=self.log_width)
 
 
 def score_information(

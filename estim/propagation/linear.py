@@ -26,7 +26,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from estim.arrays import FloatArray
-from estim.common import InputError
+from estim.common import InputError, phrase
 from estim.distributions import student_quantile
 from estim.propagation.evaluation import Gradient, MeasurementFunction, gradient
 from estim.propagation.inputs import Correlation, Input, check_inputs, correlation_matrix
@@ -147,7 +147,7 @@ def frozen(array: Any) -> FloatArray:
 
 def how_many(affected: NDArray[np.bool_], *, scalar: bool) -> str:
     """Text for the outputs concerned: empty for a scalar output, else "at 3 of 20 outputs: "."""
-    return "" if scalar or affected.size == 1 else f"at {np.count_nonzero(affected)} of {affected.size} outputs: "
+    return "" if scalar or affected.size == 1 else phrase("at {k} of {n} outputs: ", k=np.count_nonzero(affected), n=affected.size)
 
 
 def _effective_dof(
@@ -161,7 +161,10 @@ def _effective_dof(
         if len(all_dof) > 1:
             names = ", ".join(inputs[i].name for i in group)
             notes.append(
-                f"{names} are correlated but differ in their degrees of freedom: the smallest, {dof:g}, is taken for all of them"
+                phrase(
+                    "{names} are correlated but differ in their degrees of freedom: the smallest, {dof:g}, is taken for all of them",
+                    names=names, dof=dof,
+                )
             )
         if math.isfinite(dof):
             part = components[group]
@@ -189,7 +192,7 @@ def _derivative_notes(inputs: Sequence[Input], slopes: Gradient, components: Flo
     """Sentences about values and derivatives that cannot be relied on."""
     scalar = slopes.value.ndim == 0
     undefined = ~np.isfinite(slopes.value.reshape(-1))
-    notes = [f"{how_many(undefined, scalar=scalar)}the function has no finite value at the estimates"] if undefined.any() else []
+    notes = [how_many(undefined, scalar=scalar) + phrase("the function has no finite value at the estimates")] if undefined.any() else []
     for one, component, error, kink in zip(
         inputs, components, slopes.error.reshape(len(inputs), -1), slopes.kink.reshape(len(inputs), -1), strict=True
     ):
@@ -201,15 +204,18 @@ def _derivative_notes(inputs: Sequence[Input], slopes: Gradient, components: Flo
         for affected, text in (
             (
                 missing,
-                f"no derivative with respect to '{one.name}': the function is undefined beside the estimate, so u is unknown",
+                phrase("no derivative with respect to '{name}': the function is undefined beside the estimate, so u is unknown", name=one.name),
             ),
             (
                 bent,
-                f"the slope with respect to '{one.name}' differs on the two sides of the estimate: u takes their mean",
+                phrase("the slope with respect to '{name}' differs on the two sides of the estimate: u takes their mean", name=one.name),
             ),
             (
                 rough & ~bent,
-                f"the derivative with respect to '{one.name}' is known to {_worst(error, component, one.u):.1g} of itself only",
+                phrase(
+                    "the derivative with respect to '{name}' is known to {share:.1g} of itself only",
+                    name=one.name, share=_worst(error, component, one.u),
+                ),
             ),
         ):
             if affected.any():
@@ -218,7 +224,7 @@ def _derivative_notes(inputs: Sequence[Input], slopes: Gradient, components: Flo
     if flat.any() and any(one.u > 0.0 for one in inputs):
         notes.append(
             how_many(flat, scalar=scalar)
-            + "all first derivatives vanish: a linear uncertainty of 0 says nothing, use Monte Carlo"
+            + phrase("all first derivatives vanish: a linear uncertainty of 0 says nothing, use Monte Carlo")
         )
     return notes
 

@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from estim.arrays import FloatArray
-from estim.common import InputError
+from estim.common import InputError, later, phrase
 from estim.propagation.copula import copula_matrix, draw_inputs
 from estim.propagation.evaluation import MeasurementFunction, evaluate_draws, evaluate_point
 from estim.propagation.inputs import Correlation, Input, check_inputs, correlation_matrix
@@ -35,7 +35,9 @@ _LEAST_BLOCK = 10_000  # JCGM 101, 7.9.4 b
 _LEAST_BLOCKS = 10
 _MOST_DRAWS = 10_000_000
 _MOST_VALUES = 20_000_000  # of n_draw * n_out by default: 160 MB
-_STATISTICS = ("mean", "u", "symmetric low", "symmetric high", "shortest low", "shortest high")
+_STATISTICS = (
+    later("mean"), "u", later("symmetric low"), later("symmetric high"), later("shortest low"), later("shortest high"),
+)
 _WATCHED: dict[str, list[int]] = {"symmetric": [0, 1, 2, 3], "shortest": [0, 1, 4, 5]}
 
 
@@ -244,8 +246,11 @@ def _result(
     endless = (tails > NO_VARIANCE) & ~partial
     if endless.any():
         notes.append(
-            f"{how_many(endless, scalar=not shape)}the tails are so long (index {tails.max():.2g}; a standard deviation "
-            "exists below 0.5, a mean below 1) that there is no standard deviation: more draws do not help, quote an interval"
+            how_many(endless, scalar=not shape) + phrase(
+                "the tails are so long (index {index:.2g}; a standard deviation "
+                "exists below 0.5, a mean below 1) that there is no standard deviation: more draws do not help, quote an interval",
+                index=tails.max(),
+            )
         )
     if not stable[(undefined == 0.0) & ~endless].all() or (conditional and not stable.all()):
         notes.append(_unstable_note(errors, tolerance, stable, len(draws), n_digits, watched, scalar=not shape))
@@ -277,12 +282,14 @@ def _undefined_notes(undefined: FloatArray, conditional: bool, *, scalar: bool) 
     if not affected.any():
         return []
     consequence = (
-        "the statistics are conditional on the function being defined"
+        phrase("the statistics are conditional on the function being defined")
         if conditional
-        else "no mean, u or interval is given there (where_defined gives them on condition that the function is defined)"
+        else phrase("no mean, u or interval is given there (where_defined gives them on condition that the function is defined)")
     )
-    largest = f"{100.0 * undefined.max():.3g} % of the draws"
-    return [f"{how_many(affected, scalar=scalar)}{'' if scalar else 'up to '}{largest} give no finite value: {consequence}"]
+    said = {"share": 100.0 * undefined.max(), "consequence": consequence}
+    if scalar:
+        return [phrase("{share:.3g} % of the draws give no finite value: {consequence}", **said)]
+    return [how_many(affected, scalar=scalar) + phrase("up to {share:.3g} % of the draws give no finite value: {consequence}", **said)]
 
 
 def _unstable_note(
@@ -297,14 +304,14 @@ def _unstable_note(
 ) -> str:
     unstable = ~stable & np.isfinite(tolerance)
     if not unstable.any():
-        return f"{how_many(~stable, scalar=scalar)}not stabilised: too few draws have a value"
+        return how_many(~stable, scalar=scalar) + phrase("not stabilised: too few draws have a value")
     rows = _WATCHED[watched]
     ratio = np.where(unstable, errors[rows] / np.maximum(tolerance, np.finfo(float).tiny), -1.0)
     row, output = np.unravel_index(int(np.argmax(ratio)), ratio.shape)
     error = 2.0 * errors[rows[int(row)], output]
-    return (
-        f"{how_many(unstable, scalar=scalar)}not stabilised to {n_digits} digits of u after {n_draw} draws: twice the standard "
-        f"error of {_STATISTICS[rows[int(row)]]} is {error:.2g}, the tolerance {tolerance[output]:.2g}"
+    return how_many(unstable, scalar=scalar) + phrase(
+        "not stabilised to {digits} digits of u after {n} draws: twice the standard error of {what} is {error:.2g}, the tolerance {tolerance:.2g}",
+        digits=n_digits, n=n_draw, what=phrase(_STATISTICS[rows[int(row)]]), error=error, tolerance=tolerance[output],
     )
 
 
@@ -315,11 +322,17 @@ def _input_notes(inputs: Sequence[Input]) -> list[str]:
             continue
         if math.isinf(one.standard_deviation):
             notes.append(
-                f"'{one.name}' (t, dof {one.drawn_dof:g}) has no standard deviation: mean and u may not settle, quote intervals only"
+                phrase(
+                    "'{name}' (t, dof {dof:g}) has no standard deviation: mean and u may not settle, quote intervals only",
+                    name=one.name, dof=one.drawn_dof,
+                )
             )
         if one.distribution not in ("t", "standardised-t") and math.isfinite(one.dof):
             notes.append(
-                f"'{one.name}' is drawn from a {one.distribution} distribution: its {one.dof:g} degrees of freedom play no part"
+                phrase(
+                    "'{name}' is drawn from a {distribution} distribution: its {dof:g} degrees of freedom play no part",
+                    name=one.name, distribution=one.distribution, dof=one.dof,
+                )
             )
     return notes
 

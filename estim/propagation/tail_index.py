@@ -23,14 +23,13 @@ def tail_index(draws: FloatArray) -> FloatArray:
 
 
 def _hill(values: FloatArray) -> float:
-    largest = 0.0
+    largest, ordered = 0.0, np.sort(values)
     for share in _TAIL_SHARES:
         n_tail = max(int(share * values.size), _LEAST_TAIL)
         if values.size < 20 * n_tail:
             continue
-        median = float(np.median(values))
-        for side in (values - median, median - values):
-            tail = np.partition(side, values.size - n_tail - 1)[values.size - n_tail - 1 :]
+        median = 0.5 * (ordered[(values.size - 1) // 2] + ordered[values.size // 2])
+        for tail in (ordered[-n_tail - 1 :] - median, (median - ordered[: n_tail + 1])[::-1]):
             if tail[0] > 0.0:
                 largest = max(largest, float(np.mean(np.log(tail[1:] / tail[0]))) * (1.0 - 2.0 / math.sqrt(n_tail)))
     return largest

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from estim.arrays import FloatArray
-from estim.common import InputError
+from estim.common import InputError, phrase
 from estim.propagation.linear import LinearResult, frozen, how_many
 from estim.propagation.monte_carlo import IntervalKind, MonteCarloResult, numerical_tolerance
 
@@ -81,7 +81,7 @@ def compare(
         n_digits=n_digits,
         kind=kind,
         message=_sentence(status, fails_surely, ~decided, difference, error, tolerance, n_digits, settled, scalar=scalar)
-        + (" (Monte Carlo on condition that the function is defined)" if monte_carlo.conditional else ""),
+        + (phrase(" (Monte Carlo on condition that the function is defined)") if monte_carlo.conditional else ""),
     )
 
 
@@ -97,23 +97,28 @@ def _sentence(
     *,
     scalar: bool,
 ) -> str:
-    digits = "1 digit" if n_digits == 1 else f"{n_digits} digits"
+    digits = phrase("1 digit") if n_digits == 1 else phrase("{n} digits", n=n_digits)
     if status == "valid":
-        return f"the linear interval agrees with Monte Carlo to {digits} of u"
+        return phrase("the linear interval agrees with Monte Carlo to {digits} of u", digits=digits)
     affected = fails if status == "invalid" else open_
     excess = np.max(difference, axis=0) / np.where(tolerance > 0.0, tolerance, 1.0)
     worst = int(np.argmax(np.where(affected & np.isfinite(excess), excess, -1.0)))
-    where, which = how_many(affected, scalar=scalar), "" if scalar or affected.size == 1 else f" (output {worst})"
-    by = f"its ends differ from Monte Carlo by {difference[0, worst]:.2g} (low) and {difference[1, worst]:.2g} (high){which}"
-    limit = f"the tolerance is {tolerance[worst]:.2g} ({digits} of u)"
+    where, which = how_many(affected, scalar=scalar), "" if scalar or affected.size == 1 else phrase(" (output {n})", n=worst)
+    by = phrase(
+        "its ends differ from Monte Carlo by {low:.2g} (low) and {high:.2g} (high){which}",
+        low=difference[0, worst], high=difference[1, worst], which=which,
+    )
+    limit = phrase("the tolerance is {tolerance:.2g} ({digits} of u)", tolerance=tolerance[worst], digits=digits)
     if status == "invalid":
-        return f"{where}the linear interval is not valid: {by}, {limit}: quote the Monte-Carlo interval"
+        return where + phrase("the linear interval is not valid: {by}, {limit}: quote the Monte-Carlo interval", by=by, limit=limit)
     if not np.all(np.isfinite(difference[:, affected])):
-        return f"{where}the linear interval cannot be judged: a result is unknown there (see the notes of both)"
+        return where + phrase("the linear interval cannot be judged: a result is unknown there (see the notes of both)")
     if not np.all(settled[affected]) and np.all(difference[:, affected] + error[:, affected] <= tolerance[affected]):
-        return f"{where}the linear interval cannot be judged: mean and u of the Monte Carlo have not stabilised there (see its notes)"
+        unsettled = phrase("the linear interval cannot be judged: mean and u of the Monte Carlo have not stabilised there (see its notes)")
+        return where + unsettled
     known = np.max(error[:, worst])
-    return f"{where}the linear interval cannot be judged: {by}, known to {known:.2g}, and {limit}: make more draws"
+    judged = phrase("the linear interval cannot be judged: {by}, known to {known:.2g}, and {limit}: make more draws", by=by, known=known, limit=limit)
+    return where + judged
 
 
 def _check_comparable(linear: LinearResult, monte_carlo: MonteCarloResult, n_digits: object, kind: object) -> None:

@@ -15,7 +15,7 @@ import numpy as np
 
 from estim.campaign import Campaign
 from estim.checks import P_CONFLICT, P_POOR_FIT, P_TOLD, interval_cell, value_cell
-from estim.common import KINDS, Label, Markdown, Notation, Status, format_quantity, format_rounded, signed, significant, table
+from estim.common import Label, Markdown, Notation, Status, format_quantity, format_rounded, kind_words, phrase, signed, significant, table
 from estim.explanation import Explanation, across_runs
 from estim.fitting import MANY, ProfileInterval
 from estim.pipeline import Analysis
@@ -33,7 +33,7 @@ from estim.reports.deviation import deviation_text
 from estim.reports.deviation_figures import force_figure
 from estim.reports.explanation import explanation_text, runs_text
 from estim.reports.figures import residual_figure
-from estim.reports.first_screen import first_screen, opened_by
+from estim.reports.first_screen import first_reasons, first_screen, opened_by
 from estim.reports.identifiability import IdentifySection, identify_section
 from estim.reports.identifiability_figures import direction_figure, profile_figure, ridge_figure, ridge_pair
 from estim.reports.joint_figures import together_figure
@@ -49,7 +49,7 @@ from estim.reports.rolling_figures import rolling_figure
 from estim.reports.trace_figures import trace_figure
 from estim.reports.usual_errors import usual_row
 from estim.studies import determine
-from estim.words import STATUS_WORDS, Voice
+from estim.words import STATUS_WORDS, Voice, first_step
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -95,7 +95,7 @@ def analysis_report(campaign: Subject, analysis: Analysis, *, voice: Voice = Voi
             result, section, corner_words(analysis.problem, truth=bool(campaign.truth)), pictures, converged=analysis.chain.convergence.met,
             consistency="" if agreement is None else consistency_text(agreement, pictures, limits_only=not analysis.diagnosis.ok, on_edge=on_edge),
             explanation="" if analysis.explanation is None else explanation_text(analysis.explanation), counts=counts_text(analysis.fit, pictures),
-            shares=shares, misfit=misfit_words(residuals_of(analysis)),
+            shares=shares, misfit=misfit_words(residuals_of(analysis)), first_step=first_step(analysis.diagnosis.findings, voice),
         )
 
     drawers = _drawers(analysis, determination.intervals, shares, synthetic=campaign.kind == "synthetic", truth=campaign.truth)
@@ -145,13 +145,14 @@ def _drawers(
 
 def analysis_text(
     result: Result, section: IdentifySection, corner_words: Markdown, pictures: Collection[str], *, converged: bool, consistency: str,
-    explanation: str, counts: str = "", shares: Shares | None = None, misfit: str = "",
+    explanation: str, counts: str = "", shares: Shares | None = None, misfit: str = "", first_step: str = "",
 ) -> str:
     """The Markdown report of one analysis, with the figures at the paths `pictures`.
 
     section : what it says about the data against the priors.  corner_words : below the corner figure.  converged : whether there are enough draws.
     consistency : about several runs, "" for one.  explanation : of what may be missing, "" where that was not asked.
     shares : of the sources of uncertainty, None where there is no uncertainty to explain.  misfit : the largest, in words.
+    first_step : what to do first where the status is not ok.
     """
     rows = [parameter_row(name, p, result) for name, p in result.parameters.items()]
     axes = list(dict.fromkeys((run.x, run.y) for run in result.runs.values()))
@@ -162,7 +163,7 @@ def analysis_text(
     return render(
         "analysis.md.j2", pictures=pictures, opened=opened_by(result), screen=screen, screen_table=table(screen.head, screen.rows),
         copies=copies_of(screen.estimates) if screen.estimates else None, caption=caption_of(result), alts=alts_of(result, misfit),
-        budget=shares, result=result, kind=KINDS[result.kind], status_words=STATUS_WORDS[Status(result.status)], rows=rows,
+        budget=shares, result=result, kind=kind_words(result.kind), status_words=STATUS_WORDS[Status(result.status)], rows=rows,
         correlation=_correlation_table(result), derived=derived_rows(result.runs, result.labels), limits=_what_limits(result),
         reject_below=P_POOR_FIT / among, told_below=told_below, conflict_below=P_CONFLICT, ends=_turning_rows(result), identify=section,
         meaningless=not Status(result.status).draws_count, limits_count=Status(result.status).limits_count,
@@ -170,7 +171,7 @@ def analysis_text(
         consistency=consistency, rolling=rolling_rows(result.rolling or {}), axes=axes, limits_only=result.status != "ok", converged=converged,
         corner_words=corner_words, usual=[usual_row(one) for one in result.usual_errors], lacks=lacks, explanation=explanation, counts=counts,
         deviation=deviation_text(result.deviation, result.labels, pictures) if result.deviation else "",
-        complete=complete_runs([result]),
+        complete=complete_runs([result]), first_step=first_step, reasons=first_reasons(result.reasons),
         said=[words for force in (result.deviation or {}).values() for words in (force.words, force.noise_words)] if result.status == "ok" else [],
         drawn=MOST_DRAWN if len(result.runs) > MOST_DRAWN else None,
         uncorrelated=len(result.parameters) - _MOST_CORRELATED if len(result.correlation.names) > _MOST_CORRELATED else 0,
@@ -231,7 +232,7 @@ def index_report(campaign: Campaign, results: Mapping[str, Result], explanations
         table.append((run, result.status, [cells.get(shown, "") if result.status == "ok" else "—" for shown in columns]))
     causes = runs_text(across_runs(explanations)) if len(explanations) > 1 else ""
     heads = [shown.symbol + ("" if shown.unit == "1" else f" ({shown.unit})") for shown in columns]
-    text = render("index.md.j2", title=campaign.title, kind=KINDS[campaign.kind], heads=heads, table=table, causes=causes)
+    text = render("index.md.j2", title=campaign.title, kind=kind_words(campaign.kind), heads=heads, table=table, causes=causes)
     return {"report.md": text.encode()}
 
 
@@ -241,7 +242,7 @@ def _index_cell(p: ParameterSummary, shown: Label) -> str:
         return value_cell(p, shown)
     if p.upper_95 is not None:
         return f"< {format_rounded(p.upper_95 * shown.factor, 0.25 * p.upper_95 * shown.factor)} (95 %)"
-    return "as stated"
+    return phrase("as stated")
 
 
 def parameter_row(name: str, p: ParameterSummary, result: Result) -> Row:
@@ -253,9 +254,10 @@ def parameter_row(name: str, p: ParameterSummary, result: Result) -> Row:
     if not ok:
         fit = format_rounded(value * shown.factor, 0.1 * size * shown.factor)
     elif p.limit is not None:
-        fit = f"{format_rounded(p.limit.edge * shown.factor, 0.25 * abs(p.limit.limit_95 - p.limit.edge) * shown.factor)} (its edge)"
+        edge = format_rounded(p.limit.edge * shown.factor, 0.25 * abs(p.limit.limit_95 - p.limit.edge) * shown.factor)
+        fit = phrase("{value} (its edge)", value=edge)
     elif sd is None:
-        fit = f"{format_rounded(value * shown.factor, (p.sd or 0.0) * shown.factor)} (no symmetric sd)"
+        fit = phrase("{value} (no symmetric sd)", value=format_rounded(value * shown.factor, (p.sd or 0.0) * shown.factor))
     else:
         fit = format_quantity(value * shown.factor, sd * shown.factor)
     return Row(
@@ -269,7 +271,7 @@ def parameter_row(name: str, p: ParameterSummary, result: Result) -> Row:
 
 def _prior(p: ParameterSummary, shown: Label) -> str:
     if p.prior == "normal" and p.prior_mean is not None and p.prior_sd is not None:
-        return f"{format_quantity(p.prior_mean * shown.factor, p.prior_sd * shown.factor)} (normal)"
+        return phrase("{value} (normal)", value=format_quantity(p.prior_mean * shown.factor, p.prior_sd * shown.factor))
     return p.prior + (f" {p.unit}" if p.unit != "1" and shown.factor != 1.0 else "")
 
 
@@ -297,17 +299,21 @@ def _what_limits(result: Result) -> str:
     matrix = np.abs(np.array(result.correlation.matrix)) - np.eye(len(result.correlation.names))
     sentences = []
     if weak:
-        sentences.append(f"The data say little beyond the prior about {_listed(weak)}: what was stated there is what comes out.")
+        sentences.append(
+            phrase("The data say little beyond the prior about {names}: what was stated there is what comes out.", names=_listed(weak))
+        )
     if matrix.size > 1 and matrix.max() > 0.8:
         i, j = np.unravel_index(int(np.argmax(matrix)), matrix.shape)
         names = [result.labels.symbol(result.correlation.names[k]) for k in (j, i)]
         strength = signed(f"{result.correlation.matrix[i][j]:+.2f}")
         sentences.append(
-            f"{names[0]} and {names[1]} are correlated by {strength}: the data fix a combination of the two better "
-            "than either, so a better independent value of one improves the other."
+            phrase(
+                "{one} and {other} are correlated by {r}: the data fix a combination of the two better "
+                "than either, so a better independent value of one improves the other.", one=names[0], other=names[1], r=strength,
+            )
         )
     return " ".join(sentences)
 
 
 def _listed(words: Sequence[str]) -> str:
-    return words[0] if len(words) == 1 else ", ".join(words[:-1]) + " and " + words[-1]
+    return words[0] if len(words) == 1 else phrase("{names} and {last}", names=", ".join(words[:-1]), last=words[-1])

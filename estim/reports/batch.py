@@ -14,7 +14,7 @@ import msgspec
 import numpy as np
 
 from estim.batch import Row, Spread, odd_runs, spreads
-from estim.common import as_json, format_rounded, table
+from estim.common import as_json, format_rounded, later, phrase, table
 from estim.drawing import BLUE, GREY, INK, ORANGE, new_figure
 from estim.pipeline import Analysis
 from estim.reports.analysis import analysis_report
@@ -31,6 +31,11 @@ _PANELS, _INFORMED = 4, 0.5  # at most so many quantities, of which the data say
 _BARS = 200  # runs; of more, error bars would be one black band
 _LISTED = 100  # rows of a table that people read
 _NAMED = 6  # texts in a panel
+_HEADS = (
+    later("quantity"), later("unit"), later("runs"), later("median"), later("scatter"), later("typical sd"), later("narrowed (%)"),
+    later("stand apart"),
+)
+_ODD, _BAD = (later("campaign"), later("run"), later("what")), (later("campaign"), later("run"), later("status"), later("why"))
 
 
 def lean_files(campaign: Subject, analysis: Analysis) -> dict[str, bytes]:
@@ -66,11 +71,12 @@ def batch_times(rows: Sequence[Row]) -> dict[str, bytes]:
 
 def batch_line(rows: Sequence[Row]) -> str:
     """How many of each status, and what they took, in one line."""
-    return ", ".join(f"{number} {status}" for status, number in _counts(rows)) + f" ({sum(row.seconds for row in rows):.3g} s of processor time)"
+    counts = ", ".join(f"{number} {status}" for status, number in _counts(rows))
+    return phrase("{counts} ({seconds:.3g} s of processor time)", counts=counts, seconds=sum(row.seconds for row in rows))
 
 
 def _counts(rows: Sequence[Row]) -> list[tuple[str, int]]:
-    counted = Counter(row.status or "without a result" for row in rows)
+    counted = Counter(row.status or phrase("without a result") for row in rows)
     return sorted(counted.items(), key=lambda item: (item[0] != "ok", -item[1]))
 
 
@@ -78,23 +84,23 @@ def _text(rows: Sequence[Row], found: Sequence[Spread], pictures: Collection[str
     quantities = [
         (
             one.name, one.unit, f"{len(one.rows)}", *_numbers(one), f"{100.0 * one.informed:.0f}",
-            ", ".join(rows[i].name for i in one.apart[:_NAMED]) + (" and others" if len(one.apart) > _NAMED else "") or "none",
+            ", ".join(rows[i].name for i in one.apart[:_NAMED]) + (phrase(" and others") if len(one.apart) > _NAMED else "") or phrase("none"),
         )
         for one in found
     ]
-    heads = ("quantity", "unit", "runs", "median", "scatter", "typical sd", "narrowed (%)", "stand apart")
-    bad = [(row.campaign, row.run, row.status or "no result", row.error or row.reason) for row in rows if row.status != "ok"]
+    heads = tuple(map(phrase, _HEADS))
+    bad = [(row.campaign, row.run, row.status or phrase("no result"), row.error or row.reason) for row in rows if row.status != "ok"]
     return render(
         "batch.md.j2", pictures=pictures, n=len(rows), counts=_counts(rows), synthetic=synthetic_words(rows),
-        odd=table(("campaign", "run", "what"), [(row.campaign, row.run, said) for row, said in odd_runs(rows)[:_LISTED]]) if odd_runs(rows) else "",
+        odd=table(tuple(map(phrase, _ODD)), [(row.campaign, row.run, said) for row, said in odd_runs(rows)[:_LISTED]]) if odd_runs(rows) else "",
         quantities=table(heads, quantities) if quantities else "",
-        bad=table(("campaign", "run", "status", "why"), bad[:_LISTED]) if bad else "", left=max(len(bad) - _LISTED, 0),
+        bad=table(tuple(map(phrase, _BAD)), bad[:_LISTED]) if bad else "", left=max(len(bad) - _LISTED, 0),
     )
 
 
 def _numbers(one: Spread) -> tuple[str, str, str]:
     size = one.typical if one.typical > 0.0 else abs(one.median)
-    scatter = format_rounded(one.scatter, 0.1 * size) if math.isfinite(one.scatter) else "fewer than 5"
+    scatter = format_rounded(one.scatter, 0.1 * size) if math.isfinite(one.scatter) else phrase("fewer than 5")
     return format_rounded(one.median, 0.1 * size), scatter, format_rounded(one.typical, 0.1 * size)
 
 
@@ -128,7 +134,9 @@ def _cell(text: str) -> str:
 def synthetic_words(rows: Sequence[Row]) -> str:
     """Which data are synthetic; "" where none are."""
     n, of = sum(row.kind == "synthetic" for row in rows), sum(bool(row.kind) for row in rows)
-    return "" if n == 0 else "SYNTHETIC data" if n == of else f"SYNTHETIC data in {n} of {of} runs"
+    if n == 0:
+        return ""
+    return phrase("SYNTHETIC data") if n == of else phrase("SYNTHETIC data in {n} of {total} runs", n=n, total=of)
 
 
 def overview_figure(rows: Sequence[Row], shown: Sequence[Spread]) -> Figure:
@@ -156,6 +164,7 @@ def overview_figure(rows: Sequence[Row], shown: Sequence[Spread]) -> Figure:
         ax.margins(y=0.15)
     if synthetic := synthetic_words(rows):
         figure.suptitle(synthetic, fontsize=9)
-    axes[-1].set_xlabel("number of the run" + (" (cross at the bottom: not ok)" if bad.size else ""), fontsize=9)
+    said = phrase("number of the run (cross at the bottom: not ok)") if bad.size else phrase("number of the run")
+    axes[-1].set_xlabel(said, fontsize=9)
     axes[-1].set_xlim(0.4, len(rows) + 0.6)
     return figure

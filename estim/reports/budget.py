@@ -8,7 +8,7 @@ import msgspec
 import numpy as np
 
 from estim.arrays import FloatArray
-from estim.common import Label, format_rounded, split_level
+from estim.common import Label, format_rounded, phrase, split_level
 from estim.deviation import DEVIATION, FORCE, FRAMES, START
 from estim.pipeline import Analysis
 from estim.reports.derived import sought_labels
@@ -21,10 +21,6 @@ _TOLD = 1e-3  # share of the variance below which a source goes with the others
 _BENT = 0.2
 MAX_QUANTITIES, MAX_SOURCES = 8, 10
 OTHERS = "all others"
-_WORDS = {
-    READINGS: "readings", "length": "length scale (default)", "clock": "clock (default)", FORCE: "unmodelled force",
-    DEVIATION: "what the curve lacks", START: "push at release", FRAMES: "bad frames",
-}
 
 
 class UncertaintySource(msgspec.Struct, frozen=True):
@@ -66,7 +62,7 @@ class Shares:
     def cells(self) -> list[tuple[str, list[str]]]:
         """Rows of a table: a source, and its share of each quantity with that of the draws in brackets."""
         return [
-            (source, [_cell(a, b) for a, b in zip(linear, drawn, strict=True)])
+            (phrase("all others") if source == OTHERS else source, [_cell(a, b) for a, b in zip(linear, drawn, strict=True)])
             for source, linear, drawn in zip(self.sources, self.shares, self.drawn, strict=True)
         ]
 
@@ -128,11 +124,24 @@ def _between(analysis: Analysis) -> set[str]:
 
 def _words(source: Source, budget: Budget, labels: Labels) -> str:
     if source.kind not in (STATED, PRIOR):
-        return _WORDS[source.name]
+        return {
+            READINGS: phrase("readings"), "length": phrase("length scale (default)"), "clock": phrase("clock (default)"),
+            FORCE: phrase("unmodelled force"), DEVIATION: phrase("what the curve lacks"), START: phrase("push at release"),
+            FRAMES: phrase("bad frames"),
+        }[source.name]
     base = split_level(source.name)[0]
     alike = [other.name for other in budget.sources if other.kind == source.kind and split_level(other.name)[0] == base]
-    shown = f"{labels.symbol(base)} of {len(alike)} runs or bodies" if len(alike) > 2 else labels.symbol(source.name)
-    return f"{shown}, {source.kind}"
+    several = phrase("{symbol} of {n} runs or bodies", symbol=labels.symbol(base), n=len(alike))
+    shown = several if len(alike) > 2 else labels.symbol(source.name)
+    return phrase("{shown}, stated", shown=shown) if source.kind == STATED else phrase("{shown}, prior", shown=shown)
+
+
+def part_of_errors(name: str) -> str:
+    """A part of the errors of the readings, in a sentence."""
+    return {
+        READINGS: phrase("the readings"), "length": phrase("the length"), "clock": phrase("the clock"), FORCE: phrase("the unmodelled force"),
+        DEVIATION: phrase("what the curve lacks"), START: phrase("the start"), FRAMES: phrase("the bad frames"),
+    }[name]
 
 
 def _sd(value: float, label: Label) -> str:

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from estim.common import phrase
 from estim.drawing import BLUE, GREEN, GREY, INK, ORANGE, PALE, PURPLE, name_ticks, new_figure
 from estim.reports.budget import OTHERS, Shares
 
@@ -28,7 +29,7 @@ def budget_figure(shares: Shares) -> Figure:
     pieces = [(shares.sources[i], shares.shares[i], _COLOURS[k], _HATCHES[k]) for k, i in enumerate(own)]
     pieces += [(OTHERS, np.maximum(rest, 0.0), GREY, "")] if np.any(rest > 0.005) else []
     for source, part, colour, hatch in pieces:
-        ax.barh(places, part, left=left, color=colour, hatch=hatch, edgecolor="white", linewidth=0.8, height=0.66, label=source)
+        ax.barh(places, part, left=left, color=colour, hatch=hatch, edgecolor="white", linewidth=0.8, height=0.66, label=phrase(source))
         for place, start, width in zip(places.tolist(), left.tolist(), part.tolist(), strict=True):
             if width >= _WRITTEN:
                 dark = colour in (BLUE, "#D55E00", GREEN, GREY)
@@ -40,6 +41,6 @@ def budget_figure(shares: Shares) -> Figure:
     ax.set_ylim(n - 0.5, -0.5)
     ax.set_xlim(0.0, 1.0)
     name_ticks(ax.xaxis, np.linspace(0.0, 1.0, 6), [f"{p}" for p in range(0, 101, 20)], fontsize=8)
-    ax.set_xlabel("share of the variance (%)", fontsize=9)
+    ax.set_xlabel(phrase("share of the variance (%)"), fontsize=9)
     figure.legend(loc="outside lower center", ncols=3, fontsize=7.5, frameon=False)
     return figure

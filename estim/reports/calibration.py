@@ -11,7 +11,7 @@ import numpy as np
 
 from estim.calibration import COVERAGE_SDS, UNIFORM_BELOW, Calibration, coverage_sentence, direction, findings
 from estim.campaign import Campaign
-from estim.common import KINDS, Markdown, as_json, decide, p_digits
+from estim.common import Markdown, as_json, decide, kind_words, later, p_digits, phrase
 from estim.reports.calibration_figures import coverage_figure, rank_figure
 from estim.reports.pages import page
 from estim.reports.rendering import render
@@ -24,6 +24,7 @@ if TYPE_CHECKING:
 
 SCHEMA = "estim-calibration/1"
 _AT = {"sbc": "priors", "coverage": "fit"}
+_ENGINES = {"importance sampling": later("importance sampling"), "chain": later("chain")}
 
 
 class CoverageRecord(msgspec.Struct, frozen=True):
@@ -68,7 +69,7 @@ def calibration_report(campaign: Campaign, calibrations: Sequence[Calibration], 
             drawers["figures/ranks.png"] = partial(rank_figure, calibration, synthetic=campaign.kind == "synthetic")
         drawers[f"figures/coverage-{_AT[calibration.what]}.png"] = partial(coverage_figure, calibration)
     text = partial(
-        render, "calibration.md.j2", title=campaign.title, kind=KINDS[campaign.kind], runs=", ".join(calibrations[0].runs),
+        render, "calibration.md.j2", title=campaign.title, kind=kind_words(campaign.kind), runs=", ".join(calibrations[0].runs),
         uniform_below=UNIFORM_BELOW, coverage_sds=COVERAGE_SDS, parts=[_part(calibration) for calibration in calibrations],
     )
     records = {c.what: calibration_record(campaign, c) for c in calibrations}
@@ -102,9 +103,10 @@ def _part(c: Calibration) -> Mapping[str, object]:
         how = direction_words(direction(c, name)) or "—"
         rows.append((c.labels[name].symbol, "n/a" if np.isnan(p_value) else p_digits(p_value), *covered, how))
     sd = 100 * c.share_sd()
+    engines = [phrase("{count} by {how}", count=count, how=phrase(_ENGINES[how])) for how, count in sorted(c.how.items()) if how != "none"]
     return {
         "what": c.what, "at": _AT[c.what], "findings": [tell(f) for f in findings(c)], "rows": rows, "sds": [f"{u:.1f}" for u in sd],
-        "engines": ", ".join(f"{count} by {how}" for how, count in sorted(c.how.items()) if how != "none"), "ess": c.engine.ess,
+        "engines": ", ".join(engines), "ess": c.engine.ess,
         "n_trial": c.n_trial, "n_rejected": c.n_rejected, "n_short": c.n_short, "n_failed": c.n_failed, "n_rank": c.n_rank,
         "failures": list(c.failures.items()), "leaning": [c.labels[name].symbol for name in c.leaning] if c.what == "coverage" else [],
         "sentences": [coverage_sentence(c, name) for name in c.reported] if c.what == "coverage" else [],

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from estim.calibration import COVERAGE_SDS, Calibration, edges, rank_counts, uniformity_band
-from estim.common import percentage
+from estim.common import percentage, phrase
 from estim.drawing import BLUE, GREY, INK, ORANGE, name_ticks, new_figure
 
 if TYPE_CHECKING:
@@ -37,10 +37,10 @@ def rank_figure(calibration: Calibration, *, synthetic: bool) -> Figure:
     for i, extra in enumerate(axes[len(names) :], start=len(names)):
         extra.set_visible(False)
         axes[i - columns].tick_params(labelbottom=True)
-    figure.supxlabel("rank of the truth among posterior draws, as a share", fontsize=8)
-    figure.supylabel("ECDF − uniform", fontsize=8)
+    figure.supxlabel(phrase("rank of the truth among posterior draws, as a share"), fontsize=8)
+    figure.supylabel(phrase("ECDF − uniform"), fontsize=8)
     if synthetic:
-        figure.suptitle("design of SYNTHETIC data", fontsize=8)
+        figure.suptitle(phrase("design of SYNTHETIC data"), fontsize=8)
     return figure
 
 
@@ -58,7 +58,7 @@ def coverage_figure(calibration: Calibration) -> Figure:
         off = np.abs(shares - p) > COVERAGE_SDS * sd
         ax.plot(100 * shares[~off], rows[~off], "o", color=BLUE, ms=4)
         ax.plot(100 * shares[off], rows[off], "D", color=ORANGE, ms=5)
-        ax.set_xlabel(f"covered by the {percentage(p)} interval (%)", fontsize=8)
+        ax.set_xlabel(phrase("covered by the {p} interval (%)", p=percentage(p)), fontsize=8)
         ax.tick_params(labelsize=7)
     name_ticks(axes[0].yaxis, rows, [calibration.labels[name].tex for name in names])
     return figure

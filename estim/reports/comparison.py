@@ -11,7 +11,7 @@ import numpy as np
 
 from estim.campaign import Campaign
 from estim.checks import INFLUENTIAL, value_cell
-from estim.common import KINDS, as_json
+from estim.common import as_json, kind_words, later, phrase
 from estim.drawing import BLUE, ORANGE, name_ticks, new_figure
 from estim.problem import Parameter
 from estim.reports.pages import page
@@ -23,6 +23,7 @@ from estim.studies import Compared
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+_DATA = {"positions": later("positions"), "speeds": later("speeds")}
 _BEHIND = 4.0  # difference of elpd below which models predict alike, whatever its error
 
 
@@ -50,10 +51,11 @@ def compare_report(campaign: Campaign, compared: Sequence[Compared], *, seed: in
     summaries = [_summary(c, common) for c in compared]
     runs = [run.name for run in compared[0].analysis.problem.runs]
     text = partial(
-        render, "compare.md.j2", title=campaign.title, runs=runs, kind=KINDS[campaign.kind], rows=summaries,
+        render, "compare.md.j2", title=campaign.title, runs=runs, kind=kind_words(campaign.kind), rows=summaries,
         cells=[_cells(s, common) for s in summaries],
         heads=[p.label.symbol + ("" if p.unit == "1" else f" ({p.label.unit})") for p in common],
         influential=INFLUENTIAL, behind=_BEHIND, folder=folder_of, several_data=len({s.data for s in summaries}) > 1,
+        data=[phrase(_DATA[s.data]) for s in summaries],
     )
     record = {"title": campaign.title, "kind": campaign.kind, "runs": runs, "models": summaries, "provenance": provenance(campaign, runs, seed)}
     drawers = {"figures/comparison.png": partial(_figure, summaries, common, synthetic=campaign.kind == "synthetic")}
@@ -113,6 +115,6 @@ def _figure(summaries: Sequence[ComparedSummary], common: Sequence[Parameter], *
         ax.locator_params(axis="x", nbins=4)
     for extra in axes[len(common) :]:
         extra.set_visible(False)
-    title = "blue: positions, orange: speeds; bars: one posterior standard deviation; arrow: 95 % limit"
-    figure.suptitle(title + ("; SYNTHETIC data" if synthetic else ""), fontsize=8.5)
+    title = phrase("blue: positions, orange: speeds; bars: one posterior standard deviation; arrow: 95 % limit")
+    figure.suptitle(phrase("{title}; SYNTHETIC data", title=title) if synthetic else title, fontsize=8.5)
     return figure

@@ -6,7 +6,7 @@ from collections.abc import Collection
 from dataclasses import dataclass
 
 from estim.checks import P_INCONSISTENT, PRIORS, Consistency, SharedEstimate
-from estim.common import Label, Markdown, format_quantity, p_digits
+from estim.common import Label, Markdown, format_quantity, p_digits, phrase
 from estim.reports.rendering import render
 
 
@@ -52,7 +52,8 @@ def source_rows(consistency: Consistency) -> list[SourceRow]:
     """Every run, and the stated values as one more source."""
     return [
         SourceRow(
-            source=Markdown(f"*{row.source}*") if row.source == PRIORS else row.source, distance2=f"{row.distance2:.1f}" if row.dof else "—",
+            source=Markdown(f"*{phrase('stated values')}*") if row.source == PRIORS else row.source,
+            distance2=f"{row.distance2:.1f}" if row.dof else "—",
             dof=str(row.dof), p_value=p_digits(row.p_value) if row.dof else "—", p_holm=p_digits(row.p_holm) if row.dof else "—",
         )
         for row in consistency.rows
@@ -67,7 +68,8 @@ def estimate_rows(consistency: Consistency, on_edge: Collection[str] = ()) -> li
             rows.append(
                 EstimateRow(
                     parameter=shown.symbol, unit="" if shown.unit == "1" else shown.unit, run=run, alone=_cell(consistency.alone[run], i, shown),
-                    others=_cell(consistency.others[run], i, shown), joint="a limit" if name in on_edge else _cell(consistency.joint, i, shown),
+                    others=_cell(consistency.others[run], i, shown),
+                    joint=phrase("a limit") if name in on_edge else _cell(consistency.joint, i, shown),
                 )
             )
     return rows

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from estim.checks import Consistency
+from estim.common import phrase
 from estim.drawing import BLUE, GREY, INK, name_ticks, new_figure
 from estim.reports.residual_panels import VERMILION
 
@@ -39,7 +40,7 @@ def forest_figure(
         low, high = (edge * shown.factor for edge in edges.get(name, (-np.inf, np.inf)))
         centre, sd = consistency.joint.mean[i] * shown.factor, consistency.joint.sd[i] * shown.factor
         if name not in on_edge:  # there all runs together give a limit
-            ax.axvspan(max(centre - sd, low), min(centre + sd, high), color=GREY, alpha=0.25, lw=0, label="all")
+            ax.axvspan(max(centre - sd, low), min(centre + sd, high), color=GREY, alpha=0.25, lw=0, label=phrase("all"))
             ax.axvline(centre, color=GREY, lw=0.8)
         for place, run in enumerate(runs):
             others, alone = consistency.others[run], consistency.alone[run]
@@ -47,12 +48,12 @@ def forest_figure(
             value, bar = _within(others.mean[i] * shown.factor, others.sd[i] * shown.factor, low, high)
             ax.errorbar(
                 value, place + 0.17, xerr=bar, fmt="o", mfc="white", ms=3.5, color=INK, lw=0.9,
-                label="all but this run" if place == 0 else None,
+                label=phrase("all but this run") if place == 0 else None,
             )
             value, bar = _within(alone.mean[i] * shown.factor, alone.sd[i] * shown.factor, low, high)
             ax.errorbar(
                 value, place - 0.17, xerr=bar, fmt="o", ms=3.5, color=colour, lw=1.4,
-                label="this run and the stated values" if place == 0 else None,
+                label=phrase("this run and the stated values") if place == 0 else None,
             )
         name_ticks(ax.yaxis, range(len(runs)), runs, fontsize=7.5)
         for tick, run in zip(ax.get_yticklabels(), runs, strict=True):
@@ -64,9 +65,10 @@ def forest_figure(
     for extra in axes[len(panels) :]:
         extra.set_visible(False)
     figure.legend(*axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=3, fontsize=8, frameon=False)
-    some = f"the {_FARTHEST} runs farthest from all others" if any(len(drawn[name]) < len(consistency.used[name]) for name in drawn) else ""
+    cut = any(len(drawn[name]) < len(consistency.used[name]) for name in drawn)
+    some = phrase("the {n} runs farthest from all others", n=_FARTHEST) if cut else ""
     if synthetic or some:
-        figure.suptitle("; ".join(filter(None, [some, "SYNTHETIC data" if synthetic else ""])), fontsize=10)
+        figure.suptitle("; ".join(filter(None, [some, phrase("SYNTHETIC data") if synthetic else ""])), fontsize=10)
     return figure
 
 

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from estim.arrays import FloatArray
+from estim.reports.smoothing import blurred
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -31,11 +32,9 @@ class Density:
 
 def density_of(x: FloatArray, y: FloatArray, ranges: Sequence[tuple[float, float]], *, n_bin: int, smooth: float) -> Density:
     """The density of draws (n_draw,) between the ends of two `ranges`; smooth : standard deviation of the kernel, in cells."""
-    from scipy.ndimage import gaussian_filter
-
     counts, *edges = np.histogram2d(x, y, bins=n_bin, range=ranges)
     middles = [np.concatenate([edge[:1], 0.5 * (edge[1:] + edge[:-1]), edge[-1:]]) for edge in edges]
-    smoothed = gaussian_filter(counts, smooth)
+    smoothed = blurred(counts, smooth)
     return Density(middles[0], middles[1], np.pad(smoothed, 1, mode="edge"), _levels(smoothed))
 
 

@@ -13,7 +13,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from estim.checks import Estimate
-from estim.common import Label, Markdown, format_quantity, one_line
+from estim.common import Label, Markdown, format_quantity, one_line, phrase
 
 _BASES = {
     "m": "metre", "s": "second", "g": "gram", "A": "ampere", "K": "kelvin", "mol": "mole", "cd": "candela", "N": "newton", "J": "joule", "W": "watt",
@@ -48,7 +48,7 @@ def copies_of(estimates: Sequence[Estimate]) -> Copies:
     """Every estimate with a value or a limit, measured or not; the table says which."""
     shown = [one for one in estimates if one.value != "n/a"]
     return Copies(
-        _block([one.relation + ("" if one.measured else " (not measured here)") for one in shown]),
+        _block([one.relation if one.measured else phrase("{relation} (not measured here)", relation=one.relation) for one in shown]),
         _block([_noted(one, False) for one in shown], "latex"),
         _block([_noted(one, True) for one in shown], "latex"),
         _block(_rows(shown), "csv"),
@@ -83,7 +83,7 @@ def _digits(value: float) -> str:
 
 
 def _noted(one: Estimate, plus_minus: bool) -> str:
-    return _tex(one, plus_minus) + ("" if one.measured else "  % not measured here")
+    return _tex(one, plus_minus) + ("" if one.measured else phrase("  % not measured here"))
 
 
 def _tex(one: Estimate, plus_minus: bool) -> str:

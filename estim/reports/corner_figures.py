@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from estim.arrays import FloatArray
-from estim.common import Label, Markdown
+from estim.common import Label, Markdown, phrase
 from estim.drawing import BLUE, INK, ORANGE, PALE, WIDTH, tick_texts
 from estim.pipeline import Analysis
 from estim.problem import Prior, Problem, n_uses
@@ -204,11 +204,15 @@ def corner_parameters(problem: Problem) -> list[int]:
 
 def corner_words(problem: Problem, *, truth: bool = False) -> Markdown:
     """The legend of the corner figure, with what it leaves out.  truth : whether true values are drawn."""
-    words = Markdown("Blue: posterior, contours hold 68 and 95 %. Orange: prior; what is derived from the parameters has none.")
-    words = words if any(run.sought for run in problem.runs) else Markdown("Blue: posterior, contours hold 68 and 95 %. Orange: prior.")
-    words = Markdown(f"{words} Dashed: the true values.") if truth else words
+    words = [
+        phrase("Blue: posterior, contours hold 68 and 95 %. Orange: prior; what is derived from the parameters has none.")
+        if any(run.sought for run in problem.runs) else phrase("Blue: posterior, contours hold 68 and 95 %. Orange: prior.")
+    ]
+    words += [phrase("Dashed: the true values.")] if truth else []
     drawn = [problem.parameters[i].name for i in corner_parameters(problem)]
-    if len(drawn) == problem.n_par:
-        return words
-    which = "those that runs share" if all(n_uses(name, problem.runs) > 1 for name in drawn) else "the first ones"
-    return Markdown(f"{words} Only {len(drawn)} of the {problem.n_par} parameters are drawn, {which}; `result.json` has them all.")
+    n, of = len(drawn), problem.n_par
+    if n < of and all(n_uses(name, problem.runs) > 1 for name in drawn):
+        words.append(phrase("Only {n} of the {of} parameters are drawn, those that runs share; `result.json` has them all.", n=n, of=of))
+    elif n < of:
+        words.append(phrase("Only {n} of the {of} parameters are drawn, the first ones; `result.json` has them all.", n=n, of=of))
+    return Markdown(" ".join(words))

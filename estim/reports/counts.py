@@ -10,7 +10,8 @@ import numpy as np
 
 from estim.arrays import FloatArray
 from estim.checks import Goodness
-from estim.drawing import BLUE, GREY, INK, new_figure
+from estim.common import later, phrase
+from estim.drawing import BLUE, GREY, INK, new_figure, titled
 from estim.fitting import Fit
 from estim.problem import Counted, Law, Observations
 from estim.reports.rendering import render
@@ -49,7 +50,7 @@ def counts_figure(fit: Fit, goodness: Sequence[Goodness], *, synthetic: bool) ->
     for k, (run, good, counted) in enumerate(pairs):
         top, below = axes[2 * k], axes[2 * k + 1]
         _draw_counts(top, run, _expected(fit, run), counted)
-        top.set_title(run.name + (" (SYNTHETIC data)" if synthetic else ""), fontsize=10)
+        top.set_title(titled(run.name, synthetic=synthetic), fontsize=10)
         top.set(ylabel=run.y_label)
         top.set_ylim(bottom=0.0)
         top.legend(fontsize=7.5, frameon=False, loc="best")
@@ -61,29 +62,29 @@ def counts_figure(fit: Fit, goodness: Sequence[Goodness], *, synthetic: bool) ->
         below.plot(run.x, good.whitened, "o", color=INK, ms=2.5)
         reach = max(3.3, 1.1 * float(np.max(np.abs(good.whitened))))
         below.set_ylim(-reach, reach)
-        below.set(xlabel=run.x_label, ylabel="pull")
+        below.set(xlabel=run.x_label, ylabel=phrase("pull"))
         below.sharex(top)
     return figure
 
 
 def _draw_counts(ax: Axes, run: Observations, mean: FloatArray, counted: Counted) -> None:
     law, edges = counted.law, counted.bins
-    what = "count" if law.word == "counts" else "fraction"
+    lies = later("where a count lies, {p:.0f} %") if law.word == "counts" else later("where a fraction lies, {p:.0f} %")
     ends = {level: _interval(law, mean, counted.trials, level) for level in _LEVELS}
     if edges is None:
         for level, width in zip(_LEVELS, (1.2, 3.5), strict=True):
-            ax.vlines(run.x, *ends[level], color=BLUE, lw=width, alpha=0.55, label=f"where a {what} lies, {100 * level:.0f} %")
-        ax.plot(run.x, mean, "_", color=BLUE, ms=9, mew=1.6, label="expected by the curve")
-        ax.plot(run.x, run.y, "o", color=INK, ms=3.5, label=f"{what}s", zorder=5, clip_on=False)
+            ax.vlines(run.x, *ends[level], color=BLUE, lw=width, alpha=0.55, label=phrase(lies, p=100 * level))
+        ax.plot(run.x, mean, "_", color=BLUE, ms=9, mew=1.6, label=phrase("expected by the curve"))
+        ax.plot(run.x, run.y, "o", color=INK, ms=3.5, label=phrase(law.word), zorder=5, clip_on=False)
         return
     for low, high, height in zip(edges[:, 0], edges[:, 1], run.y, strict=True):
         ax.fill_between([low, high], 0.0, height, color=GREY, alpha=0.3, lw=0)
-    ax.fill_between([], [], [], color=GREY, alpha=0.3, lw=0, label="counted")
+    ax.fill_between([], [], [], color=GREY, alpha=0.3, lw=0, label=phrase("counted"))
     x = edges.ravel()
     for level, shade in zip(_LEVELS, (0.18, 0.38), strict=True):
         low, high = (np.repeat(end, 2) for end in ends[level])
-        ax.fill_between(x, low, high, color=BLUE, alpha=shade, lw=0, label=f"where a {what} lies, {100 * level:.0f} %")
-    ax.plot(x, np.repeat(mean, 2), color=BLUE, lw=1.2, label="expected by the curve")
+        ax.fill_between(x, low, high, color=BLUE, alpha=shade, lw=0, label=phrase(lies, p=100 * level))
+    ax.plot(x, np.repeat(mean, 2), color=BLUE, lw=1.2, label=phrase("expected by the curve"))
     ax.plot(run.x, run.y, "o", color=INK, ms=2.5, zorder=5, clip_on=False)
 
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from estim.arrays import FloatArray
 from estim.checks import parameter_cells
-from estim.common import Label
+from estim.common import Label, phrase
 from estim.pipeline import Analysis
 from estim.problem import Derived, Observations
 from estim.reports.labels import Labels
@@ -79,11 +79,22 @@ def derived_facts(analysis: Analysis, run: Observations) -> list[str]:
     facts, found = [], derived_draws(analysis, run)
     for one in run.sought:
         if one.lacking:
-            facts.append(f"{one.name} = {one.text} is left out: this fit has no {', '.join(one.lacking)} (--joint fits runs together)")
+            facts.append(
+                phrase(
+                    "{name} = {text} is left out: this fit has no {lacking} (--joint fits runs together)",
+                    name=one.name, text=one.text, lacking=", ".join(one.lacking),
+                )
+            )
         elif one.name in found and found[one.name].values.size == 1:
-            facts.append(f"{one.name} = {found[one.name].values[0, 0]:.10g}, exact: it follows from exact values alone")
+            value = found[one.name].values[0, 0]
+            facts.append(phrase("{name} = {value:.10g}, exact: it follows from exact values alone", name=one.name, value=value))
         elif one.name in found and (share := _undefined(np.ravel(found[one.name].values))) > 0.0:
-            facts.append(f"{one.name} = {one.text} has no value at {100.0 * share:.2g} % of the draws, so no interval is given")
+            facts.append(
+                phrase(
+                    "{name} = {text} has no value at {share:.2g} % of the draws, so no interval is given",
+                    name=one.name, text=one.text, share=100.0 * share,
+                )
+            )
     return facts
 
 

@@ -10,8 +10,8 @@ import msgspec
 import numpy as np
 
 from estim.campaign import Campaign
-from estim.common import KINDS, Quantity, as_json, format_p, format_quantity, gravest, percentage, significant, with_unit
-from estim.drawing import GREY, MARKS, new_figure
+from estim.common import Quantity, as_json, format_p, format_quantity, gravest, kind_words, percentage, phrase, significant, with_unit
+from estim.drawing import GREY, MARKS, new_figure, titled
 from estim.pipeline import Analysis
 from estim.reports.joint_figures import RUN_COLOURS
 from estim.reports.pages import page
@@ -104,33 +104,37 @@ def summarise_drift(drift: Drift) -> DriftSummary:
 def drift_words(drift: DriftSummary) -> str:
     """What the data say on a loss of energy, in words."""
     if not drift.free or drift.narrowing is None or drift.gain is None or drift.p_value is None:
-        return (
+        return phrase(
             "This fit held the rolling resistance fixed, so the energies below agree with that by construction and say nothing on a loss: "
             "give rolling_resistance a prior."
         )
-    test = f"Allowing a loss improves χ² by {max(drift.gain, 0.0):.1f} ({format_p(drift.p_value)} if there were none)"
+    said = {"gain": max(drift.gain, 0.0), "p": format_p(drift.p_value), "share": percentage(drift.narrowing, 2)}
     if drift.seen:
-        return f"{test}; the data narrow the rolling resistance to {percentage(drift.narrowing, 2)} of its prior, so the loss below is measured."
-    if drift.determined and drift.limit is not None:
-        return (
-            f"{test}: consistent with no loss. The data narrow the rolling resistance to {percentage(drift.narrowing, 2)} of its prior: "
-            f"c_rr ≤ {significant(drift.limit, 2)} with probability 95 %; read the loss below as a limit, not as a measurement."
+        return phrase(
+            "Allowing a loss improves χ² by {gain:.1f} ({p} if there were none); the data narrow the rolling resistance to {share} of its prior, "
+            "so the loss below is measured.", **said,
         )
-    return (
-        f"{test}. The data leave the rolling resistance about as uncertain as its prior ({percentage(drift.narrowing, 2)} of the prior's width): "
-        "the loss below is what was assumed, not a measurement."
+    if drift.determined and drift.limit is not None:
+        return phrase(
+            "Allowing a loss improves χ² by {gain:.1f} ({p} if there were none): consistent with no loss. The data narrow the rolling resistance "
+            "to {share} of its prior: c_rr ≤ {limit} with probability 95 %; read the loss below as a limit, not as a measurement.",
+            limit=significant(drift.limit, 2), **said,
+        )
+    return phrase(
+        "Allowing a loss improves χ² by {gain:.1f} ({p} if there were none). The data leave the rolling resistance about as uncertain as its prior "
+        "({share} of the prior's width): the loss below is what was assumed, not a measurement.", **said,
     )
 
 
 def energy_words(drift: DriftSummary) -> str:
     """The same in a few words."""
     if not drift.free or drift.p_value is None:
-        return "no loss can show, the rolling resistance was held fixed"
+        return phrase("no loss can show, the rolling resistance was held fixed")
     if drift.seen:
-        return f"a loss is measured ({format_p(drift.p_value)} if there were none)"
+        return phrase("a loss is measured ({p} if there were none)", p=format_p(drift.p_value))
     if drift.determined and drift.limit is not None:
-        return f"no loss is seen, c_rr ≤ {significant(drift.limit, 2)} (95 %)"
-    return "the loss is what was assumed, not a measurement"
+        return phrase("no loss is seen, c_rr ≤ {limit} (95 %)", limit=significant(drift.limit, 2))
+    return phrase("the loss is what was assumed, not a measurement")
 
 
 def shown(value: Value | None, factor: float = 1.0) -> str:
@@ -149,8 +153,12 @@ def average_words(energies: Mapping[str, EnergySummary]) -> str:
     """How far the energies are from that at release on average, in words: as shares of it, or of the largest kinetic energy where it may be 0."""
     by_start = all(e.mean_relative.u is not None and e.mean_relative.u <= _ANYTHING for e in energies.values())
     shares = [percent(e.mean_relative if by_start else e.mean_to_kinetic) for e in energies.values()]
-    of = "" if by_start else " of the largest kinetic energy"
-    return f"Averaged over the frames of a run, the energy differs from its value at release by {', '.join(shares)}{of} ({', '.join(energies)})."
+    said = {"shares": ", ".join(shares), "runs": ", ".join(energies)}
+    if by_start:
+        return phrase("Averaged over the frames of a run, the energy differs from its value at release by {shares} ({runs}).", **said)
+    return phrase(
+        "Averaged over the frames of a run, the energy differs from its value at release by {shares} of the largest kinetic energy ({runs}).", **said
+    )
 
 
 def energy_report(
@@ -172,7 +180,7 @@ def energy_report(
     bad = frozenset(run for run, status in statuses.items() if status != "ok")
     drawers = {"figures/energy.png": partial(energy_figure, records, synthetic=campaign.kind == "synthetic", title=campaign.title, bad=bad)}
     text = partial(
-        render, "energy.md.j2", result=result, energies=result.energies, kind=KINDS[campaign.kind], status_words=STATUS_WORDS, shown=shown,
+        render, "energy.md.j2", result=result, energies=result.energies, kind=kind_words(campaign.kind), status_words=STATUS_WORDS, shown=shown,
         percent=percent, drift_words=drift_words, energy_words=energy_words,
     )
     return page(drawers, text, wanted=figures, synthetic=campaign.kind == "synthetic") | {"result.json": as_json(result)}
@@ -206,12 +214,12 @@ def energy_figure(records: Sequence[EnergyRecord], *, synthetic: bool, title: st
         for ax in (strip, change):
             ax.set_title(record.run, fontsize=7, loc="right", pad=2)
             ax.tick_params(labelsize=7)
-    along = "time t (s)" if timed else "position x (m)"
-    x_panel.set(xlabel=along, ylabel="(a) position x (m)")
-    v_panel.set(xlabel=along, ylabel="(b) speed v (m/s)")
-    for strips, name in ((energies, "(c) energy E/M (J/kg)"), (changes, "(d) (E − E₀)/E₀ (%)")):
+    along = f"{phrase('time t')} (s)" if timed else f"{phrase('position x')} (m)"
+    x_panel.set(xlabel=along, ylabel=phrase("(a) position x (m)"))
+    v_panel.set(xlabel=along, ylabel=phrase("(b) speed v (m/s)"))
+    for strips, name in ((energies, phrase("(c) energy E/M (J/kg)")), (changes, "(d) (E − E₀)/E₀ (%)")):
         strips[-1].set_xlabel(along)
         strips[0].set_title(name, fontsize=9, loc="left", pad=2)
     figure.legend(*x_panel.get_legend_handles_labels(), fontsize=8, frameon=False, loc="outside lower center", ncols=min(n, 6))
-    figure.suptitle(title + (" (SYNTHETIC data)" if synthetic else ""), fontsize=10)
+    figure.suptitle(titled(title, synthetic=synthetic), fontsize=10)
     return figure

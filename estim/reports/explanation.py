@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import msgspec
 
 from estim.checks import P_FLOOR
-from estim.common import Markdown, code, format_p, format_quantity, format_rounded, markdown, signed
+from estim.common import Markdown, code, format_p, format_quantity, format_rounded, markdown, phrase, signed
 from estim.explanation import FOUND, TIED, Candidate, CauseOfRuns, Estimated, Explanation, verdict
 from estim.reports.rendering import render
 from estim.sampling import number
@@ -86,10 +86,10 @@ def explanation_lines(explanation: Explanation) -> list[str]:
     said = [tell(verdict(explanation))]
     for one in explanation.found[:_MOST_SHOWN]:
         row = _row(one)
-        said.append(f"{row.gain:>7}  {one.words}: {row.value}; residuals then {row.left}")
+        said.append(phrase("{gain:>7}  {words}: {value}; residuals then {left}", gain=row.gain, words=one.words, value=row.value, left=row.left))
     to_add = _to_add(explanation)
     if to_add:
-        said.append("to add (priors as wide as such a thing may be; what you measured of it is better):")
+        said.append(phrase("to add (priors as wide as such a thing may be; what you measured of it is better):"))
         said += [f"    {line}" for line in to_add]
     return said
 
@@ -98,7 +98,7 @@ def runs_text(causes: Sequence[CauseOfRuns]) -> Markdown:
     """Markdown fragment without a heading: which runs show which cause, and whether they agree."""
     rows = [
         (
-            one.words, signed(f"{one.gain:.0f}"), f"{len(one.found_in)} of {one.n_run}",
+            one.words, signed(f"{one.gain:.0f}"), phrase("{n} of {total}", n=len(one.found_in), total=one.n_run),
             ", ".join(f"{m.label.symbol.partition('[')[0]} = {_quantity(m.value, m.sd, m.label.factor, m.label.unit)}" for m in one.means),
             "n/a" if math.isnan(one.p) else format_p(one.p),
         )
@@ -115,7 +115,8 @@ def _value(n: Estimated) -> str:
     if n.sd > 0.0:
         return f"{n.label.symbol} = {_quantity(n.value, n.sd, n.label.factor, n.label.unit)}"
     unit = "" if n.label.unit == "1" else f" {n.label.unit}"
-    return f"{n.label.symbol} about {format_rounded(n.value * n.label.factor, 0.1 * abs(n.value * n.label.factor))}{unit}"
+    value = format_rounded(n.value * n.label.factor, 0.1 * abs(n.value * n.label.factor))
+    return phrase("{symbol} about {value}{unit}", symbol=n.label.symbol, value=value, unit=unit)
 
 
 def _quantity(value: float, sd: float, factor: float, unit: str) -> str:
@@ -126,10 +127,10 @@ def _quantity(value: float, sd: float, factor: float, unit: str) -> str:
 def _left(one: Candidate) -> str:
     """How the residuals are with a candidate."""
     if math.isnan(one.p_order):
-        return "not tested"
+        return phrase("not tested")
     if not one.random:
-        return f"not random ({format_p(max(one.p_order, P_FLOOR))})"
-    return "random" if one.as_large_as_stated else "random, but larger than stated"
+        return phrase("not random ({p})", p=format_p(max(one.p_order, P_FLOOR)))
+    return phrase("random") if one.as_large_as_stated else phrase("random, but larger than stated")
 
 
 def _add_cell(one: Candidate) -> Markdown:

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from estim.checks import Goodness
-from estim.drawing import BLUE, GREY, INK, new_figure
+from estim.common import phrase
+from estim.drawing import BLUE, GREY, INK, new_figure, titled
 from estim.drawing import png as png
 from estim.problem import Observations
 
@@ -32,8 +33,8 @@ def residual_figure(runs: Sequence[Observations], goodness: Sequence[Goodness], 
         z = np.linspace(-reach, reach, 200)
         right.plot(run.n_obs * (edges[1] - edges[0]) * np.exp(-0.5 * z**2) / np.sqrt(2 * np.pi), z, color=INK, lw=1)
         left.set_ylim(-reach, reach)
-        left.set(xlabel=run.x_label, ylabel="whitened residual")
-        left.set_title(run.name + (" (SYNTHETIC data)" if synthetic else ""), fontsize=10)
-        right.set(xlabel=run.words.rows)
-        right.set_title("line: expected", fontsize=8)
+        left.set(xlabel=run.x_label, ylabel=phrase("whitened residual"))
+        left.set_title(titled(run.name, synthetic=synthetic), fontsize=10)
+        right.set(xlabel=phrase(run.words.rows))
+        right.set_title(phrase("line: expected"), fontsize=8)
     return figure

@@ -6,8 +6,10 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Protocol
 
+import numpy as np
+
 from estim.checks import Estimate, not_measured, p_sentence, result_table, screen_lines
-from estim.common import listed, signed, split_level
+from estim.common import listed, phrase, signed, split_level
 from estim.reports.budget import UncertaintyBudget
 from estim.reports.deviation import ForceSummary
 from estim.reports.explanation import ExplanationSummary
@@ -26,6 +28,7 @@ _WHERE = {
     "not-converged": "computing", "methods-disagree": "computing",
 }
 MOST_MINDS, _MOST_ERRORS = 2, 3
+_MOST_REASONS, _MOST_LETTERS = 3, 380  # of reasons why there is no result
 
 
 @dataclass(frozen=True)
@@ -121,6 +124,12 @@ def result_lines(result: Told) -> list[str]:
     return first_screen(result).lines
 
 
+def first_reasons(reasons: Sequence[str]) -> list[str]:
+    """Those of `reasons`, gravest first, that the first screen has room for: one at least."""
+    length = np.cumsum([len(words) for words in reasons])
+    return list(reasons[: max(1, min(_MOST_REASONS, int(np.sum(length <= _MOST_LETTERS))))])
+
+
 def opened_by(result: Told) -> frozenset[str]:
     """The parts of a report that stand open: the one that holds the reason where there is no result, and what is suspicious about the data."""
     doubtful = {"data"} if any(run.warnings or run.bad_frames or run.outliers for run in result.runs.values()) else set[str]()
@@ -166,12 +175,17 @@ def _limits(shown: Sequence[str], result: Told) -> str:
         if first.share < _HALF or first.source == name:
             continue
         if first.kind == READINGS and result.stated_values.dof:
-            return f"the readings are {100.0 * first.share:.0f} % of the variance of {symbol}: more or better ones narrow it"
+            return phrase(
+                "the readings are {share:.0f} % of the variance of {symbol}: more or better ones narrow it", share=100.0 * first.share, symbol=symbol
+            )
         if first.kind in (STATED, PRIOR) and first.source in symbols:
             other = symbols[first.source].symbol
             r = result.correlation.matrix[result.correlation.names.index(name)][result.correlation.names.index(first.source)]
-            tied = f"{symbol} and {other} are tied ({signed(f'{r:+.2f}')})" if abs(r) >= _TIED else f"{symbol} leans on what was stated of {other}"
-            return f"{tied}: measure {other} better, not more readings"
+            tied = phrase(
+                "{symbol} and {other} are tied ({r}): measure {other} better, not more readings", symbol=symbol, other=other, r=signed(f"{r:+.2f}")
+            )
+            leans = phrase("{symbol} leans on what was stated of {other}: measure {other} better, not more readings", symbol=symbol, other=other)
+            return tied if abs(r) >= _TIED else leans
     return ""
 
 
@@ -179,24 +193,25 @@ def _forces(result: Told) -> str:
     """Whether the curve lacks something for sure."""
     found = [one for one in (result.deviation or {}).values() if one.probability > _SURE]
     if found:
-        return f"the curve lacks a force, about {100.0 * max(one.typical for one in found):.2g} % of the weight; the intervals have room for it"
+        size = 100.0 * max(one.typical for one in found)
+        return phrase("the curve lacks a force, about {size:.2g} % of the weight; the intervals have room for it", size=size)
     if any(one.probability > _SURE for one in (result.curve_deviation or {}).values()):
-        return "the curve lacks something that is larger than the errors; the intervals have room for it"
+        return phrase("the curve lacks something that is larger than the errors; the intervals have room for it")
     if any(run.complete is not None for run in result.runs.values()):
-        return "the curve is taken as complete: no interval has room for what it lacks"
+        return phrase("the curve is taken as complete: no interval has room for what it lacks")
     return ""
 
 
 def _warnings(result: Told) -> str:
     """What is suspicious about the data, as a number: the part that says more stands open."""
     runs = result.runs.values()
-    counts = (
-        (sum(len(run.warnings) for run in runs), "warning of a file", "warnings of files"),
-        (sum(len(run.bad_frames) for run in runs), "bad frame", "bad frames"),
-        (sum(len(run.outliers) for run in runs), "likely outlier", "likely outliers"),
+    n, bad, far = (sum(len(found) for found in all_runs) for all_runs in zip(*((r.warnings, r.bad_frames, r.outliers) for r in runs), strict=True))
+    said = (
+        "" if not n else phrase("{n} warning of a file", n=n) if n == 1 else phrase("{n} warnings of files", n=n),
+        "" if not bad else phrase("{n} bad frame", n=bad) if bad == 1 else phrase("{n} bad frames", n=bad),
+        "" if not far else phrase("{n} likely outlier", n=far) if far == 1 else phrase("{n} likely outliers", n=far),
     )
-    said = [f"{n} {one if n == 1 else several}" for n, one, several in counts if n]
-    return f"{', '.join(said)}, see the data and noise" if said else ""
+    return phrase("{counts}, see the data and noise", counts=", ".join(filter(None, said))) if any(said) else ""
 
 
 def sensitivity_words(results: Sequence[Told]) -> str:

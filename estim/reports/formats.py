@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
 
+from estim.common import language
+
 Files = Mapping[str, bytes]
 
 
@@ -18,13 +20,13 @@ def with_formats(files: Files, formats: Iterable[str]) -> dict[str, bytes]:
 def _html(files: Files) -> bytes:
     from estim.reports.html_page import html_page
 
-    return html_page(files)
+    return html_page(files, lang=language())
 
 
 def _pdf(files: Files) -> bytes:
     from estim.reports.pdf_page import pdf_page
 
-    return pdf_page(files)
+    return pdf_page(files, lang=language())
 
 
 _MAKERS: dict[str, Callable[[Files], bytes]] = {"html": _html, "pdf": _pdf}

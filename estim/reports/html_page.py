@@ -20,7 +20,7 @@ from urllib.parse import unquote
 from markdown_it import MarkdownIt
 from markdown_it.renderer import RendererHTML
 
-from estim.common import unescaped
+from estim.common import phrase, unescaped
 from estim.reports.markdown_tokens import END, FOLD, apart, arranged
 
 if TYPE_CHECKING:
@@ -46,17 +46,16 @@ _PAGE = """<!DOCTYPE html>
 </body>
 </html>
 """
-_CONTENTS = """<nav aria-label="Contents">
+_CONTENTS = """<nav aria-label="{title}">
 <details class="contents">
-<summary>Contents</summary>
+<summary>{title}</summary>
 <ol>
 {entries}</ol>
 {switch}</details>
 </nav>
 """
-_SWITCH = '<p class="all"><label><input type="checkbox" id="all"> open every part, for printing too</label></p>\n'
-_APPENDIX = "Appendix: parts that are folded on the page"
-_LEFT_OUT = '<p class="left-out">Parts that are folded on the page are not printed.</p>\n'
+_SWITCH = '<p class="all"><label><input type="checkbox" id="all"> {words}</label></p>\n'
+_LEFT_OUT = '<p class="left-out">{words}</p>\n'
 
 
 @dataclass(frozen=True)
@@ -91,10 +90,11 @@ def html_page(files: Mapping[str, bytes], *, lang: str = "en", paper: bool = Fal
     style = package_files("estim.reports").joinpath("templates", "page.css").read_text(encoding="utf-8")
     folds = not paper and any(entry.folded for entry in state.entries)
     entries = "".join(f'<li><a href="#{entry.place}">{escape(entry.words)}</a></li>\n' for entry in state.entries)
-    contents = _CONTENTS.format(entries=entries, switch=_SWITCH if folds else "") if entries and not paper else ""
+    switch = _SWITCH.format(words=escape(phrase("open every part, for printing too"))) if folds else ""
+    contents = _CONTENTS.format(title=escape(phrase("Contents")), entries=entries, switch=switch) if entries and not paper else ""
     page = _PAGE.format(
         lang=escape(lang), policy=_POLICY, title=escape(state.title), style=style, contents=contents, body=body,
-        left_out=_LEFT_OUT if folds else "",
+        left_out=_LEFT_OUT.format(words=escape(phrase("Parts that are folded on the page are not printed."))) if folds else "",
     )
     return page.encode()
 
@@ -106,7 +106,8 @@ def _rendered(text: str, state: _State) -> str:
         return str(parser.renderer.render(tokens, parser.options, env))
     standing, folded = apart(tokens)
     appendix = str(parser.renderer.render(folded, parser.options, env))
-    heading = f'<h2 class="appendix">{_APPENDIX}</h2>\n' if folded else ""
+    words = phrase("Appendix: parts that are folded on the page")
+    heading = f'<h2 class="appendix">{escape(words)}</h2>\n' if folded else ""
     return str(parser.renderer.render(standing, parser.options, env)) + heading + appendix
 
 
@@ -184,7 +185,8 @@ class _Renderer(RendererHTML):
         state.n_table += 1
         row = next(k for k in range(i, len(tokens)) if tokens[k].type == "tr_close")
         kind = ' class="wide"' if sum(token.type == "th_open" for token in tokens[i:row]) >= _WIDE else ""
-        return f'<div class="table" role="region" aria-label="Table {state.n_table}" tabindex="0"><table{kind}>\n'
+        name = escape(phrase("Table {n}", n=state.n_table))
+        return f'<div class="table" role="region" aria-label="{name}" tabindex="0"><table{kind}>\n'
 
     def table_close(self, tokens: Sequence[Token], i: int, options: Any, env: Any) -> str:
         return "</table></div>\n"

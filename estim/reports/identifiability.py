@@ -9,7 +9,7 @@ import numpy as np
 
 from estim.arrays import FloatArray
 from estim.checks import CONFLICT, PRIOR_DOMINATED, THRESHOLD, Identifiability, Sensitivity
-from estim.common import Label, Markdown, format_rounded, signed, significant
+from estim.common import Label, Markdown, format_rounded, phrase, signed, significant
 from estim.fitting import ProfileInterval
 from estim.problem import Problem
 
@@ -54,7 +54,7 @@ def identify_section(
         interval = profiles.get(parameter.name)
         shown = parameter.label
         sd = float(posterior_sds[i])
-        prior_sd = significant(parameter.prior.sd * shown.factor, 2) if np.isfinite(parameter.prior.sd) else "flat"
+        prior_sd = significant(parameter.prior.sd * shown.factor, 2) if np.isfinite(parameter.prior.sd) else phrase("flat")
         rows.append(
             IdentifyRow(
                 symbol=shown.symbol, unit="" if shown.unit == "1" else shown.unit, prior_sd=prior_sd,
@@ -68,7 +68,7 @@ def identify_section(
             doubts.append(interval.sentence)
     k_hat = max((s.k_hat for s in sensitivity), default=-np.inf)
     if k_hat >= 0.7:
-        doubts.append(f"the weights of the power-scaling are unreliable (Pareto k {k_hat:.2f}): the last column says nothing")
+        doubts.append(phrase("the weights of the power-scaling are unreliable (Pareto k {k_hat:.2f}): the last column says nothing", k_hat=k_hat))
     return IdentifySection(found.sentences, tuple(rows), tuple(doubts), PRIOR_DOMINATED, THRESHOLD)
 
 
@@ -78,20 +78,20 @@ def _cell(interval: ProfileInterval | None, p: float, sd: float, shown: Label) -
         return "—"
     low, high = (format_rounded(end * shown.factor, sd * shown.factor) for end in (interval.low[p], interval.high[p]))
     if interval.open_low[p] and interval.open_high[p]:
-        return "open on both sides"
+        return phrase("open on both sides")
     if interval.open_low[p]:
-        return f"< {high} (open below)"
-    return Markdown(f"> {low} (open above)") if interval.open_high[p] else f"[{low}, {high}]"
+        return phrase("< {high} (open below)", high=high)
+    return Markdown(phrase("> {low} (open above)", low=low)) if interval.open_high[p] else f"[{low}, {high}]"
 
 
 def _verdict(problem: Problem, leaning: Sensitivity, mean: float) -> str:
     """The verdict, with the pull of the posterior `mean` where it is a conflict, and whose prior matters most where that is another parameter's."""
-    words = leaning.verdict
+    words = phrase(leaning.verdict)
     if leaning.verdict == CONFLICT:
         prior = problem.parameters[problem.names.index(leaning.name)].prior
         pull = signed(f"{(mean - prior.expectation) / prior.sd:+.1f}")
-        words += f": the posterior lies {pull} prior sd from the mean of the prior"
+        words = phrase("data and prior disagree (conflict): the posterior lies {pull} prior sd from the mean of the prior", pull=pull)
     if leaning.strongest is None or leaning.strongest == leaning.name:
         return words
     strongest = problem.parameters[problem.names.index(leaning.strongest)]
-    return f"{words}; most that of {strongest.label.symbol}"
+    return phrase("{words}; most that of {symbol}", words=words, symbol=strongest.label.symbol)

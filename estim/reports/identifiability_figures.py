@@ -10,12 +10,13 @@ import numpy as np
 
 from estim.arrays import FloatArray
 from estim.checks import Identifiability
-from estim.common import signed
+from estim.common import phrase, signed
 from estim.distributions import chi2_quantile, normal_below
 from estim.drawing import BLUE, GREEN, GREY, INK, ORANGE, PALE, name_ticks, new_figure
 from estim.fitting import Fit, ProfileInterval
 from estim.problem import Prior, Problem
 from estim.reports.contours import density_of, draw_contours
+from estim.reports.smoothing import monotone
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -49,10 +50,10 @@ def direction_figure(problem: Problem, found: Identifiability) -> Figure:
     name_ticks(left.xaxis, [10.0**power for power in powers], ["10" + f"{power}".translate(_RAISED) for power in powers], fontsize=8)
     left.set_ylim(n - 0.5, -0.5)
     name_ticks(left.yaxis, places, [f"{k + 1}" for k in places], fontsize=8)
-    left.set_xlabel("information of the data / of the prior", fontsize=8.5)
-    left.set_ylabel("direction", fontsize=8.5)
-    left.text(0.8, -0.6, "only the prior", color=ORANGE, ha="right", va="bottom", fontsize=8)
-    left.text(1.25, -0.6, "the data", color=BLUE, ha="left", va="bottom", fontsize=8)
+    left.set_xlabel(phrase("information of the data / of the prior"), fontsize=8.5)
+    left.set_ylabel(phrase("direction"), fontsize=8.5)
+    left.text(0.8, -0.6, phrase("only the prior"), color=ORANGE, ha="right", va="bottom", fontsize=8)
+    left.text(1.25, -0.6, phrase("the data"), color=BLUE, ha="left", va="bottom", fontsize=8)
     for place, value in zip(places, information, strict=True):
         if value < _FLOOR:
             left.text(3.0 * _FLOOR, place, f"< {_FLOOR:.0e}".replace("e-0", "e-"), va="center", fontsize=7, color=INK)
@@ -73,7 +74,7 @@ def _components(ax: Axes, vectors: FloatArray, symbols: list[str], *, upright: b
     name_ticks(ax.xaxis, np.arange(n), symbols, fontsize=7 if upright else 9, rotation=90 if upright else 0)
     ax.set_yticks([])
     ax.tick_params(axis="x", length=0)
-    ax.set_title("components, in prior standard deviations", fontsize=8.5)
+    ax.set_title(phrase("components, in prior standard deviations"), fontsize=8.5)
 
 
 def ridge_figure(fit: Fit, found: Identifiability, draws: FloatArray, pair: tuple[str, str]) -> Figure:
@@ -115,11 +116,11 @@ def ridge_figure(fit: Fit, found: Identifiability, draws: FloatArray, pair: tupl
     ax.set_ylim(first[1], last[1])
     ax.set(xlabel=shown[0].axis, ylabel=shown[1].axis)
     handles = [
-        Line2D([], [], color=BLUE, lw=4, alpha=0.6, label="posterior, 68 and 95 %"),
-        *([Line2D([], [], color=ORANGE, lw=1.6, label="prior, 68 and 95 %")] if any(proper) else []),
-        *([Line2D([], [], color=GREEN, lw=2, label="weakest direction, one prior sd")] if all(proper) else []),
-        Line2D([], [], color=GREEN, lw=1, ls="--", label="the data tell least along this line"),
-        Line2D([], [], color=INK, marker="o", ms=4, ls="", label="fit"),
+        Line2D([], [], color=BLUE, lw=4, alpha=0.6, label=phrase("posterior, 68 and 95 %")),
+        *([Line2D([], [], color=ORANGE, lw=1.6, label=phrase("prior, 68 and 95 %"))] if any(proper) else []),
+        *([Line2D([], [], color=GREEN, lw=2, label=phrase("weakest direction, one prior sd"))] if all(proper) else []),
+        Line2D([], [], color=GREEN, lw=1, ls="--", label=phrase("the data tell least along this line")),
+        Line2D([], [], color=INK, marker="o", ms=4, ls="", label=phrase("fit")),
     ]
     figure.legend(handles=handles, loc="outside lower center", ncols=2, fontsize=7.5, frameon=False)
     return figure
@@ -202,25 +203,24 @@ def profile_figure(problem: Problem, intervals: Sequence[ProfileInterval], draws
         ax.set_xlabel(shown.axis, fontsize=8.5, labelpad=1.5)
         ax.tick_params(labelsize=7)
         if k % columns == 0:
-            ax.set_ylabel("rise of −2 ln p", fontsize=8)
+            ax.set_ylabel(phrase("rise of −2 ln p"), fontsize=8)
     handles = [
-        Line2D([], [], color=BLUE, lw=1.4, label="profile"), Line2D([], [], color=GREY, lw=0.9, ls="--", label="68 and 95 % levels"),
-        Line2D([], [], color=INK, lw=3, marker="|", ms=7, label="posterior: median, 68 and 95 %"),
+        Line2D([], [], color=BLUE, lw=1.4, label=phrase("profile")),
+        Line2D([], [], color=GREY, lw=0.9, ls="--", label=phrase("68 and 95 % levels")),
+        Line2D([], [], color=INK, lw=3, marker="|", ms=7, label=phrase("posterior: median, 68 and 95 %")),
     ]
     figure.legend(handles=handles, loc="outside upper center", ncols=3, fontsize=7.5, frameon=False)
     return figure
 
 
 def _draw_profile(ax: Axes, interval: ProfileInterval, draws: FloatArray, factor: float) -> None:
-    from scipy.interpolate import PchipInterpolator
-
     sides = ((interval.open_low, interval.low), (interval.open_high, interval.high))
     x, kept = np.unique(interval.x * factor, return_index=True)
     # the signed square root of a rise is nearly a straight line: smooth in between
     root = np.sqrt(np.maximum(interval.rise[kept], 0.0)) * np.where(x < interval.value * factor, -1.0, 1.0)
     if x.size > 1:
         fine = np.linspace(x[0], x[-1], 300)
-        ax.plot(fine, PchipInterpolator(x, root)(fine) ** 2, color=BLUE, lw=1.4)
+        ax.plot(fine, monotone(x, root, fine) ** 2, color=BLUE, lw=1.4)
     levels = {p: float(chi2_quantile(p, 1)) for p in interval.low}
     ax.hlines(list(levels.values()), 0.0, 1.0, color=GREY, lw=0.7, ls="--", zorder=1, transform=ax.get_yaxis_transform())
     closed = [(ends[p] * factor, level) for p, level in levels.items() for opened, ends in sides if not opened[p]]
@@ -228,8 +228,10 @@ def _draw_profile(ax: Axes, interval: ProfileInterval, draws: FloatArray, factor
     for (opened, ends), anchor in zip(sides, ("left", "right"), strict=True):
         for place in {ends[p] * factor for p in opened if opened[p]}:
             ax.axvline(place, color=ORANGE, lw=1.6)
-            ax.annotate("open", (place, 0.97), (3 if anchor == "left" else -3, 0), xycoords=("data", "axes fraction"), textcoords="offset points",
-                        ha=anchor, va="top", fontsize=6.5, color=ORANGE)
+            ax.annotate(
+                phrase("open"), (place, 0.97), (3 if anchor == "left" else -3, 0), xycoords=("data", "axes fraction"), textcoords="offset points",
+                ha=anchor, va="top", fontsize=6.5, color=ORANGE,
+            )
     q025, q16, median, q84, q975 = np.quantile(draws, [0.025, 0.16, 0.5, 0.84, 0.975])
     ax.plot([q025, q975], [-0.55, -0.55], color=INK, lw=1, solid_capstyle="butt")
     ax.plot([q16, q84], [-0.55, -0.55], color=INK, lw=3, solid_capstyle="butt")

@@ -24,7 +24,7 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from estim.common import InputError, Stream, one_line, stream
+from estim.common import InputError, Stream, one_line, phrase, stream
 from estim.fitting import Limit
 from estim.pipeline import Analysis
 from estim.reports.netcdf import Group, as_netcdf
@@ -156,7 +156,7 @@ def _groups(analysis: Analysis) -> dict[str, Group]:
 def _empty(analysis: Analysis) -> Group:
     said = _said(analysis) | {"title": one_line(analysis.title), "reasons": "\n".join(analysis.diagnosis.reasons)}
     versions = {f"version_{package.replace('-', '_')}": number for package, number in software_versions().items()}
-    draws = "chain: ensemble of walkers; draw: earlier half then later half of the steps, each walker by walker"
+    draws = phrase("chain: ensemble of walkers; draw: earlier half then later half of the steps, each walker by walker")
     return Group(attributes={**said, "seed": analysis.seed, "sampling": analysis.chain.convergence.message, "draws": draws, **versions})
 
 
@@ -181,8 +181,8 @@ def _posterior(analysis: Analysis, order: NDArray[np.intp]) -> Group:
 def _sample_stats(analysis: Analysis, order: NDArray[np.intp]) -> Group:
     log_density = analysis.chain.log_density.reshape(analysis.chain.log_density.shape[0], -1)[:, order]
     variables = {
-        "lp": (("chain", "draw"), log_density, _about("1", "log posterior density up to the evidence")),
-        "acceptance": (("chain",), analysis.chain.acceptance, _about("1", "share of accepted moves")),
+        "lp": (("chain", "draw"), log_density, _about("1", phrase("log posterior density up to the evidence"))),
+        "acceptance": (("chain",), analysis.chain.acceptance, _about("1", phrase("share of accepted moves"))),
     }
     return Group(variables, _coordinates(analysis, order))
 
@@ -193,7 +193,7 @@ def _log_likelihood(analysis: Analysis, order: NDArray[np.intp]) -> Group:
     n_draw = min(_POINTWISE_DRAWS, max(400, _POINTWISE_NUMBERS // analysis.problem.n_obs))
     kept = np.unique(np.linspace(0, order.size - 1, max(1, n_draw // n_chain)).astype(int))
     pointwise = analysis.fit.posterior.pointwise(draws[:, order[kept]].reshape(-1, draws.shape[-1]))
-    meaning = "log density of a point given the other points of its run"
+    meaning = phrase("log density of a point given the other points of its run")
     variables = {
         _variable(run.name, "run"): (("chain", "draw", _dim(run.name)), terms.reshape(n_chain, kept.size, -1), _about("1", meaning))
         for run, terms in zip(analysis.problem.runs, pointwise, strict=True)
@@ -223,7 +223,7 @@ def _constant_data(analysis: Analysis) -> Group:
     for run in analysis.problem.runs:
         variables[f"x[{run.name}]"] = ((_dim(run.name),), run.x, _about(run.x_unit, run.x_name))
         if run.t is not None:
-            variables[f"t[{run.name}]"] = ((_dim(run.name),), run.t, _about("s", "time"))
+            variables[f"t[{run.name}]"] = ((_dim(run.name),), run.t, _about("s", phrase("time")))
     return Group(variables)
 
 

@@ -9,7 +9,8 @@ import numpy as np
 
 from estim.arrays import FloatArray
 from estim.checks import Goodness
-from estim.drawing import BLUE, GREEN, GREY, INK, ORANGE, PURPLE, new_figure
+from estim.common import phrase
+from estim.drawing import BLUE, GREEN, GREY, INK, ORANGE, PURPLE, new_figure, titled
 from estim.problem import Observations, Problem
 
 if TYPE_CHECKING:
@@ -32,10 +33,10 @@ def together_figure(problem: Problem, goodness: Sequence[Goodness], *, synthetic
         left, right = part.subplots(1, 2)
         _overlay(left, runs, [found[run.name].raw for run in runs])
         _overlay(right, runs, [found[run.name].whitened for run in runs])
-        left.set_ylabel(f"data − curve ({runs[0].y_unit})" if runs[0].y_unit != "1" else "data − curve")
-        right.set_ylabel("whitened residual")
-        left.set_title(f"{len(runs)} run{'s' if len(runs) > 1 else ''}" + (" (SYNTHETIC data)" if synthetic else ""), fontsize=10)
-        right.set_title("what is left", fontsize=10)
+        left.set_ylabel(phrase("data − curve") + (f" ({runs[0].y_unit})" if runs[0].y_unit != "1" else ""))
+        right.set_ylabel(phrase("whitened residual"))
+        left.set_title(titled(phrase("{n} runs", n=len(runs)) if len(runs) > 1 else phrase("1 run"), synthetic=synthetic), fontsize=10)
+        right.set_title(phrase("what is left"), fontsize=10)
         part.legend(*left.get_legend_handles_labels(), fontsize=7.5, frameon=False, loc="outside lower center", ncols=5)
     return figure
 
@@ -53,6 +54,6 @@ def _overlay(ax: Axes, runs: Sequence[Observations], residuals: Sequence[FloatAr
     for run, rest, colour in zip(runs, residuals, (RUN_COLOURS if several else (GREY,)) * len(runs), strict=False):
         ax.plot(run.x, rest, "-o", color=colour, lw=0.6, ms=2, alpha=0.8 if several else 0.4, label=run.name if several else None)
     x, mean, error = binned_mean(np.concatenate([run.x for run in runs]), np.concatenate(residuals))
-    ax.errorbar(x, mean, yerr=error, fmt="-", color=INK, lw=1.8, elinewidth=1.0, label="mean of the runs", zorder=5)
+    ax.errorbar(x, mean, yerr=error, fmt="-", color=INK, lw=1.8, elinewidth=1.0, label=phrase("mean of the runs"), zorder=5)
     ax.axhline(0.0, color=GREY, lw=0.8)
     ax.set_xlabel(runs[0].x_label)

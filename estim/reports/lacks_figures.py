@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
+from estim.common import phrase
 from estim.deviation import FoundDeviation
-from estim.drawing import BLUE, GREY, INK, grid
+from estim.drawing import BLUE, GREY, INK, grid, titled
 from estim.problem import Observations
 
 if TYPE_CHECKING:
@@ -22,10 +23,11 @@ def lacks_figure(deviations: Sequence[FoundDeviation], runs: Sequence[Observatio
         low_95, low_68, median, high_68, high_95 = visible.quantiles
         ax.fill_between(visible.x, low_95, high_95, color=BLUE, alpha=0.18, lw=0, label="95 %")
         ax.fill_between(visible.x, low_68, high_68, color=BLUE, alpha=0.38, lw=0, label="68 %")
-        ax.plot(visible.x, median, color=BLUE, lw=1.6, label="median")
-        ax.plot(visible.x, visible.residuals, ".", color=INK, ms=3.5, label="residuals")
+        ax.plot(visible.x, median, color=BLUE, lw=1.6, label=phrase("median"))
+        ax.plot(visible.x, visible.residuals, ".", color=INK, ms=3.5, label=phrase("residuals"))
         ax.axhline(0.0, color=GREY, lw=0.8)
-        ax.set(xlabel=run.x_label, ylabel=f"deviation of {run.y_label}", xlim=(visible.x[0], visible.x[-1]))
-        ax.set_title(f"{run.name}: P(amplitude > 0) = {found.probability:.3f}" + (" (SYNTHETIC data)" if synthetic else ""), fontsize=10)
+        ax.set(xlabel=run.x_label, ylabel=phrase("deviation of {y}", y=run.y_label), xlim=(visible.x[0], visible.x[-1]))
+        said = phrase("{title}: P(amplitude > 0) = {p:.3f}", title=run.name, p=found.probability)
+        ax.set_title(titled(said, synthetic=synthetic), fontsize=10)
     figure.legend(*axes[0].get_legend_handles_labels(), fontsize=7.5, frameon=False, loc="outside lower center", ncols=4)
     return figure

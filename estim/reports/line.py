@@ -13,7 +13,6 @@ import numpy as np
 from estim.campaign import Campaign, gamma_origin
 from estim.checks import Estimate, interval_cell, result_table, screen_lines
 from estim.common import (
-    KINDS,
     Markdown,
     Notation,
     Status,
@@ -21,13 +20,16 @@ from estim.common import (
     format_p,
     format_quantity,
     format_rounded,
+    kind_words,
+    later,
     one_line,
     percentage,
+    phrase,
     signed,
     significant,
     table,
 )
-from estim.drawing import BLUE, INK, ORANGE, new_figure
+from estim.drawing import BLUE, INK, ORANGE, new_figure, titled
 from estim.line import CONVENTIONS, LineAnalysis, TrialsAnalysis
 from estim.reports.copying import copies_of
 from estim.reports.pages import Drawers, page
@@ -43,10 +45,10 @@ if TYPE_CHECKING:
 _LARGEST_LOG_ODDS = 200.0
 LINE_SCHEMA = "estim-line/1"
 _METHODS = {
-    "ols": "ordinary least squares (the paper's)",
-    "weighted": "weighted by u(θ_min) alone",
-    "york": "York: errors in both variables",
-    "posterior": "Bayesian, true tilts marginalised",
+    "ols": later("ordinary least squares (the paper's)"),
+    "weighted": later("weighted by u(θ_min) alone"),
+    "york": later("York: errors in both variables"),
+    "posterior": later("Bayesian, true tilts marginalised"),
 }
 
 
@@ -114,10 +116,10 @@ def line_result(campaign: Campaign, analysis: LineAnalysis, *, voice: Voice = Vo
         gamma_origin=gamma_origin(campaign.source, analysis.series.body), methods=methods,
         posterior={
             "gamma": trusted(summarise(analysis.gamma_draws, unit="1", meaning="1/slope"), status),
-            "intercept": trusted(summarise(intercept, unit="1", meaning="sin θ_min at φ = 0"), status),
+            "intercept": trusted(summarise(intercept, unit="1", meaning=phrase("sin θ_min at φ = 0")), status),
             "slope": trusted(summarise(analysis.chain.flat[:, analysis.chain.names.index("slope")], unit="1", meaning="1/γ"), status),
             "rolling_resistance": trusted(
-                summarise(analysis.resistance_draws, unit="1", meaning="intercept · γ, if all of it is rolling resistance"), status
+                summarise(analysis.resistance_draws, unit="1", meaning=phrase("intercept · γ, if all of it is rolling resistance")), status
             ),
         },
         slope_interval=[number(analysis.slope_exact.low), number(analysis.slope_exact.high)] if status.draws_count else [None, None],
@@ -196,23 +198,24 @@ def line_text(result: LineResult, pictures: Collection[str], *, trials: Mapping[
 def line_lines(campaign: Campaign, analysis: LineAnalysis) -> list[str]:
     """What a terminal says of a line whose status is ok."""
     result = line_result(campaign, analysis)
-    resistance = f"c_rr = {_estimate(result.methods['posterior'].rolling_resistance)}, if all of the intercept is rolling resistance"
+    value = _estimate(result.methods["posterior"].rolling_resistance)
+    resistance = phrase("c_rr = {value}, if all of the intercept is rolling resistance", value=value)
     return screen_lines([line_estimate(result, campaign.truth.get(f"gamma[{analysis.series.body}]"))], minds=[resistance])
 
 
 def line_estimate(result: LineResult, true: float | None) -> Estimate:
     """gamma of a line whose status is ok, beside what was stated.  true : of synthetic data, where it is known."""
-    summary = msgspec.structs.replace(result.posterior["gamma"], meaning=f"1/slope of the θ_min line of {result.body}")
+    summary = msgspec.structs.replace(result.posterior["gamma"], meaning=phrase("1/slope of the θ_min line of {body}", body=result.body))
     return Estimate(Notation("γ").label("1", "[line]"), summary, _estimate(result.gamma_masses) if result.gamma_masses else "", True, None, true)
 
 
 def line_values(result: LineResult) -> dict[str, object]:
     """What the template of a line needs."""
     shared: dict[str, object] = {
-        "result": result, "kind": KINDS[result.kind], "status_words": STATUS_WORDS[Status(result.status)],
+        "result": result, "kind": kind_words(result.kind), "status_words": STATUS_WORDS[Status(result.status)],
         "meaningless": not Status(result.status).draws_count,
-        "gamma_masses": _estimate(result.gamma_masses), "sources": CONVENTIONS, "methods": [], "best": [], "errors": [], "limits": [],
-        **dict.fromkeys(("gamma", "resistance", "reason", "steepest", "zero_phi", "zero_theta", "evidence")),
+        "gamma_masses": _estimate(result.gamma_masses), "sources": _sources(), "methods": [], "best": [], "errors": [], "limits": [],
+        "line_shown": _line_shown, **dict.fromkeys(("gamma", "resistance", "reason", "steepest", "zero_phi", "zero_theta", "evidence")),
     }
     evidence, steepest = result.log_bayes_factor_intercept, result.steepest_phi
     if evidence is None or steepest is None or result.zero_phi is None or result.zero_theta_min is None:
@@ -230,26 +233,39 @@ def line_values(result: LineResult) -> dict[str, object]:
     }
 
 
+def _line_shown(gamma: str | None) -> str:
+    """What the figure of the line shows."""
+    if gamma is None:
+        return phrase("sin of the smallest ascending angle against sin of the tilt")
+    return phrase("sin of the smallest ascending angle against sin of the tilt: a line of slope 1/γ, γ = {gamma}", gamma=gamma)
+
+
+def _sources() -> dict[str, str]:
+    """Convention of standard errors -> where it is in print."""
+    return {name: phrase(source) for name, source in CONVENTIONS.items()}
+
+
 def _limited(result: LineResult) -> list[tuple[str, Summary]]:
     return [("γ", result.posterior["gamma"]), ("c_rr", result.posterior["rolling_resistance"])]
 
 
 def _best_cells(name: str, row: LineRow) -> tuple[str, ...]:
-    return _METHODS[name], f"{row.intercept:.4g}", f"{row.slope:.4g}", _fit_words(row)
+    return phrase(_METHODS[name]), f"{row.intercept:.4g}", f"{row.slope:.4g}", _fit_words(row)
 
 
 def evidence_words(log_bayes_factor: float) -> str:
     """The odds, and the strength of the evidence in the words of Kass and Raftery 1995."""
-    odds = math.exp(min(abs(log_bayes_factor), _LARGEST_LOG_ODDS))
-    towards = "an intercept" if log_bayes_factor > 0 else "a line through the origin"
-    return f"{significant(odds, 2)} : 1 for {towards}, {_strength(log_bayes_factor)}"
+    odds, strength = significant(math.exp(min(abs(log_bayes_factor), _LARGEST_LOG_ODDS)), 2), _strength(log_bayes_factor)
+    if log_bayes_factor > 0:
+        return phrase("{odds} : 1 for an intercept, {strength}", odds=odds, strength=strength)
+    return phrase("{odds} : 1 for a line through the origin, {strength}", odds=odds, strength=strength)
 
 
 def _strength(log_bayes_factor: float) -> str:
-    for limit, words in ((1.0, "no evidence worth a mention"), (3.0, "positive evidence"), (5.0, "strong evidence")):
+    for limit, words in ((1.0, later("no evidence worth a mention")), (3.0, later("positive evidence")), (5.0, later("strong evidence"))):
         if abs(log_bayes_factor) < limit:
-            return words
-    return "very strong evidence"
+            return phrase(words)
+    return phrase("very strong evidence")
 
 
 def _estimate(estimate: LineEstimate | None) -> str:
@@ -259,8 +275,8 @@ def _estimate(estimate: LineEstimate | None) -> str:
 def _method_cells(name: str, row: LineRow) -> tuple[str, ...]:
     u_intercept, u_slope, _ = row.standard_errors[row.recommended or "posterior sd"]
     return (
-        _METHODS[name], format_quantity(row.intercept, u_intercept), format_quantity(row.slope, u_slope), _fit_words(row), _estimate(row.gamma),
-        _estimate(row.rolling_resistance), "" if row.e_n is None else signed(f"{row.e_n:+.2f}"),
+        phrase(_METHODS[name]), format_quantity(row.intercept, u_intercept), format_quantity(row.slope, u_slope), _fit_words(row),
+        _estimate(row.gamma), _estimate(row.rolling_resistance), "" if row.e_n is None else signed(f"{row.e_n:+.2f}"),
     )
 
 
@@ -273,9 +289,9 @@ def _error_cells(name: str, row: LineRow) -> list[tuple[str, ...]]:
     for convention, (u_intercept, u_slope, _) in row.standard_errors.items():
         u_gamma = u_slope / row.slope**2
         used = convention == row.recommended
-        mark = Markdown("**recommended**" if used and name == "york" else "" if not used else "the one to use for this fit")
+        mark = Markdown(phrase("**recommended**") if used and name == "york" else "" if not used else phrase("the one to use for this fit"))
         numbers = (format_rounded(u, u) for u in (u_intercept, u_slope, u_gamma))
-        cells.append((_METHODS[name], convention, *numbers, mark))
+        cells.append((phrase(_METHODS[name]), convention, *numbers, mark))
     return cells
 
 
@@ -291,19 +307,20 @@ def line_figure(analysis: LineAnalysis, *, synthetic: bool) -> Figure:
         lines = draws[:, [names.index("intercept")]] + draws[:, [names.index("slope")]] * x
         for probability, alpha in ((0.95, 0.22), (0.68, 0.40)):
             low, high = np.quantile(lines, [0.5 - 0.5 * probability, 0.5 + 0.5 * probability], axis=0)
-            ax.fill_between(x, low, high, color=BLUE, alpha=alpha, lw=0, label=f"posterior of the line, {percentage(probability)}")
+            ax.fill_between(x, low, high, color=BLUE, alpha=alpha, lw=0, label=phrase("posterior of the line, {p}", p=percentage(probability)))
     if analysis.gamma_masses is not None:
         gamma = analysis.gamma_masses
-        ax.plot(x, x / gamma.value, color=ORANGE, lw=1.8, label=f"theory, γ = {format_quantity(gamma.value, gamma.u)} as stated")
-    ax.plot(x, analysis.ols.intercept + analysis.ols.slope * x, color=INK, lw=1.2, ls="--", label="ordinary least squares")
+        said = phrase("theory, γ = {gamma} as stated", gamma=format_quantity(gamma.value, gamma.u))
+        ax.plot(x, x / gamma.value, color=ORANGE, lw=1.8, label=said)
+    ax.plot(x, analysis.ols.intercept + analysis.ols.slope * x, color=INK, lw=1.2, ls="--", label=phrase("ordinary least squares"))
     ax.plot(x, analysis.york.intercept + analysis.york.slope * x, color=BLUE, lw=1.6, label="York")
     ax.errorbar(
         series.x, series.y, xerr=series.u_x, yerr=series.u_y, fmt="o", color=INK, ms=4, lw=1, capsize=0,
-        label="measured, ± 1 standard uncertainty",
+        label=phrase("measured, ± 1 standard uncertainty"),
     )
-    ax.set(xlabel="sin φ  (tilt of the ramp)", ylabel="sin θ_min  (smallest ascending angle)", xlim=(0.0, None))
-    ax.set_ylabel(r"sin θ$_{\mathrm{min}}$  (smallest ascending angle)")
+    ax.set(xlabel=phrase("sin φ  (tilt of the ramp)"), xlim=(0.0, None))
+    ax.set_ylabel(phrase("sin {theta_min}  (smallest ascending angle)", theta_min=Notation("θ_min").label("rad").tex))
     ax.set_ylim(bottom=min(0.0, float(np.min(series.y - series.u_y))))
-    ax.set_title(f"{series.body}" + (" (SYNTHETIC data)" if synthetic else ""), fontsize=10)
+    ax.set_title(titled(series.body, synthetic=synthetic), fontsize=10)
     figure.legend(fontsize=8, frameon=False, loc="outside lower center", ncols=2)
     return figure

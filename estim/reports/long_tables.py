@@ -9,6 +9,8 @@ import csv
 import io
 import re
 
+from estim.common import phrase
+
 MOST_ROWS, MOST_COLUMNS, MOST_POINTS = 150, 60, 60
 _ROWS, _COLUMNS, _POINTS = 24, 12, 12  # what is kept of a longer one
 _CELLS = re.compile(r"(?<!\\)\|")
@@ -62,8 +64,7 @@ def _table(rows: list[str], path: str, files: dict[str, bytes]) -> list[str]:
     kept = rows[: 2 + _ROWS] if n_row > MOST_ROWS else rows
     if n_column > MOST_COLUMNS:
         kept = ["|".join(_CELLS.split(row)[: 1 + _COLUMNS]) + "|" for row in kept]
-    shape = f"{n_row} rows" + (f" and {n_column} columns" if n_column > MOST_COLUMNS else "")
-    return [*kept, "", f"All {shape}: `{path}`."]
+    return [*kept, "", phrase("All {rows} rows and {columns} columns: `{path}`.", rows=n_row, columns=n_column, path=path)]
 
 
 def _list_end(lines: list[str], start: int) -> int:
@@ -82,4 +83,4 @@ def _list(lines: list[str], path: str, files: dict[str, bytes]) -> list[str]:
     if len(points) <= MOST_POINTS:
         return lines
     files[path] = ("\n".join(lines) + "\n").encode()
-    return [*lines[: points[_POINTS]], "", f"All {len(points)} points: `{path}`."]
+    return [*lines[: points[_POINTS]], "", phrase("All {n} points: `{path}`.", n=len(points), path=path)]

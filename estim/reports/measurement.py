@@ -10,7 +10,7 @@ import msgspec
 import numpy as np
 
 from estim.arrays import FloatArray
-from estim.common import Status, as_json, gravest, one_line, signed
+from estim.common import Status, as_json, gravest, later, one_line, phrase, signed
 from estim.distributions import student_quantile
 from estim.measurement import Propagation
 from estim.reports.measurement_figures import budget_figure, distribution_figure, region_figure
@@ -22,6 +22,13 @@ from estim.sampling import number
 
 MEASUREMENT_SCHEMA = "estim-propagation/1"
 _DIGITS = 3  # of u in tables: one more than a statement has
+_INTERVALS = {"symmetric": later("symmetric"), "shortest": later("shortest")}
+_LAWS = {
+    "normal": later("normal"), "rectangular": later("rectangular"), "triangular": later("triangular"), "trapezoidal": later("trapezoidal"),
+    "curvilinear-trapezoidal": later("curvilinear-trapezoidal"), "arcsine": later("arcsine"), "t": later("t"),
+    "standardised-t": later("standardised-t"), "exponential": later("exponential"), "lognormal": later("lognormal"), "gamma": later("gamma"),
+    "exact": later("exact"),
+}
 
 
 class GumRecord(msgspec.Struct, frozen=True):
@@ -188,26 +195,31 @@ def statement(propagation: Propagation, i: int, quoted: str) -> str:
     if quoted == "GUM":
         value, u, k, dof = (float(one[i]) for one in (linear.value, linear.u, linear.k, linear.dof))
         if u == 0.0:
-            return f"{what}: {output.name} = {rounded(value, 0.0, 2)}{unit}, exact."
+            return phrase("{what}: {name} = {value}, exact.", what=what, name=output.name, value=rounded(value, 0.0, 2) + unit)
         expanded = f"{rounded(value, k * u, 2)} ± {rounded(k * u, k * u, 2, beside=value)}"
-        law = "the normal distribution" if dof > 1e6 else f"the t distribution with {dof:.3g} effective degrees of freedom"
-        return (
-            f"{what}: {output.name} = ({expanded}){unit}, where the number after ± is the expanded uncertainty U = k u, with the standard "
-            f"uncertainty u = {rounded(u, u, 2, beside=value)}{unit} and the coverage factor k = {k:.2f} from {law} "
-            f"for a coverage probability of {percent}."
+        law = phrase("the normal distribution") if dof > 1e6 else phrase("the t distribution with {dof:.3g} effective degrees of freedom", dof=dof)
+        return phrase(
+            "{what}: {name} = ({value}){unit}, where the number after ± is the expanded uncertainty U = k u, with the standard "
+            "uncertainty u = {u} and the coverage factor k = {k:.2f} from {law} for a coverage probability of {percent}.",
+            what=what, name=output.name, value=expanded, unit=unit, u=rounded(u, u, 2, beside=value) + unit, k=k, law=law, percent=percent,
         )
     if quoted == "Monte Carlo":
         low, high = (float(end[i]) for end in (propagation.interval.low, propagation.interval.high))
         scale = float(drawn.u[i]) if math.isfinite(drawn.u[i]) else 0.25 * (high - low)
         mean = float(drawn.mean[i])
-        best = (
-            f"{output.name} = {rounded(mean, scale, 2)}{unit} with standard uncertainty u = {rounded(scale, scale, 2, beside=mean)}{unit} and"
-            if math.isfinite(drawn.u[i]) else f"{output.name} has no standard uncertainty (its tails are too long);"
-        )
-        kind = "probabilistically symmetric" if propagation.model.interval == "symmetric" else "shortest"
-        return (
-            f"{what}: {best} the {kind} {percent} coverage interval {interval(low, high, scale, 2)}{unit}, by propagation of distributions "
-            f"({drawn.n_draw} Monte Carlo trials, JCGM 101)."
+        best = phrase(
+            "{name} = {value} with standard uncertainty u = {u} and",
+            name=output.name, value=rounded(mean, scale, 2) + unit, u=rounded(scale, scale, 2, beside=mean) + unit,
+        ) if math.isfinite(drawn.u[i]) else phrase("{name} has no standard uncertainty (its tails are too long);", name=output.name)
+        said = {"what": what, "best": best, "percent": percent, "ends": interval(low, high, scale, 2) + unit, "n": drawn.n_draw}
+        if propagation.model.interval == "symmetric":
+            return phrase(
+                "{what}: {best} the probabilistically symmetric {percent} coverage interval {ends}, by propagation of distributions "
+                "({n} Monte Carlo trials, JCGM 101).", **said,
+            )
+        return phrase(
+            "{what}: {best} the shortest {percent} coverage interval {ends}, by propagation of distributions ({n} Monte Carlo trials, JCGM 101).",
+            **said,
         )
     return ""
 
@@ -226,6 +238,7 @@ def measurement_report(propagation: Propagation, *, seed: int, figures: bool = T
             "measurement.md.j2", pictures=pictures, result=result, percent=f"{100.0 * result.probability:g}", compared=_compared(result),
             budgets={name: _budget(result, one) for name, one in result.outputs.items()}, validation=_validation(result),
             alone=len(result.outputs) == 1, regions=_regions(result), inputs=_inputs(result), ok=result.status == Status.OK,
+            which_interval=phrase(_INTERVALS[result.interval]),
         )
 
     return page(drawers, text, wanted=figures) | {"result.json": as_json(result)}
@@ -236,7 +249,8 @@ def measurement_lines(propagation: Propagation) -> list[str]:
     found = []
     for i, (output, status) in enumerate(zip(propagation.model.outputs, propagation.statuses, strict=True)):
         quoted = "GUM" if propagation.gum_holds[i] else "Monte Carlo"
-        found.append(statement(propagation, i, quoted) if status.ok else f"{output.name}: {status}: no number can be quoted")
+        none = phrase("{name}: {status}: no number can be quoted", name=output.name, status=status)
+        found.append(statement(propagation, i, quoted) if status.ok else none)
     return found
 
 
@@ -260,14 +274,14 @@ def _compared(result: MeasurementResult) -> dict[str, list[tuple[str, ...]]]:
         rows.append(("GUM", _cell(gum.value, gum.u), _cell(gum.u, gum.u, gum.value), dof, f"{gum.k:.2f}", half, own))
         if gum.k_whole is not None and gum.dof is not None and gum.U_whole is not None and gum.dof != math.floor(gum.dof):
             whole = str(max(math.floor(gum.dof), 1))
-            rows.append(("GUM, ν_eff rounded down", "", "", whole, f"{gum.k_whole:.2f}", *_expanded(gum.value, gum.U_whole, gum.u)))
+            rows.append((phrase("GUM, ν_eff rounded down"), "", "", whole, f"{gum.k_whole:.2f}", *_expanded(gum.value, gum.U_whole, gum.u)))
         second = gum.u_second_order
         if second is not None and abs(second - (gum.u or 0.0)) > 0.005 * second:
             ends = _expanded(gum.value, gum.k * second, second)
-            rows.append(("GUM with terms of the next order", "", _cell(second, second, gum.value), "", f"{gum.k:.2f}", *ends))
+            rows.append((phrase("GUM with terms of the next order"), "", _cell(second, second, gum.value), "", f"{gum.k:.2f}", *ends))
         spread = _cell(drawn.u, drawn.u, drawn.mean)
-        rows.append(("Monte Carlo", _cell(drawn.mean, drawn.u), spread, "", "", "", f"{_ends(drawn.symmetric, drawn.u)} symmetric"))
-        rows.append(("", "", "", "", "", "", f"{_ends(drawn.shortest, drawn.u)} shortest"))
+        rows.append(("Monte Carlo", _cell(drawn.mean, drawn.u), spread, "", "", "", phrase("{ends} symmetric", ends=_ends(drawn.symmetric, drawn.u))))
+        rows.append(("", "", "", "", "", "", phrase("{ends} shortest", ends=_ends(drawn.shortest, drawn.u))))
         tables[name] = rows
     return tables
 
@@ -287,17 +301,25 @@ def _budget(result: MeasurementResult, one: OutputRecord) -> list[tuple[str, ...
         contribution = "n/a" if row.contribution is None else f"{row.contribution:.3g}"
         share = "n/a" if row.share is None else f"{row.share:.1f}"
         uncertainty = f"{part.u:.3g}" + ("" if part.unit == "1" else f" {part.unit}")
-        rows.append((row.input, part.meaning, signed(f"{part.value:.10g}"), uncertainty, part.distribution, dof, sensitivity, contribution, share))
+        rows.append((row.input, part.meaning, signed(f"{part.value:.10g}"), uncertainty, _law(part), dof, sensitivity, contribution, share))
     return rows
 
 
 def _validation(result: MeasurementResult) -> list[tuple[str, ...]]:
     rows: list[tuple[str, ...]] = []
     for name, one in result.outputs.items():
-        wrong = "the GUM's interval does not hold" if one.decided else "not decided by so many draws"
-        verdict = "the GUM's interval holds" if one.gum_holds else f"{wrong}: believe the Monte Carlo"
+        wrong = (
+            phrase("the GUM's interval does not hold: believe the Monte Carlo") if one.decided
+            else phrase("not decided by so many draws: believe the Monte Carlo")
+        )
+        verdict = phrase("the GUM's interval holds") if one.gum_holds else wrong
         rows.append((name, *(("n/a" if v is None else f"{v:.2g}") for v in (one.d_low, one.d_high, one.tolerance)), verdict))
     return rows
+
+
+def _law(part: PartRecord) -> str:
+    """Its distribution as a reader calls it."""
+    return phrase(_LAWS[part.distribution])
 
 
 def _regions(result: MeasurementResult) -> list[tuple[str, ...]]:
@@ -312,7 +334,7 @@ def _regions(result: MeasurementResult) -> list[tuple[str, ...]]:
 
 def _inputs(result: MeasurementResult) -> list[tuple[str, ...]]:
     return [
-        (name, part.meaning, signed(f"{part.value:.10g}"), "exact" if part.u == 0.0 else f"{part.u:.4g}", "" if part.unit == "1" else part.unit,
-         part.distribution, "" if part.u == 0.0 else "∞" if part.dof is None else f"{part.dof:.4g}")
+        (name, part.meaning, signed(f"{part.value:.10g}"), phrase("exact") if part.u == 0.0 else f"{part.u:.4g}",
+         "" if part.unit == "1" else part.unit, _law(part), "" if part.u == 0.0 else "∞" if part.dof is None else f"{part.dof:.4g}")
         for name, part in result.inputs.items()
     ]

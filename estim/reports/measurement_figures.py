@@ -9,6 +9,7 @@ import numpy as np
 from scipy import special
 
 from estim.arrays import FloatArray
+from estim.common import later, phrase
 from estim.drawing import BLUE, GREEN, GREY, INK, ORANGE, PALE, grid, name_ticks, new_figure
 from estim.measurement import Propagation, Region, ellipse
 
@@ -18,6 +19,9 @@ if TYPE_CHECKING:
 
 _BINS, _CELLS, _MOST_CELL_DRAWS = 120, 70, 400_000
 _LEAST_SHARE, _MOST_ROWS, _MOST_PANELS = 0.5, 16, 6
+_INTERVALS = {
+    "symmetric": later("{percent} interval of the draws, symmetric"), "shortest": later("{percent} interval of the draws, shortest"),
+}
 
 
 def axis_name(name: str, unit: str) -> str:
@@ -26,8 +30,8 @@ def axis_name(name: str, unit: str) -> str:
 
 def _density_name(unit: str) -> str:
     if unit == "1":
-        return "density"
-    return f"density (1/({unit}))" if set(unit) & set(" /*·") else f"density (1/{unit})"
+        return phrase("density")
+    return f"{phrase('density')} (1/({unit}))" if set(unit) & set(" /*·") else f"{phrase('density')} (1/{unit})"
 
 
 def distribution_figure(propagation: Propagation) -> Figure:
@@ -53,17 +57,18 @@ def _distribution(ax: Axes, propagation: Propagation, i: int) -> None:
         tail = 0.1 * (1.0 - sampled.probability)
         low, high = np.quantile(draws, [tail, 1.0 - tail])
         counts, edges = np.histogram(draws, bins=_BINS, range=(low, high if high > low else low + 1.0))
-        ax.stairs(counts / (draws.size * np.diff(edges)), edges, fill=True, color=PALE, label="draws (Monte Carlo)")
+        ax.stairs(counts / (draws.size * np.diff(edges)), edges, fill=True, color=PALE, label=phrase("draws (Monte Carlo)"))
         interval = propagation.interval
+        said = phrase(_INTERVALS[propagation.model.interval], percent=percent)
         for j, end in enumerate((interval.low[i], interval.high[i])):
-            ax.axvline(float(end), color=BLUE, lw=1.4, label=f"{percent} interval of the draws, {propagation.model.interval}" if j == 0 else None)
+            ax.axvline(float(end), color=BLUE, lw=1.4, label=said if j == 0 else None)
     if u > 0.0 and math.isfinite(value):
         left, right = ax.get_xlim()
         room = 0.25 * float(linear.high[i] - linear.low[i])
         x = np.linspace(min(left, float(linear.low[i]) - room), max(right, float(linear.high[i]) + room), 400)
-        ax.plot(x, _density((x - value) / u, float(linear.dof[i])) / u, color=ORANGE, lw=1.6, label="the GUM's normal or t distribution")
+        ax.plot(x, _density((x - value) / u, float(linear.dof[i])) / u, color=ORANGE, lw=1.6, label=phrase("the GUM's normal or t distribution"))
         for j, end in enumerate((linear.low[i], linear.high[i])):
-            ax.axvline(float(end), color=ORANGE, lw=1.4, ls="--", label=f"{percent} interval of the GUM" if j == 0 else None)
+            ax.axvline(float(end), color=ORANGE, lw=1.4, ls="--", label=phrase("{percent} interval of the GUM", percent=percent) if j == 0 else None)
     ax.set_ylim(bottom=0.0)
 
 
@@ -83,10 +88,10 @@ def budget_figure(propagation: Propagation) -> Figure:
     rest = [name for name in known if name not in names]
     rows: list[tuple[str, FloatArray, str]] = [(name, known[name], BLUE) for name in names]
     if sum(known[name].max() for name in rest) > 0.0:
-        rows.append((f"{len(rest)} more" if len(rest) > 1 else rest[0], np.sum([known[name] for name in rest], axis=0), BLUE))
+        rows.append((phrase("{n} more", n=len(rest)) if len(rest) > 1 else rest[0], np.sum([known[name] for name in rest], axis=0), BLUE))
     correlated = np.nan_to_num(np.array([b.correlation_share for b in budgets]))
     if np.any(correlated != 0.0):
-        rows.append(("correlations", correlated, GREY))
+        rows.append((phrase("correlations"), correlated, GREY))
     columns = min(3, len(outputs))
     lines = -(-len(outputs) // columns)
     figure = new_figure(lines * (0.27 * max(len(rows), 2) + 0.9))
@@ -103,7 +108,7 @@ def budget_figure(propagation: Propagation) -> Figure:
             text = f"{width:.1f}".replace("-", "−")
             ax.annotate(text, (width, place), xytext=(3 if width >= 0.0 else -3, 0), textcoords="offset points", va="center",
                         ha="left" if width >= 0.0 else "right", fontsize=7.5)
-        ax.set_xlabel(f"share of u²({output.name}) (%)", fontsize=9)
+        ax.set_xlabel(phrase("share of u²({name}) (%)", name=output.name), fontsize=9)
         ax.tick_params(axis="x", labelsize=8)
         ax.spines[["top", "right"]].set_visible(False)
     for extra in panels[len(outputs) :]:
@@ -136,12 +141,14 @@ def _region(ax: Axes, propagation: Propagation, region: Region) -> None:
     level = float(ordered[min(int(np.searchsorted(np.cumsum(ordered), region.probability * len(draws))), ordered.size - 1)])
     middles = [0.5 * (edges[1:] + edges[:-1]) for edges in (x, y)]
     ax.contour(*middles, _smooth(density.T), levels=[max(level, 0.5)], colors=INK, linewidths=0.9, linestyles=":")
-    ax.plot([], [], color=INK, lw=0.9, ls=":", label=f"smallest region with {percent} of the draws, roughly")
-    ax.plot(*ellipse(region.value, region.covariance, region.k_ellipse), color=ORANGE, lw=1.8, ls="--", label=f"{percent} ellipse of the GUM")
-    ax.plot(*ellipse(region.mean, region.drawn, region.k_drawn), color=BLUE, lw=1.5, label=f"{percent} ellipse of the draws")
+    said = phrase("smallest region with {percent} of the draws, roughly", percent=percent)
+    ax.plot([], [], color=INK, lw=0.9, ls=":", label=said)
+    said = phrase("{percent} ellipse of the GUM", percent=percent)
+    ax.plot(*ellipse(region.value, region.covariance, region.k_ellipse), color=ORANGE, lw=1.8, ls="--", label=said)
+    ax.plot(*ellipse(region.mean, region.drawn, region.k_drawn), color=BLUE, lw=1.5, label=phrase("{percent} ellipse of the draws", percent=percent))
     half = region.k_rectangle_drawn * np.sqrt(np.diag(region.drawn))
     (a, b), (c, d) = region.mean - half, region.mean + half
-    ax.plot([a, c, c, a, a], [b, b, d, d, b], color=GREEN, lw=1.4, ls="-.", label=f"{percent} rectangle of the draws")
+    ax.plot([a, c, c, a, a], [b, b, d, d, b], color=GREEN, lw=1.4, ls="-.", label=phrase("{percent} rectangle of the draws", percent=percent))
     one, two = (propagation.model.outputs[k] for k in region.pair)
     ax.set(xlabel=axis_name(one.name, one.unit), ylabel=axis_name(two.name, two.unit))
     ax.ticklabel_format(style="sci", scilimits=(-4, 5), useMathText=True)

@@ -10,7 +10,7 @@ import msgspec
 
 from estim.campaign import Campaign
 from estim.checks import INFLUENTIAL, value_cell
-from estim.common import KINDS, as_json, signed, split_level
+from estim.common import as_json, kind_words, later, phrase, signed, split_level
 from estim.explanation import P_NOT_BROUGHT_BACK, Predicted
 from estim.problem import Parameter
 from estim.reports.models_figures import predictive_figure, values_figure
@@ -22,21 +22,21 @@ from estim.studies import FORCE, START, ComparedModel, Ground, Lack, ModelCompar
 
 _OF_INTEREST = ("gamma", "kappa", "theta0")
 _LARGE = 1e6  # odds that nobody needs more exactly
-_WORTH = ((1.0, "hardly worth a mention"), (3.0, "positive"), (5.0, "strong"))  # of a log Bayes factor: Kass and Raftery 1995
+_WORTH = ((1.0, later("hardly worth a mention")), (3.0, later("positive")), (5.0, later("strong")))  # of a log Bayes factor: Kass and Raftery 1995
 _GROUNDS = {
-    Ground.ROOM: "it has room for what a curve may lack, and no model of something that it does not contain has more {what}",
-    Ground.UNDECIDED: "{best} has more {what}, but these data do not tell it apart from models without what it adds",
-    Ground.SHOWN: "it adds something that the default does not contain, and the data tell it apart from every model without that",
-    Ground.BEST: "of the models that are ok it has the most {what}",
-    Ground.NONE: "no model is ok",
+    Ground.ROOM: later("it has room for what a curve may lack, and no model of something that it does not contain has more {what}"),
+    Ground.UNDECIDED: later("{best} has more {what}, but these data do not tell it apart from models without what it adds"),
+    Ground.SHOWN: later("it adds something that the default does not contain, and the data tell it apart from every model without that"),
+    Ground.BEST: later("of the models that are ok it has the most {what}"),
+    Ground.NONE: later("no model is ok"),
 }
 _LACKS = {
-    Lack.MANY: "too many unknowns for a second computation",
-    Lack.UNRELIABLE: "not reliable (k-hat above 0.7)",
-    Lack.OTHER_NOISE: "its noise could not be given the room that the others have",
-    Lack.IMPROPER: "a prior is no distribution",
+    Lack.MANY: later("too many unknowns for a second computation"),
+    Lack.UNRELIABLE: later("not reliable (k-hat above 0.7)"),
+    Lack.OTHER_NOISE: later("its noise could not be given the room that the others have"),
+    Lack.IMPROPER: later("a prior is no distribution"),
 }
-_ROOM = {FORCE: "size of the unmodelled force", START: "energy of the free start"}
+_ROOM = {FORCE: later("size of the unmodelled force"), START: later("energy of the free start")}
 
 
 class PredictedSummary(msgspec.Struct, frozen=True):
@@ -85,7 +85,7 @@ def models_report(campaign: Campaign, comparison: ModelComparison, *, seed: int,
     runs, synthetic = [run.name for run in problem.runs], campaign.kind == "synthetic"
     shown = _shown(rows)
     text = partial(
-        render, "models.md.j2", title=campaign.title, runs=runs, kind=KINDS[campaign.kind], rows=summaries, recommended=comparison.recommended,
+        render, "models.md.j2", title=campaign.title, runs=runs, kind=kind_words(campaign.kind), rows=summaries, recommended=comparison.recommended,
         ground=ground_words(comparison), verdicts=verdicts(comparison), by_evidence=comparison.by_evidence,
         values=[(p.label.symbol, _unit(p), [_cell(s, p) for s in summaries]) for p in common],
         widths=_width_table(rows), predicted=_predicted_table(rows), shown="" if shown is None else shown.model.name,
@@ -107,8 +107,8 @@ def ground_words(comparison: ModelComparison) -> str:
     """Why the recommended model is recommended."""
     good = [row for row in comparison.rows if row.ok]
     best = min(good, key=lambda row: row.odds if comparison.by_evidence else row.behind).model.name if good else ""
-    what = "evidence" if comparison.by_evidence else "predictive density (leave-one-out; not every model has an evidence)"
-    return _GROUNDS[comparison.ground].format(best=best, what=what)
+    what = phrase("evidence") if comparison.by_evidence else phrase("predictive density (leave-one-out; not every model has an evidence)")
+    return phrase(_GROUNDS[comparison.ground], best=best, what=what)
 
 
 def verdicts(comparison: ModelComparison) -> list[tuple[str, str]]:
@@ -120,26 +120,26 @@ def verdicts(comparison: ModelComparison) -> list[tuple[str, str]]:
 def odds_words(behind: float) -> str:
     """A difference of log evidence as odds, and in words."""
     odds = math.exp(min(abs(behind), 700.0))
-    shown = "more than a million" if odds > _LARGE else f"{odds:.2g}" if odds < 10.0 else f"{odds:,.0f}".replace(",", " ")
-    words = next((words for limit, words in _WORTH if abs(behind) < limit), "very strong")
-    return f"{shown} to 1 ({words})"
+    shown = phrase("more than a million") if odds > _LARGE else f"{odds:.2g}" if odds < 10.0 else f"{odds:,.0f}".replace(",", " ")
+    words = phrase(next((words for limit, words in _WORTH if abs(behind) < limit), later("very strong")))
+    return phrase("{odds} to 1 ({words})", odds=shown, words=words)
 
 
 def _why_not(row: ComparedModel, chosen: ComparedModel | None) -> str:
     if not row.ok:
         told = chosen is not None and chosen.lack is None and row.lack is None and row.odds > chosen.odds
-        odds = f"; odds against it of {odds_words(row.odds - chosen.odds)}" if told and chosen is not None else ""
+        odds = phrase("; odds against it of {odds}", odds=odds_words(row.odds - chosen.odds)) if told and chosen is not None else ""
         return f"{row.analysis.diagnosis.status}: {row.analysis.diagnosis.reasons[0]}{odds}"
     if chosen is None:
-        return "no model is recommended"
+        return phrase("no model is recommended")
     if row.lack is not None or chosen.lack is not None:
         ahead = chosen.behind - row.behind
-        words = f"predicts {'better' if ahead > 0.0 else 'worse'} by {abs(ahead):.1f} (elpd)"
+        words = phrase("predicts better by {by:.1f} (elpd)", by=ahead) if ahead > 0.0 else phrase("predicts worse by {by:.1f} (elpd)", by=abs(ahead))
     elif row.odds <= chosen.odds:
-        words = f"odds for it of {odds_words(chosen.odds - row.odds)}"
+        words = phrase("odds for it of {odds}", odds=odds_words(chosen.odds - row.odds))
     else:
-        words = f"odds against it of {odds_words(row.odds - chosen.odds)}"
-    return f"contained in the recommended model; {words}" if contains(chosen, row) else words
+        words = phrase("odds against it of {odds}", odds=odds_words(row.odds - chosen.odds))
+    return phrase("contained in the recommended model; {words}", words=words) if contains(chosen, row) else words
 
 
 def _shown(rows: Sequence[ComparedModel]) -> ComparedModel | None:
@@ -166,7 +166,7 @@ def _summary(row: ComparedModel) -> ModelSummary:
     return ModelSummary(
         name=row.model.name, words=row.model.words, adds=list(row.model.own), lines=list(row.model.lines), status=status,
         reasons=list(analysis.diagnosis.reasons), posterior=posterior, log_evidence=None if none else number(row.log_evidence),
-        u_log_evidence=None if none else number(row.u_log_evidence), no_evidence="" if row.lack is None else _LACKS[row.lack],
+        u_log_evidence=None if none else number(row.u_log_evidence), no_evidence="" if row.lack is None else phrase(_LACKS[row.lack]),
         behind_evidence=None if none else number(row.odds), elpd=number(row.loo.elpd), behind_elpd=number(row.behind),
         se_behind_elpd=number(row.behind_se), influential=sum(int((k > INFLUENTIAL).sum()) for k in row.loo.k_hat),
         widths=[WidthSummary(one.of, one.factor, number(one.change), number(one.u)) for one in row.widths],
@@ -198,7 +198,7 @@ def _width_table(rows: Sequence[ComparedModel]) -> list[tuple[str, str, list[str
         for of in dict.fromkeys(one.of for one in row.widths):
             by_factor = {one.factor: one.change for one in row.widths if one.of == of}
             changes = [_change(by_factor[factor]) if factor in by_factor else "" for factor in (0.0, 0.5, 2.0)]
-            found.append((row.model.name, labels.get(of, _ROOM.get(of, of)), changes))
+            found.append((row.model.name, labels.get(of) or phrase(_ROOM.get(of, of)), changes))
     return found
 
 

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
+from estim.common import later, phrase
 from estim.drawing import BLUE, GREY, INK, ORANGE, PALE, name_ticks, new_figure
 from estim.explanation import Predicted
 from estim.problem import Parameter
@@ -19,6 +20,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 _COLUMNS = 3
+_SHORT = {"energy": later("change of energy"), "its_place": later("place of largest speed")}
 _FAR = 0.02  # of the data sets beyond what is drawn, on either side
 
 
@@ -48,8 +50,8 @@ def values_figure(rows: Sequence[_Row], common: Sequence[Parameter], recommended
         ax.locator_params(axis="x", nbins=4)
     for extra in axes[len(common) :]:
         extra.set_visible(False)
-    title = "median, 68 and 95 % intervals; orange square: recommended; grey, dashed: not ok, not to be used"
-    figure.suptitle(title + ("; SYNTHETIC data" if synthetic else ""), fontsize=8.5)
+    title = phrase("median, 68 and 95 % intervals; orange square: recommended; grey, dashed: not ok, not to be used")
+    figure.suptitle(phrase("{title}; SYNTHETIC data", title=title) if synthetic else title, fontsize=8.5)
     return figure
 
 
@@ -80,8 +82,8 @@ def predictive_figure(predicted: Sequence[Predicted], model: str, *, synthetic: 
             _histogram(ax, one)
             if k == 0:
                 ax.set_ylabel(run, fontsize=8)
-    title = f"{model}: filled: data sets drawn from the posterior; orange: the data"
-    figure.suptitle(title + ("; SYNTHETIC data" if synthetic else ""), fontsize=8.5)
+    title = phrase("{model}: filled: data sets drawn from the posterior; orange: the data", model=model)
+    figure.suptitle(phrase("{title}; SYNTHETIC data", title=title) if synthetic else title, fontsize=8.5)
     return figure
 
 
@@ -106,4 +108,4 @@ def _histogram(ax: Axes, one: Predicted) -> None:
 
 
 def _short(one: Predicted) -> str:
-    return {"energy": "change of energy", "its_place": "place of largest speed"}.get(one.name, one.words)
+    return phrase(_SHORT.get(one.name, one.words))

@@ -6,7 +6,7 @@ from __future__ import annotations
 import math
 
 from estim.campaign import way_back
-from estim.common import Quantity, format_quantity
+from estim.common import Quantity, format_quantity, phrase
 from estim.problem import Observations, Problem
 from estim.reading import Run
 
@@ -20,10 +20,10 @@ def origin_facts(table: Run, run: Observations, problem: Problem) -> tuple[str, 
     stated = stated_phi(run, problem)
     if not run.words.from_release:
         exact = {name: value for name, value in run.arguments.items() if not isinstance(value, str)}
-        return (*table.facts, *(f"{name} is fixed at {value:.10g}" for name, value in exact.items()))
+        return (*table.facts, *(phrase("{name} is fixed at {value:.10g}", name=name, value=value) for name, value in exact.items()))
     if table.tilt is None or stated is None:
         return table.facts
-    return (*table.facts, f"tilt measured from the track {_degrees(table.tilt)}, stated {_degrees(stated)}")
+    return (*table.facts, phrase("tilt measured from the track {measured}, stated {stated}", measured=_degrees(table.tilt), stated=_degrees(stated)))
 
 
 def origin_warnings(table: Run, run: Observations, problem: Problem) -> tuple[str, ...]:
@@ -34,11 +34,17 @@ def origin_warnings(table: Run, run: Observations, problem: Problem) -> tuple[st
     apart, u = abs(table.tilt.value - stated.value), math.hypot(table.tilt.u, stated.u)
     if apart <= _APART * u:
         return table.warnings
-    how = f"{apart / u:.1f} combined standard uncertainties" if u > 0.0 else f"{math.degrees(apart):.2g} deg, both taken as exact"
-    warning = (
-        f"the tilt of the track, {_degrees(table.tilt)}, and the stated tilt, {_degrees(stated)}, differ by {how}:"
-        " was the x axis level, and the camera square to the plane of motion?"
-    )
+    said = {"track": _degrees(table.tilt), "stated": _degrees(stated)}
+    if u > 0.0:
+        warning = phrase(
+            "the tilt of the track, {track}, and the stated tilt, {stated}, differ by {apart:.1f} combined standard uncertainties: "
+            "was the x axis level, and the camera square to the plane of motion?", apart=apart / u, **said,
+        )
+    else:
+        warning = phrase(
+            "the tilt of the track, {track}, and the stated tilt, {stated}, differ by {apart:.2g} deg, both taken as exact: "
+            "was the x axis level, and the camera square to the plane of motion?", apart=math.degrees(apart), **said,
+        )
     return (*table.warnings, warning)
 
 
@@ -51,10 +57,17 @@ def speed_facts(run: Observations) -> tuple[str, ...]:
         coordinate, key = ("x", "offset_m") if run.x_unit == "m" else ("θ", "offset_rad")
         reading = run.noise.size.sigma.value if run.noise.made_of_positions else 0.0
         example = format_quantity(0.0, reading or _READING, plus_minus=False)
-        facts.append(f'the zero of {coordinate} (the release) is taken as exact; state {key}, e.g. {key} = "{example}", if it is one reading')
+        facts.append(
+            phrase(
+                'the zero of {coordinate} (the release) is taken as exact; state {key}, e.g. {key} = "{example}", if it is one reading',
+                coordinate=coordinate, key=key, example=example,
+            )
+        )
     back = way_back(run.excluded)
     if back > _HANDFUL:
-        facts.append(f'noise with model = "positions" would use the {back} frames of the way back too, and can narrow the result a lot')
+        facts.append(
+            phrase('noise with model = "positions" would use the {back} frames of the way back too, and can narrow the result a lot', back=back)
+        )
     return tuple(facts)
 
 

@@ -7,13 +7,14 @@ from collections.abc import Callable, Collection, Mapping
 from functools import partial
 from typing import TYPE_CHECKING, Protocol
 
+from estim.common import later, phrase
 from estim.drawing import texts_of
 from estim.reports import figures
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-_SYNTHETIC = "SYNTHETIC"
+_SYNTHETIC = later("SYNTHETIC")
 _CODE = re.compile(r"(^```.*?^```$|`[^`\n]*`|^#[^\n]*$)", re.DOTALL | re.MULTILINE)
 _BREAKS = re.compile(r"(?<=[\d)]) (?=(?:±|%|×|°|sd|mm|cm|m|s|kg|N|J|rad|Hz|deg)(?![\w]))|(?<=±) (?=\d)")
 
@@ -35,15 +36,19 @@ def unbroken(text: str) -> str:
 def marked(draw: Callable[[], Figure]) -> Figure:
     """A figure that says of its data that they are SYNTHETIC, where none of its titles does."""
     figure = draw()
-    if any(_SYNTHETIC in one.get_text() for one in texts_of(figure)):
+    if any(phrase(_SYNTHETIC) in one.get_text() for one in texts_of(figure)):
         return figure
     said = figure.get_suptitle()
-    if said:
-        figure.suptitle(f"{said}; {_SYNTHETIC} data", fontsize=8)
+    at_top = [legend for legend in figure.legends if getattr(legend, "_outside_loc", None) == "upper"]
+    if at_top:  # where a title of the figure would lie
+        at_top[0].set_title(phrase("SYNTHETIC data"))
+        at_top[0].get_title().set_fontsize(9)
+    elif said:
+        figure.suptitle(phrase("{title}; SYNTHETIC data", title=said), fontsize=8)
     elif figure.get_layout_engine() is None:  # placed by hand
-        figure.text(0.98, 0.99, f"{_SYNTHETIC} data", ha="right", va="top", fontsize=9)
+        figure.text(0.98, 0.99, phrase("SYNTHETIC data"), ha="right", va="top", fontsize=9)
     else:
-        figure.suptitle(f"{_SYNTHETIC} data", fontsize=9)
+        figure.suptitle(phrase("SYNTHETIC data"), fontsize=9)
     return figure
 
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import msgspec
 import numpy as np
 
-from estim.common import KINDS, Status, as_json, decide, format_quantity
+from estim.common import Status, as_json, decide, format_quantity, kind_words, phrase
 from estim.planning import FAR, MORE, Halving, Option, Plan
 from estim.problem import Parameter
 from estim.reports.pages import page
@@ -75,7 +75,10 @@ def plan_status(plan: Plan) -> tuple[Status, list[str]]:
     if plan.findings:
         return decide(plan.findings), [tell(f) for f in plan.findings]
     reasons = [
-        f"linear theory gives u({p.label.symbol}) = {_size(p, plan.now[i])}, the drawn posterior has {_size(p, plan.drawn[i])}: the ratios are rough"
+        phrase(
+            "linear theory gives u({symbol}) = {linear}, the drawn posterior has {drawn}: the ratios are rough",
+            symbol=p.label.symbol, linear=_size(p, plan.now[i]), drawn=_size(p, plan.drawn[i]),
+        )
         for i, p in enumerate(plan.targets) if p in plan.far
     ]
     return Status.METHODS_DISAGREE if reasons else Status.OK, reasons
@@ -115,9 +118,9 @@ def plan_report(plan: Plan, *, figures: bool = True) -> dict[str, bytes]:
     if plan.along:
         drawers["figures/places.png"] = partial(along_figure, plan)
     text = partial(
-        render, "plan.md.j2", record=record, kind=KINDS[record.kind], plan=plan, shown=[_row(o) for o in shown],
+        render, "plan.md.j2", record=record, kind=kind_words(record.kind), plan=plan, shown=[_row(o) for o in shown],
         left_out=len(plan.options) - len(shown),
-        heads=[head for p in plan.targets for head in (f"u({p.label.symbol})" + _unit(p), "ratio")], now=_now_rows(plan), far=FAR,
+        heads=[head for p in plan.targets for head in (f"u({p.label.symbol})" + _unit(p), phrase("ratio"))], now=_now_rows(plan), far=FAR,
         refused=_refused(plan.refused), halving=[(h.target.label.symbol, _way_rows(h)) for h in plan.halving],
     )
     return page(drawers, text, wanted=figures, synthetic=plan.campaign.kind == "synthetic") | {"plan.json": as_json(record)}
@@ -139,16 +142,18 @@ def shown_options(options: Sequence[Option]) -> tuple[Option, ...]:
 
 def _answer(plan: Plan, halving: Halving, i: int) -> str:
     target = halving.target
-    sd = _size(target, plan.now[i])
+    symbol, sd = target.label.symbol, _size(target, plan.now[i])
     enough = [way.words for way in halving.ways if way.enough][:_MOST_WAYS]
     idle = _idle(plan, i)
     if enough:
-        return f"To halve u({target.label.symbol}) from {sd}: {', or '.join(enough)}{idle}."
+        return phrase("To halve u({symbol}) from {sd}: {ways}{idle}.", symbol=symbol, sd=sd, ways=phrase(", or ").join(enough), idle=idle)
     best = min(plan.options, key=lambda option: option.ratio[i], default=None)
-    said = f"Nothing that was tried halves u({target.label.symbol}) = {sd} by itself"
     if best is None or best.ratio[i] > 1.0 - _NOTHING:
-        return f"{said}, and nothing lessens it by 2 %."
-    return f"{said}; most is gained by {best.wish.words}, which leaves {100.0 * best.ratio[i]:.0f} % of it{idle}."
+        return phrase("Nothing that was tried halves u({symbol}) = {sd} by itself, and nothing lessens it by 2 %.", symbol=symbol, sd=sd)
+    return phrase(
+        "Nothing that was tried halves u({symbol}) = {sd} by itself; most is gained by {what}, which leaves {left:.0f} % of it{idle}.",
+        symbol=symbol, sd=sd, what=best.wish.words, left=100.0 * best.ratio[i], idle=idle,
+    )
 
 
 def _idle(plan: Plan, i: int) -> str:
@@ -157,7 +162,9 @@ def _idle(plan: Plan, i: int) -> str:
     if twice is None or twice.ratio[i] < 0.9:
         return ""
     gain = 100.0 * (1.0 - twice.ratio[i])
-    return f"; {twice.wish.words} {'gain nothing' if gain < 0.5 else f'gain {gain:.0f} %'}"
+    if gain < 0.5:
+        return phrase("; {what} gain nothing", what=twice.wish.words)
+    return phrase("; {what} gain {gain:.0f} %", what=twice.wish.words, gain=gain)
 
 
 def _size(p: Parameter, u: float) -> str:
@@ -171,7 +178,7 @@ def _unit(p: Parameter) -> str:
 
 def _row(option: Option) -> tuple[str, list[tuple[float, float]], str]:
     """Words, (u, ratio) of each target, remarks."""
-    remarks = [*(["asked for"] if option.wish.own else []), *option.remarks]
+    remarks = [*([phrase("asked for")] if option.wish.own else []), *option.remarks]
     return option.wish.words, list(zip(option.u, option.ratio, strict=True)), "; ".join(remarks)
 
 

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from estim.common import phrase
 from estim.drawing import COLOURS, GREY, INK, MARKS, name_ticks, new_figure
 from estim.planning import Option, Plan
 
@@ -28,17 +29,18 @@ def ratio_figure(plan: Plan, options: Sequence[Option]) -> Figure:
     ax.hlines(places, 0.0, 1.0, color=GREY, lw=0.4, alpha=0.5)
     for k, target in enumerate(plan.targets[:_MOST]):
         ratios = [option.ratio[k] for option in options]
-        ax.plot(ratios, places, MARKS[k], color=COLOURS[k], ms=5, ls="none", label=f"u of {target.label.tex}", mec="white", mew=0.5)
+        said = phrase("u of {quantity}", quantity=target.label.tex)
+        ax.plot(ratios, places, MARKS[k], color=COLOURS[k], ms=5, ls="none", label=said, mec="white", mew=0.5)
     ax.set_xlim(0.0, max(1.05, 1.03 * max(float(np.max(option.ratio)) for option in options)))
     ax.set_ylim(float(places[-1]) - 0.8, 0.8)
     name_ticks(ax.yaxis, places, names, fontsize=7)
     ax.tick_params(axis="y", length=0)
-    ax.set_xlabel("expected u / u as things are (dashed: halved)", fontsize=8)
+    ax.set_xlabel(phrase("expected u / u as things are (dashed: halved)"), fontsize=8)
     ax.tick_params(axis="x", labelsize=8)
     if len(plan.targets) > 1:
         figure.legend(loc="outside upper center", ncols=min(len(plan.targets), 3), fontsize=8, frameon=False)
-    named = [] if len(plan.targets) > 1 else [f"u of {plan.targets[0].label.tex}"]
-    named += ["plan from SYNTHETIC data"] if plan.campaign.kind == "synthetic" else []
+    named = [] if len(plan.targets) > 1 else [phrase("u of {quantity}", quantity=plan.targets[0].label.tex)]
+    named += [phrase("plan from SYNTHETIC data")] if plan.campaign.kind == "synthetic" else []
     if named:
         ax.set_title(", ".join(named), fontsize=8)
     return figure
@@ -54,12 +56,12 @@ def along_figure(plan: Plan) -> Figure:
         ax.axvspan(*along.inside, color=GREY, alpha=0.18, lw=0)
         ax.axhline(1.0, color=INK, lw=0.8)
         for k, target in enumerate(plan.targets[:_MOST]):
-            ax.plot(along.x, along.ratio[k], color=COLOURS[k], lw=1.4, label=f"u of {target.label.tex}")
+            ax.plot(along.x, along.ratio[k], color=COLOURS[k], lw=1.4, label=phrase("u of {quantity}", quantity=target.label.tex))
             best = int(np.argmin(along.ratio[k]))
             ax.plot(along.x[best], along.ratio[k][best], MARKS[k], color=COLOURS[k], ms=6)
         ax.plot(run.x, np.full(run.n_obs, 1.0), "|", color=INK, ms=5, mew=0.6)
         ax.set_xlabel(run.x_label, fontsize=8)
-        ax.set_ylabel("u / u as things are", fontsize=8)
+        ax.set_ylabel(phrase("u / u as things are"), fontsize=8)
         ax.tick_params(labelsize=8)
         if len(plan.along) > 1:
             ax.set_title(along.run, fontsize=8)

@@ -13,7 +13,7 @@ import numpy as np
 
 from estim.campaign import gamma_origin
 from estim.checks import Estimate, result_table, screen_lines
-from estim.common import KINDS, as_json, format_p, percentage, split_level, table, with_unit
+from estim.common import as_json, format_p, kind_words, percentage, phrase, split_level, table, with_unit
 from estim.pipeline import Analysis
 from estim.reports.analysis import Row, complete_runs, parameter_row
 from estim.reports.copying import copies_of
@@ -181,7 +181,7 @@ def reanalysis_text(result: ReanalysisResult, corner_words: Mapping[str, str], p
     ] + _of_line(result)
     head, rows = result_table(estimates)
     return render(
-        "reanalysis.md.j2", pictures=pictures, opened={"methods"}, result=result, kind=KINDS[result.kind],
+        "reanalysis.md.j2", pictures=pictures, opened={"methods"}, result=result, kind=kind_words(result.kind),
         line=None if result.line is None else line_values(result.line), shown=shown,
         rows={name: _rows(body.joint) for name, body in result.bodies.items()},
         trusted=any(body.joint.status == "ok" for body in result.bodies.values()), singles=_singles(result),
@@ -194,24 +194,27 @@ def reanalysis_text(result: ReanalysisResult, corner_words: Mapping[str, str], p
         sensitivity=sensitivity_words([body.joint for body in result.bodies.values() if body.joint.status == "ok"]),
         minds=[(name, words) for i in range(MOST_MINDS) for name, screen in screens.items() for words in screen.minds[i : i + 1]],
         most_minds=MOST_MINDS,
-        energy_words=energy_words, narrowed=partial(_narrowed, result), tested=partial(_tested, result),
+        energy_words=energy_words, narrowed=partial(_narrowed, result), residuals_shown=partial(_residuals_shown, result),
+        called=partial(_called, result),
         lefts=_gathered({name: screen.left for name, screen in screens.items() if screen.left}), energies=_gathered(_energies(result)),
     )
 
 
 def _how_many(body: BodySummary) -> str:
     n = len(body.runs_in_order)
-    return f"{n} runs" if n > 1 else f"the run {body.runs_in_order[0]}"
+    return phrase("{n} runs", n=n) if n > 1 else phrase("the run {name}", name=body.runs_in_order[0])
 
 
 def _narrowed(result: ReanalysisResult, name: str) -> str:
     shares = [band.median_ratio for band in result.bodies[name].bands.values()]
-    return f"between {percentage(min(shares))} and {percentage(max(shares))}" if shares else "an unknown part"
+    return phrase("between {low} and {high}", low=percentage(min(shares)), high=percentage(max(shares))) if shares else phrase("an unknown part")
 
 
-def _tested(result: ReanalysisResult, name: str) -> str:
+def _residuals_shown(result: ReanalysisResult, name: str) -> str:
     p = result.bodies[name].joint.fit.p_value
-    return "" if p is None else f": {format_p(p)} of their size"
+    if p is None:
+        return phrase("Whitened residuals of {name}", name=name)
+    return phrase("Whitened residuals of {name}: {p} of their size", name=name, p=format_p(p))
 
 
 def _energies(result: ReanalysisResult) -> dict[str, str]:
@@ -242,7 +245,7 @@ def _of_line(result: ReanalysisResult) -> list[Estimate]:
 def _status_words(result: ReanalysisResult) -> str:
     bad = [what for what, status in result.statuses.items() if status != "ok"]
     n = len(result.statuses)
-    return f"ok, all {n} results" if not bad else f"{n - len(bad)} of {n} results ok"
+    return phrase("ok, all {n} results", n=n) if not bad else phrase("{good} of {n} results ok", good=n - len(bad), n=n)
 
 
 def _troubles(result: ReanalysisResult) -> list[tuple[str, str]]:
@@ -250,7 +253,14 @@ def _troubles(result: ReanalysisResult) -> list[tuple[str, str]]:
     reasons = {f"run {name}": run.reasons for name, run in result.runs.items()}
     reasons |= {f"joint fit of {name}": body.joint.reasons for name, body in result.bodies.items()}
     reasons |= {} if result.line is None else {"line": result.line.reasons}
-    return [(f"{what}, {status}", "; ".join(reasons.get(what, []))) for what, status in result.statuses.items() if status != "ok"]
+    return [(f"{_called(result, what)}, {status}", "; ".join(reasons.get(what, []))) for what, status in result.statuses.items() if status != "ok"]
+
+
+def _called(result: ReanalysisResult, what: str) -> str:
+    """A key of the statuses as a reader calls it."""
+    names = {f"run {name}": phrase("run {name}", name=name) for name in result.runs}
+    names |= {f"joint fit of {name}": phrase("joint fit of {name}", name=name) for name in result.bodies}
+    return names.get(what) or phrase("line")
 
 
 def _rows(result: Result) -> list[object]:
@@ -268,7 +278,7 @@ def _singles(result: ReanalysisResult) -> list[tuple[str, str, list[str]]]:
 
 
 def _single_cell(row: Row, run: Result) -> str:
-    return with_unit(row.posterior, row.unit) if run.parameters[row.name].measured else "as stated"
+    return with_unit(row.posterior, row.unit) if run.parameters[row.name].measured else phrase("as stated")
 
 
 def _limit_words(body: BodySummary) -> list[str]:
@@ -279,12 +289,15 @@ def _limit_words(body: BodySummary) -> list[str]:
             continue
         symbol = body.joint.labels.symbol(name)
         clauses = [
-            f"{format_limit(limit.u_known)} if {body.joint.labels.symbol(limit.group)} were known exactly"
+            phrase("{u} if {symbol} were known exactly", u=format_limit(limit.u_known), symbol=body.joint.labels.symbol(limit.group))
             for limit in found
             if limit.u_known < 0.9 * limit.u
         ]
-        start = f"u({symbol}) = {format_limit(found[0].u)} (least squares)"
-        sentences.append(f"{start} would fall to {'; to '.join(clauses)}." if clauses else f"{start}: no other single quantity limits it.")
+        u, ways = format_limit(found[0].u), phrase("; to ").join(clauses)
+        sentences.append(
+            phrase("u({symbol}) = {u} (least squares) would fall to {ways}.", symbol=symbol, u=u, ways=ways) if clauses
+            else phrase("u({symbol}) = {u} (least squares): no other single quantity limits it.", symbol=symbol, u=u)
+        )
     return sentences
 
 

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from estim.common import signed
-from estim.drawing import BLUE, GREY, INK, MARKS, ORANGE, name_ticks, new_figure
+from estim.common import phrase, signed
+from estim.drawing import BLUE, GREY, INK, MARKS, ORANGE, name_ticks, new_figure, titled
 from estim.reports.joint_figures import RUN_COLOURS
 from estim.reports.residual_panels import draw_faded, draw_points_with_bars, draw_residuals, panel_pairs, residuals_of, tidy_labels
 from estim.sampling import curve_draws
@@ -26,22 +26,23 @@ def overlay_figure(body: BodyAnalysis, *, synthetic: bool) -> Figure:
     for (ax, below), run, bands, residuals in zip(pairs, runs, body.joint.bands, residuals_of(body.joint), strict=True):
         band, reach = propagated.get(run.name), 0.0
         if band is not None:
-            draw_faded(ax, band.x, band.mc_low, band.mc_high, ORANGE, alpha=0.4, label="stated inputs propagated, 68 %")
-            ax.plot(band.x, band.value, color=ORANGE, lw=1.2, label="curve at the stated inputs")
+            draw_faded(ax, band.x, band.mc_low, band.mc_high, ORANGE, alpha=0.4, label=phrase("stated inputs propagated, 68 %"))
+            ax.plot(band.x, band.value, color=ORANGE, lw=1.2, label=phrase("curve at the stated inputs"))
             fit = np.interp(band.x, bands.x, bands.median)
             draw_faded(below, band.x, band.mc_low - fit, band.mc_high - fit, ORANGE, alpha=0.4)
             below.plot(band.x, band.value - fit, color=ORANGE, lw=1.0)
             reach = 1.3 * float(np.nanmedian(np.abs([band.mc_low - fit, band.mc_high - fit])))
         if trusted:
             ax.fill_between(bands.x, *bands.credible[0.68], color=BLUE, alpha=0.6, lw=0)
-            ax.plot(bands.x, bands.median, color=BLUE, lw=1.0, label="posterior, median and 68 % band")
+            ax.plot(bands.x, bands.median, color=BLUE, lw=1.0, label=phrase("posterior, median and 68 % band"))
         else:
             mode = curve_draws(body.joint.problem, run, bands.x, body.joint.fit.values[None, :])[0][0]
-            ax.plot(bands.x, mode, color=BLUE, lw=1.0, label=f"most probable curve ({body.joint.diagnosis.status}: no band)")
-        draw_points_with_bars(ax, residuals, label="data used")
+            said = phrase("most probable curve ({status}: no band)", status=body.joint.diagnosis.status)
+            ax.plot(bands.x, mode, color=BLUE, lw=1.0, label=said)
+        draw_points_with_bars(ax, residuals, label=phrase("data used"))
         draw_residuals(below, residuals, bands if trusted else None, reach=reach)
         ax.set(ylabel=run.y_label, xlim=(0.0, None), ylim=(0.0, None))
-        ax.set_title(run.name + (" (SYNTHETIC data)" if synthetic else ""), fontsize=9)
+        ax.set_title(titled(run.name, synthetic=synthetic), fontsize=9)
     tidy_labels(pairs)
     figure.legend(*pairs[0][0].get_legend_handles_labels(), loc="outside lower center", ncols=2, fontsize=8, frameon=False)
     figure.align_ylabels()
@@ -66,7 +67,7 @@ def tilts_figure(body: BodyAnalysis, *, synthetic: bool) -> Figure:
             ax.plot(bands.x, bands.median, color=colour, lw=1.2)
         ax.plot(run.x, run.y, MARKS[k % len(MARKS)], color=colour, ms=3.5, mec=INK, mew=0.3, label=f"{run.name}, φ = {_shown(tilts[i])}°", zorder=5)
     ax.set(xlabel=analysis.problem.runs[0].x_label, ylabel=analysis.problem.runs[0].y_label, xlim=(0.0, None), ylim=(0.0, None))
-    ax.set_title(body.body + (" (SYNTHETIC data)" if synthetic else ""), fontsize=10)
+    ax.set_title(titled(body.body, synthetic=synthetic), fontsize=10)
     figure.legend(loc="outside lower center", ncols=4, fontsize=8, frameon=False)
     return figure
 
@@ -86,9 +87,9 @@ def width_figure(bodies: Sequence[BodyAnalysis], *, synthetic: bool) -> Figure:
         ax.set(xlabel=body.joint.problem.runs[0].x_label)
         ax.legend(fontsize=8, frameon=False, ncols=2, loc="upper center")
     axes[0].set_ylim(top=800.0)
-    axes[0].set_ylabel("posterior / propagated band (%)")
+    axes[0].set_ylabel(phrase("posterior / propagated band (%)"))
     if synthetic:
-        figure.suptitle("SYNTHETIC data", fontsize=9)
+        figure.suptitle(phrase("SYNTHETIC data"), fontsize=9)
     return figure
 
 
@@ -100,10 +101,10 @@ def narrowing_figure(tables: Sequence[Narrowing], *, synthetic: bool) -> Figure:
     pairs = [(table, i) for table in tables for i in range(len(table.names))]
     for ax, (table, i) in zip(axes, pairs, strict=False):
         count = np.arange(1, len(table.runs) + 1)
-        ax.plot(count, table.u[:, i], "o-", color=BLUE, label="runs up to this one together")
-        ax.plot(count, table.u_single[:, i], "s", color=INK, label="this run alone", zorder=3, mfc="none", mew=1.6, ms=8)
+        ax.plot(count, table.u[:, i], "o-", color=BLUE, label=phrase("runs up to this one together"))
+        ax.plot(count, table.u_single[:, i], "s", color=INK, label=phrase("this run alone"), zorder=3, mfc="none", mew=1.6, ms=8)
         if np.isfinite(table.u_prior[i]):
-            ax.axhline(table.u_prior[i], ls=":", color=ORANGE, lw=1.8, label="stated before")
+            ax.axhline(table.u_prior[i], ls=":", color=ORANGE, lw=1.8, label=phrase("stated before"))
         shown = np.array([*table.u[:, i], *table.u_single[:, i], table.u_prior[i]])
         top = 1.1 * float(np.max(shown[np.isfinite(shown)]))
         ax.set(ylabel=f"u({table.labels[i].tex})", ylim=(0.0, top), xlim=(0.6, len(count) + 0.4))
@@ -113,5 +114,5 @@ def narrowing_figure(tables: Sequence[Narrowing], *, synthetic: bool) -> Figure:
         extra.set_visible(False)
     figure.legend(*axes[0].get_legend_handles_labels(), fontsize=8, frameon=False, loc="outside lower center", ncols=3)
     if synthetic:
-        figure.suptitle("SYNTHETIC data", fontsize=9)
+        figure.suptitle(phrase("SYNTHETIC data"), fontsize=9)
     return figure

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from estim.arrays import FloatArray
-from estim.common import Notation, format_quantity
+from estim.common import Notation, format_quantity, later, phrase
 from estim.drawing import BLUE, GREEN, INK, MARKS, ORANGE, PURPLE, new_figure
 from estim.line import ThetaMinSeries
 from estim.studies import BodyMap, RunPlace
@@ -32,6 +32,16 @@ _THETA_MIN = Notation("θ_min").label("rad").tex
 _SLIVER = 1e-6  # rad
 _NONE_ENOUGH = 9.0  # stands for no friction that would do
 _DEGREES = float(np.degrees(1.0))
+_ENDS = {
+    "turns": {"ramp": later("turns at the end of the ramp ({m:.3g} m)"), "recorded way": later("turns at the end of the recorded way ({m:.3g} m)")},
+    "there": {"ramp": later("end of the ramp, {m:.3g} m"), "recorded way": later("end of the recorded way, {m:.3g} m")},
+    "climbs on": {"ramp": later("climbs and turns on the ramp"), "recorded way": later("climbs and turns on the recorded way")},
+    "turns on": {"ramp": later("turns on the ramp"), "recorded way": later("turns on the recorded way")},
+    "climbs past": {"ramp": later("climbs past the end of the ramp"), "recorded way": later("climbs past the end of the recorded way")},
+    "turns beyond": {
+        "ramp": later("turns only beyond the end of the ramp"), "recorded way": later("turns only beyond the end of the recorded way"),
+    },
+}
 
 
 def regime_figure(found: BodyMap, line: ThetaMinSeries | None, *, title: str) -> Figure:
@@ -48,26 +58,30 @@ def regime_figure(found: BodyMap, line: ThetaMinSeries | None, *, title: str) ->
         _band(ax, found.phi, low, colour)
         if high is not None:
             _band(ax, found.phi, high, colour)
-    way = "climb" if not found.downhill else "set off"
-    handles.append(Line2D([], [], color=INK, lw=1.8, label=f"least and largest angle to {way}, with 68 and 95 %"))
+    limits = (
+        phrase("least and largest angle to set off, with 68 and 95 %") if found.downhill
+        else phrase("least and largest angle to climb, with 68 and 95 %")
+    )
+    handles.append(Line2D([], [], color=INK, lw=1.8, label=limits))
     if found.end.length and np.any(found.passes[2] > found.rolls_on[2]):
-        handles.append(Line2D([], [], color=_VERMILION, lw=1.8, label=f"turns at the end of the {found.end.of} ({found.end.length:.3g} m)"))
+        said = phrase(_ENDS["turns"][found.end.of], m=found.end.length)
+        handles.append(Line2D([], [], color=_VERMILION, lw=1.8, label=said))
     if found.downhill and np.any((found.rolls_on[2] > found.lowest[2]) & (found.rolls_on[2] < found.highest[2])):
-        handles.append(Line2D([], [], color=GREEN, lw=1.8, label="just gets over the top, and rolls on"))
+        handles.append(Line2D([], [], color=GREEN, lw=1.8, label=phrase("just gets over the top, and rolls on")))
     if np.any(np.isfinite(found.contours)):
-        handles.append(Line2D([], [], color=BLUE, lw=0.8, label="turns after this many m"))
+        handles.append(Line2D([], [], color=BLUE, lw=0.8, label=phrase("turns after this many m")))
     field = found.field
     if field.of_grip is not None and np.any(_inside(found, field.of_grip[2] > 1.0)):
         _hatched(ax, found, _inside(found, field.of_grip[2] > 1.0))
-        handles.append(Patch(fc="none", ec=PURPLE, hatch="///", lw=0.0, label="slips on the way with the stated friction"))
+        handles.append(Patch(fc="none", ec=PURPLE, hatch="///", lw=0.0, label=phrase("slips on the way with the stated friction")))
     if np.any(_inside(found, field.hops > 0.5)):
         _hatched(ax, found, _inside(found, field.hops > 0.5), "xxx")
-        handles.append(Patch(fc="none", ec=PURPLE, hatch="xxx", lw=0.0, label="would hop"))
+        handles.append(Patch(fc="none", ec=PURPLE, hatch="xxx", lw=0.0, label=phrase("would hop")))
     if line is not None:
         handles.append(_line_points(ax, line))
     _frame(ax, found, title)
     _runs(ax, found)
-    handles.append(Line2D([], [], color=INK, marker="o", ls="", ms=5, label="runs, one standard uncertainty"))
+    handles.append(Line2D([], [], color=INK, marker="o", ls="", ms=5, label=phrase("runs, one standard uncertainty")))
     figure.legend(handles=handles, loc="outside lower center", ncols=2, fontsize=8, frameon=False)
     return figure
 
@@ -84,18 +98,18 @@ def friction_figure(found: BodyMap, *, title: str) -> Figure:
     largest = float(np.nanmax(needed, initial=0.0))
     levels = [level for level in _FRICTIONS if level < largest]
     levels = [*levels, next((level for level in _FRICTIONS if level >= largest), _NONE_ENOUGH)]
-    handles = [Line2D([], [], color=INK, marker="o", ls="", ms=5, label="runs, one standard uncertainty")]
+    handles = [Line2D([], [], color=INK, marker="o", ls="", ms=5, label=phrase("runs, one standard uncertainty"))]
     if largest > 0.0:
         drawn = ax.contourf(phi, theta0, needed, levels=levels, cmap="Blues", vmin=0.0, vmax=1.8 * levels[-1])
-        bar = figure.colorbar(drawn, ax=ax, label="coefficient of friction that rolling needs, |F|/N", pad=0.02)
-        bar.set_ticks(levels, labels=["none is enough" if level == _NONE_ENOUGH else f"{level:g}" for level in levels])
+        bar = figure.colorbar(drawn, ax=ax, label=phrase("coefficient of friction that rolling needs, |F|/N"), pad=0.02)
+        bar.set_ticks(levels, labels=[phrase("none is enough") if level == _NONE_ENOUGH else f"{level:g}" for level in levels])
     if field.of_grip is not None and found.grip is not None:
         of_grip = np.array([np.minimum(_spread(level), _NONE_ENOUGH) for level in field.of_grip])
         for low, high, alpha in ((0, 4, 0.25), (1, 3, 0.45)):
             ax.contourf(phi, theta0, np.minimum(of_grip[high] - 1.0, 1.0 - of_grip[low]), levels=[0.0, 99.0], colors=[ORANGE], alpha=alpha)
         ax.contour(phi, theta0, of_grip[2], levels=[1.0], colors=[_VERMILION], linewidths=1.8, zorder=1.5)
         stated = format_quantity(*found.grip) if found.grip[1] > 0.0 else f"{found.grip[0]:g}"
-        handles.append(Line2D([], [], color=_VERMILION, lw=1.8, label=f"needs the stated friction, {stated}; 68 and 95 %"))
+        handles.append(Line2D([], [], color=_VERMILION, lw=1.8, label=phrase("needs the stated friction, {friction}; 68 and 95 %", friction=stated)))
     _outside(ax, found)
     _band(ax, found.phi, found.lowest, INK)
     _band(ax, found.phi, found.highest, INK)
@@ -113,15 +127,15 @@ def reach_figure(found: BodyMap, *, title: str) -> Figure:
     there = found.farthest[2] > 0.0
     for low, high, alpha in ((0, 4, 0.18), (1, 3, 0.35)):
         ax.fill_between(phi, np.where(far[low] > 0.0, far[low], 0.0), far[high], where=far[high] > 0.0, color=BLUE, alpha=alpha, lw=0)
-    ax.plot(phi[there], far[2][there], color=BLUE, lw=1.8, label="farthest, released at the least angle; 68 and 95 %")
-    ax.axhline(found.end.length, color=_VERMILION, lw=1.8, ls="--", label=f"end of the {found.end.of}, {found.end.length:.3g} m")
+    ax.plot(phi[there], far[2][there], color=BLUE, lw=1.8, label=phrase("farthest, released at the least angle; 68 and 95 %"))
+    ax.axhline(found.end.length, color=_VERMILION, lw=1.8, ls="--", label=phrase(_ENDS["there"][found.end.of], m=found.end.length))
     top = found.end.length
     for i, place in enumerate(found.runs):
         at, u = place.phi[0] * _DEGREES, place.phi[1] * _DEGREES
         if np.isfinite(place.stop[2]):
             low_95, low, middle, high, high_95 = place.stop
             ax.errorbar(at, middle, xerr=u, yerr=[[middle - low], [high - middle]], fmt="o", color=INK, ms=5, capsize=0, elinewidth=2.2, zorder=5,
-                        label="run: turning point expected, 68 and 95 %" if i == 0 else None)  # fmt: skip
+                        label=phrase("run: turning point expected, 68 and 95 %") if i == 0 else None)  # fmt: skip
             ax.plot([at, at], [low_95, high_95], color=INK, lw=0.9, zorder=5)
             top = max(top, high_95)
         mark = "_" if place.turned else "^"
@@ -130,10 +144,10 @@ def reach_figure(found: BodyMap, *, title: str) -> Figure:
         ax.annotate(place.run, (at, place.farthest), xytext=(9, -12), textcoords="offset points", fontsize=8, color=INK, zorder=7)
         top = max(top, place.farthest)
     if any(not place.turned for place in found.runs):
-        ax.plot([], [], "^", color=ORANGE, mec=INK, mew=0.8, ms=8, label="recorded as far as this")
+        ax.plot([], [], "^", color=ORANGE, mec=INK, mew=0.8, ms=8, label=phrase("recorded as far as this"))
     if any(place.turned for place in found.runs):
-        ax.plot([], [], "_", color=ORANGE, ms=14, mew=2.5, label="recorded: turns here")
-    ax.set(xlabel="tilt φ (°)", ylabel="distance from the release (m)", xlim=(phi[0], phi[-1]), ylim=(0.0, 1.25 * top))
+        ax.plot([], [], "_", color=ORANGE, ms=14, mew=2.5, label=phrase("recorded: turns here"))
+    ax.set(xlabel=phrase("tilt φ (°)"), ylabel=phrase("distance from the release (m)"), xlim=(phi[0], phi[-1]), ylim=(0.0, 1.25 * top))
     ax.set_title(title, fontsize=10)
     figure.legend(*ax.get_legend_handles_labels(), loc="outside lower center", ncols=2, fontsize=8, frameon=False)
     return figure
@@ -158,7 +172,8 @@ def _outside(ax: Axes, found: BodyMap) -> None:
 
 
 def _frame(ax: Axes, found: BodyMap, title: str) -> None:
-    ax.set(xlabel="tilt φ (°), uphill positive" if found.downhill else "tilt φ (°)", ylabel="angle of release θ₀ (°)")
+    along = phrase("tilt φ (°), uphill positive") if found.downhill else phrase("tilt φ (°)")
+    ax.set(xlabel=along, ylabel=phrase("angle of release θ₀ (°)"))
     ax.set_xlim(found.phi[0] * _DEGREES, found.phi[-1] * _DEGREES)
     ax.set_ylim(*(end * _DEGREES for end in found.theta0_range))
     ax.yaxis.set_ticks(np.arange(np.ceil(found.theta0_range[0] * _DEGREES / 30.0), found.theta0_range[1] * _DEGREES / 30.0 + 1e-9) * 30.0)
@@ -175,15 +190,14 @@ def _zones(ax: Axes, found: BodyMap) -> None:
 def _zone_patches(found: BodyMap) -> Iterator[Patch]:
     from matplotlib.patches import Patch
 
-    still = "sets off uphill instead, or stays" if not found.uphill else "rolls down, or stays" if not found.downhill else "sets off the other way"
-    yield Patch(fc=_STILL, label=still)
-    climbs = "climbs and turns" if not found.downhill else "turns"
+    down = phrase("rolls down, or stays") if not found.downhill else phrase("sets off the other way")
+    yield Patch(fc=_STILL, label=phrase("sets off uphill instead, or stays") if not found.uphill else down)
     if np.any(found.highest[2] > found.passes[2]):
-        yield Patch(fc=_TURNS, label=f"{climbs} on the {found.end.of}")
+        yield Patch(fc=_TURNS, label=phrase(_ENDS["turns on" if found.downhill else "climbs on"][found.end.of]))
     if np.any(found.passes[2] > found.rolls_on[2]):
-        yield Patch(fc=_PASSES, label=f"{'climbs past' if not found.downhill else 'turns only beyond'} the end of the {found.end.of}")
+        yield Patch(fc=_PASSES, label=phrase(_ENDS["turns beyond" if found.downhill else "climbs past"][found.end.of]))
     if np.any(found.rolls_on[2] > found.lowest[2]):
-        yield Patch(fc=_ROLLS, label="rolls on for ever")
+        yield Patch(fc=_ROLLS, label=phrase("rolls on for ever"))
 
 
 def _borders(found: BodyMap) -> Iterator[tuple[FloatArray, FloatArray | None, str]]:
@@ -239,7 +253,7 @@ def _hatched(ax: Axes, found: BodyMap, where: NDArray[np.bool_], hatch: str = "/
 def _line_points(ax: Axes, line: ThetaMinSeries) -> ErrorbarContainer:
     return ax.errorbar(
         line.phi * _DEGREES, line.theta_min * _DEGREES, xerr=line.u_phi * _DEGREES, yerr=line.u_theta_min * _DEGREES, fmt="s", color=_VERMILION,
-        mfc="white", ms=4.5, lw=0.9, zorder=4, label=f"{_THETA_MIN} as measured",
+        mfc="white", ms=4.5, lw=0.9, zorder=4, label=phrase("{theta_min} as measured", theta_min=_THETA_MIN),
     )
 
 
@@ -269,7 +283,7 @@ def _at(ax: Axes, place: RunPlace) -> FloatArray:
 
 def _label(ax: Axes, group: Sequence[RunPlace], taken: list[FloatArray]) -> None:
     """Names beside a run, on the first side where there is room.  taken : boxes (left, bottom, right, top), shares of the axes."""
-    names = [place.run for place in group[:_NAMED]] + ([f"and {len(group) - _NAMED} more"] if len(group) > _NAMED else [])
+    names = [place.run for place in group[:_NAMED]] + ([phrase("and {n} more", n=len(group) - _NAMED)] if len(group) > _NAMED else [])
     x, y = _at(ax, group[0])
     width, line = _LETTER * max(map(len, names)), _LINE_HEIGHT
     places = []

@@ -4,35 +4,58 @@ from __future__ import annotations
 
 import numpy as np
 
-from estim.common import format_quantity
+from estim.common import format_quantity, later, phrase
 from estim.studies import BodyMap, RunPlace
 from estim.words import sure
 
 
 def place_words(found: BodyMap, place: RunPlace) -> str:
     """What a run should do, and what its recording shows."""
-    uphill = place.phi[0] >= 0.0
-    starts = "climbs" if uphill else "rolls down"
-    said = [f"{place.run}: {starts} ({sure(place.sets_off)})"]
-    if place.sets_off < 0.5:
-        said = [f"{place.run}: does not {'climb' if uphill else 'set off downhill'} (it does with {sure(place.sets_off)})"]
-    elif np.isfinite(place.stop[2]):
-        u = 0.5 * (place.stop[3] - place.stop[1])
-        on, past = f"on the {found.end.of} ({sure(place.on_ramp)})", f"beyond the end of the {found.end.of} ({sure(place.passes)})"
-        where = on if place.on_ramp >= 0.5 else past
-        said.append(f"turns at {format_quantity(float(place.stop[2]), float(u))} m, {where}")
-    else:
-        said.append(f"and on for ever ({sure(place.rolls_on)})")
+    said = [f"{place.run}: {_start_words(place)}"]
     if place.sets_off >= 0.5:
-        said.append(_friction_words(place))
-    shows = "turns at" if place.turned else "goes to"
-    said.append(f"its recording {shows} {place.farthest:.3g} m" + ("" if found.known.fitted else f", as it may ({sure(place.agrees)})"))
-    return "; ".join(said)
+        said += [_end_words(found, place), _friction_words(place)]
+    return "; ".join([*said, _recording_words(place, as_it_may=not found.known.fitted)])
+
+
+def _start_words(place: RunPlace) -> str:
+    uphill, chance = place.phi[0] >= 0.0, sure(place.sets_off)
+    if place.sets_off < 0.5:
+        return (
+            phrase("does not climb (it does with {chance})", chance=chance) if uphill
+            else phrase("does not set off downhill (it does with {chance})", chance=chance)
+        )
+    return phrase("climbs ({chance})", chance=chance) if uphill else phrase("rolls down ({chance})", chance=chance)
+
+
+def _end_words(found: BodyMap, place: RunPlace) -> str:
+    """Where it turns."""
+    if not np.isfinite(place.stop[2]):
+        return phrase("and on for ever ({chance})", chance=sure(place.rolls_on))
+    at, recorded = format_quantity(float(place.stop[2]), float(0.5 * (place.stop[3] - place.stop[1]))), found.end.origin == "recorded"
+    if place.on_ramp >= 0.5:
+        on = later("turns at {at} m, on the recorded way ({chance})") if recorded else later("turns at {at} m, on the ramp ({chance})")
+        return phrase(on, at=at, chance=sure(place.on_ramp))
+    if recorded:
+        return phrase("turns at {at} m, beyond the end of the recorded way ({chance})", at=at, chance=sure(place.passes))
+    return phrase("turns at {at} m, beyond the end of the ramp ({chance})", at=at, chance=sure(place.passes))
 
 
 def _friction_words(place: RunPlace) -> str:
     if np.isinf(place.needed[0]):
-        return f"would hop ({sure(place.hops)})"
-    enough = "no friction is enough with 95 %" if np.isinf(place.needed[1]) else f"{place.needed[1]:.2g} is enough with 95 %"
-    rolls = "" if np.isnan(place.rolls) else f", the stated one is with {sure(place.rolls)}"
-    return f"needs a friction of {place.needed[0]:.2g} ({enough}{rolls})"
+        return phrase("would hop ({chance})", chance=sure(place.hops))
+    none = np.isinf(place.needed[1])
+    enough = phrase("no friction is enough with 95 %") if none else phrase("{friction:.2g} is enough with 95 %", friction=place.needed[1])
+    if not np.isnan(place.rolls):
+        enough += phrase(", the stated one is with {chance}", chance=sure(place.rolls))
+    return phrase("needs a friction of {friction:.2g} ({enough})", friction=place.needed[0], enough=enough)
+
+
+def _recording_words(place: RunPlace, *, as_it_may: bool) -> str:
+    at, chance = place.farthest, sure(place.agrees)
+    if place.turned:
+        return phrase("its recording turns at {at:.3g} m, as it may ({chance})", at=at, chance=chance) if as_it_may else phrase(
+            "its recording turns at {at:.3g} m", at=at
+        )
+    return phrase("its recording goes to {at:.3g} m, as it may ({chance})", at=at, chance=chance) if as_it_may else phrase(
+        "its recording goes to {at:.3g} m", at=at
+    )

@@ -11,7 +11,8 @@ import numpy as np
 
 from estim.arrays import FloatArray
 from estim.campaign import Campaign
-from estim.common import KINDS, as_json, decide, format_quantity, one_line, signed
+from estim.common import as_json, decide, format_quantity, kind_words, later, one_line, phrase, signed
+from estim.drawing import titled
 from estim.line import ThetaMinSeries
 from estim.reports.kept_fit import fitted_values as fitted_values
 from estim.reports.pages import page
@@ -31,7 +32,7 @@ _DEGREES = float(np.degrees(1.0))
 _ROWS = 7  # tilts in a table, at most
 _TILT_STEPS = (0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0)
 _ORIGINS = {
-    "asked": "as asked for", "stated": "ramp_length_m less ramp_start_m",
+    "asked": later("as asked for"), "stated": later("ramp_length_m less ramp_start_m"),
 }
 
 
@@ -123,18 +124,33 @@ def map_report(
     result = map_result(campaign, maps, seed=seed, voice=voice)
     drawers: dict[str, Callable[[], Figure]] = {}
     for found in maps:
-        title = found.body + (" (SYNTHETIC data)" if campaign.kind == "synthetic" else "")
+        title = titled(found.body, synthetic=campaign.kind == "synthetic")
         own = line if line is not None and line.body == found.body else None
         drawers[f"figures/map-{found.body}.png"] = partial(regime_figure, found, own, title=title)
         drawers[f"figures/friction-{found.body}.png"] = partial(friction_figure, found, title=title)
         if found.uphill:
             drawers[f"figures/reach-{found.body}.png"] = partial(reach_figure, found, title=title)
     text = partial(
-        render, "map.md.j2", result=result, kind=KINDS[campaign.kind], status_words=STATUS_WORDS,
+        render, "map.md.j2", result=result, kind=kind_words(campaign.kind), status_words=STATUS_WORDS,
         parts=[(found, result.bodies[found.body], _run_rows(result.bodies[found.body]), _tilt_rows(result.bodies[found.body])) for found in maps],
-        origins=_ORIGINS, spread=_spread_words, degrees=_degrees, line_body=None if line is None else line.body, quantity=format_quantity,
+        origins={origin: phrase(words) for origin, words in _ORIGINS.items()},
+        spread=_spread_words, degrees=_degrees, line_body=None if line is None else line.body, quantity=format_quantity,
+        way=_way_words,
     )
     return page(drawers, text, wanted=figures, synthetic=campaign.kind == "synthetic") | {"result.json": as_json(result)}
+
+
+def _way_words(found: BodyMap) -> dict[str, str]:
+    """What tables and captions call the end of the ramp, or of the recorded way in its place."""
+    if found.end.origin == "recorded":
+        return {
+            "on": phrase("turns on the recorded way"), "passes": phrase("passes the end of the recorded way up to (°)"),
+            "against": phrase("Against the length of the recorded way."),
+        }
+    return {
+        "on": phrase("turns on the ramp"), "passes": phrase("passes the end of the ramp up to (°)"),
+        "against": phrase("Against the length of the ramp."),
+    }
 
 
 def map_lines(found: BodyMap) -> list[str]:
@@ -216,10 +232,11 @@ def _run_rows(body: BodyOnMap) -> list[tuple[str, ...]]:
     for name, run in body.runs.items():
         place = [signed(format_quantity(value * _DEGREES, u * _DEGREES)) for value, u in ((run.phi, run.u_phi), (run.theta0, run.u_theta0))]
         chances = [_share(p) for p in (run.sets_off, run.turns_on_ramp, run.turns_beyond, run.rolls_on)]
-        needed = "none is enough" if run.friction_needed is None else f"{run.friction_needed:.2g}"
-        enough = "none is" if run.friction_enough_95 is None else f"{run.friction_enough_95:.2g}"
+        recorded = f"{run.recorded:.3g}" + (phrase(" (turns)") if run.turned else "")
+        needed = phrase("none is enough") if run.friction_needed is None else f"{run.friction_needed:.2g}"
+        enough = phrase("none is") if run.friction_enough_95 is None else f"{run.friction_enough_95:.2g}"
         rows.append((
-            name, *place, *chances, _spread_words(run.turning_point), f"{run.recorded:.3g}" + (" (turns)" if run.turned else ""), needed, enough,
+            name, *place, *chances, _spread_words(run.turning_point), recorded, needed, enough,
             "—" if run.rolls is None else _share(run.rolls),
         ))  # fmt: skip
     return rows

@@ -11,7 +11,8 @@ from functools import cache
 from typing import TYPE_CHECKING
 
 from estim.checks import P_FLOOR
-from estim.common import Markdown, code, destination, format_p, markdown, p_digits, percentage, signed, significant
+from estim.common import Markdown, code, destination, format_p, language, markdown, p_digits, percentage, phrase, signed, significant
+from estim.reports.sentences import translated
 
 if TYPE_CHECKING:
     import jinja2
@@ -59,19 +60,27 @@ def render(template: str, *, pictures: Collection[str] = (), opened: Collection[
         body = folded(title, caller(), opened=key in opened)
         return Markdown(f"{body}\n") if body else body  # a template loses the end of the line of its tag, and HTML ends at a blank line
 
-    return Markdown(_environment().get_template(template).render(pictures=pictures, figure=figure, fold=fold, **values))
+    return Markdown(_environment(language()).get_template(template).render(pictures=pictures, figure=figure, fold=fold, **values))
 
 
 @cache
-def _environment() -> jinja2.Environment:
-    """What compiles templates, each of them once."""
+def _environment(_language: str) -> jinja2.Environment:
+    """What compiles templates in a language, each of them once."""
     import jinja2
 
+    class Translated(jinja2.PackageLoader):
+        """Templates whose sentences are translated before they are compiled."""
+
+        def get_source(self, environment: jinja2.Environment, template: str) -> tuple[str, str, Callable[[], bool] | None]:
+            source, path, fresh = super().get_source(environment, template)
+            return translated(source), path, fresh
+
     environment = jinja2.Environment(
-        loader=jinja2.PackageLoader("estim.reports"), undefined=jinja2.StrictUndefined, trim_blocks=True, lstrip_blocks=True,
+        loader=Translated("estim.reports"), undefined=jinja2.StrictUndefined, trim_blocks=True, lstrip_blocks=True,
         keep_trailing_newline=True, autoescape=False, finalize=markdown,
     )
     environment.filters["number"] = lambda v, digits=3: "n/a" if v is None else significant(v, digits)
     environment.filters |= {"signed": signed, "p": p_words, "p_is": format_p, "percent": percentage}
+    environment.globals["phrase"] = phrase
     environment.filters |= {"cells": cells, "sentence": sentence, "code": code, "destination": destination}
     return environment

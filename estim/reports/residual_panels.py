@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from estim.arrays import FloatArray
 from estim.checks import Goodness, Outliers
-from estim.common import format_rounded, with_unit
+from estim.common import format_rounded, phrase, with_unit
 from estim.drawing import BLUE, GREY, INK, new_figure
 from estim.pipeline import Analysis
 from estim.problem import Observations, reading_sd
@@ -63,8 +63,10 @@ class Residuals:
         i = int(np.argmax(sds))
         size = with_unit(format_rounded(abs(float(self.rest[i])), float(self.sd[i])), run.y_unit)
         reach = 0.02 * float(np.ptp(run.x)) or 1.0
-        aside = " (outliers aside)" if self.bad else ""
-        return f"largest misfit{aside} {size}, {sds[i]:.1f} sd, near {with_unit(format_rounded(float(run.x[i]), reach), run.x_unit)}"
+        place = with_unit(format_rounded(float(run.x[i]), reach), run.x_unit)
+        if self.bad:
+            return phrase("largest misfit (outliers aside) {size}, {sds:.1f} sd, near {place}", size=size, sds=sds[i], place=place)
+        return phrase("largest misfit {size}, {sds:.1f} sd, near {place}", size=size, sds=sds[i], place=place)
 
 
 def drawn_runs(goodness: Sequence[Goodness]) -> list[int]:
@@ -162,13 +164,14 @@ def draw_residuals(ax: Axes, residuals: Residuals, bands: Bands | None, *, reach
     top = max(1.15 * float(np.max(np.abs(rest) + (sd if run.n_obs <= _MANY else 0.0))), 2.5 * float(np.median(sd)), reach)
     ax.set_ylim(-top, top)
     unit = "" if run.y_unit == "1" else f" ({run.y_unit})"
-    ax.set(xlabel=run.x_label, ylabel=f"{_symbol(run)} − fit{unit}")
+    symbol = _symbol(run)
+    ax.set(xlabel=run.x_label, ylabel=(phrase("{symbol} − fit", symbol=symbol) if symbol else phrase("data − fit")) + unit)
 
 
 def _symbol(run: Observations) -> str:
-    """The v of "speed v", or a user's own name of one letter; else "data": a longer name is no symbol, and may end in a unit."""
+    """The v of "speed v", or a user's own name of one letter; else "": a longer name is no symbol, and may end in a unit."""
     name = run.y_name if run.motion is None else run.y_name.split(" ")[-1]
-    return name if len(name) == 1 else "data"
+    return name if len(name) == 1 else ""
 
 
 def draw_faded(ax: Axes, x: FloatArray, low: FloatArray, high: FloatArray, colour: str, *, alpha: float, label: str = "") -> None:
@@ -190,4 +193,4 @@ def draw_faded(ax: Axes, x: FloatArray, low: FloatArray, high: FloatArray, colou
 def misfit_words(found: Sequence[Residuals]) -> str:
     """The largest misfit of the run that has the largest."""
     worst = max(found, key=lambda one: one.largest)
-    return f"{worst.describe()}{f' of {worst.run.name}' if len(found) > 1 else ''}"
+    return phrase("{misfit} of {run}", misfit=worst.describe(), run=worst.run.name) if len(found) > 1 else worst.describe()

@@ -19,7 +19,7 @@ import numpy as np
 
 from estim.arrays import FloatArray
 from estim.checks import Check, Diagnosis, Goodness, borne_pattern, headline, print_lines, stated_values
-from estim.common import as_json, one_line
+from estim.common import as_json, one_line, phrase
 from estim.fitting import ProfileInterval
 from estim.pipeline import Analysis
 from estim.problem import Observations
@@ -204,7 +204,7 @@ def _certificate(analysis: Analysis) -> CertificateSummary:
 
 def _turning_point(end: FloatArray, run: Observations, diagnosis: Diagnosis) -> TurningPoint:
     with np.errstate(invalid="ignore"):
-        meaning = "where the motion ends, from the release, on the scale of the positions"
+        meaning = phrase("where the motion ends, from the release, on the scale of the positions")
         summary = trusted(summarise(end, unit=run.x_unit, meaning=meaning), diagnosis.status)
     return TurningPoint(**msgspec.structs.asdict(summary), never_stops=float(np.mean(~np.isfinite(end))))
 

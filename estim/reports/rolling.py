@@ -7,7 +7,7 @@ from collections.abc import Mapping
 import msgspec
 import numpy as np
 
-from estim.common import signed, significant
+from estim.common import phrase, signed, significant
 from estim.pipeline import Analysis
 from estim.sampling import number
 from estim.words import tell
@@ -45,11 +45,11 @@ def rolling_rows(rolling: Mapping[str, RollingSummary]) -> list[tuple[str, str, 
         (
             run, _size(one.friction_needed), _size(one.friction_enough_95), f"{signed(f'{one.where:.3g}')} {one.unit}",
             "n/a" if one.least_normal is None else signed(f"{one.least_normal:.2f}"),
-            "no friction stated" if one.probability is None else f"{one.probability:.2f}",
+            phrase("no friction stated") if one.probability is None else f"{one.probability:.2f}",
         )
         for run, one in rolling.items()
     ]
 
 
 def _size(friction: float | None) -> str:
-    return "no friction is enough" if friction is None else significant(friction, 2)
+    return phrase("no friction is enough") if friction is None else significant(friction, 2)

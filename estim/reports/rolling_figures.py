@@ -9,7 +9,8 @@ import numpy as np
 
 from estim.arrays import FloatArray
 from estim.checks import Rolling, way_of
-from estim.drawing import BLUE, GREY, ORANGE, grid
+from estim.common import phrase
+from estim.drawing import BLUE, GREY, ORANGE, grid, titled
 from estim.problem import Motion, Problem
 
 if TYPE_CHECKING:
@@ -34,9 +35,9 @@ def rolling_figure(problem: Problem, draws: FloatArray, rolling: Sequence[Rollin
         _band(ax, along, np.where(np.isfinite(footing.needed), footing.needed, np.nan), BLUE, "|F|/N")
         _grip(ax, run.body)
         label = run.y_label if run.positions else run.x_label
-        ax.set(xlabel=label, ylabel="share", ylim=(0.0, None), xlim=(along[0], along[-1]))
-        words = f"{run.name}: rolls all the way with probability {stated[run.name].holds:.2f}"
-        ax.set_title(words + (" (SYNTHETIC data)" if synthetic else ""), fontsize=10)
+        ax.set(xlabel=label, ylabel=phrase("share"), ylim=(0.0, None), xlim=(along[0], along[-1]))
+        said = phrase("{run}: rolls all the way with probability {p:.2f}", run=run.name, p=stated[run.name].holds)
+        ax.set_title(titled(said, synthetic=synthetic), fontsize=10)
     axes[0].legend(fontsize=7.5, frameon=False, loc="best", ncols=3)
     return figure
 
@@ -56,5 +57,5 @@ def _grip(ax: Axes, motion: Motion) -> None:
     if grip is None:
         return
     centre, sd = (grip, 0.0) if isinstance(grip, float) else (grip.expectation, grip.sd)
-    ax.axhline(centre, color=ORANGE, lw=1.4, ls="--", label="stated friction")
+    ax.axhline(centre, color=ORANGE, lw=1.4, ls="--", label=phrase("stated friction"))
     ax.axhspan(centre - sd, centre + sd, color=ORANGE, alpha=0.2, lw=0)

@@ -11,7 +11,7 @@ import msgspec
 import numpy as np
 
 from estim.checks import Estimate
-from estim.common import Markdown, Notation, Status, as_json, format_quantity, one_line, significant
+from estim.common import Markdown, Notation, Status, as_json, format_quantity, later, one_line, phrase, significant
 from estim.drawing import BLUE, GREEN, INK, ORANGE, new_figure
 from estim.line import CONVENTIONS, StraightLine, confidence_band
 from estim.reports.copying import copies_of
@@ -28,8 +28,8 @@ if TYPE_CHECKING:
 _COPIED = 0.95  # probability of the interval in the table to copy
 STRAIGHT_SCHEMA = "estim-straight-line/1"
 _METHODS = {
-    "ols": "ordinary least squares", "weighted": "weighted by u(y)", "york": "York: errors in both variables",
-    "correlated": "generalised distance regression: errors of points correlated",
+    "ols": later("ordinary least squares"), "weighted": later("weighted by u(y)"), "york": later("York: errors in both variables"),
+    "correlated": later("generalised distance regression: errors of points correlated"),
 }
 
 
@@ -95,14 +95,14 @@ def straight_line_report(line: StraightLine, *, figures: bool = True) -> dict[st
         used = result.recommended
         rows = [
             (convention, *(_pair(v, u, 3) for v, u in ((_nan(result.intercept), a), (_nan(result.slope), b))),
-             "n/a" if cov is None else significant(cov, 3), Markdown("**recommended**" if convention == used else ""))
+             "n/a" if cov is None else significant(cov, 3), Markdown(phrase("**recommended**") if convention == used else ""))
             for convention, (a, b, cov) in result.standard_errors.items()
         ]
         a, b, _ = result.standard_errors[used]
         return render(
             "straight_line.md.j2", pictures=pictures, result=result, ok=line.status.ok, status_words=STATUS_WORDS[line.status],
-            method=_METHODS[result.method], rows=rows, percent=f"{100.0 * result.probability:g}",
-            sources={name: CONVENTIONS[name] for name in errors},
+            method=phrase(_METHODS[result.method]), rows=rows, percent=f"{100.0 * result.probability:g}",
+            sources={name: phrase(CONVENTIONS[name]) for name in errors},
             equation=f"{result.columns['y']} = ({_pair(_nan(result.intercept), a)}) + ({_pair(_nan(result.slope), b)}) · {result.columns['x']}",
             predictions=[_predicted(p) for p in result.predictions], inverses=[_predicted(p) for p in result.inverses], facts=line.facts,
             uncertainties=_uncertainties(result), slope=_ends(result.slope_interval, b),
@@ -115,8 +115,8 @@ def straight_line_report(line: StraightLine, *, figures: bool = True) -> dict[st
 
 def _estimates(result: StraightLineResult) -> list[Estimate]:
     """Intercept and slope with the recommended standard errors."""
-    found = []
-    for name, value, u in zip(("intercept", "slope"), (result.intercept, result.slope), result.standard_errors[result.recommended], strict=False):
+    found, names = [], (phrase("intercept"), phrase("slope"))
+    for name, value, u in zip(names, (result.intercept, result.slope), result.standard_errors[result.recommended], strict=False):
         if value is not None and u is not None:
             half = result.k * u
             low, high = (value - half, value + half) if result.probability == _COPIED else (None, None)
@@ -128,14 +128,17 @@ def straight_line_lines(line: StraightLine) -> list[str]:
     """What a terminal is told of a line whose status is ok."""
     fit, x, y = line.fit, line.columns.x, line.columns.y
     error = fit.standard_errors[fit.recommended]
-    said = [f"intercept {_pair(fit.intercept, error.u_intercept)}, slope {_pair(fit.slope, error.u_slope)} ({fit.recommended})"]
+    intercept, slope = _pair(fit.intercept, error.u_intercept), _pair(fit.slope, error.u_slope)
+    said = [phrase("intercept {intercept}, slope {slope} ({convention})", intercept=intercept, slope=slope, convention=fit.recommended)]
     percent = f"{100.0 * line.probability:g} %"
     for one in line.predictions:
         given = format_quantity(one.x0.value, one.x0.u or None)
-        said.append(f"{x} = {given}: {y} = {_pair(one.y, one.u)}, {percent} interval {interval(one.low, one.high, one.u, 3)}")
+        found, ends = f"{y} = {_pair(one.y, one.u)}", interval(one.low, one.high, one.u, 3)
+        said.append(phrase("{given}: {found}, {percent} interval {ends}", given=f"{x} = {given}", found=found, percent=percent, ends=ends))
     for p in line.inverses:
-        ends = interval(p.low, p.high, p.u, 3) if math.isfinite(p.low) else "unbounded"
-        said.append(f"{y} = {_pair(p.y0.value, p.y0.u)}: {x} = {_pair(p.x, p.u)}, {percent} interval {ends}")
+        ends = interval(p.low, p.high, p.u, 3) if math.isfinite(p.low) else phrase("unbounded")
+        given, found = f"{y} = {_pair(p.y0.value, p.y0.u)}", f"{x} = {_pair(p.x, p.u)}"
+        said.append(phrase("{given}: {found}, {percent} interval {ends}", given=given, found=found, percent=percent, ends=ends))
     return said
 
 
@@ -151,7 +154,7 @@ def _nan(value: float | None) -> float:
 
 def _ends(ends: list[float | None], u: float | None) -> str:
     low, high = ends
-    return "unbounded" if low is None or high is None else interval(low, high, u or 0.0, 3)
+    return phrase("unbounded") if low is None or high is None else interval(low, high, u or 0.0, 3)
 
 
 def _predicted(p: PredictedPoint) -> tuple[str, ...]:
@@ -160,11 +163,12 @@ def _predicted(p: PredictedPoint) -> tuple[str, ...]:
 
 
 def _uncertainties(result: StraightLineResult) -> str:
-    said = [f"{key} from {name}" for key, name in (("u(x)", result.columns["u_x"]), ("u(y)", result.columns["u_y"])) if name is not None]
+    columns = (("u(x)", result.columns["u_x"]), ("u(y)", result.columns["u_y"]))
+    said = [phrase("{key} from {name}", key=key, name=name) for key, name in columns if name is not None]
     if result.columns["r_xy"] is not None and len(said) == 2:
-        said.append(f"their correlation from {result.columns['r_xy']}")
+        said.append(phrase("their correlation from {name}", name=result.columns["r_xy"]))
     said += result.correlated
-    return ", ".join(said) or "no uncertainties: the scatter of the points is the only scale"
+    return ", ".join(said) or phrase("no uncertainties: the scatter of the points is the only scale")
 
 
 def straight_line_figure(line: StraightLine) -> Figure:
@@ -180,29 +184,30 @@ def straight_line_figure(line: StraightLine) -> Figure:
     if math.isfinite(fit.slope):
         if line.status is not Status.NOT_IDENTIFIED:
             band = confidence_band(fit, x, probability=line.probability)
-            upper.fill_between(x, band.low, band.high, color=BLUE, alpha=0.25, lw=0, label=f"{percent} band of the line, point by point")
-        upper.plot(x, fit.intercept + fit.slope * x, color=BLUE, lw=1.5, label=_METHODS[fit.method])
+            said = phrase("{percent} band of the line, point by point", percent=percent)
+            upper.fill_between(x, band.low, band.high, color=BLUE, alpha=0.25, lw=0, label=said)
+        upper.plot(x, fit.intercept + fit.slope * x, color=BLUE, lw=1.5, label=phrase(_METHODS[fit.method]))
         residuals = data.y - fit.intercept - fit.slope * data.x
         lower.axhline(0.0, color=BLUE, lw=1.2)
         lower.errorbar(data.x, residuals, xerr=bars[0], yerr=bars[1], fmt="o", color=INK, ms=3.5, lw=0.9)
     upper.errorbar(
         data.x, data.y, xerr=bars[0], yerr=bars[1], fmt="o", color=INK, ms=4, lw=1,
-        label="points" + (", ± 1 standard uncertainty" if fit.method != "ols" else ""),
+        label=phrase("points, ± 1 standard uncertainty") if fit.method != "ols" else phrase("points"),
     )
     if line.status.ok:
         for i, p in enumerate(line.predictions):
             upper.errorbar(
                 p.x0.value, p.y, xerr=p.x0.u or None, yerr=[[p.y - p.low], [p.high - p.y]], fmt="s", color=ORANGE, mec=INK, ms=6, lw=2, zorder=5,
-                label=f"prediction, {percent}" if i == 0 else None,
+                label=phrase("prediction, {percent}", percent=percent) if i == 0 else None,
             )
         for i, q in enumerate(line.inverses):
             if math.isfinite(q.low):
                 upper.errorbar(
                     q.x, q.y0.value, xerr=[[q.x - q.low], [q.high - q.x]], fmt="D", color=GREEN, mec=INK, ms=6, lw=2, zorder=5,
-                    label=f"inverse prediction, {percent}" if i == 0 else None,
+                    label=phrase("inverse prediction, {percent}", percent=percent) if i == 0 else None,
                 )
     upper.set(ylabel=line.columns.y)
-    lower.set(xlabel=line.columns.x, ylabel="residual")
+    lower.set(xlabel=line.columns.x, ylabel=phrase("residual"))
     figure.legend(*upper.get_legend_handles_labels(), fontsize=8, frameon=False, loc="outside lower center", ncols=2)
     return figure
 

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from estim.arrays import FloatArray
+from estim.common import phrase
 from estim.drawing import BLUE, GREEN, INK, ORANGE, PURPLE, name_ticks, new_figure, tick_texts
 from estim.pipeline import Analysis
 
@@ -35,9 +36,11 @@ def trace_figure(analysis: Analysis) -> Figure:
         walkers = [draws[:, ::every, 0, i] * label.factor for i, label in zip(here, shown, strict=True)]
         means = [draws[..., i].mean(axis=2)[:, ::every] * label.factor for i, label in zip(here, shown, strict=True)]
         _draw_strips(ax, steps, walkers, means, names=[label.axis for label in shown])
-        ax.set(xlabel="step", ylim=(rows, 0.0))
-    some = f"; {len(places)} of {len(parameters)} parameters" if len(places) < len(parameters) else ""
-    figure.suptitle(f"bold: mean of an ensemble; faint: one of its walkers{some}", fontsize=8)
+        ax.set(xlabel=phrase("step"), ylim=(rows, 0.0))
+    said = phrase("bold: mean of an ensemble; faint: one of its walkers")
+    if len(places) < len(parameters):
+        said = f"{said}; {phrase('{n} of {of} parameters', n=len(places), of=len(parameters))}"
+    figure.suptitle(said, fontsize=8)
     return figure
 
 

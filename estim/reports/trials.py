@@ -11,7 +11,7 @@ import msgspec
 
 from estim.campaign import Campaign, gamma_origin
 from estim.checks import Estimate, interval_cell, parameter_cells, screen_lines, value_cell
-from estim.common import KINDS, Label, Notation, Quantity, Status, as_json, e_n, format_quantity, one_line, signed
+from estim.common import Label, Notation, Quantity, Status, as_json, e_n, format_quantity, kind_words, later, one_line, phrase, signed
 from estim.line import UNKNOWNS, WAYS, LineAnalysis, TrialsAnalysis
 from estim.reports.pages import Drawers, page
 from estim.reports.rendering import render
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 TRIALS_SCHEMA = "estim-trials/1"
-_LINES = {"york": "York's line through the θ_min series", "posterior": "Bayesian line through the θ_min series"}
+_LINES = {"york": later("York's line through the θ_min series"), "posterior": later("Bayesian line through the θ_min series")}
 _GAMMA = Notation("γ").label("1")
 
 
@@ -105,27 +105,28 @@ def _shown_prior(analysis: TrialsAnalysis, name: str) -> str:
     """The prior in the unit in which its unknown is shown."""
     trials, degrees = analysis.trials, math.degrees
     return {
-        "scatter": f"log-normal about {degrees(trials.u_theta):.3g}, within a factor of 4 with 95 %",
-        "release": f"half-normal, scale {degrees(trials.release):.3g}",
-        "zero_phi": f"normal, sd {degrees(trials.u_zero_phi):.3g}", "zero_theta": f"normal, sd {degrees(trials.u_zero_theta):.3g}",
+        "scatter": phrase("log-normal about {middle:.3g}, within a factor of 4 with 95 %", middle=degrees(trials.u_theta)),
+        "release": phrase("half-normal, scale {scale:.3g}", scale=degrees(trials.release)),
+        "zero_phi": phrase("normal, sd {sd:.3g}", sd=degrees(trials.u_zero_phi)),
+        "zero_theta": phrase("normal, sd {sd:.3g}", sd=degrees(trials.u_zero_theta)),
     }.get(name) or analysis.posterior.priors[name].describe()
 
 
 def _ways(analysis: TrialsAnalysis, line: LineAnalysis | None) -> dict[str, WayRow]:
-    rows = {name: WayRow(WAYS[name], way.gamma, number(way.e_n), None, way.reliable) for name, way in analysis.ways.items()}
+    rows = {name: WayRow(phrase(WAYS[name]), way.gamma, number(way.e_n), None, way.reliable) for name, way in analysis.ways.items()}
     if line is None or not line.status.ok or line.series.body != analysis.trials.body:
         return rows
     found = analysis.ways["both"].quantity
     for name, words in _LINES.items():
         reading = line.readings[name]
-        rows[name] = WayRow(words, _plain(reading.gamma), number(reading.e_n), number(e_n(reading.gamma, found)), True)
+        rows[name] = WayRow(phrase(words), _plain(reading.gamma), number(reading.e_n), number(e_n(reading.gamma, found)), True)
     return rows
 
 
 def _plain(gamma: Quantity) -> Summary:
     """A value and a standard uncertainty as a summary, normal."""
     q025, q16, q84, q975 = (gamma.value + k * gamma.u for k in (-1.959964, -0.994458, 0.994458, 1.959964))
-    return Summary("1", UNKNOWNS["gamma"][1], gamma.value, gamma.u, gamma.value, q025, q16, q84, q975)
+    return Summary("1", phrase(UNKNOWNS["gamma"][1]), gamma.value, gamma.u, gamma.value, q025, q16, q84, q975)
 
 
 def _apart(analysis: TrialsAnalysis) -> list[float] | None:
@@ -169,7 +170,7 @@ def trials_values(result: TrialsResult) -> dict[str, object]:
     labels = {name: UNKNOWNS[name][2].label(UNKNOWNS[name][0]) for name in result.unknowns}
     masses = None if result.gamma_masses is None else format_quantity(result.gamma_masses, result.u_gamma_masses)
     return {
-        "result": result, "kind": KINDS[result.kind], "status_words": STATUS_WORDS[status], "meaningless": not status.draws_count,
+        "result": result, "kind": kind_words(result.kind), "status_words": STATUS_WORDS[status], "meaningless": not status.draws_count,
         "gamma": value_cell(result.unknowns["gamma"], _GAMMA) if status.ok else None,
         "gamma_interval": interval_cell(result.unknowns["gamma"], _GAMMA),
         "gamma_masses": masses, "unknowns": [_unknown_cells(result, name, label) for name, label in labels.items()],
@@ -191,7 +192,7 @@ def _unknown_cells(result: TrialsResult, name: str, label: Label) -> tuple[str, 
 
 def _way_cells(row: WayRow) -> tuple[str, str, str, str]:
     if not row.reliable:
-        return "n/a (its importance weights cannot be trusted)", "", "", ""
+        return phrase("n/a (its importance weights cannot be trusted)"), "", "", ""
     stated, trials = ("" if value is None else signed(f"{value:+.2f}") for value in (row.e_n, row.e_n_trials))
     return value_cell(row.gamma, _GAMMA), interval_cell(row.gamma, _GAMMA), stated, trials
 
@@ -199,9 +200,9 @@ def _way_cells(row: WayRow) -> tuple[str, str, str, str]:
 def _threshold_cells(row: ThresholdRow) -> tuple[str, ...]:
     low95, low68, middle, high68, high95 = (f"{math.degrees(angle):.1f}" for angle in row.quantiles)
     name = "θ_min" if row.end == "min" else "θ_max"
-    counts = f"{row.n_climbed} of {row.n_trial}"
+    counts = phrase("{n} of {total}", n=row.n_climbed, total=row.n_trial)
     if 0 < row.n_climbed < row.n_trial:
         return name, f"{math.degrees(row.phi):.2f}", counts, middle, f"[{low68}, {high68}]", f"[{low95}, {high95}]"
     above = (row.n_climbed == 0) == (row.end == "min")
     limit = f"> {low95}" if above else f"< {high95}"
-    return name, f"{math.degrees(row.phi):.2f}", counts, "one outcome only", "", limit
+    return name, f"{math.degrees(row.phi):.2f}", counts, phrase("one outcome only"), "", limit

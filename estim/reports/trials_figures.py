@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from estim.arrays import FloatArray
-from estim.common import format_quantity
-from estim.drawing import BLUE, GREY, INK, ORANGE, grid, new_figure
+from estim.common import format_quantity, later, phrase
+from estim.drawing import BLUE, GREY, INK, ORANGE, grid, new_figure, titled
 from estim.line import HIGH, LOW, TrialsAnalysis, effective_start
 
 if TYPE_CHECKING:
@@ -21,7 +21,7 @@ _MOST_PANELS = 12
 _BANDS = ((0.95, 0.22), (0.68, 0.40))
 _ASIDE = 0.011  # of the width of the panel: from a mark to the next of the same angle
 _MARKS = {(LOW, True): ("^", BLUE), (LOW, False): ("o", "white"), (HIGH, True): ("v", ORANGE), (HIGH, False): ("s", "white")}
-_NAMES = {LOW: "below 90°", HIGH: "above 90°"}
+_NAMES = {LOW: later("below 90°"), HIGH: later("above 90°")}
 
 
 def starts_figure(analysis: TrialsAnalysis, *, synthetic: bool) -> Figure:
@@ -35,11 +35,11 @@ def starts_figure(analysis: TrialsAnalysis, *, synthetic: bool) -> Figure:
     for ax, end in zip(axes, reversed(trials.ends), strict=True):
         _draw_starts(ax, analysis, end, phi)
         _draw_trials(ax, analysis, end, float(np.degrees(np.ptp(phi))))
-        ax.set(xlim=np.degrees(phi[[0, -1]]), ylabel="θ, angle of release as set (°)")
+        ax.set(xlim=np.degrees(phi[[0, -1]]), ylabel=phrase("θ, angle of release as set (°)"))
         low, high = ax.get_ylim()
         ax.set_ylim(max(low, 0.0), min(high, 180.0))
-    axes[-1].set_xlabel("φ, tilt of the ramp as read (°)")
-    axes[0].set_title(trials.body + (" (SYNTHETIC data)" if synthetic else "") + ("" if analysis.status.ok else f" — {analysis.status}"), fontsize=10)
+    axes[-1].set_xlabel(phrase("φ, tilt of the ramp as read (°)"))
+    axes[0].set_title(titled(trials.body, synthetic=synthetic) + ("" if analysis.status.ok else f" — {analysis.status}"), fontsize=10)
     figure.legend(*axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=2, fontsize=8, frameon=False)
     return figure
 
@@ -49,23 +49,25 @@ def _draw_starts(ax: Axes, analysis: TrialsAnalysis, end: str, phi: FloatArray) 
         starts = analysis.starts(end, phi)
         for probability, alpha in _BANDS:
             low, high = np.quantile(starts, [0.5 - 0.5 * probability, 0.5 + 0.5 * probability], axis=0)
-            label = f"limit of the ascents, all trials at once, {100 * probability:.0f} %"
+            label = phrase("limit of the ascents, all trials at once, {p:.0f} %", p=100 * probability)
             ax.fill_between(np.degrees(phi), np.degrees(low), np.degrees(high), color=BLUE, alpha=alpha, lw=0, label=label)
     gamma = analysis.gamma_masses
     if gamma is not None:
         sine = np.sin(phi) / gamma.value
         smallest = np.degrees(np.where(np.abs(sine) <= 1.0, np.arcsin(np.clip(sine, -1.0, 1.0)), np.nan))
-        label = f"theory, γ = {format_quantity(gamma.value, gamma.u)} as stated"
+        label = phrase("theory, γ = {gamma} as stated", gamma=format_quantity(gamma.value, gamma.u))
         ax.plot(np.degrees(phi), smallest if end == LOW else 180.0 - smallest, color=ORANGE, lw=1.8, label=label)
     for i, found in enumerate(one for one in analysis.thresholds if one.end == end):
         low, high = np.degrees(found.quantiles[[0, -1]])
-        label = "limit of the ascents, each tilt by itself, 95 %" if i == 0 else "_"
+        label = phrase("limit of the ascents, each tilt by itself, 95 %") if i == 0 else "_"
         ax.plot([np.degrees(found.phi)] * 2, [low, high], color=GREY, lw=2.5, solid_capstyle="butt", zorder=3, label=label)
 
 
 def _draw_trials(ax: Axes, analysis: TrialsAnalysis, end: str, width: float) -> None:
     """Ascents right of their tilt, refusals left of it, those of one angle side by side.  width : degrees, of the panel."""
-    for climbed, mark, face, label in ((True, "^", BLUE, "climbed (right of the tilt)"), (False, "o", "white", "did not climb (left of it)")):
+    for climbed, mark, face, label in (
+        (True, "^", BLUE, phrase("climbed (right of the tilt)")), (False, "o", "white", phrase("did not climb (left of it)")),
+    ):
         x, y = [], []
         for tilt in analysis.trials.tilts:
             part = tilt.end(end)
@@ -98,12 +100,12 @@ def chances_figure(analysis: TrialsAnalysis, *, synthetic: bool) -> Figure:
         chance = _chances(analysis, tilt.phi, angles, trials.ends[0])
         for probability, alpha in _BANDS:
             ends = np.quantile(chance, [0.5 - 0.5 * probability, 0.5 + 0.5 * probability], axis=0)
-            label = f"chance of an ascent, {100 * probability:.0f} %"
+            label = phrase("chance of an ascent, {p:.0f} %", p=100 * probability)
             ax.fill_between(np.degrees(angles), *ends, color=BLUE, alpha=alpha, lw=0, label=label)
         ax.plot(np.degrees(angles), np.median(chance, axis=0), color=BLUE, lw=1.2)
         if len(trials.ends) > 1 and trials.u_zero_theta > 0.0:  # else the two ends have one curve
             middle = np.median(_chances(analysis, tilt.phi, angles, HIGH), axis=0)
-            ax.plot(np.degrees(angles), middle, color=ORANGE, lw=1.4, ls="--", label="median above 90°")
+            ax.plot(np.degrees(angles), middle, color=ORANGE, lw=1.4, ls="--", label=phrase("median above 90°"))
         for climbed, level, step in ((True, 1.0, -0.07), (False, 0.0, 0.07)):
             below: Counter[float] = Counter()
             for end in trials.ends:
@@ -114,16 +116,18 @@ def chances_figure(analysis: TrialsAnalysis, *, synthetic: bool) -> Figure:
                     heights.append(level + step * below[angle])
                     below[angle] += 1
                 mark, face = _MARKS[end, climbed]
-                label = ("climbed" if climbed else "did not climb") + (f", {_NAMES[end]}" if len(trials.ends) > 1 else "")
+                label = phrase("climbed") if climbed else phrase("did not climb")
+                label += f", {phrase(_NAMES[end])}" if len(trials.ends) > 1 else ""
                 ax.plot(angles_in, heights, mark, ms=5, mfc=face, mec=INK, mew=0.8, ls="", label=label, clip_on=False, zorder=4)
         ax.set(xlim=np.degrees(angles[[0, -1]]), ylim=(-0.08, 1.08))
         ax.set_yticks([0.0, 0.5, 1.0])
-        ax.set_title(f"φ read as {math.degrees(tilt.phi):.2f}°" + (" (SYNTHETIC data)" if synthetic else ""), fontsize=9)
-    mirrored = "θ, or 180° − θ (°)" if len(trials.ends) > 1 else "180° − θ (°)" if trials.ends == (HIGH,) else "θ, angle of release as set (°)"
+        ax.set_title(titled(phrase("φ read as {phi:.2f}°", phi=math.degrees(tilt.phi)), synthetic=synthetic), fontsize=9)
+    as_set = phrase("θ, angle of release as set (°)")
+    mirrored = phrase("θ, or 180° − θ (°)") if len(trials.ends) > 1 else "180° − θ (°)" if trials.ends == (HIGH,) else as_set
     for ax in axes[-2:] if len(axes) > 2 else axes[-1:]:
         ax.set_xlabel(mirrored)
     for ax in axes[::2] if len(axes) > 2 else axes:
-        ax.set_ylabel("chance of an ascent")
+        ax.set_ylabel(phrase("chance of an ascent"))
     figure.legend(*axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=3, fontsize=8, frameon=False)
     return figure
 

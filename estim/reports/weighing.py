@@ -6,7 +6,7 @@ import msgspec
 import numpy as np
 
 from estim.campaign import OUTPUTS, CampaignFile
-from estim.common import KINDS, as_json, format_quantity, one_line, signed
+from estim.common import as_json, format_quantity, kind_words, one_line, phrase, signed
 from estim.reports.rendering import render
 from estim.reports.result import Correlation, Provenance, software_versions
 from estim.sampling import number
@@ -82,7 +82,7 @@ def body_report(source: CampaignFile, weighing: Weighing, *, seed: int) -> dict[
     """`report.md` and `result.json`."""
     result = body_result(source, weighing, seed=seed)
     text = render(
-        "body.md.j2", result=result, kind=KINDS[result.kind], values=_value_rows(result), budgets=_budgets(result),
+        "body.md.j2", result=result, kind=kind_words(result.kind), values=_value_rows(result), budgets=_budgets(result),
         correlation=_correlation_rows(result), inputs=[(name, format_quantity(one.value, one.u), one.unit) for name, one in result.inputs.items()],
     )
     return {"report.md": text.encode(), "result.json": as_json(result)}
@@ -108,8 +108,8 @@ def _value_rows(result: BodyResult) -> list[tuple[str, ...]]:
             ends = [None if end is None else end * label.factor for end in (v.low_95, v.high_95)]
             interval = "n/a" if None in ends or v.u == 0.0 else signed(f"[{ends[0]:.4g}, {ends[1]:.4g}]")
             linear = format_quantity(v.value * label.factor, v.u * label.factor)
-            believe = "exact" if v.u == 0.0 else "both agree" if v.linear_holds else "Monte Carlo"
-            rows.append((body, label.symbol, v.meaning, linear, drawn, interval, "" if label.unit == "1" else label.unit, believe))
+            believe = phrase("exact") if v.u == 0.0 else phrase("both agree") if v.linear_holds else "Monte Carlo"
+            rows.append((body, label.symbol, phrase(v.meaning), linear, drawn, interval, "" if label.unit == "1" else label.unit, believe))
     return rows
 
 

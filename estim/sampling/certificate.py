@@ -21,7 +21,7 @@ from types import MappingProxyType
 import numpy as np
 
 from estim.arrays import FloatArray
-from estim.common import Amount, Finding, Kind
+from estim.common import Amount, Finding, Kind, later, phrase
 from estim.distributions import normal_quantile
 from estim.sampling.chain import Chain
 from estim.sampling.diagnostics import effective_size
@@ -35,7 +35,7 @@ __all__ = ["Agreement", "Certificate", "Proposal", "adapt_proposal", "certify", 
 
 MAX_PARAMETERS = 12
 MAX_TIED = 20  # of runs that share a force: a chain is all that they have beside importance sampling, no marginal over runs
-IMPORTANCE = "importance sampling"
+IMPORTANCE = later("importance sampling")
 MOST_DRAWS = 64_000
 PROBABILITIES = (0.025, 0.16, 0.5, 0.84, 0.975)
 _FALSE_ALARM = 5e-4  # chance that any of all differences is called where there is none
@@ -251,7 +251,7 @@ def _verdict(
         return "missing", Finding(Kind.WEIGHTS_UNRELIABLE, size=certificate.k_hat, numbers=numbers)
     called: list[Finding] = []
     hidden: list[float] = []
-    whats = ("mean", "standard deviation", *(f"{p:.1%} quantile".replace("%", " %") for p in ENDS))
+    whats = (phrase("mean"), phrase("standard deviation"), *(phrase("{p:.1f} % quantile", p=100.0 * p) for p in ENDS))
     rows = ([*column[:2], *column[2]] for column in (differences, zs, us))
     limits = [(_NEGLIGIBLE, _COARSE)] * 2 + [(_NEGLIGIBLE_END, _COARSE_END)] * len(ENDS)
     for what, (negligible, coarse), difference, z, u in zip(whats, limits, *rows, strict=True):

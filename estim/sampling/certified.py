@@ -10,14 +10,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from estim.arrays import FloatArray
-from estim.common import Stream, stream
+from estim.common import Stream, phrase, stream
 from estim.sampling.certificate import Agreement, Certificate, compare_with_chain
 from estim.sampling.chain import Chain, Progress, Target, sample_posterior
 from estim.sampling.checkpoint import Store
 from estim.sampling.independent_check import second_opinion
 from estim.sampling.proposal import adapt_proposal
-from estim.sampling.protocol import Density
-from estim.sampling.ridge import Support
+from estim.sampling.protocol import Density, Support
 from estim.sampling.stepping import Stop
 
 _TRIES = 2
@@ -61,9 +60,9 @@ def certified_chain(
     pairs: list[Certified] = []
     for i in range(_TRIES):
         if progress is not None:
-            progress(0, "second opinion" if not pairs else "chain and second opinion differ: both once more")
+            progress(0, phrase("second opinion") if not pairs else phrase("chain and second opinion differ: both once more"))
         rng = stream(seed, Stream.PROPOSAL, *(() if i == 0 else (i,)))
-        adapted = adapt_proposal(density, optima.value, optima.cov, rng=rng, starts=optima.starts, covs=optima.covs)
+        adapted = adapt_proposal(density, optima.value, optima.cov, rng=rng, starts=optima.starts, covs=optima.covs, support=support)
         certificate, proposal = second_opinion(
             density, optima.value, optima.cov, adapted, rng=rng, starts=optima.heavy, support=support, n_obs=n_obs
         )
@@ -91,7 +90,7 @@ def proposed_chain(
     proposal = None
     if optima.value.size <= _MOST_PROPOSED:
         if progress is not None:
-            progress(0, "proposal")
+            progress(0, phrase("proposal"))
         rng = stream(seed, Stream.PROPOSAL)
         proposal = adapt_proposal(density, optima.value, optima.cov, rng=rng, starts=optima.starts, covs=optima.covs)
     return sample_posterior(

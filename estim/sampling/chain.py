@@ -17,7 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from estim.arrays import FloatArray
-from estim.common import Finding, Kind, NumericalError
+from estim.common import Finding, Kind, NumericalError, phrase
 from estim.sampling.ahead import Ahead
 from estim.sampling.checkpoint import Store
 from estim.sampling.diagnostics import Mixing, autocorrelation_time, mixing_of
@@ -149,7 +149,8 @@ def sample_posterior(
         mixing = mixing_of(chain[:, n_burn:])
         convergence = _judge(mixing, target, n_step=n_step, tau=tau, tau_before=tau_before)
         if progress is not None:
-            progress(_percent(convergence, target), "sampling" if convergence.met else f"sampling: {convergence.message}")
+            said = phrase("sampling") if convergence.met else phrase("sampling: {message}", message=convergence.message)
+            progress(_percent(convergence, target), said)
         if convergence.met or n_step >= target.max_step:
             break
         tau_before = tau

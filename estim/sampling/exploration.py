@@ -15,10 +15,11 @@ from collections.abc import Sequence
 import numpy as np
 
 from estim.arrays import FloatArray
+from estim.sampling.factors import lower_factor
 from estim.sampling.importance import log_sum_exp
-from estim.sampling.proposal import Proposal, grown, lower_factor
-from estim.sampling.protocol import Density, log_density_in_batches
-from estim.sampling.ridge import Frame, Support, climb, framed, reordered, separate_modes
+from estim.sampling.proposal import Proposal, grown
+from estim.sampling.protocol import Density, Support, log_density_in_batches
+from estim.sampling.ridge import Frame, climb, framed, reordered, separate_modes
 from estim.sampling.walk import Rule, follow
 
 _RULE = Rule(depth=10.0, fall=2.0, tolerance=1e-2)
@@ -61,7 +62,10 @@ def along_ridges(frames: Frame) -> Proposal:
 
 def both(a: Proposal, b: Proposal) -> Proposal:
     """Half of the draws from each."""
-    return Proposal(0.5 * np.concatenate([a.weights, b.weights]), np.vstack([a.means, b.means]), np.concatenate([a.factors, b.factors]))
+    return Proposal(
+        0.5 * np.concatenate([a.weights, b.weights]), np.vstack([a.means, b.means]), np.concatenate([a.factors, b.factors]), a.limits,
+        a.bend, np.concatenate([a.follows, b.follows]),
+    )
 
 
 def repaired(
@@ -78,7 +82,7 @@ def repaired(
     share, longest = _worth(adapted, test, heights)
     if share > _EVEN and longest < _LONGEST_STAY:
         return adapted
-    grown_ones = [grown(train, n_component, rng) for n_component in _N_COMPONENT]
+    grown_ones = [grown(train, n_component, rng, adapted.limits) for n_component in _N_COMPONENT]
     candidates = [adapted, *grown_ones, *(both(one, ridges) for one in (adapted, *grown_ones))]
     worths = [_worth(one, test, heights) for one in candidates]
     return candidates[int(np.argmax([share * min(1.0, _LONGEST_STAY / longest) for share, longest in worths]))]

@@ -19,9 +19,8 @@ from estim.sampling.certificate import PROBABILITIES, Certificate, certify
 from estim.sampling.exploration import both, repaired, ridge_proposal
 from estim.sampling.importance import systematic
 from estim.sampling.proposal import Proposal
-from estim.sampling.protocol import Density
+from estim.sampling.protocol import Density, Support
 from estim.sampling.quadrature import COARSE, FINE, MOST_DIMENSIONS, MOST_NODES, Nodes, TooManyNodesError, integrate
-from estim.sampling.ridge import Support
 
 QUADRATURE = "quadrature"
 _POINTS = 3e7  # nodes of a rule times observations: some seconds

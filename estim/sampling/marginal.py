@@ -23,14 +23,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from estim.arrays import FloatArray
-from estim.common import Finding, InputError, Kind, NumericalError
+from estim.common import Finding, InputError, Kind, NumericalError, phrase
 from estim.fitting import Fit
 from estim.problem import Normal
 from estim.sampling.conditional import Expansion, expand, run_terms
+from estim.sampling.factors import lower_factor
 from estim.sampling.importance import K_HAT_LIMIT, difference, flattened, kish_size, pareto_smoothed, spread, systematic, u_log_mean
 from estim.sampling.kept_marginal import NOWHERE, Stages
 from estim.sampling.marginal_density import Marginal, felt_measure, readings_of
-from estim.sampling.proposal import Proposal, lower_factor
+from estim.sampling.proposal import Proposal
 from estim.words import tell
 
 IndexArray = NDArray[np.int64]
@@ -145,7 +146,7 @@ def sample_marginal(
     raw_all[first] = (log_prior + measure - log_proposal)[first]
     refined = []
     for number, (term, expansion, log_marginal) in enumerate(zip(terms, expansions, by_run, strict=True), start=1):
-        stages.say(f"own parameters of run {number} of {len(terms)}")
+        stages.say(phrase("own parameters of run {k} of {n}", k=number, n=len(terms)))
         given, own_columns = target.given(term, shared), term.columns[term.own]
         own, log_q = term.draw_own(given, expansion, rng)
         excess = term.log_joint(given[first], own[first]) - log_q[first]
@@ -204,7 +205,7 @@ def _adapt(fit: Fit, target: Marginal, rng: np.random.Generator, stages: Stages)
     expansions = _expand_all(fit, target, points, regression, Proposal.single(mean, cov))
     settled = 0
     for number in range(1, _MOST_ROUNDS + 1):
-        stages.say(f"adapting to the marginal over runs, round {number}")
+        stages.say(phrase("adapting to the marginal over runs, round {k}", k=number))
         proposal = Proposal.single(mean, cov)
         shared = proposal.draw(rng, _N_ADAPT)
         raw = target.log_density(shared, expansions, n_node=1) - proposal.log_density(shared)

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from estim.arrays import FloatArray
-from estim.common import Finding, Kind
+from estim.common import Finding, Kind, phrase
 from estim.fitting import MANY
 from estim.problem import MEASURED, Problem
 from estim.sampling.conditional import Expansion, RunTerm
@@ -82,7 +82,7 @@ class Marginal:
         inside = np.flatnonzero(np.isfinite(log_p))
         by_run = np.zeros((len(self.terms), shared.shape[0]))
         for i, (term, expansion) in enumerate(zip(self.terms, expansions, strict=True)):
-            stages.say(f"run {i + 1} of {len(self.terms)}")
+            stages.say(phrase("run {k} of {n}", k=i + 1, n=len(self.terms)))
             log_marginal = partial(term.log_marginal, self.given(term, shared[inside]), expansion, n_node=n_node)
             by_run[i, inside] = stages.of_run(i, inside.size, log_marginal)
         return log_p, by_run

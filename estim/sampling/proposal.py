@@ -1,9 +1,9 @@
 """A proposal adapted to a posterior: a Student-t distribution with 5 degrees of freedom, or a small mixture of them.
 
-It lives in the space of the parameters themselves.  Draws outside the support of the priors have weight 0: a hard edge
-costs the share of draws behind it and nothing else, since a Student-t density is finite and positive at the edge, so
-weights stay bounded there (transformed parameters would put the edge at infinity, where the tails of the transformed
-posterior decide).
+It lives in the space of the parameters themselves.  A Student-t density is finite and positive at a hard edge, so that weights stay
+bounded there (transformed parameters would put the edge at infinity, where the tails of the transformed posterior decide).  What
+leaks over the edge is folded back (`estim.sampling.folding`); the rest of the draws outside the support have weight 0.
+A ridge that bends is made straight first (`estim.sampling.bending`).  Both keep the density exact; only where limits are told.
 
 `adapt_proposal` starts from the fit and maximises sum_i w_i log q(x_i) over weighted draws of the round before: EM steps
 for Student-t mixtures (Cappe, Douc, Guillin, Marin, Robert, Statistics and Computing 18 (2008) 447, section 4).
@@ -13,15 +13,19 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
+from numpy.typing import NDArray
 
 from estim.arrays import FloatArray
 from estim.common import NumericalError
+from estim.sampling.bending import Bend, bend_of
+from estim.sampling.factors import lower_factor
+from estim.sampling.folding import Folding, folding, unfolded
 from estim.sampling.importance import flattened, kish_size, pareto_smoothed
-from estim.sampling.protocol import Density, log_density_in_batches
+from estim.sampling.protocol import Density, Support, log_density_in_batches
 
 DOF = 5.0  # tails heavier than those of most posteriors
 _WIDE_SHARE, _WIDE_FACTOR = 0.05, 2.0  # share and width (in sds of the whole) of the component that guards a mixture
@@ -29,6 +33,7 @@ _FAR_SHARE, _FAR_FACTOR = 0.25, 3.0  # the same for `Proposal.widened`
 _TAIL_SHARE = 0.4  # of the draws from components that are told to be there: a rare wide part is seldom drawn, and then no chain leaves it soon
 _GOOD_K_HAT = 0.5
 _EVEN_ENOUGH = 0.4  # effective share of the draws from which one Student-t will do
+_FREE = 8.0  # standard deviations from the next limit: a parameter that may follow a bend
 _MAX_ROUND = 12
 _EM_STEPS = 25
 
@@ -39,11 +44,15 @@ class Proposal:
 
     weights : (n_component,), sum 1.  means : (n_component, n_par).
     factors : (n_component, n_par, n_par) lower Cholesky factors of the scale matrices (covariance = 5/3 of it).
+    limits : (n_par,) each, at which draws are folded.  bend, bent : what the components (n_component,) of a bent ridge follow.
     """
 
     weights: FloatArray
     means: FloatArray
     factors: FloatArray
+    limits: Support | None = None
+    bend: Bend | None = None
+    bent: NDArray[np.bool_] | None = None
 
     @property
     def n_par(self) -> int:
@@ -59,6 +68,22 @@ class Proposal:
         d = self.n_par
         unit = math.lgamma(0.5 * (DOF + d)) - math.lgamma(0.5 * DOF) - 0.5 * d * math.log(DOF * math.pi)
         return np.log(self.weights) + unit - np.sum(np.log(np.diagonal(self.factors, axis1=1, axis2=2)), axis=1)
+
+    @cached_property
+    def follows(self) -> NDArray[np.bool_]:
+        """(n_component,) which components are bent."""
+        return np.zeros(self.weights.size, dtype=bool) if self.bent is None else self.bent
+
+    @cached_property
+    def _folding(self) -> Folding | None:
+        """None where nothing folds."""
+        if self.limits is None:
+            return None
+        low, high = (np.tile(limit, (self.weights.size, 1)) for limit in self.limits)
+        if self.bend is not None:  # a limit of what is moved by a bend is no limit of the straight one
+            moved = self.follows[:, None] & (self.bend.shift != 0.0)
+            low[moved], high[moved] = -np.inf, np.inf
+        return folding(self.means, self.factors, low, high)
 
     @classmethod
     def single(cls, mean: FloatArray, scale: FloatArray) -> Proposal:
@@ -80,22 +105,40 @@ class Proposal:
         """A `share` of the draws from one more component."""
         return Proposal(
             np.append((1.0 - share) * self.weights, share), np.vstack([self.means, mean]),
-            np.concatenate([self.factors, factor * lower_factor(scale)[None]]),
+            np.concatenate([self.factors, factor * lower_factor(scale)[None]]), self.limits, self.bend, np.append(self.follows, False),
         )
+
+    def following(self, bend: Bend | None) -> Proposal:
+        """All components bent."""
+        return self if bend is None else replace(self, bend=bend, bent=np.ones(self.weights.size, dtype=bool))
+
+    def unfolded(self) -> Proposal:
+        """The proposal whose folds have the moments that this one has without."""
+        if self.limits is None:
+            return self
+        means, factors = zip(*(unfolded(mean, factor, *self.limits) for mean, factor in zip(self.means, self.factors, strict=True)), strict=True)
+        return replace(self, means=np.array(means), factors=np.array(factors))
 
     def beside(self, means: FloatArray, factors: FloatArray) -> Proposal:
         """A few of the draws from further components (n, n_par), (n, n_par, n_par)."""
         n = len(means)
         weights = np.append((1.0 - _TAIL_SHARE) * self.weights, np.full(n, _TAIL_SHARE / n))
-        return Proposal(weights, np.vstack([self.means, means]), np.concatenate([self.factors, factors]))
+        return Proposal(
+            weights, np.vstack([self.means, means]), np.concatenate([self.factors, factors]), self.limits, self.bend,
+            np.append(self.follows, [False] * n),
+        )
 
     def draw(self, rng: np.random.Generator, n: int) -> FloatArray:
         """(n, n_par) independent draws."""
         normal = rng.standard_normal((n, self.n_par)) / np.sqrt(rng.chisquare(DOF, n) / DOF)[:, None]
-        if self.weights.size == 1:
+        if self.weights.size == 1 and self._folding is None and self.bend is None:
             return self.means[0] + normal @ self.factors[0].T
         which = rng.choice(self.weights.size, n, p=self.weights)
-        return self.means[which] + np.einsum("nij,nj->ni", self.factors[which], normal)
+        if self._folding is not None:
+            points = self._folding.points(normal, which)
+        else:
+            points = self.means[which] + np.einsum("nij,nj->ni", self.factors[which], normal)
+        return points if self.bend is None else np.where(self.follows[which, None], self.bend.bent(points), points)
 
     def distances(self, draws: FloatArray) -> FloatArray:
         """(n_component, n_draw) squared distances from the centres in units of the scale matrices."""
@@ -111,18 +154,37 @@ class Proposal:
 
     def log_density(self, draws: FloatArray) -> FloatArray:
         """(n_draw,) normalised log density at draws (n_draw, n_par)."""
+        if self._folding is not None:
+            return self._folded_log_density(self._folding, draws)
         parts = self.component_log_densities(draws)
+        if self.bend is not None:
+            straight = self.component_log_densities(self.bend.straight(draws))
+            parts = np.where(self.follows[:, None], straight, parts)
         return parts[0] if parts.shape[0] == 1 else np.logaddexp.reduce(parts, axis=0)
+
+    def _folded_log_density(self, folds: Folding, draws: FloatArray) -> FloatArray:
+        columns = np.ascontiguousarray(draws.T[folds.order])
+        straight = columns if self.bend is None else np.ascontiguousarray(self.bend.straight(draws).T[folds.order])
+        power, top = 0.5 * (DOF + self.n_par), float(np.max(self._log_heights))
+        total, beyond = np.zeros(len(draws)), np.full(len(draws), -np.inf)
+        for k, height in enumerate(self._log_heights - top):
+            falls = 1.0 + folds.distances(straight if self.follows[k] else columns, k) / DOF
+            total += math.exp(height) * np.sum(falls**-power, axis=0)
+            if not np.all(total > 0.0):  # so far away that only logarithms know it
+                least = np.min(falls, axis=0)
+                beyond = np.logaddexp(beyond, height - power * np.log(least) + np.log(np.sum((falls / least) ** -power, axis=0)))
+        return top + np.where(total > 0.0, np.log(np.where(total > 0.0, total, 1.0)), beyond)
 
 
 def adapt_proposal(
     density: Density, start: FloatArray, cov: FloatArray, *, rng: np.random.Generator, starts: Sequence[FloatArray] = (),
-    covs: Sequence[FloatArray] = (), n_round: int = 2000,
+    covs: Sequence[FloatArray] = (), n_round: int = 2000, support: Support | None = None,
 ) -> Proposal:
     """A proposal adapted to `density` from one component at each start.
 
     start : (n_par,) the fit.  cov : (n_par, n_par) the covariance there, used at the other `starts` (further modes) too where they have no `covs`.
     covs : those of `starts`, whose components then keep two fifths of the draws whatever the rounds make of the others.
+    support : limits of the parameters, at which the proposal is folded.
     n_round : draws in each round, at least 500 for each start.  Where one Student-t gives uneven weights, mixtures of more are tried and
     kept if better.
 
@@ -131,13 +193,13 @@ def adapt_proposal(
     centres = np.vstack([start, *starts])
     n_round = max(n_round, 500 * len(centres))
     factors = np.stack([lower_factor(one) for one in (cov, *(covs or [cov] * len(starts)))])
-    mixture = Proposal(np.full(len(centres), 1.0 / len(centres)), centres, factors)
+    mixture = Proposal(np.full(len(centres), 1.0 / len(centres)), centres, factors, support)
     best, quality, draws, weights = _settle(density, _shrunk(density, mixture, rng), rng, n_round)
     for n_component in (4, 8):
         if quality > _EVEN_ENOUGH * min(1.0, 6.0 / mixture.n_par):  # the weights of normal densities are the less even the more parameters there are
             break
         split = _split(draws, weights, max(n_component, len(centres) + 1), rng)
-        candidate, better, candidate_draws, candidate_weights = _settle(density, split, rng, 4 * n_round)
+        candidate, better, candidate_draws, candidate_weights = _settle(density, replace(split, limits=support), rng, 4 * n_round)
         if better > 1.15 * quality:
             best, quality, draws, weights = candidate, better, candidate_draws, candidate_weights
     return best.beside(centres[1:], factors[1:]) if covs else best
@@ -157,8 +219,10 @@ def _settle(density: Density, mixture: Proposal, rng: np.random.Generator, n_rou
         found.append((proposal, quality, draws, weights))
         if len(found) > 2 and 0.05 < quality < 1.1 * max(f[1] for f in found[:-1]):
             break
-        mixture = _fit(mixture, draws, weights)
-        proposal = _guarded(mixture, draws, weights)
+        bend = _bend_at(mixture.limits, draws, weights)
+        straight = draws if bend is None else bend.straight(draws)
+        mixture = _fit(mixture, straight, weights)
+        proposal = _guarded(mixture.unfolded().following(bend), straight, weights)
     if not found:
         raise NumericalError("importance sampling cannot start: the posterior density is zero or not finite everywhere around the fit")
     return max(found, key=lambda f: f[1])
@@ -168,6 +232,15 @@ def _quality(log_ratio: FloatArray) -> float:
     """Effective share of weighted draws; a third of it where k-hat shows that a tail is missed."""
     share = kish_size(log_ratio) / log_ratio.size
     return share if pareto_smoothed(log_ratio)[1] <= _GOOD_K_HAT else share / 3.0
+
+
+def _bend_at(limits: Support | None, draws: FloatArray, weights: FloatArray) -> Bend | None:
+    """The bend of weighted draws, of the parameters that have no limit near."""
+    if limits is None:
+        return None
+    mean, cov = _covariance(draws, weights)
+    least = _FREE * np.sqrt(np.diag(cov))
+    return bend_of(draws, weights, (mean - limits[0] > least) & (limits[1] - mean > least))
 
 
 def _fit(mixture: Proposal, draws: FloatArray, weights: FloatArray) -> Proposal:
@@ -192,7 +265,7 @@ def _fit(mixture: Proposal, draws: FloatArray, weights: FloatArray) -> Proposal:
             means.append(mean)
             factors.append(lower_factor((pull[k][:, None] * deviation).T @ deviation / size[k] + floor))
         before = mixture
-        mixture = Proposal(size[kept] / np.sum(size[kept]), np.array(means), np.array(factors))
+        mixture = Proposal(size[kept] / np.sum(size[kept]), np.array(means), np.array(factors), mixture.limits)
         settled = kept.size == before.weights.size and np.max(np.abs(mixture.weights - before.weights)) < 1e-3
         if settled and np.max(before.distances(mixture.means).diagonal()) < 1e-5:
             break
@@ -223,10 +296,16 @@ def _guarded(mixture: Proposal, draws: FloatArray, weights: FloatArray) -> Propo
     return mixture._with(*_covariance(draws, weights), _WIDE_SHARE, _WIDE_FACTOR)
 
 
-def grown(draws: FloatArray, n_component: int, rng: np.random.Generator) -> Proposal:
-    """A mixture fitted to draws (n_draw, n_par) of equal weight that come from elsewhere, with the component that guards it."""
+def grown(draws: FloatArray, n_component: int, rng: np.random.Generator, limits: Support | None = None) -> Proposal:
+    """A mixture fitted to draws (n_draw, n_par) of equal weight that come from elsewhere, with the component that guards it.
+
+    limits : of the parameters; then it is folded there, and bent where the draws are.
+    """
     weights = np.full(len(draws), 1.0 / len(draws))
-    return _guarded(_split(draws, weights, n_component, rng), draws, weights)
+    bend = _bend_at(limits, draws, weights)
+    straight = draws if bend is None else bend.straight(draws)
+    mixture = replace(_split(straight, weights, n_component, rng), limits=limits)
+    return _guarded(mixture.unfolded().following(bend), straight, weights)
 
 
 def _shrunk(density: Density, mixture: Proposal, rng: np.random.Generator) -> Proposal:
@@ -234,7 +313,7 @@ def _shrunk(density: Density, mixture: Proposal, rng: np.random.Generator) -> Pr
     for _ in range(30):
         if np.mean(np.isfinite(density.log_density(mixture.draw(rng, 500)))) >= 0.02:
             break
-        mixture = Proposal(mixture.weights, mixture.means, 0.5 * mixture.factors)
+        mixture = replace(mixture, factors=0.5 * mixture.factors)
     return mixture
 
 
@@ -242,15 +321,3 @@ def _covariance(draws: FloatArray, weights: FloatArray) -> tuple[FloatArray, Flo
     mean = weights @ draws
     deviation = draws - mean
     return mean, (weights[:, None] * deviation).T @ deviation
-
-
-def lower_factor(cov: FloatArray) -> FloatArray:
-    """Lower Cholesky factor of a covariance; directions without any variance get a millionth of the others'."""
-    sds = np.sqrt(np.maximum(np.diag(cov), 0.0))
-    sds = np.where(sds > 0.0, sds, 1e-6 * max(float(np.max(sds)), 1e-140))
-    values, vectors = np.linalg.eigh(cov / np.outer(sds, sds))
-    root = vectors * np.sqrt(np.maximum(values, 1e-10))
-    # R of the QR decomposition of root^T is a Cholesky factor even where round-off spoils the matrix itself
-    upper = np.asarray(np.linalg.qr(root.T, mode="r"))
-    lower = upper.T * np.sign(np.diag(upper))
-    return np.asarray(sds[:, None] * lower)

@@ -9,6 +9,8 @@ import numpy as np
 from estim.arrays import FloatArray
 from estim.common import NumericalError
 
+Support = tuple[FloatArray, FloatArray]  # (n_par,) lowest and highest values
+
 _BATCH = 2000  # draws in one call: a curve of 1000 points needs some 16 MB an array
 
 

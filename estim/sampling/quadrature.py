@@ -25,8 +25,8 @@ from numpy.typing import NDArray
 
 from estim.arrays import FloatArray
 from estim.sampling.importance import log_sum_exp
-from estim.sampling.protocol import Density
-from estim.sampling.ridge import Frame, Support, climb, framed, separate_modes
+from estim.sampling.protocol import Density, Support
+from estim.sampling.ridge import Frame, climb, framed, separate_modes
 from estim.sampling.walk import Rule, walk
 
 IntArray = NDArray[np.int64]

@@ -17,11 +17,10 @@ from numpy.typing import NDArray
 from scipy.special import erfcx, ndtr
 
 from estim.arrays import FloatArray
-from estim.sampling.proposal import lower_factor
-from estim.sampling.protocol import Density, log_density_in_batches
+from estim.sampling.factors import lower_factor
+from estim.sampling.protocol import Density, Support, log_density_in_batches
 
 Flags = NDArray[np.bool_]
-Support = tuple[FloatArray, FloatArray]  # (n_par,) lowest and highest values
 
 _STEP = 0.1  # of the finite differences, in scales
 _LONGEST = 4.0  # Newton step, in scales

@@ -23,7 +23,7 @@ import numpy as np
 from estim.arrays import FloatArray
 from estim.campaign import Campaign, CurveModel
 from estim.checks import LeaveOneOut, difference, leave_one_out
-from estim.common import InputError, Stream, stream
+from estim.common import InputError, Stream, later, phrase, stream
 from estim.deviation import BadFrames, MixtureErrors, log_rescaled, log_restarted
 from estim.explanation import Predicted, predictive_checks
 from estim.pipeline import Analysis, analyse_fit
@@ -33,7 +33,7 @@ from estim.sampling import K_HAT_LIMIT, Progress, Stop, Store, Target, adapt_pro
 APART = 3.0  # of log evidence
 BEHIND, SES = 4.0, 2.0  # of elpd: less, or less than so many of its standard errors, decides nothing
 FACTORS = (0.5, 2.0)  # of the width of a prior
-FORCE, START = "the force", "the free start"  # what the default adds beside parameters
+FORCE, START = later("the force"), later("the free start")  # what the default adds beside parameters
 _LOO_DRAWS, _WIDTH_DRAWS = 2000, 8000
 
 
@@ -130,7 +130,7 @@ def compare_models(
         store = store_of(model.name)
         with nullcontext() if progress_of is None else progress_of(model.name) as progress:
             if progress is not None:
-                progress(0, "fit")
+                progress(0, phrase("fit"))
             fit = campaign.fit_model(model, bad=bad, rng=stream(seed, Stream.FIT))
             bad = {found.run: found.bad for found in fit.forces if len(runs) == 1} if model.forced else bad
             analysis = analyse_fit(fit, seed=seed, target=target, progress=progress, store=store, stop=stop)

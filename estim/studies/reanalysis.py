@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from estim.campaign import Campaign, gamma_of_body, gamma_origin
-from estim.common import Quantity, Status, Stream, spread, stream
+from estim.common import Quantity, Status, Stream, phrase, spread, stream
 from estim.fitting import Fit
 from estim.line import LineAnalysis, ThetaMinSeries, analyse_line, read_theta_min
 from estim.pipeline import Analysis, analyse
@@ -148,13 +148,13 @@ def _one_by_one(work: _Work, progress_of: ProgressOf) -> dict[_Piece, Any]:
 def _at_once(work: _Work, progress_of: ProgressOf, jobs: int) -> dict[_Piece, Any]:
     """Those that take longest first: the runs that are many together."""
     pieces = sorted(work.pieces, key=lambda piece: -len(work.runs_of(piece[1])))
-    with progress_of(f"{len(pieces)} fits, {min(jobs, len(pieces))} at once") as progress:
+    with progress_of(phrase("{n} fits, {jobs} at once", n=len(pieces), jobs=min(jobs, len(pieces)))) as progress:
         n_done = 0
 
         def tell(piece: _Piece, _: object) -> None:
             nonlocal n_done
             n_done += 1
-            progress(100 * n_done // len(pieces), f"{_shown(piece)}: done")
+            progress(100 * n_done // len(pieces), phrase("{what}: done", what=_shown(piece)))
 
         found = spread(work, pieces, jobs=jobs, keep=tell, patient=False)
     return dict(zip(pieces, found, strict=True))
@@ -162,7 +162,7 @@ def _at_once(work: _Work, progress_of: ProgressOf, jobs: int) -> dict[_Piece, An
 
 def _shown(piece: _Piece) -> str:
     kind, name = piece
-    return {"line": "line", "run": name, "body": f"{name}, all runs"}[kind]
+    return {"line": phrase("line"), "run": name, "body": phrase("{name}, all runs", name=name)}[kind]
 
 
 def _published(campaign: Campaign) -> tuple[str, Sequence[PublishedNumber]]:
@@ -190,20 +190,23 @@ def _found(campaign: Campaign, line: LineAnalysis | None, bodies: list[BodyAnaly
     for b in bodies:
         draws = b.joint.chain.flat
         if b.gamma_masses is not None:
-            found.append(("gamma", b.body, b.gamma_masses, gamma_origin(campaign.source, b.body) + " in this campaign"))
+            found.append(("gamma", b.body, b.gamma_masses, phrase("{origin} in this campaign", origin=gamma_origin(campaign.source, b.body))))
         for i, (name, estimate) in enumerate(zip(b.joint.problem.names, b.joint.estimates, strict=False)):
             base = name.partition("[")[0]
             if base in ("gamma", "kappa", "radius") and estimate.measured:  # what the data leave as it was stated is no second opinion
                 value = Quantity(float(draws[:, i].mean()), float(draws[:, i].std(ddof=1)))
-                given = informative(b.joint.problem.parameters[i].prior)
-                found.append((base, b.body, value, f"{len(b.energies)} runs of {b.body} together" + (", stated value as prior" if given else "")))
+                how = phrase("{n} runs of {body} together", n=len(b.energies), body=b.body)
+                if informative(b.joint.problem.parameters[i].prior):
+                    how = phrase("{n} runs of {body} together, stated value as prior", n=len(b.energies), body=b.body)
+                found.append((base, b.body, value, how))
         if b.joint.diagnosis.ok and b.drift.determined:
             worst = max(b.energies, key=lambda e: abs(e.extreme_relative.value)).extreme_relative
             means = [e.mean_relative for e in b.energies]
             mean, u = float(np.mean([abs(m.value) for m in means])), float(np.mean([m.u for m in means]))
-            found.append(("energy_change_mean", b.body, Quantity(mean, u), f"mean size over the runs of {b.body}"))
-            found.append(("energy_change_extreme", b.body, Quantity(abs(worst.value), worst.u), f"largest over the runs of {b.body}"))
+            over, most = phrase("mean size over the runs of {body}", body=b.body), phrase("largest over the runs of {body}", body=b.body)
+            found.append(("energy_change_mean", b.body, Quantity(mean, u), over))
+            found.append(("energy_change_extreme", b.body, Quantity(abs(worst.value), worst.u), most))
     if line is not None and line.status == "ok":
-        found.append(("gamma_line", line.series.body, line.readings["york"].gamma, "York line"))
-        found.append(("gamma_line", line.series.body, line.readings["posterior"].gamma, "Bayesian line"))
+        found.append(("gamma_line", line.series.body, line.readings["york"].gamma, phrase("York line")))
+        found.append(("gamma_line", line.series.body, line.readings["posterior"].gamma, phrase("Bayesian line")))
     return found

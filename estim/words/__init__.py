@@ -3,6 +3,7 @@
 Read `telling` first.  It lies this low because records say what they found when they are printed."""
 
 from estim.words.agreement import common_error
+from estim.words.first_steps import first_step
 from estim.words.parameters import one_sided
 from estim.words.regimes import sure
 from estim.words.releases import told_apart

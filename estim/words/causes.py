@@ -4,27 +4,32 @@ from __future__ import annotations
 
 from types import MappingProxyType
 
-from estim.common import Finding, Kind
+from estim.common import Finding, Kind, phrase
 from estim.words.table import Table
 
 
 def _alike(f: Finding) -> str:
-    return (
-        f"these data cannot tell apart: {'; '.join(f.names)}. Each of them explains what is left; a measurement of one of them by itself, "
-        "or a run that differs (another tilt, another body, a longer way), would decide"
+    return phrase(
+        "these data cannot tell apart: {names}. Each of them explains what is left; a measurement of one of them by itself, "
+        "or a run that differs (another tilt, another body, a longer way), would decide",
+        names="; ".join(f.names),
     )
 
 
 def _in_part(f: Finding) -> str:
-    which = " or ".join(f.names)
-    return f"{which} gains most (AIC falls by {f.size:.0f}), but the residuals are not in random order with it either: it is not all, or not it"
+    return phrase(
+        "{which} gains most (AIC falls by {fall:.0f}), but the residuals are not in random order with it either: it is not all, or not it",
+        which=phrase(" or ").join(f.names), fall=f.size,
+    )
 
 
 WORDS: Table = MappingProxyType(
     {
-        Kind.CAUSE_NAMED: lambda f: f"what is missing is most likely {f.names[0]}: AIC falls by {f.size:.0f}, and what is left is in random order",
+        Kind.CAUSE_NAMED: lambda f: phrase(
+            "what is missing is most likely {name}: AIC falls by {fall:.0f}, and what is left is in random order", name=f.names[0], fall=f.size
+        ),
         Kind.CAUSES_ALIKE: _alike,
         Kind.CAUSE_IN_PART: _in_part,
-        Kind.CAUSE_UNKNOWN: lambda f: f"none of {f.numbers['tried']:.0f} known causes explains anything that the curve lacks",
+        Kind.CAUSE_UNKNOWN: lambda f: phrase("none of {n:.0f} known causes explains anything that the curve lacks", n=f.numbers["tried"]),
     }
 )

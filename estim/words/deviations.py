@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping
 from types import MappingProxyType
 
-from estim.common import Finding, Kind
+from estim.common import Finding, Kind, later, phrase
 from estim.words.table import Table
 
 _READ_AS: Mapping[str, str] = MappingProxyType(
-    {"smooth": "a smooth deviation from the curve", "correlated": "errors of the readings that follow each other"}
+    {"smooth": later("a smooth deviation from the curve"), "correlated": later("errors of the readings that follow each other")}
 )
 
 
@@ -18,7 +18,7 @@ def _unit(unit: str) -> str:
 
 
 def _of_run(f: Finding) -> str:
-    return f"run {f.run}: " if f.run else ""
+    return phrase("run {run}: ", run=f.run) if f.run else ""
 
 
 def _how(f: Finding) -> str:
@@ -28,29 +28,32 @@ def _how(f: Finding) -> str:
     probable = max(ways, key=lambda way: n[way])
     along = _unit(f.names[0]) if probable == "smooth" else f" {f.names[2]}"
     size, length, short, long = (n[f"{probable}_{what}"] for what in ("size", "length", "short", "long"))
-    share = f" (probability {n[probable]:.2g}; else {_READ_AS[next(w for w in ways if w != probable)]})" if len(ways) > 1 else ""
-    return (
-        f"{_READ_AS[probable]}{share} of standard deviation {size:.2g}{_unit(f.names[1])}, over about {length:.2g}{along} ({short:.2g} to {long:.2g})"
+    other = phrase(_READ_AS[next(w for w in ways if w != probable)]) if len(ways) > 1 else ""
+    return phrase(
+        "{what}{share} of standard deviation {size:.2g}{unit}, over about {length:.2g}{along} ({short:.2g} to {long:.2g})",
+        what=phrase(_READ_AS[probable]), share=phrase(" (probability {p:.2g}; else {other})", p=n[probable], other=other) if other else "",
+        size=size, unit=_unit(f.names[1]), length=length, along=along, short=short, long=long,
     )
 
 
 def _found(f: Finding) -> str:
-    n, unit = f.numbers, _unit(f.names[1])
-    return (
-        f"{_of_run(f)}the residuals are not white about the curve; read as {_how(f)}; the part that no values of the parameters can imitate is "
-        f"{n['typical']:.2g}{unit} (root mean square, at most {n['most']:.2g}{unit}), P(amplitude > 0) = {f.p:.3f}"
+    n = f.numbers
+    return _of_run(f) + phrase(
+        "the residuals are not white about the curve; read as {how}; the part that no values of the parameters can imitate is "
+        "{typical:.2g}{unit} (root mean square, at most {most:.2g}{unit}), P(amplitude > 0) = {p:.3f}",
+        how=_how(f), typical=n["typical"], unit=_unit(f.names[1]), most=n["most"], p=f.p,
     )
 
 
 WORDS: Table = MappingProxyType(
     {
         Kind.DEVIATION_FOUND: _found,
-        Kind.DEVIATION_UNDECIDED: lambda f: (
-            f"{_of_run(f)}whether the curve lacks something cannot be told, P(amplitude > 0) = {f.p:.2f}; every interval has room for it"
+        Kind.DEVIATION_UNDECIDED: lambda f: _of_run(f) + phrase(
+            "whether the curve lacks something cannot be told, P(amplitude > 0) = {p:.2f}; every interval has room for it", p=f.p
         ),
-        Kind.DEVIATION_UNLIKELY: lambda f: (
-            f"{_of_run(f)}nothing shows that the curve lacks something, P(amplitude > 0) = {f.p:.2f}; every interval has room for what may have "
-            "stayed unseen"
+        Kind.DEVIATION_UNLIKELY: lambda f: _of_run(f) + phrase(
+            "nothing shows that the curve lacks something, P(amplitude > 0) = {p:.2f}; every interval has room for what may have stayed unseen",
+            p=f.p,
         ),
     }
 )

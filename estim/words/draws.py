@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from types import MappingProxyType
 
-from estim.common import Finding, Kind
+from estim.common import Finding, Kind, later, phrase
 from estim.words.table import Table, filled
 
 
@@ -14,86 +14,117 @@ def _parts(f: Finding) -> str:
 
 
 def _stuck(f: Finding) -> str:
-    return f"{f.size:.0f} walker{'s' if f.size > 1 else ''} never moved"
+    return phrase("{n:.0f} walkers never moved", n=f.size) if f.size > 1 else phrase("{n:.0f} walker never moved", n=f.size)
 
 
 def _differs(f: Finding) -> str:
-    again = " (and before, with other random numbers)" if "before" in f.numbers else ""
-    return f"chain and {f.test} differ{again} in " + " and ".join(filled(WORDS, part) for part in f.parts)
+    what = phrase(" and ").join(filled(WORDS, part) for part in f.parts)
+    if "before" in f.numbers:
+        return phrase("chain and {test} differ (and before, with other random numbers) in {what}", test=phrase(f.test), what=what)
+    return phrase("chain and {test} differ in {what}", test=phrase(f.test), what=what)
 
 
 def _difference(f: Finding) -> str:
-    errors = f"{f.numbers['errors']:.1f} Monte-Carlo errors"
-    return f"the {f.test} of {f.parameters[0].name} by {f.size:+.3f} posterior standard deviations ({errors})"
+    return phrase(
+        "the {what} of {name} by {size:+.3f} posterior standard deviations ({errors:.1f} Monte-Carlo errors)",
+        what=f.test, name=f.parameters[0].name, size=f.size, errors=f.numbers["errors"],
+    )
 
 
 def _unreliable(f: Finding) -> str:
-    shown = f"{f.size:.2f}" if math.isfinite(f.size) else "infinite"
-    return f"the importance weights cannot be trusted: k-hat is {shown}, above {f.numbers['limit']}, after {f.numbers['draws']:.0f} draws"
+    shown = f"{f.size:.2f}" if math.isfinite(f.size) else phrase("infinite")
+    return phrase(
+        "the importance weights cannot be trusted: k-hat is {shown}, above {limit}, after {draws:.0f} draws",
+        shown=shown, limit=f.numbers["limit"], draws=f.numbers["draws"],
+    )
 
 
 def _agrees(f: Finding) -> str:
-    words = "means, standard deviations and ends of the 95 % intervals agree within Monte-Carlo errors"
-    chance = "; both were computed twice, since the first pair differed by {:.1f} Monte-Carlo errors, by chance"
-    before = chance.format(f.numbers["before"]) if "before" in f.numbers else ""
-    return f"{words}; largest difference {f.size:.3f} posterior standard deviations{before}"
+    words = phrase(
+        "means, standard deviations and ends of the 95 % intervals agree within Monte-Carlo errors; "
+        "largest difference {size:.3f} posterior standard deviations",
+        size=f.size,
+    )
+    if "before" not in f.numbers:
+        return words
+    before = f.numbers["before"]
+    return words + phrase("; both were computed twice, since the first pair differed by {before:.1f} Monte-Carlo errors, by chance", before=before)
 
 
 def _move(f: Finding) -> str:
-    cure = "take n_node = 5" if f.numbers["nodes"] < 5 else "use the sampler"
-    return f"exact weights move a shared parameter by {f.size:.2f} standard deviations (Monte-Carlo error {f.numbers['u']:.2f}): {cure}"
+    cure = phrase("take n_node = 5") if f.numbers["nodes"] < 5 else phrase("use the sampler")
+    return phrase(
+        "exact weights move a shared parameter by {size:.2f} standard deviations (Monte-Carlo error {u:.2f}): {cure}",
+        size=f.size, u=f.numbers["u"], cure=cure,
+    )
 
 
 def _uneven(f: Finding) -> str:
-    found = f"k-hat {f.size:.2f}, {f.numbers['ess']:.0f} effective draws"
-    return f"exact weights in all dimensions are too uneven to certify the result ({found})"
+    return phrase(
+        "exact weights in all dimensions are too uneven to certify the result (k-hat {k_hat:.2f}, {ess:.0f} effective draws)",
+        k_hat=f.size, ess=f.numbers["ess"],
+    )
 
 
 def _weights_agree(f: Finding) -> str:
-    return (
-        f"exact weights in all dimensions agree (k-hat {f.numbers['k_hat']:.2f}): no shared parameter moves by more than {f.size:.2f} standard"
-        f" deviations, with a Monte-Carlo error of {f.numbers['u']:.2f}"
+    return phrase(
+        "exact weights in all dimensions agree (k-hat {k_hat:.2f}): no shared parameter moves by more than {size:.2f} standard"
+        " deviations, with a Monte-Carlo error of {u:.2f}",
+        k_hat=f.numbers["k_hat"], size=f.size, u=f.numbers["u"],
     )
 
 
 def _missed(f: Finding) -> str:
-    return f"the proposal misses part of the marginal of the shared parameters: k-hat {f.size:.2f} is not below {f.numbers['limit']}"
+    return phrase(
+        "the proposal misses part of the marginal of the shared parameters: k-hat {size:.2f} is not below {limit}",
+        size=f.size, limit=f.numbers["limit"],
+    )
+
+
+def _below(words: str, f: Finding) -> str:
+    return phrase(words, size=f.size, limit=f.numbers["limit"])
+
+
+def _brief(f: Finding) -> str:
+    return phrase(
+        "{size:.0f} steps are fewer than {limit:.0f} autocorrelation times of {tau:.1f}", size=f.size, limit=f.numbers["limit"], tau=f.numbers["tau"]
+    )
 
 
 WORDS: Table = MappingProxyType(
     {
-        Kind.CHAIN_SHORT: lambda f: f"sampling stopped after {f.size:.0f} steps although {_parts(f)}",
+        Kind.CHAIN_SHORT: lambda f: phrase("sampling stopped after {n:.0f} steps although {reasons}", n=f.size, reasons=_parts(f)),
         Kind.WALKERS_STUCK: _stuck,
-        Kind.RHAT_HIGH: lambda f: f"R-hat {f.size:.3f} is not below {f.numbers['limit']}",
-        Kind.BULK_LOW: lambda f: f"bulk ESS {f.size:.0f} is below {f.numbers['limit']:.0f}",
-        Kind.TAIL_LOW: lambda f: f"tail ESS {f.size:.0f} is below {f.numbers['limit']:.0f}",
-        Kind.CHAIN_BRIEF: lambda f: f"{f.size:.0f} steps are fewer than {f.numbers['limit']:.0f} autocorrelation times of {f.numbers['tau']:.1f}",
-        Kind.TAU_UNSETTLED: "the autocorrelation time has not settled",
-        Kind.CRITERIA_MET: "all criteria are met",
-        Kind.INDEPENDENT_DRAWS: "independent draws by importance sampling",
-        Kind.DRAWS_SHORT: lambda f: f"only {f.size:.0f} effective draws of {f.numbers['limit']:.0f}",
+        Kind.RHAT_HIGH: lambda f: _below(later("R-hat {size:.3f} is not below {limit}"), f),
+        Kind.BULK_LOW: lambda f: _below(later("bulk ESS {size:.0f} is below {limit:.0f}"), f),
+        Kind.TAIL_LOW: lambda f: _below(later("tail ESS {size:.0f} is below {limit:.0f}"), f),
+        Kind.CHAIN_BRIEF: _brief,
+        Kind.TAU_UNSETTLED: later("the autocorrelation time has not settled"),
+        Kind.CRITERIA_MET: later("all criteria are met"),
+        Kind.INDEPENDENT_DRAWS: later("independent draws by importance sampling"),
+        Kind.DRAWS_SHORT: lambda f: _below(later("only {size:.0f} effective draws of {limit:.0f}"), f),
         Kind.METHODS_DIFFER: _parts,
         Kind.CHAIN_DIFFERS: _differs,
         Kind.DIFFERENCE: _difference,
         Kind.CHAIN_AGREES: _agrees,
-        Kind.NOT_SAMPLED: "data and stated values contradict each other, so the posterior was not sampled to the end",
-        Kind.TOO_MANY_PARAMETERS: lambda f: (
-            f"importance sampling is not used for more than {f.numbers['limit']:.0f} parameters (there are {f.size:.0f})"
+        Kind.NOT_SAMPLED: later("data and stated values contradict each other, so the posterior was not sampled to the end"),
+        Kind.TOO_MANY_PARAMETERS: lambda f: _below(
+            later("importance sampling is not used for more than {limit:.0f} parameters (there are {size:.0f})"), f
         ),
         Kind.WEIGHTS_UNRELIABLE: _unreliable,
-        Kind.ERRORS_TOO_LARGE: lambda f: (
-            f"the Monte-Carlo errors are too large to tell: differences up to {f.size:.2f} posterior standard deviations would not show"
+        Kind.ERRORS_TOO_LARGE: lambda f: phrase(
+            "the Monte-Carlo errors are too large to tell: differences up to {size:.2f} posterior standard deviations would not show", size=f.size
         ),
-        Kind.MARGINAL_SAMPLED: lambda f: (
-            f"the marginal of the shared parameters was sampled well (k-hat {f.numbers['k_hat']:.2f}, {f.size:.0f} effective draws)"
+        Kind.MARGINAL_SAMPLED: lambda f: phrase(
+            "the marginal of the shared parameters was sampled well (k-hat {k_hat:.2f}, {n:.0f} effective draws)", k_hat=f.numbers["k_hat"], n=f.size
         ),
-        Kind.RUNS_COUNT_ALIKE: lambda f: (
-            f"each of the {f.numbers['runs']:.0f} runs counts by its best fit for given shared parameters; flat weights of all values of its own "
-            f"would move a shared parameter by {f.size:.2g} standard deviations, the more the more runs there are"
+        Kind.RUNS_COUNT_ALIKE: lambda f: phrase(
+            "each of the {n:.0f} runs counts by its best fit for given shared parameters; flat weights of all values of its own would move a shared "
+            "parameter by {size:.2g} standard deviations, the more the more runs there are", n=f.numbers["runs"], size=f.size
         ),
         Kind.MARGINAL_MISSED: _missed,
-        Kind.MARGINAL_DRAWS_FEW: lambda f: f"only {f.size:.0f} effective draws (at least {f.numbers['limit']:.0f} are needed): raise n_draw",
-        Kind.WEIGHTS_EXACT: "every parameter was sampled: nothing is integrated out, the weights are exact",
+        Kind.MARGINAL_DRAWS_FEW: lambda f: _below(later("only {size:.0f} effective draws (at least {limit:.0f} are needed): raise n_draw"), f),
+        Kind.WEIGHTS_EXACT: later("every parameter was sampled: nothing is integrated out, the weights are exact"),
         Kind.WEIGHTS_UNEVEN: _uneven,
         Kind.WEIGHTS_MOVE: _move,
         Kind.WEIGHTS_AGREE: _weights_agree,

@@ -5,54 +5,62 @@ from __future__ import annotations
 import math
 from types import MappingProxyType
 
-from estim.common import Finding, Kind, format_quantity
+from estim.common import Finding, Kind, format_quantity, phrase
 from estim.words.table import Table
-
-_KEPT = "nothing is repaired: the frame stays in the fit with its shift as one more unknown"
 
 
 def _where(f: Finding) -> str:
     n = f.numbers
     place = f"x = {n['x']:.4g}" if math.isnan(n["t"]) else f"t = {n['t']:.6g} s"
-    return place + (f" (line {n['line']:.0f} of its file)" if n["line"] else "")
+    return place + (phrase(" (line {line:.0f} of its file)", line=n["line"]) if n["line"] else "")
 
 
 def _shift(f: Finding) -> str:
-    counts = f", {f.numbers['counts']:+.1f} counts of the encoder" if f.numbers["counts"] else ""
+    counts = phrase(", {counts:+.1f} counts of the encoder", counts=f.numbers["counts"]) if f.numbers["counts"] else ""
     sign = "+" if f.size > 0.0 else ""
     return f"{sign}{format_quantity(f.size, f.numbers['sd'])} {f.names[0]}{counts} (P = {f.p:.3f})"
 
 
 def _frame(f: Finding) -> str:
-    without = "" if math.isnan(f.numbers["t"]) else f"; leave_out_s = [{f.numbers['t']:.6g}] in the table of the run leaves it out"
-    return f"run {f.run}: the frame at {_where(f)} is off by {_shift(f)}; {_KEPT}{without}"
+    off = phrase(
+        "run {run}: the frame at {where} is off by {shift}; nothing is repaired: the frame stays in the fit with its shift as one more unknown",
+        run=f.run, where=_where(f), shift=_shift(f),
+    )
+    t = f.numbers["t"]
+    return off if math.isnan(t) else off + phrase("; leave_out_s = [{t:.6g}] in the table of the run leaves it out", t=t)
 
 
 def _windows(f: Finding) -> str:
-    return f"window = {{t_max_s = {f.numbers['before']:.6g}}} fits what comes before, {{t_min_s = {f.numbers['t']:.6g}}} what comes after"
+    return phrase(
+        "window = {{t_max_s = {before:.6g}}} fits what comes before, {{t_min_s = {t:.6g}}} what comes after",
+        before=f.numbers["before"], t=f.numbers["t"],
+    )
 
 
 def _step(f: Finding) -> str:
-    return (
-        f"run {f.run}: from the frame at {_where(f)} on all readings are shifted by {_shift(f)}; nothing is repaired: the shift is one more "
-        f"unknown; {_windows(f)}"
+    return phrase(
+        "run {run}: from the frame at {where} on all readings are shifted by {shift}; nothing is repaired: the shift is one more unknown; {windows}",
+        run=f.run, where=_where(f), shift=_shift(f), windows=_windows(f),
     )
 
 
 def _lost(f: Finding) -> str:
     frames, sd = f.numbers["frames"], f.numbers["sd_frames"]
-    what = "frames were lost" if frames > 0.0 else "frames were counted twice"
-    return (
-        f"run {f.run}: before the frame at {_where(f)} {format_quantity(abs(frames), sd)} {what} and the times go on as if nothing were "
-        f"(P = {f.p:.3f}); nothing is repaired: the shift of the times is one more unknown; {_windows(f)}"
+    n = format_quantity(abs(frames), sd)
+    return phrase(
+        "run {run}: before the frame at {where} {what} and the times go on as if nothing were "
+        "(P = {p:.3f}); nothing is repaired: the shift of the times is one more unknown; {windows}",
+        run=f.run, where=_where(f), p=f.p, windows=_windows(f),
+        what=phrase("{n} frames were lost", n=n) if frames > 0.0 else phrase("{n} frames were counted twice", n=n),
+    )
+
+
+def _crowd(f: Finding) -> str:
+    return phrase(
+        "run {run}: more than {n:.0f} frames are off: these are no single slips, the readings scatter more than stated", run=f.run, n=f.size
     )
 
 
 WORDS: Table = MappingProxyType(
-    {
-        Kind.FRAME_OFF: _frame, Kind.STEP_STAYS: _step, Kind.FRAMES_LOST: _lost,
-        Kind.FRAMES_CROWD: lambda f: (
-            f"run {f.run}: more than {f.size:.0f} frames are off: these are no single slips, the readings scatter more than stated"
-        ),
-    }
+    {Kind.FRAME_OFF: _frame, Kind.STEP_STAYS: _step, Kind.FRAMES_LOST: _lost, Kind.FRAMES_CROWD: _crowd}
 )

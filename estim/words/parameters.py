@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from types import MappingProxyType
 
-from estim.common import Amount, Finding, Kind, Label, format_p, format_rounded, percentage
+from estim.common import Amount, Finding, Kind, Label, format_p, format_rounded, later, percentage, phrase
 from estim.words.table import Table
 
 _MOST_NAMED = 5
@@ -39,12 +39,13 @@ def _equal(f: Finding) -> str:
 
 
 def _solution(f: Finding) -> str:
-    return f"{_equal(f)} ({percentage(f.size)} of the posterior)"
+    return phrase("{values} ({share} of the posterior)", values=_equal(f), share=percentage(f.size))
 
 
 def _several(f: Finding) -> str:
-    more = f"; and {f.size - len(f.parts):.0f} more" if f.size > len(f.parts) else ""
-    return f"the data allow {f.size:.0f} separate solutions: {'; or '.join(map(_solution, f.parts))}{more}"
+    more = phrase("; and {n:.0f} more", n=f.size - len(f.parts)) if f.size > len(f.parts) else ""
+    solutions = phrase("; or ").join(map(_solution, f.parts))
+    return phrase("the data allow {n:.0f} separate solutions: {solutions}{more}", n=f.size, solutions=solutions, more=more)
 
 
 def _moves(f: Finding) -> str:
@@ -54,22 +55,30 @@ def _moves(f: Finding) -> str:
         assert amount.label is not None
         step = abs(amount.value)
         size = f"{step * amount.label.factor:.2g}{behind(amount.label)}" if math.isnan(amount.whole) else f"{100.0 * step / amount.whole:.2g} %"
-        parts.append(f"{amount.label.symbol} {'up' if amount.value > 0.0 else 'down'} by {size}")
+        up, symbol = amount.value > 0.0, amount.label.symbol
+        parts.append(phrase("{symbol} up by {size}", symbol=symbol, size=size) if up else phrase("{symbol} down by {size}", symbol=symbol, size=size))
     return ", ".join(parts)
 
 
 def _silent(f: Finding) -> str:
-    seen = "nothing that was measured" if f.size < 1e-6 else f"what was measured by only {math.sqrt(f.size):.2g} of its noise in all"
-    return f"{_moves(f)} {'together change' if len(f.parameters) > 1 else 'changes'} {seen}"
+    moves, together = _moves(f), len(f.parameters) > 1
+    if f.size < 1e-6:
+        if together:
+            return phrase("{moves} together change nothing that was measured", moves=moves)
+        return phrase("{moves} changes nothing that was measured", moves=moves)
+    noise = math.sqrt(f.size)
+    if together:
+        return phrase("{moves} together change what was measured by only {noise:.2g} of its noise in all", moves=moves, noise=noise)
+    return phrase("{moves} changes what was measured by only {noise:.2g} of its noise in all", moves=moves, noise=noise)
 
 
 def _exchanged(f: Finding) -> str:
-    exchanges = "; or ".join(_exchange(part) for part in f.parts)
-    return f"the same curve with components exchanged ({exchanges}): order them by bounds to choose"
+    exchanges = phrase("; or ").join(_exchange(part) for part in f.parts)
+    return phrase("the same curve with components exchanged ({exchanges}): order them by bounds to choose", exchanges=exchanges)
 
 
 def _exchange(f: Finding) -> str:
-    return " and ".join(f"{a} with {b}" for a, b in zip(f.names[::2], f.names[1::2], strict=True))
+    return phrase(" and ").join(phrase("{a} with {b}", a=a, b=b) for a, b in zip(f.names[::2], f.names[1::2], strict=True))
 
 
 def _image(f: Finding) -> str:
@@ -85,68 +94,97 @@ def _change(amount: Amount) -> str:
 
 
 def _listed(f: Finding) -> str:
-    return "; or ".join(_equal(part) for part in f.parts)
+    return phrase("; or ").join(_equal(part) for part in f.parts)
+
+
+def _images(f: Finding) -> str:
+    images = phrase("; or ").join(map(_image, f.parts))
+    return phrase("the same curve with {images}: the solution closest to the start is given", images=images)
+
+
+def _other_numbers(f: Finding) -> str:
+    return phrase("the same curve with other numbers ({values}): the solution closest to the start is given", values=_listed(f))
+
+
+def _faster(f: Finding) -> str:
+    return phrase("faster curves pass through the same points ({values}): if one of them is meant, say so by bounds", values=_listed(f))
+
+
+def _elsewhere(f: Finding) -> str:
+    return phrase("{n:.0f} of {starts:.0f} starts of the fit ended elsewhere than at the best optimum", n=f.size, starts=f.numbers["starts"])
+
+
+def _flat(f: Finding) -> str:
+    return phrase("data and priors do not fix a combination of parameters, only the edges of their ranges do: {moves}", moves=_silent(f))
+
+
+def _exact(f: Finding) -> str:
+    return phrase("run {run}: {names} taken as exact: every result is only as good as that", run=f.run, names=phrase(" and ").join(f.names))
 
 
 def _edge(f: Finding) -> str:
     (edge,) = f.parameters
-    place = f"{symbol(edge)} lies at the edge of its prior, {value_words(edge)}"
-    return f"{place}, and the data ask for values beyond it ({format_p(f.p)})"
+    return phrase(
+        "{symbol} lies at the edge of its prior, {value}, and the data ask for values beyond it ({p})",
+        symbol=symbol(edge), value=value_words(edge), p=format_p(f.p),
+    )
 
 
 def _pressed(f: Finding) -> str:
     (limit,) = f.parameters
-    return f"{limit.name} lies on its limit {limit.value:.6g}, and the data ask for values beyond it ({format_p(f.p)}): is the limit right?"
+    return phrase(
+        "{name} lies on its limit {value:.6g}, and the data ask for values beyond it ({p}): is the limit right?",
+        name=limit.name, value=limit.value, p=format_p(f.p),
+    )
 
 
 def _limit(f: Finding) -> str:
     (edge,) = f.parameters
     assert edge.label is not None
     cell = one_sided(f.test, f.size, edge.value, factor=edge.label.factor, unit=behind(edge.label))
-    return f"{edge.label.symbol} {cell}: its most probable value is the edge of its range, {value_words(edge)}"
+    return phrase(
+        "{symbol} {limit}: its most probable value is the edge of its range, {edge}", symbol=edge.label.symbol, limit=cell, edge=value_words(edge)
+    )
 
 
 def _held(f: Finding) -> str:
-    which, more = ", ".join(f.names[:_MOST_NAMED]), f" and {len(f.names) - _MOST_NAMED} more" if len(f.names) > _MOST_NAMED else ""
-    return (
-        f"the covariance of {which}{more} was held, because it swings with the curve: its own values may be off by {f.size:.2g} of their standard "
-        f"deviations, all others by {f.numbers['felt']:.1g}"
+    named = ", ".join(f.names[:_MOST_NAMED])
+    which = phrase("{names} and {n} more", names=named, n=len(f.names) - _MOST_NAMED) if len(f.names) > _MOST_NAMED else named
+    return phrase(
+        "the covariance of {which} was held, because it swings with the curve: its own values may be off by {size:.2g} of their standard deviations, "
+        "all others by {felt:.1g}", which=which, size=f.size, felt=f.numbers["felt"],
     )
 
 
 def _not_settled(f: Finding) -> str:
     if f.names:
-        return f"the least-squares fit did not settle: {_held(f)}"
-    return f"the least-squares fit did not settle: its last round still moved a parameter by {f.size:.2g} standard deviations"
+        return phrase("the least-squares fit did not settle: {held}", held=_held(f))
+    return phrase("the least-squares fit did not settle: its last round still moved a parameter by {size:.2g} standard deviations", size=f.size)
 
 
 WORDS: Table = MappingProxyType(
     {
         Kind.FIT_UNSETTLED: _not_settled,
         Kind.COVARIANCE_HELD: _held,
-        Kind.STEP_UNSETTLED: lambda f: f"the search did not settle: its last step was {f.size:.2g} standard deviations",
-        Kind.STARTS_ELSEWHERE: lambda f: f"{f.size:.0f} of {f.numbers['starts']:.0f} starts of the fit ended elsewhere than at the best optimum",
+        Kind.STEP_UNSETTLED: lambda f: phrase("the search did not settle: its last step was {size:.2g} standard deviations", size=f.size),
+        Kind.STARTS_ELSEWHERE: _elsewhere,
         Kind.EXCHANGED: _exchanged,
         Kind.EXCHANGE: _exchange,
-        Kind.IMAGES: lambda f: f"the same curve with {'; or '.join(map(_image, f.parts))}: the solution closest to the start is given",
+        Kind.IMAGES: _images,
         Kind.IMAGE: _image,
-        Kind.OTHER_NUMBERS: lambda f: f"the same curve with other numbers ({_listed(f)}): the solution closest to the start is given",
-        Kind.FASTER_CURVES: lambda f: (
-            f"faster curves pass through the same points ({_listed(f)}): if one of them is meant, say so by bounds"
-        ),
+        Kind.OTHER_NUMBERS: _other_numbers,
+        Kind.FASTER_CURVES: _faster,
         Kind.VALUES: _equal,
         Kind.SEVERAL_SOLUTIONS: _several,
         Kind.SOLUTION: _solution,
-        Kind.DIRECTION_FLAT: lambda f: (
-            f"data and priors do not fix a combination of parameters, only the edges of their ranges do: {_silent(f)}"
-        ),
-        Kind.DIRECTION_LEARNT: lambda f: f"learnt from the data: {_moves(f)}",
+        Kind.DIRECTION_FLAT: _flat,
+        Kind.DIRECTION_LEARNT: lambda f: phrase("learnt from the data: {moves}", moves=_moves(f)),
         Kind.DIRECTION_SILENT: _silent,
-        Kind.SINGULAR: "a combination of the parameters is determined neither by the data nor by the priors",
-        Kind.UNDETERMINED: "the data do not determine a combination of the parameters: no standard deviations",
+        Kind.SINGULAR: later("a combination of the parameters is determined neither by the data nor by the priors"),
+        Kind.UNDETERMINED: later("the data do not determine a combination of the parameters: no standard deviations"),
         Kind.PRESSED_EDGE: _edge,
         Kind.PRESSED_LIMIT: _pressed,
         Kind.LIMIT: _limit,
-        Kind.TAKEN_AS_EXACT: lambda f: f"run {f.run}: {' and '.join(f.names)} taken as exact: every result is only as good as that",
+        Kind.TAKEN_AS_EXACT: _exact,
     }
 )

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from types import MappingProxyType
 
-from estim.common import Finding, Kind
+from estim.common import Finding, Kind, phrase
 from estim.words.table import Table
 
 
@@ -16,10 +16,17 @@ def sure(p: float) -> str:
 
 def _off(f: Finding) -> str:
     n = f.numbers
-    should = "should roll on" if math.isnan(n["expected"]) else f"should turn at {n['expected']:.3g} m"
+    said = {"run": f.run, "farthest": n["farthest"], "sure": sure(f.p)}
     if n["sets_off"] < 0.5:
-        should = "should not set off in this direction"
-    return f"run {f.run}: with these values it {should}, and its recording goes to {n['farthest']:.3g} m ({sure(f.p)})"
+        return phrase(
+            "run {run}: with these values it should not set off in this direction, and its recording goes to {farthest:.3g} m ({sure})", **said
+        )
+    if math.isnan(n["expected"]):
+        return phrase("run {run}: with these values it should roll on, and its recording goes to {farthest:.3g} m ({sure})", **said)
+    return phrase(
+        "run {run}: with these values it should turn at {expected:.3g} m, and its recording goes to {farthest:.3g} m ({sure})",
+        expected=n["expected"], **said,
+    )
 
 
 WORDS: Table = MappingProxyType({Kind.RUN_OFF_MAP: _off})

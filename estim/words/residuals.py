@@ -3,21 +3,20 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from types import MappingProxyType
 
-from estim.common import Finding, Kind, format_p, percentage
+from estim.common import Finding, Kind, Said, format_p, later, percentage, phrase
 from estim.words.table import Table
 
-TESTS: Mapping[str, str] = MappingProxyType(
+TESTS = Said(
     {
-        "chi2": "the residuals are larger than the noise",
-        "runs": "the residuals change sign too seldom",
-        "autocorrelation": "neighbouring residuals are alike",
-        "trend": "the residuals drift along the run",
-        "largest": "one residual is far larger than the others",
-        "speed": "the residuals are larger where the body is fast",
-        "zero": "all residuals are zero but for rounding errors, as those of measurements never are: were the data computed?",
+        "chi2": later("the residuals are larger than the noise"),
+        "runs": later("the residuals change sign too seldom"),
+        "autocorrelation": later("neighbouring residuals are alike"),
+        "trend": later("the residuals drift along the run"),
+        "largest": later("one residual is far larger than the others"),
+        "speed": later("the residuals are larger where the body is fast"),
+        "zero": later("all residuals are zero but for rounding errors, as those of measurements never are: were the data computed?"),
     }
 )
 
@@ -29,85 +28,128 @@ def _p(f: Finding) -> str:
 
 
 def _of_run(f: Finding) -> str:
-    return f"run {f.run}: " if f.run else ""
+    return phrase("run {run}: ", run=f.run) if f.run else ""
 
 
 def _failed(f: Finding) -> str:
-    return f"{_of_run(f)}{TESTS[f.test]} (test '{f.test}', {_p(f)})"
+    return _of_run(f) + phrase("{what} (test '{test}', {p})", what=TESTS[f.test], test=f.test, p=_p(f))
 
 
 def _too_large(f: Finding) -> str:
-    return f"the residuals are larger than u_y allows: chi2 = {f.size:.4g} for {f.numbers['dof']:.0f} degrees of freedom, {format_p(f.p)}"
+    return phrase(
+        "the residuals are larger than u_y allows: chi2 = {chi2:.4g} for {dof:.0f} degrees of freedom, {p}",
+        chi2=f.size, dof=f.numbers["dof"], p=format_p(f.p),
+    )
 
 
 def _small(f: Finding) -> str:
     dof = f.numbers["dof"]
-    larger = f", about {math.sqrt(dof / f.size):.2g} times" if f.size > 0.0 else ""
-    return (
-        f"the residuals are smaller than u_y says (chi2 = {f.size:.4g} for {dof:.0f} degrees of freedom): is u_y too large{larger}, and with it "
-        "every interval? Or do the points share their errors, or were they smoothed?"
+    if not f.size > 0.0:
+        return phrase(
+            "the residuals are smaller than u_y says (chi2 = {chi2:.4g} for {dof:.0f} degrees of freedom): is u_y too large, and with it "
+            "every interval? Or do the points share their errors, or were they smoothed?",
+            chi2=f.size, dof=dof,
+        )
+    return phrase(
+        "the residuals are smaller than u_y says (chi2 = {chi2:.4g} for {dof:.0f} degrees of freedom): is u_y too large, about {times:.2g} times, "
+        "and with it every interval? Or do the points share their errors, or were they smoothed?",
+        chi2=f.size, dof=dof, times=math.sqrt(dof / f.size),
     )
 
 
+def _deviance(f: Finding) -> str:
+    return phrase("deviance = {size:.4g} for {dof:.0f} degrees of freedom", size=f.size, dof=f.numbers["dof"])
+
+
 def _counts_scatter(f: Finding) -> str:
-    size = f"test '{f.test}', {_p(f)}"
-    if "dof" in f.numbers:
-        size = f"deviance = {f.size:.4g} for {f.numbers['dof']:.0f} degrees of freedom, {format_p(f.p)}"
-    return f"{_of_run(f)}the counts scatter more about the curve than independent events can ({size})"
+    size = f"{_deviance(f)}, {format_p(f.p)}" if "dof" in f.numbers else phrase("test '{test}', {p}", test=f.test, p=_p(f))
+    return _of_run(f) + phrase("the counts scatter more about the curve than independent events can ({size})", size=size)
 
 
 def _counts_even(f: Finding) -> str:
-    size = f"deviance = {f.size:.4g} for {f.numbers['dof']:.0f} degrees of freedom" if "dof" in f.numbers else _p(f)
-    return f"{_of_run(f)}the counts scatter less than independent events can ({size}): are they averages, scaled, smoothed or made by hand?"
+    size = _deviance(f) if "dof" in f.numbers else _p(f)
+    return _of_run(f) + phrase(
+        "the counts scatter less than independent events can ({size}): are they averages, scaled, smoothed or made by hand?", size=size
+    )
 
 
 def _counts_as_readings(f: Finding) -> str:
-    run = f"run {f.run}: " if f.run not in ("", "data") else ""
-    return (
-        f"{run}y are whole numbers and u_y their square roots: these are counts. Errors taken from the counts themselves pull the curve down, "
+    run = phrase("run {run}: ", run=f.run) if f.run not in ("", "data") else ""
+    return run + phrase(
+        "y are whole numbers and u_y their square roots: these are counts. Errors taken from the counts themselves pull the curve down, "
         "and where counts are few the intervals hold far less than they say (an empty bin, left out, makes it worse). Fit them as counts, "
         'empty bins among them: noise = {model = "poisson"} in [curve], noise="poisson" in Python, in place of u_y'
     )
 
 
 def _tests(f: Finding) -> str:
-    return f"test{'s' if len(f.names) > 1 else ''} " + " and ".join(f"'{name}'" for name in f.names)
+    names = phrase(" and ").join(f"'{name}'" for name in f.names)
+    return phrase("tests {names}", names=names) if len(f.names) > 1 else phrase("test {names}", names=names)
 
 
 def _alike(f: Finding) -> str:
-    return (
-        f"{_of_run(f)}neighbouring residuals are alike ({_tests(f)}, {_p(f)}), although they are no larger than stated: errors of successive "
+    return _of_run(f) + phrase(
+        "neighbouring residuals are alike ({tests}, {p}), although they are no larger than stated: errors of successive "
         "readings follow each other. The force takes up what they share, and in simulated runs of this kind the intervals held the true "
-        "values as often as they say"
+        "values as often as they say",
+        tests=_tests(f), p=_p(f),
     )
 
 
 def _covered(f: Finding) -> str:
-    failed = _tests(f)
-    return (
-        f"{_of_run(f)}the stated error is conservative: the residuals are {f.size:.2g} of it and have a pattern ({failed}), but all of them "
-        f"together are smaller than one stated standard deviation (chi2 = {f.numbers['chi2']:.2g}); it is kept as stated, and {failed} "
-        f"{'do' if len(f.names) > 1 else 'does'} not count"
+    said = {"size": f.size, "failed": _tests(f), "chi2": f.numbers["chi2"]}
+    if len(f.names) > 1:
+        return _of_run(f) + phrase(
+            "the stated error is conservative: the residuals are {size:.2g} of it and have a pattern ({failed}), but all of them "
+            "together are smaller than one stated standard deviation (chi2 = {chi2:.2g}); it is kept as stated, and {failed} do not count",
+            **said,
+        )
+    return _of_run(f) + phrase(
+        "the stated error is conservative: the residuals are {size:.2g} of it and have a pattern ({failed}), but all of them "
+        "together are smaller than one stated standard deviation (chi2 = {chi2:.2g}); it is kept as stated, and {failed} does not count",
+        **said,
     )
 
 
 def _few(f: Finding) -> str:
-    share = f"{100.0 * f.numbers['coverage']:.0f} %"
-    held = f"value ± standard error holds the true value in {share} of such experiments, not in 68 %"
-    return f"only {f.size:.0f} degree{'s' if f.size > 1 else ''} of freedom: {held}; the intervals (Student's t) hold what they say"
+    said = {"n": f.size, "share": 100.0 * f.numbers["coverage"]}
+    if f.size > 1:
+        return phrase(
+            "only {n:.0f} degrees of freedom: value ± standard error holds the true value in {share:.0f} % of such experiments, not in 68 %; "
+            "the intervals (Student's t) hold what they say",
+            **said,
+        )
+    return phrase(
+        "only {n:.0f} degree of freedom: value ± standard error holds the true value in {share:.0f} % of such experiments, not in 68 %; "
+        "the intervals (Student's t) hold what they say",
+        **said,
+    )
 
 
 def _crowd(f: Finding) -> str:
-    return f"run {f.run}: {percentage(f.size)} of the frames would be outliers: it may be the others that are not the motion"
+    return phrase(
+        "run {run}: {share} of the frames would be outliers: it may be the others that are not the motion", run=f.run, share=percentage(f.size)
+    )
 
 
-def _limit(where: str, f: Finding) -> str:
+def _limit(words: str, f: Finding) -> str:
     (limit,) = f.parameters
-    return f"{limit.name} {where} its limit {limit.value:.6g}: no standard deviation, read its interval"
+    return phrase(words, name=limit.name, limit=limit.value)
 
 
 def _cut(f: Finding) -> str:
-    return f"{f.parameters[0].name} has no standard deviation, because the limit of {' and '.join(f.names)} cuts it: read its interval"
+    return phrase(
+        "{name} has no standard deviation, because the limit of {names} cuts it: read its interval",
+        name=f.parameters[0].name, names=phrase(" and ").join(f.names),
+    )
+
+
+def _with_speed(f: Finding) -> str:
+    return _of_run(f) + phrase(
+        "the readings scatter more where the body is fast ({p}): were the pictures blurred? State how long each was exposed, "
+        "exposure_s in the noise table",
+        p=_p(f),
+    )
 
 
 WORDS: Table = MappingProxyType(
@@ -116,13 +158,10 @@ WORDS: Table = MappingProxyType(
         Kind.RESIDUALS_TOO_LARGE: _failed,
         Kind.RESIDUALS_NOT_RANDOM: _failed,
         Kind.CURVE_LACKS: _failed,
-        Kind.RESIDUALS_SMALL: lambda f: (
-            f"{_of_run(f)}the residuals are smaller than the stated noise ({_p(f)}): is the stated sigma too large?"
+        Kind.RESIDUALS_SMALL: lambda f: _of_run(f) + phrase(
+            "the residuals are smaller than the stated noise ({p}): is the stated sigma too large?", p=_p(f)
         ),
-        Kind.NOISE_WITH_SPEED: lambda f: (
-            f"{_of_run(f)}the readings scatter more where the body is fast ({_p(f)}): were the pictures blurred? State how long each was exposed, "
-            "exposure_s in the noise table"
-        ),
+        Kind.NOISE_WITH_SPEED: _with_speed,
         Kind.PATTERN_COVERED: _covered,
         Kind.NEIGHBOURS_ALIKE: _alike,
         Kind.CHI2_TOO_LARGE: _too_large,
@@ -130,21 +169,23 @@ WORDS: Table = MappingProxyType(
         Kind.COUNTS_SCATTER: _counts_scatter,
         Kind.COUNTS_EVEN: _counts_even,
         Kind.COUNTS_AS_READINGS: _counts_as_readings,
-        Kind.SCATTER_TOO_LARGE: lambda f: f"{_of_run(f)}the inferred scatter is {f.size:.0f} times what the instrument explains",
-        Kind.SCATTER_LARGE: lambda f: f"{_of_run(f)}the inferred scatter is {f.size:.1f} times what the instrument explains",
+        Kind.SCATTER_TOO_LARGE: lambda f: _of_run(f) + phrase("the inferred scatter is {n:.0f} times what the instrument explains", n=f.size),
+        Kind.SCATTER_LARGE: lambda f: _of_run(f) + phrase("the inferred scatter is {n:.1f} times what the instrument explains", n=f.size),
         Kind.OUTLIERS_CROWD: _crowd,
-        Kind.ROUNDING: lambda f: f"rounding errors of the computer's numbers may move the values by {f.size:.1g} standard deviations",
-        Kind.CANCELLATION: (
+        Kind.ROUNDING: lambda f: phrase("rounding errors of the computer's numbers may move the values by {n:.1g} standard deviations", n=f.size),
+        Kind.CANCELLATION: later(
             "the terms of the curve all but cancel at these x, so that rounding leaves the values few digits: write the formula in x - x0, "
             "with x0 in the middle of the data"
         ),
         Kind.FEW_DEGREES: _few,
-        Kind.NO_SCATTER: (
+        Kind.NO_SCATTER: later(
             "the points have no scatter but rounding errors (computed values, not readings?), so nothing tells how large their errors are: "
             "there is no standard deviation; give u_y"
         ),
-        Kind.AT_LIMIT: lambda f: _limit("lies on", f),
-        Kind.NEAR_LIMIT: lambda f: _limit("is less than a standard deviation from", f),
+        Kind.AT_LIMIT: lambda f: _limit(later("{name} lies on its limit {limit:.6g}: no standard deviation, read its interval"), f),
+        Kind.NEAR_LIMIT: lambda f: _limit(
+            later("{name} is less than a standard deviation from its limit {limit:.6g}: no standard deviation, read its interval"), f
+        ),
         Kind.CUT_BY_LIMIT: _cut,
     }
 )

@@ -4,33 +4,34 @@ from __future__ import annotations
 
 from types import MappingProxyType
 
-from estim.common import Finding, Kind
+from estim.common import Finding, Kind, later, phrase
 from estim.words.table import Table
 
-_BESIDE = "within five standard deviations of a reading from the"
 _WHY = MappingProxyType(
     {
-        Kind.OUTSIDE_TIMES: "outside the window of time",
-        Kind.OUTSIDE_POSITIONS: "outside the window of position",
-        Kind.OUTSIDE_WINDOW: "outside the stated window",
-        Kind.LEFT_OUT: "as stated by leave_out_s",
-        Kind.WAY_BACK: "after the farthest point (the way back is another motion)",
-        Kind.BESIDE_RELEASE: f"{_BESIDE} release",
-        Kind.BESIDE_TURNING: f"{_BESIDE} turning point",
+        Kind.OUTSIDE_TIMES: later("{n:.0f} outside the window of time"),
+        Kind.OUTSIDE_POSITIONS: later("{n:.0f} outside the window of position"),
+        Kind.OUTSIDE_WINDOW: later("{n:.0f} outside the stated window"),
+        Kind.LEFT_OUT: later("{n:.0f} as stated by leave_out_s"),
+        Kind.WAY_BACK: later("{n:.0f} after the farthest point (the way back is another motion)"),
+        Kind.BESIDE_RELEASE: later("{n:.0f} within five standard deviations of a reading from the release"),
+        Kind.BESIDE_TURNING: later("{n:.0f} within five standard deviations of a reading from the turning point"),
     }
 )
 
 
 def _without_speed(f: Finding) -> str:
-    return f"{f.size:.0f} at the ends or beside a missing frame, where the {f.test} derivative does not exist"
+    return phrase(
+        "{n:.0f} at the ends or beside a missing frame, where the {stencil} derivative does not exist", n=f.size, stencil=phrase(f.test)
+    )
 
 
 def _left_out(f: Finding) -> str:
-    return f"{f.size:.0f} {_WHY[f.kind]}"
+    return phrase(_WHY[f.kind], n=f.size)
 
 
 def _between(f: Finding) -> str:
-    return f"{f.size:.0f} between: one of every {f.numbers['every']:.0f} is fit"
+    return phrase("{n:.0f} between: one of every {every:.0f} is fit", n=f.size, every=f.numbers["every"])
 
 
 WORDS: Table = MappingProxyType({Kind.NO_DERIVATIVE: _without_speed, Kind.ROWS_BETWEEN: _between, **dict.fromkeys(_WHY, _left_out)})

@@ -1,10 +1,10 @@
-"""What the tables of this room hold: a sentence, or how to make one of a finding."""
+"""What the tables of this room hold: a sentence (by `later`), or how to make one of a finding."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 
-from estim.common import Finding, Kind
+from estim.common import Finding, Kind, phrase
 
 Table = Mapping[Kind, str | Callable[[Finding], str]]
 
@@ -12,4 +12,4 @@ Table = Mapping[Kind, str | Callable[[Finding], str]]
 def filled(table: Table, finding: Finding) -> str:
     """The sentence of a finding whose kind stands in `table`."""
     words = table[finding.kind]
-    return words if isinstance(words, str) else words(finding)
+    return phrase(words) if isinstance(words, str) else words(finding)

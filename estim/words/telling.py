@@ -9,15 +9,15 @@ from collections.abc import Iterable, Mapping
 from enum import StrEnum, auto
 from types import MappingProxyType
 
-from estim.common import Finding, Kind
+from estim.common import Finding, Kind, later, phrase
 from estim.words import agreement, causes, deviations, draws, forces, frames, lines, parameters, regimes, releases, residuals, rolling, rows, trials
 from estim.words.table import Table, filled
 
-_NOT_RANDOM = "look at the residuals: a bad frame, a wrong window, or physics that the curve lacks; the uncertainties assume random errors"
-_ONE_RUN = "fit the run that disagrees by itself, look at its file and its stated values; leave it out only for a reason found there"
+_NOT_RANDOM = later("look at the residuals: a bad frame, a wrong window, or physics that the curve lacks; the uncertainties assume random errors")
+_ONE_RUN = later("fit the run that disagrees by itself, look at its file and its stated values; leave it out only for a reason found there")
 _SEED, _STEPS, _DEVIATION, _CORRELATED, _ROBUST = "{seed}", "{steps}", "{deviation}", "{correlated}", "{robust}"
-_ONE_FAR_OFF = (
-    f"look at the reading that is far off; where single readings may be blunders, allow for them ({_ROBUST}): each is named, and hardly counts"
+_ONE_FAR_OFF = later(
+    "look at the reading that is far off; where single readings may be blunders, allow for them ({robust}): each is named, and hardly counts"
 )
 
 
@@ -46,75 +46,84 @@ WORDS: Table = MappingProxyType(
 
 ADVICE: Mapping[Kind, str] = MappingProxyType(
     {
-        Kind.FIT_UNSETTLED: "check the starting values and the priors",
-        Kind.STEP_UNSETTLED: "try other starting values",
-        Kind.CHAIN_SHORT: f"raise {_STEPS}; if that does not help, look at the traces: a parameter that wanders needs a tighter prior or more data",
-        Kind.WALKERS_STUCK: f"start again with another {_SEED}, and look at the traces",
-        Kind.METHODS_DIFFER: (
-            f"try another {_SEED} and a higher {_STEPS}; if they still differ, report it: one of two computations of the same thing is wrong"
+        Kind.FIT_UNSETTLED: later("check the starting values and the priors"),
+        Kind.STEP_UNSETTLED: later("try other starting values"),
+        Kind.CHAIN_SHORT: later(
+            "raise {steps}; if that does not help, look at the traces: a parameter that wanders needs a tighter prior or more data"
         ),
-        Kind.SLOPES_DIFFER: "the priors of the Bayesian line carry weight: take more points",
-        Kind.SEVERAL_SOLUTIONS: "decide between the solutions by a prior (a range that holds one of them) or by a further measurement, and fit again",
-        Kind.DIRECTION_FLAT: "state one of these parameters as a measured value with its uncertainty (a uniform range does not count)",
-        Kind.SINGULAR: "state at least one of the parameters with an uncertainty; the table of correlations shows which go together",
-        Kind.UNDETERMINED: "state one of the parameters with an uncertainty, or fix it",
-        Kind.LINE_NOT_RISING: "gamma = 1/slope needs a slope that is surely positive: measure at more and steeper tilts",
-        Kind.RESIDUALS_ZERO: "give the readings themselves, not numbers computed or smoothed by the curve; simulated data need their errors added",
-        Kind.RESIDUALS_TOO_LARGE: (
+        Kind.WALKERS_STUCK: later("start again with another {seed}, and look at the traces"),
+        Kind.METHODS_DIFFER: later(
+            "try another {seed} and a higher {steps}; if they still differ, report it: one of two computations of the same thing is wrong"
+        ),
+        Kind.SLOPES_DIFFER: later("the priors of the Bayesian line carry weight: take more points"),
+        Kind.SEVERAL_SOLUTIONS: later(
+            "decide between the solutions by a prior (a range that holds one of them) or by a further measurement, and fit again"
+        ),
+        Kind.DIRECTION_FLAT: later("state one of these parameters as a measured value with its uncertainty (a uniform range does not count)"),
+        Kind.SINGULAR: later("state at least one of the parameters with an uncertainty; the table of correlations shows which go together"),
+        Kind.UNDETERMINED: later("state one of the parameters with an uncertainty, or fix it"),
+        Kind.LINE_NOT_RISING: later("gamma = 1/slope needs a slope that is surely positive: measure at more and steeper tilts"),
+        Kind.RESIDUALS_ZERO: later(
+            "give the readings themselves, not numbers computed or smoothed by the curve; simulated data need their errors added"
+        ),
+        Kind.RESIDUALS_TOO_LARGE: later(
             "the residuals look random, only larger than stated: if nothing in the file explains it, let the data say how large the errors are, "
             'by a prior in place of the number, for example sigma_x_m = {prior = "log-normal", median = 0.001, log_sd = 1.0} '
             "(in a [curve] table leave u_y out)"
         ),
         Kind.RESIDUALS_NOT_RANDOM: _NOT_RANDOM,
-        Kind.CURVE_LACKS: (
-            f"{_NOT_RANDOM}; or give them room: a smooth deviation from the curve ({_DEVIATION}, the size of it that would not surprise you, "
-            f"in the unit of y) or errors that follow each other ({_CORRELATED})"
+        Kind.CURVE_LACKS: later(
+            "look at the residuals: a bad frame, a wrong window, or physics that the curve lacks; the uncertainties assume random errors; "
+            "or give them room: a smooth deviation from the curve ({deviation}, the size of it that would not surprise you, "
+            "in the unit of y) or errors that follow each other ({correlated})"
         ),
-        Kind.FORCE_NOT_LINEAR: (
+        Kind.FORCE_NOT_LINEAR: later(
             "fit a shorter piece of the motion (a window that ends at the turning point), or speeds in place of positions, and look for what is "
             "wrong with the ramp: the figure of the force shows where"
         ),
-        Kind.FRAMES_CROWD: "look at the file and the window: a stretch that is another motion, or a stated error of the readings that is too small",
-        Kind.CHI2_TOO_LARGE: "look at the residuals; where they are random, leave u_y out and their size says how large the errors are",
-        Kind.COUNTS_SCATTER: (
+        Kind.FRAMES_CROWD: later(
+            "look at the file and the window: a stretch that is another motion, or a stated error of the readings that is too small"
+        ),
+        Kind.CHI2_TOO_LARGE: later("look at the residuals; where they are random, leave u_y out and their size says how large the errors are"),
+        Kind.COUNTS_SCATTER: later(
             "look at the pulls: a wrong curve, a bin that is too wide for it, dead time, or events that come in bursts; "
             "where none of it can be helped, fit the counts as readings with u_y left out, and their scatter says how large the errors are"
         ),
-        Kind.SCATTER_TOO_LARGE: "the curve does not describe this motion, or the stated resolution of the instrument is far too good",
-        Kind.FORCE_TOO_LARGE: (
+        Kind.SCATTER_TOO_LARGE: later("the curve does not describe this motion, or the stated resolution of the instrument is far too good"),
+        Kind.FORCE_TOO_LARGE: later(
             "look at the figure of the force: what was stated of body, tilt and start may be wrong, or something drives the body; where so large a "
             "force is believable, state it by unmodelled_force"
         ),
-        Kind.NOISE_TOO_LARGE: (
+        Kind.NOISE_TOO_LARGE: later(
             "look for readings that jump (counts lost, a mark that was taken for another) and leave them out by a window; else state how large the "
             "error of a reading is"
         ),
-        Kind.OUTLIERS_CROWD: "leave out by a window what is not the motion; robust noise is for a minority of bad frames",
+        Kind.OUTLIERS_CROWD: later("leave out by a window what is not the motion; robust noise is for a minority of bad frames"),
         Kind.RUNS_DISAGREE: _ONE_RUN,
         Kind.RUN_DISAGREES: _ONE_RUN,
         Kind.RUNS_TIED: _ONE_RUN,
         Kind.RUNS_AGAINST_STATED: _ONE_RUN,
-        Kind.STATED_DISAGREE: (
+        Kind.STATED_DISAGREE: later(
             "check what was stated: its unit, its uncertainty, and the scale and zero of the data; "
             "a compromise between two that disagree is neither"
         ),
         Kind.STATED_AND_CURVE: _NOT_RANDOM,
-        Kind.RUN_OFF_MAP: (
+        Kind.RUN_OFF_MAP: later(
             "check its tilt (the sign too), its angle of release (which way it is counted) and gamma; a fit of the run says which of them is off"
         ),
-        Kind.GAMMA_TOO_LARGE: "are the columns phi_deg and theta_min_deg swapped, or is the unit of one of them wrong?",
-        Kind.TRIALS_SILENT: "set angles on both sides of where ascents begin: some must climb, some not, at two tilts or more",
-        Kind.TRIALS_SCATTER: (
+        Kind.GAMMA_TOO_LARGE: later("are the columns phi_deg and theta_min_deg swapped, or is the unit of one of them wrong?"),
+        Kind.TRIALS_SILENT: later("set angles on both sides of where ascents begin: some must climb, some not, at two tilts or more"),
+        Kind.TRIALS_SCATTER: later(
             "look for a trial whose outcome or angle is written down wrongly, and for a tilt read wrongly; else state a larger u_theta_deg"
         ),
-        Kind.POINTS_SCATTER: "check the uncertainties and look for a bad point",
-        Kind.PRESSED_EDGE: (
+        Kind.POINTS_SCATTER: later("check the uncertainties and look for a bad point"),
+        Kind.PRESSED_EDGE: later(
             "if values beyond the edge are possible, widen the prior; if not, something else is wrong: a stated value, a scale, the curve"
         ),
-        Kind.PRESSED_LIMIT: "is the limit right?",
-        Kind.RANKS_UNEVEN: "do not quote this interval: the priors, the noise or the curve are not those of the simulated data",
-        Kind.COVERAGE_OFF: "do not quote this interval as one of its probability",
-        Kind.TRIALS_FAILED: "state narrower priors: where they allow values that no curve can be computed for, no posterior comes out",
+        Kind.PRESSED_LIMIT: later("is the limit right?"),
+        Kind.RANKS_UNEVEN: later("do not quote this interval: the priors, the noise or the curve are not those of the simulated data"),
+        Kind.COVERAGE_OFF: later("do not quote this interval as one of its probability"),
+        Kind.TRIALS_FAILED: later("state narrower priors: where they allow values that no curve can be computed for, no posterior comes out"),
     }
 )
 
@@ -126,7 +135,7 @@ def tell(finding: Finding) -> str:
 
 def advice(finding: Finding, voice: Voice = Voice.PYTHON) -> str:
     """What to do about a finding with which a result is not ok."""
-    words = _ONE_FAR_OFF if finding.kind is Kind.CURVE_LACKS and finding.test == "largest" else ADVICE[finding.kind]
+    words = phrase(_ONE_FAR_OFF if finding.kind is Kind.CURVE_LACKS and finding.test == "largest" else ADVICE[finding.kind])
     for choice, name in _CHOICES[voice].items():
         words = words.replace(choice, name)
     return words.replace(_DEVIATION, f"deviation = {finding.numbers['deviation']:.1g}") if "deviation" in finding.numbers else words

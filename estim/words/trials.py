@@ -4,42 +4,46 @@ from __future__ import annotations
 
 from types import MappingProxyType
 
-from estim.common import Finding, Kind, format_p
+from estim.common import Finding, Kind, format_p, later, phrase
 from estim.words.table import Table
 
 _DIRECTIONS = MappingProxyType(
     {
         "": "",
-        "none": "no posterior at all",
-        "low": "biased, estimates lie too low",
-        "high": "biased, estimates lie too high",
-        "narrow": "intervals are too narrow",
-        "wide": "intervals are too wide",
+        "none": later("no posterior at all"),
+        "low": later("biased, estimates lie too low"),
+        "high": later("biased, estimates lie too high"),
+        "narrow": later("intervals are too narrow"),
+        "wide": later("intervals are too wide"),
     }
 )
 
 
 def direction_words(direction: str) -> str:
     """How a quantity is off; "" where nothing tells."""
-    return _DIRECTIONS[direction]
+    return phrase(_DIRECTIONS[direction])
 
 
 def _uneven(f: Finding) -> str:
-    return f"{f.parameters[0].name}: {direction_words(f.test) or 'uneven'} (ranks not uniform, {format_p(f.p)})"
+    return phrase(
+        "{name}: {how} (ranks not uniform, {p})", name=f.parameters[0].name, how=direction_words(f.test) or phrase("uneven"), p=format_p(f.p)
+    )
 
 
 def _coverage(f: Finding) -> str:
     p, held = f.numbers["probability"], f.size
-    off = f"{f.numbers['errors']:.1f} Monte-Carlo standard deviations too {'few' if held < p else 'many'}"
-    return f"{f.parameters[0].name}: {direction_words(f.test)} (the {100 * p:.0f} % interval covered {100 * held:.1f} %, {off})"
+    said = {"name": f.parameters[0].name, "how": direction_words(f.test), "p": 100 * p, "held": 100 * held, "errors": f.numbers["errors"]}
+    if held < p:
+        return phrase(
+            "{name}: {how} (the {p:.0f} % interval covered {held:.1f} %, {errors:.1f} Monte-Carlo standard deviations too few)", **said
+        )
+    return phrase("{name}: {how} (the {p:.0f} % interval covered {held:.1f} %, {errors:.1f} Monte-Carlo standard deviations too many)", **said)
 
 
-WORDS: Table = MappingProxyType(
-    {
-        Kind.RANKS_UNEVEN: _uneven,
-        Kind.COVERAGE_OFF: _coverage,
-        Kind.TRIALS_FAILED: lambda f: (
-            f"{f.size:.0f} of {f.numbers['trials']:.0f} simulated campaigns gave no posterior, mostly: {f.names[0]}"
-        ),
-    }
-)
+def _failed(f: Finding) -> str:
+    return phrase(
+        "{n:.0f} of {trials:.0f} simulated campaigns gave no posterior, mostly: {why}", n=f.size, trials=f.numbers["trials"], why=f.names[0]
+    )
+
+
+WORDS: Table = MappingProxyType({Kind.RANKS_UNEVEN: _uneven, Kind.COVERAGE_OFF: _coverage, Kind.TRIALS_FAILED: _failed})

@@ -1,0 +1,19 @@
+"""`--lang`: the language of a report.  Every command that writes one has it."""
+
+from __future__ import annotations
+
+import click
+
+from estim.common import LANGUAGES, language, spoken
+
+
+def _speak(context: click.Context, _option: click.Parameter, name: str) -> str:
+    """Has everything that the command says from here on said in the language."""
+    context.with_resource(spoken(name))
+    return name
+
+
+LANG = click.option(
+    "--lang", type=click.Choice(list(LANGUAGES)), default=language(), show_default=True, is_eager=True, expose_value=False, callback=_speak,
+    help="Language of the report, its figures and what is said at the end.  Errors stay English.",
+)

@@ -1,0 +1,123 @@
+"""Draws folded back at hard edges, and the density that they then have.
+
+A distribution that leaks over an edge is reflected there.  Reflected is not the parameter alone, which would throw a draw off a ridge that runs
+into the edge, but the parameter with all others following their regression on it: in coordinates z = L^-1 (x - mean), L the lower Cholesky factor
+with the parameters that have edges in front, one after the other,
+
+    z_k -> z_k + 2 (edge - x_k)/L_kk     where x_k lies beyond the edge.
+
+Such a step mirrors one coordinate given those before it, so volumes stay, and the density of a folded draw is the sum over its images: over all
+choices, for each of the parameters, of z_k itself and of what would have been reflected to it.  Inside the edges it is nowhere below that of the
+distribution which is not folded, so that weights density/proposal are nowhere larger.
+
+A draw that lies beyond the other edge after that stays there, outside the support, where the sum over images means nothing.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cache
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import ndtr
+
+from estim.arrays import FloatArray
+from estim.sampling.factors import lower_factor
+
+_REACH = 3.0  # scales from the mean: farther edges are left alone
+_MOST_FOLDS = 5  # of one component: the number of images doubles with each
+
+
+@dataclass(frozen=True, eq=False)
+class Folding:
+    """How components fold.
+
+    order : (n_par,) parameters, those that fold in front.  means (n_component, n_par), factors, inverses (n_component, n_par, n_par) : in that order.
+    edges : for each component those of its folds: (place in `order`, lower edge, upper edge), infinite where it does not fold.
+    """
+
+    order: NDArray[np.int64]
+    means: FloatArray
+    factors: FloatArray
+    inverses: FloatArray
+    edges: tuple[tuple[tuple[int, float, float], ...], ...]
+
+    def points(self, normal: FloatArray, which: NDArray[np.int64]) -> FloatArray:
+        """(n_draw, n_par) draws of components `which` (n_draw,) from z = `normal` (n_draw, n_par), folded."""
+        found = np.empty_like(normal)
+        for k in np.unique(which):
+            own = np.flatnonzero(which == k)
+            z, mean, factor = normal[own].T.copy(), self.means[k], self.factors[k]
+            for place, low, high in self.edges[k]:
+                x = mean[place] + factor[place, : place + 1] @ z[: place + 1]
+                beyond = np.where(x < low, low - x, np.where(x > high, high - x, 0.0))
+                z[place] += 2.0 / factor[place, place] * beyond
+            found[own[:, None], self.order] = mean + (factor @ z).T
+        return found
+
+    def distances(self, columns: FloatArray, k: int) -> FloatArray:
+        """(n_image, n_draw) squared distances of all images of draws (n_par, n_draw), parameters in `order`, in units of the scale of component k."""
+        z = self.inverses[k] @ (columns - self.means[k][:, None])
+        found = np.sum(np.square(z), axis=0)[None]
+        for place, *edges in self.edges[k]:
+            by = 2.0 / self.factors[k][place, place]
+            moved = [z[place] + by * (edge - columns[place]) for edge in edges if math.isfinite(edge)]
+            found = np.concatenate([found, *(found + (image - z[place]) * (image + z[place]) for image in moved)])
+        return np.maximum(found, 0.0)
+
+
+def folding(means: FloatArray, factors: FloatArray, low: FloatArray, high: FloatArray) -> Folding | None:
+    """Folds of components at the limits that are within their reach; None where none is.
+
+    means, low, high : (n_component, n_par).  factors : (n_component, n_par, n_par) lower Cholesky factors of their scales.
+    """
+    scales = np.sqrt(np.sum(factors**2, axis=2))
+    to_low, to_high = (means - low) / scales, (high - means) / scales
+    rank = np.argsort(np.argsort(np.minimum(to_low, to_high), axis=1, kind="stable"), axis=1, kind="stable")
+    at_low, at_high = ((distance < _REACH) & (rank < _MOST_FOLDS) for distance in (to_low, to_high))
+    folds = at_low | at_high
+    if not np.any(folds):
+        return None
+    order = np.argsort(-np.sum(folds, axis=0), kind="stable")
+    # R of the QR decomposition of the transposed factor is the factor in another order
+    lower = np.swapaxes(np.asarray(np.linalg.qr(np.swapaxes(factors[:, order], 1, 2), mode="r")), 1, 2)
+    lower = lower * np.sign(np.diagonal(lower, axis1=1, axis2=2))[:, None, :]
+    bottom, top = np.where(at_low, low, -np.inf), np.where(at_high, high, np.inf)
+    edges = tuple(
+        tuple((place, float(bottom[k, i]), float(top[k, i])) for place, i in enumerate(order) if folds[k, i]) for k in range(len(means))
+    )
+    return Folding(order, means[:, order], lower, np.linalg.inv(lower), edges)
+
+
+def unfolded(mean: FloatArray, factor: FloatArray, low: FloatArray, high: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Mean (n_par,) and lower factor (n_par, n_par) of what folds to a distribution that has the given ones and ends at limits (n_par,).
+
+    The mean square of the distance from an edge is the same before and after.  The mean distance of a folded normal distribution is no less than
+    sqrt(2/pi) of the root of that; it says how far from the edge the centre was.  The other parameters follow by their regression.
+    """
+    known, mean, scale = (mean, factor), mean.copy(), factor @ factor.T
+    folds = False
+    for i in range(mean.size):
+        sd = math.sqrt(scale[i, i])
+        near = [float(edge) for edge in (low[i], high[i]) if abs(mean[i] - edge) < _REACH * sd]
+        if len(near) != 1:  # between two edges it is wide already
+            continue
+        folds = True
+        distance = float(mean[i]) - near[0]
+        root = math.hypot(distance, sd)
+        centre = float(np.interp(abs(distance) / root, *_folded_means()))
+        wide = root / math.hypot(1.0, centre)
+        slope = scale[:, i] / scale[i, i]
+        mean += slope * (math.copysign(centre * wide, distance) - distance)
+        scale += np.outer(slope, slope) * (wide**2 - sd**2)
+    return (mean, lower_factor(scale)) if folds else known
+
+
+@cache
+def _folded_means() -> tuple[FloatArray, FloatArray]:
+    """Mean distance over its root mean square, of a normal distribution folded at 0, and the mean before in standard deviations."""
+    at = np.linspace(0.0, 5.0, 101)
+    means = math.sqrt(2.0 / math.pi) * np.exp(-0.5 * at**2) + at * (1.0 - 2.0 * ndtr(-at))
+    return means / np.hypot(1.0, at), at
