@@ -1,17 +1,15 @@
 """What other packages load for features that no command uses, left until it is used: in the command line's own processes alone.
 
-lmfit's front page loads matplotlib, pandas and dill, lmfit and emcee load scipy.stats, SciPy loads NumPy's tools for tests and for Fortran and
-writes its docstrings anew: most of a second, for tools that no fit calls.
-Nothing is taken away but those notes in docstrings, everything is found when it is first used: the page of a package is run when something of it
-is asked for (`_Page`), and a name that one of their files imports stands for the real one (`_Name`).  No other file sees a stand-in.  In a user's
-Python, where estim is a guest, imports are as everywhere; so they are for what has been imported already.
+lmfit's front page loads matplotlib, pandas and dill, lmfit and emcee load scipy.stats, SciPy loads NumPy's tools for tests and for Fortran: most
+of a second, for tools that no fit calls.  Nothing is taken away, everything is found when it is first used: the page of a package is run when
+something of it is asked for (`_Page`), and a name that one of their files imports stands for the real one (`_Name`).  No other file sees a
+stand-in.  In a user's Python, where estim is a guest, imports are as everywhere; so they are for what has been imported already.
 """
 
 from __future__ import annotations
 
 import builtins
 import sys
-from collections import defaultdict
 from collections.abc import Callable, Sequence
 from importlib import import_module
 from importlib.machinery import ModuleSpec, PathFinder
@@ -23,15 +21,11 @@ if TYPE_CHECKING:
     from importlib.abc import Loader
 
 _PAGES = frozenset({"lmfit", "numpy.f2py", "numpy.testing"})  # the last two: by `from numpy import *` in a file of SciPy
-_DOCS = "scipy._lib._docscrape"
 _LEFT = {  # file -> modules of which it imports names
     "emcee.moves.kde": frozenset({"scipy.stats"}),
     "lmfit.jsonutils": frozenset({"dill", "pandas"}),
     "lmfit.minimizer": frozenset({"pandas", "scipy.stats"}),
     "matplotlib.projections": frozenset({"mpl_toolkits.mplot3d"}),
-    "scipy._lib._array_api": frozenset({_DOCS}),
-    "scipy._lib._util": frozenset({_DOCS}),
-    "scipy._lib.deprecation": frozenset({_DOCS}),
     "scipy.optimize._remove_redundancy": frozenset({"scipy.linalg.interpolative"}),
     "scipy.optimize._shgo": frozenset({"scipy"}),  # `from scipy import spatial`
 }
@@ -92,8 +86,6 @@ def _importing(left: frozenset[str]) -> Callable[..., Any]:
     """The `__import__` of a file which leaves some modules, unless they are there already, or not installed."""
 
     def find(name: str, *rest: Any) -> Any:
-        if name == _DOCS and name in left:
-            return _Docs(_DOCS)
         later = name in left and (name == "scipy" or name not in sys.modules) and find_spec(name.partition(".")[0]) is not None
         return _Module(name) if later else builtins.__import__(name, *rest)
 
@@ -130,21 +122,3 @@ class _Name:
 
     def __instancecheck__(self, thing: object) -> bool:
         return self._place[0] in sys.modules and isinstance(thing, self._found())
-
-
-class _Docs(_Module):
-    """Stands for SciPy's module that takes docstrings apart, to which SciPy adds a note on each function of its own: none is added."""
-
-    class FunctionDoc(defaultdict[str, list[Any]]):
-        """The docstring of a function; its sections seem empty, and what is written to them is forgotten."""
-
-        def __init__(self, function: Any, *rest: Any, **named: Any) -> None:
-            super().__init__(list)
-            self._made_of = function, rest, named
-
-        def __str__(self) -> str:
-            return "\n" + (self._made_of[0].__doc__ or "")
-
-        def __getattr__(self, name: str) -> Any:
-            function, rest, named = self._made_of
-            return getattr(import_module(_DOCS).FunctionDoc(function, *rest, **named), name)

@@ -65,6 +65,8 @@ def bend_of(draws: FloatArray, weights: FloatArray, movable: Flags) -> Bend | No
         square = np.minimum(z[0] ** 2, _MOST)
         square = square - weights @ square
         square = square - (weights @ (square * z[0])) * z[0]
+        if not weights @ square**2 > 0.0:  # all as far from the centre: no square to follow
+            continue
         follows = (z * weights) @ square / (weights @ square**2)
         follows[: 1 + fixed.size] = 0.0
         follows[follows**2 < least] = 0.0
