@@ -28,6 +28,7 @@ from estim.reports.curve import curve_report
 from estim.reports.rendering import _environment
 from estim.reports.sentences import sentences
 from estim.sampling import Target
+from estim.sampling.keys import fingerprint
 
 ROOT = Path(__file__).parent.parent
 ESTIM = ROOT / "estim"
@@ -341,6 +342,16 @@ def test_a_report_is_verified_in_its_own_language(tmp_path: Path, monkeypatch: p
     assert (verified.exit_code, verified.stdout.splitlines()[-1][:9]) == (0, "verified:")
     (tmp_path / "es" / "report.md").write_text(spanish.replace("ncertidumbre", "ncertidumbr", 1))
     assert run("verify", "es").exit_code == 3
+
+
+@pytest.mark.parametrize(("path", "run"), [("replica/campaign.toml", "light-01"), ("gallery/table_length.toml", "2m-ruler")])
+def test_a_chain_that_was_begun_in_one_language_is_continued_in_another(project: Path, path: str, run: str) -> None:
+    keys = []
+    for language in ("en", "es"):
+        with spoken(language):
+            campaign = load_campaign(project / "data" / path)
+            keys.append(fingerprint(campaign.problem([run])))
+    assert keys[0] == keys[1]
 
 
 def test_a_batch_does_not_keep_results_of_another_language(replica: Path) -> None:

@@ -22,7 +22,7 @@ from estim.planning.rolling import RollingBasis, rolling_basis
 from estim.planning.suggestions import more_runs
 from estim.planning.weighing import sds_with, weigh
 from estim.planning.wishes import MORE, OTHERWISE, Readings, Wish, measured_better
-from estim.reports.plan import plan_answers, plan_status, shown_options
+from estim.reports.plan import plan_answers, plan_status, shown_options, value_alone
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "benchmarks"))
 
@@ -284,6 +284,12 @@ def test_the_command_ranks_what_was_asked_for_and_says_where_linear_theory_fails
     assert "figures/ratios.png" in first_screen(report)
     assert len(words(first_screen(report))) < 120
     assert (tmp_path / "out" / "figures" / "ratios.png").exists()
+
+
+@pytest.mark.parametrize(("value", "u", "said"), [(0.753, 0.14, "0.75"), (432.1, 38.0, "4.3×10²"), (-213.0, 59.0, "−2.1×10²")])
+def test_a_value_is_shown_whole_without_its_uncertainty(value: float, u: float, said: str) -> None:
+    """That of Hubble's 432 ± 38 km/s/Mpc was shown as '(4.3'."""
+    assert value_alone(value, u) == said
 
 
 def test_of_the_runs_that_are_tried_the_best_of_each_kind_are_shown(pair: RollingBasis) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -20,15 +20,16 @@ from estim.problem.size import Named
 class Parameter:
     """One unknown: `name` as in results ("gamma[heavy]"), `unit` ("1", "rad", "m", ...), prior, and what it is.
 
-    notation : how it is written; None: by its own name and in its own unit.
+    notation : how it is written; None: by its own name and in its own unit.  As words in some language, neither it nor the meaning decides
+    whether two are equal.
     between : whether it is a standard deviation between runs, of which no run by itself says anything.
     """
 
     name: str
     unit: str
     prior: Prior
-    meaning: str
-    notation: Notation | None = None
+    meaning: str = field(compare=False)
+    notation: Notation | None = field(default=None, compare=False)
     between: bool = False
 
     @property
@@ -99,7 +100,7 @@ class Observations:
     words: Wording = POINTS
     positions: bool = False
     force: float = 0.0
-    complete: Finding | None = None
+    complete: Finding | None = field(default=None, compare=False)
     lacks: Lacks | None = None
     sought: tuple[Sought, ...] = ()
 

@@ -115,7 +115,7 @@ def line_result(campaign: Campaign, analysis: LineAnalysis, *, voice: Voice = Vo
         gamma_masses=None if analysis.gamma_masses is None else LineEstimate(analysis.gamma_masses.value, analysis.gamma_masses.u),
         gamma_origin=gamma_origin(campaign.source, analysis.series.body), methods=methods,
         posterior={
-            "gamma": trusted(summarise(analysis.gamma_draws, unit="1", meaning="1/slope"), status),
+            "gamma": trusted(summarise(analysis.gamma_draws, unit="1", meaning=phrase("1/slope")), status),
             "intercept": trusted(summarise(intercept, unit="1", meaning=phrase("sin θ_min at φ = 0")), status),
             "slope": trusted(summarise(analysis.chain.flat[:, analysis.chain.names.index("slope")], unit="1", meaning="1/γ"), status),
             "rolling_resistance": trusted(

@@ -182,10 +182,16 @@ def _row(option: Option) -> tuple[str, list[tuple[float, float]], str]:
     return option.wish.words, list(zip(option.u, option.ratio, strict=True)), "; ".join(remarks)
 
 
+def value_alone(value: float, u: float) -> str:
+    """A value to the digits that its uncertainty leaves, without the uncertainty: '0.75' of 0.75 ± 0.14, '4.3×10²' of (4.3 ± 0.4)×10²."""
+    shown = format_quantity(value, u)
+    return shown.split(" ± ")[0].removeprefix("(") + shown.partition(")")[2]
+
+
 def _now_rows(plan: Plan) -> list[tuple[str, ...]]:
     rows = list[tuple[str, ...]]()
     for i, p in enumerate(plan.targets):
-        value = format_quantity(plan.values[i] * p.label.factor, plan.drawn[i] * p.label.factor).split(" ± ")[0]
+        value = value_alone(plan.values[i] * p.label.factor, plan.drawn[i] * p.label.factor)
         off = f"{plan.now[i] / plan.drawn[i]:.2f}"
         rows.append((p.label.symbol, value, _size(p, plan.now[i]), _size(p, plan.drawn[i]), off))
     return rows
