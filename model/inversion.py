@@ -14,6 +14,8 @@ import numpy as np
 from numpy.polynomial import chebyshev
 from numpy.typing import NDArray
 
+from model.chebyshev_series import evaluate
+
 FloatArray = NDArray[Any]
 
 _FEW, _COARSE, _FINE = 64, 65, 385  # degree up to which the table of a clock has so many knots, and beyond
@@ -142,8 +144,3 @@ def _polynomials(degree: int) -> tuple[FloatArray, FloatArray, FloatArray]:
 def _between(knots: FloatArray) -> FloatArray:
     """Where a table is tried."""
     return np.asarray(knots[:-1:4] + 0.5 * (knots[1] - knots[0]))
-
-
-def evaluate(z: FloatArray, coefficients: FloatArray) -> FloatArray:
-    """Chebyshev series of each draw at its own z: z (n_draw, n_obs), coefficients (n, n_draw) -> (n_draw, n_obs)."""
-    return chebyshev.chebval(z.T, coefficients[:, None, :], tensor=False).T

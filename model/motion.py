@@ -18,15 +18,16 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from model.body import Body
+from model.chebyshev_series import cosine_transform, evaluate, integral
 from model.driven import driven_motion
 from model.forces import Forces
-from model.inversion import evaluate, invert
+from model.inversion import invert
 from model.phase import STANDARD_GRAVITY, effective_slope, energy_ratio, turning_angle
 
 FloatArray = NDArray[Any]
 
 _FEWEST_NODES = 48
-_BLOCK = 1000000
+_BLOCK = 40_000  # points of the draws that are computed together: they stay in the cache
 _MOST_NODES = 4096
 _NEGLIGIBLE = 1e-11  # of the largest coefficient
 _UNRESOLVED = 1e-8
@@ -35,16 +36,17 @@ _ROUND_OFF = 1e-15  # smaller coefficients change no digit
 
 def _clock(
     body: Body, *, reach: FloatArray, turns: NDArray[np.bool_], phi: FloatArray, theta0: FloatArray, rolling_resistance: FloatArray,
-    g: FloatArray, n_node: int | None,
-) -> tuple[FloatArray, FloatArray]:
+    g: FloatArray, n_node: int | None, fewest: int = _FEWEST_NODES, apart: bool = False,
+) -> tuple[FloatArray, FloatArray, NDArray[np.bool_]]:
     """Chebyshev coefficients of the time t (s) as a function of z in [-1, 1], t(-1) = 0, and of dt/dz: (n + 1, n_draw) and (n, n_draw).
 
     reach : (n_draw, 1) rad, the angle turned at z = 1.  turns : whether that is a turning point.
-    n_node : Chebyshev points; None doubles them until the last coefficients no longer count.  Draws that are still not
+    n_node : Chebyshev points; None doubles them, from `fewest`, until the last coefficients no longer count.  Draws that are still not
     resolved by the largest number (the body all but stops on its way) are nan.
+    apart : returns as soon as some draws are resolved.  The third answer, (n_draw,), says which are not, and need another call.
     """
     fixed = n_node is not None
-    n = n_node or _FEWEST_NODES
+    n = n_node or fewest
     while True:
         z = np.cos(np.pi * (np.arange(n) + 0.5) / n)
         angle, remainder = _substitution(z, reach, turns)
@@ -52,34 +54,22 @@ def _clock(
         ratio = _ratio(angle, remainder, body, phi=phi, theta0=theta0, rolling_resistance=rolling_resistance)
         with np.errstate(divide="ignore", invalid="ignore"):
             pace = rate / np.sqrt(2.0 * g / np.asarray(body.radius) * ratio)  # dt/dz, s
-        coefficients = 2.0 / n * _cosine_transform(pace).T
+        coefficients = 2.0 / n * cosine_transform(pace).T
         coefficients[0] *= 0.5
         size = np.abs(coefficients) / np.max(np.abs(coefficients), axis=0)
         tail = np.max(size[-n // 8 :], axis=0)
-        if fixed or n >= _MOST_NODES or np.all(tail[reach[:, 0] > 0.0] < _NEGLIGIBLE):
+        open_ends = ~(tail < _NEGLIGIBLE) & (reach[:, 0] > 0.0)
+        if fixed or n >= _MOST_NODES or not np.any(open_ends):
+            open_ends = np.zeros_like(open_ends)
             break
+        if apart and not np.all(open_ends):
+            return integral(coefficients), coefficients, open_ends
         n *= 2
     if not fixed:
         coefficients[:, ~(tail < _UNRESOLVED)] = np.nan
         counting = np.flatnonzero(np.any(size > _ROUND_OFF, axis=1))
         coefficients = coefficients[: 1 + int(np.max(counting, initial=1))]
-    return _integral(coefficients), coefficients
-
-
-def _integral(coefficients: FloatArray) -> FloatArray:
-    """Of Chebyshev series (n, n_draw) from -1: (n + 1, n_draw), by  2 int T_k = T_{k+1}/(k + 1) - T_{k-1}/(k - 1)."""
-    n = coefficients.shape[0]
-    padded = np.concatenate([2.0 * coefficients[:1], coefficients[1:], np.zeros((2, coefficients.shape[1]))])
-    order = np.arange(1, n + 1)[:, None]
-    rest = (padded[:n] - padded[2:]) / (2.0 * order)
-    return np.concatenate([-np.sum(np.where(order % 2, -rest, rest), axis=0, keepdims=True), rest])
-
-
-def _cosine_transform(values: FloatArray) -> FloatArray:
-    """sum_k values[:, k] cos(pi m (k + 1/2)/n) for m = 0 .. n - 1, by one FFT of twice the length."""
-    n = values.shape[1]
-    spectrum = np.fft.rfft(np.concatenate([values, values[:, ::-1]], axis=1), axis=1)[:, :n]
-    return np.real(0.5 * np.exp(-0.5j * np.pi * np.arange(n) / n) * spectrum)
+    return integral(coefficients), coefficients, open_ends
 
 
 def _substitution(z: FloatArray, reach: FloatArray, turns: NDArray[np.bool_]) -> tuple[FloatArray, FloatArray]:
@@ -135,8 +125,8 @@ def travel_time(
     phi, theta0, resistance, g, stop = _columns(body, phi, theta0, rolling_resistance, g)
     turns = np.isfinite(stop)
     reach = np.where(turns, stop, max(float(np.max(angle)), 1e-12))
-    keywords = {"phi": phi, "theta0": theta0, "rolling_resistance": resistance, "g": g}
-    clock, _ = _clock(body, reach=reach, turns=turns, **keywords, n_node=n_node)
+    keywords: dict[str, Any] = {"phi": phi, "theta0": theta0, "rolling_resistance": resistance, "g": g}
+    clock, _, _ = _clock(body, reach=reach, turns=turns, **keywords, n_node=n_node)
     share = np.clip(angle / np.where(reach > 0, reach, 1.0), 0.0, 1.0)
     z = np.where(turns, 4.0 / np.pi * np.arcsin(np.sqrt(share)), 2.0 * np.sqrt(share)) - 1.0
     possible = (angle >= 0.0) & (angle <= reach * (1.0 + 1e-12)) & (reach > 0.0)  # the turning point itself, rounded, included
@@ -216,7 +206,7 @@ def _states(
     return np.concatenate([x for x, _ in parts]), np.concatenate([v for _, v in parts])
 
 
-def _of(value: Any, some: slice) -> Any:
+def _of(value: Any, some: slice | NDArray[np.bool_]) -> Any:
     """The part of a column (n_draw, n) that belongs to some draws; what all draws have in common as it is."""
     return value[some] if np.ndim(value) == 2 and np.shape(value)[0] > 1 else value
 
@@ -259,19 +249,23 @@ def _put(values: FloatArray, columns: NDArray[np.bool_], where: NDArray[np.bool_
 
 
 def _leg(
-    t: FloatArray, body: Body, *, phi: ArrayLike, theta0: ArrayLike, rolling_resistance: ArrayLike, g: ArrayLike, n_node: int | None, speeds: bool
+    t: FloatArray, body: Body, *, phi: ArrayLike, theta0: ArrayLike, rolling_resistance: ArrayLike, g: ArrayLike, n_node: int | None, speeds: bool,
+    fewest: int = _FEWEST_NODES,
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
     """One way from rest to rest: x (m) and v (m/s) at `t`, the time (s) it ends and the angle (rad) turned by then.
 
     Both ends are (n_draw, 1): inf where it never stops, 0 where it does not start, the first nan where the clock is not
     resolved.  At rest at 0 for t <= 0; x and v after the end have no meaning.  speeds : whether v is computed, nan where it moves else.
+    fewest : Chebyshev points to begin with.  Draws that need more than others are computed by themselves.
     """
     radius = np.asarray(body.radius, dtype=float)
     phi, theta0, resistance, g, stop = _columns(body, phi, theta0, rolling_resistance, g)
     keywords = {"phi": phi, "theta0": theta0, "rolling_resistance": resistance, "g": g}
     turns = np.isfinite(stop)
     reach = np.where(turns, stop, _farthest(t, body, phi, resistance, g))
-    clock, pace = _clock(body, reach=reach, turns=turns, **keywords, n_node=n_node)
+    clock, pace, hard = _clock(body, reach=reach, turns=turns, **keywords, n_node=n_node, fewest=fewest, apart=True)
+    if np.any(hard):
+        return _legs_apart(hard, t, body, **keywords, speeds=speeds, fewest=fewest)
     end = np.sum(clock, axis=0)[:, None]  # every Chebyshev polynomial is 1 at z = 1
     z = invert(t, clock, pace, end)
     angle, remainder = _substitution(z, reach, turns)
@@ -282,6 +276,25 @@ def _leg(
     moving = (t > 0.0) & (reach > 0.0)
     still = np.where(reach > 0.0, 0.0, np.where(t > 0.0, np.nan, 0.0))
     return np.where(moving, radius * angle, still), np.where(moving, v, still), np.where(turns, np.where(stop > 0.0, end, 0.0), np.inf), stop
+
+
+def _legs_apart(
+    hard: NDArray[np.bool_], t: FloatArray, body: Body, *, phi: FloatArray, theta0: FloatArray, rolling_resistance: FloatArray, g: FloatArray,
+    speeds: bool, fewest: int,
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    """`_leg` of the easy draws, and of the hard ones (n_draw,) with twice the points."""
+    found: list[FloatArray] | None = None
+    for rows, points in ((~hard, fewest), (hard, 2 * fewest)):
+        own = replace(body, **{name: _of(value, rows) for name, value in vars(body).items()})
+        place = {"phi": phi[rows], "theta0": theta0[rows], "rolling_resistance": rolling_resistance[rows], "g": g[rows]}
+        parts = _leg(_of(t, rows), own, **place, n_node=None, speeds=speeds, fewest=points)
+        if found is None:
+            found = [np.empty((hard.size, part.shape[1])) for part in parts]
+        for whole, part in zip(found, parts, strict=True):
+            whole[rows] = part
+    assert found is not None
+    x, v, end, stop = found
+    return x, v, end, stop
 
 
 def _farthest(t: FloatArray, body: Body, phi: FloatArray, rolling_resistance: FloatArray, g: FloatArray) -> FloatArray:

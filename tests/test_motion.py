@@ -12,7 +12,7 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
-from model import Body, Forces, back_and_forth, speed, trajectory, travel_time, turning_point
+from model import Body, Forces, back_and_forth, motion, positions_at, speed, trajectory, travel_time, turning_point
 
 PAPER = Body(radius=0.15, gamma=0.187, kappa=0.45)
 RUN = {"phi": math.radians(4.0), "theta0": math.radians(60.0), "g": 9.81}
@@ -308,3 +308,23 @@ def test_draws_in_blocks_are_the_draws_together(monkeypatch):
     for one, other in zip(back_and_forth(t, body, **run), whole, strict=True):
         np.testing.assert_allclose(one, other, rtol=0.0, atol=1e-9)
     assert np.any(whole[1] < 0.0)
+
+
+def test_only_the_draws_that_need_more_points_get_them(monkeypatch):
+    # the third all but stops on its way: its neighbours have the digits that they have alone, at the price that they have alone
+    crest = math.asin(math.sin(math.radians(4.0)) / 0.187)
+    theta0, gamma = np.array([[1.05], [0.9], [1e-4 + crest], [1.2]]), np.full((4, 1), 0.187)
+    t, asked, clock = np.linspace(0.0, 2.5, 30), [], motion._clock
+
+    def counted(body, **keywords):
+        asked.append((keywords["reach"].size, keywords["fewest"]))
+        return clock(body, **keywords)
+
+    monkeypatch.setattr(motion, "_clock", counted)
+    for forth in (back_and_forth, lambda *args, **keywords: (positions_at(*args, **keywords),)):
+        together = forth(t, Body(0.15, gamma, 0.45), phi=math.radians(4.0), theta0=theta0, g=9.81)
+        assert {n for n, fewest in asked if fewest > 48} == {1}
+        for i in range(4):
+            alone = forth(t, Body(0.15, 0.187, 0.45), phi=math.radians(4.0), theta0=float(theta0[i, 0]), g=9.81)
+            for one, every in zip(alone, together, strict=True):
+                assert every[i] == pytest.approx(one[0], rel=0, abs=1e-12)

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from estim.arrays import FloatArray
-from estim.common import InputError
+from estim.common import InputError, later
 from estim.problem.differences import Differences
 
 _STEP_TOLERANCE = 0.1  # of a frame interval: what rounding a time to a few decimals may cost
@@ -46,8 +46,8 @@ class Stencil:
 
 STENCILS: Mapping[str, Stencil] = MappingProxyType(
     {
-        "central": Stencil("central", (-1, 1), (-1 / 2, 1 / 2), 2, 1 / 6),
-        "five-point": Stencil("five-point", (-2, -1, 1, 2), (1 / 12, -8 / 12, 8 / 12, -1 / 12), 4, -1 / 30),
+        "central": Stencil(later("central"), (-1, 1), (-1 / 2, 1 / 2), 2, 1 / 6),
+        "five-point": Stencil(later("five-point"), (-2, -1, 1, 2), (1 / 12, -8 / 12, 8 / 12, -1 / 12), 4, -1 / 30),
         "spill2": Stencil("spill2", (-2, -1, 1, 2), (-2 / 10, -1 / 10, 1 / 10, 2 / 10), 2, 17 / 30),
     }
 )
