@@ -17,6 +17,7 @@ from estim.fitting import screen
 from estim.problem import besides
 from estim.problem import noise as stated
 from estim.problem.rooted import RootErrors
+from estim.reports.figures import residual_figure
 from model import Body, positions_at
 
 NOISES = {
@@ -128,3 +129,14 @@ def test_a_scan_of_many_points_in_pieces_finds_the_same(monkeypatch):
     one, other = found
     for name in start:
         assert one.values[name] == pytest.approx(other.values[name], rel=1e-12)
+
+
+def test_residuals_of_many_frames_do_not_hide_each_other(tmp_path):
+    drawn = []
+    for n in (200, 900):
+        (run,) = load_campaign(recording(tmp_path, NOISES["positions"], n)).problem(["long"]).runs
+        z = np.random.default_rng(n).standard_normal(run.n_obs)
+        figure = residual_figure([run], [goodness.Goodness("long", z, z, np.ones(z.size), {}, math.nan, 0.0, math.nan)], synthetic=True)
+        drawn.append([(line.get_linestyle(), line.get_markersize()) for line in figure.axes[0].lines if np.size(line.get_xdata()) == run.n_obs])
+    assert drawn[0] == [("-", 6.0), ("None", 3.0)]
+    assert drawn[1] == [("None", 1.2)]

@@ -16,6 +16,8 @@ from estim.problem import Observations
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+_MANY = 300  # points that hide each other, and a line between them all
+
 
 def residual_figure(runs: Sequence[Observations], goodness: Sequence[Goodness], *, synthetic: bool) -> Figure:
     """Whitened residuals along each run, and how they are distributed."""
@@ -25,8 +27,9 @@ def residual_figure(runs: Sequence[Observations], goodness: Sequence[Goodness], 
         for sigma, shade in ((1.0, 0.20), (2.0, 0.10)):
             left.axhspan(-sigma, sigma, color=GREY, alpha=shade, lw=0)
         left.axhline(0.0, color=GREY, lw=0.8)
-        left.plot(run.x, good.whitened, "-", color=BLUE, lw=0.6, alpha=0.6)
-        left.plot(run.x, good.whitened, "o", color=INK, ms=3)
+        if run.n_obs <= _MANY:
+            left.plot(run.x, good.whitened, "-", color=BLUE, lw=0.6, alpha=0.6)
+        left.plot(run.x, good.whitened, "o", color=INK, **({"ms": 3.0} if run.n_obs <= _MANY else {"ms": 1.2, "alpha": 0.6}))
         reach = max(3.3, 1.1 * float(np.max(np.abs(good.whitened))))
         edges = np.linspace(-reach, reach, 15)
         right.hist(good.whitened, bins=edges, orientation="horizontal", color=BLUE, alpha=0.55)
