@@ -3,7 +3,8 @@
 Read `least_squares` first, `analysis` for the theta_min line, `release` for trials."""
 
 from estim.line.analysis import LineAnalysis, analyse_line
-from estim.line.least_squares import CONVENTIONS, confidence_band
+from estim.line.conventions import CONVENTIONS
+from estim.line.least_squares import confidence_band
 from estim.line.series import ThetaMinSeries, read_theta_min
 from estim.line.stated_errors import Correlated, commons
 from estim.line.straight import Columns, StraightLine, straight_line

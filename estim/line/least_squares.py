@@ -33,27 +33,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from estim.arrays import FloatArray
-from estim.common import InputError, Markdown, Said, format_p, format_quantity, later, markdown, phrase, table
-from estim.distributions import chi2_quantile, chi2_tail, student_quantile, student_tail
+from estim.common import InputError, Markdown, format_p, format_quantity, markdown, phrase, table
+from estim.distributions import chi2_quantile, chi2_tail, student_quantile
 from estim.line.angle import LineData, Profile, ScaledPoints, best_angle, line_data, profile, scaled_points
+from estim.line.conventions import POOR_FIT, recommendation
 from estim.line.joint_errors import propagated_joint
-
-CONVENTIONS: Mapping[str, str] = Said(
-    {
-        "york": later("York et al. 2004, Am. J. Phys. 72, 367, eq. (13): from the adjusted points, stated uncertainties taken as true"),
-        "propagated": later(
-            "Kalantar 1992, Meas. Sci. Technol. 3, 1113; Krystek and Anton 2007, Meas. Sci. Technol. 18, 3438: the "
-            "uncertainties of all data propagated through the minimum; for exact x ISO/TS 28037:2010, 6.2"
-        ),
-        "scaled": later(
-            "York 1966, Can. J. Phys. 44, 1079 (for exact x the Birge ratio; without uncertainties GUM H.3): scaled by "
-            "sqrt(S/(n - 2)), so only the ratios of the stated uncertainties count; Student's t with n - 2 degrees of freedom"
-        ),
-    }
-)
-_FEW = 10  # degrees of freedom up to which value ± standard error holds less than 66 %
-_ROUNDING = 3e-14  # residuals below this share of y are rounding errors
-POOR_FIT = 0.01  # p-value of S below which the stated uncertainties are not believed
 
 
 class StandardError(NamedTuple):
@@ -126,7 +110,7 @@ def fit_line(
         errors = dict.fromkeys(_names(data.method), StandardError(*[float("nan")] * 5))
     else:
         errors = _standard_errors(points, angle, best, method=data.method, scale=float(np.sqrt(chi2 / dof)))
-    recommended, reason = _recommendation(data, chi2, dof, p_value)
+    recommended, reason = recommendation(data, chi2, dof, p_value)
     return LineFit(
         intercept=intercept,
         slope=slope,
@@ -188,33 +172,6 @@ def _propagated(points: ScaledPoints, b: float, a: float) -> FloatArray:
     middle = (by_x * points.var_x) @ by_x.T + (by_y * points.var_y) @ by_y.T + cross + cross.T
     inverse = np.linalg.inv(hessian)
     return np.asarray(inverse @ middle @ inverse)
-
-
-def _recommendation(data: LineData, chi2: float, dof: int, p_value: float) -> tuple[str, str]:
-    """The convention to quote and why."""
-    if data.method == "ols":
-        reason = phrase("no uncertainties are stated: the scatter of the residuals is the only scale (Student's t, {dof} dof)", dof=dof)
-        if chi2 <= data.x.size * (_ROUNDING * float(np.max(np.abs(data.y)))) ** 2:
-            none = phrase(", and there is no scatter but rounding errors: nothing tells how large the errors are, state u_y")
-            return "scaled", reason + none
-        held = 1.0 - 2.0 * float(student_tail(1.0, dof))
-        few = phrase(
-            "; value ± standard error holds the truth in {held:.0f} % of such experiments, coverage_factor() widens it to any level", held=100 * held
-        )
-        return "scaled", reason + (few if dof <= _FEW else "")
-    if p_value < POOR_FIT:
-        return "scaled", phrase(
-            "S/dof = {ratio:.3g} ({p}): the stated uncertainties do not explain the scatter; scaling assumes "
-            "that all are too small by one factor, a Bayesian line with intrinsic scatter that something was left out",
-            ratio=chi2 / dof, p=format_p(p_value),
-        )
-    if data.method == "weighted":
-        return "propagated", phrase("x is exact and S agrees with the stated uncertainties, so they are propagated as they are")
-    return "propagated", phrase(
-        "the stated uncertainties are not rejected by the scatter ({p}), so they need no scaling; the york "
-        "convention is too small where the errors along the line are not small against the range",
-        p=format_p(p_value),
-    )
 
 
 def _message(vertical: bool, contrast: float, chi2: float, dof: int, p_value: float, errors: Mapping[str, StandardError]) -> str:

@@ -11,8 +11,9 @@ import numpy as np
 
 from estim.arrays import FloatArray
 from estim.common import InputError, Quantity, Status, read_number
+from estim.line.conventions import POOR_FIT
 from estim.line.interval import SlopeInterval, slope_interval
-from estim.line.least_squares import POOR_FIT, LineFit, coverage_factor, fit_line, inverse_prediction, line_values, standard_error
+from estim.line.least_squares import LineFit, coverage_factor, fit_line, inverse_prediction, line_values, standard_error
 from estim.line.stated_errors import Correlated, stated_covariance
 from estim.reading import Dialect, read_columns
 

@@ -1,0 +1,55 @@
+"""Which standard errors of a line are in print, and which of them to quote."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from estim.common import Said, format_p, later, phrase
+from estim.distributions import student_tail
+from estim.line.angle import LineData
+
+CONVENTIONS: Mapping[str, str] = Said(
+    {
+        "york": later("York et al. 2004, Am. J. Phys. 72, 367, eq. (13): from the adjusted points, stated uncertainties taken as true"),
+        "propagated": later(
+            "Kalantar 1992, Meas. Sci. Technol. 3, 1113; Krystek and Anton 2007, Meas. Sci. Technol. 18, 3438: the "
+            "uncertainties of all data propagated through the minimum; for exact x ISO/TS 28037:2010, 6.2"
+        ),
+        "scaled": later(
+            "York 1966, Can. J. Phys. 44, 1079 (for exact x the Birge ratio; without uncertainties GUM H.3): scaled by "
+            "sqrt(S/(n - 2)), so only the ratios of the stated uncertainties count; Student's t with n - 2 degrees of freedom"
+        ),
+    }
+)
+_FEW = 10  # degrees of freedom up to which value ± standard error holds less than 66 %
+_ROUNDING = 3e-14  # residuals below this share of y are rounding errors
+POOR_FIT = 0.01  # p-value of S below which the stated uncertainties are not believed
+
+
+def recommendation(data: LineData, chi2: float, dof: int, p_value: float) -> tuple[str, str]:
+    """The convention to quote and why."""
+    if data.method == "ols":
+        reason = phrase("no uncertainties are stated: the scatter of the residuals is the only scale (Student's t, {dof} dof)", dof=dof)
+        if chi2 <= data.x.size * (_ROUNDING * float(np.max(np.abs(data.y)))) ** 2:
+            none = phrase(", and there is no scatter but rounding errors: nothing tells how large the errors are, state u_y")
+            return "scaled", reason + none
+        held = 1.0 - 2.0 * float(student_tail(1.0, dof))
+        few = phrase(
+            "; value ± standard error holds the truth in {held:.0f} % of such experiments, coverage_factor() widens it to any level", held=100 * held
+        )
+        return "scaled", reason + (few if dof <= _FEW else "")
+    if p_value < POOR_FIT:
+        return "scaled", phrase(
+            "S/dof = {ratio:.3g} ({p}): the stated uncertainties do not explain the scatter; scaling assumes "
+            "that all are too small by one factor, a Bayesian line with intrinsic scatter that something was left out",
+            ratio=chi2 / dof, p=format_p(p_value),
+        )
+    if data.method == "weighted":
+        return "propagated", phrase("x is exact and S agrees with the stated uncertainties, so they are propagated as they are")
+    return "propagated", phrase(
+        "the stated uncertainties are not rejected by the scatter ({p}), so they need no scaling; the york "
+        "convention is too small where the errors along the line are not small against the range",
+        p=format_p(p_value),
+    )
