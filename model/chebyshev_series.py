@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from functools import cache
 from typing import Any
 
 import numpy as np
@@ -10,8 +9,6 @@ from numpy.polynomial import chebyshev
 from numpy.typing import NDArray
 
 FloatArray = NDArray[Any]
-
-TABLE = 97  # points of the table that starts the inversion of a clock
 
 
 def integral(coefficients: FloatArray) -> FloatArray:
@@ -28,13 +25,6 @@ def cosine_transform(values: FloatArray) -> FloatArray:
     n = values.shape[1]
     spectrum = np.fft.rfft(np.concatenate([values, values[:, ::-1]], axis=1), axis=1)[:, :n]
     return np.real(0.5 * np.exp(-0.5j * np.pi * np.arange(n) / n) * spectrum)
-
-
-@cache
-def knots_and_polynomials(degree: int) -> tuple[FloatArray, FloatArray]:
-    """Equidistant points in [-1, 1] and the Chebyshev polynomials there, (degree + 1, n_knot)."""
-    knots = np.linspace(-1.0, 1.0, TABLE)
-    return knots, np.ascontiguousarray(chebyshev.chebvander(knots, degree).T)
 
 
 def evaluate(z: FloatArray, coefficients: FloatArray) -> FloatArray:

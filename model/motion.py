@@ -6,32 +6,32 @@ The time is t = integral of dx/v, singular at the release and at a turning point
     no turning point in reach:   theta = theta0 + L w^2,  w in [0, 1]    (L: as far as is asked for)
 
 dt/du (dt/dw) is smooth, so it is interpolated at Chebyshev points and integrated in closed form; the inverse t -> x is
-a few Newton steps on that polynomial.  Everything is vectorised over draws: parameters as scalars or (n_draw, 1).
+read off a table of that polynomial and its derivatives.  Everything is vectorised over draws: parameters as scalars or (n_draw, 1).
 """
 
 from __future__ import annotations
 
-from dataclasses import fields
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from model.body import Body
-from model.chebyshev_series import TABLE, cosine_transform, evaluate, integral, knots_and_polynomials
+from model.chebyshev_series import cosine_transform, evaluate, integral
 from model.driven import driven_motion
 from model.forces import Forces
+from model.inversion import invert
 from model.phase import STANDARD_GRAVITY, effective_slope, energy_ratio, turning_angle
 
 FloatArray = NDArray[Any]
 
 _FEWEST_NODES = 48
+_BLOCK = 40_000  # points of the draws that are computed together: they stay in the cache
 _MOST_NODES = 4096
 _NEGLIGIBLE = 1e-11  # of the largest coefficient
 _UNRESOLVED = 1e-8
 _ROUND_OFF = 1e-15  # smaller coefficients change no digit
-_MOST_STEPS = 80
-_SETTLED = 1e-7
 
 
 def _clock(
@@ -192,26 +192,60 @@ def _states(
     t = np.atleast_1d(np.asarray(t, dtype=float))
     if t.size == 0:
         return np.zeros(t.shape), np.zeros(t.shape)
-    phi, theta0 = np.asarray(phi, dtype=float), np.asarray(theta0, dtype=float)
+    place = {"phi": phi, "theta0": theta0, "rolling_resistance": rolling_resistance, "g": g}
+    columns = [*place.values(), *vars(body).values(), *([t] if t.ndim == 2 else [])]
+    n_draw = max((np.shape(column)[0] for column in columns if np.ndim(column) == 2), default=1)
+    rows = max(1, _BLOCK // t.shape[-1])
+    if n_draw <= rows:
+        return _legs(t, body, place, n_leg=n_leg, n_node=n_node, speeds=speeds)
+    parts = []
+    for first in range(0, n_draw, rows):
+        some = slice(first, first + rows)
+        own = replace(body, **{name: _of(value, some) for name, value in vars(body).items()})
+        parts.append(_legs(_of(t, some), own, {name: _of(value, some) for name, value in place.items()}, n_leg=n_leg, n_node=n_node, speeds=speeds))
+    return np.concatenate([x for x, _ in parts]), np.concatenate([v for _, v in parts])
+
+
+def _of(value: Any, some: slice | NDArray[np.bool_]) -> Any:
+    """The part of a column (n_draw, n) that belongs to some draws; what all draws have in common as it is."""
+    return value[some] if np.ndim(value) == 2 and np.shape(value)[0] > 1 else value
+
+
+def _legs(t: FloatArray, body: Body, place: dict[str, Any], *, n_leg: int, n_node: int | None, speeds: bool) -> tuple[FloatArray, FloatArray]:
+    """`_states` of a few draws, each way from where the one before it ended."""
+    phi, theta0 = np.asarray(place["phi"], dtype=float), np.asarray(place["theta0"], dtype=float)
     x = v = start = np.zeros((1, 1))
+    late = np.ones(t.shape[-1], dtype=bool)  # the times that are not over for every draw
     sign = 1.0
     for leg in range(n_leg):
-        place: dict[str, Any] = {"phi": phi, "theta0": theta0, "rolling_resistance": rolling_resistance, "g": g}
-        dx, rate, end, reach = _leg(t, body, **place, n_node=n_node, speeds=speeds)
-        here = (t > 0.0) if leg else np.ones(t.shape, dtype=bool)
-        inside = (t <= 0.0) | (t <= end)
-        x = np.where(here & inside, start + sign * dx, x)
-        v = np.where(here & inside, sign * rate, v)
+        now = t[..., late]
+        dx, rate, end, reach = _leg(now, body, **{**place, "phi": phi, "theta0": theta0}, n_node=n_node, speeds=speeds)
+        here = (now > 0.0) if leg else np.ones(now.shape, dtype=bool)
+        inside = (now <= 0.0) | (now <= end)
         rest = np.where(np.isnan(end), np.nan, 0.0)
         stop = np.where(np.isinf(end), 0.0, reach + rest)
-        start = start + sign * np.asarray(body.radius) * stop
-        x = np.where(here & ~inside, start, x)
-        v = np.where(here & ~inside, rest, v)
-        t = np.where((reach > 0.0) & np.isfinite(end), np.maximum(t - end, 0.0), 0.0)
-        if not np.any(t > 0.0):
+        stopped = start + sign * np.asarray(body.radius) * stop
+        x = _put(x, late, here, np.where(inside, start + sign * dx, stopped))
+        v = _put(v, late, here, np.where(inside, sign * rate, rest))
+        start = stopped
+        after = np.where((reach > 0.0) & np.isfinite(end), np.maximum(now - end, 0.0), 0.0)
+        going = np.any(after > 0.0, axis=0)
+        if not going.any():
             return x, v
+        t = np.zeros(x.shape)
+        t[:, late] = after
+        late = late.copy()
+        late[late] = going
         theta0, phi, sign = -(theta0 + stop), -phi, -sign
     return np.where(t > 0.0, np.nan, x), np.where(t > 0.0, np.nan, v)
+
+
+def _put(values: FloatArray, columns: NDArray[np.bool_], where: NDArray[np.bool_], new: FloatArray) -> FloatArray:
+    """`values` with `new` (n_draw, n_column) in some columns, where it says so."""
+    if columns.all():
+        return np.where(where, new, values)
+    values[:, columns] = np.where(where, new, values[:, columns])
+    return values
 
 
 def _leg(
@@ -233,7 +267,7 @@ def _leg(
     if np.any(hard):
         return _legs_apart(hard, t, body, **keywords, speeds=speeds, fewest=fewest)
     end = np.sum(clock, axis=0)[:, None]  # every Chebyshev polynomial is 1 at z = 1
-    z = _invert(t, clock, pace, end)
+    z = invert(t, clock, pace, end)
     angle, remainder = _substitution(z, reach, turns)
     v: FloatArray = np.full((1, 1), np.nan)
     if speeds:
@@ -249,81 +283,18 @@ def _legs_apart(
     speeds: bool, fewest: int,
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
     """`_leg` of the easy draws, and of the hard ones (n_draw,) with twice the points."""
-    n_draw = hard.size
-
-    def of(rows: NDArray[np.bool_], value: Any) -> Any:
-        """These draws of a number, or an array with or without an axis for them."""
-        return value[rows] if isinstance(value, np.ndarray) and value.ndim == 2 and len(value) == n_draw else value
-
     found: list[FloatArray] | None = None
     for rows, points in ((~hard, fewest), (hard, 2 * fewest)):
-        own = Body(**{field.name: of(rows, getattr(body, field.name)) for field in fields(body)})
+        own = replace(body, **{name: _of(value, rows) for name, value in vars(body).items()})
         place = {"phi": phi[rows], "theta0": theta0[rows], "rolling_resistance": rolling_resistance[rows], "g": g[rows]}
-        parts = _leg(of(rows, t), own, **place, n_node=None, speeds=speeds, fewest=points)
+        parts = _leg(_of(t, rows), own, **place, n_node=None, speeds=speeds, fewest=points)
         if found is None:
-            found = [np.empty((n_draw, part.shape[1])) for part in parts]
+            found = [np.empty((hard.size, part.shape[1])) for part in parts]
         for whole, part in zip(found, parts, strict=True):
             whole[rows] = part
     assert found is not None
     x, v, end, stop = found
     return x, v, end, stop
-
-
-def _invert(t: FloatArray, clock: FloatArray, pace: FloatArray, end: FloatArray) -> FloatArray:
-    """z (n_draw, n_obs) at which the clock shows `t`, by Newton steps inside a bracket; nan where they do not settle or `end` (n_draw, 1) is nan.
-
-    The first step takes the slope of the cubic that it starts from, which is as good where that is close.
-    """
-    low, high, z, slope = _bracket(t, clock, pace, np.broadcast_shapes(end.shape, t.shape))
-    for step in range(_MOST_STEPS):
-        ahead = evaluate(z, clock) - t
-        low, high = np.where(ahead <= 0.0, z, low), np.where(ahead >= 0.0, z, high)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            newton = z - (ahead * slope if step == 0 else ahead / evaluate(z, pace))
-        z_next = np.where((newton >= low) & (newton <= high), newton, 0.5 * (low + high))
-        moved = np.abs(z_next - z)
-        z = z_next
-        # the error left after a step is of the order of its square
-        if np.nanmax(moved, initial=0.0) < _SETTLED:
-            break
-    return np.where((moved < 10.0 * _SETTLED) & np.isfinite(end), z, np.nan)
-
-
-def _bracket(
-    t: FloatArray, clock: FloatArray, pace: FloatArray, shape: tuple[int, ...]
-) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Ends of an interval that holds z, a first guess inside and dz/dt there, (n_draw, n_obs) each: a cubic through a table of the clock."""
-    knots, polynomials = knots_and_polynomials(clock.shape[0] - 1)
-    width = knots[1] - knots[0]
-    draws = (shape[0], TABLE)
-    table = np.broadcast_to(np.maximum.accumulate(clock.T @ polynomials, axis=1), draws)  # (n_draw, n_knot)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        inverse = np.broadcast_to(1.0 / (pace.T @ polynomials[: pace.shape[0]]), draws).ravel()  # dz/dt
-    t = np.broadcast_to(t, shape)
-    place = _places(table, t)
-    at, times = place + TABLE * np.arange(shape[0])[:, None], table.ravel()
-    before, low = times.take(at), knots.take(place)
-    step = times.take(at + 1) - before
-    with np.errstate(divide="ignore", invalid="ignore"):
-        s = np.clip((t - before) / step, 0.0, 1.0)
-        rise, fall = step * inverse.take(at), step * inverse.take(at + 1)
-        bend, twist = 3.0 * width - 2.0 * rise - fall, rise + fall - 2.0 * width
-        z = low + s * (rise + s * (bend + s * twist))
-        slope = (rise + s * (2.0 * bend + 3.0 * s * twist)) / step
-    z = np.where((z >= low) & (z <= low + width), z, low + 0.5 * width)
-    outside = (t <= table[:, :1]) | (t >= table[:, -1:])
-    return np.where(outside, -1.0, low - 1e-9), np.where(outside, 1.0, low + width + 1e-9), np.clip(z, -1.0, 1.0), slope
-
-
-def _places(table: FloatArray, t: FloatArray) -> NDArray[np.int64]:
-    """(n_draw, n_obs) the interval of each draw's rising table (n_draw, n_knot) that holds its t: one search, the draws behind each other."""
-    first, last = table[:, :1], table[:, -1:]
-    if np.isnan(last).any():
-        return _places(np.nan_to_num(table), t)
-    lengths = last - first
-    offset = np.concatenate([np.zeros((1, 1)), np.cumsum(lengths + np.max(lengths) + 1.0, axis=0)[:-1]]) - first
-    found = np.searchsorted((table + offset).ravel(), (np.minimum(np.maximum(t, first), last) + offset).ravel(), side="right").reshape(t.shape)
-    return np.minimum(np.maximum(found - (1 + TABLE * np.arange(len(table))[:, None]), 0), TABLE - 2)
 
 
 def _farthest(t: FloatArray, body: Body, phi: FloatArray, rolling_resistance: FloatArray, g: FloatArray) -> FloatArray:

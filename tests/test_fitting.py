@@ -142,9 +142,9 @@ def test_starts_that_meet_go_on_as_one_to_the_mode_of_each_alone(replica: Path, 
     alone = fit_least_squares(problem, rng=np.random.default_rng(4), n_start=1)
     searches, fit_curve = [], least_squares._fit_curve
 
-    def counted(*given: object) -> np.ndarray:
+    def counted(*given: object, **choices: bool) -> np.ndarray:
         searches.append(given)
-        return fit_curve(*given)
+        return fit_curve(*given, **choices)
 
     monkeypatch.setattr(least_squares, "_fit_curve", counted)
     fit = fit_least_squares(problem, rng=np.random.default_rng(4), n_start=8)
@@ -168,8 +168,8 @@ class Following:
 
     def __init__(self, leads: Callable[[np.ndarray], np.ndarray], monkeypatch: pytest.MonkeyPatch) -> None:
         self.rounds, self.problem = 0, self
-        monkeypatch.setattr(least_squares, "_fit_curve", lambda _, values: self.round(leads, values))
-        monkeypatch.setattr(least_squares, "_fit_noise", lambda _, values: values)
+        monkeypatch.setattr(least_squares, "_fit_curve", lambda _, values, **choices: self.round(leads, values))
+        monkeypatch.setattr(least_squares, "fit_noise", lambda _, values: values)
         monkeypatch.setattr(least_squares, "information", lambda _, values: np.eye(values.size))
 
     def round(self, leads: Callable[[np.ndarray], np.ndarray], values: np.ndarray) -> np.ndarray:

@@ -37,7 +37,7 @@ from numpy.typing import NDArray
 from estim.arrays import FloatArray
 from estim.checks.goodness import check_goodness
 from estim.common import Amount, Finding, Kind, NumericalError, Stream, stream
-from estim.fitting import Fit, around, chi2_p, curve_indices, fit_least_squares, refit
+from estim.fitting import Fit, Quadratic, around, chi2_p, curve_indices, fit_least_squares, refit
 from estim.problem import MEASURED, LogNormal, Normal, Prior, Problem, TruncatedNormal
 
 P_CONFLICT = 0.01
@@ -49,6 +49,7 @@ _LEAST = 0.01  # information of the data, in units of the prior's, below which t
 _LEAST_OF_MIXTURE = 0.1  # the same where a mixture was taken as one normal distribution, a few per cent of whose covariance mean nothing
 _ALONE = 1e-9  # relative: eigenvalues below count as zero
 _TOO_FAR = 20.0  # pulls that an expansion around the mode cannot give
+_MANY_STATED = 100  # beyond, all pulls follow from one solution
 _FAR = 2.0  # pulls worth naming, and how many of them at most
 _NAMED = 3
 
@@ -104,17 +105,43 @@ def check_stated_values(fit: Fit) -> Conflict:
     together = model.least(pull_rows, off)[1]
     uncompared = vectors[:, ~kept].T
     chi2, dof = max(0.0, together - model.least(uncompared @ pull_rows, uncompared @ off)[1]), int(np.sum(kept))
+    found = _pulls_at_once(model, pull_rows, off) if stated.size > _MANY_STATED else np.full(stated.size, np.nan)
     pulls = {}
     for k in np.flatnonzero(told):
-        others = np.arange(stated.size) != k
-        step, without = model.least(pull_rows[others], off[others])
-        pulls[fit.names[curve[stated[k]]]] = math.copysign(math.sqrt(max(0.0, together - without)), float(pull_rows[k] @ step + off[k]))
+        if math.isnan(found[k]):
+            others = np.arange(stated.size) != k
+            step, without = model.least(pull_rows[others], off[others])
+            found[k] = math.copysign(math.sqrt(max(0.0, together - without)), float(pull_rows[k] @ step + off[k]))
+        pulls[fit.names[curve[stated[k]]]] = float(found[k])
     p_value = chi2_p(chi2, dof)
     unstated = None if p_value >= P_CONFLICT else _explained(fit)
     if unstated is not None and max(map(abs, pulls.values()), default=0.0) > _TOO_FAR:  # the mode is far from everything
         pulls = {fit.names[curve[k]]: _distance(problem, unstated, curve[k]) for k in np.flatnonzero(slopes != 0.0)}
     ordered = dict(sorted(pulls.items(), key=lambda item: -abs(item[1])))
     return Conflict(chi2, dof, p_value, ordered, p_value >= P_CONFLICT or unstated is not None)
+
+
+def _pulls_at_once(model: Quadratic, pull_rows: FloatArray, off: FloatArray) -> FloatArray:
+    """(n_stated,) the pulls of all stated values from one solution; nan where leaving one out would lead beyond an edge.
+
+    Without row k the least squares are e^2/(1 - h) lower, e its residual and h its leverage (Cook and Weisberg, Residuals (1982) 2.2).
+    """
+    rows = np.vstack([model.rows, pull_rows]) * model.scale
+    gram, low, high = rows.T @ rows, model.low / model.scale, model.high / model.scale
+    scaled = pull_rows * model.scale
+    try:
+        np.linalg.cholesky(gram)
+        solved = np.linalg.solve(gram, np.column_stack([rows.T @ np.concatenate([model.aim, -off]), scaled.T]))
+    except np.linalg.LinAlgError:
+        return np.full(off.size, np.nan)
+    step, follow = solved[:, 0], solved[:, 1:]
+    residual, room = scaled @ step + off, 1.0 - np.sum(scaled * follow.T, axis=1)
+    room = np.where(room > _ALONE, room, np.nan)
+    inside = np.ones(off.size, dtype=bool) & bool(np.all((step >= low) & (step <= high)))
+    for i in np.flatnonzero(np.isfinite(low) | np.isfinite(high)):
+        moved = step[i] + follow[i] * residual / room
+        inside &= (moved >= low[i]) & (moved <= high[i])
+    return np.where(inside, residual / np.sqrt(room), np.nan)
 
 
 def _distance(problem: Problem, unstated: Fit, i: int) -> float:

@@ -14,7 +14,7 @@ from estim.checks.consistency import Consistency
 from estim.checks.counts import counts_as_readings
 from estim.checks.deviations import deviation_remarks
 from estim.checks.forces import beyond_their_priors, force_remarks
-from estim.checks.goodness import P_FLOOR, P_POOR_FIT, P_TOLD, SCATTER_LIMIT, Goodness
+from estim.checks.goodness import P_FLOOR, P_TOLD, SCATTER_LIMIT, Goodness
 from estim.checks.identifiability import Identifiability
 from estim.checks.modes import Modes
 from estim.checks.outliers import bad_frames_found, too_many_bad_frames
@@ -27,6 +27,9 @@ from estim.sampling import Agreement, Chain, mcse_mean, mixing_of
 from estim.words import tell
 
 _FLAT = 0.05  # curvature of the log prior along a direction, 1 for a normal prior, below which it does not hold it
+
+_HELD_FELT = 0.2  # standard deviations of a parameter, by which a run whose covariance is held may move those of others
+_ALIKE = 0.3  # the same, from which on it is told that runs count alike
 
 _CROWD = 0.35  # share of outliers beyond which they may be another motion, and the frames called good a part of it
 
@@ -75,7 +78,9 @@ def diagnose(
             *(finding for force in fit.forces for finding in too_many_bad_frames(force)),
         ]
     )
-    remarks = _remarks(fit, chain, goodness, conflict) + ([] if findings else rolling_remarks(rolling) + large_influences(fit, influences))
+    told = [part for part in comparison.told if part.kind is Kind.RUNS_COUNT_ALIKE and part.size > _ALIKE]
+    remarks = _held(fit, Kind.COVARIANCE_HELD) + told + _remarks(fit, chain, goodness, conflict)
+    remarks += [] if findings else rolling_remarks(rolling) + large_influences(fit, influences)
     mixing = chain.mixing or mixing_of(chain.draws)
     return Diagnosis(
         status=decide(findings), findings=findings, remarks=tuple(remarks),
@@ -85,7 +90,16 @@ def diagnose(
 
 def _convergence(fit: Fit, chain: Chain) -> list[Finding]:
     unsettled = [] if fit.success else [Finding(Kind.FIT_UNSETTLED, size=fit.moved)]
-    return unsettled + sampling_findings(chain)
+    return unsettled + _held(fit, Kind.FIT_UNSETTLED) + sampling_findings(chain)
+
+
+def _held(fit: Fit, kind: Kind) -> list[Finding]:
+    """The runs whose covariance was held, where other parameters feel that (the fit did not settle), or where they do not (a note)."""
+    felt = max((held.felt for held in fit.held), default=0.0)
+    if not fit.held or (felt > _HELD_FELT) != (kind is Kind.FIT_UNSETTLED):
+        return []
+    names = tuple(name for held in fit.held for name in held.runs)
+    return [Finding(kind, size=max(held.off for held in fit.held), numbers={"felt": felt}, names=names)]
 
 
 def sampling_findings(chain: Chain) -> list[Finding]:
@@ -194,10 +208,10 @@ def _remarks(fit: Fit, chain: Chain, goodness: Sequence[Goodness], conflict: Con
     for good, run in zip(goodness, fit.problem.runs, strict=True):
         found += borne_pattern(good)
         chi2 = good.checks.get("chi2")
-        if chi2 is not None and chi2.p_value > 1.0 - P_POOR_FIT and not good.covered and run.lacks is None:
+        if chi2 is not None and chi2.p_value > 1.0 - good.level and not good.covered and run.lacks is None:
             kind = Kind.COUNTS_EVEN if good.counted else Kind.RESIDUALS_SMALL
             found.append(Finding(kind, run=good.run, test="chi2", p=1.0 - chi2.p_value, numbers={"least": P_FLOOR}))
-        if good.speed is not None and good.speed.p_value < P_TOLD:
+        if good.speed is not None and good.speed.p_value < P_TOLD / good.among:
             found.append(Finding(Kind.NOISE_WITH_SPEED, run=good.run, test="speed", p=good.speed.p_value, numbers={"least": P_FLOOR}))
         if 1.5 < good.scatter_ratio <= SCATTER_LIMIT:
             found.append(Finding(Kind.SCATTER_LARGE, run=good.run, size=good.scatter_ratio))

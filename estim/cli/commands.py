@@ -6,6 +6,7 @@ the same); 74 what was done could not be said on stdout (a full disk); 130 inter
 
 from __future__ import annotations
 
+import gc
 import os
 import sys
 import warnings
@@ -41,6 +42,7 @@ from estim.cli.terminal import (
     report_at,
     say,
     stores_of,
+    together,
     write_files,
     write_report,
 )
@@ -53,6 +55,9 @@ if TYPE_CHECKING:
     from estim.pipeline import Analysis
     from estim.reading import Unit
     from estim.studies import Drift, EnergyRecord
+
+_RARELY = 50_000  # objects made before those that only point at each other are looked for: modules and figures are made of many that stay
+
 
 @click.group(
     context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100},
@@ -123,13 +128,13 @@ def fit(
     stores = stores_of(folder, groups, joint=joint, resume=resume)
     results, explanations = {}, []
     for group, store in zip(groups, stores, strict=True):
-        with progress_bar(", ".join(group)) as progress:
+        with progress_bar(together(group)) as progress:
             analysis = analyse(
                 loaded, group, seed=seed, target=Target(max_step=max_steps), progress=progress, store=store, stop=stop, marginal=marginal
             )
         analysis = with_causes(loaded, analysis, group, asked=explain)
         place = folder if len(groups) == 1 else folder / group[0]
-        with progress_bar(", ".join(group)) as progress:
+        with progress_bar(together(group)) as progress:
             progress(100, phrase("report and figures"))
             files = analysis_report(loaded, analysis, voice=Voice.COMMANDS, figures=not no_figures)
             write_report(place, with_campaign(files, loaded.source.written, file=campaign.name), within=folder)
@@ -137,7 +142,7 @@ def fit(
             write_files(place, {"draws.nc": to_netcdf(analysis)}, within=folder)
         results[group[0]] = result_of(loaded, analysis, voice=Voice.COMMANDS)
         shown = result_lines(results[group[0]]) if analysis.diagnosis.ok else analysis.diagnosis.reasons
-        conclude(", ".join(group), analysis.diagnosis.status, shown, analysis.diagnosis.notes)
+        conclude(together(group), analysis.diagnosis.status, shown, analysis.diagnosis.notes)
         say_causes(analysis)
         explanations += [] if analysis.explanation is None else [analysis.explanation]
     if len(groups) > 1:
@@ -178,11 +183,11 @@ def energy(campaign: Path, runs: tuple[str, ...], joint: bool, max_steps: int, o
     loaded.study.require_speeds(names, "estim energy")
     loaded.study.require_complete(names, "estim energy")
     for group in groups:
-        with progress_bar(", ".join(group)) as progress:
+        with progress_bar(together(group)) as progress:
             analyses.append(analyse(loaded, group, seed=seed, target=Target(max_step=max_steps), progress=progress, complete="estim energy"))
         records.extend(energy_along(analyses[-1], rng=stream(seed, Stream.ENERGY)))
         drifts.append(drift_of(analyses[-1], rng=stream(seed, Stream.DRIFT)))
-        conclude(", ".join(group), analyses[-1].diagnosis.status, analyses[-1].diagnosis.reasons)
+        conclude(together(group), analyses[-1].diagnosis.status, analyses[-1].diagnosis.reasons)
     folder = out or out_folder(campaign, "energy")
     write_report(folder, energy_report(loaded, analyses, records, drifts, seed=seed, figures=not no_figures))
     report_at(folder / "report.md", loaded.source.outside())
@@ -205,7 +210,7 @@ def reanalyse(campaign: Path, max_steps: int, jobs: int | None, out: Path | None
     posterior band, and published numbers beside reanalysed ones.  The numbers are the same for any number of --jobs.
     """
     from estim.campaign import load_campaign
-    from estim.reports import reanalysis_lines, reanalysis_report
+    from estim.reports import called, reanalysis_lines, reanalysis_report
     from estim.sampling import Target
     from estim.studies import reanalyse as run_reanalysis
     from estim.words import Voice
@@ -218,7 +223,7 @@ def reanalyse(campaign: Path, max_steps: int, jobs: int | None, out: Path | None
     write_report(folder, reanalysis_report(result, voice=Voice.COMMANDS, figures=not no_figures))
     said = reanalysis_lines(result)
     for what, status in result.statuses.items():
-        conclude(what, status, said.get(what, ()))
+        conclude(called(result, what), status, said.get(what, ()))
     report_at(folder / "report.md", loaded.source.outside(line=True, published=True))
     _exit_unless(all(status.ok for status in result.statuses.values()))
 
@@ -290,6 +295,7 @@ def main() -> None:
     if not sys.warnoptions:
         warnings.simplefilter("ignore")
     import_lean()
+    gc.set_threshold(_RARELY, *gc.get_threshold()[1:])
     os.environ["MPLBACKEND"] = "agg"  # figures are files, whatever a user's sessions draw on
     sys.exit(exit_code(_run))
 

@@ -33,6 +33,7 @@ if TYPE_CHECKING:
     from estim.campaign import Campaign
     from estim.sampling import Progress, Store
 
+_MOST_NAMED = 24
 _LARGEST = 2**28  # bytes of a file of a report
 BAD_INPUT, NOT_OK, INTERRUPTED = 2, 3, 130  # exit codes; those of streams are in `output_streams`
 
@@ -181,6 +182,13 @@ def stores_of(folder: Path, groups: Sequence[tuple[str, ...]], *, joint: bool, r
     for store in stores:
         store.check()
     return stores
+
+
+def together(runs: Sequence[str]) -> str:
+    """The runs of a fit as they are named on the screen."""
+    return ", ".join(runs) if len(runs) <= _MOST_NAMED else phrase(
+        "{first}, {second} ... {last} ({n} runs)", first=runs[0], second=runs[1], last=runs[-1], n=len(runs)
+    )
 
 
 def groups_of(campaign: Campaign, runs: Iterable[str], *, joint: bool) -> list[tuple[str, ...]]:

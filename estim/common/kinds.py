@@ -44,6 +44,7 @@ class Kind(StrEnum):
     # the search for the best fit
     FIT_UNSETTLED = auto()
     STEP_UNSETTLED = auto()
+    COVARIANCE_HELD = auto()
     STARTS_ELSEWHERE = auto()
     EXCHANGED = auto()
     EXCHANGE = auto()
@@ -73,6 +74,7 @@ class Kind(StrEnum):
     WEIGHTS_UNRELIABLE = auto()
     ERRORS_TOO_LARGE = auto()
     MARGINAL_SAMPLED = auto()
+    RUNS_COUNT_ALIKE = auto()
     MARGINAL_MISSED = auto()
     MARGINAL_DRAWS_FEW = auto()
     WEIGHTS_EXACT = auto()

@@ -4,6 +4,7 @@ from estim.fitting.arrow import MANY, linear_response
 from estim.fitting.curve_intervals import FEW, Ends, coverage_of_sd, shown_value, spread
 from estim.fitting.derived import LinearDerived, linear_derived
 from estim.fitting.edges import PRESSED_BELOW, Limit, around, curve_indices, edge_amount, edge_of, limit_cell, limit_found, limit_of, pressed
+from estim.fitting.edges import Quadratic as Quadratic
 from estim.fitting.fisher_information import data_information, information, prior_sds, prior_slopes
 from estim.fitting.lacking import fit_lacking, sds_beside_limits
 from estim.fitting.least_squares import Fit, chi2_p, fit_least_squares, led_here, refit, settled

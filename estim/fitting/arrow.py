@@ -113,8 +113,8 @@ def inverse_by_runs(matrix: FloatArray, problem: Problem) -> FloatArray | None:
     return inverse + turned @ turned.T
 
 
-def descend_by_runs(posterior: Posterior, values: FloatArray, free: Sequence[int]) -> FloatArray:
-    """`values` (n_par,) with the parameters `free` where the squared residuals are least, between the limits of their priors.
+def descend_by_runs(posterior: Posterior, values: FloatArray, free: Sequence[int], *, most: int = _MOST_STEPS) -> FloatArray:
+    """`values` (n_par,) with the parameters `free` where the squared residuals are least, between the limits of their priors; after `most` steps.
 
     Damped Gauss-Newton steps (Levenberg and Marquardt); a parameter that a step would take beyond a limit goes to the limit, and the others make
     the best of it.
@@ -124,7 +124,7 @@ def descend_by_runs(posterior: Posterior, values: FloatArray, free: Sequence[int
     moving = np.isin(np.arange(problem.n_par), list(free))
     values = np.where(moving, np.clip(values, low, high), values)
     height, damping, scale, before = _height(posterior, values), 0.0, np.zeros(problem.n_par), math.inf
-    for _ in range(_MOST_STEPS):
+    for _ in range(most):
         with np.errstate(all="ignore"):
             pairs = posterior.narrow_scoring(values)
         rows = [

@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 from estim.arrays import FloatArray
 from estim.common import Amount, Finding, Kind
 from estim.distributions import normal_tail, student_tail
+from estim.fitting.arrow import many
 from estim.fitting.least_squares import Fit
 from estim.problem import Prior
 from estim.words import one_sided
@@ -29,6 +30,7 @@ from estim.words import one_sided
 Indices = NDArray[np.int64]
 
 PRESSED_BELOW = 0.01  # probability of so much pressure by chance, below which edge and data contradict each other
+_MANY_COLUMNS = 200
 _ALONE = 1e-9  # relative: eigenvalues below count as zero
 
 
@@ -60,10 +62,23 @@ class Quadratic:
 
         rows, aim = np.vstack([self.rows, pull_rows]) * self.scale, np.concatenate([self.aim, -off])
         low, high = self.low / self.scale, self.high / self.scale
-        step, *_ = np.linalg.lstsq(rows, aim, rcond=_ALONE)
+        step = _solved(rows, aim)
         if np.any(step < low) or np.any(step > high):
             step = np.clip(lsq_linear(rows, aim, bounds=(low, high), method="bvls").x, low, high)
         return step * self.scale, float(np.sum((rows @ step - aim) ** 2))
+
+
+def _solved(rows: FloatArray, aim: FloatArray) -> FloatArray:
+    """The step of least |rows step - aim|; of very many parameters by their normal equations, where these say enough of each."""
+    if rows.shape[1] > _MANY_COLUMNS:
+        gram = rows.T @ rows
+        try:
+            root = np.linalg.cholesky(gram)
+        except np.linalg.LinAlgError:
+            root = np.zeros(gram.shape)
+        if np.min(np.diag(root)) ** 2 > _ALONE * np.max(np.diag(gram)):
+            return np.asarray(np.linalg.solve(gram, rows.T @ aim))
+    return np.asarray(np.linalg.lstsq(rows, aim, rcond=_ALONE)[0])
 
 
 def curve_indices(fit: Fit) -> Indices:
@@ -81,7 +96,11 @@ def around(fit: Fit) -> Quadratic:
     scale = np.sqrt(np.diag(fit.cov))[curve]
     scale = np.where(scale > 0.0, scale, 1.0)
     whole = fit.forces or fit.deviations
-    if not whole:
+    if not whole and many(problem):  # the rows of all runs would be as many as their points
+        told = posterior.told(fit.values)[np.ix_(curve, curve)] * np.outer(scale, scale)
+        gradient = posterior.score(fit.values)[curve] * scale
+        spectrum, basis = np.linalg.eigh(told)
+    elif not whole:
         rows = np.vstack([root[:, curve] for root in posterior.information_roots(fit.values)]) * scale
         gradient = np.sum([jacobian.T @ residual for jacobian, residual in posterior.scoring(fit.values)], axis=0)[curve] * scale
     else:
@@ -90,7 +109,10 @@ def around(fit: Fit) -> Quadratic:
         spectrum, basis = np.linalg.eigh(information)
         rows = (np.sqrt(np.maximum(spectrum, 0.0)) * basis).T
         gradient = information @ ((fit.values - whole[0].about)[curve] / scale) - score
-    _, singular, right = np.linalg.svd(rows, full_matrices=False)
+    if not whole and many(problem):
+        singular, right = np.sqrt(np.maximum(spectrum[::-1], 0.0)), basis.T[::-1]
+    else:
+        _, singular, right = np.linalg.svd(rows, full_matrices=False)
     seen = singular > math.sqrt(_ALONE) * singular[0]
     aim = -(right @ gradient)[seen] / singular[seen]
     edges = [(problem.parameters[i].prior, float(fit.values[i])) for i in curve]

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -21,10 +21,13 @@ from estim.distributions import chi2_tail
 from estim.fitting.arrow import descend_by_runs, inverse_by_runs, many
 from estim.fitting.finish import finished
 from estim.fitting.fisher_information import information
+from estim.fitting.noise_fit import fit_noise
+from estim.fitting.rounds import Held, settle_by_runs
 from estim.problem import Posterior, Problem, Symmetry, informative
 
 _MAX_ROUNDS = 60
 _FEW_ROUNDS = 6
+_FEW_STEPS = 5  # of many runs in a round: the next round takes them on, with a better covariance
 _SETTLED = 1e-4  # of a standard deviation, between two rounds
 _SAME_OPTIMUM = 0.5  # in minus log density
 _SAME_PLACE = 1.5  # standard deviations
@@ -60,6 +63,7 @@ class Fit:
     singular : whether some combination of parameters is not determined at all, not even by the priors.
     forces, deviations : what the curve of each run lacks, where that was asked (`estim.deviation`).
     success, message : whether the search settled, in words.  moved : standard deviations that its last round still moved a parameter.
+    held : of many runs, those whose covariance was not taken at the mode (`estim.fitting.rounds`).
     """
 
     names: tuple[str, ...]
@@ -82,6 +86,7 @@ class Fit:
     aliases: tuple[Finding, ...] = ()
     forces: tuple[FoundForce, ...] = ()
     deviations: tuple[FoundDeviation, ...] = ()
+    held: tuple[Held, ...] = ()
 
     @property
     def problem(self) -> Problem:
@@ -124,13 +129,18 @@ def fit_least_squares(
     values, posterior, _ = rough[best]
     if float(np.mean(posterior.size_residuals(values) ** 2)) > hopeless:
         raise NumericalError(f"the curve stays far from the data: the mean square of the whitened residuals is above {hopeless:g}")
-    values, posterior, moved = _settle(values, posterior, max_rounds=_MAX_ROUNDS)
+    held: tuple[Held, ...] = ()
+    if many(problem):
+        end = settle_by_runs(values, posterior, most=_MAX_ROUNDS, tolerance=_SETTLED, best=_best, spread=_curved)
+        values, posterior, moved, held = end.values, end.posterior, end.moved, end.held
+    else:
+        values, posterior, moved = _settle(values, posterior, max_rounds=_MAX_ROUNDS)
     if math.isnan(moved):
         raise NumericalError(_NO_CURVATURE)
     level = objective <= objective[best] + _SAME_OPTIMUM
     ends = [rough[i][0] for i in np.argsort(objective) if objective[i] <= objective[best] + WITHIN_REACH]
     same = [end for (end, _, _), equal in zip(rough, level, strict=True) if equal]
-    return _describe(problem, posterior, values, moved, ends, n_start=len(rough), same=same)
+    return replace(_describe(problem, posterior, values, moved, ends, n_start=len(rough), same=same), held=held)
 
 
 def refit(problem: Problem, start: FloatArray) -> Fit:
@@ -163,7 +173,7 @@ def _rough_ends(starts: list[tuple[FloatArray, Posterior]]) -> list[_End]:
         scale = _spread(information(posterior, values), posterior.problem)
         twin = next((end for place, end in places if float(np.max(np.abs(values - place) / scale)) < _TWINS), None)
         if twin is None:
-            twin = (values, posterior, moved) if moved < _SETTLED else _settle(values, posterior, max_rounds=_ROUGH_ROUNDS - 1)
+            twin = (values, posterior, moved) if moved < _SETTLED else _settle(values, posterior, max_rounds=_ROUGH_ROUNDS - 1, hasty=True)
             places.append((values, twin))
         ends.append(twin)
     return [end for end in ends if not math.isnan(end[2])]
@@ -187,20 +197,30 @@ def _spread(matrix: FloatArray, problem: Problem) -> FloatArray:
     return np.where(scale > 0.0, scale, np.inf)
 
 
-def _settle(values: FloatArray, posterior: Posterior, *, max_rounds: int) -> _End:
+def _best(posterior: Posterior, values: FloatArray, *, hasty: bool = True) -> FloatArray:
+    """Values of the highest density from `values` (n_par,): of the curve, then of the noise; hasty : of many runs, a few steps towards it."""
+    return fit_noise(posterior, _fit_curve(posterior, values, hasty=hasty))
+
+
+def _curved(posterior: Posterior, values: FloatArray) -> FloatArray | None:
+    """(n_par,) standard deviations at the values, None where the curve has no finite derivatives."""
+    matrix = information(posterior, values)
+    return _spread(matrix, posterior.problem) if np.all(np.isfinite(matrix)) else None
+
+
+def _settle(values: FloatArray, posterior: Posterior, *, max_rounds: int, hasty: bool = False) -> _End:
     """Rounds of (curve; noise; covariance at the values) from a posterior linearised there until they settle; moved is nan without curvature.
 
     Where a covariance that follows the curve sends the rounds to and fro, they go part of the way: to the same place."""
     moved, share, step = math.inf, 1.0, np.zeros_like(values)
     for n_round in range(max_rounds):
         before, step_before, moved_before = values, step, moved
-        step = _fit_noise(posterior, _fit_curve(posterior, values)) - before
+        step = _best(posterior, values, hasty=hasty) - before
         values = before + share * step
         posterior = posterior.problem.linearised(values)
-        matrix = information(posterior, values)
-        if not np.all(np.isfinite(matrix)):
+        scale = _curved(posterior, values)
+        if scale is None:
             return values, posterior, math.nan
-        scale = _spread(matrix, posterior.problem)
         moved = float(np.max(np.abs(step) / scale, initial=0.0))
         if moved < _SETTLED:
             break
@@ -211,14 +231,14 @@ def _settle(values: FloatArray, posterior: Posterior, *, max_rounds: int) -> _En
     return values, posterior, moved
 
 
-def _fit_curve(posterior: Posterior, values: FloatArray) -> FloatArray:
+def _fit_curve(posterior: Posterior, values: FloatArray, *, hasty: bool = False) -> FloatArray:
     """The parameters of the curve that minimise the squared residuals, noise parameters held."""
     problem = posterior.problem
     free = [i for i, p in enumerate(problem.parameters) if p.name not in problem.noise_names]
     if not free:
         return values
     if many(problem):
-        return descend_by_runs(posterior, values, free)
+        return descend_by_runs(posterior, values, free, most=_FEW_STEPS) if hasty else descend_by_runs(posterior, values, free)
     from lmfit.minimizer import minimize
     from lmfit.parameter import Parameters
 
@@ -252,36 +272,6 @@ def _inside(value: float, low: float, high: float) -> float:
     """`value` moved strictly between the bounds: a search that starts on a bound may stay there."""
     span = high - low if math.isfinite(high - low) else max(abs(value), 1e-6)
     return min(max(value, low + 1e-6 * span), high - 1e-6 * span)
-
-
-def _fit_noise(posterior: Posterior, values: FloatArray) -> FloatArray:
-    """The noise parameters that maximise the posterior, those of the curve held."""
-    from scipy.optimize import minimize
-
-    problem = posterior.problem
-    free = [i for i, p in enumerate(problem.parameters) if p.name in problem.noise_names]
-    if not free:
-        return values
-    priors = [problem.parameters[i].prior for i in free]
-    scale = np.array([prior.sd for prior in priors])
-
-    def filled(scaled: FloatArray) -> FloatArray:
-        full = values.copy()
-        full[free] = scaled * scale
-        return full
-
-    def objective(scaled: FloatArray) -> tuple[float, FloatArray]:
-        full = filled(scaled)
-        pull = [prior.residual(v) * prior.residual_slope(v) for prior, v in zip(priors, full[free], strict=True)]
-        minus = -float(posterior.log_likelihood(full[None, :])[0]) + 0.5 * sum(
-            prior.residual(v) ** 2 for prior, v in zip(priors, full[free], strict=True)
-        )
-        return minus, (np.array(pull) - posterior.log_density_noise_gradient(full)[free]) * scale
-
-    bounds = [(max(prior.low, 1e-6 * prior.sd) / s, prior.high / s) for prior, s in zip(priors, scale, strict=True)]
-    start = np.clip(values[free] / scale, [low for low, _ in bounds], [high for _, high in bounds])
-    result = minimize(objective, start, jac=True, method="L-BFGS-B", bounds=bounds, options={"ftol": 1e-14, "gtol": 1e-9, "maxiter": 500})
-    return filled(result.x)
 
 
 def led_here(n_same: int, n_start: int) -> str:

@@ -249,6 +249,21 @@ class Posterior:
         parts = (likelihood.information_root(named, names) for likelihood, names in zip(self.likelihoods, self._used, strict=True))
         return tuple(map(self._widened, parts, self.problem.columns))
 
+    def told(self, values: FloatArray) -> FloatArray:
+        """(n_par, n_par) J^T J of `information_roots`, without their rows."""
+        named, total = self.problem.named(values), np.zeros((values.size, values.size))
+        for likelihood, names, columns in zip(self.likelihoods, self._used, self.problem.columns, strict=True):
+            root = likelihood.information_root(named, names)
+            total[np.ix_(columns, columns)] += root.T @ root
+        return total
+
+    def score(self, values: FloatArray) -> FloatArray:
+        """(n_par,) minus the gradient of the log likelihood: J^T r of `narrow_scoring`."""
+        total = np.zeros(values.size)
+        for (jacobian, residuals), columns in zip(self.narrow_scoring(values), self.problem.columns, strict=True):
+            total[columns] += jacobian.T @ residuals
+        return total
+
     def information(self, values: FloatArray) -> FloatArray:
         """(n_par, n_par) Fisher information of the data about all parameters, without the priors."""
         named, total = self.problem.named(values), np.zeros((values.size, values.size))

@@ -17,7 +17,7 @@ from estim.campaign import Campaign
 from estim.checks import P_CONFLICT, P_POOR_FIT, P_TOLD, interval_cell, value_cell
 from estim.common import Label, Markdown, Notation, Status, format_quantity, format_rounded, kind_words, phrase, signed, significant, table
 from estim.explanation import Explanation, across_runs
-from estim.fitting import ProfileInterval
+from estim.fitting import MANY, ProfileInterval
 from estim.pipeline import Analysis
 from estim.reports.budget import Shares, budget_of, shares_of
 from estim.reports.budget_figures import budget_figure
@@ -39,6 +39,7 @@ from estim.reports.identifiability_figures import direction_figure, profile_figu
 from estim.reports.joint_figures import together_figure
 from estim.reports.lacks import lacks_text
 from estim.reports.lacks_figures import lacks_figure
+from estim.reports.long_tables import shortened
 from estim.reports.pages import Drawers, page
 from estim.reports.rendering import render
 from estim.reports.residual_panels import MOST_DRAWN, drawn_runs, misfit_words, residuals_of
@@ -98,7 +99,8 @@ def analysis_report(campaign: Subject, analysis: Analysis, *, voice: Voice = Voi
         )
 
     drawers = _drawers(analysis, determination.intervals, shares, synthetic=campaign.kind == "synthetic", truth=campaign.truth)
-    return page(drawers, text, wanted=figures, synthetic=campaign.kind == "synthetic") | {"result.json": to_json(result)}
+    files = page(drawers, text, wanted=figures, synthetic=campaign.kind == "synthetic")
+    return files | shortened(files["report.md"].decode()) | {"result.json": to_json(result)}
 
 
 def _drawers(
@@ -154,7 +156,8 @@ def analysis_text(
     """
     rows = [parameter_row(name, p, result) for name, p in result.parameters.items()]
     axes = list(dict.fromkeys((run.x, run.y) for run in result.runs.values()))
-    told_below = P_TOLD if any("speed" in run.checks for run in result.runs.values()) else None
+    among = max(1.0, len(result.runs) / MANY)
+    told_below = P_TOLD / among if any("speed" in run.checks for run in result.runs.values()) else None
     lacks = lacks_text(result.curve_deviation, result.labels, pictures) if result.curve_deviation else ""
     screen = first_screen(result)
     return render(
@@ -162,7 +165,7 @@ def analysis_text(
         copies=copies_of(screen.estimates) if screen.estimates else None, caption=caption_of(result), alts=alts_of(result, misfit),
         budget=shares, result=result, kind=kind_words(result.kind), status_words=STATUS_WORDS[Status(result.status)], rows=rows,
         correlation=_correlation_table(result), derived=derived_rows(result.runs, result.labels), limits=_what_limits(result),
-        reject_below=P_POOR_FIT, told_below=told_below, conflict_below=P_CONFLICT, ends=_turning_rows(result), identify=section,
+        reject_below=P_POOR_FIT / among, told_below=told_below, conflict_below=P_CONFLICT, ends=_turning_rows(result), identify=section,
         meaningless=not Status(result.status).draws_count, limits_count=Status(result.status).limits_count,
         what_if=_what_if_rows(result), what_if_heads=[result.labels.symbol(name) for name in _moved_by_errors(result)],
         consistency=consistency, rolling=rolling_rows(result.rolling or {}), axes=axes, limits_only=result.status != "ok", converged=converged,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from types import MappingProxyType
 from typing import TYPE_CHECKING
 
@@ -16,7 +16,7 @@ from estim.reports.residual_panels import VERMILION
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-_MOST_ROWS = 64
+_MOST_ROWS, _FARTHEST = 64, 24
 
 
 def forest_figure(
@@ -24,17 +24,19 @@ def forest_figure(
 ) -> Figure:
     """One panel a shared parameter, one line a run; bars are one standard uncertainty, the shaded band is the joint fit.
 
-    Runs that disagree are vermilion.  Runs beyond the first 64 are not drawn.  edges : parameter -> ends of its prior, beyond which nothing is drawn.
+    Runs that disagree are vermilion.  Of more than 64 runs the 24 are drawn that are
+    farthest from all others, in their order.  edges : parameter -> ends of its prior, beyond which nothing is drawn.
     """
     panels = [(i, name, shown) for i, (name, shown) in enumerate(zip(consistency.shared, consistency.labels, strict=True))]
     columns = min(3, len(panels))
-    tallest = max(min(len(consistency.used[name]), _MOST_ROWS) for _, name, _ in panels)
+    drawn = {name: _drawn(consistency, name) for _, name, _ in panels}
+    tallest = max(map(len, drawn.values()))
     rows = -(-len(panels) // columns)
     figure = new_figure(rows * (0.22 * tallest + 1.1) + 0.5, width=max(7.2, 2.7 * columns))
     axes = np.atleast_1d(figure.subplots(rows, columns, squeeze=False)).ravel()
     wrong = {row.source for row in consistency.rows if row.source in consistency.suspects}
     for ax, (i, name, shown) in zip(axes, panels, strict=False):
-        runs = consistency.used[name][:_MOST_ROWS]
+        runs = drawn[name]
         low, high = (edge * shown.factor for edge in edges.get(name, (-np.inf, np.inf)))
         centre, sd = consistency.joint.mean[i] * shown.factor, consistency.joint.sd[i] * shown.factor
         if name not in on_edge:  # there all runs together give a limit
@@ -63,9 +65,26 @@ def forest_figure(
     for extra in axes[len(panels) :]:
         extra.set_visible(False)
     figure.legend(*axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=3, fontsize=8, frameon=False)
-    if synthetic:
-        figure.suptitle(phrase("SYNTHETIC data"), fontsize=10)
+    cut = any(len(drawn[name]) < len(consistency.used[name]) for name in drawn)
+    some = phrase("the {n} runs farthest from all others", n=_FARTHEST) if cut else ""
+    if synthetic or some:
+        figure.suptitle("; ".join(filter(None, [some, phrase("SYNTHETIC data") if synthetic else ""])), fontsize=10)
     return figure
+
+
+def _drawn(consistency: Consistency, name: str) -> Sequence[str]:
+    """The runs of the panel of a parameter."""
+    runs = consistency.used[name]
+    if len(runs) <= _MOST_ROWS:
+        return runs
+    i = consistency.shared.index(name)
+
+    def apart(run: str) -> float:
+        one, others = consistency.alone[run], consistency.others[run]
+        return float(np.abs(one.mean[i] - others.mean[i]) / max(one.sd[i], 1e-300)) if np.isfinite(one.sd[i]) else 0.0
+
+    chosen = set(sorted(runs, key=apart, reverse=True)[:_FARTHEST])
+    return [run for run in runs if run in chosen]
 
 
 def _within(value: float, sd: float, low: float, high: float) -> tuple[float, list[list[float]]]:

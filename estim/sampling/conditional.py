@@ -164,6 +164,11 @@ class Expansion:
         root[:, diagonal, diagonal] = np.exp(root[:, diagonal, diagonal])
         return out[:, :k], root
 
+    def log_volume(self, shared: FloatArray, chosen: IndexArray) -> FloatArray:
+        """(n_draw,) half the log determinant of the covariance of the own parameters `chosen` at shared (n_draw, n_shared)."""
+        root = self.at(shared)[1][:, chosen, :]
+        return np.asarray(0.5 * np.linalg.slogdet(root @ root.transpose(0, 2, 1))[1])
+
 
 def run_terms(fit: Fit, sampled: IndexArray) -> tuple[RunTerm, ...]:
     """The runs of a fit as functions of the parameters `sampled` (n_sampled,) of its problem; each run's others are its own.

@@ -17,9 +17,7 @@ Source: Rue, Martino, Chopin, J. R. Stat. Soc. B 71 (2009) 319 (nested Laplace a
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,11 +25,12 @@ from numpy.typing import NDArray
 from estim.arrays import FloatArray
 from estim.common import Finding, InputError, Kind, NumericalError, phrase
 from estim.fitting import Fit
-from estim.problem import Normal, Problem
-from estim.sampling.conditional import Expansion, RunTerm, expand, run_terms
+from estim.problem import Normal
+from estim.sampling.conditional import Expansion, expand, run_terms
 from estim.sampling.factors import lower_factor
 from estim.sampling.importance import K_HAT_LIMIT, difference, flattened, kish_size, pareto_smoothed, spread, systematic, u_log_mean
 from estim.sampling.kept_marginal import NOWHERE, Stages
+from estim.sampling.marginal_density import Marginal, felt_measure, readings_of
 from estim.sampling.proposal import Proposal
 from estim.words import tell
 
@@ -131,19 +130,20 @@ def sample_marginal(
         raise NumericalError("the marginal over runs needs a fit that determines every parameter: state one more of them with an uncertainty")
     columns = sampled_columns(fit)
     terms = run_terms(fit, columns)
-    target = _Marginal(fit.problem, columns, terms)
+    target = Marginal(fit.problem, columns, terms, fit.values[columns], readings_of(fit.problem))
     proposal, expansions = stages.adapted(len(terms), rng, lambda: _adapt(fit, target, rng, stages))
     shared = proposal.draw(rng, options.n_draw)
     log_prior, by_run = target.terms_at(shared, expansions, n_node=options.n_node, stages=stages)
     log_proposal = proposal.log_density(shared)
-    raw = log_prior + np.sum(by_run, axis=0) - log_proposal
+    measure = target.measure(shared, expansions)
+    raw = log_prior + measure + np.sum(by_run, axis=0) - log_proposal
     log_weights, k_hat, log_evidence = pareto_smoothed(raw)
     draws = np.empty((options.n_draw, fit.problem.n_par))
     draws[:, columns] = shared
     inside = np.flatnonzero(np.isfinite(log_weights))
     first = inside[inside < options.n_check]
     raw_all = np.full(min(options.n_check, options.n_draw), -np.inf)
-    raw_all[first] = (log_prior - log_proposal)[first]
+    raw_all[first] = (log_prior + measure - log_proposal)[first]
     refined = []
     for number, (term, expansion, log_marginal) in enumerate(zip(terms, expansions, by_run, strict=True), start=1):
         stages.say(phrase("own parameters of run {k} of {n}", k=number, n=len(terms)))
@@ -160,6 +160,8 @@ def sample_marginal(
     ess, ess_all = kish_size(log_weights), kish_size(check)
     error = max((expansion.error for expansion in expansions if not expansion.rough), default=0.0)
     trusted, told = _judge(k_hat, ess, k_hat_all, ess_all, shift, u_shift, n_node=options.n_node, exact=columns.size == fit.problem.n_par)
+    if target.readings:
+        told = (*told, felt_measure(shared, log_weights, measure, len(terms)))
     return MarginalPosterior(
         names=fit.names, sampled=tuple(fit.names[i] for i in columns), draws=draws, log_weights=log_weights, k_hat=k_hat, ess=ess,
         log_evidence=log_evidence, u_log_evidence=u_log_mean(raw),
@@ -189,45 +191,7 @@ def sampled_columns(fit: Fit) -> IndexArray:
     return np.array(sorted([*shared, *edges]), dtype=np.int64)
 
 
-@dataclass(frozen=True, eq=False)
-class _Marginal:
-    """Log density of the sampled parameters, the runs' own ones integrated out; `columns` (n_sampled,) of the problem."""
-
-    problem: Problem
-    columns: IndexArray
-    terms: tuple[RunTerm, ...]
-
-    def given(self, term: RunTerm, shared: FloatArray) -> FloatArray:
-        """The columns of shared (n_draw, n_sampled) that one run uses."""
-        return shared[:, np.searchsorted(self.columns, term.columns[term.shared])]
-
-    def log_prior(self, shared: FloatArray) -> FloatArray:
-        """(n_draw,) of the sampled parameters."""
-        log_p = np.zeros(shared.shape[0])
-        for i, column in enumerate(self.columns):
-            log_p += self.problem.parameters[column].prior.log_density(shared[:, i])
-        return log_p
-
-    def terms_at(
-        self, shared: FloatArray, expansions: Sequence[Expansion], *, n_node: int, stages: Stages = NOWHERE
-    ) -> tuple[FloatArray, FloatArray]:
-        """Log prior (n_draw,) of the sampled parameters, -inf outside its support, and the marginal (n_run, n_draw) of every run, 0 there."""
-        log_p = self.log_prior(shared)
-        inside = np.flatnonzero(np.isfinite(log_p))
-        by_run = np.zeros((len(self.terms), shared.shape[0]))
-        for i, (term, expansion) in enumerate(zip(self.terms, expansions, strict=True)):
-            stages.say(phrase("run {k} of {n}", k=i + 1, n=len(self.terms)))
-            log_marginal = partial(term.log_marginal, self.given(term, shared[inside]), expansion, n_node=n_node)
-            by_run[i, inside] = stages.of_run(i, inside.size, log_marginal)
-        return log_p, by_run
-
-    def log_density(self, shared: FloatArray, expansions: Sequence[Expansion], *, n_node: int) -> FloatArray:
-        """(n_draw,) log p(y, s); -inf outside the priors' support."""
-        log_p, by_run = self.terms_at(shared, expansions, n_node=n_node)
-        return np.asarray(log_p + np.sum(by_run, axis=0))
-
-
-def _adapt(fit: Fit, target: _Marginal, rng: np.random.Generator, stages: Stages) -> tuple[Proposal, list[Expansion]]:
+def _adapt(fit: Fit, target: Marginal, rng: np.random.Generator, stages: Stages) -> tuple[Proposal, list[Expansion]]:
     """A proposal with mean and covariance of the marginal, and the expansions of the runs over its bulk.
 
     Starts from the Gaussian approximation of the fit (the Schur complement of its information).  While its weights are poor they
@@ -265,7 +229,7 @@ def _n_point(n_sampled: int) -> int:
     return max(_N_POINT, 3 * (n_sampled + 1) * (n_sampled + 2))
 
 
-def _pilot_points(target: _Marginal, mean: FloatArray, cov: FloatArray, rng: np.random.Generator) -> FloatArray:
+def _pilot_points(target: Marginal, mean: FloatArray, cov: FloatArray, rng: np.random.Generator) -> FloatArray:
     """(n_point, n_sampled) points inside the priors' support from the normal density of `mean` and `cov`."""
     points = np.empty((0, mean.size))
     for _ in range(100):
@@ -276,7 +240,7 @@ def _pilot_points(target: _Marginal, mean: FloatArray, cov: FloatArray, rng: np.
     raise NumericalError("the marginal over runs cannot start: hardly any point around the fit lies inside the priors")
 
 
-def _expand_all(fit: Fit, target: _Marginal, points: FloatArray, regression: FloatArray, around: Proposal | None) -> list[Expansion]:
+def _expand_all(fit: Fit, target: Marginal, points: FloatArray, regression: FloatArray, around: Proposal | None) -> list[Expansion]:
     """The expansion of every run over the points (n_point, n_sampled).
 
     around : density that the points came from; points that the run all but excludes are then given little weight.

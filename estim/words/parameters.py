@@ -8,6 +8,7 @@ from types import MappingProxyType
 from estim.common import Amount, Finding, Kind, Label, format_p, format_rounded, later, percentage, phrase
 from estim.words.table import Table
 
+_MOST_NAMED = 5
 _PLACES = {math.pi: "pi", 2.0 * math.pi: "2 pi", 0.5 * math.pi: "pi/2"}
 
 
@@ -146,13 +147,25 @@ def _limit(f: Finding) -> str:
     )
 
 
+def _held(f: Finding) -> str:
+    named = ", ".join(f.names[:_MOST_NAMED])
+    which = phrase("{names} and {n} more", names=named, n=len(f.names) - _MOST_NAMED) if len(f.names) > _MOST_NAMED else named
+    return phrase(
+        "the covariance of {which} was held, because it swings with the curve: its own values may be off by {size:.2g} of their standard deviations, "
+        "all others by {felt:.1g}", which=which, size=f.size, felt=f.numbers["felt"],
+    )
+
+
 def _not_settled(f: Finding) -> str:
+    if f.names:
+        return phrase("the least-squares fit did not settle: {held}", held=_held(f))
     return phrase("the least-squares fit did not settle: its last round still moved a parameter by {size:.2g} standard deviations", size=f.size)
 
 
 WORDS: Table = MappingProxyType(
     {
         Kind.FIT_UNSETTLED: _not_settled,
+        Kind.COVARIANCE_HELD: _held,
         Kind.STEP_UNSETTLED: lambda f: phrase("the search did not settle: its last step was {size:.2g} standard deviations", size=f.size),
         Kind.STARTS_ELSEWHERE: _elsewhere,
         Kind.EXCHANGED: _exchanged,
