@@ -176,6 +176,11 @@ def test_no_bend_is_seen_in_normal_draws_nor_given_to_a_parameter_with_a_limit(r
     assert found.shift == pytest.approx([0.0, found.scale**2, 0.0], abs=0.1)
 
 
+def test_two_draws_have_no_bend() -> None:
+    draws = np.array([[0.0, 1.0, 2.0], [1.0, 3.0, 1.0], [5.0, 5.0, 5.0]])
+    assert bend_of(draws, np.array([0.5, 0.5, 0.0]), np.ones(3, dtype=bool)) is None
+
+
 def test_a_limit_of_a_moved_parameter_does_not_fold_what_is_bent() -> None:
     limits = np.array([-2.0, -2.0]), np.full(2, FREE)
     bend = Bend(0, 0.0, 1.0, np.array([0.0, 0.4]))

@@ -17,6 +17,7 @@ from estim.sampling.factors import lower_factor
 Flags = NDArray[np.bool_]
 
 _MOST = 16.0  # square of the distance beyond which no bend is known
+_FEW = 0.1  # mean square of a square's own part, 2 for a normal distribution: less is that of hardly more than two draws
 _SURE = 3.0  # standard errors of a bend
 _SLIGHT = 0.03  # squares of the shifts, in standard deviations given what comes before: less is not worth a bend
 
@@ -65,9 +66,10 @@ def bend_of(draws: FloatArray, weights: FloatArray, movable: Flags) -> Bend | No
         square = np.minimum(z[0] ** 2, _MOST)
         square = square - weights @ square
         square = square - (weights @ (square * z[0])) * z[0]
-        if not weights @ square**2 > 0.0:  # all as far from the centre: no square to follow
+        size = float(weights @ square**2)
+        if not _FEW < size < np.inf:
             continue
-        follows = (z * weights) @ square / (weights @ square**2)
+        follows = (z * weights) @ square / size
         follows[: 1 + fixed.size] = 0.0
         follows[follows**2 < least] = 0.0
         if float(follows @ follows) > gain:
