@@ -1,7 +1,7 @@
 """What certified draws cost, against other samplers and in the size of the problem; writes RESULTS.md and scaling.png beside this file.
 
     make bench
-    OMP_NUM_THREADS=1 python benchmarks/bench.py [--peers PYTHON] [--only peers|scaling] [--most-runs 64]
+    OMP_NUM_THREADS=1 python benchmarks/bench.py [--peers PYTHON] [--only peers|scaling|batch] [--most-runs 64]
 
 PYTHON is that of an environment of its own in which estim, dynesty and bumps are installed; what fails there is named as not run.
 
@@ -9,6 +9,8 @@ The posterior: run light-01 of data/replica as `estim fit` poses it, six paramet
 from the start of Python to 4,000 effective draws of the worst parameter: imports, campaign and the fit that all start from included.  All use the
 same density; what takes many points at once is given them.  The certified posterior includes its second computation.  Right: means and standard
 deviations within 4.5 Monte-Carlo errors of a long chain of emcee.  Times are told as ratios within one run of this file.
+
+The size of the problem: joint fits and long data sets; memory along a batch of a thousand runs (`batch_memory.py`).
 """
 
 from __future__ import annotations
@@ -30,6 +32,7 @@ import numpy as np
 from bench_samplers import ESS, HERE, METHODS, MOST_SECONDS, SEED, Measured, by_emcee, one, posed
 
 _ERRORS = 4.5
+_PEERS, _SCALING, _BATCH = "To 4,000 effective draws of six parameters", "Scaling", "Memory of a batch"
 NAMES = {
     "estim": "estim, certified", "emcee": "emcee, vectorised", "lmfit": "lmfit's emcee", "dynesty": "dynesty", "bumps": "bumps (DREAM)",
 }
@@ -145,7 +148,7 @@ def slope(sizes: list[int], seconds: list[float], least: int) -> float:
 
 
 def scaling_table(python: str, most_runs: int) -> list[str]:
-    lines, drawn = [], {}
+    lines, drawn = list[str](), {}
     studies = {
         "joint runs": ([n for n in (1, 4, 16, 64, 256, 1000) if n <= most_runs], 16),
         "frames": ([30, 300, 3000, 30_000, 100_000], 3000),
@@ -164,8 +167,11 @@ def scaling_table(python: str, most_runs: int) -> list[str]:
                 f"| {n} | {one['seconds']:.2f} | {one['memory']:.0f} | {one['status']} |" if "failed" not in one else f"| {n} | | | {one['failed']} |"
                 for n, one in zip(sizes, found, strict=True)
             ]
-            lines += ["", f"### {study}", "", f"Exponent from {least} on: {exponent:.2f}.", "", f"| {study} | CPU s | peak memory MB | status |",
-                      "|---|---|---|---|", *rows]
+            head = ["", f"### {study}"] if lines else [f"### {study}"]
+            lines += [
+                *head, "", f"Exponent from {least} on: {exponent:.2f}.", "",
+                f"| {study} | CPU s | peak memory MB | status |", "|---|---|---|---|", *rows,
+            ]
     draw_scaling(drawn)
     return [*lines, "", "![scaling](scaling.png)"]
 
@@ -198,7 +204,7 @@ def main() -> None:
     parser.add_argument("--joint")
     parser.add_argument("--frames")
     parser.add_argument("--peers", default=sys.executable)
-    parser.add_argument("--only", choices=("peers", "scaling"))
+    parser.add_argument("--only", choices=("peers", "scaling", "batch"), help="makes one section anew and keeps the others")
     parser.add_argument("--most-runs", type=int, default=64)
     asked = parser.parse_args()
     for told, measure in ((asked.method, one), (asked.joint, joint), (asked.frames, frames)):
@@ -214,11 +220,27 @@ def main() -> None:
         "# Benchmarks", "", "Made by `make bench` (benchmarks/bench.py says what is measured).  Trust the ratios: the machine was shared.", "",
         f"{head}, Python {platform.python_version()}, {versions(asked.peers)}; {os.cpu_count()} cores.",
     ]
-    if asked.only != "scaling":
-        text += ["", "## To 4,000 effective draws of six parameters", "", *peers_table(sys.executable, asked.peers)]
-    if asked.only != "peers":
-        text += ["", "## Scaling", *scaling_table(sys.executable, asked.most_runs)]
+    sections = kept_sections(parts.read_text() if asked.only else "")
+    if asked.only in (None, "peers"):
+        sections[_PEERS] = peers_table(sys.executable, asked.peers)
+    if asked.only in (None, "scaling"):
+        sections[_SCALING] = scaling_table(sys.executable, asked.most_runs)
+    if asked.only in (None, "batch"):
+        from batch_memory import table
+
+        sections[_BATCH] = table()
+    for head in (_PEERS, _SCALING, _BATCH):
+        text += ["", f"## {head}", "", *sections[head]] if head in sections else []
     parts.write_text("\n".join(text) + "\n")
+
+
+def kept_sections(text: str) -> dict[str, list[str]]:
+    """Head -> lines of the sections of a file of results."""
+    found = {}
+    for part in ("\n" + text).split("\n## ")[1:]:
+        head, _, lines = part.partition("\n")
+        found[head] = lines.strip("\n").split("\n")
+    return found
 
 
 if __name__ == "__main__":

@@ -6,47 +6,47 @@ The time is t = integral of dx/v, singular at the release and at a turning point
     no turning point in reach:   theta = theta0 + L w^2,  w in [0, 1]    (L: as far as is asked for)
 
 dt/du (dt/dw) is smooth, so it is interpolated at Chebyshev points and integrated in closed form; the inverse t -> x is
-a few Newton steps on that polynomial.  Everything is vectorised over draws: parameters as scalars or (n_draw, 1).
+read off a table of that polynomial and its derivatives.  Everything is vectorised over draws: parameters as scalars or (n_draw, 1).
 """
 
 from __future__ import annotations
 
-from functools import cache
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from numpy.polynomial import chebyshev
 from numpy.typing import ArrayLike, NDArray
 
 from model.body import Body
+from model.chebyshev_series import cosine_transform, evaluate, integral
 from model.driven import driven_motion
 from model.forces import Forces
+from model.inversion import invert
 from model.phase import STANDARD_GRAVITY, effective_slope, energy_ratio, turning_angle
 
 FloatArray = NDArray[Any]
 
 _FEWEST_NODES = 48
-_TABLE = 97  # points of the table that starts the inversion of a clock
+_BLOCK = 40_000  # points of the draws that are computed together: they stay in the cache
 _MOST_NODES = 4096
 _NEGLIGIBLE = 1e-11  # of the largest coefficient
 _UNRESOLVED = 1e-8
 _ROUND_OFF = 1e-15  # smaller coefficients change no digit
-_MOST_STEPS = 80
-_SETTLED = 1e-7
 
 
 def _clock(
     body: Body, *, reach: FloatArray, turns: NDArray[np.bool_], phi: FloatArray, theta0: FloatArray, rolling_resistance: FloatArray,
-    g: FloatArray, n_node: int | None,
-) -> tuple[FloatArray, FloatArray]:
+    g: FloatArray, n_node: int | None, fewest: int = _FEWEST_NODES, apart: bool = False,
+) -> tuple[FloatArray, FloatArray, NDArray[np.bool_]]:
     """Chebyshev coefficients of the time t (s) as a function of z in [-1, 1], t(-1) = 0, and of dt/dz: (n + 1, n_draw) and (n, n_draw).
 
     reach : (n_draw, 1) rad, the angle turned at z = 1.  turns : whether that is a turning point.
-    n_node : Chebyshev points; None doubles them until the last coefficients no longer count.  Draws that are still not
+    n_node : Chebyshev points; None doubles them, from `fewest`, until the last coefficients no longer count.  Draws that are still not
     resolved by the largest number (the body all but stops on its way) are nan.
+    apart : returns as soon as some draws are resolved.  The third answer, (n_draw,), says which are not, and need another call.
     """
     fixed = n_node is not None
-    n = n_node or _FEWEST_NODES
+    n = n_node or fewest
     while True:
         z = np.cos(np.pi * (np.arange(n) + 0.5) / n)
         angle, remainder = _substitution(z, reach, turns)
@@ -54,34 +54,22 @@ def _clock(
         ratio = _ratio(angle, remainder, body, phi=phi, theta0=theta0, rolling_resistance=rolling_resistance)
         with np.errstate(divide="ignore", invalid="ignore"):
             pace = rate / np.sqrt(2.0 * g / np.asarray(body.radius) * ratio)  # dt/dz, s
-        coefficients = 2.0 / n * _cosine_transform(pace).T
+        coefficients = 2.0 / n * cosine_transform(pace).T
         coefficients[0] *= 0.5
         size = np.abs(coefficients) / np.max(np.abs(coefficients), axis=0)
         tail = np.max(size[-n // 8 :], axis=0)
-        if fixed or n >= _MOST_NODES or np.all(tail[reach[:, 0] > 0.0] < _NEGLIGIBLE):
+        open_ends = ~(tail < _NEGLIGIBLE) & (reach[:, 0] > 0.0)
+        if fixed or n >= _MOST_NODES or not np.any(open_ends):
+            open_ends = np.zeros_like(open_ends)
             break
+        if apart and not np.all(open_ends):
+            return integral(coefficients), coefficients, open_ends
         n *= 2
     if not fixed:
         coefficients[:, ~(tail < _UNRESOLVED)] = np.nan
         counting = np.flatnonzero(np.any(size > _ROUND_OFF, axis=1))
         coefficients = coefficients[: 1 + int(np.max(counting, initial=1))]
-    return _integral(coefficients), coefficients
-
-
-def _integral(coefficients: FloatArray) -> FloatArray:
-    """Of Chebyshev series (n, n_draw) from -1: (n + 1, n_draw), by  2 int T_k = T_{k+1}/(k + 1) - T_{k-1}/(k - 1)."""
-    n = coefficients.shape[0]
-    padded = np.concatenate([2.0 * coefficients[:1], coefficients[1:], np.zeros((2, coefficients.shape[1]))])
-    order = np.arange(1, n + 1)[:, None]
-    rest = (padded[:n] - padded[2:]) / (2.0 * order)
-    return np.concatenate([-np.sum(np.where(order % 2, -rest, rest), axis=0, keepdims=True), rest])
-
-
-def _cosine_transform(values: FloatArray) -> FloatArray:
-    """sum_k values[:, k] cos(pi m (k + 1/2)/n) for m = 0 .. n - 1, by one FFT of twice the length."""
-    n = values.shape[1]
-    spectrum = np.fft.rfft(np.concatenate([values, values[:, ::-1]], axis=1), axis=1)[:, :n]
-    return np.real(0.5 * np.exp(-0.5j * np.pi * np.arange(n) / n) * spectrum)
+    return integral(coefficients), coefficients, open_ends
 
 
 def _substitution(z: FloatArray, reach: FloatArray, turns: NDArray[np.bool_]) -> tuple[FloatArray, FloatArray]:
@@ -137,12 +125,12 @@ def travel_time(
     phi, theta0, resistance, g, stop = _columns(body, phi, theta0, rolling_resistance, g)
     turns = np.isfinite(stop)
     reach = np.where(turns, stop, max(float(np.max(angle)), 1e-12))
-    keywords = {"phi": phi, "theta0": theta0, "rolling_resistance": resistance, "g": g}
-    clock, _ = _clock(body, reach=reach, turns=turns, **keywords, n_node=n_node)
+    keywords: dict[str, Any] = {"phi": phi, "theta0": theta0, "rolling_resistance": resistance, "g": g}
+    clock, _, _ = _clock(body, reach=reach, turns=turns, **keywords, n_node=n_node)
     share = np.clip(angle / np.where(reach > 0, reach, 1.0), 0.0, 1.0)
     z = np.where(turns, 4.0 / np.pi * np.arcsin(np.sqrt(share)), 2.0 * np.sqrt(share)) - 1.0
     possible = (angle >= 0.0) & (angle <= reach * (1.0 + 1e-12)) & (reach > 0.0)  # the turning point itself, rounded, included
-    return np.where(possible, _evaluate(z, clock), np.nan)
+    return np.where(possible, evaluate(z, clock), np.nan)
 
 
 def trajectory(
@@ -204,44 +192,82 @@ def _states(
     t = np.atleast_1d(np.asarray(t, dtype=float))
     if t.size == 0:
         return np.zeros(t.shape), np.zeros(t.shape)
-    phi, theta0 = np.asarray(phi, dtype=float), np.asarray(theta0, dtype=float)
+    place = {"phi": phi, "theta0": theta0, "rolling_resistance": rolling_resistance, "g": g}
+    columns = [*place.values(), *vars(body).values(), *([t] if t.ndim == 2 else [])]
+    n_draw = max((np.shape(column)[0] for column in columns if np.ndim(column) == 2), default=1)
+    rows = max(1, _BLOCK // t.shape[-1])
+    if n_draw <= rows:
+        return _legs(t, body, place, n_leg=n_leg, n_node=n_node, speeds=speeds)
+    parts = []
+    for first in range(0, n_draw, rows):
+        some = slice(first, first + rows)
+        own = replace(body, **{name: _of(value, some) for name, value in vars(body).items()})
+        parts.append(_legs(_of(t, some), own, {name: _of(value, some) for name, value in place.items()}, n_leg=n_leg, n_node=n_node, speeds=speeds))
+    return np.concatenate([x for x, _ in parts]), np.concatenate([v for _, v in parts])
+
+
+def _of(value: Any, some: slice | NDArray[np.bool_]) -> Any:
+    """The part of a column (n_draw, n) that belongs to some draws; what all draws have in common as it is."""
+    return value[some] if np.ndim(value) == 2 and np.shape(value)[0] > 1 else value
+
+
+def _legs(t: FloatArray, body: Body, place: dict[str, Any], *, n_leg: int, n_node: int | None, speeds: bool) -> tuple[FloatArray, FloatArray]:
+    """`_states` of a few draws, each way from where the one before it ended."""
+    phi, theta0 = np.asarray(place["phi"], dtype=float), np.asarray(place["theta0"], dtype=float)
     x = v = start = np.zeros((1, 1))
+    late = np.ones(t.shape[-1], dtype=bool)  # the times that are not over for every draw
     sign = 1.0
     for leg in range(n_leg):
-        place: dict[str, Any] = {"phi": phi, "theta0": theta0, "rolling_resistance": rolling_resistance, "g": g}
-        dx, rate, end, reach = _leg(t, body, **place, n_node=n_node, speeds=speeds)
-        here = (t > 0.0) if leg else np.ones(t.shape, dtype=bool)
-        inside = (t <= 0.0) | (t <= end)
-        x = np.where(here & inside, start + sign * dx, x)
-        v = np.where(here & inside, sign * rate, v)
+        now = t[..., late]
+        dx, rate, end, reach = _leg(now, body, **{**place, "phi": phi, "theta0": theta0}, n_node=n_node, speeds=speeds)
+        here = (now > 0.0) if leg else np.ones(now.shape, dtype=bool)
+        inside = (now <= 0.0) | (now <= end)
         rest = np.where(np.isnan(end), np.nan, 0.0)
         stop = np.where(np.isinf(end), 0.0, reach + rest)
-        start = start + sign * np.asarray(body.radius) * stop
-        x = np.where(here & ~inside, start, x)
-        v = np.where(here & ~inside, rest, v)
-        t = np.where((reach > 0.0) & np.isfinite(end), np.maximum(t - end, 0.0), 0.0)
-        if not np.any(t > 0.0):
+        stopped = start + sign * np.asarray(body.radius) * stop
+        x = _put(x, late, here, np.where(inside, start + sign * dx, stopped))
+        v = _put(v, late, here, np.where(inside, sign * rate, rest))
+        start = stopped
+        after = np.where((reach > 0.0) & np.isfinite(end), np.maximum(now - end, 0.0), 0.0)
+        going = np.any(after > 0.0, axis=0)
+        if not going.any():
             return x, v
+        t = np.zeros(x.shape)
+        t[:, late] = after
+        late = late.copy()
+        late[late] = going
         theta0, phi, sign = -(theta0 + stop), -phi, -sign
     return np.where(t > 0.0, np.nan, x), np.where(t > 0.0, np.nan, v)
 
 
+def _put(values: FloatArray, columns: NDArray[np.bool_], where: NDArray[np.bool_], new: FloatArray) -> FloatArray:
+    """`values` with `new` (n_draw, n_column) in some columns, where it says so."""
+    if columns.all():
+        return np.where(where, new, values)
+    values[:, columns] = np.where(where, new, values[:, columns])
+    return values
+
+
 def _leg(
-    t: FloatArray, body: Body, *, phi: ArrayLike, theta0: ArrayLike, rolling_resistance: ArrayLike, g: ArrayLike, n_node: int | None, speeds: bool
+    t: FloatArray, body: Body, *, phi: ArrayLike, theta0: ArrayLike, rolling_resistance: ArrayLike, g: ArrayLike, n_node: int | None, speeds: bool,
+    fewest: int = _FEWEST_NODES,
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
     """One way from rest to rest: x (m) and v (m/s) at `t`, the time (s) it ends and the angle (rad) turned by then.
 
     Both ends are (n_draw, 1): inf where it never stops, 0 where it does not start, the first nan where the clock is not
     resolved.  At rest at 0 for t <= 0; x and v after the end have no meaning.  speeds : whether v is computed, nan where it moves else.
+    fewest : Chebyshev points to begin with.  Draws that need more than others are computed by themselves.
     """
     radius = np.asarray(body.radius, dtype=float)
     phi, theta0, resistance, g, stop = _columns(body, phi, theta0, rolling_resistance, g)
     keywords = {"phi": phi, "theta0": theta0, "rolling_resistance": resistance, "g": g}
     turns = np.isfinite(stop)
     reach = np.where(turns, stop, _farthest(t, body, phi, resistance, g))
-    clock, pace = _clock(body, reach=reach, turns=turns, **keywords, n_node=n_node)
+    clock, pace, hard = _clock(body, reach=reach, turns=turns, **keywords, n_node=n_node, fewest=fewest, apart=True)
+    if np.any(hard):
+        return _legs_apart(hard, t, body, **keywords, speeds=speeds, fewest=fewest)
     end = np.sum(clock, axis=0)[:, None]  # every Chebyshev polynomial is 1 at z = 1
-    z = _invert(t, clock, pace, end)
+    z = invert(t, clock, pace, end)
     angle, remainder = _substitution(z, reach, turns)
     v: FloatArray = np.full((1, 1), np.nan)
     if speeds:
@@ -252,73 +278,23 @@ def _leg(
     return np.where(moving, radius * angle, still), np.where(moving, v, still), np.where(turns, np.where(stop > 0.0, end, 0.0), np.inf), stop
 
 
-def _invert(t: FloatArray, clock: FloatArray, pace: FloatArray, end: FloatArray) -> FloatArray:
-    """z (n_draw, n_obs) at which the clock shows `t`, by Newton steps inside a bracket; nan where they do not settle or `end` (n_draw, 1) is nan.
-
-    The first step takes the slope of the cubic that it starts from, which is as good where that is close.
-    """
-    low, high, z, slope = _bracket(t, clock, pace, np.broadcast_shapes(end.shape, t.shape))
-    for step in range(_MOST_STEPS):
-        ahead = _evaluate(z, clock) - t
-        low, high = np.where(ahead <= 0.0, z, low), np.where(ahead >= 0.0, z, high)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            newton = z - (ahead * slope if step == 0 else ahead / _evaluate(z, pace))
-        z_next = np.where((newton >= low) & (newton <= high), newton, 0.5 * (low + high))
-        moved = np.abs(z_next - z)
-        z = z_next
-        # the error left after a step is of the order of its square
-        if np.nanmax(moved, initial=0.0) < _SETTLED:
-            break
-    return np.where((moved < 10.0 * _SETTLED) & np.isfinite(end), z, np.nan)
-
-
-def _bracket(
-    t: FloatArray, clock: FloatArray, pace: FloatArray, shape: tuple[int, ...]
+def _legs_apart(
+    hard: NDArray[np.bool_], t: FloatArray, body: Body, *, phi: FloatArray, theta0: FloatArray, rolling_resistance: FloatArray, g: FloatArray,
+    speeds: bool, fewest: int,
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Ends of an interval that holds z, a first guess inside and dz/dt there, (n_draw, n_obs) each: a cubic through a table of the clock."""
-    knots, polynomials = _knots(clock.shape[0] - 1)
-    width = knots[1] - knots[0]
-    draws = (shape[0], _TABLE)
-    table = np.broadcast_to(np.maximum.accumulate(clock.T @ polynomials, axis=1), draws)  # (n_draw, n_knot)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        inverse = np.broadcast_to(1.0 / (pace.T @ polynomials[: pace.shape[0]]), draws).ravel()  # dz/dt
-    t = np.broadcast_to(t, shape)
-    place = _places(table, t)
-    at, times = place + _TABLE * np.arange(shape[0])[:, None], table.ravel()
-    before, low = times.take(at), knots.take(place)
-    step = times.take(at + 1) - before
-    with np.errstate(divide="ignore", invalid="ignore"):
-        s = np.clip((t - before) / step, 0.0, 1.0)
-        rise, fall = step * inverse.take(at), step * inverse.take(at + 1)
-        bend, twist = 3.0 * width - 2.0 * rise - fall, rise + fall - 2.0 * width
-        z = low + s * (rise + s * (bend + s * twist))
-        slope = (rise + s * (2.0 * bend + 3.0 * s * twist)) / step
-    z = np.where((z >= low) & (z <= low + width), z, low + 0.5 * width)
-    outside = (t <= table[:, :1]) | (t >= table[:, -1:])
-    return np.where(outside, -1.0, low - 1e-9), np.where(outside, 1.0, low + width + 1e-9), np.clip(z, -1.0, 1.0), slope
-
-
-def _places(table: FloatArray, t: FloatArray) -> NDArray[np.int64]:
-    """(n_draw, n_obs) the interval of each draw's rising table (n_draw, n_knot) that holds its t: one search, the draws behind each other."""
-    first, last = table[:, :1], table[:, -1:]
-    if np.isnan(last).any():
-        return _places(np.nan_to_num(table), t)
-    lengths = last - first
-    offset = np.concatenate([np.zeros((1, 1)), np.cumsum(lengths + np.max(lengths) + 1.0, axis=0)[:-1]]) - first
-    found = np.searchsorted((table + offset).ravel(), (np.minimum(np.maximum(t, first), last) + offset).ravel(), side="right").reshape(t.shape)
-    return np.minimum(np.maximum(found - (1 + _TABLE * np.arange(len(table))[:, None]), 0), _TABLE - 2)
-
-
-@cache
-def _knots(degree: int) -> tuple[FloatArray, FloatArray]:
-    """Equidistant points in [-1, 1] and the Chebyshev polynomials there, (degree + 1, n_knot)."""
-    knots = np.linspace(-1.0, 1.0, _TABLE)
-    return knots, np.ascontiguousarray(chebyshev.chebvander(knots, degree).T)
-
-
-def _evaluate(z: FloatArray, coefficients: FloatArray) -> FloatArray:
-    """Chebyshev series of each draw at its own z: z (n_draw, n_obs), coefficients (n, n_draw) -> (n_draw, n_obs)."""
-    return chebyshev.chebval(z.T, coefficients[:, None, :], tensor=False).T
+    """`_leg` of the easy draws, and of the hard ones (n_draw,) with twice the points."""
+    found: list[FloatArray] | None = None
+    for rows, points in ((~hard, fewest), (hard, 2 * fewest)):
+        own = replace(body, **{name: _of(value, rows) for name, value in vars(body).items()})
+        place = {"phi": phi[rows], "theta0": theta0[rows], "rolling_resistance": rolling_resistance[rows], "g": g[rows]}
+        parts = _leg(_of(t, rows), own, **place, n_node=None, speeds=speeds, fewest=points)
+        if found is None:
+            found = [np.empty((hard.size, part.shape[1])) for part in parts]
+        for whole, part in zip(found, parts, strict=True):
+            whole[rows] = part
+    assert found is not None
+    x, v, end, stop = found
+    return x, v, end, stop
 
 
 def _farthest(t: FloatArray, body: Body, phi: FloatArray, rolling_resistance: FloatArray, g: FloatArray) -> FloatArray:

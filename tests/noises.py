@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy import stats
@@ -15,13 +15,15 @@ from estim.deviation.grid import prior_grid
 from estim.deviation.jumps import BadFrames
 from estim.deviation.linearised import linearise
 from estim.deviation.mixture import keep_probable
-from estim.deviation.noise import WithForce
+from estim.deviation.noise import Stated, WithForce
 from estim.problem.counts import Counts
 from estim.problem.derivative import STENCILS, differentiate
 from estim.problem.laws import BINOMIAL, POISSON
 from estim.problem.likelihood import Noise, Points
 from estim.problem.noise import Differentiated, Independent, Scale
 from estim.problem.readings import Correlated, Readings
+from estim.problem.rooted import RootErrors
+from estim.problem.roots import root_of
 from estim.problem.tails import Mixture, StudentT
 
 N = 7
@@ -278,7 +280,7 @@ def lacking() -> Case:
         for s, a, log in zip(family.scale, family.amplitude, family.log_prior, strict=True)
     ]
     best = parts[3][1]
-    noise = WithForce(Independent(Scale(0.08), Scale(), RELATIVE), mixture, np.linalg.inv(np.linalg.cholesky(best)), np.zeros(N), BadFrames())
+    noise = WithForce(Independent(Scale(0.08), Scale(), RELATIVE), mixture, root_of(best), np.zeros(N), BadFrames())
     return Case(noise, {}, Mixed(line, parts, lambda named: best), mixed=True)
 
 
@@ -307,6 +309,26 @@ SIZES = {"s": 0.1, "scatter": 0.05}
 STATED = 0.01 * np.exp(-np.abs(X[:, None] - X) / 0.5) + 0.002 * np.eye(N)
 BOTH = {"fraction": 0.1, "log_width": 2.0}
 
+def in_bands() -> Case:
+    """The same with an inferred size alone, as a run of many frames has it: by bands, never the whole matrix."""
+    inner = differences()
+    base = replace(inner.noise, scatter=Scale())
+    brute = Normally(inner.brute.mean, lambda named: inner.brute.cov({**named, "scatter": 0.0}))
+    return Case(Banded(base), {"s": 0.01}, brute)
+
+
+@dataclass(frozen=True, eq=False)
+class Banded(Stated):
+    """Noise whose covariance is known in bands."""
+
+    def likelihood(self, points: Points, named: Named) -> RootErrors:
+        shift = points.y - self.base.likelihood(points, named).y
+        return RootErrors.of_bands(points, self.size, self.base.of_positions(points, named).covariance(), shift)
+
+    def for_search(self) -> Banded:
+        return self
+
+
 CASES = {
     "independent": Case(Independent(*SCALES, RELATIVE), SIZES, Normally(line, lambda named: np.diag(spread(named) ** 2))),
     "independent, Student-t": Case(Independent(*SCALES, RELATIVE, tails=StudentT()), SIZES, one_by_one(line, spread, student), outliers=True),
@@ -319,6 +341,7 @@ CASES = {
     ),
     "differentiated": differences(),
     "differentiated, motion blur": differences(np.linspace(1.0, 3.0, N + 2)),
+    "differentiated, in bands": in_bands(),
     "stated covariance": Case(Correlated(STATED), {}, Normally(line, lambda named: STATED)),
     "unmodelled force": lacking(),
     "Poisson counts": counts(),

@@ -14,6 +14,7 @@ from estim.campaign import load_campaign
 from estim.curve_fit import CurveFit
 from estim.fitting import Fit, refit
 from estim.problem import Normal, Problem
+from estim.problem.roots import covariance_of
 from estim.sampling import Target
 from estim.studies import Budget, uncertainty_budget
 
@@ -144,11 +145,11 @@ def test_a_body_has_parts_of_force_start_scale_and_readings_that_close(rolled: F
     assert np.sum(budget.contributions**2, axis=0) == pytest.approx(budget.sds**2, rel=1e-6)
     (likelihood,), (run,), named = rolled.posterior.likelihoods, rolled.problem.runs, rolled.problem.named(rolled.values)
     mixture, raw = likelihood.mixture, likelihood.residuals_at(named)  # type: ignore[attr-defined]
-    moves = np.linalg.solve(mixture.covariance(raw), run.points.gradient(named, rolled.names) @ rolled.cov)
-    whole = np.einsum("nq,nm,mq->q", moves, mixture.covariance(raw), moves)
+    moves = np.linalg.solve(covariance_of(mixture.likely(raw)), run.points.gradient(named, rolled.names) @ rolled.cov)
+    whole = np.einsum("nq,nm,mq->q", moves, covariance_of(mixture.likely(raw)), moves)
     stated = [i for i, one in enumerate(budget.sources) if one.kind in ("stated", "prior")]
     others = budget.sds**2 - np.sum(budget.contributions[stated] ** 2, axis=0)
     assert whole == pytest.approx(others, rel=1e-3)
-    white = mixture.lifted(raw)[2] * np.sum(mixture.deviation.unwhiten(np.eye(run.n_obs)) @ moves * moves, axis=0)
+    white = mixture.lifted(raw)[2] * np.sum(covariance_of(mixture.deviation.root) @ moves * moves, axis=0)
     default = sum(budget.contributions[names.index(name)] ** 2 for name in ("length", "clock") if name in names)
     assert budget.contributions[names.index("readings")] ** 2 + default == pytest.approx(white, rel=1e-3)

@@ -452,7 +452,7 @@ MISTAKES = {
     ),
     "window that leaves nothing": (
         RUN_H4, RUN_H4 + "window = {x_min_m = 7.0}\n", "window",
-        "'window' must leave between 5 and 3000 of the 42 rows of ",
+        "'window' must leave between 5 and 10000 of the 42 rows of ",
     ),
     "window with nan": (RUN_H4, RUN_H4 + "window = {x_min_m = nan}\n", "window", "'x_min_m' must be finite: nan"),
     "line with an unknown body": (
@@ -674,7 +674,7 @@ def test_rows_that_cannot_be_fit_are_told_without_a_window(load, folder, change,
         load()
     assert str(caught.value).startswith(f"{folder / 'h4.csv'}: {told}")
     assert "window" not in str(caught.value)
-    with pytest.raises(InputError, match=r"campaign\.toml:\d+: 'window' must leave between 5 and 3000 of the \d+ rows of .*h4\.csv to fit: \d"):
+    with pytest.raises(InputError, match=r"campaign\.toml:\d+: 'window' must leave between 5 and 10000 of the \d+ rows of .*h4\.csv to fit: \d"):
         load((RUN_H4, RUN_H4 + "window = {x_min_m = 0.0}\n"))
 
 

@@ -23,6 +23,7 @@ from estim.problem.curve import POINTS as PLAIN
 from estim.problem.curve import Motion, SpeedCurve
 from estim.problem.likelihood import Likelihood, reading_sd
 from estim.problem.posterior import Problem
+from estim.problem.roots import covariance_of
 from estim.problem.whitened import Linear
 
 X = np.linspace(0.05, 0.30, 6)
@@ -292,7 +293,7 @@ def check_size(case: Case, noise: Likelihood) -> None:
         if case.single is None:
             assert np.diag(information) == pytest.approx(case.brute.information(here), rel=0.05)
         return
-    cov, brute = noise.normal.covariance(here), case.brute
+    cov, brute = covariance_of(noise.normal.root(here)), case.brute
     assert cov == pytest.approx(brute.cov(here), rel=1e-9, abs=1e-15)
     assert noise.sd(here) ** 2 == pytest.approx(np.diag(cov), rel=1e-9)
     assert noise.squared_size(Y, here) == pytest.approx(Y @ np.linalg.solve(cov, Y), rel=1e-9)

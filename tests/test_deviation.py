@@ -16,8 +16,15 @@ from estim.deviation.grid import prior_grid, track_lengths
 from estim.deviation.kernels import distances, exponential, matern32, root, sd_of_mean, turning, without_mean
 from estim.deviation.linearised import linearise, mixture_quantiles
 from estim.deviation.mixture import keep_probable
+from estim.problem.roots import covariance_of
 
 SMALL = prior_grid(0.7, scales=(0.8, 1.0, 1.4), n_amplitude=5)
+
+
+def _whole(mixture, residuals):
+    """(n_obs, n_obs) the precision in the unit of the observations."""
+    back, n = mixture.deviation.turned_back, residuals.size
+    return back(back(mixture.precision(residuals).times(np.eye(n))).T)
 
 
 def two_shapes(n: int) -> tuple[Shape, ...]:
@@ -61,9 +68,10 @@ def test_what_is_asked_at_a_point_is_that_of_dense_matrices(rng, diagonal):
         np.testing.assert_allclose(mixture.pointwise(residuals), truth, atol=1e-5)
         logs = np.array([w + stats.multivariate_normal(cov=c).logpdf(residuals[0]) for w, c in parts])
         share = np.exp(logs - np.logaddexp.reduce(logs))
-        np.testing.assert_allclose(mixture.covariance(residuals[0]), np.einsum("k,kij->ij", share, [c for _, c in parts]), rtol=1e-5, atol=1e-9)
+        together = covariance_of(mixture.likely(residuals[0]))
+        np.testing.assert_allclose(together, np.einsum("k,kij->ij", share, [c for _, c in parts]), rtol=1e-5, atol=1e-9)
         precision = np.einsum("k,kij->ij", share, [np.linalg.inv(c) for _, c in parts])
-        np.testing.assert_allclose(mixture.precision(residuals[0]), precision, rtol=1e-4, atol=1e-4)
+        np.testing.assert_allclose(_whole(mixture, residuals[0]), precision, rtol=1e-4, atol=1e-4)
 
 
 @pytest.mark.parametrize("few", [True, False])
@@ -99,8 +107,8 @@ def test_the_precision_is_the_slope_of_the_likelihood(rng):
     mixture = keep_probable(linearise(deviation, r, np.ones((n, 1)), precision=np.eye(1)), columns=columns)
     step = 1e-5 * np.eye(n)
     slope = (mixture.log_likelihood(r + step) - mixture.log_likelihood(r - step)) / 2e-5
-    np.testing.assert_allclose(-mixture.precision(r) @ r, slope, rtol=1e-5, atol=1e-6)
-    np.testing.assert_allclose(mixture.pull(r), mixture.precision(r) @ r, rtol=1e-9, atol=1e-11)
+    np.testing.assert_allclose(-_whole(mixture, r) @ r, slope, rtol=1e-5, atol=1e-6)
+    np.testing.assert_allclose(mixture.pull(r), _whole(mixture, r) @ r, rtol=1e-9, atol=1e-11)
 
 
 def test_what_is_left_out_is_no_more_than_stated(rng):
@@ -148,7 +156,7 @@ def test_the_linearised_posterior_is_that_of_a_straight_line(rng):
     np.testing.assert_allclose(found.steps[k], step, rtol=1e-8)
     left = r - jacobian @ step
     _, covariance = list(dense(deviation, base, shapes))[k]
-    np.testing.assert_allclose(found.best_covariance(), covariance, rtol=1e-9)
+    np.testing.assert_allclose(covariance_of(found.best_root()), covariance, rtol=1e-9)
     assert found.innovations() @ found.innovations() == pytest.approx(left @ np.linalg.solve(covariance, left))
     q = found.quantiles([1.0, 0.0], [0.16, 0.5, 0.84])
     assert [found.probability_below([1.0, 0.0], value) for value in q] == pytest.approx([0.16, 0.5, 0.84], abs=1e-9)

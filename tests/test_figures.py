@@ -51,6 +51,28 @@ def corner_of(problem: Problem, rng: np.random.Generator) -> Figure:
     return figure
 
 
+def test_ticks_found_once_are_where_they_were(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Where a range changes with the place (shared axes, one aspect), with an offset, a logarithmic scale; drawn twice, as a notebook may."""
+
+    def draw() -> Figure:
+        figure = drawing.new_figure(4.0)
+        axes = figure.subplots(2, 2, sharex="col").ravel()
+        axes[0].plot([0.0, 1000.0], [1e6 + 1e-3, 1e6 + 2e-3])
+        axes[1].loglog([1e-3, 1e3], [1.0, 2.0])
+        axes[2].set(aspect="equal", adjustable="datalim", xlim=(-1.0, 400.0))
+        axes[3].set(ylabel="far from the axis", title="title")
+        figure.align_ylabels()
+        return figure
+
+    once = drawing.as_png(figure := draw())
+    assert not any(name in vars(ax.xaxis) for ax in figure.axes for name in drawing._OF_TICKS)
+    assert drawing.as_png(figure) == once
+    figure.axes[0].set_xlim(0.0, 3.0)
+    assert drawing.as_png(figure) != once
+    monkeypatch.setattr(drawing, "_OF_TICKS", ("_a_name_of_a_later_version",))
+    assert drawing.as_png(draw()) == once
+
+
 def test_a_figure_is_drawn_once_where_a_layout_draws_it_twice_and_looks_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
     def draw() -> Figure:
         figure = drawing.new_figure(3.0)

@@ -148,11 +148,11 @@ def test_a_bent_ridge_that_ends_at_an_edge_is_followed(rng: np.random.Generator)
     assert np.argmax(np.abs(told.bend.shift)) == 1
     z, share = _evidence(known, told, rng)
     assert abs(z) < 4.0
-    assert share > 0.5 > 1.3 * _evidence(known, untold, rng)[1]
+    assert share > 1.2 * _evidence(known, untold, rng)[1]
     crooked = replace(told, bent=None)  # drawn as bent, its density taken as straight
     draws = told.draw(rng, 40_000)
     weights = np.exp(known.log_density(draws) - crooked.log_density(draws))
-    assert abs(np.mean(weights) - math.exp(known.log_evidence)) > 10.0 * np.std(weights) / 200.0
+    assert np.mean(weights) > 1.5 * math.exp(known.log_evidence)
 
 
 def test_a_bend_and_back_is_where_it_was(rng: np.random.Generator) -> None:

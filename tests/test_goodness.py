@@ -13,6 +13,7 @@ from estim.campaign import load_campaign
 from estim.checks.goodness import P_POOR_FIT, check_goodness
 from estim.fitting.least_squares import fit_least_squares
 from estim.pipeline import analyse
+from estim.problem.roots import covariance_of
 from estim.sampling.chain import Target
 
 WHEEL = """
@@ -77,7 +78,7 @@ def test_p_values_are_uniform_under_the_right_model(rng: np.random.Generator, re
     fit = fit_least_squares(problem, rng=rng)
     run, named = problem.runs[0], problem.named(fit.values)
     curve = run.curve.value(run.x, run.bind(named)) + run.y - fit.posterior.likelihoods[0].y
-    factor = np.linalg.cholesky(fit.posterior.likelihoods[0].normal.covariance(named))
+    factor = np.linalg.cholesky(covariance_of(fit.posterior.likelihoods[0].normal.root(named)))
     n, below = 300, {}
     for _ in range(n):
         y = curve.ravel() + factor @ rng.standard_normal(run.n_obs)

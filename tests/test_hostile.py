@@ -228,10 +228,10 @@ def test_a_comparison_of_models_with_hostile_texts() -> None:
     )
     values = {"kind": KINDS["measured"], "rows": [row], "cells": [["0.1 ± 0.2"]], "influential": 0.7, "behind": 4.0}
     values |= {"folder": folder_of, "several_data": True}
-    plain = render("compare.md.j2", title="word", runs=["r"], heads=["γ"], **values)
+    plain = render("compare.md.j2", title="word", runs=["r"], heads=["γ"], data=["positions"], **values)
     for text in filter(shown, STRINGS):
         hostile = SimpleNamespace(**vars(row) | {"words": text, "reasons": [text], "data": text, "influential": {text: [0.1]}})
-        report = render("compare.md.j2", title=text, runs=[text], heads=[text], **values | {"rows": [hostile], "cells": [[text]]})
+        report = render("compare.md.j2", title=text, runs=[text], heads=[text], data=[text], **values | {"rows": [hostile], "cells": [[text]]})
         assert outline(report) == outline(plain), text
         assert seen(report).startswith(f"{shown(text)}: noise models of {shown(text)}\n")
         assert not raw(report)

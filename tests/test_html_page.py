@@ -18,7 +18,7 @@ from conftest import PIXEL
 from hostile import STRINGS
 
 from estim.cli.commands import cli
-from estim.common import InputError, markdown
+from estim.common import InputError, markdown, spoken
 from estim.reports import with_formats
 from estim.reports.html_page import html_page
 from estim.reports.rendering import folded
@@ -106,6 +106,16 @@ def test_a_page_needs_nothing_from_elsewhere_and_runs_nothing(report: tuple[dict
     css = (PROJECT / "estim" / "reports" / "templates" / "page.css").read_text()
     assert "url(" not in css
     assert "@import" not in css
+
+
+def test_a_page_is_in_the_language_that_is_spoken() -> None:
+    part = folded("b", "text", opened=False)
+    with spoken("es"):
+        page = with_formats({"report.md": f"# a\n\n{part}\n".encode()}, ["html"])["report.html"].decode()
+    assert '<html lang="es">' in page
+    for words in ("Contenido", "abrir todas las partes, también para imprimir", "no se imprimen"):
+        assert words in page
+    assert "Contents" not in page
 
 
 def test_a_page_can_be_found_one_s_way_in(report: tuple[dict[str, bytes], Page]) -> None:

@@ -28,6 +28,7 @@ from estim.deviation.mixture import keep_probable
 from estim.fitting.least_squares import Fit, fit_least_squares
 from estim.problem.posterior import Problem
 from estim.problem.priors import Normal
+from estim.problem.roots import root_of
 
 WHEEL = Path(__file__).resolve().parents[1] / "data" / "wheel"
 X = np.linspace(0.0, 1.0, 6)
@@ -45,8 +46,8 @@ def tied(rng: np.random.Generator, *, sizes: tuple[float, ...] = (0.3,), apart: 
     deviation = diagonalise(np.full(2 * X.size, SD**2), (Shape("force", 1.0, factor, 0.0),), grid)
     linear = linearise(deviation, np.zeros(2 * X.size), np.ones((2 * X.size, 1)), precision=np.zeros((1, 1)))
     parts = [SD**2 * np.eye(2 * X.size) + size**2 * factor @ factor.T for size in sizes]
-    whitener = np.linalg.inv(np.linalg.cholesky(parts[-1]))
-    shared = Together(("r0", "r2"), keep_probable(linear, lost=0.0), whitener, np.zeros(2 * X.size))
+    likely = root_of(parts[-1])
+    shared = Together(("r0", "r2"), keep_probable(linear, lost=0.0), likely, np.zeros(2 * X.size))
     return Problem(problem.parameters, problem.runs, (shared,)), parts
 
 

@@ -51,6 +51,21 @@ except AttributeError as error: print("none" in str(error))
     assert lines[9:] == ["True", "True", "True"]
 
 
+def test_tools_that_others_load_for_themselves_come_when_they_are_asked_for() -> None:
+    code = """
+import sys
+from estim.lean_imports import import_lean
+import_lean()
+import matplotlib.figure, numpy, scipy.optimize, scipy.special
+late = ("numpy.f2py.rules", "mpl_toolkits.mplot3d.axes3d", "scipy.linalg.interpolative")
+print(*[name in sys.modules for name in late], bool(scipy.special.chdtr.__doc__))
+print(matplotlib.figure.Figure().add_subplot(projection="3d").name, matplotlib.figure.Figure().add_subplot(projection="polar").name)
+numpy.testing.assert_allclose(1.0, 1.0)
+print(numpy.f2py.get_include().endswith("src"), scipy.optimize.linprog([1.0], bounds=[(2.0, 3.0)]).x[0])
+"""
+    assert said(code) == ["False", "False", "False", "True", "3d", "polar", "True", "2.0"]
+
+
 def test_what_is_not_installed_is_missed_as_ever() -> None:
     code = """
 import sys

@@ -12,7 +12,7 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
-from model import Body, Forces, back_and_forth, speed, trajectory, travel_time, turning_point
+from model import Body, Forces, back_and_forth, motion, positions_at, speed, trajectory, travel_time, turning_point
 
 PAPER = Body(radius=0.15, gamma=0.187, kappa=0.45)
 RUN = {"phi": math.radians(4.0), "theta0": math.radians(60.0), "g": 9.81}
@@ -260,3 +260,71 @@ def test_no_draws_are_no_positions():
     for forces in (None, Forces()):
         x, v = back_and_forth(np.zeros((0, 5)), PAPER, phi=none, theta0=none, forces=forces)
         assert x.shape == v.shape == (0, 5)
+
+
+def _draws(n, phi, theta0):
+    rng = np.random.default_rng(5)
+    body = Body(radius=0.15, gamma=0.187 + 0.01 * rng.standard_normal((n, 1)), kappa=rng.uniform(0.0, 1.0, (n, 1)))
+    return body, {"phi": np.radians(phi + 0.2 * rng.standard_normal((n, 1))), "theta0": np.radians(theta0 + rng.standard_normal((n, 1))), "g": 9.81}
+
+
+@pytest.mark.parametrize(("phi", "theta0"), [(4.0, 60.0), (2.0, 40.0), (5.0, 36.0), (-5.5, 20.0)])
+def test_the_place_that_is_read_off_a_table_is_reached_when_the_clock_says(phi, theta0):
+    # there by the inverse, back by the clock itself
+    body, run = _draws(30, phi, theta0)
+    t = np.linspace(0.02, 1.2, 50)
+    x, _ = trajectory(t, body, **run)
+    for i in range(30):
+        one = Body(radius=0.15, gamma=float(body.gamma[i, 0]), kappa=float(body.kappa[i, 0]))
+        there = np.isfinite(x[i])
+        back = travel_time(x[i][there], one, **{name: float(np.ravel(value)[i % np.size(value)]) for name, value in run.items()})
+        speeds = speed(x[i][there], one, phi=float(run["phi"][i, 0]), theta0=float(run["theta0"][i, 0]), g=9.81)[0]
+        assert np.nanmax(np.abs(back[0] - t[there]) * speeds, initial=0.0) < 1e-9
+
+
+def test_a_table_that_is_too_coarse_is_noticed(monkeypatch):
+    from model import inversion
+
+    body, run = _draws(20, 4.0, 60.0)
+    t = np.linspace(0.0, 1.3, 40)
+    right = trajectory(t, body, **run)[0]
+    inversion._polynomials.cache_clear()
+    monkeypatch.setattr(inversion, "_COARSE", 9)
+    noticed = trajectory(t, body, **run)[0]
+    monkeypatch.setattr(inversion, "_CLOSE", 1.0)
+    believed = trajectory(t, body, **run)[0]
+    inversion._polynomials.cache_clear()
+    assert np.nanmax(np.abs(noticed - right)) < 1e-9
+    assert np.nanmax(np.abs(believed - right)) > 1e-7
+
+
+def test_draws_in_blocks_are_the_draws_together(monkeypatch):
+    from model import motion
+
+    body, run = _draws(40, 4.0, 60.0)
+    t = np.linspace(-0.1, 2.5, 60)  # back again, and over the release
+    whole = back_and_forth(t, body, **run)
+    monkeypatch.setattr(motion, "_BLOCK", 400)
+    for one, other in zip(back_and_forth(t, body, **run), whole, strict=True):
+        np.testing.assert_allclose(one, other, rtol=0.0, atol=1e-9)
+    assert np.any(whole[1] < 0.0)
+
+
+def test_only_the_draws_that_need_more_points_get_them(monkeypatch):
+    # the third all but stops on its way: its neighbours have the digits that they have alone, at the price that they have alone
+    crest = math.asin(math.sin(math.radians(4.0)) / 0.187)
+    theta0, gamma = np.array([[1.05], [0.9], [1e-4 + crest], [1.2]]), np.full((4, 1), 0.187)
+    t, asked, clock = np.linspace(0.0, 2.5, 30), [], motion._clock
+
+    def counted(body, **keywords):
+        asked.append((keywords["reach"].size, keywords["fewest"]))
+        return clock(body, **keywords)
+
+    monkeypatch.setattr(motion, "_clock", counted)
+    for forth in (back_and_forth, lambda *args, **keywords: (positions_at(*args, **keywords),)):
+        together = forth(t, Body(0.15, gamma, 0.45), phi=math.radians(4.0), theta0=theta0, g=9.81)
+        assert {n for n, fewest in asked if fewest > 48} == {1}
+        for i in range(4):
+            alone = forth(t, Body(0.15, 0.187, 0.45), phi=math.radians(4.0), theta0=float(theta0[i, 0]), g=9.81)
+            for one, every in zip(alone, together, strict=True):
+                assert every[i] == pytest.approx(one[0], rel=0, abs=1e-12)

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from estim.checks.cells import parameter_cells, value_cell
+from estim.common import spoken
 from estim.common.labels import Notation
 from estim.common.quantity import format_quantity, format_rounded, signed
 from estim.problem.observations import Parameter
@@ -16,6 +17,7 @@ from estim.reports.comparison import _cells
 from estim.reports.derived import derived_rows
 from estim.reports.labels import Labels
 from estim.reports.result import RunSummary
+from estim.reports.sentences import translated
 from estim.sampling.summary import Summary, summarise
 
 
@@ -71,3 +73,10 @@ def test_the_table_of_models_prints_a_value_as_the_report_does(rng: np.random.Ge
     row = SimpleNamespace(status="ok", posterior={p.name: posterior})
     assert _cells(row, [p]) == [parameter_cells(posterior, p.label)[2]]
     assert _cells(SimpleNamespace(status="poor-fit", posterior=row.posterior), [p]) == ["—"]
+
+
+def test_an_item_below_another_stays_below_it_in_another_language() -> None:
+    source = "- {{ run }}\n{% for why in excluded %}\n  - left out: {{ why }}\n{% endfor %}\n"
+    assert translated(source) == source
+    with spoken("es"):
+        assert translated(source) == source.replace("left out", "excluido")

@@ -25,7 +25,7 @@ from estim.campaign.plan_table import NO_PLAN, PlanTable, check_plan
 from estim.campaign.prior_table import PriorTable, Value, read_prior
 from estim.campaign.track_table import choices_of
 from estim.campaign.trial_table import TrialsTable
-from estim.common import EXTREME, InputError, Quantity, extreme, read_quantity
+from estim.common import EXTREME, InputError, Quantity, extreme, phrase, read_quantity
 from estim.problem import Prior
 from estim.reading import TOML_BYTES, Choices, Places, Unit, leads_out, parse_toml, read_text
 
@@ -209,9 +209,9 @@ class CampaignFile:
         path = self.path.parent / written
         if not leads_out(path, self.path.parent):
             return None
-        home, target = os.path.realpath(self.path.parent), os.path.realpath(path)
-        linked = os.path.normpath(os.path.join(home, written)) != target
-        return f"{written} lies outside the folder of the campaign" + (f": a link leads to {os.path.relpath(target, home)}" if linked else "")
+        home, end = os.path.realpath(self.path.parent), os.path.realpath(path)
+        link = phrase(": a link leads to {place}", place=os.path.relpath(end, home))
+        return phrase("{file} lies outside the folder of the campaign", file=written) + link * (os.path.normpath(os.path.join(home, written)) != end)
 
     def outside(self, *, runs: bool = True, line: bool = False, published: bool = False) -> tuple[str, ...]:
         """Such a sentence for each of these files."""

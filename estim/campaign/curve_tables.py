@@ -16,7 +16,7 @@ from estim.campaign.campaign_file import CampaignFile, read_value
 from estim.campaign.dialect_table import DialectKeys
 from estim.campaign.prior_table import PriorKeys, PriorTable
 from estim.campaign.track_table import TrackKeys
-from estim.common import InputError, Quantity
+from estim.common import InputError, Quantity, phrase
 from estim.curves import SIGMA, Formula
 from estim.problem import Flat, Prior, as_prior
 from estim.reading import Places, name_and_unit
@@ -107,7 +107,7 @@ def axis_of(written: AxisTable | str) -> AxisTable:
 
 def y_axis(table: CurveTable) -> AxisTable:
     """What y is; of single events, which have none, the numbers that figures show."""
-    return axis_of(table.y) if table.y is not None else AxisTable("", "events per cell")
+    return axis_of(table.y) if table.y is not None else AxisTable("", phrase("events per cell"))
 
 
 def _allowed(pattern: re.Pattern[str], text: str) -> bool:

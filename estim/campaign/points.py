@@ -17,7 +17,7 @@ from estim.campaign.campaign_file import NoiseTable, WindowTable
 from estim.campaign.levels import Levels, Path, noise_level, read_at
 from estim.campaign.plausible import check_reading_error
 from estim.campaign.robust import shape_of
-from estim.campaign.selection import Selection, Window, check_count, select
+from estim.campaign.selection import MAX_DENSE, MAX_OBS, Selection, Window, check_count, select
 from estim.common import Finding, InputError, Kind, Notation, Quantity, phrase
 from estim.problem import (
     STENCILS,
@@ -124,7 +124,8 @@ def _differentiated(run: Run, levels: Levels, table: NoiseTable, path: Path, suf
     derivative, blank = _speeds(run, table)
     rows = derivative.rows
     selection = select(position[rows], derivative.value, t[rows], window=_window(run, levels), sigma_position=typical)
-    check_count(selection, run, levels, blank)
+    in_bands = scatter_parameter is None and (parameter is None or scatter.value == 0.0)
+    check_count(selection, run, levels, blank, most=MAX_OBS if in_bands else MAX_DENSE)
     kept = rows[selection.kept]
     zero, zero_parameter = _stated_offset(levels, units)
     return Observed(

@@ -24,7 +24,8 @@ from estim.words import tell
 Mask = NDArray[np.bool_]
 
 _MIN_OBS = 5
-_MAX_OBS = 3000  # the covariance of the speeds is a dense matrix
+MAX_OBS = 10_000
+MAX_DENSE = 3000  # where the covariance of the speeds does not stay the same but for a factor, and is diagonalised
 _GUARD = 5.0
 _SLOW = 0.25  # of the largest speed: slower than this at its farthest, a body is taken to have turned there
 
@@ -84,17 +85,17 @@ def select(position: FloatArray, speed: FloatArray | None, t: FloatArray | None,
     return Selection(np.flatnonzero(left), tuple(reasons))
 
 
-def check_count(selection: Selection, run: Run, levels: Levels, blank: tuple[Finding, ...] = ()) -> None:
+def check_count(selection: Selection, run: Run, levels: Levels, blank: tuple[Finding, ...] = (), *, most: int = MAX_OBS) -> None:
     """As many rows as can be fit are left; raises InputError at the window that is stated, or with what else left rows out."""
     count = selection.kept.size
-    if _MIN_OBS <= count <= _MAX_OBS:
+    if _MIN_OBS <= count <= most:
         return
     stated = next(((*level.path, "window") for level in levels if level.table.window is not None), None)
     if stated is not None:
-        rule = f"must leave between {_MIN_OBS} and {_MAX_OBS} of the {run.n_row} rows of {run.file} to fit"
+        rule = f"must leave between {_MIN_OBS} and {most} of the {run.n_row} rows of {run.file} to fit"
         raise levels.error(rule, stated, field="window", value=count)
-    if count > _MAX_OBS:
-        raise InputError(f"must be at most {_MAX_OBS}: state a window for run '{run.name}'", field="rows to fit", value=count, file=run.file)
+    if count > most:
+        raise InputError(f"must be at most {most}: state a window for run '{run.name}'", field="rows to fit", value=count, file=run.file)
     position = run.columns[run.coordinate]
     if np.max(position) - position[0] <= 0.1 * np.ptp(position):
         rule = "must increase as the body moves from its release: it does not rise above its first value by a tenth of its range"

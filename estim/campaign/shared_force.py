@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from estim.campaign.levels import Levels
+from estim.common import OF_BODY
 from estim.problem import Observations
 
 MOST_POINTS = 1500  # of runs that share a force: the covariance of all of them is diagonalised some two dozen times
@@ -19,7 +20,7 @@ def sharing_runs(runs: Sequence[Observations], levels: Mapping[str, Levels], key
     by_name = {run.name: run for run in runs if run.force}
     groups = _groups(list(by_name), levels, key).values()
     return {
-        names[0] if len(names) == 1 else f"body {levels[names[0]].run.body}": tuple(by_name[name] for name in names) for names in groups
+        names[0] if len(names) == 1 else f"{OF_BODY}{levels[names[0]].run.body}": tuple(by_name[name] for name in names) for names in groups
     }
 
 

@@ -46,6 +46,7 @@ _LEAST_SIMULATED = 2600  # a p-value below P_POOR_FIT can come out
 _AGAIN, _N_AGAIN = 2e-3, 20  # p-value of a first look at one of many runs that is looked at again, and with how many blocks
 _SMALLER = 4  # blocks, by which many points take less memory
 _N_SIMULATED = 20_000
+_AT_ONCE, _PIECE = 8e6, 2e6  # numbers in one piece, and in each of several: what is made of them takes many times their memory
 _SLOW_ORDER, _SLOW_WEIGHT = 5, 4.0
 _NO_DRIFT = 0.5  # standard deviations of a slow shape in independent residuals
 _OF_NEIGHBOURS = frozenset(("runs", "autocorrelation"))
@@ -145,7 +146,7 @@ def check_goodness(fit: Fit, *, rng: np.random.Generator) -> tuple[Goodness, ...
     whitened = posterior.by_run(response.z for response in responses)
     speeds = [_speeds(run, named) for run in problem.runs]
     drawn = []
-    for n_draw in _blocks(int(most / n_error)):
+    for n_draw in _pieces(_blocks(int(most / n_error)), n_error):
         errors = rng.standard_normal((n_error, n_draw))
         *by_group, of_priors = np.split(errors, np.cumsum([group.n_obs for group in problem.groups]))
         felt = [response.felt(error) for response, error in zip(responses, by_group, strict=True)]
@@ -242,6 +243,14 @@ def _blocks(at_once: int) -> list[int]:
         return [min(_N_SIMULATED, at_once)]
     some = max(1, at_once // _SMALLER)
     return [some] * -(-_LEAST_SIMULATED // some)
+
+
+def _pieces(blocks: Sequence[int], n_error: int) -> list[int]:
+    """As many in all, in pieces that the statistics of many points take less memory for."""
+    if max(blocks) * n_error <= _AT_ONCE:
+        return list(blocks)
+    total, most = sum(blocks), max(1, int(_PIECE / n_error))
+    return [min(most, total - done) for done in range(0, total, most)]
 
 
 def _checks(z: FloatArray, null: Mapping[str, FloatArray], *, stated: bool) -> dict[str, Check]:

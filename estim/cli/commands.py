@@ -6,6 +6,7 @@ the same); 74 what was done could not be said on stdout (a full disk); 130 inter
 
 from __future__ import annotations
 
+import gc
 import os
 import sys
 import warnings
@@ -54,6 +55,9 @@ if TYPE_CHECKING:
     from estim.pipeline import Analysis
     from estim.reading import Unit
     from estim.studies import Drift, EnergyRecord
+
+_RARELY = 50_000  # objects made before those that only point at each other are looked for: modules and figures are made of many that stay
+
 
 @click.group(
     context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100},
@@ -206,7 +210,7 @@ def reanalyse(campaign: Path, max_steps: int, jobs: int | None, out: Path | None
     posterior band, and published numbers beside reanalysed ones.  The numbers are the same for any number of --jobs.
     """
     from estim.campaign import load_campaign
-    from estim.reports import reanalysis_lines, reanalysis_report
+    from estim.reports import called, reanalysis_lines, reanalysis_report
     from estim.sampling import Target
     from estim.studies import reanalyse as run_reanalysis
     from estim.words import Voice
@@ -219,7 +223,7 @@ def reanalyse(campaign: Path, max_steps: int, jobs: int | None, out: Path | None
     write_report(folder, reanalysis_report(result, voice=Voice.COMMANDS, figures=not no_figures))
     said = reanalysis_lines(result)
     for what, status in result.statuses.items():
-        conclude(what, status, said.get(what, ()))
+        conclude(called(result, what), status, said.get(what, ()))
     report_at(folder / "report.md", loaded.source.outside(line=True, published=True))
     _exit_unless(all(status.ok for status in result.statuses.values()))
 
@@ -291,6 +295,7 @@ def main() -> None:
     if not sys.warnoptions:
         warnings.simplefilter("ignore")
     import_lean()
+    gc.set_threshold(_RARELY, *gc.get_threshold()[1:])
     os.environ["MPLBACKEND"] = "agg"  # figures are files, whatever a user's sessions draw on
     sys.exit(exit_code(_run))
 

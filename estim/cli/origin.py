@@ -13,7 +13,7 @@ import click
 from estim.cli.crate import CRATE, crate_of
 from estim.cli.formats import chosen, in_formats
 from estim.cli.origin_record import ORIGIN, SCHEMA, Origin
-from estim.common import as_json, code, inputs_read, language
+from estim.common import as_json, code, inputs_read, language, phrase
 
 _PACKAGES = ("estim", "numpy", "scipy", "lmfit", "emcee")
 _KEPT = {"formats": chosen, "lang": language}  # options that the command does not take itself
@@ -52,7 +52,8 @@ def with_origin(files: Mapping[str, bytes], part: str) -> dict[str, bytes]:
         return dict(files)
     versions = {"python": sys.version.split()[0]} | {package: version(package) for package in _PACKAGES}
     command, inputs = [_plain(text) for text in _arguments(context)], {_plain(path): digest for path, digest in sorted(ledger.inputs.items())}
-    line = f"\n---\n\nMade by {code(shlex.join(['estim', *command]))}; `estim verify` recomputes this report from the same files.\n"
+    said = phrase("Made by {command}; `estim verify` recomputes this report from the same files.", command=code(shlex.join(["estim", *command])))
+    line = f"\n---\n\n{said}\n"
     signed = in_formats({name: data + line.encode() if name == "report.md" else data for name, data in files.items()})
     digests = {name: hashlib.sha256(data).hexdigest() for name, data in sorted(signed.items())}
     origin = Origin(SCHEMA, command, part, inputs, digests, versions)

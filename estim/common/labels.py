@@ -17,6 +17,7 @@ KINDS = {
     "measured": later("Measured data."),
     "published": later("Data taken from a publication."),
 }
+OF_BODY = "body "  # before the name of a body, where something that its runs share is named
 _SUBSCRIPT = re.compile(rf"(?<=[^_])_((?:[{LETTERS}]+_)*[{LETTERS}]+)$")
 
 

@@ -25,8 +25,8 @@ from estim.deviation.jumps import BadFrames
 from estim.deviation.linearised import Linearised, linearise
 from estim.deviation.mixture import keep_probable
 from estim.deviation.noise import WithForce, normal_covariance
-from estim.deviation.posing import as_prior, priors_at, told_beyond, told_by, whitener
-from estim.problem import Named, Noise, Observations, Problem, StackedPoints, Wording
+from estim.deviation.posing import as_prior, likely_root, priors_at, told_beyond, told_by
+from estim.problem import Named, Noise, Observations, Problem, StackedPoints, Wording, stacked_root
 
 
 class Roomy(WithForce):
@@ -72,7 +72,7 @@ def pose_alike(
     shared = []
     for i, group in enumerate(stacked):
         linear = group.beside(*as_prior([prior, *others, *told[:i], *told[i + 1 :]]))
-        mixture, white = keep_probable(linear, columns=group.columns), whitener(linear, group.columns)
+        mixture, white = keep_probable(linear, columns=group.columns), likely_root(linear, group.columns)
         names = tuple(run.name for run in group.runs)
         if len(names) == 1:
             (run,) = group.runs
@@ -91,7 +91,7 @@ def _stack(runs: tuple[Observations, ...], problem: Problem, values: FloatArray,
     shift, n = np.concatenate([one.shift for one in stated]), points.y.size
     nothing = Shape("none", 1.0, np.zeros((n, 1)), 0.0)
     return _Stacked(
-        runs, own, diagonalise(block_diag(*(one.covariance for one in stated)), (nothing,), noise_grid()), points.y - shift - points.value(named)[0],
+        runs, own, diagonalise(stacked_root([one.root for one in stated]), (nothing,), noise_grid()), points.y - shift - points.value(named)[0],
         points.gradient(named, problem.names), own.columns(n), shift,
     )
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from estim.deviation.noise import Stated
-from estim.problem import CorrelatedErrors, Named, Points
+from estim.problem import DENSE, CorrelatedErrors, Differences, Named, Points, RootErrors, in_bands
 
 
 @dataclass(frozen=True, eq=False)
@@ -19,11 +19,13 @@ class AutoCorrelated(Stated):
 
     correlation: float
 
-    def likelihood(self, points: Points, named: Named) -> CorrelatedErrors:
+    def likelihood(self, points: Points, named: Named) -> CorrelatedErrors | RootErrors:
         stated = self.base.likelihood(points, named)
         matrix = self.base.of_positions(points, named)
-        lever = np.diag(self.base.reading_gain()) if matrix is None else matrix
-        steps = np.arange(lever.shape[1])
+        matrix = Differences.of_single(points.x.size).rows_times(self.base.reading_gain()) if matrix is None else matrix
+        if points.x.size > DENSE and in_bands(self.base.size):
+            return RootErrors.of_bands(points, self.base.size, matrix.covariance(self.correlation), points.y - stated.y)
+        lever, steps = matrix.dense(), np.arange(matrix.n_row)
         covariance = lever @ self.correlation ** np.abs(np.subtract.outer(steps, steps)) @ lever.T
         spectrum, basis = np.linalg.eigh(covariance)
         rounding = np.finfo(float).eps * spectrum.size * spectrum[-1]

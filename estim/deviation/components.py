@@ -10,15 +10,14 @@ what matters and evaluates draws.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import solve_triangular
 
 from estim.arrays import FloatArray
 from estim.common import InputError
 from estim.deviation.grid import Grid
+from estim.problem import Root, root_of
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,42 +72,24 @@ class Family:
 class Deviation:
     """The grid of components of one run, or of several that are stacked.
 
-    whitener : (n_obs,) or (n_obs, n_obs), z = r * whitener or r @ whitener has unit covariance under C0, in the order of the observations.
-    log_volume : log of the determinant of C0, halved.  families : one for each shape.
+    root : of C0; what it whitens has unit covariance under C0, in the order of the observations.
+    families : one for each shape.
     """
 
-    whitener: FloatArray
-    log_volume: float
+    root: Root
     families: tuple[Family, ...]
 
     @property
     def n_obs(self) -> int:
-        return self.whitener.shape[0]
-
-    @cached_property
-    def _apart(self) -> tuple[slice, ...]:
-        """Stretches of the observations that a whitener (n_obs, n_obs) does not mix: the runs, where several are stacked."""
-        place, mixed = np.arange(self.n_obs), self.whitener != 0.0
-        last = self.n_obs - 1 - np.argmax((mixed | mixed.T)[:, ::-1], axis=1)
-        ends = np.flatnonzero(np.maximum.accumulate(np.maximum(last, place)) == place) + 1
-        return tuple(slice(start, end) for start, end in zip([0, *ends[:-1].tolist()], ends.tolist(), strict=True))
+        return self.root.n_obs
 
     def whiten(self, rows: FloatArray) -> FloatArray:
         """Rows (..., n_obs) of observations in units of the stated noise, without its correlation."""
-        if self.whitener.ndim == 1:
-            return rows * self.whitener
-        return np.concatenate([rows[..., part] @ self.whitener[part, part] for part in self._apart], axis=-1)
+        return self.root.whiten(rows)
 
     def turned_back(self, rows: FloatArray) -> FloatArray:
-        """Rows (..., n_obs) times W^-1: what is a slope in whitened observations as a slope in the observations."""
-        return rows * self.whitener if self.whitener.ndim == 1 else rows @ self.whitener.T
-
-    def unwhiten(self, covariance: FloatArray) -> FloatArray:
-        """A whitened covariance (n_obs, n_obs) in the observations, W C W^T."""
-        if self.whitener.ndim == 1:
-            return np.asarray(covariance / self.whitener / self.whitener[:, None])
-        half = solve_triangular(self.whitener.T, covariance, lower=True)
-        return np.asarray(solve_triangular(self.whitener.T, half.T, lower=True))
+        """Rows (..., n_obs): what is a slope in whitened observations as a slope in the observations."""
+        return self.root.turned_back(rows)
 
     def column(self, name: str) -> FloatArray:
         """(n_component,) `amplitude`, `scale` or `log_prior` of all components in the order of the families."""
@@ -120,38 +101,32 @@ class Deviation:
         return np.concatenate(each)
 
 
-def diagonalise(base: FloatArray, shapes: tuple[Shape, ...], grid: Grid) -> Deviation:
-    """The components for a stated covariance `base`, (n_obs,) variances or (n_obs, n_obs), both in the square of the unit of the readings.
+def diagonalise(base: FloatArray | Root, shapes: tuple[Shape, ...], grid: Grid) -> Deviation:
+    """The components for a stated covariance `base`, (n_obs,) variances or (n_obs, n_obs), in the square of the unit of the readings, or its root.
 
     Components without a deviation are the same for every shape and stand in the first family alone.
     Raises InputError where `base` is not positive definite, or where there is no shape.
     """
     if not shapes:
         raise InputError("must name at least one shape of deviation", field="shapes")
-    base = np.asarray(base, dtype=float)
-    whitener, log_volume = _whitening(base)
+    root = _root(base) if isinstance(base, np.ndarray) else base
     amplitude, scale = (values.ravel() for values in np.meshgrid(grid.amplitudes, grid.scales, indexing="ij"))
     log_prior = np.add.outer(grid.log_amplitudes, grid.log_scales).ravel()
     families = []
     for i, shape in enumerate(shapes):
-        seen = shape.factor * whitener[:, None] if whitener.ndim == 1 else whitener.T @ shape.factor
-        spectrum, basis = _principal(seen)
+        spectrum, basis = _principal(root.whiten(shape.factor.T).T)
         held = Family(shape.kind, shape.length, basis, spectrum, amplitude, scale, log_prior + shape.log_prior * (amplitude > 0.0))
         families.append(held if i == 0 else held.chosen(amplitude > 0.0))
-    return Deviation(whitener, log_volume, tuple(families))
+    return Deviation(root, tuple(families))
 
 
-def _whitening(base: FloatArray) -> tuple[FloatArray, float]:
-    if base.ndim == 1:
-        if not np.all(base > 0.0):
-            raise InputError("must be > 0", field="variance", value=float(np.min(base)))
-        return 1.0 / np.sqrt(base), 0.5 * float(np.sum(np.log(base)))
+def _root(base: FloatArray) -> Root:
+    if base.ndim == 1 and not np.all(base > 0.0):
+        raise InputError("must be > 0", field="variance", value=float(np.min(base)))
     try:
-        lower = np.linalg.cholesky(base)
+        return root_of(base)
     except np.linalg.LinAlgError:
         raise InputError("must be positive definite", field="covariance") from None
-    whitener = solve_triangular(lower, np.eye(base.shape[0]), lower=True).T
-    return np.ascontiguousarray(whitener), float(np.sum(np.log(np.diag(lower))))
 
 
 def _principal(factor: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -13,7 +13,7 @@ from estim.deviation.force import Response, Track, position_response, speed_resp
 from estim.deviation.grid import START_SD
 from estim.deviation.in_time import Moving, response_in_time
 from estim.deviation.jumps import Frames
-from estim.problem import Motion, Named, Noise, Points, PositionCurve
+from estim.problem import Differences, Motion, Named, Noise, Points, PositionCurve
 
 _MOST_OFF = 1.5  # how far a measured speed may be from that of the curve, as a factor, and still be its speed with errors
 _SLOW = 0.05  # of the mean speed: at a point that is slower a force counts as if it were this fast
@@ -86,7 +86,7 @@ class Course:
             velocity = here.speed(self.positions)
             return Frames(self.rows.t, self.positions, self.rows.lines, matrix, velocity, reading, True, self.rows.kept, slope)
         sd = float(np.hypot(reading * np.median(noise.reading_gain()), np.ravel(noise.size.scatter.at(named))[0]))
-        alone = np.eye(points.x.size)
+        alone = Differences.of_single(points.x.size)
         if isinstance(points.curve, PositionCurve):
             velocity = here.row(points.curve.state(points.x, here.arguments)[1], points.x.size)
             return Frames(self.rows.t, points.y, self.rows.lines, alone, velocity, sd, True)
@@ -135,15 +135,15 @@ def _speeds(here: _Here) -> tuple[Track, Response]:
     return along, speed_response(along, x, speed, here.inertia(x), acceleration=here.acceleration, floor=floor)
 
 
-def _differences(here: _Here, positions: FloatArray, matrix: FloatArray) -> tuple[Track, Response]:
+def _differences(here: _Here, positions: FloatArray, matrix: Differences) -> tuple[Track, Response]:
     """Of speeds made of `positions` (n_row,), of which `matrix` (n_obs, n_row) says what their shifts do."""
-    used = np.any(matrix != 0.0, axis=0)
+    used = matrix.used
     read = positions[used]
     along = track(float(np.max(read)), start=here.start, first=float(np.min(read)))
     fine = _moving_on(here.points, along.fine, here.speed(along.fine))
     moved = position_response(along, read, fine, here.inertia(along.fine), acceleration=here.acceleration)
     there = np.interp(read, along.fine, fine)
-    return along, _by_differences(moved, matrix[:, used], read, there, here.points, here.speed(here.points.x))
+    return along, _by_differences(moved, matrix.among(used), read, there, here.points, here.speed(here.points.x))
 
 
 def _in_time(here: _Here, curve: PositionCurve) -> tuple[Track, Response]:
@@ -159,7 +159,7 @@ def _in_time(here: _Here, curve: PositionCurve) -> tuple[Track, Response]:
     return response_in_time(moving, t)
 
 
-def _by_differences(response: Response, matrix: FloatArray, read: FloatArray, speed: FloatArray, points: Points, here: FloatArray) -> Response:
+def _by_differences(response: Response, matrix: Differences, read: FloatArray, speed: FloatArray, points: Points, here: FloatArray) -> Response:
     """What speeds by differences answer, from the response of the positions `read` (n_row,) that they are made of.
 
     With delta x = v tau and the stencil S:  delta y_i = sum_j S_ij v_j (tau_j - tau_i) v_i/y_i.  A delay tau that all share moves nothing: so

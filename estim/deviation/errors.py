@@ -11,11 +11,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.linalg import solve_triangular
 
 from estim.arrays import FloatArray
 from estim.deviation.mixture import Mixture
-from estim.problem import Ends, Linear, Named, Points, StackedPoints, n_draws
+from estim.problem import Ends, Linear, Named, Points, Root, StackedPoints, n_draws
 
 
 @dataclass(frozen=True, eq=False)
@@ -23,12 +22,12 @@ class MixtureErrors:
     """Points of a run, or of several below each other, whose errors are a mixture.
 
     shift : (n_obs,) mean of the errors, unit of y.
-    whitener : (n_obs, n_obs) W, z = W r is white under the most probable covariance, in the order of the points.
+    likely : the root of the most probable covariance, which whitens in the order of the points.
     """
 
     points: Points | StackedPoints
     mixture: Mixture
-    whitener: FloatArray
+    likely: Root
     shift: FloatArray
 
     creeps = True
@@ -45,12 +44,12 @@ class MixtureErrors:
         return self.mixture.pointwise(self._raw(named))
 
     def standardised(self, named: Named) -> FloatArray:
-        return np.asarray(self._raw(named) @ self.whitener.T)
+        return np.asarray(self.likely.whiten(self._raw(named)))
 
     def residuals(self, named: Named) -> FloatArray:
         """z times what makes their squares sum to the loss of log likelihood."""
         raw = self._raw(named)
-        z = raw @ self.whitener.T
+        z = self.likely.whiten(raw)
         return np.asarray(z * self._stretch(raw, z)[0][:, None])
 
     def size_residuals(self, named: Named) -> FloatArray:
@@ -62,39 +61,36 @@ class MixtureErrors:
     def jacobian(self, named: Named, names: Sequence[str]) -> FloatArray:
         """By the product rule; the stretch g changes by g (Q r/lost - W^T z/|z|^2)."""
         raw, gradient = self._raw(named), self.points.gradient(named, names)
-        z = raw @ self.whitener.T
+        z = self.likely.whiten(raw)
         (stretch,), (lost,) = self._stretch(raw, z)
-        slopes = -stretch * (self.whitener @ gradient)
+        slopes = -stretch * self.likely.whiten(gradient.T).T
         if not lost > 0.0:
             return np.asarray(slopes)
-        turning = self.mixture.pull(raw[0]) / lost - self.whitener.T @ z[0] / (z[0] @ z[0])
+        turning = self.mixture.pull(raw[0]) / lost - self.likely.turned_back(z[0]) / (z[0] @ z[0])
         return np.asarray(slopes - stretch * np.outer(z[0], turning @ gradient))
 
     def scoring(self, named: Named, names: Sequence[str]) -> tuple[FloatArray, FloatArray]:
         """With the precision Q that the components have together at the point, d log L/dr = -Q r."""
         raw = self._raw(named)[0]
-        spectrum, basis = np.linalg.eigh(self.mixture.precision(raw))
-        root = np.sqrt(np.maximum(spectrum, 0.0))[:, None] * basis.T
-        return -root @ self.points.gradient(named, names), root @ raw
+        precision, whiten = self.mixture.precision(raw), self.mixture.deviation.whiten
+        return -precision.root_times(whiten(self.points.gradient(named, names).T)).T, precision.root_times(whiten(raw))
 
     def information_root(self, named: Named, names: Sequence[str]) -> FloatArray:
         """Of errors with the covariance that the components have together at the point."""
-        lower = np.linalg.cholesky(self.mixture.whitened_covariance(self._raw(named)[0]))
-        gradient = self.mixture.deviation.whiten(self.points.gradient(named, names).T).T
-        return np.asarray(solve_triangular(lower, -gradient, lower=True, check_finite=False))
+        return np.asarray(self.mixture.likely(self._raw(named)[0]).whiten(-self.points.gradient(named, names).T).T)
 
     def information(self, named: Named, names: Sequence[str], ends: Ends) -> FloatArray:
         root = self.information_root(named, names)
         return np.asarray(root.T @ root)
 
     def whitened(self, named: Named, names: Sequence[str]) -> Linear:
-        return Linear(self.whitener @ self._raw(named)[0], self.whitener @ self.points.gradient(named, names))
+        return Linear(self.likely.whiten(self._raw(named)[0]), self.likely.whiten(self.points.gradient(named, names).T).T)
 
     def sd(self, named: Named) -> FloatArray:
-        return np.asarray(np.sqrt(np.diag(self._covariance(named))))
+        return np.asarray(np.sqrt(self.mixture.variances(self._raw(named)[0])))
 
     def squared_size(self, vector: FloatArray, named: Named) -> float:
-        return float(vector @ np.linalg.solve(self._covariance(named), vector))
+        return float(np.sum(self.mixture.likely(self._raw(named)[0]).whiten(vector) ** 2))
 
     def residuals_at(self, named: Named) -> FloatArray:
         """(n_obs,) y - f for single values."""
@@ -103,9 +99,6 @@ class MixtureErrors:
     def _raw(self, named: Named) -> FloatArray:
         """(n_draw, n_obs) y - f."""
         return np.atleast_2d(self.y - self.points.value(named))
-
-    def _covariance(self, named: Named) -> FloatArray:
-        return self.mixture.covariance(self._raw(named)[0])
 
     def _stretch(self, raw: FloatArray, z: FloatArray) -> tuple[FloatArray, FloatArray]:
         """(n_draw,) what makes |stretch z|^2 twice the loss of log likelihood, and that; 1 and 0 where nothing is lost but rounding."""

@@ -27,24 +27,24 @@ from estim.deviation.jumps import BadFrames
 from estim.deviation.linearised import Linearised, linearise
 from estim.deviation.mixture import Mixture, keep_probable
 from estim.deviation.noise import Stated, WithForce, normal_covariance
-from estim.deviation.posing import FoundForce, Told, as_prior, growth_over, linear_groups, priors_at, summed, told_beyond, told_by, whitener
-from estim.problem import Likelihood, Named, Noise, Observations, Points, Problem, StackedPoints, Wording
+from estim.deviation.posing import FoundForce, Told, as_prior, growth_over, likely_root, linear_groups, priors_at, summed, told_beyond, told_by
+from estim.problem import Likelihood, Named, Noise, Observations, Points, Problem, Root, StackedPoints, Wording, stacked_root
 
 
 @dataclass(frozen=True, eq=False)
 class Together:
     """Stated noise, free starts and forces of runs that share one, as a mixture over all their points.
 
-    mixture, whitener, shift : of `MixtureErrors`, the runs below each other.
+    mixture, likely, shift : of `MixtureErrors`, the runs below each other.
     """
 
     runs: tuple[str, ...]
     mixture: Mixture
-    whitener: FloatArray
+    likely: Root
     shift: FloatArray
 
     def likelihood(self, points: StackedPoints, named: Named) -> MixtureErrors:
-        return MixtureErrors(points, self.mixture, self.whitener, self.shift)
+        return MixtureErrors(points, self.mixture, self.likely, self.shift)
 
 
 @dataclass(frozen=True, eq=False)
@@ -149,7 +149,7 @@ def _prepared(label: str, runs: tuple[Observations, ...], courses: Mapping[str, 
     shapes = shared_force_shapes(longest, responses, radius=radius) if several else force_shapes(longest, responses[0], radius=radius)
     shift, points = np.concatenate([one.shift for one in stated]), StackedPoints(tuple(run.points for run in runs))
     return _Lacking(
-        label, runs, alongs, longest, responses, diagonalise(block_diag(*(one.covariance for one in stated)), shapes, prior_grid(runs[0].force)),
+        label, runs, alongs, longest, responses, diagonalise(stacked_root([one.root for one in stated]), shapes, prior_grid(runs[0].force)),
         residuals=points.y - shift - points.value(named)[0], jacobian=points.gradient(named, problem.names),
         pushes=block_diag(*(along.push[:, None] for along in alongs)), shift=shift,
     )
@@ -159,14 +159,14 @@ def _noises(group: _Lacking, linear: Linearised) -> dict[str, Noise]:
     if len(group.runs) == 1:
         (run,) = group.runs
         mixture = keep_probable(linear, columns=group.pushes)
-        return {run.name: WithForce(run.noise, mixture, whitener(linear, group.pushes), group.shift, bad=BadFrames())}
+        return {run.name: WithForce(run.noise, mixture, likely_root(linear, group.pushes), group.shift, bad=BadFrames())}
     names = [run.name for run in group.runs]
     return {run.name: Sharing(run.noise, tuple(name for name in names if name != run.name)) for run in group.runs}
 
 
 def _together(group: _Lacking, linear: Linearised) -> Together:
     names = tuple(run.name for run in group.runs)
-    return Together(names, keep_probable(linear, columns=group.pushes), whitener(linear, group.pushes), group.shift)
+    return Together(names, keep_probable(linear, columns=group.pushes), likely_root(linear, group.pushes), group.shift)
 
 
 def _found(group: _Lacking, linear: Linearised, values: FloatArray, without: FloatArray, problem: Problem, told: Told) -> FoundForce:

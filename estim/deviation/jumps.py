@@ -32,7 +32,7 @@ from estim.arrays import FloatArray
 from estim.deviation.components import Deviation
 from estim.deviation.linearised import Linearised, linearise
 from estim.deviation.mixture import compact
-from estim.problem import Points
+from estim.problem import Differences, Points
 
 PRIOR = 0.25  # probability that a recording has a bad frame
 MOST = 6  # in one recording; beyond, it is not a matter of single frames
@@ -40,6 +40,7 @@ _SIZES = (10.0, 100.0, 1000.0)  # of a pattern, in sds of a reading
 _LOST = (1.0, 2.0, 3.0, -1.0)  # frames, of a clock
 _SHIFTED = ("step", "frame")  # kinds in which positions are wrong
 _STILL = 2.5  # sds: a size below is none
+_AT_ONCE = 2_000_000  # numbers of points and patterns
 _WIDE = 30.0  # times what was found: sd of a size that is left to the data
 
 
@@ -48,7 +49,7 @@ class Frames:
     """What was read of a run, row by row, and what a shift of a reading does to its points.
 
     t : (n_row,) s, nan where unknown.  x : (n_row,) position or abscissa, for names.  lines : (n_row,) of the file, 0 where unknown.
-    matrix : (n_obs, n_row).  velocity : (n_row,) of the fit, unit of a reading per s; zeros where time is not what was read.
+    matrix : A (n_obs, n_row).  velocity : (n_row,) of the fit, unit of a reading per s; zeros where time is not what was read.
     sd : of a typical reading.  in_sequence : whether readings follow each other, so that a shift can stay.
     at : (n_obs,) row of the abscissa of each point, and slope (n_obs,) of the curve there; None where abscissas are not what is shifted.
     """
@@ -56,7 +57,7 @@ class Frames:
     t: FloatArray
     x: FloatArray
     lines: NDArray[np.int64]
-    matrix: FloatArray
+    matrix: Differences
     velocity: FloatArray
     sd: float
     in_sequence: bool
@@ -68,14 +69,31 @@ class Frames:
         """s, between readings; nan where times are unknown."""
         return float(np.median(np.diff(self.t)))
 
+    def columns(self, patterns: Sequence[Pattern]) -> FloatArray:
+        """(n_obs, n) what patterns of size 1 (m, rad or s) do to the points."""
+        rows = np.arange(self.t.size)
+        whole = {"frame": np.ones(rows.size), "step": np.ones(rows.size), "clock": self.velocity}
+        shifts = [whole[one.kind] * ((rows == one.row) if one.kind == "frame" else (rows >= one.row)) for one in patterns]
+        return self.matrix @ np.array(shifts).T
+
+    def felt(self, patterns: Sequence[Pattern], columns: FloatArray) -> FloatArray:
+        """(n_pattern, n) h^T C for every pattern h of size 1 and the columns C (n_obs, n)."""
+        each = self.matrix.back(columns)  # of a shift of one reading
+        later, moved = (np.cumsum(one[::-1], axis=0)[::-1] for one in (each, self.velocity[:, None] * each))
+        kinds = {"frame": each, "step": later, "clock": moved}
+        found = np.empty((len(patterns), columns.shape[1]))
+        for kind, values in kinds.items():
+            mine = np.array([one.kind == kind for one in patterns], dtype=bool)
+            found[mine] = values[[one.row for one in patterns if one.kind == kind]]
+        return found
+
 
 @dataclass(frozen=True, eq=False)
 class Pattern:
-    """A bad frame that may be: row k of the readings, its kind, and the points (n_obs,) for one unit of its size (m, rad or s)."""
+    """A bad frame that may be: row k of the readings, and its kind."""
 
     row: int
     kind: str
-    column: FloatArray
     unit: float  # that sizes are counted in: what moves the readings by one standard deviation, or a frame
     whole: bool = False  # whether the size is a number of frames
 
@@ -150,13 +168,14 @@ def find_bad_frames(
         for pattern in patterns if (jump := before.get((pattern.kind, pattern.row))) is not None
     ]
     n_par = jacobian.shape[1]
-    crowd = False
+    crowd, units = False, np.array([pattern.unit for pattern in patterns])
+    square = _squares(deviation, frames, patterns) * units**2
     while True:
-        columns = np.column_stack([pattern.column * wide for pattern, wide, _, _ in found]) if found else np.zeros((residuals.size, 0))
+        columns = frames.columns([one for one, *_ in found]) * [wide for _, wide, *_ in found] if found else np.zeros((residuals.size, 0))
         n = len(found)
         whole = np.block([[precision, np.zeros((n_par, n))], [np.zeros((n, n_par)), np.eye(n)]])
         linear = linearise(deviation, residuals, np.hstack([jacobian, columns]), precision=whole, pull=np.r_[pull, np.zeros(n)])
-        logs, sizes = _scan(linear, patterns)
+        logs, sizes = _scan(linear, frames, patterns, units, square)
         total = float(np.logaddexp.reduce(logs))
         if total <= 0.0:
             break
@@ -194,35 +213,52 @@ def _named(frames: Frames, pattern: Pattern, wide: float, size: float, sd: float
     row = pattern.row
     return Jump(
         pattern.kind, row, float(frames.t[row]), float(frames.x[row]), int(frames.lines[row]), float(frames.t[max(row - 1, 0)]),
-        frames.interval, size, sd, probability, share, pattern.column * wide,
+        frames.interval, size, sd, probability, share, frames.columns([pattern])[:, 0] * wide,
     )
 
 
 def _patterns(frames: Frames) -> tuple[Pattern, ...]:
     """Those that do something to the points, each once: a step at the first or last frame is that frame alone."""
-    used = np.flatnonzero(np.any(frames.matrix != 0.0, axis=0))
-    later = np.cumsum(frames.matrix[:, ::-1], axis=1)[:, ::-1]  # (n_obs, n_row) shifts of every reading from row k on
-    moved = np.cumsum((frames.matrix * frames.velocity)[:, ::-1], axis=1)[:, ::-1]
+    used = np.flatnonzero(frames.matrix.used)
     inside = used[2:-1] if frames.in_sequence else used[:0]
-    found = [Pattern(int(row), "frame", frames.matrix[:, row], frames.sd) for row in used]
-    found += [Pattern(int(row), "step", later[:, row], frames.sd) for row in inside]
-    found += [Pattern(int(row), "clock", moved[:, row], frames.interval, whole=True) for row in inside if np.any(moved[:, row] != 0.0)]
+    moving = np.flatnonzero(frames.velocity)
+    found = [Pattern(int(row), "frame", frames.sd) for row in used]
+    found += [Pattern(int(row), "step", frames.sd) for row in inside]
+    found += [Pattern(int(row), "clock", frames.interval, whole=True) for row in inside if moving.size and row <= moving[-1]]
     return tuple(found)
 
 
-def _scan(linear: Linearised, patterns: Sequence[Pattern]) -> tuple[FloatArray, FloatArray]:
-    """(n_pattern,) log of prior times Bayes factor of each pattern, and the size at which it is best under the most probable component."""
+def _squares(deviation: Deviation, frames: Frames, patterns: Sequence[Pattern]) -> FloatArray:
+    """(n_pattern,) squares of the whitened points of each pattern of size 1."""
+    some = max(1, _AT_ONCE // deviation.n_obs)
+    parts = []
+    for start in range(0, len(patterns), some):
+        shown = deviation.whiten(frames.columns(patterns[start : start + some]).T)
+        parts.append(np.einsum("ki,ki->k", shown, shown))
+    return np.concatenate(parts)
+
+
+def _scan(
+    linear: Linearised, frames: Frames, patterns: Sequence[Pattern], units: FloatArray, square: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """(n_pattern,) log of prior times Bayes factor of each pattern, and the size at which it is best under the most probable component.
+
+    units : (n_pattern,) that sizes are counted in.  square : (n_pattern,) of whitened patterns, in these.
+    """
     deviation = linear.deviation
-    shown = deviation.whiten(np.array([pattern.column * pattern.unit for pattern in patterns])).T
     r, j = deviation.whiten(linear.residuals), deviation.whiten(linear.jacobian.T).T
-    square, with_j, with_r = np.einsum("ik,ik->k", shown, shown), shown.T @ j, shown.T @ r
+    families = [compact(family) for family in deviation.families]
+    ends = np.cumsum([j.shape[1], 1, *(lean.spectrum.size for lean in families)])
+    everything = np.column_stack([j, r, *(lean.basis for lean in families)])
+    felt = units[:, None] * frames.felt(patterns, deviation.turned_back(everything.T).T)
+    with_j, with_r, *seen_by = np.split(felt, ends[:-1], axis=1)
+    with_r = with_r[:, 0]
     logs, sizes, most = np.full(len(patterns), -np.inf), np.zeros(len(patterns)), np.full(len(patterns), -np.inf)
     whole, start = np.array([pattern.whole for pattern in patterns]), 0
-    for family in deviation.families:
-        own = slice(start, start + family.amplitude.size)
+    for lean, shown in zip(families, seen_by, strict=True):
+        own = slice(start, start + lean.amplitude.size)
         start = own.stop
-        lean = compact(family)
-        seen, turned, told = lean.basis.T @ shown, lean.basis.T @ j, lean.basis.T @ r
+        seen, turned, told = shown.T, lean.basis.T @ j, lean.basis.T @ r
         white = 1.0 / np.square(lean.scale)
         for gain, flat, weight, step, cov in zip(
             1.0 / lean.variances() - white[:, None], white, linear.weights[own], linear.steps[own], linear.covariances[own], strict=True
@@ -238,7 +274,6 @@ def _scan(linear: Linearised, patterns: Sequence[Pattern]) -> tuple[FloatArray, 
             better = one > most
             sizes, most = np.where(better, left / size, sizes), np.where(better, one, most)
             np.logaddexp(logs, one, out=logs)
-    units = np.array([pattern.unit for pattern in patterns])
     return logs + np.log(PRIOR / len(patterns)), sizes * units
 
 

@@ -30,7 +30,7 @@ from estim.deviation.mixture import keep_probable
 from estim.deviation.noise import WithMixture, normal_covariance
 from estim.deviation.posing import Told, as_prior, growth_over, linear_groups, told_beyond, told_by
 from estim.deviation.visible import Visible, see_deviation
-from estim.problem import Lacks, Observations, Problem, Wording
+from estim.problem import Lacks, Observations, Problem, Root, Wording
 
 _TIMES_NOISE = 2.0  # scale of correlated errors
 _PROBABILITIES = (0.68, 0.95)
@@ -125,7 +125,7 @@ def pose_deviation(run: Observations, problem: Problem, values: FloatArray) -> P
     deviation = _components(run, lacks, covariance, scales)
     without = _sds(deviation.whiten(jacobian.T), precision)
     linear = linearise(deviation, residuals, jacobian, precision=precision, pull=pull, stated=lacks.stated)
-    noise = WithDeviation(run.noise, keep_probable(linear), _whitener(linear, lacks), stated.shift, lacks)
+    noise = WithDeviation(run.noise, keep_probable(linear), _likely_root(linear, lacks), stated.shift, lacks)
     means, covs = linear_groups(linear, problem.n_par)
     sizes = {kind: _size(linear, kind, scale) for kind, scale in scales.items()}
     unit = 1.0 if lacks.stated else float(np.sqrt(np.median(np.diag(covariance))))
@@ -179,10 +179,9 @@ def _prior(problem: Problem, values: FloatArray) -> Told:
     return np.diag(slope**2), -slope * off
 
 
-def _whitener(linear: Linearised, lacks: Lacks) -> FloatArray:
-    """L^-1 with L L^T the most probable covariance; in units of the stated noise at least, where it was stated."""
-    size = min(float(linear.scales[linear.best]), 1.0) if lacks.stated else 1.0
-    return np.asarray(np.linalg.inv(np.linalg.cholesky(linear.best_covariance() / size**2)))
+def _likely_root(linear: Linearised, lacks: Lacks) -> Root:
+    """Of the most probable covariance; in units of the stated noise at least, where it was stated."""
+    return linear.best_root(size=min(float(linear.scales[linear.best]), 1.0) if lacks.stated else 1.0)
 
 
 def _size(linear: Linearised, kind: str, scale: float) -> DeviationSize:

@@ -17,11 +17,13 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.linalg import solve_triangular
 from scipy.special import ndtr
 
 from estim.arrays import FloatArray
 from estim.deviation.components import Deviation, Family
+from estim.problem import Root, beside
+
+_FELT = 1e-9  # of the noise: sds of a direction that are smaller change no digit
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,15 +118,21 @@ class Linearised:
 
         In units of the noise as the evidence has it, which `size("scale")` says.
         """
-        lower = np.linalg.cholesky(self.best_covariance())
-        return np.asarray(solve_triangular(lower, self.residuals - self.jacobian @ self.followed, lower=True))
+        return self.best_root().whiten(self.residuals - self.jacobian @ self.followed)
 
-    def best_covariance(self) -> FloatArray:
-        """(n_obs, n_obs) covariance of the most probable component, with the scale of the noise that the evidence has."""
+    def best_root(self, columns: FloatArray | None = None, *, size: float = 1.0) -> Root:
+        """Of the covariance of the most probable component, with the scale of the noise that the evidence has, over `size` squared.
+
+        columns : (n_obs, n_column) further errors, unit of the observations, beside it.
+        """
         family, i = self.component(self.best)
-        covariance = self.scales[self.best] ** 2 * np.eye(self.residuals.size)
-        covariance += family.amplitude[i] ** 2 * (family.basis * family.spectrum) @ family.basis.T
-        return self.deviation.unwhiten(covariance)
+        scale, amplitude = float(self.scales[self.best]), float(family.amplitude[i])
+        lifted = amplitude * np.sqrt(family.spectrum) / scale
+        felt = lifted > _FELT
+        causes = family.basis[:, felt] * lifted[felt]
+        if columns is not None:
+            causes = np.column_stack([causes, self.deviation.whiten(columns.T).T * (size / scale)])
+        return beside(self.deviation.root.times(scale / size), causes)
 
     def component(self, k: int) -> tuple[Family, int]:
         """The family of component k, and its place there."""
@@ -173,12 +181,12 @@ def linearise(
         carried = family.log_prior + log_likelihood - log_likelihood[serves]
         families.append(Family(family.kind, family.length, family.basis, family.spectrum, family.amplitude, family.scale[serves], carried))
     told = np.linalg.eigvalsh(precision)
-    constant = 0.5 * float(np.sum(np.log(told[told > 0.0]))) - deviation.log_volume - 0.5 * n_obs * np.log(2.0 * np.pi)
+    constant = 0.5 * float(np.sum(np.log(told[told > 0.0]))) - deviation.root.log_volume - 0.5 * n_obs * np.log(2.0 * np.pi)
     log_weight = np.concatenate(logs)
     total = np.logaddexp.reduce(log_weight)
     weights = np.exp(log_weight - total)
     return Linearised(
-        deviation=Deviation(deviation.whitener, deviation.log_volume, tuple(families)),
+        deviation=Deviation(deviation.root, tuple(families)),
         weights=weights,
         scales=deviation.column("scale"),
         steps=np.vstack(steps),

@@ -13,16 +13,20 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from scipy.linalg import block_diag
+from scipy.linalg import block_diag, solve_triangular
 
 from estim.arrays import FloatArray
 from estim.deviation.components import Deviation, Family
 from estim.deviation.linearised import Linearised
+from estim.deviation.precision import Precision
+from estim.deviation.terms import Terms, terms_of
+from estim.problem import Root, beside
 
 _ROUGHNESS = 1e-3  # what the directions left out of a basis may add to the variances, relative to the noise and summed
 
 _FELT = 1e-13  # share of a component below which rounding hides it
 _FEW = 16  # draws of which the calls cost more than the numbers
+_AT_ONCE = 6_000_000  # numbers of points, components and draws
 _CHUNK = 256  # draws at once: what they need stays in the processor's cache
 
 
@@ -42,7 +46,7 @@ class Mixture:
 
     def with_columns(self, columns: FloatArray) -> Mixture:
         """The same components beside other small systematic effects, columns (n_obs, n_column), whitened."""
-        return Mixture(self.deviation, columns, tuple(_terms(family, columns) for family in self.deviation.families), self.lost)
+        return Mixture(self.deviation, columns, tuple(terms_of(family, columns) for family in self.deviation.families), self.lost)
 
     @property
     def n_component(self) -> int:
@@ -82,7 +86,7 @@ class Mixture:
         basis, terms = self.together
         seen = z @ basis
         if relative is None and z.shape[0] <= _FEW:
-            return terms.log_density(square, seen, along) - self.deviation.log_volume - 0.5 * z.shape[1] * np.log(2.0 * np.pi)
+            return terms.log_density(square, seen, along) - self.deviation.root.log_volume - 0.5 * z.shape[1] * np.log(2.0 * np.pi)
         parts, start = [], 0
         for family, own_terms in zip(self.deviation.families, self.terms, strict=True):
             own = seen[:, start : start + family.spectrum.size]
@@ -92,7 +96,7 @@ class Mixture:
             else:
                 parts.append(_rescaled(family, self.columns, square, own, along, np.asarray(relative, dtype=float)))
         logs = np.hstack(parts)
-        logs -= self.deviation.log_volume
+        logs -= self.deviation.root.log_volume
         logs -= 0.5 * z.shape[1] * np.log(2.0 * np.pi)
         return logs
 
@@ -101,13 +105,14 @@ class Mixture:
         logs = self.log_components(residuals)[0]
         return np.asarray(np.exp(logs - np.logaddexp.reduce(logs)))
 
-    def precision(self, residuals: FloatArray) -> FloatArray:
-        """(n_obs, n_obs) Q with d log L/dr = -Q r at residuals (n_obs,).
+    def precision(self, residuals: FloatArray) -> Precision:
+        """Q with d log L/dr = -Q r at residuals (n_obs,), of whitened observations.
 
         Least squares weighted by Q, taken anew at its own result until nothing moves, ends at a maximum of the likelihood.
         """
-        share = self.shares(residuals)
-        inverse, start = np.zeros((residuals.size, residuals.size)), 0
+        share, start, white = self.shares(residuals), 0, 0.0
+        span = np.linalg.qr(np.hstack([self.together[0], self.columns]))[0]
+        core, columns = np.zeros((span.shape[1], span.shape[1])), span.T @ self.columns
         for family in self.deviation.families:
             own = share[start : start + family.amplitude.size]
             start += own.size
@@ -115,15 +120,16 @@ class Mixture:
             if not felt.any():
                 continue
             own = own[felt]
-            white = 1.0 / np.square(family.scale[felt])
-            gain = 1.0 / family.variances()[felt] - white[:, None]
-            inverse += (family.basis * (own @ gain)) @ family.basis.T + (own @ white) * np.eye(residuals.size)
-            if self.columns.shape[1]:
-                pushed = white[:, None, None] * self.columns + family.basis @ (gain[:, :, None] * (family.basis.T @ self.columns))
-                information = np.eye(self.columns.shape[1]) + np.einsum("ni,knj->kij", self.columns, pushed)
+            flat = 1.0 / np.square(family.scale[felt])
+            gain, basis = 1.0 / family.variances()[felt] - flat[:, None], span.T @ family.basis
+            core += (basis * (own @ gain)) @ basis.T
+            white += float(own @ flat)
+            if columns.shape[1]:
+                pushed = flat[:, None, None] * columns + basis @ (gain[:, :, None] * (basis.T @ columns))
+                information = np.eye(columns.shape[1]) + np.einsum("ni,knj->kij", columns, pushed)
                 turned = np.linalg.solve(information, (own[:, None, None] * pushed).transpose(0, 2, 1))  # (k, i, m)
-                inverse -= np.tensordot(pushed, turned, axes=([0, 2], [0, 1]))
-        return self.deviation.turned_back(self.deviation.turned_back(inverse).T)
+                core -= np.tensordot(pushed, turned, axes=([0, 2], [0, 1]))
+        return Precision(white, span, core)
 
     def pull(self, residuals: FloatArray) -> FloatArray:
         """(n_obs,) Q r of the same Q at residuals (n_obs,), which is not made for it."""
@@ -149,17 +155,32 @@ class Mixture:
             pull += (own @ white) * z + family.basis @ np.sum(left, axis=0) - self.columns @ ((own * white) @ shifts)
         return self.deviation.turned_back(pull)
 
-    def covariance(self, residuals: FloatArray) -> FloatArray:
-        """(n_obs, n_obs) of the errors at residuals (n_obs,): sum of the C_k by their `shares`, and H H^T."""
-        return self.deviation.unwhiten(self.whitened_covariance(residuals))
+    def variances(self, residuals: FloatArray) -> FloatArray:
+        """(n_obs,) of the errors at residuals (n_obs,): the diagonal of the sum of the C_k by their `shares`, and H H^T."""
+        causes, white = self._causes(residuals)
+        root = self.deviation.root
+        return np.asarray(white * root.variances + np.sum(root.coloured(causes.T) ** 2, axis=0))
 
-    def whitened_covariance(self, residuals: FloatArray) -> FloatArray:
-        """The same of whitened observations."""
+    def likely(self, residuals: FloatArray) -> Root:
+        """The root of the covariance of which those are the diagonal."""
+        causes, white = self._causes(residuals)
+        return beside(self.deviation.root.times(float(np.sqrt(white))), causes / np.sqrt(white))
+
+    def weighed(self, rows: FloatArray, residuals: FloatArray) -> FloatArray:
+        """Rows (n, n_obs) of whitened observations times the inverse of their covariance."""
+        causes, white = self._causes(residuals)
+        known = np.linalg.cholesky(white * np.eye(causes.shape[1]) + causes.T @ causes)
+        turned = solve_triangular(known, causes.T, lower=True)
+        return np.asarray((rows - (rows @ turned.T) @ turned) / white)
+
+    def _causes(self, residuals: FloatArray) -> tuple[FloatArray, float]:
+        """H and what the deviation does, (n_obs, n_cause), and the variance of the noise, whitened."""
         basis, lifted, white = self.lifted(residuals)
-        return self.columns @ self.columns.T + (basis * lifted) @ basis.T + white * np.eye(residuals.size)
+        felt = lifted > _FELT * white
+        return np.hstack([basis[:, felt] * np.sqrt(lifted[felt]), self.columns]), white
 
     def lifted(self, residuals: FloatArray) -> tuple[FloatArray, FloatArray, float]:
-        """What that is made of, but for H: directions (n_obs, n_dir), the variances (n_dir,) that the deviation has there, and that of the noise."""
+        """What they are made of, but for H: directions (n_obs, n_dir), the variances (n_dir,) that the deviation has there, and that of the noise."""
         share, start, lifted = self.shares(residuals), 0, []
         for family in self.deviation.families:
             own = share[start : start + family.amplitude.size]
@@ -173,15 +194,15 @@ class Mixture:
         log sum_k w_k N_k(r) - log sum_k w_k N_k(r)/N_k(r_i | others), each N_k(r_i | others) normal with precision Q_ii and mean r_i - (Q r)_i/Q_ii
         """
         residuals = np.atleast_2d(residuals)
-        plain = self.deviation.turned_back(np.eye(residuals.shape[1]))
-        given = tuple(self._given(plain))
-        return np.vstack([self._pointwise(residuals[start : start + _CHUNK], plain, given) for start in range(0, len(residuals), _CHUNK)])
+        given, some = tuple(self._given()), max(1, min(_CHUNK, _AT_ONCE // (residuals.shape[1] * self.n_component)))
+        return np.vstack([self._pointwise(residuals[start : start + some], given) for start in range(0, len(residuals), some)])
 
-    def _given(self, plain: FloatArray) -> Iterator[tuple[_Given, ...]]:
+    def _given(self) -> Iterator[tuple[_Given, ...]]:
         """For each family, what `_pointwise` needs of each of its components whatever the residuals."""
-        own, whole, moved = np.sum(plain**2, axis=0), self.columns.T @ self.columns, plain.T @ self.columns
+        back, own = self.deviation.turned_back, self.deviation.root.precisions
+        whole, moved = self.columns.T @ self.columns, back(self.columns.T).T
         for family in self.deviation.families:
-            basis, lying = plain.T @ family.basis, family.basis.T @ self.columns
+            basis, lying = back(family.basis.T).T, family.basis.T @ self.columns
             squared, found = basis**2, []
             for variance, scale in zip(family.variances(), family.scale, strict=True):
                 gain = 1.0 / variance - 1.0 / scale**2
@@ -194,13 +215,13 @@ class Mixture:
                 found.append(_Given(scale, gain, turned, root, pushed, 0.5 / diagonal, 0.5 * np.log(diagonal / (2.0 * np.pi))))
             yield tuple(found)
 
-    def _pointwise(self, residuals: FloatArray, plain: FloatArray, given: tuple[tuple[_Given, ...], ...]) -> FloatArray:
+    def _pointwise(self, residuals: FloatArray, given: tuple[tuple[_Given, ...], ...]) -> FloatArray:
         logs = self.log_components(residuals)
         z = self.deviation.whiten(residuals)
         without, start = np.full(z.shape, -np.inf), 0
-        along, back = z @ self.columns, z @ plain
+        along, back = z @ self.columns, self.deviation.turned_back(z)
         for family, each in zip(self.deviation.families, given, strict=True):
-            seen, basis = z @ family.basis, plain.T @ family.basis
+            seen, basis = z @ family.basis, self.deviation.turned_back(family.basis.T).T
             parts = np.empty((family.amplitude.size, *z.shape))
             for part, one in zip(parts, each, strict=True):
                 solved = back / one.scale**2 + (seen * one.gain) @ basis.T
@@ -233,31 +254,6 @@ class _Given:
     log: FloatArray
 
 
-@dataclass(frozen=True, eq=False)
-class Terms:
-    """Constants of a family: log density = [(z basis)^2, |z|^2, 1] gain + |explained|^2/2.
-
-    gain : (n_dir + 2, n_component).
-    cross, cross_white : (n_dir, n_component * n_column), (n_column, n_component * n_column), with (z basis) cross + (z H) cross_white
-    the part of z that H explains, in units of its own standard deviation.
-    """
-
-    gain: FloatArray
-    cross: FloatArray
-    cross_white: FloatArray
-
-    def log_density(self, square: FloatArray, seen: FloatArray, along: FloatArray) -> FloatArray:
-        """(n_draw, n_component) for |z|^2 (n_draw,), z basis (n_draw, n_dir) and z H (n_draw, n_column)."""
-        columns = np.empty((square.size, len(self.gain)))
-        np.square(seen, out=columns[:, :-2])
-        columns[:, -2], columns[:, -1] = square, 1.0
-        density = columns @ self.gain
-        if along.shape[1]:
-            explained = (seen @ self.cross + along @ self.cross_white).reshape(square.size, -1, along.shape[1])
-            density += 0.5 * np.einsum("ikq,ikq->ik", explained, explained)
-        return density
-
-
 def keep_probable(linearised: Linearised, *, columns: FloatArray | None = None, lost: float = 5e-3) -> Mixture:
     """The mixture of the most probable components: those left out hold at most the posterior probability `lost` together.
 
@@ -276,8 +272,8 @@ def keep_probable(linearised: Linearised, *, columns: FloatArray | None = None, 
         if chosen.any():
             families.append(compact(merged(family.chosen(chosen))))
     shifts = np.zeros((n_obs, 0)) if columns is None else deviation.whiten(columns.T).T
-    kept = Deviation(deviation.whitener, deviation.log_volume, tuple(families))
-    return Mixture(kept, shifts, tuple(_terms(family, shifts) for family in families), float(linearised.weights[dropped].sum()))
+    kept = Deviation(deviation.root, tuple(families))
+    return Mixture(kept, shifts, tuple(terms_of(family, shifts) for family in families), float(linearised.weights[dropped].sum()))
 
 
 def merged(family: Family) -> Family:
@@ -296,22 +292,6 @@ def compact(family: Family) -> Family:
     used = order[: int(np.sum(beyond > _ROUGHNESS))]
     basis = np.ascontiguousarray(family.basis[:, used])
     return Family(family.kind, family.length, basis, family.spectrum[used], family.amplitude, family.scale, family.log_prior)
-
-
-def _terms(family: Family, columns: FloatArray) -> Terms:
-    n_dir, n_column = family.spectrum.size, columns.shape[1]
-    inverse = 1.0 / np.square(family.scale)
-    variance = family.variances()
-    gain = 1.0 / variance - inverse[:, None]
-    log_norm = family.log_prior - 0.5 * np.sum(np.log(variance), axis=1) + 0.5 * (columns.shape[0] - n_dir) * np.log(inverse)
-    turned = family.basis.T @ columns
-    information = np.eye(n_column) + inverse[:, None, None] * (columns.T @ columns) + np.einsum("mi,km,mj->kij", turned, gain, turned)
-    lower = np.linalg.cholesky(information)
-    log_norm -= np.sum(np.log(np.diagonal(lower, axis1=1, axis2=2)), axis=1)
-    root = np.linalg.inv(lower).transpose(0, 2, 1)  # (n_component, n_column, n_column), b root has unit covariance
-    cross = np.einsum("km,mi,kij->mkj", gain, turned, root).reshape(n_dir, inverse.size * n_column)
-    cross_white = np.einsum("k,kij->ikj", inverse, root).reshape(n_column, inverse.size * n_column)
-    return Terms(np.vstack([-0.5 * gain.T, -0.5 * inverse, log_norm]), cross, cross_white)
 
 
 def _rescaled(

@@ -15,7 +15,23 @@ from estim.deviation.course import Course
 from estim.deviation.errors import MixtureErrors
 from estim.deviation.jumps import BadFrames
 from estim.deviation.mixture import Mixture
-from estim.problem import CorrelatedErrors, Counted, Likelihood, Named, Noise, Points, Scale, Size, Wording
+from estim.problem import (
+    DENSE,
+    CorrelatedErrors,
+    Counted,
+    Differences,
+    Likelihood,
+    Named,
+    Noise,
+    Points,
+    Root,
+    RootErrors,
+    Scale,
+    Size,
+    Wording,
+    covariance_of,
+    with_columns,
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,7 +64,7 @@ class Stated:
     def made_of_positions(self) -> bool:
         return self.base.made_of_positions
 
-    def of_positions(self, points: Points, named: Named) -> FloatArray | None:
+    def of_positions(self, points: Points, named: Named) -> Differences | None:
         return self.base.of_positions(points, named)
 
     def x_gain(self) -> FloatArray:
@@ -86,10 +102,12 @@ class FreeStart(Stated):
     course: Course
     bad: BadFrames
 
-    def likelihood(self, points: Points, named: Named) -> CorrelatedErrors:
+    def likelihood(self, points: Points, named: Named) -> CorrelatedErrors | RootErrors:
         points = self.bad.moved(points)
         stated = normal_covariance(self.base, points, named)
         columns = np.column_stack([self.course.along(points, named, self.base).push, self.bad.columns(points.x.size)])
+        if points.x.size > DENSE:
+            return RootErrors(points, Size(Scale(1.0)), with_columns(stated.root, columns), stated.shift)
         spectrum, basis = np.linalg.eigh(stated.covariance + columns @ columns.T)
         rounding = np.finfo(float).eps * spectrum.size * spectrum[-1]
         return CorrelatedErrors(points, Size(Scale(1.0), Scale(), 0.0), basis, np.maximum(spectrum, rounding), stated.shift)
@@ -102,15 +120,15 @@ class FreeStart(Stated):
 class WithMixture(Stated):
     """Stated noise together with what the curve lacks, as a mixture that stays as it is.
 
-    mixture, whitener, shift : of `MixtureErrors`.
+    mixture, likely, shift : of `MixtureErrors`.
     """
 
     mixture: Mixture
-    whitener: FloatArray
+    likely: Root
     shift: FloatArray
 
     def likelihood(self, points: Points, named: Named) -> MixtureErrors:
-        return MixtureErrors(points, self.mixture, self.whitener, self.shift)
+        return MixtureErrors(points, self.mixture, self.likely, self.shift)
 
     def for_search(self) -> Noise:
         """The stated noise alone."""
@@ -133,14 +151,19 @@ class WithForce(WithMixture):
 
 @dataclass(frozen=True, eq=False)
 class StatedErrors:
-    """covariance : (n_obs, n_obs) of normal errors.  shift : (n_obs,) their mean."""
+    """root : of the covariance of normal errors.  shift : (n_obs,) their mean."""
 
-    covariance: FloatArray
+    root: Root
     shift: FloatArray
+
+    @property
+    def covariance(self) -> FloatArray:
+        """(n_obs, n_obs)."""
+        return covariance_of(self.root)
 
 
 def normal_covariance(base: Noise, points: Points, named: Named) -> StatedErrors:
     """The stated errors at the values `named`; they must be normal."""
     likelihood: Likelihood = base.likelihood(points, named)
     assert likelihood.normal is not None, "asked where a campaign is read"
-    return StatedErrors(likelihood.normal.covariance(named), points.y - likelihood.y)
+    return StatedErrors(likelihood.normal.root(named), points.y - likelihood.y)

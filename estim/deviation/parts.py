@@ -42,7 +42,7 @@ def _mixed(group: Group, likelihood: Likelihood, named: Named, moved: FloatArray
     assert isinstance(likelihood, MixtureErrors)
     mixture, residuals = likelihood.mixture, likelihood.residuals_at(named)
     deviation = mixture.deviation
-    weighed = np.linalg.solve(mixture.whitened_covariance(residuals), deviation.whiten(moved.T).T)
+    weighed = mixture.weighed(deviation.whiten(moved.T), residuals).T
     basis, lifted, white = mixture.lifted(residuals)
     forced = group.runs[0].force > 0.0
     parts = {FORCE if forced else DEVIATION: np.sum(lifted[:, None] * np.square(basis.T @ weighed), axis=0)}
@@ -58,7 +58,8 @@ def _mixed(group: Group, likelihood: Likelihood, named: Named, moved: FloatArray
 def _usual(group: Group, likelihood: Likelihood, named: Named, moved: FloatArray) -> dict[str, FloatArray]:
     if likelihood.normal is None or not (columns := _columns(group, named)):
         return {}
-    weighed = np.linalg.solve(likelihood.normal.covariance(named), moved)
+    root = likelihood.normal.root(named)
+    weighed = root.turned_back(root.whiten(moved.T)).T
     return {name: np.square(column @ weighed) for name, column in columns}
 
 

@@ -22,7 +22,7 @@ from estim.deviation.jumps import BadFrames, find_bad_frames
 from estim.deviation.linearised import Linearised, linearise
 from estim.deviation.mixture import keep_probable
 from estim.deviation.noise import StatedErrors, WithForce, normal_covariance
-from estim.problem import Observations, Points, Prior, Problem
+from estim.problem import Observations, Points, Prior, Problem, Root
 
 _PARTS = (0.5, 0.9, 0.99, 0.999)  # of the linearised posterior: the wide components hold its tails
 _ANY_SCALE, _COARSE = (1.0, 1.6, 2.5, 4.0, 6.3, 10.0), 12  # where frames are judged the noise may be any larger than stated
@@ -101,14 +101,14 @@ def pose_force(run: Observations, course: Course, problem: Problem, values: Floa
     Raises InputError where the body hardly moves somewhere along the track.
     """
     here = _linear(run, course, problem, values, bad)
-    deviation = diagonalise(here.stated.covariance, here.shapes, prior_grid(run.force))
+    deviation = diagonalise(here.stated.root, here.shapes, prior_grid(run.force))
     columns = np.column_stack([here.along.push, bad.columns(run.n_obs)])
     n, extra = problem.n_par, columns.shape[1] - 1
     precision = np.block([[here.precision, np.zeros((n + 1, extra))], [np.zeros((extra, n + 1)), np.eye(extra)]])
     jacobian = np.column_stack([here.jacobian, columns[:, 1:]])
     linear = linearise(deviation, here.residuals, jacobian, precision=precision, pull=np.r_[here.pull, np.zeros(extra)])
     mixture = keep_probable(linear, columns=columns)
-    noise = WithForce(run.noise, mixture, whitener(linear, columns), here.stated.shift, bad=bad)
+    noise = WithForce(run.noise, mixture, likely_root(linear, columns), here.stated.shift, bad=bad)
     force = find_force(linear, here.along.track, here.along.response, radius=here.along.radian)
     means, covs = linear_groups(linear, n)
     prior = here.precision[:n, :n]
@@ -133,7 +133,7 @@ def bad_frames(run: Observations, course: Course, problem: Problem, values: Floa
     frames = course.frames(here.points, here.named, run.noise)
     if frames is None:
         return BadFrames()
-    deviation = diagonalise(here.stated.covariance, here.shapes, prior_grid(run.force, scales=_ANY_SCALE, n_amplitude=_COARSE))
+    deviation = diagonalise(here.stated.root, here.shapes, prior_grid(run.force, scales=_ANY_SCALE, n_amplitude=_COARSE))
     return find_bad_frames(deviation, frames, here.residuals, here.jacobian, precision=here.precision, pull=here.pull, known=known)
 
 
@@ -231,8 +231,6 @@ def _bounded(prior: Prior, value: float) -> tuple[float, float]:
     return 1.0 / prior.sd, (value - prior.centre) / prior.sd
 
 
-def whitener(linear: Linearised, columns: FloatArray) -> FloatArray:
-    """L^-1 with L L^T the most probable covariance and that of push and bad frames, in units of the stated noise at least."""
-    size = min(float(linear.scales[linear.best]), 1.0)
-    covariance = linear.best_covariance() / size**2 + columns @ columns.T
-    return np.asarray(np.linalg.inv(np.linalg.cholesky(covariance)))
+def likely_root(linear: Linearised, columns: FloatArray) -> Root:
+    """Of the most probable covariance and that of push and bad frames, in units of the stated noise at least."""
+    return linear.best_root(columns, size=min(float(linear.scales[linear.best]), 1.0))

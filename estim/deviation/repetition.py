@@ -36,5 +36,4 @@ def replicas(errors: MixtureErrors, named: Named, *, rng: np.random.Generator) -
             latent += np.linalg.solve(causes.T @ causes + scale**2 * np.eye(causes.shape[1]), (off @ causes).T).T
             again[own] = latent @ causes.T + scale * rng.standard_normal((own.size, z.shape[1]))
         start += family.amplitude.size
-    whitener = mixture.deviation.whitener
-    return np.asarray(curve + errors.shift + (again / whitener if whitener.ndim == 1 else np.linalg.solve(whitener.T, again.T).T))
+    return np.asarray(curve + errors.shift + mixture.deviation.root.coloured(again))

@@ -19,7 +19,22 @@ import numpy as np
 from estim.arrays import FloatArray
 from estim.common import later, phrase
 from estim.deviation.noise import Stated
-from estim.problem import CorrelatedErrors, Likelihood, Motion, Named, Noise, Points, Posterior, Scale, Size, Wording
+from estim.problem import (
+    DENSE,
+    CorrelatedErrors,
+    Likelihood,
+    Motion,
+    Named,
+    Noise,
+    Points,
+    Posterior,
+    RootErrors,
+    Scale,
+    Size,
+    Wording,
+    covariance_of,
+    with_columns,
+)
 
 USUAL = {"length": 3e-3, "clock": 5e-4}  # shares: a ruler in a picture, the time base of a camera
 
@@ -34,11 +49,13 @@ class WithUsualErrors(Stated):
     motion: Motion
     sds: Mapping[str, float]
 
-    def likelihood(self, points: Points, named: Named) -> CorrelatedErrors:
+    def likelihood(self, points: Points, named: Named) -> CorrelatedErrors | RootErrors:
         stated = self.base.likelihood(points, named)
         assert stated.normal is not None, "asked where a campaign is read"
-        moved = self.columns(points, named)
-        spectrum, basis = np.linalg.eigh(stated.normal.covariance(named) + moved @ moved.T)
+        moved, root = self.columns(points, named), stated.normal.root(named)
+        if points.x.size > DENSE:
+            return RootErrors(points, Size(Scale(1.0)), with_columns(root, moved), points.y - stated.y)
+        spectrum, basis = np.linalg.eigh(covariance_of(root) + moved @ moved.T)
         rounding = np.finfo(float).eps * spectrum.size * spectrum[-1]
         return CorrelatedErrors(points, Size(Scale(1.0), Scale(), 0.0), basis, np.maximum(spectrum, rounding), points.y - stated.y)
 

@@ -20,9 +20,10 @@ from estim.arrays import FloatArray
 from estim.common import Notation, phrase
 from estim.explanation.candidates import Cause
 from estim.fitting import Fit
-from estim.problem import Curve, Flat, LocalCurve, Parameter, Problem, SpeedCurve
+from estim.problem import Curve, Differences, Flat, LocalCurve, Parameter, Problem, Root, SpeedCurve
 
 _ARGUMENT = "error_of_reading"
+_AT_ONCE = 2_000_000  # numbers of points and readings
 _SEEN = 1e-3  # of its size, what the fit leaves of the error of a reading; less cannot be seen
 
 
@@ -60,23 +61,30 @@ def frame_causes(base: Fit) -> tuple[Cause, ...]:
     for run, likelihood in zip(problem.runs, base.posterior.likelihoods, strict=True):
         if likelihood.normal is None:
             return ()
-        lower = np.linalg.cholesky(likelihood.normal.covariance(named))
-        jacobian = np.linalg.solve(lower, run.points.gradient(named, problem.names))
-        z = np.linalg.solve(lower, likelihood.y - np.ravel(np.broadcast_to(run.points.value(named), (1, run.n_obs))))
-        parts.append((run, lower, jacobian, z))
+        root = likelihood.normal.root(named)
+        jacobian = root.whiten(run.points.gradient(named, problem.names).T).T
+        z = root.whiten(likelihood.y - np.ravel(np.broadcast_to(run.points.value(named), (1, run.n_obs))))
+        parts.append((run, root, jacobian, z))
         whole = whole + jacobian.T @ jacobian
     inverse = np.linalg.pinv(whole, hermitian=True)
-    for i, (run, lower, jacobian, z) in enumerate(parts):
+    for i, (run, root, jacobian, z) in enumerate(parts):
         moved = run.noise.of_positions(run.points, named)
-        patterns = np.eye(run.n_obs) if moved is None else moved
-        seen = np.linalg.solve(lower, patterns)
-        size, along = np.sum(seen**2, axis=0), jacobian.T @ seen
+        matrix = Differences.of_single(run.n_obs) if moved is None else moved
+        back = matrix.back(root.turned_back(np.column_stack([jacobian, z]).T).T)
+        size, along, pulled = _squares(root, matrix), back[:, :-1].T, back[:, -1]
         left = size - np.einsum("pk,pq,qk->k", along, inverse, along)
         told = left > _SEEN * np.max(size)
-        fall = np.where(told, (seen.T @ z) ** 2 / np.where(told, left, 1.0), 0.0)
+        fall = np.where(told, pulled**2 / np.where(told, left, 1.0), 0.0)
         frame = int(np.argmax(fall))
-        found.append(_cause(problem, i, frame, patterns[:, frame], int(np.sum(told))))
+        found.append(_cause(problem, i, frame, matrix @ np.eye(1, matrix.n_row, frame)[0], int(np.sum(told))))
     return tuple(found)
+
+
+def _squares(root: Root, matrix: Differences) -> FloatArray:
+    """(n_row,) squares of what a shift of one reading does to the whitened points."""
+    some = max(1, _AT_ONCE // root.n_obs)
+    parts = [matrix @ np.eye(matrix.n_row, min(some, matrix.n_row - start), -start) for start in range(0, matrix.n_row, some)]
+    return np.concatenate([np.sum(root.whiten(part.T) ** 2, axis=1) for part in parts])
 
 
 def _cause(problem: Problem, index: int, frame: int, pattern: FloatArray, n_frame: int) -> Cause:

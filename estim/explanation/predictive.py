@@ -103,8 +103,8 @@ def _again(
     each = draws.shape[0] // few.shape[0]
     sets = []
     for one, values in zip(curve, few, strict=True):
-        lower = np.linalg.cholesky(normal.covariance(named(values)))
-        sets.append(one + points.y - likelihood.y + rng.standard_normal((each, one.size)) @ lower.T)
+        root = normal.root(named(values))
+        sets.append(one + points.y - likelihood.y + root.coloured(rng.standard_normal((each, one.size))))
     return np.vstack(sets), np.repeat(few, each, axis=0)
 
 

@@ -45,8 +45,9 @@ def residuals_at(search: SeparableSearch, points: FloatArray) -> FloatArray:
 
 def chi2_at(search: SeparableSearch, points: FloatArray) -> FloatArray:
     """(n_point,) sums of squares, inf where the curve is not finite."""
+    rows = max(1, _BATCH // max(1, search.posterior.problem.n_obs))
     with np.errstate(all="ignore"):
-        total = np.sum(residuals_at(search, points) ** 2, axis=1)
+        total = np.concatenate([np.sum(residuals_at(search, points[k : k + rows]) ** 2, axis=1) for k in range(0, max(1, points.shape[0]), rows)])
     return np.where(np.isfinite(total), total, np.inf)
 
 
@@ -173,12 +174,8 @@ def _dips(search: SeparableSearch, values: FloatArray, i: int) -> FloatArray:
     return np.vstack([points[dips], np.clip(moved[good], search.low, search.high)])
 
 
-def _places(search: SeparableSearch, values: FloatArray, i: int, low: float, high: float, most: int) -> FloatArray:
-    """Values of parameter i from low to high, spaced by the change of the curve's shape."""
-    straight = np.linspace(low, high, _N_COARSE)
-    least = max(min(abs(low), abs(high)), 1e-4 * max(abs(low), abs(high)))
-    by_factors = np.geomspace(least, max(abs(low), abs(high)), _N_COARSE)
-    coarse = np.unique(np.concatenate([straight, *(side[(side > low) & (side < high)] for side in (by_factors, -by_factors))]))
+def _bending(search: SeparableSearch, values: FloatArray, i: int, coarse: FloatArray, high: float) -> FloatArray:
+    """(n,) how fast the shape of the curve changes with parameter i at values `coarse` (n,) of it."""
     points = np.repeat(values[None, :], coarse.size, axis=0)
     points[:, i] = coarse
     step = _WIDE * _size(search, points, i)
@@ -186,14 +183,25 @@ def _places(search: SeparableSearch, values: FloatArray, i: int, low: float, hig
     beside[:, i] += np.where(coarse + step > high, -step, step)
     _, here = _tangents(search, points, search.free, _WIDE)
     _, there = _tangents(search, beside, search.free, _WIDE)
+    rate = np.zeros(coarse.size)
     with np.errstate(all="ignore"):
         change = (there - here) / (beside[:, i] - points[:, i])[:, None, None]
         size = np.sqrt(np.sum(here**2, axis=1))
-        rate = np.zeros(coarse.size)
         for k in range(search.free.size):
             left = change[:, :, k] - (here @ _solve(here, change[:, :, k], 1e-9)[:, :, None])[..., 0]
             one = np.sqrt(np.sum(left**2, axis=1)) / size[:, k]
             rate = np.fmax(rate, np.where(np.isfinite(one), one, 0.0))
+    return rate
+
+
+def _places(search: SeparableSearch, values: FloatArray, i: int, low: float, high: float, most: int) -> FloatArray:
+    """Values of parameter i from low to high, spaced by the change of the curve's shape."""
+    straight = np.linspace(low, high, _N_COARSE)
+    least = max(min(abs(low), abs(high)), 1e-4 * max(abs(low), abs(high)))
+    by_factors = np.geomspace(least, max(abs(low), abs(high)), _N_COARSE)
+    coarse = np.unique(np.concatenate([straight, *(side[(side > low) & (side < high)] for side in (by_factors, -by_factors))]))
+    rows = max(1, _BATCH // max(1, search.posterior.problem.n_obs * (1 + search.free.size)))
+    rate = np.concatenate([_bending(search, values, i, coarse[k : k + rows], high) for k in range(0, coarse.size, rows)])
     length = np.concatenate([[0.0], np.cumsum(0.5 * (rate[1:] + rate[:-1]) * np.diff(coarse))])
     if not (math.isfinite(length[-1]) and length[-1] > _SPACING):
         return np.zeros(0)

@@ -134,7 +134,7 @@ class TrialsAnalysis:
 
     def summary(self, name: str) -> Summary:
         unit, meaning, _ = UNKNOWNS[name]
-        return summarise(self.column(name), unit=unit, meaning=meaning)
+        return summarise(self.column(name), unit=unit, meaning=phrase(meaning))
 
     def starts(self, end: str, phi: FloatArray, *, most: int = 2000) -> FloatArray:
         """(n_draw, n_phi) rad: where ascents begin at true tilts `phi`, of up to `most` draws, release included."""
@@ -190,7 +190,7 @@ def analyse_trials(
 
 
 def _way(gamma: FloatArray, gamma_masses: Quantity | None, reliable: bool) -> Way:
-    summary = summarise(gamma, unit="1", meaning=UNKNOWNS["gamma"][1])
+    summary = summarise(gamma, unit="1", meaning=phrase(UNKNOWNS["gamma"][1]))
     found = Quantity(float(gamma.mean()), float(gamma.std(ddof=1)))
     return Way(summary, math.nan if gamma_masses is None else e_n(found, gamma_masses), reliable)
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from estim.arrays import FloatArray
 from estim.campaign import Campaign, axis_columns, with_tables
-from estim.common import InputError
+from estim.common import InputError, later
 from estim.fitting import Fit
 from estim.planning.rolling import Outlook
 from estim.planning.wishes import Wish
@@ -60,9 +60,9 @@ class CurveBasis:
         for one in wish.readings:
             run = next(run for run in problem.runs if run.name == one.run)
             if not np.any(run.x == one.x):
-                raise InputError("lies outside the window, or between the points that are taken", field="x", value=one.x)
+                raise InputError(later("lies outside the window, or between the points that are taken"), field="x", value=one.x)
             if not np.all(np.isfinite(run.y)):
-                raise InputError("the curve is not finite there", field="x", value=one.x)
+                raise InputError(later("the curve is not finite there"), field="x", value=one.x)
 
     def places(self, run: str) -> FloatArray:
         """(n,) abscissas at which a further reading is weighed: over the range of the run, and a quarter of it on either side."""
@@ -94,7 +94,7 @@ def _curve(run: Observations, x: FloatArray, named: Mapping[str, FloatArray]) ->
     with np.errstate(all="ignore"):
         y = np.array(np.broadcast_to(run.curve.value(x, run.bind(named)), (1, x.size))[0])
     if not np.all(np.isfinite(y)):
-        raise InputError("the curve is not finite there", field="x")
+        raise InputError(later("the curve is not finite there"), field="x")
     return y
 
 

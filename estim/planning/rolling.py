@@ -11,7 +11,7 @@ import numpy as np
 from estim.arrays import FloatArray
 from estim.calibration import follow, release_times
 from estim.campaign import Campaign, NewRun, as_complete, otherwise, with_own_gamma, with_runs, with_tables
-from estim.common import InputError, phrase, split_level
+from estim.common import InputError, later, phrase, split_level
 from estim.deviation import ForceSize, force_sizes
 from estim.fitting import Fit
 from estim.planning.wishes import Wish
@@ -130,7 +130,7 @@ def _measured_first(run: Observations, table: Run, named: Mapping[str, FloatArra
             break
     begun = np.flatnonzero(np.abs(x) > _BEGUN * end)
     if not begun.size or x[begun[0]] < 0.0:
-        raise InputError("does not start: the body rolls back, or stays where it is released", field="run")
+        raise InputError(later("does not start: the body rolls back, or stays where it is released"), field="run")
     out = np.flatnonzero(~(x <= end))  # a body that is gone has no place at all
     last = int(out[0]) if out.size else x.size
     if run.noise.made_of_positions:
@@ -145,7 +145,7 @@ def _speeds_first(run: Observations, table: Run, named: Mapping[str, FloatArray]
     places = np.linspace(float(np.min(x)), end, x.size)
     v = _curve(run, places, named)
     if not np.isfinite(v[1]):
-        raise InputError("does not start, or turns before the first place where speeds are measured", field="run")
+        raise InputError(later("does not start, or turns before the first place where speeds are measured"), field="run")
     turned = np.flatnonzero(~np.isfinite(v))
     if turned.size:
         places = np.linspace(places[0], places[turned[0] - 1], x.size)

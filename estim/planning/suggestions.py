@@ -37,9 +37,10 @@ def planned_runs(campaign: Campaign) -> tuple[Wish, ...]:
     for i, table in enumerate(campaign.source.plan.runs):
         said = planned_quantities(campaign.source, table, i)
         new = tuple(NewRun(_free_name(campaign, i, k), table.like, said) for k in range(table.repeats))
-        several = f"{table.repeats} runs" if table.repeats > 1 else "a run"
-        which = _which(campaign.study.body_of(table.like) or "", said) if said else f" like {table.like}"
-        wishes.append(Wish(several + which, MORE, own=True, runs=new, which=which))
+        which = _which(campaign.study.body_of(table.like) or "", said) if said else phrase(" like {run}", run=table.like)
+        n = table.repeats
+        words = phrase("{n} runs{which}", n=n, which=which) if n > 1 else phrase("a run{which}", which=which)
+        wishes.append(Wish(words, MORE, own=True, runs=new, which=which))
     return tuple(wishes)
 
 
@@ -85,7 +86,7 @@ def _other_runs(runs: Sequence[Observations], fit: Fit, named: Mapping[str, obje
 def _run(number: str, like: Observations, said: Mapping[str, Quantity], body: str, tilt: float, release: float) -> Wish:
     shown = {"phi": Quantity(tilt), "theta0": Quantity(release)} | dict(said)
     which = _which(body, shown)
-    return Wish(f"a run{which}", MORE, runs=(NewRun(f"{like.name}+{number}", like.name, said),), which=which)
+    return Wish(phrase("a run{which}", which=which), MORE, runs=(NewRun(f"{like.name}+{number}", like.name, said),), which=which)
 
 
 def _which(body: str, said: Mapping[str, Quantity]) -> str:

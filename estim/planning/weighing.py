@@ -9,7 +9,7 @@ from typing import Protocol
 import numpy as np
 
 from estim.arrays import FloatArray
-from estim.common import InputError
+from estim.common import InputError, phrase
 from estim.planning.rolling import Outlook
 from estim.planning.wishes import Wish
 from estim.problem import MEASURED, Parameter
@@ -49,7 +49,7 @@ def weigh(basis: Basis, here: Outlook, wish: Wish, targets: Sequence[Parameter],
         there = here if stays else basis.outlook(wish)
         u = sds_with(there, wish.u, targets)
     except InputError as error:
-        return Option(wish, np.array([]), np.array([]), error.rule if not error.value else f"{error.field}: {error.rule}")
+        return Option(wish, np.array([]), np.array([]), phrase(error.rule) if not error.value else f"{error.field}: {phrase(error.rule)}")
     return Option(wish, u, u / now, remarks=there.remarks)
 
 

@@ -1,5 +1,4 @@
-"""What is assumed: curves, priors, noise, and the posterior density that they make.
-Read `posterior` first, then `noise` (which sigma is which) and `likelihood` (what is asked of it).  Imports `common` alone."""
+"""What is assumed: curves, priors, noise, and the density they make.  Read `posterior`, then `noise` (which sigma is which) and `likelihood`."""
 
 from estim.problem.abscissas import hide_the_range
 from estim.problem.curve import EXACT, CommonError, Curve, Derived, Footing, LocalCurve, Motion, PositionCurve, SpeedCurve, Wording, plain_words
@@ -11,5 +10,6 @@ from estim.problem.observations import MAX_LACKING, Lacks, Observations, Paramet
 from estim.problem.posterior import Group, Posterior, Problem, StackedPoints, informative
 from estim.problem.priors import MEASURED, HalfNormal, LogNormal, Normal, Prior, TruncatedNormal, Uniform, as_prior, residuals_and_slopes
 from estim.problem.readings import Correlated, Readings, check_covariance
+from estim.problem.rooted import DENSE, Differences, Root, RootErrors, beside, covariance_of, in_bands, root_of, stacked_root, with_columns
 from estim.problem.symmetry import Symmetry, folded, no_symmetry, same_curves
 from estim.problem.tails import GAUSSIAN, Mixture, StudentT, Tails

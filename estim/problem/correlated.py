@@ -9,6 +9,7 @@ import numpy as np
 
 from estim.arrays import FloatArray
 from estim.problem.likelihood import Ends, NormalErrors, Points, n_draws
+from estim.problem.roots import Dense, Root
 from estim.problem.size import Named, Size
 from estim.problem.tails import GAUSSIAN
 from estim.problem.whitened import Linear as Linear
@@ -94,8 +95,13 @@ class CorrelatedErrors:
     def squared_size(self, vector: FloatArray, named: Named) -> float:
         return float(np.sum((vector @ self.basis) ** 2 / self._variance(named)))
 
-    def covariance(self, named: Named) -> FloatArray:
-        return np.asarray((self.basis * self._variance(named)) @ self.basis.T)
+    def root(self, named: Named) -> Root:
+        variance = self._variance(named)
+        whole = (self.basis * variance) @ self.basis.T
+        try:
+            return Dense.of(whole)
+        except np.linalg.LinAlgError:  # no eigenvalue is known better
+            return Dense.of(whole + 4.0 * np.finfo(float).eps * variance.size * np.max(variance) * np.eye(variance.size))
 
     def opened(self, named: Named, names: Sequence[str]) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
         n_draw, local = n_draws(named), self.points.curve.local(self.points.x, self.points.bind(named))

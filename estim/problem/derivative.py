@@ -19,9 +19,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from estim.arrays import FloatArray
-from estim.common import InputError
+from estim.common import InputError, later
+from estim.problem.differences import Differences
 
-_MAX_ROWS = 6000  # the matrix of the stencil is dense
 _STEP_TOLERANCE = 0.1  # of a frame interval: what rounding a time to a few decimals may cost
 
 
@@ -46,8 +46,8 @@ class Stencil:
 
 STENCILS: Mapping[str, Stencil] = MappingProxyType(
     {
-        "central": Stencil("central", (-1, 1), (-1 / 2, 1 / 2), 2, 1 / 6),
-        "five-point": Stencil("five-point", (-2, -1, 1, 2), (1 / 12, -8 / 12, 8 / 12, -1 / 12), 4, -1 / 30),
+        "central": Stencil(later("central"), (-1, 1), (-1 / 2, 1 / 2), 2, 1 / 6),
+        "five-point": Stencil(later("five-point"), (-2, -1, 1, 2), (1 / 12, -8 / 12, 8 / 12, -1 / 12), 4, -1 / 30),
         "spill2": Stencil("spill2", (-2, -1, 1, 2), (-2 / 10, -1 / 10, 1 / 10, 2 / 10), 2, 17 / 30),
     }
 )
@@ -59,7 +59,7 @@ class Derivative:
 
     rows : (n_obs,) rows of the run at which every neighbour exists.
     value : (n_obs,) derivative there, unit of position per second.
-    matrix : (n_obs, n_row) with value = matrix @ position, 1/s.
+    matrix : with value = matrix @ position, 1/s.
     interval : the frame interval dt, s.
     n_gap : frames that are missing inside the run.
     """
@@ -67,7 +67,7 @@ class Derivative:
     stencil: Stencil
     rows: NDArray[np.int64]
     value: FloatArray
-    matrix: FloatArray
+    matrix: Differences
     interval: float
     n_gap: int
 
@@ -76,10 +76,8 @@ def differentiate(t: FloatArray, position: FloatArray, stencil: Stencil, *, file
     """Derivative of `position` (n_row,) at equally spaced times `t` (n_row,) s, where frames may be missing.
 
     A speed next to a missing frame does not exist and is left out, as Tracker leaves it blank.  Raises InputError where
-    the steps of time are no multiples of one interval, or where there are too many rows.
+    the steps of time are no multiples of one interval.
     """
-    if t.size > _MAX_ROWS:
-        raise InputError(f"must be at most {_MAX_ROWS} for a derivative by differences: cut the file", field="rows", value=t.size, file=file)
     interval, frame = _frames(t, file=file, lines=lines)
     row_of = {int(f): row for row, f in enumerate(frame)}
     rows, entries = [], []
@@ -90,11 +88,11 @@ def differentiate(t: FloatArray, position: FloatArray, stencil: Stencil, *, file
             entries.append(neighbours)
     if not rows:
         raise InputError(f"leaves no frame with the neighbours that the {stencil.name} derivative needs", field="t_s", file=file)
-    matrix = np.zeros((len(rows), t.size))
-    matrix[np.arange(len(rows))[:, None], np.array(entries)] = np.array(stencil.weights) / interval
+    places = np.array(entries)
+    matrix = Differences(places, np.tile(np.array(stencil.weights) / interval, (len(rows), 1)), t.size)
     chosen = np.array(rows)
     value = matrix @ position
-    for array in (chosen, value, matrix):
+    for array in (chosen, value, places, matrix.weights):
         array.setflags(write=False)
     return Derivative(stencil, chosen, value, matrix, interval, int(frame[-1] + 1 - frame.size))
 

@@ -9,6 +9,7 @@ import numpy as np
 
 from estim.arrays import FloatArray
 from estim.problem.likelihood import Ends, NormalErrors, Points, n_draws
+from estim.problem.roots import Root, root_of
 from estim.problem.size import Named, Size
 from estim.problem.tails import Tails, score_information
 from estim.problem.whitened import Linear
@@ -97,8 +98,8 @@ class NormalPoints:
     size: Size
     weight: FloatArray
 
-    def covariance(self, named: Named) -> FloatArray:
-        return np.diag(np.broadcast_to(self.size.variance(self.weight, named), (1, self.weight.size))[0])
+    def root(self, named: Named) -> Root:
+        return root_of(np.broadcast_to(self.size.variance(self.weight, named), (1, self.weight.size))[0])
 
     def opened(self, named: Named, names: Sequence[str]) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
         n_draw, local = n_draws(named), self.points.curve.local(self.points.x, self.points.bind(named))

@@ -20,7 +20,9 @@ from numpy.typing import ArrayLike
 
 from estim.arrays import FloatArray
 from estim.problem.curve import Curve, LocalCurve, Wording
+from estim.problem.differences import Differences
 from estim.problem.laws import Counted
+from estim.problem.roots import Root
 from estim.problem.size import Named, Size
 
 Ends = Mapping[str, tuple[Named, Named, float]]
@@ -89,8 +91,8 @@ class Whitened(Protocol):
 class NormalErrors(Protocol):
     """Normal errors with a covariance C, in a basis in which C is diagonal for all values of the noise parameters."""
 
-    def covariance(self, named: Named) -> FloatArray:
-        """C (n_obs, n_obs) itself, in the order of the points."""
+    def root(self, named: Named) -> Root:
+        """The triangular root of C, in the order of the points."""
 
     def opened(self, named: Named, names: Sequence[str]) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
         """At draws: standardised residuals and eigenvalues of C (n_draw, n_obs); derivatives (n_draw, n_obs, n) in the parameters `names`
@@ -167,7 +169,7 @@ class Instrument(Protocol):
     def made_of_positions(self) -> bool:
         """Whether the ordinates are differences of positions in time: then these are what is read."""
 
-    def of_positions(self, points: Points, named: Named) -> FloatArray | None:
+    def of_positions(self, points: Points, named: Named) -> Differences | None:
         """(n_obs, n_row) what shifts of all the positions that were read do to y - f(x); None where y is not made of positions."""
 
     def x_gain(self) -> FloatArray:

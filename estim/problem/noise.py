@@ -30,15 +30,18 @@ from numpy.typing import NDArray
 from estim.arrays import FloatArray
 from estim.common import InputError, phrase
 from estim.problem.abscissas import true_abscissas
+from estim.problem.besides import DENSE
 from estim.problem.correlated import CorrelatedErrors as CorrelatedErrors
 from estim.problem.correlated import Linear as Linear
 from estim.problem.curve import SpeedCurve, Wording
 from estim.problem.derivative import STENCILS as STENCILS
 from estim.problem.derivative import Derivative as Derivative
 from estim.problem.derivative import differentiate as differentiate
+from estim.problem.differences import Differences
 from estim.problem.independent import PointErrors
 from estim.problem.latent import LatentErrors
 from estim.problem.likelihood import Likelihood, Points
+from estim.problem.rooted import RootErrors, in_bands
 from estim.problem.size import Named as Named
 from estim.problem.size import Scale as Scale
 from estim.problem.size import Size as Size
@@ -185,7 +188,7 @@ class Differentiated:
     def parameters(self) -> tuple[str, ...]:
         return self.size.parameters
 
-    def likelihood(self, points: Points, named: Named) -> CorrelatedErrors:
+    def likelihood(self, points: Points, named: Named) -> CorrelatedErrors | RootErrors:
         """Covariance and truncation with the slope of the curve at `named`.  Raises InputError for a curve that is not one of speeds."""
         curve = points.curve
         if not isinstance(curve, SpeedCurve):
@@ -193,19 +196,20 @@ class Differentiated:
         stencil, interval, arguments = self.derivative.stencil, self.derivative.interval, points.bind(named)
         matrix = self.of_positions(points, named)
         if self.relative is not None:
-            matrix = matrix * self.relative
-        spectrum, basis = np.linalg.eigh(matrix @ matrix.T)
-        rounding = np.finfo(float).eps * spectrum.size * spectrum[-1]  # no eigenvalue is known better: where the slope is huge, some come out below 0
+            matrix = matrix.times(self.relative)
         bent = curve.time_derivative(points.x, arguments, stencil.order)[0]
         shift = stencil.truncation * interval**stencil.order * bent
+        if points.x.size > DENSE and in_bands(self.size):
+            return RootErrors.of_bands(points, self.size, matrix.covariance(), shift)
+        whole = matrix.dense()
+        spectrum, basis = np.linalg.eigh(whole @ whole.T)
+        rounding = np.finfo(float).eps * spectrum.size * spectrum[-1]  # no eigenvalue is known better: where the slope is huge, some come out below 0
         return CorrelatedErrors(points, self.size, basis, np.maximum(spectrum, rounding), shift)
 
-    def of_positions(self, points: Points, named: Named) -> FloatArray:
+    def of_positions(self, points: Points, named: Named) -> Differences:
         """A = S - diag(f'(x))."""
-        matrix = self.derivative.matrix[self.kept].copy()
-        rows = self.derivative.rows[self.kept]
-        matrix[np.arange(rows.size), rows] -= points.curve.local(points.x, points.bind(named)).slope[0]
-        return matrix
+        slope = points.curve.local(points.x, points.bind(named)).slope[0]
+        return self.derivative.matrix.of(self.kept).less(self.derivative.rows[self.kept], slope)
 
     def for_search(self) -> Differentiated:
         return self
@@ -233,13 +237,13 @@ class Differentiated:
     def carried(self, by_x: FloatArray, by_y: FloatArray, named: Named) -> tuple[FloatArray, FloatArray]:
         """An error of a position moves x there, and the speeds on either side."""
         reading, scatter = self.size.reading_variance(named), np.square(self.scatter.at(named))
-        rows, to_speed = self.derivative.rows[self.kept], self.derivative.matrix[self.kept]
-        matrix = by_y[:, None] * to_speed
-        matrix[np.arange(rows.size), rows] += by_x
+        rows, to_speed = self.derivative.rows[self.kept], self.derivative.matrix.of(self.kept)
+        matrix = to_speed.rows_times(by_y).less(rows, -by_x)
         if self.relative is not None:
-            matrix, to_speed = matrix * self.relative, to_speed * self.relative
-        cov = reading * matrix @ matrix.T + np.diag(by_y**2 * scatter)
-        return cov, np.asarray(reading * np.sum(to_speed**2, axis=1) + scatter)
+            matrix, to_speed = matrix.times(self.relative), to_speed.times(self.relative)
+        whole = matrix.dense()
+        cov = reading * whole @ whole.T + np.diag(by_y**2 * scatter)
+        return cov, np.asarray(reading * np.sum(to_speed.weights**2, axis=1) + scatter)
 
     def describe(self, *, x_unit: str, y_unit: str, words: Wording) -> str:
         """The noise in words."""

@@ -13,7 +13,7 @@ from types import MappingProxyType
 
 import numpy as np
 
-from estim.common import EXTREME, InputError, extreme
+from estim.common import EXTREME, InputError, extreme, phrase
 from estim.reading.dialect import Dialect, decimal_mark, is_column, is_missing, name_and_unit, number_in, place_of, split_row
 from estim.reading.layout import Layout, cells_differ, no_names, read_layout
 from estim.reading.table import DECIMAL_COMMAS, Table, may_be_decimal_commas, own_name
@@ -97,5 +97,9 @@ def _value(cell: str, name: str, mark: str, file: str, line: int) -> float:
 
 
 def _left_out(name: str, lines: Sequence[int]) -> str:
-    shown = f"line {lines[0]}" if len(lines) == 1 else f"lines {lines[0]} to {lines[-1]}" if len(lines) > 3 else "lines " + ", ".join(map(str, lines))
-    return f"{len(lines)} {'row' if len(lines) == 1 else 'rows'} without a value of '{name}' left out ({shown})"
+    if len(lines) == 1:
+        return phrase("1 row without a value of '{name}' left out (line {line})", name=name, line=lines[0])
+    said = {"n": len(lines), "name": name}
+    if len(lines) > 3:
+        return phrase("{n} rows without a value of '{name}' left out (lines {first} to {last})", first=lines[0], last=lines[-1], **said)
+    return phrase("{n} rows without a value of '{name}' left out (lines {lines})", lines=", ".join(map(str, lines)), **said)

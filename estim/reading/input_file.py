@@ -13,7 +13,7 @@ import re
 import stat
 from pathlib import Path
 
-from estim.common import InputError, note_input
+from estim.common import InputError, note_input, phrase
 
 MAX_BYTES = 64 * 1024**2
 TOML_BYTES = 256 * 1024  # limit for files that people write
@@ -95,7 +95,7 @@ def read_any_text(path: Path, *, shown_as: str, encoding: str | None = None) -> 
     data = read_bytes(path, shown_as=shown_as)
     if data.startswith(_NO_TEXT):
         raise InputError("must be a text file, not a workbook, an archive or a PDF: save its table as CSV", field="file", file=shown_as)
-    note = f"read as {encoding}, as stated" if encoding is not None else ""
+    note = phrase("read as {encoding}, as stated", encoding=encoding) if encoding is not None else ""
     try:
         text = data.decode(encoding or ("utf-16" if data.startswith(_UTF_16) else "utf-8-sig")).removeprefix("\ufeff")
     except UnicodeDecodeError as error:
@@ -105,7 +105,7 @@ def read_any_text(path: Path, *, shown_as: str, encoding: str | None = None) -> 
             text = data.decode("windows-1252")
         except UnicodeDecodeError:
             raise not_utf8(data, error, shown_as) from None
-        note = "not UTF-8: read as Windows-1252 (state the encoding if letters of a name look wrong)"
+        note = phrase("not UTF-8: read as Windows-1252 (state the encoding if letters of a name look wrong)")
     return _without_nulls(text, shown_as), hashlib.sha256(data).hexdigest(), note
 
 

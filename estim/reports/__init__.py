@@ -11,5 +11,5 @@ from estim.reports.others import body_lines, body_report, fitted_values, ground_
 from estim.reports.others import models_report, plan_answers, plan_report, plan_status, straight_line_lines, straight_line_report
 from estim.reports.others import batch_line, batch_report, batch_times, calibration_report, full_files, lean_files, trials_report
 from estim.reports.others import trials_lines, verdicts, with_campaign, with_formats
-from estim.reports.reanalysis import reanalysis_lines, reanalysis_report
+from estim.reports.reanalysis import called, reanalysis_lines, reanalysis_report
 from estim.reports.result import result_of

@@ -8,7 +8,7 @@ import msgspec
 import numpy as np
 
 from estim.arrays import FloatArray
-from estim.common import Label, format_rounded, phrase, split_level
+from estim.common import Label, format_rounded, later, phrase, split_level
 from estim.deviation import DEVIATION, FORCE, FRAMES, START
 from estim.pipeline import Analysis
 from estim.reports.derived import sought_labels
@@ -20,7 +20,7 @@ _DRAWS = 20_000
 _TOLD = 1e-3  # share of the variance below which a source goes with the others
 _BENT = 0.2
 MAX_QUANTITIES, MAX_SOURCES = 8, 10
-OTHERS = "all others"
+OTHERS = later("all others")
 
 
 class UncertaintySource(msgspec.Struct, frozen=True):
@@ -62,7 +62,7 @@ class Shares:
     def cells(self) -> list[tuple[str, list[str]]]:
         """Rows of a table: a source, and its share of each quantity with that of the draws in brackets."""
         return [
-            (phrase("all others") if source == OTHERS else source, [_cell(a, b) for a, b in zip(linear, drawn, strict=True)])
+            (phrase(OTHERS) if source == OTHERS else source, [_cell(a, b) for a, b in zip(linear, drawn, strict=True)])
             for source, linear, drawn in zip(self.sources, self.shares, self.drawn, strict=True)
         ]
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from estim.common import phrase
+from estim.common import OF_BODY, phrase
 from estim.deviation import FoundForce
 from estim.drawing import BLUE, GREY, INK, ORANGE, grid, titled
 from estim.problem import Observations
@@ -44,4 +44,4 @@ def force_figure(forces: Sequence[FoundForce], runs: Sequence[Observations], *, 
 
 
 def _title(found: FoundForce) -> str:
-    return found.run if len(found.runs) == 1 else phrase("{force}, shared by {n} runs", force=found.run, n=len(found.runs))
+    return found.run if len(found.runs) == 1 else phrase("body {body}, shared by {n} runs", body=found.run.removeprefix(OF_BODY), n=len(found.runs))

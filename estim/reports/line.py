@@ -215,7 +215,8 @@ def line_values(result: LineResult) -> dict[str, object]:
         "result": result, "kind": kind_words(result.kind), "status_words": STATUS_WORDS[Status(result.status)],
         "meaningless": not Status(result.status).draws_count,
         "gamma_masses": _estimate(result.gamma_masses), "sources": _sources(), "methods": [], "best": [], "errors": [], "limits": [],
-        "line_shown": _line_shown, **dict.fromkeys(("gamma", "resistance", "reason", "steepest", "zero_phi", "zero_theta", "evidence")),
+        "line_shown": phrase("sin of the smallest ascending angle against sin of the tilt"),
+        **dict.fromkeys(("gamma", "resistance", "reason", "steepest", "zero_phi", "zero_theta", "evidence")),
     }
     evidence, steepest = result.log_bayes_factor_intercept, result.steepest_phi
     if evidence is None or steepest is None or result.zero_phi is None or result.zero_theta_min is None:
@@ -223,21 +224,16 @@ def line_values(result: LineResult) -> dict[str, object]:
             "best": [_best_cells(name, row) for name, row in result.methods.items() if name != "posterior"],
             "limits": [(symbol, p.meaning, interval_cell(p, Notation(symbol).label("1"))) for symbol, p in _limited(result)],
         }
+    gamma = _estimate(result.methods["posterior"].gamma)
     return shared | {
+        "gamma": gamma,
+        "line_shown": phrase("sin of the smallest ascending angle against sin of the tilt: a line of slope 1/γ, γ = {gamma}", gamma=gamma),
         "methods": [_method_cells(name, result.methods[name]) for name in _METHODS],
         "errors": [cells for name in ("york", "weighted", "ols") for cells in _error_cells(name, result.methods[name])],
-        "gamma": _estimate(result.methods["posterior"].gamma),
         "resistance": _estimate(result.methods["posterior"].rolling_resistance), "reason": result.methods["york"].reason,
         "steepest": format_quantity(math.degrees(steepest.value), math.degrees(steepest.u)),
         "zero_phi": math.degrees(result.zero_phi), "zero_theta": math.degrees(result.zero_theta_min), "evidence": evidence_words(evidence.value),
     }
-
-
-def _line_shown(gamma: str | None) -> str:
-    """What the figure of the line shows."""
-    if gamma is None:
-        return phrase("sin of the smallest ascending angle against sin of the tilt")
-    return phrase("sin of the smallest ascending angle against sin of the tilt: a line of slope 1/γ, γ = {gamma}", gamma=gamma)
 
 
 def _sources() -> dict[str, str]:

@@ -118,7 +118,7 @@ def plan_report(plan: Plan, *, figures: bool = True) -> dict[str, bytes]:
     if plan.along:
         drawers["figures/places.png"] = partial(along_figure, plan)
     text = partial(
-        render, "plan.md.j2", record=record, kind=kind_words(record.kind), plan=plan, shown=[_row(o) for o in shown],
+        render, "plan.md.j2", record=record, kind=kind_words(record.kind), plan=plan, how=phrase(plan.how), shown=[_row(o) for o in shown],
         left_out=len(plan.options) - len(shown),
         heads=[head for p in plan.targets for head in (f"u({p.label.symbol})" + _unit(p), phrase("ratio"))], now=_now_rows(plan), far=FAR,
         refused=_refused(plan.refused), halving=[(h.target.label.symbol, _way_rows(h)) for h in plan.halving],

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING
@@ -195,7 +195,7 @@ def reanalysis_text(result: ReanalysisResult, corner_words: Mapping[str, str], p
         minds=[(name, words) for i in range(MOST_MINDS) for name, screen in screens.items() for words in screen.minds[i : i + 1]],
         most_minds=MOST_MINDS,
         energy_words=energy_words, narrowed=partial(_narrowed, result), residuals_shown=partial(_residuals_shown, result),
-        called=partial(_called, result),
+        called=partial(_called, runs=result.runs, bodies=result.bodies),
         lefts=_gathered({name: screen.left for name, screen in screens.items() if screen.left}), energies=_gathered(_energies(result)),
     )
 
@@ -253,13 +253,18 @@ def _troubles(result: ReanalysisResult) -> list[tuple[str, str]]:
     reasons = {f"run {name}": run.reasons for name, run in result.runs.items()}
     reasons |= {f"joint fit of {name}": body.joint.reasons for name, body in result.bodies.items()}
     reasons |= {} if result.line is None else {"line": result.line.reasons}
-    return [(f"{_called(result, what)}, {status}", "; ".join(reasons.get(what, []))) for what, status in result.statuses.items() if status != "ok"]
+    wrong = [(what, status) for what, status in result.statuses.items() if status != "ok"]
+    return [(f"{_called(what, result.runs, result.bodies)}, {status}", "; ".join(reasons.get(what, []))) for what, status in wrong]
 
 
-def _called(result: ReanalysisResult, what: str) -> str:
+def called(r: Reanalysis, what: str) -> str:
     """A key of the statuses as a reader calls it."""
-    names = {f"run {name}": phrase("run {name}", name=name) for name in result.runs}
-    names |= {f"joint fit of {name}": phrase("joint fit of {name}", name=name) for name in result.bodies}
+    return _called(what, r.singles, [body.body for body in r.bodies])
+
+
+def _called(what: str, runs: Iterable[str], bodies: Iterable[str]) -> str:
+    names = {f"run {name}": phrase("run {name}", name=name) for name in runs}
+    names |= {f"joint fit of {name}": phrase("joint fit of {name}", name=name) for name in bodies}
     return names.get(what) or phrase("line")
 
 

@@ -221,7 +221,7 @@ def _run(campaign: Subject, analysis: Analysis, i: int) -> RunSummary:
         facts=[*origin_facts(table, run, analysis.problem), *speed_facts(run), *derived_facts(analysis, run)],
         warnings=list(origin_warnings(table, run, analysis.problem)), robust=run.noise.robust, outliers=outliers(analysis, run),
         bad_frames=bad_frames(analysis.fit.forces, run.name),
-        what=run.words.what,
+        what=phrase(run.words.what),
         derived=derived, sought=[one.name for one in run.sought if one.name in derived],
     )
 

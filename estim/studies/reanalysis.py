@@ -110,7 +110,9 @@ class _Work:
             gamma = gamma_of_body(self.campaign.source, self.series.body)
             return analyse_line(self.series, gamma_masses=gamma, seed=self.seed, target=self.target, progress=progress)
         if kind == "run":
-            return analyse(self.campaign, [name], seed=self.seed, target=self.target, progress=progress)
+            alone = analyse(self.campaign, [name], seed=self.seed, target=self.target, progress=progress)
+            _ = alone.bands  # kept with it: the report asks for them, one run after the other
+            return alone
         return self._together(self.runs_of(name), progress)
 
     def _together(self, runs: Sequence[str], progress: Progress | None) -> _Together:

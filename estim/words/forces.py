@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from types import MappingProxyType
 
-from estim.common import Finding, Kind, phrase
+from estim.common import OF_BODY, Finding, Kind, phrase
 from estim.words.table import Table
 
 
@@ -15,7 +15,7 @@ def _share(number: float) -> str:
 def _who(f: Finding) -> str:
     """'run a', or the runs that share the force."""
     n = f.numbers.get("runs", 1)
-    return phrase("run {run}", run=f.run) if n == 1 else phrase("the {n:.0f} runs of {body}", n=n, body=f.run)
+    return phrase("run {run}", run=f.run) if n == 1 else phrase("the {n:.0f} runs of body {body}", n=n, body=f.run.removeprefix(OF_BODY))
 
 
 def _found(f: Finding) -> str:

@@ -31,7 +31,8 @@ class Voice(StrEnum):
 _CHOICES = MappingProxyType(
     {
         Voice.COMMANDS: {
-            _SEED: "--seed", _STEPS: "--max-steps", _CORRELATED: "correlated = true in [curve]", _ROBUST: 'robust = "mixture" in [curve]',
+            _SEED: "--seed", _STEPS: "--max-steps", _CORRELATED: later("correlated = true in [curve]"),
+            _ROBUST: later('robust = "mixture" in [curve]'),
         },
         Voice.PYTHON: {_SEED: "seed=", _STEPS: "target=Target(max_step=...)", _CORRELATED: "correlated=True", _ROBUST: 'robust="mixture"'},
     }
@@ -137,7 +138,7 @@ def advice(finding: Finding, voice: Voice = Voice.PYTHON) -> str:
     """What to do about a finding with which a result is not ok."""
     words = phrase(_ONE_FAR_OFF if finding.kind is Kind.CURVE_LACKS and finding.test == "largest" else ADVICE[finding.kind])
     for choice, name in _CHOICES[voice].items():
-        words = words.replace(choice, name)
+        words = words.replace(choice, phrase(name))
     return words.replace(_DEVIATION, f"deviation = {finding.numbers['deviation']:.1g}") if "deviation" in finding.numbers else words
 
 

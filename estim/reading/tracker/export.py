@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from estim.arrays import FloatArray
-from estim.common import InputError, listed, read_number
+from estim.common import InputError, listed, phrase, read_number
 from estim.reading.input_file import lines_of, read_text
 from estim.reading.table import DECIMAL_COMMAS, may_be_decimal_commas, numbered_lines, split_cells
 from estim.reading.tracker.track import METRES, Track
@@ -92,11 +92,12 @@ def read_export(
     _check_size(scaled, np.array(numbers), file)
     frames = table.get("frame")
     whole = frames is not None and bool(np.all(np.abs(frames) < 1e9)) and bool(np.all(frames == np.rint(frames)))
-    warnings = (f"{copies} {'row that copies' if copies == 1 else 'rows that copy'} the row before dropped",) if copies else ()
+    dropped = phrase("1 row that copies the row before dropped") if copies == 1 else phrase("{n} rows that copy the row before dropped", n=copies)
+    warnings = (dropped,) if copies else ()
     return Track(
         file=file, sha256=digest, name=layout.track, t=scaled["t"], x=scaled.get("x"), y=scaled.get("y"),
         frames=frames.astype(np.int64) if frames is not None and whole else None, lines=np.array(numbers, dtype=np.int64), speed=scaled.get("v"),
-        calibration=(unit_fact, *([f"{blank} rows without a position left out"] if blank else [])), warnings=warnings,
+        calibration=(unit_fact, *([phrase("{n} rows without a position left out", n=blank)] if blank else [])), warnings=warnings,
     )
 
 
@@ -242,11 +243,11 @@ def _length_unit(layout: _Layout, stated: str | None, file: str) -> tuple[float,
         given = f"; --unit says {stated}" if stated else ""
         raise InputError(f"must all have one unit{given}", field="x, y", value=", ".join(sorted(named)), file=file, line=layout.line)
     if stated is not None:
-        return METRES[stated], f"lengths in {stated} as stated by the user"
+        return METRES[stated], phrase("lengths in {unit} as stated by the user", unit=stated)
     if named:
         (unit,) = named
-        return METRES[unit], f"lengths in {unit} as the column's name says"
-    return 1.0, "lengths taken as m: an export does not say its unit (--unit cm if it is another one)"
+        return METRES[unit], phrase("lengths in {unit} as the column's name says", unit=unit)
+    return 1.0, phrase("lengths taken as m: an export does not say its unit (--unit cm if it is another one)")
 
 
 # the cells

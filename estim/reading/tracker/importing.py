@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from estim.arrays import FloatArray
-from estim.common import InputError, Quantity, listed, one_line, read_number
+from estim.common import InputError, Quantity, listed, one_line, phrase, read_number
 from estim.reading.input_file import read_bytes
 from estim.reading.table import IMPORTED, Table
 from estim.reading.tracker.export import bare_header, is_export, read_export
@@ -160,9 +160,10 @@ def _check(choices: Choices, file: str) -> None:
 def _release(track: Track, ramp: Ramp, release: str | float) -> tuple[int, float, str]:
     """The first row, the position that is zero there, and both in words."""
     if release == "keep":
-        return 0, 0.0, "x_m = 0 at the origin of the axes, as in the file"
+        return 0, 0.0, phrase("x_m = 0 at the origin of the axes, as in the file")
     if release == "first":
-        return 0, float(ramp.along[0]), f"x_m = 0 at the first point, t = {track.t[0]:.8g} s, {ramp.along[0]:.6g} m from the origin of the axes"
+        words = phrase("x_m = 0 at the first point, t = {t:.8g} s, {x:.6g} m from the origin of the axes", t=track.t[0], x=ramp.along[0])
+        return 0, float(ramp.along[0]), words
     time = float(release)
     steps = float(np.median(np.diff(track.t)))
     if not math.isfinite(time) or not track.t[0] - steps <= time <= track.t[-1]:
@@ -170,20 +171,25 @@ def _release(track: Track, ramp: Ramp, release: str | float) -> tuple[int, float
     row = int(np.argmin(np.abs(track.t - time)))
     if track.t.size - row < _MIN_ROWS:
         raise InputError(f"must leave at least {_MIN_ROWS} points", field="release", value=time, file=track.file)
-    words = f"x_m = 0 at the release stated, t = {track.t[row]:.8g} s, {ramp.along[row]:.6g} m from the origin of the axes"
-    return row, float(ramp.along[row]), words + (f"; {row} earlier points left out" if row else "")
+    words = phrase("x_m = 0 at the release stated, t = {t:.8g} s, {x:.6g} m from the origin of the axes", t=track.t[row], x=ramp.along[row])
+    return row, float(ramp.along[row]), words + (phrase("; {n} earlier points left out", n=row) if row else "")
 
 
 def _tilt(ramp: Ramp) -> tuple[str, ...]:
     if ramp.tilt is None:
         return ()
     value, u = math.degrees(ramp.tilt.value), math.degrees(ramp.tilt.u)
-    uncertainty = f"standard uncertainty {u:.3f} deg from the scatter of the points alone"
-    return (f"tilt of the fitted line {value:.3f} deg against the x axis, positive uphill, {uncertainty}",)
+    return (
+        phrase(
+            "tilt of the fitted line {tilt:.3f} deg against the x axis, positive uphill, "
+            "standard uncertainty {u:.3f} deg from the scatter of the points alone",
+            tilt=value, u=u,
+        ),
+    )
 
 
 def stated_tilt(facts: Sequence[str]) -> Quantity | None:
-    """The tilt (rad) that the facts of an imported track state, as `import_track` words it; None where they do not."""
+    """The tilt (rad) that the facts of an imported track state, as `estim import` words it, in English; None where they do not."""
     number = r"(-?\d{1,4}\.\d{3})"
     for fact in facts:
         if found := re.match(rf"tilt of the fitted line {number} deg .* standard uncertainty {number} deg", fact):

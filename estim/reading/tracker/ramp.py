@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from estim.arrays import FloatArray
-from estim.common import InputError, Quantity, read_number
+from estim.common import InputError, Quantity, phrase, read_number
 from estim.reading.tracker.track import Track
 
 _AXES = {"x": 0.0, "y": 90.0, "-x": 180.0, "-y": -90.0}
@@ -53,9 +53,12 @@ def run_along(track: Track, direction: str | float = "fit") -> Ramp:
     cos, sin = math.cos(angle), math.sin(angle)
     along, across = track.x * cos + track.y * sin, track.y * cos - track.x * sin
     if stated is None:
-        words = f"fitted to the points: {_degrees(angle):.3f} deg from the x axis, standard uncertainty {math.degrees(u):.3f} deg from their scatter"
+        words = phrase(
+            "fitted to the points: {angle:.3f} deg from the x axis, standard uncertainty {u:.3f} deg from their scatter",
+            angle=_degrees(angle), u=math.degrees(u),
+        )
     else:
-        words = f"as stated: {_degrees(angle):g} deg from the x axis"
+        words = phrase("as stated: {angle:g} deg from the x axis", angle=_degrees(angle))
     tilt = Quantity(math.atan2(math.sin(fitted), abs(math.cos(fitted))), u)
     return Ramp(_fixed(along), _fixed(across), angle, words, tilt, scatter)
 
@@ -89,7 +92,7 @@ def _one_coordinate(track: Track, stated: float | None) -> Ramp:
             rule = f"must be fit, {name} or -{name}: the file holds no other coordinate"
             raise InputError(rule, field="along", value=f"{math.degrees(stated):g}", file=track.file)
         sign = round(sign)
-    words = f"along {'' if sign > 0 else '-'}{name}, the only coordinate in the file"
+    words = phrase("along {name}, the only coordinate in the file", name=name if sign > 0 else f"-{name}")
     return Ramp(_fixed(sign * known), None, axis if sign > 0 else axis - math.pi, words, None, math.nan)
 
 

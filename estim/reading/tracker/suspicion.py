@@ -7,6 +7,7 @@ from collections.abc import Iterable, Mapping
 import numpy as np
 
 from estim.arrays import FloatArray
+from estim.common import later, phrase
 from estim.reading.tracker.ramp import Ramp
 from estim.reading.tracker.track import Track
 
@@ -18,9 +19,9 @@ _OFF_LINE = 0.01  # of the length of the path
 _RETURN = 0.2  # of the length of the path, backward
 _MOVING = 0.2  # of the largest speed, in the first frame
 _SPEED = 0.02  # of the largest speed
-_NOT_THE_RELEASE = "if a rolling body is fit, whose curve counts x from the release,"
+_NOT_THE_RELEASE = later("if a rolling body is fit, whose curve counts x from the release,")
 _EARLIER_WORDS = "that is not the release, from which the phase curve counts x"  # in files of earlier versions
-_SPEEDS_MADE = "speeds are made from the positions"
+_SPEEDS_MADE = later("speeds are made from the positions")
 
 
 def suspicions(track: Track, ramp: Ramp, *, from_row: int = 0) -> tuple[str, ...]:
@@ -37,12 +38,13 @@ def missing_frames(t: FloatArray) -> tuple[str, ...]:
     """What the times (s) of a track alone show."""
     steps = _steps(t)[1]
     missing = int(np.sum(np.maximum(np.rint(steps), 1.0) - 1.0))
-    return (f"{missing} of {t.size + missing} frames are missing",) if missing else ()
+    return (phrase("{k} of {n} frames are missing", k=missing, n=t.size + missing),) if missing else ()
 
 
 def of_any_curve(warnings: Iterable[str]) -> tuple[str, ...]:
     """Those of `warnings` that matter where the curve is the user's own, which has no release and fits no speeds made of positions."""
-    return tuple(words for words in warnings if not any(said in words for said in (_NOT_THE_RELEASE, _EARLIER_WORDS, _SPEEDS_MADE)))
+    of_release = (_NOT_THE_RELEASE, _EARLIER_WORDS, _SPEEDS_MADE)
+    return tuple(words for words in warnings if not any(said in words or phrase(said) in words for said in of_release))
 
 
 def _steps(t: FloatArray) -> tuple[float, FloatArray]:
@@ -58,17 +60,22 @@ def _times(t: FloatArray) -> list[str]:
     found = []
     missing = int(np.sum(np.maximum(whole, 1.0) - 1.0))
     if missing:
-        found.append(f"{missing} of {t.size + missing} frames are missing: there is no speed beside them")
+        found.append(phrase("{k} of {n} frames are missing: there is no speed beside them", k=missing, n=t.size + missing))
     if np.any(np.abs(steps - whole) > 0.1) or np.any(whole < 1):
         worst = int(np.argmax(np.abs(steps - whole)))
-        found.append(f"times do not advance by whole multiples of {usual:.5g} s (after t = {t[worst]:.6g} s): differences give no speeds")
+        found.append(
+            phrase(
+                "times do not advance by whole multiples of {usual:.5g} s (after t = {t:.6g} s): differences give no speeds",
+                usual=usual, t=t[worst],
+            )
+        )
     return found
 
 
 def _scale(t: FloatArray, along: FloatArray) -> list[str]:
     reach = float(np.ptp(along))
     if reach > _TOO_FAR:
-        return [f"the path is {reach:.3g} m long: is the unit of length centimetres (unit cm), or the scale wrong?"]
+        return [phrase("the path is {reach:.3g} m long: is the unit of length centimetres (unit cm), or the scale wrong?", reach=reach)]
     usual, _ = _steps(t)
     width = max(7, int(np.ceil(_WINDOW / usual)) if _WINDOW / usual < t.size else t.size)
     largest = 0.0
@@ -78,7 +85,12 @@ def _scale(t: FloatArray, along: FloatArray) -> list[str]:
         quadratic = np.linalg.lstsq(np.vander(time / span, 3), along[first : first + width], rcond=None)[0]
         largest = max(largest, 2.0 * abs(float(quadratic[0])) / span**2)
     if largest > _TOO_FAST * _G:
-        return [f"the acceleration reaches {largest:.3g} m/s², more than gravity can give: is the scale, the unit or the frame rate wrong?"]
+        return [
+            phrase(
+                "the acceleration reaches {largest:.3g} m/s², more than gravity can give: is the scale, the unit or the frame rate wrong?",
+                largest=largest,
+            )
+        ]
     return []
 
 
@@ -87,8 +99,11 @@ def _off_line(along: FloatArray, ramp: Ramp) -> list[str]:
     if ramp.across is None or not ramp.scatter > _OFF_LINE * reach:
         return []
     return [
-        f"the points scatter by {1e3 * ramp.scatter:.3g} mm about the fitted line, {100 * ramp.scatter / reach:.2g} % of the path:"
-        " the path is not straight or not in the plane of the axes"
+        phrase(
+            "the points scatter by {scatter:.3g} mm about the fitted line, {share:.2g} % of the path:"
+            " the path is not straight or not in the plane of the axes",
+            scatter=1e3 * ramp.scatter, share=100 * ramp.scatter / reach,
+        )
     ]
 
 
@@ -102,15 +117,18 @@ def _first_speed(t: FloatArray, along: FloatArray) -> list[str]:
     if first <= _MOVING * largest:
         return []
     return [
-        f"the body moves with {first:.2g} m/s in the first frames already: {_NOT_THE_RELEASE}"
-        " start the track or say --release T (in a campaign: release) where it is at rest"
+        phrase(
+            "the body moves with {first:.2g} m/s in the first frames already: {what}"
+            " start the track or say --release T (in a campaign: release) where it is at rest",
+            first=first, what=phrase(_NOT_THE_RELEASE),
+        )
     ]
 
 
 def _speed_column(track: Track, ramp: Ramp) -> list[str]:
     """The column v: a magnitude, and the central difference of the positions, as Tracker makes it."""
     if track.speed is None or track.x is None or track.y is None:
-        return [] if track.speed is None else [f"the column v is not used: {_SPEEDS_MADE}"]
+        return [] if track.speed is None else [phrase("the column v is not used: {why}", why=phrase(_SPEEDS_MADE))]
     found = []
     v = track.speed[1:-1]
     span = track.t[2:] - track.t[:-2]
@@ -120,12 +138,18 @@ def _speed_column(track: Track, ramp: Ramp) -> list[str]:
     if np.any(compared):
         off = float(np.sqrt(np.mean((v - made)[compared] ** 2)))
         if off > _SPEED * float(np.max(made)):
-            what = f"they differ by {off:.3g} m/s, rms"
-            found.append(f"the column v is not the central difference of x and y ({what}): v, the times or the lengths were changed")
+            found.append(
+                phrase(
+                    "the column v is not the central difference of x and y (they differ by {off:.3g} m/s, rms): "
+                    "v, the times or the lengths were changed",
+                    off=off,
+                )
+            )
     moved = np.diff(ramp.along)
     reach = float(np.ptp(ramp.along))
     if -float(np.sum(moved[moved < 0.0])) > _RETURN * reach and not np.any(track.speed < 0.0):
-        found.append(f"the column v is a magnitude, never negative though the motion turns back: it is not used, {_SPEEDS_MADE}")
+        words = phrase("the column v is a magnitude, never negative though the motion turns back: it is not used, {why}", why=phrase(_SPEEDS_MADE))
+        found.append(words)
     return found
 
 
@@ -135,7 +159,9 @@ def odd_intervals(intervals: Mapping[str, float]) -> dict[str, str]:
         return {}
     usual = float(np.median(list(intervals.values())))
     return {
-        name: f"the frames are {interval:.4g} s apart, those of most runs {usual:.4g} s: is the frame rate right?"
+        name: phrase(
+            "the frames are {interval:.4g} s apart, those of most runs {usual:.4g} s: is the frame rate right?", interval=interval, usual=usual
+        )
         for name, interval in intervals.items()
         if abs(interval / usual - 1.0) > 0.2
     }

@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from estim.arrays import FloatArray
-from estim.common import InputError, listed, read_number
+from estim.common import InputError, listed, phrase, read_number
 from estim.reading.input_file import read_bytes
 from estim.reading.tracker.track import METRES, Track
 from estim.reading.tracker.xml import Element, parse_tracker_xml, unpack_trz
@@ -82,7 +82,8 @@ def read_tracker(
     pixels = np.array([[marked[frame].number(c) for c in ("x", "y")] for frame in kept]).reshape(-1, 2)
     world = axes.world(frames, pixels) * factor
     outside = len(marked) - len(kept)
-    facts = (unit_fact, *axes.facts(factor), *_sticks(panel), *clip.facts, *([f"{outside} points outside the clip left out"] if outside else []))
+    left_out = [phrase("{n} points outside the clip left out", n=outside)] if outside else []
+    facts = (unit_fact, *axes.facts(factor), *_sticks(panel), *clip.facts, *left_out)
     return Track(
         file=file, sha256=hashlib.sha256(data).hexdigest(), name=name, t=clip.times(frames), x=world[:, 0].copy(), y=world[:, 1].copy(),
         frames=frames, lines=np.array([marked[frame].line for frame in kept], dtype=np.int64), speed=None, calibration=facts,
@@ -143,9 +144,11 @@ def _read_clip(panel: Element, frame_ms: float | None) -> _Clip:
     if average is not None and frame_ms is None and abs(stated / average - 1.0) > _SAME_RATE:
         rule = f"contradicts the video, whose frames last {average:.6g} ms; say which holds by --frame-ms (in a campaign: frame_ms)"
         raise control.need("delta_t").error(rule, value=stated)
-    facts = [f"frame {start} is step 0, every {'frame' if step == 1 else f'{step} frames'}, {duration:.8g} ms a frame"]
+    facts = [phrase("frame {start} is step 0, every frame, {duration:.8g} ms a frame", start=start, duration=duration)]
+    if step != 1:
+        facts = [phrase("frame {start} is step 0, every {step} frames, {duration:.8g} ms a frame", start=start, step=step, duration=duration)]
     if frame_ms is not None and frame_ms != stated:
-        facts.append(f"frame duration as stated by the user; the file says {stated:.8g} ms")
+        facts.append(phrase("frame duration as stated by the user; the file says {stated:.8g} ms", stated=stated))
     times, warnings = _unequal(of_video, start, step, count, duration)
     return _Clip(start, step, max(count, 0), clip.number("starttime", 0.0), duration, times, tuple(facts), warnings)
 
@@ -182,8 +185,10 @@ def _unequal(
     off = float(np.max(np.abs(scaled - (np.arange(of_video.size) - start) * duration)[start : end + 1]))
     if off <= max(_SAME_TIMES * duration, 0.002):
         return None, ()
-    rule = f"the frames of the video are not equally long (times off by up to {off:.3g} ms)"
-    return scaled, (f"{rule}: the video's own times are used, as Tracker does",)
+    said = phrase(
+        "the frames of the video are not equally long (times off by up to {off:.3g} ms): the video's own times are used, as Tracker does", off=off
+    )
+    return scaled, (said,)
 
 
 @dataclass(frozen=True, eq=False)
@@ -203,14 +208,18 @@ class _Axes:
 
     def facts(self, factor: float) -> tuple[str, ...]:
         x0, y0, angle, x_scale, y_scale = self.values[0]
-        scale = f"{x_scale / factor:.8g}" if x_scale == y_scale else f"{x_scale / factor:.8g} (x) and {y_scale / factor:.8g} (y)"
-        first = f"scale {scale} pixels/m, origin at pixel ({x0:.6g}, {y0:.6g}), axes turned by {angle:.6g} deg"
+        scale = f"{x_scale / factor:.8g}"
+        if x_scale != y_scale:
+            scale = phrase("{x:.8g} (x) and {y:.8g} (y)", x=x_scale / factor, y=y_scale / factor)
+        first = phrase(
+            "scale {scale} pixels/m, origin at pixel ({x:.6g}, {y:.6g}), axes turned by {angle:.6g} deg", scale=scale, x=x0, y=y0, angle=angle
+        )
         more = len(self.frames) - 1
-        return (first + (f" at frame {self.frames[0]}; {more} later changes" if more else ""),)
+        return (first + (phrase(" at frame {frame}; {n} later changes", frame=self.frames[0], n=more) if more else ""),)
 
     def warnings(self) -> tuple[str, ...]:
         if np.all(self.values[:, 3:] == 1.0):
-            return ("the scale is 1 pixel for 1 unit of length: the video was not calibrated",)
+            return (phrase("the scale is 1 pixel for 1 unit of length: the video was not calibrated"),)
         return ()
 
 
@@ -235,10 +244,13 @@ def _unit(panel: Element, stated: str | None) -> tuple[float, str]:
     found = panel.find("length_unit")
     written = found.text if found else ""
     if stated is not None:
-        return METRES[stated], f"lengths in {stated} as stated by the user" + (f"; the file says {written}" if written and written != stated else "")
+        other = phrase("; the file says {unit}", unit=written) if written and written != stated else ""
+        return METRES[stated], phrase("lengths in {unit} as stated by the user", unit=stated) + other
     if found is not None and written not in METRES:
         raise found.error(f"must be one of {', '.join(METRES)}; say which holds by --unit (in a campaign: unit)", value=written)
-    return METRES[written or "m"], f"lengths in {written} as the file says" if written else "no unit of length in the file: taken as m"
+    if not written:
+        return METRES["m"], phrase("no unit of length in the file: taken as m")
+    return METRES[written], phrase("lengths in {unit} as the file says", unit=written)
 
 
 def _stick_lengths(panel: Element) -> list[tuple[str, tuple[float, float], float]]:
@@ -255,7 +267,10 @@ def _stick_lengths(panel: Element) -> list[tuple[str, tuple[float, float], float
 
 
 def _sticks(panel: Element) -> tuple[str, ...]:
-    return tuple(f"{name}: {length:.6g} for {np.hypot(*ends):.6g} pixels" for name, ends, length in _stick_lengths(panel))
+    return tuple(
+        phrase("{name}: {length:.6g} for {pixels:.6g} pixels", name=name, length=length, pixels=np.hypot(*ends))
+        for name, ends, length in _stick_lengths(panel)
+    )
 
 
 def _stick_warnings(panel: Element, axes: _Axes) -> tuple[str, ...]:
@@ -264,5 +279,6 @@ def _stick_warnings(panel: Element, axes: _Axes) -> tuple[str, ...]:
     for name, (dx, dy), length in _stick_lengths(panel):
         by_scale = float(np.hypot(dx / axes.values[0, 3], dy / axes.values[0, 4]))
         if abs(by_scale - length) > 0.01 * abs(length):
-            warnings.append(f"{name} is {by_scale:.4g} long by the scale of the axes but stated as {length:.4g}")
+            said = {"name": name, "by_scale": by_scale, "length": length}
+            warnings.append(phrase("{name} is {by_scale:.4g} long by the scale of the axes but stated as {length:.4g}", **said))
     return tuple(warnings)

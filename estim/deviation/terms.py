@@ -1,0 +1,52 @@
+"""What the density of a draw needs of each family of components, made once for all draws."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from estim.arrays import FloatArray
+from estim.deviation.components import Family
+
+
+@dataclass(frozen=True, eq=False)
+class Terms:
+    """Constants of a family: log density = [(z basis)^2, |z|^2, 1] gain + |explained|^2/2.
+
+    gain : (n_dir + 2, n_component).
+    cross, cross_white : (n_dir, n_component * n_column), (n_column, n_component * n_column), with (z basis) cross + (z H) cross_white
+    the part of z that H explains, in units of its own standard deviation.
+    """
+
+    gain: FloatArray
+    cross: FloatArray
+    cross_white: FloatArray
+
+    def log_density(self, square: FloatArray, seen: FloatArray, along: FloatArray) -> FloatArray:
+        """(n_draw, n_component) for |z|^2 (n_draw,), z basis (n_draw, n_dir) and z H (n_draw, n_column)."""
+        columns = np.empty((square.size, len(self.gain)))
+        np.square(seen, out=columns[:, :-2])
+        columns[:, -2], columns[:, -1] = square, 1.0
+        density = columns @ self.gain
+        if along.shape[1]:
+            explained = (seen @ self.cross + along @ self.cross_white).reshape(square.size, -1, along.shape[1])
+            density += 0.5 * np.einsum("ikq,ikq->ik", explained, explained)
+        return density
+
+
+def terms_of(family: Family, columns: FloatArray) -> Terms:
+    """Of a family beside the columns H (n_obs, n_column), whitened."""
+    n_dir, n_column = family.spectrum.size, columns.shape[1]
+    inverse = 1.0 / np.square(family.scale)
+    variance = family.variances()
+    gain = 1.0 / variance - inverse[:, None]
+    log_norm = family.log_prior - 0.5 * np.sum(np.log(variance), axis=1) + 0.5 * (columns.shape[0] - n_dir) * np.log(inverse)
+    turned = family.basis.T @ columns
+    information = np.eye(n_column) + inverse[:, None, None] * (columns.T @ columns) + np.einsum("mi,km,mj->kij", turned, gain, turned)
+    lower = np.linalg.cholesky(information)
+    log_norm -= np.sum(np.log(np.diagonal(lower, axis1=1, axis2=2)), axis=1)
+    root = np.linalg.inv(lower).transpose(0, 2, 1)  # (n_component, n_column, n_column), b root has unit covariance
+    cross = np.einsum("km,mi,kij->mkj", gain, turned, root).reshape(n_dir, inverse.size * n_column)
+    cross_white = np.einsum("k,kij->ikj", inverse, root).reshape(n_column, inverse.size * n_column)
+    return Terms(np.vstack([-0.5 * gain.T, -0.5 * inverse, log_norm]), cross, cross_white)

@@ -1,0 +1,227 @@
+"""Triangular roots L of covariances C = L L^T, without the matrix where it is large.
+
+`Band` where only neighbours are correlated: independent points, speeds made of neighbouring positions.  `Beside` (in `estim.problem.besides`) where
+a few causes move all points beside that: an error of the clock, a push at the start, a force along the track.  `Dense` for any other matrix, and for
+few points, where one product of matrices is faster than many small ones.  `Stacked` for runs below each other.
+
+L is the same triangle in each: whitened residuals stand in the order of the points, each what is new in a point given those before it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Protocol
+
+import numpy as np
+from scipy.linalg import cholesky_banded, solve_triangular
+from scipy.linalg.lapack import dtbtrs
+
+from estim.arrays import FloatArray
+
+_ROWS = 512
+
+
+class Root(Protocol):
+    """L (n_obs, n_obs).  Rows are (..., n_obs)."""
+
+    @property
+    def n_obs(self) -> int: ...
+
+    @property
+    def log_volume(self) -> float:
+        """Half the logarithm of the determinant of C."""
+
+    @property
+    def variances(self) -> FloatArray:
+        """(n_obs,) diagonal of C."""
+
+    @property
+    def precisions(self) -> FloatArray:
+        """(n_obs,) diagonal of C^-1."""
+
+    def whiten(self, rows: FloatArray) -> FloatArray:
+        """L^-1 r of each row r."""
+
+    def turned_back(self, rows: FloatArray) -> FloatArray:
+        """L^-T r of each row r: what is a slope in whitened points as a slope in the points."""
+
+    def coloured(self, rows: FloatArray) -> FloatArray:
+        """L r of each row r."""
+
+    def times(self, factor: float) -> Root:
+        """factor L."""
+
+
+def covariance_of(root: Root) -> FloatArray:
+    """C (n_obs, n_obs), for few points."""
+    return np.asarray(root.lower @ root.lower.T) if isinstance(root, Dense) else _squared(root.coloured(np.eye(root.n_obs)))
+
+
+def _squared(rows: FloatArray) -> FloatArray:
+    return np.asarray(rows.T @ rows)
+
+
+@dataclass(frozen=True, eq=False)
+class Dense:
+    """lower : L."""
+
+    lower: FloatArray
+
+    @classmethod
+    def of(cls, covariance: FloatArray) -> Dense:
+        """Raises LinAlgError where it is not positive definite."""
+        return cls(np.asarray(np.linalg.cholesky(covariance), dtype=float))
+
+    @property
+    def n_obs(self) -> int:
+        return len(self.lower)
+
+    @property
+    def log_volume(self) -> float:
+        return float(np.sum(np.log(np.diag(self.lower))))
+
+    @property
+    def variances(self) -> FloatArray:
+        return np.asarray(np.sum(self.lower**2, axis=1))
+
+    @property
+    def precisions(self) -> FloatArray:
+        return np.asarray(np.sum(self._whitener**2, axis=1))
+
+    @cached_property
+    def _whitener(self) -> FloatArray:
+        """L^-T."""
+        return np.ascontiguousarray(solve_triangular(self.lower, np.eye(self.n_obs), lower=True).T)
+
+    def whiten(self, rows: FloatArray) -> FloatArray:
+        return rows @ self._whitener
+
+    def turned_back(self, rows: FloatArray) -> FloatArray:
+        return rows @ self._whitener.T
+
+    def coloured(self, rows: FloatArray) -> FloatArray:
+        return rows @ self.lower.T
+
+    def times(self, factor: float) -> Dense:
+        return Dense(factor * self.lower)
+
+
+@dataclass(frozen=True, eq=False)
+class Band:
+    """lower : (n_band + 1, n_obs), [d, i] the element (i + d, i) of L."""
+
+    lower: FloatArray
+
+    @classmethod
+    def of(cls, bands: FloatArray) -> Band:
+        """Of a covariance in bands (n_band + 1, n_obs); one that rounding leaves indefinite is lifted by as much.  Raises LinAlgError."""
+        if len(bands) == 1:
+            if not np.all(bands > 0.0):
+                raise np.linalg.LinAlgError("must be positive definite")
+            return cls(np.sqrt(bands))
+        try:
+            return cls(cholesky_banded(bands, lower=True))
+        except np.linalg.LinAlgError:
+            lifted = bands.copy()
+            lifted[0] += 4.0 * np.finfo(float).eps * bands.shape[1] * np.max(bands[0])
+            return cls(cholesky_banded(lifted, lower=True))
+
+    @property
+    def n_obs(self) -> int:
+        return self.lower.shape[1]
+
+    @property
+    def log_volume(self) -> float:
+        return float(np.sum(np.log(self.lower[0])))
+
+    @property
+    def variances(self) -> FloatArray:
+        found = np.zeros(self.n_obs)
+        for d, band in enumerate(self.lower):
+            found[d:] += band[: self.n_obs - d] ** 2
+        return found
+
+    @property
+    def precisions(self) -> FloatArray:
+        if len(self.lower) == 1:
+            return np.asarray(1.0 / self.lower[0] ** 2)
+        found = np.empty(self.n_obs)
+        for start in range(0, self.n_obs, _ROWS):
+            some = np.arange(start, min(start + _ROWS, self.n_obs))
+            single = np.zeros((some.size, self.n_obs))
+            single[np.arange(some.size), some] = 1.0
+            found[some] = np.sum(self.whiten(single) ** 2, axis=1)
+        return found
+
+    def whiten(self, rows: FloatArray) -> FloatArray:
+        return rows / self.lower[0] if len(self.lower) == 1 else self._solved(rows, "N")
+
+    def turned_back(self, rows: FloatArray) -> FloatArray:
+        return rows / self.lower[0] if len(self.lower) == 1 else self._solved(rows, "T")
+
+    def _solved(self, rows: FloatArray, trans: str) -> FloatArray:
+        flat = np.asarray(rows, dtype=float).reshape(-1, self.n_obs)
+        if not flat.size:  # SciPy's wrapper writes beyond an empty array
+            return flat.reshape(rows.shape)
+        found, _ = dtbtrs(self.lower, flat.T, uplo="L", trans=trans)  # (n_obs, n) in the order of Fortran: no copy but the one it solves in
+        return np.asarray(found.T.reshape(rows.shape))
+
+    def coloured(self, rows: FloatArray) -> FloatArray:
+        found = rows * self.lower[0]
+        for d in range(1, len(self.lower)):
+            found[..., d:] += rows[..., :-d] * self.lower[d, :-d]
+        return np.asarray(found)
+
+    def times(self, factor: float) -> Band:
+        return Band(factor * self.lower)
+
+
+@dataclass(frozen=True, eq=False)
+class Stacked:
+    """Runs below each other, each with its own root."""
+
+    parts: tuple[Root, ...]
+
+    @property
+    def n_obs(self) -> int:
+        return sum(part.n_obs for part in self.parts)
+
+    @property
+    def log_volume(self) -> float:
+        return sum(part.log_volume for part in self.parts)
+
+    @property
+    def variances(self) -> FloatArray:
+        return np.concatenate([part.variances for part in self.parts])
+
+    @property
+    def precisions(self) -> FloatArray:
+        return np.concatenate([part.precisions for part in self.parts])
+
+    def whiten(self, rows: FloatArray) -> FloatArray:
+        return np.concatenate([part.whiten(own) for part, own in self._each(rows)], axis=-1)
+
+    def turned_back(self, rows: FloatArray) -> FloatArray:
+        return np.concatenate([part.turned_back(own) for part, own in self._each(rows)], axis=-1)
+
+    def coloured(self, rows: FloatArray) -> FloatArray:
+        return np.concatenate([part.coloured(own) for part, own in self._each(rows)], axis=-1)
+
+    def times(self, factor: float) -> Stacked:
+        return Stacked(tuple(part.times(factor) for part in self.parts))
+
+    def _each(self, rows: FloatArray) -> list[tuple[Root, FloatArray]]:
+        ends = np.cumsum([part.n_obs for part in self.parts])[:-1]
+        return list(zip(self.parts, np.split(rows, ends, axis=-1), strict=True))
+
+
+def stacked_root(roots: Sequence[Root]) -> Root:
+    """Of runs below each other."""
+    return roots[0] if len(roots) == 1 else Stacked(tuple(roots))
+
+
+def root_of(covariance: FloatArray) -> Root:
+    """Of variances (n_obs,) or a covariance (n_obs, n_obs).  Raises LinAlgError where it is not positive definite."""
+    return Band.of(covariance[None, :]) if covariance.ndim == 1 else Dense.of(covariance)

@@ -1,0 +1,130 @@
+"""Recordings of many frames: what is computed in bands and beside causes is what whole matrices say."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from estim import fit_curve, load_campaign
+from estim.campaign.forced import course_of
+from estim.checks import goodness
+from estim.deviation import BadFrames, FreeStart, bad_frames, pose_force, usual_errors
+from estim.deviation import noise as lacking
+from estim.fitting import screen
+from estim.problem import besides
+from estim.problem import noise as stated
+from estim.problem.rooted import RootErrors
+from model import Body, positions_at
+
+NOISES = {
+    "speeds": 'derivative = "central"',
+    "wider speeds": 'derivative = "five-point"',
+    "positions": 'model = "positions"',
+}
+
+
+def recording(folder: Path, noise: str, n: int, *, more: str = "", bad: float = 0.0) -> Path:
+    rng, t = np.random.default_rng(5), np.linspace(0.0, 3.0, n)
+    body = Body(radius=0.15, gamma=0.094, kappa=0.45)
+    x = positions_at(t, body, phi=math.radians(-1.0), theta0=math.radians(20.0))[0] + 2e-4 * rng.standard_normal(n)
+    x[n // 2] += bad
+    (folder / "run.csv").write_text("t_s,x_m\n" + "".join(f"{a:.7f},{b:.6f}\n" for a, b in zip(t, x, strict=True)))
+    path = folder / "campaign.toml"
+    path.write_text(f"""
+title = "A long roll down"
+kind = "synthetic"
+[shared]
+g = 9.81
+radius_m = "0.1500(5)"
+noise = {{sigma_x_m = 0.0002, {noise}{more}}}
+[bodies.light]
+mass_disk_kg = "0.3022(10)"
+mass_particle_kg = "0.0314(37)"
+kappa = {{prior = "uniform", low = 0.0, high = 1.0}}
+[[runs]]
+name = "long"
+body = "light"
+file = "run.csv"
+phi_deg = "-1.0(1)"
+theta0_deg = "20.0(1.5)"
+""")
+    return path
+
+
+def _posed(path: Path, monkeypatch: pytest.MonkeyPatch, dense: int):
+    """Free start, force and bad frames about one point, where more than `dense` points go by roots."""
+    for module in (stated, lacking, usual_errors, besides):
+        monkeypatch.setattr(module, "DENSE", dense)
+    campaign = load_campaign(path)
+    problem = campaign.with_usual_errors(campaign.problem(["long"]))
+    values = np.array([p.prior.centre for p in problem.parameters])
+    values[problem.names.index("kappa[light]")] = 0.45
+    values[[i for i, p in enumerate(problem.parameters) if p.unit == "s"]] = 0.0
+    (run,) = problem.runs
+    course = course_of(run, campaign.tables["long"])
+    named = problem.named(values)
+    free = FreeStart(run.noise, course, BadFrames()).likelihood(run.points, named)
+    bad = bad_frames(run, course, problem, values, known=BadFrames())
+    posed = pose_force(run, course, problem, values, without=np.ones(problem.n_par), bad=bad)
+    return problem, named, free, posed, bad
+
+
+@pytest.mark.parametrize("noise", NOISES)
+def test_bands_say_what_whole_matrices_say(tmp_path, monkeypatch, noise):
+    path = recording(tmp_path, NOISES[noise], 301, bad=0.004)
+    problem, named, free, posed, bad = _posed(path, monkeypatch, 10)
+    _, _, whole_free, whole_posed, whole_bad = _posed(path, monkeypatch, 10**6)
+    (run,) = problem.runs
+    assert isinstance(free, RootErrors)
+    assert not isinstance(whole_free, RootErrors)
+    # of positions, which a push moves by 15,000 sds, the eigenvectors of the whole matrix lose eight digits; by extended precision bands do not
+    close = 2e-7 if noise == "positions" else 1e-8
+    draws = {name: np.asarray(value) * np.array([[1.0], [1.001]]) for name, value in named.items()}
+    for one, other in ((free, whole_free), (posed.noise.likelihood(run.points, named), whole_posed.noise.likelihood(run.points, named))):
+        np.testing.assert_allclose(one.log_likelihood(draws), other.log_likelihood(draws), rtol=1e-10)
+        (j, r), (whole_j, whole_r) = one.scoring(named, problem.names), other.scoring(named, problem.names)
+        size = np.linalg.norm(whole_j, axis=0)
+        size[size == 0.0] = 1.0
+        np.testing.assert_allclose((j / size).T @ r, (whole_j / size).T @ whole_r, atol=close)
+        np.testing.assert_allclose((j / size).T @ j / size, (whole_j / size).T @ whole_j / size, rtol=0.0, atol=close)
+        white, whole = one.whitened(named, problem.names), other.whitened(named, problem.names)
+        np.testing.assert_allclose(white.z, whole.z, rtol=0.0, atol=close)
+        np.testing.assert_allclose(white.root / size, whole.root / size, rtol=0.0, atol=close)
+        np.testing.assert_allclose(one.sd(named), other.sd(named), rtol=1e-9)
+        np.testing.assert_allclose(one.pointwise(draws), other.pointwise(draws), rtol=0.0, atol=10.0 * close)
+        assert one.squared_size(run.y, named) == pytest.approx(other.squared_size(run.y, named), rel=1e-9)
+    assert bad.same(whole_bad)
+    assert [(jump.kind, jump.row) for jump in bad.jumps] == [("frame", 150)]
+    np.testing.assert_allclose(bad.jumps[0].size, whole_bad.jumps[0].size, rtol=1e-8)
+    np.testing.assert_allclose(posed.found.force.mean, whole_posed.found.force.mean, atol=1e-8 * np.max(np.abs(whole_posed.found.force.mean)))
+
+
+def test_where_the_covariance_does_not_stay_the_same_a_recording_has_at_most_3000_frames(tmp_path):
+    path = recording(tmp_path, NOISES["speeds"], 3300)
+    assert load_campaign(path).problem(["long"]).n_obs > 3000
+    recording(tmp_path, NOISES["speeds"], 3300, more=", scatter = {prior = \"half-normal\", scale = 0.1}")
+    with pytest.raises(Exception, match="'rows to fit' must be at most 3000: state a window for run 'long': 3"):
+        load_campaign(path).problem(["long"])
+
+
+def test_many_residuals_are_simulated_in_pieces_and_few_at_once():
+    assert goodness._pieces([20_000], 300) == [20_000]
+    pieces = goodness._pieces(goodness._blocks(400), 100_000)
+    assert sum(pieces) == sum(goodness._blocks(400)) >= 2600
+    assert max(pieces) * 100_000 <= goodness._PIECE
+
+
+def test_a_scan_of_many_points_in_pieces_finds_the_same(monkeypatch):
+    rng, t = np.random.default_rng(1), np.linspace(0.0, 20.0, 400)
+    y = 2.0 * np.exp(-t / 15.0) * np.cos(3.0 * t + 0.4) + 0.05 * rng.standard_normal(t.size)
+    start = {"a": 1.8, "tau": 12.0, "w": 3.02, "p": 0.3}
+    found = []
+    for batch in (400_000, 2_000):
+        monkeypatch.setattr(screen, "_BATCH", batch)
+        found.append(fit_curve("a*exp(-x/tau)*cos(w*x + p)", t, y, u_y=0.05, start=start))
+    one, other = found
+    for name in start:
+        assert one.values[name] == pytest.approx(other.values[name], rel=1e-12)
