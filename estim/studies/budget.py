@@ -123,7 +123,7 @@ def _quantities(fit: Fit) -> list[_Quantity]:
     problem, found = fit.problem, list[_Quantity]()
     for i, name in enumerate(fit.names):
         if name not in problem.noise_names:
-            found.append(_Quantity(name, np.eye(fit.values.size)[i], partial(_column, i)))
+            found.append(_Quantity(name, np.eye(1, fit.values.size, i)[0], partial(_column, i)))
     by_name: dict[str, list[tuple[str, FloatArray, Callable[[FloatArray], FloatArray]]]] = {}
     for run in problem.runs:
         wanted = {one.name for one in run.sought}
