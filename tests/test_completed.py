@@ -15,6 +15,7 @@ from estim.deviation.force import force_kernel, work_along
 from estim.deviation.grid import START_SD
 from estim.deviation.kernels import without_mean
 from estim.pipeline import Analysis, analyse
+from estim.problem.roots import covariance_of
 from estim.sampling import Target, posterior_bands
 from estim.sampling.bands import moved_on
 
@@ -50,7 +51,7 @@ def test_start_and_force_given_the_points_are_those_of_dense_matrices(pushed: tu
     lift = np.ravel(9.81 / completed.motion.energies(x, np.ones(3), arguments)[0])
     along, mixture = completed.along, completed.mixture
     residuals = completed.points.y - completed.shift - np.ravel(completed.points.value(fit.problem.named(fit.values)))
-    stated, push = mixture.deviation.unwhiten(np.eye(residuals.size)), START_SD * along.radian
+    stated, push = covariance_of(mixture.deviation.root), START_SD * along.radian
     means, squares, shares, start = np.zeros(3), np.zeros(3), mixture.shares(residuals), 0
     for family in mixture.deviation.families:
         kernel = without_mean(force_kernel(along.track, family.length, radius=along.radian), along.track.weights)
