@@ -85,7 +85,8 @@ def test_bands_say_what_whole_matrices_say(tmp_path, monkeypatch, noise):
     close = 2e-7 if noise == "positions" else 1e-8
     draws = {name: np.asarray(value) * np.array([[1.0], [1.001]]) for name, value in named.items()}
     for one, other in ((free, whole_free), (posed.noise.likelihood(run.points, named), whole_posed.noise.likelihood(run.points, named))):
-        np.testing.assert_allclose(one.log_likelihood(draws), other.log_likelihood(draws), rtol=1e-10)
+        off = close * run.n_obs**0.5  # of a sum of squares of residuals that are of the order of 1
+        np.testing.assert_allclose(one.log_likelihood(draws), other.log_likelihood(draws), rtol=0.0, atol=off)
         (j, r), (whole_j, whole_r) = one.scoring(named, problem.names), other.scoring(named, problem.names)
         size = np.linalg.norm(whole_j, axis=0)
         size[size == 0.0] = 1.0
