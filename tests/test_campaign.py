@@ -274,10 +274,6 @@ def test_measured_angles_are_a_run_too(load, folder):
 # which rows are fit
 
 
-def _kept(run):
-    return run.x.min(), run.x.max(), run.n_obs
-
-
 def test_frames_near_the_release_and_the_turn_are_left_out_and_counted(load):
     campaign = load()
     table, run = campaign.tables["h4"], campaign.problem(["h4"]).runs[0]
