@@ -15,12 +15,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from command_runner import runner
+from test_verify import MODEL, run
 
 from estim.batch import Settings
 from estim.batch.rows import key_of
 from estim.campaign import load_campaign
-from estim.cli.commands import cli
 from estim.common import LANGUAGES, phrase, phrases, spoken
 from estim.curve_fit import CurveFit, fit_curve
 from estim.pipeline import sample_curve
@@ -314,21 +313,6 @@ def shape_of(record: object) -> object:
 
 
 # ---- commands ----
-
-MODEL = """\
-title = "A sum"
-draws = 10000
-[measurand]
-formula = "a + b"
-unit = "m"
-[inputs]
-a = {value = 1.0, u = 0.1}
-b = {value = 2.0, u = 0.2}
-"""
-
-
-def run(*arguments: object):
-    return runner().invoke(cli, [str(argument) for argument in arguments])
 
 
 def test_a_report_is_verified_in_its_own_language(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

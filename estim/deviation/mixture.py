@@ -110,18 +110,11 @@ class Mixture:
 
         Least squares weighted by Q, taken anew at its own result until nothing moves, ends at a maximum of the likelihood.
         """
-        share, start, white = self.shares(residuals), 0, 0.0
+        white = 0.0
         span = np.linalg.qr(np.hstack([self.together[0], self.columns]))[0]
         core, columns = np.zeros((span.shape[1], span.shape[1])), span.T @ self.columns
-        for family in self.deviation.families:
-            own = share[start : start + family.amplitude.size]
-            start += own.size
-            felt = own > _FELT
-            if not felt.any():
-                continue
-            own = own[felt]
-            flat = 1.0 / np.square(family.scale[felt])
-            gain, basis = 1.0 / family.variances()[felt] - flat[:, None], span.T @ family.basis
+        for family, own, flat, gain in self._felt(residuals):
+            basis = span.T @ family.basis
             core += (basis * (own @ gain)) @ basis.T
             white += float(own @ flat)
             if columns.shape[1]:
@@ -133,18 +126,9 @@ class Mixture:
 
     def pull(self, residuals: FloatArray) -> FloatArray:
         """(n_obs,) Q r of the same Q at residuals (n_obs,), which is not made for it."""
-        share, start = self.shares(residuals), 0
         z = self.deviation.whiten(residuals)
         along, whole, pull = z @ self.columns, self.columns.T @ self.columns, np.zeros(residuals.size)
-        for family in self.deviation.families:
-            own = share[start : start + family.amplitude.size]
-            start += own.size
-            felt = own > _FELT
-            if not felt.any():
-                continue
-            own = own[felt]
-            white = 1.0 / np.square(family.scale[felt])
-            gain = 1.0 / family.variances()[felt] - white[:, None]
+        for family, own, white, gain in self._felt(residuals):
             seen, lying = z @ family.basis, family.basis.T @ self.columns
             shifts = np.zeros((own.size, self.columns.shape[1]))
             if self.columns.shape[1]:
@@ -154,6 +138,17 @@ class Mixture:
             left = own[:, None] * gain * (seen - shifts @ lying.T)
             pull += (own @ white) * z + family.basis @ np.sum(left, axis=0) - self.columns @ ((own * white) @ shifts)
         return self.deviation.turned_back(pull)
+
+    def _felt(self, residuals: FloatArray) -> Iterator[tuple[Family, FloatArray, FloatArray, FloatArray]]:
+        """Of each family the components that count at residuals (n_obs,): shares (k,), white precisions (k,), what directions add to these (k, n_dir)."""
+        share, start = self.shares(residuals), 0
+        for family in self.deviation.families:
+            own = share[start : start + family.amplitude.size]
+            start += own.size
+            felt = own > _FELT
+            if felt.any():
+                white = 1.0 / np.square(family.scale[felt])
+                yield family, own[felt], white, 1.0 / family.variances()[felt] - white[:, None]
 
     def variances(self, residuals: FloatArray) -> FloatArray:
         """(n_obs,) of the errors at residuals (n_obs,): the diagonal of the sum of the C_k by their `shares`, and H H^T."""
