@@ -140,7 +140,7 @@ class Mixture:
         return self.deviation.turned_back(pull)
 
     def _felt(self, residuals: FloatArray) -> Iterator[tuple[Family, FloatArray, FloatArray, FloatArray]]:
-        """Of each family the components that count at residuals (n_obs,): shares (k,), white precisions (k,), what directions add to these (k, n_dir)."""
+        """Of each family the components that count at residuals (n_obs,): shares, white precisions (k,), what directions add to these (k, n_dir)."""
         share, start = self.shares(residuals), 0
         for family in self.deviation.families:
             own = share[start : start + family.amplitude.size]
