@@ -40,11 +40,12 @@ _EM_STEPS = 25
 
 @dataclass(frozen=True, eq=False)
 class Proposal:
-    """sum_k weights_k t_5(x; means_k, factors_k factors_k^T).
+    """sum_k weights_k t_dof(x; means_k, factors_k factors_k^T).
 
     weights : (n_component,), sum 1.  means : (n_component, n_par).
-    factors : (n_component, n_par, n_par) lower Cholesky factors of the scale matrices (covariance = 5/3 of it).
+    factors : (n_component, n_par, n_par) lower Cholesky factors of the scale matrices (covariance = dof/(dof - 2) of it).
     limits : (n_par,) each, at which draws are folded.  bend, bent : what the components (n_component,) of a bent ridge follow.
+    dof : degrees of freedom of all components.
     """
 
     weights: FloatArray
@@ -53,6 +54,7 @@ class Proposal:
     limits: Support | None = None
     bend: Bend | None = None
     bent: NDArray[np.bool_] | None = None
+    dof: float = DOF
 
     @property
     def n_par(self) -> int:
@@ -66,7 +68,7 @@ class Proposal:
     def _log_heights(self) -> FloatArray:
         """(n_component,) log of weight times density at the centre."""
         d = self.n_par
-        unit = math.lgamma(0.5 * (DOF + d)) - math.lgamma(0.5 * DOF) - 0.5 * d * math.log(DOF * math.pi)
+        unit = math.lgamma(0.5 * (self.dof + d)) - math.lgamma(0.5 * self.dof) - 0.5 * d * math.log(self.dof * math.pi)
         return np.log(self.weights) + unit - np.sum(np.log(np.diagonal(self.factors, axis1=1, axis2=2)), axis=1)
 
     @cached_property
@@ -96,16 +98,21 @@ class Proposal:
         A proposal that was adapted to draws of itself may miss a long tail (of an outlier's width, say), and weights cannot
         show what was never drawn.  Where the wide draws find something, k-hat and the effective size say so.
         """
+        return self.guarded(_FAR_SHARE, _FAR_FACTOR)
+
+    def guarded(self, share: float, factor: float) -> Proposal:
+        """A `share` of the draws from `factor` times as far around."""
         mean = self.weights @ self.means
         away = self.means - mean
         scale = np.einsum("k,kij,klj->il", self.weights, self.factors, self.factors) + (self.weights[:, None] * away).T @ away
-        return self._with(mean, scale, _FAR_SHARE, _FAR_FACTOR)
+        return self._with(mean, scale, share, factor)
 
     def _with(self, mean: FloatArray, scale: FloatArray, share: float, factor: float) -> Proposal:
         """A `share` of the draws from one more component."""
         return Proposal(
             np.append((1.0 - share) * self.weights, share), np.vstack([self.means, mean]),
             np.concatenate([self.factors, factor * lower_factor(scale)[None]]), self.limits, self.bend, np.append(self.follows, False),
+            self.dof,
         )
 
     def following(self, bend: Bend | None) -> Proposal:
@@ -125,12 +132,12 @@ class Proposal:
         weights = np.append((1.0 - _TAIL_SHARE) * self.weights, np.full(n, _TAIL_SHARE / n))
         return Proposal(
             weights, np.vstack([self.means, means]), np.concatenate([self.factors, factors]), self.limits, self.bend,
-            np.append(self.follows, [False] * n),
+            np.append(self.follows, [False] * n), self.dof,
         )
 
     def draw(self, rng: np.random.Generator, n: int) -> FloatArray:
         """(n, n_par) independent draws."""
-        normal = rng.standard_normal((n, self.n_par)) / np.sqrt(rng.chisquare(DOF, n) / DOF)[:, None]
+        normal = rng.standard_normal((n, self.n_par)) / np.sqrt(rng.chisquare(self.dof, n) / self.dof)[:, None]
         if self.weights.size == 1 and self._folding is None and self.bend is None:
             return self.means[0] + normal @ self.factors[0].T
         which = rng.choice(self.weights.size, n, p=self.weights)
@@ -150,7 +157,7 @@ class Proposal:
 
     def component_log_densities(self, draws: FloatArray) -> FloatArray:
         """(n_component, n_draw) log of weight times density of each component."""
-        return self._log_heights[:, None] - 0.5 * (DOF + self.n_par) * np.log1p(self.distances(draws) / DOF)
+        return self._log_heights[:, None] - 0.5 * (self.dof + self.n_par) * np.log1p(self.distances(draws) / self.dof)
 
     def log_density(self, draws: FloatArray) -> FloatArray:
         """(n_draw,) normalised log density at draws (n_draw, n_par)."""
@@ -165,10 +172,10 @@ class Proposal:
     def _folded_log_density(self, folds: Folding, draws: FloatArray) -> FloatArray:
         columns = np.ascontiguousarray(draws.T[folds.order])
         straight = columns if self.bend is None else np.ascontiguousarray(self.bend.straight(draws).T[folds.order])
-        power, top = 0.5 * (DOF + self.n_par), float(np.max(self._log_heights))
+        power, top = 0.5 * (self.dof + self.n_par), float(np.max(self._log_heights))
         total, beyond = np.zeros(len(draws)), np.full(len(draws), -np.inf)
         for k, height in enumerate(self._log_heights - top):
-            falls = 1.0 + folds.distances(straight if self.follows[k] else columns, k) / DOF
+            falls = 1.0 + folds.distances(straight if self.follows[k] else columns, k) / self.dof
             total += math.exp(height) * np.sum(falls**-power, axis=0)
             if not np.all(total > 0.0):  # so far away that only logarithms know it
                 least = np.min(falls, axis=0)
