@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 from estim.arrays import FloatArray
 from estim.common import NumericalError
 from estim.sampling.bending import Bend, bend_of
+from estim.sampling.curving import Curving
 from estim.sampling.factors import lower_factor
 from estim.sampling.folding import Folding, folding, unfolded
 from estim.sampling.importance import flattened, kish_size, pareto_smoothed
@@ -52,7 +53,7 @@ class Proposal:
     means: FloatArray
     factors: FloatArray
     limits: Support | None = None
-    bend: Bend | None = None
+    bend: Bend | Curving | None = None
     bent: NDArray[np.bool_] | None = None
     dof: float = DOF
 
@@ -83,7 +84,7 @@ class Proposal:
             return None
         low, high = (np.tile(limit, (self.weights.size, 1)) for limit in self.limits)
         if self.bend is not None:  # a limit of what is moved by a bend is no limit of the straight one
-            moved = self.follows[:, None] & (self.bend.shift != 0.0)
+            moved = self.follows[:, None] & self.bend.moves
             low[moved], high[moved] = -np.inf, np.inf
         return folding(self.means, self.factors, low, high)
 
@@ -115,7 +116,7 @@ class Proposal:
             self.dof,
         )
 
-    def following(self, bend: Bend | None) -> Proposal:
+    def following(self, bend: Bend | Curving | None) -> Proposal:
         """All components bent."""
         return self if bend is None else replace(self, bend=bend, bent=np.ones(self.weights.size, dtype=bool))
 
