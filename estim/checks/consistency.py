@@ -24,6 +24,7 @@ Sources: Rao, Linear Statistical Inference (1973) 4a.2 (tests of nested hypothes
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
@@ -113,9 +114,9 @@ class Consistency:
 
 def comparable(fit: Fit) -> bool:
     """Whether there is something to compare: several runs, a parameter of the curve in common, and a fit that determines all."""
-    users = [run.parameters for run in fit.problem.runs]
+    users = Counter(name for run in fit.problem.runs for name in run.parameters)
     mean = [p.name for p in fit.problem.parameters if p.name not in fit.problem.noise_names and not p.between]
-    return len(users) > 1 and any(sum(name in used for used in users) > 1 for name in mean) and not fit.singular
+    return len(fit.problem.runs) > 1 and any(users[name] > 1 for name in mean) and not fit.singular
 
 
 def check_consistency(fit: Fit) -> Consistency:
@@ -127,8 +128,8 @@ def check_consistency(fit: Fit) -> Consistency:
     """
     problem = fit.problem
     noise = problem.noise_names
-    users = [sum(name in run.parameters for run in problem.runs) for name in problem.names]
-    shared = np.array([i for i, p in enumerate(problem.parameters) if users[i] > 1 and p.name not in noise and not p.between], dtype=np.int64)
+    users = Counter(name for run in problem.runs for name in run.parameters)
+    shared = np.array([i for i, p in enumerate(problem.parameters) if users[p.name] > 1 and p.name not in noise and not p.between], dtype=np.int64)
     if shared.size == 0:
         raise InputError("must have a parameter of the curve in common to be compared", field="runs", value=", ".join(r.name for r in problem.runs))
     if fit.singular:

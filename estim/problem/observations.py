@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -113,12 +115,12 @@ class Observations:
     def n_obs(self) -> int:
         return int(self.x.size)
 
-    @property
+    @cached_property
     def curve_parameters(self) -> frozenset[str]:
         """Names of the parameters of its curve."""
         return frozenset(source for source in self.arguments.values() if isinstance(source, str))
 
-    @property
+    @cached_property
     def parameters(self) -> frozenset[str]:
         """Names of all parameters that the run depends on: those of its curve and of its noise."""
         return self.curve_parameters | frozenset(self.noise.parameters)
@@ -185,6 +187,12 @@ def n_uses(name: str, runs: Sequence[Observations]) -> int:
     return sum(name in run.curve_parameters for run in runs)
 
 
+def uses_of(runs: Iterable[Observations]) -> Counter[str]:
+    """Parameter of a curve -> number of `runs` whose curve has it."""
+    return Counter(name for run in runs for name in run.curve_parameters)
+
+
 def shared_first(parameters: Iterable[Parameter], runs: Sequence[Observations]) -> tuple[Parameter, ...]:
     """`parameters` of a curve with those that several of `runs` share before those of one run, otherwise in their order."""
-    return tuple(sorted(parameters, key=lambda p: n_uses(p.name, runs) < 2))
+    uses = uses_of(runs)
+    return tuple(sorted(parameters, key=lambda p: uses[p.name] < 2))

@@ -16,7 +16,7 @@ from estim.arrays import FloatArray
 from estim.common import Label, Markdown, phrase
 from estim.drawing import BLUE, INK, ORANGE, PALE, WIDTH, tick_texts
 from estim.pipeline import Analysis
-from estim.problem import Prior, Problem, n_uses
+from estim.problem import Prior, Problem, uses_of
 from estim.reports.contours import density_of, draw_contours
 from estim.reports.derived import sought_draws
 
@@ -198,7 +198,8 @@ def corner_parameters(problem: Problem) -> list[int]:
     """Places of the parameters that the corner figure shows: all, or where they are too many those that runs share."""
     if problem.n_par <= MAX_CORNER:
         return list(range(problem.n_par))
-    shared = [i for i, p in enumerate(problem.parameters) if n_uses(p.name, problem.runs) > 1]
+    uses = uses_of(problem.runs)
+    shared = [i for i, name in enumerate(problem.names) if uses[name] > 1]
     return (shared if len(shared) > 1 else list(range(problem.n_par)))[:MAX_CORNER]
 
 
@@ -211,7 +212,8 @@ def corner_words(problem: Problem, *, truth: bool = False) -> Markdown:
     words += [phrase("Dashed: the true values.")] if truth else []
     drawn = [problem.parameters[i].name for i in corner_parameters(problem)]
     n, of = len(drawn), problem.n_par
-    if n < of and all(n_uses(name, problem.runs) > 1 for name in drawn):
+    uses = uses_of(problem.runs)
+    if n < of and all(uses[name] > 1 for name in drawn):
         words.append(phrase("Only {n} of the {of} parameters are drawn, those that runs share; `result.json` has them all.", n=n, of=of))
     elif n < of:
         words.append(phrase("Only {n} of the {of} parameters are drawn, the first ones; `result.json` has them all.", n=n, of=of))

@@ -30,8 +30,10 @@ class Told(Protocol):
 
 def derived_draws(analysis: Analysis, run: Observations) -> Mapping[str, Derived]:
     """Name -> values at draws of the posterior (n_draw, 1), or (1, 1) of what follows from exact values alone."""
-    draws = analysis.chain.thinned(_DRAWS)
-    return run.derived(run.bind(analysis.problem.named(draws)))
+    used = run.parameters.union(source for one in run.sought for source in one.others.values() if isinstance(source, str))
+    places = [i for i, name in enumerate(analysis.problem.names) if name in used]
+    draws = analysis.chain.thinned(_DRAWS, places)
+    return run.derived(run.bind({analysis.problem.names[i]: draws[:, k, None] for k, i in enumerate(places)}))
 
 
 def derived_summaries(analysis: Analysis, run: Observations) -> dict[str, Summary]:

@@ -11,7 +11,7 @@ walkers; effective sample sizes are those of all walkers as chains (emcee's own 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -99,10 +99,11 @@ class Chain:
         """(n_draw, n_par) all draws."""
         return self.draws.reshape(-1, self.draws.shape[-1])
 
-    def thinned(self, n_draw: int) -> FloatArray:
-        """(at most n_draw, n_par) draws, evenly spread over the chain."""
+    def thinned(self, n_draw: int, columns: Sequence[int] | None = None) -> FloatArray:
+        """(at most n_draw, n_par) draws, evenly spread over the chain.  columns : of these parameters alone."""
         flat = self.flat
-        return flat[np.unique(np.linspace(0, flat.shape[0] - 1, n_draw).astype(int))]
+        rows = np.unique(np.linspace(0, flat.shape[0] - 1, n_draw).astype(int))
+        return flat[rows] if columns is None else flat[np.ix_(rows, columns)]
 
 
 def sample_posterior(

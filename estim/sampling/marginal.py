@@ -17,6 +17,7 @@ Source: Rue, Martino, Chopin, J. R. Stat. Soc. B 71 (2009) 319 (nested Laplace a
 
 from __future__ import annotations
 
+from collections import Counter
 from dataclasses import dataclass
 
 import numpy as np
@@ -176,13 +177,13 @@ def sampled_columns(fit: Fit) -> IndexArray:
     Raises InputError where they are too many.
     """
     problem = fit.problem
-    users = {name: [run.name for run in problem.runs if name in run.parameters] for name in problem.names}
-    shared = [i for i, name in enumerate(problem.names) if len(users[name]) != 1 or len(problem.runs) == 1]
+    users = Counter(name for run in problem.runs for name in run.parameters)
+    shared = [i for i, name in enumerate(problem.names) if users[name] != 1 or len(problem.runs) == 1]
     sds = np.sqrt(np.diag(fit.cov))
-    edges = []
+    edges, own = [], set(range(problem.n_par)).difference(shared)
     for i, (parameter, value, sd) in enumerate(zip(problem.parameters, fit.values, sds, strict=True)):
         prior = parameter.prior
-        if i not in shared and not isinstance(prior, Normal) and min(value - prior.low, prior.high - value) < _CLOSE * sd:
+        if i in own and not isinstance(prior, Normal) and min(value - prior.low, prior.high - value) < _CLOSE * sd:
             edges.append(i)
     if len(shared) + len(edges) > _MOST_SAMPLED:
         near = f", {len(edges)} of them close to the edge of their range ({problem.names[edges[0]]}, ...)" if edges else ""
