@@ -103,7 +103,7 @@ class Chain:
         """(at most n_draw, n_par) draws, evenly spread over the chain.  columns : of these parameters alone."""
         flat = self.flat
         rows = np.unique(np.linspace(0, flat.shape[0] - 1, n_draw).astype(int))
-        return flat[rows] if columns is None else flat[np.ix_(rows, columns)]
+        return flat[rows] if columns is None else flat[np.ix_(rows, np.asarray(columns))]
 
 
 def sample_posterior(
