@@ -174,7 +174,7 @@ def analysis_text(
         complete=complete_runs([result]), first_step=first_step, reasons=first_reasons(result.reasons),
         said=[words for force in (result.deviation or {}).values() for words in (force.words, force.noise_words)] if result.status == "ok" else [],
         drawn=MOST_DRAWN if len(result.runs) > MOST_DRAWN else None,
-        uncorrelated=len(result.parameters) - _MOST_CORRELATED if len(result.correlation.names) > _MOST_CORRELATED else 0,
+        uncorrelated=max(len(result.correlation.names) - _MOST_CORRELATED, 0),
         x_named="x" in re.findall(r"\w+", result.formula or ""),
     )
 
