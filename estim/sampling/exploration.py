@@ -19,10 +19,10 @@ from estim.sampling.factors import lower_factor
 from estim.sampling.importance import log_sum_exp
 from estim.sampling.proposal import Proposal, grown
 from estim.sampling.protocol import Density, Support, log_density_in_batches
-from estim.sampling.ridge import Frame, climb, framed, reordered, separate_modes
+from estim.sampling.ridge import Frame, framed, reordered, separate_modes
 from estim.sampling.walk import Rule, follow
 
-_RULE = Rule(depth=10.0, fall=2.0, tolerance=1e-2)
+_RULE = Rule(depth=10.0, fall=2.0, tolerance=1e-2, n_step=1)
 _POWER = 0.5  # of the share that a point of a ridge has
 _OVERLAP = 0.6  # of the distance between neighbours, standard deviation along the ridge
 _LONGEST_STAY = 40.0  # largest density over proposal, both normalised, at a draw of the posterior
@@ -44,9 +44,8 @@ def ridge_proposal(
 
 def along_ridges(frames: Frame) -> Proposal:
     """Components along the ridges of the first parameter of stacked frames, all followed at once."""
-    row, points, log_masses = follow(frames, _RULE)
+    row, points, log_masses, precisions = follow(frames, _RULE)
     at = frames.rows(row)
-    precisions = climb(at, points, 1, n_step=0).precisions
     scales = np.zeros((len(points), frames.n_par, frames.n_par))
     scales[:, 1:, 1:] = np.linalg.inv(precisions)
     first = at.factor[:, 0, 0]
