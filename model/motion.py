@@ -89,7 +89,7 @@ def _ratio(
     ends = np.any(near, axis=0), np.any(~near, axis=0)
     if near.ndim == 2 and not np.any(ends[0] & ends[1]):  # the same columns of all draws: each needs one of the two
         found = np.empty(near.shape)
-        place = {"phi": phi, "theta0": theta0, "rolling_resistance": rolling_resistance}
+        place: dict[str, Any] = {"phi": phi, "theta0": theta0, "rolling_resistance": rolling_resistance}
         found[:, ends[1]] = energy_ratio(angle[:, ends[1]], body, **place)
         found[:, ends[0]] = _from_turning_point(angle[:, ends[0]], remainder[:, ends[0]], body, **place)
         return found

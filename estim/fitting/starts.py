@@ -15,9 +15,9 @@ from estim.problem import Posterior, Problem
 
 
 def led_together(posterior: Posterior, starts: FloatArray) -> FloatArray:
-    """(n_start, n_par) where least squares with the covariances of `posterior` lead from `starts` (n_start, n_par); themselves where that says little.
+    """(n_start, n_par) where least squares with the covariances of `posterior` lead from `starts` (n_start, n_par).
 
-    It says little of heavy tails and of counts, whose sums of squares change their curvature on the way; many runs are led one by one.
+    They stay where they are under heavy tails and for counts, whose sums of squares change their curvature on the way; many runs are led one by one.
     """
     problem = posterior.problem
     if len(starts) < 2 or len(problem.runs) > 1 or not _square(problem) or any(one.creeps for one in posterior.likelihoods):

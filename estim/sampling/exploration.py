@@ -62,9 +62,9 @@ def along_ridges(frames: Frame) -> Proposal:
 
 def both(a: Proposal, b: Proposal, *, share: float = 0.5) -> Proposal:
     """A `share` of the draws from `a`, the others from `b`."""
+    weights = np.concatenate([share * a.weights, (1.0 - share) * b.weights])
     return Proposal(
-        np.concatenate([share * a.weights, (1.0 - share) * b.weights]), np.vstack([a.means, b.means]), np.concatenate([a.factors, b.factors]), a.limits,
-        a.bend, np.concatenate([a.follows, b.follows]),
+        weights, np.vstack([a.means, b.means]), np.concatenate([a.factors, b.factors]), a.limits, a.bend, np.concatenate([a.follows, b.follows])
     )
 
 

@@ -50,7 +50,7 @@ def compare_noise(
     Raises InputError where the runs cannot be fit jointly, or where the noise table of the first one allows nothing to compare.
     """
     campaign.problem(runs)
-    done = []
+    done: list[tuple[Candidate, Analysis, LeaveOneOut]] = []
     for candidate in campaign.noise_models(runs[0]):
         store = store_of(candidate.name)
         with nullcontext() if progress_of is None else progress_of(candidate.name) as progress:
