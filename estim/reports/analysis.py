@@ -78,9 +78,14 @@ class Row:
     mcse: str
 
 
-def analysis_report(campaign: Subject, analysis: Analysis, *, voice: Voice = Voice.PYTHON, figures: bool = True) -> dict[str, bytes]:
-    """`report.md`, `result.json` and `figures/*.png` of one analysis.  voice : to whom advice is given.  figures : whether there are any."""
-    determination = determine(analysis)
+def analysis_report(
+    campaign: Subject, analysis: Analysis, *, voice: Voice = Voice.PYTHON, figures: bool = True, profiles: bool = True
+) -> dict[str, bytes]:
+    """`report.md`, `result.json` and `figures/*.png` of one analysis.
+
+    voice : to whom advice is given.  figures, profiles : whether there are any figures, and profile intervals.
+    """
+    determination = determine(analysis, profiles=profiles)
     budget = budget_of(analysis)
     result = result_of(campaign, analysis, determination, budget=budget, voice=voice)
     shares = None if budget is None else shares_of(analysis, budget, result.labels)
