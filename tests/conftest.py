@@ -52,7 +52,7 @@ def reanalysed() -> Reanalysis:
     from estim.studies import reanalyse
 
     campaign = load_campaign(PROJECT / "data" / "replica" / "campaign.toml")
-    return reanalyse(campaign, seed=2, target=Target(ess=1500.0), progress_of=lambda what: nullcontext(lambda step, message: None))
+    return reanalyse(campaign, seed=2, target=Target(ess=1500.0, n_walker=48), progress_of=lambda what: nullcontext(lambda step, message: None))
 
 
 @pytest.fixture(scope="session")
