@@ -7,6 +7,7 @@ import signal
 from contextlib import nullcontext
 from functools import cache, partial
 from pathlib import Path
+from shutil import copytree
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -41,18 +42,31 @@ def replica() -> Path:
     return PROJECT / "data" / "replica"
 
 
-@pytest.fixture(scope="session")
-def reanalysed() -> Reanalysis:
-    """The replica reanalysed as `estim reanalyse --seed 2` does, with fewer draws.
+BODIES = [pytest.param(("heavy",), id="heavy"), pytest.param(("heavy", "light"), id="heavy and light", marks=pytest.mark.statistics)]
 
-    One process has it (`REANALYSED`).
+
+@pytest.fixture(scope="session", params=BODIES)
+def reanalysed(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Reanalysis:
+    """The replica reanalysed as `estim reanalyse --seed 2` does, with fewer draws: one body in `make test`, both in `make statistics`.
+
+    The other body goes the same way with the same numbers.  One process has it (`REANALYSED`).
     """
     from estim.campaign import load_campaign
     from estim.sampling import Target
     from estim.studies import reanalyse
 
-    campaign = load_campaign(PROJECT / "data" / "replica" / "campaign.toml")
-    return reanalyse(campaign, seed=2, target=Target(ess=1500.0), progress_of=lambda what: nullcontext(lambda step, message: None))
+    path = PROJECT / "data" / "replica" / "campaign.toml"
+    if len(request.param) == 1:
+        folder = tmp_path_factory.mktemp("data")
+        for part in ("paper", "replica"):
+            copytree(path.parents[1] / part, folder / part)
+        head, *runs = path.read_text().partition("\n[line]")[0].split("[[runs]]")
+        (body,), line = request.param, path.read_text().partition("\n[line]")[2]
+        path = folder / "replica" / "campaign.toml"
+        path.write_text("[[runs]]".join([head, *(run for run in runs if f'body = "{body}"' in run)]) + f"\n[line]{line}")
+    done = reanalyse(load_campaign(path), seed=2, target=Target(ess=1500.0), progress_of=lambda what: nullcontext(lambda step, message: None))
+    assert {body.body for body in done.bodies} == set(request.param)
+    return done
 
 
 @pytest.fixture(scope="session")
