@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import os
 import signal
 from contextlib import nullcontext
@@ -113,6 +114,13 @@ def pytest_xdist_make_scheduler(config: pytest.Config, log: Producer) -> LoadSco
             return file if _one_process(file) else nodeid
 
     return Together(config, log)
+
+
+def pytest_collection_finish() -> None:
+    """Thousands of tests stay to the end: no need to look for garbage among them, nor after every few hundred objects."""
+    gc.collect()
+    gc.freeze()
+    gc.set_threshold(10_000, 20, 20)
 
 
 @pytest.hookimpl(tryfirst=True)
