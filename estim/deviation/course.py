@@ -51,7 +51,7 @@ class Course:
     """A motion that was measured.
 
     positions : (n_row,) all that were read, where the points are speeds made of them; else None, and the points are what was read.
-    rows : of the readings; None where nobody asks which of them are bad.
+    rows : of the readings, known wherever `positions` are; else None where nobody asks which of them are bad.
     """
 
     motion: Motion
