@@ -23,6 +23,7 @@ from estim.curves.shared_errors import Component, DistortedCurve
 from estim.curves.sought import SoughtQuantity, seek_of_fit
 from estim.curves.tied import TiedCurve, followed, only_for_ties, read_tied
 from estim.curves.units import AxisNames as AxisNames
+from estim.curves.units import check_units, refuse_degrees
 from estim.curves.units import units_of as units_of
 from estim.problem import (
     GAUSSIAN,
@@ -178,7 +179,9 @@ def pose_curve(
     begun, held = ({name: v for name, v in given.items() if name not in unseen} for given in (values, exact))
     begun |= {name: float(followed(ties, {**values, **exact})[name]) for name in ties}
     read = _curve(curve, points["x"], begun, held)
-    said = units_of(read, axes, names, density=counted is not None and counted.density)
+    said = units_of(read, axes, names, density=(density := counted is not None and counted.density))
+    refuse_degrees(read, axes, "curve")
+    check_units(read, axes, units, {**exact, **values}, density=density)
     said |= {name: unit for name, unit in units.items() if name not in following}
     parameters = _parameters(names, values, bounds, priors, said, exact)
     shared = _shared(errors, (*all_of, *ties), axes)
