@@ -17,7 +17,7 @@ from __future__ import annotations
 import math
 import unicodedata
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from types import MappingProxyType
 from typing import Any
@@ -289,8 +289,8 @@ class CurveStudy:
         return tuple(components)
 
 
-def read_curve_study(source: CampaignFile, written_curve: OwnCurve, *, only: str | None = None) -> tuple[CurveStudy, Mapping[str, Run]]:
-    """The curve of a campaign and the tables of its runs, or of one `only`.
+def read_curve_study(source: CampaignFile, written_curve: OwnCurve, *, only: Collection[str]) -> tuple[CurveStudy, Mapping[str, Run]]:
+    """The curve of a campaign and the tables of the runs `only`.
 
     Raises InputError with file, line, field, rule and value for whatever breaks a rule.
     """
@@ -307,7 +307,7 @@ def read_curve_study(source: CampaignFile, written_curve: OwnCurve, *, only: str
     axes = AxisNames(x.name or x.column, x.unit, y.name or y.column, y.unit)
     units = units_of_curve(source, formula, axes, table, runs)
     study = CurveStudy(source, formula, axes, table, runs, BareFormula(formula) if named is None else named, units)
-    return study, MappingProxyType({run.name: _read_run(study, run) for run in runs if only in (None, run.name)})
+    return study, MappingProxyType({run.name: _read_run(study, run) for run in runs if run.name in only})
 
 
 def _with_names(raw: Mapping[str, Any], places: Places, path: Place) -> dict[str, Any]:

@@ -114,7 +114,7 @@ def fit(
     from estim.sampling import Target, only_writer
     from estim.words import Voice
 
-    loaded, folder = load_or_make(campaign, said, out)
+    loaded, folder = load_or_make(campaign, said, out, runs)
     groups = groups_of(loaded, runs, joint=joint)
     if marginal and not joint:
         raise InputError("needs --joint: one run has nothing to share", field="--marginal")
@@ -141,7 +141,7 @@ def fit(
         if can_write_netcdf():
             write_files(place, {"draws.nc": to_netcdf(analysis)}, within=folder)
         results[group[0]] = result_of(loaded, analysis, voice=Voice.COMMANDS)
-        shown = result_lines(results[group[0]]) if analysis.diagnosis.ok else analysis.diagnosis.reasons
+        shown = [*([] if analysis.diagnosis.ok else analysis.diagnosis.reasons), *result_lines(results[group[0]])]
         conclude(together(group), analysis.diagnosis.status, shown, analysis.diagnosis.notes)
         say_causes(analysis)
         explanations += [] if analysis.explanation is None else [analysis.explanation]
@@ -173,7 +173,7 @@ def energy(campaign: Path, runs: tuple[str, ...], joint: bool, max_steps: int, o
     from estim.sampling import Target
     from estim.studies import drift_of, energy_along
 
-    loaded = load_campaign(campaign)
+    loaded = load_campaign(campaign, asked=runs)
     loaded.study.require_body()
     analyses: list[Analysis] = []
     records: list[EnergyRecord] = []

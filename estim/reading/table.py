@@ -50,6 +50,7 @@ class Table:
     file : how messages name it.  header_line : line of the column names.  sha256 : of the file's bytes.
     warnings : texts of the comment lines "# warning: ...".  facts : the other comments above the header of a file that
     `estim import` made; empty for other files.  units : column -> unit that the header states, "" for none; empty where no header may.
+    blank : lines of the rows that are left out, since a column has no value there.
     """
 
     file: str
@@ -60,6 +61,7 @@ class Table:
     warnings: tuple[str, ...] = ()
     facts: tuple[str, ...] = ()
     units: Mapping[str, str] = field(default_factory=dict)
+    blank: tuple[int, ...] = ()
 
     def require_unit(self, u: str, of: str) -> None:
         """Raises InputError where the header states one unit for the column `u` of uncertainties, and another for the column that they are of."""
