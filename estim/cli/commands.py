@@ -110,7 +110,17 @@ def fit(
     changed, --resume refuses and says what differs (docs/long-runs.md).
     """
     from estim.pipeline import analyse
-    from estim.reports import HOW_TO_GET, analysis_report, can_write_netcdf, index_report, result_lines, result_of, to_netcdf, with_campaign
+    from estim.reports import (
+        HOW_TO_GET,
+        analysis_report,
+        can_write_netcdf,
+        index_report,
+        result_lines,
+        result_of,
+        slip_words,
+        to_netcdf,
+        with_campaign,
+    )
     from estim.sampling import Target, only_writer
     from estim.words import Voice
 
@@ -141,7 +151,8 @@ def fit(
         if can_write_netcdf():
             write_files(place, {"draws.nc": to_netcdf(analysis)}, within=folder)
         results[group[0]] = result_of(loaded, analysis, voice=Voice.COMMANDS)
-        shown = [*([] if analysis.diagnosis.ok else analysis.diagnosis.reasons), *result_lines(results[group[0]])]
+        reasons = [] if analysis.diagnosis.ok else [*filter(None, [slip_words(analysis.explanation)]), *analysis.diagnosis.reasons]
+        shown = [*reasons, *result_lines(results[group[0]])]
         conclude(together(group), analysis.diagnosis.status, shown, analysis.diagnosis.notes)
         say_causes(analysis)
         explanations += [] if analysis.explanation is None else [analysis.explanation]
