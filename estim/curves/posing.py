@@ -31,7 +31,6 @@ from estim.problem import (
     Curve,
     Flat,
     Lacks,
-    LogNormal,
     Noise,
     Observations,
     Parameter,
@@ -40,6 +39,7 @@ from estim.problem import (
     Readings,
     Scale,
     Tails,
+    Unstated,
     as_prior,
     check_covariance,
     hide_the_range,
@@ -92,7 +92,7 @@ class CurveProblem:
     def with_unknown_sigma(self, typical: float) -> Problem:
         """The problem in which the common standard deviation of y is one more parameter, known to be about `typical` to a factor 20."""
         unit = self.axes.y_unit
-        unknown = Parameter(SIGMA, unit, LogNormal(typical, SIGMA_SPREAD), phrase("standard deviation of one y"), SIGMA_NOTATION)
+        unknown = Parameter(SIGMA, unit, Unstated(typical, SIGMA_SPREAD), phrase("standard deviation of one y"), SIGMA_NOTATION)
         return self._problem(Scale(parameter=SIGMA), (unknown,))
 
     def residuals(self, values: FloatArray) -> FloatArray:

@@ -146,7 +146,9 @@ def _of_one_run(name: str, result: Told) -> bool:
 def _estimate(name: str, result: Told) -> Estimate:
     p = result.parameters[name]
     shown = (result.labels.bare if len(result.runs) == 1 else result.labels.parameters)[name]
-    return Estimate(shown, p, p.stated, bool(p.measured), p.upper_95, p.true)
+    unit = "" if shown.unit == "1" else f" {shown.unit}"
+    inferred = "" if p.stated or p.prior_sd is None else p.prior + unit  # a prior with a width that nobody stated
+    return Estimate(shown, p, p.stated, bool(p.measured), p.upper_95, p.true, inferred)
 
 
 def _sought(result: Told) -> list[Estimate]:
