@@ -223,7 +223,7 @@ def _run(campaign: Subject, analysis: Analysis, i: int) -> RunSummary:
         warnings=list(origin_warnings(table, run, analysis.problem)), robust=run.noise.robust, outliers=outliers(analysis, run),
         bad_frames=bad_frames(analysis.fit.forces, run.name),
         what=phrase(run.words.what),
-        derived=derived, sought=[one.name for one in run.sought if one.name in derived],
+        derived=derived, sought=[one.name for one in run.sought if one.name in derived], blank=list(table.blank),
     )
 
 
