@@ -162,7 +162,7 @@ def test_robust_noise_is_fit_from_where_the_plain_fit_ended_as_from_afar(tmp_pat
     known = pattern.fit(plain, rng=rng)
     for problem in robust:
         near, afar = fit_beside(problem, [known], rng=rng), pattern.fit(problem, rng=rng)
-        assert near.n_start == 2 and afar.n_start == 8
+        assert (near.n_start, afar.n_start) == (2, 8)
         assert np.max(np.abs(near.values - afar.values)[:-2] / np.sqrt(np.diag(afar.cov))[:-2]) < 0.01
         assert near.posterior.log_density(near.values[None])[0] == pytest.approx(afar.posterior.log_density(afar.values[None])[0], abs=1e-3)
         moved = known.values - near.values[: known.values.size]
