@@ -10,7 +10,6 @@ import math
 import platform
 from collections.abc import Mapping
 from functools import cached_property
-from importlib.metadata import version
 from inspect import cleandoc
 from typing import Protocol
 
@@ -53,6 +52,7 @@ from estim.reports.rolling import RollingSummary, rolling_summaries
 from estim.reports.usual_errors import UsualError, usual_errors
 from estim.sampling import number, summarise, trusted
 from estim.studies import Budget, Determination
+from estim.versions import version
 from estim.words import Voice, advice_for, common_error, tell
 
 SCHEMA = "estim-result/1"
@@ -223,7 +223,7 @@ def _run(campaign: Subject, analysis: Analysis, i: int) -> RunSummary:
         warnings=list(origin_warnings(table, run, analysis.problem)), robust=run.noise.robust, outliers=outliers(analysis, run),
         bad_frames=bad_frames(analysis.fit.forces, run.name),
         what=phrase(run.words.what),
-        derived=derived, sought=[one.name for one in run.sought if one.name in derived],
+        derived=derived, sought=[one.name for one in run.sought if one.name in derived], blank=list(table.blank),
     )
 
 

@@ -20,7 +20,7 @@ from estim.sampling.importance import flattened, kish_size
 from estim.sampling.proposal import Proposal
 from estim.sampling.protocol import Density, log_density_in_batches
 
-_DOF = 20.0  # of parts that are nearly normal
+_DOF = 20  # of parts that are nearly normal
 _TAILS, _GUARD, _GUARD_FACTOR = 1.5, 0.03, 1.5  # more of the draws for the light parts; share and width of one around all
 _DRAWS = (3000, 3000, 4000, 8000, 3000)  # in each round
 _LEAST = 0.05  # effective share of the draws of a proposal that is worth having

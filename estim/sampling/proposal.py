@@ -24,11 +24,11 @@ from estim.common import NumericalError
 from estim.sampling.bending import Bend, bend_of
 from estim.sampling.curving import Curving
 from estim.sampling.factors import lower_factor
-from estim.sampling.folding import Folding, folding, unfolded
+from estim.sampling.folding import Folding, folding, half_power, unfolded
 from estim.sampling.importance import flattened, kish_size, pareto_smoothed
 from estim.sampling.protocol import Density, Support, log_density_in_batches
 
-DOF = 5.0  # tails heavier than those of most posteriors
+DOF = 5  # tails heavier than those of most posteriors
 _WIDE_SHARE, _WIDE_FACTOR = 0.05, 2.0  # share and width (in sds of the whole) of the component that guards a mixture
 _FAR_SHARE, _FAR_FACTOR = 0.25, 3.0  # the same for `Proposal.widened`
 _TAIL_SHARE = 0.4  # of the draws from components that are told to be there: a rare wide part is seldom drawn, and then no chain leaves it soon
@@ -37,6 +37,7 @@ _EVEN_ENOUGH = 0.4  # effective share of the draws from which one Student-t will
 _FREE = 8.0  # standard deviations from the next limit: a parameter that may follow a bend
 _MAX_ROUND = 12
 _EM_STEPS = 25
+_BLOCK = 32_000  # numbers of one kind that are computed together: they stay in the cache
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,7 +56,7 @@ class Proposal:
     limits: Support | None = None
     bend: Bend | Curving | None = None
     bent: NDArray[np.bool_] | None = None
-    dof: float = DOF
+    dof: int = DOF
 
     @property
     def n_par(self) -> int:
@@ -86,7 +87,7 @@ class Proposal:
         if self.bend is not None:  # a limit of what is moved by a bend is no limit of the straight one
             moved = self.follows[:, None] & self.bend.moves
             low[moved], high[moved] = -np.inf, np.inf
-        return folding(self.means, self.factors, low, high)
+        return folding(self.weights, self.means, self.factors, low, high)
 
     @classmethod
     def single(cls, mean: FloatArray, scale: FloatArray) -> Proposal:
@@ -102,8 +103,8 @@ class Proposal:
         return self.guarded(_FAR_SHARE, _FAR_FACTOR)
 
     def guarded(self, share: float, factor: float) -> Proposal:
-        """A `share` of the draws from `factor` times as far around."""
-        bent = self.bend is not None and bool(np.any(self.follows))  # the straight components beside a bent ridge are wide ones already
+        """A `share` of the draws from `factor` times as far around; along a bent ridge, bent too: what is straight beside it is wide already."""
+        bent = self.bend is not None and bool(np.any(self.follows))
         part = self.follows if bent else np.ones(self.weights.size, dtype=bool)
         weights, means, factors = self.weights[part] / np.sum(self.weights[part]), self.means[part], self.factors[part]
         mean = weights @ means
@@ -115,7 +116,8 @@ class Proposal:
         """A `share` of the draws from one more component."""
         return Proposal(
             np.append((1.0 - share) * self.weights, share), np.vstack([self.means, mean]),
-            np.concatenate([self.factors, factor * lower_factor(scale)[None]]), self.limits, self.bend, np.append(self.follows, bent), self.dof,
+            np.concatenate([self.factors, factor * lower_factor(scale)[None]]), self.limits, self.bend, np.append(self.follows, bent),
+            self.dof,
         )
 
     def following(self, bend: Bend | Curving | None) -> Proposal:
@@ -172,18 +174,29 @@ class Proposal:
             parts = np.where(self.follows[:, None], straight, parts)
         return parts[0] if parts.shape[0] == 1 else np.logaddexp.reduce(parts, axis=0)
 
+    @cached_property
+    def _alike(self) -> tuple[tuple[bool, NDArray[np.int64]], ...]:
+        """Components that fold alike and are bent alike, and whether they are bent."""
+        parts = [] if self._folding is None else [(bent, own[self.follows[own] == bent]) for own in self._folding.alike for bent in (False, True)]
+        return tuple((bent, own) for bent, own in parts if own.size)
+
     def _folded_log_density(self, folds: Folding, draws: FloatArray) -> FloatArray:
         columns = np.ascontiguousarray(draws.T[folds.order])
         straight = columns if self.bend is None else np.ascontiguousarray(self.bend.straight(draws).T[folds.order])
-        power, top = 0.5 * (self.dof + self.n_par), float(np.max(self._log_heights))
-        total, beyond = np.zeros(len(draws)), np.full(len(draws), -np.inf)
-        for k, height in enumerate(self._log_heights - top):
-            falls = 1.0 + folds.distances(straight if self.follows[k] else columns, k) / self.dof
-            total += math.exp(height) * np.sum(falls**-power, axis=0)
-            if not np.all(total > 0.0):  # so far away that only logarithms know it
-                least = np.min(falls, axis=0)
-                beyond = np.logaddexp(beyond, height - power * np.log(least) + np.log(np.sum((falls / least) ** -power, axis=0)))
-        return top + np.where(total > 0.0, np.log(np.where(total > 0.0, total, 1.0)), beyond)
+        total, top = np.zeros(len(draws)), float(np.max(self._log_heights))
+        for bent, own in self._alike:
+            heights, at = np.exp(self._log_heights[own] - top), straight if bent else columns
+            rows = max(16, _BLOCK // (own.size * folds.n_image(int(own[0]))))
+            for first in range(0, len(draws), rows):
+                some = slice(first, first + rows)
+                total[some] += heights @ np.sum(half_power(1.0 + folds.distances(at[:, some], own) / self.dof, self.dof + self.n_par), axis=0)
+        near = total > 0.0
+        found = top + np.log(np.where(near, total, 1.0))
+        if not np.all(near):  # so far away that only logarithms know it
+            far = [(own, 1.0 + folds.distances((straight if bent else columns)[:, ~near], own) / self.dof) for bent, own in self._alike]
+            logs = [self._log_heights[own][:, None] - 0.5 * (self.dof + self.n_par) * np.log(falls) for own, falls in far]
+            found[~near] = np.logaddexp.reduce(np.concatenate([part.reshape(-1, part.shape[-1]) for part in logs]), axis=0)
+        return found
 
 
 def adapt_proposal(
