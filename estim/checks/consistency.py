@@ -32,7 +32,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from estim.arrays import FloatArray
-from estim.checks.sources import ALONE, PRIORS, Quadratic, Rows, copies_of, copies_of_priors, measurements, total_of
+from estim.checks.sources import ALONE, PRIORS, Quadratic, Rows, copies_of, copies_of_priors, each_without_one, measurements, total_of
 from estim.common import Amount, Finding, InputError, Kind, Label, NumericalError
 from estim.fitting import Fit, chi2_p
 from estim.words import tell
@@ -146,15 +146,14 @@ def check_consistency(fit: Fit) -> Consistency:
     centre = fit.values[shared]
     total, prior = total_of([one.together for one in copies]), copies[-1].together
     of = {name: one for one in copies for name in one.sources}
+    others = dict(zip(copies, each_without_one([one.together for one in copies]), strict=True))
     return Consistency(
         shared=tuple(problem.names[i] for i in shared), units=tuple(problem.parameters[i].unit for i in shared),
         labels=tuple(problem.parameters[i].label for i in shared),
         used={problem.names[i]: tuple(run.name for run in problem.runs if problem.names[i] in run.parameters) for i in shared},
         chi2=chi2, dof=dof, p_value=p_value,
         rows=judged, alone={name: _estimate(centre, total_of([of[name].alone(name), prior])) for name in names},
-        others={
-            name: _estimate(centre, total_of([of[name].without(name), *(one.together for one in copies if one is not of[name])])) for name in names
-        },
+        others={name: _estimate(centre, total_of([of[name].without(name), others[of[name]]])) for name in names},
         joint=_estimate(centre, total), apart=_apart(fit, shared, [_estimate(centre, of[name].alone(name)) for name in names]),
         suspects=suspects, agree=agree,
     )

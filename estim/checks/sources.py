@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -59,7 +60,7 @@ class Copies:
         d = self.score.size // len(self.sources)
         return np.arange(d) + d * self.sources.index(name)
 
-    @property
+    @cached_property
     def together(self) -> Quadratic:
         """With one value for all."""
         return _tied(self.information, self.score, len(self.sources))
@@ -135,6 +136,17 @@ def copies_of_priors(fit: Fit, shared: NDArray[np.int64]) -> Copies:
 
 def total_of(quadratics: Sequence[Quadratic]) -> Quadratic:
     return np.asarray(sum(q[0] for q in quadratics)), np.asarray(sum(q[1] for q in quadratics))
+
+
+def each_without_one(quadratics: Sequence[Quadratic]) -> tuple[Quadratic, ...]:
+    """For each the total of all the others: of those before it and those after it."""
+
+    def others(parts: FloatArray) -> FloatArray:
+        nothing = np.zeros_like(parts[:1])
+        before, after = np.cumsum(parts[:-1], axis=0), np.cumsum(parts[:0:-1], axis=0)[::-1]
+        return np.asarray(np.concatenate([nothing, before]) + np.concatenate([after, nothing]))
+
+    return tuple(zip(*(others(np.array(parts)) for parts in zip(*quadratics, strict=True)), strict=True))
 
 
 def measurements(copies: Sequence[Copies], n_shared: int) -> Rows:
