@@ -10,6 +10,7 @@ from joint_runs import LINE, problem_of, simulated_campaign
 from scipy import stats
 
 from estim.checks.consistency import PRIORS, Consistency, check_consistency
+from estim.checks.sources import each_without_one
 from estim.common.errors import InputError
 from estim.drawing import png
 from estim.fitting.least_squares import Fit, fit_least_squares
@@ -185,3 +186,11 @@ def test_figure_marks_the_run_that_disagrees(rng: np.random.Generator) -> None:
     assert colours.count(VERMILION) == 1
     assert png(lambda: figure)[:4] == b"\x89PNG"
     assert len(estimate_rows(found)) == 10
+
+
+def test_what_all_others_say_is_the_sum_without_one(rng: np.random.Generator) -> None:
+    for n in (1, 2, 6):
+        each = [(rng.standard_normal((3, 3)), rng.standard_normal(3)) for _ in range(n)]
+        for i, (information, score) in enumerate(each_without_one(each)):
+            np.testing.assert_allclose(information, sum(one for k, (one, _) in enumerate(each) if k != i) + np.zeros((3, 3)), atol=1e-13)
+            np.testing.assert_allclose(score, sum(one for k, (_, one) in enumerate(each) if k != i) + np.zeros(3), atol=1e-13)
