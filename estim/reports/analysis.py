@@ -80,6 +80,13 @@ class Row:
 
 def analysis_report(campaign: Subject, analysis: Analysis, *, voice: Voice = Voice.PYTHON, figures: bool = True) -> dict[str, bytes]:
     """`report.md`, `result.json` and `figures/*.png` of one analysis.  voice : to whom advice is given.  figures : whether there are any."""
+    return report_and_result(campaign, analysis, voice=voice, figures=figures)[0]
+
+
+def report_and_result(
+    campaign: Subject, analysis: Analysis, *, voice: Voice = Voice.PYTHON, figures: bool = True
+) -> tuple[dict[str, bytes], Result]:
+    """The files of `analysis_report`, and the record that they show."""
     determination = determine(analysis)
     budget = budget_of(analysis)
     result = result_of(campaign, analysis, determination, budget=budget, voice=voice)
@@ -100,7 +107,7 @@ def analysis_report(campaign: Subject, analysis: Analysis, *, voice: Voice = Voi
 
     drawers = _drawers(analysis, determination.intervals, shares, synthetic=campaign.kind == "synthetic", truth=campaign.truth)
     files = page(drawers, text, wanted=figures, synthetic=campaign.kind == "synthetic")
-    return files | shortened(files["report.md"].decode()) | {"result.json": to_json(result)}
+    return files | shortened(files["report.md"].decode()) | {"result.json": to_json(result)}, result
 
 
 def _drawers(
