@@ -87,6 +87,8 @@ def report_and_result(
     campaign: Subject, analysis: Analysis, *, voice: Voice = Voice.PYTHON, figures: bool = True
 ) -> tuple[dict[str, bytes], Result]:
     """The files of `analysis_report`, and the record that they show."""
+    if figures:
+        _ = analysis.bands  # with them where motions end is known too
     determination = determine(analysis)
     budget = budget_of(analysis)
     result = result_of(campaign, analysis, determination, budget=budget, voice=voice)
