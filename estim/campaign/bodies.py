@@ -29,8 +29,9 @@ from estim.campaign.points import Observed, observe
 from estim.campaign.quantities import EFFECTS
 from estim.campaign.shared_force import tied_points
 from estim.campaign.unforced import fit_alike
+from estim.campaign.unit_slips import unit_slips
 from estim.campaign.usual import with_usual_errors
-from estim.common import later, phrase
+from estim.common import InputError, later, phrase, split_level
 from estim.curves import DisturbedMotion, DisturbedMotionCurve, DisturbedPhaseCurve, MotionCurve, PhaseCurve, RollingMotion, Setting
 from estim.deviation import BadFrames, ForceSize
 from estim.explanation import Cause, Suspects
@@ -68,6 +69,13 @@ class RollingStudy:
         for interval, noise in blurs([self.levels(name) for name in names], [tables[name] for name in names]):
             problem = self._posed(names, tables, white=True, noise=noise)
             found.append(blur_cause(problem, interval))
+        for slip in unit_slips(self.source):
+            try:
+                problem = RollingStudy(slip.source)._posed(names, tables, white=True)
+            except InputError:
+                continue  # no such angle in radians
+            own = tuple(name for name in problem.names if split_level(name)[0] in slip.quantities)
+            found.append(Cause("-".join(("radians", *slip.quantities)), slip.words, problem, own, (), slip.remark, slip=True))
         return Suspects(plain, phrase("an unmodelled force beside the curve has room for it"), tuple(found))
 
     def _surroundings(self, plain: Problem, tables: Mapping[str, Run], *, without: frozenset[str] = frozenset()) -> tuple[Surroundings, ...]:

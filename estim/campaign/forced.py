@@ -167,7 +167,8 @@ def fit_with_forces(
     fit = scanned_fit(fit, rng=rng) if scanned and problem.n_par <= MAX_PARAMETERS else fit
     told = white.message if fit.success else fit.message  # of the many starts, of which the best led here
     found = posed.found_at(fit.values - free.values)
-    return replace(fit, forces=found, symmetry=white.symmetry, n_start=white.n_start, n_same=white.n_same, message=told)
+    parts = posed.parts if isinstance(posed, JointlyPosed) else None
+    return replace(fit, forces=found, parts=parts, symmetry=white.symmetry, n_start=white.n_start, n_same=white.n_same, message=told)
 
 
 def _unforced(white: Fit, levels: Mapping[str, Levels], rule: str) -> Fit:

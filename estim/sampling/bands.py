@@ -140,7 +140,7 @@ def _last_before(x: FloatArray, end: FloatArray) -> NDArray[np.intp]:
 
 
 def _moved_ends(at: FloatArray, speed: FloatArray, end: FloatArray, gained: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Ends (n_draw,) with v^2 `gained` at places `at` before them, where the speeds are `speed`, and how fast v^2 falls there, inf where it does not."""
+    """Ends (n_draw,) with v^2 `gained` at places `at` before them, with speeds `speed`, and how fast v^2 falls there, inf where it does not."""
     with np.errstate(divide="ignore", invalid="ignore"):
         fall = np.square(speed) / (end - at)
     fall = np.where(fall > 0.0, fall, np.inf)
