@@ -110,21 +110,7 @@ def fit(
     changed, --resume refuses and says what differs (docs/long-runs.md).
     """
     from estim.pipeline import analyse
-<<<<<<< HEAD
-    from estim.reports import HOW_TO_GET, can_write_netcdf, index_report, report_and_result, result_lines, to_netcdf, with_campaign
-=======
-    from estim.reports import (
-        HOW_TO_GET,
-        analysis_report,
-        can_write_netcdf,
-        index_report,
-        result_lines,
-        result_of,
-        slip_words,
-        to_netcdf,
-        with_campaign,
-    )
->>>>>>> main
+    from estim.reports import HOW_TO_GET, can_write_netcdf, index_report, report_and_result, result_lines, slip_words, to_netcdf, with_campaign
     from estim.sampling import Target, only_writer
     from estim.words import Voice
 
@@ -154,13 +140,8 @@ def fit(
             write_report(place, with_campaign(files, loaded.source.written, file=campaign.name), within=folder)
         if can_write_netcdf():
             write_files(place, {"draws.nc": to_netcdf(analysis)}, within=folder)
-<<<<<<< HEAD
-        shown = result_lines(results[group[0]]) if analysis.diagnosis.ok else analysis.diagnosis.reasons
-=======
-        results[group[0]] = result_of(loaded, analysis, voice=Voice.COMMANDS)
         reasons = [] if analysis.diagnosis.ok else [*filter(None, [slip_words(analysis.explanation)]), *analysis.diagnosis.reasons]
         shown = [*reasons, *result_lines(results[group[0]])]
->>>>>>> main
         conclude(together(group), analysis.diagnosis.status, shown, analysis.diagnosis.notes)
         say_causes(analysis)
         explanations += [] if analysis.explanation is None else [analysis.explanation]

@@ -172,31 +172,19 @@ def _rough_ends(starts: list[tuple[FloatArray, Posterior]]) -> list[_End]:
     """Where each start leads in a few rounds, without those that meet no curvature; starts that the first round leads together go on as one."""
     places: list[tuple[FloatArray, FloatArray, _End]] = []
     ends = []
-<<<<<<< HEAD
-    for start, begun in starts:
-        values, posterior, moved = _settle(start, begun, max_rounds=1, tolerance=_ROUGH)
-        if math.isnan(moved):
-            continue
-        scale = _spread(information(posterior, values), posterior.problem)
-        twin = next((end for place, end in places if float(np.max(np.abs(values - place) / scale)) < _TWINS), None)
-        if twin is None:
-            twin = (values, posterior, moved) if moved < _SETTLED else _settle(
-                values, posterior, max_rounds=_ROUGH_ROUNDS - 1, hasty=True, tolerance=_ROUGH
-            )
-            places.append((values, twin))
-=======
     for (start, begun), led in zip(starts, led_together(starts[0][1], np.array([start for start, _ in starts])), strict=True):
         twin = next((end for place, scale, end in places if float(np.max(np.abs(led - place) / scale)) < _TWINS), None)
         if twin is None:
-            values, posterior, moved = _settle(start, begun, max_rounds=1)
+            values, posterior, moved = _settle(start, begun, max_rounds=1, tolerance=_ROUGH)
             if math.isnan(moved):
                 continue
             scale = _spread(information(posterior, values), posterior.problem)
             twin = next((end for place, _, end in places if float(np.max(np.abs(values - place) / scale)) < _TWINS), None)
             if twin is None:
-                twin = (values, posterior, moved) if moved < _SETTLED else _settle(values, posterior, max_rounds=_ROUGH_ROUNDS - 1, hasty=True)
+                twin = (values, posterior, moved)
+                if moved >= _SETTLED:
+                    twin = _settle(values, posterior, max_rounds=_ROUGH_ROUNDS - 1, hasty=True, tolerance=_ROUGH)
                 places.append((values, scale, twin))
->>>>>>> main
         ends.append(twin)
     return [end for end in ends if not math.isnan(end[2])]
 

@@ -78,20 +78,6 @@ class Row:
     mcse: str
 
 
-<<<<<<< HEAD
-def analysis_report(campaign: Subject, analysis: Analysis, *, voice: Voice = Voice.PYTHON, figures: bool = True) -> dict[str, bytes]:
-    """`report.md`, `result.json` and `figures/*.png` of one analysis.  voice : to whom advice is given.  figures : whether there are any."""
-    return report_and_result(campaign, analysis, voice=voice, figures=figures)[0]
-
-
-def report_and_result(
-    campaign: Subject, analysis: Analysis, *, voice: Voice = Voice.PYTHON, figures: bool = True
-) -> tuple[dict[str, bytes], Result]:
-    """The files of `analysis_report`, and the record that they show."""
-    if figures:
-        _ = analysis.bands  # with them where motions end is known too
-    determination = determine(analysis)
-=======
 def analysis_report(
     campaign: Subject, analysis: Analysis, *, voice: Voice = Voice.PYTHON, figures: bool = True, profiles: bool = True
 ) -> dict[str, bytes]:
@@ -99,8 +85,16 @@ def analysis_report(
 
     voice : to whom advice is given.  figures, profiles : whether there are any figures, and profile intervals.
     """
+    return report_and_result(campaign, analysis, voice=voice, figures=figures, profiles=profiles)[0]
+
+
+def report_and_result(
+    campaign: Subject, analysis: Analysis, *, voice: Voice = Voice.PYTHON, figures: bool = True, profiles: bool = True
+) -> tuple[dict[str, bytes], Result]:
+    """The files of `analysis_report`, and the record that they show."""
+    if figures:
+        _ = analysis.bands  # with them where motions end is known too
     determination = determine(analysis, profiles=profiles)
->>>>>>> main
     budget = budget_of(analysis)
     result = result_of(campaign, analysis, determination, budget=budget, voice=voice)
     shares = None if budget is None else shares_of(analysis, budget, result.labels)
