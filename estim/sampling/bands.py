@@ -110,10 +110,9 @@ def _bands(
         new = counted.law.draw(curve, np.atleast_1d(np.rint(np.median(counted.trials))), rng)
     else:
         new = curve + _new_errors(run, named, scale, rng)
-    median, credible = _intervals(curve, probabilities)
-    return Bands(
-        run=run.name, x=x, median=median, end=end, credible=credible, predictive=_intervals(new, probabilities)[1], completed=completed is not None
-    )
+    median, credible = central_intervals(curve, probabilities)
+    _, predictive = central_intervals(new, probabilities)
+    return Bands(run=run.name, x=x, median=median, end=end, credible=credible, predictive=predictive, completed=completed is not None)
 
 
 def _new_errors(run: Observations, named: Mapping[str, FloatArray], scale: FloatArray, rng: np.random.Generator) -> FloatArray:
@@ -147,7 +146,7 @@ def _moved_ends(at: FloatArray, speed: FloatArray, end: FloatArray, gained: Floa
     return np.where(np.isfinite(end) & np.isfinite(fall), end + gained / fall, end), fall
 
 
-def _intervals(values: FloatArray, probabilities: Sequence[float]) -> tuple[FloatArray, dict[float, FloatArray]]:
+def central_intervals(values: FloatArray, probabilities: Sequence[float]) -> tuple[FloatArray, dict[float, FloatArray]]:
     """(n_x,) medians of (n_draw, n_x) values, and probability -> (2, n_x) ends of the intervals, from one sort; as `numpy.quantile`."""
     levels = np.array([0.5, *(0.5 + half for p in probabilities for half in (-0.5 * p, 0.5 * p))])
     ordered = np.sort(np.ascontiguousarray(values.T), axis=1)
