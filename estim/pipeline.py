@@ -5,10 +5,11 @@ Read this first.  Each stage takes records and returns one; each lives in the fi
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
+from estim.arrays import FloatArray
 from estim.campaign import Campaign, NoiseTable, as_complete
 from estim.checks import (
     SURE,
@@ -63,6 +64,7 @@ from estim.sampling import (
     marginal_chain,
     no_comparison,
     posterior_bands,
+    posterior_ends,
     proposed_chain,
     sample_posterior,
     too_many,
@@ -115,6 +117,14 @@ class Analysis:
         """Bands of every run."""
         rng = stream(self.seed, Stream.BANDS)
         return posterior_bands(self.problem, self.chain.thinned(_BAND_DRAWS), rng=rng, forces=self.fit.forces)
+
+    @cached_property
+    def ends(self) -> Mapping[str, FloatArray]:
+        """Run -> where its motion ends (n_draw,), as its band says; of those that are motions."""
+        if "bands" in vars(self):
+            return {one.run: one.end for one, run in zip(self.bands, self.problem.runs, strict=True) if run.motion is not None}
+        draws = self.chain.thinned(_BAND_DRAWS)
+        return posterior_ends(self.problem, draws, rng=stream(self.seed, Stream.BANDS), forces=self.fit.forces)
 
     @cached_property
     def estimates(self) -> tuple[Estimate, ...]:

@@ -110,17 +110,7 @@ def fit(
     changed, --resume refuses and says what differs (docs/long-runs.md).
     """
     from estim.pipeline import analyse
-    from estim.reports import (
-        HOW_TO_GET,
-        analysis_report,
-        can_write_netcdf,
-        index_report,
-        result_lines,
-        result_of,
-        slip_words,
-        to_netcdf,
-        with_campaign,
-    )
+    from estim.reports import HOW_TO_GET, can_write_netcdf, index_report, report_and_result, result_lines, slip_words, to_netcdf, with_campaign
     from estim.sampling import Target, only_writer
     from estim.words import Voice
 
@@ -146,11 +136,10 @@ def fit(
         place = folder if len(groups) == 1 else folder / group[0]
         with progress_bar(together(group)) as progress:
             progress(100, phrase("report and figures"))
-            files = analysis_report(loaded, analysis, voice=Voice.COMMANDS, figures=not no_figures)
+            files, results[group[0]] = report_and_result(loaded, analysis, voice=Voice.COMMANDS, figures=not no_figures)
             write_report(place, with_campaign(files, loaded.source.written, file=campaign.name), within=folder)
         if can_write_netcdf():
             write_files(place, {"draws.nc": to_netcdf(analysis)}, within=folder)
-        results[group[0]] = result_of(loaded, analysis, voice=Voice.COMMANDS)
         reasons = [] if analysis.diagnosis.ok else [*filter(None, [slip_words(analysis.explanation)]), *analysis.diagnosis.reasons]
         shown = [*reasons, *result_lines(results[group[0]])]
         conclude(together(group), analysis.diagnosis.status, shown, analysis.diagnosis.notes)

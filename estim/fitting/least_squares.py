@@ -34,6 +34,7 @@ _SAME_OPTIMUM = 0.5  # in minus log density
 _SAME_PLACE = 1.5  # standard deviations
 _TWINS = 0.2  # the same, after one round: nearer ends go on as one
 _ROUGH_ROUNDS = 4
+_EXACT, _ROUGH = 1e-12, 1e-6  # relative steps at which a search of the curve ends: at the mode, and to see where a start leads
 _LEAST_SHARE = 0.05
 WITHIN_REACH = 12.0  # in minus log density: worse optima hold next to nothing of the posterior
 _NO_CURVATURE = "the fit ends where the curve has no finite derivatives in its parameters: are the units and the stated values right?"
@@ -174,13 +175,15 @@ def _rough_ends(starts: list[tuple[FloatArray, Posterior]]) -> list[_End]:
     for (start, begun), led in zip(starts, led_together(starts[0][1], np.array([start for start, _ in starts])), strict=True):
         twin = next((end for place, scale, end in places if float(np.max(np.abs(led - place) / scale)) < _TWINS), None)
         if twin is None:
-            values, posterior, moved = _settle(start, begun, max_rounds=1)
+            values, posterior, moved = _settle(start, begun, max_rounds=1, tolerance=_ROUGH)
             if math.isnan(moved):
                 continue
             scale = _spread(information(posterior, values), posterior.problem)
             twin = next((end for place, _, end in places if float(np.max(np.abs(values - place) / scale)) < _TWINS), None)
             if twin is None:
-                twin = (values, posterior, moved) if moved < _SETTLED else _settle(values, posterior, max_rounds=_ROUGH_ROUNDS - 1, hasty=True)
+                twin = (values, posterior, moved)
+                if moved >= _SETTLED:
+                    twin = _settle(values, posterior, max_rounds=_ROUGH_ROUNDS - 1, hasty=True, tolerance=_ROUGH)
                 places.append((values, scale, twin))
         ends.append(twin)
     return [end for end in ends if not math.isnan(end[2])]
@@ -204,9 +207,9 @@ def _spread(matrix: FloatArray, problem: Problem) -> FloatArray:
     return np.where(scale > 0.0, scale, np.inf)
 
 
-def _best(posterior: Posterior, values: FloatArray, *, hasty: bool = True) -> FloatArray:
+def _best(posterior: Posterior, values: FloatArray, *, hasty: bool = True, tolerance: float = _EXACT) -> FloatArray:
     """Values of the highest density from `values` (n_par,): of the curve, then of the noise; hasty : of many runs, a few steps towards it."""
-    return fit_noise(posterior, _fit_curve(posterior, values, hasty=hasty))
+    return fit_noise(posterior, _fit_curve(posterior, values, hasty=hasty, tolerance=tolerance))
 
 
 def _curved(posterior: Posterior, values: FloatArray) -> FloatArray | None:
@@ -215,14 +218,14 @@ def _curved(posterior: Posterior, values: FloatArray) -> FloatArray | None:
     return _spread(matrix, posterior.problem) if np.all(np.isfinite(matrix)) else None
 
 
-def _settle(values: FloatArray, posterior: Posterior, *, max_rounds: int, hasty: bool = False) -> _End:
+def _settle(values: FloatArray, posterior: Posterior, *, max_rounds: int, hasty: bool = False, tolerance: float = _EXACT) -> _End:
     """Rounds of (curve; noise; covariance at the values) from a posterior linearised there until they settle; moved is nan without curvature.
 
     Where a covariance that follows the curve sends the rounds to and fro, they go part of the way: to the same place."""
     moved, share, step = math.inf, 1.0, np.zeros_like(values)
     for n_round in range(max_rounds):
         before, step_before, moved_before = values, step, moved
-        step = _best(posterior, values, hasty=hasty) - before
+        step = _best(posterior, values, hasty=hasty, tolerance=tolerance) - before
         values = before + share * step
         posterior = posterior.problem.linearised(values)
         scale = _curved(posterior, values)
@@ -238,7 +241,7 @@ def _settle(values: FloatArray, posterior: Posterior, *, max_rounds: int, hasty:
     return values, posterior, moved
 
 
-def _fit_curve(posterior: Posterior, values: FloatArray, *, hasty: bool = False) -> FloatArray:
+def _fit_curve(posterior: Posterior, values: FloatArray, *, hasty: bool = False, tolerance: float = _EXACT) -> FloatArray:
     """The parameters of the curve that minimise the squared residuals, noise parameters held."""
     problem = posterior.problem
     free = [i for i, p in enumerate(problem.parameters) if p.name not in problem.noise_names]
@@ -266,7 +269,7 @@ def _fit_curve(posterior: Posterior, values: FloatArray, *, hasty: bool = False)
         return np.where(np.isfinite(columns), columns, 0.0)  # a point beside the edge of where the curve is defined has no say in the step
 
     creeps = any(run.creeps for run in posterior.likelihoods)
-    tolerance = 1e-5 if creeps else 1e-12  # steps by the information finish
+    tolerance = 1e-5 if creeps else tolerance  # steps by the information finish
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):  # lmfit inverts the Hessian too, singular where the data are silent; not used
         result = minimize(
             residual, table, method="least_squares", scale_covar=False, calc_covar=False, jac=jacobian, x_scale="jac",

@@ -1,6 +1,6 @@
 """What a reader sees: Markdown, figures, result.json, ArviZ and pandas; one file a subject.  Read `analysis` first."""
 
-from estim.reports.analysis import analysis_report, index_report
+from estim.reports.analysis import analysis_report, index_report, report_and_result
 from estim.reports.comparison import compare_report, folder_of
 from estim.reports.energy import energy_report
 from estim.reports.explanation import explanation_lines, slip_words
@@ -12,4 +12,3 @@ from estim.reports.others import models_report, plan_answers, plan_report, plan_
 from estim.reports.others import batch_line, batch_report, batch_times, calibration_report, full_files, lean_files, trials_report
 from estim.reports.others import trials_lines, verdicts, with_campaign, with_formats
 from estim.reports.reanalysis import called, reanalysis_lines, reanalysis_report
-from estim.reports.result import result_of

@@ -85,6 +85,15 @@ def analysis_report(
 
     voice : to whom advice is given.  figures, profiles : whether there are any figures, and profile intervals.
     """
+    return report_and_result(campaign, analysis, voice=voice, figures=figures, profiles=profiles)[0]
+
+
+def report_and_result(
+    campaign: Subject, analysis: Analysis, *, voice: Voice = Voice.PYTHON, figures: bool = True, profiles: bool = True
+) -> tuple[dict[str, bytes], Result]:
+    """The files of `analysis_report`, and the record that they show."""
+    if figures:
+        _ = analysis.bands  # with them where motions end is known too
     determination = determine(analysis, profiles=profiles)
     budget = budget_of(analysis)
     result = result_of(campaign, analysis, determination, budget=budget, voice=voice)
@@ -106,7 +115,7 @@ def analysis_report(
 
     drawers = _drawers(analysis, determination.intervals, shares, synthetic=campaign.kind == "synthetic", truth=campaign.truth)
     files = page(drawers, text, wanted=figures, synthetic=campaign.kind == "synthetic")
-    return files | shortened(files["report.md"].decode()) | {"result.json": to_json(result)}
+    return files | shortened(files["report.md"].decode()) | {"result.json": to_json(result)}, result
 
 
 def _drawers(

@@ -40,7 +40,7 @@ _NETCDF = ("h5netcdf", "h5py")
 _COORDINATES = ("chain", "draw", "step", "walker")
 _PRIOR_DRAWS = 4000
 _MOST_POINTWISE = 10_000  # points
-_POINTWISE_DRAWS, _POINTWISE_NUMBERS = 4000, 600_000  # of the log likelihood of every point: draws, and draws times points
+_POINTWISE_DRAWS, _POINTWISE_NUMBERS = 2000, 600_000  # of the log likelihood of every point: draws, and draws times points
 
 
 def can_write_netcdf() -> bool:
@@ -54,8 +54,8 @@ def to_datatree(analysis: Analysis) -> xarray.DataTree:
     posterior : each parameter by its name ("gamma[heavy]"), (chain, draw).
     sample_stats : `lp` (chain, draw), log posterior density up to the evidence; `acceptance` (chain,), share of accepted moves.
     log_likelihood : each run by its name, (chain, draw, point[RUN]): log density of every point given the others of its run
-        (`Posterior.pointwise`), as leave-one-out takes it, for at most 4000 draws, evenly spread (fewer for more than
-        1000 points); left out for more than 10000 points, of which it would be hundreds of megabytes.
+        (`Posterior.pointwise`), as leave-one-out takes it, for at most 2000 draws, evenly spread (fewer for more than
+        300 points); left out for more than 10000 points, of which it would be hundreds of megabytes.
     observed_data : each run by its name, what was fit.  constant_data : its abscissas `x[RUN]`, and times `t[RUN]` if there are any.
     prior : independent draws of each prior (chain, draw); a parameter whose prior is improper has none.
     attributes : title, kind ("SYNTHETIC" in capitals), status, reasons, seed, how chains were made, versions.

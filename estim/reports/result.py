@@ -165,9 +165,7 @@ def result_of(
         certificate=_certificate(analysis), profile=None if determination is None else {i.name: _profile(i) for i in determination.intervals},
         curve_deviation=curve_deviations(analysis), deviation=deviations(analysis), explanation=explanation_summary(analysis.explanation),
         rolling=rolling_summaries(analysis),
-        turning_point={
-            b.run: _turning_point(b.end, run, diagnosis) for b, run in zip(analysis.bands, problem.runs, strict=True) if run.motion is not None
-        },
+        turning_point={run.name: _turning_point(analysis.ends[run.name], run, diagnosis) for run in problem.runs if run.motion is not None},
         runs={run.name: _run(campaign, analysis, i) for i, run in enumerate(problem.runs)},
         provenance=provenance(campaign, [run.name for run in problem.runs], analysis.seed),
     )

@@ -14,6 +14,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from estim.arrays import FloatArray
 from estim.common import PROBABILITIES
@@ -46,7 +47,31 @@ def posterior_bands(
 ) -> tuple[Bands, ...]:
     """Bands of every run of `problem` from posterior draws (n_draw, n_par).  forces : what the curves of some of them lack."""
     completed = {found.run: found.completed for found in forces}
-    return tuple(_bands(problem, run, draws, completed.get(run.name), rng, probabilities, n_x) for run in problem.runs)
+    own = zip(problem.runs, rng.spawn(len(problem.runs)), strict=True)
+    return tuple(_bands(problem, run, draws, completed.get(run.name), rng, probabilities, n_x) for run, rng in own)
+
+
+def posterior_ends(
+    problem: Problem, draws: FloatArray, *, rng: np.random.Generator, n_x: int = 200, forces: Sequence[FoundForce] = ()
+) -> dict[str, FloatArray]:
+    """Run -> where its motion ends (n_draw,), of those that are motions: what `posterior_bands` says of it with the same `rng`, without the bands."""
+    completed = {found.run: found.completed for found in forces}
+    own = zip(problem.runs, rng.spawn(len(problem.runs)), strict=True)
+    return {run.name: _ends(problem, run, draws, completed.get(run.name), rng, n_x) for run, rng in own if run.motion is not None}
+
+
+def _ends(
+    problem: Problem, run: Observations, draws: FloatArray, completed: Completed | None, rng: np.random.Generator, n_x: int
+) -> FloatArray:
+    _, end = curve_draws(problem, run, run.x[:1], draws)
+    if completed is None:
+        return end
+    x = curve_grid(run, end, n_x)
+    used, inside = np.unique(_last_before(x, end), return_inverse=True)
+    curve, _ = curve_draws(problem, run, x[used], draws)
+    gained, _ = completed.gained(x[used], problem.named(draws), rng)
+    rows = np.arange(end.size)
+    return _moved_ends(x[used][inside], curve[rows, inside], end, gained[rows, inside])[0]
 
 
 def curve_grid(run: Observations, end: FloatArray, n_x: int) -> FloatArray:
@@ -85,10 +110,9 @@ def _bands(
         new = counted.law.draw(curve, np.atleast_1d(np.rint(np.median(counted.trials))), rng)
     else:
         new = curve + _new_errors(run, named, scale, rng)
-    median, credible = _intervals(curve, probabilities)
-    return Bands(
-        run=run.name, x=x, median=median, end=end, credible=credible, predictive=_intervals(new, probabilities)[1], completed=completed is not None
-    )
+    median, credible = central_intervals(curve, probabilities)
+    _, predictive = central_intervals(new, probabilities)
+    return Bands(run=run.name, x=x, median=median, end=end, credible=credible, predictive=predictive, completed=completed is not None)
 
 
 def _new_errors(run: Observations, named: Mapping[str, FloatArray], scale: FloatArray, rng: np.random.Generator) -> FloatArray:
@@ -101,18 +125,28 @@ def _new_errors(run: Observations, named: Mapping[str, FloatArray], scale: Float
 
 def moved_on(x: FloatArray, curve: FloatArray, end: FloatArray, gained: FloatArray) -> tuple[FloatArray, FloatArray]:
     """The curve (n_draw, n_x) and its end (n_draw,) with v^2 `gained` (n_draw, n_x); about the end v^2 falls like a straight line."""
-    inside = np.clip(np.sum(x < end[:, None], axis=1) - 1, 0, x.size - 1)
-    rows = np.arange(end.size)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        fall = np.square(curve[rows, inside]) / (end - x[inside])
-    fall = np.where(fall > 0.0, fall, np.inf)
+    inside, rows = _last_before(x, end), np.arange(end.size)
+    moved, fall = _moved_ends(x[inside], curve[rows, inside], end, gained[rows, inside])
     ends = np.isfinite(end) & np.isfinite(fall)
     beyond = np.where(ends[:, None] & (x > end[:, None]), np.where(ends, fall, 0.0)[:, None] * (x - np.where(ends, end, 0.0)[:, None]), 0.0)
     square = np.square(curve) - beyond + gained
-    return np.sqrt(np.maximum(square, 0.0)), np.where(ends, end + gained[rows, inside] / fall, end)
+    return np.sqrt(np.maximum(square, 0.0)), moved
 
 
-def _intervals(values: FloatArray, probabilities: Sequence[float]) -> tuple[FloatArray, dict[float, FloatArray]]:
+def _last_before(x: FloatArray, end: FloatArray) -> NDArray[np.intp]:
+    """(n_draw,) the last of the places x (n_x,) before each end (n_draw,)."""
+    return np.asarray(np.clip(np.sum(x < end[:, None], axis=1) - 1, 0, x.size - 1))
+
+
+def _moved_ends(at: FloatArray, speed: FloatArray, end: FloatArray, gained: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Ends (n_draw,) with v^2 `gained` at places `at` before them, with speeds `speed`, and how fast v^2 falls there, inf where it does not."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        fall = np.square(speed) / (end - at)
+    fall = np.where(fall > 0.0, fall, np.inf)
+    return np.where(np.isfinite(end) & np.isfinite(fall), end + gained / fall, end), fall
+
+
+def central_intervals(values: FloatArray, probabilities: Sequence[float]) -> tuple[FloatArray, dict[float, FloatArray]]:
     """(n_x,) medians of (n_draw, n_x) values, and probability -> (2, n_x) ends of the intervals, from one sort; as `numpy.quantile`."""
     levels = np.array([0.5, *(0.5 + half for p in probabilities for half in (-0.5 * p, 0.5 * p))])
     ordered = np.sort(np.ascontiguousarray(values.T), axis=1)

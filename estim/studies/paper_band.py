@@ -17,7 +17,7 @@ from estim.arrays import FloatArray
 from estim.pipeline import Analysis
 from estim.problem import Normal, TruncatedNormal
 from estim.propagation import BudgetAlong, Input, budget_along, propagate_linear, propagate_monte_carlo
-from estim.sampling import Bands, curve_draws
+from estim.sampling import Bands, central_intervals, curve_draws
 
 _N_DRAW = 20_000
 _FEWEST = 5
@@ -88,9 +88,7 @@ def _band(analysis: Analysis, i: int, bands: Bands, rng: np.random.Generator) ->
     half = 0.5 * (high - low)
     mc_half = 0.5 * (drawn.symmetric.high - drawn.symmetric.low)
 
-    places = [place for p in bands.credible for place in (0.5 - 0.5 * p, 0.5 + 0.5 * p)]
-    ends = np.quantile(drawn.draws, places, axis=0).reshape(-1, 2, x.size)
-    mc_bands = dict(zip(bands.credible, ends, strict=True))
+    _, mc_bands = central_intervals(drawn.draws, tuple(bands.credible))
 
     def on_grid(values: FloatArray) -> FloatArray:
         full = np.full(bands.x.size, np.nan)

@@ -111,7 +111,7 @@ class _Work:
             return analyse_line(self.series, gamma_masses=gamma, seed=self.seed, target=self.target, progress=progress)
         if kind == "run":
             alone = analyse(self.campaign, [name], seed=self.seed, target=self.target, progress=progress)
-            _ = alone.bands  # kept with it: the report asks for them, one run after the other
+            _ = alone.bands, alone.ends  # kept with it: the report asks for them, one run after the other
             return alone
         return self._together(self.runs_of(name), progress)
 
