@@ -208,7 +208,6 @@ def test_a_frame_interval_unlike_those_of_most_runs_is_told_in_the_batch() -> No
     assert "the frames are" not in batch_report(elsewhere, figures=False)["report.md"].decode()
 
 
-@pytest.mark.usefixtures("few_draws")
 def test_a_batch_is_verified_and_its_reports_have_figures_only_where_they_are_wanted(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     campaign(tmp_path / "one", {"a": 2.0})

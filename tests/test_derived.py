@@ -18,6 +18,7 @@ from estim.reports.corner_figures import columns_of
 from estim.reports.derived import derived_facts
 from estim.sampling import Target
 
+pytestmark = pytest.mark.usefixtures("sampled_opinion")
 CURVE = """title = "Two pendulums"
 kind = "synthetic"
 [curve]

@@ -26,6 +26,7 @@ from estim.common.interruption import STOPPING, asked_to_stop
 from estim.sampling.chain import Target
 from estim.sampling.checkpoint import Record, read_checkpoint
 
+pytestmark = pytest.mark.usefixtures("sampled_opinion")
 ENDLESS = 1e12  # effective draws that no chain reaches; its 20 000 steps take a quarter of an hour
 PATIENCE = 300.0  # s, for what happens within a few unless it never does
 IN_A_PROCESS = f"""
