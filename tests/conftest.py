@@ -65,7 +65,8 @@ def reanalysed(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPath
         (body,), line = request.param, path.read_text().partition("\n[line]")[2]
         path = folder / "replica" / "campaign.toml"
         path.write_text("[[runs]]".join([head, *(run for run in runs if f'body = "{body}"' in run)]) + f"\n[line]{line}")
-    done = reanalyse(load_campaign(path), seed=2, target=Target(ess=1500.0), progress_of=lambda what: nullcontext(lambda step, message: None))
+    target = Target(ess=1500.0, n_walker=48)
+    done = reanalyse(load_campaign(path), seed=2, target=target, progress_of=lambda what: nullcontext(lambda step, message: None))
     assert {body.body for body in done.bodies} == set(request.param)
     return done
 
