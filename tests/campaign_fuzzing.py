@@ -391,8 +391,8 @@ def trial(seed: int, folder: Path) -> Outcome:
     loaded: list[Any] = []
     load = campaigns.load_campaign
 
-    def remembered(path: Path) -> Any:
-        loaded.append(load(path))
+    def remembered(path: Path, **choices: Any) -> Any:
+        loaded.append(load(path, **choices))
         return loaded[-1]
 
     out, err, before = io.StringIO(), io.StringIO(), Path.cwd()

@@ -208,7 +208,7 @@ def test_a_frame_interval_unlike_those_of_most_runs_is_told_in_the_batch() -> No
     assert "the frames are" not in batch_report(elsewhere, figures=False)["report.md"].decode()
 
 
-@pytest.mark.usefixtures("few_draws")
+@pytest.mark.usefixtures("lean_workers")
 def test_a_batch_is_verified_and_its_reports_have_figures_only_where_they_are_wanted(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     campaign(tmp_path / "one", {"a": 2.0})
@@ -267,6 +267,7 @@ def test_a_cluster_does_the_work_where_one_is_named(tmp_path: Path, monkeypatch:
     assert "pip install 'estim[dask]'" in str(batch(only, "--out", tmp_path / "no", "--scheduler", "tcp://here:1").exception)
 
 
+@pytest.mark.usefixtures("lean_workers")
 def test_verify_knows_what_other_processes_have_read(three: Path, tmp_path: Path) -> None:
     assert runner().invoke(cli, ["batch", str(three), "--jobs", "2", "--out", str(tmp_path / "out"), "--no-figures"]).exit_code == 0
     inputs = json.loads((tmp_path / "out" / "origin.json").read_text())["inputs"]

@@ -21,6 +21,7 @@ from estim.reports.identifiability import IdentifySection, identify_section
 from estim.reports.identifiability_figures import direction_figure, prior_contour, profile_figure, ridge_figure, ridge_pair
 from estim.reports.rendering import render
 
+pytestmark = pytest.mark.usefixtures("sampled_opinion")
 X = np.linspace(0.0, 2.0, 12)
 
 

@@ -114,16 +114,17 @@ def test_every_signal_to_stop_ends_with_130_and_a_checkpoint(fit: Fit, tmp_path:
     assert not (tmp_path / "out" / "report.md").exists()
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_fit_interrupted_and_resumed_gives_the_same_bytes(fit: Fit, tmp_path: Path) -> None:
     place = tmp_path / "out" / ".checkpoint" / "r"
     assert fit("--run", "r")[0] == 0
     reference = written(tmp_path / "out")
     assert {"report.md", "result.json", "figures/corner.png"} <= reference.keys()
     shutil.rmtree(tmp_path / "out")
-    assert fit("--run", "r", until=("r", 100)) == (130, "", "interrupted: continue with --resume\n")
-    assert n_step(tmp_path, "r") == 101
+    assert fit("--run", "r", until=("r", 20)) == (130, "", "interrupted: continue with --resume\n")
+    assert n_step(tmp_path, "r") == 21
     code, _, err = fit("--run", "r", "--resume")
-    assert (code, err) == (0, f"{place}: continued after step 101\n")
+    assert (code, err) == (0, f"{place}: continued after step 21\n")
     assert written(tmp_path / "out") == reference
 
 
@@ -131,12 +132,12 @@ def test_fit_interrupted_and_resumed_gives_the_same_bytes(fit: Fit, tmp_path: Pa
 def test_several_runs_go_on_with_the_one_that_was_interrupted(fit: Fit, tmp_path: Path) -> None:
     """The first of two is done when the signal comes."""
     folder = tmp_path / "out" / ".checkpoint"
-    code, out, _ = fit(until=("s", 100))
+    code, out, _ = fit(until=("s", 20))
     assert (code, out.splitlines()[0]) == (130, "r: ok")
     first = written(tmp_path / "out" / "r")
     code, _, err = fit("--resume")
     assert code == 0
-    assert re.match(f"{folder / 'r'}: continued after step \\d+\n{folder / 's'}: continued after step 101\n", err)
+    assert re.match(f"{folder / 'r'}: continued after step \\d+\n{folder / 's'}: continued after step 21\n", err)
     assert written(tmp_path / "out" / "r") == first
     assert (tmp_path / "out" / "report.md").exists()
     assert not folder.exists()

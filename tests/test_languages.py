@@ -29,6 +29,7 @@ from estim.reports.sentences import sentences
 from estim.sampling import Target
 from estim.sampling.keys import fingerprint
 
+pytestmark = pytest.mark.usefixtures("sampled_opinion")
 ROOT = Path(__file__).parent.parent
 ESTIM = ROOT / "estim"
 TEMPLATES = sorted((ESTIM / "reports" / "templates").glob("*.j2"))

@@ -23,6 +23,7 @@ from estim.problem.rooted import RootErrors
 from estim.reports.figures import residual_figure
 from model import Body, positions_at
 
+pytestmark = pytest.mark.usefixtures("sampled_opinion")
 NOISES = {
     "speeds": 'derivative = "central"',
     "wider speeds": 'derivative = "five-point"',

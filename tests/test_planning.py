@@ -24,6 +24,9 @@ from estim.planning.weighing import sds_with, weigh
 from estim.planning.wishes import MORE, OTHERWISE, Readings, Wish, measured_better
 from estim.reports.plan import plan_answers, plan_status, shown_options, value_alone
 
+pytestmark = pytest.mark.usefixtures("sampled_opinion")
+
+
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "benchmarks"))
 
 NOTHING = Wish("as things are", OTHERWISE)

@@ -14,6 +14,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from scipy.integrate import solve_ivp, trapezoid
@@ -139,6 +140,7 @@ class Motion:
         return found
 
 
+@lru_cache(maxsize=64)
 def solve(truth: Truth, last: float) -> Motion:
     """The motion up to the time `last` (s), back and forth; `rtol` 1e-12."""
     legs, begin, state = [], 0.0, np.array([0.0, truth.release_speed / truth.radius])
