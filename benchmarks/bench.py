@@ -40,8 +40,8 @@ NAMES = {
     "bumps": "bumps (DREAM)",
 }
 _SETTINGS = (
-    "Settings were chosen on this posterior for two: nutpie has a low-rank mass matrix and target_accept 0.95, the fastest of four; dynesty walks of 80",
-    "steps, since its own choice had not ended after 125 CPU s, and walks of 26 or slices were 6 to 9 errors off estim's draws.",
+    "Settings were chosen on this posterior for two: nutpie has a low-rank mass matrix and target_accept 0.95, the fastest of four; dynesty walks",
+    "of 80 steps, since its own choice had not ended after 125 CPU s, and walks of 26 or slices were 6 to 9 errors off estim's draws.",
 )
 _ELSEWHERE = ("dynesty", "bumps", "pymc")
 
