@@ -17,7 +17,7 @@ sys.path.insert(0, str(HERE.parent))
 CAMPAIGN, RUN = HERE.parent / "data" / "replica" / "campaign.toml", "light-01"
 ESS, SEED = 4000.0, 1
 MOST_SECONDS = 300.0  # of a processor, after which a method is given up
-_LIVE, _MOST_CALLS, _RESAMPLED = 1000, 1_000_000, 100  # of dynesty
+_LIVE, _WALK, _MOST_CALLS, _RESAMPLED = 800, 80, 1_000_000, 100  # of dynesty
 
 Measured = dict[str, Any]
 
@@ -131,8 +131,8 @@ def by_dynesty(fit: Any, _: float) -> tuple[Any, ...]:
     def of_cube(u: np.ndarray) -> np.ndarray:
         return np.array([np.interp(a, at, g) for a, g in zip(u, grids, strict=True)])
 
-    # walks: uniform proposals, its choice in six dimensions, accept one point in a hundred along the ridge and take ten times as long
-    sampler = dynesty.NestedSampler(likelihood, of_cube, len(grids), nlive=_LIVE, sample="rwalk", rstate=rng)
+    # uniform proposals, its choice in six dimensions, accept one point in a hundred along the ridge; its 26 steps of a walk are too few there
+    sampler = dynesty.NestedSampler(likelihood, of_cube, len(grids), nlive=_LIVE, sample="rwalk", walks=_WALK, rstate=rng)
     sampler.run_nested(print_progress=False, dlogz=0.1, maxcall=_MOST_CALLS)
     return nested(sampler.results, rng)
 
