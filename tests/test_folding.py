@@ -13,7 +13,7 @@ from estim.sampling import folding
 from estim.sampling.bending import Bend, bend_of
 from estim.sampling.importance import pareto_smoothed
 from estim.sampling.keys import fingerprint
-from estim.sampling.proposal import Proposal, adapt_proposal
+from estim.sampling.proposal import Proposal, adapt_proposal, grown
 
 FREE = np.inf
 
@@ -195,3 +195,20 @@ def test_limits_far_away_change_no_bit(rng: np.random.Generator) -> None:
     assert np.array_equal(plain.means, told.means)
     assert np.array_equal(plain.factors, told.factors)
     assert np.array_equal(plain.draw(np.random.default_rng(1), 10), told.draw(np.random.default_rng(1), 10))
+
+
+def test_the_component_that_guards_a_bent_ridge_lies_where_the_draws_are() -> None:
+    """Ridge y = 5 x^2 +- 0.1: y has mean 5 and standard deviation 7."""
+    rng = np.random.default_rng(3)
+    x = rng.standard_normal(4000)
+    draws = np.column_stack([x, 5.0 * x**2 + 0.1 * rng.standard_normal(x.size)])
+    mixture = grown(draws, 2, rng, (np.full(2, -FREE), np.full(2, FREE)))
+    assert mixture.bend is not None
+    guard = int(np.flatnonzero(~mixture.follows)[0])
+    away = (draws - mixture.means[guard]) @ np.linalg.inv(mixture.factors[guard]).T
+    assert np.median(np.linalg.norm(away, axis=1)) < 1.0
+    wide = mixture.widened()
+    assert wide.follows[-1]
+    straight = wide.bend.straight(draws)
+    away = (straight - wide.means[-1]) @ np.linalg.inv(wide.factors[-1]).T
+    assert np.median(np.linalg.norm(away, axis=1)) < 1.0

@@ -20,7 +20,7 @@ from test_verify import MODEL, run
 from estim.batch import Settings
 from estim.batch.rows import key_of
 from estim.campaign import load_campaign
-from estim.common import LANGUAGES, phrase, phrases, spoken
+from estim.common import LANGUAGES, InputError, phrase, phrases, spoken
 from estim.curve_fit import CurveFit, fit_curve
 from estim.pipeline import sample_curve
 from estim.reports.curve import curve_report
@@ -242,7 +242,13 @@ class Wide(Mapping[str, str]):
 
 @pytest.fixture
 def wide(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(phrases, "LANGUAGES", {**LANGUAGES, "xx": "wide"})
     monkeypatch.setattr(phrases, "catalogue", lambda language: Wide())
+
+
+def test_a_language_that_is_not_there_is_refused_in_one_line() -> None:
+    with pytest.raises(InputError, match=r"'language' must be one of en, es: fr"), spoken("fr"):
+        pass
 
 
 def left_in_english(text: str) -> list[str]:
@@ -328,7 +334,10 @@ def test_a_report_is_verified_in_its_own_language(tmp_path: Path, monkeypatch: p
     assert run("verify", "es").exit_code == 3
 
 
-@pytest.mark.parametrize(("path", "run"), [("replica/campaign.toml", "light-01"), ("gallery/table_length.toml", "2m-ruler")])
+@pytest.mark.parametrize(("path", "run"), [
+    ("replica/campaign.toml", "light-01"), ("gallery/table_length.toml", "2m-ruler"), ("gallery/michelson.toml", "series-1"),
+    ("gallery/muon.toml", "muon"),
+])
 def test_a_chain_that_was_begun_in_one_language_is_continued_in_another(project: Path, path: str, run: str) -> None:
     keys = []
     for language in ("en", "es"):

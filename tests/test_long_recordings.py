@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +14,7 @@ from estim.campaign.forced import course_of
 from estim.checks import goodness
 from estim.deviation import BadFrames, FreeStart, bad_frames, course, pose_force, usual_errors
 from estim.deviation import noise as lacking
+from estim.deviation.autocorrelated import AutoCorrelated
 from estim.deviation.settled import settled
 from estim.fitting import screen
 from estim.problem import besides
@@ -194,3 +196,14 @@ def test_residuals_of_many_frames_do_not_hide_each_other(tmp_path):
         drawn.append([(line.get_linestyle(), line.get_markersize()) for line in figure.axes[0].lines if np.size(line.get_xdata()) == run.n_obs])
     assert drawn[0] == [("-", 6.0), ("None", 3.0)]
     assert drawn[1] == [("None", 1.2)]
+
+
+@pytest.mark.parametrize("noise_of", [lambda noise: noise, lambda noise: AutoCorrelated(noise, 0.6)])
+def test_a_few_points_of_a_long_file_have_matrices_of_their_own_size(tmp_path, noise_of):
+    """The matrix of all pairs of 200,000 readings would take 320 GB."""
+    problem = load_campaign(recording(tmp_path, NOISES["speeds"], 101)).problem(["long"])
+    (run,), named = problem.runs, problem.named(problem.start()[None, :])
+    derivative = run.noise.derivative
+    far = replace(run.noise, derivative=replace(derivative, matrix=replace(derivative.matrix, n_row=200_000)))
+    own, of_long = (noise_of(noise).likelihood(run.points, named).log_likelihood(named) for noise in (run.noise, far))
+    assert own == of_long

@@ -12,6 +12,7 @@ from scipy.optimize import lsq_linear
 
 from estim import load_campaign
 from estim.campaign.campaign_file import read_campaign_file
+from estim.checks import goodness
 from estim.checks.goodness import Check, Goodness
 from estim.checks.prior_sensitivity import power_scaling
 from estim.fitting import arrow
@@ -19,6 +20,7 @@ from estim.fitting.fisher_information import information
 from estim.fitting.least_squares import _fit_curve, fit_least_squares
 from estim.problem.posterior import Problem
 from estim.problem.priors import Normal, Uniform
+from estim.problem.whitened import Linear
 from estim.reports.residual_panels import MOST_DRAWN, drawn_runs
 
 X = np.linspace(0.0, 1.0, 9)
@@ -117,6 +119,17 @@ def test_response_to_errors_is_the_same_run_by_run_and_dense(rng, monkeypatch):
     assert np.allclose(by_runs, arrow.linear_response(roots, problem.columns, slopes)(errors, of_priors), atol=1e-11)
 
 
+def test_spreads_of_each_run_are_the_blocks_of_the_inverse(rng):
+    problem, ys = lines(MANY, rng, Normal(1.0, 0.5))
+    roots, slopes = problem.linearised(problem.start()).narrow_jacobians(problem.start()), 1.0 / np.array([0.5, 1.0, *[0.7] * MANY])
+    design, _ = dense(ys, (2.0, 2.0))
+    whole = np.linalg.inv(design.T @ design)
+    for found, used in zip(arrow.spreads_by_runs(roots, problem.columns, slopes), problem.columns, strict=True):
+        assert np.allclose(found, whole[np.ix_(used, used)], rtol=1e-9)
+    nothing = arrow.spreads_by_runs([np.array([[1.0, 0.0], [2.0, 0.0]])] * 2, [np.array([0, i]) for i in (1, 2)], np.zeros(3))
+    assert np.allclose(nothing, [[0.1, 0.0], [0.0, 0.0]])
+
+
 def test_parameters_of_which_nothing_is_said_stay_where_they_are():
     rows = [arrow.Rows(np.array([0, i]), np.array([[1.0, 0.0], [2.0, 0.0]]), np.array([[1.0], [2.0]])) for i in (1, 2)]
     assert np.allclose(arrow.solve_by_runs(rows, np.zeros(3), np.zeros((3, 1)))[:, 0], [1.0, 0.0, 0.0])
@@ -155,3 +168,34 @@ def test_a_campaign_file_that_changes_is_read_anew(tmp_path):
     assert read_campaign_file(path) is first
     path.write_text(REPLICA.read_text().replace("Synthetic replica", "Another"))
     assert read_campaign_file(path).title.startswith("Another")
+
+
+def test_simulated_residuals_of_each_run_are_those_of_all_runs_together(rng):
+    problem, ys = lines(MANY, rng, Normal(1.0, 0.5))
+    fit = fit_least_squares(problem, rng=rng, n_start=1)
+    root = fit.posterior.narrow_jacobians(fit.values)[0]
+    design, _ = dense(ys, (2.0, 2.0))
+    rows = design[: X.size]
+    expected = np.eye(X.size) - rows @ np.linalg.inv(design.T @ design) @ rows.T
+    spread = arrow.spreads_by_runs(fit.posterior.narrow_jacobians(fit.values), problem.columns, fit.posterior.prior_slopes(fit.values))[0]
+    draws, n = goodness._simulated(Linear(np.zeros(X.size), root), spread, rng)(40_000), 40_000
+    assert np.all(np.abs(np.cov(draws.T) - expected) < 5.0 * np.sqrt(2.0 / n))
+    assert np.max(np.abs(np.eye(X.size) - expected)) > 0.05  # what the fit takes is seen
+
+
+def test_a_second_look_at_a_long_run_holds_one_block_of_residuals_at_a_time(rng, monkeypatch):
+    sizes = []
+    simulated = goodness._simulated
+
+    def counted(*given):
+        draw = simulated(*given)
+        return lambda n: sizes.append(n) or draw(n)
+
+    monkeypatch.setattr(goodness, "_simulated", counted)
+    monkeypatch.setattr(goodness, "_AT_ONCE", 1e5)
+    monkeypatch.setattr(goodness, "_PIECE", 5e4)
+    problem, _ = lines(MANY, rng, Normal(1.0, 0.5))
+    bent = replace(problem.runs[0], y=problem.runs[0].y + 6.0 * (X - 0.5) ** 2)
+    goodness.check_goodness(fit_least_squares(Problem(problem.parameters, (bent, *problem.runs[1:])), rng=rng, n_start=1), rng=rng)
+    assert sum(sizes) == 20 * 20_000 + MANY * 2600
+    assert max(sizes) * X.size <= 1e5

@@ -272,12 +272,12 @@ def test_the_command_ranks_what_was_asked_for_and_says_where_linear_theory_fails
     assert done.exit_code == 3, done.output
     assert "plan: methods-disagree" in done.output
     record = json.loads((tmp_path / "out" / "plan.json").read_text())
-    assert record["schema"] == "estim-plan/1"
+    assert record["schema"] == "estim-plan/2"
     assert record["targets"]["kappa[heavy]"]["u_linear"] < 0.85 * record["targets"]["kappa[heavy]"]["u_drawn"]
     assert [option["asked"] for option in record["options"]] == [True, True]
     ratios = [option["ratio"]["kappa[heavy]"] for option in record["options"]]
     assert ratios == sorted(ratios)
-    assert list(record["cannot_be_measured"]) == ["a run of heavy at φ = 14°"]
+    assert [one["what"] for one in record["cannot_be_measured"]] == ["a run of heavy at φ = 14°"]
     report = (tmp_path / "out" / "report.md").read_text()
     assert "a better protractor (φ[heavy-04] to ±0.1° (from 0.4°))" in report
     assert "the drawn posterior has" in report

@@ -28,13 +28,13 @@ takes up what is left, and the intervals hold what they say (docs/statistics.md)
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from estim.arrays import FloatArray
-from estim.fitting import MANY, Fit, linear_response, no_scatter
+from estim.fitting import MANY, Fit, linear_response, no_scatter, spreads_by_runs
 from estim.problem import Linear, Observations, reading_sd
 from estim.words import TESTS
 
@@ -162,17 +162,19 @@ def check_goodness(fit: Fit, *, rng: np.random.Generator) -> tuple[Goodness, ...
 
 
 def _run_by_run(fit: Fit, responses: Sequence[Linear], named: Mapping[str, FloatArray], rng: np.random.Generator) -> tuple[Goodness, ...]:
-    """The same of many independent runs, the residuals of each drawn by themselves: a fit leaves them the covariance I - J cov J^T.
+    """The same of many independent runs, the residuals of each drawn by themselves.
 
-    A p-value that could count among so many is simulated again, to where it can be told from that of the worst of them.
+    With C the covariance of what least squares of all runs make of the parameters of one, errors e of its points move them by C J^T e, and all other
+    errors by a normal vector of covariance C - C J^T J C.  A p-value that could count among so many is simulated again, to where it can be told from
+    that of the worst of them.
     """
     problem, checked = fit.problem, []
-    for run, response, used, (raw, sd) in zip(problem.runs, responses, problem.columns, _raw_and_sd(fit, named), strict=True):
-        spectrum, basis = np.linalg.eigh(np.eye(run.n_obs) - response.root @ fit.cov[np.ix_(used, used)] @ response.root.T)
-        turn, speed = np.sqrt(np.maximum(spectrum, 0.0)) * basis, _speeds(run, named)
+    spreads = spreads_by_runs([one.root for one in responses], problem.columns, fit.posterior.prior_slopes(fit.values))
+    for run, response, spread, (raw, sd) in zip(problem.runs, responses, spreads, _raw_and_sd(fit, named), strict=True):
+        simulate, speed = _simulated(response, spread, rng), _speeds(run, named)
 
         def judged(n_block: int, n_draw: int) -> Goodness:
-            blocks = [rng.standard_normal((n_draw, run.n_obs)) @ turn.T for _ in range(n_block)]  # noqa: B023
+            blocks = map(simulate, _pieces([n_draw] * n_block, run.n_obs))  # noqa: B023
             found = [(_statistics(block), _slower(block, speed)) for block in blocks]  # noqa: B023
             null = {name: np.concatenate([one[0][name] for one in found]) for name in found[0][0]}
             return _judged(fit, run, response.z, raw, sd, null, np.concatenate([one[1] for one in found]), speed, named)  # noqa: B023
@@ -182,6 +184,22 @@ def _run_by_run(fit: Fit, responses: Sequence[Linear], named: Mapping[str, Float
         close = min(told, default=1.0) < _AGAIN or ("chi2" in first.checks and first.checks["chi2"].p_value > 1.0 - _AGAIN)
         checked.append(judged(_N_AGAIN, _N_SIMULATED) if close else first)
     return tuple(checked)
+
+
+def _simulated(response: Linear, spread: FloatArray, rng: np.random.Generator) -> Callable[[int], FloatArray]:
+    """What draws (n, n_obs) residuals of a run, given the covariance (n_used, n_used) of the parameters that it uses."""
+    back = spread @ response.root.T
+    scale = np.sqrt(np.diag(spread))
+    scale[scale == 0.0] = 1.0
+    spectrum, basis = np.linalg.eigh((spread - back @ back.T) / np.outer(scale, scale))
+    by_others = scale[:, None] * basis * np.sqrt(np.maximum(spectrum, 0.0))
+
+    def simulate(n: int) -> FloatArray:
+        errors = rng.standard_normal((n, len(response.root)))
+        shifts = errors @ back.T + rng.standard_normal((n, len(spread))) @ by_others.T
+        return response.moved(errors.T, shifts.T).T
+
+    return simulate
 
 
 def _judged(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import click
 
-from estim.common import LANGUAGES, language, spoken
+from estim.common import LANGUAGES, spoken
 
 
 def _speak(context: click.Context, _option: click.Parameter, name: str) -> str:
@@ -14,6 +14,6 @@ def _speak(context: click.Context, _option: click.Parameter, name: str) -> str:
 
 
 LANG = click.option(
-    "--lang", type=click.Choice(list(LANGUAGES)), default=language(), show_default=True, is_eager=True, expose_value=False, callback=_speak,
+    "--lang", type=click.Choice(list(LANGUAGES)), default="en", show_default=True, is_eager=True, expose_value=False, callback=_speak,
     help="Language of the report, its figures and what is said at the end.  Errors stay English.",
 )

@@ -17,6 +17,8 @@ from importlib.resources import files
 from types import MappingProxyType
 from typing import TypeVar
 
+from estim.common.errors import InputError
+
 LANGUAGES = MappingProxyType({"en": "English", "es": "español"})
 _ENGLISH = "en"
 _LANGUAGE: ContextVar[str] = ContextVar("language", default=_ENGLISH)
@@ -26,7 +28,12 @@ _SPACES = re.compile(r"\s+")
 
 @contextmanager
 def spoken(language: str) -> Iterator[None]:
-    """While it lasts, `phrase` speaks `language`, one of `LANGUAGES`, in this thread of work and in the processes that `spread` starts."""
+    """While it lasts, `phrase` speaks `language`, one of `LANGUAGES`, in this thread of work and in the processes that `spread` starts.
+
+    Raises InputError for any other.
+    """
+    if language not in LANGUAGES:
+        raise InputError(f"must be one of {', '.join(LANGUAGES)}", field="language", value=language)
     before = _LANGUAGE.set(language)
     try:
         yield

@@ -25,7 +25,7 @@ class AutoCorrelated(Stated):
         matrix = Differences.of_single(points.x.size).rows_times(self.base.reading_gain()) if matrix is None else matrix
         if points.x.size > DENSE and in_bands(self.base.size):
             return RootErrors.of_bands(points, self.base.size, matrix.covariance(self.correlation), points.y - stated.y)
-        lever, steps = matrix.dense(), np.arange(matrix.n_row)
+        lever, steps = matrix.among(matrix.used).dense(), np.flatnonzero(matrix.used)
         covariance = lever @ self.correlation ** np.abs(np.subtract.outer(steps, steps)) @ lever.T
         spectrum, basis = np.linalg.eigh(covariance)
         rounding = np.finfo(float).eps * spectrum.size * spectrum[-1]

@@ -17,10 +17,6 @@ class Precision:
     span: FloatArray
     core: FloatArray
 
-    def times(self, rows: FloatArray) -> FloatArray:
-        """Rows (..., n_obs) times Q."""
-        return np.asarray(self.white * rows + ((rows @ self.span) @ self.core) @ self.span.T)
-
     def root_times(self, rows: FloatArray) -> FloatArray:
         """Rows times a symmetric root of Q."""
         spectrum, basis = np.linalg.eigh(self.core)

@@ -20,8 +20,8 @@ _GUARD = 5.0  # sds from the release or from a turning point
 def settled(t: FloatArray, x: FloatArray, speed: FloatArray, sd: float) -> FloatArray:
     """(n_row,) by straight lines through the readings x (n_row,) at t (n_row,) s (five or more) between which the body moves 2 `sd` either way.
 
-    In such a window +-w a path of acceleration a lies on average a w^2/6 above its middle. As fast as it gets from rest within five sds, v^2 = 10 a sd,
-    that is sd/15; slower than this, beside a turning point, it counts as so fast, with a = (largest speed)^2/(length of the way).
+    In such a window +-w a path of acceleration a lies on average a w^2/6 above its middle: by sd/15 at most where it is as fast as it gets from rest
+    within five sds, v^2 = 10 a sd. Slower than this, beside a turning point, it counts as so fast, a being (largest speed)^2/(length of the way).
     Readings that are farther apart stay as they are.  speed : (n_row,) of the curve, unit of x per s.
     """
     least = float(np.max(speed)) * np.sqrt(_GUARD * 2.0 * sd / np.ptp(x))

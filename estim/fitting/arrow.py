@@ -28,6 +28,7 @@ _ROUNDING = 1e-13  # of chi^2
 _SHORTER = 0.1  # what a step promises, of the step before
 _LEAST_DAMPING, _FACTOR, _MOST_DAMPING = 1e-6, 10.0, 1e12
 _HELD_ROUNDS = 4
+_NOTHING = 1e-13  # of the largest singular value
 
 Indices = NDArray[np.int64]
 
@@ -39,6 +40,41 @@ class Rows:
     columns: Indices
     jacobian: FloatArray
     target: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class _Part:
+    """One group of runs in triangles: basis triangle own + rest wide shared, and `along` of the shared parameters in the basis of its own.
+
+    mine, shared : (n_own,), (n_shared,) columns of the parameters.  basis (n + n_own, n_own), triangle (n_own, n_own), along (n_own, n_shared),
+    rest (n + n_own, n_shared or fewer), wide (n_shared or fewer, n_shared); the last n_own rows are those of the priors.  An own parameter of which
+    nothing is said is left out.
+    """
+
+    mine: Indices
+    shared: Indices
+    basis: FloatArray
+    triangle: FloatArray
+    along: FloatArray
+    rest: FloatArray
+    wide: FloatArray
+
+    @classmethod
+    def of(cls, columns: Indices, jacobian: FloatArray, mine: Indices, slopes: FloatArray) -> _Part:
+        inner = np.isin(columns, mine)
+        told = inner & (np.any(jacobian != 0.0, axis=0) | (slopes[columns] != 0.0))
+        mine, shared = columns[told], columns[~inner]
+        basis, triangle = np.linalg.qr(np.vstack([jacobian[:, told], np.diag(slopes[mine])]))
+        across = np.vstack([jacobian[:, ~inner], np.zeros((mine.size, shared.size))])
+        along = basis.T @ across
+        rest, wide = np.linalg.qr(across - basis @ along)
+        return cls(mine, shared, basis, triangle, along, rest, wide)
+
+    def below(self, place: Indices, n_border: int) -> FloatArray:
+        """What is left for the shared parameters, in the columns `place` (n_par,) of the border."""
+        found = np.zeros((len(self.wide), n_border))
+        found[:, place[self.shared]] = self.wide
+        return found
 
 
 def many(problem: Problem) -> bool:
@@ -65,28 +101,46 @@ def solve_by_runs(rows: Sequence[Rows], slopes: FloatArray, pulls: FloatArray) -
     border = np.setdiff1d(np.arange(n_par), np.concatenate([np.zeros(0, dtype=np.int64), *own]))
     place = np.full(n_par, -1)
     place[border] = np.arange(border.size)
-    below, aims, triangles = [np.diag(slopes[border])], [pulls[border]], []
+    below, aims, parts = [np.diag(slopes[border])], [pulls[border]], []
     for one, mine in zip(rows, own, strict=True):
-        inner, n = np.isin(one.columns, mine), len(one.jacobian)
-        mine, shared = one.columns[inner], one.columns[~inner]
-        block = np.vstack([one.jacobian[:, inner], np.diag(slopes[mine])])
-        told = np.any(block != 0.0, axis=0)
-        mine, block, added = mine[told], block[:, told], pulls[mine]
-        across = np.vstack([one.jacobian[:, ~inner], np.zeros((len(added), shared.size))])
-        basis, triangle = np.linalg.qr(block)
-        along = basis.T @ across
-        rest, wide = np.linalg.qr(across - basis @ along)
-        below.append(np.zeros((len(wide), border.size)))
-        below[-1][:, place[shared]] = wide
-        aims.append(rest[:n].T @ one.target + rest[n:].T @ added)
-        triangles.append((mine, triangle, along, basis[:n].T @ one.target + basis[n:].T @ added, shared))
+        part, n = _Part.of(one.columns, one.jacobian, mine, slopes), len(one.jacobian)
+        added = pulls[part.mine]
+        below.append(part.below(place, border.size))
+        aims.append(part.rest[:n].T @ one.target + part.rest[n:].T @ added)
+        parts.append((part, part.basis[:n].T @ one.target + part.basis[n:].T @ added))
     design = np.vstack(below)
     scale = np.linalg.norm(design, axis=0)
     scale[scale == 0.0] = 1.0
     found[border] = np.linalg.lstsq(design / scale, np.vstack(aims), rcond=None)[0] / scale[:, None]
-    for mine, triangle, across, aim, shared in triangles:
-        if mine.size:
-            found[mine] = np.linalg.lstsq(triangle, aim - across @ found[shared], rcond=None)[0]
+    for part, aim in parts:
+        if part.mine.size:
+            found[part.mine] = np.linalg.lstsq(part.triangle, aim - part.along @ found[part.shared], rcond=None)[0]
+    return found
+
+
+def spreads_by_runs(roots: Sequence[FloatArray], columns: Sequence[Indices], slopes: FloatArray) -> list[FloatArray]:
+    """For each group the covariance (n_used, n_used), between the parameters `columns` that it uses, of the least squares of `solve_by_runs`.
+
+    roots : of each group (n, n_used), in units of the standard deviation.  A parameter of which nothing is said has none.
+    """
+    n_par = slopes.size
+    own = own_columns(columns, n_par)
+    border = np.setdiff1d(np.arange(n_par), np.concatenate([np.zeros(0, dtype=np.int64), *own]))
+    place = np.full(n_par, -1)
+    place[border] = np.arange(border.size)
+    parts = [_Part.of(used, root, mine, slopes) for used, root, mine in zip(columns, roots, own, strict=True)]
+    design = np.vstack([np.diag(slopes[border]), *(part.below(place, border.size) for part in parts)])
+    scale = np.linalg.norm(design, axis=0)
+    scale[scale == 0.0] = 1.0
+    root_of_shared = np.linalg.pinv(design / scale, rcond=_NOTHING) / scale[:, None]
+    found = []
+    for part, used in zip(parts, columns, strict=True):
+        turned, of_shared = np.linalg.pinv(part.triangle, rcond=_NOTHING), root_of_shared[place[part.shared]]
+        own_too = np.hstack([turned, -turned @ part.along @ of_shared])
+        follow = np.zeros((used.size, own_too.shape[1]))
+        follow[np.isin(used, part.mine)] = own_too
+        follow[np.isin(used, part.shared), part.mine.size :] = of_shared
+        found.append(follow @ follow.T)
     return found
 
 

@@ -95,8 +95,10 @@ def _which(body: str, said: Mapping[str, Quantity]) -> str:
         places.append(f"φ = {degrees(said['phi'].value):.2g}°")
     if "theta0" in said:
         places.append(f"θ₀ = {degrees(said['theta0'].value):.0f}°")
-    whose = phrase("the disk of {body} with γ = {gamma:.2g}", body=body, gamma=said["gamma"].value) if "gamma" in said else body
-    return phrase(" of {whose} at {places}", whose=whose, places=", ".join(places)) if places else phrase(" of {whose}", whose=whose)
+    at = phrase(" at {places}", places=", ".join(places)) if places else ""
+    if "gamma" in said:
+        return phrase(" of the disk of {body} with γ = {gamma:.2g}", body=body, gamma=said["gamma"].value) + at
+    return phrase(" of {body}", body=body) + at
 
 
 def _value(run: Observations, argument: str, named: Mapping[str, object]) -> float:

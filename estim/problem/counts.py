@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -153,7 +153,7 @@ class Counts:
     law: Law
     trials: FloatArray
     seen: FloatArray
-    what: str = "y"
+    what: str = field(default="y", compare=False)
     bins: FloatArray | None = None
 
     parameters = ()

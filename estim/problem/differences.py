@@ -74,10 +74,12 @@ class Differences:
     def covariance(self, correlation: float = 0.0) -> FloatArray:
         """A R A^T in bands (n_band + 1, n_obs), [d, i] its element (i + d, i), with R_jk = correlation^|j - k|; below 1e-14 R counts as 0.
 
+        correlation : between -1 and 1.
+
         Rows must stand in the order of their places.
         """
         n, bands = len(self.places), []
-        reach = int(np.log(_NOTHING) / np.log(correlation)) if correlation else 0
+        reach = int(np.log(_NOTHING) / np.log(abs(correlation))) if correlation else 0
         first, last = np.min(self.places, axis=1), np.maximum.accumulate(np.max(self.places, axis=1))
         powers = np.append(correlation ** np.arange(reach + 1), 0.0)
         for d in range(n):

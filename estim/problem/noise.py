@@ -201,7 +201,7 @@ class Differentiated:
         shift = stencil.truncation * interval**stencil.order * bent
         if points.x.size > DENSE and in_bands(self.size):
             return RootErrors.of_bands(points, self.size, matrix.covariance(), shift)
-        whole = matrix.dense()
+        whole = matrix.among(matrix.used).dense()
         spectrum, basis = np.linalg.eigh(whole @ whole.T)
         rounding = np.finfo(float).eps * spectrum.size * spectrum[-1]  # no eigenvalue is known better: where the slope is huge, some come out below 0
         return CorrelatedErrors(points, self.size, basis, np.maximum(spectrum, rounding), shift)
@@ -241,7 +241,7 @@ class Differentiated:
         matrix = to_speed.rows_times(by_y).less(rows, -by_x)
         if self.relative is not None:
             matrix, to_speed = matrix.times(self.relative), to_speed.times(self.relative)
-        whole = matrix.dense()
+        whole = matrix.among(matrix.used).dense()
         cov = reading * whole @ whole.T + np.diag(by_y**2 * scatter)
         return cov, np.asarray(reading * np.sum(to_speed.weights**2, axis=1) + scatter)
 

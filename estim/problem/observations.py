@@ -62,7 +62,7 @@ class Lacks:
 
     deviation: float
     along: FloatArray | None
-    along_unit: str
+    along_unit: str = field(compare=False)  # a reader's word
     stated: bool
 
 
@@ -92,7 +92,7 @@ class Observations:
     noise: Noise
     x_name: str
     x_unit: str
-    y_name: str
+    y_name: str = field(compare=False)  # a reader's word, where times of events have no y
     y_unit: str
     excluded: tuple[Finding, ...]
     excluded_points: FloatArray

@@ -238,7 +238,7 @@ def line_values(result: LineResult) -> dict[str, object]:
 
 def _sources() -> dict[str, str]:
     """Convention of standard errors -> where it is in print."""
-    return {name: phrase(source) for name, source in CONVENTIONS.items()}
+    return dict(CONVENTIONS)
 
 
 def _limited(result: LineResult) -> list[tuple[str, Summary]]:

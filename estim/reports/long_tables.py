@@ -8,6 +8,7 @@ from __future__ import annotations
 import csv
 import io
 import re
+import unicodedata
 
 from estim.common import phrase
 
@@ -26,7 +27,7 @@ def shortened(text: str) -> dict[str, bytes]:
         line = lines[i]
         coded ^= line.startswith("```")
         if line.startswith("#") and not coded:
-            title = re.sub(r"[^a-z0-9]+", "-", line.lower()).strip("-")
+            title = re.sub(r"[^a-z0-9]+", "-", unicodedata.normalize("NFKD", line.lower()).encode("ascii", "ignore").decode()).strip("-") or "table"
         end = i
         while not coded and end < len(lines) and lines[end].startswith("|"):
             end += 1

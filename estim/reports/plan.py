@@ -21,7 +21,7 @@ from estim.words import tell
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-SCHEMA = "estim-plan/1"
+SCHEMA = "estim-plan/2"
 _MOST_RUNS = 8  # suggested further runs that are shown
 _MOST_WAYS, _MOST_REFUSED = 3, 6
 _NOTHING = 0.02  # of a standard deviation: a gain below is none
@@ -53,6 +53,11 @@ class WayRecord(msgspec.Struct, frozen=True):
     ratio: float
 
 
+class RefusedRecord(msgspec.Struct, frozen=True):
+    what: str
+    reason: str
+
+
 class PlanRecord(msgspec.Struct, frozen=True, rename={"schema_": "schema"}):
     """Every number of a plan; options are ranked, the best first."""
 
@@ -65,7 +70,7 @@ class PlanRecord(msgspec.Struct, frozen=True, rename={"schema_": "schema"}):
     runs: list[str]
     targets: dict[str, TargetRecord]
     options: list[OptionRecord]
-    cannot_be_measured: dict[str, str]
+    cannot_be_measured: list[RefusedRecord]
     to_halve: dict[str, list[WayRecord]]
     provenance: Provenance
 
@@ -107,7 +112,7 @@ def plan_record(plan: Plan) -> PlanRecord:
     ways = {h.target.name: [WayRecord(w.words, w.ratio) for w in h.ways if np.isfinite(w.ratio)] for h in plan.halving}
     return PlanRecord(
         SCHEMA, plan.campaign.title, plan.campaign.kind, status, reasons, plan_answers(plan), list(plan.names), targets, options,
-        {o.wish.words: o.reason for o in plan.refused}, ways, provenance(plan.campaign, list(plan.names), plan.seed),
+        [RefusedRecord(o.wish.words, o.reason) for o in plan.refused], ways, provenance(plan.campaign, list(plan.names), plan.seed),
     )
 
 

@@ -102,7 +102,7 @@ def straight_line_report(line: StraightLine, *, figures: bool = True) -> dict[st
         return render(
             "straight_line.md.j2", pictures=pictures, result=result, ok=line.status.ok, status_words=STATUS_WORDS[line.status],
             method=phrase(_METHODS[result.method]), rows=rows, percent=f"{100.0 * result.probability:g}",
-            sources={name: phrase(CONVENTIONS[name]) for name in errors},
+            sources={name: CONVENTIONS[name] for name in errors},
             equation=f"{result.columns['y']} = ({_pair(_nan(result.intercept), a)}) + ({_pair(_nan(result.slope), b)}) · {result.columns['x']}",
             predictions=[_predicted(p) for p in result.predictions], inverses=[_predicted(p) for p in result.inverses], facts=line.facts,
             uncertainties=_uncertainties(result), slope=_ends(result.slope_interval, b),

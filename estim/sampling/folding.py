@@ -27,7 +27,7 @@ from estim.arrays import FloatArray
 from estim.sampling.factors import lower_factor
 
 _REACH = 3.0  # scales from the mean: farther edges are left alone
-_MOST_FOLDS = 5  # of one component: the number of images doubles with each
+_MOST_FOLDS = 5  # of one component: the number of images doubles with each edge, and triples where both edges are in reach
 
 
 @dataclass(frozen=True, eq=False)

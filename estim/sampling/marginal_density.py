@@ -102,6 +102,6 @@ class Marginal:
             names = [term.posterior.names[i] for i in term.own]
             chosen = np.array([k for k, name in enumerate(names) if name in self.readings], dtype=np.int64)
             if chosen.size:
-                volume = expansion.log_volume(self.given(term, both), chosen)
+                volume = term.log_volume(self.given(term, both), expansion, chosen)
                 total += volume[0] - volume[1:]
         return total

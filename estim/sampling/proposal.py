@@ -96,16 +96,19 @@ class Proposal:
         A proposal that was adapted to draws of itself may miss a long tail (of an outlier's width, say), and weights cannot
         show what was never drawn.  Where the wide draws find something, k-hat and the effective size say so.
         """
-        mean = self.weights @ self.means
-        away = self.means - mean
-        scale = np.einsum("k,kij,klj->il", self.weights, self.factors, self.factors) + (self.weights[:, None] * away).T @ away
-        return self._with(mean, scale, _FAR_SHARE, _FAR_FACTOR)
+        bent = self.bend is not None and bool(np.any(self.follows))  # the straight components beside a bent ridge are wide ones already
+        part = self.follows if bent else np.ones(self.weights.size, dtype=bool)
+        weights, means, factors = self.weights[part] / np.sum(self.weights[part]), self.means[part], self.factors[part]
+        mean = weights @ means
+        away = means - mean
+        scale = np.einsum("k,kij,klj->il", weights, factors, factors) + (weights[:, None] * away).T @ away
+        return self._with(mean, scale, _FAR_SHARE, _FAR_FACTOR, bent=bent)
 
-    def _with(self, mean: FloatArray, scale: FloatArray, share: float, factor: float) -> Proposal:
+    def _with(self, mean: FloatArray, scale: FloatArray, share: float, factor: float, *, bent: bool = False) -> Proposal:
         """A `share` of the draws from one more component."""
         return Proposal(
             np.append((1.0 - share) * self.weights, share), np.vstack([self.means, mean]),
-            np.concatenate([self.factors, factor * lower_factor(scale)[None]]), self.limits, self.bend, np.append(self.follows, False),
+            np.concatenate([self.factors, factor * lower_factor(scale)[None]]), self.limits, self.bend, np.append(self.follows, bent),
         )
 
     def following(self, bend: Bend | None) -> Proposal:
@@ -222,7 +225,7 @@ def _settle(density: Density, mixture: Proposal, rng: np.random.Generator, n_rou
         bend = _bend_at(mixture.limits, draws, weights)
         straight = draws if bend is None else bend.straight(draws)
         mixture = _fit(mixture, straight, weights)
-        proposal = _guarded(mixture.unfolded().following(bend), straight, weights)
+        proposal = _guarded(mixture.unfolded().following(bend), draws, weights)
     if not found:
         raise NumericalError("importance sampling cannot start: the posterior density is zero or not finite everywhere around the fit")
     return max(found, key=lambda f: f[1])
@@ -290,7 +293,10 @@ def _split(draws: FloatArray, weights: FloatArray, n_component: int, rng: np.ran
 
 
 def _guarded(mixture: Proposal, draws: FloatArray, weights: FloatArray) -> Proposal:
-    """A mixture of several with a wide component added, so that no region between and around them is without draws."""
+    """A mixture of several with a wide component added, so that no region between and around them is without draws.
+
+    draws : (n_draw, n_par), as they are: the wide component is not bent.
+    """
     if mixture.weights.size == 1:
         return mixture
     return mixture._with(*_covariance(draws, weights), _WIDE_SHARE, _WIDE_FACTOR)
@@ -305,7 +311,7 @@ def grown(draws: FloatArray, n_component: int, rng: np.random.Generator, limits:
     bend = _bend_at(limits, draws, weights)
     straight = draws if bend is None else bend.straight(draws)
     mixture = replace(_split(straight, weights, n_component, rng), limits=limits)
-    return _guarded(mixture.unfolded().following(bend), straight, weights)
+    return _guarded(mixture.unfolded().following(bend), draws, weights)
 
 
 def _shrunk(density: Density, mixture: Proposal, rng: np.random.Generator) -> Proposal:
