@@ -78,9 +78,7 @@ class Course:
         """The readings for every place at which something is asked of the curve that must not know their errors."""
         assert self.positions is not None, "asked where speeds are made of positions"
         assert self.rows is not None, "known where positions are"
-        speed = here.speed(self.positions)
-        speed = np.maximum(speed, _SLOW * float(np.mean(speed)))
-        x = settled(self.rows.t, self.positions, speed, _reading(noise, named))
+        x = settled(self.rows.t, self.positions, here.speed(self.positions), _reading(noise, named))
         return _Settled(x, x - self.positions, self.rows.kept)
 
     def frames(self, points: Points, named: Named, noise: Noise) -> Frames | None:

@@ -14,15 +14,20 @@ from numpy.typing import NDArray
 from estim.arrays import FloatArray
 
 _REACH, _FEW = 2.0, 5  # sds of a reading, by which the body moves to either side; readings for a line
+_GUARD = 5.0  # sds from the release or from a turning point
 
 
 def settled(t: FloatArray, x: FloatArray, speed: FloatArray, sd: float) -> FloatArray:
     """(n_row,) by straight lines through the readings x (n_row,) at t (n_row,) s (five or more) between which the body moves 2 `sd` either way.
 
-    In such a window +-w a path from rest lies on average a w^2/6 = (2 sd)^2/(12 x) above its middle: at most sd/15, from five sds of the release on.
-    Readings that are farther apart stay as they are.  speed : (n_row,) > 0, unit of x per s.
+    In such a window +-w a path of acceleration a lies on average a w^2/6 above its middle: by sd/15 at most where it is as fast as it gets from rest
+    within five sds, v^2 = 10 a sd. Slower than this, beside a turning point, it counts as so fast, a being (largest speed)^2/(length of the way).
+    Readings that are farther apart stay as they are.  speed : (n_row,) of the curve, unit of x per s.
     """
-    reach = _REACH * sd / speed
+    least = float(np.max(speed)) * np.sqrt(_GUARD * 2.0 * sd / np.ptp(x))
+    if not least > 0.0:  # a curve that never moves, which is said elsewhere
+        return x
+    reach = _REACH * sd / np.maximum(speed, least)
     first, last = np.searchsorted(t, t - reach, "left"), np.searchsorted(t, t + reach, "right")
     many = np.flatnonzero(last - first >= _FEW)
     found = x.copy()
