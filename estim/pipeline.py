@@ -45,7 +45,7 @@ from estim.checks import (
 from estim.common import Finding, InputError, Kind, Status, Stream, phrase, stream
 from estim.curve_fit import CurveFit
 from estim.explanation import Explanation, explain
-from estim.fitting import Fit
+from estim.fitting import Fit, fit_beside
 from estim.problem import Problem, folded
 from estim.sampling import (
     MAX_PARAMETERS,
@@ -148,6 +148,7 @@ class Analysis:
 def analyse(
     campaign: Campaign, runs: Sequence[str], *, seed: int, target: Target | None = None, progress: Progress | None = None,
     noise: NoiseTable | None = None, store: Store | None = None, stop: Stop | None = None, marginal: bool | None = None, complete: str = "",
+    beside: Sequence[Fit] = (),
 ) -> Analysis:
     """The joint analysis of `runs` of a campaign; the same seed gives the same numbers.  Raises InputError.
 
@@ -156,13 +157,14 @@ def analyse(
     marginal : whether a joint posterior is sampled through the marginal over runs; None: where the chain has no proposal (more than 12
         unknowns), or a quantity varies between runs; never where runs share a force, which ties them together.
     complete : what takes the curves as complete, without a force that nobody asked for ("estim energy"); "" for nothing.
+    beside : fits of these runs with other noise; where one has the same points and the same curve, the search starts from its optima.
     """
     problem = campaign.problem(runs, noise=noise)
     problem = as_complete(problem, complete) if complete else campaign.with_usual_errors(problem)
     campaign.require_unknowns(problem)
     if progress is not None:
         progress(0, phrase("fit"))
-    fit = campaign.fit(problem, rng=stream(seed, Stream.FIT))
+    fit = fit_beside(problem, beside, rng=stream(seed, Stream.FIT)) or campaign.fit(problem, rng=stream(seed, Stream.FIT))
     analysis = analyse_fit(fit, seed=seed, target=target, progress=progress, store=store, stop=stop, marginal=marginal)
     return replace(analysis, title=campaign.title, kind=campaign.kind)
 
@@ -214,7 +216,7 @@ def _optima_of(fit: Fit) -> Optima:
     ends = optima(fit)
     heavy = tuple(ends.values[1:][ends.shares[1:] > _NEGLIGIBLE])
     starts, covs = (*ends.values[1:], *fit.further_starts), (*ends.covs[1:], *fit.further_covs)
-    return Optima(fit.values, fit.cov, starts, covs, heavy)
+    return Optima(fit.values, fit.cov, starts, covs, heavy, fit.parts)
 
 
 def asks_for_a_cause(analysis: Analysis) -> bool:

@@ -85,13 +85,27 @@ def _ratio(
     angle: FloatArray, remainder: FloatArray, body: Body, *, phi: FloatArray, theta0: FloatArray, rolling_resistance: FloatArray
 ) -> FloatArray:
     """W/D, with W taken from the nearer of its two zeros: W = r s - 2 gamma sin(theta_t - r/2) sin(r/2), r to the turning point."""
-    from_release = energy_ratio(angle, body, phi=phi, theta0=theta0, rolling_resistance=rolling_resistance)
     near = remainder < angle
+    ends = np.any(near, axis=0), np.any(~near, axis=0)
+    if near.ndim == 2 and not np.any(ends[0] & ends[1]):  # the same columns of all draws: each needs one of the two
+        found = np.empty(near.shape)
+        place: dict[str, Any] = {"phi": phi, "theta0": theta0, "rolling_resistance": rolling_resistance}
+        found[:, ends[1]] = energy_ratio(angle[:, ends[1]], body, **place)
+        found[:, ends[0]] = _from_turning_point(angle[:, ends[0]], remainder[:, ends[0]], body, **place)
+        return found
+    from_release = energy_ratio(angle, body, phi=phi, theta0=theta0, rolling_resistance=rolling_resistance)
     r = np.where(near, remainder, 0.0)
+    return np.where(near, _from_turning_point(angle, r, body, phi=phi, theta0=theta0, rolling_resistance=rolling_resistance), from_release)
+
+
+def _from_turning_point(
+    angle: FloatArray, r: FloatArray, body: Body, *, phi: FloatArray, theta0: FloatArray, rolling_resistance: FloatArray
+) -> FloatArray:
+    """W/D by the angle r (rad) still to turn."""
     theta = theta0 + angle
     inertia = 1.0 + body.inertia_ratio + 2.0 * body.gamma * _sine_cosine(theta + phi)[1]
     work = r * effective_slope(phi, rolling_resistance) - 2.0 * body.gamma * _sine_cosine(theta + 0.5 * r)[0] * _sine_cosine(0.5 * r)[0]
-    return np.where(near, work / inertia, from_release)
+    return np.asarray(work / inertia)
 
 
 def _sine_cosine(angle: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -215,37 +229,35 @@ def _legs(t: FloatArray, body: Body, place: dict[str, Any], *, n_leg: int, n_nod
     """`_states` of a few draws, each way from where the one before it ended."""
     phi, theta0 = np.asarray(place["phi"], dtype=float), np.asarray(place["theta0"], dtype=float)
     x = v = start = np.zeros((1, 1))
-    late = np.ones(t.shape[-1], dtype=bool)  # the times that are not over for every draw
+    late, rows = np.ones(t.shape[-1], dtype=bool), np.zeros(0, dtype=np.int64)  # times and draws that are not over
     sign = 1.0
     for leg in range(n_leg):
-        now = t[..., late]
+        now = t[rows[:, None], late] if leg else t
         dx, rate, end, reach = _leg(now, body, **{**place, "phi": phi, "theta0": theta0}, n_node=n_node, speeds=speeds)
-        here = (now > 0.0) if leg else np.ones(now.shape, dtype=bool)
         inside = (now <= 0.0) | (now <= end)
         rest = np.where(np.isnan(end), np.nan, 0.0)
         stop = np.where(np.isinf(end), 0.0, reach + rest)
         stopped = start + sign * np.asarray(body.radius) * stop
-        x = _put(x, late, here, np.where(inside, start + sign * dx, stopped))
-        v = _put(v, late, here, np.where(inside, sign * rate, rest))
-        start = stopped
+        here, there = np.where(inside, start + sign * dx, stopped), np.where(inside, sign * rate, rest)
+        if leg:
+            at = rows[:, None], late
+            x[at], v[at] = np.where(now > 0.0, here, x[at]), np.where(now > 0.0, there, v[at])
+        else:
+            x, v = here, there
         after = np.where((reach > 0.0) & np.isfinite(end), np.maximum(now - end, 0.0), 0.0)
-        going = np.any(after > 0.0, axis=0)
+        going, on = np.any(after > 0.0, axis=0), np.any(after > 0.0, axis=1)
         if not going.any():
             return x, v
-        t = np.zeros(x.shape)
-        t[:, late] = after
+        if not leg:
+            rows, t = np.arange(len(x)), np.zeros(x.shape)
+        t[rows[:, None], late] = after
         late = late.copy()
         late[late] = going
-        theta0, phi, sign = -(theta0 + stop), -phi, -sign
+        rows, start = rows[on], _of(stopped, on)
+        body = replace(body, **{name: _of(value, on) for name, value in vars(body).items()})
+        place = {name: _of(value, on) for name, value in place.items()}
+        theta0, phi, sign = _of(-(theta0 + stop), on), _of(-phi, on), -sign
     return np.where(t > 0.0, np.nan, x), np.where(t > 0.0, np.nan, v)
-
-
-def _put(values: FloatArray, columns: NDArray[np.bool_], where: NDArray[np.bool_], new: FloatArray) -> FloatArray:
-    """`values` with `new` (n_draw, n_column) in some columns, where it says so."""
-    if columns.all():
-        return np.where(where, new, values)
-    values[:, columns] = np.where(where, new, values[:, columns])
-    return values
 
 
 def _leg(

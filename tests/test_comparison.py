@@ -12,6 +12,7 @@ from estim.campaign import Campaign, load_campaign
 from estim.checks.cross_validation import difference, leave_one_out
 from estim.common.errors import InputError
 from estim.fitting.least_squares import fit_least_squares
+from estim.fitting.optimum import fit_beside
 from estim.sampling.certificate import certify
 from estim.sampling.chain import Target
 from estim.sampling.proposal import adapt_proposal
@@ -149,3 +150,22 @@ def test_exact_covariance_predicts_frames_better_than_naive_independence(tmp_pat
     # neighbours tell the exact covariance much about a frame; a model of independent errors cannot use that
     assert better > 2.0 * se > 0.0
     assert evidence[0] > evidence[1] + 3.0
+
+
+def test_robust_noise_is_fit_from_where_the_plain_fit_ended_as_from_afar(tmp_path, rng):
+    """Two bad frames pull the plain fit away; from there, and from the centre of the priors, robust noise has its mode all the same."""
+    columns = speeds()
+    columns["v_m_s"] = columns["v_m_s"] + 0.01 * rng.standard_normal(columns["x_m"].size)
+    columns["v_m_s"][[9, 21]] += [0.4, -0.3]
+    pattern = campaign(tmp_path, "sigma_v_m_s = 0.01", columns)
+    plain, *robust = (pattern.problem(["r"], noise=candidate.table) for candidate in pattern.noise_models("r"))
+    known = pattern.fit(plain, rng=rng)
+    for problem in robust:
+        near, afar = fit_beside(problem, [known], rng=rng), pattern.fit(problem, rng=rng)
+        assert (near.n_start, afar.n_start) == (2, 8)
+        assert np.max(np.abs(near.values - afar.values)[:-2] / np.sqrt(np.diag(afar.cov))[:-2]) < 0.01
+        assert near.posterior.log_density(near.values[None])[0] == pytest.approx(afar.posterior.log_density(afar.values[None])[0], abs=1e-3)
+        moved = known.values - near.values[: known.values.size]
+        assert np.max(np.abs(moved) / np.sqrt(np.diag(afar.cov))[: known.values.size]) > 1.0  # it had some way to go
+    other = campaign(tmp_path, "sigma_v_m_s = 0.01", {name: column[3:] for name, column in columns.items()})
+    assert fit_beside(other.problem(["r"]), [known], rng=rng) is None  # other points

@@ -11,6 +11,7 @@ from targets import Known, half_normal, normal
 
 from estim.sampling import folding
 from estim.sampling.bending import Bend, bend_of
+from estim.sampling.folding import half_power
 from estim.sampling.importance import pareto_smoothed
 from estim.sampling.keys import fingerprint
 from estim.sampling.proposal import Proposal, adapt_proposal, grown
@@ -212,3 +213,25 @@ def test_the_component_that_guards_a_bent_ridge_lies_where_the_draws_are() -> No
     straight = wide.bend.straight(draws)
     away = (straight - wide.means[-1]) @ np.linalg.inv(wide.factors[-1]).T
     assert np.median(np.linalg.norm(away, axis=1)) < 1.0
+
+
+@pytest.mark.parametrize("halves", [6, 7, 15, 17])
+def test_a_half_power_is_the_power(halves: int) -> None:
+    values = np.geomspace(1.0, 1e30, 50)
+    np.testing.assert_allclose(half_power(values.copy(), halves), values ** (-0.5 * halves), rtol=1e-13)
+
+
+def test_light_components_fold_at_one_edge_and_keep_the_evidence(rng: np.random.Generator) -> None:
+    """A corner of two edges under two hundred components: each folds once, and the density stays exact."""
+    n, low = 200, np.zeros(2)
+    means = np.abs(rng.standard_normal((n, 2)))
+    proposal = Proposal(np.full(n, 1.0 / n), means, np.stack([0.5 * np.eye(2)] * n), (low, np.full(2, np.inf)))
+    assert proposal._folding is not None
+    assert {len(edges) for edges in proposal._folding.edges} <= {0, 1}
+    draws = proposal.draw(rng, 40_000)
+    target = np.where(np.all(draws > 0.0, axis=1), -0.5 * np.sum(draws**2, axis=1), -np.inf)
+    weights = np.exp(target - proposal.log_density(draws))
+    assert abs(np.mean(weights) - 0.5 * np.pi) < 4.0 * np.std(weights) / np.sqrt(weights.size)  # a quarter of 2 pi
+    plain = replace(proposal, limits=None)
+    wrong = np.exp(target - plain.log_density(draws))
+    assert abs(np.mean(wrong) - 0.5 * np.pi) > 10.0 * np.std(wrong) / np.sqrt(wrong.size)

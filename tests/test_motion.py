@@ -328,3 +328,25 @@ def test_only_the_draws_that_need_more_points_get_them(monkeypatch):
             alone = forth(t, Body(0.15, 0.187, 0.45), phi=math.radians(4.0), theta0=float(theta0[i, 0]), g=9.81)
             for one, every in zip(alone, together, strict=True):
                 assert every[i] == pytest.approx(one[0], rel=0, abs=1e-12)
+
+
+def test_a_later_way_is_computed_for_the_draws_that_make_it_alone(monkeypatch):
+    # two of four stop before the last time; the others are still on their way
+    theta0, gamma = np.array([[1.05], [1.2], [1.35], [1.5]]), np.full((4, 1), 0.187)
+    place = {"phi": math.radians(4.0), "g": 9.81}
+    ends = [float(travel_time(turning_point(Body(0.15, 0.187, 0.45), phi=place["phi"], theta0=float(a)), Body(0.15, 0.187, 0.45),
+                              phi=place["phi"], theta0=float(a), g=9.81)[0, 0]) for a in theta0[:, 0]]
+    last = float(np.mean(np.sort(ends)[1:3]))
+    t, asked, leg = np.linspace(0.0, last, 30), [], motion._leg
+
+    def counted(t, body, **keywords):
+        asked.append(np.size(keywords["theta0"]))
+        return leg(t, body, **keywords)
+
+    monkeypatch.setattr(motion, "_leg", counted)
+    together = back_and_forth(t, Body(0.15, gamma, 0.45), theta0=theta0, **place)
+    assert asked == [4, 2]
+    for i in range(4):
+        for one, every in zip(back_and_forth(t, Body(0.15, 0.187, 0.45), theta0=float(theta0[i, 0]), **place), together, strict=True):
+            assert every[i] == pytest.approx(one[0], rel=0, abs=1e-12)
+    assert np.sum(np.any(together[1] < 0.0, axis=1)) == 2

@@ -19,7 +19,7 @@ from estim.sampling.protocol import Density
 from estim.sampling.ridge import Frame, Support, climb, framed, reordered, rescaled, separate_modes
 from estim.sampling.walk import Rule, follow, walk
 
-RULE = Rule(depth=10.0, fall=2.0, tolerance=1e-2)
+RULE = Rule(depth=10.0, fall=2.0, tolerance=1e-2, n_step=1)
 ROUNDING = 1e-8  # standard deviations, and of log densities
 
 Case = tuple[Density, np.ndarray, np.ndarray, Sequence[np.ndarray], Support | None]
@@ -47,7 +47,7 @@ def frame_alone(frame: Frame, mode: np.ndarray, axis: int) -> Frame:
     order = np.array([axis, *(i for i in range(frame.n_par) if i != axis)])
     factor = lower_factor((frame.factor @ frame.factor.T)[np.ix_(order, order)])
     own = frame.order[order]
-    return rescaled(Frame(frame.density, own[None], mode[None, order], factor[None], frame.low[None, order], frame.high[None, order]))
+    return rescaled(Frame(frame.density, own[None], mode[None, order], factor[None], frame.low[None, order], frame.high[None, order], coarse=True))
 
 
 def ridge_alone(one: Frame) -> tuple[np.ndarray, np.ndarray]:
@@ -56,8 +56,8 @@ def ridge_alone(one: Frame) -> tuple[np.ndarray, np.ndarray]:
     highest = float(top.log_masses[0])
     down, _ = walk(one, 0, top.points, top.log_masses, highest, -1.0, RULE)
     up, _ = walk(one, 0, top.points, top.log_masses, highest, 1.0, RULE)
-    points = [*(left for _, left, *_ in reversed(down)), top.points, *(right for _, _, right, *_ in up)]
-    masses = [*(left for *_, left, _ in reversed(down)), top.log_masses, *(right for *_, right in up)]
+    points = [*(panel.left for panel in reversed(down)), top.points, *(panel.right for panel in up)]
+    masses = [*(panel.left_mass for panel in reversed(down)), top.log_masses, *(panel.right_mass for panel in up)]
     return np.vstack(points), np.concatenate(masses) - highest
 
 
@@ -68,7 +68,7 @@ def test_ridges_followed_together_are_those_followed_one_by_one(name: str, repli
     frame = framed(density, start, cov, support)
     modes = separate_modes(frame, starts)
     assert len(modes) == (2 if name == "two modes" else 1)
-    row, points, log_masses = follow(reordered(frame, modes), RULE)
+    row, points, log_masses, _ = follow(reordered(frame, modes), RULE)
     together = ridge_proposal(density, start, cov, starts=starts, support=support)
     assert row.size == len(together.weights) > 3 * len(modes) * frame.n_par
     singles = [frame_alone(frame, mode, axis) for mode in modes for axis in range(frame.n_par)]

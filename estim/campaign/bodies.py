@@ -35,7 +35,7 @@ from estim.common import InputError, later, phrase, split_level
 from estim.curves import DisturbedMotion, DisturbedMotionCurve, DisturbedPhaseCurve, MotionCurve, PhaseCurve, RollingMotion, Setting
 from estim.deviation import BadFrames, ForceSize
 from estim.explanation import Cause, Suspects
-from estim.fitting import Fit, fit_least_squares, scanned_fit
+from estim.fitting import Fit, fit_least_squares, refit, scanned_fit
 from estim.problem import Curve, Observations, Parameter, Prior, Problem, shared_first
 from estim.reading import Run
 from estim.sampling import MAX_PARAMETERS
@@ -162,12 +162,12 @@ class RollingStudy:
         """The tables of the campaign file that speak of a run."""
         return Levels(self.source, [run.name for run in self.source.runs].index(name))
 
-    def fit(self, problem: Problem, tables: Mapping[str, Run], *, rng: np.random.Generator) -> Fit:
-        """The posterior mode; where there are few parameters, scans through the range of each look for further ones."""
-        fit = self._white_fit(problem, rng=rng)
+    def fit(self, problem: Problem, tables: Mapping[str, Run], *, rng: np.random.Generator, near: FloatArray | None = None) -> Fit:
+        """The posterior mode; where there are few parameters, scans through the range of each look for further ones, unless it is `near` a place."""
+        fit = self._white_fit(problem, rng=rng) if near is None else refit(problem, near)
         if not any(run.force for run in problem.runs):
             return fit
-        return fit_with_forces(fit, tables, {run.name: self.levels(run.name) for run in problem.runs}, rng=rng)
+        return fit_with_forces(fit, tables, {run.name: self.levels(run.name) for run in problem.runs}, rng=rng, scanned=near is None)
 
     def _white_fit(self, problem: Problem, *, rng: np.random.Generator) -> Fit:
         """The mode with the stated noise alone."""

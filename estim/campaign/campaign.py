@@ -9,6 +9,7 @@ from types import MappingProxyType
 
 import numpy as np
 
+from estim.arrays import FloatArray
 from estim.campaign.binding import parts_fact
 from estim.campaign.bodies import RollingStudy
 from estim.campaign.campaign_file import CampaignFile, NoiseTable, RunTable, read_campaign_file
@@ -96,9 +97,12 @@ class Campaign:
     def _bodies(self) -> dict[str, str | None]:
         return {name: self.study.body_of(name) for name in self.source.names}
 
-    def fit(self, problem: Problem, *, rng: np.random.Generator) -> Fit:
-        """The posterior mode of a problem of this campaign.  Raises InputError where the data determine none."""
-        return self.study.fit(problem, self.tables, rng=rng)
+    def fit(self, problem: Problem, *, rng: np.random.Generator, near: FloatArray | None = None) -> Fit:
+        """The posterior mode of a problem of this campaign; near : (n_par,) the only place to look for it, where that is known.
+
+        Raises InputError where the data determine none.
+        """
+        return self.study.fit(problem, self.tables, rng=rng, near=near)
 
     def with_usual_errors(self, problem: Problem) -> Problem:
         """`problem` with room for small errors in common that nobody stated."""

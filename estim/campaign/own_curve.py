@@ -52,7 +52,7 @@ from estim.common import InputError, phrase
 from estim.curves import MAX_OBS, AxisNames, BareFormula, Component, DistortedCurve, Formula, ModelSum, Unstarted
 from estim.deviation import BadFrames, ForceSize
 from estim.explanation import Suspects
-from estim.fitting import Fit, fit_lacking, fit_optimum, information, is_resolved, no_scatter, silent_parameters
+from estim.fitting import Fit, fit_lacking, fit_optimum, information, is_resolved, no_scatter, refit, silent_parameters
 from estim.problem import Curve, Parameter, Prior, Problem, shared_first
 from estim.reading import Choices, Places, Run, is_tracker_file, of_any_curve, read_columns, run_of_table, track_columns
 
@@ -131,10 +131,10 @@ class CurveStudy:
         """Nothing is known of what a user's own curve may lack but what readings may suffer."""
         return Suspects(self.problem(names, tables), phrase("errors that follow each other have room for it: correlated = true under [curve]"))
 
-    def fit(self, problem: Problem, tables: Mapping[str, Run], *, rng: np.random.Generator) -> Fit:
-        """The posterior mode, found from afar.  Raises InputError where the data determine none."""
+    def fit(self, problem: Problem, tables: Mapping[str, Run], *, rng: np.random.Generator, near: FloatArray | None = None) -> Fit:
+        """The posterior mode, found from afar, or `near` a place.  Raises InputError where the data determine none."""
         try:
-            fit = fit_optimum(problem, rng=rng)
+            fit = fit_optimum(problem, rng=rng) if near is None else refit(problem, near)
         except InputError as error:
             raise self._place_of(error, problem, tables) from None
         self._require_scatter(fit)

@@ -35,7 +35,7 @@ def compare(
         )
         place = folder if len(groups) == 1 else folder / group[0]
         for model in compared:
-            report = analysis_report(campaign, model.analysis, voice=Voice.COMMANDS, figures=figures)
+            report = analysis_report(campaign, model.analysis, voice=Voice.COMMANDS, figures=figures, profiles=False)
             write_report(place / folder_of(model.candidate.name), report, within=folder)
             conclude(f"{', '.join(group)}, {model.candidate.name}", model.analysis.diagnosis.status, ())
         write_report(place, compare_report(campaign, compared, seed=seed, figures=figures), within=folder)

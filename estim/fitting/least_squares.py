@@ -9,20 +9,21 @@ turn by maximising the same posterior.  More than 16 independent runs are fit ru
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from estim.arrays import FloatArray
 from estim.common import Finding, InputError, NumericalError, phrase
-from estim.deviation import FoundDeviation, FoundForce
+from estim.deviation import FoundDeviation, FoundForce, NormalParts
 from estim.distributions import chi2_tail
 from estim.fitting.arrow import descend_by_runs, inverse_by_runs, many
 from estim.fitting.finish import finished
 from estim.fitting.fisher_information import information
 from estim.fitting.noise_fit import fit_noise
 from estim.fitting.rounds import Held, settle_by_runs
+from estim.fitting.starts import led_together
 from estim.problem import Posterior, Problem, Symmetry, informative
 
 _MAX_ROUNDS = 60
@@ -63,6 +64,7 @@ class Fit:
     singular : whether some combination of parameters is not determined at all, not even by the priors.
     forces, deviations : what the curve of each run lacks, where that was asked (`estim.deviation`).
     success, message : whether the search settled, in words.  moved : standard deviations that its last round still moved a parameter.
+    parts : of a joint fit with forces, the normal distributions that the linearised posterior is made of.
     held : of many runs, those whose covariance was not taken at the mode (`estim.fitting.rounds`).
     """
 
@@ -86,6 +88,7 @@ class Fit:
     aliases: tuple[Finding, ...] = ()
     forces: tuple[FoundForce, ...] = ()
     deviations: tuple[FoundDeviation, ...] = ()
+    parts: NormalParts | None = None
     held: tuple[Held, ...] = ()
 
     @property
@@ -104,11 +107,13 @@ class Fit:
 
 
 def fit_least_squares(
-    problem: Problem, *, rng: np.random.Generator, n_start: int = 8, start: FloatArray | None = None, hopeless: float = math.inf
+    problem: Problem, *, rng: np.random.Generator, n_start: int = 8, start: FloatArray | None = None, further: Sequence[FloatArray] = (),
+    hopeless: float = math.inf,
 ) -> Fit:
     """The posterior mode of `problem`, from the best of `n_start` starts.
 
     start : (n_par,) where to start first; the centre of the priors if None.  The other starts are draws of the priors.
+    further : (n_par,) each, starts beside these.
     hopeless : mean square of the whitened residuals after the first rounds, beyond which the rest of the search is not worth its time.
 
     Raises InputError where the problem has no unknowns, NumericalError where the curve is defined at no start, has no finite
@@ -116,7 +121,7 @@ def fit_least_squares(
     """
     if problem.n_par == 0:
         raise InputError("leave nothing to fit: every quantity is exact; give at least one an uncertainty or a prior", field="parameters")
-    starts = np.vstack([problem.start() if start is None else start, *(_prior_draw(problem, rng) for _ in range(n_start - 1))])
+    starts = np.vstack([problem.start() if start is None else start, *(_prior_draw(problem, rng) for _ in range(n_start - 1)), *further])
     begun = [(start, problem.linearised(start)) for start in starts]
     begun = [(start, posterior) for start, posterior in begun if np.all(np.isfinite(posterior.residuals(start)))]
     if not begun:
@@ -164,17 +169,19 @@ def _log_density(posterior: Posterior, values: FloatArray) -> float:
 
 def _rough_ends(starts: list[tuple[FloatArray, Posterior]]) -> list[_End]:
     """Where each start leads in a few rounds, without those that meet no curvature; starts that the first round leads together go on as one."""
-    places: list[tuple[FloatArray, _End]] = []
+    places: list[tuple[FloatArray, FloatArray, _End]] = []
     ends = []
-    for start, begun in starts:
-        values, posterior, moved = _settle(start, begun, max_rounds=1)
-        if math.isnan(moved):
-            continue
-        scale = _spread(information(posterior, values), posterior.problem)
-        twin = next((end for place, end in places if float(np.max(np.abs(values - place) / scale)) < _TWINS), None)
+    for (start, begun), led in zip(starts, led_together(starts[0][1], np.array([start for start, _ in starts])), strict=True):
+        twin = next((end for place, scale, end in places if float(np.max(np.abs(led - place) / scale)) < _TWINS), None)
         if twin is None:
-            twin = (values, posterior, moved) if moved < _SETTLED else _settle(values, posterior, max_rounds=_ROUGH_ROUNDS - 1, hasty=True)
-            places.append((values, twin))
+            values, posterior, moved = _settle(start, begun, max_rounds=1)
+            if math.isnan(moved):
+                continue
+            scale = _spread(information(posterior, values), posterior.problem)
+            twin = next((end for place, _, end in places if float(np.max(np.abs(values - place) / scale)) < _TWINS), None)
+            if twin is None:
+                twin = (values, posterior, moved) if moved < _SETTLED else _settle(values, posterior, max_rounds=_ROUGH_ROUNDS - 1, hasty=True)
+                places.append((values, scale, twin))
         ends.append(twin)
     return [end for end in ends if not math.isnan(end[2])]
 

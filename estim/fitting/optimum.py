@@ -13,6 +13,7 @@ are one optimum, given with the labels closest to the user's start.  All else th
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -201,6 +202,32 @@ def scanned_fit(fit: Fit, *, rng: np.random.Generator) -> Fit:
     ranked = [values for values, height in sorted(ends, key=lambda end: -end[1]) if height > highest - WITHIN_REACH]
     scale = np.where(np.diag(fit.cov) > 0.0, np.sqrt(np.diag(fit.cov)), np.inf)
     return replace(fit, others=far_apart(fit.values, ranked, scale))
+
+
+def fit_beside(problem: Problem, fits: Sequence[Fit], *, rng: np.random.Generator) -> Fit | None:
+    """The mode of a problem with another noise than that of a fit to the same points: nothing has to be sought from afar again.
+
+    It is sought from the centre of its priors and from all optima of that of `fits` which has the points and the curve of `problem`.
+    None where none has, or where a curve lacks something, whose noise is no other noise alone.
+    """
+    known = next((fit for fit in fits if fit.success and not fit.singular and _same_curves(fit.problem, problem)), None)
+    if known is None or any(run.force or run.lacks is not None for run in problem.runs):
+        return None
+    return fit_least_squares(problem, rng=rng, n_start=1, further=[_placed(problem, known.names, place) for place in (known.values, *known.others)])
+
+
+def _same_curves(a: Problem, b: Problem) -> bool:
+    """Whether two problems have the same points, and the same unknowns but for those of the noise."""
+    if set(a.names) - a.noise_names != set(b.names) - b.noise_names or len(a.runs) != len(b.runs):
+        return False
+    return all(np.array_equal(p.x, q.x) and np.array_equal(p.y, q.y) for p, q in zip(a.runs, b.runs, strict=True))
+
+
+def _placed(problem: Problem, names: Sequence[str], values: FloatArray) -> FloatArray:
+    """(n_par,) a place of another problem in this one, what it does not know at the centre of its prior."""
+    known = dict(zip(names, values.tolist(), strict=True))
+    own = problem.noise_names
+    return np.array([v if n in own else known[n] for n, v in zip(problem.names, problem.start().tolist(), strict=True)])
 
 
 def with_others(fit: Fit, best: Optimum, rng: np.random.Generator) -> Fit:

@@ -217,10 +217,16 @@ def descended(search: SeparableSearch, points: FloatArray) -> FloatArray:
     """(n_point, n_par) points after some Levenberg-Marquardt steps in all curve parameters, those without a finite curve left out."""
     most = max(8, _MOST_NUMBERS // (10 * (1 + search.free.size) * max(1, search.posterior.problem.n_obs)))
     at = points[np.argsort(chi2_at(search, points))][:most]
-    height = chi2_at(search, at)
+    at, height = led_down(search, at)
     at, height = at[np.isfinite(height)], height[np.isfinite(height)]
+    return at[np.argsort(height)]
+
+
+def led_down(search: SeparableSearch, points: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """`descended`, each in its place, and their sums of squares (n_point,), inf where the curve is not finite: such a point stays."""
+    at, height = points.copy(), chi2_at(search, points)
     damping = np.full(height.size, 1e-3)
-    going = np.arange(height.size)
+    going = np.flatnonzero(np.isfinite(height))
     for _ in range(_N_STEP):
         if not going.size:
             break
@@ -235,4 +241,4 @@ def descended(search: SeparableSearch, points: FloatArray) -> FloatArray:
         damping[going] = np.where(better, np.maximum(damping[going] / 10.0, 1e-9), damping[going] * 10.0)
         at[going[better]], height[going[better]] = trial[better], reached[better]
         going = going[~settled & (damping[going] < 1e5)]
-    return at[np.argsort(height)]
+    return at, height

@@ -78,9 +78,14 @@ class Row:
     mcse: str
 
 
-def analysis_report(campaign: Subject, analysis: Analysis, *, voice: Voice = Voice.PYTHON, figures: bool = True) -> dict[str, bytes]:
-    """`report.md`, `result.json` and `figures/*.png` of one analysis.  voice : to whom advice is given.  figures : whether there are any."""
-    determination = determine(analysis)
+def analysis_report(
+    campaign: Subject, analysis: Analysis, *, voice: Voice = Voice.PYTHON, figures: bool = True, profiles: bool = True
+) -> dict[str, bytes]:
+    """`report.md`, `result.json` and `figures/*.png` of one analysis.
+
+    voice : to whom advice is given.  figures, profiles : whether there are any figures, and profile intervals.
+    """
+    determination = determine(analysis, profiles=profiles)
     budget = budget_of(analysis)
     result = result_of(campaign, analysis, determination, budget=budget, voice=voice)
     shares = None if budget is None else shares_of(analysis, budget, result.labels)
@@ -175,7 +180,7 @@ def analysis_text(
         complete=complete_runs([result]), first_step=first_step, reasons=first_reasons(result.reasons),
         said=[words for force in (result.deviation or {}).values() for words in (force.words, force.noise_words)] if result.status == "ok" else [],
         drawn=MOST_DRAWN if len(result.runs) > MOST_DRAWN else None,
-        uncorrelated=len(result.parameters) - _MOST_CORRELATED if len(result.correlation.names) > _MOST_CORRELATED else 0,
+        uncorrelated=max(len(result.correlation.names) - _MOST_CORRELATED, 0),
         x_named="x" in re.findall(r"\w+", result.formula or ""),
     )
 

@@ -183,7 +183,8 @@ def _limits(shown: Sequence[str], result: Told) -> str:
             )
         if first.kind in (STATED, PRIOR) and first.source in symbols:
             other = symbols[first.source].symbol
-            r = result.correlation.matrix[result.correlation.names.index(name)][result.correlation.names.index(first.source)]
+            told = result.correlation.names  # of hundreds of runs not all
+            r = result.correlation.matrix[told.index(name)][told.index(first.source)] if {name, first.source} <= set(told) else 0.0
             tied = phrase(
                 "{symbol} and {other} are tied ({r}): measure {other} better, not more readings", symbol=symbol, other=other, r=signed(f"{r:+.2f}")
             )

@@ -18,22 +18,22 @@ from estim.arrays import FloatArray
 from estim.sampling.proposal import Proposal
 from estim.sampling.protocol import Density, log_density_in_batches
 
-_AHEAD = 20  # steps in a block
+STEPS_AHEAD = 20  # a block
 
 
 @dataclass(frozen=True, eq=False)
 class _Block:
     """Proposals of some steps; n_move of them independent.
 
-    place : (_AHEAD,) which of the moves a step makes, -1 for none.  points : (n_move, n_walker, n_par).
-    log_density, log_ratio : (n_move, n_walker), the latter less the log density of the proposal.
+    place : (STEPS_AHEAD,) which of the moves a step makes, -1 for none.  points : (n_move, n_walker, n_par).
+    log_density, log_proposal : (n_move, n_walker), of what is sampled and of the proposal.
     """
 
     number: int
     place: NDArray[np.int64]
     points: FloatArray
     log_density: FloatArray
-    log_ratio: FloatArray
+    log_proposal: FloatArray
 
 
 @dataclass(eq=False)
@@ -51,23 +51,23 @@ class Ahead:
     _block: _Block | None = field(default=None, compare=False)
 
     def at(self, step: int) -> tuple[FloatArray, FloatArray, FloatArray] | None:
-        """Points (n_walker, n_par), their log densities and those less the proposal's; None where `step` makes another move."""
-        number, within = divmod(step, _AHEAD)
+        """Points (n_walker, n_par), their log densities and those of the proposal; None where `step` makes another move."""
+        number, within = divmod(step, STEPS_AHEAD)
         if self._block is None or self._block.number != number:
             self._block = self._drawn(number)
         block, place = self._block, self._block.place[within]
-        return None if place < 0 else (block.points[place], block.log_density[place], block.log_ratio[place])
+        return None if place < 0 else (block.points[place], block.log_density[place], block.log_proposal[place])
 
     def _drawn(self, number: int) -> _Block:
         rng = np.random.default_rng([self.seed, number])
-        chosen = rng.random(_AHEAD) < self.share
+        chosen = rng.random(STEPS_AHEAD) < self.share
         n_move = int(np.sum(chosen))
         points = self.proposal.draw(rng, n_move * self.n_walker)
         log_density = log_density_in_batches(self.density, points) if n_move else np.zeros(0)
         shape = (n_move, self.n_walker)
-        log_ratio = log_density - self.proposal.log_density(points)
+        log_proposal = self.proposal.log_density(points)
         place = np.where(chosen, np.cumsum(chosen) - 1, -1)
-        return _Block(number, place, points.reshape(*shape, self.proposal.n_par), log_density.reshape(shape), log_ratio.reshape(shape))
+        return _Block(number, place, points.reshape(*shape, self.proposal.n_par), log_density.reshape(shape), log_proposal.reshape(shape))
 
 
 @dataclass(eq=False)
@@ -80,6 +80,7 @@ class Moves:
     ahead: Ahead
     others: Sequence[tuple[Any, float]]
     n_step: Callable[[], int] = field(compare=False)
+    _known: tuple[FloatArray, FloatArray] | None = field(default=None, compare=False)  # where walkers were, log densities of the proposal there
 
     def propose(self, model: Any, state: Any) -> tuple[Any, NDArray[np.bool_]]:
         """The state after one step, and which walkers moved."""
@@ -87,8 +88,20 @@ class Moves:
         if proposed is None:
             which = model.random.choice(len(self.others), p=[weight for _, weight in self.others])
             return self.others[which][0].propose(model, state)
-        points, log_density, log_ratio = proposed
-        before = state.log_prob - self.ahead.proposal.log_density(state.coords)
-        accepted = np.log(model.random.rand(log_ratio.size)) < log_ratio - before
+        points, log_density, log_proposal = proposed
+        before = self._log_proposal(state.coords)
+        ratio = log_density - log_proposal
+        accepted = np.log(model.random.rand(ratio.size)) < ratio - (state.log_prob - before)
         state.coords[accepted], state.log_prob[accepted] = points[accepted], log_density[accepted]
+        self._known = state.coords.copy(), np.where(accepted, log_proposal, before)
         return state, accepted
+
+    def _log_proposal(self, coords: FloatArray) -> FloatArray:
+        """(n_walker,) log density of the proposal where the walkers are (n_walker, n_par); new only of those that other moves have moved."""
+        if self._known is None:
+            return self.ahead.proposal.log_density(coords)
+        moved = np.any(coords != self._known[0], axis=1)
+        found = self._known[1].copy()
+        if np.any(moved):
+            found[moved] = self.ahead.proposal.log_density(coords[moved])
+        return found

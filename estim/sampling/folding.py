@@ -17,7 +17,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,6 +28,7 @@ from estim.sampling.factors import lower_factor
 
 _REACH = 3.0  # scales from the mean: farther edges are left alone
 _MOST_FOLDS = 5  # of one component: the number of images doubles with each edge, and triples where both edges are in reach
+_LIGHT = 0.01  # share of the draws: a hundred such components fold as well at one edge each, and have a fourth of the images
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,26 +58,47 @@ class Folding:
             found[own[:, None], self.order] = mean + (factor @ z).T
         return found
 
-    def distances(self, columns: FloatArray, k: int) -> FloatArray:
-        """(n_image, n_draw) squared distances of all images of draws (n_par, n_draw), parameters in `order`, in units of the scale of component k."""
-        z = self.inverses[k] @ (columns - self.means[k][:, None])
-        found = np.sum(np.square(z), axis=0)[None]
-        for place, *edges in self.edges[k]:
-            by = 2.0 / self.factors[k][place, place]
-            moved = [z[place] + by * (edge - columns[place]) for edge in edges if math.isfinite(edge)]
-            found = np.concatenate([found, *(found + (image - z[place]) * (image + z[place]) for image in moved)])
-        return np.maximum(found, 0.0)
+    @cached_property
+    def alike(self) -> tuple[NDArray[np.int64], ...]:
+        """Components that fold at the same sides of the same parameters, together."""
+        kinds: dict[tuple[tuple[int, bool, bool], ...], list[int]] = {}
+        for k, edges in enumerate(self.edges):
+            kinds.setdefault(tuple((place, math.isfinite(low), math.isfinite(high)) for place, low, high in edges), []).append(k)
+        return tuple(np.array(own) for own in kinds.values())
+
+    def n_image(self, k: int) -> int:
+        """Of each draw, in component k."""
+        return math.prod(1 + math.isfinite(low) + math.isfinite(high) for _, low, high in self.edges[k])
+
+    def distances(self, columns: FloatArray, which: NDArray[np.int64]) -> FloatArray:
+        """(n_image, n_which, n_draw) squared distances of all images of draws (n_par, n_draw), parameters in `order`, in units of scales.
+
+        which : (n_which,) components that are `alike`.
+        """
+        z = self.inverses[which] @ (columns - self.means[which][:, :, None])
+        found, n = np.empty((self.n_image(int(which[0])), which.size, columns.shape[1])), 1
+        np.einsum("kin,kin->kn", z, z, out=found[0])
+        for i, (place, *_) in enumerate(self.edges[which[0]]):
+            by, here = (2.0 / self.factors[which, place, place])[:, None], z[:, place]
+            sides, images = np.array([self.edges[k][i][1:] for k in which]).T, n
+            for side in sides[np.isfinite(sides[:, 0])]:
+                step = by * (side[:, None] - columns[place])
+                np.add(found[:n], step * (step + 2.0 * here), out=found[images : images + n])
+                images += n
+            n = images
+        return np.maximum(found, 0.0, out=found)
 
 
-def folding(means: FloatArray, factors: FloatArray, low: FloatArray, high: FloatArray) -> Folding | None:
-    """Folds of components at the limits that are within their reach; None where none is.
+def folding(weights: FloatArray, means: FloatArray, factors: FloatArray, low: FloatArray, high: FloatArray) -> Folding | None:
+    """Folds of components at the limits that are within their reach, of light ones (`weights`, (n_component,)) at the nearest; None where none is.
 
     means, low, high : (n_component, n_par).  factors : (n_component, n_par, n_par) lower Cholesky factors of their scales.
     """
     scales = np.sqrt(np.sum(factors**2, axis=2))
     to_low, to_high = (means - low) / scales, (high - means) / scales
     rank = np.argsort(np.argsort(np.minimum(to_low, to_high), axis=1, kind="stable"), axis=1, kind="stable")
-    at_low, at_high = ((distance < _REACH) & (rank < _MOST_FOLDS) for distance in (to_low, to_high))
+    most = np.where(weights < _LIGHT, 1, _MOST_FOLDS)[:, None]
+    at_low, at_high = ((distance < _REACH) & (rank < most) for distance in (to_low, to_high))
     folds = at_low | at_high
     if not np.any(folds):
         return None
@@ -113,6 +135,19 @@ def unfolded(mean: FloatArray, factor: FloatArray, low: FloatArray, high: FloatA
         mean += slope * (math.copysign(centre * wide, distance) - distance)
         scale += np.outer(slope, slope) * (wide**2 - sd**2)
     return (mean, lower_factor(scale)) if folds else known
+
+
+def half_power(values: FloatArray, halves: int) -> FloatArray:
+    """values^(-halves/2) by products, many times faster than the power of a number; `values` is used up."""
+    with np.errstate(over="ignore"):
+        found, left = np.sqrt(values) if halves % 2 else np.ones_like(values), halves // 2
+        while left:
+            if left % 2:
+                found *= values
+            left //= 2
+            if left:
+                values *= values
+        return np.divide(1.0, found, out=found)
 
 
 @cache

@@ -34,6 +34,7 @@ class Frame:
 
     order : (n_par,) which parameter comes first.  centre : (n_par,) a mode.  factor : (n_par, n_par) lower Cholesky factor of a
     covariance.  low, high : (n_par,) limits, infinite where there are none.  All but `order` in the new order.
+    coarse : whether steps take mixed second derivatives on one side alone, in half as many calls: for what only has to know about where.
 
     Several frames of one density stacked have one more axis in front of each, and then every point of (n, n_par) has a frame of its own.
     """
@@ -44,6 +45,7 @@ class Frame:
     factor: FloatArray
     low: FloatArray
     high: FloatArray
+    coarse: bool = False
 
     @property
     def n_par(self) -> int:
@@ -57,7 +59,7 @@ class Frame:
         """These of stacked frames (one of them, not stacked, for a number); a single frame, which serves all points, as it is."""
         if not self.stacked:
             return self
-        return Frame(self.density, self.order[which], self.centre[which], self.factor[which], self.low[which], self.high[which])
+        return Frame(self.density, self.order[which], self.centre[which], self.factor[which], self.low[which], self.high[which], self.coarse)
 
     def original(self, points: FloatArray) -> FloatArray:
         """(n, n_par) the same points with the parameters in the density's own order."""
@@ -102,17 +104,28 @@ def climb(frame: Frame, points: FloatArray, n_held: int, *, n_step: int = 2, oth
     Points with frames of their own do not know of each other: each has the maximum that it would have alone.
     """
     n_free = frame.n_par - n_held
+    points, heights, scales = _climbed(frame, points, n_held, n_step, otherwise)
+    if n_free == 0 or len(points) == 0:
+        return Summits(points, heights, np.zeros(len(points)), np.zeros((len(points), n_free, n_free)))
+    gradient, precision, _ = _derivatives(frame, points, n_held, scales)
+    _, pressed = _bounded_step(frame, points[:, n_held:], gradient, precision, n_held)
+    return Summits(points, heights, _log_volume(frame, points[:, n_held:], gradient, precision, pressed, n_held), precision)
+
+
+def _climbed(
+    frame: Frame, points: FloatArray, n_held: int, n_step: int, otherwise: FloatArray | None = None
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Points and heights of `climb`, and the scales (n, n_free) that suit the curvature there."""
+    n_free = frame.n_par - n_held
     points = np.array(points)
     heights = frame.heights(points)
     if otherwise is not None and not np.all(np.isfinite(heights)):
         nowhere = np.flatnonzero(~np.isfinite(heights))
         points[nowhere, n_held:] = otherwise[nowhere, n_held:]
         heights[nowhere] = frame.rows(nowhere).heights(points[nowhere])
-    if n_free == 0 or len(points) == 0:
-        return Summits(points, heights, np.zeros(len(points)), np.zeros((len(points), n_free, n_free)))
     scales = np.ones((len(points), n_free))
-    for _ in range(n_step):
-        gradient, precision, scales = _derivatives(frame, points, n_held, scales)
+    for _ in range(n_step if n_free and len(points) else 0):
+        gradient, precision, scales = _derivatives(frame, points, n_held, scales, coarse=frame.coarse)
         step, _ = _bounded_step(frame, points[:, n_held:], gradient, precision, n_held)
         for shrink in (1.0, 0.3, 0.05):
             trial = points.copy()
@@ -128,9 +141,7 @@ def climb(frame: Frame, points: FloatArray, n_held: int, *, n_step: int = 2, oth
                 break
             if frame.stacked:
                 step[done] = 0.0
-    gradient, precision, _ = _derivatives(frame, points, n_held, scales)
-    _, pressed = _bounded_step(frame, points[:, n_held:], gradient, precision, n_held)
-    return Summits(points, heights, _log_volume(frame, points[:, n_held:], gradient, precision, pressed, n_held), precision)
+    return points, heights, scales
 
 
 def framed(density: Density, start: FloatArray, cov: FloatArray, support: Support | None) -> Frame:
@@ -161,7 +172,8 @@ def reordered(frame: Frame, modes: FloatArray) -> Frame:
     factors = np.array([lower_factor(cov[np.ix_(order, order)]) for order in orders])
     centres = modes[:, orders].reshape(-1, frame.n_par)
     order, n_mode = np.tile(orders, (len(modes), 1)), len(modes)
-    return rescaled(Frame(frame.density, frame.order[order], centres, np.tile(factors, (n_mode, 1, 1)), frame.low[order], frame.high[order]))
+    factors = np.tile(factors, (n_mode, 1, 1))
+    return rescaled(Frame(frame.density, frame.order[order], centres, factors, frame.low[order], frame.high[order], coarse=True))
 
 
 def separate_modes(frame: Frame, starts: Sequence[FloatArray]) -> FloatArray:
@@ -182,7 +194,7 @@ def rescaled(frames: Frame) -> Frame:
     rough = np.arange(len(centres))
     for _ in range(4):
         here = replace(frames, centre=centres, factor=factors).rows(rough)
-        here = replace(here, centre=climb(here, here.centre, 0).points)
+        here = replace(here, centre=_climbed(here, here.centre, 0, 2)[0])
         centres[rough] = here.centre
         gradient, precision, _ = _derivatives(here, here.centre, 0, np.ones_like(here.centre))
         _, pressed = _bounded_step(here, here.centre, gradient, precision, 0)
@@ -197,7 +209,9 @@ def rescaled(frames: Frame) -> Frame:
     return replace(frames, centre=centres, factor=factors)
 
 
-def _derivatives(frame: Frame, points: FloatArray, n_held: int, scales: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+def _derivatives(
+    frame: Frame, points: FloatArray, n_held: int, scales: FloatArray, *, coarse: bool = False
+) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Gradient (n, n_free) and minus the second derivatives (n, n_free, n_free), made positive, and new scales (n, n_free)."""
     n, n_free = scales.shape
     base = frame.factor[..., n_held:, n_held:]
@@ -209,20 +223,24 @@ def _derivatives(frame: Frame, points: FloatArray, n_held: int, scales: FloatArr
     centre[:, n_held:] = np.clip(points[:, n_held:], low + margin, high - margin)
     first, second = np.triu_indices(n_free, 1)
     eye = np.eye(n_free)
-    moves = np.concatenate([np.zeros((1, n_free)), eye, -eye, eye[first] + eye[second], -eye[first] - eye[second]])
+    sides = [eye[first] + eye[second]] if coarse else [eye[first] + eye[second], -eye[first] - eye[second]]
+    moves = np.concatenate([np.zeros((1, n_free)), eye, -eye, *sides])
     stencil = np.repeat(centre[:, None], len(moves), axis=1)
     stencil[:, :, n_held:] += _STEP * np.einsum("mj,nij->nmi", moves, directions)
     values = frame.rows(np.repeat(np.arange(n), len(moves))).heights(stencil.reshape(-1, frame.n_par)).reshape(n, -1)
     known = np.all(np.isfinite(values), axis=1)
     values = np.where(known[:, None], values, 0.0)
     middle, plus, minus = values[:, :1], values[:, 1 : n_free + 1], values[:, n_free + 1 : 2 * n_free + 1]
-    n_pair = first.size
-    both = values[:, 2 * n_free + 1 : 2 * n_free + 1 + n_pair] + values[:, 2 * n_free + 1 + n_pair :]
+    pairs = values[:, 2 * n_free + 1 :]
     slope = (plus - minus) / (2.0 * _STEP)
     curvature = np.zeros((n, n_free, n_free))
     single = plus + minus - 2.0 * middle
     curvature[:, np.arange(n_free), np.arange(n_free)] = -single / _STEP**2
-    mixed = -(both - 2.0 * middle - single[:, first] - single[:, second]) / (2.0 * _STEP**2)
+    if coarse:
+        mixed = -(pairs + middle - plus[:, first] - plus[:, second]) / _STEP**2
+    else:
+        both = pairs[:, : first.size] + pairs[:, first.size :]
+        mixed = -(both - 2.0 * middle - single[:, first] - single[:, second]) / (2.0 * _STEP**2)
     curvature[:, first, second] = curvature[:, second, first] = mixed
     curvature[~known] = eye
     eigenvalues, vectors = np.linalg.eigh(curvature)

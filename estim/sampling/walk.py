@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,9 +12,23 @@ from estim.arrays import FloatArray
 from estim.sampling.ridge import Frame, climb
 
 IntArray = NDArray[np.int64]
-Panels = tuple[IntArray, FloatArray, FloatArray, FloatArray, FloatArray]
 
 _MOST_STEPS = 60  # of a walk, those taken back included
+
+
+class Panels(NamedTuple):
+    """One step of each of some walks.
+
+    row : (n,) which walk.  left, right : (n, n_par) points at either end.  left_mass, right_mass : (n,) log masses there.
+    precisions : (n, n_free, n_free) at the outer end.
+    """
+
+    row: IntArray
+    left: FloatArray
+    right: FloatArray
+    left_mass: FloatArray
+    right_mass: FloatArray
+    precisions: FloatArray
 
 
 @dataclass(frozen=True)
@@ -21,18 +36,19 @@ class Rule:
     """How fine.
 
     depth : to which the log of the density is followed.  fall : of a step at the mode; more by 1 for each unit of depth.
-    tolerance : relative, of a panel.
+    tolerance : relative, of a panel.  n_step : Newton steps to a conditional maximum.
     """
 
     depth: float
     fall: float
     tolerance: float
+    n_step: int = 2
 
 
 def walk(
     frame: Frame, axis: int, start: FloatArray, start_masses: FloatArray, top: float | FloatArray, direction: float | FloatArray, rule: Rule
 ) -> tuple[list[Panels], bool]:
-    """Panels (row, points at the left and the right end, log masses there) from `start` (n, n_par) on, and whether a walk found no end.
+    """Steps from `start` (n, n_par) on, and whether a walk found no end.
 
     top, direction : one, or (n,).  frame : one, or n stacked.  All walks advance together.
     """
@@ -65,7 +81,7 @@ def walk(
         guess[:, : axis + 1] = here_[:, : axis + 1]
         guess[:, axis] = at
         guess[:, axis + 1 :] = np.clip(guess[:, axis + 1 :], own.low[..., axis + 1 :], own.high[..., axis + 1 :])
-        found = climb(own, guess, axis + 1, otherwise=here_)
+        found = climb(own, guess, axis + 1, n_step=rule.n_step, otherwise=here_)
         masses = found.log_masses
         allowed = rule.fall + (tops - mass)[active].clip(0.0)
         fall = mass[active] - masses
@@ -74,7 +90,8 @@ def walk(
         where = active[taken]
         inner, outer, inner_mass, outer_mass, up = here_[taken], found.points[taken], mass[where], masses[taken], up[taken]
         ends = np.where(up[:, None], inner, outer), np.where(up[:, None], outer, inner)
-        panels.append((where, *ends, np.where(up, inner_mass, outer_mass), np.where(up, outer_mass, inner_mass)))
+        heights = np.where(up, inner_mass, outer_mass), np.where(up, outer_mass, inner_mass)
+        panels.append(Panels(where, *ends, *heights, found.precisions[taken]))
         before[where], here[where], mass[where] = inner, outer, outer_mass
         with np.errstate(divide="ignore", invalid="ignore"):
             better = np.sqrt(allowed / np.maximum(np.abs(fall), 1e-3))
@@ -90,24 +107,25 @@ def _along(frame: Frame, axis: int) -> FloatArray:
     return column
 
 
-def follow(frames: Frame, rule: Rule) -> tuple[IntArray, FloatArray, FloatArray]:
+def follow(frames: Frame, rule: Rule) -> tuple[IntArray, FloatArray, FloatArray, FloatArray]:
     """Points of the ridges along the first parameter of n stacked frames, both ways from their centres at once.
 
     Returned: (n_point,) the frame of each; points (n_point, n_par), frame by frame, from end to end; their log masses (n_point,) relative to
-    that of their mode.
+    that of their mode; the precisions (n_point, n_par - 1, n_par - 1) of the other parameters there.
     """
     n = len(frames.centre)
     top = climb(frames, frames.centre, 1, n_step=0)
     whose = np.repeat(np.arange(n), 2)
     sense = np.tile([-1.0, 1.0], n)
     panels, _ = walk(frames.rows(whose), 0, top.points[whose], top.log_masses[whose], top.log_masses[whose], sense, rule)
-    rows, points, masses = [np.arange(n)], [top.points], [top.log_masses]
-    for walker, left, right, left_mass, right_mass in panels:
-        up = sense[walker] > 0.0
-        rows.append(whose[walker])
-        points.append(np.where(up[:, None], right, left))
-        masses.append(np.where(up, right_mass, left_mass))
+    rows, points, masses, precisions = [np.arange(n)], [top.points], [top.log_masses], [top.precisions]
+    for panel in panels:
+        up = sense[panel.row] > 0.0
+        rows.append(whose[panel.row])
+        points.append(np.where(up[:, None], panel.right, panel.left))
+        masses.append(np.where(up, panel.right_mass, panel.left_mass))
+        precisions.append(panel.precisions)
     row, way, heights = np.concatenate(rows), np.concatenate(points), np.concatenate(masses)
     order = np.lexsort((way[:, 0], row))
     row = row[order]
-    return row, way[order], heights[order] - top.log_masses[row]
+    return row, way[order], heights[order] - top.log_masses[row], np.concatenate(precisions)[order]

@@ -50,11 +50,14 @@ def compare_noise(
     Raises InputError where the runs cannot be fit jointly, or where the noise table of the first one allows nothing to compare.
     """
     campaign.problem(runs)
-    done = []
+    done: list[tuple[Candidate, Analysis, LeaveOneOut]] = []
     for candidate in campaign.noise_models(runs[0]):
         store = store_of(candidate.name)
         with nullcontext() if progress_of is None else progress_of(candidate.name) as progress:
-            analysis = analyse(campaign, runs, seed=seed, target=target, progress=progress, noise=candidate.table, store=store, stop=stop)
+            analysis = analyse(
+                campaign, runs, seed=seed, target=target, progress=progress, noise=candidate.table, store=store, stop=stop,
+                beside=[analysis.fit for _, analysis, _ in done],
+            )
         done.append((candidate, analysis, leave_one_out(analysis.fit.posterior, analysis.chain.thinned(_LOO_DRAWS))))
     rows = []
     for candidate, analysis, loo in done:

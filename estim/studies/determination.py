@@ -17,18 +17,18 @@ _MOST_PARAMETERS = 150  # beyond, each search over all the others takes too long
 class Determination:
     """Profile intervals, of those parameters that a report has room for, and prior sensitivity of every parameter.
 
-    intervals : in the order of the parameters; of many those that runs share and some more, of very many none.
+    intervals : in the order of the parameters; of many those that runs share and some more; of very many none, nor where none was asked for.
     """
 
     intervals: tuple[ProfileInterval, ...]
     sensitivity: tuple[Sensitivity, ...]
 
 
-def determine(analysis: Analysis) -> Determination:
-    """What the data can tell about each parameter of an analysis."""
+def determine(analysis: Analysis, *, profiles: bool = True) -> Determination:
+    """What the data can tell about each parameter of an analysis.  profiles : whether by profile intervals too."""
     draws = analysis.chain.thinned(_DRAWS)
     problem = analysis.problem
-    few = problem.foremost(_MOST_PROFILES) if problem.n_par <= _MOST_PARAMETERS else []
+    few = problem.foremost(_MOST_PROFILES) if profiles and problem.n_par <= _MOST_PARAMETERS else []
     intervals = profile_intervals(analysis.fit, names=[problem.names[i] for i in few]) if few else ()
     sensitivity = power_scaling(analysis.problem, analysis.fit.posterior, draws)
     return Determination(intervals, sensitivity)

@@ -1,0 +1,32 @@
+"""Where the starts of a search lead, all at once: one call of the curve for every start costs little more than one for a single one.
+
+A first look: what it leads to one place is searched from there once (`estim.fitting.least_squares`), and a start that it leads nowhere goes its own
+way as if it had not been looked at.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from estim.arrays import FloatArray
+from estim.fitting.screen import led_down
+from estim.fitting.separable import SeparableSearch
+from estim.problem import Posterior, Problem
+
+
+def led_together(posterior: Posterior, starts: FloatArray) -> FloatArray:
+    """(n_start, n_par) where least squares with the covariances of `posterior` lead from `starts` (n_start, n_par).
+
+    They stay where they are under heavy tails and for counts, whose sums of squares change their curvature on the way; many runs are led one by one.
+    """
+    problem = posterior.problem
+    if len(starts) < 2 or len(problem.runs) > 1 or not _square(problem) or any(one.creeps for one in posterior.likelihoods):
+        return starts
+    low, high = problem.support()
+    free = np.array([i for i, p in enumerate(problem.parameters) if p.name not in problem.noise_names], dtype=np.int64)
+    search = SeparableSearch(posterior, starts[0], low, high, np.zeros(0, dtype=np.int64), free)
+    return led_down(search, starts)[0] if free.size else starts
+
+
+def _square(problem: Problem) -> bool:
+    return problem.for_search() is problem and not any(run.noise.robust for run in problem.runs)
