@@ -202,7 +202,9 @@ def model(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 @pytest.mark.usefixtures("undrawn")
 def test_verify_remakes_the_page_and_finds_a_digit_changed_in_it(model: Path) -> None:
-    assert run("propagate", "model.toml", "--out", "out", "--format", "html").exit_code == 0
+    done = run("propagate", "model.toml", "--out", "out", "--format", "html")
+    assert done.exit_code == 0
+    assert done.output.rstrip().endswith("report: out/report.html")
     origin = json.loads((model / "out" / "origin.json").read_text())
     assert origin["command"] == ["propagate", "model.toml", "--format", "html"]
     assert "report.html" in origin["outputs"]
