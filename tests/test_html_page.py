@@ -231,7 +231,7 @@ def test_a_page_of_the_report_before_does_not_stay(model: Path) -> None:
 
 
 def test_what_is_missing_is_said_before_anything_is_computed(model: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    for trouble, said in ((ImportError, "needs the package weasyprint: pip install 'estim[pdf]'"), (OSError, "needs libraries that weasyprint")):
+    for trouble, said in ((ImportError, "needs the package weasyprint: pip install weasyprint"), (OSError, "needs libraries that weasyprint")):
 
         def missing(name: str, trouble: type[Exception] = trouble) -> None:
             raise trouble(name)
