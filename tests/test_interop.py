@@ -212,7 +212,8 @@ def test_summary_frame_is_the_result_and_has_no_number_that_the_status_forbids(c
 @pytest.mark.parametrize(
     ("verb", "package", "command"),
     [
-        (interop.to_datatree, "xarray", "pip install arviz-base h5netcdf xarray-einstats"), (interop.to_netcdf, "h5netcdf", "pip install arviz-base h5netcdf xarray-einstats"),
+        (interop.to_datatree, "xarray", "pip install arviz-base h5netcdf xarray-einstats"),
+        (interop.to_netcdf, "h5netcdf", "pip install arviz-base h5netcdf xarray-einstats"),
         (interop.to_frame, "pandas", "pip install pandas"),
     ],
 )
