@@ -9,7 +9,8 @@ The posterior: run light-01 of data/replica as `estim fit` poses it, six paramet
 from the start of Python to 4,000 effective draws of the worst parameter: imports, campaign and the fit that all start from included, and what
 is compiled.  All use the same density, PyMC one that is written anew (`bench_pymc.py`: the same to 1e-12 at 50 points); what takes many points at
 once is given them, and each has one core.  Effective draws of dynesty are those of its resampled runs.  The certified posterior includes its second
-computation.  Right: means and standard deviations within 4.5 Monte-Carlo errors of a long chain of emcee.  Times are told as ratios within one run of this file.
+computation.  Right: means and standard deviations within 4.5 Monte-Carlo errors of a long chain of emcee.  Times are told as ratios within one run
+of this file.
 
 The size of the problem: joint fits and long data sets; memory along a batch of a thousand runs (`batch_memory.py`).
 """
