@@ -14,7 +14,7 @@ from estim.common.kinds import LEADS_TO, Kind, Status
 from estim.common.labels import Notation
 from estim.common.phrases import spoken
 from estim.common.statuses import Amount, Finding, decide, gravest, wrong
-from estim.words.residuals import TESTS, test_name
+from estim.words import residuals
 from estim.words.statuses import STATUS_WORDS
 from estim.words.telling import ADVICE, WORDS, Voice, advice, advice_for, tell
 
@@ -122,6 +122,6 @@ def test_one_finding_is_said_in_the_units_of_a_reader() -> None:
 
 
 def test_tests_of_the_residuals_have_names_in_the_language_and_keys_in_english() -> None:
-    assert [test_name(name) for name in TESTS] == list(TESTS)
+    assert [residuals.name_of_test(name) for name in residuals.TESTS] == list(residuals.TESTS)
     with spoken("es"):
-        assert [test_name(name) for name in ("runs", "trend", "largest")] == ["rachas", "tendencia", "mayor"]
+        assert [residuals.name_of_test(name) for name in ("runs", "trend", "largest")] == ["rachas", "tendencia", "mayor"]
