@@ -227,8 +227,8 @@ page.
 """
 TAIL = """## Where the others are better
 
-- **Time.** A single descent is ten to a hundred times quicker than a fit by estim, which searches from several starts, scans for other optima and
-  tests the residuals against simulated ones. For thousands of fits in a loop use lmfit, or `n_start=1`.
+- **Time.** A single descent to a curve is some ten to a hundred times quicker than a fit by estim (to a straight line hardly), which searches from
+  several starts, scans for other optima and tests the residuals against simulated ones. For thousands of fits in a loop use lmfit, or `n_start=1`.
 - **lmfit** fits anything that has residuals: images, complex numbers, several independent variables, a cost function of your own, with a dozen
   minimisers. estim fits y = f(x).
 - **kafe2** draws several models and data sets in one figure, prints tables ready for a laboratory report, and takes covariance matrices of x as well

@@ -221,6 +221,7 @@ SEARCHES = {"startswith", "endswith", "partition", "rpartition", "split", "remov
 SEARCHES |= {"match", "search", "fullmatch", "findall", "sub"}
 OF_OTHERS = {  # words that are not estim's, or that stand in a file
     "estim.campaign.campaign_file",  # messages of msgspec
+    "estim.campaign.mismatch",
     "estim.reading.toml",  # messages of tomllib
     "estim.reading.tracker.importing",  # the head of a CSV file that `estim import` made, of any version
     "estim.reading.tracker.suspicion",

@@ -243,14 +243,14 @@ MISTAKES = {
     "no mass": ('"0.300(6)"', "0.0", "must be > 0", 7),
     "below zero": ('"0.140(2)"', "-0.14", "must be >= 0", 11),
     "millimetres": ('"0.140(2)"', "140.0", r"must be at most 10 times the radius of the body, 0\.15 m: is it in metres\?", 11),
-    "a quantity that is none": ('"0.140(2)"', '"about 0.14"', "must read like", 11),
+    "a quantity that is none": ('"0.140(2)"', '"about 0.14"', "or read like", 11),
     "masses beside": ('parts = ["disk", "screw"]', 'parts = ["disk", "screw"]\nmass_disk_kg = 0.3', "must not stand beside 'parts'", 19),
     "no disk": ('parts = ["disk", "screw"]', 'parts = ["screw"]', "must leave a part for the disk", 18),
     "particle of another body": ('parts = ["disk", "screw"]', 'parts = ["disk", "screw"]\nparticle = ["weight"]', "must name some of the parts", 19),
     "particle on the axle": ('"screw"]', '"hub"]\nparticle = ["hub"]\n[parts.hub]\nkind = "disk"\nmass_kg = 1', "make no body of", 18),
     "nothing turns": ('["disk", "screw"]', '["fork"]\n[parts.fork]\nkind = "trailing"\nmass_kg = 1', "must hold a part that rotates", 18),
     "wide hole": ('kind = "disk"', 'kind = "ring"\nradius_m = 0.1\ninner_radius_m = 0.2', "must be at most 'radius_m'", 8),
-    "another kind": ('kind = "disk"', 'kind = "plate"', "invalid enum value", 6),
+    "another kind": ('kind = "disk"', 'kind = "plate"', "must be one of", 6),
     "no radius": ("radius_m = 0.15\n", "", "is missing for the body of these parts", 0),
 }  # fmt: skip
 

@@ -361,8 +361,8 @@ MISTAKES = {
     "typo in a key": ('gamma = "0.187(10)"', 'gama = "0.187(10)"', "gama", "'gama' is not a known key here (did you mean 'gamma'?)"),
     "typo in a run": ('phi_deg = "4.0(4)"', 'phi_degr = "4.0(4)"', "phi_degr", "'phi_degr' is not a known key here (did you mean 'phi_deg'?)"),
     "typo in noise": (NOISE, "noise = {sigma_xm = 0.001}", "noise", "'sigma_xm' is not a known key here (did you mean 'sigma_x_m'?)"),
-    "unknown table": ("[bodies.light]", "[bodys.light]", None, "'bodys' is not a known key here (did you mean 'bodies'?)"),
-    "unknown kind": ('kind = "synthetic"', 'kind = "invented"', "kind", "'kind' invalid enum value 'invented'"),
+    "unknown table": ("[bodies.light]", "[bodys.light]", "[bodys.light]", "'bodys' is not a known key here (did you mean 'bodies'?)"),
+    "unknown kind": ('kind = "synthetic"', 'kind = "invented"', "kind", "'kind' must be one of synthetic, measured, published: invented"),
     "no title": ('title = "two runs"\n', "", None, "'title' is missing"),
     "no name": ('name = "h4"\n', "", "[[runs]]", "'name' is missing"),
     "number for a name": ('name = "h4"', "name = 4", "name = 4", "'name' must be text, not a whole number"),
@@ -370,7 +370,7 @@ MISTAKES = {
     "truth for a number": ("g = 9.81", "g = true", "g =", "'g' must be a number or text or a table, not true or false"),
     "unreadable quantity": (
         'phi_deg = "4.0(4)"', 'phi_deg = "about 4"', "phi_deg",
-        "'phi_deg' must read like \"4.0 +/- 0.4\" or \"4.0(4)\": about 4",
+        "'phi_deg' must be a number as 4.0, or read like \"4.0 +/- 0.4\" or \"4.0(4)\": about 4",
     ),
     "number that is none": ("g = 9.81", "g = nan", "g =", "'g' must be finite: nan"),
     "unknown body": (
@@ -394,7 +394,7 @@ MISTAKES = {
     "negative radius": ('radius_m = "0.1500(5)"', 'radius_m = "-0.1500(5)"', "radius_m", "'radius_m' must be > 0: -0.15"),
     "no radius at all": ('radius_m = "0.1500(5)"', "radius_m = 0.0", "radius_m", "'radius_m' must be > 0: 0.0"),
     "negative gamma": ('gamma = "0.187(10)"', "gamma = -0.1", "gamma = -0.1", "'gamma' must be >= 0: -0.1"),
-    "unknown prior": (KAPPA, 'kappa = {prior = "flat", low = 0.0}', "kappa = {", "invalid enum value 'flat'"),
+    "unknown prior": (KAPPA, 'kappa = {prior = "flat", low = 0.0}', "kappa = {", "'prior' must be one of normal, uniform, "),
     "prior without a key": (KAPPA, 'kappa = {prior = "uniform", low = 0.0}', "kappa = {", "'kappa' needs 'high' for a uniform prior"),
     "prior with a key too many": (
         KAPPA, 'kappa = {prior = "half-normal", scale = 1.0, low = 0.1}', "kappa = {",
@@ -433,7 +433,7 @@ MISTAKES = {
         NOISE, "noise = {sigma_x_m = 0.001, sigma_v_m_s = 0.1}", "noise",
         "'sigma_v_m_s' does not go with differentiated noise of a run in m",
     ),
-    "unknown derivative": (NOISE, 'noise = {sigma_x_m = 0.001, derivative = "best"}', "noise", "invalid enum value 'best'"),
+    "unknown derivative": (NOISE, 'noise = {sigma_x_m = 0.001, derivative = "best"}', "noise", "'derivative' must be one of "),
     "independent without speeds": (
         NOISE, 'noise = {model = "independent"}', "noise",
         "'model' needs measured speeds: the run's file has no v_m_s column (or a 'derivative' to compute them): independent",

@@ -202,7 +202,9 @@ def model(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 @pytest.mark.usefixtures("undrawn")
 def test_verify_remakes_the_page_and_finds_a_digit_changed_in_it(model: Path) -> None:
-    assert run("propagate", "model.toml", "--out", "out", "--format", "html").exit_code == 0
+    done = run("propagate", "model.toml", "--out", "out", "--format", "html")
+    assert done.exit_code == 0
+    assert done.output.rstrip().endswith("report: out/report.html")
     origin = json.loads((model / "out" / "origin.json").read_text())
     assert origin["command"] == ["propagate", "model.toml", "--format", "html"]
     assert "report.html" in origin["outputs"]
@@ -229,7 +231,7 @@ def test_a_page_of_the_report_before_does_not_stay(model: Path) -> None:
 
 
 def test_what_is_missing_is_said_before_anything_is_computed(model: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    for trouble, said in ((ImportError, "needs the package weasyprint: pip install 'estim[pdf]'"), (OSError, "needs libraries that weasyprint")):
+    for trouble, said in ((ImportError, "needs the package weasyprint: pip install weasyprint"), (OSError, "needs libraries that weasyprint")):
 
         def missing(name: str, trouble: type[Exception] = trouble) -> None:
             raise trouble(name)

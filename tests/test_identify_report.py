@@ -70,6 +70,13 @@ def test_template_says_every_sentence_and_row(replica: Path, rng: np.random.Gene
     assert "Doubt" not in text
 
 
+@pytest.mark.parametrize("flat", [True, False])
+def test_the_caption_says_what_a_flat_prior_counts_as(flat: bool) -> None:
+    found = IdentifySection(("all is learnt",), (), (), 0.8, 0.05, flat)
+    text = render("identifiability.md.j2", identify=found, pictures=["figures/directions.png"])
+    assert ("counts as 1000 posterior standard\ndeviations wide" in text) is flat
+
+
 def test_ridge_is_drawn_between_gamma_and_kappa(replica: Path, rng: np.random.Generator) -> None:
     fit = heavy_04(replica)
     found, draws = identify(fit), posterior_draws(fit, rng)

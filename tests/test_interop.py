@@ -212,7 +212,8 @@ def test_summary_frame_is_the_result_and_has_no_number_that_the_status_forbids(c
 @pytest.mark.parametrize(
     ("verb", "package", "command"),
     [
-        (interop.to_datatree, "xarray", "pip install 'estim[arviz]'"), (interop.to_netcdf, "h5netcdf", "pip install 'estim[arviz]'"),
+        (interop.to_datatree, "xarray", "pip install arviz-base h5netcdf xarray-einstats"),
+        (interop.to_netcdf, "h5netcdf", "pip install arviz-base h5netcdf xarray-einstats"),
         (interop.to_frame, "pandas", "pip install pandas"),
     ],
 )
@@ -246,7 +247,7 @@ def test_fit_without_the_extra_says_how_to_get_it_and_that_is_no_error(tmp_path:
     line = Formula("a + b*x", "a = {start = 1.0}\nb = {start = 1.0}", lambda x: 1.0 + 2.0 * x).write(tmp_path)
     done = run_fit(line, tmp_path / "out")
     assert (done.exit_code, done.stderr) == (3, "")
-    assert done.stdout.splitlines()[-1] == "no draws.nc (the draws, for ArviZ and xarray): pip install 'estim[arviz]'"
+    assert done.stdout.splitlines()[-1] == "no draws.nc (the draws, for ArviZ and xarray): pip install arviz-base h5netcdf xarray-einstats"
     assert (tmp_path / "out" / "report.md").exists()
     assert not list(tmp_path.rglob("draws.nc"))
 

@@ -18,6 +18,8 @@ from estim.checks.goodness import P_FLOOR
 from estim.cli import commands as cli
 from estim.common.errors import EstimError, InputError
 from estim.common.quantity import Quantity
+from estim.reading.columns import read_columns
+from estim.reading.dialect import Dialect
 from estim.reading.run import read_run
 from estim.reading.tracker.importing import stated_tilt
 from estim.reports.origin import origin_facts, origin_warnings, speed_facts
@@ -212,3 +214,48 @@ def test_frames_of_the_way_back_that_a_fit_of_positions_would_use_are_said(tmp_p
         assert 'model = "positions" would use the' in facts[0]
         assert f"the {way_back(run.excluded)} frames of the way back" in facts[0]
         assert abs(way_back(run.excluded) - frames) <= 3  # the last has no central difference
+
+
+@pytest.mark.parametrize(
+    ("written", "says"),
+    [("0,03", "must be a number as 0.03, or"), ("30 mV", "must be a number without a unit of its own, in that of the key"), ("0.1.2", "as 4.0, or")],
+)
+def test_an_uncertainty_that_is_no_number_is_told_how_one_is_written(tmp_path: Path, written: str, says: str) -> None:
+    (tmp_path / "cap.csv").write_text("t;U\n0;1\n1;2\n2;3\n3;4\n")
+    assert says in refused("fit", tmp_path / "cap.csv", "--formula", "a*t + b", "--u-y", written)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "says"),
+    [
+        ('kind = "measured"', 'kind = "mesured"', ":2: 'kind' must be one of synthetic, measured, published (did you mean 'measured'?): mesured"),
+        ("[[runs]]", "[[run]]", ":9: 'run' is not a known key here (did you mean 'runs'?)"),
+        ("u_y = 0.1", 'noise = {model = "event-time"}', ":7: 'model' must be one of poisson, binomial, event-times (did you mean 'event-times'?): "),
+        ("a = {}", 'a = {prior = "half-norml"}', ":8: 'prior' must be one of normal, uniform, half-normal, log-normal, truncated-normal (did you"),
+        ("u_y = 0.1", 'u_y = {prior = "gauss"}', ":7: 'prior' must be one of normal, uniform, half-normal, log-normal, truncated-normal: gauss"),
+    ],
+)
+def test_a_word_that_is_none_of_the_choices_is_told_them(tmp_path: Path, old: str, new: str, says: str) -> None:
+    lines = (
+        'title = "c"', 'kind = "measured"', "[curve]", 'expression = "a*x"', 'x = "t"', 'y = "U"', "u_y = 0.1", "parameters = {a = {}}", "[[runs]]",
+        'name = "c"', 'file = "cap.csv"',
+    )  # fmt: skip
+    text = "\n".join(lines)
+    assert old in text
+    (tmp_path / "c.toml").write_text(text.replace(old, new))
+    assert refused("fit", tmp_path / "c.toml").startswith(f"{tmp_path / 'c.toml'}{says}")
+
+
+def test_one_column_of_decimal_commas_is_read_where_its_name_shows_it_and_else_asked_for(tmp_path: Path) -> None:
+    path = tmp_path / "events.csv"
+    for name in ("t (s)", "t in s"):
+        path.write_text(f"{name}\n0,5\n1,25\n2,0\n")
+        assert read_columns(path, needed=["t"], min_rows=3, shown_as="e.csv").columns["t"].tolist() == [0.5, 1.25, 2.0]
+    path.write_text("t\n0,5\n1,25\n2,0\n")
+    with pytest.raises(InputError, match=r"must have 1 cells \(decimal commas\? --decimal comma, or decimal = \"comma\"\)"):
+        read_columns(path, needed=["t"], min_rows=3, shown_as="e.csv")
+    assert "the comma is taken to part the cells: if it is the decimal mark, say --decimal comma" in refused("fit", path, "--formula", "a*t")
+    stated = Dialect(decimal="comma")
+    assert read_columns(path, needed=["t"], min_rows=3, shown_as="e.csv", dialect=stated).columns["t"].tolist() == [0.5, 1.25, 2.0]
+    path.write_text("t,n\n1,2\n2,3\n3,4\n")
+    assert read_columns(path, needed=["t", "n"], min_rows=3, shown_as="e.csv").columns["n"].tolist() == [2.0, 3.0, 4.0]

@@ -48,7 +48,7 @@ NONSENSE = ["nonsense", "", " ", "4.0 +/-", "4,0(4)", "4.0 4", "0x10", "4.0(4", 
 
 @pytest.mark.parametrize("source", NONSENSE)
 def test_what_is_no_quantity_is_refused(source):
-    with pytest.raises(InputError, match=r"^'phi_deg' must read like \"4\.0 \+/- 0\.4\" or \"4\.0\(4\)\": ") as caught:
+    with pytest.raises(InputError, match=r"^'phi_deg' must be a number [^\"]+, or read like \"4\.0 \+/- 0\.4\" or \"4\.0\(4\)\": ") as caught:
         read_quantity(source, field="phi_deg")
     assert caught.value.value == source.strip()
 

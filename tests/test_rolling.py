@@ -231,7 +231,7 @@ def test_friction_is_looked_up_as_other_quantities_are(tmp_path):
     assert grip_of(campaign.source, campaign.study.levels("a")) is not None
 
 
-@pytest.mark.parametrize(("said", "rule"), [("-0.1", "must be >= 0"), ("12.0", "must be at most 10"), ('"some"', "must read like")])
+@pytest.mark.parametrize(("said", "rule"), [("-0.1", "must be >= 0"), ("12.0", "must be at most 10"), ('"some"', "or read like")])
 def test_a_wrong_friction_is_refused(tmp_path, said, rule):
     with pytest.raises(InputError, match=rule) as told:
         campaign_of(tmp_path, f"friction = {said}")

@@ -26,6 +26,7 @@ def test_a_row_without_a_value_is_named_in_the_terminal_and_on_the_first_screen(
     assert "  2 rows without a value left out (lines 5, 14)\n" in done.output
     first = (tmp_path / "out" / "report.md").read_text().partition("<details>")[0]
     assert "- Mind: 2 rows without a value left out (lines 5, 14)." in first
+    assert first.startswith("# cap\n")  # not "cap: cap"
     assert '"blank": [\n    5,\n    14\n' in (tmp_path / "out" / "result.json").read_text()
 
 

@@ -163,7 +163,7 @@ def test_a_line_that_does_not_fit_has_no_result_and_exit_code_3(tmp_path):
         ("x,y,u_y\n1,1,0\n2,2,1\n3,4,1\n", [], "p.csv:2: 'u_y' must be > 0: 0.0"),
         ("x,y\n1,1\n2,2\n3,4\n", ["--uy", "-1"], "'--uy' must be > 0: -1.0"),
         ("x,y,u_y\n1,1,1\n2,2,1\n3,4,1\n", ["--inverse", "2"], "'--inverse' must have an uncertainty"),
-        ("x,y\n1,1\n2,2\n3,4\n", ["--predict", "two"], "'--predict' must read like"),
+        ("x,y\n1,1\n2,2\n3,4\n", ["--predict", "two"], "'--predict' must be a number as 4.0, or read like"),
         ("x,y,u_y\n1,1,1\n2,2,1\n3,4,1\n", ["--correlation", "0.5"], "'--correlation' needs uncertainties of x and y"),
     ],
 )

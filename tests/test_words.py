@@ -12,7 +12,9 @@ import pytest
 import estim
 from estim.common.kinds import LEADS_TO, Kind, Status
 from estim.common.labels import Notation
+from estim.common.phrases import spoken
 from estim.common.statuses import Amount, Finding, decide, gravest, wrong
+from estim.words import residuals
 from estim.words.statuses import STATUS_WORDS
 from estim.words.telling import ADVICE, WORDS, Voice, advice, advice_for, tell
 
@@ -118,3 +120,9 @@ def test_one_finding_is_said_in_the_units_of_a_reader() -> None:
     assert tell(limit) == "b lies on its limit 0.25, and the data ask for values beyond it (p = 0.0040): is the limit right?"
     failed = Finding(Kind.RESIDUALS_NOT_RANDOM, run="r", test="runs", p=5e-5, numbers={"least": 5e-5})
     assert tell(failed) == "run r: the residuals change sign too seldom (test 'runs', p < 5e-5)"
+
+
+def test_tests_of_the_residuals_have_names_in_the_language_and_keys_in_english() -> None:
+    assert [residuals.name_of_test(name) for name in residuals.TESTS] == list(residuals.TESTS)
+    with spoken("es"):
+        assert [residuals.name_of_test(name) for name in ("runs", "trend", "largest")] == ["rachas", "tendencia", "mayor"]

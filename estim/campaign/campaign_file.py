@@ -5,7 +5,6 @@
 
 from __future__ import annotations
 
-import difflib
 import hashlib
 import os
 import re
@@ -19,6 +18,7 @@ from typing import Any, Literal, TypeVar
 import msgspec
 
 from estim.campaign.effect_table import EffectTable
+from estim.campaign.mismatch import meant, mismatch_words
 from estim.campaign.name_rules import check_body_names, check_run_names
 from estim.campaign.part_table import PartTable
 from estim.campaign.plan_table import NO_PLAN, PlanTable, check_plan
@@ -300,26 +300,11 @@ def checked(tree: object, kind: type[T], places: Places, path: tuple[str | int, 
         inner = [part for part in re.findall(r"[^.\[\]`]+", where) if part != "..."]
         full = (*path, *(int(part) if part.isdigit() else part for part in inner))
         if found := re.search(r"unknown field `(.*)`", message):
-            close = difflib.get_close_matches(found[1], _known_keys(kind, inner), n=1)
-            hint = f" (did you mean '{close[0]}'?)" if close else ""
-            raise places.error(f"is not a known key here{hint}", (*full, found[1])) from None
+            raise places.error(f"is not a known key here{meant(found[1], _known_keys(kind, inner))}", (*full, found[1])) from None
         if found := re.search(r"missing required field `(.*)`", message):
             raise places.error("is missing", (*full, found[1])) from None
-        raise places.error(_in_words(message), full, field=None if full else "campaign") from None
-
-
-_TYPES = {
-    "float": "a number", "int": "a whole number", "str": "text", "bool": "true or false", "object": "a table", "array": "a list",
-    "datetime": "a date", "date": "a date", "time": "a time",
-}
-
-
-def _in_words(message: str) -> str:
-    """A mismatch of types as a rule for people; any other message of msgspec as it is."""
-    if found := re.fullmatch(r"Expected `(.+)`, got `(\w+)`", message):
-        wanted = [_TYPES.get(kind, kind) for kind in found[1].split(" | ") if kind != "null"]
-        return f"must be {' or '.join(wanted)}, not {_TYPES.get(found[2], found[2])}"
-    return message[0].lower() + message[1:].replace("`", "")
+        written = found[1] if (found := re.fullmatch(r"Invalid enum value '(.*)'", message)) else None
+        raise places.error(mismatch_words(message, kind, inner), full, field=None if full else "campaign", value=written) from None
 
 
 def _check_numbers(tree: object, places: Places, path: tuple[str | int, ...]) -> None:

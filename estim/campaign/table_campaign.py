@@ -213,7 +213,8 @@ def _number(text: str, option: str) -> float:
     try:
         value = read_number(text)
     except ValueError:
-        raise InputError("must be a number", field=option, value=text) from None
+        hint = " with a decimal point" if "," in text else ""
+        raise InputError(f"must be a number{hint}", field=option, value=text) from None
     if not np.isfinite(value):
         raise InputError("must be finite", field=option, value=text)
     return value

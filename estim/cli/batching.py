@@ -35,7 +35,7 @@ def cluster(address: str | None) -> Iterator[Executor | None]:
     try:
         from distributed import Client
     except ImportError:
-        raise InputError("needs dask.distributed: pip install 'estim[dask]'", field="--scheduler", value=address) from None
+        raise InputError("needs dask.distributed: pip install distributed", field="--scheduler", value=address) from None
     try:
         client = Client(address, timeout=_PATIENCE)
     except (OSError, ValueError) as error:

@@ -11,7 +11,7 @@ from estim.common import InputError
 
 _KEY = "estim.formats"
 _BROWSER = "or print report.html with a browser"
-_NEEDS = {"html": ("markdown_it", "pip install markdown-it-py"), "pdf": ("weasyprint", f"pip install 'estim[pdf]'; {_BROWSER}")}
+_NEEDS = {"html": ("markdown_it", "pip install markdown-it-py"), "pdf": ("weasyprint", f"pip install weasyprint; {_BROWSER}")}
 
 _LIBRARIES = "Pango: docs/reports.md says where from"
 

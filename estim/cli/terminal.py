@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from estim.cli.formats import chosen
 from estim.cli.origin import with_origin
 from estim.cli.origin_record import written_before
 from estim.cli.output_streams import outlets
@@ -158,7 +159,8 @@ def report_at(path: Path, outside: Iterable[str]) -> None:
     """Where the report stands, and which of the files that were read lie outside the campaign's folder."""
     for said in outside:
         say(phrase("note: {text}", text=said))
-    say(phrase("report: {path}", path=path))
+    for made in [path.with_suffix(f".{name}") for name in chosen()] or [path]:
+        say(phrase("report: {path}", path=made))
 
 
 def note(line: str) -> None:

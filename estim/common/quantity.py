@@ -70,6 +70,14 @@ def read_quantity(source: str | float, *, field: str) -> Quantity:
     return quantity
 
 
+def _number_words(text: str) -> str:
+    """How a plain number would be written in place of `text`."""
+    if found := re.fullmatch(r"([+-]?\d+),(\d+)", text, re.ASCII):
+        return f"as {found[1]}.{found[2]}"
+    has_unit = re.fullmatch(r"[+-]?[\d.,]+\s*[^\W\d_][^\d,;]{0,20}", text)
+    return "without a unit of its own, in that of the key or axis" if has_unit else "as 4.0"
+
+
 def _read_text(text: str, field: str) -> Quantity:
     if len(text) > _LONGEST:
         raise InputError(f"must be at most {_LONGEST} characters long", field=field, value=len(text))
@@ -77,7 +85,7 @@ def _read_text(text: str, field: str) -> Quantity:
         return Quantity(read_number(text))
     except ValueError:
         pass
-    rule = 'must read like "4.0 +/- 0.4" or "4.0(4)"'
+    rule = f'must be a number {_number_words(text)}, or read like "4.0 +/- 0.4" or "4.0(4)"'
     if "_" in text or any(mark.isdecimal() and not mark.isascii() for mark in text):
         raise InputError(rule, field=field, value=text)
     from uncertainties import ufloat_fromstr

@@ -8,13 +8,15 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from estim.common import InputError
+from estim.common import InputError, is_unit
 from estim.reading.dialect import Dialect, cells_of, is_missing, looks_like_a_number, name_and_unit, shown_delimiter, split_row
 from estim.reading.input_file import read_any_text
 from estim.reading.table import NOTE, facts_of, numbered_lines
 
 Lines = list[tuple[int, str]]
 
+_ONE_COLUMN = ";"  # stands in no row then
+_DECIMAL_COMMA = re.compile(r"[+-]?\d+,\d+", re.ASCII)
 _RULE = re.compile(r"[-=_+|\s]+")  # a line drawn below the header
 _UNITS = (
     "s ms us ns ps min h d m cm mm um nm km kg g mg N mN kN Pa hPa kPa MPa bar mbar J mJ kJ eV keV MeV W mW kW V mV kV uV A mA uA nA pA Ohm ohm kOhm "
@@ -59,7 +61,7 @@ def read_layout(path: Path, dialect: Dialect, *, shown_as: str, needed: Sequence
     plain = [(number, line) for number, line in below if not line.lstrip().startswith("#")]
     if not plain:
         raise InputError("has no rows of numbers" + (" below the lines that are skipped" if dialect.skip_rows else ""), file=shown_as)
-    delimiter = dialect.mark or shown_delimiter(plain[-1][1])
+    delimiter = dialect.mark or (_ONE_COLUMN if _is_one_column(plain, dialect) else shown_delimiter(plain[-1][1]))
     start = 0 if dialect.header is False else 1 if dialect.header else _start(plain, delimiter, shown_as)
     rows = [(number, line) for number, line in plain[start:]]
     if not rows:
@@ -73,10 +75,21 @@ def read_layout(path: Path, dialect: Dialect, *, shown_as: str, needed: Sequence
     return Layout(shown_as, digest, delimiter, names, header_line, units, rows, warnings, facts)
 
 
+def _is_one_column(lines: Lines, dialect: Dialect) -> bool:
+    """Whether each row is one number with a decimal comma: as stated, or as a name with its unit above them shows, `t (s)` or `t in s`."""
+    if dialect.decimal == "point" or not _DECIMAL_COMMA.fullmatch(lines[-1][1].strip()):
+        return False
+    above = [line for _, line in lines if not _DECIMAL_COMMA.fullmatch(line.strip())]
+    named = len(above) == 1 and "," not in above[0] and is_unit(name_and_unit(above[0])[1])
+    return dialect.decimal == "comma" or named
+
+
 def no_names(layout: Layout) -> InputError:
     """What to say of a table whose columns have no names."""
-    rule = f"has no line of column names: name its {layout.width} columns from left to right (--columns a,b,...; columns = [...] in a campaign)"
     number, line = layout.rows[0]
+    rule = f"has no line of column names: name its {layout.width} columns from left to right (--columns a,b,...; columns = [...] in a campaign)"
+    if layout.delimiter == "," and layout.width == 2:
+        rule += '; the comma is taken to part the cells: if it is the decimal mark, say --decimal comma (decimal = "comma")'
     return InputError(rule, field="header", value=line.strip(), file=layout.file, line=number)
 
 
@@ -209,5 +222,6 @@ def _are_units(cells: Sequence[str]) -> bool:
 
 def cells_differ(cells: int, width: int, delimiter: str, file: str, line: int) -> InputError:
     commas = delimiter == "," and cells == 2 * width
-    hint = " (decimal commas? write decimal points, or separate the cells by semicolons)" if commas else ""
+    cure = '--decimal comma, or decimal = "comma"' if width == 1 else "write decimal points, or separate the cells by semicolons"
+    hint = f" (decimal commas? {cure})" if commas else ""
     return InputError(f"must have {width} cells{hint}", field="row", value=cells, file=file, line=line)

@@ -33,8 +33,10 @@ class Places:
     lines: Mapping[tuple[str | int, ...], int]
 
     def error(self, rule: str, path: Sequence[str | int], *, field: str | None = None, value: object = None) -> InputError:
-        """An InputError at the line of `path`, or of the closest table above it."""
+        """An InputError at the line of `path`, or of the first key in it where it has no line itself, or of the closest table above it."""
         key = tuple(path)
+        if key and key not in self.lines:
+            key = next((inside for inside in self.lines if inside[: len(key)] == key), key)
         while key and key not in self.lines:
             key = key[:-1]
         name = field if field is not None else next((part for part in reversed(path) if isinstance(part, str)), None)

@@ -49,7 +49,7 @@ from estim.reports.rolling_figures import rolling_figure
 from estim.reports.trace_figures import trace_figure
 from estim.reports.usual_errors import usual_row
 from estim.studies import determine
-from estim.words import STATUS_WORDS, Voice, first_step
+from estim.words import STATUS_WORDS, Voice, first_step, name_of_test
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -186,7 +186,7 @@ def analysis_text(
         consistency=consistency, rolling=rolling_rows(result.rolling or {}), axes=axes, limits_only=result.status != "ok", converged=converged,
         corner_words=corner_words, usual=[usual_row(one) for one in result.usual_errors], lacks=lacks, explanation=explanation, counts=counts,
         deviation=deviation_text(result.deviation, result.labels, pictures) if result.deviation else "",
-        complete=complete_runs([result]), first_step=first_step, reasons=first_reasons(result.reasons),
+        complete=complete_runs([result]), name_of_test=name_of_test, first_step=first_step, reasons=first_reasons(result.reasons),
         said=[words for force in (result.deviation or {}).values() for words in (force.words, force.noise_words)] if result.status == "ok" else [],
         drawn=MOST_DRAWN if len(result.runs) > MOST_DRAWN else None,
         uncorrelated=max(len(result.correlation.names) - _MOST_CORRELATED, 0),

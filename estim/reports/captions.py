@@ -10,6 +10,7 @@ import numpy as np
 from estim.common import format_p, percentage, phrase, signed
 from estim.reports.budget import part_of_errors
 from estim.reports.result import Result
+from estim.words import name_of_test
 
 
 def caption_of(result: Result) -> str:
@@ -47,7 +48,7 @@ def alts_of(result: Result, misfit: str) -> Mapping[str, str]:
     found["residuals"] = phrase("Whitened residuals")
     if least is not None:
         found["residuals"] = phrase(
-            "Whitened residuals: of the tests, '{test}' says most against the curve, {p}", test=least[1], p=format_p(least[0])
+            "Whitened residuals: of the tests, '{test}' says most against the curve, {p}", test=name_of_test(least[1]), p=format_p(least[0])
         )
     found["corner"] = _strongest(result)
     for name, budget in (result.budget or {}).items():

@@ -102,7 +102,8 @@ class Told(Protocol):
 
 def first_screen(result: Told) -> Screen:
     """The first screen of a result."""
-    title = f"{result.title}: {', '.join(result.runs)}" if result.title else ", ".join(result.runs)
+    runs = ", ".join(result.runs)
+    title = f"{result.title}: {runs}" if result.title not in ("", runs) else runs
     if result.status != "ok":
         return Screen(title, "", (), (), (), "", "", _left_out(result), "")
     counted = [check.p_value for run in result.runs.values() for name, check in run.checks.items() if name == "chi2"]

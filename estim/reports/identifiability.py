@@ -33,7 +33,7 @@ class IdentifySection:
     """What `identifiability.md.j2` shows under the name `identify`.
 
     sentences : what the data tell and do not.  rows : the table.  doubts : what went wrong with single intervals.
-    prior_dominated, threshold : the two limits that the words refer to.
+    prior_dominated, threshold : the two limits that the words refer to.  flat : whether a prior has no width.
     """
 
     sentences: tuple[str, ...]
@@ -41,6 +41,7 @@ class IdentifySection:
     doubts: tuple[str, ...]
     prior_dominated: float
     threshold: float
+    flat: bool
 
 
 def identify_section(
@@ -69,7 +70,8 @@ def identify_section(
     k_hat = max((s.k_hat for s in sensitivity), default=-np.inf)
     if k_hat >= 0.7:
         doubts.append(phrase("the weights of the power-scaling are unreliable (Pareto k {k_hat:.2f}): the last column says nothing", k_hat=k_hat))
-    return IdentifySection(found.sentences, tuple(rows), tuple(doubts), PRIOR_DOMINATED, THRESHOLD)
+    flat = any(not np.isfinite(p.prior.sd) for p in problem.parameters)
+    return IdentifySection(found.sentences, tuple(rows), tuple(doubts), PRIOR_DOMINATED, THRESHOLD, flat)
 
 
 def _cell(interval: ProfileInterval | None, p: float, sd: float, shown: Label) -> str:

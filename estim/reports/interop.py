@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     import xarray
 
 
-HOW_TO_GET = "pip install 'estim[arviz]'"
+HOW_TO_GET = "pip install arviz-base h5netcdf xarray-einstats"
 _NETCDF = ("h5netcdf", "h5py")
 _COORDINATES = ("chain", "draw", "step", "walker")
 _PRIOR_DRAWS = 4000

@@ -21,6 +21,19 @@ TESTS = Said(
 )
 
 
+_NAMES = MappingProxyType(
+    {
+        "chi2": later("test|chi2"), "runs": later("test|runs"), "autocorrelation": later("test|autocorrelation"), "trend": later("test|trend"),
+        "largest": later("test|largest"), "speed": later("test|speed"), "zero": later("test|zero"),
+    }
+)  # what stands before | tells these words from others that are written alike
+
+
+def name_of_test(test: str) -> str:
+    """How a reader knows a test of the residuals; its key in `result.json` is the English word."""
+    return phrase(_NAMES[test]).removeprefix("test|") if test in _NAMES else test
+
+
 def _p(f: Finding) -> str:
     """'p = 0.0002', or that it is as small as simulation can tell."""
     least = f.numbers.get("least", 0.0)
@@ -32,7 +45,7 @@ def _of_run(f: Finding) -> str:
 
 
 def _failed(f: Finding) -> str:
-    return _of_run(f) + phrase("{what} (test '{test}', {p})", what=TESTS[f.test], test=f.test, p=_p(f))
+    return _of_run(f) + phrase("{what} (test '{test}', {p})", what=TESTS[f.test], test=name_of_test(f.test), p=_p(f))
 
 
 def _too_large(f: Finding) -> str:
@@ -62,7 +75,7 @@ def _deviance(f: Finding) -> str:
 
 
 def _counts_scatter(f: Finding) -> str:
-    size = f"{_deviance(f)}, {format_p(f.p)}" if "dof" in f.numbers else phrase("test '{test}', {p}", test=f.test, p=_p(f))
+    size = f"{_deviance(f)}, {format_p(f.p)}" if "dof" in f.numbers else phrase("test '{test}', {p}", test=name_of_test(f.test), p=_p(f))
     return _of_run(f) + phrase("the counts scatter more about the curve than independent events can ({size})", size=size)
 
 

@@ -1,0 +1,52 @@
+"""What msgspec says of a value of a wrong type, in words for people: what may stand there, and what was likely meant."""
+
+from __future__ import annotations
+
+import difflib
+import re
+import types
+from collections.abc import Iterator, Sequence
+from typing import Any, Literal, Union, get_args, get_origin, get_type_hints
+
+import msgspec
+
+_TYPES = {
+    "float": "a number", "int": "a whole number", "str": "text", "bool": "true or false", "object": "a table", "array": "a list",
+    "datetime": "a date", "date": "a date", "time": "a time",
+}
+
+
+def mismatch_words(message: str, kind: object, path: Sequence[str]) -> str:
+    """A mismatch as a rule; any other message of msgspec as it is.  kind : the type that was asked for.  path : where in it, keys and numbers."""
+    if found := re.fullmatch(r"Expected `(.+)`, got `(\w+)`", message):
+        wanted = [_TYPES.get(kind, kind) for kind in found[1].split(" | ") if kind != "null"]
+        return f"must be {' or '.join(wanted)}, not {_TYPES.get(found[2], found[2])}"
+    if found := re.fullmatch(r"Invalid enum value '(.*)'", message):
+        choices = list(dict.fromkeys(_choices(kind, path)))
+        if choices:
+            return f"must be one of {', '.join(choices)}{meant(found[1], choices)}"
+    return message[0].lower() + message[1:].replace("`", "")
+
+
+def meant(written: str, choices: Sequence[str]) -> str:
+    """' (did you mean 'gamma'?)', or "" where nothing is like it."""
+    close = difflib.get_close_matches(written, choices, n=1)
+    return f" (did you mean '{close[0]}'?)" if close else ""
+
+
+def _choices(kind: object, path: Sequence[str]) -> Iterator[str]:
+    """The words that may stand at `path` in a value of type `kind`."""
+    origin, inside = get_origin(kind), get_args(kind)
+    if origin is Literal:
+        yield from (choice for choice in inside if isinstance(choice, str) and not path)
+    elif origin in (Union, types.UnionType):
+        for one in inside:
+            yield from _choices(one, path)
+    elif origin in (list, tuple):
+        for one in inside:
+            yield from _choices(one, path[1:] if path and path[0].isdigit() else path)
+    elif origin is dict:
+        yield from _choices(inside[1], path)
+    elif isinstance(kind, type) and issubclass(kind, msgspec.Struct) and path:
+        hints: dict[str, Any] = get_type_hints(kind)
+        yield from _choices(hints[path[0]], path[1:]) if path[0] in hints else ()
