@@ -170,7 +170,8 @@ def _rough_ends(starts: list[tuple[FloatArray, Posterior]]) -> list[_End]:
     places: list[tuple[FloatArray, FloatArray, _End]] = []
     ends = []
     for (start, begun), led in zip(starts, led_together(starts[0][1], np.array([start for start, _ in starts])), strict=True):
-        twin = next((end for place, scale, end in places if float(np.max(np.abs(led - place) / scale)) < _TWINS), None)
+        near = (end for place, scale, end in places if float(np.max(np.abs(led - place) / scale)) < _TWINS)
+        twin = next((end for end in near if abs(_log_density(end[1], led) - _log_density(end[1], end[0])) < _SAME_OPTIMUM), None)
         if twin is None:
             values, posterior, moved = _settle(start, begun, max_rounds=1)
             if math.isnan(moved):
