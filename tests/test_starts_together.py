@@ -47,3 +47,18 @@ def test_heavy_tails_and_single_starts_stay_where_they_are(replica: Path) -> Non
     plain = problem(replica, POSITIONS)
     one = plain.start()[None]
     assert led_together(plain.linearised(one[0]), one) is one
+
+
+def test_a_flat_place_stands_for_no_start(replica: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Where the curve does not come near the points a first look is not believed: every start goes its own way."""
+    posed = problem(replica, POSITIONS)
+    settled, settle = [], least_squares._settle
+
+    def counted(*args: object, **keywords: object) -> object:
+        settled.append(keywords["max_rounds"])
+        return settle(*args, **keywords)
+
+    monkeypatch.setattr(least_squares, "_settle", counted)
+    monkeypatch.setattr(least_squares, "explains", lambda posterior, values: False)
+    fit_least_squares(posed, rng=np.random.default_rng(1), n_start=3)
+    assert settled.count(1) == 3

@@ -13,6 +13,13 @@ from estim.fitting.screen import led_down
 from estim.fitting.separable import SeparableSearch
 from estim.problem import Posterior, Problem
 
+_NEAR = 9.0  # mean square of the whitened residuals
+
+
+def explains(posterior: Posterior, values: FloatArray) -> bool:
+    """Whether the curve passes near the points at `values` (n_par,): elsewhere it may be flat, and a first look leads there whatever lies beyond."""
+    return float(np.mean(posterior.size_residuals(values) ** 2)) < _NEAR
+
 
 def led_together(posterior: Posterior, starts: FloatArray) -> FloatArray:
     """(n_start, n_par) where least squares with the covariances of `posterior` lead from `starts` (n_start, n_par).
