@@ -29,7 +29,7 @@ reports: $(VENV)/.installed
 gallery: $(VENV)/.installed
 	$(BIN)/python benchmarks/gallery.py
 
-# against other samplers, and in the size of the problem: benchmarks/RESULTS.md; PEERS is a Python that has estim, dynesty and bumps
+# against other samplers, and in the size of the problem: benchmarks/RESULTS.md; PEERS is a Python that has estim, dynesty, bumps, pymc and nutpie
 PEERS ?= $(BIN)/python
 bench: $(VENV)/.installed
 	$(BIN)/python benchmarks/bench.py --peers $(PEERS)

@@ -3,12 +3,14 @@
     make bench
     OMP_NUM_THREADS=1 python benchmarks/bench.py [--peers PYTHON] [--only peers|scaling|batch] [--most-runs 64]
 
-PYTHON is that of an environment of its own in which estim, dynesty and bumps are installed; what fails there is named as not run.
+PYTHON is that of an environment of its own in which estim, dynesty, bumps, pymc and nutpie are installed; what fails there is named as not run.
 
 The posterior: run light-01 of data/replica as `estim fit` poses it, six parameters.  Each method runs in a process of its own, one after the other,
-from the start of Python to 4,000 effective draws of the worst parameter: imports, campaign and the fit that all start from included.  All use the
-same density; what takes many points at once is given them.  The certified posterior includes its second computation.  Right: means and standard
-deviations within 4.5 Monte-Carlo errors of a long chain of emcee.  Times are told as ratios within one run of this file.
+from the start of Python to 4,000 effective draws of the worst parameter: imports, campaign and the fit that all start from included, and what
+is compiled.  All use the same density, PyMC one that is written anew (`bench_pymc.py`: the same to 1e-12 at 50 points); what takes many points at
+once is given them, and each has one core.  Effective draws of dynesty are those of its resampled runs.  The certified posterior includes its second
+computation.  Right: means and standard deviations within 4.5 Monte-Carlo errors of a long chain of emcee.  Times are told as ratios within one run
+of this file.
 
 The size of the problem: joint fits and long data sets; memory along a batch of a thousand runs (`batch_memory.py`).
 """
@@ -35,8 +37,9 @@ _ERRORS = 4.5
 _PEERS, _SCALING, _BATCH = "To 4,000 effective draws of six parameters", "Scaling", "Memory of a batch"
 NAMES = {
     "estim": "estim, certified", "emcee": "emcee, vectorised", "lmfit": "lmfit's emcee", "dynesty": "dynesty", "bumps": "bumps (DREAM)",
+    "pymc": "PyMC + nutpie",
 }
-NOT_RUN = {"PyMC + nutpie": "its gradients need the density written anew in its own language"}
+_ELSEWHERE = ("dynesty", "bumps", "pymc")
 
 
 def reference() -> Measured:
@@ -72,7 +75,7 @@ def peers_table(python: str, peers: str) -> list[str]:
     true = reference()
     rows, ours = [], None
     for name, words in NAMES.items():
-        found = in_a_process(peers if name in ("dynesty", "bumps") else python, "--method", name)
+        found = in_a_process(peers if name in _ELSEWHERE else python, "--method", name)
         print(name, {key: value for key, value in found.items() if not isinstance(value, list)}, flush=True)
         if "failed" in found:
             rows.append(f"| {words} | not run: {found['failed']} | | | | |")
@@ -87,7 +90,6 @@ def peers_table(python: str, peers: str) -> list[str]:
             f"| {words} | {wall:.1f} s ({wall / ours[0]:.1f}) | {cpu:.1f} s ({cpu / ours[1]:.1f}) | {found['ess'] / found['sampling_cpu']:.0f} "
             f"| {deviation:.1f} | {'yes' if deviation < _ERRORS else '**no**'}{told} |"
         )
-    rows += [f"| {name} | not run: {why} | | | | |" for name, why in NOT_RUN.items()]
     return [
         f"Reference: emcee, {true['ess']:.0f} effective draws; parameters {', '.join(true['names'])}.", "",
         "| method | wall to 4,000 effective draws (ratio) | CPU (ratio) | effective draws per CPU s of sampling | off by, MC errors | right |",
@@ -193,7 +195,7 @@ def draw_scaling(drawn: dict[str, tuple[list[int], list[float], list[float], flo
 
 
 def versions(python: str) -> str:
-    names = ["numpy", "scipy", "emcee", "lmfit", "dynesty", "bumps"]
+    names = ["numpy", "scipy", "emcee", "lmfit", "dynesty", "bumps", "pymc", "nutpie"]
     asked = f"import importlib.metadata as m\nfor n in {names!r}:\n try: print(n, m.version(n))\n except m.PackageNotFoundError: pass"
     return ", ".join(subprocess.run([python, "-c", asked], capture_output=True, text=True, check=False).stdout.split("\n")).strip(", ")
 

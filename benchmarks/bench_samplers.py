@@ -17,6 +17,7 @@ sys.path.insert(0, str(HERE.parent))
 CAMPAIGN, RUN = HERE.parent / "data" / "replica" / "campaign.toml", "light-01"
 ESS, SEED = 4000.0, 1
 MOST_SECONDS = 300.0  # of a processor, after which a method is given up
+_LIVE, _MOST_CALLS, _RESAMPLED = 1000, 1_000_000, 100  # of dynesty
 
 Measured = dict[str, Any]
 
@@ -41,16 +42,21 @@ def described(draws: np.ndarray) -> tuple[float, np.ndarray, np.ndarray, np.ndar
     return ess, flat.mean(axis=0), flat.std(axis=0), np.array(errors[0]), np.array(errors[1])
 
 
-def weighted(draws: np.ndarray, log_weights: np.ndarray) -> tuple[float, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """The same of weighted independent draws (n, n_par)."""
-    w = np.exp(log_weights - np.max(log_weights))
+def nested(results: Any, rng: np.random.Generator) -> tuple[float, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """The same of a nested run.  Errors from runs resampled by their live points: the weights alone do not know how the volume shrank."""
+    from dynesty.utils import resample_run
+
+    mean, sd = _moments(results)
+    again = np.array([_moments(resample_run(results, rstate=rng)) for _ in range(_RESAMPLED)])
+    u_mean, u_sd = again.std(axis=0, ddof=1)
+    return float(np.min((sd / u_mean) ** 2)), mean, sd, u_mean, u_sd
+
+
+def _moments(results: Any) -> tuple[np.ndarray, np.ndarray]:
+    w = np.exp(results.logwt - np.max(results.logwt))
     w /= w.sum()
-    mean = w @ draws
-    square = (draws - mean) ** 2
-    sd = np.sqrt(w @ square)
-    u_mean = np.sqrt(w**2 @ square)
-    u_sd = np.sqrt(w**2 @ (square - sd**2) ** 2) / (2.0 * sd)
-    return float(1.0 / np.sum(w**2)), mean, sd, u_mean, u_sd
+    mean = w @ results.samples
+    return mean, np.sqrt(w @ (results.samples - mean) ** 2)
 
 
 def by_estim(fit: Any, _: float) -> tuple[Any, ...]:
@@ -122,11 +128,13 @@ def by_dynesty(fit: Any, _: float) -> tuple[Any, ...]:
         found = float(fit.posterior.log_likelihood(values[None, :])[0])
         return found if math.isfinite(found) else -1e300
 
-    sampler = dynesty.NestedSampler(likelihood, lambda u: np.array([np.interp(a, at, g) for a, g in zip(u, grids, strict=True)]), len(grids),
-                                    nlive=1000, rstate=rng)
-    sampler.run_nested(print_progress=False)
-    result = sampler.results
-    return weighted(np.asarray(result.samples), np.asarray(result.logwt))
+    def of_cube(u: np.ndarray) -> np.ndarray:
+        return np.array([np.interp(a, at, g) for a, g in zip(u, grids, strict=True)])
+
+    # walks: uniform proposals, its choice in six dimensions, accept one point in a hundred along the ridge and take ten times as long
+    sampler = dynesty.NestedSampler(likelihood, of_cube, len(grids), nlive=_LIVE, sample="rwalk", rstate=rng)
+    sampler.run_nested(print_progress=False, dlogz=0.1, maxcall=_MOST_CALLS)
+    return nested(sampler.results, rng)
 
 
 def by_bumps(fit: Any, _: float) -> tuple[Any, ...]:
@@ -149,6 +157,19 @@ def by_bumps(fit: Any, _: float) -> tuple[Any, ...]:
     return described(fit.values + scale * draws)
 
 
+def by_pymc(ready: Any, _: float) -> tuple[Any, ...]:
+    from bench_pymc import draws_of
+
+    fit, compiled = ready
+    return described(draws_of(compiled, fit.names))
+
+
+def for_pymc(fit: Any) -> Any:
+    from bench_pymc import compiled
+
+    return fit, compiled(fit)
+
+
 def scattered(fit: Any, n: int, rng: np.random.Generator) -> np.ndarray:
     """(n, n_par) walkers about the fit where the density is finite."""
     points = rng.multivariate_normal(fit.values, fit.cov, size=50 * n)
@@ -156,13 +177,14 @@ def scattered(fit: Any, n: int, rng: np.random.Generator) -> np.ndarray:
 
 
 METHODS: dict[str, Callable[[Any, float], tuple[Any, ...]]] = {
-    "estim": by_estim, "emcee": by_emcee, "lmfit": by_lmfit, "dynesty": by_dynesty, "bumps": by_bumps,
+    "estim": by_estim, "emcee": by_emcee, "lmfit": by_lmfit, "dynesty": by_dynesty, "bumps": by_bumps, "pymc": by_pymc,
 }
+PREPARED: dict[str, Callable[[Any], Any]] = {"pymc": for_pymc}  # what a method makes of the fit once, however many draws are wanted
 
 
 def one(name: str) -> Measured:
     """What a method finds, in this process."""
-    fit = posed()
+    fit = PREPARED.get(name, lambda same: same)(posed())
     began, cpu = time.perf_counter(), time.process_time()
     ess, mean, sd, u_mean, u_sd = METHODS[name](fit, MOST_SECONDS)
     sampling, cpu = time.perf_counter() - began, time.process_time() - cpu

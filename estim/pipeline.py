@@ -216,7 +216,7 @@ def _optima_of(fit: Fit) -> Optima:
     ends = optima(fit)
     heavy = tuple(ends.values[1:][ends.shares[1:] > _NEGLIGIBLE])
     starts, covs = (*ends.values[1:], *fit.further_starts), (*ends.covs[1:], *fit.further_covs)
-    return Optima(fit.values, fit.cov, starts, covs, heavy)
+    return Optima(fit.values, fit.cov, starts, covs, heavy, fit.parts)
 
 
 def asks_for_a_cause(analysis: Analysis) -> bool:

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import gc
 import os
 import signal
 from contextlib import nullcontext
 from functools import cache, partial
 from pathlib import Path
+from shutil import copytree
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -41,18 +43,32 @@ def replica() -> Path:
     return PROJECT / "data" / "replica"
 
 
-@pytest.fixture(scope="session")
-def reanalysed() -> Reanalysis:
-    """The replica reanalysed as `estim reanalyse --seed 2` does, with fewer draws.
+BODIES = [pytest.param(("heavy",), id="heavy"), pytest.param(("heavy", "light"), id="heavy and light", marks=pytest.mark.statistics)]
 
-    One process has it (`REANALYSED`).
+
+@pytest.fixture(scope="session", params=BODIES)
+def reanalysed(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Reanalysis:
+    """The replica reanalysed as `estim reanalyse --seed 2` does, with fewer draws: one body in `make test`, both in `make statistics`.
+
+    The other body goes the same way with the same numbers.  One process has it (`REANALYSED`).
     """
     from estim.campaign import load_campaign
     from estim.sampling import Target
     from estim.studies import reanalyse
 
-    campaign = load_campaign(PROJECT / "data" / "replica" / "campaign.toml")
-    return reanalyse(campaign, seed=2, target=Target(ess=1500.0), progress_of=lambda what: nullcontext(lambda step, message: None))
+    path = PROJECT / "data" / "replica" / "campaign.toml"
+    if len(request.param) == 1:
+        folder = tmp_path_factory.mktemp("data")
+        for part in ("paper", "replica"):
+            copytree(path.parents[1] / part, folder / part)
+        head, *runs = path.read_text().partition("\n[line]")[0].split("[[runs]]")
+        (body,), line = request.param, path.read_text().partition("\n[line]")[2]
+        path = folder / "replica" / "campaign.toml"
+        path.write_text("[[runs]]".join([head, *(run for run in runs if f'body = "{body}"' in run)]) + f"\n[line]{line}")
+    target = Target(ess=1500.0, n_walker=48)
+    done = reanalyse(load_campaign(path), seed=2, target=target, progress_of=lambda what: nullcontext(lambda step, message: None))
+    assert {body.body for body in done.bodies} == set(request.param)
+    return done
 
 
 @pytest.fixture(scope="session")
@@ -101,6 +117,13 @@ def pytest_xdist_make_scheduler(config: pytest.Config, log: Producer) -> LoadSco
     return Together(config, log)
 
 
+def pytest_collection_finish() -> None:
+    """Thousands of tests stay to the end: no need to look for garbage among them, nor after every few hundred objects."""
+    gc.collect()
+    gc.freeze()
+    gc.set_threshold(10_000, 20, 20)
+
+
 @pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """What is slow is done with stand-ins in `make test`, and with real files in `make statistics`."""
@@ -116,7 +139,13 @@ def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter, config: p
 
 
 @pytest.fixture
-def few_draws(monkeypatch: pytest.MonkeyPatch) -> None:
+def sampled_opinion(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The second opinion by importance sampling, as of five parameters or more, without quadrature, half of the time of an analysis of few."""
+    monkeypatch.setattr("estim.sampling.independent_check.MOST_DIMENSIONS", 0)
+
+
+@pytest.fixture
+def few_draws(monkeypatch: pytest.MonkeyPatch, sampled_opinion: None) -> None:
     """A quarter of the effective draws in every command: for tests of statuses, files and words, not of numbers."""
     from estim.sampling import Target
 

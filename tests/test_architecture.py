@@ -27,10 +27,10 @@ ESTIM = [m for m in FILES if m.startswith("estim.")]
 HEAVY = {"lmfit", "emcee", "matplotlib", "arviz_stats", "corner", "jinja2", "tqdm", "scipy", "numpy", "uncertainties"}
 
 
-def imported(tree):
-    """Every module that a tree imports anywhere, as dotted names; from a import b gives a and a.b."""
+def imported(nodes):
+    """Every module that the nodes of a tree import anywhere, as dotted names; from a import b gives a and a.b."""
     names = set()
-    for node in ast.walk(tree):
+    for node in nodes:
         if isinstance(node, ast.Import):
             names |= {alias.name for alias in node.names}
         elif isinstance(node, ast.ImportFrom):
@@ -45,8 +45,13 @@ def trees():
 
 
 @cache
+def nodes():
+    return {module: tuple(ast.walk(tree)) for module, tree in trees().items()}
+
+
+@cache
 def imports():
-    return {module: imported(tree) for module, tree in trees().items()}
+    return {module: imported(found) for module, found in nodes().items()}
 
 
 def packages(module):
@@ -97,7 +102,7 @@ def room(name):
 def of_the_house(module):
     """The modules and pages of the project that a file imports from."""
     return {
-        node.module for node in ast.walk(trees()[module])
+        node.module for node in nodes()[module]
         if isinstance(node, ast.ImportFrom) and node.module and node.module.split(".")[0] in ("model", "estim")
     }
 
@@ -133,7 +138,7 @@ def test_nobody_asks_which_kind_of_noise_it_is():
     kinds = {"Independent", "Differentiated", "Readings", "Correlated", "PointErrors", "CorrelatedErrors", "LatentErrors", "Counts", "Events",
         "StudentT", "Mixture"}
     for module in ESTIM:
-        for node in ast.walk(trees()[module]):
+        for node in nodes()[module]:
             if isinstance(node, ast.Call) and getattr(node.func, "id", "") in ("isinstance", "issubclass"):
                 assert not kinds & {getattr(part, "id", getattr(part, "attr", "")) for part in ast.walk(node.args[1])}, module
 
@@ -143,7 +148,7 @@ def test_a_page_is_short_and_offers_what_others_use():
     for page in PAGES:
         source = FILES[f"{page}.__init__"].read_text()
         assert len(source.splitlines()) <= 15, page
-        offered = {alias.name for node in ast.walk(trees()[f"{page}.__init__"]) if isinstance(node, ast.ImportFrom) for alias in node.names}
+        offered = {alias.name for node in nodes()[f"{page}.__init__"] if isinstance(node, ast.ImportFrom) for alias in node.names}
         files = {m.rpartition(".")[2] for m in FILES if m.startswith(f"{page}.")}
         assert not offered & files, f"{page}: a name must not be that of a file"
         used = {name.rpartition(".")[2] for m in set(FILES) - FRONT if room(m) != page for name in imports()[m] if name.rpartition(".")[0] == page}
@@ -154,10 +159,10 @@ WRITING = {"print", "echo", "write_text", "write_bytes", "mkdir", "makedirs", "u
 WRITING |= {"rmtree", "fsync"}
 
 
-def outputs(tree):
-    """Lines on which a tree prints or writes: calls by name, and `open` for anything but reading."""
+def outputs(nodes):
+    """Lines on which the nodes of a tree print or write: calls by name, and `open` for anything but reading."""
     found = []
-    for node in ast.walk(tree):
+    for node in nodes:
         if not isinstance(node, ast.Call):
             if isinstance(node, ast.Attribute) and node.attr in ("stdout", "stderr"):
                 found.append(node.lineno)
@@ -173,14 +178,14 @@ def outputs(tree):
 
 def test_the_check_for_output_sees_output():
     seen = "print(1)\nopen('a', 'w')\np.write_text('a')\nclick.echo('a')\nsys.stderr.write('a')\np.open(mode='wb')\n"
-    assert sorted(outputs(ast.parse(seen))) == [1, 2, 3, 4, 5, 6]
-    assert outputs(ast.parse("open('a')\np.read_text()\nopen('a', 'rb')\n")) == []
+    assert sorted(outputs(ast.walk(ast.parse(seen)))) == [1, 2, 3, 4, 5, 6]
+    assert outputs(ast.walk(ast.parse("open('a')\np.read_text()\nopen('a', 'rb')\n"))) == []
 
 
 def test_one_place_prints_and_one_file_writes():
     printing = {"estim.__main__", "estim.cli.output_streams", "estim.cli.terminal", "estim.common.storage"}
-    assert {module for module, tree in trees().items() if outputs(tree)} == printing
-    assert not any(getattr(node, "attr", "") == "echo" for module in ESTIM for node in ast.walk(trees()[module]))  # `terminal.say` escapes
+    assert {module for module, found in nodes().items() if outputs(found)} == printing
+    assert not any(getattr(node, "attr", "") == "echo" for module in ESTIM for node in nodes()[module])  # `terminal.say` escapes
     storage = {f"estim.common.{node.name}" for node in trees()["estim.common.storage"].body if isinstance(node, ast.FunctionDef)}
     storage -= {"estim.common.note_input", "estim.common.inputs_read"}  # which keep no file
     keeping = {"estim.batch.rows", "estim.cli.origin_record", "estim.cli.terminal", "estim.cli.verifying", "estim.sampling.checkpoint"}
@@ -193,9 +198,9 @@ def test_one_place_prints_and_one_file_writes():
 RECORDS = {"Finding", "Amount"}
 
 
-def free_texts(tree):
-    """Lines on which a tree gives a finding a sentence, or makes one on the spot."""
-    calls = [n for n in ast.walk(tree) if isinstance(n, ast.Call) and getattr(n.func, "id", "") in RECORDS]
+def free_texts(nodes):
+    """Lines on which the nodes of a tree give a finding a sentence, or make one on the spot."""
+    calls = [n for n in nodes if isinstance(n, ast.Call) and getattr(n.func, "id", "") in RECORDS]
     given = [(n.lineno, value) for n in calls for value in (*n.args, *(k.value for k in n.keywords))]
 
     def text(node):
@@ -205,8 +210,8 @@ def free_texts(tree):
 
 
 def test_a_finding_holds_facts_and_no_sentence():
-    assert free_texts(ast.parse("Finding(kind, test=f'p = {p}')\nAmount('a b')\nFinding(kind, test='chi2', size=1.0)")) == [1, 2]
-    assert [m for m, tree in trees().items() if free_texts(tree)] == []
+    assert free_texts(ast.walk(ast.parse("Finding(kind, test=f'p = {p}')\nAmount('a b')\nFinding(kind, test='chi2', size=1.0)"))) == [1, 2]
+    assert [m for m, found in nodes().items() if free_texts(found)] == []
     texts = {field.name for record in (Finding, Amount) for field in fields(record) if "str" in str(field.type)}
     assert texts == {"run", "test", "names", "name", "numbers"}  # names of runs, tests, arguments, parameters and numbers
 
@@ -229,10 +234,10 @@ def is_prose(node):
     )
 
 
-def readings(tree):
-    """Lines on which a tree looks into a sentence: compares it, or searches or cuts it."""
+def readings(nodes):
+    """Lines on which the nodes of a tree look into a sentence: compare it, or search or cut it."""
     found = []
-    for node in ast.walk(tree):
+    for node in nodes:
         if isinstance(node, ast.Compare):
             for op, a, b in zip(node.ops, (node.left, *node.comparators), node.comparators, strict=False):
                 if not isinstance(op, ast.Is | ast.IsNot) and (is_prose(b) or (is_prose(a) and isinstance(op, ast.Eq | ast.NotEq))):
@@ -246,9 +251,9 @@ def readings(tree):
 
 def test_no_sentence_is_read_back():
     seen = "'a' in run.reason\nfit.message == 'b'\nreason.startswith('c')\nre.match('d', fact)\nstr(error).partition(' at ')\n"
-    assert readings(ast.parse(seen)) == [1, 2, 3, 4, 5]
-    assert readings(ast.parse("'a' in names\nstatus == 'ok'\nname.partition('[')\nfinding.kind is Kind.WAY_BACK\n")) == []
-    assert {m for m in ESTIM if readings(trees()[m])} == OF_OTHERS | FILLING
+    assert readings(ast.walk(ast.parse(seen))) == [1, 2, 3, 4, 5]
+    assert readings(ast.walk(ast.parse("'a' in names\nstatus == 'ok'\nname.partition('[')\nfinding.kind is Kind.WAY_BACK\n"))) == []
+    assert {m for m in ESTIM if readings(nodes()[m])} == OF_OTHERS | FILLING
 
 
 def test_one_place_knows_to_which_status_a_finding_leads():
@@ -332,6 +337,6 @@ def test_every_file_opens_by_saying_what_it_is_for():
 
 
 def test_no_file_swallows_every_error():
-    for module, tree in trees().items():
-        bare = [node.lineno for node in ast.walk(tree) if isinstance(node, ast.ExceptHandler) and node.type is None]
+    for module, found in nodes().items():
+        bare = [node.lineno for node in found if isinstance(node, ast.ExceptHandler) and node.type is None]
         assert not bare, module

@@ -339,6 +339,7 @@ def start(*arguments: object) -> subprocess.Popen[str]:
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("undrawn")
 def test_the_command_writes_report_figures_and_numbers(tmp_path):
     load(tmp_path, '{model = "independent", sigma_v_m_s = 0.02}')
     code, said, complaints = calibrate(tmp_path / "c.toml", "--simulations", 24, "--jobs", 1, "--out", tmp_path / "out")

@@ -138,6 +138,7 @@ def flat_problem(counts: np.ndarray):
     ).with_sigma(1.0)
 
 
+@pytest.mark.statistics
 def test_the_deviance_of_few_counts_has_the_p_value_that_it_says(rng: np.random.Generator) -> None:
     """Simulated, where chi-squared would reject far too often or never."""
     from estim.checks.goodness import check_goodness

@@ -244,7 +244,7 @@ def test_an_exposure_is_a_part_of_the_time_between_frames_beside_a_known_error(t
 
 @pytest.mark.usefixtures("undrawn", "few_draws")
 def test_the_command_recovers_a_moment(tmp_path: Path) -> None:
-    recorded(tmp_path, EFFECTS["moment"], "speeds")
+    recorded(tmp_path, EFFECTS["moment"], "speeds", lines=EFFECTS["moment"].lines + "\nunmodelled_force = 0")
     done = CliRunner().invoke(cli, ["fit", str(tmp_path / "campaign.toml"), "--out", str(tmp_path / "out")])
     assert done.exit_code == 0, done.output
     found = json.loads((tmp_path / "out" / "result.json").read_text())

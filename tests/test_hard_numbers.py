@@ -15,7 +15,7 @@ from estim.pipeline import analyse
 from estim.sampling.chain import Target
 
 STRAIGHT = Formula("a*x + b", "a = {start = 1.0}\nb = {start = 0.0}", lambda x: 2.0 * x + 1.0)
-QUICK = Target(max_step=200)
+QUICK = Target(max_step=60)
 
 
 def scaled_run(folder: Path, factor: float, **choices: str) -> Path:
@@ -39,7 +39,7 @@ def any_speed(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("estim.campaign.bodies.check_speeds", lambda *arguments, **named: None)
 
 
-@pytest.mark.usefixtures("any_speed")
+@pytest.mark.usefixtures("any_speed", "sampled_opinion")
 def test_positions_in_a_wrong_unit_end_in_a_status(tmp_path: Path) -> None:
     analysis = analyse(load_campaign(scaled_run(tmp_path, 1000.0)), ["r"], seed=1, target=QUICK)
     assert not analysis.diagnosis.ok

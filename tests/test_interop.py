@@ -166,7 +166,7 @@ def test_arviz_summary_and_loo_agree_with_ours(analysis: Analysis, xarray: Simpl
 
 
 def test_joint_runs_stand_side_by_side(campaign: estim.Campaign, xarray: SimpleNamespace) -> None:
-    joint = estim.analyse(campaign, ["heavy-04", "heavy-06"], seed=1, target=Target(max_step=60, n_walker=24))
+    joint = estim.analyse(campaign, ["heavy-04", "heavy-06"], seed=1, target=Target(max_step=60, n_walker=24), complete="two runs")
     tree = estim.to_datatree(joint)
     assert tree.attrs["status"] == "not-converged"
     assert "sampling stopped" in tree.attrs["reasons"]

@@ -19,7 +19,7 @@ from estim.campaign.shared_force import sharing_runs
 from estim.checks import check_consistency, check_goodness
 from estim.common import InputError
 from estim.deviation.components import Shape, diagonalise
-from estim.deviation.course import Course
+from estim.deviation.course import Course, Rows
 from estim.deviation.force import shared_force_shapes, track
 from estim.deviation.grid import FORCE_SCALE, START_SD, prior_grid
 from estim.deviation.joint import Together
@@ -128,7 +128,8 @@ def test_a_constant_force_answers_as_the_rolling_resistance_does(joint: Fit, mon
     """A S delta x - v' delta x of the positions that were read is 14 % off: it has their errors in it, and the truncation of S at the wrong place."""
     problem, named = joint.problem, joint.problem.named(joint.values)
     run = problem.runs[0]
-    course = Course(run.body, np.loadtxt(WHEEL / "class-unbalanced_1.csv", delimiter=",", skiprows=2)[:, 1])
+    t, theta = np.loadtxt(WHEEL / "class-unbalanced_1.csv", delimiter=",", skiprows=2)[:, :2].T
+    course = Course(run.body, theta, Rows(t, np.zeros(t.size, dtype=np.int64), np.searchsorted(t, run.t)))
 
     def constant() -> np.ndarray:
         along = course.along(run.points, named, run.noise.base)

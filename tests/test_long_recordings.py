@@ -12,9 +12,10 @@ import pytest
 from estim import fit_curve, load_campaign
 from estim.campaign.forced import course_of
 from estim.checks import goodness
-from estim.deviation import BadFrames, FreeStart, bad_frames, pose_force, usual_errors
+from estim.deviation import BadFrames, FreeStart, bad_frames, course, pose_force, usual_errors
 from estim.deviation import noise as lacking
 from estim.deviation.autocorrelated import AutoCorrelated
+from estim.deviation.settled import settled
 from estim.fitting import screen
 from estim.problem import besides
 from estim.problem import noise as stated
@@ -29,8 +30,8 @@ NOISES = {
 }
 
 
-def recording(folder: Path, noise: str, n: int, *, more: str = "", bad: float = 0.0) -> Path:
-    rng, t = np.random.default_rng(5), np.linspace(0.0, 3.0, n)
+def recording(folder: Path, noise: str, n: int, *, more: str = "", bad: float = 0.0, seed: int = 5) -> Path:
+    rng, t = np.random.default_rng(seed), np.linspace(0.0, 3.0, n)
     body = Body(radius=0.15, gamma=0.094, kappa=0.45)
     x = positions_at(t, body, phi=math.radians(-1.0), theta0=math.radians(20.0))[0] + 2e-4 * rng.standard_normal(n)
     x[n // 2] += bad
@@ -67,12 +68,57 @@ def _posed(path: Path, monkeypatch: pytest.MonkeyPatch, dense: int):
     values[problem.names.index("kappa[light]")] = 0.45
     values[[i for i, p in enumerate(problem.parameters) if p.unit == "s"]] = 0.0
     (run,) = problem.runs
-    course = course_of(run, campaign.tables["long"])
+    followed = course_of(run, campaign.tables["long"])
     named = problem.named(values)
-    free = FreeStart(run.noise, course, BadFrames()).likelihood(run.points, named)
-    bad = bad_frames(run, course, problem, values, known=BadFrames())
-    posed = pose_force(run, course, problem, values, without=np.ones(problem.n_par), bad=bad)
+    free = FreeStart(run.noise, followed, BadFrames()).likelihood(run.points, named)
+    bad = bad_frames(run, followed, problem, values, known=BadFrames())
+    posed = pose_force(run, followed, problem, values, without=np.ones(problem.n_par), bad=bad)
     return problem, named, free, posed, bad
+
+
+TRUTH = {"gamma[light]": 0.094, "kappa[light]": 0.45, "theta0[long]": math.radians(20.0), "phi[long]": math.radians(-1.0), "radius": 0.15}
+
+
+def _named_at_the_truth(path: Path) -> list[tuple[str, int]]:
+    campaign = load_campaign(path)
+    problem = campaign.with_usual_errors(campaign.problem(["long"]))
+    (run,) = problem.runs
+    values = np.array([TRUTH[name] for name in problem.names])
+    found = bad_frames(run, course_of(run, campaign.tables["long"]), problem, values, known=BadFrames())
+    return [(jump.kind, jump.row) for jump in found.jumps]
+
+
+def test_of_dense_frames_none_beside_the_release_is_named(tmp_path, monkeypatch):
+    path = recording(tmp_path, NOISES["speeds"], 1434)
+    assert _named_at_the_truth(path) == []
+    assert _named_at_the_truth(recording(tmp_path, NOISES["speeds"], 1434, bad=0.004)) == [("frame", 717)]
+    monkeypatch.setattr(course, "settled", lambda t, x, speed, sd: x)
+    named = _named_at_the_truth(recording(tmp_path, NOISES["speeds"], 1434))
+    assert named
+    assert max(row for _, row in named) < 100
+
+
+@pytest.mark.statistics
+@pytest.mark.parametrize(("n", "seeds"), [(1434, range(10)), (5000, range(100, 102))])
+def test_of_dense_frames_none_is_named_again_and_again(tmp_path, n, seeds):
+    assert [_named_at_the_truth(recording(tmp_path, NOISES["speeds"], n, seed=seed)) for seed in seeds] == [[] for _ in seeds]
+
+
+def test_readings_settle_where_they_are_dense_and_nowhere_else():
+    rng, sd, a = np.random.default_rng(3), 2e-4, 0.3
+    for n, dense in ((60, False), (6000, True)):
+        t = np.linspace(0.09, 1.0, n)
+        true = 0.5 * a * t**2
+        errors = sd * rng.standard_normal(n)
+        off = settled(t, true + errors, a * t, sd) - true
+        if dense:
+            half = 2.0 * sd / (a * t) * n / 0.91  # readings to either side
+            many = (half > 2.0) & (t > 0.1)
+            assert np.mean(off[many] ** 2 * (2.0 * half[many] + 1.0)) == pytest.approx(sd**2, rel=0.5)
+            np.testing.assert_array_equal(off[half < 1.9], (true + errors - true)[half < 1.9])
+            assert np.mean(off[t < 0.15]) == pytest.approx(0.0, abs=0.15 * sd)
+        else:
+            np.testing.assert_array_equal(off, true + errors - true)
 
 
 @pytest.mark.parametrize("noise", NOISES)

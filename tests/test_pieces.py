@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 from joint_runs import DECAY, problem_of
+from troubles import Disk
 
 from estim.cli.commands import cli
 from estim.common.errors import InputError, Interrupted
@@ -100,12 +101,11 @@ def test_a_marginal_that_is_stopped_goes_on_with_the_same_draws(tmp_path: Path, 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="no SIGKILL")
 def test_a_calibration_that_is_killed_ends_with_the_same_bytes(tmp_path: Path, project: Path) -> None:
-    campaign = project / "data" / "replica" / "campaign.toml"
-    choices = [str(campaign), "--run", "heavy-04", "--what", "coverage", "--simulations", "20", "--jobs", "1"]
+    choices = [str(Disk().write(tmp_path)), "--what", "coverage", "--simulations", "20", "--jobs", "1"]
     environment = {**os.environ, "OMP_NUM_THREADS": "1", "PYTHONPATH": str(project)}
     command = [sys.executable, "-m", "estim", "calibrate", *choices, "--out", str(tmp_path / "killed")]
     process = subprocess.Popen(command, env=environment, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
-    kept = tmp_path / "killed" / ".checkpoint" / "heavy-04-coverage"
+    kept = tmp_path / "killed" / ".checkpoint" / "r-coverage"
     while len(list(kept.glob("0*.npz"))) < 3 and process.poll() is None:
         time.sleep(0.02)
     process.send_signal(signal.SIGKILL)

@@ -11,7 +11,10 @@ from scipy import stats
 from scipy.integrate import quad
 
 from estim import InputError
+from estim.checks.cells import stated_words
+from estim.common.labels import Notation
 from estim.problem.priors import HalfNormal, LogNormal, Normal, TruncatedNormal, Uniform
+from estim.problem.unstated_prior import Unstated
 
 PRIORS = [
     pytest.param(Normal(0.187, 0.01), stats.norm(0.187, 0.01), id="normal"),
@@ -177,6 +180,16 @@ def test_a_mean_that_is_no_number_is_refused(mean):
 def test_priors_describe_themselves(prior):
     words = prior.describe()
     assert words.startswith(("normal", "uniform in [-0.3, 0.6]", "half-normal, scale 0.005", "log-normal, median 0.001"))
+
+
+def test_the_unit_stands_at_the_median_and_what_nobody_stated_is_not_called_stated():
+    assert LogNormal(0.1, 0.5).describe("°C") == "log-normal, median 0.1 °C, log sd 0.5"
+    label = Notation("σ_y").label("°C")
+    assert stated_words(LogNormal(0.1, 0.5), "°C", label) == "log-normal, median 0.1 °C, log sd 0.5"
+    size = Unstated(0.3238, 3.0)
+    assert size.describe("°C") == "inferred; weak prior, within a factor 20 of 0.32 °C"
+    assert stated_words(size, "°C", label) == ""
+    assert size.log_density(0.2) == LogNormal(0.3238, 3.0).log_density(0.2)
 
 
 def test_a_log_normal_prior_of_any_width_that_is_taken_has_a_standard_deviation():

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 from scipy import stats
 
 from estim.sampling import Optima, Target, proposed_chain, sample_posterior
 from estim.sampling.diagnostics import mcse_mean
+from estim.sampling.proposal import adapt_proposal
 
 N_PAR = 24
 EDGE = 0.3  # sds: the first parameter is cut off there
@@ -39,3 +41,32 @@ def test_moments_are_right_and_come_soon() -> None:
     few = Target(ess=1500.0, max_step=chain.convergence.n_step)
     blind = sample_posterior(density, optima.value, optima.cov, target=few, rng=np.random.default_rng(3))
     assert blind.convergence.tau > 3.0 * chain.convergence.tau or np.isnan(blind.convergence.tau)
+
+
+class Round:
+    """Six independent unit normal distributions, which count how often they are asked."""
+
+    names = tuple(f"p{i}" for i in range(6))
+
+    def __init__(self) -> None:
+        self.asked = 0
+
+    def log_density(self, draws: np.ndarray) -> np.ndarray:
+        self.asked += len(draws)
+        return -0.5 * np.sum(draws**2, axis=1)
+
+
+@pytest.mark.parametrize("ess", [4000.0, 12000.0])
+def test_a_good_proposal_costs_what_the_draws_asked_for_need(ess: float) -> None:
+    density = Round()
+    proposal = adapt_proposal(density, np.zeros(6), np.eye(6), rng=np.random.default_rng(1))
+    density.asked = 0
+    chain = sample_posterior(density, np.zeros(6), np.eye(6), target=Target(ess=ess), rng=np.random.default_rng(2), proposal=proposal)
+    convergence = chain.convergence
+    assert convergence.met
+    least = min(convergence.ess_bulk, convergence.ess_tail)
+    assert ess <= least < 2.5 * ess
+    assert density.asked < 4.5 * least + 4000  # the latter to weigh where walkers start
+    error = 1.0 / np.sqrt(least)
+    assert np.all(np.abs(chain.flat.mean(axis=0)) < 4.0 * error)
+    assert np.all(np.abs(chain.flat.std(axis=0) - 1.0) < 4.0 * error / np.sqrt(2.0))

@@ -194,19 +194,21 @@ def test_published_numbers_meet_what_was_found(project: Path) -> None:
 @pytest.mark.slow
 @pytest.mark.usefixtures("unrendered")
 def test_committed_report_is_what_the_code_finds(project: Path, replica: Path, reanalysed: Reanalysis) -> None:
-    """A new reanalysis agrees with `reports/replica` within Monte-Carlo error, and recovers the truth."""
+    """A new reanalysis agrees with `reports/replica` within Monte-Carlo error, and recovers the truth; of the bodies that were done again."""
     import tomllib
 
     files, committed = reanalysis_report(reanalysed), project / "reports" / "replica"
     new, old = json.loads(files["result.json"]), json.loads((committed / "result.json").read_text())
     assert set(new["statuses"].values()) == {"ok"}
-    assert new["statuses"] == old["statuses"]
+    bodies = {body.body for body in reanalysed.bodies}
+    others = set(old["bodies"]) - bodies
+    assert new["statuses"] == {what: status for what, status in old["statuses"].items() if not any(other in what for other in others)}
     bare, shown = reanalysis_report(reanalysed, figures=False), re.findall(r"!\[[^\]]*\]\((\S+)\)", files["report.md"].decode())
     assert bare == {"report.md": bare["report.md"], "result.json": files["result.json"]}
     assert sorted(shown) == sorted(path for path in files if path.endswith(".png"))
     assert b"figures/" not in bare["report.md"]
     truth = tomllib.loads((replica / "truth.toml").read_text())
-    for body in old["bodies"]:
+    for body in sorted(bodies):
         a, b = (result["bodies"][body]["joint"]["parameters"] for result in (new, old))
         for name in b:
             error = math.hypot(a[name]["mcse"], b[name]["mcse"])
@@ -222,7 +224,7 @@ def test_committed_report_is_what_the_code_finds(project: Path, replica: Path, r
             assert new["line"]["methods"][method]["slope"] == pytest.approx(row["slope"], rel=1e-9)
     text = (committed / "report.md").read_text()
     shown = {line.split("](")[1].rstrip(")") for line in text.splitlines() if line.startswith("![")}
-    assert shown == {name for name in files if name.startswith("figures/")}
+    assert {name for name in shown if not any(other in name for other in others)} == {name for name in files if name.startswith("figures/")}
     for figure in shown:
         assert (committed / figure).exists(), figure
 

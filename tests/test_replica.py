@@ -15,17 +15,18 @@ RUNS = [f"heavy-0{i}" for i in (2, 4, 6, 8)] + [f"light-0{i}" for i in (1, 2, 3,
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("run", RUNS)
-def test_every_run_recovers_its_true_parameters(replica: Path, reanalysed: Reanalysis, run: str) -> None:
+def test_every_run_recovers_its_true_parameters(replica: Path, reanalysed: Reanalysis) -> None:
     truth = tomllib.loads((replica / "truth.toml").read_text())
-    found = result_of(reanalysed.campaign, reanalysed.singles[run])
-    assert found.status == "ok"
-    for name, parameter in found.parameters.items():
-        if parameter.limit is not None:  # a loss that this run alone cannot tell from none
-            assert name == "rolling_resistance"
-            assert parameter.limit.edge < truth[name] < parameter.limit.limit_95
-            continue
-        assert abs(parameter.mean - truth[name]) < 3.0 * parameter.sd, name
+    assert len(reanalysed.singles) in (4, len(RUNS))
+    for run, analysis in reanalysed.singles.items():
+        found = result_of(reanalysed.campaign, analysis)
+        assert found.status == "ok", run
+        for name, parameter in found.parameters.items():
+            if parameter.limit is not None:  # a loss that this run alone cannot tell from none
+                assert name == "rolling_resistance"
+                assert parameter.limit.edge < truth[name] < parameter.limit.limit_95, run
+                continue
+            assert abs(parameter.mean - truth[name]) < 3.0 * parameter.sd, (run, name)
 
 
 def test_rolling_resistance_costs_about_five_percent_of_the_energy(replica: Path) -> None:

@@ -147,6 +147,7 @@ class Cut:
         return np.where(draws[:, 1] > self.at, self.posterior.log_density(draws), -np.inf)
 
 
+@pytest.mark.usefixtures("sampled_opinion")
 def test_chain_without_a_tail_disagrees(monkeypatch: pytest.MonkeyPatch) -> None:
     """A chain that cannot go below k = 0.85, a proposal that never does: 4 % of the posterior."""
 
@@ -162,6 +163,7 @@ def test_chain_without_a_tail_disagrees(monkeypatch: pytest.MonkeyPatch) -> None
     assert any(finding.status == "methods-disagree" for finding in analysis.diagnosis.findings)
 
 
+@pytest.mark.usefixtures("sampled_opinion")
 def test_difference_that_does_not_come_back_was_chance(monkeypatch: pytest.MonkeyPatch) -> None:
     """The first pair is made to differ; the second, with other random numbers, is the result and says that there was a first."""
     compared: list[Chain] = []

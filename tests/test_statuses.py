@@ -28,6 +28,7 @@ from estim.sampling.independent_check import second_opinion
 from estim.sampling.proposal import Proposal
 from estim.words import tell
 
+pytestmark = pytest.mark.usefixtures("sampled_opinion")
 NAMED = ("mean", "sd", "median", "q025", "q16", "q84", "q975")
 
 

@@ -33,12 +33,21 @@ def run(*arguments: object):
     return runner().invoke(cli, [str(argument) for argument in arguments])
 
 
+@pytest.fixture(scope="module")
+def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("made")
+    (folder / "model.toml").write_text(MODEL)
+    with pytest.MonkeyPatch.context() as patched:
+        patched.chdir(folder)
+        assert run("propagate", "model.toml", "--out", "out", "--seed", "3").exit_code == 0
+    return folder
+
+
 @pytest.fixture
-def model(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def model(made: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A report of the model in `model.toml`, in `out`; the working folder holds both."""
+    shutil.copytree(made, tmp_path, dirs_exist_ok=True)
     monkeypatch.chdir(tmp_path)
-    (tmp_path / "model.toml").write_text(MODEL)
-    assert run("propagate", "model.toml", "--out", "out", "--seed", "3").exit_code == 0
     return tmp_path
 
 

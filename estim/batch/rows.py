@@ -6,7 +6,6 @@ import hashlib
 import json
 from collections.abc import Mapping
 from contextlib import suppress
-from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +14,7 @@ import msgspec
 from estim.batch.units import Unit
 from estim.campaign import Campaign
 from estim.common import EstimError, as_json, pictures_of, read_file, remove_files, remove_pictures, split_level, write_whole
+from estim.versions import version
 
 ROW, RESULT, REPORT = "row.json", "result.json", "report.md"
 _FORMATS = ("report.html", "report.pdf")

@@ -5,12 +5,12 @@ from __future__ import annotations
 import json
 from collections.abc import Sequence
 from dataclasses import dataclass
-from importlib.metadata import version
 
 import numpy as np
 
 from estim.calibration.trial import PROBABILITIES, Plan, Trial
 from estim.sampling import Key, Pieces, fingerprint, problem_key
+from estim.versions import version
 
 _PACKAGES = ("estim", "numpy", "emcee", "scipy", "lmfit")
 

@@ -29,12 +29,13 @@ from estim.campaign.points import Observed, observe
 from estim.campaign.quantities import EFFECTS
 from estim.campaign.shared_force import tied_points
 from estim.campaign.unforced import fit_alike
+from estim.campaign.unit_slips import unit_slips
 from estim.campaign.usual import with_usual_errors
-from estim.common import later, phrase
+from estim.common import InputError, later, phrase, split_level
 from estim.curves import DisturbedMotion, DisturbedMotionCurve, DisturbedPhaseCurve, MotionCurve, PhaseCurve, RollingMotion, Setting
 from estim.deviation import BadFrames, ForceSize
 from estim.explanation import Cause, Suspects
-from estim.fitting import Fit, fit_least_squares, scanned_fit
+from estim.fitting import Fit, fit_least_squares, refit, scanned_fit
 from estim.problem import Curve, Observations, Parameter, Prior, Problem, shared_first
 from estim.reading import Run
 from estim.sampling import MAX_PARAMETERS
@@ -68,6 +69,13 @@ class RollingStudy:
         for interval, noise in blurs([self.levels(name) for name in names], [tables[name] for name in names]):
             problem = self._posed(names, tables, white=True, noise=noise)
             found.append(blur_cause(problem, interval))
+        for slip in unit_slips(self.source):
+            try:
+                problem = RollingStudy(slip.source)._posed(names, tables, white=True)
+            except InputError:
+                continue  # no such angle in radians
+            own = tuple(name for name in problem.names if split_level(name)[0] in slip.quantities)
+            found.append(Cause("-".join(("radians", *slip.quantities)), slip.words, problem, own, (), slip.remark, slip=True))
         return Suspects(plain, phrase("an unmodelled force beside the curve has room for it"), tuple(found))
 
     def _surroundings(self, plain: Problem, tables: Mapping[str, Run], *, without: frozenset[str] = frozenset()) -> tuple[Surroundings, ...]:
@@ -154,12 +162,12 @@ class RollingStudy:
         """The tables of the campaign file that speak of a run."""
         return Levels(self.source, [run.name for run in self.source.runs].index(name))
 
-    def fit(self, problem: Problem, tables: Mapping[str, Run], *, rng: np.random.Generator) -> Fit:
-        """The posterior mode; where there are few parameters, scans through the range of each look for further ones."""
-        fit = self._white_fit(problem, rng=rng)
+    def fit(self, problem: Problem, tables: Mapping[str, Run], *, rng: np.random.Generator, near: FloatArray | None = None) -> Fit:
+        """The posterior mode; where there are few parameters, scans through the range of each look for further ones, unless it is `near` a place."""
+        fit = self._white_fit(problem, rng=rng) if near is None else refit(problem, near)
         if not any(run.force for run in problem.runs):
             return fit
-        return fit_with_forces(fit, tables, {run.name: self.levels(run.name) for run in problem.runs}, rng=rng)
+        return fit_with_forces(fit, tables, {run.name: self.levels(run.name) for run in problem.runs}, rng=rng, scanned=near is None)
 
     def _white_fit(self, problem: Problem, *, rng: np.random.Generator) -> Fit:
         """The mode with the stated noise alone."""

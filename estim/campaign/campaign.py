@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from types import MappingProxyType
 
 import numpy as np
 
+from estim.arrays import FloatArray
 from estim.campaign.binding import parts_fact
 from estim.campaign.bodies import RollingStudy
 from estim.campaign.campaign_file import CampaignFile, NoiseTable, RunTable, read_campaign_file
@@ -19,13 +20,13 @@ from estim.campaign.noise_models import Candidate
 from estim.campaign.own_curve import read_curve_study
 from estim.campaign.study import Study
 from estim.campaign.truth import read_truth
-from estim.common import InputError, code, kind_words, later, markdown, phrase, table
+from estim.common import InputError, code, kind_words, later, listed, markdown, phrase, table
 from estim.curves import SoughtQuantity
 from estim.deviation import BadFrames
 from estim.explanation import Suspects
 from estim.fitting import Fit
 from estim.problem import Problem
-from estim.reading import COLUMNS, Run, compare_intervals, is_tracker_file, read_run
+from estim.reading import COLUMNS, Run, compare_intervals, is_timed_track, is_tracker_file, read_run
 
 _HEADS = (later("run"), later("body"), later("file"), later("points that are fit"), later("unknowns"))
 
@@ -96,9 +97,12 @@ class Campaign:
     def _bodies(self) -> dict[str, str | None]:
         return {name: self.study.body_of(name) for name in self.source.names}
 
-    def fit(self, problem: Problem, *, rng: np.random.Generator) -> Fit:
-        """The posterior mode of a problem of this campaign.  Raises InputError where the data determine none."""
-        return self.study.fit(problem, self.tables, rng=rng)
+    def fit(self, problem: Problem, *, rng: np.random.Generator, near: FloatArray | None = None) -> Fit:
+        """The posterior mode of a problem of this campaign; near : (n_par,) the only place to look for it, where that is known.
+
+        Raises InputError where the data determine none.
+        """
+        return self.study.fit(problem, self.tables, rng=rng, near=near)
 
     def with_usual_errors(self, problem: Problem) -> Problem:
         """`problem` with room for small errors in common that nobody stated."""
@@ -140,25 +144,30 @@ class Campaign:
             self.study.require_draws(problem)
 
 
-def load_campaign(path: str | Path, *, only: str | None = None) -> Campaign:
+def load_campaign(path: str | Path, *, only: str | None = None, asked: Collection[str] = ()) -> Campaign:
     """The campaign in the TOML file at `path`, with the tables of its runs.
 
-    only : the one run that is read, as if there were no other; None: all of them.
+    only : the one run that is read, as if there were no other; None: all of them.  asked : runs whose tables are wanted, all of them where it is
+    empty; a track is compared with the others of the campaign that can be read, and says which cannot.
 
-    Raises InputError with file, line, field, rule and value for whatever breaks a rule; every run is posed as a problem
+    Raises InputError with file, line, field, rule and value for whatever breaks a rule; every run that is wanted is posed as a problem
     once, so that a mistake in any of them shows at once.
     """
-    return bound(read_campaign_file(Path(path)), only=only)
+    source = read_campaign_file(Path(path))
+    if only is not None:
+        return bound(source, only=(only,))
+    return bound(source, only=tuple(asked), compared=True) if asked else bound(source)
 
 
-def bound(source: CampaignFile, *, only: str | None = None) -> Campaign:
-    """The campaign of a file that was read, with the tables of its runs, or of the run `only`.  Raises InputError."""
+def bound(source: CampaignFile, *, only: Collection[str] | None = None, compared: bool = False) -> Campaign:
+    """The campaign of a file that was read, with the tables of its runs, or of the runs `only`, `compared` with the others.  Raises InputError."""
+    only = source.names if only is None else only
     study: Study
     tables: Mapping[str, Run]
     if source.curve is not None:
         study, tables = read_curve_study(source, source.curve, only=only)
     else:
-        rolling, read = RollingStudy(source), _read_runs(source, only)
+        rolling, read = RollingStudy(source), _read_runs(source, only, compared)
         study, tables = rolling, {name: _with_fact(run, parts_fact(source, rolling.levels(name))) for name, run in read.items()}
     tables = {name: _with_fact(tables[name], source.out_of_folder(source.files[name])) for name in source.files if name in tables}
     campaign = Campaign(source, MappingProxyType(tables), study, read_derived(source.derived, source.places), read_truth(source))
@@ -169,9 +178,18 @@ def bound(source: CampaignFile, *, only: str | None = None) -> Campaign:
     return campaign
 
 
-def _read_runs(source: CampaignFile, only: str | None) -> Mapping[str, Run]:
-    chosen = [i for i, run in enumerate(source.runs) if only in (None, run.name)]
-    return compare_intervals({source.runs[i].name: _read(source, source.file_of(i), source.runs[i]) for i in chosen})
+def _read_runs(source: CampaignFile, only: Collection[str], compared: bool) -> Mapping[str, Run]:
+    read = {run.name: _read(source, source.file_of(i), run) for i, run in enumerate(source.runs) if run.name in only}
+    others, unread = dict[str, Run](), list[str]()
+    if compared and any(is_timed_track(run) for run in read.values()):
+        for i, run in enumerate(source.runs):
+            try:
+                others |= {} if run.name in read else {run.name: _read(source, source.file_of(i), run)}
+            except InputError:
+                unread.append(run.name)
+    found = compare_intervals({run.name: {**read, **others}[run.name] for run in source.runs if run.name in read or run.name in others})
+    said = phrase("its frame rate is not compared with that of {runs}, whose files cannot be read", runs=listed(unread)) if unread else None
+    return {name: _with_fact(found[name], said if is_timed_track(found[name]) else None) for name in read}
 
 
 def _read(source: CampaignFile, path: Path, run: RunTable) -> Run:

@@ -137,9 +137,12 @@ def as_complete(problem: Problem, command: str) -> Problem:
     return replace(problem, runs=tuple(runs))
 
 
-def fit_with_forces(white: Fit, tables: Mapping[str, Run], levels: Mapping[str, Levels], *, rng: np.random.Generator) -> Fit:
+def fit_with_forces(
+    white: Fit, tables: Mapping[str, Run], levels: Mapping[str, Levels], *, rng: np.random.Generator, scanned: bool = True
+) -> Fit:
     """The posterior mode with the unmodelled force of every run that has one, from the fit `white` without.
 
+    scanned : whether further optima are looked for, where there are few parameters.
     Where a run cannot be linearised the curves are taken as complete.  Raises InputError where its force was asked for.
     """
     problem = white.problem
@@ -161,10 +164,11 @@ def fit_with_forces(white: Fit, tables: Mapping[str, Run], levels: Mapping[str, 
     low, high = problem.support()
     start = np.clip(free.values + posed.step, low, high)
     fit = fit_least_squares(Problem(problem.parameters, runs, posed.shared), rng=rng, n_start=1, start=start)
-    fit = scanned_fit(fit, rng=rng) if problem.n_par <= MAX_PARAMETERS else fit
+    fit = scanned_fit(fit, rng=rng) if scanned and problem.n_par <= MAX_PARAMETERS else fit
     told = white.message if fit.success else fit.message  # of the many starts, of which the best led here
     found = posed.found_at(fit.values - free.values)
-    return replace(fit, forces=found, symmetry=white.symmetry, n_start=white.n_start, n_same=white.n_same, message=told)
+    parts = posed.parts if isinstance(posed, JointlyPosed) else None
+    return replace(fit, forces=found, parts=parts, symmetry=white.symmetry, n_start=white.n_start, n_same=white.n_same, message=told)
 
 
 def _unforced(white: Fit, levels: Mapping[str, Levels], rule: str) -> Fit:

@@ -17,7 +17,7 @@ from __future__ import annotations
 import math
 import unicodedata
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from types import MappingProxyType
 from typing import Any
@@ -42,16 +42,17 @@ from estim.campaign.curve_tables import (
 )
 from estim.campaign.dialect_table import DialectKeys, dialect_of
 from estim.campaign.noise_models import Candidate
-from estim.campaign.own_curve_counts import check_counts, count_columns, is_density
+from estim.campaign.own_curve_counts import check_counts, count_columns
 from estim.campaign.own_curve_lacks import order_columns, refuse_lacks
 from estim.campaign.own_curve_models import is_to_be_found, read_curve, started_runs, unknown_of, within_limits
 from estim.campaign.own_curve_points import MIN_ROWS, CurvePoints
+from estim.campaign.own_curve_units import check_axes, units_of_curve
 from estim.campaign.track_table import choices_of
 from estim.common import InputError, phrase
-from estim.curves import MAX_OBS, AxisNames, BareFormula, Component, DistortedCurve, Formula, ModelSum, Unstarted, units_of
+from estim.curves import MAX_OBS, AxisNames, BareFormula, Component, DistortedCurve, Formula, ModelSum, Unstarted
 from estim.deviation import BadFrames, ForceSize
 from estim.explanation import Suspects
-from estim.fitting import Fit, fit_lacking, fit_optimum, information, is_resolved, no_scatter, silent_parameters
+from estim.fitting import Fit, fit_lacking, fit_optimum, information, is_resolved, no_scatter, refit, silent_parameters
 from estim.problem import Curve, Parameter, Prior, Problem, shared_first
 from estim.reading import Choices, Places, Run, is_tracker_file, of_any_curve, read_columns, run_of_table, track_columns
 
@@ -130,10 +131,10 @@ class CurveStudy:
         """Nothing is known of what a user's own curve may lack but what readings may suffer."""
         return Suspects(self.problem(names, tables), phrase("errors that follow each other have room for it: correlated = true under [curve]"))
 
-    def fit(self, problem: Problem, tables: Mapping[str, Run], *, rng: np.random.Generator) -> Fit:
-        """The posterior mode, found from afar.  Raises InputError where the data determine none."""
+    def fit(self, problem: Problem, tables: Mapping[str, Run], *, rng: np.random.Generator, near: FloatArray | None = None) -> Fit:
+        """The posterior mode, found from afar, or `near` a place.  Raises InputError where the data determine none."""
         try:
-            fit = fit_optimum(problem, rng=rng)
+            fit = fit_optimum(problem, rng=rng) if near is None else refit(problem, near)
         except InputError as error:
             raise self._place_of(error, problem, tables) from None
         self._require_scatter(fit)
@@ -288,8 +289,8 @@ class CurveStudy:
         return tuple(components)
 
 
-def read_curve_study(source: CampaignFile, written_curve: OwnCurve, *, only: str | None = None) -> tuple[CurveStudy, Mapping[str, Run]]:
-    """The curve of a campaign and the tables of its runs, or of one `only`.
+def read_curve_study(source: CampaignFile, written_curve: OwnCurve, *, only: Collection[str]) -> tuple[CurveStudy, Mapping[str, Run]]:
+    """The curve of a campaign and the tables of the runs `only`.
 
     Raises InputError with file, line, field, rule and value for whatever breaks a rule.
     """
@@ -304,9 +305,9 @@ def read_curve_study(source: CampaignFile, written_curve: OwnCurve, *, only: str
     formula = with_variable(source, formula, x, table, runs)
     check_parameters(source, formula, table, runs)
     axes = AxisNames(x.name or x.column, x.unit, y.name or y.column, y.unit)
-    units = units_of(formula, axes, formula.names, density=is_density(table))
-    study = CurveStudy(source, formula, axes, table, runs, BareFormula(formula) if named is None else named, MappingProxyType(units))
-    return study, MappingProxyType({run.name: _read_run(study, run) for run in runs if only in (None, run.name)})
+    units = units_of_curve(source, formula, axes, table, runs)
+    study = CurveStudy(source, formula, axes, table, runs, BareFormula(formula) if named is None else named, units)
+    return study, MappingProxyType({run.name: _read_run(study, run) for run in runs if run.name in only})
 
 
 def _with_names(raw: Mapping[str, Any], places: Places, path: Place) -> dict[str, Any]:
@@ -340,6 +341,7 @@ def _read_run(study: CurveStudy, run: CurveRunTable) -> Run:
         table = track_columns(path, choices, needed=needed, shown_as=str(path)) if choices is not None else read_columns(
             path, needed=needed, min_rows=MIN_ROWS, shown_as=str(path), dialect=dialect
         )
+    check_axes(study.source, study.table, table)
     for column, of in columns:
         table.require_unit(column, of)
         if np.any(table.columns[column] <= 0.0):

@@ -19,7 +19,7 @@ from estim.campaign.robust import shape_of
 from estim.common import Finding, InputError, Kind, Quantity, phrase
 from estim.curves import MAX_DENSE, MAX_EVENTS, MAX_OBS, SIGMA, SIGMA_NOTATION, SIGMA_SPREAD, AxisNames, reading_noise
 from estim.fitting import PERFECT
-from estim.problem import Curve, LogNormal, Observations, Parameter, Prior, Scale, as_prior, hide_the_range, plain_words
+from estim.problem import Curve, Observations, Parameter, Prior, Scale, Unstated, as_prior, hide_the_range, plain_words
 from estim.reading import Run
 
 MIN_ROWS = 3
@@ -153,7 +153,7 @@ class CurvePoints:
         if written is None:
             name = f"{SIGMA}[{run.name}]"
             y = table.columns[y_axis(self.table).column][kept]
-            prior: Prior = LogNormal(_roughness(y), SIGMA_SPREAD)
+            prior: Prior = Unstated(_roughness(y), SIGMA_SPREAD)
             meaning = phrase("standard deviation of one reading, not stated")
             return Scale(parameter=name), ones, (Parameter(name, self.axes.y_unit, prior, meaning, SIGMA_NOTATION),)
         try:

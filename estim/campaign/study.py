@@ -35,8 +35,8 @@ class Study(Protocol):
     def suspects(self, names: Sequence[str], tables: Mapping[str, Run]) -> Suspects:
         """The runs `names` as stated, and with what they may have beside it."""
 
-    def fit(self, problem: Problem, tables: Mapping[str, Run], *, rng: np.random.Generator) -> Fit:
-        """The posterior mode, where the data determine one."""
+    def fit(self, problem: Problem, tables: Mapping[str, Run], *, rng: np.random.Generator, near: FloatArray | None = None) -> Fit:
+        """The posterior mode, where the data determine one; near : (n_par,) the only place to look for it, where that is known."""
 
     def foreseen(self, problem: Problem, tables: Mapping[str, Run], values: FloatArray, sizes: Mapping[str, ForceSize]) -> FloatArray:
         """(n_par, n_par) information at `values` that runs with `tables` would give, priors included.

@@ -18,7 +18,7 @@ from estim.campaign.curve_tables import variable_of
 from estim.campaign.toml_text import toml_key, toml_string
 from estim.common import InputError, listed, read_number, read_quantity, shorten
 from estim.curves import Formula, called_by_name, linear_in, read_formula
-from estim.reading import Dialect, Layout, is_tracker_file, name_and_unit, no_names, numeric_columns, read_layout
+from estim.reading import Dialect, Layout, is_tracker_file, is_uncertainty, name_and_unit, no_names, numeric_columns, read_layout
 
 _SAID = "command line"
 _ABSCISSAS = ("x", "t", "time")
@@ -129,7 +129,7 @@ def _axes(file: Path, formula: Formula, choices: TableChoices, said: Sequence[st
     if not layout.names:
         raise no_names(layout)
     usable = [name for name in layout.names if name and not name.startswith("_")]
-    values = [name for name in numeric_columns(layout) if name in usable and not _bare(name).startswith("u_")]
+    values = [name for name in numeric_columns(layout) if name in usable and not is_uncertainty(_bare(name))]
     x_name, y_name = choices.x, choices.y
     if x_name is None:
         called = [name for name in values if y_name not in (name, _bare(name)) and _names(formula, name, said)]
@@ -150,8 +150,8 @@ def _axes(file: Path, formula: Formula, choices: TableChoices, said: Sequence[st
 
 
 def _uncertainty_of(axis: Axis, columns: Sequence[str]) -> str | None:
-    """The column u_NAME of an axis, if it is there."""
-    named = {f"u_{axis.column}", f"u_{_bare(axis.column)}"}
+    """The column u_NAME or u(NAME) of an axis, if it is there."""
+    named = {written for name in (axis.column, _bare(axis.column)) for written in (f"u_{name}", f"u({name})")}
     return next((name for name in columns if {name, _bare(name)} & named), None)
 
 

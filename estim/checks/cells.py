@@ -32,7 +32,7 @@ from estim.common import (
     with_unit,
 )
 from estim.fitting import Fit, limit_cell
-from estim.problem import Normal, Prior, Problem
+from estim.problem import LogNormal, Normal, Prior, Problem, Unstated
 from estim.sampling import Summary, summarise_parameter
 from estim.words import STATUS_WORDS
 
@@ -89,6 +89,7 @@ class Estimate:
     """One quantity.
 
     stated : what was said of it before the data, with its unit; "" for nothing.  measured : whether the data say something of it.
+    inferred : what was taken of it where nobody had stated it; else "".
     upper : 95 % limit of what may be zero, in its own unit; None for all others.  true : of synthetic data, None where it is not known.
     """
 
@@ -98,6 +99,12 @@ class Estimate:
     measured: bool
     upper: float | None = None
     true: float | None = None
+    inferred: str = ""
+
+    @property
+    def before(self) -> str:
+        """'stated (3.7 ± 0.4)°', or what was taken where nothing was stated."""
+        return phrase("stated {value}", value=self.stated) if self.stated else self.inferred
 
     @property
     def value(self) -> str:
@@ -143,6 +150,10 @@ def upper_limit(summary: Summary, prior: Prior, draws: FloatArray) -> float | No
 
 def stated_words(prior: Prior, unit: str, shown: Label) -> str:
     """What was stated before: '(3.7 ± 0.4)°', 'uniform in [0, 1]', or "" for nothing."""
+    if isinstance(prior, Unstated):
+        return ""
+    if isinstance(prior, LogNormal):
+        return prior.describe(unit)
     if isinstance(prior, Normal):
         return with_unit(format_quantity(prior.centre * shown.factor, prior.sd * shown.factor), shown.unit)
     if not np.isfinite(prior.sd):
@@ -157,7 +168,9 @@ def estimates_of(problem: Problem, fit: Fit, draws: FloatArray) -> tuple[Estimat
         summary, shown = summarise_parameter(fit, parameter.name, own), parameter.bare_label if len(problem.runs) == 1 else parameter.label
         upper = upper_limit(summary, parameter.prior, own)
         measured = is_measured(summary, parameter.prior, upper)
-        found.append(Estimate(shown, summary, stated_words(parameter.prior, parameter.unit, shown), measured, upper))
+        stated = stated_words(parameter.prior, parameter.unit, shown)
+        inferred = parameter.prior.describe(parameter.unit) if isinstance(parameter.prior, Unstated) else ""
+        found.append(Estimate(shown, summary, stated, measured, upper, inferred=inferred))
     return tuple(found)
 
 
@@ -180,8 +193,8 @@ def not_measured(estimates: Iterable[Estimate]) -> str:
     for one in estimates:
         if not one.measured:
             limited = one.value[:1] in "<>"
-            before = phrase("as stated") if one.stated == one.value else phrase("stated {value}", value=one.stated)
-            said.append(one.relation + (f" ({before})" if one.stated and not limited else ""))
+            before = phrase("as stated") if one.stated == one.value else one.before
+            said.append(one.relation + (f" ({before})" if before and not limited else ""))
     return "; ".join(said)
 
 
@@ -197,7 +210,7 @@ def screen_lines(estimates: Sequence[Estimate], *, tests: str = "", minds: Seque
     lines = [tests] if tests else []
     for one in estimates:
         if one.measured:
-            beside = [phrase("stated {value}", value=one.stated) if one.stated else "", phrase("true {value}", value=one.truth) if one.truth else ""]
+            beside = [one.before, phrase("true {value}", value=one.truth) if one.truth else ""]
             behind = "; ".join(part for part in beside if part)
             lines.append(f"{one.relation:<{width}}   {behind}".rstrip())
     left = not_measured(estimates)

@@ -56,7 +56,8 @@ def run_calibrations(
     from estim.sampling import PieceStore, only_writer
     from estim.words import tell
 
-    loaded = load_campaign(campaign)
+    runs = tuple(runs)
+    loaded = load_campaign(campaign, asked=runs)
     folder = out or out_folder(campaign, "calibration")
     groups, trusted, stores = groups_of(loaded, runs, joint=joint), True, []
     for group in groups:

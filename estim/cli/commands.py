@@ -110,11 +110,21 @@ def fit(
     changed, --resume refuses and says what differs (docs/long-runs.md).
     """
     from estim.pipeline import analyse
-    from estim.reports import HOW_TO_GET, analysis_report, can_write_netcdf, index_report, result_lines, result_of, to_netcdf, with_campaign
+    from estim.reports import (
+        HOW_TO_GET,
+        analysis_report,
+        can_write_netcdf,
+        index_report,
+        result_lines,
+        result_of,
+        slip_words,
+        to_netcdf,
+        with_campaign,
+    )
     from estim.sampling import Target, only_writer
     from estim.words import Voice
 
-    loaded, folder = load_or_make(campaign, said, out)
+    loaded, folder = load_or_make(campaign, said, out, runs)
     groups = groups_of(loaded, runs, joint=joint)
     if marginal and not joint:
         raise InputError("needs --joint: one run has nothing to share", field="--marginal")
@@ -141,7 +151,8 @@ def fit(
         if can_write_netcdf():
             write_files(place, {"draws.nc": to_netcdf(analysis)}, within=folder)
         results[group[0]] = result_of(loaded, analysis, voice=Voice.COMMANDS)
-        shown = result_lines(results[group[0]]) if analysis.diagnosis.ok else analysis.diagnosis.reasons
+        reasons = [] if analysis.diagnosis.ok else [*filter(None, [slip_words(analysis.explanation)]), *analysis.diagnosis.reasons]
+        shown = [*reasons, *result_lines(results[group[0]])]
         conclude(together(group), analysis.diagnosis.status, shown, analysis.diagnosis.notes)
         say_causes(analysis)
         explanations += [] if analysis.explanation is None else [analysis.explanation]
@@ -173,7 +184,7 @@ def energy(campaign: Path, runs: tuple[str, ...], joint: bool, max_steps: int, o
     from estim.sampling import Target
     from estim.studies import drift_of, energy_along
 
-    loaded = load_campaign(campaign)
+    loaded = load_campaign(campaign, asked=runs)
     loaded.study.require_body()
     analyses: list[Analysis] = []
     records: list[EnergyRecord] = []

@@ -48,7 +48,7 @@ def compare_models(
     from estim.sampling import Store, Target, only_writer
     from estim.studies import compare_models as compare
 
-    loaded = load_campaign(campaign)
+    loaded = load_campaign(campaign, asked=runs)
     folder = out or out_folder(campaign, "models")
     groups = groups_of(loaded, runs, joint=joint)
     click.get_current_context().with_resource(only_writer(folder / ".checkpoint"))

@@ -14,6 +14,7 @@ from estim.cli.crate import CRATE, crate_of
 from estim.cli.formats import chosen, in_formats
 from estim.cli.origin_record import ORIGIN, SCHEMA, Origin
 from estim.common import as_json, code, inputs_read, language, phrase
+from estim.versions import version
 
 _PACKAGES = ("estim", "numpy", "scipy", "lmfit", "emcee")
 _KEPT = {"formats": chosen, "lang": language}  # options that the command does not take itself
@@ -44,8 +45,6 @@ def note_of_others(inputs: Mapping[str, str]) -> None:
 
 def with_origin(files: Mapping[str, bytes], part: str) -> dict[str, bytes]:
     """`files` of a report, the formats asked for, `origin.json` and the description for archives, where a command is under way."""
-    from importlib.metadata import version
-
     context = click.get_current_context(silent=True)
     ledger = None if context is None else context.find_object(Ledger)
     if context is None or ledger is None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from functools import wraps
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -81,8 +81,8 @@ def dialect_of(said: Mapping[str, Any]) -> Dialect:
         raise InputError(error.rule, field=f"--{str(error.field).replace('_', '-')}", value=error.value) from None
 
 
-def load_or_make(file: Path, said: Mapping[str, Any], out: Path | None) -> tuple[Campaign, Path]:
-    """The campaign in `file`, or the one that fits a formula to the table `file`; and the folder of its report."""
+def load_or_make(file: Path, said: Mapping[str, Any], out: Path | None, runs: Sequence[str] = ()) -> tuple[Campaign, Path]:
+    """The campaign in `file`, with the tables of `runs`, or the one that fits a formula to the table `file`; and the folder of its report."""
     from estim.campaign import campaign_of_table, load_campaign
 
     given = [f"--{name.replace('_', '-')}" for name, value in said.items() if value not in (None, (), False)]
@@ -94,7 +94,7 @@ def load_or_make(file: Path, said: Mapping[str, Any], out: Path | None) -> tuple
         if file.suffix.lower() in _TABLES:
             rule = 'is a table, not a campaign: say --formula "a*x + b", or write a campaign for it (estim new NAME --from FILE)'
             raise InputError(rule, field="CAMPAIGN|FILE", value=str(file))
-        return load_campaign(file), out or out_folder(file)
+        return load_campaign(file, asked=runs), out or out_folder(file)
     if file.suffix.lower() == ".toml":
         raise InputError("goes with a table of points; of a campaign the file says the curve", field="--formula", value=said["formula"])
     return campaign_of_table(file, choices_of_table(said)), out or Path("out") / file.stem

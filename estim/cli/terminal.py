@@ -196,7 +196,7 @@ def groups_of(campaign: Campaign, runs: Iterable[str], *, joint: bool) -> list[t
     names = tuple(dict.fromkeys(runs)) or campaign.run_names
     for name in names:
         if name not in campaign.run_names:
-            raise InputError(f"must name one of the runs ({', '.join(campaign.run_names)})", field="--run", value=name, file=campaign.source.path)
+            raise InputError(f"must name one of the runs ({', '.join(campaign.source.names)})", field="--run", value=name, file=campaign.source.path)
     if not names:
         raise InputError("has no [[runs]] (estim line fits its theta_min series)", field="campaign", file=campaign.source.path)
     return [names] if joint else [(name,) for name in names]

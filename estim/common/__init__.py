@@ -4,7 +4,7 @@ from estim.common.escaping import Markdown, as_json, code, destination, markdown
 from estim.common.interruption import asked_to_stop, ended_by_signals
 from estim.common.jobs import spread
 from estim.common.kinds import Kind, Status
-from estim.common.labels import KINDS, OF_BODY, Label, Notation, kind_words, split_level, table
+from estim.common.labels import KINDS, OF_BODY, Label, Notation, in_unit, is_in_degrees, is_unit, kind_words, same_unit, split_level, table
 from estim.common.lookalikes import first_alike, forms
 from estim.common.phrases import LANGUAGES, Said, language, later, phrase, spoken
 from estim.common.pictures import pictures_of, remove_pictures

@@ -1,5 +1,4 @@
 """What can be fit, with derivatives and errors common to all points.  Read `rolling` for the disk, `formula` for text."""
-
 from estim.curves.counting import MAX_EVENTS, Binomial, CountedPoints, Counting, EventTimes, Poisson, counted_points, not_a_count
 from estim.curves.disturbed import DisturbedMotion, DisturbedMotionCurve, DisturbedPhaseCurve, Place, Setting, energy_of_speed, size_with_blur
 from estim.curves.dual import Dual
@@ -13,3 +12,4 @@ from estim.curves.rolling import MotionCurve, PhaseCurve, RollingMotion
 from estim.curves.shared_errors import Component, DistortedCurve
 from estim.curves.sought import SoughtQuantity, check_sought, seek
 from estim.curves.varying import VaryingCurve, VaryingMotion, shift_of, spread_of
+from estim.curves.units import contradiction, refuse_degrees

@@ -24,26 +24,43 @@ _X, _Y = "(x)", "(y)"
 _MOST_DIGITS = 1000  # of the denominator of an exponent
 
 
-def dimensions_of(formula: Formula, *, density: bool = False, strict: bool = False) -> dict[str, Dimension]:
+def dimensions_of(formula: Formula, *, density: bool | None = False, strict: bool = False) -> dict[str, Dimension]:
     """Name -> unit of each parameter that the formula determines.
 
-    density : whether the whole has the unit of y over that of x.  strict : nothing where an equation contradicts another.
+    density : whether the whole has the unit of y over that of x, None where it may have any.  strict : nothing where an equation contradicts another.
     """
-    system = _System()
-    system.equal(_dimension(formula.tree, system), {_Y: Fraction(1), **({_X: Fraction(-1)} if density else {})})
+    system = _System(any_angle=strict)
+    whole = _dimension(formula.tree, system)
+    if density is not None:
+        system.equal(whole, {_Y: Fraction(1), **({_X: Fraction(-1)} if density else {})})
     if strict and system.contradicted:
         return {}
     found = {name: system.reduced({name: Fraction(1)}) for name in formula.names}
     return {name: (float(row.get(_X, 0)), float(row.get(_Y, 0))) for name, row in found.items() if not set(row) - {_X, _Y}}
 
 
+def angles_of(formula: Formula) -> list[tuple[str, ast.expr, Dimension]]:
+    """Each sine, cosine and tangent of something that has the unit of x or of y: its name, its argument, and that unit."""
+    system = _System(any_angle=True)
+    system.equal(_dimension(formula.tree, system), {_Y: Fraction(1)})
+    found = [(name, node, system.reduced(row)) for name, node, row in system.turned]
+    units = [(name, node, (float(row.get(_X, 0)), float(row.get(_Y, 0)))) for name, node, row in found if not set(row) - {_X, _Y}]
+    return [one for one in units if one[2] in ((1.0, 0.0), (0.0, 1.0))]
+
+
 @dataclass
 class _System:
-    """Solved equations: unknown -> what it is in terms of others, of the unit of x and of that of y."""
+    """Solved equations: unknown -> what it is in terms of others, of the unit of x and of that of y.
+
+    any_angle : whether the unit of what `radians` takes and of what `degrees` gives is left open.
+    turned : name, argument and its unit of each sine, cosine and tangent, whose argument is then taken to be pure.
+    """
 
     solved: dict[str, _Row] = field(default_factory=dict)
     made: int = 0
     contradicted: bool = False
+    any_angle: bool = False
+    turned: list[tuple[str, ast.expr, _Row]] = field(default_factory=list)
 
     def fresh(self) -> _Row:
         self.made += 1
@@ -86,6 +103,16 @@ def _dimension(node: ast.expr, system: _System) -> _Row:
             return first if first or not second else second
         case ast.Call(func=ast.Name(id="power"), args=[base, exponent]):
             return _power(base, exponent, system)
+        case ast.Call(func=ast.Name(id="radians"), args=[angle]) if system.any_angle:
+            _dimension(angle, system)
+            return {}
+        case ast.Call(func=ast.Name(id="degrees"), args=[angle]) if system.any_angle:
+            system.equal(_dimension(angle, system), {})
+            return system.fresh()
+        case ast.Call(func=ast.Name(id="sin" | "cos" | "tan" as name), args=[angle]):
+            of_angle = system.reduced(_dimension(angle, system))
+            system.turned.append((name, angle, of_angle))
+            return _call(name, [of_angle], system)
         case ast.Call(func=ast.Name(id=name), args=arguments):
             return _call(name, [_dimension(one, system) for one in arguments if not _is_choice(one, system)], system)
     return system.fresh()

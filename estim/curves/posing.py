@@ -23,6 +23,7 @@ from estim.curves.shared_errors import Component, DistortedCurve
 from estim.curves.sought import SoughtQuantity, seek_of_fit
 from estim.curves.tied import TiedCurve, followed, only_for_ties, read_tied
 from estim.curves.units import AxisNames as AxisNames
+from estim.curves.units import check_units, refuse_degrees
 from estim.curves.units import units_of as units_of
 from estim.problem import (
     GAUSSIAN,
@@ -30,7 +31,6 @@ from estim.problem import (
     Curve,
     Flat,
     Lacks,
-    LogNormal,
     Noise,
     Observations,
     Parameter,
@@ -39,6 +39,7 @@ from estim.problem import (
     Readings,
     Scale,
     Tails,
+    Unstated,
     as_prior,
     check_covariance,
     hide_the_range,
@@ -91,7 +92,7 @@ class CurveProblem:
     def with_unknown_sigma(self, typical: float) -> Problem:
         """The problem in which the common standard deviation of y is one more parameter, known to be about `typical` to a factor 20."""
         unit = self.axes.y_unit
-        unknown = Parameter(SIGMA, unit, LogNormal(typical, SIGMA_SPREAD), phrase("standard deviation of one y"), SIGMA_NOTATION)
+        unknown = Parameter(SIGMA, unit, Unstated(typical, SIGMA_SPREAD), phrase("standard deviation of one y"), SIGMA_NOTATION)
         return self._problem(Scale(parameter=SIGMA), (unknown,))
 
     def residuals(self, values: FloatArray) -> FloatArray:
@@ -178,7 +179,9 @@ def pose_curve(
     begun, held = ({name: v for name, v in given.items() if name not in unseen} for given in (values, exact))
     begun |= {name: float(followed(ties, {**values, **exact})[name]) for name in ties}
     read = _curve(curve, points["x"], begun, held)
-    said = units_of(read, axes, names, density=counted is not None and counted.density)
+    said = units_of(read, axes, names, density=(density := counted is not None and counted.density))
+    refuse_degrees(read, axes, "curve")
+    check_units(read, axes, units, {**exact, **values}, density=density)
     said |= {name: unit for name, unit in units.items() if name not in following}
     parameters = _parameters(names, values, bounds, priors, said, exact)
     shared = _shared(errors, (*all_of, *ties), axes)

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import ast
+import copy
 import re
-from collections.abc import Collection
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 
-from estim.curves.dimensions import dimensions_of
+from estim.common import InputError, in_unit, is_in_degrees, same_unit, with_unit
+from estim.curves.dimensions import angles_of, dimensions_of
 from estim.curves.formula import Formula
 
 _LARGEST_PURE = 10.0  # a larger number in a formula, or one with decimals, may have a unit of its own
@@ -34,11 +36,78 @@ def units_of(curve: object, axes: AxisNames, names: Collection[str], *, density:
     """
     if not isinstance(curve, Formula) or density is None or (axes.x_unit, axes.y_unit) == ("1", "1"):
         return {}
-    if not all(_is_pure(node.value) for node in ast.walk(curve.tree) if isinstance(node, ast.Constant)):
+    if not _all_pure(curve.tree):
         return {}
     found = dimensions_of(curve, density=density, strict=True)
     units = {name: _unit(*found[name], axes.x_unit, axes.y_unit) for name in names if name in found}
     return {name: unit for name, unit in units.items() if unit is not None}
+
+
+def contradiction(
+    curve: object, axes: AxisNames, name: str, stated: str | None, *, density: bool | None, number: object = None
+) -> str | None:
+    """The rule that the unit stated for a parameter breaks, since the axes and the formula say another; None where nothing shows that.
+
+    number : what was stated in that unit.  An axis in "1" may have a unit that nobody told: nothing follows from it.
+    """
+    if stated is None or not isinstance(curve, Formula) or not _all_pure(curve.tree, below=_LARGEST_PURE):
+        return None
+    found = dimensions_of(curve, density=density, strict=True).get(name)
+    if found is None or any(power and unit == "1" for power, unit in zip(found, (axes.x_unit, axes.y_unit), strict=True)):
+        return None
+    follows = _unit(*found, axes.x_unit, axes.y_unit)
+    if follows is None or same_unit(stated, follows) is not False:
+        return None
+    follows = "rad" if follows == "1" and is_in_degrees(stated) else follows
+    what = "a pure number" if follows == "1" else f"in {follows}"
+    said = f"must be {what} here, as the formula and the units of the axes say; nothing is converted"
+    converted = in_unit(number, stated, follows) if isinstance(number, int | float) and not isinstance(number, bool) else None
+    return said if converted is None else f"{said}: write {with_unit(f'{converted:.6g}', follows)} for {with_unit(f'{number:g}', stated)}"
+
+
+def check_units(curve: object, axes: AxisNames, units: Mapping[str, str], numbers: Mapping[str, float], *, density: bool | None) -> None:
+    """Raises InputError where a stated unit is another than the one that follows.  numbers : starts and values."""
+    for name, unit in units.items():
+        rule = contradiction(curve, axes, name, unit, density=density, number=numbers.get(name))
+        if rule is not None:
+            raise InputError(f"of '{name}' {rule}", field="units", value=unit)
+
+
+def refuse_degrees(curve: object, axes: AxisNames, field: str) -> None:
+    """Raises InputError naming `field` for the sine, cosine or tangent of an angle in degrees, as the axes say it is."""
+    if not isinstance(curve, Formula):
+        return
+    for function, angle, power in angles_of(curve):
+        unit = axes.x_unit if power[0] else axes.y_unit
+        if is_in_degrees(unit) and _all_pure(angle):
+            written = _Called(curve.variable).visit(copy.deepcopy(angle))
+            rule = f"takes {function} of an angle in {unit}, but {function} takes radians: write {function}(radians({ast.unparse(written)}))"
+            raise InputError(rule, field=field, value=curve.text)
+
+
+class _Called(ast.NodeTransformer):
+    """x becomes the name that the formula has for it, and a power is written as such."""
+
+    def __init__(self, variable: str) -> None:
+        self.variable = variable
+
+    def visit_Name(self, node: ast.Name) -> ast.Name:
+        return ast.Name(self.variable, ast.Load()) if node.id == "x" else node
+
+    def visit_Constant(self, node: ast.Constant) -> ast.Constant:
+        whole = isinstance(node.value, float) and node.value.is_integer()
+        return ast.Constant(int(node.value)) if whole else node  # type: ignore[arg-type]
+
+    def visit_Call(self, node: ast.Call) -> ast.expr:
+        self.generic_visit(node)
+        power = isinstance(node.func, ast.Name) and node.func.id == "power"
+        return ast.BinOp(node.args[0], ast.Pow(), node.args[1]) if power else node
+
+
+def _all_pure(tree: ast.expr, *, below: float | None = None) -> bool:
+    """Whether no number in a formula need have a unit of its own.  below : nor may one be as large as that (10, from mm to cm)."""
+    numbers = [node.value for node in ast.walk(tree) if isinstance(node, ast.Constant)]
+    return all(_is_pure(number) and (below is None or abs(float(number)) < below) for number in numbers)  # type: ignore[arg-type]
 
 
 def _is_pure(number: object) -> bool:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -13,6 +13,7 @@ from estim.deviation.force import Response, Track, position_response, speed_resp
 from estim.deviation.grid import START_SD
 from estim.deviation.in_time import Moving, response_in_time
 from estim.deviation.jumps import Frames
+from estim.deviation.settled import settled
 from estim.problem import Differences, Motion, Named, Noise, Points, PositionCurve
 
 _MOST_OFF = 1.5  # how far a measured speed may be from that of the curve, as a factor, and still be its speed with errors
@@ -50,7 +51,7 @@ class Course:
     """A motion that was measured.
 
     positions : (n_row,) all that were read, where the points are speeds made of them; else None, and the points are what was read.
-    rows : of the readings; None where nobody asks which of them are bad.
+    rows : of the readings, known wherever `positions` are; else None where nobody asks which of them are bad.
     """
 
     motion: Motion
@@ -69,21 +70,28 @@ class Course:
         elif matrix is None or self.positions is None:
             along, response = _speeds(here)
         else:
-            along, response = _differences(here, self.positions, matrix)
+            along, response = _differences(here, self._settled(here, noise, named), matrix)
         push = START_SD * here.scalar(self.motion.radian) * response.start
         return Along(along, response, push, here.scalar(self.motion.radian), here.scalar(self.motion.upright))
 
+    def _settled(self, here: _Here, noise: Noise, named: Named) -> _Settled:
+        """The readings for every place at which something is asked of the curve that must not know their errors."""
+        assert self.positions is not None, "asked where speeds are made of positions"
+        assert self.rows is not None, "known where positions are"
+        speed = here.speed(self.positions)
+        speed = np.maximum(speed, _SLOW * float(np.mean(speed)))
+        x = settled(self.rows.t, self.positions, speed, _reading(noise, named))
+        return _Settled(x, x - self.positions, self.rows.kept)
 
     def frames(self, points: Points, named: Named, noise: Noise) -> Frames | None:
         """The readings of which some may be bad, and what each does to the points; None where they are not known."""
         if self.rows is None:
             return None
         here = _Here(self.motion, points, points.bind(named))
-        matrix = noise.of_positions(points, named)
-        reading = float(np.sqrt(np.ravel(noise.size.reading_variance(named))[0]))
+        matrix, reading = noise.of_positions(points, named), _reading(noise, named)
         if matrix is not None and self.positions is not None:
             slope = here.row(points.curve.local(points.x, here.arguments).slope, points.x.size)
-            velocity = here.speed(self.positions)
+            velocity = here.speed(self._settled(here, noise, named).x)
             return Frames(self.rows.t, self.positions, self.rows.lines, matrix, velocity, reading, True, self.rows.kept, slope)
         sd = float(np.hypot(reading * np.median(noise.reading_gain()), np.ravel(noise.size.scatter.at(named))[0]))
         alone = Differences.of_single(points.x.size)
@@ -91,6 +99,20 @@ class Course:
             velocity = here.row(points.curve.state(points.x, here.arguments)[1], points.x.size)
             return Frames(self.rows.t, points.y, self.rows.lines, alone, velocity, sd, True)
         return Frames(self.rows.t, points.x, self.rows.lines, alone, np.zeros(points.x.size), sd, False)
+
+
+@dataclass(frozen=True, eq=False)
+class _Settled:
+    """x : (n_row,) readings without most of their errors.  moved : (n_row,) how far they were moved for that.  kept : (n_obs,) rows of the points."""
+
+    x: FloatArray
+    moved: FloatArray
+    kept: NDArray[np.int64]
+
+
+def _reading(noise: Noise, named: Named) -> float:
+    """Standard deviation of one reading."""
+    return float(np.sqrt(np.ravel(noise.size.reading_variance(named))[0]))
 
 
 @dataclass(frozen=True, eq=False)
@@ -135,15 +157,17 @@ def _speeds(here: _Here) -> tuple[Track, Response]:
     return along, speed_response(along, x, speed, here.inertia(x), acceleration=here.acceleration, floor=floor)
 
 
-def _differences(here: _Here, positions: FloatArray, matrix: Differences) -> tuple[Track, Response]:
-    """Of speeds made of `positions` (n_row,), of which `matrix` (n_obs, n_row) says what their shifts do."""
-    used = matrix.used
-    read = positions[used]
+def _differences(here: _Here, readings: _Settled, matrix: Differences) -> tuple[Track, Response]:
+    """Of speeds made of `readings`, of which `matrix` (n_obs, n_row) says what their shifts do."""
+    used, points = matrix.used, here.points
+    read, moved = readings.x[used], readings.moved[readings.kept]
+    slope = here.row(points.curve.local(points.x, here.arguments).slope, points.x.size)
+    points = replace(points, x=points.x + moved, y=points.y + matrix @ readings.moved + slope * moved)
     along = track(float(np.max(read)), start=here.start, first=float(np.min(read)))
-    fine = _moving_on(here.points, along.fine, here.speed(along.fine))
-    moved = position_response(along, read, fine, here.inertia(along.fine), acceleration=here.acceleration)
-    there = np.interp(read, along.fine, fine)
-    return along, _by_differences(moved, matrix.among(used), read, there, here.points, here.speed(here.points.x))
+    fine = _moving_on(points, along.fine, here.speed(along.fine))
+    response = position_response(along, np.append(read, points.x), fine, here.inertia(along.fine), acceleration=here.acceleration)
+    there = np.interp(np.append(read, points.x), along.fine, fine)
+    return along, _by_differences(response, matrix.among(used), there, points.y, here.speed(points.x))
 
 
 def _in_time(here: _Here, curve: PositionCurve) -> tuple[Track, Response]:
@@ -159,21 +183,20 @@ def _in_time(here: _Here, curve: PositionCurve) -> tuple[Track, Response]:
     return response_in_time(moving, t)
 
 
-def _by_differences(response: Response, matrix: Differences, read: FloatArray, speed: FloatArray, points: Points, here: FloatArray) -> Response:
-    """What speeds by differences answer, from the response of the positions `read` (n_row,) that they are made of.
+def _by_differences(response: Response, matrix: Differences, speed: FloatArray, y: FloatArray, here: FloatArray) -> Response:
+    """What speeds by differences answer, from the response of the positions that they are made of (n_row), then of those of the points (n_obs).
 
     With delta x = v tau and the stencil S:  delta y_i = sum_j S_ij v_j (tau_j - tau_i) v_i/y_i.  A delay tau that all share moves nothing: so
     the truncation of S, which comes back at the shifted place, drops out.  And S x = y has the errors of the readings: with them left in, a
     large constant force could take up the noise.
 
-    speed : (n_row,) of the fit at `read`.  here : (n_obs,) of the curve at the points.
+    speed : (n_row + n_obs,) of the fit there.  y : (n_obs,) speeds made of the same positions.  here : (n_obs,) of the curve at the points.
     """
-    rows = np.array([int(np.argmin(np.abs(read - x))) for x in points.x])
-    across = matrix @ speed
-    ratio = np.clip(np.divide(here, points.y, out=np.ones_like(here), where=points.y > 0.0), 1.0 / _MOST_OFF, _MOST_OFF)
-    own = across / np.maximum(speed[rows], _SLOW * float(np.mean(speed)))
-    force = ratio[:, None] * (matrix @ response.force - own[:, None] * response.force[rows])
-    return Response(force, ratio * (matrix @ response.start - own * response.start[rows]))
+    n_row = matrix.n_row
+    ratio = np.clip(np.divide(here, y, out=np.ones_like(here), where=y > 0.0), 1.0 / _MOST_OFF, _MOST_OFF)
+    own = (matrix @ speed[:n_row]) / np.maximum(speed[n_row:], _SLOW * float(np.mean(speed[:n_row])))
+    force = ratio[:, None] * (matrix @ response.force[:n_row] - own[:, None] * response.force[n_row:])
+    return Response(force, ratio * (matrix @ response.start[:n_row] - own * response.start[n_row:]))
 
 
 def _moving_on(points: Points, x: FloatArray, speed: FloatArray) -> FloatArray:

@@ -27,6 +27,8 @@ from estim.deviation.jumps import BadFrames
 from estim.deviation.linearised import Linearised, linearise
 from estim.deviation.mixture import Mixture, keep_probable
 from estim.deviation.noise import Stated, WithForce, normal_covariance
+from estim.deviation.normal_parts import NormalParts as NormalParts
+from estim.deviation.normal_parts import normal_parts
 from estim.deviation.posing import FoundForce, Told, as_prior, growth_over, likely_root, linear_groups, priors_at, summed, told_beyond, told_by
 from estim.problem import Likelihood, Named, Noise, Observations, Points, Problem, Root, StackedPoints, Wording, stacked_root
 
@@ -73,6 +75,7 @@ class JointlyPosed:
     """noises : run -> its noise with the force.  shared : what ties runs together.  found : one force a group.
 
     step, cov : (n_par,), (n_par, n_par) where the posterior of all runs then is, from the white fit, linearised.
+    parts : the same posterior as normal distributions.
     """
 
     noises: Mapping[str, Noise]
@@ -80,6 +83,7 @@ class JointlyPosed:
     found: tuple[FoundForce, ...]
     step: FloatArray
     cov: FloatArray
+    parts: NormalParts
 
     def found_at(self, step: FloatArray) -> tuple[FoundForce, ...]:
         """What was found, where the mode lies `step` (n_par,) from the point of linearisation."""
@@ -127,15 +131,16 @@ def pose_forces(
     forced = {run.name for group in lacking for run in group.runs}
     complete = [told_by(run, problem, values) for run in problem.runs if run.name not in forced]
     told = [told_beyond(group.beside(precision, pull), prior) for group in lacking]
-    linear = [group.beside(*as_prior([prior, *complete, *told[:i], *told[i + 1 :]])) for i, group in enumerate(lacking)]
+    besides = [summed([prior, *complete, *told[:i], *told[i + 1 :]]) for i in range(len(lacking))]
+    linear = [group.beside(*as_prior([beside])) for group, beside in zip(lacking, besides, strict=True)]
     noises: dict[str, Noise] = {}
     for group, found in zip(lacking, linear, strict=True):
         noises |= _noises(group, found)
     shared = tuple(_together(group, found) for group, found in zip(lacking, linear, strict=True) if len(group.runs) > 1)
     data = summed([*complete, *told])
     forces = tuple(_found(group, found, values, without, problem, data) for group, found in zip(lacking, linear, strict=True))
-    n = problem.n_par
-    return JointlyPosed(noises, shared, forces, linear[0].mean[:n], linear[0].covariance[:n, :n])
+    n, parts = problem.n_par, normal_parts(list(zip(linear, besides, strict=True)), summed([prior, *complete]), values)
+    return JointlyPosed(noises, shared, forces, linear[0].mean[:n], linear[0].covariance[:n, :n], parts)
 
 
 def _prepared(label: str, runs: tuple[Observations, ...], courses: Mapping[str, Course], problem: Problem, values: FloatArray) -> _Lacking:

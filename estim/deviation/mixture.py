@@ -26,7 +26,7 @@ _ROUGHNESS = 1e-3  # what the directions left out of a basis may add to the vari
 
 _FELT = 1e-13  # share of a component below which rounding hides it
 _FEW = 16  # draws of which the calls cost more than the numbers
-_AT_ONCE = 6_000_000  # numbers of points, components and draws
+_AT_ONCE = 100  # draws at once of the density of each point
 _CHUNK = 256  # draws at once: what they need stays in the processor's cache
 
 
@@ -189,8 +189,8 @@ class Mixture:
         log sum_k w_k N_k(r) - log sum_k w_k N_k(r)/N_k(r_i | others), each N_k(r_i | others) normal with precision Q_ii and mean r_i - (Q r)_i/Q_ii
         """
         residuals = np.atleast_2d(residuals)
-        given, some = tuple(self._given()), max(1, min(_CHUNK, _AT_ONCE // (residuals.shape[1] * self.n_component)))
-        return np.vstack([self._pointwise(residuals[start : start + some], given) for start in range(0, len(residuals), some)])
+        given = tuple(self._given())
+        return np.vstack([self._pointwise(residuals[start : start + _AT_ONCE], given) for start in range(0, len(residuals), _AT_ONCE)])
 
     def _given(self) -> Iterator[tuple[_Given, ...]]:
         """For each family, what `_pointwise` needs of each of its components whatever the residuals."""
@@ -207,46 +207,63 @@ class Mixture:
                 pushed = (moved / scale**2 + basis @ turned) @ root
                 if len(whole):
                     diagonal -= np.sum(pushed**2, axis=1)
-                found.append(_Given(scale, gain, turned, root, pushed, 0.5 / diagonal, 0.5 * np.log(diagonal / (2.0 * np.pi))))
+                half = np.sqrt(0.5 / diagonal)
+                seen = np.vstack([gain[:, None] * basis.T - (turned @ root) @ pushed.T, -(root / scale**2) @ pushed.T])
+                found.append(_Given(half / scale**2, seen * half, 0.5 * np.log(diagonal / (2.0 * np.pi))))
             yield tuple(found)
 
     def _pointwise(self, residuals: FloatArray, given: tuple[tuple[_Given, ...], ...]) -> FloatArray:
+        """Sums of exponentials relative to the largest component; where one overflows, by logarithms."""
         logs = self.log_components(residuals)
+        highest = np.max(logs, axis=1, keepdims=True)
         z = self.deviation.whiten(residuals)
-        without, start = np.full(z.shape, -np.inf), 0
         along, back = z @ self.columns, self.deviation.turned_back(z)
-        for family, each in zip(self.deviation.families, given, strict=True):
-            seen, basis = z @ family.basis, self.deviation.turned_back(family.basis.T).T
-            parts = np.empty((family.amplitude.size, *z.shape))
-            for part, one in zip(parts, each, strict=True):
-                solved = back / one.scale**2 + (seen * one.gain) @ basis.T
-                if self.columns.shape[1]:
-                    solved -= (along / one.scale**2 + seen @ one.turned) @ one.root @ one.pushed.T
-                np.multiply(np.square(solved, out=solved), one.half, out=part)
-                part -= one.log
-            parts += logs[:, start : start + len(parts)].T[:, :, None]
-            start += len(parts)
-            highest = np.max(parts, axis=0)
-            np.exp(np.subtract(parts, highest, out=parts), out=parts)
-            np.logaddexp(without, highest + np.log(np.sum(parts, axis=0)), out=without)
+        total, start = np.zeros(z.shape), 0
+        with np.errstate(over="ignore"):
+            for family, each in zip(self.deviation.families, given, strict=True):
+                seen = np.hstack([z @ family.basis, along])
+                for k, one in enumerate(each, start):
+                    part = one.square(back, seen)
+                    part += logs[:, k, None] - highest
+                    part -= one.log
+                    total += np.exp(part, out=part)
+                start += len(each)
+        without = np.log(total) + highest
+        far = np.flatnonzero(~np.all(np.isfinite(without), axis=1))
+        if far.size:
+            without[far] = self._without(logs[far], z[far], along[far], back[far], given)
         return np.asarray(np.logaddexp.reduce(logs, axis=1)[:, None] - without)
+
+    def _without(
+        self, logs: FloatArray, z: FloatArray, along: FloatArray, back: FloatArray, given: tuple[tuple[_Given, ...], ...]
+    ) -> FloatArray:
+        """(n_draw, n_obs) log sum_k w_k N_k(r)/N_k(r_i | others)."""
+        without, start = np.full(z.shape, -np.inf), 0
+        for family, each in zip(self.deviation.families, given, strict=True):
+            seen = np.hstack([z @ family.basis, along])
+            for k, one in enumerate(each, start):
+                np.logaddexp(without, one.square(back, seen) + logs[:, k, None] - one.log, out=without)
+            start += len(each)
+        return without
 
 
 @dataclass(frozen=True, eq=False)
 class _Given:
-    """A component of a family, for the density of a point given the others.
+    """A component of a family, for the density of a point given the others: N_k(r_i | others) = exp(log - square).
 
-    scale : of the noise.  gain : (n_dir,).  turned : (n_dir, n_column).  root : (n_column, n_column).  pushed : (n_obs, n_column).
-    half, log : (n_obs,) half the variance of each point given the others, and half the logarithm of its inverse over 2 pi.
+    white, seen : (n_obs,), (n_dir + n_column, n_obs) what whitened residuals turned back, and those along basis and columns, add to the root of
+    `square`.  log : (n_obs,) half the logarithm of the inverse of its variance over 2 pi.
     """
 
-    scale: float
-    gain: FloatArray
-    turned: FloatArray
-    root: FloatArray
-    pushed: FloatArray
-    half: FloatArray
+    white: FloatArray
+    seen: FloatArray
     log: FloatArray
+
+    def square(self, back: FloatArray, seen: FloatArray) -> FloatArray:
+        """(n_draw, n_obs) half the squared residual of each point over its variance given the others."""
+        found = seen @ self.seen
+        found += back * self.white
+        return np.asarray(np.square(found, out=found))
 
 
 def keep_probable(linearised: Linearised, *, columns: FloatArray | None = None, lost: float = 5e-3) -> Mixture:

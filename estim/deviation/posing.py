@@ -171,7 +171,11 @@ def told_by(run: Observations, problem: Problem, values: FloatArray) -> Told:
 def told_beyond(linear: Linearised, prior: Told) -> Told:
     """What observations say beyond the `prior` that they were linearised with, as one normal distribution; with it the mean is that of all."""
     n_par = prior[1].size
-    cov, mean = linear.covariance[:n_par, :n_par], linear.mean[:n_par]
+    return told_beyond_normal(linear.mean[:n_par], linear.covariance[:n_par, :n_par], prior)
+
+
+def told_beyond_normal(mean: FloatArray, cov: FloatArray, prior: Told) -> Told:
+    """What makes a normal posterior of `mean` (n_par,), from the point of linearisation, and `cov` of the `prior`."""
     scale = np.sqrt(np.diag(cov))
     beyond = np.linalg.inv(cov / np.outer(scale, scale)) - prior[0] * np.outer(scale, scale)
     spectrum, basis = np.linalg.eigh(0.5 * (beyond + beyond.T))

@@ -33,6 +33,7 @@ class Cause:
     problem : with it.  parameters : its own.  lines : to be added to the campaign, the first a table.  remark : where no line says it.
     begin : value of its parameters at which a search starts, where 0 is possible.
     searched : how much a gain is less because the best of many places was looked for.
+    slip : whether it is no physics, but another reading of what was stated: told only where it is found, and then before others that do as well.
     """
 
     name: str
@@ -44,6 +45,7 @@ class Cause:
     scanned: Scanned | None = None
     searched: float = 0.0
     begin: float = 0.0
+    slip: bool = False
 
     @property
     def n_number(self) -> int:
@@ -51,7 +53,12 @@ class Cause:
         return max(len(self.parameters), 1)
 
     def starting(self, base: Fit, share: float) -> FloatArray:
-        """(n_par,) where a search starts: the mode without it, and its own parameters at `begin`, or at `share` of their sd where 0 is an edge."""
+        """(n_par,) where a search starts: the mode without it, and its own parameters at `begin`, or at `share` of their sd where 0 is an edge.
+
+        A slip starts afresh, from the centres of the priors: what was fitted under a wrong number is far off.
+        """
+        if self.slip:
+            return self.problem.start()
         known = dict(zip(base.names, base.values, strict=True))
         return np.array([known.get(p.name, share * p.prior.sd if p.prior.low == 0.0 else self.begin) for p in self.problem.parameters])
 

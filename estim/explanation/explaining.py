@@ -50,6 +50,7 @@ class Candidate:
     """One thing that may be missing, refit.
 
     name, words, lines, remark : of its `Cause`.  gain : see above.  numbers : what was found of it.
+    slip : of its `Cause`.
     p_order : probability of the residuals with it, by the worst of the tests of order; nan where that was not asked.
     p_size : the same by chi-squared; nan where the size of the noise is inferred.
     """
@@ -60,6 +61,7 @@ class Candidate:
     remark: str
     gain: float
     numbers: tuple[Estimated, ...]
+    slip: bool = False
     p_order: float = math.nan
     p_size: float = math.nan
 
@@ -91,6 +93,12 @@ class Explanation:
         return tuple(one for one in self.candidates if one.found)
 
     @property
+    def slip(self) -> Candidate | None:
+        """A slip in what was stated that explains what is left as well as anything, if there is one."""
+        first = next(iter(self.found), None)
+        return first if first is not None and first.slip and first.random else None
+
+    @property
     def tied(self) -> tuple[Candidate, ...]:
         """The first and those that these data cannot tell from it; none where nothing is found."""
         found = self.found
@@ -113,12 +121,13 @@ def explain(
         fit = _with(cause, base)
         if fit is not None:
             gain = lowest - badness(fit) - 2.0 * cause.n_number - cause.searched
-            candidate = Candidate(cause.name, cause.words, cause.lines, cause.remark, gain, _numbers(cause, fit))
-            if cause.name not in fits or candidate.gain > fits[cause.name][0].gain:
+            candidate = Candidate(cause.name, cause.words, cause.lines, cause.remark, gain, _numbers(cause, fit), cause.slip)
+            if (candidate.found or not cause.slip) and (cause.name not in fits or candidate.gain > fits[cause.name][0].gain):
                 fits[cause.name] = candidate, fit
         if progress is not None:
             progress(done, len(every))
-    ordered = sorted(fits.values(), key=lambda pair: -pair[0].gain)
+    best = max((one.gain for one, _ in fits.values()), default=0.0)
+    ordered = sorted(fits.values(), key=lambda pair: (not (pair[0].slip and pair[0].gain > best - TIED), -pair[0].gain))
     tested = [_tested(one, fit, rng) if i < _MOST_TESTED and one.found else one for i, (one, fit) in enumerate(ordered)]
     names = tuple(run.name for run in plain.runs)
     return Explanation(names, _tested(Candidate("", "", (), "", 0.0, ()), base, rng), tuple(tested))
@@ -158,7 +167,7 @@ def _ones(plain: Problem) -> dict[str, float]:
 
 def _pushed_below(cause: Cause, base: Fit) -> bool:
     """Whether the data would have a number that cannot be negative below 0: then it explains nothing, and a search would end slowly on its edge."""
-    if len(cause.parameters) != 1:
+    if len(cause.parameters) != 1 or cause.slip:
         return False
     i = cause.problem.names.index(cause.parameters[0])
     prior = cause.problem.parameters[i].prior

@@ -43,7 +43,7 @@ def across_runs(explanations: Sequence[Explanation]) -> tuple[CauseOfRuns, ...]:
     """The candidates that two runs or more show together, the strongest first; `explanations` are of single runs."""
     by_name: dict[str, list[tuple[str, Candidate]]] = {}
     for explanation in explanations:
-        for one in explanation.candidates:
+        for one in (candidate for candidate in explanation.candidates if not candidate.slip):
             by_name.setdefault(split_level(one.name)[0], []).append((explanation.runs[0], one))
     found = []
     for name, entries in by_name.items():

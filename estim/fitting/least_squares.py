@@ -16,7 +16,7 @@ import numpy as np
 
 from estim.arrays import FloatArray
 from estim.common import Finding, InputError, NumericalError, phrase
-from estim.deviation import FoundDeviation, FoundForce
+from estim.deviation import FoundDeviation, FoundForce, NormalParts
 from estim.distributions import chi2_tail
 from estim.fitting.arrow import descend_by_runs, inverse_by_runs, many
 from estim.fitting.finish import finished
@@ -64,6 +64,7 @@ class Fit:
     singular : whether some combination of parameters is not determined at all, not even by the priors.
     forces, deviations : what the curve of each run lacks, where that was asked (`estim.deviation`).
     success, message : whether the search settled, in words.  moved : standard deviations that its last round still moved a parameter.
+    parts : of a joint fit with forces, the normal distributions that the linearised posterior is made of.
     held : of many runs, those whose covariance was not taken at the mode (`estim.fitting.rounds`).
     """
 
@@ -87,6 +88,7 @@ class Fit:
     aliases: tuple[Finding, ...] = ()
     forces: tuple[FoundForce, ...] = ()
     deviations: tuple[FoundDeviation, ...] = ()
+    parts: NormalParts | None = None
     held: tuple[Held, ...] = ()
 
     @property

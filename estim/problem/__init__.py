@@ -1,9 +1,9 @@
 """What is assumed: curves, priors, noise, and the density they make.  Read `posterior`, then `noise` (which sigma is which) and `likelihood`."""
-
 from estim.problem.abscissas import hide_the_range
 from estim.problem.curve import EXACT, CommonError, Curve, Derived, Footing, LocalCurve, Motion, PositionCurve, SpeedCurve, Wording, plain_words
 from estim.problem.events import BINOMIAL, POISSON, Counted, Counts, Events, Law, counted_words
 from estim.problem.flat_prior import Flat
+from estim.problem.unstated_prior import Unstated
 from estim.problem.likelihood import Ends, Likelihood, Noise, NormalErrors, Points, n_draws, reading_sd
 from estim.problem.noise import STENCILS, CorrelatedErrors, Derivative, Differentiated, Independent, Linear, Named, Scale, Size, differentiate
 from estim.problem.observations import MAX_LACKING, Lacks, Observations, Parameter, n_uses, shared_first

@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from estim.arrays import FloatArray
-from estim.common import InputError, Quantity, phrase
+from estim.common import InputError, Quantity, phrase, with_unit
 from estim.distributions import normal_below, normal_tail
 
 _LOG_ROOT_2PI = 0.5 * math.log(2.0 * math.pi)
@@ -321,8 +321,9 @@ class LogNormal:
     def draw(self, rng: np.random.Generator, size: int) -> FloatArray:
         return self.median * np.exp(self.log_sd * rng.standard_normal(size))
 
-    def describe(self) -> str:
-        return phrase("log-normal, median {median:.4g}, log sd {log_sd:.3g}", median=self.median, log_sd=self.log_sd)
+    def describe(self, unit: str = "1") -> str:
+        """In words; the median with its `unit`."""
+        return phrase("log-normal, median {median}, log sd {log_sd:.3g}", median=with_unit(f"{self.median:.4g}", unit), log_sd=self.log_sd)
 
 
 MEASURED = Normal | TruncatedNormal | LogNormal

@@ -3,10 +3,10 @@
 Read `run` first.  Imports `common` alone."""
 
 from estim.reading.columns import read_columns
-from estim.reading.dialect import Decimal, Dialect, Encoding, name_and_unit
+from estim.reading.dialect import Decimal, Dialect, Encoding, is_uncertainty, name_and_unit
 from estim.reading.input_file import TOML_BYTES, leads_out, read_text
 from estim.reading.layout import Layout, no_names, numeric_columns, read_layout
-from estim.reading.run import COLUMNS, Run, compare_intervals, read_run, run_of_table
+from estim.reading.run import COLUMNS, Run, compare_intervals, is_timed_track, read_run, run_of_table
 from estim.reading.table import Table, read_table
 from estim.reading.toml import Places, parse_toml
 from estim.reading.tracker.importing import Choices, import_track, is_tracker_file, read_release, run_table, track_columns

@@ -56,7 +56,8 @@ def read_columns(
     at = np.array(numbers)
     for array in (*columns.values(), at):
         array.setflags(write=False)
-    return Table(shown_as, layout.sha256, layout.header_line or 0, MappingProxyType(columns), at, layout.warnings, tuple(facts), units)
+    empty = tuple(sorted(line for lines in left_out.values() for line in lines))
+    return Table(shown_as, layout.sha256, layout.header_line or 0, MappingProxyType(columns), at, layout.warnings, tuple(facts), units, empty)
 
 
 def read_known_columns(path: Path, *, known: Sequence[str], min_rows: int, shown_as: str, dialect: Dialect) -> Table:

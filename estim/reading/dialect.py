@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
-from estim.common import InputError, listed, read_number
+from estim.common import InputError, is_unit, listed, read_number
 from estim.reading.table import split_cells
 
 Decimal = Literal["point", "comma"]
@@ -23,6 +23,8 @@ _NUMBER = re.compile(r"[+-]?(\d+(\.\d*|,\d+)?|[.,]\d+)([eE][+-]?\d{1,4})?", re.A
 _GROUPED = re.compile(r"[+-]?[1-9]\d{0,2},\d{3}", re.ASCII)  # one comma: 1,234 may be 1234
 _MISSING = frozenset({"", "nan", "na", "n/a", "-", "--", "null"})
 _NAMED_UNIT = re.compile(r"(.{1,60}?)\s*(?:\(([^()]{1,20})\)|\[([^\[\]]{1,20})\]|\s/\s*([^\s/]{1,20}))")
+_UNIT_BEHIND_IN = re.compile(r"(.{1,60}?)\s+in\s+(\S.{0,19})")
+_UNCERTAINTY = re.compile(r"u_.+|u\(([^()]+)\)")
 
 
 @dataclass(frozen=True)
@@ -72,9 +74,19 @@ def is_missing(cell: str) -> bool:
 
 
 def name_and_unit(cell: str) -> tuple[str, str]:
-    """("U", "mV") for `U (mV)`, `U [mV]` and `U / mV`; the unit is "" where the name states none."""
-    found = _NAMED_UNIT.fullmatch(cell.strip())
+    """("U", "mV") for `U (mV)`, `U [mV]`, `U / mV` and `U in mV`; the unit is "" where the name states none."""
+    said = _UNIT_BEHIND_IN.fullmatch(cell.strip())
+    if said is not None and is_unit(said[2]):
+        return said[1].strip(), said[2].strip()
+    bare = cell.startswith("u(") and is_uncertainty(cell)
+    found = None if bare else _NAMED_UNIT.fullmatch(cell.strip())
     return (cell.strip(), "") if found is None else (found[1].strip(), next(part for part in found.groups()[1:] if part).strip())
+
+
+def is_uncertainty(name: str) -> bool:
+    """Whether a column is called as that of an uncertainty, without its unit: `u_U`, or `u(U)` where U is no unit (`u(cm)` is a length u)."""
+    found = _UNCERTAINTY.fullmatch(name.strip())
+    return found is not None and not (found[1] and is_unit(found[1]))
 
 
 def cells_of(line: str, delimiter: str) -> list[str]:

@@ -48,6 +48,7 @@ class Run:
     tilt : rad, of an imported track against the x axis of its video, positive uphill; None where it is not known.
     left_out : how many rows of the file were left out by `without`.
     interval : s between frames, of an imported run of a campaign; None of others.
+    blank : lines of the file that are left out, since a column has no value there.
     """
 
     name: str
@@ -60,6 +61,7 @@ class Run:
     tilt: Quantity | None = None
     left_out: int = 0
     interval: float | None = None
+    blank: tuple[int, ...] = ()
 
     @property
     def n_row(self) -> int:
@@ -139,7 +141,7 @@ def run_of_table(table: Table, name: str) -> Run:
     """The run `name` in a table that has been checked, with what the head of an imported one says of its origin."""
     return Run(
         name=name, file=table.file, sha256=table.sha256, columns=table.columns, lines=table.lines, warnings=table.warnings,
-        facts=table.facts, tilt=stated_tilt(table.facts),
+        facts=table.facts, tilt=stated_tilt(table.facts), blank=table.blank,
     )
 
 
@@ -150,9 +152,14 @@ def _imported(track: Imported, name: str) -> Run:
     )
 
 
+def is_timed_track(run: Run) -> bool:
+    """Whether a run was imported with the times of its frames."""
+    return bool(run.facts) and "t_s" in run.columns
+
+
 def compare_intervals(runs: Mapping[str, Run]) -> dict[str, Run]:
     """The same runs, by name, each imported one with its frame interval, and a warning where that is not the interval of most of them."""
-    intervals = {name: float(np.median(np.diff(run.columns["t_s"]))) for name, run in runs.items() if run.facts and "t_s" in run.columns}
+    intervals = {name: float(np.median(np.diff(run.columns["t_s"]))) for name, run in runs.items() if is_timed_track(run)}
     odd = odd_intervals(intervals)
     warnings = {name: (*run.warnings, odd[name]) if name in odd else run.warnings for name, run in runs.items()}
     return {name: replace(run, warnings=warnings[name], interval=intervals.get(name)) for name, run in runs.items()}

@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from estim.arrays import FloatArray
-from estim.common import EXTREME, InputError, extreme, listed, read_number
+from estim.common import EXTREME, InputError, extreme, listed, read_number, same_unit
 from estim.reading.input_file import line_after_comment, lines_of, read_text
 
 _OTHER_NAMES = {
@@ -50,6 +50,7 @@ class Table:
     file : how messages name it.  header_line : line of the column names.  sha256 : of the file's bytes.
     warnings : texts of the comment lines "# warning: ...".  facts : the other comments above the header of a file that
     `estim import` made; empty for other files.  units : column -> unit that the header states, "" for none; empty where no header may.
+    blank : lines of the rows that are left out, since a column has no value there.
     """
 
     file: str
@@ -60,11 +61,12 @@ class Table:
     warnings: tuple[str, ...] = ()
     facts: tuple[str, ...] = ()
     units: Mapping[str, str] = field(default_factory=dict)
+    blank: tuple[int, ...] = ()
 
     def require_unit(self, u: str, of: str) -> None:
         """Raises InputError where the header states one unit for the column `u` of uncertainties, and another for the column that they are of."""
-        stated, wanted = (self.units.get(name, "").strip().replace("\u00b5", "u").replace("\u03bc", "u") for name in (u, of))
-        if stated and wanted and stated != wanted:
+        stated, wanted = (self.units.get(name, "").strip() for name in (u, of))
+        if stated and wanted and not same_unit(stated, wanted):
             rule = f"must be in the unit of '{of}', {self.units[of]}; write it in that unit, or name the columns without units by --columns"
             raise InputError(f"{rule} (columns = [...] in a campaign)", field=u, value=self.units[u], file=self.file, line=self.header_line or None)
 

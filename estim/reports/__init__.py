@@ -3,7 +3,7 @@
 from estim.reports.analysis import analysis_report, index_report
 from estim.reports.comparison import compare_report, folder_of
 from estim.reports.energy import energy_report
-from estim.reports.explanation import explanation_lines
+from estim.reports.explanation import explanation_lines, slip_words
 from estim.reports.first_screen import result_lines
 from estim.reports.interop import HOW_TO_GET, can_write_netcdf, to_netcdf
 from estim.reports.line import line_lines, line_report

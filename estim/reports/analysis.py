@@ -31,7 +31,7 @@ from estim.reports.curve_figures import phase_figure
 from estim.reports.derived import derived_rows
 from estim.reports.deviation import deviation_text
 from estim.reports.deviation_figures import force_figure
-from estim.reports.explanation import explanation_text, runs_text
+from estim.reports.explanation import explanation_text, runs_text, slip_words
 from estim.reports.figures import residual_figure
 from estim.reports.first_screen import first_reasons, first_screen, opened_by
 from estim.reports.identifiability import IdentifySection, identify_section
@@ -100,7 +100,8 @@ def analysis_report(
             result, section, corner_words(analysis.problem, truth=bool(campaign.truth)), pictures, converged=analysis.chain.convergence.met,
             consistency="" if agreement is None else consistency_text(agreement, pictures, limits_only=not analysis.diagnosis.ok, on_edge=on_edge),
             explanation="" if analysis.explanation is None else explanation_text(analysis.explanation), counts=counts_text(analysis.fit, pictures),
-            shares=shares, misfit=misfit_words(residuals_of(analysis)), first_step=first_step(analysis.diagnosis.findings, voice),
+            shares=shares, misfit=misfit_words(residuals_of(analysis)),
+            first_step=slip_words(analysis.explanation) or first_step(analysis.diagnosis.findings, voice),
         )
 
     drawers = _drawers(analysis, determination.intervals, shares, synthetic=campaign.kind == "synthetic", truth=campaign.truth)
@@ -179,7 +180,7 @@ def analysis_text(
         complete=complete_runs([result]), first_step=first_step, reasons=first_reasons(result.reasons),
         said=[words for force in (result.deviation or {}).values() for words in (force.words, force.noise_words)] if result.status == "ok" else [],
         drawn=MOST_DRAWN if len(result.runs) > MOST_DRAWN else None,
-        uncorrelated=len(result.parameters) - _MOST_CORRELATED if len(result.correlation.names) > _MOST_CORRELATED else 0,
+        uncorrelated=max(len(result.correlation.names) - _MOST_CORRELATED, 0),
         x_named="x" in re.findall(r"\w+", result.formula or ""),
     )
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections import Counter
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import msgspec
@@ -101,8 +103,9 @@ def shares_of(analysis: Analysis, budget: Budget, labels: Labels) -> Shares:
     columns = [budget.names.index(name) for name, _ in chosen]
     shares, drawn = budget.shares[:, columns], budget.shares_drawn[:, columns]
     groups: dict[str, list[int]] = {}
+    alike = Counter((source.kind, split_level(source.name)[0]) for source in budget.sources)
     for i, source in enumerate(budget.sources):
-        groups.setdefault(_words(source, budget, labels), []).append(i)
+        groups.setdefault(_words(source, alike, labels), []).append(i)
     ordered = sorted(groups, key=lambda words: -float(np.max(np.sum(shares[groups[words]], axis=0))))
     kept = [words for words in ordered[:MAX_SOURCES] if np.max(np.sum(shares[groups[words]], axis=0)) >= 0.005]
     rows = [(words, groups[words]) for words in kept]
@@ -122,7 +125,8 @@ def _between(analysis: Analysis) -> set[str]:
     return {name for name in analysis.problem.names if split_level(name)[0].endswith("_shift")}
 
 
-def _words(source: Source, budget: Budget, labels: Labels) -> str:
+def _words(source: Source, alike: Mapping[tuple[str, str], int], labels: Labels) -> str:
+    """alike : how many sources there are of a kind and a base name."""
     if source.kind not in (STATED, PRIOR):
         return {
             READINGS: phrase("readings"), "length": phrase("length scale (default)"), "clock": phrase("clock (default)"),
@@ -130,9 +134,8 @@ def _words(source: Source, budget: Budget, labels: Labels) -> str:
             FRAMES: phrase("bad frames"),
         }[source.name]
     base = split_level(source.name)[0]
-    alike = [other.name for other in budget.sources if other.kind == source.kind and split_level(other.name)[0] == base]
-    several = phrase("{symbol} of {n} runs or bodies", symbol=labels.symbol(base), n=len(alike))
-    shown = several if len(alike) > 2 else labels.symbol(source.name)
+    n = alike[source.kind, base]
+    shown = phrase("{symbol} of {n} runs or bodies", symbol=labels.symbol(base), n=n) if n > 2 else labels.symbol(source.name)
     return phrase("{shown}, stated", shown=shown) if source.kind == STATED else phrase("{shown}, prior", shown=shown)
 
 

@@ -81,6 +81,12 @@ def explanation_text(explanation: Explanation) -> Markdown:
     )
 
 
+def slip_words(explanation: Explanation | None) -> str:
+    """A slip in what was stated, and its cure, where one explains what is left; else ""."""
+    slip = None if explanation is None else explanation.slip
+    return "" if slip is None else phrase("this reads like a slip of the unit: {words} ({cure})", words=slip.words, cure=slip.remark)
+
+
 def explanation_lines(explanation: Explanation) -> list[str]:
     """The same for a terminal, line by line."""
     said = [tell(verdict(explanation))]

@@ -28,12 +28,13 @@ _WHERE = {
     "not-converged": "computing", "methods-disagree": "computing",
 }
 MOST_MINDS, _MOST_ERRORS = 2, 3
+_MOST_LINES = 3  # of rows without a value
 _MOST_REASONS, _MOST_LETTERS = 3, 380  # of reasons why there is no result
 
 
 @dataclass(frozen=True)
 class Screen:
-    """What stands first; every entry but the title is empty where the status is not ok.
+    """What stands first; every entry but the title and rows that were left out (in `minds`) is empty where the status is not ok.
 
     estimates : of all parameters that are not a single run's among several, and what was sought.  head, rows : the table of those measured.
     left : the others in words.  elsewhere : which are single runs'.  minds : what to mind.
@@ -103,7 +104,7 @@ def first_screen(result: Told) -> Screen:
     """The first screen of a result."""
     title = f"{result.title}: {', '.join(result.runs)}" if result.title else ", ".join(result.runs)
     if result.status != "ok":
-        return Screen(title, "", (), (), (), "", "", (), "")
+        return Screen(title, "", (), (), (), "", "", _left_out(result), "")
     counted = [check.p_value for run in result.runs.values() for name, check in run.checks.items() if name == "chi2"]
     p_curve = result.fit.p_value if result.fit.p_value is not None else counted[0] if len(counted) == 1 else None
     tests = p_sentence(p_curve, result.stated_values.p_value if result.stated_values.dof else None)
@@ -115,12 +116,12 @@ def first_screen(result: Told) -> Screen:
     minds = [words for words in (_warnings(result), _forces(result), _limits(shown, result), *noise) if words]
     return Screen(
         title, tests, estimates, head, tuple(rows), not_measured(estimates), listed(elsewhere) if elsewhere else "",
-        tuple(minds[:MOST_MINDS]), sensitivity_words([result]),
+        (*_left_out(result), *minds[:MOST_MINDS]), sensitivity_words([result]),
     )
 
 
 def result_lines(result: Told) -> list[str]:
-    """What a terminal says of a result whose status is ok."""
+    """What a terminal says of a result; of one whose status is not ok, no more than which rows were left out."""
     return first_screen(result).lines
 
 
@@ -145,7 +146,9 @@ def _of_one_run(name: str, result: Told) -> bool:
 def _estimate(name: str, result: Told) -> Estimate:
     p = result.parameters[name]
     shown = (result.labels.bare if len(result.runs) == 1 else result.labels.parameters)[name]
-    return Estimate(shown, p, p.stated, bool(p.measured), p.upper_95, p.true)
+    unit = "" if shown.unit == "1" else f" {shown.unit}"
+    inferred = "" if p.stated or p.prior_sd is None else p.prior + unit  # a prior with a width that nobody stated
+    return Estimate(shown, p, p.stated, bool(p.measured), p.upper_95, p.true, inferred)
 
 
 def _sought(result: Told) -> list[Estimate]:
@@ -180,7 +183,8 @@ def _limits(shown: Sequence[str], result: Told) -> str:
             )
         if first.kind in (STATED, PRIOR) and first.source in symbols:
             other = symbols[first.source].symbol
-            r = result.correlation.matrix[result.correlation.names.index(name)][result.correlation.names.index(first.source)]
+            told = result.correlation.names  # of hundreds of runs not all
+            r = result.correlation.matrix[told.index(name)][told.index(first.source)] if {name, first.source} <= set(told) else 0.0
             tied = phrase(
                 "{symbol} and {other} are tied ({r}): measure {other} better, not more readings", symbol=symbol, other=other, r=signed(f"{r:+.2f}")
             )
@@ -200,6 +204,20 @@ def _forces(result: Told) -> str:
     if any(run.complete is not None for run in result.runs.values()):
         return phrase("the curve is taken as complete: no interval has room for what it lacks")
     return ""
+
+
+def _left_out(result: Told) -> tuple[str, ...]:
+    """Which rows have no value, where there are some."""
+    blank = {name: run.blank for name, run in result.runs.items() if run.blank}
+    n, lines = sum(map(len, blank.values())), [str(line) for found in blank.values() for line in found]
+    if not blank:
+        return ()
+    if len(result.runs) > 1:
+        return (phrase("rows without a value left out: {n} ({runs})", n=n, runs=listed(list(blank))),)
+    if n == 1:
+        return (phrase("1 row without a value left out (line {line})", line=lines[0]),)
+    shown = ", ".join(lines) if n <= _MOST_LINES else phrase("{first} to {last}", first=lines[0], last=lines[-1])
+    return (phrase("{n} rows without a value left out (lines {lines})", n=n, lines=shown),)
 
 
 def _warnings(result: Told) -> str:

@@ -40,7 +40,7 @@ _NETCDF = ("h5netcdf", "h5py")
 _COORDINATES = ("chain", "draw", "step", "walker")
 _PRIOR_DRAWS = 4000
 _MOST_POINTWISE = 10_000  # points
-_POINTWISE_DRAWS, _POINTWISE_NUMBERS = 4000, 4_000_000  # of the log likelihood of every point: draws, and draws times points
+_POINTWISE_DRAWS, _POINTWISE_NUMBERS = 4000, 600_000  # of the log likelihood of every point: draws, and draws times points
 
 
 def can_write_netcdf() -> bool:

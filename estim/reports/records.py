@@ -70,7 +70,7 @@ class CheckSummary(msgspec.Struct, frozen=True):
     meaning: str
 
 
-class RunSummary(msgspec.Struct, frozen=True):
+class RunSummary(msgspec.Struct, frozen=True, omit_defaults=True):
     file: str
     x: str  # what is on the axes, with units
     y: str
@@ -89,6 +89,7 @@ class RunSummary(msgspec.Struct, frozen=True):
     what: str  # what was fit: "speeds", "positions", ...
     derived: dict[str, Summary]
     sought: list[str]  # those of `derived` that were asked for
+    blank: list[int] = []  # lines of rows without a value, which are left out; absent where there are none
 
 
 class TurningPoint(Summary, frozen=True, kw_only=True):

@@ -10,7 +10,6 @@ import math
 import platform
 from collections.abc import Mapping
 from functools import cached_property
-from importlib.metadata import version
 from inspect import cleandoc
 from typing import Protocol
 
@@ -26,6 +25,7 @@ from estim.problem import Observations
 from estim.reading import Run
 from estim.reports.bad_frames import bad_frames
 from estim.reports.budget import UncertaintyBudget, budget_of, budget_records
+from estim.reports.correlations import correlation_of
 from estim.reports.derived import derived_facts, derived_summaries
 from estim.reports.deviation import ForceSummary, deviations
 from estim.reports.explanation import ExplanationSummary, explanation_summary
@@ -52,6 +52,7 @@ from estim.reports.rolling import RollingSummary, rolling_summaries
 from estim.reports.usual_errors import UsualError, usual_errors
 from estim.sampling import number, summarise, trusted
 from estim.studies import Budget, Determination
+from estim.versions import version
 from estim.words import Voice, advice_for, common_error, tell
 
 SCHEMA = "estim-result/1"
@@ -147,7 +148,7 @@ def result_of(
         schema_=SCHEMA, title=campaign.title, kind=campaign.kind, formula=campaign.formula, status=diagnosis.status,
         reasons=list(diagnosis.reasons), advice=advice_for(diagnosis.findings, voice), notes=list(diagnosis.notes),
         parameters={p.name: parameter_summary(campaign.truth, analysis, i) for i, p in enumerate(problem.parameters)},
-        correlation=Correlation(list(problem.names), np.atleast_2d(np.corrcoef(chain.flat.T)).round(6).tolist()),
+        correlation=correlation_of(analysis),
         fit=FitSummary(
             dict(zip(fit.names, fit.values.tolist(), strict=True)),
             {n: number(s) if diagnosis.ok else None for n, s in zip(fit.names, fit.sds, strict=True)},
@@ -222,7 +223,7 @@ def _run(campaign: Subject, analysis: Analysis, i: int) -> RunSummary:
         warnings=list(origin_warnings(table, run, analysis.problem)), robust=run.noise.robust, outliers=outliers(analysis, run),
         bad_frames=bad_frames(analysis.fit.forces, run.name),
         what=phrase(run.words.what),
-        derived=derived, sought=[one.name for one in run.sought if one.name in derived],
+        derived=derived, sought=[one.name for one in run.sought if one.name in derived], blank=list(table.blank),
     )
 
 

@@ -18,14 +18,14 @@ from estim.arrays import FloatArray
 from estim.sampling.proposal import Proposal
 from estim.sampling.protocol import Density, log_density_in_batches
 
-_AHEAD = 20  # steps in a block
+STEPS_AHEAD = 20  # a block
 
 
 @dataclass(frozen=True, eq=False)
 class _Block:
     """Proposals of some steps; n_move of them independent.
 
-    place : (_AHEAD,) which of the moves a step makes, -1 for none.  points : (n_move, n_walker, n_par).
+    place : (STEPS_AHEAD,) which of the moves a step makes, -1 for none.  points : (n_move, n_walker, n_par).
     log_density, log_proposal : (n_move, n_walker), of what is sampled and of the proposal.
     """
 
@@ -52,7 +52,7 @@ class Ahead:
 
     def at(self, step: int) -> tuple[FloatArray, FloatArray, FloatArray] | None:
         """Points (n_walker, n_par), their log densities and those of the proposal; None where `step` makes another move."""
-        number, within = divmod(step, _AHEAD)
+        number, within = divmod(step, STEPS_AHEAD)
         if self._block is None or self._block.number != number:
             self._block = self._drawn(number)
         block, place = self._block, self._block.place[within]
@@ -60,7 +60,7 @@ class Ahead:
 
     def _drawn(self, number: int) -> _Block:
         rng = np.random.default_rng([self.seed, number])
-        chosen = rng.random(_AHEAD) < self.share
+        chosen = rng.random(STEPS_AHEAD) < self.share
         n_move = int(np.sum(chosen))
         points = self.proposal.draw(rng, n_move * self.n_walker)
         log_density = log_density_in_batches(self.density, points) if n_move else np.zeros(0)

@@ -31,6 +31,11 @@ class Bend:
     scale: float
     shift: FloatArray
 
+    @property
+    def moves(self) -> Flags:
+        """(n_par,) which parameters are moved at all."""
+        return np.asarray(self.shift != 0.0)
+
     def _way(self, points: FloatArray) -> FloatArray:
         return np.minimum(np.square((points[:, self.lead] - self.centre) / self.scale), _MOST)[:, None] * self.shift
 

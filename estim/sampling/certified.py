@@ -9,13 +9,17 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
+import numpy as np
+
 from estim.arrays import FloatArray
 from estim.common import Stream, phrase, stream
+from estim.deviation import NormalParts
 from estim.sampling.certificate import Agreement, Certificate, compare_with_chain
 from estim.sampling.chain import Chain, Progress, Target, sample_posterior
 from estim.sampling.checkpoint import Store
 from estim.sampling.independent_check import second_opinion
-from estim.sampling.proposal import adapt_proposal
+from estim.sampling.parts_proposal import proposal_of_parts
+from estim.sampling.proposal import Proposal, adapt_proposal
 from estim.sampling.protocol import Density, Support
 from estim.sampling.stepping import Stop
 
@@ -28,6 +32,7 @@ class Optima:
     """Where a density is known to be high: the fit, its covariance, and further optima.
 
     starts, covs : of the further ones, for the proposal.  heavy : those of a share that quadrature has to look at.
+    parts : normal distributions that the density is nearly made of, where they are known.
     """
 
     value: FloatArray
@@ -35,6 +40,7 @@ class Optima:
     starts: Sequence[FloatArray] = ()
     covs: Sequence[FloatArray] = ()
     heavy: Sequence[FloatArray] = ()
+    parts: NormalParts | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,11 +97,18 @@ def proposed_chain(
     if optima.value.size <= _MOST_PROPOSED:
         if progress is not None:
             progress(0, phrase("proposal"))
-        rng = stream(seed, Stream.PROPOSAL)
-        proposal = adapt_proposal(density, optima.value, optima.cov, rng=rng, starts=optima.starts, covs=optima.covs)
+        proposal = _proposal(density, optima, rng=stream(seed, Stream.PROPOSAL))
     return sample_posterior(
         density, optima.value, optima.cov, target=target, rng=stream(seed, Stream.CHAIN), progress=progress, proposal=proposal, store=store, stop=stop
     )
+
+
+def _proposal(density: Density, optima: Optima, *, rng: np.random.Generator) -> Proposal:
+    if optima.parts is not None:
+        found = proposal_of_parts(density, optima.parts, rng=rng)
+        if found is not None:
+            return found
+    return adapt_proposal(density, optima.value, optima.cov, rng=rng, starts=optima.starts, covs=optima.covs)
 
 
 def _after(first: Agreement, last: Agreement) -> Agreement:

@@ -18,7 +18,7 @@ import numpy as np
 
 from estim.arrays import FloatArray
 from estim.common import Finding, Kind, NumericalError, phrase
-from estim.sampling.ahead import Ahead
+from estim.sampling.ahead import STEPS_AHEAD, Ahead
 from estim.sampling.checkpoint import Store
 from estim.sampling.diagnostics import Mixing, autocorrelation_time, mixing_of
 from estim.sampling.importance import K_HAT_LIMIT, kish_size, pareto_smoothed
@@ -27,9 +27,12 @@ from estim.sampling.protocol import Density, log_density_in_batches
 from estim.sampling.stepping import Stop, start_walk
 from estim.words import tell
 
-_FIRST_CHECK = 120  # steps, with a proposal
-_PROPOSAL_SHARE, _LEAST_SHARE = 0.8, 0.1  # of the moves: for a proposal whose weights are even, and for one that cannot be trusted
-_GOOD_EFFICIENCY = 0.3  # effective share of its draws from which a proposal gets the full share of moves
+_FIRST_CHECK, _FIRST_CHECK_BLIND = 60, 200  # steps, with a proposal and without
+_MOST_WALKERS = 512
+_BURN, _BURN_BLIND = 5.0, 10.0  # autocorrelation times: walkers that start from draws of the posterior have little to forget
+_YIELD = 0.65  # effective draws that a walker gives in an autocorrelation time: tails are worth less than the middle
+_PROPOSAL_SHARE, _LEAST_SHARE = 0.9, 0.1  # of the moves: for a proposal whose weights are even, and for one that cannot be trusted
+_GOOD_EFFICIENCY = 0.6  # effective share of its draws from which a proposal gets the full share of moves
 
 Progress = Callable[[int, str], None]
 """Called with the share of the draws needed that there are, in per cent, and a few words on what is being done or still lacks."""
@@ -42,7 +45,7 @@ class Target:
     rhat : largest rank-normalised R-hat.  ess : smallest bulk and tail effective sample size (4000 gives the ends of a
     95 % interval to about 3 % of a standard deviation).  n_tau : length in autocorrelation times.
     max_step : hard cap on the steps of each ensemble.  n_ensemble, n_walker : ensembles and walkers in each
-    (0: four for each parameter, 32 at least; with a proposal two, 48 at least, and more for more effective draws); an odd number gets one more.
+    (0: four for each parameter, 32 at least; with a proposal two, and as many as give `ess` in `n_tau`); an odd number gets one more.
     """
 
     rhat: float = 1.01
@@ -123,28 +126,25 @@ def sample_posterior(
     """
     from estim.sampling.ensembles import sampler_of
 
-    n_par = len(posterior.names)
-    enough = min(max(48, math.ceil(target.ess / 120.0)), 512)
-    n_walker = target.n_walker or (max(4 * n_par, 32) if proposal is None else max(2 * n_par + 4, enough))  # half of them span all directions
-    shape = (target.n_ensemble, n_walker + n_walker % 2)
+    blind = proposal is None
+    shape = (target.n_ensemble, _n_walker(len(posterior.names), target, blind=blind))
     starts, share = _first_points(posterior, start, cov, shape, rng, proposal)
     ahead = None if proposal is None else Ahead(proposal, share, shape[0] * shape[1], int(rng.integers(2**63)), posterior)
     sampler = sampler_of(posterior, shape, ahead, seed=int(rng.integers(2**32)))
     walk = start_walk(posterior, sampler, starts, target=target, rng=rng, store=store, stop=stop)
-    n_step, tau_before, check = 0, math.nan, min(200 if proposal is None else _FIRST_CHECK, target.max_step)
-    shortest_burn = 50 if proposal is None else 20
+    n_step, tau_before, check = 0, math.nan, min(_FIRST_CHECK_BLIND if blind else _FIRST_CHECK, target.max_step)
     while True:
         walk.advance(check)
         n_step = check
         chain = walk.draws
         tau = autocorrelation_time(chain)
-        if proposal is not None and math.isnan(tau_before):
+        if not blind and math.isnan(tau_before):
             tau_before = autocorrelation_time(chain[:, : n_step // 2])
-        n_burn = int(min(max(shortest_burn, math.ceil(10.0 * tau)), n_step // 2)) if math.isfinite(tau) else n_step // 2
-        enough = math.ceil(1.03 * target.n_tau * tau) if math.isfinite(tau) else 0
-        if proposal is not None and n_step < min(enough, 3 * _FIRST_CHECK, target.max_step):
+        n_burn = _n_burn(n_step, tau, sure=share > _LEAST_SHARE)
+        long_enough = math.ceil(1.03 * target.n_tau * tau) if math.isfinite(tau) else 0
+        if not blind and n_step < min(long_enough, 3 * _FIRST_CHECK, target.max_step):
             # too short whatever else is said: go on at once to the length that is asked for
-            tau_before, check = tau, min(target.max_step, max(enough, n_step + _FIRST_CHECK // 4))
+            tau_before, check = tau, min(target.max_step, _whole_blocks(long_enough))
             continue
         mixing = mixing_of(chain[:, n_burn:])
         convergence = _judge(mixing, target, n_step=n_step, tau=tau, tau_before=tau_before)
@@ -154,11 +154,42 @@ def sample_posterior(
         if convergence.met or n_step >= target.max_step:
             break
         tau_before = tau
-        check = min(target.max_step, n_step + (max(200, n_step // 2) if proposal is None else max(60, n_step // 3)))
+        check = n_step + max(200, n_step // 2) if blind else _whole_blocks(_next_check(convergence, target, n_burn, long_enough))
+        check = min(target.max_step, check)
     kept = chain[:, n_burn:]
     moved = np.any(kept[:, 1:] != kept[:, :-1], axis=(1, 3))
     acceptance = np.mean(walk.accepted, axis=1) / n_step
     return Chain(posterior.names, kept, walk.log_density[:, n_burn:], n_burn, acceptance, int(np.sum(~moved)), convergence, mixing)
+
+
+def _n_walker(n_par: int, target: Target, *, blind: bool) -> int:
+    """Walkers of an ensemble, an even number: with a proposal as many as give enough draws in the length that is asked for anyway."""
+    least = max(4 * n_par, 32)
+    if not blind:
+        each = _YIELD * max(target.n_tau - _BURN, 1.0) * target.n_ensemble
+        least = max(2 * n_par + 4, min(math.ceil(target.ess / each), _MOST_WALKERS))  # half of them span all directions
+    n_walker = target.n_walker or least
+    return n_walker + n_walker % 2
+
+
+def _n_burn(n_step: int, tau: float, *, sure: bool) -> int:
+    """Steps to discard; fewer where the walkers started from draws of a proposal that can be trusted."""
+    if not math.isfinite(tau):
+        return n_step // 2
+    needed = math.ceil(_BURN * tau) if sure else max(50, math.ceil(_BURN_BLIND * tau))
+    return min(needed, n_step // 2)
+
+
+def _next_check(convergence: Convergence, target: Target, n_burn: int, long_enough: int) -> int:
+    """The length at which effective sizes that grow with it are large enough; a tenth more at least, half as much again at most."""
+    n_step, least = convergence.n_step, min(convergence.ess_bulk, convergence.ess_tail)
+    wanted = n_burn + 1.05 * (n_step - n_burn) * target.ess / least if least > 0.0 else n_step
+    return int(min(max(wanted, long_enough, 1.1 * n_step), 1.5 * n_step))
+
+
+def _whole_blocks(n_step: int) -> int:
+    """The moves of a block are evaluated together: it costs little to make all of them."""
+    return -(-n_step // STEPS_AHEAD) * STEPS_AHEAD
 
 
 def _first_points(

@@ -14,13 +14,13 @@ import json
 import sys
 import types
 from collections.abc import Callable, Mapping, Sequence
-from importlib.metadata import version
 from typing import Any
 
 import numpy as np
 
 from estim.common import InputError, shorten
 from estim.problem import Problem
+from estim.versions import version
 
 Key = Mapping[str, Mapping[str, str]]
 

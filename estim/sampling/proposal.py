@@ -22,12 +22,13 @@ from numpy.typing import NDArray
 from estim.arrays import FloatArray
 from estim.common import NumericalError
 from estim.sampling.bending import Bend, bend_of
+from estim.sampling.curving import Curving
 from estim.sampling.factors import lower_factor
 from estim.sampling.folding import Folding, folding, half_power, unfolded
 from estim.sampling.importance import flattened, kish_size, pareto_smoothed
 from estim.sampling.protocol import Density, Support, log_density_in_batches
 
-DOF = 5.0  # tails heavier than those of most posteriors
+DOF = 5  # tails heavier than those of most posteriors
 _WIDE_SHARE, _WIDE_FACTOR = 0.05, 2.0  # share and width (in sds of the whole) of the component that guards a mixture
 _FAR_SHARE, _FAR_FACTOR = 0.25, 3.0  # the same for `Proposal.widened`
 _TAIL_SHARE = 0.4  # of the draws from components that are told to be there: a rare wide part is seldom drawn, and then no chain leaves it soon
@@ -41,19 +42,21 @@ _BLOCK = 32_000  # numbers of one kind that are computed together: they stay in 
 
 @dataclass(frozen=True, eq=False)
 class Proposal:
-    """sum_k weights_k t_5(x; means_k, factors_k factors_k^T).
+    """sum_k weights_k t_dof(x; means_k, factors_k factors_k^T).
 
     weights : (n_component,), sum 1.  means : (n_component, n_par).
-    factors : (n_component, n_par, n_par) lower Cholesky factors of the scale matrices (covariance = 5/3 of it).
+    factors : (n_component, n_par, n_par) lower Cholesky factors of the scale matrices (covariance = dof/(dof - 2) of it).
     limits : (n_par,) each, at which draws are folded.  bend, bent : what the components (n_component,) of a bent ridge follow.
+    dof : degrees of freedom of all components.
     """
 
     weights: FloatArray
     means: FloatArray
     factors: FloatArray
     limits: Support | None = None
-    bend: Bend | None = None
+    bend: Bend | Curving | None = None
     bent: NDArray[np.bool_] | None = None
+    dof: int = DOF
 
     @property
     def n_par(self) -> int:
@@ -67,7 +70,7 @@ class Proposal:
     def _log_heights(self) -> FloatArray:
         """(n_component,) log of weight times density at the centre."""
         d = self.n_par
-        unit = math.lgamma(0.5 * (DOF + d)) - math.lgamma(0.5 * DOF) - 0.5 * d * math.log(DOF * math.pi)
+        unit = math.lgamma(0.5 * (self.dof + d)) - math.lgamma(0.5 * self.dof) - 0.5 * d * math.log(self.dof * math.pi)
         return np.log(self.weights) + unit - np.sum(np.log(np.diagonal(self.factors, axis1=1, axis2=2)), axis=1)
 
     @cached_property
@@ -82,7 +85,7 @@ class Proposal:
             return None
         low, high = (np.tile(limit, (self.weights.size, 1)) for limit in self.limits)
         if self.bend is not None:  # a limit of what is moved by a bend is no limit of the straight one
-            moved = self.follows[:, None] & (self.bend.shift != 0.0)
+            moved = self.follows[:, None] & self.bend.moves
             low[moved], high[moved] = -np.inf, np.inf
         return folding(self.weights, self.means, self.factors, low, high)
 
@@ -97,22 +100,27 @@ class Proposal:
         A proposal that was adapted to draws of itself may miss a long tail (of an outlier's width, say), and weights cannot
         show what was never drawn.  Where the wide draws find something, k-hat and the effective size say so.
         """
-        bent = self.bend is not None and bool(np.any(self.follows))  # the straight components beside a bent ridge are wide ones already
+        return self.guarded(_FAR_SHARE, _FAR_FACTOR)
+
+    def guarded(self, share: float, factor: float) -> Proposal:
+        """A `share` of the draws from `factor` times as far around; along a bent ridge, bent too: what is straight beside it is wide already."""
+        bent = self.bend is not None and bool(np.any(self.follows))
         part = self.follows if bent else np.ones(self.weights.size, dtype=bool)
         weights, means, factors = self.weights[part] / np.sum(self.weights[part]), self.means[part], self.factors[part]
         mean = weights @ means
         away = means - mean
         scale = np.einsum("k,kij,klj->il", weights, factors, factors) + (weights[:, None] * away).T @ away
-        return self._with(mean, scale, _FAR_SHARE, _FAR_FACTOR, bent=bent)
+        return self._with(mean, scale, share, factor, bent=bent)
 
     def _with(self, mean: FloatArray, scale: FloatArray, share: float, factor: float, *, bent: bool = False) -> Proposal:
         """A `share` of the draws from one more component."""
         return Proposal(
             np.append((1.0 - share) * self.weights, share), np.vstack([self.means, mean]),
             np.concatenate([self.factors, factor * lower_factor(scale)[None]]), self.limits, self.bend, np.append(self.follows, bent),
+            self.dof,
         )
 
-    def following(self, bend: Bend | None) -> Proposal:
+    def following(self, bend: Bend | Curving | None) -> Proposal:
         """All components bent."""
         return self if bend is None else replace(self, bend=bend, bent=np.ones(self.weights.size, dtype=bool))
 
@@ -129,12 +137,12 @@ class Proposal:
         weights = np.append((1.0 - _TAIL_SHARE) * self.weights, np.full(n, _TAIL_SHARE / n))
         return Proposal(
             weights, np.vstack([self.means, means]), np.concatenate([self.factors, factors]), self.limits, self.bend,
-            np.append(self.follows, [False] * n),
+            np.append(self.follows, [False] * n), self.dof,
         )
 
     def draw(self, rng: np.random.Generator, n: int) -> FloatArray:
         """(n, n_par) independent draws."""
-        normal = rng.standard_normal((n, self.n_par)) / np.sqrt(rng.chisquare(DOF, n) / DOF)[:, None]
+        normal = rng.standard_normal((n, self.n_par)) / np.sqrt(rng.chisquare(self.dof, n) / self.dof)[:, None]
         if self.weights.size == 1 and self._folding is None and self.bend is None:
             return self.means[0] + normal @ self.factors[0].T
         which = rng.choice(self.weights.size, n, p=self.weights)
@@ -154,7 +162,7 @@ class Proposal:
 
     def component_log_densities(self, draws: FloatArray) -> FloatArray:
         """(n_component, n_draw) log of weight times density of each component."""
-        return self._log_heights[:, None] - 0.5 * (DOF + self.n_par) * np.log1p(self.distances(draws) / DOF)
+        return self._log_heights[:, None] - 0.5 * (self.dof + self.n_par) * np.log1p(self.distances(draws) / self.dof)
 
     def log_density(self, draws: FloatArray) -> FloatArray:
         """(n_draw,) normalised log density at draws (n_draw, n_par)."""
@@ -181,12 +189,12 @@ class Proposal:
             rows = max(16, _BLOCK // (own.size * folds.n_image(int(own[0]))))
             for first in range(0, len(draws), rows):
                 some = slice(first, first + rows)
-                total[some] += heights @ np.sum(half_power(1.0 + folds.distances(at[:, some], own) / DOF, int(DOF) + self.n_par), axis=0)
+                total[some] += heights @ np.sum(half_power(1.0 + folds.distances(at[:, some], own) / self.dof, self.dof + self.n_par), axis=0)
         near = total > 0.0
         found = top + np.log(np.where(near, total, 1.0))
         if not np.all(near):  # so far away that only logarithms know it
-            far = [(own, 1.0 + folds.distances((straight if bent else columns)[:, ~near], own) / DOF) for bent, own in self._alike]
-            logs = [self._log_heights[own][:, None] - 0.5 * (DOF + self.n_par) * np.log(falls) for own, falls in far]
+            far = [(own, 1.0 + folds.distances((straight if bent else columns)[:, ~near], own) / self.dof) for bent, own in self._alike]
+            logs = [self._log_heights[own][:, None] - 0.5 * (self.dof + self.n_par) * np.log(falls) for own, falls in far]
             found[~near] = np.logaddexp.reduce(np.concatenate([part.reshape(-1, part.shape[-1]) for part in logs]), axis=0)
         return found
 

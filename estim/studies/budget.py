@@ -18,9 +18,9 @@ The draws check it without any linearity: for a normal prior the posterior mean 
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import partial
+from functools import cached_property, partial
 
 import numpy as np
 
@@ -30,6 +30,7 @@ from estim.fitting import Fit, linear_derived, prior_slopes
 from estim.problem import Normal, Observations, Problem
 
 READINGS, STATED, PRIOR = "readings", "stated", "prior"
+_MOST = 150  # quantities of a kind: sources times quantities grow with the square of the number of runs
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,12 +61,12 @@ class Budget:
     sds: FloatArray
     posterior: FloatArray
 
-    @property
+    @cached_property
     def shares(self) -> FloatArray:
         """(n_source, n_quantity) of the variance; columns add up to 1."""
         return np.square(self.contributions / self.sds)
 
-    @property
+    @cached_property
     def shares_drawn(self) -> FloatArray:
         """(n_source, n_quantity) of the variance of the draws; nan where they do not tell."""
         return np.square(self.drawn / self.posterior)
@@ -99,31 +100,31 @@ def uncertainty_budget(fit: Fit, draws: FloatArray) -> Budget | None:
     priors = [Source(fit.names[i], STATED if isinstance(problem.parameters[i].prior, Normal) else PRIOR) for i in told]
     further = [Source(name, "common" if name in USUAL else "curve") for name in parts]
     values = np.column_stack([q.of(draws) for q in quantities])
-    drawn = [_drawn(problem.parameters[i].prior, draws[:, i], values) for i in told]
+    drawn = _drawn([problem.parameters[i].prior for i in told], draws[:, told], values)
     nothing = np.full(sds.size, np.nan)
     return Budget(
         sources=(*priors, *further, Source(READINGS, READINGS)),
         names=tuple(q.name for q in quantities),
         contributions=np.vstack([*stated, *parts.values(), np.sqrt(np.maximum(rest, 0.0))]),
-        drawn=np.vstack([*drawn, *(nothing for _ in parts), nothing]),
+        drawn=np.vstack([drawn, *(nothing for _ in parts), nothing]),
         sds=sds, posterior=values.std(axis=0, ddof=1),
     )
 
 
-def _drawn(prior: object, draws: FloatArray, values: FloatArray) -> FloatArray:
-    """(n_quantity,) Cov(q, p)/u for a normal prior with standard deviation u; nan for another."""
-    if not isinstance(prior, Normal):
-        return np.full(values.shape[1], np.nan)
-    off = draws - draws.mean()
-    return np.asarray(off @ (values - values.mean(axis=0)) / (draws.size - 1) / prior.sd)
+def _drawn(priors: Sequence[object], draws: FloatArray, values: FloatArray) -> FloatArray:
+    """(n_prior, n_quantity) Cov(q, p)/u for a normal prior with standard deviation u; nan for another.  draws : (n_draw, n_prior)."""
+    sds = np.array([prior.sd if isinstance(prior, Normal) else np.nan for prior in priors])
+    off = draws - draws.mean(axis=0)
+    return np.asarray(off.T @ (values - values.mean(axis=0)) / (len(draws) - 1) / sds[:, None])
 
 
 def _quantities(fit: Fit) -> list[_Quantity]:
-    """The parameters of the curve, and what was sought: once where it is the same for all runs."""
+    """The parameters of the curve, of many those that runs share first, and what was sought: once where it is the same for all runs."""
     problem, found = fit.problem, list[_Quantity]()
-    for i, name in enumerate(fit.names):
-        if name not in problem.noise_names:
-            found.append(_Quantity(name, np.eye(1, fit.values.size, i)[0], partial(_column, i)))
+    noise = problem.noise_names
+    for i in problem.foremost(_MOST):
+        if fit.names[i] not in noise:
+            found.append(_Quantity(fit.names[i], np.eye(1, fit.values.size, i)[0], partial(_column, i)))
     by_name: dict[str, list[tuple[str, FloatArray, Callable[[FloatArray], FloatArray]]]] = {}
     for run in problem.runs:
         wanted = {one.name for one in run.sought}
@@ -133,7 +134,7 @@ def _quantities(fit: Fit) -> list[_Quantity]:
                 by_name.setdefault(one.name, []).append((run.name, one.gradient, of))
     for name, each in by_name.items():
         same = all(np.allclose(gradient, each[0][1], rtol=1e-6) for _, gradient, _ in each)
-        shown = [("", *each[0][1:])] if same else [(f"[{run}]", gradient, of) for run, gradient, of in each]
+        shown = [("", *each[0][1:])] if same else [(f"[{run}]", gradient, of) for run, gradient, of in each[:_MOST]]
         found += [_Quantity(name + level, gradient, of) for level, gradient, of in shown]
     return found
 

@@ -117,11 +117,18 @@ class _Work:
 
     def _together(self, runs: Sequence[str], progress: Progress | None) -> _Together:
         joint = analyse(self.campaign, runs, seed=self.seed, target=self.target, progress=progress)
-        firsts = (self.campaign.fit(self.campaign.problem(runs[:n]), rng=stream(self.seed, Stream.NARROWING)) for n in range(2, len(runs)))
+        firsts = (self._first(runs[:n], joint.fit) for n in range(2, len(runs)))
         return _Together(
             joint, energies=energy_along(joint, rng=stream(self.seed, Stream.ENERGY)), drift=drift_of(joint, rng=stream(self.seed, Stream.DRIFT)),
             propagated=propagated_bands(joint, rng=stream(self.seed, Stream.PROPAGATED_BANDS)), firsts=tuple(firsts),
         )
+
+    def _first(self, runs: Sequence[str], together: Fit) -> Fit:
+        """The fit of some runs, near that of more of them."""
+        problem = self.campaign.problem(runs)
+        known = dict(zip(together.names, together.values, strict=True))
+        near = np.array([known.get(name, value) for name, value in zip(problem.names, problem.start(), strict=True)])
+        return self.campaign.fit(problem, rng=stream(self.seed, Stream.NARROWING), near=near)
 
 
 def reanalyse(campaign: Campaign, *, seed: int, target: Target, progress_of: ProgressOf, jobs: int = 1) -> Reanalysis:

@@ -1,0 +1,41 @@
+"""Where a body was read, without most of the errors of the readings, for what is asked of a curve at a place that must not know these errors.
+
+A column of a linear model that is evaluated at the readings has their errors e in it: d(column)/dx times e.  Where frames are so dense that a body
+moves less than e between them this is no longer small beside the column, and it is not independent of the residuals, which are made of the same
+e: whitened residuals of a run that lacks nothing lean on the column (on a shift of the clock, beside the release, by 9 standard deviations with 1,400
+frames in 3 s, where the body moves by a fifth of e from one frame to the next).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from estim.arrays import FloatArray
+
+_REACH, _FEW = 2.0, 5  # sds of a reading, by which the body moves to either side; readings for a line
+
+
+def settled(t: FloatArray, x: FloatArray, speed: FloatArray, sd: float) -> FloatArray:
+    """(n_row,) by straight lines through the readings x (n_row,) at t (n_row,) s (five or more) between which the body moves 2 `sd` either way.
+
+    In such a window +-w a path from rest lies on average a w^2/6 = (2 sd)^2/(12 x) above its middle: at most sd/15, from five sds of the release on.
+    Readings that are farther apart stay as they are.  speed : (n_row,) > 0, unit of x per s.
+    """
+    reach = _REACH * sd / speed
+    first, last = np.searchsorted(t, t - reach, "left"), np.searchsorted(t, t + reach, "right")
+    many = np.flatnonzero(last - first >= _FEW)
+    found = x.copy()
+    since, rise = t - np.mean(t), x - np.mean(x)
+    n = (last - first)[many]
+    mean_t, mean_x = (_between(column, first[many], last[many]) / n for column in (since, rise))
+    square = _between(since * since, first[many], last[many]) - n * mean_t**2
+    slope = (_between(since * rise, first[many], last[many]) - n * mean_t * mean_x) / square
+    found[many] = np.mean(x) + mean_x + slope * (since[many] - mean_t)
+    return found
+
+
+def _between(values: FloatArray, first: NDArray[np.int64], last: NDArray[np.int64]) -> FloatArray:
+    """Sums of values[first:last]."""
+    total = np.append(0.0, np.cumsum(values))
+    return np.asarray(total[last] - total[first])

@@ -1,0 +1,18 @@
+"""The prior of a size that nobody stated."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from estim.common import phrase, with_unit
+from estim.problem.priors import LogNormal
+
+
+@dataclass(frozen=True)
+class Unstated(LogNormal):
+    """Log-normal about what the points themselves show, so wide that it hardly matters."""
+
+    def describe(self, unit: str = "1") -> str:
+        median = with_unit(f"{self.median:.2g}", unit)
+        return phrase("inferred; weak prior, within a factor {factor:.0f} of {median}", factor=math.exp(self.log_sd), median=median)
