@@ -9,6 +9,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
+from estim.arrays import FloatArray
 from estim.campaign import Campaign, NoiseTable, as_complete
 from estim.checks import (
     SURE,
@@ -61,6 +62,7 @@ from estim.sampling import (
     Target,
     certified_chain,
     marginal_chain,
+    motion_end,
     no_comparison,
     posterior_bands,
     proposed_chain,
@@ -115,6 +117,14 @@ class Analysis:
         """Bands of every run."""
         rng = stream(self.seed, Stream.BANDS)
         return posterior_bands(self.problem, self.chain.thinned(_BAND_DRAWS), rng=rng, forces=self.fit.forces)
+
+    @cached_property
+    def ends(self) -> tuple[FloatArray, ...]:
+        """(n_draw,) of every run where its motion ends, as in its bands."""
+        if self.fit.forces:
+            return tuple(one.end for one in self.bands)
+        draws = self.chain.thinned(_BAND_DRAWS)
+        return tuple(motion_end(self.problem, run, draws) for run in self.problem.runs)
 
     @cached_property
     def estimates(self) -> tuple[Estimate, ...]:

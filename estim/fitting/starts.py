@@ -14,11 +14,16 @@ from estim.fitting.separable import SeparableSearch
 from estim.problem import Posterior, Problem
 
 _NEAR = 9.0  # mean square of the whitened residuals
+_SAME = 0.5  # in log density
 
 
-def explains(posterior: Posterior, values: FloatArray) -> bool:
-    """Whether the curve passes near the points at `values` (n_par,): elsewhere it may be flat, and a first look leads there whatever lies beyond."""
-    return float(np.mean(posterior.size_residuals(values) ** 2)) < _NEAR
+def stands_for(posterior: Posterior, values: FloatArray, led: FloatArray) -> bool:
+    """Whether `led` need not be searched from beside the optimum `values` (n_par,) of `posterior`: its density is as high.
+
+    Only where the curve passes near the points: elsewhere it may be flat, and a first look leads there whatever lies beyond.
+    """
+    heights = posterior.log_density(np.vstack([values, led]))
+    return float(np.mean(posterior.size_residuals(values) ** 2)) < _NEAR and abs(float(heights[1] - heights[0])) < _SAME
 
 
 def led_together(posterior: Posterior, starts: FloatArray) -> FloatArray:

@@ -166,7 +166,7 @@ def result_of(
         curve_deviation=curve_deviations(analysis), deviation=deviations(analysis), explanation=explanation_summary(analysis.explanation),
         rolling=rolling_summaries(analysis),
         turning_point={
-            b.run: _turning_point(b.end, run, diagnosis) for b, run in zip(analysis.bands, problem.runs, strict=True) if run.motion is not None
+            run.name: _turning_point(end, run, diagnosis) for end, run in zip(analysis.ends, problem.runs, strict=True) if run.motion is not None
         },
         runs={run.name: _run(campaign, analysis, i) for i, run in enumerate(problem.runs)},
         provenance=provenance(campaign, [run.name for run in problem.runs], analysis.seed),

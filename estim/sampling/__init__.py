@@ -2,7 +2,7 @@
 
 Read `chain` first, then `certificate`."""
 
-from estim.sampling.bands import Bands, curve_draws, posterior_bands
+from estim.sampling.bands import Bands, curve_draws, motion_end, posterior_bands
 from estim.sampling.certificate import MAX_PARAMETERS, MAX_TIED, Agreement, Certificate, certify, no_comparison, too_many
 from estim.sampling.certified import Optima, certified_chain, proposed_chain
 from estim.sampling.chain import Chain, Progress, Target, sample_posterior
