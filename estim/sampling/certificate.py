@@ -44,7 +44,6 @@ _NEGLIGIBLE_END = 0.05  # the same for the ends of the 95 % interval
 _COARSE, _COARSE_END = 0.25, 0.5  # posterior sds: errors that hide larger differences prove nothing
 ENDS = (0.025, 0.975)  # quantiles that are compared
 _N_RESAMPLED = 4000
-_SPARE, _LEAST_GROWTH = 1.08, 1.2  # of the draws that an effective size lacks, which is known within some per cent; of all draws
 
 
 @dataclass(frozen=True, eq=False)
@@ -119,8 +118,7 @@ def certify(
 ) -> Certificate:
     """The posterior by Pareto-smoothed importance sampling from `proposal.widened()`.
 
-    n_draw : draws to begin with; more, up to `max_draw`, while the effective size is below `least_ess`: as many as that lacks; twice as many while
-        k-hat is above 0.7.
+    n_draw : draws to begin with; doubled, up to `max_draw`, while k-hat is above 0.7 or the effective size below `least_ess`.
 
     Raises NumericalError where the density is not a number.
     """
@@ -133,11 +131,9 @@ def certify(
         draws = np.vstack([draws, more])
         log_ratio = np.append(log_ratio, log_density_in_batches(density, more) - proposal.log_density(more))
         log_weights, k_hat, log_mean = pareto_smoothed(log_ratio)
-        ess = kish_size(log_weights)
-        if (k_hat <= K_HAT_LIMIT and ess >= least_ess) or wanted >= max_draw:
+        if (k_hat <= K_HAT_LIMIT and kish_size(log_weights) >= least_ess) or wanted >= max_draw:
             break
-        lacking = _SPARE * least_ess / ess if k_hat <= K_HAT_LIMIT and ess > 0.0 else 2.0
-        wanted = min(math.ceil(min(max(lacking, _LEAST_GROWTH), 2.0) * wanted), max_draw)
+        wanted = min(2 * wanted, max_draw)
     return _summarise(density.names, draws, log_weights, k_hat, log_mean, rng)
 
 

@@ -22,7 +22,7 @@ from estim.sampling.protocol import Density, Support, log_density_in_batches
 from estim.sampling.ridge import Frame, framed, reordered, separate_modes
 from estim.sampling.walk import Rule, follow
 
-_RULE = Rule(depth=10.0, fall=2.0, tolerance=1e-2, n_step=1)
+_RULE = Rule(depth=10.0, fall=2.0, tolerance=1e-2)
 _POWER = 0.5  # of the share that a point of a ridge has
 _OVERLAP = 0.6  # of the distance between neighbours, standard deviation along the ridge
 _LONGEST_STAY = 40.0  # largest density over proposal, both normalised, at a draw of the posterior
