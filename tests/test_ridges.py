@@ -19,7 +19,7 @@ from estim.sampling.protocol import Density
 from estim.sampling.ridge import Frame, Support, climb, framed, reordered, rescaled, separate_modes
 from estim.sampling.walk import Rule, follow, walk
 
-RULE = Rule(depth=10.0, fall=2.0, tolerance=1e-2, n_step=1)
+RULE = Rule(depth=10.0, fall=2.0, tolerance=1e-2)
 ROUNDING = 1e-8  # standard deviations, and of log densities
 
 Case = tuple[Density, np.ndarray, np.ndarray, Sequence[np.ndarray], Support | None]
@@ -47,7 +47,7 @@ def frame_alone(frame: Frame, mode: np.ndarray, axis: int) -> Frame:
     order = np.array([axis, *(i for i in range(frame.n_par) if i != axis)])
     factor = lower_factor((frame.factor @ frame.factor.T)[np.ix_(order, order)])
     own = frame.order[order]
-    return rescaled(Frame(frame.density, own[None], mode[None, order], factor[None], frame.low[None, order], frame.high[None, order], coarse=True))
+    return rescaled(Frame(frame.density, own[None], mode[None, order], factor[None], frame.low[None, order], frame.high[None, order]))
 
 
 def ridge_alone(one: Frame) -> tuple[np.ndarray, np.ndarray]:

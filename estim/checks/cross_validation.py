@@ -13,6 +13,7 @@ import numpy as np
 
 from estim.arrays import FloatArray
 from estim.problem import Posterior
+from estim.sampling import log_sum_exp, pareto_smoothed
 
 INFLUENTIAL = 0.7  # of k-hat
 
@@ -34,17 +35,12 @@ class LeaveOneOut:
 
 def leave_one_out(posterior: Posterior, draws: FloatArray) -> LeaveOneOut:
     """PSIS-LOO from posterior draws (n_draw, n_par); where errors are correlated, each frame given all others of its run."""
-    from arviz_stats.base import array_stats
-    from scipy.special import logsumexp
-
     terms, shapes, total = [], [], 0.0
     for log_density in posterior.pointwise(draws):
-        # weights 1/density: arviz-stats takes minus the log weights
-        with np.errstate(over="ignore"):  # arviz-stats 0.6 computes weights of a grid as 1/exp(...), where inf rightly gives 0
-            log_weights, k_hat = array_stats.psislw(log_density.T)
-        terms.append(np.asarray(logsumexp(log_weights + log_density.T, axis=-1)))
-        shapes.append(np.asarray(k_hat))
-        total += float(np.sum(logsumexp(log_density, axis=0) - np.log(draws.shape[0])))
+        smoothed = [pareto_smoothed(-column)[:2] for column in log_density.T]  # weights 1/density
+        terms.append(log_sum_exp(np.array([log_weights for log_weights, _ in smoothed]).T + log_density, axis=0))
+        shapes.append(np.array([k_hat for _, k_hat in smoothed]))
+        total += float(np.sum(log_sum_exp(log_density, axis=0) - np.log(draws.shape[0])))
     flat = np.concatenate(terms)
     return LeaveOneOut(
         elpd=float(flat.sum()), se=float(np.sqrt(flat.size * np.var(flat, ddof=1))), p_loo=total - float(flat.sum()),

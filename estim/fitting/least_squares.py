@@ -23,7 +23,7 @@ from estim.fitting.finish import finished
 from estim.fitting.fisher_information import information
 from estim.fitting.noise_fit import fit_noise
 from estim.fitting.rounds import Held, settle_by_runs
-from estim.fitting.starts import led_together
+from estim.fitting.starts import led_together, stands_for
 from estim.problem import Posterior, Problem, Symmetry, informative
 
 _MAX_ROUNDS = 60
@@ -173,7 +173,8 @@ def _rough_ends(starts: list[tuple[FloatArray, Posterior]]) -> list[_End]:
     places: list[tuple[FloatArray, FloatArray, _End]] = []
     ends = []
     for (start, begun), led in zip(starts, led_together(starts[0][1], np.array([start for start, _ in starts])), strict=True):
-        twin = next((end for place, scale, end in places if float(np.max(np.abs(led - place) / scale)) < _TWINS), None)
+        near = (end for place, scale, end in places if float(np.max(np.abs(led - place) / scale)) < _TWINS)
+        twin = next((end for end in near if stands_for(end[1], end[0], led)), None)
         if twin is None:
             values, posterior, moved = _settle(start, begun, max_rounds=1, tolerance=_ROUGH)
             if math.isnan(moved):

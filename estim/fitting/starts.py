@@ -13,6 +13,18 @@ from estim.fitting.screen import led_down
 from estim.fitting.separable import SeparableSearch
 from estim.problem import Posterior, Problem
 
+_NEAR = 9.0  # mean square of the whitened residuals
+_SAME = 0.5  # in log density
+
+
+def stands_for(posterior: Posterior, values: FloatArray, led: FloatArray) -> bool:
+    """Whether `led` need not be searched from beside the optimum `values` (n_par,) of `posterior`: its density is as high.
+
+    Only where the curve passes near the points: elsewhere it may be flat, and a first look leads there whatever lies beyond.
+    """
+    heights = posterior.log_density(np.vstack([values, led]))
+    return float(np.mean(posterior.size_residuals(values) ** 2)) < _NEAR and abs(float(heights[1] - heights[0])) < _SAME
+
 
 def led_together(posterior: Posterior, starts: FloatArray) -> FloatArray:
     """(n_start, n_par) where least squares with the covariances of `posterior` lead from `starts` (n_start, n_par).

@@ -8,7 +8,7 @@ from estim.sampling.certified import Optima, certified_chain, proposed_chain
 from estim.sampling.chain import Chain, Progress, Target, sample_posterior
 from estim.sampling.checkpoint import Key, Pieces, PieceStore, Store, fingerprint, only_writer, problem_key
 from estim.sampling.diagnostics import mcse_mean, mixing_of
-from estim.sampling.importance import K_HAT_LIMIT, pareto_smoothed
+from estim.sampling.importance import K_HAT_LIMIT, log_sum_exp, pareto_smoothed
 from estim.sampling.marginal_draws import marginal_chain
 from estim.sampling.proposal import adapt_proposal
 from estim.sampling.stepping import Stop

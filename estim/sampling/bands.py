@@ -63,7 +63,7 @@ def posterior_ends(
 def _ends(
     problem: Problem, run: Observations, draws: FloatArray, completed: Completed | None, rng: np.random.Generator, n_x: int
 ) -> FloatArray:
-    _, end = curve_draws(problem, run, run.x[:1], draws)
+    end = motion_end(problem, run, draws)
     if completed is None:
         return end
     x = curve_grid(run, end, n_x)
@@ -89,19 +89,22 @@ def curve_grid(run: Observations, end: FloatArray, n_x: int) -> FloatArray:
 
 def curve_draws(problem: Problem, run: Observations, x: FloatArray, draws: FloatArray) -> tuple[FloatArray, FloatArray]:
     """The curve (n_draw, n_x) at each draw, 0 where the motion has ended, and where it ends (n_draw,)."""
-    arguments = run.bind(problem.named(draws))
-    end = np.broadcast_to(run.end(arguments), (draws.shape[0], 1))
-    value = np.broadcast_to(run.curve.value(x, arguments), (draws.shape[0], x.size))
-    return np.where(x <= end, value, 0.0), end[:, 0]
+    end = motion_end(problem, run, draws)
+    value = np.broadcast_to(run.curve.value(x, run.bind(problem.named(draws))), (draws.shape[0], x.size))
+    return np.where(x <= end[:, None], value, 0.0), end
+
+
+def motion_end(problem: Problem, run: Observations, draws: FloatArray) -> FloatArray:
+    """(n_draw,) where the motion of the curve alone ends at each draw (n_draw, n_par), inf where it does not."""
+    return np.broadcast_to(run.end(run.bind(problem.named(draws))), (draws.shape[0], 1))[:, 0]
 
 
 def _bands(
     problem: Problem, run: Observations, draws: FloatArray, completed: Completed | None, rng: np.random.Generator,
     probabilities: tuple[float, ...], n_x: int,
 ) -> Bands:
-    _, end = curve_draws(problem, run, run.x[:1], draws)
-    x = curve_grid(run, end, n_x)
-    curve, _ = curve_draws(problem, run, x, draws)
+    x = curve_grid(run, motion_end(problem, run, draws), n_x)
+    curve, end = curve_draws(problem, run, x, draws)
     named, scale = problem.named(draws), np.ones(draws.shape[0])
     if completed is not None:
         gained, scale = completed.gained(x, named, rng)

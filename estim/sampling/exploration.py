@@ -22,13 +22,12 @@ from estim.sampling.protocol import Density, Support, log_density_in_batches
 from estim.sampling.ridge import Frame, framed, reordered, separate_modes
 from estim.sampling.walk import Rule, follow
 
-_RULE = Rule(depth=10.0, fall=2.0, tolerance=1e-2, n_step=1)
+_RULE = Rule(depth=10.0, fall=2.0, tolerance=1e-2)
 _POWER = 0.5  # of the share that a point of a ridge has
 _OVERLAP = 0.6  # of the distance between neighbours, standard deviation along the ridge
 _LONGEST_STAY = 40.0  # largest density over proposal, both normalised, at a draw of the posterior
 _EVEN = 0.25  # effective share of its draws below which a proposal is grown anew
 _N_COMPONENT = (1, 6, 12)
-_FITTED = 0.7  # of the draws of a mixture with the ridges: what was fitted to draws is nearer to the posterior
 
 
 def ridge_proposal(
@@ -60,9 +59,9 @@ def along_ridges(frames: Frame) -> Proposal:
     return Proposal(np.exp(weights - log_sum_exp(weights)), at.original(points), factors)
 
 
-def both(a: Proposal, b: Proposal, *, share: float = 0.5) -> Proposal:
-    """A `share` of the draws from `a`, the others from `b`."""
-    weights = np.concatenate([share * a.weights, (1.0 - share) * b.weights])
+def both(a: Proposal, b: Proposal) -> Proposal:
+    """Half of the draws from each."""
+    weights = 0.5 * np.concatenate([a.weights, b.weights])
     return Proposal(
         weights, np.vstack([a.means, b.means]), np.concatenate([a.factors, b.factors]), a.limits, a.bend, np.concatenate([a.follows, b.follows])
     )
@@ -83,7 +82,7 @@ def repaired(
     if share > _EVEN and longest < _LONGEST_STAY:
         return adapted
     grown_ones = [grown(train, n_component, rng, adapted.limits) for n_component in _N_COMPONENT]
-    candidates = [adapted, *grown_ones, *(both(one, ridges, share=_FITTED) for one in (adapted, *grown_ones))]
+    candidates = [adapted, *grown_ones, *(both(one, ridges) for one in (adapted, *grown_ones))]
     worths = [_worth(one, test, heights) for one in candidates]
     return candidates[int(np.argmax([share * min(1.0, _LONGEST_STAY / longest) for share, longest in worths]))]
 

@@ -34,7 +34,6 @@ class Frame:
 
     order : (n_par,) which parameter comes first.  centre : (n_par,) a mode.  factor : (n_par, n_par) lower Cholesky factor of a
     covariance.  low, high : (n_par,) limits, infinite where there are none.  All but `order` in the new order.
-    coarse : whether steps take mixed second derivatives on one side alone, in half as many calls: for what only has to know about where.
 
     Several frames of one density stacked have one more axis in front of each, and then every point of (n, n_par) has a frame of its own.
     """
@@ -45,7 +44,6 @@ class Frame:
     factor: FloatArray
     low: FloatArray
     high: FloatArray
-    coarse: bool = False
 
     @property
     def n_par(self) -> int:
@@ -59,7 +57,7 @@ class Frame:
         """These of stacked frames (one of them, not stacked, for a number); a single frame, which serves all points, as it is."""
         if not self.stacked:
             return self
-        return Frame(self.density, self.order[which], self.centre[which], self.factor[which], self.low[which], self.high[which], self.coarse)
+        return Frame(self.density, self.order[which], self.centre[which], self.factor[which], self.low[which], self.high[which])
 
     def original(self, points: FloatArray) -> FloatArray:
         """(n, n_par) the same points with the parameters in the density's own order."""
@@ -125,7 +123,7 @@ def _climbed(
         heights[nowhere] = frame.rows(nowhere).heights(points[nowhere])
     scales = np.ones((len(points), n_free))
     for _ in range(n_step if n_free and len(points) else 0):
-        gradient, precision, scales = _derivatives(frame, points, n_held, scales, coarse=frame.coarse)
+        gradient, precision, scales = _derivatives(frame, points, n_held, scales)
         step, _ = _bounded_step(frame, points[:, n_held:], gradient, precision, n_held)
         for shrink in (1.0, 0.3, 0.05):
             trial = points.copy()
@@ -173,7 +171,7 @@ def reordered(frame: Frame, modes: FloatArray) -> Frame:
     centres = modes[:, orders].reshape(-1, frame.n_par)
     order, n_mode = np.tile(orders, (len(modes), 1)), len(modes)
     factors = np.tile(factors, (n_mode, 1, 1))
-    return rescaled(Frame(frame.density, frame.order[order], centres, factors, frame.low[order], frame.high[order], coarse=True))
+    return rescaled(Frame(frame.density, frame.order[order], centres, factors, frame.low[order], frame.high[order]))
 
 
 def separate_modes(frame: Frame, starts: Sequence[FloatArray]) -> FloatArray:
@@ -209,9 +207,7 @@ def rescaled(frames: Frame) -> Frame:
     return replace(frames, centre=centres, factor=factors)
 
 
-def _derivatives(
-    frame: Frame, points: FloatArray, n_held: int, scales: FloatArray, *, coarse: bool = False
-) -> tuple[FloatArray, FloatArray, FloatArray]:
+def _derivatives(frame: Frame, points: FloatArray, n_held: int, scales: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Gradient (n, n_free) and minus the second derivatives (n, n_free, n_free), made positive, and new scales (n, n_free)."""
     n, n_free = scales.shape
     base = frame.factor[..., n_held:, n_held:]
@@ -223,8 +219,7 @@ def _derivatives(
     centre[:, n_held:] = np.clip(points[:, n_held:], low + margin, high - margin)
     first, second = np.triu_indices(n_free, 1)
     eye = np.eye(n_free)
-    sides = [eye[first] + eye[second]] if coarse else [eye[first] + eye[second], -eye[first] - eye[second]]
-    moves = np.concatenate([np.zeros((1, n_free)), eye, -eye, *sides])
+    moves = np.concatenate([np.zeros((1, n_free)), eye, -eye, eye[first] + eye[second], -eye[first] - eye[second]])
     stencil = np.repeat(centre[:, None], len(moves), axis=1)
     stencil[:, :, n_held:] += _STEP * np.einsum("mj,nij->nmi", moves, directions)
     values = frame.rows(np.repeat(np.arange(n), len(moves))).heights(stencil.reshape(-1, frame.n_par)).reshape(n, -1)
@@ -236,11 +231,8 @@ def _derivatives(
     curvature = np.zeros((n, n_free, n_free))
     single = plus + minus - 2.0 * middle
     curvature[:, np.arange(n_free), np.arange(n_free)] = -single / _STEP**2
-    if coarse:
-        mixed = -(pairs + middle - plus[:, first] - plus[:, second]) / _STEP**2
-    else:
-        both = pairs[:, : first.size] + pairs[:, first.size :]
-        mixed = -(both - 2.0 * middle - single[:, first] - single[:, second]) / (2.0 * _STEP**2)
+    both = pairs[:, : first.size] + pairs[:, first.size :]
+    mixed = -(both - 2.0 * middle - single[:, first] - single[:, second]) / (2.0 * _STEP**2)
     curvature[:, first, second] = curvature[:, second, first] = mixed
     curvature[~known] = eye
     eigenvalues, vectors = np.linalg.eigh(curvature)

@@ -36,13 +36,12 @@ class Rule:
     """How fine.
 
     depth : to which the log of the density is followed.  fall : of a step at the mode; more by 1 for each unit of depth.
-    tolerance : relative, of a panel.  n_step : Newton steps to a conditional maximum.
+    tolerance : relative, of a panel.
     """
 
     depth: float
     fall: float
     tolerance: float
-    n_step: int = 2
 
 
 def walk(
@@ -81,7 +80,7 @@ def walk(
         guess[:, : axis + 1] = here_[:, : axis + 1]
         guess[:, axis] = at
         guess[:, axis + 1 :] = np.clip(guess[:, axis + 1 :], own.low[..., axis + 1 :], own.high[..., axis + 1 :])
-        found = climb(own, guess, axis + 1, n_step=rule.n_step, otherwise=here_)
+        found = climb(own, guess, axis + 1, otherwise=here_)
         masses = found.log_masses
         allowed = rule.fall + (tops - mass)[active].clip(0.0)
         fall = mass[active] - masses
