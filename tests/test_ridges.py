@@ -82,7 +82,7 @@ def test_ridges_followed_together_are_those_followed_one_by_one(name: str, repli
         np.testing.assert_allclose(together.means[of_ridge] / sds, one.original(way) / sds, rtol=0.0, atol=ROUNDING)
         np.testing.assert_allclose(together.factors[of_ridge] / sds[:, None], alone.factors / sds[:, None], rtol=0.0, atol=10.0 * ROUNDING)
         shares = together.weights[of_ridge] / np.sum(together.weights[of_ridge])
-        np.testing.assert_allclose(shares, alone.weights, rtol=ROUNDING)
+        assert np.all(np.abs(shares / alone.weights - 1.0) < ROUNDING * (1.0 + slope))  # the root of a mass, times the way to its neighbours
 
 
 def test_ridges_are_weighted_by_the_root_of_their_masses_and_their_steps() -> None:

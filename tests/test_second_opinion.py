@@ -113,9 +113,9 @@ def test_adapted_proposal_alone_leaves_it_out_and_its_own_importance_sampling_do
     same = certify(fit.posterior, alone, rng=rng[0])
     assert same.reliable
     assert same.sd[1] < 0.94 * grid().sd
-    chain = sample_posterior(fit.posterior, fit.values, fit.cov, target=Target(), rng=rng[1], proposal=alone)
-    assert chain.convergence.met
-    assert share_below(chain, 0.7)[0] < 0.75 * grid().below
+    chains = [sample_posterior(fit.posterior, fit.values, fit.cov, target=Target(), rng=one, proposal=alone) for one in rng[1].spawn(4)]
+    assert all(chain.convergence.met for chain in chains)
+    assert np.mean([share_below(chain, 0.7)[0] for chain in chains]) < 0.75 * grid().below
     # along the ridges it is seen, by importance sampling as well
     ridges = ridge_proposal(fit.posterior, fit.values, fit.cov, support=fit.problem.support())
     other = certify(fit.posterior, both(alone, ridges), rng=np.random.default_rng(3), least_ess=20_000.0)
@@ -174,7 +174,7 @@ def test_difference_that_does_not_come_back_was_chance(monkeypatch: pytest.Monke
         return compare_with_chain(certificate, shifted if len(compared) == 1 else chain, most=most)
 
     monkeypatch.setattr(certified, "compare_with_chain", compare)
-    analysis = analyse_fit(two_exponentials(), seed=1)
+    analysis = analyse_fit(two_exponentials(), seed=1, target=Target(ess=7000.0))
     first, second = compared
     assert not np.array_equal(first.draws[0, :20], second.draws[0, :20])
     assert analysis.chain is second
