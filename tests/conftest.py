@@ -118,9 +118,7 @@ def pytest_xdist_make_scheduler(config: pytest.Config, log: Producer) -> LoadSco
 
 
 def pytest_collection_finish() -> None:
-    """Thousands of tests stay to the end: no need to look for garbage among them, nor after every few hundred objects."""
-    gc.collect()
-    gc.freeze()
+    """Thousands of tests stay to the end: no need to look for garbage among them after every few hundred objects."""
     gc.set_threshold(10_000, 20, 20)
 
 
