@@ -56,7 +56,7 @@ from estim.versions import version
 from estim.words import Voice, advice_for, common_error, tell
 
 SCHEMA = "estim-result/1"
-_PACKAGES = ("estim", "numpy", "scipy", "lmfit", "emcee", "arviz-stats", "uncertainties")
+_PACKAGES = ("estim", "numpy", "scipy", "lmfit", "emcee", "uncertainties")
 
 
 class Result(msgspec.Struct, frozen=True, dict=True, rename={"schema_": "schema"}):

@@ -24,7 +24,7 @@ from estim.versions import version
 
 Key = Mapping[str, Mapping[str, str]]
 
-_PACKAGES = ("estim", "numpy", "emcee", "scipy", "lmfit", "arviz-stats")
+_PACKAGES = ("estim", "numpy", "emcee", "scipy", "lmfit")
 _FOLLOWING = ("moves", "starting points", "density")  # they change with any other part: named only if nothing else differs
 _SHORT, _LISTED, _PARTS = 40, 4, 12
 
