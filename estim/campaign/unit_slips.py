@@ -17,7 +17,7 @@ _T = TypeVar("_T", LevelTable, RunTable)
 
 @dataclass(frozen=True, eq=False)
 class Slip:
-    """words : what may be wrong.  remark : what to write.  parameters : the quantities.  source : the campaign with that."""
+    """words : what may be wrong.  remark : what to write.  quantities : of the angles.  source : the campaign with that."""
 
     words: str
     remark: str

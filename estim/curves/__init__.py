@@ -11,5 +11,5 @@ from estim.curves.regimes import Fate, borders_of, farthest_stop, fate_at, place
 from estim.curves.rolling import MotionCurve, PhaseCurve, RollingMotion
 from estim.curves.shared_errors import Component, DistortedCurve
 from estim.curves.sought import SoughtQuantity, check_sought, seek
-from estim.curves.varying import VaryingCurve, VaryingMotion, shift_of, spread_of
 from estim.curves.units import contradiction, refuse_degrees
+from estim.curves.varying import VaryingCurve, VaryingMotion, shift_of, spread_of

@@ -11,6 +11,7 @@ either is.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -60,10 +61,10 @@ def along_ridges(frames: Frame) -> Proposal:
 
 
 def both(a: Proposal, b: Proposal) -> Proposal:
-    """Half of the draws from each."""
-    weights = 0.5 * np.concatenate([a.weights, b.weights])
-    return Proposal(
-        weights, np.vstack([a.means, b.means]), np.concatenate([a.factors, b.factors]), a.limits, a.bend, np.concatenate([a.follows, b.follows])
+    """Half of the draws from each; limits, bend and tails are those of `a`, and `b` is one that is not bent."""
+    return replace(
+        a, weights=0.5 * np.concatenate([a.weights, b.weights]), means=np.vstack([a.means, b.means]),
+        factors=np.concatenate([a.factors, b.factors]), bent=np.concatenate([a.follows, np.zeros(b.weights.size, dtype=bool)]),
     )
 
 
