@@ -19,7 +19,7 @@ from estim.sampling.protocol import Density
 from estim.sampling.ridge import Frame, Support, climb, framed, reordered, rescaled, separate_modes
 from estim.sampling.walk import Rule, follow, walk
 
-RULE = Rule(depth=10.0, fall=2.0, tolerance=1e-2)
+RULE = Rule(depth=10.0, fall=2.0, tolerance=1e-2, least=1e-2, quick=True)
 ROUNDING = 1e-8  # standard deviations, and of log densities
 
 Case = tuple[Density, np.ndarray, np.ndarray, Sequence[np.ndarray], Support | None]

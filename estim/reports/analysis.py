@@ -109,7 +109,7 @@ def report_and_result(
             result, section, corner_words(analysis.problem, truth=bool(campaign.truth)), pictures, converged=analysis.chain.convergence.met,
             consistency="" if agreement is None else consistency_text(agreement, pictures, limits_only=not analysis.diagnosis.ok, on_edge=on_edge),
             explanation="" if analysis.explanation is None else explanation_text(analysis.explanation), counts=counts_text(analysis.fit, pictures),
-            shares=shares, misfit=misfit_words(residuals_of(analysis)),
+            shares=shares, misfit=misfit_words(residuals_of(analysis)) if pictures else "",
             first_step=slip_words(analysis.explanation) or first_step(analysis.diagnosis.findings, voice),
         )
 

@@ -32,7 +32,7 @@ _MOST_WALKERS = 512
 _BURN, _BURN_BLIND = 5.0, 10.0  # autocorrelation times: walkers that start from draws of the posterior have little to forget
 _YIELD = 0.65  # effective draws that a walker gives in an autocorrelation time: tails are worth less than the middle
 _PROPOSAL_SHARE, _LEAST_SHARE = 0.9, 0.1  # of the moves: for a proposal whose weights are even, and for one that cannot be trusted
-_GOOD_EFFICIENCY = 0.6  # effective share of its draws from which a proposal gets the full share of moves
+_GOOD_EFFICIENCY = 0.4  # effective share of its draws from which a proposal gets the full share of moves
 
 Progress = Callable[[int, str], None]
 """Called with the share of the draws needed that there are, in per cent, and a few words on what is being done or still lacks."""

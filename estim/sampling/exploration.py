@@ -23,12 +23,13 @@ from estim.sampling.protocol import Density, Support, log_density_in_batches
 from estim.sampling.ridge import Frame, framed, reordered, separate_modes
 from estim.sampling.walk import Rule, follow
 
-_RULE = Rule(depth=10.0, fall=2.0, tolerance=1e-2)
+_RULE = Rule(depth=10.0, fall=2.0, tolerance=1e-2, least=1e-2, quick=True)
 _POWER = 0.5  # of the share that a point of a ridge has
 _OVERLAP = 0.6  # of the distance between neighbours, standard deviation along the ridge
-_LONGEST_STAY = 40.0  # largest density over proposal, both normalised, at a draw of the posterior
-_EVEN = 0.25  # effective share of its draws below which a proposal is grown anew
-_N_COMPONENT = (1, 6, 12)
+_UNEVEN = 2.0  # density over proposal, root mean square at draws of the posterior, from which others are tried
+_N_COMPONENT = (1, 4, 8)
+_TRAINED = 0.75  # of the draws; the others judge
+_RIDGE_SHARES = (0.5, 0.2)  # of the draws of a mixture: a long tail needs many of them, an uneven middle fewer
 
 
 def ridge_proposal(
@@ -60,10 +61,10 @@ def along_ridges(frames: Frame) -> Proposal:
     return Proposal(np.exp(weights - log_sum_exp(weights)), at.original(points), factors)
 
 
-def both(a: Proposal, b: Proposal) -> Proposal:
-    """Half of the draws from each; limits, bend and tails are those of `a`, and `b` is one that is not bent."""
+def both(a: Proposal, b: Proposal, share: float = 0.5) -> Proposal:
+    """A `share` of the draws from `b`, which is not bent, the others from `a`; limits, bend and tails are those of `a`."""
     return replace(
-        a, weights=0.5 * np.concatenate([a.weights, b.weights]), means=np.vstack([a.means, b.means]),
+        a, weights=np.concatenate([(1.0 - share) * a.weights, share * b.weights]), means=np.vstack([a.means, b.means]),
         factors=np.concatenate([a.factors, b.factors]), bent=np.concatenate([a.follows, np.zeros(b.weights.size, dtype=bool)]),
     )
 
@@ -73,22 +74,21 @@ def repaired(
 ) -> Proposal:
     """The `adapted` proposal, or a better one where it leaves out what `draws` (n_draw, n_par) of the posterior hold.
 
-    What counts is the density over the proposal at draws of the posterior, which come from elsewhere: its mean is the reciprocal of
-    the effective share of the proposal's draws, its largest value how long a chain of such steps would stay in what the proposal
-    leaves out.  Tried are mixtures with the `ridges`, of the adapted one and of others fitted to half of the draws.
+    What counts is the density over the proposal, both normalised, at draws of the posterior, which come from elsewhere: its mean is the reciprocal
+    of the effective share of the proposal's draws, its largest values how long a chain of such steps would stay in what the proposal leaves out.
+    The root of its mean square heeds both.  Tried are mixtures with the `ridges`, of the adapted one and of others fitted to most of the draws.
     """
-    train, test = np.split(draws, [len(draws) // 2])
+    train, test = np.split(draws, [int(_TRAINED * len(draws))])
     heights = log_density_in_batches(density, test) - log_evidence
-    share, longest = _worth(adapted, test, heights)
-    if share > _EVEN and longest < _LONGEST_STAY:
+    if _unevenness(adapted, test, heights) < _UNEVEN:
         return adapted
     grown_ones = [grown(train, n_component, rng, adapted.limits) for n_component in _N_COMPONENT]
-    candidates = [adapted, *grown_ones, *(both(one, ridges) for one in (adapted, *grown_ones))]
-    worths = [_worth(one, test, heights) for one in candidates]
-    return candidates[int(np.argmax([share * min(1.0, _LONGEST_STAY / longest) for share, longest in worths]))]
+    plain = [adapted, *grown_ones]
+    candidates = [*plain, *(both(one, ridges, share) for one in plain for share in _RIDGE_SHARES)]
+    return min(candidates, key=lambda one: _unevenness(one, test, heights))
 
 
-def _worth(proposal: Proposal, draws: FloatArray, heights: FloatArray) -> tuple[float, float]:
-    """Effective share of the draws of `proposal`, and the largest density over proposal, by draws of the posterior and their log densities."""
-    ratio = np.exp(np.minimum(heights - proposal.log_density(draws), 600.0))
-    return 1.0 / max(float(np.mean(ratio)), 1e-300), float(np.max(ratio))
+def _unevenness(proposal: Proposal, draws: FloatArray, heights: FloatArray) -> float:
+    """Root mean square of density over proposal at draws of the posterior of log densities `heights`: 1 where both are the same, else more."""
+    ratio = np.exp(np.minimum(heights - proposal.log_density(draws), 300.0))
+    return float(np.sqrt(np.mean(ratio**2)))

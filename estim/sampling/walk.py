@@ -37,11 +37,14 @@ class Rule:
 
     depth : to which the log of the density is followed.  fall : of a step at the mode; more by 1 for each unit of depth.
     tolerance : relative, of a panel.
+    least : step in scales below which a walk ends: before a jump.  quick : second derivatives are taken once where that will do (`climb`).
     """
 
     depth: float
     fall: float
     tolerance: float
+    least: float = 1e-7
+    quick: bool = False
 
 
 def walk(
@@ -65,7 +68,7 @@ def walk(
     open_end = np.zeros(len(start), dtype=bool)  # a walk ended too early
     for _ in range(_MOST_STEPS):
         active = active[(np.abs(edge - here[:, axis]) > 1e-12 * first)[active] & (mass > tops - rule.depth)[active]]
-        small = step[active] <= 1e-7 * first[active]
+        small = step[active] <= rule.least * first[active]
         open_end[active[small & ~at_zero[active]]] = True  # before a jump: what lies behind it is not known
         active = active[~small]
         if active.size == 0:
@@ -80,7 +83,7 @@ def walk(
         guess[:, : axis + 1] = here_[:, : axis + 1]
         guess[:, axis] = at
         guess[:, axis + 1 :] = np.clip(guess[:, axis + 1 :], own.low[..., axis + 1 :], own.high[..., axis + 1 :])
-        found = climb(own, guess, axis + 1, otherwise=here_)
+        found = climb(own, guess, axis + 1, otherwise=here_, quick=rule.quick)
         masses = found.log_masses
         allowed = rule.fall + (tops - mass)[active].clip(0.0)
         fall = mass[active] - masses
