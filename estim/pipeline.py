@@ -174,7 +174,8 @@ def analyse(
     campaign.require_unknowns(problem)
     if progress is not None:
         progress(0, phrase("fit"))
-    fit = fit_beside(problem, beside, rng=stream(seed, Stream.FIT)) or campaign.fit(problem, rng=stream(seed, Stream.FIT))
+    near = fit_beside(problem, beside, rng=stream(seed, Stream.FIT), scanned=problem.n_par <= MAX_PARAMETERS)
+    fit = near or campaign.fit(problem, rng=stream(seed, Stream.FIT))
     analysis = analyse_fit(fit, seed=seed, target=target, progress=progress, store=store, stop=stop, marginal=marginal)
     return replace(analysis, title=campaign.title, kind=campaign.kind)
 

@@ -19,6 +19,7 @@ from model.chebyshev_series import evaluate
 FloatArray = NDArray[Any]
 
 _FEW, _COARSE, _FINE = 64, 65, 385  # degree up to which the table of a clock has so many knots, and beyond
+_TRIED = 4  # one interval of so many is tried
 _CLOSE = 1e-10  # of z: what a table may be off
 _MOST_STEPS = 80
 _SETTLED = 1e-7
@@ -31,7 +32,7 @@ def invert(t: FloatArray, clock: FloatArray, pace: FloatArray, end: FloatArray) 
     """
     table = _tabulated(clock, pace, end.shape[0])
     t = np.broadcast_to(t, np.broadcast_shapes(end.shape, t.shape))
-    z, low = table.at(t)
+    z, low = table.at(t, _places(table.times, t))
     coarse = np.flatnonzero(~table.close())
     if coarse.size:
         z = z.copy()
@@ -69,9 +70,11 @@ class _Table:
     second: FloatArray
     halfway: FloatArray
 
-    def at(self, t: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """z (n_draw, n_obs) at times t, and the knot below it; each polynomial takes t, dz/dt and d^2z/dt^2 from both of its ends."""
-        place = _places(self.times, t)
+    def at(self, t: FloatArray, place: NDArray[np.int64]) -> tuple[FloatArray, FloatArray]:
+        """z (n_draw, n_obs) at times t, and the knot below it; each polynomial takes t, dz/dt and d^2z/dt^2 from both of its ends.
+
+        place : (n_draw, n_obs) or (1, n_obs), the interval between knots that holds t.
+        """
         at, low, width = place + self.knots.size * np.arange(len(self.times))[:, None], self.knots.take(place), self.knots[1] - self.knots[0]
         before = self.times.take(at)
         step = self.times.take(at + 1) - before
@@ -87,7 +90,8 @@ class _Table:
 
     def close(self) -> NDArray[np.bool_]:
         """(n_draw,) whether z read off between knots is right."""
-        return np.asarray(np.max(np.abs(self.at(self.halfway)[0] - _between(self.knots)), axis=1) < _CLOSE)
+        off = self.at(self.halfway, np.arange(0, self.knots.size - 1, _TRIED)[None])[0] - _between(self.knots)
+        return np.asarray(np.max(np.abs(off), axis=1) < _CLOSE)
 
     def inside(self, t: FloatArray, z: FloatArray, low: FloatArray, rows: NDArray[np.int64]) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Ends of an interval that holds z, and z, of some draws."""
@@ -143,4 +147,4 @@ def _polynomials(degree: int) -> tuple[FloatArray, FloatArray, FloatArray]:
 
 def _between(knots: FloatArray) -> FloatArray:
     """Where a table is tried."""
-    return np.asarray(knots[:-1:4] + 0.5 * (knots[1] - knots[0]))
+    return np.asarray(knots[:-1:_TRIED] + 0.5 * (knots[1] - knots[0]))

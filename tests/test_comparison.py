@@ -171,3 +171,19 @@ def test_robust_noise_is_fit_from_where_the_plain_fit_ended_as_from_afar(tmp_pat
         assert np.max(np.abs(moved) / np.sqrt(np.diag(afar.cov))[: known.values.size]) > 1.0  # it had some way to go
     other = campaign(tmp_path, "sigma_v_m_s = 0.01", {name: column[3:] for name, column in columns.items()})
     assert fit_beside(other.problem(["r"]), [known], rng=rng) is None  # other points
+
+
+def test_robust_noise_has_the_further_optima_of_a_search_from_afar(tmp_path):
+    """Two frames of five a third too fast: the plain fit explains nothing, and where it ended is no word on how many optima other noise has."""
+    rng, columns = np.random.default_rng(1), speeds()
+    n = columns["x_m"].size
+    columns["v_m_s"] = columns["v_m_s"] + 0.01 * rng.standard_normal(n)
+    columns["v_m_s"][rng.permutation(n)[: int(0.4 * n)]] *= 1.3
+    pattern = campaign(tmp_path, "sigma_v_m_s = 0.01", columns)
+    plain, *robust = (pattern.problem(["r"], noise=candidate.table) for candidate in pattern.noise_models("r"))
+    fits = [pattern.fit(plain, rng=rng)]
+    fits.append(fit_beside(robust[0], fits, rng=np.random.default_rng(1)))
+    near, afar = fit_beside(robust[1], fits, rng=np.random.default_rng(1)), pattern.fit(robust[1], rng=np.random.default_rng(1))
+    assert len(near.others) == len(afar.others) > 0
+    assert near.posterior.log_density(near.values[None])[0] == pytest.approx(afar.posterior.log_density(afar.values[None])[0], abs=0.01)
+    assert len(fit_beside(robust[1], fits, rng=np.random.default_rng(1), scanned=False).others) == 0

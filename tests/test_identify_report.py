@@ -36,7 +36,7 @@ def posterior_draws(fit: Fit, rng: np.random.Generator, n: int = 4000) -> np.nda
 
 
 def section(fit: Fit, draws: np.ndarray) -> IdentifySection:
-    leaning = power_scaling(fit.problem, fit.posterior, draws)
+    leaning = power_scaling(fit.problem, draws, fit.posterior.log_likelihood(draws))
     return identify_section(fit.problem, identify(fit), profile_intervals(fit), leaning, draws)
 
 
@@ -139,7 +139,7 @@ def test_a_conflict_says_how_far_the_posterior_lies_from_the_prior(rng: np.rando
     y = np.full(9, 1.9) + 0.01 * np.arange(9)
     fit = fit_least_squares(formula_problem(lambda x, a: a + 0.0 * x, X[:9], y, 0.9, {"a": Normal(1.0, 0.3)}), rng=rng)
     draws = posterior_draws(fit, rng)
-    (leaning,) = power_scaling(fit.problem, fit.posterior, draws)
+    (leaning,) = power_scaling(fit.problem, draws, fit.posterior.log_likelihood(draws))
     told = identify_section(fit.problem, identify(fit), profile_intervals(fit), [replace(leaning, verdict=CONFLICT)], draws).rows[0].verdict
     pull = (draws[:, 0].mean() - 1.0) / 0.3
     assert 1.0 < pull < 2.0

@@ -130,6 +130,21 @@ def test_spreads_of_each_run_are_the_blocks_of_the_inverse(rng):
     assert np.allclose(nothing, [[0.1, 0.0], [0.0, 0.0]])
 
 
+def test_units_of_a_runs_own_parameters_change_nothing(rng):
+    """Columns of which one is 1e21 times as long as the other: an amplitude in pC and a rate in 1/s written in SI units."""
+    units = np.array([1.0, 1e-12, 1e9])
+    roots, slopes = [rng.standard_normal((9, 3)) for _ in range(3)], np.array([0.5, *[0.0] * 6])
+    columns = [np.array([0, 1 + 2 * i, 2 + 2 * i]) for i in range(3)]
+    whole, aim = np.array([1.0, *[1e-12, 1e9] * 3]), rng.standard_normal((9, 1))
+    plain, scaled = (
+        arrow.solve_by_runs([arrow.Rows(used, root / unit, aim) for used, root in zip(columns, roots, strict=True)], slopes, np.zeros((7, 1)))
+        for unit in (1.0, units)
+    )
+    assert np.allclose(scaled[:, 0] / whole, plain[:, 0], rtol=1e-9)
+    found, other = (arrow.spreads_by_runs([root / unit for root in roots], columns, slopes) for unit in (1.0, units))
+    assert np.allclose([one / np.outer(units, units) for one in other], found, rtol=1e-9)
+
+
 def test_parameters_of_which_nothing_is_said_stay_where_they_are():
     rows = [arrow.Rows(np.array([0, i]), np.array([[1.0, 0.0], [2.0, 0.0]]), np.array([[1.0], [2.0]])) for i in (1, 2)]
     assert np.allclose(arrow.solve_by_runs(rows, np.zeros(3), np.zeros((3, 1)))[:, 0], [1.0, 0.0, 0.0])
@@ -144,7 +159,7 @@ def test_many_runs_share_the_foremost_parameters(rng):
 def test_of_many_runs_priors_are_asked_for_where_a_run_needs_both(rng):
     problem, _ = lines(MANY, rng, Normal(1.0, 0.5))
     draws = problem.start() + 0.1 * rng.standard_normal((200, problem.n_par))
-    found = power_scaling(problem, problem.linearised(problem.start()), draws)
+    found = power_scaling(problem, draws, problem.linearised(problem.start()).log_likelihood(draws))
     assert list(found[2].by_prior) == ["slope", "bend", "offset[0]"]
     assert len(found[0].by_prior) == problem.n_par
 

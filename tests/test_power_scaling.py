@@ -25,7 +25,8 @@ def conjugate(prior_sd: float, sigma: float, y: float) -> tuple[float, float]:
 def rows(prior_sd: float, sigma: float, y: float, rng: np.random.Generator, n: int = 20_000):
     problem = formula_problem(lambda x, a: a * x, ONE, np.array([y]), sigma, {"a": Normal(0.0, prior_sd)})
     mean, sd = conjugate(prior_sd, sigma, y)
-    return power_scaling(problem, problem.linearised(np.zeros(1)), mean + sd * rng.standard_normal((n, 1)))[0]
+    draws = mean + sd * rng.standard_normal((n, 1))
+    return power_scaling(problem, draws, problem.linearised(np.zeros(1)).log_likelihood(draws))[0]
 
 
 def exact(base: tuple[float, float], scaled: list[tuple[float, float]]) -> float:
@@ -90,7 +91,7 @@ def test_flat_parameter_and_flat_prior_are_told_apart(rng: np.random.Generator) 
     """b does nothing and has a uniform prior: neither prior nor likelihood move it; a has a uniform prior and data."""
     problem = formula_problem(lambda x, a, b: a * x + 0.0 * b, ONE, ONE, 0.1, {"a": Uniform(-9.0, 9.0), "b": Uniform(0.0, 1.0)})
     draws = np.column_stack([1.0 + 0.1 * rng.standard_normal(8000), rng.random(8000)])
-    a, b = power_scaling(problem, problem.linearised(np.array([1.0, 0.5])), draws)
+    a, b = power_scaling(problem, draws, problem.linearised(np.array([1.0, 0.5])).log_likelihood(draws))
     assert (a.verdict, b.verdict) == (DETERMINED, WEAK)
     assert (a.prior, b.prior) == (0.0, 0.0)
     assert a.strongest is None
@@ -103,7 +104,7 @@ def test_the_prior_that_limits_another_parameter_is_named(rng: np.random.Generat
     problem = formula_problem(lambda x, a, b, c: a + b + 0.0 * c * x, ONE, np.array([2.0]), 0.1, priors)
     b = rng.standard_normal(8000)
     draws = np.column_stack([2.0 - b + 0.1 * rng.standard_normal(8000), b, rng.standard_normal(8000)])
-    found = power_scaling(problem, problem.linearised(np.zeros(3)), draws)
+    found = power_scaling(problem, draws, problem.linearised(np.zeros(3)).log_likelihood(draws))
     assert [row.strongest for row in found] == ["b", "b", "c"]
     assert found[0].by_prior["c"] < 0.02
     assert found[0].verdict == PRIOR_MATTERS
@@ -112,5 +113,6 @@ def test_the_prior_that_limits_another_parameter_is_named(rng: np.random.Generat
 def test_draws_that_are_not_of_the_posterior_are_not_judged(rng: np.random.Generator) -> None:
     """Draws a hundred sds wide give the whole weight to one of them."""
     problem = formula_problem(lambda x, a: a * x, ONE, np.array([0.5]), 0.1, {"a": Normal(0.0, 1.0)})
-    found = power_scaling(problem, problem.linearised(np.zeros(1)), 0.5 + 100.0 * rng.standard_normal((500, 1)))[0]
+    draws = 0.5 + 100.0 * rng.standard_normal((500, 1))
+    found = power_scaling(problem, draws, problem.linearised(np.zeros(1)).log_likelihood(draws))[0]
     assert found.verdict == UNRELIABLE

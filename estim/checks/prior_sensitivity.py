@@ -26,7 +26,7 @@ import numpy as np
 from estim.arrays import FloatArray
 from estim.common import later
 from estim.fitting import MANY
-from estim.problem import Posterior, Prior, Problem
+from estim.problem import Prior, Problem
 from estim.sampling import K_HAT_LIMIT, pareto_smoothed
 
 Weights = tuple[FloatArray, FloatArray]
@@ -66,11 +66,14 @@ class Sensitivity:
     verdict: str
 
 
-def power_scaling(problem: Problem, posterior: Posterior, draws: FloatArray, *, threshold: float = THRESHOLD) -> tuple[Sensitivity, ...]:
-    """Sensitivity of every parameter of `problem` to priors and likelihood, from posterior draws (n_draw, n_par); a few thousand are enough."""
+def power_scaling(problem: Problem, draws: FloatArray, log_likelihood: FloatArray, *, threshold: float = THRESHOLD) -> tuple[Sensitivity, ...]:
+    """Sensitivity of every parameter of `problem` to priors and likelihood, from posterior draws (n_draw, n_par); a few thousand are enough.
+
+    log_likelihood : (n_draw,) of the draws, up to a constant.
+    """
     each = np.column_stack([p.prior.log_density(draws[:, j]) for j, p in enumerate(problem.parameters)])
     prior, prior_k = _weights(each.sum(axis=1))
-    likelihood, likelihood_k = _weights(posterior.log_likelihood(draws))
+    likelihood, likelihood_k = _weights(log_likelihood)
     alone = [_weights(column)[0] for column in each.T]
     k_hat = max(prior_k, likelihood_k)
     rows, beside = [], _beside(problem)

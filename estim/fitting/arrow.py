@@ -109,12 +109,10 @@ def solve_by_runs(rows: Sequence[Rows], slopes: FloatArray, pulls: FloatArray) -
         aims.append(part.rest[:n].T @ one.target + part.rest[n:].T @ added)
         parts.append((part, part.basis[:n].T @ one.target + part.basis[n:].T @ added))
     design = np.vstack(below)
-    scale = np.linalg.norm(design, axis=0)
-    scale[scale == 0.0] = 1.0
-    found[border] = np.linalg.lstsq(design / scale, np.vstack(aims), rcond=None)[0] / scale[:, None]
+    found[border] = _solved(design, np.vstack(aims))
     for part, aim in parts:
         if part.mine.size:
-            found[part.mine] = np.linalg.lstsq(part.triangle, aim - part.along @ found[part.shared], rcond=None)[0]
+            found[part.mine] = _solved(part.triangle, aim - part.along @ found[part.shared])
     return found
 
 
@@ -130,18 +128,34 @@ def spreads_by_runs(roots: Sequence[FloatArray], columns: Sequence[Indices], slo
     place[border] = np.arange(border.size)
     parts = [_Part.of(used, root, mine, slopes) for used, root, mine in zip(columns, roots, own, strict=True)]
     design = np.vstack([np.diag(slopes[border]), *(part.below(place, border.size) for part in parts)])
-    scale = np.linalg.norm(design, axis=0)
-    scale[scale == 0.0] = 1.0
-    root_of_shared = np.linalg.pinv(design / scale, rcond=_NOTHING) / scale[:, None]
+    root_of_shared = _inverted(design)
     found = []
     for part, used in zip(parts, columns, strict=True):
-        turned, of_shared = np.linalg.pinv(part.triangle, rcond=_NOTHING), root_of_shared[place[part.shared]]
+        turned, of_shared = _inverted(part.triangle), root_of_shared[place[part.shared]]
         own_too = np.hstack([turned, -turned @ part.along @ of_shared])
         follow = np.zeros((used.size, own_too.shape[1]))
         follow[np.isin(used, part.mine)] = own_too
         follow[np.isin(used, part.shared), part.mine.size :] = of_shared
         found.append(follow @ follow.T)
     return found
+
+
+def _solved(design: FloatArray, aims: FloatArray) -> FloatArray:
+    """(n_column, n_target) least squares of a design (n_row, n_column), whatever the units of its columns; 0 where nothing is said."""
+    scale = _lengths(design)
+    return np.asarray(np.linalg.lstsq(design / scale, aims, rcond=None)[0] / scale[:, None])
+
+
+def _inverted(design: FloatArray) -> FloatArray:
+    """(n_column, n_row) pseudo-inverse of a design (n_row, n_column), whatever the units of its columns."""
+    scale = _lengths(design)
+    return np.asarray(np.linalg.pinv(design / scale, rcond=_NOTHING) / scale[:, None])
+
+
+def _lengths(design: FloatArray) -> FloatArray:
+    """(n_column,) of the columns, 1 where they are nothing."""
+    scale = np.linalg.norm(design, axis=0)
+    return np.where(scale > 0.0, scale, 1.0)
 
 
 def inverse_by_runs(matrix: FloatArray, problem: Problem) -> FloatArray | None:
@@ -270,7 +284,5 @@ def linear_response(
         design[above : above + len(root), used] = root
         above += len(root)
     design[above:] = np.diag(slopes)
-    scale = np.linalg.norm(design, axis=0)
-    scale[scale == 0.0] = 1.0
-    inverse = np.linalg.pinv(design / scale, rcond=1e-13) / scale[:, None]
+    inverse = _inverted(design)
     return lambda errors, of_priors: np.asarray(inverse @ np.vstack([*errors, of_priors]))

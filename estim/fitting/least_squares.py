@@ -191,9 +191,11 @@ def _rough_ends(starts: list[tuple[FloatArray, Posterior]]) -> list[_End]:
 
 
 def _inverse(matrix: FloatArray, problem: Problem) -> FloatArray:
-    """(n_par, n_par) inverse of an information matrix of the problem, of what it says something of."""
-    found = inverse_by_runs(matrix, problem) if many(problem) else None
-    return np.asarray(np.linalg.pinv(matrix, hermitian=True)) if found is None else found
+    """(n_par, n_par) inverse of an information matrix of the problem, of what it says something of, whatever the units of its parameters."""
+    units = np.sqrt(np.where(np.diag(matrix) > 0.0, np.diag(matrix), 1.0))
+    scaled = matrix / np.outer(units, units)
+    found = inverse_by_runs(scaled, problem) if many(problem) else None
+    return (np.asarray(np.linalg.pinv(scaled, hermitian=True)) if found is None else found) / np.outer(units, units)
 
 
 def _condition(matrix: FloatArray, inverse: FloatArray, problem: Problem) -> float:
@@ -233,11 +235,9 @@ def _settle(values: FloatArray, posterior: Posterior, *, max_rounds: int, hasty:
         if scale is None:
             return values, posterior, math.nan
         moved = float(np.max(np.abs(step) / scale, initial=0.0))
-        if moved < _SETTLED:
-            break
         if n_round >= _FEW_ROUNDS and moved > 0.5 * moved_before and (step / scale) @ (step_before / scale) < 0.0:
             share *= 0.5
-        if share < _LEAST_SHARE:  # the covariance has a jump there: no place where it stays
+        if moved < _SETTLED or share < _LEAST_SHARE:  # the covariance has a jump there: no place where it stays
             break
     return values, posterior, moved
 

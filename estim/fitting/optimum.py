@@ -34,6 +34,7 @@ N_START = 8
 _DECADES = 1.0  # spread of the points around the start, standard deviation of log10
 _ALIKE = 0.01  # squared distance of starts that are not worth two searches
 _FRAIL = 1e-11  # ratio of singular values
+_EXPLAINED = 0.01  # p-value from which a fit explains its points
 _SETTLED = 1e-7  # last step, in standard deviations
 _MOST_REFITTED = 6  # of them by full fits, where the curve is a model of the study
 _MOST_DESCENTS = 24  # from the dips of one round of scans
@@ -204,16 +205,20 @@ def scanned_fit(fit: Fit, *, rng: np.random.Generator) -> Fit:
     return replace(fit, others=far_apart(fit.values, ranked, scale))
 
 
-def fit_beside(problem: Problem, fits: Sequence[Fit], *, rng: np.random.Generator) -> Fit | None:
+def fit_beside(problem: Problem, fits: Sequence[Fit], *, rng: np.random.Generator, scanned: bool = True) -> Fit | None:
     """The mode of a problem with another noise than that of a fit to the same points: nothing has to be sought from afar again.
 
-    It is sought from the centre of its priors and from all optima of that of `fits` which has the points and the curve of `problem`.
-    None where none has, or where a curve lacks something, whose noise is no other noise alone.
+    It is sought from the centre of its priors and from all optima of that of `fits` which has the points and the curve of `problem`.  Where that
+    fit has one optimum, and explains the points by the noise that was stated, another noise has no other; elsewhere scans look for further ones,
+    if `scanned`.  None where none has, or where a curve lacks something, whose noise is no other noise alone.
     """
     known = next((fit for fit in fits if fit.success and not fit.singular and _same_curves(fit.problem, problem)), None)
     if known is None or any(run.force or run.lacks is not None for run in problem.runs):
         return None
-    return fit_least_squares(problem, rng=rng, n_start=1, further=[_placed(problem, known.names, place) for place in (known.values, *known.others)])
+    places = [_placed(problem, known.names, place) for place in (known.values, *known.others)]
+    fit = fit_least_squares(problem, rng=rng, n_start=1, further=places)
+    sure = known.p_value > _EXPLAINED and not len(known.others) and not len(fit.others)
+    return scanned_fit(fit, rng=rng) if scanned and not sure else fit
 
 
 def _same_curves(a: Problem, b: Problem) -> bool:

@@ -21,7 +21,7 @@ from estim.common import Finding, Kind, NumericalError, phrase
 from estim.sampling.ahead import STEPS_AHEAD, Ahead
 from estim.sampling.checkpoint import Store
 from estim.sampling.diagnostics import Mixing, autocorrelation_time, mixing_of
-from estim.sampling.importance import K_HAT_LIMIT, kish_size, pareto_smoothed
+from estim.sampling.importance import K_HAT_LIMIT, IndexArray, kish_size, pareto_smoothed
 from estim.sampling.proposal import Proposal
 from estim.sampling.protocol import Density, log_density_in_batches
 from estim.sampling.stepping import Stop, start_walk
@@ -104,9 +104,15 @@ class Chain:
 
     def thinned(self, n_draw: int, columns: Sequence[int] | None = None) -> FloatArray:
         """(at most n_draw, n_par) draws, evenly spread over the chain.  columns : of these parameters alone."""
-        flat = self.flat
-        rows = np.unique(np.linspace(0, flat.shape[0] - 1, n_draw).astype(int))
+        flat, rows = self.flat, self._spread(n_draw)
         return flat[rows] if columns is None else flat[np.ix_(rows, np.asarray(columns))]
+
+    def thinned_heights(self, n_draw: int) -> FloatArray:
+        """(at most n_draw,) log densities of the draws of `thinned`."""
+        return np.asarray(self.log_density.reshape(-1)[self._spread(n_draw)])
+
+    def _spread(self, n_draw: int) -> IndexArray:
+        return np.unique(np.linspace(0, self.log_density.size - 1, n_draw).astype(int))
 
 
 def sample_posterior(

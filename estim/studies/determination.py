@@ -30,5 +30,9 @@ def determine(analysis: Analysis, *, profiles: bool = True) -> Determination:
     problem = analysis.problem
     few = problem.foremost(_MOST_PROFILES) if profiles and problem.n_par <= _MOST_PARAMETERS else []
     intervals = profile_intervals(analysis.fit, names=[problem.names[i] for i in few]) if few else ()
-    sensitivity = power_scaling(analysis.problem, analysis.fit.posterior, draws)
-    return Determination(intervals, sensitivity)
+    symmetry = analysis.fit.symmetry
+    if symmetry is None or symmetry.trivial:  # else what was sampled is the sum over several labels
+        log_likelihood = analysis.chain.thinned_heights(_DRAWS) - problem.log_prior(draws)
+    else:
+        log_likelihood = analysis.fit.posterior.log_likelihood(draws)
+    return Determination(intervals, power_scaling(problem, draws, log_likelihood))
