@@ -134,25 +134,23 @@ def certify(
         draws = np.vstack([draws, more])
         log_ratio = np.append(log_ratio, log_density_in_batches(density, more) - proposal.log_density(more))
         log_weights, k_hat, log_mean = pareto_smoothed(log_ratio)
-        lacking = 2.0
-        if k_hat <= K_HAT_LIMIT:
-            lacking = max(least_ess / kish_size(log_weights), _lacking_for_ends(draws, np.exp(log_weights)))
+        columns = [_Column(column, np.exp(log_weights)) for column in draws.T]
+        lacking = max(least_ess / kish_size(log_weights), _lacking_for_ends(columns)) if k_hat <= K_HAT_LIMIT else 2.0
         if lacking <= 1.0 or wanted >= max_draw:
             break
         wanted = min(int(min(_MARGIN * lacking, 2.0) * wanted), max_draw)
-    return _summarise(density.names, draws, log_weights, k_hat, log_mean, rng)
+    return _summarise(density.names, draws, columns, log_weights, k_hat, log_mean, rng)
 
 
-def _lacking_for_ends(draws: FloatArray, weights: FloatArray) -> float:
+def _lacking_for_ends(columns: Sequence[_Column]) -> float:
     """By how much there would have to be more draws for all ends of 95 % intervals to be known well enough to be compared; 1 at most if they are."""
-    sd = np.sqrt(weights @ (draws - weights @ draws) ** 2)
-    columns = [_Column(draws[:, i], weights) for i in range(draws.shape[1])]
-    errors = [column.error_of_end(p) / one for column, one in zip(columns, sd, strict=True) if one > 0.0 for p in ENDS]
+    errors = [column.error_of_end(p) / column.sd for column in columns if column.sd > 0.0 for p in ENDS]
     return (max(errors, default=0.0) / _UNSURE_END) ** 2
 
 
 def _summarise(
-    names: tuple[str, ...], draws: FloatArray, log_weights: FloatArray, k_hat: float, log_mean: float, rng: np.random.Generator
+    names: tuple[str, ...], draws: FloatArray, columns: Sequence[_Column], log_weights: FloatArray, k_hat: float, log_mean: float,
+    rng: np.random.Generator,
 ) -> Certificate:
     """Weighted moments with the delta-method errors of self-normalised importance sampling, sum w_i^2 (h_i - mean h)^2."""
     weights = np.exp(log_weights)
@@ -162,7 +160,6 @@ def _summarise(
     sd = np.sqrt(variance)
     squares = weights**2
     quantiles, errors = {}, {}
-    columns = [_Column(draws[:, i], weights) for i in range(draws.shape[1])]
     for p in PROBABILITIES:
         quantiles[p] = np.array([column.at(p) for column in columns])
         errors[p] = np.array([column.error_below(p) for column in columns])
@@ -184,6 +181,7 @@ class _Column:
         order = np.argsort(values)
         self.values, self.weights = values[order], weights[order]
         self.below = np.cumsum(self.weights) - 0.5 * self.weights
+        self.sd = math.sqrt(float(weights @ (values - weights @ values) ** 2))
 
     def at(self, p: float) -> float:
         return float(np.interp(p, self.below, self.values))

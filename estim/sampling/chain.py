@@ -112,7 +112,8 @@ class Chain:
         return np.asarray(self.log_density.reshape(-1)[self._spread(n_draw)])
 
     def _spread(self, n_draw: int) -> IndexArray:
-        return np.unique(np.linspace(0, self.log_density.size - 1, n_draw).astype(int))
+        rows = np.linspace(0, self.log_density.size - 1, n_draw).astype(np.int64)
+        return rows[np.diff(rows, prepend=-1) > 0]
 
 
 def sample_posterior(
@@ -209,7 +210,7 @@ def _first_points(
     """
     n_ensemble, n_walker = shape
     if proposal is not None:
-        n_draw = max(1000, 20 * n_walker)
+        n_draw = max(500, 20 * n_walker)
         draws = proposal.draw(rng, n_ensemble * n_draw)
         log_ratio = log_density_in_batches(posterior, draws) - proposal.log_density(draws)
         log_weights, k_hat, _ = pareto_smoothed(log_ratio)

@@ -76,15 +76,15 @@ def repaired(
 
     What counts is the density over the proposal, both normalised, at draws of the posterior, which come from elsewhere: its mean is the reciprocal
     of the effective share of the proposal's draws, its largest values how long a chain of such steps would stay in what the proposal leaves out.
-    The root of its mean square heeds both.  Tried are mixtures with the `ridges`, of the adapted one and of others fitted to most of the draws.
+    The root of its mean square heeds both.  Tried are mixtures of the `ridges`, which guard the tails, with the adapted one and with others fitted
+    to most of the draws.
     """
     train, test = np.split(draws, [int(_TRAINED * len(draws))])
     heights = log_density_in_batches(density, test) - log_evidence
     if _unevenness(adapted, test, heights) < _UNEVEN:
         return adapted
     grown_ones = [grown(train, n_component, rng, adapted.limits) for n_component in _N_COMPONENT]
-    plain = [adapted, *grown_ones]
-    candidates = [*plain, *(both(one, ridges, share) for one in plain for share in _RIDGE_SHARES)]
+    candidates = [both(one, ridges, share) for one in (adapted, *grown_ones) for share in _RIDGE_SHARES]
     return min(candidates, key=lambda one: _unevenness(one, test, heights))
 
 
