@@ -14,7 +14,8 @@ from types import MappingProxyType
 import numpy as np
 
 from estim.common import EXTREME, InputError, extreme, phrase
-from estim.reading.dialect import Dialect, decimal_mark, is_column, is_missing, name_and_unit, number_in, place_of, split_row
+from estim.reading.cells import is_missing
+from estim.reading.dialect import Dialect, decimal_mark, is_column, name_and_unit, number_in, place_of, split_row
 from estim.reading.layout import Layout, cells_differ, no_names, read_layout
 from estim.reading.table import DECIMAL_COMMAS, Table, may_be_decimal_commas, own_name
 

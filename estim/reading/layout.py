@@ -9,7 +9,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from estim.common import InputError, is_unit
-from estim.reading.dialect import Dialect, cells_of, is_missing, looks_like_a_number, name_and_unit, shown_delimiter, split_row
+from estim.reading.cells import is_comment, is_missing, is_spreadsheet_error, looks_like_a_number
+from estim.reading.dialect import Dialect, cells_of, name_and_unit, shown_delimiter, split_row
 from estim.reading.input_file import read_any_text
 from estim.reading.table import NOTE, facts_of, numbered_lines
 
@@ -58,7 +59,7 @@ def read_layout(path: Path, dialect: Dialect, *, shown_as: str, needed: Sequence
     text, digest, note = read_any_text(path, shown_as=shown_as, encoding=dialect.encoding)
     lines = numbered_lines(text, file=shown_as)
     below = [(number, line) for number, line in lines if number > (dialect.skip_rows or 0)]
-    plain = [(number, line) for number, line in below if not line.lstrip().startswith("#")]
+    plain = [(number, line) for number, line in below if not is_comment(line)]
     if not plain:
         raise InputError("has no rows of numbers" + (" below the lines that are skipped" if dialect.skip_rows else ""), file=shown_as)
     delimiter = dialect.mark or (_ONE_COLUMN if _is_one_column(plain, dialect) else shown_delimiter(plain[-1][1]))
@@ -185,7 +186,7 @@ def _header(
         if not fits and any(name in cells for name in needed):
             raise cells_differ(widths[0], len(cells), delimiter, file, first)
         return _named(cells, units, number) if fits else ((), None, ())
-    comments = [(number, line.lstrip("# \t").rstrip()) for number, line in below if number < first and line.lstrip().startswith("#")]
+    comments = [(number, line.lstrip("# \t").rstrip()) for number, line in below if number < first and is_comment(line)]
     for number, line in comments[-1:]:
         cells = _cells(line, delimiter)
         if widths[0] <= len(cells) <= widths[1] and not any(map(looks_like_a_number, cells)):
@@ -199,7 +200,7 @@ def _refuse_half_a_row(above: Lines, delimiter: str, widths: tuple[int, int], fi
     cells = _trimmed(_cells(line, delimiter))
     if not widths[0] <= len(cells) <= widths[1] or line.lstrip().startswith("%") or all(cell in _SYMBOLS for cell in cells):
         return
-    if any(re.match(r"[+-]?[.,]?\d", cell) and not _NAMED_BY_A_NUMBER.fullmatch(cell) for cell in cells):
+    if any(is_spreadsheet_error(cell) or (re.match(r"[+-]?[.,]?\d", cell) and not _NAMED_BY_A_NUMBER.fullmatch(cell)) for cell in cells):
         rule = "must be a row of numbers, like those below it, or of names, which begin with a letter (if it is neither: --skip-rows, skip_rows)"
         raise InputError(rule, field="row", value=line, file=file, line=number)
 

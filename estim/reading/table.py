@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 
 from estim.arrays import FloatArray
 from estim.common import EXTREME, InputError, extreme, listed, read_number, same_unit
+from estim.reading.cells import is_comment
 from estim.reading.input_file import line_after_comment, lines_of, read_text
 
 _OTHER_NAMES = {
@@ -82,7 +83,7 @@ def read_table(path: Path, *, known: Sequence[str], min_rows: int, shown_as: str
     """
     text, digest = read_text(path, shown_as=shown_as)
     rows = numbered_lines(text, file=shown_as)
-    header = next(((n, line) for n, line in rows if not line.lstrip().startswith("#") or _names(line, known)), None)
+    header = next(((n, line) for n, line in rows if not is_comment(line) or _names(line, known)), None)
     if header is None:
         raise InputError("has no line of column names", file=shown_as)
     header_line, header_text = header
@@ -94,8 +95,9 @@ def read_table(path: Path, *, known: Sequence[str], min_rows: int, shown_as: str
         if name not in names:
             raise InputError("is missing", field=name, file=shown_as, line=header_line, quoted=f"the header has {listed(names)}")
     _check_names(names, known, shown_as, header_line)
-    comments = _COMMENTS if header_text.lstrip().startswith("%") else _COMMENTS[:1]  # "%" is LabVIEW's
-    data = [(number, line) for number, line in rows if number > header_line and not line.lstrip().startswith(comments)]
+    percent = header_text.lstrip().startswith("%")  # LabVIEW's
+    below = [(number, line) for number, line in rows if number > header_line and not is_comment(line)]
+    data = [(number, line) for number, line in below if not (percent and line.lstrip().startswith("%"))]
     numbers = [number for number, _ in data]
     cells = [_cells(line, names, delimiter, shown_as, number) for number, line in data]
     if len(cells) < min_rows:
