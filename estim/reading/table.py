@@ -32,6 +32,9 @@ _OTHER_NAMES = {
     "theta (rad)": "theta_rad",
     "omega (rad/s)": "omega_rad_s",
 }
+UNITS = {
+    "t_s": "s", "x_m": "m", "v_m_s": "m/s", "theta_rad": "rad", "omega_rad_s": "rad/s", "sigma_x_m": "m", "sigma_v_m_s": "m/s",
+}  # of columns that are known by name
 _COMMENTS = ("#", "%")
 _WHOLE = re.compile(r"[+-]?\d*(,([+-]?\d+([eE][+-]?\d+)?)?)*", re.ASCII)  # no decimal point, no word, no quote, no blank beside a comma
 DECIMAL_COMMAS = (
@@ -51,7 +54,7 @@ class Table:
     file : how messages name it.  header_line : line of the column names.  sha256 : of the file's bytes.
     warnings : texts of the comment lines "# warning: ...".  facts : the other comments above the header of a file that
     `estim import` made; empty for other files.  units : column -> unit that the header states, "" for none; empty where no header may.
-    blank : lines of the rows that are left out, since a column has no value there.
+    blank : lines of the rows that are left out, since a column has no value there.  imported : whether `estim import` made the file.
     """
 
     file: str
@@ -63,6 +66,7 @@ class Table:
     facts: tuple[str, ...] = ()
     units: Mapping[str, str] = field(default_factory=dict)
     blank: tuple[int, ...] = ()
+    imported: bool = False
 
     def require_unit(self, u: str, of: str) -> None:
         """Raises InputError where the header states one unit for the column `u` of uncertainties, and another for the column that they are of."""
@@ -110,7 +114,8 @@ def read_table(path: Path, *, known: Sequence[str], min_rows: int, shown_as: str
     for array in (*columns.values(), lines):
         array.setflags(write=False)
     warnings = tuple(line[len(NOTE) :].strip() for _, line in rows if line.startswith(NOTE))
-    return Table(shown_as, digest, header_line, MappingProxyType(columns), lines, warnings, facts_of(rows, header_line))
+    facts = facts_of(rows, header_line)
+    return Table(shown_as, digest, header_line, MappingProxyType(columns), lines, warnings, facts, imported=bool(facts))
 
 
 def facts_of(rows: Sequence[tuple[int, str]], header_line: int) -> tuple[str, ...]:
