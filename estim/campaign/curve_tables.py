@@ -7,12 +7,13 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Collection, Sequence
-from typing import Literal
+import unicodedata
+from collections.abc import Collection, Mapping, Sequence
+from typing import Any, Literal
 
 import msgspec
 
-from estim.campaign.campaign_file import CampaignFile, read_value
+from estim.campaign.campaign_file import CampaignFile, checked, read_value
 from estim.campaign.dialect_table import DialectKeys
 from estim.campaign.prior_table import PriorKeys, PriorTable
 from estim.campaign.track_table import TrackKeys
@@ -120,6 +121,28 @@ def check_printable(places: Places, path: Place, *, unit: str | None, name: str 
     for text, limits in ((unit, _UNIT), (name, _NAME), (meaning, _MEANING)):
         if text is not None and not _allowed(limits, text):
             raise places.error("must have a short unit, symbol and meaning that can be printed, without $ | \\ `", path, value=text)
+
+
+def stated_word(levels: Sequence[Mapping[str, float | str | ParameterTable]], name: str, word: Literal["unit", "meaning"]) -> str | None:
+    """The unit or meaning of a parameter, as the first of `levels` that states one has it."""
+    entries = [entry for level in levels if isinstance(entry := level.get(name), ParameterTable)]
+    return next((said for entry in entries if (said := getattr(entry, word)) is not None), None)
+
+
+def with_names(raw: Mapping[str, Any], places: Places, path: Place) -> dict[str, Any]:
+    """A table with the names of its parameters as Python reads them in a formula (the micro sign is the letter mu).
+
+    The parameters are checked one by one, for their lines.  Raises InputError.
+    """
+    given, named = raw.get("parameters", {}), dict[str, Any]()
+    for name, entry in given.items() if isinstance(given, dict) else ():
+        kind: Any = ParameterTable if isinstance(entry, dict) else float | str | ParameterTable
+        checked(entry, kind, places, (*path, "parameters", name))
+        read = unicodedata.normalize("NFKC", name)
+        if read in named:
+            raise places.error("is the same name as another in a formula", (*path, "parameters", name))
+        named[read] = entry
+    return {**raw, "parameters": named} if named else dict(raw)
 
 
 def check_words(source: CampaignFile, table: CurveTable, runs: Sequence[CurveRunTable], axes: Sequence[AxisTable]) -> None:
