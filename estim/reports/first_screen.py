@@ -117,7 +117,7 @@ def first_screen(result: Told) -> Screen:
     minds = [words for words in (_warnings(result), _forces(result), _limits(shown, result), *noise) if words]
     return Screen(
         title, tests, estimates, head, tuple(rows), not_measured(estimates), listed(elsewhere) if elsewhere else "",
-        (*_left_out(result), *minds[:MOST_MINDS]), sensitivity_words([result]),
+        (*_left_out(result), *_without_a_value(estimates), *minds[:MOST_MINDS]), sensitivity_words([result]),
     )
 
 
@@ -219,6 +219,15 @@ def _left_out(result: Told) -> tuple[str, ...]:
         return (phrase("1 row without a value left out (line {line})", line=lines[0]),)
     shown = ", ".join(lines) if n <= _MOST_LINES else phrase("{first} to {last}", first=lines[0], last=lines[-1])
     return (phrase("{n} rows without a value left out (lines {lines})", n=n, lines=shown),)
+
+
+def _without_a_value(estimates: Sequence[Estimate]) -> tuple[str, ...]:
+    """What was asked for, and has no value at some of the draws."""
+    symbols = [one.label.symbol for one in estimates if one.summary.mean is None]
+    if not symbols:
+        return ()
+    said = phrase("no value at some of the draws (a division by zero, a root or logarithm of a negative number): {symbols}", symbols=listed(symbols))
+    return (said,)
 
 
 def _warnings(result: Told) -> str:
