@@ -19,6 +19,8 @@ from estim.reading.dialect import Dialect, decimal_mark, is_column, name_and_uni
 from estim.reading.layout import Layout, cells_differ, no_names, read_layout
 from estim.reading.table import DECIMAL_COMMAS, UNITS, Table, may_be_decimal_commas, own_name
 
+_MOST_TOLD = 6  # lines or rows of lines
+
 
 def read_columns(
     path: Path, *, needed: Sequence[str], min_rows: int, shown_as: str, dialect: Dialect | None = None, optional: Sequence[str] = ()
@@ -106,7 +108,17 @@ def _value(cell: str, name: str, mark: str, file: str, line: int) -> float:
 def _left_out(name: str, lines: Sequence[int]) -> str:
     if len(lines) == 1:
         return phrase("1 row without a value of '{name}' left out (line {line})", name=name, line=lines[0])
-    said = {"n": len(lines), "name": name}
-    if len(lines) > 3:
-        return phrase("{n} rows without a value of '{name}' left out (lines {first} to {last})", first=lines[0], last=lines[-1], **said)
-    return phrase("{n} rows without a value of '{name}' left out (lines {lines})", lines=", ".join(map(str, lines)), **said)
+    return phrase("{n} rows without a value of '{name}' left out (lines {lines})", n=len(lines), name=name, lines=lines_told(lines))
+
+
+def lines_told(lines: Sequence[int]) -> str:
+    """Lines of a file as people say them, `3, 5, 8 to 12`; of many the first, and how many more there are."""
+    starts = [i for i, line in enumerate(lines) if i == 0 or line != lines[i - 1] + 1]
+    said: list[str] = []
+    for first, end in zip(starts, [*starts[1:], len(lines)], strict=True):
+        alone = end - first < 3
+        shown = [str(line) for line in lines[first:end]] if alone else [phrase("{first} to {last}", first=lines[first], last=lines[end - 1])]
+        if len(said) + len(shown) > _MOST_TOLD:
+            return ", ".join([*said, phrase("and {n} more", n=len(lines) - first)])
+        said += shown
+    return ", ".join(said)

@@ -10,6 +10,7 @@ import numpy as np
 
 from estim.checks import Estimate, not_measured, p_sentence, result_table, screen_lines
 from estim.common import listed, phrase, signed, split_level
+from estim.reading import lines_told
 from estim.reports.budget import UncertaintyBudget
 from estim.reports.deviation import ForceSummary
 from estim.reports.explanation import ExplanationSummary
@@ -28,7 +29,6 @@ _WHERE = {
     "not-converged": "computing", "methods-disagree": "computing",
 }
 MOST_MINDS, _MOST_ERRORS = 2, 3
-_MOST_LINES = 3  # of rows without a value
 _MOST_REASONS, _MOST_LETTERS = 3, 380  # of reasons why there is no result
 
 
@@ -210,15 +210,14 @@ def _forces(result: Told) -> str:
 def _left_out(result: Told) -> tuple[str, ...]:
     """Which rows have no value, where there are some."""
     blank = {name: run.blank for name, run in result.runs.items() if run.blank}
-    n, lines = sum(map(len, blank.values())), [str(line) for found in blank.values() for line in found]
+    n, lines = sum(map(len, blank.values())), [line for found in blank.values() for line in found]
     if not blank:
         return ()
     if len(result.runs) > 1:
         return (phrase("rows without a value left out: {n} ({runs})", n=n, runs=listed(list(blank))),)
     if n == 1:
         return (phrase("1 row without a value left out (line {line})", line=lines[0]),)
-    shown = ", ".join(lines) if n <= _MOST_LINES else phrase("{first} to {last}", first=lines[0], last=lines[-1])
-    return (phrase("{n} rows without a value left out (lines {lines})", n=n, lines=shown),)
+    return (phrase("{n} rows without a value left out (lines {lines})", n=n, lines=lines_told(lines)),)
 
 
 def _without_a_value(estimates: Sequence[Estimate]) -> tuple[str, ...]:
