@@ -9,8 +9,9 @@ import pytest
 
 from estim import fit_curve
 from estim.campaign import load_campaign
-from estim.common import InputError
-from estim.curves import in_units, seek
+from estim.common import InputError, same_unit
+from estim.curves import in_units, seek, unit_that_follows
+from estim.measurement.model_file import read_model
 
 KNOWN = {
     "tau": "s", "T": "s", "p": "deg", "q": "°", "r": "rad", "L": "m", "d": "mm", "v": "m/s", "b": "m/s", "k": "N/m", "A": "cm", "m": "kg",
@@ -82,6 +83,49 @@ def test_what_may_be_right_is_taken(formula: str, stated: str | None) -> None:
 def test_the_cure_of_a_number_with_a_unit_of_its_own() -> None:
     found = in_units([seek("two", "2", unit="min"), seek("half", "0.5*m*v**2/two", unit="J/min"), seek("rate", "1/half")], KNOWN)
     assert [one.unit for one in found] == ["min", "J/min", "min/J"]
+
+
+@pytest.mark.parametrize("path", sorted((Path(__file__).parents[1] / "data" / "gum").glob("*.toml")), ids=lambda path: path.stem)
+def test_published_models_have_the_units_that_their_guides_state(path: Path) -> None:
+    model = read_model(path)
+    units = {one.name: one.unit for one in (*model.quantities, *model.outputs)}
+    for output in model.outputs:
+        follows = unit_that_follows(output.formula.tree, {name: name for name in (*output.formula.names, "x")}, units, None)
+        assert follows == "1" or same_unit(follows, output.stated or "1") in (True, None)
+        if path.stem in ("gum-h1-end-gauge", "gum-h2-impedance", "s1-gauge-block", "s1-mass", "tn1900-e13-expansion", "tn1900-e3-viscometer"):
+            assert same_unit(follows, output.stated or "1") is True
+
+
+MEASURED = """title = "Refraction"
+[measurand.n]
+formula = "FORMULA"
+UNIT
+[measurand.twice]
+formula = "2*pi*n"
+[inputs.p]
+value = "57.0(2)"
+unit = "deg"
+[inputs.tau]
+value = "2.0(1)"
+unit = "s"
+"""
+
+
+@pytest.mark.parametrize(
+    ("formula", "stated", "says"),
+    [
+        ("tan(p)*tau", "", r":3: 'formula' takes tan of an angle in deg, but tan takes radians: write tan\(radians\(p\)\): tan\(p\)\*tau"),
+        ("tan(radians(p))/tau", 'unit = "s"', r":4: 'unit' must be in 1/s, .*: s"), ("tan(radians(p))/tau", "", ""),
+    ],
+)
+def test_a_measurement_model_says_so_too(tmp_path: Path, formula: str, stated: str, says: str) -> None:
+    path = tmp_path / "m.toml"
+    path.write_text(MEASURED.replace("FORMULA", formula).replace("UNIT", stated))
+    if not says:
+        assert [output.unit for output in read_model(path).outputs] == ["1/s", "1/s"]
+        return
+    with pytest.raises(InputError, match=says):
+        read_model(path)
 
 
 CAMPAIGN = """title = "Polariser"

@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike
 
 from estim.common import InputError, Notation
 from estim.curves.formula import Formula, check_names, evaluate, read_formula
-from estim.curves.sought_units import unit_that_follows
+from estim.curves.sought_units import unit_that_follows as unit_that_follows
 from estim.curves.varying import own_values, shift_of
 from estim.problem import Derived
 

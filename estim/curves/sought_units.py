@@ -129,8 +129,10 @@ class _Reading:
     def _alike(self, left: ast.expr, right: ast.expr, what: str) -> Factors | None:
         """The unit of two that have the same.  Raises InputError where they have not."""
         first, second = (None if _number(side) is not None else self.of(side) for side in (left, right))
+        if first is None or second is None:
+            return second if first is None else first
         if not first or not second:
-            return first or second or None
+            return {} if first == second else None  # a pure number and metres: one of them has a number with a unit of its own
         if same_unit(_written(first), _written(second)) is False and not _has_own_zero(_written(first), second):
             raise InputError(f"{what} what is in {_shown(first)} and what is in {_shown(second)}; nothing is converted")
         return first
