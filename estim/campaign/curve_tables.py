@@ -7,13 +7,12 @@ from __future__ import annotations
 
 import math
 import re
-import unicodedata
 from collections.abc import Collection, Mapping, Sequence
-from typing import Any, Literal
+from typing import Literal
 
 import msgspec
 
-from estim.campaign.campaign_file import CampaignFile, checked, read_value
+from estim.campaign.campaign_file import CampaignFile, read_value
 from estim.campaign.dialect_table import DialectKeys
 from estim.campaign.prior_table import PriorKeys, PriorTable
 from estim.campaign.track_table import TrackKeys
@@ -127,22 +126,6 @@ def stated_word(levels: Sequence[Mapping[str, float | str | ParameterTable]], na
     """The unit or meaning of a parameter, as the first of `levels` that states one has it."""
     entries = [entry for level in levels if isinstance(entry := level.get(name), ParameterTable)]
     return next((said for entry in entries if (said := getattr(entry, word)) is not None), None)
-
-
-def with_names(raw: Mapping[str, Any], places: Places, path: Place) -> dict[str, Any]:
-    """A table with the names of its parameters as Python reads them in a formula (the micro sign is the letter mu).
-
-    The parameters are checked one by one, for their lines.  Raises InputError.
-    """
-    given, named = raw.get("parameters", {}), dict[str, Any]()
-    for name, entry in given.items() if isinstance(given, dict) else ():
-        kind: Any = ParameterTable if isinstance(entry, dict) else float | str | ParameterTable
-        checked(entry, kind, places, (*path, "parameters", name))
-        read = unicodedata.normalize("NFKC", name)
-        if read in named:
-            raise places.error("is the same name as another in a formula", (*path, "parameters", name))
-        named[read] = entry
-    return {**raw, "parameters": named} if named else dict(raw)
 
 
 def check_words(source: CampaignFile, table: CurveTable, runs: Sequence[CurveRunTable], axes: Sequence[AxisTable]) -> None:

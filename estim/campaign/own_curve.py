@@ -15,10 +15,12 @@ to its run and is called "A[run]", as one is that all other runs of a joint fit 
 from __future__ import annotations
 
 import math
+import unicodedata
 from collections import Counter
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from types import MappingProxyType
+from typing import Any
 
 import numpy as np
 
@@ -36,7 +38,6 @@ from estim.campaign.curve_tables import (
     check_words,
     source_of,
     stated_word,
-    with_names,
     with_variable,
     y_axis,
 )
@@ -54,7 +55,7 @@ from estim.deviation import BadFrames, ForceSize
 from estim.explanation import Suspects
 from estim.fitting import Fit, fit_lacking, fit_optimum, information, is_resolved, no_scatter, refit, silent_parameters
 from estim.problem import Curve, Parameter, Prior, Problem, shared_first
-from estim.reading import Choices, Run, is_tracker_file, of_any_curve, read_columns, run_of_table, track_columns
+from estim.reading import Choices, Places, Run, is_tracker_file, of_any_curve, read_columns, run_of_table, track_columns
 
 
 @dataclass(frozen=True, eq=False)
@@ -253,14 +254,11 @@ class CurveStudy:
     def _bind(self, name: str, index: int) -> Parameter | float:
         """A parameter of the formula for one run: an unknown, or an exact value."""
         run = self.runs[index]
-        levels: tuple[tuple[Place, Mapping[str, float | str | ParameterTable], str], ...] = (
-            (("runs", index, "parameters"), run.parameters, f"[{run.name}]"), (("curve", "parameters"), self.table.parameters, ""),
-        )
-        for path, table, suffix in levels:
-            if name in table:
-                meaning = stated_word([level[1] for level in levels], name, "meaning") or phrase("parameter of the curve")
-                source = self._read(table[name], (*path, name))
-                return source if isinstance(source, float) else Parameter(name + suffix, self.unit_of(name, run.name), source, meaning)
+        if (entry := self._entry(name, index)) is not None:
+            named = f"{name}[{run.name}]" if name in run.parameters else name
+            source = self._read(entry, self._place(named))
+            meaning = stated_word([run.parameters, self.table.parameters], name, "meaning") or phrase("parameter of the curve")
+            return source if isinstance(source, float) else Parameter(named, self.unit_of(name, run.name), source, meaning)
         if isinstance(self.asked, ModelSum):
             return Parameter(name, self.units.get(name, "1"), unknown_of(self.asked, name, None), phrase("parameter of the curve"))
         rule = f"is missing for run '{run.name}': say it under [curve.parameters] or [runs.parameters], as {name} = {{start = 1.0}}, or {name} = {{}}"
@@ -297,8 +295,8 @@ def read_curve_study(source: CampaignFile, written_curve: OwnCurve, *, only: Col
     Raises InputError with file, line, field, rule and value for whatever breaks a rule.
     """
     places = source.places
-    table = checked(with_names(written_curve.table, places, ("curve",)), CurveTable, places, ("curve",))
-    written = [with_names(run, places, ("runs", i)) for i, run in enumerate(written_curve.runs)]
+    table = checked(_with_names(written_curve.table, places, ("curve",)), CurveTable, places, ("curve",))
+    written = [_with_names(run, places, ("runs", i)) for i, run in enumerate(written_curve.runs)]
     runs = tuple(checked(run, CurveRunTable, places, ("runs", i)) for i, run in enumerate(written))
     formula, named = read_curve(source, table)
     check_counts(source, table, runs)
@@ -310,6 +308,22 @@ def read_curve_study(source: CampaignFile, written_curve: OwnCurve, *, only: Col
     units = units_of_curve(source, formula, axes, table, runs)
     study = CurveStudy(source, formula, axes, table, runs, BareFormula(formula) if named is None else named, units)
     return study, MappingProxyType({run.name: _read_run(study, run) for run in runs if run.name in only})
+
+
+def _with_names(raw: Mapping[str, Any], places: Places, path: Place) -> dict[str, Any]:
+    """A table with the names of its parameters as Python reads them in a formula (the micro sign is the letter mu).
+
+    The parameters are checked one by one, for their lines.  Raises InputError.
+    """
+    given, named = raw.get("parameters", {}), dict[str, Any]()
+    for name, entry in given.items() if isinstance(given, dict) else ():
+        kind: Any = ParameterTable if isinstance(entry, dict) else float | str | ParameterTable
+        checked(entry, kind, places, (*path, "parameters", name))
+        read = unicodedata.normalize("NFKC", name)
+        if read in named:
+            raise places.error("is the same name as another in a formula", (*path, "parameters", name))
+        named[read] = entry
+    return {**raw, "parameters": named} if named else dict(raw)
 
 
 def _read_run(study: CurveStudy, run: CurveRunTable) -> Run:
