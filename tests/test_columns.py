@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from estim.common.errors import InputError
-from estim.reading.columns import read_columns
+from estim.reading.columns import lines_told, read_columns
 from estim.reading.dialect import Dialect, name_and_unit
 from estim.reading.layout import read_layout
 
@@ -105,6 +105,17 @@ def test_rows_without_a_value_are_left_out_and_counted(tmp_path: Path) -> None:
     table = read_columns(path, needed=("t", "y"), min_rows=2, shown_as="a.csv")
     assert table.lines.tolist() == [2, 5]
     assert table.facts == ("2 rows without a value of 'y' left out (lines 3, 4)",)
+
+
+@pytest.mark.parametrize(
+    ("lines", "said"),
+    [
+        ([4, 7, 10, 13], "4, 7, 10, 13"), ([3, 4, 5, 6], "3 to 6"), ([3, 5, 8, 9, 10], "3, 5, 8 to 10"), ([3, 4, 9], "3, 4, 9"), ([7], "7"),
+        (list(range(2, 40, 3)), "2, 5, 8, 11, 14, 17, and 7 more"), ([*range(2, 500), 600], "2 to 499, 600"),
+    ],
+)
+def test_only_lines_without_a_value_are_told(lines: list[int], said: str) -> None:
+    assert lines_told(lines) == said
 
 
 @pytest.mark.parametrize("encoding", ["latin-1", "utf-16", "utf-8-sig"])

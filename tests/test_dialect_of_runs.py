@@ -96,3 +96,32 @@ def test_a_file_of_tracker_says_itself_how_it_is_written(tmp_path: Path) -> None
     path = campaign(tmp_path, *WRITTEN["plain"][:2], "", 'decimal = "comma"\ntrack = "A"')
     with pytest.raises(InputError, match="'columns' goes with tables, not with a file of Tracker"):
         load_campaign(path)
+
+
+@pytest.mark.parametrize("rows", ["", ";;;\n", "7;;;\n"])
+def test_a_row_without_values_makes_no_imported_track(tmp_path: Path, rows: str) -> None:
+    path = campaign(tmp_path, "n;t_s;theta_rad;b\n", german, 'decimal = "comma"', "")
+    with (tmp_path / "first.txt").open("a", encoding="latin-1") as file:
+        file.write(rows)
+    second = re.split(r"(?m)^(?=\[\[runs\]\])", path.read_text())[1].replace("first", "second")
+    path.write_text(f"{path.read_text()}{second}")
+    table = load_campaign(path, asked=["first"]).tables["first"]  # second.txt is not there
+    assert table.blank == ((14,) if rows else ())
+    assert table.interval is None
+    assert not any("frame rate" in fact for fact in table.facts)
+
+
+@pytest.mark.parametrize(
+    ("units", "said"),
+    [
+        ("1;s;rad;1", ""), ("1;s;;1", ""), (";[s];(rad);", ""), ("1;ms;rad;1", "first.txt:1: 't_s' must be in s, as its name says.*: ms"),
+        ("1;s;°;1", "'theta_rad' must be in rad, .*: °"), ("1;s;m;1", "'theta_rad' must be in rad"), (";min;deg;", "'t_s' must be in s"),
+    ],
+)
+def test_a_row_of_units_says_what_the_names_say(tmp_path: Path, units: str, said: str) -> None:
+    path = campaign(tmp_path, f"n;t_s;theta_rad;b\n{units}\n", german, 'decimal = "comma"', "")
+    if not said:
+        assert load_campaign(path).tables["first"].n_row == len(ROWS)
+        return
+    with pytest.raises(InputError, match=said):
+        load_campaign(path)

@@ -233,6 +233,12 @@ def test_an_uncertainty_that_is_no_number_is_told_how_one_is_written(tmp_path: P
         ("u_y = 0.1", 'noise = {model = "event-time"}', ":7: 'model' must be one of poisson, binomial, event-times (did you mean 'event-times'?): "),
         ("a = {}", 'a = {prior = "half-norml"}', ":8: 'prior' must be one of normal, uniform, half-normal, log-normal, truncated-normal (did you"),
         ("u_y = 0.1", 'u_y = {prior = "gauss"}', ":7: 'prior' must be one of normal, uniform, half-normal, log-normal, truncated-normal: gauss"),
+        ('kind = "measured"', 'kind = "it\'s"', ":2: 'kind' must be one of synthetic, measured, published: it's"),
+        ('kind = "measured"', "kind = 'say \"measured\"'", ":2: 'kind' must be one of synthetic, measured, published (did you mean 'measured'?)"),
+        ('kind = "measured"', 'kind = "it\'s \\"so\\""', ":2: 'kind' must be one of synthetic, measured, published: it's \"so\""),
+        ("a = {}", "a = {start = nan}", ":8: 'a' 'start' must be finite: nan"),
+        ("a = {}", "a = {start = 1.0, high = nan}", ":8: 'a' 'high' must be a number: nan"),
+        ("a = {}", "a = {start = 3.0, high = 2.0}", ":8: 'a' 'start' must lie within [-inf, 2]: 3"),
     ],
 )
 def test_a_word_that_is_none_of_the_choices_is_told_them(tmp_path: Path, old: str, new: str, says: str) -> None:
@@ -242,6 +248,7 @@ def test_a_word_that_is_none_of_the_choices_is_told_them(tmp_path: Path, old: st
     )  # fmt: skip
     text = "\n".join(lines)
     assert old in text
+    (tmp_path / "cap.csv").write_text("t;U\n0;1\n1;2\n2;3\n3;4\n")
     (tmp_path / "c.toml").write_text(text.replace(old, new))
     assert refused("fit", tmp_path / "c.toml").startswith(f"{tmp_path / 'c.toml'}{says}")
 

@@ -188,6 +188,10 @@ class RollingStudy:
         """The name of the body of a run."""
         return next(run.body for run in self.source.runs if run.name == name)
 
+    def unit_of(self, argument: str, name: str) -> str:
+        """The SI's."""
+        return KINDS_OF_QUANTITIES[argument].unit if argument in KINDS_OF_QUANTITIES else "1"
+
     def noise_models(self, name: str, table: Run) -> tuple[Candidate, ...]:
         """The models of the noise that the data of a run and its noise table allow.  Raises InputError where there is only one."""
         return noise_candidates(self.levels(name), table, lambda noise: self.problem([name], {name: table}, noise=noise).runs[0].noise)

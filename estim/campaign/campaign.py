@@ -87,7 +87,7 @@ class Campaign:
             if name not in self.run_names:
                 raise InputError(f"must name one of the runs ({', '.join(self.run_names)})", field="run", value=name, file=self.source.path)
         try:
-            return with_derived(self.study.problem(names, self.tables, noise=noise), self.derived, self._bodies)
+            return with_derived(self.study.problem(names, self.tables, noise=noise), self.derived, self._bodies, self.study.unit_of)
         except InputError as error:
             if error.file is not None or error.field not in {one.name for one in self.derived}:
                 raise

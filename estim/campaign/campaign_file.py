@@ -18,7 +18,7 @@ from typing import Any, Literal, TypeVar
 import msgspec
 
 from estim.campaign.effect_table import EffectTable
-from estim.campaign.mismatch import meant, mismatch_words
+from estim.campaign.mismatch import meant, mismatch_words, wrong_word
 from estim.campaign.name_rules import check_body_names, check_run_names
 from estim.campaign.part_table import PartTable
 from estim.campaign.plan_table import NO_PLAN, PlanTable, check_plan
@@ -303,8 +303,8 @@ def checked(tree: object, kind: type[T], places: Places, path: tuple[str | int, 
             raise places.error(f"is not a known key here{meant(found[1], _known_keys(kind, inner))}", (*full, found[1])) from None
         if found := re.search(r"missing required field `(.*)`", message):
             raise places.error("is missing", (*full, found[1])) from None
-        written = found[1] if (found := re.fullmatch(r"Invalid enum value '(.*)'", message)) else None
-        raise places.error(mismatch_words(message, kind, inner), full, field=None if full else "campaign", value=written) from None
+        rule = mismatch_words(message, kind, inner)
+        raise places.error(rule, full, field=None if full else "campaign", value=wrong_word(message)) from None
 
 
 def _check_numbers(tree: object, places: Places, path: tuple[str | int, ...]) -> None:

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from typing import Literal
 
 import msgspec
@@ -120,6 +120,12 @@ def check_printable(places: Places, path: Place, *, unit: str | None, name: str 
     for text, limits in ((unit, _UNIT), (name, _NAME), (meaning, _MEANING)):
         if text is not None and not _allowed(limits, text):
             raise places.error("must have a short unit, symbol and meaning that can be printed, without $ | \\ `", path, value=text)
+
+
+def stated_word(levels: Sequence[Mapping[str, float | str | ParameterTable]], name: str, word: Literal["unit", "meaning"]) -> str | None:
+    """The unit or meaning of a parameter, as the first of `levels` that states one has it."""
+    entries = [entry for level in levels if isinstance(entry := level.get(name), ParameterTable)]
+    return next((said for entry in entries if (said := getattr(entry, word)) is not None), None)
 
 
 def check_words(source: CampaignFile, table: CurveTable, runs: Sequence[CurveRunTable], axes: Sequence[AxisTable]) -> None:

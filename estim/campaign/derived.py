@@ -9,7 +9,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import Any
 
@@ -18,14 +18,16 @@ import msgspec
 from estim.campaign.campaign_file import checked
 from estim.campaign.curve_tables import check_printable
 from estim.common import InputError
-from estim.curves import SoughtQuantity, check_sought, seek
-from estim.problem import Observations, Problem
+from estim.curves import SoughtQuantity, check_sought, in_units, seek
+from estim.problem import Derived, Observations, Problem
 from estim.reading import Places
+
+UnitOf = Callable[[str, str], str]
 
 
 class DerivedTable(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
     formula: str
-    unit: str = "1"
+    unit: str | None = None
     symbol: str | None = None
     meaning: str | None = None
 
@@ -46,22 +48,28 @@ def read_derived(raw: Mapping[str, Any], places: Places) -> tuple[SoughtQuantity
     return tuple(found)
 
 
-def with_derived(problem: Problem, sought: tuple[SoughtQuantity, ...], bodies: Mapping[str, str | None]) -> Problem:
-    """`problem` whose runs know what was sought.  bodies : of all runs of the campaign, None where there are none.
+def with_derived(problem: Problem, sought: tuple[SoughtQuantity, ...], bodies: Mapping[str, str | None], unit_of: UnitOf) -> Problem:
+    """`problem` whose runs know what was sought.  bodies : of all runs of the campaign, None where there are none.  unit_of : argument and run.
 
-    Raises InputError with the quantity as field, where a formula names what no run has.
+    Raises InputError with the quantity as field, where a formula names what no run has, or its unit contradicts theirs.
     """
     if not sought:
         return problem
+    units: dict[str, set[str]] = {}
     for run in problem.runs:
-        check_sought(sought, [name for name in run.arguments if " " not in name], _always(run, problem))
-    bound = tuple(one.bound(_sources(one, problem, bodies)) for one in sought)
+        always = _always(run, problem)
+        check_sought(sought, [name for name in run.arguments if " " not in name], list(always))
+        for name, unit in [*((name, unit_of(name, run.name)) for name in run.arguments), *((name, one.unit) for name, one in always.items())]:
+            for written in (name, f"{name}[{run.name}]", f"{name}[{bodies[run.name]}]"):
+                units.setdefault(written, set()).add(unit)
+    told = {written: found.pop() for written, found in units.items() if len(found) == 1}
+    bound = tuple(one.bound(_sources(one, problem, bodies)) for one in in_units(sought, told))
     return replace(problem, runs=tuple(replace(run, sought=bound) for run in problem.runs))
 
 
-def _always(run: Observations, problem: Problem) -> list[str]:
+def _always(run: Observations, problem: Problem) -> Mapping[str, Derived]:
     """What follows from the parameters of a run in any case."""
-    return list(run.derived(run.bind(problem.named(problem.start()))))
+    return run.derived(run.bind(problem.named(problem.start())))
 
 
 def _sources(one: SoughtQuantity, problem: Problem, bodies: Mapping[str, str | None]) -> dict[str, str | float]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import difflib
 import re
 import types
@@ -21,11 +22,17 @@ def mismatch_words(message: str, kind: object, path: Sequence[str]) -> str:
     if found := re.fullmatch(r"Expected `(.+)`, got `(\w+)`", message):
         wanted = [_TYPES.get(kind, kind) for kind in found[1].split(" | ") if kind != "null"]
         return f"must be {' or '.join(wanted)}, not {_TYPES.get(found[2], found[2])}"
-    if found := re.fullmatch(r"Invalid enum value '(.*)'", message):
+    if (word := wrong_word(message)) is not None:
         choices = list(dict.fromkeys(_choices(kind, path)))
         if choices:
-            return f"must be one of {', '.join(choices)}{meant(found[1], choices)}"
+            return f"must be one of {', '.join(choices)}{meant(word, choices)}"
     return message[0].lower() + message[1:].replace("`", "")
+
+
+def wrong_word(message: str) -> str | None:
+    """The word of which msgspec says that it is none of those that may stand there; it quotes it as Python does."""
+    found = re.fullmatch(r"Invalid enum value ('.*'|\".*\")", message)
+    return None if found is None else str(ast.literal_eval(found[1]))
 
 
 def meant(written: str, choices: Sequence[str]) -> str:

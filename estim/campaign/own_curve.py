@@ -37,6 +37,7 @@ from estim.campaign.curve_tables import (
     check_parameters,
     check_words,
     source_of,
+    stated_word,
     with_variable,
     y_axis,
 )
@@ -153,6 +154,11 @@ class CurveStudy:
     def body_of(self, name: str) -> None:
         """A curve is no body."""
 
+    def unit_of(self, argument: str, name: str) -> str:
+        """As stated nearest to the run, or as it follows from the axes."""
+        levels = [*(run.parameters for run in self.runs if run.name == name), self.table.parameters]
+        return stated_word(levels, argument, "unit") or self.units.get(argument, "1")
+
     def noise_models(self, name: str, table: Run) -> tuple[Candidate, ...]:
         """Raises InputError: the tables of a curve state one noise."""
         raise self._only_noise()
@@ -248,17 +254,11 @@ class CurveStudy:
     def _bind(self, name: str, index: int) -> Parameter | float:
         """A parameter of the formula for one run: an unknown, or an exact value."""
         run = self.runs[index]
-        levels: tuple[tuple[Place, Mapping[str, float | str | ParameterTable], str], ...] = (
-            (("runs", index, "parameters"), run.parameters, f"[{run.name}]"), (("curve", "parameters"), self.table.parameters, ""),
-        )
-        declared = [level[1][name] for level in levels if name in level[1]]
-        for path, table, suffix in levels:
-            if name in table:
-                written = [entry for entry in declared if isinstance(entry, ParameterTable)]
-                unit = next((entry.unit for entry in written if entry.unit is not None), self.units.get(name, "1"))
-                meaning = next((entry.meaning for entry in written if entry.meaning is not None), phrase("parameter of the curve"))
-                source = self._read(table[name], (*path, name))
-                return source if isinstance(source, float) else Parameter(name + suffix, unit, source, meaning)
+        if (entry := self._entry(name, index)) is not None:
+            named = f"{name}[{run.name}]" if name in run.parameters else name
+            source = self._read(entry, self._place(named))
+            meaning = stated_word([run.parameters, self.table.parameters], name, "meaning") or phrase("parameter of the curve")
+            return source if isinstance(source, float) else Parameter(named, self.unit_of(name, run.name), source, meaning)
         if isinstance(self.asked, ModelSum):
             return Parameter(name, self.units.get(name, "1"), unknown_of(self.asked, name, None), phrase("parameter of the curve"))
         rule = f"is missing for run '{run.name}': say it under [curve.parameters] or [runs.parameters], as {name} = {{start = 1.0}}, or {name} = {{}}"

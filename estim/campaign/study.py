@@ -50,6 +50,9 @@ class Study(Protocol):
     def body_of(self, name: str) -> str | None:
         """The name of the body of a run, None where there is none."""
 
+    def unit_of(self, argument: str, name: str) -> str:
+        """The unit of an argument of the curve of a run, "1" where nobody said one."""
+
     def noise_models(self, name: str, table: Run) -> tuple[Candidate, ...]:
         """The models of the noise that the data of a run allow, two at least."""
 

@@ -12,9 +12,13 @@ import warnings
 from dataclasses import dataclass
 
 from estim.common.errors import InputError
+from estim.common.unit_symbols import is_unit
 
 _NUMBER = re.compile(r"[+-]?((\d+(\.\d*)?|\.\d+)(e[+-]?\d+)?|nan|inf|infinity)", re.ASCII | re.IGNORECASE)
 
+_SIZE = r"[+-]?(?:\d+(?:[.,]\d*)?|[.,]\d+)(?:\(\d+(?:[.,]\d*)?\))?(?:[eE][+-]?\d+)?"
+_WITH_UNIT = re.compile(rf"(\(?{_SIZE}(?:\s*(?:\+/-|\+-|±)\s*{_SIZE})?\)?)(\s+1/\S.{{0,20}}|\s*[^\s\d.,].{{0,20}})?", re.ASCII)
+_WORD = re.compile(r"[^\W\d_][^\d,;]{0,20}")
 _LEAST_P = 1e-6
 _RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 _LONGEST = 200  # characters of a quantity; the library's pattern takes time as the square of a row of blanks
@@ -72,10 +76,13 @@ def read_quantity(source: str | float, *, field: str) -> Quantity:
 
 def _number_words(text: str) -> str:
     """How a plain number would be written in place of `text`."""
-    if found := re.fullmatch(r"([+-]?\d+),(\d+)", text, re.ASCII):
-        return f"as {found[1]}.{found[2]}"
-    has_unit = re.fullmatch(r"[+-]?[\d.,]+\s*[^\W\d_][^\d,;]{0,20}", text)
-    return "without a unit of its own, in that of the key or axis" if has_unit else "as 4.0"
+    found = _WITH_UNIT.fullmatch(text)
+    if found is None:
+        return "as 4.0"
+    unit = (found[2] or "").strip()
+    if unit and (is_unit(unit) or _WORD.fullmatch(unit)):
+        return "without a unit of its own, in that of the key or axis"
+    return f"as {text.replace(',', '.')}" if "," in text and not unit else "as 4.0"
 
 
 def _read_text(text: str, field: str) -> Quantity:

@@ -205,7 +205,7 @@ def pose_curve(
         relative=relative[order], relative_x=relative_x, cov=ordered_cov, stated=stated, axes=axes, fixed=MappingProxyType(exact),
         lacks=ask_lacks(deviation, correlated, order, stated=stated, exact_x=u_x is None),
         counted=counted,
-        sought=seek_of_fit(following, units, [*all_of, *(p.name for p in shared)]),
+        sought=seek_of_fit(following, units, [*all_of, *(p.name for p in shared)], said),
     )
 
 

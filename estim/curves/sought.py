@@ -17,6 +17,7 @@ from numpy.typing import ArrayLike
 
 from estim.common import InputError, Notation
 from estim.curves.formula import Formula, check_names, evaluate, read_formula
+from estim.curves.sought_units import unit_that_follows as unit_that_follows
 from estim.curves.varying import own_values, shift_of
 from estim.problem import Derived
 
@@ -31,6 +32,7 @@ class SoughtQuantity:
     text : the formula as written.  formula : the same, with `symbols` in the place of names with a level.
     symbols : name in the formula -> "gamma[heavy]" or, of this run, the name itself.
     others : "gamma[heavy]" -> name of the parameter, or an exact number; empty until it is known which runs are fit together.
+    stated : the unit that was stated, if any; `unit` is what follows in its place (`in_units`).
     """
 
     name: str
@@ -41,6 +43,7 @@ class SoughtQuantity:
     formula: Formula
     symbols: Mapping[str, str]
     others: Mapping[str, str | float] = field(default_factory=dict)
+    stated: str | None = None
 
     @property
     def of_levels(self) -> dict[str, tuple[str, str]]:
@@ -72,7 +75,7 @@ class SoughtQuantity:
         return replace(self, others=MappingProxyType(dict(others)))
 
 
-def seek(name: str, text: object, *, unit: str = "1", symbol: str | None = None, meaning: str | None = None) -> SoughtQuantity:
+def seek(name: str, text: object, *, unit: str | None = None, symbol: str | None = None, meaning: str | None = None) -> SoughtQuantity:
     """The quantity `name` that follows by the formula `text`.  Raises InputError."""
     check_names([name], field="derived")
     if not isinstance(text, str) or not text.strip():
@@ -95,7 +98,7 @@ def seek(name: str, text: object, *, unit: str = "1", symbol: str | None = None,
     shown = " ".join(text.split())
     said = meaning or (shown if len(shown) <= _SHOWN else f"{shown[: _SHOWN - 3]}...")
     places = MappingProxyType({one: written.get(one, one) for one in formula.names})
-    return SoughtQuantity(name, unit, Notation(symbol or name), said, shown, formula, places)
+    return SoughtQuantity(name, unit or "1", Notation(symbol or name), said, shown, formula, places, stated=unit)
 
 
 def check_sought(sought: Iterable[SoughtQuantity], known: Collection[str], derived: Collection[str] = ()) -> None:
@@ -112,11 +115,31 @@ def check_sought(sought: Iterable[SoughtQuantity], known: Collection[str], deriv
         everything.append(quantity.name)
 
 
-def seek_of_fit(derived: Mapping[str, str], units: Mapping[str, str], known: Collection[str]) -> tuple[SoughtQuantity, ...]:
-    """The quantities of a fit from Python: name -> formula; there is one run, and so no level.  Raises InputError."""
-    sought = tuple(seek(name, text, unit=units.get(name, "1")) for name, text in derived.items())
+def in_units(sought: Iterable[SoughtQuantity], units: Mapping[str, str]) -> tuple[SoughtQuantity, ...]:
+    """The same, each in the unit that was stated of it, or that follows from those before it and `units`, of names as they are written.
+
+    Raises InputError with the quantity as field, where the stated unit is another, or the formula cannot mean what it says.
+    """
+    found: list[SoughtQuantity] = []
+    for one in sought:
+        try:
+            follows = unit_that_follows(one.formula.tree, one.symbols, {**units, **{before.name: before.unit for before in found}}, one.stated)
+        except InputError as error:
+            raise InputError(error.rule, field=one.name, value=error.value or one.text) from None
+        found.append(replace(one, unit=follows))
+    return tuple(found)
+
+
+def seek_of_fit(
+    derived: Mapping[str, str], units: Mapping[str, str], known: Collection[str], of_parameters: Mapping[str, str] = MappingProxyType({})
+) -> tuple[SoughtQuantity, ...]:
+    """The quantities of a fit from Python: name -> formula; there is one run, and so no level.  Raises InputError.
+
+    units : those stated, also of quantities.  of_parameters : those of the parameters, stated or as they follow.
+    """
+    sought = tuple(seek(name, text, unit=units.get(name)) for name, text in derived.items())
     for one in sought:
         if one.of_levels:
             raise InputError("must use ( ), not [ ]: there are no runs to choose from", field=one.name, value=one.text)
     check_sought(sought, known)
-    return sought
+    return in_units(sought, of_parameters)

@@ -17,7 +17,7 @@ import numpy as np
 
 from estim.campaign import checked
 from estim.common import InputError
-from estim.curves import RESERVED, Formula, evaluate, read_formula
+from estim.curves import RESERVED, Formula, evaluate, read_formula, unit_that_follows
 from estim.measurement.input_tables import InputTable, inputs_of
 from estim.propagation import Input, IntervalKind
 from estim.reading import TOML_BYTES, Places, parse_toml, read_text
@@ -28,7 +28,7 @@ _LEAST_DRAWS, _MOST_DRAWS = 10_000, 10_000_000
 
 class _OutputTable(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_only=True):
     formula: str
-    unit: str = "1"
+    unit: str | None = None
     meaning: str = ""
     name: str | None = None
 
@@ -54,12 +54,13 @@ class _TopTable(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_only
 
 @dataclass(frozen=True, eq=False)
 class Output:
-    """A measurand.  unit : "1" for a number."""
+    """A measurand.  unit : "1" for a number, and where none was stated and none follows.  stated : the unit that was stated, if any."""
 
     name: str
     formula: Formula
     unit: str
     meaning: str
+    stated: str | None
 
 
 @dataclass(frozen=True, eq=False)
@@ -122,6 +123,7 @@ def read_model(path: Path) -> MeasurementModel:
         raise places.error(f"must hold 1 to {_MOST_INPUTS} inputs, their components counted", ("inputs",))
     outputs = _outputs(top, places)
     _check_names(outputs, quantities, places)
+    outputs = _in_units(outputs, quantities, places)
     correlation = _correlations(top, quantities, places)
     _check_sets(top, places)
     quantities = tuple(_together(quantity, top) for quantity in quantities)
@@ -171,7 +173,7 @@ def _outputs(top: _TopTable, places: Places) -> tuple[Output, ...]:
             formula = read_formula(table.formula, field="formula")
         except InputError as error:
             raise places.error(error.rule, (*path, "formula"), value=error.value) from None
-        found.append(Output(name, formula, table.unit, table.meaning))
+        found.append(Output(name, formula, table.unit or "1", table.meaning, table.unit))
     return tuple(found)
 
 
@@ -186,7 +188,7 @@ def _check_names(outputs: Sequence[Output], quantities: Sequence[Quantity], plac
     known = [quantity.name for quantity in quantities]
     used: set[str] = set()
     for output in outputs:
-        path = ("measurand", output.name, "formula") if ("measurand", output.name) in places.lines else ("measurand", "formula")
+        path = _place_of_formula(output, places)
         if output.name in known:
             raise places.error("must not be the name of an input or of another measurand", path, field="name", value=output.name)
         names = (*output.formula.names, *(("x",) if output.formula.uses_x else ()))
@@ -202,6 +204,25 @@ def _check_names(outputs: Sequence[Output], quantities: Sequence[Quantity], plac
     for quantity in quantities:
         if quantity.name not in used:
             raise places.error("is in no formula", ("inputs", quantity.name), field=f"inputs.{quantity.name}")
+
+
+def _in_units(outputs: Sequence[Output], quantities: Sequence[Quantity], places: Places) -> tuple[Output, ...]:
+    """The outputs with the units that follow where none were stated.  Raises InputError where a stated one is another, or a sine takes degrees."""
+    units, found = {quantity.name: quantity.unit for quantity in quantities}, []
+    for output in outputs:
+        symbols = {name: name for name in (*output.formula.names, "x")}
+        try:
+            unit = unit_that_follows(output.formula.tree, symbols, units, output.stated)
+        except InputError as error:
+            path = _place_of_formula(output, places)
+            raise places.error(error.rule, path if error.value is None else (*path[:-1], "unit"), value=error.value or output.formula.text) from None
+        found.append(replace(output, unit=unit))
+        units[output.name] = unit
+    return tuple(found)
+
+
+def _place_of_formula(output: Output, places: Places) -> tuple[str, ...]:
+    return ("measurand", output.name, "formula") if ("measurand", output.name) in places.lines else ("measurand", "formula")
 
 
 def _correlations(top: _TopTable, quantities: Sequence[Quantity], places: Places) -> dict[tuple[str, str], float] | None:

@@ -24,9 +24,14 @@ class Flat(Uniform):
     start: float = 0.0
 
     def __post_init__(self) -> None:
-        if math.isnan(self.low) or math.isnan(self.high) or not self.low < self.high:
+        for field, limit in (("low", self.low), ("high", self.high)):
+            if math.isnan(limit):
+                raise InputError("must be a number", field=field, value=limit)
+        if not self.low < self.high:
             raise InputError("must be below 'high'", field="low", value=self.low)
-        if not (math.isfinite(self.start) and self.low <= self.start <= self.high):
+        if not math.isfinite(self.start):
+            raise InputError("must be finite", field="start", value=self.start)
+        if not (self.low <= self.start <= self.high):
             raise InputError(f"must lie within [{self.low:.6g}, {self.high:.6g}]", field="start", value=self.start)
 
     @property

@@ -2,7 +2,7 @@
 
 Read `run` first.  Imports `common` alone."""
 
-from estim.reading.columns import read_columns
+from estim.reading.columns import lines_told, read_columns
 from estim.reading.dialect import Decimal, Dialect, Encoding, is_uncertainty, name_and_unit
 from estim.reading.input_file import TOML_BYTES, leads_out, read_text
 from estim.reading.layout import Layout, no_names, numeric_columns, read_layout

@@ -13,10 +13,13 @@ from types import MappingProxyType
 
 import numpy as np
 
-from estim.common import EXTREME, InputError, extreme, phrase
-from estim.reading.dialect import Dialect, decimal_mark, is_column, is_missing, name_and_unit, number_in, place_of, split_row
+from estim.common import EXTREME, InputError, extreme, phrase, same_unit
+from estim.reading.cells import is_missing
+from estim.reading.dialect import Dialect, decimal_mark, is_column, name_and_unit, number_in, place_of, split_row
 from estim.reading.layout import Layout, cells_differ, no_names, read_layout
-from estim.reading.table import DECIMAL_COMMAS, Table, may_be_decimal_commas, own_name
+from estim.reading.table import DECIMAL_COMMAS, UNITS, Table, may_be_decimal_commas, own_name
+
+_MOST_TOLD = 6  # lines or rows of lines
 
 
 def read_columns(
@@ -57,13 +60,14 @@ def read_columns(
     for array in (*columns.values(), at):
         array.setflags(write=False)
     empty = tuple(sorted(line for lines in left_out.values() for line in lines))
-    return Table(shown_as, layout.sha256, layout.header_line or 0, MappingProxyType(columns), at, layout.warnings, tuple(facts), units, empty)
+    named = MappingProxyType(columns)
+    return Table(shown_as, layout.sha256, layout.header_line or 0, named, at, layout.warnings, tuple(facts), units, empty, layout.imported)
 
 
 def read_known_columns(path: Path, *, known: Sequence[str], min_rows: int, shown_as: str, dialect: Dialect) -> Table:
     """The columns of the table at `path` that are called as one of `known`, or as other programs call these; all others are left unread.
 
-    Raises InputError as `read_columns` does, and where a column has an uncertain place.
+    Raises InputError as `read_columns` does, and where a column has an uncertain place or another unit than its name says.
     """
     layout = read_layout(path, dialect, shown_as=shown_as)
     if not layout.names:
@@ -75,6 +79,10 @@ def read_known_columns(path: Path, *, known: Sequence[str], min_rows: int, shown
         rule = f"must hold columns that are called {', '.join(known)} (or name all columns: columns = [...])"
         raise InputError(rule, field="header", value=", ".join(layout.names), file=shown_as, line=layout.header_line)
     table = read_columns(path, needed=list(called), min_rows=min_rows, shown_as=shown_as, dialect=dialect)
+    for name, ours in called.items():
+        if same_unit(table.units[name] or UNITS[ours], UNITS[ours]) is False:
+            rule = f"must be in {UNITS[ours]}, as its name says; nothing is converted"
+            raise InputError(rule, field=name, value=table.units[name], file=shown_as, line=table.header_line or None)
     return replace(table, columns=MappingProxyType({called[name]: column for name, column in table.columns.items()}))
 
 
@@ -100,7 +108,17 @@ def _value(cell: str, name: str, mark: str, file: str, line: int) -> float:
 def _left_out(name: str, lines: Sequence[int]) -> str:
     if len(lines) == 1:
         return phrase("1 row without a value of '{name}' left out (line {line})", name=name, line=lines[0])
-    said = {"n": len(lines), "name": name}
-    if len(lines) > 3:
-        return phrase("{n} rows without a value of '{name}' left out (lines {first} to {last})", first=lines[0], last=lines[-1], **said)
-    return phrase("{n} rows without a value of '{name}' left out (lines {lines})", lines=", ".join(map(str, lines)), **said)
+    return phrase("{n} rows without a value of '{name}' left out (lines {lines})", n=len(lines), name=name, lines=lines_told(lines))
+
+
+def lines_told(lines: Sequence[int]) -> str:
+    """Lines of a file as people say them, `3, 5, 8 to 12`; of many the first, and how many more there are."""
+    starts = [i for i, line in enumerate(lines) if i == 0 or line != lines[i - 1] + 1]
+    said: list[str] = []
+    for first, end in zip(starts, [*starts[1:], len(lines)], strict=True):
+        alone = end - first < 3
+        shown = [str(line) for line in lines[first:end]] if alone else [phrase("{first} to {last}", first=lines[first], last=lines[end - 1])]
+        if len(said) + len(shown) > _MOST_TOLD:
+            return ", ".join([*said, phrase("and {n} more", n=len(lines) - first)])
+        said += shown
+    return ", ".join(said)

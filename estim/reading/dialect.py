@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from estim.common import InputError, is_unit, listed, read_number
+from estim.reading.cells import is_spreadsheet_error, looks_like_a_number
 from estim.reading.table import split_cells
 
 Decimal = Literal["point", "comma"]
@@ -19,9 +20,7 @@ Encoding = Literal["utf-8", "utf-16", "latin-1", "windows-1252", "windows-1250",
 
 DELIMITERS = ("\t", ";", ",", "|", " ")
 _WORDS = {"tab": "\t", "semicolon": ";", "comma": ",", "bar": "|", "blank": " ", "\\t": "\t"}
-_NUMBER = re.compile(r"[+-]?(\d+(\.\d*|,\d+)?|[.,]\d+)([eE][+-]?\d{1,4})?", re.ASCII)
 _GROUPED = re.compile(r"[+-]?[1-9]\d{0,2},\d{3}", re.ASCII)  # one comma: 1,234 may be 1234
-_MISSING = frozenset({"", "nan", "na", "n/a", "-", "--", "null"})
 _NAMED_UNIT = re.compile(r"(.{1,60}?)\s*(?:\(([^()]{1,20})\)|\[([^\[\]]{1,20})\]|\s/\s*([^\s/]{1,20}))")
 _UNIT_BEHIND_IN = re.compile(r"(.{1,60}?)\s+in\s+(\S.{0,19})")
 _UNCERTAINTY = re.compile(r"u_.+|u\(([^()]+)\)")
@@ -61,16 +60,6 @@ class Dialect:
     def mark(self) -> str | None:
         """The delimiter as one character."""
         return None if self.delimiter is None else _WORDS.get(self.delimiter, self.delimiter)
-
-
-def looks_like_a_number(cell: str) -> bool:
-    """Whether a cell is a number with a decimal point or a decimal comma."""
-    return _NUMBER.fullmatch(cell) is not None
-
-
-def is_missing(cell: str) -> bool:
-    """Whether a cell says that there is no value."""
-    return cell.lower() in _MISSING
 
 
 def name_and_unit(cell: str) -> tuple[str, str]:
@@ -144,6 +133,8 @@ def number_in(cell: str, name: str, mark: str, file: str, line: int) -> float:
         hint = " with a decimal point, not a comma" if mark == "." else " with a decimal comma, not a point"
     elif re.fullmatch(r"[+-]?\d{1,3}([., ']\d{3})+([.,]\d*)?", cell, re.ASCII):
         hint = " without marks between thousands"
+    elif is_spreadsheet_error(cell):
+        hint = " (leave the cell empty where there is none)"
     raise InputError(f"must be a number{hint}", field=name, value=cell, file=file, line=line)
 
 

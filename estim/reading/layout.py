@@ -9,7 +9,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from estim.common import InputError, is_unit
-from estim.reading.dialect import Dialect, cells_of, is_missing, looks_like_a_number, name_and_unit, shown_delimiter, split_row
+from estim.reading.cells import is_comment, is_missing, is_spreadsheet_error, looks_like_a_number
+from estim.reading.dialect import Dialect, cells_of, name_and_unit, shown_delimiter, split_row
 from estim.reading.input_file import read_any_text
 from estim.reading.table import NOTE, facts_of, numbered_lines
 
@@ -23,7 +24,9 @@ _UNITS = (
     "Hz kHz MHz GHz K C F H uF nF pF mH uH T mT uT G Wb lx cd lm dB Bq kBq Sv mol l L ml mL deg rad mrad sr px frame frames counts count arb a.u. au "
     "% ° °C °F Ω kΩ MΩ Å ′ ″ 1"
 )
-_SYMBOLS = frozenset(_UNITS.split())
+_SYMBOLS = frozenset(_UNITS.split()) - {"1"}
+_NO_UNIT = frozenset({"1", "-", "--", "–", "—", "dimensionless", "unitless", "none", "n/a"})
+_NUMBER_FIRST = re.compile(r"(?!1\s*/|10\s*[\^⁻⁰¹²³⁴⁵⁶⁷⁸⁹])[+-]?[.,]?\d")  # but 1/s, 10^-3 N
 _SEPARATORS = re.compile(r"[/*·⋅^ ()\[\]]|[-−]?\d+|[⁻¹²³]+")
 
 
@@ -32,7 +35,8 @@ class Layout:
     """Where the numbers of a table are.
 
     names : of the columns, () where the file has none.  header_line : where they stand.  units : column -> its unit, as the header says.
-    rows : the lines from the first row of numbers on, comments taken out.  notes : how the file was read, where that is not plain.
+    rows : the lines from the first row of numbers on, comments taken out.  facts : what the head of an imported file says, and how the file was
+    read, where that is not plain.  imported : whether `estim import` made it.
     """
 
     file: str
@@ -44,6 +48,7 @@ class Layout:
     rows: Lines
     warnings: tuple[str, ...]
     facts: tuple[str, ...]
+    imported: bool
 
     @property
     def width(self) -> int:
@@ -58,7 +63,7 @@ def read_layout(path: Path, dialect: Dialect, *, shown_as: str, needed: Sequence
     text, digest, note = read_any_text(path, shown_as=shown_as, encoding=dialect.encoding)
     lines = numbered_lines(text, file=shown_as)
     below = [(number, line) for number, line in lines if number > (dialect.skip_rows or 0)]
-    plain = [(number, line) for number, line in below if not line.lstrip().startswith("#")]
+    plain = [(number, line) for number, line in below if not is_comment(line)]
     if not plain:
         raise InputError("has no rows of numbers" + (" below the lines that are skipped" if dialect.skip_rows else ""), file=shown_as)
     delimiter = dialect.mark or (_ONE_COLUMN if _is_one_column(plain, dialect) else shown_delimiter(plain[-1][1]))
@@ -70,9 +75,9 @@ def read_layout(path: Path, dialect: Dialect, *, shown_as: str, needed: Sequence
     rows = [(number, line) for number, line in rows if not (percent and line.lstrip().startswith("%"))]
     width, least = _widths(rows, delimiter)
     names, header_line, units = _header(plain[:start], below, rows[0][0], delimiter, (least, width), dialect, needed, shown_as)
-    facts = (*facts_of(lines, header_line or rows[0][0]), *([note] if note else []))
+    head = facts_of(lines, header_line or rows[0][0])
     warnings = tuple(line[len(NOTE) :].strip() for _, line in lines if line.startswith(NOTE))
-    return Layout(shown_as, digest, delimiter, names, header_line, units, rows, warnings, facts)
+    return Layout(shown_as, digest, delimiter, names, header_line, units, rows, warnings, (*head, *([note] if note else [])), bool(head))
 
 
 def _is_one_column(lines: Lines, dialect: Dialect) -> bool:
@@ -116,12 +121,19 @@ def _start(lines: Lines, delimiter: str, file: str) -> int:
     else:
         number, line = lines[-1]
         raise InputError("must hold numbers: the last line holds none", field="row", value=line, file=file, line=number)
+    while first and _is_blank(lines[first - 1][1], delimiter, shape):
+        first -= 1
     for number, line in lines[:first]:
         cells = [cell for cell in _cells(line, delimiter) if cell]
         if len(cells) > 1 and all(map(looks_like_a_number, cells)):
             rule = "is a row with another number of cells than the last one: say how many lines stand above the table (--skip-rows, skip_rows)"
             raise InputError(rule, field="row", value=line, file=file, line=number)
     return first
+
+
+def _is_blank(line: str, delimiter: str, shape: set[int]) -> bool:
+    """Whether a line is a row in which no cell has a value."""
+    return bool(shape & _shape(line, delimiter)) and not _RULE.fullmatch(line) and all(map(is_missing, _cells(line, delimiter)))
 
 
 def _may_be_value(cell: str) -> bool:
@@ -178,14 +190,16 @@ def _header(
         if _RULE.fullmatch(line) or (percent and not fits):
             continue
         over = _trimmed(_cells(above[i - 1][1], delimiter)) if i else []
-        below_names = _are_units(cells) or (_all_in(needed, over) and not _all_in(needed, cells))
-        if fits and not units and widths[0] <= len(over) <= widths[1] and below_names:
-            units = cells
+        said = _cells(line, delimiter)
+        of_units = _are_units(said) and widths[0] <= len(said) <= max(widths)
+        below_names = of_units or (fits and _all_in(needed, over) and not _all_in(needed, cells))
+        if not units and widths[0] <= len(over) <= widths[1] and below_names:
+            units = said if of_units else cells
             continue
         if not fits and any(name in cells for name in needed):
             raise cells_differ(widths[0], len(cells), delimiter, file, first)
         return _named(cells, units, number) if fits else ((), None, ())
-    comments = [(number, line.lstrip("# \t").rstrip()) for number, line in below if number < first and line.lstrip().startswith("#")]
+    comments = [(number, line.lstrip("# \t").rstrip()) for number, line in below if number < first and is_comment(line)]
     for number, line in comments[-1:]:
         cells = _cells(line, delimiter)
         if widths[0] <= len(cells) <= widths[1] and not any(map(looks_like_a_number, cells)):
@@ -197,9 +211,9 @@ def _refuse_half_a_row(above: Lines, delimiter: str, widths: tuple[int, int], fi
     """Raises InputError where the line over the first row looks like one more, with something in it that is no number."""
     number, line = next((one for one in reversed(above) if not _RULE.fullmatch(one[1])), (0, ""))
     cells = _trimmed(_cells(line, delimiter))
-    if not widths[0] <= len(cells) <= widths[1] or line.lstrip().startswith("%") or all(cell in _SYMBOLS for cell in cells):
+    if not widths[0] <= len(cells) <= widths[1] or line.lstrip().startswith("%") or _are_units(cells):
         return
-    if any(re.match(r"[+-]?[.,]?\d", cell) and not _NAMED_BY_A_NUMBER.fullmatch(cell) for cell in cells):
+    if any(is_spreadsheet_error(cell) or (re.match(r"[+-]?[.,]?\d", cell) and not _NAMED_BY_A_NUMBER.fullmatch(cell)) for cell in cells):
         rule = "must be a row of numbers, like those below it, or of names, which begin with a letter (if it is neither: --skip-rows, skip_rows)"
         raise InputError(rule, field="row", value=line, file=file, line=number)
 
@@ -207,7 +221,7 @@ def _refuse_half_a_row(above: Lines, delimiter: str, widths: tuple[int, int], fi
 def _named(cells: list[str], units: list[str], line: int) -> tuple[tuple[str, ...], int, tuple[str, ...]]:
     """Names, their line, and units: those in the names, or of a line of their own."""
     told = units + [""] * len(cells)
-    return tuple(cells), line, tuple(name_and_unit(cell)[1] or unit.strip("()[] ") for cell, unit in zip(cells, told, strict=False))
+    return tuple(cells), line, tuple(name_and_unit(cell)[1] or _unit_in(unit) for cell, unit in zip(cells, told, strict=False))
 
 
 def _all_in(needed: Sequence[str], cells: Sequence[str]) -> bool:
@@ -216,8 +230,19 @@ def _all_in(needed: Sequence[str], cells: Sequence[str]) -> bool:
 
 def _are_units(cells: Sequence[str]) -> bool:
     """Whether a line below the names says units alone."""
-    words = [part for cell in cells for part in _SEPARATORS.split(cell.replace("µ", "u").replace("μ", "u")) if part]
-    return all(word in _SYMBOLS for word in words) and any(cells)
+    return all(_is_in_symbols(unit) for cell in cells if (unit := _unit_in(cell))) and any(cell not in ("", "1") for cell in cells)
+
+
+def _unit_in(cell: str) -> str:
+    """The unit that a cell below a name says, without brackets; "1" for a pure number."""
+    unit = cell.strip("()[] ")
+    return "1" if unit.lower() in _NO_UNIT else unit
+
+
+def _is_in_symbols(unit: str) -> bool:
+    """Whether a unit is made of symbols that are known."""
+    words = [part for part in _SEPARATORS.split(unit.replace("µ", "u").replace("μ", "u")) if part]
+    return unit == "1" or (_NUMBER_FIRST.match(unit) is None and bool(words) and all(word in _SYMBOLS for word in words))
 
 
 def cells_differ(cells: int, width: int, delimiter: str, file: str, line: int) -> InputError:

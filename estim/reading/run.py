@@ -44,11 +44,12 @@ class Run:
     lines : (n_row,) line of the file that each row stands on.
     sha256 : of the file's bytes.
     warnings : what is suspicious about the file, in words.
-    facts : where an imported track comes from and how x was made of it, in words; also for a CSV made by `estim import`.
+    facts : where an imported track comes from and how x was made of it, in words; also for a CSV made by `estim import`; what a table lacks.
     tilt : rad, of an imported track against the x axis of its video, positive uphill; None where it is not known.
     left_out : how many rows of the file were left out by `without`.
     interval : s between frames, of an imported run of a campaign; None of others.
     blank : lines of the file that are left out, since a column has no value there.
+    imported : whether it is an imported track, or a CSV made by `estim import`.
     """
 
     name: str
@@ -62,6 +63,7 @@ class Run:
     left_out: int = 0
     interval: float | None = None
     blank: tuple[int, ...] = ()
+    imported: bool = False
 
     @property
     def n_row(self) -> int:
@@ -141,7 +143,7 @@ def run_of_table(table: Table, name: str) -> Run:
     """The run `name` in a table that has been checked, with what the head of an imported one says of its origin."""
     return Run(
         name=name, file=table.file, sha256=table.sha256, columns=table.columns, lines=table.lines, warnings=table.warnings,
-        facts=table.facts, tilt=stated_tilt(table.facts), blank=table.blank,
+        facts=table.facts, tilt=stated_tilt(table.facts), blank=table.blank, imported=table.imported,
     )
 
 
@@ -149,12 +151,13 @@ def _imported(track: Imported, name: str) -> Run:
     return Run(
         name=name, file=track.track.file, sha256=track.track.sha256, columns=MappingProxyType({"t_s": track.t, "x_m": track.x}),
         lines=track.track.lines[track.rows], warnings=track.warnings, facts=track.facts, tilt=track.tilt,
+        imported=True,
     )
 
 
 def is_timed_track(run: Run) -> bool:
     """Whether a run was imported with the times of its frames."""
-    return bool(run.facts) and "t_s" in run.columns
+    return run.imported and "t_s" in run.columns
 
 
 def compare_intervals(runs: Mapping[str, Run]) -> dict[str, Run]:

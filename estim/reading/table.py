@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 
 from estim.arrays import FloatArray
 from estim.common import EXTREME, InputError, extreme, listed, read_number, same_unit
+from estim.reading.cells import is_comment
 from estim.reading.input_file import line_after_comment, lines_of, read_text
 
 _OTHER_NAMES = {
@@ -31,6 +32,9 @@ _OTHER_NAMES = {
     "theta (rad)": "theta_rad",
     "omega (rad/s)": "omega_rad_s",
 }
+UNITS = {
+    "t_s": "s", "x_m": "m", "v_m_s": "m/s", "theta_rad": "rad", "omega_rad_s": "rad/s", "sigma_x_m": "m", "sigma_v_m_s": "m/s",
+}  # of columns that are known by name
 _COMMENTS = ("#", "%")
 _WHOLE = re.compile(r"[+-]?\d*(,([+-]?\d+([eE][+-]?\d+)?)?)*", re.ASCII)  # no decimal point, no word, no quote, no blank beside a comma
 DECIMAL_COMMAS = (
@@ -50,7 +54,7 @@ class Table:
     file : how messages name it.  header_line : line of the column names.  sha256 : of the file's bytes.
     warnings : texts of the comment lines "# warning: ...".  facts : the other comments above the header of a file that
     `estim import` made; empty for other files.  units : column -> unit that the header states, "" for none; empty where no header may.
-    blank : lines of the rows that are left out, since a column has no value there.
+    blank : lines of the rows that are left out, since a column has no value there.  imported : whether `estim import` made the file.
     """
 
     file: str
@@ -62,6 +66,7 @@ class Table:
     facts: tuple[str, ...] = ()
     units: Mapping[str, str] = field(default_factory=dict)
     blank: tuple[int, ...] = ()
+    imported: bool = False
 
     def require_unit(self, u: str, of: str) -> None:
         """Raises InputError where the header states one unit for the column `u` of uncertainties, and another for the column that they are of."""
@@ -82,7 +87,7 @@ def read_table(path: Path, *, known: Sequence[str], min_rows: int, shown_as: str
     """
     text, digest = read_text(path, shown_as=shown_as)
     rows = numbered_lines(text, file=shown_as)
-    header = next(((n, line) for n, line in rows if not line.lstrip().startswith("#") or _names(line, known)), None)
+    header = next(((n, line) for n, line in rows if not is_comment(line) or _names(line, known)), None)
     if header is None:
         raise InputError("has no line of column names", file=shown_as)
     header_line, header_text = header
@@ -94,8 +99,9 @@ def read_table(path: Path, *, known: Sequence[str], min_rows: int, shown_as: str
         if name not in names:
             raise InputError("is missing", field=name, file=shown_as, line=header_line, quoted=f"the header has {listed(names)}")
     _check_names(names, known, shown_as, header_line)
-    comments = _COMMENTS if header_text.lstrip().startswith("%") else _COMMENTS[:1]  # "%" is LabVIEW's
-    data = [(number, line) for number, line in rows if number > header_line and not line.lstrip().startswith(comments)]
+    percent = header_text.lstrip().startswith("%")  # LabVIEW's
+    below = [(number, line) for number, line in rows if number > header_line and not is_comment(line)]
+    data = [(number, line) for number, line in below if not (percent and line.lstrip().startswith("%"))]
     numbers = [number for number, _ in data]
     cells = [_cells(line, names, delimiter, shown_as, number) for number, line in data]
     if len(cells) < min_rows:
@@ -108,7 +114,8 @@ def read_table(path: Path, *, known: Sequence[str], min_rows: int, shown_as: str
     for array in (*columns.values(), lines):
         array.setflags(write=False)
     warnings = tuple(line[len(NOTE) :].strip() for _, line in rows if line.startswith(NOTE))
-    return Table(shown_as, digest, header_line, MappingProxyType(columns), lines, warnings, facts_of(rows, header_line))
+    facts = facts_of(rows, header_line)
+    return Table(shown_as, digest, header_line, MappingProxyType(columns), lines, warnings, facts, imported=bool(facts))
 
 
 def facts_of(rows: Sequence[tuple[int, str]], header_line: int) -> tuple[str, ...]:

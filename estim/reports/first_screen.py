@@ -10,6 +10,7 @@ import numpy as np
 
 from estim.checks import Estimate, not_measured, p_sentence, result_table, screen_lines
 from estim.common import listed, phrase, signed, split_level
+from estim.reading import lines_told
 from estim.reports.budget import UncertaintyBudget
 from estim.reports.deviation import ForceSummary
 from estim.reports.explanation import ExplanationSummary
@@ -28,7 +29,6 @@ _WHERE = {
     "not-converged": "computing", "methods-disagree": "computing",
 }
 MOST_MINDS, _MOST_ERRORS = 2, 3
-_MOST_LINES = 3  # of rows without a value
 _MOST_REASONS, _MOST_LETTERS = 3, 380  # of reasons why there is no result
 
 
@@ -117,7 +117,7 @@ def first_screen(result: Told) -> Screen:
     minds = [words for words in (_warnings(result), _forces(result), _limits(shown, result), *noise) if words]
     return Screen(
         title, tests, estimates, head, tuple(rows), not_measured(estimates), listed(elsewhere) if elsewhere else "",
-        (*_left_out(result), *minds[:MOST_MINDS]), sensitivity_words([result]),
+        (*_left_out(result), *_without_a_value(estimates), *minds[:MOST_MINDS]), sensitivity_words([result]),
     )
 
 
@@ -210,15 +210,23 @@ def _forces(result: Told) -> str:
 def _left_out(result: Told) -> tuple[str, ...]:
     """Which rows have no value, where there are some."""
     blank = {name: run.blank for name, run in result.runs.items() if run.blank}
-    n, lines = sum(map(len, blank.values())), [str(line) for found in blank.values() for line in found]
+    n, lines = sum(map(len, blank.values())), [line for found in blank.values() for line in found]
     if not blank:
         return ()
     if len(result.runs) > 1:
         return (phrase("rows without a value left out: {n} ({runs})", n=n, runs=listed(list(blank))),)
     if n == 1:
         return (phrase("1 row without a value left out (line {line})", line=lines[0]),)
-    shown = ", ".join(lines) if n <= _MOST_LINES else phrase("{first} to {last}", first=lines[0], last=lines[-1])
-    return (phrase("{n} rows without a value left out (lines {lines})", n=n, lines=shown),)
+    return (phrase("{n} rows without a value left out (lines {lines})", n=n, lines=lines_told(lines)),)
+
+
+def _without_a_value(estimates: Sequence[Estimate]) -> tuple[str, ...]:
+    """What was asked for, and has no value at some of the draws."""
+    symbols = [one.label.symbol for one in estimates if one.summary.mean is None]
+    if not symbols:
+        return ()
+    said = phrase("no value at some of the draws (a division by zero, a root or logarithm of a negative number): {symbols}", symbols=listed(symbols))
+    return (said,)
 
 
 def _warnings(result: Told) -> str:

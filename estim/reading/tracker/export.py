@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 from estim.arrays import FloatArray
 from estim.common import InputError, listed, phrase, read_number
+from estim.reading.cells import is_comment
 from estim.reading.input_file import lines_of, read_text
 from estim.reading.table import DECIMAL_COMMAS, may_be_decimal_commas, numbered_lines, split_cells
 from estim.reading.tracker.track import METRES, Track
@@ -76,7 +77,7 @@ def read_export(
     """
     file = shown_as or str(path)
     text, digest = read_text(path, shown_as=file)
-    lines = [(n, line) for n, line in numbered_lines(text, file=file) if not line.lstrip().startswith("#")]
+    lines = [(n, line) for n, line in numbered_lines(text, file=file) if not is_comment(line)]
     layout = _layout(lines, track, file)
     factor, unit_fact = _length_unit(layout, unit, file)
     data = [(n, line) for n, line in lines if n > layout.line]

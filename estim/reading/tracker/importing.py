@@ -137,7 +137,8 @@ def track_columns(path: Path, choices: Choices, *, needed: Sequence[str], shown_
     along = bool({"x_m", "across_m"} & set(needed))
     facts = imported.facts if along else (*imported.source, *([imported.release] if rows[0] else []))
     warnings = imported.warnings if along else (*track.warnings, *missing_frames(imported.t))
-    return Table(shown_as, track.sha256, 0, MappingProxyType({name: found[name] for name in needed}), track.lines[rows], warnings, facts)
+    named = MappingProxyType({name: found[name] for name in needed})
+    return Table(shown_as, track.sha256, 0, named, track.lines[rows], warnings, facts, imported=True)
 
 
 def read_release(text: str) -> Literal["first", "keep"] | float:

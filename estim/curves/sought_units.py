@@ -1,0 +1,234 @@
+"""In which unit a derived quantity is, from the units of the names in its formula; and what cannot be meant there, as the tangent of degrees.
+
+Nothing is converted.  A name in "1" may have a unit that nobody told, and a number may have one of its own (`5*v`, the way in 5 s): nothing follows
+from them.  Numbers that are surely pure: exponents, the 1 of `1/tau`, whole divisors as in `v**2/2`, and factors beside pi.
+"""
+
+from __future__ import annotations
+
+import ast
+import re
+from collections.abc import Iterator, Mapping
+from fractions import Fraction
+
+from estim.common import InputError, in_unit, is_in_degrees, same_unit
+from estim.curves.formula import CONSTANTS
+
+Factors = dict[str, Fraction]
+"""A unit: its symbols with their powers; {} for a pure number."""
+
+_FACTOR = re.compile(r"([^\W\d_]+|°[CF]?|[%‰′″])(?:\^?([+-]?\d{1,2}))?")
+_OF_TEMPERATURE = re.compile(r"(?:deg|°)\s+([CF])")
+_RAISED = str.maketrans("0123456789-", "⁰¹²³⁴⁵⁶⁷⁸⁹⁻")
+_LOWERED = str.maketrans("⁰¹²³⁴⁵⁶⁷⁸⁹⁻−", "0123456789--")
+_OF_OWN_ZERO = frozenset({"°C", "°F", "degC", "degF"})
+_ROOTS = {"sqrt": Fraction(1, 2), "cbrt": Fraction(1, 3)}
+_TURNED = ("sin", "cos", "tan")
+_ANGLES = ("arcsin", "arccos", "arctan", "asin", "acos", "atan", "arctan2", "atan2")
+_ALIKE = {"abs": 0, "floor": 0, "ceil": 0, "hypot": 0, "minimum": 0, "maximum": 0, "min": 0, "max": 0, "where": 1, "arctan2": 0, "atan2": 0}
+_LARGEST_PURE = 10.0
+_LONGEST = 20  # characters of a unit that nobody stated
+
+
+def unit_that_follows(tree: ast.expr, symbols: Mapping[str, str], units: Mapping[str, str], stated: str | None) -> str:
+    """The unit of a formula: as stated, or as it follows from those of its names; "1" where it does not.
+
+    symbols : name in the formula -> as it is written, `gamma[heavy]`.  units : of the names as they are written.
+
+    Raises InputError without a field where the stated unit is another than the one that follows, a sine takes degrees, or metres are added to mm.
+    """
+    known = {symbol: factors for symbol, name in symbols.items() if (factors := _factors(units.get(name, "1")))}
+    follows = _Reading(known, symbols).of(tree)
+    if stated is None:
+        said = "1" if follows is None or _is_broken(follows) else _shown(follows)
+        return said if len(said) <= _LONGEST else "1"
+    guessed = _Reading(known, symbols, all_pure=True).of(tree) if follows is None else None
+    wrong = follows is not None and same_unit(stated, _written(follows)) is False and not _has_own_zero(stated, follows)
+    if wrong or (guessed is not None and _is_of_other_size(stated, guessed)):
+        found = follows if follows is not None else guessed or {}
+        angle = is_in_degrees(stated) and same_unit(_written(found), "rad") is True
+        cure = ": write degrees(...)" if angle else "" if follows is not None else _NUMBER_OF_ITS_OWN
+        what = f"in {_shown(found)}" if found else "a pure number"
+        raise InputError(f"must be {what}, as its formula and the units in it say; nothing is converted{cure}", value=stated)
+    return stated
+
+
+_NUMBER_OF_ITS_OWN = ' (give a number that has a unit a line of its own: {formula = "2", unit = "min"})'
+
+
+class _Reading:
+    """Reads units off a formula.  all_pure : whether numbers below 10 are taken to be pure wherever they stand."""
+
+    def __init__(self, known: Mapping[str, Factors], symbols: Mapping[str, str], *, all_pure: bool = False) -> None:
+        self.known, self.symbols, self.all_pure = known, symbols, all_pure
+
+    def of(self, node: ast.expr) -> Factors | None:
+        """Its unit; None where that is not known."""
+        match node:
+            case ast.Name(id=name):
+                return {} if name in CONSTANTS else self.known.get(name)
+            case ast.UnaryOp(operand=operand):
+                return self.of(operand)
+            case ast.BinOp(op=ast.Mult() | ast.Div()):
+                return self._product(node)
+            case ast.BinOp(left=left, right=right):
+                return self._alike(left, right, "adds")
+            case ast.Call(func=ast.Name(id="power"), args=[base, exponent]):
+                number = _number(exponent)
+                return None if number is None else _raised(self.of(base), number)
+            case ast.Call(func=ast.Name(id=name), args=arguments):
+                return self._call(name, arguments)
+        return None
+
+    def _product(self, node: ast.expr) -> Factors | None:
+        parts = list(_parts(node, 1))
+        turns = any(isinstance(one, ast.Name) and one.id in CONSTANTS for part, _ in parts for one in ast.walk(part))
+        whole_below = any(sign < 0 and _is_whole(part) for part, sign in parts)
+        found: Factors | None = {}
+        for part, sign in parts:
+            if isinstance(part, ast.Constant):
+                value = float(part.value)  # type: ignore[arg-type]
+                simple = abs(value) < _LARGEST_PURE and (4.0 * value).is_integer()
+                sure = turns or value == 1.0 or (_is_whole(part) and (sign < 0 or whole_below))
+                unit: Factors | None = {} if simple and (sure or self.all_pure) else None
+            else:
+                unit = self.of(part)
+            found = None if found is None or unit is None else _times(found, unit, sign)
+        return found
+
+    def _call(self, name: str, arguments: list[ast.expr]) -> Factors | None:
+        if name in _ALIKE:
+            first, *others = arguments[_ALIKE[name] :]
+            found = self.of(first)
+            for other in others:
+                found = self._alike(first, other, "compares")
+            return {"rad": Fraction(1)} if name in _ANGLES else found
+        units = [self.of(one) for one in arguments if not isinstance(one, ast.Compare)]
+        if name in _ROOTS:
+            return _raised(units[0], _ROOTS[name])
+        if name in _TURNED or name in ("radians", "degrees"):
+            self._check_angle(name, arguments[0], units[0])
+        if name in _ANGLES or name == "radians":
+            return {"rad": Fraction(1)}
+        return {"°": Fraction(1)} if name == "degrees" else {} if name in _TURNED else None
+
+    def _check_angle(self, name: str, angle: ast.expr, unit: Factors | None) -> None:
+        """Raises InputError where a function of an angle takes something else."""
+        if not unit:
+            return
+        said, wanted = _written(unit), "°" if name == "radians" else "rad"
+        if same_unit(said, wanted) is not False or (name == "degrees" and in_unit(1.0, said, "rad") is None):
+            return
+        if name in _TURNED and is_in_degrees(said):
+            plain = self.symbols[angle.id] if isinstance(angle, ast.Name) else "..."
+            raise InputError(f"takes {name} of an angle in {_shown(unit)}, but {name} takes radians: write {name}(radians({plain}))")
+        if name in _TURNED or in_unit(1.0, said, "rad") is not None:
+            takes = "degrees" if name == "radians" else "radians"
+            raise InputError(f"takes {name} of what is in {_shown(unit)}, but {name} takes {takes}")
+
+    def _alike(self, left: ast.expr, right: ast.expr, what: str) -> Factors | None:
+        """The unit of two that have the same.  Raises InputError where they have not."""
+        first, second = (None if _number(side) is not None else self.of(side) for side in (left, right))
+        if first is None or second is None:
+            return second if first is None else first
+        if not first or not second:
+            return {} if first == second else None  # a pure number and metres: one of them has a number with a unit of its own
+        if same_unit(_written(first), _written(second)) is False and not _has_own_zero(_written(first), second):
+            raise InputError(f"{what} what is in {_shown(first)} and what is in {_shown(second)}; nothing is converted")
+        return first
+
+
+def _parts(node: ast.expr, sign: int) -> Iterator[tuple[ast.expr, int]]:
+    """Factors of a product, and whether they multiply (1) or divide (-1)."""
+    match node:
+        case ast.UnaryOp(operand=operand):
+            yield from _parts(operand, sign)
+        case ast.BinOp(left=left, op=ast.Mult() | ast.Div() as op, right=right):
+            yield from _parts(left, sign)
+            yield from _parts(right, sign if isinstance(op, ast.Mult) else -sign)
+        case _:
+            yield node, sign
+
+
+def _is_whole(node: ast.expr) -> bool:
+    return isinstance(node, ast.Constant) and isinstance(node.value, float) and node.value.is_integer()
+
+
+def _number(node: ast.expr) -> Fraction | None:
+    """The number that a part of a formula is, without names."""
+    match node:
+        case ast.Constant(value=float(value)):
+            return Fraction(value).limit_denominator(1000)
+        case ast.UnaryOp(op=op, operand=operand):
+            found = _number(operand)
+            return None if found is None else -found if isinstance(op, ast.USub) else found
+        case ast.BinOp(left=left, op=ast.Div(), right=right):
+            first, second = _number(left), _number(right)
+            return None if first is None or not second else first / second
+    return None
+
+
+def _factors(unit: str) -> Factors | None:
+    """Symbols of a unit with their powers; None where nothing is told, or it is written otherwise."""
+    over, *under = _OF_TEMPERATURE.sub(r"°\1", unit.translate(_LOWERED).replace("º", "°").replace("**", "^").strip()).split("/")
+    found: Factors = {}
+    for text, sign in ((over, 1), *((part, -1) for part in under)):
+        bare = text.strip()
+        closed = bare.startswith("(") and bare.endswith(")")
+        symbols = re.split(r"\s*[·⋅*×]\s*|\s+", bare.strip("()").strip())
+        if sign < 0 and len(symbols) > 1 and not closed:
+            return None  # m/s V: is V above or below?
+        for symbol in symbols if bare != "1" else ():
+            match = _FACTOR.fullmatch(symbol)
+            if match is None:
+                return None
+            found = _times(found, {match[1]: Fraction(int(match[2] or 1))}, sign)
+    return None if not found or (list(found) == ["ms"] and found["ms"] < 0) else found  # ms-1 is 1/ms, or m/s
+
+
+def _times(one: Factors, other: Factors, sign: int) -> Factors:
+    powers = {symbol: one.get(symbol, Fraction(0)) + sign * other.get(symbol, Fraction(0)) for symbol in {**one, **other}}
+    return {symbol: power for symbol, power in powers.items() if power}
+
+
+def _raised(unit: Factors | None, power: Fraction) -> Factors | None:
+    return None if unit is None else {symbol: power * own for symbol, own in unit.items() if power}
+
+
+def _written(unit: Factors) -> str:
+    """A unit as one that is read: `kg m^2 s^-2`; with a power that is not whole, as one that is not known."""
+    if _is_broken(unit):
+        return "?"
+    return " ".join(f"{symbol}^{power}" if power != 1 else symbol for symbol, power in unit.items()) or "1"
+
+
+def _shown(unit: Factors) -> str:
+    """A unit as people write it, m/s²."""
+    bare = {symbol: power for symbol, power in unit.items() if symbol != "rad" or len(unit) == 1}
+    over, under = ([_power(symbol, abs(power)) for symbol, power in bare.items() if power * sign > 0] for sign in (1, -1))
+    below = "" if not under else f"/{under[0]}" if len(under) == 1 else f"/({'·'.join(under)})"
+    return ("·".join(over) or "1") + below
+
+
+def _is_broken(unit: Factors) -> bool:
+    """Whether a power is not whole."""
+    return any(power.denominator > 1 for power in unit.values())
+
+
+def _power(symbol: str, power: Fraction) -> str:
+    return symbol if power == 1 else symbol + str(power).translate(_RAISED)
+
+
+def _has_own_zero(text: str, unit: Factors) -> bool:
+    """Whether degrees Celsius or Fahrenheit are meant, which formulas turn into each other and into kelvins."""
+    return bool(_OF_OWN_ZERO & {text, *unit})
+
+
+def _is_of_other_size(stated: str, unit: Factors) -> bool:
+    """Whether two units differ in size alone, mJ and J, where no number can have one of its own that makes up for it (a degree, a percent)."""
+    said = _factors(stated)
+    if said is None or same_unit(stated, text := _written(unit)) is not False or in_unit(1.0, stated, text) is None:
+        return False
+    if list(said.values()) == list(unit.values()) == [1]:
+        return True  # deg and rad
+    return not any(in_unit(1.0, symbol, "1") is not None for symbol in {**said, **unit})
