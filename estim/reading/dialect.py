@@ -25,7 +25,7 @@ _MISSING = frozenset({"", "nan", "na", "n/a", "-", "--", "null"})
 _NAMED_UNIT = re.compile(r"(.{1,60}?)(\s*/)?(\s*)(?:\(([^()]{1,20})\)|\[([^\[\]]{1,20})\])|(.{1,60}?)\s+/\s*([^\s/]{1,20})")
 _UNIT_BEHIND_IN = re.compile(r"(.{1,60}?)\s+in\s+(\S.{0,19})")
 _UNCERTAINTY = re.compile(r"u_.+|u\(([^()]+)\)")
-_FUNCTIONS = frozenset("ln lg log log2 log10 exp sqrt sin cos tan asin acos atan arcsin arccos arctan sinh cosh tanh".split())
+_FUNCTION = re.compile(r"ln|lg|log(?:2|10)?|exp|sqrt|(?:a|arc)?(?:sin|cos|tan)|sinh|cosh|tanh", re.IGNORECASE)
 _LETTERS_BEFORE = {"t": "", "l": "V", "L": "V", "h": "tτ", "d": "tτ", "T": "B", "F": "C"}  # V(l) are litres, T(l) is T as it follows from l
 
 
@@ -88,7 +88,7 @@ def name_and_unit(cell: str) -> tuple[str, str]:
     if other is not None:
         return other.strip(), unit.strip()
     inside = (round_ or square).strip()
-    if (name.casefold() in _FUNCTIONS and inside != "1") or (slash and not is_unit(inside)):
+    if (_FUNCTION.fullmatch(name) and inside != "1") or (slash and not is_unit(inside)):
         return cell.strip(), ""
     return name.strip(), "" if round_ and not slash and not blank and _is_argument(name, inside) else inside
 
