@@ -147,6 +147,17 @@ def test_the_sine_of_milliradians_is_refused_as_that_of_degrees() -> None:
     refuse_degrees(read_formula("a*sin(0.001*x)"), AxisNames("x", "mrad", "y", "V"), "curve")
 
 
+@pytest.mark.parametrize("text", ["atan(x/a)", "c - 2*asin(x/a)", "arctan2(x, a)/2 + c", "-acos(x/a)"])
+def test_an_arctangent_gives_no_degrees(text: str) -> None:
+    for unit, says in (("°", r"write degrees\(a"), ("mrad", "write the column in radians")):
+        with pytest.raises(InputError, match=f"which is in radians, to give y in {unit}: {says}"):
+            refuse_degrees(read_formula(text), AxisNames("x", "m", "y", unit), "curve")
+    refuse_degrees(read_formula(text), AxisNames("x", "m", "y", "rad"), "curve")
+    refuse_degrees(read_formula(f"degrees({text})"), AxisNames("x", "m", "y", "°"), "curve")
+    refuse_degrees(read_formula(f"b*({text})"), AxisNames("x", "m", "y", "°"), "curve")
+    refuse_degrees(read_formula(f"180/pi*({text})"), AxisNames("x", "m", "y", "°"), "curve")
+
+
 def test_only_numbers_that_somebody_stated_are_turned() -> None:
     given = {"u_y": 0.1, "axes": AxisNames("t", "s", "s", "m"), "n_start": 1}
     for start in ({}, {"s0": 1.0}):

@@ -66,6 +66,22 @@ def pure_angles(formula: Formula) -> set[str]:
     return found
 
 
+def arc_among_terms(tree: ast.expr) -> ast.expr | None:
+    """An arcsine, arccosine or arctangent that a formula gives, alone or as a term, perhaps with a number before it; None where there is none."""
+    match tree:
+        case ast.Call(func=ast.Name(id="asin" | "acos" | "atan" | "atan2" | "arcsin" | "arccos" | "arctan" | "arctan2")):
+            return tree
+        case ast.UnaryOp(operand=one):
+            return arc_among_terms(one)
+        case ast.BinOp(left=left, op=ast.Add() | ast.Sub(), right=right):
+            return arc_among_terms(left) or arc_among_terms(right)
+        case ast.BinOp(left=ast.Constant(value=float(number)), op=ast.Mult(), right=one) if is_pure_in_angle(number):
+            return arc_among_terms(one)
+        case ast.BinOp(left=one, op=ast.Mult() | ast.Div(), right=ast.Constant(value=float(number))) if is_pure_in_angle(number):
+            return arc_among_terms(one)
+    return None
+
+
 def is_pure_in_angle(number: float) -> bool:
     """Whether a factor of an angle turns no degrees into radians, as pi/180 and 57.3 do."""
     return abs(number) <= _LARGEST_PURE and float(4.0 * number).is_integer()

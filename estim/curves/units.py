@@ -9,7 +9,7 @@ from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 
 from estim.common import InputError, in_unit, is_angle, is_in_degrees, powers_in, same_unit, with_unit
-from estim.curves.dimensions import angles_of, certain_dimensions, is_pure_in_angle, pure_angles
+from estim.curves.dimensions import angles_of, arc_among_terms, certain_dimensions, is_pure_in_angle, pure_angles
 from estim.curves.formula import Formula
 
 _RAISED = str.maketrans("0123456789-", "⁰¹²³⁴⁵⁶⁷⁸⁹⁻")
@@ -84,9 +84,13 @@ def check_units(curve: object, axes: AxisNames, units: Mapping[str, str], number
 
 
 def refuse_degrees(curve: object, axes: AxisNames, field: str) -> None:
-    """Raises InputError naming `field` for the sine, cosine or tangent of an angle in degrees, as the axes say it is."""
+    """Raises InputError naming `field` for the sine, cosine or tangent of an angle in degrees, or an arctangent that gives them, as the axes say."""
     if not isinstance(curve, Formula):
         return
+    if is_angle(axes.y_unit) and same_unit(axes.y_unit, "rad") is False and (arc := arc_among_terms(curve.tree)) is not None:
+        written = ast.unparse(_Called(curve.variable).visit(copy.deepcopy(arc)))
+        cure = f"write degrees({written})" if is_in_degrees(axes.y_unit) else "write the column in radians"
+        raise InputError(f"adds {written}, which is in radians, to give y in {axes.y_unit}: {cure}", field=field, value=curve.text)
     for function, angle, power in angles_of(curve):
         unit = axes.x_unit if power[0] else axes.y_unit
         if is_angle(unit) and same_unit(unit, "rad") is False and _turns_nothing(angle):
