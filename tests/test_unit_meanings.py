@@ -67,6 +67,7 @@ def rule_of(text: str, x: str, y: str, stated: str, *, density: bool | None = Fa
         ("9.81*exp(-x/p)", "s", "V", "ms", "must be in s"),
         ("a*max(x - p, 0)", "s", "m", "ms", "must be in s"), ("p + 9.81*x**2/2", "s", "m", "cm", "must be in m"),
         ("20*log10(x/p)", "V", "dB", "mV", "must be in V"),
+        ("1/(1/p - 1/x)", "cm", "cm", "mm", "must be in cm"), ("sqrt(p**2 - (x - c)**2)", "m", "m", "cm", "must be in m"),
         ("a + b*x + p*x**2", "kg·m/s", "kg·m²/s³", "mW", r"must be in 1/\(kg·s\)"),
     ],
 )  # fmt: skip
@@ -83,6 +84,8 @@ def test_a_wrong_unit_is_found_beside_numbers_that_may_have_units(text: str, x: 
         ("exp(-1000*x/p)", "s", "1", "ms"), ("p*x**n", "s", "m", "furlong"), ("s0 + p*x", "s", "m", "ms⁻¹"),
         ("s0 + v*x + p*x**2/2", "s", "m", "ms^-2"),
         ("a*heaviside(x - p, 0.5)", "s", "m", "s"), ("exp(-x/p)", "1", "1", "ms"),
+        ("1/(1/p - 1/x)", "cm", "mm", "cm"), ("1/(1/p - 1/x)", "cm", "cm", "cm"), ("p*x", "cm", "cm", "1"), ("2*pi*sqrt(x/p)", "kg", "s", "N/m"),
+        ("p*x", "V", "mA", "1/kΩ"), ("a + p*x", "Hz", "V", "V s"), ("A*cos(p*x + c)", "s", "°", "rad/s"), ("9.81*x/p", "s", "m", "kg"),
     ],
 )  # fmt: skip
 def test_a_unit_that_some_reading_allows_is_taken(text: str, x: str, y: str, stated: str) -> None:
@@ -250,3 +253,17 @@ def test_is_unit_knows_what_stands_in_headers() -> None:
     assert all(map(is_unit, ("mV", "m/s", "m·s⁻¹", "1/(m·s)", "°C", "10^-3", "kΩ", "µm", "Sekunden")))
     assert not any(map(is_unit, ("U)", "m/s V", "", "/", "(", "^2", "Teilstriche")))
     assert math.isclose(in_unit(1.0, "kgm⁻³", "g/cm³") or 0.0, 1e-3)
+
+
+@pytest.mark.parametrize(("x", "y", "says"), [("ms", "m", "'x' must be in s"), ("s", "cm", "'y' must be in m"), ("s", "m", "")])
+def test_a_track_is_in_metres_and_seconds(tmp_path: Path, project: Path, x: str, y: str, says: str) -> None:
+    (tmp_path / "c.toml").write_text(
+        'title = "c"\nkind = "synthetic"\n[curve]\nexpression = "x0 + v*t"\nu_y = 0.002\n'
+        f'x = {{column = "t", unit = "{x}"}}\ny = {{column = "x_m", unit = "{y}"}}\n[curve.parameters]\nx0 = {{}}\nv = {{}}\n'
+        f'[[runs]]\nname = "r"\nfile = "{(project / "data/tutorial/fall.trk").as_posix()}"\n'
+    )
+    if says:
+        with pytest.raises(InputError, match=rf"{says}, as .*fall\.trk says; nothing is converted"):
+            load_campaign(tmp_path / "c.toml")
+    else:
+        load_campaign(tmp_path / "c.toml")

@@ -45,7 +45,8 @@ def axes_of_run(source: CampaignFile, curve: CurveTable, axes: AxisNames, table:
     for key, axis in (("x", axis_of(curve.x)), ("y", y_axis(curve))):
         stated = table.units.get(axis.column, "")
         if axis.unit != "1" and stated and same_unit(axis.unit, stated) is False:
-            rule = f"must be in {stated}, as the header of {table.file} says; nothing is converted"
+            where = f"the header of {table.file}" if table.header_line else table.file
+            rule = f"must be in {stated}, as {where} says; nothing is converted"
             raise source.places.error(rule, ("curve", key), value=axis.unit)
         found.append(stated if stated and axis.unit == "1" else axis.unit)
     return replace(axes, x_unit=found[0], y_unit=found[1])

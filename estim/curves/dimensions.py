@@ -14,6 +14,8 @@ import ast
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from fractions import Fraction
+from functools import lru_cache
+from typing import Literal
 
 from estim.curves.formula import CONSTANTS, Formula
 
@@ -36,19 +38,19 @@ def dimensions_of(formula: Formula, *, density: bool | None = False) -> dict[str
     return _found(_solved(formula, _System(), density), formula)
 
 
+@lru_cache(maxsize=64)
 def certain_dimensions(
-    formula: Formula, *, density: bool | None = False, angle: bool = False, any_number: bool = False
-) -> dict[str, Dimension]:
+    formula: Formula, *, density: bool | None = False, x_is: Literal["an angle", "like y"] | None = None, any_number: bool = False
+) -> Mapping[str, Dimension]:
     """Name -> unit of each parameter that the formula determines without a guess at the units of its numbers; nothing where it does not add up.
 
-    angle : whether x is one, so that it may be a pure number.  any_number : whether no number but an exponent is taken to be pure, not even 2.
+    x_is : what its unit says of it, where the formula does not add up else.  any_number : whether no number but an exponent is taken to be pure.
     """
-    for x_is_pure in (False, True) if angle else (False,):
-        for of_whole in (density, None):
-            for is_pure in (_none,) if any_number else (_is_count_or_half, _none):
-                system = _System(any_angle=True, any_logarithm=of_whole is None, is_pure=is_pure)
-                if x_is_pure:
-                    system.solved[_X] = {}
+    known: tuple[dict[str, _Row], ...] = ({}, {_X: {}}) if x_is == "an angle" else ({}, {_Y: {_X: Fraction(1)}}) if x_is == "like y" else ({},)
+    for of_whole in (density, None):
+        for is_pure in (_none,) if any_number else (_is_count_or_half, _none):
+            for axis in known:
+                system = _System(dict(axis), any_angle=True, any_logarithm=of_whole is None, is_pure=is_pure)
                 if not _solved(formula, system, of_whole).contradicted:
                     return _found(system, formula)
     return {}

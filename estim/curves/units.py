@@ -7,6 +7,7 @@ import copy
 import math
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
+from typing import Literal
 
 from estim.common import InputError, in_unit, is_angle, is_in_degrees, powers_in, same_unit, with_unit
 from estim.curves.dimensions import angles_of, arc_among_terms, certain_dimensions, is_pure_in_angle, pure_angles
@@ -34,7 +35,7 @@ def units_of(curve: object, axes: AxisNames, names: Collection[str], *, density:
     """
     if not isinstance(curve, Formula) or density is None or (axes.x_unit, axes.y_unit) == ("1", "1"):
         return {}
-    found = certain_dimensions(curve, density=density, angle=is_angle(axes.x_unit))
+    found = certain_dimensions(curve, density=density, x_is=_x_is(axes))
     units = {name: _unit(*found[name], axes.x_unit, axes.y_unit) for name in names if name in found}
     return {name: unit for name, unit in units.items() if unit is not None}
 
@@ -64,7 +65,7 @@ def contradiction(
     converted = in_unit(number, stated, follows) if isinstance(number, int | float) and not isinstance(number, bool) else None
     if converted is not None:
         return f"{said}: write {with_unit(f'{converted:.6g}', follows)} for {with_unit(f'{number:g}', stated)}"
-    certain = certain_dimensions(curve, density=density, angle=is_angle(axes.x_unit), any_number=True).get(name) == (power_x, power_y)
+    certain = certain_dimensions(curve, density=density, x_is=_x_is(axes), any_number=True).get(name) == (power_x, power_y)
     return said if certain or is_angle(stated) else f"{said} (a number in the formula that has a unit of its own is better a parameter with a value)"
 
 
@@ -72,7 +73,7 @@ def _powers(curve: Formula, axes: AxisNames, name: str, stated: str, density: bo
     """Powers of the units of x and y that a parameter has for certain, nan where none follow."""
     if is_angle(stated) and name in pure_angles(curve):
         return 0.0, 0.0
-    return certain_dimensions(curve, density=density, angle=is_angle(axes.x_unit)).get(name, (math.nan, math.nan))
+    return certain_dimensions(curve, density=density, x_is=_x_is(axes)).get(name, (math.nan, math.nan))
 
 
 def check_units(curve: object, axes: AxisNames, units: Mapping[str, str], numbers: Mapping[str, float], *, density: bool | None) -> None:
@@ -121,6 +122,12 @@ class _Called(ast.NodeTransformer):
 def _turns_nothing(angle: ast.expr) -> bool:
     """Whether no number in an angle turns it into radians."""
     return all(is_pure_in_angle(node.value) for node in ast.walk(angle) if isinstance(node, ast.Constant) and isinstance(node.value, float))
+
+
+def _x_is(axes: AxisNames) -> Literal["an angle", "like y"] | None:
+    if is_angle(axes.x_unit):
+        return "an angle"
+    return "like y" if axes.x_unit != "1" and same_unit(axes.x_unit, axes.y_unit) else None
 
 
 def _product(*powers: tuple[str, float]) -> str:

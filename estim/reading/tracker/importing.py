@@ -27,6 +27,7 @@ from estim.reading.tracker.suspicion import missing_frames, suspicions
 from estim.reading.tracker.track import Track, Unit
 from estim.reading.tracker.trk import read_tracker
 
+_UNITS = {"t": "s", "t_s": "s", "frame": "1"}  # all others are lengths in m
 _TRACKER_FILES = (".trk", ".trz")
 _MIN_ROWS = 5
 
@@ -137,7 +138,8 @@ def track_columns(path: Path, choices: Choices, *, needed: Sequence[str], shown_
     along = bool({"x_m", "across_m"} & set(needed))
     facts = imported.facts if along else (*imported.source, *([imported.release] if rows[0] else []))
     warnings = imported.warnings if along else (*track.warnings, *missing_frames(imported.t))
-    return Table(shown_as, track.sha256, 0, MappingProxyType({name: found[name] for name in needed}), track.lines[rows], warnings, facts)
+    units = {name: _UNITS.get(name, "m") for name in needed}
+    return Table(shown_as, track.sha256, 0, MappingProxyType({name: found[name] for name in needed}), track.lines[rows], warnings, facts, units)
 
 
 def read_release(text: str) -> Literal["first", "keep"] | float:
