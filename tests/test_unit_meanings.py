@@ -17,6 +17,7 @@ from estim.common.errors import InputError
 from estim.curves import contradiction, read_formula, refuse_degrees, units_of
 from estim.curves.dimensions import certain_dimensions
 from estim.reading import Dialect, name_and_unit, read_layout
+from estim.reports.copying import _unit as latex_of
 
 T = np.linspace(0.0, 1.5, 16)
 
@@ -267,3 +268,12 @@ def test_a_track_is_in_metres_and_seconds(tmp_path: Path, project: Path, x: str,
             load_campaign(tmp_path / "c.toml")
     else:
         load_campaign(tmp_path / "c.toml")
+
+
+@pytest.mark.parametrize(
+    ("unit", "words"),
+    [("ms⁻¹", r"\text{ms⁻¹}"), ("1000 K", r"\text{1000 K}"), ("m/s V", r"\text{m/s V}"), ("kg/(s²·K)", r"\kilo\gram\per\second\tothe{2}\per\kelvin"),
+     ("m/s/s", r"\metre\per\second\tothe{2}"), ("deg C", r"\degreeCelsius")],
+)  # fmt: skip
+def test_latex_has_the_meaning_of_a_unit_or_its_text(unit: str, words: str) -> None:
+    assert latex_of(unit) == words
