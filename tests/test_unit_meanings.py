@@ -250,6 +250,17 @@ def test_a_run_is_compared_with_its_own_header_alone(tmp_path: Path) -> None:
         load_campaign(campaign(tmp_path, tau="", own=own, headers=("t (ms),U (V)",)))
 
 
+def test_uncertainties_are_in_the_unit_that_the_campaign_says(tmp_path: Path) -> None:
+    path = campaign(tmp_path, tau="start = 1.0")
+    path.write_text(path.read_text().replace("u_y = 0.02", 'u_y = {column = "u_U"}'))
+    rows = "".join(f"{t},{3.0 + t},20\n" for t in T)
+    (tmp_path / "0.csv").write_text("t,U,u_U (mV)\n" + rows)
+    with pytest.raises(InputError, match=r"0\.csv:1: 'u_U' must be in the unit that the campaign says of 'U', V; nothing is converted: mV"):
+        load_campaign(path)
+    (tmp_path / "0.csv").write_text("t,U,u_U (Volt)\n" + rows)
+    load_campaign(path)
+
+
 def test_is_unit_knows_what_stands_in_headers() -> None:
     assert all(map(is_unit, ("mV", "m/s", "m·s⁻¹", "1/(m·s)", "°C", "10^-3", "kΩ", "µm", "Sekunden")))
     assert not any(map(is_unit, ("U)", "m/s V", "", "/", "(", "^2", "Teilstriche")))

@@ -13,6 +13,7 @@ from estim.campaign.own_curve_counts import count_columns
 from estim.campaign.own_curve_lacks import order_columns
 from estim.campaign.own_curve_points import MIN_ROWS
 from estim.campaign.track_table import choices_of
+from estim.common import InputError, same_unit
 from estim.reading import Choices, Run, Table, is_tracker_file, of_any_curve, read_columns, run_of_table, track_columns
 
 
@@ -34,9 +35,18 @@ def read_run(source: CampaignFile, curve: CurveTable, run: CurveRunTable, index:
         )
     for column, of in columns:
         table.require_unit(column, of)
+        _require_unit_of_axis(table, column, of, y_axis(curve).unit if of == y_column else axis_of(curve.x).unit)
         if np.any(table.columns[column] <= 0.0):
             raise table.error("must be > 0", column, int(np.argmax(table.columns[column] <= 0.0)))
     return table
+
+
+def _require_unit_of_axis(table: Table, u: str, of: str, unit: str) -> None:
+    """Raises InputError where the header states another unit for uncertainties than the campaign for what they are of."""
+    stated = table.units.get(u, "")
+    if unit != "1" and stated and not table.units.get(of) and same_unit(stated, unit) is False:
+        rule = f"must be in the unit that the campaign says of '{of}', {unit}; nothing is converted"
+        raise InputError(rule, field=u, value=stated, file=table.file, line=table.header_line or None)
 
 
 def of_curve(table: Table, name: str) -> Run:
