@@ -130,7 +130,7 @@ def fit_curve(
     posed = pose_curve(
         curve if named is None else named.expression, plain.x, plain.y, start=begin, u_y=plain.u_y, cov_y=cov_y, u_x=plain.u_x, bounds=limits,
         priors=priors, errors=tuple(errors), units=plain.units, axes=plain.axes, fixed=fixed, deviation=deviation,
-        correlated=correlated, noise=noise, derived={} if derived is None else derived, tied=tied,
+        correlated=correlated, noise=noise, derived={} if derived is None else derived, tied=tied, chosen={*begin} - {*start},
     )
     if named is not None:
         posed = started(replace(posed, called=named.called), named, held=start)

@@ -75,7 +75,7 @@ def fit_curves(
             posed = pose_curve(
                 curve if named is None else named.expression, plain.x, plain.y, start=begin, u_y=plain.u_y, cov_y=points.cov_y, u_x=plain.u_x,
                 bounds=limits, priors=own["priors"], errors=tuple(errors), units=plain.units, axes=plain.axes,
-                fixed=plain.fixed, noise=points.noise, derived=derived or {}, tied=tied or {},
+                fixed=plain.fixed, noise=points.noise, derived=derived or {}, tied=tied or {}, chosen={*begin} - {*plain.start},
             )
             parts[name] = posed if named is None else started(replace(posed, called=named.called), named, held=held)
         except InputError as error:

@@ -23,9 +23,10 @@ from estim.curves import read_formula, units_of
         ("a*x", "cm⁻¹", "mV", {"a": "mV·cm"}),
         ("a*x**2", "V", "V", {"a": "1/V"}),
         ("a*sqrt(x)", "s", "m", {}),  # no root of a unit is written
-        ("a + 9.81*x**2/2", "s", "m", {}),  # 9.81 has a unit of its own
+        ("a + b*9.81*x**2/2", "s", "m", {"a": "m"}),  # 9.81 may have a unit of its own
         ("b*60*x", "min", "m", {}),
-        ("a + b*cos(2*pi*x/3)", "month", "mm", {}),  # and so has 3, for x is no number
+        ("a + b*cos(2*pi*x/(3*c))", "month", "mm", {"a": "mm", "b": "mm", "c": "month"}),
+        ("a + b*cos(2*pi*x/3 + c*x)", "month", "mm", {"a": "mm", "b": "mm", "c": "1/month"}),  # 3 has one, for x is no number
         ("a*x + b", "1", "1", {}),
     ],
 )

@@ -32,7 +32,6 @@ from estim.campaign.curve_tables import (
     CurveTable,
     ParameterTable,
     Place,
-    ReadingErrorTable,
     axis_of,
     check_parameters,
     check_words,
@@ -41,26 +40,28 @@ from estim.campaign.curve_tables import (
     with_variable,
     y_axis,
 )
-from estim.campaign.dialect_table import DialectKeys, dialect_of
 from estim.campaign.noise_models import Candidate
-from estim.campaign.own_curve_counts import check_counts, count_columns
-from estim.campaign.own_curve_lacks import order_columns, refuse_lacks
+from estim.campaign.own_curve_counts import check_counts
+from estim.campaign.own_curve_lacks import refuse_lacks
 from estim.campaign.own_curve_models import is_to_be_found, read_curve, started_runs, unknown_of, within_limits
-from estim.campaign.own_curve_points import MIN_ROWS, CurvePoints
-from estim.campaign.own_curve_units import check_axes, units_of_curve
-from estim.campaign.track_table import choices_of
+from estim.campaign.own_curve_points import CurvePoints
+from estim.campaign.own_curve_reading import of_curve, read_run
+from estim.campaign.own_curve_units import axes_of_run, check_units_of_curve, refuse_other_units, units_of_curve
 from estim.common import InputError, phrase
 from estim.curves import MAX_OBS, AxisNames, BareFormula, Component, DistortedCurve, Formula, ModelSum, Unstarted
 from estim.deviation import BadFrames, ForceSize
 from estim.explanation import Suspects
 from estim.fitting import Fit, fit_lacking, fit_optimum, information, is_resolved, no_scatter, refit, silent_parameters
 from estim.problem import Curve, Parameter, Prior, Problem, shared_first
-from estim.reading import Choices, Places, Run, is_tracker_file, of_any_curve, read_columns, run_of_table, track_columns
+from estim.reading import Places, Run
 
 
 @dataclass(frozen=True, eq=False)
 class CurveStudy:
-    """The `[curve]` table and the runs of a campaign, read and checked.  `problem` poses the inference for some of the runs."""
+    """The `[curve]` table and the runs of a campaign, read and checked.  `problem` poses the inference for some of the runs.
+
+    units : of the parameters that the axes determine.  told : run -> its axes, whose units are those of its header where the campaign says none.
+    """
 
     source: CampaignFile
     curve: Formula
@@ -69,6 +70,7 @@ class CurveStudy:
     runs: tuple[CurveRunTable, ...]
     asked: Unstarted
     units: Mapping[str, str]
+    told: Mapping[str, AxisNames]
 
     @property
     def formula(self) -> str:
@@ -96,6 +98,8 @@ class CurveStudy:
         bound = {name: {argument: self._bind(argument, index) for argument in self.curve.names} for name, index in indices.items()}
         sought: set[str] = set()
         uses = Counter(b.name for found in bound.values() for b in found.values() if isinstance(b, Parameter))
+        if any(count > 1 for count in uses.values()):
+            refuse_other_units(self.source, {name: self.told[name] for name in names})
         for name, index in indices.items():
             arguments: dict[str, str | float] = {}
             for argument, b in bound[name].items():
@@ -305,9 +309,12 @@ def read_curve_study(source: CampaignFile, written_curve: OwnCurve, *, only: Col
     formula = with_variable(source, formula, x, table, runs)
     check_parameters(source, formula, table, runs)
     axes = AxisNames(x.name or x.column, x.unit, y.name or y.column, y.unit)
-    units = units_of_curve(source, formula, axes, table, runs)
-    study = CurveStudy(source, formula, axes, table, runs, BareFormula(formula) if named is None else named, units)
-    return study, MappingProxyType({run.name: _read_run(study, run) for run in runs if run.name in only})
+    read = {run.name: read_run(source, table, run, i) for i, run in enumerate(runs) if run.name in only}
+    told = {name: axes_of_run(source, table, axes, found) for name, found in read.items()}
+    check_units_of_curve(source, formula, axes, table, runs, told)
+    units = units_of_curve(formula, axes, table)
+    study = CurveStudy(source, formula, axes, table, runs, BareFormula(formula) if named is None else named, units, MappingProxyType(told))
+    return study, MappingProxyType({name: of_curve(found, name) for name, found in read.items()})
 
 
 def _with_names(raw: Mapping[str, Any], places: Places, path: Place) -> dict[str, Any]:
@@ -324,26 +331,3 @@ def _with_names(raw: Mapping[str, Any], places: Places, path: Place) -> dict[str
             raise places.error("is the same name as another in a formula", (*path, "parameters", name))
         named[read] = entry
     return {**raw, "parameters": named} if named else dict(raw)
-
-
-def _read_run(study: CurveStudy, run: CurveRunTable) -> Run:
-    index = study.runs.index(run)
-    path, dialect = study.source.file_of(index), dialect_of(((("runs", index), run), (("curve",), study.table)), study.source.places)
-    errors = [(entry, study.y_column) for entry in (run.u_y, study.table.u_y) if entry is not None][:1]
-    errors += [(entry, study.x_column) for entry in (run.u_x, study.table.u_x) if entry is not None][:1]
-    columns = [(entry.column, of) for entry, of in errors if isinstance(entry, ReadingErrorTable) and entry.column is not None]
-    counted = [*([study.y_column] if study.y_column else []), *count_columns(study.table)]
-    needed = list(dict.fromkeys([study.x_column, *counted, *(u for u, _ in columns), *order_columns(study.table, run)]))
-    choices = choices_of(run) or (Choices() if is_tracker_file(path) else None)
-    if choices is not None and any(getattr(run, key) is not None for key in DialectKeys.__struct_fields__):
-        raise study.source.places.error("does not go with a file of Tracker, which says itself how it is written", ("runs", index), field="columns")
-    with study.source.reading(path, needed):
-        table = track_columns(path, choices, needed=needed, shown_as=str(path)) if choices is not None else read_columns(
-            path, needed=needed, min_rows=MIN_ROWS, shown_as=str(path), dialect=dialect
-        )
-    check_axes(study.source, study.table, table)
-    for column, of in columns:
-        table.require_unit(column, of)
-        if np.any(table.columns[column] <= 0.0):
-            raise table.error("must be > 0", column, int(np.argmax(table.columns[column] <= 0.0)))
-    return replace(run_of_table(table, run.name), warnings=of_any_curve(table.warnings))

@@ -175,7 +175,7 @@ def _axis(wanted: str, layout: Layout) -> Axis:
 
 
 def _unit_of(layout: Layout, place: int) -> str:
-    return name_and_unit(layout.names[place])[1] or layout.units[place]
+    return layout.units[place] or name_and_unit(layout.names[place])[1]
 
 
 def _check_parameters(formula: Formula, choices: TableChoices) -> None:

@@ -3,13 +3,13 @@ from estim.common.errors import EstimError, InputError, Interrupted, NumericalEr
 from estim.common.escaping import Markdown, as_json, code, destination, markdown, mathtext, one_line, unescaped
 from estim.common.interruption import asked_to_stop, ended_by_signals
 from estim.common.jobs import spread
-from estim.common.kinds import Kind, Status
-from estim.common.labels import KINDS, OF_BODY, Label, Notation, in_unit, is_in_degrees, is_unit, kind_words, same_unit, split_level, table
+from estim.common.labels import KINDS, OF_BODY, Label, Notation, kind_words, split_level, table
+from estim.common.labels import in_unit, is_angle, is_in_degrees, is_unit, powers_in, same_unit
 from estim.common.lookalikes import first_alike, forms
 from estim.common.phrases import LANGUAGES, Said, language, later, phrase, spoken
 from estim.common.pictures import pictures_of, remove_pictures
 from estim.common.quantity import EXTREME, Quantity, e_n, extreme, format_p, format_quantity, format_rounded, p_digits, percentage
 from estim.common.quantity import read_number, read_quantity, signed, significant, with_unit
-from estim.common.statuses import PROBABILITIES, Amount, Finding, decide, gravest, wrong
+from estim.common.statuses import PROBABILITIES, Amount, Finding, Kind, Status, decide, gravest, wrong
 from estim.common.storage import TEMPORARY, held, inputs_read, names_in, note_input, read_file, remove_empty, remove_files, require_plain, write_whole
 from estim.common.streams import Stream, stream

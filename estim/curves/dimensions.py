@@ -1,16 +1,21 @@
 """In which unit each parameter of a formula must be, as a power of that of x times a power of that of y.
 
 `a*exp(-x/tau)` adds up only if tau is in the unit of x and a in that of y.  Sums have terms of one unit, functions take and give pure numbers,
-the whole has the unit of y: each is a linear equation of exponents.  Numbers are pure, unless the equations before them say otherwise:
-an equation that contradicts those before it is dropped, since a formula may hold numbers with units of their own (`cos(2*pi*x/12)`, x in months).
+the whole has the unit of y: each is a linear equation of exponents.
+
+For the scale of a search (`dimensions_of`) numbers are pure, unless the equations before them say otherwise: an equation that contradicts those
+before it is dropped.  What is told to a person (`certain_dimensions`) may not guess: 9.81 and 0.25 may have units of their own, and so may every
+number of a formula that would not add up else (`cos(2*pi*x/3)`, x in months); if it does not add up even so, y may be a number of unknown unit.
 """
 
 from __future__ import annotations
 
 import ast
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from fractions import Fraction
+from functools import lru_cache
+from typing import Literal
 
 from estim.curves.formula import CONSTANTS, Formula
 
@@ -22,19 +27,84 @@ _SAME = ("abs", "hypot", "minimum", "maximum", "min", "max", "floor", "ceil")
 _ROOTS = {"sqrt": Fraction(1, 2), "cbrt": Fraction(1, 3)}
 _X, _Y = "(x)", "(y)"
 _MOST_DIGITS = 1000  # of the denominator of an exponent
+_LARGEST_PURE = 10.0  # a number as large may turn mm into cm
 
 
-def dimensions_of(formula: Formula, *, density: bool | None = False, strict: bool = False) -> dict[str, Dimension]:
+def dimensions_of(formula: Formula, *, density: bool | None = False) -> dict[str, Dimension]:
     """Name -> unit of each parameter that the formula determines.
 
-    density : whether the whole has the unit of y over that of x, None where it may have any.  strict : nothing where an equation contradicts another.
+    density : whether the whole has the unit of y over that of x, None where it may have any.
     """
-    system = _System(any_angle=strict)
+    return _found(_solved(formula, _System(), density), formula)
+
+
+@lru_cache(maxsize=64)
+def certain_dimensions(
+    formula: Formula, *, density: bool | None = False, x_is: Literal["an angle", "like y"] | None = None, any_number: bool = False
+) -> Mapping[str, Dimension]:
+    """Name -> unit of each parameter that the formula determines without a guess at the units of its numbers; nothing where it does not add up.
+
+    x_is : what its unit says of it, where the formula does not add up else.  any_number : whether no number but an exponent is taken to be pure.
+    """
+    known: tuple[dict[str, _Row], ...] = ({}, {_X: {}}) if x_is == "an angle" else ({}, {_Y: {_X: Fraction(1)}}) if x_is == "like y" else ({},)
+    for of_whole in (density, None):
+        for is_pure in (_none,) if any_number else (_is_count_or_half, _none):
+            for axis in known:
+                system = _System(dict(axis), any_angle=True, any_logarithm=of_whole is None, is_pure=is_pure)
+                if not _solved(formula, system, of_whole).contradicted:
+                    return _found(system, formula)
+    return {}
+
+
+def pure_angles(formula: Formula) -> set[str]:
+    """Names of what must be a pure number for the argument of a sine, cosine or tangent to be one, whatever stands around that."""
+    found: set[str] = set()
+    for node in ast.walk(formula.tree):
+        if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id in ("sin", "cos", "tan"):
+            system = _System(any_angle=True, any_logarithm=True, is_pure=is_pure_in_angle)
+            system.equal(_dimension(node.args[0], system), {})
+            names = {one.id for one in ast.walk(node.args[0]) if isinstance(one, ast.Name)}
+            found |= set() if system.contradicted else {name for name in names & {*formula.names} if not system.reduced({name: Fraction(1)})}
+    return found
+
+
+def arc_among_terms(tree: ast.expr) -> ast.expr | None:
+    """An arcsine, arccosine or arctangent that a formula gives, alone or as a term, perhaps with a number before it; None where there is none."""
+    match tree:
+        case ast.Call(func=ast.Name(id="asin" | "acos" | "atan" | "atan2" | "arcsin" | "arccos" | "arctan" | "arctan2")):
+            return tree
+        case ast.UnaryOp(operand=one):
+            return arc_among_terms(one)
+        case ast.BinOp(left=left, op=ast.Add() | ast.Sub(), right=right):
+            return arc_among_terms(left) or arc_among_terms(right)
+        case ast.BinOp(left=ast.Constant(value=float(number)), op=ast.Mult(), right=one) if is_pure_in_angle(number):
+            return arc_among_terms(one)
+        case ast.BinOp(left=one, op=ast.Mult() | ast.Div(), right=ast.Constant(value=float(number))) if is_pure_in_angle(number):
+            return arc_among_terms(one)
+    return None
+
+
+def is_pure_in_angle(number: float) -> bool:
+    """Whether a factor of an angle turns no degrees into radians, as pi/180 and 57.3 do."""
+    return abs(number) <= _LARGEST_PURE and float(4.0 * number).is_integer()
+
+
+def _is_count_or_half(number: float) -> bool:
+    return number == 0.5 or (0.0 < abs(number) < _LARGEST_PURE and number.is_integer())  # 0 has any unit
+
+
+def _none(_: float) -> bool:
+    return False
+
+
+def _solved(formula: Formula, system: _System, density: bool | None) -> _System:
     whole = _dimension(formula.tree, system)
     if density is not None:
         system.equal(whole, {_Y: Fraction(1), **({_X: Fraction(-1)} if density else {})})
-    if strict and system.contradicted:
-        return {}
+    return system
+
+
+def _found(system: _System, formula: Formula) -> dict[str, Dimension]:
     found = {name: system.reduced({name: Fraction(1)}) for name in formula.names}
     return {name: (float(row.get(_X, 0)), float(row.get(_Y, 0))) for name, row in found.items() if not set(row) - {_X, _Y}}
 
@@ -52,7 +122,8 @@ def angles_of(formula: Formula) -> list[tuple[str, ast.expr, Dimension]]:
 class _System:
     """Solved equations: unknown -> what it is in terms of others, of the unit of x and of that of y.
 
-    any_angle : whether the unit of what `radians` takes and of what `degrees` gives is left open.
+    any_angle : whether the unit of what `radians` and `sign` take and of what `degrees` gives is left open.  any_logarithm : the same of what
+    logarithms take (ln U + ...).  is_pure : whether a number has no unit of its own; None: none has.
     turned : name, argument and its unit of each sine, cosine and tangent, whose argument is then taken to be pure.
     """
 
@@ -60,6 +131,8 @@ class _System:
     made: int = 0
     contradicted: bool = False
     any_angle: bool = False
+    any_logarithm: bool = False
+    is_pure: Callable[[float], bool] | None = None
     turned: list[tuple[str, ast.expr, _Row]] = field(default_factory=list)
 
     def fresh(self) -> _Row:
@@ -87,8 +160,8 @@ class _System:
 
 def _dimension(node: ast.expr, system: _System) -> _Row:
     match node:
-        case ast.Constant():
-            return {}
+        case ast.Constant(value=float(value)):
+            return {} if system.is_pure is None or system.is_pure(value) else system.fresh()
         case ast.Name(id="x"):
             return {_X: Fraction(1)}
         case ast.Name(id=name):
@@ -105,6 +178,12 @@ def _dimension(node: ast.expr, system: _System) -> _Row:
             return _power(base, exponent, system)
         case ast.Call(func=ast.Name(id="radians"), args=[angle]) if system.any_angle:
             _dimension(angle, system)
+            return {}
+        case ast.Call(func=ast.Name(id="sign" | "heaviside"), args=[argument, *_]) if system.any_angle:
+            _dimension(argument, system)
+            return {}
+        case ast.Call(func=ast.Name(id="log" | "ln" | "log2" | "log10"), args=[argument]) if system.any_logarithm:
+            _dimension(argument, system)
             return {}
         case ast.Call(func=ast.Name(id="degrees"), args=[angle]) if system.any_angle:
             system.equal(_dimension(angle, system), {})

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import inspect
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, replace
 from types import MappingProxyType
 from typing import Any
@@ -143,8 +143,9 @@ def pose_curve(
     noise: Counting | str | None = None,
     derived: Mapping[str, str] = MappingProxyType({}),
     tied: Mapping[str, str] = MappingProxyType({}),
+    chosen: Collection[str] = (),
 ) -> CurveProblem:
-    """The problem that the arguments of `fit_curve` pose.  Raises InputError where one of them breaks a rule."""
+    """The problem that the arguments of `fit_curve` pose; nobody stated the start of those `chosen`.  Raises InputError where one breaks a rule."""
     _check_mappings(bounds=bounds, priors=priors, units=units, fixed=fixed, derived=derived, tied=tied)
     _check_words(units, errors, axes)
     counted = ask_counts(
@@ -181,7 +182,7 @@ def pose_curve(
     read = _curve(curve, points["x"], begun, held)
     said = units_of(read, axes, names, density=(density := counted is not None and counted.density))
     refuse_degrees(read, axes, "curve")
-    check_units(read, axes, units, {**exact, **values}, density=density)
+    check_units(read, axes, units, {name: value for name, value in {**exact, **values}.items() if name not in chosen}, density=density)
     said |= {name: unit for name, unit in units.items() if name not in following}
     parameters = _parameters(names, values, bounds, priors, said, exact)
     shared = _shared(errors, (*all_of, *ties), axes)

@@ -7,20 +7,16 @@ from them.  Numbers that are surely pure: exponents, the 1 of `1/tau`, whole div
 from __future__ import annotations
 
 import ast
-import re
 from collections.abc import Iterator, Mapping
 from fractions import Fraction
 
-from estim.common import InputError, in_unit, is_in_degrees, same_unit
+from estim.common import InputError, in_unit, is_in_degrees, powers_in, same_unit
 from estim.curves.formula import CONSTANTS
 
 Factors = dict[str, Fraction]
 """A unit: its symbols with their powers; {} for a pure number."""
 
-_FACTOR = re.compile(r"([^\W\d_]+|°[CF]?|[%‰′″])(?:\^?([+-]?\d{1,2}))?")
-_OF_TEMPERATURE = re.compile(r"(?:deg|°)\s+([CF])")
 _RAISED = str.maketrans("0123456789-", "⁰¹²³⁴⁵⁶⁷⁸⁹⁻")
-_LOWERED = str.maketrans("⁰¹²³⁴⁵⁶⁷⁸⁹⁻−", "0123456789--")
 _OF_OWN_ZERO = frozenset({"°C", "°F", "degC", "degF"})
 _ROOTS = {"sqrt": Fraction(1, 2), "cbrt": Fraction(1, 3)}
 _TURNED = ("sin", "cos", "tan")
@@ -169,21 +165,8 @@ def _number(node: ast.expr) -> Fraction | None:
 
 
 def _factors(unit: str) -> Factors | None:
-    """Symbols of a unit with their powers; None where nothing is told, or it is written otherwise."""
-    over, *under = _OF_TEMPERATURE.sub(r"°\1", unit.translate(_LOWERED).replace("º", "°").replace("**", "^").strip()).split("/")
-    found: Factors = {}
-    for text, sign in ((over, 1), *((part, -1) for part in under)):
-        bare = text.strip()
-        closed = bare.startswith("(") and bare.endswith(")")
-        symbols = re.split(r"\s*[·⋅*×]\s*|\s+", bare.strip("()").strip())
-        if sign < 0 and len(symbols) > 1 and not closed:
-            return None  # m/s V: is V above or below?
-        for symbol in symbols if bare != "1" else ():
-            match = _FACTOR.fullmatch(symbol)
-            if match is None:
-                return None
-            found = _times(found, {match[1]: Fraction(int(match[2] or 1))}, sign)
-    return None if not found or (list(found) == ["ms"] and found["ms"] < 0) else found  # ms-1 is 1/ms, or m/s
+    """Symbols of a unit with their powers; None where nothing is told, or it may be read in several ways."""
+    return {symbol: Fraction(power) for symbol, power in (powers_in(unit) or {}).items() if power} or None
 
 
 def _times(one: Factors, other: Factors, sign: int) -> Factors:

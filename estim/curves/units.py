@@ -4,19 +4,18 @@ from __future__ import annotations
 
 import ast
 import copy
-import re
+import math
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
+from typing import Literal
 
-from estim.common import InputError, in_unit, is_in_degrees, same_unit, with_unit
-from estim.curves.dimensions import angles_of, dimensions_of
+from estim.common import InputError, in_unit, is_angle, is_in_degrees, powers_in, same_unit, with_unit
+from estim.curves.dimensions import angles_of, arc_among_terms, certain_dimensions, is_pure_in_angle, pure_angles
 from estim.curves.formula import Formula
 
-_LARGEST_PURE = 10.0  # a larger number in a formula, or one with decimals, may have a unit of its own
-_FACTOR = re.compile(r"([^\W\d_]+|[°%′″‰]\w*)([⁻⁰¹²³⁴⁵⁶⁷⁸⁹]*)")
 _RAISED = str.maketrans("0123456789-", "⁰¹²³⁴⁵⁶⁷⁸⁹⁻")
-_LOWERED = str.maketrans("⁰¹²³⁴⁵⁶⁷⁸⁹⁻", "0123456789-")
-_LONGEST = 20
+_LONGEST = 20  # characters of a unit that is told of a parameter
+_IN_A_MESSAGE = 80
 
 
 @dataclass(frozen=True)
@@ -30,15 +29,13 @@ class AxisNames:
 
 
 def units_of(curve: object, axes: AxisNames, names: Collection[str], *, density: bool | None = False) -> dict[str, str]:
-    """Name -> unit of those of `names` that a formula `curve` determines; nothing where numbers in it may have units of their own.
+    """Name -> unit of those of `names` that a formula `curve` determines, whatever units the numbers in it may have.
 
     density : whether the formula is y per unit of x (counts in bins); None where it has no unit at all (single events).
     """
     if not isinstance(curve, Formula) or density is None or (axes.x_unit, axes.y_unit) == ("1", "1"):
         return {}
-    if not _all_pure(curve.tree):
-        return {}
-    found = dimensions_of(curve, density=density, strict=True)
+    found = certain_dimensions(curve, density=density, x_is=_x_is(axes))
     units = {name: _unit(*found[name], axes.x_unit, axes.y_unit) for name in names if name in found}
     return {name: unit for name, unit in units.items() if unit is not None}
 
@@ -48,21 +45,35 @@ def contradiction(
 ) -> str | None:
     """The rule that the unit stated for a parameter breaks, since the axes and the formula say another; None where nothing shows that.
 
-    number : what was stated in that unit.  An axis in "1" may have a unit that nobody told: nothing follows from it.
+    number : what was stated in that unit.  An axis in "1" may have a unit that nobody told: nothing follows from it, unless y are counts in bins.
     """
-    if stated is None or not isinstance(curve, Formula) or not _all_pure(curve.tree, below=_LARGEST_PURE):
+    if stated is None or not isinstance(curve, Formula):
         return None
-    found = dimensions_of(curve, density=density, strict=True).get(name)
-    if found is None or any(power and unit == "1" for power, unit in zip(found, (axes.x_unit, axes.y_unit), strict=True)):
+    power_x, power_y = _powers(curve, axes, name, stated, density)
+    counts = bool(density and power_x)
+    unknown = (power_x and axes.x_unit == "1") or (power_y and axes.y_unit == "1" and not counts)
+    follows = None if unknown else _unit(power_x, power_y, axes.x_unit, axes.y_unit, longest=_IN_A_MESSAGE)
+    if follows is None:
         return None
-    follows = _unit(*found, axes.x_unit, axes.y_unit)
-    if follows is None or same_unit(stated, follows) is not False:
+    of_y = (axes.y_unit, "1") if counts else (axes.y_unit,)
+    alike = [same_unit(stated, _product((axes.x_unit, power_x), (unit, power_y))) for unit in of_y]
+    if True in alike or False not in alike:
         return None
-    follows = "rad" if follows == "1" and is_in_degrees(stated) else follows
+    follows = "rad" if follows == "1" and is_angle(stated) else follows
     what = "a pure number" if follows == "1" else f"in {follows}"
     said = f"must be {what} here, as the formula and the units of the axes say; nothing is converted"
     converted = in_unit(number, stated, follows) if isinstance(number, int | float) and not isinstance(number, bool) else None
-    return said if converted is None else f"{said}: write {with_unit(f'{converted:.6g}', follows)} for {with_unit(f'{number:g}', stated)}"
+    if converted is not None:
+        return f"{said}: write {with_unit(f'{converted:.6g}', follows)} for {with_unit(f'{number:g}', stated)}"
+    certain = certain_dimensions(curve, density=density, x_is=_x_is(axes), any_number=True).get(name) == (power_x, power_y)
+    return said if certain or is_angle(stated) else f"{said} (a number in the formula that has a unit of its own is better a parameter with a value)"
+
+
+def _powers(curve: Formula, axes: AxisNames, name: str, stated: str, density: bool | None) -> tuple[float, float]:
+    """Powers of the units of x and y that a parameter has for certain, nan where none follow."""
+    if is_angle(stated) and name in pure_angles(curve):
+        return 0.0, 0.0
+    return certain_dimensions(curve, density=density, x_is=_x_is(axes)).get(name, (math.nan, math.nan))
 
 
 def check_units(curve: object, axes: AxisNames, units: Mapping[str, str], numbers: Mapping[str, float], *, density: bool | None) -> None:
@@ -74,15 +85,19 @@ def check_units(curve: object, axes: AxisNames, units: Mapping[str, str], number
 
 
 def refuse_degrees(curve: object, axes: AxisNames, field: str) -> None:
-    """Raises InputError naming `field` for the sine, cosine or tangent of an angle in degrees, as the axes say it is."""
+    """Raises InputError naming `field` for the sine, cosine or tangent of an angle in degrees, or an arctangent that gives them, as the axes say."""
     if not isinstance(curve, Formula):
         return
+    if is_angle(axes.y_unit) and same_unit(axes.y_unit, "rad") is False and (arc := arc_among_terms(curve.tree)) is not None:
+        written = ast.unparse(_Called(curve.variable).visit(copy.deepcopy(arc)))
+        cure = f"write degrees({written})" if is_in_degrees(axes.y_unit) else "write the column in radians"
+        raise InputError(f"adds {written}, which is in radians, to give y in {axes.y_unit}: {cure}", field=field, value=curve.text)
     for function, angle, power in angles_of(curve):
         unit = axes.x_unit if power[0] else axes.y_unit
-        if is_in_degrees(unit) and _all_pure(angle):
+        if is_angle(unit) and same_unit(unit, "rad") is False and _turns_nothing(angle):
             written = _Called(curve.variable).visit(copy.deepcopy(angle))
-            rule = f"takes {function} of an angle in {unit}, but {function} takes radians: write {function}(radians({ast.unparse(written)}))"
-            raise InputError(rule, field=field, value=curve.text)
+            cure = f"write {function}(radians({ast.unparse(written)}))" if is_in_degrees(unit) else "write the column in radians"
+            raise InputError(f"takes {function} of an angle in {unit}, but {function} takes radians: {cure}", field=field, value=curve.text)
 
 
 class _Called(ast.NodeTransformer):
@@ -104,17 +119,23 @@ class _Called(ast.NodeTransformer):
         return ast.BinOp(node.args[0], ast.Pow(), node.args[1]) if power else node
 
 
-def _all_pure(tree: ast.expr, *, below: float | None = None) -> bool:
-    """Whether no number in a formula need have a unit of its own.  below : nor may one be as large as that (10, from mm to cm)."""
-    numbers = [node.value for node in ast.walk(tree) if isinstance(node, ast.Constant)]
-    return all(_is_pure(number) and (below is None or abs(float(number)) < below) for number in numbers)  # type: ignore[arg-type]
+def _turns_nothing(angle: ast.expr) -> bool:
+    """Whether no number in an angle turns it into radians."""
+    return all(is_pure_in_angle(node.value) for node in ast.walk(angle) if isinstance(node, ast.Constant) and isinstance(node.value, float))
 
 
-def _is_pure(number: object) -> bool:
-    return isinstance(number, float) and abs(number) <= _LARGEST_PURE and float(4.0 * number).is_integer()
+def _x_is(axes: AxisNames) -> Literal["an angle", "like y"] | None:
+    if is_angle(axes.x_unit):
+        return "an angle"
+    return "like y" if axes.x_unit != "1" and same_unit(axes.x_unit, axes.y_unit) else None
 
 
-def _unit(power_x: float, power_y: float, x_unit: str, y_unit: str) -> str | None:
+def _product(*powers: tuple[str, float]) -> str:
+    """A product of units that is read, not shown."""
+    return "·".join(f"({unit})^{power:g}" for unit, power in powers if power) or "1"
+
+
+def _unit(power_x: float, power_y: float, x_unit: str, y_unit: str, *, longest: int = _LONGEST) -> str | None:
     """x_unit**power_x * y_unit**power_y as text; None where it cannot be written shortly."""
     if not (power_x.is_integer() and power_y.is_integer()):
         return None
@@ -123,28 +144,14 @@ def _unit(power_x: float, power_y: float, x_unit: str, y_unit: str) -> str | Non
             return unit
     factors: dict[str, int] = {}
     for unit, power in ((y_unit, power_y), (x_unit, power_x)):
-        for name, exponent in _factors(unit).items():
+        symbols = powers_in(unit)
+        for name, exponent in ({f"({unit})": 1} if symbols is None else symbols).items():
             factors[name] = factors.get(name, 0) + exponent * int(power)
     over = [_raised(name, power) for name, power in factors.items() if power > 0]
     under = [_raised(name, -power) for name, power in factors.items() if power < 0]
     below = "" if not under else f"/{under[0]}" if len(under) == 1 else f"/({'·'.join(under)})"
     text = ("·".join(over) or "1") + below
-    return text if len(text) <= _LONGEST else None
-
-
-def _factors(unit: str) -> dict[str, int]:
-    """Factors of a unit with their powers: "m/s²" -> m 1, s -2; one that is written otherwise is a factor as a whole."""
-    if unit == "1":
-        return {}
-    over, _, under = unit.partition("/")
-    found: dict[str, int] = {}
-    for part, sign in ((over, 1), (under, -1)):
-        for factor in re.split(r"[·* ]", part.strip("()")) if part not in ("", "1") else ():
-            match = _FACTOR.fullmatch(factor)
-            if match is None:
-                return {f"({unit})": 1}
-            found[match[1]] = found.get(match[1], 0) + sign * int(match[2].translate(_LOWERED) or 1)
-    return found
+    return text if len(text) <= longest else None
 
 
 def _raised(name: str, power: int) -> str:

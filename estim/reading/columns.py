@@ -55,7 +55,7 @@ def read_columns(
         raise InputError(f"must hold at least {min_rows} rows of numbers", field="rows", value=len(values), file=shown_as)
     table = np.array(values)
     columns = {name: table[:, i].copy() for i, name in enumerate(needed)}
-    units = {name: name_and_unit(layout.names[place])[1] or layout.units[place] for name, place in zip(needed, places, strict=True)}
+    units = {name: layout.units[place] or name_and_unit(layout.names[place])[1] for name, place in zip(needed, places, strict=True)}
     at = np.array(numbers)
     for array in (*columns.values(), at):
         array.setflags(write=False)

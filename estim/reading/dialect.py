@@ -21,9 +21,11 @@ Encoding = Literal["utf-8", "utf-16", "latin-1", "windows-1252", "windows-1250",
 DELIMITERS = ("\t", ";", ",", "|", " ")
 _WORDS = {"tab": "\t", "semicolon": ";", "comma": ",", "bar": "|", "blank": " ", "\\t": "\t"}
 _GROUPED = re.compile(r"[+-]?[1-9]\d{0,2},\d{3}", re.ASCII)  # one comma: 1,234 may be 1234
-_NAMED_UNIT = re.compile(r"(.{1,60}?)\s*(?:\(([^()]{1,20})\)|\[([^\[\]]{1,20})\]|\s/\s*([^\s/]{1,20}))")
+_NAMED_UNIT = re.compile(r"(.{1,60}?)(\s*/)?(\s*)(?:\(([^()]{1,20})\)|\[([^\[\]]{1,20})\])|(.{1,60}?)\s+/\s*([^\s/]{1,20})")
 _UNIT_BEHIND_IN = re.compile(r"(.{1,60}?)\s+in\s+(\S.{0,19})")
 _UNCERTAINTY = re.compile(r"u_.+|u\(([^()]+)\)")
+_FUNCTION = re.compile(r"ln|lg|log(?:2|10)?|exp|sqrt|(?:a|arc)?(?:sin|cos|tan)|sinh|cosh|tanh", re.IGNORECASE)
+_LETTERS_BEFORE = {"t": "", "l": "V", "L": "V", "h": "tτ", "d": "tτ", "T": "B", "F": "C"}  # V(l) are litres, T(l) is T as it follows from l
 
 
 @dataclass(frozen=True)
@@ -63,13 +65,30 @@ class Dialect:
 
 
 def name_and_unit(cell: str) -> tuple[str, str]:
-    """("U", "mV") for `U (mV)`, `U [mV]`, `U / mV` and `U in mV`; the unit is "" where the name states none."""
+    """("U", "mV") for `U (mV)`, `U [mV]`, `U / mV`, `U/(mV)` and `U in mV`; the unit is "" where the name states none, as `ln(U/V)` and `s(t)`."""
     said = _UNIT_BEHIND_IN.fullmatch(cell.strip())
     if said is not None and is_unit(said[2]):
         return said[1].strip(), said[2].strip()
     bare = cell.startswith("u(") and is_uncertainty(cell)
     found = None if bare else _NAMED_UNIT.fullmatch(cell.strip())
-    return (cell.strip(), "") if found is None else (found[1].strip(), next(part for part in found.groups()[1:] if part).strip())
+    if found is None:
+        return cell.strip(), ""
+    name, slash, blank, round_, square, other, unit = found.groups()
+    if other is not None:
+        return other.strip(), unit.strip()
+    inside = (round_ or square).strip()
+    if (_FUNCTION.fullmatch(name) and inside != "1") or (slash and not is_unit(inside)):
+        return cell.strip(), ""
+    return name.strip(), "" if round_ and not slash and not blank and _is_argument(name, inside) else inside
+
+
+def _is_argument(name: str, inside: str) -> bool:
+    """Whether `name(inside)` without a blank may be a quantity as it follows from another one: s(t), N(E)."""
+    if len(inside) > 1 or inside.isdigit():
+        return False
+    if inside in _LETTERS_BEFORE and (inside == "t" or len(name) < 3):
+        return not any(letter in name for letter in _LETTERS_BEFORE[inside]) and not (len(name) > 2 and name[0] in "mM")
+    return not is_unit(inside)
 
 
 def is_uncertainty(name: str) -> bool:

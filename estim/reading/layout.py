@@ -219,9 +219,9 @@ def _refuse_half_a_row(above: Lines, delimiter: str, widths: tuple[int, int], fi
 
 
 def _named(cells: list[str], units: list[str], line: int) -> tuple[tuple[str, ...], int, tuple[str, ...]]:
-    """Names, their line, and units: those in the names, or of a line of their own."""
+    """Names, their line, and units: those of a line of their own, or in the names."""
     told = units + [""] * len(cells)
-    return tuple(cells), line, tuple(name_and_unit(cell)[1] or _unit_in(unit) for cell, unit in zip(cells, told, strict=False))
+    return tuple(cells), line, tuple(_unit_in(unit) or name_and_unit(cell)[1] for cell, unit in zip(cells, told, strict=False))
 
 
 def _all_in(needed: Sequence[str], cells: Sequence[str]) -> bool:

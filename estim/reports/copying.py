@@ -13,12 +13,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from estim.checks import Estimate
-from estim.common import Label, Markdown, format_quantity, one_line, phrase
+from estim.common import Label, Markdown, format_quantity, one_line, phrase, powers_in
 
 _BASES = {
     "m": "metre", "s": "second", "g": "gram", "A": "ampere", "K": "kelvin", "mol": "mole", "cd": "candela", "N": "newton", "J": "joule", "W": "watt",
     "V": "volt", "C": "coulomb", "Hz": "hertz", "Pa": "pascal", "Ω": "ohm", "T": "tesla", "F": "farad", "H": "henry", "S": "siemens", "rad": "radian",
-    "eV": "electronvolt", "min": "minute", "h": "hour", "d": "day", "L": "litre", "°": "degree", "°C": "degreeCelsius", "%": "percent", "1": "",
+    "eV": "electronvolt", "min": "minute", "h": "hour", "d": "day", "L": "litre", "°": "degree", "°C": "degreeCelsius", "%": "percent",
 }
 _PREFIXES = {
     "": "", "p": "pico", "n": "nano", "µ": "micro", "μ": "micro", "m": "milli", "c": "centi", "d": "deci", "h": "hecto", "k": "kilo", "M": "mega",
@@ -117,32 +117,20 @@ def _unit(unit: str) -> str:
     r"""A unit in siunitx's words ("1/µs" as \per\micro\second), "" for 1; what has none stands as text."""
     if unit in ("", "1"):
         return ""
-    words, below = "", False
-    for part in re.split(r"([ ·/])", unit):
-        if part in ("", " ", "·"):
-            continue
-        if part == "/":
-            below = True
-        elif (word := _word(part, below)) is None:
-            return rf"\text{{{_escaped(unit)}}}"
-        else:
-            words += word
-    return words
+    powers = powers_in(unit)
+    factors = [None] if powers is None else [_word(symbol, power) for symbol, power in powers.items() if power]
+    return rf"\text{{{_escaped(unit)}}}" if None in factors else "".join(factor or "" for factor in factors)
 
 
-def _word(part: str, below: bool) -> str | None:
+def _word(symbol: str, power: int) -> str | None:
     """One factor of a unit, or None."""
-    found = re.fullmatch(r"(\D+?|1)\^?([⁻⁰¹²³⁴⁵⁶⁷⁸⁹]+|-?\d+)?", part)
-    if found is None:
-        return None
-    spelled = [(p, found[1][len(p):]) for p in _PREFIXES if found[1].startswith(p) and found[1][len(p):] in _BASES]
+    spelled = [(p, symbol[len(p):]) for p in _PREFIXES if symbol.startswith(p) and symbol[len(p):] in _BASES]
     if not spelled:
         return None
     prefix, base = min(spelled, key=lambda pair: len(pair[0]))
-    power = int((found[2] or "1").translate(_RAISED)) * (-1 if below else 1)
     name = "".join(f"\\{name}" for name in (_PREFIXES[prefix], _BASES[base]) if name)
-    raised = rf"\tothe{{{abs(power)}}}" if abs(power) > 1 and name else ""
-    return (r"\per" if power < 0 and name else "") + name + raised
+    raised = rf"\tothe{{{abs(power)}}}" if abs(power) > 1 else ""
+    return (r"\per" if power < 0 else "") + name + raised
 
 
 def _symbol(shown: Label) -> str:

@@ -27,6 +27,7 @@ from estim.reading.tracker.suspicion import missing_frames, suspicions
 from estim.reading.tracker.track import Track, Unit
 from estim.reading.tracker.trk import read_tracker
 
+_UNITS = {"t": "s", "t_s": "s", "frame": "1"}  # all others are lengths in m
 _TRACKER_FILES = (".trk", ".trz")
 _MIN_ROWS = 5
 
@@ -138,7 +139,8 @@ def track_columns(path: Path, choices: Choices, *, needed: Sequence[str], shown_
     facts = imported.facts if along else (*imported.source, *([imported.release] if rows[0] else []))
     warnings = imported.warnings if along else (*track.warnings, *missing_frames(imported.t))
     named = MappingProxyType({name: found[name] for name in needed})
-    return Table(shown_as, track.sha256, 0, named, track.lines[rows], warnings, facts, imported=True)
+    units = {name: _UNITS.get(name, "m") for name in needed}
+    return Table(shown_as, track.sha256, 0, named, track.lines[rows], warnings, facts, units, imported=True)
 
 
 def read_release(text: str) -> Literal["first", "keep"] | float:
