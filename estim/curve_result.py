@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from estim.arrays import FloatArray
-from estim.checks import Goodness
+from estim.checks import P_FLOOR, Goodness
 from estim.common import Finding, InputError, Kind, Status, code, format_p, markdown, one_line, phrase, signed, table
 from estim.curve_figures import Prediction as Prediction
 from estim.curve_figures import Region, curve_figure, region_of
@@ -263,7 +263,8 @@ class CurveFit:
     def _summary(self) -> str:
         if self.sigma is None:
             size = "chi2" if all(run.noise.counted is None for run in self.problem.runs) else phrase("deviance")
-            return f"{size} = {self.chi2:.4g}, dof = {self.dof}, {format_p(self.p_value)}; {self.message}"
+            p = format_p(self.p_value, P_FLOOR) if self.p_value == P_FLOOR else format_p(self.p_value)
+            return f"{size} = {self.chi2:.4g}, dof = {self.dof}, {p}; {self.message}"
         return f"{phrase('residual sd = {sd:.4g} (estimated: u_y was not given)', sd=self.sigma)}, dof = {self.dof}; {self.message}"
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from scipy import optimize, stats
+from scipy import optimize, special, stats
 
 from estim import Binomial, Component, EventTimes, InputError, Poisson, Target, curve_report, fit_curve, load_campaign, sample_curve
 from estim.common.kinds import Kind
@@ -136,6 +136,26 @@ def flat_problem(counts: np.ndarray):
         "m + 0*x", np.arange(counts.size), counts, start={"m": 2.0}, bounds={"m": (0.0, None)}, priors={}, u_y=None, cov_y=None, u_x=None, errors=(),
         units={}, axes=AxisNames(), noise="poisson",
     ).with_sigma(1.0)
+
+
+def test_the_p_value_of_few_counts_is_that_of_refits(rng: np.random.Generator) -> None:
+    """Their mean refits counts of one expectation exactly."""
+    from estim.checks.goodness import check_goodness
+
+    def deviance(counts: np.ndarray, mean: np.ndarray | float) -> np.ndarray:
+        return 2.0 * np.sum(special.xlogy(counts, counts / mean) - counts + mean, axis=-1)
+
+    counts = np.repeat([0, 1, 2, 3], [13, 7, 4, 1])
+    fit = fit_least_squares(flat_problem(counts), rng=rng, n_start=1)
+    (good,) = check_goodness(fit, rng=rng)
+    drawn = rng.poisson(counts.mean(), (20_000, counts.size))
+    least = deviance(counts, counts.mean()) - 1e-9
+    expected = np.mean(deviance(drawn, drawn.mean(axis=1, keepdims=True)) >= least)
+    within = 5.0 * np.sqrt(expected * (1.0 - expected) * 2.0 / 20_000)
+    assert abs(good.checks["chi2"].p_value - expected) < within
+    # neither that of normal errors nor that of the same expectation for all
+    assert abs(stats.chi2.sf(fit.chi2, 24) - expected) > 2.0 * within
+    assert abs(np.mean(deviance(drawn, counts.mean()) >= least) - expected) > 2.0 * within
 
 
 @pytest.mark.statistics

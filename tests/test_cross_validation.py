@@ -6,11 +6,13 @@ distribution of all frames: no importance sampling, no whitening, nothing in com
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
+from arviz_stats.base import array_stats
 from scipy import stats
+from scipy.special import logsumexp
 
 from estim.checks.cross_validation import INFLUENTIAL, LeaveOneOut, difference, leave_one_out
 from estim.problem.curve import LocalCurve
@@ -119,6 +121,26 @@ def test_a_frame_that_decides_the_fit_by_itself_is_marked(rng):
     k_hat = leave_one_out(known.posterior, known.draws).k_hat[0]
     assert k_hat[-1] > INFLUENTIAL
     assert np.all(k_hat[:-1] < INFLUENTIAL)
+
+
+def test_the_weights_of_a_heavy_tail_are_smoothed_as_by_arviz(rng):
+    """A frame that says much of the slope, where smoothing tells and k-hat is still to be trusted."""
+    known = case(rng, correlated=False, s=np.concatenate([np.linspace(-0.5, 0.5, 13), [1.0]]))
+    loo, (log_density,) = leave_one_out(known.posterior, known.draws), known.posterior.pointwise(known.draws)
+    weights = [array_stats.psislw(column)[0] for column in log_density.T]
+    smoothed, raw = (np.array([logsumexp(w + column) - logsumexp(w) for w, column in zip(every, log_density.T, strict=True)])
+                     for every in (weights, -log_density.T))
+    assert 0.5 < loo.k_hat[0][-1] < INFLUENTIAL
+    np.testing.assert_allclose(loo.pointwise[0], smoothed, atol=1e-9)
+    assert abs(raw[-1] - smoothed[-1]) > 2e-3
+
+
+def test_two_runs_have_the_effective_parameters_of_both(rng):
+    known = case(rng, correlated=False)
+    (run,), one = known.posterior.problem.runs, leave_one_out(known.posterior, known.draws)
+    twice = Problem(known.posterior.problem.parameters, (run, replace(run, name="again"))).linearised(known.draws[0])
+    both = leave_one_out(twice, known.draws)
+    assert (both.elpd, both.p_loo) == pytest.approx((2.0 * one.elpd, 2.0 * one.p_loo))
 
 
 def terms(*values):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 
 import lmfit
 import numpy as np
@@ -10,6 +11,11 @@ import pytest
 
 from estim import fit_curve
 from estim.common import InputError
+from estim.pipeline import sample_curve
+from estim.reports.curve import curve_report
+from estim.sampling import Target
+from estim.sampling.protocol import Density
+from estim.sampling.quadrature import Nodes, integrate
 
 X = np.linspace(0.0, 2.0, 14)
 Y = 1.0 + 3.0 * X + 0.2 * np.random.default_rng(7).standard_normal(14)
@@ -76,3 +82,41 @@ def test_the_summary_has_the_correlation_of_slope_and_intercept() -> None:
     assert fit.correlation[0, 1] == pytest.approx(expected, rel=1e-6)
     assert f"b, a: −{abs(expected):.3f}" in fit.summary()
     assert "AIC = " in fit.summary()
+
+
+def test_the_second_opinion_of_a_line_is_quadrature_to_the_end() -> None:
+    """Posterior of a line with stated errors: normal, with the covariance of the normal equations."""
+    fit = fit_curve("a*x + b", X, Y, u_y=0.2, start=START)
+    found = sample_curve(fit, seed=1, target=Target(ess=300.0))
+    certificate, design = found.certificate, np.column_stack([X, np.ones(X.size)])
+    assert certificate.method == "quadrature"
+    assert found.comparison.verdict == "agree"
+    assert certificate.sd == pytest.approx(0.2 * np.sqrt(np.diag(np.linalg.inv(design.T @ design))), rel=2e-3)
+    report = curve_report(fit, found, title="Line", kind="synthetic", figures=False)
+    assert f"({certificate.n_draw} nodes, and a coarser rule beside them)" in report["report.md"].decode().replace("\xa0", " ")
+
+
+@dataclass(frozen=True, eq=False)
+class Widened:
+    """A density whose distances from a point are a tenth larger."""
+
+    density: Density
+    centre: np.ndarray
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        return self.density.names
+
+    def log_density(self, draws: np.ndarray) -> np.ndarray:
+        return self.density.log_density(self.centre + (draws - self.centre) / 1.1)
+
+
+def test_two_rules_of_quadrature_that_err_alike_are_not_believed(monkeypatch: pytest.MonkeyPatch) -> None:
+    def widened(density: Density, start: np.ndarray, *given: object, **choices: object) -> Nodes:
+        return integrate(Widened(density, start), start, *given, **choices)
+
+    monkeypatch.setattr("estim.sampling.independent_check.integrate", widened)
+    fit = fit_curve("a*x + b", X, Y, u_y=0.2, start=START)
+    certificate = sample_curve(fit, seed=1, target=Target(ess=300.0)).certificate
+    assert certificate.method == "importance sampling"
+    assert certificate.sd == pytest.approx([fit.sds["a"], fit.sds["b"]], rel=0.05)

@@ -105,6 +105,14 @@ def test_a_mixture_folds_each_component_at_the_edges_in_its_reach(rng: np.random
     assert abs(_evidence(known, far.widened(), rng)[0]) < 4.0
 
 
+def test_what_folds_is_drawn_from_the_cholesky_factor_in_its_own_order() -> None:
+    """So that a seed gives the draws that it gives without folds."""
+    cov = np.array([[2.0, 0.6, -0.4], [0.6, 1.0, 0.3], [-0.4, 0.3, 1.5]])
+    found = folding.folding(np.ones(1), np.zeros((1, 3)), np.linalg.cholesky(cov)[None], np.array([-FREE, -FREE, 0.0]), np.full(3, FREE))
+    assert found.order.tolist() == [2, 0, 1]
+    np.testing.assert_allclose(found.factors[0], np.linalg.cholesky(cov[np.ix_(found.order, found.order)]), atol=1e-12)
+
+
 def test_what_folds_to_an_exponential_distribution_starts_at_its_edge() -> None:
     low, high = np.array([0.0, -FREE]), np.full(2, FREE)
     mean, factor = folding.unfolded(np.array([1.0, 2.0]), np.linalg.cholesky(np.array([[1.0, 0.5], [0.5, 1.0]])), low, high)

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from joint_runs import DECAY, LINE, problem_of
-from scipy.optimize import lsq_linear
+from joint_runs import DECAY, LINE, Formula, problem_of
+from scipy.optimize import least_squares, lsq_linear
 
 from estim import load_campaign
 from estim.campaign.campaign_file import read_campaign_file
@@ -18,6 +18,7 @@ from estim.checks.prior_sensitivity import power_scaling
 from estim.fitting import arrow
 from estim.fitting.fisher_information import information
 from estim.fitting.least_squares import _fit_curve, fit_least_squares
+from estim.problem.noise import Independent, Scale
 from estim.problem.posterior import Problem
 from estim.problem.priors import Normal, Uniform
 from estim.problem.whitened import Linear
@@ -68,6 +69,67 @@ def test_a_slope_beyond_its_range_ends_at_the_limit_and_the_others_make_the_best
     assert np.allclose(found, expected, rtol=0.0, atol=1e-9)
     cut_off = np.clip(np.linalg.lstsq(design, target, rcond=None)[0], low, high)
     assert not np.allclose(found, cut_off, atol=1e-3)
+
+
+def test_of_two_parameters_at_their_limits_one_leaves_again(rng):
+    """Slope and bend would both be beyond a limit; with the slope at its own the bend is not."""
+    problem, ys = lines(MANY, rng, Uniform(0.0, 0.8))
+    slope, bend, *offsets = problem.parameters
+    problem = Problem((slope, replace(bend, prior=Uniform(0.35, 5.0)), *offsets), problem.runs)
+    design, target = dense(ys, None)
+    design[MANY * X.size + 1] = 0.0
+    low, high = np.full(problem.n_par, -np.inf), np.full(problem.n_par, np.inf)
+    low[:2], high[:2] = (0.0, 0.35), (0.8, 5.0)
+    free, expected = np.linalg.lstsq(design, target, rcond=None)[0], lsq_linear(design, target, bounds=(low, high), method="bvls").x
+    assert free[0] > 0.8 == pytest.approx(expected[0])
+    assert free[1] < 0.35 < expected[1] - 0.1
+    found = arrow.descend_by_runs(problem.linearised(problem.start()), problem.start(), range(problem.n_par))
+    assert np.allclose(found, expected, rtol=0.0, atol=1e-9)
+
+
+def test_the_others_make_the_best_of_a_limit_in_the_same_step(rng):
+    problem, ys = lines(MANY, rng, Uniform(0.0, 0.8))
+    start = problem.start()
+    found = arrow.descend_by_runs(problem.linearised(start), start, range(problem.n_par), most=1)
+    design, target = dense(ys, None)
+    low, high = np.full(problem.n_par, -np.inf), np.full(problem.n_par, np.inf)
+    low[0], high[0] = 0.0, 0.8
+    assert np.allclose(found, lsq_linear(design, target, bounds=(low, high), method="bvls").x, rtol=0.0, atol=1e-9)
+
+
+def test_a_prior_draws_a_parameter_off_the_limit_that_the_points_push_it_to(rng):
+    """A bend of 1 by its prior, limited from below, where the points have none and would rather have less."""
+    ys = np.array([1.3 * X - 0.2 * X**2 + 0.2 * rng.standard_normal(X.size) for _ in range(MANY)])
+    problem = problem_of(LINE, {"slope": Normal(1.0, 0.5), "bend": Normal(1.0, 0.01, low=0.0)}, {"offset": Normal(0.0, 0.7)}, X, list(ys), 0.2)
+    start = problem.start()
+    start[:2] = 3.0, 0.0  # above the points
+    found = arrow.descend_by_runs(problem.linearised(start), start, range(problem.n_par))
+    design, target = dense(ys, (2.0, 2.0))
+    design[MANY * X.size + 1, 1], target[MANY * X.size + 1] = 100.0, 100.0
+    expected = np.linalg.lstsq(design, target, rcond=None)[0]
+    assert expected[1] > 0.5
+    assert np.allclose(found, expected, rtol=0.0, atol=1e-9)
+
+
+def test_steps_too_far_are_damped_and_what_is_no_number_is_left(rng):
+    """Roots of 1 - rate x: whole steps from far off end where there is no root, and at its edge there is no derivative."""
+    sizes = rng.normal(2.0, 0.1, MANY)
+    ys = [size * np.sqrt(1.0 - 0.9 * X) + 0.02 * rng.standard_normal(X.size) for size in sizes]
+
+    def root(x, a):
+        return np.sqrt(1.0 - a["rate"] * x)
+
+    curve = Formula(lambda x, a: a["size"] * root(x, a), {"size": root, "rate": lambda x, a: -0.5 * a["size"] * x / root(x, a)})
+    problem = problem_of(curve, {"rate": Uniform(-20.0, 20.0)}, {"size": Uniform(0.0, 10.0)}, X, ys, 0.02)
+
+    def residuals(values):
+        return np.concatenate([(size * np.sqrt(1.0 - values[0] * X) - y) / 0.02 for size, y in zip(values[1:], ys, strict=True)])
+
+    expected = least_squares(residuals, [0.8, *sizes], bounds=([-20.0, *[0.0] * MANY], [0.999, *[10.0] * MANY]), x_scale="jac", xtol=1e-12)
+    for rate in (-15.0, 1.0):
+        start = np.array([rate, *[5.0] * MANY])
+        found = arrow.descend_by_runs(problem.linearised(start), start, range(problem.n_par))
+        assert np.allclose(found, expected.x, rtol=1e-6)
 
 
 def test_eight_runs_end_where_dense_least_squares_do_to_eight_digits(rng):
@@ -186,16 +248,22 @@ def test_a_campaign_file_that_changes_is_read_anew(tmp_path):
 
 
 def test_simulated_residuals_of_each_run_are_those_of_all_runs_together(rng):
+    """Two runs of twenty say most of what all share, so that errors of the other one move the residuals of the first."""
     problem, ys = lines(MANY, rng, Normal(1.0, 0.5))
+    precise = tuple(replace(run, noise=Independent(Scale(0.02), Scale(0.0), np.ones(X.size))) for run in problem.runs[:2])
+    problem = Problem(problem.parameters, (*precise, *problem.runs[2:]))
     fit = fit_least_squares(problem, rng=rng, n_start=1)
     root = fit.posterior.narrow_jacobians(fit.values)[0]
     design, _ = dense(ys, (2.0, 2.0))
-    rows = design[: X.size]
-    expected = np.eye(X.size) - rows @ np.linalg.inv(design.T @ design) @ rows.T
+    design[: 2 * X.size] *= 10.0
+    rows, spread_of_all = design[: X.size], np.linalg.inv(design.T @ design)
+    taken = rows @ spread_of_all @ rows.T
     spread = arrow.spreads_by_runs(fit.posterior.narrow_jacobians(fit.values), problem.columns, fit.posterior.prior_slopes(fit.values))[0]
     draws, n = goodness._simulated(Linear(np.zeros(X.size), root), spread, rng)(40_000), 40_000
-    assert np.all(np.abs(np.cov(draws.T) - expected) < 5.0 * np.sqrt(2.0 / n))
-    assert np.max(np.abs(np.eye(X.size) - expected)) > 0.05  # what the fit takes is seen
+    within = 5.0 * np.sqrt(2.0 / n)
+    assert np.all(np.abs(np.cov(draws.T) - (np.eye(X.size) - taken)) < within)
+    assert np.max(np.abs(taken)) > 2.0 * within  # what the fit takes is seen
+    assert np.max(np.abs(taken - taken @ taken)) > 2.0 * within  # and what errors of the others add
 
 
 def test_a_second_look_at_a_long_run_holds_one_block_of_residuals_at_a_time(rng, monkeypatch):

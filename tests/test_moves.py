@@ -131,6 +131,18 @@ def test_same_seed_same_draws_with_a_proposal_whatever_numpy_s_global_state() ->
     assert np.array_equal(draws(1), draws(2))
 
 
+def test_ensembles_stay_apart_through_the_whole_sampler() -> None:
+    """Two ensembles 1e6 apart: a step that put a walker of one among those of the other would take its differences from both."""
+    flat = Known(lambda draws: np.zeros(len(draws)), 0.0, np.zeros(4), np.ones(4))
+    start = np.random.default_rng(1).standard_normal((40, 4))
+    start[20:] += 1e6
+    sampler = sampler_of(flat, (2, 20), None, seed=3)
+    sampler.run_mcmc(start, 3, skip_initial_state_check=True)
+    found = sampler.get_last_sample().coords
+    assert not np.array_equal(found, start)
+    assert max(np.ptp(found[:20]), np.ptp(found[20:])) < 1e4
+
+
 def test_what_is_proposed_follows_from_the_number_of_the_step_alone() -> None:
     """A chain that is taken up again goes on as it would have, wherever it was cut; every step has proposals of its own."""
     known, proposal = normal(COV), student(np.zeros(4), COV)

@@ -10,8 +10,10 @@ from types import MappingProxyType
 import numpy as np
 import pytest
 from click.testing import CliRunner
+from command_runner import runner
 from test_noise import CAMPAIGN, POSITIONS, TIMES
 
+from estim import fit_curve
 from estim.campaign import Campaign, load_campaign
 from estim.campaign.selection import way_back
 from estim.checks.goodness import P_FLOOR
@@ -109,6 +111,19 @@ def test_least_p_value_is_told_as_a_limit() -> None:
     assert p_words(P_FLOOR) == "< 5e-5"
     assert p_words(2.0 * P_FLOOR) == "0.00010"
     assert p_words(0.031) == "0.031"
+
+
+@pytest.mark.usefixtures("undrawn", "few_draws")
+def test_least_p_value_is_a_limit_wherever_it_is_told(tmp_path: Path, project: Path) -> None:
+    """A line through a cooling curve fails three tests as clearly as simulation can tell; counts scatter as much."""
+    tea = project / "data" / "tutorial" / "tea.csv"
+    done = runner().invoke(cli.cli, ["fit", str(tea), "--formula", "a + b*t", "--out", str(tmp_path / "out")])
+    minutes, temperature = np.loadtxt(tea, delimiter=",", skiprows=2, unpack=True)
+    line = fit_curve("a + b*x", minutes, temperature, u_y=0.3)
+    counts = fit_curve("m + 0*x", np.arange(20.0), np.tile([20, 80], 10), start={"m": 10.0}, noise="poisson")
+    said = [done.output + done.stderr, (tmp_path / "out" / "report.md").read_text(), str(line.reasons), counts.summary()]
+    assert all(re.search("p.<.5e-5", text) for text in said)
+    assert not any(re.search("p.=.5.0e-5", text) for text in said)
 
 
 def test_size_of_errors_is_to_be_inferred_only_where_nothing_but_the_size_is_wrong(tmp_path: Path) -> None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from scipy import stats
 
@@ -9,7 +11,8 @@ from estim.deviation.components import Shape, diagonalise
 from estim.deviation.grid import prior_grid
 from estim.deviation.linearised import Linearised, linearise
 from estim.deviation.normal_parts import NormalParts, normal_parts
-from estim.sampling import adapt_proposal
+from estim.sampling import Target, adapt_proposal, proposed_chain
+from estim.sampling.certified import Optima
 from estim.sampling.curving import curving_of
 from estim.sampling.importance import kish_size
 from estim.sampling.parts_proposal import proposal_of_parts
@@ -65,6 +68,15 @@ def test_parts_that_are_nowhere_near_are_no_proposal() -> None:
     density = Bent()
     far = NormalParts(np.ones(1), density.centre[None] + 40.0, np.diag(density.spike**2)[None])
     assert proposal_of_parts(density, far, rng=np.random.default_rng(1)) is None
+
+
+def test_a_chain_of_what_is_made_of_parts_takes_its_moves_from_them() -> None:
+    density, target = Bent(), Target(max_step=40, n_walker=40)
+    parts = density.parts()
+    known = Optima(density.centre, parts.covs[0], starts=list(parts.means), covs=list(parts.covs), parts=parts)
+    chains = [proposed_chain(density, optima, target=target, seed=1) for optima in (known, replace(known, parts=None))]
+    assert np.all(chains[0].acceptance > 0.55)
+    assert np.all(chains[1].acceptance < 0.35)
 
 
 def test_what_is_bent_is_made_straight_and_keeps_its_volume() -> None:

@@ -51,6 +51,14 @@ def test_the_real_experiment_is_the_one_of_the_gallery(project: Path) -> None:
     assert f"says ({tau['mean']:.2f} ± {tau['sd']:.2f}) µs, status `{result['status']}`" in text
 
 
+def test_the_gallery_has_as_many_experiments_as_the_readme_says_and_the_muon_its_published_lifetime(project: Path) -> None:
+    readme, gallery = ((project / place / "README.md").read_text(encoding="utf-8") for place in (".", "reports/gallery"))
+    titles = re.findall(r"^\| \[(.*?)\]\(#", gallery, flags=re.MULTILINE)
+    assert f"{['Eight', 'Nine', 'Ten'][len(titles) - 8]} real experiments" in readme
+    value, high, low = re.search(r"^\| \[The lifetime of the muon\].* \| ([\d.]+) \(\+([\d.]+), −([\d.]+)\) µs", gallery, flags=re.MULTILINE).groups()
+    assert f"{value} +{high} −{low} µs" in readme.replace("\xa0", " ")
+
+
 def test_python_of_the_campaign_page_runs(project: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
     monkeypatch.chdir(project)
     (example,) = blocks((project / "docs" / "campaign.md").read_text(encoding="utf-8"), "python")

@@ -251,3 +251,50 @@ def test_uncertainty_of_a_sine_holds_up_to_ninety_degrees(rng: np.random.Generat
         angle, u = np.radians(degrees), np.radians(2.0)
         drawn = np.sin(angle + u * rng.standard_normal(400_000)).std()
         assert _sd_of_sine(np.array([angle]), np.array([u]))[0] == pytest.approx(drawn, rel=0.01)
+
+
+SYMBOLS = {"gamma": "γ", "kappa": "κ", "theta0": "θ₀", "phi": "φ", "rolling_resistance": "c_rr", "radius": "R"}
+
+
+def says(cell: str, *values: float) -> bool:
+    """Whether the numbers of a cell are `values`, rounded as they are written."""
+    written = re.findall(r"-?\d+(?:\.\d+)?", cell.replace("−", "-"))
+    return all(abs(float(a) - b) <= 0.5001 * 10.0 ** -len(a.partition(".")[2]) for a, b in zip(written, values, strict=True))
+
+
+def test_tables_of_the_committed_report_say_what_its_results_hold(project: Path) -> None:
+    """Of both bodies: one that is not computed again is not written by hand either."""
+    committed = project / "reports" / "replica"
+    result, text = json.loads((committed / "result.json").read_text()), (committed / "report.md").read_text().replace("\xa0", " ")
+    rows = [[cell.strip() for cell in line.strip("|").split(" | ")] for line in text.splitlines() if line.startswith("| ")]
+    tables = text.split("| parameter | stated before | posterior |")
+    copied = {line.split(",")[0]: line.split(",")[1:5] for line in text.partition("```csv")[2].partition("```")[0].splitlines()[2:]}
+    assert list(result["bodies"]) == ["heavy", "light"]
+    for (body, found), table in zip(result["bodies"].items(), tables[1:], strict=True):
+        posterior = found["joint"]["parameters"]
+        shown = [line.strip("|").split(" | ") for line in table.splitlines()[2 : 2 + len(posterior)]]
+        for (name, one), (label, _, mean_sd, interval, unit, _) in zip(posterior.items(), shown, strict=True):
+            factor = 180.0 / math.pi if unit == "°" else 1.0
+            mean, sd, low, high = (factor * one[key] for key in ("mean", "sd", "q025", "q975"))
+            symbol, _, place = name.partition("[")
+            assert label.strip() == SYMBOLS[symbol] + (f"[{place}" if place else "")
+            assert says(interval, low, high), name
+            if "±" in mean_sd:
+                assert says(mean_sd, mean, sd), name
+            if place == f"{body}]":
+                first = [row for row in rows if row[0] == f"{label.strip()}, 4 runs"]
+                assert [says(row[1], mean, sd) for row in first] == [True], name
+                assert [float(n) for n in copied[label.strip()]] == pytest.approx([mean, sd, low, high], rel=1e-5)
+    runs = {row[0]: row[1:6] for row in rows if row[0] in result["runs"] and len(row) == 6}
+    assert runs.keys() == result["runs"].keys()
+    for run, (status, *cells) in runs.items():
+        assert status == result["runs"][run]["status"]
+        alone = {name.partition("[")[0]: one for name, one in result["runs"][run]["parameters"].items()}
+        for name, cell in zip(("gamma", "kappa", "theta0", "phi"), cells, strict=True):
+            factor = 180.0 / math.pi if name in ("theta0", "phi") else 1.0
+            if "±" in cell:
+                assert says(cell, factor * alone[name]["mean"], factor * alone[name]["sd"]), (run, name)
+    compared = [row for row in rows if len(row) == 6 and row[0] in {one["name"] for one in result["published"]}]
+    for row, one in zip(compared, result["published"], strict=True):
+        assert says(row[3], one["reanalysed"]["value"], one["reanalysed"]["u"]), row
+        assert says(row[5], one["e_n"]), row

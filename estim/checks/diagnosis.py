@@ -178,7 +178,8 @@ def failed_tests(goodness: Sequence[Goodness]) -> list[Finding]:
 def borne_pattern(run: Goodness) -> list[Finding]:
     """A pattern in the residuals that the stated error covers, or that the intervals bear."""
     if run.alike:
-        return [Finding(Kind.NEIGHBOURS_ALIKE, run=run.run, p=min(run.checks[name].p_value for name in run.alike), names=run.alike)]
+        p = min(run.checks[name].p_value for name in run.alike)
+        return [Finding(Kind.NEIGHBOURS_ALIKE, run=run.run, p=p, numbers={"least": P_FLOOR}, names=run.alike)]
     if not run.covered:
         return []
     chi2 = run.checks["chi2"].statistic

@@ -9,7 +9,7 @@ from estim.arrays import FloatArray
 from estim.checks.counts import counts_as_readings
 from estim.checks.deviations import deviation_finding as deviation_finding
 from estim.checks.diagnosis import borne_pattern, failed_tests
-from estim.checks.goodness import P_POOR_FIT, Goodness
+from estim.checks.goodness import P_FLOOR, P_POOR_FIT, Goodness
 from estim.common import Amount, Finding, Kind
 from estim.fitting import FEW, PRESSED_BELOW, Fit, Optimum, coverage_of_sd, edge_of, pressed
 
@@ -28,13 +28,14 @@ def curve_findings(
     found += pressed_limits(fixed, best.values, estimated=estimated)
     if p_value < P_POOR_FIT:
         kind = Kind.COUNTS_SCATTER if any(run.noise.counted is not None for run in fixed.problem.runs) else Kind.CHI2_TOO_LARGE
-        found.append(Finding(kind, p=p_value, size=chi2, numbers={"dof": dof}))
+        least = {"least": P_FLOOR} if p_value == P_FLOOR else {}  # which only a simulated one is exactly
+        found.append(Finding(kind, p=p_value, size=chi2, numbers={"dof": dof, **least}))
     # points alone have no run to be named, and chi2 was told above
     return found + [_of_points(f, len(goodness)) for f in failed_tests(goodness) if f.test and f.test != "chi2"]
 
 
 def _of_points(finding: Finding, n_run: int) -> Finding:
-    return replace(finding, run=finding.run if n_run > 1 else "", numbers={name: n for name, n in finding.numbers.items() if name == "deviation"})
+    return finding if n_run > 1 else replace(finding, run="")
 
 
 def pressed_limits(fit: Fit, values: FloatArray, *, estimated: bool = False) -> list[Finding]:

@@ -7,6 +7,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from estim.checks import P_FLOOR
 from estim.common import format_p, percentage, phrase, signed
 from estim.reports.budget import part_of_errors
 from estim.reports.result import Result
@@ -48,7 +49,7 @@ def alts_of(result: Result, misfit: str) -> Mapping[str, str]:
     found["residuals"] = phrase("Whitened residuals")
     if least is not None:
         found["residuals"] = phrase(
-            "Whitened residuals: of the tests, '{test}' says most against the curve, {p}", test=name_of_test(least[1]), p=format_p(least[0])
+            "Whitened residuals: of the tests, '{test}' says most against the curve, {p}", test=name_of_test(least[1]), p=format_p(least[0], P_FLOOR)
         )
     found["corner"] = _strongest(result)
     for name, budget in (result.budget or {}).items():

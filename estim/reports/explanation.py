@@ -135,7 +135,7 @@ def _left(one: Candidate) -> str:
     if math.isnan(one.p_order):
         return phrase("not tested")
     if not one.random:
-        return phrase("not random ({p})", p=format_p(max(one.p_order, P_FLOOR)))
+        return phrase("not random ({p})", p=format_p(one.p_order, P_FLOOR))
     return phrase("random") if one.as_large_as_stated else phrase("random, but larger than stated")
 
 

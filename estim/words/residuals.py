@@ -36,8 +36,7 @@ def name_of_test(test: str) -> str:
 
 def _p(f: Finding) -> str:
     """'p = 0.0002', or that it is as small as simulation can tell."""
-    least = f.numbers.get("least", 0.0)
-    return format_p(f.p, least)
+    return format_p(f.p, f.numbers["least"]) if "least" in f.numbers else format_p(f.p)
 
 
 def _of_run(f: Finding) -> str:
@@ -51,7 +50,7 @@ def _failed(f: Finding) -> str:
 def _too_large(f: Finding) -> str:
     return phrase(
         "the residuals are larger than u_y allows: chi2 = {chi2:.4g} for {dof:.0f} degrees of freedom, {p}",
-        chi2=f.size, dof=f.numbers["dof"], p=format_p(f.p),
+        chi2=f.size, dof=f.numbers["dof"], p=_p(f),
     )
 
 
@@ -75,7 +74,7 @@ def _deviance(f: Finding) -> str:
 
 
 def _counts_scatter(f: Finding) -> str:
-    size = f"{_deviance(f)}, {format_p(f.p)}" if "dof" in f.numbers else phrase("test '{test}', {p}", test=name_of_test(f.test), p=_p(f))
+    size = f"{_deviance(f)}, {_p(f)}" if "dof" in f.numbers else phrase("test '{test}', {p}", test=name_of_test(f.test), p=_p(f))
     return _of_run(f) + phrase("the counts scatter more about the curve than independent events can ({size})", size=size)
 
 
