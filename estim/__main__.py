@@ -5,6 +5,7 @@ A file beside the data that has the name of a module is not imported, or named i
 
 from __future__ import annotations
 
+import gc
 import os
 import sys
 
@@ -13,11 +14,13 @@ from estim.namesakes import forget_working_folder, found_instead, in_the_way, na
 _BAD_INPUT = 2  # `estim.cli.commands.BAD_INPUT`, which cannot be imported yet
 
 
+_OBJECTS = 20_000  # made before garbage is looked for: modules make many that stay, and looking through them took a tenth of a short command
 _THREADS = ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")  # read when NumPy is loaded
 
 
 def main() -> None:
     """Run the command line.  Exits with 2 and one line on stderr where a file is in the way of a module."""
+    gc.set_threshold(_OBJECTS)
     if "OMP_NUM_THREADS" not in os.environ:
         for name in _THREADS:  # the matrices are small: a second thread of linear algebra only waits for the first
             os.environ.setdefault(name, "1")

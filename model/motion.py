@@ -27,7 +27,7 @@ from model.phase import STANDARD_GRAVITY, effective_slope, energy_ratio, turning
 FloatArray = NDArray[Any]
 
 _FEWEST_NODES = 48
-_BLOCK = 40_000  # points of the draws that are computed together: they stay in the cache
+_BLOCK = 11_000  # points of the draws that are computed together: they stay in the cache
 _MOST_NODES = 4096
 _NEGLIGIBLE = 1e-11  # of the largest coefficient
 _UNRESOLVED = 1e-8

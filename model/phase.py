@@ -283,8 +283,11 @@ def turning_angle(
 
     high = lowest + 2.0 * np.pi - start
     low = np.pi - lowest - start
-    turns &= work(high) <= 0.0
-    angle = 0.5 * (low + high)
+    highest, lowest_work = work(low), work(high)
+    turns &= lowest_work <= 0.0
+    # between its extremes W is nearly a cosine
+    swing = np.where(turns, highest - lowest_work, 1.0)
+    angle = low + (high - low) / np.pi * np.arccos(np.clip(-(highest + lowest_work) / swing, -1.0, 1.0))
     for _ in range(_MOST_STEPS):
         w = work(angle)
         above = w > 0.0
