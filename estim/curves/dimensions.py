@@ -199,7 +199,7 @@ def _dimension(node: ast.expr, system: _System) -> _Row:
 
 def _power(base: ast.expr, exponent: ast.expr, system: _System) -> _Row:
     of_base, of_exponent = _dimension(base, system), _dimension(exponent, system)
-    number = _number(exponent)
+    number = number_in_formula(exponent)
     if number is not None:
         return {name: factor * number for name, factor in of_base.items()}
     system.equal(of_exponent, {})
@@ -230,15 +230,16 @@ def _is_choice(node: ast.expr, system: _System) -> bool:
     return isinstance(node, ast.Compare)
 
 
-def _number(node: ast.expr) -> Fraction | None:
+def number_in_formula(node: ast.expr) -> Fraction | None:
+    """The number that a part of a formula is, None where it holds a name."""
     match node:
         case ast.Constant(value=float(value)):
             return Fraction(value).limit_denominator(_MOST_DIGITS)
         case ast.UnaryOp(op=op, operand=operand):
-            found = _number(operand)
+            found = number_in_formula(operand)
             return None if found is None else -found if isinstance(op, ast.USub) else found
         case ast.BinOp(left=left, op=ast.Div(), right=right):
-            first, second = _number(left), _number(right)
+            first, second = number_in_formula(left), number_in_formula(right)
             return None if first is None or not second else first / second
     return None
 

@@ -11,6 +11,7 @@ from collections.abc import Iterator, Mapping
 from fractions import Fraction
 
 from estim.common import InputError, in_unit, is_in_degrees, powers_in, same_unit
+from estim.curves.dimensions import number_in_formula
 from estim.curves.formula import CONSTANTS
 
 Factors = dict[str, Fraction]
@@ -70,7 +71,7 @@ class _Reading:
             case ast.BinOp(left=left, right=right):
                 return self._alike(left, right, "adds")
             case ast.Call(func=ast.Name(id="power"), args=[base, exponent]):
-                number = _number(exponent)
+                number = number_in_formula(exponent)
                 return None if number is None else _raised(self.of(base), number)
             case ast.Call(func=ast.Name(id=name), args=arguments):
                 return self._call(name, arguments)
@@ -124,7 +125,7 @@ class _Reading:
 
     def _alike(self, left: ast.expr, right: ast.expr, what: str) -> Factors | None:
         """The unit of two that have the same.  Raises InputError where they have not."""
-        first, second = (None if _number(side) is not None else self.of(side) for side in (left, right))
+        first, second = (None if number_in_formula(side) is not None else self.of(side) for side in (left, right))
         if first is None or second is None:
             return second if first is None else first
         if not first or not second:
@@ -148,20 +149,6 @@ def _parts(node: ast.expr, sign: int) -> Iterator[tuple[ast.expr, int]]:
 
 def _is_whole(node: ast.expr) -> bool:
     return isinstance(node, ast.Constant) and isinstance(node.value, float) and node.value.is_integer()
-
-
-def _number(node: ast.expr) -> Fraction | None:
-    """The number that a part of a formula is, without names."""
-    match node:
-        case ast.Constant(value=float(value)):
-            return Fraction(value).limit_denominator(1000)
-        case ast.UnaryOp(op=op, operand=operand):
-            found = _number(operand)
-            return None if found is None else -found if isinstance(op, ast.USub) else found
-        case ast.BinOp(left=left, op=ast.Div(), right=right):
-            first, second = _number(left), _number(right)
-            return None if first is None or not second else first / second
-    return None
 
 
 def _factors(unit: str) -> Factors | None:
