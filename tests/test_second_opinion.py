@@ -19,13 +19,13 @@ from targets import COV, Known, banana, bimodal, box, exponential, half_normal, 
 from estim.curve_fit import fit_curve
 from estim.fitting.least_squares import Fit
 from estim.pipeline import Analysis, analyse_fit
-from estim.sampling import certified
+from estim.sampling import certificate, certified
 from estim.sampling.certificate import Agreement, Certificate, certify, chain_errors, compare_with_chain
 from estim.sampling.chain import Chain, Target, sample_posterior
 from estim.sampling.diagnostics import effective_size
 from estim.sampling.exploration import both, ridge_proposal
 from estim.sampling.independent_check import certify_by_quadrature, second_opinion
-from estim.sampling.proposal import adapt_proposal
+from estim.sampling.proposal import Proposal, adapt_proposal
 from estim.sampling.quadrature import COARSE, FINE, TooManyNodesError, integrate
 
 U_Y, SLOWEST, FASTEST, MOST = 0.02, 1.25, 20.0, 3.0
@@ -130,6 +130,30 @@ def test_quadrature_agrees_with_the_grid() -> None:
     assert certificate.sd[1] == pytest.approx(truth.sd, rel=3e-3)
     assert certificate.sd[0] == pytest.approx(truth.sd_a, rel=3e-3)
     assert certificate.quantiles[0.025][1] == pytest.approx(truth.q025, abs=0.02 * truth.sd)
+
+
+def test_importance_sampling_goes_on_until_the_ends_of_a_heavy_tail_are_known(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Student's t with 3 degrees of freedom: its mean is known long before its 2.5 % quantile, -3.182."""
+    known = Known(lambda x: -2.0 * np.log1p(x[:, 0] ** 2 / 3.0), float(np.log(np.sqrt(3.0) * np.pi / 2.0)), np.zeros(1), np.full(1, np.sqrt(3.0)))
+
+    def error(found: Certificate) -> float:
+        height = 2.0 / (np.pi * np.sqrt(3.0)) / (1.0 + 3.18245**2 / 3.0) ** 2
+        return float(found.mcse_shares[0.025][0] / height / np.sqrt(3.0))
+
+    wide, few, limit = Proposal.single(np.zeros(1), np.eye(1)), {"n_draw": 1000, "least_ess": 500.0}, certificate._UNSURE_END
+    found = certify(known, wide, rng=np.random.default_rng(5), **few)
+    assert found.n_draw > 1000
+    assert error(found) < 1.2 * limit  # it takes the density there from the draws
+    assert abs(found.quantiles[0.025][0] + 3.18245) < 4.0 * error(found) * np.sqrt(3.0)
+    monkeypatch.setattr(certificate, "_UNSURE_END", np.inf)
+    short = certify(known, wide, rng=np.random.default_rng(5), **few)
+    assert short.n_draw == 1000
+    assert error(short) > 1.2 * limit
+
+
+def test_heights_of_thinned_draws_are_their_log_densities() -> None:
+    chain, posterior = analysed(1).chain, two_exponentials().posterior
+    assert chain.thinned_heights(50) == pytest.approx(posterior.log_density(chain.thinned(50)), abs=1e-9)
 
 
 @dataclasses.dataclass(frozen=True, eq=False)

@@ -237,7 +237,7 @@ def _settle(values: FloatArray, posterior: Posterior, *, max_rounds: int, hasty:
         moved = float(np.max(np.abs(step) / scale, initial=0.0))
         if n_round >= _FEW_ROUNDS and moved > 0.5 * moved_before and (step / scale) @ (step_before / scale) < 0.0:
             share *= 0.5
-        if moved < _SETTLED or share < _LEAST_SHARE:  # the covariance has a jump there: no place where it stays
+        if moved < _SETTLED or share < _LEAST_SHARE:  # there, or beside a jump of the covariance: no place where it stays
             break
     return values, posterior, moved
 
