@@ -19,8 +19,8 @@ from model.chebyshev_series import evaluate
 FloatArray = NDArray[Any]
 
 _FEW, _COARSE, _FINE = 64, 65, 385  # degree up to which the table of a clock has so many knots, and beyond
-_TRIED = 4  # one interval of so many is tried
-_CLOSE = 1e-10  # of z: what a table may be off
+TRIED = 4  # one interval of so many is tried
+CLOSE = 1e-10  # of z: what a table may be off
 _MOST_STEPS = 80
 _SETTLED = 1e-7
 
@@ -90,8 +90,8 @@ class _Table:
 
     def close(self) -> NDArray[np.bool_]:
         """(n_draw,) whether z read off between knots is right."""
-        off = self.at(self.halfway, np.arange(0, self.knots.size - 1, _TRIED)[None])[0] - _between(self.knots)
-        return np.asarray(np.max(np.abs(off), axis=1) < _CLOSE)
+        off = self.at(self.halfway, np.arange(0, self.knots.size - 1, TRIED)[None])[0] - _between(self.knots)
+        return np.asarray(np.max(np.abs(off), axis=1) < CLOSE)
 
     def inside(self, t: FloatArray, z: FloatArray, low: FloatArray, rows: NDArray[np.int64]) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Ends of an interval that holds z, and z, of some draws."""
@@ -102,8 +102,8 @@ class _Table:
 
 
 def _tabulated(clock: FloatArray, pace: FloatArray, n_draw: int) -> _Table:
-    knots, polynomials, halfway = _polynomials(clock.shape[0] - 1)
-    change = _derivative(pace)
+    knots, polynomials, halfway = basis(clock.shape[0] - 1)
+    change = derivative(pace)
     times = np.maximum.accumulate(clock.T @ polynomials, axis=1)
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         first = 1.0 / (pace.T @ polynomials[: pace.shape[0]])
@@ -113,7 +113,7 @@ def _tabulated(clock: FloatArray, pace: FloatArray, n_draw: int) -> _Table:
     return _Table(knots, times, first, second, np.broadcast_to(clock.T @ halfway, (n_draw, halfway.shape[1])))
 
 
-def _derivative(coefficients: FloatArray) -> FloatArray:
+def derivative(coefficients: FloatArray) -> FloatArray:
     """Of Chebyshev series (n, n_draw), by  c'_{k-1} = c'_{k+1} + 2 k c_k."""
     n = coefficients.shape[0]
     weighted = 2.0 * np.arange(n)[:, None] * coefficients
@@ -138,7 +138,7 @@ def _places(table: FloatArray, t: FloatArray) -> NDArray[np.int64]:
 
 
 @cache
-def _polynomials(degree: int) -> tuple[FloatArray, FloatArray, FloatArray]:
+def basis(degree: int) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Knots in [-1, 1], and the Chebyshev polynomials (degree + 1, n) there and between some of them."""
     knots = np.linspace(-1.0, 1.0, _COARSE if degree <= _FEW else _FINE)
     there, between = (np.ascontiguousarray(chebyshev.chebvander(at, degree).T) for at in (knots, _between(knots)))
@@ -147,4 +147,4 @@ def _polynomials(degree: int) -> tuple[FloatArray, FloatArray, FloatArray]:
 
 def _between(knots: FloatArray) -> FloatArray:
     """Where a table is tried."""
-    return np.asarray(knots[:-1:_TRIED] + 0.5 * (knots[1] - knots[0]))
+    return np.asarray(knots[:-1:TRIED] + 0.5 * (knots[1] - knots[0]))

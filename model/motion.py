@@ -11,7 +11,9 @@ read off a table of that polynomial and its derivatives.  Everything is vectoris
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -199,28 +201,56 @@ def _states(
     release_speed: ArrayLike | None, forces: Forces | None, speeds: bool,
 ) -> tuple[FloatArray, FloatArray]:
     """`back_and_forth`; velocities mean nothing unless `speeds`."""
+    place: dict[str, Any] = {"phi": phi, "theta0": theta0, "rolling_resistance": rolling_resistance, "g": g}
     if release_speed is not None or forces is not None:
         v0 = 0.0 if release_speed is None else release_speed
-        keywords: dict[str, Any] = {"phi": phi, "theta0": theta0, "rolling_resistance": rolling_resistance, "g": g}
-        return driven_motion(t, body, **keywords, release_speed=v0, forces=forces or Forces())
+        return driven_motion(t, body, **place, release_speed=v0, forces=forces or Forces())
     t = np.atleast_1d(np.asarray(t, dtype=float))
     if t.size == 0:
         return np.zeros(t.shape), np.zeros(t.shape)
-    place = {"phi": phi, "theta0": theta0, "rolling_resistance": rolling_resistance, "g": g}
     columns = [*place.values(), *vars(body).values(), *([t] if t.ndim == 2 else [])]
     n_draw = max((np.shape(column)[0] for column in columns if np.ndim(column) == 2), default=1)
+    compiled = _compiled() if n_node is None else None
+    if compiled is None:
+        return _in_blocks(t, body, place, n_draw, n_leg=n_leg, n_node=n_node, speeds=speeds)
+    x, v, settled = compiled(t, body, place, n_draw, n_leg=n_leg, speeds=speeds)
+    rest = np.flatnonzero(~settled)
+    if rest.size:
+        x[rest], velocities = _in_blocks(_of(t, rest), *_part(body, place, rest), rest.size, n_leg=n_leg, n_node=n_node, speeds=speeds)
+        if speeds:
+            v[rest] = velocities
+    return x, v
+
+
+@cache
+def _compiled() -> Callable[..., tuple[FloatArray, FloatArray, NDArray[np.bool_]]] | None:
+    """`model.compiled.states`, where numba is there and has a place to keep what it compiles."""
+    try:
+        from model.compiled import states
+    except (ImportError, RuntimeError):
+        return None
+    return states
+
+
+def _in_blocks(
+    t: FloatArray, body: Body, place: dict[str, Any], n_draw: int, *, n_leg: int, n_node: int | None, speeds: bool
+) -> tuple[FloatArray, FloatArray]:
+    """`_legs` of so many draws at a time that they stay in the cache."""
     rows = max(1, _BLOCK // t.shape[-1])
     if n_draw <= rows:
         return _legs(t, body, place, n_leg=n_leg, n_node=n_node, speeds=speeds)
-    parts = []
-    for first in range(0, n_draw, rows):
-        some = slice(first, first + rows)
-        own = replace(body, **{name: _of(value, some) for name, value in vars(body).items()})
-        parts.append(_legs(_of(t, some), own, {name: _of(value, some) for name, value in place.items()}, n_leg=n_leg, n_node=n_node, speeds=speeds))
+    blocks = [slice(first, first + rows) for first in range(0, n_draw, rows)]
+    parts = [_legs(_of(t, some), *_part(body, place, some), n_leg=n_leg, n_node=n_node, speeds=speeds) for some in blocks]
     return np.concatenate([x for x, _ in parts]), np.concatenate([v for _, v in parts])
 
 
-def _of(value: Any, some: slice | NDArray[np.bool_]) -> Any:
+def _part(body: Body, place: dict[str, Any], some: slice | NDArray[Any]) -> tuple[Body, dict[str, Any]]:
+    """Body and place of some draws."""
+    own = replace(body, **{name: _of(value, some) for name, value in vars(body).items()})
+    return own, {name: _of(value, some) for name, value in place.items()}
+
+
+def _of(value: Any, some: slice | NDArray[Any]) -> Any:
     """The part of a column (n_draw, n) that belongs to some draws; what all draws have in common as it is."""
     return value[some] if np.ndim(value) == 2 and np.shape(value)[0] > 1 else value
 
@@ -254,8 +284,7 @@ def _legs(t: FloatArray, body: Body, place: dict[str, Any], *, n_leg: int, n_nod
         late = late.copy()
         late[late] = going
         rows, start = rows[on], _of(stopped, on)
-        body = replace(body, **{name: _of(value, on) for name, value in vars(body).items()})
-        place = {name: _of(value, on) for name, value in place.items()}
+        body, place = _part(body, place, on)
         theta0, phi, sign = _of(-(theta0 + stop), on), _of(-phi, on), -sign
     return np.where(t > 0.0, np.nan, x), np.where(t > 0.0, np.nan, v)
 
@@ -295,18 +324,15 @@ def _legs_apart(
     speeds: bool, fewest: int,
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
     """`_leg` of the easy draws, and of the hard ones (n_draw,) with twice the points."""
-    found: list[FloatArray] | None = None
+    place = {"phi": phi, "theta0": theta0, "rolling_resistance": rolling_resistance, "g": g}
+    found: list[FloatArray] = []
     for rows, points in ((~hard, fewest), (hard, 2 * fewest)):
-        own = replace(body, **{name: _of(value, rows) for name, value in vars(body).items()})
-        place = {"phi": phi[rows], "theta0": theta0[rows], "rolling_resistance": rolling_resistance[rows], "g": g[rows]}
-        parts = _leg(_of(t, rows), own, **place, n_node=None, speeds=speeds, fewest=points)
-        if found is None:
-            found = [np.empty((hard.size, part.shape[1])) for part in parts]
+        own, where = _part(body, place, rows)
+        parts = _leg(_of(t, rows), own, **where, n_node=None, speeds=speeds, fewest=points)
+        found = found or [np.empty((hard.size, part.shape[1])) for part in parts]
         for whole, part in zip(found, parts, strict=True):
             whole[rows] = part
-    assert found is not None
-    x, v, end, stop = found
-    return x, v, end, stop
+    return found[0], found[1], found[2], found[3]
 
 
 def _farthest(t: FloatArray, body: Body, phi: FloatArray, rolling_resistance: FloatArray, g: FloatArray) -> FloatArray:

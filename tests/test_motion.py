@@ -29,6 +29,18 @@ CASES = [
 ]
 
 
+@pytest.fixture(autouse=True, params=["numpy", "numba"])
+def engine(request, monkeypatch):
+    """Every test with and without the extra `fast`."""
+    if request.param == "numba":
+        pytest.importorskip("numba")
+    else:
+        monkeypatch.setattr(motion, "_compiled", lambda: None)
+
+
+by_numpy = pytest.mark.parametrize("engine", ["numpy"], indirect=True)  # how NumPy goes about it
+
+
 def solve(body, run, last):
     """Dense solution (theta, theta') of D theta'' = (g/R)(gamma sin theta - s) + gamma sin(theta + phi) theta'^2 from rest."""
     phi, slope = run["phi"], math.sin(run["phi"]) + run.get("rolling_resistance", 0.0) * math.cos(run["phi"])
@@ -150,6 +162,7 @@ def test_a_way_too_long_to_be_resolved_is_nan_and_not_a_place():
         assert np.isnan(known[0]).tolist() == [False, True, True]
 
 
+@by_numpy
 def test_a_turn_that_is_not_resolved_is_nan_and_not_rest(monkeypatch):
     # so close to the crest at its turning point that 48 points do not do
     run = {"phi": math.radians(4.0), "theta0": 1e-2 + math.asin(math.sin(math.radians(4.0)) / 0.187), "g": 9.81}
@@ -282,22 +295,24 @@ def test_the_place_that_is_read_off_a_table_is_reached_when_the_clock_says(phi, 
         assert np.nanmax(np.abs(back[0] - t[there]) * speeds, initial=0.0) < 1e-9
 
 
+@by_numpy
 def test_a_table_that_is_too_coarse_is_noticed(monkeypatch):
     from model import inversion
 
     body, run = _draws(20, 4.0, 60.0)
     t = np.linspace(0.0, 1.3, 40)
     right = trajectory(t, body, **run)[0]
-    inversion._polynomials.cache_clear()
+    inversion.basis.cache_clear()
     monkeypatch.setattr(inversion, "_COARSE", 9)
     noticed = trajectory(t, body, **run)[0]
-    monkeypatch.setattr(inversion, "_CLOSE", 1.0)
+    monkeypatch.setattr(inversion, "CLOSE", 1.0)
     believed = trajectory(t, body, **run)[0]
-    inversion._polynomials.cache_clear()
+    inversion.basis.cache_clear()
     assert np.nanmax(np.abs(noticed - right)) < 1e-9
     assert np.nanmax(np.abs(believed - right)) > 1e-7
 
 
+@by_numpy
 def test_draws_in_blocks_are_the_draws_together(monkeypatch):
     from model import motion
 
@@ -310,6 +325,7 @@ def test_draws_in_blocks_are_the_draws_together(monkeypatch):
     assert np.any(whole[1] < 0.0)
 
 
+@by_numpy
 def test_only_the_draws_that_need_more_points_get_them(monkeypatch):
     # the third all but stops on its way: its neighbours have the digits that they have alone, at the price that they have alone
     crest = math.asin(math.sin(math.radians(4.0)) / 0.187)
@@ -330,6 +346,7 @@ def test_only_the_draws_that_need_more_points_get_them(monkeypatch):
                 assert every[i] == pytest.approx(one[0], rel=0, abs=1e-12)
 
 
+@by_numpy
 def test_a_later_way_is_computed_for_the_draws_that_make_it_alone(monkeypatch):
     # two of four stop before the last time; the others are still on their way
     theta0, gamma = np.array([[1.05], [1.2], [1.35], [1.5]]), np.full((4, 1), 0.187)

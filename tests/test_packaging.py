@@ -56,7 +56,7 @@ def test_the_lock_file_has_the_pinned_versions(locked: list[Requirement], pinned
 def test_the_lock_file_has_all_that_the_project_asks_for(project: Path, locked: list[Requirement]) -> None:
     table = tomllib.loads((project / "pyproject.toml").read_text())
     extras = table["project"]["optional-dependencies"]
-    assert extras.keys() == {"arviz", "dask", "dev", "pdf", "test"}  # a cluster brings its own dask; WeasyPrint needs libraries of the system
+    assert extras.keys() == {"arviz", "dask", "dev", "fast", "pdf", "test"}  # a cluster brings its own dask; WeasyPrint needs libraries of the system
     asked = [*table["project"]["dependencies"], *(r for name, extra in extras.items() if name not in ("dask", "pdf") for r in extra)]
     for system in SYSTEMS:
         found = versions(locked, system)

@@ -14,12 +14,11 @@ import msgspec
 from estim.batch.units import Unit
 from estim.campaign import Campaign
 from estim.common import EstimError, as_json, pictures_of, read_file, remove_files, remove_pictures, split_level, write_whole
-from estim.versions import version
+from estim.versions import engine_versions
 
 ROW, RESULT, REPORT = "row.json", "result.json", "report.md"
 _FORMATS = ("report.html", "report.pdf")
 _LARGEST, _LARGEST_RESULT = 2**24, 2**28
-_PACKAGES = ("estim", "numpy", "scipy", "lmfit", "emcee")
 
 
 class Value(msgspec.Struct, frozen=True):
@@ -65,7 +64,7 @@ def key_of(campaign: Campaign, run: str, settings: Mapping[str, object]) -> str:
     parts = {
         "campaign": campaign.sha256, "data": campaign.tables[run].sha256, "run": run, "truth": dict(campaign.truth),
         "settings": {name: str(value) for name, value in settings.items()},
-        "versions": {package: version(package) for package in _PACKAGES},
+        "versions": engine_versions(),
     }
     return hashlib.sha256(json.dumps(parts, sort_keys=True).encode()).hexdigest()
 

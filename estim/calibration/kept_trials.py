@@ -10,9 +10,7 @@ import numpy as np
 
 from estim.calibration.trial import PROBABILITIES, Plan, Trial
 from estim.sampling import Key, Pieces, fingerprint, problem_key
-from estim.versions import version
-
-_PACKAGES = ("estim", "numpy", "emcee", "scipy", "lmfit")
+from estim.versions import engine_versions
 
 
 def trials_key(plan: Plan) -> Key:
@@ -21,7 +19,7 @@ def trials_key(plan: Plan) -> Key:
         **problem_key(plan.design.problem),
         "settings": {"what": plan.what, "engine": str(plan.engine), "reported": fingerprint(plan.reported)},
         "seed": {"": str(plan.seed)},
-        "versions": {package: version(package) for package in _PACKAGES},
+        "versions": engine_versions(),
         "density": {"": fingerprint((plan.design, plan.truth))},
     }
 

@@ -14,9 +14,8 @@ from estim.cli.crate import CRATE, crate_of
 from estim.cli.formats import chosen, in_formats
 from estim.cli.origin_record import ORIGIN, SCHEMA, Origin
 from estim.common import as_json, code, inputs_read, language, phrase
-from estim.versions import version
+from estim.versions import engine_versions
 
-_PACKAGES = ("estim", "numpy", "scipy", "lmfit", "emcee")
 _KEPT = {"formats": chosen, "lang": language}  # options that the command does not take itself
 _OF_THE_MOMENT = frozenset({"out", "resume", "jobs", "scheduler"})  # options that change no number
 
@@ -49,7 +48,7 @@ def with_origin(files: Mapping[str, bytes], part: str) -> dict[str, bytes]:
     ledger = None if context is None else context.find_object(Ledger)
     if context is None or ledger is None:
         return dict(files)
-    versions = {"python": sys.version.split()[0]} | {package: version(package) for package in _PACKAGES}
+    versions = {"python": sys.version.split()[0]} | engine_versions()
     command, inputs = [_plain(text) for text in _arguments(context)], {_plain(path): digest for path, digest in sorted(ledger.inputs.items())}
     said = phrase("Made by {command}; `estim verify` recomputes this report from the same files.", command=code(shlex.join(["estim", *command])))
     line = f"\n---\n\n{said}\n"

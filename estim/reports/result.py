@@ -52,11 +52,10 @@ from estim.reports.rolling import RollingSummary, rolling_summaries
 from estim.reports.usual_errors import UsualError, usual_errors
 from estim.sampling import number, summarise, trusted
 from estim.studies import Budget, Determination
-from estim.versions import version
+from estim.versions import engine_versions, version
 from estim.words import Voice, advice_for, common_error, tell
 
 SCHEMA = "estim-result/1"
-_PACKAGES = ("estim", "numpy", "scipy", "lmfit", "emcee", "uncertainties")
 
 
 class Result(msgspec.Struct, frozen=True, dict=True, rename={"schema_": "schema"}):
@@ -181,7 +180,7 @@ def provenance(campaign: Subject, runs: list[str], seed: int) -> Provenance:
 
 def software_versions() -> dict[str, str]:
     """Versions of what computes the numbers."""
-    return {"python": platform.python_version()} | {package: version(package) for package in _PACKAGES}
+    return {"python": platform.python_version()} | engine_versions() | {"uncertainties": version("uncertainties")}
 
 
 def _profile(i: ProfileInterval) -> Profile:

@@ -20,11 +20,10 @@ import numpy as np
 
 from estim.common import InputError, shorten
 from estim.problem import Problem
-from estim.versions import version
+from estim.versions import engine_versions
 
 Key = Mapping[str, Mapping[str, str]]
 
-_PACKAGES = ("estim", "numpy", "emcee", "scipy", "lmfit")
 _FOLLOWING = ("moves", "starting points", "density")  # they change with any other part: named only if nothing else differs
 _SHORT, _LISTED, _PARTS = 40, 4, 12
 
@@ -54,7 +53,7 @@ def sampling_key(density: object, *, settings: Mapping[str, object], moves: obje
         **(problem_key(problem) if isinstance(problem, Problem) else {}),
         "settings": {name: str(value) for name, value in settings.items()},
         "seed": {"": str(getattr(seeds, "entropy", None)), "stream": str(getattr(seeds, "spawn_key", None))},
-        "versions": {package: version(package) for package in _PACKAGES},
+        "versions": engine_versions(),
         "moves": {"": fingerprint(moves)},
         "starting points": {"": fingerprint(starts)},
         "density": {"": fingerprint(density)},

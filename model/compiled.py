@@ -1,0 +1,234 @@
+"""What `model.motion` finds of a body that rolls back and forth, in machine code, draw by draw: numba, the extra `fast`.
+
+The scheme is that of `model.motion` and `model.inversion`, with the same Chebyshev points and knots.  All that is linear in the pace dt/dz at
+those points (clock, pace and its slope at the knots, the clock half way between some of them, the last Chebyshev coefficients) is one matrix.
+Draws that this does not settle are left to NumPy: a series that has not died away, a table that is off half way, numbers that are not finite.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from functools import cache
+from typing import Any
+
+import numpy as np
+from numba import config, njit
+from numpy.typing import NDArray
+
+from model.body import Body
+from model.chebyshev_series import cosine_transform, integral
+from model.inversion import CLOSE, TRIED, basis, derivative
+
+if config.DISABLE_JIT:  # NUMBA_DISABLE_JIT=1: NumPy is many times faster than this as plain Python
+    raise ImportError("numba compiles nothing")
+
+FloatArray = NDArray[Any]
+
+_compile = njit(cache=True, error_model="numpy", fastmath={"contract"})  # division by 0 is no error; products and sums are rounded once
+_inline = njit(inline="always", error_model="numpy")
+_PLACE = ("phi", "theta0", "rolling_resistance", "g")
+_NODES, _TAIL = 48, 6
+_NEGLIGIBLE = 1e-11  # of the mean pace
+_MOST_STEPS, _SETTLED = 80, 1e-14
+_SINE, _COSINE = (tuple((-1.0) ** n / math.factorial(2 * n + odd) for n in reversed(range(11))) for odd in (1, 0))
+
+
+def states(
+    t: FloatArray, body: Body, place: Mapping[str, Any], n_draw: int, *, n_leg: int, speeds: bool
+) -> tuple[FloatArray, FloatArray, NDArray[np.bool_]]:
+    """Positions (m) and velocities (m/s), both (n_draw, n_obs), at times `t`, and which draws are settled, (n_draw,).
+
+    t : (n_obs,) or (n_draw, n_obs) s.  place : phi, theta0, rolling_resistance, g.  speeds : whether velocities are computed; they mean nothing
+    otherwise, nor does anything of a draw that is not settled.
+    """
+    t, draws = np.ascontiguousarray(np.atleast_2d(t)), np.empty((n_draw, 7))
+    for i, column in enumerate((body.radius, body.gamma, body.inertia_ratio, *(place[name] for name in _PLACE))):
+        draws[:, i : i + 1] = column
+    shape = n_draw, t.shape[1]
+    x, v, settled = np.zeros(shape), np.zeros(shape if speeds else (0, 0)), np.zeros(n_draw, dtype=np.bool_)
+    _states(t, draws, n_leg, *_scheme(), TRIED, CLOSE, x, v, settled)  # as arguments: numba would keep them although their file changes
+    return x, v if speeds else x, settled
+
+
+@cache
+def _scheme() -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Knots, (n_knot,); what is known of the Chebyshev points, (3, n): the angle turned, that still to turn and its rate in z, of all there is
+    to turn; and the matrix (n, n_column)."""
+    z = np.cos(np.pi * (np.arange(_NODES) + 0.5) / _NODES)
+    quarter = 0.25 * np.pi * (z + 1.0)
+    pace = 2.0 / _NODES * cosine_transform(np.eye(_NODES)).T
+    pace[0] *= 0.5
+    clock, slope = integral(pace), derivative(pace)
+    knots, there, halfway = basis(_NODES)
+    columns = [there.T @ clock, there[: len(pace)].T @ pace, there[: len(slope)].T @ slope, halfway.T @ clock, pace[-_TAIL:]]
+    points = np.array([np.square(np.sin(quarter)), np.square(np.cos(quarter)), 0.25 * np.pi * np.sin(2.0 * quarter)])
+    return knots, points, np.ascontiguousarray(np.concatenate(columns).T)
+
+
+@_inline
+def _sine(y):  # type: ignore[no-untyped-def]
+    """Of y in [0, pi/2], by its series."""
+    square, total = y * y, 0.0
+    for c in _SINE:
+        total = total * square + c
+    return total * y
+
+
+@_inline
+def _cosine(y):  # type: ignore[no-untyped-def]
+    """Of y in [0, pi/2], by its series."""
+    square, total = y * y, 0.0
+    for c in _COSINE:
+        total = total * square + c
+    return total
+
+
+@_inline
+def _ratio(away, zero, gamma, slope, inertia):  # type: ignore[no-untyped-def]
+    """W/D at an angle `away`, of at most pi, from a zero of W: W without cancellation."""
+    sign, sine, cosine, across, along = zero
+    q, c = _sine(0.5 * away), _cosine(0.5 * away)
+    work = sign * (2.0 * gamma * q * (sine * c + cosine * q) - away * slope)
+    return work / (inertia + 2.0 * gamma * (across * (1.0 - 2.0 * q * q) - 2.0 * along * q * c))
+
+
+@_inline
+def _ratio_on(away, theta0, phi, gamma, slope, inertia):  # type: ignore[no-untyped-def]
+    """W/D however far the body has turned."""
+    work = 2.0 * gamma * math.sin(theta0 + 0.5 * away) * math.sin(0.5 * away) - away * slope
+    return work / (inertia + 2.0 * gamma * math.cos(theta0 + away + phi))
+
+
+@_inline
+def _zero(theta, sign, phi):  # type: ignore[no-untyped-def]
+    """What `_ratio` asks of a zero of W, left in the direction `sign`."""
+    return sign, math.sin(theta), sign * math.cos(theta), math.cos(theta + phi), sign * math.sin(theta + phi)
+
+
+@_compile
+def _turning_angle(gamma, slope, theta0):  # type: ignore[no-untyped-def]
+    """`model.phase.turning_angle`: 0 where the body does not start, inf where it never stops."""
+    if not gamma * math.sin(theta0) > slope:
+        return 0.0
+    if abs(slope) >= gamma:
+        return math.inf
+    lowest = math.asin(slope / gamma)
+    start = lowest + (theta0 - lowest) % (2.0 * math.pi)
+    sine, cosine = math.sin(start), math.cos(start)
+    high, low = lowest + 2.0 * math.pi - start, math.pi - lowest - start
+    highest = 2.0 * gamma * math.sin(start + 0.5 * low) * math.sin(0.5 * low) - low * slope
+    deepest = 2.0 * gamma * math.sin(start + 0.5 * high) * math.sin(0.5 * high) - high * slope
+    if deepest > 0.0:
+        return math.inf
+    angle = low + (high - low) / math.pi * math.acos(min(max(-(highest + deepest) / (highest - deepest), -1.0), 1.0))
+    for _ in range(_MOST_STEPS):
+        q, c = math.sin(0.5 * angle), math.cos(0.5 * angle)
+        work = 2.0 * gamma * q * (sine * c + cosine * q) - angle * slope
+        rise = gamma * (sine * (1.0 - 2.0 * q * q) + 2.0 * cosine * q * c) - slope
+        if work > 0.0:
+            low = angle
+        else:
+            high = angle
+        following = angle - work / rise if rise != 0.0 else math.nan
+        if not low - _SETTLED <= following <= high + _SETTLED:
+            following = 0.5 * (low + high)
+        moved = abs(following - angle)
+        angle = following
+        if moved < _SETTLED:
+            break
+    return angle
+
+
+@_inline
+def _read(t, k, width, times, first, second):  # type: ignore[no-untyped-def]
+    """z beyond the knot k: the polynomial of degree five of `model.inversion`."""
+    step = times[k + 1] - times[k]
+    s = min(max((t - times[k]) / step, 0.0), 1.0)
+    rise, fall, bend, bent = step * first[k], step * first[k + 1], 0.5 * step * step * second[k], 0.5 * step * step * second[k + 1]
+    rest, turn, twist = width - rise - bend, fall - rise - 2.0 * bend, bent - bend
+    cubic, fifth = 10.0 * rest - 4.0 * turn + twist, 6.0 * rest - 3.0 * turn + twist
+    return s * (rise + s * (bend + s * (cubic + s * (rest - cubic - fifth + s * fifth))))
+
+
+@_compile
+def _tabulate(pace, matrix, width, tried, close, table, times, first, second, halfway, tail):  # type: ignore[no-untyped-def]
+    """Fills `table`, of which the others are parts; whether it is right."""
+    table[:] = 0.0
+    for k in range(0, pace.size, 4):  # four at a time: half as many reads
+        for c in range(table.size):
+            table[c] += pace[k] * matrix[k, c] + pace[k + 1] * matrix[k + 1, c] + pace[k + 2] * matrix[k + 2, c] + pace[k + 3] * matrix[k + 3, c]
+    times[0] = 0.0
+    for k in range(times.size):
+        first[k] = 1.0 / first[k]
+        second[k] *= -first[k] ** 3
+    wrong, negligible = 0, _NEGLIGIBLE * np.mean(pace)
+    for coefficient in tail:
+        wrong += not abs(coefficient) < negligible  # nan is wrong, too
+    for k in range(halfway.size):
+        wrong += not abs(_read(halfway[k], k * tried, width, times, first, second) - 0.5 * width) < close
+    return wrong == 0
+
+
+@_compile
+def _states(t, draws, n_leg, knots, points, matrix, tried, close, x, v, settled):  # type: ignore[no-untyped-def]
+    n_draw, n_obs = x.shape
+    n_node, n_knot, width = len(matrix), knots.size, knots[1] - knots[0]
+    half = n_node // 2  # the points before it are nearer to the turning point
+    pace, left, table = np.empty(n_node), np.empty(n_obs), np.empty(matrix.shape[1])
+    times, first, second = table[:n_knot], table[n_knot : 2 * n_knot], table[2 * n_knot : 3 * n_knot]
+    halfway, tail = table[3 * n_knot : -_TAIL], table[-_TAIL:]
+    for i in range(n_draw):
+        radius, gamma, inertia_ratio, phi, theta0, resistance, g = draws[i]
+        left[:] = t[min(i, len(t) - 1)]  # of the times: what lies behind the end of the last way
+        inertia, scale, start, sign, latest = 1.0 + inertia_ratio, 2.0 * g / radius, 0.0, 1.0, np.max(left)
+        for _ in range(n_leg):
+            slope = math.sin(phi) + resistance * math.cos(phi)
+            stop = _turning_angle(gamma, slope, theta0)
+            if stop == 0.0 or not latest > 0.0:
+                for q in range(n_obs):
+                    if left[q] > 0.0:
+                        x[i, q] = start
+                settled[i] = math.isfinite(latest + slope + gamma * theta0)
+                break
+            turns, reach = stop < math.inf, stop
+            there, back = _zero(theta0, 1.0, phi), _zero(theta0 + stop if turns else theta0, -1.0, phi)
+            if turns:
+                for k in range(half):
+                    pace[k] = reach * points[2, k] / math.sqrt(scale * _ratio(reach * points[1, k], back, gamma, slope, inertia))
+                for k in range(half, n_node):
+                    pace[k] = reach * points[2, k] / math.sqrt(scale * _ratio(reach * points[0, k], there, gamma, slope, inertia))
+            else:
+                growth = scale / max(inertia - 2.0 * abs(gamma), 1e-6)
+                reach = math.sqrt(2.0 * growth * abs(gamma)) * latest + 0.25 * growth * max(-slope, 0.0) * latest**2 + 1e-9  # `_farthest`
+                for k in range(n_node):
+                    way = math.cos(math.pi * (k + 0.5) / n_node) * 0.5 + 0.5
+                    pace[k] = reach * way / math.sqrt(scale * _ratio_on(reach * way * way, theta0, phi, gamma, slope, inertia))
+            if not _tabulate(pace, matrix, width, tried, close, table, times, first, second, halfway, tail):
+                break
+            end, latest, k = times[-1] if turns else math.inf, 0.0, 0
+            for q in range(n_obs):
+                now = left[q]
+                left[q] = max(now - end, 0.0)
+                latest = max(latest, left[q])
+                if now > 0.0 and now <= end:
+                    while k < n_knot - 2 and now >= times[k + 1]:
+                        k += 1
+                    while k > 0 and now < times[k]:
+                        k -= 1
+                    z = k * width + _read(now, k, width, times, first, second)  # beyond -1
+                    angle = reach * (_sine(0.25 * math.pi * z) if turns else 0.5 * z) ** 2
+                    x[i, q] = start + sign * radius * angle
+                    if v.size:
+                        if not turns:
+                            ratio = _ratio_on(angle, theta0, phi, gamma, slope, inertia)
+                        elif angle <= 0.5 * reach:
+                            ratio = _ratio(angle, there, gamma, slope, inertia)
+                        else:
+                            ratio = _ratio(reach * _cosine(0.25 * math.pi * z) ** 2, back, gamma, slope, inertia)
+                        v[i, q] = sign * radius * math.sqrt(max(scale * ratio, 0.0))
+            if not latest > 0.0:
+                settled[i] = True
+                break
+            start += sign * radius * stop
+            theta0, phi, sign = -(theta0 + stop), -phi, -sign
