@@ -1,4 +1,4 @@
-"""Physics of an eccentric body rolling on an incline: NumPy only, SI units, radians.  Start with `model.body`."""
+"""Physics of an eccentric body rolling on an incline: NumPy, SI units, radians.  Start with `model.body`."""
 
 from model.body import Body
 from model.contact import ContactForces, End, contact_forces, end_of_rolling, needed_friction
