@@ -150,7 +150,7 @@ def test_whatever_decides_a_result_decides_whether_it_is_kept(monkeypatch: pytes
 
     keys = [key(), key(campaign="C"), key(data="D"), key(truth=2.0), key(run="b"), key(seed=2)]
     assert key() == keys[0]
-    monkeypatch.setattr("estim.batch.rows.version", lambda package: f"next {package}")
+    monkeypatch.setattr("estim.versions.version", lambda package: f"next {package}")
     assert len({*keys, key()}) == 7
 
 
