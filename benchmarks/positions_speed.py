@@ -11,6 +11,7 @@ from __future__ import annotations
 import argparse
 import os
 import resource
+import shutil
 import subprocess
 import sys
 import tempfile
@@ -25,11 +26,10 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 from model import Body, motion, positions_at
 
 PROJECT = Path(__file__).resolve().parents[1]
-CAMPAIGN = str(PROJECT / "data" / "replica" / "campaign.toml")
-COMMANDS = {
-    "`fit --noise positions`, one run": ("fit", CAMPAIGN, "--run", "light-01", "--noise", "positions", "--no-figures"),
-    "`fit --compare`, one run": ("fit", CAMPAIGN, "--run", "light-01", "--compare", "--no-figures"),
-    "`fit --compare`, eight runs": ("fit", CAMPAIGN, "--compare", "--no-figures"),
+COMMANDS = {  # words -> noise of the campaign, arguments
+    "`fit` of one run, positions": ("positions", ("--run", "light-01")),
+    "`fit --compare`, one run": ("differentiated", ("--run", "light-01", "--compare")),
+    "`fit --compare`, eight runs": ("differentiated", ("--compare",)),
 }
 
 
@@ -55,14 +55,18 @@ def microseconds(n_draw: int) -> tuple[float, float, float]:
     return best[False], best[True], float(np.max(np.abs(x[True] - x[False])))
 
 
-def seconds(arguments: tuple[str, ...], fast: bool) -> float:
-    """Processor time of a command."""
+def seconds(noise: str, arguments: tuple[str, ...], fast: bool) -> float:
+    """Processor time of `estim fit` of the replica, without figures."""
     environment = {**os.environ, "OMP_NUM_THREADS": "1", "NUMBA_DISABLE_JIT": "0" if fast else "1"}
-    before = resource.getrusage(resource.RUSAGE_CHILDREN)
     with tempfile.TemporaryDirectory() as folder:
-        command = [sys.executable, "-m", "estim", *arguments, "--out", folder]
+        replica = shutil.copytree(PROJECT / "data" / "replica", Path(folder) / "replica")
+        if noise == "positions":
+            text = (replica / "campaign.toml").read_text()
+            (replica / "campaign.toml").write_text(text.replace('derivative = "central"', 'model = "positions"'))
+        command = [sys.executable, "-m", "estim", "fit", str(replica / "campaign.toml"), "--no-figures", "--out", f"{folder}/out", *arguments]
+        before = resource.getrusage(resource.RUSAGE_CHILDREN)
         subprocess.run(command, env=environment, cwd=PROJECT, capture_output=True, check=True)
-    after = resource.getrusage(resource.RUSAGE_CHILDREN)
+        after = resource.getrusage(resource.RUSAGE_CHILDREN)
     return after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
 
 
@@ -74,9 +78,8 @@ def table(commands: bool = True) -> list[str]:
         numpy, machine, apart = microseconds(n_draw)
         lines.append(f"| {n_draw} | {numpy:.1f} | {machine:.1f} | {numpy / machine:.1f} | {apart:.0e} m |")
     lines += ["", "| command | NumPy, CPU s | machine code, CPU s | ratio |", "|---|---|---|---|"]
-    for words, arguments in COMMANDS.items() if commands else ():
-        seconds(COMMANDS["`fit --noise positions`, one run"], fast=True)
-        pairs = [[seconds(arguments, fast) for fast in (False, True)] for _ in range(2)]
+    for words, (noise, arguments) in COMMANDS.items() if commands else ():
+        pairs = [[seconds(noise, arguments, fast) for fast in (False, True)] for _ in range(2)]
         slow, fast = (" ".join(f"{pair[i]:.1f}" for pair in pairs) for i in (0, 1))
         lines.append(f"| {words} | {slow} | {fast} | {sum(p[0] for p in pairs) / sum(p[1] for p in pairs):.2f} |")
         print(lines[-1], flush=True)
