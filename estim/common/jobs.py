@@ -25,6 +25,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 from estim.common.errors import NumericalError
 from estim.common.interruption import STOPPING
 from estim.common.phrases import language, spoken
+from estim.kept_memory import THRESHOLDS
 from estim.lean_imports import import_lean, is_lean
 
 if TYPE_CHECKING:
@@ -34,7 +35,6 @@ K = TypeVar("K", bound=Hashable)
 T = TypeVar("T")
 
 _THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS", "NUMEXPR_NUM_THREADS")
-_MEMORY = {"MALLOC_MMAP_THRESHOLD_": str(2**25), "MALLOC_TRIM_THRESHOLD_": str(2**27)}  # bytes that glibc keeps for the next call
 _task: Callable[[Any], Any] | None = None  # of a worker process
 
 
@@ -161,7 +161,7 @@ def _environment_of_workers() -> Iterator[None]:
 
     Memory of one call stays for the next, where nobody has said otherwise: to give it back and ask again costs a twentieth of the time.
     """
-    stated = dict.fromkeys((*_THREADS, "PYTHONSAFEPATH"), "1") | {name: value for name, value in _MEMORY.items() if name not in os.environ}
+    stated = dict.fromkeys((*_THREADS, "PYTHONSAFEPATH"), "1") | {name: str(size) for name, size in THRESHOLDS.items() if name not in os.environ}
     before = {name: os.environ.get(name) for name in stated}
     os.environ.update(stated)
     try:
