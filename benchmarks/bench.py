@@ -1,7 +1,7 @@
 """What certified draws cost, against other samplers and in the size of the problem; writes RESULTS.md and scaling.png beside this file.
 
     make bench
-    OMP_NUM_THREADS=1 python benchmarks/bench.py [--peers PYTHON] [--only peers|scaling|batch|positions] [--most-runs 64]
+    OMP_NUM_THREADS=1 python benchmarks/bench.py [--peers PYTHON] [--only peers|scaling|batch|rates|positions] [--most-runs 64]
 
 PYTHON is that of an environment of its own in which estim, dynesty, bumps, pymc and nutpie are installed; what fails there is named as not run.
 
@@ -12,8 +12,8 @@ once is given them, and each has one core.  Effective draws of dynesty are those
 posterior includes its second computation.  Right: means and standard deviations within 4.5 Monte-Carlo errors of a long chain of emcee.  Times are
 told as ratios within one run of this file.
 
-The size of the problem: joint fits and long data sets; memory along a batch of a thousand runs (`batch_memory.py`).  Positions in machine code
-against NumPy (`positions_speed.py`).
+The size of the problem: joint fits and long data sets; memory along a batch of a thousand runs (`batch_memory.py`).  Effective draws a
+second while sampling (`sampling_rates.py`).  Positions in machine code against NumPy (`positions_speed.py`).
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ from bench_samplers import ESS, HERE, METHODS, MOST_SECONDS, SEED, Measured, by_
 
 _ERRORS = 4.5
 _PEERS, _SCALING, _BATCH = "To 4,000 effective draws of six parameters", "Scaling", "Memory of a batch"
-_POSITIONS = "Positions with and without the extra `fast`"
+_RATES, _POSITIONS = "While sampling", "Positions with and without the extra `fast`"
 NAMES = {
     "estim": "estim, certified", "emcee": "emcee, vectorised", "pymc": "PyMC + nutpie", "dynesty": "dynesty", "lmfit": "lmfit's emcee",
     "bumps": "bumps (DREAM)",
@@ -213,7 +213,7 @@ def main() -> None:
     parser.add_argument("--joint")
     parser.add_argument("--frames")
     parser.add_argument("--peers", default=sys.executable)
-    parser.add_argument("--only", choices=("peers", "scaling", "batch", "positions"), help="makes one section anew and keeps the others")
+    parser.add_argument("--only", choices=("peers", "scaling", "batch", "rates", "positions"), help="makes one section anew and keeps the others")
     parser.add_argument("--most-runs", type=int, default=64)
     asked = parser.parse_args()
     for told, measure in ((asked.method, one), (asked.joint, joint), (asked.frames, frames)):
@@ -238,11 +238,15 @@ def main() -> None:
         from batch_memory import table
 
         sections[_BATCH] = table()
+    if asked.only in (None, "rates"):
+        from sampling_rates import table as rates_table
+
+        sections[_RATES] = rates_table()
     if asked.only in (None, "positions"):
         from positions_speed import table as positions_table
 
         sections[_POSITIONS] = positions_table()
-    for head in (_PEERS, _SCALING, _BATCH, _POSITIONS):
+    for head in (_PEERS, _RATES, _SCALING, _BATCH, _POSITIONS):
         text += ["", f"## {head}", "", *sections[head]] if head in sections else []
     parts.write_text("\n".join(text) + "\n")
 
