@@ -12,8 +12,8 @@ once is given them, and each has one core.  Effective draws of dynesty are those
 posterior includes its second computation.  Right: means and standard deviations within 4.5 Monte-Carlo errors of a long chain of emcee.  Times are
 told as ratios within one run of this file.
 
-The size of the problem: joint fits and long data sets; memory along a batch of a thousand runs (`batch_memory.py`).  Effective draws a
-second while sampling (`sampling_rates.py`).  Positions in machine code against NumPy (`positions_speed.py`).
+Effective draws a second while sampling (`sampling_rates.py`).  The size of the problem: joint fits and long data sets; memory along a batch of a
+thousand runs (`batch_memory.py`).  Positions in machine code against NumPy (`positions_speed.py`).
 """
 
 from __future__ import annotations
