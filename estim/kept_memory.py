@@ -1,4 +1,4 @@
-"""What glibc keeps of the memory that arrays give back: to ask the system for it anew takes a tenth of a short command.  Other systems do not care."""
+"""What glibc keeps of the memory that arrays give back: to ask for it anew takes a twentieth of a short command.  Other systems do not care."""
 
 from __future__ import annotations
 
