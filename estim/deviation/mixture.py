@@ -27,7 +27,7 @@ _ROUGHNESS = 1e-3  # what the directions left out of a basis may add to the vari
 _FELT = 1e-13  # share of a component below which rounding hides it
 _FEW = 16  # draws of which the calls cost more than the numbers
 _AT_ONCE = 100  # draws at once of the density of each point
-_CHUNK = 256  # draws at once: what they need stays in the processor's cache
+_CHUNK = 1000  # draws at once: what they need stays in the processor's cache
 
 
 @dataclass(frozen=True, eq=False)
