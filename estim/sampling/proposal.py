@@ -24,7 +24,7 @@ from estim.common import NumericalError
 from estim.sampling.bending import Bend, bend_of
 from estim.sampling.curving import Curving
 from estim.sampling.factors import lower_factor
-from estim.sampling.folding import Folding, folding, half_power, unfolded
+from estim.sampling.folding import Folding, folding, unfolded
 from estim.sampling.importance import flattened, kish_size, pareto_smoothed
 from estim.sampling.protocol import Density, Support, log_density_in_batches
 
@@ -37,7 +37,6 @@ _EVEN_ENOUGH = 0.4  # effective share of the draws from which one Student-t will
 _FREE = 8.0  # standard deviations from the next limit: a parameter that may follow a bend
 _MAX_ROUND = 12
 _EM_STEPS = 25
-_BLOCK = 32_000  # numbers of one kind that are computed together: they stay in the cache
 
 
 @dataclass(frozen=True, eq=False)
@@ -185,11 +184,7 @@ class Proposal:
         straight = columns if self.bend is None else np.ascontiguousarray(self.bend.straight(draws).T[folds.order])
         total, top = np.zeros(len(draws)), float(np.max(self._log_heights))
         for bent, own in self._alike:
-            heights, at = np.exp(self._log_heights[own] - top), straight if bent else columns
-            rows = max(16, _BLOCK // (own.size * folds.n_image(int(own[0]))))
-            for first in range(0, len(draws), rows):
-                some = slice(first, first + rows)
-                total[some] += heights @ np.sum(half_power(1.0 + folds.distances(at[:, some], own) / self.dof, self.dof + self.n_par), axis=0)
+            total += folds.summed(straight if bent else columns, own, np.exp(self._log_heights[own] - top), self.dof)
         near = total > 0.0
         found = top + np.log(np.where(near, total, 1.0))
         if not np.all(near):  # so far away that only logarithms know it
