@@ -109,7 +109,7 @@ def _mixing(draws: FloatArray) -> tuple[float, float, float]:
 
 
 def _normal_scores(order: NDArray[np.int64], ordered: FloatArray) -> FloatArray:
-    """Normal quantiles (n,) of the ranks of values, equal ones with their mean rank (Blom's offset); ordered : the values in their `order`, (n,) each."""
+    """Normal quantiles (n,) of the ranks of values, equal ones with their mean rank (Blom's offset); ordered : the values in their `order`, (n,)."""
     ends = np.append(np.flatnonzero(ordered[1:] != ordered[:-1]) + 1, ordered.size)
     starts = np.concatenate([[0], ends[:-1]])
     scores = ndtri((0.5 * (starts + ends + 1) - 0.375) / (ordered.size + 0.25))
