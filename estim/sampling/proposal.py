@@ -161,7 +161,10 @@ class Proposal:
 
     def component_log_densities(self, draws: FloatArray) -> FloatArray:
         """(n_component, n_draw) log of weight times density of each component."""
-        return self._log_heights[:, None] - 0.5 * (self.dof + self.n_par) * np.log1p(self.distances(draws) / self.dof)
+        return self._log_parts(self.distances(draws))
+
+    def _log_parts(self, distances: FloatArray) -> FloatArray:
+        return self._log_heights[:, None] - 0.5 * (self.dof + self.n_par) * np.log1p(distances / self.dof)
 
     def log_density(self, draws: FloatArray) -> FloatArray:
         """(n_draw,) normalised log density at draws (n_draw, n_par)."""
@@ -210,7 +213,7 @@ def adapt_proposal(
     """
     centres = np.vstack([start, *starts])
     n_round = max(n_round, 500 * len(centres))
-    factors = np.stack([lower_factor(one) for one in (cov, *(covs or [cov] * len(starts)))])
+    factors = lower_factor(np.stack([cov, *(covs or [cov] * len(starts))]))
     mixture = Proposal(np.full(len(centres), 1.0 / len(centres)), centres, factors, support)
     best, quality, draws, weights = _settle(density, _shrunk(density, mixture, rng), rng, n_round)
     for n_component in (4, 8):
@@ -268,22 +271,24 @@ def _fit(mixture: Proposal, draws: FloatArray, weights: FloatArray) -> Proposal:
     used = weights > 0.0
     draws, weights = draws[used], weights[used]
     for _ in range(_EM_STEPS):
-        parts = mixture.component_log_densities(draws)
-        share = weights * np.exp(parts - np.logaddexp.reduce(parts, axis=0))
+        distances = mixture.distances(draws)
+        parts = mixture._log_parts(distances)
+        heights = np.exp(parts - np.max(parts, axis=0))
+        share = heights * (weights / np.sum(heights, axis=0))
         size = np.sum(share, axis=1)
         # a component must rest on enough draws for a covariance
         kept = np.flatnonzero(size**2 / np.maximum(np.sum(share**2, axis=1), 1e-300) > 3.0 * d)
         if kept.size == 0:
             break
-        pull = share * (DOF + d) / (DOF + mixture.distances(draws))
-        means, factors = [], []
+        pull = share * (DOF + d) / (DOF + distances)
+        means, scales = [], []
         for k in kept:
             mean = pull[k] @ draws / np.sum(pull[k])
             deviation = draws - mean
             means.append(mean)
-            factors.append(lower_factor((pull[k][:, None] * deviation).T @ deviation / size[k] + floor))
+            scales.append((pull[k][:, None] * deviation).T @ deviation / size[k] + floor)
         before = mixture
-        mixture = Proposal(size[kept] / np.sum(size[kept]), np.array(means), np.array(factors), mixture.limits)
+        mixture = Proposal(size[kept] / np.sum(size[kept]), np.array(means), lower_factor(np.array(scales)), mixture.limits)
         settled = kept.size == before.weights.size and np.max(np.abs(mixture.weights - before.weights)) < 1e-3
         if settled and np.max(before.distances(mixture.means).diagonal()) < 1e-5:
             break
@@ -295,9 +300,9 @@ def _split(draws: FloatArray, weights: FloatArray, n_component: int, rng: np.ran
     mean, cov = _covariance(draws, weights)
     factor = lower_factor(cov)
     whitened = np.linalg.solve(factor, (draws - mean).T).T
-    centres = [int(rng.choice(weights.size, p=weights))]
+    centres, nearest = [int(rng.choice(weights.size, p=weights))], np.full(weights.size, np.inf)
     for _ in range(n_component - 1):
-        nearest = np.min([np.sum((whitened - whitened[c]) ** 2, axis=1) for c in centres], axis=0)
+        nearest = np.minimum(nearest, np.sum((whitened - whitened[centres[-1]]) ** 2, axis=1))
         chance = weights * nearest
         if not np.sum(chance) > 0.0:  # a single draw has all the weight: nothing to part
             break
