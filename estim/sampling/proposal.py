@@ -34,6 +34,7 @@ _FAR_SHARE, _FAR_FACTOR = 0.25, 3.0  # the same for `Proposal.widened`
 _TAIL_SHARE = 0.4  # of the draws from components that are told to be there: a rare wide part is seldom drawn, and then no chain leaves it soon
 _GOOD_K_HAT = 0.5
 _EVEN_ENOUGH = 0.4  # effective share of the draws from which one Student-t will do
+_SURE = 0.7  # from which one more round costs more draws than it can save
 _FREE = 8.0  # standard deviations from the next limit: a parameter that may follow a bend
 _MAX_ROUND = 12
 _EM_STEPS = 25
@@ -238,7 +239,7 @@ def _settle(density: Density, mixture: Proposal, rng: np.random.Generator, n_rou
         quality = _quality(log_ratio)
         weights, _ = flattened(log_ratio, least=min(0.1 * n_round, 20.0 * proposal.n_par))
         found.append((proposal, quality, draws, weights))
-        if len(found) > 2 and 0.05 < quality < 1.1 * max(f[1] for f in found[:-1]):
+        if len(found) > 1 and quality > _SURE or len(found) > 2 and 0.05 < quality < 1.1 * max(f[1] for f in found[:-1]):
             break
         bend = _bend_at(mixture.limits, draws, weights)
         straight = draws if bend is None else bend.straight(draws)
