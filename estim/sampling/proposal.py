@@ -239,8 +239,7 @@ def _settle(density: Density, mixture: Proposal, rng: np.random.Generator, n_rou
         quality = _quality(log_ratio)
         weights, _ = flattened(log_ratio, least=min(0.1 * n_round, 20.0 * proposal.n_par))
         found.append((proposal, quality, draws, weights))
-        even = len(found) > 1 and quality > _SURE
-        if even or (len(found) > 2 and 0.05 < quality < 1.1 * max(f[1] for f in found[:-1])):
+        if (len(found) > 1 and quality > _SURE) or (len(found) > 2 and 0.05 < quality < 1.1 * max(f[1] for f in found[:-1])):
             break
         bend = _bend_at(mixture.limits, draws, weights)
         straight = draws if bend is None else bend.straight(draws)
