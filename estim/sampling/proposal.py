@@ -267,8 +267,7 @@ def _bend_at(limits: Support | None, draws: FloatArray, weights: FloatArray) -> 
 
 def _fit(mixture: Proposal, draws: FloatArray, weights: FloatArray) -> Proposal:
     """EM steps of a Student-t mixture towards weighted draws; components that explain next to nothing are dropped."""
-    floor = 1e-8 * _covariance(draws, weights)[1]
-    d = mixture.n_par
+    floor, d = 1e-8 * _covariance(draws, weights)[1], mixture.n_par
     used = weights > 0.0
     draws, weights = draws[used], weights[used]
     for _ in range(_EM_STEPS):
