@@ -59,6 +59,7 @@ from estim.sampling import (
     Progress,
     Stop,
     Store,
+    Summary,
     Target,
     certified_chain,
     marginal_chain,
@@ -67,7 +68,9 @@ from estim.sampling import (
     posterior_ends,
     proposed_chain,
     sample_posterior,
+    summarise_parameter,
     too_many,
+    trusted,
 )
 from estim.words import advice_for
 
@@ -125,6 +128,12 @@ class Analysis:
             return {one.run: one.end for one, run in zip(self.bands, self.problem.runs, strict=True) if run.motion is not None}
         draws = self.chain.thinned(_BAND_DRAWS)
         return posterior_ends(self.problem, draws, rng=stream(self.seed, Stream.BANDS), forces=self.fit.forces)
+
+    @cached_property
+    def summaries(self) -> tuple[Summary, ...]:
+        """Of every parameter, as far as the status allows them."""
+        named = zip(self.fit.names, self.chain.flat.T, strict=True)
+        return tuple(trusted(summarise_parameter(self.fit, name, draws), self.diagnosis.status) for name, draws in named)
 
     @cached_property
     def estimates(self) -> tuple[Estimate, ...]:

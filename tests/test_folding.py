@@ -243,3 +243,23 @@ def test_light_components_fold_at_one_edge_and_keep_the_evidence(rng: np.random.
     plain = replace(proposal, limits=None)
     wrong = np.exp(target - plain.log_density(draws))
     assert abs(np.mean(wrong) - 0.5 * np.pi) > 10.0 * np.std(wrong) / np.sqrt(wrong.size)
+
+
+def test_distances_by_products_are_those_from_the_images_themselves(rng: np.random.Generator) -> None:
+    """Wide and narrow components at one and two edges; one so narrow that products would not do."""
+    widths = np.array([1.0, 0.3, 1e-2, 1e-7])
+    means, low, high = np.abs(rng.standard_normal((4, 3))) * widths[:, None], np.array([0.0, 0.0, -FREE]), np.array([0.8, FREE, FREE])
+    factors = widths[:, None, None] * (np.eye(3) + 0.3 * np.tril(rng.standard_normal((4, 3, 3))))
+    folds = folding.folding(np.full(4, 0.25), means, factors, np.tile(low, (4, 1)), np.tile(high, (4, 1)))
+    assert folds is not None
+    assert np.flatnonzero(folds._forms.narrow).tolist() == [3]
+    n_image = 0
+    for own in folds.alike:
+        draws = means[own[0]] + rng.standard_normal((500, 3)) @ factors[own[0]].T
+        columns = np.abs(draws).T[folds.order]
+        direct = folds._distances_one_by_one(columns, own)
+        np.testing.assert_allclose(folds.distances(columns, own), direct, rtol=1e-8, atol=1e-8)
+        n_image += len(direct)
+        found = folds.summed(columns, own, np.full(own.size, 0.5), 5)
+        np.testing.assert_allclose(found, np.sum(0.5 * (1.0 + direct / 5.0) ** -4.0, axis=(0, 1)), rtol=1e-7)
+    assert n_image > 8

@@ -208,17 +208,18 @@ def scanned_fit(fit: Fit, *, rng: np.random.Generator) -> Fit:
 def fit_beside(problem: Problem, fits: Sequence[Fit], *, rng: np.random.Generator, scanned: bool = True) -> Fit | None:
     """The mode of a problem with another noise than that of a fit to the same points: nothing has to be sought from afar again.
 
-    It is sought from the centre of its priors and from all optima of that of `fits` which has the points and the curve of `problem`.  Where that
-    fit has one optimum, and explains the points by the noise that was stated, another noise has no other; elsewhere scans look for further ones,
-    if `scanned`.  None where none has, or where a curve lacks something, whose noise is no other noise alone.
+    It is sought from all optima of that of `fits` which has the points and the curve of `problem`.  Where that fit has one optimum, and explains
+    the points by the noise that was stated, another noise has no other; elsewhere the centre of the priors is a start too, and scans look for
+    further ones, if `scanned`.  None where none has, or where a curve lacks something, whose noise is no other noise alone.
     """
     known = next((fit for fit in fits if fit.success and not fit.singular and _same_curves(fit.problem, problem)), None)
     if known is None or any(run.force or run.lacks is not None for run in problem.runs):
         return None
     places = [_placed(problem, known.names, place) for place in (known.values, *known.others)]
+    if known.p_value > _EXPLAINED and not len(known.others):
+        return fit_least_squares(problem, rng=rng, n_start=1, start=places[0])
     fit = fit_least_squares(problem, rng=rng, n_start=1, further=places)
-    sure = known.p_value > _EXPLAINED and not len(known.others) and not len(fit.others)
-    return scanned_fit(fit, rng=rng) if scanned and not sure else fit
+    return scanned_fit(fit, rng=rng) if scanned else fit
 
 
 def _same_curves(a: Problem, b: Problem) -> bool:

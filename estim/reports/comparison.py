@@ -17,7 +17,7 @@ from estim.problem import Parameter
 from estim.reports.pages import page
 from estim.reports.rendering import render
 from estim.reports.result import provenance
-from estim.sampling import Summary, number, summarise_parameter, trusted
+from estim.sampling import Summary, number
 from estim.studies import Compared
 
 if TYPE_CHECKING:
@@ -76,8 +76,7 @@ def _common(compared: Sequence[Compared]) -> list[Parameter]:
 
 def _summary(c: Compared, common: Sequence[Parameter]) -> ComparedSummary:
     analysis, certificate = c.analysis, c.analysis.certificate
-    columns = {p.name: analysis.chain.flat[:, analysis.problem.names.index(p.name)] for p in common}
-    posterior = {p.name: trusted(summarise_parameter(analysis.fit, p.name, columns[p.name]), analysis.diagnosis.status) for p in common}
+    posterior = {p.name: analysis.summaries[analysis.problem.names.index(p.name)] for p in common}
     evidence = certificate if certificate is not None and certificate.reliable else None
     return ComparedSummary(
         name=c.candidate.name, words=c.candidate.words, data=c.data, n_obs=analysis.problem.n_obs, status=analysis.diagnosis.status,

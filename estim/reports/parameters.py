@@ -8,7 +8,7 @@ import msgspec
 
 from estim.checks import is_measured, stated_words, upper_limit
 from estim.pipeline import Analysis
-from estim.sampling import Summary, number, summarise_parameter, trusted
+from estim.sampling import Summary, number
 
 
 class ParameterSummary(Summary, frozen=True, kw_only=True):
@@ -28,7 +28,7 @@ class ParameterSummary(Summary, frozen=True, kw_only=True):
 def parameter_summary(truth: Mapping[str, float], analysis: Analysis, i: int) -> ParameterSummary:
     """Of the parameter at place i.  truth : name -> true value, where it is known."""
     parameter, diagnosis, draws = analysis.problem.parameters[i], analysis.diagnosis, analysis.chain.flat[:, i]
-    summary = trusted(summarise_parameter(analysis.fit, parameter.name, draws), diagnosis.status)
+    summary = analysis.summaries[i]
     upper = upper_limit(summary, parameter.prior, draws)
     return ParameterSummary(
         **msgspec.structs.asdict(summary), prior=parameter.prior.describe(),

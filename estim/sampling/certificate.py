@@ -211,8 +211,10 @@ def compare_with_chain(certificate: Certificate, chain: Chain, *, most: int = MA
     error_mean, error_sd = chain_errors(chain)
     u_mean, u_sd = np.hypot(error_mean, certificate.mcse_mean), np.hypot(error_sd, certificate.mcse_sd)
     ends = np.array([certificate.quantiles[p] for p in ENDS])
-    differences = (mean - certificate.mean) / sd, (spread - certificate.sd) / sd, (np.quantile(flat, ENDS, axis=0) - ends) / sd
-    z_ends, u_ends = (np.array(both) for both in zip(*(_end(certificate, chain, p) for p in ENDS), strict=True))
+    ordered = np.sort(flat, axis=0)
+    own_ends = np.array([_quantiles(ordered, np.full(n_par, p)) for p in ENDS])
+    differences = (mean - certificate.mean) / sd, (spread - certificate.sd) / sd, (own_ends - ends) / sd
+    z_ends, u_ends = (np.array(both) for both in zip(*(_end(certificate, chain, ordered, p) for p in ENDS), strict=True))
     zs = (mean - certificate.mean) / u_mean, (spread - certificate.sd) / u_sd, z_ends
     limit = -float(normal_quantile(_FALSE_ALARM / (8 * n_par)))
     if n_par > most:
@@ -221,18 +223,26 @@ def compare_with_chain(certificate: Certificate, chain: Chain, *, most: int = MA
     return Agreement(certificate.names, verdict, (told,), *differences, *zs, limit)
 
 
-def _end(certificate: Certificate, chain: Chain, p: float) -> tuple[FloatArray, FloatArray]:
-    """(n_par,) z and standard error, unit of the parameters, of the difference of a quantile.
+def _end(certificate: Certificate, chain: Chain, ordered: FloatArray, p: float) -> tuple[FloatArray, FloatArray]:
+    """(n_par,) z and standard error, unit of the parameters, of the difference of a quantile.  ordered : (n_draw, n_par) draws, each column in order.
 
     z compares shares, not quantiles: that of the draws above the certificate's quantile with 1 - p.
     """
-    at, flat = certificate.quantiles[p], chain.flat
-    share = np.mean(flat > at, axis=0)
+    at, every = certificate.quantiles[p], np.full(len(certificate.names), p)
+    below = np.array([np.searchsorted(column, one, side="right") for column, one in zip(ordered.T, at, strict=True)])
     # beyond the chain's own quantile, since there may be nothing beyond the certificate's
-    size = effective_size((chain.draws > np.quantile(flat, p, axis=0)).astype(float), "mean")
+    size = effective_size((chain.draws > _quantiles(ordered, every)).astype(float), "mean")
     u = np.hypot(np.sqrt(p * (1.0 - p) / size), certificate.mcse_shares[p])
-    spread = [0.5 * (np.quantile(flat[:, i], min(p + u[i], 1.0)) - np.quantile(flat[:, i], max(p - u[i], 0.0))) for i in range(at.size)]
-    return np.asarray((share - (1.0 - p)) / u), np.array(spread)
+    spread = 0.5 * (_quantiles(ordered, np.minimum(p + u, 1.0)) - _quantiles(ordered, np.maximum(p - u, 0.0)))
+    return np.asarray((p - below / len(ordered)) / u), spread
+
+
+def _quantiles(ordered: FloatArray, p: FloatArray) -> FloatArray:
+    """(n_par,) quantiles of the columns of `ordered` (n_draw, n_par), of p (n_par,) in each."""
+    place = p * (len(ordered) - 1)
+    first = np.minimum(place.astype(np.int64), max(len(ordered) - 2, 0))
+    low, high = (np.take_along_axis(ordered, at[None], axis=0)[0] for at in (first, np.minimum(first + 1, len(ordered) - 1)))
+    return np.asarray(low + (place - first) * (high - low))
 
 
 def no_comparison(names: tuple[str, ...], *told: Finding) -> Agreement:

@@ -81,13 +81,18 @@ def _mixing(draws: FloatArray) -> tuple[float, float, float]:
     flat = draws.ravel()
     if np.isnan(flat).any():
         return math.nan, math.nan, math.nan
-    scores, ordered = _normal_scores(flat)
-    scores = scores.reshape(draws.shape)
+    order = np.argsort(flat)
+    ordered = flat[order]
+    scores = _normal_scores(order, ordered).reshape(draws.shape)
     rhat = math.nan
     if n_ensemble > 1 and n_step * n_walker >= _LEAST_STEPS:
         halves = _halves(draws.reshape(n_ensemble, -1))
-        whole = scores if halves.size == flat.size else _normal_scores(halves.ravel())[0]
-        folded = _normal_scores(np.abs(halves - np.median(halves)).ravel())[0]
+        if halves.size == flat.size:
+            whole, folded = scores, _folded_scores(order, ordered)
+        else:  # a draw in the middle belongs to neither half
+            order_there = np.argsort(halves.ravel())
+            ordered_there = halves.ravel()[order_there]
+            whole, folded = _normal_scores(order_there, ordered_there), _folded_scores(order_there, ordered_there)
         with np.errstate(divide="ignore", invalid="ignore"):  # nan where no walker moved
             rhat = max(_split_r_hat(one.reshape(halves.shape)) for one in (_halves(whole.reshape(n_ensemble, -1)), folded))
     if n_step < _LEAST_STEPS:
@@ -97,21 +102,29 @@ def _mixing(draws: FloatArray) -> tuple[float, float, float]:
         ranked = _halves(_chains(scores))
     else:  # the step in the middle belongs to neither half
         halves = _halves(chains)
-        ranked = _normal_scores(halves.ravel())[0].reshape(halves.shape)
+        order = np.argsort(halves.ravel())
+        ranked = _normal_scores(order, halves.ravel()[order]).reshape(halves.shape)
     tails = [_size(_halves(chains <= ordered[int(p * (flat.size - 1))]).astype(float)) for p in (_LOW, _HIGH)]
     return rhat, _size(ranked), min(tails)
 
 
-def _normal_scores(values: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Normal quantiles (n,) of the ranks of values (n,), equal ones with their mean rank (Blom's offset), and the values in order."""
-    order = np.argsort(values)
-    ordered = values[order]
+def _normal_scores(order: NDArray[np.int64], ordered: FloatArray) -> FloatArray:
+    """Normal quantiles (n,) of the ranks of values, equal ones with their mean rank (Blom's offset); ordered : the values in their `order`, (n,)."""
     ends = np.append(np.flatnonzero(ordered[1:] != ordered[:-1]) + 1, ordered.size)
     starts = np.concatenate([[0], ends[:-1]])
     scores = ndtri((0.5 * (starts + ends + 1) - 0.375) / (ordered.size + 0.25))
     found = np.empty(ordered.size)
     found[order] = np.repeat(scores, ends - starts)
-    return found, ordered
+    return found
+
+
+def _folded_scores(order: NDArray[np.int64], ordered: FloatArray) -> FloatArray:
+    """The same of the distances from the median: two rows in order already, those below it and those above."""
+    middle = ordered.size // 2
+    median = 0.5 * (ordered[middle - 1] + ordered[middle]) if ordered.size % 2 == 0 else ordered[middle]
+    away = np.abs(ordered - median)
+    merged = np.argsort(away, kind="stable")
+    return _normal_scores(order[merged], away[merged])
 
 
 def _chains(draws: FloatArray) -> FloatArray:

@@ -56,7 +56,7 @@ def along_ridges(frames: Frame) -> Proposal:
             gaps[ridge], slopes[ridge] = np.gradient(points[ridge, 0]), np.gradient(points[ridge], axis=0)
     scales += _OVERLAP**2 * slopes[:, :, None] * slopes[:, None, :]
     back = np.argsort(at.order, axis=1)
-    factors = np.array([lower_factor(scale[np.ix_(order, order)]) for scale, order in zip(scales, back, strict=True)])
+    factors = lower_factor(scales[np.arange(len(back))[:, None, None], back[:, :, None], back[:, None, :]])
     weights = _POWER * log_masses + np.log(np.maximum(gaps, 1e-300) / first)
     return Proposal(np.exp(weights - log_sum_exp(weights)), at.original(points), factors)
 

@@ -30,7 +30,7 @@ def proposal_of_parts(density: Density, parts: NormalParts, *, rng: np.random.Ge
     """The best of a few rounds of weighted draws; None where their weights stay uneven."""
     heaviest = int(np.argmax(parts.weights))
     weights = parts.weights * np.where(np.arange(parts.weights.size) == heaviest, 1.0, _TAILS)
-    factors = np.array([lower_factor((_DOF - 2.0) / _DOF * cov) for cov in parts.covs])
+    factors = lower_factor((_DOF - 2.0) / _DOF * np.asarray(parts.covs))
     mixture, best, most = Proposal(weights / weights.sum(), parts.means, factors, dof=_DOF), None, _LEAST
     for i, n_draw in enumerate(_DRAWS):
         proposal = mixture.guarded(_GUARD, _GUARD_FACTOR)

@@ -24,7 +24,7 @@ from estim.common import NumericalError
 from estim.sampling.bending import Bend, bend_of
 from estim.sampling.curving import Curving
 from estim.sampling.factors import lower_factor
-from estim.sampling.folding import Folding, folding, half_power, unfolded
+from estim.sampling.folding import Folding, folding, unfolded
 from estim.sampling.importance import flattened, kish_size, pareto_smoothed
 from estim.sampling.protocol import Density, Support, log_density_in_batches
 
@@ -34,10 +34,10 @@ _FAR_SHARE, _FAR_FACTOR = 0.25, 3.0  # the same for `Proposal.widened`
 _TAIL_SHARE = 0.4  # of the draws from components that are told to be there: a rare wide part is seldom drawn, and then no chain leaves it soon
 _GOOD_K_HAT = 0.5
 _EVEN_ENOUGH = 0.4  # effective share of the draws from which one Student-t will do
+_SURE = 0.7  # from which one more round costs more draws than it can save
 _FREE = 8.0  # standard deviations from the next limit: a parameter that may follow a bend
 _MAX_ROUND = 12
 _EM_STEPS = 25
-_BLOCK = 32_000  # numbers of one kind that are computed together: they stay in the cache
 
 
 @dataclass(frozen=True, eq=False)
@@ -162,7 +162,10 @@ class Proposal:
 
     def component_log_densities(self, draws: FloatArray) -> FloatArray:
         """(n_component, n_draw) log of weight times density of each component."""
-        return self._log_heights[:, None] - 0.5 * (self.dof + self.n_par) * np.log1p(self.distances(draws) / self.dof)
+        return self._log_parts(self.distances(draws))
+
+    def _log_parts(self, distances: FloatArray) -> FloatArray:
+        return self._log_heights[:, None] - 0.5 * (self.dof + self.n_par) * np.log1p(distances / self.dof)
 
     def log_density(self, draws: FloatArray) -> FloatArray:
         """(n_draw,) normalised log density at draws (n_draw, n_par)."""
@@ -185,11 +188,7 @@ class Proposal:
         straight = columns if self.bend is None else np.ascontiguousarray(self.bend.straight(draws).T[folds.order])
         total, top = np.zeros(len(draws)), float(np.max(self._log_heights))
         for bent, own in self._alike:
-            heights, at = np.exp(self._log_heights[own] - top), straight if bent else columns
-            rows = max(16, _BLOCK // (own.size * folds.n_image(int(own[0]))))
-            for first in range(0, len(draws), rows):
-                some = slice(first, first + rows)
-                total[some] += heights @ np.sum(half_power(1.0 + folds.distances(at[:, some], own) / self.dof, self.dof + self.n_par), axis=0)
+            total += folds.summed(straight if bent else columns, own, np.exp(self._log_heights[own] - top), self.dof)
         near = total > 0.0
         found = top + np.log(np.where(near, total, 1.0))
         if not np.all(near):  # so far away that only logarithms know it
@@ -215,7 +214,7 @@ def adapt_proposal(
     """
     centres = np.vstack([start, *starts])
     n_round = max(n_round, 500 * len(centres))
-    factors = np.stack([lower_factor(one) for one in (cov, *(covs or [cov] * len(starts)))])
+    factors = lower_factor(np.stack([cov, *(covs or [cov] * len(starts))]))
     mixture = Proposal(np.full(len(centres), 1.0 / len(centres)), centres, factors, support)
     best, quality, draws, weights = _settle(density, _shrunk(density, mixture, rng), rng, n_round)
     for n_component in (4, 8):
@@ -240,7 +239,7 @@ def _settle(density: Density, mixture: Proposal, rng: np.random.Generator, n_rou
         quality = _quality(log_ratio)
         weights, _ = flattened(log_ratio, least=min(0.1 * n_round, 20.0 * proposal.n_par))
         found.append((proposal, quality, draws, weights))
-        if len(found) > 2 and 0.05 < quality < 1.1 * max(f[1] for f in found[:-1]):
+        if (len(found) > 1 and quality > _SURE) or (len(found) > 2 and 0.05 < quality < 1.1 * max(f[1] for f in found[:-1])):
             break
         bend = _bend_at(mixture.limits, draws, weights)
         straight = draws if bend is None else bend.straight(draws)
@@ -268,27 +267,28 @@ def _bend_at(limits: Support | None, draws: FloatArray, weights: FloatArray) -> 
 
 def _fit(mixture: Proposal, draws: FloatArray, weights: FloatArray) -> Proposal:
     """EM steps of a Student-t mixture towards weighted draws; components that explain next to nothing are dropped."""
-    floor = 1e-8 * _covariance(draws, weights)[1]
-    d = mixture.n_par
+    floor, d = 1e-8 * _covariance(draws, weights)[1], mixture.n_par
     used = weights > 0.0
     draws, weights = draws[used], weights[used]
     for _ in range(_EM_STEPS):
-        parts = mixture.component_log_densities(draws)
-        share = weights * np.exp(parts - np.logaddexp.reduce(parts, axis=0))
+        distances = mixture.distances(draws)
+        parts = mixture._log_parts(distances)
+        heights = np.exp(parts - np.max(parts, axis=0))
+        share = heights * (weights / np.sum(heights, axis=0))
         size = np.sum(share, axis=1)
         # a component must rest on enough draws for a covariance
         kept = np.flatnonzero(size**2 / np.maximum(np.sum(share**2, axis=1), 1e-300) > 3.0 * d)
         if kept.size == 0:
             break
-        pull = share * (DOF + d) / (DOF + mixture.distances(draws))
-        means, factors = [], []
+        pull = share * (DOF + d) / (DOF + distances)
+        means, scales = [], []
         for k in kept:
             mean = pull[k] @ draws / np.sum(pull[k])
             deviation = draws - mean
             means.append(mean)
-            factors.append(lower_factor((pull[k][:, None] * deviation).T @ deviation / size[k] + floor))
+            scales.append((pull[k][:, None] * deviation).T @ deviation / size[k] + floor)
         before = mixture
-        mixture = Proposal(size[kept] / np.sum(size[kept]), np.array(means), np.array(factors), mixture.limits)
+        mixture = Proposal(size[kept] / np.sum(size[kept]), np.array(means), lower_factor(np.array(scales)), mixture.limits)
         settled = kept.size == before.weights.size and np.max(np.abs(mixture.weights - before.weights)) < 1e-3
         if settled and np.max(before.distances(mixture.means).diagonal()) < 1e-5:
             break
@@ -300,9 +300,9 @@ def _split(draws: FloatArray, weights: FloatArray, n_component: int, rng: np.ran
     mean, cov = _covariance(draws, weights)
     factor = lower_factor(cov)
     whitened = np.linalg.solve(factor, (draws - mean).T).T
-    centres = [int(rng.choice(weights.size, p=weights))]
+    centres, nearest = [int(rng.choice(weights.size, p=weights))], np.full(weights.size, np.inf)
     for _ in range(n_component - 1):
-        nearest = np.min([np.sum((whitened - whitened[c]) ** 2, axis=1) for c in centres], axis=0)
+        nearest = np.minimum(nearest, np.sum((whitened - whitened[centres[-1]]) ** 2, axis=1))
         chance = weights * nearest
         if not np.sum(chance) > 0.0:  # a single draw has all the weight: nothing to part
             break

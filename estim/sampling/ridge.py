@@ -174,7 +174,7 @@ def reordered(frame: Frame, modes: FloatArray) -> Frame:
     """Frames around modes (n_mode, n_par), stacked: for every mode one with each parameter in front, (n_mode n_par) in all."""
     orders = np.array([[axis, *(i for i in range(frame.n_par) if i != axis)] for axis in range(frame.n_par)])
     cov = frame.factor @ frame.factor.T
-    factors = np.array([lower_factor(cov[np.ix_(order, order)]) for order in orders])
+    factors = lower_factor(cov[orders[:, :, None], orders[:, None, :]])
     centres = modes[:, orders].reshape(-1, frame.n_par)
     order, n_mode = np.tile(orders, (len(modes), 1)), len(modes)
     factors = np.tile(factors, (n_mode, 1, 1))
@@ -204,7 +204,7 @@ def rescaled(frames: Frame) -> Frame:
         gradient, precision, _ = _derivatives(here, here.centre, 0, np.ones_like(here.centre))
         _, pressed = _bounded_step(here, here.centre, gradient, precision, 0)
         steep = np.where(pressed, gradient, 0.0)[:, :, None] ** 2 * np.eye(frames.n_par)
-        found = np.array([lower_factor(cov) for cov in np.linalg.inv(precision + steep)])
+        found = lower_factor(np.asarray(np.linalg.inv(precision + steep)))
         sds, sds_before = (np.diagonal(factor, axis1=1, axis2=2) for factor in (found, here.factor))
         changed = ~np.all(np.isclose(sds, sds_before, rtol=0.1), axis=1)
         rough = rough[changed]
