@@ -18,7 +18,6 @@ from estim.fitting.separable import SeparableSearch
 from estim.problem import informative, residuals_and_slopes
 
 _N_COARSE = 48  # places at which the speed of change is taken
-_THINNED, _SMOOTH = 4, 0.05  # every fourth of them is enough where every eighth gives the same change to this part of it
 _SPACING = 0.35  # of a change of shape by its own size
 _MOST_PLACES = 6000
 _MOST_NUMBERS = 3_000_000  # residuals in all calls for one parameter
@@ -195,31 +194,15 @@ def _bending(search: SeparableSearch, values: FloatArray, i: int, coarse: FloatA
     return rate
 
 
-def _rates(search: SeparableSearch, values: FloatArray, i: int, at: FloatArray, high: float) -> FloatArray:
-    """`_bending`, some places at a time."""
-    rows = max(1, _BATCH // max(1, search.posterior.problem.n_obs * (1 + search.free.size)))
-    return np.concatenate([_bending(search, values, i, at[k : k + rows], high) for k in range(0, at.size, rows)])
-
-
-def _lengths(at: FloatArray, rate: FloatArray) -> FloatArray:
-    """(n,) how much the shape changes from the first of the places (n,)."""
-    return np.concatenate([[0.0], np.cumsum(0.5 * (rate[1:] + rate[:-1]) * np.diff(at))])
-
-
 def _places(search: SeparableSearch, values: FloatArray, i: int, low: float, high: float, most: int) -> FloatArray:
     """Values of parameter i from low to high, spaced by the change of the curve's shape."""
     straight = np.linspace(low, high, _N_COARSE)
     least = max(min(abs(low), abs(high)), 1e-4 * max(abs(low), abs(high)))
     by_factors = np.geomspace(least, max(abs(low), abs(high)), _N_COARSE)
     coarse = np.unique(np.concatenate([straight, *(side[(side > low) & (side < high)] for side in (by_factors, -by_factors))]))
-    few = np.unique(np.append(np.arange(0, coarse.size, _THINNED), coarse.size - 1))
-    fewer = np.append(few[:-1:2], few[-1])
-    rate = _rates(search, values, i, coarse[few], high)
-    length, rough = _lengths(coarse[few], rate), _lengths(coarse[fewer], np.append(rate[:-1:2], rate[-1]))
-    if abs(length[-1] - rough[-1]) < _SMOOTH * length[-1]:
-        coarse = coarse[few]
-    else:  # also where they are not finite
-        length = _lengths(coarse, _rates(search, values, i, coarse, high))
+    rows = max(1, _BATCH // max(1, search.posterior.problem.n_obs * (1 + search.free.size)))
+    rate = np.concatenate([_bending(search, values, i, coarse[k : k + rows], high) for k in range(0, coarse.size, rows)])
+    length = np.concatenate([[0.0], np.cumsum(0.5 * (rate[1:] + rate[:-1]) * np.diff(coarse))])
     if not (math.isfinite(length[-1]) and length[-1] > _SPACING):
         return np.zeros(0)
     # without a limit no further than the data can tell: as many changes of shape as there are points
