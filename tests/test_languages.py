@@ -264,7 +264,7 @@ NAMES = frozenset(  # shown as they are in every language
         "chi", "runs", "autocorrelation", "trend", "largest",  # tests
         "poor", "fit",  # a status
         "deviation",  # an argument
-        "estim", "python", "numpy", "scipy", "lmfit", "emcee", "arviz", "stats", "uncertainties",
+        "estim", "python", "numpy", "scipy", "lmfit", "emcee", "numba", "arviz", "stats", "uncertainties",
     }
 )
 

@@ -15,6 +15,7 @@ from estim.fitting.finish import step_between
 from estim.fitting.separable import RESOLVED, SeparableSearch, rounding
 
 _N_FINISH = 10  # steps by the information that end a search with errors of x
+_NO_STEP = 1e-6  # standard deviations
 
 
 def descend(search: SeparableSearch, start: FloatArray) -> FloatArray:
@@ -74,7 +75,7 @@ def stepped(search: SeparableSearch, values: FloatArray, *, most: int = 100) -> 
         jacobian, residual = search.scoring(values)
         if not all_finite(jacobian, residual):
             break
-        near = near_bound(search, values, jacobian.T @ residual)
+        near = near_bound(search, values, jacobian, residual, chi2)
         moving = free[~near[free]]
         if not moving.size:
             step_size = 0.0
@@ -112,12 +113,17 @@ def _inside(values: FloatArray, low: FloatArray, high: FloatArray) -> FloatArray
     return np.clip(values, *inner)
 
 
-def near_bound(search: SeparableSearch, values: FloatArray, gradient: FloatArray) -> NDArray[np.bool_]:
-    """Which parameters lie on a bound that the descent would push them across."""
+def near_bound(search: SeparableSearch, values: FloatArray, jacobian: FloatArray, residual: FloatArray, chi2: float) -> NDArray[np.bool_]:
+    """Which parameters lie on a bound that the descent would push them across, or from which it would move them next to nothing.
+
+    Where two parameters do the same at a bound, the gradient in one is that in the other, 0, and its sign is rounding.
+    """
+    gradient = jacobian.T @ residual
+    slack = _NO_STEP * np.linalg.norm(jacobian, axis=0) * math.sqrt(chi2 / max(1, residual.size - search.free.size))
     unit = np.where(search.held != 0.0, np.minimum(np.abs(search.held), 1.0), 1.0)  # nanometres may be written in metres
     margin = 1e-8 * (unit + np.abs(values))
     with np.errstate(invalid="ignore"):
-        return ((values - search.low < margin) & (gradient > 0.0)) | ((search.high - values < margin) & (gradient < 0.0))
+        return ((values - search.low < margin) & (gradient > -slack)) | ((search.high - values < margin) & (gradient < slack))
 
 
 def _scaled(jacobian: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -292,7 +292,7 @@ def _polished(search: SeparableSearch, values: FloatArray, *, n_start: int, n_sa
         raise InputError(rule, field="start")
     rounded = rounding(search, values)
     left = 0.1 * math.sqrt(rounded / max(chi2, 1e-300) * max(1, residual.size - free.size))
-    near = near_bound(search, values, jacobian.T @ residual)
+    near = near_bound(search, values, jacobian, residual, chi2)
     moving = free[~near[free]]
     cov, condition = inverse_information(jacobian[:, moving], resolved)
     full = np.zeros((values.size, values.size))
