@@ -284,3 +284,13 @@ def test_search_settles_where_a_limit_holds_a_parameter(seed: int) -> None:
     height = lambda values: float(np.sum(posterior.residuals(values) ** 2))  # noqa: E731
     found = minimize(height, fit.fit.values, method="Nelder-Mead", bounds=[(0.0, 5.0)] * 3, tol=1e-10)
     assert height(fit.fit.values) < found.fun + 1e-7
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_two_parameters_that_do_the_same_at_a_limit_are_told_apart_by_it(seed: int) -> None:
+    """At b = 0 both b and c are slopes: the gradient in b is that in c, 0, and the sign of its rounding decided between ok and not-identified."""
+    rng, x = np.random.default_rng(seed), np.linspace(0.0, 1.5, 12)
+    y = 1.0 + 0.3 * x - 0.03 * x**2 + 0.02 * rng.standard_normal(x.size)
+    start, bounds = {"a": 1.0, "b": 0.1, "c": 0.1}, dict.fromkeys("abc", (0.0, 5.0))
+    fit = fit_curve("a*exp(-b*x) + c*x", x + 0.03 * rng.standard_normal(x.size), y, u_y=0.02, u_x=0.03, start=start, bounds=bounds)
+    assert fit.status == "ok", fit.reasons
