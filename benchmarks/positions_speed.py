@@ -35,7 +35,10 @@ COMMANDS = {  # words -> noise of the campaign, arguments
 
 def draws(n_draw: int) -> tuple[Body, dict[str, Any]]:
     rng = np.random.default_rng(n_draw)
-    normal = lambda mean, sd: mean + sd * rng.standard_normal((n_draw, 1))  # noqa: E731
+
+    def normal(mean: float, sd: float) -> np.ndarray:
+        return mean + sd * rng.standard_normal((n_draw, 1))
+
     body = Body(radius=normal(0.15, 0.0005), gamma=normal(0.187, 0.005), kappa=normal(0.45, 0.05))
     return body, {"phi": normal(0.07, 0.005), "theta0": normal(1.05, 0.02), "rolling_resistance": abs(normal(0.0, 0.003)), "g": 9.81}
 

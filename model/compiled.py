@@ -189,7 +189,7 @@ def _states(t, draws, n_leg, knots, points, matrix, tried, close, x, v, settled)
                 for q in range(n_obs):
                     if left[q] > 0.0:
                         x[i, q] = start
-                settled[i] = math.isfinite(latest + slope + gamma * theta0)
+                settled[i] = math.isfinite(latest + slope + gamma * theta0 + inertia + scale)
                 break
             turns, reach = stop < math.inf, stop
             there, back = _zero(theta0, 1.0, phi), _zero(theta0 + stop if turns else theta0, -1.0, phi)
