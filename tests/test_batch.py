@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import csv
-import hashlib
 import json
+import os
 import shutil
 import sys
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -22,7 +22,7 @@ from estim.batch.rows import Value, keep, kept, key_of
 from estim.batch.units import Unit
 from estim.campaign import load_campaign
 from estim.cli.commands import cli
-from estim.common import InputError, write_whole
+from estim.common import EstimError, InputError, write_whole
 from estim.reports import batch_report, lean_files
 
 QUICK = Settings(ess=300.0)
@@ -87,7 +87,7 @@ def test_what_is_there_stays_and_what_changed_is_done_again(three: Path, tmp_pat
     units, out = units_of([three]), tmp_path / "out"
     first = run_batch(units, out, report=lean_files, settings=QUICK)
     (three / "b.csv").write_text((three / "b.csv").read_text().replace("0.0,", "0.00,"))
-    (out / "spring" / "c" / "row.json").write_text("{")  # torn
+    (out / "spring" / "c" / "result.json").unlink()
     done: list[str] = []
 
     def counting(subject, analysis):
@@ -157,25 +157,81 @@ def test_whatever_decides_a_result_decides_whether_it_is_kept(monkeypatch: pytes
 def test_a_row_stands_only_beside_its_own_result(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (plain,) = rows_of(np.array([1.0]), 0.1)
     unit = Unit(Path("c.toml"), "r0", plain.place)
-    rows = {text: msgspec.structs.replace(plain, key=text, digest=hashlib.sha256(text.encode()).hexdigest()) for text in ("one", "two")}
+    monkeypatch.setattr("estim.batch.rows.row_of", lambda unit, data, *, key, seconds, interval: rows[data.decode()])
+    rows = {text: msgspec.structs.replace(plain, key=text) for text in ("one", "two")}
     keep(tmp_path, rows["one"], {"result.json": b"one"})
-    assert kept(tmp_path, unit, "one") == rows["one"]
-    assert kept(tmp_path, unit, "two") is None
+    assert kept(tmp_path, unit, "one", None) == rows["one"]
+    assert kept(tmp_path, unit, "two", None) is None
 
     def killed(target: Path, data: bytes, *, within: Path) -> None:
-        if target.name == "row.json":
+        if target.name != "row.json":
             raise KeyboardInterrupt
         write_whole(target, data, within=within)
 
     with monkeypatch.context() as patched:
-        patched.setattr("estim.batch.rows.write_whole", killed)
+        patched.setattr("estim.common.ownership.write_whole", killed)
         with pytest.raises(KeyboardInterrupt):
             keep(tmp_path, rows["two"], {"result.json": b"two"})
-    assert kept(tmp_path, unit, "one") is None
-    for spoil in (lambda file: file.write_bytes(b"other"), lambda file: file.unlink()):
-        keep(tmp_path, rows["one"], {"result.json": b"one"})
-        spoil(tmp_path / plain.place / "result.json")
-        assert kept(tmp_path, unit, "one") is None
+    assert (kept(tmp_path, unit, "one", None), kept(tmp_path, unit, "two", None)) == (None, None)
+    keep(tmp_path, rows["one"], {"result.json": b"one"})  # what a kill left behind is nobody else's
+    (tmp_path / plain.place / "result.json").unlink()
+    assert kept(tmp_path, unit, "one", None) is None
+
+
+def test_a_row_that_somebody_edited_is_not_believed_and_a_result_is_refused(three: Path, tmp_path: Path) -> None:
+    units, out = units_of([three]), tmp_path / "out"
+    first = run_batch(units, out, report=lean_files, settings=QUICK)
+    row, result = out / "spring" / "a" / "row.json", out / "spring" / "a" / "result.json"
+    edited = json.loads(row.read_text())
+    edited["values"]["b"]["mean"], edited["status"], edited["kind"] = 300.0, "ok", "measured"
+    row.write_text(json.dumps(edited))
+    again = run_batch(units, out, report=lean_files, settings=QUICK, resume=True)
+    assert [(one.values, one.kind) for one in again] == [(one.values, one.kind) for one in first]
+    result.write_text(result.read_text().replace("synthetic", "measured"))
+    for resume in (True, False):
+        with pytest.raises(EstimError, match=r"a/result.json: was not written by estim, or was changed since"):
+            run_batch(units, out, report=lean_files, settings=QUICK, resume=resume)
+
+
+@pytest.mark.usefixtures("lean_workers")
+def test_a_folder_whose_name_is_not_utf8_is_a_run_like_any_other(tmp_path: Path) -> None:
+    campaign(tmp_path / "in" / "one", {"a": 2.0})
+    campaign(tmp_path / "two", {"b": 2.0})
+    try:
+        (tmp_path / "two").rename(tmp_path / "in" / os.fsdecode(b"tw\xff"))
+    except OSError:
+        pytest.skip("a file system of UTF-8 alone")
+    done = batch(tmp_path / "in", "--out", tmp_path / "out", "--no-figures")
+    assert "2 runs: 2 ok" in done.output, done.output
+    assert "tw\\udcff/campaign.toml" in (tmp_path / "out" / "summary.csv").read_text()
+    again = batch(tmp_path / "in", "--out", tmp_path / "out", "--no-figures", "--resume")
+    assert "2 runs: 2 ok" in again.output, again.output
+
+
+@pytest.mark.usefixtures("lean_workers")
+@pytest.mark.parametrize("kind", ["pipe", "dangling", "device", "folder without access"])
+def test_a_campaign_that_is_no_file_is_told_in_a_line(kind: str, three: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    place = three.parent / "odd"
+    place.mkdir()
+    if kind == "pipe":
+        os.mkfifo(place / "campaign.toml")
+    elif kind == "dangling":
+        (place / "campaign.toml").symlink_to(tmp_path / "gone.toml")
+    elif kind == "device":
+        (place / "campaign.toml").symlink_to("/dev/zero")
+    else:  # root may read everything
+        scan = os.scandir
+
+        def refusing(path: str):
+            if Path(path) == place:
+                raise PermissionError(13, "Permission denied", str(path))
+            return scan(path)
+
+        monkeypatch.setattr("os.scandir", refusing)
+    found = units_of([three.parent])
+    assert [unit.run for unit in found] == ["", "a", "b", "c"]
+    rows = run_batch(found[:1], tmp_path / "out", report=lean_files, settings=QUICK)
+    assert rows[0].error.startswith(str(place / "campaign.toml"))
 
 
 @pytest.mark.parametrize(("status", "error", "code"), [("ok", "", 0), ("poor-fit", "", 3), ("", "cannot be read", 3)])
@@ -258,11 +314,21 @@ def test_a_cluster_does_the_work_where_one_is_named(tmp_path: Path, monkeypatch:
             asked.append("executor")
             return self.pool
 
+    class Lost:
+        def submit(self, *_: object) -> Future[object]:
+            future: Future[object] = Future()
+            future.cancel()
+            future.set_running_or_notify_cancel()
+            return future
+
     monkeypatch.setitem(sys.modules, "distributed", type("distributed", (), {"Client": Client}))
     only = campaign(tmp_path / "one", {"a": 2.0})
     assert batch(only, "--out", tmp_path / "out", "--scheduler", "tcp://here:1", "--no-figures").exit_code == 0
     assert asked == ["tcp://here:1", "executor"]
     assert "cannot be reached (Timed out)" in str(batch(only, "--out", tmp_path / "no", "--scheduler", "tcp://nowhere:1").exception)
+    monkeypatch.setattr(Client, "get_executor", lambda self: Lost())
+    lost = batch(only, "--out", tmp_path / "out", "--scheduler", "tcp://here:1", "--no-figures")
+    assert str(lost.exception) == "'--scheduler' was lost (CancelledError); what is done is kept: continue with --resume: tcp://here:1"
     monkeypatch.setitem(sys.modules, "distributed", None)
     assert "pip install distributed" in str(batch(only, "--out", tmp_path / "no", "--scheduler", "tcp://here:1").exception)
 

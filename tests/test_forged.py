@@ -187,15 +187,16 @@ def test_folder_that_a_person_names_may_be_a_link(sound: Path, tmp_path: Path) -
         cli.main()
 
 
-def test_report_replaces_a_link_and_leaves_what_it_led_to(tmp_path: Path) -> None:
+def test_a_link_in_the_place_of_a_file_is_neither_followed_nor_replaced(tmp_path: Path) -> None:
     from estim.cli.terminal import write_files
 
     (tmp_path / "thesis.md").write_text("mine")
     (tmp_path / "out").mkdir()
     (tmp_path / "out" / "report.md").symlink_to(tmp_path / "thesis.md")
-    write_files(tmp_path / "out", {"report.md": b"report"})
-    assert ((tmp_path / "thesis.md").read_text(), (tmp_path / "out" / "report.md").read_bytes()) == ("mine", b"report")
-    assert not (tmp_path / "out" / "report.md").is_symlink()
+    with pytest.raises(EstimError, match="is a symbolic link"):
+        write_files(tmp_path / "out", {"report.md": b"report"})
+    assert (tmp_path / "thesis.md").read_text() == "mine"
+    assert (tmp_path / "out" / "report.md").is_symlink()
     (tmp_path / "out" / "figures").symlink_to(tmp_path)
     for name in ("figures/x.png", "../x.png", "figures/../../x.png"):
         with pytest.raises(EstimError, match=r"is a symbolic link|leaves its folder"):

@@ -4,20 +4,31 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from contextlib import suppress
-from pathlib import Path
+from pathlib import Path, PurePosixPath
 from typing import Any
 
 import msgspec
 
 from estim.batch.units import Unit
 from estim.campaign import Campaign
-from estim.common import EstimError, as_json, pictures_of, read_file, remove_files, remove_pictures, split_level, write_whole
+from estim.common import (
+    EstimError,
+    InputError,
+    as_json,
+    json_of,
+    plain,
+    read_file,
+    remove_files,
+    remove_own,
+    replace_own,
+    require_room,
+    split_level,
+)
 from estim.versions import engine_versions
 
-ROW, RESULT, REPORT = "row.json", "result.json", "report.md"
-_FORMATS = ("report.html", "report.pdf")
+ROW, RESULT = "row.json", "result.json"
 _LARGEST, _LARGEST_RESULT = 2**24, 2**28
 
 
@@ -36,7 +47,7 @@ class Row(msgspec.Struct, frozen=True):
     """One run: its status, its values where that is ok, else the first reason; `error` where there is no result at all.
 
     kind : of the data, "measured" or "synthetic"; "" where there is no result.
-    key : digest of what the result depends on.  digest : SHA-256 of `result.json`.  seconds : of one processor.
+    key : digest of what the result depends on.  seconds : of one processor.  outputs : in `row.json`, files of the run and their SHA-256 digests.
     interval : s between frames, of a run that was imported from a video; None of others.
     """
 
@@ -50,7 +61,7 @@ class Row(msgspec.Struct, frozen=True):
     values: dict[str, Value]
     seconds: float
     key: str
-    digest: str = ""
+    outputs: dict[str, str] = {}
     interval: float | None = None
     inputs: dict[str, str] = {}  # path of each file that was read -> SHA-256 of its bytes
 
@@ -73,8 +84,8 @@ def row_of(unit: Unit, result: bytes, *, key: str, seconds: float, interval: flo
     """The row of a `result.json`."""
     record = json.loads(result)
     return Row(
-        str(unit.campaign), unit.run, unit.place, record["kind"], record["status"], next(iter(record["reasons"]), ""), "",
-        _values(record) if record["status"] == "ok" else {}, seconds, key, hashlib.sha256(result).hexdigest(), interval,
+        plain(str(unit.campaign)), unit.run, unit.place, record["kind"], record["status"], next(iter(record["reasons"]), ""), "",
+        _values(record) if record["status"] == "ok" else {}, seconds, key, interval=interval,
     )
 
 
@@ -93,34 +104,64 @@ def _values(record: Mapping[str, Any]) -> dict[str, Value]:
 
 def failed(unit: Unit, error: str, seconds: float = 0.0) -> Row:
     """A run without a result."""
-    return Row(str(unit.campaign), unit.run, unit.place, "", "", "", error, {}, seconds, "")
+    return Row(plain(str(unit.campaign)), unit.run, unit.place, "", "", "", error, {}, seconds, "")
 
 
 def keep(folder: Path, row: Row, files: Mapping[str, bytes]) -> None:
-    """Write what was made of a run in place of what was there, and its row last: where that stands, all is whole and of its key."""
-    forget(folder, row.place)
-    for name, data in files.items():
-        write_whole(folder / row.place / name, data, within=folder)
-    write_whole(folder / row.place / ROW, as_json(row), within=folder)
+    """Write what was made of a run, with its row, in place of what an earlier batch made of it.
+
+    Raises EstimError where a file of somebody else is in the way.
+    """
+
+    def record(outputs: Mapping[str, str]) -> bytes:
+        return as_json(msgspec.structs.replace(row, outputs=dict(outputs)))
+
+    replace_own(folder / row.place, files, _written(folder, row.place), ROW, record, within=folder)
 
 
 def forget(folder: Path, place: str) -> None:
-    """Remove what an earlier batch made of a run, which would pass for what is made now; its row first, so that no row stands without the rest."""
-    pictures = pictures_of(folder / place / REPORT, within=folder)
-    for name in (ROW, RESULT, REPORT, *_FORMATS):
-        with suppress(EstimError):  # what is no plain file is none of ours
-            remove_files(folder / place, [name], within=folder)
-    remove_pictures(folder / place, pictures, within=folder)
+    """Remove what an earlier batch made of a run, which would pass for what is made now."""
+    with suppress(EstimError):  # what is none of ours stays
+        remove_own(folder / place, _written(folder, place), within=folder)
+        remove_files(folder / place, [ROW], within=folder)
 
 
-def kept(folder: Path, unit: Unit, key: str) -> Row | None:
-    """The row of a result that is there and was made from the same things; None where it has to be made."""
+def require_places(folder: Path, units: Iterable[Unit]) -> None:
+    """Raises EstimError, before anything is computed, where files of others stand where results of `units` are to go."""
+    for unit in units:
+        require_room(folder / unit.place, (RESULT,), _written(folder, unit.place), within=folder)
+
+
+def kept(folder: Path, unit: Unit, key: str, interval: float | None) -> Row | None:
+    """The row of a result that is there and was made from the same things, read from that result; None where it has to be made."""
+    row = _row_at(folder, unit.place)
+    if row is None or row.key != key or RESULT not in row.outputs:
+        return None
+    for name, digest in row.outputs.items():
+        data = read_file(folder / unit.place / name, at_most=_LARGEST_RESULT, within=folder)
+        if data is None or hashlib.sha256(data).hexdigest() != digest:
+            return None
+        if name == RESULT:
+            made = row_of(unit, data, key=key, seconds=row.seconds, interval=interval)
+    return made
+
+
+def _written(folder: Path, place: str) -> dict[str, str]:
+    """Files of a run that an earlier batch wrote, with their digests."""
+    row = _row_at(folder, place)
+    return {} if row is None else row.outputs
+
+
+def _row_at(folder: Path, place: str) -> Row | None:
+    """The row that stands there, None where none does.  Raises EstimError for a file of that name that is none of ours."""
+    path = folder / place / ROW
+    data = read_file(path, at_most=_LARGEST, within=folder)
     try:
-        data = read_file(folder / unit.place / ROW, at_most=_LARGEST, within=folder)
-        row = None if data is None else msgspec.json.decode(data, type=Row)
-        result = read_file(folder / unit.place / RESULT, at_most=_LARGEST_RESULT, within=folder)
-    except (EstimError, msgspec.DecodeError, UnicodeDecodeError):
+        row = None if data is None else msgspec.convert(json_of(data), Row)
+    except (ValueError, msgspec.ValidationError):
+        row = None
+    if row is not None and all(PurePosixPath(name).parts and ".." not in PurePosixPath(name).parts for name in row.outputs):
+        return row
+    if data is None:
         return None
-    if row is None or row.key != key or result is None or hashlib.sha256(result).hexdigest() != row.digest:
-        return None
-    return row
+    raise InputError("was not written by estim, or was changed since: move it away, or choose another folder", file=path)

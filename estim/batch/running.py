@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING
 
 import msgspec
 
-from estim.batch.rows import RESULT, Row, failed, forget, keep, kept, key_of, row_of
+from estim.batch.rows import RESULT, Row, failed, forget, keep, kept, key_of, require_places, row_of
 from estim.batch.units import Unit
 from estim.campaign import Campaign, load_campaign
-from estim.common import EstimError, InputError, inputs_read, language, phrase, spread
+from estim.common import EstimError, InputError, inputs_read, language, phrase, plain, spread
 from estim.pipeline import Analysis, analyse
 from estim.sampling import Target
 
@@ -49,7 +49,7 @@ class _Work:
         """The row of one run.  Whatever goes wrong with it is told in its row, and stops no other."""
         with inputs_read() as inputs:
             row = self._row(unit)
-        return msgspec.structs.replace(row, inputs=inputs)
+        return msgspec.structs.replace(row, inputs={plain(path): digest for path, digest in inputs.items()})
 
     def _row(self, unit: Unit) -> Row:
         began = time.process_time()
@@ -67,12 +67,12 @@ class _Work:
         if not unit.run:
             raise InputError("has no [[runs]]", field="campaign", file=str(unit.campaign))
         key = key_of(campaign, unit.run, asdict(self.settings))
-        if self.resume and (row := kept(self.folder, unit, key)) is not None:
+        interval = campaign.tables[unit.run].interval
+        if self.resume and (row := kept(self.folder, unit, key, interval)) is not None:
             return row
         target = Target(max_step=self.settings.max_step, ess=self.settings.ess)
         files = self.report(campaign, analyse(campaign, [unit.run], seed=self.settings.seed, target=target))
-        seconds, interval = time.process_time() - began, campaign.tables[unit.run].interval
-        row = row_of(unit, files[RESULT], key=key, seconds=seconds, interval=interval)
+        row = row_of(unit, files[RESULT], key=key, seconds=time.process_time() - began, interval=interval)
         keep(self.folder, row, files)
         return row
 
@@ -88,6 +88,8 @@ def run_batch(
     dask.distributed, `mpi4py.futures.MPIPoolExecutor`.  The results are the same to the last bit.
     progress : called with the number that is done.
 
-    Raises NumericalError where processes of this machine are killed twice.
+    Raises EstimError, before anything is computed, where files that estim did not write stand where its own would go; NumericalError where
+    processes of this machine are killed twice.
     """
+    require_places(folder, units)
     return spread(_Work(folder, settings or Settings(), report, resume), units, jobs=jobs, executor=executor, progress=progress)

@@ -37,7 +37,7 @@ def campaigns_in(paths: Iterable[Path]) -> list[Path]:
     found: dict[Path, None] = {}
     for path in paths:
         if path.is_dir():
-            inside = sorted(place / _CAMPAIGN for place in _folders(path) if (place / _CAMPAIGN).is_file())
+            inside = _campaigns_below(path)
             if not inside:
                 raise InputError(f"holds no {_CAMPAIGN}, nor does a folder below; name the files", field="folder", value=str(path))
             found |= dict.fromkeys(inside)
@@ -48,8 +48,12 @@ def campaigns_in(paths: Iterable[Path]) -> list[Path]:
     return list(found)
 
 
-def _folders(root: Path) -> list[Path]:
-    return [Path(place) for place, _, _ in os.walk(root)]
+def _campaigns_below(root: Path) -> list[Path]:
+    """Every `campaign.toml`, of whatever kind it is, and what it would be in a folder that cannot be read: whoever reads it says what is wrong."""
+    unreadable: list[Path] = []
+    walk = os.walk(root, onerror=lambda error: unreadable.append(Path(error.filename)))
+    found = [Path(place) / _CAMPAIGN for place, _, files in walk if _CAMPAIGN in files]
+    return sorted([*found, *(place / _CAMPAIGN for place in unreadable)])
 
 
 def units_of(paths: Iterable[Path]) -> tuple[Unit, ...]:

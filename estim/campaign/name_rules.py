@@ -5,11 +5,13 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Sequence
 
-from estim.common import first_alike, forms
+from estim.common import REPORT_FILES, first_alike, forms
 from estim.reading import Places
 
 _MAX_NAME = 100  # bytes
-_REPORT = ("report.md", "result.json", "draws.nc", "figures")  # what stands in the folder where a run gets its own
+_REPORT = (  # what stands in the folder where a run gets its own
+    *REPORT_FILES, "result.json", "comparison.json", "models.json", "calibration.json", "origin.json", "ro-crate-metadata.json", "figures", "tables",
+)
 
 
 def check_run_names(names: Sequence[str], places: Places) -> None:

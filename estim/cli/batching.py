@@ -16,8 +16,8 @@ from estim.cli.formats import FORMAT, chosen
 from estim.cli.language import LANG
 from estim.cli.options import JOBS, NO_FIGURES, SEED, STEPS
 from estim.cli.origin import note_of_others
-from estim.cli.terminal import NOT_OK, counted, report_at, say, write_files, write_report
-from estim.common import InputError, phrase
+from estim.cli.terminal import NOT_OK, claim, counted, report_at, say, write_report
+from estim.common import EstimError, InputError, phrase
 
 if TYPE_CHECKING:
     from concurrent.futures import Executor
@@ -41,7 +41,13 @@ def cluster(address: str | None) -> Iterator[Executor | None]:
     except (OSError, ValueError) as error:
         raise InputError(f"cannot be reached ({str(error).splitlines()[0]})", field="--scheduler", value=address) from None
     with client:
-        yield client.get_executor()
+        try:
+            yield client.get_executor()
+        except EstimError:
+            raise
+        except Exception as error:  # of the cluster: whatever happens to a run is told in its row
+            rule = f"was lost ({type(error).__name__}); what is done is kept: continue with --resume"
+            raise InputError(rule, field="--scheduler", value=address) from None
 
 
 @click.command()
@@ -77,15 +83,15 @@ def batch(
     written = partial(full_files, figures=figures, formats=formats) if reports else lean_files
     settings, processes = Settings(kind, seed, max_steps), jobs or os.cpu_count() or 1
     lock = ".batch" if shard is None else f".batch-{shard.replace('/', '-of-')}"
+    place = out if shard is None else out / f"shard-{shard.replace('/', '-of-')}"
+    claim(place, "summary.csv", "summary.json", "times.csv", within=out)
     with only_writer(out / lock), cluster(scheduler) as executor, counted(phrase("batch"), len(units), unit=phrase("run")) as progress:
         rows = run_batch(
             units, out.resolve(), report=written, settings=settings, resume=resume, jobs=processes, executor=executor, progress=progress,
         )
     for row in rows:
         note_of_others(row.inputs)
-    place = out if shard is None else out / f"shard-{shard.replace('/', '-of-')}"
-    write_report(place, batch_report(rows, figures=not no_figures), within=out)
-    write_files(place, batch_times(rows), within=out)
+    write_report(place, batch_report(rows, figures=not no_figures) | batch_times(rows), within=out)
     for row in rows:
         if row.error:
             say(f"error: {row.run}: {row.error}" if row.run else f"error: {row.error}", err=True)

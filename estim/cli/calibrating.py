@@ -13,7 +13,7 @@ import click
 from estim.cli.formats import FORMAT
 from estim.cli.language import LANG
 from estim.cli.options import JOBS, JOINT, NO_FIGURES, OUT, RUNS, SEED, out_folder
-from estim.cli.terminal import NOT_OK, conclude, counted, groups_of, report_at, say, write_report
+from estim.cli.terminal import NOT_OK, claim, conclude, counted, groups_of, report_at, say, write_report
 from estim.common import Stream, decide, stream
 
 
@@ -63,6 +63,7 @@ def run_calibrations(
     for group in groups:
         loaded.require_unknowns(loaded.problem(group), drawn=True)
     chosen = {"sbc": simulation_based_calibration, "coverage": coverage}
+    claim(folder, "calibration.json", groups=groups)
     with only_writer(folder / ".checkpoint"):
         for group in groups:
             fit = loaded.fit(as_complete(loaded.problem(group), "estim calibrate"), rng=stream(seed, Stream.CALIBRATION_FIT))

@@ -11,6 +11,7 @@ import os
 import sys
 import warnings
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -28,13 +29,15 @@ from estim.cli.mapping import map_motions
 from estim.cli.models import compare_models
 from estim.cli.new import new_campaign
 from estim.cli.options import JOBS, JOINT, NO_FIGURES, OUT, RUNS, SEED, STEPS, out_folder
-from estim.cli.origin import Ledger
+from estim.cli.origin import Ledger, origin_of
+from estim.cli.origin_record import ORIGIN, written_before
 from estim.cli.planning import plan_next
 from estim.cli.propagating import say_propagated
 from estim.cli.tables import curve_options, load_or_make
 from estim.cli.terminal import (
     NOT_OK,
     announced,
+    claim,
     conclude,
     exit_code,
     groups_of,
@@ -43,12 +46,11 @@ from estim.cli.terminal import (
     say,
     stores_of,
     together,
-    write_files,
     write_report,
 )
 from estim.cli.verifying import diff, verify
 from estim.cli.weighing import say_bodies
-from estim.common import InputError, Stream, asked_to_stop, ended_by_signals, phrase, stream
+from estim.common import InputError, Stream, as_json, asked_to_stop, ended_by_signals, phrase, replace_own, stream
 from estim.lean_imports import import_lean
 
 if TYPE_CHECKING:
@@ -118,6 +120,7 @@ def fit(
     groups = groups_of(loaded, runs, joint=joint)
     if marginal and not joint:
         raise InputError("needs --joint: one run has nothing to share", field="--marginal")
+    claim(folder, "comparison.json" if compare else "result.json", groups=groups)
     click.get_current_context().with_resource(only_writer(folder / ".checkpoint"))
     stop = click.get_current_context().with_resource(asked_to_stop())
     if compare:
@@ -137,9 +140,8 @@ def fit(
         with progress_bar(together(group)) as progress:
             progress(100, phrase("report and figures"))
             files, results[group[0]] = report_and_result(loaded, analysis, voice=Voice.COMMANDS, figures=not no_figures)
-            write_report(place, with_campaign(files, loaded.source.written, file=campaign.name), within=folder)
-        if can_write_netcdf():
-            write_files(place, {"draws.nc": to_netcdf(analysis)}, within=folder)
+            draws = {"draws.nc": to_netcdf(analysis)} if can_write_netcdf() else {}
+            write_report(place, with_campaign(files, loaded.source.written, file=campaign.name) | draws, within=folder)
         reasons = [] if analysis.diagnosis.ok else [*filter(None, [slip_words(analysis.explanation)]), *analysis.diagnosis.reasons]
         shown = [*reasons, *result_lines(results[group[0]])]
         conclude(together(group), analysis.diagnosis.status, shown, analysis.diagnosis.notes)
@@ -182,13 +184,14 @@ def energy(campaign: Path, runs: tuple[str, ...], joint: bool, max_steps: int, o
     names = [name for group in groups for name in group]
     loaded.study.require_speeds(names, "estim energy")
     loaded.study.require_complete(names, "estim energy")
+    folder = out or out_folder(campaign, "energy")
+    claim(folder, "result.json")
     for group in groups:
         with progress_bar(together(group)) as progress:
             analyses.append(analyse(loaded, group, seed=seed, target=Target(max_step=max_steps), progress=progress, complete="estim energy"))
         records.extend(energy_along(analyses[-1], rng=stream(seed, Stream.ENERGY)))
         drifts.append(drift_of(analyses[-1], rng=stream(seed, Stream.DRIFT)))
         conclude(together(group), analyses[-1].diagnosis.status, analyses[-1].diagnosis.reasons)
-    folder = out or out_folder(campaign, "energy")
     write_report(folder, energy_report(loaded, analyses, records, drifts, seed=seed, figures=not no_figures))
     report_at(folder / "report.md", loaded.source.outside())
     _exit_unless(all(analysis.diagnosis.ok for analysis in analyses))
@@ -217,9 +220,9 @@ def reanalyse(campaign: Path, max_steps: int, jobs: int | None, out: Path | None
 
     loaded = load_campaign(campaign)
     loaded.study.require_body()
-    processes = jobs or os.cpu_count() or 1
+    folder, processes = out or out_folder(campaign, "reanalysis"), jobs or os.cpu_count() or 1
+    claim(folder, "result.json")
     result = run_reanalysis(loaded, seed=seed, target=Target(max_step=max_steps), progress_of=announced, jobs=processes)
-    folder = out or out_folder(campaign, "reanalysis")
     write_report(folder, reanalysis_report(result, voice=Voice.COMMANDS, figures=not no_figures))
     said = reanalysis_lines(result)
     for what, status in result.statuses.items():
@@ -235,8 +238,12 @@ def simulate(design: Path, out: Path) -> None:
     """Make a SYNTHETIC campaign from DESIGN (a TOML file): runs, theta_min series, campaign.toml and the truth."""
     from estim.campaign import load_design, simulate_campaign
 
+    written = written_before(out, within=out)
     files = simulate_campaign(load_design(design))
-    write_files(out, {name: text.encode() for name, text in files.items()})
+    replace_own(
+        out, {name: text.encode() for name, text in files.items()}, written, ORIGIN,
+        lambda outputs: as_json(replace(origin_of(), outputs=dict(outputs))), within=out,
+    )
     say(f"synthetic campaign: {out / 'campaign.toml'} ({len(files)} files)")
 
 

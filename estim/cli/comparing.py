@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from estim.cli.terminal import conclude, note, progress_bar, report_at, write_report
+from estim.cli.terminal import claim, conclude, note, progress_bar, report_at, write_report
 
 if TYPE_CHECKING:
     from estim.campaign import Campaign
@@ -25,7 +25,10 @@ def compare(
     all_ok, stores = True, []
     for group in groups:
 
-        def store_of(name: str, group: tuple[str, ...] = group) -> Store:
+        place = folder if len(groups) == 1 else folder / group[0]
+
+        def store_of(name: str, group: tuple[str, ...] = group, place: Path = place) -> Store:
+            claim(place / folder_of(name), "result.json", within=folder)
             stores.append(Store(folder / ".checkpoint" / f"compare-{group[0]}-{folder_of(name)}", resume=resume, say=note, within=folder))
             return stores[-1]
 
@@ -33,7 +36,6 @@ def compare(
             campaign, group, seed=seed, target=Target(max_step=max_steps), progress_of=progress_bar,
             store_of=store_of, stop=stop,
         )
-        place = folder if len(groups) == 1 else folder / group[0]
         for model in compared:
             report = analysis_report(campaign, model.analysis, voice=Voice.COMMANDS, figures=figures, profiles=False)
             write_report(place / folder_of(model.candidate.name), report, within=folder)

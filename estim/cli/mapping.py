@@ -11,7 +11,7 @@ import click
 from estim.cli.formats import FORMAT
 from estim.cli.language import LANG
 from estim.cli.options import NO_FIGURES, SEED, out_folder
-from estim.cli.terminal import NOT_OK, conclude, pieces, report_at, say, write_report
+from estim.cli.terminal import NOT_OK, claim, conclude, pieces, report_at, say, write_report
 from estim.common import InputError, Quantity, decide, phrase, read_quantity
 
 if TYPE_CHECKING:
@@ -54,6 +54,7 @@ def map_motions(
     line = None if loaded.source.line is None else read_theta_min(loaded.source)
     values = None if fitted is None else _fitted(loaded, fitted)
     folder = out or out_folder(campaign, "map")
+    claim(folder, "result.json")
     with pieces(phrase("map"), phrase("piece")) as progress:
         maps = map_bodies(loaded, bodies, ramp_length=ramp_length, friction=_grip(friction), fitted=values, seed=seed, progress=progress)
     write_report(folder, map_report(loaded, maps, line, seed=seed, voice=Voice.COMMANDS, figures=not no_figures))

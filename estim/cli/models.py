@@ -12,7 +12,7 @@ import click
 from estim.cli.formats import FORMAT
 from estim.cli.language import LANG
 from estim.cli.options import JOINT, NO_FIGURES, RUNS, SEED, STEPS, out_folder
-from estim.cli.terminal import NOT_OK, conclude, groups_of, note, progress_bar, report_at, say, write_report
+from estim.cli.terminal import NOT_OK, claim, conclude, groups_of, note, progress_bar, report_at, say, write_report
 from estim.common import asked_to_stop, phrase
 
 if TYPE_CHECKING:
@@ -51,6 +51,7 @@ def compare_models(
     loaded = load_campaign(campaign, asked=runs)
     folder = out or out_folder(campaign, "models")
     groups = groups_of(loaded, runs, joint=joint)
+    claim(folder, "models.json", groups=groups)
     click.get_current_context().with_resource(only_writer(folder / ".checkpoint"))
     stop = click.get_current_context().with_resource(asked_to_stop())
     recommended, stores = True, []

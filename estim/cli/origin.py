@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-import hashlib
 import shlex
 import sys
 from collections.abc import Mapping
-from dataclasses import replace
 
 import click
 
 from estim.cli.crate import CRATE, crate_of
 from estim.cli.formats import chosen, in_formats
-from estim.cli.origin_record import ORIGIN, SCHEMA, Origin
-from estim.common import as_json, code, inputs_read, language, phrase
+from estim.cli.origin_record import SCHEMA, Origin
+from estim.common import code, inputs_read, language, phrase, plain
 from estim.versions import engine_versions
 
 _KEPT = {"formats": chosen, "lang": language}  # options that the command does not take itself
@@ -42,27 +40,24 @@ def note_of_others(inputs: Mapping[str, str]) -> None:
         ledger.inputs.update(inputs)
 
 
-def with_origin(files: Mapping[str, bytes], part: str) -> dict[str, bytes]:
-    """`files` of a report, the formats asked for, `origin.json` and the description for archives, where a command is under way."""
-    context = click.get_current_context(silent=True)
-    ledger = None if context is None else context.find_object(Ledger)
-    if context is None or ledger is None:
-        return dict(files)
-    versions = {"python": sys.version.split()[0]} | engine_versions()
-    command, inputs = [_plain(text) for text in _arguments(context)], {_plain(path): digest for path, digest in sorted(ledger.inputs.items())}
-    said = phrase("Made by {command}; `estim verify` recomputes this report from the same files.", command=code(shlex.join(["estim", *command])))
+def with_origin(files: Mapping[str, bytes], part: str) -> tuple[dict[str, bytes], Origin]:
+    """`files` of a report, the formats asked for and the description for archives; and how they were made."""
+    origin = origin_of(part)
+    command = code(shlex.join(["estim", *origin.command]))
+    said = phrase("Made by {command}; `estim verify` recomputes this report from the same files.", command=command)
     line = f"\n---\n\n{said}\n"
     signed = in_formats({name: data + line.encode() if name == "report.md" else data for name, data in files.items()})
-    digests = {name: hashlib.sha256(data).hexdigest() for name, data in sorted(signed.items())}
-    origin = Origin(SCHEMA, command, part, inputs, digests, versions)
-    crate = crate_of(signed, origin)
-    outputs = digests | {CRATE: hashlib.sha256(crate).hexdigest()}
-    return {**signed, CRATE: crate, ORIGIN: as_json(replace(origin, outputs=dict(sorted(outputs.items()))))}
+    return {**signed, CRATE: crate_of(signed, origin)}, origin
 
 
-def _plain(text: str) -> str:
-    """The text without bytes that are none of UTF-8's, which a path may hold."""
-    return text.encode("utf-8", "backslashreplace").decode()
+def origin_of(part: str = "") -> Origin:
+    """The command under way, what it has read so far, and the versions; without outputs."""
+    context = click.get_current_context()
+    ledger = context.find_object(Ledger)
+    assert ledger is not None, "the group of all commands keeps one"
+    versions = {"python": sys.version.split()[0]} | engine_versions()
+    inputs = {plain(path): digest for path, digest in sorted(ledger.inputs.items())}
+    return Origin(SCHEMA, [plain(text) for text in _arguments(context)], part, inputs, {}, versions)
 
 
 def _arguments(context: click.Context) -> list[str]:

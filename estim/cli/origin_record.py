@@ -6,11 +6,12 @@ import shlex
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 
-from estim.common import EstimError, InputError, read_file
+from estim.common import InputError, json_of, read_file
 
 ORIGIN = "origin.json"
 SCHEMA = "estim-origin/1"
 _LARGEST = 2**24
+_LONGEST = 255  # bytes of a name
 
 
 @dataclass(frozen=True)
@@ -32,32 +33,36 @@ class Origin:
         return shlex.join(["estim", *self.command])
 
 
-def read_origin(folder: Path) -> Origin:
-    """The origin of the report in `folder`.  Raises InputError where there is none, or it is none of estim's."""
+def read_origin(folder: Path, *, within: Path | None = None) -> Origin:
+    """The origin of the report in `folder`.  Raises InputError where there is none, or it is none of estim's: it may be somebody else's."""
     path = folder / ORIGIN
-    data = read_file(path, at_most=_LARGEST, within=folder)
+    data = read_file(path, at_most=_LARGEST, within=within or folder)
     if data is None:
         raise InputError(f"holds no {ORIGIN}: it is no report of this version of estim", field="report", value=str(folder))
     import msgspec
 
     try:
-        origin = msgspec.json.decode(data, type=Origin)
-    except (msgspec.DecodeError, UnicodeDecodeError) as error:
+        origin = msgspec.convert(json_of(data), Origin)
+    except (ValueError, msgspec.ValidationError) as error:
         raise InputError(f"is no origin of a report ({str(error).splitlines()[0]})", file=str(path)) from None
     if origin.schema != SCHEMA:
         raise InputError(f"must be {SCHEMA}", field="schema", value=origin.schema, file=str(path))
+    for field, places in (("part", [origin.part]), ("outputs", origin.outputs)):
+        for place in places:
+            if not inside(place) or (field == "outputs" and not PurePosixPath(place).parts):
+                raise InputError("must lie within what the command writes", field=field, value=place, file=str(path))
     return origin
 
 
-def written_before(folder: Path) -> dict[str, str]:
-    """Files of the report that stands in `folder`, with their digests; none where none of ours does."""
-    try:
-        outputs = read_origin(folder).outputs
-    except EstimError:
-        return {}
-    return {name: digest for name, digest in outputs.items() if inside(name)}
+def written_before(folder: Path, *, within: Path) -> dict[str, str]:
+    """Files of the report that stands in `folder`, with their digests; none where there is none.
+
+    Raises InputError for an origin that is none of ours.
+    """
+    return {} if read_file(folder / ORIGIN, at_most=_LARGEST, within=within) is None else read_origin(folder, within=within).outputs
 
 
 def inside(name: str) -> bool:
-    """Whether a path that somebody may have written leads no way out of its folder."""
-    return not (PurePosixPath(name).is_absolute() or Path(name).is_absolute() or ".." in PurePosixPath(name).parts)
+    """Whether a path that somebody may have written can be one of a file and leads no way out of its folder."""
+    plain = name.isprintable() and all(len(part.encode("utf-8", "replace")) <= _LONGEST for part in PurePosixPath(name).parts)
+    return plain and not (PurePosixPath(name).is_absolute() or Path(name).is_absolute() or ".." in PurePosixPath(name).parts)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from estim.cli.options import out_folder
-from estim.cli.terminal import conclude, progress_bar, report_at, write_report
+from estim.cli.terminal import claim, conclude, progress_bar, report_at, write_report
 from estim.common import phrase
 
 
@@ -22,6 +22,8 @@ def fit_line_and_trials(campaign: Path, out: Path | None, *, seed: int, figures:
     source, target = loaded.source, Target()
     trials = None if source.trials is None else read_trials(source)
     series = read_theta_min(source) if trials is None or source.line is not None else None
+    folder = out or out_folder(campaign, "line")
+    claim(folder, "result.json", "trials.json")
     line = released = None
     if series is not None:
         with progress_bar(phrase("line")) as progress:
@@ -35,7 +37,6 @@ def fit_line_and_trials(campaign: Path, out: Path | None, *, seed: int, figures:
         files = line_report(loaded, line, trials=released, voice=Voice.COMMANDS, figures=figures)
     elif released is not None:
         files = trials_report(loaded, released, voice=Voice.COMMANDS, figures=figures)
-    folder = out or out_folder(campaign, "line")
     write_report(folder, files)
     if line is not None:
         said = line_lines(loaded, line) if line.status.ok else line.reasons

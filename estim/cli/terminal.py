@@ -4,29 +4,30 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
+from dataclasses import replace
 from hashlib import sha256
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
 
+from estim.cli.crate import CRATE
 from estim.cli.formats import chosen
 from estim.cli.origin import with_origin
-from estim.cli.origin_record import written_before
+from estim.cli.origin_record import ORIGIN, written_before
 from estim.cli.output_streams import outlets
 from estim.common import (
     EstimError,
     InputError,
     Interrupted,
     NumericalError,
-    names_in,
+    as_json,
     one_line,
     phrase,
-    pictures_of,
-    read_file,
-    remove_files,
-    remove_pictures,
+    replace_own,
+    require_own,
+    require_room,
     write_whole,
 )
 
@@ -35,7 +36,6 @@ if TYPE_CHECKING:
     from estim.sampling import Progress, Store
 
 _MOST_NAMED = 24
-_LARGEST = 2**28  # bytes of a file of a report
 BAD_INPUT, NOT_OK, INTERRUPTED = 2, 3, 130  # exit codes; those of streams are in `output_streams`
 
 
@@ -129,30 +129,33 @@ def progress_bar(what: str) -> Iterator[Progress]:
         yield show
 
 
-def write_files(folder: Path, files: Mapping[str, bytes], *, within: Path | None = None) -> None:
-    """Write every file whole, or say which one cannot be written.
-
-    within : the folder that a person named, below which no link is followed (None: `folder`).
-    """
+def write_files(folder: Path, files: Mapping[str, bytes]) -> None:
+    """Write every file whole.  Raises EstimError, with nothing written, where another file of that name is there already."""
+    require_own(folder, files, {name: sha256(data).hexdigest() for name, data in files.items()}, within=folder)
     for name, data in files.items():
-        write_whole(folder / name, data, within=within or folder)
+        write_whole(folder / name, data, within=folder)
+
+
+def claim(folder: Path, *names: str, groups: Sequence[Sequence[str]] = (), within: Path | None = None) -> None:
+    """Raises EstimError, before anything is computed, where a report in `folder` would replace what estim did not write, or what somebody changed.
+
+    names : of what a report has beside `report.md`.  groups : of runs, each of which has a report in the folder of its first run if they are several.
+    """
+    for part in ("", *(group[0] for group in groups if len(groups) > 1)):
+        place = folder / part
+        require_room(place, (CRATE, *names), written_before(place, within=within or folder), within=within or folder)
 
 
 def write_report(folder: Path, files: Mapping[str, bytes], *, within: Path | None = None) -> None:
-    """Write a report whole, and how it was made; then remove what only the report before it has, which would pass for its own.
+    """Write a report whole, and how it was made, in place of the report that was there, of which nothing stays.
 
-    Those are its figures, and files that its origin names and nobody has changed since.
+    Raises EstimError, with nothing written, where a file would be replaced that is not as estim wrote it.
     """
-    before, others = pictures_of(folder / "report.md", within=within or folder), written_before(folder)
-    part = "" if within is None else folder.relative_to(within).as_posix()
-    made = with_origin(files, "" if part == "." else part)
-    write_files(folder, made, within=within)
-    remove_pictures(folder, before - {Path(path).name for path in files}, within=within or folder)
-    for name, digest in others.items():
-        with suppress(EstimError):  # what is no plain file is none of ours
-            place = folder / name
-            if name not in made and sha256(read_file(place, at_most=_LARGEST, within=within or folder) or b"").hexdigest() == digest:
-                remove_files(place.parent, [place.name], within=within or folder)
+    root = within or folder
+    part = folder.relative_to(root).as_posix()
+    made, origin = with_origin(files, "" if part == "." else part)
+    before = written_before(folder, within=root)
+    replace_own(folder, made, before, ORIGIN, lambda outputs: as_json(replace(origin, outputs=dict(outputs))), within=root)
 
 
 def report_at(path: Path, outside: Iterable[str]) -> None:
@@ -173,12 +176,10 @@ def note(line: str) -> None:
 def stores_of(folder: Path, groups: Sequence[tuple[str, ...]], *, joint: bool, resume: bool) -> list[Store]:
     """Where the chain of each group is kept while it is sampled, under `folder`.
 
-    Raises EstimError, before anything is sampled, where links or files of others are in the way, there or in the folders of the reports.
+    Raises EstimError, before anything is sampled, where links or files of others are in the way.
     """
     from estim.sampling import Store
 
-    for group in groups:
-        names_in((folder if len(groups) == 1 else folder / group[0]) / "figures", within=folder)
     names = [f"joint-{group[0]}" if joint else group[0] for group in groups]
     stores = [Store(folder / ".checkpoint" / name, resume=resume, say=note, within=folder) for name in names]
     for store in stores:

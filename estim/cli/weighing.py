@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from estim.cli.terminal import report_at, say, write_report
+from estim.cli.terminal import claim, report_at, say, write_report
 from estim.common import Stream, stream
 
 
@@ -15,6 +15,7 @@ def say_bodies(campaign: Path, folder: Path, *, seed: int) -> None:
     from estim.studies import weigh
 
     source = read_campaign_file(campaign, measured=False)
+    claim(folder, "result.json")
     weighing = weigh(source, rng=stream(seed, Stream.PARTS))
     write_report(folder, body_report(source, weighing, seed=seed))
     for line in body_lines(weighing):

@@ -1,13 +1,13 @@
 """What every room may use: errors, quantities, labels and units, statuses, the one file that writes.  Read `statuses` and `kinds` first."""
 from estim.common.errors import EstimError, InputError, Interrupted, NumericalError, listed, shorten
-from estim.common.escaping import Markdown, as_json, code, destination, markdown, mathtext, one_line, unescaped
+from estim.common.escaping import Markdown, as_json, code, destination, json_of, markdown, mathtext, one_line, plain, unescaped
 from estim.common.interruption import asked_to_stop, ended_by_signals
 from estim.common.jobs import spread
 from estim.common.labels import KINDS, OF_BODY, Label, Notation, kind_words, split_level, table
 from estim.common.labels import in_unit, is_angle, is_in_degrees, is_unit, powers_in, same_unit
 from estim.common.lookalikes import first_alike, forms
 from estim.common.phrases import LANGUAGES, Said, language, later, phrase, spoken
-from estim.common.pictures import pictures_of, remove_pictures
+from estim.common.ownership import REPORT_FILES, remove_own, replace_own, require_own, require_room
 from estim.common.quantity import EXTREME, Quantity, e_n, extreme, format_p, format_quantity, format_rounded, p_digits, percentage
 from estim.common.quantity import read_number, read_quantity, signed, significant, with_unit
 from estim.common.statuses import PROBABILITIES, Amount, Finding, Kind, Status, decide, gravest, wrong

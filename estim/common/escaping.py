@@ -11,6 +11,7 @@ from __future__ import annotations
 import html
 import json
 import re
+from typing import Any
 from urllib.parse import quote
 
 _SPECIAL = re.compile(
@@ -43,6 +44,11 @@ def one_line(text: str) -> str:
     A byte of a file name that is not UTF-8 is shown as '\\xff'.  Emoji joined by invisible marks are taken apart.
     """
     return text if text.isprintable() else "".join(mark if mark.isprintable() else _visible(mark) for mark in text)
+
+
+def plain(text: str) -> str:
+    """`text` with what UTF-8 cannot hold, such as other bytes in the name of a file, written with a backslash."""
+    return text.encode("utf-8", "backslashreplace").decode()
 
 
 def _visible(mark: str) -> str:
@@ -94,6 +100,27 @@ def as_json(record: object) -> bytes:
 
     text = msgspec.json.format(msgspec.json.encode(record), indent=1).decode()
     return re.sub(r"[^\n -~]", lambda found: found[0] if found[0].isprintable() else json.dumps(found[0])[1:-1], text).encode() + b"\n"
+
+
+def json_of(data: bytes) -> Any:
+    """The value of a JSON file that somebody may have written by hand.
+
+    Raises ValueError where it is none by RFC 8259, where it is too deep, and where a key stands twice in one object: programs read that differently.
+    """
+
+    def once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+        found = dict(pairs)
+        if len(found) < len(pairs):
+            raise ValueError(f"a key stands twice: {next(key for i, (key, _) in enumerate(pairs) if key in dict(pairs[:i]))}")
+        return found
+
+    def no_number(text: str) -> float:
+        raise ValueError(f"{text} is no number")
+
+    try:
+        return json.loads(data.decode(), object_pairs_hook=once, parse_constant=no_number)
+    except RecursionError:
+        raise ValueError("is nested too deeply") from None
 
 
 def mathtext(text: str) -> str:
