@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import hashlib
 import json
+import os
+import re
 import shutil
 from collections.abc import Callable
 from pathlib import Path
@@ -14,8 +16,8 @@ from command_runner import runner
 
 from estim.cli.commands import cli
 from estim.cli.crate import CRATE
-from estim.common import InputError
-from estim.verification import compare_results, differences
+from estim.common import EstimError, InputError
+from estim.verification import Verdict, compare_results, differences, draws_are_same
 
 MODEL = """\
 title = "A sum"
@@ -127,7 +129,7 @@ def test_figures_may_go_unnamed_together_and_that_is_said(model: Path) -> None:
         (model / "out" / "origin.json").write_text(json.dumps({**origin, "outputs": kept}))
         done = run("verify", "out")
         assert done.exit_code == code, done.output
-        assert ("text and numbers are compared, figures are not" in done.output) == (not left)
+        assert ("not compared: figures/budget.png, figures/distribution.png" in done.output) == (not left)
         assert (f"{pictures[0]}: is made now" in done.output) is bool(left)
 
 
@@ -204,16 +206,19 @@ def test_what_only_an_earlier_report_has_goes_with_it_unless_somebody_changed_it
     for name, kept in (("old.csv", "old"), ("edited.csv", "other")):
         (out / name).write_text(kept)
         origin["outputs"][name] = hashlib.sha256(b"old").hexdigest()
-    (model / "elsewhere.csv").write_text("old")
-    origin["outputs"] |= {"../elsewhere.csv": hashlib.sha256(b"old").hexdigest(), str(model / "elsewhere.csv"): hashlib.sha256(b"old").hexdigest()}
     (out / "origin.json").write_text(json.dumps(origin))
     assert run("propagate", "model.toml", "--out", "out", "--no-figures").exit_code == 0
     assert sorted(path.name for path in out.iterdir()) == ["edited.csv", "mine.txt", "origin.json", "report.md", "result.json", CRATE]
+    (model / "elsewhere.csv").write_text("old")
+    made = (out / "origin.json").read_text()
+    for name in ("../elsewhere.csv", str(model / "elsewhere.csv"), "", "a\0b", "x" * 300):
+        (out / "origin.json").write_text(json.dumps({**json.loads(made), "outputs": {name: hashlib.sha256(b"old").hexdigest()}}))
+        done = run("propagate", "model.toml", "--out", "out", "--no-figures")
+        assert isinstance(done.exception, InputError)
+        assert "'outputs' must lie within what the command writes" in str(done.exception)
     assert (model / "elsewhere.csv").exists()
-    shutil.copy(model / "elsewhere.csv", out / "report.md")
     (out / "origin.json").write_text("{")  # no origin of ours says what is ours
-    assert run("propagate", "model.toml", "--out", "out", "--no-figures").exit_code == 0
-    assert (out / "edited.csv").exists()
+    assert "origin.json: is no origin of a report" in str(run("propagate", "model.toml", "--out", "out", "--no-figures").exception)
 
 
 def test_what_cannot_be_verified_is_one_line(model: Path) -> None:
@@ -230,37 +235,197 @@ def test_what_cannot_be_verified_is_one_line(model: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    "command", [["import", "x.trk", "-o", "stolen.csv"], ["simulate", "d.toml"], ["propagate", "model.toml", "--out", "elsewhere"], []]
+    "command",
+    [
+        ["import", "x.trk", "-o", "stolen.csv"], ["simulate", "d.toml"], ["propagate", "model.toml", "--out", "elsewhere"], [], ["rm"], ["-h"],
+        ["batch", "model.toml", "--jobs", "10000"], ["batch", "model.toml", "--jobs=10000"], ["reanalyse", "model.toml", "--jobs", "10000"],
+        ["batch", "model.toml", "--scheduler", "tcp://elsewhere:1"], ["fit", "model.toml", "--resume"], ["propagate", "--help"],
+        ["propagate", "mod\0el.toml"], ["propagate", "x" * 5000], ["propagate", "mod\udcffel.toml"],
+    ],
 )
 def test_a_forged_command_is_not_run(command: list[str], model: Path) -> None:
     origin = json.loads((model / "out" / "origin.json").read_text())
     (model / "out" / "origin.json").write_text(json.dumps({**origin, "command": command}))
     done = run("verify", "out")
     assert isinstance(done.exception, InputError)
-    assert "must name a command that makes a report, and no place" in str(done.exception)
+    assert "must name a command that makes a report, and no place, processes or --resume" in str(done.exception)
     assert sorted(path.name for path in model.iterdir()) == ["model.toml", "out"]
 
 
 def test_a_command_that_makes_no_report_verifies_none(model: Path) -> None:
     origin = json.loads((model / "out" / "origin.json").read_text())
-    (model / "out" / "origin.json").write_text(json.dumps({**origin, "command": ["propagate", "--help"]}))
+    (model / "out" / "origin.json").write_text(json.dumps({**origin, "part": "elsewhere"}))
     done = run("verify", "out")
     assert done.exit_code == 3
     assert "cannot be recomputed: the command makes no such report" in done.output
 
 
-def test_numbers_that_chance_moves_are_told_from_others() -> None:
-    def result(mean: float, sd: float) -> bytes:
-        return json.dumps({"parameters": {"a": {"mean": mean, "sd": sd, "mcse": 0.01, "unit": "m"}}, "p": 0.5}).encode()
+def estimate(mean: float, sd: float, mcse: float = 0.01) -> dict[str, object]:
+    return {"mean": mean, "sd": sd, "q025": mean - 2.0 * sd, "q975": mean + 2.0 * sd, "mcse": mcse, "rhat": 1.0 + 1e-4 * mean, "unit": "m"}
 
-    (one,) = differences("result.json", result(1.0, 0.5), result(1.03, 0.5))
-    assert (one.where, one.by_chance) == ("parameters.a.mean", True)
-    for mean in (1.1, 1.2):  # 7 and 14 Monte-Carlo errors of the difference
-        (far,) = differences("result.json", result(1.0, 0.5), result(mean, 0.5))
-        assert far.by_chance is False
-    assert differences("result.json", result(1.0, 0.5), result(1.0 + 1e-13, 0.5)) == []
-    (other,) = differences("result.json", b'{"p": 0.5}', b'{"p": 0.6}')
-    assert other.by_chance is None
+
+def verdicts(before: object, now: object) -> dict[str, Verdict]:
+    one, other = (json.dumps(value).encode() for value in (before, now))
+    same = draws_are_same("result.json", one, other)
+    return {one.where: one.verdict for one in differences("result.json", one, other, same_draws=same)}
+
+
+def test_numbers_that_chance_moves_are_told_from_others() -> None:
+    """5 Monte-Carlo errors of a difference, 5 sqrt(2) 0.01 = 0.07 for a mean."""
+    now = {"status": "ok", "parameters": {"a": estimate(1.0, 0.5)}, "share": 0.5, "n_obs": 9, "certificate": {"verdict": "agree"}}
+
+    def changed(**changes: object) -> dict[str, Verdict]:
+        return verdicts({**now, "parameters": {"a": estimate(1.03, 0.49)}, **changes}, now)
+
+    assert set(changed().values()) == {Verdict.WITHIN, Verdict.ASIDE}
+    assert changed()["parameters.a.mean"] is Verdict.WITHIN
+    assert changed()["parameters.a.rhat"] is Verdict.ASIDE
+    assert changed(share=0.6, certificate={"verdict": "missing"})["share"] is Verdict.ASIDE
+    for name, value in (("status", "poor-fit"), ("n_obs", 10)):
+        assert changed(**{name: value})[name] is Verdict.WRONG
+    assert changed(parameters={"a": estimate(1.1, 0.49)})["parameters.a.mean"] is Verdict.WRONG
+    assert changed(parameters={"a": estimate(1.1, 0.49, mcse=10.0)})["parameters.a.mean"] is Verdict.WRONG  # an error that the report made up
+
+
+def test_where_the_draws_are_the_same_everything_is() -> None:
+    now = {"status": "ok", "parameters": {"a": estimate(1.0, 0.5)}, "share": 0.5, "words": "p = 0.31", "noise": [1e-16, 1.0]}
+    near = {**now, "parameters": {"a": estimate(1.0 + 1e-7, 0.5)}, "noise": [3e-12, 1.0]}
+    assert Verdict.WRONG not in verdicts(near, now).values()
+    for name, value in (("share", 0.51), ("words", "p = 0.91"), ("noise", [0.1, 1.0])):
+        assert Verdict.WRONG in verdicts({**near, name: value}, now).values()
+    one = {**now, "parameters": {"a": {**estimate(1.0, 0.5), "mean": 1.03}}}  # within its Monte-Carlo error, but alone
+    assert verdicts(one, now)["parameters.a.mean"] is Verdict.WRONG
+
+
+def test_lines_are_compared_by_their_words_and_by_what_is_estimated() -> None:
+    now = b"gamma = 0.181 \xc2\xb1 0.013, R-hat 1.0012\nthe fit is ok\n"
+
+    def found(before: bytes, same: bool) -> list[Verdict]:
+        return [one.verdict for one in differences("report.md", before, now, same_draws=same)]
+
+    assert found(now.replace(b"0.181", b"0.182"), True) == [Verdict.WITHIN]  # rounding
+    assert found(now.replace(b"0.181", b"0.184"), True) == [Verdict.WRONG]
+    assert found(now.replace(b"0.181", b"0.184"), False) == [Verdict.ASIDE]
+    assert found(now.replace(b"0.181", b"0.199"), False) == [Verdict.WRONG]
+    assert found(now.replace(b"is ok", b"is poor"), True) == [Verdict.WRONG]
+    assert found(now.replace(b"1.0012", b"1.0031"), False) == [Verdict.ASIDE]
+    versions = {"numpy": ("1.0", "2.0")}
+    assert differences("report.md", b"numpy 1.0\n", b"numpy 2.0\n", same_draws=True, versions=versions) == []
+
+
+@pytest.mark.parametrize("text", ['{"a": 1, "a": 2}', '{"a": NaN}', "[" * 200 + "]" * 200, "[" * 99_999, '{"a": 1' + "0" * 5000 + "}", "\xff"])
+def test_a_result_that_two_programs_could_read_differently_is_not_verified(text: str, model: Path) -> None:
+    before = (model / "out" / "result.json").read_text()
+    broken = before.replace("{", '{"title": "Another",', 1) if text.startswith('{"a": 1, "a"') else text
+    (model / "out" / "result.json").write_bytes(broken.encode("latin-1", "replace") if text == "\xff" else broken.encode())
+    resealed(model / "out", "result.json")
+    done = run("verify", "out")
+    assert done.exit_code == 3
+    assert re.search("result.json, all of it: .cannot be read", done.output)
+
+
+def test_what_was_not_compared_is_named_and_what_was_added_too(model: Path) -> None:
+    (model / "out" / "draws.nc").write_bytes(b"forged")
+    (model / "out" / "report.html").write_text("<p>All is well.")
+    done = run("verify", "out")
+    assert done.exit_code == 0
+    compared, _, aside = done.output.partition("not compared: ")
+    assert "draws.nc" not in compared
+    assert aside == "draws.nc, report.html\n"
+    origin = json.loads((model / "out" / "origin.json").read_text())
+    for name in ("draws.nc", "report.html"):
+        origin["outputs"][name] = hashlib.sha256((model / "out" / name).read_bytes()).hexdigest()
+    (model / "out" / "origin.json").write_text(json.dumps(origin))
+    done = run("verify", "out")
+    assert done.exit_code == 3
+    assert "report.html: is not made any more" in done.output
+    shutil.rmtree(model / "out")
+    assert run("propagate", "model.toml", "--out", "out", "--format", "html").exit_code == 0
+    assert run("verify", "out").exit_code == 0
+    changed(model / "out" / "report.html", "3.00", "3.10")
+    resealed(model / "out", "report.html")
+    done = run("verify", "out")
+    assert done.exit_code == 3
+    assert re.search(r"report.html, line \d+: .*3.10.*recomputed .*3.00", done.output)
+
+
+def test_a_figure_of_something_else_is_found_where_everything_else_is_the_same(model: Path) -> None:
+    drawn = sorted((model / "out" / "figures").glob("*.png"))
+    shutil.copy(drawn[1], drawn[0])
+    resealed(model / "out", f"figures/{drawn[0].name}")
+    done = run("verify", "out")
+    assert done.exit_code == 3
+    assert f"figures/{drawn[0].name}: shows another picture" in done.output
+
+
+def test_inputs_are_those_that_are_read(model: Path) -> None:
+    origin = json.loads((model / "out" / "origin.json").read_text())
+    named = origin["inputs"]
+    (model / "other.csv").write_text("x")
+    for inputs, said in (
+        ({}, "the input model.toml is read, and origin.json does not name it"),
+        ({**named, "other.csv": "0" * 64}, "the input other.csv is named by origin.json and is not read"),
+        ({"model.toml": "0" * 64}, "the input model.toml is not the one"),
+    ):
+        (model / "out" / "origin.json").write_text(json.dumps({**origin, "inputs": inputs}))
+        done = run("verify", "out")
+        assert done.exit_code == 3
+        assert said in done.output
+
+
+@pytest.mark.parametrize("path", ["/proc/self/mem", "a\0b", "x" * 300, "/".join(["y" * 200] * 30), "\udcff", "pipe", "sparse"])
+def test_hostile_inputs_are_one_line(path: str, model: Path) -> None:
+    os.mkfifo(model / "pipe")
+    with (model / "sparse").open("wb") as file:
+        file.truncate(20 * 2**30)
+    origin = json.loads((model / "out" / "origin.json").read_text())
+    (model / "out" / "origin.json").write_text(json.dumps({**origin, "inputs": {path: "0" * 64}}))
+    done = run("verify", "out")
+    assert done.exit_code == 3 or isinstance(done.exception, InputError), done.exception
+    for words in (["propagate", path], ["fit", path]):
+        (model / "out" / "origin.json").write_text(json.dumps({**origin, "inputs": {}, "command": words}))
+        done = run("verify", "out")
+        assert done.exit_code == 3 or isinstance(done.exception, InputError), done.exception
+
+
+@pytest.mark.parametrize("kind", ["link", "pipe", "sparse", "folder"])
+@pytest.mark.parametrize("name", ["origin.json", "report.md", "result.json", CRATE, "figures/budget.png"])
+def test_a_hostile_file_of_the_report_is_one_line(name: str, kind: str, model: Path) -> None:
+    place = model / "out" / name
+    place.unlink()
+    if kind == "link":
+        place.symlink_to("/proc/self/mem")
+    elif kind == "pipe":
+        os.mkfifo(place)
+    elif kind == "folder":
+        place.mkdir()
+    else:
+        with place.open("wb") as file:
+            file.truncate(20 * 2**30)
+    done = run("verify", "out")
+    assert isinstance(done.exception, EstimError), (done.output, done.exception)
+
+
+@pytest.mark.parametrize("name", ["x" * 300, "y/" * 3000, b"\xff"])
+def test_a_name_that_no_file_can_have_is_no_traceback(name: str | bytes, model: Path) -> None:
+    for arguments in (("verify", os.fsdecode(name)), ("diff", os.fsdecode(name), "out")):
+        assert isinstance(run(*arguments).exception, EstimError)
+
+
+@pytest.mark.usefixtures("undrawn", "few_draws")
+def test_reports_of_single_runs_are_verified_with_the_report_of_all(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "campaign.toml").write_text(LINE + '[[runs]]\nname = "s"\nfile = "r.csv"\n')
+    (tmp_path / "r.csv").write_text("x,y\n" + "".join(f"{x},{1 + 2 * x + 0.1 * (-1) ** x}\n" for x in range(20)))
+    run("fit", "campaign.toml", "--out", "out", "--no-figures")
+    done = run("verify", "out")
+    assert done.exit_code == 0, done.output
+    assert "r/result.json" in done.output
+    changed(tmp_path / "out" / "s" / "result.json", '"n_obs": 20', '"n_obs": 19')
+    resealed(tmp_path / "out" / "s", "result.json")
+    done = run("verify", "out")
+    assert done.exit_code == 3
+    assert "s/result.json, runs.s.n_obs" in done.output
 
 
 def test_every_kind_of_result_is_compared(model: Path) -> None:
@@ -292,7 +457,12 @@ def test_a_result_written_by_hand_is_no_traceback(record: str, model: Path) -> N
 
 def test_tables_are_compared_cell_by_cell() -> None:
     before, now = b"run,a [m]\nr,1.0\ns,2.0\n", b"run,a [m]\nr,1.00000000000001\ns,2.5\n"
-    (one,) = differences("summary.csv", before, now)
-    assert (one.where, one.before, one.now) == ("line 3, a [m]", "2.0", "2.5")
-    assert differences("summary.csv", before, b"run,b [m]\nr,1.0\ns,2.0\n") != []
-    assert differences("summary.csv", before, before + b"t,1.0\n") != []
+    (one,) = differences("summary.csv", before, now, same_draws=True)
+    assert (one.where, one.before, one.now, one.verdict) == ("[2].a [m]", "2", "2.5", Verdict.WRONG)
+    for other in (b"run,b [m]\nr,1.0\ns,2.0\n", before + b"t,1.0\n"):
+        assert Verdict.WRONG in {one.verdict for one in differences("summary.csv", before, other, same_draws=True)}
+    now = b"run,a,a sd,a q025\nr,1.0,0.1,0.8\n"
+    moved = now.replace(b"1.0,0.1,0.8", b"1.01,0.101,0.81")
+    assert not draws_are_same("summary.csv", moved, now)
+    assert {one.verdict for one in differences("summary.csv", moved, now, same_draws=False)} == {Verdict.WITHIN}
+    assert Verdict.WRONG in {one.verdict for one in differences("summary.csv", now.replace(b"1.0,", b"1.1,"), now, same_draws=False)}

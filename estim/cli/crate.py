@@ -6,7 +6,6 @@ instrument, and for objects the files that were read, which need not lie in the 
 
 from __future__ import annotations
 
-import json
 import os
 import re
 from collections.abc import Callable, Iterable, Mapping
@@ -16,8 +15,8 @@ from pathlib import PurePosixPath
 from typing import Any
 from urllib.parse import quote, unquote
 
-from estim.cli.origin_record import ORIGIN, Origin
-from estim.common import KINDS, LANGUAGES, as_json, kind_words, phrase, spoken, unescaped
+from estim.cli.origin_record import ORIGIN, Origin, inside
+from estim.common import KINDS, LANGUAGES, as_json, json_of, kind_words, phrase, spoken, unescaped
 
 CRATE = "ro-crate-metadata.json"
 _SPECIFICATION = "https://w3id.org/ro/crate/1.2"
@@ -85,10 +84,12 @@ def crate_troubles(read: Callable[[str], bytes | None], origin: Origin) -> list[
     if data is None or CRATE not in origin.outputs:
         return []
     try:
-        entities = {one["@id"]: one for one in json.loads(data)["@graph"]}
+        entities = {one["@id"]: one for one in json_of(data)["@graph"]}
         names = [unquote(part["@id"]) for part in entities["./"]["hasPart"]]
         day = str(entities["./"]["datePublished"])
-    except (ValueError, KeyError, TypeError, RecursionError):
+    except (ValueError, KeyError, TypeError, AttributeError):
+        names, day = [".."], ""
+    if not all(map(inside, names)):
         return [f"{CRATE} does not describe a report"]
     beside = {name: read(name) or b"" for name in names if name != ORIGIN}
     if crate_of(beside, origin, day=day) != data:

@@ -12,10 +12,10 @@ from estim.cli.crate import CRATE, crate_of
 from estim.cli.formats import chosen, in_formats
 from estim.cli.origin_record import SCHEMA, Origin
 from estim.common import code, inputs_read, language, phrase, plain
-from estim.versions import engine_versions
+from estim.versions import engine_versions, version
 
 _KEPT = {"formats": chosen, "lang": language}  # options that the command does not take itself
-_OF_THE_MOMENT = frozenset({"out", "resume", "jobs", "scheduler"})  # options that change no number
+OF_THE_MOMENT = frozenset({"out", "resume", "jobs", "scheduler"})  # options that change no number
 
 
 class Ledger:
@@ -55,7 +55,7 @@ def origin_of(part: str = "") -> Origin:
     context = click.get_current_context()
     ledger = context.find_object(Ledger)
     assert ledger is not None, "the group of all commands keeps one"
-    versions = {"python": sys.version.split()[0]} | engine_versions()
+    versions = {"python": sys.version.split()[0]} | engine_versions() | {"matplotlib": version("matplotlib")}
     inputs = {plain(path): digest for path, digest in sorted(ledger.inputs.items())}
     return Origin(SCHEMA, [plain(text) for text in _arguments(context)], part, inputs, {}, versions)
 
@@ -69,7 +69,7 @@ def _arguments(context: click.Context) -> list[str]:
         value = _KEPT[name]() if name in _KEPT else context.params.get(name)
         if isinstance(parameter, click.Argument):
             plain += [str(item) for item in (value if isinstance(value, tuple) else (value,)) if item is not None]
-        elif isinstance(parameter, click.Option) and name not in _OF_THE_MOMENT and value != parameter.get_default(context):
+        elif isinstance(parameter, click.Option) and name not in OF_THE_MOMENT and value != parameter.get_default(context):
             said += _option(parameter, value)
     return [*(context.info_name or "",), *plain, *said]
 

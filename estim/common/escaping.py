@@ -28,6 +28,7 @@ _SPECIAL = re.compile(
 _BLOCK = re.compile(  # up to where a backslash is wanted: at the beginning of a block, or the end of a heading
     r"^(?:\d{1,9}(?=[.)](?: |$))|(?=\#{1,6}(?: |$)|[>=]|[-+](?:[- ]|$)))|(?:(?<= )|^)(?=\#+$)"
 )
+_DEEPEST = 100  # levels of JSON
 LETTERS = "0-9A-Za-zÀ-ɏΑ-ω"  # of a subscript in a figure; not every letter is in matplotlib's mathematics
 _MATH = re.compile(rf"(\$_\{{\\mathrm\{{(?:[{LETTERS}]|\\_)+\}}\}}\$)")  # what `estim.common.labels` makes of one
 
@@ -109,18 +110,26 @@ def json_of(data: bytes) -> Any:
     """
 
     def once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
-        found = dict(pairs)
-        if len(found) < len(pairs):
-            raise ValueError(f"a key stands twice: {next(key for i, (key, _) in enumerate(pairs) if key in dict(pairs[:i]))}")
+        found: dict[str, Any] = {}
+        for key, value in pairs:
+            if key in found:
+                raise ValueError(f"the key {key!r} stands twice")
+            found[key] = value
         return found
 
     def no_number(text: str) -> float:
         raise ValueError(f"{text} is no number")
 
     try:
-        return json.loads(data.decode(), object_pairs_hook=once, parse_constant=no_number)
+        value = json.loads(data.decode(), object_pairs_hook=once, parse_constant=no_number)
     except RecursionError:
         raise ValueError("is nested too deeply") from None
+    level = [value]
+    for _ in range(_DEEPEST):
+        level = [item for one in level for item in (one.values() if isinstance(one, dict) else one if isinstance(one, list) else ())]
+    if level:
+        raise ValueError("is nested too deeply")
+    return value
 
 
 def mathtext(text: str) -> str:

@@ -122,8 +122,8 @@ def _csv(rows: Sequence[Row], found: Sequence[Spread]) -> bytes:
 
 
 def _json(rows: Sequence[Row]) -> bytes:
-    """The rows without their times."""
-    return as_json([{name: value for name, value in msgspec.to_builtins(row).items() if name != "seconds"} for row in rows])
+    """What the rows say of the runs, without how and when it was made."""
+    return as_json([{name: value for name, value in msgspec.to_builtins(row).items() if name not in ("seconds", "key", "outputs")} for row in rows])
 
 
 def _cell(text: str) -> str:

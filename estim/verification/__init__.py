@@ -2,5 +2,5 @@
 
 Read `comparing` first.  Only `cli` may import it."""
 
-from estim.verification.comparing import differences
+from estim.verification.comparing import Difference, Verdict, differences, draws_are_same
 from estim.verification.results import compare_results
