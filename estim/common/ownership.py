@@ -54,9 +54,9 @@ def replace_own(
     digests : of what estim wrote there before.  record : the bytes of the manifest for digests of all files.  Raises EstimError, with nothing
     changed, where one of them would replace what is not estim's.
     """
-    require_own(folder, files, digests, within=within)
     made = {name: sha256(data).hexdigest() for name, data in sorted(files.items())}
     both = {name: " ".join(filter(None, (made.get(name), digests.get(name)))) for name in sorted({*made, *digests})}
+    require_own(folder, files, both, within=within)  # the same bytes take nothing from anybody
     write_whole(folder / manifest, record(both), within=within)
     for name, data in files.items():
         write_whole(folder / name, data, within=within)
