@@ -155,7 +155,7 @@ def test_a_line_that_does_not_fit_has_no_result_and_exit_code_3(tmp_path):
     ("text", "arguments", "message"),
     [
         ("x,y\n1,1\n2,2\n3,4\n", ["--x", "t"], "p.csv:1: 't' is missing (the header has"),
-        ("x,y\n1,1\n2,2\n3,4\n", ["--x", "y"], "'--y' must name another column than --x: y"),
+        ("x,y\n1,1\n2,2\n3,4\n", ["--x", "y", "--y", "y"], "'--y' must name another column than --x: y"),
         ("x,y\n1,1\n2,2\n3,3\n4,4\n", [], "p.csv: 'y' has no scatter about a line but rounding errors"),
         ("x,y\n1,0.1\n2,0.2\n3,0.3\n4,0.4\n", [], "p.csv: 'y' has no scatter about a line but rounding errors"),
         ("x,y\n1,0\n2,0\n3,0\n", [], "p.csv: 'y' has no scatter about a line but rounding errors"),
@@ -185,3 +185,26 @@ def test_the_example_of_the_docs_says_what_they_say(tmp_path, project):
     for numbers in ("intercept 0.89 ± 0.53, slope 2.06 ± 0.18", "x = 4.67 ± 0.53"):
         assert numbers in result.output
         assert numbers in said
+
+
+@pytest.mark.parametrize(
+    ("header", "arguments", "first"),
+    [
+        ("t [s],s [m]", [], "columns: x = t (s), y = s (m)"),
+        ("t [s],x [m]", [], "columns: x = t (s), y = x (m)"),
+        ("t [s],x [m]", ["--y", "x"], "columns: x = t (s), y = x (m)"),
+        ("t [s],x [m]", ["--x", "x"], "columns: x = x (m), y = t (s)"),
+        ("y,x", [], "columns: x = x, y = y"),
+    ],
+)
+def test_two_columns_need_no_names_and_the_first_line_says_which_is_which(tmp_path, header, arguments, first):
+    (tmp_path / "p.csv").write_text(header + "\n1,1\n2,2.1\n3,2.9\n4,4.2\n")
+    result, _ = told(tmp_path, tmp_path / "p.csv", *arguments)
+    assert result.output.splitlines()[0] == first
+
+
+@pytest.mark.parametrize(("header", "options"), [("a,b,c", "--x and --y"), ("x,b,c", "--y"), ("y,t,c", "--x")])
+def test_columns_that_nobody_names_are_asked_for(tmp_path, header, options):
+    (tmp_path / "p.csv").write_text(header + "\n1,1,3\n2,2.1,4\n3,2.9,4\n4,4.2,1\n")
+    result, _ = told(tmp_path, tmp_path / "p.csv")
+    assert f"p.csv:1: 'column' must be named by {options} (there are" in str(result.exception)

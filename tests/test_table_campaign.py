@@ -43,7 +43,7 @@ def test_one_command_is_the_campaign_that_its_report_prints(table: Path) -> None
     out = table.parent / "out"
     arguments = ["fit", table, "--formula", FORMULA, "--start", "tau=1 s", "--low", "tau=0", "--u-y", "0.02", "--out", out, "--no-figures"]
     done = runner().invoke(cli, [str(argument) for argument in arguments], standalone_mode=False)
-    assert (done.exception, done.output.splitlines()[0]) == (None, "data: ok")
+    assert (done.exception, done.output.splitlines()[:2]) == (None, ["columns: x = time (s), y = U (V)", "data: ok"])
     report = (out / "report.md").read_text()
     (text,) = re.findall(r"```toml\n(.*?)```", report, flags=re.S)
     (table.parent / "kept.toml").write_text(text)
@@ -301,3 +301,76 @@ def test_a_track_without_a_column_of_y_is_told_which_there_are(tmp_path: Path) -
     with pytest.raises(InputError, match=r"'--y' must name a column of the track: x or y .* or x_m"):
         campaign_of_table(tmp_path / "a.trk", TableChoices(formula="a + b*t"))
     assert campaign_of_table(tmp_path / "a.trk", TableChoices(formula="a + b*t", y="x_m")).problem(["a"]).n_obs == 8
+
+
+AXES = [
+    ("t [s],x [m]", "v*t + b", ("t [s]", "x [m]")),
+    ("t [s],x [m]", "line", ("t [s]", "x [m]")),
+    ("t [s],y", "v*x + b", ("t [s]", "y")),
+    ("x [m],t [s]", "v*x + b", ("x [m]", "t [s]")),
+    ("x [m],t [s]", "v*t + b", ("t [s]", "x [m]")),
+    ("y,x", "v*x + b", ("x", "y")),
+    ("y,x", "line", ("x", "y")),
+    ("U,I", "G*x + I0", ("U", "I")),
+    ("U,I", "R*I", ("I", "U")),
+]
+
+
+@pytest.mark.parametrize(("header", "formula", "axes"), AXES)
+def test_of_two_columns_the_first_is_x_unless_the_names_or_the_formula_say_another(tmp_path: Path, header: str, formula: str, axes: tuple[str, str]) -> None:
+    (tmp_path / "two.csv").write_text(header + "\n" + "".join(f"{0.5 * i:g},{0.8 * i + 0.01 * (i % 3):g}\n" for i in range(9)))
+    study = campaign_of_table(tmp_path / "two.csv", TableChoices(formula=formula)).study
+    assert (study.x_column, study.y_column) == axes
+
+
+@pytest.mark.parametrize(
+    ("header", "formula"), [("t [s],x [m]", "v*x + b"), ("t_s,x_m", "v*x + b"), ("t,X", "v*x + b"), ("y,t", "line"), ("x,y", "a*y + b"), ("U,I", "a*U + b*I")]
+)
+@pytest.mark.parametrize("command", ["fit", "new"])
+def test_where_formula_and_header_disagree_one_line_asks_and_the_answer_is_taken(tmp_path: Path, command: str, header: str, formula: str) -> None:
+    file = tmp_path / "two.csv"
+    file.write_text(header + "\n" + "".join(f"{0.5 * i:g},{0.8 * i + 0.01 * (i % 3):g}\n" for i in range(9)))
+    said = told(*(["fit", file] if command == "fit" else ["new", tmp_path / "n", "--from", file]), "--formula", formula)
+    first, second = header.split(",")
+    assert f"{file}:1: 'x' may be either column" in said
+    assert f'(--x "{first}" --y "{second}", or --x "{second}" --y "{first}")' in said
+    if formula == "v*x + b":
+        for x, y in ((first, second), (second, first)):
+            study = campaign_of_table(file, TableChoices(formula=formula, x=x, y=y)).study
+            assert (study.x_column, study.y_column) == (x, y)
+
+
+def test_the_first_line_says_which_column_is_which_and_what_is_not_read(tmp_path: Path) -> None:
+    file = tmp_path / "iv.csv"
+    file.write_text("U [V],u_U [V],I [mA],u(I) [mA],T\n" + "".join(f"{i},0.1,{2 * i + 0.1 * (-1) ** i},0.2,{i * i}\n" for i in range(9)))
+    out = ["--out", str(tmp_path / "out"), "--no-figures"]
+    first = "columns: x = U (V), y = I (mA), u_y = u(I) (mA), u_x = u_U (V); not read: T"
+    done = runner().invoke(cli, ["fit", str(file), "--formula", "a + b*x", "--x", "U", "--y", "I", *out], standalone_mode=False)
+    assert done.output.splitlines()[0] == first
+    done = runner().invoke(cli, ["new", str(tmp_path / "iv"), "--from", str(file)], standalone_mode=False)
+    assert done.output.splitlines()[0] == first
+    done = runner().invoke(cli, ["fit", str(tmp_path / "iv.toml"), *out], standalone_mode=False)
+    assert done.output.splitlines()[0] == first
+    done = runner().invoke(cli, ["line", str(file), "--x", "U", "--y", "I", *out], standalone_mode=False)
+    assert done.output.splitlines()[0] == "columns: x = U (V), y = I (mA), u_x = u_U (V), u_y = u(I) (mA); not read: T"
+
+
+def test_a_first_guess_takes_no_uncertainties_for_y_and_keeps_them(tmp_path: Path) -> None:
+    file = tmp_path / "iv.csv"
+    file.write_text("U [V],u_U [V],I [mA],u_I [mA]\n" + "".join(f"{i},0.1,{2 * i + 0.1 * (-1) ** i},0.2\n" for i in range(9)))
+    assert runner().invoke(cli, ["new", str(tmp_path / "iv"), "--from", str(file)]).exit_code == 0
+    lines = (tmp_path / "iv.toml").read_text().splitlines()
+    for line in ('y = {column = "I [mA]", name = "I", unit = "mA"}', 'u_y = {column = "u_I [mA]"}', 'u_x = {column = "u_U [V]"}'):
+        assert line in lines
+    assert not any("found from the residuals" in line for line in lines)
+    file.write_text("U,u_U\n1,2\n2,3\n3,5\n")
+    assert "has fewer than two columns of numbers beside uncertainties" in told("new", tmp_path / "other", "--from", file)
+
+
+def test_a_column_is_there_though_its_first_and_last_cells_are_empty(tmp_path: Path) -> None:
+    file = tmp_path / "gaps.csv"
+    cells = [f"{i},{2 * i + 0.1 * (-1) ** i},{'' if i in (0, 8) else i * i},{'good' if i % 2 else i}{'!' if i == 4 else ''}" for i in range(9)]
+    file.write_text("x,a,b,remark\n" + "\n".join(cells) + "\n")
+    assert "must be named by --y (there are x, a, b, remark)" in told("fit", file, "--formula", "p + q*x")
+    done = runner().invoke(cli, ["new", str(tmp_path / "n"), "--from", str(file)])
+    assert "; not read: b, remark" in done.output.splitlines()[0]

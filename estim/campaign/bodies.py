@@ -51,6 +51,10 @@ class RollingStudy:
 
     formula = None
 
+    def columns(self, name: str, tables: Mapping[str, Run]) -> str:
+        """The columns of a rolling body are known by name."""
+        return ""
+
     def problem(self, names: Sequence[str], tables: Mapping[str, Run], *, noise: NoiseTable | None = None) -> Problem:
         """The joint problem of the runs `names` with their tables.  Raises InputError.
 

@@ -67,6 +67,10 @@ class Campaign:
         """The user's own curve as written, None for a rolling body."""
         return self.study.formula
 
+    def columns(self, names: Sequence[str]) -> str:
+        """Which columns of the files of the runs `names` are x and y, in words; "" where their names are fixed."""
+        return "; ".join(dict.fromkeys(filter(None, (self.study.columns(name, self.tables) for name in names))))
+
     @property
     def published(self) -> Path | None:
         """The file of published numbers that the campaign names, if any."""

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from estim.campaign.table_campaign import TableChoices, campaign_of_table, text_of_table
 from estim.common import InputError, listed
-from estim.reading import is_tracker_file, no_names, numeric_columns, read_layout
+from estim.reading import Layout, first_and_second, is_tracker_file, name_and_unit, no_names, numeric_columns, read_layout, value_columns
 
 GUESS = "a + b*x"  # linear, so that any start will do
 _GUESS_OF_TRACK = "a + b*x + c*x**2"
@@ -25,8 +25,8 @@ _MORE = """# window = {min = 0.0, max = 10.0}    # in x
 # correlated = true                   # errors follow each other in the order of the rows"""
 
 
-def drafted_campaign(file: Path, choices: TableChoices, *, within: Path) -> str:
-    """The text of a campaign in the folder `within` that fits a curve to `file`; without a formula, a guess to be replaced.
+def drafted_campaign(file: Path, choices: TableChoices, *, within: Path) -> tuple[str, str]:
+    """The text of a campaign in the folder `within` that fits a curve to `file`, and which columns are x and y; without a formula, a guess.
 
     Raises InputError where the table cannot be read as it would be.
     """
@@ -34,29 +34,41 @@ def drafted_campaign(file: Path, choices: TableChoices, *, within: Path) -> str:
         choices = replace(choices, x=choices.x or "t_s", y=choices.y or "x_m", formula=choices.formula or _GUESS_OF_TRACK)
         columns = "t, x, y (s and m, in the calibrated axes), frame; t_s, x_m and across_m, along the motion, from the release"
     else:
-        found = columns_of(file, choices)
-        columns = listed(found)
-        if (choices.x is None or choices.y is None) and len(found) < 2:
-            raise InputError("has fewer than two columns of numbers", field="columns", quoted=columns, file=file)
-        rest = [name for name in found if name not in (choices.x, choices.y)]
-        x = choices.x or rest[0]
-        y = choices.y or next(name for name in rest if name != x)
-        choices = replace(choices, x=x, y=y, formula=choices.formula or GUESS)
-    campaign_of_table(file, choices)
+        columns = listed(columns_of(file, choices))
+        if not choices.formula:
+            choices = _guessed(file, choices)
+    campaign = campaign_of_table(file, choices)
     name = Path(os.path.relpath(file, within)).as_posix()
     lines = [f"# Columns of numbers in {file.name}: {columns}".replace("\n", " ")]
-    for line in text_of_table(file, choices, name=name).splitlines():
+    written = text_of_table(file, choices, name=name).splitlines()
+    stated = any(line.startswith("u_y = ") for line in written)
+    for line in written:
         key = line.partition(" =")[0]
         lines.append(f"{line}    # {_COMMENTS[key]}" if key in _COMMENTS else line)
         if key == "y":
-            lines += [] if choices.u_y is not None else ["# u_y = 0.02    # standard uncertainty of one y; left out: found from the residuals"]
+            lines += [] if stated else ["# u_y = 0.02    # standard uncertainty of one y; left out: found from the residuals"]
             lines += _MORE.splitlines()
-    return "\n".join(lines) + "\n"
+    return "\n".join(lines) + "\n", campaign.columns(campaign.run_names)
+
+
+def _guessed(file: Path, choices: TableChoices) -> TableChoices:
+    """A first guess at a curve; x and y as stated, else the first columns of values that are left.  Raises InputError where too few are."""
+    values = value_columns(_layout(file, choices), (choices.u_x, choices.u_y))
+    rest = [name for name in values if not {name, name_and_unit(name)[0]} & {choices.x, choices.y}]
+    x, y = first_and_second(rest) or (*rest[:2], "", "")[:2]
+    x, y = choices.x or x, choices.y or (y if choices.x is None else x)
+    if not x or not y:
+        raise InputError("has fewer than two columns of numbers beside uncertainties", field="columns", quoted=listed(values), file=file)
+    return replace(choices, x=x, y=y, formula=GUESS)
 
 
 def columns_of(file: Path, choices: TableChoices) -> tuple[str, ...]:
     """Names of the columns of a table that hold numbers.  Raises InputError."""
+    return numeric_columns(_layout(file, choices))
+
+
+def _layout(file: Path, choices: TableChoices) -> Layout:
     layout = read_layout(file, choices.dialect, shown_as=str(file), needed=[name for name in (choices.x, choices.y) if name is not None])
     if not layout.names:
         raise no_names(layout)
-    return numeric_columns(layout)
+    return layout

@@ -45,7 +45,7 @@ from estim.campaign.own_curve_counts import check_counts
 from estim.campaign.own_curve_lacks import refuse_lacks
 from estim.campaign.own_curve_models import is_to_be_found, read_curve, started_runs, unknown_of, within_limits
 from estim.campaign.own_curve_points import CurvePoints
-from estim.campaign.own_curve_reading import of_curve, read_run
+from estim.campaign.own_curve_reading import columns_of_run, of_curve, read_run
 from estim.campaign.own_curve_units import axes_of_run, check_units_of_curve, refuse_other_units, units_of_curve
 from estim.common import InputError, phrase
 from estim.curves import MAX_OBS, AxisNames, BareFormula, Component, DistortedCurve, Formula, ModelSum, Unstarted
@@ -83,6 +83,11 @@ class CurveStudy:
     @property
     def y_column(self) -> str:
         return y_axis(self.table).column
+
+    def columns(self, name: str, tables: Mapping[str, Run]) -> str:
+        """Which columns of the run's file are x, y and their uncertainties, in words."""
+        run = next(run for run in self.runs if run.name == name)
+        return columns_of_run(self.table, run, self.told[name], tables[name])
 
     def problem(self, names: Sequence[str], tables: Mapping[str, Run], *, noise: NoiseTable | None = None) -> Problem:
         """The joint problem of the runs `names` with their tables.  Raises InputError, also where other noise is asked for."""

@@ -14,7 +14,8 @@ from estim.campaign.own_curve_lacks import order_columns
 from estim.campaign.own_curve_points import MIN_ROWS
 from estim.campaign.track_table import choices_of
 from estim.common import InputError, same_unit
-from estim.reading import Choices, Run, Table, is_tracker_file, of_any_curve, read_columns, run_of_table, track_columns
+from estim.curves import AxisNames
+from estim.reading import Choices, Run, Table, columns_told, is_tracker_file, of_any_curve, read_columns, run_of_table, track_columns
 
 
 def read_run(source: CampaignFile, curve: CurveTable, run: CurveRunTable, index: int) -> Table:
@@ -47,6 +48,15 @@ def _require_unit_of_axis(table: Table, u: str, of: str, unit: str) -> None:
     if unit != "1" and stated and not table.units.get(of) and same_unit(stated, unit) is False:
         rule = f"must be in the unit that the campaign says of '{of}', {unit}; nothing is converted"
         raise InputError(rule, field=u, value=stated, file=table.file, line=table.header_line or None)
+
+
+def columns_of_run(curve: CurveTable, run: CurveRunTable, axes: AxisNames, table: Run) -> str:
+    """Which columns are x, y and their uncertainties, with units, and which columns of numbers are not read."""
+    said = [("x", axis_of(curve.x).column, axes.x_unit), ("y", y_axis(curve).column, axes.y_unit)]
+    for key, entry, unit in (("u_y", run.u_y or curve.u_y, axes.y_unit), ("u_x", run.u_x or curve.u_x, axes.x_unit)):
+        if isinstance(entry, ReadingErrorTable) and entry.column is not None:
+            said.append((key, entry.column, unit))
+    return columns_told(said, table.unread)
 
 
 def of_curve(table: Table, name: str) -> Run:

@@ -26,6 +26,9 @@ class Study(Protocol):
     def formula(self) -> str | None:
         """The curve as the user wrote it, None where it is the project's own."""
 
+    def columns(self, name: str, tables: Mapping[str, Run]) -> str:
+        """Which columns of a run's file are x and y, in words; "" where their names are fixed."""
+
     def problem(self, names: Sequence[str], tables: Mapping[str, Run], *, noise: NoiseTable | None = None) -> Problem:
         """The joint problem of the runs `names` with their tables.  noise : in place of the noise tables of the campaign."""
 

@@ -18,7 +18,18 @@ from estim.campaign.curve_tables import variable_of
 from estim.campaign.toml_text import toml_key, toml_string
 from estim.common import InputError, listed, read_number, read_quantity, shorten
 from estim.curves import Formula, called_by_name, linear_in, read_formula
-from estim.reading import Dialect, Layout, is_tracker_file, is_uncertainty, name_and_unit, no_names, numeric_columns, read_layout
+from estim.reading import (
+    Dialect,
+    Layout,
+    first_and_second,
+    is_called,
+    is_tracker_file,
+    name_and_unit,
+    no_names,
+    read_layout,
+    uncertainty_of,
+    value_columns,
+)
 
 _SAID = "command line"
 _ABSCISSAS = ("x", "t", "time")
@@ -79,7 +90,7 @@ def text_of_table(file: Path, choices: TableChoices, *, name: str | None = None)
     said = (*choices.start, *choices.low, *choices.high, *choices.value)
     asked = called_by_name(choices.formula, [*said, "x", "t"])
     formula = read_formula(choices.formula if asked is None else asked.expression, field="--formula")
-    x, y, u_x, u_y = _axes(file, formula, choices, said)
+    x, y, u_x, u_y = _axes(file, formula, choices, said, named=asked is not None)
     variable = variable_of(formula, x.column, x.name, said)
     if variable not in (None, "x"):
         formula = formula.in_terms_of(variable)
@@ -116,8 +127,10 @@ def run_name(file: Path) -> str:
     return f"{name}-run" if name.lower() in ("figures", "report", "result", "draws") else name
 
 
-def _axes(file: Path, formula: Formula, choices: TableChoices, said: Sequence[str]) -> tuple[Axis, Axis, str | None, str | None]:
-    """x, y, u_x and u_y: as stated; else the column that the formula names and the column y, or the two that there are, and their columns u_NAME."""
+def _axes(
+    file: Path, formula: Formula, choices: TableChoices, said: Sequence[str], *, named: bool
+) -> tuple[Axis, Axis, str | None, str | None]:
+    """x, y, u_x and u_y: as stated; else the two columns that there are, or the one that the formula names and the column y; their columns u_NAME."""
     if is_tracker_file(file):
         if choices.y is None:
             raise InputError("must name a column of the track: x or y (its axes), or x_m (along the motion, from its first point)", field="--y")
@@ -128,12 +141,13 @@ def _axes(file: Path, formula: Formula, choices: TableChoices, said: Sequence[st
     layout = read_layout(file, choices.dialect, shown_as=str(file), needed=asked)
     if not layout.names:
         raise no_names(layout)
-    usable = [name for name in layout.names if name and not name.startswith("_")]
-    values = [name for name in numeric_columns(layout) if name in usable and not is_uncertainty(_bare(name))]
+    values = value_columns(layout, (choices.u_x, choices.u_y))
     x_name, y_name = choices.x, choices.y
+    called = [name for name in values if y_name not in (name, _bare(name)) and _names(formula, name, said)]
+    called = [name for name in called if _bare(name).lower() in _ABSCISSAS] or called  # a parameter may be called like a column too
+    if x_name is None and y_name is None and len(values) == 2:
+        x_name, y_name = _of_two(values, called, formula, layout, named=named)
     if x_name is None:
-        called = [name for name in values if y_name not in (name, _bare(name)) and _names(formula, name, said)]
-        called = [name for name in called if _bare(name).lower() in _ABSCISSAS] or called  # a parameter may be called like a column too
         x_name = called[0] if len(called) == 1 else None
     others = [name for name in values if not {name, _bare(name)} & {x_name, y_name}]
     if y_name is None:
@@ -141,18 +155,33 @@ def _axes(file: Path, formula: Formula, choices: TableChoices, said: Sequence[st
     x_name = others[0] if x_name is None and len(values) == 2 else x_name
     if x_name is None or y_name is None:
         missing = " and ".join(option for option, name in (("--x", x_name), ("--y", y_name)) if name is None)
+        usable = [name for name in layout.names if name and not name.startswith("_")]
         raise InputError(f"must be named by {missing}", field="column", quoted=f"there are {listed(usable)}", file=file)
     x, y = _axis(x_name, layout), _axis(y_name, layout)
-    u_x, u_y = choices.u_x, choices.u_y or _uncertainty_of(y, usable)
+    u_x, u_y = choices.u_x, choices.u_y or uncertainty_of(y.column, layout)
     if u_x is None and u_y is not None and not (choices.deviation or choices.correlated):
-        u_x = _uncertainty_of(x, usable)
+        u_x = uncertainty_of(x.column, layout)
     return x, y, u_x, u_y
 
 
-def _uncertainty_of(axis: Axis, columns: Sequence[str]) -> str | None:
-    """The column u_NAME or u(NAME) of an axis, if it is there."""
-    named = {written for name in (axis.column, _bare(axis.column)) for written in (f"u_{name}", f"u({name})")}
-    return next((name for name in columns if {name, _bare(name)} & named), None)
+def _of_two(values: Sequence[str], called: Sequence[str], formula: Formula, layout: Layout, *, named: bool) -> tuple[str, str]:
+    """x and y of the two columns of a table: the first is x, but where their names say x and y, or the formula names its variable.
+
+    called : the columns that the formula names.  named : whether the curve was said by a name, so that nobody wrote its x.
+
+    Raises InputError where the formula and the columns say two things.
+    """
+    if not formula.uses_x and len(called) == 1 and not is_called(called[0], "y"):
+        return called[0], values[1 - values.index(called[0])]
+    pair = first_and_second(values)
+    if pair is not None and formula.uses_x and (named or is_called(pair[0], "x") or not is_called(pair[1], "x")):
+        return pair
+    if pair is not None and not formula.uses_x and not called:
+        return pair
+    first, second = values
+    rule = "may be either column, by the formula and the header: say which is x and which is y"
+    ways = f'--x "{first}" --y "{second}", or --x "{second}" --y "{first}"'
+    raise InputError(rule, field="x", quoted=ways, file=layout.file, line=layout.header_line)
 
 
 def _bare(name: str) -> str:

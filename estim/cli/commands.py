@@ -129,6 +129,8 @@ def fit(
         _exit_unless(compare_noise(loaded, groups, folder, seed=seed, max_steps=max_steps, resume=resume, stop=stop, figures=not no_figures))
         return
     stores = stores_of(folder, groups, joint=joint, resume=resume)
+    if columns := loaded.columns([name for group in groups for name in group]):
+        say(columns)
     results, explanations = {}, []
     for group, store in zip(groups, stores, strict=True):
         with progress_bar(together(group)) as progress:

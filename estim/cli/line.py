@@ -21,8 +21,8 @@ from estim.common import InputError
 
 @click.command()
 @click.argument("campaign", metavar="CAMPAIGN|FILE.csv", type=click.Path(path_type=Path))
-@click.option("--x", "x", metavar="NAME", help="Column of FILE.csv.  [default: x]")
-@click.option("--y", "y", metavar="NAME", help="[default: y]")
+@click.option("--x", "x", metavar="NAME", help="Column of FILE.csv.  [default: x, or the first of two]")
+@click.option("--y", "y", metavar="NAME", help="[default: y, or the other of two]")
 @click.option("--ux", metavar="NAME|U", help="Standard uncertainties of x: a column, or a number.  [default: the column u_NAME, if there]")
 @click.option("--uy", metavar="NAME|U", help="The same of y.")
 @click.option("--correlation", metavar="NAME|R", help="Correlation of the two errors of a point.  [default: the column r_xy, if there]")

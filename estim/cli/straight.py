@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
-from estim.cli.terminal import claim, conclude, report_at, write_report
+from estim.cli.terminal import claim, conclude, report_at, say, write_report
 from estim.common import phrase, read_quantity
 
 if TYPE_CHECKING:
@@ -32,13 +32,14 @@ def say_straight_line(
     from estim.reports import straight_line_lines, straight_line_report
 
     x, y, u_x, u_y, r_xy = names
-    columns = Columns(x or "x", y or "y", u_x, u_y, r_xy)
+    columns = Columns(x or "", y or "", u_x, u_y, r_xy)
     at = [read_quantity(text, field="--predict") for text in predict]
     back = [read_quantity(text, field="--inverse") for text in inverse]
     shared = Correlated(errors.cov, errors.cov_x, errors.cov_y, commons(errors.common_x, errors.common_y))
     claim(folder, "result.json")
     line = straight_line(file, columns, predict=at, inverse=back, dialect=dialect, correlated=shared)
     write_report(folder, straight_line_report(line, figures=figures))
+    say(line.told)
     conclude(phrase("line"), line.status, straight_line_lines(line) if line.status.ok else [line.fit.message], line.facts)
     report_at(folder / "report.md", ())
     return line.status.ok

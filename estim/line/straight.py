@@ -10,12 +10,24 @@ from pathlib import Path
 import numpy as np
 
 from estim.arrays import FloatArray
-from estim.common import InputError, Quantity, Status, read_number
+from estim.common import InputError, Quantity, Status, listed, read_number
 from estim.line.conventions import POOR_FIT
 from estim.line.interval import SlopeInterval, slope_interval
 from estim.line.least_squares import LineFit, coverage_factor, fit_line, inverse_prediction, line_values, standard_error
 from estim.line.stated_errors import Correlated, stated_covariance
-from estim.reading import Dialect, read_columns
+from estim.reading import (
+    Dialect,
+    Layout,
+    columns_told,
+    first_and_second,
+    is_column,
+    name_and_unit,
+    no_names,
+    read_columns,
+    read_layout,
+    uncertainty_of,
+    value_columns,
+)
 
 _MIN_ROWS = 3
 _PERFECT = 3e-14  # misfits below this share of y are rounding errors
@@ -23,10 +35,13 @@ _PERFECT = 3e-14  # misfits below this share of y are rounding errors
 
 @dataclass(frozen=True, eq=False)
 class Columns:
-    """Names of columns; an uncertainty and a correlation may be one number for all points, None for the column "u_x", "u_y" or "r_xy" if there."""
+    """Names of columns; "" for x and y, or the two that there are, from left to right.
 
-    x: str = "x"
-    y: str = "y"
+    An uncertainty and a correlation may be one number for all points, None for the column "u_NAME" or "u(NAME)", "r_xy" if there.
+    """
+
+    x: str = ""
+    y: str = ""
     u_x: str | None = None
     u_y: str | None = None
     r_xy: str | None = None
@@ -64,7 +79,7 @@ class Inverse:
 class StraightLine:
     """A line through the points of a table.  columns : as they were read, None for what was not there.  facts : how the table was read, in words.
 
-    correlated : what is stated of errors that points share, in words.
+    correlated : what is stated of errors that points share, in words.  told : which columns are what, in words.
     """
 
     path: Path
@@ -76,6 +91,7 @@ class StraightLine:
     probability: float
     predictions: tuple[Prediction, ...]
     inverses: tuple[Inverse, ...]
+    told: str
     facts: tuple[str, ...] = ()
     correlated: tuple[str, ...] = ()
 
@@ -96,9 +112,15 @@ def straight_line(
     dialect : how the table is written, as far as that is stated.  correlated : errors that points share.
     """
     stated = correlated or Correlated()
+    layout = read_layout(path, dialect or Dialect(), shown_as=str(path), needed=[name for name in (columns.x, columns.y) if name])
+    if not layout.names:
+        raise no_names(layout)
+    columns = _with_axes(columns, layout)
     if columns.x == columns.y:
         raise InputError("must name another column than --x", field="--y", value=columns.y)
-    wanted = replace(columns, u_x=columns.u_x or f"u_{columns.x}", u_y=columns.u_y or f"u_{columns.y}", r_xy=columns.r_xy or "r_xy")
+    found = (uncertainty_of(name, layout) for name in (columns.x, columns.y))
+    u_x, u_y = (u or (name and name_and_unit(name)[0]) for u, name in zip((columns.u_x, columns.u_y), found, strict=True))
+    wanted = replace(columns, u_x=u_x, u_y=u_y, r_xy=columns.r_xy or "r_xy")
     named = [name for name in (wanted.x, wanted.y, wanted.u_x, wanted.u_y, wanted.r_xy) if name is not None and _number(name) is None]
     needed = [name for name in (columns.x, columns.y, columns.u_x, columns.u_y, columns.r_xy) if name is not None and _number(name) is None]
     table = read_columns(path, needed=needed, optional=named, min_rows=_MIN_ROWS, shown_as=str(path), dialect=dialect)
@@ -140,7 +162,25 @@ def straight_line(
     predictions = tuple(_prediction(fit, x0, k) for x0 in predict)
     inverses = tuple(_inverse(fit, y0, k, probability) for y0 in inverse)
     slope = slope_interval(fit, probability=probability)
-    return StraightLine(path, table.sha256, read, fit, slope, k, probability, predictions, inverses, table.facts, tuple(stated.words))
+    said = [(key, name, table.units[name]) for key, name in vars(read).items() if name in table.columns]
+    told = columns_told(said, table.unread)
+    return StraightLine(path, table.sha256, read, fit, slope, k, probability, predictions, inverses, told, table.facts, tuple(stated.words))
+
+
+def _with_axes(columns: Columns, layout: Layout) -> Columns:
+    """The columns with names of x and y: x and y, where they are called so, or those of the two columns of values.  Raises InputError."""
+    bare = [name_and_unit(name)[0] for name in value_columns(layout, (columns.u_x, columns.u_y, columns.r_xy or "r_xy"))]
+    usual = {name for name in ("x", "y") if is_column(name, layout.names)} - {columns.x, columns.y}
+    x, y = columns.x or ("x" if "x" in usual else ""), columns.y or ("y" if "y" in usual else "")
+    if not columns.x and not columns.y and not (x and y):
+        x, y = first_and_second(bare) or (x, y)
+    elif len(others := [name for name in bare if name not in (x, y)]) == 1:
+        x, y = x or others[0], y or others[0]
+    if missing := [option for option, name in (("--x", x), ("--y", y)) if not name]:
+        known = listed([found for found in layout.names if found])
+        rule = f"must be named by {' and '.join(missing)}"
+        raise InputError(rule, field="column", quoted=f"there are {known}", file=layout.file, line=layout.header_line)
+    return replace(columns, x=x, y=y)
 
 
 def _in_their_place(columns: Columns, read: Columns, stated: Correlated) -> Columns:

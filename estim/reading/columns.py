@@ -13,10 +13,10 @@ from types import MappingProxyType
 
 import numpy as np
 
-from estim.common import EXTREME, InputError, extreme, phrase, same_unit
+from estim.common import EXTREME, InputError, extreme, listed, phrase, same_unit
 from estim.reading.cells import is_missing
 from estim.reading.dialect import Dialect, decimal_mark, is_column, name_and_unit, number_in, place_of, split_row
-from estim.reading.layout import Layout, cells_differ, no_names, read_layout
+from estim.reading.layout import Layout, cells_differ, no_names, numeric_columns, read_layout
 from estim.reading.table import DECIMAL_COMMAS, UNITS, Table, may_be_decimal_commas, own_name
 
 _MOST_TOLD = 6  # lines or rows of lines
@@ -61,7 +61,8 @@ def read_columns(
         array.setflags(write=False)
     empty = tuple(sorted(line for lines in left_out.values() for line in lines))
     named = MappingProxyType(columns)
-    return Table(shown_as, layout.sha256, layout.header_line or 0, named, at, layout.warnings, tuple(facts), units, empty, layout.imported)
+    unread = tuple(name for name in numeric_columns(layout) if layout.names.index(name) not in places)
+    return Table(shown_as, layout.sha256, layout.header_line or 0, named, at, layout.warnings, tuple(facts), units, empty, layout.imported, unread)
 
 
 def read_known_columns(path: Path, *, known: Sequence[str], min_rows: int, shown_as: str, dialect: Dialect) -> Table:
@@ -109,6 +110,13 @@ def _left_out(name: str, lines: Sequence[int]) -> str:
     if len(lines) == 1:
         return phrase("1 row without a value of '{name}' left out (line {line})", name=name, line=lines[0])
     return phrase("{n} rows without a value of '{name}' left out (lines {lines})", n=len(lines), name=name, lines=lines_told(lines))
+
+
+def columns_told(read: Sequence[tuple[str, str, str]], unread: Sequence[str]) -> str:
+    """Which columns are what, and which columns of numbers are not read.  read : "x", its column, its unit or "1" where none is known."""
+    pairs = [f"{key} = {name_and_unit(column)[0]}{f' ({unit})' if unit not in ('', '1') else ''}" for key, column, unit in read if column]
+    columns = phrase("columns: {pairs}", pairs=", ".join(pairs))
+    return columns + (phrase("; not read: {columns}", columns=listed(unread)) if unread else "")
 
 
 def lines_told(lines: Sequence[int]) -> str:

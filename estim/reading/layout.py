@@ -10,7 +10,7 @@ from pathlib import Path
 
 from estim.common import InputError, is_unit
 from estim.reading.cells import is_comment, is_missing, is_spreadsheet_error, looks_like_a_number
-from estim.reading.dialect import Dialect, cells_of, name_and_unit, shown_delimiter, split_row
+from estim.reading.dialect import Dialect, cells_of, is_uncertainty, name_and_unit, shown_delimiter, split_row
 from estim.reading.input_file import read_any_text
 from estim.reading.table import NOTE, facts_of, numbered_lines
 
@@ -99,11 +99,54 @@ def no_names(layout: Layout) -> InputError:
 
 
 def numeric_columns(layout: Layout) -> tuple[str, ...]:
-    """Names of the columns whose last row is a number, or nothing where the first is one; those that begin with _ left out."""
+    """Names of the columns that hold numbers, in the first or the last row, or in at least half of their cells; those that begin with _ left out."""
     first, last = (split_row(line, layout.delimiter, layout.file, number) for number, line in (layout.rows[0], layout.rows[-1]))
     rows = [cells + [""] * len(layout.names) for cells in (first, last)]
     kept = [i for i, name in enumerate(layout.names) if name and not name.startswith("_")]
-    return tuple(layout.names[i] for i in kept if any(looks_like_a_number(cells[i]) for cells in rows))
+    shown = {i for i in kept if any(looks_like_a_number(cells[i]) for cells in rows)}
+    balance = dict.fromkeys(set(kept) - shown, 0)  # numbers less words
+    held = set[int]()
+    for _, line in layout.rows if balance else ():
+        for i, cell in enumerate(_cells(line, layout.delimiter)):
+            if i in balance and not is_missing(cell) and not is_spreadsheet_error(cell):
+                number = looks_like_a_number(cell)
+                balance[i] += 1 if number else -1
+                held |= {i} if number else set()
+    shown |= {i for i in held if balance[i] >= 0}
+    return tuple(layout.names[i] for i in kept if i in shown)
+
+
+def value_columns(layout: Layout, errors: Sequence[str | None] = ()) -> tuple[str, ...]:
+    """The columns of numbers that are not called as uncertainties, nor named as such in `errors`."""
+    return tuple(name for name in numeric_columns(layout) if not is_uncertainty(_bare(name)) and not {name, _bare(name)} & {*errors})
+
+
+def uncertainty_of(column: str, layout: Layout) -> str | None:
+    """The column u_NAME or u(NAME) of the uncertainties of `column`, if it is there."""
+    named = {written for name in (column, _bare(column)) for written in (f"u_{name}", f"u({name})")}
+    return next((name for name in layout.names if not name.startswith("_") and {name, _bare(name)} & named), None)
+
+
+def first_and_second(columns: Sequence[str]) -> tuple[str, str] | None:
+    """x and y of a table of two columns: as they are called where that is x and y, else from left to right.
+
+    None where there are not two, and where the first is called y and the second not x.
+    """
+    if len(columns) != 2:
+        return None
+    first, second = columns
+    if is_called(first, "y"):
+        return (second, first) if is_called(second, "x") else None
+    return first, second
+
+
+def is_called(column: str, letter: str) -> bool:
+    """Whether a column is called x, X, x_m or x [m], for the letter x."""
+    return _bare(column).partition("_")[0].lower() == letter
+
+
+def _bare(name: str) -> str:
+    return name_and_unit(name)[0]
 
 
 def _start(lines: Lines, delimiter: str, file: str) -> int:

@@ -49,7 +49,7 @@ class Run:
     left_out : how many rows of the file were left out by `without`.
     interval : s between frames, of an imported run of a campaign; None of others.
     blank : lines of the file that are left out, since a column has no value there.
-    imported : whether it is an imported track, or a CSV made by `estim import`.
+    imported : whether it is an imported track, or a CSV made by `estim import`.  unread : columns of numbers in the file beside these.
     """
 
     name: str
@@ -64,6 +64,7 @@ class Run:
     interval: float | None = None
     blank: tuple[int, ...] = ()
     imported: bool = False
+    unread: tuple[str, ...] = ()
 
     @property
     def n_row(self) -> int:
@@ -144,6 +145,7 @@ def run_of_table(table: Table, name: str) -> Run:
     return Run(
         name=name, file=table.file, sha256=table.sha256, columns=table.columns, lines=table.lines, warnings=table.warnings,
         facts=table.facts, tilt=stated_tilt(table.facts), blank=table.blank, imported=table.imported,
+        unread=table.unread,
     )
 
 

@@ -55,6 +55,7 @@ class Table:
     warnings : texts of the comment lines "# warning: ...".  facts : the other comments above the header of a file that
     `estim import` made; empty for other files.  units : column -> unit that the header states, "" for none; empty where no header may.
     blank : lines of the rows that are left out, since a column has no value there.  imported : whether `estim import` made the file.
+    unread : further columns of numbers that the file has.
     """
 
     file: str
@@ -67,6 +68,7 @@ class Table:
     units: Mapping[str, str] = field(default_factory=dict)
     blank: tuple[int, ...] = ()
     imported: bool = False
+    unread: tuple[str, ...] = ()
 
     def require_unit(self, u: str, of: str) -> None:
         """Raises InputError where the header states one unit for the column `u` of uncertainties, and another for the column that they are of."""
