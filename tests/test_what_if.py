@@ -194,7 +194,7 @@ def test_a_sag_is_one_of_the_ramp_that_all_runs_lie_on(tmp_path: Path) -> None:
     farthest = max(float(run.x.max()) for run in fit.problem.runs)
     assert told.along == pytest.approx(farthest)
     assert farthest == pytest.approx(0.362, abs=0.001)
-    assert "1 mm of sag in the middle of the ramp, 0.362 m long: " in tell(large_influences(fit, [told])[0])
+    assert "1 mm of sag on a 0.362 m ramp: " in tell(large_influences(fit, [told])[0])
     short = next(one for one in influences(replica(tmp_path, unsaid, runs[1:])) if one.name == "sag")
     assert short.along == pytest.approx(0.237, abs=0.001)
     assert short.largest > 2.0

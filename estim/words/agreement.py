@@ -68,8 +68,8 @@ _COMMON = MappingProxyType(
 def common_error(name: str, size: float, along: float | None) -> str:
     """'1 % of the clock'; size in SI units, or as a share.  along : m, length of a ramp that sags, None where there are several or none."""
     factor, words = _COMMON[name]
-    said = phrase(words, size=f"{size * factor:.3g}")
-    return said if along is None else phrase("{error}, {length:.3g} m long", error=said, length=along)
+    said = f"{size * factor:.3g}"
+    return phrase(words, size=said) if along is None else phrase("{size} mm of sag on a {length:.3g} m ramp", size=said, length=along)
 
 
 def _common(f: Finding) -> str:
