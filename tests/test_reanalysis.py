@@ -106,31 +106,61 @@ def test_any_number_of_processes_gives_the_same_report(tmp_path: Path) -> None:
     assert [percent for percent, _ in told] == [0, 50, 100]
 
 
-def test_propagated_band_is_that_of_brute_force(campaign: Campaign, rng: np.random.Generator) -> None:
-    """Draw the stated inputs, evaluate the curve, take quantiles."""
+@pytest.mark.parametrize("of_paper", [False, True])
+def test_propagated_band_is_that_of_brute_force(campaign: Campaign, project: Path, rng: np.random.Generator, of_paper: bool) -> None:
+    """Draw the stated inputs, evaluate the curve, take quantiles: kappa and c_rr as published where that is known, else as fitted."""
     from model import Body, speed
 
     analysis = analyse(campaign, ["heavy-04"], seed=1, target=QUICK)
-    (band,) = propagated_bands(analysis, rng=rng)
+    numbers = read_published(project / "data" / "paper" / "published.toml")[1] if of_paper else ()
+    (band,) = propagated_bands(analysis, rng=rng, published=numbers)
     named = analysis.problem.named(analysis.fit.values)
+    fitted = {name: float(named[name]) for name in ("kappa[heavy]", "rolling_resistance")}
+    kappa, resistance = (0.45, 0.0) if of_paper else fitted.values()
     priors = {p.name: p.prior for p in analysis.problem.parameters}
     n = 40_000
     drawn = {key: priors[key].draw(rng, n)[:, None] for key in ("gamma[heavy]", "theta0[heavy-04]", "phi[heavy-04]", "radius")}
-    body = Body(drawn["radius"], drawn["gamma[heavy]"], float(named["kappa[heavy]"]))
     at = np.searchsorted(band.x, [0.1, 0.2, 0.3])
-    v = speed(
-        band.x[at], body, phi=drawn["phi[heavy-04]"], theta0=drawn["theta0[heavy-04]"],
-        rolling_resistance=float(named["rolling_resistance"]), g=9.81,
-    )
+
+    def speeds(kappa: float, resistance: float, values: dict[str, np.ndarray]) -> np.ndarray:
+        body = Body(values["radius"], values["gamma[heavy]"], kappa)
+        return speed(
+            band.x[at], body, phi=values["phi[heavy-04]"], theta0=values["theta0[heavy-04]"], rolling_resistance=resistance, g=9.81,
+        )
+
+    v = speeds(kappa, resistance, drawn)
     low, high = np.quantile(v, [0.16, 0.84], axis=0)
     assert band.mc_low[at] == pytest.approx(low, rel=0.01)
     assert band.mc_high[at] == pytest.approx(high, rel=0.01)
     assert band.u[at] == pytest.approx(v.std(axis=0), rel=0.05)
-    assert set(band.held) == {"kappa[heavy]", "rolling_resistance"}
+    stated = {name: np.array([[priors[name].mean]]) for name in drawn}
+    assert band.value[at] == pytest.approx(np.ravel(speeds(kappa, resistance, stated)), rel=1e-9)
+    other = np.ravel(speeds(*(fitted.values() if of_paper else (0.45, 0.0)), stated))
+    assert np.all(np.abs(band.value[at] - other) > 0.02 * other)  # the two are not the same band
+    assert dict(band.published) == ({"kappa[heavy]": 0.45, "rolling_resistance": 0.0} if of_paper else {})
+    assert set(band.held) == (set() if of_paper else set(fitted))
     assert np.nanmedian(band.ratio) < 0.3
     known = np.isfinite(band.ratio)
     assert np.all(band.mc_low[known] > 0.0)  # a band that v = 0 cuts off has no width to compare
     assert np.any(band.mc_low[~known] == 0.0)
+
+
+@pytest.mark.usefixtures("undrawn")
+@pytest.mark.parametrize(("numbers", "said"), [
+    (["kappa", "rolling_resistance"], "the paper's band, 68 %: stated inputs, κ = 0.45, c_rr = 0 as published"),
+    (["kappa"], "stated inputs, 68 %; κ = 0.45 as published; c_rr as fitted"),
+    ([], "stated inputs, 68 %; κ, c_rr as fitted"),
+])
+def test_a_report_says_whose_the_band_is(tmp_path: Path, project: Path, numbers: list[str], said: str) -> None:
+    head, *blocks = (project / "data" / "paper" / "published.toml").read_text().split("[[number]]")
+    kept = [block for block in blocks if any(f'"{parameter}"' in block for parameter in ("radius", *numbers))]
+    (tmp_path / "published.toml").write_text("[[number]]".join([head, *kept]))
+    path = Disk(more='rolling_resistance = {prior = "half-normal", scale = 0.005}').write(tmp_path)
+    path.write_text('published = "published.toml"\n' + path.read_text())
+    target = Target(max_step=60, n_walker=24)
+    found = reanalyse(load_campaign(path), seed=1, target=target, progress_of=lambda _: nullcontext(lambda percent, message: None))
+    report = reanalysis_report(found, figures=True)["report.md"].decode().replace("\xa0", " ")
+    assert f"*Orange: {said}. Blue: " in report
 
 
 def test_line_of_the_replica_recovers_gamma(campaign: Campaign) -> None:

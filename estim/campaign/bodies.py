@@ -19,7 +19,7 @@ from estim.campaign.blur import blur_cause, blurs
 from estim.campaign.campaign_file import CampaignFile, NoiseTable
 from estim.campaign.causes import Sketch, Surroundings, sketches
 from estim.campaign.curve_models import ADDED, CurveModel, Outline, outlines
-from estim.campaign.effects import setting_of
+from estim.campaign.effects import ramp_of, setting_of, with_full_curves
 from estim.campaign.forced import KEY, Circumstances, Stance, fit_with_forces, force_scale, possible_force, refuse_force
 from estim.campaign.foreseen import foreseen_information
 from estim.campaign.levels import Levels, noise_level
@@ -151,6 +151,8 @@ class RollingStudy:
             circumstances = Circumstances(observed, joint=len(names) > 1, tied=tied[name], replaced=noise is not None)
             stance = Stance(0.0) if white else (possible_force if compared else force_scale)(levels, circumstances)
             runs.append(replace(posed, force=stance.scale, complete=stance.complete))
+        centres = {name: p.prior.centre for name, p in (physics | unknowns).items()}
+        runs = with_full_curves(runs, {name: ramp_of(self.levels(name)) for name in names}, centres)
         spreads = {name: spreads_of(self.levels(name), KINDS_OF_QUANTITIES) for name in names}
         further, every_run = varied(runs, {name: {q: one for q, one in own.items() if q not in without} for name, own in spreads.items()})
         return Problem((*shared_first([*physics.values(), *further], every_run), *unknowns.values()), every_run)

@@ -250,6 +250,7 @@ def _shared_lines(design: Design, rng: np.random.Generator) -> list[str]:
         f"g = {constants.g}",
         f"radius_m = {_measured(constants.radius_m, instruments.u_radius_m, rng)}",
         'rolling_resistance = {prior = "half-normal", scale = 0.005}',
+        f"ramp_length_m = {constants.ramp_length_m}",
         f"noise = {{sigma_x_m = {instruments.sigma_x_m}, derivative = \"central\"}}",
     ]
 

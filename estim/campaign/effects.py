@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
 
 from estim.campaign.levels import Levels, Path
 from estim.campaign.quantities import EFFECTS
 from estim.common import InputError
-from estim.curves import Place, Setting, energy_of_speed
-from estim.problem import Prior
+from estim.curves import DisturbedMotion, DisturbedMotionCurve, DisturbedPhaseCurve, Place, RollingMotion, Setting, energy_of_speed
+from estim.problem import Observations, Prior
 
 _EXCLUSIVE = (("release_energy", "release_speed"), ("sag", "phi_slope"))
 _SDS = 2.0  # how far a speed at release is from 0 where v(x) is fit by it
@@ -52,26 +55,72 @@ def _check_speed(levels: Levels, sources: Mapping[str, float | Prior]) -> None:
         raise _error(levels, "release_speed", rule, value=speed.describe())
 
 
-def _length(levels: Levels, name: str, of_what: str, sources: Mapping[str, float | Prior]) -> Place:
-    """Where on a ramp or in a picture the release is, for the quantity `name`."""
-    if name not in sources:
-        return Place()
-    numbers = []
+def ramp_of(levels: Levels) -> Place | None:
+    """The ramp of a run as it is stated, from its lower end where nothing is said of the start; None where its length is not."""
+    return _stated_place(levels, "ramp")
+
+
+def with_full_curves(
+    runs: Sequence[Observations], ramps: Mapping[str, Place | None], centres: Mapping[str, float]
+) -> list[Observations]:
+    """Runs whose motion knows the curve with everything that may be stated beside.
+
+    ramps : run -> its ramp as stated.  Where nothing is stated, the ramp reaches as far as any of the runs was seen.
+    centres : unknown -> the centre of its prior.
+    """
+    reaches = [_reach(run, centres) for run in runs]
+    low, high = min(reach[0] for reach in reaches), max(reach[1] for reach in reaches)
+    found = []
+    for run in runs:
+        motion, ramp = run.motion, ramps[run.name] or Place(high - low, -low)
+        assert isinstance(motion, RollingMotion)
+        setting = replace(motion.setting if isinstance(motion, DisturbedMotion) else Setting(motion.mass), ramp=ramp)
+        full = (DisturbedMotionCurve if run.positions else DisturbedPhaseCurve)(motion.angular, setting)
+        found.append(replace(run, motion=replace(motion, full=full, ramp_length=ramp.length)))
+    return found
+
+
+def _reach(run: Observations, centres: Mapping[str, float]) -> tuple[float, float]:
+    """How far a run was seen on either side of the release, m."""
+    def centre(argument: str) -> float:
+        source = run.arguments.get(argument, 0.0)
+        return centres[source] if isinstance(source, str) else source
+
+    unit = centre("radius") if isinstance(run.motion, RollingMotion) and run.motion.angular else 1.0
+    since = unit * ((run.y if run.positions else run.x) - centre("offset"))
+    return min(float(np.min(since)), 0.0), max(float(np.max(since)), 0.0)
+
+
+def _stated_place(levels: Levels, of_what: str) -> Place | None:
+    """Raises InputError where it is impossible."""
+    said = {}
     for key in (f"{of_what}_length_m", f"{of_what}_start_m"):
         level = next((level for level in levels if getattr(level.table, key) is not None), None)
-        if level is None:
-            raise _error(levels, name, f"needs '{key}' beside it, {'the whole length' if 'length' in key else 'where on it the release is'}")
-        numbers.append((float(getattr(level.table, key)), (*level.path, key)))
-    (length, path), (start, where) = numbers
+        said[key] = (0.0, ()) if level is None else (float(getattr(level.table, key)), (*level.path, key))
+    (length, path), (start, where) = said.values()
+    if not path:
+        return None
     if not (math.isfinite(length) and length > 0.0):
         raise levels.error("must be > 0", path, value=length)
     if not 0.0 <= start <= length:
         raise levels.error(f"must lie between 0 and '{of_what}_length_m' = {length:g}", where, value=start)
-    source = sources[name]
+    return Place(length, start)
+
+
+def _length(levels: Levels, name: str, of_what: str, sources: Mapping[str, float | Prior]) -> Place:
+    """Where on a ramp or in a picture the release is, for the quantity `name`."""
+    if name not in sources:
+        return Place()
+    for key, what in ((f"{of_what}_length_m", "the whole length"), (f"{of_what}_start_m", "where on it the release is")):
+        if all(getattr(level.table, key) is None for level in levels):
+            raise _error(levels, name, f"needs '{key}' beside it, {what}")
+    place = _stated_place(levels, of_what)
+    assert place is not None
+    length, source = place.length, sources[name]
     centre = source if isinstance(source, float) else source.centre
     if abs(centre) > _DEEPEST * length:
         raise _error(levels, name, f"must be at most a tenth of '{of_what}_length_m' = {length:g}", value=centre)
-    return Place(length, start)
+    return place
 
 
 def _place(levels: Levels, name: str) -> Path:

@@ -1,28 +1,26 @@
 """What an error that no residual can show would do to the result: a clock, a scale, a ramp that sags, a value taken as exact.
 
-To first order an error that moves the residuals by d moves the mode by
-
-    -(J^T J)^-1 J^T d,        J the Jacobian of the residuals of data and priors,
-
-the linear response of least squares.  Told in posterior standard deviations: more than half of one, and the result is only as good as
-what is known of that input.  The errors belong to what was measured (`Observations.errors_in_common`); values taken as exact to the campaign.
+The mode of a new fit that accounts for the error, from the mode that was found, in posterior standard deviations: more than half of one, and the
+result is only as good as what is known of that input.  What the curve lacks and the size of the noise are taken as they were found.  No linear
+response is told in its place: a millimetre of sag may move a result by so much that it is wrong by factors.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import cast
+from types import MappingProxyType
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from estim.arrays import FloatArray
 from estim.common import Amount, Finding, Kind
-from estim.fitting import Fit, curve_indices, linear_response
-from estim.problem import CommonError, Curve, Flat, LocalCurve, Parameter, Problem, SpeedCurve
+from estim.curves import scale_errors_of
+from estim.fitting import Fit, curve_indices, descend_by_runs
+from estim.problem import CommonError, Observations, Problem
 
 TOLD_FROM = 0.5  # posterior standard deviations
+_MOST_ROUNDS, _SETTLED = 40, 0.005  # of a new fit; standard deviations that its last round may move
 
 
 @dataclass(frozen=True)
@@ -30,7 +28,8 @@ class Influence:
     """One input that the data cannot check.
 
     name : what is wrong ("clock").  size : by how much, in `unit` ("1": a share).  runs : those that it concerns.
-    shifts : parameter -> how far it moves, in posterior standard deviations.
+    shifts : parameter -> by how many posterior standard deviations the error has moved it; empty where no fit that accounts for the error settles.
+    along : m, length of the ramp of a sag; None for other errors, and where the runs have several.
     """
 
     name: str
@@ -38,6 +37,7 @@ class Influence:
     unit: str
     runs: tuple[str, ...]
     shifts: Mapping[str, float]
+    along: float | None = None
 
     @property
     def strongest(self) -> str:
@@ -46,70 +46,57 @@ class Influence:
 
     @property
     def largest(self) -> float:
-        return abs(self.shifts[self.strongest])
-
-
-@dataclass(frozen=True, eq=False)
-class _Shifted:
-    """A curve that further arguments move: argument -> (n_obs,) by how much at the points x, for a value of 1; between them straight."""
-
-    curve: Curve
-    x: FloatArray
-    shifts: Mapping[str, FloatArray]
-
-    def value(self, x: FloatArray, arguments: Mapping[str, ArrayLike]) -> FloatArray:
-        return self.curve.value(x, arguments)
-
-    def local(self, x: FloatArray, arguments: Mapping[str, ArrayLike]) -> LocalCurve:
-        inner, order = self.curve.local(x, arguments), np.argsort(self.x)
-        moved = {name: np.interp(x, self.x[order], shift[order]) for name, shift in self.shifts.items()}
-        return replace(inner, gradient={**inner.gradient, **moved})
-
-    def time_derivative(self, x: FloatArray, arguments: Mapping[str, ArrayLike], order: int) -> FloatArray:
-        return cast(SpeedCurve, self.curve).time_derivative(x, arguments, order)
+        """inf where it is not known."""
+        return abs(self.shifts[self.strongest]) if self.shifts else np.inf
 
 
 def influences(fit: Fit) -> tuple[Influence, ...]:
-    """What each error in common to the data would do, the strongest first; none where the fit has no standard deviations."""
+    """What each error in common to the data has done, were it there, the largest first; none where the fit has no standard deviations."""
     inside = [i for i in curve_indices(fit) if np.isfinite(fit.sds[i])]
     if fit.singular or not inside:
         return ()
-    problem, named = fit.problem, fit.problem.named(fit.values)
-    errors = {run.name: {error.name: error for error in run.errors_in_common(run.bind(named))} for run in problem.runs}
-    kinds = {name: error for of_run in errors.values() for name, error in of_run.items()}
-    # an error that moves the data as a parameter moves the curve moves that parameter by as much
-    steps = _moved(problem, fit.values, errors, tuple(kinds)) / fit.sds[:, None]
-    found = [
-        Influence(
-            name, error.size, error.unit, tuple(run for run in errors if name in errors[run]), {fit.names[i]: float(steps[i, k]) for i in inside}
-        )
-        for k, (name, error) in enumerate(kinds.items())
-    ]
-    return tuple(sorted((one for one in found if np.isfinite(one.largest)), key=lambda one: -one.largest))
+    errors = {run.name: {error.name: error for error in _errors_of(run)} for run in fit.problem.runs}
+    found = []
+    for name, kind in {name: error for of_run in errors.values() for name, error in of_run.items()}.items():
+        concerned = {run: of_run[name] for run, of_run in errors.items() if name in of_run}
+        accounted = _accounting(fit.problem, concerned)
+        values = _mode_near(fit, accounted)
+        shifts = {} if values is None else {fit.names[i]: float((fit.values[i] - values[i]) / fit.sds[i]) for i in inside}
+        ramps = {error.along for error in concerned.values()}
+        found.append(Influence(name, kind.size, kind.unit, tuple(concerned), shifts, ramps.pop() if len(ramps) == 1 else None))
+    return tuple(sorted(found, key=lambda one: -one.largest))
 
 
-def _moved(
-    problem: Problem, values: FloatArray, errors: Mapping[str, Mapping[str, CommonError]], names: Sequence[str]
-) -> FloatArray:
-    """(n_par, n_error) how far each of the errors `names` moves the least squares, taken as one more parameter of the curves."""
-    runs = []
-    for run in problem.runs:
-        own = {f"error of {name}": error.shift for name, error in errors[run.name].items()}
-        noise = run.noise if run.noise.counted is None else run.noise.for_search()  # counts as readings about as precise: their response is linear
-        runs.append(replace(run, curve=_Shifted(run.curve, run.x, own), arguments={**run.arguments, **{name: name for name in own}}, noise=noise))
-    further = tuple(Parameter(f"error of {name}", "1", Flat(-np.inf, np.inf, 0.0), name) for name in names)
-    at = np.concatenate([values, np.zeros(len(names))])
-    posterior = replace(problem, parameters=(*problem.parameters, *further), runs=tuple(runs)).linearised(at)
-    roots, effects, columns = [], [], []
-    for jacobian, used in zip(posterior.narrow_jacobians(at), posterior.problem.columns, strict=True):
-        of_error = used >= values.size
-        effect = np.zeros((len(jacobian), len(names)))
-        effect[:, used[of_error] - values.size] = jacobian[:, of_error]
-        roots.append(jacobian[:, ~of_error])
-        effects.append(effect)
-        columns.append(used[~of_error])
-    slopes = posterior.prior_slopes(at)[: values.size]
-    return linear_response(roots, columns, slopes)(effects, np.zeros((values.size, len(names))))
+def _errors_of(run: Observations) -> tuple[CommonError, ...]:
+    if run.motion is None:
+        return scale_errors_of(run.curve, counted=run.noise.counted is not None)
+    return run.motion.errors_in_common(run.curve, run.arguments)
+
+
+def _accounting(problem: Problem, errors: Mapping[str, CommonError]) -> Problem:
+    """The problem whose curves account for the errors, run -> error."""
+    runs = (
+        replace(run, curve=errors[run.name].curve, arguments=MappingProxyType({**run.arguments, **errors[run.name].arguments}))
+        if run.name in errors else run
+        for run in problem.runs
+    )
+    return replace(problem, runs=tuple(runs))
+
+
+def _mode_near(fit: Fit, problem: Problem) -> FloatArray | None:
+    """(n_par,) the mode of `problem` next to that of the fit, the noise held; None where the steps do not settle."""
+    values, variance = fit.values, np.diag(fit.cov)
+    scale = np.sqrt(np.where(variance > 0.0, variance, np.inf))
+    free = curve_indices(fit).tolist()
+    for _ in range(_MOST_ROUNDS):
+        with np.errstate(all="ignore"):
+            posterior = problem.linearised(values)
+            if not np.all(np.isfinite(posterior.residuals(values))):
+                return None
+        before, values = values, descend_by_runs(posterior, values, free, most=1)
+        if np.max(np.abs(values - before)[free] / scale[free]) < _SETTLED:
+            return values
+    return None
 
 
 def large_influences(fit: Fit, found: Sequence[Influence]) -> list[Finding]:
@@ -117,7 +104,8 @@ def large_influences(fit: Fit, found: Sequence[Influence]) -> list[Finding]:
     parts = []
     for one in found:
         if one.largest > TOLD_FROM:
-            parameter = fit.problem.parameters[fit.names.index(one.strongest)]
-            amount = Amount(one.strongest, one.largest, parameter.label)
-            parts.append(Finding(Kind.COMMON_ERROR, test=one.name, size=one.size, parameters=(amount,)))
+            moved = (fit.problem.parameters[fit.names.index(one.strongest)],) if one.shifts else ()
+            amounts = tuple(Amount(parameter.name, one.largest, parameter.label) for parameter in moved)
+            along = {} if one.along is None else {"along": one.along}
+            parts.append(Finding(Kind.COMMON_ERROR, test=one.name, size=one.size, parameters=amounts, numbers=along))
     return [Finding(Kind.COMMON_ERRORS, parts=tuple(parts))] if parts else []

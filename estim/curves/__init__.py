@@ -9,7 +9,7 @@ from estim.curves.posing import MAX_DENSE, MAX_OBS, SIGMA, SIGMA_NOTATION, SIGMA
 from estim.curves.quantities import Plain, refuse_quantities, without_units
 from estim.curves.regimes import Fate, borders_of, farthest_stop, fate_at, placed, steepest_tilt, turning_contours
 from estim.curves.rolling import MotionCurve, PhaseCurve, RollingMotion
-from estim.curves.shared_errors import Component, DistortedCurve
+from estim.curves.shared_errors import Component, DistortedCurve, scale_errors_of
 from estim.curves.sought import SoughtQuantity, check_sought, in_units, seek, unit_that_follows
 from estim.curves.units import contradiction, refuse_degrees
 from estim.curves.varying import VaryingCurve, VaryingMotion, shift_of, spread_of

@@ -8,7 +8,7 @@ are the same to the last bits, and faster.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike
 from estim.arrays import FloatArray
 from estim.common import Notation, later, phrase
 from estim.curves.differences import with_gradient
-from estim.curves.rolling import FIRST_TURNING, SAG_TOLD, RollingMotion, body_of, derived_of, footing_of, from_release
+from estim.curves.rolling import FIRST_TURNING, RollingMotion, body_of, derived_of, footing_of, from_release
 from estim.problem import Derived, Footing, LocalCurve
 from model import (
     Body,
@@ -236,14 +236,6 @@ class DisturbedMotion(RollingMotion):
         true = known.true_position(from_release(x, arguments))
         kinetic = energy.kinetic_energy(length * true, length * v / known.gain(true), known.body, **place)
         return kinetic, energy.potential_energy(length * true, known.body, **place, g=known.motion["g"])
-
-    def _sag_in_time(self, t: FloatArray, x: FloatArray, arguments: Mapping[str, ArrayLike]) -> FloatArray:
-        since, depth = np.ravel(t - np.asarray(arguments["release_time"])), arguments.get("sag", 0.0)
-        way = float(np.max(np.abs(x - np.asarray(arguments["offset"]))) * np.asarray(self.metres(arguments)))
-        setting = self.setting if np.any(depth) else replace(self.setting, ramp=Place(way, 0.0))
-        sags = np.asarray(depth) + np.array([[0.0], [SAG_TOLD]])
-        read, _ = _state(since, _disturbed({**arguments, "sag": sags}, setting), self.angular)
-        return np.asarray(read[1] - read[0])
 
     def derived(self, arguments: Mapping[str, ArrayLike]) -> Mapping[str, Derived]:
         known = _disturbed(arguments, self.setting)

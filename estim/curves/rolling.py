@@ -5,7 +5,7 @@ Arguments of both are the quantities of a campaign; with `angular` positions are
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -15,16 +15,15 @@ from numpy.typing import ArrayLike
 from estim.arrays import FloatArray
 from estim.common import Notation, later, phrase
 from estim.curves.differences import with_gradient
-from estim.problem import CommonError, Derived, Footing, LocalCurve, Prior, Wording
-from model import Body, ContactForces, Forces, back_and_forth, contact_forces, energy, needed_friction, phase, positions_at, sagging
+from estim.problem import CommonError, Curve, Derived, Footing, LocalCurve, Prior, Wording
+from model import Body, ContactForces, back_and_forth, contact_forces, energy, needed_friction, phase, positions_at
 
 _BODY = ("radius", "gamma", "kappa", "rho", "trailing_fraction", "particle_gyration")
 _ZEROED = ("phi", "theta0")  # angles that an instrument may read with a common zero error
-_KNOWN_AS = {"scale_t": "clock", "scale_x": "length", "sag": "sag"}  # argument of a campaign -> common error
+_IN_COMMON = {"scale_t": ("clock", 0.01, "1"), "scale_x": ("length", 0.01, "1"), "sag": ("sag", 1e-3, "m")}  # argument of a campaign -> error
 _TAKEN_AS_EXACT = {  # argument -> an error of it: of angles in rad, else as a share
     "radius": 0.01, "g": 1e-3, "gamma": 0.01, "kappa": 0.01, "phi": float(np.radians(0.1)), "theta0": float(np.radians(1.0)),
 }
-SAG_TOLD = 1e-3  # m, of a sag
 FIRST_TURNING = later("first turning point, from the release, on the scale of the positions")
 _N_FOOTING = 96  # places along the way
 _MOTION = ("phi", "theta0", "rolling_resistance", "g")
@@ -143,12 +142,16 @@ class RollingMotion:
     angular : positions are angles turned since release.  mass : kg, or None where the campaign does not say.
     in_time : whether positions were measured against time, so that the abscissa is a time, which has no end.
     grip : coefficient of static friction as stated.
+    full : the curve with everything that a campaign may state beside; None where nobody asks for it.
+    ramp_length : m, of the ramp that may sag in that curve.
     """
 
     angular: bool
     mass: float | None = None
     in_time: bool = False
     grip: Prior | float | None = field(default=None, kw_only=True)
+    full: Curve | None = field(default=None, kw_only=True)
+    ramp_length: float | None = field(default=None, kw_only=True)
 
     end_notation = Notation("x_t")
     instrument_readings = ("phi", "theta0")
@@ -192,45 +195,29 @@ class RollingMotion:
             found["turning_point"] = Derived(unit, np.atleast_2d(self._stop(arguments)), phrase(FIRST_TURNING), self.end_notation)
         return found
 
-    def errors_in_common(
-        self, x: FloatArray, y: FloatArray, local: LocalCurve, arguments: Mapping[str, ArrayLike], exact: Collection[str]
-    ) -> tuple[CommonError, ...]:
-        """Angles of an encoder have no scale.  What is inferred is no such error."""
+    def scale_errors(self, x: FloatArray, y: FloatArray, local: LocalCurve, arguments: Mapping[str, ArrayLike]) -> Mapping[str, FloatArray]:
+        """Angles of an encoder have no scale."""
         slope = local.slope[0]
-        clock = -0.01 * slope * (x - np.asarray(arguments["release_time"])) if self.in_time else -0.01 * y
-        errors = [CommonError("clock", 0.01, "1", clock)]
-        if not self.angular:
-            length = 0.01 * (y - np.asarray(arguments["offset"])) if self.in_time else 0.01 * (y - from_release(x, arguments) * slope)
-            errors.append(CommonError("length", 0.01, "1", length))
-        sag = self._sag_in_time(x, local.value[0], arguments) if self.in_time else self._sag(x, local.value[0], arguments)
-        errors.append(CommonError("sag", SAG_TOLD, "m", sag))
+        if self.in_time:
+            clock, length = -slope * (x - np.asarray(arguments["release_time"])), y - np.asarray(arguments["offset"])
+        else:
+            clock, length = -y, y - from_release(x, arguments) * slope
+        return {"clock": clock} if self.angular else {"clock": clock, "length": length}
+
+    def errors_in_common(self, curve: Curve, arguments: Mapping[str, str | float]) -> tuple[CommonError, ...]:
+        """Angles of an encoder have no scale.  What is inferred is no such error."""
+        errors = []
+        for argument, (name, size, unit) in _IN_COMMON.items():
+            stated = arguments.get(argument, 0.0)
+            if self.full is not None and not isinstance(stated, str) and not (self.angular and argument == "scale_x"):
+                along = self.ramp_length if argument == "sag" else None
+                errors.append(CommonError(name, size, unit, self.full, {argument: stated + size}, along))
         for name, size in _TAKEN_AS_EXACT.items():
-            value = np.asarray(arguments[name])
-            if name in exact and np.all(value != 0.0):
+            value = arguments[name]
+            if not isinstance(value, str) and value != 0.0:
                 change, unit = (size, "rad") if name in _ZEROED else (size * value, "1")
-                errors.append(CommonError(name, size, unit, -np.broadcast_to(local.gradient[name] * change, (1, x.size))[0]))
-        inferred = {_KNOWN_AS[name] for name in _KNOWN_AS if name in arguments and name not in exact}
-        return tuple(error for error in errors if error.name not in inferred)
-
-    def _sag(self, x: FloatArray, v: FloatArray, arguments: Mapping[str, ArrayLike]) -> FloatArray:
-        """(n_obs,) change of the speeds where the ramp lies 1 mm lower in the middle of the way than a straight line: dv = v g h/(2 K)."""
-        since = np.broadcast_to(from_release(x, arguments), (1, x.size))[0]
-        length = float(np.max(np.abs(since)))
-        depth = SAG_TOLD * 4.0 * np.abs(since) / length * (1.0 - np.abs(since) / length)
-        kinetic, _ = self.energies(x, v, arguments)
-        with np.errstate(divide="ignore", invalid="ignore"):  # at rest
-            change = v * np.asarray(arguments["g"]) * depth / (2.0 * kinetic)
-        return np.where(np.isfinite(change), change, 0.0).reshape(x.shape)
-
-    def _sag_in_time(self, t: FloatArray, x: FloatArray, arguments: Mapping[str, ArrayLike]) -> FloatArray:
-        """(n_obs,) the same of the positions x at times t, by the motion on a ramp that is a parabola from the release to the farthest point."""
-        since, unit = np.ravel(t - np.asarray(arguments["release_time"])), self.metres(arguments)
-        way = float(np.max(np.abs(x - np.asarray(arguments["offset"]))) * np.asarray(unit))
-        body, motion = body_of(arguments)
-        straight, _ = back_and_forth(since, body, **motion)
-        motion["phi"], bend = sagging(motion["phi"], SAG_TOLD, length=way, start=0.0)
-        bent, _ = back_and_forth(since, body, **motion, forces=Forces(phi_slope=bend))
-        return np.asarray((np.ravel(bent) - np.ravel(straight)) / np.asarray(unit))
+                errors.append(CommonError(name, size, unit, curve, {name: value - change}))
+        return tuple(errors)
 
     def end(self, arguments: Mapping[str, ArrayLike]) -> FloatArray:
         if self.in_time:

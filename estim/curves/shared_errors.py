@@ -5,6 +5,8 @@ Which to choose:
 - `scale_y`: it reads (1 + d) y, with d known to be 0 within u (a fraction: 0.01 is 1 %).
 - `zero_x`, `scale_x`: the same of x.
 
+`scale_errors_of` says how a fit accounts for scales that nobody stated.
+
 d is a parameter with a normal prior of mean 0 and standard deviation u.  It is fit and sampled with the others, so that
 its uncertainty and its correlations reach every result, and the data may narrow it where they can.
 """
@@ -12,16 +14,18 @@ its uncertainty and its correlations reach every result, and the data may narrow
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from estim.arrays import FloatArray
 from estim.common import InputError, later, phrase
-from estim.problem import EXACT, Curve, LocalCurve, Normal, Parameter
+from estim.curves.binned import BinnedCurve
+from estim.problem import EXACT, CommonError, Curve, LocalCurve, Normal, Parameter
 
 KINDS = ("zero_y", "scale_y", "zero_x", "scale_x")
+_SHARE = 0.01  # how far a scale is taken to be off
 _MEANINGS = {
     "zero_y": later("common zero error of y"),
     "scale_y": later("common relative error of y"),
@@ -92,3 +96,20 @@ class DistortedCurve:
         gradient = {name: scale * partial for name, partial in inner.gradient.items()}
         gradient |= {c.parameter_name: own[c.kind] for c in self.components}
         return LocalCurve(scale * inner.value + self._sum("zero_y", arguments), slope, gradient)
+
+
+def scale_errors_of(curve: Curve, *, counted: bool) -> tuple[CommonError, ...]:
+    """A per cent of the scale of either axis, where it is no unknown already; what was `counted` has no scale of y."""
+    known = {one.kind for one in curve.components} if isinstance(curve, DistortedCurve) else set[str]()
+    return tuple(_scale_error(curve, kind) for kind in ("scale_x", "scale_y") if kind not in known and not (counted and kind == "scale_y"))
+
+
+def _scale_error(curve: Curve, kind: str) -> CommonError:
+    name = f"error of {kind}"
+    error = Component(kind, _SHARE, name)
+    if not isinstance(curve, BinnedCurve):
+        return CommonError(kind, _SHARE, "1", DistortedCurve(curve, (error,)), {name: _SHARE})
+    # the events of a longer bin are as many: fewer for each unit of x
+    thinned = Component("scale_y", _SHARE, f"{name}, per unit")
+    density = DistortedCurve(curve.density, (error, thinned))
+    return CommonError(kind, _SHARE, "1", replace(curve, density=density), {name: _SHARE, thinned.parameter_name: 1.0 / (1.0 + _SHARE) - 1.0})

@@ -7,14 +7,15 @@ The mean and the spread are common to the runs, the shift is one run's (standard
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import cast
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from estim.arrays import FloatArray
 from estim.common import Notation
-from estim.problem import CommonError, Derived, Footing, LocalCurve, Motion, Prior, SpeedCurve
+from estim.problem import CommonError, Curve, Derived, Footing, LocalCurve, Motion, Prior, SpeedCurve
 
 Arguments = Mapping[str, ArrayLike]
 
@@ -100,10 +101,14 @@ class VaryingMotion:
     def energies(self, x: FloatArray, v: FloatArray, arguments: Arguments) -> tuple[FloatArray, FloatArray]:
         return self.motion.energies(x, v, own_values(arguments, self.varied))
 
-    def errors_in_common(
-        self, x: FloatArray, y: FloatArray, local: LocalCurve, arguments: Arguments, exact: Collection[str]
-    ) -> tuple[CommonError, ...]:
-        return self.motion.errors_in_common(x, y, local, own_values(arguments, self.varied), exact)
+    def scale_errors(self, x: FloatArray, y: FloatArray, local: LocalCurve, arguments: Arguments) -> Mapping[str, FloatArray]:
+        return self.motion.scale_errors(x, y, local, own_values(arguments, self.varied))
+
+    def errors_in_common(self, curve: Curve, arguments: Mapping[str, str | float]) -> tuple[CommonError, ...]:
+        """Of a curve that varies."""
+        assert isinstance(curve, VaryingCurve)
+        found = self.motion.errors_in_common(curve.curve, arguments)
+        return tuple(replace(one, curve=VaryingCurve(cast(SpeedCurve, one.curve), self.varied)) for one in found)
 
     def derived(self, arguments: Arguments) -> Mapping[str, Derived]:
         return self.motion.derived(own_values(arguments, self.varied))

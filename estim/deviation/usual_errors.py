@@ -64,8 +64,8 @@ class WithUsualErrors(Stated):
         arguments = points.bind(named)
         local = points.curve.local(points.x, arguments)
         curve = np.ravel(np.broadcast_to(local.value, (1, points.x.size)))  # in the place of the readings, whose noise would correlate with residuals
-        known = {error.name: error for error in self.motion.errors_in_common(points.x, curve, local, arguments, ())}
-        columns = [known[name].shift * (sd / known[name].size) if name in known else np.zeros(points.x.size) for name, sd in self.sds.items()]
+        known = self.motion.scale_errors(points.x, curve, local, arguments)
+        columns = [known[name] * sd if name in known else np.zeros(points.x.size) for name, sd in self.sds.items()]
         return np.column_stack([np.nan_to_num(column) for column in columns])
 
     def for_search(self) -> WithUsualErrors:

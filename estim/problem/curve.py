@@ -5,7 +5,7 @@ The phase curve of a rolling body is one such curve; anything else that keeps to
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Protocol, runtime_checkable
 
@@ -73,20 +73,6 @@ class Sought(Protocol):
 
 
 @dataclass(frozen=True, eq=False)
-class CommonError:
-    """An error that all points of a run may have in common, which no residual shows.
-
-    name : of what is wrong ("clock").  size : how large the error is taken, in `unit` ("1": a share).
-    shift : (n_obs,) by how much it makes y - f(x) grow, to first order; unit of y.
-    """
-
-    name: str
-    size: float
-    unit: str
-    shift: FloatArray
-
-
-@dataclass(frozen=True, eq=False)
 class Footing:
     """How a body presses on its ramp along the way from the release, all (n_draw, n).
 
@@ -97,6 +83,23 @@ class Footing:
     along: FloatArray
     normal: FloatArray
     needed: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class CommonError:
+    """An error that all points of a run may have in common, which no residual shows, and how a fit accounts for it.
+
+    name : of what is wrong ("clock").  size : how large the error is taken, in `unit` ("1": a share).
+    curve : of what is measured with the error.  arguments : argument of that curve -> its value, in place of the run's or beside them.
+    along : m, length of the ramp that a sag is about; None for other errors.
+    """
+
+    name: str
+    size: float
+    unit: str
+    curve: Curve
+    arguments: Mapping[str, float]
+    along: float | None = None
 
 
 class Curve(Protocol):
@@ -162,10 +165,11 @@ class Motion(Protocol):
     def energies(self, x: FloatArray, v: FloatArray, arguments: Mapping[str, ArrayLike]) -> tuple[FloatArray, FloatArray]:
         """Kinetic and potential energy per unit mass (J/kg) at measured positions x and speeds v."""
 
-    def errors_in_common(
-        self, x: FloatArray, y: FloatArray, local: LocalCurve, arguments: Mapping[str, ArrayLike], exact: Collection[str]
-    ) -> tuple[CommonError, ...]:
-        """What clock, scale and ramp, and those arguments that are taken as `exact`, may do to points (x, y) on the curve `local`."""
+    def scale_errors(self, x: FloatArray, y: FloatArray, local: LocalCurve, arguments: Mapping[str, ArrayLike]) -> Mapping[str, FloatArray]:
+        """By how much y - f(x) grows, (n_obs,) for a share of 1, with an error of the clock or the scale of length of points (x, y) on `local`."""
+
+    def errors_in_common(self, curve: Curve, arguments: Mapping[str, str | float]) -> tuple[CommonError, ...]:
+        """What clock, scale and ramp may suffer, and those arguments of `curve` that are taken as exact: a number in place of a parameter's name."""
 
     def derived(self, arguments: Mapping[str, ArrayLike]) -> Mapping[str, Derived]:
         """Quantities that follow from the arguments and mean something to a reader, by name."""
@@ -189,11 +193,6 @@ class Wording:
     new: str
     rows: str
     from_release: bool
-
-
-def scales_of(x: FloatArray, y: FloatArray, local: LocalCurve) -> tuple[CommonError, ...]:
-    """A per cent of the unit of either axis: what any curve may suffer."""
-    return (CommonError("scale_x", 0.01, "1", -0.01 * x * local.slope[0]), CommonError("scale_y", 0.01, "1", 0.01 * y))
 
 
 POINTS = Wording("points", "reading", later("a new point"), later("points"), False)

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from estim.arrays import FloatArray
 from estim.common import Finding, InputError, Label, Notation, phrase, split_level
-from estim.problem.curve import POINTS, CommonError, Curve, Derived, Motion, Sought, Wording, scales_of
+from estim.problem.curve import POINTS, Curve, Derived, Motion, Sought, Wording
 from estim.problem.likelihood import Likelihood, Noise, Points
 from estim.problem.priors import Prior
 from estim.problem.size import Named
@@ -157,14 +157,6 @@ class Observations:
         if self.motion is None:
             raise InputError("is fit by a curve that is no motion of a body", field="run", value=self.name)
         return self.motion
-
-    def errors_in_common(self, arguments: Mapping[str, ArrayLike]) -> tuple[CommonError, ...]:
-        """What no residual can show, at scalar arguments: errors of clock, scale and ramp, and of what is taken as exact."""
-        local = self.curve.local(self.x, arguments)
-        if self.motion is None:
-            return scales_of(self.x, self.y, local)
-        exact = frozenset(self.arguments) - {name for name, source in self.arguments.items() if isinstance(source, str)}
-        return self.motion.errors_in_common(self.x, self.y, local, arguments, exact)
 
     def derived(self, arguments: Mapping[str, ArrayLike]) -> Mapping[str, Derived]:
         """Quantities that follow from the arguments of the curve (`bind`): those that mean something to a reader, and what was `sought`."""

@@ -215,7 +215,8 @@ def _what_if_rows(result: Result) -> list[tuple[str, list[str]]]:
     several = len(result.runs) > 1
     return [
         (
-            one.error + (f" ({', '.join(one.runs)})" if several and len(one.runs) < len(result.runs) else ""),
+            (one.error if one.shifts else phrase("{error}: no fit that accounts for it settles", error=one.error))
+            + (f" ({', '.join(one.runs)})" if several and len(one.runs) < len(result.runs) else ""),
             [_shift_cell(one.shifts.get(name)) for name in names],
         )
         for one in result.what_if

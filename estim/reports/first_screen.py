@@ -246,7 +246,7 @@ def sensitivity_words(results: Sequence[Told]) -> str:
     found: dict[str, tuple[float, str]] = {}
     for result in results:
         symbols = result.labels.bare if len(result.runs) == 1 else result.labels.parameters
-        for one in result.what_if[:_MOST_ERRORS]:
+        for one in [one for one in result.what_if if one.shifts][:_MOST_ERRORS]:
             name = max(one.shifts, key=lambda parameter: abs(one.shifts[parameter]))
             found[one.error] = max(found.get(one.error, (0.0, "")), (one.shifts[name], symbols[name].symbol), key=lambda moved: abs(moved[0]))
     felt = {error: moved for error, moved in found.items() if abs(moved[0]) >= _FELT}

@@ -13,7 +13,7 @@ import numpy as np
 
 from estim.campaign import gamma_origin
 from estim.checks import Estimate, result_table, screen_lines
-from estim.common import as_json, format_p, kind_words, percentage, phrase, split_level, table, with_unit
+from estim.common import as_json, format_p, kind_words, listed, percentage, phrase, split_level, table, with_unit
 from estim.pipeline import Analysis
 from estim.reports.analysis import Row, complete_runs, parameter_row
 from estim.reports.copying import copies_of
@@ -57,7 +57,6 @@ class BandSummary(msgspec.Struct, frozen=True):
     inside_68: float
     inside_95: float
     linear_off: float
-    held: list[str]
     dominating: list[tuple[float, float, str]]
 
 
@@ -73,6 +72,8 @@ class BodySummary(msgspec.Struct, frozen=True):
     joint: Result
     energies: dict[str, EnergySummary]
     drift: DriftSummary
+    band_published: dict[str, float]  # what the propagated bands hold at a published value
+    band_held: list[str]  # and at the fitted one
     bands: dict[str, BandSummary]
     runs_in_order: list[str]
     u_with_runs: dict[str, list[float]]
@@ -123,9 +124,11 @@ def _body(r: Reanalysis, body: BodyAnalysis, voice: Voice) -> BodySummary:
         gamma_masses=None if body.gamma_masses is None else to_value(body.gamma_masses), gamma_origin=gamma_origin(r.campaign.source, body.body),
         joint=result_of(r.campaign, body.joint, voice=voice),
         energies={e.run: summarise_energy(e) for e in body.energies if ok}, drift=summarise_drift(body.drift),
+        band_published={name: value for b in body.propagated for name, value in b.published.items()},
+        band_held=list(dict.fromkeys(name for b in body.propagated for name in b.held)),
         bands={
             b.run: BandSummary(
-                float(np.nanmedian(b.ratio)), float(np.nanmax(b.ratio)), b.inside[0.68], b.inside[0.95], float(np.nanmax(b.linear_off)), list(b.held),
+                float(np.nanmedian(b.ratio)), float(np.nanmax(b.ratio)), b.inside[0.68], b.inside[0.95], float(np.nanmax(b.linear_off)),
                 [(stretch.start, stretch.stop, stretch.name) for stretch in b.budget.stretches],
             )
             for b in body.propagated if ok
@@ -194,10 +197,27 @@ def reanalysis_text(result: ReanalysisResult, corner_words: Mapping[str, str], p
         sensitivity=sensitivity_words([body.joint for body in result.bodies.values() if body.joint.status == "ok"]),
         minds=[(name, words) for i in range(MOST_MINDS) for name, screen in screens.items() for words in screen.minds[i : i + 1]],
         most_minds=MOST_MINDS,
+        band_words=partial(_band_words, result),
         energy_words=energy_words, narrowed=partial(_narrowed, result), residuals_shown=partial(_residuals_shown, result),
         called=partial(_called, runs=result.runs, bodies=result.bodies),
         lefts=_gathered({name: screen.left for name, screen in screens.items() if screen.left}), energies=_gathered(_energies(result)),
     )
+
+
+def _band_words(result: ReanalysisResult, names: Collection[str]) -> str:
+    """Whose band the propagated one of these bodies is, and what it is made of beside the inputs that the campaign states."""
+    bodies = [result.bodies[name] for name in names]
+    published, held = [], []
+    for body in bodies:
+        labels = body.joint.labels.bare
+        published += [with_unit(f"{labels[n].symbol} = {value * labels[n].factor:g}", labels[n].unit) for n, value in body.band_published.items()]
+        held += [labels[name].symbol for name in body.band_held]
+    of_paper = phrase("{values} as published", values=listed(list(dict.fromkeys(published))))
+    of_fit = phrase("{symbols} as fitted", symbols=listed(list(dict.fromkeys(held))))
+    if published and not held:
+        return phrase("the paper's band, 68 %: stated inputs, {others}", others=of_paper)
+    others = [words for words, some in ((of_paper, published), (of_fit, held)) if some]
+    return "; ".join([phrase("stated inputs, 68 %"), *others])
 
 
 def _how_many(body: BodySummary) -> str:

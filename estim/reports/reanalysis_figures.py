@@ -23,10 +23,12 @@ def overlay_figure(body: BodyAnalysis, *, synthetic: bool) -> Figure:
     runs, trusted = body.joint.problem.runs, body.joint.diagnosis.ok
     figure, pairs = panel_pairs(len(runs), height=3.3)
     propagated = {band.run: band for band in body.propagated}
+    of_paper = any(band.published for band in body.propagated) and not any(band.held for band in body.propagated)
+    whose = phrase("the paper's band, 68 %") if of_paper else phrase("stated inputs propagated, 68 %")
     for (ax, below), run, bands, residuals in zip(pairs, runs, body.joint.bands, residuals_of(body.joint), strict=True):
         band, reach = propagated.get(run.name), 0.0
         if band is not None:
-            draw_faded(ax, band.x, band.mc_low, band.mc_high, ORANGE, alpha=0.4, label=phrase("stated inputs propagated, 68 %"))
+            draw_faded(ax, band.x, band.mc_low, band.mc_high, ORANGE, alpha=0.4, label=whose)
             ax.plot(band.x, band.value, color=ORANGE, lw=1.2, label=phrase("curve at the stated inputs"))
             fit = np.interp(band.x, bands.x, bands.median)
             draw_faded(below, band.x, band.mc_low - fit, band.mc_high - fit, ORANGE, alpha=0.4)

@@ -155,7 +155,7 @@ def result_of(
         ),
         stated_values=StatedValues(conflict.chi2, conflict.dof, conflict.p_value, dict(conflict.pulls), tell(stated_values(fit, conflict))),
         usual_errors=usual_errors(analysis),
-        what_if=[WhatIf(common_error(i.name, i.size), i.size, i.unit, list(i.runs), dict(i.shifts)) for i in analysis.influences],
+        what_if=[WhatIf(common_error(i.name, i.size, i.along), i.size, i.unit, list(i.runs), dict(i.shifts)) for i in analysis.influences],
         budget=budget_records(analysis, budget or budget_of(analysis)),
         sampling=Sampling(
             chain.draws.shape[0], chain.draws.shape[2], chain.convergence.n_step, chain.n_burn, number(chain.convergence.tau),

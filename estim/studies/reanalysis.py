@@ -91,6 +91,7 @@ class _Work:
 
     campaign: Campaign
     series: ThetaMinSeries | None
+    published: Sequence[PublishedNumber]
     seed: int
     target: Target
 
@@ -120,7 +121,7 @@ class _Work:
         firsts = (self._first(runs[:n], joint.fit) for n in range(2, len(runs)))
         return _Together(
             joint, energies=energy_along(joint, rng=stream(self.seed, Stream.ENERGY)), drift=drift_of(joint, rng=stream(self.seed, Stream.DRIFT)),
-            propagated=propagated_bands(joint, rng=stream(self.seed, Stream.PROPAGATED_BANDS)), firsts=tuple(firsts),
+            propagated=propagated_bands(joint, rng=stream(self.seed, Stream.PROPAGATED_BANDS), published=self.published), firsts=tuple(firsts),
         )
 
     def _first(self, runs: Sequence[str], together: Fit) -> Fit:
@@ -138,7 +139,7 @@ def reanalyse(campaign: Campaign, *, seed: int, target: Target, progress_of: Pro
     """
     campaign.study.require_speeds(campaign.run_names, _COMMAND)
     paper, numbers = _published(campaign)
-    work = _Work(campaign, None if campaign.source.line is None else read_theta_min(campaign.source), seed, target)
+    work = _Work(campaign, None if campaign.source.line is None else read_theta_min(campaign.source), numbers, seed, target)
     done = _one_by_one(work, progress_of) if jobs == 1 else _at_once(work, progress_of, jobs)
     line = done.get(("line", ""))
     singles = {name: done["run", name] for kind, name in work.pieces if kind == "run"}

@@ -57,7 +57,7 @@ _SHARE, _MM, _DEGREES = 100.0, 1e3, 180.0 / math.pi
 _COMMON = MappingProxyType(
     {
         "clock": (_SHARE, later("{size} % of the clock")), "length": (_SHARE, later("{size} % of the scale of length")),
-        "sag": (_MM, later("{size} mm of sag in the middle of the track")), "scale_x": (_SHARE, later("{size} % of the scale of x")),
+        "sag": (_MM, later("{size} mm of sag in the middle of the ramp")), "scale_x": (_SHARE, later("{size} % of the scale of x")),
         "scale_y": (_SHARE, later("{size} % of the scale of y")), "radius": (_SHARE, later("{size} % of the radius")),
         "g": (_SHARE, later("{size} % of g")), "gamma": (_SHARE, later("{size} % of gamma")), "kappa": (_SHARE, later("{size} % of kappa")),
         "phi": (_DEGREES, later("{size}° of the tilt")), "theta0": (_DEGREES, later("{size}° of the angle at release")),
@@ -65,15 +65,19 @@ _COMMON = MappingProxyType(
 )
 
 
-def common_error(name: str, size: float) -> str:
-    """'1 % of the clock'; size in SI units, or as a share."""
+def common_error(name: str, size: float, along: float | None) -> str:
+    """'1 % of the clock'; size in SI units, or as a share.  along : m, length of a ramp that sags, None where there are several or none."""
     factor, words = _COMMON[name]
-    return phrase(words, size=f"{size * factor:.3g}")
+    said = f"{size * factor:.3g}"
+    return phrase(words, size=said) if along is None else phrase("{size} mm of sag on a {length:.3g} m ramp", size=said, length=along)
 
 
 def _common(f: Finding) -> str:
+    error = common_error(f.test, f.size, f.numbers.get("along"))
+    if not f.parameters:
+        return phrase("{error}: no fit that accounts for it settles", error=error)
     (moved,) = f.parameters
-    return phrase("{error}: {symbol} by {value:.1f}", error=common_error(f.test, f.size), symbol=symbol(moved), value=moved.value)
+    return phrase("{error}: {symbol} by {value:.1f}", error=error, symbol=symbol(moved), value=moved.value)
 
 
 WORDS: Table = MappingProxyType(
