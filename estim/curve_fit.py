@@ -174,7 +174,7 @@ def _fit_lacking(posed: CurveProblem, complete: CurveFit, rng: np.random.Generat
     (found,) = fit.deviations
     goodness = check_goodness(fit, rng=rng)
     kept = [f for f in complete.findings if f.kind is Kind.SEVERAL_SOLUTIONS]
-    tests = [replace(f, run="") for f in failed_tests(goodness)]
+    tests = [replace(f, run="") for f in failed_tests(goodness, dof=fit.dof)]
     findings = wrong([*kept, *pressed_limits(fit, fit.values), *tests, stated_values(fit, check_stated_values(fit))])
     about = deviation_finding(found, x_unit=posed.axes.x_unit, y_unit=posed.axes.y_unit)
     sds, near = sds_beside_limits(found, problem)

@@ -138,7 +138,7 @@ def test_size_of_errors_is_to_be_inferred_only_where_nothing_but_the_size_is_wro
         table = replace(pattern.tables["r"], columns=MappingProxyType({"t_s": TIMES, "x_m": POSITIONS + errors}))
         problem = replace(pattern, tables=MappingProxyType({"r": table})).problem(["r"])
         fit = fit_least_squares(problem, rng=np.random.default_rng(1), n_start=2)
-        return " ".join(advice_for(failed_tests(check_goodness(fit, rng=np.random.default_rng(2)))))
+        return " ".join(advice_for(failed_tests(check_goodness(fit, rng=np.random.default_rng(2)), dof=fit.dof)))
 
     noise = np.random.default_rng(3).standard_normal(TIMES.size)
     assert 'sigma_x_m = {prior = "log-normal"' in advice(0.003 * noise)

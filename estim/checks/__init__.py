@@ -7,7 +7,7 @@ from estim.checks.cross_validation import INFLUENTIAL, LeaveOneOut, difference, 
 from estim.checks.diagnosis import Diagnosis, borne_pattern, diagnose, failed_tests, same_curve, sampling_findings, several_solutions
 from estim.checks.fitted_curve import curve_findings, curve_remarks, deviation_finding, pressed_limits
 from estim.checks.forces import SURE, force_finding, noise_finding
-from estim.checks.goodness import P_FLOOR, P_POOR_FIT, P_TOLD, Check, Goodness, check_goodness, untested
+from estim.checks.goodness import P_FLOOR, P_POOR_FIT, P_TOLD, Check, Goodness, check_goodness, check_linear, untested
 from estim.checks.identifiability import PRIOR_DOMINATED, Identifiability, identify
 from estim.checks.modes import Modes, find_modes, laplace_modes, optima
 from estim.checks.outliers import Outliers, bad_frames_found, find_outliers

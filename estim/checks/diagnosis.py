@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -14,14 +13,14 @@ from estim.checks.consistency import Consistency
 from estim.checks.counts import counts_as_readings
 from estim.checks.deviations import deviation_remarks
 from estim.checks.forces import beyond_their_priors, force_remarks
-from estim.checks.goodness import P_FLOOR, P_TOLD, SCATTER_LIMIT, Goodness
+from estim.checks.goodness import P_FLOOR, P_POOR_FIT, P_TOLD, SCATTER_LIMIT, Goodness
 from estim.checks.identifiability import Identifiability
 from estim.checks.modes import Modes
 from estim.checks.outliers import bad_frames_found, too_many_bad_frames
 from estim.checks.rolling import Rolling, rolling_remarks
 from estim.checks.what_if import Influence, large_influences
 from estim.common import Amount, Finding, Kind, Status, decide, wrong
-from estim.fitting import PRESSED_BELOW, Fit, edge_amount, limit_found, pressed
+from estim.fitting import PRESSED_BELOW, Fit, chi2_p, edge_amount, limit_found, pressed
 from estim.problem import same_curves
 from estim.sampling import Agreement, Chain, mcse_mean, mixing_of
 from estim.words import tell
@@ -73,7 +72,7 @@ def diagnose(
         [
             *([] if conflict.flagrant else _convergence(fit, chain)), *several_solutions(fit, modes),
             *_flat_directions(fit, identifiability), *_bounds(fit),
-            *failed_tests(goodness), *beyond_their_priors(fit.forces), *_methods(comparison), *_consistency(consistency),
+            *failed_tests(goodness, dof=fit.dof), *beyond_their_priors(fit.forces), *_methods(comparison), *_consistency(consistency),
             stated_values(fit, conflict), *too_many_outliers(fit),
             *(finding for force in fit.forces for finding in too_many_bad_frames(force)),
         ]
@@ -160,18 +159,24 @@ def _consistency(consistency: Consistency | None) -> list[Finding]:
     return [] if consistency is None or consistency.agree else [consistency.finding]
 
 
-def failed_tests(goodness: Sequence[Goodness]) -> list[Finding]:
-    """The tests that the residuals of each run fail, and a scatter that the instrument does not explain."""
+def failed_tests(goodness: Sequence[Goodness], *, dof: int) -> list[Finding]:
+    """The tests that the residuals of each run fail, chi2 of all runs, and a scatter that the instrument does not explain.
+
+    dof : of all runs together.
+    """
     findings = []
     for run in goodness:
         for name in run.failed:
-            room = {"deviation": run.room} if math.isfinite(run.room) else {}
-            pattern = Kind.CURVE_LACKS if room else Kind.RESIDUALS_NOT_RANDOM
+            pattern = Kind.CURVE_LACKS if run.curve else Kind.RESIDUALS_NOT_RANDOM
             larger = Kind.COUNTS_SCATTER if run.counted else Kind.RESIDUALS_TOO_LARGE
             kind = Kind.RESIDUALS_ZERO if name == "zero" else larger if run.only_too_large else pattern
-            findings.append(Finding(kind, run=run.run, test=name, p=run.checks[name].p_value, numbers={"least": P_FLOOR, **room}))
+            findings.append(Finding(kind, run=run.run, test=name, p=run.checks[name].p_value, numbers={"least": P_FLOOR}))
         if run.scatter_ratio > SCATTER_LIMIT:
             findings.append(Finding(Kind.SCATTER_TOO_LARGE, run=run.run, size=run.scatter_ratio))
+    sizes = [run.checks["chi2"].statistic for run in goodness if "chi2" in run.checks]
+    if 1 < len(sizes) == len(goodness) and chi2_p(sum(sizes), dof) < P_POOR_FIT and not any(one.test == "chi2" for one in findings):
+        kind = Kind.COUNTS_SCATTER if all(run.counted for run in goodness) else Kind.RESIDUALS_TOO_LARGE
+        findings.append(Finding(kind, test="chi2", p=chi2_p(sum(sizes), dof)))
     return findings
 
 

@@ -26,16 +26,14 @@ def curve_findings(
     if best.singular:
         found.append(Finding(Kind.UNDETERMINED))
     found += pressed_limits(fixed, best.values, estimated=estimated)
-    if p_value < P_POOR_FIT:
-        kind = Kind.COUNTS_SCATTER if any(run.noise.counted is not None for run in fixed.problem.runs) else Kind.CHI2_TOO_LARGE
-        least = {"least": P_FLOOR} if p_value == P_FLOOR else {}  # which only a simulated one is exactly
-        found.append(Finding(kind, p=p_value, size=chi2, numbers={"dof": dof, **least}))
-    # points alone have no run to be named, and chi2 was told above
-    return found + [_of_points(f, len(goodness)) for f in failed_tests(goodness) if f.test and f.test != "chi2"]
-
-
-def _of_points(finding: Finding, n_run: int) -> Finding:
-    return finding if n_run > 1 else replace(finding, run="")
+    for failed in failed_tests(goodness, dof=dof):
+        if failed.test == "chi2" and (len(goodness) == 1 or not failed.run):
+            kind = Kind.COUNTS_SCATTER if any(run.noise.counted is not None for run in fixed.problem.runs) else Kind.CHI2_TOO_LARGE
+            least = {"least": P_FLOOR} if p_value == P_FLOOR else {}  # which only a simulated one is exactly
+            found.append(Finding(kind, p=p_value, size=chi2, numbers={"dof": dof, **least}))
+        elif failed.test:
+            found.append(replace(failed, run=failed.run if len(goodness) > 1 else ""))  # points alone have no run to be named
+    return found
 
 
 def pressed_limits(fit: Fit, values: FloatArray, *, estimated: bool = False) -> list[Finding]:

@@ -6,7 +6,15 @@ distribution of each statistic is therefore simulated with that projection in it
 
 What each test sees: `chi2` the size of the residuals (only where the size of the noise was stated); `runs` too few
 changes of sign; `autocorrelation` neighbours alike; `trend` a slow drift along the run; `largest` a single outlier.
+Of a curve that is no motion two more are asked.  `uneven`: whether residuals are larger or smaller where the curve f, its size |f| or x is large,
+the largest of |sum |z| w|/sum |z| over standardised w = f, |f|, x.  `repeated`, where x were read more than once: the F test of lack of fit, whether
+the means at each x scatter more about the curve than the readings of one x about their mean (its statistic is the share of chi2 that the means have,
+which rises with F).
 Residuals that are all zero have no pattern to test: they fail as such (`zero`).
+
+Whether a curve is a `poor-fit` is decided here and nowhere else, for a line, a curve, a run or a joint fit: a test fails below P_POOR_FIT.  There are
+up to seven tests of a run, each of which would reject a right curve with that probability, so that all of them together reject fewer than one of 100
+(simulated: docs/statistics.md).  A level of 0.01 for each would reject one right curve of 20.
 `speed` is told and fails nothing, for it does not bias the curve: whether residuals of a motion are larger where the body is fast, as those of
 blurred pictures are (paper, section IV: "at high speeds the image of the disk center becomes fuzzy").  Its statistic is
 sum |z| (v^2/mean(v^2) - 1)/sum |z|, large where the noise grows with the speed v of the fitted curve, whatever its size.
@@ -32,13 +40,14 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from estim.arrays import FloatArray
-from estim.fitting import MANY, Fit, linear_response, no_scatter, spreads_by_runs
+from estim.fitting import MANY, Fit, chi2_p, linear_response, no_scatter, spreads_by_runs
 from estim.problem import Linear, Observations, reading_sd
 from estim.words import TESTS
 
-P_POOR_FIT = 1e-3
+P_POOR_FIT = 1e-3  # of each test
 P_TOLD = 5e-3  # of `speed`, below which it is told
 SCATTER_LIMIT = 3.0  # times what the instrument explains: nine tenths of the variance would be something else
 _NO_ERRORS = 1e-9  # standard deviations; residuals that are all smaller are rounding errors
@@ -48,6 +57,7 @@ _SMALLER = 4  # blocks, by which many points take less memory
 _N_SIMULATED = 20_000
 _AT_ONCE, _PIECE = 8e6, 2e6  # numbers in one piece, and in each of several: what is made of them takes many times their memory
 _SLOW_ORDER, _SLOW_WEIGHT = 5, 4.0
+_SAME = 1e-9  # of its size: what varies less is the same everywhere
 _NO_DRIFT = 0.5  # standard deviations of a slow shape in independent residuals
 _OF_NEIGHBOURS = frozenset(("runs", "autocorrelation"))
 P_FLOOR = 1.0 / (1.0 + _N_SIMULATED)  # a p-value of the tests below cannot come out smaller
@@ -73,7 +83,7 @@ class Goodness:
     checks : name -> Check.  scatter_ratio : inferred scatter / instrument's share of the noise; nan where not inferred.
     pattern : size of all residuals together, chi2 + 4 slow, 1: as large as one standard deviation; times the number of runs that are fit
         together, since all of them may have it.
-    room : scale of a smooth deviation that would hold the residuals, unit of y, of a curve of the user's that has none; else nan.
+    curve : whether it is a curve of the user's, taken as complete.
     bears_neighbours : whether the intervals hold what they say although neighbouring residuals are alike.
     counted : whether they are signed roots of the deviance of counts.
     among : by how much less probable a failure must be than in a fit of a few runs, since hundreds are tested.
@@ -86,7 +96,7 @@ class Goodness:
     checks: Mapping[str, Check]
     scatter_ratio: float
     pattern: float
-    room: float
+    curve: bool
     bears_neighbours: bool = False
     speed: Check | None = None
     counted: bool = False
@@ -144,7 +154,8 @@ def check_goodness(fit: Fit, *, rng: np.random.Generator) -> tuple[Goodness, ...
     counted = any(run.noise.counted is not None for run in problem.runs)  # they take longer to draw
     most = 8e6 if counted or len(problem.groups) > MANY else 4e7
     whitened = posterior.by_run(response.z for response in responses)
-    speeds = [_speeds(run, named) for run in problem.runs]
+    raw_and_sd = _raw_and_sd(fit, named)
+    compared = [_compared(run, named, sd) for run, (_, sd) in zip(problem.runs, raw_and_sd, strict=True)]
     drawn = []
     for n_draw in _pieces(_blocks(int(most / n_error)), n_error):
         errors = rng.standard_normal((n_error, n_draw))
@@ -153,12 +164,30 @@ def check_goodness(fit: Fit, *, rng: np.random.Generator) -> tuple[Goodness, ...
         shifts = shifts_by(felt, of_priors)
         moved = (response.moved(error, shifts[used]) for response, error, used in zip(responses, by_group, columns, strict=True))
         simulated = posterior.by_run(moved)
-        drawn.append([(_statistics(null.T), _slower(null.T, v)) for null, v in zip(simulated, speeds, strict=True)])
+        drawn.append([_statistics(null.T, one) for null, one in zip(simulated, compared, strict=True)])
+    plain = posterior.likelihoods[0].normal is not None and not (pulls.any() or fit.deviations or fit.forces)
+    dof = _dof(linear[0]) if plain and len(linear) == len(problem.runs) == 1 else 0
     checked = []
-    for i, (run, z, (raw, sd)) in enumerate(zip(problem.runs, whitened, _raw_and_sd(fit, named), strict=True)):
-        null = {name: np.concatenate([block[i][0][name] for block in drawn]) for name in drawn[0][i][0]}
-        checked.append(_judged(fit, run, z, raw, sd, null, np.concatenate([block[i][1] for block in drawn]), speeds[i], named))
+    for i, (run, z, (raw, sd)) in enumerate(zip(problem.runs, whitened, raw_and_sd, strict=True)):
+        null = {name: np.concatenate([block[i][name] for block in drawn]) for name in drawn[0][i]}
+        checked.append(_judged(fit, run, z, raw, sd, null, compared[i], named, dof=dof))
     return tuple(checked)
+
+
+def check_linear(
+    z: FloatArray, root: FloatArray, *, x: FloatArray, f: FloatArray, sd: FloatArray, stated: bool, rng: np.random.Generator
+) -> Goodness:
+    """The same of least squares that are not posed as a problem, linear near their minimum.
+
+    z : (n_obs,) whitened residuals in the order of x.  root : (n_obs, n_par) minus their derivatives.  x, f, sd : (n_obs,) abscissas, curve and
+    standard deviations about it.  stated : whether the size of the errors was.
+    """
+    response, compared = Linear(z, root), _Compared(None, _growing(f, x), _Repeated.of(x, sd))
+    simulate = _simulated(response, np.linalg.pinv(root.T @ root, hermitian=True), rng)
+    found = [_statistics(simulate(n), compared) for n in _pieces(_blocks(int(4e7 / z.size)), z.size)]
+    null = {name: np.concatenate([one[name] for one in found]) for name in found[0]}
+    checks = _checks(z, null, compared, stated=stated, dof=_dof(response))
+    return Goodness("", z, z * sd, sd, checks, float("nan"), pattern=_pattern(z), curve=True)
 
 
 def _run_by_run(fit: Fit, responses: Sequence[Linear], named: Mapping[str, FloatArray], rng: np.random.Generator) -> tuple[Goodness, ...]:
@@ -171,13 +200,13 @@ def _run_by_run(fit: Fit, responses: Sequence[Linear], named: Mapping[str, Float
     problem, checked = fit.problem, []
     spreads = spreads_by_runs([one.root for one in responses], problem.columns, fit.posterior.prior_slopes(fit.values))
     for run, response, spread, (raw, sd) in zip(problem.runs, responses, spreads, _raw_and_sd(fit, named), strict=True):
-        simulate, speed = _simulated(response, spread, rng), _speeds(run, named)
+        simulate, compared = _simulated(response, spread, rng), _compared(run, named, sd)
 
         def judged(n_block: int, n_draw: int) -> Goodness:
             blocks = map(simulate, _pieces([n_draw] * n_block, run.n_obs))  # noqa: B023
-            found = [(_statistics(block), _slower(block, speed)) for block in blocks]  # noqa: B023
-            null = {name: np.concatenate([one[0][name] for one in found]) for name in found[0][0]}
-            return _judged(fit, run, response.z, raw, sd, null, np.concatenate([one[1] for one in found]), speed, named)  # noqa: B023
+            found = [_statistics(block, compared) for block in blocks]  # noqa: B023
+            null = {name: np.concatenate([one[name] for one in found]) for name in found[0]}
+            return _judged(fit, run, response.z, raw, sd, null, compared, named)  # noqa: B023
 
         first = judged(1, _LEAST_SIMULATED)
         told = [check.p_value for check in (*first.checks.values(), *([] if first.speed is None else [first.speed]))]
@@ -203,17 +232,18 @@ def _simulated(response: Linear, spread: FloatArray, rng: np.random.Generator) -
 
 
 def _judged(
-    fit: Fit, run: Observations, z: FloatArray, raw: FloatArray, sd: FloatArray, null: Mapping[str, FloatArray], slower: FloatArray,
-    v: FloatArray | None, named: Mapping[str, FloatArray],
+    fit: Fit, run: Observations, z: FloatArray, raw: FloatArray, sd: FloatArray, null: Mapping[str, FloatArray], compared: _Compared,
+    named: Mapping[str, FloatArray], *, dof: int = 0,
 ) -> Goodness:
-    """A run with its whitened residuals z (n_obs,) against simulated statistics; v (n_obs,) its speeds."""
+    """A run with its whitened residuals z (n_obs,) against simulated statistics.  dof : of chi2, where its distribution is known; else 0."""
     n_run = len(fit.problem.runs)
     empty = run.noise.counted is None and (no_scatter(run, fit) or float(np.max(np.abs(z))) < _NO_ERRORS)
-    checks = {"zero": Check(0.0, P_FLOOR, TESTS["zero"])} if empty else _checks(z, null, stated=run.stated)
-    speed = None if empty else _with_speed(z, slower, v)
+    checks = {"zero": Check(0.0, P_FLOOR, TESTS["zero"])} if empty else _checks(z, null, compared, stated=run.stated, dof=dof)
+    speed = None if empty else checks.pop("speed", None)
     forced = any(run.name in force.runs for force in fit.forces)
     return Goodness(
-        run.name, z, raw, sd, checks, _scatter_ratio(run, named), pattern=n_run * _pattern(z), room=_room(run, raw),
+        run.name, z, raw, sd, checks, _scatter_ratio(run, named), pattern=n_run * _pattern(z),
+        curve=run.motion is None and run.lacks is None and run.noise.counted is None,
         bears_neighbours=forced and run.noise.made_of_positions, speed=speed, counted=run.noise.counted is not None,
         among=max(1.0, n_run / MANY),
     )
@@ -224,19 +254,13 @@ def untested(fit: Fit) -> tuple[Goodness, ...]:
     records = []
     named = fit.problem.named(fit.values)
     for run, z, (raw, sd) in zip(fit.problem.runs, fit.posterior.standardised(fit.values), _raw_and_sd(fit, named), strict=True):
-        records.append(Goodness(run.name, z, raw, sd, {}, float("nan"), _pattern(z), float("nan")))
+        records.append(Goodness(run.name, z, raw, sd, {}, float("nan"), _pattern(z), curve=False))
     return tuple(records)
 
 
 def _pattern(z: FloatArray) -> float:
     shapes, _ = np.linalg.qr(np.polynomial.legendre.legvander(np.linspace(-1.0, 1.0, z.size), min(_SLOW_ORDER, z.size - 1)))
     return float(z @ z + _SLOW_WEIGHT * np.sum(np.square(z @ shapes)))
-
-
-def _room(run: Observations, raw: FloatArray) -> float:
-    if run.motion is not None or run.lacks is not None or run.noise.counted is not None:
-        return float("nan")
-    return 2.0 * float(np.sqrt(np.mean(np.square(raw))))
 
 
 def _raw_and_sd(fit: Fit, named: Mapping[str, FloatArray]) -> list[tuple[FloatArray, FloatArray]]:
@@ -271,9 +295,17 @@ def _pieces(blocks: Sequence[int], n_error: int) -> list[int]:
     return [min(most, total - done) for done in range(0, total, most)]
 
 
-def _checks(z: FloatArray, null: Mapping[str, FloatArray], *, stated: bool) -> dict[str, Check]:
-    """Statistics of z (n_obs,) against simulated ones; every statistic is large when the model is wrong."""
-    observed = _statistics(z[None, :])
+def _dof(response: Linear) -> int:
+    n_obs, _ = response.root.shape
+    return n_obs - int(np.linalg.matrix_rank(response.root / np.maximum(np.linalg.norm(response.root, axis=0), np.finfo(float).tiny)))
+
+
+def _checks(z: FloatArray, null: Mapping[str, FloatArray], compared: _Compared, *, stated: bool, dof: int = 0) -> dict[str, Check]:
+    """Statistics of z (n_obs,) against simulated ones, every one large where the model is wrong.
+
+    dof : of chi2, whose distribution is then known; 0 where it is simulated too.
+    """
+    observed = _statistics(z[None, :], compared)
     checks = {}
     for name in observed:
         if name == "chi2" and not stated:
@@ -282,47 +314,82 @@ def _checks(z: FloatArray, null: Mapping[str, FloatArray], *, stated: bool) -> d
         p = (1.0 + float(np.sum(null[name] >= statistic - 1e-12))) / (1.0 + null[name].size)
         if name == "trend" and max(statistic, float(np.max(null[name]))) < _NO_DRIFT:
             p = 1.0  # the curve itself can take every slow shape: what is left of them is rounding, or the fit's own criterion
+        if name == "chi2" and dof > 0:
+            p = max(chi2_p(statistic, dof), P_FLOOR)
         checks[name] = Check(statistic, p, TESTS[name])
     return checks
 
 
-def _speeds(run: Observations, named: Mapping[str, FloatArray]) -> FloatArray | None:
-    """(n_obs,) speeds of the fitted curve at the points of a motion, in its own unit per second."""
-    if run.motion is None:
-        return None
+@dataclass(frozen=True, eq=False)
+class _Repeated:
+    """Readings of the same x.
+
+    order : (n_obs,) that of x.  weights : (n_obs,) in that order, with squares of sum 1 at each x.  begins : (n_x,) where each x begins there.
+    """
+
+    order: NDArray[np.int64]
+    weights: FloatArray
+    begins: NDArray[np.int64]
+
+    @classmethod
+    def of(cls, x: FloatArray, sd: FloatArray) -> _Repeated | None:
+        order = np.argsort(x, kind="stable")
+        _, begins, counts = np.unique(x[order], return_index=True, return_counts=True)
+        if begins.size == x.size:
+            return None
+        precisions = 1.0 / np.square(sd[order])
+        return cls(order, np.sqrt(precisions / np.repeat(np.add.reduceat(precisions, begins), counts)), begins)
+
+    def share(self, z: FloatArray) -> FloatArray:
+        """(n,) share of chi2 of each row of z (n, n_obs) that the means at each x have."""
+        return np.asarray(np.sum(np.add.reduceat(z[:, self.order] * self.weights, self.begins, axis=1) ** 2, axis=1))
+
+
+@dataclass(frozen=True, eq=False)
+class _Compared:
+    """What residuals may go with.  speeds : (1, n_obs) of a motion.  growing : (n, n_obs) of a curve.  Of each None where there is none."""
+
+    speeds: FloatArray | None
+    growing: FloatArray | None
+    repeated: _Repeated | None
+
+
+def _compared(run: Observations, named: Mapping[str, FloatArray], sd: FloatArray) -> _Compared:
+    """sd : (n_obs,) standard deviations of y about the curve."""
     arguments = run.bind(named)
     found = run.curve.local(run.x, arguments).slope if run.positions else run.curve.value(run.x, arguments)
-    return np.abs(np.broadcast_to(found, (1, run.n_obs))[0])
+    found = np.broadcast_to(found, (1, run.n_obs))
+    if run.motion is None:
+        return _Compared(None, _growing(found[0], run.x), _Repeated.of(run.x, sd))
+    square = np.square(found)
+    return _Compared(square / np.mean(square) - 1.0 if np.ptp(square) > 0.0 else None, None, None)
 
 
-def _slower(z: FloatArray, v: FloatArray | None) -> FloatArray:
-    """(n,) how much larger each row of z (n, n_obs) is where the speed v (n_obs,) is; nothing where there is none, or one speed."""
-    if v is None or not np.ptp(v) > 0.0:
-        return np.zeros(0)
-    weight = np.square(v) / np.mean(np.square(v)) - 1.0
-    return np.asarray(np.abs(z) @ weight / np.sum(np.abs(z), axis=-1))
+def _growing(f: FloatArray, x: FloatArray) -> FloatArray | None:
+    """(n, n_obs) standardised curve, its size and abscissa (n_obs,), of those that are not the same everywhere."""
+    made = [w - np.mean(w) for w in (f, np.abs(f), x) if float(np.ptp(w)) > _SAME * float(np.max(np.abs(w)))]
+    return np.array([w / np.sqrt(np.mean(np.square(w))) for w in made]) if made else None
 
 
-def _with_speed(z: FloatArray, null: FloatArray, v: FloatArray | None) -> Check | None:
-    """Whether z (n_obs,) is larger where the speed v (n_obs,) is, against simulated statistics."""
-    observed = _slower(z[None, :], v)
-    if not null.size:
-        return None
-    p = (1.0 + float(np.sum(null >= observed[0] - 1e-12))) / (1.0 + null.size)
-    return Check(float(observed[0]), p, TESTS["speed"])
-
-
-def _statistics(z: FloatArray) -> dict[str, FloatArray]:
+def _statistics(z: FloatArray, compared: _Compared) -> dict[str, FloatArray]:
     """Name -> (n,) statistic of each row of z (n, n_obs)."""
-    n = z.shape[1]
+    n, sizes = z.shape[1], np.abs(z)
     square = np.sum(z**2, axis=1)
     size = np.where(square > 0.0, square, 1.0)  # residuals that are all exactly zero have no shape
     place = np.linspace(-1.0, 1.0, n)
     shapes, _ = np.linalg.qr(np.vander(place, 4, increasing=True))
-    return {
+    found = {
         "chi2": square,
         "runs": -np.sum(np.signbit(z[:, 1:]) != np.signbit(z[:, :-1]), axis=1).astype(float),
         "autocorrelation": np.sum(z[:, 1:] * z[:, :-1], axis=1) / size,
         "trend": np.max(np.abs(z @ shapes), axis=1) / np.sqrt(size / n),
-        "largest": np.max(np.abs(z), axis=1) / np.sqrt(size / n),
+        "largest": np.max(sizes, axis=1) / np.sqrt(size / n),
     }
+    total = np.where(square > 0.0, np.sum(sizes, axis=1), 1.0)
+    if compared.growing is not None:
+        found["uneven"] = np.max(np.abs(sizes @ compared.growing.T), axis=1) / total
+    if compared.repeated is not None:
+        found["repeated"] = compared.repeated.share(z) / size
+    if compared.speeds is not None:
+        found["speed"] = (sizes @ compared.speeds.T)[:, 0] / total
+    return found

@@ -40,6 +40,6 @@ def say_straight_line(
     line = straight_line(file, columns, predict=at, inverse=back, dialect=dialect, correlated=shared)
     write_report(folder, straight_line_report(line, figures=figures))
     say(line.told)
-    conclude(phrase("line"), line.status, straight_line_lines(line) if line.status.ok else [line.fit.message], line.facts)
+    conclude(phrase("line"), line.status, straight_line_lines(line) if line.status.ok else [line.message], line.facts)
     report_at(folder / "report.md", ())
     return line.status.ok

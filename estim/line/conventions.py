@@ -6,6 +6,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from estim.checks import P_POOR_FIT
 from estim.common import Said, format_p, later, phrase
 from estim.distributions import student_tail
 from estim.line.angle import LineData
@@ -25,7 +26,6 @@ CONVENTIONS: Mapping[str, str] = Said(
 )
 _FEW = 10  # degrees of freedom up to which value ± standard error holds less than 66 %
 _ROUNDING = 3e-14  # residuals below this share of y are rounding errors
-POOR_FIT = 0.01  # p-value of S below which the stated uncertainties are not believed
 
 
 def recommendation(data: LineData, chi2: float, dof: int, p_value: float) -> tuple[str, str]:
@@ -40,7 +40,7 @@ def recommendation(data: LineData, chi2: float, dof: int, p_value: float) -> tup
             "; value ± standard error holds the truth in {held:.0f} % of such experiments, coverage_factor() widens it to any level", held=100 * held
         )
         return "scaled", reason + (few if dof <= _FEW else "")
-    if p_value < POOR_FIT:
+    if p_value < P_POOR_FIT:
         return "scaled", phrase(
             "S/dof = {ratio:.3g} ({p}): the stated uncertainties do not explain the scatter; scaling assumes "
             "that all are too small by one factor, a Bayesian line with intrinsic scatter that something was left out",

@@ -33,10 +33,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from estim.arrays import FloatArray
+from estim.checks import P_POOR_FIT
 from estim.common import InputError, Markdown, format_p, format_quantity, markdown, phrase, table
 from estim.distributions import chi2_quantile, chi2_tail, student_quantile
 from estim.line.angle import LineData, Profile, ScaledPoints, best_angle, line_data, profile, scaled_points
-from estim.line.conventions import POOR_FIT, recommendation
+from estim.line.conventions import recommendation
 from estim.line.joint_errors import propagated_joint
 
 
@@ -185,7 +186,7 @@ def _message(vertical: bool, contrast: float, chi2: float, dof: int, p_value: fl
         sentences.append(
             phrase("The data do not determine the line's direction: S varies by only {contrast:.2g} over all directions.", contrast=contrast)
         )
-    if p_value < POOR_FIT:
+    if p_value < P_POOR_FIT:
         sentences.append(phrase("Poor fit: S = {chi2:.4g} with {dof} degrees of freedom ({p}).", chi2=chi2, dof=dof, p=format_p(p_value)))
     return " ".join(sentences)
 

@@ -10,8 +10,8 @@ from pathlib import Path
 import numpy as np
 
 from estim.arrays import FloatArray
-from estim.common import InputError, Quantity, Status, listed, read_number
-from estim.line.conventions import POOR_FIT
+from estim.common import Finding, InputError, Kind, Quantity, Status, listed, read_number
+from estim.line.findings import points_findings
 from estim.line.interval import SlopeInterval, slope_interval
 from estim.line.least_squares import LineFit, coverage_factor, fit_line, inverse_prediction, line_values, standard_error
 from estim.line.stated_errors import Correlated, stated_covariance
@@ -28,6 +28,7 @@ from estim.reading import (
     uncertainty_of,
     value_columns,
 )
+from estim.words import tell
 
 _MIN_ROWS = 3
 _PERFECT = 3e-14  # misfits below this share of y are rounding errors
@@ -80,6 +81,7 @@ class StraightLine:
     """A line through the points of a table.  columns : as they were read, None for what was not there.  facts : how the table was read, in words.
 
     correlated : what is stated of errors that points share, in words.  told : which columns are what, in words.
+    findings : what the residuals say against the line.
     """
 
     path: Path
@@ -94,12 +96,19 @@ class StraightLine:
     told: str
     facts: tuple[str, ...] = ()
     correlated: tuple[str, ...] = ()
+    findings: tuple[Finding, ...] = ()
 
     @property
     def status(self) -> Status:
-        if self.fit.p_value < POOR_FIT:
+        if self.findings:
             return Status.POOR_FIT
         return Status.NOT_IDENTIFIED if self.fit.message else Status.OK
+
+    @property
+    def message(self) -> str:
+        """What a reader must know before using the numbers; "" if nothing."""
+        said = (tell(one) for one in self.findings if one.kind is not Kind.POINTS_SCATTER)  # which the fit says itself
+        return " ".join([self.fit.message] * bool(self.fit.message) + [f"{words[0].upper()}{words[1:]}." for words in said])
 
 
 def straight_line(
@@ -164,7 +173,10 @@ def straight_line(
     slope = slope_interval(fit, probability=probability)
     said = [(key, name, table.units[name]) for key, name in vars(read).items() if name in table.columns]
     told = columns_told(said, table.unread)
-    return StraightLine(path, table.sha256, read, fit, slope, k, probability, predictions, inverses, told, table.facts, tuple(stated.words))
+    return StraightLine(
+        path, table.sha256, read, fit, slope, k, probability, predictions, inverses, told, table.facts, tuple(stated.words),
+        tuple(points_findings(fit)),
+    )
 
 
 def _with_axes(columns: Columns, layout: Layout) -> Columns:

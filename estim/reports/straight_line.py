@@ -80,7 +80,7 @@ def straight_line_result(line: StraightLine) -> StraightLineResult:
     inverses = [PredictedPoint(p.y0.value, p.y0.u, p.x, p.u, number(p.low), number(p.high), None) for p in line.inverses]
     name = one_line(str(line.path))
     return StraightLineResult(
-        STRAIGHT_SCHEMA, line.status, fit.message, fit.method, columns, [one_line(words) for words in line.correlated], fit.data.x.size,
+        STRAIGHT_SCHEMA, line.status, line.message, fit.method, columns, [one_line(words) for words in line.correlated], fit.data.x.size,
         number(fit.intercept), number(fit.slope), fit.chi2, fit.dof, number(fit.p_value),
         errors, fit.recommended, fit.reason, line.probability, line.k, [number(line.slope.low), number(line.slope.high)],
         predictions, inverses, Provenance(name, line.sha256, {name: line.sha256}, 0, software_versions()),

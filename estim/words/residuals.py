@@ -15,6 +15,8 @@ TESTS = Said(
         "autocorrelation": later("neighbouring residuals are alike"),
         "trend": later("the residuals drift along the run"),
         "largest": later("one residual is far larger than the others"),
+        "uneven": later("the residuals are larger in one part of the curve than in another"),
+        "repeated": later("the means of readings of the same x scatter more about the curve than these readings do about their mean"),
         "speed": later("the residuals are larger where the body is fast"),
         "zero": later("all residuals are zero but for rounding errors, as those of measurements never are: were the data computed?"),
     }
