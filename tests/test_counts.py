@@ -318,11 +318,11 @@ def test_a_binned_curve_is_integrated_and_knows_its_derivatives() -> None:
     here = {"N": 50.0, "tau": 2.0}
     assert curve.value(MIDDLES, here)[0] == pytest.approx(-50.0 * np.diff(np.exp(-EDGES / 2.0)), rel=1e-12)
     for total in (None, 30.0):
-        binned = type(curve)(curve.density, curve.low, curve.high, total)
+        binned = type(curve)(curve.density, curve.low, curve.high, total, MIDDLES)
         for name in ("N", "tau"):
             ends = [binned.value(MIDDLES, here | {name: here[name] + s * 1e-5})[0] for s in (-1.0, 1.0)]
             assert binned.local(MIDDLES, here).gradient[name][0] == pytest.approx((ends[1] - ends[0]) / 2e-5, rel=1e-6, abs=1e-8)
-            rates = [binned.rate(MIDDLES, here | {name: here[name] + s * 1e-5})[0] for s in (-1.0, 1.0)]
+            rates = [binned.rate(here | {name: here[name] + s * 1e-5})[0][0] for s in (-1.0, 1.0)]
             assert binned.local_rate(MIDDLES, here).gradient[name][0] == pytest.approx((rates[1] - rates[0]) / 2e-5, rel=1e-5, abs=1e-7)
     assert binned.value(MIDDLES, here).sum() == pytest.approx(30.0)
 

@@ -84,7 +84,10 @@ class CountedPoints:
 
     def expected(self, curve: Curve) -> Curve:
         """The curve of the expectations of y."""
-        return curve if self.bins is None else BinnedCurve(curve, self.bins[:, 0], self.bins[:, 1], self.total)
+        if self.bins is None:
+            return curve
+        events = self.noise.times if isinstance(self.noise, Events) else np.zeros(0)
+        return BinnedCurve(curve, self.bins[:, 0], self.bins[:, 1], self.total, events)
 
 
 def ask_counts(noise: Any, x: ArrayLike, y: ArrayLike | None, *, what: str, **beside: object) -> CountedPoints | None:
