@@ -25,7 +25,7 @@ _HALVINGS = 60
 _MOST_PANELS = 400  # of one draw that are halved at once
 _SMOOTH = 1e-5  # share of the whole that the highest coefficients of a panel may have,
 _SEEN = 1e-3  # and what stands out between its nodes; both less for many events:
-_OFF = 0.01  # of the log-likelihood, and ten times as much for what stands out, of which nearly all is an edge of the panel or a round top
+_OFF = 0.01  # of the log-likelihood, and ten times as much for what stands out, which is nearly always a round top or a slope at an end
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,7 +104,8 @@ class BinnedCurve:
         """Integrals (n_draw, n_bin) of the density, and the least that it is at any node (n_draw,)."""
         n_draw, n_bin = here.shape[0], self.low.size
         panels = self._panels(arguments, here)
-        inside = np.bincount(panels.draw * n_bin + panels.bins, panels.integral, minlength=n_draw * n_bin).reshape(n_draw, n_bin)
+        inside = np.zeros((n_draw, n_bin))
+        np.add.at(inside, (panels.draw, panels.bins), panels.integral)
         least = np.full(n_draw, np.inf)
         np.minimum.at(least, panels.draw, panels.least)
         return inside, least
@@ -175,7 +176,7 @@ class BinnedCurve:
 
     def _summed(self, values: FloatArray, bins: NDArray[np.int64]) -> FloatArray:
         """(1, n_bin) sums of values that broadcast to (1, n_node)."""
-        return np.bincount(bins, np.broadcast_to(values, (1, bins.size))[0], minlength=self.low.size)[None, :]
+        return np.asarray(np.bincount(bins, np.broadcast_to(values, (1, bins.size))[0], minlength=self.low.size)[None, :], dtype=float)
 
     def _scale(self, inside: FloatArray) -> FloatArray:
         """(n_draw, 1)."""

@@ -85,7 +85,8 @@ class EventErrors(CountErrors):
         times, weights = self._rates.nodes(self.points.bind(named))
         rate, slopes = self._rate_and_slopes(times, named, names)
         with np.errstate(all="ignore"):
-            return np.asarray(np.where(rate > 0.0, np.sqrt(weights / rate), 0.0)[:, None] * slopes)
+            root = np.where(rate > 0.0, np.sqrt(weights) / np.sqrt(rate), 0.0)  # the quotient first would overflow for a rate that is all but 0
+            return np.asarray(root[:, None] * slopes)
 
     def _scores(self, named: Named, names: Sequence[str]) -> FloatArray:
         """(n_obs, n_par) derivatives of `pointwise`."""
@@ -129,7 +130,7 @@ class Events(Counts):
 
     @cached_property
     def _spacing(self) -> FloatArray:
-        """(n_event,) from each event to the nearest other, of those at one time the least of all: no cell is so fine as to show how high a rate is."""
+        """(n_event,) from each event to the nearest other, of those at one time the least of all: no cell shows how high a rate may be."""
         low, high = self.window
         gaps = np.diff(self.times, prepend=2.0 * low - high, append=2.0 * high - low)
         nearest = np.minimum(gaps[:-1], gaps[1:])
