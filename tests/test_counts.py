@@ -85,6 +85,51 @@ def test_single_times_with_background_against_a_grid(rng: np.random.Generator) -
     assert fit.intervals["tau"][0.68] == pytest.approx(brute, rel=2e-3)
 
 
+@pytest.mark.parametrize("end", [150.0, 1500.0, 1e6])
+def test_a_window_of_many_lifetimes_is_integrated(rng: np.random.Generator, end: float) -> None:
+    times = decays(200, rng, end=1e3)
+    fit = fit_curve("exp(-x/tau)", times[times < end], None, noise=EventTimes(0.0, end), **ALONE)
+    assert fit.status == "ok"
+    assert fit.values["tau"] == pytest.approx(times.mean(), rel=1e-8)
+    assert fit.intervals["tau"][0.95][0] < fit.values["tau"] < fit.intervals["tau"][0.95][1]
+
+
+PEAK = "p*exp(-(x - m)**2/(2*s**2))/(s*sqrt(2*pi)) + (1 - p)/100"
+
+
+@pytest.mark.parametrize("sd", [0.1, 0.15, 0.2])
+def test_a_narrow_feature_in_a_wide_window_against_scipy(rng: np.random.Generator, sd: float) -> None:
+    place = rng.uniform(20.0, 80.0)
+    times = np.where(rng.random(200) < 0.3, rng.normal(place, sd, 200), rng.uniform(0.0, 100.0, 200))
+    fit = fit_curve(PEAK, times, None, start={"p": 0.3, "m": place, "s": sd}, bounds={"p": (0.0, 1.0), "m": (0.0, 100.0), "s": (0.01, 50.0)},
+                    noise=EventTimes(0.0, 100.0), n_start=1)
+    best = optimize.minimize(  # the peak lies within the window as a whole: its density is normalised
+        lambda v: -np.sum(np.log(v[0] * stats.norm.pdf(times, v[1], abs(v[2])) + (1.0 - v[0]) / 100.0)), [0.3, place, sd], method="Nelder-Mead",
+        options={"xatol": 1e-8, "fatol": 1e-10},
+    )
+    assert fit.status == "ok"
+    assert [fit.values[name] for name in "pms"] == pytest.approx(best.x, rel=1e-4)
+    for name in "pms":
+        assert fit.intervals[name][0.95][0] < fit.values[name] < fit.intervals[name][0.95][1]
+    assert fit.intervals["p"][0.95][1] < 0.5  # the share that a peak between the nodes of a coarse quadrature ran away to is 1
+
+
+@pytest.mark.parametrize("width", [1.0, 1e-2, 1e-4, 1e-6])
+def test_a_feature_is_integrated_where_a_parameter_or_an_event_is_and_is_none_where_its_integral_diverges(width: float) -> None:
+    ends = np.linspace(0.0, 100.0, 9)
+    binned = counted_points(Poisson(ends), 0.5 * (ends[1:] + ends[:-1]), np.ones(8), what="y")
+    peak = {"m": np.array([[12.6], [33.37], [61.1]]), "s": np.array([[width], [2.0 * width], [width]])}
+    area = stats.norm.cdf(ends[1:], peak["m"], peak["s"]) - stats.norm.cdf(ends[:-1], peak["m"], peak["s"])
+    known = binned.expected(read_formula("exp(-(x - m)**2/(2*s**2))/(s*sqrt(2*pi)) + 0.01")).value(binned.x, peak)
+    assert known == pytest.approx(area + 0.01 * np.diff(ends), abs=1e-6)
+    fixed = counted_points(EventTimes(0.0, 100.0, 8), np.array([5.0, 33.37, 90.0]), None, what="events")
+    curve = fixed.expected(read_formula("a*exp(-(x - 33.37)**2/(2*b**2))/(b*sqrt(2*pi)) + 0.01"))
+    _, expected = curve.rate({"a": 2.0, "b": width})
+    in_cell = stats.norm.cdf(4.13, 0.0, width) - stats.norm.cdf(-8.37, 0.0, width)
+    assert expected[0, 2] == pytest.approx(2.0 * in_cell + 0.125, rel=1e-6)  # of 3 events, where the density has the area 3
+    assert np.all(np.isnan(fixed.expected(read_formula("a/x")).rate({"a": 2.0})[0]))
+
+
 def test_counts_in_bins_against_scipy_and_narrow_bins_against_single_times(rng: np.random.Generator) -> None:
     times = decays(60, rng)
     counts = np.histogram(times, EDGES)[0]
@@ -318,11 +363,11 @@ def test_a_binned_curve_is_integrated_and_knows_its_derivatives() -> None:
     here = {"N": 50.0, "tau": 2.0}
     assert curve.value(MIDDLES, here)[0] == pytest.approx(-50.0 * np.diff(np.exp(-EDGES / 2.0)), rel=1e-12)
     for total in (None, 30.0):
-        binned = type(curve)(curve.density, curve.low, curve.high, total)
+        binned = type(curve)(curve.density, curve.low, curve.high, total, MIDDLES)
         for name in ("N", "tau"):
             ends = [binned.value(MIDDLES, here | {name: here[name] + s * 1e-5})[0] for s in (-1.0, 1.0)]
             assert binned.local(MIDDLES, here).gradient[name][0] == pytest.approx((ends[1] - ends[0]) / 2e-5, rel=1e-6, abs=1e-8)
-            rates = [binned.rate(MIDDLES, here | {name: here[name] + s * 1e-5})[0] for s in (-1.0, 1.0)]
+            rates = [binned.rate(here | {name: here[name] + s * 1e-5})[0][0] for s in (-1.0, 1.0)]
             assert binned.local_rate(MIDDLES, here).gradient[name][0] == pytest.approx((rates[1] - rates[0]) / 2e-5, rel=1e-5, abs=1e-7)
     assert binned.value(MIDDLES, here).sum() == pytest.approx(30.0)
 

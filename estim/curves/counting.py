@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -61,13 +61,17 @@ Counting = Poisson | Binomial | EventTimes
 
 @dataclass(frozen=True, eq=False)
 class CountedPoints:
-    """Points (n_obs,) in order of x whose y were counted.  bins : (n_obs, 2) edges, or None.  total : of events, where only their density counts."""
+    """Points (n_obs,) in order of x whose y were counted.
+
+    bins : (n_obs, 2) edges, or None.  total : of events, where only their density counts.  events : (n_event,) their times in order, where known.
+    """
 
     x: FloatArray
     y: FloatArray
     noise: Counts
     bins: FloatArray | None
     total: float | None
+    events: FloatArray = field(default_factory=lambda: np.zeros(0))
 
     @property
     def words(self) -> Wording:
@@ -84,7 +88,9 @@ class CountedPoints:
 
     def expected(self, curve: Curve) -> Curve:
         """The curve of the expectations of y."""
-        return curve if self.bins is None else BinnedCurve(curve, self.bins[:, 0], self.bins[:, 1], self.total)
+        if self.bins is None:
+            return curve
+        return BinnedCurve(curve, self.bins[:, 0], self.bins[:, 1], self.total, self.events)
 
 
 def ask_counts(noise: Any, x: ArrayLike, y: ArrayLike | None, *, what: str, **beside: object) -> CountedPoints | None:
@@ -98,9 +104,9 @@ def ask_counts(noise: Any, x: ArrayLike, y: ArrayLike | None, *, what: str, **be
     if not isinstance(counting, Poisson | Binomial | EventTimes):
         rule = 'must be "poisson", Poisson(bins=...), Binomial(trials=...) or EventTimes(low, high)'
         raise InputError(rule, field="noise", value=noise)
-    for field, value in beside.items():
+    for name, value in beside.items():
         if value is not None:
-            raise InputError("does not go with 'noise', which says how counts scatter: leave it out", field=field)
+            raise InputError("does not go with 'noise', which says how counts scatter: leave it out", field=name)
     return counted_points(counting, column(x, "x"), None if y is None else column(y, "y"), what=what)
 
 
@@ -194,7 +200,7 @@ def _events(times: FloatArray, low: float, high: float, cells: int | None, what:
     counts = np.histogram(ordered, edges)[0].astype(float)
     bins = np.column_stack([edges[:-1], edges[1:]])
     noise = Events(POISSON, np.ones(n_cell), counts, what, bins, times=ordered, window=(low, high))
-    return CountedPoints(_middles(bins), counts, noise, bins, float(times.size))
+    return CountedPoints(_middles(bins), counts, noise, bins, float(times.size), ordered)
 
 
 def _require_counts(y: FloatArray, meaning: str) -> None:

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Protocol, runtime_checkable
 
 import numpy as np
@@ -30,19 +31,18 @@ from estim.problem.laws import Law as Law
 from estim.problem.likelihood import Likelihood, Points, n_draws
 from estim.problem.size import Named
 
-_ROOM = 3.0  # a rate may vary by this factor's exponential within a cell
+_ROOM = 3.0  # the exponential of it is how far a rate may exceed one event between an event and its nearest neighbour
 
 
 @runtime_checkable
 class RateCurve(Curve, Protocol):
     """A curve of expected numbers of events in cells that knows the rate within them."""
 
-    @property
-    def nodes(self) -> tuple[FloatArray, FloatArray]:
-        """Times and weights (n_node,) of its integrals over all cells."""
+    def nodes(self, arguments: Mapping[str, ArrayLike]) -> tuple[FloatArray, FloatArray]:
+        """Times and weights (n_node,) of an integral over all cells, for single arguments."""
 
-    def rate(self, t: FloatArray, arguments: Mapping[str, ArrayLike]) -> FloatArray:
-        """(n_draw, n) events per unit of time at times t (n,), nan where it is nowhere a rate."""
+    def rate(self, arguments: Mapping[str, ArrayLike]) -> tuple[FloatArray, FloatArray]:
+        """(n_draw, n_event) events per unit of time at the events and (n_draw, n_cell) their expected number; nan where it is no rate."""
 
     def local_rate(self, t: FloatArray, arguments: Mapping[str, ArrayLike]) -> LocalCurve:
         """The same with its gradient."""
@@ -50,27 +50,28 @@ class RateCurve(Curve, Protocol):
 
 @dataclass(frozen=True, eq=False)
 class EventErrors(CountErrors):
-    """Events at `times` (n_event,) in cells, number first[k] to first[k + 1] of them in cell k; widths : (n_obs,) of the cells."""
+    """Events at `times` (n_event,) in cells, number first[k] to first[k + 1] of them in cell k; spacing : (n_event,) between neighbours."""
 
     times: FloatArray
     first: NDArray[np.int64]
-    widths: FloatArray
+    spacing: FloatArray
 
     def pointwise(self, named: Named) -> FloatArray:
         """Of each cell: the density of the times of its events, and of their number."""
-        curve = self._rates
         with np.errstate(all="ignore"):
-            logs = np.log(np.broadcast_to(curve.rate(self.times, self.points.bind(named)), (n_draws(named), self.times.size)))
-            return np.asarray(self._by_cell(logs) - self._mean(named))
+            rate, expected = self._rates.rate(self.points.bind(named))
+            return np.asarray(np.broadcast_to(self._by_cell(np.log(rate)) - expected, (n_draws(named), self.y.size)))
 
     def log_likelihood(self, named: Named) -> FloatArray:
         return np.asarray(np.sum(self.pointwise(named), axis=1))
 
     def residuals(self, named: Named) -> FloatArray:
         """Up to a constant that keeps the squares positive: no density of single times is the highest."""
-        highest = _saturated(self.y, self.widths) + _ROOM * self.y + 1.0
+        highest = self._by_cell(-np.log(self.spacing)[None, :])[0] + _ROOM * self.y + 1.0
         with np.errstate(all="ignore"):
-            return np.asarray(np.sign(self.y - self._mean(named)) * np.sqrt(2.0 * np.maximum(highest - self.pointwise(named), 0.0)))
+            rate, expected = self._rates.rate(self.points.bind(named))
+            sign = np.where(self.y < expected, -1.0, 1.0)  # never 0: the number in a cell says nothing of where in it events lie
+            return np.asarray(sign * np.sqrt(2.0 * np.maximum(highest - self._by_cell(np.log(rate)) + expected, 0.0)))
 
     def jacobian(self, named: Named, names: Sequence[str]) -> FloatArray:
         with np.errstate(all="ignore"):
@@ -81,10 +82,11 @@ class EventErrors(CountErrors):
 
     def information_root(self, named: Named, names: Sequence[str]) -> FloatArray:
         """(n_node, n_par): the information is the integral of the squared derivatives of the rate over the rate."""
-        times, weights = self._rates.nodes
+        times, weights = self._rates.nodes(self.points.bind(named))
         rate, slopes = self._rate_and_slopes(times, named, names)
         with np.errstate(all="ignore"):
-            return np.asarray(np.where(rate > 0.0, np.sqrt(weights / rate), 0.0)[:, None] * slopes)
+            root = np.where(rate > 0.0, np.sqrt(weights) / np.sqrt(rate), 0.0)  # the quotient first would overflow for a rate that is all but 0
+            return np.asarray(root[:, None] * slopes)
 
     def _scores(self, named: Named, names: Sequence[str]) -> FloatArray:
         """(n_obs, n_par) derivatives of `pointwise`."""
@@ -124,7 +126,15 @@ class Events(Counts):
         assert self.bins is not None, "events have cells"
         first = np.append(np.searchsorted(self.times, self.bins[:, 0], side="left"), self.times.size)
         first[0] = 0
-        return EventErrors(points, self.law, self.trials, self.times, first, np.diff(self.bins, axis=1)[:, 0])
+        return EventErrors(points, self.law, self.trials, self.times, first, self._spacing)
+
+    @cached_property
+    def _spacing(self) -> FloatArray:
+        """(n_event,) from each event to the nearest other, of those at one time the least of all: no cell shows how high a rate may be."""
+        low, high = self.window
+        gaps = np.diff(self.times, prepend=2.0 * low - high, append=2.0 * high - low)
+        nearest = np.minimum(gaps[:-1], gaps[1:])
+        return np.where(nearest > 0.0, nearest, np.min(nearest[nearest > 0.0], initial=high - low))
 
     def describe(self, *, x_unit: str, y_unit: str, words: Wording) -> str:
         """The noise in words."""
@@ -135,8 +145,3 @@ class Events(Counts):
             "figures and tests count them in {cells} cells",
             n=self.times.size, low=low, high=high, unit=unit, cells=self.trials.size,
         )
-
-
-def _saturated(y: FloatArray, widths: FloatArray) -> FloatArray:
-    """(n_obs,) log density where the rate is even in each cell and as high as its events are many."""
-    return np.where(y > 0.0, y * np.log(np.maximum(y, 1.0) / widths), 0.0) - y
