@@ -18,6 +18,7 @@ from estim.problem import Likelihood, Posterior
 
 _STEP = 1e-3  # of a standard deviation, for differences: their error moves an optimum by 1e-6 sd
 _CURVED = 2e-3  # the same for second differences
+_NOWHERE = 1e30  # -2 log density from which the density counts as zero
 _AT_ONCE = 512  # rows of a call: what they need stays small
 
 
@@ -37,11 +38,10 @@ class ProfileSearch:
     cov: FloatArray
 
     def objectives(self, draws: FloatArray) -> FloatArray:
-        """(n_draw,) -2 log density, inf where it is not a number."""
+        """(n_draw,) -2 log density, inf where there is none."""
         with np.errstate(all="ignore"):
             parts = [self.posterior.log_density(draws[k : k + _AT_ONCE]) for k in range(0, len(draws), _AT_ONCE)]
-        minus = -2.0 * np.concatenate([np.zeros(0), *parts])
-        return np.where(np.isnan(minus), np.inf, minus)
+        return _minus_twice(np.concatenate([np.zeros(0), *parts]))
 
     def objective(self, values: FloatArray) -> float:
         return float(self.objectives(values[None, :])[0])
@@ -105,20 +105,26 @@ class ProfileSearch:
         return tuple((likelihood, own) for likelihood, own in found if own.size)
 
     def _heights(self, likelihood: Likelihood, own: FloatArray, rows: FloatArray) -> FloatArray:
-        """(n_point, n_row) -2 log likelihood of a group, inf where it is not a number, at rows (n_point, n_row, n_par)."""
+        """(n_point, n_row) -2 log likelihood of a group, inf where there is none, at rows (n_point, n_row, n_par)."""
         flat = rows.reshape(-1, rows.shape[-1])
         minus = np.empty(len(flat))
         with np.errstate(all="ignore"):
             for start in range(0, len(flat), _AT_ONCE):
                 some = flat[start : start + _AT_ONCE]
                 named = {self.posterior.names[i]: some[:, i : i + 1] for i in own}
-                minus[start : start + _AT_ONCE] = -2.0 * likelihood.log_likelihood(named)
-        return np.where(np.isnan(minus), np.inf, minus).reshape(rows.shape[:-1])
+                minus[start : start + _AT_ONCE] = _minus_twice(likelihood.log_likelihood(named))
+        return minus.reshape(rows.shape[:-1])
 
     def _priors(self, points: FloatArray) -> FloatArray:
         """(n_point, n_par) -2 log density of each prior."""
         with np.errstate(all="ignore"):
             return -2.0 * np.column_stack([p.prior.log_density(points[:, i]) for i, p in enumerate(self.posterior.problem.parameters)])
+
+
+def _minus_twice(log_density: FloatArray) -> FloatArray:
+    """-2 log density; inf where it is not a number, or so large that products of its differences would overflow."""
+    minus = -2.0 * log_density
+    return np.where(minus < _NOWHERE, minus, np.inf)
 
 
 def _quotients(above: FloatArray, here: FloatArray, below: FloatArray, up: FloatArray, at: FloatArray, down: FloatArray) -> FloatArray:
