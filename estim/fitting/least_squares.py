@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -22,6 +23,7 @@ from estim.fitting.arrow import descend_by_runs, inverse_by_runs, many
 from estim.fitting.finish import finished
 from estim.fitting.fisher_information import information
 from estim.fitting.noise_fit import fit_noise
+from estim.fitting.readings import measure_of
 from estim.fitting.rounds import Held, settle_by_runs
 from estim.fitting.starts import led_together, stands_for
 from estim.problem import Posterior, Problem, Symmetry, informative
@@ -55,7 +57,7 @@ class Fit:
     sds : (n_par,) square roots of its diagonal; nan for a parameter within one sd of a bound, where a symmetric standard
         deviation would be wrong.
     at_bound : names of parameters whose mode lies on a bound of their prior.
-    posterior : the density with covariances at the mode, as the sampler uses it.
+    posterior : the density with covariances at the mode.
     chi2 : whitened squares of the data (of normal scores, with errors of x) and of informative priors.  dof : their number minus the fitted
         parameters of the curve.  p_value : P(chi2 or more); nan where the size of the noise was inferred or its tails are heavy (it proves
         nothing), or y was counted (simulations say it).
@@ -95,6 +97,11 @@ class Fit:
     @property
     def problem(self) -> Problem:
         return self.posterior.problem
+
+    @cached_property
+    def sampled(self) -> Posterior:
+        """`posterior` as it is sampled: in a joint fit with the measure of readings (`estim.fitting.readings`)."""
+        return self.posterior if self.singular else replace(self.posterior, measure=measure_of(self.posterior, self.values, self.cov))
 
     @property
     def further_starts(self) -> tuple[FloatArray, ...]:

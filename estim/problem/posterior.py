@@ -20,6 +20,7 @@ from estim.problem.group import Group as Group
 from estim.problem.group import SharedNoise, grouped
 from estim.problem.group import StackedPoints as StackedPoints
 from estim.problem.likelihood import Ends, Likelihood
+from estim.problem.measure import Measure
 from estim.problem.observations import Observations, Parameter
 from estim.problem.priors import Prior, Uniform
 
@@ -126,10 +127,14 @@ class Problem:
 
 @dataclass(frozen=True, eq=False)
 class Posterior:
-    """Posterior density of a problem, linearised at one point: one likelihood for each of its groups (`Problem.groups`), mostly of one run."""
+    """Posterior density of a problem, linearised at one point: one likelihood for each of its groups (`Problem.groups`), mostly of one run.
+
+    measure : of readings in a joint fit, where it is to be sampled with one; least squares, optima and profiles have none.
+    """
 
     problem: Problem
     likelihoods: tuple[Likelihood, ...]
+    measure: Measure | None = None
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -143,7 +148,7 @@ class Posterior:
             likelihood = self.log_likelihood(draws[inside])
             # nan: a motion that cannot be followed to the last frame (it all but stops on the way) explains no data
             log_p[inside] = np.where(np.isnan(likelihood), -np.inf, log_p[inside] + likelihood)
-        return log_p
+        return log_p if self.measure is None else log_p + self.measure.log(draws[:, self.measure.columns])
 
     def log_likelihood(self, draws: FloatArray) -> FloatArray:
         """(n_draw,) log likelihood, normalised, of draws (n_draw, n_par) inside the priors' support."""
