@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from estim.arrays import FloatArray
 from estim.calibration.experiment import Experiment
 from estim.common import InputError, Label, NumericalError, Quantity, Stream, stream
-from estim.fitting import Fit, fit_least_squares, readings_of
+from estim.fitting import Fit, fit_least_squares
 from estim.problem import MEASURED, LogNormal, Normal, Parameter, Prior, Problem, TruncatedNormal, as_prior
 from estim.sampling import Target, adapt_proposal, certify, sample_posterior
 
@@ -98,7 +98,7 @@ def _experiment(plan: Plan, rng: np.random.Generator) -> tuple[FloatArray, Probl
     for n_rejected in range(_MOST_TRIES):
         if plan.what == "sbc":
             values = np.array([float(p.prior.draw(rng, 1)[0]) for p in parameters])
-            stated = measured_anew(plan.design.problem, values, rng, readings_of(plan.design.problem))
+            stated = measured_anew(plan.design.problem, values, rng, plan.design.problem.readings)
         else:
             values = plan.truth
             stated = measured_anew(plan.design.problem, values, rng)

@@ -12,5 +12,4 @@ from estim.fitting.optimum import N_START, Optimum, find_optimum, fit_beside, fi
 from estim.fitting.profile import Contour, ProfileInterval, contour, profile_intervals
 from estim.fitting.profile_descents import Start, minima
 from estim.fitting.profile_search import ProfileSearch, search_of
-from estim.fitting.readings import readings_of
 from estim.fitting.silence import PERFECT, no_scatter, silent_parameters

@@ -129,7 +129,8 @@ def fit_least_squares(
     """
     if problem.n_par == 0:
         raise InputError("leave nothing to fit: every quantity is exact; give at least one an uncertainty or a prior", field="parameters")
-    starts = np.vstack([problem.start() if start is None else start, *(_prior_draw(problem, rng) for _ in range(n_start - 1)), *further])
+    drawn = ([float(p.prior.draw(rng, 1)[0]) for p in problem.parameters] for _ in range(n_start - 1))
+    starts = np.vstack([problem.start() if start is None else start, *drawn, *further])
     begun = [(start, problem.linearised(start)) for start in starts]
     begun = [(start, posterior) for start, posterior in begun if np.all(np.isfinite(posterior.residuals(start)))]
     if not begun:
@@ -137,7 +138,7 @@ def fit_least_squares(
     rough = _rough_ends(begun)
     if not rough:
         raise NumericalError(_NO_CURVATURE)
-    objective = np.array([-_log_density(posterior, values) for values, posterior, _ in rough])
+    objective = np.array([-float(posterior.log_density(values[None, :])[0]) for values, posterior, _ in rough])
     best = int(np.nanargmin(objective))
     values, posterior, _ = rough[best]
     if float(np.mean(posterior.size_residuals(values) ** 2)) > hopeless:
@@ -165,14 +166,6 @@ def refit(problem: Problem, start: FloatArray) -> Fit:
     if math.isnan(moved):
         raise NumericalError(_NO_CURVATURE)
     return _describe(problem, posterior, values, moved, [values], n_start=1, same=[values])
-
-
-def _prior_draw(problem: Problem, rng: np.random.Generator) -> FloatArray:
-    return np.array([float(p.prior.draw(rng, 1)[0]) for p in problem.parameters])
-
-
-def _log_density(posterior: Posterior, values: FloatArray) -> float:
-    return float(posterior.log_density(values[None, :])[0])
 
 
 def _rough_ends(starts: list[tuple[FloatArray, Posterior]]) -> list[_End]:

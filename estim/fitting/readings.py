@@ -19,27 +19,15 @@ Wolpert, Stat. Sci. 14 (1999) 1 (which of their measures leaves the others alone
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from estim.arrays import FloatArray
-from estim.problem import MEASURED, Measure, Posterior, Problem, uses_of
-
-Indices = NDArray[np.int64]
-
-
-def readings_of(problem: Problem) -> frozenset[str]:
-    """Names of the parameters of single runs whose stated values are readings: they differ from run to run."""
-    uses, centres = uses_of(problem.runs), dict[str, dict[str, float]]()
-    for parameter in problem.parameters:
-        if uses[parameter.name] == 1 and isinstance(parameter.prior, MEASURED):
-            centres.setdefault(parameter.name.split("[")[0], {})[parameter.name] = parameter.prior.centre
-    return frozenset(name for one in centres.values() if len(set(one.values())) > 1 for name in one)
+from estim.problem import Measure, Posterior, uses_of
 
 
 def measure_of(posterior: Posterior, values: FloatArray, cov: FloatArray) -> Measure | None:
     """The measure about the fit `values` (n_par,) of covariance `cov`; None where there are no readings, or nothing is shared."""
     problem = posterior.problem
-    uses, readings = uses_of(problem.runs), readings_of(problem)
+    uses, readings = uses_of(problem.runs), problem.readings
     shared = np.array([i for i, p in enumerate(problem.parameters) if uses[p.name] > 1 and not p.between], dtype=np.int64)
     if not readings or not shared.size:
         return None

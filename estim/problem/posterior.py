@@ -20,9 +20,9 @@ from estim.problem.group import Group as Group
 from estim.problem.group import SharedNoise, grouped
 from estim.problem.group import StackedPoints as StackedPoints
 from estim.problem.likelihood import Ends, Likelihood
-from estim.problem.measure import Measure
-from estim.problem.observations import Observations, Parameter
-from estim.problem.priors import Prior, Uniform
+from estim.problem.measure import Measure as Measure
+from estim.problem.observations import Observations, Parameter, uses_of
+from estim.problem.priors import MEASURED, Prior, Uniform
 
 _MANY_OBS = 3000
 _BLOCK = 4_000_000  # values of the curve computed at once where there are more points than that
@@ -93,6 +93,15 @@ class Problem:
     def noise_names(self) -> frozenset[str]:
         """Parameters of the noise: they enter the covariance, not the curve."""
         return frozenset(name for run in self.runs for name in run.noise.parameters)
+
+    @cached_property
+    def readings(self) -> frozenset[str]:
+        """Parameters of the curves of single runs whose stated values are readings: they differ from run to run."""
+        uses, centres = uses_of(self.runs), dict[str, dict[str, float]]()
+        for parameter in self.parameters:
+            if uses[parameter.name] == 1 and isinstance(parameter.prior, MEASURED):
+                centres.setdefault(parameter.name.split("[")[0], {})[parameter.name] = parameter.prior.centre
+        return frozenset(name for one in centres.values() if len(set(one.values())) > 1 for name in one)
 
     def start(self) -> FloatArray:
         """(n_par,) the centres of the priors."""
