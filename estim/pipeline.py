@@ -196,11 +196,11 @@ def analyse_fit(
     """What follows a fit, however its problem was posed.  tested : whether there are residuals to test."""
     target, problem, conflict = target or Target(), fit.problem, check_stated_values(fit)
     certificate, chain_rng = None, stream(seed, Stream.CHAIN)
-    density = folded(fit.posterior, fit.symmetry, fit.values)
+    density = folded(fit.sampled, fit.symmetry, fit.values)
     most = MAX_TIED if problem.shared else MAX_PARAMETERS
     if conflict.flagrant:
         few = replace(target, max_step=min(target.max_step, _A_FEW))
-        chain = sample_posterior(fit.posterior, fit.values, fit.cov, target=few, rng=chain_rng, progress=progress)
+        chain = sample_posterior(fit.sampled, fit.values, fit.cov, target=few, rng=chain_rng, progress=progress)
         comparison = no_comparison(fit.names, Finding(Kind.NOT_SAMPLED))
     elif marginal if marginal is not None else _through_marginal(fit):
         chain, comparison = marginal_chain(fit, target=target, rng=chain_rng, progress=progress, store=store, stop=stop)

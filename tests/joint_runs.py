@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +13,7 @@ from estim.problem.curve import LocalCurve
 from estim.problem.noise import Independent, Scale
 from estim.problem.observations import Observations, Parameter
 from estim.problem.posterior import Problem
-from estim.problem.priors import Prior
+from estim.problem.priors import Normal, Prior
 from model import Body
 from model.simulate import frame_times, simulate_positions
 
@@ -69,6 +69,25 @@ def problem_of(
             )
         )
     return Problem(tuple(parameters), tuple(runs))
+
+
+READ_AT = np.linspace(0.1, 1.0, 8)
+SLOPES = Formula(  # only tilt / scale shows: the readings of the tilts say the scale
+    lambda x, a: a["tilt"] / a["scale"] * x + a["offset"],
+    {"tilt": lambda x, a: x / a["scale"], "scale": lambda x, a: -a["tilt"] / a["scale"] ** 2 * x, "offset": one},
+)
+U_TILT, U_OFFSET, U_Y = 0.2, 0.1, 0.01
+
+
+def readings(n: int, rng: np.random.Generator, *, wrong: int | None = None) -> Problem:
+    """Runs of scale 1 whose tilts, 0.5 to 1.5, were read with an error of `U_TILT`; the tilt of run `wrong` was read 2 off."""
+    tilts = rng.uniform(0.5, 1.5, n)
+    ys = [tilt * READ_AT + U_Y * rng.standard_normal(READ_AT.size) for tilt in tilts]
+    own = {"tilt": Normal(1.0, U_TILT), "offset": Normal(0.0, U_OFFSET)}
+    problem = problem_of(SLOPES, {"scale": Normal(1.0, 0.5)}, own, READ_AT, ys, U_Y)
+    read = {f"tilt[{i}]": tilt + U_TILT * rng.standard_normal() + (2.0 if i == wrong else 0.0) for i, tilt in enumerate(tilts)}
+    parameters = (replace(p, prior=Normal(read[p.name], U_TILT)) if p.name in read else p for p in problem.parameters)
+    return Problem(tuple(parameters), problem.runs)
 
 
 def simulated_campaign(

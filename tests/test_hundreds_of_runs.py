@@ -1,4 +1,4 @@
-"""Joint fits of hundreds of runs: own paces, readings that count alike, levels of tests, and reports that stay readable."""
+"""Joint fits of hundreds of runs: own paces, levels of tests, and reports that stay readable."""
 
 from __future__ import annotations
 
@@ -9,7 +9,8 @@ from typing import Any, cast
 
 import numpy as np
 import pytest
-from joint_runs import Formula, one, problem_of
+from joint_runs import READ_AT as X
+from joint_runs import readings
 
 from estim.checks.conflict import _pulls_at_once
 from estim.checks.goodness import check_goodness
@@ -19,53 +20,8 @@ from estim.fitting.least_squares import fit_least_squares
 from estim.fitting.rounds import settle_by_runs
 from estim.pipeline import Analysis
 from estim.problem.posterior import Problem
-from estim.problem.priors import Normal
 from estim.reports.correlations import correlation_of
 from estim.reports.long_tables import MOST_ROWS, shortened
-from estim.sampling import marginal_density
-from estim.sampling.marginal import MarginalOptions, sample_marginal
-
-X = np.linspace(0.1, 1.0, 8)
-SLOPES = Formula(  # only tilt / scale shows: the readings of the tilts say the scale
-    lambda x, a: a["tilt"] / a["scale"] * x + a["offset"],
-    {"tilt": lambda x, a: x / a["scale"], "scale": lambda x, a: -a["tilt"] / a["scale"] ** 2 * x, "offset": one},
-)
-U_TILT = 0.2
-
-
-def readings(n: int, rng: np.random.Generator, *, wrong: int | None = None) -> Problem:
-    """Runs of scale 1 whose tilts, 0.5 to 1.5, were read with an error of `U_TILT`; the tilt of run `wrong` was read 2 off."""
-    tilts = rng.uniform(0.5, 1.5, n)
-    ys = [tilt * X + 0.01 * rng.standard_normal(X.size) for tilt in tilts]
-    problem = problem_of(SLOPES, {"scale": Normal(1.0, 0.5)}, {"tilt": Normal(1.0, U_TILT), "offset": Normal(0.0, 0.1)}, X, ys, 0.01)
-    read = {f"tilt[{i}]": tilt + U_TILT * rng.standard_normal() + (2.0 if i == wrong else 0.0) for i, tilt in enumerate(tilts)}
-    parameters = (replace(p, prior=Normal(read[p.name], U_TILT)) if p.name in read else p for p in problem.parameters)
-    return Problem(tuple(parameters), problem.runs)
-
-
-@pytest.mark.parametrize("seed", [1, *(pytest.param(seed, marks=pytest.mark.statistics) for seed in (2, 3))])
-def test_what_hundreds_of_readings_say_together_is_within_its_standard_deviation(seed: int, monkeypatch: pytest.MonkeyPatch) -> None:
-    """With flat weights of all tilts the scale is too large by (0.2/1)^2, however many runs there are."""
-    rng = np.random.default_rng(seed)
-    fit = fit_least_squares(readings(256, rng), rng=rng, n_start=1)
-    options = MarginalOptions(n_draw=1000, n_check=100)
-    found = sample_marginal(fit, rng=rng, options=options)
-    assert abs(found.mean[0] - 1.0) < 3.0 * found.sd[0]
-    assert found.sd[0] == pytest.approx(fit.sds[0], rel=0.15)
-    pulls = np.array([fit.values[i] - p.prior.centre for i, p in enumerate(fit.problem.parameters) if p.name.startswith("tilt")]) / U_TILT
-    assert abs(np.mean(pulls**2) - 1.0) < 4.0 * np.sqrt(2.0 / 256)
-    if seed == 1:
-        monkeypatch.setattr(marginal_density, "MANY", 10**6)
-        flat = sample_marginal(fit, rng=rng, options=options)
-        assert flat.mean[0] - found.mean[0] > 2.0 * flat.sd[0]
-        assert flat.mean[0] - found.mean[0] == pytest.approx(U_TILT**2, rel=0.3)
-
-
-def test_one_prior_for_all_runs_says_how_true_values_are_distributed_and_is_integrated() -> None:
-    rng = np.random.default_rng(1)
-    assert not any(name.startswith("offset") for name in marginal_density.readings_of(readings(20, rng)))
-    assert len(marginal_density.readings_of(readings(20, rng))) == 20
-    assert not marginal_density.readings_of(readings(16, rng))
 
 
 def test_all_pulls_from_one_solution_are_those_of_leaving_each_out_and_name_a_wrong_tilt() -> None:

@@ -5,7 +5,7 @@ The stages are those of the pipeline, with less demanded of the sampler: `Engine
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
 
@@ -98,7 +98,7 @@ def _experiment(plan: Plan, rng: np.random.Generator) -> tuple[FloatArray, Probl
     for n_rejected in range(_MOST_TRIES):
         if plan.what == "sbc":
             values = np.array([float(p.prior.draw(rng, 1)[0]) for p in parameters])
-            stated = parameters
+            stated = measured_anew(plan.design.problem, values, rng, plan.design.problem.readings)
         else:
             values = plan.truth
             stated = measured_anew(plan.design.problem, values, rng)
@@ -115,9 +115,9 @@ def stated_only(problem: Problem) -> frozenset[str]:
     return frozenset(outliers | held)
 
 
-def measured_anew(problem: Problem, truth: FloatArray, rng: np.random.Generator) -> tuple[Parameter, ...]:
-    """The parameters with the centres of those priors that stand for measurements drawn around `truth` (n_par,)."""
-    held = stated_only(problem)
+def measured_anew(problem: Problem, truth: FloatArray, rng: np.random.Generator, names: Collection[str] | None = None) -> tuple[Parameter, ...]:
+    """The parameters with the centres of priors that stand for measurements drawn around `truth` (n_par,): of `names`, None for all of them."""
+    held = stated_only(problem) if names is None else set(problem.names).difference(names)
     return tuple(
         p if p.name in held else replace(p, prior=_around(p.prior, float(value), rng)) for p, value in zip(problem.parameters, truth, strict=True)
     )
@@ -150,15 +150,15 @@ def _fit(problem: Problem, start: FloatArray, rng: np.random.Generator) -> Fit:
 def posterior_draws(fit: Fit, engine: Engine, rng: np.random.Generator) -> tuple[FloatArray, str, str]:
     """Draws (n_draw, n_par) of the posterior, which engine gave them, and what it did not reach (or "").  Raises NumericalError."""
     for n_round in (engine.n_round, 4 * engine.n_round):
-        proposal = adapt_proposal(fit.posterior, fit.values, fit.cov, rng=rng, n_round=n_round)
+        proposal = adapt_proposal(fit.sampled, fit.values, fit.cov, rng=rng, n_round=n_round)
         if engine.method == "chain":
             break
         n_draw, most = int(2.0 * engine.ess), int(16.0 * engine.ess)
-        certificate = certify(fit.posterior, proposal, rng=rng, n_draw=n_draw, least_ess=engine.ess, max_draw=most)
+        certificate = certify(fit.sampled, proposal, rng=rng, n_draw=n_draw, least_ess=engine.ess, max_draw=most)
         if certificate.k_hat < _TRUSTED and certificate.ess >= engine.ess:
             return certificate.draws, "importance sampling", ""
     target = Target(rhat=1.02, ess=engine.ess, n_tau=20.0, max_step=engine.max_step, n_ensemble=2)
-    chain = sample_posterior(fit.posterior, fit.values, fit.cov, target=target, rng=rng, proposal=proposal)
+    chain = sample_posterior(fit.sampled, fit.values, fit.cov, target=target, rng=rng, proposal=proposal)
     return chain.thinned(20_000), "chain", "" if chain.convergence.met else chain.convergence.message
 
 

@@ -28,7 +28,7 @@ from estim.words import tell
 _FLAT = 0.05  # curvature of the log prior along a direction, 1 for a normal prior, below which it does not hold it
 
 _HELD_FELT = 0.2  # standard deviations of a parameter, by which a run whose covariance is held may move those of others
-_ALIKE = 0.3  # the same, from which on it is told that runs count alike
+_ALIKE = 0.3  # the same, by which flat weights of readings would move it, from which on it is told that they count alike
 
 _CROWD = 0.35  # share of outliers beyond which they may be another motion, and the frames called good a part of it
 
@@ -77,8 +77,7 @@ def diagnose(
             *(finding for force in fit.forces for finding in too_many_bad_frames(force)),
         ]
     )
-    told = [part for part in comparison.told if part.kind is Kind.RUNS_COUNT_ALIKE and part.size > _ALIKE]
-    remarks = _held(fit, Kind.COVARIANCE_HELD) + told + _remarks(fit, chain, goodness, conflict)
+    remarks = _held(fit, Kind.COVARIANCE_HELD) + _counting_alike(fit) + _remarks(fit, chain, goodness, conflict)
     remarks += [] if findings else rolling_remarks(rolling) + large_influences(fit, influences)
     mixing = chain.mixing or mixing_of(chain.draws)
     return Diagnosis(
@@ -99,6 +98,14 @@ def _held(fit: Fit, kind: Kind) -> list[Finding]:
         return []
     names = tuple(name for held in fit.held for name in held.runs)
     return [Finding(kind, size=max(held.off for held in fit.held), numbers={"felt": felt}, names=names)]
+
+
+def _counting_alike(fit: Fit) -> list[Finding]:
+    """That readings of runs count alike whatever the shared parameters, where flat weights of their true values would show."""
+    measure = fit.sampled.measure
+    if measure is None or not measure.felt > _ALIKE:
+        return []
+    return [Finding(Kind.RUNS_COUNT_ALIKE, size=measure.felt, numbers={"runs": measure.n_run})]
 
 
 def sampling_findings(chain: Chain) -> list[Finding]:

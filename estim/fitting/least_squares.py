@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -22,6 +23,7 @@ from estim.fitting.arrow import descend_by_runs, inverse_by_runs, many
 from estim.fitting.finish import finished
 from estim.fitting.fisher_information import information
 from estim.fitting.noise_fit import fit_noise
+from estim.fitting.readings import measure_of
 from estim.fitting.rounds import Held, settle_by_runs
 from estim.fitting.starts import led_together, stands_for
 from estim.problem import Posterior, Problem, Symmetry, informative
@@ -55,7 +57,7 @@ class Fit:
     sds : (n_par,) square roots of its diagonal; nan for a parameter within one sd of a bound, where a symmetric standard
         deviation would be wrong.
     at_bound : names of parameters whose mode lies on a bound of their prior.
-    posterior : the density with covariances at the mode, as the sampler uses it.
+    posterior : the density with covariances at the mode.
     chi2 : whitened squares of the data (of normal scores, with errors of x) and of informative priors.  dof : their number minus the fitted
         parameters of the curve.  p_value : P(chi2 or more); nan where the size of the noise was inferred or its tails are heavy (it proves
         nothing), or y was counted (simulations say it).
@@ -96,6 +98,11 @@ class Fit:
     def problem(self) -> Problem:
         return self.posterior.problem
 
+    @cached_property
+    def sampled(self) -> Posterior:
+        """`posterior` as it is sampled: in a joint fit with the measure of readings (`estim.fitting.readings`)."""
+        return self.posterior if self.singular else replace(self.posterior, measure=measure_of(self.posterior, self.values, self.cov))
+
     @property
     def further_starts(self) -> tuple[FloatArray, ...]:
         """(n_par,) each, the centres of normal distributions that make up the posterior where a curve lacks something."""
@@ -122,7 +129,8 @@ def fit_least_squares(
     """
     if problem.n_par == 0:
         raise InputError("leave nothing to fit: every quantity is exact; give at least one an uncertainty or a prior", field="parameters")
-    starts = np.vstack([problem.start() if start is None else start, *(_prior_draw(problem, rng) for _ in range(n_start - 1)), *further])
+    drawn = ([float(p.prior.draw(rng, 1)[0]) for p in problem.parameters] for _ in range(n_start - 1))
+    starts = np.vstack([problem.start() if start is None else start, *drawn, *further])
     begun = [(start, problem.linearised(start)) for start in starts]
     begun = [(start, posterior) for start, posterior in begun if np.all(np.isfinite(posterior.residuals(start)))]
     if not begun:
@@ -130,7 +138,7 @@ def fit_least_squares(
     rough = _rough_ends(begun)
     if not rough:
         raise NumericalError(_NO_CURVATURE)
-    objective = np.array([-_log_density(posterior, values) for values, posterior, _ in rough])
+    objective = np.array([-float(posterior.log_density(values[None, :])[0]) for values, posterior, _ in rough])
     best = int(np.nanargmin(objective))
     values, posterior, _ = rough[best]
     if float(np.mean(posterior.size_residuals(values) ** 2)) > hopeless:
@@ -158,14 +166,6 @@ def refit(problem: Problem, start: FloatArray) -> Fit:
     if math.isnan(moved):
         raise NumericalError(_NO_CURVATURE)
     return _describe(problem, posterior, values, moved, [values], n_start=1, same=[values])
-
-
-def _prior_draw(problem: Problem, rng: np.random.Generator) -> FloatArray:
-    return np.array([float(p.prior.draw(rng, 1)[0]) for p in problem.parameters])
-
-
-def _log_density(posterior: Posterior, values: FloatArray) -> float:
-    return float(posterior.log_density(values[None, :])[0])
 
 
 def _rough_ends(starts: list[tuple[FloatArray, Posterior]]) -> list[_End]:

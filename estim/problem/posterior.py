@@ -20,8 +20,9 @@ from estim.problem.group import Group as Group
 from estim.problem.group import SharedNoise, grouped
 from estim.problem.group import StackedPoints as StackedPoints
 from estim.problem.likelihood import Ends, Likelihood
-from estim.problem.observations import Observations, Parameter
-from estim.problem.priors import Prior, Uniform
+from estim.problem.measure import Measure as Measure
+from estim.problem.observations import Observations, Parameter, uses_of
+from estim.problem.priors import MEASURED, Prior, Uniform
 
 _MANY_OBS = 3000
 _BLOCK = 4_000_000  # values of the curve computed at once where there are more points than that
@@ -93,6 +94,15 @@ class Problem:
         """Parameters of the noise: they enter the covariance, not the curve."""
         return frozenset(name for run in self.runs for name in run.noise.parameters)
 
+    @cached_property
+    def readings(self) -> frozenset[str]:
+        """Parameters of the curves of single runs whose stated values are readings: they differ from run to run."""
+        uses, centres = uses_of(self.runs), dict[str, dict[str, float]]()
+        for parameter in self.parameters:
+            if uses[parameter.name] == 1 and isinstance(parameter.prior, MEASURED):
+                centres.setdefault(parameter.name.split("[")[0], {})[parameter.name] = parameter.prior.centre
+        return frozenset(name for one in centres.values() if len(set(one.values())) > 1 for name in one)
+
     def start(self) -> FloatArray:
         """(n_par,) the centres of the priors."""
         return np.array([p.prior.centre for p in self.parameters])
@@ -126,10 +136,14 @@ class Problem:
 
 @dataclass(frozen=True, eq=False)
 class Posterior:
-    """Posterior density of a problem, linearised at one point: one likelihood for each of its groups (`Problem.groups`), mostly of one run."""
+    """Posterior density of a problem, linearised at one point: one likelihood for each of its groups (`Problem.groups`), mostly of one run.
+
+    measure : of readings in a joint fit, where it is to be sampled with one; least squares, optima and profiles have none.
+    """
 
     problem: Problem
     likelihoods: tuple[Likelihood, ...]
+    measure: Measure | None = None
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -143,7 +157,7 @@ class Posterior:
             likelihood = self.log_likelihood(draws[inside])
             # nan: a motion that cannot be followed to the last frame (it all but stops on the way) explains no data
             log_p[inside] = np.where(np.isnan(likelihood), -np.inf, log_p[inside] + likelihood)
-        return log_p
+        return log_p if self.measure is None else log_p + self.measure.log(draws[:, self.measure.columns])
 
     def log_likelihood(self, draws: FloatArray) -> FloatArray:
         """(n_draw,) log likelihood, normalised, of draws (n_draw, n_par) inside the priors' support."""

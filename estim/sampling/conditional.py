@@ -95,11 +95,6 @@ class RunTerm:
             mode = _inside(mode + step, self.own_priors)
         return mode, np.linalg.cholesky(np.linalg.inv(information))
 
-    def log_volume(self, shared: FloatArray, expansion: Expansion, chosen: IndexArray) -> FloatArray:
-        """(n_draw,) half the log determinant of the covariance of its own parameters `chosen` at shared (n_draw, n_shared)."""
-        root = self.around(shared, expansion)[1][:, chosen, :]
-        return np.asarray(0.5 * np.linalg.slogdet(root @ root.transpose(0, 2, 1))[1])
-
     def log_marginal(self, shared: FloatArray, expansion: Expansion, *, n_node: int) -> FloatArray:
         """(n_draw,) m(s) at shared (n_draw, n_shared), with `n_node` Gauss-Hermite nodes along each of its own parameters.
 

@@ -82,4 +82,4 @@ def _names(n_run: int) -> list[str]:
 
 def pieces_of(store: PieceStore, fit: Fit, rng: np.random.Generator, *, n_draw: int) -> Pieces:
     """The pieces of the marginal of a fit."""
-    return store.under(sampling_key(fit.posterior, settings={"n_draw": n_draw}, moves="marginal", rng=rng, starts=[fit.values, fit.cov]))
+    return store.under(sampling_key(fit.sampled, settings={"n_draw": n_draw}, moves="marginal", rng=rng, starts=[fit.values, fit.cov]))

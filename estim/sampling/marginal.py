@@ -31,7 +31,7 @@ from estim.sampling.conditional import Expansion, expand, run_terms
 from estim.sampling.factors import lower_factor
 from estim.sampling.importance import K_HAT_LIMIT, difference, flattened, kish_size, pareto_smoothed, spread, systematic, u_log_mean
 from estim.sampling.kept_marginal import NOWHERE, Stages
-from estim.sampling.marginal_density import Marginal, felt_measure, readings_of
+from estim.sampling.marginal_density import Marginal
 from estim.sampling.proposal import Proposal
 from estim.words import tell
 
@@ -131,20 +131,19 @@ def sample_marginal(
         raise NumericalError("the marginal over runs needs a fit that determines every parameter: state one more of them with an uncertainty")
     columns = sampled_columns(fit)
     terms = run_terms(fit, columns)
-    target = Marginal(fit.problem, columns, terms, fit.values[columns], readings_of(fit.problem))
+    target = Marginal(fit.problem, columns, terms, fit.sampled.measure)
     proposal, expansions = stages.adapted(len(terms), rng, lambda: _adapt(fit, target, rng, stages))
     shared = proposal.draw(rng, options.n_draw)
-    log_prior, by_run = target.terms_at(shared, expansions, n_node=options.n_node, stages=stages)
+    log_beside, by_run = target.terms_at(shared, expansions, n_node=options.n_node, stages=stages)
     log_proposal = proposal.log_density(shared)
-    measure = target.measure(shared, expansions)
-    raw = log_prior + measure + np.sum(by_run, axis=0) - log_proposal
+    raw = log_beside + np.sum(by_run, axis=0) - log_proposal
     log_weights, k_hat, log_evidence = pareto_smoothed(raw)
     draws = np.empty((options.n_draw, fit.problem.n_par))
     draws[:, columns] = shared
     inside = np.flatnonzero(np.isfinite(log_weights))
     first = inside[inside < options.n_check]
     raw_all = np.full(min(options.n_check, options.n_draw), -np.inf)
-    raw_all[first] = (log_prior + measure - log_proposal)[first]
+    raw_all[first] = (log_beside - log_proposal)[first]
     refined = []
     for number, (term, expansion, log_marginal) in enumerate(zip(terms, expansions, by_run, strict=True), start=1):
         stages.say(phrase("own parameters of run {k} of {n}", k=number, n=len(terms)))
@@ -161,8 +160,6 @@ def sample_marginal(
     ess, ess_all = kish_size(log_weights), kish_size(check)
     error = max((expansion.error for expansion in expansions if not expansion.rough), default=0.0)
     trusted, told = _judge(k_hat, ess, k_hat_all, ess_all, shift, u_shift, n_node=options.n_node, exact=columns.size == fit.problem.n_par)
-    if target.readings:
-        told = (*told, felt_measure(shared, log_weights, measure, len(terms)))
     return MarginalPosterior(
         names=fit.names, sampled=tuple(fit.names[i] for i in columns), draws=draws, log_weights=log_weights, k_hat=k_hat, ess=ess,
         log_evidence=log_evidence, u_log_evidence=u_log_mean(raw),

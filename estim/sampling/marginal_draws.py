@@ -47,7 +47,7 @@ def marginal_chain(
         n_step=draws.shape[1], rhat=float(np.max(r_hat(draws))), ess_bulk=marginal.ess, ess_tail=marginal.ess, tau=1.0, tau_moved=0.0,
         met=marginal.trusted and not short, told=told,
     )
-    log_density = fit.posterior.log_density(flat).reshape(draws.shape[:3])
+    log_density = fit.sampled.log_density(flat).reshape(draws.shape[:3])
     chain = Chain(fit.names, draws, log_density, 0, np.ones(_N_CHAIN), 0, convergence)
     return chain, _opinion(marginal, len(fit.names))
 

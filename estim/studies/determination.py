@@ -30,8 +30,8 @@ def determine(analysis: Analysis, *, profiles: bool = True) -> Determination:
     problem = analysis.problem
     few = problem.foremost(_MOST_PROFILES) if profiles and problem.n_par <= _MOST_PARAMETERS else []
     intervals = profile_intervals(analysis.fit, names=[problem.names[i] for i in few]) if few else ()
-    symmetry = analysis.fit.symmetry
-    if symmetry is None or symmetry.trivial:  # else what was sampled is the sum over several labels
+    symmetry, measure = analysis.fit.symmetry, analysis.fit.sampled.measure
+    if measure is None and (symmetry is None or symmetry.trivial):  # else what was sampled is more than likelihood and priors, or a sum over labels
         log_likelihood = analysis.chain.thinned_heights(_DRAWS) - problem.log_prior(draws)
     else:
         log_likelihood = analysis.fit.posterior.log_likelihood(draws)

@@ -119,8 +119,8 @@ WORDS: Table = MappingProxyType(
             "the marginal of the shared parameters was sampled well (k-hat {k_hat:.2f}, {n:.0f} effective draws)", k_hat=f.numbers["k_hat"], n=f.size
         ),
         Kind.RUNS_COUNT_ALIKE: lambda f: phrase(
-            "each of the {n:.0f} runs counts by its best fit for given shared parameters; flat weights of all values of its own would move a shared "
-            "parameter by {size:.2g} standard deviations, the more the more runs there are", n=f.numbers["runs"], size=f.size
+            "the readings of each of the {n:.0f} runs are taken to scatter around their true values; if true values scatter around what was stated "
+            "(values that were set, not read), a shared parameter is off by about {size:.2g} standard deviations", n=f.numbers["runs"], size=f.size
         ),
         Kind.MARGINAL_MISSED: _missed,
         Kind.MARGINAL_DRAWS_FEW: lambda f: _below(later("only {size:.0f} effective draws (at least {limit:.0f} are needed): raise n_draw"), f),
