@@ -121,6 +121,24 @@ def test_run_that_disagrees_is_named_and_no_other(rng: np.random.Generator) -> N
     assert text.splitlines()[1] == ""
 
 
+def test_one_of_very_many_runs_that_disagrees_is_named(rng: np.random.Generator) -> None:
+    """Of 150 runs each has less than a hundredth of the information."""
+    slopes = [1.0] * 150
+    assert check_consistency(fitted(lines(rng, slopes))).agree
+    slopes[70] = 4.0
+    found = check_consistency(fitted(lines(rng, slopes)))
+    assert found.dof > 200
+    assert found.suspects == ("r70",)
+
+
+def test_what_only_stated_values_tell_adds_no_degrees_of_freedom(rng: np.random.Generator) -> None:
+    """Beside a bend that was stated far better than eight points tell, runs are compared in what is left to them."""
+    sharp = {"slope": Normal(1.0, 0.4), "bend": Normal(0.0, 0.003)}
+    found = check_consistency(fitted(lines(rng, [1.0, 1.0, 1.0, 1.0, 2.5]), sharp))
+    assert found.dof == 5
+    assert found.suspects == ("r4",)
+
+
 def test_two_runs_that_disagree_cannot_be_told_apart_without_stated_values(rng: np.random.Generator) -> None:
     flat = {"slope": Uniform(-10.0, 10.0), "bend": Uniform(-10.0, 10.0)}
     found = check_consistency(fitted(lines(rng, [1.0, 3.5]), flat))

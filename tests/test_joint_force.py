@@ -14,7 +14,7 @@ from scipy.optimize import approx_fprime
 from test_deviation_study import moved
 from wheels import FINE, FIRST, PHI, SIGMA, Wheel, places, white_fit
 
-from estim.campaign import load_campaign
+from estim.campaign import Campaign, load_campaign
 from estim.campaign.shared_force import sharing_runs
 from estim.checks import check_consistency, check_goodness
 from estim.common import InputError
@@ -159,6 +159,52 @@ def test_repeated_runs_share_a_force_agree_and_leave_white_residuals(joint: Fit)
     assert white.shared == ()
     assert any(good.failed for good in check_goodness(fit_least_squares(white, rng=np.random.default_rng(1), start=joint.values, n_start=1),
                                                       rng=np.random.default_rng(1)))
+
+
+def rolled(folder: Path, resistances: list[float], *, tilt: str) -> Campaign:
+    """Runs of one wheel by an ODE solver: a force that all share and one of each, both of mean 0 over the track; angles by the encoder."""
+    rng, step, turns = np.random.default_rng(3), 2.0 * np.pi / 500.0, 2.0 * np.pi * np.arange(1, 6) / 15.0
+    shared, runs = 0.006 * rng.standard_normal(5), []
+    for i, c_rr in enumerate(resistances):
+        waves = shared + 0.005 * rng.standard_normal(5)
+        t = np.arange(0.0, 6.0, 0.1) + rng.uniform(0.0, 0.1)
+        theta = Wheel(c_rr=c_rr).motion(t, lambda u, waves=waves: float(waves @ np.cos(turns * u)))
+        rows = "".join(f"{a:.4f},{step * np.floor(b / step + 0.5):.6f}\n" for a, b in zip(t, theta, strict=True) if b < 15.0)
+        (folder / f"r{i}.csv").write_text("t_s,theta_rad\n" + rows)
+        runs.append(f'[[runs]]\nname = "r{i}"\nbody = "b"\nfile = "r{i}.csv"\ntheta0_deg = "5.5(20)"\n')
+    (folder / "c.toml").write_text(
+        f'title = "T"\nkind = "synthetic"\n[shared]\ng = 9.81\nradius_m = 0.235\nphi_deg = "{tilt}"\n'
+        'rolling_resistance = {prior = "half-normal", scale = 0.05}\nwindow = {theta_min_rad = 0.5}\n'
+        f'[shared.noise]\nencoder_step_rad = {step!r}\nderivative = "five-point"\n[bodies.b]\ngamma = 0.12\nkappa = {0.58 / 0.88!r}\n' + "".join(runs)
+    )
+    return load_campaign(folder / "c.toml")
+
+
+def _resistance(fit: Fit) -> tuple[float, float]:
+    i = fit.names.index("rolling_resistance")
+    return float(fit.values[i]), float(np.sqrt(fit.cov[i, i]))
+
+
+def test_runs_whose_own_values_differ_do_not_agree_though_each_may_have_a_force_of_its_own(tmp_path: Path) -> None:
+    """As a reader of single reports finds it: each run's own value and standard deviation, what all share held, about their weighted mean."""
+    resistances = [0.030, 0.030, 0.030, 0.030, 0.020]
+    held = rolled(tmp_path, resistances, tilt="-5.5")
+    fits = [held.fit(held.problem([name]), rng=np.random.default_rng(1)) for name in held.run_names]
+    values, sds = np.array([_resistance(fit) for fit in fits]).T
+    weights = sds**-2.0
+    distance = float(weights @ np.square(values - weights @ values / weights.sum()))
+    assert stats.chi2.sf(distance, 4) < 0.003
+    for tilt in ("-5.5", "-5.5(1)"):
+        every = rolled(tmp_path, resistances, tilt=tilt)
+        fit = every.fit(every.problem(every.run_names), rng=np.random.default_rng(1))
+        found = check_consistency(fit)
+        assert found.dof == 4  # a tilt that was stated, of which runs say next to nothing, adds none
+        assert found.chi2 == pytest.approx(distance, rel=0.2)
+        assert found.suspects == ("r4",)
+        assert "let c_rr vary from run to run" in found.verdict
+        # by the joint model, in which each has a force of its own with a mean, they would agree
+        assert check_consistency(replace(fit, forces=())).agree
+        assert check_consistency(every.fit(every.problem(every.run_names[:4]), rng=np.random.default_rng(1))).agree
 
 
 def test_the_level_of_the_key_says_which_runs_share(tmp_path: Path) -> None:

@@ -8,16 +8,18 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, replace
 
 import numpy as np
 
+from estim.arrays import FloatArray
 from estim.campaign.levels import Level, Levels
 from estim.campaign.points import Observed
 from estim.campaign.shared_force import MOST_POINTS, sharing_runs
-from estim.common import Finding, InputError, Kind, later, phrase
+from estim.common import Finding, InputError, Kind, NumericalError, later, phrase
 from estim.deviation import FORCE_SCALE, BadFrames, Course, FreeStart, JointlyPosed, Posed, Rows, bad_frames, pose_force, pose_forces
-from estim.fitting import Fit, fit_least_squares, scanned_fit
+from estim.fitting import Fit, fit_least_squares, refit, scanned_fit
 from estim.problem import Observations, Problem
 from estim.reading import Run
 from estim.sampling import MAX_PARAMETERS
@@ -154,7 +156,7 @@ def fit_with_forces(
         without = np.sqrt(np.diag(white.cov))
         posed: Posed | JointlyPosed
         if len(problem.runs) > 1:
-            posed = pose_forces(sharing_runs(problem.runs, levels, KEY), courses, problem, free.values, without=without)
+            posed = pose_forces(sharing_runs(problem.runs, levels, KEY), courses, problem, free.values, without=without, alone=_alone(free))
         else:
             (run,) = problem.runs
             posed = pose_force(run, courses[run.name], problem, free.values, without=without, bad=bad[run.name])
@@ -205,6 +207,19 @@ def _free_fit(white: Fit, courses: Mapping[str, Course], *, rng: np.random.Gener
             break
         bad, values = found, free.values
     return free, found
+
+
+def _alone(free: Fit) -> Mapping[str, FloatArray]:
+    """Run -> (n_par,) where its fit by itself ends, with its free start; what it does not depend on, and runs without such a fit, as they are."""
+    found = {}
+    for run in free.problem.runs:
+        alone = free.problem.restricted((run,))
+        mine = np.array([free.names.index(name) for name in alone.names], dtype=np.int64)
+        values = free.values.copy()
+        with suppress(NumericalError):
+            values[mine] = refit(alone, free.values[mine]).values
+        found[run.name] = values
+    return found
 
 
 def course_of(run: Observations, table: Run) -> Course:

@@ -2,22 +2,22 @@
 
 Pooling runs is only right if they do.  Around the joint mode every run is a quadratic in the shared parameters s (its own ones
 are fitted for each s, with their priors), which is the same as a measurement  t_r = G_r^T s + unit errors  of as many
-combinations of s as the run says anything about; stated values (priors) of shared parameters are one more such source.  In the joint least
-squares of all of them
+combinations of s as the run says anything about; stated values (priors) of shared parameters are one more such source.  With Q(F) the joint least
+squares of all of them where the sources F have values of their own,
 
-    Q = sum |t - G^T s|^2 at its minimum                 chi^2 with  (rows - rank)  degrees of freedom
+    Q() - Q(all)              chi^2, with as many degrees of freedom as unknowns are added
+    D_r^2 = Q() - Q(r)        the same for one source, the squared Mahalanobis distance of run r from all others together
 
-which is the joint minimum of chi^2 minus the sum of the separate ones, with the priors counted once, and for each source r
+Both are exact for a linear problem, and the first is then the joint minimum of chi^2 minus the sum of the separate ones, with the priors counted
+once.  Values of their own are asked about in those directions of s that the runs together tell; where only the stated values do (a tilt, masses),
+they stay common, with the uncertainty that was stated.
 
-    D_r^2 = Q - Q without r                              chi^2 with  (rows of r - what only r determines)  degrees of freedom
+A run with an unmodelled force enters with what it says by itself (`estim.checks.sources`), the errors of the runs taken as independent: where a
+force repeats, runs are closer to each other than that, and the test is cautious.  Which run disagrees: the one whose D_r^2 is least probable, after
+Holm's correction for asking every source; if without it the rest agrees, it is named.
 
-which is the squared Mahalanobis distance of run r from all others together.  Both are exact for a linear problem.  Runs that share an
-unmodelled force are not independent: they are one quadratic in copies of s, one for each run, and "without r" means that the copy of r is
-free (`estim.checks.sources`).  Which run disagrees: the one whose D_r^2 is least probable, after Holm's correction for asking every source;
-if without it the rest agrees, it is named.
-
-Separate fits are not needed: alone, a run leaves directions to its priors and leans on their edges, where a fit is no normal variable.
-Directions in which a source has less than 1 % of the information are left out: there it is all but silent, and far from linear.
+Separate fits of other runs are not needed: alone, a run leaves directions to its priors and leans on their edges, where a fit is no normal
+variable.  Directions in which a source has next to no information are left out: there it is silent, and far from linear.
 
 Sources: Rao, Linear Statistical Inference (1973) 4a.2 (tests of nested hypotheses) and 6e (scores); Holm, Scand. J. Stat. 6 (1979) 65.
 """
@@ -135,32 +135,33 @@ def check_consistency(fit: Fit) -> Consistency:
     if fit.singular:
         raise NumericalError("runs cannot be compared around a fit that leaves a combination of parameters undetermined")
     names = [run.name for run in problem.runs]
-    copies = [*(copies_of(fit, group, shared) for group in problem.groups), copies_of_priors(fit, shared)]
+    copies = [*(one for group in problem.groups for one in copies_of(fit, group, shared)), copies_of_priors(fit, shared)]
     rows = measurements(copies, shared.size)
     asked = [name for name in (*names, PRIORS) if rows.moves[name].size]
-    chi2, dof = rows.least()
+    chi2, dof = rows.between((), asked)
     judged = _holm([_one_against_others(name, rows) for name in asked])
     p_value = chi2_p(chi2, dof)
     agree = p_value >= P_INCONSISTENT and all(row.p_holm >= P_INCONSISTENT for row in judged)
     suspects = () if agree else _suspects(judged, rows)
     centre = fit.values[shared]
-    total, prior = total_of([one.together for one in copies]), copies[-1].together
+    prior = copies[-1].together
     of = {name: one for one in copies for name in one.sources}
     others = dict(zip(copies, each_without_one([one.together for one in copies]), strict=True))
+    alone = {name: _estimate(centre, total_of([of[name].alone(name), prior])) for name in names}
     return Consistency(
         shared=tuple(problem.names[i] for i in shared), units=tuple(problem.parameters[i].unit for i in shared),
         labels=tuple(problem.parameters[i].label for i in shared),
         used={problem.names[i]: tuple(run.name for run in problem.runs if problem.names[i] in run.parameters) for i in shared},
         chi2=chi2, dof=dof, p_value=p_value,
-        rows=judged, alone={name: _estimate(centre, total_of([of[name].alone(name), prior])) for name in names},
+        rows=judged, alone=alone,
         others={name: _estimate(centre, total_of([of[name].without(name), others[of[name]]])) for name in names},
-        joint=_estimate(centre, total), apart=_apart(fit, shared, [_estimate(centre, of[name].alone(name)) for name in names]),
+        joint=SharedEstimate(centre, np.sqrt(np.diag(fit.cov))[shared]), apart=_apart(fit, shared, list(alone.values())),
         suspects=suspects, agree=agree,
     )
 
 
 def _apart(fit: Fit, shared: NDArray[np.int64], alone: Sequence[SharedEstimate]) -> Amount | None:
-    """The shared parameter whose values by each run alone differ most in their standard deviations, and the standard deviation between runs."""
+    """The shared parameter whose values by each run and what was stated differ most in their standard deviations, and their own deviation."""
     if any(run.motion is None for run in fit.problem.runs):
         return None
     means, sds = np.array([one.mean for one in alone]), np.array([one.sd for one in alone])
@@ -175,11 +176,9 @@ def _apart(fit: Fit, shared: NDArray[np.int64], alone: Sequence[SharedEstimate])
 
 
 def _one_against_others(source: str, rows: Rows) -> Disagreement:
-    chi2, dof = rows.least()
-    rest, rest_dof = rows.least((source,))
-    distance2 = max(chi2 - rest, 0.0) if dof > rest_dof else 0.0
-    p_value = chi2_p(distance2, dof - rest_dof)
-    return Disagreement(source, distance2, dof - rest_dof, p_value, p_value)
+    distance2, dof = rows.between((), (source,))
+    p_value = chi2_p(distance2, dof)
+    return Disagreement(source, distance2, dof, p_value, p_value)
 
 
 def _holm(rows: Sequence[Disagreement]) -> tuple[Disagreement, ...]:
@@ -198,7 +197,7 @@ def _suspects(judged: Sequence[Disagreement], rows: Rows) -> tuple[str, ...]:
     """Sources without which the others agree, those least probable first; only those that explain it about as well as the best."""
     healing = []
     for row in sorted(judged, key=lambda row: row.p_value):
-        if chi2_p(*rows.least((row.source,))) >= P_INCONSISTENT and row.p_value < P_INCONSISTENT:
+        if chi2_p(*rows.between((row.source,), tuple(row.source for row in judged))) >= P_INCONSISTENT and row.p_value < P_INCONSISTENT:
             healing.append(row)
     best = healing[0].p_value if healing else 0.0
     return tuple(row.source for row in healing if row.p_value <= 100.0 * best)

@@ -1,9 +1,13 @@
 """What each run of a joint fit says of what the runs share, apart from the others: a quadratic in copies of the shared parameters, one for each
-run; and all of it as measurements with unit errors.  `estim.checks.consistency` asks whether one value does for all copies."""
+run; and all of it as measurements with unit errors.  `estim.checks.consistency` asks whether one value does for all copies.
+
+A run with an unmodelled force says what it says in a fit of its own, where the mean of its force over the track is part of the rolling resistance.
+The joint fit gives each run a force of its own with a mean: under that, runs whose resistances differ would never disagree.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -18,7 +22,9 @@ from estim.problem import Group
 
 PRIORS = later("stated values")
 ALONE = 1e-9  # relative: singular values below count as zero
-_LEAST_SHARE = 0.01
+_LEAST_SHARE = 1e-3  # of the information in a direction: a source that has less says nothing of it
+_LEAST_OF_MIXTURE = 0.1  # the same beside what was stated, where a mixture was taken as one normal distribution: it has that only roughly
+_LEAST_TOLD = 0.1  # share of the information in a direction that comes from runs; below, it is known from what was stated
 
 
 Quadratic = tuple[FloatArray, FloatArray]
@@ -29,19 +35,25 @@ Quadratic = tuple[FloatArray, FloatArray]
 class Rows:
     """Measurements t (n_row,) = design (n_row, n_shared) . s with unit errors, s common to all sources.
 
-    moves : source -> (n_row, n) what values of its own would do to t; no columns where it is all but silent.
+    moves : source -> (n_row, n) what values of its own would do to t, in directions that the runs tell; no columns where it is all but silent.
     """
 
     t: FloatArray
     design: FloatArray
     moves: Mapping[str, FloatArray]
 
-    def least(self, freed: Sequence[str] = ()) -> tuple[float, int]:
-        """The smallest sum of squares where the sources `freed` have values of their own, and the number of measurements beyond unknowns."""
+    def between(self, freed: Sequence[str], more: Sequence[str]) -> tuple[float, int]:
+        """By how much the least squares fall where `more` sources than those `freed` have values of their own, and its degrees of freedom."""
+        before, rank = self._least(freed)
+        after, higher = self._least((*freed, *(name for name in more if name not in freed)))
+        return (max(before - after, 0.0), higher - rank) if higher > rank else (0.0, 0)
+
+    def _least(self, freed: Sequence[str]) -> tuple[float, int]:
+        """The smallest sum of squares, and the number of unknowns that it is the smallest over."""
         unknown = np.hstack([self.design, *(self.moves[name] for name in freed)])
         basis, singular, _ = np.linalg.svd(unknown, full_matrices=False)
         basis = basis[:, singular > 1e-6]
-        return float(np.sum((self.t - basis @ (basis.T @ self.t)) ** 2)), self.t.size - int(basis.shape[1])
+        return float(np.sum((self.t - basis @ (basis.T @ self.t)) ** 2)), int(basis.shape[1])
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,9 +107,46 @@ def _fitted(information: FloatArray, score: FloatArray, kept: NDArray[np.int64],
     return information[np.ix_(kept, kept)] - across @ (information[np.ix_(free, kept)] / scale[:, None]), score[kept] - across @ (score[free] / scale)
 
 
-def copies_of(fit: Fit, group: Group, shared: NDArray[np.int64]) -> Copies:
+def copies_of(fit: Fit, group: Group, shared: NDArray[np.int64]) -> tuple[Copies, ...]:
     """The runs of a group, each with its own values of the shared parameters; their own parameters of the curve fitted with their priors."""
-    problem, noise = fit.problem, fit.problem.noise_names
+    names = tuple(run.name for run in group.runs)
+    force = next((one for one in fit.forces if one.alone and one.runs == names), None)
+    if force is None:
+        return (_tied_copies(fit, group, shared),)
+    moved, found, stated = fit.values - force.about, [], copies_of_priors(fit, shared).information
+    for run, (information, score) in zip(group.runs, force.alone, strict=True):
+        own = np.array(_own(fit, run.parameters, shared), dtype=np.int64)
+        prior, pull = np.zeros(fit.values.size), np.zeros(fit.values.size)
+        for i in own:
+            slope = fit.problem.parameters[i].prior.residual_slope(float(fit.values[i]))
+            prior[i], pull[i] = slope**2, -slope * fit.problem.parameters[i].prior.residual(float(fit.values[i]))
+        alone = _fitted(information + np.diag(prior), score - information @ moved + pull, shared, own)
+        found.append(Copies((run.name,), *_beyond(alone, stated)))
+    return tuple(found)
+
+
+def _beyond(alone: Quadratic, stated: FloatArray) -> Quadratic:
+    """What a run says, without the directions in which it says next to nothing beside what was `stated`."""
+    information, score = alone
+    scale = np.sqrt(np.diag(information + stated))
+    root = np.linalg.cholesky((information + stated) / np.outer(scale, scale) + ALONE * np.eye(score.size)) * scale[:, None]
+    turned = np.linalg.inv(root)
+    shares, vectors = np.linalg.eigh(_symmetric(turned @ information @ turned.T))
+    kept = shares > _LEAST_OF_MIXTURE
+    rows = vectors[:, kept].T @ root.T
+    return rows.T @ (shares[kept, None] * rows), rows.T @ (vectors[:, kept].T @ turned @ score)
+
+
+def _own(fit: Fit, used: Collection[str], shared: NDArray[np.int64]) -> list[int]:
+    """Places of the parameters of the curve that are `used` and not shared."""
+    noise = fit.problem.noise_names
+    every = enumerate(fit.problem.parameters)
+    return [i for i, p in every if p.name in used and i not in shared and p.name not in noise and not p.between]
+
+
+def _tied_copies(fit: Fit, group: Group, shared: NDArray[np.int64]) -> Copies:
+    """The runs of a group as its likelihood ties them."""
+    problem = fit.problem
     common = [problem.names[i] for i in shared]
     named: dict[str, FloatArray] = dict(problem.named(fit.values))
     runs, copied = [], []
@@ -107,8 +156,7 @@ def copies_of(fit: Fit, group: Group, shared: NDArray[np.int64]) -> Copies:
         runs.append(replace(run, arguments=arguments))
         copied += list(renamed.values())
         named |= {copy: named[name] for name, copy in renamed.items()}
-    used = frozenset[str]().union(*(run.parameters for run in group.runs))
-    own = [i for i, p in enumerate(problem.parameters) if p.name in used and i not in shared and p.name not in noise and not p.between]
+    own = _own(fit, frozenset[str]().union(*(run.parameters for run in group.runs)), shared)
     jacobian, residuals = Group(tuple(runs), group.shared).likelihood(named).scoring(named, [*copied, *(problem.names[i] for i in own)])
     priors = [(problem.parameters[i].prior, float(fit.values[i])) for i in own]
     slopes = np.hstack([np.zeros((len(own), len(copied))), np.diag([prior.residual_slope(value) for prior, value in priors])])
@@ -150,11 +198,19 @@ def each_without_one(quadratics: Sequence[Quadratic]) -> tuple[Quadratic, ...]:
 
 
 def measurements(copies: Sequence[Copies], n_shared: int) -> Rows:
-    """Quadratics as measurements with unit errors, in coordinates where all sources together have unit information."""
+    """Quadratics as measurements with unit errors, in coordinates where all sources together have unit information.
+
+    Sources may have values of their own only in directions in which the runs together say something beside what was stated: in the others
+    they cannot but agree, and would only add degrees of freedom.
+    """
     total = total_of([one.together for one in copies])[0]
     scale = np.sqrt(np.diag(total))
     root = np.linalg.cholesky(total / np.outer(scale, scale) + ALONE * np.eye(n_shared)) * scale[:, None]
-    blocks = [_block(one, root) for one in copies]
+    turned = np.linalg.inv(root).T  # s = turned . coordinates
+    runs = [one.together for one in copies if one.sources != (PRIORS,)]
+    shares, vectors = np.linalg.eigh(_symmetric(turned.T @ total_of(runs)[0] @ turned))
+    told = vectors[:, shares > _LEAST_TOLD]
+    blocks = [_block(one, turned, told) for one in copies]
     above, n_row = 0, sum(t.size for t, _, _ in blocks)
     moves = {}
     for t, _, own in blocks:
@@ -165,23 +221,22 @@ def measurements(copies: Sequence[Copies], n_shared: int) -> Rows:
     return Rows(np.concatenate([t for t, _, _ in blocks]), np.vstack([design for _, design, _ in blocks]), moves)
 
 
-def _block(copies: Copies, root: FloatArray) -> tuple[FloatArray, FloatArray, dict[str, FloatArray]]:
-    """t, design and moves of the sources of one quadratic, in those directions in which each source alone says something."""
-    directions = []
-    for name in copies.sources:
-        inner = np.linalg.solve(root, np.linalg.solve(root, copies.alone(name)[0]).T)
-        shares, vectors = np.linalg.eigh(0.5 * (inner + inner.T))
-        directions.append(np.linalg.solve(root.T, vectors[:, shares > _LEAST_SHARE]))
-    told = block_diag(*directions)
-    spectrum, vectors = np.linalg.eigh(told.T @ copies.information @ told)
-    kept = spectrum > ALONE * np.max(spectrum, initial=0.0)
+def _block(copies: Copies, turned: FloatArray, told: FloatArray) -> tuple[FloatArray, FloatArray, dict[str, FloatArray]]:
+    """t, design and moves of the sources of one quadratic, as far as they say anything; the moves in directions `told`."""
+    every = block_diag(*[turned] * len(copies.sources))
+    spectrum, vectors = np.linalg.eigh(_symmetric(every.T @ copies.information @ every))
+    kept = spectrum > _LEAST_SHARE
     half = np.sqrt(spectrum[kept])
     rows = half[:, None] * vectors[:, kept].T
-    t = vectors[:, kept].T @ (told.T @ copies.score) / half
-    # the common s moves each copy along its own directions alone
-    ends = np.cumsum([one.shape[1] for one in directions])[:-1]
-    moves = dict(zip(copies.sources, np.split(rows, ends, axis=1), strict=True))
-    design = np.zeros((t.size, root.shape[0]))
-    for name, one in zip(copies.sources, directions, strict=True):
-        design += moves[name] @ (root.T @ one).T
+    t = vectors[:, kept].T @ (every.T @ copies.score) / half
+    design, moves = np.zeros((t.size, turned.shape[1])), {}
+    for name in copies.sources:
+        mine = rows[:, copies.of(name)]
+        design += mine
+        shares, own = np.linalg.eigh(_symmetric(told.T @ turned.T @ copies.alone(name)[0] @ turned @ told))
+        moves[name] = mine @ (told @ own[:, shares > _LEAST_SHARE])
     return t, design, moves
+
+
+def _symmetric(matrix: FloatArray) -> FloatArray:
+    return np.asarray(0.5 * (matrix + matrix.T))

@@ -117,12 +117,14 @@ class _Lacking:
 
 
 def pose_forces(
-    groups: Mapping[str, Sequence[Observations]], courses: Mapping[str, Course], problem: Problem, values: FloatArray, *, without: FloatArray
+    groups: Mapping[str, Sequence[Observations]], courses: Mapping[str, Course], problem: Problem, values: FloatArray, *, without: FloatArray,
+    alone: Mapping[str, FloatArray],
 ) -> JointlyPosed:
     """The forces of `groups` of runs, linear about `values` (n_par,), those of a white fit with free starts.
 
     groups : what the runs of a group have in common -> its runs, which share a force where there are several.  Other runs lack nothing.
     without : (n_par,) standard deviations with the stated noise alone and exact starts.
+    alone : run -> (n_par,) where a white fit of this run by itself ends.
     Raises InputError where a body hardly moves somewhere along its track.
     """
     lacking = [_prepared(label, tuple(runs), courses, problem, values) for label, runs in groups.items()]
@@ -131,6 +133,7 @@ def pose_forces(
     forced = {run.name for group in lacking for run in group.runs}
     complete = [told_by(run, problem, values) for run in problem.runs if run.name not in forced]
     told = [told_beyond(group.beside(precision, pull), prior) for group in lacking]
+    each = [tuple(_told_alone(run, courses, problem, values, alone[run.name]) for run in group.runs) for group in lacking]
     besides = [summed([prior, *complete, *told[:i], *told[i + 1 :]]) for i in range(len(lacking))]
     linear = [group.beside(*as_prior([beside])) for group, beside in zip(lacking, besides, strict=True)]
     noises: dict[str, Noise] = {}
@@ -138,7 +141,9 @@ def pose_forces(
         noises |= _noises(group, found)
     shared = tuple(_together(group, found) for group, found in zip(lacking, linear, strict=True) if len(group.runs) > 1)
     data = summed([*complete, *told])
-    forces = tuple(_found(group, found, values, without, problem, data) for group, found in zip(lacking, linear, strict=True))
+    forces = tuple(
+        replace(_found(group, found, values, without, problem, data), alone=one) for group, found, one in zip(lacking, linear, each, strict=True)
+    )
     n, parts = problem.n_par, normal_parts(list(zip(linear, besides, strict=True)), summed([prior, *complete]), values)
     return JointlyPosed(noises, shared, forces, linear[0].mean[:n], linear[0].covariance[:n, :n], parts)
 
@@ -158,6 +163,15 @@ def _prepared(label: str, runs: tuple[Observations, ...], courses: Mapping[str, 
         residuals=points.y - shift - points.value(named)[0], jacobian=points.gradient(named, problem.names),
         pushes=block_diag(*(along.push[:, None] for along in alongs)), shift=shift,
     )
+
+
+def _told_alone(run: Observations, courses: Mapping[str, Course], problem: Problem, values: FloatArray, there: FloatArray) -> Told:
+    """What one of several runs says by itself, as in a fit of this run alone, linear about its own white fit `there`; for steps from `values`."""
+    precision, pull = priors_at(problem, there, n_start=0)
+    information, score = told_beyond(
+        _prepared(run.name, (run,), courses, problem, there).beside(precision, pull), (precision, precision @ pull)
+    )
+    return information, score - information @ (values - there)
 
 
 def _noises(group: _Lacking, linear: Linearised) -> dict[str, Noise]:

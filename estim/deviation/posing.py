@@ -48,6 +48,7 @@ class FoundForce:
     larger, too_large : probability that it is larger than stated, and as large as the grid goes, or more.
     conservative : whether the readings scatter by far less than stated.
     runs : names of the runs that share the force, or the one that has it.  own : what each of several adds to it.
+    alone : what each of `runs` says at `about` by itself, with a force of its own whose mean over the track is removed; of runs fit together.
     completed : the curve together with the force, for bands; None where that is not known.
     """
 
@@ -70,6 +71,7 @@ class FoundForce:
     step: float
     runs: tuple[str, ...]
     own: tuple[OwnForce, ...] = ()
+    alone: tuple[Told, ...] = ()
     moved: float = 0.0
     completed: Completed | None = None
 
