@@ -205,7 +205,7 @@ def test_symmetries_of_a_curve_are_found_and_named(curve: str, start: dict[str, 
     x = T * max(1.0, start.get("tau", 1.0))
     fit = fit_curve(curve, x, np.ones(T.size) + 0.01 * T, start=start, u_y=0.1, n_start=1)
     found = find_symmetry(fit.problem, np.array(list(start.values())), range(len(start)), np.random.default_rng(0))
-    assert found.order.shape[0] == n_label
+    assert found.shift.shape[0] == n_label
     assert words in "; ".join(map(tell, same_curves(found, fit.names, np.array(list(start.values())))))
 
 

@@ -16,6 +16,8 @@ from estim.problem import Symmetry
 SAME = 1e-6  # relative difference of sums of squares between equal optima
 MOST_OTHERS = 16  # other optima that are kept
 PLACE = 0.5  # standard deviations: closer ends are one place
+_ALIKE = 0.1  # in log share: solutions of the same weight
+_SOUND = 1e-6  # ratio of singular values from which a normal distribution says what an optimum holds
 _N_BETWEEN = 400  # places at which curves through the same points are told apart
 
 End = tuple[FloatArray, float]  # values (n_par,) and their sum of squares
@@ -68,19 +70,22 @@ def distinct_ends(search: SeparableSearch, best: End, ends: list[End], symmetry:
 
 
 def choose(search: SeparableSearch, distinct: list[End], symmetry: Symmetry, start: FloatArray) -> tuple[FloatArray, FloatArray, tuple[Finding, ...]]:
-    """The best optimum in the labels closest to the start, the other solutions (n_other, n_par), and what was left aside.
+    """The optimum with the largest share of the posterior, the other solutions (n_other, n_par), and what was left aside.
 
-    Of curves through the same points (a frequency plus the rate of sampling) the one closest to the start is taken.  Where the
+    Each is as it is usually `written`.  Of curves through the same points (a frequency plus the rate of sampling) the one closest to the start is taken.  Where the
     user gave no range that holds the others and it is the smoothest of all, they are left aside and no solutions; so are other
     numbers that draw the same curve everywhere.
     """
-    equal = equal_to(search, distinct[0][1])
-    named = [min(symmetry.within(values, start), key=lambda image: distance(search, image, start), default=values) for values, _ in distinct]
-    same = [i for i, (values, chi2) in enumerate(distinct) if chi2 <= equal and _same_curve(search, values, distinct[0][0], between=False)]
+    shares = [_log_share(search, end) for end in distinct]
+    heaviest = int(np.argmax(shares)) if math.isfinite(shares[0]) else 0
+    least, equal = distinct[heaviest][1] * (1.0 - SAME) - rounding(search), equal_to(search, distinct[heaviest][1])
+    named = [written(search, values, symmetry, start) for values, _ in distinct]
+    level = [i for i, (_, chi2) in enumerate(distinct) if least <= chi2 <= equal and (i == heaviest or shares[i] > shares[heaviest] - _ALIKE)]
+    same = [i for i in level if _same_curve(search, distinct[i][0], distinct[heaviest][0], between=False)]
     points = np.array([named[i] for i in same])
     apart = np.ptp(points, axis=0)
     steady = np.array([i for i in search.bent if not math.isfinite(symmetry.period[i])], dtype=np.int64)
-    moved = steady[apart[steady] > spread_at(search, distinct[0])[steady]]
+    moved = steady[apart[steady] > spread_at(search, distinct[heaviest])[steady]]
     chosen, told = same[0], list[Finding]()
     if moved.size:
         away = np.sum(((points - start)[:, moved] / apart[moved]) ** 2, axis=1)
@@ -102,6 +107,35 @@ def choose(search: SeparableSearch, distinct: list[End], symmetry: Symmetry, sta
             told.append(Finding(Kind.FASTER_CURVES, parts=shown(faster)))
     rest = [named[i] for i in range(len(named)) if i != chosen and i not in aside]
     return named[chosen], np.array(rest).reshape(-1, start.size), tuple(told)
+
+
+def written(search: SeparableSearch, values: FloatArray, symmetry: Symmetry, start: FloatArray) -> FloatArray:
+    """Of the values that draw the same curve, those closest to the starts that were stated; of these those with positive amplitudes,
+    then with other signs positive, with phases within half a turn, and closest to starts that were found from the points."""
+    stated = np.array([getattr(p.prior, "stated", True) for p in search.posterior.problem.parameters])
+    near = np.where(~stated & np.isfinite(symmetry.period), 0.0, start)
+    flips = np.flatnonzero(symmetry.flips)
+    linear = np.isin(flips, search.linear)
+
+    def order(image: FloatArray) -> tuple[float, ...]:
+        negative = image[flips] < 0.0
+        turned = np.abs(image - near)[np.isfinite(symmetry.period)]
+        far = distance(search, np.where(stated, image, start), start)
+        signs = float(np.sum(negative & linear)), float(np.sum(negative & ~linear))
+        return round(far, 9), *signs, round(float(np.sum(turned)), 9), distance(search, image, start)
+
+    return min(symmetry.within(values, near), key=order, default=values)
+
+
+def _log_share(search: SeparableSearch, end: End) -> float:
+    """Log of what an optimum holds of the posterior, by the normal distribution there; -inf where that says nothing."""
+    jacobian, free = search.scoring(end[0])[0], search.free
+    cov, condition = inverse_information(jacobian[:, free]) if np.all(np.isfinite(jacobian)) else (np.zeros((0, 0)), 0.0)
+    if not condition > _SOUND:
+        return -math.inf
+    dof = max(1, search.posterior.problem.n_obs - free.size)
+    height = -0.5 * dof * math.log(end[1] + rounding(search)) if search.unstated else -0.5 * end[1]
+    return height + 0.5 * float(np.linalg.slogdet(cov)[1])
 
 
 def _same_curve(search: SeparableSearch, values: FloatArray, other: FloatArray, *, between: bool) -> bool:

@@ -11,12 +11,9 @@ from dataclasses import dataclass
 from itertools import combinations, product
 
 import numpy as np
-from numpy.typing import NDArray
 
 from estim.arrays import FloatArray
 from estim.problem import Flat, Problem, Symmetry, Uniform
-
-Indices = NDArray[np.int64]
 
 TURNS = (0.5, 1.0, math.pi, 2.0 * math.pi, 180.0, 360.0)
 _MOST_MAPS, _MOST_CALLS = 4000, 300  # looked at; where a curve takes one set of parameters at a time
@@ -34,14 +31,14 @@ def find_symmetry(problem: Problem, values: FloatArray, bent: Sequence[int], rng
     sources = _free_arguments(problem)
     for argument in sources:
         for turn in TURNS:
-            map_ = {argument: (argument, 1.0, turn)}
+            map_ = {argument: ({argument: 1.0}, turn)}
             if found.holds(map_, trials) and (lifted := found.lifted(map_)) is not None:
-                period[lifted[2] != 0.0] = turn
+                period[lifted[1] != 0.0] = turn
                 break
     arguments = list(sources)
     most = _MOST_MAPS if all(getattr(run.curve, "broadcasts", True) for run in problem.runs) else _MOST_CALLS
     maps = [map_ for _, map_ in zip(range(most), _maps(arguments, _turned(problem, sources, period)), strict=False)]
-    elements = [(np.arange(n_par), np.ones(n_par), np.zeros(n_par))]
+    elements = [(np.eye(n_par), np.zeros(n_par))]
     for map_ in found.survivors(maps, trials):
         lifted = found.lifted(map_)
         if lifted is not None:
@@ -49,14 +46,12 @@ def find_symmetry(problem: Problem, values: FloatArray, bent: Sequence[int], rng
     elements = _closed(elements, period)
     low = np.array([p.prior.low for p in problem.parameters])
     high = np.array([p.prior.high for p in problem.parameters])
-    bare = Symmetry(
-        np.array([e[0] for e in elements]), np.array([e[1] for e in elements]), np.array([e[2] for e in elements]), period, low, high, np.ones(n_par)
-    )
+    bare = Symmetry(np.array([e[0] for e in elements]), np.array([e[1] for e in elements]), period, low, high, np.ones(n_par))
     return bare.scaled(np.ones(n_par), bent)
 
 
-Map = dict[str, tuple[str, float, float]]  # argument -> (argument it takes its value from, sign, shift)
-Lifted = tuple[Indices, FloatArray, FloatArray]
+Map = dict[str, tuple[dict[str, float], float]]  # argument -> (arguments that its value is made of, with factors; shift)
+Lifted = tuple[FloatArray, FloatArray]  # the same of parameters: matrix (n_par, n_par), shift (n_par,)
 
 
 def _free_arguments(problem: Problem) -> dict[str, None]:
@@ -87,15 +82,20 @@ def _turned(problem: Problem, sources: dict[str, None], period: FloatArray) -> d
 
 
 def _maps(arguments: Sequence[str], turned: dict[str, float]) -> Iterator[Map]:
-    """Exchanges of one to three pairs, with either sign; one to three changes of sign, with phases turned by a half or not."""
+    """One to three changes of sign, with phases turned by a half or not; exchanges of one to three pairs, with either sign.
+
+    Last, changes of sign in which a further argument takes up once or twice one of those that change theirs.
+    """
+    flips: list[Map] = []
     for n in (1, 2, 3):
         for flipped in combinations(arguments, n):
             for halves in product((0.0, 0.5), repeat=len(turned)):
-                map_: Map = {a: (a, -1.0, 0.0) for a in flipped}
+                map_: Map = {a: ({a: -1.0}, 0.0) for a in flipped}
                 for half, (a, turn) in zip(halves, turned.items(), strict=True):
                     if half:
-                        map_[a] = (a, map_.get(a, (a, 1.0, 0.0))[1], half * turn)
-                yield map_
+                        map_[a] = (map_.get(a, ({a: 1.0}, 0.0))[0], half * turn)
+                flips.append(map_)
+    yield from flips
     pairs = list(combinations(arguments, 2))
     for n in (1, 2, 3):
         for chosen in combinations(pairs, n):
@@ -104,7 +104,12 @@ def _maps(arguments: Sequence[str], turned: dict[str, float]) -> Iterator[Map]:
             for signs in product((1.0, -1.0), repeat=n):
                 if n == 3 and signs.count(-1.0) > 1:
                     continue
-                yield {a: (b, sign, 0.0) for (i, j), sign in zip(chosen, signs, strict=True) for a, b in ((i, j), (j, i))}
+                yield {a: ({b: sign}, 0.0) for (i, j), sign in zip(chosen, signs, strict=True) for a, b in ((i, j), (j, i))}
+    for map_ in flips:
+        for a, (combined, shift) in map_.items():
+            for b in arguments if combined[a] < 0.0 and shift == 0.0 else ():
+                if b not in map_:
+                    yield from ({**map_, b: ({b: 1.0, a: times}, 0.0)} for times in (1.0, 2.0))
 
 
 @dataclass(frozen=True, eq=False)
@@ -136,8 +141,8 @@ class _Found:
             here = {a: named[source] if isinstance(source, str) else float(source) for a, source in run.arguments.items()}
             rows = {a: np.full((len(maps) + 1, 1), value) for a, value in here.items()}
             for row, map_ in enumerate(maps, start=1):
-                for a, (source, sign, shift) in map_.items():
-                    rows[a][row, 0] = (1.0 - share) * here[a] + share * (sign * here[source] + shift)
+                for a, (combined, shift) in map_.items():
+                    rows[a][row, 0] = (1.0 - share) * here[a] + share * (sum(k * here[b] for b, k in combined.items()) + shift)
             with np.errstate(all="ignore"):
                 curves = np.broadcast_to(run.curve.value(x, rows), (len(maps) + 1, x.size))
                 size = np.max(np.abs(curves[0]))
@@ -147,22 +152,26 @@ class _Found:
     def lifted(self, map_: Map) -> Lifted | None:
         """A map of arguments as one of parameters; None where the runs or the priors do not allow it."""
         names = self.problem.names
-        n_par = len(names)
-        order, sign, shift = np.arange(n_par), np.ones(n_par), np.zeros(n_par)
-        set_to: dict[int, tuple[int, float, float]] = {}
+        matrix, shift = np.eye(len(names)), np.zeros(len(names))
+        set_to: dict[int, tuple[dict[int, float], float]] = {}
         for run in self.problem.runs:
-            for a, (source, s, c) in map_.items():
-                i, j = names.index(str(run.arguments[a])), names.index(str(run.arguments[source]))
-                if set_to.setdefault(i, (j, s, c)) != (j, s, c):
+            for a, (combined, c) in map_.items():
+                taken = {names.index(str(run.arguments[b])): k for b, k in combined.items()}
+                if set_to.setdefault(names.index(str(run.arguments[a])), (taken, c)) != (taken, c):
                     return None
-        for i, (j, s, c) in set_to.items():
-            order[i], sign[i], shift[i] = j, s, c
-        if sorted(order.tolist()) != list(range(n_par)):
+        for i, (taken, c) in set_to.items():
+            matrix[i], shift[i] = 0.0, c
+            for j, k in taken.items():
+                matrix[i, j] = k
+        if abs(abs(np.linalg.det(matrix)) - 1.0) > 1e-9:
             return None
-        return (order, sign, shift) if all(self._same_prior(i, int(order[i]), sign[i], shift[i]) for i in set_to) else None
+        return (matrix, shift) if all(self._same_prior(i, taken, c) for i, (taken, c) in set_to.items()) else None
 
-    def _same_prior(self, i: int, j: int, sign: float, shift: float) -> bool:
+    def _same_prior(self, i: int, taken: dict[int, float], shift: float) -> bool:
         """Whether the prior of parameter i is that of j under the map; ranges stated as a prior hold several solutions where signs change."""
+        if len(taken) > 1:
+            return isinstance(self.problem.parameters[i].prior, Flat)
+        ((j, sign),) = taken.items()
         mine, other = self.problem.parameters[i].prior, self.problem.parameters[j].prior
         if isinstance(mine, Uniform) and isinstance(other, Uniform):
             return (sign > 0.0 and shift == 0.0) or (isinstance(mine, Flat) and isinstance(other, Flat))
@@ -176,14 +185,14 @@ def _closed(elements: list[Lifted], period: FloatArray) -> list[Lifted]:
     """The maps with all their compositions, full turns taken off."""
 
     def reduced(element: Lifted) -> Lifted:
-        order, sign, shift = element
+        matrix, shift = element
         turned = np.isfinite(period)
         shift = np.where(turned, np.mod(shift, np.where(turned, period, 1.0)), shift)
         shift = np.where(turned & (np.abs(shift - period) < 1e-9 * np.where(turned, period, 1.0)), 0.0, shift)
-        return order, sign, shift
+        return matrix, shift
 
     def key(element: Lifted) -> tuple[object, ...]:
-        return tuple(element[0].tolist()), tuple(element[1].tolist()), tuple(np.round(element[2], 6).tolist())
+        return tuple(element[0].ravel().tolist()), tuple(np.round(element[1], 6).tolist())
 
     kept: dict[tuple[object, ...], Lifted] = {}
     waiting = [reduced(element) for element in elements]
@@ -193,7 +202,5 @@ def _closed(elements: list[Lifted], period: FloatArray) -> list[Lifted]:
             continue
         kept[key(element)] = element
         for other in list(kept.values()):
-            order, sign, shift = other
-            # first `element`, then `other`
-            waiting.append(reduced((element[0][order], sign * element[1][order], sign * element[2][order] + shift)))
+            waiting.append(reduced((other[0] @ element[0], other[0] @ element[1] + other[1])))  # first `element`, then `other`
     return list(kept.values())

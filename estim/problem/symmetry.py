@@ -4,8 +4,9 @@ a*exp(-k*x) + b*exp(-q*x) is the same curve with (a, k) and (b, q) exchanged, A*
 are one solution under several labels.  They are told from an alias (a frequency that agrees at the measured points
 only) by the curve itself, at random parameters and at random x between the points.
 
-Every map looked for is  image[i] = sign[i] * values[order[i]] + shift[i]  with one or more pairs exchanged, or up to three
-signs changed and phases turned by a half; what passes is closed under composition.  `Labelled` is the posterior folded
+Every map looked for is  image = matrix @ values + shift  with one or more pairs exchanged, or up to three signs changed and phases
+turned by a half, and a further parameter that takes up the difference: A*cos(x - p)**2 + c is the same curve with -A, p + pi/2 and c + A.
+All determinants are 1 or -1, and what passes is closed under composition.  `Labelled` is the posterior folded
 onto one of the labels, so that draws of it describe one solution; nothing of its integral is lost.
 """
 
@@ -30,12 +31,11 @@ Indices = NDArray[np.int64]
 class Symmetry:
     """Maps under which curves and priors of a problem stay as they are, the identity first.
 
-    order : (n_map, n_par) indices.  sign, shift : (n_map, n_par).  period : (n_par,) one full turn, inf where there is none.
+    matrix : (n_map, n_par, n_par).  shift : (n_map, n_par).  period : (n_par,) one full turn, inf where there is none.
     low, high : (n_par,) limits of the parameters.  weight : (n_par,) of squared distances that choose the label.
     """
 
-    order: Indices
-    sign: FloatArray
+    matrix: FloatArray
     shift: FloatArray
     period: FloatArray
     low: FloatArray
@@ -44,14 +44,19 @@ class Symmetry:
 
     @property
     def trivial(self) -> bool:
-        return self.order.shape[0] == 1 and not np.any(np.isfinite(self.period))
+        return self.shift.shape[0] == 1 and not np.any(np.isfinite(self.period))
+
+    @property
+    def flips(self) -> NDArray[np.bool_]:
+        """(n_par,) parameters whose sign a map changes."""
+        return np.asarray(np.any(np.diagonal(self.matrix, axis1=1, axis2=2) < 0.0, axis=0))
 
     def images(self, draws: FloatArray, near: FloatArray) -> tuple[FloatArray, FloatArray]:
         """All images (n_map, n_draw, n_par) of draws (n_draw, n_par), turned as close to `near` (n_par,) as the limits allow.
 
         And how many full turns of each lie within the limits (n_map, n_draw): 0 where none does, 1 where they are without limits.
         """
-        images = self.sign[:, None, :] * np.moveaxis(draws[:, self.order], 1, 0) + self.shift[:, None, :]
+        images = draws @ self.matrix.transpose(0, 2, 1) + self.shift[:, None, :]
         number = np.ones(images.shape[:2])
         for i in np.flatnonzero(np.isfinite(self.period)):
             turns = np.round((near[i] - images[..., i]) / self.period[i])
@@ -73,15 +78,22 @@ class Symmetry:
         images, number = self.images(values[None, :], near)
         return [image for image, n in zip(images[:, 0], number[:, 0], strict=True) if n > 0.0]
 
+    @property
+    def order(self) -> Indices:
+        """(n_map, n_par) from which parameter each image takes its value: itself but where two are exchanged."""
+        held = np.diagonal(self.matrix, axis1=1, axis2=2) != 0.0
+        return np.where(held, np.arange(held.shape[1]), np.argmax(np.abs(self.matrix), axis=2))
+
     def widened(self, n: int) -> Symmetry:
         """The same with `n` further parameters at the end, which nothing moves."""
         if not n:
             return self
-        n_map, n_par = self.order.shape
-        more = np.repeat(np.arange(n_par, n_par + n)[None, :], n_map, axis=0)
+        n_map, n_par = self.shift.shape
+        matrix = np.repeat(np.eye(n_par + n)[None, :, :], n_map, axis=0)
+        matrix[:, :n_par, :n_par] = self.matrix
         low, high, full = np.full(n, -np.inf), np.full(n, np.inf), np.full(n, np.inf)
         return Symmetry(
-            np.hstack([self.order, more]), np.hstack([self.sign, np.ones((n_map, n))]), np.hstack([self.shift, np.zeros((n_map, n))]),
+            matrix, np.hstack([self.shift, np.zeros((n_map, n))]),
             np.append(self.period, full), np.append(self.low, low), np.append(self.high, high), np.append(self.weight, np.zeros(n)),
         )
 
@@ -93,8 +105,7 @@ class Symmetry:
         square = np.square(sds)
         for _ in range(2):
             square = np.max(square[self.order], axis=0)
-        every = np.arange(sds.size)
-        counting = np.isin(every, bent) | np.any((self.order == every) & (self.sign < 0.0), axis=0)
+        counting = np.isin(np.arange(sds.size), bent) | self.flips
         weight = np.where(counting & (square > 0.0), 1.0 / np.maximum(square, 1e-300), 0.0)
         return replace(self, weight=np.where(np.isfinite(self.period), 1e-6 * weight, weight))
 
@@ -137,9 +148,7 @@ def no_symmetry(problem: Problem) -> Symmetry:
     n_par = problem.n_par
     low = np.array([p.prior.low for p in problem.parameters])
     high = np.array([p.prior.high for p in problem.parameters])
-    return Symmetry(
-        np.arange(n_par)[None, :], np.ones((1, n_par)), np.zeros((1, n_par)), np.full(n_par, np.inf), low, high, np.ones(n_par)
-    )
+    return Symmetry(np.eye(n_par)[None, :, :], np.zeros((1, n_par)), np.full(n_par, np.inf), low, high, np.ones(n_par))
 
 
 def same_curves(symmetry: Symmetry, names: Sequence[str], values: FloatArray) -> tuple[Finding, ...]:
@@ -147,15 +156,15 @@ def same_curves(symmetry: Symmetry, names: Sequence[str], values: FloatArray) ->
     _, number = symmetry.images(values[None, :], values)
     exchanges: dict[tuple[str, ...], None] = {}
     changes: dict[tuple[Amount, ...], None] = {}
-    for order, sign, shift, n in zip(symmetry.order, symmetry.sign, symmetry.shift, number[:, 0], strict=True):
+    for order, matrix, shift, n in zip(symmetry.order, symmetry.matrix, symmetry.shift, number[:, 0], strict=True):
         if n == 0.0:
             continue
         pairs = [(i, int(j)) for i, j in enumerate(order) if i < j and order[j] == i]
-        moved = [i for i in range(len(names)) if order[i] == i and (sign[i] < 0.0 or shift[i] != 0.0)]
+        moved = [i for i in range(len(names)) if order[i] == i and (shift[i] != 0.0 or np.any(matrix[i] != np.eye(len(names))[i]))]
         if pairs and len(pairs) * 2 == np.sum(order != np.arange(order.size)) and not moved:
             exchanges.setdefault(tuple(names[k] for pair in pairs for k in pair))
         elif moved and not pairs:
-            changes.setdefault(tuple(Amount(names[i], float(shift[i]), whole=float(sign[i])) for i in moved))
+            changes.setdefault(tuple(Amount(_taking(names, matrix, i), float(shift[i]), whole=float(matrix[i, i])) for i in moved))
     found = []
     if exchanges:
         found.append(Finding(Kind.EXCHANGED, parts=tuple(Finding(Kind.EXCHANGE, names=pair) for pair in exchanges)))
@@ -167,6 +176,12 @@ def same_curves(symmetry: Symmetry, names: Sequence[str], values: FloatArray) ->
     if images:
         found.append(Finding(Kind.IMAGES, parts=tuple(images)))
     return tuple(found)
+
+
+def _taking(names: Sequence[str], matrix: FloatArray, i: int) -> str:
+    """The name of parameter i, and of what it takes up: "c + A"."""
+    taken = [(names[j], float(matrix[i, j])) for j in np.flatnonzero(matrix[i]) if j != i]
+    return names[i] + "".join(f" {'-' if k < 0.0 else '+'} {'' if abs(k) == 1.0 else f'{abs(k):g} '}{name}" for name, k in taken)
 
 
 def _simplest(changes: Iterable[tuple[Amount, ...]]) -> list[tuple[Amount, ...]]:

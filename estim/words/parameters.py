@@ -88,7 +88,7 @@ def _image(f: Finding) -> str:
 def _change(amount: Amount) -> str:
     """A parameter mapped to sign * parameter + shift: `value` the shift, `whole` the sign."""
     if amount.value == 0.0:
-        return f"-{amount.name}"
+        return f"-{amount.name}" if amount.whole < 0.0 else amount.name
     shift = next((text for number, text in _PLACES.items() if abs(amount.value - number) < 1e-9), f"{amount.value:g}")
     return f"{shift} - {amount.name}" if amount.whole < 0.0 else f"{amount.name} + {shift}"
 
@@ -99,7 +99,7 @@ def _listed(f: Finding) -> str:
 
 def _images(f: Finding) -> str:
     images = phrase("; or ").join(map(_image, f.parts))
-    return phrase("the same curve with {images}: the solution closest to the start is given", images=images)
+    return phrase("the same curve with {images}: the way of writing it that is closest to the stated starts is given, and else positive amplitudes and small angles", images=images)
 
 
 def _other_numbers(f: Finding) -> str:
