@@ -183,7 +183,7 @@ def check_linear(
     standard deviations about it.  stated : whether the size of the errors was.
     """
     response, compared = Linear(z, root), _Compared(None, _growing(f, x), _Repeated.of(x, sd))
-    simulate = _simulated(response, np.linalg.pinv(root.T @ root, hermitian=True), rng)
+    simulate = _simulated(response, np.asarray(np.linalg.pinv(root.T @ root, hermitian=True)), rng)
     found = [_statistics(simulate(n), compared) for n in _pieces(_blocks(int(4e7 / z.size)), z.size)]
     null = {name: np.concatenate([one[name] for one in found]) for name in found[0]}
     checks = _checks(z, null, compared, stated=stated, dof=_dof(response))
