@@ -28,6 +28,7 @@ from estim.checks import (
     same_curve,
     several_solutions,
     stated_values,
+    wrong_curves,
 )
 from estim.common import Kind, Status, decide, phrase, wrong
 from estim.curve_result import CurveFit as CurveFit
@@ -175,7 +176,8 @@ def _fit_lacking(posed: CurveProblem, complete: CurveFit, rng: np.random.Generat
     goodness = check_goodness(fit, rng=rng)
     kept = [f for f in complete.findings if f.kind is Kind.SEVERAL_SOLUTIONS]
     tests = [replace(f, run="") for f in failed_tests(goodness, dof=fit.dof)]
-    findings = wrong([*kept, *pressed_limits(fit, fit.values), *tests, stated_values(fit, check_stated_values(fit))])
+    refused = [replace(f, run="") for f in wrong_curves(fit.deviations)]
+    findings = wrong([*kept, *pressed_limits(fit, fit.values), *tests, *refused, stated_values(fit, check_stated_values(fit))])
     about = deviation_finding(found, x_unit=posed.axes.x_unit, y_unit=posed.axes.y_unit)
     sds, near = sds_beside_limits(found, problem)
     values, names = np.clip(found.mean, *problem.support()).tolist(), fit.names

@@ -139,7 +139,8 @@ class CurveStudy:
 
     def suspects(self, names: Sequence[str], tables: Mapping[str, Run]) -> Suspects:
         """Nothing is known of what a user's own curve may lack but what readings may suffer."""
-        return Suspects(self.problem(names, tables), phrase("errors that follow each other have room for it: correlated = true under [curve]"))
+        room = phrase("another curve may; if this one is known to be right, readings that follow each other: correlated = true under [curve]")
+        return Suspects(self.problem(names, tables), room)
 
     def fit(self, problem: Problem, tables: Mapping[str, Run], *, rng: np.random.Generator, near: FloatArray | None = None) -> Fit:
         """The posterior mode, found from afar, or `near` a place.  Raises InputError where the data determine none."""

@@ -1,12 +1,20 @@
-"""Whether the data show that a user's own curve lacks something, as findings."""
+"""Whether the data show that a user's own curve lacks something, as findings.
+
+A deviation that is larger than was stated of it, or that changes as slowly as a trend, is what a wrong curve leaves: the intervals of a mixture
+over deviations then hold nothing (docs/statistics.md), whatever its size, and the result is a `poor-fit`.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
+from estim.checks.forces import FAR_LARGER
 from estim.common import Finding, Kind
 from estim.deviation import FoundDeviation
 
 SURE = 0.99  # probability of a deviation beyond which it is said to be there
 _UNLIKELY = 0.5
+_TREND = 0.5  # probability of a deviation that is a trend, above which the curve is another
 
 
 def deviation_finding(found: FoundDeviation, *, x_unit: str, y_unit: str) -> Finding:
@@ -27,3 +35,16 @@ def deviation_remarks(found: FoundDeviation, *, x_unit: str, y_unit: str) -> tup
     told = deviation_finding(found, x_unit=x_unit, y_unit=y_unit)
     conservative = (Finding(Kind.NOISE_CONSERVATIVE, run=found.run, size=found.noise[1]),) if found.conservative else ()
     return ((told,) if told.kind is Kind.DEVIATION_FOUND else ()) + conservative
+
+
+def wrong_curves(deviations: Iterable[FoundDeviation]) -> list[Finding]:
+    """The runs whose deviation is larger than there is room for, or a trend."""
+    found = []
+    for one in deviations:
+        smooth = one.smooth
+        if smooth is not None and smooth.share > _UNLIKELY and smooth.amplitude[1] > FAR_LARGER * smooth.scale:
+            found.append(Finding(Kind.DEVIATION_TOO_LARGE, run=one.run, p=one.probability, size=smooth.amplitude[1] / smooth.scale))
+        slow = {way: size.long for way, size in (("smooth", smooth), ("correlated", one.correlated)) if size is not None}
+        if sum(slow.values()) > _TREND:
+            found.append(Finding(Kind.DEVIATION_TOO_SLOW, run=one.run, p=sum(slow.values()), names=(max(slow, key=lambda way: slow[way]),)))
+    return found

@@ -11,7 +11,7 @@ from estim.arrays import FloatArray
 from estim.checks.conflict import Conflict, stated_values
 from estim.checks.consistency import Consistency
 from estim.checks.counts import counts_as_readings
-from estim.checks.deviations import deviation_remarks
+from estim.checks.deviations import deviation_remarks, wrong_curves
 from estim.checks.forces import beyond_their_priors, force_remarks
 from estim.checks.goodness import P_FLOOR, P_POOR_FIT, P_TOLD, SCATTER_LIMIT, Goodness
 from estim.checks.identifiability import Identifiability
@@ -72,7 +72,8 @@ def diagnose(
         [
             *([] if conflict.flagrant else _convergence(fit, chain)), *several_solutions(fit, modes),
             *_flat_directions(fit, identifiability), *_bounds(fit),
-            *failed_tests(goodness, dof=fit.dof), *beyond_their_priors(fit.forces), *_methods(comparison), *_consistency(consistency),
+            *failed_tests(goodness, dof=fit.dof), *beyond_their_priors(fit.forces), *wrong_curves(fit.deviations),
+            *_methods(comparison), *_consistency(consistency),
             stated_values(fit, conflict), *too_many_outliers(fit),
             *(finding for force in fit.forces for finding in too_many_bad_frames(force)),
         ]

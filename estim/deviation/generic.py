@@ -31,6 +31,7 @@ DEVIATION, TIME = "deviation", "time"
 FREE_SCALES = (0.01, 0.016, 0.025, 0.04, 0.063, *SCALES)  # where an error may be stated for what no residual shows
 _SMALLEST, _LARGEST, _N_SIZE = 0.01, 1.6, 60  # sizes of unstated errors, in units of the residuals' standard deviation
 _CONSERVATIVE = 0.5  # a stated error is conservative where the white noise is less than half of it
+LONG = {DEVIATION: 0.25, TIME: 1.0 / 3.0}  # of the range of x, or of the recording: a trend, as a wrong curve leaves
 _SURE = 0.95
 _N_TIME, _PART_OF_TIME = 6, 0.5  # of the duration: with a third, intervals under AR(1) errors of .9 and 40 points are too short
 _SPIKE = 0.2  # probability of no deviation beforehand: who asks for one has a reason

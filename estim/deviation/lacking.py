@@ -18,6 +18,7 @@ from estim.common import phrase
 from estim.deviation.components import Deviation, diagonalise
 from estim.deviation.generic import (
     DEVIATION,
+    LONG,
     TIME,
     correlated_shapes,
     deviation_shapes,
@@ -56,11 +57,13 @@ class WithDeviation(WithMixture):
 class DeviationSize:
     """One way to read what the curve lacks.
 
-    share : probability that it is there.  scale : of the prior of its amplitude, unit of y.
+    share : probability that it is there.  long : that it is there and changes as slowly as a trend (`generic.LONG`).
+    scale : of the prior of its amplitude, unit of y.
     amplitude, length : quantiles 0.16, 0.5, 0.84 if it is there, in the units of y and of x (of a step where errors follow each other in order).
     """
 
     share: float
+    long: float
     scale: float
     amplitude: tuple[float, float, float]
     length: tuple[float, float, float]
@@ -127,7 +130,8 @@ def pose_deviation(run: Observations, problem: Problem, values: FloatArray) -> P
     linear = linearise(deviation, residuals, jacobian, precision=precision, pull=pull, stated=lacks.stated)
     noise = WithDeviation(run.noise, keep_probable(linear), _likely_root(linear, lacks), stated.shift, lacks)
     means, covs = linear_groups(linear, problem.n_par)
-    sizes = {kind: _size(linear, kind, scale) for kind, scale in scales.items()}
+    extents = {kind: float(np.ptp(run.x if kind == DEVIATION or lacks.along is None else lacks.along)) for kind in scales}
+    sizes = {kind: _size(linear, kind, scale, LONG[kind] * extents[kind]) for kind, scale in scales.items()}
     unit = 1.0 if lacks.stated else float(np.sqrt(np.median(np.diag(covariance))))
     low, middle, high = (unit * one for one in linear.size("scale"))
     found = FoundDeviation(
@@ -184,14 +188,15 @@ def _likely_root(linear: Linearised, lacks: Lacks) -> Root:
     return linear.best_root(size=min(float(linear.scales[linear.best]), 1.0) if lacks.stated else 1.0)
 
 
-def _size(linear: Linearised, kind: str, scale: float) -> DeviationSize:
+def _size(linear: Linearised, kind: str, scale: float, long: float) -> DeviationSize:
     mine = np.concatenate([np.where(f.amplitude > 0.0, f.kind == kind, False) for f in linear.deviation.families])
     share = float(linear.weights[mine].sum())
     if not share > 0.0:
-        return DeviationSize(0.0, scale, (np.nan, np.nan, np.nan), (np.nan, np.nan, np.nan))
+        return DeviationSize(0.0, 0.0, scale, (np.nan, np.nan, np.nan), (np.nan, np.nan, np.nan))
     alone = replace(linear, weights=np.where(mine, linear.weights, 0.0) / share)
     low, middle, high = (scale * one for one in alone.size("amplitude"))
-    return DeviationSize(share, scale, (low, middle, high), alone.size("length"))
+    slow = float(linear.weights[mine & (linear.deviation.lengths() > long)].sum())
+    return DeviationSize(share, slow, scale, (low, middle, high), alone.size("length"))
 
 
 def _intervals(linear: Linearised, problem: Problem, values: FloatArray) -> dict[str, dict[float, Interval]]:

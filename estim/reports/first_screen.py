@@ -201,7 +201,9 @@ def _forces(result: Told) -> str:
         size = 100.0 * max(one.typical for one in found)
         return phrase("the curve lacks a force, about {size:.2g} % of the weight; the intervals have room for it", size=size)
     if any(one.probability > _SURE for one in (result.curve_deviation or {}).values()):
-        return phrase("the curve lacks something that is larger than the errors; the intervals have room for it")
+        return phrase(
+            "the curve lacks something that is larger than the errors; the intervals allow for something irregular, not for another curve"
+        )
     if any(run.complete is not None for run in result.runs.values()):
         return phrase("the curve is taken as complete: no interval has room for what it lacks")
     return ""

@@ -11,6 +11,18 @@ from estim.words.table import Table
 _READ_AS: Mapping[str, str] = MappingProxyType(
     {"smooth": later("a smooth deviation from the curve"), "correlated": later("errors of the readings that follow each other")}
 )
+_SLOW: Mapping[str, str] = MappingProxyType(
+    {
+        "smooth": later(
+            "what the curve lacks is a trend: with a probability of {p:.2g} the deviation changes over more than a quarter of the range of x, "
+            "as what a wrong curve leaves does"
+        ),
+        "correlated": later(
+            "what the curve lacks is a trend: with a probability of {p:.2g} errors would stay alike over more than a third of the recording, "
+            "as what a wrong curve leaves does"
+        ),
+    }
+)
 
 
 def _unit(unit: str) -> str:
@@ -49,11 +61,18 @@ WORDS: Table = MappingProxyType(
     {
         Kind.DEVIATION_FOUND: _found,
         Kind.DEVIATION_UNDECIDED: lambda f: _of_run(f) + phrase(
-            "whether the curve lacks something cannot be told, P(amplitude > 0) = {p:.2f}; every interval has room for it", p=f.p
-        ),
-        Kind.DEVIATION_UNLIKELY: lambda f: _of_run(f) + phrase(
-            "nothing shows that the curve lacks something, P(amplitude > 0) = {p:.2f}; every interval has room for what may have stayed unseen",
+            "whether the curve lacks something cannot be told, P(amplitude > 0) = {p:.2f}; the intervals allow for an irregular deviation, "
+            "not for another curve",
             p=f.p,
         ),
+        Kind.DEVIATION_UNLIKELY: lambda f: _of_run(f) + phrase(
+            "nothing shows that the curve lacks something, P(amplitude > 0) = {p:.2f}", p=f.p
+        ),
+        Kind.DEVIATION_TOO_LARGE: lambda f: _of_run(f) + phrase(
+            "the deviation from the curve would have to be {times:.2g} times as large as was stated (a half-normal prior of this scale exceeds 2.5 "
+            "in one of 80): the curve is wrong, or what was stated of the deviation",
+            times=f.size,
+        ),
+        Kind.DEVIATION_TOO_SLOW: lambda f: _of_run(f) + phrase(_SLOW[f.names[0]], p=f.p),
     }
 )

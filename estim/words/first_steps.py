@@ -11,12 +11,15 @@ from estim.words.telling import Voice, advice
 def _short() -> dict[Kind, str]:
     """What to do first where all that could be done takes longer to say."""
     look = phrase("look at the residuals: a bad reading, a wrong window, or physics that the curve lacks")
+    another = phrase("try another curve: no interval is to be believed beside a wrong one")
     return {
         Kind.SEVERAL_SOLUTIONS: phrase("decide between the solutions by a prior or by a further measurement, and fit again"),
         Kind.RESIDUALS_TOO_LARGE: phrase("look in the file for what could make the errors larger than stated"),
         Kind.RESIDUALS_NOT_RANDOM: look,
         Kind.CURVE_LACKS: look,
         Kind.STATED_AND_CURVE: look,
+        Kind.DEVIATION_TOO_LARGE: another,
+        Kind.DEVIATION_TOO_SLOW: another,
         Kind.FORCE_NOT_LINEAR: phrase("fit a shorter piece of the motion, or speeds in place of positions"),
         Kind.COUNTS_SCATTER: phrase("look at the pulls: a wrong curve, a bin that is too wide for it, dead time, or events that come in bursts"),
         Kind.FORCE_TOO_LARGE: phrase("look at the figure of the force: what was stated of body, tilt and start may be wrong"),
@@ -33,4 +36,6 @@ def first_step(findings: Sequence[Finding], voice: Voice = Voice.PYTHON) -> str:
     tests = {one.test for one in findings if one.kind in (Kind.CURVE_LACKS, Kind.RESIDUALS_TOO_LARGE)}
     if findings[0].test in tests and "largest" in tests and tests <= {"chi2", "largest"}:
         return phrase("look at the reading that is far off")
+    if findings[0].test in tests <= {"uneven", "repeated"}:
+        return advice(findings[0], voice)
     return _short().get(findings[0].kind) or advice(findings[0], voice)

@@ -15,10 +15,26 @@ from estim.words.table import Table, filled
 
 _NOT_RANDOM = later("look at the residuals: a bad frame, a wrong window, or physics that the curve lacks; the uncertainties assume random errors")
 _ONE_RUN = later("fit the run that disagrees by itself, look at its file and its stated values; leave it out only for a reason found there")
-_SEED, _STEPS, _DEVIATION, _CORRELATED, _ROBUST = "{seed}", "{steps}", "{deviation}", "{correlated}", "{robust}"
+_SEED, _STEPS, _CORRELATED, _ROBUST = "{seed}", "{steps}", "{correlated}", "{robust}"
+_ANOTHER = later(
+    "try another curve: in simulations of wrong curves the intervals beside a deviation seldom held the true value"
+)
 _ONE_FAR_OFF = later(
     "look at the reading that is far off; where single readings may be blunders, allow for them ({robust}): each is named, and hardly counts"
 )
+_OF_TEST: Mapping[str, str] = MappingProxyType(
+    {
+        "largest": _ONE_FAR_OFF,
+        "uneven": later(
+            "state the standard deviation of each reading (a column of u_y), for example as a share of it; where it is a share of y, "
+            "fitting the logarithm of y makes it even"
+        ),
+        "repeated": later(
+            "readings of the same x share an error, or the curve is wrong: where the curve is known to be right, fit the mean of the readings at "
+            "each x with u_y left out, so that the scatter of the means about the curve says how large their errors are"
+        ),
+    }
+)  # what to do about a curve whose residuals fail one test
 
 
 class Voice(StrEnum):
@@ -74,10 +90,12 @@ ADVICE: Mapping[Kind, str] = MappingProxyType(
         ),
         Kind.RESIDUALS_NOT_RANDOM: _NOT_RANDOM,
         Kind.CURVE_LACKS: later(
-            "look at the residuals: a bad frame, a wrong window, or physics that the curve lacks; the uncertainties assume random errors; "
-            "or give them room: a smooth deviation from the curve ({deviation}, the size of it that would not surprise you, "
-            "in the unit of y) or errors that follow each other ({correlated})"
+            "look at the residuals: a bad reading or a wrong window; else try another curve, for this one lacks something. Only where the formula is "
+            "known to be right can it stay: if readings follow each other, by {correlated}; if something irregular moves y and its size is "
+            "known from elsewhere, not from these residuals, by stating that size (deviation)"
         ),
+        Kind.DEVIATION_TOO_LARGE: _ANOTHER,
+        Kind.DEVIATION_TOO_SLOW: _ANOTHER,
         Kind.FORCE_NOT_LINEAR: later(
             "fit a shorter piece of the motion (a window that ends at the turning point), or speeds in place of positions, and look for what is "
             "wrong with the ramp: the figure of the force shows where"
@@ -136,10 +154,11 @@ def tell(finding: Finding) -> str:
 
 def advice(finding: Finding, voice: Voice = Voice.PYTHON) -> str:
     """What to do about a finding with which a result is not ok."""
-    words = phrase(_ONE_FAR_OFF if finding.kind is Kind.CURVE_LACKS and finding.test == "largest" else ADVICE[finding.kind])
+    by_test = _OF_TEST.get(finding.test) if finding.kind is Kind.CURVE_LACKS else None
+    words = phrase(by_test or ADVICE[finding.kind])
     for choice, name in _CHOICES[voice].items():
         words = words.replace(choice, phrase(name))
-    return words.replace(_DEVIATION, f"deviation = {finding.numbers['deviation']:.1g}") if "deviation" in finding.numbers else words
+    return words
 
 
 def advice_for(findings: Iterable[Finding], voice: Voice = Voice.PYTHON) -> list[str]:
