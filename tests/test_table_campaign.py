@@ -317,14 +317,17 @@ AXES = [
 
 
 @pytest.mark.parametrize(("header", "formula", "axes"), AXES)
-def test_of_two_columns_the_first_is_x_unless_the_names_or_the_formula_say_another(tmp_path: Path, header: str, formula: str, axes: tuple[str, str]) -> None:
+def test_of_two_columns_the_first_is_x_unless_the_names_or_the_formula_say_another(
+    tmp_path: Path, header: str, formula: str, axes: tuple[str, str]
+) -> None:
     (tmp_path / "two.csv").write_text(header + "\n" + "".join(f"{0.5 * i:g},{0.8 * i + 0.01 * (i % 3):g}\n" for i in range(9)))
     study = campaign_of_table(tmp_path / "two.csv", TableChoices(formula=formula)).study
     assert (study.x_column, study.y_column) == axes
 
 
 @pytest.mark.parametrize(
-    ("header", "formula"), [("t [s],x [m]", "v*x + b"), ("t_s,x_m", "v*x + b"), ("t,X", "v*x + b"), ("y,t", "line"), ("x,y", "a*y + b"), ("U,I", "a*U + b*I")]
+    ("header", "formula"),
+    [("t [s],x [m]", "v*x + b"), ("t_s,x_m", "v*x + b"), ("t,X", "v*x + b"), ("y,t", "line"), ("x,y", "a*y + b"), ("U,I", "a*U + b*I")],
 )
 @pytest.mark.parametrize("command", ["fit", "new"])
 def test_where_formula_and_header_disagree_one_line_asks_and_the_answer_is_taken(tmp_path: Path, command: str, header: str, formula: str) -> None:
