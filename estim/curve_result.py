@@ -20,6 +20,7 @@ from estim.curves import refuse_quantities
 from estim.deviation import FoundDeviation
 from estim.distributions import student_quantile
 from estim.fitting import FEW, Ends, Fit, LinearDerived, contour, linear_derived, shown_value
+from estim.given_numbers import real_numbers
 from estim.problem import Observations, Problem, informative
 from estim.words import advice, advice_for, tell
 
@@ -115,10 +116,7 @@ class CurveFit:
         data : name of the data set, where several were fit together.  Raises InputError.
         """
         refuse_quantities(x=x)
-        try:
-            places = np.atleast_1d(np.asarray(x, dtype=float))
-        except (TypeError, ValueError):
-            raise InputError("must be numbers", field="x", value=x) from None
+        places = np.atleast_1d(real_numbers(x, "x"))
         if places.ndim != 1 or not np.all(np.isfinite(places)):
             raise InputError("must be finite numbers along one axis", field="x", value=x)
         if not 0.0 < probability < 1.0:

@@ -211,3 +211,20 @@ def test_uncertainties_in_another_unit_than_their_column_are_refused(tmp_path: P
             table(head, **said).require_unit("u_y", "y")
     for head, said in (("t,y [V],u_y [V]", {}), ("t,y [V],u_y", {}), ("t,y,u_y [V]", {}), ("t,y [µm],u_y [um]", {}), ("t,y,u_y\ns,V,V", {})):
         table(head, **said).require_unit("u_y", "y")
+
+
+COPIES = [
+    ("t,y\n1,5\n2,6\n2,6\n3,7\n", "line 4 repeats line 3 in every cell: if it is a copy it counts twice, remove it"),
+    ("t,y\n1,5\n2,6\n3,7\n1,5\n2,6\n", "2 rows repeat an earlier one in every cell (lines 5, 6): if they are copies they count twice, remove them"),
+    ("t;y;n\n1;5;1\n2;6;2\n2;6;3\n3;7;4\n", ""),  # another reading, by its number
+    ("t,y\n1,5\n1,6\n2,6\n2,6\n3,7\n", ""),  # readings at the same t
+    ("t,y\n1,5\n2,6\n3,6\n", ""),
+]
+
+
+@pytest.mark.parametrize(("text", "told"), COPIES)
+def test_a_row_that_copies_an_earlier_one_is_told_where_no_reading_is_repeated(tmp_path: Path, text: str, told: str) -> None:
+    (tmp_path / "a.csv").write_text(text)
+    table = read_columns(tmp_path / "a.csv", needed=("t", "y"), min_rows=2, shown_as="a.csv")
+    assert list(table.warnings) == ([told] if told else [])
+    assert table.lines.size == text.count("\n") - 1

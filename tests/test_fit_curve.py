@@ -318,7 +318,7 @@ def good(**changes: object) -> dict[str, object]:
         ({"curve": lambda x, a, b: x[:3]}, "must return one value for each x"),
         ({"curve": lambda x, a, b: np.nan * x}, "not finite at any x"),
         ({"curve": lambda x, a, b: 1 / 0}, "fails at the starting values: ZeroDivisionError"),
-        ({"curve": lambda x, a, b: "text"}, "fails at the starting values"),
+        ({"curve": lambda x, a, b: "text"}, "'curve' must return numbers, not text"),
         ({"curve": "log(-a*a - x) + b"}, "not finite"),
     ],
 )

@@ -740,7 +740,7 @@ NOISE = np.random.default_rng(1)
     [
         (lambda: Input("", 1.0, 0.1), "'name' must be a non-empty text: "),
         (lambda: Input("a", math.nan, 0.1), "'a.value' must be finite: nan"),
-        (lambda: Input("a", "1.0(1)", 0.1), "'a.value' must be a number: 1.0(1)"),
+        (lambda: Input("a", "1.0(1)", 0.1), "'a.value' must be a number, not text: 1.0(1)"),
         (lambda: Input("a", 1.0, -0.1), "'a.u' must be finite and >= 0: -0.1"),
         (lambda: Input("a", 1.0, math.inf), "'a.u' must be finite and >= 0: inf"),
         (lambda: Input("a", 1.0, None), "'a.u' must be a number"),
@@ -759,7 +759,7 @@ NOISE = np.random.default_rng(1)
         ),
         (lambda: Input.from_readings("a", [1.0]), "'a.readings' must be a list of at least two: [1.0]"),
         (lambda: Input.from_readings("a", [1.0, math.nan]), "'a.readings' must be finite: [1.0, nan]"),
-        (lambda: Input.from_readings("a", ["x", "y"]), "'a.readings' must be numbers: ['x', 'y']"),
+        (lambda: Input.from_readings("a", ["x", "y"]), "'a.readings' must be numbers, not text: ['x', 'y']"),
         (lambda: propagate_linear(total, []), "'inputs' must hold at least one Input"),
         (lambda: propagate_linear(total, [A, A]), "'inputs' must hold each name once: a"),
         (lambda: propagate_linear(total, [(1.0, 0.1)]), "'inputs[0]' must be an Input: (1.0, 0.1)"),
@@ -783,7 +783,7 @@ NOISE = np.random.default_rng(1)
         ),
         (
             lambda: propagate_linear(total, [A, B], correlation="high"),
-            "'correlation' must be a matrix of numbers or pairs of names: high",
+            "'correlation' must be a matrix of numbers or pairs of names, not text: high",
         ),
         (
             lambda: propagate_linear(total, [A, Input("c", 1.0, 0.0)], correlation={("a", "c"): 0.5}),

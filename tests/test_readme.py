@@ -39,7 +39,7 @@ def test_commands_of_the_readme_run(project: Path, tmp_path: Path, monkeypatch: 
     assert len(commands) == len(others) + 1 >= 2
     for command in others:
         done = CliRunner().invoke(cli, shlex.split(command))
-        assert (done.exit_code, done.output.partition("\n")[0]) == (0, "tea: ok"), done.output
+        assert (done.exit_code, done.output.splitlines()[1]) == (0, "tea: ok"), done.output
 
 
 def test_the_real_experiment_is_the_one_of_the_gallery(project: Path) -> None:

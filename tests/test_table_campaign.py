@@ -377,3 +377,13 @@ def test_a_column_is_there_though_its_first_and_last_cells_are_empty(tmp_path: P
     assert "must be named by --y (there are x, a, b, remark)" in told("fit", file, "--formula", "p + q*x")
     done = runner().invoke(cli, ["new", str(tmp_path / "n"), "--from", str(file)])
     assert "; not read: b, remark" in done.output.splitlines()[0]
+
+
+@pytest.mark.parametrize("command", [["fit", "--formula", "a + b*x"], ["line"]])
+def test_a_copied_row_is_told_where_the_result_is(tmp_path: Path, command: list[str]) -> None:
+    file = tmp_path / "twice.csv"
+    rows = [f"{i},{2 * i + 0.1 * (-1) ** i}" for i in range(9)]
+    for lines, told in ((rows, False), ([*rows[:4], *rows[3:]], True)):
+        file.write_text("t,y\n" + "\n".join(lines) + "\n")
+        done = runner().invoke(cli, [command[0], str(file), *command[1:], "--out", str(tmp_path / "out"), "--no-figures"], standalone_mode=False)
+        assert ("line 6 repeats line 5 in every cell: if it is a copy it counts twice, remove it" in done.output) == told, done.output

@@ -7,16 +7,12 @@ from numpy.typing import ArrayLike
 
 from estim.arrays import FloatArray
 from estim.common import InputError
+from estim.given_numbers import real_numbers
 
 
 def column(values: ArrayLike | None, field: str) -> FloatArray:
     """(n,) read-only.  Raises InputError naming `field`."""
-    if hasattr(values, "to_base_units"):
-        raise InputError("must be plain numbers here, not quantities with units", field=field, value=str(values))
-    try:
-        array = np.array(values, dtype=float)
-    except (TypeError, ValueError):
-        raise InputError("must be a sequence of numbers", field=field, value=values) from None
+    array = real_numbers(values, field, "must be a sequence of numbers")
     if array.ndim != 1:
         raise InputError("must be a sequence of numbers, one axis", field=field, value=array.shape)
     bad = np.flatnonzero(~np.isfinite(array))
@@ -28,7 +24,8 @@ def column(values: ArrayLike | None, field: str) -> FloatArray:
 
 def errors_of(u: ArrayLike, n_obs: int, field: str) -> FloatArray:
     """(n_obs,) standard deviations given as a number or one for each point."""
-    sizes = column(np.full(n_obs, u) if np.ndim(u) == 0 else u, field)
+    given = real_numbers(u, field)
+    sizes = column(np.full(n_obs, given) if given.ndim == 0 else given, field)
     if sizes.size != n_obs:
         raise InputError(f"must be a number or have as many values as x ({n_obs})", field=field, value=sizes.size)
     if np.any(sizes <= 0.0):

@@ -21,6 +21,7 @@ from estim.common import InputError, later
 from estim.curves.binned import BinnedCurve
 from estim.curves.columns import column
 from estim.curves.shared_errors import Component
+from estim.given_numbers import real_number, real_numbers
 from estim.problem import BINOMIAL, POISSON, Counts, Curve, Events, Wording, counted_words
 
 MAX_EVENTS = 100_000
@@ -124,12 +125,10 @@ def counted_points(noise: Counting, x: FloatArray, y: FloatArray | None, *, what
     if isinstance(noise, EventTimes):
         if y is not None:
             raise InputError("must be None where x are the times of single events", field="y")
-        for field, end in (("low", noise.low), ("high", noise.high)):
-            if not isinstance(end, int | float):
-                raise InputError("must be a number", field=field, value=end)
+        low, high = real_number(noise.low, "low"), real_number(noise.high, "high")
         if noise.cells is not None and not (isinstance(noise.cells, int) and 2 <= noise.cells <= _MOST_CELLS):
             raise InputError(f"must be a whole number from 2 to {_MOST_CELLS}", field="cells", value=noise.cells)
-        return _events(x, float(noise.low), float(noise.high), noise.cells, what)
+        return _events(x, low, high, noise.cells, what)
     if y is None:
         raise InputError("must hold the counts", field="y")
     if isinstance(noise, Poisson):
@@ -167,9 +166,10 @@ def _poisson(x: FloatArray, y: FloatArray, bins: ArrayLike | None, what: str) ->
 
 def _binomial(x: FloatArray, y: FloatArray, trials: ArrayLike, what: str) -> CountedPoints:
     _require_counts(y, "the number of successes")
+    given = real_numbers(trials, "trials")
     try:
-        size = np.array(np.broadcast_to(np.asarray(trials, dtype=float), y.shape))
-    except (TypeError, ValueError):
+        size = np.array(np.broadcast_to(given, y.shape))
+    except ValueError:
         raise InputError(f"must be a number or have as many values as y ({y.size})", field="trials") from None
     if not np.all(np.isfinite(size)):
         raise InputError("must be finite", field="trials", value=float(size[~np.isfinite(size)][0]))
@@ -211,10 +211,7 @@ def _require_counts(y: FloatArray, meaning: str) -> None:
 
 def _edges(bins: ArrayLike, x: FloatArray) -> FloatArray:
     """(n_obs, 2) in the order of x as it was given."""
-    try:
-        given = np.array(bins, dtype=float)
-    except (TypeError, ValueError):
-        raise InputError("must be a width or edges", field="bins") from None
+    given = real_numbers(bins, "bins")
     if given.ndim == 0:
         edges = np.column_stack([x - 0.5 * given, x + 0.5 * given])
     elif given.shape == (x.size + 1,):

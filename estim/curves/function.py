@@ -18,6 +18,7 @@ from estim.arrays import FloatArray
 from estim.common import InputError
 from estim.curves.dual import Dual
 from estim.curves.formula import local_of, time_derivative_of
+from estim.given_numbers import real_numbers
 from estim.problem import EXACT, LocalCurve
 
 Function = Callable[..., Any]
@@ -79,12 +80,15 @@ def wrap_function(function: Function, names: tuple[str, ...], x: FloatArray, sta
     Raises InputError where it fails there, gives another shape than x, or no finite number.
     """
     try:
-        value = _called(function, x, dict(start))
-        shape = np.shape(value)
+        with np.errstate(all="ignore"):
+            returned = function(x, **start)
     except Exception as error:  # whatever the user's function raises
         raise InputError(f"fails at the starting values: {type(error).__name__}: {error}", field="curve") from error
-    if shape not in ((), (x.size,)):
-        raise InputError(f"must return one value for each x, shape ({x.size},)", field="curve", value=shape)
+    if isinstance(returned, np.ma.MaskedArray):
+        raise InputError("must return a plain array, with nan where it has no value: masks are not read", field="curve")
+    value = real_numbers(returned, "curve", "must return numbers")
+    if value.shape not in ((), (x.size,)):
+        raise InputError(f"must return one value for each x, shape ({x.size},)", field="curve", value=value.shape)
     if not np.any(np.isfinite(value)):
         raise InputError("is not finite at any x for the starting values", field="curve")
     return PythonCurve(function, names, _broadcasts(function, x, start), _derivatives(function, x, start))

@@ -8,12 +8,14 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from estim.common import InputError, phrase
+from estim.given_numbers import real_number, real_numbers
 from estim.problem import MAX_LACKING, Lacks
 
 
 def ask_lacks(deviation: float, correlated: ArrayLike | bool, order: NDArray[np.int64], *, stated: bool, exact_x: bool) -> Lacks | None:
     """What the curve of `fit_curve` may lack, None for nothing; order : (n_obs,) of the points by x.  Raises InputError."""
-    if not isinstance(deviation, int | float) or not (math.isfinite(deviation) and deviation >= 0.0):
+    deviation = real_number(deviation, "deviation")
+    if not (math.isfinite(deviation) and deviation >= 0.0):
         raise InputError("is in the unit of y: it must be > 0, or 0 for none", field="deviation", value=deviation)
     plain = isinstance(correlated, bool | np.bool_)
     if not deviation and plain and not correlated:
@@ -25,10 +27,7 @@ def ask_lacks(deviation: float, correlated: ArrayLike | bool, order: NDArray[np.
         raise InputError(f"goes with at most {MAX_LACKING} points: take every so many of them", field=field, value=order.size)
     if plain:
         return Lacks(float(deviation), order.astype(float) if correlated else None, "readings" if correlated else "", stated)
-    try:
-        times = np.ravel(np.array(correlated, dtype=float))
-    except (TypeError, ValueError):
-        raise InputError("must be True, or the times of the points", field="correlated", value=correlated) from None
+    times = np.ravel(real_numbers(correlated, "correlated", "must be True, or the times of the points"))
     if not np.all(np.isfinite(times)):
         raise InputError("must be finite", field="correlated", value=float(times[~np.isfinite(times)][0]))
     if times.size != order.size or not float(np.ptp(times)) > 0.0:

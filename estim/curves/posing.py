@@ -25,6 +25,7 @@ from estim.curves.tied import TiedCurve, followed, only_for_ties, read_tied
 from estim.curves.units import AxisNames as AxisNames
 from estim.curves.units import check_units, refuse_degrees
 from estim.curves.units import units_of as units_of
+from estim.given_numbers import real_number
 from estim.problem import (
     GAUSSIAN,
     Correlated,
@@ -228,10 +229,7 @@ def _start(start: Mapping[str, float]) -> tuple[tuple[str, ...], dict[str, float
     check_names(start, field="start")
     values = {}
     for name, value in start.items():
-        try:
-            values[name] = float(value)
-        except (TypeError, ValueError):
-            raise InputError(f"must be a number for '{name}'", field="start", value=value) from None
+        values[name] = real_number(value, "start", f"must be a number for '{name}'")
         if not math.isfinite(values[name]):
             raise InputError(f"must be finite for '{name}'", field="start", value=value)
     return tuple(values), values
@@ -240,13 +238,16 @@ def _start(start: Mapping[str, float]) -> tuple[tuple[str, ...], dict[str, float
 def _fixed(fixed: Mapping[str, float], names: tuple[str, ...]) -> dict[str, float]:
     """Exact values of parameters that are not fit."""
     check_names(fixed, field="fixed")
-    for name, value in fixed.items():
+    for name in fixed:
         if name in names:
             raise InputError(f"names '{name}', which has a starting value too: give it one of the two", field="fixed")
-        number = isinstance(value, int | float | np.number) and not isinstance(value, bool)
-        if not number or not math.isfinite(value):
-            raise InputError(f"must be a finite number for '{name}' (a value with an uncertainty is a prior)", field="fixed", value=value)
-    return {name: float(value) for name, value in fixed.items()}
+    values = {}
+    for name, value in fixed.items():
+        rule = f"must be a finite number for '{name}' (a value with an uncertainty is a prior)"
+        values[name] = real_number(value, "fixed", rule)
+        if not math.isfinite(values[name]):
+            raise InputError(rule, field="fixed", value=value)
+    return values
 
 
 def _check_mappings(**given: object) -> None:
@@ -330,7 +331,8 @@ def _prior(name: str, start: float, limits: tuple[float | None, float | None] | 
         return prior
     try:
         low, high = (None, None) if limits is None else limits
-        return Flat(-math.inf if low is None else float(low), math.inf if high is None else float(high), start)
+        ends = [unlimited if end is None else real_number(end, "bounds") for end, unlimited in ((low, -math.inf), (high, math.inf))]
+        return Flat(ends[0], ends[1], start)
     except InputError as error:
         raise InputError(f"of '{name}' {error.rule}", field="start" if error.field == "start" else "bounds", value=error.value) from None
     except (TypeError, ValueError):

@@ -20,6 +20,7 @@ from numpy.typing import ArrayLike
 
 from estim.arrays import FloatArray
 from estim.common import InputError
+from estim.given_numbers import real_numbers
 from estim.line.joint_errors import check_joint, joint_profile
 
 
@@ -73,11 +74,7 @@ def _correlated_data(x: ArrayLike, y: ArrayLike, u_x: ArrayLike | None, u_y: Arr
     if u_x is not None or u_y is not None:
         raise InputError("holds all uncertainties: leave out u_x, u_y and r_xy", field="cov")
     n = np.size(x)
-    try:
-        matrix = np.asarray(cov, dtype=np.float64)
-    except (TypeError, ValueError):
-        raise InputError("must be numbers", field="cov") from None
-    joint = check_joint(matrix, n)
+    joint = check_joint(real_numbers(cov, "cov"), n)
     u = np.sqrt(np.diag(joint))
     plain = line_data(x, y, u_x=u[:n], u_y=u[n:])
     size = np.where(plain.u_x * plain.u_y > 0.0, plain.u_x * plain.u_y, 1.0)
@@ -86,10 +83,7 @@ def _correlated_data(x: ArrayLike, y: ArrayLike, u_x: ArrayLike | None, u_y: Arr
 
 def _vector(values: ArrayLike, field: str, n_obs: int | None) -> FloatArray:
     """``values`` as a finite read-only (n_obs,) array of its own; one number is repeated where n_obs is known."""
-    try:
-        array = np.array(values, dtype=np.float64)
-    except (TypeError, ValueError):
-        raise InputError("must be numbers", field=field, value=values) from None
+    array = real_numbers(values, field)
     if n_obs is not None and array.ndim == 0:
         array = np.full(n_obs, array)
     if array.ndim != 1 or (n_obs is not None and len(array) != n_obs):

@@ -36,6 +36,7 @@ from estim.arrays import FloatArray
 from estim.checks import P_POOR_FIT
 from estim.common import InputError, Markdown, format_p, format_quantity, markdown, phrase, table
 from estim.distributions import chi2_quantile, chi2_tail, student_quantile
+from estim.given_numbers import real_number, real_numbers
 from estim.line.angle import LineData, Profile, ScaledPoints, best_angle, line_data, profile, scaled_points
 from estim.line.conventions import recommendation
 from estim.line.joint_errors import propagated_joint
@@ -224,7 +225,7 @@ def line_values(fit: LineFit, x: ArrayLike, *, convention: str | None = None) ->
     x : (n_x,) or one number.  convention : a name in ``fit.standard_errors``; None is the recommended one.
     Source: GUM H.3.4.
     """
-    at = np.atleast_1d(np.asarray(x, dtype=np.float64))
+    at = np.atleast_1d(real_numbers(x, "x"))
     error = standard_error(fit, convention)
     return LineValues(fit.intercept + fit.slope * at, np.hypot(error.u_pivot, (at - error.x_pivot) * error.u_slope))
 
@@ -253,7 +254,7 @@ def prediction_band(
     u_x : of the abscissa at which it is taken.  Other arguments as in ``line_values``.  Raises InputError.
     """
     values, u = line_values(fit, x, convention=convention)
-    reading = np.sqrt(_reading_uncertainty(fit, u_y, "u_y") ** 2 + (fit.slope * np.asarray(u_x, dtype=np.float64)) ** 2)
+    reading = np.sqrt(_reading_uncertainty(fit, u_y, "u_y") ** 2 + (fit.slope * real_numbers(u_x, "u_x")) ** 2)
     factor = coverage_factor(fit, probability=probability, convention=convention)
     return _band(x, values, factor * np.hypot(u, reading), probability)
 
@@ -269,7 +270,7 @@ def inverse_prediction(
     """
     if not np.isfinite(fit.slope) or fit.slope == 0.0:
         raise InputError("has no inverse: the line is horizontal or vertical", field="slope", value=fit.slope)
-    x0 = (float(y0) - fit.intercept) / fit.slope
+    x0 = (real_number(y0, "y0") - fit.intercept) / fit.slope
     u_line = float(line_values(fit, x0, convention=convention).u[0])
     u_x0 = float(np.hypot(u_line, _reading_uncertainty(fit, u_y0, "u_y0"))) / abs(fit.slope)
     half = coverage_factor(fit, probability=probability, convention=convention) * u_x0
@@ -297,7 +298,7 @@ def coverage_factor(fit: LineFit, *, probability: float, convention: str | None 
 def _reading_uncertainty(fit: LineFit, u: ArrayLike | None, field: str) -> FloatArray:
     if u is None and fit.method != "ols":
         raise InputError("must be given: the fit knows the uncertainty of its points, not of the new reading", field=field)
-    values = np.asarray(np.sqrt(fit.chi2 / fit.dof) if u is None else u, dtype=np.float64)
+    values = real_numbers(np.sqrt(fit.chi2 / fit.dof) if u is None else u, field)
     if not np.all(values >= 0.0):
         raise InputError("must be >= 0", field=field, value=u)
     return values

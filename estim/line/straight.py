@@ -172,9 +172,9 @@ def straight_line(
     inverses = tuple(_inverse(fit, y0, k, probability) for y0 in inverse)
     slope = slope_interval(fit, probability=probability)
     said = [(key, name, table.units[name]) for key, name in vars(read).items() if name in table.columns]
-    told = columns_told(said, table.unread)
+    told, facts = columns_told(said, table.unread), (*table.facts, *table.warnings)
     return StraightLine(
-        path, table.sha256, read, fit, slope, k, probability, predictions, inverses, told, table.facts, tuple(stated.words),
+        path, table.sha256, read, fit, slope, k, probability, predictions, inverses, told, facts, tuple(stated.words),
         tuple(points_findings(fit)),
     )
 

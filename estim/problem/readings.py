@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 
 from estim.arrays import FloatArray
 from estim.common import InputError, phrase
+from estim.given_numbers import real_numbers
 from estim.problem.correlated import CorrelatedErrors
 from estim.problem.curve import Wording
 from estim.problem.likelihood import Points
@@ -103,7 +104,7 @@ def check_covariance(cov: ArrayLike, n_obs: int, *, field: str) -> FloatArray:
 
     Raises InputError naming `field` where it has another shape, is not finite, symmetric or positive definite.
     """
-    matrix = np.array(cov, dtype=float)
+    matrix = real_numbers(cov, field)
     if matrix.shape != (n_obs, n_obs):
         raise InputError(f"must have the shape ({n_obs}, {n_obs})", field=field, value=matrix.shape)
     if not np.all(np.isfinite(matrix)):

@@ -23,6 +23,7 @@ from numpy.typing import ArrayLike
 
 from estim.arrays import FloatArray
 from estim.common import InputError
+from estim.given_numbers import real_numbers
 from estim.propagation.inputs import Input
 
 MeasurementFunction = Callable[[Mapping[str, Any]], ArrayLike | Sequence[ArrayLike]]
@@ -154,10 +155,4 @@ def _kink(value: FloatArray, right: FloatArray, left: FloatArray, steps: FloatAr
 
 def _as_floats(returned: Any) -> FloatArray:
     """What a function returned as floats; the parts of a tuple may be numbers beside arrays only at one point."""
-    try:
-        output = np.asarray(returned)
-        if output.dtype.kind not in "fiu":
-            raise TypeError(f"values of type {output.dtype}")
-        return np.asarray(output, dtype=float)
-    except (TypeError, ValueError) as error:
-        raise InputError("must return real numbers, all outputs of one shape", field="function", value=str(error)) from error
+    return real_numbers(returned, "function", "must return real numbers, all outputs of one shape")

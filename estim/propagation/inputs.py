@@ -37,6 +37,7 @@ from numpy.typing import ArrayLike
 
 from estim.arrays import FloatArray
 from estim.common import InputError
+from estim.given_numbers import real_number, real_numbers
 from estim.propagation.scores import BOUNDED, POSITIVE, SHAPED, Distribution, half_width_in_u
 
 Correlation = Mapping[tuple[str, str], float] | ArrayLike
@@ -77,7 +78,7 @@ class Input:
         if not isinstance(self.name, str) or not self.name:
             raise InputError("must be a non-empty text", field="name", value=self.name)
         for field in ("value", "u", "dof", "shape", "joint_dof"):
-            object.__setattr__(self, field, _number(getattr(self, field), f"{self.name}.{field}"))
+            object.__setattr__(self, field, real_number(getattr(self, field), f"{self.name}.{field}"))
         if not math.isfinite(self.value):
             raise InputError("must be finite", field=f"{self.name}.value", value=self.value)
         if not (math.isfinite(self.u) and self.u >= 0.0):
@@ -116,7 +117,7 @@ class Input:
         """The quantity that lies within value +/- half_width for certain (GUM 4.3.7, 4.3.9; JCGM 101, 6.4.2-6.4.6)."""
         if distribution not in BOUNDED:
             raise InputError(f"must be one of {', '.join(BOUNDED)}", field=f"{name}.distribution", value=distribution)
-        width = _number(half_width, f"{name}.half_width")
+        width = real_number(half_width, f"{name}.half_width")
         if not (math.isfinite(width) and width >= 0.0):
             raise InputError("must be finite and >= 0", field=f"{name}.half_width", value=half_width)
         return cls(name, value, width / half_width_in_u(distribution, shape), distribution, dof, unit, shape)
@@ -129,10 +130,7 @@ class Input:
 
         readings : (n,) in `unit`.
         """
-        try:
-            sample = np.asarray(readings, dtype=float)
-        except (TypeError, ValueError) as error:
-            raise InputError("must be numbers", field=f"{name}.readings", value=readings) from error
+        sample = real_numbers(readings, f"{name}.readings")
         if sample.ndim != 1 or sample.size < 2:
             raise InputError("must be a list of at least two", field=f"{name}.readings", value=readings)
         if not np.all(np.isfinite(sample)):
@@ -210,15 +208,6 @@ def correlation_matrix(inputs: Sequence[Input], correlation: Correlation | None)
     return matrix
 
 
-def _number(value: object, field: str) -> float:
-    if isinstance(value, (bool, str)):
-        raise InputError("must be a number", field=field, value=value)
-    try:
-        return float(value)  # type: ignore[arg-type]
-    except (TypeError, ValueError) as error:
-        raise InputError("must be a number", field=field, value=value) from error
-
-
 def _matrix_from_pairs(names: list[str], pairs: Mapping[tuple[str, str], float]) -> FloatArray:
     matrix = np.eye(len(names))
     seen: set[frozenset[str]] = set()
@@ -233,7 +222,7 @@ def _matrix_from_pairs(names: list[str], pairs: Mapping[tuple[str, str], float])
         if frozenset(pair) in seen:
             raise InputError("must give each pair once", field="correlation", value=pair)
         seen.add(frozenset(pair))
-        coefficient = _number(given, "correlation")
+        coefficient = real_number(given, "correlation")
         if not abs(coefficient) <= 1.0:
             raise InputError("must lie within [-1, 1]", field="correlation", value=given)
         i, j = names.index(pair[0]), names.index(pair[1])
@@ -242,10 +231,7 @@ def _matrix_from_pairs(names: list[str], pairs: Mapping[tuple[str, str], float])
 
 
 def _checked_matrix(names: list[str], given: ArrayLike) -> FloatArray:
-    try:
-        matrix = np.array(given, dtype=float)
-    except (TypeError, ValueError) as error:
-        raise InputError("must be a matrix of numbers or pairs of names", field="correlation", value=given) from error
+    matrix = real_numbers(given, "correlation", "must be a matrix of numbers or pairs of names")
     if matrix.shape != (len(names), len(names)):
         raise InputError(f"must be shaped ({len(names)}, {len(names)})", field="correlation", value=matrix.shape)
     if not np.all(np.abs(matrix) <= 1.0):

@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike
 
 from estim.arrays import FloatArray
 from estim.common import InputError
+from estim.given_numbers import real_numbers
 from estim.propagation.inputs import Input
 from estim.propagation.linear import LinearResult, frozen, uncertainty_components
 
@@ -150,7 +151,7 @@ def budget_along(linear: LinearResult, x: ArrayLike) -> BudgetAlong:
     """
     if linear.value.ndim == 0:
         raise InputError("must be a curve (use budget for a number)", field="linear", value=linear.value.shape)
-    abscissa = frozen(x)
+    abscissa = frozen(real_numbers(x, "x"))
     if abscissa.shape != linear.value.shape:
         raise InputError(f"must be shaped {linear.value.shape}", field="x", value=abscissa.shape)
     names = tuple(one.name for one in linear.inputs)

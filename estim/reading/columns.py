@@ -6,13 +6,14 @@ one of the columns are left out, and the table says so.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from types import MappingProxyType
 
 import numpy as np
 
+from estim.arrays import FloatArray
 from estim.common import EXTREME, InputError, extreme, listed, phrase, same_unit
 from estim.reading.cells import is_missing
 from estim.reading.dialect import Dialect, decimal_mark, is_column, name_and_unit, number_in, place_of, split_row
@@ -43,11 +44,14 @@ def read_columns(
     rows = [(number, _row(line, layout, shown_as, number)) for number, line in layout.rows]
     mark = decimal_mark(rows, places, dialect.decimal, shown_as)
     numbers, values, left_out = [], [], dict[str, list[int]]()
+    lines, copies = dict[tuple[str, ...], int](), dict[int, int]()
     for number, cells in rows:
         blank = next((name for name, place in zip(needed, places, strict=True) if is_missing(cells[place])), None)
         if blank is not None:
             left_out.setdefault(blank, []).append(number)
             continue
+        if (first := lines.setdefault(tuple(cells), number)) != number:
+            copies[number] = first
         numbers.append(number)
         values.append([_value(cells[place], name, mark, shown_as, number) for name, place in zip(needed, places, strict=True)])
     facts = [*layout.facts, *(_left_out(name, lines) for name, lines in left_out.items())]
@@ -62,7 +66,8 @@ def read_columns(
     empty = tuple(sorted(line for lines in left_out.values() for line in lines))
     named = MappingProxyType(columns)
     unread = tuple(name for name in numeric_columns(layout) if layout.names.index(name) not in places)
-    return Table(shown_as, layout.sha256, layout.header_line or 0, named, at, layout.warnings, tuple(facts), units, empty, layout.imported, unread)
+    warnings = (*layout.warnings, *_copied(copies, table))
+    return Table(shown_as, layout.sha256, layout.header_line or 0, named, at, warnings, tuple(facts), units, empty, layout.imported, unread)
 
 
 def read_known_columns(path: Path, *, known: Sequence[str], min_rows: int, shown_as: str, dialect: Dialect) -> Table:
@@ -110,6 +115,23 @@ def _left_out(name: str, lines: Sequence[int]) -> str:
     if len(lines) == 1:
         return phrase("1 row without a value of '{name}' left out (line {line})", name=name, line=lines[0])
     return phrase("{n} rows without a value of '{name}' left out (lines {lines})", n=len(lines), name=name, lines=lines_told(lines))
+
+
+def _copied(copies: Mapping[int, int], table: FloatArray) -> list[str]:
+    """What is said of lines that repeat an earlier one in every cell, where no other value of the first of several columns stands twice.
+
+    copies : line -> the earlier one.
+    """
+    if not copies or table.shape[1] < 2 or np.unique(table[:, 0]).size < len(table) - len(copies):
+        return []
+    if len(copies) == 1:
+        ((line, first),) = copies.items()
+        return [phrase("line {line} repeats line {first} in every cell: if it is a copy it counts twice, remove it", line=line, first=first)]
+    words = phrase(
+        "{n} rows repeat an earlier one in every cell (lines {lines}): if they are copies they count twice, remove them",
+        n=len(copies), lines=lines_told(list(copies)),
+    )
+    return [words]
 
 
 def columns_told(read: Sequence[tuple[str, str, str]], unread: Sequence[str]) -> str:

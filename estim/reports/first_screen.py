@@ -232,9 +232,11 @@ def _without_a_value(estimates: Sequence[Estimate]) -> tuple[str, ...]:
 
 
 def _warnings(result: Told) -> str:
-    """What is suspicious about the data, as a number: the part that says more stands open."""
+    """What is suspicious about the data: one warning of a file in its words, else numbers, since the part that says more stands open."""
     runs = result.runs.values()
     n, bad, far = (sum(len(found) for found in all_runs) for all_runs in zip(*((r.warnings, r.bad_frames, r.outliers) for r in runs), strict=True))
+    if n == 1 and not bad and not far:
+        return next(words for run in runs for words in run.warnings)
     said = (
         "" if not n else phrase("{n} warning of a file", n=n) if n == 1 else phrase("{n} warnings of files", n=n),
         "" if not bad else phrase("{n} bad frame", n=bad) if bad == 1 else phrase("{n} bad frames", n=bad),

@@ -1,0 +1,79 @@
+"""Numbers and arrays that a person hands over in Python: the one gate, which lets no value pass for another.
+
+NumPy turns dates into counts of whatever unit they are kept in, drops masks and imaginary parts, and reads text and truth values as numbers.
+Here each of them is refused by one line that says the cure.
+"""
+
+from __future__ import annotations
+
+from datetime import date, timedelta
+from typing import Any
+
+import numpy as np
+
+from estim.arrays import FloatArray
+from estim.common import InputError
+
+_REFUSED = {
+    "M": ", not dates: count them from one of them, (t - t[0])/numpy.timedelta64(1, 's')",
+    "m": ", not differences of times: divide them by a unit, t/numpy.timedelta64(1, 's')",
+    "c": ", real ones: of complex ones take the real part, the imaginary part or the size",
+    "b": ", not true and false: where 0 and 1 are meant, say so by .astype(float)",
+    "U": ", not text",
+    "S": ", not text",
+    "V": ", not records of several fields: take one field",
+}
+_KINDS = ((bool, "b"), (str, "U"), (bytes, "S"), (complex, "c"), (date, "M"), (timedelta, "m"))
+
+
+def real_numbers(values: Any, field: str, rule: str = "must be numbers") -> FloatArray:
+    """`values` as floats in an array of its own, of whatever shape.  Raises InputError naming `field` for whatever is no real number.
+
+    rule : what is asked for, to which the reason why the values are not that is added.
+    """
+    if hasattr(values, "to_base_units") or (hasattr(values, "unit") and hasattr(values, "to_value")):
+        raise InputError("must be plain numbers here, not quantities with units", field=field, value=str(values))
+    if masked := _masked(values):
+        cure = "must not be masked: leave those points out of all arrays, as x[~y.mask] and y[~y.mask]"
+        raise InputError(cure, field=field, value=f"{masked} masked")
+    why = ""
+    try:
+        array = np.asarray(values)
+        kinds = {array.dtype.kind, *_kinds(array if array.dtype.kind == "O" else values)}
+        why = next((words for kind, words in _REFUSED.items() if kind in kinds), "")
+        if values is not None and not why:
+            return np.array(array, dtype=float)
+    except (TypeError, ValueError, OverflowError):
+        pass
+    raise InputError(rule + why, field=field, value=values)
+
+
+def real_number(value: Any, field: str, rule: str = "must be a number") -> float:
+    """One number as a float.  Raises InputError naming `field`."""
+    number = real_numbers(value, field, rule)
+    if number.ndim:
+        raise InputError(rule, field=field, value=value)
+    return float(number)
+
+
+def _masked(values: Any) -> int:
+    """How many values are masked, also in lists of arrays and numbers."""
+    if isinstance(values, np.ma.MaskedArray):
+        return int(np.count_nonzero(np.ma.getmaskarray(values)))
+    return sum(map(_masked, values)) if isinstance(values, list | tuple) else 0
+
+
+def _kinds(values: Any) -> set[str]:
+    """The letters by which NumPy calls what lists and arrays of objects are made of, before numbers of several types become one type."""
+    if isinstance(values, np.ndarray):
+        return {_kind(one) for one in set(map(type, values.flat))} if values.dtype.kind == "O" else {values.dtype.kind}
+    if not isinstance(values, list | tuple):
+        return {_kind(type(values))}
+    inner = [_kinds(one) for one in values if isinstance(one, list | tuple | np.ndarray)]
+    return {_kind(one) for one in set(map(type, values))}.union(*inner)
+
+
+def _kind(made_of: type) -> str:
+    if issubclass(made_of, np.generic):
+        return np.dtype(made_of).kind
+    return next((kind for known, kind in _KINDS if issubclass(made_of, known)), "f")
