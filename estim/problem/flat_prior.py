@@ -19,7 +19,10 @@ from estim.problem.priors import Uniform
 
 @dataclass(frozen=True)
 class Flat(Uniform):
-    """Constant density between low and high, which may be infinite; `start` is where a fit begins, `stated` whether a person said so, or it was found from the points."""
+    """Constant density between low and high, which may be infinite.
+
+    start : where a fit begins.  stated : whether a person said so, or it was found from the points.
+    """
 
     start: float = 0.0
     stated: bool = True

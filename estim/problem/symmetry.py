@@ -180,7 +180,7 @@ def same_curves(symmetry: Symmetry, names: Sequence[str], values: FloatArray) ->
 
 def _taking(names: Sequence[str], matrix: FloatArray, i: int) -> str:
     """The name of parameter i, and of what it takes up: "c + A"."""
-    taken = [(names[j], float(matrix[i, j])) for j in np.flatnonzero(matrix[i]) if j != i]
+    taken = [(names[j], float(matrix[i, j])) for j in np.flatnonzero(matrix[i]).tolist() if j != i]
     return names[i] + "".join(f" {'-' if k < 0.0 else '+'} {'' if abs(k) == 1.0 else f'{abs(k):g} '}{name}" for name, k in taken)
 
 

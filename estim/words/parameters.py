@@ -99,7 +99,10 @@ def _listed(f: Finding) -> str:
 
 def _images(f: Finding) -> str:
     images = phrase("; or ").join(map(_image, f.parts))
-    return phrase("the same curve with {images}: the way of writing it that is closest to the stated starts is given, and else positive amplitudes and small angles", images=images)
+    return phrase(
+        "the same curve with {images}: the way of writing it that is closest to the stated starts is given, and else positive amplitudes "
+        "and small angles", images=images,
+    )
 
 
 def _other_numbers(f: Finding) -> str:
