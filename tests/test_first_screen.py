@@ -18,6 +18,7 @@ from estim.common import Finding, Kind
 from estim.common.errors import InputError
 from estim.common.labels import Notation
 from estim.common.quantity import format_p, p_digits, percentage, significant, with_unit
+from estim.fitting.edges import Limit
 from estim.pipeline import Analysis, analyse
 from estim.problem.priors import HalfNormal, Normal, Uniform
 from estim.reports.analysis import analysis_report
@@ -112,10 +113,28 @@ def test_what_may_be_zero_has_an_upper_limit(rng: np.random.Generator) -> None:
     for sds, limited in ((1.9, True), (2.1, False)):
         near = sds * 0.003 + 0.003 * standard(rng)
         assert (upper_limit(summary(near), prior, near) is not None) is limited
+    tailed = 0.047 * np.exp(0.42 * standard(rng) + 0.3 * np.abs(standard(rng)) ** 3)  # far from 0, with a long tail above
+    assert np.quantile(tailed, 0.025) > 0.015
+    assert summary(tailed).mean < 2.0 * summary(tailed).sd
+    assert upper_limit(summary(tailed), HalfNormal(10.0), tailed) is None
     sure = 0.02 + 0.003 * standard(rng)
     assert upper_limit(summary(sure), prior, sure) is None
     assert upper_limit(summary(draws), Normal(0.0, 1.0), draws) is None  # may be negative
     assert upper_limit(summary(draws), Uniform(-1.0, 1.0), draws) is None
+
+
+def test_what_lies_on_an_edge_has_a_value_at_every_draw() -> None:
+    """It has a limit in place of a mean, which is no division by zero."""
+    result = fitted()[1]
+    name = "rolling_resistance"
+    p = result.parameters[name]
+    edge = Limit("upper", 0.0, float(p.q84), float(p.q975))
+    limited = msgspec.structs.replace(p, mean=None, sd=None, limit=edge, measured=False, upper_95=None)
+    minds = first_screen(msgspec.structs.replace(result, parameters={**result.parameters, name: limited})).minds
+    assert not [words for words in minds if "no value at some of the draws" in words]
+    nothing = msgspec.structs.replace(limited, limit=None, median=None, q025=None, q16=None, q84=None, q975=None)
+    minds = first_screen(msgspec.structs.replace(result, parameters={**result.parameters, name: nothing})).minds
+    assert minds[0].endswith(f": {name}")
 
 
 def test_values_stand_beside_what_was_stated_and_what_is_true(rng: np.random.Generator) -> None:
@@ -171,13 +190,25 @@ def test_results_are_copied_as_siunitx_reads_them(rng: np.random.Generator) -> N
         r"$\tau = \qty{2.07 +- 0.05}{\micro\second}$", r"$N = \num{4.20 +- 0.08 e3}$  % not measured here",
         r"$I_{0} = \qty{1.20 +- 0.10 e-6}{\ampere}$",
     ]
-    assert copies.table.splitlines()[1] == "quantity,value,u,low_95,high_95,unit,measured"
-    assert copies.table.splitlines()[2].startswith("tau,2.07,0.05,1.9")
+    assert copies.table.splitlines()[1] == "quantity,value,u,low_68,high_68,low_95,high_95,unit,measured"
+    assert copies.table.splitlines()[2].startswith("tau,2.07,0.05,2.02")
     assert copies.table.splitlines()[3].endswith(",,no")
     tilt = Estimate(Notation("φ", "°", 180.0 / np.pi).label("rad"), summary(np.radians(4.0 + 0.25 * standard(rng))), "", True)
-    symbol, value, u, low, high, *rest = copies_of([tilt]).table.splitlines()[2].split(",")
-    assert (symbol, value, u, rest) == ("φ", "4", "0.25", ["°", "yes"])
-    assert (float(low), float(high)) == pytest.approx((3.51, 4.49), abs=0.03)
+    symbol, value, u, *ends, unit, measured = copies_of([tilt]).table.splitlines()[2].split(",")
+    assert (symbol, value, u, unit, measured) == ("φ", "4", "0.25", "°", "yes")
+    assert [float(end) for end in ends] == pytest.approx([3.75, 4.25, 3.51, 4.49], abs=0.03)
+
+
+def test_every_copy_of_a_lopsided_value_has_the_same_number(rng: np.random.Generator) -> None:
+    """Its median, since ± would mislead; the mean is another number."""
+    draws = np.exp(0.5 * standard(rng))
+    copies = copies_of([Estimate(PLAIN, summary(draws), "", True)])
+    assert copies.plain.splitlines()[1] == "c_rr = 1.00 +0.64 −0.39"
+    assert "= 1.00^{+0.64}_{-0.39}$" in copies.brackets
+    _, value, u, low, high, *_ = copies.table.splitlines()[2].split(",")
+    assert (float(value), u) == (pytest.approx(np.median(draws), rel=1e-5), "")
+    assert (float(low), float(high)) == pytest.approx((np.exp(-0.5), np.exp(0.5)), rel=0.03)
+    assert abs(draws.mean() - float(value)) > 0.1
 
 
 @pytest.mark.parametrize(

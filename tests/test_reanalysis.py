@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import json
 import math
 import re
@@ -298,7 +299,7 @@ def test_tables_of_the_committed_report_say_what_its_results_hold(project: Path)
     result, text = json.loads((committed / "result.json").read_text()), (committed / "report.md").read_text().replace("\xa0", " ")
     rows = [[cell.strip() for cell in line.strip("|").split(" | ")] for line in text.splitlines() if line.startswith("| ")]
     tables = text.split("| parameter | stated before | posterior |")
-    copied = {line.split(",")[0]: line.split(",")[1:5] for line in text.partition("```csv")[2].partition("```")[0].splitlines()[2:]}
+    copied = {row["quantity"]: row for row in csv.DictReader(text.partition("```csv\n")[2].partition("```")[0].splitlines())}
     assert list(result["bodies"]) == ["heavy", "light"]
     for (body, found), table in zip(result["bodies"].items(), tables[1:], strict=True):
         posterior = found["joint"]["parameters"]
@@ -314,7 +315,8 @@ def test_tables_of_the_committed_report_say_what_its_results_hold(project: Path)
             if place == f"{body}]":
                 first = [row for row in rows if row[0] == f"{label.strip()}, 4 runs"]
                 assert [says(row[1], mean, sd) for row in first] == [True], name
-                assert [float(n) for n in copied[label.strip()]] == pytest.approx([mean, sd, low, high], rel=1e-5)
+                numbers = [float(copied[label.strip()][column]) for column in ("value", "u", "low_95", "high_95")]
+                assert numbers == pytest.approx([mean, sd, low, high], rel=1e-5)
     runs = {row[0]: row[1:6] for row in rows if row[0] in result["runs"] and len(row) == 6}
     assert runs.keys() == result["runs"].keys()
     for run, (status, *cells) in runs.items():

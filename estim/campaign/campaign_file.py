@@ -18,7 +18,7 @@ from typing import Any, Literal, TypeVar
 import msgspec
 
 from estim.campaign.effect_table import EffectTable
-from estim.campaign.mismatch import meant, mismatch_words, wrong_word
+from estim.campaign.mismatch import known_keys, meant, mismatch_words, wrong_word
 from estim.campaign.name_rules import check_body_names, check_run_names
 from estim.campaign.part_table import PartTable
 from estim.campaign.plan_table import NO_PLAN, PlanTable, check_plan
@@ -300,7 +300,7 @@ def checked(tree: object, kind: type[T], places: Places, path: tuple[str | int, 
         inner = [part for part in re.findall(r"[^.\[\]`]+", where) if part != "..."]
         full = (*path, *(int(part) if part.isdigit() else part for part in inner))
         if found := re.search(r"unknown field `(.*)`", message):
-            raise places.error(f"is not a known key here{meant(found[1], _known_keys(kind, inner))}", (*full, found[1])) from None
+            raise places.error(f"is not a known key here{meant(found[1], known_keys(kind, inner))}", (*full, found[1])) from None
         if found := re.search(r"missing required field `(.*)`", message):
             raise places.error("is missing", (*full, found[1])) from None
         rule = mismatch_words(message, kind, inner)
@@ -316,12 +316,6 @@ def _check_numbers(tree: object, places: Places, path: tuple[str | int, ...]) ->
         raise places.error("must be a number of less than 19 digits", path, value=f"{str(tree)[:12]}...")
     elif isinstance(tree, float) and extreme(tree):
         raise places.error(EXTREME, path, value=tree)
-
-
-def _known_keys(kind: type, inner: list[str]) -> list[str]:
-    for part in inner:
-        kind = {"noise": NoiseTable, "window": WindowTable}.get(part, PriorTable)
-    return list(getattr(kind, "__struct_fields__", ()))
 
 
 def read_value(value: Value, *, factor: float, field: str) -> Quantity | Prior:

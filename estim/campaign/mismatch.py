@@ -41,19 +41,31 @@ def meant(written: str, choices: Sequence[str]) -> str:
     return f" (did you mean '{close[0]}'?)" if close else ""
 
 
+def known_keys(kind: object, path: Sequence[str]) -> list[str]:
+    """The keys that may stand in the table at `path` in a value of type `kind`."""
+    tables = (one for one in _at(kind, path) if isinstance(one, type) and issubclass(one, msgspec.Struct))
+    return [key for table in tables for key in table.__struct_fields__]
+
+
 def _choices(kind: object, path: Sequence[str]) -> Iterator[str]:
     """The words that may stand at `path` in a value of type `kind`."""
+    for one in _at(kind, path):
+        yield from (choice for choice in get_args(one) if get_origin(one) is Literal and isinstance(choice, str))
+
+
+def _at(kind: object, path: Sequence[str]) -> Iterator[object]:
+    """The types that may stand at `path` in a value of type `kind`; the keys of a mapping are not in the path."""
     origin, inside = get_origin(kind), get_args(kind)
-    if origin is Literal:
-        yield from (choice for choice in inside if isinstance(choice, str) and not path)
-    elif origin in (Union, types.UnionType):
+    if origin in (Union, types.UnionType):
         for one in inside:
-            yield from _choices(one, path)
+            yield from _at(one, path)
     elif origin in (list, tuple):
         for one in inside:
-            yield from _choices(one, path[1:] if path and path[0].isdigit() else path)
+            yield from _at(one, path[1:] if path and path[0].isdigit() else path)
     elif origin is dict:
-        yield from _choices(inside[1], path)
-    elif isinstance(kind, type) and issubclass(kind, msgspec.Struct) and path:
+        yield from _at(inside[1], path)
+    elif not path:
+        yield kind
+    elif isinstance(kind, type) and issubclass(kind, msgspec.Struct):
         hints: dict[str, Any] = get_type_hints(kind)
-        yield from _choices(hints[path[0]], path[1:]) if path[0] in hints else ()
+        yield from _at(hints[path[0]], path[1:]) if path[0] in hints else ()

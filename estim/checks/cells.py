@@ -36,7 +36,7 @@ from estim.problem import LogNormal, Normal, Prior, Problem, Unstated
 from estim.sampling import Summary, summarise_parameter
 from estim.words import STATUS_WORDS
 
-_CLEAR = 2.0  # standard deviations from zero, below which a quantity that cannot be negative may be zero
+_CLEAR = 2.0  # lower halves of the 68 % interval from zero, below which a quantity that cannot be negative may be zero
 _EVEN = 0.05  # standard deviations: what is nearer to the truth is "0.0"
 _LOPSIDED = 1.5
 _HEAVY = 2.0  # standard deviations over half of the 68 % interval: a ratio whose denominator comes near 0
@@ -142,8 +142,14 @@ def is_measured(summary: Summary, prior: Prior, upper: float | None) -> bool:
 
 
 def upper_limit(summary: Summary, prior: Prior, draws: FloatArray) -> float | None:
-    """The 95 % limit of a quantity that cannot be negative and may be zero, from its draws (n_draw,); None for any other."""
-    if prior.low != 0.0 or summary.mean is None or summary.sd is None or summary.mean > _CLEAR * summary.sd:
+    """The 95 % limit of a quantity that cannot be negative and may be zero, from its draws (n_draw,); None for any other.
+
+    It may be zero where the median is within two lower halves of the 68 % interval of it: those of a standard deviation if the posterior is normal.
+    A long tail above makes a standard deviation large, and says nothing of zero.
+    """
+    if prior.low != 0.0 or summary.mean is None or summary.median is None or summary.q16 is None:
+        return None
+    if summary.median > _CLEAR * (summary.median - summary.q16):
         return None
     return float(np.quantile(draws, 0.95))
 

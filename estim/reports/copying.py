@@ -1,7 +1,8 @@
 """Results to copy into a lab report: plain lines, LaTeX for the package siunitx in both of its notations, and CSV.
 
 siunitx reads "3.3(20)" and "3.3 +- 2.0" alike; which of them is printed is a matter of its options, so both are offered.  Limits and lopsided
-values have no notation that every version of it knows: they are written as mathematics.
+values have no notation that every version of it knows: they are written as mathematics.  The table has the value of the text: of a lopsided one the
+median without u, whose 68 % interval stands beside it.
 """
 
 from __future__ import annotations
@@ -12,7 +13,7 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from estim.checks import Estimate
+from estim.checks import Estimate, lopsided
 from estim.common import Label, Markdown, format_quantity, one_line, phrase, powers_in
 
 _BASES = {
@@ -63,7 +64,7 @@ def _block(lines: Sequence[str], language: str = "text") -> Markdown:
 def _rows(estimates: Sequence[Estimate]) -> list[str]:
     buffer = io.StringIO()
     writer = csv.writer(buffer, lineterminator="\n")
-    writer.writerow(["quantity", "value", "u", "low_95", "high_95", "unit", "measured"])
+    writer.writerow(["quantity", "value", "u", "low_68", "high_68", "low_95", "high_95", "unit", "measured"])
     for one in estimates:
         p, factor = one.summary, one.label.factor
         limit = p.limit.limit_95 if p.limit is not None else one.upper
@@ -71,9 +72,10 @@ def _rows(estimates: Sequence[Estimate]) -> list[str]:
         if limit is not None:
             lower = p.limit is not None and p.limit.side == "lower"
             ends = ("", _digits(limit * factor))
-            writer.writerow([one.label.symbol, "", "", *(ends[::-1] if lower else ends), unit, said])
+            writer.writerow([one.label.symbol, "", "", "", "", *(ends[::-1] if lower else ends), unit, said])
         else:
-            numbers = [p.mean, p.sd, p.q025, p.q975]
+            centre = [p.median, None] if lopsided(p) else [p.mean, p.sd]  # as the text has it, in which ± would mislead there
+            numbers = [*centre, p.q16, p.q84, p.q025, p.q975]
             writer.writerow([one.label.symbol, *("" if v is None else _digits(v * factor) for v in numbers), unit, said])
     return buffer.getvalue().splitlines()
 

@@ -224,7 +224,7 @@ def _left_out(result: Told) -> tuple[str, ...]:
 
 def _without_a_value(estimates: Sequence[Estimate]) -> tuple[str, ...]:
     """What was asked for, and has no value at some of the draws."""
-    symbols = [one.label.symbol for one in estimates if one.summary.mean is None]
+    symbols = [one.label.symbol for one in estimates if one.summary.median is None]  # at an edge there is no mean, and every quantile
     if not symbols:
         return ()
     said = phrase("no value at some of the draws (a division by zero, a root or logarithm of a negative number): {symbols}", symbols=listed(symbols))
