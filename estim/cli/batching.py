@@ -37,7 +37,7 @@ def cluster(address: str | None) -> Iterator[Executor | None]:
         from distributed import Client
     except ImportError:
         raise InputError("needs dask.distributed: pip install distributed", field="--scheduler", value=address) from None
-    logging.getLogger("distributed").setLevel(logging.CRITICAL + 1)  # it prints the traceback of what is told in a line below
+    logging.disable()  # it would print the traceback of what is told in a line below
     try:
         client = Client(address, timeout=_PATIENCE)
     except (OSError, ValueError) as error:
