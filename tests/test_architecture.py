@@ -331,11 +331,6 @@ def test_no_public_name_is_that_of_a_file_or_folder(package):
         _ = facade.nothing
 
 
-def test_files_stay_short():
-    lengths = {module: len(path.read_text().splitlines()) for module, path in FILES.items()}
-    assert {module: n for module, n in lengths.items() if n >= 350} == {}
-
-
 def test_every_file_opens_by_saying_what_it_is_for():
     assert [module for module, tree in trees().items() if not ast.get_docstring(tree)] == []
 
