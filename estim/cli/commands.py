@@ -129,8 +129,6 @@ def fit(
         _exit_unless(compare_noise(loaded, groups, folder, seed=seed, max_steps=max_steps, resume=resume, stop=stop, figures=not no_figures))
         return
     stores = stores_of(folder, groups, joint=joint, resume=resume)
-    if columns := loaded.columns([name for group in groups for name in group]):
-        say(columns)
     results, explanations = {}, []
     for group, store in zip(groups, stores, strict=True):
         with progress_bar(together(group)) as progress:
@@ -146,6 +144,8 @@ def fit(
             write_report(place, with_campaign(files, loaded.source.written, file=campaign.name) | draws, within=folder)
         reasons = [] if analysis.diagnosis.ok else [*filter(None, [slip_words(analysis.explanation)]), *analysis.diagnosis.reasons]
         shown = [*reasons, *result_lines(results[group[0]])]
+        if len(results) == 1 and (columns := loaded.columns([name for group in groups for name in group])):
+            say(columns)
         conclude(together(group), analysis.diagnosis.status, shown, analysis.diagnosis.notes)
         say_causes(analysis)
         explanations += [] if analysis.explanation is None else [analysis.explanation]

@@ -27,6 +27,7 @@ _NAMES = MappingProxyType(
     {
         "chi2": later("test|chi2"), "runs": later("test|runs"), "autocorrelation": later("test|autocorrelation"), "trend": later("test|trend"),
         "largest": later("test|largest"), "speed": later("test|speed"), "zero": later("test|zero"),
+        "uneven": later("test|uneven"), "repeated": later("test|repeated"),
     }
 )  # what stands before | tells these words from others that are written alike
 
