@@ -92,7 +92,7 @@ def test_same_seed_gives_the_same_bytes(estim: Command, fitted: Path, tmp_path: 
         (("fit", "{campaign}", "--seed", "1" + 30 * "0"), "'--seed'"),
         (("fit", "{campaign}", "--sead", "1"), "--sead"),
         (("fit", "{campaign}", "--sead\r\x1b[2K", "1"), "--sead"),
-        (("fit", "{campaign}", "--resume", "--out", 300 * "x"), "cannot be written (file name too long)"),
+        (("fit", "{campaign}", "--resume", "--out", 300 * "x"), "cannot be read (file name too long)"),
         (("fit", "{campaign}", "--resume", "--out", "/proc/x"), "cannot be written"),
         (("simulate", "{campaign}", "--out", "x"), "is not a known key"),
     ],
@@ -114,7 +114,7 @@ def test_output_folder_that_cannot_be_made_is_one_line(estim: Command, tmp_path:
     (tmp_path / "file").write_text("in the way")
     done = estim("simulate", replica / "design.toml", "--out", tmp_path / "file" / "x")
     assert done.returncode == 2
-    assert "cannot be written" in done.stderr
+    assert "cannot be read (not a directory)" in done.stderr
 
 
 def test_help_loads_nothing_heavy() -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import shlex
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
@@ -60,9 +59,7 @@ def written_before(folder: Path, *, within: Path) -> dict[str, str]:
 
     Raises InputError for an origin that is none of ours.
     """
-    if not os.path.lexists(folder) or read_file(folder / ORIGIN, at_most=_LARGEST, within=within) is None:
-        return {}
-    return read_origin(folder, within=within).outputs
+    return {} if read_file(folder / ORIGIN, at_most=_LARGEST, within=within) is None else read_origin(folder, within=within).outputs
 
 
 def inside(name: str) -> bool:
