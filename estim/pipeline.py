@@ -179,7 +179,7 @@ def analyse(
     beside : fits of these runs with other noise; where one has the same points and the same curve, the search starts from its optima.
     """
     problem = campaign.problem(runs, noise=noise)
-    problem = as_complete(problem, complete) if complete else campaign.with_usual_errors(problem)
+    problem = as_complete(problem, complete) if complete else problem
     campaign.require_unknowns(problem)
     if progress is not None:
         progress(0, phrase("fit"))

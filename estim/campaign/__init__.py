@@ -9,5 +9,4 @@ from estim.campaign.levels import body_levels
 from estim.campaign.others import Candidate, CurveModel, TableChoices, campaign_of_table, columns_of, drafted_campaign, pairs, way_back
 from estim.campaign.parts import OUTPUTS, PartedBody, correlations, known_to, notes_of
 from estim.campaign.quantities import EFFECTS
-from estim.campaign.usual import USUAL_KEYS
 from estim.campaign.variation import NewRun, axis_columns, otherwise, planned_quantities, quantity_of_key, with_own_gamma, with_runs, with_tables

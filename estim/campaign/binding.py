@@ -33,6 +33,7 @@ class Bound:
 
     name: str
     source: float | Prior
+    usual: bool = False  # whether nothing was said of it, and it has its usual uncertainty
 
 
 def gamma_of_body(source: CampaignFile, body: str) -> Quantity | None:
@@ -68,7 +69,7 @@ def grip_of(source: CampaignFile, levels: Iterable[Level]) -> Prior | float | No
 
 
 def bind_quantities(source: CampaignFile, levels: Iterable[Level], *, where: str) -> dict[str, Bound]:
-    """Every quantity of the phase curve as the tables of `levels` give it, effects where they are said and not 0; `where` names them in messages.
+    """Every quantity of the phase curve as the tables of `levels` give it, effects where they are said and not 0, or usual; `where` names them in messages.
 
     Raises InputError where one is missing, said twice at one level, or out of its physical range.
     """
@@ -106,6 +107,8 @@ def _bind(source: CampaignFile, levels: tuple[Level, ...], name: str, where: str
         if masses and name in ("gamma", "trailing_fraction"):
             value = _from_masses(source, levels, name, _bind(source, levels, "rho", where).source)
             return Bound(name + level.suffix, _checked(source, value, kind, (*level.path, masses[0])))
+    if kind.usual > 0.0:
+        return Bound(name, Normal(0.0, kind.usual), usual=True)
     if kind.default is not None:
         return Bound(name, kind.default)
     rule = f"is missing for {where}: say it there, for its body or under [shared]"

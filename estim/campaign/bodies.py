@@ -30,7 +30,6 @@ from estim.campaign.quantities import EFFECTS
 from estim.campaign.shared_force import tied_points
 from estim.campaign.unforced import fit_alike
 from estim.campaign.unit_slips import unit_slips
-from estim.campaign.usual import with_usual_errors
 from estim.common import InputError, later, phrase, split_level
 from estim.curves import DisturbedMotion, DisturbedMotionCurve, DisturbedPhaseCurve, MotionCurve, PhaseCurve, RollingMotion, Setting
 from estim.deviation import BadFrames, ForceSize
@@ -88,7 +87,7 @@ class RollingStudy:
         for run in plain.runs:
             levels = self.levels(run.name)
             bound = bind_quantities(self.source, levels, where=f"run '{run.name}'")
-            sources = {q: b.source for q, b in bound.items() if q not in without}
+            sources = {q: b.source for q, b in bound.items() if q not in without and not b.usual}
             reach = float(np.max(np.abs(run.y if run.positions else run.x)))
             known.append(Surroundings(sources, total_mass(self.source, levels), reach, tables[run.name].coordinate == "theta_rad", run.positions))
         return tuple(known)
@@ -111,7 +110,7 @@ class RollingStudy:
 
     def fit_model(self, model: CurveModel, tables: Mapping[str, Run], *, bad: Mapping[str, BadFrames], rng: np.random.Generator) -> Fit:
         """The posterior mode of a model of the body; bad : run -> frames that are shifted, in models without a force."""
-        problem = self.with_usual_errors(model.problem, tables)
+        problem = model.problem
         if model.forced or not model.roomy:
             return self.fit(problem, tables, rng=rng)
         levels = {run.name: self.levels(run.name) for run in problem.runs}
@@ -135,8 +134,10 @@ class RollingStudy:
             levels = self.levels(name)
             bound = bind_quantities(self.source, levels, where=f"run '{name}'")
             bound = {q: Bound(q, 0.0) if q in without else b for q, b in bound.items() if not (q in without and q in EFFECTS)}
-            observed, mass = every[name], total_mass(self.source, levels)
-            angular, sources = tables[name].coordinate == "theta_rad", {q: b.source for q, b in bound.items()}
+            observed, mass, angular = every[name], total_mass(self.source, levels), tables[name].coordinate == "theta_rad"
+            if angular and bound.get("scale_x", Bound("scale_x", 0.0)).usual:  # angles of an encoder have no length scale
+                del bound["scale_x"]
+            sources = {q: b.source for q, b in bound.items()}
             setting = setting_of(levels, sources, mass, positions=observed.positions, angular=angular)
             if sketch is not None:
                 bound |= {q: Bound(f"{q}[{name}]" if sketch.of_run else q, prior) for q, prior in sketch.priors.items()}
@@ -144,7 +145,8 @@ class RollingStudy:
             for quantity, b in bound.items():
                 if not isinstance(b.source, float):
                     kind = KINDS_OF_QUANTITIES[quantity]
-                    physics.setdefault(b.name, Parameter(b.name, kind.unit, b.source, kind.meaning, kind.notation))
+                    meaning = phrase("{what} (nothing is stated: the default)", what=kind.meaning) if b.usual else kind.meaning
+                    physics.setdefault(b.name, Parameter(b.name, kind.unit, b.source, meaning, kind.notation))
             unknowns.update({p.name: p for p in observed.parameters})
             arguments = {q: b.source if isinstance(b.source, float) else b.name for q, b in bound.items()}
             posed = _observations(name, observed, arguments, mass, setting, grip_of(self.source, levels), angular=angular)
@@ -156,13 +158,6 @@ class RollingStudy:
         spreads = {name: spreads_of(self.levels(name), KINDS_OF_QUANTITIES) for name in names}
         further, every_run = varied(runs, {name: {q: one for q, one in own.items() if q not in without} for name, own in spreads.items()})
         return Problem((*shared_first([*physics.values(), *further], every_run), *unknowns.values()), every_run)
-
-    def with_usual_errors(self, problem: Problem, tables: Mapping[str, Run]) -> Problem:
-        """Of a single run: with room for usual errors of clock and scale.  Runs fit together share these, and share no covariance: as they are."""
-        if len(problem.runs) > 1:
-            return problem
-        runs = (with_usual_errors(run, self.levels(run.name), angular=tables[run.name].coordinate == "theta_rad") for run in problem.runs)
-        return replace(problem, runs=tuple(runs))
 
     def levels(self, name: str) -> Levels:
         """The tables of the campaign file that speak of a run."""

@@ -108,10 +108,6 @@ class Campaign:
         """
         return self.study.fit(problem, self.tables, rng=rng, near=near)
 
-    def with_usual_errors(self, problem: Problem) -> Problem:
-        """`problem` with room for small errors in common that nobody stated."""
-        return self.study.with_usual_errors(problem, self.tables)
-
     def suspects(self, names: Sequence[str]) -> Suspects:
         """The runs `names` as stated, and with each thing that they may have beside it."""
         return self.study.suspects(names, self.tables)

@@ -133,10 +133,6 @@ class CurveStudy:
             raise error.at(self.source.path, self.source.places.lines.get(("curve", "parameters"))) from None
         return Problem((*unknowns, *shared.values(), *of_noise.values()), tuple(observed))
 
-    def with_usual_errors(self, problem: Problem, tables: Mapping[str, Run]) -> Problem:
-        """What is usual of a user's own axes nobody knows (`[curve.shared_errors]` says it)."""
-        return problem
-
     def suspects(self, names: Sequence[str], tables: Mapping[str, Run]) -> Suspects:
         """Nothing is known of what a user's own curve may lack but what readings may suffer."""
         room = phrase("another curve may; if this one is known to be right, readings that follow each other: correlated = true under [curve]")

@@ -32,9 +32,6 @@ class Study(Protocol):
     def problem(self, names: Sequence[str], tables: Mapping[str, Run], *, noise: NoiseTable | None = None) -> Problem:
         """The joint problem of the runs `names` with their tables.  noise : in place of the noise tables of the campaign."""
 
-    def with_usual_errors(self, problem: Problem, tables: Mapping[str, Run]) -> Problem:
-        """`problem` with room for small errors in common that nobody stated; itself where none are known."""
-
     def suspects(self, names: Sequence[str], tables: Mapping[str, Run]) -> Suspects:
         """The runs `names` as stated, and with what they may have beside it."""
 

@@ -10,6 +10,6 @@ from estim.deviation.joint import JointlyPosed, NormalParts, pose_forces
 from estim.deviation.jumps import BadFrames, Jump
 from estim.deviation.lacking import DeviationSize, FoundDeviation, pose_deviation
 from estim.deviation.noise import FreeStart
-from estim.deviation.parts import DEVIATION, FORCE, FRAMES, START, USUAL, WithUsualErrors, parts_of_errors, read_off
+from estim.deviation.parts import DEVIATION, FORCE, FRAMES, START, parts_of_errors
 from estim.deviation.posing import FoundForce, Posed, bad_frames, pose_force
 from estim.deviation.repetition import MixtureErrors, replicas

@@ -47,7 +47,6 @@ from estim.reports.result import ParameterSummary, Result, Subject, result_of, t
 from estim.reports.rolling import rolling_rows
 from estim.reports.rolling_figures import rolling_figure
 from estim.reports.trace_figures import trace_figure
-from estim.reports.usual_errors import usual_row
 from estim.studies import determine
 from estim.words import STATUS_WORDS, Voice, first_step, name_of_test
 
@@ -184,7 +183,7 @@ def analysis_text(
         meaningless=not Status(result.status).draws_count, limits_count=Status(result.status).limits_count,
         what_if=_what_if_rows(result), what_if_heads=[result.labels.symbol(name) for name in _moved_by_errors(result)],
         consistency=consistency, rolling=rolling_rows(result.rolling or {}), axes=axes, limits_only=result.status != "ok", converged=converged,
-        corner_words=corner_words, usual=[usual_row(one) for one in result.usual_errors], lacks=lacks, explanation=explanation, counts=counts,
+        corner_words=corner_words, lacks=lacks, explanation=explanation, counts=counts,
         deviation=deviation_text(result.deviation, result.labels, pictures) if result.deviation else "",
         complete=complete_runs([result]), name_of_test=name_of_test, first_step=first_step, reasons=first_reasons(result.reasons),
         said=[words for force in (result.deviation or {}).values() for words in (force.words, force.noise_words)] if result.status == "ok" else [],

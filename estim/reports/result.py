@@ -49,7 +49,6 @@ from estim.reports.records import (
     WhatIf,
 )
 from estim.reports.rolling import RollingSummary, rolling_summaries
-from estim.reports.usual_errors import UsualError, usual_errors
 from estim.sampling import number, summarise, trusted
 from estim.studies import Budget, Determination
 from estim.versions import engine_versions, version
@@ -71,7 +70,6 @@ class Result(msgspec.Struct, frozen=True, dict=True, rename={"schema_": "schema"
     correlation: Correlation
     fit: FitSummary
     stated_values: StatedValues
-    usual_errors: list[UsualError]
     what_if: list[WhatIf]
     budget: dict[str, UncertaintyBudget] | None  # of each parameter of the curve and of what was sought; null where the status is not ok
     sampling: Sampling
@@ -154,7 +152,6 @@ def result_of(
             fit.chi2, fit.dof, number(fit.p_value), fit.message,
         ),
         stated_values=StatedValues(conflict.chi2, conflict.dof, conflict.p_value, dict(conflict.pulls), tell(stated_values(fit, conflict))),
-        usual_errors=usual_errors(analysis),
         what_if=[WhatIf(common_error(i.name, i.size, i.along), i.size, i.unit, list(i.runs), dict(i.shifts)) for i in analysis.influences],
         budget=budget_records(analysis, budget or budget_of(analysis)),
         sampling=Sampling(

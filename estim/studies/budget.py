@@ -25,7 +25,7 @@ from functools import cached_property, partial
 import numpy as np
 
 from estim.arrays import FloatArray
-from estim.deviation import USUAL, parts_of_errors
+from estim.deviation import parts_of_errors
 from estim.fitting import Fit, linear_derived, prior_slopes
 from estim.problem import Normal, Observations, Problem
 
@@ -98,7 +98,7 @@ def uncertainty_budget(fit: Fit, draws: FloatArray) -> Budget | None:
     parts = parts_of_errors(fit.posterior, fit.values, along)
     rest = np.square(sds) - np.sum(stated**2, axis=0) - sum((part**2 for part in parts.values()), np.zeros(sds.size))
     priors = [Source(fit.names[i], STATED if isinstance(problem.parameters[i].prior, Normal) else PRIOR) for i in told]
-    further = [Source(name, "common" if name in USUAL else "curve") for name in parts]
+    further = [Source(name, "curve") for name in parts]
     values = np.column_stack([q.of(draws) for q in quantities])
     drawn = _drawn([problem.parameters[i].prior for i in told], draws[:, told], values)
     nothing = np.full(sds.size, np.nan)
