@@ -92,7 +92,7 @@ def test_same_seed_gives_the_same_bytes(estim: Command, fitted: Path, tmp_path: 
         (("fit", "{campaign}", "--seed", "1" + 30 * "0"), "'--seed'"),
         (("fit", "{campaign}", "--sead", "1"), "--sead"),
         (("fit", "{campaign}", "--sead\r\x1b[2K", "1"), "--sead"),
-        (("fit", "{campaign}", "--resume", "--out", 300 * "x"), "cannot be written (file name too long)"),
+        (("fit", "{campaign}", "--resume", "--out", 300 * "x"), "cannot be read (file name too long)"),
         (("fit", "{campaign}", "--resume", "--out", "/proc/x"), "cannot be written"),
         (("simulate", "{campaign}", "--out", "x"), "is not a known key"),
     ],
