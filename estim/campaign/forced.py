@@ -18,7 +18,7 @@ from estim.campaign.levels import Level, Levels
 from estim.campaign.points import Observed
 from estim.campaign.shared_force import MOST_POINTS, sharing_runs
 from estim.common import Finding, InputError, Kind, NumericalError, later, phrase
-from estim.deviation import FORCE_SCALE, BadFrames, Course, FreeStart, JointlyPosed, Posed, Rows, bad_frames, pose_force, pose_forces
+from estim.deviation import FORCE_SCALE, BadFrames, Course, FreeStart, JointlyPosed, Posed, Rows, bad_frames, by_itself, pose_force, pose_forces
 from estim.fitting import Fit, fit_least_squares, refit, scanned_fit
 from estim.problem import Observations, Problem
 from estim.reading import Run
@@ -213,7 +213,7 @@ def _alone(free: Fit) -> Mapping[str, FloatArray]:
     """Run -> (n_par,) where its fit by itself ends, with its free start; what it does not depend on, and runs without such a fit, as they are."""
     found = {}
     for run in free.problem.runs:
-        alone = free.problem.restricted((run,))
+        alone = free.problem.restricted((by_itself(run, free.problem),))
         mine = np.array([free.names.index(name) for name in alone.names], dtype=np.int64)
         values = free.values.copy()
         with suppress(NumericalError):

@@ -181,7 +181,7 @@ def _compare(folder: Path, made: Path, place: Path, found: Found, *, lang: str) 
         (name, old, new) for of_part in files.values() for name, (old, new) in of_part.items()
         if old is not None and new is not None and not name.endswith(_OWN_BYTES)
     ]
-    same_draws, exact = all(draws_are_same(*one) for one in whole), all(old == new for _, old, new in whole)
+    same_draws, exact = all(draws_are_same(*one) for one in whole), all(old == new for name, old, new in whole if not name.endswith(".md"))
     how = _How(folder, same_draws=same_draws, exact=exact, lang=lang)
     if not how.same_draws:
         say("note: the draws are others, as on another processor: estimates are compared within their Monte-Carlo errors, and what has none is not")
@@ -196,7 +196,7 @@ _Pairs = Mapping[str, tuple[bytes | None, bytes | None]]
 
 @dataclass(frozen=True)
 class _How:
-    """root : of the whole report.  same_draws : in all of its parts.  exact : whether all numbers and texts are the same to the last byte."""
+    """root : of the whole report.  same_draws : in all of its parts.  exact : whether all files of numbers are the same to the last byte."""
 
     root: Path
     same_draws: bool
@@ -233,7 +233,7 @@ def _compare_part(how: _How, folder: Path, files: _Pairs, before: Origin, now: O
         elif _is_picture(name):
             found.compared.append(shown)
         else:
-            _compare_file(shown, differences(name, old, new, same_draws=how.same_draws or name == _PAGE, versions=other), found)
+            _compare_file(shown, differences(name, old, new, same_draws=how.same_draws or name == _PAGE, exact=how.exact or name == _PAGE), found)
 
 
 def _compare_file(shown: str, differing: Sequence[Difference], found: Found) -> None:

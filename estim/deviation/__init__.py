@@ -6,7 +6,7 @@ from estim.deviation.completed import Completed
 from estim.deviation.course import Course, Rows
 from estim.deviation.expected import ForceSize, expected_root, force_sizes
 from estim.deviation.grid import FORCE_SCALE, SCALES, START_SD
-from estim.deviation.joint import JointlyPosed, NormalParts, pose_forces
+from estim.deviation.joint import JointlyPosed, NormalParts, by_itself, pose_forces
 from estim.deviation.jumps import BadFrames, Jump
 from estim.deviation.lacking import DeviationSize, FoundDeviation, pose_deviation
 from estim.deviation.noise import FreeStart

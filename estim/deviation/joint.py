@@ -168,10 +168,15 @@ def _prepared(label: str, runs: tuple[Observations, ...], courses: Mapping[str, 
 def _told_alone(run: Observations, courses: Mapping[str, Course], problem: Problem, values: FloatArray, there: FloatArray) -> Told:
     """What one of several runs says by itself, as in a fit of this run alone, linear about its own white fit `there`; for steps from `values`."""
     precision, pull = priors_at(problem, there, n_start=0)
-    information, score = told_beyond(
-        _prepared(run.name, (run,), courses, problem, there).beside(precision, pull), (precision, precision @ pull)
-    )
+    linear = _prepared(run.name, (by_itself(run, problem),), courses, problem, there).beside(precision, pull)
+    information, score = told_beyond(linear, (precision, precision @ pull))
     return information, score - information @ (values - there)
+
+
+def by_itself(run: Observations, problem: Problem) -> Observations:
+    """A run as it is without the others: a quantity that varies between runs does so by as much as was stated, for no run tells that."""
+    spreads = {p.name: float(np.hypot(p.prior.expectation, p.prior.sd)) for p in problem.parameters if p.between}
+    return replace(run, arguments={a: spreads.get(source, source) if isinstance(source, str) else source for a, source in run.arguments.items()})
 
 
 def _noises(group: _Lacking, linear: Linearised) -> dict[str, Noise]:

@@ -4,7 +4,7 @@ Another processor, or another version of NumPy, changes the last digits of a num
 a thousandth of their standard deviations; or at some step it decides otherwise, and the draws are others.  Which of the two happened is asked for
 each part of a result by itself:
 
-- the same draws: every number must agree, to 1e-3 of it (estimates: of their standard deviation), and every word;
+- the same draws: every number must agree, to 1e-3 of it (estimates: of their standard deviation);
 - other draws: estimates must agree within their Monte-Carlo errors, statuses, names and units exactly.  The rest follows from the draws and has no
   stated error (shares, correlations, bands, which of two sentences is said): it is not compared, and named.
 
@@ -31,7 +31,7 @@ SAME_DRAWS = 1e-3  # of a standard deviation; the Monte-Carlo error of other dra
 SDS = 5.0  # Monte-Carlo errors of a difference
 FEWEST = 400  # effective draws behind an estimate that has no stated Monte-Carlo error
 _SAME, _SIMILAR = 1e-9, 1e-3  # relative: the last bits; a number that follows from the same draws
-_NOISE = 1e-5  # of the largest number beside it: what is left of a difference that is 0
+_NOISE = 1e-4  # of the largest number beside it: what is left of a difference that is 0
 _LARGEST = 1e300
 _PICTURE = re.compile(rb"data:image/png;base64,[\w+/=]+")  # within a page
 _ERRORS = {"mean": 1.0, "value": 1.0, "median": 1.3, "sd": 1.0, "u": 1.0, "q16": 1.6, "q84": 1.6, "q025": 3.0, "q975": 3.0}
@@ -44,6 +44,7 @@ _STATED = frozenset({  # words that no draw decides
 _FIXED = frozenset({"prior_mean", "prior_sd", "stated", "true", "seed", "n_obs", "dof"})  # numbers that no draw decides
 _NUMBER = re.compile(r"[-−+]?\d+(?:[.,]\d+)?(?:e[-+]?\d+)?")
 _PLUS_MINUS = re.compile(rf"({_NUMBER.pattern})[\s\u00a0]*±[\s\u00a0]*({_NUMBER.pattern})")
+_VERSIONS = re.compile(r"(?m)^\|[^|\n]*\| python \d[^|\n]*\|$")  # a row of a table of the report
 _DIGITS = re.compile(r"[-−+]?\d[\d.,e⁰¹²³⁴⁵⁶⁷⁸⁹⁻]*")
 
 
@@ -66,23 +67,23 @@ class Difference:
     verdict: Verdict = Verdict.WRONG
 
 
-def differences(file: str, before: bytes, now: bytes, *, same_draws: bool, versions: Mapping[str, tuple[str, str]] | None = None) -> list[Difference]:
+def differences(file: str, before: bytes, now: bytes, *, same_draws: bool, exact: bool) -> list[Difference]:
     """What differs, empty where the bytes are the same.
 
-    same_draws : whether all results of the report come from the same draws (`draws_are_same`).  versions : package -> as stated, and now.
+    same_draws : whether all results of the report come from the same draws (`draws_are_same`).  exact : whether all their numbers are the same.
     """
     if before == now:
         return []
     if file.endswith((".json", ".csv")):
         try:
-            return list(_of_values(file, "", _values(file, before), _values(file, now), same_draws))
+            found = _of_values(file, "", _values(file, before), _values(file, now), same_draws)
+            return sorted(found, key=lambda one: one.where.rpartition(".")[2] not in _FIXED | _STATED)  # what was put in, before what follows
         except ValueError as error:
             return [Difference(file, "all of it", f"cannot be read ({error})", "")]
     if file.endswith((".md", ".html")):
         old, new = (_PICTURE.sub(_digest, data).decode("utf-8", "replace") for data in (before, now))
-        for name, (stated, present) in (versions or {}).items():
-            old, new = old.replace(f"{name} {stated}", name), new.replace(f"{name} {present}", name)
-        return list(_of_lines(file, old.splitlines(), new.splitlines(), same_draws))
+        before_lines, now_lines = (_VERSIONS.sub("", text).splitlines() for text in (old, new))
+        return list(_of_lines(file, before_lines, now_lines, same_draws, exact))
     return [Difference(file, "", "other bytes than", "those that are made now", Verdict.ASIDE)]
 
 
@@ -193,7 +194,8 @@ def _of_values(file: str, path: str, before: Any, now: Any, same: bool, *, exact
         spread, scale = None if exact else _spread(now), _scale(now.values())
         if spread is not None:  # other draws move most numbers of an estimate: where a few differ, somebody changed them
             moved = _moves(before, now, spread)
-            same = 2 * sum(one > SAME_DRAWS for one in moved) <= len(moved)
+            n_moved = sum(one > SAME_DRAWS for one in moved)
+            same = 2 * n_moved <= len(moved) if len(moved) > 2 else n_moved == 0
         for name in [*before, *(name for name in now if name not in before)]:
             place = f"{path}.{name}" if path else name
             if name not in now or name not in before:
@@ -239,8 +241,11 @@ def _of_estimate(file: str, place: str, before: Any, now: Any, tolerance: float)
         yield Difference(file, place, _short(before), _short(now))
 
 
-def _of_lines(file: str, before: list[str], now: list[str], same: bool) -> Iterator[Difference]:
-    """Line by line; lines with the same words belong together, whatever their numbers."""
+def _of_lines(file: str, before: list[str], now: list[str], same: bool, exact: bool) -> Iterator[Difference]:
+    """Line by line; lines with the same words belong together, whatever their numbers.
+
+    Other words are wrong where every number is the same.  Else they can be a matter of the last digits: which of two equal shares is named first.
+    """
     if len(before) > 4 * len(now) + 100:
         yield Difference(file, "", f"{len(before)} lines", f"{len(now)} lines")
         return
@@ -248,7 +253,7 @@ def _of_lines(file: str, before: list[str], now: list[str], same: bool) -> Itera
     for tag, i, j, k, m in difflib.SequenceMatcher(None, old, new, autojunk=False).get_opcodes():
         if tag != "equal":
             a, b = _shown(" / ".join(before[i:j]), " / ".join(now[k:m]))
-            yield Difference(file, f"line {i + 1}", a, b, Verdict.WRONG if same else Verdict.ASIDE)
+            yield Difference(file, f"line {i + 1}", a, b, Verdict.WRONG if exact else Verdict.ASIDE)
             continue
         for at, (one, other) in enumerate(zip(before[i:j], now[k:m], strict=True), start=i + 1):
             if one != other:
