@@ -64,7 +64,7 @@ def _posed(path: Path, monkeypatch: pytest.MonkeyPatch, dense: int):
     for module in (stated, lacking, usual_errors, besides):
         monkeypatch.setattr(module, "DENSE", dense)
     campaign = load_campaign(path)
-    problem = campaign.with_usual_errors(campaign.problem(["long"]))
+    problem = campaign.problem(["long"])
     values = np.array([p.prior.centre for p in problem.parameters])
     values[problem.names.index("kappa[light]")] = 0.45
     values[[i for i, p in enumerate(problem.parameters) if p.unit == "s"]] = 0.0
@@ -82,7 +82,7 @@ TRUTH = {"gamma[light]": 0.094, "kappa[light]": 0.45, "theta0[long]": math.radia
 
 def _named_at_the_truth(path: Path) -> list[tuple[str, int]]:
     campaign = load_campaign(path)
-    problem = campaign.with_usual_errors(campaign.problem(["long"]))
+    problem = campaign.problem(["long"])
     (run,) = problem.runs
     values = np.array([TRUTH[name] for name in problem.names])
     found = bad_frames(run, course_of(run, campaign.tables["long"]), problem, values, known=BadFrames())

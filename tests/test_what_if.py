@@ -154,7 +154,7 @@ def replica(folder: Path, text: str, runs: list[str]) -> Fit:
         text = text.replace(f'"{before}', f'"{data}/replica/{before}')
     path.write_text(text)
     campaign = load_campaign(path)
-    return campaign.fit(campaign.with_usual_errors(campaign.problem(runs)), rng=np.random.default_rng(1))
+    return campaign.fit(campaign.problem(runs), rng=np.random.default_rng(1))
 
 
 REPLICA = (Path(__file__).resolve().parents[1] / "data" / "replica" / "campaign.toml").read_text()

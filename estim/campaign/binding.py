@@ -69,7 +69,9 @@ def grip_of(source: CampaignFile, levels: Iterable[Level]) -> Prior | float | No
 
 
 def bind_quantities(source: CampaignFile, levels: Iterable[Level], *, where: str) -> dict[str, Bound]:
-    """Every quantity of the phase curve as the tables of `levels` give it, effects where they are said and not 0, or usual; `where` names them in messages.
+    """Every quantity of the phase curve as the tables of `levels` give it, effects where they are said and not 0, or usual.
+
+    where : what they are of, in messages.
 
     Raises InputError where one is missing, said twice at one level, or out of its physical range.
     """

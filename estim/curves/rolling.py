@@ -195,15 +195,6 @@ class RollingMotion:
             found["turning_point"] = Derived(unit, np.atleast_2d(self._stop(arguments)), phrase(FIRST_TURNING), self.end_notation)
         return found
 
-    def scale_errors(self, x: FloatArray, y: FloatArray, local: LocalCurve, arguments: Mapping[str, ArrayLike]) -> Mapping[str, FloatArray]:
-        """Angles of an encoder have no scale."""
-        slope = local.slope[0]
-        if self.in_time:
-            clock, length = -slope * (x - np.asarray(arguments["release_time"])), y - np.asarray(arguments["offset"])
-        else:
-            clock, length = -y, y - from_release(x, arguments) * slope
-        return {"clock": clock} if self.angular else {"clock": clock, "length": length}
-
     def errors_in_common(self, curve: Curve, arguments: Mapping[str, str | float]) -> tuple[CommonError, ...]:
         """Angles of an encoder have no scale.  What is inferred is no such error."""
         errors = []

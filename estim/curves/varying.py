@@ -101,9 +101,6 @@ class VaryingMotion:
     def energies(self, x: FloatArray, v: FloatArray, arguments: Arguments) -> tuple[FloatArray, FloatArray]:
         return self.motion.energies(x, v, own_values(arguments, self.varied))
 
-    def scale_errors(self, x: FloatArray, y: FloatArray, local: LocalCurve, arguments: Arguments) -> Mapping[str, FloatArray]:
-        return self.motion.scale_errors(x, y, local, own_values(arguments, self.varied))
-
     def errors_in_common(self, curve: Curve, arguments: Mapping[str, str | float]) -> tuple[CommonError, ...]:
         """Of a curve that varies."""
         assert isinstance(curve, VaryingCurve)

@@ -165,9 +165,6 @@ class Motion(Protocol):
     def energies(self, x: FloatArray, v: FloatArray, arguments: Mapping[str, ArrayLike]) -> tuple[FloatArray, FloatArray]:
         """Kinetic and potential energy per unit mass (J/kg) at measured positions x and speeds v."""
 
-    def scale_errors(self, x: FloatArray, y: FloatArray, local: LocalCurve, arguments: Mapping[str, ArrayLike]) -> Mapping[str, FloatArray]:
-        """By how much y - f(x) grows, (n_obs,) for a share of 1, with an error of the clock or the scale of length of points (x, y) on `local`."""
-
     def errors_in_common(self, curve: Curve, arguments: Mapping[str, str | float]) -> tuple[CommonError, ...]:
         """What clock, scale and ramp may suffer, and those arguments of `curve` that are taken as exact: a number in place of a parameter's name."""
 
