@@ -13,7 +13,6 @@ from troubles import Disk
 
 from estim.campaign import load_campaign
 from estim.cli.commands import cli
-from estim.cli.terminal import write_report
 from estim.curve_fit import fit_curve
 from estim.line import analyse_line, read_theta_min
 from estim.pipeline import analyse, sample_curve
@@ -106,44 +105,3 @@ def test_every_command_that_draws_can_do_without(project: Path) -> None:
     asked = {"not no_figures", "figures", "drawn"}
     assert {name for name, wanted in passed if wanted not in asked} == {"index_report", "write_report"}
     assert len(passed) > 12
-
-
-REPORT = b"![a](figures/old.png)\n\n![b](figures/kept.png)\n\n![c](figures/of%20a.png)"
-
-
-def test_figures_that_only_the_report_before_shows_are_removed_and_nothing_else(tmp_path: Path) -> None:
-    first = {"figures/old.png": b"1", "figures/kept.png": b"2", "figures/of a.png": b"3", "report.md": REPORT}
-    write_report(tmp_path, first)
-    (tmp_path / "figures" / "mine.png").write_bytes(b"of the user")
-    write_report(tmp_path, {"figures/kept.png": b"4", "report.md": b"![b](figures/kept.png)"})
-    assert {path.name for path in (tmp_path / "figures").iterdir()} == {"kept.png", "mine.png"}
-    write_report(tmp_path, {"report.md": b"text"})
-    assert {path.name for path in (tmp_path / "figures").iterdir()} == {"mine.png"}
-    write_report(tmp_path / "other", first)
-    write_report(tmp_path / "other", {"report.md": b"text"})
-    assert [path.name for path in (tmp_path / "other").iterdir()] == ["report.md"]
-
-
-def test_a_forged_report_removes_nothing_elsewhere(tmp_path: Path) -> None:
-    out, outside = tmp_path / "out", tmp_path / "x.png"
-    for path in (outside, out / "x.png", out / "figures" / "sub" / "x.png"):
-        path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_bytes(b"x")
-    (out / "figures" / "link.png").symlink_to(outside)
-    names = ("..%2Fx.png", "../x.png", "..%2F..%2Fx.png", "sub/x.png", "sub%2Fx.png", "link.png", "%00.png", "%0a.png", "sub", "..%5Cx.png")
-    (out / "report.md").write_text("".join(f"![a](figures/{name})\n" for name in names))
-    write_report(out, {"report.md": b"text"})
-    assert outside.exists()
-    assert (out / "x.png").exists()
-    assert (out / "figures" / "sub" / "x.png").exists()
-    assert (out / "figures" / "link.png").is_symlink()
-
-
-def test_a_report_before_that_is_no_file_of_ours_has_no_figures(tmp_path: Path) -> None:
-    (tmp_path / "figures").mkdir()
-    (tmp_path / "figures" / "old.png").write_bytes(b"x")
-    (tmp_path / "elsewhere.md").write_bytes(REPORT)
-    (tmp_path / "report.md").symlink_to(tmp_path / "elsewhere.md")
-    write_report(tmp_path, {"report.md": b"text"})
-    assert (tmp_path / "figures" / "old.png").exists()
-    assert (tmp_path / "report.md").read_bytes() == b"text"

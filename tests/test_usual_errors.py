@@ -86,7 +86,8 @@ def test_the_default_is_a_key_with_that_prior(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("lines", "left"), [("", {"scale_x", "scale_t"}), ("scale_x = 0", {"scale_t"}), ("scale_x = 0\nscale_t = 0", set()), ("scale_t = 0.01", {"scale_x"})]
+    ("lines", "left"),
+    [("", {"scale_x", "scale_t"}), ("scale_x = 0", {"scale_t"}), ("scale_x = 0\nscale_t = 0", set()), ("scale_t = 0.01", {"scale_x"})],
 )
 def test_what_is_said_takes_the_place_of_the_default(tmp_path: Path, lines: str, left: set[str]) -> None:
     problem = recorded(tmp_path, lines)[0].problem(["r"])

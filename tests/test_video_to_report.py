@@ -38,6 +38,7 @@ def run(*arguments: object) -> Result:
 
 def imported(source: Path, target: Path, *options: str) -> np.ndarray:
     """The CSV that `estim import` makes of `source`: t and x, (2, n)."""
+    target.unlink(missing_ok=True)  # what stands there is another file's
     assert run("import", source, "-o", target, *options).exit_code == 0
     rows = [line.split(",")[:2] for line in target.read_text().splitlines() if line[0].isdigit() or line[0] == "-"]
     return np.array(rows, dtype=float).T
