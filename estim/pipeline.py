@@ -178,7 +178,7 @@ def analyse(
     complete : what takes the curves as complete, without a force that nobody asked for ("estim energy"); "" for nothing.
     beside : fits of these runs with other noise; where one has the same points and the same curve, the search starts from its optima.
     """
-    problem = campaign.problem(runs, noise=noise)
+    problem = campaign.problem(runs, noise=noise, usual=not complete)
     problem = as_complete(problem, complete) if complete else problem
     campaign.require_unknowns(problem)
     if progress is not None:

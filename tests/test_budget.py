@@ -135,7 +135,7 @@ def test_no_budget_without_a_result() -> None:
 @pytest.fixture
 def rolled(project: Path) -> Fit:
     campaign = load_campaign(project / "data" / "replica" / "campaign.toml")
-    return campaign.fit(campaign.problem(["heavy-04"]), rng=np.random.default_rng(1))
+    return campaign.fit(campaign.problem(["heavy-04"], usual=True), rng=np.random.default_rng(1))
 
 
 def test_a_body_has_parts_of_force_start_scale_and_readings_that_close(rolled: Fit) -> None:

@@ -224,7 +224,7 @@ def test_room_for_a_force_counts_where_stated_values_are_sharp(tmp_path: Path, r
     key = int.from_bytes(hashlib.sha256(b"none sharp speeds").digest()[:4], "big")
     write_campaign(tmp_path, DISTURBANCES["none"], priors="sharp", noise="speeds", rng=np.random.default_rng([1, key, replica]))
     campaign = load_campaign(tmp_path / "campaign.toml")
-    fit = campaign.fit(campaign.problem(["r"]), rng=stream(replica + 1, Stream.FIT))
+    fit = campaign.fit(campaign.problem(["r"], usual=True), rng=stream(replica + 1, Stream.FIT))
     assert fit.forces
     found = check_stated_values(fit)
     assert found.dof > 0

@@ -12,7 +12,7 @@ import pytest
 from estim import fit_curve, load_campaign
 from estim.campaign.forced import course_of
 from estim.checks import goodness
-from estim.deviation import BadFrames, FreeStart, bad_frames, course, pose_force, usual_errors
+from estim.deviation import BadFrames, FreeStart, bad_frames, course, pose_force
 from estim.deviation import noise as lacking
 from estim.deviation.autocorrelated import AutoCorrelated
 from estim.deviation.settled import settled
@@ -61,10 +61,10 @@ theta0_deg = "20.0(1.5)"
 
 def _posed(path: Path, monkeypatch: pytest.MonkeyPatch, dense: int):
     """Free start, force and bad frames about one point, where more than `dense` points go by roots."""
-    for module in (stated, lacking, usual_errors, besides):
+    for module in (stated, lacking, besides):
         monkeypatch.setattr(module, "DENSE", dense)
     campaign = load_campaign(path)
-    problem = campaign.problem(["long"])
+    problem = campaign.problem(["long"], usual=True)
     values = np.array([p.prior.centre for p in problem.parameters])
     values[problem.names.index("kappa[light]")] = 0.45
     values[[i for i, p in enumerate(problem.parameters) if p.unit == "s"]] = 0.0
@@ -82,9 +82,9 @@ TRUTH = {"gamma[light]": 0.094, "kappa[light]": 0.45, "theta0[long]": math.radia
 
 def _named_at_the_truth(path: Path) -> list[tuple[str, int]]:
     campaign = load_campaign(path)
-    problem = campaign.problem(["long"])
+    problem = campaign.problem(["long"], usual=True)
     (run,) = problem.runs
-    values = np.array([TRUTH[name] for name in problem.names])
+    values = np.array([TRUTH.get(name, 0.0) for name in problem.names])
     found = bad_frames(run, course_of(run, campaign.tables["long"]), problem, values, known=BadFrames())
     return [(jump.kind, jump.row) for jump in found.jumps]
 

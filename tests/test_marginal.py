@@ -294,7 +294,7 @@ def test_joint_fits_of_positions_go_through_the_marginal(project: Path) -> None:
     assert [_through_marginal(fit) for fit in fits] == [False, True]
     few = {n: replace(t, columns={c: v[::6] for c, v in t.columns.items()}, lines=t.lines[::6]) for n, t in whole.tables.items()}
     campaign = replace(whole, tables=few)
-    problem = campaign.problem(["heavy-04", "heavy-08"], noise=noise)
+    problem = campaign.problem(["heavy-04", "heavy-08"], noise=noise, usual=True)
     chosen = analyse_fit(fit_least_squares(problem, rng=np.random.default_rng(1), n_start=1), seed=1, target=Target(ess=1000.0), marginal=True)
     assert "exact weights in all dimensions agree" in chosen.comparison.reason
     assert chosen.diagnosis.ok, chosen.diagnosis.reasons

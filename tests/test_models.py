@@ -94,7 +94,7 @@ def test_what_a_campaign_states_keeps_its_prior_and_a_force_needs_normal_errors_
 
 def test_a_model_without_a_force_has_the_numbers_of_the_stated_noise(tmp_path: Path, plain: ModelComparison) -> None:
     fit, complete = plain.rows[0].analysis.fit, rolled(tmp_path, shared="unmodelled_force = 0\n")
-    stated = complete.fit(complete.problem(["r"]), rng=stream(1, Stream.FIT))
+    stated = complete.fit(complete.problem(["r"], usual=True), rng=stream(1, Stream.FIT))
     assert stated.names == fit.names
     np.testing.assert_allclose((fit.values - stated.values) / stated.sds, 0.0, atol=0.05)
     assert all(0.95 < ratio < 1.1 for ratio in fit.sds / stated.sds)

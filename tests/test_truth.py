@@ -41,7 +41,7 @@ def test_without_a_disturbance_it_is_the_plain_motion_with_white_noise(tmp_path,
 @pytest.mark.parametrize("name", DISTURBANCES)
 def test_every_disturbance_is_a_campaign_that_changes_something(tmp_path, name):
     truth, campaign, t, x = recorded(tmp_path, name, np.random.default_rng(5), priors="sharp", noise="positions")
-    problem = campaign.problem(["r"])
+    problem = campaign.problem(["r"], usual=True)
     assert set(truth) <= set(problem.names)
     assert t.size == x.size >= 9
     if name != "none":
@@ -95,7 +95,7 @@ def test_fit_settles_where_the_resistance_is_held_at_zero(cut_off: bool, tmp_pat
         monkeypatch.setattr(finish, "step_between", lambda rows, aim, low, high: np.clip(np.linalg.lstsq(rows, -aim, rcond=1e-11)[0], low, high))
     case = Case("jump", "default", "speeds", replica=33, seed=1)
     _, campaign, _, _ = recorded(tmp_path, case.name, generator(case), priors=case.priors)
-    fit = campaign.fit(campaign.problem(["r"]), rng=np.random.default_rng(1))
+    fit = campaign.fit(campaign.problem(["r"], usual=True), rng=np.random.default_rng(1))
     assert fit.at_bound == ("rolling_resistance",)
     assert fit.success is not cut_off
 
@@ -104,7 +104,7 @@ def test_three_runs_share_the_body_and_the_profile_of_the_ramp_and_nothing_else(
     disturbance = DISTURBANCES["ramp"]
     truth = write_campaign(tmp_path, disturbance, priors="sharp", noise=JOINT, rng=np.random.default_rng(3))
     campaign = load_campaign(tmp_path / "campaign.toml")
-    problem = campaign.problem(campaign.run_names)
+    problem = campaign.problem(campaign.run_names, usual=True)
     assert set(truth) <= set(problem.names)
     assert len(truth) == len(by_quantity(range(len(truth)))) + 4
     profile = disturbance.motion(np.random.default_rng(3), BASE)
@@ -129,7 +129,7 @@ def test_neighbours_that_are_alike_are_borne_beside_a_force_and_no_larger_than_s
     """Errors of successive readings that are correlated by 0.9: a note where a force takes up what they share, a failure where none does."""
     case = Case("ar1-9", "default", "speeds", replica=4, seed=1)
     _, campaign, _, _ = recorded(tmp_path, case.name, generator(case), priors=case.priors)
-    problem = campaign.problem(["r"])
+    problem = campaign.problem(["r"], usual=True)
     (borne,) = check_goodness(campaign.fit(problem, rng=np.random.default_rng(1)), rng=np.random.default_rng(1))
     assert borne.alike == ("autocorrelation",)
     assert borne.failed == ()

@@ -80,8 +80,8 @@ def test_the_posterior_is_that_of_brute_force(tmp_path: Path) -> None:
 
 
 def test_the_default_is_a_key_with_that_prior(tmp_path: Path) -> None:
-    default = recorded(tmp_path)[0].problem(["r"])
-    stated = recorded(tmp_path, 'scale_x = "0.0000(30)"\nscale_t = "0.0000(5)"')[0].problem(["r"])
+    default = recorded(tmp_path)[0].problem(["r"], usual=True)
+    stated = recorded(tmp_path, 'scale_x = "0.0000(30)"\nscale_t = "0.0000(5)"')[0].problem(["r"], usual=True)
     assert [(p.name, p.prior) for p in default.parameters] == [(p.name, p.prior) for p in stated.parameters]
 
 
@@ -90,15 +90,15 @@ def test_the_default_is_a_key_with_that_prior(tmp_path: Path) -> None:
     [("", {"scale_x", "scale_t"}), ("scale_x = 0", {"scale_t"}), ("scale_x = 0\nscale_t = 0", set()), ("scale_t = 0.01", {"scale_x"})],
 )
 def test_what_is_said_takes_the_place_of_the_default(tmp_path: Path, lines: str, left: set[str]) -> None:
-    problem = recorded(tmp_path, lines)[0].problem(["r"])
+    problem = recorded(tmp_path, lines)[0].problem(["r"], usual=True)
     assert {"scale_x", "scale_t"} & set(problem.names) == left
 
 
 def test_angles_of_an_encoder_have_no_length_scale(project: Path) -> None:
     wheel = load_campaign(project / "data" / "wheel" / "campaign.toml")
-    assert {"scale_x", "scale_t"} & set(wheel.problem([wheel.run_names[0]]).names) == {"scale_t"}
+    assert {"scale_x", "scale_t"} & set(wheel.problem([wheel.run_names[0]], usual=True).names) == {"scale_t"}
 
 
 def test_runs_fit_together_share_them(project: Path) -> None:
     replica = load_campaign(project / "data" / "replica" / "campaign.toml")
-    assert {"scale_x", "scale_t"} <= set(replica.problem(replica.run_names[:2]).names)
+    assert {"scale_x", "scale_t"} <= set(replica.problem(replica.run_names[:2], usual=True).names)

@@ -54,12 +54,12 @@ class RollingStudy:
         """The columns of a rolling body are known by name."""
         return ""
 
-    def problem(self, names: Sequence[str], tables: Mapping[str, Run], *, noise: NoiseTable | None = None) -> Problem:
+    def problem(self, names: Sequence[str], tables: Mapping[str, Run], *, noise: NoiseTable | None = None, usual: bool = False) -> Problem:
         """The joint problem of the runs `names` with their tables.  Raises InputError.
 
-        noise : in place of the noise tables of the campaign.
+        noise : in place of the noise tables of the campaign.  usual : with the usual errors of length scale and clock where nothing is said of them.
         """
-        return self._posed(names, tables, noise=noise)
+        return self._posed(names, tables, noise=noise, usual=usual)
 
     def suspects(self, names: Sequence[str], tables: Mapping[str, Run]) -> Suspects:
         """The runs `names` as stated, and with what known physics, or the instruments, may add to them that the campaign does not say."""
@@ -101,7 +101,7 @@ class RollingStudy:
         every = {sketch.name: sketch for sketch in sketches(known)}
         found, paper = [], frozenset[str]()
         for outline in outlines(said, every, forced=forced):
-            problem = self._posed(names, tables, white=not forced, outline=outline, sketch=outline.sketch, compared=forced)
+            problem = self._posed(names, tables, white=not forced, outline=outline, sketch=outline.sketch, compared=forced, usual=True)
             paper = paper or frozenset(problem.names)
             own = tuple(name for name in problem.names if name not in paper)
             lines = () if outline.sketch is None else outline.sketch.lines
@@ -118,7 +118,7 @@ class RollingStudy:
 
     def _posed(
         self, names: Sequence[str], tables: Mapping[str, Run], *, noise: NoiseTable | None = None, white: bool = False, sketch: Sketch | None = None,
-        outline: Outline | None = None, compared: bool = False,
+        outline: Outline | None = None, compared: bool = False, usual: bool = False,
     ) -> Problem:
         """white : with nothing that the curve may lack.  sketch : what is added to every run.  outline : what is left out of it.
 
@@ -135,8 +135,7 @@ class RollingStudy:
             bound = bind_quantities(self.source, levels, where=f"run '{name}'")
             bound = {q: Bound(q, 0.0) if q in without else b for q, b in bound.items() if not (q in without and q in EFFECTS)}
             observed, mass, angular = every[name], total_mass(self.source, levels), tables[name].coordinate == "theta_rad"
-            if angular and bound.get("scale_x", Bound("scale_x", 0.0)).usual:  # angles of an encoder have no length scale
-                del bound["scale_x"]
+            bound = {q: b for q, b in bound.items() if not b.usual or (usual and not (angular and q == "scale_x"))}  # an encoder has no length scale
             sources = {q: b.source for q, b in bound.items()}
             setting = setting_of(levels, sources, mass, positions=observed.positions, angular=angular)
             if sketch is not None:

@@ -80,10 +80,11 @@ class Campaign:
     def run_names(self) -> tuple[str, ...]:
         return tuple(name for name in self.source.names if name in self.tables)
 
-    def problem(self, names: Sequence[str], *, noise: NoiseTable | None = None) -> Problem:
+    def problem(self, names: Sequence[str], *, noise: NoiseTable | None = None, usual: bool = False) -> Problem:
         """The joint problem of the runs `names`: what they share is one parameter.  Raises InputError.
 
         noise : in place of the noise tables of the campaign.
+        usual : with the usual errors of length scale and clock where nothing is said of them, as an analysis has them.
         """
         if not names or len(set(names)) < len(names):
             raise InputError("must name one run or several, each once", field="run", value=", ".join(names), file=self.source.path)
@@ -91,7 +92,7 @@ class Campaign:
             if name not in self.run_names:
                 raise InputError(f"must name one of the runs ({', '.join(self.run_names)})", field="run", value=name, file=self.source.path)
         try:
-            return with_derived(self.study.problem(names, self.tables, noise=noise), self.derived, self._bodies, self.study.unit_of)
+            return with_derived(self.study.problem(names, self.tables, noise=noise, usual=usual), self.derived, self._bodies, self.study.unit_of)
         except InputError as error:
             if error.file is not None or error.field not in {one.name for one in self.derived}:
                 raise

@@ -89,8 +89,11 @@ class CurveStudy:
         run = next(run for run in self.runs if run.name == name)
         return columns_of_run(self.table, run, self.told[name], tables[name])
 
-    def problem(self, names: Sequence[str], tables: Mapping[str, Run], *, noise: NoiseTable | None = None) -> Problem:
-        """The joint problem of the runs `names` with their tables.  Raises InputError, also where other noise is asked for."""
+    def problem(self, names: Sequence[str], tables: Mapping[str, Run], *, noise: NoiseTable | None = None, usual: bool = False) -> Problem:
+        """The joint problem of the runs `names` with their tables.  Raises InputError, also where other noise is asked for.
+
+        usual : changes nothing: what is usual of a user's own axes nobody knows (`[curve.shared_errors]` says it).
+        """
         if noise is not None:
             raise self._only_noise()
         parameters: dict[str, Parameter] = {}

@@ -29,8 +29,11 @@ class Study(Protocol):
     def columns(self, name: str, tables: Mapping[str, Run]) -> str:
         """Which columns of a run's file are x and y, in words; "" where their names are fixed."""
 
-    def problem(self, names: Sequence[str], tables: Mapping[str, Run], *, noise: NoiseTable | None = None) -> Problem:
-        """The joint problem of the runs `names` with their tables.  noise : in place of the noise tables of the campaign."""
+    def problem(self, names: Sequence[str], tables: Mapping[str, Run], *, noise: NoiseTable | None = None, usual: bool = False) -> Problem:
+        """The joint problem of the runs `names` with their tables.
+
+        noise : in place of the noise tables of the campaign.  usual : with errors that nobody stated, where a usual size is known.
+        """
 
     def suspects(self, names: Sequence[str], tables: Mapping[str, Run]) -> Suspects:
         """The runs `names` as stated, and with what they may have beside it."""

@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike
 from estim.arrays import FloatArray
 from estim.common import Notation, later, phrase
 from estim.curves.differences import with_gradient
-from estim.curves.rolling import FIRST_TURNING, RollingMotion, body_of, derived_of, footing_of, from_release
+from estim.curves.rolling import FIRST_TURNING, PhaseCurve, RollingMotion, body_of, derived_of, footing_of, from_release
 from estim.problem import Derived, Footing, LocalCurve
 from model import (
     Body,
@@ -41,6 +41,7 @@ _FORCES = {  # argument -> field of Forces
     "moment_twice_cos": "twice_cos", "moment_twice_sin": "twice_sin", "phi_slope": "phi_slope",
 }
 _READINGS = {"scale_x": "scale_x", "scale_t": "scale_t", "distortion": "bow"}  # argument -> field of Readings
+_BEYOND_SCALES = _FORCES.keys() | {"sag", "distortion", "moment", "release_energy", "release_speed"}
 _STEP = 1e-4  # relative, of differences: motion under any force is good to 1e-10 or so
 _DEGREES = float(np.degrees(1.0))
 _SIZES = {"once": later("size of the moment once per turn / (M g R)"), "twice": later("size of the moment twice per turn / (M g R)")}
@@ -137,7 +138,9 @@ class DisturbedPhaseCurve:
         return np.sqrt(np.maximum(self._square(x, arguments), 0.0))
 
     def local(self, x: FloatArray, arguments: Mapping[str, ArrayLike]) -> LocalCurve:
-        """The gradient is by central differences of the square of the speed, which is smooth where it is 0."""
+        """The gradient is by central differences of the square of the speed, which is smooth where it is 0; closed where only scales are added."""
+        if not _BEYOND_SCALES & arguments.keys():
+            return _scaled(PhaseCurve(self.angular), x, arguments)
         (square,), gradient = with_gradient(lambda columns: (self._square(x, columns),), arguments, step=_STEP)
         known = _disturbed(arguments, self.setting)
         true = known.true_position(from_release(x, arguments))
@@ -175,6 +178,16 @@ class DisturbedPhaseCurve:
         ratios = phase.energy_ratio_derivatives(true if self.angular else true / radius, known.body, **known.acting, order=order)
         scale, step = (2.0 * g / radius, 1.0) if self.angular else (2.0 * g * radius, radius)
         return [np.atleast_2d(scale * h / step**n) for n, h in enumerate(ratios)]
+
+
+def _scaled(curve: PhaseCurve, x: FloatArray, arguments: Mapping[str, ArrayLike]) -> LocalCurve:
+    """What a plain curve becomes with errors of scale a and clock b: (1 + a)/(1 + b) f(x/(1 + a)), x counted from the release."""
+    scale, clock = (1.0 + np.asarray(arguments.get(name, 0.0), dtype=float) for name in ("scale_x", "scale_t"))
+    since, zero = from_release(x, arguments), np.asarray(arguments.get("offset", 0.0))
+    inner = curve.local(zero + since / scale, arguments)
+    value, slope = scale / clock * inner.value, inner.slope / clock
+    own = {"scale_x": inner.value / clock - since / scale * inner.slope / clock, "scale_t": -value / clock, "offset": -slope}
+    return LocalCurve(value, slope, {**{name: scale / clock * d for name, d in inner.gradient.items()}, **own})
 
 
 def _as_read(found: FloatArray, squares: list[FloatArray], order: int, readings: Readings, x: FloatArray) -> FloatArray:
