@@ -29,6 +29,7 @@ from estim.fitting.least_squares import Fit, fit_least_squares
 from estim.problem.noise import Scale
 from estim.problem.posterior import Problem
 from estim.problem.priors import Normal, Uniform
+from estim.reports import unlike_fit
 from estim.words import tell
 
 QUICK = Engine(ess=500.0, n_round=500, max_step=1000)
@@ -258,7 +259,7 @@ def test_intervals_cover_the_fitted_values_as_often_as_they_say(tmp_path):
     calibration = coverage(design, fit, n_trial=100, seed=5, engine=QUICK)
     assert np.all(calibration.truth == calibration.truth[0])
     assert findings(calibration) == ()
-    assert coverage_sentence(calibration, "gamma[heavy]").startswith("your 68 % interval of gamma[heavy] covered ")
+    assert coverage_sentence(calibration, "gamma[heavy]").startswith("the 68 % interval of gamma[heavy] covered ")
     # with the centres of the priors held at the truth itself, what they determine would be covered always
     class Held(CampaignDesign):
         def simulate(self, values, parameters, rng):
@@ -327,6 +328,21 @@ def test_turning_points_and_derived_numbers_are_looked_at_too(tmp_path):
 # --- the command ---
 
 
+@pytest.mark.parametrize(("said", "beside"), [
+    ("", "an unmodelled force and usual errors of clock and scale"), ("unmodelled_force = 0\n", "usual errors of clock and scale"),
+    ("scale_x = 0\nscale_t = 0\n", "an unmodelled force"), ("unmodelled_force = 0\nscale_x = 0\nscale_t = 0\n", None),
+])
+def test_what_a_calibration_leaves_out_of_the_fit_is_told(tmp_path, said, beside):
+    load(tmp_path, "{sigma_x_m = 0.001}")
+    path = tmp_path / "c.toml"
+    path.write_text(path.read_text().replace("[shared]\n", f"[shared]\n{said}"))
+    campaign = load_campaign(path)
+    problem = campaign.problem(["r"])
+    found = unlike_fit(problem, campaign.with_usual_errors(problem))
+    assert found.endswith("" if beside is None else f" have room for {beside} beside it, and are not checked here")
+    assert bool(found) == (beside is not None)
+
+
 def calibrate(*arguments: object) -> tuple[int, str, str]:
     done = runner().invoke(cli, ["calibrate", *map(str, arguments)])
     return done.exit_code, done.stdout, done.stderr
@@ -346,7 +362,11 @@ def test_the_command_writes_report_figures_and_numbers(tmp_path):
     code, said, complaints = calibrate(tmp_path / "c.toml", "--simulations", 24, "--jobs", 1, "--out", tmp_path / "out")
     assert code in (0, 3), complaints
     assert complaints == ""
-    assert "your 68 % interval of gamma[heavy] covered" in said
+    assert "the 68 % interval of gamma[heavy] covered" in said
+    unlike = "those of estim fit have room for an unmodelled force and usual errors of clock and scale beside it, and are not checked here"
+    assert f"note: the intervals checked are those of the curve alone; {unlike}\n" in said
+    report = (tmp_path / "out" / "report.md").read_text().replace("\xa0", " ")
+    assert unlike in report.partition("<details>")[0]
     assert {path.name for path in (tmp_path / "out" / "figures").iterdir()} == {"ranks.png", "coverage-priors.png", "coverage-fit.png"}
     record = json.loads((tmp_path / "out" / "calibration.json").read_text())
     assert record["sbc"]["n_trial"] == 24
@@ -450,4 +470,5 @@ def test_the_command_calibrates_a_curve_campaign(tmp_path):
     choices = ("--simulations", 20, "--seed", 2, "--what", "coverage", "--jobs", 1)
     code, said, complaints = calibrate(tmp_path / "c.toml", *choices, "--out", tmp_path / "out")
     assert (code, complaints) == (0, "")
-    assert "your 68 % interval of b covered" in said
+    assert "the 68 % interval of b covered" in said
+    assert "estim fit" not in said  # whose analysis it is

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import subprocess
 import sys
 from collections.abc import Callable
@@ -173,11 +174,25 @@ def test_line_without_a_series_is_one_line(estim: Command, tmp_path: Path, repli
 
 @pytest.mark.usefixtures("undrawn", "few_draws")
 def test_energy_writes_its_report(estim: Command, tmp_path: Path, replica: Path) -> None:
-    done = estim("energy", replica / "campaign.toml", "--run", "heavy-04", "--out", tmp_path)
+    """Of a run that does not say how much is lost, and with a prior so wide that it does."""
+    asked = ("--run", "heavy-04", "--out", tmp_path / "out")
+    done = estim("energy", replica / "campaign.toml", *asked)
+    assert done.returncode == 3, done.stderr
+    assert "heavy-04: not-identified\n  Allowing a loss improves" in done.stdout
+    report, result = (tmp_path / "out" / "report.md").read_text(), json.loads((tmp_path / "out" / "result.json").read_text())
+    assert "**Status: not-identified**" in report
+    assert "can be used as it stands" not in report
+    assert "| heavy-04 |" not in report  # a loss that is the prior's over again
+    assert (result["status"], result["energies"]) == ("not-identified", {})
+    assert (tmp_path / "out" / "figures" / "energy.png").exists()
+    text = (replica / "campaign.toml").read_text().replace("scale = 0.005", "scale = 0.05")
+    for folder in ("runs/", "../paper/", "theta_min"):
+        text = text.replace(f'"{folder}', f'"{replica}/{folder}')
+    (tmp_path / "wide.toml").write_text(text)
+    done = estim("energy", tmp_path / "wide.toml", *asked)
     assert done.returncode == 0, done.stderr
-    assert "| heavy-04 |" in (tmp_path / "report.md").read_text()
-    assert set(json.loads((tmp_path / "result.json").read_text())["energies"]) == {"heavy-04"}
-    assert (tmp_path / "figures" / "energy.png").exists()
+    assert re.search(r"heavy-04: ok\n  (no loss is seen, c_rr ≤ 0\.0\d+|a loss is measured) \(", done.stdout)
+    assert "| heavy-04 |" in (tmp_path / "out" / "report.md").read_text()
 
 
 def test_campaign_without_unknowns_or_runs_is_one_line(estim: Command, tmp_path: Path, replica: Path) -> None:

@@ -224,11 +224,11 @@ def direction(calibration: Calibration, name: str) -> str:
 
 
 def coverage_sentence(calibration: Calibration, name: str) -> str:
-    """'your 68 % interval of gamma[heavy] covered 66 ± 2 % of 500 simulated truths'."""
+    """'the 68 % interval of gamma[heavy] covered 66 ± 2 % of 500 simulated truths'."""
     p, held = calibration.probabilities[0], float(calibration.share(name)[0])
     n = calibration.n_trial
     sd = np.sqrt(max(held * (1.0 - held), 0.25 / n) / n)
     return phrase(
-        "your {p:.0f} % interval of {name} covered {held:.0f} ± {sd:.2g} % of {n} simulated truths",
+        "the {p:.0f} % interval of {name} covered {held:.0f} ± {sd:.2g} % of {n} simulated truths",
         p=p * 100, name=name, held=100 * held, sd=max(100 * sd, 0.1), n=n,
     )

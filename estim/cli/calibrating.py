@@ -36,6 +36,9 @@ def calibrate(
 ) -> None:
     """Check on simulated data whether the intervals for CAMPAIGN hold the truth as often as they say.
 
+    The curve is taken as complete, without the unmodelled force and the usual errors of clock and scale for which
+    `estim fit` leaves room: its intervals are wider than those checked here, and the report says so.
+
     Exit code 3 means that they do not; the report says which one is too narrow, too wide or biased.  Also
     that processes were killed, twice (too little memory?): one line says so, and there is no report.
     """
@@ -52,7 +55,7 @@ def run_calibrations(
     """Calibrates each group of runs and writes its report; whether all intervals hold what they say."""
     from estim.calibration import campaign_design, coverage, coverage_sentence, findings, simulation_based_calibration
     from estim.campaign import as_complete, load_campaign
-    from estim.reports import calibration_report
+    from estim.reports import calibration_report, unlike_fit
     from estim.sampling import PieceStore, only_writer
     from estim.words import tell
 
@@ -66,7 +69,9 @@ def run_calibrations(
     claim(folder, "calibration.json", groups=groups)
     with only_writer(folder / ".checkpoint"):
         for group in groups:
-            fit = loaded.fit(as_complete(loaded.problem(group), "estim calibrate"), rng=stream(seed, Stream.CALIBRATION_FIT))
+            posed = loaded.problem(group)
+            fit = loaded.fit(as_complete(posed, "estim calibrate"), rng=stream(seed, Stream.CALIBRATION_FIT))
+            unlike = unlike_fit(posed, loaded.with_usual_errors(posed))
             design = campaign_design(loaded, group, fitted=fit.values)
             calibrations = []
             for kind in ("sbc", "coverage") if what == "both" else (what,):
@@ -78,12 +83,12 @@ def run_calibrations(
                         chosen[kind](design, fit, n_trial=simulations, seed=seed, jobs=processes, progress=progress, store=stores[-1])
                     )
             place = folder if len(groups) == 1 else folder / group[0]
-            write_report(place, calibration_report(loaded, calibrations, figures=figures), within=folder)
+            write_report(place, calibration_report(loaded, calibrations, unlike=unlike, figures=figures), within=folder)
             for calibration in calibrations:
                 found = findings(calibration)
                 trusted = trusted and decide(found).ok
                 said = [] if calibration.what == "sbc" else [coverage_sentence(calibration, name) for name in calibration.reported]
-                conclude(f"{', '.join(group)}, {calibration.what}", decide(found), [*map(tell, found), *said])
+                conclude(f"{', '.join(group)}, {calibration.what}", decide(found), [*map(tell, found), *said], [unlike] if unlike else [])
             report_at(place / "report.md", loaded.source.outside())
         for store in stores:
             store.remove()

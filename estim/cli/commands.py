@@ -170,12 +170,15 @@ def fit(
 @FORMAT
 @LANG
 def energy(campaign: Path, runs: tuple[str, ...], joint: bool, max_steps: int, out: Path | None, seed: int, no_figures: bool) -> None:
-    """Check the energy along the runs of CAMPAIGN: how much is lost, and is the loss steady?"""
+    """Check the energy along the runs of CAMPAIGN: how much is lost, and is the loss steady?
+
+    Exit code 3 also where the data leave the loss as uncertain as it was assumed to be.
+    """
     from estim.campaign import load_campaign
     from estim.pipeline import analyse
-    from estim.reports import energy_report
+    from estim.reports import energy_lines, energy_report
     from estim.sampling import Target
-    from estim.studies import drift_of, energy_along
+    from estim.studies import drift_of, energy_along, energy_status
 
     loaded = load_campaign(campaign, asked=runs)
     loaded.study.require_body()
@@ -193,10 +196,10 @@ def energy(campaign: Path, runs: tuple[str, ...], joint: bool, max_steps: int, o
             analyses.append(analyse(loaded, group, seed=seed, target=Target(max_step=max_steps), progress=progress, complete="estim energy"))
         records.extend(energy_along(analyses[-1], rng=stream(seed, Stream.ENERGY)))
         drifts.append(drift_of(analyses[-1], rng=stream(seed, Stream.DRIFT)))
-        conclude(together(group), analyses[-1].diagnosis.status, analyses[-1].diagnosis.reasons)
+        conclude(together(group), energy_status(analyses[-1], drifts[-1]), energy_lines(analyses[-1], drifts[-1]))
     write_report(folder, energy_report(loaded, analyses, records, drifts, seed=seed, figures=not no_figures))
     report_at(folder / "report.md", loaded.source.outside())
-    _exit_unless(all(analysis.diagnosis.ok for analysis in analyses))
+    _exit_unless(all(energy_status(*pair).ok for pair in zip(analyses, drifts, strict=True)))
 
 
 @cli.command()

@@ -12,6 +12,7 @@ import numpy as np
 from estim.calibration import COVERAGE_SDS, UNIFORM_BELOW, Calibration, coverage_sentence, direction, findings
 from estim.campaign import Campaign
 from estim.common import Markdown, as_json, decide, kind_words, later, p_digits, phrase
+from estim.problem import Problem
 from estim.reports.calibration_figures import coverage_figure, rank_figure
 from estim.reports.pages import page
 from estim.reports.rendering import render
@@ -61,8 +62,26 @@ class CalibrationRecord(msgspec.Struct, frozen=True, rename={"schema_": "schema"
     provenance: Provenance
 
 
-def calibration_report(campaign: Campaign, calibrations: Sequence[Calibration], *, figures: bool = True) -> dict[str, bytes]:
-    """The files of one or two calibrations (ranks, coverage) of the same runs.  figures : whether there are any."""
+def unlike_fit(problem: Problem, with_usual_errors: Problem) -> str:
+    """What `estim fit` has beside the curves of a problem and a calibration has not, in words; "" where it is the same analysis."""
+    usual = any(run.noise is not other.noise for run, other in zip(problem.runs, with_usual_errors.runs, strict=True))
+    beside = [phrase("an unmodelled force")] if any(run.force for run in problem.runs) else []
+    beside += [phrase("usual errors of clock and scale")] if usual else []
+    if not beside:
+        return ""
+    return phrase(
+        "the intervals checked are those of the curve alone; those of estim fit have room for {beside} beside it, and are not checked here",
+        beside=phrase(" and ").join(beside),
+    )
+
+
+def calibration_report(
+    campaign: Campaign, calibrations: Sequence[Calibration], *, unlike: str = "", figures: bool = True
+) -> dict[str, bytes]:
+    """The files of one or two calibrations (ranks, coverage) of the same runs.
+
+    unlike : how the analysis differs from that of `estim fit`, "" where it does not.  figures : whether there are any.
+    """
     drawers: dict[str, Callable[[], Figure]] = {}
     for calibration in calibrations:
         if calibration.what == "sbc":
@@ -70,7 +89,7 @@ def calibration_report(campaign: Campaign, calibrations: Sequence[Calibration], 
         drawers[f"figures/coverage-{_AT[calibration.what]}.png"] = partial(coverage_figure, calibration)
     text = partial(
         render, "calibration.md.j2", title=campaign.title, kind=kind_words(campaign.kind), runs=", ".join(calibrations[0].runs),
-        uniform_below=UNIFORM_BELOW, coverage_sds=COVERAGE_SDS, parts=[_part(calibration) for calibration in calibrations],
+        uniform_below=UNIFORM_BELOW, coverage_sds=COVERAGE_SDS, parts=[_part(calibration) for calibration in calibrations], unlike=unlike,
     )
     records = {c.what: calibration_record(campaign, c) for c in calibrations}
     return page(drawers, text, wanted=figures, synthetic=campaign.kind == "synthetic") | {"calibration.json": as_json(records)}

@@ -19,7 +19,7 @@ from estim.reports.rendering import render
 from estim.reports.result import Provenance, provenance
 from estim.reports.rounded import interval
 from estim.sampling import number
-from estim.studies import Drift, EnergyEstimate, EnergyRecord
+from estim.studies import Drift, EnergyEstimate, EnergyRecord, energy_status
 from estim.words import STATUS_WORDS
 
 if TYPE_CHECKING:
@@ -105,7 +105,7 @@ def drift_words(drift: DriftSummary) -> str:
     """What the data say on a loss of energy, in words."""
     if not drift.free or drift.narrowing is None or drift.gain is None or drift.p_value is None:
         return phrase(
-            "This fit held the rolling resistance fixed, so the energies below agree with that by construction and say nothing on a loss: "
+            "This fit held the rolling resistance fixed, so the energies agree with that by construction and say nothing on a loss: "
             "give rolling_resistance a prior."
         )
     said = {"gain": max(drift.gain, 0.0), "p": format_p(drift.p_value), "share": percentage(drift.narrowing, 2)}
@@ -122,7 +122,8 @@ def drift_words(drift: DriftSummary) -> str:
         )
     return phrase(
         "Allowing a loss improves χ² by {gain:.1f} ({p} if there were none). The data leave the rolling resistance about as uncertain as its prior "
-        "({share} of the prior's width): the loss below is what was assumed, not a measurement.", **said,
+        "({share} of the prior's width): a loss would be what was assumed, not a measurement, and none is given. More runs together, or a wider "
+        "prior, let the data speak.", **said,
     )
 
 
@@ -134,7 +135,15 @@ def energy_words(drift: DriftSummary) -> str:
         return phrase("a loss is measured ({p} if there were none)", p=format_p(drift.p_value))
     if drift.determined and drift.limit is not None:
         return phrase("no loss is seen, c_rr ≤ {limit} (95 %)", limit=significant(drift.limit, 2))
-    return phrase("the loss is what was assumed, not a measurement")
+    return phrase("the data do not say how much is lost")
+
+
+def energy_lines(analysis: Analysis, drift: Drift) -> list[str]:
+    """What a terminal says of the energy: why there is no result, or what was found."""
+    if not analysis.diagnosis.ok:
+        return list(analysis.diagnosis.reasons)
+    summary = summarise_drift(drift)
+    return [energy_words(summary) if drift.determined else drift_words(summary)]
 
 
 def shown(value: Value | None, factor: float = 1.0) -> str:
@@ -169,7 +178,7 @@ def energy_report(
     records : in the order of the analyses' runs.  drifts : one for each analysis.  figures : whether there are any.
     """
     runs = [run for analysis in analyses for run in analysis.problem.runs]
-    statuses = {run.name: analysis.diagnosis.status for analysis in analyses for run in analysis.problem.runs}
+    statuses = {run.name: energy_status(a, d) for a, d in zip(analyses, drifts, strict=True) for run in a.problem.runs}
     result = EnergyResult(
         ENERGY_SCHEMA, campaign.title, campaign.kind, gravest(statuses.values()),
         {", ".join(run.name for run in a.problem.runs): list(a.diagnosis.reasons) for a in analyses if not a.diagnosis.ok}, dict(statuses),
@@ -177,7 +186,7 @@ def energy_report(
         {", ".join(run.name for run in a.problem.runs): summarise_drift(d) for a, d in zip(analyses, drifts, strict=True) if a.diagnosis.ok},
         provenance(campaign, [run.name for run in runs], seed),
     )
-    bad = frozenset(run for run, status in statuses.items() if status != "ok")
+    bad = frozenset(run.name for analysis in analyses for run in analysis.problem.runs if not analysis.diagnosis.ok)
     drawers = {"figures/energy.png": partial(energy_figure, records, synthetic=campaign.kind == "synthetic", title=campaign.title, bad=bad)}
     text = partial(
         render, "energy.md.j2", result=result, energies=result.energies, kind=kind_words(campaign.kind), status_words=STATUS_WORDS, shown=shown,

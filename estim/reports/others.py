@@ -1,7 +1,7 @@
 """Reports of what is not a fit of runs: a body's pieces, a measurement model, a line through any points, models compared, plans, maps, trials."""
 
 from estim.reports.batch import batch_line, batch_report, batch_times, full_files, lean_files
-from estim.reports.calibration import calibration_report
+from estim.reports.calibration import calibration_report, unlike_fit
 from estim.reports.formats import with_formats
 from estim.reports.kept_campaign import with_campaign
 from estim.reports.measurement import measurement_lines, measurement_report
@@ -15,5 +15,6 @@ from estim.reports.weighing import body_lines, body_report
 __all__ = [
     "batch_line", "batch_report", "batch_times", "body_lines", "body_report", "calibration_report", "fitted_values", "full_files", "ground_words",
     "lean_files", "map_lines", "map_report", "measurement_lines", "measurement_report", "models_report", "plan_answers", "plan_report",
-    "plan_status", "straight_line_lines", "straight_line_report", "trials_lines", "trials_report", "verdicts", "with_campaign", "with_formats",
+    "plan_status", "straight_line_lines", "straight_line_report", "trials_lines", "trials_report", "unlike_fit", "verdicts",
+    "with_campaign", "with_formats",
 ]

@@ -5,7 +5,7 @@ Read `reanalysis` first."""
 from estim.studies.budget import PRIOR, READINGS, STATED, Budget, Source, uncertainty_budget
 from estim.studies.comparison import Compared, compare_noise
 from estim.studies.determination import Determination, determine
-from estim.studies.energy import Drift, EnergyEstimate, EnergyRecord, drift_of, energy_along
+from estim.studies.energy import Drift, EnergyEstimate, EnergyRecord, drift_of, energy_along, energy_status
 from estim.studies.known_values import FittedValues
 from estim.studies.limits import Narrowing
 from estim.studies.models import FORCE, START, ComparedModel, Ground, Lack, ModelComparison, compare_models, contains

@@ -21,6 +21,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from estim.arrays import FloatArray
+from estim.common import Status
 from estim.distributions import chi2_tail
 from estim.fitting import Fit, fit_least_squares
 from estim.pipeline import Analysis
@@ -106,6 +107,11 @@ class Drift:
     def determined(self) -> bool:
         """Whether the data, and not the prior, say how much energy is lost."""
         return self.free and self.narrowing < DETERMINED
+
+
+def energy_status(analysis: Analysis, drift: Drift) -> Status:
+    """The status of what is said of the energy: that of the fit, and not ok where its prior says how much is lost, not the data."""
+    return Status.NOT_IDENTIFIED if analysis.diagnosis.ok and not drift.determined else analysis.diagnosis.status
 
 
 def drift_of(analysis: Analysis, *, rng: np.random.Generator) -> Drift:
