@@ -11,7 +11,7 @@ from estim.checks.deviations import deviation_finding as deviation_finding
 from estim.checks.diagnosis import borne_pattern, failed_tests
 from estim.checks.goodness import P_FLOOR, P_POOR_FIT, Goodness
 from estim.common import Amount, Finding, Kind
-from estim.fitting import FEW, PRESSED_BELOW, Fit, Optimum, coverage_of_sd, edge_of, pressed
+from estim.fitting import FEW, PRESSED_BELOW, Fit, Optimum, coverage_of_sd, edge_of, pressed, silent_parameters
 
 _FEW_DIGITS = 0.01  # standard deviations that rounding errors move a value by, worth a word
 
@@ -22,9 +22,11 @@ def curve_findings(
     """Everything that is wrong with the fit itself.  fixed : with errors of a fixed size, which was `estimated` from the residuals or stated."""
     found = []
     if not best.settled and not best.singular:
-        found.append(Finding(Kind.STEP_UNSETTLED, size=best.step))
+        found.append(Finding(Kind.STEP_UNSETTLED, size=best.step, parameters=(Amount(best.mover),)))
+    if best.unheld is not None:
+        found.append(best.unheld)
     if best.singular:
-        found.append(Finding(Kind.UNDETERMINED))
+        found.append(Finding(Kind.UNDETERMINED, names=silent_parameters(fixed)))
     found += pressed_limits(fixed, best.values, estimated=estimated)
     if p_value < P_POOR_FIT:
         kind = Kind.COUNTS_SCATTER if any(run.noise.counted is not None for run in fixed.problem.runs) else Kind.CHI2_TOO_LARGE
