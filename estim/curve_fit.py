@@ -160,7 +160,8 @@ def _fit_estimated(posed: CurveProblem, rng: np.random.Generator, n_start: int) 
         if abs(sigma / before - 1.0) < 1e-10:
             break
     best = replace(
-        best, n_start=first.n_start, n_same=first.n_same, others=first.others, symmetry=first.symmetry, aliases=first.aliases
+        best, n_start=first.n_start, n_same=first.n_same, others=first.others, symmetry=first.symmetry, aliases=first.aliases,
+        unheld=first.unheld,
     )
     estimated = _residual_sd(posed, best.values)
     return _concluded(posed, best, problem, sigma=estimated, scale=1.0 if pulled else estimated, rng=rng)

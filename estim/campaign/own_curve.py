@@ -201,6 +201,12 @@ class CurveStudy:
 
     def _require_determined(self, fit: Fit) -> None:
         """Raises InputError where neither the data nor a prior hold a parameter, so that no posterior exists to draw from."""
+        if fit.unheld is not None:
+            rule = (
+                "is hardly held by the data: far from here minus twice the log of the posterior density is only "
+                f"{fit.unheld.size:.1f} above its least, so that no posterior exists to draw from; give it limits (low and high), or a prior"
+            )
+            raise self.source.places.error(rule, self._place(fit.unheld.parameters[0].name))
         flat = [p.name for p in fit.problem.parameters if not math.isfinite(p.prior.sd)]
         curvature = np.sqrt(np.diag(fit.cov))  # not the standard deviations, which a parameter beside a limit does not have
         held = np.isfinite(curvature) & (curvature > 0.0) & (not fit.singular)

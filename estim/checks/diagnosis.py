@@ -88,7 +88,7 @@ def diagnose(
 
 
 def _convergence(fit: Fit, chain: Chain) -> list[Finding]:
-    unsettled = [] if fit.success else [Finding(Kind.FIT_UNSETTLED, size=fit.moved)]
+    unsettled = [] if fit.success else [Finding(Kind.FIT_UNSETTLED, size=fit.moved, parameters=tuple(Amount(name) for name in (fit.mover,) if name))]
     return unsettled + _held(fit, Kind.FIT_UNSETTLED) + sampling_findings(chain)
 
 

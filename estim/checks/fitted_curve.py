@@ -12,7 +12,7 @@ from estim.checks.deviations import wrong_curves as wrong_curves
 from estim.checks.diagnosis import borne_pattern, failed_tests
 from estim.checks.goodness import P_FLOOR, P_POOR_FIT, Goodness
 from estim.common import Amount, Finding, Kind
-from estim.fitting import FEW, PRESSED_BELOW, Fit, Optimum, coverage_of_sd, edge_of, pressed
+from estim.fitting import FEW, PRESSED_BELOW, Fit, Optimum, coverage_of_sd, edge_of, pressed, silent_parameters
 
 _FEW_DIGITS = 0.01  # standard deviations that rounding errors move a value by, worth a word
 
@@ -23,9 +23,11 @@ def curve_findings(
     """Everything that is wrong with the fit itself.  fixed : with errors of a fixed size, which was `estimated` from the residuals or stated."""
     found = []
     if not best.settled and not best.singular:
-        found.append(Finding(Kind.STEP_UNSETTLED, size=best.step))
+        found.append(Finding(Kind.STEP_UNSETTLED, size=best.step, parameters=(Amount(best.mover),)))
+    if best.unheld is not None:
+        found.append(best.unheld)
     if best.singular:
-        found.append(Finding(Kind.UNDETERMINED))
+        found.append(Finding(Kind.UNDETERMINED, names=silent_parameters(fixed)))
     found += pressed_limits(fixed, best.values, estimated=estimated)
     for failed in failed_tests(goodness, dof=dof):
         if failed.test == "chi2" and (len(goodness) == 1 or not failed.run):

@@ -64,13 +64,14 @@ def descend(search: SeparableSearch, start: FloatArray) -> FloatArray:
     return stepped(search, found, most=_N_FINISH)[0] if search.creeps and math.isfinite(search.chi2(found)) else found
 
 
-def stepped(search: SeparableSearch, values: FloatArray, *, most: int = 100) -> tuple[FloatArray, float, float]:
+def stepped(search: SeparableSearch, values: FloatArray, *, most: int = 100) -> tuple[FloatArray, float, float, int]:
     """Gauss-Newton steps from `values` while they help; parameters on a bound that they would cross stay there.
 
-    Returns where they end, the sum of squares there, and the last step in standard deviations.
+    Returns where they end, the sum of squares there, the last step in standard deviations, and the parameter that it moved most.
     """
     step_size, chi2 = math.inf, search.chi2(values)
     free, resolved = search.free, search.resolved
+    mover = int(free[0])
     for _ in range(most):
         jacobian, residual = search.scoring(values)
         if not all_finite(jacobian, residual):
@@ -85,7 +86,8 @@ def stepped(search: SeparableSearch, values: FloatArray, *, most: int = 100) -> 
         if np.any((step < low) | (step > high)):
             step = step_between(jacobian[:, moving], residual, low, high, silent=resolved)
         noise = math.sqrt(max(chi2, 10.0 * rounding(search, values), 1e-300) / max(1, residual.size - moving.size))
-        size = float(np.max(np.abs(step) / np.where(sds > 0.0, sds, np.inf), initial=0.0)) / noise
+        moved = np.abs(step) / np.where(sds > 0.0, sds, np.inf)
+        size, mover = float(np.max(moved)) / noise, int(moving[np.argmax(moved)])
         length, better = 1.0, False
         while length > 1e-4 and not better:
             trial = values.copy()
@@ -99,7 +101,7 @@ def stepped(search: SeparableSearch, values: FloatArray, *, most: int = 100) -> 
         values, chi2, step_size = trial, reached, size
         if size < 1e-13:
             break
-    return values, chi2, step_size
+    return values, chi2, step_size, mover
 
 
 def all_finite(jacobian: FloatArray, residual: FloatArray) -> bool:

@@ -68,6 +68,8 @@ class Fit:
     forces, deviations : what the curve of each run lacks, where that was asked (`estim.deviation`).
     success, message : whether the search settled, in words.  moved : standard deviations that its last round still moved a parameter.
     parts : of a joint fit with forces, the normal distributions that the linearised posterior is made of.
+    mover : the parameter that a search which did not settle still moved most, where that is known.
+    unheld : a parameter that the data hardly keep from infinity, where that was asked and there is one.
     held : of many runs, those whose covariance was not taken at the mode (`estim.fitting.rounds`).
     """
 
@@ -93,6 +95,8 @@ class Fit:
     deviations: tuple[FoundDeviation, ...] = ()
     parts: NormalParts | None = None
     held: tuple[Held, ...] = ()
+    mover: str = ""
+    unheld: Finding | None = None
 
     @property
     def problem(self) -> Problem:

@@ -20,10 +20,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from estim.arrays import FloatArray
-from estim.common import Finding, InputError
+from estim.common import Amount, Finding, InputError, Kind, phrase
 from estim.fitting.descent import all_finite, descend, inverse_information, near_bound, stepped
 from estim.fitting.least_squares import WITHIN_REACH, Fit, far_apart, fit_least_squares, led_here, settled
-from estim.fitting.screen import chi2_at, further_optima, solved_at
+from estim.fitting.screen import chi2_at, far_squares, further_optima, solved_at
 from estim.fitting.separable import RESOLVED, SeparableSearch, rounding, set_apart
 from estim.fitting.solutions import MOST_OTHERS, PLACE, SAME, End, chi2_limit, choose, distance, distinct_ends, is_at, is_close, spread_at
 from estim.fitting.symmetry_search import find_symmetry
@@ -38,6 +38,7 @@ _EXPLAINED = 0.01  # p-value from which a fit explains its points
 _SETTLED = 1e-7  # last step, in standard deviations
 _MOST_REFITTED = 6  # of them by full fits, where the curve is a model of the study
 _MOST_DESCENTS = 24  # from the dips of one round of scans
+_HELD = 18.0  # of -2 log density: far from the mode the density per standard deviation is below 1e-4 of that there
 _ROUNDS = 3  # of scans, each from a better point
 
 
@@ -49,10 +50,12 @@ class Optimum:
     zero elsewhere (noise parameters, parameters on a bound).  chi2 : sum of squares, priors included.
     rounding : what rounding errors may leave of chi2.
     step : size of the last Gauss-Newton step in standard deviations; tolerance : what rounding errors may leave of it.
+    mover : the parameter that it moved most.
     condition : smallest / largest singular value, columns of unit length; resolved : what it must exceed to be told from zero.
     at_bound : (n_par,) which parameters lie on a bound.  n_start, n_same : searches run, and how many ended here.
     others : (n_other, n_par) other optima that are not much worse, best first; not those that only change labels.
     symmetry : what else draws the same curve.  aliases : other curves through the same points.
+    unheld : a parameter that the data hardly keep from infinity, if there is one.
     """
 
     values: FloatArray
@@ -61,6 +64,7 @@ class Optimum:
     rounding: float
     step: float
     tolerance: float
+    mover: str
     condition: float
     resolved: float
     at_bound: NDArray[np.bool_]
@@ -69,6 +73,7 @@ class Optimum:
     others: FloatArray
     symmetry: Symmetry
     aliases: tuple[Finding, ...]
+    unheld: Finding | None = None
 
     @property
     def singular(self) -> bool:
@@ -118,7 +123,25 @@ def _found(search: SeparableSearch, start: FloatArray, rng: np.random.Generator,
     distinct = distinct_ends(search, best, every, symmetry, start)
     values, others, aliases = choose(search, distinct, symmetry, start)
     n_same = sum(is_at(search, best, end, values, symmetry) for end, _ in tried)
-    return replace(_polished(search, values, n_start=len(tried), n_same=n_same), others=others, symmetry=symmetry, aliases=aliases)
+    found = _polished(search, values, n_start=len(tried), n_same=n_same)
+    return replace(found, others=others, symmetry=symmetry, aliases=aliases, unheld=_unheld(search, found, symmetry.period))
+
+
+def _unheld(search: SeparableSearch, found: Optimum, period: FloatArray) -> Finding | None:
+    """The parameter without a limit, if any, far along which the posterior density is no longer negligible: no integral over it exists.
+
+    Its rise there, in -2 log, is that of the density over all linear parameters and an unknown size of the errors.
+    """
+    if found.singular or found.chi2 <= found.rounding:
+        return None
+    best, dof = found.chi2 + found.rounding, max(1, search.posterior.problem.n_obs - search.free.size)
+    rises = [
+        (dof * math.log(max(far / best, 1.0)) if search.unstated else far - best, i)
+        for i, far in far_squares(search, found.values, spread_at(search, (found.values, found.chi2)), period).items()
+    ]
+    rise, i = min(rises, default=(math.inf, 0))
+    name = search.posterior.problem.names[i]
+    return Finding(Kind.HARDLY_HELD, size=rise, parameters=(Amount(name),)) if rise < _HELD else None
 
 
 def _found_near(search: SeparableSearch, start: FloatArray, afar: Optimum) -> Optimum:
@@ -166,7 +189,11 @@ def fit_optimum(problem: Problem, *, rng: np.random.Generator) -> Fit:
         sds = np.where(np.isfinite(fit.sds), np.sqrt(np.diag(best.cov)), np.nan)
         fit = replace(fit, values=best.values, cov=best.cov, sds=sds, singular=best.frail)
     words = fit.message if fit.singular or not fit.success else settled(led_here(best.n_same, best.n_start))
-    return replace(fit, n_start=best.n_start, n_same=best.n_same, message=words)
+    fit = replace(fit, n_start=best.n_start, n_same=best.n_same, message=words)
+    if best.settled or best.singular or fit.singular:
+        return fit
+    words = phrase("did not settle: its last round still moved a parameter by {sds:.2g} standard deviations", sds=best.step)
+    return replace(fit, success=False, moved=best.step, mover=best.mover, message=words)
 
 
 def is_resolved(fit: Fit) -> bool:
@@ -251,7 +278,7 @@ def with_others(fit: Fit, best: Optimum, rng: np.random.Generator) -> Fit:
         worse = float(np.diff(fit.posterior.log_density(np.vstack([start, fit.values])))[0])
         if worse < WITHIN_REACH:
             found.append(start)
-    return replace(fit, others=far_apart(fit.values, found, scale), symmetry=symmetry, aliases=best.aliases)
+    return replace(fit, others=far_apart(fit.values, found, scale), symmetry=symmetry, aliases=best.aliases, unheld=best.unheld)
 
 
 def _screened(search: SeparableSearch, start: FloatArray, rng: np.random.Generator, n: int) -> list[FloatArray]:
@@ -285,10 +312,12 @@ def _scattered(search: SeparableSearch, start: FloatArray, rng: np.random.Genera
 def _polished(search: SeparableSearch, values: FloatArray, *, n_start: int, n_same: int) -> Optimum:
     """The optimum that Gauss-Newton steps from `values` lead to.  Raises InputError where the curve has no finite derivatives there."""
     free, resolved = search.free, search.resolved
-    values, chi2, step_size = stepped(search, values)
+    values, chi2, step_size, mover = stepped(search, values)
     jacobian, residual = search.scoring(values)
     if not all_finite(jacobian, residual):
-        rule = "leads the search to where the curve has no finite derivatives in its parameters: try other values, or bounds"
+        names = search.posterior.problem.names
+        lost = [names[i] for i in free if not np.all(np.isfinite(jacobian[:, i]))]
+        rule = f"leads the search to where the curve has no finite derivatives in {' and '.join(lost) or 'any parameter'}: try other values, or limits"
         raise InputError(rule, field="start")
     rounded = rounding(search, values)
     left = 0.1 * math.sqrt(rounded / max(chi2, 1e-300) * max(1, residual.size - free.size))
@@ -299,6 +328,6 @@ def _polished(search: SeparableSearch, values: FloatArray, *, n_start: int, n_sa
     full[np.ix_(moving, moving)] = cov
     alone = np.zeros((0, values.size))
     return Optimum(
-        values, full, chi2, rounded, step_size, max(_SETTLED, left), condition, resolved, near, n_start, n_same, alone,
+        values, full, chi2, rounded, step_size, max(_SETTLED, left), search.posterior.problem.names[mover], condition, resolved, near, n_start, n_same, alone,
         no_symmetry(search.posterior.problem), (),
     )

@@ -9,6 +9,7 @@ descended together by Levenberg-Marquardt steps with numerical derivatives.
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,6 +27,7 @@ _DECADES = 2.0  # to either side of the start, where there are no limits
 _PRIOR_SDS = 5.0
 _STEP, _WIDE = 1e-6, 1e-4  # of a parameter's size: for first and for mixed second differences
 _N_STEP = 14
+_FAR = np.geomspace(1.0, 3.0, 5)  # places in a reach
 _BATCH = 400_000  # residuals in one call
 
 
@@ -85,6 +87,24 @@ def further_optima(search: SeparableSearch, values: FloatArray, period: FloatArr
         heights = chi2_at(search, turned)
         points = turned[np.argsort(heights, kind="stable")[: max(points.shape[0], 4 * _MOST_DIPS)]]
     return descended(search, points)
+
+
+def far_squares(search: SeparableSearch, values: FloatArray, spread: FloatArray, period: FloatArray) -> dict[int, float]:
+    """Nonlinear parameter without a limit -> the sum of squares that is left far from `values` (n_par,), the other parameters as good as can be.
+
+    spread : (n_par,) standard deviations.  Looked at are two reaches to each side: too far out, terms cancel.  Of the places in one the
+    median counts, for a frequency meets an alias here and there; of the reaches the lowest.
+    """
+    found: dict[int, float] = {}
+    for i in (int(i) for i in search.bent if not _informed(search, int(i)) and not math.isfinite(period[i])):
+        reaches = [factor * max(abs(float(values[i])), n_sd * float(spread[i])) * _FAR for factor, n_sd in ((30.0, 3.0), (300.0, 30.0))]
+        sides = [sign * reach for sign, end in ((1.0, search.high[i]), (-1.0, search.low[i])) if not math.isfinite(end) for reach in reaches]
+        held = replace(search, bent=search.bent[search.bent != i])
+        points = np.repeat(values[None, :], _FAR.size * len(sides), axis=0)
+        points[:, i] = np.concatenate([np.zeros(0), *sides])
+        _, heights = led_down(held, solved_at(held, points)) if held.free.size else (points, chi2_at(search, points))
+        found[i] = min((float(np.median(side)) for side in heights.reshape(len(sides), -1)), default=math.inf)
+    return found
 
 
 def _size(search: SeparableSearch, points: FloatArray, i: int) -> FloatArray:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -40,6 +41,12 @@ class SeparableSearch:
     def free(self) -> Indices:
         return np.sort(np.concatenate([self.linear, self.bent]))
 
+    @cached_property
+    def _of_noise(self) -> float:
+        """Squares of the residuals of the noise parameters' priors, which no move changes."""
+        held = np.setdiff1d(np.arange(self.held.size), self.free)
+        return float(np.sum(self.posterior.prior_residuals(self.held)[held] ** 2))
+
     @property
     def resolved(self) -> float:
         """Ratio of singular values (columns of unit length) that the rounding errors of the derivatives let be told from zero."""
@@ -65,8 +72,9 @@ class SeparableSearch:
         return jacobian, np.concatenate([*(pair[1] for pair in pairs), self.posterior.prior_residuals(values)])
 
     def chi2(self, values: FloatArray) -> float:
-        total = float(np.sum(self.residuals(values) ** 2))
-        return total if math.isfinite(total) else math.inf
+        """Sum of squares of the data and of the priors of the parameters that are moved; those of the noise stay where they are."""
+        total = float(np.sum(self.residuals(values) ** 2)) - self._of_noise
+        return max(total, 0.0) if math.isfinite(total) else math.inf
 
     def solved(self, values: FloatArray) -> FloatArray:
         """`values` with the linear parameters at their least-squares solution."""

@@ -162,14 +162,26 @@ def _held(f: Finding) -> str:
 def _not_settled(f: Finding) -> str:
     if f.names:
         return phrase("the least-squares fit did not settle: {held}", held=_held(f))
+    if f.parameters:
+        moved = f.parameters[0].name
+        return phrase("the search did not settle: its last step still moved {name} by {size:.2g} standard deviations", name=moved, size=f.size)
     return phrase("the least-squares fit did not settle: its last round still moved a parameter by {size:.2g} standard deviations", size=f.size)
+
+
+def _undetermined(f: Finding) -> str:
+    names = phrase(" and ").join(f.names)
+    if len(f.names) == 1:
+        return phrase("the data do not determine {names}: no standard deviations", names=names)
+    return phrase("the data do not determine {names}, only a combination of them: no standard deviations", names=names)
 
 
 WORDS: Table = MappingProxyType(
     {
         Kind.FIT_UNSETTLED: _not_settled,
         Kind.COVARIANCE_HELD: _held,
-        Kind.STEP_UNSETTLED: lambda f: phrase("the search did not settle: its last step was {size:.2g} standard deviations", size=f.size),
+        Kind.STEP_UNSETTLED: lambda f: phrase(
+            "the search did not settle: its last step still moved {name} by {size:.2g} standard deviations", name=f.parameters[0].name, size=f.size
+        ),
         Kind.STARTS_ELSEWHERE: _elsewhere,
         Kind.EXCHANGED: _exchanged,
         Kind.EXCHANGE: _exchange,
@@ -184,7 +196,11 @@ WORDS: Table = MappingProxyType(
         Kind.DIRECTION_LEARNT: lambda f: phrase("learnt from the data: {moves}", moves=_moves(f)),
         Kind.DIRECTION_SILENT: _silent,
         Kind.SINGULAR: later("a combination of the parameters is determined neither by the data nor by the priors"),
-        Kind.UNDETERMINED: later("the data do not determine a combination of the parameters: no standard deviations"),
+        Kind.UNDETERMINED: _undetermined,
+        Kind.HARDLY_HELD: lambda f: phrase(
+            "the data hardly hold {name}: far from here minus twice the log of the posterior density is only {size:.1f} above its least",
+            name=f.parameters[0].name, size=f.size,
+        ),
         Kind.PRESSED_EDGE: _edge,
         Kind.PRESSED_LIMIT: _pressed,
         Kind.LIMIT: _limit,

@@ -63,8 +63,8 @@ WORDS: Table = MappingProxyType(
 
 ADVICE: Mapping[Kind, str] = MappingProxyType(
     {
-        Kind.FIT_UNSETTLED: later("check the starting values and the priors"),
-        Kind.STEP_UNSETTLED: later("try other starting values"),
+        Kind.FIT_UNSETTLED: later("check the starting values and the priors; what still moves may need a limit"),
+        Kind.STEP_UNSETTLED: later("give it limits, or try other starting values"),
         Kind.CHAIN_SHORT: later(
             "raise {steps}; if that does not help, look at the traces: a parameter that wanders needs a tighter prior or more data"
         ),
@@ -79,6 +79,7 @@ ADVICE: Mapping[Kind, str] = MappingProxyType(
         Kind.DIRECTION_FLAT: later("state one of these parameters as a measured value with its uncertainty (a uniform range does not count)"),
         Kind.SINGULAR: later("state at least one of the parameters with an uncertainty; the table of correlations shows which go together"),
         Kind.UNDETERMINED: later("state one of the parameters with an uncertainty, or fix it"),
+        Kind.HARDLY_HELD: later("give it limits, or a prior"),
         Kind.LINE_NOT_RISING: later("gamma = 1/slope needs a slope that is surely positive: measure at more and steeper tilts"),
         Kind.RESIDUALS_ZERO: later(
             "give the readings themselves, not numbers computed or smoothed by the curve; simulated data need their errors added"
