@@ -73,6 +73,6 @@ WORDS: Table = MappingProxyType(
             "in one of 80): the curve is wrong, or what was stated of the deviation",
             times=f.size,
         ),
-        Kind.DEVIATION_TOO_SLOW: lambda f: _of_run(f) + phrase(_SLOW[f.names[0]], p=f.p),
+        Kind.DEVIATION_TOO_SLOW: lambda f: _of_run(f) + phrase(_SLOW["correlated" if "correlated" in f.names else "smooth"], p=f.p),
     }
 )
