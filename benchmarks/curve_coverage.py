@@ -11,7 +11,6 @@ Curves that are linear in their parameters, errors made by Cholesky factors and 
 from __future__ import annotations
 
 import sys
-from dataclasses import replace
 
 import numpy as np
 from scipy import stats
@@ -19,7 +18,7 @@ from scipy import stats
 from estim.checks.goodness import _pattern
 from estim.deviation.components import diagonalise
 from estim.deviation.generic import LONG, correlated_shapes, deviation_shapes, relative_grid
-from estim.deviation.grid import prior_grid
+from estim.deviation.grid import SPIKE
 from estim.deviation.linearised import linearise
 
 N_OBS = 60
@@ -114,9 +113,7 @@ def _always(jacobian: np.ndarray, x: np.ndarray, kind: str, rng: np.random.Gener
     base = 1.0 if stated else float(np.sqrt(residuals @ residuals / (n - n_par)))
     sds = base * np.sqrt(np.diag(np.linalg.inv(jacobian.T @ jacobian)))
     times = stats.norm.ppf([0.84, 0.975]) if stated else stats.t.ppf([0.84, 0.975], n - n_par)
-    own = relative_grid(stated=stated)
-    half = prior_grid(1.0, spike=0.5)
-    grid = replace(own, amplitudes=half.amplitudes, log_amplitudes=half.log_amplitudes)
+    grid = relative_grid(stated=stated, spike=SPIKE)
     found = linearise(
         diagonalise(np.full(n, base**2), tuple(shape.times(base) for shape in deviation_shapes(x)), grid), residuals, jacobian,
         precision=np.zeros((n_par, n_par)), stated=stated,
