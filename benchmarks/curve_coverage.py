@@ -1,6 +1,8 @@
 """Whose 68 % is 68 %, for a user's own curve: the tables of docs/statistics.md.
 
     python benchmarks/curve_coverage.py lacks [N]         with and without `deviation` or `correlated` (N sets each, 300)
+    python benchmarks/curve_coverage.py always [N [LINE]] a deviation that nobody asked for: price and coverage (N sets a line, 200; from LINE on)
+    python benchmarks/curve_coverage.py wrong [N [LINE]]  `deviation` beside a wrong curve and beside a right one (N sets a line, 40; from LINE on)
     python benchmarks/curve_coverage.py conservative [N]  the stated error where it covers the pattern in the residuals (N sets a size, 1500)
 
 Curves that are linear in their parameters, errors made by Cholesky factors and recursions; a minute or a few.
@@ -15,7 +17,8 @@ from scipy import stats
 
 from estim.checks.goodness import _pattern
 from estim.deviation.components import diagonalise
-from estim.deviation.generic import correlated_shapes, deviation_shapes, relative_grid
+from estim.deviation.generic import LONG, correlated_shapes, deviation_shapes, relative_grid
+from estim.deviation.grid import SPIKE
 from estim.deviation.linearised import linearise
 
 N_OBS = 60
@@ -24,6 +27,7 @@ N_OBS = 60
 def design(curve: str, x: np.ndarray) -> np.ndarray:
     wave = 6.0 * np.pi * x
     columns = {
+        "fall": [np.ones_like(x), x, x**2], "decay": [np.ones_like(x), np.exp(-3.0 * x), x * np.exp(-3.0 * x)],
         "line": [np.ones_like(x), x], "parabola": [np.ones_like(x), x, x**2], "sine": [np.ones_like(x), np.cos(wave), np.sin(wave), x * np.cos(wave)],
     }
     return np.column_stack(columns[curve])
@@ -80,6 +84,79 @@ def _one(curve: str, kind: str, rng: np.random.Generator, key: str, *, stated: b
     return np.abs(off / sds)[:, None] < times, np.abs(places - 0.5)[:, None] < np.array([0.34, 0.475])
 
 
+def always(n_set: int, first: int = 0) -> None:
+    """Half of the prior probability on none, the scale of the half-normal that of one reading, stated or found from the residuals."""
+    kinds = ("nothing", "smooth 1", "growing", "by x")
+    cases = [(n, curve, kind, stated) for n in (20, 60) for curve in ("line", "sine", "decay") for kind in kinds for stated in (True, False)]
+    for k, (n, curve, kind, stated) in enumerate(cases[first:], first):
+        rng, tables = np.random.default_rng([9, k]), []
+        for _ in range(n_set):
+            x = np.linspace(0.0, 1.0, n) if kind != "by x" else np.repeat(np.linspace(0.0, 1.0, n // 4), 4)
+            tables.append(_always(design(curve, x), x, kind, rng, stated=stated))
+        without, held, price, present = (np.array(one) for one in zip(*tables, strict=True))
+        cells = ["/".join(f"{100.0 * np.mean(one[:, :, j]):.0f}" for j in (0, 1)) for one in (without, held)]
+        sds = " ".join(f"{one:.2f}" for one in np.mean(price, axis=0))
+        what = f"{k:2} {n} points, {curve:5} {kind:8} u_y {'stated' if stated else 'left out':8}"
+        print(f"{what} | {cells[0]} | {cells[1]} | sds times {sds} | P(a > 0) {np.mean(present):.2f}", flush=True)
+
+
+def _always(jacobian: np.ndarray, x: np.ndarray, kind: str, rng: np.random.Generator, *, stated: bool) -> tuple[np.ndarray, ...]:
+    """(n_par, 2) whether 68 and 95 % intervals hold the truth without and with a deviation, (n_par,) what it does to sds, P(a > 0)."""
+    n, n_par = jacobian.shape
+    made = errors(kind, x, rng) if kind.startswith(("smooth", "nothing")) else rng.standard_normal(n)
+    if kind == "growing":
+        made *= 0.2 + 1.3 * x
+    if kind == "by x":
+        made += rng.standard_normal(n // 4)[np.searchsorted(np.unique(x), x)]
+    off = np.linalg.lstsq(jacobian, made, rcond=None)[0]
+    residuals = made - jacobian @ off
+    base = 1.0 if stated else float(np.sqrt(residuals @ residuals / (n - n_par)))
+    sds = base * np.sqrt(np.diag(np.linalg.inv(jacobian.T @ jacobian)))
+    times = stats.norm.ppf([0.84, 0.975]) if stated else stats.t.ppf([0.84, 0.975], n - n_par)
+    grid = relative_grid(stated=stated, spike=SPIKE)
+    found = linearise(
+        diagonalise(np.full(n, base**2), tuple(shape.times(base) for shape in deviation_shapes(x)), grid), residuals, jacobian,
+        precision=np.zeros((n_par, n_par)), stated=stated,
+    )
+    places = np.array([found.probability_below(direction, -o) for direction, o in zip(np.eye(n_par), off, strict=True)])
+    wide = sds * (1.0 if stated else np.sqrt((n - n_par) / max(n - n_par - 2, 1)))
+    return (
+        np.abs(off / sds)[:, None] < times, np.abs(places - 0.5)[:, None] < np.array([0.34, 0.475]),
+        np.sqrt(np.diag(found.covariance)) / wide, np.array(found.p_deviation),
+    )
+
+
+# curve -> the term that a wrong one lacks, and the parameter that both have
+_MISSING = {
+    "fall": (lambda x: -(x**4), 2), "line": (lambda x: x**2, 1), "decay": (lambda x: np.exp(-12.0 * x), 1),
+    "sine": (lambda x: np.expm1(-x) * np.cos(6.0 * np.pi * x), 1),
+}
+
+
+def wrong(n_set: int, first: int = 0) -> None:
+    """60 points, stated errors of 1, the scale of the deviation twice the residuals; what shows of the missing term, or the deviation, is `size`."""
+    kinds = [(kind, size) for kind in ("wrong", "Matern .1", "Matern .2") for size in (0.5, 1.0, 2.0, 6.0)]
+    x = np.linspace(0.0, 1.0, N_OBS)
+    cases = [(curve, kind, size) for curve in _MISSING for kind, size in kinds]
+    for k, (curve, kind, size) in enumerate(cases[first:], first):
+        rng, rows = np.random.default_rng([10, k]), []
+        jacobian, (missing, place) = design(curve, x), _MISSING[curve]
+        for _ in range(n_set):
+            shape = missing(x) if kind == "wrong" else smooth(x, float(kind.split()[1])) @ rng.standard_normal(N_OBS)
+            visible = shape - jacobian @ np.linalg.lstsq(jacobian, shape, rcond=None)[0]
+            made = size * shape / np.sqrt(np.mean(visible**2)) + rng.standard_normal(N_OBS)
+            off = np.linalg.lstsq(jacobian, made, rcond=None)[0]
+            residuals, n_par = made - jacobian @ off, jacobian.shape[1]
+            scale = 2.0 * float(np.sqrt(np.mean(residuals**2)))
+            grid = diagonalise(np.ones(N_OBS), tuple(one.times(scale) for one in deviation_shapes(x)), relative_grid(stated=True))
+            found = linearise(grid, residuals, jacobian, precision=np.zeros((n_par, n_par)))
+            below = found.probability_below(np.eye(n_par)[place], -off[place])
+            slow = float(found.weights[(grid.column("amplitude") > 0.0) & (grid.lengths() > LONG["deviation"])].sum())
+            rows.append((abs(below - 0.5) < 0.34, abs(below - 0.5) < 0.475, slow > 0.5))
+        held68, held95, refused = 100.0 * np.mean(rows, axis=0)
+        print(f"{k:2} {curve:5} {kind:9} {size:3} of a reading | {held68:.0f}/{held95:.0f} | refused {refused:.0f} %", flush=True)
+
+
 def conservative(n_set: int) -> None:
     rng = np.random.default_rng(8)
     for curve, n, length in [(c, n, one) for c in ("line", "parabola", "sine") for n in (30, 100, 300) for one in (0.1, 0.4, 0.8)]:
@@ -97,6 +174,6 @@ def conservative(n_set: int) -> None:
 
 
 if __name__ == "__main__":
-    studies = {"lacks": (lacks, 300), "conservative": (conservative, 1500)}
+    studies = {"lacks": (lacks, 300), "always": (always, 200), "wrong": (wrong, 40), "conservative": (conservative, 1500)}
     study, default = studies[sys.argv[1]]
-    study(int(sys.argv[2]) if len(sys.argv) > 2 else default)
+    study(*(map(int, sys.argv[2:]) if len(sys.argv) > 2 else (default,)))

@@ -10,10 +10,12 @@ from collections.abc import Iterable
 
 from estim.checks.forces import FAR_LARGER
 from estim.common import Finding, Kind
-from estim.deviation import FoundDeviation
+from estim.deviation import FoundDeviation, presence
+from estim.fitting import MANY, Fit
 
 SURE = 0.99  # probability of a deviation beyond which it is said to be there
 _UNLIKELY = 0.5
+_FEWEST, _MOST = 20, 300  # points of a run, where it is asked
 _TREND = 0.5  # probability of a deviation that is a trend, above which the curve is another
 
 
@@ -35,6 +37,16 @@ def deviation_remarks(found: FoundDeviation, *, x_unit: str, y_unit: str) -> tup
     told = deviation_finding(found, x_unit=x_unit, y_unit=y_unit)
     conservative = (Finding(Kind.NOISE_CONSERVATIVE, run=found.run, size=found.noise[1]),) if found.conservative else ()
     return ((told,) if told.kind is Kind.DEVIATION_FOUND else ()) + conservative
+
+
+def unasked(fit: Fit) -> list[Finding]:
+    """How probable it is that a curve of the user's, taken as complete, lacks something: of the run where that is most probable."""
+    runs = [
+        run for run, likelihood in zip(fit.problem.runs, fit.posterior.likelihoods, strict=True)
+        if run.motion is None and run.lacks is None and run.noise.counted is None and likelihood.normal is not None and _FEWEST <= run.n_obs <= _MOST
+    ]
+    found = [(presence(run, fit.problem, fit.values), run.name) for run in runs if len(fit.problem.runs) == len(fit.posterior.likelihoods) <= MANY]
+    return [Finding(Kind.DEVIATION_UNASKED, run=max(found)[1] if len(fit.problem.runs) > 1 else "", p=max(found)[0])] if found else []
 
 
 def wrong_curves(deviations: Iterable[FoundDeviation]) -> list[Finding]:

@@ -11,7 +11,7 @@ from estim.arrays import FloatArray
 from estim.checks.conflict import Conflict, stated_values
 from estim.checks.consistency import Consistency
 from estim.checks.counts import counts_as_readings
-from estim.checks.deviations import deviation_remarks, wrong_curves
+from estim.checks.deviations import deviation_remarks, unasked, wrong_curves
 from estim.checks.forces import beyond_their_priors, force_remarks
 from estim.checks.goodness import P_FLOOR, P_POOR_FIT, P_TOLD, SCATTER_LIMIT, Goodness
 from estim.checks.identifiability import Identifiability
@@ -79,7 +79,7 @@ def diagnose(
         ]
     )
     remarks = _held(fit, Kind.COVARIANCE_HELD) + _counting_alike(fit) + _remarks(fit, chain, goodness, conflict)
-    remarks += [] if findings else rolling_remarks(rolling) + large_influences(fit, influences)
+    remarks += [] if findings else rolling_remarks(rolling) + unasked(fit) + large_influences(fit, influences)
     mixing = chain.mixing or mixing_of(chain.draws)
     return Diagnosis(
         status=decide(findings), findings=findings, remarks=tuple(remarks),

@@ -6,8 +6,9 @@ distribution of each statistic is therefore simulated with that projection in it
 
 What each test sees: `chi2` the size of the residuals (only where the size of the noise was stated); `runs` too few
 changes of sign; `autocorrelation` neighbours alike; `trend` a slow drift along the run; `largest` a single outlier.
-Of a curve that is no motion two more are asked.  `uneven`: whether residuals are larger or smaller where the curve f, its size |f| or x is large,
-the largest of |sum |z| w|/sum |z| over standardised w = f, |f|, x.  `repeated`, where x were read more than once: the F test of lack of fit, whether
+Of a curve that is no motion two more are asked.  `uneven` (not beside a smooth deviation, which may be local): whether residuals are larger or
+smaller where the curve f, its size |f| or x is large, the largest of |sum |z| w|/sum |z| over standardised w = f, |f|, x.  `repeated`, where x
+were read more than once: the F test of lack of fit, whether
 the means at each x scatter more about the curve than the readings of one x about their mean (its statistic is the share of chi2 that the means have,
 which rises with F).
 Residuals that are all zero have no pattern to test: they fail as such (`zero`).
@@ -360,7 +361,8 @@ def _compared(run: Observations, named: Mapping[str, FloatArray], sd: FloatArray
     found = run.curve.local(run.x, arguments).slope if run.positions else run.curve.value(run.x, arguments)
     found = np.broadcast_to(found, (1, run.n_obs))
     if run.motion is None:
-        return _Compared(None, _growing(found[0], run.x), _Repeated.of(run.x, sd))
+        local = run.lacks is not None and run.lacks.deviation > 0.0  # what makes up for a bump is not the same everywhere
+        return _Compared(None, None if local else _growing(found[0], run.x), _Repeated.of(run.x, sd))
     square = np.square(found)
     return _Compared(square / np.mean(square) - 1.0 if np.ptp(square) > 0.0 else None, None, None)
 

@@ -123,6 +123,7 @@ class Kind(StrEnum):
     DEVIATION_FOUND = auto()
     DEVIATION_UNDECIDED = auto()
     DEVIATION_UNLIKELY = auto()
+    DEVIATION_UNASKED = auto()
     DEVIATION_TOO_LARGE = auto()
     DEVIATION_TOO_SLOW = auto()
     CURVE_LACKS = auto()

@@ -8,7 +8,7 @@ from estim.deviation.expected import ForceSize, expected_root, force_sizes
 from estim.deviation.grid import FORCE_SCALE, SCALES, START_SD
 from estim.deviation.joint import JointlyPosed, NormalParts, by_itself, pose_forces
 from estim.deviation.jumps import BadFrames, Jump
-from estim.deviation.lacking import DeviationSize, FoundDeviation, pose_deviation
+from estim.deviation.lacking import DeviationSize, FoundDeviation, pose_deviation, presence
 from estim.deviation.noise import FreeStart
 from estim.deviation.parts import DEVIATION, FORCE, FRAMES, START, parts_of_errors
 from estim.deviation.posing import FoundForce, Posed, bad_frames, pose_force

@@ -37,12 +37,12 @@ _N_TIME, _PART_OF_TIME = 6, 0.5  # of the duration: with a third, intervals unde
 _SPIKE = 0.2  # probability of no deviation beforehand: who asks for one has a reason
 
 
-def relative_grid(*, stated: bool) -> Grid:
+def relative_grid(*, stated: bool, spike: float = _SPIKE) -> Grid:
     """The grid of amplitudes in units of their scale, and of sizes of the noise in units of what was stated, or of the residuals.
 
-    stated : whether the size of the errors was stated; else all sizes are equally probable in their logarithm.
+    stated : whether the size of the errors was stated; else all sizes are equally probable in their logarithm.  spike : probability of no deviation.
     """
-    grid = prior_grid(1.0, spike=_SPIKE, scales=FREE_SCALES)
+    grid = prior_grid(1.0, spike=spike, scales=FREE_SCALES)
     if stated:
         return grid
     sizes = np.geomspace(_SMALLEST, _LARGEST, _N_SIZE)

@@ -15,7 +15,7 @@ import numpy as np
 
 from estim.arrays import FloatArray
 from estim.common import phrase
-from estim.deviation.components import Deviation, diagonalise
+from estim.deviation.components import Deviation, Shape, diagonalise
 from estim.deviation.generic import (
     DEVIATION,
     LONG,
@@ -26,6 +26,7 @@ from estim.deviation.generic import (
     relative_grid,
     stated_is_conservative,
 )
+from estim.deviation.grid import SPIKE, Grid
 from estim.deviation.linearised import Linearised, linearise
 from estim.deviation.mixture import keep_probable
 from estim.deviation.noise import WithMixture, normal_covariance
@@ -117,18 +118,14 @@ def pose_deviation(run: Observations, problem: Problem, values: FloatArray) -> P
     """
     lacks = run.lacks
     assert lacks is not None, "asked for runs that may lack something"
-    named = problem.named(values)
-    stated = normal_covariance(run.noise, run.points, named)
-    residuals = run.y - stated.shift - np.ravel(np.broadcast_to(run.points.value(named), (1, run.n_obs)))
-    jacobian = run.points.gradient(named, problem.names)
+    covariance, shift, residuals, jacobian = _measured(run, problem, values, stated=lacks.stated)
     prior = _prior(problem, values)
     precision, pull = as_prior([prior, *(told_by(other, problem, values) for other in problem.runs if other is not run)])
-    covariance = stated.covariance if lacks.stated else _sized(stated.covariance, residuals, len(run.curve_parameters))
     scales = _scales(lacks, covariance, residuals)
     deviation = _components(run, lacks, covariance, scales)
     without = _sds(deviation.whiten(jacobian.T), precision)
     linear = linearise(deviation, residuals, jacobian, precision=precision, pull=pull, stated=lacks.stated)
-    noise = WithDeviation(run.noise, keep_probable(linear), _likely_root(linear, lacks), stated.shift, lacks)
+    noise = WithDeviation(run.noise, keep_probable(linear), _likely_root(linear, lacks), shift, lacks)
     means, covs = linear_groups(linear, problem.n_par)
     extents = {kind: float(np.ptp(run.x if kind == DEVIATION or lacks.along is None else lacks.along)) for kind in scales}
     sizes = {kind: _size(linear, kind, scale, LONG[kind] * extents[kind]) for kind, scale in scales.items()}
@@ -142,6 +139,25 @@ def pose_deviation(run: Observations, problem: Problem, values: FloatArray) -> P
         told=told_beyond(linear, prior), intervals=_intervals(linear, problem, values), means=values + means, covs=covs,
     )
     return PosedDeviation(noise, found)
+
+
+def presence(run: Observations, problem: Problem, values: FloatArray) -> float:
+    """Probability that a curve taken as complete lacks something about as large as one error, 1/2 beforehand; linear about `values` (n_par,)."""
+    covariance, _, residuals, jacobian = _measured(run, problem, values, stated=run.stated)
+    precision, pull = as_prior([_prior(problem, values), *(told_by(other, problem, values) for other in problem.runs if other is not run)])
+    size = float(np.sqrt(np.median(np.diag(covariance))))
+    shapes = tuple(shape.times(size) for shape in deviation_shapes(run.x))
+    grid = relative_grid(stated=run.stated, spike=SPIKE)
+    return linearise(_diagonalised(covariance, shapes, grid), residuals, jacobian, precision=precision, pull=pull, stated=run.stated).p_deviation
+
+
+def _measured(run: Observations, problem: Problem, values: FloatArray, *, stated: bool) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    """Covariance (n_obs, n_obs) of independent errors, shift and residuals (n_obs,), slopes (n_obs, n_par).  stated : whether their size was."""
+    named = problem.named(values)
+    found = normal_covariance(run.noise, run.points, named)
+    residuals = run.y - found.shift - np.ravel(np.broadcast_to(run.points.value(named), (1, run.n_obs)))
+    covariance = found.covariance if stated else _sized(found.covariance, residuals, len(run.curve_parameters))
+    return covariance, found.shift, residuals, run.points.gradient(named, problem.names)
 
 
 def _sds(slopes: FloatArray, precision: FloatArray) -> FloatArray:
@@ -162,9 +178,12 @@ def _components(run: Observations, lacks: Lacks, covariance: FloatArray, scales:
     groups = [deviation_shapes(run.x)] if lacks.deviation else []
     groups += [correlated_shapes(lacks.along)] if lacks.along is not None else []
     shapes = tuple(shape.times(scales[shape.kind]) for shape in equally_probable(*groups))
+    return _diagonalised(covariance, shapes, relative_grid(stated=lacks.stated))
+
+
+def _diagonalised(covariance: FloatArray, shapes: tuple[Shape, ...], grid: Grid) -> Deviation:
     diagonal = np.diag(covariance)
-    base = diagonal if np.array_equal(covariance, np.diag(diagonal)) else covariance
-    return diagonalise(base, shapes, relative_grid(stated=lacks.stated))
+    return diagonalise(diagonal if np.array_equal(covariance, np.diag(diagonal)) else covariance, shapes, grid)
 
 
 def _scales(lacks: Lacks, covariance: FloatArray, residuals: FloatArray) -> dict[str, float]:

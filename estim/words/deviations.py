@@ -68,11 +68,16 @@ WORDS: Table = MappingProxyType(
         Kind.DEVIATION_UNLIKELY: lambda f: _of_run(f) + phrase(
             "nothing shows that the curve lacks something, P(amplitude > 0) = {p:.2f}", p=f.p
         ),
+        Kind.DEVIATION_UNASKED: lambda f: _of_run(f) + phrase(
+            "the curve is taken as complete; a smooth deviation from it that is about as large as one error has the probability {p:.2f} "
+            "(0.5 before the data), and no interval allows for it",
+            p=f.p,
+        ),
         Kind.DEVIATION_TOO_LARGE: lambda f: _of_run(f) + phrase(
             "the deviation from the curve would have to be {times:.2g} times as large as was stated (a half-normal prior of this scale exceeds 2.5 "
             "in one of 80): the curve is wrong, or what was stated of the deviation",
             times=f.size,
         ),
-        Kind.DEVIATION_TOO_SLOW: lambda f: _of_run(f) + phrase(_SLOW[f.names[0]], p=f.p),
+        Kind.DEVIATION_TOO_SLOW: lambda f: _of_run(f) + phrase(_SLOW["correlated" if "correlated" in f.names else "smooth"], p=f.p),
     }
 )
