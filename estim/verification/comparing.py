@@ -42,10 +42,10 @@ _STATED = frozenset({  # words that no draw decides
     "status", "statuses", "kind", "title", "schema", "formula", "unit", "meaning", "campaign", "run", "body", "error", "prior", "stated",
 })
 _FIXED = frozenset({"prior_mean", "prior_sd", "stated", "true", "seed", "n_obs", "dof"})  # numbers that no draw decides
-_NUMBER = re.compile(r"[-−+]?\d+(?:[.,]\d+)?(?:e[-+]?\d+)?")
+_NUMBER = re.compile(r"(?<!\w)[-−+]?\d+(?:[.,]\d+)?(?:e[-+]?\d+)?")
 _PLUS_MINUS = re.compile(rf"({_NUMBER.pattern})[\s\u00a0]*±[\s\u00a0]*({_NUMBER.pattern})")
 _VERSIONS = re.compile(r"(?m)^\|[^|\n]*\| python \d[^|\n]*\|$")  # a row of a table of the report
-_DIGITS = re.compile(r"[-−+]?\d[\d.,e⁰¹²³⁴⁵⁶⁷⁸⁹⁻]*")
+_DIGITS = re.compile(r"(?<!\w)[-−+]?\d[\d.,e⁰¹²³⁴⁵⁶⁷⁸⁹⁻]*")
 
 
 class Verdict(Enum):
@@ -194,6 +194,7 @@ def _of_values(file: str, path: str, before: Any, now: Any, same: bool, *, exact
         spread, scale = None if exact else _spread(now), _scale(now.values())
         if spread is not None:  # other draws move most numbers of an estimate: where a few differ, somebody changed them
             moved = _moves(before, now, spread)
+            scale = 0.0  # beside an estimate stand numbers of draws
             n_moved = sum(one > SAME_DRAWS for one in moved)
             same = 2 * n_moved <= len(moved) if len(moved) > 2 else n_moved == 0
         for name in [*before, *(name for name in now if name not in before)]:
@@ -210,8 +211,8 @@ def _of_values(file: str, path: str, before: Any, now: Any, same: bool, *, exact
     elif is_number(before) and is_number(now):
         apart, size = abs(before - now), max(abs(before), abs(now))
         if apart > _SAME * size:
-            same = same or key in _FIXED
-            verdict = Verdict.WITHIN if apart <= _SIMILAR * size or apart <= _NOISE * scale else Verdict.WRONG
+            same, noise = same or key in _FIXED, 0.0 if key in _FIXED else _NOISE * scale
+            verdict = Verdict.WITHIN if apart <= max(_SIMILAR * size, noise) else Verdict.WRONG
             yield Difference(file, path, _short(before), _short(now), Verdict.WRONG if exact else verdict if same else Verdict.ASIDE)
     elif before != now or type(before) is not type(now):
         stated = same or exact or bool(_STATED & {*re.findall(r"[^.\[\]]+", path)} and isinstance(before, str) and isinstance(now, str))
