@@ -9,6 +9,7 @@ import time
 import numpy as np
 import pytest
 
+from estim import fit_curve
 from estim.common.errors import InputError
 from estim.curves.formula import FUNCTIONS, MAX_LENGTH, _compiled, evaluate, read_formula
 from estim.curves.function import wrap_function
@@ -252,3 +253,31 @@ def test_a_function_that_takes_no_columns_is_called_draw_by_draw() -> None:
 def test_a_parameter_may_bear_any_name_that_python_could_read(name: str) -> None:
     formula = read_formula(f"{name} + 2*{name}*x")
     assert formula.value(np.array([1.0, 2.0]), {name: 3.0}).ravel().tolist() == [9.0, 15.0]
+
+
+@pytest.mark.parametrize(
+    ("formula", "told"),
+    [
+        ("a*x + \u0430", "a, \u0430 (cyrillic small letter a)"), ("a*\u0445 + b", "x, \u0445 (cyrillic small letter ha)"),
+        ("k*x + \u0435", "e, \u0435 (cyrillic small letter ie)"), ("T*x + \u03a4", "T, \u03a4 (greek capital letter tau)"),
+    ],
+)
+def test_names_that_only_look_alike_are_refused_with_their_letters(formula: str, told: str) -> None:
+    with pytest.raises(InputError, match="has two names that look alike: write both in the letters of one alphabet") as refused:
+        read_formula(formula)
+    assert told in str(refused.value)
+
+
+@pytest.mark.parametrize("formula", ["A*x + a", "\u03c1*x + p", "\u0430*x + \u0431", "\u00b5*x + m", "\u03bd*x + v", "\u03b1*x + a"])
+def test_names_that_can_be_told_apart_pass(formula: str) -> None:
+    assert len(read_formula(formula).names) == 2
+
+
+def test_parameters_that_only_look_like_those_of_a_curve_are_refused_with_their_letters() -> None:
+    x = np.arange(9.0)
+    for curve, given in (
+        ("a*x + b", {"start": {"\u0430": 1.0, "b": 0.0}}), ("a*x", {"start": {"a": 1.0}, "derived": {"\u0430": "2*a"}}),
+        (lambda x, **named: sum(named.values()) * x, {"start": {"a": 1.0, "\u0430": 0.0}}),
+    ):
+        with pytest.raises(InputError, match=r"a, \u0430 \(cyrillic small letter a\)"):
+            fit_curve(curve, x, 2.0 * x + 0.1 * (-1.0) ** x, u_y=0.1, **given)

@@ -15,7 +15,7 @@ import json
 import math
 import re
 from dataclasses import replace
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 from typing import get_args
 
@@ -32,6 +32,7 @@ from estim.measurement.input_tables import InputTable
 from estim.measurement.model_file import _OutputTable, _TopTable, read_model
 from estim.measurement.propagating import propagate
 from estim.measurement.region import ellipse
+from estim.propagation import propagate_linear, propagate_monte_carlo
 from estim.propagation.scores import Distribution
 from estim.reports.measurement import measurement_report
 from estim.reports.rounded import rounded
@@ -382,3 +383,42 @@ def test_a_mistake_in_a_model_is_told_with_its_line(tmp_path, text, message):
     with pytest.raises(InputError) as caught:
         read_model(path)
     assert str(caught.value).startswith(f"{path}{message}"), str(caught.value)
+
+
+def _of(tmp_path, value, formula):
+    return model(tmp_path, f'title = "t"\n[inputs.a]\nvalue = "{value}"\n[measurand]\nname = "y"\nformula = "{formula}"\n')
+
+
+@pytest.mark.parametrize("power", ["1", "1.5", "-1"])
+@pytest.mark.parametrize("exponent", [-99, -60, 60, 99])
+def test_very_large_and_very_small_quantities_have_the_uncertainties_of_plain_ones(tmp_path, power, exponent):
+    models = [read_model(_of(tmp_path, f"1.0(1)e{e}", f"a**({power})")) for e in (0, exponent)]
+    plain, other = (propagate(replace(one, draws=20_000), rng=np.random.default_rng(1)) for one in models)
+    scale = 10.0 ** (exponent * float(power))
+    for found, expected in (
+        (other.linear.u, plain.linear.u), (other.sampled.u, plain.sampled.u), (other.interval.low, plain.interval.low),
+        (other.interval.high, plain.interval.high),
+    ):
+        assert found / scale == pytest.approx(expected, rel=1e-6)
+    expected = plain.second_order if abs(exponent) < 75 else [math.nan]
+    assert other.second_order / scale == pytest.approx(expected, rel=1e-6, nan_ok=True)
+
+
+@pytest.mark.parametrize(("value", "formula"), [("1.0(1)e99", "a**2"), ("1.0(1)e-99", "a**2"), ("1.0(1)e-99", "a**3"), ("1.0(1)e99", "a*1e200")])
+def test_a_result_whose_square_is_no_number_is_refused_in_one_line(tmp_path, value, formula, capsys):
+    path = _of(tmp_path, value, formula)
+    arguments = ["propagate", str(path), "--out", str(tmp_path / "out"), "--no-figures"]
+    assert exit_code(lambda: cli.main(arguments, standalone_mode=False)) == 2
+    said = capsys.readouterr().err.strip()
+    assert "'result' and its uncertainty must be 0 or between 1e-150 and 1e+150 in size: choose other units" in said
+    assert "\n" not in said
+    read = read_model(path)
+    for way in (propagate_linear, partial(propagate_monte_carlo, rng=np.random.default_rng(1), n_draw=10_000)):
+        with pytest.raises(InputError, match="choose other units"):
+            way(read.values, read.inputs)
+
+
+def test_two_inputs_that_only_look_alike_are_refused(tmp_path):
+    rows = '[inputs.a]\nvalue = "1.0(1)"\n[inputs."\\u0430"]\nvalue = "2.0(1)"\n[measurand.y]\nformula = "a"\n[measurand.z]\nformula = "\\u0430"\n'
+    with pytest.raises(InputError, match=r"model.toml:2: 'inputs' has two names that look alike.*: a, \u0430 \(cyrillic small letter a\)"):
+        read_model(model(tmp_path, 'title = "t"\n' + rows))

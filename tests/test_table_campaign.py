@@ -387,3 +387,11 @@ def test_a_copied_row_is_told_where_the_result_is(tmp_path: Path, command: list[
         file.write_text("t,y\n" + "\n".join(lines) + "\n")
         done = runner().invoke(cli, [command[0], str(file), *command[1:], "--out", str(tmp_path / "out"), "--no-figures"], standalone_mode=False)
         assert ("line 6 repeats line 5 in every cell: if it is a copy it counts twice, remove it" in done.output) == told, done.output
+
+
+def test_a_parameter_on_the_command_line_or_in_a_campaign_that_only_looks_like_one_is_told(table: Path) -> None:
+    said = told("fit", table, "--formula", "a + b*x", "--start", "\u0430=1")
+    assert "'--start' names no parameter of the formula (a, b): a, \u0430 (cyrillic small letter a)" in said
+    text = text_of_table(table, TableChoices(formula="a + b*x")).replace("a = {start", '"\u0430" = {start')
+    (table.parent / "kept.toml").write_text(text)
+    assert "is not in the formula (a, b): a, \u0430 (cyrillic small letter a)" in told("fit", table.parent / "kept.toml")

@@ -16,7 +16,7 @@ from estim.campaign.campaign_file import CampaignFile, read_value
 from estim.campaign.dialect_table import DialectKeys
 from estim.campaign.prior_table import PriorKeys, PriorTable
 from estim.campaign.track_table import TrackKeys
-from estim.common import InputError, Quantity, phrase
+from estim.common import InputError, Quantity, phrase, same_looks
 from estim.curves import SIGMA, Formula
 from estim.problem import Flat, Prior, as_prior
 from estim.reading import Places, name_and_unit
@@ -183,7 +183,8 @@ def check_parameters(source: CampaignFile, formula: Formula, table: CurveTable, 
     for path, level in levels:
         for name in level.parameters:
             if name not in formula.names:
-                raise source.places.error(f"is not in the formula ({', '.join(formula.names)})", (*path, "parameters", name))
+                alike = same_looks((*formula.names, name)) or None
+                raise source.places.error(f"is not in the formula ({', '.join(formula.names)})", (*path, "parameters", name), value=alike)
     for name in table.errors:
         if not name.isidentifier() or name in formula.names or name.startswith(SIGMA):
             raise source.places.error("must be a name that no parameter has", ("curve", "errors", name))

@@ -16,7 +16,7 @@ from estim.campaign.campaign import Campaign, bound
 from estim.campaign.campaign_file import Kind, campaign_file_of
 from estim.campaign.curve_tables import variable_of
 from estim.campaign.toml_text import toml_key, toml_string
-from estim.common import InputError, listed, read_number, read_quantity, shorten
+from estim.common import InputError, listed, read_number, read_quantity, same_looks, shorten
 from estim.curves import Formula, called_by_name, linear_in, read_formula
 from estim.reading import (
     Dialect,
@@ -211,7 +211,8 @@ def _check_parameters(formula: Formula, choices: TableChoices) -> None:
     for option, given in (("--start", choices.start), ("--low", choices.low), ("--high", choices.high), ("--value", choices.value)):
         for name in given:
             if name not in formula.names:
-                raise InputError("names no parameter of the formula", field=option, value=name, quoted=", ".join(formula.names))
+                alike = same_looks((*formula.names, name))
+                raise InputError("names no parameter of the formula", field=option, value=alike or name, quoted=", ".join(formula.names))
     for name in choices.value:
         if name in (*choices.start, *choices.low, *choices.high):
             raise InputError("gives a parameter its value: leave out --start, --low and --high of it", field="--value", value=name)

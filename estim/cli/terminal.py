@@ -67,6 +67,11 @@ def _code(command: Callable[[], object]) -> int:
         said = error.format_message() if isinstance(error, click.ClickException) else str(error)
         say(f"error: {said}", err=True)
         return NOT_OK if isinstance(error, NumericalError) else BAD_INPUT
+    except OSError as error:  # of a file that a person named, looked for where nothing opens it: too long a name, a folder of others
+        if error.filename is None:
+            raise
+        say(f"error: {error.filename}: cannot be used ({(error.strerror or str(error)).lower()})", err=True)
+        return BAD_INPUT
     return status if isinstance(status, int) else 0
 
 

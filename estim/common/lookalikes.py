@@ -7,7 +7,8 @@ Source of the pairs: Unicode Technical Standard 39, confusables.txt, the letters
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
+from unicodedata import name as name_of
 from unicodedata import normalize
 
 _CYRILLIC = ("АВЕЅІЈКМНОРСТУХԌаеѕіјорсухһԁԛԝӏ", "ABESIJKMHOPCTYXGaesijopcyxhdqwl")
@@ -17,8 +18,7 @@ _LATIN = str.maketrans(_CYRILLIC[0] + _GREEK[0], _CYRILLIC[1] + _GREEK[1])
 
 def forms(name: str) -> tuple[str, str]:
     """What is left of a name without case and Unicode form, and without the script of letters that look alike either."""
-    plain = normalize("NFKC", name)
-    return _folded(plain), _folded(plain.translate(_LATIN))
+    return _folded(_plain(name)), _folded(_looks(name))
 
 
 def _folded(text: str) -> str:
@@ -34,3 +34,26 @@ def first_alike(names: Sequence[str]) -> tuple[int, int] | None:
                 return i, seen[key]
         seen |= dict.fromkeys(enumerate(forms(name)), i)
     return None
+
+
+def same_looks(names: Iterable[str]) -> str:
+    """Two different names that nobody can tell apart when they are printed, with the letters that differ; "" where there are none."""
+    seen: dict[str, str] = {}
+    for name in names:
+        other = seen.setdefault(_looks(name), name)
+        if _plain(name) != _plain(other):
+            return ", ".join(f"{one} ({spelt})" if (spelt := _foreign(one)) else one for one in (other, name))
+    return ""
+
+
+def _plain(name: str) -> str:
+    return normalize("NFKC", name)
+
+
+def _looks(name: str) -> str:
+    return _plain(name).translate(_LATIN)
+
+
+def _foreign(name: str) -> str:
+    """The letters of a name that look like Latin ones, as Unicode calls them."""
+    return ", ".join(name_of(mark).lower() for mark in dict.fromkeys(_plain(name)) if ord(mark) in _LATIN)

@@ -13,7 +13,7 @@ import copy
 import difflib
 import re
 import warnings
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass
 from functools import lru_cache
 from types import CodeType, MappingProxyType
@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from estim.arrays import FloatArray
-from estim.common import InputError, read_number
+from estim.common import InputError, read_number, same_looks
 from estim.curves.dual import Dual, plain
 from estim.problem import LocalCurve
 
@@ -109,16 +109,24 @@ def read_formula(text: object, *, field: str = "expression") -> Formula:
     names: dict[str, None] = {}
     checked = _checked(tree, names, field, text)
     _check_constants(checked, field)
+    _check_looks(names, field)
     return Formula(text, tuple(names), ast.fix_missing_locations(checked))
 
 
-def check_names(names: Iterable[str], *, field: str) -> None:
+def check_names(names: Collection[str], *, field: str) -> None:
     """Names of parameters can stand in a formula.  Raises InputError."""
     for name in names:
         if not isinstance(name, str) or not name.isidentifier() or name.startswith("_"):
             raise InputError("must be named by letters, digits and _, a letter first", field=field, value=name)
         if name in RESERVED or name == _POWER:
             raise InputError("has a parameter named like the variable, a constant or a function", field=field, value=name)
+    _check_looks(names, field)
+
+
+def _check_looks(names: Iterable[str], field: str) -> None:
+    """No name passes for another one, nor for the variable, a constant or a function, by letters of another alphabet."""
+    if alike := same_looks((*sorted(RESERVED), *names)):
+        raise InputError("has two names that look alike: write both in the letters of one alphabet", field=field, value=alike)
 
 
 def evaluate(tree: ast.expr, symbols: Mapping[str, Any]) -> Any:

@@ -15,7 +15,7 @@ from types import MappingProxyType
 import numpy as np
 from numpy.typing import ArrayLike
 
-from estim.common import InputError, Notation
+from estim.common import InputError, Notation, same_looks
 from estim.curves.formula import Formula, check_names, evaluate, read_formula
 from estim.curves.sought_units import unit_that_follows as unit_that_follows
 from estim.curves.varying import own_values, shift_of
@@ -108,6 +108,8 @@ def check_sought(sought: Iterable[SoughtQuantity], known: Collection[str], deriv
     for quantity in sought:
         if quantity.name in everything:
             raise InputError("is the name of something else here: choose another", field=quantity.name)
+        if alike := same_looks((*everything, quantity.name)):
+            raise InputError("looks like the name of something else here: choose another", field=quantity.name, value=alike)
         for name in quantity.own:
             if name not in everything:
                 rule = f"names '{name}', which is neither a parameter nor a derived quantity before it ({', '.join(everything)})"

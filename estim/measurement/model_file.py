@@ -16,7 +16,7 @@ import msgspec
 import numpy as np
 
 from estim.campaign import checked
-from estim.common import InputError
+from estim.common import InputError, same_looks
 from estim.curves import RESERVED, Formula, evaluate, read_formula, unit_that_follows
 from estim.measurement.input_tables import InputTable, inputs_of
 from estim.propagation import Input, IntervalKind
@@ -186,6 +186,8 @@ def _check_name(name: str, path: Sequence[str], places: Places) -> None:
 def _check_names(outputs: Sequence[Output], quantities: Sequence[Quantity], places: Places) -> None:
     """Each formula names inputs and outputs above it, and every input is used."""
     known = [quantity.name for quantity in quantities]
+    if alike := same_looks((*known, *(output.name for output in outputs))):
+        raise places.error("has two names that look alike: write both in the letters of one alphabet", ("inputs",), value=alike)
     used: set[str] = set()
     for output in outputs:
         path = _place_of_formula(output, places)

@@ -13,28 +13,32 @@ from estim.curves import Dual
 from estim.measurement.model_file import MeasurementModel
 
 _ORDERS = ("a", "b", "c")
+_LARGEST = 1e75  # input whose fourth power, as third derivatives have it, is a number, as is that of its inverse
 
 
 def second_order_u(model: MeasurementModel) -> FloatArray | None:
     """Standard uncertainties (n_out,) with the terms of the next order, for independent inputs; None where inputs are correlated.
 
-    u^2 = sum_i f_i^2 u_i^2 + sum_ij (f_ij^2/2 + f_i f_ijj) u_i^2 u_j^2, NaN where a derivative does not exist or the sum is negative.
+    u^2 = sum_i f_i^2 u_i^2 + sum_ij (f_ij^2/2 + f_i f_ijj) u_i^2 u_j^2, NaN where a derivative does not exist, or may be too large or small for a
+    number, or the sum is negative.
     Exact to this order for inputs that are normal.  Source: GUM 5.1.2, note.
     """
     if model.correlation is not None:
         return None
     uncertain = [one for one in model.inputs if one.u > 0.0]
     n_out = len(model.outputs)
+    if any(size != 0.0 and not 1.0 / _LARGEST <= size <= _LARGEST for one in uncertain for size in (abs(one.value), one.u)):
+        return np.full(n_out, math.nan)
     variance = np.zeros(n_out)
     with np.errstate(all="ignore"):
         for first in uncertain:
-            slopes = [_derivative(value, "a") for value in _at(model, first.name, first.name)]
-            variance += np.square(slopes) * first.u**2
+            slopes = first.u * np.array([_derivative(value, "a") for value in _at(model, first.name, first.name)])
+            variance += slopes**2
             for second in uncertain:
                 results = _at(model, first.name, second.name)
-                mixed = np.array([_derivative(value, "ab") for value in results])
-                third = np.array([_derivative(value, "abc") for value in results])
-                variance += (0.5 * mixed**2 + np.array(slopes) * third) * (first.u * second.u) ** 2
+                mixed = first.u * second.u * np.array([_derivative(value, "ab") for value in results])
+                third = first.u * second.u * (second.u * np.array([_derivative(value, "abc") for value in results]))
+                variance += 0.5 * mixed**2 + slopes * third
         return np.asarray(np.where(variance >= 0.0, np.sqrt(np.abs(variance)), math.nan))
 
 

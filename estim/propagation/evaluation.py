@@ -31,6 +31,7 @@ MeasurementFunction = Callable[[Mapping[str, Any]], ArrayLike | Sequence[ArrayLi
 _N_STEP = 10  # central differences at scale/8, scale/16, ..., scale/4096
 _SETTLED = 4  # extrapolations that end at a step before this one are not trusted (a period of the function may fool them)
 _N_COLUMN = 5
+_LARGEST = 1e150  # its square is a number still, as is that of its inverse
 _EPSILON = float(np.finfo(float).eps)
 
 
@@ -73,6 +74,26 @@ def evaluate_draws(function: MeasurementFunction, draws: Mapping[str, FloatArray
     if not np.allclose(alone, output[0], rtol=1e-6, atol=1e-6 * size, equal_nan=True):
         raise InputError("must treat every draw by itself, and give the same value again", field="function")
     return output
+
+
+def check_size(values: FloatArray, spreads: FloatArray) -> None:
+    """Raises InputError where all outputs are so large or so small that squares of them are no numbers.
+
+    values : of the outputs.  spreads : how far they scatter, or what inputs contribute to their uncertainties.
+    """
+    for sizes in (values, spreads):
+        largest = float(np.max(np.abs(sizes[np.isfinite(sizes)]), initial=0.0))
+        if largest != 0.0 and not 1.0 / _LARGEST <= largest <= _LARGEST:
+            rule = f"and its uncertainty must be 0 or between {1.0 / _LARGEST:g} and {_LARGEST:g} in size: choose other units"
+            raise InputError(rule, field="result", value=largest)
+
+
+def check_draws(value: FloatArray, draws: FloatArray) -> None:
+    """`check_size` of the outputs at the estimates and the usual distance of draws from them, whatever their tails."""
+    with np.errstate(all="ignore"):
+        away = np.abs(draws - value)
+    away = away[np.isfinite(away)]
+    check_size(value, np.atleast_1d(np.median(away)) if away.size else away)
 
 
 @dataclass(frozen=True, eq=False)

@@ -28,7 +28,7 @@ from numpy.typing import NDArray
 from estim.arrays import FloatArray
 from estim.common import InputError, phrase
 from estim.distributions import student_quantile
-from estim.propagation.evaluation import Gradient, MeasurementFunction, gradient
+from estim.propagation.evaluation import Gradient, MeasurementFunction, check_size, gradient
 from estim.propagation.inputs import Correlation, Input, check_inputs, correlation_matrix
 
 _INACCURATE = 1e-3  # numerical error of a derivative times u(x), as a part of u(y), from which on it is reported
@@ -106,6 +106,7 @@ def propagate_linear(
     slopes = gradient(function, checked)
     shape = slopes.value.shape
     components = uncertainty_components(checked, slopes.derivative)
+    check_size(slopes.value, components)
     covariance = components.T @ matrix @ components
     u = np.sqrt(np.maximum(np.diag(covariance), 0.0))
     dof, dof_notes = _effective_dof(checked, matrix, components, u)

@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from estim.arrays import FloatArray
 from estim.common import InputError, later, phrase
 from estim.propagation.copula import copula_matrix, draw_inputs
-from estim.propagation.evaluation import MeasurementFunction, evaluate_draws, evaluate_point
+from estim.propagation.evaluation import MeasurementFunction, check_draws, evaluate_draws, evaluate_point
 from estim.propagation.inputs import Correlation, Input, check_inputs, correlation_matrix
 from estim.propagation.linear import check_probability, frozen, how_many
 from estim.propagation.tail_index import NO_MEAN, NO_VARIANCE, tail_index
@@ -145,6 +145,7 @@ def propagate_monte_carlo(
     blocks: list[FloatArray] = []
     for size in sizes:
         outputs.append(evaluate_draws(function, draw_inputs(checked, copula, rng=rng, n_draw=size), n_out=n_out))
+        check_draws(value, outputs[-1])
         blocks.append(_block_statistics(outputs[-1], probability))
         if progress is not None:
             progress(sum(map(len, outputs)), sum(sizes))
