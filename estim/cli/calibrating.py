@@ -71,7 +71,7 @@ def run_calibrations(
         for group in groups:
             posed = loaded.problem(group)
             fit = loaded.fit(as_complete(posed, "estim calibrate"), rng=stream(seed, Stream.CALIBRATION_FIT))
-            unlike = unlike_fit(posed, loaded.with_usual_errors(posed))
+            unlike = unlike_fit(posed, loaded.problem(group, usual=True))
             design = campaign_design(loaded, group, fitted=fit.values)
             calibrations = []
             for kind in ("sbc", "coverage") if what == "both" else (what,):

@@ -317,7 +317,8 @@ def _polished(search: SeparableSearch, values: FloatArray, *, n_start: int, n_sa
     if not all_finite(jacobian, residual):
         names = search.posterior.problem.names
         lost = [names[i] for i in free if not np.all(np.isfinite(jacobian[:, i]))]
-        rule = f"leads the search to where the curve has no finite derivatives in {' and '.join(lost) or 'any parameter'}: try other values, or limits"
+        where = " and ".join(lost) or "any parameter"
+        rule = f"leads the search to where the curve has no finite derivatives in {where}: try other values, or limits"
         raise InputError(rule, field="start")
     rounded = rounding(search, values)
     left = 0.1 * math.sqrt(rounded / max(chi2, 1e-300) * max(1, residual.size - free.size))
@@ -327,7 +328,8 @@ def _polished(search: SeparableSearch, values: FloatArray, *, n_start: int, n_sa
     full = np.zeros((values.size, values.size))
     full[np.ix_(moving, moving)] = cov
     alone = np.zeros((0, values.size))
+    problem = search.posterior.problem
     return Optimum(
-        values, full, chi2, rounded, step_size, max(_SETTLED, left), search.posterior.problem.names[mover], condition, resolved, near, n_start, n_same, alone,
-        no_symmetry(search.posterior.problem), (),
+        values, full, chi2, rounded, step_size, max(_SETTLED, left), problem.names[mover], condition, resolved, near, n_start, n_same, alone,
+        no_symmetry(problem), (),
     )

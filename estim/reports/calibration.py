@@ -64,7 +64,7 @@ class CalibrationRecord(msgspec.Struct, frozen=True, rename={"schema_": "schema"
 
 def unlike_fit(problem: Problem, with_usual_errors: Problem) -> str:
     """What `estim fit` has beside the curves of a problem and a calibration has not, in words; "" where it is the same analysis."""
-    usual = any(run.noise is not other.noise for run, other in zip(problem.runs, with_usual_errors.runs, strict=True))
+    usual = problem.names != with_usual_errors.names
     beside = [phrase("an unmodelled force")] if any(run.force for run in problem.runs) else []
     beside += [phrase("usual errors of clock and scale")] if usual else []
     if not beside:
