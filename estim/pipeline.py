@@ -173,14 +173,14 @@ def analyse(
 
     noise : in place of the noise tables of the campaign.
     store, stop : keep the chain on disk, resume it, end it early (`sample_posterior`).
-    marginal : whether a joint posterior is sampled through the marginal over runs; None: where the chain has no proposal (more than 12
+    marginal : whether a joint posterior is sampled through the marginal over runs; None: where the chain has no proposal (more than 14
         unknowns), or a quantity varies between runs; never where runs share a force, which ties them together.
     complete : what takes the curves as complete, without a force that nobody asked for ("estim energy"); "" for nothing.
     beside : fits of these runs with other noise; where one has the same points and the same curve, the search starts from its optima.
     """
-    problem = campaign.problem(runs, noise=noise, usual=not complete)
-    problem = as_complete(problem, complete) if complete else problem
+    problem = campaign.problem(runs, noise=noise)
     campaign.require_unknowns(problem)
+    problem = as_complete(problem, complete) if complete else campaign.problem(runs, noise=noise, usual=True)
     if progress is not None:
         progress(0, phrase("fit"))
     near = fit_beside(problem, beside, rng=stream(seed, Stream.FIT), scanned=problem.n_par <= MAX_PARAMETERS)

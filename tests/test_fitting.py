@@ -25,6 +25,8 @@ title = "a line of code away from a hand calculation"
 kind = "synthetic"
 [shared]
 g = 9.81
+scale_x = 0.0
+scale_t = 0.0
 phi_deg = -5.5
 theta0_deg = 5.5
 [bodies.b]

@@ -218,7 +218,7 @@ def test_a_model_without_resistance_does_not_bring_back_the_end_of_a_braked_run(
     tmp_path: Path, noise: str, failing: list[str], every: list[str]
 ) -> None:
     text = KNOWN.replace('theta0_rad = {prior = "uniform", low = 0.6, high = 1.5}', 'theta0_rad = "1.047(5)"')
-    braked = rolled(tmp_path, resistance=0.01, noise=noise, text=text)
+    braked = rolled(tmp_path, resistance=0.01, noise=noise, text=text, shared="scale_x = 0\nscale_t = 0\n")  # which take up some of it
     models = {model.name: model for model in braked.curve_models(["r"])}
     checked = {}
     for name in ("paper", "rolling-resistance"):

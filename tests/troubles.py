@@ -122,7 +122,7 @@ TROUBLES = {
     # the true gamma, 0.187, lies beyond what was thought possible; a little beyond (0.185) it is a limit and no trouble
     "gamma at its bound": Trouble(
         Disk(gamma=uniform(0.0, 0.175)), Disk(gamma=uniform(0.0, 0.185)),
-        "at-bound", r"γ\[b\] lies at the edge of its prior, 0\.175, and the data ask for values beyond it \(p = 0\.0053\)$", "widen the prior",
+        "at-bound", r"γ\[b\] lies at the edge of its prior, 0\.175, and the data ask for values beyond it \(p = 0\.0051\)$", "widen the prior",
     ),
     # (gamma, s, 1 + j) scaled together leave the speed unchanged, and nothing says how large one of them is
     "flat direction": Trouble(

@@ -172,6 +172,9 @@ class RollingStudy:
     def _white_fit(self, problem: Problem, *, rng: np.random.Generator) -> Fit:
         """The mode with the stated noise alone."""
         fit = fit_least_squares(problem, rng=rng, n_start=_STARTS if len(problem.runs) <= _MANY_RUNS else _FEW_STARTS)
+        if fit.singular:  # where the body does not move nothing is determined: few starts lead away from there
+            further = fit_least_squares(problem, rng=rng, n_start=4 * _STARTS)
+            fit = further if further.chi2 < fit.chi2 else fit
         return scanned_fit(fit, rng=rng) if problem.n_par <= MAX_PARAMETERS else fit
     def foreseen(self, problem: Problem, tables: Mapping[str, Run], values: FloatArray, sizes: Mapping[str, ForceSize]) -> FloatArray:
         """With an unmodelled force beside the curve of every run of known `sizes`.  Raises InputError where that cannot be linearised."""

@@ -33,6 +33,7 @@ _ALIKE = 0.3  # the same, by which flat weights of readings would move it, from 
 _CROWD = 0.35  # share of outliers beyond which they may be another motion, and the frames called good a part of it
 
 _MOST_TOLD = 5  # separate solutions that are listed
+_APART = 0.5  # sds by which solutions must differ in a parameter for it to be told, beside the one in which they differ most
 
 @dataclass(frozen=True, eq=False)
 class Diagnosis:
@@ -133,7 +134,8 @@ def several_solutions(fit: Fit, modes: Modes) -> list[Finding]:
         return []
     sds = np.sqrt(np.diag(fit.cov))
     apart = np.max(np.abs(modes.values[1:] - modes.values[0]), axis=0) / np.where(sds > 0.0, sds, np.inf)
-    told = [fit.problem.parameters[i] for i in sorted(np.argsort(-apart)[:3].tolist())]
+    farthest = np.argsort(-apart)[:3].tolist()
+    told = [fit.problem.parameters[i] for i in sorted(i for i in farthest if apart[i] > _APART or i == farthest[0])]
     solutions = [
         Finding(Kind.SOLUTION, size=float(share), parameters=tuple(Amount(p.name, float(values[fit.names.index(p.name)]), p.label) for p in told))
         for values, share in zip(modes.values[:_MOST_TOLD], modes.shares[:_MOST_TOLD], strict=True)

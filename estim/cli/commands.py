@@ -89,7 +89,7 @@ def cli() -> None:
 @curve_options
 @click.option(
     "--marginal/--full", default=None, help="Sample a joint fit through the marginal over its runs, or all unknowns at once.  "
-    "[default: the marginal for more than 12 unknowns, where runs share no force]",
+    "[default: the marginal for more than 14 unknowns, where runs share no force]",
 )
 @click.option("--compare", is_flag=True, help="Fit with every model of the noise that the data allow, and tabulate them.")
 @click.option("--explain", is_flag=True, help="Tabulate what may be missing, each cause refit.  [default: where something is]")

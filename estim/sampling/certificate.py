@@ -7,7 +7,7 @@ It gives means, standard deviations, quantiles and the evidence, each with its M
 
 Quadrature (`estim.sampling.quadrature`) fills the same record.
 
-What to use when: up to 12 parameters importance sampling checks a chain in some milliseconds; beyond, weights degenerate and the
+What to use when: up to 14 parameters importance sampling checks a chain in some milliseconds; beyond, weights degenerate and the
 comparison says "missing" instead of a verdict.
 """
 
@@ -33,7 +33,7 @@ from estim.words import tell
 __all__ = ["Agreement", "Certificate", "Proposal", "adapt_proposal", "certify", "compare_with_chain"]
 
 
-MAX_PARAMETERS = 12
+MAX_PARAMETERS = 14
 MAX_TIED = 20  # of runs that share a force: a chain is all that they have beside importance sampling, no marginal over runs
 IMPORTANCE = later("importance sampling")
 MOST_DRAWS = 64_000

@@ -71,7 +71,9 @@ class Proposal:
         """(n_component,) log of weight times density at the centre."""
         d = self.n_par
         unit = math.lgamma(0.5 * (self.dof + d)) - math.lgamma(0.5 * self.dof) - 0.5 * d * math.log(self.dof * math.pi)
-        return np.log(self.weights) + unit - np.sum(np.log(np.diagonal(self.factors, axis1=1, axis2=2)), axis=1)
+        with np.errstate(divide="ignore"):  # a component may have no weight
+            heights = np.log(self.weights)
+        return heights + unit - np.sum(np.log(np.diagonal(self.factors, axis1=1, axis2=2)), axis=1)
 
     @cached_property
     def follows(self) -> NDArray[np.bool_]:
