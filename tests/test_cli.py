@@ -114,7 +114,7 @@ def test_output_folder_that_cannot_be_made_is_one_line(estim: Command, tmp_path:
     (tmp_path / "file").write_text("in the way")
     done = estim("simulate", replica / "design.toml", "--out", tmp_path / "file" / "x")
     assert done.returncode == 2
-    assert "cannot be written" in done.stderr
+    assert "cannot be read (not a directory)" in done.stderr
 
 
 def test_help_loads_nothing_heavy() -> None:

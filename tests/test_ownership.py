@@ -121,6 +121,10 @@ def test_an_import_and_a_simulation_overwrite_nothing_that_is_not_theirs(project
         design = re.sub(r"(?m)^seed = \d+", change, (tmp_path / "design.toml").read_text())
         (tmp_path / "design.toml").write_text(design)
         assert run("simulate", tmp_path / "design.toml", "--out", tmp_path / "sim").exit_code == 0
+    before = {path.name: path.read_bytes() for path in (tmp_path / "sim").iterdir() if path.is_file()}
+    (tmp_path / "model.toml").write_text(MODEL)
+    assert run("propagate", tmp_path / "model.toml", "--out", tmp_path / "sim", "--no-figures").exit_code == 0
+    assert all((tmp_path / "sim" / name).read_bytes() == data for name, data in before.items())  # a report takes nothing from the campaign
     track = next((project / "data").rglob("*.trk"))
     (tmp_path / "run.csv").write_text("mine")
     done = run("import", track, "-o", tmp_path / "run.csv")
