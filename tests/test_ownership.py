@@ -6,6 +6,7 @@ import json
 import re
 import shutil
 from hashlib import sha256
+from importlib import import_module
 from pathlib import Path
 
 import pytest
@@ -49,6 +50,8 @@ def place(project: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Pat
     (tmp_path / "model.toml").write_text(MODEL)
     (tmp_path / "points.csv").write_text("x,y\n0,1\n1,2.1\n2,2.9\n3,4\n")
     monkeypatch.chdir(tmp_path)
+    for name in ("batch", "calibration", "line", "measurement", "planning", "reports", "studies"):
+        import_module(f"estim.{name}")  # what is first imported below would keep the stand-in
     for name in ("estim.pipeline.analyse", "estim.measurement.propagate", "estim.planning.plan", "estim.studies.weigh", "estim.line.straight_line"):
         monkeypatch.setattr(name, computed)
     return tmp_path
@@ -121,6 +124,10 @@ def test_an_import_and_a_simulation_overwrite_nothing_that_is_not_theirs(project
         design = re.sub(r"(?m)^seed = \d+", change, (tmp_path / "design.toml").read_text())
         (tmp_path / "design.toml").write_text(design)
         assert run("simulate", tmp_path / "design.toml", "--out", tmp_path / "sim").exit_code == 0
+    before = {path.name: path.read_bytes() for path in (tmp_path / "sim").iterdir() if path.is_file()}
+    (tmp_path / "model.toml").write_text(MODEL)
+    assert run("propagate", tmp_path / "model.toml", "--out", tmp_path / "sim", "--no-figures").exit_code == 0
+    assert all((tmp_path / "sim" / name).read_bytes() == data for name, data in before.items())  # a report takes nothing from the campaign
     track = next((project / "data").rglob("*.trk"))
     (tmp_path / "run.csv").write_text("mine")
     done = run("import", track, "-o", tmp_path / "run.csv")

@@ -30,7 +30,7 @@ from estim.cli.models import compare_models
 from estim.cli.new import new_campaign
 from estim.cli.options import JOBS, JOINT, NO_FIGURES, OUT, RUNS, SEED, STEPS, out_folder
 from estim.cli.origin import Ledger, origin_of
-from estim.cli.origin_record import ORIGIN, written_before
+from estim.cli.origin_record import SIMULATION, written_before
 from estim.cli.planning import plan_next
 from estim.cli.propagating import say_propagated
 from estim.cli.tables import curve_options, load_or_make
@@ -243,10 +243,10 @@ def simulate(design: Path, out: Path) -> None:
     """Make a SYNTHETIC campaign from DESIGN (a TOML file): runs, theta_min series, campaign.toml and the truth."""
     from estim.campaign import load_design, simulate_campaign
 
-    written = written_before(out, within=out)
+    written = written_before(out, within=out, name=SIMULATION)
     files = simulate_campaign(load_design(design))
     replace_own(
-        out, {name: text.encode() for name, text in files.items()}, written, ORIGIN,
+        out, {name: text.encode() for name, text in files.items()}, written, SIMULATION,
         lambda outputs: as_json(replace(origin_of(), outputs=dict(outputs))), within=out,
     )
     say(f"synthetic campaign: {out / 'campaign.toml'} ({len(files)} files)")

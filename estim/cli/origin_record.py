@@ -9,6 +9,7 @@ from pathlib import Path, PurePosixPath
 from estim.common import InputError, json_of, read_file
 
 ORIGIN = "origin.json"
+SIMULATION = "simulation.json"  # of a synthetic campaign, in whose folder a report may stand: it must not pass for the report before
 SCHEMA = "estim-origin/1"
 _LARGEST = 2**24
 _LONGEST = 255  # bytes of a name
@@ -33,9 +34,9 @@ class Origin:
         return shlex.join(["estim", *self.command])
 
 
-def read_origin(folder: Path, *, within: Path | None = None) -> Origin:
+def read_origin(folder: Path, *, within: Path | None = None, name: str = ORIGIN) -> Origin:
     """The origin of the report in `folder`.  Raises InputError where there is none, or it is none of estim's: it may be somebody else's."""
-    path = folder / ORIGIN
+    path = folder / name
     data = read_file(path, at_most=_LARGEST, within=within or folder)
     if data is None:
         raise InputError(f"holds no {ORIGIN}: it is no report of this version of estim", field="report", value=str(folder))
@@ -54,12 +55,13 @@ def read_origin(folder: Path, *, within: Path | None = None) -> Origin:
     return origin
 
 
-def written_before(folder: Path, *, within: Path) -> dict[str, str]:
+def written_before(folder: Path, *, within: Path, name: str = ORIGIN) -> dict[str, str]:
     """Files of the report that stands in `folder`, with their digests; none where there is none.
 
     Raises InputError for an origin that is none of ours.
     """
-    return {} if read_file(folder / ORIGIN, at_most=_LARGEST, within=within) is None else read_origin(folder, within=within).outputs
+    there = read_file(folder / name, at_most=_LARGEST, within=within) is not None
+    return read_origin(folder, within=within, name=name).outputs if there else {}
 
 
 def inside(name: str) -> bool:
