@@ -49,7 +49,8 @@ class Readings:
         a, k = self.parabola()
         reading = np.asarray(reading, dtype=float)
         square = a * a - 4.0 * k * reading
-        return np.asarray(2.0 * reading / (a + np.sqrt(np.where(square >= 0.0, square, np.nan))))
+        slope = a + np.sqrt(np.where(square >= 0.0, square, np.nan))
+        return np.asarray(2.0 * reading / np.where(slope > 0.0, slope, np.nan))  # a scale of 0 or less reads nothing
 
     def stretch(self, x: ArrayLike) -> FloatArray:
         """dx_read/dx at true positions x (m), dimensionless."""

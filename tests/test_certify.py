@@ -286,10 +286,10 @@ def test_negligible_difference_is_not_called_however_well_it_is_known(rng: np.ra
 
 
 def test_no_verdict_where_importance_sampling_or_the_chain_cannot_tell(rng: np.random.Generator) -> None:
-    many = certificate_of(normal(np.eye(13)), np.zeros(13), np.eye(13), rng=rng)
-    comparison = compare_with_chain(many, chain_of(rng.standard_normal((4, 100, 30, 13))))
+    many = certificate_of(normal(np.eye(15)), np.zeros(15), np.eye(15), rng=rng)
+    comparison = compare_with_chain(many, chain_of(rng.standard_normal((4, 100, 30, 15))))
     assert comparison.verdict == "missing"
-    assert "12 parameters" in comparison.reason
+    assert "14 parameters" in comparison.reason
     few = certificate_of(normal(np.eye(2)), np.zeros(2), np.eye(2), rng=rng)
     comparison = compare_with_chain(few, chain_of(rng.standard_normal((4, 10, 2, 2))))
     assert comparison.verdict == "missing"

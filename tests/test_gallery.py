@@ -133,7 +133,7 @@ def test_reports_say_what_is_exact_and_what_may_be_done_about_blunders() -> None
     }
     assert list(exact.values()) == [["K is fixed at 0"], [], ["n is fixed at 2", "T is fixed at 0.621"]]
     normal, robust = (gallery.result_of("table_length", run)["advice"] for run in ("2m-ruler-normal", "2m-ruler"))
-    assert ['robust = "mixture" in [curve]' in line for line in normal] == [False, True]
+    assert ['robust = "mixture" in [curve]' in line for line in normal].count(True) == 1
     assert robust == []
     drifting = gallery.result_of("falling_phone", "speed-squared")["advice"]
     assert not any("mixture" in line for line in drifting)  # a wrong curve is no blunder

@@ -81,12 +81,12 @@ def test_the_replica_is_what_its_design_makes_byte_by_byte(replica, files):
     for name, text in files.items():
         assert (replica / name).read_bytes() == text.encode(), name
     committed = {p.relative_to(replica).as_posix() for p in replica.rglob("*") if p.is_file()}
-    assert committed == {*files, "design.toml", "origin.json"}
+    assert committed == {*files, "design.toml", "simulation.json"}
 
 
 def test_every_file_of_the_replica_says_synthetic(replica):
     for path in replica.rglob("*"):
-        if path.is_file() and path.name != "origin.json":  # which says how the others were made
+        if path.is_file() and path.name != "simulation.json":  # which says how the others were made
             assert "SYNTHETIC" in path.read_text().splitlines()[0], path
 
 

@@ -41,11 +41,13 @@ def deviation_remarks(found: FoundDeviation, *, x_unit: str, y_unit: str) -> tup
 
 def unasked(fit: Fit) -> list[Finding]:
     """How probable it is that a curve of the user's, taken as complete, lacks something: of the run where that is most probable."""
+    if fit.problem.shared or len(fit.problem.runs) > MANY:
+        return []
     runs = [
         run for run, likelihood in zip(fit.problem.runs, fit.posterior.likelihoods, strict=True)
         if run.motion is None and run.lacks is None and run.noise.counted is None and likelihood.normal is not None and _FEWEST <= run.n_obs <= _MOST
     ]
-    found = [(presence(run, fit.problem, fit.values), run.name) for run in runs if len(fit.problem.runs) == len(fit.posterior.likelihoods) <= MANY]
+    found = [(presence(run, fit.problem, fit.values), run.name) for run in runs]
     return [Finding(Kind.DEVIATION_UNASKED, run=max(found)[1] if len(fit.problem.runs) > 1 else "", p=max(found)[0])] if found else []
 
 

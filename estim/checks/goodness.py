@@ -59,6 +59,7 @@ _N_SIMULATED = 20_000
 _AT_ONCE, _PIECE = 8e6, 2e6  # numbers in one piece, and in each of several: what is made of them takes many times their memory
 _SLOW_ORDER, _SLOW_WEIGHT = 5, 4.0
 _SAME = 1e-9  # of its size: what varies less is the same everywhere
+_LEAST_REPEATED = 2  # readings beyond the first of their x: a single one may be a copied row
 _NO_DRIFT = 0.5  # standard deviations of a slow shape in independent residuals
 _OF_NEIGHBOURS = frozenset(("runs", "autocorrelation"))
 P_FLOOR = 1.0 / (1.0 + _N_SIMULATED)  # a p-value of the tests below cannot come out smaller
@@ -336,7 +337,7 @@ class _Repeated:
     def of(cls, x: FloatArray, sd: FloatArray) -> _Repeated | None:
         order = np.argsort(x, kind="stable")
         _, begins, counts = np.unique(x[order], return_index=True, return_counts=True)
-        if begins.size == x.size:
+        if x.size - begins.size < _LEAST_REPEATED:
             return None
         precisions = 1.0 / np.square(sd[order])
         return cls(order, np.sqrt(precisions / np.repeat(np.add.reduceat(precisions, begins), counts)), begins)
