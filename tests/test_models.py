@@ -30,6 +30,7 @@ from estim.explanation import predictive_checks
 from estim.fitting.least_squares import fit_least_squares
 from estim.problem import HalfNormal, Normal, Problem, TruncatedNormal, Uniform
 from estim.problem.roots import root_of
+from estim.reports import ground_words, price_words, verdicts
 from estim.sampling import Target, adapt_proposal, certify
 from estim.studies import START, Ground, ModelComparison, compare_models
 from estim.studies.models import APART, check_same_points, recommend, widened
@@ -165,7 +166,9 @@ def stand_in(name: str, odds: float, *, own: tuple[str, ...] = (), forced: bool 
 @pytest.mark.parametrize(
     ("rows", "expected"),
     [
-        ([("paper", 0.0), ("drag", 4.0, ("k",)), ("unmodelled-force", 9.0, "forced")], ("unmodelled-force", Ground.ROOM)),
+        ([("paper", 0.0), ("drag", 4.0, ("k",)), ("unmodelled-force", 9.0, "forced")], ("unmodelled-force", Ground.UNDECIDED)),
+        ([("paper", 0.0), ("drag", 4.0, ("k",)), ("unmodelled-force", 3.0, "forced")], ("unmodelled-force", Ground.ROOM)),
+        ([("paper", 0.4), ("drag", 1.0, ("k",)), ("unmodelled-force", 3.2, "forced", 2.9)], ("unmodelled-force", Ground.ROOM)),
         ([("paper", 5.0), ("drag", 0.0, ("k",)), ("unmodelled-force", 4.0, "forced")], ("drag", Ground.SHOWN)),
         ([("paper", 2.0), ("drag", 0.0, ("k",)), ("unmodelled-force", 9.0, "forced")], ("unmodelled-force", Ground.UNDECIDED)),
         ([("paper", 9.0), ("drag", 0.0, ("k",)), ("unmodelled-force", 4.0, "forced", 3.0)], ("unmodelled-force", Ground.UNDECIDED)),
@@ -183,6 +186,30 @@ def test_the_default_is_left_only_for_something_that_it_does_not_contain_and_tha
         for name, odds, *more in rows
     ]
     assert recommend(made, by_evidence=True) == expected
+
+
+def test_what_the_first_lines_say_of_the_odds_is_true() -> None:
+    """A model that the default does not contain has more evidence only with odds for it; what the free start costs counts in neither."""
+    own = {"paper": (), "drag": ("k",), "free-start": ("release_energy[r]",), "unmodelled-force": ()}
+
+    def compared(**odds: float) -> ModelComparison:
+        rows = [
+            stand_in(name.replace("_", "-"), behind, own=own[name.replace("_", "-")], forced="force" in name, price=2.9 if "force" in name else 0.0)
+            for name, behind in odds.items()
+        ]
+        rows = [SimpleNamespace(**vars(row), lack=None) for row in rows]
+        return ModelComparison(tuple(rows), *recommend(rows, by_evidence=True), True)
+
+    cheap = compared(paper=0.4, drag=0.9, free_start=3.4, unmodelled_force=3.2)
+    said = dict(verdicts(cheap))
+    assert "no model of something that it does not contain has more evidence" in ground_words(cheap)
+    assert said["drag"].startswith("odds against it of 1.8 to 1")
+    assert "odds for it" not in said["paper"].replace("odds for it of 1 to 1", "")
+    assert "odds against it of 1.2 to 1" in said["free-start"]  # which pays for its start as well
+    assert "what the free start of unmodelled-force costs, 18 to 1" in price_words(cheap)
+    beaten = compared(paper=1.5, drag=0.0, free_start=4.0, unmodelled_force=5.2)
+    assert ground_words(beaten).startswith("drag has more evidence, 10 to 1 (positive), but these data do not tell it apart")
+    assert dict(verdicts(beaten))["drag"] == "odds for it of 10 to 1 (positive)"
 
 
 def test_data_sets_drawn_again_have_the_mean_and_covariance_of_the_same_deviation_with_new_noise(rng: np.random.Generator) -> None:

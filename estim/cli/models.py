@@ -44,7 +44,7 @@ def compare_models(
     recommended (docs/models.md).  Exit code 3 means that no model is ok.
     """
     from estim.campaign import load_campaign
-    from estim.reports import ground_words, models_report, verdicts
+    from estim.reports import ground_words, models_report, price_words, verdicts
     from estim.sampling import Store, Target, only_writer
     from estim.studies import compare_models as compare
 
@@ -77,6 +77,8 @@ def compare_models(
         say(phrase("{what}: recommended: {name}: {why}", what=what, name=comparison.recommended or phrase("none"), why=ground_words(comparison)))
         for name, why in verdicts(comparison):
             say(phrase("  not {name}: {why}", name=name, why=why))
+        if price := price_words(comparison):
+            say(f"  {price}")
         report_at(place / "report.md", loaded.source.outside())
         recommended = recommended and bool(comparison.recommended)
     for store in stores:

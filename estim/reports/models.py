@@ -18,14 +18,14 @@ from estim.reports.pages import page
 from estim.reports.rendering import render
 from estim.reports.result import provenance
 from estim.sampling import Summary, number, summarise_parameter, trusted
-from estim.studies import FORCE, START, ComparedModel, Ground, Lack, ModelComparison, contains
+from estim.studies import FORCE, START, ComparedModel, Ground, Lack, ModelComparison, contains, log_odds, rival_of
 
 _OF_INTEREST = ("gamma", "kappa", "theta0")
 _LARGE = 1e6  # odds that nobody needs more exactly
 _WORTH = ((1.0, later("hardly worth a mention")), (3.0, later("positive")), (5.0, later("strong")))  # of a log Bayes factor: Kass and Raftery 1995
 _GROUNDS = {
     Ground.ROOM: later("it has room for what a curve may lack, and no model of something that it does not contain has more {what}"),
-    Ground.UNDECIDED: later("{best} has more {what}, but these data do not tell it apart from models without what it adds"),
+    Ground.UNDECIDED: later("{best} has more {what}{odds}, but these data do not tell it apart from every model without what it adds"),
     Ground.SHOWN: later("it adds something that the default does not contain, and the data tell it apart from every model without that"),
     Ground.BEST: later("of the models that are ok it has the most {what}"),
     Ground.NONE: later("no model is ok"),
@@ -69,6 +69,7 @@ class ModelSummary(msgspec.Struct, frozen=True):
     u_log_evidence: float | None
     no_evidence: str
     behind_evidence: float | None
+    price_of_start: float  # of log evidence, that a free start costs and no odds count
     elpd: float | None
     behind_elpd: float | None
     se_behind_elpd: float | None
@@ -91,7 +92,8 @@ def models_report(campaign: Campaign, comparison: ModelComparison, *, seed: int,
         widths=_width_table(rows), predicted=_predicted_table(rows), shown="" if shown is None else shown.model.name,
         strange=() if shown is None else [one for one in shown.predicted if not one.brought_back], limit=P_NOT_BROUGHT_BACK, influential=INFLUENTIAL,
         odds=odds_words, lines=next((row.model.lines for row in rows if row.model.name == comparison.recommended), ()),
-        price=next((row.price_of_start for row in rows if row.model.forced), 0.0), names=[row.model.name for row in rows],
+        price=next((row.price_of_start for row in rows if row.model.forced), 0.0), price_words=price_words(comparison),
+        names=[row.model.name for row in rows],
     )
     record = {
         "title": campaign.title, "kind": campaign.kind, "runs": runs, "recommended": comparison.recommended or None, "ground": str(comparison.ground),
@@ -105,16 +107,28 @@ def models_report(campaign: Campaign, comparison: ModelComparison, *, seed: int,
 
 def ground_words(comparison: ModelComparison) -> str:
     """Why the recommended model is recommended."""
-    good = [row for row in comparison.rows if row.ok]
-    best = min(good, key=lambda row: row.odds if comparison.by_evidence else row.behind).model.name if good else ""
+    rival = rival_of(comparison.rows, by_evidence=comparison.by_evidence)
+    default = next((row for row in comparison.rows if row.model.forced), None)
     what = phrase("evidence") if comparison.by_evidence else phrase("predictive density (leave-one-out; not every model has an evidence)")
-    return phrase(_GROUNDS[comparison.ground], best=best, what=what)
+    odds = ""
+    if comparison.by_evidence and rival is not None and default is not None:
+        odds = f", {odds_words(log_odds(rival, default))}"
+    return phrase(_GROUNDS[comparison.ground], best="" if rival is None else rival.model.name, what=what, odds=odds)
 
 
 def verdicts(comparison: ModelComparison) -> list[tuple[str, str]]:
     """Each model that is not recommended, and why not."""
     chosen = next((row for row in comparison.rows if row.model.name == comparison.recommended), None)
     return [(row.model.name, _why_not(row, chosen)) for row in comparison.rows if row is not chosen]
+
+
+def price_words(comparison: ModelComparison) -> str:
+    """That odds leave out what a free start costs, "" where none does."""
+    row = next((row for row in comparison.rows if row.price_of_start), None)
+    return "" if row is None else phrase(
+        "odds leave out what the free start of {name} costs, {odds}: its width is a convention, and models exactly at rest do not pay for it",
+        name=row.model.name, odds=odds_words(row.price_of_start),
+    )
 
 
 def odds_words(behind: float) -> str:
@@ -127,18 +141,18 @@ def odds_words(behind: float) -> str:
 
 def _why_not(row: ComparedModel, chosen: ComparedModel | None) -> str:
     if not row.ok:
-        told = chosen is not None and chosen.lack is None and row.lack is None and row.odds > chosen.odds
-        odds = phrase("; odds against it of {odds}", odds=odds_words(row.odds - chosen.odds)) if told and chosen is not None else ""
+        told = chosen is not None and chosen.lack is None and row.lack is None and log_odds(row, chosen) < 0.0
+        odds = phrase("; odds against it of {odds}", odds=odds_words(log_odds(row, chosen))) if told and chosen is not None else ""
         return f"{row.analysis.diagnosis.status}: {row.analysis.diagnosis.reasons[0]}{odds}"
     if chosen is None:
         return phrase("no model is recommended")
     if row.lack is not None or chosen.lack is not None:
         ahead = chosen.behind - row.behind
         words = phrase("predicts better by {by:.1f} (elpd)", by=ahead) if ahead > 0.0 else phrase("predicts worse by {by:.1f} (elpd)", by=abs(ahead))
-    elif row.odds <= chosen.odds:
-        words = phrase("odds for it of {odds}", odds=odds_words(chosen.odds - row.odds))
+    elif log_odds(row, chosen) >= 0.0:
+        words = phrase("odds for it of {odds}", odds=odds_words(log_odds(row, chosen)))
     else:
-        words = phrase("odds against it of {odds}", odds=odds_words(row.odds - chosen.odds))
+        words = phrase("odds against it of {odds}", odds=odds_words(log_odds(row, chosen)))
     return phrase("contained in the recommended model; {words}", words=words) if contains(chosen, row) else words
 
 
@@ -167,7 +181,8 @@ def _summary(row: ComparedModel) -> ModelSummary:
         name=row.model.name, words=row.model.words, adds=list(row.model.own), lines=list(row.model.lines), status=status,
         reasons=list(analysis.diagnosis.reasons), posterior=posterior, log_evidence=None if none else number(row.log_evidence),
         u_log_evidence=None if none else number(row.u_log_evidence), no_evidence="" if row.lack is None else phrase(_LACKS[row.lack]),
-        behind_evidence=None if none else number(row.odds), elpd=number(row.loo.elpd), behind_elpd=number(row.behind),
+        behind_evidence=None if none else number(row.odds), price_of_start=row.price_of_start,
+        elpd=number(row.loo.elpd), behind_elpd=number(row.behind),
         se_behind_elpd=number(row.behind_se), influential=sum(int((k > INFLUENTIAL).sum()) for k in row.loo.k_hat),
         widths=[WidthSummary(one.of, one.factor, number(one.change), number(one.u)) for one in row.widths],
         predicted=[_predicted(one) for one in row.predicted],

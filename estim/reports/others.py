@@ -5,7 +5,7 @@ from estim.reports.calibration import calibration_report, unlike_fit
 from estim.reports.formats import with_formats
 from estim.reports.kept_campaign import with_campaign
 from estim.reports.measurement import measurement_lines, measurement_report
-from estim.reports.models import ground_words, models_report, verdicts
+from estim.reports.models import ground_words, models_report, price_words, verdicts
 from estim.reports.plan import plan_answers, plan_report, plan_status
 from estim.reports.regimes import fitted_values, map_lines, map_report
 from estim.reports.straight_line import straight_line_lines, straight_line_report
@@ -15,6 +15,6 @@ from estim.reports.weighing import body_lines, body_report
 __all__ = [
     "batch_line", "batch_report", "batch_times", "body_lines", "body_report", "calibration_report", "fitted_values", "full_files", "ground_words",
     "lean_files", "map_lines", "map_report", "measurement_lines", "measurement_report", "models_report", "plan_answers", "plan_report",
-    "plan_status", "straight_line_lines", "straight_line_report", "trials_lines", "trials_report", "unlike_fit", "verdicts",
+    "plan_status", "price_words", "straight_line_lines", "straight_line_report", "trials_lines", "trials_report", "unlike_fit", "verdicts",
     "with_campaign", "with_formats",
 ]

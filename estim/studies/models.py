@@ -34,14 +34,15 @@ APART = 3.0  # of log evidence
 BEHIND, SES = 4.0, 2.0  # of elpd: less, or less than so many of its standard errors, decides nothing
 FACTORS = (0.5, 2.0)  # of the width of a prior
 FORCE, START = later("the force"), later("the free start")  # what the default adds beside parameters
+_OF_START = ("release_energy", "release_speed")
 _LOO_DRAWS, _WIDTH_DRAWS = 2000, 8000
 
 
 class Ground(StrEnum):
     """Why a model is recommended."""
 
-    ROOM = "room"  # the default: what has more evidence is contained in it, or is the default itself
-    UNDECIDED = "undecided"  # the default: what has more evidence is not told apart
+    ROOM = "room"  # the default: nothing that it does not contain has more evidence
+    UNDECIDED = "undecided"  # the default: something that it does not contain has more evidence, and is not told apart
     SHOWN = "shown"  # something that the default does not contain
     BEST = "best"  # there is no default to fall back on
     NONE = "none"  # no model is ok
@@ -171,16 +172,39 @@ def recommend(rows: Sequence[ComparedModel], *, by_evidence: bool) -> tuple[str,
     good = [row for row in rows if row.ok]
     if not good:
         return "", Ground.NONE
-    best = min(good, key=lambda row: row.odds if by_evidence else row.behind)
     default = next((row for row in good if row.model.forced), None)
     if default is None:
-        return best.model.name, Ground.BEST
-    contained = {row.model.name for row in good if row is default or contains(default, row)}
-    if best.model.name in contained:
+        return min(good, key=lambda row: row.odds if by_evidence else row.behind).model.name, Ground.BEST
+    rival = rival_of(good, by_evidence=by_evidence)
+    if rival is None:
         return default.model.name, Ground.ROOM
-    if all(_apart(best, row, by_evidence=by_evidence) for row in good if row.model.name in contained):
-        return best.model.name, Ground.SHOWN
+    if all(_apart(rival, row, by_evidence=by_evidence) for row in good if row is default or contains(default, row)):
+        return rival.model.name, Ground.SHOWN
     return default.model.name, Ground.UNDECIDED
+
+
+def rival_of(rows: Sequence[ComparedModel], *, by_evidence: bool) -> ComparedModel | None:
+    """The best of the models that are ok and have something that the default does not contain; None where none is better than the default."""
+    good = [row for row in rows if row.ok]
+    default = next((row for row in good if row.model.forced), None)
+    if default is None:
+        return None
+    leads = {
+        row.model.name: log_odds(row, default) if by_evidence else default.behind - row.behind
+        for row in good if row is not default and not contains(default, row)
+    }
+    best = max(leads, key=leads.__getitem__, default=None)
+    return next((row for row in good if row.model.name == best and leads[row.model.name] > 0.0), None)
+
+
+def log_odds(row: ComparedModel, other: ComparedModel) -> float:
+    """Log evidence of `row` less that of `other`; what the free start of one costs is left out where the other starts exactly at rest."""
+    return other.odds - row.odds + _held_against_none(row, other) - _held_against_none(other, row)
+
+
+def _held_against_none(row: ComparedModel, other: ComparedModel) -> float:
+    at_rest = not other.model.forced and not any(name.startswith(_OF_START) for name in other.model.own)
+    return row.price_of_start if at_rest else 0.0
 
 
 def contains(default: ComparedModel, row: ComparedModel) -> bool:
@@ -190,7 +214,7 @@ def contains(default: ComparedModel, row: ComparedModel) -> bool:
 
 def _apart(better: ComparedModel, worse: ComparedModel, *, by_evidence: bool) -> bool:
     if by_evidence:
-        return worse.odds - worse.price_of_start - better.odds >= APART
+        return log_odds(better, worse) >= APART
     gain, se = difference(better.loo, worse.loo)
     return gain > max(BEHIND, SES * se)
 
