@@ -7,7 +7,9 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
+
+import numpy as np
 
 from estim.arrays import FloatArray
 from estim.campaign import Campaign, NoiseTable, as_complete
@@ -45,7 +47,7 @@ from estim.checks import (
 )
 from estim.common import Finding, InputError, Kind, Status, Stream, phrase, stream
 from estim.curve_fit import CurveFit
-from estim.explanation import Explanation, explain
+from estim.explanation import Candidate, Explanation, Outcome, explain
 from estim.fitting import Fit, fit_beside
 from estim.problem import Problem, folded
 from estim.sampling import (
@@ -241,16 +243,41 @@ def _optima_of(fit: Fit) -> Optima:
 
 def asks_for_a_cause(analysis: Analysis) -> bool:
     """Whether something is missing, and a few seconds may say what: the curve does not explain the data, or surely lacks a force."""
-    lacking = analysis.diagnosis.status is Status.POOR_FIT or any(found.force.probability > SURE for found in analysis.fit.forces)
+    lacking = analysis.diagnosis.status is Status.POOR_FIT or _lacks_a_force(analysis.fit)
     return lacking and len(analysis.problem.runs) <= _FEW_RUNS
 
 
+def _lacks_a_force(fit: Fit) -> bool:
+    """Whether its curve surely does."""
+    return any(found.force.probability > SURE for found in fit.forces)
+
+
 def explained(campaign: Campaign, analysis: Analysis, *, progress: Callable[[int, int], None] | None = None) -> Analysis:
-    """The analysis with candidates for what its curve lacks, each refit by least squares.  progress : told how many of how many are done."""
+    """The analysis with candidates for what its curve lacks, each refit by least squares, and the first of them as the campaign would be with it.
+
+    progress : told how many of how many are done.
+    """
     suspects = campaign.suspects([run.name for run in analysis.problem.runs])
     values = analysis.fit.values if suspects.plain.names == analysis.fit.names else None
     rng = stream(analysis.seed, Stream.EXPLANATION)
-    return replace(analysis, explanation=explain(suspects, rng=rng, values=values, progress=progress))
+    found = explain(suspects, rng=rng, values=values, progress=progress)
+    return replace(analysis, explanation=found.with_outcomes(partial(outcome_of, campaign, seed=analysis.seed)))
+
+
+def outcome_of(campaign: Campaign, candidate: Candidate, *, seed: int) -> Outcome:
+    """What the campaign gives with the lines of a candidate, as it would be fit with this seed."""
+    assert candidate.posed is not None, "asked of candidates that can be posed"
+    try:
+        fit = campaign.fit(campaign.with_usual_errors(candidate.posed()), rng=stream(seed, Stream.FIT))
+        found = analyse_fit(fit, seed=seed)
+    except InputError:
+        return Outcome(Status.NOT_IDENTIFIED, (), False)
+    numbers = []
+    for one in candidate.numbers if found.diagnosis.ok else ():
+        if one.name in fit.names and one.name not in fit.at_bound:
+            draws = found.chain.flat[:, fit.names.index(one.name)]
+            numbers.append(replace(one, value=float(np.mean(draws)), sd=float(np.std(draws, ddof=1))))
+    return Outcome(found.diagnosis.status, tuple(numbers), _lacks_a_force(fit))
 
 
 def _through_marginal(fit: Fit) -> bool:

@@ -9,11 +9,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from estim.campaign import load_campaign
+from estim.campaign import Campaign, load_campaign
 from estim.common.kinds import Kind
 from estim.common.labels import Notation
-from estim.explanation import Candidate, Estimated, Explanation, Suspects, across_runs, explain, verdict
+from estim.common.statuses import Status
+from estim.explanation import Candidate, Estimated, Explanation, Outcome, Suspects, across_runs, explain, verdict
 from estim.fitting.least_squares import fit_least_squares
+from estim.pipeline import analyse, outcome_of
+from estim.reports.explanation import explanation_lines, explanation_text
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "benchmarks"))
 from causes import CASES, named
@@ -105,6 +108,68 @@ def test_errors_that_follow_each_other_are_told_from_white_ones(tmp_path: Path) 
         alike = next(one for one in found.candidates if one.name == "correlated_errors")
         assert alike.found == (name == "alike")
         assert not alike.found or (found.candidates[0] is alike and alike.random)
+
+
+WHEEL = Path(__file__).resolve().parents[1] / "data" / "wheel"
+
+
+def wheel_with(folder: Path, lines: tuple[str, ...]) -> Campaign:
+    """The wheel's campaign with lines of a candidate, the first of them a table."""
+    text = (WHEEL / "campaign.toml").read_text().replace('file = "', f'file = "{WHEEL}/')
+    if lines:
+        table, *said = lines
+        text = text.replace(f"{table}\n", f"{table}\n" + "\n".join(said) + "\n", 1)
+    (folder / "c.toml").write_text(text)
+    return load_campaign(folder / "c.toml")
+
+
+def test_an_addition_is_told_with_the_result_that_it_gives_and_is_no_cure_where_the_force_stays(tmp_path: Path) -> None:
+    """Beside white noise a bend of the ramp takes up all that a real run lacks, -0.21(2) degrees a metre; the campaign with it says 0.1(4)."""
+    campaign, run = wheel_with(tmp_path, ()), "class-unbalanced_3"
+    posed = campaign.suspects([run])
+    bend = next(cause for cause in posed.causes if cause.name == "bend")
+    analysis = analyse(campaign, [run], seed=1)
+    found = explain(replace(posed, causes=(bend,)), rng=np.random.default_rng(1)).with_outcomes(lambda one: outcome_of(campaign, one, seed=1))
+    first = found.candidates[0]
+    assert (first.name, first.random) == ("bend", True)
+    assert first.numbers[0].value / first.numbers[0].sd < -5.0
+    assert first.outcome is not None
+    again = analyse(wheel_with(tmp_path, bend.lines), [run], seed=1)
+    i = again.fit.names.index("phi_slope")
+    (value,) = first.outcome.numbers
+    assert first.outcome.status == again.diagnosis.status
+    assert value.value == pytest.approx(np.mean(again.chain.flat[:, i]), abs=0.1 * value.sd)
+    assert abs(value.value) < value.sd
+    assert first.outcome.lacking
+    assert found.offered is None
+    assert verdict(found).kind is Kind.CAUSE_IN_PART
+    said = "\n".join(explanation_lines(found))
+    assert "added to the campaign: ok, φ′ = (" in said
+    assert "the curve still lacks a force" in said
+    assert "to add" not in said
+    assert "`phi_slope_deg_m" not in explanation_text(found)
+    # where nothing is asked of the campaign it would be offered
+    unasked = replace(found, candidates=tuple(replace(one, outcome=None) for one in found.candidates))
+    assert unasked.offered is not None
+    assert analysis.diagnosis.ok
+
+
+def test_an_addition_that_ends_badly_is_not_offered_and_a_true_cause_is(tmp_path: Path) -> None:
+    for name, line in (("sag", "sag_m"), ("push", "release_energy")):
+        write_campaign(tmp_path, CASES[name][0], priors="sharp", noise="speeds", rng=np.random.default_rng(5))
+        campaign = load_campaign(tmp_path / "campaign.toml")
+        posed = campaign.suspects(["r"])
+        posed = replace(posed, causes=tuple(cause for cause in posed.causes if cause.name in QUICK))
+        tried = explain(posed, rng=np.random.default_rng(1))
+        found = tried.with_outcomes(lambda one, campaign=campaign: outcome_of(campaign, one, seed=1))
+        assert found.offered is not None
+        assert line in found.offered.lines[1]
+        assert found.offered.outcome is not None
+        assert found.offered.outcome.cures
+        bad = tried.with_outcomes(lambda one: Outcome(Status.MULTIMODAL, (), False))
+        assert bad.offered is None
+        assert all("multimodal" in line for line in explanation_lines(bad)[1 : 1 + len(bad.tied)] if "added" in line)
+        assert not any("to add" in line for line in explanation_lines(bad))
 
 
 def candidate(value: float, sd: float = 0.001) -> Candidate:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from types import MappingProxyType
 
 import numpy as np
@@ -68,10 +69,11 @@ class RollingStudy:
         for sketch in sketches(self._surroundings(plain, tables)):
             problem = self._posed(names, tables, white=True, sketch=sketch)
             own = tuple(name for name in problem.names if name not in plain.names)
-            found.append(Cause(sketch.name, sketch.words, problem, own, sketch.lines, begin=sketch.begin))
+            posed = partial(self._posed, names, tables, sketch=sketch, usual=True)
+            found.append(Cause(sketch.name, sketch.words, problem, own, sketch.lines, begin=sketch.begin, posed=posed))
         for interval, noise in blurs([self.levels(name) for name in names], [tables[name] for name in names]):
             problem = self._posed(names, tables, white=True, noise=noise)
-            found.append(blur_cause(problem, interval))
+            found.append(replace(blur_cause(problem, interval), posed=partial(self._posed, names, tables, noise=noise, as_stated=True, usual=True)))
         for slip in unit_slips(self.source):
             try:
                 problem = RollingStudy(slip.source)._posed(names, tables, white=True)
@@ -118,11 +120,11 @@ class RollingStudy:
 
     def _posed(
         self, names: Sequence[str], tables: Mapping[str, Run], *, noise: NoiseTable | None = None, white: bool = False, sketch: Sketch | None = None,
-        outline: Outline | None = None, compared: bool = False, usual: bool = False,
+        outline: Outline | None = None, compared: bool = False, usual: bool = False, as_stated: bool = False,
     ) -> Problem:
         """white : with nothing that the curve may lack.  sketch : what is added to every run.  outline : what is left out of it.
 
-        compared : with room for a force wherever there can be one.
+        compared : with room for a force wherever there can be one.  as_stated : whether `noise` is taken as what the campaign states.
         """
         without = frozenset[str]() if outline is None else outline.without
         physics: dict[str, Parameter] = {}
@@ -149,7 +151,7 @@ class RollingStudy:
             unknowns.update({p.name: p for p in observed.parameters})
             arguments = {q: b.source if isinstance(b.source, float) else b.name for q, b in bound.items()}
             posed = _observations(name, observed, arguments, mass, setting, grip_of(self.source, levels), angular=angular)
-            circumstances = Circumstances(observed, joint=len(names) > 1, tied=tied[name], replaced=noise is not None)
+            circumstances = Circumstances(observed, joint=len(names) > 1, tied=tied[name], replaced=noise is not None and not as_stated)
             stance = Stance(0.0) if white else (possible_force if compared else force_scale)(levels, circumstances)
             runs.append(replace(posed, force=stance.scale, complete=stance.complete))
         centres = {name: p.prior.centre for name, p in (physics | unknowns).items()}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -33,6 +34,7 @@ class Cause:
     problem : with it.  parameters : its own.  lines : to be added to the campaign, the first a table.  remark : where no line says it.
     begin : value of its parameters at which a search starts, where 0 is possible.
     searched : how much a gain is less because the best of many places was looked for.
+    posed : makes the problem of the campaign with its lines, with all that a fit of the campaign has room for; None where no lines say it.
     slip : whether it is no physics, but another reading of what was stated: told only where it is found, and then before others that do as well.
     """
 
@@ -46,6 +48,7 @@ class Cause:
     searched: float = 0.0
     begin: float = 0.0
     slip: bool = False
+    posed: Callable[[], Problem] | None = None
 
     @property
     def n_number(self) -> int:

@@ -5,8 +5,11 @@
 L at its largest over a size of the noise that is at least the stated one, so that no candidate is paid for taking up noise that was stated too
 small.  A candidate has a prior as wide as such a thing may be.  How to read it: a gain of 10 or more does not come by chance (`FOUND`; about 1 of
 100 clean recordings has one, with all candidates tried); candidates whose gains differ by less than 10 (odds of 150) cannot be told apart by
-these data (`TIED`; a true cause was up to 9 behind a smooth alias of it).  One that is found is the whole story only where the residuals are
-random with it.
+these data (`TIED`; a true cause was up to 9 behind a smooth alias of it).
+
+With white noise a candidate takes up all that is left, also what is none of it: its number is not what a fit of the campaign with it gives, where
+an unmodelled force stands beside it.  So the first ones are fit again as the campaign would be (`Outcome`), and one is an answer only where that
+ends well and leaves no force to be explained; one that no line says, where the residuals are random with it.
 """
 
 from __future__ import annotations
@@ -19,7 +22,7 @@ import numpy as np
 
 from estim.arrays import FloatArray
 from estim.checks import P_POOR_FIT, check_goodness
-from estim.common import Label, NumericalError, later, phrase
+from estim.common import Label, NumericalError, Status, later, phrase
 from estim.deviation import AutoCorrelated
 from estim.explanation.bad_frames import frame_causes
 from estim.explanation.candidates import Cause, Scanned, Suspects
@@ -30,6 +33,7 @@ FOUND = 10.0  # gain
 TIED = 10.0  # difference of gains
 _CORRELATIONS = (0.3, 0.5, 0.7, 0.85, 0.95)
 _UMBRELLA = later("a smooth disturbance without a key of its own (an uneven track, readings whose errors follow each other)")
+_MOST_POSED = 6  # candidates with which the campaign is fit again
 _MOST_TESTED = 8  # candidates whose residuals are tested
 _SIZE = "chi2"  # the one test that is not of order
 _START, _NEAR = 0.1, 1e-2  # standard deviations of the prior of what cannot be negative: where a search starts, and where its direction is asked
@@ -46,11 +50,27 @@ class Estimated:
 
 
 @dataclass(frozen=True, eq=False)
+class Outcome:
+    """What a fit of the campaign gives where the lines of a candidate are added to it.
+
+    numbers : its parameters, none where the status is not ok or one lies on its edge.  lacking : whether the curve surely lacks a force all the same.
+    """
+
+    status: Status
+    numbers: tuple[Estimated, ...]
+    lacking: bool
+
+    @property
+    def cures(self) -> bool:
+        return self.status.ok and not self.lacking
+
+
+@dataclass(frozen=True, eq=False)
 class Candidate:
     """One thing that may be missing, refit.
 
-    name, words, lines, remark : of its `Cause`.  gain : see above.  numbers : what was found of it.
-    slip : of its `Cause`.
+    name, words, lines, remark, slip, posed : of its `Cause`.  gain : see above.  numbers : what was found of it, beside white noise.
+    outcome : of the campaign with it; None where that was not asked.
     p_order : probability of the residuals with it, by the worst of the tests of order; nan where that was not asked.
     p_size : the same by chi-squared; nan where the size of the noise is inferred.
     """
@@ -64,6 +84,13 @@ class Candidate:
     slip: bool = False
     p_order: float = math.nan
     p_size: float = math.nan
+    posed: Callable[[], Problem] | None = None
+    outcome: Outcome | None = None
+
+    @property
+    def explains(self) -> bool:
+        """Whether it is an answer: where the campaign was fit with it, by what that gave, else by the order of the residuals."""
+        return self.random if self.outcome is None else self.outcome.cures
 
     @property
     def found(self) -> bool:
@@ -104,6 +131,16 @@ class Explanation:
         found = self.found
         return tuple(one for one in found if one.gain > found[0].gain - TIED)
 
+    @property
+    def offered(self) -> Candidate | None:
+        """The first of these that is an answer and that lines of the campaign say."""
+        return next((one for one in self.tied if one.lines and one.explains), None)
+
+    def with_outcomes(self, outcome: Callable[[Candidate], Outcome]) -> Explanation:
+        """The same with what fits of the campaign with the first of these give."""
+        asked = [one for one in self.tied if one.posed is not None][:_MOST_POSED]
+        return replace(self, candidates=tuple(replace(one, outcome=outcome(one)) if one in asked else one for one in self.candidates))
+
 
 def explain(
     suspects: Suspects, *, rng: np.random.Generator, values: FloatArray | None = None, progress: Callable[[int, int], None] | None = None
@@ -121,7 +158,7 @@ def explain(
         fit = _with(cause, base)
         if fit is not None:
             gain = lowest - badness(fit) - 2.0 * cause.n_number - cause.searched
-            candidate = Candidate(cause.name, cause.words, cause.lines, cause.remark, gain, _numbers(cause, fit), cause.slip)
+            candidate = Candidate(cause.name, cause.words, cause.lines, cause.remark, gain, _numbers(cause, fit), cause.slip, posed=cause.posed)
             if (candidate.found or not cause.slip) and (cause.name not in fits or candidate.gain > fits[cause.name][0].gain):
                 fits[cause.name] = candidate, fit
         if progress is not None:

@@ -70,12 +70,11 @@ def _together(candidates: Sequence[Candidate]) -> tuple[tuple[Mean, ...], float]
 
 def verdict(explanation: Explanation) -> Finding:
     """What the candidates tell together."""
-    found, tied = explanation.found, explanation.tied
-    names, several = tuple(one.words for one in tied), len(tied) > 1
-    if not found:
-        kind = Kind.CAUSE_UNKNOWN
-    elif not any(one.random for one in tied):
-        kind = Kind.CAUSE_IN_PART
-    else:
-        kind = Kind.CAUSES_ALIKE if several else Kind.CAUSE_NAMED
-    return Finding(kind, size=found[0].gain if found else math.nan, names=names, numbers={"tried": len(explanation.candidates)})
+    tied = explanation.tied
+    answers = tuple(one for one in tied if one.explains)
+    first = next(iter(answers or tied), None)
+    kind = Kind.CAUSE_UNKNOWN
+    if first is not None:
+        kind = Kind.CAUSE_IN_PART if not answers else Kind.CAUSES_ALIKE if len(answers) > 1 else Kind.CAUSE_NAMED
+    names, gain = tuple(one.words for one in answers or tied), math.nan if first is None else first.gain
+    return Finding(kind, size=gain, names=names, numbers={"tried": len(explanation.candidates)})

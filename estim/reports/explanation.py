@@ -10,7 +10,7 @@ import msgspec
 
 from estim.checks import P_FLOOR
 from estim.common import Markdown, code, format_p, format_quantity, format_rounded, markdown, phrase, signed
-from estim.explanation import FOUND, TIED, Candidate, CauseOfRuns, Estimated, Explanation, verdict
+from estim.explanation import FOUND, TIED, Candidate, CauseOfRuns, Estimated, Explanation, Outcome, verdict
 from estim.reports.rendering import render
 from estim.sampling import number
 from estim.words import tell
@@ -22,6 +22,14 @@ class EstimatedSummary(msgspec.Struct, frozen=True):
     name: str
     value: float  # SI units
     sd: float | None  # none at the edge of what is possible, or where a few values were tried
+
+
+class OutcomeSummary(msgspec.Struct, frozen=True):
+    """What a fit of the campaign gives with the lines of a candidate."""
+
+    status: str
+    numbers: list[EstimatedSummary]  # none where the status is not ok
+    lacks_force: bool  # whether the curve surely lacks a force all the same
 
 
 class CandidateSummary(msgspec.Struct, frozen=True):
@@ -36,6 +44,7 @@ class CandidateSummary(msgspec.Struct, frozen=True):
     p_size: float | None  # the same by chi-squared
     lines: list[str]  # of the campaign file, the first a table
     remark: str
+    outcome: OutcomeSummary | None  # of the first candidates that the campaign can say
 
 
 class ExplanationSummary(msgspec.Struct, frozen=True):
@@ -51,6 +60,7 @@ class _Row:
     gain: str
     value: str
     left: str
+    added: str
     add: Markdown
 
 
@@ -65,10 +75,17 @@ def explanation_summary(explanation: Explanation | None) -> ExplanationSummary |
             CandidateSummary(
                 one.name, one.words, one.gain, one.found, [EstimatedSummary(n.name, n.value, number(n.sd)) for n in one.numbers],
                 number(one.p_order), number(one.p_size), list(one.lines), one.remark,
+                _outcome_summary(one.outcome),
             )
             for one in explanation.candidates
         ],
     )
+
+
+def _outcome_summary(outcome: Outcome | None) -> OutcomeSummary | None:
+    if outcome is None:
+        return None
+    return OutcomeSummary(outcome.status, [EstimatedSummary(n.name, n.value, number(n.sd)) for n in outcome.numbers], outcome.lacking)
 
 
 def explanation_text(explanation: Explanation) -> Markdown:
@@ -76,7 +93,7 @@ def explanation_text(explanation: Explanation) -> Markdown:
     found = explanation.found[:_MOST_SHOWN]
     return render(
         "explanation.md.j2", verdict=tell(verdict(explanation)), rows=[_row(one) for one in found], found=f"{FOUND:g}", tied=f"{TIED:g}",
-        more=len(explanation.found) - len(found), best=next(iter(explanation.candidates), None), lines=_to_add(explanation),
+        more=len(explanation.found) - len(found), best=next(iter(explanation.candidates), None), offered=explanation.offered is not None,
         n_tried=len(explanation.candidates), left=_left(explanation.plain),
     )
 
@@ -92,11 +109,11 @@ def explanation_lines(explanation: Explanation) -> list[str]:
     said = [tell(verdict(explanation))]
     for one in explanation.found[:_MOST_SHOWN]:
         row = _row(one)
-        said.append(phrase("{gain:>7}  {words}: {value}; residuals then {left}", gain=row.gain, words=one.words, value=row.value, left=row.left))
-    to_add = _to_add(explanation)
-    if to_add:
+        line = phrase("{gain:>7}  {words}: {value}; residuals then {left}", gain=row.gain, words=one.words, value=row.value, left=row.left)
+        said.append(line if one.outcome is None else phrase("{line}; added to the campaign: {added}", line=line, added=row.added))
+    if explanation.offered is not None:
         said.append(phrase("to add (priors as wide as such a thing may be; what you measured of it is better):"))
-        said += [f"    {line}" for line in to_add]
+        said += [f"    {line}" for line in explanation.offered.lines]
     return said
 
 
@@ -114,7 +131,7 @@ def runs_text(causes: Sequence[CauseOfRuns]) -> Markdown:
 
 
 def _row(one: Candidate) -> _Row:
-    return _Row(one.words, signed(f"{one.gain:.0f}"), ", ".join(map(_value, one.numbers)), _left(one), _add_cell(one))
+    return _Row(one.words, signed(f"{one.gain:.0f}"), ", ".join(map(_value, one.numbers)), _left(one), _added(one), _add_cell(one))
 
 
 def _value(n: Estimated) -> str:
@@ -139,14 +156,21 @@ def _left(one: Candidate) -> str:
     return phrase("random") if one.as_large_as_stated else phrase("random, but larger than stated")
 
 
+def _added(one: Candidate) -> str:
+    """What a fit of the campaign with a candidate gives."""
+    if one.outcome is None:
+        return phrase("not tried")
+    if not one.outcome.status.ok:
+        return str(one.outcome.status)
+    found = ", ".join([str(one.outcome.status), *map(_value, one.outcome.numbers)])
+    return phrase("{found}; the curve still lacks a force", found=found) if one.outcome.lacking else found
+
+
 def _add_cell(one: Candidate) -> Markdown:
+    """Lines for a candidate that is an answer; those of one that is none would lead astray."""
     if not one.lines:
         return markdown(one.remark)
+    if not one.explains or one.outcome is None:
+        return markdown("")
     where, *lines = one.lines
     return Markdown(f"{code(where)}: {', '.join(map(code, lines))}")
-
-
-def _to_add(explanation: Explanation) -> list[str]:
-    """Lines of the campaign that say the first candidate that has any."""
-    first = next((one for one in explanation.tied if one.lines), None)
-    return [] if first is None else list(first.lines)

@@ -18,7 +18,7 @@ def _alike(f: Finding) -> str:
 
 def _in_part(f: Finding) -> str:
     return phrase(
-        "{which} gains most (AIC falls by {fall:.0f}), but the residuals are not in random order with it either: it is not all, or not it",
+        "{which} gains most (AIC falls by {fall:.0f}), but does not explain what is left either: it is not all, or not it",
         which=phrase(" or ").join(f.names), fall=f.size,
     )
 
@@ -26,7 +26,7 @@ def _in_part(f: Finding) -> str:
 WORDS: Table = MappingProxyType(
     {
         Kind.CAUSE_NAMED: lambda f: phrase(
-            "what is missing is most likely {name}: AIC falls by {fall:.0f}, and what is left is in random order", name=f.names[0], fall=f.size
+            "what is missing is most likely {name}: AIC falls by {fall:.0f}, and nothing is left to be explained", name=f.names[0], fall=f.size
         ),
         Kind.CAUSES_ALIKE: _alike,
         Kind.CAUSE_IN_PART: _in_part,
