@@ -187,3 +187,17 @@ def test_another_curve_is_advised_first_and_no_size_is_read_off_the_residuals() 
     (words,) = fit_curve("a + b*x", x, x**2 + 0.01 * np.sin(40.0 * x), u_y=0.01).advice
     assert words.index("another curve") < words.index("deviation")
     assert "deviation =" not in words
+
+
+def test_what_hardly_passes_is_told() -> None:
+    """Between 0.001 and 0.01 there is a note, and the fit stays ok."""
+    x = np.repeat(np.arange(8.0), 4)
+    told = []
+    for seed in range(12):
+        rng = np.random.default_rng(seed)
+        fit = fit_curve("a + b*x", x, 1.0 + 2.0 * x + np.repeat(rng.standard_normal(8), 4) + rng.standard_normal(32))
+        p = fit.goodness[0].checks["repeated"].p_value
+        if fit.status == "ok":
+            assert any("may hold less" in note for note in fit.notes) == (P_POOR_FIT <= p < 0.01)
+            told.append(p < 0.01)
+    assert any(told)

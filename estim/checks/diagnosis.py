@@ -201,6 +201,11 @@ def borne_pattern(run: Goodness) -> list[Finding]:
     return [Finding(Kind.PATTERN_COVERED, run=run.run, size=(chi2 / run.whitened.size) ** 0.5, numbers={"chi2": chi2}, names=run.covered)]
 
 
+def hardly_passed(run: Goodness) -> list[Finding]:
+    """Tests of the noise that a run passes, but not well."""
+    return [Finding(Kind.RESIDUALS_HARDLY, run=run.run, test=name, p=run.checks[name].p_value, numbers={"least": P_FLOOR}) for name in run.hardly]
+
+
 def too_many_outliers(fit: Fit) -> list[Finding]:
     """Runs of which so many frames would be outliers that nothing tells which of the two groups is the motion."""
     findings = []
@@ -222,7 +227,7 @@ def _remarks(fit: Fit, chain: Chain, goodness: Sequence[Goodness], conflict: Con
     if fit.n_same < fit.n_start:
         found.append(Finding(Kind.STARTS_ELSEWHERE, size=fit.n_start - fit.n_same, numbers={"starts": fit.n_start}))
     for good, run in zip(goodness, fit.problem.runs, strict=True):
-        found += borne_pattern(good)
+        found += borne_pattern(good) + hardly_passed(good)
         chi2 = good.checks.get("chi2")
         if chi2 is not None and chi2.p_value > 1.0 - good.level and not good.covered and run.lacks is None:
             kind = Kind.COUNTS_EVEN if good.counted else Kind.RESIDUALS_SMALL

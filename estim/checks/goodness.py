@@ -50,6 +50,7 @@ from estim.words import TESTS
 
 P_POOR_FIT = 1e-3  # of each test
 P_TOLD = 5e-3  # of `speed`, below which it is told
+P_HARDLY = 0.01  # of `uneven` and `repeated`, which see little among few points: below it is told
 SCATTER_LIMIT = 3.0  # times what the instrument explains: nine tenths of the variance would be something else
 _NO_ERRORS = 1e-9  # standard deviations; residuals that are all smaller are rounding errors
 _LEAST_SIMULATED = 2600  # a p-value below P_POOR_FIT can come out
@@ -121,6 +122,11 @@ class Goodness:
         chi2 = self.checks.get("chi2")
         small = chi2 is not None and chi2.p_value > 1.0 - P_POOR_FIT and self.pattern <= 1.0
         return self._below if small else ()
+
+    @property
+    def hardly(self) -> tuple[str, ...]:
+        """Names of tests of the noise that the run passes, but not well."""
+        return tuple(n for n in ("uneven", "repeated") if n in self.checks and self.level <= self.checks[n].p_value < P_HARDLY / self.among)
 
     @property
     def only_too_large(self) -> bool:

@@ -99,6 +99,7 @@ class Kind(StrEnum):
     RESIDUALS_TOO_LARGE = auto()
     RESIDUALS_NOT_RANDOM = auto()
     RESIDUALS_SMALL = auto()
+    RESIDUALS_HARDLY = auto()
     PATTERN_COVERED = auto()
     NEIGHBOURS_ALIKE = auto()
     NOISE_WITH_SPEED = auto()

@@ -173,6 +173,7 @@ WORDS: Table = MappingProxyType(
         Kind.RESIDUALS_TOO_LARGE: _failed,
         Kind.RESIDUALS_NOT_RANDOM: _failed,
         Kind.CURVE_LACKS: _failed,
+        Kind.RESIDUALS_HARDLY: lambda f: _failed(f) + phrase(": not enough to refuse the fit, but its intervals may hold less than they say"),
         Kind.RESIDUALS_SMALL: lambda f: _of_run(f) + phrase(
             "the residuals are smaller than the stated noise ({p}): is the stated sigma too large?", p=_p(f)
         ),
