@@ -395,3 +395,12 @@ def test_a_parameter_on_the_command_line_or_in_a_campaign_that_only_looks_like_o
     text = text_of_table(table, TableChoices(formula="a + b*x")).replace("a = {start", '"\u0430" = {start')
     (table.parent / "kept.toml").write_text(text)
     assert "is not in the formula (a, b): a, \u0430 (cyrillic small letter a)" in told("fit", table.parent / "kept.toml")
+
+
+@pytest.mark.parametrize("said", [["--x", "x"], ["--y", "x"], []])
+def test_two_columns_of_one_name_are_refused_in_one_line(tmp_path: Path, said: list[str]) -> None:
+    (tmp_path / "twice.csv").write_text("x;x\n1;2.1\n2;3.9\n3;6.2\n4;8.1\n")
+    for command in (["fit", "--formula", "a*x"], ["line"], ["new", str(tmp_path / "n"), "--from"]):
+        where = [command[0], tmp_path / "twice.csv", *command[1:]] if command[0] != "new" else [*command, tmp_path / "twice.csv"]
+        line = told(*where, *said)
+        assert re.search("must be named by|stands twice in the header|may be either column|must name another column|fewer than two columns", line), line

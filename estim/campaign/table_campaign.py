@@ -151,8 +151,9 @@ def _axes(
         x_name = called[0] if len(called) == 1 else None
     others = [name for name in values if not {name, _bare(name)} & {x_name, y_name}]
     if y_name is None:
-        y_name = "y" if "y" in map(_bare, others) else others[-1] if len(values) == 2 else None
-    x_name = others[0] if x_name is None and len(values) == 2 else x_name
+        y_name = "y" if "y" in map(_bare, others) else others[-1] if len(values) == 2 and others else None
+    elif x_name is None and len(values) == 2 and others:
+        x_name = others[0]
     if x_name is None or y_name is None:
         missing = " and ".join(option for option, name in (("--x", x_name), ("--y", y_name)) if name is None)
         usable = [name for name in layout.names if name and not name.startswith("_")]
