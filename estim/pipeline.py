@@ -258,7 +258,8 @@ def explained(campaign: Campaign, analysis: Analysis, *, progress: Callable[[int
     progress : told how many of how many are done.
     """
     suspects = campaign.suspects([run.name for run in analysis.problem.runs])
-    values = analysis.fit.values if suspects.plain.names == analysis.fit.names else None
+    names, known = suspects.plain.names, dict(zip(analysis.fit.names, analysis.fit.values.tolist(), strict=True))
+    values = np.array([known[name] for name in names]) if known.keys() >= set(names) else None
     rng = stream(analysis.seed, Stream.EXPLANATION)
     found = explain(suspects, rng=rng, values=values, progress=progress)
     return replace(analysis, explanation=found.with_outcomes(partial(outcome_of, campaign, seed=analysis.seed)))
@@ -268,7 +269,7 @@ def outcome_of(campaign: Campaign, candidate: Candidate, *, seed: int) -> Outcom
     """What the campaign gives with the lines of a candidate, as it would be fit with this seed."""
     assert candidate.posed is not None, "asked of candidates that can be posed"
     try:
-        fit = campaign.fit(campaign.with_usual_errors(candidate.posed()), rng=stream(seed, Stream.FIT))
+        fit = campaign.fit(candidate.posed(), rng=stream(seed, Stream.FIT))
         found = analyse_fit(fit, seed=seed)
     except InputError:
         return Outcome(Status.NOT_IDENTIFIED, (), False)

@@ -44,6 +44,8 @@ def verify(report: Path, root: Path | None) -> None:
     the same, and every result that differs by more than the tolerances (docs/verifying.md); and what was not compared.  Exit code 0: everything that
     was compared holds; 3: something does not.
     """
+    if not _kind_of(report):
+        raise InputError("is not there", field="report", value=str(report))
     folder = report if _is_folder(report) else report.parent
     origin = read_origin(folder)
     given = _given(origin, folder)
