@@ -403,5 +403,5 @@ def test_two_columns_of_one_name_are_refused_in_one_line(tmp_path: Path, said: l
     for command in (["fit", "--formula", "a*x"], ["line"], ["new", str(tmp_path / "n"), "--from"]):
         where = [command[0], tmp_path / "twice.csv", *command[1:]] if command[0] != "new" else [*command, tmp_path / "twice.csv"]
         line = told(*where, *said)
-        rules = "must be named by|stands twice in the header|may be either column|must name another column|fewer than two columns"
-        assert re.search(rules, line), line
+        rules = ("must be named by", "stands twice in the header", "may be either column", "must name another column", "fewer than two columns")
+        assert any(rule in line for rule in rules), line
