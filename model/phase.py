@@ -200,6 +200,13 @@ def speed_derivatives(
     From v^2 = F(x): dv/dx = F'/(2 v), dv/dp = (dF/dp)/(2 v).  All derivatives are 0 where v = 0: there the formula is
     clipped and a gradient would be that of another motion.
     """
+    return root_derivatives(*squared_speed_derivatives(x, body, phi=phi, theta0=theta0, rolling_resistance=rolling_resistance, g=g))
+
+
+def squared_speed_derivatives(
+    x: ArrayLike, body: Body, *, phi: ArrayLike, theta0: ArrayLike, rolling_resistance: ArrayLike = 0.0, g: ArrayLike = STANDARD_GRAVITY
+) -> tuple[FloatArray, FloatArray, dict[str, FloatArray]]:
+    """v^2 = 2 g R W/D (m^2/s^2), negative where the energy does not suffice, its slope in x and its derivatives in every parameter at fixed x."""
     radius, g = np.asarray(body.radius), np.asarray(g)
     angle = np.asarray(x) / radius
     keywords: dict[str, Any] = {"phi": phi, "theta0": theta0, "rolling_resistance": rolling_resistance}
@@ -207,20 +214,27 @@ def speed_derivatives(
     gradient = {name: 2.0 * g * radius * d for name, d in energy_ratio_gradient(angle, body, **keywords).items()}
     gradient["g"] = 2.0 * radius * ratio
     gradient["radius"] = 2.0 * g * (ratio - angle * ratio_slope)
-    return root_derivatives(2.0 * g * radius * ratio, 2.0 * g * ratio_slope, gradient)
+    return 2.0 * g * radius * ratio, 2.0 * g * ratio_slope, gradient
 
 
 def angular_rate_derivatives(
     angle: ArrayLike, body: Body, *, phi: ArrayLike, theta0: ArrayLike, rolling_resistance: ArrayLike = 0.0, g: ArrayLike = STANDARD_GRAVITY
 ) -> tuple[FloatArray, FloatArray, dict[str, FloatArray]]:
     """Angular rate (rad/s), its slope in the angle (1/s), and its derivatives in every parameter at fixed angle."""
+    return root_derivatives(*squared_rate_derivatives(angle, body, phi=phi, theta0=theta0, rolling_resistance=rolling_resistance, g=g))
+
+
+def squared_rate_derivatives(
+    angle: ArrayLike, body: Body, *, phi: ArrayLike, theta0: ArrayLike, rolling_resistance: ArrayLike = 0.0, g: ArrayLike = STANDARD_GRAVITY
+) -> tuple[FloatArray, FloatArray, dict[str, FloatArray]]:
+    """The same of the square of the angular rate, rad^2/s^2."""
     scale = 2.0 * np.asarray(g) / body.radius
     keywords: dict[str, Any] = {"phi": phi, "theta0": theta0, "rolling_resistance": rolling_resistance}
     ratio, ratio_slope = energy_ratio_derivatives(angle, body, **keywords, order=1)
     gradient = {name: scale * d for name, d in energy_ratio_gradient(angle, body, **keywords).items()}
     gradient["g"] = 2.0 / np.asarray(body.radius) * ratio
     gradient["radius"] = -scale / np.asarray(body.radius) * ratio
-    return root_derivatives(scale * ratio, scale * ratio_slope, gradient)
+    return scale * ratio, scale * ratio_slope, gradient
 
 
 def root_derivatives(square: FloatArray, slope: FloatArray, gradient: dict[str, FloatArray]) -> tuple[FloatArray, FloatArray, dict[str, FloatArray]]:

@@ -116,7 +116,7 @@ class RollingStudy:
         if model.forced or not model.roomy:
             return self.fit(problem, tables, rng=rng)
         levels = {run.name: self.levels(run.name) for run in problem.runs}
-        return fit_alike(self._white_fit(problem, rng=rng), levels, bad=bad, rng=rng)
+        return fit_alike(self._white_fit(problem, rng=rng), tables, levels, bad=bad, rng=rng)
 
     def _posed(
         self, names: Sequence[str], tables: Mapping[str, Run], *, noise: NoiseTable | None = None, white: bool = False, sketch: Sketch | None = None,

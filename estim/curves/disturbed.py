@@ -135,21 +135,24 @@ class DisturbedPhaseCurve:
     setting: Setting = Setting()
 
     def value(self, x: FloatArray, arguments: Mapping[str, ArrayLike]) -> FloatArray:
-        return np.sqrt(np.maximum(self._square(x, arguments), 0.0))
+        return np.sqrt(np.maximum(self.square(x, arguments), 0.0))
 
     def local(self, x: FloatArray, arguments: Mapping[str, ArrayLike]) -> LocalCurve:
-        """The gradient is by central differences of the square of the speed, which is smooth where it is 0; closed where only scales are added."""
+        square = self.local_square(x, arguments)
+        return LocalCurve(*phase.root_derivatives(square.value, square.slope, dict(square.gradient)))
+
+    def local_square(self, x: FloatArray, arguments: Mapping[str, ArrayLike]) -> LocalCurve:
+        """The gradient is by central differences; closed where only scales are added."""
         if not _BEYOND_SCALES & arguments.keys():
             return _scaled(PhaseCurve(self.angular), x, arguments)
-        (square,), gradient = with_gradient(lambda columns: (self._square(x, columns),), arguments, step=_STEP)
+        (square,), gradient = with_gradient(lambda columns: (self.square(x, columns),), arguments, step=_STEP)
         known = _disturbed(arguments, self.setting)
         true = known.true_position(from_release(x, arguments))
         squares = self._squares(true, known, 1)
         slope = squares[1]
         if (read := known.readings) is not None:  # of F (dx_read/dx)^2 along x_read
             slope = (slope * read.stretch(true) - 4.0 * read.parabola()[1] * squares[0]) / np.square(1.0 + np.asarray(read.scale_t))
-        value, slope, gradient = phase.root_derivatives(square, slope, gradient)
-        return LocalCurve(np.atleast_2d(value), np.atleast_2d(slope), gradient)
+        return LocalCurve(square, np.atleast_2d(slope), gradient)
 
     def position(self, since: FloatArray, arguments: Mapping[str, ArrayLike]) -> FloatArray:
         """(n_draw, n_obs) position that is read at times `since` release (s on the clock of the data), back and forth."""
@@ -164,7 +167,7 @@ class DisturbedPhaseCurve:
             found = _as_read(found, squares, order, known.readings, true)
         return np.atleast_2d(found)
 
-    def _square(self, x: FloatArray, arguments: Mapping[str, ArrayLike]) -> FloatArray:
+    def square(self, x: FloatArray, arguments: Mapping[str, ArrayLike]) -> FloatArray:
         known = _disturbed(arguments, self.setting)
         true = known.true_position(from_release(x, arguments))
         radius, g = np.asarray(known.body.radius), np.asarray(known.motion["g"])
@@ -181,13 +184,13 @@ class DisturbedPhaseCurve:
 
 
 def _scaled(curve: PhaseCurve, x: FloatArray, arguments: Mapping[str, ArrayLike]) -> LocalCurve:
-    """What a plain curve becomes with errors of scale a and clock b: (1 + a)/(1 + b) f(x/(1 + a)), x counted from the release."""
+    """What f^2 of a plain curve becomes with errors of scale a and clock b: k f^2(x/(1 + a)), k = ((1 + a)/(1 + b))^2, x counted from the release."""
     scale, clock = (1.0 + np.asarray(arguments.get(name, 0.0), dtype=float) for name in ("scale_x", "scale_t"))
-    since, zero = from_release(x, arguments), np.asarray(arguments.get("offset", 0.0))
-    inner = curve.local(zero + since / scale, arguments)
-    value, slope = scale / clock * inner.value, inner.slope / clock
-    own = {"scale_x": inner.value / clock - since / scale * inner.slope / clock, "scale_t": -value / clock, "offset": -slope}
-    return LocalCurve(value, slope, {**{name: scale / clock * d for name, d in inner.gradient.items()}, **own})
+    since, zero, k = from_release(x, arguments), np.asarray(arguments.get("offset", 0.0)), np.square(scale / clock)
+    inner = curve.local_square(zero + since / scale, arguments)
+    value, slope = k * inner.value, k / scale * inner.slope
+    own = {"scale_x": (2.0 * value - since * slope) / scale, "scale_t": -2.0 * value / clock, "offset": -slope}
+    return LocalCurve(value, slope, {**{name: k * d for name, d in inner.gradient.items()}, **own})
 
 
 def _as_read(found: FloatArray, squares: list[FloatArray], order: int, readings: Readings, x: FloatArray) -> FloatArray:

@@ -79,8 +79,18 @@ class PhaseCurve:
         return (phase.angular_rate if self.angular else phase.speed)(from_release(x, arguments), body, **motion)
 
     def local(self, x: FloatArray, arguments: Mapping[str, ArrayLike]) -> LocalCurve:
+        square = self.local_square(x, arguments)
+        return LocalCurve(*phase.root_derivatives(square.value, square.slope, dict(square.gradient)))
+
+    def square(self, x: FloatArray, arguments: Mapping[str, ArrayLike]) -> FloatArray:
         body, motion = body_of(arguments)
-        value, slope, gradient = (phase.angular_rate_derivatives if self.angular else phase.speed_derivatives)(
+        g, since = np.asarray(motion.pop("g")), from_release(x, arguments)
+        ratio = phase.energy_ratio(since if self.angular else since / np.asarray(body.radius), body, **motion)
+        return np.atleast_2d(2.0 * g * (ratio / np.asarray(body.radius) if self.angular else ratio * np.asarray(body.radius)))
+
+    def local_square(self, x: FloatArray, arguments: Mapping[str, ArrayLike]) -> LocalCurve:
+        body, motion = body_of(arguments)
+        value, slope, gradient = (phase.squared_rate_derivatives if self.angular else phase.squared_speed_derivatives)(
             from_release(x, arguments), body, **motion
         )
         zeros = {f"{angle}_zero": gradient[angle] for angle in _ZEROED} | {"offset": -np.asarray(slope)}

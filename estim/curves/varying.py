@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 
 from estim.arrays import FloatArray
 from estim.common import Notation
-from estim.problem import CommonError, Curve, Derived, Footing, LocalCurve, Motion, Prior, SpeedCurve
+from estim.problem import CommonError, Curve, Derived, Footing, LocalCurve, Motion, Prior, SpeedCurve, SquaredCurve
 
 Arguments = Mapping[str, ArrayLike]
 
@@ -48,8 +48,17 @@ class VaryingCurve:
     def value(self, x: FloatArray, arguments: Arguments) -> FloatArray:
         return self.curve.value(x, own_values(arguments, self.varied))
 
+    def square(self, x: FloatArray, arguments: Arguments) -> FloatArray:
+        return cast(SquaredCurve, self.curve).square(x, own_values(arguments, self.varied))
+
     def local(self, x: FloatArray, arguments: Arguments) -> LocalCurve:
-        local, gradient = self.curve.local(x, own_values(arguments, self.varied)), {}
+        return self._varied(self.curve.local(x, own_values(arguments, self.varied)), arguments)
+
+    def local_square(self, x: FloatArray, arguments: Arguments) -> LocalCurve:
+        return self._varied(cast(SquaredCurve, self.curve).local_square(x, own_values(arguments, self.varied)), arguments)
+
+    def _varied(self, local: LocalCurve, arguments: Arguments) -> LocalCurve:
+        gradient = {}
         for name in self.varied:
             slope = local.gradient[name]
             gradient[spread_of(name)] = np.asarray(slope * np.asarray(arguments[shift_of(name)]))

@@ -18,14 +18,16 @@ from scipy.linalg import block_diag
 
 from estim.arrays import FloatArray
 from estim.deviation.components import Deviation, Shape, diagonalise
+from estim.deviation.course import Course
 from estim.deviation.errors import MixtureErrors
 from estim.deviation.grid import noise_grid
 from estim.deviation.joint import Sharing, Together
 from estim.deviation.jumps import BadFrames
 from estim.deviation.linearised import Linearised, linearise
 from estim.deviation.mixture import keep_probable
-from estim.deviation.noise import WithForce, normal_covariance
+from estim.deviation.noise import WithForce, formed_about, normal_covariance
 from estim.deviation.posing import as_prior, likely_root, priors_at, told_beyond, told_by
+from estim.deviation.residuals import Residuals, stacked
 from estim.problem import Named, Noise, Observations, Problem, StackedPoints, Wording, stacked_root
 
 
@@ -38,7 +40,7 @@ class Roomy(WithForce):
 
 @dataclass(frozen=True, eq=False)
 class _Stacked:
-    """Runs that have one size of the noise, linear about values of the parameters.  columns : (n_obs, n_jump) of bad frames.  shift : (n_obs,)."""
+    """Runs that have one size of the noise, linear about values of the parameters.  columns : (n_obs, n_jump) of bad frames.  """
 
     runs: tuple[Observations, ...]
     bad: BadFrames
@@ -46,7 +48,7 @@ class _Stacked:
     residuals: FloatArray
     jacobian: FloatArray
     columns: FloatArray
-    shift: FloatArray
+    formed: Residuals
 
     def beside(self, precision: FloatArray, pull: FloatArray) -> Linearised:
         n = self.columns.shape[1]
@@ -56,43 +58,47 @@ class _Stacked:
 
 
 def pose_alike(
-    groups: Sequence[Sequence[Observations]], problem: Problem, values: FloatArray, *, bad: Mapping[str, BadFrames]
+    groups: Sequence[Sequence[Observations]], courses: Mapping[str, Course], problem: Problem, values: FloatArray, *, bad: Mapping[str, BadFrames]
 ) -> tuple[Mapping[str, Noise], tuple[Together, ...]]:
     """Run -> its noise, and what ties runs together; made about `values` (n_par,), those of a fit with the stated noise.
 
     groups : runs that would share a force.  bad : run -> its bad frames, of runs that are fit alone.
     """
-    stacked = [_stack(tuple(runs), problem, values, bad) for runs in groups]
+    groups_stacked = [_stack(tuple(runs), courses, problem, values, bad) for runs in groups]
     precision, pull = priors_at(problem, values, n_start=0)
     prior = precision, precision @ pull
-    posed = {run.name for group in stacked for run in group.runs}
+    posed = {run.name for group in groups_stacked for run in group.runs}
     others = [told_by(run, problem, values) for run in problem.runs if run.name not in posed]
-    told = [told_beyond(group.beside(precision, pull), prior) for group in stacked]
+    told = [told_beyond(group.beside(precision, pull), prior) for group in groups_stacked]
     noises: dict[str, Noise] = {}
     shared = []
-    for i, group in enumerate(stacked):
+    for i, group in enumerate(groups_stacked):
         linear = group.beside(*as_prior([prior, *others, *told[:i], *told[i + 1 :]]))
         mixture, white = keep_probable(linear, columns=group.columns), likely_root(linear, group.columns)
         names = tuple(run.name for run in group.runs)
         if len(names) == 1:
             (run,) = group.runs
-            noises[run.name] = Roomy(run.noise, mixture, white, group.shift, bad=group.bad)
+            noises[run.name] = Roomy(run.noise, mixture, white, group.formed, bad=group.bad)
             continue
         noises |= {run.name: Sharing(run.noise, tuple(name for name in names if name != run.name)) for run in group.runs}
-        shared.append(Together(names, mixture, white, group.shift))
+        shared.append(Together(names, mixture, white, group.formed))
     return noises, tuple(shared)
 
 
-def _stack(runs: tuple[Observations, ...], problem: Problem, values: FloatArray, bad: Mapping[str, BadFrames]) -> _Stacked:
+def _stack(
+    runs: tuple[Observations, ...], courses: Mapping[str, Course], problem: Problem, values: FloatArray, bad: Mapping[str, BadFrames]
+) -> _Stacked:
     named = problem.named(values)
     own = bad.get(runs[0].name, BadFrames()) if len(runs) == 1 else BadFrames()
     points = StackedPoints(tuple(own.moved(run.points) for run in runs))
     stated = [normal_covariance(run.noise, one, named) for run, one in zip(runs, points.runs, strict=True)]
-    shift, n = np.concatenate([one.shift for one in stated]), points.y.size
+    n = points.y.size
+    of_runs = zip(runs, points.runs, stated, strict=True)
+    formed = stacked([formed_about(courses[run.name], run.noise, one, named, errors) for run, one, errors in of_runs])
     nothing = Shape("none", 1.0, np.zeros((n, 1)), 0.0)
     return _Stacked(
-        runs, own, diagonalise(stacked_root([one.root for one in stated]), (nothing,), noise_grid()), points.y - shift - points.value(named)[0],
-        points.gradient(named, problem.names), own.columns(n), shift,
+        runs, own, diagonalise(stacked_root([one.root for one in stated]), (nothing,), noise_grid()), formed.at(points, named)[0],
+        formed.gradient(points, named, problem.names), own.columns(n), formed,
     )
 
 
@@ -101,7 +107,7 @@ def log_rescaled(errors: MixtureErrors, named: Named, *, scale: float, factor: f
 
     A component of amplitude a > 0 then counts exp{-a^2 (factor^-2 - 1)/(2 scale^2)}/factor times as much.
     """
-    logs = errors.mixture.log_components(np.atleast_2d(errors.y - errors.points.value(named)))
+    logs = errors.mixture.log_components(errors.raw(named))
     size = errors.mixture.deviation.column("amplitude") / scale
     heavier = np.where(size > 0.0, -0.5 * np.square(size) * (factor**-2 - 1.0) - np.log(factor), 0.0)
     return np.asarray(np.logaddexp.reduce(logs + heavier, axis=1) - np.logaddexp.reduce(logs, axis=1))
@@ -114,6 +120,6 @@ def log_restarted(errors: MixtureErrors, named: Named, *, n_run: int, factor: fl
     """
     size = np.ones(errors.mixture.columns.shape[1])
     size[:n_run] = factor
-    residuals = np.atleast_2d(errors.y - errors.points.value(named))
+    residuals = errors.raw(named)
     moved = errors.mixture.with_columns(errors.mixture.columns * size)
     return np.asarray(moved.log_likelihood(residuals) - errors.mixture.log_likelihood(residuals))

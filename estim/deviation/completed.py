@@ -19,6 +19,7 @@ from estim.deviation.force import force_kernel, work_along
 from estim.deviation.grid import START_SD
 from estim.deviation.kernels import without_mean
 from estim.deviation.mixture import Mixture
+from estim.deviation.residuals import Residuals
 from estim.problem import Motion, Named, Points
 
 
@@ -26,13 +27,13 @@ from estim.problem import Motion, Named, Points
 class Completed:
     """What the curve of a run of speeds lacks, given the points.
 
-    mixture, shift : of `MixtureErrors`.  along : the track and the responses that the mixture was made with.
+    mixture, formed : of `MixtureErrors`.  along : the track and the responses that the mixture was made with.
     """
 
     points: Points
     motion: Motion
     mixture: Mixture
-    shift: FloatArray
+    formed: Residuals
     along: Along
 
     def gained(self, x: FloatArray, named: Named, rng: np.random.Generator) -> tuple[FloatArray, FloatArray]:
@@ -40,7 +41,7 @@ class Completed:
 
         One error for all places of a draw, so that bands are smooth.
         """
-        residuals = np.atleast_2d(self.points.y - self.shift - self.points.value(named))
+        residuals = self.formed.at(self.points, named)
         logs = self.mixture.log_components(residuals)
         chosen = np.argmax(logs + rng.gumbel(size=logs.shape), axis=1)  # a component with its probability
         energy, scale = np.zeros((chosen.size, x.size)), np.ones(chosen.size)

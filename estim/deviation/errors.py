@@ -1,6 +1,6 @@
 """The likelihood of points about a curve that lacks something: a mixture of normal errors with covariances C_k, weights w_k (`mixture`).
 
-    log L(r) = log sum_k w_k N(r | 0, C_k),    r = y - f
+    log L(r) = log sum_k w_k N(r | 0, C_k),    r: `estim.deviation.residuals`
 
 The mixture was made once, at the fit with white errors and a free start.  Tests whiten with its most probable covariance alone.
 """
@@ -14,6 +14,7 @@ import numpy as np
 
 from estim.arrays import FloatArray
 from estim.deviation.mixture import Mixture
+from estim.deviation.residuals import Residuals
 from estim.problem import Ends, Linear, Named, Points, Root, StackedPoints, n_draws
 
 
@@ -21,34 +22,34 @@ from estim.problem import Ends, Linear, Named, Points, Root, StackedPoints, n_dr
 class MixtureErrors:
     """Points of a run, or of several below each other, whose errors are a mixture.
 
-    shift : (n_obs,) mean of the errors, unit of y.
+    formed : how the residuals are formed.
     likely : the root of the most probable covariance, which whitens in the order of the points.
     """
 
     points: Points | StackedPoints
     mixture: Mixture
     likely: Root
-    shift: FloatArray
+    formed: Residuals
 
     creeps = True
     normal = None
 
     @property
     def y(self) -> FloatArray:
-        return np.asarray(self.points.y - self.shift)
+        return np.asarray(self.points.y - self.formed.shift)
 
     def log_likelihood(self, named: Named) -> FloatArray:
-        return self.mixture.log_likelihood(self._raw(named))
+        return self.mixture.log_likelihood(self.raw(named))
 
     def pointwise(self, named: Named) -> FloatArray:
-        return self.mixture.pointwise(self._raw(named))
+        return self.mixture.pointwise(self.raw(named))
 
     def standardised(self, named: Named) -> FloatArray:
-        return np.asarray(self.likely.whiten(self._raw(named)))
+        return np.asarray(self.likely.whiten(self.raw(named)))
 
     def residuals(self, named: Named) -> FloatArray:
         """z times what makes their squares sum to the loss of log likelihood."""
-        raw = self._raw(named)
+        raw = self.raw(named)
         z = self.likely.whiten(raw)
         return np.asarray(z * self._stretch(raw, z)[0][:, None])
 
@@ -56,11 +57,11 @@ class MixtureErrors:
         return self.standardised(named)
 
     def outlier_probability(self, named: Named) -> FloatArray:
-        return np.zeros((n_draws(named), self.shift.size))
+        return np.zeros((n_draws(named), self.formed.shift.size))
 
     def jacobian(self, named: Named, names: Sequence[str]) -> FloatArray:
         """By the product rule; the stretch g changes by g (Q r/lost - W^T z/|z|^2)."""
-        raw, gradient = self._raw(named), self.points.gradient(named, names)
+        raw, gradient = self.raw(named), self.gradient(named, names)
         z = self.likely.whiten(raw)
         (stretch,), (lost,) = self._stretch(raw, z)
         slopes = -stretch * self.likely.whiten(gradient.T).T
@@ -71,34 +72,38 @@ class MixtureErrors:
 
     def scoring(self, named: Named, names: Sequence[str]) -> tuple[FloatArray, FloatArray]:
         """With the precision Q that the components have together at the point, d log L/dr = -Q r."""
-        raw = self._raw(named)[0]
+        raw = self.raw(named)[0]
         precision, whiten = self.mixture.precision(raw), self.mixture.deviation.whiten
-        return -precision.root_times(whiten(self.points.gradient(named, names).T)).T, precision.root_times(whiten(raw))
+        return -precision.root_times(whiten(self.gradient(named, names).T)).T, precision.root_times(whiten(raw))
 
     def information_root(self, named: Named, names: Sequence[str]) -> FloatArray:
         """Of errors with the covariance that the components have together at the point."""
-        return np.asarray(self.mixture.likely(self._raw(named)[0]).whiten(-self.points.gradient(named, names).T).T)
+        return np.asarray(self.mixture.likely(self.raw(named)[0]).whiten(-self.gradient(named, names).T).T)
 
     def information(self, named: Named, names: Sequence[str], ends: Ends) -> FloatArray:
         root = self.information_root(named, names)
         return np.asarray(root.T @ root)
 
     def whitened(self, named: Named, names: Sequence[str]) -> Linear:
-        return Linear(self.likely.whiten(self._raw(named)[0]), self.likely.whiten(self.points.gradient(named, names).T).T)
+        return Linear(self.likely.whiten(self.raw(named)[0]), self.likely.whiten(self.gradient(named, names).T).T)
 
     def sd(self, named: Named) -> FloatArray:
-        return np.asarray(np.sqrt(self.mixture.variances(self._raw(named)[0])))
+        return np.asarray(np.sqrt(self.mixture.variances(self.raw(named)[0])))
 
     def squared_size(self, vector: FloatArray, named: Named) -> float:
-        return float(np.sum(self.mixture.likely(self._raw(named)[0]).whiten(vector) ** 2))
+        return float(np.sum(self.mixture.likely(self.raw(named)[0]).whiten(vector) ** 2))
 
     def residuals_at(self, named: Named) -> FloatArray:
-        """(n_obs,) y - f for single values."""
-        return np.asarray(self._raw(named)[0])
+        """(n_obs,) for single values."""
+        return np.asarray(self.raw(named)[0])
 
-    def _raw(self, named: Named) -> FloatArray:
-        """(n_draw, n_obs) y - f."""
-        return np.atleast_2d(self.y - self.points.value(named))
+    def gradient(self, named: Named, names: Sequence[str]) -> FloatArray:
+        """(n_obs, n) minus their derivatives in the parameters `names`, for single values."""
+        return self.formed.gradient(self.points, named, names)
+
+    def raw(self, named: Named) -> FloatArray:
+        """(n_draw, n_obs) the residuals."""
+        return self.formed.at(self.points, named)
 
     def _stretch(self, raw: FloatArray, z: FloatArray) -> tuple[FloatArray, FloatArray]:
         """(n_draw,) what makes |stretch z|^2 twice the loss of log likelihood, and that; 1 and 0 where nothing is lost but rounding."""

@@ -20,7 +20,7 @@ from estim.deviation.course import Course
 from estim.deviation.errors import MixtureErrors
 from estim.deviation.force import FORCE, OWN, Response, force_kernel, own_kind
 from estim.deviation.kernels import without_mean
-from estim.deviation.noise import normal_covariance
+from estim.deviation.noise import formed_about, normal_covariance
 from estim.problem import Observations, Posterior, Problem, StackedPoints
 
 
@@ -48,7 +48,7 @@ def force_sizes(posterior: Posterior, values: FloatArray) -> dict[str, ForceSize
     named, sizes = posterior.problem.named(values), {}
     for group, likelihood in zip(posterior.problem.groups, posterior.likelihoods, strict=True):
         if isinstance(likelihood, MixtureErrors):
-            size = _size(likelihood, np.atleast_2d(likelihood.y - likelihood.points.value(named))[0], several=len(group.runs) > 1)
+            size = _size(likelihood, likelihood.residuals_at(named), several=len(group.runs) > 1)
             sizes.update({run.name: size for run in group.runs})
     return sizes
 
@@ -61,12 +61,14 @@ def expected_root(
     Raises InputError where a body hardly moves somewhere along its track.
     """
     named = problem.named(values)
-    alongs = [courses[run.name].along(run.points, named, run.noise) for run in runs]
+    stated = [normal_covariance(run.noise, run.points, named) for run in runs]
+    about = [formed_about(courses[run.name], run.noise, run.points, named, errors).speed for run, errors in zip(runs, stated, strict=True)]
+    alongs = [courses[run.name].along(run.points, named, run.noise, about=speed) for run, speed in zip(runs, about, strict=True)]
     track = max((along.track for along in alongs), key=lambda one: one.length)
     several = len(runs) > 1
     responses = [along.response.carried(along.track, track) if several else along.response for along in alongs]
     stacked, own = Response.stacked(responses).force, size.between() if several else np.zeros(size.lengths.size)
-    covariance = size.noise * block_diag(*(normal_covariance(run.noise, run.points, named).covariance for run in runs))
+    covariance = size.noise * block_diag(*(errors.covariance for errors in stated))
     for length, shared, apart in zip(size.lengths, size.shared, own, strict=True):
         kernel = force_kernel(track, float(length), radius=alongs[0].radian)
         covariance += shared * stacked @ without_mean(kernel, track.weights) @ stacked.T

@@ -118,14 +118,9 @@ def track_with_ways(x: FloatArray, v: FloatArray) -> Track:
 
 
 def speed_response(
-    along: Track, x: FloatArray, speed: FloatArray, inertia: FloatArray, *, acceleration: float, floor: float = 0.0
+    along: Track, x: FloatArray, speed: FloatArray, inertia: FloatArray, *, acceleration: float
 ) -> Response:
-    """Of speeds measured at positions x (n_obs,); speed and inertia (n_obs,) of the fit there.
-
-    floor : slower than this the fit counts as this fast, so that a point at rest, where nothing is linear, does not count without limit.
-    Raises InputError where the fit does not move and there is no floor.
-    """
-    speed = np.maximum(speed, floor)
+    """Of the energy residuals of speeds measured at positions x (n_obs,); speed and inertia (n_obs,) of the fit there.  Raises InputError at rest."""
     _moving(speed)
     lever = acceleration / (inertia * speed)
     return Response(lever[:, None] * work_along(along, x), lever)

@@ -26,10 +26,11 @@ from estim.deviation.grid import SCALES, prior_grid
 from estim.deviation.jumps import BadFrames
 from estim.deviation.linearised import Linearised, linearise
 from estim.deviation.mixture import Mixture, keep_probable
-from estim.deviation.noise import Stated, WithForce, normal_covariance
+from estim.deviation.noise import Stated, WithForce, formed_about, normal_covariance
 from estim.deviation.normal_parts import NormalParts as NormalParts
 from estim.deviation.normal_parts import normal_parts
 from estim.deviation.posing import FoundForce, Told, as_prior, growth_over, likely_root, linear_groups, priors_at, summed, told_beyond, told_by
+from estim.deviation.residuals import Residuals, stacked
 from estim.problem import Likelihood, Named, Noise, Observations, Points, Problem, Root, StackedPoints, Wording, stacked_root
 
 
@@ -37,16 +38,16 @@ from estim.problem import Likelihood, Named, Noise, Observations, Points, Proble
 class Together:
     """Stated noise, free starts and forces of runs that share one, as a mixture over all their points.
 
-    mixture, likely, shift : of `MixtureErrors`, the runs below each other.
+    mixture, likely, formed : of `MixtureErrors`, the runs below each other.
     """
 
     runs: tuple[str, ...]
     mixture: Mixture
     likely: Root
-    shift: FloatArray
+    formed: Residuals
 
     def likelihood(self, points: StackedPoints, named: Named) -> MixtureErrors:
-        return MixtureErrors(points, self.mixture, self.likely, self.shift)
+        return MixtureErrors(points, self.mixture, self.likely, self.formed)
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,7 +108,7 @@ class _Lacking:
     residuals: FloatArray
     jacobian: FloatArray
     pushes: FloatArray
-    shift: FloatArray
+    formed: Residuals
 
     def beside(self, precision: FloatArray, pull: FloatArray) -> Linearised:
         """The posterior of parameters and starts; precision, pull : (n_par, n_par), (n_par,) of all that is known beside."""
@@ -150,18 +151,19 @@ def pose_forces(
 
 def _prepared(label: str, runs: tuple[Observations, ...], courses: Mapping[str, Course], problem: Problem, values: FloatArray) -> _Lacking:
     named = problem.named(values)
-    alongs = tuple(courses[run.name].along(run.points, named, run.noise) for run in runs)
     stated = [normal_covariance(run.noise, run.points, named) for run in runs]
+    each = [formed_about(courses[run.name], run.noise, run.points, named, errors) for run, errors in zip(runs, stated, strict=True)]
+    alongs = tuple(courses[run.name].along(run.points, named, run.noise, about=own.speed) for run, own in zip(runs, each, strict=True))
     longest = max(alongs, key=lambda along: along.track.length).track
     several = len(runs) > 1
     responses = tuple(along.response.carried(along.track, longest) if several else along.response for along in alongs)
     radius = alongs[0].radian
     shapes = shared_force_shapes(longest, responses, radius=radius) if several else force_shapes(longest, responses[0], radius=radius)
-    shift, points = np.concatenate([one.shift for one in stated]), StackedPoints(tuple(run.points for run in runs))
+    points, root, formed = StackedPoints(tuple(run.points for run in runs)), stacked_root([one.root for one in stated]), stacked(each)
     return _Lacking(
-        label, runs, alongs, longest, responses, diagonalise(stacked_root([one.root for one in stated]), shapes, prior_grid(runs[0].force)),
-        residuals=points.y - shift - points.value(named)[0], jacobian=points.gradient(named, problem.names),
-        pushes=block_diag(*(along.push[:, None] for along in alongs)), shift=shift,
+        label, runs, alongs, longest, responses, diagonalise(root, shapes, prior_grid(runs[0].force)),
+        residuals=formed.at(points, named)[0], jacobian=formed.gradient(points, named, problem.names),
+        pushes=block_diag(*(along.push[:, None] for along in alongs)), formed=formed,
     )
 
 
@@ -183,14 +185,14 @@ def _noises(group: _Lacking, linear: Linearised) -> dict[str, Noise]:
     if len(group.runs) == 1:
         (run,) = group.runs
         mixture = keep_probable(linear, columns=group.pushes)
-        return {run.name: WithForce(run.noise, mixture, likely_root(linear, group.pushes), group.shift, bad=BadFrames())}
+        return {run.name: WithForce(run.noise, mixture, likely_root(linear, group.pushes), group.formed, bad=BadFrames())}
     names = [run.name for run in group.runs]
     return {run.name: Sharing(run.noise, tuple(name for name in names if name != run.name)) for run in group.runs}
 
 
 def _together(group: _Lacking, linear: Linearised) -> Together:
     names = tuple(run.name for run in group.runs)
-    return Together(names, keep_probable(linear, columns=group.pushes), likely_root(linear, group.pushes), group.shift)
+    return Together(names, keep_probable(linear, columns=group.pushes), likely_root(linear, group.pushes), group.formed)
 
 
 def _found(group: _Lacking, linear: Linearised, values: FloatArray, without: FloatArray, problem: Problem, told: Told) -> FoundForce:

@@ -31,6 +31,7 @@ from estim.deviation.linearised import Linearised, linearise
 from estim.deviation.mixture import keep_probable
 from estim.deviation.noise import WithMixture, normal_covariance
 from estim.deviation.posing import Told, as_prior, growth_over, linear_groups, told_beyond, told_by
+from estim.deviation.residuals import Residuals
 from estim.deviation.visible import Visible, see_deviation
 from estim.problem import Lacks, Observations, Problem, Root, Wording
 
@@ -125,7 +126,7 @@ def pose_deviation(run: Observations, problem: Problem, values: FloatArray) -> P
     deviation = _components(run, lacks, covariance, scales)
     without = _sds(deviation.whiten(jacobian.T), precision)
     linear = linearise(deviation, residuals, jacobian, precision=precision, pull=pull, stated=lacks.stated)
-    noise = WithDeviation(run.noise, keep_probable(linear), _likely_root(linear, lacks), shift, lacks)
+    noise = WithDeviation(run.noise, keep_probable(linear), _likely_root(linear, lacks), Residuals(shift), lacks)
     means, covs = linear_groups(linear, problem.n_par)
     extents = {kind: float(np.ptp(run.x if kind == DEVIATION or lacks.along is None else lacks.along)) for kind in scales}
     sizes = {kind: _size(linear, kind, scale, LONG[kind] * extents[kind]) for kind, scale in scales.items()}

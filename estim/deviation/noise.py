@@ -15,6 +15,7 @@ from estim.deviation.course import Course
 from estim.deviation.errors import MixtureErrors
 from estim.deviation.jumps import BadFrames
 from estim.deviation.mixture import Mixture
+from estim.deviation.residuals import Residuals
 from estim.problem import (
     DENSE,
     CorrelatedErrors,
@@ -105,7 +106,8 @@ class FreeStart(Stated):
     def likelihood(self, points: Points, named: Named) -> CorrelatedErrors | RootErrors:
         points = self.bad.moved(points)
         stated = normal_covariance(self.base, points, named)
-        columns = np.column_stack([self.course.along(points, named, self.base).push, self.bad.columns(points.x.size)])
+        about = formed_about(self.course, self.base, points, named, stated).speed
+        columns = np.column_stack([self.course.along(points, named, self.base, about=about).push, self.bad.columns(points.x.size)])
         if points.x.size > DENSE:
             return RootErrors(points, Size(Scale(1.0)), with_columns(stated.root, columns), stated.shift)
         spectrum, basis = np.linalg.eigh(stated.covariance + columns @ columns.T)
@@ -120,15 +122,15 @@ class FreeStart(Stated):
 class WithMixture(Stated):
     """Stated noise together with what the curve lacks, as a mixture that stays as it is.
 
-    mixture, likely, shift : of `MixtureErrors`.
+    mixture, likely, formed : of `MixtureErrors`.
     """
 
     mixture: Mixture
     likely: Root
-    shift: FloatArray
+    formed: Residuals
 
     def likelihood(self, points: Points, named: Named) -> MixtureErrors:
-        return MixtureErrors(points, self.mixture, self.likely, self.shift)
+        return MixtureErrors(points, self.mixture, self.likely, self.formed)
 
     def for_search(self) -> Noise:
         """The stated noise alone."""
@@ -160,6 +162,12 @@ class StatedErrors:
     def covariance(self) -> FloatArray:
         """(n_obs, n_obs)."""
         return covariance_of(self.root)
+
+
+def formed_about(course: Course, base: Noise, points: Points, named: Named, stated: StatedErrors) -> Residuals:
+    """How residuals are formed for a fit with the values `named`."""
+    speed = course.speed(points, named, base)
+    return Residuals(stated.shift) if speed is None else Residuals.of_speeds(stated.shift, speed, stated.root)
 
 
 def normal_covariance(base: Noise, points: Points, named: Named) -> StatedErrors:

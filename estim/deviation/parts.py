@@ -28,8 +28,7 @@ def parts_of_errors(posterior: Posterior, values: FloatArray, along: FloatArray)
     for group, likelihood in zip(problem.groups, posterior.likelihoods, strict=True):
         if not isinstance(likelihood, MixtureErrors):
             continue
-        gradient = np.vstack([run.points.gradient(named, problem.names) for run in group.runs])
-        for name, square in _parts(group, likelihood, named, gradient @ along).items():
+        for name, square in _parts(group, likelihood, named, likelihood.gradient(named, problem.names) @ along).items():
             squares[name] = squares.get(name, np.zeros(along.shape[1])) + square
     return {name: np.sqrt(square) for name, square in squares.items()}
 

@@ -21,7 +21,8 @@ from estim.deviation.grid import SCALES, prior_grid
 from estim.deviation.jumps import BadFrames, find_bad_frames
 from estim.deviation.linearised import Linearised, linearise
 from estim.deviation.mixture import keep_probable
-from estim.deviation.noise import StatedErrors, WithForce, normal_covariance
+from estim.deviation.noise import StatedErrors, WithForce, formed_about, normal_covariance
+from estim.deviation.residuals import Residuals
 from estim.problem import Observations, Points, Prior, Problem, Root
 
 _PARTS = (0.5, 0.9, 0.99, 0.999)  # of the linearised posterior: the wide components hold its tails
@@ -110,7 +111,7 @@ def pose_force(run: Observations, course: Course, problem: Problem, values: Floa
     jacobian = np.column_stack([here.jacobian, columns[:, 1:]])
     linear = linearise(deviation, here.residuals, jacobian, precision=precision, pull=np.r_[here.pull, np.zeros(extra)])
     mixture = keep_probable(linear, columns=columns)
-    noise = WithForce(run.noise, mixture, likely_root(linear, columns), here.stated.shift, bad=bad)
+    noise = WithForce(run.noise, mixture, likely_root(linear, columns), here.formed, bad=bad)
     force = find_force(linear, here.along.track, here.along.response, radius=here.along.radian)
     means, covs = linear_groups(linear, n)
     prior = here.precision[:n, :n]
@@ -121,7 +122,7 @@ def pose_force(run: Observations, course: Course, problem: Problem, values: Floa
         growth=growth_over(problem, linear, without), upright=here.along.upright, about=values,
         told=told_beyond(linear, (prior, prior @ here.pull[:n])), means=values + means, covs=covs, bad=bad,
         reading_unit=unit if run.positions or run.noise.made_of_positions else run.y_unit, step=run.noise.size.step, runs=(run.name,),
-        completed=None if run.positions else Completed(run.points, run.body, mixture, here.stated.shift, here.along),
+        completed=None if run.positions else Completed(here.points, run.body, mixture, here.formed, here.along),
     )
     return Posed(noise, found, linear.mean[:n], linear.covariance[:n, :n])
 
@@ -147,6 +148,7 @@ class _Linear:
     named: Mapping[str, FloatArray]
     along: Along
     stated: StatedErrors
+    formed: Residuals
     shapes: tuple[Shape, ...]
     residuals: FloatArray
     jacobian: FloatArray
@@ -156,11 +158,13 @@ class _Linear:
 
 def _linear(run: Observations, course: Course, problem: Problem, values: FloatArray, bad: BadFrames) -> _Linear:
     named, points = problem.named(values), bad.moved(run.points)
-    along, stated = course.along(points, named, run.noise), normal_covariance(run.noise, points, named)
-    residuals = points.y - stated.shift - np.ravel(np.broadcast_to(points.value(named), (1, run.n_obs)))
-    jacobian = np.column_stack([points.gradient(named, problem.names), along.push])
+    stated = normal_covariance(run.noise, points, named)
+    formed = formed_about(course, run.noise, points, named, stated)
+    along = course.along(points, named, run.noise, about=formed.speed)
+    residuals = formed.at(points, named)[0]
+    jacobian = np.column_stack([formed.gradient(points, named, problem.names), along.push])
     shapes = force_shapes(along.track, along.response, radius=along.radian)
-    return _Linear(points, named, along, stated, shapes, residuals, jacobian, *priors_at(problem, values))
+    return _Linear(points, named, along, stated, formed, shapes, residuals, jacobian, *priors_at(problem, values))
 
 
 def told_by(run: Observations, problem: Problem, values: FloatArray) -> Told:

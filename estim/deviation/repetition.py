@@ -19,8 +19,7 @@ from estim.problem import Named
 
 def replicas(errors: MixtureErrors, named: Named, *, rng: np.random.Generator) -> FloatArray:
     """(n_draw, n_obs) ordinates measured again, one set for each draw in the columns of `named`."""
-    curve, mixture = np.atleast_2d(errors.points.value(named)), errors.mixture
-    residuals = np.atleast_2d(errors.y - curve)
+    mixture, residuals = errors.mixture, errors.raw(named)
     logs = mixture.log_components(residuals)
     chosen = np.argmax(logs + rng.gumbel(size=logs.shape), axis=1)
     z, again, start = mixture.deviation.whiten(residuals), np.empty_like(residuals), 0
@@ -36,4 +35,4 @@ def replicas(errors: MixtureErrors, named: Named, *, rng: np.random.Generator) -
             latent += np.linalg.solve(causes.T @ causes + scale**2 * np.eye(causes.shape[1]), (off @ causes).T).T
             again[own] = latent @ causes.T + scale * rng.standard_normal((own.size, z.shape[1]))
         start += family.amplitude.size
-    return np.asarray(curve + errors.shift + mixture.deviation.root.coloured(again))
+    return errors.formed.readings(errors.points, named, mixture.deviation.root.coloured(again))

@@ -121,6 +121,17 @@ class SpeedCurve(Curve, Protocol):
 
 
 @runtime_checkable
+class SquaredCurve(Curve, Protocol):
+    """A curve of speeds whose square is known also where it is negative: where the energy does not suffice."""
+
+    def square(self, x: FloatArray, arguments: Mapping[str, ArrayLike]) -> FloatArray:
+        """(n_draw, n_obs) f^2."""
+
+    def local_square(self, x: FloatArray, arguments: Mapping[str, ArrayLike]) -> LocalCurve:
+        """f^2 with its slope in x and its gradient in the arguments."""
+
+
+@runtime_checkable
 class PositionCurve(Curve, Protocol):
     """A curve of positions against time."""
 

@@ -38,6 +38,15 @@ class StackedPoints:
         """(n_obs, n) derivatives of the curves in the parameters `names`, for single values."""
         return np.vstack([run.gradient(named, names) for run in self.runs])
 
+    def square(self, named: Named) -> FloatArray:
+        """(n_draw, n_obs) the squares of curves of speeds at the points."""
+        n_draw = n_draws(named)
+        return np.hstack([np.broadcast_to(run.square(named), (n_draw, run.x.size)) for run in self.runs])
+
+    def square_gradient(self, named: Named, names: Sequence[str]) -> FloatArray:
+        """(n_obs, n) their derivatives, for single values."""
+        return np.vstack([run.square_gradient(named, names) for run in self.runs])
+
 
 class SharedNoise(Protocol):
     """What some runs have in common beside the noise of each."""

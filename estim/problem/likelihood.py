@@ -13,13 +13,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Protocol, cast
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from estim.arrays import FloatArray
-from estim.problem.curve import Curve, LocalCurve, Wording
+from estim.problem.curve import Curve, LocalCurve, SquaredCurve, Wording
 from estim.problem.differences import Differences
 from estim.problem.laws import Counted
 from estim.problem.roots import Root
@@ -45,6 +45,14 @@ class Points:
     def value(self, named: Named) -> FloatArray:
         """(n_draw, n_obs) the curve at the points."""
         return self.curve.value(self.x, self.bind(named))
+
+    def square(self, named: Named) -> FloatArray:
+        """(n_draw, n_obs) the square of a curve of speeds, negative where the energy does not suffice."""
+        return cast(SquaredCurve, self.curve).square(self.x, self.bind(named))
+
+    def square_gradient(self, named: Named, names: Sequence[str]) -> FloatArray:
+        """(n_obs, n) its derivatives, for single values."""
+        return self.gradients(cast(SquaredCurve, self.curve).local_square(self.x, self.bind(named)), names, 1)[0]
 
     def slope(self, named: Named) -> FloatArray:
         """(n_obs,) its slope in x."""

@@ -1,0 +1,69 @@
+"""How residuals of a curve that lacks something are formed: as y - f, or for speeds as energies, in which a force along the track is linear.
+
+    rho = (y |y| - f^2)/(2 v) - sd^2/(2 v),    v: speeds about which the errors of the readings are linear
+
+A force and an energy at release add to the square of the speed whatever the parameters are, so their response in rho is the same at all draws: also
+beside a turning point, where that of the speed diverges, and beyond the place where the curve without them ends (f^2 < 0).  Errors e of the readings
+are linear in rho where they are small beside v: rho = e + e^2/(2 v), of mean sd^2/(2 v).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from estim.arrays import FloatArray
+from estim.problem import Named, Points, Root, StackedPoints
+
+LEAST_SPEED = 1.5  # standard deviations of a reading: slower than this a point counts as so fast
+
+AnyPoints = Points | StackedPoints
+
+
+@dataclass(frozen=True, eq=False)
+class Residuals:
+    """shift : (n_obs,) mean of the errors of the readings, unit of y.
+
+    speed : (n_obs,) v where they are energies; None where they are y - f.  mean : (n_obs,) of rho, by the errors of the readings.
+    """
+
+    shift: FloatArray
+    speed: FloatArray | None = None
+    mean: FloatArray | float = 0.0
+
+    @classmethod
+    def of_speeds(cls, shift: FloatArray, speed: FloatArray, root: Root) -> Residuals:
+        """About the speeds (n_obs,) of a fit; root : of the covariance of the readings."""
+        about = np.maximum(speed, LEAST_SPEED * np.sqrt(root.variances))
+        return cls(shift, about, 0.5 * root.variances / about)
+
+    def at(self, points: AnyPoints, named: Named) -> FloatArray:
+        """(n_draw, n_obs)."""
+        y = points.y - self.shift
+        if self.speed is None:
+            return np.atleast_2d(y - points.value(named))
+        return np.atleast_2d((y * np.abs(y) - points.square(named)) / (2.0 * self.speed) - self.mean)
+
+    def gradient(self, points: AnyPoints, named: Named, names: Sequence[str]) -> FloatArray:
+        """(n_obs, n) minus their derivatives in the parameters `names`, for single values: those of the curve, where they are y - f."""
+        if self.speed is None:
+            return points.gradient(named, names)
+        return points.square_gradient(named, names) / (2.0 * self.speed[:, None])
+
+    def readings(self, points: AnyPoints, named: Named, residuals: FloatArray) -> FloatArray:
+        """(n_draw, n_obs) the ordinates that have these residuals."""
+        if self.speed is None:
+            return np.asarray(points.value(named) + self.shift + residuals)
+        square = points.square(named) + 2.0 * self.speed * (residuals + self.mean)
+        return np.asarray(np.sign(square) * np.sqrt(np.abs(square)) + self.shift)
+
+
+def stacked(each: Sequence[Residuals]) -> Residuals:
+    """Of runs below each other, all of speeds or none."""
+    shift = np.concatenate([one.shift for one in each])
+    speeds = [one.speed for one in each if one.speed is not None]
+    if len(speeds) < len(each):
+        return Residuals(shift)
+    return Residuals(shift, np.concatenate(speeds), np.concatenate([np.broadcast_to(one.mean, one.shift.shape) for one in each]))
