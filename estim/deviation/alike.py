@@ -94,7 +94,7 @@ def _stack(
     stated = [normal_covariance(run.noise, one, named) for run, one in zip(runs, points.runs, strict=True)]
     n = points.y.size
     of_runs = zip(runs, points.runs, stated, strict=True)
-    formed = stacked([formed_about(courses[run.name], run.noise, one, named, errors) for run, one, errors in of_runs])
+    formed = stacked([formed_about(courses[run.name], run.noise, one, named, errors, scale=1.0) for run, one, errors in of_runs])
     nothing = Shape("none", 1.0, np.zeros((n, 1)), 0.0)
     return _Stacked(
         runs, own, diagonalise(stacked_root([one.root for one in stated]), (nothing,), noise_grid()), formed.at(points, named)[0],

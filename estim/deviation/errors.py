@@ -39,7 +39,7 @@ class MixtureErrors:
         return np.asarray(self.points.y - self.formed.shift)
 
     def log_likelihood(self, named: Named) -> FloatArray:
-        return self.mixture.log_likelihood(self.raw(named))
+        return self.mixture.log_likelihood(self.raw(named), weight=self.formed.weight(self.points, named))
 
     def pointwise(self, named: Named) -> FloatArray:
         return self.mixture.pointwise(self.raw(named))

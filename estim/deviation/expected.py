@@ -62,7 +62,7 @@ def expected_root(
     """
     named = problem.named(values)
     stated = [normal_covariance(run.noise, run.points, named) for run in runs]
-    about = [formed_about(courses[run.name], run.noise, run.points, named, errors).speed for run, errors in zip(runs, stated, strict=True)]
+    about = [formed_about(courses[run.name], run.noise, run.points, named, errors, scale=1.0).speed for run, errors in zip(runs, stated, strict=True)]
     alongs = [courses[run.name].along(run.points, named, run.noise, about=speed) for run, speed in zip(runs, about, strict=True)]
     track = max((along.track for along in alongs), key=lambda one: one.length)
     several = len(runs) > 1

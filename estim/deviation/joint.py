@@ -152,7 +152,7 @@ def pose_forces(
 def _prepared(label: str, runs: tuple[Observations, ...], courses: Mapping[str, Course], problem: Problem, values: FloatArray) -> _Lacking:
     named = problem.named(values)
     stated = [normal_covariance(run.noise, run.points, named) for run in runs]
-    each = [formed_about(courses[run.name], run.noise, run.points, named, errors) for run, errors in zip(runs, stated, strict=True)]
+    each = [formed_about(courses[run.name], run.noise, run.points, named, errors, scale=run.force) for run, errors in zip(runs, stated, strict=True)]
     alongs = tuple(courses[run.name].along(run.points, named, run.noise, about=own.speed) for run, own in zip(runs, each, strict=True))
     longest = max(alongs, key=lambda along: along.track.length).track
     several = len(runs) > 1

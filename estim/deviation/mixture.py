@@ -9,7 +9,7 @@ release, the clock, the scale of length), each column times the standard deviati
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -19,7 +19,7 @@ from estim.arrays import FloatArray
 from estim.deviation.components import Deviation, Family
 from estim.deviation.linearised import Linearised
 from estim.deviation.precision import Precision
-from estim.deviation.terms import Terms, terms_of
+from estim.deviation.terms import Terms, Weight, terms_of
 from estim.problem import Root, beside
 
 _ROUGHNESS = 1e-3  # what the directions left out of a basis may add to the variances, relative to the noise and summed
@@ -57,15 +57,16 @@ class Mixture:
         """The bases of all families side by side (n_obs, n_dir), and their terms as those of one."""
         gain = np.vstack([block_diag(*(terms.gain[:-2] for terms in self.terms)), np.hstack([terms.gain[-2:] for terms in self.terms])])
         cross, cross_white = block_diag(*(terms.cross for terms in self.terms)), np.hstack([terms.cross_white for terms in self.terms])
-        return np.hstack([family.basis for family in self.deviation.families]), Terms(gain, cross, cross_white)
+        root, amplitude = np.concatenate([terms.root for terms in self.terms]), self.deviation.column("amplitude")
+        return np.hstack([family.basis for family in self.deviation.families]), Terms(gain, cross, cross_white, root, amplitude)
 
     @cached_property
     def highest(self) -> float:
         """The log likelihood where all residuals are 0."""
         return float(self.log_likelihood(np.zeros((1, self.deviation.n_obs)))[0])
 
-    def log_likelihood(self, residuals: FloatArray, *, relative: FloatArray | None = None) -> FloatArray:
-        """(n_draw,) of residuals (n_draw, n_obs), data minus curve.
+    def log_likelihood(self, residuals: FloatArray, *, relative: FloatArray | None = None, weight: Weight | None = None) -> FloatArray:
+        """(n_draw,) of residuals (n_draw, n_obs), data minus curve.  weight : of the draws, where it is not that of the fit.
 
         relative : (n_draw,) factor of the stated noise in each draw, where its size is a sampled parameter; 5 to 80 times slower.
         """
@@ -73,26 +74,29 @@ class Mixture:
         total = np.empty(residuals.shape[0])
         for start in range(0, total.size, _CHUNK):
             some = slice(start, start + _CHUNK)
-            logs = self.log_components(residuals[some], relative=None if relative is None else relative[some])
+            logs = self.log_components(
+                residuals[some], relative=None if relative is None else relative[some],
+                weight=None if weight is None else replace(weight, ratio=weight.ratio[some]),
+            )
             highest = np.max(logs, axis=1, keepdims=True)
             np.exp(np.subtract(logs, highest, out=logs), out=logs)
             total[some] = highest[:, 0] + np.log(np.sum(logs, axis=1))
         return total
 
-    def log_components(self, residuals: FloatArray, *, relative: FloatArray | None = None) -> FloatArray:
+    def log_components(self, residuals: FloatArray, *, relative: FloatArray | None = None, weight: Weight | None = None) -> FloatArray:
         """(n_draw, n_component) logarithm of each w_k N(r | 0, C_k + H H^T)."""
         z = self.deviation.whiten(np.atleast_2d(residuals))
         square, along = np.einsum("ij,ij->i", z, z), z @ self.columns
         basis, terms = self.together
         seen = z @ basis
         if relative is None and z.shape[0] <= _FEW:
-            return terms.log_density(square, seen, along) - self.deviation.root.log_volume - 0.5 * z.shape[1] * np.log(2.0 * np.pi)
+            return terms.log_density(square, seen, along, weight) - self.deviation.root.log_volume - 0.5 * z.shape[1] * np.log(2.0 * np.pi)
         parts, start = [], 0
         for family, own_terms in zip(self.deviation.families, self.terms, strict=True):
             own = seen[:, start : start + family.spectrum.size]
             start += family.spectrum.size
             if relative is None:
-                parts.append(own_terms.log_density(square, own, along))
+                parts.append(own_terms.log_density(square, own, along, weight))
             else:
                 parts.append(_rescaled(family, self.columns, square, own, along, np.asarray(relative, dtype=float)))
         logs = np.hstack(parts)

@@ -15,7 +15,7 @@ from estim.deviation.course import Course
 from estim.deviation.errors import MixtureErrors
 from estim.deviation.jumps import BadFrames
 from estim.deviation.mixture import Mixture
-from estim.deviation.residuals import Residuals
+from estim.deviation.residuals import Inertia, Residuals
 from estim.problem import (
     DENSE,
     CorrelatedErrors,
@@ -106,7 +106,7 @@ class FreeStart(Stated):
     def likelihood(self, points: Points, named: Named) -> CorrelatedErrors | RootErrors:
         points = self.bad.moved(points)
         stated = normal_covariance(self.base, points, named)
-        about = formed_about(self.course, self.base, points, named, stated).speed
+        about = formed_about(self.course, self.base, points, named, stated, scale=1.0).speed
         columns = np.column_stack([self.course.along(points, named, self.base, about=about).push, self.bad.columns(points.x.size)])
         if points.x.size > DENSE:
             return RootErrors(points, Size(Scale(1.0)), with_columns(stated.root, columns), stated.shift)
@@ -164,10 +164,12 @@ class StatedErrors:
         return covariance_of(self.root)
 
 
-def formed_about(course: Course, base: Noise, points: Points, named: Named, stated: StatedErrors) -> Residuals:
-    """How residuals are formed for a fit with the values `named`."""
+def formed_about(course: Course, base: Noise, points: Points, named: Named, stated: StatedErrors, *, scale: float) -> Residuals:
+    """How residuals are formed for a fit with the values `named`; scale : of the prior of the force."""
     speed = course.speed(points, named, base)
-    return Residuals(stated.shift) if speed is None else Residuals.of_speeds(stated.shift, speed, stated.root)
+    if speed is None:
+        return Residuals(stated.shift)
+    return Residuals.of_speeds(stated.shift, speed, stated.root, Inertia.of(course.motion, points.x, points.bind(named)), scale=scale)
 
 
 def normal_covariance(base: Noise, points: Points, named: Named) -> StatedErrors:

@@ -159,7 +159,7 @@ class _Linear:
 def _linear(run: Observations, course: Course, problem: Problem, values: FloatArray, bad: BadFrames) -> _Linear:
     named, points = problem.named(values), bad.moved(run.points)
     stated = normal_covariance(run.noise, points, named)
-    formed = formed_about(course, run.noise, points, named, stated)
+    formed = formed_about(course, run.noise, points, named, stated, scale=run.force)
     along = course.along(points, named, run.noise, about=formed.speed)
     residuals = formed.at(points, named)[0]
     jacobian = np.column_stack([formed.gradient(points, named, problem.names), along.push])

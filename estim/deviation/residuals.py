@@ -9,13 +9,15 @@ are linear in rho where they are small beside v: rho = e + e^2/(2 v), of mean sd
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from estim.arrays import FloatArray
-from estim.problem import Named, Points, Root, StackedPoints
+from estim.deviation.terms import Weight
+from estim.problem import Motion, Named, Points, Root, StackedPoints
 
 LEAST_SPEED = 1.5  # standard deviations of a reading: slower than this a point counts as so fast
 
@@ -23,21 +25,55 @@ AnyPoints = Points | StackedPoints
 
 
 @dataclass(frozen=True, eq=False)
+class Inertia:
+    """Inertia of a body over its weight at a few places x (n,), against `at_fit` (n,)."""
+
+    motion: Motion
+    x: FloatArray
+    at_fit: FloatArray
+
+    @classmethod
+    def of(cls, motion: Motion, x: FloatArray, arguments: Mapping[str, ArrayLike]) -> Inertia:
+        places = np.quantile(x, (0.0, 0.5, 1.0))
+        return cls(motion, places, _inertias(motion, places, arguments)[0])
+
+    def ratio(self, arguments: Mapping[str, ArrayLike]) -> FloatArray:
+        """(n_draw,) on average over the places."""
+        return np.asarray(np.mean(_inertias(self.motion, self.x, arguments) / self.at_fit, axis=1))
+
+
+def _inertias(motion: Motion, x: FloatArray, arguments: Mapping[str, ArrayLike]) -> FloatArray:
+    kinetic = motion.energies(x, np.ones(x.size), arguments)[0]
+    return np.atleast_2d(kinetic / np.asarray(motion.gravity(arguments)))
+
+
+@dataclass(frozen=True, eq=False)
 class Residuals:
     """shift : (n_obs,) mean of the errors of the readings, unit of y.
 
     speed : (n_obs,) v where they are energies; None where they are y - f.  mean : (n_obs,) of rho, by the errors of the readings.
+    inertias : of each run, where they are energies of bodies with a force.  scale : of the prior of the force.
     """
 
     shift: FloatArray
     speed: FloatArray | None = None
     mean: FloatArray | float = 0.0
+    inertias: tuple[Inertia, ...] = ()
+    scale: float = 1.0
 
     @classmethod
-    def of_speeds(cls, shift: FloatArray, speed: FloatArray, root: Root) -> Residuals:
+    def of_speeds(cls, shift: FloatArray, speed: FloatArray, root: Root, inertia: Inertia, *, scale: float) -> Residuals:
         """About the speeds (n_obs,) of a fit; root : of the covariance of the readings."""
         about = np.maximum(speed, LEAST_SPEED * np.sqrt(root.variances))
-        return cls(shift, about, 0.5 * root.variances / about)
+        return cls(shift, about, 0.5 * root.variances / about, (inertia,), scale)
+
+    def weight(self, points: AnyPoints, named: Named) -> Weight | None:
+        """How a force counts at draws, against how it counts at the fit; None where it counts alike."""
+        if not self.inertias:
+            return None
+        runs = points.runs if isinstance(points, StackedPoints) else (points,)
+        ratios = [inertia.ratio(run.bind(named)) for inertia, run in zip(self.inertias, runs, strict=True)]
+        return Weight(np.mean(np.broadcast_arrays(*ratios), axis=0), self.scale, len(runs))
 
     def at(self, points: AnyPoints, named: Named) -> FloatArray:
         """(n_draw, n_obs)."""
@@ -66,4 +102,5 @@ def stacked(each: Sequence[Residuals]) -> Residuals:
     speeds = [one.speed for one in each if one.speed is not None]
     if len(speeds) < len(each):
         return Residuals(shift)
-    return Residuals(shift, np.concatenate(speeds), np.concatenate([np.broadcast_to(one.mean, one.shift.shape) for one in each]))
+    mean = np.concatenate([np.broadcast_to(one.mean, one.shift.shape) for one in each])
+    return Residuals(shift, np.concatenate(speeds), mean, tuple(inertia for one in each for inertia in one.inertias), each[0].scale)
