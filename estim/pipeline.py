@@ -45,7 +45,7 @@ from estim.checks import (
     screen_lines,
     untested,
 )
-from estim.common import Finding, InputError, Kind, Status, Stream, phrase, stream
+from estim.common import Finding, InputError, Kind, NumericalError, Status, Stream, phrase, stream
 from estim.curve_fit import CurveFit
 from estim.explanation import Candidate, Explanation, Outcome, explain
 from estim.fitting import Fit, fit_beside
@@ -255,13 +255,16 @@ def _lacks_a_force(fit: Fit) -> bool:
 def explained(campaign: Campaign, analysis: Analysis, *, progress: Callable[[int, int], None] | None = None) -> Analysis:
     """The analysis with candidates for what its curve lacks, each refit by least squares, and the first of them as the campaign would be with it.
 
-    progress : told how many of how many are done.
+    progress : told how many of how many are done.  Without any candidates where the curve alone cannot be refit.
     """
     suspects = campaign.suspects([run.name for run in analysis.problem.runs])
     names, known = suspects.plain.names, dict(zip(analysis.fit.names, analysis.fit.values.tolist(), strict=True))
     values = np.array([known[name] for name in names]) if known.keys() >= set(names) else None
     rng = stream(analysis.seed, Stream.EXPLANATION)
-    found = explain(suspects, rng=rng, values=values, progress=progress)
+    try:
+        found = explain(suspects, rng=rng, values=values, progress=progress)
+    except NumericalError:
+        return analysis
     return replace(analysis, explanation=found.with_outcomes(partial(outcome_of, campaign, seed=analysis.seed)))
 
 
@@ -273,6 +276,8 @@ def outcome_of(campaign: Campaign, candidate: Candidate, *, seed: int) -> Outcom
         found = analyse_fit(fit, seed=seed)
     except InputError:
         return Outcome(Status.NOT_IDENTIFIED, (), False)
+    except NumericalError:
+        return Outcome(Status.NOT_CONVERGED, (), False)
     numbers = []
     for one in candidate.numbers if found.diagnosis.ok else ():
         if one.name in fit.names and one.name not in fit.at_bound:

@@ -10,11 +10,14 @@ import numpy as np
 import pytest
 
 from estim.campaign import Campaign, load_campaign
+from estim.checks import check_goodness
 from estim.common.kinds import Kind
 from estim.common.labels import Notation
 from estim.common.statuses import Status
 from estim.explanation import Candidate, Estimated, Explanation, Outcome, Suspects, across_runs, explain, verdict
-from estim.fitting.least_squares import fit_least_squares
+from estim.explanation.bad_frames import frame_causes
+from estim.explanation.explaining import badness
+from estim.fitting.least_squares import fit_least_squares, refit
 from estim.pipeline import analyse, outcome_of
 from estim.reports.explanation import explanation_lines, explanation_text
 
@@ -100,6 +103,28 @@ def test_one_bad_reading_is_named_with_its_error(tmp_path: Path) -> None:
             assert "number 21 of the rows" in frame.words
             assert abs(frame.numbers[0].value - 0.02) < 3.5 * frame.numbers[0].sd
             assert SIGMA < frame.numbers[0].sd < 2.5 * SIGMA
+
+
+@pytest.mark.parametrize("noise", ["speeds", "positions"])
+@pytest.mark.parametrize("row", [12, 20])
+def test_a_shift_that_stays_is_named_where_it_begins_and_no_single_reading_far_from_it(tmp_path: Path, row: int, noise: str) -> None:
+    """As by counts that an encoder lost: every later position is shifted, and speeds by differences on both sides are off."""
+    lost = Disturbance("lost", camera=Camera(after=lambda rng, t, x: (t, x - np.where(np.arange(x.size) >= row, 0.02, 0.0))))
+    campaign = suspects(tmp_path, lost, noise=noise)
+    found = explain(replace(campaign, causes=()), rng=np.random.default_rng(1))
+    shift = next(one for one in found.candidates if one.name == "bad_frame[r]")
+    dropped = 0 if noise == "speeds" else len(np.loadtxt(tmp_path / "r.csv", delimiter=",", skiprows=1)) - campaign.plain.runs[0].n_obs
+    assert found.candidates[0] is shift
+    assert f"all readings from number {row + 1 - dropped} of the" in shift.words
+    assert abs(shift.numbers[0].value + 0.02) < 3.5 * shift.numbers[0].sd
+    assert shift.random
+    assert verdict(found).names == (shift.words,)
+    # a single reading, which was all that was asked about before, explains far less
+    base = fit_least_squares(campaign.plain, rng=np.random.default_rng(1), n_start=1)
+    single = next(cause for cause in frame_causes(base) if "one bad reading" in cause.words)
+    one = refit(single.problem, single.starting(base, 0.1))
+    assert badness(base) - badness(one) < shift.gain - 20.0
+    assert any(good.failed for good in check_goodness(one, rng=np.random.default_rng(1)))
 
 
 def test_errors_that_follow_each_other_are_told_from_white_ones(tmp_path: Path) -> None:

@@ -6,10 +6,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from click.testing import CliRunner
 
 from estim import fit_curve
 from estim.campaign.table_campaign import TableChoices, campaign_of_table
-from estim.common import InputError
+from estim.cli.commands import cli
+from estim.common import InputError, NumericalError
 from estim.fitting import Fit, profile_intervals
 
 SINKING = "y0 - v*x + v*tau*(1 - exp(-x/tau))"
@@ -154,6 +156,27 @@ def test_both_doors_say_the_same_of_a_table(shape: str, seed: int, stated: bool,
         assert fit.mover == "tau"
         assert "moved tau" in found.reasons[0]
         assert "give it limits" in found.reasons[0]
+
+
+def test_an_edge_of_what_the_curve_is_defined_for_is_named_by_both_doors(tmp_path: Path) -> None:
+    x, y = slowing_ball()
+    with pytest.raises(NumericalError, match="no finite derivatives in .*tau"):
+        fit_curve(SINKING, x, y, bounds={"tau": (0.0, None)})
+    with pytest.raises(NumericalError, match="no finite derivatives in .*tau"):
+        by_command(table(tmp_path, x, y), SINKING, u_y=None, low={"tau": 0.0})
+
+
+def test_a_search_for_what_the_curve_lacks_that_fails_costs_no_report(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def fails(*_: object, **__: object) -> None:
+        raise NumericalError("the fit ends where the curve has no finite derivatives in tau")
+
+    monkeypatch.setattr("estim.pipeline.explain", fails)
+    x = np.linspace(0.0, 5.0, 30)
+    file = table(tmp_path, x, x**2 + 0.01 * np.random.default_rng(1).standard_normal(x.size))
+    told = CliRunner().invoke(cli, ["fit", str(file), "--formula", "a + b*x", "--no-figures", "--out", str(tmp_path / "out")])
+    assert told.exit_code == 3, told.output
+    assert "poor-fit" in told.output
+    assert (tmp_path / "out" / "report.md").is_file()
 
 
 def test_a_peak_of_few_points_needs_a_limit_and_has_an_answer_with_one() -> None:

@@ -21,7 +21,7 @@ from estim.checks.rolling import Rolling, rolling_remarks
 from estim.checks.what_if import Influence, large_influences
 from estim.common import Amount, Finding, Kind, Status, decide, wrong
 from estim.fitting import PRESSED_BELOW, Fit, chi2_p, edge_amount, limit_found, pressed
-from estim.problem import same_curves
+from estim.problem import Observations, same_curves
 from estim.sampling import Agreement, Chain, mcse_mean, mixing_of
 from estim.words import tell
 
@@ -216,6 +216,11 @@ def too_many_outliers(fit: Fit) -> list[Finding]:
     return findings
 
 
+def _from_pictures(run: Observations) -> bool:
+    """Whether what was read may be places in pictures: lengths, and no counts of an encoder."""
+    return run.noise.size.step == 0.0 and (run.y_unit if run.positions else run.x_unit) == "m"
+
+
 def _remarks(fit: Fit, chain: Chain, goodness: Sequence[Goodness], conflict: Conflict) -> list[Finding]:
     stated = stated_values(fit, conflict)
     found = [stated] if stated.kind is Kind.STATED_HARDLY else []
@@ -226,14 +231,16 @@ def _remarks(fit: Fit, chain: Chain, goodness: Sequence[Goodness], conflict: Con
         found += deviation_remarks(lack, x_unit=runs[lack.run].x_unit, y_unit=runs[lack.run].y_unit)
     if fit.n_same < fit.n_start:
         found.append(Finding(Kind.STARTS_ELSEWHERE, size=fit.n_start - fit.n_same, numbers={"starts": fit.n_start}))
+    off = {force.run for force in fit.forces if force.bad.jumps}  # single readings that are off may well lie where the body is fast
     for good, run in zip(goodness, fit.problem.runs, strict=True):
         found += borne_pattern(good) + hardly_passed(good)
         chi2 = good.checks.get("chi2")
         if chi2 is not None and chi2.p_value > 1.0 - good.level and not good.covered and run.lacks is None:
             kind = Kind.COUNTS_EVEN if good.counted else Kind.RESIDUALS_SMALL
             found.append(Finding(kind, run=good.run, test="chi2", p=1.0 - chi2.p_value, numbers={"least": P_FLOOR}))
-        if good.speed is not None and good.speed.p_value < P_TOLD / good.among:
-            found.append(Finding(Kind.NOISE_WITH_SPEED, run=good.run, test="speed", p=good.speed.p_value, numbers={"least": P_FLOOR}))
+        if good.speed is not None and good.speed.p_value < P_TOLD / good.among and run.name not in off and "largest" not in good.failed:
+            numbers = {"least": P_FLOOR, "pictures": float(_from_pictures(run))}
+            found.append(Finding(Kind.NOISE_WITH_SPEED, run=good.run, test="speed", p=good.speed.p_value, numbers=numbers))
         if 1.5 < good.scatter_ratio <= SCATTER_LIMIT:
             found.append(Finding(Kind.SCATTER_LARGE, run=good.run, size=good.scatter_ratio))
     for run in fit.problem.runs:

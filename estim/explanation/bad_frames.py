@@ -1,9 +1,12 @@
-"""One reading that is off, as a cause: which frame it would be, and the problem in which its error is an unknown.
+"""Shifted readings as causes: which one it would be, or from which on all, and the problem in which the shift is an unknown.
 
-An error e of reading k moves y - f by e q_k, with q_k a column of A = S - diag(f') for speeds made of positions, a unit vector else.  At the mode,
-with whitened residuals z, whitened derivatives J and P the precision of the priors, chi-squared falls by
+An error e of reading k moves y - f by e q_k, with q_k a column of A = S - diag(f') for speeds made of positions, a unit vector else; a shift of all
+readings from k on by the sum of these columns.  At the mode, with whitened residuals z, whitened derivatives J and P the precision of the priors,
+chi-squared falls by
 
     (q^T z)^2 / (q^T [1 - J (J^T J + P)^-1 J^T] q)
+
+Where only single errors are tried, a shift that stays (counts that an encoder lost, a mark that moved) is blamed on a reading far from it.
 """
 
 from __future__ import annotations
@@ -53,7 +56,10 @@ class Displaced:
 
 
 def frame_causes(base: Fit) -> tuple[Cause, ...]:
-    """The frame of each run that is most likely off by itself; none of a run whose errors are not normal."""
+    """The reading of each run that is most likely off by itself, and that from which on all most likely are, where readings follow each other.
+
+    None of a run whose errors are not normal.
+    """
     problem, named, found = base.problem, base.problem.named(base.values), []
     slopes = np.array([p.prior.residual_slope(float(v)) for p, v in zip(problem.parameters, base.values, strict=True)])
     whole = np.diag(slopes**2)
@@ -70,35 +76,65 @@ def frame_causes(base: Fit) -> tuple[Cause, ...]:
     for i, (run, root, jacobian, z) in enumerate(parts):
         moved = run.noise.of_positions(run.points, named)
         matrix = Differences.of_single(run.n_obs) if moved is None else moved
-        back = matrix.back(root.turned_back(np.column_stack([jacobian, z]).T).T)
-        size, along, pulled = _squares(root, matrix), back[:, :-1].T, back[:, -1]
-        left = size - np.einsum("pk,pq,qk->k", along, inverse, along)
-        told = left > _SEEN * np.max(size)
-        fall = np.where(told, pulled**2 / np.where(told, left, 1.0), 0.0)
-        frame = int(np.argmax(fall))
-        found.append(_cause(problem, i, frame, matrix @ np.eye(1, matrix.n_row, frame)[0], int(np.sum(told))))
+        each = matrix.back(root.turned_back(np.column_stack([jacobian, z]).T).T)
+        in_sequence = run.positions or run.noise.made_of_positions
+        patterns = (False, each), *([(True, np.cumsum(each[::-1], axis=0)[::-1])] if in_sequence else [])
+        for stays, back in patterns:
+            place, pattern, n_place = _best(matrix, root, back, inverse, stays=stays)
+            found.append(_cause(problem, i, place, pattern, len(patterns) * n_place, stays=stays))
     return tuple(found)
 
 
-def _squares(root: Root, matrix: Differences) -> FloatArray:
-    """(n_row,) squares of what a shift of one reading does to the whitened points."""
+def _best(matrix: Differences, root: Root, back: FloatArray, inverse: FloatArray, *, stays: bool) -> tuple[int, FloatArray, int]:
+    """The reading by whose shift chi-squared falls most, what that does to the points (n_obs,), and how many readings were tried.
+
+    back : (n_row, n_par + 1) each pattern times the whitened derivatives and residuals.  stays : whether all later readings are shifted too.
+    """
+    size, along, pulled = _squares(root, matrix, stays), back[:, :-1].T, back[:, -1]
+    left = size - np.einsum("pk,pq,qk->k", along, inverse, along)
+    told = left > _SEEN * np.max(size)
+    if stays:  # a shift from the first readings on, or of the last alone, is that of one reading
+        used = np.flatnonzero(matrix.used)
+        told &= np.isin(np.arange(matrix.n_row), used[2:-1])
+    fall = np.where(told, pulled**2 / np.where(told, left, 1.0), 0.0)
+    frame = int(np.argmax(fall))
+    return frame, (matrix @ _shifts(matrix.n_row, frame, frame + 1, stays))[:, 0], int(np.sum(told))
+
+
+def _shifts(n_row: int, first: int, end: int, stays: bool) -> FloatArray:
+    """(n_row, end - first) readings that are shifted by 1: one each, or all from one on."""
+    rows, start = np.arange(n_row)[:, None], np.arange(first, end)
+    return np.asarray(rows >= start if stays else rows == start, dtype=float)
+
+
+def _squares(root: Root, matrix: Differences, stays: bool) -> FloatArray:
+    """(n_row,) squares of what a shift does to the whitened points."""
     some = max(1, _AT_ONCE // root.n_obs)
-    parts = [matrix @ np.eye(matrix.n_row, min(some, matrix.n_row - start), -start) for start in range(0, matrix.n_row, some)]
+    starts = range(0, matrix.n_row, some)
+    parts = [matrix @ _shifts(matrix.n_row, start, min(start + some, matrix.n_row), stays) for start in starts]
     return np.concatenate([np.sum(root.whiten(part.T) ** 2, axis=1) for part in parts])
 
 
-def _cause(problem: Problem, index: int, frame: int, pattern: FloatArray, n_frame: int) -> Cause:
-    run = problem.runs[index]
-    name = f"reading_{frame + 1}[{run.name}]"
+def _cause(problem: Problem, index: int, frame: int, pattern: FloatArray, n_tried: int, *, stays: bool) -> Cause:
+    run, n = problem.runs[index], frame + 1
+    name = f"{'shift_from' if stays else 'reading'}_{n}[{run.name}]"
     of_positions = run.noise.made_of_positions or run.positions
     unit = run.y_unit if run.positions or not of_positions else run.x_unit
-    unknown = Parameter(name, unit, Flat(-math.inf, math.inf, 0.0), phrase("error of one reading"), Notation(f"e_{frame + 1}"))
+    meaning = phrase("shift of the readings from one on") if stays else phrase("error of one reading")
+    unknown = Parameter(name, unit, Flat(-math.inf, math.inf, 0.0), meaning, Notation(f"{'s' if stays else 'e'}_{n}"))
     displaced = replace(run, curve=Displaced(run.curve, run.x, pattern), arguments={**run.arguments, _ARGUMENT: name})
     runs = (*problem.runs[:index], displaced, *problem.runs[index + 1 :])
-    words = phrase("one bad reading, number {n} of the points that are fit", n=frame + 1)
-    if run.noise.made_of_positions:
-        words = phrase("one bad reading, number {n} of the rows", n=frame + 1)
-    words += phrase(" of run {run}", run=run.name) if len(problem.runs) > 1 else ""
-    remark = phrase("look at that frame, and put # before its line if it is bad")
     with_error = Problem((*problem.parameters, unknown), runs)
-    return Cause(f"bad_frame[{run.name}]", words, with_error, (name,), (), remark, searched=2.0 * math.log(n_frame))
+    rows = run.noise.made_of_positions
+    if stays:
+        words = phrase("a shift of all readings from number {n} of the points that are fit on (lost counts, a mark that moved)", n=n)
+        if rows:
+            words = phrase("a shift of all readings from number {n} of the rows on (lost counts, a mark that moved)", n=n)
+        remark = phrase("fit what comes before that reading and what comes after it separately (window)")
+    else:
+        words = phrase("one bad reading, number {n} of the points that are fit", n=n)
+        if rows:
+            words = phrase("one bad reading, number {n} of the rows", n=n)
+        remark = phrase("look at that frame, and put # before its line if it is bad")
+    words += phrase(" of run {run}", run=run.name) if len(problem.runs) > 1 else ""
+    return Cause(f"bad_frame[{run.name}]", words, with_error, (name,), (), remark, searched=2.0 * math.log(n_tried))

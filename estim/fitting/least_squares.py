@@ -39,7 +39,6 @@ _ROUGH_ROUNDS = 4
 _EXACT, _ROUGH = 1e-12, 1e-6  # relative steps at which a search of the curve ends: at the mode, and to see where a start leads
 _LEAST_SHARE = 0.05
 WITHIN_REACH = 12.0  # in minus log density: worse optima hold next to nothing of the posterior
-_NO_CURVATURE = "the fit ends where the curve has no finite derivatives in its parameters: are the units and the stated values right?"
 _FINE = 1e-2
 _ILL = 1e12  # condition of the information, columns of unit length
 _FAR_APART = 3.0  # standard deviations, of any parameter
@@ -141,7 +140,7 @@ def fit_least_squares(
         raise NumericalError("the fit cannot start: the curve is not defined at the starting values, nor at draws of the priors")
     rough = _rough_ends(begun)
     if not rough:
-        raise NumericalError(_NO_CURVATURE)
+        raise _no_curvature(*begun[0])
     objective = np.array([-float(posterior.log_density(values[None, :])[0]) for values, posterior, _ in rough])
     best = int(np.nanargmin(objective))
     values, posterior, _ = rough[best]
@@ -154,7 +153,7 @@ def fit_least_squares(
     else:
         values, posterior, moved = _settle(values, posterior, max_rounds=_MAX_ROUNDS)
     if math.isnan(moved):
-        raise NumericalError(_NO_CURVATURE)
+        raise _no_curvature(values, posterior)
     level = objective <= objective[best] + _SAME_OPTIMUM
     ends = [rough[i][0] for i in np.argsort(objective) if objective[i] <= objective[best] + WITHIN_REACH]
     same = [end for (end, _, _), equal in zip(rough, level, strict=True) if equal]
@@ -168,8 +167,14 @@ def refit(problem: Problem, start: FloatArray) -> Fit:
         raise NumericalError("the fit cannot start: the curve is not defined there")
     values, posterior, moved = _settle(start, posterior, max_rounds=_FEW_ROUNDS)
     if math.isnan(moved):
-        raise NumericalError(_NO_CURVATURE)
+        raise _no_curvature(values, posterior)
     return _describe(problem, posterior, values, moved, [values], n_start=1, same=[values])
+
+
+def _no_curvature(values: FloatArray, posterior: Posterior) -> NumericalError:
+    own = np.diag(information(posterior, values))
+    where = " and ".join(name for name, one in zip(posterior.problem.names, own, strict=True) if not math.isfinite(one)) or "its parameters"
+    return NumericalError(f"the fit ends where the curve has no finite derivatives in {where}: are units, stated values and limits right?")
 
 
 def _rough_ends(starts: list[tuple[FloatArray, Posterior]]) -> list[_End]:

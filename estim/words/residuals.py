@@ -160,6 +160,11 @@ def _cut(f: Finding) -> str:
 
 
 def _with_speed(f: Finding) -> str:
+    if not f.numbers["pictures"]:
+        return _of_run(f) + phrase(
+            "the readings scatter more where the body is fast ({p}): errors of the times, or counts that an encoder lost there, would do that",
+            p=_p(f),
+        )
     return _of_run(f) + phrase(
         "the readings scatter more where the body is fast ({p}): were the pictures blurred? State how long each was exposed, "
         "exposure_s in the noise table",
