@@ -197,6 +197,8 @@ def alarms(n_set: int) -> None:
 
 
 if __name__ == "__main__":
-    studies = {"lacks": (lacks, 300), "always": (always, 400), "wrong": (wrong, 200), "conservative": (conservative, 1500), "alarms": (alarms, 100_000)}
+    studies = {
+        "lacks": (lacks, 300), "always": (always, 400), "wrong": (wrong, 200), "conservative": (conservative, 1500), "alarms": (alarms, 100_000),
+    }
     study, default = studies[sys.argv[1]]
     study(*(map(int, sys.argv[2:]) if len(sys.argv) > 2 else (default,)))
