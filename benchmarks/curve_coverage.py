@@ -1,9 +1,10 @@
 """Whose 68 % is 68 %, for a user's own curve: the tables of docs/statistics.md.
 
     python benchmarks/curve_coverage.py lacks [N]         with and without `deviation` or `correlated` (N sets each, 300)
-    python benchmarks/curve_coverage.py always [N [LINE]] a deviation that nobody asked for: price and coverage (N sets a line, 200; from LINE on)
-    python benchmarks/curve_coverage.py wrong [N [LINE]]  `deviation` beside a wrong curve and beside a right one (N sets a line, 40; from LINE on)
+    python benchmarks/curve_coverage.py always [N [LINE]] a deviation that nobody asked for: price and coverage (N sets a line, 400; from LINE on)
+    python benchmarks/curve_coverage.py wrong [N [LINE]]  `deviation` beside a wrong curve and beside a right one (N sets a line, 200; from LINE on)
     python benchmarks/curve_coverage.py conservative [N]  the stated error where it covers the pattern in the residuals (N sets a size, 1500)
+    python benchmarks/curve_coverage.py alarms [N]        right lines that the tests of residuals call a poor fit (N sets a line, 100,000)
 
 Curves that are linear in their parameters, errors made by Cholesky factors and recursions; a minute or a few.
 """
@@ -15,7 +16,7 @@ import sys
 import numpy as np
 from scipy import stats
 
-from estim.checks.goodness import _pattern
+from estim.checks.goodness import P_POOR_FIT, _Compared, _growing, _pattern, _Repeated, _statistics
 from estim.deviation.components import diagonalise
 from estim.deviation.generic import LONG, correlated_shapes, deviation_shapes, relative_grid
 from estim.deviation.grid import SPIKE
@@ -96,8 +97,9 @@ def always(n_set: int, first: int = 0) -> None:
         without, held, price, present = (np.array(one) for one in zip(*tables, strict=True))
         cells = ["/".join(f"{100.0 * np.mean(one[:, :, j]):.0f}" for j in (0, 1)) for one in (without, held)]
         sds = " ".join(f"{one:.2f}" for one in np.mean(price, axis=0))
+        u_sds = np.max(np.std(price, axis=0)) / np.sqrt(n_set)
         what = f"{k:2} {n} points, {curve:5} {kind:8} u_y {'stated' if stated else 'left out':8}"
-        print(f"{what} | {cells[0]} | {cells[1]} | sds times {sds} | P(a > 0) {np.mean(present):.2f}", flush=True)
+        print(f"{what} | {cells[0]} | {cells[1]} | sds times {sds} (± {u_sds:.2f}) | P(a > 0) {np.mean(present):.2f}", flush=True)
 
 
 def _always(jacobian: np.ndarray, x: np.ndarray, kind: str, rng: np.random.Generator, *, stated: bool) -> tuple[np.ndarray, ...]:
@@ -173,7 +175,30 @@ def conservative(n_set: int) -> None:
         print(f"{curve:8} {n:3} points, length {length}: all {cells[0]}; covered {np.sum(covered) / np.sum(alike):.2f}, {cells[1]}", flush=True)
 
 
+def alarms(n_set: int) -> None:
+    """Stated errors; p-values from as many other simulated sets as are judged."""
+    for n, each in ((12, 1), (30, 1), (100, 1), (12, 3), (30, 3), (100, 4)):
+        rng, x = np.random.default_rng([11, n, each]), np.repeat(np.linspace(0.0, 1.0, n // each), each)
+        basis = np.linalg.qr(design("line", x))[0]
+        compared = _Compared(None, _growing(1.0 + 2.0 * x, x), _Repeated.of(x, np.ones(n)))
+        null, new = {}, {}
+        for found in (null, new):
+            for _ in range(-(-n_set // 10_000)):
+                made = rng.standard_normal((10_000, n))
+                for name, values in _statistics(made - made @ basis @ basis.T, compared).items():
+                    found.setdefault(name, []).append(values)
+        failed = {}
+        for name in null:
+            least = np.sort(np.concatenate(null[name]))
+            above = least.size - np.searchsorted(least, np.concatenate(new[name]) - 1e-12)
+            failed[name] = (1 + above) / (1 + least.size) < P_POOR_FIT
+        cells = " ".join(f"{name} {100.0 * np.mean(one):.2f}" for name, one in failed.items())
+        print(f"{n:3} points, {each} at each x | any {100.0 * np.mean(np.any(list(failed.values()), axis=0)):.2f} % | {cells}", flush=True)
+
+
 if __name__ == "__main__":
-    studies = {"lacks": (lacks, 300), "always": (always, 200), "wrong": (wrong, 40), "conservative": (conservative, 1500)}
+    studies = {
+        "lacks": (lacks, 300), "always": (always, 400), "wrong": (wrong, 200), "conservative": (conservative, 1500), "alarms": (alarms, 100_000),
+    }
     study, default = studies[sys.argv[1]]
     study(*(map(int, sys.argv[2:]) if len(sys.argv) > 2 else (default,)))

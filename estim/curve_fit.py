@@ -28,6 +28,7 @@ from estim.checks import (
     same_curve,
     several_solutions,
     stated_values,
+    unasked,
     wrong_curves,
 )
 from estim.common import Kind, Status, decide, phrase, wrong
@@ -223,10 +224,12 @@ def _concluded(
     stated = [] if conflict is None else [stated_values(inner, conflict)]
     findings = wrong([*solutions, *curve_findings(fixed, best, p_value, chi2, dof, goodness, estimated=sigma is not None), *stated])
     names = tuple(p.name for p in posed.parameters)
+    asked = isinstance(posed, CurveProblem) and posed.lacks is not None
+    lacking = [] if findings or perfect or asked else [replace(one, run="") for one in unasked(inner)]
     return CurveFit(
         names=names, values=dict(zip(names, best.values.tolist(), strict=True)), sds=dict(zip(names, found.sds.tolist(), strict=True)),
         intervals=found.intervals, cov=found.cov, chi2=chi2, dof=dof, p_value=p_value, sigma=sigma, status=decide(findings), findings=findings,
-        remarks=(*found.notes, *curve_remarks(inner, best, p_value, chi2, dof, goodness, stated=sigma is None, perfect=perfect)),
+        remarks=(*found.notes, *curve_remarks(inner, best, p_value, chi2, dof, goodness, stated=sigma is None, perfect=perfect), *lacking),
         message=_message(best, sigma, perfect, [tell(f) for f in same_curve(inner)]), goodness=goodness,
         fit=inner, held=fixed, text=posed.text, fixed=posed.fixed, called=posed.called or posed.text,
     )

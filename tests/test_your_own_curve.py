@@ -28,9 +28,15 @@ def test_the_code_of_the_page_runs(project: Path, tmp_path: Path, monkeypatch: p
     assert cup.sds["room"] > 0.5
     refused, honest = names["refused"], names["honest"]
     assert (refused.status, honest.status) == ("poor-fit", "ok")
-    assert "deviation = 0.005" in refused.advice[0]
+    assert "another curve" in refused.advice[0]
     assert abs(honest.values["g"] - 9.81) < 2.0 * honest.sds["g"]
-    assert f"g = {honest.values['g']:.2f} ± {honest.sds['g']:.2f} m/s²" in (project / "docs" / "your-own-curve.md").read_text()
+    misled = names["misled"]
+    assert misled.status == "ok"
+    assert misled.values["g"] < 9.81 - 4.0 * misled.sds["g"]
+    page = (project / "docs" / "your-own-curve.md").read_text()
+    for fit in (honest, misled):
+        assert f"g = {fit.values['g']:.2f} ± {fit.sds['g']:.2f} m/s²" in page
+    assert f"{refused.values['g']:.2f} ± {refused.sds['g']:.2f}" in page
     assert capsys.readouterr().out.endswith("ok\n")
     assert "turning point" not in (tmp_path / "tea" / "report.md").read_text()
 

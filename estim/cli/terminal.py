@@ -107,7 +107,9 @@ def pieces(what: str, unit: str) -> Iterator[Callable[[int, int], None]]:
 
 def conclude(what: str, status: str, reasons: Iterable[str], notes: Iterable[str] = ()) -> None:
     say(f"{what}: {status}")
-    for line in (*reasons, *(phrase("note: {text}", text=text) for text in notes)):
+    """Prints a status, what stands below it, and those notes that do not."""
+    told = list(reasons)
+    for line in (*told, *(phrase("note: {text}", text=text) for text in notes if text not in told)):
         say(f"  {line}")
 
 

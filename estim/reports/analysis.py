@@ -186,7 +186,8 @@ def analysis_text(
         corner_words=corner_words, lacks=lacks, explanation=explanation, counts=counts,
         deviation=deviation_text(result.deviation, result.labels, pictures) if result.deviation else "",
         complete=complete_runs([result]), name_of_test=name_of_test, first_step=first_step, reasons=first_reasons(result.reasons),
-        said=[words for force in (result.deviation or {}).values() for words in (force.words, force.noise_words)] if result.status == "ok" else [],
+        said=[*complete_runs([result]), *(words for force in (result.deviation or {}).values() for words in (force.words, force.noise_words))]
+        if result.status == "ok" else [],
         drawn=MOST_DRAWN if len(result.runs) > MOST_DRAWN else None,
         uncorrelated=max(len(result.correlation.names) - _MOST_CORRELATED, 0),
         x_named="x" in re.findall(r"\w+", result.formula or ""),

@@ -64,6 +64,9 @@ class Told(Protocol):
     def title(self) -> str: ...
 
     @property
+    def formula(self) -> str | None: ...
+
+    @property
     def status(self) -> str: ...
 
     @property
@@ -204,9 +207,10 @@ def _forces(result: Told) -> str:
         return phrase(
             "the curve lacks something that is larger than the errors; the intervals allow for something irregular, not for another curve"
         )
-    if any(run.complete is not None for run in result.runs.values()):
+    complete = [run.complete for run in result.runs.values() if run.complete is not None]
+    if complete and result.formula is None:
         return phrase("the curve is taken as complete: no interval has room for what it lacks")
-    return ""
+    return complete[0] if complete else ""
 
 
 def _left_out(result: Told) -> tuple[str, ...]:

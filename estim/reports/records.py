@@ -76,7 +76,7 @@ class RunSummary(msgspec.Struct, frozen=True, omit_defaults=True):
     y: str
     n_obs: int
     noise: str
-    complete: str | None  # why the curve is taken as complete, where an unmodelled force could have stood beside it
+    complete: str | None  # why the curve is taken as complete, or how probable it is that one of the user's is not
     excluded: list[str]
     checks: dict[str, CheckSummary]
     scatter_ratio: float | None

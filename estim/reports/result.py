@@ -18,7 +18,7 @@ import numpy as np
 
 from estim.arrays import FloatArray
 from estim.checks import Check, Diagnosis, Goodness, borne_pattern, headline, print_lines, stated_values
-from estim.common import as_json, one_line, phrase
+from estim.common import Kind, as_json, one_line, phrase
 from estim.fitting import ProfileInterval
 from estim.pipeline import Analysis
 from estim.problem import Observations
@@ -206,11 +206,12 @@ def _turning_point(end: FloatArray, run: Observations, diagnosis: Diagnosis) -> 
 
 def _run(campaign: Subject, analysis: Analysis, i: int) -> RunSummary:
     run, goodness = analysis.problem.runs[i], analysis.goodness[i]
+    unasked = [one for one in analysis.diagnosis.remarks if one.kind is Kind.DEVIATION_UNASKED and one.run in ("", run.name)]
     table, derived = campaign.tables[run.name], derived_summaries(analysis, run)
     noise = run.noise.describe(x_unit=run.x_unit, y_unit=run.y_unit, words=run.words)
     return RunSummary(
         file=one_line(table.file), x=run.x_label, y=run.y_label, n_obs=run.n_obs, noise=noise,
-        complete=None if run.complete is None else tell(run.complete), excluded=[tell(why) for why in run.excluded],
+        complete=next(map(tell, [run.complete] if run.complete else unasked), None), excluded=[tell(why) for why in run.excluded],
         checks={name: CheckSummary(c.statistic, c.p_value, c.meaning) for name, c in {**goodness.checks, **_speed_check(goodness)}.items()},
         scatter_ratio=number(goodness.scatter_ratio), covered=next(map(tell, borne_pattern(goodness)), None),
         facts=[*origin_facts(table, run, analysis.problem), *speed_facts(run), *derived_facts(analysis, run)],

@@ -69,8 +69,8 @@ WORDS: Table = MappingProxyType(
             "nothing shows that the curve lacks something, P(amplitude > 0) = {p:.2f}", p=f.p
         ),
         Kind.DEVIATION_UNASKED: lambda f: _of_run(f) + phrase(
-            "the curve is taken as complete; a smooth deviation from it that is about as large as one error has the probability {p:.2f} "
-            "(0.5 before the data), and no interval allows for it",
+            "the curve is taken as complete: no interval allows for a smooth deviation from it; one that is about as large as a single error has "
+            "the probability {p:.2f} (0.5 before the data)",
             p=f.p,
         ),
         Kind.DEVIATION_TOO_LARGE: lambda f: _of_run(f) + phrase(
