@@ -198,9 +198,9 @@ def _difference(function: Function, x: FloatArray, values: Mapping[str, float], 
             called = np.array(np.nan)
         return np.broadcast_to(called, (x.size,))
 
-    reach = _reach(shifted, size or 1.0)
-    steps = [relative * reach for relative in _STEPS]
     with np.errstate(all="ignore"):
+        reach = _reach(shifted, size or 1.0)
+        steps = [relative * reach for relative in _STEPS]
         estimates, errors = (np.array(all_of) for all_of in zip(*(_stencil(shifted, centre, step) for step in steps), strict=True))
         rounding = np.median(errors[-1][np.isfinite(errors[-1])]) if np.any(np.isfinite(errors[-1])) else 0.0
         errors += rounding * (steps[-1] / np.array(steps))[:, None]  # a smaller error than this is chance
@@ -228,8 +228,7 @@ def _reach(shifted: Callable[[float], FloatArray], size: float) -> float:
     def moved(step: float) -> tuple[FloatArray, float, float]:
         """What two steps, there and back, change (n_obs,), and the sizes of that and of the bending."""
         ahead, back = shifted(step), shifted(-step)
-        with np.errstate(all="ignore"):
-            odd, even = ahead - back, ahead + back - 2.0 * here
+        odd, even = ahead - back, ahead + back - 2.0 * here
         within = 2 * np.count_nonzero(np.isfinite(even)) >= np.count_nonzero(np.isfinite(here))
         return odd, _norm(odd), _norm(even) if within else np.inf
 
