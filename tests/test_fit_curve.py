@@ -7,6 +7,7 @@ import math
 
 import numpy as np
 import pytest
+from scipy import optimize
 
 from estim import Component, InputError, fit_curve
 from estim.curves.posing import AxisNames
@@ -387,3 +388,28 @@ def test_the_report_of_a_curve_speaks_of_the_curve(rng: np.random.Generator) -> 
     for word in ("turning point", "speed", "mass", "radians", "frame"):
         assert word not in text, word
     assert {"result.json", "figures/phase.png"} <= set(files)
+
+
+def peak(x, a, x0, w, b):
+    return b + a * np.exp(-0.5 * ((x - x0) / w) ** 2)
+
+
+def peak_of_plain_numbers(x, a, x0, w, b):
+    return peak(np.asarray(x, dtype=float), *(float(one) for one in (a, x0, w, b)))
+
+
+@pytest.mark.parametrize("curve", [peak, peak_of_plain_numbers])
+def test_a_narrow_peak_far_from_zero_is_fit_as_well_as_near_it(curve, rng: np.random.Generator) -> None:
+    x = np.linspace(-1.25, 1.25, 120)
+    y = peak(x, 5.0, 0.0, 0.05, 1.0) + 0.1 * rng.standard_normal(x.size)
+    start = {"a": 4.0, "x0": 0.04, "w": 0.08, "b": 0.8}
+
+    def off(p):
+        return (peak(x, *p) - y) / 0.1
+
+    near = optimize.least_squares(off, list(start.values()), jac="3-point", xtol=1e-14, ftol=1e-14)
+    sds = np.sqrt(np.diag(np.linalg.inv(near.jac.T @ near.jac)))
+    far = fit_curve(curve, x + 780.24, y, u_y=0.1, start=start | {"x0": 780.28})
+    assert far.status == "ok"
+    np.testing.assert_allclose((np.array(list(far.values.values())) - near.x - [0.0, 780.24, 0.0, 0.0]) / sds, 0.0, atol=1e-4)
+    np.testing.assert_allclose(list(far.sds.values()), sds, rtol=1e-5)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import cmath
+import math
 import time
 
 import numpy as np
@@ -238,6 +239,69 @@ def test_a_function_whose_complex_values_mislead_is_not_differentiated_by_them()
 
     curve = wrap_function(misleading, ("a",), X, {"a": 2.0})
     np.testing.assert_allclose(curve.local(X, {"a": 2.0}).gradient["a"], 1.0, rtol=1e-9)
+
+
+NARROW = {
+    "a line at 780 nm": (lambda x, a, x0, w: a * np.exp(-0.5 * ((x - x0) / w) ** 2), "a*exp(-0.5*((x-x0)/w)**2)",
+                         np.linspace(779.0, 781.5, 150), {"a": 4.0, "x0": 780.24, "w": 0.05}),
+    "a period at an epoch in days": (lambda x, a, x0, w: a * np.sin(2.0 * np.pi * (x - x0) / w), "a*sin(2*pi*(x-x0)/w)",
+                                     np.linspace(2459000.0, 2459020.0, 150), {"a": 1.0, "x0": 2459003.2, "w": 3.1}),
+    "a period that steps of one size would miss": (lambda x, a, x0, w: a * np.sin(2.0 * np.pi * (x - x0) / w), "a*sin(2*pi*(x-x0)/w)",
+                                                   np.linspace(1e5, 1e5 + 4.0, 150), {"a": 1.0, "x0": 1e5, "w": 1.0}),
+    "a place that happens to be nearly zero": (lambda x, a, x0, w: a * np.exp(-0.5 * ((x - x0) / w) ** 2), "a*exp(-0.5*((x-x0)/w)**2)",
+                                               np.linspace(-3.0, 3.0, 150), {"a": 4.0, "x0": 1e-17, "w": 1.0}),
+}
+
+
+def plain_only(function):
+    """The function, but of plain numbers alone: neither dual nor complex ones."""
+    return lambda x, **parameters: function(np.asarray(x, dtype=float), **{name: float(value) for name, value in parameters.items()})
+
+
+@pytest.mark.parametrize("case", NARROW)
+def test_a_narrow_feature_far_from_zero_is_differentiated_as_well_as_its_formula(case: str) -> None:
+    function, text, x, values = NARROW[case]
+    exact = read_formula(text, field="curve").local(x, values)
+    for given, way, digits in ((function, "dual", 1e-13), (plain_only(function), "differences", 3e-9)):
+        curve = wrap_function(given, tuple(values), x, values)
+        assert curve.derivatives == way
+        local = curve.local(x, values)
+        for ours, theirs in ((local.slope, exact.slope), *((local.gradient[name], exact.gradient[name]) for name in values)):
+            np.testing.assert_allclose(ours, theirs, rtol=0.0, atol=digits * float(np.max(np.abs(theirs))))
+
+
+def test_a_step_that_spoils_a_function_of_plain_numbers_is_no_step() -> None:
+    def curve(x, a, b):  # math.log has no value where a wide step would take it
+        return np.array([a + math.log(v - b) for v in x])
+
+    x = np.linspace(100.01, 101.0, 40)
+    local = wrap_function(curve, ("a", "b"), x, {"a": 1.0, "b": 100.0}).local(x, {"a": 1.0, "b": 100.0})
+    np.testing.assert_allclose(local.gradient["b"][0], -1.0 / (x - 100.0), rtol=1e-6)
+
+
+PARTS = {
+    "modulus": (lambda z: np.abs(z), "sqrt(u**2 + v**2)"),
+    "square of the modulus": (lambda z: (z * np.conj(z)).real, "u**2 + v**2"),
+    "argument": (lambda z: np.angle(z), "arctan2(v, u)"),
+    "real part": (lambda z: np.real(z) * z.imag, "u*v"),
+}
+
+
+@pytest.mark.parametrize("part", PARTS)
+def test_a_complex_resonator_has_the_derivatives_of_its_real_form(part: str) -> None:
+    seen, text = PARTS[part]
+    d = "(2*q*(x-f)/f)"
+    text = text.replace("u", f"(1 - k/(1+{d}**2))").replace("v", f"(k*{d}/(1+{d}**2))")
+
+    def resonator(x, f, q, k):
+        return seen(1.0 - k / (1.0 + 2j * q * (x - f) / f))
+
+    x, values = np.linspace(5.999e9, 6.001e9, 151), {"f": 6.0001e9, "q": 2e4, "k": 0.7}
+    curve, exact = wrap_function(resonator, tuple(values), x, values), read_formula(text, field="curve").local(x, values)
+    assert curve.derivatives == "dual"
+    local = curve.local(x, values)
+    for ours, theirs in ((local.value, exact.value), (local.slope, exact.slope), *((local.gradient[n], exact.gradient[n]) for n in values)):
+        np.testing.assert_allclose(ours, theirs, rtol=0.0, atol=1e-12 * float(np.max(np.abs(theirs))))
 
 
 def test_a_function_that_takes_no_columns_is_called_draw_by_draw() -> None:

@@ -2,7 +2,8 @@
 
 A `Dual` is a value with its partial derivatives by name.  Operators and NumPy's elementwise functions follow the chain
 rule (forward-mode automatic differentiation; Griewank and Walther, Evaluating Derivatives, 2nd ed. 2008, ch. 3), to rounding
-error and without a step to choose.  A value may itself be a `Dual`: that gives second and higher derivatives.
+error and without a step to choose.  A value may itself be a `Dual`: that gives second and higher derivatives.  It may be complex, of real
+parameters: the modulus, argument, real and imaginary part follow the chain rule of their two real components.
 Anything else (`math.exp`, linear algebra, a cast to float) raises TypeError.
 """
 
@@ -36,6 +37,8 @@ class Dual(NDArrayOperatorsMixin):
             return NotImplemented
         if ufunc in _STEPS:
             return ufunc(*values)
+        if ufunc in _OF_COMPLEX and _is_complex(inputs[0]):
+            return _OF_COMPLEX[ufunc](*inputs)
         slopes = _slopes().get(ufunc)
         if slopes is None:
             return NotImplemented
@@ -49,7 +52,20 @@ class Dual(NDArrayOperatorsMixin):
                     partials[name] = partials[name] + term if name in partials else term
         return Dual(result, partials)
 
+    @property
+    def real(self) -> Dual:
+        return Dual(self.value.real, {name: partial.real for name, partial in self.partials.items()})
+
+    @property
+    def imag(self) -> Dual:
+        return Dual(self.value.imag, {name: partial.imag for name, partial in self.partials.items()})
+
+    def conjugate(self) -> Any:
+        return np.conjugate(self)
+
     def __array_function__(self, function: Callable[..., Any], types: Any, arguments: Any, options: Any) -> Any:
+        if function in _OF_COMPLEX and len(arguments) == 1 and not options:
+            return _OF_COMPLEX[function](*arguments)
         if function is not np.where or len(arguments) != 3 or options:
             return NotImplemented
         condition, yes, no = arguments
@@ -74,6 +90,19 @@ _STEPS = frozenset(
         np.logical_and, np.logical_or, np.logical_not,
     }
 )  # constant between their jumps: plain values come out
+
+
+_OF_COMPLEX: Mapping[Any, Callable[[Any], Any]] = {
+    np.absolute: lambda z: np.hypot(z.real, z.imag),
+    np.conjugate: lambda z: z.real - 1j * z.imag,
+    np.angle: lambda z: np.arctan2(z.imag, z.real),
+    np.real: lambda z: z.real,
+    np.imag: lambda z: z.imag,
+}  # functions of a complex number that have no complex derivative
+
+
+def _is_complex(value: Any) -> bool:
+    return _is_complex(value.value) if isinstance(value, Dual) else np.iscomplexobj(value)
 
 
 def _power_of_base(r: Any, a: Any, b: Any) -> Any:
