@@ -128,7 +128,11 @@ def pose_forces(
     alone : run -> (n_par,) where a white fit of this run by itself ends.
     Raises InputError where a body hardly moves somewhere along its track.
     """
-    lacking = [_prepared(label, tuple(runs), courses, problem, values) for label, runs in groups.items()]
+    first = [_prepared(label, tuple(runs), courses, problem, values) for label, runs in groups.items()]
+    lacking = [  # now that the forces are known, the speeds are
+        _prepared(group.label, group.runs, courses, problem, values, speeds=speeds)
+        for group, speeds in zip(first, _speeds(first, problem, values), strict=True)
+    ]
     precision, pull = priors_at(problem, values, n_start=0)
     prior = precision, precision @ pull
     forced = {run.name for group in lacking for run in group.runs}
@@ -149,10 +153,25 @@ def pose_forces(
     return JointlyPosed(noises, shared, forces, linear[0].mean[:n], linear[0].covariance[:n, :n], parts)
 
 
-def _prepared(label: str, runs: tuple[Observations, ...], courses: Mapping[str, Course], problem: Problem, values: FloatArray) -> _Lacking:
-    named = problem.named(values)
+def _speeds(lacking: Sequence[_Lacking], problem: Problem, values: FloatArray) -> list[tuple[FloatArray, ...]]:
+    """Of each run of each group (n_obs,), as far as its data and the priors tell."""
+    prior, found = priors_at(problem, values, n_start=0), []
+    for group in lacking:
+        read = np.concatenate([run.y for run in group.runs]) - group.formed.shift - group.beside(*prior).errors()
+        found.append(tuple(np.split(read, np.cumsum([run.n_obs for run in group.runs])[:-1])))
+    return found
+
+
+def _prepared(
+    label: str, runs: tuple[Observations, ...], courses: Mapping[str, Course], problem: Problem, values: FloatArray,
+    *, speeds: Sequence[FloatArray | None] | None = None,
+) -> _Lacking:
+    named, speeds = problem.named(values), [None] * len(runs) if speeds is None else speeds
     stated = [normal_covariance(run.noise, run.points, named) for run in runs]
-    each = [formed_about(courses[run.name], run.noise, run.points, named, errors, scale=run.force) for run, errors in zip(runs, stated, strict=True)]
+    each = [
+        formed_about(courses[run.name], run.noise, run.points, named, errors, scale=run.force, speed=speed)
+        for run, errors, speed in zip(runs, stated, speeds, strict=True)
+    ]
     alongs = tuple(courses[run.name].along(run.points, named, run.noise, about=own.speed) for run, own in zip(runs, each, strict=True))
     longest = max(alongs, key=lambda along: along.track.length).track
     several = len(runs) > 1

@@ -113,6 +113,14 @@ class Linearised:
         low, middle, high = (0.0 if p < none else float(np.exp(np.interp(p, reached, edges))) for p in (0.16, 0.5, 0.84))
         return low, middle, high
 
+    def errors(self) -> FloatArray:
+        """(n_obs,) what of the residuals is error of the readings, on average under the best component."""
+        family, i = self.component(self.best)
+        z = self.deviation.whiten(self.residuals - self.jacobian @ self.steps[self.best])
+        lifted = family.amplitude[i] ** 2 * family.spectrum
+        share = lifted / (family.scale[i] ** 2 + lifted)
+        return self.deviation.root.coloured((z - ((z @ family.basis) * share) @ family.basis.T)[None])[0]
+
     def innovations(self) -> FloatArray:
         """(n_obs,) residuals of the best component, white where it is right, in the order of the observations: for tests of order.
 

@@ -164,11 +164,14 @@ class StatedErrors:
         return covariance_of(self.root)
 
 
-def formed_about(course: Course, base: Noise, points: Points, named: Named, stated: StatedErrors, *, scale: float) -> Residuals:
-    """How residuals are formed for a fit with the values `named`; scale : of the prior of the force."""
-    speed = course.speed(points, named, base)
-    if speed is None:
+def formed_about(
+    course: Course, base: Noise, points: Points, named: Named, stated: StatedErrors, *, scale: float, speed: FloatArray | None = None
+) -> Residuals:
+    """How residuals are formed for a fit with the values `named`.  scale : of the prior of the force.  speed : (n_obs,) in place of the curve's."""
+    here = course.speed(points, named, base)
+    if here is None:
         return Residuals(stated.shift)
+    speed = here if speed is None else speed
     return Residuals.of_speeds(stated.shift, speed, stated.root, Inertia.of(course.motion, points.x, points.bind(named)), scale=scale)
 
 

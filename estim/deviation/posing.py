@@ -9,6 +9,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.linalg import block_diag
 
 from estim.arrays import FloatArray
 from estim.deviation.completed import Completed
@@ -104,12 +105,12 @@ def pose_force(run: Observations, course: Course, problem: Problem, values: Floa
     Raises InputError where the body hardly moves somewhere along the track.
     """
     here = _linear(run, course, problem, values, bad)
-    deviation = diagonalise(here.stated.root, here.shapes, prior_grid(run.force))
-    columns = np.column_stack([here.along.push, bad.columns(run.n_obs)])
-    n, extra = problem.n_par, columns.shape[1] - 1
-    precision = np.block([[here.precision, np.zeros((n + 1, extra))], [np.zeros((extra, n + 1)), np.eye(extra)]])
-    jacobian = np.column_stack([here.jacobian, columns[:, 1:]])
-    linear = linearise(deviation, here.residuals, jacobian, precision=precision, pull=np.r_[here.pull, np.zeros(extra)])
+    linear, columns = _weighed(run, here, bad)
+    if here.formed.speed is not None:  # now that the force is known, the speeds are
+        speed = here.points.y - here.formed.shift - linear.errors()
+        here = _linear(run, course, problem, values, bad, speed=speed)
+        linear, columns = _weighed(run, here, bad)
+    n = problem.n_par
     mixture = keep_probable(linear, columns=columns)
     noise = WithForce(run.noise, mixture, likely_root(linear, columns), here.formed, bad=bad)
     force = find_force(linear, here.along.track, here.along.response, radius=here.along.radian)
@@ -125,6 +126,16 @@ def pose_force(run: Observations, course: Course, problem: Problem, values: Floa
         completed=None if run.positions else Completed(here.points, run.body, mixture, here.formed, here.along),
     )
     return Posed(noise, found, linear.mean[:n], linear.covariance[:n, :n])
+
+
+def _weighed(run: Observations, here: _Linear, bad: BadFrames) -> tuple[Linearised, FloatArray]:
+    """How probable each force is, and what a push and the shifts of bad frames do to the points (n_obs, n_column)."""
+    deviation = diagonalise(here.stated.root, here.shapes, prior_grid(run.force))
+    columns = np.column_stack([here.along.push, bad.columns(run.n_obs)])
+    extra = columns.shape[1] - 1
+    precision, pull = block_diag(here.precision, np.eye(extra)), np.r_[here.pull, np.zeros(extra)]
+    jacobian = np.column_stack([here.jacobian, columns[:, 1:]])
+    return linearise(deviation, here.residuals, jacobian, precision=precision, pull=pull), columns
 
 
 def bad_frames(run: Observations, course: Course, problem: Problem, values: FloatArray, *, known: BadFrames) -> BadFrames:
@@ -156,10 +167,13 @@ class _Linear:
     pull: FloatArray
 
 
-def _linear(run: Observations, course: Course, problem: Problem, values: FloatArray, bad: BadFrames) -> _Linear:
+def _linear(
+    run: Observations, course: Course, problem: Problem, values: FloatArray, bad: BadFrames, *, speed: FloatArray | None = None
+) -> _Linear:
+    """speed : (n_obs,) where more is known of the speeds than the curve at `values` says."""
     named, points = problem.named(values), bad.moved(run.points)
     stated = normal_covariance(run.noise, points, named)
-    formed = formed_about(course, run.noise, points, named, stated, scale=run.force)
+    formed = formed_about(course, run.noise, points, named, stated, scale=run.force, speed=speed)
     along = course.along(points, named, run.noise, about=formed.speed)
     residuals = formed.at(points, named)[0]
     jacobian = np.column_stack([formed.gradient(points, named, problem.names), along.push])

@@ -1,10 +1,10 @@
 """How residuals of a curve that lacks something are formed: as y - f, or for speeds as energies, in which a force along the track is linear.
 
-    rho = (y |y| - f^2)/(2 v) - sd^2/(2 v),    v: speeds about which the errors of the readings are linear
+    rho = y - v/2 - f^2/(2 v),    v: what the speeds are, as far as the data tell
 
 A force and an energy at release add to the square of the speed whatever the parameters are, so their response in rho is the same at all draws: also
-beside a turning point, where that of the speed diverges, and beyond the place where the curve without them ends (f^2 < 0).  Errors e of the readings
-are linear in rho where they are small beside v: rho = e + e^2/(2 v), of mean sd^2/(2 v).
+beside a turning point, where that of the speed diverges, and beyond the place where the curve without them ends (f^2 < 0).  Errors of the readings
+stay as they are.  With the true speed u, rho = (u^2 - f^2)/(2 v) - (u - v)^2/(2 v) + error: v must be near u, not f.
 """
 
 from __future__ import annotations
@@ -51,21 +51,19 @@ def _inertias(motion: Motion, x: FloatArray, arguments: Mapping[str, ArrayLike])
 class Residuals:
     """shift : (n_obs,) mean of the errors of the readings, unit of y.
 
-    speed : (n_obs,) v where they are energies; None where they are y - f.  mean : (n_obs,) of rho, by the errors of the readings.
+    speed : (n_obs,) v where they are energies; None where they are y - f.
     inertias : of each run, where they are energies of bodies with a force.  scale : of the prior of the force.
     """
 
     shift: FloatArray
     speed: FloatArray | None = None
-    mean: FloatArray | float = 0.0
     inertias: tuple[Inertia, ...] = ()
     scale: float = 1.0
 
     @classmethod
     def of_speeds(cls, shift: FloatArray, speed: FloatArray, root: Root, inertia: Inertia, *, scale: float) -> Residuals:
         """About the speeds (n_obs,) of a fit; root : of the covariance of the readings."""
-        about = np.maximum(speed, LEAST_SPEED * np.sqrt(root.variances))
-        return cls(shift, about, 0.5 * root.variances / about, (inertia,), scale)
+        return cls(shift, np.maximum(speed, LEAST_SPEED * np.sqrt(root.variances)), (inertia,), scale)
 
     def weight(self, points: AnyPoints, named: Named) -> Weight | None:
         """How a force counts at draws, against how it counts at the fit; None where it counts alike."""
@@ -80,7 +78,7 @@ class Residuals:
         y = points.y - self.shift
         if self.speed is None:
             return np.atleast_2d(y - points.value(named))
-        return np.atleast_2d((y * np.abs(y) - points.square(named)) / (2.0 * self.speed) - self.mean)
+        return np.atleast_2d(y - 0.5 * self.speed - points.square(named) / (2.0 * self.speed))
 
     def gradient(self, points: AnyPoints, named: Named, names: Sequence[str]) -> FloatArray:
         """(n_obs, n) minus their derivatives in the parameters `names`, for single values: those of the curve, where they are y - f."""
@@ -92,8 +90,7 @@ class Residuals:
         """(n_draw, n_obs) the ordinates that have these residuals."""
         if self.speed is None:
             return np.asarray(points.value(named) + self.shift + residuals)
-        square = points.square(named) + 2.0 * self.speed * (residuals + self.mean)
-        return np.asarray(np.sign(square) * np.sqrt(np.abs(square)) + self.shift)
+        return np.asarray(residuals + self.shift + 0.5 * self.speed + points.square(named) / (2.0 * self.speed))
 
 
 def stacked(each: Sequence[Residuals]) -> Residuals:
@@ -102,5 +99,4 @@ def stacked(each: Sequence[Residuals]) -> Residuals:
     speeds = [one.speed for one in each if one.speed is not None]
     if len(speeds) < len(each):
         return Residuals(shift)
-    mean = np.concatenate([np.broadcast_to(one.mean, one.shift.shape) for one in each])
-    return Residuals(shift, np.concatenate(speeds), mean, tuple(inertia for one in each for inertia in one.inertias), each[0].scale)
+    return Residuals(shift, np.concatenate(speeds), tuple(inertia for one in each for inertia in one.inertias), each[0].scale)
