@@ -166,6 +166,30 @@ def test_an_edge_of_what_the_curve_is_defined_for_is_named_by_both_doors(tmp_pat
         by_command(table(tmp_path, x, y), SINKING, u_y=None, low={"tau": 0.0})
 
 
+def narrow_peak(seed: int) -> tuple[np.ndarray, np.ndarray]:
+    x, rng = np.linspace(1.0, 6.0, 6), np.random.default_rng(seed)
+    return x, 1.0 + 10.0 * np.exp(-((x - 3.2) ** 2) / 1.28) + 0.3 * rng.standard_normal(x.size)
+
+
+def test_a_search_that_runs_away_from_few_points_names_the_parameter_in_both_doors(tmp_path: Path) -> None:
+    """The command said that terms of the formula all but cancel."""
+    x, y = narrow_peak(22)
+    found = fit_curve("lorentzian + constant", x, y)
+    assert found.status == "not-converged"
+    assert any("hardly hold center" in reason for reason in found.reasons)
+    with pytest.raises(InputError, match="'center' is hardly held by the data.*give it limits"):
+        by_command(table(tmp_path, x, y), "lorentzian + constant", u_y=None, low={})
+
+
+def test_a_width_of_which_the_points_say_nothing_at_all_ends_in_words(tmp_path: Path) -> None:
+    """A peak on one point, whose derivatives are so small that their squares vanish: to divide by these overflowed."""
+    x, y = narrow_peak(30)
+    formula = "a*exp(-((x-m)/w)**2)+c"
+    assert fit_curve(formula, x, y).status != "ok"
+    with pytest.raises(InputError, match="give it limits|by limits"):
+        by_command(table(tmp_path, x, y), formula, u_y=None, low={})
+
+
 def test_a_search_for_what_the_curve_lacks_that_fails_costs_no_report(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def fails(*_: object, **__: object) -> None:
         raise NumericalError("the fit ends where the curve has no finite derivatives in tau")
