@@ -13,6 +13,7 @@ from estim.campaign.table_campaign import TableChoices, campaign_of_table
 from estim.cli.commands import cli
 from estim.common import InputError, NumericalError
 from estim.fitting import Fit, profile_intervals
+from estim.pipeline import sample_curve
 
 SINKING = "y0 - v*x + v*tau*(1 - exp(-x/tau))"
 
@@ -177,7 +178,7 @@ def test_a_search_that_runs_away_from_few_points_names_the_parameter_in_both_doo
     found = fit_curve("lorentzian + constant", x, y)
     assert found.status == "not-converged"
     assert any("hardly hold center" in reason for reason in found.reasons)
-    with pytest.raises(InputError, match="'center' is hardly held by the data.*give it limits"):
+    with pytest.raises(InputError, match=r"'center' is hardly held by the data.*give it limits"):
         by_command(table(tmp_path, x, y), "lorentzian + constant", u_y=None, low={})
 
 
@@ -186,7 +187,29 @@ def test_a_width_of_which_the_points_say_nothing_at_all_ends_in_words(tmp_path: 
     x, y = narrow_peak(30)
     formula = "a*exp(-((x-m)/w)**2)+c"
     assert fit_curve(formula, x, y).status != "ok"
-    with pytest.raises(InputError, match="give it limits|by limits"):
+    with pytest.raises(InputError, match=r"give it limits|by limits"):
+        by_command(table(tmp_path, x, y), formula, u_y=None, low={})
+
+
+def test_draws_where_the_curve_is_beyond_all_numbers_have_no_density() -> None:
+    """Two decays, one of which grows like exp(x/0.01) in some proposals: their squares overflowed, with a warning."""
+    x = np.linspace(0.0, 9.0, 45)
+    y = 3.0 * np.exp(-x / 0.8) + 2.0 * np.exp(-x / 6.0) + 0.08 * np.random.default_rng(2).standard_normal(x.size)
+    found = fit_curve("a*exp(-x/t)+b*exp(-x/s)", x, y)
+    assert sample_curve(found, seed=2).diagnosis.ok
+
+
+def test_a_curve_that_has_lost_its_digits_has_not_met_every_point(tmp_path: Path) -> None:
+    """Three numbers for an amplitude and a phase: the search ran to p = 8e9, where rounding is as large as the noise, and was called perfect."""
+    x = np.linspace(0.0, 9.0, 45)
+    y = np.cos(1.7 * x) + 2.0 * np.sin(1.7 * x + 0.5) + 0.08 * np.random.default_rng(1).standard_normal(x.size)
+    formula = "A*cos(w*x)+B*sin(w*x+p)"
+    found = fit_curve(formula, x, y)
+    assert found.status == "not-converged", found.message
+    assert "every point" not in found.message
+    assert "rounding errors" in found.reasons[0]
+    assert "limits" in found.reasons[0]
+    with pytest.raises(InputError, match="give it limits"):
         by_command(table(tmp_path, x, y), formula, u_y=None, low={})
 
 
