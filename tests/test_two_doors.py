@@ -81,6 +81,19 @@ def test_a_step_may_be_written_up_or_down() -> None:
     assert found.values["L"] == pytest.approx(3.0, abs=0.1)
 
 
+@pytest.mark.parametrize("seed", [2, 3])
+def test_a_period_and_its_alias_are_one_solution_as_a_frequency_and_its_alias_are(seed: int) -> None:
+    """1/T' = 1/dx - 1/T draws the same points.  A flat density in T gives it 1 % of the posterior; only in a frequency it was left aside."""
+    x = np.linspace(0.0, 9.0, 45)
+    y = 4.0 * np.exp(-x / 6.0) * np.sin(2.0 * np.pi * x / 2.5 + 0.5) + 0.1 + 0.08 * np.random.default_rng(seed).standard_normal(x.size)
+    formula = "a*exp(-x/tau)*sin(2*pi*x/T+p)+c"
+    found = fit_curve(formula, x, y)
+    assert found.status == "ok", found.reasons
+    assert abs(found.values["T"] - 2.5) < 4.0 * found.sds["T"]
+    assert "faster curves pass through the same points (T = 0.22" in found.message
+    assert fit_curve(formula, x, y, bounds={"T": (0.1, 10.0)}).status == "multimodal"  # a range that was stated to hold both
+
+
 def test_a_solution_with_next_to_nothing_of_the_posterior_is_not_reported() -> None:
     # two values of m draw the same points, one in a well that is 3e5 times as narrow; the start lies in that
     x = np.arange(10.0)
