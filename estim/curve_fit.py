@@ -66,6 +66,7 @@ from estim.words import tell
 
 _ROUNDS = 60  # of the size of the errors, where priors make it matter
 _PERFECT = 3e-14  # residuals below this share of y are rounding errors
+_NO_SCATTER = 1e-6  # the same where terms of the curve cancel, which leaves it fewer digits; beyond, the curve has too few to be one
 
 
 def fit_curve(
@@ -211,7 +212,8 @@ def _concluded(
     inner = _inner_fit(posed, best, problem, sigma, rng)
     chi2 = _size(inner, best) if sigma is None else squares
     whitened = problem.linearised(best.values).residuals(best.values)[: posed.y.size]
-    perfect = squares <= posed.y.size * _floor(posed) ** 2 or float(np.sum(whitened**2)) <= best.rounding
+    cancelled = float(np.sum(whitened**2)) <= best.rounding and squares <= _NO_SCATTER**2 * float(np.sum(posed.y**2))
+    perfect = cancelled or squares <= posed.y.size * _floor(posed) ** 2
     p_value = chi2_p(chi2, dof) if sigma is None and dof > 0 else math.nan
     fixed = inner if sigma is None else _fixed_fit(posed.with_sigma(sigma), best, rng)
     found = spread(fixed, best, dof=math.inf if sigma is None else dof, scale=scale, unknown=perfect and sigma is not None)
@@ -222,7 +224,8 @@ def _concluded(
     conflict = None if best.singular else check_stated_values(inner)
     solutions = several_solutions(inner, laplace_modes(inner)) if inner.others.size else []
     stated = [] if conflict is None else [stated_values(inner, conflict)]
-    findings = wrong([*solutions, *curve_findings(fixed, best, p_value, chi2, dof, goodness, estimated=sigma is not None), *stated])
+    about = curve_findings(fixed, best, p_value, chi2, dof, goodness, estimated=sigma is not None, perfect=perfect)
+    findings = wrong([*solutions, *about, *stated])
     names = tuple(p.name for p in posed.parameters)
     asked = isinstance(posed, CurveProblem) and posed.lacks is not None
     lacking = [] if findings or perfect or asked else [replace(one, run="") for one in unasked(inner)]

@@ -27,7 +27,7 @@ from estim.words import advice, advice_for, tell
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-_ADVISED = (Kind.SEVERAL_SOLUTIONS, Kind.STEP_UNSETTLED, Kind.HARDLY_HELD)  # of which a reason says what to do as well
+_ADVISED = (Kind.SEVERAL_SOLUTIONS, Kind.STEP_UNSETTLED, Kind.ROUNDING, Kind.HARDLY_HELD)  # of which a reason says what to do as well
 _TOLD_CORRELATION = 0.1
 _ALONG = 401  # points along a drawn curve
 _TITLE = 60  # marks of a formula that a title has room for

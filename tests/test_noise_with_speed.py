@@ -89,6 +89,32 @@ def test_it_is_told_with_the_key_and_fails_nothing(tmp_path: Path, rng: np.rando
     assert result_of(campaign, analysis).runs["a"].checks["speed"].p_value < P_TOLD
 
 
+@pytest.mark.parametrize("noise", [DIFFERENTIATED, POSITIONS])
+def test_readings_that_are_off_where_the_body_is_fast_are_no_blur(tmp_path: Path, rng: np.random.Generator, few_draws: None, noise: str) -> None:
+    """One reading, or all from one on: either made residuals there so large that blurred pictures were named (p < 5e-5)."""
+    path = run_of(tmp_path, noise, rng)
+    clean = (tmp_path / "a.csv").read_text().splitlines()
+    fast = 35
+    for later in (False, True):
+        rows = [line.split(",") for line in clean[1:]]
+        moved = [f"{t},{float(x) + (0.02 if i == fast or (later and i > fast) else 0.0):.6f}" for i, (t, x) in enumerate(rows)]
+        (tmp_path / "a.csv").write_text("\n".join([clean[0], *moved]))
+        analysis = analyse(load_campaign(path), ["a"], seed=1, target=Target(ess=400.0))
+        assert not analysis.diagnosis.ok
+        assert Kind.NOISE_WITH_SPEED not in {remark.kind for remark in analysis.diagnosis.remarks}
+
+
+def test_an_encoder_has_no_pictures(tmp_path: Path, rng: np.random.Generator, few_draws: None) -> None:
+    path = run_of(tmp_path, POSITIONS, rng, blur=EXPOSURE)
+    path.write_text(path.read_text().replace("sigma_x_m = 0.0005", "encoder_step_rad = 0.0115"))
+    rows = [line.split(",") for line in (tmp_path / "a.csv").read_text().splitlines()[1:]]
+    (tmp_path / "a.csv").write_text("t_s,theta_rad\n" + "\n".join(f"{t},{float(x) / 0.15:.6f}" for t, x in rows))
+    analysis = analyse(load_campaign(path), ["a"], seed=1, target=Target(ess=400.0))
+    (note,) = [note for note in analysis.diagnosis.notes if "where the body is fast" in note]
+    assert "encoder" in note
+    assert "pictures" not in note
+
+
 @pytest.mark.statistics
 @pytest.mark.parametrize("noise", [DIFFERENTIATED, POSITIONS])
 def test_p_values_are_uniform_without_blur_and_small_with_it(tmp_path: Path, rng: np.random.Generator, noise: str) -> None:

@@ -49,7 +49,7 @@ def fit(campaign: Disk | Formula, folder: Path, *options: str) -> Written:
     return Written(done.exit_code, done.output, report, json.loads((folder / "out" / "result.json").read_text()))
 
 
-_NOT_OF_THE_RESULT = ("stated before (prior)", "fitted, were it the cause")
+_NOT_OF_THE_RESULT = ("stated before (prior)", "fitted, were it the cause and nothing else", "the campaign with it")
 
 
 def tables(report: str) -> list[list[list[str]]]:

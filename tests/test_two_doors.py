@@ -13,6 +13,7 @@ from estim.campaign.table_campaign import TableChoices, campaign_of_table
 from estim.cli.commands import cli
 from estim.common import InputError, NumericalError
 from estim.fitting import Fit, profile_intervals
+from estim.pipeline import sample_curve
 
 SINKING = "y0 - v*x + v*tau*(1 - exp(-x/tau))"
 
@@ -78,6 +79,19 @@ def test_a_step_may_be_written_up_or_down() -> None:
     assert found.status == "ok"
     assert "-L, -k, c + L" in found.message or "-k, -L, c + L" in found.message
     assert found.values["L"] == pytest.approx(3.0, abs=0.1)
+
+
+@pytest.mark.parametrize("seed", [2, 3])
+def test_a_period_and_its_alias_are_one_solution_as_a_frequency_and_its_alias_are(seed: int) -> None:
+    """1/T' = 1/dx - 1/T draws the same points.  A flat density in T gives it 1 % of the posterior; only in a frequency it was left aside."""
+    x = np.linspace(0.0, 9.0, 45)
+    y = 4.0 * np.exp(-x / 6.0) * np.sin(2.0 * np.pi * x / 2.5 + 0.5) + 0.1 + 0.08 * np.random.default_rng(seed).standard_normal(x.size)
+    formula = "a*exp(-x/tau)*sin(2*pi*x/T+p)+c"
+    found = fit_curve(formula, x, y)
+    assert found.status == "ok", found.reasons
+    assert abs(found.values["T"] - 2.5) < 4.0 * found.sds["T"]
+    assert "faster curves pass through the same points (T = 0.22" in found.message
+    assert fit_curve(formula, x, y, bounds={"T": (0.1, 10.0)}).status == "multimodal"  # a range that was stated to hold both
 
 
 def test_a_solution_with_next_to_nothing_of_the_posterior_is_not_reported() -> None:
@@ -160,10 +174,56 @@ def test_both_doors_say_the_same_of_a_table(shape: str, seed: int, stated: bool,
 
 def test_an_edge_of_what_the_curve_is_defined_for_is_named_by_both_doors(tmp_path: Path) -> None:
     x, y = slowing_ball()
-    with pytest.raises(NumericalError, match="no finite derivatives in .*tau"):
+    with pytest.raises(NumericalError, match=r"no finite derivatives in .*tau"):
         fit_curve(SINKING, x, y, bounds={"tau": (0.0, None)})
-    with pytest.raises(NumericalError, match="no finite derivatives in .*tau"):
+    with pytest.raises(NumericalError, match=r"no finite derivatives in .*tau"):
         by_command(table(tmp_path, x, y), SINKING, u_y=None, low={"tau": 0.0})
+
+
+def narrow_peak(seed: int) -> tuple[np.ndarray, np.ndarray]:
+    x, rng = np.linspace(1.0, 6.0, 6), np.random.default_rng(seed)
+    return x, 1.0 + 10.0 * np.exp(-((x - 3.2) ** 2) / 1.28) + 0.3 * rng.standard_normal(x.size)
+
+
+def test_a_search_that_runs_away_from_few_points_names_the_parameter_in_both_doors(tmp_path: Path) -> None:
+    """The command said that terms of the formula all but cancel."""
+    x, y = narrow_peak(22)
+    found = fit_curve("lorentzian + constant", x, y)
+    assert found.status == "not-converged"
+    assert any("hardly hold center" in reason for reason in found.reasons)
+    with pytest.raises(InputError, match=r"'center' is hardly held by the data.*give it limits"):
+        by_command(table(tmp_path, x, y), "lorentzian + constant", u_y=None, low={})
+
+
+def test_a_width_of_which_the_points_say_nothing_at_all_ends_in_words(tmp_path: Path) -> None:
+    """A peak on one point, whose derivatives are so small that their squares vanish: to divide by these overflowed."""
+    x, y = narrow_peak(30)
+    formula = "a*exp(-((x-m)/w)**2)+c"
+    assert fit_curve(formula, x, y).status != "ok"
+    with pytest.raises(InputError, match=r"give it limits|by limits"):
+        by_command(table(tmp_path, x, y), formula, u_y=None, low={})
+
+
+def test_draws_where_the_curve_is_beyond_all_numbers_have_no_density() -> None:
+    """Two decays, one of which grows like exp(x/0.01) in some proposals: their squares overflowed, with a warning."""
+    x = np.linspace(0.0, 9.0, 45)
+    y = 3.0 * np.exp(-x / 0.8) + 2.0 * np.exp(-x / 6.0) + 0.08 * np.random.default_rng(2).standard_normal(x.size)
+    found = fit_curve("a*exp(-x/t)+b*exp(-x/s)", x, y)
+    assert sample_curve(found, seed=2).diagnosis.ok
+
+
+def test_a_curve_that_has_lost_its_digits_has_not_met_every_point(tmp_path: Path) -> None:
+    """Three numbers for an amplitude and a phase: the search ran to p = 8e9, where rounding is as large as the noise, and was called perfect."""
+    x = np.linspace(0.0, 9.0, 45)
+    y = np.cos(1.7 * x) + 2.0 * np.sin(1.7 * x + 0.5) + 0.08 * np.random.default_rng(1).standard_normal(x.size)
+    formula = "A*cos(w*x)+B*sin(w*x+p)"
+    found = fit_curve(formula, x, y)
+    assert found.status == "not-converged", found.message
+    assert "every point" not in found.message
+    assert "rounding errors" in found.reasons[0]
+    assert "limits" in found.reasons[0]
+    with pytest.raises(InputError, match="give it limits"):
+        by_command(table(tmp_path, x, y), formula, u_y=None, low={})
 
 
 def test_a_search_for_what_the_curve_lacks_that_fails_costs_no_report(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

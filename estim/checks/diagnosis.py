@@ -30,6 +30,8 @@ _FLAT = 0.05  # curvature of the log prior along a direction, 1 for a normal pri
 _HELD_FELT = 0.2  # standard deviations of a parameter, by which a run whose covariance is held may move those of others
 _ALIKE = 0.3  # the same, by which flat weights of readings would move it, from which on it is told that they count alike
 
+_OF_ORDER = frozenset({"runs", "autocorrelation", "trend"})  # tests; residuals that fail one of them are no noise, wherever they are large
+
 _CROWD = 0.35  # share of outliers beyond which they may be another motion, and the frames called good a part of it
 
 _MOST_TOLD = 5  # separate solutions that are listed
@@ -231,14 +233,15 @@ def _remarks(fit: Fit, chain: Chain, goodness: Sequence[Goodness], conflict: Con
         found += deviation_remarks(lack, x_unit=runs[lack.run].x_unit, y_unit=runs[lack.run].y_unit)
     if fit.n_same < fit.n_start:
         found.append(Finding(Kind.STARTS_ELSEWHERE, size=fit.n_start - fit.n_same, numbers={"starts": fit.n_start}))
-    off = {force.run for force in fit.forces if force.bad.jumps}  # single readings that are off may well lie where the body is fast
+    off = {force.run for force in fit.forces if force.bad.jumps}  # readings that are off may well lie where the body is fast
     for good, run in zip(goodness, fit.problem.runs, strict=True):
         found += borne_pattern(good) + hardly_passed(good)
         chi2 = good.checks.get("chi2")
         if chi2 is not None and chi2.p_value > 1.0 - good.level and not good.covered and run.lacks is None:
             kind = Kind.COUNTS_EVEN if good.counted else Kind.RESIDUALS_SMALL
             found.append(Finding(kind, run=good.run, test="chi2", p=1.0 - chi2.p_value, numbers={"least": P_FLOOR}))
-        if good.speed is not None and good.speed.p_value < P_TOLD / good.among and run.name not in off and "largest" not in good.failed:
+        patterned = run.name in off or not _OF_ORDER.isdisjoint(good.failed)
+        if good.speed is not None and good.speed.p_value < P_TOLD / good.among and not patterned:
             numbers = {"least": P_FLOOR, "pictures": float(_from_pictures(run))}
             found.append(Finding(Kind.NOISE_WITH_SPEED, run=good.run, test="speed", p=good.speed.p_value, numbers=numbers))
         if 1.5 < good.scatter_ratio <= SCATTER_LIMIT:

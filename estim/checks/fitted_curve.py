@@ -12,16 +12,21 @@ from estim.checks.goodness import P_FLOOR, P_POOR_FIT, Goodness
 from estim.common import Amount, Finding, Kind
 from estim.fitting import FEW, PRESSED_BELOW, Fit, Optimum, coverage_of_sd, edge_of, pressed, silent_parameters
 
-_FEW_DIGITS = 0.01  # standard deviations that rounding errors move a value by, worth a word
+_FEW_DIGITS, _NO_DIGITS = 0.01, 0.5  # standard deviations that rounding errors move a value by: worth a word; no result
 
 
 def curve_findings(
-    fixed: Fit, best: Optimum, p_value: float, chi2: float, dof: int, goodness: Sequence[Goodness], *, estimated: bool
+    fixed: Fit, best: Optimum, p_value: float, chi2: float, dof: int, goodness: Sequence[Goodness], *, estimated: bool, perfect: bool
 ) -> list[Finding]:
-    """Everything that is wrong with the fit itself.  fixed : with errors of a fixed size, which was `estimated` from the residuals or stated."""
+    """Everything that is wrong with the fit itself.
+
+    fixed : with errors of a fixed size, which was `estimated` from the residuals or stated.  perfect : whether there are no residuals.
+    """
     found = []
     if not best.settled and not best.singular:
         found.append(Finding(Kind.STEP_UNSETTLED, size=best.step, parameters=(Amount(best.mover),)))
+    if best.tolerance > _NO_DIGITS and not perfect and not best.singular:
+        found.append(Finding(Kind.ROUNDING, size=best.tolerance))
     if best.unheld is not None:
         found.append(best.unheld)
     if best.singular:
@@ -53,7 +58,7 @@ def curve_remarks(
 ) -> list[Finding]:
     """What to know of a fit that may be ok.  stated : whether the size of the errors was.  perfect : whether there are residuals at all."""
     found = [replace(one, run="") for run in fit.problem.runs for one in counts_as_readings(run)]
-    if best.tolerance > _FEW_DIGITS and not perfect:
+    if _NO_DIGITS >= best.tolerance > _FEW_DIGITS and not perfect:
         found.append(Finding(Kind.ROUNDING, size=best.tolerance))
     if best.frail and not best.singular:
         found.append(Finding(Kind.CANCELLATION))

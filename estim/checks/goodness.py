@@ -18,7 +18,8 @@ up to seven tests of a run, each of which would reject a right curve with that p
 (simulated: docs/statistics.md).  A level of 0.01 for each would reject one right curve of 20.
 `speed` is told and fails nothing, for it does not bias the curve: whether residuals of a motion are larger where the body is fast, as those of
 blurred pictures are (paper, section IV: "at high speeds the image of the disk center becomes fuzzy").  Its statistic is
-sum |z| (v^2/mean(v^2) - 1)/sum |z|, large where the noise grows with the speed v of the fitted curve, whatever its size.
+sum |z| (v^2/mean(v^2) - 1)/sum |z|, large where the noise grows with the speed v of the fitted curve, whatever its size.  Residuals beyond three
+times their median count as three times: a single bad reading where the body is fast is no noise that grows.
 An inferred scatter swallows chi2, so the scatter itself is compared with what the instrument explains.
 
 A stated error may be far larger than what the readings show, for what they all share: then a pattern in the residuals does no harm as long as
@@ -50,6 +51,7 @@ from estim.words import TESTS
 
 P_POOR_FIT = 1e-3  # of each test
 P_TOLD = 5e-3  # of `speed`, below which it is told
+_BEYOND = 3.0  # medians of the residuals, beyond which their size does not count for it
 P_HARDLY = 0.01  # of `uneven` and `repeated`, which see little among few points: below it is told
 SCATTER_LIMIT = 3.0  # times what the instrument explains: nine tenths of the variance would be something else
 _NO_ERRORS = 1e-9  # standard deviations; residuals that are all smaller are rounding errors
@@ -400,5 +402,7 @@ def _statistics(z: FloatArray, compared: _Compared) -> dict[str, FloatArray]:
     if compared.repeated is not None:
         found["repeated"] = compared.repeated.share(z) / size
     if compared.speeds is not None:
-        found["speed"] = (sizes @ compared.speeds.T)[:, 0] / total
+        held = np.minimum(sizes, _BEYOND * np.median(sizes, axis=1, keepdims=True))
+        whole = np.sum(held, axis=1)
+        found["speed"] = (held @ compared.speeds.T)[:, 0] / np.where(whole > 0.0, whole, 1.0)
     return found

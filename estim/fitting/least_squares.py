@@ -40,6 +40,7 @@ _EXACT, _ROUGH = 1e-12, 1e-6  # relative steps at which a search of the curve en
 _LEAST_SHARE = 0.05
 WITHIN_REACH = 12.0  # in minus log density: worse optima hold next to nothing of the posterior
 _FINE = 1e-2
+_NOTHING = 1e-200  # of the information: its inverse could not be squared
 _ILL = 1e12  # condition of the information, columns of unit length
 _FAR_APART = 3.0  # standard deviations, of any parameter
 
@@ -201,10 +202,16 @@ def _rough_ends(starts: list[tuple[FloatArray, Posterior]]) -> list[_End]:
 
 def _inverse(matrix: FloatArray, problem: Problem) -> FloatArray:
     """(n_par, n_par) inverse of an information matrix of the problem, of what it says something of, whatever the units of its parameters."""
-    units = np.sqrt(np.where(np.diag(matrix) > 0.0, np.diag(matrix), 1.0))
+    units = _units(matrix)
     scaled = matrix / np.outer(units, units)
     found = inverse_by_runs(scaled, problem) if many(problem) else None
     return (np.asarray(np.linalg.pinv(scaled, hermitian=True)) if found is None else found) / np.outer(units, units)
+
+
+def _units(matrix: FloatArray) -> FloatArray:
+    """(n_par,) in which the diagonal of an information matrix is 1; 1 for what it says next to nothing of."""
+    own = np.diag(matrix)
+    return np.sqrt(np.where(own > _NOTHING, own, 1.0))
 
 
 def _condition(matrix: FloatArray, inverse: FloatArray, problem: Problem) -> float:
@@ -319,7 +326,7 @@ def _describe(
     problem: Problem, posterior: Posterior, values: FloatArray, moved: float, ends: list[FloatArray], *, n_start: int, same: list[FloatArray]
 ) -> Fit:
     matrix = information(posterior, values)
-    spread = np.sqrt(np.maximum(np.diag(matrix), 1e-300))
+    spread = _units(matrix)
     scaled = matrix / np.outer(spread, spread)
     inverse = _inverse(scaled, problem)
     singular = _condition(scaled, inverse, problem) > _ILL

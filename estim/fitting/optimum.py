@@ -266,7 +266,7 @@ def _placed(problem: Problem, names: Sequence[str], values: FloatArray) -> Float
 def with_others(fit: Fit, best: Optimum, rng: np.random.Generator) -> Fit:
     """A fit with the other optima of the search: those that hold more than next to nothing of the posterior, noise parameters refitted."""
     if best.singular or fit.singular:
-        return fit
+        return replace(fit, unheld=best.unheld)
     more = fit.values.size - best.values.size  # the size of the errors, where `fit` has it as a further parameter
     symmetry = best.symmetry.widened(more)
     scale = np.where((sds := np.sqrt(np.diag(fit.cov))) > 0.0, sds, np.inf)

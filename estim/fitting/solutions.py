@@ -72,24 +72,24 @@ def distinct_ends(search: SeparableSearch, best: End, ends: list[End], symmetry:
 def choose(search: SeparableSearch, distinct: list[End], symmetry: Symmetry, start: FloatArray) -> tuple[FloatArray, FloatArray, tuple[Finding, ...]]:
     """The optimum with the largest share of the posterior, the other solutions (n_other, n_par), and what was left aside.
 
-    Each is as it is usually `written`.  Of curves through the same points (a frequency plus the rate of sampling) the one closest to the
-    start is taken.  Where the user gave no range that holds the others and it is the smoothest of all, they are left aside and no solutions;
+    Each is as it is usually `written`.  Of curves through the same points (a frequency plus the rate of sampling) that weigh the same the
+    one closest to the start is taken.  Where the user gave no range that holds the others and it is the smoothest of all, they are left aside and no solutions;
     so are other numbers that draw the same curve everywhere.
     """
     shares = [_log_share(search, end) for end in distinct]
     heaviest = int(np.argmax(shares)) if math.isfinite(shares[0]) else 0
     least, equal = distinct[heaviest][1] * (1.0 - SAME) - rounding(search), equal_to(search, distinct[heaviest][1])
     named = [written(search, values, symmetry, start) for values, _ in distinct]
-    level = [i for i, (_, chi2) in enumerate(distinct) if least <= chi2 <= equal and (i == heaviest or shares[i] > shares[heaviest] - _ALIKE)]
-    same = [i for i in level if _same_curve(search, distinct[i][0], distinct[heaviest][0], between=False)]
-    points = np.array([named[i] for i in same])
+    level = [i for i, (_, chi2) in enumerate(distinct) if least <= chi2 <= equal]
+    through = [i for i in level if _same_curve(search, distinct[i][0], distinct[heaviest][0], between=False)]
+    same = [i for i in through if i == heaviest or shares[i] > shares[heaviest] - _ALIKE]
+    points = np.array([named[i] for i in through])
     apart = np.ptp(points, axis=0)
     steady = np.array([i for i in search.bent if not math.isfinite(symmetry.period[i])], dtype=np.int64)
     moved = steady[apart[steady] > spread_at(search, distinct[heaviest])[steady]]
     chosen, told = same[0], list[Finding]()
     if moved.size:
-        away = np.sum(((points - start)[:, moved] / apart[moved]) ** 2, axis=1)
-        chosen = same[int(np.argmin(away))]
+        chosen = min(same, key=lambda i: float(np.sum(((named[i] - start)[moved] / apart[moved]) ** 2)))
     aside = []
     if moved.size and not np.all(np.isfinite(search.low[moved]) & np.isfinite(search.high[moved])):
         names = search.posterior.problem.names
@@ -98,7 +98,7 @@ def choose(search: SeparableSearch, distinct: list[End], symmetry: Symmetry, sta
             return tuple(Finding(Kind.VALUES, parameters=tuple(Amount(names[k], float(named[i][k])) for k in moved)) for i in which[:2])
 
         alike = [i for i in same if i != chosen and _same_curve(search, named[i], named[chosen], between=True)]
-        faster = [i for i in same if i != chosen and i not in alike]
+        faster = [i for i in through if i != chosen and i not in alike and not _same_curve(search, named[i], named[chosen], between=True)]
         aside += alike
         if alike:
             told.append(Finding(Kind.OTHER_NUMBERS, parts=shown(alike)))

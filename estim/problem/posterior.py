@@ -166,8 +166,9 @@ class Posterior:
             return np.concatenate([self.log_likelihood(draws[i : i + some]) for i in range(0, draws.shape[0], some)])
         named = self.problem.named(draws)
         total = np.zeros(draws.shape[0])
-        for likelihood in self.likelihoods:
-            total += likelihood.log_likelihood(named)
+        with np.errstate(over="ignore"):  # far from the mode a curve may overflow: no density there
+            for likelihood in self.likelihoods:
+                total += likelihood.log_likelihood(named)
         return total
 
     def by_run(self, parts: Iterable[FloatArray]) -> tuple[FloatArray, ...]:

@@ -17,7 +17,7 @@ _DISAGREE = later("the data do not agree with what was stated before ({p})")
 
 def _stated(verdict: str, f: Finding) -> str:
     parts = [_pull(part) for part in f.parts]
-    one_of = phrase("; each of these, or the scale of the data, may be what is wrong") if len(parts) > 1 else ""
+    one_of = phrase("; any of these, or the scale of the data, may be wrong") if len(parts) > 1 else ""
     return f"{phrase(verdict, p=format_p(f.p))}{': ' if parts else ''}{'; '.join(parts)}{one_of}"
 
 

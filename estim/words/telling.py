@@ -65,6 +65,9 @@ ADVICE: Mapping[Kind, str] = MappingProxyType(
     {
         Kind.FIT_UNSETTLED: later("check the starting values and the priors; what still moves may need a limit"),
         Kind.STEP_UNSETTLED: later("give it limits, or try other starting values"),
+        Kind.ROUNDING: later(
+            "give limits to parameters that became far too large, or write the formula in x - x0, with x0 in the middle of the data"
+        ),
         Kind.CHAIN_SHORT: later(
             "raise {steps}; if that does not help, look at the traces: a parameter that wanders needs a tighter prior or more data"
         ),
