@@ -131,7 +131,8 @@ def always(n_set: int, first: int = 0) -> None:
         sds = " ".join(f"{one:.2f}" for one in np.mean(price, axis=0))
         u_sds = np.max(np.std(price, axis=0)) / np.sqrt(n_set)
         what = f"{k:2} {n} points, {curve:5} {kind:8} u_y {'stated' if stated else 'left out':8}"
-        refusals = f"refused {100.0 * np.mean(refused):.0f} %, the others {cells[2]}"
+        high = 100.0 * np.mean(present[~refused] > 0.9)
+        refusals = f"refused {100.0 * np.mean(refused):.0f} %, the others {cells[2]}, P(a > 0) > 0.9 for {high:.1f} %"
         print(f"{what} | {cells[0]}, {refusals} | {cells[1]} | sds times {sds} (± {u_sds:.2f}) | P(a > 0) {np.mean(present):.2f}", flush=True)
 
 
