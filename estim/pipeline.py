@@ -242,9 +242,13 @@ def _optima_of(fit: Fit) -> Optima:
 
 
 def asks_for_a_cause(analysis: Analysis) -> bool:
-    """Whether something is missing, and a few seconds may say what: the curve does not explain the data, or surely lacks a force."""
+    """Whether something is missing, and a few seconds may say what: the curve does not explain the data, or surely lacks a force.
+
+    Not beside a deviation that is refused: it is what a refit would find, and another curve is asked for.
+    """
     lacking = analysis.diagnosis.status is Status.POOR_FIT or _lacks_a_force(analysis.fit)
-    return lacking and len(analysis.problem.runs) <= _FEW_RUNS
+    refused = any(one.kind in (Kind.DEVIATION_TOO_LARGE, Kind.DEVIATION_TOO_SLOW) for one in analysis.diagnosis.findings)
+    return lacking and not refused and len(analysis.problem.runs) <= _FEW_RUNS
 
 
 def _lacks_a_force(fit: Fit) -> bool:

@@ -128,7 +128,8 @@ def test_a_stated_error_that_covers_the_pattern_is_conservative_and_kept(rng: np
     design = np.vander(x, 3, increasing=True)
     stated = 0.05 * np.sqrt(np.diag(np.linalg.inv(design.T @ design)))
     np.testing.assert_allclose([fit.sds[name] for name in "abc"], stated, rtol=1e-6)
-    (note,) = fit.notes
+    note, complete = fit.notes
+    assert "taken as complete" in complete
     assert "conservative" in note
     assert "'autocorrelation'" in note
     assert fit.goodness[0].covered == ("runs", "autocorrelation")

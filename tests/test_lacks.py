@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -293,3 +294,68 @@ def test_intervals_hold_what_they_say(kind, choices, stated):
     assert abs(held["with", 0.68] / n_run - 0.68) < 3.0 * np.sqrt(0.68 * 0.32 / n_run) + 0.04
     assert held["with", 0.95] / n_run > 0.95 - 3.0 * np.sqrt(0.95 * 0.05 / n_run)
     assert held["without", 0.68] / n_run < 0.5
+
+
+# --- a deviation that nobody asked for -------------------------------------------------------------------------------------------------------
+
+
+def by_brute_force(x: np.ndarray, y: np.ndarray, u: float) -> float:
+    """P(a > 0 | data) of a line with flat priors, by dense matrices: each covariance is made, and its evidence is a determinant and a quadratic form.
+
+    a half-normal with the scale of one error, the length log-normal about a sixth of the range (factor e^0.7, between 1/30 and 0.6 of it), the size
+    of the noise as the module has it; by sums over grids that are finer than its own.
+    """
+    grid = relative_grid(stated=True)
+    design, apart = np.column_stack([np.ones_like(x), x]), np.sqrt(3.0) * np.abs(np.subtract.outer(x, x))
+    lengths = np.ptp(x) * np.geomspace(1.0 / 30.0, 0.6, 25)
+    of_length = np.exp(-0.5 * (np.log(6.0 * lengths / np.ptp(x)) / 0.7) ** 2)
+    sizes = np.linspace(0.02, 3.5, 60)
+    of_size = np.exp(-0.5 * sizes**2)
+
+    def evidence(covariance: np.ndarray) -> float:
+        inverse = np.linalg.inv(covariance)
+        information = design.T @ inverse @ design
+        left = y - design @ np.linalg.solve(information, design.T @ inverse @ y)
+        return float(np.exp(-0.5 * (left @ inverse @ left + np.linalg.slogdet(covariance)[1] + np.linalg.slogdet(information)[1])))
+
+    none = here = 0.0
+    for scale, log_scale in zip(grid.scales, grid.log_scales, strict=True):
+        if scale < 0.25:  # nothing of these residuals is so small
+            continue
+        white = (scale * u) ** 2 * np.eye(x.size)
+        none += np.exp(log_scale) * evidence(white)
+        for length, weight in zip(lengths, of_length / of_length.sum(), strict=True):
+            kernel = u**2 * (1.0 + apart / length) * np.exp(-apart / length)
+            some = np.array([evidence(white + size**2 * kernel) for size in sizes])
+            here += np.exp(log_scale) * weight * float(np.sum(of_size / of_size.sum() * some))
+    return here / (here + none)
+
+
+@pytest.mark.parametrize(("size", "seed"), [(0.0, 1), (1.3, 2)])
+def test_how_probable_an_unasked_deviation_is_comes_out_by_brute_force(size: float, seed: int) -> None:
+    x = np.linspace(0.0, 1.0, 24)
+    y = 1.0 + 2.0 * x + 0.1 * (np.random.default_rng(seed).standard_normal(24) + size * np.sin(14.0 * x))
+    fit = fit_curve("a + b*x", x, y, u_y=0.1)
+    assert fit.status == "ok"
+    (said,) = [note for note in fit.notes if "taken as complete" in note]
+    found = float(re.findall(r"the probability ([0-9.]+)", said)[0])
+    assert found == pytest.approx(by_brute_force(x, y, 0.1), abs=0.02)
+    assert (found > 0.5) == (size > 0.0)
+
+
+@pytest.mark.usefixtures("undrawn", "few_draws")
+def test_what_a_curve_taken_as_complete_may_lack_stands_first(tmp_path: Path) -> None:
+    """In print(fit), once in the terminal, and on the first screen of the report; not with few points or where a deviation was asked for."""
+    x = np.linspace(0.0, 1.0, 30)
+    y = 1.0 + 2.0 * x + 0.1 * np.random.default_rng(3).standard_normal(30)
+    words = "no interval allows for a smooth deviation"
+    assert str(fit_curve("a + b*x", x, y, u_y=0.1)).count(words) == 1
+    assert words not in str(fit_curve("a + b*x", x[:15], y[:15], u_y=0.1))
+    assert words not in str(fit_curve("a + b*x", x, y, u_y=0.1, deviation=0.1))
+    table = tmp_path / "points.csv"
+    table.write_text("x,y\n" + "\n".join(f"{a:.6f},{b:.6f}" for a, b in zip(x, y, strict=True)))
+    done = CliRunner().invoke(cli, ["fit", str(table), "--formula", "a + b*x", "--u-y", "0.1", "--kind", "synthetic", "--out", str(tmp_path / "out")])
+    assert done.exit_code == 0, done.output
+    assert done.output.count(words) == 1
+    screen = (tmp_path / "out" / "report.md").read_text().split("<details>")[0]
+    assert f"- Mind: the curve is taken as complete: {words}" in screen

@@ -7,6 +7,9 @@ from dataclasses import replace
 
 from estim.arrays import FloatArray
 from estim.checks.counts import counts_as_readings
+from estim.checks.deviations import deviation_finding as deviation_finding
+from estim.checks.deviations import unasked as unasked
+from estim.checks.deviations import wrong_curves as wrong_curves
 from estim.checks.diagnosis import borne_pattern, failed_tests, hardly_passed
 from estim.checks.goodness import P_FLOOR, P_POOR_FIT, Goodness
 from estim.common import Amount, Finding, Kind
