@@ -50,7 +50,7 @@ def test_start_and_force_given_the_points_are_those_of_dense_matrices(pushed: tu
     arguments = completed.points.bind(fit.problem.named(fit.values))
     lift = np.ravel(9.81 / completed.motion.energies(x, np.ones(3), arguments)[0])
     along, mixture = completed.along, completed.mixture
-    residuals = completed.points.y - completed.shift - np.ravel(completed.points.value(fit.problem.named(fit.values)))
+    residuals = completed.formed.at(completed.points, fit.problem.named(fit.values))[0]
     stated, push = covariance_of(mixture.deviation.root), START_SD * along.radian
     means, squares, shares, start = np.zeros(3), np.zeros(3), mixture.shares(residuals), 0
     for family in mixture.deviation.families:

@@ -238,7 +238,7 @@ def test_lengths_follow_the_track():
     (lambda: diagonalise(np.array([1.0, 0.0]), two_shapes(2), SMALL), "variance"),
     (lambda: diagonalise(-np.eye(3), two_shapes(3), SMALL), "covariance"),
     (lambda: diagonalise(np.ones(3), (), SMALL), "shapes"),
-    (lambda: track(1.0, first=2.0), "end"),
+    (lambda: track(1.0, start=2.0), "end"),
     (lambda: speed_response(track(1.0), np.array([0.5]), np.array([0.0]), np.array([1.0]), acceleration=9.81), "speed"),
 ])
 def test_what_breaks_a_rule_is_named(call, said):

@@ -7,12 +7,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from one_way import fine_places, position_response
 from scipy import stats
 from scipy.linalg import block_diag
 from wheels import FINE, FIRST, G_R, PHI, SIGMA, Wheel, WhiteFit, places, white_fit
 
 from estim.deviation.components import diagonalise
-from estim.deviation.force import Response, Track, force_shapes, position_response, shared_force_shapes, track
+from estim.deviation.force import Response, Track, force_shapes, shared_force_shapes, track
 from estim.deviation.found import find_force
 from estim.deviation.grid import FORCE_SCALE, START_SD, prior_grid
 from estim.deviation.linearised import linearise
@@ -21,13 +22,14 @@ from estim.deviation.mixture import keep_probable
 
 def moved(along: Track, fit: WhiteFit) -> Response:
     """What a force does to the angles of a fit."""
-    rate = np.sqrt(2.0 * G_R * np.maximum(fit.wheel.energy(along.fine) + fit.start, 1e-5) / fit.wheel.inertia(along.fine))
-    return position_response(along, fit.at, rate, fit.wheel.inertia(along.fine), acceleration=G_R)
+    fine = fine_places(along, FIRST)
+    rate = np.sqrt(2.0 * G_R * np.maximum(fit.wheel.energy(fine) + fit.start, 1e-5) / fit.wheel.inertia(fine))
+    return position_response(along, fine, fit.at, rate, fit.wheel.inertia(fine), acceleration=G_R)
 
 
 def with_force(fit: WhiteFit, y: np.ndarray, *, radius: float | None = None):
     """The linearised posterior with a force, and the force."""
-    along = track(float(np.max(y)), first=FIRST)
+    along = track(float(np.max(y)))
     response = moved(along, fit)
     deviation = diagonalise(np.full(y.size, SIGMA**2), force_shapes(along, response, radius=radius), prior_grid(FORCE_SCALE))
     found = linearise(deviation, fit.residuals, fit.jacobian, precision=fit.precision, pull=fit.pull)
@@ -87,7 +89,7 @@ def test_repeated_runs_share_a_profile_and_each_has_some_of_its_own():
     wheel, weight = handout("balanced")
     runs = [measured(f"balanced_{run}") for run in CLASS["balanced"]]
     fits = [white_fit(t, y, wheel, np.array([0.05, 0.0, 0.0, START_SD, 1e3])) for t, y in runs]
-    along = track(max(float(y[-1]) for _, y in runs), first=FIRST)
+    along = track(max(float(y[-1]) for _, y in runs))
     responses = tuple(moved(along, fit) for fit in fits)
     # c_rr is shared, about the first run's; the start and the time of each run are its own
     c_rr = fits[0].wheel.c_rr

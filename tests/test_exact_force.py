@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from exact_force import G, NAMES, SIGMA, Posterior, R, exact_posterior
+from exact_force import NAMES, SIGMA, G, Posterior, R, exact_posterior
 
 from estim.arrays import FloatArray
 from estim.campaign import Campaign, load_campaign

@@ -26,6 +26,7 @@ from estim.deviation.grid import FORCE_SCALE, START_SD, prior_grid
 from estim.deviation.joint import Together
 from estim.deviation.linearised import linearise
 from estim.deviation.mixture import keep_probable
+from estim.deviation.noise import formed_about, normal_covariance
 from estim.fitting.least_squares import Fit, fit_least_squares
 from estim.problem.posterior import Problem
 from estim.problem.priors import Normal
@@ -125,21 +126,16 @@ def joint(tmp_path_factory: pytest.TempPathFactory) -> Fit:
     return held.fit(held.problem([f"class-unbalanced_{i}" for i in (1, 2, 3)]), rng=np.random.default_rng(1))
 
 
-def test_a_constant_force_answers_as_the_rolling_resistance_does(joint: Fit, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A S delta x - v' delta x of the positions that were read is 14 % off: it has their errors in it, and the truncation of S at the wrong place."""
+def test_a_constant_force_answers_as_the_rolling_resistance_does(joint: Fit) -> None:
     problem, named = joint.problem, joint.problem.named(joint.values)
     run = problem.runs[0]
     t, theta = np.loadtxt(WHEEL / "class-unbalanced_1.csv", delimiter=",", skiprows=2)[:, :2].T
     course = Course(run.body, theta, Rows(t, np.zeros(t.size, dtype=np.int64), np.searchsorted(t, run.t)))
 
-    def constant() -> np.ndarray:
-        along = course.along(run.points, named, run.noise.base)
-        return -along.response.force.sum(axis=1) * along.upright
-
-    by_curve = run.points.gradient(named, ["rolling_resistance"])[:, 0]
-    assert constant() == pytest.approx(by_curve, rel=0.012)
-    monkeypatch.setattr("estim.deviation.course._by_differences", lambda response, matrix, *_: response.through(matrix))
-    assert np.max(np.abs(constant() / by_curve - 1.0)) > 0.1
+    formed = formed_about(course, run.noise.base, run.points, named, normal_covariance(run.noise.base, run.points, named), scale=0.02)
+    along = course.along(run.points, named, run.noise.base, about=formed.speed)
+    by_curve = formed.gradient(run.points, named, ["rolling_resistance"])[:, 0]
+    assert -along.response.force.sum(axis=1) * along.upright == pytest.approx(by_curve, rel=0.012)
 
 
 def test_repeated_runs_share_a_force_agree_and_leave_white_residuals(joint: Fit) -> None:
@@ -253,7 +249,7 @@ def one_set(rng: np.random.Generator, size: float, own_size: float, own: tuple[f
         t, y = t[used], y[used] + SIGMA * rng.standard_normal(np.sum(used))
         fits.append(white_fit(t, y, wheel, np.array([0.05, 0.0, 0.0, START_SD, 1e3])))
         runs.append(y)
-    along = track(max(float(y[-1]) for y in runs), first=FIRST)
+    along = track(max(float(y[-1]) for y in runs))
     truth = wheel.c_rr - np.interp(along.end, FINE, common) / along.end / np.cos(PHI)
     c_rr = fits[0].wheel.c_rr
     residuals = np.concatenate([fit.residuals + fit.jacobian[:, 0] * (fit.wheel.c_rr - c_rr) for fit in fits])

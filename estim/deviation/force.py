@@ -1,16 +1,12 @@
-"""A force along the track that the curve does not know, and what it does to speeds and positions, to first order.
+"""A force along the track that the curve does not know, and what it does to speeds and positions.
 
     D v^2/2 = acceleration (E0 + W + F),    F(x) = int_0^x f dx'        f in units of the weight
-    speeds at given positions    delta v = acceleration (E0 + F)/(D v)
-    positions at given times     delta x = v int acceleration (E0 + F)/(D v^3) dx'
-    speeds by differences        A delta x, with A = S - diag(dv/dx) as in `estim.problem.noise`
+    energies of speeds at given positions    delta (v^2)/(2 v) = acceleration (E0 + F)/(D v)        exact: `estim.deviation.residuals`
+    positions at given times                 to first order: `estim.deviation.in_time`
 
 Positions are metres with `acceleration` g, or rad with g/R for a turning wheel (v then rad/s, lengths rad); D is the inertia of the body per unit
 mass, twice the kinetic energy over m v^2 (the `energies` of a motion at unit speed).  E0 is the energy at release in units of the weight, times
-one unit of position: a push, or a reading of the position at release that is not 0.  A shift of time is left free, delta x = v dt: the curve
-must have the time of release among its parameters, or be fit by speeds.
-
-Only motion that does not turn round: where v comes near 0 the answer of the curve is no longer linear in the force.
+one unit of position: a push, or a reading of the position at release that is not 0.
 """
 
 from __future__ import annotations
@@ -27,7 +23,7 @@ from estim.deviation.components import Shape
 from estim.deviation.grid import track_lengths
 from estim.deviation.kernels import distances, matern32, root, sd_of_mean, turning, without_mean
 
-_N_NODE, _N_FINE = 121, 800
+_N_NODE = 121
 OWN = (0.0, 0.1, 0.3, 1.0)  # amplitudes of the own forces of runs, in units of the one that they share
 FORCE, TURN = "force", "force once and twice per turn"
 _WAYS = {FORCE: 1.0, f"{FORCE}, another on the way back": 0.0}  # kind -> correlation between both ways
@@ -39,7 +35,6 @@ class Track:
 
     start, end : place of release and the last place reached, m or rad.  nodes : (n_node,) equally spaced, the first at the release.
     weights : (n_node,) the part of the track that each node stands for, of sum 1.
-    fine : (n_fine,) places from the first observation to the end, denser towards the release, at which the motion along it is asked for.
     back : (n_node,) the weights of the way back, whose force may be another; None where there is no such way.
     """
 
@@ -47,7 +42,6 @@ class Track:
     end: float
     nodes: FloatArray
     weights: FloatArray
-    fine: FloatArray
     back: FloatArray | None = None
 
     @property
@@ -70,10 +64,6 @@ class Response:
     force: FloatArray
     start: FloatArray
 
-    def through(self, matrix: FloatArray) -> Response:
-        """The response of linear combinations matrix @ observations, such as A of speeds by differences."""
-        return Response(matrix @ self.force, matrix @ self.start)
-
     def carried(self, own: Track, common: Track) -> Response:
         """The response to a force on the nodes of a `common` track that is at least as long; places count from the release of each."""
         near = np.eye(common.nodes.size)
@@ -86,18 +76,13 @@ class Response:
         return cls(np.vstack([r.force for r in responses]), np.concatenate([r.start for r in responses]))
 
 
-def track(end: float, *, start: float = 0.0, first: float | None = None) -> Track:
-    """The track from the release at `start` to `end`; `first`: where observations begin, None for at the release.
-
-    Raises InputError where it has no length, or runs backwards.
-    """
-    first = start if first is None else max(first, start)
-    if not end > first:
-        raise InputError("must lie beyond the release and the first observation", field="end", value=end)
+def track(end: float, *, start: float = 0.0) -> Track:
+    """The track from the release at `start` to `end`.  Raises InputError where it has no length, or runs backwards."""
+    if not end > start:
+        raise InputError("must lie beyond the release", field="end", value=end)
     weights = np.ones(_N_NODE)
     weights[[0, -1]] = 0.5
-    fine = start + np.linspace(np.sqrt(first - start), np.sqrt(end - start), _N_FINE) ** 2
-    return Track(start, end, np.linspace(start, end, _N_NODE), weights / weights.sum(), fine)
+    return Track(start, end, np.linspace(start, end, _N_NODE), weights / weights.sum())
 
 
 def track_with_ways(x: FloatArray, v: FloatArray) -> Track:
@@ -114,7 +99,7 @@ def track_with_ways(x: FloatArray, v: FloatArray) -> Track:
         shares.append(weights / max(weights.sum(), 1.0))
     out, back = shares
     one_way = not (out.any() and back.any())
-    return Track(low, high, nodes, out + back if one_way else out, nodes, None if one_way else back)
+    return Track(low, high, nodes, out + back if one_way else out, None if one_way else back)
 
 
 def speed_response(
@@ -124,34 +109,6 @@ def speed_response(
     _moving(speed)
     lever = acceleration / (inertia * speed)
     return Response(lever[:, None] * work_along(along, x), lever)
-
-
-def position_response(along: Track, x: FloatArray, speed: FloatArray, inertia: FloatArray, *, acceleration: float) -> Response:
-    """Of positions measured at given times; x (n_obs,) those of the fit, speed and inertia (n_fine,) of the fit at `along.fine`.
-
-    Answers at places before `along.fine[0]` are those there.
-
-    With q = sqrt(x) and m = x^(3/2)/(D v^3), smooth also at the release, int F/(D v^3) dx = -2 F m/q + int (2/q) d(F m).
-
-    Raises InputError where the fit does not move somewhere between the first observation and the end of the track.
-    """
-    _moving(speed[1:])
-    since = along.fine - along.start
-    q = np.sqrt(since)
-    smooth = np.divide(since**1.5, inertia * speed**3, out=np.zeros_like(since), where=speed > 0.0)
-    if not speed[0] > 0.0:  # released from rest
-        smooth[0] = smooth[1]
-    work = np.column_stack([work_along(along, along.fine), np.ones(since.size)])
-    weighted = work * smooth[:, None]
-    middle = 0.5 * (q[1:] + q[:-1])
-    rest = np.vstack([np.zeros(work.shape[1]), np.cumsum(2.0 * np.diff(weighted, axis=0) / middle[:, None], axis=0)])
-    edge = np.divide(2.0 * weighted, q[:, None], out=np.zeros_like(weighted), where=q[:, None] > 0.0)
-    moved = acceleration * speed[:, None] * (rest - edge)
-    if q[0] == 0.0:
-        moved[0, -1] = moved[1, -1]  # finite at the release, where v -> 0
-    q_of_x = np.sqrt(np.clip(x - along.start, 0.0, along.length))
-    response = np.array([np.interp(q_of_x, q, column) for column in moved.T]).T
-    return Response(np.ascontiguousarray(response[:, :-1]), response[:, -1])
 
 
 def force_kernel(along: Track, length: float, *, radius: float | None = None) -> FloatArray:

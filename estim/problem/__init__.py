@@ -1,7 +1,19 @@
 """What is assumed: curves, priors, noise, and the density they make.  Read `posterior`, then `noise` (which sigma is which) and `likelihood`."""
 from estim.problem.abscissas import hide_the_range
-from estim.problem.curve import EXACT, CommonError, Curve, Derived, Footing, LocalCurve, Motion, PositionCurve, SpeedCurve, SquaredCurve
-from estim.problem.curve import Wording, plain_words
+from estim.problem.curve import (
+    EXACT,
+    CommonError,
+    Curve,
+    Derived,
+    Footing,
+    LocalCurve,
+    Motion,
+    PositionCurve,
+    SpeedCurve,
+    SquaredCurve,
+    Wording,
+    plain_words,
+)
 from estim.problem.events import BINOMIAL, POISSON, Counted, Counts, Events, Law, counted_words
 from estim.problem.flat_prior import Flat
 from estim.problem.unstated_prior import Unstated
