@@ -73,8 +73,8 @@ def choose(search: SeparableSearch, distinct: list[End], symmetry: Symmetry, sta
     """The optimum with the largest share of the posterior, the other solutions (n_other, n_par), and what was left aside.
 
     Each is as it is usually `written`.  Of curves through the same points (a frequency plus the rate of sampling) that weigh the same the
-    one closest to the start is taken.  Where the user gave no range that holds the others and it is the smoothest of all, they are left aside and no solutions;
-    so are other numbers that draw the same curve everywhere.
+    one closest to the start is taken.  Where the user gave no range that holds the others and it is the smoothest of all, they are left
+    aside and no solutions; so are other numbers that draw the same curve everywhere.
     """
     shares = [_log_share(search, end) for end in distinct]
     heaviest = int(np.argmax(shares)) if math.isfinite(shares[0]) else 0
