@@ -8,6 +8,7 @@ from estim.fitting.edges import Quadratic as Quadratic
 from estim.fitting.fisher_information import data_information, information, prior_sds, prior_slopes
 from estim.fitting.lacking import fit_lacking, sds_beside_limits
 from estim.fitting.least_squares import Fit, chi2_p, fit_least_squares, led_here, refit, settled
+from estim.fitting.open_sides import open_sides
 from estim.fitting.optimum import N_START, Optimum, find_optimum, fit_beside, fit_optimum, is_resolved, scanned_fit, with_others
 from estim.fitting.profile import Contour, ProfileInterval, contour, profile_intervals
 from estim.fitting.profile_descents import Start, minima

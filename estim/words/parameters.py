@@ -121,6 +121,17 @@ def _flat(f: Finding) -> str:
     return phrase("data and priors do not fix a combination of parameters, only the edges of their ranges do: {moves}", moves=_silent(f))
 
 
+_OPEN = {
+    "above": later("however large {name} is, other parameters make up for it: with a flat prior without an upper limit it has no interval"),
+    "below": later("however small {name} is, other parameters make up for it: with a flat prior without a lower limit it has no interval"),
+    "both": later("however large or small {name} is, other parameters make up for it: with a flat prior without limits it has no interval"),
+}
+
+
+def _open(f: Finding) -> str:
+    return phrase(_OPEN[f.test], name=symbol(f.parameters[0]))
+
+
 def _exact(f: Finding) -> str:
     return phrase("run {run}: {names} taken as exact: every result is only as good as that", run=f.run, names=phrase(" and ").join(f.names))
 
@@ -170,6 +181,10 @@ WORDS: Table = MappingProxyType(
         Kind.FIT_UNSETTLED: _not_settled,
         Kind.COVARIANCE_HELD: _held,
         Kind.STEP_UNSETTLED: lambda f: phrase("the search did not settle: its last step was {size:.2g} standard deviations", size=f.size),
+        Kind.VALUE_OUTSIDE: lambda f: phrase(
+            "the {p:.0f} % interval of {name} does not hold its value: better values were met on the way, beside those of the fit",
+            p=100.0 * f.p, name=symbol(f.parameters[0]),
+        ),
         Kind.STARTS_ELSEWHERE: _elsewhere,
         Kind.EXCHANGED: _exchanged,
         Kind.EXCHANGE: _exchange,
@@ -185,6 +200,7 @@ WORDS: Table = MappingProxyType(
         Kind.DIRECTION_SILENT: _silent,
         Kind.SINGULAR: later("a combination of the parameters is determined neither by the data nor by the priors"),
         Kind.UNDETERMINED: later("the data do not determine a combination of the parameters: no standard deviations"),
+        Kind.OPEN_SIDE: _open,
         Kind.PRESSED_EDGE: _edge,
         Kind.PRESSED_LIMIT: _pressed,
         Kind.LIMIT: _limit,

@@ -65,6 +65,7 @@ ADVICE: Mapping[Kind, str] = MappingProxyType(
     {
         Kind.FIT_UNSETTLED: later("check the starting values and the priors"),
         Kind.STEP_UNSETTLED: later("try other starting values"),
+        Kind.VALUE_OUTSIDE: later("try other starting values"),
         Kind.CHAIN_SHORT: later(
             "raise {steps}; if that does not help, look at the traces: a parameter that wanders needs a tighter prior or more data"
         ),
@@ -79,6 +80,7 @@ ADVICE: Mapping[Kind, str] = MappingProxyType(
         Kind.DIRECTION_FLAT: later("state one of these parameters as a measured value with its uncertainty (a uniform range does not count)"),
         Kind.SINGULAR: later("state at least one of the parameters with an uncertainty; the table of correlations shows which go together"),
         Kind.UNDETERMINED: later("state one of the parameters with an uncertainty, or fix it"),
+        Kind.OPEN_SIDE: later("state its value with an uncertainty, or a limit; or fit a simpler curve, which lacks what the data do not show"),
         Kind.LINE_NOT_RISING: later("gamma = 1/slope needs a slope that is surely positive: measure at more and steeper tilts"),
         Kind.RESIDUALS_ZERO: later(
             "give the readings themselves, not numbers computed or smoothed by the curve; simulated data need their errors added"
