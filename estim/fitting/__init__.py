@@ -1,14 +1,13 @@
 """The posterior mode: least squares (the only file that knows lmfit), far optima, profiles, Fisher information.  Read `least_squares` first."""
 
 from estim.fitting.arrow import MANY, descend_by_runs, linear_response, spreads_by_runs
-from estim.fitting.curve_intervals import FEW, Ends, coverage_of_sd, shown_value, spread
+from estim.fitting.curve_intervals import FEW, Ends, coverage_of_sd, open_sides, shown_value, spread
 from estim.fitting.derived import LinearDerived, linear_derived
 from estim.fitting.edges import PRESSED_BELOW, Limit, around, curve_indices, edge_amount, edge_of, limit_cell, limit_found, limit_of, pressed
 from estim.fitting.edges import Quadratic as Quadratic
 from estim.fitting.fisher_information import data_information, information, prior_sds, prior_slopes
 from estim.fitting.lacking import fit_lacking, sds_beside_limits
 from estim.fitting.least_squares import Fit, chi2_p, fit_least_squares, led_here, refit, settled
-from estim.fitting.open_sides import open_sides
 from estim.fitting.optimum import N_START, Optimum, find_optimum, fit_beside, fit_optimum, is_resolved, scanned_fit, with_others
 from estim.fitting.profile import Contour, ProfileInterval, contour, profile_intervals
 from estim.fitting.profile_descents import Start, minima

@@ -8,7 +8,7 @@
 - Where y was counted: profiles, with z of the normal distribution.  Few events make them lopsided.
 - Where an edge (of bounds or of a prior) is within reach of any interval: profiles (`estim.fitting.profile`) with the same quantiles.  An
   interval then ends at the edge.  A side without an edge that nothing closes has no end, and the parameter no interval: a flat prior leaves the
-  posterior improper (`estim.fitting.open_sides`).  The quantile stays the two-sided one there, so that intervals hold at least what they say wherever
+  posterior improper (`estim.fitting.open_ends`).  The quantile stays the two-sided one there, so that intervals hold at least what they say wherever
   the truth lies (a one-sided one beside edges only would cover less: Feldman and Cousins, Phys. Rev. D 57 (1998) 3873).
 """
 
@@ -26,7 +26,7 @@ from estim.common import Amount, Finding, Kind, format_quantity, format_rounded,
 from estim.distributions import student_quantile, student_tail
 from estim.fitting.edges import edge_of
 from estim.fitting.least_squares import Fit
-from estim.fitting.open_sides import open_sides, side_left_open
+from estim.fitting.open_ends import open_sides, side_left_open
 from estim.fitting.optimum import Optimum
 from estim.fitting.profile import profile_intervals
 

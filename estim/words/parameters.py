@@ -124,12 +124,12 @@ def _flat(f: Finding) -> str:
 _OPEN = {
     "above": later("however large {name} is, other parameters make up for it: with a flat prior without an upper limit it has no interval"),
     "below": later("however small {name} is, other parameters make up for it: with a flat prior without a lower limit it has no interval"),
-    "both": later("however large or small {name} is, other parameters make up for it: with a flat prior without limits it has no interval"),
 }
+_OPEN_BOTH = later("however large or small {name} is, other parameters make up for it: with a flat prior without limits it has no interval")
 
 
 def _open(f: Finding) -> str:
-    return phrase(_OPEN[f.test], name=symbol(f.parameters[0]))
+    return phrase(_OPEN.get(f.test, _OPEN_BOTH), name=symbol(f.parameters[0]))
 
 
 def _exact(f: Finding) -> str:
