@@ -29,6 +29,7 @@ from estim.checks import (
     several_solutions,
     stated_values,
     unasked,
+    values_outside,
     wrong_curves,
 )
 from estim.common import Kind, Status, decide, phrase, wrong
@@ -180,10 +181,11 @@ def _fit_lacking(posed: CurveProblem, complete: CurveFit, rng: np.random.Generat
     kept = [f for f in complete.findings if f.kind is Kind.SEVERAL_SOLUTIONS]
     tests = [replace(f, run="") for f in failed_tests(goodness, dof=fit.dof)]
     refused = [replace(f, run="") for f in wrong_curves(fit.deviations)]
-    findings = wrong([*kept, *pressed_limits(fit, fit.values), *tests, *refused, stated_values(fit, check_stated_values(fit))])
+    values, names = np.clip(found.mean, *problem.support()).tolist(), fit.names
+    outside = values_outside(dict(zip(names, values, strict=True)), found.intervals)
+    findings = wrong([*kept, *outside, *pressed_limits(fit, fit.values), *tests, *refused, stated_values(fit, check_stated_values(fit))])
     about = deviation_finding(found, x_unit=posed.axes.x_unit, y_unit=posed.axes.y_unit)
     sds, near = sds_beside_limits(found, problem)
-    values, names = np.clip(found.mean, *problem.support()).tolist(), fit.names
     return replace(
         complete, values=dict(zip(names, values, strict=True)), sds=dict(zip(names, sds.tolist(), strict=True)), intervals=found.intervals,
         cov=found.cov, chi2=fit.chi2, p_value=fit.p_value, sigma=None if complete.sigma is None else found.noise[1], status=decide(findings),
@@ -224,8 +226,9 @@ def _concluded(
     conflict = None if best.singular else check_stated_values(inner)
     solutions = several_solutions(inner, laplace_modes(inner)) if inner.others.size else []
     stated = [] if conflict is None else [stated_values(inner, conflict)]
+    outside = values_outside(dict(zip(fixed.names, best.values.tolist(), strict=True)), found.intervals)
     about = curve_findings(fixed, best, p_value, chi2, dof, goodness, estimated=sigma is not None, perfect=perfect)
-    findings = wrong([*solutions, *about, *stated])
+    findings = wrong([*solutions, *outside, *found.open, *about, *stated])
     names = tuple(p.name for p in posed.parameters)
     asked = isinstance(posed, CurveProblem) and posed.lacks is not None
     lacking = [] if findings or perfect or asked else [replace(one, run="") for one in unasked(inner)]

@@ -40,7 +40,7 @@ class CurveFit:
     names : of the parameters, shared errors included.  values, sds : name -> best value and standard deviation (nan where a
         symmetric one would be wrong: at a limit, where the data determine nothing or have no scatter; `notes` says which).
     intervals : name -> probability (0.68, 0.95) -> (low, high), by Student's t where the size of the errors was estimated, by
-        profiles beside a limit (`estim.fitting.curve_intervals`); an end at the limit itself, or infinite, is open.  nan where there is none.
+        profiles beside a limit (`estim.fitting.curve_intervals`); an end at the limit itself is open.  nan where there is none.
     cov : (n_par, n_par) covariance matrix in the order of `names`.
     chi2 : squared residuals over u_y, priors included; without u_y the plain sum of squared residuals (unit of y squared).  With u_x
         a residual is the normal score of y, F^-1(P(Y < y | x)); for a line (y - f)/sqrt(u_y^2 + b^2 u_x^2) but for the shrinking of x.

@@ -397,3 +397,10 @@ def test_intervals_of_counted_decays_hold_what_they_say_and_those_of_square_root
     assert held["single"] / n_trial == pytest.approx(0.68, abs=3.0 * error)
     assert held["bins"] / n_trial == pytest.approx(0.68, abs=3.0 * error)
     assert held["roots"] / n_trial < 0.68 - 3.0 * error
+
+
+@pytest.mark.parametrize("density", ["a/x + b", "a/(x - 0.5)**2 + b"])
+def test_a_density_without_an_integral_is_refused_by_that_name(density: str, rng: np.random.Generator) -> None:
+    times = rng.uniform(0.0, 1.0, 60)
+    with pytest.raises(InputError, match=r"'curve' must have a finite integral .*: from 0(\.5)? to "):
+        fit_curve(density, times, None, start={"a": 1.0, "b": 1.0}, noise=EventTimes(0.0, 1.0))

@@ -9,6 +9,8 @@ import pytest
 from scipy import stats
 
 from estim import fit_curve
+from estim.checks import values_outside
+from estim.common import Kind
 from estim.problem.priors import Normal
 
 LINE = "a + b*x"
@@ -145,3 +147,61 @@ def test_points_without_scatter_have_no_uncertainty_unless_it_is_stated() -> Non
         assert "(no uncertainty)" in str(fit)
         assert any("no scatter but rounding errors" in note for note in fit.notes)
         assert all(sd > 0.0 for sd in fit_curve(curve, T, y, start=start, u_y=0.1).sds.values())
+
+
+FALL = "y0 - v_t*x - dv*tau*(1 - exp(-x/tau))"
+FALL_START = {"y0": 1.9, "v_t": 5.0, "dv": -5.0, "tau": 1.0}
+
+
+@pytest.mark.parametrize(("noise", "correlated"), [(1e-3, False), (1e-3, True), (5e-3, True), (2e-2, False)])
+def test_a_terminal_speed_that_a_fall_never_approaches_is_not_identified(noise: float, correlated: bool) -> None:
+    x = np.linspace(0.0, 0.6, 37)
+    y = 1.9 - 4.905 * x**2 + noise * np.random.default_rng(2).standard_normal(x.size)
+    fit = fit_curve(FALL, x, y, start=FALL_START, correlated=correlated)
+    # the curve of an infinite terminal speed is a parabola: a polynomial fits as well, so that no interval has an end there
+    parabola = np.polyfit(x, y, 2)
+    squares = float(np.sum((np.polyval(parabola, x) - y) ** 2))
+    assert (squares / fit.chi2 - 1.0) * fit.dof < 3.84
+    assert fit.status == "not-identified"
+    found = {f.parameters[0].name for f in fit.findings if f.kind is Kind.OPEN_SIDE}
+    assert found == {"v_t", "dv", "tau"}
+    assert "v_t" in " ".join(fit.reasons)
+    for name, ends in fit.intervals.items():
+        assert all(math.isnan(end) for pair in ends.values() for end in pair) == (name in found)
+    assert math.isnan(fit.sds["v_t"])
+    assert math.isfinite(fit.sds["y0"])
+
+
+def test_a_terminal_speed_is_identified_by_a_limit_or_by_a_fall_that_comes_near_it() -> None:
+    x = np.linspace(0.0, 0.6, 37)
+    y = 1.9 - 4.905 * x**2 + 5e-3 * np.random.default_rng(2).standard_normal(x.size)
+    limits = {"v_t": (0.0, 100.0), "dv": (-100.0, 0.0), "tau": (0.0, 10.0)}
+    assert not [f for f in fit_curve(FALL, x, y, start=FALL_START, bounds=limits).findings if f.kind is Kind.OPEN_SIDE]
+    x = np.linspace(0.0, 3.0, 60)
+    y = -5.0 * x + 5.0 * 0.5 * (1.0 - np.exp(-x / 0.5)) + 5e-3 * np.random.default_rng(2).standard_normal(x.size)
+    fit = fit_curve(FALL, x, y, start=FALL_START)
+    assert fit.status == "ok"
+    assert abs(fit.values["v_t"] - 5.0) < 4.0 * fit.sds["v_t"] < 0.1
+
+
+@pytest.mark.parametrize("formula", ["a + b*x", "a + b*x + c*x**2"])
+def test_an_intercept_far_from_the_data_is_uncertain_and_not_open(formula: str, rng: np.random.Generator) -> None:
+    days = np.linspace(0.0, 20.0, 50)
+    y = 0.3 + 0.01 * days + 0.2 * rng.standard_normal(days.size)
+    start = {name: 0.1 for name in "abc" if name in formula}
+    fit = fit_curve(formula, days + 24590.0, y, start=start)
+    assert fit.sds["a"] > 10.0 * float(np.ptp(y))  # and yet known: only zero is far away
+    assert fit.status == "ok"
+    design = np.vander(days + 24590.0 - 24600.0, len(start), increasing=True)
+    residual = y - design @ np.linalg.lstsq(design, y, rcond=None)[0]
+    back = np.vander([-24600.0], len(start), increasing=True)[0]
+    cov = np.linalg.inv(design.T @ design) * float(residual @ residual) / (y.size - len(start))
+    np.testing.assert_allclose(fit.sds["a"], math.sqrt(back @ cov @ back), rtol=1e-5)
+
+
+def test_an_interval_that_does_not_hold_its_value_is_a_finding() -> None:
+    ends = {"a": {0.68: (1.0, 2.0), 0.95: (0.0, 3.0)}, "b": {0.68: (math.nan, math.nan)}}
+    assert not values_outside({"a": 1.0, "b": 7.0}, ends)
+    (found,) = values_outside({"a": 2.5, "b": 7.0}, ends)
+    assert (found.parameters[0].name, found.p, found.status) == ("a", 0.68, "not-converged")
+    assert len(values_outside({"a": -1.0, "b": 7.0}, ends)) == 2

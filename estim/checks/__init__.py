@@ -5,7 +5,7 @@ from estim.checks.conflict import P_CONFLICT, Conflict, check_stated_values, sta
 from estim.checks.consistency import P_INCONSISTENT, PRIORS, Consistency, SharedEstimate, check_consistency, comparable
 from estim.checks.cross_validation import INFLUENTIAL, LeaveOneOut, difference, leave_one_out
 from estim.checks.diagnosis import Diagnosis, borne_pattern, diagnose, failed_tests, same_curve, sampling_findings, several_solutions
-from estim.checks.fitted_curve import curve_findings, curve_remarks, deviation_finding, pressed_limits, unasked, wrong_curves
+from estim.checks.fitted_curve import curve_findings, curve_remarks, deviation_finding, pressed_limits, unasked, values_outside, wrong_curves
 from estim.checks.forces import SURE, force_finding, noise_finding
 from estim.checks.goodness import P_FLOOR, P_POOR_FIT, P_TOLD, Check, Goodness, check_goodness, check_linear, untested
 from estim.checks.identifiability import PRIOR_DOMINATED, Identifiability, identify

@@ -20,7 +20,7 @@ from estim.checks.outliers import bad_frames_found, too_many_bad_frames
 from estim.checks.rolling import Rolling, rolling_remarks
 from estim.checks.what_if import Influence, large_influences
 from estim.common import Amount, Finding, Kind, Status, decide, wrong
-from estim.fitting import PRESSED_BELOW, Fit, chi2_p, edge_amount, limit_found, pressed
+from estim.fitting import PRESSED_BELOW, Fit, chi2_p, edge_amount, limit_found, open_sides, pressed
 from estim.problem import Observations, same_curves
 from estim.sampling import Agreement, Chain, mcse_mean, mixing_of
 from estim.words import tell
@@ -74,7 +74,7 @@ def diagnose(
     findings = wrong(
         [
             *([] if conflict.flagrant else _convergence(fit, chain)), *several_solutions(fit, modes),
-            *_flat_directions(fit, identifiability), *_bounds(fit),
+            *_flat_directions(fit, identifiability), *open_sides(fit.problem, fit.values, np.sqrt(np.diag(fit.cov))), *_bounds(fit),
             *failed_tests(goodness, dof=fit.dof), *beyond_their_priors(fit.forces), *wrong_curves(fit.deviations),
             *_methods(comparison), *_consistency(consistency),
             stated_values(fit, conflict), *too_many_outliers(fit),

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 from estim.arrays import FloatArray
@@ -13,8 +14,9 @@ from estim.checks.deviations import wrong_curves as wrong_curves
 from estim.checks.diagnosis import borne_pattern, failed_tests, hardly_passed
 from estim.checks.goodness import P_FLOOR, P_POOR_FIT, Goodness
 from estim.common import Amount, Finding, Kind
-from estim.fitting import FEW, PRESSED_BELOW, Fit, Optimum, coverage_of_sd, edge_of, pressed, silent_parameters
+from estim.fitting import FEW, PRESSED_BELOW, Ends, Fit, Optimum, coverage_of_sd, edge_of, pressed, silent_parameters
 
+_ROUNDED = 1e-6  # of an interval's width
 _FEW_DIGITS, _NO_DIGITS = 0.01, 0.5  # standard deviations that rounding errors move a value by: worth a word; no result
 
 
@@ -43,6 +45,16 @@ def curve_findings(
         elif failed.test:
             found.append(replace(failed, run=failed.run if len(goodness) > 1 else ""))  # points alone have no run to be named
     return found
+
+
+def values_outside(values: Mapping[str, float], intervals: Mapping[str, Ends]) -> list[Finding]:
+    """The values that an interval of their own does not hold, beyond rounding errors; intervals : name -> probability -> (low, high)."""
+    return [
+        Finding(Kind.VALUE_OUTSIDE, p=p, parameters=(Amount(name, value),))
+        for name, value in values.items()
+        for p, (low, high) in intervals[name].items()
+        if not math.isnan(high - low) and not low - _ROUNDED * (high - low) <= value <= high + _ROUNDED * (high - low)
+    ]
 
 
 def pressed_limits(fit: Fit, values: FloatArray, *, estimated: bool = False) -> list[Finding]:

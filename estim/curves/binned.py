@@ -87,6 +87,13 @@ class BinnedCurve:
         """Places and weights (n_node,) of an integral over all bins, for single arguments."""
         return self._quadrature(arguments)[:2]
 
+    def without_integral(self, arguments: Mapping[str, ArrayLike]) -> tuple[float, float] | None:
+        """Ends of the first bin without a finite integral of a density that is finite in the middle of it, for single arguments."""
+        inside = self._integrals(arguments, self._at_events(arguments))[0][0]
+        middle = np.broadcast_to(self.density.value(0.5 * (self.low + self.high), arguments), (1, self.low.size))[0]
+        bad = np.flatnonzero(~np.isfinite(inside) & np.isfinite(middle))
+        return (float(self.low[bad[0]]), float(self.high[bad[0]])) if bad.size else None
+
     def _at_events(self, arguments: Mapping[str, ArrayLike]) -> FloatArray:
         """(n_draw, n_event) the density, not scaled."""
         n_draw = n_draws(arguments)

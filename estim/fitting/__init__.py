@@ -1,7 +1,7 @@
 """The posterior mode: least squares (the only file that knows lmfit), far optima, profiles, Fisher information.  Read `least_squares` first."""
 
 from estim.fitting.arrow import MANY, descend_by_runs, linear_response, spreads_by_runs
-from estim.fitting.curve_intervals import FEW, Ends, coverage_of_sd, shown_value, spread
+from estim.fitting.curve_intervals import FEW, Ends, coverage_of_sd, open_sides, shown_value, spread
 from estim.fitting.derived import LinearDerived, linear_derived
 from estim.fitting.edges import PRESSED_BELOW, Limit, around, curve_indices, edge_amount, edge_of, limit_cell, limit_found, limit_of, pressed
 from estim.fitting.edges import Quadratic as Quadratic

@@ -7,7 +7,8 @@
   JCGM 100:2008, G.4.1).
 - Where y was counted: profiles, with z of the normal distribution.  Few events make them lopsided.
 - Where an edge (of bounds or of a prior) is within reach of any interval: profiles (`estim.fitting.profile`) with the same quantiles.  An
-  interval then ends at the edge.  The quantile stays the two-sided one there, so that intervals hold at least what they say wherever
+  interval then ends at the edge.  A side without an edge that nothing closes has no end, and the parameter no interval: a flat prior leaves the
+  posterior improper (`estim.fitting.open_ends`).  The quantile stays the two-sided one there, so that intervals hold at least what they say wherever
   the truth lies (a one-sided one beside edges only would cover less: Feldman and Cousins, Phys. Rev. D 57 (1998) 3873).
 """
 
@@ -25,6 +26,7 @@ from estim.common import Amount, Finding, Kind, format_quantity, format_rounded,
 from estim.distributions import student_quantile, student_tail
 from estim.fitting.edges import edge_of
 from estim.fitting.least_squares import Fit
+from estim.fitting.open_ends import open_sides, side_left_open
 from estim.fitting.optimum import Optimum
 from estim.fitting.profile import profile_intervals
 
@@ -37,12 +39,16 @@ _SYMMETRIC = 0.2  # relative difference of a half interval from t s beyond which
 
 @dataclass(frozen=True, eq=False)
 class Spread:
-    """How far the values of a fit may be off: covariance, standard deviations (n_par,), intervals, and why some are missing."""
+    """How far the values of a fit may be off: covariance, standard deviations (n_par,), intervals, and why some are missing.
+
+    open : the parameters that nothing holds on a side.
+    """
 
     cov: FloatArray
     sds: FloatArray
     intervals: Mapping[str, Ends]
     notes: tuple[Finding, ...]
+    open: tuple[Finding, ...]
 
 
 def spread(fixed: Fit, best: Optimum, *, dof: float, scale: float, unknown: bool) -> Spread:
@@ -50,9 +56,9 @@ def spread(fixed: Fit, best: Optimum, *, dof: float, scale: float, unknown: bool
     cov, names, nothing = best.cov * scale**2, fixed.names, (math.nan, math.nan)
     missing = {name: dict.fromkeys(PROBABILITIES, nothing) for name in names}
     if best.singular:
-        return Spread(cov, np.full(len(names), np.nan), missing, ())
+        return Spread(cov, np.full(len(names), np.nan), missing, (), ())
     if unknown:
-        return Spread(np.full_like(cov, np.nan), np.full(len(names), np.nan), missing, (Finding(Kind.NO_SCATTER),))
+        return Spread(np.full_like(cov, np.nan), np.full(len(names), np.nan), missing, (Finding(Kind.NO_SCATTER),), ())
     free = np.sqrt(np.diag(fixed.cov))  # of a parameter on its edge too
     sds = np.where(best.at_bound, np.nan, np.sqrt(np.diag(cov)))
     informed = np.square([p.prior.residual_slope(float(v)) for p, v in zip(fixed.problem.parameters, best.values, strict=True)])
@@ -60,9 +66,16 @@ def spread(fixed: Fit, best: Optimum, *, dof: float, scale: float, unknown: bool
     counted = any(run.noise.counted is not None for run in fixed.problem.runs)
     beside = _within_reach(fixed, np.where(best.at_bound, free, np.sqrt(np.diag(cov))), dofs)
     if not np.any(beside) and not counted:
-        return Spread(cov, sds, _symmetric(names, best.values, sds, dofs), ())
-    intervals, notes = _profiled(fixed, float(np.min(dofs))), list[Finding]()
+        left_open = open_sides(fixed.problem, best.values, sds)
+        unheld = {found.parameters[0].name for found in left_open}
+        sds[[name in unheld for name in names]] = np.nan
+        return Spread(cov, sds, _symmetric(names, best.values, sds, dofs), (), tuple(left_open))
+    (intervals, left_open), notes = _profiled(fixed, float(np.min(dofs))), list[Finding]()
+    unheld = {found.parameters[0].name for found in left_open}
     for i, (name, parameter) in enumerate(zip(names, fixed.problem.parameters, strict=True)):
+        if name in unheld:
+            sds[i] = np.nan
+            continue
         distance = min(best.values[i] - parameter.prior.low, parameter.prior.high - best.values[i])
         edge = edge_of(parameter.prior, float(best.values[i]))
         if best.at_bound[i] or distance < sds[i]:
@@ -71,7 +84,7 @@ def spread(fixed: Fit, best: Optimum, *, dof: float, scale: float, unknown: bool
         elif np.any(beside) and _lopsided(intervals[name], float(best.values[i]), float(sds[i]), float(dofs[i])):
             notes.append(Finding(Kind.CUT_BY_LIMIT, parameters=(Amount(name),), names=tuple(np.array(names)[beside].tolist())))
             sds[i] = np.nan
-    return Spread(cov, sds, intervals, tuple(notes))
+    return Spread(cov, sds, intervals, tuple(notes), tuple(left_open))
 
 
 def _degrees_of_freedom(cov: FloatArray, pulls: FloatArray, dof: float) -> FloatArray:
@@ -95,22 +108,18 @@ def _symmetric(names: tuple[str, ...], values: FloatArray, sds: FloatArray, dofs
     return {name: {p: (float(values[i] - half[i]), float(values[i] + half[i])) for p, half in halves.items()} for i, name in enumerate(names)}
 
 
-def _profiled(fit: Fit, dof: float) -> dict[str, Ends]:
-    """name -> probability -> profile interval; a side that nothing closes ends at the edge, or at infinity.
+def _profiled(fit: Fit, dof: float) -> tuple[dict[str, Ends], list[Finding]]:
+    """Name -> probability -> profile interval, which ends at the edge on an open side; nan for a parameter that has a side without any end.
 
     fit : with errors of a fixed size.  dof : degrees of freedom of that size, infinite where it was stated.
     """
     found: dict[str, Ends] = {}
+    left_open: list[Finding] = []
     for interval, parameter in zip(profile_intervals(fit, probabilities=PROBABILITIES, dof=dof), fit.problem.parameters, strict=True):
-        prior = parameter.prior
-        found[parameter.name] = {
-            p: (
-                (prior.low if interval.low[p] == prior.low else -math.inf) if interval.open_low[p] else interval.low[p],
-                (prior.high if interval.high[p] == prior.high else math.inf) if interval.open_high[p] else interval.high[p],
-            )
-            for p in PROBABILITIES
-        }
-    return found
+        unheld = side_left_open(interval, parameter)
+        left_open += unheld
+        found[parameter.name] = {p: (math.nan, math.nan) if unheld else (interval.low[p], interval.high[p]) for p in PROBABILITIES}
+    return found, left_open
 
 
 def _lopsided(ends: Ends, value: float, sd: float, dof: float) -> bool:

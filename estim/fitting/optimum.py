@@ -113,7 +113,7 @@ def _found(search: SeparableSearch, start: FloatArray, rng: np.random.Generator,
         ends += [descend(search, point) for point in _screened(search, start, rng, n_start - 1)]
     tried = [(values, chi2) for values in ends if math.isfinite(chi2 := search.chi2(values))]
     if not tried:
-        raise InputError("gives a curve that is not finite at the data, there and around", field="start")
+        raise _nowhere_finite(search.posterior.problem, start)
     best = min(tried, key=lambda end: end[1])
     if not searched:
         return _polished(search, best[0], n_start=len(ends), n_same=1)
@@ -144,6 +144,16 @@ def _unheld(search: SeparableSearch, found: Optimum, period: FloatArray) -> Find
     return Finding(Kind.HARDLY_HELD, size=rise, parameters=(Amount(name),)) if rise < _HELD else None
 
 
+def _nowhere_finite(problem: Problem, start: FloatArray) -> InputError:
+    named = problem.named(start[None, :])
+    for run in problem.runs:
+        look = getattr(run.curve, "without_integral", None)  # of a density (`estim.curves.binned`)
+        if look is not None and (ends := look(run.points.bind(named))) is not None:
+            rule = f"must have a finite integral over its bins or the range of the events: from {ends[0]:.6g} to {ends[1]:.6g} there is none"
+            return InputError(f"{rule}; another curve or range, or other starting values, may have one", field="curve")
+    return InputError("gives a curve that is not finite at the data, there and around", field="start")
+
+
 def _found_near(search: SeparableSearch, start: FloatArray, afar: Optimum) -> Optimum:
     """The best point of a problem from the optima of the simpler one that a search from afar takes (`Problem.for_search`)."""
     starts = [start]
@@ -153,7 +163,7 @@ def _found_near(search: SeparableSearch, start: FloatArray, afar: Optimum) -> Op
     ends = [descend(search, point) for point in starts]
     tried = [(values, chi2) for values in ends if math.isfinite(chi2 := search.chi2(values))]
     if not tried:
-        raise InputError("gives a curve that is not finite at the data, there and around", field="start")
+        raise _nowhere_finite(search.posterior.problem, start)
     best = min(tried, key=lambda end: end[1])
     symmetry = afar.symmetry
     distinct = distinct_ends(search, best, tried, symmetry, start)

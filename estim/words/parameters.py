@@ -121,6 +121,17 @@ def _flat(f: Finding) -> str:
     return phrase("data and priors do not fix a combination of parameters, only the edges of their ranges do: {moves}", moves=_silent(f))
 
 
+_OPEN = {
+    "above": later("however large {name} is, other parameters make up for it: with a flat prior without an upper limit it has no interval"),
+    "below": later("however small {name} is, other parameters make up for it: with a flat prior without a lower limit it has no interval"),
+}
+_OPEN_BOTH = later("however large or small {name} is, other parameters make up for it: with a flat prior without limits it has no interval")
+
+
+def _open(f: Finding) -> str:
+    return phrase(_OPEN.get(f.test, _OPEN_BOTH), name=symbol(f.parameters[0]))
+
+
 def _exact(f: Finding) -> str:
     return phrase("run {run}: {names} taken as exact: every result is only as good as that", run=f.run, names=phrase(" and ").join(f.names))
 
@@ -182,6 +193,10 @@ WORDS: Table = MappingProxyType(
         Kind.STEP_UNSETTLED: lambda f: phrase(
             "the search did not settle: its last step still moved {name} by {size:.2g} standard deviations", name=f.parameters[0].name, size=f.size
         ),
+        Kind.VALUE_OUTSIDE: lambda f: phrase(
+            "the {p:.0f} % interval of {name} does not hold its value: better values were met on the way, beside those of the fit",
+            p=100.0 * f.p, name=symbol(f.parameters[0]),
+        ),
         Kind.STARTS_ELSEWHERE: _elsewhere,
         Kind.EXCHANGED: _exchanged,
         Kind.EXCHANGE: _exchange,
@@ -201,6 +216,7 @@ WORDS: Table = MappingProxyType(
             "the data hardly hold {name}: far from here minus twice the log of the posterior density is only {size:.1f} above its least",
             name=f.parameters[0].name, size=f.size,
         ),
+        Kind.OPEN_SIDE: _open,
         Kind.PRESSED_EDGE: _edge,
         Kind.PRESSED_LIMIT: _pressed,
         Kind.LIMIT: _limit,

@@ -68,6 +68,7 @@ ADVICE: Mapping[Kind, str] = MappingProxyType(
         Kind.ROUNDING: later(
             "give limits to parameters that became far too large, or write the formula in x - x0, with x0 in the middle of the data"
         ),
+        Kind.VALUE_OUTSIDE: later("try other starting values"),
         Kind.CHAIN_SHORT: later(
             "raise {steps}; if that does not help, look at the traces: a parameter that wanders needs a tighter prior or more data"
         ),
@@ -83,6 +84,7 @@ ADVICE: Mapping[Kind, str] = MappingProxyType(
         Kind.SINGULAR: later("state at least one of the parameters with an uncertainty; the table of correlations shows which go together"),
         Kind.UNDETERMINED: later("state one of the parameters with an uncertainty, or fix it"),
         Kind.HARDLY_HELD: later("give it limits, or a prior"),
+        Kind.OPEN_SIDE: later("state its value with an uncertainty, or a limit; or fit a simpler curve, which lacks what the data do not show"),
         Kind.LINE_NOT_RISING: later("gamma = 1/slope needs a slope that is surely positive: measure at more and steeper tilts"),
         Kind.RESIDUALS_ZERO: later(
             "give the readings themselves, not numbers computed or smoothed by the curve; simulated data need their errors added"
