@@ -100,7 +100,7 @@ def test_one_bad_reading_is_named_with_its_error(tmp_path: Path) -> None:
         frame = next(one for one in found.candidates if one.name == "bad_frame[r]")
         assert frame.found == is_bad
         if is_bad:
-            assert "number 21 of the rows" in frame.words
+            assert frame.words == "one bad reading, number 21 of the rows"
             assert abs(frame.numbers[0].value - 0.02) < 3.5 * frame.numbers[0].sd
             assert SIGMA < frame.numbers[0].sd < 2.5 * SIGMA
 

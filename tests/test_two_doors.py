@@ -236,6 +236,7 @@ def test_a_search_for_what_the_curve_lacks_that_fails_costs_no_report(tmp_path: 
     told = CliRunner().invoke(cli, ["fit", str(file), "--formula", "a + b*x", "--no-figures", "--out", str(tmp_path / "out")])
     assert told.exit_code == 3, told.output
     assert "poor-fit" in told.output
+    assert "what may be missing cannot be asked" in told.output
     assert (tmp_path / "out" / "report.md").is_file()
 
 
