@@ -16,6 +16,7 @@ from estim.deviation.jumps import BadFrames
 from estim.deviation.linearised import linearise
 from estim.deviation.mixture import keep_probable
 from estim.deviation.noise import Stated, WithForce
+from estim.deviation.residuals import Residuals
 from estim.problem.counts import Counts
 from estim.problem.derivative import STENCILS, differentiate
 from estim.problem.laws import BINOMIAL, POISSON
@@ -280,7 +281,7 @@ def lacking() -> Case:
         for s, a, log in zip(family.scale, family.amplitude, family.log_prior, strict=True)
     ]
     best = parts[3][1]
-    noise = WithForce(Independent(Scale(0.08), Scale(), RELATIVE), mixture, root_of(best), np.zeros(N), BadFrames())
+    noise = WithForce(Independent(Scale(0.08), Scale(), RELATIVE), mixture, root_of(best), Residuals(np.zeros(N)), BadFrames())
     return Case(noise, {}, Mixed(line, parts, lambda named: best), mixed=True)
 
 

@@ -26,7 +26,8 @@ from estim.deviation.grid import FORCE_SCALE, START_SD, prior_grid
 from estim.deviation.joint import Together
 from estim.deviation.linearised import linearise
 from estim.deviation.mixture import keep_probable
-from estim.deviation.noise import formed_about, normal_covariance
+from estim.deviation.noise import formed_about
+from estim.deviation.residuals import Residuals
 from estim.fitting.least_squares import Fit, fit_least_squares
 from estim.problem.posterior import Problem
 from estim.problem.priors import Normal
@@ -49,7 +50,7 @@ def tied(rng: np.random.Generator, *, sizes: tuple[float, ...] = (0.3,), apart: 
     linear = linearise(deviation, np.zeros(2 * X.size), np.ones((2 * X.size, 1)), precision=np.zeros((1, 1)))
     parts = [SD**2 * np.eye(2 * X.size) + size**2 * factor @ factor.T for size in sizes]
     likely = root_of(parts[-1])
-    shared = Together(("r0", "r2"), keep_probable(linear, lost=0.0), likely, np.zeros(2 * X.size))
+    shared = Together(("r0", "r2"), keep_probable(linear, lost=0.0), likely, Residuals(np.zeros(2 * X.size)))
     return Problem(problem.parameters, problem.runs, (shared,)), parts
 
 
@@ -132,7 +133,7 @@ def test_a_constant_force_answers_as_the_rolling_resistance_does(joint: Fit) -> 
     t, theta = np.loadtxt(WHEEL / "class-unbalanced_1.csv", delimiter=",", skiprows=2)[:, :2].T
     course = Course(run.body, theta, Rows(t, np.zeros(t.size, dtype=np.int64), np.searchsorted(t, run.t)))
 
-    formed = formed_about(course, run.noise.base, run.points, named, normal_covariance(run.noise.base, run.points, named), scale=0.02)
+    formed, _ = formed_about(course, run.noise.base, run.points, named, scale=0.02)
     along = course.along(run.points, named, run.noise.base, about=formed.speed)
     by_curve = formed.gradient(run.points, named, ["rolling_resistance"])[:, 0]
     assert -along.response.force.sum(axis=1) * along.upright == pytest.approx(by_curve, rel=0.012)

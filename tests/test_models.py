@@ -26,6 +26,7 @@ from estim.deviation.components import Shape, diagonalise
 from estim.deviation.grid import SCALES, Grid, noise_grid
 from estim.deviation.linearised import linearise
 from estim.deviation.mixture import keep_probable
+from estim.deviation.residuals import Residuals
 from estim.explanation import predictive_checks
 from estim.fitting.least_squares import fit_least_squares
 from estim.problem import HalfNormal, Normal, Problem, TruncatedNormal, Uniform
@@ -220,7 +221,7 @@ def test_data_sets_drawn_again_have_the_mean_and_covariance_of_the_same_deviatio
     base = 0.05**2 * (np.eye(6) + 0.4 * np.eye(6, k=1) + 0.4 * np.eye(6, k=-1))
     deviation = diagonalise(base, (Shape("deviation", 0.3, factor, 0.0),), Grid(np.array([2.0]), np.zeros(1), np.ones(1), np.zeros(1)))
     linear = linearise(deviation, y, np.column_stack([np.ones(6), push]), precision=np.diag([0.0, 1.0]))
-    errors = MixtureErrors(problem.runs[0].points, keep_probable(linear, columns=push), root_of(np.ones(6)), np.zeros(6))
+    errors = MixtureErrors(problem.runs[0].points, keep_probable(linear, columns=push), root_of(np.ones(6)), Residuals(np.zeros(6)))
     values = np.array([0.1, 0.0, -0.02])
     again = replicas(errors, problem.named(np.tile(values, (40_000, 1))), rng=rng)
     curve, lacking = values[0] * x + values[2], 4.0 * factor @ factor.T + push @ push.T

@@ -45,7 +45,7 @@ def test_curve_moves_with_the_zero_as_with_the_angle(zero: str, angle: str, repl
     assert run.curve.value(run.x, arguments | {zero: 0.01}) == pytest.approx(run.curve.value(run.x, shifted), rel=1e-12)
     assert run.end(arguments | {zero: 0.01}) == pytest.approx(run.end(shifted), rel=1e-12)
     above, below = (run.curve.value(run.x, arguments | {zero: step}) for step in (1e-6, -1e-6))
-    assert np.atleast_2d(run.curve.local(run.x, arguments).gradient[zero]) == pytest.approx((above - below) / 2e-6, rel=1e-4, abs=1e-6)
+    assert np.atleast_2d(run.curve.local(run.x, arguments).gradient[zero]) == pytest.approx(np.atleast_2d(above - below) / 2e-6, rel=1e-4, abs=1e-6)
 
 
 def test_zero_is_one_unknown_at_its_level_and_absent_if_not_said(tmp_path: Path, rng: np.random.Generator) -> None:

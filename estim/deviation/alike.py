@@ -25,7 +25,7 @@ from estim.deviation.joint import Sharing, Together
 from estim.deviation.jumps import BadFrames
 from estim.deviation.linearised import Linearised, linearise
 from estim.deviation.mixture import keep_probable
-from estim.deviation.noise import WithForce, formed_about, normal_covariance
+from estim.deviation.noise import WithForce, formed_about
 from estim.deviation.posing import as_prior, likely_root, priors_at, told_beyond, told_by
 from estim.deviation.residuals import Residuals, stacked
 from estim.problem import Named, Noise, Observations, Problem, StackedPoints, Wording, stacked_root
@@ -91,10 +91,9 @@ def _stack(
     named = problem.named(values)
     own = bad.get(runs[0].name, BadFrames()) if len(runs) == 1 else BadFrames()
     points = StackedPoints(tuple(own.moved(run.points) for run in runs))
-    stated = [normal_covariance(run.noise, one, named) for run, one in zip(runs, points.runs, strict=True)]
     n = points.y.size
-    of_runs = zip(runs, points.runs, stated, strict=True)
-    formed = stacked([formed_about(courses[run.name], run.noise, one, named, errors, scale=1.0) for run, one, errors in of_runs])
+    about = [formed_about(courses[run.name], run.noise, one, named, scale=1.0) for run, one in zip(runs, points.runs, strict=True)]
+    formed, stated = stacked([of_run for of_run, _ in about]), [errors for _, errors in about]
     nothing = Shape("none", 1.0, np.zeros((n, 1)), 0.0)
     return _Stacked(
         runs, own, diagonalise(stacked_root([one.root for one in stated]), (nothing,), noise_grid()), formed.at(points, named)[0],

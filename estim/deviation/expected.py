@@ -20,7 +20,7 @@ from estim.deviation.course import Course
 from estim.deviation.errors import MixtureErrors
 from estim.deviation.force import FORCE, OWN, Response, force_kernel, own_kind
 from estim.deviation.kernels import without_mean
-from estim.deviation.noise import formed_about, normal_covariance
+from estim.deviation.noise import formed_about
 from estim.problem import Observations, Posterior, Problem, StackedPoints
 
 
@@ -61,14 +61,13 @@ def expected_root(
     Raises InputError where a body hardly moves somewhere along its track.
     """
     named = problem.named(values)
-    stated = [normal_covariance(run.noise, run.points, named) for run in runs]
-    about = [formed_about(courses[run.name], run.noise, run.points, named, errors, scale=1.0).speed for run, errors in zip(runs, stated, strict=True)]
-    alongs = [courses[run.name].along(run.points, named, run.noise, about=speed) for run, speed in zip(runs, about, strict=True)]
+    about = [formed_about(courses[run.name], run.noise, run.points, named, scale=1.0) for run in runs]
+    alongs = [courses[run.name].along(run.points, named, run.noise, about=formed.speed) for run, (formed, _) in zip(runs, about, strict=True)]
     track = max((along.track for along in alongs), key=lambda one: one.length)
     several = len(runs) > 1
     responses = [along.response.carried(along.track, track) if several else along.response for along in alongs]
     stacked, own = Response.stacked(responses).force, size.between() if several else np.zeros(size.lengths.size)
-    covariance = size.noise * block_diag(*(errors.covariance for errors in stated))
+    covariance = size.noise * block_diag(*(errors.covariance for _, errors in about))
     for length, shared, apart in zip(size.lengths, size.shared, own, strict=True):
         kernel = force_kernel(track, float(length), radius=alongs[0].radian)
         covariance += shared * stacked @ without_mean(kernel, track.weights) @ stacked.T

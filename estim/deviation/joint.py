@@ -26,7 +26,7 @@ from estim.deviation.grid import SCALES, prior_grid
 from estim.deviation.jumps import BadFrames
 from estim.deviation.linearised import Linearised, linearise
 from estim.deviation.mixture import Mixture, keep_probable
-from estim.deviation.noise import Stated, WithForce, formed_about, normal_covariance
+from estim.deviation.noise import Stated, WithForce, formed_about
 from estim.deviation.normal_parts import NormalParts as NormalParts
 from estim.deviation.normal_parts import normal_parts
 from estim.deviation.posing import FoundForce, Told, as_prior, growth_over, likely_root, linear_groups, priors_at, summed, told_beyond, told_by
@@ -167,11 +167,10 @@ def _prepared(
     *, speeds: Sequence[FloatArray | None] | None = None,
 ) -> _Lacking:
     named, speeds = problem.named(values), [None] * len(runs) if speeds is None else speeds
-    stated = [normal_covariance(run.noise, run.points, named) for run in runs]
-    each = [
-        formed_about(courses[run.name], run.noise, run.points, named, errors, scale=run.force, speed=speed)
-        for run, errors, speed in zip(runs, stated, speeds, strict=True)
+    about = [
+        formed_about(courses[run.name], run.noise, run.points, named, scale=run.force, speed=speed) for run, speed in zip(runs, speeds, strict=True)
     ]
+    each, stated = zip(*about, strict=True)
     alongs = tuple(courses[run.name].along(run.points, named, run.noise, about=own.speed) for run, own in zip(runs, each, strict=True))
     longest = max(alongs, key=lambda along: along.track.length).track
     several = len(runs) > 1

@@ -15,7 +15,7 @@ from estim.deviation.course import Course
 from estim.deviation.errors import MixtureErrors
 from estim.deviation.jumps import BadFrames
 from estim.deviation.mixture import Mixture
-from estim.deviation.residuals import Inertia, Residuals
+from estim.deviation.residuals import LEAST_SPEED, Inertia, Residuals, points_about
 from estim.problem import (
     DENSE,
     CorrelatedErrors,
@@ -33,6 +33,8 @@ from estim.problem import (
     covariance_of,
     with_columns,
 )
+
+_REST = 1e-3  # of the largest speed: slower is at rest
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,7 +108,7 @@ class FreeStart(Stated):
     def likelihood(self, points: Points, named: Named) -> CorrelatedErrors | RootErrors:
         points = self.bad.moved(points)
         stated = normal_covariance(self.base, points, named)
-        about = formed_about(self.course, self.base, points, named, stated, scale=1.0).speed
+        about = formed_about(self.course, self.base, points, named, scale=1.0)[0].speed
         columns = np.column_stack([self.course.along(points, named, self.base, about=about).push, self.bad.columns(points.x.size)])
         if points.x.size > DENSE:
             return RootErrors(points, Size(Scale(1.0)), with_columns(stated.root, columns), stated.shift)
@@ -165,14 +167,21 @@ class StatedErrors:
 
 
 def formed_about(
-    course: Course, base: Noise, points: Points, named: Named, stated: StatedErrors, *, scale: float, speed: FloatArray | None = None
-) -> Residuals:
-    """How residuals are formed for a fit with the values `named`.  scale : of the prior of the force.  speed : (n_obs,) in place of the curve's."""
+    course: Course, base: Noise, points: Points, named: Named, *, scale: float, speed: FloatArray | None = None
+) -> tuple[Residuals, StatedErrors]:
+    """How residuals are formed for a fit with the values `named`, and the stated errors of such residuals.
+
+    scale : of the prior of the force.  speed : (n_obs,) where more is known of the speeds than the curve says.
+    """
     here = course.speed(points, named, base)
     if here is None:
-        return Residuals(stated.shift)
-    speed = here if speed is None else speed
-    return Residuals.of_speeds(stated.shift, speed, stated.root, Inertia.of(course.motion, points.x, points.bind(named)), scale=scale)
+        stated = normal_covariance(base, points, named)
+        return Residuals(stated.shift), stated
+    slow = normal_covariance(base, points_about(points, np.maximum(here, _REST * np.max(here))), named)
+    known = here if speed is None else np.maximum(speed, 0.0)
+    about = np.maximum(known, LEAST_SPEED * np.sqrt(slow.root.variances))
+    stated = normal_covariance(base, points_about(points, about), named)
+    return Residuals(stated.shift, about, known, (Inertia.of(course.motion, points.x, points.bind(named)),), scale), stated
 
 
 def normal_covariance(base: Noise, points: Points, named: Named) -> StatedErrors:

@@ -22,8 +22,8 @@ from estim.deviation.grid import SCALES, prior_grid
 from estim.deviation.jumps import BadFrames, find_bad_frames
 from estim.deviation.linearised import Linearised, linearise
 from estim.deviation.mixture import keep_probable
-from estim.deviation.noise import StatedErrors, WithForce, formed_about, normal_covariance
-from estim.deviation.residuals import Residuals
+from estim.deviation.noise import StatedErrors, WithForce, formed_about
+from estim.deviation.residuals import Residuals, points_about
 from estim.problem import Observations, Points, Prior, Problem, Root
 
 _PARTS = (0.5, 0.9, 0.99, 0.999)  # of the linearised posterior: the wide components hold its tails
@@ -144,7 +144,8 @@ def bad_frames(run: Observations, course: Course, problem: Problem, values: Floa
     known : what was found about other values: it is kept where it still has a size.
     """
     here = _linear(run, course, problem, values, known)
-    frames = course.frames(here.points, here.named, run.noise)
+    about = here.points if here.formed.speed is None else points_about(here.points, here.formed.speed)
+    frames = course.frames(about, here.named, run.noise)
     if frames is None:
         return BadFrames()
     deviation = diagonalise(here.stated.root, here.shapes, prior_grid(run.force, scales=_ANY_SCALE, n_amplitude=_COARSE))
@@ -172,8 +173,7 @@ def _linear(
 ) -> _Linear:
     """speed : (n_obs,) where more is known of the speeds than the curve at `values` says."""
     named, points = problem.named(values), bad.moved(run.points)
-    stated = normal_covariance(run.noise, points, named)
-    formed = formed_about(course, run.noise, points, named, stated, scale=run.force, speed=speed)
+    formed, stated = formed_about(course, run.noise, points, named, scale=run.force, speed=speed)
     along = course.along(points, named, run.noise, about=formed.speed)
     residuals = formed.at(points, named)[0]
     jacobian = np.column_stack([formed.gradient(points, named, problem.names), along.push])

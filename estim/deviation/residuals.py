@@ -1,23 +1,24 @@
 """How residuals of a curve that lacks something are formed: as y - f, or for speeds as energies, in which a force along the track is linear.
 
-    rho = y - v/2 - f^2/(2 v),    v: what the speeds are, as far as the data tell
+    rho = y - u + (u^2 - f^2)/(2 v),    u: what the speeds are, as far as the data tell;    v = u, where u is larger than errors of the readings
 
 A force and an energy at release add to the square of the speed whatever the parameters are, so their response in rho is the same at all draws: also
 beside a turning point, where that of the speed diverges, and beyond the place where the curve without them ends (f^2 < 0).  Errors of the readings
-stay as they are.  With the true speed u, rho = (u^2 - f^2)/(2 v) - (u - v)^2/(2 v) + error: v must be near u, not f.
+stay as they are.  Where the true speed is u', rho = (u'^2 - f^2)/(2 v) - (u' - u)^2/(2 v) + error: u must be near u', not f.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import cast
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from estim.arrays import FloatArray
 from estim.deviation.terms import Weight
-from estim.problem import Motion, Named, Points, Root, StackedPoints
+from estim.problem import Curve, LocalCurve, Motion, Named, Points, SpeedCurve, SquaredCurve, StackedPoints
 
 LEAST_SPEED = 1.5  # standard deviations of a reading: slower than this a point counts as so fast
 
@@ -48,22 +49,41 @@ def _inertias(motion: Motion, x: FloatArray, arguments: Mapping[str, ArrayLike])
 
 
 @dataclass(frozen=True, eq=False)
+class _About:
+    """A curve of speeds with the derivatives that its energies have about speeds (n_obs,): those of f^2/(2 v)."""
+
+    curve: Curve
+    speed: FloatArray
+
+    def value(self, x: FloatArray, arguments: Mapping[str, ArrayLike]) -> FloatArray:
+        return self.curve.value(x, arguments)
+
+    def local(self, x: FloatArray, arguments: Mapping[str, ArrayLike]) -> LocalCurve:
+        square, double = cast(SquaredCurve, self.curve).local_square(x, arguments), 2.0 * self.speed
+        return LocalCurve(self.curve.value(x, arguments), square.slope / double, {name: d / double for name, d in square.gradient.items()})
+
+    def time_derivative(self, x: FloatArray, arguments: Mapping[str, ArrayLike], order: int) -> FloatArray:
+        return cast(SpeedCurve, self.curve).time_derivative(x, arguments, order)
+
+
+def points_about(points: Points, speed: FloatArray) -> Points:
+    """Points that are speeds, whose errors in the position count as they do in energies about `speed` (n_obs,)."""
+    return replace(points, curve=_About(points.curve, speed))
+
+
+@dataclass(frozen=True, eq=False)
 class Residuals:
     """shift : (n_obs,) mean of the errors of the readings, unit of y.
 
-    speed : (n_obs,) v where they are energies; None where they are y - f.
+    speed : (n_obs,) v where they are energies; None where they are y - f.  known : (n_obs,) u.
     inertias : of each run, where they are energies of bodies with a force.  scale : of the prior of the force.
     """
 
     shift: FloatArray
     speed: FloatArray | None = None
+    known: FloatArray | float = 0.0
     inertias: tuple[Inertia, ...] = ()
     scale: float = 1.0
-
-    @classmethod
-    def of_speeds(cls, shift: FloatArray, speed: FloatArray, root: Root, inertia: Inertia, *, scale: float) -> Residuals:
-        """About the speeds (n_obs,) of a fit; root : of the covariance of the readings."""
-        return cls(shift, np.maximum(speed, LEAST_SPEED * np.sqrt(root.variances)), (inertia,), scale)
 
     def weight(self, points: AnyPoints, named: Named) -> Weight | None:
         """How a force counts at draws, against how it counts at the fit; None where it counts alike."""
@@ -78,7 +98,7 @@ class Residuals:
         y = points.y - self.shift
         if self.speed is None:
             return np.atleast_2d(y - points.value(named))
-        return np.atleast_2d(y - 0.5 * self.speed - points.square(named) / (2.0 * self.speed))
+        return np.atleast_2d(y - self.known + (np.square(self.known) - points.square(named)) / (2.0 * self.speed))
 
     def gradient(self, points: AnyPoints, named: Named, names: Sequence[str]) -> FloatArray:
         """(n_obs, n) minus their derivatives in the parameters `names`, for single values: those of the curve, where they are y - f."""
@@ -90,7 +110,7 @@ class Residuals:
         """(n_draw, n_obs) the ordinates that have these residuals."""
         if self.speed is None:
             return np.asarray(points.value(named) + self.shift + residuals)
-        return np.asarray(residuals + self.shift + 0.5 * self.speed + points.square(named) / (2.0 * self.speed))
+        return np.asarray(residuals + self.shift + self.known - (np.square(self.known) - points.square(named)) / (2.0 * self.speed))
 
 
 def stacked(each: Sequence[Residuals]) -> Residuals:
@@ -99,4 +119,5 @@ def stacked(each: Sequence[Residuals]) -> Residuals:
     speeds = [one.speed for one in each if one.speed is not None]
     if len(speeds) < len(each):
         return Residuals(shift)
-    return Residuals(shift, np.concatenate(speeds), tuple(inertia for one in each for inertia in one.inertias), each[0].scale)
+    known = np.concatenate([np.broadcast_to(one.known, one.shift.shape) for one in each])
+    return Residuals(shift, np.concatenate(speeds), known, tuple(inertia for one in each for inertia in one.inertias), each[0].scale)
