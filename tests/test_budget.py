@@ -144,9 +144,9 @@ def test_a_body_has_parts_of_force_start_scale_and_readings_that_close(rolled: F
     names = [one.name for one in budget.sources]
     assert {"unmodelled force", "start", "scale_x", "readings", "phi[heavy-04]"} <= set(names)
     assert np.sum(budget.contributions**2, axis=0) == pytest.approx(budget.sds**2, rel=1e-6)
-    (likelihood,), (run,), named = rolled.posterior.likelihoods, rolled.problem.runs, rolled.problem.named(rolled.values)
+    (likelihood,), named = rolled.posterior.likelihoods, rolled.problem.named(rolled.values)
     mixture, raw = likelihood.mixture, likelihood.residuals_at(named)  # type: ignore[attr-defined]
-    moves = np.linalg.solve(covariance_of(mixture.likely(raw)), run.points.gradient(named, rolled.names) @ rolled.cov)
+    moves = np.linalg.solve(covariance_of(mixture.likely(raw)), likelihood.gradient(named, rolled.names) @ rolled.cov)  # type: ignore[attr-defined]
     whole = np.einsum("nq,nm,mq->q", moves, covariance_of(mixture.likely(raw)), moves)
     stated = [i for i, one in enumerate(budget.sources) if one.kind in ("stated", "prior")]
     others = budget.sds**2 - np.sum(budget.contributions[stated] ** 2, axis=0)

@@ -338,7 +338,7 @@ def test_what_a_calibration_leaves_out_of_the_fit_is_told(tmp_path, said, beside
     path.write_text(path.read_text().replace("[shared]\n", f"[shared]\n{said}"))
     campaign = load_campaign(path)
     problem = campaign.problem(["r"])
-    found = unlike_fit(problem, campaign.with_usual_errors(problem))
+    found = unlike_fit(problem, campaign.problem(["r"], usual=True))
     assert found.endswith("" if beside is None else f" have room for {beside} beside it, and are not checked here")
     assert bool(found) == (beside is not None)
 

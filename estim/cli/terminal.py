@@ -30,6 +30,7 @@ from estim.common import (
     require_room,
     write_whole,
 )
+from estim.namesakes import namesake_behind
 
 if TYPE_CHECKING:
     from estim.campaign import Campaign
@@ -68,7 +69,7 @@ def _code(command: Callable[[], object]) -> int:
         say(f"error: {said}", err=True)
         return NOT_OK if isinstance(error, NumericalError) else BAD_INPUT
     except OSError as error:  # of a file that a person named, looked for where nothing opens it: too long a name, a folder of others
-        if error.filename is None:
+        if error.filename is None or namesake_behind(error):
             raise
         say(f"error: {error.filename}: cannot be used ({(error.strerror or str(error)).lower()})", err=True)
         return BAD_INPUT

@@ -44,8 +44,11 @@ def verify(report: Path, root: Path | None) -> None:
     the same, and every result that differs by more than the tolerances (docs/verifying.md); and what was not compared.  Exit code 0: everything that
     was compared holds; 3: something does not.
     """
-    if not _kind_of(report):
-        raise InputError("is not there", field="report", value=str(report))
+    try:
+        os.stat(report)
+    except (OSError, ValueError) as error:
+        said = getattr(error, "strerror", None) or str(error)
+        raise InputError(f"cannot be read ({said.lower()})", field="report", value=str(report)) from None
     folder = report if _is_folder(report) else report.parent
     origin = read_origin(folder)
     given = _given(origin, folder)

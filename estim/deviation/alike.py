@@ -25,10 +25,10 @@ from estim.deviation.joint import Sharing, Together
 from estim.deviation.jumps import BadFrames
 from estim.deviation.linearised import Linearised, linearise
 from estim.deviation.mixture import keep_probable
-from estim.deviation.noise import WithForce, formed_about
+from estim.deviation.noise import StatedErrors, WithForce, formed_about, normal_covariance
 from estim.deviation.posing import as_prior, likely_root, priors_at, told_beyond, told_by
 from estim.deviation.residuals import Residuals, stacked
-from estim.problem import Named, Noise, Observations, Problem, StackedPoints, Wording, stacked_root
+from estim.problem import Named, Noise, Observations, Points, Problem, StackedPoints, Wording, stacked_root
 
 
 class Roomy(WithForce):
@@ -92,13 +92,21 @@ def _stack(
     own = bad.get(runs[0].name, BadFrames()) if len(runs) == 1 else BadFrames()
     points = StackedPoints(tuple(own.moved(run.points) for run in runs))
     n = points.y.size
-    about = [formed_about(courses[run.name], run.noise, one, named, scale=1.0) for run, one in zip(runs, points.runs, strict=True)]
+    about = [_formed(courses.get(run.name), run.noise, one, named) for run, one in zip(runs, points.runs, strict=True)]
     formed, stated = stacked([of_run for of_run, _ in about]), [errors for _, errors in about]
     nothing = Shape("none", 1.0, np.zeros((n, 1)), 0.0)
     return _Stacked(
         runs, own, diagonalise(stacked_root([one.root for one in stated]), (nothing,), noise_grid()), formed.at(points, named)[0],
         formed.gradient(points, named, problem.names), own.columns(n), formed,
     )
+
+
+def _formed(course: Course | None, noise: Noise, points: Points, named: Named) -> tuple[Residuals, StatedErrors]:
+    """As beside a force, where the points are a body's."""
+    if course is not None:
+        return formed_about(course, noise, points, named, scale=1.0)
+    stated = normal_covariance(noise, points, named)
+    return Residuals(stated.shift), stated
 
 
 def log_rescaled(errors: MixtureErrors, named: Named, *, scale: float, factor: float) -> FloatArray:

@@ -21,6 +21,7 @@ from estim.deviation.errors import MixtureErrors
 from estim.deviation.force import FORCE, OWN, Response, force_kernel, own_kind
 from estim.deviation.kernels import without_mean
 from estim.deviation.noise import formed_about
+from estim.deviation.residuals import stacked
 from estim.problem import Observations, Posterior, Problem, StackedPoints
 
 
@@ -66,15 +67,15 @@ def expected_root(
     track = max((along.track for along in alongs), key=lambda one: one.length)
     several = len(runs) > 1
     responses = [along.response.carried(along.track, track) if several else along.response for along in alongs]
-    stacked, own = Response.stacked(responses).force, size.between() if several else np.zeros(size.lengths.size)
+    lever, own = Response.stacked(responses).force, size.between() if several else np.zeros(size.lengths.size)
     covariance = size.noise * block_diag(*(errors.covariance for _, errors in about))
     for length, shared, apart in zip(size.lengths, size.shared, own, strict=True):
         kernel = force_kernel(track, float(length), radius=alongs[0].radian)
-        covariance += shared * stacked @ without_mean(kernel, track.weights) @ stacked.T
+        covariance += shared * lever @ without_mean(kernel, track.weights) @ lever.T
         covariance += apart * block_diag(*(one.force @ kernel @ one.force.T for one in responses))
     pushes = block_diag(*(along.push[:, None] for along in alongs))
     lower = np.linalg.cholesky(covariance + pushes @ pushes.T)
-    gradient = StackedPoints(tuple(run.points for run in runs)).gradient(named, problem.names)
+    gradient = stacked([formed for formed, _ in about]).gradient(StackedPoints(tuple(run.points for run in runs)), named, problem.names)
     return np.asarray(solve_triangular(lower, gradient, lower=True))
 
 
