@@ -82,7 +82,7 @@ def test_the_posterior_is_that_of_brute_force(tmp_path: Path) -> None:
 def test_the_default_is_a_key_with_that_prior(tmp_path: Path) -> None:
     default = recorded(tmp_path)[0].problem(["r"], usual=True)
     stated = recorded(tmp_path, 'scale_x = "0.0000(30)"\nscale_t = "0.0000(5)"')[0].problem(["r"], usual=True)
-    assert [(p.name, p.prior) for p in default.parameters] == [(p.name, p.prior) for p in stated.parameters]
+    assert [(p.name, p.prior.centre, p.prior.sd) for p in default.parameters] == [(p.name, p.prior.centre, p.prior.sd) for p in stated.parameters]
 
 
 @pytest.mark.parametrize(

@@ -146,8 +146,7 @@ class RollingStudy:
             for quantity, b in bound.items():
                 if not isinstance(b.source, float):
                     kind = KINDS_OF_QUANTITIES[quantity]
-                    meaning = phrase("{what} (nothing is stated: the default)", what=kind.meaning) if b.usual else kind.meaning
-                    physics.setdefault(b.name, Parameter(b.name, kind.unit, b.source, meaning, kind.notation))
+                    physics.setdefault(b.name, Parameter(b.name, kind.unit, b.source, kind.meaning, kind.notation))
             unknowns.update({p.name: p for p in observed.parameters})
             arguments = {q: b.source if isinstance(b.source, float) else b.name for q, b in bound.items()}
             posed = _observations(name, observed, arguments, mass, setting, grip_of(self.source, levels), angular=angular)

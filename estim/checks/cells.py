@@ -32,7 +32,7 @@ from estim.common import (
     with_unit,
 )
 from estim.fitting import Fit, limit_cell
-from estim.problem import LogNormal, Normal, Prior, Problem, Unstated
+from estim.problem import LogNormal, Normal, Prior, Problem, Unstated, Usual
 from estim.sampling import Summary, summarise_parameter
 from estim.words import STATUS_WORDS
 
@@ -102,6 +102,11 @@ class Estimate:
     inferred: str = ""
 
     @property
+    def told(self) -> bool:
+        """Whether there is anything to say of it: somebody stated it, or the data measure or limit it."""
+        return self.measured or bool(self.stated) or self.upper is not None
+
+    @property
     def before(self) -> str:
         """'stated (3.7 ± 0.4)°', or what was taken where nothing was stated."""
         return phrase("stated {value}", value=self.stated) if self.stated else self.inferred
@@ -156,7 +161,7 @@ def upper_limit(summary: Summary, prior: Prior, draws: FloatArray) -> float | No
 
 def stated_words(prior: Prior, unit: str, shown: Label) -> str:
     """What was stated before: '(3.7 ± 0.4)°', 'uniform in [0, 1]', or "" for nothing."""
-    if isinstance(prior, Unstated):
+    if isinstance(prior, Unstated | Usual):
         return ""
     if isinstance(prior, LogNormal):
         return prior.describe(unit)
@@ -197,7 +202,7 @@ def not_measured(estimates: Iterable[Estimate]) -> str:
     """'γ = 0.192 ± 0.009 (stated 0.193 ± 0.010); c_rr < 0.0101 (95 %)', or "" where the data measure everything."""
     said = []
     for one in estimates:
-        if not one.measured:
+        if not one.measured and one.told:
             limited = one.value[:1] in "<>"
             before = phrase("as stated") if one.stated == one.value else one.before
             said.append(one.relation + (f" ({before})" if before and not limited else ""))

@@ -16,7 +16,7 @@ from estim.problem.curve import (
 )
 from estim.problem.events import BINOMIAL, POISSON, Counted, Counts, Events, Law, counted_words
 from estim.problem.flat_prior import Flat
-from estim.problem.unstated_prior import Unstated
+from estim.problem.unstated_prior import Unstated, Usual
 from estim.problem.likelihood import Ends, Likelihood, Noise, NormalErrors, Points, n_draws, reading_sd
 from estim.problem.noise import STENCILS, CorrelatedErrors, Derivative, Differentiated, Independent, Linear, Named, Scale, Size, differentiate
 from estim.problem.observations import MAX_LACKING, Lacks, Observations, Parameter, n_uses, shared_first, uses_of

@@ -129,7 +129,7 @@ def _words(source: Source, alike: Mapping[tuple[str, str], int], labels: Labels)
     """alike : how many sources there are of a kind and a base name."""
     if source.kind not in (STATED, PRIOR):
         return {
-            READINGS: phrase("readings"), "length": phrase("length scale (default)"), "clock": phrase("clock (default)"),
+            READINGS: phrase("readings"), "scale_x": phrase("length scale (default)"), "scale_t": phrase("clock (default)"),
             FORCE: phrase("unmodelled force"), DEVIATION: phrase("what the curve lacks"), START: phrase("push at release"),
             FRAMES: phrase("bad frames"),
         }[source.name]
@@ -142,7 +142,7 @@ def _words(source: Source, alike: Mapping[tuple[str, str], int], labels: Labels)
 def part_of_errors(name: str) -> str:
     """A part of the errors of the readings, in a sentence."""
     return {
-        READINGS: phrase("the readings"), "length": phrase("the length"), "clock": phrase("the clock"), FORCE: phrase("the unmodelled force"),
+        READINGS: phrase("the readings"), "scale_x": phrase("the length"), "scale_t": phrase("the clock"), FORCE: phrase("the unmodelled force"),
         DEVIATION: phrase("what the curve lacks"), START: phrase("the start"), FRAMES: phrase("the bad frames"),
     }[name]
 

@@ -48,10 +48,11 @@ class Copies:
 def copies_of(estimates: Sequence[Estimate]) -> Copies:
     """Every estimate with a value or a limit, measured or not; the table says which."""
     shown = [one for one in estimates if one.value != "n/a"]
+    told = [one for one in shown if one.told]
     return Copies(
-        _block([one.relation if one.measured else phrase("{relation} (not measured here)", relation=one.relation) for one in shown]),
-        _block([_noted(one, False) for one in shown], "latex"),
-        _block([_noted(one, True) for one in shown], "latex"),
+        _block([one.relation if one.measured else phrase("{relation} (not measured here)", relation=one.relation) for one in told]),
+        _block([_noted(one, False) for one in told], "latex"),
+        _block([_noted(one, True) for one in told], "latex"),
         _block(_rows(shown), "csv"),
     )
 

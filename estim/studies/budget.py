@@ -27,9 +27,9 @@ import numpy as np
 from estim.arrays import FloatArray
 from estim.deviation import parts_of_errors
 from estim.fitting import Fit, linear_derived, prior_slopes
-from estim.problem import Normal, Observations, Problem
+from estim.problem import Normal, Observations, Prior, Problem, Usual
 
-READINGS, STATED, PRIOR = "readings", "stated", "prior"
+READINGS, STATED, PRIOR, COMMON = "readings", "stated", "prior", "common"
 _MOST = 150  # quantities of a kind: sources times quantities grow with the square of the number of runs
 
 
@@ -97,7 +97,7 @@ def uncertainty_budget(fit: Fit, draws: FloatArray) -> Budget | None:
     sds = np.sqrt(np.einsum("ij,ij->j", np.column_stack([q.gradient for q in quantities]), along))
     parts = parts_of_errors(fit.posterior, fit.values, along)
     rest = np.square(sds) - np.sum(stated**2, axis=0) - sum((part**2 for part in parts.values()), np.zeros(sds.size))
-    priors = [Source(fit.names[i], STATED if isinstance(problem.parameters[i].prior, Normal) else PRIOR) for i in told]
+    priors = [Source(fit.names[i], _kind_of(problem.parameters[i].prior)) for i in told]
     further = [Source(name, "curve") for name in parts]
     values = np.column_stack([q.of(draws) for q in quantities])
     drawn = _drawn([problem.parameters[i].prior for i in told], draws[:, told], values)
@@ -109,6 +109,12 @@ def uncertainty_budget(fit: Fit, draws: FloatArray) -> Budget | None:
         drawn=np.vstack([drawn, *(nothing for _ in parts), nothing]),
         sds=sds, posterior=values.std(axis=0, ddof=1),
     )
+
+
+def _kind_of(prior: Prior) -> str:
+    if isinstance(prior, Usual):
+        return COMMON
+    return STATED if isinstance(prior, Normal) else PRIOR
 
 
 def _drawn(priors: Sequence[object], draws: FloatArray, values: FloatArray) -> FloatArray:
