@@ -148,7 +148,7 @@ def test_a_body_has_parts_of_force_start_scale_and_readings_that_close(rolled: F
     mixture, raw = likelihood.mixture, likelihood.residuals_at(named)  # type: ignore[attr-defined]
     moves = np.linalg.solve(covariance_of(mixture.likely(raw)), likelihood.gradient(named, rolled.names) @ rolled.cov)  # type: ignore[attr-defined]
     whole = np.einsum("nq,nm,mq->q", moves, covariance_of(mixture.likely(raw)), moves)
-    stated = [i for i, one in enumerate(budget.sources) if one.kind in ("stated", "prior")]
+    stated = [i for i, one in enumerate(budget.sources) if one.kind in ("stated", "prior", "common")]
     others = budget.sds**2 - np.sum(budget.contributions[stated] ** 2, axis=0)
     assert whole == pytest.approx(others, rel=1e-3)
     white = mixture.lifted(raw)[2] * np.sum(covariance_of(mixture.deviation.root) @ moves * moves, axis=0)

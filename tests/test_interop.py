@@ -265,7 +265,7 @@ def test_notebook_shows_the_values_that_the_report_has(campaign: estim.Campaign,
         for name, p in result.parameters.items():
             row, symbol = value_cell(p, result.labels.parameters[name]), name.partition("[")[0]
             assert (row in table) == (symbol in ("kappa", "phi")), name
-            assert (row in left) == (symbol in ("gamma", "theta0", "radius", "scale_x", "scale_t")), name
+            assert (row in left) == (symbol in ("gamma", "theta0", "radius")), name
         assert "c_rr < 0.01" in left
     assert "SYNTHETIC" in analysis._repr_markdown_()
     assert "true 0.45 (+0.8 sd)" in str(result)

@@ -103,8 +103,8 @@ class Estimate:
 
     @property
     def told(self) -> bool:
-        """Whether there is anything to say of it: somebody stated it, or the data measure or limit it."""
-        return self.measured or bool(self.stated) or self.upper is not None
+        """Whether there is anything to say of it: not of a default that the data leave as it was."""
+        return self.measured or bool(self.stated) or self.upper is not None or not self.inferred
 
     @property
     def before(self) -> str:
@@ -180,7 +180,7 @@ def estimates_of(problem: Problem, fit: Fit, draws: FloatArray) -> tuple[Estimat
         upper = upper_limit(summary, parameter.prior, own)
         measured = is_measured(summary, parameter.prior, upper)
         stated = stated_words(parameter.prior, parameter.unit, shown)
-        inferred = parameter.prior.describe(parameter.unit) if isinstance(parameter.prior, Unstated) else ""
+        inferred = parameter.prior.describe(parameter.unit) if isinstance(parameter.prior, Unstated | Usual) else ""
         found.append(Estimate(shown, summary, stated, measured, upper, inferred=inferred))
     return tuple(found)
 
