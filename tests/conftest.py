@@ -48,7 +48,7 @@ BODIES = [pytest.param(("heavy",), id="heavy"), pytest.param(("heavy", "light"),
 
 @pytest.fixture(scope="session", params=BODIES)
 def reanalysed(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Reanalysis:
-    """The replica reanalysed as `estim reanalyse --seed 2` does, with fewer draws: one body in `make test`, both in `make statistics`.
+    """The replica reanalysed as `estim reanalyse --seed 2` does: one body in `make test`, both in `make statistics`.
 
     The other body goes the same way with the same numbers.  One process has it (`REANALYSED`).
     """
@@ -65,8 +65,7 @@ def reanalysed(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPath
         (body,), line = request.param, path.read_text().partition("\n[line]")[2]
         path = folder / "replica" / "campaign.toml"
         path.write_text("[[runs]]".join([head, *(run for run in runs if f'body = "{body}"' in run)]) + f"\n[line]{line}")
-    target = Target(ess=1500.0, n_walker=48)
-    done = reanalyse(load_campaign(path), seed=2, target=target, progress_of=lambda what: nullcontext(lambda step, message: None))
+    done = reanalyse(load_campaign(path), seed=2, target=Target(), progress_of=lambda what: nullcontext(lambda step, message: None))
     assert {body.body for body in done.bodies} == set(request.param)
     return done
 

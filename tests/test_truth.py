@@ -93,7 +93,7 @@ def test_fit_settles_where_the_resistance_is_held_at_zero(cut_off: bool, tmp_pat
     """Steps that are merely cut off at the limit creep on for 60 rounds, and the fit counts as not converged: seven recordings in a thousand did."""
     if cut_off:
         monkeypatch.setattr(finish, "step_between", lambda rows, aim, low, high: np.clip(np.linalg.lstsq(rows, -aim, rcond=1e-11)[0], low, high))
-    case = Case("jump", "default", "speeds", replica=33, seed=1)
+    case = Case("jump", "default", "speeds", replica=39, seed=1)
     _, campaign, _, _ = recorded(tmp_path, case.name, generator(case), priors=case.priors)
     fit = campaign.fit(campaign.problem(["r"], usual=True), rng=np.random.default_rng(1))
     assert fit.at_bound == ("rolling_resistance",)

@@ -274,8 +274,9 @@ def _bounded_step(frame: Frame, at: FloatArray, gradient: FloatArray, precision:
         moved = np.where(held, fixed, 0.0)
         right = np.where(held, moved, gradient - np.einsum("nij,nj->ni", precision, moved))
         matrix = np.where(held[:, :, None] | held[:, None, :], 0.0, precision) + held[:, :, None] * eye
-        rounding = np.finfo(float).eps * np.max(np.abs(np.diagonal(matrix, axis1=1, axis2=2)), axis=1, initial=np.finfo(float).tiny)
-        step = np.asarray(np.linalg.solve(matrix + rounding[:, None, None] * eye, right[:, :, None])[:, :, 0], dtype=np.float64)
+        # singular by rounding where two parameters are tied to a dozen digits: each diagonal by its own rounding, whatever the units
+        rounding = np.where(held, 0.0, np.finfo(float).eps * np.abs(np.diagonal(matrix, axis1=1, axis2=2)) + np.finfo(float).tiny)
+        step = np.asarray(np.linalg.solve(matrix + rounding[:, :, None] * eye, right[:, :, None])[:, :, 0], dtype=np.float64)
         size = np.sqrt(np.maximum(np.einsum("ni,nij,nj->n", step, precision, step), 1e-300))
         step *= np.minimum(1.0, _LONGEST / size)[:, None]
         beyond = ~held & ((at + step < low) | (at + step > high))
