@@ -9,20 +9,16 @@ import gc
 import os
 import sys
 
-from estim.kept_memory import keep_memory
 from estim.namesakes import forget_working_folder, found_instead, in_the_way, namesake_behind
 
 _BAD_INPUT = 2  # `estim.cli.commands.BAD_INPUT`, which cannot be imported yet
-
-
-_OBJECTS = 20_000  # made before garbage is looked for: modules make many that stay, and looking through them took a tenth of a short command
+_OBJECTS = 50_000  # made before garbage is looked for: modules make many that stay, and looking through them took a tenth of a short command
 _THREADS = ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")  # read when NumPy is loaded
 
 
 def main() -> None:
     """Run the command line.  Exits with 2 and one line on stderr where a file is in the way of a module."""
     gc.set_threshold(_OBJECTS)
-    keep_memory()
     if "OMP_NUM_THREADS" not in os.environ:
         for name in _THREADS:  # the matrices are small: a second thread of linear algebra only waits for the first
             os.environ.setdefault(name, "1")

@@ -142,12 +142,6 @@ def sampled_opinion(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.fixture
-def lean_workers(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Processes that are started to share work import what those of the command line do, a second less than in a user's Python."""
-    monkeypatch.setattr("estim.common.jobs.is_lean", lambda: True)
-
-
-@pytest.fixture
 def few_draws(monkeypatch: pytest.MonkeyPatch, sampled_opinion: None) -> None:
     """A quarter of the effective draws in every command: for tests of statuses, files and words, not of numbers."""
     from estim.sampling import Target

@@ -193,7 +193,6 @@ def test_a_row_that_somebody_edited_is_not_believed_and_a_result_is_refused(thre
             run_batch(units, out, report=lean_files, settings=QUICK, resume=resume)
 
 
-@pytest.mark.usefixtures("lean_workers")
 def test_a_folder_whose_name_is_not_utf8_is_a_run_like_any_other(tmp_path: Path) -> None:
     campaign(tmp_path / "in" / "one", {"a": 2.0})
     campaign(tmp_path / "two", {"b": 2.0})
@@ -208,7 +207,6 @@ def test_a_folder_whose_name_is_not_utf8_is_a_run_like_any_other(tmp_path: Path)
     assert "2 runs: 2 ok" in again.output, again.output
 
 
-@pytest.mark.usefixtures("lean_workers")
 @pytest.mark.parametrize("kind", ["pipe", "dangling", "device", "folder without access"])
 def test_a_campaign_that_is_no_file_is_told_in_a_line(kind: str, three: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     place = three.parent / "odd"
@@ -264,7 +262,6 @@ def test_a_frame_interval_unlike_those_of_most_runs_is_told_in_the_batch() -> No
     assert "the frames are" not in batch_report(elsewhere, figures=False)["report.md"].decode()
 
 
-@pytest.mark.usefixtures("lean_workers")
 def test_a_batch_is_verified_and_its_reports_have_figures_only_where_they_are_wanted(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     campaign(tmp_path / "one", {"a": 2.0})
@@ -333,7 +330,6 @@ def test_a_cluster_does_the_work_where_one_is_named(tmp_path: Path, monkeypatch:
     assert "pip install distributed" in str(batch(only, "--out", tmp_path / "no", "--scheduler", "tcp://here:1").exception)
 
 
-@pytest.mark.usefixtures("lean_workers")
 def test_verify_knows_what_other_processes_have_read(three: Path, tmp_path: Path) -> None:
     assert runner().invoke(cli, ["batch", str(three), "--jobs", "2", "--out", str(tmp_path / "out"), "--no-figures"]).exit_code == 0
     inputs = json.loads((tmp_path / "out" / "origin.json").read_text())["inputs"]

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import platform
 import select
 import signal
 import subprocess
@@ -160,30 +159,6 @@ def test_workers_compute_with_one_thread_and_leave_signals_to_the_parent(monkeyp
     assert held & set(STOPPING) == set(STOPPING) - {signal.SIGTERM}  # by which the parent ends them
     assert os.environ["OMP_NUM_THREADS"] == "7"
     assert not signal.pthread_sigmask(signal.SIG_BLOCK, ()) & set(STOPPING)
-
-
-def resident() -> int:
-    """Bytes of this process that are in memory."""
-    return int(Path("/proc/self/statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE")
-
-
-def kept_of(size: int) -> float:
-    """Share of as many bytes, taken in six pieces and left, that a process still has."""
-    before = resident()
-    held = [np.ones(size // 6 // 8) for _ in range(6)]
-    del held
-    return (resident() - before) / size
-
-
-@pytest.mark.skipif(platform.libc_ver()[0] != "glibc" or not Path("/proc/self/statm").exists(), reason="of glibc on Linux alone")
-@pytest.mark.parametrize(("stated", "stays"), [(None, True), ("131072", False)])
-def test_workers_keep_memory_for_the_next_call_unless_told_otherwise(stated: str | None, stays: bool, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.delenv("MALLOC_TRIM_THRESHOLD_", raising=False)
-    if stated is not None:
-        monkeypatch.setenv("MALLOC_TRIM_THRESHOLD_", stated)
-    (kept,) = spread(kept_of, [96_000_000], jobs=2)
-    assert kept > 0.9 if stays else kept < 0.1
-    assert os.environ.get("MALLOC_TRIM_THRESHOLD_") == stated
 
 
 SPREADING = """

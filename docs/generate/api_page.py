@@ -27,8 +27,8 @@ radians. Shapes are written `(n_obs,)`; a "mapping" goes from names to values. S
 def api_page() -> str:
     """The page in Markdown."""
     groups: dict[str, list[str]] = {subject: [] for subject in dict.fromkeys(_SUBJECTS.values())}
-    for name in estim.__all__:
-        groups.setdefault(_SUBJECTS.get(estim._HOME[name].partition(".")[0], "Further names"), []).append(_entry(name, getattr(estim, name)))
+    for name, home in sorted(estim._homes().items()):
+        groups.setdefault(_SUBJECTS.get(home.split(".")[1], "Further names"), []).append(_entry(name, getattr(estim, name)))
     groups["Physics of the rolling body: `model`"] = [_entry(name, getattr(model, name)) for name in model.__all__]
     return _INTRODUCTION + "".join(f"\n## {subject}\n{''.join(entries)}" for subject, entries in groups.items() if entries)
 

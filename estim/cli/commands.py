@@ -6,7 +6,6 @@ the same); 74 what was done could not be said on stdout (a full disk); 130 inter
 
 from __future__ import annotations
 
-import gc
 import os
 import sys
 import warnings
@@ -51,14 +50,11 @@ from estim.cli.terminal import (
 from estim.cli.verifying import diff, verify
 from estim.cli.weighing import say_bodies
 from estim.common import InputError, Stream, as_json, asked_to_stop, ended_by_signals, phrase, replace_own, stream
-from estim.lean_imports import import_lean
 
 if TYPE_CHECKING:
     from estim.pipeline import Analysis
     from estim.reading import Unit
     from estim.studies import Drift, EnergyRecord
-
-_RARELY = 50_000  # objects made before those that only point at each other are looked for: modules and figures are made of many that stay
 
 
 @click.group(
@@ -306,8 +302,6 @@ def main() -> None:
     """Entry point: one line on stderr and an exit code in place of a traceback; no warnings of NumPy, about which a user can do nothing."""
     if not sys.warnoptions:
         warnings.simplefilter("ignore")
-    import_lean()
-    gc.set_threshold(_RARELY, *gc.get_threshold()[1:])
     os.environ["MPLBACKEND"] = "agg"  # figures are files, whatever a user's sessions draw on
     sys.exit(exit_code(_run))
 

@@ -25,8 +25,6 @@ from typing import TYPE_CHECKING, Any, TypeVar
 from estim.common.errors import NumericalError
 from estim.common.interruption import STOPPING
 from estim.common.phrases import language, spoken
-from estim.kept_memory import THRESHOLDS
-from estim.lean_imports import import_lean, is_lean
 
 if TYPE_CHECKING:
     from concurrent.futures import Executor, ProcessPoolExecutor
@@ -119,7 +117,7 @@ def _by_workers(task: Callable[[K], T], numbers: Sequence[K], jobs: int, patient
     with ExitStack() as stack:
         stack.enter_context(_environment_of_workers())
         with _interrupts_held():  # a process of multiprocessing's own is started here
-            pool = stack.enter_context(ProcessPoolExecutor(jobs, get_context("spawn"), _start, (_pickled(task), is_lean())))
+            pool = stack.enter_context(ProcessPoolExecutor(jobs, get_context("spawn"), _start, (_pickled(task),)))
         try:
             with _interrupts_held():
                 submit(pool, 2 * jobs)
@@ -157,11 +155,8 @@ def _interrupts_held() -> Iterator[None]:
 
 @contextmanager
 def _environment_of_workers() -> Iterator[None]:
-    """What spawned processes inherit: linear algebra on one thread; Python starts from its own modules, not from files in the working folder.
-
-    Memory of one call stays for the next, where nobody has said otherwise: to give it back and ask again costs a twentieth of the time.
-    """
-    stated = dict.fromkeys((*_THREADS, "PYTHONSAFEPATH"), "1") | {name: str(size) for name, size in THRESHOLDS.items() if name not in os.environ}
+    """What spawned processes inherit: linear algebra on one thread; Python starts from its own modules, not from files in the working folder."""
+    stated = dict.fromkeys((*_THREADS, "PYTHONSAFEPATH"), "1")
     before = {name: os.environ.get(name) for name in stated}
     os.environ.update(stated)
     try:
@@ -191,11 +186,9 @@ def _read_only(mapping: dict[Any, Any]) -> MappingProxyType[Any, Any]:
     return MappingProxyType(mapping)
 
 
-def _start(task: bytes, lean: bool) -> None:
-    """Prepare a worker process.  lean : whether its parent is the command line's own."""
+def _start(task: bytes) -> None:
+    """Prepare a worker process."""
     global _task
-    if lean:
-        import_lean()
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     if hasattr(signal, "pthread_sigmask"):
         signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGTERM})  # held when this process was started; its parent ends it so
