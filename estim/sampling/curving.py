@@ -2,8 +2,7 @@
 
     z = L^-1 (x - mean),    u_i = z_i - sum_{a <= b < i} c_iab (z_a z_b - [a = b])        z of unit covariance, cut at 3 in the products
 
-Each parameter moves by a function of those before it, so volumes stay: the density of a draw is that of its u.  For one ridge and few draws
-there is `estim.sampling.bending`.
+Each parameter moves by a function of those before it, so volumes stay: the density of a draw is that of its u.
 """
 
 from __future__ import annotations
