@@ -11,7 +11,6 @@ either is.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 
@@ -62,11 +61,9 @@ def along_ridges(frames: Frame) -> Proposal:
 
 
 def both(a: Proposal, b: Proposal, share: float = 0.5) -> Proposal:
-    """A `share` of the draws from `b`, which is not bent, the others from `a`; bend and tails are those of `a`."""
-    return replace(
-        a, weights=np.concatenate([(1.0 - share) * a.weights, share * b.weights]), means=np.vstack([a.means, b.means]),
-        factors=np.concatenate([a.factors, b.factors]), bent=np.concatenate([a.follows, np.zeros(b.weights.size, dtype=bool)]),
-    )
+    """A `share` of the draws from `b`, the others from `a`."""
+    weights = np.concatenate([(1.0 - share) * a.weights, share * b.weights])
+    return Proposal(weights, np.vstack([a.means, b.means]), np.concatenate([a.factors, b.factors]))
 
 
 def repaired(

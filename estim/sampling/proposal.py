@@ -16,11 +16,9 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
 from estim.arrays import FloatArray
 from estim.common import NumericalError
-from estim.sampling.curving import Curving
 from estim.sampling.factors import lower_factor
 from estim.sampling.importance import flattened, kish_size, pareto_smoothed
 from estim.sampling.protocol import Density, log_density_in_batches
@@ -42,15 +40,12 @@ class Proposal:
 
     weights : (n_component,), sum 1.  means : (n_component, n_par).
     factors : (n_component, n_par, n_par) lower Cholesky factors of the scale matrices (covariance = dof/(dof - 2) of it).
-    bend, bent : what the components (n_component,) of a bent ridge follow.
     dof : degrees of freedom of all components.
     """
 
     weights: FloatArray
     means: FloatArray
     factors: FloatArray
-    bend: Curving | None = None
-    bent: NDArray[np.bool_] | None = None
     dof: int = DOF
 
     @property
@@ -70,11 +65,6 @@ class Proposal:
             heights = np.log(self.weights)
         return heights + unit - np.sum(np.log(np.diagonal(self.factors, axis1=1, axis2=2)), axis=1)
 
-    @cached_property
-    def follows(self) -> NDArray[np.bool_]:
-        """(n_component,) which components are bent."""
-        return np.zeros(self.weights.size, dtype=bool) if self.bent is None else self.bent
-
     @classmethod
     def single(cls, mean: FloatArray, scale: FloatArray) -> Proposal:
         """One component: mean (n_par,), scale matrix (n_par, n_par)."""
@@ -89,44 +79,24 @@ class Proposal:
         return self.guarded(_FAR_SHARE, _FAR_FACTOR)
 
     def guarded(self, share: float, factor: float) -> Proposal:
-        """A `share` of the draws from `factor` times as far around; along a bent ridge, bent too: what is straight beside it is wide already."""
-        bent = self.bend is not None and bool(np.any(self.follows))
-        part = self.follows if bent else np.ones(self.weights.size, dtype=bool)
-        weights, means, factors = self.weights[part] / np.sum(self.weights[part]), self.means[part], self.factors[part]
-        mean = weights @ means
-        away = means - mean
-        scale = np.einsum("k,kij,klj->il", weights, factors, factors) + (weights[:, None] * away).T @ away
-        return self._with(mean, scale, share, factor, bent=bent)
+        """A `share` of the draws from `factor` times as far around."""
+        mean = self.weights @ self.means
+        away = self.means - mean
+        scale = np.einsum("k,kij,klj->il", self.weights, self.factors, self.factors) + (self.weights[:, None] * away).T @ away
+        return self.beside(mean[None], factor * lower_factor(scale)[None], share)
 
-    def _with(self, mean: FloatArray, scale: FloatArray, share: float, factor: float, *, bent: bool = False) -> Proposal:
-        """A `share` of the draws from one more component."""
-        return Proposal(
-            np.append((1.0 - share) * self.weights, share), np.vstack([self.means, mean]),
-            np.concatenate([self.factors, factor * lower_factor(scale)[None]]), self.bend, np.append(self.follows, bent),
-            self.dof,
-        )
-
-    def following(self, bend: Curving | None) -> Proposal:
-        """All components bent."""
-        return self if bend is None else replace(self, bend=bend, bent=np.ones(self.weights.size, dtype=bool))
-
-    def beside(self, means: FloatArray, factors: FloatArray) -> Proposal:
-        """A few of the draws from further components (n, n_par), (n, n_par, n_par)."""
-        n = len(means)
-        weights = np.append((1.0 - _TAIL_SHARE) * self.weights, np.full(n, _TAIL_SHARE / n))
-        return Proposal(
-            weights, np.vstack([self.means, means]), np.concatenate([self.factors, factors]), self.bend,
-            np.append(self.follows, [False] * n), self.dof,
-        )
+    def beside(self, means: FloatArray, factors: FloatArray, share: float) -> Proposal:
+        """A `share` of the draws from further components (n, n_par), (n, n_par, n_par)."""
+        weights = np.append((1.0 - share) * self.weights, np.full(len(means), share / len(means)))
+        return replace(self, weights=weights, means=np.vstack([self.means, means]), factors=np.concatenate([self.factors, factors]))
 
     def draw(self, rng: np.random.Generator, n: int) -> FloatArray:
         """(n, n_par) independent draws."""
         normal = rng.standard_normal((n, self.n_par)) / np.sqrt(rng.chisquare(self.dof, n) / self.dof)[:, None]
-        if self.weights.size == 1 and self.bend is None:
+        if self.weights.size == 1:
             return self.means[0] + normal @ self.factors[0].T
         which = rng.choice(self.weights.size, n, p=self.weights)
-        points = self.means[which] + np.einsum("nij,nj->ni", self.factors[which], normal)
-        return points if self.bend is None else np.where(self.follows[which, None], self.bend.bent(points), points)
+        return np.asarray(self.means[which] + np.einsum("nij,nj->ni", self.factors[which], normal))
 
     def distances(self, draws: FloatArray) -> FloatArray:
         """(n_component, n_draw) squared distances from the centres in units of the scale matrices."""
@@ -136,19 +106,13 @@ class Proposal:
             np.sum(np.square(whitened, out=whitened), axis=0, out=distance)
         return found
 
-    def component_log_densities(self, draws: FloatArray) -> FloatArray:
+    def log_parts(self, distances: FloatArray) -> FloatArray:
         """(n_component, n_draw) log of weight times density of each component."""
-        return self._log_parts(self.distances(draws))
-
-    def _log_parts(self, distances: FloatArray) -> FloatArray:
         return self._log_heights[:, None] - 0.5 * (self.dof + self.n_par) * np.log1p(distances / self.dof)
 
     def log_density(self, draws: FloatArray) -> FloatArray:
         """(n_draw,) normalised log density at draws (n_draw, n_par)."""
-        parts = self.component_log_densities(draws)
-        if self.bend is not None:
-            straight = self.component_log_densities(self.bend.straight(draws))
-            parts = np.where(self.follows[:, None], straight, parts)
+        parts = self.log_parts(self.distances(draws))
         return parts[0] if parts.shape[0] == 1 else np.logaddexp.reduce(parts, axis=0)
 
 
@@ -177,7 +141,7 @@ def adapt_proposal(
         candidate, better, candidate_draws, candidate_weights = _settle(density, split, rng, 4 * n_round)
         if better > 1.15 * quality:
             best, quality, draws, weights = candidate, better, candidate_draws, candidate_weights
-    return best.beside(centres[1:], factors[1:]) if covs else best
+    return best.beside(centres[1:], factors[1:], _TAIL_SHARE) if covs else best
 
 
 def _settle(density: Density, mixture: Proposal, rng: np.random.Generator, n_round: int) -> tuple[Proposal, float, FloatArray, FloatArray]:
@@ -214,7 +178,7 @@ def _fit(mixture: Proposal, draws: FloatArray, weights: FloatArray) -> Proposal:
     draws, weights = draws[used], weights[used]
     for _ in range(_EM_STEPS):
         distances = mixture.distances(draws)
-        parts = mixture._log_parts(distances)
+        parts = mixture.log_parts(distances)
         heights = np.exp(parts - np.max(parts, axis=0))
         share = heights * (weights / np.sum(heights, axis=0))
         size = np.sum(share, axis=1)
@@ -258,7 +222,8 @@ def _guarded(mixture: Proposal, draws: FloatArray, weights: FloatArray) -> Propo
     """A mixture of several with a wide component added, so that no region between and around them is without draws."""
     if mixture.weights.size == 1:
         return mixture
-    return mixture._with(*_covariance(draws, weights), _WIDE_SHARE, _WIDE_FACTOR)
+    mean, cov = _covariance(draws, weights)
+    return mixture.beside(mean[None], _WIDE_FACTOR * lower_factor(cov)[None], _WIDE_SHARE)
 
 
 def grown(draws: FloatArray, n_component: int, rng: np.random.Generator) -> Proposal:
