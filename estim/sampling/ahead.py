@@ -19,6 +19,7 @@ from estim.sampling.proposal import Proposal
 from estim.sampling.protocol import Density, log_density_in_batches
 
 STEPS_AHEAD = 20  # a block
+_MOST_AGAIN = 20  # times that draws beyond the support are drawn; what is beyond it after that is a move that no walker makes
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,12 +63,26 @@ class Ahead:
         rng = np.random.default_rng([self.seed, number])
         chosen = rng.random(STEPS_AHEAD) < self.share
         n_move = int(np.sum(chosen))
-        points = self.proposal.draw(rng, n_move * self.n_walker)
-        log_density = log_density_in_batches(self.density, points) if n_move else np.zeros(0)
+        points, log_density = self._inside(rng, n_move * self.n_walker)
         shape = (n_move, self.n_walker)
         log_proposal = self.proposal.log_density(points)
         place = np.where(chosen, np.cumsum(chosen) - 1, -1)
         return _Block(number, place, points.reshape(*shape, self.proposal.n_par), log_density.reshape(shape), log_proposal.reshape(shape))
+
+    def _inside(self, rng: np.random.Generator, n: int) -> tuple[FloatArray, FloatArray]:
+        """Draws (n, n_par) of the proposal and their log densities (n,); those beyond the support are drawn again.
+
+        Inside the support that is the same proposal but for a factor, which a ratio of two of its densities does not have.
+        """
+        points, log_density = np.empty((n, self.proposal.n_par)), np.full(n, -np.inf)
+        outside = np.arange(n)
+        for _ in range(_MOST_AGAIN):
+            if outside.size == 0:
+                break
+            points[outside] = self.proposal.draw(rng, outside.size)
+            log_density[outside] = log_density_in_batches(self.density, points[outside])
+            outside = outside[np.isneginf(log_density[outside])]
+        return points, log_density
 
 
 @dataclass(eq=False)

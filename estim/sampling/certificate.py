@@ -43,6 +43,8 @@ _NEGLIGIBLE = 0.03  # posterior sds: smaller differences are never called
 _NEGLIGIBLE_END = 0.05  # the same for the ends of the 95 % interval
 _COARSE, _COARSE_END = 0.25, 0.5  # posterior sds: errors that hide larger differences prove nothing
 _UNSURE_END = 0.07  # posterior sds: error of an end of the 95 % interval that more draws are taken for
+_LEAST_INSIDE = 0.25  # share of the draws that is taken to lie inside the support where fewer do
+_FEWEST = 400.0  # effective draws, of fewer of which the errors are as unsure as the values
 _MARGIN = 1.2  # more draws than are lacking, since what lacks them moves with them
 ENDS = (0.025, 0.975)  # quantiles that are compared
 _N_RESAMPLED = 4000
@@ -120,19 +122,20 @@ def certify(
 ) -> Certificate:
     """The posterior by Pareto-smoothed importance sampling from `proposal.widened()`.
 
-    n_draw : draws to begin with.  More are taken, up to `max_draw`, while k-hat is above 0.7, the effective size below `least_ess`, or an end of a
-        95 % interval uncertain by 0.07 standard deviations: twice as many, or as many as the latter two lack.
+    n_draw : draws inside the support to begin with.  More are taken, up to `max_draw`, while k-hat is above 0.7, the effective size below
+        `least_ess`, or an end of a 95 % interval uncertain by 0.07 standard deviations: twice as many, or as many as the latter two lack.
 
     Raises NumericalError where the density is not a number.
     """
     proposal = proposal.widened()
-    draws = np.zeros((0, proposal.n_par))
-    log_ratio = np.zeros(0)
-    wanted = n_draw
+    draws, log_ratio = np.zeros((0, proposal.n_par)), np.zeros(0)
+    wanted, inside, share = n_draw, 0, 1.0
     while True:
-        more = proposal.draw(rng, wanted - draws.shape[0])
+        more = proposal.draw(rng, math.ceil(max(wanted - inside, 1) / share))
         draws = np.vstack([draws, more])
         log_ratio = np.append(log_ratio, log_density_in_batches(density, more) - proposal.log_density(more))
+        inside = np.count_nonzero(np.isfinite(log_ratio))
+        share = max(inside / len(draws), _LEAST_INSIDE)
         log_weights, k_hat, log_mean = pareto_smoothed(log_ratio)
         columns = [_Column(column, np.exp(log_weights)) for column in draws.T]
         lacking = max(least_ess / kish_size(log_weights), _lacking_for_ends(columns)) if k_hat <= K_HAT_LIMIT else 2.0
@@ -287,6 +290,8 @@ def _verdict(
                 errors = {"errors": float(abs(one))}
                 called.append(Finding(Kind.DIFFERENCE, test=what, size=float(d), numbers=errors, parameters=(Amount(name),)))
         hidden += [float(one) for one in limit * u if one > coarse]
+    if certificate.ess < _FEWEST:  # by quadrature there is none
+        return "missing", Finding(Kind.ERRORS_TOO_LARGE, size=float(np.nanmax([limit * np.max(one) for one in us])))
     if called:
         called.sort(key=lambda finding: -finding.numbers["errors"])
         return "disagree", Finding(Kind.CHAIN_DIFFERS, test=certificate.method, parts=tuple(called[:3]))

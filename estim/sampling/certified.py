@@ -68,7 +68,7 @@ def certified_chain(
         if progress is not None:
             progress(0, phrase("second opinion") if not pairs else phrase("chain and second opinion differ: both once more"))
         rng = stream(seed, Stream.PROPOSAL, *(() if i == 0 else (i,)))
-        adapted = adapt_proposal(density, optima.value, optima.cov, rng=rng, starts=optima.starts, covs=optima.covs, support=support)
+        adapted = adapt_proposal(density, optima.value, optima.cov, rng=rng, starts=optima.starts, covs=optima.covs)
         certificate, proposal = second_opinion(
             density, optima.value, optima.cov, adapted, rng=rng, starts=optima.heavy, support=support, n_obs=n_obs
         )

@@ -216,7 +216,7 @@ def _first_points(
         log_weights, k_hat, _ = pareto_smoothed(log_ratio)
         parts = np.split(np.exp(log_weights), n_ensemble)
         if k_hat <= K_HAT_LIMIT and min(np.count_nonzero(part) for part in parts) >= 2 * n_walker:
-            efficiency = kish_size(log_weights) / log_weights.size
+            efficiency = kish_size(log_weights) / np.count_nonzero(np.isfinite(log_weights))  # what lies beyond the support is drawn again
             chosen = [rng.choice(n_draw, n_walker, replace=False, p=part / np.sum(part)) for part in parts]
             points = [part[which] for part, which in zip(np.split(draws, n_ensemble), chosen, strict=True)]
             return np.array(points), _PROPOSAL_SHARE * min(1.0, efficiency / _GOOD_EFFICIENCY)

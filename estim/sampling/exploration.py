@@ -11,7 +11,6 @@ either is.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 
@@ -62,11 +61,9 @@ def along_ridges(frames: Frame) -> Proposal:
 
 
 def both(a: Proposal, b: Proposal, share: float = 0.5) -> Proposal:
-    """A `share` of the draws from `b`, which is not bent, the others from `a`; limits, bend and tails are those of `a`."""
-    return replace(
-        a, weights=np.concatenate([(1.0 - share) * a.weights, share * b.weights]), means=np.vstack([a.means, b.means]),
-        factors=np.concatenate([a.factors, b.factors]), bent=np.concatenate([a.follows, np.zeros(b.weights.size, dtype=bool)]),
-    )
+    """A `share` of the draws from `b`, the others from `a`."""
+    weights = np.concatenate([(1.0 - share) * a.weights, share * b.weights])
+    return Proposal(weights, np.vstack([a.means, b.means]), np.concatenate([a.factors, b.factors]))
 
 
 def repaired(
@@ -83,7 +80,7 @@ def repaired(
     heights = log_density_in_batches(density, test) - log_evidence
     if _unevenness(adapted, test, heights) < _UNEVEN:
         return adapted
-    grown_ones = [grown(train, n_component, rng, adapted.limits) for n_component in _N_COMPONENT]
+    grown_ones = [grown(train, n_component, rng) for n_component in _N_COMPONENT]
     candidates = [both(one, ridges, share) for one in (adapted, *grown_ones) for share in _RIDGE_SHARES]
     return min(candidates, key=lambda one: _unevenness(one, test, heights))
 

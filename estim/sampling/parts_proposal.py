@@ -1,20 +1,18 @@
-"""A proposal from normal distributions that a density is nearly made of, moved and bent to where it is.
+"""A proposal from normal distributions that a density is nearly made of, moved to where it is.
 
 A spike and wide parts beside it in twenty dimensions cannot be found by fitting mixtures to draws: a covariance rests on hundreds of them, and the
-parts are narrow in some directions alone.  Known from a linearised posterior, their widths are nearly right; what is not linear moves and bends
-them together.  It shows in the heaviest part, which most draws belong to; its covariance is adapted too.
+parts are narrow in some directions alone.  Known from a linearised posterior, their widths are nearly right; what is not linear moves them
+together.  It shows in the heaviest part, which most draws belong to; its covariance is adapted too.
 """
 
 from __future__ import annotations
 
-import math
 from dataclasses import replace
 
 import numpy as np
 
 from estim.arrays import FloatArray
 from estim.deviation import NormalParts
-from estim.sampling.curving import curving_of
 from estim.sampling.factors import lower_factor
 from estim.sampling.importance import flattened, kish_size
 from estim.sampling.proposal import Proposal
@@ -32,7 +30,7 @@ def proposal_of_parts(density: Density, parts: NormalParts, *, rng: np.random.Ge
     weights = parts.weights * np.where(np.arange(parts.weights.size) == heaviest, 1.0, _TAILS)
     factors = lower_factor((_DOF - 2.0) / _DOF * np.asarray(parts.covs))
     mixture, best, most = Proposal(weights / weights.sum(), parts.means, factors, dof=_DOF), None, _LEAST
-    for i, n_draw in enumerate(_DRAWS):
+    for n_draw in _DRAWS:
         proposal = mixture.guarded(_GUARD, _GUARD_FACTOR)
         draws = proposal.draw(rng, n_draw)
         log_ratio = log_density_in_batches(density, draws) - proposal.log_density(draws)
@@ -41,30 +39,21 @@ def proposal_of_parts(density: Density, parts: NormalParts, *, rng: np.random.Ge
             best, most = proposal, share
         if not share > 0.0:
             break
-        mixture = _adapted(mixture, heaviest, draws, flattened(log_ratio, least=20.0 * proposal.n_par)[0], bends=i > 0)
+        mixture = _adapted(mixture, heaviest, draws, flattened(log_ratio, least=20.0 * proposal.n_par)[0])
     return best
 
 
-def _adapted(mixture: Proposal, heaviest: int, draws: FloatArray, weights: FloatArray, *, bends: bool) -> Proposal:
-    """All parts moved and bent with the heaviest, whose moments are those of its share of weighted draws, as far as these are known."""
+def _adapted(mixture: Proposal, heaviest: int, draws: FloatArray, weights: FloatArray) -> Proposal:
+    """All parts moved with the heaviest, whose moments are those of its share of weighted draws, as far as these are known."""
     mean, factor, n_par = mixture.means[heaviest], mixture.factors[heaviest], mixture.n_par
-    if bends:
-        share = _share(mixture, heaviest, draws, weights)
-        wide = math.sqrt(mixture.dof / (mixture.dof - 2.0)) * factor
-        mixture = mixture.following(curving_of(draws, share / np.sum(share), mean, wide))
-    share = _share(mixture, heaviest, draws, weights)
-    straight = draws if mixture.bend is None else mixture.bend.straight(draws)
-    pull = share * (mixture.dof + n_par) / (mixture.dof + mixture.distances(straight)[heaviest])
+    distances = mixture.distances(draws)
+    parts = mixture.log_parts(distances)
+    share = weights * np.exp(parts[heaviest] - np.logaddexp.reduce(parts, axis=0))
+    pull = share * (mixture.dof + n_par) / (mixture.dof + distances[heaviest])
     size = float(np.sum(share) ** 2 / max(float(np.sum(share**2)), 1e-300))
-    moved = size / (size + n_par) * (pull @ straight / np.sum(pull) - mean)
-    off = straight - (mean + moved)
+    moved = size / (size + n_par) * (pull @ draws / np.sum(pull) - mean)
+    off = draws - (mean + moved)
     known = size / (size + n_par**2)
     factors = mixture.factors.copy()
     factors[heaviest] = lower_factor(known * (pull[:, None] * off).T @ off / np.sum(share) + (1.0 - known) * factor @ factor.T)
     return replace(mixture, means=mixture.means + moved, factors=factors)
-
-
-def _share(mixture: Proposal, part: int, draws: FloatArray, weights: FloatArray) -> FloatArray:
-    """(n_draw,) what belongs to a part of the weights."""
-    parts = mixture.component_log_densities(draws if mixture.bend is None else mixture.bend.straight(draws))
-    return np.asarray(weights * np.exp(parts[part] - np.logaddexp.reduce(parts, axis=0)))

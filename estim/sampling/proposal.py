@@ -1,9 +1,8 @@
 """A proposal adapted to a posterior: a Student-t distribution with 5 degrees of freedom, or a small mixture of them.
 
 It lives in the space of the parameters themselves.  A Student-t density is finite and positive at a hard edge, so that weights stay
-bounded there (transformed parameters would put the edge at infinity, where the tails of the transformed posterior decide).  What
-leaks over the edge is folded back (`estim.sampling.folding`); the rest of the draws outside the support have weight 0.
-A ridge that bends is made straight first (`estim.sampling.bending`).  Both keep the density exact; only where limits are told.
+bounded there (transformed parameters would put the edge at infinity, where the tails of the transformed posterior decide).  Draws outside
+the support have weight 0.
 
 `adapt_proposal` starts from the fit and maximises sum_i w_i log q(x_i) over weighted draws of the round before: EM steps
 for Student-t mixtures (Cappe, Douc, Guillin, Marin, Robert, Statistics and Computing 18 (2008) 447, section 4).
@@ -17,16 +16,12 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
 from estim.arrays import FloatArray
 from estim.common import NumericalError
-from estim.sampling.bending import Bend, bend_of
-from estim.sampling.curving import Curving
 from estim.sampling.factors import lower_factor
-from estim.sampling.folding import Folding, folding, unfolded
 from estim.sampling.importance import flattened, kish_size, pareto_smoothed
-from estim.sampling.protocol import Density, Support, log_density_in_batches
+from estim.sampling.protocol import Density, log_density_in_batches
 
 DOF = 5  # tails heavier than those of most posteriors
 _WIDE_SHARE, _WIDE_FACTOR = 0.05, 2.0  # share and width (in sds of the whole) of the component that guards a mixture
@@ -35,7 +30,6 @@ _TAIL_SHARE = 0.4  # of the draws from components that are told to be there: a r
 _GOOD_K_HAT = 0.5
 _EVEN_ENOUGH = 0.4  # effective share of the draws from which one Student-t will do
 _SURE = 0.7  # from which one more round costs more draws than it can save
-_FREE = 8.0  # standard deviations from the next limit: a parameter that may follow a bend
 _MAX_ROUND = 12
 _EM_STEPS = 25
 
@@ -46,16 +40,12 @@ class Proposal:
 
     weights : (n_component,), sum 1.  means : (n_component, n_par).
     factors : (n_component, n_par, n_par) lower Cholesky factors of the scale matrices (covariance = dof/(dof - 2) of it).
-    limits : (n_par,) each, at which draws are folded.  bend, bent : what the components (n_component,) of a bent ridge follow.
     dof : degrees of freedom of all components.
     """
 
     weights: FloatArray
     means: FloatArray
     factors: FloatArray
-    limits: Support | None = None
-    bend: Bend | Curving | None = None
-    bent: NDArray[np.bool_] | None = None
     dof: int = DOF
 
     @property
@@ -75,22 +65,6 @@ class Proposal:
             heights = np.log(self.weights)
         return heights + unit - np.sum(np.log(np.diagonal(self.factors, axis1=1, axis2=2)), axis=1)
 
-    @cached_property
-    def follows(self) -> NDArray[np.bool_]:
-        """(n_component,) which components are bent."""
-        return np.zeros(self.weights.size, dtype=bool) if self.bent is None else self.bent
-
-    @cached_property
-    def _folding(self) -> Folding | None:
-        """None where nothing folds."""
-        if self.limits is None:
-            return None
-        low, high = (np.tile(limit, (self.weights.size, 1)) for limit in self.limits)
-        if self.bend is not None:  # a limit of what is moved by a bend is no limit of the straight one
-            moved = self.follows[:, None] & self.bend.moves
-            low[moved], high[moved] = -np.inf, np.inf
-        return folding(self.weights, self.means, self.factors, low, high)
-
     @classmethod
     def single(cls, mean: FloatArray, scale: FloatArray) -> Proposal:
         """One component: mean (n_par,), scale matrix (n_par, n_par)."""
@@ -105,54 +79,24 @@ class Proposal:
         return self.guarded(_FAR_SHARE, _FAR_FACTOR)
 
     def guarded(self, share: float, factor: float) -> Proposal:
-        """A `share` of the draws from `factor` times as far around; along a bent ridge, bent too: what is straight beside it is wide already."""
-        bent = self.bend is not None and bool(np.any(self.follows))
-        part = self.follows if bent else np.ones(self.weights.size, dtype=bool)
-        weights, means, factors = self.weights[part] / np.sum(self.weights[part]), self.means[part], self.factors[part]
-        mean = weights @ means
-        away = means - mean
-        scale = np.einsum("k,kij,klj->il", weights, factors, factors) + (weights[:, None] * away).T @ away
-        return self._with(mean, scale, share, factor, bent=bent)
+        """A `share` of the draws from `factor` times as far around."""
+        mean = self.weights @ self.means
+        away = self.means - mean
+        scale = np.einsum("k,kij,klj->il", self.weights, self.factors, self.factors) + (self.weights[:, None] * away).T @ away
+        return self.beside(mean[None], factor * lower_factor(scale)[None], share)
 
-    def _with(self, mean: FloatArray, scale: FloatArray, share: float, factor: float, *, bent: bool = False) -> Proposal:
-        """A `share` of the draws from one more component."""
-        return Proposal(
-            np.append((1.0 - share) * self.weights, share), np.vstack([self.means, mean]),
-            np.concatenate([self.factors, factor * lower_factor(scale)[None]]), self.limits, self.bend, np.append(self.follows, bent),
-            self.dof,
-        )
-
-    def following(self, bend: Bend | Curving | None) -> Proposal:
-        """All components bent."""
-        return self if bend is None else replace(self, bend=bend, bent=np.ones(self.weights.size, dtype=bool))
-
-    def unfolded(self) -> Proposal:
-        """The proposal whose folds have the moments that this one has without."""
-        if self.limits is None:
-            return self
-        means, factors = zip(*(unfolded(mean, factor, *self.limits) for mean, factor in zip(self.means, self.factors, strict=True)), strict=True)
-        return replace(self, means=np.array(means), factors=np.array(factors))
-
-    def beside(self, means: FloatArray, factors: FloatArray) -> Proposal:
-        """A few of the draws from further components (n, n_par), (n, n_par, n_par)."""
-        n = len(means)
-        weights = np.append((1.0 - _TAIL_SHARE) * self.weights, np.full(n, _TAIL_SHARE / n))
-        return Proposal(
-            weights, np.vstack([self.means, means]), np.concatenate([self.factors, factors]), self.limits, self.bend,
-            np.append(self.follows, [False] * n), self.dof,
-        )
+    def beside(self, means: FloatArray, factors: FloatArray, share: float) -> Proposal:
+        """A `share` of the draws from further components (n, n_par), (n, n_par, n_par)."""
+        weights = np.append((1.0 - share) * self.weights, np.full(len(means), share / len(means)))
+        return replace(self, weights=weights, means=np.vstack([self.means, means]), factors=np.concatenate([self.factors, factors]))
 
     def draw(self, rng: np.random.Generator, n: int) -> FloatArray:
         """(n, n_par) independent draws."""
         normal = rng.standard_normal((n, self.n_par)) / np.sqrt(rng.chisquare(self.dof, n) / self.dof)[:, None]
-        if self.weights.size == 1 and self._folding is None and self.bend is None:
+        if self.weights.size == 1:
             return self.means[0] + normal @ self.factors[0].T
         which = rng.choice(self.weights.size, n, p=self.weights)
-        if self._folding is not None:
-            points = self._folding.points(normal, which)
-        else:
-            points = self.means[which] + np.einsum("nij,nj->ni", self.factors[which], normal)
-        return points if self.bend is None else np.where(self.follows[which, None], self.bend.bent(points), points)
+        return np.asarray(self.means[which] + np.einsum("nij,nj->ni", self.factors[which], normal))
 
     def distances(self, draws: FloatArray) -> FloatArray:
         """(n_component, n_draw) squared distances from the centres in units of the scale matrices."""
@@ -162,53 +106,24 @@ class Proposal:
             np.sum(np.square(whitened, out=whitened), axis=0, out=distance)
         return found
 
-    def component_log_densities(self, draws: FloatArray) -> FloatArray:
+    def log_parts(self, distances: FloatArray) -> FloatArray:
         """(n_component, n_draw) log of weight times density of each component."""
-        return self._log_parts(self.distances(draws))
-
-    def _log_parts(self, distances: FloatArray) -> FloatArray:
         return self._log_heights[:, None] - 0.5 * (self.dof + self.n_par) * np.log1p(distances / self.dof)
 
     def log_density(self, draws: FloatArray) -> FloatArray:
         """(n_draw,) normalised log density at draws (n_draw, n_par)."""
-        if self._folding is not None:
-            return self._folded_log_density(self._folding, draws)
-        parts = self.component_log_densities(draws)
-        if self.bend is not None:
-            straight = self.component_log_densities(self.bend.straight(draws))
-            parts = np.where(self.follows[:, None], straight, parts)
+        parts = self.log_parts(self.distances(draws))
         return parts[0] if parts.shape[0] == 1 else np.logaddexp.reduce(parts, axis=0)
-
-    @cached_property
-    def _alike(self) -> tuple[tuple[bool, NDArray[np.int64]], ...]:
-        """Components that fold alike and are bent alike, and whether they are bent."""
-        parts = [] if self._folding is None else [(bent, own[self.follows[own] == bent]) for own in self._folding.alike for bent in (False, True)]
-        return tuple((bent, own) for bent, own in parts if own.size)
-
-    def _folded_log_density(self, folds: Folding, draws: FloatArray) -> FloatArray:
-        columns = np.ascontiguousarray(draws.T[folds.order])
-        straight = columns if self.bend is None else np.ascontiguousarray(self.bend.straight(draws).T[folds.order])
-        total, top = np.zeros(len(draws)), float(np.max(self._log_heights))
-        for bent, own in self._alike:
-            total += folds.summed(straight if bent else columns, own, np.exp(self._log_heights[own] - top), self.dof)
-        near = total > 0.0
-        found = top + np.log(np.where(near, total, 1.0))
-        if not np.all(near):  # so far away that only logarithms know it
-            far = [(own, 1.0 + folds.distances((straight if bent else columns)[:, ~near], own) / self.dof) for bent, own in self._alike]
-            logs = [self._log_heights[own][:, None] - 0.5 * (self.dof + self.n_par) * np.log(falls) for own, falls in far]
-            found[~near] = np.logaddexp.reduce(np.concatenate([part.reshape(-1, part.shape[-1]) for part in logs]), axis=0)
-        return found
 
 
 def adapt_proposal(
     density: Density, start: FloatArray, cov: FloatArray, *, rng: np.random.Generator, starts: Sequence[FloatArray] = (),
-    covs: Sequence[FloatArray] = (), n_round: int = 2000, support: Support | None = None,
+    covs: Sequence[FloatArray] = (), n_round: int = 2000,
 ) -> Proposal:
     """A proposal adapted to `density` from one component at each start.
 
     start : (n_par,) the fit.  cov : (n_par, n_par) the covariance there, used at the other `starts` (further modes) too where they have no `covs`.
     covs : those of `starts`, whose components then keep two fifths of the draws whatever the rounds make of the others.
-    support : limits of the parameters, at which the proposal is folded.
     n_round : draws in each round, at least 500 for each start.  Where one Student-t gives uneven weights, mixtures of more are tried and
     kept if better.
 
@@ -217,16 +132,16 @@ def adapt_proposal(
     centres = np.vstack([start, *starts])
     n_round = max(n_round, 500 * len(centres))
     factors = lower_factor(np.stack([cov, *(covs or [cov] * len(starts))]))
-    mixture = Proposal(np.full(len(centres), 1.0 / len(centres)), centres, factors, support)
+    mixture = Proposal(np.full(len(centres), 1.0 / len(centres)), centres, factors)
     best, quality, draws, weights = _settle(density, _shrunk(density, mixture, rng), rng, n_round)
     for n_component in (4, 8):
         if quality > _EVEN_ENOUGH * min(1.0, 6.0 / mixture.n_par):  # the weights of normal densities are the less even the more parameters there are
             break
         split = _split(draws, weights, max(n_component, len(centres) + 1), rng)
-        candidate, better, candidate_draws, candidate_weights = _settle(density, replace(split, limits=support), rng, 4 * n_round)
+        candidate, better, candidate_draws, candidate_weights = _settle(density, split, rng, 4 * n_round)
         if better > 1.15 * quality:
             best, quality, draws, weights = candidate, better, candidate_draws, candidate_weights
-    return best.beside(centres[1:], factors[1:]) if covs else best
+    return best.beside(centres[1:], factors[1:], _TAIL_SHARE) if covs else best
 
 
 def _settle(density: Density, mixture: Proposal, rng: np.random.Generator, n_round: int) -> tuple[Proposal, float, FloatArray, FloatArray]:
@@ -243,10 +158,8 @@ def _settle(density: Density, mixture: Proposal, rng: np.random.Generator, n_rou
         found.append((proposal, quality, draws, weights))
         if (len(found) > 1 and quality > _SURE) or (len(found) > 2 and 0.05 < quality < 1.1 * max(f[1] for f in found[:-1])):
             break
-        bend = _bend_at(mixture.limits, draws, weights)
-        straight = draws if bend is None else bend.straight(draws)
-        mixture = _fit(mixture, straight, weights)
-        proposal = _guarded(mixture.unfolded().following(bend), draws, weights)
+        mixture = _fit(mixture, draws, weights)
+        proposal = _guarded(mixture, draws, weights)
     if not found:
         raise NumericalError("importance sampling cannot start: the posterior density is zero or not finite everywhere around the fit")
     return max(found, key=lambda f: f[1])
@@ -258,15 +171,6 @@ def _quality(log_ratio: FloatArray) -> float:
     return share if pareto_smoothed(log_ratio)[1] <= _GOOD_K_HAT else share / 3.0
 
 
-def _bend_at(limits: Support | None, draws: FloatArray, weights: FloatArray) -> Bend | None:
-    """The bend of weighted draws, of the parameters that have no limit near."""
-    if limits is None:
-        return None
-    mean, cov = _covariance(draws, weights)
-    least = _FREE * np.sqrt(np.diag(cov))
-    return bend_of(draws, weights, (mean - limits[0] > least) & (limits[1] - mean > least))
-
-
 def _fit(mixture: Proposal, draws: FloatArray, weights: FloatArray) -> Proposal:
     """EM steps of a Student-t mixture towards weighted draws; components that explain next to nothing are dropped."""
     floor, d = 1e-8 * _covariance(draws, weights)[1], mixture.n_par
@@ -274,7 +178,7 @@ def _fit(mixture: Proposal, draws: FloatArray, weights: FloatArray) -> Proposal:
     draws, weights = draws[used], weights[used]
     for _ in range(_EM_STEPS):
         distances = mixture.distances(draws)
-        parts = mixture._log_parts(distances)
+        parts = mixture.log_parts(distances)
         heights = np.exp(parts - np.max(parts, axis=0))
         share = heights * (weights / np.sum(heights, axis=0))
         size = np.sum(share, axis=1)
@@ -290,7 +194,7 @@ def _fit(mixture: Proposal, draws: FloatArray, weights: FloatArray) -> Proposal:
             means.append(mean)
             scales.append((pull[k][:, None] * deviation).T @ deviation / size[k] + floor)
         before = mixture
-        mixture = Proposal(size[kept] / np.sum(size[kept]), np.array(means), lower_factor(np.array(scales)), mixture.limits)
+        mixture = Proposal(size[kept] / np.sum(size[kept]), np.array(means), lower_factor(np.array(scales)))
         settled = kept.size == before.weights.size and np.max(np.abs(mixture.weights - before.weights)) < 1e-3
         if settled and np.max(before.distances(mixture.means).diagonal()) < 1e-5:
             break
@@ -315,25 +219,17 @@ def _split(draws: FloatArray, weights: FloatArray, n_component: int, rng: np.ran
 
 
 def _guarded(mixture: Proposal, draws: FloatArray, weights: FloatArray) -> Proposal:
-    """A mixture of several with a wide component added, so that no region between and around them is without draws.
-
-    draws : (n_draw, n_par), as they are: the wide component is not bent.
-    """
+    """A mixture of several with a wide component added, so that no region between and around them is without draws."""
     if mixture.weights.size == 1:
         return mixture
-    return mixture._with(*_covariance(draws, weights), _WIDE_SHARE, _WIDE_FACTOR)
+    mean, cov = _covariance(draws, weights)
+    return mixture.beside(mean[None], _WIDE_FACTOR * lower_factor(cov)[None], _WIDE_SHARE)
 
 
-def grown(draws: FloatArray, n_component: int, rng: np.random.Generator, limits: Support | None = None) -> Proposal:
-    """A mixture fitted to draws (n_draw, n_par) of equal weight that come from elsewhere, with the component that guards it.
-
-    limits : of the parameters; then it is folded there, and bent where the draws are.
-    """
+def grown(draws: FloatArray, n_component: int, rng: np.random.Generator) -> Proposal:
+    """A mixture fitted to draws (n_draw, n_par) of equal weight that come from elsewhere, with the component that guards it."""
     weights = np.full(len(draws), 1.0 / len(draws))
-    bend = _bend_at(limits, draws, weights)
-    straight = draws if bend is None else bend.straight(draws)
-    mixture = replace(_split(straight, weights, n_component, rng), limits=limits)
-    return _guarded(mixture.unfolded().following(bend), draws, weights)
+    return _guarded(_split(draws, weights, n_component, rng), draws, weights)
 
 
 def _shrunk(density: Density, mixture: Proposal, rng: np.random.Generator) -> Proposal:
