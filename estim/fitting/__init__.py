@@ -10,6 +10,6 @@ from estim.fitting.lacking import fit_lacking, sds_beside_limits
 from estim.fitting.least_squares import Fit, chi2_p, fit_least_squares, led_here, refit, settled
 from estim.fitting.optimum import N_START, Optimum, find_optimum, fit_beside, fit_optimum, is_resolved, scanned_fit, with_others
 from estim.fitting.profile import Contour, ProfileInterval, contour, profile_intervals
-from estim.fitting.profile_descents import Start, minima
+from estim.fitting.descent import Start, minima
 from estim.fitting.profile_search import ProfileSearch, search_of
 from estim.fitting.silence import PERFECT, no_scatter, silent_parameters

@@ -1,154 +1,259 @@
-"""One descent of a search: least squares with the linear parameters solved for at each step, and what a Jacobian says.
+"""One descent for all that goes down: many points at once, between limits, by Levenberg-Marquardt steps.
 
-Variable projection (Golub and Pereyra, SIAM J. Numer. Anal. 10 (1973) 413) with Kaufman's Jacobian.
+What they go down is a `Hill`, which says how high points lie, and which slope and curvature it has there: J^T r and J^T J of least squares, or
+those of the logarithm of a density.  Each question is asked once for all points that are on their way.  A limit that a step would cross takes
+its parameter out, and the others make the best of it.
+
+`descend` leads points down.  `together` runs tasks that ask for one descent after the other (a walk, whose next point depends on the last).
+
+Source: Marquardt, J. Soc. Ind. Appl. Math. 11 (1963) 431.
 """
 
 from __future__ import annotations
 
-import math
+from collections.abc import Generator, Sequence
+from dataclasses import dataclass
+from typing import Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from estim.arrays import FloatArray
-from estim.fitting.finish import step_between
-from estim.fitting.separable import RESOLVED, SeparableSearch, rounding
 
-_N_FINISH = 10  # steps by the information that end a search with errors of x
-_NO_STEP = 1e-6  # standard deviations
+Flags = NDArray[np.bool_]
 
+_FIRST_DAMPING, _LEAST_DAMPING, _MOST_DAMPING, _FACTOR = 1e-3, 1e-9, 1e5, 10.0
+_HELD_ROUNDS = 3
+_TELLING = 2e-4  # of a reach: two slopes closer than that teach nothing of a curvature
+_ACCEPTABLE = 1e-4  # promised fall of a minimum below which no step leads, or not soon
+_MOST_STEPS = 60
+_INSIDE = 0.99  # of the way to where there is no height: it may be missing at a limit alone
 
-def descend(search: SeparableSearch, start: FloatArray) -> FloatArray:
-    """Least squares from one point, the linear parameters solved for at each step."""
-    from scipy.optimize import least_squares
-
-    if not search.bent.size:
-        return search.solved(start)
-    bent = search.bent
-    low, high = search.low[bent], search.high[bent]
-    first = _inside(start[bent], low, high)
-    unit = np.where(first != 0.0, np.abs(first), 1.0)
-
-    last: tuple[FloatArray, FloatArray] | None = None  # least_squares asks for residuals and Jacobian at the same point
-
-    def filled(shape: FloatArray) -> FloatArray:
-        nonlocal last
-        if last is None or not np.array_equal(last[0], shape):
-            full = start.copy()
-            full[bent] = np.clip(shape * unit, low, high)
-            last = shape.copy(), search.solved(full)
-        return last[1]
-
-    size = math.sqrt(search.chi2(filled(first / unit)))
-    if not 0.0 < size < math.inf:
-        return filled(first / unit)
-
-    def residuals(shape: FloatArray) -> FloatArray:
-        return search.residuals(filled(shape)) / size
-
-    def jacobian(shape: FloatArray) -> FloatArray:
-        columns = search.jacobian(filled(shape))
-        columns[~np.isfinite(columns)] = 0.0
-        turned = columns[:, bent]
-        if search.linear.size:
-            basis, _ = np.linalg.qr(columns[:, search.linear])
-            turned = turned - basis @ (basis.T @ turned)
-        return np.nan_to_num(turned * unit / size, nan=0.0, posinf=0.0, neginf=0.0)
-
-    tolerance = 1e-3 if search.creeps else 1e-11  # steps by the information finish
-    result = least_squares(
-        residuals, first / unit, jac=jacobian, bounds=(low / unit, high / unit), x_scale="jac", ftol=tolerance, xtol=tolerance, gtol=None,
-        max_nfev=200,
-    )
-    found = filled(result.x if np.all(np.isfinite(result.x)) else first / unit)  # nan: no parameter changes the residuals here
-    return stepped(search, found, most=_N_FINISH)[0] if search.creeps and math.isfinite(search.chi2(found)) else found
+T = TypeVar("T")
 
 
-def stepped(search: SeparableSearch, values: FloatArray, *, most: int = 100) -> tuple[FloatArray, float, float, int]:
-    """Gauss-Newton steps from `values` while they help; parameters on a bound that they would cross stay there.
+class Hill(Protocol):
+    """What descents go down.
 
-    Returns where they end, the sum of squares there, the last step in standard deviations, and the parameter that it moved most.
+    low, high : (n_par,) limits.  reach : (n_par,) the longest step.  lasting : whether a curvature, which costs more than a slope, is kept on the
+    way, where it learns from every slope (BFGS), until it leads no further down.
     """
-    step_size, chi2 = math.inf, search.chi2(values)
-    free, resolved = search.free, search.resolved
-    mover = int(free[0])
-    for _ in range(most):
-        jacobian, residual = search.scoring(values)
-        if not all_finite(jacobian, residual):
-            break
-        near = near_bound(search, values, jacobian, residual, chi2)
-        moving = free[~near[free]]
-        if not moving.size:
-            step_size = 0.0
-            break
-        step, sds = gauss_newton(jacobian[:, moving], residual, resolved)
-        low, high = search.low[moving] - values[moving], search.high[moving] - values[moving]
-        if np.any((step < low) | (step > high)):
-            step = step_between(jacobian[:, moving], residual, low, high, silent=resolved)
-        noise = math.sqrt(max(chi2, 10.0 * rounding(search, values), 1e-300) / max(1, residual.size - moving.size))
-        moved = np.abs(step) / np.where(sds > 0.0, sds, np.inf)
-        size, mover = float(np.max(moved)) / noise, int(moving[np.argmax(moved)])
-        length, better = 1.0, False
-        while length > 1e-4 and not better:
-            trial = values.copy()
-            trial[moving] = np.clip(values[moving] + length * step, search.low[moving], search.high[moving])
-            reached = search.chi2(trial)
-            better = reached < chi2 or (reached <= chi2 * (1.0 + 1e-9) and size < 0.9 * step_size)
-            length *= 0.5
-        if not better:
-            step_size = min(step_size, size)
-            break
-        values, chi2, step_size = trial, reached, size
-        if size < 1e-13:
-            break
-    return values, chi2, step_size, mover
+
+    @property
+    def low(self) -> FloatArray: ...
+
+    @property
+    def high(self) -> FloatArray: ...
+
+    @property
+    def reach(self) -> FloatArray: ...
+
+    @property
+    def lasting(self) -> bool: ...
+
+    def looked_at(self, points: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Points (n, n_par) with what follows from the other parameters put in, and their heights (n,), inf where there is none."""
+
+    def shape(self, points: FloatArray, curved: Flags) -> tuple[FloatArray, FloatArray]:
+        """Slopes (n, n_par) at points, and curvatures (n, n_par, n_par), positive, of which those at `curved` (n,) are wanted."""
 
 
-def all_finite(jacobian: FloatArray, residual: FloatArray) -> bool:
-    return bool(np.all(np.isfinite(jacobian)) and np.all(np.isfinite(residual)))
+@dataclass(frozen=True, eq=False)
+class Start:
+    """Where a descent starts.
 
-
-def _inside(values: FloatArray, low: FloatArray, high: FloatArray) -> FloatArray:
-    """`values` moved strictly between the limits."""
-    unit = np.where(values != 0.0, np.minimum(np.abs(values), 1.0), 1.0)
-    inner = [edge + sign * 1e-9 * (unit + np.abs(np.where(np.isfinite(edge), edge, 0.0))) for edge, sign in ((low, 1.0), (high, -1.0))]
-    return np.clip(values, *inner)
-
-
-def near_bound(search: SeparableSearch, values: FloatArray, jacobian: FloatArray, residual: FloatArray, chi2: float) -> NDArray[np.bool_]:
-    """Which parameters lie on a bound that the descent would push them across, or from which it would move them next to nothing.
-
-    Where two parameters do the same at a bound, the gradient in one is that in the other, 0, and its sign is rounding.
+    values : (n_par,).  held : parameters that stay.  near : an end whose curvature is known.
+    instead : (n_par,) where to start if there is no height at `values`.  settled : promised fall at which the descent ends.
     """
-    gradient = jacobian.T @ residual
-    slack = _NO_STEP * np.linalg.norm(jacobian, axis=0) * math.sqrt(chi2 / max(1, residual.size - search.free.size))
-    unit = np.where(search.held != 0.0, np.minimum(np.abs(search.held), 1.0), 1.0)  # nanometres may be written in metres
-    margin = 1e-8 * (unit + np.abs(values))
-    with np.errstate(invalid="ignore"):
-        return ((values - search.low < margin) & (gradient > -slack)) | ((search.high - values < margin) & (gradient < slack))
+
+    values: FloatArray
+    held: tuple[int, ...] = ()
+    near: End | None = None
+    instead: FloatArray | None = None
+    settled: float = 1e-7
 
 
-def _scaled(jacobian: FloatArray) -> tuple[FloatArray, FloatArray]:
-    scale = np.linalg.norm(jacobian, axis=0)
-    scale[scale == 0.0] = 1.0
-    return jacobian / scale, scale
+@dataclass(frozen=True, eq=False)
+class End:
+    """Where a descent ended.
+
+    values : (n_par,).  objective : the height there, inf where there is none.  settled : whether it is a minimum.
+    slope, curvature : (n_par,), (n_par, n_par), as they were used last.
+    """
+
+    values: FloatArray
+    objective: float
+    settled: bool
+    slope: FloatArray
+    curvature: FloatArray
 
 
-def gauss_newton(jacobian: FloatArray, residual: FloatArray, resolved: float) -> tuple[FloatArray, FloatArray]:
-    """Step (n,) and standard deviations (n,) for unit residuals, by a singular value decomposition of scaled columns."""
-    scaled, scale = _scaled(jacobian)
-    left, singular, right = np.linalg.svd(scaled, full_matrices=False)
-    inverse = np.where(singular > resolved * singular[0], 1.0 / np.maximum(singular, 1e-300), 0.0)
-    step = -(right.T * inverse) @ (left.T @ residual) / scale
-    return step, np.sqrt(np.sum((right.T * inverse) ** 2, axis=1)) / scale
+Task = Generator[Start, End, T]
 
 
-def inverse_information(jacobian: FloatArray, resolved: float = RESOLVED) -> tuple[FloatArray, float]:
-    """(J^T J)^-1 and the ratio of the smallest to the largest singular value of J with unit columns."""
-    if not jacobian.shape[1]:
-        return np.zeros((0, 0)), 1.0
-    scaled, scale = _scaled(jacobian)
-    _, singular, right = np.linalg.svd(scaled, full_matrices=False)
-    condition = float(singular[-1] / singular[0]) if singular[0] > 0.0 and jacobian.shape[0] >= jacobian.shape[1] else 0.0
-    inverse = np.where(singular > resolved * singular[0], 1.0 / np.maximum(singular, 1e-300), 0.0)
-    return (right.T * inverse**2) @ right / np.outer(scale, scale), condition
+def together(hill: Hill, tasks: Sequence[Task[T]]) -> list[T]:
+    """What the tasks return, in their order; each is sent the end of the descent from every start that it yields."""
+    results: dict[int, T] = {}
+    on_their_way = _Descents(hill, len(tasks))
+
+    def go_on(k: int, end: End | None) -> None:
+        try:
+            on_their_way.begin(k, next(tasks[k]) if end is None else tasks[k].send(end))
+        except StopIteration as stop:
+            results[k] = stop.value
+
+    for k in range(len(tasks)):
+        go_on(k, None)
+    while np.any(on_their_way.going):
+        before = on_their_way.going.copy()
+        on_their_way.advance()
+        for done in np.flatnonzero(before & ~on_their_way.going).tolist():
+            go_on(done, on_their_way.end(done))
+    return [results[k] for k in range(len(tasks))]
+
+
+def minima(hill: Hill, starts: Sequence[Start]) -> list[End]:
+    """The lowest point near each of `starts`, over the parameters that are not held."""
+
+    def one(start: Start) -> Task[End]:
+        return (yield start)
+
+    return together(hill, [one(start) for start in starts])
+
+
+def descend(hill: Hill, points: FloatArray, *, held: Flags, share: float, most: int) -> tuple[FloatArray, FloatArray]:
+    """Where points (n, n_par) come to lie, each in its place, and their heights (n,), inf where there is none: such a point stays.
+
+    held : (n_par,) parameters that stay.  share : of the height, the promised fall at which a descent ends; after `most` steps in any case.
+    """
+    descents = _Descents(hill, len(points), share=share, most=most)
+    descents.points[:], descents.held[:], descents.going[:] = points, held, True
+    while np.any(descents.going):
+        descents.advance()
+    return descents.points, descents.heights
+
+
+class _Descents:
+    """Descents, a row each: points (n, n_par), heights (n,), inf before the first look, and what else is known of each.
+
+    instead : where to look if there is no height at the first point, nan for nowhere.  slopes, curvatures : at the points unless `stale`.
+    known : where the slope was taken last.  learned : whether the curvature is from elsewhere.  doubted : whether it is to be taken anew.
+    least, share : the promised fall at which one ends, and as a share of its height.  promise : of the step with next to no damping.
+    """
+
+    def __init__(self, hill: Hill, n: int, *, share: float = 0.0, most: int = _MOST_STEPS) -> None:
+        n_par = hill.low.size
+        self.hill, self.share, self.most = hill, share, most
+        self.points, self.slopes = np.zeros((2, n, n_par))
+        self.instead, self.known = np.full((2, n, n_par), np.nan)
+        self.curvatures, self.held = np.zeros((n, n_par, n_par)), np.zeros((n, n_par), dtype=bool)
+        self.heights, self.promise = np.full((2, n), np.inf)
+        self.damping, self.least, self.steps = np.full(n, _FIRST_DAMPING), np.zeros(n), np.zeros(n, dtype=np.int64)
+        self.stale, self.doubted = np.ones((2, n), dtype=bool)
+        self.going, self.settled, self.learned = np.zeros((3, n), dtype=bool)
+
+    def begin(self, k: int, start: Start) -> None:
+        low, high, held = self.hill.low, self.hill.high, np.isin(np.arange(self.hill.low.size), start.held)
+        self.points[k] = np.where(held, start.values, np.clip(start.values, low, high))
+        self.instead[k] = np.nan if start.instead is None else np.where(held, start.instead, np.clip(start.instead, low, high))
+        self.heights[k] = self.promise[k] = np.inf
+        self.held[k], self.least[k], self.steps[k], self.damping[k] = held, start.settled, 0, _LEAST_DAMPING
+        self.stale[k], self.doubted[k], self.going[k], self.settled[k] = True, start.near is None, True, False
+        if start.near is not None:
+            self.known[k], self.slopes[k], self.curvatures[k] = start.near.values, start.near.slope, start.near.curvature
+
+    def end(self, k: int) -> End:
+        return End(self.points[k].copy(), float(self.heights[k]), bool(self.settled[k]), self.slopes[k].copy(), self.curvatures[k].copy())
+
+    def advance(self) -> None:
+        """One step of all that are going: look at the next point of each, and go there if it is lower."""
+        going = np.flatnonzero(self.going)
+        begun = going[np.isfinite(self.heights[going])]
+        self._surveyed(begun[self.stale[begun]])
+        begun = begun[self.going[begun]]
+        trials = self.points.copy()
+        step, _ = self._steps(begun, self.damping[begun])
+        trials[begun] = np.where(self.held[begun], self.points[begun], np.clip(self.points[begun] + step, self.hill.low, self.hill.high))
+        now = np.flatnonzero(self.going)
+        if not now.size:
+            return
+        reached, heights = self.hill.looked_at(trials[now])
+        lost = np.flatnonzero(~np.isfinite(heights) & np.isfinite(self.heights[now]))
+        if lost.size:
+            reached[lost], heights[lost] = self.hill.looked_at(self.points[now[lost]] + _INSIDE * (trials - self.points)[now[lost]])
+        self._started(now, heights)
+        lower = heights < self.heights[now]
+        self.points[now[lower]], self.heights[now[lower]] = reached[lower], heights[lower]
+        old = self.learned[now] & ~lower
+        self.doubted[now[old]], self.stale[now] = True, lower | old
+        raised = np.maximum(self.damping[now] * _FACTOR, _FIRST_DAMPING)
+        self.damping[now] = np.where(lower, np.maximum(self.damping[now] / _FACTOR, _LEAST_DAMPING), np.where(old, self.damping[now], raised))
+        self.steps[now] += 1
+        stuck = now[(self.damping[now] > _MOST_DAMPING) | (self.steps[now] >= self.most)]
+        self.settled[stuck], self.going[stuck] = self.promise[stuck] < _ACCEPTABLE, False
+
+    def _started(self, now: NDArray[np.int64], heights: FloatArray) -> None:
+        """Where there was no height at a first point, look elsewhere, or end."""
+        nowhere = now[~np.isfinite(self.heights[now]) & ~np.isfinite(heights)]
+        elsewhere = np.all(np.isfinite(self.instead[nowhere]), axis=1)
+        self.points[nowhere[elsewhere]] = self.instead[nowhere[elsewhere]]
+        self.instead[nowhere] = np.nan
+        self.going[nowhere[~elsewhere]] = False
+
+    def _surveyed(self, which: NDArray[np.int64]) -> None:
+        """The slopes and curvatures at `which`, those of which end that are promised next to nothing."""
+        if not which.size:
+            return
+        points, doubted = self.points[which], self.doubted[which]
+        slopes, curvatures = self.hill.shape(points, doubted)
+        learned = _learned(self.curvatures[which], points - self.known[which], slopes - self.slopes[which], _TELLING * self.hill.reach)
+        self.curvatures[which] = np.where(doubted[:, None, None], curvatures, learned)
+        self.slopes[which], self.known[which], self.learned[which], self.stale[which] = slopes, points, ~doubted, False
+        self.doubted[which] = not self.hill.lasting
+        _, self.promise[which] = self._steps(which, np.full(which.size, _LEAST_DAMPING))
+        ended = self.promise[which] <= self.least[which] + self.share * np.abs(self.heights[which])
+        self.settled[which[ended]], self.going[which[ended]] = True, False
+
+    def _steps(self, which: NDArray[np.int64], damping: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """The next steps (n, n_par) of `which`, and by how much each promises to go down."""
+        points, slopes, curvatures = self.points[which], self.slopes[which], self.curvatures[which]
+        low, high = self.hill.low - points, self.hill.high - points
+        free = ~self.held[which] & ~(((low >= 0.0) & (slopes > 0.0)) | ((high <= 0.0) & (slopes < 0.0)))
+        step = np.zeros_like(points)
+        for _ in range(_HELD_ROUNDS):
+            step = np.where(free, _damped(slopes + np.einsum("kij,kj->ki", curvatures, np.where(free, 0.0, step)), curvatures, damping, free), step)
+            beyond = free & ((step < low) | (step > high))
+            if not np.any(beyond):
+                break
+            step, free = np.where(self.held[which], 0.0, np.clip(step, low, high)), free & ~beyond
+        with np.errstate(all="ignore"):
+            step = step * np.minimum(1.0, np.nanmin(self.hill.reach / np.abs(step), axis=1, initial=1.0))[:, None]
+        return step, -np.sum(step * slopes, axis=1) - 0.5 * np.einsum("ki,kij,kj->k", step, curvatures, step)
+
+
+def _learned(curvatures: FloatArray, steps: FloatArray, changes: FloatArray, telling: FloatArray) -> FloatArray:
+    """Curvatures (n, n_par, n_par) with what changes of the slope along steps (n, n_par) say of them: BFGS, damped (Powell) to stay positive."""
+    with np.errstate(all="ignore"):
+        before = np.einsum("kij,kj->ki", curvatures, steps)
+        expected, told = np.sum(steps * before, axis=1), np.sum(steps * changes, axis=1)
+        share = np.where(told < 0.2 * expected, 0.8 * expected / (expected - told), 1.0)[:, None]
+        changes = share * changes + (1.0 - share) * before
+        told = np.sum(steps * changes, axis=1)
+        updated = curvatures + _squared(changes) / told[:, None, None] - _squared(before) / expected[:, None, None]
+        sound = np.any(np.abs(steps) > telling, axis=1) & (expected > 0.0) & np.all(np.isfinite(updated), axis=(1, 2))
+    return np.where(sound[:, None, None], updated, curvatures)
+
+
+def _squared(vectors: FloatArray) -> FloatArray:
+    return vectors[:, :, None] * vectors[:, None, :]
+
+
+def _damped(slopes: FloatArray, curvatures: FloatArray, damping: FloatArray, free: Flags) -> FloatArray:
+    """(n, n_par) steps of the `free` parameters to the minimum of slope.s + s.curvature.s/2, damped in proportion to its diagonal."""
+    scale = np.sqrt(np.maximum(np.diagonal(curvatures, axis1=1, axis2=2), 0.0))
+    scale = np.where(free & (scale > 0.0) & np.isfinite(scale), scale, 1.0)
+    one = np.eye(scale.shape[1])
+    unit = np.where(free[:, :, None] & free[:, None, :], curvatures / (scale[:, :, None] * scale[:, None, :]), one)
+    with np.errstate(all="ignore"):
+        step = -np.linalg.solve(unit + damping[:, None, None] * one, np.where(free, slopes / scale, 0.0)[..., None])[..., 0] / scale
+    return np.where(free & np.isfinite(step), step, 0.0)

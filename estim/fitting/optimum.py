@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from estim.arrays import FloatArray
 from estim.common import Amount, Finding, InputError, Kind, phrase
-from estim.fitting.descent import all_finite, descend, inverse_information, near_bound, stepped
+from estim.fitting.gauss_newton import all_finite, descend, inverse_information, near_bound, stepped
 from estim.fitting.least_squares import WITHIN_REACH, Fit, far_apart, fit_least_squares, led_here, settled
 from estim.fitting.screen import chi2_at, far_squares, further_optima, solved_at
 from estim.fitting.separable import RESOLVED, SeparableSearch, rounding, set_apart

@@ -21,8 +21,8 @@ import numpy as np
 from estim.arrays import FloatArray
 from estim.common import InputError, later, percentage, phrase
 from estim.distributions import chi2_quantile, student_quantile
+from estim.fitting.descent import End, Start, minima, together
 from estim.fitting.least_squares import Fit
-from estim.fitting.profile_descents import Point, Start, minima, together
 from estim.fitting.profile_search import ProfileSearch, search_of
 from estim.fitting.profile_walks import crossing, dips, returns, walk
 from estim.problem import Parameter
@@ -137,7 +137,7 @@ def _quantiles(probabilities: Sequence[float], *, dof: int) -> dict[float, float
     return {p: float(chi2_quantile(p, dof)) for p in sorted(probabilities)}
 
 
-def _intervals(fit: Fit, search: ProfileSearch, mode: Point, indices: Sequence[int], rises: dict[float, float]) -> list[ProfileInterval]:
+def _intervals(fit: Fit, search: ProfileSearch, mode: End, indices: Sequence[int], rises: dict[float, float]) -> list[ProfileInterval]:
     """Those of the parameters at `indices`: both sides of all of them walk together, and then look for all their crossings together."""
     if not math.isfinite(mode.objective):
         return [_nowhere(fit.problem.parameters[i], float(mode.values[i]), rises) for i in indices]
@@ -154,9 +154,9 @@ def _intervals(fit: Fit, search: ProfileSearch, mode: Point, indices: Sequence[i
 class _Side:
     """A walk (first the mode), probability -> its crossing with the points that led there, and the minima of the valleys beside that of the mode."""
 
-    walk: list[Point]
-    ends: dict[float, tuple[float | None, list[Point]]]
-    valleys: list[Point]
+    walk: list[End]
+    ends: dict[float, tuple[float | None, list[End]]]
+    valleys: list[End]
 
 
 def _interval(fit: Fit, search: ProfileSearch, i: int, sides: Sequence[_Side], rises: dict[float, float]) -> ProfileInterval:
@@ -228,7 +228,7 @@ def _with_sentence(found: ProfileInterval, parameter: Parameter) -> ProfileInter
     return replace(found, sentence=f"{shown.symbol}: " + "; ".join(said))
 
 
-def _grid(search: ProfileSearch, mode: Point, i: int, j: int, x: FloatArray, y: FloatArray) -> tuple[FloatArray, int]:
+def _grid(search: ProfileSearch, mode: End, i: int, j: int, x: FloatArray, y: FloatArray) -> tuple[FloatArray, int]:
     """Rise (n, n) over the grid, each point started from its neighbour towards the mode, a ring at a time, and the number of failures."""
     rise = np.full((x.size, y.size), np.inf)
     if not math.isfinite(mode.objective):
@@ -238,7 +238,7 @@ def _grid(search: ProfileSearch, mode: Point, i: int, j: int, x: FloatArray, y: 
     for cell in np.ndindex(x.size, y.size):
         rings.setdefault(max(abs(cell[0] - centre[0]), abs(cell[1] - centre[1])), []).append(cell)
     slopes = search.cov[:, [i, j]] @ np.linalg.inv(search.cov[np.ix_([i, j], [i, j])])
-    done: dict[tuple[int, ...], Point] = {}
+    done: dict[tuple[int, ...], End] = {}
     for ring in sorted(rings):
         starts = []
         for cell in rings[ring]:

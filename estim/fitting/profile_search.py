@@ -1,7 +1,7 @@
 """What a profile asks of a posterior: -2 log density and its derivatives, at many points in one call.
 
 Only the log density decides; it is differentiated by differences, so any likelihood will do.  Runs that are independent of each other
-are differentiated each in its own parameters alone.  The descents that use this are in `estim.fitting.profile_descents`.
+are differentiated each in its own parameters alone.  It is the `Hill` of `estim.fitting.descent`.
 """
 
 from __future__ import annotations
@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from numpy.typing import NDArray
 
 from estim.arrays import FloatArray
 from estim.fitting.fisher_information import data_information, information, prior_sds
@@ -17,8 +18,8 @@ from estim.fitting.least_squares import Fit
 from estim.problem import Likelihood, Posterior
 
 _STEP = 1e-3  # of a standard deviation, for differences: their error moves an optimum by 1e-6 sd
-_CURVED = 2e-3  # the same for second differences
 _NOWHERE = 1e30  # -2 log density from which the density counts as zero
+_REACH = 5.0  # standard deviations
 _AT_ONCE = 512  # rows of a call: what they need stays small
 
 
@@ -46,6 +47,28 @@ class ProfileSearch:
     def objective(self, values: FloatArray) -> float:
         return float(self.objectives(values[None, :])[0])
 
+    @property
+    def reach(self) -> FloatArray:
+        """(n_par,) beyond which the curvature at a point says nothing."""
+        return _REACH * self.scale
+
+    @property
+    def lasting(self) -> bool:
+        return True
+
+    def looked_at(self, points: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """The points and their objectives."""
+        return points, self.objectives(points)
+
+    def shape(self, points: FloatArray, curved: NDArray[np.bool_]) -> tuple[FloatArray, FloatArray]:
+        """Slopes of the objective, and the curvatures that the Fisher information expects."""
+        units = np.outer(self.scale, self.scale)
+        curvatures = np.zeros((*points.shape, self.scale.size))
+        for k in np.flatnonzero(curved):
+            found = self.information(points[k])
+            curvatures[k] = (found if np.all(np.isfinite(found)) else 2.0 * np.linalg.inv(self.cov) * units) / units
+        return self.gradients(points) / self.scale, curvatures
+
     def tangent(self, values: FloatArray, i: int) -> FloatArray:
         """(n_par,) how the best values of all parameters move with parameter i, to first order at the fit."""
         slope = self.cov[:, i] / self.cov[i, i]
@@ -69,31 +92,6 @@ class ProfileSearch:
         """(n_par, n_par) the second derivatives that the Fisher information expects at `values`, in standard deviations."""
         with np.errstate(all="ignore"):
             return np.asarray(2.0 * information(self.posterior, values) * np.outer(self.scale, self.scale))
-
-    def curvatures(self, points: FloatArray) -> FloatArray:
-        """(n_point, n_par, n_par) second derivatives of the objective in standard deviations, made positive; nan beside a hole in the density."""
-        inward = np.where(points + 2.0 * _CURVED * self.scale < self.high, 1.0, -1.0)
-        steps = inward * (_CURVED * self.scale)
-        straight = self._priors(points + 2.0 * steps) - 2.0 * self._priors(points + steps) + self._priors(points)
-        metrics = straight[:, :, None] / _CURVED**2 * np.eye(self.scale.size)
-        for likelihood, own in self._groups:
-            n = own.size
-            one, other = np.triu_indices(n)
-            rows = np.repeat(points[:, None, :], 1 + n + one.size, axis=1)
-            rows[:, 1 + np.arange(n), own] += steps[:, own]
-            for axis in (one, other):
-                rows[:, 1 + n + np.arange(one.size), own[axis]] += steps[:, own[axis]]
-            heights = self._heights(likelihood, own, rows)
-            with np.errstate(invalid="ignore"):
-                mixed = heights[:, 1 + n :] - heights[:, 1 + one] - heights[:, 1 + other] + heights[:, :1]
-            mixed *= inward[:, own[one]] * inward[:, own[other]] / _CURVED**2
-            metrics[:, own[one], own[other]] += mixed
-            apart = one != other
-            metrics[:, own[other[apart]], own[one[apart]]] += mixed[:, apart]
-        sound = np.all(np.isfinite(metrics), axis=(1, 2))
-        stiffness, axes = np.linalg.eigh(np.where(sound[:, None, None], metrics, 0.0))
-        positive = (axes * np.abs(stiffness)[:, None, :]) @ axes.transpose(0, 2, 1)
-        return np.where(sound[:, None, None], positive, np.nan)
 
     @cached_property
     def _groups(self) -> tuple[tuple[Likelihood, FloatArray], ...]:

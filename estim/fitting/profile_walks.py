@@ -1,4 +1,4 @@
-"""One side of a profile: the walk outward from the mode, where it crosses a level, and the valleys beside it.  Tasks of `profile_descents`."""
+"""One side of a profile: the walk outward from the mode, where it crosses a level, and the valleys beside it.  Tasks of `descent`."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from itertools import pairwise
 import numpy as np
 
 from estim.arrays import FloatArray
-from estim.fitting.profile_descents import Point, Start, Task
+from estim.fitting.descent import End, Start, Task
 from estim.fitting.profile_search import ProfileSearch
 
 _REACH = 40.0  # prior standard deviations beyond which nothing is looked for
@@ -19,7 +19,7 @@ _ON_LEVEL = 1e-6  # of the square root of the objective: the line through the tw
 _MAX_CUTS = 100
 
 
-def walk(search: ProfileSearch, mode: Point, i: int, sign: float, rise: float) -> Task[list[Point]]:
+def walk(search: ProfileSearch, mode: End, i: int, sign: float, rise: float) -> Task[list[End]]:
     """Points outward from the mode until the objective has risen by `rise`, to the edge of the prior, or out of reach."""
     edge = float(search.high[i] if sign > 0.0 else search.low[i])
     far = float(mode.values[i]) + sign * _REACH * float(search.prior_sd[i])
@@ -40,7 +40,7 @@ def walk(search: ProfileSearch, mode: Point, i: int, sign: float, rise: float) -
     return points
 
 
-def _ahead(search: ProfileSearch, points: Sequence[Point], i: int, target: float) -> Start:
+def _ahead(search: ProfileSearch, points: Sequence[End], i: int, target: float) -> Start:
     """A start where the other parameters should be when parameter i is at `target`: on the line through the last two points."""
     last = points[-1].values
     if len(points) > 1 and points[-1].values[i] != points[-2].values[i]:
@@ -52,7 +52,7 @@ def _ahead(search: ProfileSearch, points: Sequence[Point], i: int, target: float
     return Start(values, (i,), points[-1], instead=_with(last, i, target))
 
 
-def crossing(search: ProfileSearch, points: Sequence[Point], i: int, rise: float) -> Task[tuple[float | None, list[Point]]]:
+def crossing(search: ProfileSearch, points: Sequence[End], i: int, rise: float) -> Task[tuple[float | None, list[End]]]:
     """Where the objective passes `rise` for the last time on a walk (None: it does not), and the points computed to find it.
 
     False position with the weights of Anderson and Bjoerck, and the middle where three cuts have not halved what encloses the crossing.
@@ -64,7 +64,7 @@ def crossing(search: ProfileSearch, points: Sequence[Point], i: int, rise: float
         return None, []
     inner, beyond = points[outer - 1], points[outer]
     below, above = _height(inner, mode, rise), _height(beyond, mode, rise)
-    found: list[Point] = []
+    found: list[End] = []
     widths = [abs(float(beyond.values[i] - inner.values[i]))]
     while len(found) < _MAX_CUTS and widths[-1] > _CLOSE * search.scale[i]:
         share = below / (below - above)
@@ -102,19 +102,19 @@ def _with(values: FloatArray, i: int, value: float) -> FloatArray:
     return changed
 
 
-def _height(point: Point, mode: Point, rise: float) -> float:
+def _height(point: End, mode: End, rise: float) -> float:
     """Square root of the rise of the objective, nearly a straight line, above that of the level."""
     risen = point.objective - mode.objective
     return min(math.sqrt(max(risen, 0.0)) if math.isfinite(risen) else math.inf, 4.0 * math.sqrt(rise)) - math.sqrt(rise)
 
 
-def returns(points: Sequence[Point], rise: float) -> bool:
+def returns(points: Sequence[End], rise: float) -> bool:
     """Whether the objective falls below `rise` again after it had risen above it."""
     above = [point.objective - points[0].objective >= rise for point in points]
     return any(before and not after for before, after in pairwise(above))
 
 
-def dips(points: Sequence[Point]) -> list[Point]:
+def dips(points: Sequence[End]) -> list[End]:
     """Points of a walk that lie lower than the point before and not higher than the one after: valleys beside that of the mode."""
     triples = zip(points, points[1:], [*points[2:], points[-1]], strict=False)
     return [here for before, here, after in triples if here.objective < before.objective - 1e-6 and here.objective <= after.objective]

@@ -8,7 +8,7 @@ import numpy as np
 
 from estim.arrays import FloatArray
 from estim.common import Amount, Finding, Kind
-from estim.fitting.descent import inverse_information
+from estim.fitting.gauss_newton import inverse_information
 from estim.fitting.least_squares import WITHIN_REACH
 from estim.fitting.separable import SeparableSearch, rounding
 from estim.problem import Symmetry

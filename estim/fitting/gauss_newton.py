@@ -1,0 +1,154 @@
+"""One descent of a search: least squares with the linear parameters solved for at each step, and what a Jacobian says.
+
+Variable projection (Golub and Pereyra, SIAM J. Numer. Anal. 10 (1973) 413) with Kaufman's Jacobian.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from estim.arrays import FloatArray
+from estim.fitting.finish import step_between
+from estim.fitting.separable import RESOLVED, SeparableSearch, rounding
+
+_N_FINISH = 10  # steps by the information that end a search with errors of x
+_NO_STEP = 1e-6  # standard deviations
+
+
+def descend(search: SeparableSearch, start: FloatArray) -> FloatArray:
+    """Least squares from one point, the linear parameters solved for at each step."""
+    from scipy.optimize import least_squares
+
+    if not search.bent.size:
+        return search.solved(start)
+    bent = search.bent
+    low, high = search.low[bent], search.high[bent]
+    first = _inside(start[bent], low, high)
+    unit = np.where(first != 0.0, np.abs(first), 1.0)
+
+    last: tuple[FloatArray, FloatArray] | None = None  # least_squares asks for residuals and Jacobian at the same point
+
+    def filled(shape: FloatArray) -> FloatArray:
+        nonlocal last
+        if last is None or not np.array_equal(last[0], shape):
+            full = start.copy()
+            full[bent] = np.clip(shape * unit, low, high)
+            last = shape.copy(), search.solved(full)
+        return last[1]
+
+    size = math.sqrt(search.chi2(filled(first / unit)))
+    if not 0.0 < size < math.inf:
+        return filled(first / unit)
+
+    def residuals(shape: FloatArray) -> FloatArray:
+        return search.residuals(filled(shape)) / size
+
+    def jacobian(shape: FloatArray) -> FloatArray:
+        columns = search.jacobian(filled(shape))
+        columns[~np.isfinite(columns)] = 0.0
+        turned = columns[:, bent]
+        if search.linear.size:
+            basis, _ = np.linalg.qr(columns[:, search.linear])
+            turned = turned - basis @ (basis.T @ turned)
+        return np.nan_to_num(turned * unit / size, nan=0.0, posinf=0.0, neginf=0.0)
+
+    tolerance = 1e-3 if search.creeps else 1e-11  # steps by the information finish
+    result = least_squares(
+        residuals, first / unit, jac=jacobian, bounds=(low / unit, high / unit), x_scale="jac", ftol=tolerance, xtol=tolerance, gtol=None,
+        max_nfev=200,
+    )
+    found = filled(result.x if np.all(np.isfinite(result.x)) else first / unit)  # nan: no parameter changes the residuals here
+    return stepped(search, found, most=_N_FINISH)[0] if search.creeps and math.isfinite(search.chi2(found)) else found
+
+
+def stepped(search: SeparableSearch, values: FloatArray, *, most: int = 100) -> tuple[FloatArray, float, float, int]:
+    """Gauss-Newton steps from `values` while they help; parameters on a bound that they would cross stay there.
+
+    Returns where they end, the sum of squares there, the last step in standard deviations, and the parameter that it moved most.
+    """
+    step_size, chi2 = math.inf, search.chi2(values)
+    free, resolved = search.free, search.resolved
+    mover = int(free[0])
+    for _ in range(most):
+        jacobian, residual = search.scoring(values)
+        if not all_finite(jacobian, residual):
+            break
+        near = near_bound(search, values, jacobian, residual, chi2)
+        moving = free[~near[free]]
+        if not moving.size:
+            step_size = 0.0
+            break
+        step, sds = gauss_newton(jacobian[:, moving], residual, resolved)
+        low, high = search.low[moving] - values[moving], search.high[moving] - values[moving]
+        if np.any((step < low) | (step > high)):
+            step = step_between(jacobian[:, moving], residual, low, high, silent=resolved)
+        noise = math.sqrt(max(chi2, 10.0 * rounding(search, values), 1e-300) / max(1, residual.size - moving.size))
+        moved = np.abs(step) / np.where(sds > 0.0, sds, np.inf)
+        size, mover = float(np.max(moved)) / noise, int(moving[np.argmax(moved)])
+        length, better = 1.0, False
+        while length > 1e-4 and not better:
+            trial = values.copy()
+            trial[moving] = np.clip(values[moving] + length * step, search.low[moving], search.high[moving])
+            reached = search.chi2(trial)
+            better = reached < chi2 or (reached <= chi2 * (1.0 + 1e-9) and size < 0.9 * step_size)
+            length *= 0.5
+        if not better:
+            step_size = min(step_size, size)
+            break
+        values, chi2, step_size = trial, reached, size
+        if size < 1e-13:
+            break
+    return values, chi2, step_size, mover
+
+
+def all_finite(jacobian: FloatArray, residual: FloatArray) -> bool:
+    return bool(np.all(np.isfinite(jacobian)) and np.all(np.isfinite(residual)))
+
+
+def _inside(values: FloatArray, low: FloatArray, high: FloatArray) -> FloatArray:
+    """`values` moved strictly between the limits."""
+    unit = np.where(values != 0.0, np.minimum(np.abs(values), 1.0), 1.0)
+    inner = [edge + sign * 1e-9 * (unit + np.abs(np.where(np.isfinite(edge), edge, 0.0))) for edge, sign in ((low, 1.0), (high, -1.0))]
+    return np.clip(values, *inner)
+
+
+def near_bound(search: SeparableSearch, values: FloatArray, jacobian: FloatArray, residual: FloatArray, chi2: float) -> NDArray[np.bool_]:
+    """Which parameters lie on a bound that the descent would push them across, or from which it would move them next to nothing.
+
+    Where two parameters do the same at a bound, the gradient in one is that in the other, 0, and its sign is rounding.
+    """
+    gradient = jacobian.T @ residual
+    slack = _NO_STEP * np.linalg.norm(jacobian, axis=0) * math.sqrt(chi2 / max(1, residual.size - search.free.size))
+    unit = np.where(search.held != 0.0, np.minimum(np.abs(search.held), 1.0), 1.0)  # nanometres may be written in metres
+    margin = 1e-8 * (unit + np.abs(values))
+    with np.errstate(invalid="ignore"):
+        return ((values - search.low < margin) & (gradient > -slack)) | ((search.high - values < margin) & (gradient < slack))
+
+
+def _scaled(jacobian: FloatArray) -> tuple[FloatArray, FloatArray]:
+    scale = np.linalg.norm(jacobian, axis=0)
+    scale[scale == 0.0] = 1.0
+    return jacobian / scale, scale
+
+
+def gauss_newton(jacobian: FloatArray, residual: FloatArray, resolved: float) -> tuple[FloatArray, FloatArray]:
+    """Step (n,) and standard deviations (n,) for unit residuals, by a singular value decomposition of scaled columns."""
+    scaled, scale = _scaled(jacobian)
+    left, singular, right = np.linalg.svd(scaled, full_matrices=False)
+    inverse = np.where(singular > resolved * singular[0], 1.0 / np.maximum(singular, 1e-300), 0.0)
+    step = -(right.T * inverse) @ (left.T @ residual) / scale
+    return step, np.sqrt(np.sum((right.T * inverse) ** 2, axis=1)) / scale
+
+
+def inverse_information(jacobian: FloatArray, resolved: float = RESOLVED) -> tuple[FloatArray, float]:
+    """(J^T J)^-1 and the ratio of the smallest to the largest singular value of J with unit columns."""
+    if not jacobian.shape[1]:
+        return np.zeros((0, 0)), 1.0
+    scaled, scale = _scaled(jacobian)
+    _, singular, right = np.linalg.svd(scaled, full_matrices=False)
+    condition = float(singular[-1] / singular[0]) if singular[0] > 0.0 and jacobian.shape[0] >= jacobian.shape[1] else 0.0
+    inverse = np.where(singular > resolved * singular[0], 1.0 / np.maximum(singular, 1e-300), 0.0)
+    return (right.T * inverse**2) @ right / np.outer(scale, scale), condition
