@@ -3,18 +3,21 @@
 from __future__ import annotations
 
 import math
+import tomllib
+from dataclasses import astuple
 from itertools import pairwise
 
+import msgspec
 import numpy as np
 import pytest
 from scipy import stats
 from scipy.integrate import quad
 
 from estim import InputError
-from estim.checks.cells import stated_words
+from estim.campaign.prior_table import PriorTable, read_prior
 from estim.common.labels import Notation
-from estim.problem.priors import HalfNormal, LogNormal, Normal, TruncatedNormal, Uniform
-from estim.problem.unstated_prior import Unstated
+from estim.problem.priors import PRIORS as KINDS
+from estim.problem.priors import HalfNormal, LogNormal, Normal, TruncatedNormal, Uniform, Unstated
 
 PRIORS = [
     pytest.param(Normal(0.187, 0.01), stats.norm(0.187, 0.01), id="normal"),
@@ -65,6 +68,50 @@ def test_residual_slope_is_the_difference_quotient(prior, law):
         step = 1e-5 * law.std()
         numeric = (prior.residual(v + step) - prior.residual(v - step)) / (2 * step)
         assert prior.residual_slope(v) == pytest.approx(numeric, rel=1e-6, abs=1e-12)
+
+
+@pytest.mark.parametrize(("prior", "law"), PRIORS)
+def test_quantiles_are_those_of_the_law(prior, law):
+    probability = np.array([[1e-6, 0.01, 0.3], [0.5, 0.9, 1.0 - 1e-6]])
+    assert prior.quantile(probability) == pytest.approx(law.ppf(probability), rel=1e-9, abs=1e-9 * law.std())
+
+
+@pytest.mark.parametrize(("prior", "law"), PRIORS)
+def test_a_prior_says_of_many_values_what_it_says_of_each(prior, law):
+    value = _inside(law, 6).reshape(3, 2)
+    for ask in (prior.log_density, prior.residual, prior.residual_slope, prior.pull, prior.quantile):
+        given = law.cdf(value) if ask == prior.quantile else value
+        assert ask(given) == pytest.approx(np.array([[float(ask(v)) for v in row] for row in given]), rel=1e-12)
+
+
+@pytest.mark.parametrize("prior", ALONE)
+def test_a_prior_is_what_its_table_in_a_file_says_in_any_unit(prior):
+    kind = next(name for name, one in KINDS.items() if one is type(prior))
+    fields = dict(zip(prior.keys, astuple(prior), strict=False)) | {key: getattr(prior, key) for key in prior.optional}
+    text = ", ".join(f"{key} = {number!r}" for key, number in fields.items() if math.isfinite(number))
+    table = msgspec.convert(tomllib.loads(f'table = {{prior = "{kind}", {text}}}')["table"], PriorTable)
+    assert read_prior(table, factor=1.0, field="a") == prior
+    value, other = prior.centre + 0.1 * prior.sd, read_prior(table, factor=1e-3, field="a")
+    assert other.log_density(1e-3 * value) + math.log(1e-3) == pytest.approx(prior.log_density(value))
+
+
+@pytest.mark.parametrize("prior", ALONE)
+def test_a_measurement_of_a_true_value_is_as_far_from_it_as_was_asked(prior):
+    truth = prior.centre
+    for z in (-0.5, 1.2):
+        again = prior.measured_again(truth, z)
+        assert float(again.pull(truth)) == pytest.approx(-z) if prior.measured else again is prior
+
+
+@pytest.mark.parametrize("prior", ALONE)
+def test_a_wider_prior_pulls_less_from_the_same_place(prior):
+    wider = prior.widened(2.0)
+    if wider is not prior:
+        assert wider.pull(prior.centre) - wider.pull(prior.centre - 0.1 * prior.sd) == pytest.approx(
+            0.5 * (prior.pull(prior.centre) - prior.pull(prior.centre - 0.1 * prior.sd))
+        )
+    assert (wider is prior) == isinstance(prior, Uniform)
+    assert Normal(5.0, 1.0, low=-4.0).widened(2.0) == TruncatedNormal(5.0, 2.0, -4.0)
 
 
 @pytest.mark.parametrize(("prior", "law"), PRIORS)
@@ -185,10 +232,10 @@ def test_priors_describe_themselves(prior):
 def test_the_unit_stands_at_the_median_and_what_nobody_stated_is_not_called_stated():
     assert LogNormal(0.1, 0.5).describe("°C") == "log-normal, median 0.1 °C, log sd 0.5"
     label = Notation("σ_y").label("°C")
-    assert stated_words(LogNormal(0.1, 0.5), "°C", label) == "log-normal, median 0.1 °C, log sd 0.5"
+    assert LogNormal(0.1, 0.5).stated_words("°C", label) == "log-normal, median 0.1 °C, log sd 0.5"
     size = Unstated(0.3238, 3.0)
     assert size.describe("°C") == "inferred; weak prior, within a factor 20 of 0.32 °C"
-    assert stated_words(size, "°C", label) == ""
+    assert size.stated_words("°C", label) == ""
     assert size.log_density(0.2) == LogNormal(0.3238, 3.0).log_density(0.2)
 
 
