@@ -6,9 +6,11 @@ Which to choose:
 - `Uniform`: nothing known but a range; the edges are hard, and a posterior that leans on one says so.
 - `HalfNormal`: small and not negative (rolling resistance, extra scatter); `scale` is where you would be surprised.
 - `LogNormal`: positive, known to a factor.
+- `Beta`: between two limits, with one peak and nothing left at either of them (a share, a coefficient of restitution).
 - `Flat`: nothing known, limits or none.
 
-A prior enters least squares as one residual whose half square is minus its log density up to a constant, exactly.
+A prior enters least squares as one residual whose half square is minus its log density up to a constant, exactly; where that is no square, as the
+signed root of what the density has lost since its mode.
 
 Everything that is asked of a prior is a member of `Prior`.  A new one is a class here with its entry in `PRIORS`, and a case of
 `tests/test_priors.py`; nothing else asks which prior it has.
@@ -32,6 +34,7 @@ from estim.distributions import normal_below, normal_quantile, normal_tail
 
 _LOG_ROOT_2PI = 0.5 * math.log(2.0 * math.pi)
 _FAR = 8.0  # standard deviations beyond which a normal distribution has no probability that a number could show
+_ALMOST = 1e-15  # of the way from the mode to a limit of a beta distribution, short of the limit, where its residual stays finite
 _TINY = 1e-300  # in place of 0 under a logarithm
 _MOST_LOG_SD = 10.0  # beyond some 18 the standard deviation is no number any more
 
@@ -493,8 +496,81 @@ class Unstated(LogNormal):
         return phrase("inferred; weak prior, within a factor {factor:.0f} of {median}", factor=math.exp(self.log_sd), median=median)
 
 
+@dataclass(frozen=True)
+class Beta(Prior):
+    """Beta distribution between low and high with mean and standard deviation.
+
+    In u = (value - low)/(high - low) the density is proportional to u^a (1 - u)^b, a and b > 0, largest at u = m = a/(a + b).  With
+    h(z) = z - log(1 + z) its logarithm has lost a h((u - m)/m) + b h((m - u)/(1 - m)) at u, in which no digits cancel near the mode.
+    """
+
+    mean: float
+    sd: float
+    low: float = 0.0
+    high: float = 1.0
+
+    keys, optional = ("mean", "sd"), ("low", "high")
+
+    def __post_init__(self) -> None:
+        _finite(self.mean, "mean")
+        _positive(self.sd, "sd")
+        if not (math.isfinite(self.high - self.low) and self.low < self.high):
+            raise InputError("must be below 'high', and both finite", field="low", value=self.low)
+        if not self.low < self.mean < self.high:
+            raise InputError("must lie between 'low' and 'high'", field="mean", value=self.mean)
+        if not min(self._powers) > 0.0:
+            raise InputError("must be so small that the density has its peak between 'low' and 'high'", field="sd", value=self.sd)
+
+    @cached_property
+    def _powers(self) -> tuple[float, float]:
+        """a and b."""
+        width = self.high - self.low
+        share, sd = (self.mean - self.low) / width, self.sd / width
+        total = share * (1.0 - share) / sd**2 - 1.0
+        return share * total - 1.0, (1.0 - share) * total - 1.0
+
+    @property
+    def expectation(self) -> float:
+        return self.mean
+
+    def _from_mode(self, value: ArrayLike) -> tuple[FloatArray, FloatArray]:
+        """(u - m)/m and (m - u)/(1 - m), kept above -1."""
+        a, b = self._powers
+        off = (np.asarray(value) - self.low) / (self.high - self.low) - a / (a + b)
+        return np.maximum(off * (a + b) / a, -1.0 + _ALMOST), np.maximum(-off * (a + b) / b, -1.0 + _ALMOST)
+
+    def log_density(self, value: ArrayLike) -> FloatArray:
+        a, b = self._powers
+        norm = math.lgamma(a + b + 2.0) - math.lgamma(a + 1.0) - math.lgamma(b + 1.0) - math.log(self.high - self.low)
+        top = norm + a * math.log(a / (a + b)) + b * math.log(b / (a + b))
+        value = np.asarray(value)
+        return np.where((value > self.low) & (value < self.high), top - 0.5 * self.residual(value) ** 2, -np.inf)
+
+    def residual(self, value: ArrayLike) -> FloatArray:
+        (a, b), (up, down) = self._powers, self._from_mode(value)
+        return np.asarray(np.sign(up) * np.sqrt(2.0 * (a * (up - np.log1p(up)) + b * (down - np.log1p(down)))))
+
+    def residual_slope(self, value: ArrayLike) -> FloatArray:
+        (a, b), (up, down) = self._powers, self._from_mode(value)
+        at_mode = math.sqrt((a + b) ** 3 / (a * b))
+        residual, slope = self.residual(value), (a + b) * (up / (1.0 + up) - down / (1.0 + down))
+        near = np.abs(residual) < 1e-7
+        return np.where(near, at_mode, slope / np.where(near, 1.0, residual)) / (self.high - self.low)
+
+    def quantile(self, probability: ArrayLike) -> FloatArray:
+        from scipy.special import betaincinv
+
+        a, b = self._powers
+        return np.asarray(self.low + (self.high - self.low) * betaincinv(a + 1.0, b + 1.0, probability))
+
+    def describe(self, unit: str = "1") -> str:
+        words = phrase("beta, {mean:.4g} ± {sd:.4g} in [{low:.4g}, {high:.4g}]", mean=self.mean, sd=self.sd, low=self.low, high=self.high)
+        return _in_unit(words, unit)
+
+
 PRIORS: Mapping[str, type[Prior]] = {
     "normal": Normal, "uniform": Uniform, "half-normal": HalfNormal, "log-normal": LogNormal, "truncated-normal": TruncatedNormal,
+    "beta": Beta,
 }
 """The priors that a file may state, by the name of their kind."""
 
