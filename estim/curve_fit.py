@@ -62,7 +62,7 @@ from estim.fitting import (
     spread,
     with_others,
 )
-from estim.problem import Prior, Problem, informative
+from estim.problem import Prior, Problem
 from estim.words import tell
 
 _ROUNDS = 60  # of the size of the errors, where priors make it matter
@@ -152,7 +152,7 @@ def fit_stated(posed: CurveProblem | JointProblem, rng: np.random.Generator, n_s
 
 def _fit_estimated(posed: CurveProblem, rng: np.random.Generator, n_start: int) -> CurveFit:
     """The fit whose residuals say how large the errors are; with informative priors, in rounds until that size settles."""
-    pulled = any(informative(p.prior) for p in posed.parameters)
+    pulled = any(p.prior.informative for p in posed.parameters)
     sigma = float(np.std(posed.y)) or 1.0 if pulled else 1.0
     problem = posed.with_sigma(sigma)
     best = first = find_optimum(problem, problem.start(), rng=rng, n_start=n_start, unstated=True)
@@ -195,7 +195,7 @@ def _fit_lacking(posed: CurveProblem, complete: CurveFit, rng: np.random.Generat
 
 def _residual_sd(posed: CurveProblem, values: FloatArray) -> float:
     """Square root of the residuals' squares over the degrees of freedom, no smaller than rounding errors of y."""
-    pulls = sum(informative(p.prior) for p in posed.parameters)
+    pulls = sum(p.prior.informative for p in posed.parameters)
     squares = float(np.sum(posed.residuals(values) ** 2))
     return max(math.sqrt(squares / max(1, posed.y.size + pulls - values.size)), _floor(posed))
 
@@ -208,7 +208,7 @@ def _concluded(
     posed: CurveProblem | JointProblem, best: Optimum, problem: Problem, *, sigma: float | None, scale: float, rng: np.random.Generator
 ) -> CurveFit:
     """The record of an optimum of `problem`, whose covariance is to be multiplied by scale^2."""
-    pulls = sum(informative(p.prior) for p in posed.parameters)
+    pulls = sum(p.prior.informative for p in posed.parameters)
     dof = posed.y.size + pulls - len(posed.parameters)
     squares = float(np.sum(posed.residuals(best.values) ** 2))
     inner = _inner_fit(posed, best, problem, sigma, rng)

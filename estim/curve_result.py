@@ -21,7 +21,7 @@ from estim.deviation import FoundDeviation
 from estim.distributions import student_quantile
 from estim.fitting import FEW, Ends, Fit, LinearDerived, contour, linear_derived, shown_value
 from estim.given_numbers import real_numbers
-from estim.problem import Observations, Problem, informative
+from estim.problem import Observations, Problem
 from estim.words import advice, advice_for, tell
 
 if TYPE_CHECKING:
@@ -201,7 +201,7 @@ class CurveFit:
 
     def _criterion(self, weight: float) -> float:
         n, k = self.problem.n_obs, len(self.names)
-        if any(informative(p.prior) for p in self.problem.parameters if p.name in self.names):
+        if any(p.prior.informative for p in self.problem.parameters if p.name in self.names):
             return math.nan
         if self.sigma is not None and self.deviation is None:
             return n * (math.log(2.0 * math.pi * self.chi2 / n) + 1.0) + weight * (k + 1) if self.chi2 > 0.0 else -math.inf

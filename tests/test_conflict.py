@@ -23,7 +23,7 @@ from estim.common import Stream, stream
 from estim.curve_fit import fit_curve
 from estim.curves.posing import AxisNames, pose_curve
 from estim.fitting.least_squares import Fit, fit_least_squares
-from estim.problem.priors import MEASURED, LogNormal, Normal, Uniform
+from estim.problem.priors import LogNormal, Normal, Uniform
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "benchmarks"))
 from truth.recordings import DISTURBANCES, write_campaign
@@ -88,7 +88,7 @@ def test_probability_is_uniform_for_disks_drawn_from_their_priors_and_not_where_
     right, wrong = [], []
     for i in range(150):
         values, problem, _ = _experiment(plan, np.random.default_rng([5, i]))
-        narrow = [replace(p, prior=Normal(p.prior.centre, 0.3 * p.prior.sd)) if isinstance(p.prior, MEASURED) else p for p in problem.parameters]
+        narrow = [replace(p, prior=Normal(p.prior.centre, 0.3 * p.prior.sd)) if p.prior.measured else p for p in problem.parameters]
         for found, posed in ((right, problem), (wrong, replace(problem, parameters=tuple(narrow)))):
             found.append(check_stated_values(fit_least_squares(posed, rng=np.random.default_rng(2), n_start=1, start=values)).p_value)
     assert stats.kstest(right, "uniform").pvalue > 0.001

@@ -13,7 +13,7 @@ import pytest
 from report_words import words
 
 from estim.campaign import load_campaign
-from estim.checks.cells import Estimate, is_measured, not_measured, p_sentence, result_table, screen_lines, stated_words, upper_limit
+from estim.checks.cells import Estimate, is_measured, not_measured, p_sentence, result_table, screen_lines, upper_limit
 from estim.common import Finding, Kind
 from estim.common.errors import InputError
 from estim.common.labels import Notation
@@ -140,7 +140,7 @@ def test_what_lies_on_an_edge_has_a_value_at_every_draw() -> None:
 def test_values_stand_beside_what_was_stated_and_what_is_true(rng: np.random.Generator) -> None:
     degrees = Notation("φ", "°", 180.0 / np.pi).label("rad")
     draws = np.radians(4.0 + 0.25 * standard(rng))
-    one = Estimate(degrees, summary(draws), stated_words(Normal(np.radians(3.7), np.radians(0.4)), "rad", degrees), True, None, np.radians(3.5))
+    one = Estimate(degrees, summary(draws), Normal(np.radians(3.7), np.radians(0.4)).stated_words("rad", degrees), True, None, np.radians(3.5))
     head, ((meaning, value, stated, true),) = result_table([one])
     assert head == ("", "from these data", "stated before", "true")
     assert (meaning, value, stated, true) == ("φ, a quantity", "(4.00 ± 0.25)°", "(3.7 ± 0.4)°", "3.5° (+2.0 sd)")
@@ -149,7 +149,7 @@ def test_values_stand_beside_what_was_stated_and_what_is_true(rng: np.random.Gen
     assert screen_lines([one], tests="p") == ["p", "φ = (4.00 ± 0.25)°   stated (3.7 ± 0.4)°; true 3.5° (+2.0 sd)"]
     assert not_measured([one]) == ""
     assert not_measured([replace(one, measured=False)]) == "φ = (4.00 ± 0.25)° (stated (3.7 ± 0.4)°)"
-    assert stated_words(Uniform(0.0, 1.0), "1", PLAIN) == "uniform in [0, 1]"
+    assert Uniform(0.0, 1.0).stated_words("1", PLAIN) == "uniform in [0, 1]"
 
 
 def test_true_values_stand_in_a_file_beside_synthetic_data_alone(tmp_path: Path) -> None:

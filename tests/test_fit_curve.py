@@ -12,8 +12,7 @@ from scipy import optimize
 from estim import Component, InputError, fit_curve
 from estim.curves.posing import AxisNames
 from estim.pipeline import sample_curve
-from estim.problem.flat_prior import Flat
-from estim.problem.priors import Normal, Uniform
+from estim.problem.priors import Flat, Normal, Uniform
 from estim.reports.curve import curve_report
 from estim.sampling.chain import Target
 

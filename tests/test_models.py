@@ -29,12 +29,12 @@ from estim.deviation.mixture import keep_probable
 from estim.deviation.residuals import Residuals
 from estim.explanation import predictive_checks
 from estim.fitting.least_squares import fit_least_squares
-from estim.problem import HalfNormal, Normal, Problem, TruncatedNormal, Uniform
+from estim.problem import HalfNormal, Normal, Problem
 from estim.problem.roots import root_of
 from estim.reports import ground_words, price_words, verdicts
 from estim.sampling import Target, adapt_proposal, certify
 from estim.studies import START, Ground, ModelComparison, compare_models
-from estim.studies.models import APART, check_same_points, recommend, widened
+from estim.studies.models import APART, check_same_points, recommend
 from model import Body
 from model.simulate import simulate_positions
 
@@ -149,8 +149,6 @@ def test_a_prior_twice_as_wide_halves_the_evidence_where_the_data_say_everything
         again = certify(density, adapt_proposal(density, fit.values, fit.cov, rng=np.random.default_rng(2)), rng=np.random.default_rng(3))
         assert one.change == pytest.approx(again.log_evidence - row.log_evidence, abs=4.0 * np.hypot(one.u, 2.0 * again.u_log_evidence) + 0.02)
     assert {one.factor for one in rows["unmodelled-force"].widths if one.of == START} == {0.0, 0.5, 2.0}
-    assert widened(Normal(5.0, 1.0, low=-4.0), 2.0) == TruncatedNormal(5.0, 2.0, -4.0, np.inf)
-    assert widened(Uniform(0.0, 1.0), 2.0) is None
 
 
 def test_a_clean_run_is_reported_with_room_though_simpler_models_have_more_evidence(plain: ModelComparison) -> None:

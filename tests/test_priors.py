@@ -3,18 +3,21 @@
 from __future__ import annotations
 
 import math
+import tomllib
+from dataclasses import astuple
 from itertools import pairwise
 
+import msgspec
 import numpy as np
 import pytest
 from scipy import stats
 from scipy.integrate import quad
 
-from estim import InputError
-from estim.checks.cells import stated_words
+from estim import Binomial, InputError, fit_curve
+from estim.campaign.prior_table import PriorTable, read_prior
 from estim.common.labels import Notation
-from estim.problem.priors import HalfNormal, LogNormal, Normal, TruncatedNormal, Uniform
-from estim.problem.unstated_prior import Unstated
+from estim.problem.priors import PRIORS as KINDS
+from estim.problem.priors import Beta, HalfNormal, LogNormal, Normal, TruncatedNormal, Uniform, Unstated
 
 PRIORS = [
     pytest.param(Normal(0.187, 0.01), stats.norm(0.187, 0.01), id="normal"),
@@ -25,6 +28,8 @@ PRIORS = [
     pytest.param(Uniform(-0.3, 0.6), stats.uniform(-0.3, 0.9), id="uniform"),
     pytest.param(HalfNormal(0.005), stats.halfnorm(0.0, 0.005), id="half-normal"),
     pytest.param(LogNormal(0.001, 0.5), stats.lognorm(0.5, 0.0, 0.001), id="log-normal"),
+    pytest.param(Beta(0.6, 0.1), stats.beta(13.8, 9.2), id="beta"),
+    pytest.param(Beta(2.5, 0.5, 0.0, 10.0), stats.beta(18.5, 55.5, 0.0, 10.0), id="beta-between-limits"),
 ]
 
 ALONE = [pytest.param(case.values[0], id=case.id) for case in PRIORS]
@@ -65,6 +70,50 @@ def test_residual_slope_is_the_difference_quotient(prior, law):
         step = 1e-5 * law.std()
         numeric = (prior.residual(v + step) - prior.residual(v - step)) / (2 * step)
         assert prior.residual_slope(v) == pytest.approx(numeric, rel=1e-6, abs=1e-12)
+
+
+@pytest.mark.parametrize(("prior", "law"), PRIORS)
+def test_quantiles_are_those_of_the_law(prior, law):
+    probability = np.array([[1e-6, 0.01, 0.3], [0.5, 0.9, 1.0 - 1e-6]])
+    assert prior.quantile(probability) == pytest.approx(law.ppf(probability), rel=1e-9, abs=1e-9 * law.std())
+
+
+@pytest.mark.parametrize(("prior", "law"), PRIORS)
+def test_a_prior_says_of_many_values_what_it_says_of_each(prior, law):
+    value = _inside(law, 6).reshape(3, 2)
+    for ask in (prior.log_density, prior.residual, prior.residual_slope, prior.pull, prior.quantile):
+        given = law.cdf(value) if ask == prior.quantile else value
+        assert ask(given) == pytest.approx(np.array([[float(ask(v)) for v in row] for row in given]), rel=1e-12)
+
+
+@pytest.mark.parametrize("prior", ALONE)
+def test_a_prior_is_what_its_table_in_a_file_says_in_any_unit(prior):
+    kind = next(name for name, one in KINDS.items() if one is type(prior))
+    fields = dict(zip(prior.keys, astuple(prior), strict=False)) | {key: getattr(prior, key) for key in prior.optional}
+    text = ", ".join(f"{key} = {number!r}" for key, number in fields.items() if math.isfinite(number))
+    table = msgspec.convert(tomllib.loads(f'table = {{prior = "{kind}", {text}}}')["table"], PriorTable)
+    assert read_prior(table, factor=1.0, field="a") == prior
+    value, other = prior.centre + 0.1 * prior.sd, read_prior(table, factor=1e-3, field="a")
+    assert other.log_density(1e-3 * value) + math.log(1e-3) == pytest.approx(prior.log_density(value))
+
+
+@pytest.mark.parametrize("prior", ALONE)
+def test_a_measurement_of_a_true_value_is_as_far_from_it_as_was_asked(prior):
+    truth = prior.centre
+    for z in (-0.5, 1.2):
+        again = prior.measured_again(truth, z)
+        assert float(again.pull(truth)) == pytest.approx(-z) if prior.measured else again is prior
+
+
+@pytest.mark.parametrize("prior", ALONE)
+def test_a_wider_prior_pulls_less_from_the_same_place(prior):
+    wider = prior.widened(2.0)
+    if wider is not prior:
+        assert wider.pull(prior.centre) - wider.pull(prior.centre - 0.1 * prior.sd) == pytest.approx(
+            0.5 * (prior.pull(prior.centre) - prior.pull(prior.centre - 0.1 * prior.sd))
+        )
+    assert (wider is prior) == isinstance(prior, Uniform | Beta)
+    assert Normal(5.0, 1.0, low=-4.0).widened(2.0) == TruncatedNormal(5.0, 2.0, -4.0)
 
 
 @pytest.mark.parametrize(("prior", "law"), PRIORS)
@@ -146,6 +195,10 @@ def test_log_normal_keeps_clear_of_zero_and_below():
         (lambda: TruncatedNormal(-20.0, 1.0, 0.0, math.inf), "'mean' must leave some of the normal distribution"),
         (lambda: Uniform(1.0, 1.0), "'low' must be below 'high': 1.0"),
         (lambda: Uniform(0.0, math.inf), "'low, high' must be finite for a uniform prior"),
+        (lambda: Beta(0.5, 0.0), "'sd' must be > 0 and finite: 0.0"),
+        (lambda: Beta(0.5, 0.3), "'sd' must be so small that the density has its peak between 'low' and 'high': 0.3"),
+        (lambda: Beta(1.5, 0.1), "'mean' must lie between 'low' and 'high': 1.5"),
+        (lambda: Beta(0.5, 0.1, 0.0, math.inf), "'low' must be below 'high', and both finite: 0.0"),
         (lambda: HalfNormal(0.0), "'scale' must be > 0 and finite: 0.0"),
         (lambda: LogNormal(0.0, 1.0), "'median' must be > 0 and finite: 0.0"),
         (lambda: LogNormal(1.0, -1.0), "'log_sd' must be > 0 and finite: -1.0"),
@@ -179,16 +232,17 @@ def test_a_mean_that_is_no_number_is_refused(mean):
 @pytest.mark.parametrize("prior", ALONE)
 def test_priors_describe_themselves(prior):
     words = prior.describe()
-    assert words.startswith(("normal", "uniform in [-0.3, 0.6]", "half-normal, scale 0.005", "log-normal, median 0.001"))
+    beta = ("beta, 0.6 ± 0.1 in [0, 1]", "beta, 2.5 ± 0.5 in [0, 10]")
+    assert words.startswith(("normal", "uniform in [-0.3, 0.6]", "half-normal, scale 0.005", "log-normal, median 0.001", *beta))
 
 
 def test_the_unit_stands_at_the_median_and_what_nobody_stated_is_not_called_stated():
     assert LogNormal(0.1, 0.5).describe("°C") == "log-normal, median 0.1 °C, log sd 0.5"
     label = Notation("σ_y").label("°C")
-    assert stated_words(LogNormal(0.1, 0.5), "°C", label) == "log-normal, median 0.1 °C, log sd 0.5"
+    assert LogNormal(0.1, 0.5).stated_words("°C", label) == "log-normal, median 0.1 °C, log sd 0.5"
     size = Unstated(0.3238, 3.0)
     assert size.describe("°C") == "inferred; weak prior, within a factor 20 of 0.32 °C"
-    assert stated_words(size, "°C", label) == ""
+    assert size.stated_words("°C", label) == ""
     assert size.log_density(0.2) == LogNormal(0.3238, 3.0).log_density(0.2)
 
 
@@ -197,3 +251,12 @@ def test_a_log_normal_prior_of_any_width_that_is_taken_has_a_standard_deviation(
     for log_sd in (10.1, 1e99):
         with pytest.raises(InputError, match="'log_sd' must be at most 10 "):
             LogNormal(1.0, log_sd)
+
+
+def test_a_beta_prior_and_counted_successes_make_a_beta_posterior():
+    """Conjugate: 27 successes of 40 add to the exponents of the density, of which the mode and the curvature there follow."""
+    prior = Beta(0.6, 0.1)
+    fit = fit_curve("p + 0*x", [0.0, 1.0], [14, 13], noise=Binomial([20, 20]), start={"p": 0.5}, priors={"p": prior})
+    a, b = 12.8 + 27.0, 8.2 + 13.0
+    assert fit.values["p"] == pytest.approx(a / (a + b), rel=1e-6)
+    assert fit.sds["p"] == pytest.approx(math.sqrt(a * b / (a + b) ** 3), rel=0.02)

@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 
 from estim.arrays import FloatArray
 from estim.calibration.experiment import Experiment
-from estim.common import InputError, Label, NumericalError, Quantity, Stream, stream
+from estim.common import InputError, Label, NumericalError, Stream, stream
 from estim.fitting import Fit, fit_least_squares
-from estim.problem import MEASURED, LogNormal, Normal, Parameter, Prior, Problem, TruncatedNormal, as_prior
+from estim.problem import Parameter, Prior, Problem
 from estim.sampling import Target, adapt_proposal, certify, sample_posterior
 
 IntArray = NDArray[np.int64]
@@ -111,7 +111,7 @@ def _experiment(plan: Plan, rng: np.random.Generator) -> tuple[FloatArray, Probl
 def stated_only(problem: Problem) -> frozenset[str]:
     """Parameters whose priors stand for no measurement: uniform and half-normal ones, and those of outliers."""
     outliers = {name for run in problem.runs for name in run.noise.outlier_parameters}
-    held = {p.name for p in problem.parameters if not isinstance(p.prior, MEASURED)}
+    held = {p.name for p in problem.parameters if not p.prior.measured}
     return frozenset(outliers | held)
 
 
@@ -126,17 +126,10 @@ def measured_anew(problem: Problem, truth: FloatArray, rng: np.random.Generator,
 def _around(prior: Prior, truth: float, rng: np.random.Generator) -> Prior:
     """`prior` as another measurement of `truth` with the same uncertainty would have given it."""
     while True:
-        z = float(rng.standard_normal())
         try:
-            if isinstance(prior, Normal):
-                return as_prior(Quantity(truth + prior.sd * z, prior.sd), low=prior.low)
-            if isinstance(prior, TruncatedNormal):
-                return replace(prior, mean=truth + prior.scale * z)
-            if isinstance(prior, LogNormal):
-                return replace(prior, median=truth * float(np.exp(prior.log_sd * z)))
+            return prior.measured_again(truth, float(rng.standard_normal()))
         except InputError:  # a measurement so far beyond the limit that nothing is left of its prior
             continue
-        return prior
 
 
 def _fit(problem: Problem, start: FloatArray, rng: np.random.Generator) -> Fit:

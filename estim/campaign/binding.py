@@ -17,7 +17,7 @@ from estim.campaign.levels import Level, body_levels, read_key
 from estim.campaign.parts import OF_PARTS, OUTPUTS, PartedBody, not_independent, of_one_disk, parted_body, spread_apart, weighed
 from estim.campaign.quantities import EFFECTS, GRIP, QUANTITIES, Kind
 from estim.common import Quantity, format_quantity, phrase, signed
-from estim.problem import Normal, Prior, TruncatedNormal, Usual, as_prior
+from estim.problem import Prior, Usual, as_prior
 from estim.propagation import Input
 from model import Body
 
@@ -44,7 +44,7 @@ def gamma_of_body(source: CampaignFile, body: str) -> Quantity | None:
     stated = _bind(source, tables, "gamma", f"body '{body}'").source
     if isinstance(stated, float):
         return Quantity(stated)
-    return Quantity(stated.mean, stated.sd) if isinstance(stated, Normal | TruncatedNormal) else None
+    return Quantity(stated.centre, stated.sd) if stated.measured else None
 
 
 def gamma_origin(source: CampaignFile, body: str) -> str:
@@ -181,8 +181,7 @@ def _checked(source: CampaignFile, value: Quantity | Prior, kind: Kind, path: tu
         raise source.places.error(rule, path, value=f"{centre:.4g} rad")
     if isinstance(value, Quantity):
         return value.value if value.exact else as_prior(value, low=kind.low)
-    if isinstance(value, Normal):
-        return as_prior(Quantity(value.mean, value.sd), low=kind.low)
+    value = value.cut_below(kind.low)
     if value.low < kind.low:
         raise source.places.error(f"must have a prior that does not reach below {kind.low:g}", path, value=value.describe())
     return value

@@ -23,7 +23,6 @@ from estim.problem import (
     STENCILS,
     Derivative,
     Differentiated,
-    HalfNormal,
     Independent,
     Noise,
     Normal,
@@ -309,8 +308,6 @@ def _scale(
     prior = as_prior(value, low=0.0) if isinstance(value, Quantity) else value
     if prior.low < 0.0 and not isinstance(value, Quantity):
         raise levels.error("is a standard deviation: its prior must not reach below 0", (*path, key))
-    if prior.low == 0.0 and key != "scatter" and isinstance(prior, HalfNormal) is False and prior.centre <= 0.0:
-        raise levels.error("must be > 0", (*path, key), value=prior.centre)
     name, symbol = _SCALES[key]
     return Scale(parameter=name + suffix), Parameter(name + suffix, unit, prior, meaning, Notation(symbol))
 

@@ -3,15 +3,19 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 import msgspec
 
 from estim.common import InputError
-from estim.problem import HalfNormal, LogNormal, Normal, Prior, TruncatedNormal, Uniform
+from estim.problem import PRIORS, Prior
 
-PriorKind = Literal["normal", "uniform", "half-normal", "log-normal", "truncated-normal"]
+if TYPE_CHECKING:
+    PriorKind = str
+else:
+    PriorKind = Literal[*PRIORS]
+
+_NO_UNIT = ("log_sd",)
 
 
 class PriorKeys(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_only=True):
@@ -36,13 +40,14 @@ class PriorTable(PriorKeys, forbid_unknown_fields=True, frozen=True, kw_only=Tru
 Value = float | str | PriorTable
 
 
-_PRIOR_KEYS: Mapping[str, tuple[str, ...]] = {
-    "normal": ("mean", "sd"),
-    "uniform": ("low", "high"),
-    "half-normal": ("scale",),
-    "log-normal": ("median", "log_sd"),
-    "truncated-normal": ("mean", "sd", "low", "high"),
-}
+def numbers_of(table: PriorKeys) -> dict[str, float]:
+    """The numbers that a prior's table gives, by key."""
+    return {key: number for key in PriorKeys.__struct_fields__ if key != "prior" and (number := getattr(table, key)) is not None}
+
+
+def times(table: PriorTable, factor: float) -> PriorTable:
+    """The same prior in a unit `factor` times as small."""
+    return msgspec.structs.replace(table, **{key: number * factor for key, number in numbers_of(table).items() if key not in _NO_UNIT})
 
 
 def read_prior(table: PriorTable, *, factor: float, field: str) -> Prior:
@@ -50,29 +55,18 @@ def read_prior(table: PriorTable, *, factor: float, field: str) -> Prior:
 
     Raises InputError naming `field` where a key is missing, does not belong to this prior, or has no sense.
     """
-    wanted = _PRIOR_KEYS[table.prior]
-    given = {key: number for key in PriorKeys.__struct_fields__ if key != "prior" and (number := getattr(table, key)) is not None}
-    optional = ("low", "high") if table.prior == "truncated-normal" else ()
-    for key in wanted:
-        if key not in given and key not in optional:
+    prior, given = PRIORS[table.prior], numbers_of(table)
+    for key in prior.keys:
+        if key not in given:
             raise InputError(f"needs '{key}' for a {table.prior} prior", field=field)
     for key, number in given.items():
-        if key not in wanted:
+        if key not in (*prior.keys, *prior.optional):
             raise InputError(f"takes no '{key}' with a {table.prior} prior", field=field)
         if not math.isfinite(number):
             raise InputError(f"needs a finite '{key}'", field=field, value=number)
-    scaled = {key: number * (1.0 if key == "log_sd" else factor) for key, number in given.items()}
+    optional = numbers_of(times(table, factor))
+    required = [optional.pop(key) for key in prior.keys]
     try:
-        match table.prior:
-            case "normal":
-                return Normal(scaled["mean"], scaled["sd"])
-            case "uniform":
-                return Uniform(scaled["low"], scaled["high"])
-            case "half-normal":
-                return HalfNormal(scaled["scale"])
-            case "log-normal":
-                return LogNormal(scaled["median"], scaled["log_sd"])
-            case "truncated-normal":
-                return TruncatedNormal(scaled["mean"], scaled["sd"], scaled.get("low", -math.inf), scaled.get("high", math.inf))
+        return prior(*required, **optional)
     except InputError as error:
         raise InputError(f"has a prior whose '{error.field}' {error.rule}", field=field, value=error.value) from None

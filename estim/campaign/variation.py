@@ -16,7 +16,7 @@ from estim.campaign.campaign_file import CampaignFile, LevelTable, NoiseTable, R
 from estim.campaign.levels import read_at
 from estim.campaign.own_curve import CurveStudy
 from estim.campaign.plan_table import PlannedRunTable
-from estim.campaign.prior_table import PriorTable, Value
+from estim.campaign.prior_table import PriorTable, Value, times
 from estim.common import Quantity, read_quantity
 from estim.deviation import FORCE_SCALE
 from estim.problem import Parameter, Prior, Problem, as_prior, shared_first
@@ -150,6 +150,5 @@ def _scaled(noise: NoiseTable, factor: float) -> NoiseTable:
 
 def _times(written: Value, factor: float) -> Value:
     if isinstance(written, PriorTable):
-        keys = {key: number * factor for key in ("mean", "sd", "low", "high", "scale", "median") if (number := getattr(written, key)) is not None}
-        return msgspec.structs.replace(written, **keys)
+        return times(written, factor)
     return _written(read_quantity(written, field="sigma").scaled(factor))

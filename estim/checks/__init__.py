@@ -1,6 +1,6 @@
 """What can be wrong with a result, one file a question; `diagnosis` gathers the findings.  Read it first."""
 from estim.checks.cells import Estimate, estimates_of, headline, interval_cell, is_measured, not_measured, p_sentence, parameter_cells
-from estim.checks.cells import lopsided, print_lines, result_table, screen_lines, stated_words, upper_limit, value_cell
+from estim.checks.cells import lopsided, print_lines, result_table, screen_lines, upper_limit, value_cell
 from estim.checks.conflict import P_CONFLICT, Conflict, check_stated_values, stated_values
 from estim.checks.consistency import P_INCONSISTENT, PRIORS, Consistency, SharedEstimate, check_consistency, comparable
 from estim.checks.cross_validation import INFLUENTIAL, LeaveOneOut, difference, leave_one_out

@@ -32,7 +32,7 @@ from estim.common import (
     with_unit,
 )
 from estim.fitting import Fit, limit_cell
-from estim.problem import LogNormal, Normal, Prior, Problem, Unstated, Usual
+from estim.problem import Prior, Problem
 from estim.sampling import Summary, summarise_parameter
 from estim.words import STATUS_WORDS
 
@@ -159,19 +159,6 @@ def upper_limit(summary: Summary, prior: Prior, draws: FloatArray) -> float | No
     return float(np.quantile(draws, 0.95))
 
 
-def stated_words(prior: Prior, unit: str, shown: Label) -> str:
-    """What was stated before: '(3.7 ± 0.4)°', 'uniform in [0, 1]', or "" for nothing."""
-    if isinstance(prior, Unstated | Usual):
-        return ""
-    if isinstance(prior, LogNormal):
-        return prior.describe(unit)
-    if isinstance(prior, Normal):
-        return with_unit(format_quantity(prior.centre * shown.factor, prior.sd * shown.factor), shown.unit)
-    if not np.isfinite(prior.sd):
-        return ""
-    return prior.describe() + (f" {unit}" if unit != "1" else "")
-
-
 def estimates_of(problem: Problem, fit: Fit, draws: FloatArray) -> tuple[Estimate, ...]:
     """Every parameter, from draws of its posterior (n_draw, n_par); symbols without levels where there is one run."""
     found = []
@@ -179,8 +166,8 @@ def estimates_of(problem: Problem, fit: Fit, draws: FloatArray) -> tuple[Estimat
         summary, shown = summarise_parameter(fit, parameter.name, own), parameter.bare_label if len(problem.runs) == 1 else parameter.label
         upper = upper_limit(summary, parameter.prior, own)
         measured = is_measured(summary, parameter.prior, upper)
-        stated = stated_words(parameter.prior, parameter.unit, shown)
-        inferred = parameter.prior.describe(parameter.unit) if isinstance(parameter.prior, Unstated | Usual) else ""
+        stated = parameter.prior.stated_words(parameter.unit, shown)
+        inferred = parameter.prior.describe(parameter.unit) if parameter.prior.assumed else ""
         found.append(Estimate(shown, summary, stated, measured, upper, inferred=inferred))
     return tuple(found)
 

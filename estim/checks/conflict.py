@@ -38,7 +38,7 @@ from estim.arrays import FloatArray
 from estim.checks.goodness import check_goodness
 from estim.common import Amount, Finding, Kind, NumericalError, Stream, stream
 from estim.fitting import Fit, Quadratic, around, chi2_p, curve_indices, fit_least_squares, refit
-from estim.problem import MEASURED, LogNormal, Normal, Prior, Problem, TruncatedNormal
+from estim.problem import Prior, Problem
 
 P_CONFLICT = 0.01
 P_FLAGRANT = 1e-6  # then there is nothing to sample
@@ -84,8 +84,7 @@ def check_stated_values(fit: Fit) -> Conflict:
     """Whether the data of `fit` agree with the priors of its parameters.  Noise parameters are held at the fit."""
     problem = fit.problem
     curve = curve_indices(fit)
-    priors = [(problem.parameters[i].prior, float(fit.values[i])) for i in curve]
-    slopes = np.array([prior.residual_slope(value) for prior, value in priors])
+    slopes = fit.posterior.prior_slopes(fit.values)[curve]
     stated = np.flatnonzero(slopes != 0.0)
     if not stated.size:
         return Conflict(0.0, 0, 1.0, {})
@@ -100,8 +99,7 @@ def check_stated_values(fit: Fit) -> Conflict:
     told = 1.0 - np.sum(vectors**2 / (1.0 + np.maximum(values, 0.0)), axis=1) > least  # 1 - u^2/s^2
     pull_rows = np.zeros((stated.size, curve.size))
     pull_rows[np.arange(stated.size), stated] = slopes[stated]
-    # a log-normal prior has its mode below its median, and it is the median that was stated
-    off = np.array([prior.residual(value) - (prior.log_sd if isinstance(prior, LogNormal) else 0.0) for prior, value in priors])[stated]
+    off = np.array([problem.parameters[i].prior.pull(fit.values[i]) for i in curve[stated]])
     together = model.least(pull_rows, off)[1]
     uncompared = vectors[:, ~kept].T
     chi2, dof = max(0.0, together - model.least(uncompared @ pull_rows, uncompared @ off)[1]), int(np.sum(kept))
@@ -179,15 +177,7 @@ def _fits(problem: Problem, start: FloatArray) -> Fit | None:
 
 
 def _loosened(prior: Prior) -> Prior:
-    if isinstance(prior, TruncatedNormal):
-        return replace(prior, scale=_LOOSER * prior.scale)
-    if isinstance(prior, LogNormal):
-        return replace(prior, log_sd=min(_LOOSER * prior.log_sd, _MOST_LOG_SD))
-    if isinstance(prior, Normal):
-        if math.isfinite(prior.low) or math.isfinite(prior.high):
-            return TruncatedNormal(prior.mean, _LOOSER * prior.sd, prior.low, prior.high)
-        return replace(prior, sd=_LOOSER * prior.sd)
-    return prior
+    return prior.widened(_LOOSER) if prior.measured else prior
 
 
 def stated_values(fit: Fit, conflict: Conflict) -> Finding:
@@ -197,7 +187,7 @@ def stated_values(fit: Fit, conflict: Conflict) -> Finding:
     if conflict.p_value >= NOTE_BELOW:
         return Finding(Kind.STATED_AGREE, p=conflict.p_value)
     parameters = {p.name: p for p in fit.problem.parameters}
-    far = [name for name, pull in conflict.pulls.items() if abs(pull) > _FAR and isinstance(parameters[name].prior, MEASURED)][:_NAMED]
+    far = [name for name, pull in conflict.pulls.items() if abs(pull) > _FAR and parameters[name].prior.measured][:_NAMED]
     stated = {name: Amount(name, parameters[name].prior.centre, parameters[name].label) for name in far}
     parts = [Finding(Kind.PULL, size=conflict.pulls[name], parameters=(amount,)) for name, amount in stated.items()]
     kind = Kind.STATED_HARDLY if conflict.agree else Kind.STATED_DISAGREE if conflict.explained else Kind.STATED_AND_CURVE

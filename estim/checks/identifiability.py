@@ -22,7 +22,7 @@ import numpy as np
 
 from estim.arrays import FloatArray
 from estim.common import Amount, Finding, InputError, Kind, phrase
-from estim.fitting import Fit, data_information, prior_sds, prior_slopes
+from estim.fitting import Fit, prior_sds
 from estim.problem import Problem
 from estim.words import tell
 
@@ -88,10 +88,10 @@ def identify(fit: Fit, *, known: Mapping[str, FloatArray] | None = None) -> Iden
     """
     problem = fit.problem
     sds = prior_sds(problem, fit.cov)
-    whitened = data_information(fit.posterior, fit.values) * np.outer(sds, sds)
+    whitened = fit.posterior.information(fit.values) * np.outer(sds, sds)
     values, vectors = np.linalg.eigh(0.5 * (whitened + whitened.T))
     values = np.maximum(values, 0.0)
-    pulls = np.square(prior_slopes(problem, fit.values) * sds)
+    pulls = np.square(fit.posterior.prior_slopes(fit.values) * sds)
     directions = tuple(
         _direction(fit, float(value), vector, float(np.sum(pulls * vector**2)), sds) for value, vector in zip(values, vectors.T, strict=True)
     )

@@ -113,13 +113,13 @@ def copies_of(fit: Fit, group: Group, shared: NDArray[np.int64]) -> tuple[Copies
     force = next((one for one in fit.forces if one.alone and one.runs == names), None)
     if force is None:
         return (_tied_copies(fit, group, shared),)
+    off, slopes = fit.posterior.prior_residuals(fit.values), fit.posterior.prior_slopes(fit.values)
     moved, found, stated = fit.values - force.about, [], copies_of_priors(fit, shared).information
     for run, (information, score) in zip(group.runs, force.alone, strict=True):
         own = np.array(_own(fit, run.parameters, shared), dtype=np.int64)
         prior, pull = np.zeros(fit.values.size), np.zeros(fit.values.size)
         for i in own:
-            slope = fit.problem.parameters[i].prior.residual_slope(float(fit.values[i]))
-            prior[i], pull[i] = slope**2, -slope * fit.problem.parameters[i].prior.residual(float(fit.values[i]))
+            prior[i], pull[i] = slopes[i]**2, -slopes[i] * off[i]
         alone = _fitted(information + np.diag(prior), score - information @ moved + pull, shared, own)
         found.append(Copies((run.name,), *_beyond(alone, stated)))
     return tuple(found)
@@ -158,9 +158,8 @@ def _tied_copies(fit: Fit, group: Group, shared: NDArray[np.int64]) -> Copies:
         named |= {copy: named[name] for name, copy in renamed.items()}
     own = _own(fit, frozenset[str]().union(*(run.parameters for run in group.runs)), shared)
     jacobian, residuals = Group(tuple(runs), group.shared).likelihood(named).scoring(named, [*copied, *(problem.names[i] for i in own)])
-    priors = [(problem.parameters[i].prior, float(fit.values[i])) for i in own]
-    slopes = np.hstack([np.zeros((len(own), len(copied))), np.diag([prior.residual_slope(value) for prior, value in priors])])
-    rows, z = np.vstack([jacobian, slopes]), np.append(residuals, [prior.residual(value) for prior, value in priors])
+    slopes = np.hstack([np.zeros((len(own), len(copied))), np.diag(fit.posterior.prior_slopes(fit.values)[own])])
+    rows, z = np.vstack([jacobian, slopes]), np.append(residuals, fit.posterior.prior_residuals(fit.values)[own])
     data, mine = rows[:, : len(copied)], rows[:, len(copied) :]
     if own:  # what is left orthogonal to the own parameters
         basis, singular, _ = np.linalg.svd(mine / _norms(mine), full_matrices=False)
@@ -176,9 +175,7 @@ def _norms(matrix: FloatArray) -> FloatArray:
 
 def copies_of_priors(fit: Fit, shared: NDArray[np.int64]) -> Copies:
     """The priors of the shared parameters as residuals; a uniform one says nothing."""
-    priors = [fit.problem.parameters[i].prior for i in shared]
-    pull = np.array([prior.residual(float(v)) for prior, v in zip(priors, fit.values[shared], strict=True)])
-    slope = np.array([prior.residual_slope(float(v)) for prior, v in zip(priors, fit.values[shared], strict=True)])
+    pull, slope = fit.posterior.prior_residuals(fit.values)[shared], fit.posterior.prior_slopes(fit.values)[shared]
     return Copies((PRIORS,), np.diag(slope**2), -pull * slope)
 
 

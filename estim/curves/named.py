@@ -102,7 +102,7 @@ def with_starts(
         found = find_starts(asked, x, y / width, gain / width, known=held, limits=limits)
     else:
         found = guess_starts(asked.formula, x, y / width, gain / width, known=held, limits=limits)
-    return tuple(replace(p, prior=Flat(p.prior.low, p.prior.high, found[p.name], stated=False)) if p.name in sought else p for p in parameters)
+    return tuple(replace(p, prior=Flat(p.prior.low, p.prior.high, found[p.name])) if p.name in sought else p for p in parameters)
 
 
 def _finite(end: float) -> float | None:

@@ -44,7 +44,6 @@ from estim.problem import (
     as_prior,
     check_covariance,
     hide_the_range,
-    informative,
     plain_words,
 )
 
@@ -191,7 +190,7 @@ def pose_curve(
     everything = (*parameters, *shared)
     if not stated and SIGMA in (p.name for p in everything):
         raise InputError("is the name of the unknown standard deviation of y: choose another", field="start", value=SIGMA)
-    pulls = sum(informative(p.prior) for p in everything)
+    pulls = sum(p.prior.informative for p in everything)
     if n_obs + pulls < len(everything) + (0 if stated else 1):
         rule = f"must have more points than parameters ({len(everything)})" + ("" if stated else ", one at least, where u_y is not given")
         raise InputError(rule if not stated else f"must have at least as many points as parameters ({len(everything)})", field="x", value=n_obs)

@@ -251,7 +251,7 @@ def _bounded(prior: Prior, value: float) -> tuple[float, float]:
     """Slope and residual of a prior at a value; of one without a pull, those of a normal prior of its centre and sd: a linear step stays inside."""
     slope = prior.residual_slope(value)
     if slope != 0.0 or not np.isfinite(prior.sd):
-        return slope, prior.residual(value)
+        return float(slope), float(prior.residual(value))
     return 1.0 / prior.sd, (value - prior.centre) / prior.sd
 
 

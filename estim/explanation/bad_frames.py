@@ -61,8 +61,7 @@ def frame_causes(base: Fit) -> tuple[Cause, ...]:
     None of a run whose errors are not normal.
     """
     problem, named, found = base.problem, base.problem.named(base.values), []
-    slopes = np.array([p.prior.residual_slope(float(v)) for p, v in zip(problem.parameters, base.values, strict=True)])
-    whole = np.diag(slopes**2)
+    whole = np.diag(np.square(base.posterior.prior_slopes(base.values)))
     parts = []
     for run, likelihood in zip(problem.runs, base.posterior.likelihoods, strict=True):
         if likelihood.normal is None:

@@ -5,7 +5,7 @@ from estim.fitting.curve_intervals import FEW, Ends, coverage_of_sd, open_sides,
 from estim.fitting.derived import LinearDerived, linear_derived
 from estim.fitting.edges import PRESSED_BELOW, Limit, around, curve_indices, edge_amount, edge_of, limit_cell, limit_found, limit_of, pressed
 from estim.fitting.edges import Quadratic as Quadratic
-from estim.fitting.fisher_information import data_information, information, prior_sds, prior_slopes
+from estim.fitting.fisher_information import information, prior_sds
 from estim.fitting.lacking import fit_lacking, sds_beside_limits
 from estim.fitting.least_squares import Fit, chi2_p, fit_least_squares, led_here, refit, settled
 from estim.fitting.optimum import N_START, Optimum, find_optimum, fit_beside, fit_optimum, is_resolved, scanned_fit, with_others

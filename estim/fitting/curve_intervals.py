@@ -61,7 +61,7 @@ def spread(fixed: Fit, best: Optimum, *, dof: float, scale: float, unknown: bool
         return Spread(np.full_like(cov, np.nan), np.full(len(names), np.nan), missing, (Finding(Kind.NO_SCATTER),), ())
     free = np.sqrt(np.diag(fixed.cov))  # of a parameter on its edge too
     sds = np.where(best.at_bound, np.nan, np.sqrt(np.diag(cov)))
-    informed = np.square([p.prior.residual_slope(float(v)) for p, v in zip(fixed.problem.parameters, best.values, strict=True)])
+    informed = np.square(fixed.posterior.prior_slopes(best.values))
     dofs = _degrees_of_freedom(cov, informed, dof) if math.isfinite(dof) else np.full(len(names), np.inf)
     counted = any(run.noise.counted is not None for run in fixed.problem.runs)
     beside = _within_reach(fixed, np.where(best.at_bound, free, np.sqrt(np.diag(cov))), dofs)

@@ -136,8 +136,8 @@ def pressed(fit: Fit, *, estimated: bool = False) -> Mapping[str, float]:
     if not on_edge or fit.singular:
         return {}
     model = around(fit)
-    pull_rows = np.diag([problem.parameters[i].prior.residual_slope(float(fit.values[i])) for i in curve])
-    off = np.array([problem.parameters[i].prior.residual(float(fit.values[i])) for i in curve])
+    pull_rows = np.diag(fit.posterior.prior_slopes(fit.values)[curve])
+    off = fit.posterior.prior_residuals(fit.values)[curve]
     here = model.least(pull_rows, off)[1]
     inferred = estimated or bool(problem.noise_names)
     dof = max(1, problem.n_obs - curve.size)

@@ -19,7 +19,7 @@ def finished(posterior: Posterior, values: FloatArray, free: list[int], *, toler
     low, high = np.array([priors[i].prior.low for i in free]), np.array([priors[i].prior.high for i in free])
     height = float(np.sum(posterior.residuals(values) ** 2))
     for _ in range(_N_FINISH):
-        slopes = np.diag([p.prior.residual_slope(float(v)) for p, v in zip(priors, values, strict=True)])
+        slopes = np.diag(posterior.prior_slopes(values))
         pairs = [*posterior.scoring(values), (slopes, posterior.prior_residuals(values))]
         rows, aim = np.vstack([pair[0] for pair in pairs])[:, free], np.concatenate([pair[1] for pair in pairs])
         if not (np.all(np.isfinite(rows)) and np.all(np.isfinite(aim))):

@@ -26,7 +26,7 @@ from estim.fitting.noise_fit import fit_noise
 from estim.fitting.readings import measure_of
 from estim.fitting.rounds import Held, settle_by_runs
 from estim.fitting.starts import led_together, stands_for
-from estim.problem import Posterior, Problem, Symmetry, informative
+from estim.problem import Posterior, Problem, Symmetry
 
 _MAX_ROUNDS = 60
 _FEW_ROUNDS = 6
@@ -341,7 +341,7 @@ def _describe(
         if distance < 1e-2 * curvature[i]:
             at_bound.append(parameter.name)
     curve = [i for i, p in enumerate(problem.parameters) if p.name not in problem.noise_names]
-    pulls = [i for i in curve if informative(problem.parameters[i].prior)]
+    pulls = [i for i in curve if problem.parameters[i].prior.informative]
     chi2 = float(np.sum(posterior.size_residuals(values) ** 2) + np.sum(posterior.prior_residuals(values)[pulls] ** 2))
     dof = problem.n_obs + len(pulls) - len(curve)
     unlike = any(run.noise.robust or run.noise.counted is not None for run in problem.runs)

@@ -26,11 +26,9 @@ def fit_noise(posterior: Posterior, values: FloatArray) -> FloatArray:
 
     def objective(scaled: FloatArray) -> tuple[float, FloatArray]:
         full = filled(scaled)
-        pull = [prior.residual(v) * prior.residual_slope(v) for prior, v in zip(priors, full[free], strict=True)]
-        minus = -float(posterior.log_likelihood(full[None, :])[0]) + 0.5 * sum(
-            prior.residual(v) ** 2 for prior, v in zip(priors, full[free], strict=True)
-        )
-        return minus, (np.array(pull) - posterior.log_density_noise_gradient(full)[free]) * scale
+        off = posterior.prior_residuals(full)[free]
+        minus = 0.5 * float(off @ off) - float(posterior.log_likelihood(full[None, :])[0])
+        return minus, (off * posterior.prior_slopes(full)[free] - posterior.log_density_noise_gradient(full)[free]) * scale
 
     bounds = [(max(prior.low, 1e-6 * prior.sd) / s, prior.high / s) for prior, s in zip(priors, scale, strict=True)]
     start = np.clip(values[free] / scale, [low for low, _ in bounds], [high for _, high in bounds])

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from estim.arrays import FloatArray
-from estim.fitting.fisher_information import data_information, information, prior_sds
+from estim.fitting.fisher_information import information, prior_sds
 from estim.fitting.least_squares import Fit
 from estim.problem import Likelihood, Posterior
 
@@ -136,7 +136,7 @@ def search_of(fit: Fit) -> ProfileSearch:
     """The search around a fit, with the scales of the Gaussian there."""
     sds = prior_sds(fit.problem, fit.cov)
     with np.errstate(all="ignore"):
-        whitened = data_information(fit.posterior, fit.values) * np.outer(sds, sds)
+        whitened = fit.posterior.information(fit.values) * np.outer(sds, sds)
     if not np.all(np.isfinite(whitened)):
         whitened = np.zeros_like(whitened)
     cov = np.linalg.inv(0.5 * (whitened + whitened.T) + np.eye(sds.size)) * np.outer(sds, sds)

@@ -16,7 +16,6 @@ from numpy.typing import NDArray
 
 from estim.arrays import FloatArray
 from estim.fitting.separable import SeparableSearch
-from estim.problem import informative, residuals_and_slopes
 
 _N_COARSE = 48  # places at which the speed of change is taken
 _SPACING = 0.35  # of a change of shape by its own size
@@ -34,13 +33,13 @@ _BATCH = 400_000  # residuals in one call
 def residuals_at(search: SeparableSearch, points: FloatArray) -> FloatArray:
     """(n_point, n_obs + n_prior) residuals at points (n_point, n_par), priors that pull included."""
     posterior, problem = search.posterior, search.posterior.problem
-    pulling = [i for i in search.free if informative(problem.parameters[i].prior)]
+    pulling = [i for i in search.free if problem.parameters[i].prior.informative]
     rows = max(1, _BATCH // max(1, problem.n_obs))
     parts = []
     with np.errstate(all="ignore"):
         for first in range(0, max(1, points.shape[0]), rows):
             some = points[first : first + rows]
-            pulls = [residuals_and_slopes(problem.parameters[i].prior, some[:, i])[0][:, None] for i in pulling]
+            pulls = [problem.parameters[i].prior.residual(some[:, i])[:, None] for i in pulling]
             parts.append(np.hstack([posterior.residuals_at(some), *pulls]))
     return np.vstack(parts)
 

@@ -66,8 +66,7 @@ class SeparableSearch:
     def scoring(self, values: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Jacobian and residuals (data, then priors) for a step of least squares."""
         pairs = self.posterior.scoring(values)
-        priors = self.posterior.problem.parameters
-        slopes = np.diag([p.prior.residual_slope(float(v)) for p, v in zip(priors, values, strict=True)])
+        slopes = np.diag(self.posterior.prior_slopes(values))
         jacobian = np.vstack([*(pair[0] for pair in pairs), slopes])
         return jacobian, np.concatenate([*(pair[1] for pair in pairs), self.posterior.prior_residuals(values)])
 

@@ -13,7 +13,7 @@ from itertools import combinations, product
 import numpy as np
 
 from estim.arrays import FloatArray
-from estim.problem import Flat, Problem, Symmetry, Uniform
+from estim.problem import Flat, Problem, Symmetry
 
 TURNS = (0.5, 1.0, math.pi, 2.0 * math.pi, 180.0, 360.0)
 _MOST_MAPS, _MOST_CALLS = 4000, 300  # looked at; where a curve takes one set of parameters at a time
@@ -173,7 +173,7 @@ class _Found:
             return isinstance(self.problem.parameters[i].prior, Flat)
         ((j, sign),) = taken.items()
         mine, other = self.problem.parameters[i].prior, self.problem.parameters[j].prior
-        if isinstance(mine, Uniform) and isinstance(other, Uniform):
+        if not mine.informative and not other.informative:
             return (sign > 0.0 and shift == 0.0) or (isinstance(mine, Flat) and isinstance(other, Flat))
         centre, sd = other.centre, other.sd
         at = centre + sd * np.array([-0.8, -0.1, 0.3, 1.2])

@@ -40,7 +40,7 @@ from estim.planning.wishes import (
     measured_otherwise,
     which_place,
 )
-from estim.problem import MEASURED, Flat, Parameter, Problem, Uniform, n_uses
+from estim.problem import Parameter, Problem, n_uses
 
 FAR = 0.15  # how far linear theory may be from the drawn posterior before it is not to be trusted
 _ESS = 1000.0
@@ -132,8 +132,8 @@ def targets_of(campaign: Campaign, problem: Problem, wanted: Sequence[str]) -> t
         found += [p for p in named if p not in found]
     if found:
         return tuple(found)
-    unknown = [p for p in of_curve if isinstance(p.prior, Uniform | Flat)]
-    return tuple(unknown or [p for p in of_curve if not isinstance(p.prior, MEASURED)] or of_curve or problem.parameters)
+    unknown = [p for p in of_curve if not p.prior.informative]
+    return tuple(unknown or [p for p in of_curve if not p.prior.measured] or of_curve or problem.parameters)
 
 
 def _suggested(campaign: Campaign, basis: RollingBasis | CurveBasis, here: Outlook, targets: Sequence[Parameter]) -> tuple[Wish, ...]:
@@ -165,7 +165,7 @@ def _asked_changes(campaign: Campaign, problem: Problem) -> list[Wish]:
             if not hit:
                 raise campaign.source.places.error("is no unknown of these runs: it is exact here, or its key is not known", path)
             for p in hit:
-                if isinstance(p.prior, MEASURED) and size * factor >= p.prior.sd:
+                if p.prior.measured and size * factor >= p.prior.sd:
                     raise campaign.source.places.error(f"is no better than what is stated of {p.name}", path, value=size)
             new = {p.name: size * factor for p in hit}
             u |= new

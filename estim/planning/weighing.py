@@ -12,7 +12,7 @@ from estim.arrays import FloatArray
 from estim.common import InputError, phrase
 from estim.planning.rolling import Outlook
 from estim.planning.wishes import Wish
-from estim.problem import MEASURED, Parameter
+from estim.problem import Parameter
 
 
 class Basis(Protocol):
@@ -62,7 +62,7 @@ def sds_with(there: Outlook, u: Mapping[str, float], targets: Sequence[Parameter
     for name, sd in u.items():
         i = there.problem.names.index(name)
         prior = there.problem.parameters[i].prior
-        stated = prior.residual_slope(float(there.values[i])) if isinstance(prior, MEASURED) else 0.0
+        stated = prior.residual_slope(float(there.values[i])) if prior.measured else 0.0
         information[i, i] += 1.0 / sd**2 - stated**2
     return sds_of(information, [there.problem.names.index(p.name) for p in targets])
 

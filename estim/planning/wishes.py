@@ -9,7 +9,7 @@ from typing import Literal
 
 from estim.campaign import NewRun
 from estim.common import phrase, split_level
-from estim.problem import MEASURED, Parameter, Problem, n_uses
+from estim.problem import Parameter, Problem, n_uses
 
 Group = Literal["a quantity measured better", "the same runs, measured otherwise", "more data"]
 BETTER: Group = "a quantity measured better"
@@ -58,7 +58,7 @@ def by_quantity(parameters: Iterable[Parameter]) -> dict[str, tuple[Parameter, .
 
 def measured_better(problem: Problem, *, factor: float = 0.5) -> tuple[Wish, ...]:
     """For each quantity of the curves that was measured: `factor` times its stated uncertainty, wherever it stands."""
-    stated = [p for p in problem.parameters if isinstance(p.prior, MEASURED) and p.name not in problem.noise_names and n_uses(p.name, problem.runs)]
+    stated = [p for p in problem.parameters if p.prior.measured and p.name not in problem.noise_names and n_uses(p.name, problem.runs)]
     return tuple(
         Wish(better_words(every, {p.name: factor * p.prior.sd for p in every}), BETTER, u={p.name: factor * p.prior.sd for p in every})
         for every in by_quantity(stated).values()
@@ -70,7 +70,7 @@ def better_words(parameters: Sequence[Parameter], u: Mapping[str, float]) -> str
     first = parameters[0]
     label = first.bare_label if len(parameters) > 1 else first.label
     new = sorted({f"{u[p.name] * label.factor:.2g}" for p in parameters})
-    old = sorted({f"{p.prior.sd * label.factor:.2g}" for p in parameters if isinstance(p.prior, MEASURED)})
+    old = sorted({f"{p.prior.sd * label.factor:.2g}" for p in parameters if p.prior.measured})
     unit = "" if label.unit == "1" else label.unit if label.unit == "°" else f" {label.unit}"
     n = len(parameters)
     several = "" if n == 1 else phrase(", both") if n == 2 else phrase(", all {n}", n=n)

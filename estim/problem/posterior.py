@@ -22,7 +22,7 @@ from estim.problem.group import StackedPoints as StackedPoints
 from estim.problem.likelihood import Ends, Likelihood
 from estim.problem.measure import Measure as Measure
 from estim.problem.observations import Observations, Parameter, uses_of
-from estim.problem.priors import MEASURED, Prior, Uniform
+from estim.problem.priors import Prior
 
 _MANY_OBS = 3000
 _BLOCK = 4_000_000  # values of the curve computed at once where there are more points than that
@@ -99,7 +99,7 @@ class Problem:
         """Parameters of the curves of single runs whose stated values are readings: they differ from run to run."""
         uses, centres = uses_of(self.runs), dict[str, dict[str, float]]()
         for parameter in self.parameters:
-            if uses[parameter.name] == 1 and isinstance(parameter.prior, MEASURED):
+            if uses[parameter.name] == 1 and parameter.prior.measured:
                 centres.setdefault(parameter.name.split("[")[0], {})[parameter.name] = parameter.prior.centre
         return frozenset(name for one in centres.values() if len(set(one.values())) > 1 for name in one)
 
@@ -319,8 +319,3 @@ def _straddle(prior: Prior, value: float) -> tuple[float, float]:
     """Two points beside `value` for a difference, inside the support of `prior`."""
     step = 1e-5 * max(abs(value), 1e-4 * min(prior.sd, 1.0 + abs(value)))
     return max(value - step, prior.low), min(value + step, prior.high)
-
-
-def informative(prior: Prior) -> bool:
-    """Whether a prior pulls on the fit (a uniform one only bounds it)."""
-    return not isinstance(prior, Uniform)

@@ -6,67 +6,123 @@ Which to choose:
 - `Uniform`: nothing known but a range; the edges are hard, and a posterior that leans on one says so.
 - `HalfNormal`: small and not negative (rolling resistance, extra scatter); `scale` is where you would be surprised.
 - `LogNormal`: positive, known to a factor.
+- `Beta`: between two limits, with one peak and nothing left at either of them (a share, a coefficient of restitution).
+- `Flat`: nothing known, limits or none.
 
-A prior enters least squares as one residual whose half square is minus its log density up to a constant, exactly.
+A prior enters least squares as one residual whose half square is minus its log density up to a constant, exactly; where that is no square, as the
+signed root of what the density has lost since its mode.
+
+Everything that is asked of a prior is a member of `Prior`.  A new one is a class here with its entry in `PRIORS`, and a case of
+`tests/test_priors.py`; nothing else asks which prior it has.
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
-from functools import lru_cache
-from typing import Any, ClassVar, Protocol, runtime_checkable
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from estim.arrays import FloatArray
-from estim.common import InputError, Quantity, phrase, with_unit
-from estim.distributions import normal_below, normal_tail
+from estim.common import InputError, Label, Quantity, format_quantity, phrase, with_unit
+from estim.distributions import normal_below, normal_quantile, normal_tail
 
 _LOG_ROOT_2PI = 0.5 * math.log(2.0 * math.pi)
 _FAR = 8.0  # standard deviations beyond which a normal distribution has no probability that a number could show
+_ALMOST = 1e-15  # of the way from the mode to a limit of a beta distribution, short of the limit, where its residual stays finite
+_TINY = 1e-300  # in place of 0 under a logarithm
 _MOST_LOG_SD = 10.0  # beyond some 18 the standard deviation is no number any more
 
 
-@runtime_checkable
-class Prior(Protocol):
-    """What a prior can tell; values in the parameter's unit, any shape in, the same shape out."""
+class Prior(ABC):
+    """What a prior can tell; values in the parameter's unit, any shape in, the same shape out.
 
-    @property
-    def low(self) -> float:
-        """Lower end of the support (may be -inf)."""
+    keys : of its table in a file, in the order of its arguments.  optional : more of them, named as its arguments.
+    measured : whether it stands for a measurement; the others for a range or a size.
+    informative : whether it pulls on a fit; a uniform one only bounds it.
+    assumed : whether nobody stated it.
+    """
 
-    @property
-    def high(self) -> float:
-        """Upper end of the support (may be inf)."""
+    keys: ClassVar[tuple[str, ...]] = ()
+    optional: ClassVar[tuple[str, ...]] = ()
+    measured: ClassVar[bool] = False
+    informative: ClassVar[bool] = True
+    assumed: ClassVar[bool] = False
+
+    if TYPE_CHECKING:  # fields or properties
+
+        @property
+        def low(self) -> float:
+            """Lower end of the support (may be -inf)."""
+
+        @property
+        def high(self) -> float:
+            """Upper end of the support (may be inf)."""
+
+        @property
+        def expectation(self) -> float:
+            """Mean of the prior, its cuts included."""
+
+        @property
+        def sd(self) -> float:
+            """Standard deviation of the prior; inf where it is improper."""
 
     @property
     def centre(self) -> float:
-        """A typical value inside the support, where a fit may start."""
+        """A typical value inside the support, where a fit may start; of a measured prior the value that was stated."""
+        return self.expectation
 
-    @property
-    def expectation(self) -> float:
-        """Mean of the prior, its cuts included."""
-
-    @property
-    def sd(self) -> float:
-        """Standard deviation of the prior."""
-
+    @abstractmethod
     def log_density(self, value: ArrayLike) -> FloatArray:
         """Normalised log density, -inf outside the support."""
 
-    def residual(self, value: float) -> float:
+    @abstractmethod
+    def residual(self, value: ArrayLike) -> FloatArray:
         """r with -log density = r^2/2 + constant inside the support; 0 for a uniform prior."""
 
-    def residual_slope(self, value: float) -> float:
+    @abstractmethod
+    def residual_slope(self, value: ArrayLike) -> FloatArray:
         """dr/dvalue."""
+
+    @abstractmethod
+    def quantile(self, probability: ArrayLike) -> FloatArray:
+        """Values below which the prior has a probability."""
+
+    @abstractmethod
+    def describe(self, unit: str = "1") -> str:
+        """A few words for a table of inputs, numbers with their `unit`."""
 
     def draw(self, rng: np.random.Generator, size: int) -> FloatArray:
         """`size` independent draws."""
+        return self.quantile(rng.random(size))
 
-    def describe(self) -> str:
-        """A few words for a table of inputs."""
+    def stated_words(self, unit: str, shown: Label) -> str:
+        """What was stated before, of a parameter with this `unit` that is `shown` so: '(3.7 ± 0.4)°', 'uniform in [0, 1]', or "" for nothing."""
+        return "" if self.assumed or math.isinf(self.sd) else self.describe(unit)
+
+    def pull(self, value: ArrayLike) -> FloatArray:
+        """`residual`, counted from the stated value where that is not the mode."""
+        return self.residual(value)
+
+    def cut_below(self, limit: float) -> Prior:
+        """The prior of a quantity that cannot be below `limit`, where all that was said is a measured value."""
+        return self
+
+    def widened(self, factor: float) -> Prior:
+        """A prior `factor` times as wide about the same place; itself where a width has no such meaning (a range)."""
+        return self
+
+    def measured_again(self, truth: float, z: float) -> Prior:
+        """What another measurement of `truth`, z standard deviations off, would have given; itself where it stands for none.
+
+        Raises InputError where that is so far beyond a limit that nothing is left of the prior.
+        """
+        return self
 
 
 def _positive(value: float, name: str) -> None:
@@ -79,14 +135,53 @@ def _finite(value: float, name: str) -> None:
         raise InputError("must be finite", field=name, value=value)
 
 
+def _in_unit(words: str, unit: str) -> str:
+    return words if unit == "1" else f"{words} {unit}"
+
+
+class _CutNormal(Prior):
+    """Normal with `mean` and standard deviation `scale`, of whose probability `mass` lies between `low` and `high`."""
+
+    if TYPE_CHECKING:
+
+        @property
+        def mean(self) -> float: ...
+
+        @property
+        def scale(self) -> float: ...
+
+        @property
+        def mass(self) -> float: ...
+
+    def log_density(self, value: ArrayLike) -> FloatArray:
+        value = np.asarray(value)
+        log_p = -0.5 * ((value - self.mean) / self.scale) ** 2 - math.log(self.scale * self.mass) - _LOG_ROOT_2PI
+        return np.where((value >= self.low) & (value <= self.high), log_p, -np.inf)
+
+    def residual(self, value: ArrayLike) -> FloatArray:
+        return np.asarray((np.asarray(value) - self.mean) / self.scale)
+
+    def residual_slope(self, value: ArrayLike) -> FloatArray:
+        return np.full(np.shape(value), 1.0 / self.scale)
+
+    def quantile(self, probability: ArrayLike) -> FloatArray:
+        start, part = (self.low - self.mean) / self.scale, np.asarray(probability) * self.mass
+        z = normal_quantile(normal_below(start) + part) if start < 0.0 else -normal_quantile(normal_tail(start) - part)
+        return np.clip(self.mean + self.scale * z, self.low, self.high)
+
+
 @dataclass(frozen=True)
-class Normal:
+class Normal(_CutNormal):
     """Normal with mean and standard deviation; `low` may be a limit far (8 sd or more) below the mean, impossible beyond."""
 
     mean: float
     sd: float
     low: float = -math.inf
     high: float = math.inf
+
+    keys = ("mean", "sd")
+    measured = True
+    mass = 1.0
 
     def __post_init__(self) -> None:
         _finite(self.mean, "mean")
@@ -97,60 +192,83 @@ class Normal:
                 raise InputError(rule, field=field, value=getattr(self, field))
 
     @property
-    def centre(self) -> float:
-        return self.mean
+    def scale(self) -> float:
+        return self.sd
 
     @property
     def expectation(self) -> float:
         return self.mean
 
-    def log_density(self, value: ArrayLike) -> FloatArray:
-        value = np.asarray(value)
-        log_p = -0.5 * ((value - self.mean) / self.sd) ** 2 - math.log(self.sd) - _LOG_ROOT_2PI
-        return np.where((value >= self.low) & (value <= self.high), log_p, -np.inf)
-
-    def residual(self, value: float) -> float:
-        return (value - self.mean) / self.sd
-
-    def residual_slope(self, value: float) -> float:
-        return 1.0 / self.sd
-
     def draw(self, rng: np.random.Generator, size: int) -> FloatArray:
         return self.mean + self.sd * rng.standard_normal(size)
 
-    def describe(self) -> str:
+    def describe(self, unit: str = "1") -> str:
         return phrase("normal")
 
+    def stated_words(self, unit: str, shown: Label) -> str:
+        return with_unit(format_quantity(self.mean * shown.factor, self.sd * shown.factor), shown.unit)
 
-@lru_cache(maxsize=4096)
-def _moments(prior: TruncatedNormal) -> tuple[float, float]:
-    """Expectation and standard deviation, which SciPy takes half a millisecond for."""
-    return float(prior.frozen().mean()), float(prior.frozen().std())
+    def cut_below(self, limit: float) -> Prior:
+        return as_prior(Quantity(self.mean, self.sd), low=limit)
+
+    def widened(self, factor: float) -> Prior:
+        bounded = math.isfinite(self.low) or math.isfinite(self.high)
+        return TruncatedNormal(self.mean, factor * self.sd, self.low, self.high) if bounded else Normal(self.mean, factor * self.sd)
+
+    def measured_again(self, truth: float, z: float) -> Prior:
+        return as_prior(Quantity(truth + self.sd * z, self.sd), low=self.low)
 
 
 @dataclass(frozen=True)
-class TruncatedNormal:
+class Usual(Normal):
+    """Normal about 0 with the size that such an error usually has, where nobody stated it."""
+
+    assumed = True
+
+    def describe(self, unit: str = "1") -> str:
+        return phrase("{value} (default)", value=format_quantity(self.mean, self.sd))
+
+    def stated_words(self, unit: str, shown: Label) -> str:
+        return ""
+
+
+@dataclass(frozen=True)
+class TruncatedNormal(_CutNormal):
     """Normal with mean and standard deviation `scale` before it is cut to [low, high]."""
 
     mean: float
     scale: float
-    low: float
-    high: float
+    low: float = -math.inf
+    high: float = math.inf
+
+    keys, optional = ("mean", "sd"), ("low", "high")
+    measured = True
 
     def __post_init__(self) -> None:
         _finite(self.mean, "mean")
         _positive(self.scale, "sd")
         if not self.low < self.high:
             raise InputError("must be below 'high'", field="low", value=self.low)
-        if not self._mass() > 1e-12:
+        if not self.mass > 1e-12:
             raise InputError("must leave some of the normal distribution between 'low' and 'high'", field="mean", value=self.mean)
 
-    def _ends(self) -> tuple[float, float]:
-        return (self.low - self.mean) / self.scale, (self.high - self.mean) / self.scale
+    @cached_property
+    def _ends(self) -> FloatArray:
+        """(2,) in standard deviations from the mean."""
+        return (np.array([self.low, self.high]) - self.mean) / self.scale
 
-    def _mass(self) -> float:
-        a, b = self._ends()
+    @cached_property
+    def mass(self) -> float:
+        a, b = self._ends
         return float(normal_below(b) - normal_below(a)) if a < 0 else float(normal_tail(a) - normal_tail(b))
+
+    @cached_property
+    def _moments(self) -> tuple[float, float]:
+        """Mean m = h_a - h_b and variance 1 + (a - m) h_a - (b - m) h_b in standard deviations from `mean`; h : density at an end over the mass."""
+        heights = np.exp(-0.5 * self._ends**2 - _LOG_ROOT_2PI) / self.mass
+        mean = float(heights[0] - heights[1])
+        a, b = np.where(heights > 0.0, self._ends - mean, 0.0) * heights
+        return mean, float(1.0 + a - b)
 
     @property
     def centre(self) -> float:
@@ -159,90 +277,35 @@ class TruncatedNormal:
 
     @property
     def expectation(self) -> float:
-        return _moments(self)[0]
+        return self.mean + self.scale * self._moments[0]
 
     @property
     def sd(self) -> float:
-        return _moments(self)[1]
+        return self.scale * math.sqrt(self._moments[1])
 
-    def frozen(self) -> Any:
-        from scipy.stats import truncnorm
-
-        return truncnorm(*self._ends(), loc=self.mean, scale=self.scale)
-
-    def log_density(self, value: ArrayLike) -> FloatArray:
-        value = np.asarray(value)
-        inside = (value >= self.low) & (value <= self.high)
-        log_p = -0.5 * ((value - self.mean) / self.scale) ** 2 - math.log(self.scale * self._mass()) - _LOG_ROOT_2PI
-        return np.where(inside, log_p, -np.inf)
-
-    def residual(self, value: float) -> float:
-        return (value - self.mean) / self.scale
-
-    def residual_slope(self, value: float) -> float:
-        return 1.0 / self.scale
-
-    def draw(self, rng: np.random.Generator, size: int) -> FloatArray:
-        return np.asarray(self.frozen().rvs(size=size, random_state=rng))
-
-    def describe(self) -> str:
+    def describe(self, unit: str = "1") -> str:
         said = {"mean": self.mean, "scale": self.scale, "low": self.low, "high": self.high}
         if math.isinf(self.high):
-            return phrase("normal, {mean:.4g} ± {scale:.4g}, cut below {low:.4g}", **said)
+            return _in_unit(phrase("normal, {mean:.4g} ± {scale:.4g}, cut below {low:.4g}", **said), unit)
         if math.isinf(self.low):
-            return phrase("normal, {mean:.4g} ± {scale:.4g}, cut above {high:.4g}", **said)
-        return phrase("normal, {mean:.4g} ± {scale:.4g}, cut to [{low:.4g}, {high:.4g}]", **said)
+            return _in_unit(phrase("normal, {mean:.4g} ± {scale:.4g}, cut above {high:.4g}", **said), unit)
+        return _in_unit(phrase("normal, {mean:.4g} ± {scale:.4g}, cut to [{low:.4g}, {high:.4g}]", **said), unit)
+
+    def widened(self, factor: float) -> Prior:
+        return replace(self, scale=factor * self.scale)
+
+    def measured_again(self, truth: float, z: float) -> Prior:
+        return replace(self, mean=truth + self.scale * z)
 
 
 @dataclass(frozen=True)
-class Uniform:
-    """Constant density between low and high."""
-
-    low: float
-    high: float
-
-    def __post_init__(self) -> None:
-        if not (math.isfinite(self.low) and math.isfinite(self.high)):
-            raise InputError("must be finite for a uniform prior", field="low, high", value=(self.low, self.high))
-        if not self.low < self.high:
-            raise InputError("must be below 'high'", field="low", value=self.low)
-
-    @property
-    def centre(self) -> float:
-        return self.expectation
-
-    @property
-    def expectation(self) -> float:
-        return 0.5 * (self.low + self.high)
-
-    @property
-    def sd(self) -> float:
-        return (self.high - self.low) / math.sqrt(12.0)
-
-    def log_density(self, value: ArrayLike) -> FloatArray:
-        value = np.asarray(value)
-        return np.where((value >= self.low) & (value <= self.high), -math.log(self.high - self.low), -np.inf)
-
-    def residual(self, value: float) -> float:
-        return 0.0
-
-    def residual_slope(self, value: float) -> float:
-        return 0.0
-
-    def draw(self, rng: np.random.Generator, size: int) -> FloatArray:
-        return rng.uniform(self.low, self.high, size)
-
-    def describe(self) -> str:
-        return phrase("uniform in [{low:.4g}, {high:.4g}]", low=self.low, high=self.high)
-
-
-@dataclass(frozen=True)
-class HalfNormal:
+class HalfNormal(_CutNormal):
     """Normal of mean 0 and standard deviation `scale`, folded to values >= 0."""
 
     scale: float
-    low: ClassVar[float] = 0.0
-    high: ClassVar[float] = math.inf
+
+    keys = ("scale",)
+    mean, mass, low, high = 0.0, 0.5, 0.0, math.inf
 
     def __post_init__(self) -> None:
         _positive(self.scale, "scale")
@@ -259,32 +322,118 @@ class HalfNormal:
     def sd(self) -> float:
         return self.scale * math.sqrt(1.0 - 2.0 / math.pi)
 
-    def log_density(self, value: ArrayLike) -> FloatArray:
-        value = np.asarray(value)
-        log_p = math.log(2.0) - 0.5 * (value / self.scale) ** 2 - math.log(self.scale) - _LOG_ROOT_2PI
-        return np.where(value >= 0.0, log_p, -np.inf)
-
-    def residual(self, value: float) -> float:
-        return value / self.scale
-
-    def residual_slope(self, value: float) -> float:
-        return 1.0 / self.scale
-
     def draw(self, rng: np.random.Generator, size: int) -> FloatArray:
         return self.scale * np.abs(rng.standard_normal(size))
 
-    def describe(self) -> str:
-        return phrase("half-normal, scale {scale:.4g}", scale=self.scale)
+    def describe(self, unit: str = "1") -> str:
+        return _in_unit(phrase("half-normal, scale {scale:.4g}", scale=self.scale), unit)
+
+    def widened(self, factor: float) -> Prior:
+        return HalfNormal(factor * self.scale)
 
 
 @dataclass(frozen=True)
-class LogNormal:
+class Uniform(Prior):
+    """Constant density between low and high."""
+
+    low: float
+    high: float
+
+    keys = ("low", "high")
+    informative = False
+
+    def __post_init__(self) -> None:
+        if not (math.isfinite(self.low) and math.isfinite(self.high)):
+            raise InputError("must be finite for a uniform prior", field="low, high", value=(self.low, self.high))
+        if not self.low < self.high:
+            raise InputError("must be below 'high'", field="low", value=self.low)
+
+    @property
+    def expectation(self) -> float:
+        return 0.5 * (self.low + self.high)
+
+    @property
+    def sd(self) -> float:
+        return (self.high - self.low) / math.sqrt(12.0)
+
+    def log_density(self, value: ArrayLike) -> FloatArray:
+        value = np.asarray(value)
+        return np.where((value >= self.low) & (value <= self.high), -math.log(self.high - self.low), -np.inf)
+
+    def residual(self, value: ArrayLike) -> FloatArray:
+        return np.zeros(np.shape(value))
+
+    def residual_slope(self, value: ArrayLike) -> FloatArray:
+        return np.zeros(np.shape(value))
+
+    def quantile(self, probability: ArrayLike) -> FloatArray:
+        return self.low + (self.high - self.low) * np.asarray(probability)
+
+    def describe(self, unit: str = "1") -> str:
+        return _in_unit(phrase("uniform in [{low:.4g}, {high:.4g}]", low=self.low, high=self.high), unit)
+
+
+@dataclass(frozen=True)
+class Flat(Uniform):
+    """Constant density between low and high, which may be infinite; a fit begins at `start`.
+
+    Where a limit is infinite the prior is improper: data make the posterior proper, but nothing can be drawn from the prior
+    and the evidence (and so a Bayes factor) is not defined.  Its log density is 0.
+    """
+
+    start: float = 0.0
+
+    def __post_init__(self) -> None:
+        for field, limit in (("low", self.low), ("high", self.high)):
+            if math.isnan(limit):
+                raise InputError("must be a number", field=field, value=limit)
+        if not self.low < self.high:
+            raise InputError("must be below 'high'", field="low", value=self.low)
+        if not math.isfinite(self.start):
+            raise InputError("must be finite", field="start", value=self.start)
+        if not (self.low <= self.start <= self.high):
+            raise InputError(f"must lie within [{self.low:.6g}, {self.high:.6g}]", field="start", value=self.start)
+
+    @property
+    def proper(self) -> bool:
+        """Whether it is a probability density: both limits are finite."""
+        return math.isfinite(self.high - self.low)
+
+    @property
+    def centre(self) -> float:
+        return self.start
+
+    @property
+    def expectation(self) -> float:
+        return super().expectation if self.proper else math.nan
+
+    def log_density(self, value: ArrayLike) -> FloatArray:
+        value = np.asarray(value)
+        return super().log_density(value) if self.proper else np.where((value >= self.low) & (value <= self.high), 0.0, -np.inf)
+
+    def quantile(self, probability: ArrayLike) -> FloatArray:
+        if not self.proper:
+            raise InputError("has a flat prior without limits: nothing can be drawn from it", field="prior")
+        return super().quantile(probability)
+
+    def describe(self, unit: str = "1") -> str:
+        if self.proper:
+            return super().describe(unit)
+        if math.isfinite(self.low):
+            return _in_unit(phrase("flat above {low:.4g}", low=self.low), unit)
+        return _in_unit(phrase("flat below {high:.4g}", high=self.high), unit) if math.isfinite(self.high) else phrase("flat, no limits")
+
+
+@dataclass(frozen=True)
+class LogNormal(Prior):
     """ln(value/median) normal with standard deviation `log_sd` (0.1 is about 10 %)."""
 
     median: float
     log_sd: float
-    low: ClassVar[float] = 0.0
-    high: ClassVar[float] = math.inf
+
+    keys = ("median", "log_sd")
+    measured = True
+    low, high = 0.0, math.inf
 
     def __post_init__(self) -> None:
         _positive(self.median, "median")
@@ -307,39 +456,126 @@ class LogNormal:
 
     def log_density(self, value: ArrayLike) -> FloatArray:
         value = np.asarray(value, dtype=float)
-        logarithm = np.log(np.where(value > 0.0, value, 1.0))
-        log_p = -0.5 * ((logarithm - math.log(self.median)) / self.log_sd) ** 2 - logarithm - math.log(self.log_sd) - _LOG_ROOT_2PI
+        log_p = -0.5 * self.pull(value) ** 2 - np.log(np.maximum(value, _TINY)) - math.log(self.log_sd) - _LOG_ROOT_2PI
         return np.where(value > 0.0, log_p, -np.inf)
 
-    def residual(self, value: float) -> float:
-        # the factor 1/value of the density completes the square: the mode is at exp(mu - log_sd^2)
-        return (math.log(max(value, 1e-300)) - math.log(self.median) + self.log_sd**2) / self.log_sd
+    def pull(self, value: ArrayLike) -> FloatArray:
+        return np.asarray((np.log(np.maximum(value, _TINY)) - math.log(self.median)) / self.log_sd)
 
-    def residual_slope(self, value: float) -> float:
-        return 1.0 / (max(value, 1e-300) * self.log_sd)
+    def residual(self, value: ArrayLike) -> FloatArray:
+        # the factor 1/value of the density completes the square: the mode is at exp(mu - log_sd^2)
+        return self.pull(value) + self.log_sd
+
+    def residual_slope(self, value: ArrayLike) -> FloatArray:
+        return np.asarray(1.0 / (np.maximum(value, _TINY) * self.log_sd))
+
+    def quantile(self, probability: ArrayLike) -> FloatArray:
+        return np.asarray(self.median * np.exp(self.log_sd * normal_quantile(probability)))
 
     def draw(self, rng: np.random.Generator, size: int) -> FloatArray:
         return self.median * np.exp(self.log_sd * rng.standard_normal(size))
 
     def describe(self, unit: str = "1") -> str:
-        """In words; the median with its `unit`."""
         return phrase("log-normal, median {median}, log sd {log_sd:.3g}", median=with_unit(f"{self.median:.4g}", unit), log_sd=self.log_sd)
 
+    def widened(self, factor: float) -> Prior:
+        return replace(self, log_sd=min(factor * self.log_sd, _MOST_LOG_SD))
 
-MEASURED = Normal | TruncatedNormal | LogNormal
-"""Priors that stand for a measurement; the others for a range or a size."""
+    def measured_again(self, truth: float, z: float) -> Prior:
+        return replace(self, median=truth * math.exp(self.log_sd * z))
+
+
+@dataclass(frozen=True)
+class Unstated(LogNormal):
+    """Log-normal about what the points themselves show, so wide that it hardly matters."""
+
+    assumed = True
+
+    def describe(self, unit: str = "1") -> str:
+        median = with_unit(f"{self.median:.2g}", unit)
+        return phrase("inferred; weak prior, within a factor {factor:.0f} of {median}", factor=math.exp(self.log_sd), median=median)
+
+
+@dataclass(frozen=True)
+class Beta(Prior):
+    """Beta distribution between low and high with mean and standard deviation.
+
+    In u = (value - low)/(high - low) the density is proportional to u^a (1 - u)^b, a and b > 0, largest at u = m = a/(a + b).  With
+    h(z) = z - log(1 + z) its logarithm has lost a h((u - m)/m) + b h((m - u)/(1 - m)) at u, in which no digits cancel near the mode.
+    """
+
+    mean: float
+    sd: float
+    low: float = 0.0
+    high: float = 1.0
+
+    keys, optional = ("mean", "sd"), ("low", "high")
+
+    def __post_init__(self) -> None:
+        _finite(self.mean, "mean")
+        _positive(self.sd, "sd")
+        if not (math.isfinite(self.high - self.low) and self.low < self.high):
+            raise InputError("must be below 'high', and both finite", field="low", value=self.low)
+        if not self.low < self.mean < self.high:
+            raise InputError("must lie between 'low' and 'high'", field="mean", value=self.mean)
+        if not min(self._powers) > 0.0:
+            raise InputError("must be so small that the density has its peak between 'low' and 'high'", field="sd", value=self.sd)
+
+    @cached_property
+    def _powers(self) -> tuple[float, float]:
+        """a and b."""
+        width = self.high - self.low
+        share, sd = (self.mean - self.low) / width, self.sd / width
+        total = share * (1.0 - share) / sd**2 - 1.0
+        return share * total - 1.0, (1.0 - share) * total - 1.0
+
+    @property
+    def expectation(self) -> float:
+        return self.mean
+
+    def _from_mode(self, value: ArrayLike) -> tuple[FloatArray, FloatArray]:
+        """(u - m)/m and (m - u)/(1 - m), kept above -1."""
+        a, b = self._powers
+        off = (np.asarray(value) - self.low) / (self.high - self.low) - a / (a + b)
+        return np.maximum(off * (a + b) / a, -1.0 + _ALMOST), np.maximum(-off * (a + b) / b, -1.0 + _ALMOST)
+
+    def log_density(self, value: ArrayLike) -> FloatArray:
+        a, b = self._powers
+        norm = math.lgamma(a + b + 2.0) - math.lgamma(a + 1.0) - math.lgamma(b + 1.0) - math.log(self.high - self.low)
+        top = norm + a * math.log(a / (a + b)) + b * math.log(b / (a + b))
+        value = np.asarray(value)
+        return np.where((value > self.low) & (value < self.high), top - 0.5 * self.residual(value) ** 2, -np.inf)
+
+    def residual(self, value: ArrayLike) -> FloatArray:
+        (a, b), (up, down) = self._powers, self._from_mode(value)
+        return np.asarray(np.sign(up) * np.sqrt(2.0 * (a * (up - np.log1p(up)) + b * (down - np.log1p(down)))))
+
+    def residual_slope(self, value: ArrayLike) -> FloatArray:
+        (a, b), (up, down) = self._powers, self._from_mode(value)
+        at_mode = math.sqrt((a + b) ** 3 / (a * b))
+        residual, slope = self.residual(value), (a + b) * (up / (1.0 + up) - down / (1.0 + down))
+        near = np.abs(residual) < 1e-7
+        return np.where(near, at_mode, slope / np.where(near, 1.0, residual)) / (self.high - self.low)
+
+    def quantile(self, probability: ArrayLike) -> FloatArray:
+        from scipy.special import betaincinv
+
+        a, b = self._powers
+        return np.asarray(self.low + (self.high - self.low) * betaincinv(a + 1.0, b + 1.0, probability))
+
+    def describe(self, unit: str = "1") -> str:
+        words = phrase("beta, {mean:.4g} ± {sd:.4g} in [{low:.4g}, {high:.4g}]", mean=self.mean, sd=self.sd, low=self.low, high=self.high)
+        return _in_unit(words, unit)
+
+
+PRIORS: Mapping[str, type[Prior]] = {
+    "normal": Normal, "uniform": Uniform, "half-normal": HalfNormal, "log-normal": LogNormal, "truncated-normal": TruncatedNormal,
+    "beta": Beta,
+}
+"""The priors that a file may state, by the name of their kind."""
 
 
 def as_prior(quantity: Quantity, *, low: float) -> Prior:
     """The prior that a measured value stands for: normal, impossible below the physical limit `low`."""
     near = quantity.value - low < _FAR * quantity.u
     return TruncatedNormal(quantity.value, quantity.u, low, float("inf")) if near else Normal(quantity.value, quantity.u, low)
-
-
-def residuals_and_slopes(prior: Prior, values: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """`residual` and `residual_slope` of a prior at values (n,): linear in the value for every prior but the log-normal one."""
-    if isinstance(prior, LogNormal):
-        return np.array([prior.residual(v) for v in values]), np.array([prior.residual_slope(v) for v in values])
-    centre = prior.centre
-    slope = prior.residual_slope(centre)
-    return prior.residual(centre) + slope * (values - centre), np.full(values.shape, slope)

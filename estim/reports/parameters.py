@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 import msgspec
 
-from estim.checks import is_measured, stated_words, upper_limit
+from estim.checks import is_measured, upper_limit
 from estim.pipeline import Analysis
 from estim.sampling import Summary, number
 
@@ -34,6 +34,6 @@ def parameter_summary(truth: Mapping[str, float], analysis: Analysis, i: int) ->
         **msgspec.structs.asdict(summary), prior=parameter.prior.describe(),
         prior_mean=number(parameter.prior.expectation),
         prior_sd=number(parameter.prior.sd), ess_bulk=number(diagnosis.ess_bulk[i]), ess_tail=number(diagnosis.ess_tail[i]),
-        rhat=number(diagnosis.rhat[i]), mcse=number(diagnosis.mcse[i]), stated=stated_words(parameter.prior, parameter.unit, parameter.label),
+        rhat=number(diagnosis.rhat[i]), mcse=number(diagnosis.mcse[i]), stated=parameter.prior.stated_words(parameter.unit, parameter.label),
         measured=is_measured(summary, parameter.prior, upper) if diagnosis.ok else None, upper_95=upper, true=truth.get(parameter.name),
     )

@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from estim.arrays import FloatArray
 from estim.common import InputError
 from estim.fitting import Fit
-from estim.problem import NormalErrors, Observations, Posterior, Prior, residuals_and_slopes
+from estim.problem import NormalErrors, Observations, Posterior, Prior
 from estim.sampling.importance import log_sum_exp
 
 IndexArray = NDArray[np.int64]
@@ -248,7 +248,7 @@ def _gauss_newton(term: RunTerm, shared: FloatArray, own: FloatArray, *, longest
         gradient = np.einsum("nok,no->nk", jacobian, residuals) + 0.5 * np.einsum("nok,no->nk", spread, residuals**2 - 1.0)
         information = np.einsum("nok,nol->nkl", jacobian, jacobian) + 0.5 * np.einsum("nok,nol->nkl", spread, spread)
         for i, prior in enumerate(term.own_priors):
-            pull, slope = residuals_and_slopes(prior, own[block, i])
+            pull, slope = prior.residual(own[block, i]), prior.residual_slope(own[block, i])
             gradient[:, i] -= pull * slope
             information[:, i, i] += slope**2
         step = np.linalg.solve(information, gradient[..., None])[..., 0]

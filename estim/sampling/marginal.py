@@ -26,7 +26,6 @@ from numpy.typing import NDArray
 from estim.arrays import FloatArray
 from estim.common import Finding, InputError, Kind, NumericalError, phrase
 from estim.fitting import Fit
-from estim.problem import Normal
 from estim.sampling.conditional import Expansion, expand, run_terms
 from estim.sampling.factors import lower_factor
 from estim.sampling.importance import K_HAT_LIMIT, difference, flattened, kish_size, pareto_smoothed, spread, systematic, u_log_mean
@@ -180,7 +179,7 @@ def sampled_columns(fit: Fit) -> IndexArray:
     edges, own = [], set(range(problem.n_par)).difference(shared)
     for i, (parameter, value, sd) in enumerate(zip(problem.parameters, fit.values, sds, strict=True)):
         prior = parameter.prior
-        if i in own and not isinstance(prior, Normal) and min(value - prior.low, prior.high - value) < _CLOSE * sd:
+        if i in own and min(value - prior.low, prior.high - value) < _CLOSE * sd:
             edges.append(i)
     if len(shared) + len(edges) > _MOST_SAMPLED:
         near = f", {len(edges)} of them close to the edge of their range ({problem.names[edges[0]]}, ...)" if edges else ""

@@ -26,7 +26,7 @@ import numpy as np
 
 from estim.arrays import FloatArray
 from estim.deviation import parts_of_errors
-from estim.fitting import Fit, linear_derived, prior_slopes
+from estim.fitting import Fit, linear_derived
 from estim.problem import Normal, Observations, Prior, Problem, Usual
 
 READINGS, STATED, PRIOR, COMMON = "readings", "stated", "prior", "common"
@@ -91,7 +91,7 @@ def uncertainty_budget(fit: Fit, draws: FloatArray) -> Budget | None:
         return None
     quantities = _quantities(fit)
     along = cov @ np.column_stack([q.gradient for q in quantities])  # S g
-    slopes = np.abs(prior_slopes(problem, fit.values))  # 1/u_i
+    slopes = np.abs(fit.posterior.prior_slopes(fit.values))  # 1/u_i
     told = np.flatnonzero(slopes > 0.0)
     stated = along[told] * slopes[told, None]
     sds = np.sqrt(np.einsum("ij,ij->j", np.column_stack([q.gradient for q in quantities]), along))

@@ -16,7 +16,7 @@ from estim.arrays import FloatArray
 from estim.common import Label
 from estim.fitting import Fit, information
 from estim.pipeline import Analysis
-from estim.problem import Problem, informative
+from estim.problem import Problem
 
 
 @dataclass(frozen=True)
@@ -87,4 +87,4 @@ def narrowing(joint: Fit, singles: Sequence[Analysis], names: Sequence[str], *, 
 
 def _prior_sds(problem: Problem, names: Sequence[str]) -> FloatArray:
     priors = {p.name: p.prior for p in problem.parameters}
-    return np.array([priors[name].sd if informative(priors[name]) else np.nan for name in names])
+    return np.array([priors[name].sd if priors[name].informative else np.nan for name in names])

@@ -27,7 +27,7 @@ from estim.common import InputError, Stream, later, phrase, stream
 from estim.deviation import BadFrames, MixtureErrors, log_rescaled, log_restarted
 from estim.explanation import Predicted, predictive_checks
 from estim.pipeline import Analysis, analyse_fit
-from estim.problem import HalfNormal, LogNormal, Normal, Prior, TruncatedNormal
+from estim.problem import Prior
 from estim.sampling import K_HAT_LIMIT, Progress, Stop, Store, Target, adapt_proposal, certify, pareto_smoothed
 
 APART = 3.0  # of log evidence
@@ -243,8 +243,8 @@ def _widths(model: CurveModel, analysis: Analysis, *, rng: np.random.Generator) 
         i = fit.names.index(name)
         prior = fit.problem.parameters[i].prior
         for factor in FACTORS:
-            wider = widened(prior, factor)
-            if wider is None:
+            wider = prior.widened(factor)
+            if wider is prior:
                 continue
             width = _width(name, factor, wider.log_density(draws[:, i]) - prior.log_density(draws[:, i]))
             found.append(width if math.isfinite(width.change) else Width(name, factor, *_again(analysis, name, wider, rng)))
@@ -284,14 +284,3 @@ def _again(analysis: Analysis, name: str, prior: Prior, rng: np.random.Generator
     if not once_more.reliable:
         return math.nan, math.nan
     return once_more.log_evidence - certificate.log_evidence, math.hypot(once_more.u_log_evidence, certificate.u_log_evidence)
-
-
-def widened(prior: Prior, factor: float) -> Prior | None:
-    """A prior `factor` times as wide about the same place; None where a width has no such meaning (a range)."""
-    if isinstance(prior, HalfNormal):
-        return replace(prior, scale=factor * prior.scale)
-    if isinstance(prior, Normal | TruncatedNormal):
-        sd = factor * (prior.sd if isinstance(prior, Normal) else prior.scale)
-        bounded = math.isfinite(prior.low) or math.isfinite(prior.high)
-        return TruncatedNormal(prior.mean, sd, prior.low, prior.high) if bounded else Normal(prior.mean, sd)
-    return replace(prior, log_sd=factor * prior.log_sd) if isinstance(prior, LogNormal) else None

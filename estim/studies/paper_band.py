@@ -16,7 +16,7 @@ import numpy as np
 from estim.arrays import FloatArray
 from estim.common import split_level
 from estim.pipeline import Analysis
-from estim.problem import Normal, Parameter, TruncatedNormal
+from estim.problem import Parameter
 from estim.propagation import BudgetAlong, Input, budget_along, propagate_linear, propagate_monte_carlo
 from estim.sampling import Bands, central_intervals, curve_draws
 from estim.studies.published import PublishedNumber
@@ -75,7 +75,7 @@ def _band(
 ) -> PropagatedBand | None:
     problem, run = analysis.problem, analysis.problem.runs[i]
     of_curve = [p for p in problem.parameters if p.name in run.curve_parameters]
-    measured = {p.name: (p.prior.mean, p.prior.sd) for p in of_curve if isinstance(p.prior, Normal | TruncatedNormal)}
+    measured = {p.name: (p.prior.centre, p.prior.sd) for p in of_curve if p.prior.measured}
     found = {p.name: number for p in of_curve if p.name not in measured and (number := _number_of(p, published)) is not None}
     stated = measured | {name: (number.value, number.u or 0.0) for name, number in found.items()}
     inputs = [Input(name, value, u) for name, (value, u) in stated.items() if u > 0.0]

@@ -17,7 +17,6 @@ from estim.common import Quantity, Status, Stream, phrase, spread, stream
 from estim.fitting import Fit
 from estim.line import LineAnalysis, ThetaMinSeries, analyse_line, read_theta_min
 from estim.pipeline import Analysis, analyse
-from estim.problem import informative
 from estim.sampling import Progress, Target
 from estim.studies.energy import Drift, EnergyRecord, drift_of, energy_along
 from estim.studies.limits import Limit, Narrowing, limits, narrowing
@@ -206,7 +205,7 @@ def _found(campaign: Campaign, line: LineAnalysis | None, bodies: list[BodyAnaly
             if base in ("gamma", "kappa", "radius") and estimate.measured:  # what the data leave as it was stated is no second opinion
                 value = Quantity(float(draws[:, i].mean()), float(draws[:, i].std(ddof=1)))
                 how = phrase("{n} runs of {body} together", n=len(b.energies), body=b.body)
-                if informative(b.joint.problem.parameters[i].prior):
+                if b.joint.problem.parameters[i].prior.informative:
                     how = phrase("{n} runs of {body} together, stated value as prior", n=len(b.energies), body=b.body)
                 found.append((base, b.body, value, how))
         if b.joint.diagnosis.ok and b.drift.determined:
