@@ -35,7 +35,7 @@ from estim.reports.explanation import explanation_text, runs_text, slip_words
 from estim.reports.figures import residual_figure
 from estim.reports.first_screen import first_reasons, first_screen, opened_by
 from estim.reports.identifiability import IdentifySection, identify_section
-from estim.reports.identifiability_figures import direction_figure, profile_figure, ridge_figure, ridge_pair
+from estim.reports.identifiability_figures import direction_figure, profile_figure
 from estim.reports.joint_figures import together_figure
 from estim.reports.lacks import lacks_text
 from estim.reports.lacks_figures import lacks_figure
@@ -56,7 +56,7 @@ if TYPE_CHECKING:
 _PRIOR_DOMINATED = 0.8
 _MOST_DIRECTIONS, _MOST_CORRELATED = 60, 40  # parameters, beyond which a figure of directions, or a table of all correlations, is not for reading
 _FELT = 0.05  # posterior standard deviations
-_RIDGE_DRAWS, _SECTION_DRAWS, _ROLLING_DRAWS = 20_000, 4000, 1000
+_PROFILE_DRAWS, _SECTION_DRAWS, _ROLLING_DRAWS = 20_000, 4000, 1000
 
 
 @dataclass(frozen=True)
@@ -132,7 +132,7 @@ def _drawers(
     if analysis.problem.n_par <= _MOST_DIRECTIONS:
         figures["figures/directions.png"] = lambda: direction_figure(analysis.problem, analysis.identifiability)
     if intervals:
-        figures["figures/profiles.png"] = lambda: profile_figure(analysis.problem, intervals, analysis.chain.thinned(_RIDGE_DRAWS))
+        figures["figures/profiles.png"] = lambda: profile_figure(analysis.problem, intervals, analysis.chain.thinned(_PROFILE_DRAWS))
     if shares is not None:
         figures["figures/budget.png"] = partial(budget_figure, shares)
     if analysis.consistency is not None:
@@ -151,9 +151,6 @@ def _drawers(
         figures["figures/counts.png"] = lambda: counts_figure(analysis.fit, analysis.goodness, synthetic=synthetic)
     if analysis.fit.deviations:
         figures["figures/deviation.png"] = lambda: lacks_figure(analysis.fit.deviations, analysis.problem.runs, synthetic=synthetic)
-    draws = analysis.chain.thinned(_RIDGE_DRAWS)
-    if (pair := ridge_pair(analysis.identifiability, draws)) is not None:
-        figures["figures/ridge.png"] = partial(ridge_figure, analysis.fit, analysis.identifiability, draws, pair)
     return figures
 
 
