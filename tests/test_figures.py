@@ -29,7 +29,7 @@ from estim.problem.priors import Normal, Uniform
 from estim.reports import corner_figures, curve_figures
 from estim.reports.consistency_figures import _within
 from estim.reports.corner_figures import PROBABILITIES, density_of
-from estim.reports.pages import marked, page
+from estim.reports.pages import marked
 from estim.reports.reanalysis_figures import narrowing_figure
 from estim.reports.residual_panels import Residuals, draw_faded, draw_residuals, far_off, misfit_words, panel_pairs, residuals_of
 from estim.reports.trace_figures import trace_figure
@@ -239,7 +239,7 @@ def test_a_band_that_its_line_hides_is_called_so() -> None:
 def test_narrowing_names_the_runs() -> None:
     u, alone, before = np.array([[0.2], [0.1]]), np.array([[0.2], [0.3]]), np.array([0.4])
     table = Narrowing(("gamma[b]",), (Notation("γ").label("1", "[b]"),), ("zebra", "ant"), u, alone, before)
-    figure = narrowing_figure([table], synthetic=False)
+    figure = narrowing_figure([table])
     assert [tick.get_text() for tick in figure.axes[0].get_xticklabels()] == ["zebra", "ant"]
     assert figure.axes[0].get_ylabel() == "u(γ[b])"
 
@@ -311,21 +311,12 @@ def test_every_run_has_its_residuals_right_below_its_curve(n: int, columns: int)
     assert len({round(top.get_position().x0, 3) for top, _ in pairs}) == min(n, columns)
 
 
-def test_every_figure_of_synthetic_data_says_so_once() -> None:
-    def plain(title: str = "", *, by_hand: bool = False) -> Figure:
-        figure = Figure() if by_hand else drawing.new_figure(2.0)
-        figure.subplots().set_title("SYNTHETIC data" if title == "own" else "")
-        if title == "above":
-            figure.suptitle("bold: mean")
-        return figure
-
-    for title, by_hand in (("", False), ("", True), ("own", False), ("above", False)):
-        figure = marked(lambda title=title, by_hand=by_hand: plain(title, by_hand=by_hand))
-        assert sum("SYNTHETIC" in text.get_text() for text in figure.findobj(Text)) == 1
-    shown = []
-    page({"figures/a.png": plain}, lambda pictures: shown.append(list(pictures)) or "", wanted=True, synthetic=False)
-    assert shown == [["figures/a.png"]]
-    assert not any("SYNTHETIC" in text.get_text() for text in plain().findobj(Text))
+@pytest.mark.parametrize("title", ["", "bold: mean"])
+def test_every_figure_of_synthetic_data_says_so_once(title: str) -> None:
+    figure = drawing.new_figure(2.0)
+    figure.suptitle(title)
+    assert sum("SYNTHETIC" in text.get_text() for text in marked(figure).findobj(Text)) == 1
+    assert title in figure.get_suptitle()
 
 
 def test_true_values_are_drawn_in_every_panel_that_holds_them(rng: np.random.Generator) -> None:

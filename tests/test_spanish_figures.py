@@ -52,7 +52,7 @@ def test_legends_of_what_the_data_can_tell_are_whole_and_the_mark_of_synthetic_d
     draws = rng.multivariate_normal(fit.values, fit.cov, 2000)
     found = identify(fit)
     for draw in (partial(direction_figure, problem, found), partial(profile_figure, problem, profile_intervals(fit), draws)):
-        figure = marked(draw)
+        figure = marked(draw())
         assert off_the_canvas(figure) == []
         texts = words_of(figure)
         (mark,) = (text for text in texts if "SINTÉTICOS" in text.get_text())

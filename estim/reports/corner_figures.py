@@ -25,7 +25,8 @@ if TYPE_CHECKING:
 PROBABILITIES = (0.95, 0.68)
 MAX_CORNER, MAX_SOUGHT = 7, 3
 _NARROWEST = 1e-11  # part of a value that an axis is wide at least: what is narrower has too few numbers to draw
-_BEFORE, _BEHIND, _GAP = 0.9, 0.15, 0.05  # inches left of and below the panels, right of and above them; between two, as a share of a panel
+_BEFORE, _BEHIND, _ABOVE = 0.9, 0.15, 0.3  # inches left of and below the panels, right of them, and above them, where the title has room
+_GAP = 0.05  # between two panels, as a share of one
 _N_BIN, _SMOOTH, _REACH = 30, 1.2, 4.0  # cells along an axis; sd of the kernel, in cells; its sds beyond which it is cut off
 _FAR = 4.0  # widths of the 68 % interval, beyond which no tail is drawn
 
@@ -70,8 +71,8 @@ def corner_figure(analysis: Analysis, truth: Mapping[str, float] = MappingProxyT
     n, fontsize = len(columns), 10.0 if len(analysis.problem.runs) == 1 else 8.5
     size = max(0.75 * WIDTH, 1.35 * n)
     figure = Figure(figsize=(size, size), facecolor="white")
-    before, behind = _BEFORE / size, 1.0 - _BEHIND / size
-    figure.subplots_adjust(left=before, bottom=before, right=behind, top=behind, wspace=_GAP, hspace=_GAP)
+    before = _BEFORE / size
+    figure.subplots_adjust(left=before, bottom=before, right=1.0 - _BEHIND / size, top=1.0 - _ABOVE / size, wspace=_GAP, hspace=_GAP)
     for i, row in enumerate(columns):
         for j, column in enumerate(columns[: i + 1]):
             ax = figure.add_subplot(n, n, i * n + j + 1, xlim=(column.low, column.high))

@@ -100,7 +100,7 @@ def profile_figure(problem: Problem, intervals: Sequence[ProfileInterval], draws
         Line2D([], [], color=GREY, lw=0.9, ls="--", label=phrase("68 and 95 % levels")),
         Line2D([], [], color=INK, lw=3, marker="|", ms=7, label=phrase("posterior: median, 68 and 95 %")),
     ]
-    figure.legend(handles=handles, loc="outside upper center", ncols=3, fontsize=7.5, frameon=False)
+    figure.legend(handles=handles, loc="outside lower center", ncols=3, fontsize=7.5, frameon=False)
     return figure
 
 
