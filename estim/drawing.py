@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from estim.arrays import FloatArray
-from estim.common import mathtext, phrase, signed
+from estim.common import mathtext, signed
 
 if TYPE_CHECKING:
     from matplotlib.artist import Artist
@@ -122,11 +122,6 @@ def tick_texts(ticks: FloatArray) -> list[str]:
         if all(abs(float(text) - tick) <= 1e-3 * apart for text, tick in zip(texts, ticks, strict=True)):
             break
     return [signed(text) for text in texts]
-
-
-def titled(title: str, *, synthetic: bool) -> str:
-    """A title that says of data made by a program that they are."""
-    return phrase("{title} (SYNTHETIC data)", title=title) if synthetic else title
 
 
 def new_figure(height: float, width: float = WIDTH) -> Figure:

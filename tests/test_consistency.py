@@ -197,7 +197,7 @@ def test_p_values_of_disks_that_agree_are_uniform(tmp_path: Path, rng: np.random
 
 def test_figure_marks_the_run_that_disagrees(rng: np.random.Generator) -> None:
     found = check_consistency(fitted(lines(rng, [1.0, 1.0, 3.0, 1.0, 1.0])))
-    figure = forest_figure(found, synthetic=True)
+    figure = forest_figure(found)
     bold = [tick.get_text() for tick in figure.axes[0].get_yticklabels() if tick.get_fontweight() == "bold"]
     assert bold == ["r2"]
     colours = [line.get_color() for line in figure.axes[0].get_lines()]

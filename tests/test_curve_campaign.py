@@ -245,7 +245,7 @@ def test_the_command_line_writes_a_report_about_the_curve(folder: Path) -> None:
     assert "voltage U (V) against time t (s)" in text
     for word in ("turning point", "speed", "mass", "radian", "frame"):
         assert word not in text, word
-    drawn = {"budget", "corner", "directions", "phase", "profiles", "residuals", "ridge", "traces"}
+    drawn = {"budget", "corner", "directions", "phase", "profiles", "residuals", "traces"}
     assert {path.stem for path in (folder / "out" / "figures").iterdir()} == drawn
 
 
@@ -356,7 +356,7 @@ def test_report_of_parameters_without_limits_is_written(folder: Path) -> None:
 
     campaign = load(folder, CAMPAIGN.replace('offset = "0.00(1)"', "offset = {start = 0.0}"))
     files = analysis_report(campaign, analyse(campaign, ["first"], seed=1, target=Target(ess=100, max_step=100)))
-    assert files["figures/ridge.png"].startswith(b"\x89PNG")
+    assert files["figures/directions.png"].startswith(b"\x89PNG")
     assert "flat, no limits" in files["report.md"].decode()
 
 

@@ -8,7 +8,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 from formulas import formula_problem
-from matplotlib.path import Path as Polygon
 
 from estim.campaign import load_campaign
 from estim.checks.identifiability import identify
@@ -18,7 +17,7 @@ from estim.fitting.least_squares import Fit, fit_least_squares
 from estim.fitting.profile import profile_intervals
 from estim.problem.priors import Normal, Uniform
 from estim.reports.identifiability import IdentifySection, identify_section
-from estim.reports.identifiability_figures import direction_figure, prior_contour, profile_figure, ridge_figure, ridge_pair
+from estim.reports.identifiability_figures import direction_figure, profile_figure
 from estim.reports.rendering import render
 
 pytestmark = pytest.mark.usefixtures("sampled_opinion")
@@ -77,61 +76,24 @@ def test_the_caption_says_what_a_flat_prior_counts_as(flat: bool) -> None:
     assert ("counts as 1000 posterior standard\ndeviations wide" in text) is flat
 
 
-def test_ridge_is_drawn_between_gamma_and_kappa(replica: Path, rng: np.random.Generator) -> None:
-    fit = heavy_04(replica)
-    found, draws = identify(fit), posterior_draws(fit, rng)
-    pair = ridge_pair(found, draws)
-    assert pair == ("gamma[heavy]", "kappa[heavy]")
-    ax = ridge_figure(fit, found, draws, pair).axes[0]
-    assert (ax.get_xlabel(), ax.get_ylabel()) == ("γ", "κ")
-    # the same numbers give the same picture
-    assert png(lambda: ridge_figure(fit, found, draws, pair)) == png(lambda: ridge_figure(fit, found, draws, pair))
-
-
 def test_figures_survive_a_direction_that_nothing_holds(rng: np.random.Generator) -> None:
     problem = formula_problem(lambda x, a, b: a + b + 0.0 * x, X, np.ones(12), 0.1, {"a": Uniform(0.0, 1.0), "b": Uniform(0.0, 1.0)})
     fit = fit_least_squares(problem, rng=rng, n_start=2)
     a = rng.random(2000)
     draws = np.column_stack([a, np.clip(1.0 - a + 0.03 * rng.standard_normal(2000), 0.0, 1.0)])
     found = identify(fit)
-    pair = ridge_pair(found, draws)
-    assert pair == ("a", "b")
-    for draw in (
-        lambda: direction_figure(problem, found), lambda: ridge_figure(fit, found, draws, pair),
-        lambda: profile_figure(problem, profile_intervals(fit), draws),
-    ):
+    for draw in (lambda: direction_figure(problem, found), lambda: profile_figure(problem, profile_intervals(fit), draws)):
         assert png(draw).startswith(b"\x89PNG")
     shown = section(fit, draws)
     assert shown.rows[0].profile_95 in ("open on both sides", "[0.00, 1.00]")
     assert shown.sentences[0].startswith("Not identified")
 
 
-def test_one_parameter_has_no_ridge_but_the_other_figures(rng: np.random.Generator) -> None:
+def test_figures_of_one_parameter_are_drawn(rng: np.random.Generator) -> None:
     fit = fit_least_squares(formula_problem(lambda x, a: a * x, X, 1.1 * X, 0.1, {"a": Normal(1.0, 0.5)}), rng=rng, n_start=1)
     draws = posterior_draws(fit, rng)
     assert png(lambda: direction_figure(fit.problem, identify(fit))).startswith(b"\x89PNG")
     assert png(lambda: profile_figure(fit.problem, profile_intervals(fit), draws)).startswith(b"\x89PNG")
-    assert ridge_pair(identify(fit), draws) is None
-
-
-def test_a_direction_of_one_parameter_alone_has_no_ridge(rng: np.random.Generator) -> None:
-    """It was drawn as a parameter against itself."""
-    half = np.concatenate([np.ones(6), np.zeros(6)])
-    problem = formula_problem(
-        lambda x, a, b: a * half + b * (1.0 - half) + 0.0 * x, X, np.ones(12), 0.1, {"a": Normal(1.0, 0.5), "b": Normal(1.0, 5.0)}
-    )
-    fit = fit_least_squares(problem, rng=rng, n_start=1)
-    assert ridge_pair(identify(fit), posterior_draws(fit, rng)) is None
-
-
-def test_contours_of_the_prior_hold_their_joint_probability_and_are_as_wide_as_those_of_a_posterior(rng: np.random.Generator) -> None:
-    """Normal beside flat: a strip of one standard deviation holds 68 % too, but looks narrower than a posterior that learnt nothing."""
-    draws = np.column_stack([2.0 + 0.5 * rng.standard_normal(50_000), rng.uniform(0.0, 1.0, 50_000)])
-    for probability, reach in ((0.68, 1.51), (0.95, 2.45)):  # square root of -2 ln(1 - p)
-        x, y = prior_contour(draws, probability)
-        inside = Polygon(np.column_stack([x, y])).contains_points(draws)
-        assert inside.mean() == pytest.approx(probability, abs=0.01)
-        assert np.ptp(x) == pytest.approx(2.0 * reach * 0.5, rel=0.03)
 
 
 def test_a_conflict_says_how_far_the_posterior_lies_from_the_prior(rng: np.random.Generator) -> None:

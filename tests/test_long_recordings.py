@@ -194,7 +194,7 @@ def test_residuals_of_many_frames_do_not_hide_each_other(tmp_path):
     for n in (200, 900):
         (run,) = load_campaign(recording(tmp_path, NOISES["positions"], n)).problem(["long"]).runs
         z = np.random.default_rng(n).standard_normal(run.n_obs)
-        figure = residual_figure([run], [goodness.Goodness("long", z, z, np.ones(z.size), {}, math.nan, 0.0, math.nan)], synthetic=True)
+        figure = residual_figure([run], [goodness.Goodness("long", z, z, np.ones(z.size), {}, math.nan, 0.0, math.nan)])
         drawn.append([(line.get_linestyle(), line.get_markersize()) for line in figure.axes[0].lines if np.size(line.get_xdata()) == run.n_obs])
     assert drawn[0] == [("-", 6.0), ("None", 3.0)]
     assert drawn[1] == [("None", 1.2)]

@@ -20,7 +20,7 @@ from estim.curve_fit import CurveFit, fit_curve
 from estim.pipeline import Analysis, sample_curve
 from estim.problem.observations import Parameter
 from estim.problem.priors import Normal
-from estim.reports import figures
+from estim.reports import pages
 from estim.reports.analysis import index_report
 from estim.reports.corner_figures import corner_figure
 from estim.reports.curve import curve_report
@@ -57,7 +57,7 @@ def analysis(fit: CurveFit) -> Analysis:
 
 @pytest.fixture
 def undrawn(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(figures, "png", lambda draw: b"")
+    monkeypatch.setattr(pages, "png", lambda draw: b"")
 
 
 def axis_of(name: str) -> str:

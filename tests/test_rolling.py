@@ -205,13 +205,12 @@ def test_the_figure_shows_both_forces_and_the_stated_friction(tmp_path, rng):
     found, _ = rolled(campaign, rng, 300)
     problem = campaign.problem(["a"])
     draws = np.repeat(campaign.fit(problem, rng=rng).values[None, :], 50, axis=0)
-    (ax,) = rolling_figure(problem, draws, [found], synthetic=True).axes
+    (ax,) = rolling_figure(problem, draws, [found]).axes
     lines = {line.get_label(): np.asarray(line.get_ydata()) for line in ax.lines}
     assert set(lines) == {"N/(M g)", "|F|/N", "stated friction"}
     assert np.max(lines["|F|/N"]) == pytest.approx(found.typical, rel=0.05)
     assert np.min(lines["N/(M g)"]) == pytest.approx(np.median(found.least_normal), rel=0.01)
     assert lines["stated friction"][0] == pytest.approx(0.14)
-    assert "SYNTHETIC" in ax.get_title()
 
 
 def test_a_curve_of_the_users_own_has_no_ramp(tmp_path):

@@ -21,7 +21,7 @@ from estim.drawing import new_figure, texts_of
 from estim.fitting.least_squares import fit_least_squares
 from estim.fitting.profile import profile_intervals
 from estim.problem.priors import Normal
-from estim.reports.identifiability_figures import direction_figure, profile_figure, ridge_figure
+from estim.reports.identifiability_figures import direction_figure, profile_figure
 from estim.reports.pages import marked
 
 X = np.linspace(0.0, 2.0, 12)
@@ -51,11 +51,8 @@ def test_legends_of_what_the_data_can_tell_are_whole_and_the_mark_of_synthetic_d
     fit = fit_least_squares(problem, rng=rng, n_start=1)
     draws = rng.multivariate_normal(fit.values, fit.cov, 2000)
     found = identify(fit)
-    for draw in (
-        partial(direction_figure, problem, found), partial(ridge_figure, fit, found, draws, ("a", "b")),
-        partial(profile_figure, problem, profile_intervals(fit), draws),
-    ):
-        figure = marked(draw)
+    for draw in (partial(direction_figure, problem, found), partial(profile_figure, problem, profile_intervals(fit), draws)):
+        figure = marked(draw())
         assert off_the_canvas(figure) == []
         texts = words_of(figure)
         (mark,) = (text for text in texts if "SINTÉTICOS" in text.get_text())

@@ -170,13 +170,13 @@ def healthy(tmp_path_factory: pytest.TempPathFactory) -> Analysis:
 
 @pytest.mark.parametrize("status", Status)
 def test_only_an_ok_result_has_bands(status: Status, healthy: Analysis) -> None:
-    figure = phase_figure(replace(healthy, diagnosis=replace(healthy.diagnosis, status=status)), synthetic=True)
+    figure = phase_figure(replace(healthy, diagnosis=replace(healthy.diagnosis, status=status)))
     ax, below = figure.axes
     texts = [text.get_text() for text in figure.legends[0].get_texts()]
     for panel in (ax, below):
         assert any(isinstance(part, PolyCollection) for part in panel.collections) == (status == "ok")
     assert any("%" in text for text in texts) == (status == "ok")
-    assert ax.get_title().endswith(")" if status == "ok" else status)
+    assert ax.get_title() == ("r" if status == "ok" else f"r — {status}")
 
 
 def test_draws_that_mean_nothing_come_before_any_other_status() -> None:

@@ -161,7 +161,7 @@ def test_a_report_says_and_draws_what_the_curve_lacks(found: tuple[Campaign, Ana
     campaign, analysis = found
     files = analysis_report(campaign, analysis)
     png = io.BytesIO()
-    force_figure(analysis.fit.forces, analysis.problem.runs, synthetic=False).savefig(png)
+    force_figure(analysis.fit.forces, analysis.problem.runs).savefig(png)
     assert len(png.getvalue()) > 10_000
     text = files["report.md"].decode()
     assert "## What the curve lacks" in text

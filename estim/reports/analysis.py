@@ -35,7 +35,7 @@ from estim.reports.explanation import explanation_text, runs_text, slip_words
 from estim.reports.figures import residual_figure
 from estim.reports.first_screen import first_reasons, first_screen, opened_by
 from estim.reports.identifiability import IdentifySection, identify_section
-from estim.reports.identifiability_figures import direction_figure, profile_figure, ridge_figure, ridge_pair
+from estim.reports.identifiability_figures import direction_figure, profile_figure
 from estim.reports.joint_figures import together_figure
 from estim.reports.lacks import lacks_text
 from estim.reports.lacks_figures import lacks_figure
@@ -56,7 +56,7 @@ if TYPE_CHECKING:
 _PRIOR_DOMINATED = 0.8
 _MOST_DIRECTIONS, _MOST_CORRELATED = 60, 40  # parameters, beyond which a figure of directions, or a table of all correlations, is not for reading
 _FELT = 0.05  # posterior standard deviations
-_RIDGE_DRAWS, _SECTION_DRAWS, _ROLLING_DRAWS = 20_000, 4000, 1000
+_PROFILE_DRAWS, _SECTION_DRAWS, _ROLLING_DRAWS = 20_000, 4000, 1000
 
 
 @dataclass(frozen=True)
@@ -112,19 +112,19 @@ def report_and_result(
             first_step=slip_words(analysis.explanation) or first_step(analysis.diagnosis.findings, voice),
         )
 
-    drawers = _drawers(analysis, determination.intervals, shares, synthetic=campaign.kind == "synthetic", truth=campaign.truth)
-    files = page(drawers, text, wanted=figures, synthetic=campaign.kind == "synthetic")
+    drawers = _drawers(analysis, determination.intervals, shares, campaign.truth)
+    files = page(drawers, text, wanted=figures, kind=campaign.kind)
     return files | shortened(files["report.md"].decode()) | {"result.json": to_json(result)}, result
 
 
 def _drawers(
-    analysis: Analysis, intervals: Sequence[ProfileInterval], shares: Shares | None, *, synthetic: bool, truth: Mapping[str, float]
+    analysis: Analysis, intervals: Sequence[ProfileInterval], shares: Shares | None, truth: Mapping[str, float]
 ) -> Drawers:
     drawn = drawn_runs(analysis.goodness)
     figures: dict[str, Callable[[], Figure]] = {
-        "figures/phase.png": lambda: phase_figure(analysis, synthetic=synthetic),
+        "figures/phase.png": lambda: phase_figure(analysis),
         "figures/residuals.png": lambda: residual_figure(
-            [analysis.problem.runs[i] for i in drawn], [analysis.goodness[i] for i in drawn], synthetic=synthetic
+            [analysis.problem.runs[i] for i in drawn], [analysis.goodness[i] for i in drawn]
         ),
         "figures/corner.png": lambda: corner_figure(analysis, truth),
         "figures/traces.png": lambda: trace_figure(analysis),
@@ -132,28 +132,25 @@ def _drawers(
     if analysis.problem.n_par <= _MOST_DIRECTIONS:
         figures["figures/directions.png"] = lambda: direction_figure(analysis.problem, analysis.identifiability)
     if intervals:
-        figures["figures/profiles.png"] = lambda: profile_figure(analysis.problem, intervals, analysis.chain.thinned(_RIDGE_DRAWS))
+        figures["figures/profiles.png"] = lambda: profile_figure(analysis.problem, intervals, analysis.chain.thinned(_PROFILE_DRAWS))
     if shares is not None:
         figures["figures/budget.png"] = partial(budget_figure, shares)
     if analysis.consistency is not None:
         on_edge = analysis.fit.at_bound
         edges = {p.name: (p.prior.low, p.prior.high) for p in analysis.problem.parameters}
-        figures["figures/consistency.png"] = partial(forest_figure, analysis.consistency, synthetic=synthetic, on_edge=on_edge, edges=edges)
+        figures["figures/consistency.png"] = partial(forest_figure, analysis.consistency, on_edge=on_edge, edges=edges)
     if len(analysis.problem.runs) > 1:
-        figures["figures/residuals_together.png"] = lambda: together_figure(analysis.problem, analysis.goodness, synthetic=synthetic)
+        figures["figures/residuals_together.png"] = lambda: together_figure(analysis.problem, analysis.goodness)
     if analysis.fit.forces:
-        figures["figures/force.png"] = lambda: force_figure(analysis.fit.forces, analysis.problem.runs, synthetic=synthetic)
+        figures["figures/force.png"] = lambda: force_figure(analysis.fit.forces, analysis.problem.runs)
     if analysis.diagnosis.ok and any(one.stated for one in analysis.rolling):
         figures["figures/rolling.png"] = lambda: rolling_figure(
-            analysis.problem, analysis.chain.thinned(_ROLLING_DRAWS), analysis.rolling, synthetic=synthetic
+            analysis.problem, analysis.chain.thinned(_ROLLING_DRAWS), analysis.rolling
         )
     if counted_runs(analysis.problem.runs):
-        figures["figures/counts.png"] = lambda: counts_figure(analysis.fit, analysis.goodness, synthetic=synthetic)
+        figures["figures/counts.png"] = lambda: counts_figure(analysis.fit, analysis.goodness)
     if analysis.fit.deviations:
-        figures["figures/deviation.png"] = lambda: lacks_figure(analysis.fit.deviations, analysis.problem.runs, synthetic=synthetic)
-    draws = analysis.chain.thinned(_RIDGE_DRAWS)
-    if (pair := ridge_pair(analysis.identifiability, draws)) is not None:
-        figures["figures/ridge.png"] = partial(ridge_figure, analysis.fit, analysis.identifiability, draws, pair)
+        figures["figures/deviation.png"] = lambda: lacks_figure(analysis.fit.deviations, analysis.problem.runs)
     return figures
 
 

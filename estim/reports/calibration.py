@@ -85,14 +85,14 @@ def calibration_report(
     drawers: dict[str, Callable[[], Figure]] = {}
     for calibration in calibrations:
         if calibration.what == "sbc":
-            drawers["figures/ranks.png"] = partial(rank_figure, calibration, synthetic=campaign.kind == "synthetic")
+            drawers["figures/ranks.png"] = partial(rank_figure, calibration)
         drawers[f"figures/coverage-{_AT[calibration.what]}.png"] = partial(coverage_figure, calibration)
     text = partial(
         render, "calibration.md.j2", title=campaign.title, kind=kind_words(campaign.kind), runs=", ".join(calibrations[0].runs),
         uniform_below=UNIFORM_BELOW, coverage_sds=COVERAGE_SDS, parts=[_part(calibration) for calibration in calibrations], unlike=unlike,
     )
     records = {c.what: calibration_record(campaign, c) for c in calibrations}
-    return page(drawers, text, wanted=figures, synthetic=campaign.kind == "synthetic") | {"calibration.json": as_json(records)}
+    return page(drawers, text, wanted=figures, kind=campaign.kind) | {"calibration.json": as_json(records)}
 
 
 def calibration_record(campaign: Campaign, c: Calibration) -> CalibrationRecord:

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
-def rank_figure(calibration: Calibration, *, synthetic: bool) -> Figure:
+def rank_figure(calibration: Calibration) -> Figure:
     """Distribution function of the ranks minus that of uniform ranks, one panel a quantity, with the 95 % simultaneous band."""
     names = list(calibration.reported)
     columns = min(3, len(names))
@@ -39,8 +39,6 @@ def rank_figure(calibration: Calibration, *, synthetic: bool) -> Figure:
         axes[i - columns].tick_params(labelbottom=True)
     figure.supxlabel(phrase("rank of the truth among posterior draws, as a share"), fontsize=8)
     figure.supylabel(phrase("ECDF − uniform"), fontsize=8)
-    if synthetic:
-        figure.suptitle(phrase("design of SYNTHETIC data"), fontsize=8)
     return figure
 
 

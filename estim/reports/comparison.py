@@ -58,8 +58,8 @@ def compare_report(campaign: Campaign, compared: Sequence[Compared], *, seed: in
         data=[phrase(_DATA[s.data]) for s in summaries],
     )
     record = {"title": campaign.title, "kind": campaign.kind, "runs": runs, "models": summaries, "provenance": provenance(campaign, runs, seed)}
-    drawers = {"figures/comparison.png": partial(_figure, summaries, common, synthetic=campaign.kind == "synthetic")}
-    return page(drawers, text, wanted=figures, synthetic=campaign.kind == "synthetic") | {"comparison.json": as_json(record)}
+    drawers = {"figures/comparison.png": partial(_figure, summaries, common)}
+    return page(drawers, text, wanted=figures, kind=campaign.kind) | {"comparison.json": as_json(record)}
 
 
 def folder_of(name: str) -> str:
@@ -91,7 +91,7 @@ def _cells(s: ComparedSummary, common: Sequence[Parameter]) -> list[str]:
     return ["—" if s.status != "ok" else value_cell(s.posterior[p.name], p.label) for p in common]
 
 
-def _figure(summaries: Sequence[ComparedSummary], common: Sequence[Parameter], *, synthetic: bool) -> Figure:
+def _figure(summaries: Sequence[ComparedSummary], common: Sequence[Parameter]) -> Figure:
     """Mean and standard deviation of each common parameter, one line a model; a model that is not ok has no bar."""
     figure = new_figure(0.9 + 0.32 * len(summaries) * -(-len(common) // 3))
     axes = np.atleast_1d(figure.subplots(-(-len(common) // 3), min(3, len(common)), squeeze=False)).ravel()
@@ -115,5 +115,5 @@ def _figure(summaries: Sequence[ComparedSummary], common: Sequence[Parameter], *
     for extra in axes[len(common) :]:
         extra.set_visible(False)
     title = phrase("blue: positions, orange: speeds; bars: one posterior standard deviation; arrow: 95 % limit")
-    figure.suptitle(phrase("{title}; SYNTHETIC data", title=title) if synthetic else title, fontsize=8.5)
+    figure.suptitle(title, fontsize=8.5)
     return figure

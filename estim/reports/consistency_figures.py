@@ -20,7 +20,7 @@ _MOST_ROWS, _FARTHEST = 64, 24
 
 
 def forest_figure(
-    consistency: Consistency, *, synthetic: bool, on_edge: Collection[str] = (), edges: Mapping[str, tuple[float, float]] = MappingProxyType({})
+    consistency: Consistency, *, on_edge: Collection[str] = (), edges: Mapping[str, tuple[float, float]] = MappingProxyType({})
 ) -> Figure:
     """One panel a shared parameter, one line a run; bars are one standard uncertainty, the shaded band is the joint fit.
 
@@ -67,8 +67,7 @@ def forest_figure(
     figure.legend(*axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=3, fontsize=8, frameon=False)
     cut = any(len(drawn[name]) < len(consistency.used[name]) for name in drawn)
     some = phrase("the {n} runs farthest from all others", n=_FARTHEST) if cut else ""
-    if synthetic or some:
-        figure.suptitle("; ".join(filter(None, [some, phrase("SYNTHETIC data") if synthetic else ""])), fontsize=10)
+    figure.suptitle(some, fontsize=9)
     return figure
 
 

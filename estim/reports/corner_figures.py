@@ -1,12 +1,9 @@
-"""Figure of all pairs of parameters: marginal and joint posteriors.
-
-Everything stands in one axes whose unit is the inch: an axes for each pair takes most of a second, nearly all of it for ticks that nobody sees.
-"""
+"""Figure of all pairs of parameters: marginal and joint posteriors."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from types import MappingProxyType
 from typing import TYPE_CHECKING
 
@@ -14,21 +11,23 @@ import numpy as np
 
 from estim.arrays import FloatArray
 from estim.common import Label, Markdown, phrase
-from estim.drawing import BLUE, INK, ORANGE, PALE, WIDTH, tick_texts
+from estim.drawing import BLUE, INK, ORANGE, PALE, WIDTH, name_ticks, tick_texts
 from estim.pipeline import Analysis
 from estim.problem import Prior, Problem, uses_of
-from estim.reports.contours import density_of, draw_contours
 from estim.reports.derived import sought_draws
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.axis import Axis
     from matplotlib.figure import Figure
+    from matplotlib.lines import Line2D
 
+PROBABILITIES = (0.95, 0.68)
 MAX_CORNER, MAX_SOUGHT = 7, 3
 _NARROWEST = 1e-11  # part of a value that an axis is wide at least: what is narrower has too few numbers to draw
-_BEFORE, _BEHIND, _GAP = 0.85, 0.15, 0.05  # inches left of and below the panels, right of and above them; between two, as a share of a panel
-_LABEL, _TICK = 0.55, 3.5 / 72.0  # inches from the panels to the label of an axis; length of a tick
-_N_BIN, _SMOOTH = 30, 1.2
+_BEFORE, _BEHIND, _ABOVE = 0.9, 0.15, 0.3  # inches left of and below the panels, right of them, and above them, where the title has room
+_GAP = 0.05  # between two panels, as a share of one
+_N_BIN, _SMOOTH, _REACH = 30, 1.2, 4.0  # cells along an axis; sd of the kernel, in cells; its sds beyond which it is cut off
 _FAR = 4.0  # widths of the 68 % interval, beyond which no tail is drawn
 
 
@@ -47,26 +46,18 @@ class Column:
     ticks: FloatArray
     true: float | None = None
 
-    def place(self, values: FloatArray) -> FloatArray:
-        """Where `values` stand along the axis, 0 at its beginning, 1 at its end."""
-        return (values - self.low) / (self.high - self.low)
 
+@dataclass(frozen=True, eq=False)
+class Density:
+    """Smoothed number of draws per cell: z (n_bin + 2, n_bin + 2) at x and y (n_bin + 2,), the middles of the cells and the ends of their ranges.
 
-@dataclass(frozen=True)
-class _Panel:
-    """Left and lower edge and side of a square, in inches."""
+    levels : (2,), increasing; above them lie 95 and 68 % of the density, and a little more of the draws, which smoothing spreads.
+    """
 
-    left: float
-    bottom: float
-    side: float
-
-    def inside(self, x: FloatArray, y: FloatArray) -> FloatArray:
-        """(n, 2) points at shares x and y of the side, in inches."""
-        return np.column_stack([self.left + self.side * x, self.bottom + self.side * y])
-
-    @property
-    def frame(self) -> FloatArray:
-        return self.inside(np.array([0.0, 1.0, 1.0, 0.0, 0.0]), np.array([0.0, 0.0, 1.0, 1.0, 0.0]))
+    x: FloatArray
+    y: FloatArray
+    z: FloatArray
+    levels: FloatArray
 
 
 def corner_figure(analysis: Analysis, truth: Mapping[str, float] = MappingProxyType({})) -> Figure:
@@ -74,33 +65,27 @@ def corner_figure(analysis: Analysis, truth: Mapping[str, float] = MappingProxyT
 
     truth : parameter -> true value of synthetic data, a dashed line.
     """
-    from matplotlib.collections import LineCollection
     from matplotlib.figure import Figure
-    from matplotlib.path import Path
 
     columns = columns_of(analysis, truth)
-    n = len(columns)
+    n, fontsize = len(columns), 10.0 if len(analysis.problem.runs) == 1 else 8.5
     size = max(0.75 * WIDTH, 1.35 * n)
-    side = (size - _BEFORE - _BEHIND) / (n + _GAP * (n - 1))
-    panels = [[_Panel(_BEFORE + j * side * (1.0 + _GAP), _BEFORE + (n - 1 - i) * side * (1.0 + _GAP), side) for j in range(i + 1)] for i in range(n)]
     figure = Figure(figsize=(size, size), facecolor="white")
-    ax = figure.add_axes((0.0, 0.0, 1.0, 1.0), xlim=(0.0, size), ylim=(0.0, size))
-    ax.set_axis_off()
-    marginals, priors = [], []
+    before = _BEFORE / size
+    figure.subplots_adjust(left=before, bottom=before, right=1.0 - _BEHIND / size, top=1.0 - _ABOVE / size, wspace=_GAP, hspace=_GAP)
     for i, row in enumerate(columns):
-        for j, column in enumerate(columns[:i]):
-            _draw_pair(ax, panels[i][j], column, row)
-        marginal, prior = _densities(row)
-        marginals.append(panels[i][i].inside(*marginal))
-        priors += [] if prior is None else [panels[i][i].inside(*prior)]
-    ax.add_collection(LineCollection(marginals, colors=BLUE, linewidths=1.0))
-    lines = LineCollection(priors, colors=ORANGE, linewidths=1.4)
-    ax.add_collection(lines)
-    lines.set_clip_path(Path.make_compound_path(*(Path(panels[i][i].frame) for i in range(n))), ax.transData)
-    ax.add_collection(LineCollection([panel.frame for row in panels for panel in row], colors=INK, linewidths=0.8, zorder=3))
-    ax.add_collection(LineCollection(_tick_marks(panels, columns), colors=INK, linewidths=0.8))
-    ax.add_collection(LineCollection(_true_lines(panels, columns), colors=INK, linewidths=0.9, linestyles=(0, (3, 2)), zorder=4))
-    _write(ax, panels, columns, fontsize=10.0 if len(analysis.problem.runs) == 1 else 8.5)
+        for j, column in enumerate(columns[: i + 1]):
+            ax = figure.add_subplot(n, n, i * n + j + 1, xlim=(column.low, column.high))
+            if i == j:
+                _draw_marginal(ax, column)
+            else:
+                _draw_contours(ax, density_of(column.draws, row.draws, [(column.low, column.high), (row.low, row.high)]))
+                ax.set_ylim(row.low, row.high)
+                _mark_true(ax.axhline, row)
+            _mark_true(ax.axvline, column)
+            _name(ax.xaxis, column if i == n - 1 else None, fontsize=fontsize, rotation=45.0)
+            _name(ax.yaxis, row if j == 0 < i else None, fontsize=fontsize)
+    figure.align_labels()
     return figure
 
 
@@ -113,6 +98,39 @@ def columns_of(analysis: Analysis, truth: Mapping[str, float] = MappingProxyType
     return columns + [_column(None, label, values) for label, values in sought_draws(analysis)[:MAX_SOUGHT]]
 
 
+def density_of(
+    x: FloatArray, y: FloatArray, ranges: Sequence[tuple[float, float]], *, n_bin: int = _N_BIN, smooth: float = _SMOOTH
+) -> Density:
+    """The density of draws (n_draw,) between the ends of two `ranges`; smooth : standard deviation of the kernel, in cells."""
+    counts, *edges = np.histogram2d(x, y, bins=n_bin, range=ranges)
+    middles = [np.concatenate([edge[:1], 0.5 * (edge[1:] + edge[:-1]), edge[-1:]]) for edge in edges]
+    smoothed = blurred(counts, smooth)
+    return Density(middles[0], middles[1], np.pad(smoothed, 1, mode="edge"), _levels(smoothed))
+
+
+def blurred(counts: FloatArray, sd: float) -> FloatArray:
+    """A histogram (n, n) smoothed by a normal kernel of `sd` cells, the counts beyond its edges those inside mirrored.
+
+    The package of SciPy that does the same takes longer to load than the figure to draw.
+    """
+    n = len(counts)
+    reach = int(_REACH * sd + 0.5)
+    steps = np.arange(-reach, reach + 1)
+    weights = np.exp(-0.5 * np.square(steps / sd))
+    mirrored = np.add.outer(np.arange(n), steps) % (2 * n)
+    kernel = np.zeros((n, n))
+    np.add.at(kernel, (np.arange(n)[:, None], np.minimum(mirrored, 2 * n - 1 - mirrored)), weights / np.sum(weights))
+    return np.asarray(kernel @ counts @ kernel.T)
+
+
+def _levels(smoothed: FloatArray) -> FloatArray:
+    """Not those that hold as many of the draws: across a narrow ridge the smoothed one is too wide, so such a region would be too short along it."""
+    ordered = np.sort(smoothed, axis=None)[::-1]
+    held = np.cumsum(ordered)
+    low, high = ordered[np.searchsorted(held, np.array(PROBABILITIES) * held[-1])]
+    return np.array([min(low, high * (1.0 - 1e-4)), high])
+
+
 def _column(prior: Prior | None, label: Label, draws: FloatArray, true: float | None = None) -> Column:
     from matplotlib.ticker import MaxNLocator
 
@@ -122,65 +140,36 @@ def _column(prior: Prior | None, label: Label, draws: FloatArray, true: float | 
     return Column(prior, label, draws * label.factor, low, high, ticks[clear], None if true is None else true * label.factor)
 
 
-def _draw_pair(ax: Axes, panel: _Panel, column: Column, row: Column) -> None:
-    found = density_of(column.draws, row.draws, [(column.low, column.high), (row.low, row.high)], n_bin=_N_BIN, smooth=_SMOOTH)
-    inches = panel.inside(column.place(found.x), row.place(found.y))
-    draw_contours(ax, replace(found, x=inches[:, 0], y=inches[:, 1]), BLUE, PALE, lw=1.0)
-
-
-def _densities(column: Column) -> tuple[tuple[FloatArray, FloatArray], tuple[FloatArray, FloatArray] | None]:
-    """Outline of the histogram and line of the prior, each as x and y in shares of the panel; None for a prior without a height."""
+def _draw_marginal(ax: Axes, column: Column) -> None:
+    """Histogram of the draws and line of the prior; a prior without a height has none, and one that is far narrower leaves the panel."""
     heights, edges = np.histogram(column.draws, bins=_N_BIN, range=(column.low, column.high), density=True)
+    ax.stairs(heights, edges, color=BLUE, lw=1.0)
     top = 1.1 * float(heights.max())
-    x, y = np.linspace(column.low, column.high, 200), None
     if column.prior is not None and np.isfinite(column.prior.sd):
+        x = np.linspace(column.low, column.high, 200)
         y = np.exp(column.prior.log_density(x / column.label.factor)) / column.label.factor
-        top = max(top, min(1.08 * float(y.max()), 2.0 * top))  # a far narrower prior leaves the panel
-    outline = np.concatenate([[0.0], np.repeat(heights, 2), [0.0]])
-    return (column.place(np.repeat(edges, 2)), outline / top), None if y is None else (column.place(x), y / top)
+        ax.plot(x, y, color=ORANGE, lw=1.4)
+        top = max(top, min(1.08 * float(y.max()), 2.0 * top))
+    ax.set_ylim(0.0, top)
 
 
-def _true_lines(panels: list[list[_Panel]], columns: list[Column]) -> list[FloatArray]:
-    """The true values across every panel that they lie in."""
-    both, lines = np.array([0.0, 1.0]), []
-    for i, row in enumerate(panels):
-        for j, panel in enumerate(row):
-            for across, column in ((True, columns[j]), (False, columns[i])):
-                if column.true is not None and column.low <= column.true <= column.high and (across or j < i):
-                    at = np.full(2, float(column.place(np.array(column.true))))
-                    lines.append(panel.inside(at, both) if across else panel.inside(both, at))
-    return lines
+def _draw_contours(ax: Axes, density: Density) -> None:
+    """Fill the regions that hold 95 % (pale) and 68 %, each with its line."""
+    levels = [*density.levels, 1.01 * float(density.z.max())]
+    drawn = ax.contourf(density.x, density.y, density.z.T, levels=levels, colors=[PALE, BLUE], antialiased=True)
+    drawn.set(edgecolor=BLUE, linewidth=1.0)
 
 
-def _tick_marks(panels: list[list[_Panel]], columns: list[Column]) -> list[FloatArray]:
-    marks = []
-    for i, row in enumerate(panels):
-        for j, panel in enumerate(row):
-            below = panel.left + panel.side * columns[j].place(columns[j].ticks)
-            beside = panel.bottom + panel.side * columns[i].place(columns[i].ticks)
-            marks += [np.array([[x, panel.bottom], [x, panel.bottom - _TICK]]) for x in below]
-            marks += [np.array([[panel.left, y], [panel.left - _TICK, y]]) for y in beside if j < i]
-    return marks
+def _mark_true(line: Callable[..., Line2D], column: Column) -> None:
+    if column.true is not None and column.low <= column.true <= column.high:
+        line(column.true, color=INK, lw=0.9, ls=(0, (3, 2)))
 
 
-def _write(ax: Axes, panels: list[list[_Panel]], columns: list[Column], *, fontsize: float) -> None:
-    """Names and numbers below the lowest panels and beside the leftmost ones."""
-    for i, column in enumerate(columns):
-        below, beside = panels[-1][i], panels[i][0]
-        shares, texts = column.place(column.ticks), tick_texts(column.ticks)
-        for share, text in zip(shares, texts, strict=True):
-            ax.text(
-                below.left + below.side * share + _TICK, below.bottom - 1.6 * _TICK, text, fontsize=7, rotation=45, rotation_mode="anchor",
-                ha="right", va="top",
-            )
-        ax.text(below.left + 0.5 * below.side, below.bottom - _LABEL, column.label.axis, fontsize=fontsize, ha="center", va="top")
-        if i:
-            for share, text in zip(shares, texts, strict=True):
-                ax.text(beside.left - 2.0 * _TICK, beside.bottom + beside.side * share, text, fontsize=7, ha="right", va="center")
-            ax.text(
-                beside.left - _LABEL, beside.bottom + 0.5 * beside.side, column.label.axis, fontsize=fontsize, rotation=90,
-                rotation_mode="anchor", ha="center", va="bottom",
-            )
+def _name(axis: Axis, column: Column | None, *, fontsize: float, rotation: float = 0.0) -> None:
+    """Numbers and the name of what an axis shows; neither at a panel that is not at the edge of the figure."""
+    ticks = np.empty(0) if column is None else column.ticks
+    name_ticks(axis, ticks, tick_texts(ticks), fontsize=7.0, rotation=rotation)
+    axis.set_label_text("" if column is None else column.label.axis, fontsize=fontsize)
 
 
 def _reach(prior: Prior | None, draws: FloatArray, factor: float) -> tuple[float, float]:

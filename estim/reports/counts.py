@@ -11,7 +11,7 @@ import numpy as np
 from estim.arrays import FloatArray
 from estim.checks import Goodness
 from estim.common import later, phrase
-from estim.drawing import BLUE, GREY, INK, new_figure, titled
+from estim.drawing import BLUE, GREY, INK, new_figure
 from estim.fitting import Fit
 from estim.problem import Counted, Law, Observations
 from estim.reports.rendering import render
@@ -42,7 +42,7 @@ def counts_text(fit: Fit, pictures: Collection[str]) -> str:
     return render("counts.md.j2", rows=rows, few=f"{_FEW:.0f}", events=single, pictures=pictures) if rows else ""
 
 
-def counts_figure(fit: Fit, goodness: Sequence[Goodness], *, synthetic: bool) -> Figure:
+def counts_figure(fit: Fit, goodness: Sequence[Goodness]) -> Figure:
     """Counts as bars or points, what the fitted curve expects, where a count would lie, and the pulls below."""
     pairs = [(run, good, run.noise.counted) for run, good in zip(fit.problem.runs, goodness, strict=True) if run.noise.counted is not None]
     figure = new_figure(4.4 * len(pairs))
@@ -50,7 +50,7 @@ def counts_figure(fit: Fit, goodness: Sequence[Goodness], *, synthetic: bool) ->
     for k, (run, good, counted) in enumerate(pairs):
         top, below = axes[2 * k], axes[2 * k + 1]
         _draw_counts(top, run, _expected(fit, run), counted)
-        top.set_title(titled(run.name, synthetic=synthetic), fontsize=10)
+        top.set_title(run.name, fontsize=10)
         top.set(ylabel=run.y_label)
         top.set_ylim(bottom=0.0)
         top.legend(fontsize=7.5, frameon=False, loc="best")

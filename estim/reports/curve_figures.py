@@ -13,7 +13,7 @@ from estim.campaign import way_back
 from estim.checks import Outliers
 from estim.common import later, phrase
 from estim.deviation import FoundForce
-from estim.drawing import BLUE, GREY, INK, titled
+from estim.drawing import BLUE, GREY, INK
 from estim.pipeline import Analysis
 from estim.problem import Observations
 from estim.reports.residual_panels import (
@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 _LINE = 0.01  # of the height of a curve: what a line hides
 
 
-def phase_figure(analysis: Analysis, *, synthetic: bool) -> Figure:
+def phase_figure(analysis: Analysis) -> Figure:
     """Speed against position: data, median curve, credible and predictive bands, turning point; below it data less curve in the unit of y."""
     drawn, found = drawn_runs(analysis.goodness), residuals_of(analysis)
     figure, pairs = panel_pairs(len(drawn), height=4.9 if len(drawn) == 1 else 3.5)
@@ -60,7 +60,7 @@ def phase_figure(analysis: Analysis, *, synthetic: bool) -> Figure:
             for part in (bar.lines[0], *bar.lines[2]):
                 part.set_clip_on(False)
         ax.set_ylabel(run.y_label)
-        ax.set_title(titled(run.name, synthetic=synthetic) + ("" if trusted else f" — {analysis.diagnosis.status}"), fontsize=10)
+        ax.set_title(run.name + ("" if trusted else f" — {analysis.diagnosis.status}"), fontsize=10)
         if run.words.from_release:
             ax.set_xlim(left=_low_end(run.x))
             ax.set_ylim(bottom=_low_end(run.y))

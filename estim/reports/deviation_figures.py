@@ -9,7 +9,7 @@ import numpy as np
 
 from estim.common import OF_BODY, phrase
 from estim.deviation import FoundForce
-from estim.drawing import BLUE, GREY, INK, ORANGE, grid, titled
+from estim.drawing import BLUE, GREY, INK, ORANGE, grid
 from estim.problem import Observations
 from estim.reports.joint_figures import RUN_COLOURS
 
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
-def force_figure(forces: Sequence[FoundForce], runs: Sequence[Observations], *, synthetic: bool) -> Figure:
+def force_figure(forces: Sequence[FoundForce], runs: Sequence[Observations]) -> Figure:
     """Median with 68 and 95 % bands, in percent of the weight; ticks where the points lie."""
     figure, axes = grid(len(forces), height=2.8)
     by_name = {run.name: run for run in runs}
@@ -38,7 +38,7 @@ def force_figure(forces: Sequence[FoundForce], runs: Sequence[Observations], *, 
         ax.plot(place, 0.0 * place + 0.025, "|", color=INK, ms=6, transform=ax.get_xaxis_transform(), label=phrase("points that are fit"))
         ax.set(xlabel=label, ylabel=phrase("force (% of the weight)"), xlim=(force.x[0], force.x[-1]))
         said = phrase("{title}: P(amplitude > 0) = {p:.3f}", title=_title(found), p=force.probability)
-        ax.set_title(titled(said, synthetic=synthetic), fontsize=10)
+        ax.set_title(said, fontsize=10)
         ax.legend(fontsize=7.5, frameon=False, loc="upper left", bbox_to_anchor=(0.0, -0.22), ncols=4)
     return figure
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from estim.campaign import Campaign
 from estim.common import Quantity, as_json, format_p, format_quantity, gravest, kind_words, percentage, phrase, significant, with_unit
-from estim.drawing import GREY, MARKS, new_figure, titled
+from estim.drawing import GREY, MARKS, new_figure
 from estim.pipeline import Analysis
 from estim.reports.joint_figures import RUN_COLOURS
 from estim.reports.pages import page
@@ -187,15 +187,15 @@ def energy_report(
         provenance(campaign, [run.name for run in runs], seed),
     )
     bad = frozenset(run.name for analysis in analyses for run in analysis.problem.runs if not analysis.diagnosis.ok)
-    drawers = {"figures/energy.png": partial(energy_figure, records, synthetic=campaign.kind == "synthetic", title=campaign.title, bad=bad)}
+    drawers = {"figures/energy.png": partial(energy_figure, records, title=campaign.title, bad=bad)}
     text = partial(
         render, "energy.md.j2", result=result, energies=result.energies, kind=kind_words(campaign.kind), status_words=STATUS_WORDS, shown=shown,
         percent=percent, drift_words=drift_words, energy_words=energy_words,
     )
-    return page(drawers, text, wanted=figures, synthetic=campaign.kind == "synthetic") | {"result.json": as_json(result)}
+    return page(drawers, text, wanted=figures, kind=campaign.kind) | {"result.json": as_json(result)}
 
 
-def energy_figure(records: Sequence[EnergyRecord], *, synthetic: bool, title: str, bad: frozenset[str] = frozenset()) -> Figure:
+def energy_figure(records: Sequence[EnergyRecord], *, title: str, bad: frozenset[str] = frozenset()) -> Figure:
     """Position, speed, energy and relative change of energy against time, as the paper's figure 3; no bands for runs that are `bad`.
 
     Energies have a strip for each run: the bands of several runs in one panel hide each other.
@@ -230,5 +230,5 @@ def energy_figure(records: Sequence[EnergyRecord], *, synthetic: bool, title: st
         strips[-1].set_xlabel(along)
         strips[0].set_title(name, fontsize=9, loc="left", pad=2)
     figure.legend(*x_panel.get_legend_handles_labels(), fontsize=8, frameon=False, loc="outside lower center", ncols=min(n, 6))
-    figure.suptitle(titled(title, synthetic=synthetic), fontsize=10)
+    figure.suptitle(title, fontsize=10)
     return figure

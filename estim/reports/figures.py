@@ -9,8 +9,7 @@ import numpy as np
 
 from estim.checks import Goodness
 from estim.common import phrase
-from estim.drawing import BLUE, GREY, INK, new_figure, titled
-from estim.drawing import png as png
+from estim.drawing import BLUE, GREY, INK, new_figure
 from estim.problem import Observations
 
 if TYPE_CHECKING:
@@ -19,7 +18,7 @@ if TYPE_CHECKING:
 _MANY = 300  # points that hide each other, and a line between them all
 
 
-def residual_figure(runs: Sequence[Observations], goodness: Sequence[Goodness], *, synthetic: bool) -> Figure:
+def residual_figure(runs: Sequence[Observations], goodness: Sequence[Goodness]) -> Figure:
     """Whitened residuals along each run, and how they are distributed."""
     figure = new_figure(2.5 * len(runs))
     axes = figure.subplots(len(runs), 2, squeeze=False, width_ratios=(3, 1), sharey="row")
@@ -37,7 +36,7 @@ def residual_figure(runs: Sequence[Observations], goodness: Sequence[Goodness], 
         right.plot(run.n_obs * (edges[1] - edges[0]) * np.exp(-0.5 * z**2) / np.sqrt(2 * np.pi), z, color=INK, lw=1)
         left.set_ylim(-reach, reach)
         left.set(xlabel=run.x_label, ylabel=phrase("whitened residual"))
-        left.set_title(titled(run.name, synthetic=synthetic), fontsize=10)
+        left.set_title(run.name, fontsize=10)
         right.set(xlabel=phrase(run.words.rows))
         right.set_title(phrase("line: expected"), fontsize=8)
     return figure

@@ -1,4 +1,4 @@
-"""Figures of what the data can tell: directions against the prior, the ridge, and profiles.  Style and colours as in `estim.reports.figures`."""
+"""Figures of what the data can tell: directions against the prior, and profiles."""
 
 from __future__ import annotations
 
@@ -11,12 +11,10 @@ import numpy as np
 from estim.arrays import FloatArray
 from estim.checks import Identifiability
 from estim.common import phrase, signed
-from estim.distributions import chi2_quantile, normal_below
-from estim.drawing import BLUE, GREEN, GREY, INK, ORANGE, PALE, name_ticks, new_figure
-from estim.fitting import Fit, ProfileInterval
-from estim.problem import Prior, Problem
-from estim.reports.contours import density_of, draw_contours
-from estim.reports.smoothing import monotone
+from estim.distributions import chi2_quantile
+from estim.drawing import BLUE, GREY, INK, ORANGE, name_ticks, new_figure
+from estim.fitting import ProfileInterval
+from estim.problem import Problem
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -24,8 +22,6 @@ if TYPE_CHECKING:
 
 _FLOOR = 1e-4  # of the axis of information: what is smaller is as good as nothing
 _TOP_RISE = 5.0
-_MIXED = 1e-4  # product of two components and their correlation, below which a direction is that of one parameter
-_PRIOR_DRAWS = 100_000
 _RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
@@ -77,111 +73,6 @@ def _components(ax: Axes, vectors: FloatArray, symbols: list[str], *, upright: b
     ax.set_title(phrase("components, in prior standard deviations"), fontsize=8.5)
 
 
-def ridge_figure(fit: Fit, found: Identifiability, draws: FloatArray, pair: tuple[str, str]) -> Figure:
-    """Posterior and prior of two parameters (those of `ridge_pair`) with the weakest direction between them.
-
-    draws : (n_draw, n_par) of the posterior, 20 000 for smooth contours.
-    """
-    from matplotlib.lines import Line2D
-
-    problem, weakest = fit.problem, found.directions[0]
-    i, j = (fit.names.index(name) for name in pair)
-    single = len(problem.runs) == 1
-    shown = [problem.parameters[k].bare_label if single else problem.parameters[k].label for k in (i, j)]
-    factors = np.array([s.factor for s in shown])
-    points = draws[:, [i, j]] * factors
-    proper = [bool(np.isfinite(problem.parameters[k].prior.sd)) for k in (i, j)]
-    priors = _prior_draws(problem, (i, j), draws) * factors
-    low = np.minimum(np.quantile(points, 0.001, axis=0), np.quantile(priors, 0.004, axis=0))
-    high = np.maximum(np.quantile(points, 0.999, axis=0), np.quantile(priors, 0.996, axis=0))
-    span = high - low
-    low, high = low - 0.04 * span, high + 0.04 * span
-    figure = new_figure(4.2, width=5.6)
-    ax = figure.subplots()
-    draw_contours(ax, density_of(points[:, 0], points[:, 1], ((low[0], high[0]), (low[1], high[1])), n_bin=40, smooth=1.3), BLUE, PALE, lw=0.8)
-    for probability, width in ((0.68, 1.8), (0.95, 1.2)):
-        _draw_prior(ax, [problem.parameters[k].prior for k in (i, j)], priors, probability, width)
-    centre = fit.values[[i, j]] * factors
-    arrow = weakest.vector[[i, j]] * found.prior_sds[[i, j]] * factors
-    if np.any((centre + arrow < low) | (centre + arrow > high)):  # matplotlib leaves out an arrow that ends outside: the other way, then
-        arrow = -arrow
-    if not np.all(np.isclose(centre, centre + arrow)):  # matplotlib draws no line through points it takes for one
-        ax.axline(tuple(centre), tuple(centre + arrow), color=GREEN, lw=1.0, ls=(0, (5, 3)), zorder=4)
-    if all(proper):  # a flat prior without limits has no standard deviation to show the size of
-        ax.annotate("", xy=tuple(centre + arrow), xytext=tuple(centre), arrowprops={"arrowstyle": "-|>", "color": GREEN, "lw": 2.0}, zorder=6)
-    ax.plot(*centre, "o", color=INK, ms=4, zorder=7)
-    edges = np.array([[problem.parameters[k].prior.low, problem.parameters[k].prior.high] for k in (i, j)]) * factors[:, None]
-    first, last = np.maximum(low, edges[:, 0]), np.minimum(high, edges[:, 1])  # smoothed contours would spill over the edge of a prior
-    ax.set_xlim(first[0], last[0])
-    ax.set_ylim(first[1], last[1])
-    ax.set(xlabel=shown[0].axis, ylabel=shown[1].axis)
-    handles = [
-        Line2D([], [], color=BLUE, lw=4, alpha=0.6, label=phrase("posterior, 68 and 95 %")),
-        *([Line2D([], [], color=ORANGE, lw=1.6, label=phrase("prior, 68 and 95 %"))] if any(proper) else []),
-        *([Line2D([], [], color=GREEN, lw=2, label=phrase("weakest direction, one prior sd"))] if all(proper) else []),
-        Line2D([], [], color=GREEN, lw=1, ls="--", label=phrase("the data tell least along this line")),
-        Line2D([], [], color=INK, marker="o", ms=4, ls="", label=phrase("fit")),
-    ]
-    figure.legend(handles=handles, loc="outside lower center", ncols=2, fontsize=7.5, frameon=False)
-    return figure
-
-
-def ridge_pair(found: Identifiability, draws: FloatArray) -> tuple[str, str] | None:
-    """The two parameters between which the weakest direction is a visible ridge: both move along it, and the posterior correlates them.
-
-    None where it is that of one parameter alone.
-    """
-    spread = draws.std(axis=0)
-    correlation = np.atleast_2d(np.cov(draws.T)) / np.outer(spread, spread)
-    along = found.directions[0].vector
-    mixed = np.triu(np.abs(np.outer(along, along) * correlation), k=1)
-    if not np.max(mixed) > _MIXED:
-        return None
-    i, j = np.unravel_index(int(np.argmax(mixed)), mixed.shape)
-    return found.names[i], found.names[j]
-
-
-def _prior_draws(problem: Problem, pair: tuple[int, int], draws: FloatArray) -> FloatArray:
-    """(100 000, 2) draws of two priors, to place contours and axes; the seed is fixed so that a figure does not change.
-
-    A flat prior without limits has no draws: values spread evenly over the posterior `draws` (n_draw, n_par) stand for it.
-    """
-    rng = np.random.default_rng(0)
-    columns = []
-    for k in pair:
-        prior = problem.parameters[k].prior
-        columns.append(prior.draw(rng, _PRIOR_DRAWS) if np.isfinite(prior.sd) else rng.uniform(draws[:, k].min(), draws[:, k].max(), _PRIOR_DRAWS))
-    return np.column_stack(columns)
-
-
-def _draw_prior(ax: Axes, pair: Sequence[Prior], draws: FloatArray, probability: float, width: float) -> None:
-    """The line inside which two independent priors are with `probability`; a prior without a standard deviation has no end.
-
-    draws : (n_draw, 2) of both.
-    """
-    x, y = prior_contour(draws, probability)
-    proper = [bool(np.isfinite(prior.sd)) for prior in pair]
-    if all(proper):
-        ax.plot(x, y, color=ORANGE, lw=width, zorder=5)
-    for column, known, line in zip(draws.T, proper, (ax.axvline, ax.axhline), strict=True):
-        if known and not all(proper):
-            for end in np.quantile(column, [0.5 - 0.5 * probability, 0.5 + 0.5 * probability]):
-                line(float(end), color=ORANGE, lw=width, zorder=5)
-
-
-def prior_contour(draws: FloatArray, probability: float) -> tuple[FloatArray, FloatArray]:
-    """A closed line, (400,) x and y, that holds `probability` of two independent priors, from their draws (n_draw, 2).
-
-    The circle z_x^2 + z_y^2 = chi-squared quantile, each z carried to its prior through equal probabilities: for two normal
-    priors the ellipse of equal density.  A flat prior gets as wide as it would with a posterior that says nothing, not as
-    narrow as one standard deviation of the other.
-    """
-    angle = np.linspace(0.0, 2.0 * np.pi, 400)
-    z = math.sqrt(chi2_quantile(probability, 2)) * np.array([np.cos(angle), np.sin(angle)])
-    x, y = (np.quantile(column, p) for column, p in zip(draws.T, normal_below(z), strict=True))
-    return x, y
-
-
 def profile_figure(problem: Problem, intervals: Sequence[ProfileInterval], draws: FloatArray) -> Figure:
     """How the objective rises with each parameter, all others re-optimised, with posterior quantiles below.
 
@@ -209,7 +100,7 @@ def profile_figure(problem: Problem, intervals: Sequence[ProfileInterval], draws
         Line2D([], [], color=GREY, lw=0.9, ls="--", label=phrase("68 and 95 % levels")),
         Line2D([], [], color=INK, lw=3, marker="|", ms=7, label=phrase("posterior: median, 68 and 95 %")),
     ]
-    figure.legend(handles=handles, loc="outside upper center", ncols=3, fontsize=7.5, frameon=False)
+    figure.legend(handles=handles, loc="outside lower center", ncols=3, fontsize=7.5, frameon=False)
     return figure
 
 
@@ -218,9 +109,8 @@ def _draw_profile(ax: Axes, interval: ProfileInterval, draws: FloatArray, factor
     x, kept = np.unique(interval.x * factor, return_index=True)
     # the signed square root of a rise is nearly a straight line: smooth in between
     root = np.sqrt(np.maximum(interval.rise[kept], 0.0)) * np.where(x < interval.value * factor, -1.0, 1.0)
-    if x.size > 1:
-        fine = np.linspace(x[0], x[-1], 300)
-        ax.plot(fine, monotone(x, root, fine) ** 2, color=BLUE, lw=1.4)
+    fine = np.linspace(x[0], x[-1], 300)
+    ax.plot(fine, np.interp(fine, x, root) ** 2, color=BLUE, lw=1.4)
     levels = {p: float(chi2_quantile(p, 1)) for p in interval.low}
     ax.hlines(list(levels.values()), 0.0, 1.0, color=GREY, lw=0.7, ls="--", zorder=1, transform=ax.get_yaxis_transform())
     closed = [(ends[p] * factor, level) for p, level in levels.items() for opened, ends in sides if not opened[p]]

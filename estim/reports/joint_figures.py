@@ -10,7 +10,7 @@ import numpy as np
 from estim.arrays import FloatArray
 from estim.checks import Goodness
 from estim.common import phrase
-from estim.drawing import BLUE, GREEN, GREY, INK, ORANGE, PURPLE, new_figure, titled
+from estim.drawing import BLUE, GREEN, GREY, INK, ORANGE, PURPLE, new_figure
 from estim.problem import Observations, Problem
 
 if TYPE_CHECKING:
@@ -22,7 +22,7 @@ RUN_COLOURS = (BLUE, ORANGE, GREEN, PURPLE, "#D55E00", "#56B4E9", "#8C6D31", "#6
 _NAMED = len(RUN_COLOURS)  # runs beyond which single ones are grey
 
 
-def together_figure(problem: Problem, goodness: Sequence[Goodness], *, synthetic: bool) -> Figure:
+def together_figure(problem: Problem, goodness: Sequence[Goodness]) -> Figure:
     """Data less curve and whitened residuals, a row for each group of runs that share a force, and one for runs that share none."""
     found = {good.run: good for good in goodness}
     rows = [group.runs for group in problem.groups if len(group.runs) > 1]
@@ -35,7 +35,7 @@ def together_figure(problem: Problem, goodness: Sequence[Goodness], *, synthetic
         _overlay(right, runs, [found[run.name].whitened for run in runs])
         left.set_ylabel(phrase("data − curve") + (f" ({runs[0].y_unit})" if runs[0].y_unit != "1" else ""))
         right.set_ylabel(phrase("whitened residual"))
-        left.set_title(titled(phrase("{n} runs", n=len(runs)) if len(runs) > 1 else phrase("1 run"), synthetic=synthetic), fontsize=10)
+        left.set_title(phrase("{n} runs", n=len(runs)) if len(runs) > 1 else phrase("1 run"), fontsize=10)
         right.set_title(phrase("what is left"), fontsize=10)
         part.legend(*left.get_legend_handles_labels(), fontsize=7.5, frameon=False, loc="outside lower center", ncols=5)
     return figure

@@ -7,14 +7,14 @@ from typing import TYPE_CHECKING
 
 from estim.common import phrase
 from estim.deviation import FoundDeviation
-from estim.drawing import BLUE, GREY, INK, grid, titled
+from estim.drawing import BLUE, GREY, INK, grid
 from estim.problem import Observations
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
-def lacks_figure(deviations: Sequence[FoundDeviation], runs: Sequence[Observations], *, synthetic: bool) -> Figure:
+def lacks_figure(deviations: Sequence[FoundDeviation], runs: Sequence[Observations]) -> Figure:
     """Median with 68 and 95 % bands; points: the residuals of the best curve with independent errors."""
     figure, axes = grid(len(deviations), height=2.8)
     by_name = {run.name: run for run in runs}
@@ -28,6 +28,6 @@ def lacks_figure(deviations: Sequence[FoundDeviation], runs: Sequence[Observatio
         ax.axhline(0.0, color=GREY, lw=0.8)
         ax.set(xlabel=run.x_label, ylabel=phrase("deviation of {y}", y=run.y_label), xlim=(visible.x[0], visible.x[-1]))
         said = phrase("{title}: P(amplitude > 0) = {p:.3f}", title=run.name, p=found.probability)
-        ax.set_title(titled(said, synthetic=synthetic), fontsize=10)
+        ax.set_title(said, fontsize=10)
     figure.legend(*axes[0].get_legend_handles_labels(), fontsize=7.5, frameon=False, loc="outside lower center", ncols=4)
     return figure

@@ -29,7 +29,7 @@ from estim.common import (
     significant,
     table,
 )
-from estim.drawing import BLUE, INK, ORANGE, new_figure, titled
+from estim.drawing import BLUE, INK, ORANGE, new_figure
 from estim.line import CONVENTIONS, LineAnalysis, TrialsAnalysis
 from estim.reports.copying import copies_of
 from estim.reports.pages import Drawers, page
@@ -172,14 +172,13 @@ def line_report(
 
     voice : to whom advice is given.  figures : whether there are any.
     """
-    synthetic = campaign.kind == "synthetic"
     result, true = line_result(campaign, analysis, voice=voice), campaign.truth.get(f"gamma[{analysis.series.body}]")
-    drawers: Drawers = {"figures/line.png": partial(line_figure, analysis, synthetic=synthetic)}
+    drawers: Drawers = {"figures/line.png": partial(line_figure, analysis)}
     if trials is None:
-        return page(drawers, partial(line_text, result, true=true), wanted=figures, synthetic=synthetic) | {"result.json": as_json(result)}
+        return page(drawers, partial(line_text, result, true=true), wanted=figures, kind=campaign.kind) | {"result.json": as_json(result)}
     of_trials, values, record = trials_files(campaign, trials, line=analysis, voice=voice)
     text = partial(line_text, result, trials=values, true=true)
-    return page({**drawers, **of_trials}, text, wanted=figures, synthetic=synthetic) | {"result.json": as_json(result), "trials.json": record}
+    return page({**drawers, **of_trials}, text, wanted=figures, kind=campaign.kind) | {"result.json": as_json(result), "trials.json": record}
 
 
 def line_text(result: LineResult, pictures: Collection[str], *, trials: Mapping[str, object] | None = None, true: float | None = None) -> str:
@@ -291,7 +290,7 @@ def _error_cells(name: str, row: LineRow) -> list[tuple[str, ...]]:
     return cells
 
 
-def line_figure(analysis: LineAnalysis, *, synthetic: bool) -> Figure:
+def line_figure(analysis: LineAnalysis) -> Figure:
     """Points with their uncertainties, the theory line from the masses, OLS, York, and the posterior band."""
     series = analysis.series
     figure = new_figure(4.6)
@@ -317,6 +316,6 @@ def line_figure(analysis: LineAnalysis, *, synthetic: bool) -> Figure:
     ax.set(xlabel=phrase("sin φ  (tilt of the ramp)"), xlim=(0.0, None))
     ax.set_ylabel(phrase("sin {theta_min}  (smallest ascending angle)", theta_min=Notation("θ_min").label("rad").tex))
     ax.set_ylim(bottom=min(0.0, float(np.min(series.y - series.u_y))))
-    ax.set_title(titled(series.body, synthetic=synthetic), fontsize=10)
+    ax.set_title(series.body, fontsize=10)
     figure.legend(fontsize=8, frameon=False, loc="outside lower center", ncols=2)
     return figure

@@ -83,7 +83,7 @@ def models_report(campaign: Campaign, comparison: ModelComparison, *, seed: int,
     rows, problem = comparison.rows, comparison.rows[0].analysis.problem
     common = _common(rows)
     summaries = [_summary(row) for row in rows]
-    runs, synthetic = [run.name for run in problem.runs], campaign.kind == "synthetic"
+    runs = [run.name for run in problem.runs]
     shown = _shown(rows)
     text = partial(
         render, "models.md.j2", title=campaign.title, runs=runs, kind=kind_words(campaign.kind), rows=summaries, recommended=comparison.recommended,
@@ -99,10 +99,10 @@ def models_report(campaign: Campaign, comparison: ModelComparison, *, seed: int,
         "title": campaign.title, "kind": campaign.kind, "runs": runs, "recommended": comparison.recommended or None, "ground": str(comparison.ground),
         "models": summaries, "provenance": provenance(campaign, runs, seed),
     }
-    drawers = {"figures/values.png": partial(values_figure, summaries, common, comparison.recommended, synthetic=synthetic)}
+    drawers = {"figures/values.png": partial(values_figure, summaries, common, comparison.recommended)}
     if shown is not None and shown.predicted:
-        drawers["figures/predictive.png"] = partial(predictive_figure, shown.predicted, shown.model.name, synthetic=synthetic)
-    return page(drawers, text, wanted=figures, synthetic=campaign.kind == "synthetic") | {"models.json": as_json(record)}
+        drawers["figures/predictive.png"] = partial(predictive_figure, shown.predicted, shown.model.name)
+    return page(drawers, text, wanted=figures, kind=campaign.kind) | {"models.json": as_json(record)}
 
 
 def ground_words(comparison: ModelComparison) -> str:

@@ -33,7 +33,7 @@ class _Row(Protocol):
     def posterior(self) -> Mapping[str, Summary]: ...
 
 
-def values_figure(rows: Sequence[_Row], common: Sequence[Parameter], recommended: str, *, synthetic: bool) -> Figure:
+def values_figure(rows: Sequence[_Row], common: Sequence[Parameter], recommended: str) -> Figure:
     """68 and 95 % intervals of each quantity under each model; those of a model that is not ok in grey, dashed."""
     columns = min(_COLUMNS, max(len(common), 1))
     lines = -(-max(len(common), 1) // columns)
@@ -51,7 +51,7 @@ def values_figure(rows: Sequence[_Row], common: Sequence[Parameter], recommended
     for extra in axes[len(common) :]:
         extra.set_visible(False)
     title = phrase("median, 68 and 95 % intervals; orange square: recommended; grey, dashed: not ok, not to be used")
-    figure.suptitle(phrase("{title}; SYNTHETIC data", title=title) if synthetic else title, fontsize=8.5)
+    figure.suptitle(title, fontsize=8.5)
     return figure
 
 
@@ -66,7 +66,7 @@ def _interval(ax: Axes, place: float, summary: Summary, factor: float, *, ok: bo
     ax.plot(middle, place, "s" if recommended else "o", color=colour, mfc=colour if ok else "white", ms=5 if recommended else 4, zorder=4)
 
 
-def predictive_figure(predicted: Sequence[Predicted], model: str, *, synthetic: bool) -> Figure:
+def predictive_figure(predicted: Sequence[Predicted], model: str) -> Figure:
     """Histograms of each statistic of the data sets, and that of the data: a line, or an outline where it depends on the parameters."""
     runs = list(dict.fromkeys(one.run for one in predicted))
     names = list(dict.fromkeys(one.name for one in predicted))
@@ -83,7 +83,7 @@ def predictive_figure(predicted: Sequence[Predicted], model: str, *, synthetic: 
             if k == 0:
                 ax.set_ylabel(run, fontsize=8)
     title = phrase("{model}: filled: data sets drawn from the posterior; orange: the data", model=model)
-    figure.suptitle(phrase("{title}; SYNTHETIC data", title=title) if synthetic else title, fontsize=8.5)
+    figure.suptitle(title, fontsize=8.5)
     return figure
 
 

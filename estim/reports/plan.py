@@ -128,7 +128,7 @@ def plan_report(plan: Plan, *, figures: bool = True) -> dict[str, bytes]:
         heads=[head for p in plan.targets for head in (f"u({p.label.symbol})" + _unit(p), phrase("ratio"))], now=_now_rows(plan), far=FAR,
         refused=_refused(plan.refused), halving=[(h.target.label.symbol, _way_rows(h)) for h in plan.halving],
     )
-    return page(drawers, text, wanted=figures, synthetic=plan.campaign.kind == "synthetic") | {"plan.json": as_json(record)}
+    return page(drawers, text, wanted=figures, kind=plan.campaign.kind) | {"plan.json": as_json(record)}
 
 
 def shown_options(options: Sequence[Option]) -> tuple[Option, ...]:

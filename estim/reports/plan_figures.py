@@ -38,11 +38,9 @@ def ratio_figure(plan: Plan, options: Sequence[Option]) -> Figure:
     ax.set_xlabel(phrase("expected u / u as things are (dashed: halved)"), fontsize=8)
     ax.tick_params(axis="x", labelsize=8)
     if len(plan.targets) > 1:
-        figure.legend(loc="outside upper center", ncols=min(len(plan.targets), 3), fontsize=8, frameon=False)
-    named = [] if len(plan.targets) > 1 else [phrase("u of {quantity}", quantity=plan.targets[0].label.tex)]
-    named += [phrase("plan from SYNTHETIC data")] if plan.campaign.kind == "synthetic" else []
-    if named:
-        ax.set_title(", ".join(named), fontsize=8)
+        figure.legend(loc="outside lower center", ncols=min(len(plan.targets), 3), fontsize=8, frameon=False)
+    else:
+        ax.set_title(phrase("u of {quantity}", quantity=plan.targets[0].label.tex), fontsize=8)
     return figure
 
 

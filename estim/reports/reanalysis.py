@@ -142,24 +142,23 @@ def _body(r: Reanalysis, body: BodyAnalysis, voice: Voice) -> BodySummary:
 def reanalysis_report(r: Reanalysis, *, voice: Voice = Voice.PYTHON, figures: bool = True) -> dict[str, bytes]:
     """`report.md`, `result.json` and `figures/*.png`.  voice : to whom advice is given.  figures : whether there are any."""
     result = reanalysis_result(r, voice=voice)
-    synthetic = r.campaign.kind == "synthetic"
     drawn: dict[str, Callable[[], Figure]] = {}
     trusted = [body for body in r.bodies if body.joint.diagnosis.ok]
     if trusted:
-        drawn["figures/narrowing.png"] = partial(narrowing_figure, [body.narrowing for body in trusted], synthetic=synthetic)
-        drawn["figures/widths.png"] = partial(width_figure, trusted, synthetic=synthetic)
+        drawn["figures/narrowing.png"] = partial(narrowing_figure, [body.narrowing for body in trusted])
+        drawn["figures/widths.png"] = partial(width_figure, trusted)
     if r.line is not None:
-        drawn["figures/line.png"] = partial(line_figure, r.line, synthetic=synthetic)
+        drawn["figures/line.png"] = partial(line_figure, r.line)
     for body in r.bodies:
-        drawn[f"figures/phase-{body.body}.png"] = partial(overlay_figure, body, synthetic=synthetic)
+        drawn[f"figures/phase-{body.body}.png"] = partial(overlay_figure, body)
         if len(body.joint.problem.runs) > 1:
-            drawn[f"figures/tilts-{body.body}.png"] = partial(tilts_figure, body, synthetic=synthetic)
+            drawn[f"figures/tilts-{body.body}.png"] = partial(tilts_figure, body)
         if body in trusted:
-            drawn[f"figures/energy-{body.body}.png"] = partial(energy_figure, body.energies, synthetic=synthetic, title=body.body)
-        drawn[f"figures/residuals-{body.body}.png"] = partial(residual_figure, body.joint.problem.runs, body.joint.goodness, synthetic=synthetic)
+            drawn[f"figures/energy-{body.body}.png"] = partial(energy_figure, body.energies, title=body.body)
+        drawn[f"figures/residuals-{body.body}.png"] = partial(residual_figure, body.joint.problem.runs, body.joint.goodness)
         drawn[f"figures/corner-{body.body}.png"] = partial(corner_figure, body.joint, r.campaign.truth)
     below = {body.body: corner_words(body.joint.problem, truth=bool(r.campaign.truth)) for body in r.bodies}
-    return page(drawn, partial(reanalysis_text, result, below), wanted=figures, synthetic=synthetic) | {"result.json": as_json(result)}
+    return page(drawn, partial(reanalysis_text, result, below), wanted=figures, kind=r.campaign.kind) | {"result.json": as_json(result)}
 
 
 def reanalysis_lines(r: Reanalysis) -> dict[str, list[str]]:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from estim.common import phrase, signed
-from estim.drawing import BLUE, GREY, INK, MARKS, ORANGE, name_ticks, new_figure, titled
+from estim.drawing import BLUE, GREY, INK, MARKS, ORANGE, name_ticks, new_figure
 from estim.reports.joint_figures import RUN_COLOURS
 from estim.reports.residual_panels import draw_faded, draw_points_with_bars, draw_residuals, panel_pairs, residuals_of, tidy_labels
 from estim.sampling import curve_draws
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
-def overlay_figure(body: BodyAnalysis, *, synthetic: bool) -> Figure:
+def overlay_figure(body: BodyAnalysis) -> Figure:
     """Data, the propagated band of the stated inputs, and the posterior band of the joint fit; below it all of them less the fit."""
     runs, trusted = body.joint.problem.runs, body.joint.diagnosis.ok
     figure, pairs = panel_pairs(len(runs), height=3.3)
@@ -44,7 +44,7 @@ def overlay_figure(body: BodyAnalysis, *, synthetic: bool) -> Figure:
         draw_points_with_bars(ax, residuals, label=phrase("data used"))
         draw_residuals(below, residuals, bands if trusted else None, reach=reach)
         ax.set(ylabel=run.y_label, xlim=(0.0, None), ylim=(0.0, None))
-        ax.set_title(titled(run.name, synthetic=synthetic), fontsize=9)
+        ax.set_title(run.name, fontsize=9)
     tidy_labels(pairs)
     figure.legend(*pairs[0][0].get_legend_handles_labels(), loc="outside lower center", ncols=2, fontsize=8, frameon=False)
     figure.align_ylabels()
@@ -55,7 +55,7 @@ def _shown(tilt: float) -> str:
     return signed(f"{tilt:.1f}")
 
 
-def tilts_figure(body: BodyAnalysis, *, synthetic: bool) -> Figure:
+def tilts_figure(body: BodyAnalysis) -> Figure:
     """All runs of a body in one pair of axes: data, and of each curve the median and the 95 % band of the joint fit, the lowest tilt first."""
     analysis = body.joint
     named = analysis.problem.named(analysis.fit.values)
@@ -69,12 +69,12 @@ def tilts_figure(body: BodyAnalysis, *, synthetic: bool) -> Figure:
             ax.plot(bands.x, bands.median, color=colour, lw=1.2)
         ax.plot(run.x, run.y, MARKS[k % len(MARKS)], color=colour, ms=3.5, mec=INK, mew=0.3, label=f"{run.name}, φ = {_shown(tilts[i])}°", zorder=5)
     ax.set(xlabel=analysis.problem.runs[0].x_label, ylabel=analysis.problem.runs[0].y_label, xlim=(0.0, None), ylim=(0.0, None))
-    ax.set_title(titled(body.body, synthetic=synthetic), fontsize=10)
+    ax.set_title(body.body, fontsize=10)
     figure.legend(loc="outside lower center", ncols=4, fontsize=8, frameon=False)
     return figure
 
 
-def width_figure(bodies: Sequence[BodyAnalysis], *, synthetic: bool) -> Figure:
+def width_figure(bodies: Sequence[BodyAnalysis]) -> Figure:
     """Width of the posterior band relative to the propagated one along each run."""
 
     figure = new_figure(3.2)
@@ -90,12 +90,10 @@ def width_figure(bodies: Sequence[BodyAnalysis], *, synthetic: bool) -> Figure:
         ax.legend(fontsize=8, frameon=False, ncols=2, loc="upper center")
     axes[0].set_ylim(top=800.0)
     axes[0].set_ylabel(phrase("posterior / propagated band (%)"))
-    if synthetic:
-        figure.suptitle(phrase("SYNTHETIC data"), fontsize=9)
     return figure
 
 
-def narrowing_figure(tables: Sequence[Narrowing], *, synthetic: bool) -> Figure:
+def narrowing_figure(tables: Sequence[Narrowing]) -> Figure:
     """Uncertainty of gamma and kappa against the number of runs fit together, beside single runs."""
     names = [name for table in tables for name in table.names]
     figure = new_figure(2.9 * -(-len(names) // 2))
@@ -115,6 +113,4 @@ def narrowing_figure(tables: Sequence[Narrowing], *, synthetic: bool) -> Figure:
     for extra in axes[len(pairs) :]:
         extra.set_visible(False)
     figure.legend(*axes[0].get_legend_handles_labels(), fontsize=8, frameon=False, loc="outside lower center", ncols=3)
-    if synthetic:
-        figure.suptitle(phrase("SYNTHETIC data"), fontsize=9)
     return figure

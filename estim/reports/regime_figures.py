@@ -44,7 +44,7 @@ _ENDS = {
 }
 
 
-def regime_figure(found: BodyMap, line: ThetaMinSeries | None, *, title: str) -> Figure:
+def regime_figure(found: BodyMap, line: ThetaMinSeries | None) -> Figure:
     """What the body does, over tilt and angle of release; the distance to the turning point as contours in m."""
     from matplotlib.lines import Line2D
     from matplotlib.patches import Patch
@@ -79,14 +79,14 @@ def regime_figure(found: BodyMap, line: ThetaMinSeries | None, *, title: str) ->
         handles.append(Patch(fc="none", ec=PURPLE, hatch="xxx", lw=0.0, label=phrase("would hop")))
     if line is not None:
         handles.append(_line_points(ax, line))
-    _frame(ax, found, title)
+    _frame(ax, found)
     _runs(ax, found)
     handles.append(Line2D([], [], color=INK, marker="o", ls="", ms=5, label=phrase("runs, one standard uncertainty")))
     figure.legend(handles=handles, loc="outside lower center", ncols=2, fontsize=8, frameon=False)
     return figure
 
 
-def friction_figure(found: BodyMap, *, title: str) -> Figure:
+def friction_figure(found: BodyMap) -> Figure:
     """The coefficient of friction that rolling needs up to the turning point or the end of the ramp; the border of slipping for a stated one."""
     from matplotlib.lines import Line2D
 
@@ -113,13 +113,13 @@ def friction_figure(found: BodyMap, *, title: str) -> Figure:
     _outside(ax, found)
     _band(ax, found.phi, found.lowest, INK)
     _band(ax, found.phi, found.highest, INK)
-    _frame(ax, found, title)
+    _frame(ax, found)
     _runs(ax, found)
     figure.legend(handles=handles, loc="outside lower center", ncols=2, fontsize=8, frameon=False)
     return figure
 
 
-def reach_figure(found: BodyMap, *, title: str) -> Figure:
+def reach_figure(found: BodyMap) -> Figure:
     """How far the body gets against the tilt: the farthest from any release, and where the runs should turn, beside how far they were recorded."""
     figure = new_figure(4.6)
     ax = figure.subplots()
@@ -148,7 +148,7 @@ def reach_figure(found: BodyMap, *, title: str) -> Figure:
     if any(place.turned for place in found.runs):
         ax.plot([], [], "_", color=ORANGE, ms=14, mew=2.5, label=phrase("recorded: turns here"))
     ax.set(xlabel=phrase("tilt φ (°)"), ylabel=phrase("distance from the release (m)"), xlim=(phi[0], phi[-1]), ylim=(0.0, 1.25 * top))
-    ax.set_title(title, fontsize=10)
+    ax.set_title(found.body, fontsize=10)
     figure.legend(*ax.get_legend_handles_labels(), loc="outside lower center", ncols=2, fontsize=8, frameon=False)
     return figure
 
@@ -171,13 +171,13 @@ def _outside(ax: Axes, found: BodyMap) -> None:
     ax.fill_between(phi, found.highest[2] * _DEGREES, high, color=_STILL, lw=0, zorder=1.8)
 
 
-def _frame(ax: Axes, found: BodyMap, title: str) -> None:
+def _frame(ax: Axes, found: BodyMap) -> None:
     along = phrase("tilt φ (°), uphill positive") if found.downhill else phrase("tilt φ (°)")
     ax.set(xlabel=along, ylabel=phrase("angle of release θ₀ (°)"))
     ax.set_xlim(found.phi[0] * _DEGREES, found.phi[-1] * _DEGREES)
     ax.set_ylim(*(end * _DEGREES for end in found.theta0_range))
     ax.yaxis.set_ticks(np.arange(np.ceil(found.theta0_range[0] * _DEGREES / 30.0), found.theta0_range[1] * _DEGREES / 30.0 + 1e-9) * 30.0)
-    ax.set_title(title, fontsize=10)
+    ax.set_title(found.body, fontsize=10)
 
 
 def _zones(ax: Axes, found: BodyMap) -> None:

@@ -12,7 +12,6 @@ import numpy as np
 from estim.arrays import FloatArray
 from estim.campaign import Campaign
 from estim.common import as_json, decide, format_quantity, kind_words, later, one_line, phrase, signed
-from estim.drawing import titled
 from estim.line import ThetaMinSeries
 from estim.reports.kept_fit import fitted_values as fitted_values
 from estim.reports.pages import page
@@ -124,12 +123,11 @@ def map_report(
     result = map_result(campaign, maps, seed=seed, voice=voice)
     drawers: dict[str, Callable[[], Figure]] = {}
     for found in maps:
-        title = titled(found.body, synthetic=campaign.kind == "synthetic")
         own = line if line is not None and line.body == found.body else None
-        drawers[f"figures/map-{found.body}.png"] = partial(regime_figure, found, own, title=title)
-        drawers[f"figures/friction-{found.body}.png"] = partial(friction_figure, found, title=title)
+        drawers[f"figures/map-{found.body}.png"] = partial(regime_figure, found, own)
+        drawers[f"figures/friction-{found.body}.png"] = partial(friction_figure, found)
         if found.uphill:
-            drawers[f"figures/reach-{found.body}.png"] = partial(reach_figure, found, title=title)
+            drawers[f"figures/reach-{found.body}.png"] = partial(reach_figure, found)
     text = partial(
         render, "map.md.j2", result=result, kind=kind_words(campaign.kind), status_words=STATUS_WORDS,
         parts=[(found, result.bodies[found.body], _run_rows(result.bodies[found.body]), _tilt_rows(result.bodies[found.body])) for found in maps],
@@ -137,7 +135,7 @@ def map_report(
         spread=_spread_words, degrees=_degrees, line_body=None if line is None else line.body, quantity=format_quantity,
         way=_way_words,
     )
-    return page(drawers, text, wanted=figures, synthetic=campaign.kind == "synthetic") | {"result.json": as_json(result)}
+    return page(drawers, text, wanted=figures, kind=campaign.kind) | {"result.json": as_json(result)}
 
 
 def _way_words(found: BodyMap) -> dict[str, str]:

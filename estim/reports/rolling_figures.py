@@ -10,7 +10,7 @@ import numpy as np
 from estim.arrays import FloatArray
 from estim.checks import Rolling, way_of
 from estim.common import phrase
-from estim.drawing import BLUE, GREY, ORANGE, grid, titled
+from estim.drawing import BLUE, GREY, ORANGE, grid
 from estim.problem import Motion, Problem
 
 if TYPE_CHECKING:
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 _LEVELS = (0.025, 0.16, 0.5, 0.84, 0.975)
 
 
-def rolling_figure(problem: Problem, draws: FloatArray, rolling: Sequence[Rolling], *, synthetic: bool) -> Figure:
+def rolling_figure(problem: Problem, draws: FloatArray, rolling: Sequence[Rolling]) -> Figure:
     """N/(M g) and |F|/N from the release to the farthest reading, one panel a run with a stated friction: median, 68 and 95 % bands.
 
     draws : (n_draw, n_par).
@@ -37,7 +37,7 @@ def rolling_figure(problem: Problem, draws: FloatArray, rolling: Sequence[Rollin
         label = run.y_label if run.positions else run.x_label
         ax.set(xlabel=label, ylabel=phrase("share"), ylim=(0.0, None), xlim=(along[0], along[-1]))
         said = phrase("{run}: rolls all the way with probability {p:.2f}", run=run.name, p=stated[run.name].holds)
-        ax.set_title(titled(said, synthetic=synthetic), fontsize=10)
+        ax.set_title(said, fontsize=10)
     axes[0].legend(fontsize=7.5, frameon=False, loc="best", ncols=3)
     return figure
 

@@ -139,17 +139,16 @@ def trials_files(
 ) -> tuple[Drawers, dict[str, object], bytes]:
     """Figures, what the template of the section needs, and `trials.json`."""
     result = trials_result(campaign, analysis, line=line, voice=voice)
-    synthetic = campaign.kind == "synthetic"
-    drawers: dict[str, partial[Figure]] = {"figures/trials.png": partial(starts_figure, analysis, synthetic=synthetic)}
+    drawers: dict[str, partial[Figure]] = {"figures/trials.png": partial(starts_figure, analysis)}
     if analysis.status.ok:
-        drawers["figures/chances.png"] = partial(chances_figure, analysis, synthetic=synthetic)
+        drawers["figures/chances.png"] = partial(chances_figure, analysis)
     return drawers, trials_values(result), as_json(result)
 
 
 def trials_report(campaign: Campaign, analysis: TrialsAnalysis, *, voice: Voice = Voice.PYTHON, figures: bool = True) -> dict[str, bytes]:
     """`report.md`, `trials.json` and the figures of trials by themselves.  voice : to whom advice is given.  figures : whether there are any."""
     drawers, values, record = trials_files(campaign, analysis, line=None, voice=voice)
-    return page(drawers, partial(trials_text, values), wanted=figures, synthetic=campaign.kind == "synthetic") | {"trials.json": record}
+    return page(drawers, partial(trials_text, values), wanted=figures, kind=campaign.kind) | {"trials.json": record}
 
 
 def trials_lines(campaign: Campaign, analysis: TrialsAnalysis) -> list[str]:

@@ -10,7 +10,7 @@ import numpy as np
 
 from estim.arrays import FloatArray
 from estim.common import format_quantity, later, phrase
-from estim.drawing import BLUE, GREY, INK, ORANGE, grid, new_figure, titled
+from estim.drawing import BLUE, GREY, INK, ORANGE, grid, new_figure
 from estim.line import HIGH, LOW, TrialsAnalysis, effective_start
 
 if TYPE_CHECKING:
@@ -24,7 +24,7 @@ _MARKS = {(LOW, True): ("^", BLUE), (LOW, False): ("o", "white"), (HIGH, True): 
 _NAMES = {LOW: later("below 90°"), HIGH: later("above 90°")}
 
 
-def starts_figure(analysis: TrialsAnalysis, *, synthetic: bool) -> Figure:
+def starts_figure(analysis: TrialsAnalysis) -> Figure:
     """Every trial, the intervals of each tilt by itself, and where ascents begin and end by all trials at once; a panel for each end."""
     trials = analysis.trials
     figure = new_figure(3.4 * len(trials.ends) + 0.8)
@@ -39,7 +39,7 @@ def starts_figure(analysis: TrialsAnalysis, *, synthetic: bool) -> Figure:
         low, high = ax.get_ylim()
         ax.set_ylim(max(low, 0.0), min(high, 180.0))
     axes[-1].set_xlabel(phrase("φ, tilt of the ramp as read (°)"))
-    axes[0].set_title(titled(trials.body, synthetic=synthetic) + ("" if analysis.status.ok else f" — {analysis.status}"), fontsize=10)
+    axes[0].set_title(trials.body + ("" if analysis.status.ok else f" — {analysis.status}"), fontsize=10)
     figure.legend(*axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=2, fontsize=8, frameon=False)
     return figure
 
@@ -87,7 +87,7 @@ def _side_by_side(angles: FloatArray) -> list[tuple[int, float]]:
     return placed
 
 
-def chances_figure(analysis: TrialsAnalysis, *, synthetic: bool) -> Figure:
+def chances_figure(analysis: TrialsAnalysis) -> Figure:
     """The chance of an ascent against the angle, a panel for each tilt, and its trials at 1 and 0; angles above 90 degrees mirrored there."""
     trials = analysis.trials
     chosen = np.unique(np.linspace(0, len(trials.tilts) - 1, min(len(trials.tilts), _MOST_PANELS)).round().astype(int))
@@ -121,7 +121,7 @@ def chances_figure(analysis: TrialsAnalysis, *, synthetic: bool) -> Figure:
                 ax.plot(angles_in, heights, mark, ms=5, mfc=face, mec=INK, mew=0.8, ls="", label=label, clip_on=False, zorder=4)
         ax.set(xlim=np.degrees(angles[[0, -1]]), ylim=(-0.08, 1.08))
         ax.set_yticks([0.0, 0.5, 1.0])
-        ax.set_title(titled(phrase("φ read as {phi:.2f}°", phi=math.degrees(tilt.phi)), synthetic=synthetic), fontsize=9)
+        ax.set_title(phrase("φ read as {phi:.2f}°", phi=math.degrees(tilt.phi)), fontsize=9)
     as_set = phrase("θ, angle of release as set (°)")
     mirrored = phrase("θ, or 180° − θ (°)") if len(trials.ends) > 1 else "180° − θ (°)" if trials.ends == (HIGH,) else as_set
     for ax in axes[-2:] if len(axes) > 2 else axes[-1:]:
