@@ -136,6 +136,7 @@ def fit_curve(
         priors=priors, errors=tuple(errors), units=plain.units, axes=plain.axes, fixed=fixed, deviation=deviation,
         correlated=correlated, noise=noise, derived={} if derived is None else derived, tied=tied, chosen={*begin} - {*start},
     )
+    posed.require_points()
     if named is not None:
         posed = started(replace(posed, called=named.called), named, held=start)
     complete = (fit_stated if posed.stated else _fit_estimated)(posed, rng, n_start)

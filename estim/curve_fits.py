@@ -77,6 +77,7 @@ def fit_curves(
                 bounds=limits, priors=own["priors"], errors=tuple(errors), units=plain.units, axes=plain.axes,
                 fixed=plain.fixed, noise=points.noise, derived=derived or {}, tied=tied or {}, chosen={*begin} - {*plain.start},
             )
+            posed.require_points()
             parts[name] = posed if named is None else started(replace(posed, called=named.called), named, held=held)
         except InputError as error:
             raise InputError(f"of data set '{name}' {error.rule}", field=error.field, value=error.value) from None

@@ -7,7 +7,7 @@ from model.motion import back_and_forth, positions_at, trajectory, travel_time
 from model.parts import Assembly, Part, assemble, bolt, disk, ring, rod
 from model.phase import STANDARD_GRAVITY, angular_rate, ascends, speed, theta_max, theta_min, turning_angle, turning_point
 from model.readings import Readings, blurred_sigma
-from model.regimes import friction_on_the_way, range_of_release, release_for_turn, release_that_rolls_on
+from model.regimes import range_of_release, release_for_turn, release_that_rolls_on
 
 __all__ = [
     "STANDARD_GRAVITY",
@@ -27,7 +27,6 @@ __all__ = [
     "contact_forces",
     "disk",
     "end_of_rolling",
-    "friction_on_the_way",
     "moment_ratio",
     "needed_friction",
     "positions_at",

@@ -18,20 +18,14 @@ All functions broadcast, as those of `model.phase`.
 
 from __future__ import annotations
 
-from dataclasses import fields, replace
-from typing import Any
-
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from model.body import Body
-from model.contact import contact_forces, needed_friction
-from model.phase import effective_slope, turning_angle
+from model.phase import effective_slope
 
 FloatArray = NDArray[np.float64]
 
 _N_HALVING = 60
-_N_WAY = 48  # angles along the way
 
 
 def range_of_release(gamma: ArrayLike, phi: ArrayLike, *, rolling_resistance: ArrayLike = 0.0) -> tuple[FloatArray, FloatArray]:
@@ -75,21 +69,3 @@ def release_that_rolls_on(gamma: ArrayLike, phi: ArrayLike, *, rolling_resistanc
         over = gamma * np.cos(middle) + middle * slope > top
         low, high = np.where(over, middle, low), np.where(over, high, middle)
     return np.where(slope >= 0.0, lowest, np.where(slope <= -gamma, highest, high))
-
-
-def friction_on_the_way(
-    body: Body, *, phi: ArrayLike, theta0: ArrayLike, ramp_end: ArrayLike, rolling_resistance: ArrayLike = 0.0, n_angle: int = _N_WAY
-) -> FloatArray:
-    """Largest coefficient of friction that rolling needs between the release and the turning point or `ramp_end` (m), whichever comes first.
-
-    inf where the body would hop; nan where it does not set off.  At `n_angle` places: the maximum is low by a share of some 1/n_angle^2.
-    """
-    turn = turning_angle(body, phi=phi, theta0=theta0, rolling_resistance=rolling_resistance)
-    last = np.minimum(turn, np.asarray(ramp_end) / np.asarray(body.radius))
-    ratios = {field.name: getattr(body, field.name) for field in fields(body) if field.name != "mass"}
-    wide = replace(body, **{name: np.asarray(value, dtype=float)[..., None] for name, value in ratios.items()})
-    places: dict[str, ArrayLike] = {"phi": phi, "theta0": theta0, "rolling_resistance": rolling_resistance}
-    at: dict[str, Any] = {name: np.asarray(value, dtype=float)[..., None] for name, value in places.items()}
-    needed = needed_friction(contact_forces(np.asarray(last)[..., None] * np.linspace(0.0, 1.0, n_angle), wide, **at))
-    largest = np.max(np.where(np.isnan(needed), -np.inf, needed), axis=-1)  # nan: at a turning point, by rounding
-    return np.where(last > 0.0, largest, np.nan)

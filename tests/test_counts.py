@@ -250,7 +250,7 @@ def test_roots_of_counts_as_errors_are_told(rng: np.random.Generator) -> None:
         ({"noise": "gauss"}, "noise"), ({"noise": "poisson", "u_y": 1.0}, "'u_y' does not go"),
         ({"noise": "poisson", "y": [1, 2, 2.5]}, "value number 3"),
         ({"noise": "poisson", "y": [1, -2, 3]}, "value number 2"), ({"noise": Poisson([0.0, 1.0])}, "edges"), ({"noise": Poisson(1.7)}, "overlap"),
-        ({"noise": Poisson([[0, 0.5], [0.5, 0.9], [1.5, 2.5]])}, "number 2 does not"), ({"noise": Poisson(-1.0)}, "low one below"),
+        ({"noise": Poisson([[0, 0.5], [0.5, 0.9], [1.5, 2.5]])}, "their x (value number 2)"), ({"noise": Poisson(-1.0)}, "width > 0"),
         ({"noise": Binomial(math.nan)}, "'trials' must be finite"), ({"noise": Binomial([4, 4, math.inf])}, "'trials' must be finite"),
         ({"noise": EventTimes(0.0, 5.0, -1), "y": None}, "'cells' must be a whole number"),
         ({"noise": EventTimes(0.0, 5.0, 1), "y": None}, "'cells' must be"), ({"noise": EventTimes(0.0, 5.0, 2.5), "y": None}, "'cells' must be"),
@@ -309,7 +309,7 @@ def test_a_campaign_counts_as_python_does(tmp_path: Path, rng: np.random.Generat
     ("old", "new", "table", "words"),
     [
         ("", "", ROWS.replace("2.0,2\n", "2.0,2.5\n"), r"one\.csv:3: 'n' must be a whole number from 0 \(the number of events"),
-        ("", "", ROWS.replace("1.0,2.0,2", "1.0,1.0,2"), r"one\.csv:3: 'high' must be above 'low'"),
+        ("", "", ROWS.replace("1.0,2.0,2", "1.0,1.0,2"), r"one\.csv:3: 'high' must have its high edge above its low one"),
         ("", "", ROWS.replace("1.0,2.0,2", "0.5,2.0,2"), r"campaign\.toml:8: .*must not overlap"),
         ('bins = ["low", "high"]', "bins = -1.0", ROWS, r"campaign\.toml:8: .*width > 0"),
         ('bins = ["low", "high"]', 'trials = "n"', ROWS, r"campaign\.toml:8: .*belongs to model"),

@@ -144,8 +144,8 @@ def test_shared_errors_are_one_parameter_of_all_runs(folder: Path, rng: np.rando
         ("u_y = 0.02", "u_y = {mean = 1.0}", r":7: 'u_y' needs a 'prior' or a 'column'"),
         ("u_y = 0.02", 'u_y = {column = "s", prior = "normal", mean = 1.0, sd = 0.1}', r":7: 'u_y' must be a 'column' or have a 'prior', not both"),
         ("u_y = 0.02", 'u_y = 0.02\nu_x = {column = "s", low = 0.1}', r":8: 'u_x' must be a 'column' or have a 'prior'"),
-        ("u_y = 0.02", "u_x = 0.02", r":7: 'u_x' needs a known 'u_y' beside it"),
-        ("u_y = 0.02", "u_y = 0.02\nu_x = -1.0", r":8: 'u_x' must be a number > 0 or a column: -1\.0"),
+        ("u_y = 0.02", "u_x = 0.02", r":7: 'u_x' needs a known u_y beside it"),
+        ("u_y = 0.02", "u_y = 0.02\nu_x = -1.0", r":8: 'u_x' must be > 0: -1\.0"),
         ("u_y = 0.02", "errors = {zero = 0.1}", r"'zero' 'kind' must be one of"),
         ("u_y = 0.02", "errors = {zero_y = -0.1}", r"'zero_y' 'u' must be > 0"),
         ("u_y = 0.02", "window = {min = 9.0, max = 1.0}", r":7: 'window' must have 'min' below 'max': min = 9\.0, max = 1\.0"),
@@ -181,7 +181,7 @@ def only(folder: Path, formula: str, parameters: str, u_y: str = "0.02") -> Camp
 
 def test_a_parameter_must_not_be_called_like_the_unknown_error_of_y(folder: Path) -> None:
     parameters = "sigma_y = {start = 1.0}\nb = {start = 0.0}"
-    with pytest.raises(InputError, match=r":9: 'sigma_y' is the name of a quantity of the errors of y, which is unknown here"):
+    with pytest.raises(InputError, match=r":9: 'sigma_y' is the name of the standard deviation of y, which is unknown here"):
         only(folder, "sigma_y*x + b", parameters, u_y='"0.10(2)"')
     assert only(folder, "sigma_y*x + b", parameters).problem(["first"]).names == ("sigma_y", "b")
 

@@ -17,7 +17,7 @@ from estim.campaign.dialect_table import DialectKeys
 from estim.campaign.prior_table import PriorKeys, PriorTable
 from estim.campaign.track_table import TrackKeys
 from estim.common import InputError, Quantity, phrase, same_looks
-from estim.curves import SIGMA, Formula
+from estim.curves import SIGMA, Formula, ModelSum, read_formula, read_model, within
 from estim.problem import Flat, Prior, as_prior
 from estim.reading import Places, name_and_unit
 
@@ -63,7 +63,12 @@ class ComponentTable(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
 
 
 class CountTable(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
-    """How y was counted, or that x are times of single events (`estim.campaign.own_curve_counts`)."""
+    """How y was counted, or that x are times of single events.
+
+        noise = {model = "poisson", bins = ["low_us", "high_us"]}      # or a width; without it counts belong to single x
+        noise = {model = "binomial", trials = "shots"}                 # or a number
+        noise = {model = "event-times"}                                # x are times of single events within `window`; no y
+    """
 
     model: Literal["poisson", "binomial", "event-times"]
     bins: float | list[str] | None = None
@@ -178,6 +183,44 @@ def _called(column: str, name: str | None) -> set[str]:
     return words | ({"t"} if any(word.lower() == "t" or word.lower().startswith(("time", "zeit")) for word in words) else set())
 
 
+def read_curve(source: CampaignFile, table: CurveTable) -> tuple[Formula, ModelSum | None]:
+    """The formula of a `[curve]` table, and the models that it names, if it does.  Raises InputError with its line."""
+    if (table.expression is None) == (table.model is None):
+        rule = "must have an 'expression', or a 'model' like \"gaussian + line\"" + ("" if table.model is None else ", not both")
+        raise source.places.error(rule, ("curve",))
+    key = "expression" if table.model is None else "model"
+    try:
+        named = None if table.model is None else read_model(table.model)
+        return read_formula(table.expression if named is None else named.expression), named
+    except InputError as error:
+        raise source.places.error(error.rule, ("curve", key), value=error.value) from None
+
+
+def is_density(table: CurveTable) -> bool | None:
+    """Whether the curve is y per unit of x; None where it is known up to a factor."""
+    return None if table.noise is not None and table.noise.model == "event-times" else table.noise is not None and table.noise.bins is not None
+
+
+def check_counts(source: CampaignFile, table: CurveTable) -> None:
+    """Raises InputError at the key where those of `noise` do not go together, or y is missing."""
+    noise, places = table.noise, source.places
+    events = noise is not None and noise.model == "event-times"
+    if table.y is None and not events:
+        raise places.error("is missing", ("curve", "y"))
+    if events and table.y is not None:
+        raise places.error("must be left out where x are times of single events", ("curve", "y"))
+    if noise is None:
+        return
+    for model, key in {"poisson": "bins", "binomial": "trials", "event-times": "cells"}.items():
+        if model != noise.model and getattr(noise, key) is not None:
+            raise places.error(f"belongs to model = \"{model}\", not to \"{noise.model}\"", ("curve", "noise", key))
+    if noise.model == "binomial" and noise.trials is None:
+        raise places.error("is missing: the number of trials of each row, a column or a number", ("curve", "noise", "trials"))
+    if isinstance(noise.bins, list) and len(noise.bins) != 2:
+        rule = "must be a width, or the names of two columns with low and high edges"
+        raise places.error(rule, ("curve", "noise", "bins"), value=noise.bins)
+
+
 def check_parameters(source: CampaignFile, formula: Formula, table: CurveTable, runs: Sequence[CurveRunTable]) -> None:
     levels: list[tuple[Place, CurveTable | CurveRunTable]] = [(("curve",), table), *((("runs", i), run) for i, run in enumerate(runs))]
     for path, level in levels:
@@ -190,11 +233,18 @@ def check_parameters(source: CampaignFile, formula: Formula, table: CurveTable, 
             raise source.places.error("must be a name that no parameter has", ("curve", "errors", name))
 
 
-def source_of(value: float | str | ParameterTable, field: str) -> float | Prior:
-    """An exact number, or the prior of an unknown; an entry with neither start, value nor prior is not asked."""
-    if isinstance(value, ParameterTable) and value.start is not None and value.value is None and value.prior is None:
+def is_unstarted(entry: float | str | ParameterTable | None) -> bool:
+    """Whether an entry of `parameters` (None: there is none) leaves the start to the points."""
+    return entry is None or (isinstance(entry, ParameterTable) and entry.start is None and entry.value is None and entry.prior is None)
+
+
+def source_of(value: float | str | ParameterTable, field: str, limits: tuple[float | None, float | None] = (None, None)) -> float | Prior:
+    """An exact number, or the prior of an unknown; limits : of the model that has it, which hold where the entry states none."""
+    if isinstance(value, ParameterTable) and value.value is None and value.prior is None:
         refuse_keys(value, ("mean", "sd", "scale", "median", "log_sd"), "goes with a 'prior'")
-        return Flat(-math.inf if value.low is None else value.low, math.inf if value.high is None else value.high, value.start)
+        low, high = (known if stated is None else stated for stated, known in zip((value.low, value.high), limits, strict=True))
+        start = within((low, high)) if value.start is None else value.start
+        return Flat(-math.inf if low is None else low, math.inf if high is None else high, start)
     if isinstance(value, ParameterTable) and value.prior is not None:
         refuse_keys(value, ("start", "value"), "must not stand beside 'prior'")
         read = read_value(prior_table(value, field), factor=1.0, field=field)

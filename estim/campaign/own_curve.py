@@ -20,7 +20,7 @@ from collections import Counter
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from types import MappingProxyType
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
@@ -33,34 +33,33 @@ from estim.campaign.curve_tables import (
     ParameterTable,
     Place,
     axis_of,
+    check_counts,
     check_parameters,
     check_words,
+    is_density,
+    is_unstarted,
+    read_curve,
     source_of,
     stated_word,
     with_variable,
     y_axis,
 )
 from estim.campaign.noise_models import Candidate
-from estim.campaign.own_curve_counts import check_counts
-from estim.campaign.own_curve_lacks import refuse_lacks
-from estim.campaign.own_curve_models import is_to_be_found, read_curve, started_runs, unknown_of, within_limits
-from estim.campaign.own_curve_points import CurvePoints
-from estim.campaign.own_curve_reading import columns_of_run, of_curve, read_run
-from estim.campaign.own_curve_units import axes_of_run, check_units_of_curve, refuse_other_units, units_of_curve
-from estim.common import InputError, phrase
-from estim.curves import MAX_OBS, AxisNames, BareFormula, Component, DistortedCurve, Formula, ModelSum, Unstarted
+from estim.campaign.own_curve_run import RunOfCurve, pose_run
+from estim.common import InputError, phrase, same_unit
+from estim.curves import MAX_OBS, AxisNames, BareFormula, Component, CurveProblem, Formula, ModelSum, Unstarted, started, units_of
 from estim.deviation import BadFrames, ForceSize
 from estim.explanation import Suspects
 from estim.fitting import Fit, fit_lacking, fit_optimum, information, is_resolved, no_scatter, refit, silent_parameters
-from estim.problem import Curve, Parameter, Prior, Problem, shared_first
-from estim.reading import Places, Run
+from estim.problem import Parameter, Problem, shared_first
+from estim.reading import Places, Run, of_any_curve, run_of_table
 
 
 @dataclass(frozen=True, eq=False)
 class CurveStudy:
     """The `[curve]` table and the runs of a campaign, read and checked.  `problem` poses the inference for some of the runs.
 
-    units : of the parameters that the axes determine.  told : run -> its axes, whose units are those of its header where the campaign says none.
+    told : run -> its axes, whose units are those of its header where the campaign says none.
     """
 
     source: CampaignFile
@@ -69,7 +68,6 @@ class CurveStudy:
     table: CurveTable
     runs: tuple[CurveRunTable, ...]
     asked: Unstarted
-    units: Mapping[str, str]
     told: Mapping[str, AxisNames]
 
     @property
@@ -86,8 +84,11 @@ class CurveStudy:
 
     def columns(self, name: str, tables: Mapping[str, Run]) -> str:
         """Which columns of the run's file are x, y and their uncertainties, in words."""
-        run = next(run for run in self.runs if run.name == name)
-        return columns_of_run(self.table, run, self.told[name], tables[name])
+        return self._run(name).columns_told(self.told[name], tables[name])
+
+    def _run(self, name: str) -> RunOfCurve:
+        index = [run.name for run in self.runs].index(name)
+        return RunOfCurve(self.source, self.table, self.runs[index], index)
 
     def problem(self, names: Sequence[str], tables: Mapping[str, Run], *, noise: NoiseTable | None = None, usual: bool = False) -> Problem:
         """The joint problem of the runs `names` with their tables.  Raises InputError, also where other noise is asked for.
@@ -96,45 +97,57 @@ class CurveStudy:
         """
         if noise is not None:
             raise self._only_noise()
+        components, runs = self._components(), {name: self._run(name) for name in names}
+        bound = {name: {argument: self._bind(argument, run) for argument in self.curve.names} for name, run in runs.items()}
+        uses = Counter(one.name for found in bound.values() for one in found.values() if isinstance(one, Parameter))
+        if any(count > 1 for count in uses.values()):
+            self._refuse_other_units(names)
         parameters: dict[str, Parameter] = {}
         of_noise: dict[str, Parameter] = {}
-        components = self._components()
-        shared = {c.parameter_name: c.parameter(x_unit=self.axes.x_unit, y_unit=self.axes.y_unit) for c in components}
-        curve: Curve = DistortedCurve(self.curve, components) if components else self.curve
-        observed, points = [], CurvePoints(self.source, self.axes, self.table, self.runs)
-        indices = {name: [run.name for run in self.runs].index(name) for name in names}
-        bound = {name: {argument: self._bind(argument, index) for argument in self.curve.names} for name, index in indices.items()}
-        sought: set[str] = set()
-        uses = Counter(b.name for found in bound.values() for b in found.values() if isinstance(b, Parameter))
-        if any(count > 1 for count in uses.values()):
-            refuse_other_units(self.source, {name: self.told[name] for name in names})
-        for name, index in indices.items():
-            arguments: dict[str, str | float] = {}
-            for argument, b in bound[name].items():
-                if isinstance(b, float):
-                    arguments[argument] = b
-                    continue
-                own = len(names) > 1 and uses[b.name] == 1 and b.name == argument  # all other runs say their own
-                unknown_of_curve = replace(b, name=f"{argument}[{name}]") if own else b
-                arguments[argument] = unknown_of_curve.name
-                parameters.setdefault(unknown_of_curve.name, unknown_of_curve)
-                sought |= {unknown_of_curve.name} if is_to_be_found(self.asked, self._entry(argument, index)) else set()
-            arguments |= {component: component for component in shared}
-            run, unknown = points.observe(curve, arguments, index, tables[name], joint=len(names) > 1)
-            of_noise |= {parameter.name: parameter for parameter in unknown}
-            observed.append(run)
+        shared: dict[str, Parameter] = {}
+        observed = []
+        for name, run in runs.items():
+            unknown = {argument: one for argument, one in bound[name].items() if isinstance(one, Parameter)}
+            if len(names) > 1:  # one that all other runs override is of this run
+                unknown = {argument: replace(one, name=f"{argument}[{name}]") if uses[argument] == 1 else one for argument, one in unknown.items()}
+            known = {argument: parameters.get(one.name, one) for argument, one in unknown.items()}
+            chosen = {argument for argument, one in unknown.items() if one.name not in parameters and is_unstarted(self._entry(argument, run))}
+            values = {argument: known[argument].prior if isinstance(one, Parameter) else one for argument, one in bound[name].items()}
+            stated = {argument: unit for argument in self.curve.names if (unit := self._word(argument, run, "unit")) is not None}
+            posed = pose_run(
+                run, tables[name], curve=self.curve, axes=self.told[name], values=values, units=stated, components=components, chosen=chosen
+            )
+            if posed.posed.lacks is not None and posed.posed.lacks.deviation and len(names) > 1:
+                rule = "does not go with a joint fit, which needs a deviation that runs share: fit the runs one by one"
+                raise run.error(rule, "deviation")
+            begun = self._started(posed.posed, {*self.curve.names} - chosen)
+            parameters |= {known[argument].name: replace(known[argument], prior=begun[argument].prior) for argument in known}
+            shared |= {one.parameter_name: one.parameter(x_unit=self.axes.x_unit, y_unit=self.axes.y_unit) for one in components}
+            arguments = {argument: known[argument].name if isinstance(one, Parameter) else one for argument, one in bound[name].items()}
+            points, further = posed.observed(self.axes, MappingProxyType({**arguments, **{component: component for component in shared}}))
+            of_noise |= {parameter.name: parameter for parameter in further}
+            observed.append(points)
         if len(observed) > 1 and sum(run.n_obs for run in observed) > MAX_OBS:
             rule = f"must be at most {MAX_OBS} in a joint fit: say every = 2 or more, or fit the runs one by one"
             raise self.source.places.error(rule, ("curve", "every"), field="points", value=sum(run.n_obs for run in observed))
-        for name in of_noise:
-            if name in parameters or name in shared:
-                rule = "is the name of a quantity of the errors of y, which is unknown here: choose another"
-                raise self.source.places.error(rule, self._place(name))
+        return Problem((*shared_first(parameters.values(), observed), *shared.values(), *of_noise.values()), tuple(observed))
+
+    def _started(self, posed: CurveProblem, held: Collection[str]) -> Mapping[str, Parameter]:
+        """Argument -> parameter, with starts found from the points but for those `held`.  Raises InputError."""
         try:
-            unknowns = started_runs(self.asked, shared_first(parameters.values(), observed), observed, sought)
+            return {one.name: one for one in started(posed, self.asked, held=held).parameters}
         except InputError as error:
             raise error.at(self.source.path, self.source.places.lines.get(("curve", "parameters"))) from None
-        return Problem((*unknowns, *shared.values(), *of_noise.values()), tuple(observed))
+
+    def _refuse_other_units(self, names: Sequence[str]) -> None:
+        """Raises InputError where the headers of runs that share a parameter have other units."""
+        for key in ("x", "y"):
+            units = {name: unit for name in names if (unit := getattr(self.told[name], f"{key}_unit")) != "1"}
+            for name, unit in units.items():
+                first, wanted = next(iter(units.items()))
+                if same_unit(unit, wanted) is False:
+                    rule = f"is in {wanted} by the header of run '{first}', in {unit} by that of '{name}': runs that share a parameter need one unit"
+                    raise self.source.places.error(rule, ("curve", key))
 
     def suspects(self, names: Sequence[str], tables: Mapping[str, Run]) -> Suspects:
         """Nothing is known of what a user's own curve may lack but what readings may suffer."""
@@ -153,8 +166,12 @@ class CurveStudy:
 
     def foreseen(self, problem: Problem, tables: Mapping[str, Run], values: FloatArray, sizes: Mapping[str, ForceSize]) -> FloatArray:
         """Fisher information; what the curve may lack is not foreseen.  Raises InputError where the campaign asks for that."""
-        refuse_lacks(self.source, self.table, self.runs, "estim plan")
+        self._refuse_lacks("estim plan")
         return information(problem.linearised(values), values)
+
+    def _refuse_lacks(self, command: str) -> None:
+        for run in self.runs:
+            self._run(run.name).refuse_lacks(command)
 
     def check(self, name: str, tables: Mapping[str, Run]) -> None:
         """Raises InputError where the data of a run pose no problem."""
@@ -165,8 +182,12 @@ class CurveStudy:
 
     def unit_of(self, argument: str, name: str) -> str:
         """As stated nearest to the run, or as it follows from the axes."""
-        levels = [*(run.parameters for run in self.runs if run.name == name), self.table.parameters]
-        return stated_word(levels, argument, "unit") or self.units.get(argument, "1")
+        follows = units_of(self.curve, self.axes, [argument], density=is_density(self.table))
+        return self._word(argument, self._run(name), "unit") or follows.get(argument, "1")
+
+    def _word(self, argument: str, run: RunOfCurve, word: Literal["unit", "meaning"]) -> str | None:
+        """The unit or meaning that is stated of a parameter of a run."""
+        return stated_word([run.table.parameters, self.table.parameters], argument, word)
 
     def noise_models(self, name: str, table: Run) -> tuple[Candidate, ...]:
         """Raises InputError: the tables of a curve state one noise."""
@@ -239,7 +260,7 @@ class CurveStudy:
 
     def require_draws(self, problem: Problem) -> None:
         """Raises InputError where the prior of a parameter is flat without limits, so that no true value can be drawn from it."""
-        refuse_lacks(self.source, self.table, self.runs, "estim calibrate")
+        self._refuse_lacks("estim calibrate")
         if self.table.noise is not None and self.table.y is None:
             rule = "does not go with estim calibrate, which draws counts, not times: count them in bins (model = \"poisson\") for that"
             raise self.source.places.error(rule, ("curve", "noise"))
@@ -266,32 +287,27 @@ class CurveStudy:
         run = [r.name for r in self.runs].index(level[:-1]) if level else 0
         return ("runs", run, "parameters", name) if level and name in self.runs[run].parameters else ("curve", "parameters", name)
 
-    def _bind(self, name: str, index: int) -> Parameter | float:
+    def _bind(self, name: str, run: RunOfCurve) -> Parameter | float:
         """A parameter of the formula for one run: an unknown, or an exact value."""
-        run = self.runs[index]
-        if (entry := self._entry(name, index)) is not None:
-            named = f"{name}[{run.name}]" if name in run.parameters else name
-            source = self._read(entry, self._place(named))
-            meaning = stated_word([run.parameters, self.table.parameters], name, "meaning") or phrase("parameter of the curve")
-            return source if isinstance(source, float) else Parameter(named, self.unit_of(name, run.name), source, meaning)
-        if isinstance(self.asked, ModelSum):
-            return Parameter(name, self.units.get(name, "1"), unknown_of(self.asked, name, None), phrase("parameter of the curve"))
-        rule = f"is missing for run '{run.name}': say it under [curve.parameters] or [runs.parameters], as {name} = {{start = 1.0}}, or {name} = {{}}"
-        raise self.source.places.error(rule, ("curve", "parameters"), field=name)
-
-    def _entry(self, name: str, index: int) -> float | str | ParameterTable | None:
-        """What the nearest level says of a parameter of one run."""
-        return self.runs[index].parameters.get(name, self.table.parameters.get(name))
-
-    def _read(self, value: float | str | ParameterTable, path: Place) -> float | Prior:
+        entry = self._entry(name, run)
+        if entry is None and not isinstance(self.asked, ModelSum):
+            rule = (
+                f"is missing for run '{run.table.name}': say it under [curve.parameters] or [runs.parameters], as {name} = {{start = 1.0}}, or "
+                f"{name} = {{}}"
+            )
+            raise self.source.places.error(rule, ("curve", "parameters"), field=name)
         try:
-            name = str(path[-1])
-            if is_to_be_found(self.asked, value):
-                return unknown_of(self.asked, name, value)
-            return source_of(within_limits(self.asked, name, value), name)
+            source = source_of(ParameterTable() if entry is None else entry, name, self.asked.limits.get(name, (None, None)))
         except InputError as error:
-            rule = error.rule if error.field in (None, path[-1]) else f"'{error.field}' {error.rule}"
-            raise self.source.places.error(rule, path, value=error.value) from None
+            rule = error.rule if error.field in (None, name) else f"'{error.field}' {error.rule}"
+            raise self.source.places.error(rule, run.place(name), value=error.value) from None
+        named = f"{name}[{run.table.name}]" if name in run.table.parameters else name
+        meaning = self._word(name, run, "meaning") or phrase("parameter of the curve")
+        return source if isinstance(source, float) else Parameter(named, self.unit_of(name, run.table.name), source, meaning)
+
+    def _entry(self, name: str, run: RunOfCurve) -> float | str | ParameterTable | None:
+        """What the nearest level says of a parameter of one run."""
+        return run.table.parameters.get(name, self.table.parameters.get(name))
 
     def _components(self) -> tuple[Component, ...]:
         components = []
@@ -314,18 +330,18 @@ def read_curve_study(source: CampaignFile, written_curve: OwnCurve, *, only: Col
     written = [_with_names(run, places, ("runs", i)) for i, run in enumerate(written_curve.runs)]
     runs = tuple(checked(run, CurveRunTable, places, ("runs", i)) for i, run in enumerate(written))
     formula, named = read_curve(source, table)
-    check_counts(source, table, runs)
+    check_counts(source, table)
     x, y = axis_of(table.x), y_axis(table)
     check_words(source, table, runs, (x, y))
     formula = with_variable(source, formula, x, table, runs)
     check_parameters(source, formula, table, runs)
     axes = AxisNames(x.name or x.column, x.unit, y.name or y.column, y.unit)
-    read = {run.name: read_run(source, table, run, i) for i, run in enumerate(runs) if run.name in only}
-    told = {name: axes_of_run(source, table, axes, found) for name, found in read.items()}
-    check_units_of_curve(source, formula, axes, table, runs, told)
-    units = units_of_curve(formula, axes, table)
-    study = CurveStudy(source, formula, axes, table, runs, BareFormula(formula) if named is None else named, units, MappingProxyType(told))
-    return study, MappingProxyType({name: of_curve(found, name) for name, found in read.items()})
+    asked = {run.name: RunOfCurve(source, table, run, i) for i, run in enumerate(runs) if run.name in only}
+    read = {name: run.read() for name, run in asked.items()}
+    told = MappingProxyType({name: run.told(axes, read[name]) for name, run in asked.items()})
+    study = CurveStudy(source, formula, axes, table, runs, BareFormula(formula) if named is None else named, told)
+    found = {name: replace(run_of_table(one, name), warnings=of_any_curve(one.warnings)) for name, one in read.items()}
+    return study, MappingProxyType(found)
 
 
 def _with_names(raw: Mapping[str, Any], places: Places, path: Place) -> dict[str, Any]:

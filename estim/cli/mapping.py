@@ -11,21 +11,18 @@ import click
 from estim.cli.formats import FORMAT
 from estim.cli.language import LANG
 from estim.cli.options import NO_FIGURES, SEED, out_folder
-from estim.cli.terminal import NOT_OK, claim, conclude, pieces, report_at, say, write_report
-from estim.common import InputError, Quantity, decide, phrase, read_quantity
+from estim.cli.terminal import NOT_OK, claim, conclude, report_at, say, write_report
+from estim.common import decide
 
 if TYPE_CHECKING:
     from estim.campaign import Campaign
     from estim.studies import FittedValues
-
-_MOST_FRICTION = 10.0
 
 
 @click.command("map")
 @click.argument("campaign", type=click.Path(path_type=Path))
 @click.option("--body", "bodies", multiple=True, metavar="NAME", help="This body only; may be given several times.  [default: every body with runs]")
 @click.option("--ramp-length", type=float, metavar="M", help="From the release to the end of the ramp, m.  [default: stated, else the longest run]")
-@click.option("--friction", metavar="MU", help='Coefficient of static friction, "0.30(5)".  [default: the key friction]')
 @click.option("--fit", "fitted", type=click.Path(path_type=Path), help="Folder of a fit of CAMPAIGN: its values in place of the stated ones.")
 @click.option(
     "--out", type=click.Path(path_type=Path, file_okay=False), help="Folder for the report.  [default: out/, the name of the campaign, map/]"
@@ -35,13 +32,12 @@ _MOST_FRICTION = 10.0
 @FORMAT
 @LANG
 def map_motions(
-    campaign: Path, bodies: tuple[str, ...], ramp_length: float | None, friction: str | None, fitted: Path | None, out: Path | None, seed: int,
-    no_figures: bool,
+    campaign: Path, bodies: tuple[str, ...], ramp_length: float | None, fitted: Path | None, out: Path | None, seed: int, no_figures: bool,
 ) -> None:
     """Map what the bodies of CAMPAIGN do from rest, over tilt and angle of release.
 
-    Does it climb, how far, does it turn on the ramp, roll on for ever, slip, hop; each border with its uncertainty, the
-    runs marked.  Exit code 3: a recording shows what the stated values do not allow.
+    Does it climb, how far, does it turn on the ramp, roll on for ever; each border with its uncertainty, the runs
+    marked.  Exit code 3: a recording shows what the stated values do not allow.
     """
     from estim.campaign import load_campaign
     from estim.line import read_theta_min
@@ -55,8 +51,7 @@ def map_motions(
     values = None if fitted is None else _fitted(loaded, fitted)
     folder = out or out_folder(campaign, "map")
     claim(folder, "result.json")
-    with pieces(phrase("map"), phrase("piece")) as progress:
-        maps = map_bodies(loaded, bodies, ramp_length=ramp_length, friction=_grip(friction), fitted=values, seed=seed, progress=progress)
+    maps = map_bodies(loaded, bodies, ramp_length=ramp_length, fitted=values, seed=seed)
     write_report(folder, map_report(loaded, maps, line, seed=seed, voice=Voice.COMMANDS, figures=not no_figures))
     for found in maps:
         conclude(found.body, decide(found.findings), map(tell, found.findings))
@@ -65,15 +60,6 @@ def map_motions(
     report_at(folder / "report.md", loaded.source.outside(line=line is not None))
     if not decide(finding for found in maps for finding in found.findings).ok:
         sys.exit(NOT_OK)
-
-
-def _grip(friction: str | None) -> Quantity | None:
-    if friction is None:
-        return None
-    grip = read_quantity(friction, field="--friction")
-    if not 0.0 <= grip.value <= _MOST_FRICTION:
-        raise InputError(f"must lie between 0 and {_MOST_FRICTION:g}", field="--friction", value=friction)
-    return grip
 
 
 def _fitted(campaign: Campaign, fitted: Path) -> FittedValues:

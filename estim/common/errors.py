@@ -24,6 +24,7 @@ class InputError(EstimError, ValueError):
     """A value breaks a rule.  Reads ``FILE:LINE: 'field' rule (quoted): value``; each part that is unknown is left out.
 
     What a file holds stands in `value`, in `quoted` (what is listed whole) or in `field` (a name), never in `rule`.
+    index : of the value in an array `field`, for a reader that knows on which line it stands; else it reads ``(value number 3)``.
     """
 
     def __init__(
@@ -35,12 +36,14 @@ class InputError(EstimError, ValueError):
         file: str | Path | None = None,
         line: int | None = None,
         quoted: str = "",
+        index: int | None = None,
     ) -> None:
         self.rule, self.field, self.value, self.file, self.line, self.quoted = rule, field, value, file, line, quoted
+        self.index = index
         place = "" if file is None else f"{file}: " if line is None else f"{file}:{line}: "
         subject = "" if field is None else f"'{field}' "
         shown = "" if value is None else f": {shorten(value)}"
-        said = f" ({quoted})" if quoted else ""
+        said = f" ({quoted})" if quoted else "" if index is None else f" (value number {index + 1})"
         super().__init__(f"{place}{subject}{rule}{said}{shown}")
 
     def at(self, file: str | Path, line: int | None = None) -> InputError:

@@ -115,9 +115,11 @@ def refuse_errors(points: CountedPoints, errors: Sequence[Component]) -> None:
     """Raises InputError for an error in common that means nothing beside a density."""
     for component in errors:
         if component.kind == "zero_y" and points.bins is not None:
-            raise InputError("has no zero of y beside counts in bins: a background is part of the formula", field="errors", value=component.kind)
+            rule = "has no zero of y beside counts in bins: a background is part of the formula"
+            raise InputError(rule, field=f"errors[{component.parameter_name}]", value=component.kind)
         if component.kind == "scale_y" and points.total is not None:
-            raise InputError("has no scale of y where only the density of the events counts", field="errors", value=component.kind)
+            rule = "has no scale of y where only the density of the events counts"
+            raise InputError(rule, field=f"errors[{component.parameter_name}]", value=component.kind)
 
 
 def counted_points(noise: Counting, x: FloatArray, y: FloatArray | None, *, what: str) -> CountedPoints:
@@ -176,10 +178,10 @@ def _binomial(x: FloatArray, y: FloatArray, trials: ArrayLike, what: str) -> Cou
     bad = not_a_count(size)
     if bad is not None or np.any(size < 1.0):
         bad = int(np.argmax(size < 1.0)) if bad is None else bad
-        raise InputError(f"must be whole and at least 1; value number {bad + 1} is not", field="trials", value=float(size[bad]))
+        raise InputError("must be whole and at least 1", field="trials", value=float(size[bad]), index=bad if given.ndim else None)
     if np.any(y > size):
         bad = int(np.argmax(y > size))
-        raise InputError(f"must not exceed the trials; value number {bad + 1} does", field="y", value=float(y[bad]))
+        raise InputError("must not exceed the trials", field="y", value=float(y[bad]), index=bad)
     order = np.argsort(x, kind="stable")
     share, size = (y / size)[order], size[order]
     return CountedPoints(x[order], share, Counts(BINOMIAL, size, share, what), None, None)
@@ -206,13 +208,16 @@ def _events(times: FloatArray, low: float, high: float, cells: int | None, what:
 def _require_counts(y: FloatArray, meaning: str) -> None:
     bad = not_a_count(y)
     if bad is not None:
-        raise InputError(f"must hold whole numbers from 0 ({meaning}); value number {bad + 1} is not", field="y", value=float(y[bad]))
+        raise InputError(f"must be a whole number from 0 ({meaning})", field="y", value=float(y[bad]), index=bad)
 
 
 def _edges(bins: ArrayLike, x: FloatArray) -> FloatArray:
     """(n_obs, 2) in the order of x as it was given."""
     given = real_numbers(bins, "bins")
     if given.ndim == 0:
+        width = float(given)
+        if not (math.isfinite(width) and width > 0.0):
+            raise InputError("must be a width > 0", field="bins", value=width)
         edges = np.column_stack([x - 0.5 * given, x + 0.5 * given])
     elif given.shape == (x.size + 1,):
         edges = np.column_stack([given[:-1], given[1:]])
@@ -220,9 +225,11 @@ def _edges(bins: ArrayLike, x: FloatArray) -> FloatArray:
         edges = given
     else:
         raise InputError(f"must be a width, {x.size + 1} edges in order, or ({x.size}, 2) low and high edges", field="bins", value=given.shape)
-    if not (np.all(np.isfinite(edges)) and np.all(edges[:, 0] < edges[:, 1])):
-        raise InputError("must have finite edges, each low one below its high one", field="bins")
+    proper = np.isfinite(edges).all(axis=1) & (edges[:, 0] < edges[:, 1])
+    if not np.all(proper):
+        bad = int(np.argmin(proper))
+        raise InputError("must have its high edge above its low one, both finite", field="bins", value=edges[bad].tolist(), index=bad)
     if np.any((x < edges[:, 0]) | (x > edges[:, 1])):
         bad = int(np.argmax((x < edges[:, 0]) | (x > edges[:, 1])))
-        raise InputError(f"must hold their x; number {bad + 1} does not", field="bins", value=f"{x[bad]:g} in {edges[bad].tolist()}")
+        raise InputError("must hold their x", field="bins", value=f"{x[bad]:g} in {edges[bad].tolist()}", index=bad)
     return edges

@@ -24,7 +24,9 @@ def ask_lacks(deviation: float, correlated: ArrayLike | bool, order: NDArray[np.
     if not exact_x:
         raise InputError("does not go with errors of x: leave out u_x", field=field)
     if order.size > MAX_LACKING:
-        raise InputError(f"goes with at most {MAX_LACKING} points: take every so many of them", field=field, value=order.size)
+        step = -(-order.size // MAX_LACKING)
+        rule = f"goes with at most {MAX_LACKING} points: take one in {step} of them (every = {step} in a campaign)"
+        raise InputError(rule, field=field, value=order.size)
     if plain:
         return Lacks(float(deviation), order.astype(float) if correlated else None, "readings" if correlated else "", stated)
     times = np.ravel(real_numbers(correlated, "correlated", "must be True, or the times of the points"))

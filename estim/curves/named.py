@@ -8,7 +8,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from estim.arrays import FloatArray
 from estim.curves.formula import Formula, read_formula
 from estim.curves.guesses import guess_starts
 from estim.curves.models import Limits, named_model, names_only
@@ -17,7 +16,7 @@ from estim.curves.models import read_model as read_model
 from estim.curves.posing import CurveProblem
 from estim.curves.projected import linear_in as linear_in
 from estim.curves.starts import find_starts
-from estim.problem import Flat, Parameter
+from estim.problem import Flat
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,44 +71,33 @@ def provisional(
     """Starts, those of the user and others within limits, and limits, those of the user and of the models."""
     free = [name for name in asked.parameters if name not in fixed]
     limits = {name: ends for name, ends in asked.limits.items() if name in free and name not in priors} | dict(bounds)
-    return {name: _inside(limits.get(name)) for name in free} | dict(start), limits
+    return {name: within(limits.get(name)) for name in free} | dict(start), limits
 
 
 def started(posed: CurveProblem, asked: Unstarted, *, held: Collection[str]) -> CurveProblem:
     """The problem with starts found from its points but for the parameters `held`, whose starts are the user's.  Raises InputError."""
-    counted = posed.counted
+    counted, known = posed.counted, {p.name: p for p in posed.parameters if p.name in asked.parameters}
     gain, bins = (posed.relative, None) if counted is None else (counted.noise.reading_gain(), counted.bins)
-    named = {p.name for p in posed.parameters if p.name in asked.parameters and p.name not in held and isinstance(p.prior, Flat)}
-    if not named:
+    width = np.ones(posed.y.size) if bins is None else bins[:, 1] - bins[:, 0]
+    limits = {name: (_finite(p.prior.low), _finite(p.prior.high)) for name, p in known.items() if name not in held and isinstance(p.prior, Flat)}
+    if not limits:
         return posed
-    return replace(posed, parameters=with_starts(asked, posed.parameters, named, posed.x, posed.y, gain, bins, known=posed.fixed))
-
-
-def with_starts(
-    asked: Unstarted, parameters: tuple[Parameter, ...], sought: Collection[str], x: FloatArray, y: FloatArray, gain: FloatArray,
-    bins: FloatArray | None, *, known: Mapping[str, float],
-) -> tuple[Parameter, ...]:
-    """`parameters`, named as in the models, with starts for those `sought`, which have flat priors; the others are held where they start.
-
-    x, y, gain : (n_obs,) points and relative errors of y.  bins : (n_obs, 2) of counts, so that the curve is their density.
-    known : exact values.
-    """
-    width = np.ones(y.size) if bins is None else bins[:, 1] - bins[:, 0]
-    centres = {p.name: p.prior.centre for p in parameters if p.name in asked.parameters and p.name not in sought}
-    limits = {p.name: (_finite(p.prior.low), _finite(p.prior.high)) for p in parameters if p.name in sought}
-    held = {**centres, **known}
+    fixed = {name: p.prior.centre for name, p in known.items() if name not in limits} | dict(posed.fixed)
+    points = posed.x, posed.y / width, gain / width
     if isinstance(asked, ModelSum):
-        found = find_starts(asked, x, y / width, gain / width, known=held, limits=limits)
+        found = find_starts(asked, *points, known=fixed, limits=limits)
     else:
-        found = guess_starts(asked.formula, x, y / width, gain / width, known=held, limits=limits)
-    return tuple(replace(p, prior=Flat(p.prior.low, p.prior.high, found[p.name])) if p.name in sought else p for p in parameters)
+        found = guess_starts(asked.formula, *points, known=fixed, limits=limits)
+    begun = {name: Flat(known[name].prior.low, known[name].prior.high, found[name]) for name in limits}
+    return replace(posed, parameters=tuple(replace(p, prior=begun.get(p.name, p.prior)) for p in posed.parameters))
 
 
 def _finite(end: float) -> float | None:
     return end if math.isfinite(end) else None
 
 
-def _inside(limits: Limits | None) -> float:
+def within(limits: Limits | None) -> float:
+    """A number within limits, to stand in for a start."""
     low, high = limits if isinstance(limits, tuple) and len(limits) == 2 else (None, None)
     if low is not None and high is not None:
         return 0.5 * (low + high)

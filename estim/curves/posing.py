@@ -100,20 +100,34 @@ class CurveProblem:
         named = {p.name: float(v) for p, v in zip(self.parameters, values, strict=True)} | dict(self.fixed)
         return self.y - np.broadcast_to(self.curve.value(self.x, named), (1, self.x.size))[0]
 
+    def require_points(self) -> None:
+        """Raises InputError where there are fewer points than the parameters that are fit need."""
+        if not self.parameters:
+            raise InputError("must give a parameter that is fit its starting value, like {'a': 1.0}", field="start")
+        pulls = sum(p.prior.informative for p in self.parameters)
+        if self.x.size + pulls < len(self.parameters) + (0 if self.stated else 1):
+            rule = f"must have at least as many points as parameters ({len(self.parameters)})"
+            if not self.stated:
+                rule = f"must have more points than parameters ({len(self.parameters)}), one at least, where u_y is not given"
+            raise InputError(rule, field="x", value=self.x.size)
+
     def _problem(self, sigma: Scale, further: tuple[Parameter, ...]) -> Problem:
-        noise = reading_noise(sigma, self.relative, self.cov, what=self.axes.y_name, relative_x=self.relative_x)
+        return Problem((*self.parameters, *further), (self.observed(sigma),))
+
+    def observed(self, sigma: Scale, *, tails: Tails = GAUSSIAN) -> Observations:
+        """The points whose errors are `sigma` times u_y (or times 1)."""
+        noise = _reading_noise(sigma, self.relative, self.cov, what=self.axes.y_name, relative_x=self.relative_x, tails=tails)
         noise = noise if self.counted is None else self.counted.noise
         arguments: dict[str, str | float] = {p.name: p.name for p in self.parameters}
         arguments.update(self.fixed)
-        run = Observations(
+        return Observations(
             name="data", x=self.x, y=self.y, t=None, curve=self.curve, arguments=MappingProxyType(arguments), noise=noise, x_name=self.axes.x_name,
             x_unit=self.axes.x_unit, y_name=self.axes.y_name, y_unit=self.axes.y_unit, excluded=(), excluded_points=np.zeros((0, 2)),
             motion=None, words=plain_words() if self.counted is None else self.counted.words, sought=self.sought,
         )
-        return Problem((*self.parameters, *further), (run,))
 
 
-def reading_noise(
+def _reading_noise(
     sigma: Scale, relative: FloatArray, cov: FloatArray | None, *, what: str, relative_x: FloatArray | None = None, tails: Tails = GAUSSIAN
 ) -> Noise:
     """Noise of readings of `what`: independent, with errors of x if there are any, or with the stated covariance matrix."""
@@ -124,7 +138,7 @@ def reading_noise(
 
 
 def pose_curve(
-    curve: str | Callable[..., Any],
+    curve: str | Formula | Callable[..., Any],
     x: ArrayLike,
     y: ArrayLike | None,
     *,
@@ -145,7 +159,10 @@ def pose_curve(
     tied: Mapping[str, str] = MappingProxyType({}),
     chosen: Collection[str] = (),
 ) -> CurveProblem:
-    """The problem that the arguments of `fit_curve` pose; nobody stated the start of those `chosen`.  Raises InputError where one breaks a rule."""
+    """The problem that the arguments of `fit_curve`, or a run of a campaign, pose; nobody stated the start of those `chosen`.
+
+    Raises InputError where one breaks a rule, naming the argument: "u_y", or "units[tau]" of a parameter, with the index of a value.
+    """
     _check_mappings(bounds=bounds, priors=priors, units=units, fixed=fixed, derived=derived, tied=tied)
     _check_words(units, errors, axes)
     counted = ask_counts(
@@ -165,7 +182,7 @@ def pose_curve(
     order = np.argsort(points["x"], kind="stable")
     relative, cov = _errors_of_y(u_y, cov_y, n_obs)
     if u_x is not None and u_y is None:
-        raise InputError("needs u_y beside it: the sizes of both errors cannot be told from the residuals", field="u_x")
+        raise InputError("needs a known u_y beside it: the sizes of both errors cannot be told from the residuals", field="u_x")
     relative_x = None if u_x is None else errors_of(u_x, n_obs, "u_x")[order]
     if relative_x is not None and hide_the_range(points["x"][order], relative_x):
         spread = float(np.std(points["x"], ddof=1))
@@ -189,11 +206,7 @@ def pose_curve(
     stated = u_y is not None or cov is not None or counted is not None
     everything = (*parameters, *shared)
     if not stated and SIGMA in (p.name for p in everything):
-        raise InputError("is the name of the unknown standard deviation of y: choose another", field="start", value=SIGMA)
-    pulls = sum(p.prior.informative for p in everything)
-    if n_obs + pulls < len(everything) + (0 if stated else 1):
-        rule = f"must have more points than parameters ({len(everything)})" + ("" if stated else ", one at least, where u_y is not given")
-        raise InputError(rule if not stated else f"must have at least as many points as parameters ({len(everything)})", field="x", value=n_obs)
+        raise InputError("is the name of the standard deviation of y, which is unknown here: choose another", field=f"start[{SIGMA}]")
     whole: Curve = TiedCurve(read, ties) if ties else read
     whole = DistortedCurve(whole, errors) if errors else whole
     if counted is not None:
@@ -223,7 +236,7 @@ def _errors_of_y(u_y: ArrayLike | None, cov_y: ArrayLike | None, n_obs: int) -> 
 
 
 def _start(start: Mapping[str, float]) -> tuple[tuple[str, ...], dict[str, float]]:
-    if not isinstance(start, Mapping) or not start:
+    if not isinstance(start, Mapping):
         raise InputError("must give each parameter a starting value, like {'a': 1.0}", field="start", value=start)
     check_names(start, field="start")
     values = {}
@@ -266,12 +279,14 @@ def _check_words(units: Mapping[str, str], errors: tuple[Component, ...], axes: 
         raise InputError('must be names and units, like AxisNames("time", "s", "angle", "rad")', field="axes", value=axes)
 
 
-def _curve(curve: str | Callable[..., Any], x: FloatArray, start: Mapping[str, float], fixed: Mapping[str, float]) -> Formula | PythonCurve:
+def _curve(
+    curve: str | Formula | Callable[..., Any], x: FloatArray, start: Mapping[str, float], fixed: Mapping[str, float]
+) -> Formula | PythonCurve:
     names = (*start, *fixed)
     if callable(curve):
         _check_signature(curve, names)
         return wrap_function(curve, names, x, {**start, **fixed})
-    formula = read_formula(curve, field="curve")
+    formula = curve if isinstance(curve, Formula) else read_formula(curve, field="curve")
     for name in formula.names:
         if name not in names:
             hint = "" if formula.uses_x else ", which calls its variable x"
@@ -343,6 +358,6 @@ def _shared(errors: tuple[Component, ...], names: tuple[str, ...], axes: AxisNam
     taken = [*names]
     for parameter in shared:
         if parameter.name in taken:
-            raise InputError("has a name that is taken: give the component another name", field="errors", value=parameter.name)
+            raise InputError("has a name that is taken: give the component another name", field=f"errors[{parameter.name}]")
         taken.append(parameter.name)
     return shared

@@ -1,4 +1,4 @@
-"""What a rolling body does from rest at a tilt and an angle of release, for draws of what is known of it: borders, distances, friction.
+"""What a rolling body does from rest at a tilt and an angle of release, for draws of what is known of it: borders and distances.
 
 Arguments are those of the curves of `estim.curves.rolling`, scalars or (n_draw, 1).  Further forces, a push at the start and errors of the readings
 are not in it.
@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 from estim.arrays import FloatArray
 from estim.curves.rolling import body_of
 from estim.curves.varying import own_values, shift_of
-from model import friction_on_the_way, range_of_release, release_for_turn, release_that_rolls_on, turning_point
+from model import range_of_release, release_for_turn, release_that_rolls_on, turning_point
 
 Arguments = Mapping[str, ArrayLike]
 
@@ -35,19 +35,6 @@ class Borders:
     highest: FloatArray
     rolls_on: FloatArray
     passes: FloatArray
-
-
-@dataclass(frozen=True, eq=False)
-class Fate:
-    """What becomes of a release.
-
-    stop : m from the release to the turning point; 0 where it does not set off, inf where it rolls on for ever.
-    needed : largest coefficient of friction that rolling needs up to there, or to the end of the ramp; nan where it does not set off, inf where the
-        ramp would have to pull.
-    """
-
-    stop: FloatArray
-    needed: FloatArray
 
 
 def borders_of(arguments: Arguments, phi: FloatArray, *, ramp_end: float) -> Borders:
@@ -89,12 +76,10 @@ def farthest_stop(arguments: Arguments, phi: FloatArray) -> FloatArray:
     return np.atleast_2d(turning_point(body, phi=phi, theta0=lowest + _BESIDE, rolling_resistance=resistance))
 
 
-def fate_at(arguments: Arguments, phi: ArrayLike, theta0: ArrayLike, *, ramp_end: float, n_angle: int) -> Fate:
-    """What becomes of releases at true tilts and angles (n,) or (n_draw, 1) rad; results broadcast to (n_draw, n)."""
+def stop_of(arguments: Arguments) -> FloatArray:
+    """(n_draw, 1) m from the release of a run to its turning point; 0 where it does not set off, inf where it rolls on for ever."""
     body, motion = body_of(_own(arguments))
-    place = {"phi": phi, "theta0": theta0, "rolling_resistance": motion["rolling_resistance"]}
-    stop = np.atleast_2d(turning_point(body, **place))
-    return Fate(stop, np.atleast_2d(friction_on_the_way(body, **place, ramp_end=ramp_end, n_angle=n_angle)))
+    return np.atleast_2d(turning_point(body, phi=motion["phi"], theta0=motion["theta0"], rolling_resistance=motion["rolling_resistance"]))
 
 
 def placed(arguments: Arguments) -> tuple[FloatArray, FloatArray]:

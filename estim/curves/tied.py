@@ -75,11 +75,11 @@ def read_tied(tied: Mapping[str, str], names: Collection[str]) -> dict[str, Form
     return read
 
 
-def only_for_ties(curve: str | Callable[..., Any], tied: Mapping[str, Formula]) -> set[str]:
+def only_for_ties(curve: str | Formula | Callable[..., Any], tied: Mapping[str, Formula]) -> set[str]:
     """Names in the formulas of `tied` that the curve itself does not take."""
     named = {symbol for formula in tied.values() for symbol in formula.names}
     if not callable(curve):
-        return named - set(read_formula(curve, field="curve").names)
+        return named - set((curve if isinstance(curve, Formula) else read_formula(curve, field="curve")).names)
     try:
         takes = inspect.signature(curve).parameters.values()
     except (TypeError, ValueError):

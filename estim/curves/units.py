@@ -81,7 +81,7 @@ def check_units(curve: object, axes: AxisNames, units: Mapping[str, str], number
     for name, unit in units.items():
         rule = contradiction(curve, axes, name, unit, density=density, number=numbers.get(name))
         if rule is not None:
-            raise InputError(f"of '{name}' {rule}", field="units", value=unit)
+            raise InputError(rule, field=f"units[{name}]", value=unit)
 
 
 def refuse_degrees(curve: object, axes: AxisNames, field: str) -> None:

@@ -1,4 +1,4 @@
-"""Figures of the map of motions: the regimes with their borders and runs, the friction that they need, and how far the body gets."""
+"""Figures of the map of motions: the regimes with their borders and runs, and how far the body gets."""
 
 from __future__ import annotations
 
@@ -6,11 +6,10 @@ from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from estim.arrays import FloatArray
-from estim.common import Notation, format_quantity, later, phrase
-from estim.drawing import BLUE, GREEN, INK, MARKS, ORANGE, PURPLE, new_figure
+from estim.common import Notation, later, phrase
+from estim.drawing import BLUE, GREEN, INK, MARKS, ORANGE, new_figure
 from estim.line import ThetaMinSeries
 from estim.studies import BodyMap, RunPlace
 
@@ -23,14 +22,11 @@ if TYPE_CHECKING:
 
 _STILL, _TURNS, _PASSES, _ROLLS = "#E4E4E4", "#D6E9F5", "#FBE3B3", "#C9E8DC"
 _VERMILION = "#B34700"
-_FRICTIONS = (0.0, 0.05, 0.1, 0.15, 0.2, 0.3, 0.5, 1.0)
 _NEAR = 0.02  # of an axis: runs nearer than this have one label
 _NAMED = 4  # names in one label
 _RUN = 8.5  # points
 _LETTER, _LINE_HEIGHT, _GAP = 0.0125, 0.036, 0.012  # of a name, shares of the axes
 _THETA_MIN = Notation("θ_min").label("rad").tex
-_SLIVER = 1e-6  # rad
-_NONE_ENOUGH = 9.0  # stands for no friction that would do
 _DEGREES = float(np.degrees(1.0))
 _ENDS = {
     "turns": {"ramp": later("turns at the end of the ramp ({m:.3g} m)"), "recorded way": later("turns at the end of the recorded way ({m:.3g} m)")},
@@ -47,7 +43,6 @@ _ENDS = {
 def regime_figure(found: BodyMap, line: ThetaMinSeries | None) -> Figure:
     """What the body does, over tilt and angle of release; the distance to the turning point as contours in m."""
     from matplotlib.lines import Line2D
-    from matplotlib.patches import Patch
 
     figure = new_figure(6.2)
     ax = figure.subplots()
@@ -70,51 +65,11 @@ def regime_figure(found: BodyMap, line: ThetaMinSeries | None) -> Figure:
         handles.append(Line2D([], [], color=GREEN, lw=1.8, label=phrase("just gets over the top, and rolls on")))
     if np.any(np.isfinite(found.contours)):
         handles.append(Line2D([], [], color=BLUE, lw=0.8, label=phrase("turns after this many m")))
-    field = found.field
-    if field.of_grip is not None and np.any(_inside(found, field.of_grip[2] > 1.0)):
-        _hatched(ax, found, _inside(found, field.of_grip[2] > 1.0))
-        handles.append(Patch(fc="none", ec=PURPLE, hatch="///", lw=0.0, label=phrase("slips on the way with the stated friction")))
-    if np.any(_inside(found, field.hops > 0.5)):
-        _hatched(ax, found, _inside(found, field.hops > 0.5), "xxx")
-        handles.append(Patch(fc="none", ec=PURPLE, hatch="xxx", lw=0.0, label=phrase("would hop")))
     if line is not None:
         handles.append(_line_points(ax, line))
     _frame(ax, found)
     _runs(ax, found)
     handles.append(Line2D([], [], color=INK, marker="o", ls="", ms=5, label=phrase("runs, one standard uncertainty")))
-    figure.legend(handles=handles, loc="outside lower center", ncols=2, fontsize=8, frameon=False)
-    return figure
-
-
-def friction_figure(found: BodyMap) -> Figure:
-    """The coefficient of friction that rolling needs up to the turning point or the end of the ramp; the border of slipping for a stated one."""
-    from matplotlib.lines import Line2D
-
-    figure = new_figure(5.6)
-    ax = figure.subplots()
-    field = found.field
-    needed = np.minimum(_spread(field.needed), _NONE_ENOUGH)
-    phi, theta0 = field.phi * _DEGREES, field.theta0 * _DEGREES
-    largest = float(np.nanmax(needed, initial=0.0))
-    levels = [level for level in _FRICTIONS if level < largest]
-    levels = [*levels, next((level for level in _FRICTIONS if level >= largest), _NONE_ENOUGH)]
-    handles = [Line2D([], [], color=INK, marker="o", ls="", ms=5, label=phrase("runs, one standard uncertainty"))]
-    if largest > 0.0:
-        drawn = ax.contourf(phi, theta0, needed, levels=levels, cmap="Blues", vmin=0.0, vmax=1.8 * levels[-1])
-        bar = figure.colorbar(drawn, ax=ax, label=phrase("coefficient of friction that rolling needs, |F|/N"), pad=0.02)
-        bar.set_ticks(levels, labels=[phrase("none is enough") if level == _NONE_ENOUGH else f"{level:g}" for level in levels])
-    if field.of_grip is not None and found.grip is not None:
-        of_grip = np.array([np.minimum(_spread(level), _NONE_ENOUGH) for level in field.of_grip])
-        for low, high, alpha in ((0, 4, 0.25), (1, 3, 0.45)):
-            ax.contourf(phi, theta0, np.minimum(of_grip[high] - 1.0, 1.0 - of_grip[low]), levels=[0.0, 99.0], colors=[ORANGE], alpha=alpha)
-        ax.contour(phi, theta0, of_grip[2], levels=[1.0], colors=[_VERMILION], linewidths=1.8, zorder=1.5)
-        stated = format_quantity(*found.grip) if found.grip[1] > 0.0 else f"{found.grip[0]:g}"
-        handles.append(Line2D([], [], color=_VERMILION, lw=1.8, label=phrase("needs the stated friction, {friction}; 68 and 95 %", friction=stated)))
-    _outside(ax, found)
-    _band(ax, found.phi, found.lowest, INK)
-    _band(ax, found.phi, found.highest, INK)
-    _frame(ax, found)
-    _runs(ax, found)
     figure.legend(handles=handles, loc="outside lower center", ncols=2, fontsize=8, frameon=False)
     return figure
 
@@ -151,24 +106,6 @@ def reach_figure(found: BodyMap) -> Figure:
     ax.set_title(found.body, fontsize=10)
     figure.legend(*ax.get_legend_handles_labels(), loc="outside lower center", ncols=2, fontsize=8, frameon=False)
     return figure
-
-
-def _spread(values: FloatArray) -> FloatArray:
-    """`values` with those of the nearest cell where there is none, so that colours reach the border."""
-    from scipy.ndimage import distance_transform_edt
-
-    missing = np.isnan(values)
-    if missing.all() or not missing.any():
-        return values
-    nearest = distance_transform_edt(missing, return_distances=False, return_indices=True)
-    return np.asarray(values[tuple(nearest)])
-
-
-def _outside(ax: Axes, found: BodyMap) -> None:
-    """Where the body does not set off, over what is drawn there."""
-    phi, (low, high) = found.phi * _DEGREES, (end * _DEGREES for end in found.theta0_range)
-    ax.fill_between(phi, low, found.lowest[2] * _DEGREES, color=_STILL, lw=0, zorder=1.8)
-    ax.fill_between(phi, found.highest[2] * _DEGREES, high, color=_STILL, lw=0, zorder=1.8)
 
 
 def _frame(ax: Axes, found: BodyMap) -> None:
@@ -233,21 +170,6 @@ def _distances(ax: Axes, found: BodyMap) -> None:
             at = there[int((0.35 + 0.12 * (i % 2)) * there.size)]
             ax.text(phi[at], release[at] * _DEGREES, f"{stop:.3g}", fontsize=8, color=BLUE, ha="center", va="center", zorder=1.6, clip_on=True,
                     bbox={"fc": _TURNS, "ec": "none", "pad": 0.6})  # fmt: skip
-
-
-def _inside(found: BodyMap, where: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """`where` (n_theta0, n_phi) of the field, as far as the body sets off."""
-    low, high = (np.interp(found.field.phi, found.phi, border[2]) for border in (found.lowest, found.highest))
-    theta0 = found.field.theta0[:, None]
-    return np.asarray(where & (theta0 >= low) & (theta0 <= high) & (high - low > _SLIVER))
-
-
-def _hatched(ax: Axes, found: BodyMap, where: NDArray[np.bool_], hatch: str = "///") -> None:
-    field = found.field
-    phi, theta0 = field.phi * _DEGREES, field.theta0 * _DEGREES
-    drawn = ax.contourf(phi, theta0, where.astype(float), levels=[0.5, 1.5], colors="none", hatches=[hatch], zorder=1.2)
-    drawn.set_edgecolor(PURPLE)
-    drawn.set_linewidth(0.0)
 
 
 def _line_points(ax: Axes, line: ThetaMinSeries) -> ErrorbarContainer:

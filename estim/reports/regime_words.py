@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from estim.common import format_quantity, later, phrase
+from estim.common import format_quantity, phrase
 from estim.studies import BodyMap, RunPlace
 from estim.words import sure
 
@@ -13,7 +13,7 @@ def place_words(found: BodyMap, place: RunPlace) -> str:
     """What a run should do, and what its recording shows."""
     said = [f"{place.run}: {_start_words(place)}"]
     if place.sets_off >= 0.5:
-        said += [_end_words(found, place), _friction_words(place)]
+        said.append(_end_words(place))
     return "; ".join([*said, _recording_words(place, as_it_may=not found.known.fitted)])
 
 
@@ -27,27 +27,11 @@ def _start_words(place: RunPlace) -> str:
     return phrase("climbs ({chance})", chance=chance) if uphill else phrase("rolls down ({chance})", chance=chance)
 
 
-def _end_words(found: BodyMap, place: RunPlace) -> str:
+def _end_words(place: RunPlace) -> str:
     """Where it turns."""
     if not np.isfinite(place.stop[2]):
-        return phrase("and on for ever ({chance})", chance=sure(place.rolls_on))
-    at, recorded = format_quantity(float(place.stop[2]), float(0.5 * (place.stop[3] - place.stop[1]))), found.end.origin == "recorded"
-    if place.on_ramp >= 0.5:
-        on = later("turns at {at} m, on the recorded way ({chance})") if recorded else later("turns at {at} m, on the ramp ({chance})")
-        return phrase(on, at=at, chance=sure(place.on_ramp))
-    if recorded:
-        return phrase("turns at {at} m, beyond the end of the recorded way ({chance})", at=at, chance=sure(place.passes))
-    return phrase("turns at {at} m, beyond the end of the ramp ({chance})", at=at, chance=sure(place.passes))
-
-
-def _friction_words(place: RunPlace) -> str:
-    if np.isinf(place.needed[0]):
-        return phrase("would hop ({chance})", chance=sure(place.hops))
-    none = np.isinf(place.needed[1])
-    enough = phrase("no friction is enough with 95 %") if none else phrase("{friction:.2g} is enough with 95 %", friction=place.needed[1])
-    if not np.isnan(place.rolls):
-        enough += phrase(", the stated one is with {chance}", chance=sure(place.rolls))
-    return phrase("needs a friction of {friction:.2g} ({enough})", friction=place.needed[0], enough=enough)
+        return phrase("and on for ever")
+    return phrase("turns at {at} m", at=format_quantity(float(place.stop[2]), float(0.5 * (place.stop[3] - place.stop[1]))))
 
 
 def _recording_words(place: RunPlace, *, as_it_may: bool) -> str:

@@ -15,7 +15,7 @@ from estim.common import as_json, decide, format_quantity, kind_words, later, on
 from estim.line import ThetaMinSeries
 from estim.reports.kept_fit import fitted_values as fitted_values
 from estim.reports.pages import page
-from estim.reports.regime_figures import friction_figure, reach_figure, regime_figure
+from estim.reports.regime_figures import reach_figure, regime_figure
 from estim.reports.regime_words import place_words
 from estim.reports.rendering import render
 from estim.reports.result import Provenance, provenance
@@ -64,14 +64,7 @@ class RunOnMap(msgspec.Struct, frozen=True):
     theta0: float
     u_theta0: float
     sets_off: float
-    turns_on_ramp: float
-    turns_beyond: float
-    rolls_on: float
     turning_point: Spread
-    friction_needed: float | None  # median; null: none is enough, or it does not set off
-    friction_enough_95: float | None
-    rolls: float | None  # with the stated friction; null where none is stated
-    hops: float | None
     recorded: float  # how far the recording goes
     turned: bool  # whether it turns there
     agreement: float  # probability to get as far, two-sided where it turned
@@ -83,8 +76,6 @@ class BodyOnMap(msgspec.Struct, frozen=True):
 
     ramp_end: float  # m from the release
     ramp_end_origin: str
-    friction: float | None
-    u_friction: float | None
     steepest: Spread  # rad, the tilt beyond which it climbs from no angle
     tilts: list[TiltOnMap]
     runs: dict[str, RunOnMap]
@@ -125,14 +116,13 @@ def map_report(
     for found in maps:
         own = line if line is not None and line.body == found.body else None
         drawers[f"figures/map-{found.body}.png"] = partial(regime_figure, found, own)
-        drawers[f"figures/friction-{found.body}.png"] = partial(friction_figure, found)
         if found.uphill:
             drawers[f"figures/reach-{found.body}.png"] = partial(reach_figure, found)
     text = partial(
         render, "map.md.j2", result=result, kind=kind_words(campaign.kind), status_words=STATUS_WORDS,
-        parts=[(found, result.bodies[found.body], _run_rows(result.bodies[found.body]), _tilt_rows(result.bodies[found.body])) for found in maps],
+        parts=[(found, result.bodies[found.body], _tilt_rows(result.bodies[found.body])) for found in maps],
         origins={origin: phrase(words) for origin, words in _ORIGINS.items()},
-        spread=_spread_words, degrees=_degrees, line_body=None if line is None else line.body, quantity=format_quantity,
+        spread=_spread_words, degrees=_degrees, line_body=None if line is None else line.body,
         way=_way_words,
     )
     return page(drawers, text, wanted=figures, kind=campaign.kind) | {"result.json": as_json(result)}
@@ -142,11 +132,11 @@ def _way_words(found: BodyMap) -> dict[str, str]:
     """What tables and captions call the end of the ramp, or of the recorded way in its place."""
     if found.end.origin == "recorded":
         return {
-            "on": phrase("turns on the recorded way"), "passes": phrase("passes the end of the recorded way up to (°)"),
+            "passes": phrase("passes the end of the recorded way up to (°)"),
             "against": phrase("Against the length of the recorded way."),
         }
     return {
-        "on": phrase("turns on the ramp"), "passes": phrase("passes the end of the ramp up to (°)"),
+        "passes": phrase("passes the end of the ramp up to (°)"),
         "against": phrase("Against the length of the ramp."),
     }
 
@@ -158,9 +148,8 @@ def map_lines(found: BodyMap) -> list[str]:
 
 def _body(found: BodyMap) -> BodyOnMap:
     return BodyOnMap(
-        found.end.length, found.end.origin, None if found.grip is None else found.grip[0], None if found.grip is None else found.grip[1],
-        _spread(found.steepest), [_tilt(found, phi) for phi in _tilts(found)], {place.run: _run(found, place) for place in found.runs},
-        list(found.left_out),
+        found.end.length, found.end.origin, _spread(found.steepest), [_tilt(found, phi) for phi in _tilts(found)],
+        {place.run: _run(found, place) for place in found.runs}, list(found.left_out),
     )
 
 
@@ -196,10 +185,8 @@ _NOWHERE = Spread(None, None, None, None, None)
 
 
 def _run(found: BodyMap, place: RunPlace) -> RunOnMap:
-    median, enough = (number(value) for value in place.needed)
     return RunOnMap(
-        *place.phi, *place.theta0, place.sets_off, place.on_ramp, place.passes, place.rolls_on, _spread(place.stop), median, enough,
-        number(place.rolls), number(place.hops), place.farthest, place.turned, place.agrees, place_words(found, place),
+        *place.phi, *place.theta0, place.sets_off, _spread(place.stop), place.farthest, place.turned, place.agrees, place_words(found, place),
     )
 
 
@@ -223,22 +210,3 @@ def _tilt_rows(body: BodyOnMap) -> list[tuple[str, ...]]:
             _spread_words(tilt.farthest),
         ))  # fmt: skip
     return rows
-
-
-def _run_rows(body: BodyOnMap) -> list[tuple[str, ...]]:
-    rows: list[tuple[str, ...]] = []
-    for name, run in body.runs.items():
-        place = [signed(format_quantity(value * _DEGREES, u * _DEGREES)) for value, u in ((run.phi, run.u_phi), (run.theta0, run.u_theta0))]
-        chances = [_share(p) for p in (run.sets_off, run.turns_on_ramp, run.turns_beyond, run.rolls_on)]
-        recorded = f"{run.recorded:.3g}" + (phrase(" (turns)") if run.turned else "")
-        needed = phrase("none is enough") if run.friction_needed is None else f"{run.friction_needed:.2g}"
-        enough = phrase("none is") if run.friction_enough_95 is None else f"{run.friction_enough_95:.2g}"
-        rows.append((
-            name, *place, *chances, _spread_words(run.turning_point), recorded, needed, enough,
-            "—" if run.rolls is None else _share(run.rolls),
-        ))  # fmt: skip
-    return rows
-
-
-def _share(p: float) -> str:
-    return "> 0.999" if p > 0.999 else "< 0.001" if p < 0.001 else f"{p:.3f}" if p > 0.99 or p < 0.01 else f"{p:.2f}"

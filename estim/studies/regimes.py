@@ -1,4 +1,4 @@
-"""The map of what a body does from rest: does it climb, how far, does it turn on the ramp, roll over the top, slip or hop.
+"""The map of what a body does from rest: does it climb, how far, does it turn on the ramp or roll over the top.
 
 Over the plane of true tilt and angle of release; the uncertainty of a border is that of what is known of the body, that of a run also of where it
 lies.  All of it comes from draws of what was stated, or of a fit.
@@ -7,7 +7,7 @@ lies.  All of it comes from draws of what was stated, or of a fit.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,11 +15,10 @@ from numpy.typing import ArrayLike
 
 from estim.arrays import FloatArray
 from estim.campaign import Campaign
-from estim.common import Finding, InputError, Quantity, Stream, stream
+from estim.common import Finding, InputError
 from estim.curves import borders_of, farthest_stop, steepest_tilt, turning_contours
-from estim.problem import Observations, Prior, as_prior
-from estim.studies.friction_field import FIELD_DRAWS, FrictionField, friction_field
-from estim.studies.known_values import FittedValues, KnownValues, column, known_values
+from estim.problem import Observations
+from estim.studies.known_values import FittedValues, KnownValues, known_values
 from estim.studies.ramp_end import RampEnd, ramp_end_of
 from estim.studies.run_places import LEVELS, RunPlace, farthest_recorded, place_of
 
@@ -41,7 +40,7 @@ class BodyMap:
         nan where from none.
     steepest : (5,) quantiles of the steepest tilt that the body climbs, rad.
     farthest : (5, n) quantiles of how far it gets from the best release, m, at the tilts far_phi (n,) rad.
-    uphill, downhill : whether the map shows these tilts.  grip : (value, standard uncertainty) of the stated friction, None without.
+    uphill, downhill : whether the map shows these tilts.
     left_out : symbols of what the campaign states beside, which the map leaves out.  known : what the draws come from.
     """
 
@@ -57,10 +56,8 @@ class BodyMap:
     steepest: FloatArray
     far_phi: FloatArray
     farthest: FloatArray
-    field: FrictionField
     runs: tuple[RunPlace, ...]
     end: RampEnd
-    grip: tuple[float, float] | None
     left_out: tuple[str, ...]
     known: KnownValues
 
@@ -79,13 +76,11 @@ class BodyMap:
 
 
 def map_bodies(
-    campaign: Campaign, bodies: Sequence[str] = (), *, ramp_length: float | None = None, friction: Quantity | None = None,
-    fitted: FittedValues | None = None, seed: int, progress: Callable[[int, int], None] | None = None,
+    campaign: Campaign, bodies: Sequence[str] = (), *, ramp_length: float | None = None, fitted: FittedValues | None = None, seed: int,
 ) -> tuple[BodyMap, ...]:
     """The maps of `bodies`, or of every body of a campaign that has runs.
 
-    ramp_length (m from the release), friction : in place of what the campaign says.  fitted : a fit, in place of what was stated.
-    progress : called with pieces done and their number.  Raises InputError.
+    ramp_length (m from the release) : in place of what the campaign says.  fitted : a fit, in place of what was stated.  Raises InputError.
     """
     of_run = {name: campaign.study.body_of(name) for name in campaign.run_names}
     chosen = tuple(dict.fromkeys(bodies)) or tuple(dict.fromkeys(body for body in of_run.values() if body is not None))
@@ -96,33 +91,16 @@ def map_bodies(
             raise InputError("has no [[runs]], and a map needs the tilt and the angle of one", field="--body", value=body, file=campaign.path)
     names = [name for name, body in of_run.items() if body in chosen]
     known = known_values(campaign, names, n_draw=_N_DRAW, seed=seed, fitted=fitted)
-    total = len(chosen) * FIELD_DRAWS
-
-    def told(before: int) -> Callable[[int], None]:
-        return lambda done: None if progress is None else progress(before + done, total)
-
-    return tuple(
-        _map_body(
-            campaign, body, [name for name in names if of_run[name] == body], known,
-            ramp_length=ramp_length, friction=friction, seed=seed, progress=told(i * FIELD_DRAWS),
-        )
-        for i, body in enumerate(chosen)
-    )
+    return tuple(_map_body(campaign, body, [name for name in names if of_run[name] == body], known, ramp_length=ramp_length) for body in chosen)
 
 
-def _map_body(
-    campaign: Campaign, body: str, names: Sequence[str], known: KnownValues, *, ramp_length: float | None, friction: Quantity | None, seed: int,
-    progress: Callable[[int], None],
-) -> BodyMap:
+def _map_body(campaign: Campaign, body: str, names: Sequence[str], known: KnownValues, *, ramp_length: float | None) -> BodyMap:
     runs = [campaign.problem([name]).runs[0] for name in names]
     arguments = {run.name: known.arguments(run) for run in runs}
     first = arguments[names[0]]
     recorded = {run.name: farthest_recorded(campaign, run) * float(np.median(_metres(run, arguments[run.name]))) for run in runs}
     end = ramp_end_of(campaign.source, body, max(recorded.values()), asked=ramp_length)
-    grip = _grip(runs[0], friction, stream(seed, Stream.FRICTION), known.n_draw)
-    places = tuple(
-        place_of(run, arguments[run.name], ramp_end=end.length, farthest=recorded[run.name], grip=grip, n_draw=known.n_draw) for run in runs
-    )
+    places = tuple(place_of(run, arguments[run.name], farthest=recorded[run.name], n_draw=known.n_draw) for run in runs)
     steepest = steepest_tilt(first)
     phi, theta0_range = _extent(places, float(np.median(steepest)))
     borders = borders_of(first, phi, ramp_end=end.length)
@@ -134,8 +112,7 @@ def _map_body(
         body=body, phi=phi, theta0_range=theta0_range, lowest=lowest, highest=highest, rolls_on=rolls_on, passes=passes,
         stops=stops, contours=turning_contours(_central(first), phi, stops)[0], steepest=np.quantile(steepest, LEVELS),
         far_phi=far_phi, farthest=np.quantile(farthest, LEVELS, axis=0, method="higher"),
-        field=friction_field(first, (phi[0], phi[-1]), theta0_range, ramp_end=end.length, grip=grip, progress=progress),
-        runs=places, end=end, grip=None if grip is None else _stated(runs[0], friction), left_out=known.beside(runs), known=known,
+        runs=places, end=end, left_out=known.beside(runs), known=known,
     )
 
 
@@ -158,22 +135,6 @@ def _central(arguments: Mapping[str, ArrayLike]) -> dict[str, ArrayLike]:
     """The median of each argument, (1, 1)."""
     columns = {name: np.asarray(value, dtype=float) for name, value in arguments.items()}
     return {name: value if value.ndim == 0 else np.full((1, 1), np.median(value)) for name, value in columns.items()}
-
-
-def _stated(run: Observations, asked: Quantity | None) -> tuple[float, float]:
-    """The coefficient of static friction as stated, and its standard uncertainty."""
-    grip = run.body.grip
-    if asked is not None:
-        return asked.value, asked.u
-    return (grip.expectation, grip.sd) if isinstance(grip, Prior) else (float(grip or 0.0), 0.0)
-
-
-def _grip(run: Observations, asked: Quantity | None, rng: np.random.Generator, n_draw: int) -> FloatArray | None:
-    """(n_draw, 1) draws of the stated coefficient of friction."""
-    grip = run.body.grip if asked is None else asked.value if asked.exact else as_prior(asked, low=0.0)
-    if grip is None:
-        return None
-    return np.full((n_draw, 1), grip) if isinstance(grip, float) else column(grip.draw(rng, n_draw))
 
 
 def _extent(places: Sequence[RunPlace], steepest: float) -> tuple[FloatArray, tuple[float, float]]:

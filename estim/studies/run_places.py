@@ -1,4 +1,4 @@
-"""Where the runs of a campaign lie on the map of motions: what each should do, and what its recording shows."""
+"""Where the runs of a campaign lie on the map of motions: how far each should get, and how far its recording shows it."""
 
 from __future__ import annotations
 
@@ -12,11 +12,10 @@ from estim.arrays import FloatArray
 from estim.campaign import Campaign
 from estim.checks import way_of
 from estim.common import Finding, Kind
-from estim.curves import fate_at, placed
+from estim.curves import placed, stop_of
 from estim.problem import Observations
 
 LEVELS = (0.025, 0.16, 0.5, 0.84, 0.975)
-_WAY = 96  # places on the way at which the friction is asked for
 _SURELY_NOT = 0.001  # probability below which a run cannot have done what its recording shows
 
 
@@ -25,10 +24,8 @@ class RunPlace:
     """One run on the map.
 
     phi, theta0 : true tilt and angle of release, (value, standard uncertainty), rad.
-    sets_off, on_ramp, passes, rolls_on : probabilities that it sets off, turns on the ramp, turns only beyond its end, never turns.
+    sets_off : probability that it sets off.
     stop : (5,) quantiles (`LEVELS`) of the distance to the turning point among the draws that set off and turn, m; nan where half of them do not.
-    needed : median and 95 % quantile of the friction that rolling needs.  rolls : probability that the stated friction is enough, nan without.
-    hops : probability that the ramp would have to pull.
     farthest : m, how far the recording shows it.  turned : whether it turns there.
     agrees : probability of the draws to get as far as that, two-sided where it turned.
     """
@@ -37,13 +34,7 @@ class RunPlace:
     phi: tuple[float, float]
     theta0: tuple[float, float]
     sets_off: float
-    on_ramp: float
-    passes: float
-    rolls_on: float
     stop: FloatArray
-    needed: tuple[float, float]
-    rolls: float
-    hops: float
     farthest: float
     turned: bool
     agrees: float
@@ -57,27 +48,19 @@ class RunPlace:
         return (Finding(Kind.RUN_OFF_MAP, run=self.run, p=self.agrees, numbers=numbers),)
 
 
-def place_of(
-    run: Observations, arguments: Mapping[str, ArrayLike], *, ramp_end: float, farthest: float, grip: FloatArray | None, n_draw: int
-) -> RunPlace:
+def place_of(run: Observations, arguments: Mapping[str, ArrayLike], *, farthest: float, n_draw: int) -> RunPlace:
     """Where a run lies and what follows.
 
-    arguments : of its curve, scalars or (n_draw, 1).  ramp_end, farthest : m from the release.  grip : (n_draw, 1) the stated friction, if any.
+    arguments : of its curve, scalars or (n_draw, 1).  farthest : m from the release.
     """
     phi, theta0 = placed(arguments)
     theta0 = np.mod(theta0 + 0.5 * np.pi, 2.0 * np.pi) - 0.5 * np.pi
-    fate = fate_at(arguments, phi, theta0, ramp_end=ramp_end, n_angle=_WAY)
-    stop, needed = (np.broadcast_to(np.ravel(values), n_draw) for values in (fate.stop, fate.needed))
-    sets_off, turns = stop > 0.0, (stop > 0.0) & np.isfinite(stop)
-    moving = needed[sets_off]
-    rolls = np.nan if grip is None or not moving.size else float(np.mean(moving <= grip[:, 0][sets_off]))
-    turned, off = _turned(run), np.full(len(LEVELS), np.nan)
+    stop = np.broadcast_to(np.ravel(stop_of(arguments)), n_draw)
+    turns, turned = (stop > 0.0) & np.isfinite(stop), _turned(run)
     beyond, before = float(np.mean(stop >= farthest)), float(np.mean(stop <= farthest))
     return RunPlace(
-        run.name, (float(np.mean(phi)), float(np.std(phi))), _angle(theta0), float(np.mean(sets_off)), float(np.mean(turns & (stop <= ramp_end))),
-        float(np.mean(turns & (stop > ramp_end))), float(np.mean(np.isinf(stop))),
-        np.quantile(stop[turns], LEVELS) if np.mean(turns) > 0.5 else off,
-        (_high(moving, 0.5), _high(moving, 0.95)), rolls, float(np.mean(np.isinf(moving))) if moving.size else np.nan,
+        run.name, (float(np.mean(phi)), float(np.std(phi))), _angle(theta0), float(np.mean(stop > 0.0)),
+        np.quantile(stop[turns], LEVELS) if np.mean(turns) > 0.5 else np.full(len(LEVELS), np.nan),
         farthest, turned, min(1.0, 2.0 * min(beyond, before)) if turned else beyond,
     )
 
@@ -86,10 +69,6 @@ def _angle(theta0: FloatArray) -> tuple[float, float]:
     """Mean and standard deviation of angles that may lie on either side of the cut."""
     mean = float(np.angle(np.mean(np.exp(1j * theta0))))
     return float(np.mod(mean + 0.5 * np.pi, 2.0 * np.pi) - 0.5 * np.pi), float(np.std(np.mod(theta0 - mean + np.pi, 2.0 * np.pi)))
-
-
-def _high(values: FloatArray, level: float) -> float:
-    return float(np.quantile(values, level, method="higher")) if values.size else np.nan
 
 
 def farthest_recorded(campaign: Campaign, run: Observations) -> float:
