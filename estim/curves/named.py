@@ -88,7 +88,7 @@ def started(posed: CurveProblem, asked: Unstarted, *, held: Collection[str]) -> 
         found = find_starts(asked, *points, known=fixed, limits=limits)
     else:
         found = guess_starts(asked.formula, *points, known=fixed, limits=limits)
-    begun = {name: Flat(known[name].prior.low, known[name].prior.high, found[name]) for name in limits}
+    begun = {name: Flat(known[name].prior.low, known[name].prior.high, found[name], start_stated=False) for name in limits}
     return replace(posed, parameters=tuple(replace(p, prior=begun.get(p.name, p.prior)) for p in posed.parameters))
 
 

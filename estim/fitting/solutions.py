@@ -112,7 +112,7 @@ def choose(search: SeparableSearch, distinct: list[End], symmetry: Symmetry, sta
 def written(search: SeparableSearch, values: FloatArray, symmetry: Symmetry, start: FloatArray) -> FloatArray:
     """Of the values that draw the same curve, those closest to the starts that were stated; of these those with positive amplitudes,
     then with other signs positive, with phases within half a turn, and closest to starts that were found from the points."""
-    stated = np.array([getattr(p.prior, "stated", True) for p in search.posterior.problem.parameters])
+    stated = np.array([p.prior.start_stated for p in search.posterior.problem.parameters])
     near = np.where(~stated & np.isfinite(symmetry.period), 0.0, start)
     flips = np.flatnonzero(symmetry.flips)
     linear = np.isin(flips, search.linear)

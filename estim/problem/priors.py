@@ -77,6 +77,11 @@ class Prior(ABC):
         """A typical value inside the support, where a fit may start; of a measured prior the value that was stated."""
         return self.expectation
 
+    @property
+    def start_stated(self) -> bool:
+        """Whether a person stated the place where a fit starts, rather than a search of the points."""
+        return True
+
     @abstractmethod
     def log_density(self, value: ArrayLike) -> FloatArray:
         """Normalised log density, -inf outside the support."""
@@ -382,6 +387,7 @@ class Flat(Uniform):
     """
 
     start: float = 0.0
+    start_stated: bool = True
 
     def __post_init__(self) -> None:
         for field, limit in (("low", self.low), ("high", self.high)):
