@@ -13,7 +13,6 @@ from estim.sampling import folding
 from estim.sampling.bending import Bend, bend_of
 from estim.sampling.folding import half_power
 from estim.sampling.importance import pareto_smoothed
-from estim.sampling.keys import fingerprint
 from estim.sampling.proposal import Proposal, adapt_proposal, grown
 
 FREE = np.inf
@@ -126,11 +125,6 @@ def test_far_away_a_folded_density_is_small_and_known() -> None:
     folded = Proposal(np.ones(1), np.zeros((1, 4)), np.eye(4)[None], FIRST)
     near, far = folded.log_density(np.array([[1e30, 0.0, 0.0, 0.0], [1e80, 0.0, 0.0, 0.0]]))
     assert near - far == pytest.approx(9.0 * 50.0 * math.log(10.0))  # |x|^-(5 + 4)
-
-
-def test_limits_are_a_part_of_what_a_chain_depends_on() -> None:
-    plain = Proposal.single(np.zeros(4), np.eye(4))
-    assert fingerprint(plain) != fingerprint(replace(plain, limits=FIRST))
 
 
 def _banana(n_par: int, bend: float) -> Known:
