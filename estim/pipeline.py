@@ -186,7 +186,7 @@ def analyse(
         progress(0, phrase("fit"))
     near = fit_beside(problem, beside, rng=stream(seed, Stream.FIT), scanned=problem.n_par <= MAX_PARAMETERS)
     fit = near or campaign.fit(problem, rng=stream(seed, Stream.FIT))
-    kept = None if store is None else store.given(campaign.digests(runs), tuple(runs), noise, complete)
+    kept = None if store is None else store.given(campaign.digests(runs), noise, complete)
     analysis = analyse_fit(fit, seed=seed, target=target, progress=progress, store=kept, marginal=marginal)
     return replace(analysis, title=campaign.title, kind=campaign.kind)
 

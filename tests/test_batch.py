@@ -147,7 +147,7 @@ def test_whatever_decides_a_result_decides_whether_it_is_kept(monkeypatch: pytes
     def key(*, campaign: str = "c", data: str = "d", truth: float = 1.0, run: str = "a", seed: int = 1) -> str:
         tables = {name: SimpleNamespace(sha256=data) for name in "ab"}
         read = SimpleNamespace(sha256=campaign, tables=tables, truth={"p": truth})
-        return key_of(Campaign.digests(read, [run]), run, Settings(seed=seed))  # type: ignore[arg-type]
+        return key_of(Campaign.digests(read, [run]), Settings(seed=seed))  # type: ignore[arg-type]
 
     keys = [key(), key(campaign="C"), key(data="D"), key(truth=2.0), key(run="b"), key(seed=2)]
     assert key() == keys[0]

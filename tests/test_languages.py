@@ -336,5 +336,5 @@ def test_a_batch_does_not_keep_results_of_another_language(replica: Path) -> Non
     campaign, keys = load_campaign(replica / "campaign.toml"), []
     for language in ("en", "es", "en"):
         with spoken(language):
-            keys.append(key_of(campaign.digests(["light-01"]), "light-01", Settings()))
+            keys.append(key_of(campaign.digests(["light-01"]), Settings()))
     assert keys[0] == keys[2] != keys[1]

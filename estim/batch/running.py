@@ -66,7 +66,7 @@ class _Work:
         campaign = load_campaign(unit.campaign, only=unit.run or None)
         if not unit.run:
             raise InputError("has no [[runs]]", field="campaign", file=str(unit.campaign))
-        key = key_of(campaign.digests([unit.run]), unit.run, self.settings)
+        key = key_of(campaign.digests([unit.run]), self.settings)
         interval = campaign.tables[unit.run].interval
         if self.resume and (row := kept(self.folder, unit, key, interval)) is not None:
             return row

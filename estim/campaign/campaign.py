@@ -63,8 +63,8 @@ class Campaign:
         return self.source.sha256
 
     def digests(self, names: Sequence[str]) -> tuple[object, ...]:
-        """What decides the results of runs: digests of the campaign file and of their data, and the true values that reports show."""
-        return self.sha256, tuple(self.tables[name].sha256 for name in names), tuple(sorted(self.truth.items()))
+        """What decides the results of runs: the campaign file and their data, as digests, and the true values that reports show."""
+        return self.sha256, tuple((name, self.tables[name].sha256) for name in names), tuple(sorted(self.truth.items()))
 
     @property
     def formula(self) -> str | None:
